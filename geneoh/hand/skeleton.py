@@ -1,0 +1,75 @@
+"""The hand's kinematic tree: joint names, keypoint order, forward kinematics without a mesh.
+
+Conventions: the 16 joints stand in MANO order (wrist, index, middle, pinky, ring, thumb); the 21
+keypoints in OpenPose order (wrist, thumb, index, middle, ring, pinky, each from base to tip). A
+skeleton is 20 rest offsets in the flat hand's frame: 15 bones (parent joint to joint), then 5 tips
+(distal joint to fingertip) in the order index, middle, pinky, ring, thumb.
+"""
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+PARENTS = (-1, 0, 1, 2, 0, 4, 5, 0, 7, 8, 0, 10, 11, 0, 13, 14)
+TIP_PARENTS = (3, 6, 9, 12, 15)
+FINGERS = ("index", "middle", "pinky", "ring", "thumb")
+JOINT_NAMES = ("wrist", *(f"{finger}{i}" for finger in FINGERS for i in (1, 2, 3)))
+
+OPENPOSE_FROM_MANO = (0, 13, 14, 15, 20, 1, 2, 3, 16, 4, 5, 6, 17, 10, 11, 12, 19, 7, 8, 9, 18)
+"""Keypoint i is entry OPENPOSE_FROM_MANO[i] of the 16 MANO joints followed by the 5 tips."""
+MANO_FROM_OPENPOSE = tuple(OPENPOSE_FROM_MANO.index(i) for i in range(21))
+KEYPOINT_PARENTS = tuple(
+    -1 if m == 0 else OPENPOSE_FROM_MANO.index(PARENTS[m] if m < 16 else TIP_PARENTS[m - 16])
+    for m in OPENPOSE_FROM_MANO
+)
+"""Keypoint that the bone ending in keypoint i starts from; -1 for the wrist."""
+TIP_KEYPOINTS = tuple(OPENPOSE_FROM_MANO.index(16 + i) for i in range(5))
+
+
+def forward_kinematics(
+    rotations: Float[Tensor, "*B 16 3 3"],
+    wrist: Float[Tensor, "*B 3"],
+    offsets: Float[Tensor, "*B 20 3"],
+) -> tuple[Float[Tensor, "*B 21 3"], Float[Tensor, "*B 16 3 3"]]:
+    """Keypoints in OpenPose order and the joints' global rotations, in the frame of `wrist`.
+
+    Args:
+        rotations: local rotation of each joint against its parent, the wrist's against the world.
+        wrist: position of the wrist joint.
+        offsets: rest offsets of the 15 bones and 5 tips, metres; broadcast against the others.
+    """
+    glob, position = [rotations[..., 0, :, :]], [wrist]
+    for joint in range(1, 16):
+        parent = PARENTS[joint]
+        step = glob[parent] @ offsets[..., joint - 1, :, None]
+        position.append(position[parent] + step[..., 0])
+        glob.append(glob[parent] @ rotations[..., joint, :, :])
+    for tip, joint in enumerate(TIP_PARENTS):
+        step = glob[joint] @ offsets[..., 15 + tip, :, None]
+        position.append(position[joint] + step[..., 0])
+    keypoints = torch.stack([position[i] for i in OPENPOSE_FROM_MANO], dim=-2)
+    return keypoints, torch.stack(glob, dim=-3)
+
+
+def rest_offsets(
+    rotations: Float[Tensor, "T 16 3 3"],
+    joints: Float[Tensor, "T 21 3"],
+    valid: Bool[Tensor, " T"],
+) -> Float[Tensor, "20 3"]:
+    """The skeleton that a posed track was made with: forward kinematics solved for the offsets.
+
+    Each bone, taken back to the rest frame by its parent's global rotation, must be the same in every
+    frame; the mean over the valid frames is the least-squares answer and the exact one for a track
+    that one skeleton produced.
+    """
+    zero = joints.new_zeros(20, 3)
+    _, glob = forward_kinematics(rotations[valid], joints[valid][:, 0], zero)
+    mano = joints[valid][:, list(MANO_FROM_OPENPOSE)]
+    parents = [*PARENTS[1:], *TIP_PARENTS]
+    bones = mano[:, 1:] - mano[:, parents]
+    return (glob[:, parents].transpose(-1, -2) @ bones[..., None])[..., 0].mean(0)
+
+
+def bone_lengths(joints: Float[Tensor, "*B 21 3"]) -> Float[Tensor, "*B 20"]:
+    """Length of the 20 bones in metres, ordered by the keypoint (1 to 20) that each one ends in."""
+    return (joints[..., 1:, :] - joints[..., list(KEYPOINT_PARENTS[1:]), :]).norm(dim=-1)
