@@ -1,0 +1,173 @@
+"""Triangle meshes in metres: what they are, how they are read, whether they are closed."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+import trimesh
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from geneoh.errors import InputError
+
+MESH_SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb")
+
+WELD_TOLERANCE = 1e-5
+"""Vertices that fall into the same cell of 10 micrometres count as one point of the surface."""
+
+SHEET_THICKNESS = 0.002
+"""Wall in metres given to a one-sheet mesh; 2 mm is about the thinnest bowl a hand holds."""
+
+LARGEST_OBJECT, SMALLEST_OBJECT = 2.0, 0.005
+"""Longest side in metres outside of which a mesh is hardly in metres if a hand is to hold it."""
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """A triangle mesh; faces turn counter-clockwise seen from outside, when they agree at all."""
+
+    verts: Float[Tensor, "V 3"]
+    faces: Int[Tensor, "F 3"]
+
+    def mirrored(self) -> "Mesh":
+        """The reflection x -> -x; faces are turned around so that they still look outward."""
+        return Mesh(self.verts * self.verts.new_tensor((-1.0, 1.0, 1.0)), self.faces[:, [0, 2, 1]])
+
+    def extent(self) -> Float[Tensor, " 3"]:
+        """Sides of the axis-aligned bounding box."""
+        return self.verts.amax(0) - self.verts.amin(0)
+
+    def corners(self) -> Float[Tensor, "F 3 3"]:
+        """The three corners of each face."""
+        return self.verts[self.faces]
+
+    def face_vectors(self) -> Float[Tensor, "F 3"]:
+        """Normal of each face, as long as twice its area."""
+        a, b, c = self.corners().unbind(-2)
+        return torch.linalg.cross(b - a, c - a)
+
+
+def load_mesh(path: Path) -> Mesh:
+    """Read a triangle mesh as it is: vertex order, shells and holes are kept, nothing is repaired.
+
+    A scene (GLB) becomes one mesh, each node moved to its place. Textured OBJ files come with the
+    vertices doubled along the texture's seams, STL files with three vertices to each face.
+
+    Raises:
+        InputError: not a readable mesh, or one without a surface.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in MESH_SUFFIXES:
+        raise InputError(
+            f"{path}: expected a mesh file ({', '.join(MESH_SUFFIXES)}), "
+            f"got {path.suffix or 'no ending'!r}; convert it first"
+        )
+    if not path.is_file():
+        raise InputError(f"{path}: no such mesh file; check the path")
+    try:
+        loaded = trimesh.load_scene(path, process=False).to_mesh()
+        verts = torch.from_numpy(np.array(loaded.vertices, dtype=np.float32).reshape(-1, 3))
+        faces = torch.from_numpy(np.array(loaded.faces, dtype=np.int64).reshape(-1, 3))
+    except Exception as error:  # trimesh's readers raise whatever a broken file makes them raise
+        raise InputError(
+            f"{path}: cannot be read as {path.suffix[1:].upper()} "
+            f"({type(error).__name__}: {error}); open it in a mesh editor and save it again"
+        ) from error
+    return checked(Mesh(verts, faces), str(path))
+
+
+def checked(mesh: Mesh, source: str) -> Mesh:
+    """The mesh itself when it has a surface that can be measured; `source` names it in the error.
+
+    Raises:
+        InputError: no faces, numbers that are not finite, faces that point nowhere, no area.
+    """
+    verts, faces = mesh.verts, mesh.faces
+    if len(faces) == 0:
+        raise InputError(
+            f"{source}: expected a mesh with triangles, got {len(verts)} vertices and no face; "
+            "export it with its faces"
+        )
+    if int(faces.min()) < 0 or int(faces.max()) >= len(verts):
+        raise InputError(
+            f"{source}: faces must index the {len(verts)} vertices, got indices from "
+            f"{int(faces.min())} to {int(faces.max())}; export the mesh again"
+        )
+    if not bool(verts.isfinite().all()):
+        bad = int((~verts.isfinite()).any(-1).sum())
+        raise InputError(
+            f"{source}: vertices must be finite numbers, got NaN or infinity in {bad} of "
+            f"{len(verts)}; remove them in a mesh editor"
+        )
+    if not bool((mesh.face_vectors() != 0).any()):
+        raise InputError(
+            f"{source}: expected a surface, got {len(faces)} faces without any area; "
+            "check the mesh and its scale"
+        )
+    return mesh
+
+
+def size_warning(mesh: Mesh) -> str | None:
+    """What to tell the user when the mesh is absurdly large or small for a hand, else None."""
+    size = float(mesh.extent().max())
+    if size > LARGEST_OBJECT:
+        return (
+            f"the mesh is {size:.3g} m long, too large for a hand: it looks like millimetres "
+            "saved as metres, scale its vertices by 0.001"
+        )
+    if size < SMALLEST_OBJECT:
+        return (
+            f"the mesh is {size:.3g} m long, too small for a hand: it looks scaled twice, "
+            "scale its vertices by 1000"
+        )
+    return None
+
+
+def welded_faces(mesh: Mesh) -> Int[Tensor, "W 3"]:
+    """Faces over shared points: vertices at one place get one index, collapsed faces go."""
+    cells = (mesh.verts.double() / WELD_TOLERANCE).round().to(torch.int64)
+    _, index = torch.unique(cells, dim=0, return_inverse=True)
+    faces = index[mesh.faces]
+    a, b, c = faces.unbind(-1)
+    return faces[(a != b) & (b != c) & (c != a)]
+
+
+def boundary_edges(faces: Int[Tensor, "F 3"]) -> Int[Tensor, "E 2"]:
+    """Edges that belong to one face only, in the direction that face runs through them."""
+    edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    _, index, count = torch.unique(
+        edges.sort(-1).values, dim=0, return_inverse=True, return_counts=True
+    )
+    once: Bool[Tensor, " E"] = count[index] == 1
+    return edges[once]
+
+
+def is_watertight(mesh: Mesh) -> bool:
+    """Whether no face has an open edge; seams between doubled vertices are no openings."""
+    return len(boundary_edges(welded_faces(mesh))) == 0
+
+
+def thickened(mesh: Mesh, thickness: float = SHEET_THICKNESS) -> Mesh:
+    """The closed wall around an open sheet: half the thickness to either side, rims stitched.
+
+    To be called on a sheet whose faces share vertices and agree on a side. Half to either side
+    because which side is the outer one is not known, and so that mirroring changes nothing.
+    """
+    across = mesh.face_vectors()
+    normals = torch.zeros_like(mesh.verts)
+    for corner in range(3):
+        normals.index_add_(0, mesh.faces[:, corner], across)
+    normals = torch.nn.functional.normalize(normals, dim=-1) * (thickness / 2)
+    count = len(mesh.verts)
+    rim = boundary_edges(mesh.faces)
+    start, end = rim.unbind(-1)
+    stitches = torch.cat(
+        [
+            torch.stack([end, start, start + count], -1),
+            torch.stack([end, start + count, end + count], -1),
+        ]
+    )
+    verts = torch.cat([mesh.verts + normals, mesh.verts - normals])
+    faces = torch.cat([mesh.faces, mesh.faces[:, [0, 2, 1]] + count, stitches])
+    return Mesh(verts, faces)
