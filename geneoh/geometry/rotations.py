@@ -1,0 +1,128 @@
+"""Rotations in three dimensions: axis-angle, matrices, the 6D form of networks, fits to points.
+
+Conventions: matrices act on column vectors (p_to = R @ p_from); axis-angle vectors are in radians,
+turning counter-clockwise around their direction; any leading batch axes. All mappings have finite
+gradients everywhere unless they say otherwise.
+"""
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+SMALL_ANGLE_SQUARED = 1e-6
+"""Below this squared angle the series is used: its next term is lost in float32."""
+
+
+def axis_angle_to_matrix(axis_angle: Float[Tensor, "*B 3"]) -> Float[Tensor, "*B 3 3"]:
+    """Rotation matrix of an axis-angle vector (Rodrigues' formula), any length of the vector."""
+    squared = (axis_angle * axis_angle).sum(-1)[..., None, None]
+    small = squared < SMALL_ANGLE_SQUARED
+    # Both branches of `where` are differentiated, so the unused one must be finite too.
+    angle = torch.where(small, 1.0, squared).sqrt()
+    sine = torch.where(small, 1 - squared / 6, angle.sin() / angle)
+    # 1 - cos as a square of the half angle's sine keeps its digits at small angles.
+    cosine = torch.where(small, 0.5 - squared / 24, 2 * ((angle / 2).sin() / angle) ** 2)
+    cross = skew(axis_angle)
+    eye = torch.eye(3, dtype=axis_angle.dtype, device=axis_angle.device)
+    return eye + sine * cross + cosine * (cross @ cross)
+
+
+def skew(vector: Float[Tensor, "*B 3"]) -> Float[Tensor, "*B 3 3"]:
+    """The matrix of the cross product with a vector: skew(v) @ p = v x p."""
+    x, y, z = vector.unbind(-1)
+    zero = torch.zeros_like(x)
+    rows = [zero, -z, y, z, zero, -x, -y, x, zero]
+    return torch.stack(rows, dim=-1).unflatten(-1, (3, 3))
+
+
+def matrix_to_quat_wxyz(rotation: Float[Tensor, "*B 3 3"]) -> Float[Tensor, "*B 4"]:
+    """Unit quaternion (w, x, y, z) of a rotation matrix, with w >= 0.
+
+    The matrix gives 4 q q^T without any root; its row with the largest diagonal entry is q up to
+    scale and never small (Bar-Itzhack 2000, the noise-free case).
+    """
+    m00, m01, m02, m10, m11, m12, m20, m21, m22 = rotation.flatten(-2).unbind(-1)
+    rows = [
+        [1 + m00 + m11 + m22, m21 - m12, m02 - m20, m10 - m01],
+        [m21 - m12, 1 + m00 - m11 - m22, m01 + m10, m02 + m20],
+        [m02 - m20, m01 + m10, 1 - m00 + m11 - m22, m12 + m21],
+        [m10 - m01, m02 + m20, m12 + m21, 1 - m00 - m11 + m22],
+    ]
+    outer = torch.stack([torch.stack(row, dim=-1) for row in rows], dim=-2)
+    best = outer.diagonal(dim1=-2, dim2=-1).argmax(-1)[..., None, None]
+    quat = outer.gather(-2, best.expand(*best.shape[:-1], 4))[..., 0, :]
+    quat = torch.nn.functional.normalize(quat, dim=-1)
+    return torch.where(quat[..., :1] < 0, -quat, quat)
+
+
+def matrix_to_axis_angle(rotation: Float[Tensor, "*B 3 3"]) -> Float[Tensor, "*B 3"]:
+    """Axis-angle vector of a rotation matrix, angle in [0, pi]; accurate at both ends.
+
+    At exactly pi the axis is known up to its sign, and the gradient is that of the branch taken.
+    """
+    quat = matrix_to_quat_wxyz(rotation)
+    w, xyz = quat[..., :1], quat[..., 1:]
+    squared = (xyz * xyz).sum(-1, keepdim=True)
+    small = squared < SMALL_ANGLE_SQUARED
+    sine = torch.where(small, 1.0, squared).sqrt()
+    # angle / sin(angle / 2), by its series around the identity.
+    scale = torch.where(small, 2 + squared / 3, 2 * torch.atan2(sine, w) / sine)
+    return scale * xyz
+
+
+def matrix_to_rotation_6d(rotation: Float[Tensor, "*B 3 3"]) -> Float[Tensor, "*B 6"]:
+    """First column, then second column: the continuous form that networks learn best.
+
+    Source: Zhou et al., On the Continuity of Rotation Representations in Neural Networks, 2019.
+    """
+    return rotation[..., :2].transpose(-1, -2).flatten(-2)
+
+
+def rotation_6d_to_matrix(rotation_6d: Float[Tensor, "*B 6"]) -> Float[Tensor, "*B 3 3"]:
+    """The rotation nearest in Gram-Schmidt's sense to two columns; they must not be parallel."""
+    first, second = rotation_6d.unflatten(-1, (2, 3)).unbind(-2)
+    x = torch.nn.functional.normalize(first, dim=-1)
+    y = torch.nn.functional.normalize(second - (x * second).sum(-1, keepdim=True) * x, dim=-1)
+    return torch.stack([x, y, torch.linalg.cross(x, y)], dim=-1)
+
+
+def interpolate_rotations(
+    start: Float[Tensor, "*#B 3 3"],
+    end: Float[Tensor, "*#B 3 3"],
+    fraction: Float[Tensor, "*#B"],
+) -> Float[Tensor, "*B 3 3"]:
+    """Spherical interpolation: `start` at fraction 0, `end` at 1, the shorter way between."""
+    turn = matrix_to_axis_angle(start.transpose(-1, -2) @ end)
+    return start @ axis_angle_to_matrix(fraction[..., None] * turn)
+
+
+def kabsch(
+    points_from: Float[Tensor, "*#B P 3"],
+    points_to: Float[Tensor, "*#B P 3"],
+    weights: Float[Tensor, "*#B P"] | None = None,
+) -> tuple[Float[Tensor, "*B 3 3"], Float[Tensor, "*B 3"]]:
+    """Rigid motion (R, t) with the least weighted squared error of R @ from + t against `to`.
+
+    Never a reflection. Not for gradients: that of the SVD is infinite for symmetric point sets.
+    Computed in float64, returned in the points' own dtype.
+
+    Args:
+        points_from: at least three points that do not lie on one line.
+        points_to: where each of them should go.
+        weights: not negative, with a positive sum; all equal when left out.
+
+    Source: Kabsch 1976, with Umeyama's sign (1991).
+    """
+    start, goal = torch.broadcast_tensors(points_from.double(), points_to.double())
+    weight = torch.ones_like(start[..., 0]) if weights is None else weights.double()
+    weight = (weight / weight.sum(-1, keepdim=True))[..., None]
+    start_mean, goal_mean = (weight * start).sum(-2), (weight * goal).sum(-2)
+    spread = (weight * (goal - goal_mean[..., None, :])).transpose(-1, -2) @ (
+        start - start_mean[..., None, :]
+    )
+    left, _, right = torch.linalg.svd(spread)
+    sign = torch.ones_like(start_mean)
+    sign[..., 2] = torch.linalg.det(left @ right).sign()
+    rotation = left * sign[..., None, :] @ right
+    translation = goal_mean - (rotation @ start_mean[..., None])[..., 0]
+    return rotation.to(points_from.dtype), translation.to(points_from.dtype)
