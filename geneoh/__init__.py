@@ -1,0 +1,1 @@
+"""Clean 3D hand-object interaction tracks: no penetration, contact where the object moves."""

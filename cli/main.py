@@ -1,0 +1,73 @@
+"""The `geneoh` command: finds its subcommands, and turns our errors into one line and an exit code.
+
+Exit codes: 0 done, 1 the program failed, 2 the input, a setting or a missing file is at fault,
+130 stopped with Ctrl-C.
+"""
+
+import errno
+import importlib
+import logging
+from typing import Any
+
+import click
+
+from geneoh.errors import GeneOHError, NumericalError
+
+COMMANDS = ()
+"""In the order that `--help` shows. Each is a function of its own name in commands/NAME.py, which
+imports torch and the parts of geneoh only inside the function, so that help comes at once."""
+
+INTERRUPTED = 130
+"""What a shell reports for a program that SIGINT ended: 128 + 2."""
+
+
+class Failure(click.ClickException):
+    """One line on standard error and an exit code."""
+
+    def __init__(self, message: str, exit_code: int) -> None:
+        super().__init__(" ".join(message.split()))
+        self.exit_code = exit_code
+
+
+class LazyGroup(click.Group):
+    """A group that imports a subcommand when it is asked for, and lets no traceback through."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Names of the subcommands in the order of the work."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """The subcommand of this name, or None for click to refuse it."""
+        if cmd_name not in COMMANDS:
+            return None
+        return getattr(importlib.import_module(f".commands.{cmd_name}", __package__), cmd_name)
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the subcommand; with --debug every error keeps its traceback."""
+        if ctx.params["debug"]:
+            return super().invoke(ctx)
+        try:
+            return super().invoke(ctx)
+        except (click.ClickException, click.exceptions.Exit, click.Abort):
+            raise
+        except KeyboardInterrupt:
+            raise Failure("stopped; nothing half-written was left", INTERRUPTED) from None
+        except GeneOHError as error:
+            code = 1 if isinstance(error, NumericalError) else 2
+            raise Failure(str(error), code) from None
+        except Exception as error:
+            if isinstance(error, OSError) and error.errno == errno.EPIPE:
+                raise  # the reader of our output left: click ends quietly
+            said = f"{type(error).__name__}: {error}"
+            hint = "run `geneoh --debug ...` for the traceback and report it"
+            raise Failure(f"unexpected {said}; {hint}", 1) from None
+
+
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.option("--debug", is_flag=True, help="Show tracebacks and debug messages.")
+@click.version_option(package_name="geneoh")
+def cli(debug: bool) -> None:
+    """Clean 3D hand-object interaction tracks."""
+    level = logging.DEBUG if debug else logging.WARNING
+    logging.basicConfig(level=logging.WARNING, format="%(levelname)s: %(message)s")
+    logging.getLogger("geneoh").setLevel(level)

@@ -1,0 +1,36 @@
+"""The package list in pyproject.toml, the wheel and the tree say the same."""
+
+import sys
+from pathlib import Path
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+ROOT = Path(__file__).parents[1]
+SETUPTOOLS = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]
+INSTALLED_AS = {"geneoh": "geneoh", "cli": "geneoh_cli", "configs": "geneoh_cli.configs"}
+
+
+def packages_of(folder: str) -> set[str]:
+    """Dotted installed names of a top folder and of every folder with Python files below it."""
+    found = {path.parent.relative_to(ROOT / folder) for path in (ROOT / folder).rglob("*.py")}
+    return {".".join((INSTALLED_AS[folder], *path.parts)) for path in found}
+
+
+def test_every_folder_with_code_is_a_listed_package():
+    tree = set().union(*(packages_of(folder) for folder in INSTALLED_AS))
+    assert tree == set(SETUPTOOLS["packages"])
+
+
+def test_every_listed_package_has_an_init_file():
+    folders = {installed: folder for folder, installed in INSTALLED_AS.items()}
+    assert SETUPTOOLS["package-dir"] == folders
+    for folder in INSTALLED_AS:
+        for code in (ROOT / folder).rglob("*.py"):
+            assert (code.parent / "__init__.py").exists(), code.parent
+
+
+def test_data_files_belong_to_listed_packages():
+    assert set(SETUPTOOLS["package-data"]) <= set(SETUPTOOLS["packages"])
