@@ -1,0 +1,238 @@
+"""Analytic objects: batched unions of simple solids with signed distance, surface points and families.
+
+Every object is a union of at most `PARTS` solids (box, cylinder, ellipsoid, torus), each with a pose
+and a rounding radius, so one tensor program evaluates any mixture of families at once. Sizes are
+those of things people hold: coin-thin boards to two-hand boxes.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from geneoh.geometry.rotations import axis_angle_to_matrix
+
+PARTS = 4
+BOX, CYLINDER, ELLIPSOID, TORUS = range(4)
+FAR = 10.0
+"""Where unused solids are parked, metres: never the nearest part of anything."""
+
+
+@dataclass(frozen=True)
+class Solids:
+    """A batch of objects, each a union of solids in the object's own frame, metres."""
+
+    kind: Int[Tensor, "B S"]
+    """BOX (half extents), CYLINDER (radius, radius, half height along z), ELLIPSOID (semi-axes)
+    or TORUS (ring radius, tube radius, unused; axis z)."""
+    size: Float[Tensor, "B S 3"]
+    rounding: Float[Tensor, "B S"]
+    center: Float[Tensor, "B S 3"]
+    rotation: Float[Tensor, "B S 3 3"]
+
+    def signed_distance(self, points: Float[Tensor, "B P 3"]) -> Float[Tensor, "B P"]:
+        """Signed distance in metres, negative inside; exact outside boxes, cylinders and tori.
+
+        Ellipsoids use the first-order bound k0 (k0 - 1) / k1, inside a union it is the maximum depth
+        over the parts: both are zero on the surface and have its normal there.
+        """
+        local = (points[:, None] - self.center[:, :, None]) @ self.rotation
+        size, kind = self.size[:, :, None], self.kind[:, :, None]
+        radial = local[..., :2].norm(dim=-1)
+
+        q = local.abs() - (size - self.rounding[:, :, None, None])
+        box = q.clamp(min=0).norm(dim=-1) + q.amax(-1).clamp(max=0)
+        c = torch.stack([radial, local[..., 2].abs()], -1) - size[..., 1:]
+        c = c + self.rounding[:, :, None, None]
+        cylinder = c.clamp(min=0).norm(dim=-1) + c.amax(-1).clamp(max=0)
+        k0 = (local / size).norm(dim=-1)
+        k1 = (local / size**2).norm(dim=-1).clamp(min=1e-6)
+        ellipsoid = k0 * (k0 - 1) / k1
+        tube = torch.stack([radial - size[..., 0], local[..., 2]], -1).norm(dim=-1) - size[..., 1]
+
+        rounding = self.rounding[:, :, None]
+        each = torch.where(kind == BOX, box - rounding, cylinder - rounding)
+        each = torch.where(kind == ELLIPSOID, ellipsoid, each)
+        return torch.where(kind == TORUS, tube, each).amin(1)
+
+    def distance_and_normal(
+        self, points: Float[Tensor, "B P 3"]
+    ) -> tuple[Float[Tensor, "B P"], Float[Tensor, "B P 3"]]:
+        """Signed distance and its unit gradient, the outward normal on the surface."""
+        with torch.enable_grad():
+            query = points.detach().requires_grad_(True)
+            distance = self.signed_distance(query)
+            (gradient,) = torch.autograd.grad(distance.sum(), query)
+        normal = torch.nn.functional.normalize(gradient, dim=-1)
+        return distance.detach(), normal
+
+    def surface_points(
+        self, count: int, *, generator: torch.Generator
+    ) -> tuple[Float[Tensor, "B P 3"], Float[Tensor, "B P 3"]]:
+        """Points spread over the surface with their outward normals.
+
+        Random points around the solids slide down the distance field; the sharp ends of thin parts
+        get fewer points than wide faces, much as area weighting would do.
+        """
+        batch = len(self.kind)
+        used = (self.center[..., 0] < FAR / 2).float()
+        reach = torch.where(
+            self.kind == TORUS, self.size[..., :2].sum(-1), self.size.norm(dim=-1)
+        ).clamp(min=0.01)
+        drawn = count + count // 2  # a third is lost where the slide has not converged
+        part = torch.multinomial(used * reach, drawn, replacement=True, generator=generator)
+        at = torch.arange(batch)[:, None]
+        ball = torch.randn(batch, drawn, 3, generator=generator)
+        ball = ball / ball.norm(dim=-1, keepdim=True)
+        extent = torch.where(
+            (self.kind == TORUS)[..., None],
+            (self.size[..., :1] + self.size[..., 1:2]).expand(-1, -1, 3),
+            self.size,
+        )[at, part]
+        local = ball * extent * 1.2
+        points = self.center[at, part] + (self.rotation[at, part] @ local[..., None])[..., 0]
+        for _ in range(7):
+            distance, normal = self.distance_and_normal(points)
+            points = points - 0.9 * distance[..., None] * normal
+        distance, normal = self.distance_and_normal(points)
+        keep = distance.abs().argsort(dim=1)[:, :count]
+        return points.gather(1, keep[..., None].expand(-1, -1, 3)), normal.gather(
+            1, keep[..., None].expand(-1, -1, 3)
+        )
+
+
+Draw = Callable[[float, float], float]
+
+
+@dataclass(frozen=True)
+class _Solid:
+    kind: int
+    size: tuple[float, float, float]
+    center: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    turn: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    rounding: float = 0.002
+
+
+def _box(u: Draw) -> list[_Solid]:
+    return [_Solid(BOX, (u(0.01, 0.08), u(0.01, 0.06), u(0.01, 0.05)), rounding=u(0.001, 0.005))]
+
+
+def _board(u: Draw) -> list[_Solid]:
+    return [_Solid(BOX, (u(0.05, 0.11), u(0.03, 0.08), u(0.003, 0.008)), rounding=0.002)]
+
+
+def _cylinder(u: Draw) -> list[_Solid]:
+    r = u(0.01, 0.045)
+    return [_Solid(CYLINDER, (r, r, u(0.02, 0.10)), rounding=u(0.001, 0.005))]
+
+
+def _capsule(u: Draw) -> list[_Solid]:
+    r = u(0.006, 0.025)
+    return [_Solid(CYLINDER, (r, r, u(0.04, 0.12)), rounding=0.98 * r)]
+
+
+def _ellipsoid(u: Draw) -> list[_Solid]:
+    return [_Solid(ELLIPSOID, (u(0.02, 0.05), u(0.02, 0.05), u(0.02, 0.06)))]
+
+
+def _ring(u: Draw) -> list[_Solid]:
+    return [_Solid(TORUS, (u(0.02, 0.06), u(0.004, 0.014), 1.0))]
+
+
+def _mug(u: Draw) -> list[_Solid]:
+    r, h = u(0.03, 0.045), u(0.035, 0.06)
+    handle = _Solid(
+        TORUS, (u(0.018, 0.03), u(0.004, 0.007), 1.0), (r, 0.0, 0.0), (math.pi / 2, 0.0, 0.0)
+    )
+    return [_Solid(CYLINDER, (r, r, h), rounding=0.003), handle]
+
+
+def _hammer(u: Draw) -> list[_Solid]:
+    r, h = u(0.009, 0.017), u(0.08, 0.14)
+    head = _Solid(BOX, (u(0.035, 0.06), u(0.012, 0.02), u(0.012, 0.02)), (0.0, 0.0, h))
+    return [_Solid(CYLINDER, (r, r, h), rounding=0.004), head]
+
+
+def _bottle(u: Draw) -> list[_Solid]:
+    r, h = u(0.025, 0.04), u(0.05, 0.09)
+    neck, cap = u(0.4, 0.5) * r, u(0.012, 0.02)
+    top = _Solid(CYLINDER, (neck, neck, cap), (0.0, 0.0, h + cap))
+    return [_Solid(CYLINDER, (r, r, h), rounding=0.3 * r), top]
+
+
+def _pan(u: Draw) -> list[_Solid]:
+    r, h, length = u(0.06, 0.11), u(0.012, 0.025), u(0.06, 0.1)
+    t = u(0.007, 0.013)
+    handle = _Solid(
+        CYLINDER, (t, t, length), (r + length, 0.0, h / 2), (0.0, math.pi / 2, 0.0), 0.9 * t
+    )
+    return [_Solid(CYLINDER, (r, r, h), rounding=0.004), handle]
+
+
+def _knife(u: Draw) -> list[_Solid]:
+    grip, blade = u(0.045, 0.07), u(0.05, 0.1)
+    handle = _Solid(BOX, (grip, u(0.009, 0.014), u(0.007, 0.011)), rounding=0.005)
+    return [handle, _Solid(BOX, (blade, 0.012, 0.0015), (grip + blade, 0.0, 0.0), rounding=0.001)]
+
+
+def _loop_tool(u: Draw) -> list[_Solid]:
+    radius, tube = u(0.018, 0.03), u(0.004, 0.007)
+    length = u(0.04, 0.07)
+    loops = [
+        _Solid(TORUS, (radius, tube, 1.0), (-length - radius, side * radius, 0.0))
+        for side in (-1.0, 1.0)
+    ]
+    return [_Solid(BOX, (length, u(0.006, 0.012), 0.003), rounding=0.001), *loops]
+
+
+def _cluster(u: Draw) -> list[_Solid]:
+    return [
+        _Solid(
+            (BOX, CYLINDER, ELLIPSOID)[int(u(0, 2.999))],
+            (u(0.012, 0.04),) * 2 + (u(0.012, 0.05),),
+            (u(-0.03, 0.03), u(-0.03, 0.03), u(-0.03, 0.03)),
+            (u(-3, 3), u(-3, 3), u(-3, 3)),
+        )
+        for _ in range(3)
+    ]
+
+
+FAMILIES: dict[str, Callable[[Draw], list[_Solid]]] = {
+    "box": _box,
+    "board": _board,
+    "cylinder": _cylinder,
+    "capsule": _capsule,
+    "ellipsoid": _ellipsoid,
+    "ring": _ring,
+    "mug": _mug,
+    "hammer": _hammer,
+    "bottle": _bottle,
+    "pan": _pan,
+    "knife": _knife,
+    "loop_tool": _loop_tool,
+    "cluster": _cluster,
+}
+
+
+def draw_objects(families: list[str], *, generator: torch.Generator) -> Solids:
+    """One random object per family name, centred near the origin of its own frame."""
+
+    def uniform(low: float, high: float) -> float:
+        return low + (high - low) * float(torch.rand((), generator=generator))
+
+    batch = len(families)
+    kind = torch.full((batch, PARTS), BOX)
+    size = torch.full((batch, PARTS, 3), 0.01)
+    rounding = torch.zeros(batch, PARTS)
+    center = torch.full((batch, PARTS, 3), FAR)
+    turn = torch.zeros(batch, PARTS, 3)
+    for b, family in enumerate(families):
+        for s, solid in enumerate(FAMILIES[family](uniform)):
+            kind[b, s], rounding[b, s] = solid.kind, min(solid.rounding, 0.95 * min(solid.size))
+            size[b, s] = torch.tensor(solid.size)
+            center[b, s] = torch.tensor(solid.center)
+            turn[b, s] = torch.tensor(solid.turn)
+    return Solids(kind, size, rounding, center, axis_angle_to_matrix(turn))
