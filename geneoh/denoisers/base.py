@@ -1,0 +1,69 @@
+"""What the three denoisers share: the observation they may be shown, and the scales of their data."""
+
+from dataclasses import dataclass, replace
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.hand.skeleton import bone_lengths
+
+HAND_SCALE = 0.08
+"""Standard deviation in metres of canonical keypoints around the contact points: the unit in which
+the paper's unit-variance schedule is read. Fixed, because bones have a length; the paper's
+per-window deviation would throw that away."""
+NOISE_SCALE = 0.02
+"""How far a clean keypoint typically is from its observation, metres."""
+POINTS = 48
+"""Contact points K the networks are trained with."""
+
+
+@dataclass(frozen=True)
+class Observation:
+    """The noisy hand as a condition; a batch item with `given` 0 is denoised without it."""
+
+    joints: Float[Tensor, "B T 21 3"]
+    """Canonical frame, metres, gaps filled."""
+    trust: Float[Tensor, "B T 21"]
+    """1 where the keypoint was seen, 0 where it was filled in, between by confidence."""
+    given: Float[Tensor, " B"]
+
+    def without(self) -> "Observation":
+        """The same observation withheld: the paper's canonical denoiser."""
+        return replace(self, given=torch.zeros_like(self.given))
+
+    @property
+    def mask(self) -> Float[Tensor, "B 1 1 1"]:
+        """`given`, shaped to multiply keypoints."""
+        return self.given[:, None, None, None]
+
+    @property
+    def anchor(self) -> Float[Tensor, "B T 21 3"]:
+        """Where the clean hand is expected: at the observation, else at the contact points."""
+        return self.joints * self.mask
+
+    @property
+    def scale(self) -> Float[Tensor, " B"]:
+        """How far from the anchor it is expected, metres."""
+        return torch.where(self.given > 0, NOISE_SCALE, HAND_SCALE)
+
+    def features(self) -> Float[Tensor, "B T F"]:
+        """Per-frame network input: position, shape, trust, jitter, bone lengths; zero when withheld."""
+        joints, wrist = self.joints, self.joints[:, :, :1]
+        jitter = torch.zeros_like(joints)
+        if joints.shape[1] > 2:
+            jitter[:, 1:-1] = joints.diff(n=2, dim=1)
+        bones = bone_lengths(joints).median(dim=1, keepdim=True).values
+        parts = [
+            (joints / HAND_SCALE).flatten(2),
+            ((joints - wrist)[:, :, 1:] / 0.04).flatten(2),
+            (jitter / NOISE_SCALE).flatten(2),
+            self.trust,
+            ((bones - 0.03) / 0.03).expand(-1, joints.shape[1], -1),
+            torch.ones_like(self.trust[..., :1]),
+        ]
+        return torch.cat(parts, dim=-1) * self.given[:, None, None]
+
+
+FEATURES = 63 + 60 + 63 + 21 + 20 + 1
+"""Width of `Observation.features`."""

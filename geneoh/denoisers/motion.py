@@ -1,0 +1,50 @@
+"""MotionDiff: the denoiser of canonical hand trajectories (paper 3.2; appendices A.2, C.4, C.5)."""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from geneoh.denoisers.base import FEATURES, Observation
+from geneoh.diffusion.precondition import denoised
+from geneoh.nn.blocks import FrameTransformer
+
+
+@dataclass(frozen=True)
+class MotionConfig:
+    """Size of the network; one token per frame."""
+
+    width: int = 160
+    depth: int = 6
+    heads: int = 4
+
+
+class MotionDenoiser(nn.Module):
+    """A transformer over frames that maps noisy canonical keypoints to clean ones."""
+
+    def __init__(self, config: MotionConfig) -> None:
+        """Build the network; its last layer starts at zero, so it starts as the identity skip."""
+        super().__init__()
+        self.config = config
+        self.embed = nn.Linear(63 + FEATURES, config.width)
+        self.trunk = FrameTransformer(config.width, config.depth, config.heads)
+        self.head = nn.Linear(config.width, 63)
+        nn.init.zeros_(self.head.weight)
+        nn.init.zeros_(self.head.bias)
+
+    def forward(
+        self,
+        x: Float[Tensor, "B T 21 3"],
+        sigma: Float[Tensor, " B"],
+        observation: Observation,
+    ) -> Float[Tensor, "B T 21 3"]:
+        """The clean canonical keypoints seen in `x` = clean + sigma * noise, metres."""
+        features = observation.features()
+
+        def network(scaled: Tensor, level: Tensor) -> Tensor:
+            tokens = self.embed(torch.cat([scaled.flatten(2), features], dim=-1))
+            return self.head(self.trunk(tokens, level.flatten())).unflatten(-1, (21, 3))
+
+        sigma, scale = sigma[:, None, None, None], observation.scale[:, None, None, None]
+        return denoised(network, x, observation.anchor, sigma, scale)

@@ -1,0 +1,148 @@
+"""TemporalDiff: an autoencoder of temporal relations and a denoiser of its latent (paper C.5).
+
+The public code never shipped this stage. After the paper: a PointNet over the contact points of each
+frame pair and a transformer over pairs encode T, fully connected layers decode each statistic, and the
+diffusion runs on the latent, which spares T a normalisation of its own.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from geneoh.denoisers.base import HAND_SCALE
+from geneoh.diffusion.precondition import denoised
+from geneoh.nn.blocks import FrameTransformer, mlp
+from geneoh.representation.temporal import TemporalRelations
+
+SPEED_SCALE = 0.2
+"""Typical relative speed near contact, m/s."""
+LATENT_NOISE_SCALE = 0.5
+"""How far a clean latent is from the observed one, in units of the latent's own deviation."""
+
+
+@dataclass(frozen=True)
+class TemporalConfig:
+    """Size of the autoencoder and of the latent denoiser."""
+
+    latent: int = 96
+    point_width: int = 96
+    encoder_depth: int = 1
+    width: int = 160
+    depth: int = 4
+    heads: int = 4
+
+
+@dataclass(frozen=True)
+class DecodedRelations:
+    """The statistics of T that the decoder recovers, in the units of `TemporalRelations`."""
+
+    distance: Float[Tensor, "B T K 21"]
+    velocity: Float[Tensor, "B T K 21 3"]
+    tangential: Float[Tensor, "B T K 21"]
+    normal: Float[Tensor, "B T K 21"]
+
+
+class TemporalAutoencoder(nn.Module):
+    """T to one latent per frame pair, and back around any contact point."""
+
+    def __init__(self, config: TemporalConfig) -> None:
+        """Build encoder and decoder; latent statistics are buffers set after training."""
+        super().__init__()
+        self.config = config
+        point, width = config.point_width, config.width
+        self.encode_point = mlp(3 + 6 + 21 * 7, point, point)
+        self.embed = nn.Linear(2 * point, width)
+        self.trunk = FrameTransformer(width, config.encoder_depth, config.heads)
+        self.to_latent = nn.Linear(width, config.latent)
+        self.decode_point = mlp(config.latent + 9, width, width, 21 * 6)
+        self.latent_mean: Tensor
+        self.latent_std: Tensor
+        self.register_buffer("latent_mean", torch.zeros(config.latent))
+        self.register_buffer("latent_std", torch.ones(config.latent))
+
+    def encode(
+        self, relations: TemporalRelations, points: Float[Tensor, "B T K 3"]
+    ) -> Float[Tensor, "B T Z"]:
+        """Whitened latent of each frame pair; `points` are the canonical contact points."""
+        near = torch.exp(-relations.distance / HAND_SCALE)
+        features = torch.cat(
+            [
+                self._place(relations.object_velocity, relations.normals, points),
+                relations.distance / HAND_SCALE,
+                near,
+                relations.tangential / SPEED_SCALE,
+                relations.normal / SPEED_SCALE,
+                (relations.velocity / SPEED_SCALE).flatten(-2),
+            ],
+            dim=-1,
+        )
+        each = self.encode_point(features)
+        pooled = torch.cat([each.mean(2), each.amax(2)], dim=-1)
+        tokens = self.trunk(self.embed(pooled), features.new_zeros(len(features)))
+        return (self.to_latent(tokens) - self.latent_mean) / self.latent_std
+
+    def decode(
+        self,
+        latent: Float[Tensor, "B T Z"],
+        object_velocity: Float[Tensor, "B T K 3"],
+        normals: Float[Tensor, "B T K 3"],
+        points: Float[Tensor, "B T K 3"],
+    ) -> DecodedRelations:
+        """Statistics around the contact points whose motion and place are known."""
+        latent = latent * self.latent_std + self.latent_mean
+        place = self._place(object_velocity, normals, points)
+        around = latent[:, :, None].expand(-1, -1, points.shape[2], -1)
+        out = self.decode_point(torch.cat([around, place], dim=-1)).unflatten(-1, (21, 6))
+        return DecodedRelations(
+            distance=out[..., 0] * HAND_SCALE,
+            velocity=out[..., 3:] * SPEED_SCALE,
+            tangential=out[..., 1] * SPEED_SCALE,
+            normal=out[..., 2] * SPEED_SCALE,
+        )
+
+    @staticmethod
+    def _place(velocity: Tensor, normals: Tensor, points: Tensor) -> Tensor:
+        return torch.cat([velocity / SPEED_SCALE, normals, points / HAND_SCALE], dim=-1)
+
+
+class TemporalDenoiser(nn.Module):
+    """The autoencoder with a transformer over frame pairs that denoises its latent."""
+
+    def __init__(self, config: TemporalConfig) -> None:
+        """Build autoencoder and latent denoiser; the denoiser's last layer starts at zero."""
+        super().__init__()
+        self.config = config
+        self.autoencoder = TemporalAutoencoder(config)
+        self.embed = nn.Linear(2 * config.latent + 1, config.width)
+        self.trunk = FrameTransformer(config.width, config.depth, config.heads)
+        self.head = nn.Linear(config.width, config.latent)
+        nn.init.zeros_(self.head.weight)
+        nn.init.zeros_(self.head.bias)
+
+    def forward(
+        self,
+        x: Float[Tensor, "B T Z"],
+        sigma: Float[Tensor, " B"],
+        observed: Float[Tensor, "B T Z"],
+        given: Float[Tensor, " B"],
+    ) -> Float[Tensor, "B T Z"]:
+        """The clean latent seen in `x` = clean + sigma * noise, whitened units.
+
+        Args:
+            x: noisy latent.
+            sigma: noise level.
+            observed: latent of the hand that is being cleaned.
+            given: 1 to condition on `observed`, 0 to withhold it.
+        """
+        mask = given[:, None, None]
+        anchor = observed * mask
+
+        def network(scaled: Tensor, level: Tensor) -> Tensor:
+            told = mask.expand(-1, x.shape[1], 1)
+            tokens = self.embed(torch.cat([scaled, anchor, told], dim=-1))
+            return self.head(self.trunk(tokens, level.flatten()))
+
+        scale = torch.where(mask > 0, LATENT_NOISE_SCALE, 1.0)
+        return denoised(network, x, anchor, sigma[:, None, None], scale)

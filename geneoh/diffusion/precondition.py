@@ -1,0 +1,51 @@
+"""Network scaling by noise level, such that an almost clean input comes back almost unchanged.
+
+The scaling of Karras et al. 2022 (table 1), around an anchor: the clean sample is expected within
+`scale` of `anchor`, so the network only ever sees and predicts numbers of order one, and as sigma
+goes to 0 the skip path takes over and the denoiser becomes the identity.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+
+@dataclass(frozen=True)
+class Scaling:
+    """Coefficients for one batch of noise levels, shaped to broadcast against the sample."""
+
+    skip: Float[Tensor, "*S"]
+    out: Float[Tensor, "*S"]
+    inp: Float[Tensor, "*S"]
+    level: Float[Tensor, "*S"]
+    """What the network is told: a quarter of the log noise-to-scale ratio."""
+
+    @classmethod
+    def of(cls, sigma: Float[Tensor, "*S"], scale: Float[Tensor, "*S"]) -> "Scaling":
+        """Coefficients for noise `sigma` on data of standard deviation `scale`, same unit."""
+        total = (sigma**2 + scale**2).sqrt()
+        level = 0.25 * (sigma.clamp(min=1e-6) / scale).log()
+        return cls(scale**2 / total**2, sigma * scale / total, 1 / total, level)
+
+
+def denoised(
+    network: Callable[[Tensor, Tensor], Tensor],
+    x: Float[Tensor, "*S"],
+    anchor: Float[Tensor, "*S"],
+    sigma: Float[Tensor, "*N"],
+    scale: Float[Tensor, "*N"],
+) -> Float[Tensor, "*S"]:
+    """The clean sample that the network sees in `x` = clean + sigma * noise."""
+    scaling = Scaling.of(sigma, scale)
+    residual = x - anchor
+    return anchor + scaling.skip * residual + scaling.out * network(
+        scaling.inp * residual, scaling.level
+    )
+
+
+def loss_weight(sigma: Float[Tensor, "*N"], scale: Float[Tensor, "*N"]) -> Float[Tensor, "*N"]:
+    """Weight that makes the squared error of `denoised` a unit-scale loss at every noise level."""
+    return 1 / torch.minimum(sigma, scale) ** 2

@@ -1,0 +1,86 @@
+"""Samplers as functions `(model, x, sigmas, *, generator) -> x`; the model maps (x, sigma) to clean.
+
+They know tensors and callables, not hands. Samples and noise levels are in units of the data's
+standard deviation. Noise is drawn on the CPU and moved, so every device gives the same sample.
+"""
+
+from collections.abc import Callable
+from typing import Literal, assert_never
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+Model = Callable[[Tensor, float], Tensor]
+"""From a noisy sample and its noise level to the clean sample."""
+OnStep = Callable[[int, int], None]
+SamplerName = Literal["ancestral", "ddim"]
+
+
+def normal_like(x: Float[Tensor, "*S"], *, generator: torch.Generator) -> Float[Tensor, "*S"]:
+    """Standard normal noise of the shape, type and device of `x`, drawn on the CPU."""
+    return torch.randn(x.shape, generator=generator).to(x)
+
+
+def sample_ancestral(
+    model: Model,
+    x: Float[Tensor, "*S"],
+    sigmas: Float[Tensor, " M"],
+    *,
+    generator: torch.Generator,
+    on_step: OnStep | None = None,
+) -> Float[Tensor, "*S"]:
+    """Ancestral sampling with the paper's variance beta_n (eq. 5; Ho et al. 2020, algorithm 2).
+
+    In the scaled form x_n / sqrt(abar_n) the posterior mean is x0 + (s'/s)^2 (x - x0) and the variance
+    beta_n becomes (s^2 - s'^2) (1 + s'^2) / (1 + s^2); no noise is added in the last step.
+    """
+    levels = sigmas.double().tolist()
+    for i, (sigma, after) in enumerate(zip(levels[:-1], levels[1:], strict=True)):
+        clean = model(x, sigma)
+        x = clean + (after / sigma) ** 2 * (x - clean)
+        if after > 0:
+            spread = ((sigma**2 - after**2) * (1 + after**2) / (1 + sigma**2)) ** 0.5
+            x = x + spread * normal_like(x, generator=generator)
+        if on_step is not None:
+            on_step(i + 1, len(levels) - 1)
+    return x
+
+
+def sample_ddim(
+    model: Model,
+    x: Float[Tensor, "*S"],
+    sigmas: Float[Tensor, " M"],
+    *,
+    generator: torch.Generator,
+    on_step: OnStep | None = None,
+) -> Float[Tensor, "*S"]:
+    """Deterministic DDIM (Song et al. 2021, eq. 12 with eta 0), the Euler method of the flow."""
+    del generator  # takes no noise; the signature is shared by all samplers
+    levels = sigmas.double().tolist()
+    for i, (sigma, after) in enumerate(zip(levels[:-1], levels[1:], strict=True)):
+        clean = model(x, sigma)
+        x = clean + after / sigma * (x - clean)
+        if on_step is not None:
+            on_step(i + 1, len(levels) - 1)
+    return x
+
+
+def denoise_via_diffusion(
+    model: Model,
+    x: Float[Tensor, "*S"],
+    sigmas: Float[Tensor, " M"],
+    *,
+    sampler: SamplerName,
+    generator: torch.Generator,
+    on_step: OnStep | None = None,
+) -> Float[Tensor, "*S"]:
+    """Algorithm 1 of the paper: noise the input up to sigmas[0], then run the learned way back."""
+    noised = x + sigmas[0] * normal_like(x, generator=generator)
+    match sampler:
+        case "ancestral":
+            return sample_ancestral(model, noised, sigmas, generator=generator, on_step=on_step)
+        case "ddim":
+            return sample_ddim(model, noised, sigmas, generator=generator, on_step=on_step)
+        case _:
+            assert_never(sampler)

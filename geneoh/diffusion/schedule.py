@@ -1,0 +1,37 @@
+"""Noise schedules as plain tensors of noise-to-signal ratios.
+
+Everywhere in geneoh a diffused sample is kept as x_n / sqrt(abar_n) = x_0 + sigma_n * eps, which is
+eq. (6) of the paper divided by its signal scale, so sigma has the unit of the data and is relative to
+data of unit variance here: sigma_n = sqrt((1 - abar_n) / abar_n).
+"""
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+PAPER_STEPS = 1000
+
+
+def linear_sigmas(
+    steps: int = PAPER_STEPS, first: float = 1e-4, last: float = 0.02
+) -> Float[Tensor, " N"]:
+    """Noise-to-signal ratio of levels 0 to `steps` under linear betas (paper, appendix C.5).
+
+    The result is float64 and increasing, with 0 at level 0; level n has seen betas 1 to n.
+    """
+    betas = torch.linspace(first, last, steps, dtype=torch.float64)
+    signal = torch.cat([torch.ones(1, dtype=torch.float64), (1 - betas).cumprod(0)])
+    return ((1 - signal) / signal).sqrt()
+
+
+def descending_sigmas(level: int, steps: int) -> Float[Tensor, " M"]:
+    """The sampler's way from noise level `level` to 0 in `steps` steps, for data of unit variance.
+
+    Args:
+        level: level of the linear schedule to start from, 1 to PAPER_STEPS.
+        steps: number of denoiser calls; `level` of them visit every level, as the paper does; fewer
+            are spaced evenly in level.
+    """
+    sigmas = linear_sigmas()
+    levels = torch.linspace(level, 0, steps + 1, dtype=torch.float64).round().long()
+    return sigmas[levels].to(torch.float32)

@@ -1,0 +1,81 @@
+"""Building blocks of the denoisers: a pre-norm transformer over frames and small MLPs."""
+
+import math
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+
+def mlp(*widths: int) -> nn.Sequential:
+    """Linear layers of the given widths with SiLU between them."""
+    layers: list[nn.Module] = []
+    for before, after in zip(widths[:-1], widths[1:], strict=True):
+        layers += [nn.Linear(before, after), nn.SiLU()]
+    return nn.Sequential(*layers[:-1])
+
+
+def rotary(x: Float[Tensor, "B H T D"]) -> Float[Tensor, "B H T D"]:
+    """Rotary position embedding: attention sees distances in frames, not places in the window."""
+    half = x.shape[-1] // 2
+    frequency = torch.exp(-math.log(1000.0) * torch.arange(half, device=x.device) / half)
+    angle = torch.arange(x.shape[-2], device=x.device)[:, None] * frequency
+    cos, sin = angle.cos().to(x.dtype), angle.sin().to(x.dtype)
+    a, b = x[..., :half], x[..., half:]
+    return torch.cat([a * cos - b * sin, a * sin + b * cos], dim=-1)
+
+
+class Block(nn.Module):
+    """Pre-norm attention over frames and a feed-forward layer, both scaled by the noise level."""
+
+    def __init__(self, width: int, heads: int) -> None:
+        """Build a block of `width` features and `heads` attention heads."""
+        super().__init__()
+        self.heads = heads
+        self.norm_attention = nn.LayerNorm(width)
+        self.qkv = nn.Linear(width, 3 * width)
+        self.project = nn.Linear(width, width)
+        self.norm_forward = nn.LayerNorm(width)
+        self.forward_layers = mlp(width, 3 * width, width)
+        self.gain = nn.Linear(width, 2 * width)
+        nn.init.zeros_(self.gain.weight)
+        nn.init.zeros_(self.gain.bias)
+
+    def forward(
+        self, tokens: Float[Tensor, "B T D"], level: Float[Tensor, "B D"]
+    ) -> Float[Tensor, "B T D"]:
+        """One residual update of the tokens; `level` embeds the noise level."""
+        gain_attention, gain_forward = (1 + self.gain(level))[:, None].chunk(2, dim=-1)
+        q, k, v = self.qkv(self.norm_attention(tokens) * gain_attention).chunk(3, dim=-1)
+        q, k, v = (x.unflatten(-1, (self.heads, -1)).transpose(1, 2) for x in (q, k, v))
+        attended = F.scaled_dot_product_attention(rotary(q), rotary(k), v)
+        tokens = tokens + self.project(attended.transpose(1, 2).flatten(-2))
+        return tokens + self.forward_layers(self.norm_forward(tokens) * gain_forward)
+
+
+class FrameTransformer(nn.Module):
+    """A stack of blocks over frames with the noise level embedded once."""
+
+    def __init__(self, width: int, depth: int, heads: int) -> None:
+        """Build `depth` blocks of `width` features."""
+        super().__init__()
+        self.level = mlp(width, width, width)
+        self.blocks = nn.ModuleList(Block(width, heads) for _ in range(depth))
+        self.norm = nn.LayerNorm(width)
+
+    def forward(
+        self, tokens: Float[Tensor, "B T D"], level: Float[Tensor, " B"]
+    ) -> Float[Tensor, "B T D"]:
+        """Tokens after all blocks; `level` is the noise level as `Scaling.level` states it."""
+        embedded = self.level(fourier(level, tokens.shape[-1]))
+        for block in self.blocks:
+            tokens = block(tokens + embedded[:, None], embedded)
+        return self.norm(tokens)
+
+
+def fourier(x: Float[Tensor, " B"], width: int) -> Float[Tensor, "B D"]:
+    """Sines and cosines of `x` at `width` / 2 frequencies from 1 to 30 radians per unit."""
+    frequency = torch.exp(torch.linspace(0.0, math.log(30.0), width // 2, device=x.device))
+    angle = x[:, None] * frequency
+    return torch.cat([angle.sin(), angle.cos()], dim=-1)

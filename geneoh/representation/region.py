@@ -1,0 +1,139 @@
+"""Generalised contact points and the canonical frame they carry (paper 3.1).
+
+The contact points are object surface points close to the hand's whole trajectory; their pose (R_k,
+t_k) is the orientation of the object's first part and the centre of the points in frame k. Column
+vectors throughout: p_canon = R_k^T (p_world - t_k), the transpose of the paper's row notation.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+CONTACT_RADIUS = 0.015
+"""Distance in metres from a keypoint to the surface within which a point counts as close: the paper's
+5 mm from the skin, and the 10 mm that keypoints lie under it."""
+
+
+@dataclass(frozen=True)
+class ContactRegion:
+    """K contact points over T frames and the canonical frame of each frame."""
+
+    points: Float[Tensor, "*B T K 3"]
+    """World frame, metres; `normals` are unit and outward."""
+    normals: Float[Tensor, "*B T K 3"]
+    rotation: Float[Tensor, "*B T 3 3"]
+    """R_k: canonical to world."""
+    center: Float[Tensor, "*B T 3"]
+    """t_k, world."""
+
+    def to_canon(self, world: Float[Tensor, "*B T P 3"]) -> Float[Tensor, "*B T P 3"]:
+        """Points of the world in the canonical frame of their frame."""
+        return (world - self.center[..., None, :]) @ self.rotation
+
+    def to_world(self, canon: Float[Tensor, "*B T P 3"]) -> Float[Tensor, "*B T P 3"]:
+        """Inverse of `to_canon`."""
+        return canon @ self.rotation.transpose(-1, -2) + self.center[..., None, :]
+
+    @property
+    def points_canon(self) -> Float[Tensor, "*B T K 3"]:
+        """The contact points in the canonical frame; constant over time for a rigid object."""
+        return self.to_canon(self.points)
+
+    @property
+    def normals_canon(self) -> Float[Tensor, "*B T K 3"]:
+        """Outward normals in the canonical frame."""
+        return self.normals @ self.rotation
+
+    def turned(self, turn: Float[Tensor, "*B 3 3"]) -> "ContactRegion":
+        """The same region with its canonical frame turned: the train-time augmentation (eq. 25)."""
+        return ContactRegion(
+            self.points, self.normals, self.rotation @ turn[..., None, :, :], self.center
+        )
+
+    def frames(self, start: int, stop: int) -> "ContactRegion":
+        """The region restricted to frames `start` to `stop` - 1."""
+        return ContactRegion(
+            self.points[..., start:stop, :, :],
+            self.normals[..., start:stop, :, :],
+            self.rotation[..., start:stop, :, :],
+            self.center[..., start:stop, :],
+        )
+
+
+def surface_to_world(
+    points: Float[Tensor, "*B P 3"],
+    normals: Float[Tensor, "*B P 3"],
+    part: Int[Tensor, "*B P"],
+    rotation: Float[Tensor, "*B T Q 3 3"],
+    translation: Float[Tensor, "*B T Q 3"],
+) -> tuple[Float[Tensor, "*B T P 3"], Float[Tensor, "*B T P 3"]]:
+    """Surface points and normals, each carried by its part, in the world over T frames."""
+    frames = rotation.shape[-4]
+    index = part[..., None, :, None].expand(*part.shape[:-1], frames, -1, 3)
+    shift = translation.gather(-2, index)
+    if rotation.shape[-3] == 1:
+        turn = rotation[..., 0, :, :].transpose(-1, -2)
+        return points[..., None, :, :] @ turn + shift, normals[..., None, :, :] @ turn
+    turns = rotation.gather(-3, index[..., None].expand(*index.shape, 3))
+    world = (turns @ points[..., None, :, :, None])[..., 0] + shift
+    return world, (turns @ normals[..., None, :, :, None])[..., 0]
+
+
+def select_points(
+    distance: Float[Tensor, "*B P"], points: Float[Tensor, "*B P 3"], count: int
+) -> Int[Tensor, "*B K"]:
+    """`count` well-spread points among those near the hand's trajectory; deterministic.
+
+    Points within CONTACT_RADIUS qualify, or the `count` nearest where fewer do, so the set is never
+    empty however far the hand is (the paper states the radius only; the public code dilates the
+    hand's projection instead). Farthest-point sampling then spreads them, starting at the nearest.
+    """
+    threshold = distance.kthvalue(min(count, distance.shape[-1]), dim=-1).values
+    near = distance <= threshold.clamp(min=CONTACT_RADIUS)[..., None]
+    return _farthest_points(points, near, distance.argmin(-1), count)
+
+
+def _farthest_points(
+    points: Float[Tensor, "*B P 3"],
+    allowed: Bool[Tensor, "*B P"],
+    first: Int[Tensor, "*B"],
+    count: int,
+) -> Int[Tensor, "*B K"]:
+    chosen = [first]
+    remaining = points.new_full(points.shape[:-1], torch.inf)
+    for _ in range(count - 1):
+        latest = points.gather(-2, chosen[-1][..., None, None].expand(*points.shape[:-2], 1, 3))
+        remaining = torch.minimum(remaining, (points - latest).square().sum(-1))
+        chosen.append(torch.where(allowed, remaining, -1.0).argmax(-1))
+    return torch.stack(chosen, dim=-1)
+
+
+def contact_region(
+    joints: Float[Tensor, "*B T 21 3"],
+    points: Float[Tensor, "*B P 3"],
+    normals: Float[Tensor, "*B P 3"],
+    part: Int[Tensor, "*B P"],
+    rotation: Float[Tensor, "*B T Q 3 3"],
+    translation: Float[Tensor, "*B T Q 3"],
+    *,
+    count: int,
+    every: int = 1,
+) -> ContactRegion:
+    """Contact points of the hand at hand, never of a ground truth, and their frame.
+
+    Args:
+        joints: the hand's keypoints, world.
+        points: object surface points in the frame of their part, with `normals` and `part` index.
+        rotation: part to world, with `translation`.
+        count: number of contact points K (N_o of the paper).
+        every: look at every n-th frame only when measuring closeness.
+    """
+    world, normals_world = surface_to_world(points, normals, part, rotation, translation)
+    apart = torch.cdist(world[..., ::every, :, :], joints[..., ::every, :, :])
+    distance = apart.amin(-1).amin(-2)
+    keep = select_points(distance, world[..., 0, :, :], count)
+    index = keep[..., None, :, None].expand(*keep.shape[:-1], world.shape[-3], -1, 3)
+    world, normals_world = world.gather(-2, index), normals_world.gather(-2, index)
+    return ContactRegion(world, normals_world, rotation[..., 0, :, :], world.mean(-2))

@@ -1,0 +1,42 @@
+"""Settings of a training run; `configs/` holds differences from these."""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from geneoh.denoisers.motion import MotionConfig
+from geneoh.denoisers.spatial import SpatialConfig
+from geneoh.denoisers.temporal import TemporalConfig
+
+Stage = Literal["motion", "spatial", "temporal"]
+
+
+@dataclass(frozen=True)
+class TrainConfig:
+    """One stage's training; every value is saved with the weights."""
+
+    steps: int = 8000
+    batch: int = 32
+    rate: float = 6e-4
+    """Peak learning rate of AdamW."""
+    warmup: int = 200
+    decay: float = 0.3
+    """Share of the steps, at the end, over which the rate falls linearly to zero. Constant before, so
+    a run can be resumed with more steps without having learned at a dead rate."""
+    weight_decay: float = 0.01
+    clip: float = 1.0
+    """Largest gradient norm."""
+    ema: float = 0.998
+    """Decay of the averaged weights, the ones that are used."""
+    withheld: float = 0.2
+    """Share of windows whose observation is hidden (the paper's canonical denoiser)."""
+    whiteness: float = 1.0
+    """Scale of the noise that is independent per frame; later stages see little of it."""
+    autoencoder_steps: int = 3000
+    """Temporal stage only: steps spent on the autoencoder before its latent is denoised."""
+    seed: int = 0
+    checkpoint_every: int = 250
+    validate_every: int = 250
+    validation_batches: int = 8
+    motion: MotionConfig = field(default_factory=MotionConfig)
+    spatial: SpatialConfig = field(default_factory=SpatialConfig)
+    temporal: TemporalConfig = field(default_factory=TemporalConfig)

@@ -1,0 +1,248 @@
+"""The training loop of all stages: visible, resumable, the same on CPU and GPU."""
+
+import csv
+import os
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, assert_never
+
+import torch
+from torch import Tensor, nn
+
+from geneoh.denoisers.motion import MotionDenoiser
+from geneoh.denoisers.spatial import SpatialDenoiser
+from geneoh.denoisers.temporal import TemporalDenoiser
+from geneoh.errors import CheckpointError
+from geneoh.nn.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
+from geneoh.synthesis.motion import Interactions
+from geneoh.synthesis.shards import seed_of
+from geneoh.training import losses
+from geneoh.training.batches import Batch, draw_batch
+from geneoh.training.config import Stage, TrainConfig
+
+Loss = Callable[..., Tensor]
+
+
+@dataclass(frozen=True)
+class Progress:
+    """What the caller hears after each step."""
+
+    step: int
+    steps: int
+    loss: float
+    left: float | None
+    """Error left on validation windows over the input's error; None between validations."""
+
+
+def build_model(stage: Stage, config: TrainConfig) -> nn.Module:
+    """A fresh network of the stage, initialised from the config's seed."""
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed_of(config.seed, stage, "weights"))
+        match stage:
+            case "motion":
+                return MotionDenoiser(config.motion)
+            case "spatial":
+                return SpatialDenoiser(config.spatial)
+            case "temporal":
+                return TemporalDenoiser(config.temporal)
+            case _:
+                assert_never(stage)
+
+
+def loss_of(stage: Stage, step: int, config: TrainConfig) -> Loss:
+    """The loss to take at a step; the temporal stage learns its autoencoder first."""
+    if stage == "motion":
+        return losses.motion_loss
+    if stage == "spatial":
+        return losses.spatial_loss
+    early = step < config.autoencoder_steps
+    return losses.reconstruction_loss if early else losses.temporal_loss
+
+
+def learning_rate(step: int, config: TrainConfig) -> float:
+    """Warm-up, plateau, linear decay to zero."""
+    warm = min(1.0, (step + 1) / config.warmup)
+    left = (config.steps - step) / max(1.0, config.decay * config.steps)
+    return config.rate * warm * min(1.0, left)
+
+
+@dataclass
+class TrainState:
+    """Everything a run needs to go on: network, its moving average, optimiser, step, seconds."""
+
+    model: nn.Module
+    average: dict[str, Tensor]
+    optimizer: torch.optim.AdamW
+    step: int = 0
+    seconds: float = 0.0
+
+    def to_checkpoint(self, record: dict[str, Any]) -> Checkpoint:
+        """All tensors of the state, flat, with the record."""
+        tensors = {f"model.{n}": t for n, t in self.model.state_dict().items()}
+        tensors |= {f"average.{n}": t for n, t in self.average.items()}
+        for index, moments in self.optimizer.state_dict()["state"].items():
+            tensors |= {f"optimizer.{index}.{n}": t for n, t in moments.items()}
+        return Checkpoint(tensors, record | {"step": self.step, "seconds": self.seconds})
+
+    def restore(self, checkpoint: Checkpoint) -> None:
+        """Take up a saved state; `CheckpointError` when it belongs to another network."""
+
+        def group(prefix: str) -> dict[str, Tensor]:
+            found = checkpoint.tensors.items()
+            return {n.removeprefix(prefix): t for n, t in found if n.startswith(prefix)}
+
+        try:
+            self.model.load_state_dict(group("model."))
+        except RuntimeError as error:
+            raise CheckpointError(
+                f"the saved run was made with another network size ({str(error).splitlines()[0]}); "
+                "use its config or another output folder"
+            ) from error
+        self.average = group("average.")
+        moments: dict[int, dict[str, Tensor]] = {}
+        for name, tensor in group("optimizer.").items():
+            index, key = name.split(".")
+            moments.setdefault(int(index), {})[key] = tensor
+        groups = self.optimizer.state_dict()["param_groups"]
+        self.optimizer.load_state_dict({"state": moments, "param_groups": groups})
+        self.step, self.seconds = checkpoint.record["step"], checkpoint.record["seconds"]
+
+
+def batch_for(
+    data: Interactions, config: TrainConfig, device: torch.device, *parts: object
+) -> tuple[Batch, torch.Generator]:
+    """The batch and generator of one step: they depend on seed and step only, so runs resume."""
+    generator = torch.Generator().manual_seed(seed_of(config.seed, *parts))
+    batch = draw_batch(
+        data,
+        config.batch,
+        generator=generator,
+        whiteness=config.whiteness,
+        withheld=config.withheld,
+    )
+    return batch.to(device), generator
+
+
+@torch.no_grad()
+def set_latent_statistics(model: nn.Module, batch: Batch) -> None:
+    """Whiten the latent of a trained autoencoder (paper C.5 avoids a normalisation of T itself)."""
+    assert isinstance(model, TemporalDenoiser), "only the temporal stage has a latent"
+    encoder = model.autoencoder
+    encoder.latent_mean.zero_()
+    encoder.latent_std.fill_(1.0)
+    latent, _ = losses.temporal_latents(model, batch)
+    encoder.latent_mean.copy_(latent.mean((0, 1)))
+    encoder.latent_std.copy_(latent.std((0, 1)).clamp(min=1e-3))
+
+
+def validate(
+    state: TrainState, data: Interactions, config: TrainConfig, device: torch.device
+) -> float:
+    """Mean `recovered_fraction` of the averaged weights over fixed validation batches."""
+    kept = {n: t.clone() for n, t in state.model.state_dict().items()}
+    state.model.load_state_dict(state.average)
+    total = 0.0
+    for index in range(config.validation_batches):
+        batch, generator = batch_for(data, config, device, "validation", index)
+        total += float(losses.recovered_fraction(state.model, batch, generator=generator))
+    state.model.load_state_dict(kept)
+    return total / config.validation_batches
+
+
+def train(
+    stage: Stage,
+    config: TrainConfig,
+    data: Interactions,
+    validation: Interactions,
+    folder: Path,
+    *,
+    device: torch.device,
+    on_step: Callable[[Progress], None] | None = None,
+) -> Path:
+    """Train one stage and return the path of its weights, `folder`/`stage`.safetensors.
+
+    The run's state stands in `folder`/`stage`_state.safetensors after every `checkpoint_every` steps;
+    an interrupted run started again with the same folder continues there. `stage`_log.csv holds a
+    row per validation: step, mean training loss since the last row, error left, rate, seconds.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    state_path, log_path = folder / f"{stage}_state.safetensors", folder / f"{stage}_log.csv"
+    model = build_model(stage, config).to(device)
+    optimizer = torch.optim.AdamW(
+        model.parameters(), lr=config.rate, betas=(0.9, 0.99), weight_decay=config.weight_decay
+    )
+    state = TrainState(model, {n: t.clone() for n, t in model.state_dict().items()}, optimizer)
+    if state_path.exists():
+        state.restore(load_checkpoint(state_path))
+        state.average = {n: t.to(device) for n, t in state.average.items()}
+    record = training_record(stage, config, len(data.wrist), device)
+    recent: list[float] = []
+    while state.step < config.steps:
+        began = time.monotonic()
+        if stage == "temporal" and state.step == config.autoencoder_steps:
+            model.load_state_dict(state.average)
+            set_latent_statistics(model, batch_for(data, config, device, "latent")[0])
+            state.average = {n: t.clone() for n, t in model.state_dict().items()}
+        batch, generator = batch_for(data, config, device, "step", state.step)
+        loss = loss_of(stage, state.step, config)(model, batch, generator=generator)
+        optimizer.zero_grad(set_to_none=True)
+        loss.backward()
+        nn.utils.clip_grad_norm_(model.parameters(), config.clip)
+        for group in optimizer.param_groups:
+            group["lr"] = learning_rate(state.step, config)
+        optimizer.step()
+        update_average(state, config.ema)
+        state.step += 1
+        recent.append(loss.item())
+        left = None
+        if state.step % config.validate_every == 0 or state.step == config.steps:
+            left = validate(state, validation, config, device)
+        state.seconds += time.monotonic() - began
+        if left is not None:
+            row = [state.step, sum(recent) / len(recent), left, learning_rate(state.step, config)]
+            append_row(log_path, [*row, round(state.seconds, 1)])
+            recent.clear()
+        if state.step % config.checkpoint_every == 0 or state.step == config.steps:
+            save_checkpoint(state_path, state.to_checkpoint(record))
+        if on_step is not None:
+            on_step(Progress(state.step, config.steps, loss.item(), left))
+    final = record | {"step": state.step, "seconds": round(state.seconds)}
+    path = folder / f"{stage}.safetensors"
+    half = {n: t.half() if t.is_floating_point() else t for n, t in state.average.items()}
+    save_checkpoint(path, Checkpoint(half, final))
+    return path
+
+
+@torch.no_grad()
+def update_average(state: TrainState, decay: float) -> None:
+    """Move the averaged weights towards the network's; faster at first, so early noise is forgotten."""
+    decay = min(decay, (1 + state.step) / (10 + state.step))
+    for name, tensor in state.model.state_dict().items():
+        state.average[name].lerp_(tensor, 1 - decay)
+
+
+def append_row(path: Path, row: list[float]) -> None:
+    """Add a row to the log, with a header when the file is new."""
+    new = not path.exists()
+    with path.open("a", newline="") as file:
+        writer = csv.writer(file)
+        if new:
+            writer.writerow(["step", "loss", "error_left", "rate", "seconds"])
+        writer.writerow(row)
+
+
+def training_record(
+    stage: Stage, config: TrainConfig, sequences: int, device: torch.device
+) -> dict[str, Any]:
+    """What a checkpoint says about how it was made."""
+    return {
+        "stage": stage,
+        "config": asdict(config),
+        "sequences": sequences,
+        "device": torch.cuda.get_device_name(device) if device.type == "cuda" else "cpu",
+        "threads": torch.get_num_threads(),
+        "cores": os.cpu_count(),
+        "torch": torch.__version__,
+    }

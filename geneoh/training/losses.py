@@ -1,0 +1,147 @@
+"""The loss of each stage: one batch to one number, and what a validation batch is scored by."""
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from geneoh.denoisers.base import HAND_SCALE
+from geneoh.denoisers.motion import MotionDenoiser
+from geneoh.denoisers.spatial import SpatialDenoiser
+from geneoh.denoisers.temporal import LATENT_NOISE_SCALE, TemporalDenoiser
+from geneoh.diffusion.precondition import loss_weight
+from geneoh.representation.temporal import DISTANCE_DECAY, encode_temporal
+from geneoh.training.batches import Batch
+
+SIGMA_RANGE = (0.015, 2.3)
+"""Noise levels to learn, log-uniform, in units of the data's deviation: the paper starts its stages
+at 2.0 (step 400), 0.7 (200) and 0.34 (100)."""
+FPS = 30.0
+
+
+def draw_sigma(count: int, *, generator: torch.Generator) -> Float[Tensor, " B"]:
+    """Log-uniform noise levels in units of the data's deviation."""
+    low, high = (torch.tensor(x).log() for x in SIGMA_RANGE)
+    return torch.exp(low + (high - low) * torch.rand(count, generator=generator))
+
+
+def motion_loss(
+    model: MotionDenoiser, batch: Batch, *, generator: torch.Generator
+) -> Float[Tensor, ""]:
+    """Weighted squared error of the clean canonical keypoints (paper C.4, x0 form of the eps loss)."""
+    clean = batch.clean_canon
+    sigma = draw_sigma(len(clean), generator=generator) * HAND_SCALE
+    noise = torch.randn(clean.shape, generator=generator).to(clean)
+    predicted = model(clean + sigma[:, None, None, None] * noise, sigma, batch.observation)
+    weight = loss_weight(sigma, batch.observation.scale)
+    return (weight * (predicted - clean).square().mean((1, 2, 3))).mean()
+
+
+def spatial_loss(
+    model: SpatialDenoiser, batch: Batch, *, generator: torch.Generator
+) -> Float[Tensor, ""]:
+    """Error of every contact point's hand and of their mean (eq. 8).
+
+    With the observation the noise is one draw on the hand, seen from every point; withheld, each
+    point has noise of its own, as the paper's independent chains do.
+    """
+    region, observation = batch.region, batch.observation
+    clean = batch.clean_canon
+    hands = clean[:, :, None].expand(-1, -1, region.points.shape[2], -1, -1)
+    sigma = draw_sigma(len(clean), generator=generator) * HAND_SCALE
+    own = torch.randn(hands.shape, generator=generator).to(clean)
+    noise = torch.where(observation.mask[..., None] > 0, own[:, :, :1].expand_as(own), own)
+    predicted = model(
+        hands + sigma[:, None, None, None, None] * noise,
+        sigma,
+        region.points_canon,
+        region.normals_canon,
+        observation,
+    )
+    weight = loss_weight(sigma, observation.scale)
+    each = (predicted - hands).square().mean((1, 2, 3, 4))
+    together = (predicted.mean(2) - clean).square().mean((1, 2, 3))
+    return (weight * (0.5 * each + 0.5 * together)).mean()
+
+
+def reconstruction_loss(
+    model: TemporalDenoiser, batch: Batch, *, generator: torch.Generator
+) -> Float[Tensor, ""]:
+    """How well the autoencoder returns T of clean and noisy hands, contact weighted."""
+    del generator  # draws nothing; the signature is shared by all losses
+    points = batch.region.points_canon[:, :-1]
+    total = batch.clean.new_zeros(())
+    for joints in (batch.clean, batch.noisy):
+        relations = encode_temporal(joints, batch.region, FPS)
+        latent = model.autoencoder.encode(relations, points)
+        decoded = model.autoencoder.decode(
+            latent, relations.object_velocity, relations.normals, points
+        )
+        near = torch.exp(-0.5 * DISTANCE_DECAY * relations.distance) + 0.05
+        speed = relations.velocity.norm(dim=-1) + 0.1
+        total = total + (near * ((decoded.distance - relations.distance) / 0.01).square()).mean()
+        for got, want in (
+            (decoded.tangential, relations.tangential),
+            (decoded.normal, relations.normal),
+        ):
+            total = total + ((got - want).abs() / 0.05).mean()
+        error = (decoded.velocity - relations.velocity).norm(dim=-1)
+        total = total + (near * error / speed).mean()
+    return total
+
+
+def temporal_loss(
+    model: TemporalDenoiser, batch: Batch, *, generator: torch.Generator
+) -> Float[Tensor, ""]:
+    """Weighted squared error of the clean latent; the autoencoder is frozen."""
+    clean, observed = temporal_latents(model, batch)
+    sigma = draw_sigma(len(clean), generator=generator)
+    noise = torch.randn(clean.shape, generator=generator).to(clean)
+    given = batch.observation.given
+    predicted = model(clean + sigma[:, None, None] * noise, sigma, observed, given)
+    weight = loss_weight(sigma, torch.where(given > 0, LATENT_NOISE_SCALE, 1.0))
+    return (weight * (predicted - clean).square().mean((1, 2))).mean()
+
+
+@torch.no_grad()
+def temporal_latents(
+    model: TemporalDenoiser, batch: Batch
+) -> tuple[Float[Tensor, "B T1 Z"], Float[Tensor, "B T1 Z"]]:
+    """Latents of the clean and of the noisy hand."""
+    points = batch.region.points_canon[:, :-1]
+    clean, noisy = (
+        model.autoencoder.encode(encode_temporal(joints, batch.region, FPS), points)
+        for joints in (batch.clean, batch.noisy)
+    )
+    return clean, noisy
+
+
+@torch.no_grad()
+def recovered_fraction(
+    model: nn.Module, batch: Batch, *, generator: torch.Generator
+) -> Float[Tensor, ""]:
+    """Error left after one call at the default starting level, over the error of the input.
+
+    Below 1 the stage helps; measured on keypoints (motion, spatial) or latents (temporal).
+    """
+    given = torch.ones_like(batch.observation.given)
+    observation = type(batch.observation)(batch.observation.joints, batch.observation.trust, given)
+    noisy, clean = observation.joints, batch.clean_canon
+    sigma = given * 0.5
+    match model:
+        case MotionDenoiser():
+            noise = 0.5 * HAND_SCALE * torch.randn(noisy.shape, generator=generator)
+            got = model(noisy + noise, sigma * HAND_SCALE, observation)
+        case SpatialDenoiser():
+            region = batch.region
+            noise = 0.5 * HAND_SCALE * torch.randn(noisy.shape, generator=generator)
+            hands = (noisy + noise)[:, :, None].expand(-1, -1, region.points.shape[2], -1, -1)
+            got = model(
+                hands, sigma * HAND_SCALE, region.points_canon, region.normals_canon, observation
+            ).mean(2)
+        case TemporalDenoiser():
+            clean, noisy = temporal_latents(model, batch)
+            noise = 0.5 * torch.randn(noisy.shape, generator=generator)
+            got = model(noisy + noise, sigma, noisy, given)
+        case _:
+            raise AssertionError(f"no denoiser: {type(model).__name__}")
+    return (got - clean).norm(dim=-1).mean() / (noisy - clean).norm(dim=-1).mean()
