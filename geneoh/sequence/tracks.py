@@ -1,7 +1,6 @@
-"""One interaction: up to two hands and one object of rigid parts over T frames, metres and radians."""
+"""One interaction: up to two hands and one object of rigid parts over T frames, metres, radians."""
 
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import torch
 from jaxtyping import Bool, Float
@@ -9,8 +8,7 @@ from torch import Tensor
 
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import Mesh
-
-Side = Literal["left", "right"]
+from geneoh.hand.model import Side
 
 MIRROR = (-1.0, 1.0, 1.0)
 """Reflection x -> -x of points; an axis-angle vector turns by the opposite signs."""
@@ -26,7 +24,7 @@ class HandTrack:
     joints: Float[Tensor, "T 21 3"] | None = None
     """Keypoints in OpenPose order."""
     pose: Float[Tensor, "T 16 3"] | None = None
-    """Axis-angle in MANO joint order, absolute (zero is the flat hand), global orientation first."""
+    """Axis-angle in MANO joint order, absolute (zero: the flat hand), global orientation first."""
     wrist: Float[Tensor, "T 3"] | None = None
     """Position of the wrist joint (the same point for any hand model)."""
     betas: Float[Tensor, " 10"] | None = None

@@ -1,0 +1,143 @@
+"""Sequences to and from npz files: the layouts people have are read, one layout is written."""
+
+import logging
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from geneoh.errors import InputError
+from geneoh.geometry.mesh import Mesh
+from geneoh.hand.model import Side
+from geneoh.sequence.archive import Arrays, read_archive, write_archive
+from geneoh.sequence.checks import check_sequence
+from geneoh.sequence.fields import Fields
+from geneoh.sequence.hand_layouts import Asked, WristOffset, read_hands
+from geneoh.sequence.layouts import FORMAT, HAND_FIELDS, VERSION, Layout, layout_of, slips
+from geneoh.sequence.object_layouts import read_object
+from geneoh.sequence.tracks import HandTrack, Sequence
+
+LOG = logging.getLogger(__name__)
+
+ASSUMED_FPS = 30.0
+"""Frame rate of a file that says none, the commonest; it is always noted."""
+
+LAYOUT_NAMES: dict[Layout, str] = {
+    "geneoh-sequence": f"{FORMAT} version {VERSION}",
+    "smplx": "smplx names, absolute pose",
+    "taco": "TACO names",
+    "joints": "bare joints",
+}
+
+
+def load_sequence(
+    path: Path | str,
+    meshes: tuple[Mesh, ...] = (),
+    *,
+    side: Side | None = None,
+    fps: float | None = None,
+    wrist_offset: WristOffset | None = None,
+) -> Sequence:
+    """Read a sequence from an npz in any of the known layouts; `Sequence.source` says which.
+
+    What had to be assumed is said there too, and logged as a warning.
+
+    Args:
+        path: the file; it is never unpickled.
+        meshes: one per rigid part of the object, or none where only the tracks matter.
+        side: which hand, where the file does not say; of two hands, the one to read.
+        fps: frames a second, where the file does not say.
+        wrist_offset: MANO's J0(betas), which the smplx layout needs for an exact wrist unless it
+            carries joints.
+
+    Raises:
+        InputError: the file cannot be read as one interaction; the message says why.
+    """
+    path = Path(path)
+    fields = Fields(str(path), read_archive(path))
+    layout = layout_of(fields)
+    reading = read_hands(fields, layout, Asked(side, wrist_offset))
+    motion = read_object(fields, meshes)
+    rate, fps_notes = fps_of(fields, fps)
+    notes = (*reading.notes, *fps_notes)
+    for note in (*notes, *slips(fields, layout)):
+        LOG.warning("%s: %s", path, note)
+    made_from = fields.text("source") if layout == FORMAT else None
+    source = f"{path.name} ({'; '.join((LAYOUT_NAMES[layout], *notes))})"
+    source = f"{source} made from {made_from}" if made_from else source
+    sequence = Sequence(reading.hands, motion, rate, source)
+    check_sequence(sequence, str(path))
+    return sequence
+
+
+def fps_of(fields: Fields, asked: float | None) -> tuple[float, tuple[str, ...]]:
+    """Frames a second: the file's own word, the caller's, or the assumed rate, which is noted."""
+    said = fields.number("fps")
+    if said is not None and asked is not None and said != asked:
+        raise InputError(
+            f"{fields.file}: 'fps' says {said:g}, got --fps {asked:g}; drop one of the two"
+        )
+    rate = said if asked is None else asked
+    if rate is not None:
+        return rate, ()
+    return ASSUMED_FPS, (f"{ASSUMED_FPS:g} frames a second assumed; 'fps' or --fps says otherwise",)
+
+
+def save_sequence(
+    sequence: Sequence, path: Path | str, *, extra: Mapping[str, np.ndarray] | None = None
+) -> None:
+    """Write a sequence as a geneoh-sequence npz, whole or not at all; meshes are not in it.
+
+    Equal sequences give equal bytes.
+
+    Args:
+        sequence: what to write.
+        path: where; a file that is there is replaced.
+        extra: further plain arrays by name, which reading leaves alone.
+
+    Raises:
+        InputError: the place cannot be written to.
+        ValueError: an extra array has the name of a field of the layout, or holds objects.
+    """
+    arrays = sequence_arrays(sequence)
+    if taken := arrays.keys() & (extra or {}).keys():
+        raise ValueError(f"extra arrays need names of their own, got {sorted(taken)}")
+    write_archive(Path(path), {**arrays, **(extra or {})})
+
+
+def sequence_arrays(sequence: Sequence) -> Arrays:
+    """The fields of the geneoh-sequence layout."""
+    arrays: Arrays = {
+        "format": np.array(FORMAT),
+        "version": np.array(VERSION),
+        "fps": np.array(sequence.fps),
+        "source": np.array(sequence.source),
+        "object_rotation": plain(sequence.object.rotation),
+        "object_translation": plain(sequence.object.translation),
+    }
+    models = {hand.hand_model for hand in sequence.hands if hand.hand_model is not None}
+    if len(models) > 1:
+        raise ValueError(f"both hands must be of one hand model, got {sorted(models)}")
+    if models:
+        arrays["hand_model"] = np.array(models.pop())
+    for hand in sequence.hands:
+        arrays.update(hand_arrays(hand))
+    return arrays
+
+
+def hand_arrays(hand: HandTrack) -> Arrays:
+    """The fields of one hand, its side in front of each name."""
+    fields = {name: getattr(hand, name) for name in HAND_FIELDS}
+    arrays = {
+        f"{hand.side}_{name}": plain(value) for name, value in fields.items() if value is not None
+    }
+    if hand.pose is not None:
+        arrays[f"{hand.side}_pose"] = plain(hand.pose.reshape(-1, 48))
+    return arrays
+
+
+def plain(values: Tensor) -> np.ndarray:
+    """A tensor as numpy keeps it, off any device and graph."""
+    return values.detach().to("cpu", torch.float32 if values.is_floating_point() else None).numpy()
