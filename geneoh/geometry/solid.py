@@ -1,0 +1,220 @@
+"""Which side of a mesh is inside: generalised winding numbers, fit for meshes as users have them.
+
+A point is inside where the winding number is beyond a half, of either sign, so a mesh turned inside
+out is the same solid. Holes, several shells and overlapping parts need no repair (Jacobson et al.
+2013; fast form: Barill et al. 2018). Two things do: faces that disagree within a shell are turned
+to agree, and an open sheet (a bowl without thickness) is given a wall, because no sign rule can
+tell its cavity from its inside.
+"""
+
+from dataclasses import dataclass
+
+import igl
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Float64, Int, Int64
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from torch import Tensor
+
+from geneoh.geometry.mesh import Mesh, open_edges, thickened, welded
+
+OPENING_SHARE = 0.05
+"""A hole is an opening when its area is more than this share of its shell's area.
+
+A bowl has 0.5, a cup 0.15, a glass 0.09; a bottle's neck and a scanner's gaps 0.01 or less, and
+those stay holes of a solid. A scan whose whole base is missing cannot be told from a cup.
+"""
+PLUGGED_WINDING = 0.25
+"""An opening is closed by other shells when their winding number next to its cap exceeds this: it
+is about a half behind a lid, one within a solid plug, zero where nothing is."""
+PLUG_OFFSET = 0.05
+"""How far from the cap that is asked, against the root of the opening's area: off a flat lid."""
+SMALLEST_SHEET = 1e-3
+"""Share of the mesh's area below which an open shell is a speck that needs no wall."""
+PROBE = 1e-5
+"""How far in metres in front of a face its winding number is asked for."""
+PROBES = tuple((a / 9, b / 9, c / 9) for a, b, c in ((3, 3, 3), (7, 1, 1), (1, 7, 1), (1, 1, 7)))
+"""Where on a face it is asked, in barycentrics: the middle, then towards each corner."""
+
+
+@dataclass(frozen=True)
+class Solid:
+    """A mesh as a body with an inside and an outside."""
+
+    surface: Mesh
+    """The faces between inside and outside, each turned to look outward."""
+    sheets: int
+    """How many open sheets were given a wall."""
+    low: Float64[Tensor, " 3"]
+    high: Float64[Tensor, " 3"]
+    """Corners of the surface's bounding box."""
+    winding: igl.FastWindingNumberBVH
+
+    def contains(self, points: Float[Tensor, "*B 3"]) -> Bool[Tensor, "*B"]:
+        """Whether each point is inside; never outside the bounding box."""
+        flat = points.detach().reshape(-1, 3).cpu().double()
+        inside = ((flat >= self.low) & (flat <= self.high)).all(-1)
+        near = torch.nonzero(inside)[:, 0]
+        inside[near] = torch.from_numpy(winding_inside(self.winding, flat[near].numpy()))
+        return inside.to(points.device).reshape(points.shape[:-1])
+
+
+def winding_inside(
+    winding: igl.FastWindingNumberBVH, points: Float64[np.ndarray, "P 3"]
+) -> Bool[np.ndarray, " P"]:
+    """Whether the winding number says inside, whichever way the faces look."""
+    if len(points) == 0:
+        return np.zeros(0, dtype=bool)
+    return np.abs(winding.winding_number(np.ascontiguousarray(points))) > 0.5
+
+
+def build_solid(mesh: Mesh) -> Solid:
+    """Make a body of a mesh: faces that agree, walls for open sheets, a surface without insides."""
+    body, patches = agreeing(welded(mesh))
+    body, sheets = with_walls(body, patches)
+    winding = igl.FastWindingNumberBVH()
+    winding.init(*as_arrays(body))
+    one_closed_shell = int(patches.max()) == 0 and not bool(open_edges(body.faces).any())
+    surface = outward_by_volume(body) if one_closed_shell else outward_by_winding(body, winding)
+    surface = Mesh(surface.verts, surface.faces[(surface.face_normals() != 0).any(-1)])
+    corners = surface.corners().reshape(-1, 3).double()
+    return Solid(surface, sheets, corners.amin(0), corners.amax(0), winding)
+
+
+def as_arrays(mesh: Mesh) -> tuple[Float64[np.ndarray, "V 3"], Int64[np.ndarray, "F 3"]]:
+    """Vertices and faces in the types that libigl takes."""
+    verts = mesh.verts.detach().cpu().double().numpy()
+    return verts, np.ascontiguousarray(mesh.faces.cpu().numpy())
+
+
+def agreeing(mesh: Mesh) -> tuple[Mesh, Int[Tensor, " F"]]:
+    """Turn faces so that neighbours look to the same side, and number the patches they make.
+
+    Each patch keeps the side that most of its area had; patches end where three or more faces meet.
+    """
+    faces = mesh.faces.cpu()
+    turned, patch = igl.bfs_orient(faces.numpy())
+    turned, patch = torch.from_numpy(turned), torch.from_numpy(patch).long()
+    area = mesh.face_vectors().cpu().norm(dim=-1)
+    vote = torch.where((turned != faces).any(-1), -area, area)
+    balance = area.new_zeros(int(patch.max()) + 1).index_add_(0, patch, vote)
+    back = (balance < 0)[patch]
+    return Mesh(mesh.verts.cpu(), torch.where(back[:, None], turned.flip(-1), turned)), patch
+
+
+def with_walls(mesh: Mesh, patches: Int[Tensor, " F"]) -> tuple[Mesh, int]:
+    """Replace the open sheets among the patches by walls; also tells how many there were."""
+    area = mesh.face_vectors().norm(dim=-1) / 2
+    patch_area = area.new_zeros(int(patches.max()) + 1).index_add_(0, patches, area)
+    candidates = [
+        (int(patch), caps)
+        for patch, caps in opening_caps(mesh, patches, patch_area).items()
+        if patch_area[patch] > SMALLEST_SHEET * patch_area.sum()
+    ]
+    if not candidates:
+        return mesh, 0
+    winding = igl.FastWindingNumberBVH()
+    winding.init(*as_arrays(mesh))
+    verts, kept = [mesh.verts], torch.ones(len(mesh.faces), dtype=torch.bool)
+    walls, count, sheets = [], len(mesh.verts), 0
+    for patch, caps in candidates:
+        own = patches == patch
+        if is_plugged(mesh, own, caps, winding):
+            continue
+        wall = thickened(Mesh(mesh.verts, mesh.faces[own]))
+        verts.append(wall.verts)
+        walls.append(wall.faces + count)
+        kept, count, sheets = kept & ~own, count + len(wall.verts), sheets + 1
+    return Mesh(torch.cat(verts), torch.cat([mesh.faces[kept], *walls])), sheets
+
+
+def opening_caps(
+    mesh: Mesh, patches: Int[Tensor, " F"], patch_area: Float[Tensor, " N"]
+) -> dict[int, list[Float[Tensor, "C 3"]]]:
+    """Per patch with large openings: points spread over either side of each opening's cap."""
+    start, end, loops, owner = boundary_loops(mesh, patches)
+    caps: dict[int, list[Tensor]] = {}
+    if len(owner) == 0:
+        return caps
+    zeros = start.new_zeros(len(owner), 3)
+    count = torch.bincount(loops)
+    centre = zeros.index_add(0, loops, start) / count[:, None]
+    spokes, turn = start - centre[loops], torch.linalg.cross(start - centre[loops], end - start)
+    # Half the sum of cross products is the vector area of any surface that the loop bounds.
+    across = zeros.index_add(0, loops, turn) / 2
+    opening = across.norm(dim=-1)
+    for loop in torch.nonzero(opening > OPENING_SHARE * patch_area[owner])[:, 0].tolist():
+        spread = torch.cat([spokes[loops == loop] * share for share in (0.0, 0.35, 0.7)])
+        aside = PLUG_OFFSET * across[loop] / opening[loop].sqrt()
+        sides = torch.cat([centre[loop] + spread + aside, centre[loop] + spread - aside])
+        caps.setdefault(int(owner[loop]), []).append(sides)
+    return caps
+
+
+def boundary_loops(
+    mesh: Mesh, patches: Int[Tensor, " F"]
+) -> tuple[Float64[Tensor, "E 3"], Float64[Tensor, "E 3"], Int[Tensor, " E"], Int[Tensor, " L"]]:
+    """Where each open edge starts and ends, which chain it is part of, and each chain's patch."""
+    rim = open_edges(mesh.faces)
+    start, end = mesh.faces[rim], mesh.faces.roll(-1, dims=-1)[rim]
+    links = coo_array((np.ones(len(start)), (start.numpy(), end.numpy())), (len(mesh.verts),) * 2)
+    _, label = connected_components(links, directed=False)
+    owners = patches[:, None].expand(-1, 3)[rim]
+    # Two patches may touch in a vertex, so the patch is part of a chain's name.
+    names = torch.from_numpy(label).long()[start] * (int(patches.max()) + 1) + owners
+    chains, loops = torch.unique(names, return_inverse=True)
+    verts = mesh.verts.double()
+    return verts[start], verts[end], loops, chains % (int(patches.max()) + 1)
+
+
+def is_plugged(
+    mesh: Mesh,
+    own: Bool[Tensor, " F"],
+    caps: list[Float[Tensor, "C 3"]],
+    winding: igl.FastWindingNumberBVH,
+) -> bool:
+    """Whether the other shells close every one of a sheet's openings, seen from either side."""
+    verts, faces = as_arrays(Mesh(mesh.verts, mesh.faces[own]))
+    for cap in caps:
+        points = cap.numpy()
+        alone = np.asarray(igl.winding_number(verts, faces, points))
+        others = np.asarray(winding.winding_number(points)) - alone
+        if np.median(np.abs(others).reshape(2, -1), axis=-1).max() < PLUGGED_WINDING:
+            return False
+    return True
+
+
+def outward_by_volume(mesh: Mesh) -> Mesh:
+    """A closed shell turned so that it encloses a positive volume."""
+    a, b, c = mesh.corners().double().unbind(-2)
+    volume = (a * torch.linalg.cross(b, c)).sum()
+    return mesh if float(volume) > 0 else Mesh(mesh.verts, mesh.faces.flip(-1))
+
+
+def outward_by_winding(mesh: Mesh, winding: igl.FastWindingNumberBVH) -> Mesh:
+    """Each face turned away from the inside; faces with the inside on both sides are left out.
+
+    Those lie where shells overlap and are no part of the body's surface. A face is left out only if
+    all its probes say so: a large one may be pierced in its middle.
+    """
+    ahead = torch.ones(len(mesh.faces), dtype=torch.bool)
+    buried, behind = ahead.clone(), ahead.clone()
+    for probe in PROBES:
+        ahead[buried], behind[buried] = sides(Mesh(mesh.verts, mesh.faces[buried]), winding, probe)
+        buried = ahead & behind
+    faces = torch.where((ahead & ~behind)[:, None], mesh.faces.flip(-1), mesh.faces)
+    return Mesh(mesh.verts, faces[~buried])
+
+
+def sides(
+    mesh: Mesh, winding: igl.FastWindingNumberBVH, probe: tuple[float, float, float]
+) -> tuple[Bool[Tensor, " F"], Bool[Tensor, " F"]]:
+    """Whether the inside lies before and behind each face, at one point in its barycentrics."""
+    weights = torch.tensor(probe, dtype=torch.float64)
+    points = (mesh.corners().double() * weights[:, None]).sum(-2) + mesh.face_normals() * PROBE
+    if len(points) == 0:
+        return torch.zeros(0, dtype=torch.bool), torch.zeros(0, dtype=torch.bool)
+    number = torch.from_numpy(winding.winding_number(points.numpy()))
+    # Through a face, from its front to its back, the winding number grows by one.
+    return number.abs() > 0.5, (number + 1).abs() > 0.5

@@ -1,0 +1,157 @@
+import numpy as np
+import pytest
+import torch
+import trimesh
+
+from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.solid import build_solid
+
+CENTRE = torch.zeros(1, 3)
+
+
+def mesh_of(shape: trimesh.Trimesh) -> Mesh:
+    verts = torch.tensor(np.array(shape.vertices), dtype=torch.float32)
+    return Mesh(verts, torch.tensor(np.array(shape.faces), dtype=torch.int64))
+
+
+def without(shape: trimesh.Trimesh, faces: np.ndarray) -> trimesh.Trimesh:
+    return trimesh.Trimesh(shape.vertices, shape.faces[~faces], process=False)
+
+
+def cylinder() -> trimesh.Trimesh:
+    return trimesh.creation.cylinder(0.03, 0.12, sections=48).subdivide().subdivide()
+
+
+def heights(shape: trimesh.Trimesh) -> np.ndarray:
+    return shape.triangles_center[:, 2]
+
+
+def disc(z: float, sections: int) -> trimesh.Trimesh:
+    turn = np.linspace(0, 2 * np.pi, sections, endpoint=False)
+    rim = 0.03 * np.stack([np.cos(turn), np.sin(turn)], -1)
+    verts = np.concatenate([[[0, 0, z]], np.insert(rim, 2, z, axis=-1)])
+    step = np.arange(sections)
+    faces = np.stack([0 * step, 1 + step, 1 + (step + 1) % sections], -1)
+    return trimesh.Trimesh(verts, faces if z > 0 else faces[:, ::-1], process=False)
+
+
+@pytest.fixture
+def torus():
+    return trimesh.creation.torus(0.05, 0.02, major_sections=48, minor_sections=24)
+
+
+IN_TORUS = torch.tensor([[0.05, 0.0, 0.0], [0.0, -0.05, 0.01], [-0.04, 0.0, -0.01]])
+OFF_TORUS = torch.tensor([[0.0, 0.0, 0.0], [0.06, 0.06, 0.0], [0.05, 0.0, 0.019]])
+
+
+def assert_is_the_torus(mesh: Mesh) -> None:
+    solid = build_solid(mesh)
+    assert solid.sheets == 0
+    assert bool(solid.contains(IN_TORUS).all())
+    assert not bool(solid.contains(OFF_TORUS[:2]).any())
+    middles = solid.surface.corners().mean(-2)
+    ring = torch.nn.functional.normalize(middles * torch.tensor([1.0, 1.0, 0.0]), dim=-1) * 0.05
+    assert bool(((middles - ring) * solid.surface.face_normals()).sum(-1).gt(0).all())
+
+
+def test_closed_mesh_is_the_solid_it_looks_like(torus):
+    assert_is_the_torus(mesh_of(torus))
+
+
+def test_mesh_inside_out_is_the_same_solid(torus):
+    torus.invert()
+    assert_is_the_torus(mesh_of(torus))
+
+
+def test_faces_that_disagree_are_turned_to_agree(torus):
+    mesh = mesh_of(torus)
+    flip = torch.rand(len(mesh.faces), generator=torch.Generator().manual_seed(0)) < 0.2
+    assert_is_the_torus(
+        Mesh(mesh.verts, torch.where(flip[:, None], mesh.faces.flip(-1), mesh.faces))
+    )
+
+
+def test_missing_faces_leave_a_solid(torus):
+    lost = np.random.default_rng(0).random(len(torus.faces)) < 0.1
+    assert_is_the_torus(mesh_of(without(torus, lost)))
+
+
+def test_a_hole_of_25_mm_leaves_a_solid(torus):
+    lost = np.linalg.norm(torus.triangles_center - [0.0, 0.05, 0.02], axis=-1) < 0.0125
+    assert_is_the_torus(mesh_of(without(torus, lost)))
+
+
+def test_triangles_without_shared_vertices_are_a_solid(torus):
+    corners = mesh_of(torus).corners()
+    assert_is_the_torus(
+        Mesh(corners.reshape(-1, 3), torch.arange(corners.numel() // 3).reshape(-1, 3))
+    )
+
+
+def test_faces_buried_by_another_shell_are_no_surface():
+    parts = [trimesh.creation.icosphere(3, 0.05).apply_translation([x, 0, 0]) for x in (0, 0.06)]
+    solid = build_solid(mesh_of(trimesh.util.concatenate(parts)))
+    middles = solid.surface.corners().mean(-2)
+    centres = torch.tensor([[0.0, 0, 0], [0.06, 0, 0]])
+    assert float(torch.cdist(middles, centres).min()) > 0.045
+    assert bool(solid.contains(torch.tensor([[0.03, 0, 0], [0.0, 0.0, 0.04], [0.1, 0, 0]])).all())
+
+
+def test_hollow_shells_keep_their_cavity():
+    outer, inner = trimesh.creation.icosphere(3, 0.05), trimesh.creation.icosphere(3, 0.04)
+    inner.invert()
+    solid = build_solid(mesh_of(trimesh.util.concatenate([outer, inner])))
+    assert solid.contains(torch.tensor([[0.0, 0, 0], [0.045, 0, 0]])).tolist() == [False, True]
+    assert len(solid.surface.faces) == len(outer.faces) + len(inner.faces)
+
+
+@pytest.mark.parametrize("inverted", [False, True])
+def test_open_bowl_has_a_wall_and_a_cavity(inverted):
+    bowl = trimesh.creation.icosphere(4, 0.06)
+    bowl.update_faces(heights(bowl) < 0)
+    if inverted:
+        bowl.invert()
+    solid = build_solid(mesh_of(bowl))
+    assert solid.sheets == 1
+    down = torch.tensor([0.0, 0.03, 0.055, 0.0597, 0.0603, 0.065])
+    inside = solid.contains(down[:, None] * torch.tensor([0.0, 0.0, -1.0]))
+    assert inside.tolist() == [False, False, False, True, True, False]
+
+
+def test_glass_is_open_and_bottle_is_solid():
+    glass = without(cylinder(), heights(cylinder()) > 0.0599)
+    middle = cylinder().triangles_center
+    neck = (middle[:, 2] > 0.0599) & (np.linalg.norm(middle[:, :2], axis=-1) < 0.012)
+    assert build_solid(mesh_of(glass)).sheets == 1
+    assert not bool(build_solid(mesh_of(glass)).contains(CENTRE)[0])
+    assert build_solid(mesh_of(without(cylinder(), neck))).sheets == 0
+    assert bool(build_solid(mesh_of(without(cylinder(), neck))).contains(CENTRE)[0])
+
+
+def test_tube_closed_by_separate_lids_is_solid_and_with_one_lid_a_glass():
+    tube = without(cylinder(), abs(heights(cylinder())) > 0.0599)
+    lids = [disc(0.06, 31), disc(-0.06, 37)]
+    closed = build_solid(mesh_of(trimesh.util.concatenate([tube, *lids])))
+    assert closed.sheets == 0
+    assert bool(closed.contains(CENTRE)[0])
+    assert build_solid(mesh_of(tube)).sheets == 1
+    assert not bool(
+        build_solid(mesh_of(trimesh.util.concatenate([tube, lids[1]]))).contains(CENTRE)[0]
+    )
+
+
+def test_box_of_six_loose_sides_is_solid():
+    box = trimesh.creation.box((0.06, 0.05, 0.04))
+    sides = [
+        without(box, abs(box.face_normals @ axis - sign) > 1e-6).subdivide_loop(0)
+        for axis in np.eye(3)
+        for sign in (1, -1)
+    ]
+    # Different subdivisions on each side, so that no edge of one side is an edge of the next.
+    for i, side in enumerate(sides):
+        for _ in range(i % 3):
+            side = side.subdivide()
+        sides[i] = side
+    solid = build_solid(mesh_of(trimesh.util.concatenate(sides)))
+    assert solid.sheets == 0
+    assert bool(solid.contains(CENTRE)[0])
