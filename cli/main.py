@@ -13,7 +13,7 @@ import click
 
 from geneoh.errors import GeneOHError, NumericalError
 
-COMMANDS = ()
+COMMANDS = ("corrupt", "info")
 """In the order that `--help` shows. Each is a function of its own name in commands/NAME.py, which
 imports torch and the parts of geneoh only inside the function, so that help comes at once."""
 
@@ -48,6 +48,10 @@ class LazyGroup(click.Group):
             return super().invoke(ctx)
         try:
             return super().invoke(ctx)
+        except click.UsageError as error:
+            command = error.ctx.command_path if error.ctx else ctx.command_path
+            message = error.format_message().rstrip(".")
+            raise Failure(f"{message}; see `{command} --help`", error.exit_code) from None
         except (click.ClickException, click.exceptions.Exit, click.Abort):
             raise
         except KeyboardInterrupt:

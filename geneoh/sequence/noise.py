@@ -1,0 +1,173 @@
+"""Noise as hand trackers make it, drawn on pose parameters and posed with the hand's own skeleton.
+
+Seven kinds. The first three are the papers': independent in every frame. The others are what real
+tracks suffer from: a constant bias, slow drift, bursts, and frames that are lost.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Literal, get_args
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+from typing_extensions import assert_never
+
+from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.hand.skeleton import (
+    MANO_FROM_OPENPOSE,
+    PARENTS,
+    TIP_PARENTS,
+    forward_kinematics,
+    rest_offsets,
+)
+from geneoh.sequence.tracks import HandTrack
+
+Noise = Literal["gauss", "gauss_strong", "beta", "bias", "drift", "burst", "drop"]
+NOISES: tuple[Noise, ...] = get_args(Noise)
+
+DRIFT_FRAMES = 10.0
+"""Correlation time of the drift."""
+BURST_SHARE, BURST_FACTOR = 0.05, 9.0
+"""Share of the frames that burst, and how many times larger their noise is."""
+DROP_SHARE, DROP_SHORTEST, DROP_LONGEST = 0.15, 3, 7
+"""Share of the frames in runs that are lost (some runs overlap), and the runs' lengths."""
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Scale of the noise on each kind of parameter."""
+
+    translation: float
+    """Metres."""
+    orientation: float
+    """Radians, on each component of the global axis-angle."""
+    fingers: float
+    """Radians, on each component of the finger joints' axis-angle."""
+
+    def scale(self, unit: Float[Tensor, "*B 51"]) -> Float[Tensor, "*B 51"]:
+        """Unit noise on 3 translations, 3 global angles and 45 finger angles, brought to size."""
+        sizes = [self.translation] * 3 + [self.orientation] * 3 + [self.fingers] * 45
+        return unit * unit.new_tensor(sizes)
+
+
+SIZES: dict[Noise, Sizes] = {
+    "gauss": Sizes(0.01, 0.05, 0.3),  # the paper's, for ARCTIC
+    "gauss_strong": Sizes(0.01, 0.1, 0.5),
+    "beta": Sizes(0.01, 0.05, 0.3),  # times Beta(8, 2): mostly a constant of 0.8
+    "bias": Sizes(0.008, 0.06, 0.25),
+    "drift": Sizes(0.008, 0.06, 0.25),
+    "burst": Sizes(0.003, 0.02, 0.1),
+    "drop": Sizes(0.003, 0.02, 0.1),
+}
+
+
+def corrupt(hand: HandTrack, noise: Noise, *, generator: torch.Generator) -> HandTrack:
+    """A noisy twin of a clean track: same person, same object, worse observation.
+
+    With a pose, noise is added to its axis-angle components, and the joints follow from the noisy
+    pose and the skeleton that the clean track was made with. Joints alone are turned about each
+    joint by the same amounts, in world axes. Lost frames are marked and hold NaN.
+    """
+    offsets, keep = draw_noise(noise, hand.frames, generator=generator)
+    device = hand.valid.device
+    offsets, keep = offsets.to(device), keep.to(device)
+    turn = offsets[:, 3:].unflatten(-1, (16, 3))
+    pose = None if hand.pose is None else hand.pose + turn
+    wrist = None if hand.wrist is None else hand.wrist + offsets[:, :3]
+    joints = None if hand.joints is None else noisy_joints(hand, turn, offsets[:, :3])
+    lost = ~keep
+
+    def blank(values: Tensor | None) -> Tensor | None:
+        if values is None:
+            return None
+        return torch.where(lost.reshape(-1, *[1] * (values.ndim - 1)), math.nan, values)
+
+    return replace(
+        hand,
+        valid=hand.valid & keep,
+        pose=blank(pose),
+        wrist=blank(wrist),
+        joints=blank(joints),
+    )
+
+
+def noisy_joints(
+    hand: HandTrack, turn: Float[Tensor, "T 16 3"], shift: Float[Tensor, "T 3"]
+) -> Float[Tensor, "T 21 3"]:
+    """Keypoints of a track with turned joints and a shifted wrist; bones keep their length."""
+    assert hand.joints is not None, "asked for the joints of a track that has none"
+    wrist = hand.joints[:, 0] + shift
+    if hand.pose is None:
+        # The hand as it stands in each frame is the rest pose that the turns act on.
+        mano = hand.joints[:, list(MANO_FROM_OPENPOSE)]
+        bones = mano[:, 1:] - mano[:, [*PARENTS[1:], *TIP_PARENTS]]
+        return forward_kinematics(axis_angle_to_matrix(turn), wrist, bones)[0]
+    skeleton = rest_offsets(axis_angle_to_matrix(hand.pose), hand.joints, hand.valid)
+    return forward_kinematics(axis_angle_to_matrix(hand.pose + turn), wrist, skeleton)[0]
+
+
+def draw_noise(
+    noise: Noise, frames: int, *, generator: torch.Generator, batch: tuple[int, ...] = ()
+) -> tuple[Float[Tensor, "*B T 51"], Bool[Tensor, "*B T"]]:
+    """Additive noise on the hand's parameters, and which frames are kept.
+
+    Args:
+        noise: which kind.
+        frames: length of the track.
+        generator: of the CPU, so that every device sees the same noise.
+        batch: leading axes, tracks of independent noise.
+
+    Returns:
+        Offsets on translation (3, metres), global rotation (3) and fingers (45, radians); the mask
+        is all true except for "drop".
+    """
+    shape = (*batch, frames, 51)
+    keep = torch.ones(shape[:-1], dtype=torch.bool)
+    match noise:
+        case "gauss" | "gauss_strong":
+            unit = torch.randn(shape, generator=generator)
+        case "beta":
+            unit = draw_beta(shape, generator=generator)
+        case "bias":
+            unit = torch.randn((*batch, 1, 51), generator=generator).expand(shape).clone()
+        case "drift":
+            unit = ornstein_uhlenbeck(torch.randn(shape, generator=generator))
+        case "burst":
+            unit = torch.randn(shape, generator=generator)
+            bursts = torch.rand((*shape[:-1], 1), generator=generator) < BURST_SHARE
+            unit = torch.where(bursts, BURST_FACTOR * unit, unit)
+        case "drop":
+            unit = torch.randn(shape, generator=generator)
+            keep = draw_drops(keep, generator=generator)
+        case _:
+            assert_never(noise)
+    return SIZES[noise].scale(unit), keep
+
+
+def draw_beta(shape: tuple[int, ...], *, generator: torch.Generator) -> Float[Tensor, "..."]:
+    """Draws from Beta(8, 2): the eighth smallest of nine uniform numbers follows that law."""
+    return torch.rand((*shape, 9), generator=generator).sort(-1).values[..., 7]
+
+
+def ornstein_uhlenbeck(white: Float[Tensor, "*B T D"]) -> Float[Tensor, "*B T D"]:
+    """Unit-variance noise with correlation time `DRIFT_FRAMES`, from white noise."""
+    stay = math.exp(-1 / DRIFT_FRAMES)
+    steps = [white[..., 0, :]]
+    for t in range(1, white.shape[-2]):
+        steps.append(stay * steps[-1] + math.sqrt(1 - stay**2) * white[..., t, :])
+    return torch.stack(steps, dim=-2)
+
+
+def draw_drops(keep: Bool[Tensor, "*B T"], *, generator: torch.Generator) -> Bool[Tensor, "*B T"]:
+    """Lose runs of frames; the last frames stay, and clips too short for a run lose none."""
+    frames = keep.shape[-1]
+    starts = frames - DROP_LONGEST - 1
+    if starts < 1:
+        return keep
+    middle = (DROP_SHORTEST + DROP_LONGEST) / 2
+    runs = (*keep.shape[:-1], max(1, round(frames * DROP_SHARE / middle)), 1)
+    start = torch.randint(0, starts, runs, generator=generator)
+    length = torch.randint(DROP_SHORTEST, DROP_LONGEST + 1, runs, generator=generator)
+    frame = torch.arange(frames)
+    return keep & ~((frame >= start) & (frame < start + length)).any(-2)

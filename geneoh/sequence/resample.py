@@ -1,0 +1,55 @@
+"""Frame rates: to the networks' rate at the border, and back to the user's."""
+
+from dataclasses import replace
+
+import torch
+
+from geneoh.errors import InputError
+from geneoh.sequence.between import Between
+from geneoh.sequence.gaps import fill_gaps
+from geneoh.sequence.tracks import Sequence
+
+FPS_DIGITS = 6
+"""Decimals kept of a frame rate, so that going back lands on the rate one came from."""
+
+
+def at_rate(sequence: Sequence, fps: float) -> Sequence:
+    """The same motion at `fps` frames a second; the sequence itself when it has that rate.
+
+    The first and the last moment stay frames, so the rate is met up to half a frame over the whole
+    length; `Sequence.fps` of the result is the exact one. A clip that lasts less than a frame of
+    the new rate keeps both of its ends.
+    """
+    if fps == sequence.fps or sequence.frames == 1:
+        return sequence
+    steps = round((sequence.frames - 1) * fps / sequence.fps)
+    return over_frames(sequence, max(1, steps) + 1)
+
+
+def over_frames(sequence: Sequence, frames: int) -> Sequence:
+    """The same motion, over the same time, in another number of frames.
+
+    Points are interpolated linearly and rotations on the shorter arc, with gaps filled before; a
+    new frame is valid where the nearest old one is. Undoes `at_rate` when given the old number.
+    """
+    if frames == sequence.frames:
+        return sequence
+    if min(frames, sequence.frames) < 2:
+        raise InputError(
+            f"{sequence.source or 'the sequence'}: resampling needs two frames or more on both "
+            f"sides, got {sequence.frames} to {frames}; keep the single frame as it is"
+        )
+    last = sequence.frames - 1
+    # In float64, and by one division, so that places which fall on a frame do so exactly.
+    place = torch.arange(frames, dtype=torch.float64) * last / (frames - 1)
+    before = place.floor().long().clamp(max=last)
+    between = Between(before, (before + 1).clamp(max=last), place - before)
+    nearest = (place + 0.5).floor().long()
+    motion = replace(
+        sequence.object,
+        rotation=between.rotations(sequence.object.rotation),
+        translation=between.points(sequence.object.translation),
+    )
+    hands = tuple(between.hand(fill_gaps(hand), hand.valid[nearest]) for hand in sequence.hands)
+    fps = round(sequence.fps * (frames - 1) / last, FPS_DIGITS)
+    return replace(sequence, hands=hands, object=motion, fps=fps)

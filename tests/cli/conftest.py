@@ -1,0 +1,24 @@
+"""How the command's tests run the command: as its users do, by the installed entry point."""
+
+from importlib.metadata import entry_points
+
+import pytest
+from click.testing import CliRunner, Result
+
+
+@pytest.fixture(scope="session")
+def command():
+    """The click command behind the name `geneoh`."""
+    (script,) = entry_points(group="console_scripts", name="geneoh")
+    return script.load()
+
+
+@pytest.fixture
+def geneoh(command, tmp_path, monkeypatch):
+    """Run `geneoh ARGUMENTS` in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments: object) -> Result:
+        return CliRunner().invoke(command, [str(argument) for argument in arguments])
+
+    return run

@@ -1,0 +1,77 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bad_inputs import REFUSED, write_good
+
+from geneoh.sequence.files import load_sequence
+from geneoh.sequence.noise import NOISES
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+def test_the_command_offers_the_noises_of_the_library(command):
+    corrupt = command.get_command(None, "corrupt")
+    (noise,) = [option for option in corrupt.params if option.name == "noise"]
+    assert tuple(noise.type.choices) == NOISES
+
+
+def test_noise_is_added_to_the_hand_and_the_object_is_kept(geneoh, tmp_path):
+    result = geneoh("corrupt", EXAMPLES / "taco_clean.npz", "--noise", "drop", "-o", "out.npz")
+    assert result.exit_code == 0, result.output
+    assert result.stdout == "out.npz: 146 frames with drop noise, seed 0\n"
+    clean = load_sequence(EXAMPLES / "taco_clean.npz")
+    noisy = load_sequence(tmp_path / "out.npz")
+    assert noisy.object.rotation.equal(clean.object.rotation)
+    assert noisy.object.translation.equal(clean.object.translation)
+    assert noisy.hands[0].side == "left"
+    assert noisy.hands[0].betas.equal(clean.hands[0].betas)
+    assert 0 < int(noisy.hands[0].valid.sum()) < 146
+    assert not noisy.hands[0].wrist.allclose(clean.hands[0].wrist, equal_nan=True)
+    assert "drop noise, seed 0, on taco_clean.npz" in noisy.source
+
+
+def test_the_same_seed_gives_the_same_file(geneoh, tmp_path):
+    write_good(tmp_path)
+    for out, seed in (("a.npz", 3), ("b.npz", 3), ("c.npz", 4)):
+        geneoh("corrupt", "hand.npz", "--noise", "gauss", "--seed", seed, "-o", out)
+    a, b, c = ((tmp_path / f"{name}.npz").read_bytes() for name in "abc")
+    assert a == b != c
+
+
+def test_the_result_stands_beside_the_input_by_default(geneoh, tmp_path):
+    write_good(tmp_path)
+    before = (tmp_path / "hand.npz").read_bytes()
+    assert geneoh("corrupt", "hand.npz", "--noise", "bias").exit_code == 0
+    assert (tmp_path / "hand.npz").read_bytes() == before
+    assert load_sequence(tmp_path / "hand_bias.npz").frames == 6
+
+
+def test_the_shipped_noisy_example_is_what_its_command_makes(geneoh, tmp_path):
+    geneoh(
+        *("corrupt", EXAMPLES / "taco_clean.npz", "--noise", "gauss", "--seed", 0),
+        *("-o", "taco_noisy.npz"),
+    )
+    made = load_sequence(tmp_path / "taco_noisy.npz")
+    shipped = load_sequence(EXAMPLES / "taco_noisy.npz")
+    # To a hundredth of a millimetre: another torch may round differently, and draws the same.
+    np.testing.assert_allclose(made.hands[0].joints, shipped.hands[0].joints, rtol=0, atol=1e-5)
+    assert made.source == shipped.source
+
+
+@pytest.mark.parametrize(
+    "case",
+    [case for case in REFUSED if case.in_reading],
+    ids=lambda case: case.name,
+)
+def test_bad_input_ends_with_one_line_and_leaves_nothing(geneoh, tmp_path, case):
+    write_good(tmp_path)
+    case.spoil(tmp_path)
+    before = sorted(path.name for path in tmp_path.iterdir())
+    result = geneoh("corrupt", "hand.npz", "--noise", "gauss", "-o", "out.npz", *case.options)
+    assert result.exit_code == 2
+    assert result.stderr.startswith("Error: hand.npz: ")
+    assert result.stderr.count("\n") == 1
+    for word in case.words:
+        assert word in result.stderr
+    assert sorted(path.name for path in tmp_path.iterdir()) == before

@@ -1,0 +1,102 @@
+import subprocess
+import sys
+import time
+
+import click
+import pytest
+
+from geneoh.errors import CheckpointError, InputError, MissingAssetError, NumericalError
+
+HEAVY = ("torch", "numpy", "scipy", "trimesh", "tqdm")
+
+
+@pytest.fixture
+def failing(command, monkeypatch):
+    """Let `geneoh info` raise something."""
+
+    def fail(error: BaseException) -> None:
+        @click.command()
+        def info() -> None:
+            raise error
+
+        monkeypatch.setattr(type(command), "get_command", lambda *_: info)
+
+    return fail
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [
+        (InputError("a.npz: 'joints' must be\n  finite"), 2),
+        (MissingAssetError("no file"), 2),
+        (CheckpointError("other weights"), 2),
+        (NumericalError("overflow"), 1),
+        (PermissionError(13, "Permission denied", "a.npz"), 1),
+        (ZeroDivisionError("division by zero"), 1),
+        (KeyboardInterrupt(), 130),
+    ],
+)
+def test_an_error_is_one_line_and_an_exit_code(geneoh, failing, error, code):
+    failing(error)
+    result = geneoh("info")
+    assert result.exit_code == code
+    assert result.stdout == ""
+    assert result.stderr.startswith("Error: ")
+    assert result.stderr.count("\n") == 1
+    assert " ".join(str(error).split()) in result.stderr
+
+
+def test_a_programming_error_says_how_to_report_it(geneoh, failing):
+    failing(ZeroDivisionError("division by zero"))
+    assert "ZeroDivisionError: division by zero; run `geneoh --debug" in geneoh("info").stderr
+
+
+def test_debug_lets_the_traceback_through(geneoh, failing):
+    failing(InputError("a.npz: bad"))
+    assert isinstance(geneoh("--debug", "info").exception, InputError)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["denois"], "No such command 'denois'"),
+        (["corrupt", "a.npz"], "Missing option '--noise'"),
+        (["corrupt", "a.npz", "--noise", "pink"], "'gauss'"),
+        (["corrupt", "a.npz", "--noise", "gauss", "--seed", "-1"], "--seed"),
+        (["corrupt"], "Missing argument 'CLEAN'"),
+    ],
+)
+def test_wrong_usage_is_one_line_that_points_to_help(geneoh, arguments, words):
+    result = geneoh(*arguments)
+    assert result.exit_code == 2
+    assert words in result.stderr
+    assert result.stderr.rstrip().endswith("--help`")
+    assert result.stderr.count("\n") == 1
+
+
+def test_every_command_is_listed_and_has_help(command, geneoh):
+    listing = geneoh("--help").stdout
+    for name in command.list_commands(click.Context(command)):
+        assert f"\n  {name} " in listing
+        result = geneoh(name, "--help")
+        assert result.exit_code == 0
+        assert f"Usage: geneoh {name}" in result.stdout.replace("Usage: cli", "Usage: geneoh")
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["corrupt", "--help"]])
+def test_help_comes_at_once_and_without_torch(arguments):
+    code = (
+        "import sys; from importlib.metadata import entry_points\n"
+        "(script,) = entry_points(group='console_scripts', name='geneoh')\n"
+        f"sys.argv = ['geneoh', *{arguments!r}]\n"
+        "try:\n    script.load()()\n"
+        f"finally:\n    print([name for name in {HEAVY!r} if name in sys.modules], file=sys.stderr)"
+    )
+    start = time.perf_counter()
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stderr.strip() == "[]"
+    assert time.perf_counter() - start < 2  # 0.2 s on an idle machine; torch alone takes 2
+
+
+def test_the_version_is_that_of_the_package(geneoh):
+    assert geneoh("--version").stdout.rstrip().endswith("0.1.0")

@@ -1,0 +1,77 @@
+import math
+from dataclasses import replace
+
+import torch
+
+from geneoh.sequence.gaps import fill_gaps, observed_around
+from geneoh.sequence.tracks import HandTrack
+
+T = 6
+TIME = torch.arange(T, dtype=torch.float32)
+TURNING = torch.zeros(T, 16, 3)
+TURNING[:, 0, 2] = 0.3 * TIME
+MOVING = TIME[:, None] * torch.tensor([1.0, 2, 3])
+HAND = HandTrack(
+    "right",
+    torch.ones(T, dtype=torch.bool),
+    joints=MOVING[:, None].repeat(1, 21, 1),
+    pose=TURNING,
+    wrist=MOVING,
+    confidence=torch.ones(T, 21),
+)
+
+
+def lost(*frames: int) -> HandTrack:
+    valid = torch.ones(T, dtype=torch.bool)
+    valid[list(frames)] = False
+    blank = [torch.where(valid.reshape(-1, *[1] * (x.ndim - 1)), x, math.nan) for x in fields(HAND)]
+    joints, pose, wrist, confidence = blank
+    return replace(HAND, valid=valid, joints=joints, pose=pose, wrist=wrist, confidence=confidence)
+
+
+def fields(hand: HandTrack) -> list[torch.Tensor]:
+    found = [hand.joints, hand.pose, hand.wrist, hand.confidence]
+    return [value for value in found if value is not None]
+
+
+def test_steady_motion_is_restored_inside_a_gap():
+    hand = lost(1, 2, 4)
+    filled = fill_gaps(hand)
+    for got, want in zip(fields(filled), fields(HAND), strict=True):
+        torch.testing.assert_close(got, want, rtol=0, atol=1e-6)
+    assert torch.equal(filled.valid, hand.valid)
+
+
+def test_the_hand_is_held_before_the_first_and_after_the_last_observation():
+    filled = fill_gaps(lost(0, 1, 5))
+    for got, want in zip(fields(filled), fields(HAND), strict=True):
+        assert torch.equal(got[:3], want[[2, 2, 2]])
+        assert torch.equal(got[5], want[4])
+
+
+def test_observed_frames_are_not_touched():
+    generator = torch.Generator().manual_seed(0)
+    pose = torch.randn(T, 16, 3, generator=generator) * 4  # far beyond half a turn
+    hand = replace(HAND, pose=pose, valid=torch.tensor([True, False, True, True, False, True]))
+    filled = fill_gaps(hand)
+    assert filled.pose is not None
+    assert torch.equal(filled.pose[hand.valid], pose[hand.valid])
+
+
+def test_rotations_go_the_shorter_way():
+    pose = torch.zeros(3, 16, 3)
+    pose[0, 0, 0], pose[2, 0, 0] = 3.0, -3.0  # 0.28 apart through pi, 6 the other way
+    hand = HandTrack("left", torch.tensor([True, False, True]), pose=pose, wrist=torch.zeros(3, 3))
+    filled = fill_gaps(hand)
+    assert filled.pose is not None
+    torch.testing.assert_close(filled.pose[1, 0, 0].abs(), torch.tensor(math.pi), atol=1e-4, rtol=0)
+
+
+def test_one_observation_is_held_everywhere():
+    around = observed_around(torch.tensor([False, False, True, False]))
+    assert around.before.tolist() == around.after.tolist() == [2, 2, 2, 2]
+    assert around.fraction.tolist() == [0, 0, 0, 0]
+
+
+def test_a_track_without_gaps_is_returned_as_it_is():
+    assert fill_gaps(HAND) is HAND

@@ -1,0 +1,89 @@
+import pytest
+import torch
+
+from geneoh.errors import InputError
+from geneoh.sequence.resample import at_rate, over_frames
+from geneoh.sequence.tracks import HandTrack, ObjectTrack, Sequence
+
+
+def turn_about_z(angle: torch.Tensor) -> torch.Tensor:
+    zero, one = torch.zeros_like(angle), torch.ones_like(angle)
+    rows = [angle.cos(), -angle.sin(), zero, angle.sin(), angle.cos(), zero, zero, zero, one]
+    return torch.stack(rows, -1).unflatten(-1, (3, 3))
+
+
+def steady(frames: int, fps: float, seconds: float = 0.0) -> Sequence:
+    """A hand and an object that move and turn at constant speed."""
+    time = torch.linspace(0, seconds or (frames - 1) / fps, frames)
+    place = time[:, None] * torch.tensor([0.1, 0.2, -0.3])
+    pose = torch.zeros(frames, 16, 3)
+    pose[:, 4, 1] = 2 * time
+    hand = HandTrack(
+        "right",
+        torch.ones(frames, dtype=torch.bool),
+        joints=place[:, None].repeat(1, 21, 1),
+        pose=pose,
+        wrist=place,
+    )
+    motion = ObjectTrack((), turn_about_z(3 * time)[:, None], place[:, None])
+    return Sequence((hand,), motion, fps)
+
+
+def assert_same_motion(a: Sequence, b: Sequence) -> None:
+    for name in ("joints", "pose", "wrist", "valid"):
+        torch.testing.assert_close(
+            getattr(a.hands[0], name), getattr(b.hands[0], name), rtol=0, atol=2e-6
+        )
+    torch.testing.assert_close(a.object.rotation, b.object.rotation, rtol=0, atol=2e-6)
+    torch.testing.assert_close(a.object.translation, b.object.translation, rtol=0, atol=2e-6)
+
+
+def test_the_same_rate_is_the_same_sequence():
+    sequence = steady(10, 30.0)
+    assert at_rate(sequence, 30.0) is sequence
+    assert over_frames(sequence, 10) is sequence
+
+
+@pytest.mark.parametrize(("frames", "fps"), [(13, 25.0), (13, 15.0), (121, 120.0), (2, 120.0)])
+def test_steady_motion_stays_steady_at_another_rate_and_back(frames, fps):
+    sequence = steady(frames, fps)
+    thirty = at_rate(sequence, 30.0)
+    seconds = (frames - 1) / fps
+    assert (thirty.frames - 1) / thirty.fps == pytest.approx(seconds, rel=1e-6)
+    assert_same_motion(thirty, steady(thirty.frames, thirty.fps, seconds))
+    back = over_frames(thirty, frames)
+    assert back.fps == fps
+    assert_same_motion(back, sequence)
+
+
+def test_the_rate_is_met_up_to_half_a_frame_over_the_whole():
+    assert at_rate(steady(61, 25.0), 30.0).fps == 30.0
+    assert abs(at_rate(steady(60, 25.0), 30.0).fps - 30.0) * 59 / 25 <= 0.5
+
+
+def test_twice_the_rate_keeps_every_old_frame():
+    generator = torch.Generator().manual_seed(0)
+    joints = torch.randn(9, 21, 3, generator=generator)
+    hand = HandTrack("left", torch.ones(9, dtype=torch.bool), joints=joints)
+    sequence = Sequence((hand,), steady(9, 15.0).object, 15.0)
+    double = at_rate(sequence, 30.0)
+    assert double.frames == 17
+    assert torch.equal(double.hands[0].joints[::2], joints)
+    assert torch.equal(over_frames(double, 9).hands[0].joints, joints)
+
+
+def test_frames_are_valid_where_the_nearest_old_frame_is_and_gaps_do_not_spread():
+    sequence = steady(5, 30.0)
+    hand = sequence.hands[0]
+    hand.joints[2] = torch.nan
+    hand.valid[2] = False
+    fine = over_frames(sequence, 17)
+    assert (~fine.hands[0].valid).nonzero().flatten().tolist() == [6, 7, 8, 9]
+    assert bool(fine.hands[0].joints.isfinite().all())
+
+
+def test_a_single_frame_has_no_rate():
+    sequence = steady(1, 60.0, seconds=1.0)
+    assert at_rate(sequence, 30.0) is sequence
+    with pytest.raises(InputError, match="got 1 to 5"):
+        over_frames(sequence, 5)
