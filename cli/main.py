@@ -21,12 +21,10 @@ INTERRUPTED = 130
 """What a shell reports for a program that SIGINT ended: 128 + 2."""
 
 
-class Failure(click.ClickException):
-    """One line on standard error and an exit code."""
-
-    def __init__(self, message: str, exit_code: int) -> None:
-        super().__init__(" ".join(message.split()))
-        self.exit_code = exit_code
+def failed(message: str, exit_code: int) -> click.exceptions.Exit:
+    """Say the message in one line on standard error; raise what is returned to end the program."""
+    click.echo(f"Error: {' '.join(message.split())}", err=True)
+    return click.exceptions.Exit(exit_code)
 
 
 class LazyGroup(click.Group):
@@ -51,20 +49,20 @@ class LazyGroup(click.Group):
         except click.UsageError as error:
             command = error.ctx.command_path if error.ctx else ctx.command_path
             message = error.format_message().rstrip(".")
-            raise Failure(f"{message}; see `{command} --help`", error.exit_code) from None
+            raise failed(f"{message}; see `{command} --help`", error.exit_code) from None
         except (click.ClickException, click.exceptions.Exit, click.Abort):
             raise
         except KeyboardInterrupt:
-            raise Failure("stopped; nothing half-written was left", INTERRUPTED) from None
+            raise failed("stopped; nothing half-written was left", INTERRUPTED) from None
         except GeneOHError as error:
             code = 1 if isinstance(error, NumericalError) else 2
-            raise Failure(str(error), code) from None
+            raise failed(str(error), code) from None
         except Exception as error:
             if isinstance(error, OSError) and error.errno == errno.EPIPE:
                 raise  # the reader of our output left: click ends quietly
             said = f"{type(error).__name__}: {error}"
             hint = "run `geneoh --debug ...` for the traceback and report it"
-            raise Failure(f"unexpected {said}; {hint}", 1) from None
+            raise failed(f"unexpected {said}; {hint}", 1) from None
 
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})

@@ -1,6 +1,7 @@
 """`geneoh corrupt`: a noisy twin of a clean sequence, to try a cleaner on."""
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -16,23 +17,21 @@ NOISES = ("gauss", "gauss_strong", "beta", "bias", "drift", "burst", "drop")
 @options.side
 @options.fps
 @options.output
-def corrupt(clean: Path, noise: str, seed: int, side: str, fps: float, output: Path) -> None:
+def corrupt(
+    clean: Path, noise: Any, seed: int, side: Any, fps: float | None, output: Path | None
+) -> None:
     """Add noise to a clean sequence, as hand trackers make it.
 
     CLEAN is an npz in any layout that geneoh reads; its object is kept. Writes CLEAN with the
     noise's name before its ending, unless -o says otherwise.
     """
-    from dataclasses import replace
-
     import torch
 
     from geneoh.sequence.files import load_sequence, save_sequence
-    from geneoh.sequence.noise import corrupt as add_noise
+    from geneoh.sequence.noise import corrupt_sequence
 
     sequence = load_sequence(clean, side=side, fps=fps)
-    generator = torch.Generator().manual_seed(seed)
-    hands = tuple(add_noise(hand, noise, generator=generator) for hand in sequence.hands)
-    source = f"{noise} noise, seed {seed}, on {sequence.source}"
+    noisy = corrupt_sequence(sequence, noise, generator=torch.Generator().manual_seed(seed))
     output = output or clean.with_name(f"{clean.stem}_{noise}{clean.suffix}")
-    save_sequence(replace(sequence, hands=hands, source=source), output)
-    click.echo(f"{output}: {sequence.frames} frames with {noise} noise, seed {seed}")
+    save_sequence(noisy, output)
+    click.echo(f"{output}: {noisy.frames} frames with {noise} noise, seed {seed}")

@@ -21,7 +21,7 @@ from geneoh.hand.skeleton import (
     forward_kinematics,
     rest_offsets,
 )
-from geneoh.sequence.tracks import HandTrack
+from geneoh.sequence.tracks import HandTrack, Sequence
 
 Noise = Literal["gauss", "gauss_strong", "beta", "bias", "drift", "burst", "drop"]
 NOISES: tuple[Noise, ...] = get_args(Noise)
@@ -60,6 +60,13 @@ SIZES: dict[Noise, Sizes] = {
     "burst": Sizes(0.003, 0.02, 0.1),
     "drop": Sizes(0.003, 0.02, 0.1),
 }
+
+
+def corrupt_sequence(sequence: Sequence, noise: Noise, *, generator: torch.Generator) -> Sequence:
+    """Every hand of a sequence corrupted, its object kept; the source says how."""
+    hands = tuple(corrupt(hand, noise, generator=generator) for hand in sequence.hands)
+    source = f"{noise} noise, seed {generator.initial_seed()}, on {sequence.source}"
+    return replace(sequence, hands=hands, source=source)
 
 
 def corrupt(hand: HandTrack, noise: Noise, *, generator: torch.Generator) -> HandTrack:
