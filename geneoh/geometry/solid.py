@@ -32,6 +32,11 @@ PLUG_OFFSET = 0.05
 """How far from the cap that is asked, against the root of the opening's area: off a flat lid."""
 SMALLEST_SHEET = 1e-3
 """Share of the mesh's area below which an open shell is a speck that needs no wall."""
+COARSE = 1.0
+"""Accuracy at which points are first asked for: three times as fast as libigl's own 2, and within
+0.09 of it on a recorded hand around a tool."""
+UNSURE = 0.25
+"""Points this close to the threshold are asked again at full accuracy."""
 PROBE = 1e-5
 """How far in metres in front of a face its winding number is asked for."""
 PROBES = tuple((a / 9, b / 9, c / 9) for a, b, c in ((3, 3, 3), (7, 1, 1), (1, 7, 1), (1, 1, 7)))
@@ -66,13 +71,23 @@ def winding_inside(
     """Whether the winding number says inside, whichever way the faces look."""
     if len(points) == 0:
         return np.zeros(0, dtype=bool)
-    return np.abs(winding.winding_number(np.ascontiguousarray(points))) > 0.5
+    number = np.abs(winding.winding_number(np.ascontiguousarray(points), COARSE))
+    unsure = np.flatnonzero(np.abs(number - 0.5) < UNSURE)
+    if len(unsure):
+        number[unsure] = np.abs(winding.winding_number(np.ascontiguousarray(points[unsure])))
+    return number > 0.5
 
 
-def build_solid(mesh: Mesh) -> Solid:
-    """Make a body of a mesh: faces that agree, walls for open sheets, a surface without insides."""
+def build_solid(mesh: Mesh, *, walls: bool = True) -> Solid:
+    """Make a body of a mesh: faces that agree, walls for open sheets, a surface without insides.
+
+    Args:
+        mesh: in metres; holes, shells and doubled vertices are fine.
+        walls: False for a mesh known to be a solid whatever its holes, such as a hand that is open
+            at the wrist.
+    """
     body, patches = agreeing(welded(mesh))
-    body, sheets = with_walls(body, patches)
+    body, sheets = with_walls(body, patches) if walls else (body, 0)
     winding = igl.FastWindingNumberBVH()
     winding.init(*as_arrays(body))
     one_closed_shell = int(patches.max()) == 0 and not bool(open_edges(body.faces).any())

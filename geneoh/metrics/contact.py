@@ -1,0 +1,122 @@
+"""How hand and object meet: depth, contact, and whether they move together.
+
+Distances are those of hand vertices to the object (`geometry.distance.query_parts`), signed, in
+metres, negative inside. Definitions follow GeneOH Diffusion, C.2, where it gives one, with true
+distances to the triangles in place of nearest vertices: not to be set beside the paper's numbers.
+"""
+
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from geneoh.geometry.distance import SurfaceDistance, SurfaceQuery
+from geneoh.geometry.rigid import Rigid
+
+TOUCH = 0.005
+"""Metres within which a hand point counts as touching: skin gives, and meshes are coarse."""
+CONTACT_MAP = 0.002
+"""Metres of the paper's contact map."""
+FINGERTIP_RADIUS = 0.015
+"""Metres around a tip keypoint in which vertices belong to that fingertip."""
+CLOSENESS = 100.0
+"""Per metre: how fast the object's hold on the hand fades with distance (paper, C.2)."""
+MOVING = 0.0003
+"""Metres a frame from which an object counts as moving (the released code's mask)."""
+
+
+def penetration_depth(distance: Float[Tensor, "*B T V"]) -> Float[Tensor, "*B T"]:
+    """Depth of the deepest hand vertex of each frame in metres, zero when none is inside.
+
+    Source: C.2, per-vertex maximum penetration depth; the paper averages it over frames.
+    """
+    return (-distance).amax(-1).clamp(min=0)
+
+
+def in_contact(distance: Float[Tensor, "*B T V"], touch: float = TOUCH) -> Bool[Tensor, "*B T"]:
+    """Whether any hand vertex of a frame is inside the object or at most `touch` metres off it."""
+    return distance.amin(-1) <= touch
+
+
+def tips_in_contact(
+    distance: Float[Tensor, "*B T V"],
+    verts: Float[Tensor, "*B T V 3"],
+    tips: Float[Tensor, "*B T 5 3"],
+    touch: float = TOUCH,
+) -> Bool[Tensor, "*B T 5"]:
+    """Whether each fingertip, the vertices within 15 mm of its keypoint, touches the object."""
+    of_tip = torch.cdist(tips, verts) <= FINGERTIP_RADIUS
+    return (of_tip & (distance <= touch)[..., None, :]).any(-1)
+
+
+def contact_iou(
+    distance: Float[Tensor, "*B T V"],
+    truth: Float[Tensor, "*#B T V"],
+    threshold: float = CONTACT_MAP,
+) -> Float[Tensor, "*B"]:
+    """Intersection over union of two contact maps over all frames, 0 to 1; NaN without contact.
+
+    A vertex is in contact when it is at most 2 mm from the surface, on either side. The paper takes
+    the map from object points by TOCH's ray correspondences; this one stands on the hand.
+    """
+    ours, theirs = distance.abs() <= threshold, truth.abs() <= threshold
+    both, either = (ours & theirs).sum((-2, -1)), (ours | theirs).sum((-2, -1))
+    return both.to(distance) / either.to(distance)
+
+
+def proximity_error(
+    distance: Float[Tensor, "*B T V"], truth: Float[Tensor, "*#B T V"]
+) -> Float[Tensor, "*B T"]:
+    """Mean difference of the vertices' unsigned distances to the object, metres, per frame.
+
+    Source: C.2, proximity error, with distances to the surface in place of object points.
+    """
+    return (distance.abs() - truth.abs()).abs().mean(-1)
+
+
+def motion_consistency(
+    verts: Float[Tensor, "T V 3"],
+    query: SurfaceQuery,
+    fields: tuple[SurfaceDistance, ...],
+    rotation: Float[Tensor, "T Q 3 3"],
+    translation: Float[Tensor, "T Q 3"],
+) -> Float[Tensor, " T-1"]:
+    """Hand-object motion consistency of each frame in square metres; NaN where the object rests.
+
+    ||exp(-100 d) dh - do||^2 for the nearest pair of hand and object point (h, o), d apart; dh and
+    do are how far each goes to the next frame, o with the part of the object that it lies on. Zero
+    for a hand that carries what it touches.
+
+    Source: C.2, hand-object motion consistency.
+
+    Args:
+        verts: hand points, world frame.
+        query: what the object answered to them.
+        fields: one per part.
+        rotation: part to world.
+        translation: part to world, metres.
+    """
+    gap, nearest = query.distance.abs().min(-1)
+    pick = nearest[:, None, None].expand(-1, 1, 3)
+    touched = query.closest.gather(1, pick)[:, 0]
+    part = part_at(touched, fields, rotation, translation)[:-1]
+    frames = torch.arange(len(part), device=verts.device)
+    now = Rigid(rotation[frames, part], translation[frames, part])
+    later = Rigid(rotation[frames + 1, part], translation[frames + 1, part])
+    step = later.compose(now.inverse()).apply(touched[:-1, None])[:, 0] - touched[:-1]
+    hand_step = (verts[1:] - verts[:-1]).gather(1, pick[:-1])[:, 0]
+    miss = (torch.exp(-CLOSENESS * gap[:-1, None]) * hand_step - step).square().sum(-1)
+    return torch.where(step.norm(dim=-1) > MOVING, miss, torch.nan)
+
+
+def part_at(
+    points: Float[Tensor, "T 3"],
+    fields: tuple[SurfaceDistance, ...],
+    rotation: Float[Tensor, "T Q 3 3"],
+    translation: Float[Tensor, "T Q 3"],
+) -> Int[Tensor, " T"]:
+    """The part on whose surface each frame's point lies, in the world frame."""
+    distances = []
+    for part, field in enumerate(fields):
+        pose_world_part = Rigid(rotation[:, part], translation[:, part])
+        distances.append(field.query(pose_world_part.inverse().apply(points[:, None])).distance)
+    return torch.stack(distances)[..., 0].abs().argmin(0)
