@@ -14,7 +14,7 @@ from torch import Tensor, nn
 from geneoh.denoisers.base import HAND_SCALE
 from geneoh.diffusion.precondition import denoised
 from geneoh.nn.blocks import FrameTransformer, mlp
-from geneoh.representation.temporal import TemporalRelations
+from geneoh.representation.temporal import PairStatistics, TemporalRelations
 
 SPEED_SCALE = 0.2
 """Typical relative speed near contact, m/s."""
@@ -32,16 +32,6 @@ class TemporalConfig:
     width: int = 160
     depth: int = 4
     heads: int = 4
-
-
-@dataclass(frozen=True)
-class DecodedRelations:
-    """The statistics of T that the decoder recovers, in the units of `TemporalRelations`."""
-
-    distance: Float[Tensor, "B T K 21"]
-    velocity: Float[Tensor, "B T K 21 3"]
-    tangential: Float[Tensor, "B T K 21"]
-    normal: Float[Tensor, "B T K 21"]
 
 
 class TemporalAutoencoder(nn.Module):
@@ -89,13 +79,13 @@ class TemporalAutoencoder(nn.Module):
         object_velocity: Float[Tensor, "B T K 3"],
         normals: Float[Tensor, "B T K 3"],
         points: Float[Tensor, "B T K 3"],
-    ) -> DecodedRelations:
+    ) -> PairStatistics:
         """Statistics around the contact points whose motion and place are known."""
         latent = latent * self.latent_std + self.latent_mean
         place = self._place(object_velocity, normals, points)
         around = latent[:, :, None].expand(-1, -1, points.shape[2], -1)
         out = self.decode_point(torch.cat([around, place], dim=-1)).unflatten(-1, (21, 6))
-        return DecodedRelations(
+        return PairStatistics(
             distance=out[..., 0] * HAND_SCALE,
             velocity=out[..., 3:] * SPEED_SCALE,
             tangential=out[..., 1] * SPEED_SCALE,

@@ -17,11 +17,9 @@ NORMAL_GAIN = 1.0
 
 
 @dataclass(frozen=True)
-class TemporalRelations:
-    """Statistics of eq. (1) for T - 1 frame pairs, canonical frame, metres and seconds."""
+class PairStatistics:
+    """What eq. (1) says of every keypoint and contact point, for T - 1 frame pairs."""
 
-    object_velocity: Float[Tensor, "*B T1 K 3"]
-    normals: Float[Tensor, "*B T1 K 3"]
     distance: Float[Tensor, "*B T1 K 21"]
     velocity: Float[Tensor, "*B T1 K 21 3"]
     """v_ho: keypoint velocity minus contact-point velocity."""
@@ -29,6 +27,14 @@ class TemporalRelations:
     """e_parallel = exp(-k d) k_a |v_ho in the tangent plane|."""
     normal: Float[Tensor, "*B T1 K 21"]
     """e_perpendicular = exp(-k d) k_b |v_ho along the normal|."""
+
+
+@dataclass(frozen=True)
+class TemporalRelations(PairStatistics):
+    """T of eq. (1) for T - 1 frame pairs, canonical frame, metres and seconds."""
+
+    object_velocity: Float[Tensor, "*B T1 K 3"]
+    normals: Float[Tensor, "*B T1 K 3"]
 
 
 def encode_temporal(

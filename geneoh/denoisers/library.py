@@ -1,0 +1,63 @@
+"""The trained denoisers: where the shipped weights lie and how networks are rebuilt from files."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import torch
+from torch import nn
+
+from geneoh.denoisers.motion import MotionConfig, MotionDenoiser
+from geneoh.denoisers.spatial import SpatialConfig, SpatialDenoiser
+from geneoh.denoisers.temporal import TemporalConfig, TemporalDenoiser
+from geneoh.errors import CheckpointError
+from geneoh.nn.checkpoint import load_checkpoint
+
+SHIPPED = Path(__file__).parent / "assets"
+"""Folder of the weights inside the package: motion, spatial and temporal.safetensors."""
+
+Network = TypeVar("Network", bound=nn.Module)
+
+
+@dataclass(frozen=True)
+class Denoisers:
+    """The three stages, ready to run."""
+
+    motion: MotionDenoiser
+    spatial: SpatialDenoiser
+    temporal: TemporalDenoiser
+    records: dict[str, dict[str, Any]]
+    """How each stage was trained, by stage."""
+
+
+def load_denoisers(
+    folder: Path | None = None, *, device: torch.device | str = "cpu"
+) -> Denoisers:
+    """All three stages from one folder, the shipped weights by default.
+
+    Raises:
+        CheckpointError: a file is missing or does not fit its network.
+    """
+    folder = folder or SHIPPED
+    saved = {
+        stage: load_checkpoint(folder / f"{stage}.safetensors")
+        for stage in ("motion", "spatial", "temporal")
+    }
+
+    def rebuilt(stage: str, network: Network) -> Network:
+        try:
+            network.load_state_dict(saved[stage].tensors)
+        except RuntimeError as error:
+            raise CheckpointError(
+                f"{folder / stage}.safetensors: expected weights of this version's {stage} network, "
+                f"got others ({str(error).splitlines()[-1].strip()}); train them again"
+            ) from error
+        return network.to(device).eval().requires_grad_(False)
+
+    settings = {stage: saved[stage].record["config"][stage] for stage in saved}
+    return Denoisers(
+        rebuilt("motion", MotionDenoiser(MotionConfig(**settings["motion"]))),
+        rebuilt("spatial", SpatialDenoiser(SpatialConfig(**settings["spatial"]))),
+        rebuilt("temporal", TemporalDenoiser(TemporalConfig(**settings["temporal"]))),
+        {stage: checkpoint.record for stage, checkpoint in saved.items()},
+    )

@@ -1,0 +1,188 @@
+"""Keypoints, and the object's surface, to hand parameters: damped least squares over all frames."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from geneoh.fitting.solve import solve_coupled_frames
+from geneoh.fitting.terms import (
+    UNKNOWNS,
+    Equations,
+    HandState,
+    keypoint_term,
+    pose_term,
+    steadiness,
+    surface_term,
+)
+from geneoh.geometry.distance import SurfaceQuery
+from geneoh.geometry.rotations import axis_angle_to_matrix, kabsch
+from geneoh.hand.model import ShapedHand
+from geneoh.hand.skeleton import TIP_PARENTS
+
+Surface = Callable[[Tensor], SurfaceQuery]
+"""Signed distance, closest point and normal of world points over all frames."""
+PALM = (0, 1, 5, 9, 13, 17)
+"""Keypoints that move together when the fingers bend: wrist, thumb base and the four knuckles."""
+
+
+@dataclass(frozen=True)
+class FitConfig:
+    """Deviations that weigh the terms against each other."""
+
+    iterations: int = 12
+    contact_iterations: int = 8
+    joint_std: float = 0.003
+    """Trusted distance between fitted and target keypoints, metres."""
+    prior: float = 0.1
+    """Weight of the relaxed pose against one deviation of a keypoint."""
+    limit: float = 20.0
+    """Weight of overshooting a joint limit, 1/rad."""
+    steady_finger: float = 2.0
+    """Weight of a finger joint's change between frames, 1/rad."""
+    steady_wrist: float = 0.5
+    """Weight of the wrist's turn (1/rad) between frames; its position is left to the keypoints."""
+    depth_std: float = 0.001
+    """Penetration that counts as much as a keypoint off by `joint_std`, metres."""
+    touch: float = 0.003
+    """Fingertips closer than this to the surface are drawn onto it, metres."""
+    touch_std: float = 0.002
+    surface_verts: int = 96
+    """Vertices nearest to or deepest in the object that are looked at per frame."""
+
+
+@dataclass(frozen=True)
+class Planes:
+    """Tangent planes that chosen vertices should reach, per sample and frame."""
+
+    verts: Int[Tensor, "S T K"]
+    closest: Float[Tensor, "S T K 3"]
+    normal: Float[Tensor, "S T K 3"]
+    weight: Float[Tensor, "S T K"]
+
+
+def start_from_keypoints(joints: Float[Tensor, "S T 21 3"], shaped: ShapedHand) -> HandState:
+    """A start where there are no parameters: the palm laid on its keypoints, fingers relaxed."""
+    model = shaped.model
+    rotations = axis_angle_to_matrix(model.pose_mean.clone()).expand(*joints.shape[:2], 16, 3, 3)
+    rest = shaped.joints_from_rotations(torch.eye(3).to(joints).expand(16, 3, 3), joints.new_zeros(3))
+    palm = list(PALM)
+    weights = joints.new_ones(len(palm))
+    turn, _ = kabsch(rest[palm].expand_as(joints[..., palm, :]), joints[..., palm, :], weights)
+    rotations = torch.cat([turn[..., None, :, :], rotations[..., 1:, :, :]], dim=-3)
+    return HandState(rotations, joints[..., 0, :])
+
+
+def fit_hand(
+    target: Float[Tensor, "S T 21 3"],
+    trust: Float[Tensor, "S T 21"],
+    shaped: ShapedHand,
+    start: HandState,
+    *,
+    config: FitConfig,
+    surface: Surface | None = None,
+    on_step: Callable[[int, int], None] | None = None,
+) -> HandState:
+    """Hand parameters that follow target keypoints and stay out of the object.
+
+    Levenberg-Marquardt on all frames at once: the frames are coupled by a steadiness term, so each
+    step solves one block tridiagonal system per sample. Source: paper A.3 for what is fitted; the
+    solver, the temporal, limit and surface terms are ours.
+
+    Args:
+        target: keypoints in the world, one set per sample.
+        trust: 0 to 1 per keypoint; 0 leaves it to the prior and its neighbours in time.
+        shaped: the hand of the person.
+        start: parameters to start from (see `start_from_keypoints`).
+        config: weights and iterations.
+        surface: the object; without it only keypoints count.
+        on_step: called with (done, total) after each iteration.
+    """
+    weight = trust.sqrt() / config.joint_std
+    coupling = steadiness_weight(config).to(target)
+    damping = target.new_full((len(target), 1), 1e-2)
+    total = config.iterations + (config.contact_iterations if surface else 0)
+    state = start
+    for iteration in range(total):
+        planes = None
+        if surface is not None and iteration >= config.iterations:
+            planes = contact_planes(state, shaped, surface, config)
+
+        def equations(at: HandState, planes: Planes | None = planes) -> Equations:
+            found = keypoint_term(at, shaped, target, weight)
+            found = found + pose_term(at, shaped.model, config.prior, config.limit)
+            if planes is not None:
+                found = found + surface_term(
+                    at, shaped, planes.verts, planes.closest, planes.normal, planes.weight
+                )
+            return found
+
+        state, damping = _step(state, equations, coupling, damping)
+        if on_step is not None:
+            on_step(iteration + 1, total)
+    return state
+
+
+def steadiness_weight(config: FitConfig) -> Float[Tensor, " 51"]:
+    """Weight of each unknown's change between neighbouring frames."""
+    weight = torch.zeros(UNKNOWNS)
+    weight[:3], weight[3:48] = config.steady_wrist, config.steady_finger
+    return weight
+
+
+def _step(
+    state: HandState,
+    equations: Callable[[HandState], Equations],
+    weight: Float[Tensor, " 51"],
+    damping: Float[Tensor, "S 1"],
+) -> tuple[HandState, Float[Tensor, "S 1"]]:
+    """One damped step per sample, kept where it lowers the energy; damping follows the success."""
+    here = equations(state)
+    steady, pull = steadiness(state, weight)
+    before = (here.energy + steady).sum(-1, keepdim=True)
+    scale = here.matrix.diagonal(dim1=-2, dim2=-1).mean((-1, -2))[:, None, None]
+    ridge = (damping[..., None] * scale).expand(*here.gradient.shape)
+    step = solve_coupled_frames(
+        here.matrix + torch.diag_embed(ridge), -(here.gradient + pull), weight.square()
+    )
+    moved = state.moved(step)
+    after = (equations(moved).energy + steadiness(moved, weight)[0]).sum(-1, keepdim=True)
+    better = after < before
+    keep = better[..., None]
+    state = HandState(
+        torch.where(keep[..., None, None], moved.rotations, state.rotations),
+        torch.where(keep, moved.wrist, state.wrist),
+    )
+    return state, torch.where(better, damping / 4, damping * 6).clamp(1e-6, 1e3)
+
+
+def contact_planes(
+    state: HandState, shaped: ShapedHand, surface: Surface, config: FitConfig
+) -> Planes:
+    """Where the hand is inside the object it is pushed out; where a fingertip nearly touches, drawn on.
+
+    The vertices least far from the object are looked at; those that are neither inside nor the
+    nearest of a touching phalanx get no weight.
+    """
+    verts = shaped.verts_from_rotations(state.rotations, state.wrist).verts
+    found = surface(verts)
+    nearest = found.distance.topk(config.surface_verts, dim=-1, largest=False)
+    index = nearest.indices
+    points = index[..., None].expand(*index.shape, 3)
+    distance = nearest.values
+    inside = (distance < 0).to(distance) / config.depth_std
+    bone = shaped.model.skin_weights.argmax(-1)[index]
+    touching = torch.zeros_like(distance)
+    for joint in TIP_PARENTS:
+        apart = torch.where(bone == joint, distance, torch.inf)
+        value, at = apart.min(-1, keepdim=True)
+        close = ((value > 0) & (value < config.touch)).to(distance)
+        touching.scatter_add_(-1, at, close / config.touch_std)
+    return Planes(
+        index,
+        found.closest.gather(-2, points),
+        found.normal.gather(-2, points),
+        inside + touching,
+    )

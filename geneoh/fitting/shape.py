@@ -1,0 +1,55 @@
+"""One shape per sequence: betas of the hand at hand from a person's rest skeleton or bone lengths."""
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.hand.model import HandModel
+from geneoh.hand.skeleton import OPENPOSE_FROM_MANO
+
+BONE_STD = 0.002
+"""How well a bone's length is known and can be met by ten shape directions, metres."""
+ITERATIONS = 8
+
+
+def _skeleton_basis(model: HandModel) -> tuple[Float[Tensor, "20 3"], Float[Tensor, "20 3 S"]]:
+    """Rest offsets at zero betas and their change per beta: the offsets are linear in the betas."""
+    count = model.shape_dirs.shape[-1]
+    mean = model.shaped(model.template.new_zeros(count)).offsets
+    each = model.shaped(torch.eye(count).to(model.template)).offsets
+    return mean, (each - mean).permute(1, 2, 0)
+
+
+def _bone_order() -> list[int]:
+    """Row of the rest offsets whose bone ends in keypoint 1, 2, ... 20."""
+    # joint m of the 16 joints and 5 tips ends in offset row m - 1
+    return [mano - 1 for mano in OPENPOSE_FROM_MANO[1:]]
+
+
+def betas_from_offsets(model: HandModel, offsets: Float[Tensor, "20 3"]) -> Float[Tensor, " S"]:
+    """Betas whose rest skeleton is nearest to the given one, with a standard normal prior."""
+    mean, basis = _skeleton_basis(model)
+    rows = basis.flatten(0, 1) / BONE_STD
+    wanted = (offsets - mean).flatten() / BONE_STD
+    eye = torch.eye(basis.shape[-1]).to(basis)
+    return torch.linalg.solve(rows.T @ rows + eye, rows.T @ wanted)
+
+
+def betas_from_lengths(model: HandModel, lengths: Float[Tensor, " 20"]) -> Float[Tensor, " S"]:
+    """Betas whose bones are as long as those of `bone_lengths`, with a standard normal prior.
+
+    Gauss-Newton: lengths hardly bend over the range of shapes, so a few steps reach the optimum.
+    """
+    mean, basis = _skeleton_basis(model)
+    order = _bone_order()
+    mean, basis = mean[order], basis[order]
+    betas = mean.new_zeros(basis.shape[-1])
+    eye = torch.eye(len(betas)).to(basis)
+    for _ in range(ITERATIONS):
+        bones = mean + basis @ betas
+        length = bones.norm(dim=-1)
+        rows = torch.einsum("bcs,bc->bs", basis, bones / length[:, None]) / BONE_STD
+        miss = (lengths - length) / BONE_STD
+        betas = betas + torch.linalg.solve(rows.T @ rows + eye, rows.T @ miss - betas)
+    return betas
+

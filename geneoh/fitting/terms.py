@@ -1,0 +1,196 @@
+"""Energy terms of the hand fit as linearised residuals: normal equations per frame.
+
+The unknowns of a frame are 51: an increment w of each joint's local rotation (R <- R exp(w), 16 x 3)
+and of the wrist position (3). Turning joint j by w in its own frame moves a point p below it by
+(G_j w) x (p - p_j), with G_j the joint's global rotation and p_j its centre.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
+from geneoh.hand.model import HandModel, ShapedHand
+from geneoh.hand.skeleton import MANO_FROM_OPENPOSE, PARENTS, TIP_PARENTS, forward_kinematics
+
+UNKNOWNS = 51
+
+
+@dataclass(frozen=True)
+class HandState:
+    """Hands of S samples over T frames as the fit moves them, world frame."""
+
+    rotations: Float[Tensor, "S T 16 3 3"]
+    wrist: Float[Tensor, "S T 3"]
+
+    def moved(self, step: Float[Tensor, "S T 51"]) -> "HandState":
+        """The state after an increment of all unknowns."""
+        turn = axis_angle_to_matrix(step[..., :48].unflatten(-1, (16, 3)))
+        return HandState(self.rotations @ turn, self.wrist + step[..., 48:])
+
+    @property
+    def pose(self) -> Float[Tensor, "S T 16 3"]:
+        """Axis-angle of every joint."""
+        return matrix_to_axis_angle(self.rotations)
+
+
+@dataclass(frozen=True)
+class Equations:
+    """Normal equations of squared residuals: energy, half gradient and Gauss-Newton matrix."""
+
+    energy: Float[Tensor, "S T"]
+    gradient: Float[Tensor, "S T 51"]
+    matrix: Float[Tensor, "S T 51 51"]
+
+    def __add__(self, other: "Equations") -> "Equations":
+        """The equations of both terms together."""
+        return Equations(
+            self.energy + other.energy,
+            self.gradient + other.gradient,
+            self.matrix + other.matrix,
+        )
+
+
+def _normal_equations(
+    residual: Float[Tensor, "S T R"], jacobian: Float[Tensor, "S T R 51"]
+) -> Equations:
+    return Equations(
+        residual.square().sum(-1),
+        torch.einsum("...ru,...r->...u", jacobian, residual),
+        jacobian.transpose(-1, -2) @ jacobian,
+    )
+
+
+def _below() -> Float[Tensor, "16 16"]:
+    """1 at (a, j) where joint j is joint a or hangs below it."""
+    table = torch.eye(16)
+    for joint in range(1, 16):
+        parent = PARENTS[joint]
+        while parent >= 0:
+            table[parent, joint] = 1
+            parent = PARENTS[parent]
+    return table
+
+
+BELOW = _below()
+MOVES_KEYPOINT = torch.cat([BELOW.T - torch.eye(16), BELOW.T[list(TIP_PARENTS)]])
+"""1 at (m, j) where turning joint j moves entry m of the 16 joints followed by the 5 tips."""
+
+
+def keypoint_term(
+    state: HandState,
+    shaped: ShapedHand,
+    target: Float[Tensor, "S T 21 3"],
+    weight: Float[Tensor, "S T 21"],
+) -> Equations:
+    """Squared distance to target keypoints; `weight` is 1 / deviation in 1/m."""
+    joints, turn, centers = _kinematics(state, shaped)
+    mano = joints[..., list(MANO_FROM_OPENPOSE), :]
+    arm = mano[..., :, None, :] - centers[..., None, :, :]
+    arm = arm * MOVES_KEYPOINT.to(arm)[:, :, None]
+    axes = turn.transpose(-1, -2)  # row c of joint j: the world direction of its local axis c
+    columns = torch.linalg.cross(
+        axes[..., None, :, :, :].expand(*arm.shape[:-1], 3, 3),
+        arm[..., None, :].expand(*arm.shape[:-1], 3, 3),
+        dim=-1,
+    )
+    rotate = columns.permute(0, 1, 2, 5, 3, 4).flatten(-2)  # (S, T, 21, xyz, 16 * 3)
+    eye = torch.eye(3).to(arm).expand(*rotate.shape[:-1], 3)
+    jacobian = torch.cat([rotate, eye], dim=-1)
+    order = list(MANO_FROM_OPENPOSE)
+    scale = weight[..., order, None]
+    residual = (mano - target[..., order, :]) * scale
+    jacobian = jacobian * scale[..., None]
+    return _normal_equations(residual.flatten(-2), jacobian.flatten(-3, -2))
+
+
+def _kinematics(
+    state: HandState, shaped: ShapedHand
+) -> tuple[
+    Float[Tensor, "S T 21 3"], Float[Tensor, "S T 16 3 3"], Float[Tensor, "S T 16 3"]
+]:
+    """Keypoints, global rotations and joint centres (MANO order)."""
+    offsets = shaped.offsets.expand(*state.wrist.shape[:-1], 20, 3)
+    joints, turn = forward_kinematics(state.rotations, state.wrist, offsets)
+    return joints, turn, joints[..., list(MANO_FROM_OPENPOSE[:16]), :]
+
+
+def pose_term(state: HandState, model: HandModel, prior: float, limit: float) -> Equations:
+    """Distance to a relaxed hand in its own deviations, and overshoot of the joint limits.
+
+    Args:
+        state: the hands.
+        model: holds pose_mean, pose_std, pose_low and pose_high.
+        prior: weight of the relaxed pose, in deviations of the prior.
+        limit: weight of overshoot, 1/rad.
+    """
+    pose = state.pose[..., 1:, :]
+    toward = (pose - model.pose_mean[1:]) / model.pose_std[1:] * prior
+    over = (pose - model.pose_high[1:]).clamp(min=0) + (pose - model.pose_low[1:]).clamp(max=0)
+    slope = (prior / model.pose_std[1:]).expand_as(pose)
+    hit = (over != 0).to(pose) * limit
+    # near enough: d(axis-angle)/dw is the identity for small rotations, and the step is damped
+    gradient = torch.zeros(*pose.shape[:-2], UNKNOWNS).to(pose)
+    diagonal = torch.zeros_like(gradient)
+    gradient[..., 3:48] = (toward * slope + over * limit * hit).flatten(-2)
+    diagonal[..., 3:48] = (slope.square() + hit.square()).flatten(-2)
+    energy = toward.square().sum((-1, -2)) + (over * limit).square().sum((-1, -2))
+    return Equations(energy, gradient, torch.diag_embed(diagonal))
+
+
+def surface_term(
+    state: HandState,
+    shaped: ShapedHand,
+    verts: Int[Tensor, "S T K"],
+    closest: Float[Tensor, "S T K 3"],
+    normal: Float[Tensor, "S T K 3"],
+    weight: Float[Tensor, "S T K"],
+) -> Equations:
+    """Signed height of chosen vertices over tangent planes of the object, towards zero.
+
+    Args:
+        state: the hands.
+        shaped: their shape.
+        verts: indices of the vertices to move, per frame.
+        closest: a point of the plane that each vertex should reach, world.
+        normal: the plane's unit normal, world.
+        weight: 1 / deviation in 1/m; 0 leaves a vertex alone.
+    """
+    _, turn, centers = _kinematics(state, shaped)
+    model = shaped.model
+    shift = centers - (turn @ shaped.joints[..., None])[..., 0]
+    rest = shaped.verts[verts]
+    skin = model.skin_weights[verts]
+    each = torch.einsum("stjrc,stvc->stvjr", turn, rest) + shift[..., None, :, :]
+    placed = (skin[..., None] * each).sum(-2)
+    below = BELOW.to(skin)
+    carried = torch.einsum("aj,stvj,stvjr->stvar", below, skin, each)
+    share = torch.einsum("aj,stvj->stva", below, skin)
+    arm = carried - share[..., None] * centers[..., None, :, :]
+    torque = torch.linalg.cross(arm, normal[..., None, :].expand_as(arm), dim=-1)
+    rotate = torch.einsum("stjrc,stvjr->stvjc", turn, torque).flatten(-2)
+    jacobian = torch.cat([rotate, normal], dim=-1) * weight[..., None]
+    height = ((placed - closest) * normal).sum(-1) * weight
+    return _normal_equations(height, jacobian)
+
+
+def steadiness(
+    state: HandState, weight: Float[Tensor, " 51"]
+) -> tuple[Float[Tensor, "S T"], Float[Tensor, "S T 51"]]:
+    """Energy and half gradient of the change between neighbouring frames, per unknown.
+
+    The change of a local rotation is the axis-angle of R_t^T R_{t+1}, that of the wrist a
+    difference. Its Gauss-Newton matrix is tridiagonal and known to the solver.
+    """
+    rotations, wrist = state.rotations, state.wrist
+    change = matrix_to_axis_angle(rotations[:, :-1].transpose(-1, -2) @ rotations[:, 1:])
+    change = torch.cat([change.flatten(-2), wrist.diff(dim=1)], dim=-1)
+    pull = weight.square() * change
+    energy = torch.zeros_like(wrist[..., 0])
+    gradient = change.new_zeros(*wrist.shape[:-1], UNKNOWNS)
+    energy[:, 1:] += (pull * change).sum(-1)
+    gradient[:, 1:] += pull
+    gradient[:, :-1] -= pull
+    return energy, gradient

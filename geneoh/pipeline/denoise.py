@@ -1,0 +1,324 @@
+"""From a noisy interaction to a clean one: the whole way of the data in one place."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from geneoh.denoisers.library import Denoisers, load_denoisers
+from geneoh.errors import ConfigError, InputError
+from geneoh.fitting.adam import AdamFitConfig, fit_with_adam
+from geneoh.fitting.fit import FitConfig, fit_hand, start_from_keypoints
+from geneoh.fitting.terms import HandState
+from geneoh.geometry.distance import SurfaceDistance, SurfaceQuery, query_parts
+from geneoh.geometry.mesh import size_warning
+from geneoh.geometry.rotations import matrix_to_axis_angle
+from geneoh.geometry.sampling import sample_surface
+from geneoh.hand.library import Source, load_hand
+from geneoh.hand.model import ShapedHand, Side
+from geneoh.metrics.report import InteractionReport, measure
+from geneoh.pipeline.person import Person, person_of
+from geneoh.pipeline.presets import Preset, PresetName, Selection, preset
+from geneoh.pipeline.stages import Scene, denoise_motion, denoise_spatial, denoise_temporal
+from geneoh.sequence.checks import check_sequence
+from geneoh.sequence.resample import at_rate, over_frames
+from geneoh.sequence.tracks import HandTrack, ObjectTrack, Sequence
+
+RATE = 30.0
+"""Frames a second that the networks know."""
+SURFACE_POINTS = 1024
+NEAR = 0.02
+"""Vertices farther than this from the object's box need no exact distance in the fit, metres."""
+
+OnProgress = Callable[[str, int, int], None]
+"""Called with the stage's name and its steps done and in all."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """What a user can choose; see `geneoh denoise --help`."""
+
+    preset: PresetName = "default"
+    samples: int = 1
+    seed: int = 0
+    steps: int | None = None
+    selection: Selection = "closest"
+    hand: Source = "embedded"
+    mano_dir: Path | None = None
+    weights: Path | None = None
+    device: str = "cpu"
+
+    def resolved(self) -> Preset:
+        """The preset with the user's changes; `ConfigError` when a number is out of range."""
+        if self.samples < 1 or (self.steps is not None and self.steps < 1):
+            raise ConfigError(
+                f"samples and steps must be 1 or more, got {self.samples} and {self.steps}"
+            )
+        chosen = preset(self.preset)
+        return chosen if self.steps is None else chosen.with_steps(self.steps)
+
+
+@dataclass(frozen=True)
+class HandResult:
+    """What cleaning did to one hand."""
+
+    track: HandTrack
+    filled: Bool[Tensor, " T"]
+    """Frames that the input did not hold: the prior's, not the observation's."""
+    samples: Float[Tensor, "S T 21 3"]
+    """Keypoints of every sample after the three stages, before the fit."""
+    chosen: int
+    """Index of the sample that was kept; -1 for their mean."""
+    before: InteractionReport
+    after: InteractionReport
+    moved: float
+    """Mean distance in metres between the input's keypoints and the output's, observed frames."""
+    windows: int
+    seconds: dict[str, float]
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Denoised:
+    """A clean sequence and the story of how it came about."""
+
+    sequence: Sequence
+    hands: dict[Side, HandResult]
+    notes: tuple[str, ...]
+
+
+def denoise(
+    sequence: Sequence, options: Options | None = None, *, on_progress: OnProgress | None = None
+) -> Denoised:
+    """Clean every hand of a sequence against its object.
+
+    Left hands are mirrored to right ones here and back, other frame rates become 30 a second here
+    and back: nothing below knows of either. The same options and seed give the same result.
+
+    Raises:
+        InputError: the sequence cannot be cleaned as it is.
+        ConfigError: an option is out of range.
+    """
+    options = options or Options()
+    chosen = options.resolved()
+    if not sequence.object.meshes:
+        raise InputError(f"{sequence.source}: expected an object mesh, got none; pass --obj MESH")
+    check_sequence(sequence, sequence.source)
+    denoisers = load_denoisers(options.weights, device=options.device)
+    notes = [note for mesh in sequence.object.meshes if (note := size_warning(mesh))]
+    paced = at_rate(sequence, RATE)
+    if paced is not sequence:
+        notes.append(f"resampled from {sequence.fps:g} to {RATE:g} frames a second and back")
+    results: dict[Side, HandResult] = {}
+    for hand in paced.hands:
+        left = hand.side == "left"
+        track = hand.mirrored() if left else hand
+        moving = paced.object.mirrored() if left else paced.object
+        model = load_hand(hand.side, source=options.hand, mano_dir=options.mano_dir)
+        person = person_of(track, model.mirrored() if left else model)
+        result = _clean_right_hand(
+            track, moving, person, denoisers, chosen, options, paced.fps, on_progress
+        )
+        results[hand.side] = _returned(result, hand.side, sequence.frames, paced)
+    hands = tuple(results[hand.side].track for hand in sequence.hands)
+    clean = replace(sequence, hands=hands)
+    return Denoised(clean, results, tuple(notes))
+
+
+def _clean_right_hand(
+    track: HandTrack,
+    moving: ObjectTrack,
+    person: Person,
+    denoisers: Denoisers,
+    chosen: Preset,
+    options: Options,
+    fps: float,
+    on_progress: OnProgress | None,
+) -> HandResult:
+    """One right hand at the networks' rate: three stages, selection, fit, measurement."""
+    generator = torch.Generator().manual_seed(options.seed)
+    fields = tuple(SurfaceDistance(mesh) for mesh in moving.meshes)
+    scene = _scene(fields, moving, person, fps, generator=generator)
+    seconds: dict[str, float] = {}
+
+    def heard(stage: str) -> Callable[[int, int], None]:
+        began = time.monotonic()
+
+        def step(done: int, total: int) -> None:
+            seconds[stage] = time.monotonic() - began
+            if on_progress is not None:
+                on_progress(stage, done, total)
+
+        return step
+
+    def surface(verts: Float[Tensor, "S T V 3"]) -> SurfaceQuery:
+        return query_parts(fields, moving.rotation, moving.translation, verts, within=NEAR)
+
+    with torch.no_grad():
+        chains = _run_stages(denoisers, scene, person, chosen, options, heard, generator=generator)
+        chains = chains.unflatten(0, (options.samples, chosen.chains))
+        samples = chains.mean(1)
+        index, target = _select(samples, person, options.selection)
+        state, shaped = _fit(target, person, chosen, surface, heard("fit"))
+        posed = shaped.verts_from_rotations(state.rotations, state.wrist)
+        # verts and joints of the input as it came, for the comparison only
+        given = person.start or fit_hand(
+            person.joints[None],
+            person.trust[None],
+            person.shaped,
+            start_from_keypoints(person.joints[None], person.shaped),
+            config=FitConfig(steady_finger=0.2, steady_wrist=0.0),
+        )
+        raw = person.shaped.verts_from_rotations(given.rotations, given.wrist)
+    spread = chains.flatten(0, 1) if options.samples == 1 else samples
+    clean = HandTrack(
+        side="right",
+        valid=torch.ones_like(track.valid),
+        joints=posed.joints[0],
+        pose=matrix_to_axis_angle(state.rotations)[0],
+        wrist=state.wrist[0],
+        betas=person.betas if shaped is person.shaped else None,
+        hand_model=shaped.model.name,
+        joint_spread=_spread(spread) if len(spread) > 1 else None,
+    )
+    pose_of_object = (moving.rotation, moving.translation)
+    seen = person.trust > 0
+    return HandResult(
+        track=clean,
+        filled=~track.valid,
+        samples=samples,
+        chosen=index,
+        before=measure(raw.verts[0], person.joints, fields, *pose_of_object, fps),
+        after=measure(posed.verts[0], posed.joints[0], fields, *pose_of_object, fps),
+        moved=float((posed.joints[0] - person.joints).norm(dim=-1)[seen].mean()),
+        windows=len(scene.starts),
+        seconds=seconds,
+        notes=person.notes,
+    )
+
+
+def _scene(
+    fields: tuple[SurfaceDistance, ...],
+    moving: ObjectTrack,
+    person: Person,
+    fps: float,
+    *,
+    generator: torch.Generator,
+) -> Scene:
+    """The object's surface and motion; points are shared among parts by area."""
+    areas = torch.stack([field.mesh.face_vectors().norm(dim=-1).sum() for field in fields])
+    counts = (SURFACE_POINTS * areas / areas.sum()).round().long().clamp(min=16)
+    drawn = [
+        sample_surface(field.solid, int(count), generator=generator)
+        for field, count in zip(fields, counts, strict=True)
+    ]
+    return Scene(
+        points=torch.cat([part.points for part in drawn]),
+        normals=torch.cat([part.normals for part in drawn]),
+        part=torch.arange(len(fields)).repeat_interleave(counts),
+        rotation=moving.rotation,
+        translation=moving.translation,
+        trust=person.trust,
+        fps=fps,
+    )
+
+
+def _run_stages(
+    denoisers: Denoisers,
+    scene: Scene,
+    person: Person,
+    chosen: Preset,
+    options: Options,
+    heard: Callable[[str], Callable[[int, int], None]],
+    *,
+    generator: torch.Generator,
+) -> Float[Tensor, "S T 21 3"]:
+    """MotionDiff, SpatialDiff and TemporalDiff in order, all samples and chains in one batch."""
+    joints = person.joints.expand(options.samples * chosen.chains, -1, -1, -1)
+    joints = denoise_motion(
+        denoisers.motion,
+        joints,
+        scene,
+        chosen.motion,
+        observed=chosen.observed,
+        generator=generator,
+        on_step=heard("motion"),
+    )
+    joints = denoise_spatial(
+        denoisers.spatial,
+        joints,
+        scene,
+        chosen.spatial,
+        observed=chosen.observed,
+        generator=generator,
+        on_step=heard("spatial"),
+    )
+    return denoise_temporal(
+        denoisers.temporal,
+        joints,
+        scene,
+        chosen.temporal,
+        observed=chosen.observed,
+        correct=chosen.correct,
+        align=chosen.align,
+        generator=generator,
+        on_step=heard("temporal"),
+    )
+
+
+def _select(
+    samples: Float[Tensor, "S T 21 3"], person: Person, selection: Selection
+) -> tuple[int, Float[Tensor, "1 T 21 3"]]:
+    """The sample nearest to the input where it was seen, as in the paper, or the mean of all."""
+    if selection == "mean":
+        return -1, samples.mean(0, keepdim=True)
+    apart = ((samples - person.joints).norm(dim=-1) * person.trust).sum((1, 2))
+    index = int(apart.argmin())
+    return index, samples[index : index + 1]
+
+
+def _fit(
+    target: Float[Tensor, "1 T 21 3"],
+    person: Person,
+    chosen: Preset,
+    surface: Callable[[Tensor], SurfaceQuery],
+    on_step: Callable[[int, int], None],
+) -> tuple[HandState, ShapedHand]:
+    """Hand parameters and shape; filled frames count as much, the stages' prior filled them."""
+    trust = torch.ones_like(target[..., 0])
+    model = person.shaped.model
+    if isinstance(chosen.fit, AdamFitConfig):
+        with torch.enable_grad():
+            state, betas = fit_with_adam(target, trust, model, config=chosen.fit, on_step=on_step)
+        return state, model.shaped(betas[0])
+    start = person.start or start_from_keypoints(target, person.shaped)
+    state = fit_hand(
+        target,
+        trust,
+        person.shaped,
+        start,
+        config=chosen.fit,
+        surface=surface if chosen.contact else None,
+        on_step=on_step,
+    )
+    return state, person.shaped
+
+
+def _spread(samples: Float[Tensor, "S T 21 3"]) -> Float[Tensor, "T 21"]:
+    """Standard deviation of each keypoint over samples, metres: root of the mean squared distance."""
+    return samples.var(0).sum(-1).sqrt()
+
+
+def _returned(result: HandResult, side: Side, frames: int, paced: Sequence) -> HandResult:
+    """The result in the user's handedness and frame rate."""
+    back = over_frames(replace(paced, hands=(result.track,)), frames)
+    track = back.hands[0]
+    nearest = torch.linspace(0, paced.frames - 1, frames, dtype=torch.float64).round().long()
+    if side == "left":
+        flip = result.samples.new_tensor([-1.0, 1.0, 1.0])
+        track, result = track.mirrored(), replace(result, samples=result.samples * flip)
+    return replace(result, track=track, filled=result.filled[nearest])

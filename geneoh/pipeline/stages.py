@@ -1,0 +1,261 @@
+"""The three stages on world keypoints: window, canonicalise, denoise via diffusion, blend back.
+
+Windows and samples share one batch. Diffusion runs on the whole track: each denoiser call cuts the
+track into windows and blends what they answer, so windows agree at every noise level and no seam
+forms. Noise is the same in the world and in canonical frames, since those differ by rigid motions.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from geneoh.denoisers.base import HAND_SCALE, POINTS, Observation
+from geneoh.denoisers.motion import MotionDenoiser
+from geneoh.denoisers.spatial import SpatialDenoiser
+from geneoh.denoisers.temporal import TemporalDenoiser
+from geneoh.diffusion.samplers import OnStep, denoise_via_diffusion
+from geneoh.diffusion.schedule import descending_sigmas
+from geneoh.fitting.align import AlignConfig, align_to_relations
+from geneoh.pipeline.presets import StagePlan
+from geneoh.representation.region import ContactRegion, contact_region
+from geneoh.representation.temporal import PairStatistics, encode_temporal
+from geneoh.sequence.windows import WINDOW, fold, unfold, window_starts
+
+SELECT_EVERY = 4
+"""Frames skipped when contact points are chosen, as in training."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What the stages know besides the hand: the object's surface and motion, trust in keypoints."""
+
+    points: Float[Tensor, "P 3"]
+    """Object surface points in the frame of their part, with `normals` and `part` index."""
+    normals: Float[Tensor, "P 3"]
+    part: Int[Tensor, " P"]
+    rotation: Float[Tensor, "T Q 3 3"]
+    translation: Float[Tensor, "T Q 3"]
+    trust: Float[Tensor, "T 21"]
+    fps: float
+
+    @property
+    def frames(self) -> int:
+        """Number of frames T."""
+        return len(self.rotation)
+
+    @cached_property
+    def starts(self) -> list[int]:
+        """First frame of each window."""
+        return window_starts(self.frames)
+
+    @property
+    def size(self) -> int:
+        """Frames of a window: a short track is one window of its own length."""
+        return min(WINDOW, self.frames)
+
+    def cut(self, values: Float[Tensor, "..."], axis: int) -> Float[Tensor, "..."]:
+        """Windows of a tensor whose frames lie on `axis`, a window axis W in front of it."""
+        moved = values.movedim(axis, 0)
+        windows = unfold(moved.flatten(1).movedim(0, -2), self.starts, self.size)
+        windows = windows.unflatten(-1, moved.shape[1:])
+        return windows.movedim((0, 1), (axis, axis + 1))
+
+    def windows(self, joints: Float[Tensor, "S T 21 3"]) -> Float[Tensor, "B N 21 3"]:
+        """All windows of all samples as one batch, samples outermost."""
+        return self.cut(joints, 1).flatten(0, 1)
+
+    def blend(self, windows: Float[Tensor, "B N 21 3"]) -> Float[Tensor, "S T 21 3"]:
+        """Inverse of `windows`: overlapping windows cross smoothly."""
+        parted = windows.flatten(2).unflatten(0, (-1, len(self.starts)))
+        return fold(parted, self.starts, self.frames).unflatten(-1, (21, 3))
+
+    def region(self, joints: Float[Tensor, "S T 21 3"]) -> ContactRegion:
+        """Contact points of each window of each sample, from that sample's own hand."""
+        windows = self.windows(joints)
+        batch, samples = len(windows), len(joints)
+
+        def of_each(values: Tensor) -> Tensor:
+            return values.expand(batch, *values.shape)
+
+        def in_windows(values: Tensor) -> Tensor:
+            cut = self.cut(values, 0)
+            return cut.expand(samples, *cut.shape).flatten(0, 1)
+
+        return contact_region(
+            windows,
+            of_each(self.points),
+            of_each(self.normals),
+            of_each(self.part),
+            in_windows(self.rotation),
+            in_windows(self.translation),
+            count=POINTS,
+            every=SELECT_EVERY,
+        )
+
+    def observation(
+        self, joints: Float[Tensor, "S T 21 3"], region: ContactRegion, given: bool
+    ) -> Observation:
+        """The hand that a stage starts from, as the networks' condition."""
+        windows = self.windows(joints)
+        trust = self.cut(self.trust, 0).repeat(len(joints), 1, 1)
+        return Observation(
+            region.to_canon(windows), trust, torch.full((len(windows),), float(given)).to(joints)
+        )
+
+
+def denoise_motion(
+    model: MotionDenoiser,
+    joints: Float[Tensor, "S T 21 3"],
+    scene: Scene,
+    plan: StagePlan,
+    *,
+    observed: bool,
+    generator: torch.Generator,
+    on_step: OnStep | None = None,
+) -> Float[Tensor, "S T 21 3"]:
+    """MotionDiff: world keypoints with natural canonical trajectories."""
+    region = scene.region(joints)
+    observation = scene.observation(joints, region, observed)
+
+    def clean(x: Tensor, sigma: float) -> Tensor:
+        canon = region.to_canon(scene.windows(x * HAND_SCALE))
+        level = canon.new_full((len(canon),), sigma * HAND_SCALE)
+        return scene.blend(region.to_world(model(canon, level, observation))) / HAND_SCALE
+
+    return HAND_SCALE * denoise_via_diffusion(
+        clean,
+        joints / HAND_SCALE,
+        descending_sigmas(plan.level, plan.steps),
+        sampler=plan.sampler,
+        generator=generator,
+        on_step=on_step,
+    )
+
+
+def denoise_spatial(
+    model: SpatialDenoiser,
+    joints: Float[Tensor, "S T 21 3"],
+    scene: Scene,
+    plan: StagePlan,
+    *,
+    observed: bool,
+    generator: torch.Generator,
+    on_step: OnStep | None = None,
+) -> Float[Tensor, "S T 21 3"]:
+    """SpatialDiff: world keypoints with natural relations to the surface (eq. 8).
+
+    With the observation all contact points share the hand's noise and are averaged at every step;
+    withheld, each is a chain of its own and the average is taken at the end, as in the paper.
+    """
+    region = scene.region(joints)
+    observation = scene.observation(joints, region, observed)
+    points, normals = region.points_canon, region.normals_canon
+    sigmas = descending_sigmas(plan.level, plan.steps)
+
+    def each(hands: Float[Tensor, "B N K 21 3"], sigma: float) -> Float[Tensor, "B N K 21 3"]:
+        level = hands.new_full((len(hands),), sigma * HAND_SCALE)
+        return model(hands * HAND_SCALE, level, points, normals, observation) / HAND_SCALE
+
+    def around(canon: Float[Tensor, "B N 21 3"]) -> Float[Tensor, "B N K 21 3"]:
+        return canon[:, :, None].expand(-1, -1, points.shape[2], -1, -1)
+
+    if not observed:
+        hands = denoise_via_diffusion(
+            each,
+            around(region.to_canon(scene.windows(joints)) / HAND_SCALE),
+            sigmas,
+            sampler=plan.sampler,
+            generator=generator,
+            on_step=on_step,
+        )
+        return scene.blend(region.to_world(hands.mean(2) * HAND_SCALE))
+
+    def together(x: Tensor, sigma: float) -> Tensor:
+        canon = region.to_canon(scene.windows(x * HAND_SCALE)) / HAND_SCALE
+        mean = each(around(canon), sigma).mean(2)
+        return scene.blend(region.to_world(mean * HAND_SCALE)) / HAND_SCALE
+
+    return HAND_SCALE * denoise_via_diffusion(
+        together,
+        joints / HAND_SCALE,
+        sigmas,
+        sampler=plan.sampler,
+        generator=generator,
+        on_step=on_step,
+    )
+
+
+def denoise_temporal(
+    model: TemporalDenoiser,
+    joints: Float[Tensor, "S T 21 3"],
+    scene: Scene,
+    plan: StagePlan,
+    *,
+    observed: bool,
+    correct: bool,
+    align: AlignConfig,
+    generator: torch.Generator,
+    on_step: OnStep | None = None,
+) -> Float[Tensor, "S T 21 3"]:
+    """TemporalDiff: world keypoints whose relative motion is natural (eq. 9); needs two frames.
+
+    Args:
+        model: autoencoder and latent denoiser.
+        joints: the hand after the stage before.
+        scene: the object and the windows.
+        plan: how the latent is denoised.
+        observed: whether the denoiser is shown the latent of `joints`.
+        correct: aim at the relations of `joints` plus the change that denoising makes to the decoded
+            ones, so what the autoencoder cannot carry is not lost; False aims at the decoded ones.
+        align: the optimisation of the keypoints.
+        generator: source of the noise.
+        on_step: called with (done, total) after each denoiser call.
+    """
+    if scene.frames < 2:
+        return joints
+    region = scene.region(joints)
+    windows = scene.windows(joints)
+    relations = encode_temporal(windows, region, scene.fps)
+    points = region.points_canon[:, :-1]
+    latent = model.autoencoder.encode(relations, points)
+    given = latent.new_full((len(latent),), float(observed))
+
+    def clean(x: Tensor, sigma: float) -> Tensor:
+        return model(x, x.new_full((len(x),), sigma), latent, given)
+
+    denoised = denoise_via_diffusion(
+        clean,
+        latent,
+        descending_sigmas(plan.level, plan.steps),
+        sampler=plan.sampler,
+        generator=generator,
+        on_step=on_step,
+    )
+
+    def decoded(code: Tensor) -> PairStatistics:
+        return model.autoencoder.decode(
+            code, relations.object_velocity, relations.normals, points
+        )
+
+    target = decoded(denoised)
+    if correct:
+        target = _corrected(relations, target, decoded(latent))
+    with torch.enable_grad():
+        moved = align_to_relations(windows, region, target, scene.fps, config=align)
+    return scene.blend(moved)
+
+
+def _corrected(now: PairStatistics, clean: PairStatistics, noisy: PairStatistics) -> PairStatistics:
+    """`now` plus the difference between two decoded sets; lengths stay non-negative."""
+    return PairStatistics(
+        distance=(now.distance + clean.distance - noisy.distance).clamp(min=0),
+        velocity=now.velocity + clean.velocity - noisy.velocity,
+        tangential=(now.tangential + clean.tangential - noisy.tangential).clamp(min=0),
+        normal=(now.normal + clean.normal - noisy.normal).clamp(min=0),
+    )
+
+
