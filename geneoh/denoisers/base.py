@@ -1,4 +1,4 @@
-"""What the three denoisers share: the observation they may be shown, and the scales of their data."""
+"""What the three denoisers share: the observation they may be shown, the scales of their data."""
 
 from dataclasses import dataclass, replace
 
@@ -14,7 +14,7 @@ the paper's unit-variance schedule is read. Fixed, because bones have a length; 
 per-window deviation would throw that away."""
 NOISE_SCALE = 0.02
 """How far a clean keypoint typically is from its observation, metres."""
-POINTS = 48
+POINTS = 32
 """Contact points K the networks are trained with."""
 
 
@@ -48,7 +48,7 @@ class Observation:
         return torch.where(self.given > 0, NOISE_SCALE, HAND_SCALE)
 
     def features(self) -> Float[Tensor, "B T F"]:
-        """Per-frame network input: position, shape, trust, jitter, bone lengths; zero when withheld."""
+        """Input per frame: place, shape, jitter, trust, bone lengths; zero when withheld."""
         joints, wrist = self.joints, self.joints[:, :, :1]
         jitter = torch.zeros_like(joints)
         if joints.shape[1] > 2:

@@ -8,7 +8,7 @@ from torch import Tensor, nn
 
 from geneoh.denoisers.base import FEATURES, Observation
 from geneoh.diffusion.precondition import denoised
-from geneoh.nn.blocks import FrameTransformer
+from geneoh.nn.blocks import FrameTransformer, zeroed
 
 
 @dataclass(frozen=True)
@@ -24,14 +24,13 @@ class MotionDenoiser(nn.Module):
     """A transformer over frames that maps noisy canonical keypoints to clean ones."""
 
     def __init__(self, config: MotionConfig) -> None:
-        """Build the network; its last layer starts at zero, so it starts as the identity skip."""
+        """Build the network; its last layers start at zero, so it starts as the skip path."""
         super().__init__()
         self.config = config
         self.embed = nn.Linear(63 + FEATURES, config.width)
         self.trunk = FrameTransformer(config.width, config.depth, config.heads)
-        self.head = nn.Linear(config.width, 63)
-        nn.init.zeros_(self.head.weight)
-        nn.init.zeros_(self.head.bias)
+        self.head = zeroed(nn.Linear(config.width, 63))
+        self.gate = zeroed(nn.Linear(config.width, 63))
 
     def forward(
         self,
@@ -44,7 +43,10 @@ class MotionDenoiser(nn.Module):
 
         def network(scaled: Tensor, level: Tensor) -> Tensor:
             tokens = self.embed(torch.cat([scaled.flatten(2), features], dim=-1))
-            return self.head(self.trunk(tokens, level.flatten())).unflatten(-1, (21, 3))
+            tokens = self.trunk(tokens, level.flatten())
+            # the gate scales the sample itself: how far this input's observation is to be trusted
+            out = self.head(tokens) + self.gate(tokens) * scaled.flatten(2)
+            return out.unflatten(-1, (21, 3))
 
         sigma, scale = sigma[:, None, None, None], observation.scale[:, None, None, None]
         return denoised(network, x, observation.anchor, sigma, scale)

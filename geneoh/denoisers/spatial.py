@@ -1,9 +1,9 @@
 """SpatialDiff: the denoiser of hand-object spatial relations (paper 3.2; appendices A.2, C.4, C.5).
 
-Every contact point o predicts a whole hand around itself from its position, normal and offsets. As in
-the paper each point has its own noise and its own hand, and eq. (8) averages them; unlike it, points
-of a frame exchange what they see through a pooled token, so a finger's pads and back can be told apart
-and cost grows with frames rather than with points times frames.
+Every contact point o predicts a whole hand around itself from its position, normal and offsets. As
+in the paper each point has its own noise and its own hand, and eq. (8) averages them; unlike it,
+points of a frame exchange what they see through a pooled token, so a finger's pads and back can be
+told apart and cost grows with frames rather than with points times frames.
 """
 
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from torch import Tensor, nn
 
 from geneoh.denoisers.base import FEATURES, HAND_SCALE, Observation
 from geneoh.diffusion.precondition import denoised
-from geneoh.nn.blocks import FrameTransformer, mlp
+from geneoh.nn.blocks import FrameTransformer, mlp, zeroed
 
 CONTACT_SCALE = 0.02
 """Distance over which closeness to a contact point decays in the network's eyes, metres."""
@@ -46,7 +46,7 @@ class SpatialDenoiser(nn.Module):
     """Point MLPs around a transformer over frames: noisy offsets to clean offsets."""
 
     def __init__(self, config: SpatialConfig) -> None:
-        """Build the network; its last layer starts at zero."""
+        """Build the network; its last layers start at zero."""
         super().__init__()
         self.config = config
         width, point = config.width, config.point_width
@@ -54,10 +54,8 @@ class SpatialDenoiser(nn.Module):
         self.embed = nn.Linear(2 * point + 63 + FEATURES, width)
         self.trunk = FrameTransformer(width, config.depth, config.heads)
         self.decode_point = mlp(width + point, width, 63)
-        last = self.decode_point[-1]
-        assert isinstance(last, nn.Linear), "an mlp ends in a linear layer"
-        nn.init.zeros_(last.weight)
-        nn.init.zeros_(last.bias)
+        zeroed(self.decode_point[-1])
+        self.gate = zeroed(nn.Linear(width, 63))
 
     def forward(
         self,
@@ -94,7 +92,9 @@ class SpatialDenoiser(nn.Module):
             tokens = self.embed(torch.cat([pooled, mean, frame_features], dim=-1))
             tokens = self.trunk(tokens, level.flatten())
             around = tokens[:, :, None].expand(-1, -1, x.shape[2], -1)
-            return self.decode_point(torch.cat([around, each], dim=-1)).unflatten(-1, (21, 3))
+            out = self.decode_point(torch.cat([around, each], dim=-1)).unflatten(-1, (21, 3))
+            # the gate scales the sample itself: how far this input's observation is to be trusted
+            return out + self.gate(tokens).unflatten(-1, (21, 3))[:, :, None] * scaled
 
         shape = (-1, 1, 1, 1, 1)
         return denoised(network, x, anchor, sigma.view(shape), observation.scale.view(shape))

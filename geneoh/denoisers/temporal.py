@@ -1,8 +1,8 @@
 """TemporalDiff: an autoencoder of temporal relations and a denoiser of its latent (paper C.5).
 
-The public code never shipped this stage. After the paper: a PointNet over the contact points of each
-frame pair and a transformer over pairs encode T, fully connected layers decode each statistic, and the
-diffusion runs on the latent, which spares T a normalisation of its own.
+The public code never shipped this stage. After the paper: a PointNet over the contact points of
+each frame pair and a transformer over pairs encode T, fully connected layers decode each
+statistic, and the diffusion runs on the latent, which spares T a normalisation of its own.
 """
 
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from torch import Tensor, nn
 
 from geneoh.denoisers.base import HAND_SCALE
 from geneoh.diffusion.precondition import denoised
-from geneoh.nn.blocks import FrameTransformer, mlp
+from geneoh.nn.blocks import FrameTransformer, mlp, zeroed
 from geneoh.representation.temporal import PairStatistics, TemporalRelations
 
 SPEED_SCALE = 0.2
@@ -101,15 +101,14 @@ class TemporalDenoiser(nn.Module):
     """The autoencoder with a transformer over frame pairs that denoises its latent."""
 
     def __init__(self, config: TemporalConfig) -> None:
-        """Build autoencoder and latent denoiser; the denoiser's last layer starts at zero."""
+        """Build autoencoder and latent denoiser; the denoiser's last layers start at zero."""
         super().__init__()
         self.config = config
         self.autoencoder = TemporalAutoencoder(config)
         self.embed = nn.Linear(2 * config.latent + 1, config.width)
         self.trunk = FrameTransformer(config.width, config.depth, config.heads)
-        self.head = nn.Linear(config.width, config.latent)
-        nn.init.zeros_(self.head.weight)
-        nn.init.zeros_(self.head.bias)
+        self.head = zeroed(nn.Linear(config.width, config.latent))
+        self.gate = zeroed(nn.Linear(config.width, config.latent))
 
     def forward(
         self,
@@ -132,7 +131,8 @@ class TemporalDenoiser(nn.Module):
         def network(scaled: Tensor, level: Tensor) -> Tensor:
             told = mask.expand(-1, x.shape[1], 1)
             tokens = self.embed(torch.cat([scaled, anchor, told], dim=-1))
-            return self.head(self.trunk(tokens, level.flatten()))
+            tokens = self.trunk(tokens, level.flatten())
+            return self.head(tokens) + self.gate(tokens) * scaled
 
         scale = torch.where(mask > 0, LATENT_NOISE_SCALE, 1.0)
         return denoised(network, x, anchor, sigma[:, None, None], scale)

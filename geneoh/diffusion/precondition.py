@@ -41,8 +41,10 @@ def denoised(
     """The clean sample that the network sees in `x` = clean + sigma * noise."""
     scaling = Scaling.of(sigma, scale)
     residual = x - anchor
-    return anchor + scaling.skip * residual + scaling.out * network(
-        scaling.inp * residual, scaling.level
+    return (
+        anchor
+        + scaling.skip * residual
+        + scaling.out * network(scaling.inp * residual, scaling.level)
     )
 
 

@@ -1,9 +1,11 @@
-"""Samplers as functions `(model, x, sigmas, *, generator) -> x`; the model maps (x, sigma) to clean.
+"""Samplers as functions `(model, x, sigmas, *, generator) -> x`; the model maps (x, sigma) to
+clean.
 
 They know tensors and callables, not hands. Samples and noise levels are in units of the data's
 standard deviation. Noise is drawn on the CPU and moved, so every device gives the same sample.
 """
 
+import itertools
 from collections.abc import Callable
 from typing import Literal
 
@@ -33,11 +35,11 @@ def sample_ancestral(
 ) -> Float[Tensor, "*S"]:
     """Ancestral sampling with the paper's variance beta_n (eq. 5; Ho et al. 2020, algorithm 2).
 
-    In the scaled form x_n / sqrt(abar_n) the posterior mean is x0 + (s'/s)^2 (x - x0) and the variance
-    beta_n becomes (s^2 - s'^2) (1 + s'^2) / (1 + s^2); no noise is added in the last step.
+    In the scaled form x_n / sqrt(abar_n) the posterior mean is x0 + (s'/s)^2 (x - x0) and the
+    variance beta_n becomes (s^2 - s'^2) (1 + s'^2) / (1 + s^2); no noise is added in the last step.
     """
     levels = sigmas.double().tolist()
-    for i, (sigma, after) in enumerate(zip(levels[:-1], levels[1:], strict=True)):
+    for i, (sigma, after) in enumerate(itertools.pairwise(levels)):
         clean = model(x, sigma)
         x = clean + (after / sigma) ** 2 * (x - clean)
         if after > 0:
@@ -59,7 +61,7 @@ def sample_ddim(
     """Deterministic DDIM (Song et al. 2021, eq. 12 with eta 0), the Euler method of the flow."""
     del generator  # takes no noise; the signature is shared by all samplers
     levels = sigmas.double().tolist()
-    for i, (sigma, after) in enumerate(zip(levels[:-1], levels[1:], strict=True)):
+    for i, (sigma, after) in enumerate(itertools.pairwise(levels)):
         clean = model(x, sigma)
         x = clean + after / sigma * (x - clean)
         if on_step is not None:

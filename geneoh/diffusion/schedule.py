@@ -1,8 +1,8 @@
 """Noise schedules as plain tensors of noise-to-signal ratios.
 
 Everywhere in geneoh a diffused sample is kept as x_n / sqrt(abar_n) = x_0 + sigma_n * eps, which is
-eq. (6) of the paper divided by its signal scale, so sigma has the unit of the data and is relative to
-data of unit variance here: sigma_n = sqrt((1 - abar_n) / abar_n).
+eq. (6) of the paper divided by its signal scale, so sigma has the unit of the data and is relative
+to data of unit variance here: sigma_n = sqrt((1 - abar_n) / abar_n).
 """
 
 import torch

@@ -1,4 +1,4 @@
-"""The paper's hand fit: Adam on keypoint and regularisation losses (eq. 11 to 13)."""
+"""Adam, and the paper's hand fit with it: keypoint and regularisation losses (eq. 11 to 13)."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,6 +10,35 @@ from torch import Tensor
 from geneoh.fitting.terms import HandState
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.model import HandModel
+
+
+def adam(
+    loss: Callable[[list[Tensor]], Tensor],
+    parameters: list[Tensor],
+    *,
+    steps: int,
+    rate: float,
+    on_step: Callable[[int, int], None] | None = None,
+) -> list[Tensor]:
+    """Parameters after `steps` steps of Adam (Kingma and Ba 2015, algorithm 1, default betas).
+
+    `torch.optim` does the same and takes seconds to import, which a command that cleans two seconds
+    of motion cannot spare.
+    """
+    first = [torch.zeros_like(p) for p in parameters]
+    second = [torch.zeros_like(p) for p in parameters]
+    for step in range(1, steps + 1):
+        with torch.enable_grad():
+            leaves = [p.detach().requires_grad_(True) for p in parameters]
+            gradients = torch.autograd.grad(loss(leaves), leaves)
+        for i, gradient in enumerate(gradients):
+            first[i] = 0.9 * first[i] + 0.1 * gradient
+            second[i] = 0.999 * second[i] + 0.001 * gradient.square()
+            mean, square = first[i] / (1 - 0.9**step), second[i] / (1 - 0.999**step)
+            parameters[i] = leaves[i].detach() - rate * mean / (square.sqrt() + 1e-8)
+        if on_step is not None:
+            on_step(step, steps)
+    return parameters
 
 
 @dataclass(frozen=True)
@@ -42,34 +71,40 @@ def fit_with_adam(
     """Hand parameters and betas by Adam from a flat hand at the wrist keypoint, in two phases.
 
     First orientation and position only, then everything. Nothing is taken from the input's own
-    parameters. As in the public code one set of betas serves all frames; eq. (12) has one per frame,
-    which no body keeps.
+    parameters. As in the public code one set of betas serves all frames; eq. (12) has one per
+    frame, which no body keeps.
     """
-    betas = target.new_zeros(len(target), 1, model.shape_dirs.shape[-1]).requires_grad_(True)
-    orient = torch.zeros(*target.shape[:2], 1, 3).to(target).requires_grad_(True)
-    fingers = torch.zeros(*target.shape[:2], 15, 3).to(target).requires_grad_(True)
-    wrist = target[..., 0, :].clone().requires_grad_(True)
+    samples, frames = target.shape[:2]
+    orient, fingers = (
+        target.new_zeros(samples, frames, 1, 3),
+        target.new_zeros(samples, frames, 15, 3),
+    )
+    betas = target.new_zeros(samples, 1, model.shape_dirs.shape[-1])
     total = config.rigid_steps + config.steps
-    done = 0
-    for parameters, steps, rate in (
-        ([orient, wrist], config.rigid_steps, config.rigid_rate),
-        ([orient, wrist, fingers, betas], config.steps, config.rate),
-    ):
-        optimizer = torch.optim.Adam(parameters, lr=rate)
-        for _ in range(steps):
-            rotations = axis_angle_to_matrix(torch.cat([orient, fingers], dim=-2))
-            joints = model.shaped(betas).joints_from_rotations(rotations, wrist)
-            off = (trust * (joints - target).square().sum(-1)).mean((1, 2))
-            regular = fingers.square().mean((1, 2, 3))
-            smooth = fingers.diff(dim=1).square().sum((-1, -2)).mean(1) if len(fingers[0]) > 1 else 0
-            loss = config.joint_weight * off + config.regular * regular + config.smooth * smooth
-            loss = loss + config.shape * betas.square().mean((1, 2))
-            optimizer.zero_grad()
-            loss.sum().backward()
-            optimizer.step()
-            done += 1
-            if on_step is not None:
-                on_step(done, total)
-    with torch.no_grad():
+
+    def loss(wrist: Tensor, orient: Tensor, fingers: Tensor, betas: Tensor) -> Tensor:
         rotations = axis_angle_to_matrix(torch.cat([orient, fingers], dim=-2))
-    return HandState(rotations, wrist.detach()), betas.detach()[:, 0]
+        joints = model.shaped(betas).joints_from_rotations(rotations, wrist)
+        off = (trust * (joints - target).square().sum(-1)).mean((1, 2))
+        each = config.joint_weight * off + config.regular * fingers.square().mean((1, 2, 3))
+        each = each + config.shape * betas.square().mean((1, 2))
+        if frames > 1:
+            each = each + config.smooth * fingers.diff(dim=1).square().sum((-1, -2)).mean(1)
+        return each.sum()
+
+    wrist, orient = adam(
+        lambda p: loss(p[0], p[1], fingers, betas),
+        [target[..., 0, :], orient],
+        steps=config.rigid_steps,
+        rate=config.rigid_rate,
+        on_step=on_step and (lambda done, _: on_step(done, total)),
+    )
+    wrist, orient, fingers, betas = adam(
+        lambda p: loss(*p),
+        [wrist, orient, fingers, betas],
+        steps=config.steps,
+        rate=config.rate,
+        on_step=on_step and (lambda done, _: on_step(config.rigid_steps + done, total)),
+    )
+    rotations = axis_angle_to_matrix(torch.cat([orient, fingers], dim=-2))
+    return HandState(rotations, wrist), betas[:, 0]

@@ -7,20 +7,21 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from geneoh.fitting.adam import adam
 from geneoh.representation.region import ContactRegion
 from geneoh.representation.temporal import PairStatistics, encode_temporal
 
 CLOSENESS = 100.0
-"""Decay of a pair's weight with its target distance, 1/m: 1 cm away counts a third. Pairs in contact
-decide; the paper gives no weights."""
+"""Decay of a pair's weight with its target distance, 1/m: 1 cm away counts a third. Pairs in
+contact decide; the paper gives no weights."""
 
 
 @dataclass(frozen=True)
 class AlignConfig:
     """Adam's settings and the deviations that weigh the statistics (the paper states none)."""
 
-    steps: int = 40
-    rate: float = 5e-4
+    steps: int = 20
+    rate: float = 1e-3
     """Adam's step, metres."""
     distance_std: float = 0.003
     speed_std: float = 0.03
@@ -43,21 +44,17 @@ def align_to_relations(
     Windows are independent: each has its own optimum and none sees the batch it came in.
     """
     weight = torch.exp(-CLOSENESS * target.distance)
-    total = weight.sum((1, 2, 3)).clamp(min=1e-6)
-    share = weight / total[:, None, None, None]
-    moved = joints.clone().requires_grad_(True)
-    optimizer = torch.optim.Adam([moved], lr=config.rate)
-    for step in range(config.steps):
+    share = weight / weight.sum((1, 2, 3), keepdim=True).clamp(min=1e-6)
+
+    def loss(parameters: list[Tensor]) -> Tensor:
+        (moved,) = parameters
         now = encode_temporal(moved, region, fps)
         miss = ((now.distance - target.distance) / config.distance_std).square()
         miss = miss + ((now.velocity - target.velocity) / config.speed_std).square().sum(-1)
         miss = miss + ((now.tangential - target.tangential) / config.speed_std).square()
         miss = miss + ((now.normal - target.normal) / config.speed_std).square()
         stay = ((moved - joints) / config.stay_std).square().sum(-1).mean((1, 2))
-        loss = ((share * miss).sum((1, 2, 3)) + stay).sum()
-        optimizer.zero_grad()
-        loss.backward()
-        optimizer.step()
-        if on_step is not None:
-            on_step(step + 1, config.steps)
-    return moved.detach()
+        return ((share * miss).sum((1, 2, 3)) + stay).sum()
+
+    (moved,) = adam(loss, [joints], steps=config.steps, rate=config.rate, on_step=on_step)
+    return moved

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from geneoh.fitting.solve import solve_coupled_frames
@@ -12,6 +12,7 @@ from geneoh.fitting.terms import (
     UNKNOWNS,
     Equations,
     HandState,
+    Planes,
     keypoint_term,
     pose_term,
     steadiness,
@@ -32,8 +33,10 @@ PALM = (0, 1, 5, 9, 13, 17)
 class FitConfig:
     """Deviations that weigh the terms against each other."""
 
-    iterations: int = 12
-    contact_iterations: int = 8
+    iterations: int = 8
+    """Steps on keypoints alone."""
+    contact_rounds: int = 4
+    """Rounds of two steps with the surface, each with fresh distances to it."""
     joint_std: float = 0.003
     """Trusted distance between fitted and target keypoints, metres."""
     prior: float = 0.1
@@ -53,21 +56,13 @@ class FitConfig:
     """Vertices nearest to or deepest in the object that are looked at per frame."""
 
 
-@dataclass(frozen=True)
-class Planes:
-    """Tangent planes that chosen vertices should reach, per sample and frame."""
-
-    verts: Int[Tensor, "S T K"]
-    closest: Float[Tensor, "S T K 3"]
-    normal: Float[Tensor, "S T K 3"]
-    weight: Float[Tensor, "S T K"]
-
-
 def start_from_keypoints(joints: Float[Tensor, "S T 21 3"], shaped: ShapedHand) -> HandState:
     """A start where there are no parameters: the palm laid on its keypoints, fingers relaxed."""
     model = shaped.model
     rotations = axis_angle_to_matrix(model.pose_mean.clone()).expand(*joints.shape[:2], 16, 3, 3)
-    rest = shaped.joints_from_rotations(torch.eye(3).to(joints).expand(16, 3, 3), joints.new_zeros(3))
+    rest = shaped.joints_from_rotations(
+        torch.eye(3).to(joints).expand(16, 3, 3), joints.new_zeros(3)
+    )
     palm = list(PALM)
     weights = joints.new_ones(len(palm))
     turn, _ = kabsch(rest[palm].expand_as(joints[..., palm, :]), joints[..., palm, :], weights)
@@ -101,27 +96,27 @@ def fit_hand(
         on_step: called with (done, total) after each iteration.
     """
     weight = trust.sqrt() / config.joint_std
-    coupling = steadiness_weight(config).to(target)
+    steady = steadiness_weight(config).to(target)
+    rounds = config.contact_rounds if surface is not None else 0
+    total = config.iterations + 2 * rounds
     damping = target.new_full((len(target), 1), 1e-2)
-    total = config.iterations + (config.contact_iterations if surface else 0)
-    state = start
-    for iteration in range(total):
+    state, done = start, 0
+    for around in range(rounds + 1):
         planes = None
-        if surface is not None and iteration >= config.iterations:
+        if around and surface is not None:
             planes = contact_planes(state, shaped, surface, config)
 
         def equations(at: HandState, planes: Planes | None = planes) -> Equations:
             found = keypoint_term(at, shaped, target, weight)
             found = found + pose_term(at, shaped.model, config.prior, config.limit)
-            if planes is not None:
-                found = found + surface_term(
-                    at, shaped, planes.verts, planes.closest, planes.normal, planes.weight
-                )
-            return found
+            return found if planes is None else found + surface_term(at, shaped, planes)
 
-        state, damping = _step(state, equations, coupling, damping)
-        if on_step is not None:
-            on_step(iteration + 1, total)
+        here = equations(state)
+        for _ in range(2 if around else config.iterations):
+            state, here, damping = _step(state, here, equations, steady, damping)
+            done += 1
+            if on_step is not None:
+                on_step(done, total)
     return state
 
 
@@ -134,12 +129,12 @@ def steadiness_weight(config: FitConfig) -> Float[Tensor, " 51"]:
 
 def _step(
     state: HandState,
+    here: Equations,
     equations: Callable[[HandState], Equations],
     weight: Float[Tensor, " 51"],
     damping: Float[Tensor, "S 1"],
-) -> tuple[HandState, Float[Tensor, "S 1"]]:
+) -> tuple[HandState, Equations, Float[Tensor, "S 1"]]:
     """One damped step per sample, kept where it lowers the energy; damping follows the success."""
-    here = equations(state)
     steady, pull = steadiness(state, weight)
     before = (here.energy + steady).sum(-1, keepdim=True)
     scale = here.matrix.diagonal(dim1=-2, dim2=-1).mean((-1, -2))[:, None, None]
@@ -148,20 +143,30 @@ def _step(
         here.matrix + torch.diag_embed(ridge), -(here.gradient + pull), weight.square()
     )
     moved = state.moved(step)
-    after = (equations(moved).energy + steadiness(moved, weight)[0]).sum(-1, keepdim=True)
-    better = after < before
-    keep = better[..., None]
+    there = equations(moved)
+    after = (there.energy + steadiness(moved, weight)[0]).sum(-1, keepdim=True)
+    better = (after < before)[:, 0]
     state = HandState(
-        torch.where(keep[..., None, None], moved.rotations, state.rotations),
-        torch.where(keep, moved.wrist, state.wrist),
+        _pick(better, moved.rotations, state.rotations), _pick(better, moved.wrist, state.wrist)
     )
-    return state, torch.where(better, damping / 4, damping * 6).clamp(1e-6, 1e3)
+    here = Equations(
+        _pick(better, there.energy, here.energy),
+        _pick(better, there.gradient, here.gradient),
+        _pick(better, there.matrix, here.matrix),
+    )
+    damping = torch.where(better[:, None], damping / 4, damping * 6).clamp(1e-6, 1e3)
+    return state, here, damping
+
+
+def _pick(better: Bool[Tensor, " S"], new: Tensor, old: Tensor) -> Tensor:
+    """`new` for the samples that got better, `old` for the others."""
+    return torch.where(better.view(-1, *[1] * (new.ndim - 1)), new, old)
 
 
 def contact_planes(
     state: HandState, shaped: ShapedHand, surface: Surface, config: FitConfig
 ) -> Planes:
-    """Where the hand is inside the object it is pushed out; where a fingertip nearly touches, drawn on.
+    """Inside the object the hand is pushed out; a fingertip that nearly touches is drawn on.
 
     The vertices least far from the object are looked at; those that are neither inside nor the
     nearest of a touching phalanx get no weight.

@@ -1,4 +1,4 @@
-"""One shape per sequence: betas of the hand at hand from a person's rest skeleton or bone lengths."""
+"""One shape per sequence: betas of a hand model from a rest skeleton or from bone lengths."""
 
 import torch
 from jaxtyping import Float
@@ -52,4 +52,3 @@ def betas_from_lengths(model: HandModel, lengths: Float[Tensor, " 20"]) -> Float
         miss = (lengths - length) / BONE_STD
         betas = betas + torch.linalg.solve(rows.T @ rows + eye, rows.T @ miss - betas)
     return betas
-

@@ -1,8 +1,8 @@
 """Energy terms of the hand fit as linearised residuals: normal equations per frame.
 
-The unknowns of a frame are 51: an increment w of each joint's local rotation (R <- R exp(w), 16 x 3)
-and of the wrist position (3). Turning joint j by w in its own frame moves a point p below it by
-(G_j w) x (p - p_j), with G_j the joint's global rotation and p_j its centre.
+The unknowns of a frame are 51: an increment w of each joint's local rotation (R <- R exp(w),
+16 x 3) and of the wrist position (3). Turning joint j by w in its own frame moves a point p below
+it by (G_j w) x (p - p_j), with G_j the joint's global rotation and p_j its centre.
 """
 
 from dataclasses import dataclass
@@ -108,9 +108,7 @@ def keypoint_term(
 
 def _kinematics(
     state: HandState, shaped: ShapedHand
-) -> tuple[
-    Float[Tensor, "S T 21 3"], Float[Tensor, "S T 16 3 3"], Float[Tensor, "S T 16 3"]
-]:
+) -> tuple[Float[Tensor, "S T 21 3"], Float[Tensor, "S T 16 3 3"], Float[Tensor, "S T 16 3"]]:
     """Keypoints, global rotations and joint centres (MANO order)."""
     offsets = shaped.offsets.expand(*state.wrist.shape[:-1], 20, 3)
     joints, turn = forward_kinematics(state.rotations, state.wrist, offsets)
@@ -140,24 +138,22 @@ def pose_term(state: HandState, model: HandModel, prior: float, limit: float) ->
     return Equations(energy, gradient, torch.diag_embed(diagonal))
 
 
-def surface_term(
-    state: HandState,
-    shaped: ShapedHand,
-    verts: Int[Tensor, "S T K"],
-    closest: Float[Tensor, "S T K 3"],
-    normal: Float[Tensor, "S T K 3"],
-    weight: Float[Tensor, "S T K"],
-) -> Equations:
-    """Signed height of chosen vertices over tangent planes of the object, towards zero.
+@dataclass(frozen=True)
+class Planes:
+    """Tangent planes of the object that chosen vertices should reach, per sample and frame."""
 
-    Args:
-        state: the hands.
-        shaped: their shape.
-        verts: indices of the vertices to move, per frame.
-        closest: a point of the plane that each vertex should reach, world.
-        normal: the plane's unit normal, world.
-        weight: 1 / deviation in 1/m; 0 leaves a vertex alone.
-    """
+    verts: Int[Tensor, "S T K"]
+    """Indices of the vertices."""
+    closest: Float[Tensor, "S T K 3"]
+    """A point of the plane, world; `normal` is its unit normal."""
+    normal: Float[Tensor, "S T K 3"]
+    weight: Float[Tensor, "S T K"]
+    """1 / deviation in 1/m; 0 leaves a vertex alone."""
+
+
+def surface_term(state: HandState, shaped: ShapedHand, planes: Planes) -> Equations:
+    """Signed height of the chosen vertices over their planes, towards zero."""
+    verts, normal = planes.verts, planes.normal
     _, turn, centers = _kinematics(state, shaped)
     model = shaped.model
     shift = centers - (turn @ shaped.joints[..., None])[..., 0]
@@ -171,8 +167,8 @@ def surface_term(
     arm = carried - share[..., None] * centers[..., None, :, :]
     torque = torch.linalg.cross(arm, normal[..., None, :].expand_as(arm), dim=-1)
     rotate = torch.einsum("stjrc,stvjr->stvjc", turn, torque).flatten(-2)
-    jacobian = torch.cat([rotate, normal], dim=-1) * weight[..., None]
-    height = ((placed - closest) * normal).sum(-1) * weight
+    jacobian = torch.cat([rotate, normal], dim=-1) * planes.weight[..., None]
+    height = ((placed - planes.closest) * normal).sum(-1) * planes.weight
     return _normal_equations(height, jacobian)
 
 

@@ -1,5 +1,6 @@
 """Building blocks of the denoisers: a pre-norm transformer over frames and small MLPs."""
 
+import itertools
 import math
 
 import torch
@@ -11,9 +12,16 @@ from torch.nn import functional as F
 def mlp(*widths: int) -> nn.Sequential:
     """Linear layers of the given widths with SiLU between them."""
     layers: list[nn.Module] = []
-    for before, after in zip(widths[:-1], widths[1:], strict=True):
+    for before, after in itertools.pairwise(widths):
         layers += [nn.Linear(before, after), nn.SiLU()]
     return nn.Sequential(*layers[:-1])
+
+
+def zeroed(layer: nn.Module) -> nn.Module:
+    """The same linear layer with zero weights: what it adds has to be learned."""
+    for parameter in layer.parameters():
+        nn.init.zeros_(parameter)
+    return layer
 
 
 def rotary(x: Float[Tensor, "B H T D"]) -> Float[Tensor, "B H T D"]:
@@ -38,9 +46,7 @@ class Block(nn.Module):
         self.project = nn.Linear(width, width)
         self.norm_forward = nn.LayerNorm(width)
         self.forward_layers = mlp(width, 3 * width, width)
-        self.gain = nn.Linear(width, 2 * width)
-        nn.init.zeros_(self.gain.weight)
-        nn.init.zeros_(self.gain.bias)
+        self.gain = zeroed(nn.Linear(width, 2 * width))
 
     def forward(
         self, tokens: Float[Tensor, "B T D"], level: Float[Tensor, "B D"]

@@ -43,10 +43,12 @@ class Options:
     """What a user can choose; see `geneoh denoise --help`."""
 
     preset: PresetName = "default"
-    samples: int = 1
+    samples: int | None = None
+    """Diffusion chains to draw; None leaves it to the preset."""
     seed: int = 0
     steps: int | None = None
-    selection: Selection = "closest"
+    selection: Selection | None = None
+    """Which sample is kept; None leaves it to the preset."""
     hand: Source = "embedded"
     mano_dir: Path | None = None
     weights: Path | None = None
@@ -54,12 +56,19 @@ class Options:
 
     def resolved(self) -> Preset:
         """The preset with the user's changes; `ConfigError` when a number is out of range."""
-        if self.samples < 1 or (self.steps is not None and self.steps < 1):
-            raise ConfigError(
-                f"samples and steps must be 1 or more, got {self.samples} and {self.steps}"
-            )
         chosen = preset(self.preset)
-        return chosen if self.steps is None else chosen.with_steps(self.steps)
+        for name, value in (("samples", self.samples), ("steps", self.steps)):
+            if value is not None and value < 1:
+                raise ConfigError(
+                    f"--{name} must be 1 or more, got {value}; leave it out or raise it"
+                )
+        if self.steps is not None:
+            chosen = chosen.with_steps(self.steps)
+        return replace(
+            chosen,
+            samples=self.samples or chosen.samples,
+            selection=self.selection or chosen.selection,
+        )
 
 
 @dataclass(frozen=True)
@@ -159,10 +168,8 @@ def _clean_right_hand(
         return query_parts(fields, moving.rotation, moving.translation, verts, within=NEAR)
 
     with torch.no_grad():
-        chains = _run_stages(denoisers, scene, person, chosen, options, heard, generator=generator)
-        chains = chains.unflatten(0, (options.samples, chosen.chains))
-        samples = chains.mean(1)
-        index, target = _select(samples, person, options.selection)
+        samples = _run_stages(denoisers, scene, person, chosen, heard, generator=generator)
+        index, target = _select(samples, person, chosen.selection)
         state, shaped = _fit(target, person, chosen, surface, heard("fit"))
         posed = shaped.verts_from_rotations(state.rotations, state.wrist)
         # verts and joints of the input as it came, for the comparison only
@@ -174,7 +181,6 @@ def _clean_right_hand(
             config=FitConfig(steady_finger=0.2, steady_wrist=0.0),
         )
         raw = person.shaped.verts_from_rotations(given.rotations, given.wrist)
-    spread = chains.flatten(0, 1) if options.samples == 1 else samples
     clean = HandTrack(
         side="right",
         valid=torch.ones_like(track.valid),
@@ -183,7 +189,7 @@ def _clean_right_hand(
         wrist=state.wrist[0],
         betas=person.betas if shaped is person.shaped else None,
         hand_model=shaped.model.name,
-        joint_spread=_spread(spread) if len(spread) > 1 else None,
+        joint_spread=_spread(samples) if len(samples) > 1 else None,
     )
     pose_of_object = (moving.rotation, moving.translation)
     seen = person.trust > 0
@@ -232,13 +238,12 @@ def _run_stages(
     scene: Scene,
     person: Person,
     chosen: Preset,
-    options: Options,
     heard: Callable[[str], Callable[[int, int], None]],
     *,
     generator: torch.Generator,
 ) -> Float[Tensor, "S T 21 3"]:
-    """MotionDiff, SpatialDiff and TemporalDiff in order, all samples and chains in one batch."""
-    joints = person.joints.expand(options.samples * chosen.chains, -1, -1, -1)
+    """MotionDiff, SpatialDiff and TemporalDiff in order, all samples in one batch."""
+    joints = person.joints.expand(chosen.samples, -1, -1, -1)
     joints = denoise_motion(
         denoisers.motion,
         joints,
@@ -292,8 +297,7 @@ def _fit(
     trust = torch.ones_like(target[..., 0])
     model = person.shaped.model
     if isinstance(chosen.fit, AdamFitConfig):
-        with torch.enable_grad():
-            state, betas = fit_with_adam(target, trust, model, config=chosen.fit, on_step=on_step)
+        state, betas = fit_with_adam(target, trust, model, config=chosen.fit, on_step=on_step)
         return state, model.shaped(betas[0])
     start = person.start or start_from_keypoints(target, person.shaped)
     state = fit_hand(
@@ -309,7 +313,7 @@ def _fit(
 
 
 def _spread(samples: Float[Tensor, "S T 21 3"]) -> Float[Tensor, "T 21"]:
-    """Standard deviation of each keypoint over samples, metres: root of the mean squared distance."""
+    """Standard deviation of each keypoint over samples, metres (root of the mean square)."""
     return samples.var(0).sum(-1).sqrt()
 
 

@@ -45,7 +45,8 @@ def person_of(track: HandTrack, model: HandModel) -> Person:
     known = track.betas if track.hand_model == model.name else None
     rotations = None if filled.pose is None else axis_angle_to_matrix(filled.pose)
     if filled.joints is None:
-        assert rotations is not None and filled.wrist is not None, "checked by HandTrack"
+        assert rotations is not None, "a track without joints has a pose"
+        assert filled.wrist is not None, "a pose comes with a wrist"
         if known is None:
             known = model.template.new_zeros(model.shape_dirs.shape[-1])
             notes.append(

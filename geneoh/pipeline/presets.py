@@ -34,8 +34,11 @@ class Preset:
     temporal: StagePlan
     observed: bool
     """Whether the networks see the observation, or only start from it as in the paper."""
-    chains: int
-    """Diffusion chains averaged into one sample: their mean is nearer to the truth than any one."""
+    samples: int
+    """Diffusion chains drawn when the user names no number."""
+    selection: Selection
+    """Which of them is kept: the paper keeps the one closest to the input; the mean of a few is
+    nearer to the truth than any one of them."""
     align: AlignConfig
     correct: bool
     """Temporal stage: apply the change the denoiser makes to the decoded relations (True) or aim at
@@ -68,7 +71,8 @@ def preset(name: PresetName) -> Preset:
                 spatial=StagePlan(200, 200, "ancestral"),
                 temporal=StagePlan(100, 100, "ancestral"),
                 observed=False,
-                chains=1,
+                samples=1,
+                selection="closest",
                 align=AlignConfig(steps=100),
                 correct=False,
                 fit=AdamFitConfig(),
@@ -80,7 +84,8 @@ def preset(name: PresetName) -> Preset:
                 spatial=StagePlan(100, 6),
                 temporal=StagePlan(100, 6),
                 observed=True,
-                chains=4,
+                samples=4,
+                selection="mean",
                 align=AlignConfig(),
                 correct=True,
                 fit=FitConfig(),
@@ -90,9 +95,9 @@ def preset(name: PresetName) -> Preset:
             quick = preset("default").with_steps(3)
             return replace(
                 quick,
-                chains=1,
-                align=AlignConfig(steps=15, rate=1e-3),
-                fit=FitConfig(iterations=8, contact_iterations=4),
+                samples=1,
+                align=AlignConfig(steps=10, rate=2e-3),
+                fit=FitConfig(iterations=5, contact_rounds=2),
             )
         case _:
             assert_never(name)

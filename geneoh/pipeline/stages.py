@@ -5,7 +5,6 @@ track into windows and blends what they answer, so windows agree at every noise 
 forms. Noise is the same in the world and in canonical frames, since those differ by rigid motions.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -29,9 +28,14 @@ SELECT_EVERY = 4
 """Frames skipped when contact points are chosen, as in training."""
 
 
+ALIGN_POINTS = 16
+"""Contact points whose relations the keypoints are moved to, those nearest to the hand: far ones
+weigh next to nothing there."""
+
+
 @dataclass(frozen=True)
 class Scene:
-    """What the stages know besides the hand: the object's surface and motion, trust in keypoints."""
+    """What the stages know besides the hand: the object's surface and motion, and trust."""
 
     points: Float[Tensor, "P 3"]
     """Object surface points in the frame of their part, with `normals` and `part` index."""
@@ -209,8 +213,9 @@ def denoise_temporal(
         scene: the object and the windows.
         plan: how the latent is denoised.
         observed: whether the denoiser is shown the latent of `joints`.
-        correct: aim at the relations of `joints` plus the change that denoising makes to the decoded
-            ones, so what the autoencoder cannot carry is not lost; False aims at the decoded ones.
+        correct: aim at the relations of `joints` plus the change that denoising makes to the
+            decoded ones, so what the autoencoder cannot carry is not lost; False aims at the
+            decoded ones themselves.
         align: the optimisation of the keypoints.
         generator: source of the noise.
         on_step: called with (done, total) after each denoiser call.
@@ -220,14 +225,13 @@ def denoise_temporal(
     region = scene.region(joints)
     windows = scene.windows(joints)
     relations = encode_temporal(windows, region, scene.fps)
-    points = region.points_canon[:, :-1]
-    latent = model.autoencoder.encode(relations, points)
+    latent = model.autoencoder.encode(relations, region.points_canon[:, :-1])
     given = latent.new_full((len(latent),), float(observed))
 
     def clean(x: Tensor, sigma: float) -> Tensor:
         return model(x, x.new_full((len(x),), sigma), latent, given)
 
-    denoised = denoise_via_diffusion(
+    cleaned = denoise_via_diffusion(
         clean,
         latent,
         descending_sigmas(plan.level, plan.steps),
@@ -236,17 +240,17 @@ def denoise_temporal(
         on_step=on_step,
     )
 
-    def decoded(code: Tensor) -> PairStatistics:
-        return model.autoencoder.decode(
-            code, relations.object_velocity, relations.normals, points
-        )
+    near = region.nearest(windows, ALIGN_POINTS)
+    relations = encode_temporal(windows, near, scene.fps)
+    points = near.points_canon[:, :-1]
 
-    target = decoded(denoised)
+    def decoded(code: Tensor) -> PairStatistics:
+        return model.autoencoder.decode(code, relations.object_velocity, relations.normals, points)
+
+    target = decoded(cleaned)
     if correct:
         target = _corrected(relations, target, decoded(latent))
-    with torch.enable_grad():
-        moved = align_to_relations(windows, region, target, scene.fps, config=align)
-    return scene.blend(moved)
+    return scene.blend(align_to_relations(windows, near, target, scene.fps, config=align))
 
 
 def _corrected(now: PairStatistics, clean: PairStatistics, noisy: PairStatistics) -> PairStatistics:
@@ -257,5 +261,3 @@ def _corrected(now: PairStatistics, clean: PairStatistics, noisy: PairStatistics
         tangential=(now.tangential + clean.tangential - noisy.tangential).clamp(min=0),
         normal=(now.normal + clean.normal - noisy.normal).clamp(min=0),
     )
-
-

@@ -12,8 +12,8 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 CONTACT_RADIUS = 0.015
-"""Distance in metres from a keypoint to the surface within which a point counts as close: the paper's
-5 mm from the skin, and the 10 mm that keypoints lie under it."""
+"""Distance in metres from a keypoint to the surface within which a point counts as close: the
+paper's 5 mm from the skin, and the 10 mm that keypoints lie under it."""
 
 
 @dataclass(frozen=True)
@@ -52,14 +52,13 @@ class ContactRegion:
             self.points, self.normals, self.rotation @ turn[..., None, :, :], self.center
         )
 
-    def frames(self, start: int, stop: int) -> "ContactRegion":
-        """The region restricted to frames `start` to `stop` - 1."""
-        return ContactRegion(
-            self.points[..., start:stop, :, :],
-            self.normals[..., start:stop, :, :],
-            self.rotation[..., start:stop, :, :],
-            self.center[..., start:stop, :],
-        )
+    def nearest(self, joints: Float[Tensor, "*B T 21 3"], count: int) -> "ContactRegion":
+        """The same frames with only the `count` contact points nearest to world keypoints."""
+        apart = torch.cdist(self.points, joints).amin(-1).amin(-2)
+        keep = apart.topk(min(count, apart.shape[-1]), dim=-1, largest=False).indices
+        index = keep[..., None, :, None].expand(*self.points.shape[:-2], -1, 3)
+        points, normals = self.points.gather(-2, index), self.normals.gather(-2, index)
+        return ContactRegion(points, normals, self.rotation, self.center)
 
 
 def surface_to_world(

@@ -10,7 +10,8 @@ from geneoh.representation.region import ContactRegion
 
 @dataclass(frozen=True)
 class SpatialRelations:
-    """s_o = ((o - t) R^T, n R^T, {(h - o) R^T}) in the paper's row notation, for K contact points."""
+    """s_o = ((o - t) R^T, n R^T, {(h - o) R^T}) in the paper's row notation, for K contact
+    points."""
 
     points: Float[Tensor, "*B T K 3"]
     normals: Float[Tensor, "*B T K 3"]

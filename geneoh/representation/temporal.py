@@ -9,8 +9,8 @@ from torch import Tensor
 from geneoh.representation.region import ContactRegion
 
 DISTANCE_DECAY = 50.0
-"""k of the paper in 1/m: contact (millimetres) is kept, 2 cm away counts a third. The paper gives no
-value; the public code's 1/m hardly decays over a hand."""
+"""k of the paper in 1/m: contact (millimetres) is kept, 2 cm away counts a third. The paper gives
+no value; the public code's 1/m hardly decays over a hand."""
 TANGENTIAL_GAIN = 1.0
 NORMAL_GAIN = 1.0
 """k_a and k_b of the paper, dimensionless."""

@@ -34,8 +34,8 @@ NATURAL_MEAN = torch.tensor([mean for mean, _ in _JOINTS])
 NATURAL_STD = torch.tensor([std for _, std in _JOINTS])
 
 SPHERES_PER_BONE = 4
-# Radius of the hand around its bones, metres, by the keypoint a bone ends in (measured medians of an
-# adult hand, palm thinner than the measured distance because its bones fan out side by side).
+# Radius of the hand around its bones, metres, by the keypoint a bone ends in (measured medians of
+# an adult hand, palm thinner than the measured distance because its bones fan out side by side).
 BONE_RADIUS = torch.tensor(
     [0.015, 0.013, 0.011, 0.0085]
     + [0.0125, 0.0105, 0.0095, 0.0085]
@@ -101,7 +101,7 @@ def _pads(
 def _clearance(
     centers: Float[Tensor, "*B K 3"], radii: Float[Tensor, "*B K"]
 ) -> Float[Tensor, "*B C"]:
-    """Gap between spheres of different fingers beyond their knuckles, metres, negative in overlap."""
+    """Gap between spheres of different fingers beyond their knuckles, metres; overlap is < 0."""
     per_finger = 4 * SPHERES_PER_BONE
     finger = torch.arange(5).repeat_interleave(per_finger)
     free = torch.arange(5 * per_finger) % per_finger >= SPHERES_PER_BONE + 1
@@ -115,7 +115,7 @@ def _clearance(
 def _approach(
     solids: Solids, offsets: Float[Tensor, "B 20 3"], *, generator: torch.Generator
 ) -> tuple[Float[Tensor, "B 3 3"], Float[Tensor, "B 3"]]:
-    """Wrist poses that hold the palm over a random surface point, turned at random about its normal."""
+    """Wrist poses with the palm over a random surface point, turned at random about its normal."""
     surface, normals = solids.surface_points(1, generator=generator)
     point, normal = surface[:, 0], normals[:, 0]
     # palm normal -y of the hand looks against the surface normal, fingers point in a random tangent
@@ -155,7 +155,7 @@ def synthesize_grasps(
     mean, std = NATURAL_MEAN, NATURAL_STD
     open_hand = mean * torch.rand(batch, 1, 1, generator=generator) * 0.8
     fingers = open_hand + 0.3 * std * torch.randn(batch, 15, 3, generator=generator)
-    # which pads should touch: the thumb and two to four fingers at their tips, sometimes whole fingers
+    # which pads should touch: thumb and two to four fingers at their tips, sometimes whole fingers
     touch = torch.rand(batch, 5, generator=generator) < torch.tensor([0.95, 0.9, 0.5, 0.7, 0.95])
     power = torch.rand(batch, 1, 1, generator=generator) < 0.4
     wanted = touch[:, :, None] * torch.where(

@@ -1,4 +1,4 @@
-"""From grasps to interactions: reach, close, carry, adjust, let go and leave, at 30 frames a second."""
+"""From grasps to interactions at 30 frames a second: reach, close, carry, adjust, let go, leave."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ KEYFRAMES = 5
 
 @dataclass(frozen=True)
 class Interactions:
-    """B right-hand interactions of T frames in the world frame, with the skeletons that made them."""
+    """B right-hand interactions of T frames in the world frame, with their skeletons."""
 
     pose: Float[Tensor, "B T 16 3"]
     wrist: Float[Tensor, "B T 3"]

@@ -1,8 +1,8 @@
-"""Analytic objects: batched unions of simple solids with signed distance, surface points and families.
+"""Analytic objects: batched unions of simple solids, their distance, surface and families.
 
-Every object is a union of at most `PARTS` solids (box, cylinder, ellipsoid, torus), each with a pose
-and a rounding radius, so one tensor program evaluates any mixture of families at once. Sizes are
-those of things people hold: coin-thin boards to two-hand boxes.
+Every object is a union of at most `PARTS` solids (box, cylinder, ellipsoid, torus), each with a
+pose and a rounding radius, so one tensor program evaluates any mixture of families at once. Sizes
+are those of things people hold: coin-thin boards to two-hand boxes.
 """
 
 import math
@@ -36,8 +36,8 @@ class Solids:
     def signed_distance(self, points: Float[Tensor, "B P 3"]) -> Float[Tensor, "B P"]:
         """Signed distance in metres, negative inside; exact outside boxes, cylinders and tori.
 
-        Ellipsoids use the first-order bound k0 (k0 - 1) / k1, inside a union it is the maximum depth
-        over the parts: both are zero on the surface and have its normal there.
+        Ellipsoids use the first-order bound k0 (k0 - 1) / k1, inside a union it is the maximum
+        depth over the parts: both are zero on the surface and have its normal there.
         """
         local = (points[:, None] - self.center[:, :, None]) @ self.rotation
         size, kind = self.size[:, :, None], self.kind[:, :, None]

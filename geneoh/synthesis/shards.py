@@ -79,8 +79,8 @@ def write_shards(
 ) -> int:
     """Make every shard that is not there yet; returns how many were made.
 
-    Shards are named `train_00000.safetensors` and `val_00000.safetensors`; each is written beside and
-    renamed, so an interrupted run leaves only whole files and continues where it stopped.
+    Shards are named `train_00000.safetensors` and `val_00000.safetensors`; each is written beside
+    and renamed, so an interrupted run leaves only whole files and continues where it stopped.
     """
     folder.mkdir(parents=True, exist_ok=True)
     total = max(2, -(-config.count // config.shard))

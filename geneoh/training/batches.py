@@ -50,9 +50,7 @@ class Batch:
         return self.region.to_canon(self.clean)
 
 
-def filled(
-    values: Float[Tensor, "B T D"], keep: Bool[Tensor, "B T"]
-) -> Float[Tensor, "B T D"]:
+def filled(values: Float[Tensor, "B T D"], keep: Bool[Tensor, "B T"]) -> Float[Tensor, "B T D"]:
     """Frames that are not kept, interpolated linearly between their kept neighbours."""
     frames = keep.shape[1]
     time = torch.arange(frames, device=keep.device).expand_as(keep)

@@ -20,8 +20,8 @@ class TrainConfig:
     """Peak learning rate of AdamW."""
     warmup: int = 200
     decay: float = 0.3
-    """Share of the steps, at the end, over which the rate falls linearly to zero. Constant before, so
-    a run can be resumed with more steps without having learned at a dead rate."""
+    """Share of the steps, at the end, over which the rate falls linearly to zero. Constant before,
+    so a run can be resumed with more steps without having learned at a dead rate."""
     weight_decay: float = 0.01
     clip: float = 1.0
     """Largest gradient norm."""

@@ -1,8 +1,9 @@
-"""Random corruption to learn from: a mixture over what users' tracks suffer from, drawn per sequence.
+"""Random corruption to learn from: a mixture of what users' tracks suffer from, per sequence.
 
 Offsets live on hand parameters (translation, global rotation, finger pose), as estimators err, with
-some keypoint jitter on top. Sizes and time structure vary from sequence to sequence, from none at all
-to worse than the paper's noises; the named noises of `geneoh.sequence.noise` are points in this range.
+some keypoint jitter on top. Sizes and time structure vary from sequence to sequence, from none at
+all to worse than the paper's noises; the named noises of `geneoh.sequence.noise` are points in that
+range.
 """
 
 import math
@@ -80,7 +81,7 @@ def draw_corruption(
     def uniform(*shape: int) -> Tensor:
         return torch.rand(batch, *shape, generator=generator)
 
-    share = -torch.log(uniform(1, 4).clamp(min=1e-4)) ** 2  # a few kinds dominate each sequence
+    share = -(torch.log(uniform(1, 4).clamp(min=1e-4)) ** 2)  # a few kinds dominate each sequence
     share = share / share.square().sum(-1, keepdim=True).sqrt()
     white = torch.randn(batch, frames, 51, generator=generator)
     burst = uniform(frames, 1) < 0.1 * uniform(1, 1) * (uniform(1, 1) < 0.3)

@@ -164,9 +164,10 @@ def train(
 ) -> Path:
     """Train one stage and return the path of its weights, `folder`/`stage`.safetensors.
 
-    The run's state stands in `folder`/`stage`_state.safetensors after every `checkpoint_every` steps;
-    an interrupted run started again with the same folder continues there. `stage`_log.csv holds a
-    row per validation: step, mean training loss since the last row, error left, rate, seconds.
+    The run's state stands in `folder`/`stage`_state.safetensors after every `checkpoint_every`
+    steps; an interrupted run started again with the same folder continues there. `stage`_log.csv
+    holds a row per validation: step, mean training loss since the last row, error left, rate,
+    seconds.
     """
     folder.mkdir(parents=True, exist_ok=True)
     state_path, log_path = folder / f"{stage}_state.safetensors", folder / f"{stage}_log.csv"
@@ -218,7 +219,7 @@ def train(
 
 @torch.no_grad()
 def update_average(state: TrainState, decay: float) -> None:
-    """Move the averaged weights towards the network's; faster at first, so early noise is forgotten."""
+    """Move the averaged weights towards the network's; faster at first, to forget the start."""
     decay = min(decay, (1 + state.step) / (10 + state.step))
     for name, tensor in state.model.state_dict().items():
         state.average[name].lerp_(tensor, 1 - decay)

@@ -27,7 +27,7 @@ def draw_sigma(count: int, *, generator: torch.Generator) -> Float[Tensor, " B"]
 def motion_loss(
     model: MotionDenoiser, batch: Batch, *, generator: torch.Generator
 ) -> Float[Tensor, ""]:
-    """Weighted squared error of the clean canonical keypoints (paper C.4, x0 form of the eps loss)."""
+    """Weighted squared error of clean canonical keypoints (paper C.4; x0 form of its eps loss)."""
     clean = batch.clean_canon
     sigma = draw_sigma(len(clean), generator=generator) * HAND_SCALE
     noise = torch.randn(clean.shape, generator=generator).to(clean)
