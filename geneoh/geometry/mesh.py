@@ -167,22 +167,23 @@ def thickened(mesh: Mesh, thickness: float = SHEET_THICKNESS) -> Mesh:
     """The closed wall around an open sheet: half the thickness to either side, rims stitched.
 
     To be called on a sheet whose faces share vertices and agree on a side. Half to either side
-    because which side is the outer one is not known, and so that mirroring changes nothing.
+    because which side is the outer one is not known, and so that mirroring changes nothing. Only
+    vertices that faces use are kept.
     """
-    across = mesh.face_vectors().double()
-    normals = torch.zeros_like(mesh.verts, dtype=torch.float64)
+    used, faces = torch.unique(mesh.faces, return_inverse=True)
+    sheet = Mesh(mesh.verts[used], faces)
+    across = sheet.face_vectors().double()
+    normals = torch.zeros_like(sheet.verts, dtype=torch.float64)
     for corner in range(3):
-        normals.index_add_(0, mesh.faces[:, corner], across)
-    shift = torch.nn.functional.normalize(normals, dim=-1, eps=TINY).to(mesh.verts) * thickness / 2
-    count = len(mesh.verts)
-    rim = open_edges(mesh.faces)
-    start, end = mesh.faces[rim], mesh.faces.roll(-1, dims=-1)[rim]
+        normals.index_add_(0, faces[:, corner], across)
+    shift = torch.nn.functional.normalize(normals, dim=-1, eps=TINY).to(sheet.verts) * thickness / 2
+    rim = open_edges(faces)
+    start, end, count = faces[rim], faces.roll(-1, dims=-1)[rim], len(used)
     stitches = torch.cat(
         [
             torch.stack([end, start, start + count], -1),
             torch.stack([end, start + count, end + count], -1),
         ]
     )
-    verts = torch.cat([mesh.verts + shift, mesh.verts - shift])
-    faces = torch.cat([mesh.faces, mesh.faces[:, [0, 2, 1]] + count, stitches])
-    return Mesh(verts, faces)
+    verts = torch.cat([sheet.verts + shift, sheet.verts - shift])
+    return Mesh(verts, torch.cat([faces, faces.flip(-1) + count, stitches]))

@@ -130,4 +130,5 @@ def test_thickened_sheet_is_closed_and_holds_area_times_thickness():
     sheet.update_faces(sheet.triangles_center[:, 2] < 0)
     wall = thickened(mesh_of(sheet), 0.002)
     assert is_watertight(wall)
+    assert len(wall.verts) == 2 * len(np.unique(sheet.faces))
     assert volume(wall) == pytest.approx(sheet.area * 0.002, rel=0.01)
