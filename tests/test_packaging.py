@@ -1,7 +1,12 @@
 """The package list in pyproject.toml, the wheel and the tree say the same."""
 
+import subprocess
 import sys
 from pathlib import Path
+
+import pytest
+
+import geneoh
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -34,3 +39,18 @@ def test_every_listed_package_has_an_init_file():
 
 def test_data_files_belong_to_listed_packages():
     assert set(SETUPTOOLS["package-data"]) <= set(SETUPTOOLS["packages"])
+
+
+def test_public_names_are_there_and_come_without_torch_until_used():
+    code = (
+        "import sys, geneoh\n"
+        "assert 'torch' not in sys.modules\n"
+        "assert geneoh.__version__\n"
+        "assert all(callable(getattr(geneoh, name)) for name in geneoh.__all__)\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_an_unknown_name_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        geneoh.nothing  # noqa: B018

@@ -1,15 +1,17 @@
 """Sequences to and from npz files: the layouts people have are read, one layout is written."""
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
 import torch
+from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.errors import InputError
-from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.mesh import Mesh, load_mesh
+from geneoh.hand.library import load_hand
 from geneoh.hand.model import Side
 from geneoh.sequence.archive import Arrays, read_archive, write_archive
 from geneoh.sequence.checks import check_sequence
@@ -30,6 +32,43 @@ LAYOUT_NAMES: dict[Layout, str] = {
     "taco": "TACO names",
     "joints": "bare joints",
 }
+
+
+def load(
+    path: Path | str,
+    *,
+    obj: Path | str | Iterable[Path | str] = (),
+    side: Side | None = None,
+    fps: float | None = None,
+    mano_dir: Path | str | None = None,
+) -> Sequence:
+    """Read a sequence together with the meshes of its object.
+
+    Args:
+        path: the npz of the sequence.
+        obj: mesh file of the object, or one per rigid part.
+        side: which hand, where the file does not say; of two hands, the one to read.
+        fps: frames a second, where the file does not say.
+        mano_dir: folder of the user's MANO files, for the exact wrist of smplx translations.
+
+    Raises:
+        InputError: a file cannot be read as one interaction; the message says why.
+    """
+    files = [obj] if isinstance(obj, Path | str) else list(obj)
+    meshes = tuple(load_mesh(Path(file)) for file in files)
+    offset = None if mano_dir is None else mano_wrist_offset(mano_dir)
+    return load_sequence(path, meshes, side=side, fps=fps, wrist_offset=offset)
+
+
+def mano_wrist_offset(mano_dir: Path | str) -> WristOffset:
+    """MANO's J0(betas) from the user's own files, which are read when it is first asked for."""
+
+    def offset(side: Side, betas: Float[Tensor, " 10"]) -> Float[Tensor, " 3"]:
+        hand = load_hand(side, source="mano", mano_dir=mano_dir)
+        verts = hand.template + hand.shape_dirs[..., : len(betas)] @ betas
+        return hand.joint_regressor[0] @ verts
+
+    return offset
 
 
 def load_sequence(

@@ -8,7 +8,9 @@ from bad_inputs import FRAMES, REFUSED, good_arrays, write_good
 
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import Mesh
-from geneoh.sequence.files import load_sequence, save_sequence
+from geneoh.hand.library import load_hand
+from geneoh.sequence import files
+from geneoh.sequence.files import load, load_sequence, save_sequence
 from geneoh.sequence.tracks import HandTrack, ObjectTrack, Sequence
 
 
@@ -133,3 +135,20 @@ def test_reading_refuses_in_one_sentence_that_helps(case, tmp_path, monkeypatch)
     for word in case.words:
         assert word in message
     assert set(os.listdir(tmp_path)) <= {"hand.npz", "object.obj"}
+
+
+def test_a_sequence_is_loaded_with_its_mesh(tmp_path):
+    write_good(tmp_path)
+    sequence = load(tmp_path / "hand.npz", obj=tmp_path / "object.obj")
+    assert len(sequence.object.meshes) == 1
+    with pytest.raises(InputError, match="1 rigid parts, got 2 meshes"):
+        load(tmp_path / "hand.npz", obj=[tmp_path / "object.obj"] * 2)
+
+
+def test_the_wrist_of_a_mano_hand_is_where_its_regressor_puts_it(monkeypatch):
+    hand = load_hand("right")
+    monkeypatch.setattr(files, "load_hand", lambda *_, **__: hand)
+    betas = torch.linspace(-2, 2, 10)
+    verts = hand.template + torch.einsum("vcs,s->vc", hand.shape_dirs, betas)
+    expected = (hand.joint_regressor @ verts)[0]
+    torch.testing.assert_close(files.mano_wrist_offset("anywhere")("right", betas), expected)

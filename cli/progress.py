@@ -1,0 +1,36 @@
+"""A progress bar for work that takes longer than a glance."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+PATIENCE = 2.0
+"""Seconds of work before a bar is shown."""
+
+OnProgress = Callable[[str, int, int], None]
+"""Called with a stage's name and its steps done and in all."""
+
+
+@contextmanager
+def progress_bars() -> Iterator[OnProgress]:
+    """Bars on standard error, one stage at a time, for as long as the block runs."""
+    from tqdm import tqdm
+
+    began = time.monotonic()
+    bar = None
+
+    def heard(stage: str, done: int, total: int) -> None:
+        nonlocal bar
+        if bar is None or bar.desc != stage:
+            if bar is not None:
+                bar.close()
+            wait = max(0.0, PATIENCE - (time.monotonic() - began))
+            bar = tqdm(total=total, desc=stage, delay=wait, leave=False, dynamic_ncols=True)
+        bar.total = total
+        bar.update(done - bar.n)
+
+    try:
+        yield heard
+    finally:
+        if bar is not None:
+            bar.close()

@@ -1,0 +1,28 @@
+import importlib
+from pathlib import Path
+
+import pytest
+
+from geneoh.errors import ConfigError
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+
+
+@pytest.fixture
+def find_config(command):
+    package = type(command).__module__.rpartition(".")[0]
+    return importlib.import_module(".options", package).find_config
+
+
+def test_a_path_is_taken_as_it_is(find_config):
+    assert find_config("some/where.toml") == Path("some/where.toml")
+
+
+@pytest.mark.parametrize("shipped", sorted(CONFIGS.glob("*.toml")), ids=lambda path: path.stem)
+def test_a_shipped_configuration_is_found_by_its_name(find_config, shipped):
+    assert find_config(shipped.stem).read_text() == shipped.read_text()
+
+
+def test_an_unknown_name_is_answered_with_those_there_are(find_config):
+    with pytest.raises(ConfigError, match="--config nothing: expected .*or the path of a"):
+        find_config("nothing")
