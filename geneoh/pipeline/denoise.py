@@ -170,7 +170,7 @@ def _clean_right_hand(
     with torch.no_grad():
         samples = _run_stages(denoisers, scene, person, chosen, heard, generator=generator)
         index, target = _select(samples, person, chosen.selection)
-        state, shaped = _fit(target, person, chosen, surface, heard("fit"))
+        state, shaped, betas = _fit(target, person, chosen, surface, heard("fit"))
         posed = shaped.verts_from_rotations(state.rotations, state.wrist)
         # verts and joints of the input as it came, for the comparison only
         given = person.start or fit_hand(
@@ -187,7 +187,7 @@ def _clean_right_hand(
         joints=posed.joints[0],
         pose=matrix_to_axis_angle(state.rotations)[0],
         wrist=state.wrist[0],
-        betas=person.betas if shaped is person.shaped else None,
+        betas=betas,
         hand_model=shaped.model.name,
         joint_spread=_spread(samples) if len(samples) > 1 else None,
     )
@@ -292,13 +292,14 @@ def _fit(
     chosen: Preset,
     surface: Callable[[Tensor], SurfaceQuery],
     on_step: Callable[[int, int], None],
-) -> tuple[HandState, ShapedHand]:
-    """Hand parameters and shape; filled frames count as much, the stages' prior filled them."""
+) -> tuple[HandState, ShapedHand, Tensor]:
+    """Hand parameters, shape and betas; filled frames count as much, the stages' prior filled
+    them."""
     trust = torch.ones_like(target[..., 0])
     model = person.shaped.model
     if isinstance(chosen.fit, AdamFitConfig):
         state, betas = fit_with_adam(target, trust, model, config=chosen.fit, on_step=on_step)
-        return state, model.shaped(betas[0])
+        return state, model.shaped(betas[0]), betas[0]
     start = person.start or start_from_keypoints(target, person.shaped)
     state = fit_hand(
         target,
@@ -309,7 +310,7 @@ def _fit(
         surface=surface if chosen.contact else None,
         on_step=on_step,
     )
-    return state, person.shaped
+    return state, person.shaped, person.betas
 
 
 def _spread(samples: Float[Tensor, "S T 21 3"]) -> Float[Tensor, "T 21"]:

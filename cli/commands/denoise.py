@@ -1,0 +1,73 @@
+"""`geneoh denoise`: a noisy track in, a clean one and a short report out."""
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from .. import options
+
+
+@click.command()
+@click.argument("noisy", type=options.INPUT_FILE)
+@options.obj
+@options.output
+@click.option(
+    "--preset",
+    type=click.Choice(["default", "paper", "fast"]),
+    default="default",
+    show_default=True,
+    help="How: our best, as the paper does it, or quickly.",
+)
+@click.option(
+    "--samples", type=int, help="Diffusion chains to draw; the preset has its own number."
+)
+@click.option(
+    "--select",
+    "selection",
+    type=click.Choice(["closest", "mean"]),
+    help="Which sample is kept: the one closest to the input, or the mean.",
+)
+@click.option("--steps", type=int, help="Denoiser calls per stage, instead of the preset's.")
+@click.option(
+    "--hand",
+    type=click.Choice(["embedded", "mano"]),
+    default="embedded",
+    show_default=True,
+    help="Hand model of the result.",
+)
+@options.mano
+@options.weights
+@options.seed
+@options.side
+@options.fps
+@options.device
+def denoise(
+    noisy: Path,
+    obj: tuple[Path, ...],
+    output: Path | None,
+    side: Any,
+    fps: float | None,
+    mano: Path | None,
+    **chosen: Any,
+) -> None:
+    """Clean the hand-object interaction in NOISY.
+
+    NOISY is an npz in any layout that geneoh reads (its own, smplx names, TACO names, bare joints)
+    with the object's pose per frame. Writes NOISY with `_clean` before its ending, unless -o says
+    otherwise, and prints what was done and what it changed.
+    """
+    import geneoh
+    from geneoh.pipeline.results import save_result
+
+    from .. import devices, progress, reports
+
+    devices.named(chosen["device"])
+    settings = geneoh.Options(mano_dir=mano, **chosen)
+    sequence = geneoh.load(noisy, obj=obj, side=side, fps=fps, mano_dir=settings.mano_dir)
+    with progress.progress_bars() as heard:
+        result = geneoh.denoise(sequence, settings, on_progress=heard)
+    output = output or noisy.with_name(f"{noisy.stem}_clean.npz")
+    save_result(result, settings, output)
+    for line in reports.denoised(sequence, result, output):
+        click.echo(line)

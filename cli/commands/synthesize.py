@@ -1,0 +1,46 @@
+"""`geneoh synthesize`: interactions to learn from, made by this program."""
+
+from pathlib import Path
+
+import click
+
+from .. import options
+
+
+@click.command()
+@click.option(
+    *("-o", "--output", "data"),
+    type=click.Path(file_okay=False, path_type=Path),
+    default=Path("runs/data"),
+    show_default=True,
+    help="Folder to write to.",
+)
+@click.option(
+    "--count",
+    type=click.IntRange(min=1),
+    default=3072,
+    show_default=True,
+    help="Interactions to make, 4 seconds each.",
+)
+@options.seed
+def synthesize(data: Path, count: int, seed: int) -> None:
+    """Make synthetic hand-object interactions, in shards that `geneoh train` reads.
+
+    Started again with the same folder, count and seed it makes only what is missing. Some object
+    families are held out: they are in the validation shards alone.
+    """
+    from geneoh.hand.library import load_hand
+    from geneoh.synthesis.shards import SynthesisConfig, write_shards
+
+    from .. import progress
+
+    config = SynthesisConfig(count=count)
+    with progress.progress_bars() as heard:
+        made = write_shards(
+            data,
+            config,
+            load_hand("right"),
+            seed=seed,
+            on_shard=lambda done, total: heard("shards", done, total),
+        )
+    click.echo(f"{data}: {made} shards made, of {config.shard} interactions each")

@@ -1,0 +1,19 @@
+"""The device that a user names, checked before any work starts."""
+
+import torch
+
+from geneoh.errors import ConfigError
+
+
+def named(name: str) -> torch.device:
+    """The torch device of that name; `ConfigError` when this machine has none such."""
+    try:
+        device = torch.device(name)
+        torch.empty(0, device=device)
+    except (RuntimeError, AssertionError) as error:
+        said = str(error).splitlines()[0]
+        raise ConfigError(
+            f"--device {name}: expected a device of this machine, got '{said}'; "
+            "`geneoh info` lists them"
+        ) from None
+    return device

@@ -1,0 +1,32 @@
+"""What commands say of their results, as lines of text."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from geneoh.metrics.report import before_and_after
+from geneoh.pipeline.denoise import Denoised
+from geneoh.sequence.tracks import Sequence
+
+
+def denoised(sequence: Sequence, result: Denoised, output: Path) -> Iterator[str]:
+    """What was read, what the stages took, what changed, and what to know about it."""
+    parts = len(sequence.object.meshes)
+    yield (
+        f"read {sequence.source}: {sequence.frames} frames at {sequence.fps:g} frames a second, "
+        f"object of {parts} part{'s' if parts > 1 else ''}"
+    )
+    for side, hand in result.hands.items():
+        spent = ", ".join(f"{stage} {took:.1f} s" for stage, took in hand.seconds.items())
+        drawn = f"{len(hand.samples)} sample{'s' if len(hand.samples) > 1 else ''}"
+        kept = "their mean kept" if hand.chosen < 0 else f"number {hand.chosen + 1} kept"
+        yield f"{side} hand: {hand.windows} window(s), {drawn} ({kept}); {spent}"
+        for line in before_and_after(hand.before, hand.after):
+            yield f"  {line}"
+        yield f"  keypoints moved by {1000 * hand.moved:.1f} mm on average"
+        if count := int(hand.filled.sum()):
+            yield f"  {count} unobserved frames were filled in; see {side}_filled in the file"
+        for note in hand.notes:
+            yield f"  note: {note}"
+    for note in result.notes:
+        yield f"note: {note}"
+    yield f"wrote {output}"

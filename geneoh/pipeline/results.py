@@ -1,0 +1,25 @@
+"""A cleaned sequence on disk, with what the cleaner learned beside the track itself."""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+
+from geneoh.pipeline.denoise import Denoised, Options
+from geneoh.sequence.files import save_sequence
+
+
+def save_result(result: Denoised, options: Options, path: Path) -> None:
+    """Write the clean sequence as a geneoh-sequence npz, whole or not at all.
+
+    Beside the sequence's own fields: per side `filled` (T,), frames the input did not hold, and,
+    where several samples were drawn, `samples` (S, T, 21, 3) in metres, their keypoints at 30
+    frames a second before selection and fit; `options`, the settings as JSON.
+    """
+    extra: dict[str, np.ndarray] = {"options": np.array(json.dumps(asdict(options), default=str))}
+    for side, hand in result.hands.items():
+        extra[f"{side}_filled"] = hand.filled.numpy()
+        if len(hand.samples) > 1:
+            extra[f"{side}_samples"] = hand.samples.cpu().numpy()
+    save_sequence(result.sequence, path, extra=extra)
