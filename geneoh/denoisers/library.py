@@ -30,9 +30,7 @@ class Denoisers:
     """How each stage was trained, by stage."""
 
 
-def load_denoisers(
-    folder: Path | None = None, *, device: torch.device | str = "cpu"
-) -> Denoisers:
+def load_denoisers(folder: Path | None = None, *, device: torch.device | str = "cpu") -> Denoisers:
     """All three stages from one folder, the shipped weights by default.
 
     Raises:
@@ -49,8 +47,8 @@ def load_denoisers(
             network.load_state_dict(saved[stage].tensors)
         except RuntimeError as error:
             raise CheckpointError(
-                f"{folder / stage}.safetensors: expected weights of this version's {stage} network, "
-                f"got others ({str(error).splitlines()[-1].strip()}); train them again"
+                f"{folder / stage}.safetensors: expected weights of this version's {stage} "
+                f"network, got others ({str(error).splitlines()[-1].strip()}); train them again"
             ) from error
         return network.to(device).eval().requires_grad_(False)
 
