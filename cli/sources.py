@@ -11,6 +11,7 @@ from geneoh.datasets.catalogue import SOURCES
 if TYPE_CHECKING:
     from geneoh.datasets.base import Known
     from geneoh.datasets.convert import Outcome
+    from geneoh.sequence.tracks import Sequence
 
 MESH_FILE = click.Path(dir_okay=False, path_type=Path)
 FOLDER = click.Path(file_okay=False, path_type=Path)
@@ -37,6 +38,8 @@ OPTIONS = (
     ),
     click.option("--focal", type=float, help="Of the camera in pixels, for HaMeR and WiLoR."),
 )
+NAMES = ("objects", "body", "object_pose", "joint_order", "translation", "mean_pose", "focal")
+"""Of these options, as the commands get them."""
 
 
 def known(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -66,6 +69,16 @@ def known_of(
         joint_order=joint_order or "openpose",
         **rest,
     )
+
+
+def one_recording(name: str, path: Path, known: "Known", clip: str | None) -> "Sequence":
+    """The one sequence at a path of a source, checked."""
+    from geneoh.datasets.convert import read_one
+    from geneoh.sequence.checks import check_sequence
+
+    recording = read_one(name, path, known, clip)
+    check_sequence(recording.sequence, recording.name)
+    return recording.sequence
 
 
 def table() -> str:

@@ -34,7 +34,7 @@ MILLIMETRES = 0.001
 HINGE = np.array([0.0, 0.0, -1.0])
 """Axis of the top in the canonical frame, through its origin."""
 TOP, BOTTOM = 0, 1
-"""In parts.json, by the code that made the published numbers; the documentation says the opposite."""
+"""In parts.json, by the code behind the published numbers; its documentation says the opposite."""
 
 
 def find(path: Path) -> list[Clip]:

@@ -15,6 +15,7 @@ from geneoh.datasets.records import Array
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import size_warning
 from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.hand.model import Side
 from geneoh.hand.skeleton import forward_kinematics, rest_offsets
 from geneoh.sequence.checks import check_sequence
 from geneoh.sequence.hand_layouts import MEAN_WRIST_OFFSET
@@ -30,8 +31,15 @@ MIDDLE_JOINTS = (2, 5, 8, 11)
 """Second joints of the four fingers, which bend one way only."""
 BACKWARD_LIMIT = 0.05
 """Mean radians that they may bend backward; recordings bend forward by 0.2 and more."""
+KNUCKLES, FINGERTIPS = [5, 9, 13, 17], [8, 12, 16, 20]
+"""Keypoints of the four fingers."""
+LINKS = tuple((start, start + 1) for base in KNUCKLES for start in range(base, base + 3))
+LONGEST_LINK = 0.8
+"""Share of the palm's length that no bone of a finger reaches; the longest measured is 0.6."""
+CURL_LIMIT = 0.1
+"""Share of the palm's length that fingers may bend backward at their tips."""
 ALONG_STEPS, ALONG_GAIN, ALONG_SHARE = 5, 0.002, 0.4
-"""Moving frames that are needed; metres a frame and share by which another reading must be better."""
+"""Moving frames that are needed; metres a frame and share by which another reading is better."""
 
 
 def contradictions(recording: Recording) -> list[str]:
@@ -65,6 +73,8 @@ def of_hand(hand: HandTrack, recording: Recording) -> Iterator[str]:
             yield wrist_words(off.mean(0), "the stored keypoints")
     if rim is not None and hand.pose is not None and wrist is not None:
         yield from of_rim(hand.pose[valid, 0], wrist[valid], rim[valid])
+    if hand.joints is not None:
+        yield from of_joints(hand.joints[hand.valid], hand.side)
     if hand.pose is None:
         return
     bend = float(hand.pose[hand.valid][:, MIDDLE_JOINTS, 2].mean())
@@ -83,6 +93,26 @@ def of_hand(hand: HandTrack, recording: Recording) -> Iterator[str]:
                 f"pose: it misses the stored keypoints by {1000 * misfit:.0f} mm; the mean pose, "
                 "the side or the order of the joints is another one"
             )
+
+
+def of_joints(joints: torch.Tensor, side: Side) -> Iterator[str]:
+    """Side and order of keypoints: fingers curl towards the palm, and their bones are short."""
+    span = float((joints[:, KNUCKLES] - joints[:, :1]).norm(dim=-1).median())
+    bones = torch.stack(
+        [(joints[:, tips] - joints[:, bases]).norm(dim=-1) for bases, tips in LINKS]
+    )
+    longest = float(bones.median(1).values.max())
+    if longest > LONGEST_LINK * span:
+        yield (
+            f"order: a finger's bone is {1000 * longest:.0f} mm long beside a palm of "
+            f"{1000 * span:.0f} mm; the keypoints are in another order"
+        )
+        return
+    palm = torch.linalg.cross(joints[:, 5] - joints[:, 0], joints[:, 17] - joints[:, 0])
+    palm = torch.nn.functional.normalize(palm, dim=-1) * (1 if side == "right" else -1)
+    curl = ((joints[:, FINGERTIPS] - joints[:, KNUCKLES]) * palm[:, None]).sum(-1)
+    if float(curl.mean()) < -CURL_LIMIT * span:
+        yield "handedness: the fingers curl away from the palm; these are points of the other hand"
 
 
 def wrist_words(off: Array, against: str) -> str:
@@ -114,8 +144,8 @@ def pose_misfit(pose: torch.Tensor, joints: torch.Tensor) -> float:
     """Mean metres between keypoints and those of the pose with the best constant skeleton."""
     turn = axis_angle_to_matrix(pose)
     valid = torch.ones(len(pose), dtype=torch.bool)
-    offsets = rest_offsets(turn, joints, valid)
-    made = forward_kinematics(turn, joints[:, 0], offsets.expand(len(pose), 20, 3))[0]
+    offsets = rest_offsets(turn, joints, valid).expand(len(pose), 20, 3)
+    made = forward_kinematics(turn, joints[:, 0], offsets)[0]
     return float((made - joints).norm(dim=-1).mean())
 
 

@@ -25,6 +25,9 @@ OPENPOSE_FROM_M = (0, 13, 14, 15, 16, 1, 2, 3, 17, 4, 5, 6, 18, 10, 11, 12, 19, 
 """Keypoint i is entry i of this among 16 MANO joints and the tips of thumb, index, middle, ring,
 pinky: the order of ARCTIC and HO-3D."""
 
+FLIP_X = np.array([-1.0, 1.0, 1.0])
+"""Reflection of points x -> -x."""
+
 OFFSET_NOTE = (
     "the wrist was placed with the offset of MANO's mean hand, some 5 mm off for other hands; "
     "pass --mano to have it exact"
