@@ -14,6 +14,7 @@ from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Literal
 
+import numpy as np
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
@@ -122,9 +123,7 @@ class ShapedHand:
         self, rotations: Float[Tensor, "*#B 16 3 3"], wrist: Float[Tensor, "*#B 3"]
     ) -> PosedHand:
         """As `posed`, from local rotation matrices."""
-        batch = torch.broadcast_shapes(
-            rotations.shape[:-3], wrist.shape[:-1], self.verts.shape[:-2]
-        )
+        batch = self._batch(rotations, wrist)
         rotations, wrist = rotations.expand(*batch, 16, 3, 3), wrist.expand(*batch, 3)
         joints, turn = forward_kinematics(rotations, wrist, self.offsets.expand(*batch, 20, 3))
         centre = joints[..., list(MANO_FROM_OPENPOSE[:16]), :]
@@ -135,14 +134,17 @@ class ShapedHand:
         self, rotations: Float[Tensor, "*#B 16 3 3"], wrist: Float[Tensor, "*#B 3"]
     ) -> Float[Tensor, "*B 21 3"]:
         """Only the keypoints of `verts_from_rotations`, many times cheaper: no mesh is skinned."""
-        batch = torch.broadcast_shapes(
-            rotations.shape[:-3], wrist.shape[:-1], self.verts.shape[:-2]
-        )
+        batch = self._batch(rotations, wrist)
         return forward_kinematics(
             rotations.expand(*batch, 16, 3, 3),
             wrist.expand(*batch, 3),
             self.offsets.expand(*batch, 20, 3),
         )[0]
+
+    def _batch(self, rotations: Tensor, wrist: Tensor) -> tuple[int, ...]:
+        """Batch axes of a pose, a wrist and this shape together."""
+        # torch has the same function and imports sympy on its first call, which takes seconds
+        return np.broadcast_shapes(rotations.shape[:-3], wrist.shape[:-1], self.verts.shape[:-2])
 
     def _corrected(self, rotations: Float[Tensor, "*B 16 3 3"]) -> Float[Tensor, "*B2 3 V"]:
         """Rest vertices with the pose correctives, coordinates first for fast skinning."""
