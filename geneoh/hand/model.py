@@ -1,8 +1,9 @@
 """A hand of one side as data: rest mesh, shape, skinning, limits; and how it is shaped and posed.
 
 Three frozen steps, each a plain function of the one before: `HandModel` (MANO's own fields),
-`ShapedHand` (one shape, rest pose) and `PosedHand` (vertices and keypoints in the world). Everything
-follows the device and dtype of its tensors, is differentiable, and broadcasts over any batch axes.
+`ShapedHand` (one shape, rest pose) and `PosedHand` (vertices and keypoints in the world).
+Everything follows the device and dtype of its tensors, is differentiable, and broadcasts over any
+batch axes.
 
 Frame of the rest pose: fingers towards -x for the right hand (+x for the left), palm towards -y,
 thumb towards +z. Linear blend skinning with pose correctives, as in MANO (Romero et al. 2017,
@@ -63,6 +64,11 @@ class HandModel:
     def has_pose_dirs(self) -> bool:
         """False when the correctives are all zero and can be skipped."""
         return bool(self.pose_dirs.any())
+
+    @cached_property
+    def pose_basis(self) -> Float[Tensor, "135 V3"]:
+        """The correctives, coordinates before vertices: laid out for one matrix product."""
+        return self.pose_dirs.permute(2, 1, 0).flatten(1).contiguous()
 
     def to(self, device: torch.device | str) -> "HandModel":
         """The same model on another device."""
@@ -153,8 +159,8 @@ class ShapedHand:
             return rest
         eye = torch.eye(3, dtype=rotations.dtype, device=rotations.device)
         feature = (rotations[..., 1:, :, :] - eye).flatten(-3)
-        basis = self.model.pose_dirs.permute(2, 1, 0).flatten(1)
-        return rest + (feature @ basis).unflatten(-1, rest.shape[-2:])
+        bulge = feature @ self.model.pose_basis
+        return rest + bulge.unflatten(-1, rest.shape[-2:])
 
     def _skin(
         self,
@@ -164,6 +170,9 @@ class ShapedHand:
     ) -> Float[Tensor, "*B V 3"]:
         """Linear blend skinning, coordinates first: twice as fast as vertices first on a CPU."""
         rows = torch.cat([turn, shift[..., None]], dim=-1)
-        blend = torch.einsum("...jrc,vj->...rcv", rows, self.model.skin_weights)
-        verts = (blend[..., :3, :] * rest[..., None, :, :]).sum(-2) + blend[..., 3, :]
+        rows = rows.movedim(-3, -1).flatten(-3, -2)
+        blend = (rows @ self.model.skin_weights.T).unflatten(-2, (3, 4))
+        verts = blend[..., 3, :]
+        for axis in range(3):
+            verts = torch.addcmul(verts, blend[..., axis, :], rest[..., None, axis, :])
         return verts.transpose(-1, -2)
