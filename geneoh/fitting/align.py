@@ -46,15 +46,18 @@ def align_to_relations(
     weight = torch.exp(-CLOSENESS * target.distance)
     share = weight / weight.sum((1, 2, 3), keepdim=True).clamp(min=1e-6)
 
+    # in the canonical frame, because Adam's steps depend on the axes
+    start = region.to_canon(joints)
+
     def loss(parameters: list[Tensor]) -> Tensor:
         (moved,) = parameters
-        now = encode_temporal(moved, region, fps)
+        now = encode_temporal(region.to_world(moved), region, fps)
         miss = ((now.distance - target.distance) / config.distance_std).square()
         miss = miss + ((now.velocity - target.velocity) / config.speed_std).square().sum(-1)
         miss = miss + ((now.tangential - target.tangential) / config.speed_std).square()
         miss = miss + ((now.normal - target.normal) / config.speed_std).square()
-        stay = ((moved - joints) / config.stay_std).square().sum(-1).mean((1, 2))
+        stay = ((moved - start) / config.stay_std).square().sum(-1).mean((1, 2))
         return ((share * miss).sum((1, 2, 3)) + stay).sum()
 
-    (moved,) = adam(loss, [joints], steps=config.steps, rate=config.rate, on_step=on_step)
-    return moved
+    (moved,) = adam(loss, [start], steps=config.steps, rate=config.rate, on_step=on_step)
+    return region.to_world(moved)

@@ -7,8 +7,10 @@ from torch import Tensor
 from geneoh.hand.model import HandModel
 from geneoh.hand.skeleton import OPENPOSE_FROM_MANO
 
+OFFSET_STD = 0.0005
+"""How well a rest offset is known from pose and joints together, metres."""
 BONE_STD = 0.002
-"""How well a bone's length is known and can be met by ten shape directions, metres."""
+"""How well a bone's length is known from noisy joints, metres."""
 ITERATIONS = 8
 
 
@@ -29,8 +31,8 @@ def _bone_order() -> list[int]:
 def betas_from_offsets(model: HandModel, offsets: Float[Tensor, "20 3"]) -> Float[Tensor, " S"]:
     """Betas whose rest skeleton is nearest to the given one, with a standard normal prior."""
     mean, basis = _skeleton_basis(model)
-    rows = basis.flatten(0, 1) / BONE_STD
-    wanted = (offsets - mean).flatten() / BONE_STD
+    rows = basis.flatten(0, 1) / OFFSET_STD
+    wanted = (offsets - mean).flatten() / OFFSET_STD
     eye = torch.eye(basis.shape[-1]).to(basis)
     return torch.linalg.solve(rows.T @ rows + eye, rows.T @ wanted)
 

@@ -27,9 +27,9 @@ TIP_KEYPOINTS = tuple(OPENPOSE_FROM_MANO.index(16 + i) for i in range(5))
 
 
 def forward_kinematics(
-    rotations: Float[Tensor, "*B 16 3 3"],
-    wrist: Float[Tensor, "*B 3"],
-    offsets: Float[Tensor, "*B 20 3"],
+    rotations: Float[Tensor, "*#B 16 3 3"],
+    wrist: Float[Tensor, "*#B 3"],
+    offsets: Float[Tensor, "*#B 20 3"],
 ) -> tuple[Float[Tensor, "*B 21 3"], Float[Tensor, "*B 16 3 3"]]:
     """Keypoints in OpenPose order and the joints' global rotations, in the frame of `wrist`.
 

@@ -78,8 +78,8 @@ class HandResult:
     track: HandTrack
     filled: Bool[Tensor, " T"]
     """Frames that the input did not hold: the prior's, not the observation's."""
-    samples: Float[Tensor, "S T 21 3"]
-    """Keypoints of every sample after the three stages, before the fit."""
+    samples: Float[Tensor, "S N 21 3"]
+    """Keypoints of every sample after the three stages, before the fit, at 30 frames a second."""
     chosen: int
     """Index of the sample that was kept; -1 for their mean."""
     before: InteractionReport

@@ -1,8 +1,8 @@
 """The three stages on world keypoints: window, canonicalise, denoise via diffusion, blend back.
 
-Windows and samples share one batch. Diffusion runs on the whole track: each denoiser call cuts the
-track into windows and blends what they answer, so windows agree at every noise level and no seam
-forms. Noise is the same in the world and in canonical frames, since those differ by rigid motions.
+Windows and samples share one batch. Diffusion runs on the whole track in the object's frame: each
+denoiser call cuts the track into windows and blends what they answer, so windows agree at every
+noise level and no seam forms, and a rigid motion of the scene moves the result and nothing else.
 """
 
 from dataclasses import dataclass
@@ -60,6 +60,14 @@ class Scene:
     def size(self) -> int:
         """Frames of a window: a short track is one window of its own length."""
         return min(WINDOW, self.frames)
+
+    def to_object(self, world: Float[Tensor, "S T 21 3"]) -> Float[Tensor, "S T 21 3"]:
+        """Keypoints in the frame of the object's first part, frame by frame."""
+        return (world - self.translation[:, :1]) @ self.rotation[:, 0]
+
+    def to_world(self, local: Float[Tensor, "S T 21 3"]) -> Float[Tensor, "S T 21 3"]:
+        """Inverse of `to_object`."""
+        return local @ self.rotation[:, 0].transpose(-1, -2) + self.translation[:, :1]
 
     def cut(self, values: Float[Tensor, "..."], axis: int) -> Float[Tensor, "..."]:
         """Windows of a tensor whose frames lie on `axis`, a window axis W in front of it."""
@@ -126,18 +134,20 @@ def denoise_motion(
     observation = scene.observation(joints, region, observed)
 
     def clean(x: Tensor, sigma: float) -> Tensor:
-        canon = region.to_canon(scene.windows(x * HAND_SCALE))
+        canon = region.to_canon(scene.windows(scene.to_world(x * HAND_SCALE)))
         level = canon.new_full((len(canon),), sigma * HAND_SCALE)
-        return scene.blend(region.to_world(model(canon, level, observation))) / HAND_SCALE
+        world = scene.blend(region.to_world(model(canon, level, observation)))
+        return scene.to_object(world) / HAND_SCALE
 
-    return HAND_SCALE * denoise_via_diffusion(
+    cleaned = denoise_via_diffusion(
         clean,
-        joints / HAND_SCALE,
+        scene.to_object(joints) / HAND_SCALE,
         descending_sigmas(plan.level, plan.steps),
         sampler=plan.sampler,
         generator=generator,
         on_step=on_step,
     )
+    return scene.to_world(cleaned * HAND_SCALE)
 
 
 def denoise_spatial(
@@ -179,18 +189,20 @@ def denoise_spatial(
         return scene.blend(region.to_world(hands.mean(2) * HAND_SCALE))
 
     def together(x: Tensor, sigma: float) -> Tensor:
-        canon = region.to_canon(scene.windows(x * HAND_SCALE)) / HAND_SCALE
+        canon = region.to_canon(scene.windows(scene.to_world(x * HAND_SCALE))) / HAND_SCALE
         mean = each(around(canon), sigma).mean(2)
-        return scene.blend(region.to_world(mean * HAND_SCALE)) / HAND_SCALE
+        world = scene.blend(region.to_world(mean * HAND_SCALE))
+        return scene.to_object(world) / HAND_SCALE
 
-    return HAND_SCALE * denoise_via_diffusion(
+    cleaned = denoise_via_diffusion(
         together,
-        joints / HAND_SCALE,
+        scene.to_object(joints) / HAND_SCALE,
         sigmas,
         sampler=plan.sampler,
         generator=generator,
         on_step=on_step,
     )
+    return scene.to_world(cleaned * HAND_SCALE)
 
 
 def denoise_temporal(

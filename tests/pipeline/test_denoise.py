@@ -1,0 +1,217 @@
+"""The whole way of the data, on the example recording with the shipped weights."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from geneoh.errors import ConfigError, InputError
+from geneoh.pipeline.denoise import Denoised, Options, denoise
+from geneoh.pipeline.presets import preset
+from geneoh.sequence.tracks import HandTrack, ObjectTrack, Sequence
+
+FAST = Options(preset="fast")
+
+
+def piece(sequence: Sequence, start: int, stop: int) -> Sequence:
+    """Frames `start` to `stop` - 1 of a sequence."""
+
+    def cut(hand: HandTrack) -> HandTrack:
+        names = ("valid", "joints", "pose", "wrist")
+        kept = {n: v[start:stop] for n in names if (v := getattr(hand, n)) is not None}
+        return replace(hand, **kept)
+
+    moving = sequence.object
+    return replace(
+        sequence,
+        hands=tuple(cut(hand) for hand in sequence.hands),
+        object=replace(
+            moving,
+            rotation=moving.rotation[start:stop],
+            translation=moving.translation[start:stop],
+        ),
+    )
+
+
+def joints_of(result: Denoised) -> torch.Tensor:
+    """Keypoints of the first cleaned hand."""
+    joints = result.sequence.hands[0].joints
+    assert joints is not None
+    return joints
+
+
+def acceleration(joints: torch.Tensor) -> torch.Tensor:
+    """Mean acceleration of each inner frame, metres per frame squared."""
+    return joints.diff(n=2, dim=0).norm(dim=-1).mean(-1)
+
+
+@pytest.fixture(scope="module")
+def whole(noisy) -> Denoised:
+    """All 146 frames cleaned by the default preset: three windows and a bit."""
+    return denoise(noisy)
+
+
+def test_noisy_recording_gets_nearer_to_the_truth_smoother_and_shallower(whole, noisy, clean):
+    truth, before = clean.hands[0].joints, noisy.hands[0].joints
+    error = (joints_of(whole) - truth).norm(dim=-1).mean()
+    assert error < 0.75 * (before - truth).norm(dim=-1).mean()
+    hand = whole.hands["left"]
+    assert hand.after.acceleration_mm < 0.5 * hand.before.acceleration_mm
+    assert hand.after.penetration_mean_mm < hand.before.penetration_mean_mm
+
+
+def test_windows_leave_no_seam(whole):
+    jerky = acceleration(joints_of(whole))
+    borders = torch.zeros(len(jerky), dtype=torch.bool)
+    for start in (30, 60, 86, 90, 120):  # where windows of 60 begin or end in 146 frames
+        borders[start - 3 : start + 2] = True
+    assert jerky[borders].mean() < 1.5 * jerky[~borders].mean()
+
+
+def test_result_is_one_hand_that_its_parameters_make(whole):
+    from geneoh.evaluation.compare import result_verts
+    from geneoh.hand.library import load_hand
+
+    hand = whole.sequence.hands[0]
+    assert hand.hand_model == "embedded"
+    posed = load_hand("left").shaped(hand.betas).posed(hand.pose, hand.wrist)
+    assert torch.allclose(posed.joints, hand.joints, atol=1e-5)
+    assert torch.isfinite(result_verts(whole.sequence)).all()
+
+
+def test_spread_over_samples_is_reported_per_joint_and_frame(whole):
+    spread = whole.sequence.hands[0].joint_spread
+    assert spread.shape == (146, 21)
+    assert (spread > 0).all()
+    assert spread.mean() < 0.03
+
+
+def test_mirrored_input_gives_mirrored_output(noisy):
+    left = piece(noisy, 40, 60)
+    right = replace(
+        left,
+        hands=tuple(hand.mirrored() for hand in left.hands),
+        object=left.object.mirrored(),
+    )
+    a, b = denoise(left, FAST), denoise(right, FAST)
+    assert b.sequence.hands[0].side == "right"
+    mirrored = b.sequence.hands[0].mirrored()
+    assert torch.allclose(a.sequence.hands[0].joints, mirrored.joints, atol=1e-5)
+    assert torch.allclose(a.sequence.hands[0].pose, mirrored.pose, atol=1e-3)
+
+
+def test_rigidly_moved_scene_gives_the_rigidly_moved_result(noisy):
+    from geneoh.geometry.rotations import axis_angle_to_matrix
+
+    short = piece(noisy, 40, 60)
+    turn, shift = axis_angle_to_matrix(torch.tensor([0.3, -0.8, 0.5])), torch.tensor([0.4, 1, -0.2])
+    hand, moving = short.hands[0], short.object
+    moved = replace(
+        short,
+        hands=(HandTrack(hand.side, hand.valid, joints=hand.joints @ turn.T + shift),),
+        object=ObjectTrack(
+            moving.meshes, turn @ moving.rotation, moving.translation @ turn.T + shift
+        ),
+    )
+    still = replace(short, hands=(HandTrack(hand.side, hand.valid, joints=hand.joints),))
+    a, b = joints_of(denoise(still, FAST)), joints_of(denoise(moved, FAST))
+    assert ((a @ turn.T + shift) - b).norm(dim=-1).max() < 1e-3
+
+
+def test_keypoints_alone_are_enough(noisy, clean):
+    short, truth = piece(noisy, 40, 70), piece(clean, 40, 70).hands[0].joints
+    hand = short.hands[0]
+    bare = replace(short, hands=(HandTrack(hand.side, hand.valid, joints=hand.joints),))
+    result = denoise(bare, FAST)
+    before = (hand.joints - truth).norm(dim=-1).mean()
+    assert (joints_of(result) - truth).norm(dim=-1).mean() < before
+    assert result.sequence.hands[0].pose is not None
+
+
+@pytest.mark.parametrize("frames", [1, 2, 20])
+def test_short_tracks_work(noisy, frames):
+    result = denoise(piece(noisy, 60, 60 + frames), FAST)
+    assert joints_of(result).shape == (frames, 21, 3)
+    assert torch.isfinite(joints_of(result)).all()
+
+
+def test_same_seed_gives_the_same_result_and_another_seed_does_not(noisy):
+    short = piece(noisy, 50, 62)
+    a, b = joints_of(denoise(short, FAST)), joints_of(denoise(short, FAST))
+    c = joints_of(denoise(short, replace(FAST, seed=1)))
+    assert torch.equal(a, b)
+    assert not torch.allclose(a, c, atol=1e-4)
+
+
+def test_missing_frames_are_filled_and_marked(noisy):
+    short = piece(noisy, 40, 70)
+    hand = short.hands[0]
+    valid = hand.valid.clone()
+    valid[10:15] = False
+    holes = replace(
+        hand,
+        valid=valid,
+        joints=hand.joints.masked_fill(~valid[:, None, None], torch.nan),
+        pose=hand.pose.masked_fill(~valid[:, None, None], torch.nan),
+        wrist=hand.wrist.masked_fill(~valid[:, None], torch.nan),
+    )
+    result = denoise(replace(short, hands=(holes,)), FAST)
+    assert torch.isfinite(joints_of(result)).all()
+    assert result.hands["left"].filled.tolist() == (~valid).tolist()
+
+
+def test_other_frame_rates_come_back_as_they_were(noisy):
+    short = replace(piece(noisy, 40, 70), fps=60.0)
+    result = denoise(short, FAST)
+    assert result.sequence.fps == 60.0
+    assert result.sequence.frames == 30
+    assert joints_of(result).shape == (30, 21, 3)
+    assert any("resampled" in note for note in result.notes)
+
+
+def test_closest_sample_is_the_one_nearest_to_the_input(noisy):
+    short = piece(noisy, 50, 62)
+    result = denoise(short, replace(FAST, samples=3, selection="closest"))
+    samples, hand = result.hands["left"].samples, short.hands[0]
+    apart = (samples - hand.joints).norm(dim=-1).mean((1, 2))
+    assert result.hands["left"].chosen == int(apart.argmin())
+
+
+def test_two_parts_and_two_hands_are_cleaned_together(noisy):
+    short = piece(noisy, 50, 60)
+    moving = short.object
+    two = ObjectTrack(
+        moving.meshes * 2,
+        moving.rotation.expand(-1, 2, -1, -1).contiguous(),
+        (moving.translation + torch.tensor([[[0.0, 0, 0]], [[0, 0, 0.3]]]).transpose(0, 1)),
+    )
+    other = replace(short.hands[0].mirrored(), joints=short.hands[0].joints, pose=None, wrist=None)
+    result = denoise(replace(short, object=two, hands=(short.hands[0], other)), FAST)
+    assert set(result.hands) == {"left", "right"}
+
+
+def test_paper_preset_has_the_papers_schedule_and_no_observation():
+    chosen = preset("paper")
+    plans = [chosen.motion, chosen.spatial, chosen.temporal]
+    assert [plan.level for plan in plans] == [400, 200, 100]
+    assert [plan.steps for plan in plans] == [400, 200, 100]
+    assert all(plan.sampler == "ancestral" for plan in plans)
+    assert not chosen.observed
+
+
+def test_paper_preset_runs(noisy):
+    result = denoise(piece(noisy, 50, 52), Options(preset="paper", steps=3))
+    assert torch.isfinite(joints_of(result)).all()
+    assert result.sequence.hands[0].joint_spread is None
+
+
+def test_without_a_mesh_the_message_asks_for_one(noisy):
+    bare = replace(noisy, object=replace(noisy.object, meshes=()))
+    with pytest.raises(InputError, match="--obj"):
+        denoise(bare)
+
+
+@pytest.mark.parametrize("wrong", [Options(samples=0), Options(steps=0)])
+def test_numbers_out_of_range_are_refused(noisy, wrong):
+    with pytest.raises(ConfigError, match="1 or more"):
+        denoise(noisy, wrong)
