@@ -21,6 +21,12 @@ from .. import options, sources
     help="Folder to write to; what was converted into it before is not done again.",
 )
 @click.option("--check", is_flag=True, help="Hold the files against their convention, in words.")
+@click.option(
+    "--obj",
+    type=options.INPUT_FILE,
+    multiple=True,
+    help="Mesh of the object in metres, for sources without an object; once per rigid part.",
+)
 @options.mano
 @options.side
 @options.fps

@@ -4,6 +4,7 @@ import builtins
 import os
 import pickle
 import struct
+import warnings
 from collections import OrderedDict
 
 import numpy as np
@@ -90,18 +91,14 @@ def raw(*parts: bytes) -> bytes:
     return b"\x80\x04" + b"".join(parts) + b"."
 
 
-def rebuilt(size, stride, offset=0, count=2) -> bytes:
-    """A checkpoint's tensor with any size and stride over a small storage."""
-    tensor = torch.zeros(count)
-    return pickle.dumps(
-        Calls(
-            torch._utils._rebuild_tensor_v2,
-            tensor.untyped_storage()._typed_storage()
-            if hasattr(tensor.untyped_storage(), "_typed_storage")
-            else tensor.storage(),
-            *(offset, size, stride, False, OrderedDict()),
-        )
-    )
+def rebuilt(size, stride, offset=0) -> bytes:
+    """A tensor with any size and stride over a storage of two numbers."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # torch pickles tensors by what it calls deprecated
+        function, (stored,) = torch.zeros(2).storage().__reduce__()
+    storage = Calls(function, stored)
+    rebuild = torch._utils._rebuild_tensor_v2
+    return pickle.dumps(Calls(rebuild, storage, offset, size, stride, False, OrderedDict()))
 
 
 def array_of(shape, dtype="f8", body=b"") -> bytes:
