@@ -271,7 +271,7 @@ def recordings(
     """One recording for each stretch of frames in which the object's place is known.
 
     Raises:
-        InputError: it is known in no frame.
+        InputError: it is known in no frame, or in none with a hand.
     """
     if not object_known.any():
         raise InputError(f"{name}: expected the object's pose in some frame, got none")
@@ -279,7 +279,7 @@ def recordings(
     stretches = runs(object_known)
     if len(stretches) == 1 and object_known.all():
         return [Recording(name, sequence, mesh_names, evidence)]
-    return [
+    found = [
         Recording(
             f"{name}_{span.start:05d}",
             part_of(sequence, span),
@@ -289,6 +289,9 @@ def recordings(
         for span in stretches
         if any(bool(hand.valid[span].any()) for hand in sequence.hands)
     ]
+    if not found:
+        raise InputError(f"{name}: expected a hand and the object in one frame, got none")
+    return found
 
 
 def part_of(sequence: Sequence, span: slice) -> Sequence:
