@@ -106,10 +106,10 @@ def glb_bytes(scene: Scene, take: Take, *, up: Float[np.ndarray, " 3"]) -> bytes
     seconds = (np.arange(scene.frames) / scene.fps).astype(np.float32)
     times = document.accessor(seconds)
     children = [_add_hand(document, hand, times) for hand in take.hands]
-    children += [_add_part(document, scene, part, times) for part in range(len(scene.object.meshes))]
-    root = document.add(
-        "nodes", {"name": "world", "rotation": upright(up), "children": children}
-    )
+    children += [
+        _add_part(document, scene, part, times) for part in range(len(scene.object.meshes))
+    ]
+    root = document.add("nodes", {"name": "world", "rotation": upright(up), "children": children})
     return document.to_bytes([root], take.title)
 
 

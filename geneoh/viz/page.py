@@ -6,7 +6,9 @@ before and after take about one and a half megabytes.
 """
 
 import base64
+import html
 import json
+import re
 import zlib
 from dataclasses import dataclass, field
 from importlib.resources import files
@@ -85,19 +87,18 @@ def page_html(scene: Scene, title: str, *, up: Float[np.ndarray, " 3"]) -> str:
     packed = _Packed()
     told = describe(scene, title, best_axes(scene, up), packed)
     data = base64.b64encode(zlib.compress(b"".join(packed.blocks), 9)).decode()
-    text = _asset("page.html")
-    for name, value in (
-        ("TITLE", title.replace("&", "&amp;").replace("<", "&lt;")),
-        ("STYLE", _asset("page.css")),
-        ("THREE", _asset("three.min.js")),
-        ("LICENCE", _asset("three.LICENSE")),
-        ("VIEWER", _asset("viewer.js")),
+    filled = {
+        "TITLE": html.escape(title),
+        "STYLE": _asset("page.css"),
+        "THREE": _asset("three.min.js"),
+        "LICENCE": _asset("three.LICENSE"),
+        "VIEWER": _asset("viewer.js"),
         # "<" must not stand in a script: file names may hold anything
-        ("SCENE", json.dumps(told).replace("<", "\\u003c")),
-        ("DATA", data),
-    ):
-        text = text.replace(f"{{{{{name}}}}}", value, 1)
-    return text
+        "SCENE": json.dumps(told, allow_nan=False).replace("<", "\\u003c"),
+        "DATA": data,
+    }
+    # one pass, so that nothing which was filled in is taken for a gap
+    return re.sub(r"\{\{([A-Z]+)\}\}", lambda gap: filled[gap[1]], _asset("page.html"))
 
 
 def write_page(scene: Scene, path: Path, title: str, *, up: Float[np.ndarray, " 3"]) -> None:

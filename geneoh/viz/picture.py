@@ -125,23 +125,25 @@ def draw_body(body: Body, camera: Camera, size: tuple[int, int], *, smooth: int 
 
 
 def _lit(body: Body, camera: Camera, size: tuple[int, int]) -> _Layer:
-    """The surface drawn and lit; a face seen from behind is lit as if it were turned around."""
+    """The surface drawn, lit at its vertices; one that faces away is lit as if turned around."""
     screen = camera.project(body.verts, size)
     raster = rasterise(screen, body.faces, size)
-    values = np.concatenate([vertex_normals(body) @ camera.axes.T, body.colours], -1)
-    values = at_pixels(raster, screen, body.faces, values.astype(np.float32))
-    normal = values[:, :3] / np.maximum(np.linalg.norm(values[:, :3], axis=-1, keepdims=True), 1e-6)
+    normal = (vertex_normals(body) @ camera.axes.T).astype(np.float32)
     normal = np.where(normal[:, 2:] < 0, -normal, normal)
     light = np.full(len(normal), AMBIENT, dtype=np.float32)
     for towards, strength in LIGHTS:
-        direction = np.float32(towards) / np.linalg.norm(towards)
-        light += strength * np.clip(normal @ direction, 0, None)
-    key = np.float32(LIGHTS[0][0]) / np.linalg.norm(LIGHTS[0][0])
-    half = key + np.float32([0, 0, 1])
-    shine = SHINE * np.clip(normal @ (half / np.linalg.norm(half)), 0, 1) ** 24
+        light += strength * np.clip(normal @ _unit(towards), 0, None)
+    half = _unit(_unit(LIGHTS[0][0]) + np.float32([0, 0, 1]))
+    shine = SHINE * np.clip(normal @ half, 0, 1) ** 24
+    shown = body.colours * light[:, None] + shine[:, None]
     colours = np.zeros((*raster.face.shape, 3), dtype=np.float32)
-    colours[raster.covered] = values[:, 3:] * light[:, None] + shine[:, None]
+    colours[raster.covered] = at_pixels(raster, screen, body.faces, shown)
     return _Layer(raster, colours)
+
+
+def _unit(direction: object) -> Float[np.ndarray, " 3"]:
+    vector = np.asarray(direction, dtype=np.float32)
+    return vector / np.linalg.norm(vector)
 
 
 def vertex_normals(body: Body) -> Float[np.ndarray, "V 3"]:
@@ -150,9 +152,7 @@ def vertex_normals(body: Body) -> Float[np.ndarray, "V 3"]:
     across = np.cross(b - a, c - a)
     normals = np.stack(
         [
-            sum(
-                np.bincount(body.faces[:, i], across[:, axis], len(body.verts)) for i in range(3)
-            )
+            sum(np.bincount(body.faces[:, i], across[:, axis], len(body.verts)) for i in range(3))
             for axis in range(3)
         ],
         -1,
@@ -187,12 +187,14 @@ def _shaded(
     Source: Luft, Colditz and Deussen, Image Enhancement by Unsharp Masking the Depth Buffer, 2006.
     """
     picture, nearness = stacked
-    shown = nearness > 0
+    # soft shadows need no more than every second pixel
+    coarse = nearness[::2, ::2]
+    shown = coarse > 0
     distance = float(np.linalg.norm(camera.eye - camera.target))
     # nearness in metres towards the eye, around the target; the paper counts as just behind it all
-    towards = np.where(shown, distance - 1 / np.maximum(nearness, 1e-6), -camera.radius)
+    towards = np.where(shown, distance - 1 / np.maximum(coarse, 1e-6), -camera.radius)
     towards = towards.astype(np.float32)
-    behind = gaussian_filter(towards, CREASE_REACH * len(picture), truncate=2.5) - towards
-    dark = CREASE * (behind / CREASE_DEPTH).clip(0, 1)
-    dark = np.where(shown, dark, 0.0)
-    return picture * (1 - dark[..., None])
+    behind = gaussian_filter(towards, CREASE_REACH * len(coarse), truncate=2.5) - towards
+    dark = np.where(shown, CREASE * (behind / CREASE_DEPTH).clip(0, 1), 0.0).astype(np.float32)
+    dark = dark.repeat(2, 0).repeat(2, 1)[: len(picture), : picture.shape[1]]
+    return picture * (1 - dark * (nearness > 0))[..., None]

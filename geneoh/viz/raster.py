@@ -130,13 +130,19 @@ def at_pixels(
     row, column = np.nonzero(raster.covered)
     face = raster.face[row, column]
     corners = faces[face]
-    a, b, c = (screen[corners[:, i], :2] for i in range(3))
-    middle = np.stack([column + 0.5, row + 0.5], -1)
-    area = _cross(b - a, c - a)
-    second = _cross(middle - a, c - a) / area
-    third = _cross(b - a, middle - a) / area
-    weights = np.stack([1 - second - third, second, third], -1).clip(0, 1).astype(np.float32)
-    return sum(weights[:, i, None] * values[corners[:, i]] for i in range(3))
+    # the shares of the corners are linear in the pixel: once per face, then a look-up per pixel
+    a, b, c = (screen[faces[:, i], :2] for i in range(3))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shrink = 1 / _cross(b - a, c - a)
+        second = np.stack([(c - a)[:, 1], -(c - a)[:, 0], _cross(c, a)], -1) * shrink[:, None]
+        third = np.stack([-(b - a)[:, 1], (b - a)[:, 0], _cross(a, b)], -1) * shrink[:, None]
+    x, y = column + 0.5, row + 0.5
+    shares = []
+    for plane in (second, third):
+        across, down, rest = (plane[:, i][face] for i in range(3))
+        shares.append((across * x + down * y + rest).clip(0, 1).astype(np.float32)[:, None])
+    first, second, third = (values[corners[:, i]] for i in range(3))
+    return first + shares[0] * (second - first) + shares[1] * (third - first)
 
 
 def _cross(a: Float[np.ndarray, "N 2"], b: Float[np.ndarray, "N 2"]) -> Float[np.ndarray, " N"]:

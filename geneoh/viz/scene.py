@@ -1,4 +1,4 @@
-"""What there is to see in one interaction: posed hands, the object, and what is measured on them."""
+"""What there is to see in one interaction: posed hands, the object, what is measured on them."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -201,4 +201,3 @@ def _centred_acceleration(joints: Float[Tensor, "T 21 3"], fps: float) -> Float[
     padded = joints.new_full((len(joints),), torch.nan)
     padded[1 : 1 + len(found)] = found
     return padded
-

@@ -1,4 +1,4 @@
-"""Pictures for paper and screen: a strip of frames, before above after, with captions and a scale."""
+"""Pictures for paper and screen: a strip of frames, before above after, captions and a scale."""
 
 import io
 from collections.abc import Callable
@@ -22,8 +22,10 @@ UP = np.array([0.0, 0.0, 1.0])
 STRIP_FRAMES = 5
 CELL = 260
 """Side of one picture in a strip, pixels."""
-HEAD, FOOT = 30, 40
-"""Height of a row's title, and of the scale below all, pixels."""
+HEAD, NOTE, FOOT = 30, 24, 40
+"""Heights of a row's title, of the words below a picture, and of the scale below all, pixels."""
+GAP = 10
+"""Between two pictures, pixels."""
 
 
 def filmstrip(
@@ -48,8 +50,9 @@ def filmstrip(
     chosen = spread_frames(scene, STRIP_FRAMES) if frames is None else frames
     refuse_frames(scene, chosen)
     axes = best_axes(scene, up)
-    row = HEAD + cell
-    width, height = cell * len(chosen), row * len(scene.takes) + FOOT
+    row = HEAD + cell + NOTE
+    width = (cell + GAP) * len(chosen) - GAP
+    height = row * len(scene.takes) + (FOOT if colouring != "plain" else 0)
     sheet = Image.new("RGB", (width, height), PAPER)
     pen = ImageDraw.Draw(sheet)
     for index, take in enumerate(scene.takes):
@@ -57,10 +60,10 @@ def filmstrip(
         for column, frame in enumerate(chosen):
             camera = Camera(axes, *framing(scene, frame))
             picture = draw(scene, take, frame, camera, (cell, cell), colouring=colouring)
-            corner = (column * cell, index * row + HEAD)
+            corner = (column * (cell + GAP), index * row + HEAD)
             sheet.paste(Image.fromarray(picture), corner)
             words = caption(scene, take, frame)
-            pen.text((corner[0] + 12, corner[1] + cell - 20), words, FAINT, font(13))
+            pen.text((corner[0] + 12, corner[1] + cell + 2), words, FAINT, font(13))
             if on_picture is not None:
                 done = index * len(chosen) + column + 1
                 on_picture(done, len(scene.takes) * len(chosen))
@@ -91,7 +94,9 @@ def caption(scene: Scene, take: Take, frame: int) -> str:
     return f"{frame / scene.fps:.1f} s   {told}"
 
 
-def draw_scale(sheet: Image.Image, scale: Scale, corner: tuple[int, int], ink: object = INK) -> None:
+def draw_scale(
+    sheet: Image.Image, scale: Scale, corner: tuple[int, int], ink: object = INK
+) -> None:
     """A ramp with its name and the values at its ends."""
     pen, (left, top) = ImageDraw.Draw(sheet), corner
     write = font(13)

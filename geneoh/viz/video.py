@@ -15,9 +15,9 @@ from geneoh.viz.colours import SCALES, Colouring
 from geneoh.viz.files import unwritable
 from geneoh.viz.picture import Picture, draw
 from geneoh.viz.scene import Scene
-from geneoh.viz.strip import FAINT, FOOT, HEAD, INK, PAPER, UP, caption, draw_scale, font
+from geneoh.viz.strip import FAINT, FOOT, HEAD, INK, NOTE, PAPER, UP, caption, draw_scale, font
 
-PANEL = 400
+PANEL = 360
 """Side of one picture in a film, pixels."""
 QUALITY = "20"
 """x264's constant rate factor: no loss that is seen."""
@@ -37,7 +37,7 @@ def film_frames(
     """The pictures of a film one by one, all takes side by side; width and height are even."""
     axes = best_axes(scene, up)
     panel += panel % 2
-    height = HEAD + panel + FOOT
+    height = HEAD + panel + NOTE + FOOT
     for frame in range(0, scene.frames, every):
         sheet = Image.new("RGB", (panel * len(scene.takes), height), PAPER)
         pen = ImageDraw.Draw(sheet)
@@ -47,7 +47,7 @@ def film_frames(
             picture = draw(scene, take, frame, camera, (panel, panel), colouring=colouring)
             sheet.paste(Image.fromarray(picture), (left, HEAD))
             pen.text((left + 12, 8), take.title, INK, font(16))
-            pen.text((left + 12, HEAD + panel - 22), caption(scene, take, frame), FAINT, font(14))
+            pen.text((left + 12, HEAD + panel + 2), caption(scene, take, frame), FAINT, font(14))
         if colouring != "plain":
             draw_scale(sheet, SCALES[colouring], (12, height - FOOT + 8))
         yield np.asarray(sheet)

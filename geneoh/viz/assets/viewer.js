@@ -95,6 +95,9 @@ function ramp(name) {
 }
 const ramps = Object.fromEntries(Object.keys(told.scales).map((name) => [name, ramp(name)]));
 
+// Looking through the object: it is drawn solid, then the hands over it, then its nearest faces as a
+// veil over the hands that lie behind them. Its inner and far faces never confuse the eye.
+const VEIL = 0.34;
 const objects = told.parts.map((part) => {
   const shape = new THREE.BufferGeometry();
   shape.setAttribute("position", new THREE.BufferAttribute(part.points, 3));
@@ -102,9 +105,14 @@ const objects = told.parts.map((part) => {
   shape.computeVertexNormals();
   const colour = new THREE.Color().setRGB(...told.objectColour, "srgb");
   const paint = new THREE.MeshLambertMaterial({ color: colour, side: THREE.DoubleSide });
-  const thing = new THREE.Mesh(shape, paint);
-  thing.matrixAutoUpdate = false;
-  return thing;
+  const solid = new THREE.Mesh(shape, paint);
+  const front = new THREE.Mesh(shape, paint.clone()), veil = new THREE.Mesh(shape, paint.clone());
+  front.material.colorWrite = false;
+  front.renderOrder = 1;
+  Object.assign(veil.material, { transparent: true, opacity: VEIL, depthFunc: THREE.EqualDepth });
+  veil.renderOrder = 2;
+  for (const thing of [solid, front, veil]) thing.matrixAutoUpdate = false;
+  return { solid, front, veil, all: [solid, front, veil] };
 });
 
 function handMesh(hand) {
@@ -128,14 +136,14 @@ function skeleton() {
   group.add(new THREE.LineSegments(shape, new THREE.LineBasicMaterial({ color: 0x1c2026, ...over })));
   group.add(new THREE.Points(shape, new THREE.PointsMaterial(
     { color: 0x8e24aa, size: 6, sizeAttenuation: false, ...over })));
-  group.traverse((o) => { o.frustumCulled = false; o.renderOrder = 2; });
+  group.traverse((o) => { o.frustumCulled = false; o.renderOrder = 3; });
   group.userData.shape = shape;
   return group;
 }
 const world = new THREE.Scene();
 world.add(new THREE.HemisphereLight(0xffffff, 0x8c8c94, 1.7));
 const lamp = new THREE.DirectionalLight(0xffffff, 1.9);
-world.add(lamp, lamp.target, ...objects);
+world.add(lamp, lamp.target, ...objects.flatMap((thing) => thing.all));
 for (const take of told.takes) {
   take.meshes = take.hands.map(handMesh);
   world.add(...take.meshes);
@@ -179,13 +187,16 @@ function paintHand(hand, mesh) {
 function poseAll() {
   told.parts.forEach((part, i) => {
     const [w, qx, qy, qz] = part.quat[state.frame], t = part.translation[state.frame];
-    const m = objects[i].matrix;
+    const m = objects[i].solid.matrix;
     m.set(
       1 - 2 * (qy * qy + qz * qz), 2 * (qx * qy - w * qz), 2 * (qx * qz + w * qy), t[0],
       2 * (qx * qy + w * qz), 1 - 2 * (qx * qx + qz * qz), 2 * (qy * qz - w * qx), t[1],
       2 * (qx * qz - w * qy), 2 * (qy * qz + w * qx), 1 - 2 * (qx * qx + qy * qy), t[2],
       0, 0, 0, 1);
-    objects[i].matrixWorldNeedsUpdate = true;
+    for (const thing of objects[i].all) {
+      thing.matrix.copy(m);
+      thing.matrixWorldNeedsUpdate = true;
+    }
   });
   for (const take of told.takes)
     take.hands.forEach((hand, i) => { poseHand(hand, take.meshes[i]); paintHand(hand, take.meshes[i]); });
@@ -230,30 +241,40 @@ function render() {
   const overlaid = state.layout === "overlaid";
   lamp.position.copy(camera.position).addScaledVector(right, -0.5 * DISTANCE).addScaledVector(up, 0.6 * DISTANCE);
   lamp.target.position.copy(controls.target);
-  for (const thing of objects) {
-    thing.material.transparent = state.veil;
-    thing.material.opacity = state.veil ? 0.42 : 1;
-    thing.material.depthWrite = !state.veil;
-  }
   renderer.setScissorTest(true);
   for (const panel of panels()) {
     told.takes.forEach((take, i) => take.meshes.forEach((mesh) => {
-      mesh.visible = panel.takes.includes(i) && mesh.userData.there;
       // overlaid, the hand as it came is a ghost around the clean one
       const ghost = overlaid && kinds[i] === "before";
       mesh.material.transparent = ghost;
       mesh.material.opacity = ghost ? 0.45 : 1;
       mesh.renderOrder = ghost ? 1 : 0;
     }));
-    const last = panel.takes.includes(told.takes.length - 1);
-    for (const { bones } of skeletons) bones.visible = last && state.sample >= 0;
     renderer.setViewport(panel.x, panel.y, panel.w, panel.h);
     renderer.setScissor(panel.x, panel.y, panel.w, panel.h);
     renderer.clear();
     camera.aspect = panel.w / panel.h;
     camera.updateProjectionMatrix();
+    if (state.veil) {
+      visible(panel, { solid: true, rest: false });
+      renderer.render(world, camera);
+      renderer.clearDepth();
+    }
+    visible(panel, { solid: !state.veil, rest: true });
     renderer.render(world, camera);
   }
+}
+/** What the next pass draws: the solid object, and the rest: hands, skeletons, the object's veil. */
+function visible(panel, { solid, rest }) {
+  for (const thing of objects) {
+    thing.solid.visible = solid;
+    thing.front.visible = thing.veil.visible = rest && state.veil;
+  }
+  told.takes.forEach((take, i) => take.meshes.forEach((mesh) => {
+    mesh.visible = rest && panel.takes.includes(i) && mesh.userData.there;
+  }));
+  const last = panel.takes.includes(told.takes.length - 1);
+  for (const { bones } of skeletons) bones.visible = rest && last && state.sample >= 0;
 }
 function resize() {
   const box = canvas.getBoundingClientRect();
