@@ -175,7 +175,6 @@ def _stacked(
         under = hands.raster.covered & ~over
         picture[over], nearness[over] = hands.colours[over], hands.raster.nearness[over]
         picture[under] = VEIL * picture[under] + (1 - VEIL) * hands.colours[under]
-        nearness[under] = hands.raster.nearness[under]
     return picture, nearness
 
 
@@ -187,14 +186,14 @@ def _shaded(
     Source: Luft, Colditz and Deussen, Image Enhancement by Unsharp Masking the Depth Buffer, 2006.
     """
     picture, nearness = stacked
-    # soft shadows need no more than every second pixel
-    coarse = nearness[::2, ::2]
-    shown = coarse > 0
+    shown = nearness > 0
     distance = float(np.linalg.norm(camera.eye - camera.target))
     # nearness in metres towards the eye, around the target; the paper counts as just behind it all
-    towards = np.where(shown, distance - 1 / np.maximum(coarse, 1e-6), -camera.radius)
+    towards = np.where(shown, distance - 1 / np.maximum(nearness, 1e-6), -camera.radius)
     towards = towards.astype(np.float32)
-    behind = gaussian_filter(towards, CREASE_REACH * len(coarse), truncate=2.5) - towards
-    dark = np.where(shown, CREASE * (behind / CREASE_DEPTH).clip(0, 1), 0.0).astype(np.float32)
-    dark = dark.repeat(2, 0).repeat(2, 1)[: len(picture), : picture.shape[1]]
-    return picture * (1 - dark * (nearness > 0))[..., None]
+    # what is blurred that much needs no more than every second pixel
+    coarse = towards[::2, ::2]
+    soft = gaussian_filter(coarse, CREASE_REACH * len(coarse), truncate=2.5)
+    soft = soft.repeat(2, 0).repeat(2, 1)[: len(picture), : picture.shape[1]]
+    dark = CREASE * ((soft - towards) / CREASE_DEPTH).clip(0, 1) * shown
+    return picture * (1 - dark)[..., None]
