@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float, Integer
 from torch import Tensor
 
 from geneoh.geometry.mesh import Mesh
@@ -44,7 +44,9 @@ class _Packed:
     blocks: list[bytes] = field(default_factory=list)
     size: int = 0
 
-    def add(self, values: Int[np.ndarray, "..."], *, over_frames: bool = False) -> dict[str, Any]:
+    def add(
+        self, values: Integer[np.ndarray, "..."], *, over_frames: bool = False
+    ) -> dict[str, Any]:
         """Store an array; returns what the viewer needs to find it."""
         flat = np.ascontiguousarray(values)
         if over_frames:
@@ -70,7 +72,7 @@ class _Box:
     low: Float[Tensor, " 3"]
     step: float
 
-    def steps(self, points: Float[Tensor, "*B 3"]) -> Int[np.ndarray, "*B 3"]:
+    def steps(self, points: Float[Tensor, "*B 3"]) -> Integer[np.ndarray, "*B 3"]:
         """Points as steps from the low corner; points that are not finite stand there."""
         at = ((points - self.low) / self.step).round().nan_to_num(0, 0, 0).clamp(0, STEPS)
         return at.numpy().astype(np.uint16)
@@ -186,7 +188,7 @@ def _hand(hand: SeenHand, box: _Box, packed: _Packed) -> dict[str, Any]:
     }
 
 
-def _bytes(share: Float[Tensor, "*B"]) -> Int[np.ndarray, "*B"]:
+def _bytes(share: Float[Tensor, "*B"]) -> Integer[np.ndarray, "*B"]:
     return (share.nan_to_num(0) * 255).round().numpy().astype(np.uint8)
 
 

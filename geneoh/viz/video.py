@@ -1,8 +1,10 @@
 """A scene as mp4 or GIF: before and after side by side, drawn without a display."""
 
+import os
 import shutil
 import subprocess
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -17,12 +19,14 @@ from geneoh.viz.picture import Picture, draw
 from geneoh.viz.scene import Scene
 from geneoh.viz.strip import FAINT, FOOT, HEAD, INK, NOTE, PAPER, UP, caption, draw_scale, font
 
-PANEL = 360
+PANEL = 320
 """Side of one picture in a film, pixels."""
 QUALITY = "20"
 """x264's constant rate factor: no loss that is seen."""
 GIF_RATE = 15.0
 """Frames a second of a GIF; more only makes it larger."""
+BATCH = 4
+"""Pictures that each thread draws before the next are handed out."""
 GIF_FILTER = "split[a][b];[a]palettegen=stats_mode=diff[p];[b][p]paletteuse=dither=bayer"
 
 
@@ -38,7 +42,8 @@ def film_frames(
     axes = best_axes(scene, up)
     panel += panel % 2
     height = HEAD + panel + NOTE + FOOT
-    for frame in range(0, scene.frames, every):
+
+    def sheet_of(frame: int) -> Picture:
         sheet = Image.new("RGB", (panel * len(scene.takes), height), PAPER)
         pen = ImageDraw.Draw(sheet)
         camera = Camera(axes, *framing(scene, frame))
@@ -50,7 +55,14 @@ def film_frames(
             pen.text((left + 12, HEAD + panel + 2), caption(scene, take, frame), FAINT, font(14))
         if colouring != "plain":
             draw_scale(sheet, SCALES[colouring], (12, height - FOOT + 8))
-        yield np.asarray(sheet)
+        return np.asarray(sheet)
+
+    # numpy lets go of the interpreter in its loops; in batches, so that few pictures are held
+    workers = os.cpu_count() or 1
+    frames = range(0, scene.frames, every)
+    with ThreadPoolExecutor(workers) as pool:
+        for start in range(0, len(frames), BATCH * workers):
+            yield from pool.map(sheet_of, frames[start : start + BATCH * workers])
 
 
 def write_film(
