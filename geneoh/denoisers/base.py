@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import torch
 from jaxtyping import Float
 from torch import Tensor
+from torch.nn.functional import normalize
 
 from geneoh.hand.skeleton import bone_lengths
 
@@ -46,6 +47,23 @@ class Observation:
     def scale(self) -> Float[Tensor, " B"]:
         """How far from the anchor it is expected, metres."""
         return torch.where(self.given > 0, NOISE_SCALE, HAND_SCALE)
+
+    def palm(self) -> Float[Tensor, "B 3 3"]:
+        """Axes of the window's mean palm as columns, canonical frame; identity when withheld.
+
+        Networks work in these axes where there is an observation, so that a hand looks the same
+        however it is turned; without one, random turns in training teach them that (eq. 25).
+        """
+        wrist, middle, index, pinky = (self.joints[:, :, i].mean(1) for i in (0, 9, 5, 17))
+        first = normalize(middle - wrist, dim=-1)
+        across = index - pinky
+        second = normalize(across - (across * first).sum(-1, keepdim=True) * first, dim=-1)
+        axes = torch.stack([first, second, torch.linalg.cross(first, second)], dim=-1)
+        return torch.where(self.given[:, None, None] > 0, axes, torch.eye(3).to(axes))
+
+    def turned(self, axes: Float[Tensor, "B 3 3"]) -> "Observation":
+        """The same observation in other axes, given as columns."""
+        return replace(self, joints=self.joints @ axes[:, None])
 
     def features(self) -> Float[Tensor, "B T F"]:
         """Input per frame: place, shape, jitter, trust, bone lengths; zero when withheld."""

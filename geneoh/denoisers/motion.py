@@ -39,6 +39,8 @@ class MotionDenoiser(nn.Module):
         observation: Observation,
     ) -> Float[Tensor, "B T 21 3"]:
         """The clean canonical keypoints seen in `x` = clean + sigma * noise, metres."""
+        axes = observation.palm()
+        observation = observation.turned(axes)
         features = observation.features()
 
         def network(scaled: Tensor, level: Tensor) -> Tensor:
@@ -49,4 +51,5 @@ class MotionDenoiser(nn.Module):
             return out.unflatten(-1, (21, 3))
 
         sigma, scale = sigma[:, None, None, None], observation.scale[:, None, None, None]
-        return denoised(network, x, observation.anchor, sigma, scale)
+        clean = denoised(network, x @ axes[:, None], observation.anchor, sigma, scale)
+        return clean @ axes[:, None].transpose(-1, -2)

@@ -73,6 +73,13 @@ class SpatialDenoiser(nn.Module):
             points: contact points in the canonical frame, with outward `normals`.
             observation: the hand to start from, or one withheld.
         """
+        axes = observation.palm()
+        observation = observation.turned(axes)
+        points, normals, x = (
+            points @ axes[:, None],
+            normals @ axes[:, None],
+            x @ axes[:, None, None],
+        )
         frame_features = observation.features()
         anchor = observation.anchor[:, :, None].expand_as(x)
         seen = torch.cat(
@@ -97,4 +104,6 @@ class SpatialDenoiser(nn.Module):
             return out + self.gate(tokens).unflatten(-1, (21, 3))[:, :, None] * scaled
 
         shape = (-1, 1, 1, 1, 1)
-        return denoised(network, x, anchor, sigma.view(shape), observation.scale.view(shape))
+        scale = observation.scale.view(shape)
+        clean = denoised(network, x, anchor, sigma.view(shape), scale)
+        return clean @ axes[:, None, None].transpose(-1, -2)

@@ -1,7 +1,7 @@
-"""The hand that ships with geneoh: our own, free of any licence but ours, made by `geneoh.hand.build`.
+"""The hand that ships with geneoh, our own, made by `geneoh.hand.build` and free of other licences.
 
-The asset holds the right hand in MANO's own field names as plain arrays, so that `smplx` can load it
-too; the left hand is its mirror image.
+The asset holds the right hand in MANO's own field names as plain arrays, so that `smplx` can load
+it too; the left hand is its mirror image.
 """
 
 from functools import cache

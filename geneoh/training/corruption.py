@@ -50,8 +50,8 @@ def _one_sided(batch: int, frames: int, *, generator: torch.Generator) -> Float[
     flip = torch.tensor(LEFT_SIGNS)
     left = torch.cat([flip, -flip.repeat(16)])
     random = torch.randn(batch, 51, generator=generator).sign()
-    kind = torch.randint(0, 3, (batch, 1), generator=generator)
-    sign = torch.where(kind == 0, 1.0, torch.where(kind == 1, left, random))
+    kind = torch.rand(batch, 1, generator=generator)
+    sign = torch.where(kind < 0.4, 1.0, torch.where(kind < 0.8, left, random))
     size = 0.8 + 0.15 * torch.randn(batch, frames, 51, generator=generator)
     return sign[:, None] * size.clamp(0, 1.2)
 

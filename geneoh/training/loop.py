@@ -225,7 +225,7 @@ def update_average(state: TrainState, decay: float) -> None:
         state.average[name].lerp_(tensor, 1 - decay)
 
 
-def append_row(path: Path, row: list[float]) -> None:
+def append_row(path: Path, row: list[float | int]) -> None:
     """Add a row to the log, with a header when the file is new."""
     new = not path.exists()
     with path.open("a", newline="") as file:

@@ -306,7 +306,7 @@ REFUSED = (
     BadInput(
         "no MANO",
         ("MANO_RIGHT.pkl", "nowhere"),
-        options=("--mano", "nowhere"),
+        options=("--hand", "mano", "--mano", "nowhere"),
         in_reading=False,
     ),
     BadInput(
@@ -314,3 +314,19 @@ REFUSED = (
     ),
 )
 """Input that must end with exit code 2 and one line on standard error."""
+
+TOLD = (
+    BadInput("millimetre mesh", ("millimetres", "0.001"), millimetre_mesh, in_reading=False),
+    BadInput(
+        "dropped frames",
+        ("1 of 6 frames", "not observed"),
+        with_arrays(joints=with_nan_in(3)),
+    ),
+    BadInput("no frame rate said", ("30 frames a second assumed",), with_arrays(fps=None)),
+    BadInput(
+        "slip in a name",
+        ("'confidense' is not read", "'confidence'"),
+        with_arrays(confidense=np.ones(FRAMES)),
+    ),
+)
+"""Input that is cleaned all the same (exit code 0), with these words said to the user."""

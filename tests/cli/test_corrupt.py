@@ -2,7 +2,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bad_inputs import REFUSED, write_good
+from bad_inputs import REFUSED, TOLD, write_good
 
 from geneoh.sequence.files import load_sequence
 from geneoh.sequence.noise import NOISES
@@ -75,3 +75,16 @@ def test_bad_input_ends_with_one_line_and_leaves_nothing(geneoh, tmp_path, case)
     for word in case.words:
         assert word in result.stderr
     assert sorted(path.name for path in tmp_path.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    "case", [case for case in TOLD if case.in_reading], ids=lambda case: case.name
+)
+def test_odd_input_is_told_and_used(geneoh, tmp_path, case, caplog):
+    write_good(tmp_path)
+    case.spoil(tmp_path)
+    result = geneoh("corrupt", "hand.npz", "--noise", "gauss", "-o", "out.npz")
+    assert result.exit_code == 0, result.output
+    for word in case.words:
+        assert word in caplog.text
+    assert (tmp_path / "out.npz").exists()

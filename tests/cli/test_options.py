@@ -24,5 +24,5 @@ def test_a_shipped_configuration_is_found_by_its_name(find_config, shipped):
 
 
 def test_an_unknown_name_is_answered_with_those_there_are(find_config):
-    with pytest.raises(ConfigError, match="--config nothing: expected .*or the path of a"):
+    with pytest.raises(ConfigError, match=r"--config nothing: expected .*or the path of a"):
         find_config("nothing")

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from geneoh.hand.build.anatomy import digits, skeleton
+from geneoh.hand.build.correctives import pose_directions
 from geneoh.hand.build.limits import joint_limits, relaxed_pose
 from geneoh.hand.build.placing import place
 from geneoh.hand.build.shape import shape_directions
@@ -34,7 +35,7 @@ def build() -> dict[str, np.ndarray]:
     arrays = {
         "v_template": (verts[order] + ORIGIN) / 1000.0,
         "shapedirs": dirs[order] / 1000.0,
-        "posedirs": np.zeros((plan.count, 3, 135)),
+        "posedirs": pose_directions(verts, weights, tubes)[order] / 1000.0,
         "J_regressor": regressor[:, order],
         "weights": weights[order],
         "hands_components": np.eye(45),

@@ -1,4 +1,4 @@
-"""The form of the hand as an implicit surface over its skeleton: right hand, millimetres, wrist at 0.
+"""The form of the right hand as an implicit surface over its skeleton, millimetres, wrist at 0.
 
 Bones are round rods along the measured skeleton; each finger is a tube whose half width and whose
 dorsal and palmar depth follow the phalanges (knuckles, creases, pads), the palm a smooth union of
@@ -103,12 +103,13 @@ class Digit:
         length = np.hypot(side, up) + 1e-9
         depth = np.where(up > 0, dorsal, palmar)
         n = self.squareness
+        width, depth = np.maximum(width, 1e-6), np.maximum(depth, 1e-6)
         ratio = (np.abs(side) / length / width) ** n + (np.abs(up) / length / depth) ** n
-        return ratio ** (-1.0 / n)
+        return np.maximum(ratio, 1e-4) ** (-1.0 / n)  # the axis itself has no direction
 
 
 FINGER_Q = np.array([-0.6, 0.0, 0.5, 0.85, 1.0, 1.2, 1.5, 1.8, 2.0, 2.2, 2.5])
-FINGER_WIDTH = np.array([1.0, 1.02, 0.96, 0.99, 1.0, 0.97, 0.90, 0.885, 0.885, 0.87, 0.86])
+FINGER_WIDTH = np.array([0.92, 0.93, 0.93, 0.99, 1.01, 0.97, 0.89, 0.89, 0.90, 0.87, 0.86])
 FINGER_DORSAL = np.array([1.0, 0.98, 0.86, 0.90, 0.93, 0.88, 0.77, 0.75, 0.75, 0.70, 0.64])
 FINGER_PALMAR = np.array([1.0, 1.02, 1.04, 0.93, 0.88, 0.92, 0.96, 0.83, 0.80, 0.84, 0.88])
 THUMB_Q = np.array([-0.6, 0.0, 0.5, 0.85, 1.0, 1.2, 1.5, 1.8, 2.0, 2.2, 2.5])
@@ -118,7 +119,6 @@ THUMB_PALMAR = np.array([1.5, 1.5, 1.4, 1.2, 1.12, 1.08, 1.04, 0.95, 0.93, 0.96,
 
 RADII = (9.4, 9.5, 7.9, 9.0, 9.6)
 """Half width at the middle joint of index, middle, pinky, ring, thumb, mm (average adult)."""
-TAPER = (0.0, 0.0, 0.02, 0.0, 0.0)
 
 
 def digits(points: Array) -> tuple[Digit, ...]:
@@ -189,12 +189,15 @@ def palm_distance(points: Array, bones: Array) -> Array:
         root = np.array([-6.0, 0.5, (12.0, 4.0, -5.0, -13.0)[place]])
         radius = (11.6, 11.6, 11.2, 10.6)[place]
         parts.append(rod(points, root, knuckle + 1.0 * UP, (13.5, radius), 1.05))
+        parts.append(
+            rod(points, knuckle + [3.0, 3.2, 0.0], knuckle + [-2.0, 3.2, 0.0], (9.2, 9.0), 1.0)
+        )
         # Muscle and fat under the metacarpals: the palm is thicker below than above the bone.
         parts.append(rod(points, root + 6 * down, knuckle + 4.5 * down, (10.0, radius - 2), 1.0))
     for left, right in ((0, 1), (1, 2), (2, 3)):
         a, b = (bones[list(CHAINS[ACROSS[i]])] for i in (left, right))
-        ends = [p[0] + 0.36 * (p[1] - p[0]) + 1.0 * down for p in (a, b)]
-        parts.append(rod(points, ends[0], ends[1], (6.2, 6.2), 1.0))
+        ends = [p[0] + 0.24 * (p[1] - p[0]) + 1.5 * down for p in (a, b)]
+        parts.append(rod(points, ends[0], ends[1], (6.3, 6.3), 1.0))
     thumb = bones[list(CHAINS[THUMB])]
     index = bones[CHAINS[0][0]]
     pinky = bones[CHAINS[2][0]]

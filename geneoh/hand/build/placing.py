@@ -3,7 +3,6 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from geneoh.hand.build.anatomy import (
     ACROSS,
@@ -27,15 +26,17 @@ REACH, STEP = 60.0, 0.4
 """How far and how finely a ray looks for the surface, mm."""
 
 FINGER_Q = {
-    11: (0.62, 0.84, 1.0, 1.16, 1.42, 1.78, 2.0, 2.2, 2.5, 2.74, 2.91),
-    12: (0.60, 0.80, 0.92, 1.03, 1.16, 1.42, 1.78, 2.0, 2.2, 2.5, 2.74, 2.91),
+    11: (0.70, 0.86, 1.0, 1.16, 1.42, 1.78, 2.0, 2.2, 2.5, 2.74, 2.91),
+    12: (0.66, 0.80, 0.90, 1.0, 1.12, 1.42, 1.78, 2.0, 2.2, 2.5, 2.74, 2.91),
 }
 """Where the rings of a finger lie: close together at the joints."""
 THUMB_Q = (0.93, 1.08, 1.27, 1.55, 1.83, 2.0, 2.17, 2.42, 2.66, 2.84, 2.95)
 THUMB_SHEAR = (0.42, 0.36, 0.25, 0.12, 0.03, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 """The first rings lean: further out on the side of the web."""
-WEB_Q = 0.42
-"""The web line along the first phalanx."""
+KNUCKLES = 2
+"""The palm row that runs over the knuckles."""
+WEB_Q, WEB_DIP = 0.5, 0.06
+"""The web line along the first phalanx, and how much it falls back between two fingers."""
 
 
 def place(plan: Layout, offsets: Array | None = None) -> Array:
@@ -94,6 +95,7 @@ def _place_palm(
     """Back, palm, sides, webs and cap by rays up, down and sideways from the middle."""
     centres = _row_centres(bones, tubes)
     between = 0.5 * (centres[:, 1:] + centres[:, :-1])
+    between[0] = _between(tubes, WEB_Q - WEB_DIP)
     edge = np.stack([centres[:, 0], centres[:, -1]], 1)
     mid = np.zeros((1 + ROWS, 9, 3))
     mid[:, 1::2], mid[:, 2:-1:2] = centres, between
@@ -102,20 +104,23 @@ def _place_palm(
     fan[0], fan[8] = RADIAL, -RADIAL
     hand = _without_thumb(bones, tubes)
     for rows, way in ((plan.dorsal, UP), (plan.palmar, DOWN)):
-        hit = _exit(hand, mid.reshape(-1, 3), np.tile(way + fan, (1 + ROWS, 1)))
+        ways = np.tile(way + fan, (1 + ROWS, 1, 1))
+        ways[0, 2:-1:2, 0] -= 0.4  # towards the crest of the web
+        hit = _exit(hand, mid.reshape(-1, 3), ways.reshape(-1, 3))
         verts[rows.ravel()] = hit
     for column, way in ((0, RADIAL), (1, -RADIAL)):
         rows = plan.side[:, column] >= 0
         origin = edge[rows, column]
         verts[plan.side[rows, column]] = _exit(hand, origin, np.tile(way, (len(origin), 1)))
-    start = np.stack(
-        [0.5 * (tubes[a].centre(0.9) + tubes[b].centre(0.9)) for a, b in zip(ACROSS, ACROSS[1:])]
-    )
-    end = np.stack(
-        [0.5 * (tubes[a].centre(0.0) + tubes[b].centre(0.0)) for a, b in zip(ACROSS, ACROSS[1:])]
-    )
+    start, end = (_between(tubes, q) for q in (0.9, 0.0))
     verts[plan.webs] = _entry(surface, start, end - start)
     _round_cap(plan, verts)
+
+
+def _between(tubes: tuple[Digit, ...], q: float) -> Array:
+    """Points (3, 3) halfway between neighbouring fingers' axes."""
+    axis = np.stack([tubes[finger].centre(q) for finger in ACROSS])
+    return 0.5 * (axis[1:] + axis[:-1])
 
 
 def _round_cap(plan: Layout, verts: Array) -> None:
@@ -174,12 +179,13 @@ def _way(frame: Array, side: float, thumb: bool) -> Array:
     )
 
 
-def _even_out(plan: Layout, verts: Array, surface: Distance, rounds: int = 60) -> Array:
+def _even_out(plan: Layout, verts: Array, surface: Distance, rounds: int = 16) -> Array:
     """Slide palm, finger bases and thumb base along the surface towards even spacing."""
     free = np.zeros(plan.count, dtype=bool)
-    free[plan.dorsal[:-2]] = free[plan.palmar[:-2]] = True
-    free[plan.side[:-2][plan.side[:-2] >= 0]] = True
-    free[plan.webs] = True
+    free[plan.dorsal[1:-2]] = free[plan.palmar[1:-2]] = True
+    free[plan.side[1:-2][plan.side[1:-2] >= 0]] = True
+    # Straight above and below the knuckles: the joint regressor stands on these.
+    free[plan.dorsal[KNUCKLES, 1::2]] = free[plan.palmar[KNUCKLES, 1::2]] = False
     for ring in plan.rings[:4]:
         free[ring[1]] = True
     free[plan.rings[4][1:5]] = True

@@ -17,6 +17,8 @@ hand lengths and breadths in published anthropometry; the directions are linear 
 | 9 | thumb spread, turned away from the index about its base | 6 degrees |
 """
 
+from itertools import pairwise
+
 import numpy as np
 
 from geneoh.hand.build.anatomy import ACROSS, CHAINS, THUMB, Array
@@ -119,7 +121,7 @@ class _Body:
         return share * np.cross(axis, self.verts - base), moved
 
     def _finger_bones(self) -> list[tuple[int, int]]:
-        return [pair for chain in CHAINS for pair in zip(chain[:3], chain[1:], strict=True)]
+        return [pair for chain in CHAINS for pair in pairwise(chain)]
 
     def _beside(self, joint: int, child: int) -> tuple[Array, Array]:
         """Place along a bone, 0 to 1, and the offset from it, per vertex."""

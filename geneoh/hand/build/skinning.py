@@ -11,7 +11,9 @@ from geneoh.hand.build.topology import Layout
 MOST_JOINTS = 4
 HALF_BLEND = (7.0, 5.5)
 """Half the length over which two phalanges share the skin, mm: middle joint, distal joint."""
-KNUCKLE_ROW = 4
+SHARPNESS = 1.6
+"""Harmonic weights spread far: a power keeps a digit from pulling at its neighbour's knuckle."""
+KNUCKLE_ROW = 5
 """Palm rows from here on belong to the wrist's bone."""
 THUMB_FREE_ROW = 3
 """Rings of the thumb from here on follow the thumb alone."""
@@ -19,7 +21,8 @@ THUMB_FREE_ROW = 3
 
 def skin_weights(plan: Layout, verts: Array, tubes: tuple[Digit, ...]) -> Array:
     """Weights (V, 16): harmonic between what surely belongs to a digit and what to the palm."""
-    labels = _harmonic(plan, *_seeds(plan))
+    labels = _harmonic(plan, *_seeds(plan)) ** SHARPNESS
+    labels /= labels.sum(1, keepdims=True)
     weights = np.zeros((plan.count, 16))
     weights[:, 0] = labels[:, 5]
     for finger, chain in enumerate(CHAINS):
@@ -37,8 +40,11 @@ def _seeds(plan: Layout) -> tuple[Array, Array]:
         label[plan.tips[place]] = finger
     label[plan.dorsal[KNUCKLE_ROW:, 2:]] = 5
     label[plan.palmar[KNUCKLE_ROW:, 4:]] = 5
+    label[plan.palmar[KNUCKLE_ROW, 2:]] = 5
     label[plan.side[KNUCKLE_ROW:, 1]] = 5
+    # Between index and thumb the palm holds still, or each would pull at the other's root.
     for rows in (plan.dorsal, plan.palmar, plan.side):
+        label[rows[KNUCKLE_ROW - 1, :1]] = 5
         last = rows[11:]
         label[last[last >= 0]] = 5
     label[plan.cap] = 5

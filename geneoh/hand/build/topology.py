@@ -11,7 +11,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-Faces = NDArray[np.int64]
+Ids = NDArray[np.int64]
+Faces = Ids
 
 COLUMNS = 9
 ROWS = 13
@@ -29,17 +30,17 @@ class Layout:
 
     count: int
     triangles: Faces
-    edges: NDArray[np.int64]
+    edges: Ids
     """Edges of the quads and fans, without the quads' diagonals."""
-    dorsal: NDArray[np.int64]
+    dorsal: Ids
     """(1 + ROWS, 9): back of the hand, row by row from the web line to the forearm."""
-    palmar: NDArray[np.int64]
-    side: NDArray[np.int64]
+    palmar: Ids
+    side: Ids
     """(1 + ROWS, 2): index side and pinky side; -1 where the thumb's hole is."""
-    webs: NDArray[np.int64]
+    webs: Ids
     """(3,): the crest between neighbouring fingers."""
     cap: int
-    rings: tuple[NDArray[np.int64], ...]
+    rings: tuple[Ids, ...]
     """Index, middle, ring, pinky, thumb: (1 + rings, 8 or 12), ring 0 shared with the palm."""
     tips: tuple[int, ...] = field(default=())
 
@@ -50,7 +51,7 @@ class _Counter:
     def __init__(self) -> None:
         self.count = 0
 
-    def take(self, *shape: int) -> NDArray[np.int64]:
+    def take(self, *shape: int) -> Ids:
         size = int(np.prod(shape))
         self.count += size
         return np.arange(self.count - size, self.count).reshape(shape)
@@ -96,13 +97,13 @@ def layout() -> Layout:
     )
 
 
-def _edges(quads: Faces, fans: Faces) -> NDArray[np.int64]:
+def _edges(quads: Faces, fans: Faces) -> Ids:
     """Each side of the given polygons once."""
     sides = [np.stack([face, np.roll(face, -1, 1)], -1).reshape(-1, 2) for face in (quads, fans)]
     return np.unique(np.sort(np.concatenate(sides), axis=1), axis=0)
 
 
-def _finger_base(place, dorsal, palmar, side, webs) -> NDArray[np.int64]:  # noqa: ANN001
+def _finger_base(place: int, dorsal: Ids, palmar: Ids, side: Ids, webs: Ids) -> Ids:
     """The eight vertices a finger grows from, from the back over the pinky side round."""
     left = side[0, 0] if place == 0 else webs[place - 1]
     right = side[0, 1] if place == 3 else webs[place]
@@ -111,30 +112,30 @@ def _finger_base(place, dorsal, palmar, side, webs) -> NDArray[np.int64]:  # noq
     return np.r_[back, right, front[::-1], left]
 
 
-def _thumb_base(dorsal, palmar, side) -> NDArray[np.int64]:  # noqa: ANN001
+def _thumb_base(dorsal: Ids, palmar: Ids, side: Ids) -> Ids:
     """The hole's rim, from the web to the index over the palm, the wrist and the back."""
     first, last = THUMB_ROWS
     back, front = dorsal[first : last + 1, 0], palmar[first : last + 1, 0]
     return np.r_[side[first, 0], front, side[last, 0], back[::-1]]
 
 
-def _around(dorsal, palmar, side, row: int) -> NDArray[np.int64]:  # noqa: ANN001
+def _around(dorsal: Ids, palmar: Ids, side: Ids, row: int) -> Ids:
     """One whole row of the palm as a ring of 20."""
     return np.r_[dorsal[row], side[row, 1], palmar[row, ::-1], side[row, 0]]
 
 
-def _tube(rings: NDArray[np.int64]) -> Faces:
+def _tube(rings: Ids) -> Faces:
     """The quads between successive rings."""
     a, b = rings[:-1], rings[1:]
     return np.stack([a, np.roll(a, -1, 1), np.roll(b, -1, 1), b], -1).reshape(-1, 4)
 
 
-def _fan(ring: NDArray[np.int64], tip: int) -> Faces:
+def _fan(ring: Ids, tip: int) -> Faces:
     """Triangles from a ring to one vertex."""
     return np.stack([ring, np.roll(ring, -1), np.full(len(ring), tip)], 1)
 
 
-def _palm(dorsal, palmar, side) -> Faces:  # noqa: ANN001
+def _palm(dorsal: Ids, palmar: Ids, side: Ids) -> Faces:
     """The rows of 20 as quads, without those of the thumb's hole, turned like the tubes."""
     ring = np.stack([_around(dorsal, palmar, side, row) for row in range(1 + ROWS)])
     a, b = ring[:-1], ring[1:]

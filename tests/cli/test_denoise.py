@@ -1,0 +1,123 @@
+"""`geneoh denoise` as its users run it: good input, doubtful input, bad input."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bad_inputs import CANARY, REFUSED, TOLD, write_good
+
+from geneoh.sequence.files import load_sequence
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+RUN = ("denoise", "hand.npz", "--obj", "object.obj", "--preset", "fast")
+
+
+@pytest.fixture(scope="module")
+def report(command, tmp_path_factory):
+    """What the README's first command prints and writes."""
+    from click.testing import CliRunner
+
+    out = tmp_path_factory.mktemp("out") / "clean.npz"
+    noisy, mesh = EXAMPLES / "taco_noisy.npz", EXAMPLES / "taco_object.obj"
+    result = CliRunner().invoke(
+        command, ["denoise", str(noisy), "--obj", str(mesh), "-o", str(out), "--preset", "fast"]
+    )
+    return result, out
+
+
+def test_clean_sequence_is_written_in_our_layout(report):
+    result, out = report
+    assert result.exit_code == 0, result.output
+    with np.load(out) as file:
+        assert str(file["format"]) == "geneoh-sequence"
+        assert file["left_pose"].shape == (146, 48)
+        assert file["left_joints"].shape == (146, 21, 3)
+        assert file["left_filled"].sum() == 0
+        assert json.loads(str(file["options"]))["preset"] == "fast"
+    again = load_sequence(out)
+    assert again.hands[0].hand_model == "embedded"
+    assert "taco_noisy.npz" in again.source
+
+
+def test_report_says_what_was_read_done_and_changed(report):
+    result, out = report
+    for words in (
+        "146 frames at 30 frames a second",
+        "left hand: 4 window(s)",
+        "motion",
+        "fit",
+        "penetration depth, mean",
+        "acceleration of keypoints",
+        "frames in contact",
+        "keypoints moved by",
+        f"wrote {out}",
+    ):
+        assert words in result.stdout
+
+
+def test_result_stands_beside_the_input_by_default(geneoh, tmp_path):
+    write_good(tmp_path)
+    result = geneoh(*RUN)
+    assert result.exit_code == 0, result.output
+    assert load_sequence(tmp_path / "hand_clean.npz").frames == 6
+
+
+def test_samples_and_their_spread_are_saved(geneoh, tmp_path):
+    write_good(tmp_path)
+    result = geneoh(*RUN, "--samples", 3, "--select", "closest", "-o", "out.npz")
+    assert result.exit_code == 0, result.output
+    with np.load(tmp_path / "out.npz") as file:
+        assert file["right_samples"].shape == (3, 6, 21, 3)
+        assert file["right_joint_spread"].shape == (6, 21)
+        assert (file["right_joint_spread"] > 0).all()
+
+
+def test_same_seed_gives_the_same_file(geneoh, tmp_path):
+    write_good(tmp_path)
+    for name, seed in (("a.npz", 4), ("b.npz", 4), ("c.npz", 5)):
+        assert geneoh(*RUN, "--seed", seed, "-o", name).exit_code == 0
+    a, b, c = ((tmp_path / f"{name}.npz").read_bytes() for name in "abc")
+    assert a == b != c
+
+
+@pytest.mark.parametrize("case", REFUSED, ids=lambda case: case.name)
+def test_bad_input_ends_with_one_sentence_and_leaves_the_output_alone(geneoh, tmp_path, case):
+    write_good(tmp_path)
+    case.spoil(tmp_path)
+    (tmp_path / "hand_clean.npz").write_bytes(b"an older result")
+    result = geneoh(*RUN, *case.options)
+    assert result.exit_code == 2, result.output
+    last = result.stderr.strip().splitlines()[-1]
+    assert last.startswith("Error: ")
+    assert "Traceback" not in result.output
+    for word in case.words:
+        assert word in last
+    assert (tmp_path / "hand_clean.npz").read_bytes() == b"an older result"
+    assert not (tmp_path / CANARY).exists()
+    assert not list(tmp_path.glob("*.part"))
+
+
+@pytest.mark.parametrize("case", TOLD, ids=lambda case: case.name)
+def test_doubtful_input_is_cleaned_and_told_of(geneoh, tmp_path, case, caplog):
+    write_good(tmp_path)
+    case.spoil(tmp_path)
+    result = geneoh(*RUN, *case.options)
+    assert result.exit_code == 0, result.output
+    said = result.output + caplog.text
+    for word in case.words:
+        assert word in said
+
+
+def test_unknown_device_is_refused(geneoh, tmp_path):
+    write_good(tmp_path)
+    result = geneoh(*RUN, "--device", "abacus")
+    assert result.exit_code == 2
+    assert "--device abacus" in result.stderr
+
+
+def test_missing_weights_are_named(geneoh, tmp_path):
+    write_good(tmp_path)
+    result = geneoh(*RUN, "--weights", "nowhere")
+    assert result.exit_code == 2
+    assert "nowhere" in result.stderr

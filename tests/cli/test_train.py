@@ -1,0 +1,52 @@
+"""`geneoh synthesize` and `geneoh train` on a very small scale, and `geneoh eval`'s refusals."""
+
+import pytest
+
+from geneoh.synthesis import shards
+
+
+@pytest.fixture
+def tiny_shards(monkeypatch):
+    """Shards of two interactions instead of 128."""
+    plain = shards.SynthesisConfig
+    monkeypatch.setattr(
+        shards, "SynthesisConfig", lambda count: plain(count=count, shard=2, points=64)
+    )
+
+
+SMALL = ("steps=2", "batch=2", "validation_batches=1", "autoencoder_steps=1", "warmup=1")
+
+
+def test_synthesized_data_trains_every_stage_and_denoise_takes_the_weights(
+    geneoh, tmp_path, tiny_shards
+):
+    made = geneoh("synthesize", "--count", 4)
+    assert made.exit_code == 0, made.output
+    assert "2 shards made" in made.stdout
+    assert "0 shards made" in geneoh("synthesize", "--count", 4).stdout
+    settings = [word for setting in SMALL for word in ("--set", setting)]
+    for stage in ("motion", "spatial", "temporal"):
+        trained = geneoh("train", "--stage", stage, *settings)
+        assert trained.exit_code == 0, trained.output
+        assert (tmp_path / "runs" / f"{stage}.safetensors").exists()
+        log = (tmp_path / "runs" / f"{stage}_log.csv").read_text().splitlines()
+        assert log[0] == "step,loss,error_left,rate,seconds"
+        assert len(log) == 2
+
+
+def test_training_without_data_says_how_to_make_some(geneoh):
+    result = geneoh("train", "--stage", "spatial")
+    assert result.exit_code == 2
+    assert "geneoh synthesize" in result.stderr
+
+
+def test_misspelt_setting_is_refused_with_the_nearest(geneoh):
+    result = geneoh("train", "--stage", "motion", "--set", "stepz=3")
+    assert result.exit_code == 2
+    assert "steps" in result.stderr
+
+
+def test_eval_of_a_missing_recording_says_where_it_looked(geneoh):
+    result = geneoh("eval", "--dataset", "taco", "--root", "nowhere")
+    assert result.exit_code == 2
+    assert "nowhere" in result.stderr
