@@ -13,7 +13,7 @@ const redHalves = () => {
   pen.drawImage(view, 0, 0);
   const { data } = pen.getImageData(0, 0, flat.width, flat.height), red = [0, 0];
   for (let i = 0; i < data.length; i += 4)
-    if (data[i] - data[i + 2] > 60 && data[i] - data[i + 1] > 60) red[((i / 4) % flat.width) * 2 < flat.width ? 0 : 1]++;
+    if (data[i] - data[i + 1] > 48) red[((i / 4) % flat.width) * 2 < flat.width ? 0 : 1]++;
   return red;
 };
 const pixels = () => Array.from(document.getElementById("view").toDataURL());
