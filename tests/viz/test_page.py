@@ -84,9 +84,13 @@ def test_300_frames_of_two_hands_before_and_after_stay_under_6_mb(scene):
             depth=hand.depth[frames],
             fingers=hand.fingers[frames],
             acceleration=hand.acceleration[frames],
+            pose=hand.pose[frames],
+            wrist=hand.wrist[frames],
             track=replace(
                 hand.track,
                 valid=hand.valid[frames],
+                pose=hand.track.pose[frames],
+                wrist=hand.track.wrist[frames],
                 joint_spread=hand.track.joint_spread[frames],
             ),
         )
