@@ -17,6 +17,13 @@ obj = click.option(
     required=True,
     help="Mesh of the object in metres; once per rigid part, in the order of the parts.",
 )
+obj_or_source = click.option(
+    "--obj",
+    type=INPUT_FILE,
+    multiple=True,
+    help="Mesh of the object in metres; once per rigid part, in the order of the parts. Needed "
+    "unless --from names a source that has its own.",
+)
 output = click.option(
     *("-o", "--output"),
     type=click.Path(dir_okay=False, path_type=Path),

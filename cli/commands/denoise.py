@@ -5,12 +5,22 @@ from typing import Any
 
 import click
 
-from .. import options
+from geneoh.datasets.catalogue import SOURCES
+
+from .. import options, sources
 
 
 @click.command()
-@click.argument("noisy", type=options.INPUT_FILE)
-@options.obj
+@click.argument("noisy", type=click.Path(path_type=Path))
+@options.obj_or_source
+@click.option(
+    "--from",
+    "source",
+    type=click.Choice(list(SOURCES)),
+    metavar="SOURCE",
+    help="Read NOISY as a data set's or estimator's own files; `geneoh convert --help` lists them.",
+)
+@click.option("--clip", help="With --from: which recording, where NOISY holds several.")
 @options.output
 @click.option(
     "--preset",
@@ -47,6 +57,7 @@ from .. import options
 @options.side
 @options.fps
 @options.device
+@sources.known
 def denoise(
     noisy: Path,
     obj: tuple[Path, ...],
@@ -55,6 +66,8 @@ def denoise(
     fps: float | None,
     mano: Path | None,
     report: Path | None,
+    source: str | None,
+    clip: str | None,
     **chosen: Any,
 ) -> None:
     """Clean the hand-object interaction in NOISY.
@@ -69,8 +82,15 @@ def denoise(
     from .. import devices, progress, reports
 
     devices.named(chosen["device"])
+    said = {name: chosen.pop(name) for name in sources.NAMES}
     settings = geneoh.Options(mano_dir=mano, **chosen)
-    sequence = geneoh.load(noisy, obj=obj, side=side, fps=fps, mano_dir=settings.mano_dir)
+    if source is not None:
+        known = sources.known_of(settings.mano_dir, obj, side=side, fps=fps, **said)
+        sequence = sources.one_recording(source, noisy, known, clip)
+    elif obj:
+        sequence = geneoh.load(noisy, obj=obj, side=side, fps=fps, mano_dir=settings.mano_dir)
+    else:
+        raise click.UsageError("Missing option '--obj'")
     with progress.progress_bars() as heard:
         result = geneoh.denoise(sequence, settings, on_progress=heard)
     output = output or noisy.with_name(f"{noisy.stem}_clean.npz")

@@ -1,0 +1,116 @@
+"""What `convert` and `denoise --from` share: the table of sources, their options, the reports."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from geneoh.datasets.catalogue import SOURCES
+
+if TYPE_CHECKING:
+    from geneoh.datasets.base import Known
+    from geneoh.datasets.convert import Outcome
+    from geneoh.sequence.tracks import Sequence
+
+MESH_FILE = click.Path(dir_okay=False, path_type=Path)
+FOLDER = click.Path(file_okay=False, path_type=Path)
+ORDERS = ("openpose", "mano", "fphab", "aria", "webxr", "openxr")
+
+OPTIONS = (
+    click.option("--objects", type=FOLDER, help="Folder of the data set's object meshes."),
+    click.option("--body", type=MESH_FILE, help="Your SMPL+H model, where hands hang on a body."),
+    click.option(
+        "--object-pose",
+        type=MESH_FILE,
+        help="npy of (T, 4, 4) object to the hand's frame, for sources without an object.",
+    ),
+    click.option("--joint-order", type=click.Choice(ORDERS), help="Of bare keypoints."),
+    click.option(
+        "--translation",
+        type=click.Choice(["wrist", "origin"]),
+        help="What a bare parameter array's translation moves.",
+    ),
+    click.option(
+        "--mean-pose/--no-mean-pose",
+        default=None,
+        help="Whether a bare parameter array is relative to MANO's mean pose.",
+    ),
+    click.option("--focal", type=float, help="Of the camera in pixels, for HaMeR and WiLoR."),
+)
+NAMES = ("objects", "body", "object_pose", "joint_order", "translation", "mean_pose", "focal")
+"""Of these options, as the commands get them."""
+
+
+def known(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options that say what a source leaves open."""
+    for option in reversed(OPTIONS):
+        command = option(command)
+    return command
+
+
+def known_of(
+    mano: Path | None = None,
+    obj: tuple[Path, ...] = (),
+    object_pose: Path | None = None,
+    joint_order: str | None = None,
+    **rest: Any,
+) -> "Known":
+    """What the caller said, with its files read."""
+    from geneoh.datasets.base import Known
+    from geneoh.datasets.records import read_array
+    from geneoh.geometry.mesh import load_mesh
+
+    shapes = (("T", 4, 4), ("T", "Q", 4, 4))
+    return Known(
+        mano_dir=mano,
+        meshes=tuple(load_mesh(path) for path in obj),
+        object_pose=None if object_pose is None else read_array(object_pose, *shapes),
+        joint_order=joint_order or "openpose",
+        **rest,
+    )
+
+
+def one_recording(name: str, path: Path, known: "Known", clip: str | None) -> "Sequence":
+    """The one sequence at a path of a source, checked."""
+    from geneoh.datasets.convert import read_one
+    from geneoh.sequence.checks import check_sequence
+
+    recording = read_one(name, path, known, clip)
+    check_sequence(recording.sequence, recording.name)
+    return recording.sequence
+
+
+def table() -> str:
+    """The sources with what they hold, their licence and where to get them."""
+    rows = [f"{s.name}: {s.title}, {s.holds}. {s.licence}; {s.where}" for s in SOURCES.values()]
+    return "\b\nSOURCE is one of:\n" + "\n".join(f"  {row}" for row in rows)
+
+
+class Tally:
+    """Counts what became of the clips, and says it."""
+
+    def __init__(self) -> None:
+        self.written = self.skipped = self.failed = self.sound = 0
+
+    def lines(self, outcome: "Outcome") -> Iterator[str]:
+        """What to say of one clip."""
+        name = outcome.clip.name
+        self.skipped += outcome.skipped
+        self.written += 0 if outcome.skipped else len(outcome.files)
+        if outcome.problem is not None:
+            self.failed += 1
+            yield f"{name}: not read, {outcome.problem}"
+        elif outcome.contradictions:
+            self.failed += 1
+            yield f"{name}: contradicts its convention"
+            yield from (f"  {words}" for words in outcome.contradictions)
+        elif not outcome.skipped:
+            self.sound += 1
+            yield f"{name}: {', '.join(outcome.notes)}"
+
+    def summary(self, folder: Path | None) -> str:
+        """The last line."""
+        where = "" if folder is None else f", {self.written} sequences written to {folder}"
+        before = f", {self.skipped} done before" if self.skipped else ""
+        return f"{self.sound} read, {self.failed} not{before}{where}"

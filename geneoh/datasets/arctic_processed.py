@@ -1,0 +1,104 @@
+"""ARCTIC as its own scripts process it: processed(_verts)/seqs/{sid}/{seq}.npy.
+
+params holds rot_{r,l}, pose_{r,l}, trans_{r,l}, shape_{r,l}, obj_arti, obj_rot, obj_trans as the
+raw files do (obj_trans still in millimetres); world_coord holds joints.{right,left} in MANO's order
+and, with vertices, verts.object in metres. Conventions as in `arctic`.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from geneoh.datasets.arctic import (
+    BOTTOM,
+    DIALECT,
+    FPS,
+    MILLIMETRES,
+    TOP,
+    part_motion,
+    read_parts,
+)
+from geneoh.datasets.base import Clip, Evidence, Known, Recording, clips
+from geneoh.datasets.objects import read_mesh
+from geneoh.datasets.records import Array, Record, read_json, read_record
+from geneoh.datasets.tracks import (
+    OPENPOSE_FROM_M,
+    Numbers,
+    Track,
+    mano_track,
+    object_track,
+    recordings,
+    sequence_of,
+)
+from geneoh.hand.model import Side
+
+
+def find(path: Path) -> list[Clip]:
+    """Every processed sequence."""
+    found = clips(path, "*.npy", 2)
+    return [clip for clip in found if clip.path.parents[1].name == "seqs"]
+
+
+def read(clip: Clip, known: Known) -> list[Recording]:
+    """Both hands and the two parts of the object, in the world."""
+    record = read_record(clip.path)
+    params, world = record.record("params"), record.record("world_coord")
+    motion = part_motion(
+        params.array("obj_arti", ("T",), ("T", 1)).reshape(-1),
+        params.array("obj_rot", ("T", 3)),
+        params.array("obj_trans", ("T", 3)) * MILLIMETRES,
+    )
+    name = clip.path.stem.split("_")[0]
+    root = clip.path.parents[3] if len(clip.path.parents) > 3 else clip.path.parent
+    folder = known.objects or root / "meta/object_vtemplates"
+    meshes, said = read_parts(folder, name)
+    stored = {side: read_joints(world, side) for side in ("right", "left")}
+    tracks = [read_hand(params, side, stored[side], known) for side in ("right", "left")]
+    sequence = sequence_of(
+        tracks, object_track(meshes, motion), known.rate(FPS), f"ARCTIC {clip.name} (processed)"
+    )
+    moved = None
+    if "verts.object" in world:
+        moved = (
+            world.array("verts.object", ("T", "V", 3)).mean(1, keepdims=True),
+            middle_of(folder / name / "mesh.obj", folder / name / "parts.json", motion),
+        )
+    return recordings(
+        clip.name,
+        sequence,
+        object_known=np.isfinite(motion).all((1, 2, 3)),
+        mesh_names=(f"arctic_{name}_bottom", f"arctic_{name}_top"),
+        evidence=Evidence(
+            joints={side: joints for side, joints in stored.items() if joints is not None},
+            object_points=moved,
+            said=said,
+        ),
+    )
+
+
+def read_joints(world: Record, side: Side) -> Array | None:
+    """(T, 21, 3) stored keypoints."""
+    key = f"joints.{side}"
+    return world.array(key, ("T", 21, 3))[:, OPENPOSE_FROM_M] if key in world else None
+
+
+def read_hand(params: Record, side: Side, joints: Array | None, known: Known) -> Track:
+    """One hand in the world."""
+    letter = side[0]
+    pose = [params.array(f"{name}_{letter}", ("T", n)) for name, n in (("rot", 3), ("pose", 45))]
+    betas = params.array(f"shape_{letter}", (10,), ("T", 10)).reshape(-1, 10).mean(0)
+    trans = params.array(f"trans_{letter}", ("T", 3))
+    numbers = Numbers(side, np.concatenate(pose, axis=1), trans, betas, joints=joints)
+    return mano_track(numbers, DIALECT, known, params.where)
+
+
+def middle_of(mesh: Path, parts: Path, motion: Array) -> Array:
+    """(T, 1, 3) mean of the object's vertices, each moved with its part."""
+    verts = read_mesh(mesh, MILLIMETRES).verts.double().numpy()
+    ids = Record(str(parts), {"parts": read_json(parts)}).array("parts", ("V",))
+    total = np.zeros((len(motion), 3))
+    for index, part in enumerate((BOTTOM, TOP)):
+        own = verts[ids == part]
+        turned = motion[:, index, :3, :3] @ own.sum(0) + len(own) * motion[:, index, :3, 3]
+        total += turned
+    return (total / len(verts))[:, None]

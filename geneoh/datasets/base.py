@@ -1,0 +1,119 @@
+"""What an adapter is given and gives: the caller's knowledge in, recordings out.
+
+An adapter is a module with two functions, `find(path)` and `read(clip, known)`, that alone knows
+its source's units, axes, translation, mean pose, left hand, frame rate and file names. What a
+source says twice (keypoints next to parameters, moved vertices next to poses) goes into `Evidence`,
+with which `selftest` holds the file against its own convention.
+"""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from geneoh.datasets.mano import ManoSource, mano_of
+from geneoh.datasets.records import Array
+from geneoh.errors import InputError
+from geneoh.geometry.mesh import Mesh
+from geneoh.hand.model import Side
+from geneoh.sequence.tracks import Sequence
+
+Translation = Literal["wrist", "origin"]
+
+
+@dataclass(frozen=True)
+class Known:
+    """What the caller knows and a source leaves open."""
+
+    mano_dir: Path | None = None
+    """Folder of the user's MANO files."""
+    body: Path | None = None
+    """The user's SMPL+H model, for sources whose hands hang on a body."""
+    objects: Path | None = None
+    """Folder of the object meshes, where they do not stand where the data set has them."""
+    meshes: tuple[Mesh, ...] = ()
+    """The object's own meshes in metres, for sources without any."""
+    object_pose: Array | None = None
+    """(T, 4, 4) object to the hand's frame, for sources without any."""
+    side: Side | None = None
+    fps: float | None = None
+    joint_order: str = "openpose"
+    translation: Translation | None = None
+    """What the translation of a bare parameter array moves: the wrist, or MANO's origin."""
+    mean_pose: bool | None = None
+    """Whether a bare parameter array is relative to MANO's mean pose."""
+    focal: float | None = None
+    """Of the camera, pixels."""
+
+    @property
+    def mano(self) -> ManoSource | None:
+        """The user's MANO files, if there are any."""
+        return mano_of(self.mano_dir)
+
+    def rate(self, default: float) -> float:
+        """Frames a second of a source, unless the caller knows better."""
+        return default if self.fps is None else self.fps
+
+
+@dataclass(frozen=True)
+class Clip:
+    """One recording that was found: a name for what is made from it, and where it stands."""
+
+    name: str
+    path: Path
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What a source says a second time, in the frame of the sequence, metres."""
+
+    joints: dict[Side, Array] = field(default_factory=dict)
+    """(T, 21, 3) stored keypoints in OpenPose order, NaN where there are none."""
+    rim: dict[Side, Array] = field(default_factory=dict)
+    """(T, 3) a point of the stored mesh that moves rigidly with the wrist."""
+    tolerance: float = 0.005
+    """Metres that stored keypoints may stand off: where they are another annotation, more."""
+    object_points: tuple[Array, Array] | None = None
+    """(T, P, 3) stored points of the moved object, and the same ones from its mesh and pose."""
+    said: tuple[str, ...] = ()
+    """Contradictions that only the adapter can see, in words."""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One sequence that was read, with the names of its meshes for files of their own."""
+
+    name: str
+    sequence: Sequence
+    mesh_names: tuple[str, ...] = ()
+    evidence: Evidence = field(default_factory=Evidence)
+
+
+def clips(path: Path, pattern: str, name_parts: int, *, directories: bool = False) -> list[Clip]:
+    """What lies at or below a path and matches a pattern, in the order of names.
+
+    Args:
+        path: a file or folder as the user gave it.
+        pattern: such as "*.npz", against the name.
+        name_parts: how many parts of the path the clip's name keeps.
+        directories: look for folders and not for files.
+    """
+    if not path.exists():
+        raise InputError(f"{path}: no such file or folder; check the path")
+    found = [path] if path.match(pattern) and path.is_dir() == directories else []
+    if not found and path.is_dir():
+        found = sorted(p for p in path.rglob(pattern) if p.is_dir() == directories)
+    return [Clip(clip_name(p, name_parts), p) for p in found]
+
+
+def clip_name(path: Path, parts: int) -> str:
+    """The last parts of a path without ending, fit for a file name."""
+    words = [*path.resolve().parts[-parts:-1], path.name.split(".")[0]]
+    return "/".join("".join(c if c.isalnum() or c in "-_+" else "_" for c in w) for w in words)
+
+
+def runs(present: Array) -> list[slice]:
+    """The longest stretches of frames that are all there."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], present, [False]])))
+    return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]

@@ -1,0 +1,45 @@
+"""`geneoh convert` as its users run it."""
+
+import json
+
+import numpy as np
+
+
+def write_landmarks(path, scale=1.0):
+    with np.load("taco.npz") as arrays:
+        points = scale * arrays["left_joints"][:5]
+    frames = [{"points": p.tolist()} for p in points]
+    value = {"format": "geneoh-landmarks", "version": 1, "order": "openpose", "fps": 30}
+    path.write_text(json.dumps({**value, "hands": {"left": frames}}))
+
+
+def test_help_names_every_source_with_its_licence(geneoh):
+    result = geneoh("convert", "--help")
+    assert result.exit_code == 0
+    for words in ("hoi4d: HOI4D", "CC BY-NC 4.0", "dex-ycb.github.io", "--check"):
+        assert words in result.output
+
+
+def test_clips_are_converted_told_and_not_done_twice(geneoh, tmp_path, pytestconfig):
+    (tmp_path / "taco.npz").symlink_to(pytestconfig.rootpath / "examples/taco_clean.npz")
+    (tmp_path / "in").mkdir()
+    write_landmarks(tmp_path / "in/good.json")
+    write_landmarks(tmp_path / "in/large.json", 1000)
+    (tmp_path / "in/bad.json").write_text("{")
+    result = geneoh("convert", "landmarks", "in", "-o", "out")
+    assert result.exit_code == 2
+    assert "found 3 clips" in result.output
+    assert "bad: not read, " in result.output
+    assert "millimetres" in result.output
+    assert "1 read, 2 not, 1 sequences written to out" in result.output
+    assert [path.name for path in (tmp_path / "out").glob("*.npz")] == ["good.npz"]
+    assert "1 done before" in geneoh("convert", "landmarks", "in", "-o", "out").output
+    checked = geneoh("convert", "landmarks", "in/large.json", "--check")
+    assert "contradicts its convention" in checked.output
+
+
+def test_somewhere_to_write_or_a_check_is_needed(geneoh, tmp_path):
+    (tmp_path / "a.json").write_text("{}")
+    result = geneoh("convert", "landmarks", "a.json")
+    assert result.exit_code == 2
+    assert "give -o DIR" in result.output

@@ -1,0 +1,189 @@
+"""Pickles are taken apart and never run: what arrays need comes back, anything else is refused."""
+
+import builtins
+import os
+import pickle
+import struct
+import warnings
+from collections import OrderedDict
+
+import numpy as np
+import pytest
+import scipy.sparse
+import torch
+
+from geneoh.errors import InputError
+from geneoh.pickles.files import read_values
+
+STRIDED = torch.arange(12.0).reshape(3, 4)[:, 1:3]
+
+
+def values() -> dict:
+    return {
+        "floats": np.linspace(0, 1, 6, dtype="f4").reshape(2, 3),
+        "fortran": np.asfortranarray(np.arange(6.0).reshape(2, 3)),
+        "number": np.float64(2.5),
+        "list": [1, 2.5, None, True, "text", b"bytes", (1, -2)],
+        "tensor": STRIDED,
+        "half": torch.tensor([0.5, 2.0]).half(),
+        "wide": torch.tensor([0.5, 2.0]).bfloat16(),
+        "ordered": OrderedDict(a=torch.tensor([True, False])),
+        "objects": np.array({"x": np.arange(3)}, dtype=object),
+        "sparse": scipy.sparse.csc_matrix(np.diag([1.0, 2.0])),
+        "large": 2**70,
+        "none": np.zeros((0, 3)),
+        3: np.array(["ab", "c"]),
+    }
+
+
+def assert_read(path) -> None:
+    read = read_values(path)
+    for name, value in values().items():
+        got = read[name]
+        if isinstance(value, torch.Tensor):
+            value = value.float().numpy() if value.dtype == torch.bfloat16 else value.numpy()
+        if scipy.sparse.issparse(value):
+            value = value.toarray()
+        if name == "ordered":
+            value, got = value["a"].numpy(), got["a"]
+        if name == "objects":
+            value, got = value.item()["x"], got.item()["x"]
+        np.testing.assert_array_equal(np.asarray(got, object), np.asarray(value, object))
+
+
+@pytest.mark.parametrize("protocol", range(6))
+def test_every_protocol_gives_the_values_back(tmp_path, protocol):
+    (tmp_path / "a.pkl").write_bytes(pickle.dumps(values(), protocol=protocol))
+    assert_read(tmp_path / "a.pkl")
+
+
+@pytest.mark.parametrize("zipped", [True, False])
+def test_both_forms_of_checkpoint_give_the_values_back(tmp_path, zipped):
+    torch.save(values(), tmp_path / "a.pt", _use_new_zipfile_serialization=zipped)
+    assert_read(tmp_path / "a.pt")
+
+
+def test_a_value_used_twice_is_one_value(tmp_path):
+    array = np.arange(3)
+    (tmp_path / "a.pkl").write_bytes(pickle.dumps([array, array]))
+    first, second = read_values(tmp_path / "a.pkl")
+    assert first is second
+
+
+CANARY = "canary"
+
+
+class Calls:
+    """Pickled, it asks for a call."""
+
+    def __init__(self, function, *args):
+        self.function, self.args = function, args
+
+    def __reduce__(self):
+        return self.function, self.args
+
+
+def touch() -> Calls:
+    return Calls(os.system, f"touch {CANARY}")
+
+
+def raw(*parts: bytes) -> bytes:
+    return b"\x80\x04" + b"".join(parts) + b"."
+
+
+def rebuilt(size, stride, offset=0) -> bytes:
+    """A tensor with any size and stride over a storage of two numbers."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # torch pickles tensors by what it calls deprecated
+        function, (stored,) = torch.zeros(2).storage().__reduce__()
+    storage = Calls(function, stored)
+    rebuild = torch._utils._rebuild_tensor_v2
+    return pickle.dumps(Calls(rebuild, storage, offset, size, stride, False, OrderedDict()))
+
+
+def array_of(shape, dtype="f8", body=b"") -> bytes:
+    """A numpy array whose declared shape is not that of its bytes."""
+    state = (1, shape, np.dtype(dtype), False, body)
+    rebuild = np.arange(2).__reduce__()[0]
+    start = pickle.dumps(Calls(rebuild, np.ndarray, (0,), b"b"), protocol=2)[:-1]
+    return start + pickle.dumps(state, protocol=2)[2:-1] + b"b."
+
+
+HOSTILE = {
+    "os.system": (pickle.dumps(touch()), "system"),
+    "os.system in a list": (pickle.dumps([1, [touch()]]), "system"),
+    "os.system, protocol 0": (pickle.dumps(touch(), protocol=0), "system"),
+    "builtins.eval": (
+        pickle.dumps(Calls(builtins.eval, f"open('{CANARY}', 'w')")),
+        "builtins.eval",
+    ),
+    "builtins.exec": (
+        pickle.dumps(Calls(builtins.exec, f"open('{CANARY}', 'w')"), protocol=2),
+        "__builtin__.exec",
+    ),
+    "builtins.getattr": (pickle.dumps(Calls(getattr, 1, "real")), "builtins.getattr"),
+    "builtins.__import__": (pickle.dumps(Calls(__import__, "os")), "builtins.__import__"),
+    "numpy.load": (raw(b"cnumpy\nload\n(X\x01\x00\x00\x00atR"), "numpy.load"),
+    "numpy chain": (raw(b"cnumpy.f2py\ncompile\n(X\x01\x00\x00\x00atR"), "numpy.f2py.compile"),
+    "numpy by dots": (
+        raw(b"\x8c\x05numpy\x8c\x0clib.os.popen\x93)R"),
+        "numpy.lib.os.popen",
+    ),
+    "numpy.fromfile": (raw(b"cnumpy\nfromfile\n)R"), "numpy.fromfile"),
+    "numpy memmap": (raw(b"cnumpy\nmemmap\n)\x81"), "numpy.memmap"),
+    "torch.load": (raw(b"ctorch.serialization\nload\n)R"), "torch.serialization.load"),
+    "torch.hub": (raw(b"ctorch.hub\nload\n)R"), "torch.hub.load"),
+    "torch type": (
+        raw(b"ctorch._tensor\n_rebuild_from_type_v2\n)R"),
+        "torch._tensor._rebuild_from_type_v2",
+    ),
+    "torch stride": (rebuilt((2, 2**20), (2**30, 1)), "_rebuild_tensor_v2"),
+    "torch expanded": (rebuilt((2**35,), (0,)), "_rebuild_tensor_v2"),
+    "torch negative": (rebuilt((2,), (1,), -5), "_rebuild_tensor_v2"),
+    "storage bytes": (
+        raw(b"ctorch.storage\n_load_from_bytes\nC\x03abc\x85R"),
+        "pickle",
+    ),
+    "subprocess": (raw(b"csubprocess\nPopen\n)R"), "subprocess.Popen"),
+    "codecs": (raw(b"c_codecs\ndecode\n)R"), "_codecs.decode"),
+    "instance": (raw(b"(ios\nsystem\n"), "os.system"),
+    "pandas": (raw(b"cpandas.io.pickle\nread_pickle\n)R"), "pandas.io.pickle.read_pickle"),
+    "joblib": (raw(b"cjoblib.memory\nMemory\n)R"), "joblib.memory.Memory"),
+    "huge array": (array_of((2**39,)), "numpy.core.multiarray|numpy._core.multiarray"),
+    "array of other size": (array_of((3,), body=bytes(8)), "_reconstruct"),
+    "array without items": (array_of((2**30,), "S0"), "numpy"),
+    "deep nesting": (raw(b"]" * 5000, b"a" * 4999), "nested deeper"),
+    "itself": (raw(b"]\x94h\x00a"), "holds itself"),
+    "huge string": (raw(b"\x8e" + struct.pack("<Q", 2**60)), "truncated"),
+    "extension": (raw(b"\x82\x01"), "opcode"),
+    "long digits": (b"I" + b"9" * 100_000 + b"\n.", "digits"),
+    "unhashable key": (raw(b"}](K\x01u."), "pickle"),
+}
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_a_hostile_pickle_is_refused_by_name(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    data, word = HOSTILE[name]
+    (tmp_path / "a.pkl").write_bytes(data)
+    with pytest.raises(InputError) as refusal:
+        read_values(tmp_path / "a.pkl")
+    assert any(part in str(refusal.value) for part in word.split("|"))
+    assert "\n" not in str(refusal.value)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.pkl"]
+
+
+@pytest.mark.parametrize("write", ["checkpoint", "stream", "npy", "npz"])
+def test_a_hostile_pickle_is_refused_inside_of_other_files(write, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "a.bin"
+    if write in ("checkpoint", "stream"):
+        zipped = write == "checkpoint"
+        torch.save({"a": touch()}, path, _use_new_zipfile_serialization=zipped)
+    else:
+        held = np.array({"a": touch()}, dtype=object)
+        with path.open("wb") as file:
+            np.save(file, held) if write == "npy" else np.savez(file, a=held)
+    with pytest.raises(InputError, match="system"):
+        read_values(path)
+    assert not (tmp_path / CANARY).exists()
