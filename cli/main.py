@@ -13,7 +13,10 @@ import click
 
 from geneoh.errors import GeneOHError, NumericalError
 
-COMMANDS = ("denoise", "eval", "train", "synthesize", "corrupt", "convert", "info")
+COMMANDS = (
+    *("denoise", "eval", "train", "synthesize", "corrupt"),
+    *("convert", "view", "info"),
+)
 """In the order that `--help` shows. Each is a function of its own name in commands/NAME.py, which
 imports torch and the parts of geneoh only inside the function, so that help comes at once."""
 

@@ -1,4 +1,4 @@
-"""Exceptions that reach the user, each one sentence: where, what was expected, what came, what to do."""
+"""Exceptions that reach the user, each one sentence: where, what was expected, what came, cure."""
 
 
 class GeneOHError(Exception):

@@ -47,6 +47,11 @@ from .. import options, sources
     help="Hand model of the result.",
 )
 @options.mano
+@click.option(
+    "--report",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="HTML page to write as well: before and after in 3D, with what was measured.",
+)
 @options.weights
 @options.seed
 @options.side
@@ -60,6 +65,7 @@ def denoise(
     side: Any,
     fps: float | None,
     mano: Path | None,
+    report: Path | None,
     source: str | None,
     clip: str | None,
     **chosen: Any,
@@ -91,3 +97,8 @@ def denoise(
     save_result(result, settings, output)
     for line in reports.denoised(sequence, result, output):
         click.echo(line)
+    if report is not None:
+        from geneoh.viz.outputs import scene_of, write
+
+        write(scene_of(sequence, result, noisy.stem, mano), report)
+        click.echo(f"wrote {report}")

@@ -1,6 +1,7 @@
 """`geneoh eval`: how far each way of cleaning gets on noisy twins of a recording."""
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -50,10 +51,10 @@ NOISES = ("clean", "gauss", "gauss_strong", "beta", "bias", "drift", "burst", "d
 def eval(
     dataset: str,
     root: Path,
-    noises: tuple[str, ...],
+    noises: tuple[Any, ...],
     seeds: int,
     twins: Path | None,
-    presets: tuple[str, ...],
+    presets: tuple[Any, ...],
     weights: Path | None,
 ) -> None:
     """Score the input, the best low-pass filters and geneoh on noisy twins of a recording.

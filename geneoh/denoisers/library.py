@@ -1,5 +1,6 @@
 """The trained denoisers: where the shipped weights lie and how networks are rebuilt from files."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -42,20 +43,20 @@ def load_denoisers(folder: Path | None = None, *, device: torch.device | str = "
         for stage in ("motion", "spatial", "temporal")
     }
 
-    def rebuilt(stage: str, network: Network) -> Network:
+    def rebuilt(stage: str, build: Callable[[dict[str, Any]], Network]) -> Network:
         try:
+            network = build(saved[stage].record["config"][stage])
             network.load_state_dict(saved[stage].tensors)
-        except RuntimeError as error:
+        except (RuntimeError, KeyError, TypeError) as error:
             raise CheckpointError(
                 f"{folder / stage}.safetensors: expected weights of this version's {stage} "
                 f"network, got others ({str(error).splitlines()[-1].strip()}); train them again"
             ) from error
         return network.to(device).eval().requires_grad_(False)
 
-    settings = {stage: saved[stage].record["config"][stage] for stage in saved}
     return Denoisers(
-        rebuilt("motion", MotionDenoiser(MotionConfig(**settings["motion"]))),
-        rebuilt("spatial", SpatialDenoiser(SpatialConfig(**settings["spatial"]))),
-        rebuilt("temporal", TemporalDenoiser(TemporalConfig(**settings["temporal"]))),
+        rebuilt("motion", lambda sizes: MotionDenoiser(MotionConfig(**sizes))),
+        rebuilt("spatial", lambda sizes: SpatialDenoiser(SpatialConfig(**sizes))),
+        rebuilt("temporal", lambda sizes: TemporalDenoiser(TemporalConfig(**sizes))),
         {stage: checkpoint.record for stage, checkpoint in saved.items()},
     )

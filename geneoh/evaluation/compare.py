@@ -1,8 +1,9 @@
 """One recording, many noisy twins: what each way of cleaning leaves of the error."""
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 import torch
 from jaxtyping import Float
@@ -20,11 +21,11 @@ from geneoh.pipeline.denoise import Options, denoise
 from geneoh.pipeline.person import person_of
 from geneoh.sequence.files import load_sequence
 from geneoh.sequence.gaps import fill_gaps
-from geneoh.sequence.noise import NOISES, corrupt_sequence
+from geneoh.sequence.noise import Noise, corrupt_sequence
 from geneoh.sequence.tracks import Sequence
 
-CLEAN = "clean"
-"""Name of the twin without noise: what a cleaner does to a track that needs little cleaning."""
+TwinNoise = Noise | Literal["clean"]
+"""A noise, or the recording itself: what a cleaner does to a track that needs little cleaning."""
 
 
 @dataclass(frozen=True)
@@ -52,11 +53,11 @@ class Twin:
     sequence: Sequence
 
 
-def drawn_twins(clean: Sequence, noises: Iterable[str], seeds: int) -> Iterator[Twin]:
+def drawn_twins(clean: Sequence, noises: Iterable[TwinNoise], seeds: int) -> Iterator[Twin]:
     """Twins made here, by the noises of `geneoh corrupt`; "clean" is the recording itself."""
     for noise in noises:
-        if noise == CLEAN:
-            yield Twin(CLEAN, 0, clean)
+        if noise == "clean":
+            yield Twin("clean", 0, clean)
             continue
         for seed in range(seeds):
             generator = torch.Generator().manual_seed(seed)
@@ -64,12 +65,12 @@ def drawn_twins(clean: Sequence, noises: Iterable[str], seeds: int) -> Iterator[
 
 
 def stored_twins(
-    clean: Sequence, folder: Path, noises: Iterable[str], seeds: int
+    clean: Sequence, folder: Path, noises: Iterable[TwinNoise], seeds: int
 ) -> Iterator[Twin]:
     """Twins read from `folder`/NOISE_SEED.npz, which hold the same frames as the recording."""
     for noise in noises:
-        if noise == CLEAN:
-            yield Twin(CLEAN, 0, clean)
+        if noise == "clean":
+            yield Twin("clean", 0, clean)
             continue
         for seed in range(seeds):
             path = folder / f"{noise}_{seed}.npz"
@@ -177,11 +178,3 @@ def table(scores: list[Score]) -> list[str]:
                 cells += f"{values.mean():>8.1f} ±{deviation:>4.1f}"
             lines.append(f"{noise:<13}{row:<27}{cells}")
     return lines
-
-
-def columns() -> list[str]:
-    """Names of the fields of a score, the header of a CSV file."""
-    return [field.name for field in fields(Score)]
-
-
-ALL_NOISES = (CLEAN, *NOISES)

@@ -18,16 +18,29 @@ def adam(
     *,
     steps: int,
     rate: float,
+    epsilon: float = 1e-8,
+    settle: bool = False,
     on_step: Callable[[int, int], None] | None = None,
 ) -> list[Tensor]:
     """Parameters after `steps` steps of Adam (Kingma and Ba 2015, algorithm 1, default betas).
 
+    Args:
+        loss: of the list of parameters.
+        parameters: where to start.
+        steps: how many steps.
+        rate: length of a step, however small the gradient is.
+        epsilon: except where the gradient is smaller than this: there the step shrinks with it.
+        settle: let the rate fall on a line, towards zero at the end.
+        on_step: called with (done, total) after each step.
+
     `torch.optim` does the same and takes seconds to import, which a command that cleans two seconds
     of motion cannot spare.
     """
+    parameters = list(parameters)  # the caller's list stays as it is
     first = [torch.zeros_like(p) for p in parameters]
     second = [torch.zeros_like(p) for p in parameters]
     for step in range(1, steps + 1):
+        length = rate * (steps + 1 - step) / steps if settle else rate
         with torch.enable_grad():
             leaves = [p.detach().requires_grad_(True) for p in parameters]
             gradients = torch.autograd.grad(loss(leaves), leaves)
@@ -35,7 +48,7 @@ def adam(
             first[i] = 0.9 * first[i] + 0.1 * gradient
             second[i] = 0.999 * second[i] + 0.001 * gradient.square()
             mean, square = first[i] / (1 - 0.9**step), second[i] / (1 - 0.999**step)
-            parameters[i] = leaves[i].detach() - rate * mean / (square.sqrt() + 1e-8)
+            parameters[i] = leaves[i].detach() - length * mean / (square.sqrt() + epsilon)
         if on_step is not None:
             on_step(step, steps)
     return parameters

@@ -1,12 +1,13 @@
 """Where hands come from: one function that gives a hand model by side and source."""
 
+from functools import cache
 from pathlib import Path
 from typing import Literal
 
 from typing_extensions import assert_never
 
-from geneoh.errors import MissingAssetError
 from geneoh.hand.embedded import embedded_right
+from geneoh.hand.mano import load_mano
 from geneoh.hand.model import HandModel, Side
 
 Source = Literal["embedded", "mano"]
@@ -22,12 +23,21 @@ def load_hand(
         source: "embedded", our own hand, or "mano", from a file the user owns.
         mano_dir: folder with MANO_RIGHT.pkl / MANO_LEFT.pkl; without it the environment variable
             GENEOH_MANO_DIR says where.
+
+    Raises:
+        MissingAssetError: there is no MANO file; the message says where to get it.
+        InputError: the file is not a MANO file.
     """
     match source:
         case "embedded":
-            right = embedded_right()
-            return right if side == "right" else right.mirrored()
+            return embedded_right() if side == "right" else _embedded_left()
         case "mano":
-            raise MissingAssetError("MANO files cannot be read yet; use source='embedded'")
+            return load_mano(side, mano_dir)
         case _:
             assert_never(source)
+
+
+@cache
+def _embedded_left() -> HandModel:
+    """The mirror image, made once."""
+    return embedded_right().mirrored()

@@ -58,9 +58,9 @@ def rest_offsets(
 ) -> Float[Tensor, "20 3"]:
     """The skeleton that a posed track was made with: forward kinematics solved for the offsets.
 
-    Each bone, taken back to the rest frame by its parent's global rotation, must be the same in every
-    frame; the mean over the valid frames is the least-squares answer and the exact one for a track
-    that one skeleton produced.
+    Each bone, taken back to the rest frame by its parent's global rotation, must be the same in
+    every frame; the mean over the valid frames is the least-squares answer and the exact one for a
+    track that one skeleton produced.
     """
     zero = joints.new_zeros(20, 3)
     _, glob = forward_kinematics(rotations[valid], joints[valid][:, 0], zero)

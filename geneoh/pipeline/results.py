@@ -3,10 +3,16 @@
 import json
 from dataclasses import asdict
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
 
+from geneoh.hand.model import Side
 from geneoh.pipeline.denoise import Denoised, Options
+from geneoh.sequence.archive import read_archive
 from geneoh.sequence.files import save_sequence
 
 
@@ -23,3 +29,13 @@ def save_result(result: Denoised, options: Options, path: Path) -> None:
         if len(hand.samples) > 1:
             extra[f"{side}_samples"] = hand.samples.cpu().numpy()
     save_sequence(result.sequence, path, extra=extra)
+
+
+def load_samples(path: Path) -> dict[Side, Float[Tensor, "S T 21 3"]]:
+    """Keypoints of the samples that a result keeps, per side, at 30 frames a second; often none."""
+    arrays = read_archive(path)
+    found: dict[Side, Tensor] = {}
+    for side in get_args(Side):
+        if (drawn := arrays.get(f"{side}_samples")) is not None and drawn.shape[2:] == (21, 3):
+            found[side] = torch.from_numpy(drawn).float()
+    return found

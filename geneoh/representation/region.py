@@ -54,7 +54,7 @@ class ContactRegion:
 
     def nearest(self, joints: Float[Tensor, "*B T 21 3"], count: int) -> "ContactRegion":
         """The same frames with only the `count` contact points nearest to world keypoints."""
-        apart = torch.cdist(self.points, joints).amin(-1).amin(-2)
+        apart = distance_to_trajectory(self.points, joints)
         keep = apart.topk(min(count, apart.shape[-1]), dim=-1, largest=False).indices
         index = keep[..., None, :, None].expand(*self.points.shape[:-2], -1, 3)
         points, normals = self.points.gather(-2, index), self.normals.gather(-2, index)
@@ -78,6 +78,16 @@ def surface_to_world(
     turns = rotation.gather(-3, index[..., None].expand(*index.shape, 3))
     world = (turns @ points[..., None, :, :, None])[..., 0] + shift
     return world, (turns @ normals[..., None, :, :, None])[..., 0]
+
+
+def distance_to_trajectory(
+    points: Float[Tensor, "*B T P 3"], joints: Float[Tensor, "*B T 21 3"]
+) -> Float[Tensor, "*B P"]:
+    """Least distance of each moving point to any keypoint over all frames, metres."""
+    # cdist's shortcut through a matrix product is off by a millimetre two metres from the origin,
+    # and the points that are chosen would depend on where the world has its origin.
+    apart = torch.cdist(points, joints, compute_mode="donot_use_mm_for_euclid_dist")
+    return apart.amin(-1).amin(-2)
 
 
 def select_points(
@@ -130,8 +140,7 @@ def contact_region(
         every: look at every n-th frame only when measuring closeness.
     """
     world, normals_world = surface_to_world(points, normals, part, rotation, translation)
-    apart = torch.cdist(world[..., ::every, :, :], joints[..., ::every, :, :])
-    distance = apart.amin(-1).amin(-2)
+    distance = distance_to_trajectory(world[..., ::every, :, :], joints[..., ::every, :, :])
     keep = select_points(distance, world[..., 0, :, :], count)
     index = keep[..., None, :, None].expand(*keep.shape[:-1], world.shape[-3], -1, 3)
     world, normals_world = world.gather(-2, index), normals_world.gather(-2, index)

@@ -10,6 +10,8 @@ from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.synthesis.grasps import NATURAL_MEAN, Grasps
 from geneoh.synthesis.objects import Solids
 
+SHORTEST_MOVE = 12.0
+"""Frames that the object takes from one rest point to the next, at least."""
 KEYFRAMES = 5
 """Rest points of the object's path; some coincide, so the object also stands still while held."""
 
@@ -62,10 +64,12 @@ def _object_path(
     turn = (torch.randn(batch, KEYFRAMES, 3, generator=generator) * 0.8 * moves).cumsum(1) * 0.7
     cuts = torch.rand(batch, KEYFRAMES - 1, generator=generator).sort(1).values
     cuts = torch.cat([torch.zeros(batch, 1), cuts, torch.ones(batch, 1)], 1)
-    starts = lift[:, None] + cuts * (release - lift)[:, None]
+    # the last move ends with the release, where the hold is long enough for one at all
+    latest = (release - lift - SHORTEST_MOVE).clamp(min=0)[:, None]
+    starts = lift[:, None] + torch.minimum(cuts * (release - lift).clamp(min=0)[:, None], latest)
     time = torch.arange(frames, dtype=torch.float32)
     progress = (time[None, :, None] - starts[:, None, :-1]) / (
-        (starts[:, 1:] - starts[:, :-1])[:, None].clamp(min=12.0)
+        (starts[:, 1:] - starts[:, :-1])[:, None].clamp(min=SHORTEST_MOVE)
     )
     step = _ease(progress)
     previous = torch.zeros(batch, 1, 3)

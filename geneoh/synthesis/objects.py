@@ -17,6 +17,8 @@ from geneoh.geometry.rotations import axis_angle_to_matrix
 
 PARTS = 4
 BOX, CYLINDER, ELLIPSOID, TORUS = range(4)
+ASTRAY = 1e-5
+"""Distance from the surface beyond which a point's slide down to it has not converged, metres."""
 FAR = 10.0
 """Where unused solids are parked, metres: never the nearest part of anything."""
 
@@ -98,10 +100,10 @@ class Solids:
             distance, normal = self.distance_and_normal(points)
             points = points - 0.9 * distance[..., None] * normal
         distance, normal = self.distance_and_normal(points)
-        keep = distance.abs().argsort(dim=1)[:, :count]
-        return points.gather(1, keep[..., None].expand(-1, -1, 3)), normal.gather(
-            1, keep[..., None].expand(-1, -1, 3)
-        )
+        # in the order they were drawn: rounding is smaller on some parts, whose points would win
+        astray = (distance.abs() > ASTRAY).int()
+        keep = astray.argsort(dim=1, stable=True)[:, :count, None].expand(-1, -1, 3)
+        return points.gather(1, keep), normal.gather(1, keep)
 
 
 Draw = Callable[[float, float], float]
@@ -191,10 +193,10 @@ def _loop_tool(u: Draw) -> list[_Solid]:
 def _cluster(u: Draw) -> list[_Solid]:
     return [
         _Solid(
-            (BOX, CYLINDER, ELLIPSOID)[int(u(0, 2.999))],
-            (u(0.012, 0.04),) * 2 + (u(0.012, 0.05),),
+            (BOX, CYLINDER, ELLIPSOID)[int(u(0.0, 2.999))],
+            ((r := u(0.012, 0.04)), r, u(0.012, 0.05)),
             (u(-0.03, 0.03), u(-0.03, 0.03), u(-0.03, 0.03)),
-            (u(-3, 3), u(-3, 3), u(-3, 3)),
+            (u(-3.0, 3.0), u(-3.0, 3.0), u(-3.0, 3.0)),
         )
         for _ in range(3)
     ]

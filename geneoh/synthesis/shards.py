@@ -94,7 +94,8 @@ def write_shards(
             generator = torch.Generator().manual_seed(seed_of(seed, "shard", index))
             families = list(config.held_out) if split == "val" else common
             part = synthesize_shard(config, families, hand, generator=generator)
-            record = {"config": json.dumps(asdict(config)), "seed": str(seed)}
+            # one entry: safetensors writes several in no fixed order
+            record = {"record": json.dumps({"config": asdict(config), "seed": seed})}
             tensors = {f.name: getattr(part, f.name).contiguous() for f in fields(part)}
             temporary = path.with_suffix(".part")
             save_file(tensors, temporary, metadata=record)

@@ -76,9 +76,10 @@ def draw_batch(
 ) -> Batch:
     """A batch of `size` random windows.
 
-    Four in five batches have full windows, the others a random shorter length, so that short clips
-    are nothing new. `withheld` is the share of items whose observation is hidden from the network,
-    which makes it the paper's canonical denoiser as well.
+    Four in five batches have full windows (whole clips where those are shorter), the others a
+    random shorter length, so that short clips are nothing new. `withheld` is the share of items
+    whose observation is hidden from the network, which makes it the paper's canonical denoiser as
+    well.
     """
 
     def integers(low: int, high: int, count: int) -> Tensor:
@@ -86,7 +87,7 @@ def draw_batch(
 
     total, available = data.wrist.shape[:2]
     short = torch.rand((), generator=generator) < 0.2
-    frames = int(integers(2, WINDOW, 1)) if short else WINDOW
+    frames = min(available, int(integers(2, WINDOW, 1)) if short else WINDOW)
     pick = integers(0, total, size)
     window = integers(0, available - frames + 1, size)[:, None] + torch.arange(frames)
     at = pick[:, None]

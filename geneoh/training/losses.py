@@ -9,6 +9,7 @@ from geneoh.denoisers.motion import MotionDenoiser
 from geneoh.denoisers.spatial import SpatialDenoiser
 from geneoh.denoisers.temporal import LATENT_NOISE_SCALE, TemporalDenoiser
 from geneoh.diffusion.precondition import loss_weight
+from geneoh.diffusion.samplers import normal_like
 from geneoh.representation.temporal import DISTANCE_DECAY, encode_temporal
 from geneoh.training.batches import Batch
 
@@ -29,8 +30,8 @@ def motion_loss(
 ) -> Float[Tensor, ""]:
     """Weighted squared error of clean canonical keypoints (paper C.4; x0 form of its eps loss)."""
     clean = batch.clean_canon
-    sigma = draw_sigma(len(clean), generator=generator) * HAND_SCALE
-    noise = torch.randn(clean.shape, generator=generator).to(clean)
+    sigma = draw_sigma(len(clean), generator=generator).to(clean) * HAND_SCALE
+    noise = normal_like(clean, generator=generator)
     predicted = model(clean + sigma[:, None, None, None] * noise, sigma, batch.observation)
     weight = loss_weight(sigma, batch.observation.scale)
     return (weight * (predicted - clean).square().mean((1, 2, 3))).mean()
@@ -47,8 +48,8 @@ def spatial_loss(
     region, observation = batch.region, batch.observation
     clean = batch.clean_canon
     hands = clean[:, :, None].expand(-1, -1, region.points.shape[2], -1, -1)
-    sigma = draw_sigma(len(clean), generator=generator) * HAND_SCALE
-    own = torch.randn(hands.shape, generator=generator).to(clean)
+    sigma = draw_sigma(len(clean), generator=generator).to(clean) * HAND_SCALE
+    own = normal_like(hands, generator=generator)
     noise = torch.where(observation.mask[..., None] > 0, own[:, :, :1].expand_as(own), own)
     predicted = model(
         hands + sigma[:, None, None, None, None] * noise,
@@ -94,8 +95,8 @@ def temporal_loss(
 ) -> Float[Tensor, ""]:
     """Weighted squared error of the clean latent; the autoencoder is frozen."""
     clean, observed = temporal_latents(model, batch)
-    sigma = draw_sigma(len(clean), generator=generator)
-    noise = torch.randn(clean.shape, generator=generator).to(clean)
+    sigma = draw_sigma(len(clean), generator=generator).to(clean)
+    noise = normal_like(clean, generator=generator)
     given = batch.observation.given
     predicted = model(clean + sigma[:, None, None] * noise, sigma, observed, given)
     weight = loss_weight(sigma, torch.where(given > 0, LATENT_NOISE_SCALE, 1.0))
@@ -129,18 +130,18 @@ def recovered_fraction(
     sigma = given * 0.5
     match model:
         case MotionDenoiser():
-            noise = 0.5 * HAND_SCALE * torch.randn(noisy.shape, generator=generator)
+            noise = 0.5 * HAND_SCALE * normal_like(noisy, generator=generator)
             got = model(noisy + noise, sigma * HAND_SCALE, observation)
         case SpatialDenoiser():
             region = batch.region
-            noise = 0.5 * HAND_SCALE * torch.randn(noisy.shape, generator=generator)
+            noise = 0.5 * HAND_SCALE * normal_like(noisy, generator=generator)
             hands = (noisy + noise)[:, :, None].expand(-1, -1, region.points.shape[2], -1, -1)
             got = model(
                 hands, sigma * HAND_SCALE, region.points_canon, region.normals_canon, observation
             ).mean(2)
         case TemporalDenoiser():
             clean, noisy = temporal_latents(model, batch)
-            noise = 0.5 * torch.randn(noisy.shape, generator=generator)
+            noise = 0.5 * normal_like(noisy, generator=generator)
             got = model(noisy + noise, sigma, noisy, given)
         case _:
             raise AssertionError(f"no denoiser: {type(model).__name__}")

@@ -9,6 +9,7 @@ from geneoh.errors import ConfigError, InputError
 from geneoh.pipeline.denoise import Denoised, Options, denoise
 from geneoh.pipeline.presets import preset
 from geneoh.sequence.tracks import HandTrack, ObjectTrack, Sequence
+from geneoh.sequence.windows import WINDOW, window_starts
 
 FAST = Options(preset="fast")
 
@@ -63,8 +64,10 @@ def test_noisy_recording_gets_nearer_to_the_truth_smoother_and_shallower(whole, 
 def test_windows_leave_no_seam(whole):
     jerky = acceleration(joints_of(whole))
     borders = torch.zeros(len(jerky), dtype=torch.bool)
-    for start in (30, 60, 86, 90, 120):  # where windows of 60 begin or end in 146 frames
-        borders[start - 3 : start + 2] = True
+    starts = window_starts(146)
+    assert len(starts) > 2
+    for border in [*starts[1:], *(start + WINDOW for start in starts[:-1])]:
+        borders[border - 3 : border + 2] = True
     assert jerky[borders].mean() < 1.5 * jerky[~borders].mean()
 
 

@@ -22,7 +22,7 @@ FLEX: dict[int, tuple[Range, Range, Range]] = {
 }
 """Degrees of flexion, per finger (index into CHAINS), knuckle to distal joint."""
 SPREAD: dict[int, Range] = {0: (-22, 22), 1: (-18, 18), 2: (-35, 25), 3: (-20, 18)}
-TWIST: Range = (-20, 20)
+TWIST: dict[int, Range] = {0: (-20, 20), 1: (-20, 20), 2: (-35, 35), 3: (-20, 20)}
 SLACK = 0.15
 """Radians beyond the sampled poses: recordings split a turn between joints as they like."""
 
@@ -46,7 +46,7 @@ def joint_limits(tubes: tuple[Digit, ...]) -> tuple[Array, Array]:
             continue
         for place, joint in enumerate(chain[:3]):
             spread = SPREAD[finger] if place == 0 else (0.0, 0.0)
-            reach = _reachable(tubes[finger], place, FLEX[finger][place], spread)
+            reach = _reachable(tubes[finger], place, FLEX[finger][place], spread, TWIST[finger])
             low[joint], high[joint] = reach.min(0) - SLACK, reach.max(0) + SLACK
     return low, high
 
@@ -78,7 +78,7 @@ def turn(tube: Digit, place: int, flex: float, spread: float, twist: float) -> A
     return (parts[0] * parts[1] * parts[2]).as_rotvec()
 
 
-def _reachable(tube: Digit, place: int, flex: Range, spread: Range) -> Array:
+def _reachable(tube: Digit, place: int, flex: Range, spread: Range, twist: Range) -> Array:
     """Axis-angle vectors over a grid of the joint's range."""
-    grid = product(np.linspace(*flex, 9), np.linspace(*spread, 5), np.linspace(*TWIST, 3))
+    grid = product(np.linspace(*flex, 9), np.linspace(*spread, 5), np.linspace(*twist, 3))
     return np.stack([turn(tube, place, *angles) for angles in grid])

@@ -1,0 +1,88 @@
+"""`geneoh view`: a result as a page, a film, pictures, or files for other programs."""
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from .. import options
+
+
+@click.command()
+@click.argument("files", type=options.INPUT_FILE, nargs=-1, required=True)
+@click.option(
+    "--obj",
+    type=options.INPUT_FILE,
+    multiple=True,
+    help="Mesh of the object in metres; once per rigid part. --serve finds it by the clip's name.",
+)
+@click.option(
+    *("-o", "--output", "outputs"),
+    type=click.Path(path_type=Path),
+    multiple=True,
+    help="File to write, may be repeated: .html (default), .png filmstrip, .mp4, .gif, .glb, "
+    ".npz with smplx names, .obj or .ply as a folder of one mesh per frame.",
+)
+@click.option(
+    "--colour",
+    "colouring",
+    type=click.Choice(["penetration", "contact", "spread", "plain"]),
+    default="penetration",
+    show_default=True,
+    help="What the hand's colour tells in pictures and films.",
+)
+@click.option(
+    "--up",
+    type=click.Choice(["x", "y", "z", "-x", "-y", "-z"]),
+    default="z",
+    show_default=True,
+    help="Direction of the recording that is up.",
+)
+@click.option("--frame", "frames", type=int, multiple=True, help="Frame of a filmstrip; repeated.")
+@click.option("--cell", type=click.IntRange(64, 2048), default=260, help="Filmstrip picture, px.")
+@click.option("--serve", is_flag=True, help="Look at many results live, sorted by a measure.")
+@click.option("--port", type=int, default=8080, show_default=True, help="Of --serve.")
+@options.mano
+@options.side
+@options.fps
+def view(
+    files: tuple[Path, ...],
+    obj: tuple[Path, ...],
+    outputs: tuple[Path, ...],
+    serve: bool,
+    port: int,
+    mano: Path | None,
+    side: Any,
+    fps: float | None,
+    **look: Any,
+) -> None:
+    """Look at RESULT, beside what it was made from where BEFORE is given too.
+
+    FILES are RESULT [BEFORE], in any layout that geneoh reads. Writes RESULT.html unless -o says
+    otherwise. With --serve, FILES are results; NAME.npz beside NAME_clean.npz is its input.
+    """
+    from functools import partial
+
+    from geneoh.errors import InputError
+    from geneoh.viz.outputs import Look, open_scene, write
+
+    from .. import progress
+
+    seen = Look(**look)
+    opened = partial(open_scene, side=side, fps=fps, mano_dir=mano)
+    if serve:
+        from geneoh.viz.serve import Gallery, find_clips
+
+        with progress.progress_bars() as heard:
+            clips = find_clips(files, obj, opened, on_clip=partial(heard, "clips"))
+        gallery = Gallery(clips, up=seen.upward, port=port)
+        click.echo(f"{len(clips)} clips at http://127.0.0.1:{port}, Ctrl-C ends")
+        gallery.run()
+        return
+    if len(files) > 2:
+        raise InputError(f"expected RESULT [BEFORE], got {len(files)} files; --serve takes many")
+    scene = opened(files[0], files[1] if len(files) > 1 else None, obj)
+    for output in outputs or (files[0].with_suffix(".html"),):
+        with progress.progress_bars() as heard:
+            write(scene, output, seen, on_step=partial(heard, output.name))
+        click.echo(f"wrote {output}")

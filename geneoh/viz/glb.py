@@ -1,0 +1,208 @@
+"""A take as an animated GLB: the hand as morph targets, the object's parts as moving nodes.
+
+One morph target per frame holds the exact vertices and normals, and the weights run through them:
+it needs no skinning, so any hand model is exact, and Blender and three.js play it. Source: glTF 2.0
+specification, Khronos Group. Metres; a root node turns the world's up to glTF's y.
+"""
+
+import json
+import struct
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+
+from geneoh.geometry.rotations import matrix_to_quat_wxyz
+from geneoh.viz.camera import axes_towards
+from geneoh.viz.colours import OBJECT, SKIN
+from geneoh.viz.picture import Body, vertex_normals
+from geneoh.viz.scene import Scene, SeenHand, Take
+
+FLOAT, UINT = 5126, 5125
+ARRAY_BUFFER, ELEMENT_BUFFER = 34962, 34963
+KINDS = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
+ROUGHNESS = 0.8
+
+
+class _Document:
+    """A glTF document while it grows: its JSON tables and its one binary buffer."""
+
+    def __init__(self) -> None:
+        self.tables: dict[str, list[Any]] = {
+            name: [] for name in ("accessors", "bufferViews", "meshes", "nodes", "materials")
+        }
+        self.samplers: list[Any] = []
+        self.channels: list[Any] = []
+        self.binary = bytearray()
+
+    def add(self, table: str, entry: dict[str, Any]) -> int:
+        """Append an entry to a table; its index."""
+        self.tables[table].append(entry)
+        return len(self.tables[table]) - 1
+
+    def accessor(
+        self, values: Float[np.ndarray, "..."] | Int[np.ndarray, "..."], target: int | None = None
+    ) -> int:
+        """Append an array of scalars (N,) or vectors (N, D), with the bounds that readers want."""
+        whole = values.dtype.kind in "iu"
+        packed = np.ascontiguousarray(values, dtype="<u4" if whole else "<f4")
+        view: dict[str, Any] = {
+            "buffer": 0,
+            "byteOffset": len(self.binary),
+            "byteLength": packed.nbytes,
+        }
+        if target is not None:
+            view["target"] = target
+        self.binary += packed.tobytes()
+        rows = packed.reshape(len(packed), -1)
+        return self.add(
+            "accessors",
+            {
+                "bufferView": self.add("bufferViews", view),
+                "componentType": UINT if whole else FLOAT,
+                "count": len(packed),
+                "type": KINDS[rows.shape[1]],
+                "min": rows.min(0).tolist(),
+                "max": rows.max(0).tolist(),
+            },
+        )
+
+    def animate(self, node: int, path: str, times: int, values: int, how: str = "LINEAR") -> None:
+        """Let a property of a node follow keyframes."""
+        self.samplers.append({"input": times, "output": values, "interpolation": how})
+        target = {"node": node, "path": path}
+        self.channels.append({"sampler": len(self.samplers) - 1, "target": target})
+
+    def to_bytes(self, scene_nodes: list[int], title: str) -> bytes:
+        """The finished GLB container."""
+        document: dict[str, Any] = {
+            "asset": {"version": "2.0", "generator": "geneoh"},
+            "scene": 0,
+            "scenes": [{"name": title, "nodes": scene_nodes}],
+            "buffers": [{"byteLength": len(self.binary)}],
+            **self.tables,
+        }
+        if self.channels:
+            animation = {"name": title, "channels": self.channels, "samplers": self.samplers}
+            document["animations"] = [animation]
+        text = json.dumps(document, separators=(",", ":")).encode()
+        text += b" " * (-len(text) % 4)
+        binary = bytes(self.binary) + b"\0" * (-len(self.binary) % 4)
+        chunks = struct.pack("<I4s", len(text), b"JSON") + text
+        chunks += struct.pack("<I4s", len(binary), b"BIN\0") + binary
+        return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+def glb_bytes(scene: Scene, take: Take, *, up: Float[np.ndarray, " 3"]) -> bytes:
+    """The GLB of one take.
+
+    Args:
+        scene: for the object and the time.
+        take: whose hands.
+        up: the direction in the world that becomes glTF's y.
+    """
+    document = _Document()
+    seconds = (np.arange(scene.frames) / scene.fps).astype(np.float32)
+    times = document.accessor(seconds)
+    children = [_add_hand(document, hand, times) for hand in take.hands]
+    children += [
+        _add_part(document, scene, part, times) for part in range(len(scene.object.meshes))
+    ]
+    root = document.add("nodes", {"name": "world", "rotation": upright(up), "children": children})
+    return document.to_bytes([root], take.title)
+
+
+def upright(up: Float[np.ndarray, " 3"]) -> list[float]:
+    """Quaternion x, y, z, w that turns the world so that `up` becomes y."""
+    level = np.eye(3)[np.abs(up).argmin()]
+    turn = axes_towards(np.cross(level, up), up)
+    w, x, y, z = matrix_to_quat_wxyz(torch.from_numpy(turn).float()).tolist()
+    return [x, y, z, w]
+
+
+def _material(document: _Document, name: str, colour: tuple[float, float, float]) -> int:
+    """A dull surface; glTF wants linear light, our colours are sRGB."""
+    linear = [*(np.array(colour) ** 2.2).tolist(), 1.0]
+    surface = {"baseColorFactor": linear, "metallicFactor": 0.0, "roughnessFactor": ROUGHNESS}
+    entry = {"name": name, "pbrMetallicRoughness": surface, "doubleSided": True}
+    return document.add("materials", entry)
+
+
+def _add_hand(document: _Document, hand: SeenHand, times: int) -> int:
+    """A node whose mesh is the first frame, and whose targets lead to each of the others."""
+    verts = hand.verts.numpy().astype(np.float32)
+    faces = hand.model.faces.numpy()
+    normals = np.stack(
+        [vertex_normals(Body(points, faces, points)).astype(np.float32) for points in verts]
+    )
+    primitive: dict[str, Any] = {
+        "attributes": {
+            "POSITION": document.accessor(verts[0], ARRAY_BUFFER),
+            "NORMAL": document.accessor(normals[0], ARRAY_BUFFER),
+        },
+        "indices": document.accessor(faces.reshape(-1), ELEMENT_BUFFER),
+        "material": _material(document, f"{hand.side} hand", SKIN),
+    }
+    count = len(verts) - 1
+    if count:
+        primitive["targets"] = [
+            {
+                "POSITION": document.accessor(verts[t] - verts[0], ARRAY_BUFFER),
+                "NORMAL": document.accessor(normals[t] - normals[0], ARRAY_BUFFER),
+            }
+            for t in range(1, len(verts))
+        ]
+    name = f"{hand.side} hand"
+    mesh = {"name": name, "primitives": [primitive]}
+    if count:
+        mesh["weights"] = [0.0] * count
+    node = document.add("nodes", {"name": name, "mesh": document.add("meshes", mesh)})
+    if count:
+        weights = np.eye(len(verts), dtype=np.float32)[:, 1:].reshape(-1)
+        document.animate(node, "weights", times, document.accessor(weights))
+    valid = hand.valid.numpy()
+    if not valid.all():
+        # a hand that is not there has no size
+        size = np.repeat(valid.astype(np.float32)[:, None], 3, 1)
+        document.animate(node, "scale", times, document.accessor(size), "STEP")
+    return node
+
+
+def _add_part(document: _Document, scene: Scene, part: int, times: int) -> int:
+    """A node that carries a part of the object along its motion."""
+    mesh = scene.object.meshes[part]
+    verts, faces = mesh.verts.numpy().astype(np.float32), mesh.faces.numpy()
+    normals = vertex_normals(Body(verts, faces, verts)).astype(np.float32)
+    # glTF knows no normal without length, which a vertex without a face would have
+    normals[np.linalg.norm(normals, axis=-1) < 0.5] = (0, 0, 1)
+    name = f"object {part + 1}" if len(scene.object.meshes) > 1 else "object"
+    primitive = {
+        "attributes": {
+            "POSITION": document.accessor(verts, ARRAY_BUFFER),
+            "NORMAL": document.accessor(normals, ARRAY_BUFFER),
+        },
+        "indices": document.accessor(faces.reshape(-1), ELEMENT_BUFFER),
+        "material": _material(document, name, OBJECT),
+    }
+    mesh_at = document.add("meshes", {"name": name, "primitives": [primitive]})
+    quat = _unbroken(matrix_to_quat_wxyz(scene.object.rotation[:, part]).numpy())[:, [1, 2, 3, 0]]
+    translation = scene.object.translation[:, part].numpy()
+    entry = {
+        "name": name,
+        "mesh": mesh_at,
+        "rotation": quat[0].tolist(),
+        "translation": translation[0].tolist(),
+    }
+    node = document.add("nodes", entry)
+    document.animate(node, "rotation", times, document.accessor(quat))
+    document.animate(node, "translation", times, document.accessor(translation))
+    return node
+
+
+def _unbroken(quat: Float[np.ndarray, "T 4"]) -> Float[np.ndarray, "T 4"]:
+    """The same rotations, each quaternion on the side of the one before."""
+    agrees = (quat[1:] * quat[:-1]).sum(-1) >= 0
+    sign = np.cumprod(np.where(np.concatenate([[True], agrees]), 1.0, -1.0))
+    quat = quat * sign[:, None]
+    return (quat / np.linalg.norm(quat, axis=-1, keepdims=True)).astype(np.float32)

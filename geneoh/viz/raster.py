@@ -1,0 +1,149 @@
+"""Triangles to pixels without a display or a graphics library: a z-buffer in numpy.
+
+Each triangle is cut into rows of pixels whose ends are found from its three edges, so that only
+covered pixels are ever touched: 1,500 triangles over 300,000 pixels take some tens of milliseconds.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+NOTHING = -1
+"""Face index of a pixel that no triangle covers."""
+TINY = 1e-12
+
+
+@dataclass(frozen=True)
+class Raster:
+    """What is in front in each pixel."""
+
+    face: Int[np.ndarray, "H W"]
+    """Index of the face, or `NOTHING`."""
+    nearness: Float[np.ndarray, "H W"]
+    """1 / depth, zero where nothing is: linear over the picture, larger is closer."""
+
+    @property
+    def covered(self) -> Bool[np.ndarray, "H W"]:
+        """Pixels that show a triangle."""
+        return self.face != NOTHING
+
+
+@dataclass(frozen=True)
+class _Runs:
+    """Rows of pixels inside triangles: face, row, first pixel and how many."""
+
+    face: Int[np.ndarray, " R"]
+    row: Int[np.ndarray, " R"]
+    first: Int[np.ndarray, " R"]
+    count: Int[np.ndarray, " R"]
+
+
+def rasterise(
+    screen: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], size: tuple[int, int]
+) -> Raster:
+    """The nearest face in each pixel; both sides of a face are drawn.
+
+    Args:
+        screen: pixel column, pixel row (downwards) and 1 / depth of each vertex; a face with a
+            vertex behind the eye (1 / depth not above zero) is left out.
+        faces: vertex indices.
+        size: width and height in pixels.
+    """
+    width, height = size
+    corner = screen[faces].astype(np.float64)
+    turned = _twice_area(corner)
+    keep = (np.abs(turned) > TINY) & (corner[..., 2] > 0).all(1)
+    index = np.nonzero(keep)[0]
+    corner, turned = corner[index], turned[index]
+    backward = turned < 0
+    corner[backward] = corner[backward][:, ::-1]
+    runs = _runs(corner, width, height)
+    slope_x, slope_y = _slopes(corner, np.abs(turned))
+    first = runs.face
+    level = (
+        corner[first, 0, 2]
+        + slope_x[first] * (runs.first + 0.5 - corner[first, 0, 0])
+        + slope_y[first] * (runs.row + 0.5 - corner[first, 0, 1])
+    )
+    run = np.repeat(np.arange(len(first)), runs.count)
+    along = np.arange(len(run)) - np.repeat(np.cumsum(runs.count) - runs.count, runs.count)
+    pixel = (runs.row * width + runs.first)[run] + along
+    nearness = (level[run] + slope_x[first][run] * along).astype(np.float32)
+    buffer = np.zeros(height * width, dtype=np.float32)
+    np.maximum.at(buffer, pixel, nearness)
+    front = nearness == buffer[pixel]
+    face = np.full(height * width, NOTHING, dtype=np.int64)
+    face[pixel[front]] = index[first[run[front]]]
+    return Raster(face.reshape(height, width), buffer.reshape(height, width))
+
+
+def _twice_area(corner: Float[np.ndarray, "F 3 3"]) -> Float[np.ndarray, " F"]:
+    a, b = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
+    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+
+
+def _slopes(
+    corner: Float[np.ndarray, "F 3 3"], area: Float[np.ndarray, " F"]
+) -> tuple[Float[np.ndarray, " F"], Float[np.ndarray, " F"]]:
+    """Change of 1 / depth per pixel to the right and downwards."""
+    a, b = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
+    return (
+        (a[:, 2] * b[:, 1] - b[:, 2] * a[:, 1]) / area,
+        (b[:, 2] * a[:, 0] - a[:, 2] * b[:, 0]) / area,
+    )
+
+
+def _runs(corner: Float[np.ndarray, "F 3 3"], width: int, height: int) -> _Runs:
+    """Pixels whose middles lie inside; corners turn so that inside is right of no edge."""
+    top = np.ceil(corner[..., 1].min(1) - 0.5).clip(0, height).astype(np.int64)
+    bottom = np.floor(corner[..., 1].max(1) - 0.5).clip(-1, height - 1).astype(np.int64)
+    rows = (bottom - top + 1).clip(0)
+    face = np.repeat(np.arange(len(corner)), rows)
+    row = np.arange(len(face)) - np.repeat(np.cumsum(rows) - rows - top, rows)
+    low, high = np.zeros(len(face)), np.full(len(face), width - 1.0)
+    for i in range(3):
+        start, end = corner[:, i], corner[:, (i + 1) % 3]
+        # the edge's function is `rise * x + rest`, at least zero inside
+        rise = (start[:, 1] - end[:, 1])[face]
+        rest = (end[:, 0] - start[:, 0])[face] * (row + 0.5 - start[face, 1])
+        rest -= rise * start[face, 0]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            bound = -rest / rise - 0.5
+        low = np.where(rise > 0, np.maximum(low, np.ceil(bound)), low)
+        high = np.where(rise < 0, np.minimum(high, np.floor(bound)), high)
+    count = (high - low + 1).clip(0).astype(np.int64)
+    seen = count > 0
+    return _Runs(face[seen], row[seen], low[seen].astype(np.int64), count[seen])
+
+
+def at_pixels(
+    raster: Raster,
+    screen: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    values: Float[np.ndarray, "V D"],
+) -> Float[np.ndarray, "N D"]:
+    """Values of vertices in the covered pixels, row by row, interpolated within the faces.
+
+    Linear over the picture: within triangles as small as those of a hand, perspective is not seen.
+    """
+    row, column = np.nonzero(raster.covered)
+    face = raster.face[row, column]
+    corners = faces[face]
+    # the shares of the corners are linear in the pixel: once per face, then a look-up per pixel
+    a, b, c = (screen[faces[:, i], :2] for i in range(3))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shrink = 1 / _cross(b - a, c - a)
+        second = np.stack([(c - a)[:, 1], -(c - a)[:, 0], _cross(c, a)], -1) * shrink[:, None]
+        third = np.stack([-(b - a)[:, 1], (b - a)[:, 0], _cross(a, b)], -1) * shrink[:, None]
+    x, y = column + 0.5, row + 0.5
+    shares = []
+    for plane in (second, third):
+        across, down, rest = (plane[:, i][face] for i in range(3))
+        shares.append((across * x + down * y + rest).clip(0, 1).astype(np.float32)[:, None])
+    first, second, third = (values[corners[:, i]] for i in range(3))
+    return first + shares[0] * (second - first) + shares[1] * (third - first)
+
+
+def _cross(a: Float[np.ndarray, "N 2"], b: Float[np.ndarray, "N 2"]) -> Float[np.ndarray, " N"]:
+    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]

@@ -1,0 +1,71 @@
+from dataclasses import asdict
+
+import pytest
+import torch
+
+from geneoh.denoisers.library import load_denoisers
+from geneoh.denoisers.motion import MotionConfig, MotionDenoiser
+from geneoh.denoisers.spatial import SpatialConfig, SpatialDenoiser
+from geneoh.denoisers.temporal import TemporalConfig, TemporalDenoiser
+from geneoh.errors import CheckpointError
+from geneoh.nn.checkpoint import Checkpoint, save_checkpoint
+
+NETWORKS = {
+    "motion": MotionDenoiser(MotionConfig(width=16, depth=1, heads=2)),
+    "spatial": SpatialDenoiser(SpatialConfig(width=16, depth=1, heads=2, point_width=8)),
+    "temporal": TemporalDenoiser(
+        TemporalConfig(latent=6, point_width=8, width=16, depth=1, heads=2)
+    ),
+}
+
+
+def saved(network: torch.nn.Module, stage: str) -> Checkpoint:
+    half = {name: tensor.half() for name, tensor in network.state_dict().items()}
+    return Checkpoint(half, {"stage": stage, "config": {stage: asdict(network.config)}})
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for stage, network in NETWORKS.items():
+        save_checkpoint(tmp_path / f"{stage}.safetensors", saved(network, stage))
+    return tmp_path
+
+
+def test_networks_are_rebuilt_from_their_files(folder):
+    denoisers = load_denoisers(folder)
+    for stage, network in NETWORKS.items():
+        loaded = getattr(denoisers, stage)
+        assert loaded.config == network.config
+        assert not loaded.training
+        assert not any(p.requires_grad for p in loaded.parameters())
+        assert denoisers.records[stage]["stage"] == stage
+        for name, tensor in network.state_dict().items():
+            got = loaded.state_dict()[name]
+            assert got.dtype == torch.float32
+            assert torch.equal(got, tensor.half().float())
+
+
+@pytest.mark.parametrize("stage", NETWORKS)
+def test_a_missing_stage_is_told(folder, stage):
+    (folder / f"{stage}.safetensors").unlink()
+    with pytest.raises(CheckpointError, match=rf"{stage}\.safetensors: expected weights there"):
+        load_denoisers(folder)
+
+
+def test_weights_of_another_network_are_refused(folder):
+    wrong = Checkpoint(
+        saved(NETWORKS["spatial"], "spatial").tensors, saved(NETWORKS["motion"], "motion").record
+    )
+    save_checkpoint(folder / "motion.safetensors", wrong)
+    with pytest.raises(CheckpointError, match=r"motion\.safetensors: expected weights of this"):
+        load_denoisers(folder)
+
+
+@pytest.mark.parametrize(
+    "record", [{}, {"config": {}}, {"config": {"motion": {"width": 16, "rooms": 3}}}]
+)
+def test_weights_whose_record_does_not_fit_are_refused(folder, record):
+    tensors = saved(NETWORKS["motion"], "motion").tensors
+    save_checkpoint(folder / "motion.safetensors", Checkpoint(tensors, record))
+    with pytest.raises(CheckpointError, match=r"motion\.safetensors: expected weights of this"):
+        load_denoisers(folder)

@@ -1,0 +1,264 @@
+import math
+from dataclasses import replace
+
+import pytest
+import torch
+import trimesh
+from torch import Tensor
+
+from geneoh.fitting.fit import (
+    FitConfig,
+    contact_planes,
+    fit_hand,
+    start_from_keypoints,
+    steadiness_weight,
+)
+from geneoh.fitting.terms import HandState
+from geneoh.geometry.distance import SurfaceDistance, query_parts
+from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
+from geneoh.hand.model import ShapedHand
+
+FRAMES = 4
+
+
+def joints_of(state: HandState, shaped: ShapedHand) -> Tensor:
+    return shaped.joints_from_rotations(state.rotations, state.wrist)
+
+
+def ones(target: Tensor) -> Tensor:
+    return torch.ones_like(target[..., 0])
+
+
+def error(state: HandState, shaped: ShapedHand, target: Tensor) -> float:
+    return float((joints_of(state, shaped) - target).norm(dim=-1).mean())
+
+
+def jolted(state: HandState, seed: int = 0) -> HandState:
+    """Every joint off by some 0.2 rad per axis and the wrist by some 2 cm."""
+    generator = torch.Generator().manual_seed(seed)
+    step = torch.randn(*state.wrist.shape[:-1], 51, generator=generator)
+    return state.moved(step * torch.tensor([0.2] * 48 + [0.02] * 3))
+
+
+def test_the_keypoint_start_lays_the_palm_on_its_keypoints(hand, shaped, make_state):
+    state = make_state(samples=2, frames=2)
+    target = joints_of(state, shaped)
+    start = start_from_keypoints(target, shaped)
+    torch.testing.assert_close(
+        start.rotations[..., 0, :, :], state.rotations[..., 0, :, :], atol=1e-4, rtol=0
+    )
+    torch.testing.assert_close(start.wrist, state.wrist)
+    relaxed = axis_angle_to_matrix(hand.pose_mean[1:])
+    torch.testing.assert_close(start.rotations[1, 1, 1:], relaxed)
+
+
+def test_a_known_pose_is_recovered_from_its_keypoints(shaped, make_state):
+    target = joints_of(make_state(frames=FRAMES), shaped)
+    start = start_from_keypoints(target, shaped)
+    fitted = fit_hand(target, ones(target), shaped, start, config=FitConfig())
+    assert error(start, shaped, target) > 0.005
+    assert error(fitted, shaped, target) < 0.0005
+
+
+def test_a_known_pose_is_recovered_from_a_noisy_start(shaped, make_state):
+    state = make_state(frames=FRAMES, seed=1)
+    target, start = joints_of(state, shaped), jolted(state)
+    fitted = fit_hand(target, ones(target), shaped, start, config=FitConfig())
+    assert error(start, shaped, target) > 0.02
+    assert error(fitted, shaped, target) < 0.0005
+
+
+def test_one_frame_can_be_fitted(shaped, make_state):
+    target = joints_of(make_state(frames=1), shaped)
+    start = start_from_keypoints(target, shaped)
+    fitted = fit_hand(target, ones(target), shaped, start, config=FitConfig())
+    assert error(fitted, shaped, target) < 0.0005
+
+
+def test_samples_are_fitted_independently_of_the_batch(shaped, make_state):
+    state = make_state(samples=3, frames=2)
+    target, start = joints_of(state, shaped), jolted(state)
+    whole = fit_hand(target, ones(target), shaped, start, config=FitConfig())
+    for i in range(3):
+        pick = slice(i, i + 1)
+        one = HandState(start.rotations[pick], start.wrist[pick])
+        alone = fit_hand(target[pick], ones(target[pick]), shaped, one, config=FitConfig())
+        torch.testing.assert_close(
+            joints_of(alone, shaped), joints_of(whole, shaped)[pick], atol=2e-5, rtol=0
+        )
+
+
+def test_rotations_stay_rotations(shaped, make_state):
+    state = make_state(frames=2)
+    target = joints_of(state, shaped)
+    fitted = fit_hand(target, ones(target), shaped, jolted(state), config=FitConfig())
+    square = fitted.rotations @ fitted.rotations.mT
+    torch.testing.assert_close(square, torch.eye(3).expand_as(square), atol=1e-5, rtol=0)
+
+
+def test_a_frame_without_trust_is_filled_from_its_neighbours(shaped, make_state):
+    state = make_state(frames=5, seed=2)
+    target, trust = joints_of(state, shaped), torch.ones(1, 5, 21)
+    trust[:, 2] = 0
+    start = jolted(state)
+    wrist = state.wrist.clone()  # as the gap was filled: a straight line
+    start = replace(start, wrist=wrist)
+    wild = target.clone()
+    wild[:, 2] += 0.3
+    config = replace(FitConfig(), prior=0.02)
+    fitted = fit_hand(wild, trust, shaped, start, config=config)
+    assert error(fitted, shaped, target) < 0.002
+    turn = matrix_to_axis_angle(fitted.rotations[:, :-1].mT @ fitted.rotations[:, 1:])
+    # a jolt of 0.2 rad per axis was in the start
+    assert float(turn.norm(dim=-1).max()) < 0.1
+    torch.testing.assert_close(fitted.wrist[:, 2], wrist[:, 2], atol=1e-5, rtol=0)
+
+
+def test_a_keypoint_without_trust_does_not_pull(shaped, make_state):
+    state = make_state(frames=2)
+    target = joints_of(state, shaped)
+    trust, wild = torch.ones(1, 2, 21), target.clone()
+    trust[..., 8], wild[..., 8, :] = 0, 1.0
+    start = start_from_keypoints(target, shaped)
+    fitted = fit_hand(wild, trust, shaped, start, config=FitConfig())
+    off = (joints_of(fitted, shaped) - target).norm(dim=-1)
+    off[..., 8] = 0
+    assert float(off.mean()) < 0.0005
+
+
+def test_steady_fits_follow_jitter_less(shaped, make_state):
+    target = joints_of(make_state(frames=12, seed=3), shaped)
+    noise = torch.randn(target.shape, generator=torch.Generator().manual_seed(0))
+    noisy = target + 0.005 * noise
+    start = start_from_keypoints(noisy, shaped)
+    jitter = []
+    for steady in (0.0, 8.0):
+        config = FitConfig(steady_finger=steady, steady_wrist=steady)
+        fitted = fit_hand(noisy, ones(noisy), shaped, start, config=config)
+        jitter.append(float(fitted.rotations.diff(n=2, dim=1).square().mean()))
+    assert jitter[1] < 0.3 * jitter[0]
+
+
+def test_limits_hold_against_keypoints(shaped, make_state):
+    """A finger asked to bend backwards by a radian stops near its limit."""
+    model = shaped.model
+    pose = model.pose_mean.expand(1, 1, 16, 3).clone()
+    pose[..., 2, 2] = model.pose_low[2, 2] - 1.0
+    target = joints_of(HandState(axis_angle_to_matrix(pose), torch.zeros(1, 1, 3)), shaped)
+    start = start_from_keypoints(target, shaped)
+    fitted = fit_hand(target, ones(target), shaped, start, config=FitConfig())
+    beyond = torch.maximum(model.pose_low - fitted.pose, fitted.pose - model.pose_high)
+    assert float(beyond[..., 1:, :].max()) < 0.35
+
+
+@pytest.fixture(scope="module")
+def ball():
+    """A ball of 4 cm radius as a field."""
+    shape = trimesh.creation.icosphere(3, 0.04)
+    verts = torch.tensor(shape.vertices, dtype=torch.float32)
+    return SurfaceDistance(Mesh(verts, torch.tensor(shape.faces, dtype=torch.int64)))
+
+
+def surface_of(ball: SurfaceDistance, center: Tensor):
+    """The ball standing at a place (3,) for two frames."""
+
+    def query(verts: Tensor):
+        frames = verts.shape[-3]
+        turn = torch.eye(3).expand(frames, 1, 3, 3)
+        return query_parts((ball,), turn, center.expand(frames, 1, 3), verts, within=0.02)
+
+    return query
+
+
+def sunk(shaped: ShapedHand, make_state) -> tuple[HandState, Tensor]:
+    """A hand over two frames and the place of a ball that its fingers have sunk into."""
+    state = make_state(frames=2, seed=4)
+    joints = joints_of(state, shaped)
+    palm = torch.linalg.cross(
+        joints[..., 5, :] - joints[..., 0, :], joints[..., 17, :] - joints[..., 0, :]
+    )
+    down = torch.nn.functional.normalize(palm, dim=-1)
+    tip = joints[0, 0, 8]
+    inner = shaped.verts_from_rotations(state.rotations, state.wrist).verts[0, 0].mean(0)
+    side = down[0, 0] * torch.sign((tip - inner) @ down[0, 0])
+    return state, tip + 0.03 * side
+
+
+def depth_of(state: HandState, shaped: ShapedHand, surface) -> Tensor:
+    verts = shaped.verts_from_rotations(state.rotations, state.wrist).verts
+    return (-surface(verts).distance).amax(-1).clamp(min=0)
+
+
+def test_with_a_surface_the_hand_leaves_the_object(shaped, make_state, ball):
+    state, center = sunk(shaped, make_state)
+    surface, target = surface_of(ball, center), joints_of(state, shaped)
+    before = depth_of(state, shaped, surface)
+    fitted = fit_hand(target, ones(target), shaped, state, config=FitConfig(), surface=surface)
+    after = depth_of(fitted, shaped, surface)
+    assert float(before.min()) > 0.004
+    assert bool((after < 0.4 * before).all())
+    assert error(fitted, shaped, target) < float(before.max()), "no more than is needed"
+
+
+def test_a_surface_out_of_reach_changes_nothing(shaped, make_state, ball):
+    state = make_state(frames=2)
+    target = joints_of(state, shaped)
+    far = surface_of(ball, torch.tensor([2.0, 0.0, 0.0]))
+    start = start_from_keypoints(target, shaped)
+    with_it = fit_hand(target, ones(target), shaped, start, config=FitConfig(), surface=far)
+    assert error(with_it, shaped, target) < 0.0005
+
+
+def test_planes_stand_where_the_hand_is_inside_or_a_tip_nearly_touches(shaped, make_state, ball):
+    state, center = sunk(shaped, make_state)
+    config, surface = FitConfig(), surface_of(ball, center)
+    planes = contact_planes(state, shaped, surface, config)
+    verts = shaped.verts_from_rotations(state.rotations, state.wrist).verts
+    distance = surface(verts).distance
+    inside = (distance < 0).sum(-1)
+    pushed = planes.weight > 0.9 / config.depth_std
+    assert torch.equal(pushed.sum(-1), inside)
+    assert bool((planes.weight.count_nonzero(-1) <= inside + 5).all())
+    looked = distance.gather(-1, planes.verts)
+    assert bool((looked[planes.weight == 0] >= 0).all())
+    gap = (planes.closest - center).norm(dim=-1)[planes.weight > 0]
+    torch.testing.assert_close(gap, torch.full_like(gap, 0.04), atol=4e-4, rtol=0)
+
+
+def test_a_tip_that_nearly_touches_is_drawn_towards_the_surface(shaped, make_state, ball):
+    state = make_state(frames=1, seed=5)
+    verts = shaped.verts_from_rotations(state.rotations, state.wrist).verts[0, 0]
+    tip = joints_of(state, shaped)[0, 0, 8]
+    away = torch.nn.functional.normalize(tip - verts.mean(0), dim=-1)
+    support = float(((verts - tip) @ away).max())
+    center = tip + away * (0.04 + support + 0.0015)  # the ball is 1.5 mm or so from the finger
+    surface, target = surface_of(ball, center), joints_of(state, shaped)
+    gap = float(surface(verts[None, None]).distance.min())
+    assert 0 < gap < 0.003
+    fitted = fit_hand(target, ones(target), shaped, state, config=FitConfig(), surface=surface)
+    moved = shaped.verts_from_rotations(fitted.rotations, fitted.wrist).verts
+    assert abs(float(surface(moved).distance.min())) < 0.8 * gap
+
+
+def test_every_step_is_heard(shaped, make_state, ball):
+    state, heard = make_state(frames=1), []
+    target = joints_of(state, shaped)
+    config = FitConfig(iterations=2, contact_rounds=1)
+    surface = surface_of(ball, torch.tensor([2.0, 0.0, 0.0]))
+    fit_hand(
+        target,
+        ones(target),
+        shaped,
+        state,
+        config=config,
+        surface=surface,
+        on_step=lambda *at: heard.append(at),
+    )
+    assert heard == [(i, 4) for i in range(1, 5)]
+
+
+def test_the_wrist_position_is_left_to_the_keypoints():
+    weight = steadiness_weight(FitConfig(steady_finger=2.0, steady_wrist=0.5))
+    assert weight.tolist() == [0.5] * 3 + [2.0] * 45 + [0.0] * 3
+    assert math.isclose(float(weight.sum()), 91.5)

@@ -1,0 +1,53 @@
+"""A handful of interactions made without any search for grasps, and the smallest networks."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from geneoh.denoisers.motion import MotionConfig
+from geneoh.denoisers.spatial import SpatialConfig
+from geneoh.denoisers.temporal import TemporalConfig
+from geneoh.hand.library import load_hand
+from geneoh.synthesis.grasps import NATURAL_MEAN, Grasps
+from geneoh.synthesis.motion import Interactions, animate
+from geneoh.synthesis.objects import draw_objects
+from geneoh.training.config import TrainConfig
+
+
+@pytest.fixture(scope="session")
+def interactions() -> Interactions:
+    """Four interactions of 62 frames with 40 surface points."""
+    generator = torch.Generator().manual_seed(0)
+    orient = torch.randn(4, 1, 3, generator=generator)
+    pose = torch.cat([orient, NATURAL_MEAN.expand(4, 15, 3)], dim=1)
+    wrist = 0.05 * torch.randn(4, 3, generator=generator)
+    offsets = load_hand("right").shaped(torch.zeros(4, 10)).offsets
+    grasps = Grasps(pose, wrist, offsets, torch.ones(4, dtype=torch.bool))
+    return animate(
+        grasps, draw_objects(["box"] * 4, generator=generator), 62, 40, generator=generator
+    )
+
+
+@pytest.fixture(scope="session")
+def clips(interactions) -> Interactions:
+    """The same, cut to 14 frames: what costs time only does so once per frame."""
+    moving = ("pose", "wrist", "rotation", "translation")
+    return replace(interactions, **{name: getattr(interactions, name)[:, 20:34] for name in moving})
+
+
+@pytest.fixture(scope="session")
+def tiny() -> TrainConfig:
+    """A run of four steps that saves and validates after the second and the last."""
+    return TrainConfig(
+        steps=4,
+        batch=2,
+        warmup=2,
+        autoencoder_steps=2,
+        checkpoint_every=2,
+        validate_every=2,
+        validation_batches=1,
+        motion=MotionConfig(width=16, depth=1, heads=2),
+        spatial=SpatialConfig(width=16, depth=1, heads=2, point_width=8),
+        temporal=TemporalConfig(latent=6, point_width=8, width=16, depth=1, heads=2),
+    )

@@ -1,0 +1,113 @@
+from dataclasses import fields, replace
+
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from geneoh.denoisers.base import POINTS
+from geneoh.hand.skeleton import bone_lengths
+from geneoh.sequence.gaps import observed_around
+from geneoh.training.batches import WINDOW, Batch, draw_batch, filled
+
+
+def seeded(seed: int = 0) -> torch.Generator:
+    return torch.Generator().manual_seed(seed)
+
+
+def tensors(batch: Batch) -> list[torch.Tensor]:
+    parts = (batch, batch.region, batch.observation)
+    found = [getattr(part, f.name) for part in parts for f in fields(part)]
+    return [value for value in found if isinstance(value, torch.Tensor)]
+
+
+masks = st.lists(st.booleans(), min_size=1, max_size=9).filter(any)
+
+
+@given(masks, masks)
+def test_gaps_are_filled_as_a_sequences_gaps_are(first, second):
+    frames = max(len(first), len(second))
+    keep = torch.tensor([(mask * 9)[:frames] for mask in (first, second)])
+    values = torch.randn(2, frames, 6, generator=seeded())
+    got = filled(values, keep)
+    for row, mask, answer in zip(values, keep, got, strict=True):
+        want = observed_around(mask).points(row)
+        torch.testing.assert_close(answer, want, atol=1e-6, rtol=0)
+        assert torch.equal(answer[mask], row[mask])
+
+
+@pytest.fixture(scope="module")
+def batch(interactions) -> Batch:
+    """One with full windows."""
+    made = (draw_batch(interactions, 3, generator=seeded(i)) for i in range(20))
+    return next(b for b in made if b.clean.shape[1] == WINDOW)
+
+
+def test_a_batch_has_windows_contact_points_and_an_observation(batch):
+    assert batch.clean.shape == batch.noisy.shape == (3, WINDOW, 21, 3)
+    assert batch.region.points.shape == (3, WINDOW, POINTS, 3)
+    assert batch.observation.trust.shape == (3, WINDOW, 21)
+    assert all(bool(value.isfinite().all()) for value in tensors(batch))
+
+
+def test_clean_hands_are_those_of_the_data(batch, interactions):
+    bones = bone_lengths(batch.clean).flatten(0, 1)
+    torch.testing.assert_close(bones, bones[:1].expand_as(bones), atol=1e-5, rtol=0)
+    wrists = interactions.wrist.flatten(0, 1)
+    apart = (batch.clean[:, :, 0].flatten(0, 1)[:, None] - wrists).norm(dim=-1).amin(1)
+    assert float(apart.max()) < 1e-5
+
+
+def test_the_observation_is_the_noisy_hand_around_its_own_contact_points(batch):
+    region = batch.region
+    torch.testing.assert_close(batch.observation.joints, region.to_canon(batch.noisy))
+    torch.testing.assert_close(region.to_world(batch.clean_canon), batch.clean)
+    apart = (batch.noisy - batch.clean).norm(dim=-1)
+    assert float(apart.mean()) > 1e-3
+
+
+def test_frames_without_trust_lie_on_straight_lines(interactions):
+    made = [draw_batch(interactions, 3, generator=seeded(i)) for i in range(6)]
+    inside = 0
+    for b in made:
+        trust, noisy = b.observation.trust[..., 0], b.noisy
+        lost = (trust[:, 1:-1] == 0) & (trust[:, 2:] == 0) & (trust[:, :-2] == 0)
+        bend = noisy.diff(n=2, dim=1).norm(dim=-1).amax(-1)
+        assert bool((bend[lost] < 1e-5).all())
+        inside += int(lost.sum())
+    assert inside > 0, "some frames should be lost"
+
+
+def test_equal_generators_draw_equal_batches(interactions):
+    first, second, other = (draw_batch(interactions, 2, generator=seeded(s)) for s in (3, 3, 4))
+    assert all(torch.equal(a, b) for a, b in zip(tensors(first), tensors(second), strict=True))
+    assert first.clean.shape != other.clean.shape or not torch.equal(first.clean, other.clean)
+
+
+@pytest.mark.parametrize(("share", "given_to"), [(0.0, 1.0), (1.0, 0.0)])
+def test_the_observation_is_withheld_from_the_share_asked_for(interactions, share, given_to):
+    b = draw_batch(interactions, 4, generator=seeded(), withheld=share)
+    assert torch.equal(b.observation.given, torch.full((4,), given_to))
+
+
+def test_one_batch_in_five_has_short_windows(interactions):
+    few = replace(
+        interactions, points=interactions.points[:, :8], normals=interactions.normals[:, :8]
+    )
+    frames = [draw_batch(few, 1, generator=seeded(s)).clean.shape[1] for s in range(25)]
+    short = [f for f in frames if f < WINDOW]
+    assert 1 <= len(short) <= 12
+    assert min(short) >= 2
+
+
+def test_clips_shorter_than_a_window_are_taken_whole_or_shorter(clips):
+    frames = {draw_batch(clips, 1, generator=seeded(s)).clean.shape[1] for s in range(12)}
+    assert max(frames) == 14
+    assert min(frames) >= 2
+
+
+def test_a_batch_can_be_moved(batch):
+    moved = batch.to(torch.device("meta"))
+    assert {value.device.type for value in tensors(moved)} == {"meta"}
+    back = batch.to(torch.device("cpu"))
+    assert all(torch.equal(a, b) for a, b in zip(tensors(batch), tensors(back), strict=True))

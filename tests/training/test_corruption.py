@@ -1,0 +1,88 @@
+from dataclasses import fields
+
+import pytest
+import torch
+
+from geneoh.training.corruption import (
+    CLEAN_SHARE,
+    LARGEST,
+    SMALLEST,
+    Corruption,
+    draw_corruption,
+)
+
+
+def drawn(batch: int, frames: int, seed: int = 0, whiteness: float = 1.0) -> Corruption:
+    generator = torch.Generator().manual_seed(seed)
+    return draw_corruption(batch, frames, generator=generator, whiteness=whiteness)
+
+
+@pytest.fixture(scope="module")
+def many() -> Corruption:
+    return drawn(1500, 12)
+
+
+def test_some_sequences_keep_their_parameters(many):
+    clean = (many.pose == 0).all(-1).all(-1).all(-1) & (many.translation == 0).all(-1).all(-1)
+    # four standard errors of 1500 draws
+    assert float(clean.float().mean()) == pytest.approx(CLEAN_SHARE, abs=0.031)
+
+
+def test_deviations_lie_within_the_stated_range():
+    """Without bursts; three channels and 40 frames leave a deviation uncertain by a factor."""
+    noise = drawn(800, 40, seed=1, whiteness=0.0)
+    kinds = (noise.translation, noise.pose[:, :, 0], noise.pose[:, :, 1:].flatten(2))
+    for values, low, high in zip(kinds, SMALLEST, LARGEST, strict=True):
+        size = values.square().mean((1, 2)).sqrt()
+        size = size[size > 0]
+        assert low < float(size.median()) < high
+        assert float(size.quantile(0.999)) < 2.5 * high
+        assert float(size.max()) > high / 3, "the range should be used"
+
+
+def test_every_axis_and_both_signs_are_disturbed(many):
+    for values in (many.translation, many.pose.flatten(2), many.jitter.flatten(2)):
+        positive = (values > 0).float().mean((0, 1))
+        assert float(values.std((0, 1)).min()) > 0
+        assert bool((positive > 0.02).all())
+        assert bool((positive < 0.98).all())
+
+
+def test_whiteness_scales_what_is_independent_per_frame():
+    still, rough = (drawn(300, 30, seed=2, whiteness=w) for w in (0.0, 1.0))
+    assert not bool(still.jitter.any())
+    steps = [c.translation.diff(dim=1).square().mean().sqrt() for c in (still, rough)]
+    assert float(steps[0]) < 0.7 * float(steps[1])
+    assert torch.equal(still.keep, rough.keep)
+
+
+def test_a_third_of_the_sequences_lose_frames_and_none_loses_all(many):
+    lost = ~many.keep
+    assert bool(many.keep.any(1).all())
+    assert 0.2 < float(lost.any(1).float().mean()) < 0.4
+
+
+def test_lost_frames_come_in_runs():
+    keep = drawn(400, 60, seed=3).keep
+    lost = (~keep).int()
+    starts = (lost[:, 1:] > lost[:, :-1]).sum(1)
+    assert int(starts.max()) <= 3
+    alone = (lost[:, 1:-1] == 1) & (lost[:, :-2] == 0) & (lost[:, 2:] == 0)
+    assert not bool(alone.any())
+    assert int(lost.sum(1).max()) <= 30
+
+
+@pytest.mark.parametrize("frames", [1, 2, 61])
+def test_any_number_of_frames_can_be_corrupted(frames):
+    noise = drawn(5, frames)
+    assert noise.pose.shape == (5, frames, 16, 3)
+    assert noise.jitter.shape == (5, frames, 21, 3)
+    assert bool(noise.pose.isfinite().all())
+    assert bool(noise.keep.any(1).all())
+
+
+def test_corruption_depends_on_the_generator_alone():
+    first, second, other = (drawn(4, 9, seed) for seed in (5, 5, 6))
+    for field in fields(Corruption):
+        assert torch.equal(getattr(first, field.name), getattr(second, field.name))
+    assert not torch.equal(first.pose, other.pose)

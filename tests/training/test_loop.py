@@ -1,0 +1,187 @@
+import csv
+from dataclasses import replace
+
+import pytest
+import torch
+
+from geneoh.denoisers.library import load_denoisers
+from geneoh.errors import CheckpointError
+from geneoh.nn.checkpoint import load_checkpoint
+from geneoh.training.batches import draw_batch
+from geneoh.training.config import TrainConfig
+from geneoh.training.loop import (
+    TrainState,
+    build_model,
+    learning_rate,
+    loss_of,
+    train,
+    update_average,
+)
+from geneoh.training.losses import motion_loss, reconstruction_loss, temporal_loss
+
+CPU = torch.device("cpu")
+STAGES = ("motion", "spatial", "temporal")
+
+
+class Interrupted(Exception):
+    pass
+
+
+def stop_after(step):
+    def listen(progress):
+        if progress.step == step:
+            raise Interrupted
+
+    return listen
+
+
+def same(first, second) -> bool:
+    a, b = (load_checkpoint(path).tensors for path in (first, second))
+    return a.keys() == b.keys() and all(torch.equal(a[name], b[name]) for name in a)
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_a_resumed_run_is_the_run_that_was_not_interrupted(tmp_path, clips, tiny, stage):
+    """The temporal one is interrupted where it turns from the autoencoder to the latent."""
+    rest = (clips, clips)
+    whole = train(stage, tiny, *rest, tmp_path / "whole", device=CPU)
+    for step in (2, 3):  # at a checkpoint, and after the next step, which is taken again
+        with pytest.raises(Interrupted):
+            train(stage, tiny, *rest, tmp_path / "cut", device=CPU, on_step=stop_after(step))
+    resumed = train(stage, tiny, *rest, tmp_path / "cut", device=CPU)
+    assert same(whole, resumed)
+    state = f"{stage}_state.safetensors"
+    assert same(whole.with_name(state), resumed.with_name(state))
+
+
+def test_a_finished_run_is_left_as_it_is(tmp_path, clips, tiny):
+    rest, heard = (clips, clips, tmp_path), []
+    first = train("motion", tiny, *rest, device=CPU)
+    weights = load_checkpoint(first).tensors
+    train("motion", tiny, *rest, device=CPU, on_step=heard.append)
+    assert heard == []
+    again = load_checkpoint(first).tensors
+    assert all(torch.equal(again[name], weights[name]) for name in weights)
+
+
+def test_trained_weights_of_all_stages_can_be_loaded(tmp_path, clips, tiny):
+    short = replace(tiny, steps=1)
+    for stage in STAGES:
+        path = train(stage, short, clips, clips, tmp_path, device=CPU)
+        assert path == tmp_path / f"{stage}.safetensors"
+    denoisers = load_denoisers(tmp_path)
+    assert denoisers.motion.config == tiny.motion
+    record = denoisers.records["temporal"]
+    assert record["stage"] == "temporal"
+    assert record["step"] == 1
+    assert record["sequences"] == 4
+    assert record["config"]["seed"] == tiny.seed
+
+
+def test_the_log_has_a_row_per_validation(tmp_path, clips, tiny):
+    heard = []
+    train("motion", tiny, clips, clips, tmp_path, device=CPU, on_step=heard.append)
+    with (tmp_path / "motion_log.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert list(rows[0]) == ["step", "loss", "error_left", "rate", "seconds"]
+    assert [int(row["step"]) for row in rows] == [2, 4]
+    assert float(rows[0]["loss"]) == pytest.approx((heard[0].loss + heard[1].loss) / 2)
+    assert float(rows[1]["error_left"]) == pytest.approx(heard[3].left)
+    assert [float(row["rate"]) for row in rows] == [learning_rate(s, tiny) for s in (2, 4)]
+    assert [(p.step, p.steps) for p in heard] == [(s, 4) for s in (1, 2, 3, 4)]
+    assert [p.left is None for p in heard] == [True, False, True, False]
+
+
+def test_the_loss_falls(clips, tiny):
+    """Fifty steps on one batch, noised anew each time, against the noises of a test."""
+    batch = draw_batch(clips, 4, generator=torch.Generator().manual_seed(0), withheld=0.0)
+    model = build_model("motion", tiny)
+    optimizer = torch.optim.AdamW(model.parameters(), lr=1e-2)
+
+    def loss(seed: int) -> torch.Tensor:
+        return motion_loss(model, batch, generator=torch.Generator().manual_seed(seed))
+
+    def tested() -> float:
+        with torch.no_grad():
+            return float(sum(loss(seed) for seed in range(1000, 1010)) / 10)
+
+    before = tested()
+    for step in range(50):
+        optimizer.zero_grad()
+        loss(step).backward()
+        optimizer.step()
+    assert tested() < 0.75 * before
+
+
+def test_another_network_size_is_refused(tmp_path, clips, tiny):
+    rest = (clips, clips, tmp_path)
+    train("motion", replace(tiny, steps=2), *rest, device=CPU)
+    wider = replace(tiny, motion=replace(tiny.motion, width=32))
+    with pytest.raises(CheckpointError, match="another network size"):
+        train("motion", wider, *rest, device=CPU)
+
+
+def test_a_state_is_restored_whole(tmp_path, tiny):
+    def state() -> TrainState:
+        model = build_model("motion", tiny)
+        average = {n: t.clone() for n, t in model.state_dict().items()}
+        return TrainState(model, average, torch.optim.AdamW(model.parameters(), lr=1e-2))
+
+    first, second = state(), state()
+    first.model.head.bias.sum().backward()
+    first.optimizer.step()
+    first.step, first.seconds = 7, 1.5
+    update_average(first, 0.5)
+    second.restore(first.to_checkpoint({"stage": "motion"}))
+    a, b = (s.to_checkpoint({}) for s in (first, second))
+    assert a.record == b.record == {"step": 7, "seconds": 1.5}
+    assert a.tensors.keys() == b.tensors.keys()
+    assert any(name.startswith("optimizer.") for name in a.tensors)
+    assert all(torch.equal(a.tensors[name], b.tensors[name]) for name in a.tensors)
+
+
+def test_the_rate_warms_up_holds_and_falls_to_zero():
+    config = TrainConfig(steps=1000, rate=1e-3, warmup=100, decay=0.3)
+    rates = [learning_rate(step, config) for step in range(1001)]
+    assert rates[0] == pytest.approx(1e-5)
+    assert rates[49] == pytest.approx(5e-4)
+    assert rates[99:701] == pytest.approx([1e-3] * 602)
+    assert rates[850] == pytest.approx(5e-4)
+    assert rates[1000] == 0
+    assert max(rates) <= 1e-3 + 1e-12
+
+
+def test_the_average_forgets_its_start_and_then_moves_slowly(tiny):
+    model = build_model("motion", tiny)
+    average = {n: torch.zeros_like(t) for n, t in model.state_dict().items()}
+    state = TrainState(model, average, torch.optim.AdamW(model.parameters()))
+    for step, kept in ((0, 0.1), (100_000, 0.99)):
+        for tensor in state.average.values():
+            tensor.zero_()
+        state.step = step
+        update_average(state, 0.99)
+        for name, tensor in model.state_dict().items():
+            torch.testing.assert_close(state.average[name], (1 - kept) * tensor)
+
+
+def test_fresh_weights_follow_the_seed_and_leave_the_global_generator_alone(tiny):
+    torch.manual_seed(3)
+    before = torch.random.get_rng_state()
+    first, second = (build_model("spatial", tiny).state_dict() for _ in range(2))
+    other = build_model("spatial", replace(tiny, seed=1)).state_dict()
+    assert torch.equal(torch.random.get_rng_state(), before)
+    assert all(torch.equal(first[name], second[name]) for name in first)
+    assert any(not torch.equal(first[name], other[name]) for name in first)
+
+
+def test_the_temporal_stage_learns_its_autoencoder_first(tiny):
+    assert loss_of("temporal", 1, tiny) is reconstruction_loss
+    assert loss_of("temporal", 2, tiny) is temporal_loss
+    assert loss_of("motion", 0, tiny) is motion_loss
+
+
+def test_the_latent_is_white_once_the_autoencoder_is_learned(tmp_path, clips, tiny):
+    path = train("temporal", tiny, clips, clips, tmp_path, device=CPU)
+    tensors = load_checkpoint(path).tensors
+    assert not torch.equal(tensors["autoencoder.latent_std"], torch.ones(6))
+    assert bool(tensors["autoencoder.latent_mean"].any())

@@ -1,0 +1,113 @@
+from dataclasses import replace
+
+import pytest
+import torch
+
+from geneoh.denoisers.motion import MotionDenoiser
+from geneoh.training.batches import draw_batch
+from geneoh.training.loop import build_model
+from geneoh.training.losses import (
+    SIGMA_RANGE,
+    draw_sigma,
+    motion_loss,
+    reconstruction_loss,
+    recovered_fraction,
+    spatial_loss,
+    temporal_loss,
+)
+
+LOSSES = [
+    ("motion", motion_loss),
+    ("spatial", spatial_loss),
+    ("temporal", reconstruction_loss),
+    ("temporal", temporal_loss),
+]
+STAGES = ("motion", "spatial", "temporal")
+
+
+def seeded(seed: int = 0) -> torch.Generator:
+    return torch.Generator().manual_seed(seed)
+
+
+@pytest.fixture(scope="module")
+def batch(clips):
+    drawn = draw_batch(clips, 2, generator=seeded(1))
+    given = torch.tensor([1.0, 0.0])  # one of each kind
+    return replace(drawn, observation=replace(drawn.observation, given=given))
+
+
+@pytest.mark.parametrize(("stage", "loss"), LOSSES)
+def test_a_loss_is_one_number_that_the_generator_fixes(batch, tiny, stage, loss):
+    model = build_model(stage, tiny)
+    with torch.no_grad():
+        first, second = (loss(model, batch, generator=seeded(3)) for _ in range(2))
+    assert first.shape == ()
+    assert torch.equal(first, second)
+    assert 0.01 < float(first) < 100
+
+
+@pytest.mark.parametrize(("stage", "loss"), LOSSES)
+def test_a_loss_teaches_the_network(batch, tiny, stage, loss):
+    model = build_model(stage, tiny)
+    loss(model, batch, generator=seeded()).backward()
+    gradients = [p.grad for p in model.parameters() if p.grad is not None]
+    assert any(bool(g.any()) for g in gradients)
+    assert all(bool(g.isfinite().all()) for g in gradients)
+
+
+def test_the_autoencoder_is_frozen_while_its_latent_is_learned(batch, tiny):
+    model = build_model("temporal", tiny)
+    temporal_loss(model, batch, generator=seeded()).backward()
+    assert all(p.grad is None for p in model.autoencoder.parameters())
+    assert model.head.weight.grad is not None
+
+
+@pytest.mark.parametrize(("stage", "loss"), LOSSES)
+def test_losses_follow_the_device_of_the_batch(batch, tiny, stage, loss):
+    """The meta device computes nothing and refuses to mix, as a GPU would."""
+    device = torch.device("meta")
+    model = build_model(stage, tiny).to(device)
+    got = loss(model, batch.to(device), generator=seeded())
+    assert got.device.type == "meta"
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_validation_follows_the_device_of_the_batch(batch, tiny, stage):
+    device = torch.device("meta")
+    model = build_model(stage, tiny).to(device)
+    got = recovered_fraction(model, batch.to(device), generator=seeded())
+    assert got.device.type == "meta"
+
+
+def test_noise_levels_are_log_uniform_over_their_range():
+    sigma = draw_sigma(4000, generator=seeded())
+    low, high = SIGMA_RANGE
+    assert low <= float(sigma.min()) < 1.1 * low
+    assert 0.9 * high < float(sigma.max()) <= high
+    middle = (low * high) ** 0.5
+    assert float((sigma < middle).float().mean()) == pytest.approx(0.5, abs=0.035)
+
+
+class Knowing(MotionDenoiser):
+    """Answers with the keypoints it was built around, whatever it is asked."""
+
+    def __init__(self, tiny, answer):
+        super().__init__(tiny.motion)
+        self.answer = answer
+
+    def forward(self, x, sigma, observation):
+        assert bool(observation.given.all()), "scored with the observation in view"
+        return self.answer
+
+
+def test_nothing_is_left_by_the_truth_and_all_by_the_input(batch, tiny):
+    truth = Knowing(tiny, batch.clean_canon)
+    assert float(recovered_fraction(truth, batch, generator=seeded())) == 0
+    unchanged = Knowing(tiny, batch.observation.joints)
+    assert float(recovered_fraction(unchanged, batch, generator=seeded())) == pytest.approx(1)
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_an_untrained_network_does_not_help(batch, tiny, stage):
+    left = recovered_fraction(build_model(stage, tiny), batch, generator=seeded())
+    assert float(left) > 0.9

@@ -1,0 +1,108 @@
+import json
+import os
+import struct
+import subprocess
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+
+from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.viz.glb import glb_bytes, upright
+from geneoh.viz.strip import UP
+
+TYPES = {5126: "<f4", 5125: "<u4"}
+WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
+
+
+@pytest.fixture(scope="module")
+def glb(scene):
+    return glb_bytes(scene, scene.takes[1], up=UP)
+
+
+def chunks(glb: bytes) -> tuple[dict, bytes]:
+    length = struct.unpack_from("<I", glb, 12)[0]
+    return json.loads(glb[20 : 20 + length]), glb[28 + length :]
+
+
+def read(glb: bytes, index: int) -> np.ndarray:
+    document, binary = chunks(glb)
+    told = document["accessors"][index]
+    view = document["bufferViews"][told["bufferView"]]
+    kind, width = np.dtype(TYPES[told["componentType"]]), WIDTHS[told["type"]]
+    values = np.frombuffer(binary, kind, told["count"] * width, view["byteOffset"])
+    return values.reshape(told["count"], width)
+
+
+def test_every_frame_played_back_is_that_frames_mesh(scene, glb):
+    document, _ = chunks(glb)
+    hand = scene.takes[1].hands[0]
+    primitive = document["meshes"][0]["primitives"][0]
+    rest = read(glb, primitive["attributes"]["POSITION"])
+    steps = np.stack([read(glb, target["POSITION"]) for target in primitive["targets"]])
+    animation = document["animations"][0]
+    (weights,) = (
+        read(glb, animation["samplers"][channel["sampler"]]["output"])
+        for channel in animation["channels"]
+        if channel["target"] == {"node": 0, "path": "weights"}
+    )
+    weights = weights.reshape(len(hand.verts), -1)
+    played = rest + np.einsum("tk,kvc->tvc", weights, steps)
+    np.testing.assert_allclose(played, hand.verts.numpy(), atol=1e-6)
+
+
+def test_trimesh_reads_the_first_frame_where_it_is_in_the_world(scene, glb, tmp_path):
+    (tmp_path / "clip.glb").write_bytes(glb)
+    loaded = trimesh.load_scene(tmp_path / "clip.glb", process=False)
+    x, y, z, w = upright(UP)
+    back = trimesh.transformations.quaternion_matrix([w, -x, -y, -z])
+    hand = scene.takes[1].hands[0]
+    for name, verts in (
+        ("right hand", hand.verts[0]),
+        ("object 2", scene.object_verts(1, 0)),
+    ):
+        turn, geometry = loaded.graph[name]
+        mesh = loaded.geometry[geometry].copy()
+        mesh.apply_transform(back @ turn)
+        np.testing.assert_allclose(mesh.vertices, verts.numpy(), atol=1e-4)
+
+
+def test_a_hand_that_is_not_there_has_no_size(scene, glb):
+    document, _ = chunks(glb)
+    animation = document["animations"][0]
+    (size,) = (
+        read(glb, animation["samplers"][channel["sampler"]]["output"])
+        for channel in animation["channels"]
+        if channel["target"]["path"] == "scale"
+    )
+    assert size[:, 0].tolist() == scene.takes[1].hands[1].valid.float().tolist()
+
+
+@pytest.mark.parametrize("up", np.eye(3).tolist() + (-np.eye(3)).tolist())
+def test_up_becomes_y(up):
+    *xyz, w = upright(np.array(up))
+    angle = 2 * np.arccos(np.clip(w, -1, 1))
+    axis = np.array(xyz) / max(np.linalg.norm(xyz), 1e-9)
+    turn = axis_angle_to_matrix(torch.from_numpy(axis * angle).float()).numpy()
+    np.testing.assert_allclose(turn @ np.array(up), [0, 1, 0], atol=1e-5)
+
+
+def test_the_khronos_validator_finds_no_error(glb, node_modules, tmp_path):
+    (tmp_path / "clip.glb").write_bytes(glb)
+    code = (
+        "const v = require('gltf-validator'), fs = require('fs');"
+        "v.validateBytes(new Uint8Array(fs.readFileSync(process.argv[1])))"
+        ".then((r) => console.log(JSON.stringify(r.issues)));"
+    )
+    run = subprocess.run(
+        ["node", "-e", code, tmp_path / "clip.glb"],
+        env={**os.environ, "NODE_PATH": str(node_modules)},
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert run.returncode == 0, run.stderr
+    issues = json.loads(run.stdout)
+    assert issues["numErrors"] == 0, issues["messages"]
+    assert issues["numWarnings"] == 0, issues["messages"]

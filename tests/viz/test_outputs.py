@@ -1,0 +1,80 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+
+from geneoh.errors import InputError, MissingAssetError
+from geneoh.sequence.files import load_sequence
+from geneoh.viz.outputs import write
+from geneoh.viz.video import ffmpeg_path, film_frames
+
+
+@pytest.fixture(scope="module")
+def one_hand(scene):
+    takes = tuple(replace(take, hands=take.hands[:1]) for take in scene.takes)
+    return replace(scene, takes=takes)
+
+
+@pytest.mark.parametrize("kind", ["obj", "ply"])
+def test_meshes_of_each_frame_are_those_that_were_seen(scene, tmp_path, kind):
+    write(scene, tmp_path / f"clip.{kind}")
+    folder = tmp_path / "clip"
+    # the left hand is not there in the first frame
+    assert len(list(folder.iterdir())) == 6 + 5 + 2 * 6
+    hand = scene.takes[1].hands[0]
+    mesh = trimesh.load_mesh(folder / f"right_0004.{kind}", process=False)
+    np.testing.assert_allclose(mesh.vertices, hand.verts[4].numpy(), atol=1e-4)
+    part = trimesh.load_mesh(folder / f"object2_0004.{kind}", process=False)
+    np.testing.assert_allclose(part.vertices, scene.object_verts(1, 4).numpy(), atol=1e-4)
+
+
+def test_a_folder_that_is_there_is_refused_and_kept(scene, tmp_path):
+    (tmp_path / "clip").mkdir()
+    with pytest.raises(InputError, match="expected a new folder"):
+        write(scene, tmp_path / "clip.ply")
+    assert list((tmp_path / "clip").iterdir()) == []
+
+
+def test_smplx_parameters_read_back_as_the_same_hand(one_hand, tmp_path):
+    write(one_hand, tmp_path / "clip.npz")
+    read = load_sequence(tmp_path / "clip.npz").hands[0]
+    hand = one_hand.takes[1].hands[0]
+    np.testing.assert_allclose(read.pose, hand.pose, atol=1e-5)
+    np.testing.assert_allclose(read.joints, hand.joints, atol=1e-6)
+    np.testing.assert_allclose(read.wrist, hand.wrist, atol=1e-6)
+
+
+def test_two_hands_do_not_fit_the_smplx_names(scene, tmp_path):
+    with pytest.raises(InputError, match="one hand, got 2; pass --side"):
+        write(scene, tmp_path / "clip.npz")
+
+
+def test_a_film_has_all_frames_and_even_sides(scene):
+    frames = list(film_frames(scene, panel=65))
+    assert len(frames) == scene.frames
+    assert all(side % 2 == 0 for side in frames[0].shape[:2])
+
+
+@pytest.mark.parametrize("name", ["film.mp4", "film.gif"])
+def test_films_are_written_without_a_display(one_hand, tmp_path, monkeypatch, name):
+    try:
+        ffmpeg_path()
+    except MissingAssetError as error:
+        pytest.skip(str(error))
+    monkeypatch.delenv("DISPLAY", raising=False)
+    done = []
+    write(one_hand, tmp_path / name, on_step=lambda now, total: done.append((now, total)))
+    assert (tmp_path / name).stat().st_size > 1000
+    assert done[-1][0] == done[-1][1]
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+
+
+def test_an_unknown_ending_is_refused(scene, tmp_path):
+    with pytest.raises(InputError, match=r"got '\.avi'"):
+        write(scene, tmp_path / "clip.avi")
+
+
+def test_a_place_that_cannot_be_written_to_is_named(scene, tmp_path):
+    with pytest.raises(InputError, match="cannot be written"):
+        write(scene, tmp_path / "none" / "clip.glb")

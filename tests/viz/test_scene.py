@@ -1,0 +1,86 @@
+from dataclasses import replace
+
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from geneoh.errors import InputError
+from geneoh.hand.library import load_hand
+from geneoh.sequence.tracks import HandTrack
+from geneoh.viz.colours import DEEPEST, SKIN, vertex_colours
+from geneoh.viz.scene import make_scene
+
+
+def test_the_mesh_is_that_of_the_tracks_own_parameters(scene):
+    hand = scene.takes[0].hands[0]
+    track = hand.track
+    expected = load_hand("right").shaped(track.betas).posed(track.pose, track.wrist)
+    torch.testing.assert_close(hand.verts, expected.verts, atol=1e-5, rtol=0)
+
+
+def test_a_left_hand_is_the_mirror_image_of_the_right_one(scene):
+    right, left = scene.takes[0].hands
+    flip = torch.tensor([-1.0, 1.0, 1.0])
+    # the left hand is not there in the first frame
+    torch.testing.assert_close(left.verts[1:], right.verts[1:] * flip, atol=1e-5, rtol=0)
+    assert left.model.faces.equal(right.model.faces[:, [0, 2, 1]])
+
+
+def test_depth_is_that_of_the_deepest_vertex_and_zero_outside(scene):
+    before, after = (take.hands[0] for take in scene.takes)
+    assert float(before.depth.min()) > 0.005
+    torch.testing.assert_close(before.depth, -before.distance.amin(-1))
+    assert float(after.depth.max()) < float(before.depth.min())
+
+
+def test_the_mesh_of_keypoints_alone_passes_through_them(scene):
+    hand = scene.takes[0].hands[0]
+    bare = HandTrack(side="right", valid=hand.valid, joints=hand.joints)
+    sequence = replace_hands(scene, bare)
+    seen = make_scene({"bare": sequence}).takes[0].hands[0]
+    assert float((seen.verts - hand.verts).norm(dim=-1).mean()) < 0.004
+
+
+def replace_hands(scene, *hands):
+    from geneoh.sequence.tracks import Sequence
+
+    return Sequence(hands, scene.object, scene.fps)
+
+
+def test_spread_over_the_skin_is_the_keypoints_where_they_agree(scene):
+    spread = scene.takes[0].hands[0].spread
+    torch.testing.assert_close(spread, torch.full_like(spread, 0.004))
+
+
+def test_takes_of_different_length_are_refused(scene):
+    long = replace_hands(scene, scene.takes[0].hands[0].track)
+    track = long.hands[0]
+    short = replace(
+        long,
+        hands=(
+            replace(
+                track,
+                **{n: getattr(track, n)[:3] for n in ("valid", "pose", "wrist")},
+                joint_spread=None,
+            ),
+        ),
+        object=replace(
+            long.object,
+            rotation=long.object.rotation[:3],
+            translation=long.object.translation[:3],
+        ),
+    )
+    with pytest.raises(InputError, match="same frames, got 6 against 3"):
+        make_scene({"before": long, "after": short})
+
+
+@given(st.floats(0, 0.02))
+def test_skin_outside_keeps_its_colour(distance):
+    colour = vertex_colours("penetration", torch.tensor([distance]), None)
+    assert colour[0].tolist() == pytest.approx(SKIN, abs=1e-6)
+
+
+def test_penetration_beyond_the_scale_has_the_last_colour():
+    deep = vertex_colours("penetration", torch.tensor([-DEEPEST, -1.0]), None)
+    assert (deep[0] == deep[1]).all()

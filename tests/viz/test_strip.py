@@ -1,0 +1,47 @@
+import numpy as np
+import pytest
+
+from geneoh.errors import InputError
+from geneoh.viz.camera import best_axes, framing
+from geneoh.viz.strip import FOOT, GAP, HEAD, NOTE, UP, filmstrip, spread_frames
+
+
+def test_a_strip_has_a_row_for_each_take_and_a_cell_for_each_frame(scene):
+    strip = filmstrip(scene, frames=[0, 5], cell=64)
+    assert strip.shape == (2 * (HEAD + 64 + NOTE) + FOOT, 2 * 64 + GAP, 3)
+    assert strip.dtype == np.uint8
+
+
+def test_the_hand_that_sank_is_redder_than_the_one_that_did_not(scene):
+    strip = filmstrip(scene, frames=[2], cell=96).astype(int)
+    tops = (HEAD, 2 * HEAD + 96 + NOTE)
+    rows = [strip[top : top + 96] for top in tops]
+    red = [int(((row[..., 0] - row[..., 1]) > 48).sum()) for row in rows]
+    assert red[0] > 20
+    assert red[0] > 4 * red[1]
+
+
+def test_the_same_scene_gives_the_same_picture(scene):
+    a, b = (filmstrip(scene, frames=[1], cell=64) for _ in range(2))
+    assert (a == b).all()
+
+
+def test_the_axes_are_a_rotation_with_up_upwards(scene):
+    axes = best_axes(scene, UP)
+    np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-9)
+    assert np.linalg.det(axes) == pytest.approx(1)
+    assert axes[1] @ UP > 0.5
+
+
+def test_the_framing_keeps_its_size_over_the_clip(scene):
+    assert framing(scene, 0)[1] == framing(scene, 5)[1]
+
+
+def test_frames_are_spread_over_the_clip_and_never_more_than_it_has(scene):
+    assert spread_frames(scene, 3) == [1, 3, 5]
+    assert spread_frames(scene, 50) == [0, 1, 2, 3, 4, 5]
+
+
+def test_a_frame_that_is_not_there_is_refused(scene):
+    with pytest.raises(InputError, match="from 0 to 5, got 6"):
+        filmstrip(scene, frames=[6], cell=64)
