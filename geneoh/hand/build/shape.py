@@ -58,7 +58,8 @@ def shape_directions(verts: Array, weights: Array, points: Array) -> tuple[Array
         *(body.stretched({finger: part}, {finger: part}) for finger, part in RAYS),
         body.spread(),
     ]
-    return tuple(np.stack(side, axis=-1) for side in zip(*fields, strict=True))
+    moved, joints = zip(*fields, strict=True)
+    return np.stack(moved, axis=-1), np.stack(joints, axis=-1)
 
 
 class _Body:
