@@ -6,9 +6,11 @@ The kind is told by the first bytes, not by the file's ending. Every problem of 
 """
 
 import bz2
+import csv
 import io
 import lzma
 import struct
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Callable
@@ -38,14 +40,17 @@ DAMAGE = (
     NotImplementedError,
     RecursionError,
     RuntimeError,
+    SyntaxError,  # numpy reads the header of an array as Python's literals
     TypeError,
     ValueError,
+    csv.Error,
     lzma.LZMAError,
     struct.error,
+    tokenize.TokenError,
     zipfile.BadZipFile,
     zlib.error,
 )
-"""What a damaged file makes Python's, zip's and numpy's readers raise."""
+"""What a damaged file makes the readers of Python and numpy raise."""
 
 
 def read_values(path: Path) -> Any:

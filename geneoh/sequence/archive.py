@@ -11,6 +11,7 @@ import math
 import os
 import secrets
 import struct
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -25,6 +26,9 @@ SIZE_LIMIT = 2**30
 
 UNPACKING_ERRORS = (zlib.error, lzma.LZMAError, struct.error, EOFError, RuntimeError, UnicodeError)
 """What zipfile lets through of a damaged or encrypted archive, besides its own BadZipFile."""
+
+HEADER_ERRORS = (ValueError, KeyError, SyntaxError, tokenize.TokenError)
+"""What numpy lets through of a damaged array header, which it reads as Python's literals."""
 
 OLDEST_TIME = (1980, 1, 1, 0, 0, 0)
 """Time stamp of every member, the first that zip knows: equal arrays give equal bytes."""
@@ -99,7 +103,7 @@ def decode_array(path: Path, info: zipfile.ZipInfo, raw: bytes) -> np.ndarray:
             (2, 0): np.lib.format.read_array_header_2_0,
         }[version]
         shape, fortran, dtype = read_header(stream)
-    except (ValueError, KeyError) as error:
+    except HEADER_ERRORS as error:
         raise InputError(
             f"{path}: '{field}' has no readable array header ({error}); write it with numpy.savez"
         ) from None

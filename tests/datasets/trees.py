@@ -271,7 +271,7 @@ def hoi4d_articulated(root: Path, s: Scene, wrong: bool) -> None:
     write_mesh(folder / f"{second}.obj", low, s.faces)
 
 
-def arctic(root: Path, s: Scene, wrong: bool) -> None:
+def arctic(root: Path, s: Scene, wrong: bool) -> dict:
     hands = {}
     for side in SIDES:
         mano = s.mano[side]
@@ -294,6 +294,7 @@ def arctic(root: Path, s: Scene, wrong: bool) -> None:
     write_mesh(folder / "bottom.obj", bottom, s.faces)
     ids = [int(wrong)] * len(top) + [int(not wrong)] * len(bottom)
     (folder / "parts.json").write_text(json.dumps(ids))
+    return hands
 
 
 def taco(root: Path, s: Scene, wrong: bool) -> None:
@@ -342,8 +343,7 @@ def hand_verts(s: Scene, side: str) -> np.ndarray:
 
 
 def arctic_processed(root: Path, s: Scene, wrong: bool) -> None:
-    arctic(root, s, False)
-    raw = np.load(root / "raw_seqs/s01/box_grab_01.mano.npy", allow_pickle=True).item()
+    raw = arctic(root, s, False)
     from_m = np.argsort(OPENPOSE_FROM_M)
     params, world = {}, {}
     for side in SIDES:

@@ -122,3 +122,14 @@ def test_a_damaged_archive_is_refused_or_read_but_never_crashes(
     path.write_bytes(data[: len(data) - cut % 8])
     with contextlib.suppress(InputError):
         read_archive(path)
+
+
+def test_a_header_that_is_no_python_literal_is_refused(tmp_path):
+    np.savez(tmp_path / "good.npz", joints=np.zeros(3))
+    with zipfile.ZipFile(tmp_path / "good.npz") as good:
+        raw = good.read("joints.npy")
+    for wrong in (b"{'descr': '<f8', (", b"{'descr': '<f8\x00'"):
+        with zipfile.ZipFile(tmp_path / "bad.npz", "w") as bad:
+            bad.writestr("joints.npy", raw[:10] + wrong + raw[10 + len(wrong) :])
+        with pytest.raises(InputError, match="no readable array header"):
+            read_archive(tmp_path / "bad.npz")
