@@ -188,7 +188,7 @@ def test_some_betas_give_the_measured_person():
 
 def test_joints_tell_every_beta_but_the_thickness():
     basis, _ = shape_basis(load_hand("right"))
-    assert np.abs(basis[:, 1]).max() < 1e-4
+    assert np.abs(basis[:, 1]).max() < 2e-4
     strength = np.linalg.svd(np.delete(basis, 1, axis=1), compute_uv=False)
     assert strength[0] / strength[-1] < 30
 
