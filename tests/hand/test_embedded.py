@@ -173,7 +173,9 @@ def skeleton_of(offsets):
 def closest(model, wanted):
     """Mean distance of the keypoints of the best betas to the wanted ones, and the betas."""
     basis, mean = shape_basis(model)
-    betas, *_ = np.linalg.lstsq(basis, (wanted - mean).ravel(), rcond=None)
+    betas = np.zeros(10)
+    seen = np.delete(np.arange(10), 1)  # thickness is not in the skeleton
+    betas[seen] = np.linalg.lstsq(basis[:, seen], (wanted - mean).ravel(), rcond=None)[0]
     rest = (mean.ravel() + basis @ betas).reshape(21, 3) - wanted
     return np.linalg.norm(rest, axis=-1).mean(), betas
 
@@ -182,6 +184,13 @@ def test_some_betas_give_the_measured_person():
     gap, betas = closest(load_hand("right"), skeleton(MEASURED_OFFSETS) / 1000)
     assert gap < 3e-4
     assert np.abs(betas).max() < 1.5
+
+
+def test_joints_tell_every_beta_but_the_thickness():
+    basis, _ = shape_basis(load_hand("right"))
+    assert np.abs(basis[:, 1]).max() < 2e-4
+    strength = np.linalg.svd(np.delete(basis, 1, axis=1), compute_uv=False)
+    assert strength[0] / strength[-1] < 30
 
 
 def test_betas_span_people_whose_bones_differ_one_by_one():

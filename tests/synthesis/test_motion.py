@@ -6,7 +6,7 @@ from torch import Tensor
 
 from geneoh.hand.library import load_hand
 from geneoh.synthesis.grasps import NATURAL_MEAN, Grasps
-from geneoh.synthesis.motion import Interactions, animate
+from geneoh.synthesis.motion import Interactions, _object_path, animate
 from geneoh.synthesis.objects import Solids, draw_objects
 
 BATCH, FRAMES, POINTS = 24, 60, 16
@@ -67,6 +67,19 @@ def test_the_object_moves_only_in_a_hand_that_holds_it_still(made):
     held = torch.maximum(away[:, 1:], away[:, :-1])
     assert float(held[moving].max()) < 0.006
     assert float(away.max()) > 0.05, "hands should come and go"
+
+
+def test_the_object_rests_before_it_is_lifted_and_after_it_is_released():
+    lift, release = torch.full((200,), 10.0), torch.linspace(22.0, 50.0, 200)
+    generator = torch.Generator().manual_seed(0)
+    rotation, translation = _object_path(lift, release, FRAMES, generator=generator)
+    shift = translation.diff(dim=1).norm(dim=-1)
+    turn = rotation.diff(dim=1).flatten(2).norm(dim=-1)
+    time = torch.arange(FRAMES - 1)
+    resting = (time + 1 <= 10) | (time >= release[:, None])
+    assert float(shift[resting].max()) < 1e-6
+    assert float(turn[resting].max()) < 1e-6
+    assert float((shift[~resting] > 1e-4).float().mean()) > 0.5
 
 
 def test_fingers_keep_their_grasp_while_the_object_moves(made):

@@ -94,9 +94,9 @@ def test_one_batch_in_five_has_short_windows(interactions):
     few = replace(
         interactions, points=interactions.points[:, :8], normals=interactions.normals[:, :8]
     )
-    frames = [draw_batch(few, 1, generator=seeded(s)).clean.shape[1] for s in range(25)]
+    frames = [draw_batch(few, 1, generator=seeded(s)).clean.shape[1] for s in range(16)]
     short = [f for f in frames if f < WINDOW]
-    assert 1 <= len(short) <= 12
+    assert 1 <= len(short) <= 9
     assert min(short) >= 2
 
 

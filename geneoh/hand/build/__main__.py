@@ -2,6 +2,7 @@
 
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -30,7 +31,7 @@ def build() -> dict[str, np.ndarray]:
     regressor = joint_regressor(verts, points[:16], dirs, point_dirs[:16])
     low, high = joint_limits(tubes)
     mean, std = relaxed_pose(tubes)
-    order = _tips_in_place(plan)
+    order = tips_in_place(plan)
     rank = np.argsort(order)
     arrays = {
         "v_template": (verts[order] + ORIGIN) / 1000.0,
@@ -51,7 +52,7 @@ def build() -> dict[str, np.ndarray]:
     }
 
 
-def _tips_in_place(plan: Layout) -> np.ndarray:
+def tips_in_place(plan: Layout) -> np.ndarray:
     """Order of the vertices that puts the fingertips at the numbers smplx knows them by."""
     order = np.arange(plan.count)
     by_digit = (TIP_VERTS[0], TIP_VERTS[1], TIP_VERTS[3], TIP_VERTS[2], TIP_VERTS[4])
@@ -62,5 +63,6 @@ def _tips_in_place(plan: Layout) -> np.ndarray:
 
 
 if __name__ == "__main__":
+    arrays: dict[str, Any] = build()
     with Path(sys.argv[1]).open("wb") as file:
-        np.savez_compressed(file, **build())
+        np.savez_compressed(file, **arrays)

@@ -109,13 +109,16 @@ class Digit:
 
 
 FINGER_Q = np.array([-0.6, 0.0, 0.5, 0.85, 1.0, 1.2, 1.5, 1.8, 2.0, 2.2, 2.5])
-FINGER_WIDTH = np.array([0.92, 0.93, 0.93, 0.99, 1.01, 0.97, 0.89, 0.89, 0.90, 0.87, 0.86])
-FINGER_DORSAL = np.array([1.0, 0.98, 0.86, 0.90, 0.93, 0.88, 0.77, 0.75, 0.75, 0.70, 0.64])
-FINGER_PALMAR = np.array([1.0, 1.02, 1.04, 0.93, 0.88, 0.92, 0.96, 0.83, 0.80, 0.84, 0.88])
+FINGER_WIDTH = np.array([0.92, 0.93, 0.92, 0.99, 1.02, 0.97, 0.885, 0.89, 0.91, 0.87, 0.84])
+FINGER_DORSAL = np.array([1.0, 0.98, 0.86, 0.92, 0.96, 0.89, 0.77, 0.75, 0.76, 0.69, 0.62])
+FINGER_PALMAR = np.array([1.0, 1.02, 1.05, 0.93, 0.87, 0.93, 0.97, 0.83, 0.79, 0.85, 0.88])
 THUMB_Q = np.array([-0.6, 0.0, 0.5, 0.85, 1.0, 1.2, 1.5, 1.8, 2.0, 2.2, 2.5])
 THUMB_WIDTH = np.array([1.55, 1.5, 1.32, 1.17, 1.12, 1.05, 0.98, 1.0, 1.01, 1.0, 0.98])
 THUMB_DORSAL = np.array([1.2, 1.15, 1.05, 1.0, 0.98, 0.92, 0.86, 0.88, 0.88, 0.80, 0.68])
 THUMB_PALMAR = np.array([1.5, 1.5, 1.4, 1.2, 1.12, 1.08, 1.04, 0.95, 0.93, 0.96, 0.95])
+FINGER_FORM = (FINGER_Q, FINGER_WIDTH, FINGER_DORSAL, FINGER_PALMAR)
+THUMB_FORM = (THUMB_Q, THUMB_WIDTH, THUMB_DORSAL, THUMB_PALMAR)
+"""Along a digit (q, see `Digit`): half width, depth to the back and to the pad, in RADII."""
 
 RADII = (9.4, 9.5, 7.9, 9.0, 9.6)
 """Half width at the middle joint of index, middle, pinky, ring, thumb, mm (average adult)."""
@@ -127,14 +130,14 @@ def digits(points: Array) -> tuple[Digit, ...]:
     for finger, chain in enumerate(CHAINS):
         joints = points[list(chain)]
         thumb = finger == THUMB
-        q = THUMB_Q if thumb else FINGER_Q
-        curves = (
-            (THUMB_WIDTH, THUMB_DORSAL, THUMB_PALMAR)
-            if thumb
-            else (FINGER_WIDTH, FINGER_DORSAL, FINGER_PALMAR)
+        q, width, dorsal, palmar = THUMB_FORM if thumb else FINGER_FORM
+        length = float(np.linalg.norm(joints[3] - joints[2]))
+        radius = RADII[finger]
+        profile = (
+            _capped(q, width * radius, length),
+            _capped(q, dorsal * radius, length),
+            _capped(q, palmar * radius, length),
         )
-        length = np.linalg.norm(joints[3] - joints[2])
-        profile = tuple(_capped(q, curve * RADII[finger], length) for curve in curves)
         made.append(Digit(joints, _dorsal(joints, thumb), profile))
     return tuple(made)
 

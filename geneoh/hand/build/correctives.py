@@ -20,7 +20,7 @@ THUMB_BENDS = ((-20, 35), (-10, 65), (-15, 80))
 RIDGE = 1e-2
 LEAST = 0.02
 """Displacements below this, mm, are left out."""
-STRENGTH = (0.6, 0.6, 0.6)
+STRENGTH = (0.35, 0.6, 0.6)
 """Knuckles, middle joints, distal joints: all of it would make them pointed, seen by rendering."""
 
 

@@ -1,16 +1,17 @@
 """How hands differ: ten directions that move surface and skeleton together.
 
 One unit of a beta is one standard deviation over adults and children, roughly, from the spread of
-hand lengths and breadths in published anthropometry; the directions are linear and independent.
+hand lengths and breadths in published anthropometry. The directions are linear, and all but the
+thickness are seen in the skeleton, where they are independent: joints tell the betas.
 
 | beta | direction | one unit |
 |---|---|---|
 | 0 | overall size | 8 % |
 | 1 | thickness of fingers and palm | 7 % |
 | 2 | palm width, knuckles further apart | 6 % |
-| 3 | palm length, all four metacarpals | 4 % |
-| 4 | finger length, phalanges of the four fingers | 4 % |
-| 5 | thumb length, with its metacarpal | 5 % |
+| 3 | the four fingers longer, their metacarpals shorter | 3 % each |
+| 4 | thumb rooted further out: wrist to the thumb's first joint | 6 % |
+| 5 | thumb length, its three bones | 5 % |
 | 6 | index finger with its metacarpal | 3 % |
 | 7 | ring finger with its metacarpal | 3 % |
 | 8 | little finger with its metacarpal | 4 % |
@@ -25,7 +26,7 @@ from geneoh.hand.build.anatomy import ACROSS, CHAINS, THUMB, Array
 from geneoh.hand.skeleton import PARENTS, TIP_PARENTS
 
 SIZE, THICKNESS, WIDTH = 0.08, 0.07, 0.06
-PALM, FINGERS, THUMB_LENGTH = 0.04, 0.04, 0.05
+FINGERS, THUMB_ROOT, THUMB_LENGTH = 0.03, 0.06, 0.05
 RAYS = ((0, 0.03), (3, 0.03), (2, 0.04))
 """Finger (index into CHAINS) and change of its whole ray: index, ring, pinky."""
 SPREAD = np.radians(6.0)
@@ -52,13 +53,14 @@ def shape_directions(verts: Array, weights: Array, points: Array) -> tuple[Array
         (SIZE * verts, SIZE * points),
         (THICKNESS * body.girth(), np.zeros_like(points)),
         body.widened(),
-        body.stretched({finger: PALM for finger in ACROSS}, {}),
-        body.stretched({}, {finger: FINGERS for finger in ACROSS}),
-        body.stretched({THUMB: THUMB_LENGTH}, {THUMB: THUMB_LENGTH}),
+        body.stretched(dict.fromkeys(ACROSS, -FINGERS), dict.fromkeys(ACROSS, FINGERS)),
+        body.stretched({THUMB: THUMB_ROOT}, {}),
+        body.stretched({}, {THUMB: THUMB_LENGTH}),
         *(body.stretched({finger: part}, {finger: part}) for finger, part in RAYS),
         body.spread(),
     ]
-    return tuple(np.stack(side, axis=-1) for side in zip(*fields, strict=True))
+    moved, joints = zip(*fields, strict=True)
+    return np.stack(moved, axis=-1), np.stack(joints, axis=-1)
 
 
 class _Body:

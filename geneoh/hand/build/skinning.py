@@ -1,12 +1,15 @@
 """Which bone moves which vertex, and how the surface corrects itself when a joint bends."""
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import nnls
 from scipy.sparse import coo_matrix, diags
 from scipy.sparse.linalg import spsolve
 
 from geneoh.hand.build.anatomy import ACROSS, CHAINS, THUMB, Array, Digit
 from geneoh.hand.build.topology import Layout
+
+Mask = NDArray[np.bool_]
 
 MOST_JOINTS = 4
 HALF_BLEND = (7.0, 5.5)
@@ -31,7 +34,7 @@ def skin_weights(plan: Layout, verts: Array, tubes: tuple[Digit, ...]) -> Array:
     return _sparse(weights)
 
 
-def _seeds(plan: Layout) -> tuple[Array, Array]:
+def _seeds(plan: Layout) -> tuple[Mask, Array]:
     """Known rows of (V, 6): five digits (in the order of CHAINS), then the palm."""
     label = np.full(plan.count, -1)
     for place, finger in enumerate((*ACROSS, THUMB)):
@@ -52,7 +55,7 @@ def _seeds(plan: Layout) -> tuple[Array, Array]:
     return known, np.eye(6)[label] * known[:, None]
 
 
-def _harmonic(plan: Layout, known: Array, values: Array) -> Array:
+def _harmonic(plan: Layout, known: Mask, values: Array) -> Array:
     """Fill the unknown rows so that each is the mean of its neighbours."""
     a, b = plan.edges.T
     links = coo_matrix((np.ones(len(a)), (a, b)), shape=(plan.count, plan.count))
