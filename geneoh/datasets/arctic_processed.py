@@ -54,7 +54,7 @@ def read(clip: Clip, known: Known) -> list[Recording]:
     root = clip.path.parents[3] if len(clip.path.parents) > 3 else clip.path.parent
     folder = known.objects or root / "meta/object_vtemplates"
     meshes, said = read_parts(folder, name)
-    stored = {side: read_joints(world, side) for side in SIDES}
+    stored: dict[Side, Array | None] = {side: read_joints(world, side) for side in SIDES}
     tracks = [read_hand(params, side, stored[side], known) for side in SIDES]
     sequence = sequence_of(
         tracks, object_track(meshes, motion), known.rate(FPS), f"ARCTIC {clip.name} (processed)"

@@ -60,7 +60,7 @@ def read(clip: Clip, known: Known) -> list[Recording]:
     parts = clip.path.parts[-7:]
     root = clip.path.parents[7]
     files = {frame_number(p): p for p in (clip.path / "objpose").glob("*.json")}
-    hands = {side: hand_files(root, side, parts) for side in SIDES}
+    hands: dict[Side, dict[int, Path]] = {side: hand_files(root, side, parts) for side in SIDES}
     numbers = [frame for found in (files, *hands.values()) for frame in found]
     if not numbers:
         raise InputError(f"{clip.path}: expected frames in objpose, got none; download them")
