@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from geneoh.datasets.base import Clip, Evidence, Known, Recording, clips
+from geneoh.datasets.base import Clip, Evidence, Known, Recording, clips, finite_frames
 from geneoh.datasets.objects import find_mesh, part_of_mesh, read_mesh
 from geneoh.datasets.records import Array, Record, read_array, read_json, read_record
 from geneoh.datasets.tracks import (
@@ -58,7 +58,7 @@ def read(clip: Clip, known: Known) -> list[Recording]:
     return recordings(
         clip.name,
         sequence,
-        object_known=np.isfinite(motion).all((1, 2, 3)),
+        object_known=finite_frames(motion),
         mesh_names=(f"arctic_{name}_bottom", f"arctic_{name}_top"),
         evidence=Evidence(said=said),
     )

@@ -18,7 +18,7 @@ from geneoh.datasets.arctic import (
     part_motion,
     read_parts,
 )
-from geneoh.datasets.base import Clip, Evidence, Known, Recording, clips
+from geneoh.datasets.base import Clip, Evidence, Known, Recording, clips, finite_frames
 from geneoh.datasets.objects import read_mesh
 from geneoh.datasets.records import Array, Record, read_json, read_record
 from geneoh.datasets.tracks import (
@@ -31,6 +31,8 @@ from geneoh.datasets.tracks import (
     sequence_of,
 )
 from geneoh.hand.model import Side
+
+SIDES: tuple[Side, Side] = ("right", "left")
 
 
 def find(path: Path) -> list[Clip]:
@@ -52,8 +54,8 @@ def read(clip: Clip, known: Known) -> list[Recording]:
     root = clip.path.parents[3] if len(clip.path.parents) > 3 else clip.path.parent
     folder = known.objects or root / "meta/object_vtemplates"
     meshes, said = read_parts(folder, name)
-    stored = {side: read_joints(world, side) for side in ("right", "left")}
-    tracks = [read_hand(params, side, stored[side], known) for side in ("right", "left")]
+    stored: dict[Side, Array | None] = {side: read_joints(world, side) for side in SIDES}
+    tracks = [read_hand(params, side, stored[side], known) for side in SIDES]
     sequence = sequence_of(
         tracks, object_track(meshes, motion), known.rate(FPS), f"ARCTIC {clip.name} (processed)"
     )
@@ -66,7 +68,7 @@ def read(clip: Clip, known: Known) -> list[Recording]:
     return recordings(
         clip.name,
         sequence,
-        object_known=np.isfinite(motion).all((1, 2, 3)),
+        object_known=finite_frames(motion),
         mesh_names=(f"arctic_{name}_bottom", f"arctic_{name}_top"),
         evidence=Evidence(
             joints={side: joints for side, joints in stored.items() if joints is not None},

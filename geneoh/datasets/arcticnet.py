@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from geneoh.datasets.arctic import part_motion, read_parts
-from geneoh.datasets.base import Clip, Evidence, Known, Recording, clip_name
+from geneoh.datasets.base import Clip, Evidence, Known, Recording, clip_name, finite_frames
 from geneoh.datasets.records import Array, Record, frame_number
 from geneoh.datasets.tracks import (
     Dialect,
@@ -70,7 +70,7 @@ def read(clip: Clip, known: Known) -> list[Recording]:
     return recordings(
         clip.name,
         sequence,
-        object_known=np.isfinite(motion).all((1, 2, 3)),
+        object_known=finite_frames(motion),
         mesh_names=(f"arctic_{words[1]}_bottom", f"arctic_{words[1]}_top"),
         evidence=Evidence(said=said),
     )

@@ -113,6 +113,11 @@ def clip_name(path: Path, parts: int) -> str:
     return "/".join("".join(c if c.isalnum() or c in "-_+" else "_" for c in w) for w in words)
 
 
+def finite_frames(values: Array) -> Array:
+    """(T,) for each frame, whether all of its numbers are finite."""
+    return np.asarray(np.isfinite(values.reshape(len(values), -1)).all(axis=1))
+
+
 def runs(present: Array) -> list[slice]:
     """The longest stretches of frames that are all there."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], present, [False]])))

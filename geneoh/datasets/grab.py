@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from geneoh.datasets.base import Clip, Known, Recording, clips
+from geneoh.datasets.base import Clip, Known, Recording, clips, finite_frames
 from geneoh.datasets.objects import find_mesh, read_mesh
 from geneoh.datasets.records import Array, Record, read_array, read_record
 from geneoh.datasets.tracks import (
@@ -53,7 +53,7 @@ def read(clip: Clip, known: Known) -> list[Recording]:
         known.rate(fps),
         f"GRAB {clip.name}",
     )
-    present = np.isfinite(motion).all((1, 2))
+    present = finite_frames(motion)
     return recordings(clip.name, sequence, object_known=present, mesh_names=(f"grab_{name}",))
 
 

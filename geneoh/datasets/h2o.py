@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from geneoh.datasets.base import Clip, Evidence, Known, Recording, clip_name
+from geneoh.datasets.base import Clip, Evidence, Known, Recording, clip_name, finite_frames
 from geneoh.datasets.objects import find_mesh, read_mesh
 from geneoh.datasets.records import Array, frame_number, read_numbers
 from geneoh.datasets.tracks import (
@@ -70,7 +70,7 @@ def read(clip: Clip, known: Known) -> list[Recording]:
         name = OBJECTS[kind - 1]
         folder = (known.objects or root / "object") / name
         mesh = read_mesh(find_mesh([*sorted(folder.glob("*.obj")), folder / f"{name}.obj"], name))
-        present = (placed[:, 0] == kind) & np.isfinite(poses).all((1, 2))
+        present = (placed[:, 0] == kind) & finite_frames(poses)
         sequence = sequence_of(
             tracks, object_track([mesh], poses[:, None]), known.rate(FPS), f"H2O {clip.name} {name}"
         )

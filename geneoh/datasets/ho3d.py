@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from geneoh.datasets.base import Clip, Evidence, Known, Recording, clip_name
+from geneoh.datasets.base import Clip, Evidence, Known, Recording, clip_name, finite_frames
 from geneoh.datasets.objects import find_mesh, read_mesh
 from geneoh.datasets.records import Array, Record, frame_number, read_record
 from geneoh.datasets.tracks import (
@@ -76,7 +76,7 @@ def read(clip: Clip, known: Known) -> list[Recording]:
     return recordings(
         clip.name,
         sequence,
-        object_known=np.isfinite(motion).all((1, 2)),
+        object_known=finite_frames(motion),
         mesh_names=(f"ycb_{name}",),
         evidence=Evidence(joints={"right": joints @ OPENCV_FROM_OPENGL}),
     )

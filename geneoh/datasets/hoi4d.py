@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from geneoh.datasets.base import Clip, Evidence, Known, Recording, clip_name
+from geneoh.datasets.base import Clip, Evidence, Known, Recording, clip_name, finite_frames
 from geneoh.datasets.objects import find_mesh, read_mesh
 from geneoh.datasets.records import (
     Array,
@@ -44,6 +44,7 @@ CATEGORIES = {
     **{7: "Bowl", 8: "Bucket", 9: "Scissors", 11: "Pliers", 12: "Kettle", 13: "Knife"},
     **{14: "TrashCan", 17: "Lamp", 18: "Stapler", 20: "Chair"},
 }
+SIDES: tuple[Side, Side] = ("right", "left")
 SWAPPED = ("Laptop", "Scissors")
 """Their first pose belongs to part 1, their second to part 0."""
 
@@ -59,13 +60,13 @@ def read(clip: Clip, known: Known) -> list[Recording]:
     parts = clip.path.parts[-7:]
     root = clip.path.parents[7]
     files = {frame_number(p): p for p in (clip.path / "objpose").glob("*.json")}
-    hands = {side: hand_files(root, side, parts) for side in ("right", "left")}
+    hands: dict[Side, dict[int, Path]] = {side: hand_files(root, side, parts) for side in SIDES}
     numbers = [frame for found in (files, *hands.values()) for frame in found]
     if not numbers:
         raise InputError(f"{clip.path}: expected frames in objpose, got none; download them")
     frames = max(numbers) + 1
     poses = read_poses(files, frames)
-    present = np.isfinite(poses).all((1, 2, 3))
+    present = finite_frames(poses)
     tracks = [read_hand(found, side, frames, known) for side, found in hands.items() if found]
     cameras, notes = read_cameras(clip.path / "3Dseg/output.log", frames)
     if cameras is not None:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from geneoh.datasets.base import Clip, Known, Recording, clips
+from geneoh.datasets.base import Clip, Known, Recording, clips, finite_frames
 from geneoh.datasets.objects import find_mesh, read_mesh
 from geneoh.datasets.records import Array, Record, as_record, read_record
 from geneoh.datasets.tracks import (
@@ -53,7 +53,7 @@ def read(clip: Clip, known: Known) -> list[Recording]:
     for item in record.items("obj_list"):
         places = record.record("obj_transf").record(item)
         motion = np.stack([pose_at(places, frame) for frame in frames])
-        present = np.isfinite(motion).all((1, 2))
+        present = finite_frames(motion)
         if not present.any():
             continue
         sequence = sequence_of(

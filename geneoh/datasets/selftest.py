@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 import torch
 
-from geneoh.datasets.base import Recording
+from geneoh.datasets.base import Recording, finite_frames
 from geneoh.datasets.records import Array
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import size_warning
@@ -67,12 +67,12 @@ def of_hand(hand: HandTrack, recording: Recording) -> Iterator[str]:
     wrist = None if hand.wrist is None else hand.wrist.double().numpy()
     valid = hand.valid.numpy()
     if joints is not None and wrist is not None:
-        valid = valid & np.isfinite(joints).all((1, 2))
+        valid = valid & finite_frames(joints)
         off = wrist[valid] - joints[valid, 0]
         if len(off) and np.median(np.linalg.norm(off, axis=1)) > recording.evidence.tolerance:
             yield wrist_words(off.mean(0), "the stored keypoints")
     if rim is not None and hand.pose is not None and wrist is not None:
-        yield from of_rim(hand.pose[valid, 0], wrist[valid], rim[valid])
+        yield from of_rim(hand.pose[torch.from_numpy(valid), 0], wrist[valid], rim[valid])
     if hand.joints is not None:
         yield from of_joints(hand.joints[hand.valid], hand.side)
     if hand.pose is None:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from geneoh.datasets.base import Clip, Known, Recording, clip_name
+from geneoh.datasets.base import Clip, Known, Recording, clip_name, finite_frames
 from geneoh.datasets.objects import find_mesh, read_mesh
 from geneoh.datasets.records import Array, Record, as_record, read_array, read_record
 from geneoh.datasets.tracks import (
@@ -69,7 +69,7 @@ def read_one(clip: Clip, known: Known, side: Side, pose: Path, root: Path) -> li
         known.rate(FPS),
         f"TACO {clip.path.parent.name} {clip.path.name} {role}",
     )
-    present = np.isfinite(motion).all((1, 2))
+    present = finite_frames(motion)
     return recordings(
         f"{clip.name}_{role}", sequence, object_known=present, mesh_names=(f"taco_{name}",)
     )

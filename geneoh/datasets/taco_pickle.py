@@ -8,9 +8,7 @@ the published files hold left hands.
 
 from pathlib import Path
 
-import numpy as np
-
-from geneoh.datasets.base import Clip, Evidence, Known, Recording, clips
+from geneoh.datasets.base import Clip, Evidence, Known, Recording, clips, finite_frames
 from geneoh.datasets.objects import mesh_from, read_mesh
 from geneoh.datasets.records import Array, Record, read_record
 from geneoh.datasets.tracks import (
@@ -67,7 +65,7 @@ def read(clip: Clip, known: Known) -> list[Recording]:
         f"{clip.path.name} (simplified TACO pickle)",
         *notes,
     )
-    present = np.isfinite(motion).all((1, 2))
+    present = finite_frames(motion)
     return recordings(
         clip.name,
         sequence,

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from scipy.spatial.transform import Rotation
 
-from geneoh.datasets.base import Evidence, Known, Recording, runs
+from geneoh.datasets.base import Evidence, Known, Recording, finite_frames, runs
 from geneoh.datasets.mano import LeftShape, Mano
 from geneoh.datasets.records import Array
 from geneoh.errors import InputError
@@ -150,7 +150,7 @@ def hand_track(
 ) -> HandTrack:
     """A track of MANO's numbers, of which every frame with NaN counts as not observed."""
     parts = [part for part in (pose, wrist, joints) if part is not None]
-    valid = np.stack([np.isfinite(part.reshape(len(part), -1)).all(1) for part in parts]).all(0)
+    valid = np.asarray(np.stack([finite_frames(part) for part in parts]).all(axis=0))
     return HandTrack(
         side=side,
         valid=torch.from_numpy(valid),
@@ -165,7 +165,7 @@ def hand_track(
 
 def joints_track(side: Side, joints: Array, confidence: Array | None = None) -> HandTrack:
     """A track of keypoints alone, of which every frame with NaN counts as not observed."""
-    valid = np.isfinite(joints.reshape(len(joints), -1)).all(1)
+    valid = finite_frames(joints)
     trust = None if confidence is None else tensor(np.nan_to_num(confidence))
     return HandTrack(side, torch.from_numpy(valid), joints=blanked(joints, valid), confidence=trust)
 

@@ -15,7 +15,7 @@ from geneoh.datasets.base import Known
 from geneoh.datasets.convert import find_clips, read_clip, source_named
 from geneoh.errors import GeneOHError
 
-TRIALS = 12
+TRIALS = 10
 """Damaged files of each tree; tests/pickles adds 1,800 below the adapters."""
 
 
