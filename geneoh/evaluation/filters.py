@@ -1,7 +1,5 @@
 """The cleaners people already have: low-pass filters, on keypoints and on parameters."""
 
-from dataclasses import replace
-
 import numpy as np
 import torch
 from jaxtyping import Float
@@ -53,8 +51,3 @@ def best_window(
     filtered = smooth_keypoints if on == "keypoints" else smooth_parameters
     tried = [(window, filtered(hand, window)) for window in WINDOWS]
     return min(tried, key=lambda made: float((made[1] - truth).norm(dim=-1).mean()))
-
-
-def without_pose(hand: HandTrack) -> HandTrack:
-    """The same track with keypoints only."""
-    return replace(hand, pose=None, wrist=None, betas=None, hand_model=None)
