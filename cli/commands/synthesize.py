@@ -18,7 +18,7 @@ from .. import options
 @click.option(
     "--count",
     type=click.IntRange(min=1),
-    default=3072,
+    default=20480,
     show_default=True,
     help="Interactions to make, 4 seconds each.",
 )

@@ -7,7 +7,7 @@ import click
 
 from .. import options
 
-STAGES = ("motion", "spatial", "temporal")
+STAGES = ("motion", "spatial", "temporal", "trajectory")
 
 
 @click.command()

@@ -54,11 +54,7 @@ class Observation:
         Networks work in these axes where there is an observation, so that a hand looks the same
         however it is turned; without one, random turns in training teach them that (eq. 25).
         """
-        wrist, middle, index, pinky = (self.joints[:, :, i].mean(1) for i in (0, 9, 5, 17))
-        first = normalize(middle - wrist, dim=-1)
-        across = index - pinky
-        second = normalize(across - (across * first).sum(-1, keepdim=True) * first, dim=-1)
-        axes = torch.stack([first, second, torch.linalg.cross(first, second)], dim=-1)
+        axes = palm_axes(self.joints)
         return torch.where(self.given[:, None, None] > 0, axes, torch.eye(3).to(axes))
 
     def turned(self, axes: Float[Tensor, "B 3 3"]) -> "Observation":
@@ -81,6 +77,15 @@ class Observation:
             torch.ones_like(self.trust[..., :1]),
         ]
         return torch.cat(parts, dim=-1) * self.given[:, None, None]
+
+
+def palm_axes(joints: Float[Tensor, "B T 21 3"]) -> Float[Tensor, "B 3 3"]:
+    """Axes of the window's mean palm as columns: along it, across it, out of it."""
+    wrist, middle, index, pinky = (joints[:, :, i].mean(1) for i in (0, 9, 5, 17))
+    first = normalize(middle - wrist, dim=-1)
+    across = index - pinky
+    second = normalize(across - (across * first).sum(-1, keepdim=True) * first, dim=-1)
+    return torch.stack([first, second, torch.linalg.cross(first, second)], dim=-1)
 
 
 FEATURES = 63 + 60 + 63 + 21 + 20 + 1

@@ -11,22 +11,25 @@ from torch import nn
 from geneoh.denoisers.motion import MotionConfig, MotionDenoiser
 from geneoh.denoisers.spatial import SpatialConfig, SpatialDenoiser
 from geneoh.denoisers.temporal import TemporalConfig, TemporalDenoiser
+from geneoh.denoisers.trajectory import TrajectoryConfig, TrajectoryDenoiser
 from geneoh.errors import CheckpointError
 from geneoh.nn.checkpoint import load_checkpoint
 
 SHIPPED = Path(__file__).parent / "assets"
-"""Folder of the weights inside the package: motion, spatial and temporal.safetensors."""
+"""Folder of the weights inside the package, STAGE.safetensors."""
+STAGES = ("motion", "spatial", "temporal", "trajectory")
 
 Network = TypeVar("Network", bound=nn.Module)
 
 
 @dataclass(frozen=True)
 class Denoisers:
-    """The three stages, ready to run."""
+    """The three stages, and MotionDiff in the paper's form, ready to run."""
 
     motion: MotionDenoiser
     spatial: SpatialDenoiser
     temporal: TemporalDenoiser
+    trajectory: TrajectoryDenoiser
     records: dict[str, dict[str, Any]]
     """How each stage was trained, by stage."""
 
@@ -38,10 +41,7 @@ def load_denoisers(folder: Path | None = None, *, device: torch.device | str = "
         CheckpointError: a file is missing or does not fit its network.
     """
     folder = folder or SHIPPED
-    saved = {
-        stage: load_checkpoint(folder / f"{stage}.safetensors")
-        for stage in ("motion", "spatial", "temporal")
-    }
+    saved = {stage: load_checkpoint(folder / f"{stage}.safetensors") for stage in STAGES}
 
     def rebuilt(stage: str, build: Callable[[dict[str, Any]], Network]) -> Network:
         try:
@@ -58,5 +58,6 @@ def load_denoisers(folder: Path | None = None, *, device: torch.device | str = "
         rebuilt("motion", lambda sizes: MotionDenoiser(MotionConfig(**sizes))),
         rebuilt("spatial", lambda sizes: SpatialDenoiser(SpatialConfig(**sizes))),
         rebuilt("temporal", lambda sizes: TemporalDenoiser(TemporalConfig(**sizes))),
+        rebuilt("trajectory", lambda sizes: TrajectoryDenoiser(TrajectoryConfig(**sizes))),
         {stage: checkpoint.record for stage, checkpoint in saved.items()},
     )

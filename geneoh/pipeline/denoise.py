@@ -23,7 +23,14 @@ from geneoh.hand.model import ShapedHand, Side
 from geneoh.metrics.report import InteractionReport, measure
 from geneoh.pipeline.person import Person, person_of
 from geneoh.pipeline.presets import Preset, PresetName, Selection, preset
-from geneoh.pipeline.stages import Scene, denoise_motion, denoise_spatial, denoise_temporal
+from geneoh.pipeline.stages import (
+    Scene,
+    denoise_motion,
+    denoise_spatial,
+    denoise_temporal,
+    denoise_trajectory,
+)
+from geneoh.representation.parameters import HandParameters
 from geneoh.sequence.checks import check_sequence
 from geneoh.sequence.resample import at_rate, over_frames
 from geneoh.sequence.tracks import HandTrack, ObjectTrack, Sequence
@@ -168,11 +175,7 @@ def _clean_right_hand(
         return query_parts(fields, moving.rotation, moving.translation, verts, within=NEAR)
 
     with torch.no_grad():
-        samples = _run_stages(denoisers, scene, person, chosen, heard, generator=generator)
-        index, target = _select(samples, person, chosen.selection)
-        state, shaped, betas = _fit(target, person, chosen, surface, heard("fit"))
-        posed = shaped.verts_from_rotations(state.rotations, state.wrist)
-        # verts and joints of the input as it came, for the comparison only
+        # the input as it came: what MotionDiff starts from, and the mesh of the comparison
         given = person.start or fit_hand(
             person.joints[None],
             person.trust[None],
@@ -180,6 +183,10 @@ def _clean_right_hand(
             start_from_keypoints(person.joints[None], person.shaped),
             config=FitConfig(steady_finger=0.2, steady_wrist=0.0),
         )
+        samples = _run_stages(denoisers, scene, person, given, chosen, heard, generator=generator)
+        index, target = _select(samples, person, chosen.selection)
+        state, shaped, betas = _fit(target, person, chosen, surface, heard("fit"))
+        posed = shaped.verts_from_rotations(state.rotations, state.wrist)
         raw = person.shaped.verts_from_rotations(given.rotations, given.wrist)
     clean = HandTrack(
         side="right",
@@ -237,22 +244,35 @@ def _run_stages(
     denoisers: Denoisers,
     scene: Scene,
     person: Person,
+    given: HandState,
     chosen: Preset,
     heard: Callable[[str], Callable[[int, int], None]],
     *,
     generator: torch.Generator,
 ) -> Float[Tensor, "S T 21 3"]:
     """MotionDiff, SpatialDiff and TemporalDiff in order, all samples in one batch."""
-    joints = person.joints.expand(chosen.samples, -1, -1, -1)
-    joints = denoise_motion(
-        denoisers.motion,
-        joints,
-        scene,
-        chosen.motion,
-        observed=chosen.observed,
-        generator=generator,
-        on_step=heard("motion"),
-    )
+    if chosen.observed:
+        joints = denoise_motion(
+            denoisers.motion,
+            HandParameters(
+                given.wrist, given.rotations[..., 0, :, :], given.pose[..., 1:, :], person.offsets
+            ),
+            scene,
+            chosen.motion,
+            samples=chosen.samples,
+            generator=generator,
+            on_step=heard("motion"),
+        ).joints
+    else:
+        joints = denoise_trajectory(
+            denoisers.trajectory,
+            person.joints.expand(chosen.samples, -1, -1, -1),
+            scene,
+            chosen.motion,
+            observed=False,
+            generator=generator,
+            on_step=heard("motion"),
+        )
     joints = denoise_spatial(
         denoisers.spatial,
         joints,

@@ -25,6 +25,8 @@ class Person:
 
     shaped: ShapedHand
     betas: Float[Tensor, " S"]
+    offsets: Float[Tensor, "1 20 3"]
+    """The person's own skeleton: exact where pose and joints tell it, else that of `shaped`."""
     joints: Float[Tensor, "T 21 3"]
     trust: Float[Tensor, "T 21"]
     """0 where a frame was filled in; elsewhere the confidence, or 1."""
@@ -69,7 +71,12 @@ def person_of(track: HandTrack, model: HandModel) -> Person:
     trust = torch.ones_like(joints[..., 0]) if filled.confidence is None else filled.confidence
     trust = trust.clamp(0, 1) * track.valid[:, None]
     start = None if rotations is None else HandState(rotations[None], joints[None, :, 0])
-    return Person(model.shaped(betas), betas, joints, trust, start, tuple(notes))
+    shaped = model.shaped(betas)
+    if rotations is None or filled.joints is None:
+        offsets = shaped.offsets
+    else:
+        offsets = rest_offsets(rotations, joints, track.valid)
+    return Person(shaped, betas, offsets[None], joints, trust, start, tuple(notes))
 
 
 def _misfit(

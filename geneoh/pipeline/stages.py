@@ -13,15 +13,18 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from geneoh.denoisers.base import HAND_SCALE, POINTS, Observation
-from geneoh.denoisers.motion import MotionDenoiser
+from geneoh.denoisers.motion import MotionDenoiser, ObservedMotion
 from geneoh.denoisers.spatial import SpatialDenoiser
 from geneoh.denoisers.temporal import TemporalDenoiser
+from geneoh.denoisers.trajectory import TrajectoryDenoiser
 from geneoh.diffusion.samplers import OnStep, denoise_via_diffusion
 from geneoh.diffusion.schedule import descending_sigmas
 from geneoh.fitting.align import AlignConfig, align_to_relations
 from geneoh.pipeline.presets import StagePlan
-from geneoh.representation.region import ContactRegion, contact_region
+from geneoh.representation.parameters import HandParameters
+from geneoh.representation.region import ContactRegion, contact_region, surface_to_world
 from geneoh.representation.temporal import PairStatistics, encode_temporal
+from geneoh.representation.touch import nearest_points
 from geneoh.sequence.windows import WINDOW, fold, unfold, window_starts
 
 SELECT_EVERY = 4
@@ -76,14 +79,14 @@ class Scene:
         windows = windows.unflatten(-1, moved.shape[1:])
         return windows.movedim((0, 1), (axis, axis + 1))
 
-    def windows(self, joints: Float[Tensor, "S T 21 3"]) -> Float[Tensor, "B N 21 3"]:
+    def windows(self, values: Float[Tensor, "S T ..."]) -> Float[Tensor, "B N ..."]:
         """All windows of all samples as one batch, samples outermost."""
-        return self.cut(joints, 1).flatten(0, 1)
+        return self.cut(values, 1).flatten(0, 1)
 
-    def blend(self, windows: Float[Tensor, "B N 21 3"]) -> Float[Tensor, "S T 21 3"]:
+    def blend(self, windows: Float[Tensor, "B N ..."]) -> Float[Tensor, "S T ..."]:
         """Inverse of `windows`: overlapping windows cross smoothly."""
         parted = windows.flatten(2).unflatten(0, (-1, len(self.starts)))
-        return fold(parted, self.starts, self.frames).unflatten(-1, (21, 3))
+        return fold(parted, self.starts, self.frames).unflatten(-1, windows.shape[2:])
 
     def region(self, joints: Float[Tensor, "S T 21 3"]) -> ContactRegion:
         """Contact points of each window of each sample, from that sample's own hand."""
@@ -118,9 +121,77 @@ class Scene:
             region.to_canon(windows), trust, torch.full((len(windows),), float(given)).to(joints)
         )
 
+    def observed_motion(self, hand: HandParameters, region: ContactRegion) -> ObservedMotion:
+        """Windows of a hand of the world (one sample), as MotionDiff is shown them."""
+        world, normals = surface_to_world(
+            self.points, self.normals, self.part, self.rotation, self.translation
+        )
+        nearest, outward = nearest_points(hand.joints[0], world, normals)
+        canonical = HandParameters(
+            region.to_canon(self.windows(hand.wrist[..., None, :]))[..., 0, :],
+            region.rotation.mT @ self.windows(hand.turn),
+            self.windows(hand.fingers),
+            hand.offsets.expand(len(region.center), 20, 3),
+        )
+        return ObservedMotion(
+            canonical,
+            self.cut(self.trust, 0).mean(-1),
+            region.to_canon(self.cut(nearest, 0)),
+            self.cut(outward, 0) @ region.rotation,
+            region.rotation,
+            region.center,
+        )
+
 
 def denoise_motion(
     model: MotionDenoiser,
+    hand: HandParameters,
+    scene: Scene,
+    plan: StagePlan,
+    *,
+    samples: int,
+    generator: torch.Generator,
+    on_step: OnStep | None = None,
+) -> HandParameters:
+    """MotionDiff: `samples` hands of the world with natural canonical trajectories.
+
+    Args:
+        model: the denoiser of changes of the observed hand.
+        hand: the observed hand in the world, one sample, gaps filled.
+        scene: the object and the windows.
+        plan: how it is denoised.
+        samples: diffusion chains to draw.
+        generator: source of the noise.
+        on_step: called with (done, total) after each denoiser call.
+    """
+    seen = scene.observed_motion(hand, scene.region(hand.joints))
+    seen = seen.repeated(samples)
+
+    def clean(x: Tensor, sigma: float) -> Tensor:
+        windows = scene.windows(x)
+        return scene.blend(model(windows, windows.new_full((len(windows),), sigma), seen))
+
+    change = denoise_via_diffusion(
+        clean,
+        hand.wrist.new_zeros(samples, scene.frames, 51),
+        descending_sigmas(plan.level, plan.steps),
+        sampler=plan.sampler,
+        generator=generator,
+        on_step=on_step,
+    )
+    turn = scene.rotation[:, 0]  # the wrist's change is in the axes of the object's first part
+    wrist = (turn @ change[..., :3, None])[..., 0]
+    many = HandParameters(
+        *(
+            value.expand(samples, *value.shape[1:])
+            for value in (hand.wrist, hand.turn, hand.fingers, hand.offsets)
+        )
+    )
+    return many.moved(torch.cat([wrist, change[..., 3:]], dim=-1))
+
+
+def denoise_trajectory(
+    model: TrajectoryDenoiser,
     joints: Float[Tensor, "S T 21 3"],
     scene: Scene,
     plan: StagePlan,
@@ -129,7 +200,7 @@ def denoise_motion(
     generator: torch.Generator,
     on_step: OnStep | None = None,
 ) -> Float[Tensor, "S T 21 3"]:
-    """MotionDiff: world keypoints with natural canonical trajectories."""
+    """MotionDiff as the paper has it: world keypoints with natural canonical trajectories."""
     region = scene.region(joints)
     observation = scene.observation(joints, region, observed)
 

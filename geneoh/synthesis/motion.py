@@ -1,5 +1,6 @@
 """From grasps to interactions at 30 frames a second: reach, close, carry, adjust, let go, leave."""
 
+import math
 from dataclasses import dataclass
 
 import torch
@@ -127,9 +128,12 @@ def animate(
     openness = torch.maximum(open_in, open_out)[..., None, None] * uniform(0.5, 1.0, 1, 1, 1)
     fingers = grasps.pose[:, None, 1:]
     fingers = fingers + openness * (flat - fingers)
-    lifted = (torch.rand(batch, 5, generator=generator) < 0.12).float()
+    lifted = (torch.rand(batch, 5, generator=generator) < 0.15).float()
     beat = uniform(0.2, 0.8, 1) * frames
     bump = torch.exp(-0.5 * ((time - beat) / 7.0) ** 2)
+    # a tool in use: the same fingers open and close again and again
+    period, works = uniform(12.0, 40.0, 1), torch.rand(batch, 1, generator=generator) < 0.2
+    bump = torch.where(works, 0.5 - 0.5 * torch.cos(2 * math.pi * (time - beat) / period), bump)
     lift = bump[..., None] * lifted.repeat_interleave(3, dim=1)[:, None]
     fingers = fingers + (lift * uniform(0.2, 0.6, 1, 1))[..., None] * (flat - fingers)
     tremble = _wander(batch, frames, 45, 8.0, generator=generator).reshape(batch, frames, 15, 3)

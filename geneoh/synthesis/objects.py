@@ -202,6 +202,154 @@ def _cluster(u: Draw) -> list[_Solid]:
     ]
 
 
+def _ball(u: Draw) -> list[_Solid]:
+    r = u(0.015, 0.06)
+    return [_Solid(ELLIPSOID, (r, r, r))]
+
+
+def _coin(u: Draw) -> list[_Solid]:
+    r = u(0.012, 0.045)
+    return [_Solid(CYLINDER, (r, r, u(0.0015, 0.006)), rounding=0.001)]
+
+
+def _phone(u: Draw) -> list[_Solid]:
+    return [_Solid(BOX, (u(0.06, 0.085), u(0.03, 0.042), u(0.0035, 0.006)), rounding=0.0033)]
+
+
+def _pen(u: Draw) -> list[_Solid]:
+    r = u(0.0035, 0.007)
+    return [_Solid(CYLINDER, (r, r, u(0.05, 0.09)), rounding=0.9 * r)]
+
+
+def _carton(u: Draw) -> list[_Solid]:
+    return [_Solid(BOX, (u(0.05, 0.15), u(0.04, 0.12), u(0.03, 0.1)), rounding=0.002)]
+
+
+def _bowl(u: Draw) -> list[_Solid]:
+    r, tube, h = u(0.045, 0.085), u(0.004, 0.007), u(0.02, 0.045)
+    rims = [_Solid(TORUS, ((0.7 + 0.3 * k) * r, tube, 1.0), (0.0, 0.0, k * h)) for k in (0.0, 0.5)]
+    base = _Solid(CYLINDER, (0.7 * r, 0.7 * r, tube), rounding=0.002)
+    return [base, *rims, _Solid(TORUS, (r, tube, 1.0), (0.0, 0.0, h))]
+
+
+def _plate(u: Draw) -> list[_Solid]:
+    r, tube = u(0.06, 0.12), u(0.004, 0.007)
+    rim = _Solid(TORUS, (r, tube, 1.0), (0.0, 0.0, 2 * tube))
+    return [_Solid(CYLINDER, (r, r, tube), rounding=0.002), rim]
+
+
+def _spoon(u: Draw) -> list[_Solid]:
+    length, bowl = u(0.05, 0.09), u(0.015, 0.03)
+    handle = _Solid(BOX, (length, u(0.004, 0.008), u(0.002, 0.004)), rounding=0.0015)
+    return [handle, _Solid(ELLIPSOID, (bowl, 0.7 * bowl, 0.006), (length + 0.8 * bowl, 0.0, 0.0))]
+
+
+def _brush(u: Draw) -> list[_Solid]:
+    length, r = u(0.05, 0.08), u(0.006, 0.012)
+    handle = _Solid(CYLINDER, (r, r, length), turn=(0.0, math.pi / 2, 0.0), rounding=0.9 * r)
+    head = _Solid(BOX, (u(0.02, 0.04), u(0.01, 0.025), u(0.008, 0.02)), (length + 0.02, 0.0, 0.0))
+    return [handle, head]
+
+
+def _screwdriver(u: Draw) -> list[_Solid]:
+    grip, shaft, r = u(0.035, 0.06), u(0.04, 0.08), u(0.009, 0.016)
+    handle = _Solid(CYLINDER, (r, r, grip), rounding=0.5 * r)
+    return [handle, _Solid(CYLINDER, (0.003, 0.003, shaft), (0.0, 0.0, grip + shaft))]
+
+
+def _scissors(u: Draw) -> list[_Solid]:
+    opening, blade = u(0.05, 0.5), u(0.04, 0.07)
+    radius, tube = u(0.013, 0.024), u(0.0035, 0.006)
+    solids = []
+    for side in (-1.0, 1.0):
+        c, s = math.cos(side * opening / 2), math.sin(side * opening / 2)
+        reach = -0.75 * blade - radius
+        loop = (reach * c - side * radius * s, reach * s + side * radius * c, 0.0)
+        bar = (blade, u(0.004, 0.007), u(0.0015, 0.003))
+        solids.append(
+            _Solid(
+                BOX,
+                bar,
+                (0.15 * blade * c, 0.15 * blade * s, 0.002 * side),
+                (0.0, 0.0, side * opening / 2),
+                0.001,
+            )
+        )
+        solids.append(_Solid(TORUS, (radius, tube, 1.0), loop))
+    return solids
+
+
+def _pliers(u: Draw) -> list[_Solid]:
+    opening, grip, r = u(0.15, 0.6), u(0.05, 0.08), u(0.005, 0.009)
+    handles = [
+        _Solid(
+            BOX,
+            (grip, r, r),
+            (-grip * math.cos(turn), -grip * math.sin(turn), 0.0),
+            (0.0, 0.0, turn),
+            0.8 * r,
+        )
+        for turn in (-opening / 2, opening / 2)
+    ]
+    return [*handles, _Solid(BOX, (u(0.015, 0.03), u(0.008, 0.015), r), (0.015, 0.0, 0.0))]
+
+
+def _laptop(u: Draw) -> list[_Solid]:
+    width, depth, opening = u(0.08, 0.14), u(0.06, 0.1), u(0.3, 2.0)
+    thick = u(0.003, 0.006)
+    lid = (
+        -depth + depth * math.cos(opening),
+        0.0,
+        depth * math.sin(opening),
+    )
+    return [
+        _Solid(BOX, (depth, width, thick)),
+        _Solid(BOX, (depth, width, thick), lid, (0.0, -opening, 0.0)),
+    ]
+
+
+def _drawer(u: Draw) -> list[_Solid]:
+    w, h = u(0.06, 0.12), u(0.03, 0.06)
+    knob, t = u(0.025, 0.05), u(0.004, 0.007)
+    bar = _Solid(CYLINDER, (t, t, knob), (0.03 + 0.025, 0.0, 0.0), (math.pi / 2, 0.0, 0.0), 0.9 * t)
+    posts = [
+        _Solid(BOX, (0.014, t, t), (0.03 + 0.013, side * 0.8 * knob, 0.0)) for side in (-1.0, 1.0)
+    ]
+    return [_Solid(BOX, (0.03, w, h)), bar, *posts]
+
+
+def _kettle(u: Draw) -> list[_Solid]:
+    r, h, ring = u(0.045, 0.07), u(0.04, 0.06), u(0.03, 0.045)
+    handle = _Solid(
+        TORUS, (ring, u(0.006, 0.01), 1.0), (0.0, 0.0, h + 0.5 * ring), (math.pi / 2, 0.0, 0.0)
+    )
+    return [_Solid(CYLINDER, (r, r, h), rounding=0.01), handle]
+
+
+def _wine_glass(u: Draw) -> list[_Solid]:
+    r, stem = u(0.025, 0.042), u(0.03, 0.05)
+    return [
+        _Solid(ELLIPSOID, (r, r, 1.3 * r), (0.0, 0.0, stem + 1.1 * r)),
+        _Solid(CYLINDER, (0.004, 0.004, stem)),
+        _Solid(CYLINDER, (0.8 * r, 0.8 * r, 0.003), (0.0, 0.0, -stem), rounding=0.001),
+    ]
+
+
+def _mouse(u: Draw) -> list[_Solid]:
+    return [_Solid(ELLIPSOID, (u(0.045, 0.06), u(0.025, 0.036), u(0.014, 0.024)))]
+
+
+def _spray(u: Draw) -> list[_Solid]:
+    r, h, reach = u(0.022, 0.036), u(0.05, 0.08), u(0.015, 0.03)
+    top = h + 0.02
+    return [
+        _Solid(CYLINDER, (r, r, h), rounding=0.4 * r),
+        _Solid(BOX, (reach, 0.011, 0.01), (0.4 * reach, 0.0, top), rounding=0.003),
+        _Solid(BOX, (0.004, 0.006, 0.016), (reach, 0.0, top - 0.02), (0.0, 0.3, 0.0)),
+        _Solid(CYLINDER, (0.4 * r, 0.4 * r, 0.015), (0.0, 0.0, h)),
+    ]
+
+
 FAMILIES: dict[str, Callable[[Draw], list[_Solid]]] = {
     "box": _box,
     "board": _board,
@@ -216,6 +364,24 @@ FAMILIES: dict[str, Callable[[Draw], list[_Solid]]] = {
     "knife": _knife,
     "loop_tool": _loop_tool,
     "cluster": _cluster,
+    "ball": _ball,
+    "coin": _coin,
+    "phone": _phone,
+    "pen": _pen,
+    "carton": _carton,
+    "bowl": _bowl,
+    "plate": _plate,
+    "spoon": _spoon,
+    "brush": _brush,
+    "screwdriver": _screwdriver,
+    "scissors": _scissors,
+    "pliers": _pliers,
+    "laptop": _laptop,
+    "drawer": _drawer,
+    "kettle": _kettle,
+    "wine_glass": _wine_glass,
+    "mouse": _mouse,
+    "spray": _spray,
 }
 
 

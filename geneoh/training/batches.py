@@ -1,20 +1,40 @@
 """Training batches: random windows of synthetic interactions, corrupted and made canonical."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import TypeVar
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
 from geneoh.denoisers.base import POINTS, Observation
-from geneoh.geometry.rotations import axis_angle_to_matrix
-from geneoh.hand.skeleton import forward_kinematics
+from geneoh.denoisers.motion import ObservedMotion
+from geneoh.geometry.rotations import axis_angle_to_matrix, interpolate_rotations
+from geneoh.representation.parameters import HandParameters
 from geneoh.representation.region import ContactRegion, contact_region
+from geneoh.representation.touch import nearest_points
 from geneoh.synthesis.motion import Interactions
 from geneoh.training.corruption import draw_corruption
 
 WINDOW = 60
 """Frames of a window (paper: 60 at 30 frames a second)."""
+STYLE_SHARE, STYLE_STD = 0.5, 0.12
+"""Share of the windows whose finger pose is set off as a whole, and by how much (rad): people, and
+the fits that make ground truth, hold a hand in ways that our grasps do not know."""
+
+
+Bundle = TypeVar("Bundle")
+
+
+def moved_to(bundle: Bundle, device: torch.device) -> Bundle:
+    """A dataclass of tensors and such dataclasses on another device."""
+    return type(bundle)(
+        **{
+            field.name: value.to(device) if isinstance(value, Tensor) else moved_to(value, device)
+            for field in fields(bundle)
+            for value in [getattr(bundle, field.name)]
+        }
+    )
 
 
 @dataclass(frozen=True)
@@ -29,20 +49,14 @@ class Batch:
     observation: Observation
     """The noisy hand in the canonical frame of `region`."""
 
+    hand: HandParameters
+    """The clean hand's parameters in the canonical frame of `region`."""
+    motion: ObservedMotion
+    """The noisy hand's parameters there, with what MotionDiff is shown besides."""
+
     def to(self, device: torch.device) -> "Batch":
         """The same batch on another device."""
-        seen, region = self.observation, self.region
-        return Batch(
-            self.clean.to(device),
-            self.noisy.to(device),
-            ContactRegion(
-                region.points.to(device),
-                region.normals.to(device),
-                region.rotation.to(device),
-                region.center.to(device),
-            ),
-            Observation(seen.joints.to(device), seen.trust.to(device), seen.given.to(device)),
-        )
+        return moved_to(self, device)
 
     @property
     def clean_canon(self) -> Float[Tensor, "B T 21 3"]:
@@ -50,8 +64,8 @@ class Batch:
         return self.region.to_canon(self.clean)
 
 
-def filled(values: Float[Tensor, "B T D"], keep: Bool[Tensor, "B T"]) -> Float[Tensor, "B T D"]:
-    """Frames that are not kept, interpolated linearly between their kept neighbours."""
+def filled(hand: HandParameters, keep: Bool[Tensor, "B T"]) -> HandParameters:
+    """Frames that are not kept, interpolated between their kept neighbours, held at the ends."""
     frames = keep.shape[1]
     time = torch.arange(frames, device=keep.device).expand_as(keep)
     before = torch.where(keep, time, -1).cummax(1).values
@@ -60,10 +74,17 @@ def filled(values: Float[Tensor, "B T D"], keep: Bool[Tensor, "B T"]) -> Float[T
     after_or = torch.where(after >= frames, before, after)
     weight = (time - before_or) / (after_or - before_or).clamp(min=1)
 
-    def at(index: Tensor) -> Tensor:
-        return values.gather(1, index[..., None].expand_as(values))
+    def between(values: Tensor) -> Tensor:
+        flat = values.flatten(2)
+        start, end = (flat.gather(1, at[..., None].expand_as(flat)) for at in (before_or, after_or))
+        return torch.lerp(start, end, weight[..., None].to(flat)).view_as(values)
 
-    return torch.lerp(at(before_or), at(after_or), weight[..., None].to(values))
+    batch = torch.arange(len(keep), device=keep.device)[:, None]
+    turn = interpolate_rotations(
+        hand.turn[batch, before_or], hand.turn[batch, after_or], weight.to(hand.wrist)
+    )
+    turn = torch.where(keep[..., None, None], hand.turn, turn)
+    return HandParameters(between(hand.wrist), turn, between(hand.fingers), hand.offsets)
 
 
 def draw_batch(
@@ -91,19 +112,29 @@ def draw_batch(
     pick = integers(0, total, size)
     window = integers(0, available - frames + 1, size)[:, None] + torch.arange(frames)
     at = pick[:, None]
-    pose, wrist, offsets = data.pose[at, window], data.wrist[at, window], data.offsets[at]
+    rotation, translation = data.rotation[at, window], data.translation[at, window]
     noise = draw_corruption(size, frames, generator=generator, whiteness=whiteness)
-    clean, _ = forward_kinematics(axis_angle_to_matrix(pose), wrist, offsets)
-    turned = axis_angle_to_matrix(pose + noise.pose)
-    noisy, _ = forward_kinematics(turned, wrist + noise.translation, offsets)
-    noisy = filled((noisy + noise.jitter).flatten(2), noise.keep).unflatten(-1, (21, 3))
+    style = torch.randn(size, 1, 15, 3, generator=generator) * STYLE_STD
+    style = style * (torch.rand(size, 1, 1, 1, generator=generator) < STYLE_SHARE)
+    pose, wrist, offsets = data.pose[at, window], data.wrist[at, window], data.offsets[pick]
+    fingers = pose[:, :, 1:] + style
+    clean = HandParameters(wrist, axis_angle_to_matrix(pose[:, :, 0]), fingers, offsets)
+    noisy = HandParameters(
+        wrist + noise.translation,
+        axis_angle_to_matrix(pose[:, :, 0] + noise.pose[:, :, 0]),
+        fingers + noise.pose[:, :, 1:],
+        offsets,
+    )
+    noisy = filled(noisy, noise.keep)
+    joints = noisy.joints + noise.jitter
+    points, normals = data.points[pick], data.normals[pick]
     region = contact_region(
-        noisy,
-        data.points[pick],
-        data.normals[pick],
-        torch.zeros(size, data.points.shape[1], dtype=torch.long),
-        data.rotation[at, window][:, :, None],
-        data.translation[at, window][:, :, None],
+        joints,
+        points,
+        normals,
+        torch.zeros(size, points.shape[1], dtype=torch.long),
+        rotation[:, :, None],
+        translation[:, :, None],
         count=POINTS,
         every=4,
     )
@@ -111,5 +142,34 @@ def draw_batch(
     region = region.turned(turn)
     given = (torch.rand(size, generator=generator) >= withheld).float()
     trust = noise.keep[..., None].expand(-1, -1, 21).float()
-    observation = Observation(region.to_canon(noisy), trust, given)
-    return Batch(clean, noisy, region, observation)
+    local = ((noisy.joints - translation[:, :, None]) @ rotation).flatten(1, 2)
+    nearest, outward = (
+        found.unflatten(1, (frames, 21)) @ rotation.transpose(-1, -2)
+        for found in nearest_points(local, points, normals)
+    )
+    motion = ObservedMotion(
+        canonical(noisy, region),
+        noise.keep.float(),
+        region.to_canon(nearest + translation[:, :, None]),
+        outward @ region.rotation,
+        region.rotation,
+        region.center,
+    )
+    return Batch(
+        clean.joints,
+        joints,
+        region,
+        Observation(region.to_canon(joints), trust, given),
+        canonical(clean, region),
+        motion,
+    )
+
+
+def canonical(hand: HandParameters, region: ContactRegion) -> HandParameters:
+    """A hand of the world in the canonical frame of a region."""
+    return HandParameters(
+        region.to_canon(hand.wrist[..., None, :])[..., 0, :],
+        region.rotation.transpose(-1, -2) @ hand.turn,
+        hand.fingers,
+        hand.offsets,
+    )

@@ -6,8 +6,10 @@ from typing import Literal
 from geneoh.denoisers.motion import MotionConfig
 from geneoh.denoisers.spatial import SpatialConfig
 from geneoh.denoisers.temporal import TemporalConfig
+from geneoh.denoisers.trajectory import TrajectoryConfig
 
-Stage = Literal["motion", "spatial", "temporal"]
+Stage = Literal["motion", "spatial", "temporal", "trajectory"]
+"""The three stages of the default, and MotionDiff in the paper's own form."""
 
 
 @dataclass(frozen=True)
@@ -40,3 +42,4 @@ class TrainConfig:
     motion: MotionConfig = field(default_factory=MotionConfig)
     spatial: SpatialConfig = field(default_factory=SpatialConfig)
     temporal: TemporalConfig = field(default_factory=TemporalConfig)
+    trajectory: TrajectoryConfig = field(default_factory=TrajectoryConfig)

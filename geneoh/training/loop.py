@@ -15,6 +15,7 @@ from typing_extensions import assert_never
 from geneoh.denoisers.motion import MotionDenoiser
 from geneoh.denoisers.spatial import SpatialDenoiser
 from geneoh.denoisers.temporal import TemporalDenoiser
+from geneoh.denoisers.trajectory import TrajectoryDenoiser
 from geneoh.errors import CheckpointError
 from geneoh.nn.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
 from geneoh.synthesis.motion import Interactions
@@ -48,6 +49,8 @@ def build_model(stage: Stage, config: TrainConfig) -> nn.Module:
                 return SpatialDenoiser(config.spatial)
             case "temporal":
                 return TemporalDenoiser(config.temporal)
+            case "trajectory":
+                return TrajectoryDenoiser(config.trajectory)
             case _:
                 assert_never(stage)
 
@@ -58,6 +61,8 @@ def loss_of(stage: Stage, step: int, config: TrainConfig) -> Loss:
         return losses.motion_loss
     if stage == "spatial":
         return losses.spatial_loss
+    if stage == "trajectory":
+        return losses.trajectory_loss
     early = step < config.autoencoder_steps
     return losses.reconstruction_loss if early else losses.temporal_loss
 

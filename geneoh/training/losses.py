@@ -8,6 +8,7 @@ from geneoh.denoisers.base import HAND_SCALE
 from geneoh.denoisers.motion import MotionDenoiser
 from geneoh.denoisers.spatial import SpatialDenoiser
 from geneoh.denoisers.temporal import LATENT_NOISE_SCALE, TemporalDenoiser
+from geneoh.denoisers.trajectory import TrajectoryDenoiser
 from geneoh.diffusion.precondition import loss_weight
 from geneoh.diffusion.samplers import normal_like
 from geneoh.representation.temporal import DISTANCE_DECAY, encode_temporal
@@ -25,8 +26,28 @@ def draw_sigma(count: int, *, generator: torch.Generator) -> Float[Tensor, " B"]
     return torch.exp(low + (high - low) * torch.rand(count, generator=generator))
 
 
+KEYPOINT_UNIT = 0.02
+"""Keypoint error that weighs as much as parameters off by one unit, metres."""
+
+
 def motion_loss(
     model: MotionDenoiser, batch: Batch, *, generator: torch.Generator
+) -> Float[Tensor, ""]:
+    """Weighted squared error of the clean hand's parameters and of the keypoints they make."""
+    seen, clean = batch.motion, batch.clean_canon
+    change = seen.hand.change_to(batch.hand)
+    sigma = draw_sigma(len(change), generator=generator).to(change)
+    noise = normal_like(change, generator=generator)
+    predicted = model(change + sigma[:, None, None] * noise, sigma, seen)
+    parameters = (predicted - change).square().mean((1, 2))
+    off = seen.hand.moved(predicted).joints - clean
+    keypoints = off.square().mean((1, 2, 3)) / KEYPOINT_UNIT**2
+    weight = loss_weight(sigma, torch.ones_like(sigma))
+    return (weight * (0.5 * parameters + keypoints)).mean()
+
+
+def trajectory_loss(
+    model: TrajectoryDenoiser, batch: Batch, *, generator: torch.Generator
 ) -> Float[Tensor, ""]:
     """Weighted squared error of clean canonical keypoints (paper C.4; x0 form of its eps loss)."""
     clean = batch.clean_canon
@@ -130,6 +151,12 @@ def recovered_fraction(
     sigma = given * 0.5
     match model:
         case MotionDenoiser():
+            hand = batch.motion.hand
+            change = torch.zeros_like(hand.change_to(hand))
+            noise = 0.5 * normal_like(change, generator=generator)
+            got = hand.moved(model(change + noise, sigma, batch.motion)).joints
+            noisy = hand.joints
+        case TrajectoryDenoiser():
             noise = 0.5 * HAND_SCALE * normal_like(noisy, generator=generator)
             got = model(noisy + noise, sigma * HAND_SCALE, observation)
         case SpatialDenoiser():

@@ -7,11 +7,13 @@ from geneoh.denoisers.library import load_denoisers
 from geneoh.denoisers.motion import MotionConfig, MotionDenoiser
 from geneoh.denoisers.spatial import SpatialConfig, SpatialDenoiser
 from geneoh.denoisers.temporal import TemporalConfig, TemporalDenoiser
+from geneoh.denoisers.trajectory import TrajectoryConfig, TrajectoryDenoiser
 from geneoh.errors import CheckpointError
 from geneoh.nn.checkpoint import Checkpoint, save_checkpoint
 
 NETWORKS = {
     "motion": MotionDenoiser(MotionConfig(width=16, depth=1, heads=2)),
+    "trajectory": TrajectoryDenoiser(TrajectoryConfig(width=16, depth=1, heads=2)),
     "spatial": SpatialDenoiser(SpatialConfig(width=16, depth=1, heads=2, point_width=8)),
     "temporal": TemporalDenoiser(
         TemporalConfig(latent=6, point_width=8, width=16, depth=1, heads=2)

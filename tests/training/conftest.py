@@ -8,6 +8,7 @@ import torch
 from geneoh.denoisers.motion import MotionConfig
 from geneoh.denoisers.spatial import SpatialConfig
 from geneoh.denoisers.temporal import TemporalConfig
+from geneoh.denoisers.trajectory import TrajectoryConfig
 from geneoh.hand.library import load_hand
 from geneoh.synthesis.grasps import NATURAL_MEAN, Grasps
 from geneoh.synthesis.motion import Interactions, animate
@@ -48,6 +49,7 @@ def tiny() -> TrainConfig:
         validate_every=2,
         validation_batches=1,
         motion=MotionConfig(width=16, depth=1, heads=2),
+        trajectory=TrajectoryConfig(width=16, depth=1, heads=2),
         spatial=SpatialConfig(width=16, depth=1, heads=2, point_width=8),
         temporal=TemporalConfig(latent=6, point_width=8, width=16, depth=1, heads=2),
     )

@@ -6,7 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from geneoh.denoisers.base import POINTS
+from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import bone_lengths
+from geneoh.representation.parameters import HandParameters
 from geneoh.sequence.gaps import observed_around
 from geneoh.training.batches import WINDOW, Batch, draw_batch, filled
 
@@ -16,7 +18,8 @@ def seeded(seed: int = 0) -> torch.Generator:
 
 
 def tensors(batch: Batch) -> list[torch.Tensor]:
-    parts = (batch, batch.region, batch.observation)
+    motion = batch.motion
+    parts = (batch, batch.region, batch.observation, batch.hand, motion, motion.hand)
     found = [getattr(part, f.name) for part in parts for f in fields(part)]
     return [value for value in found if isinstance(value, torch.Tensor)]
 
@@ -28,12 +31,24 @@ masks = st.lists(st.booleans(), min_size=1, max_size=9).filter(any)
 def test_gaps_are_filled_as_a_sequences_gaps_are(first, second):
     frames = max(len(first), len(second))
     keep = torch.tensor([(mask * 9)[:frames] for mask in (first, second)])
-    values = torch.randn(2, frames, 6, generator=seeded())
-    got = filled(values, keep)
-    for row, mask, answer in zip(values, keep, got, strict=True):
-        want = observed_around(mask).points(row)
-        torch.testing.assert_close(answer, want, atol=1e-6, rtol=0)
-        assert torch.equal(answer[mask], row[mask])
+    generator = seeded()
+    hand = HandParameters(
+        torch.randn(2, frames, 3, generator=generator),
+        axis_angle_to_matrix(torch.randn(2, frames, 3, generator=generator)),
+        torch.randn(2, frames, 15, 3, generator=generator),
+        torch.randn(2, 20, 3, generator=generator),
+    )
+    got = filled(hand, keep)
+    for b, mask in enumerate(keep):
+        around = observed_around(mask)
+        want = around.points(hand.wrist[b])
+        torch.testing.assert_close(got.wrist[b], want, atol=1e-6, rtol=0)
+        want = around.points(hand.fingers[b].flatten(1))
+        torch.testing.assert_close(got.fingers[b].flatten(1), want, atol=1e-6, rtol=0)
+        want = around.rotations(hand.turn[b][:, None])
+        torch.testing.assert_close(got.turn[b][:, None], want, atol=1e-4, rtol=0)
+        assert torch.equal(got.turn[b][mask], hand.turn[b][mask])
+        assert torch.equal(got.wrist[b][mask], hand.wrist[b][mask])
 
 
 @pytest.fixture(scope="module")
@@ -66,11 +81,21 @@ def test_the_observation_is_the_noisy_hand_around_its_own_contact_points(batch):
     assert float(apart.mean()) > 1e-3
 
 
-def test_frames_without_trust_lie_on_straight_lines(interactions):
+def test_motion_sees_the_same_hands_as_parameters(batch):
+    torch.testing.assert_close(batch.hand.joints, batch.clean_canon, atol=1e-5, rtol=0)
+    seen = batch.motion.hand.joints - batch.observation.joints
+    assert float(seen.norm(dim=-1).mean()) < 0.01, "apart by the keypoints' own jitter at most"
+    surface = (batch.motion.nearest - batch.motion.hand.joints).norm(dim=-1)
+    far = batch.observation.joints[..., None, :] - batch.region.points_canon[:, :, None]
+    assert bool((surface <= far.norm(dim=-1).amin(-1) + 0.03).all()), "the nearest of all points"
+
+
+def test_wrists_of_frames_without_trust_lie_on_straight_lines(interactions):
     made = [draw_batch(interactions, 3, generator=seeded(i)) for i in range(6)]
     inside = 0
     for b in made:
-        trust, noisy = b.observation.trust[..., 0], b.noisy
+        trust = b.motion.trust
+        noisy = b.region.to_world(b.motion.hand.wrist[..., None, :])
         lost = (trust[:, 1:-1] == 0) & (trust[:, 2:] == 0) & (trust[:, :-2] == 0)
         bend = noisy.diff(n=2, dim=1).norm(dim=-1).amax(-1)
         assert bool((bend[lost] < 1e-5).all())

@@ -21,7 +21,7 @@ from geneoh.training.loop import (
 from geneoh.training.losses import motion_loss, reconstruction_loss, temporal_latents, temporal_loss
 
 CPU = torch.device("cpu")
-STAGES = ("motion", "spatial", "temporal")
+STAGES = ("motion", "spatial", "trajectory", "temporal")
 
 
 class Interrupted(Exception):
@@ -94,7 +94,7 @@ def test_the_log_has_a_row_per_validation(tmp_path, clips, tiny):
 
 
 def test_the_loss_falls(clips, tiny):
-    """Fifty steps on one batch, noised anew each time, against the noises of a test."""
+    """A hundred steps on one batch, noised anew each time, against the noises of a test."""
     batch = draw_batch(clips, 4, generator=torch.Generator().manual_seed(0), withheld=0.0)
     model = build_model("motion", tiny)
     optimizer = torch.optim.AdamW(model.parameters(), lr=1e-2)
@@ -107,7 +107,7 @@ def test_the_loss_falls(clips, tiny):
             return float(sum(loss(seed) for seed in range(1000, 1010)) / 10)
 
     before = tested()
-    for step in range(50):
+    for step in range(100):
         optimizer.zero_grad()
         loss(step).backward()
         optimizer.step()

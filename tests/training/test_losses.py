@@ -3,7 +3,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from geneoh.denoisers.motion import MotionDenoiser
+from geneoh.denoisers.trajectory import TrajectoryDenoiser
 from geneoh.training.batches import draw_batch
 from geneoh.training.loop import build_model
 from geneoh.training.losses import (
@@ -14,6 +14,7 @@ from geneoh.training.losses import (
     recovered_fraction,
     spatial_loss,
     temporal_loss,
+    trajectory_loss,
 )
 
 LOSSES = [
@@ -21,8 +22,9 @@ LOSSES = [
     ("spatial", spatial_loss),
     ("temporal", reconstruction_loss),
     ("temporal", temporal_loss),
+    ("trajectory", trajectory_loss),
 ]
-STAGES = ("motion", "spatial", "temporal")
+STAGES = ("motion", "spatial", "temporal", "trajectory")
 
 
 def seeded(seed: int = 0) -> torch.Generator:
@@ -88,11 +90,11 @@ def test_noise_levels_are_log_uniform_over_their_range():
     assert float((sigma < middle).float().mean()) == pytest.approx(0.5, abs=0.035)
 
 
-class Knowing(MotionDenoiser):
+class Knowing(TrajectoryDenoiser):
     """Answers with the keypoints it was built around, whatever it is asked."""
 
     def __init__(self, tiny, answer):
-        super().__init__(tiny.motion)
+        super().__init__(tiny.trajectory)
         self.answer = answer
 
     def forward(self, x, sigma, observation):

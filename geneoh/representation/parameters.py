@@ -1,0 +1,60 @@
+"""A hand's trajectory as its parameters in the canonical frame, and changes between two of them.
+
+The trajectory of keypoints (paper 3.1) follows from it by forward kinematics with the person's own
+bones: noise of hand trackers is simple here (independent per parameter, around the truth), while on
+keypoints it shortens fingers.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
+from geneoh.hand.skeleton import forward_kinematics
+
+UNIT = (0.01,) * 3 + (0.08,) * 3 + (0.25,) * 45
+"""What counts as a change of one: wrist (m), global rotation (rad), finger joints (rad)."""
+
+
+@dataclass(frozen=True)
+class HandParameters:
+    """Right hands over T frames in a canonical frame, metres and radians."""
+
+    wrist: Float[Tensor, "*B T 3"]
+    turn: Float[Tensor, "*B T 3 3"]
+    """Global rotation, hand to canonical."""
+    fingers: Float[Tensor, "*B T 15 3"]
+    """Axis-angle of the finger joints in MANO order."""
+    offsets: Float[Tensor, "*B 20 3"]
+    """The person's skeleton (see `geneoh.hand.skeleton`)."""
+
+    @property
+    def joints(self) -> Float[Tensor, "*B T 21 3"]:
+        """Keypoints by forward kinematics."""
+        rotations = torch.cat(
+            [self.turn[..., None, :, :], axis_angle_to_matrix(self.fingers)], dim=-3
+        )
+        keypoints, _ = forward_kinematics(rotations, self.wrist, self.offsets[..., None, :, :])
+        return keypoints
+
+    def moved(self, change: Float[Tensor, "*B T 51"]) -> "HandParameters":
+        """The hands after a change in units of `UNIT`.
+
+        The wrist moves in canonical axes, the hand turns in its own, finger vectors add up.
+        """
+        change = change * change.new_tensor(UNIT)
+        return HandParameters(
+            self.wrist + change[..., :3],
+            self.turn @ axis_angle_to_matrix(change[..., 3:6]),
+            self.fingers + change[..., 6:].unflatten(-1, (15, 3)),
+            self.offsets,
+        )
+
+    def change_to(self, other: "HandParameters") -> Float[Tensor, "*B T 51"]:
+        """The change that `moved` turns into `other`, in units of `UNIT`."""
+        turn = matrix_to_axis_angle(self.turn.transpose(-1, -2) @ other.turn)
+        fingers = (other.fingers - self.fingers).flatten(-2)
+        change = torch.cat([other.wrist - self.wrist, turn, fingers], dim=-1)
+        return change / change.new_tensor(UNIT)
