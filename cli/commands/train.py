@@ -7,7 +7,8 @@ import click
 
 from .. import options
 
-STAGES = ("motion", "spatial", "temporal")
+STAGES = ("motion", "spatial", "temporal", "toch", "regression")
+"""The cleaner's three stages, then two baselines that `geneoh eval` scores beside them."""
 
 
 @click.command()
@@ -30,8 +31,9 @@ def train(
     """Train a stage; started again with the same folder, an interrupted run continues.
 
     Writes STAGE.safetensors, the run's state and STAGE_log.csv (loss, error left on held-out
-    objects, rate, seconds) to the output folder. Once all three stages are there,
-    `geneoh denoise --weights FOLDER` uses them. Without --config the shipped one of the stage.
+    objects, rate, seconds) to the output folder. Once motion, spatial and temporal are there,
+    `geneoh denoise --weights FOLDER` uses them; toch and regression are baselines of `geneoh eval`.
+    Without --config the shipped one of the stage.
     """
     import torch
 

@@ -12,7 +12,7 @@ from torch import Tensor
 from geneoh.denoisers.library import Denoisers, load_denoisers
 from geneoh.errors import ConfigError, InputError
 from geneoh.fitting.adam import AdamFitConfig, fit_with_adam
-from geneoh.fitting.fit import FitConfig, fit_hand, start_from_keypoints
+from geneoh.fitting.fit import fit_hand, fit_keypoints, start_from_keypoints
 from geneoh.fitting.terms import HandState
 from geneoh.geometry.distance import SurfaceDistance, SurfaceQuery, query_parts
 from geneoh.geometry.mesh import size_warning
@@ -173,12 +173,8 @@ def _clean_right_hand(
         state, shaped, betas = _fit(target, person, chosen, surface, heard("fit"))
         posed = shaped.verts_from_rotations(state.rotations, state.wrist)
         # verts and joints of the input as it came, for the comparison only
-        given = person.start or fit_hand(
-            person.joints[None],
-            person.trust[None],
-            person.shaped,
-            start_from_keypoints(person.joints[None], person.shaped),
-            config=FitConfig(steady_finger=0.2, steady_wrist=0.0),
+        given = person.start or fit_keypoints(
+            person.joints[None], person.trust[None], person.shaped
         )
         raw = person.shaped.verts_from_rotations(given.rotations, given.wrist)
     clean = HandTrack(

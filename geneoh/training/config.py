@@ -4,10 +4,13 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from geneoh.denoisers.motion import MotionConfig
+from geneoh.denoisers.regression import RegressionConfig
 from geneoh.denoisers.spatial import SpatialConfig
 from geneoh.denoisers.temporal import TemporalConfig
+from geneoh.denoisers.toch import TochConfig
 
-Stage = Literal["motion", "spatial", "temporal"]
+Stage = Literal["motion", "spatial", "temporal", "toch", "regression"]
+"""The three stages of the cleaner, and two baselines of `geneoh eval`."""
 
 
 @dataclass(frozen=True)
@@ -40,3 +43,5 @@ class TrainConfig:
     motion: MotionConfig = field(default_factory=MotionConfig)
     spatial: SpatialConfig = field(default_factory=SpatialConfig)
     temporal: TemporalConfig = field(default_factory=TemporalConfig)
+    toch: TochConfig = field(default_factory=TochConfig)
+    regression: RegressionConfig = field(default_factory=RegressionConfig)
