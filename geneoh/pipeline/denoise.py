@@ -22,7 +22,7 @@ from geneoh.hand.library import Source, load_hand
 from geneoh.hand.model import ShapedHand, Side
 from geneoh.metrics.report import InteractionReport, measure
 from geneoh.pipeline.person import Person, person_of
-from geneoh.pipeline.presets import Preset, PresetName, Selection, preset
+from geneoh.pipeline.presets import Ablation, Preset, PresetName, Selection, preset
 from geneoh.pipeline.stages import Scene, denoise_motion, denoise_spatial, denoise_temporal
 from geneoh.sequence.checks import check_sequence
 from geneoh.sequence.resample import at_rate, over_frames
@@ -49,6 +49,8 @@ class Options:
     steps: int | None = None
     selection: Selection | None = None
     """Which sample is kept; None leaves it to the preset."""
+    without: tuple[Ablation, ...] = ()
+    """Parts left out, to see what they are worth."""
     hand: Source = "embedded"
     mano_dir: Path | None = None
     weights: Path | None = None
@@ -64,6 +66,8 @@ class Options:
                 )
         if self.steps is not None:
             chosen = chosen.with_steps(self.steps)
+        for part in self.without:
+            chosen = chosen.without(part)
         return replace(
             chosen,
             samples=self.samples or chosen.samples,
@@ -151,7 +155,8 @@ def _clean_right_hand(
     """One right hand at the networks' rate: three stages, selection, fit, measurement."""
     generator = torch.Generator().manual_seed(options.seed)
     fields = tuple(SurfaceDistance(mesh) for mesh in moving.meshes)
-    scene = _scene(fields, moving, person, fps, generator=generator)
+    scene = scene_around(fields, moving, person, fps, generator=generator)
+    scene = replace(scene, canonical=chosen.canonical)
     seconds: dict[str, float] = {}
 
     def heard(stage: str) -> Callable[[int, int], None]:
@@ -203,7 +208,7 @@ def _clean_right_hand(
     )
 
 
-def _scene(
+def scene_around(
     fields: tuple[SurfaceDistance, ...],
     moving: ObjectTrack,
     person: Person,
@@ -240,35 +245,39 @@ def _run_stages(
 ) -> Float[Tensor, "S T 21 3"]:
     """MotionDiff, SpatialDiff and TemporalDiff in order, all samples in one batch."""
     joints = person.joints.expand(chosen.samples, -1, -1, -1)
-    joints = denoise_motion(
-        denoisers.motion,
-        joints,
-        scene,
-        chosen.motion,
-        observed=chosen.observed,
-        generator=generator,
-        on_step=heard("motion"),
-    )
-    joints = denoise_spatial(
-        denoisers.spatial,
-        joints,
-        scene,
-        chosen.spatial,
-        observed=chosen.observed,
-        generator=generator,
-        on_step=heard("spatial"),
-    )
-    return denoise_temporal(
-        denoisers.temporal,
-        joints,
-        scene,
-        chosen.temporal,
-        observed=chosen.observed,
-        correct=chosen.correct,
-        align=chosen.align,
-        generator=generator,
-        on_step=heard("temporal"),
-    )
+    if chosen.motion is not None:
+        joints = denoise_motion(
+            denoisers.motion,
+            joints,
+            scene,
+            chosen.motion,
+            observed=chosen.observed,
+            generator=generator,
+            on_step=heard("motion"),
+        )
+    if chosen.spatial is not None:
+        joints = denoise_spatial(
+            denoisers.spatial,
+            joints,
+            scene,
+            chosen.spatial,
+            observed=chosen.observed,
+            generator=generator,
+            on_step=heard("spatial"),
+        )
+    if chosen.temporal is not None:
+        joints = denoise_temporal(
+            denoisers.temporal,
+            joints,
+            scene,
+            chosen.temporal,
+            observed=chosen.observed,
+            correct=chosen.correct,
+            align=chosen.align,
+            generator=generator,
+            on_step=heard("temporal"),
+        )
+    return joints
 
 
 def _select(

@@ -45,6 +45,8 @@ class Scene:
     translation: Float[Tensor, "T Q 3"]
     trust: Float[Tensor, "T 21"]
     fps: float
+    canonical: bool = True
+    """False for the ablation whose canonical frame stands still in the world."""
 
     @property
     def frames(self) -> int:
@@ -97,7 +99,7 @@ class Scene:
             cut = self.cut(values, 0)
             return cut.expand(samples, *cut.shape).flatten(0, 1)
 
-        return contact_region(
+        region = contact_region(
             windows,
             of_each(self.points),
             of_each(self.normals),
@@ -107,6 +109,7 @@ class Scene:
             count=POINTS,
             every=SELECT_EVERY,
         )
+        return region if self.canonical else region.held_still()
 
     def observation(
         self, joints: Float[Tensor, "S T 21 3"], region: ContactRegion, given: bool
