@@ -15,7 +15,12 @@ else:
 
 ROOT = Path(__file__).parents[1]
 SETUPTOOLS = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]
-INSTALLED_AS = {"geneoh": "geneoh", "cli": "geneoh_cli", "configs": "geneoh_cli.configs"}
+INSTALLED_AS = {
+    "geneoh": "geneoh",
+    "examples": "geneoh.examples",
+    "cli": "geneoh_cli",
+    "configs": "geneoh_cli.configs",
+}
 
 
 def packages_of(folder: str) -> set[str]:

@@ -7,7 +7,8 @@ import click
 
 from .. import options
 
-STAGES = ("motion", "spatial", "temporal", "trajectory")
+STAGES = ("motion", "spatial", "temporal", "trajectory", "toch", "regression")
+"""The three stages, MotionDiff as the paper has it, and two baselines of `geneoh eval`."""
 
 
 @click.command()
@@ -30,8 +31,9 @@ def train(
     """Train a stage; started again with the same folder, an interrupted run continues.
 
     Writes STAGE.safetensors, the run's state and STAGE_log.csv (loss, error left on held-out
-    objects, rate, seconds) to the output folder. Once all three stages are there,
-    `geneoh denoise --weights FOLDER` uses them. Without --config the shipped one of the stage.
+    objects, rate, seconds) to the output folder. Once motion, spatial and temporal are there,
+    `geneoh denoise --weights FOLDER` uses them; toch and regression are baselines of `geneoh eval`.
+    Without --config the shipped one of the stage.
     """
     import torch
 

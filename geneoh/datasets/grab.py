@@ -28,6 +28,11 @@ from geneoh.hand.model import Side
 
 DIALECT = Dialect(origin=True)
 FPS = 120.0
+HAND_LABELS: dict[Side, tuple[int, ...]] = {
+    "left": (21, *range(26, 41)),
+    "right": (22, *range(41, 56)),
+}
+"""Numbers of the body parts that are a hand, among the labels of contact."""
 
 
 def find(path: Path) -> list[Clip]:
@@ -55,6 +60,20 @@ def read(clip: Clip, known: Known) -> list[Recording]:
     )
     present = finite_frames(motion)
     return recordings(clip.name, sequence, object_known=present, mesh_names=(f"grab_{name}",))
+
+
+def touching(clip: Clip) -> dict[Side, Array]:
+    """(T,) for each hand, the frames in which it touches the object, by the labels of contact.
+
+    Raises:
+        InputError: the file has no contact labels for the object's vertices.
+    """
+    contact = read_record(clip.path).record("contact")
+    labels = contact.values.get("object")
+    # Not through `Record.array`: as float64 the labels of a dense mesh take eight times the memory.
+    if not isinstance(labels, np.ndarray) or labels.ndim != 2 or labels.dtype.kind not in "iu":
+        raise contact.refuse("object", "whole numbers of shape (T, V)")
+    return {side: np.isin(labels, parts).any(axis=1) for side, parts in HAND_LABELS.items()}
 
 
 def read_object(stated: Record, name: str, root: Path, known: Known) -> Mesh:

@@ -3,22 +3,27 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 
 import torch
 from torch import nn
+from typing_extensions import assert_never
 
 from geneoh.denoisers.motion import MotionConfig, MotionDenoiser
+from geneoh.denoisers.regression import RegressionConfig, RegressionDenoiser
 from geneoh.denoisers.spatial import SpatialConfig, SpatialDenoiser
 from geneoh.denoisers.temporal import TemporalConfig, TemporalDenoiser
+from geneoh.denoisers.toch import TochAutoencoder, TochConfig
 from geneoh.denoisers.trajectory import TrajectoryConfig, TrajectoryDenoiser
 from geneoh.errors import CheckpointError
-from geneoh.nn.checkpoint import load_checkpoint
+from geneoh.nn.checkpoint import Checkpoint, load_checkpoint
 
 SHIPPED = Path(__file__).parent / "assets"
-"""Folder of the weights inside the package, STAGE.safetensors."""
+"""Folder of the weights inside the package, STAGE.safetensors, and those of the baselines."""
 STAGES = ("motion", "spatial", "temporal", "trajectory")
 
+Baseline = TochAutoencoder | RegressionDenoiser
+BaselineName = Literal["toch", "regression"]
 Network = TypeVar("Network", bound=nn.Module)
 
 
@@ -44,15 +49,8 @@ def load_denoisers(folder: Path | None = None, *, device: torch.device | str = "
     saved = {stage: load_checkpoint(folder / f"{stage}.safetensors") for stage in STAGES}
 
     def rebuilt(stage: str, build: Callable[[dict[str, Any]], Network]) -> Network:
-        try:
-            network = build(saved[stage].record["config"][stage])
-            network.load_state_dict(saved[stage].tensors)
-        except (RuntimeError, KeyError, TypeError) as error:
-            raise CheckpointError(
-                f"{folder / stage}.safetensors: expected weights of this version's {stage} "
-                f"network, got others ({str(error).splitlines()[-1].strip()}); train them again"
-            ) from error
-        return network.to(device).eval().requires_grad_(False)
+        path = folder / f"{stage}.safetensors"
+        return restored(saved[stage], stage, build, path).to(device)
 
     return Denoisers(
         rebuilt("motion", lambda sizes: MotionDenoiser(MotionConfig(**sizes))),
@@ -61,3 +59,37 @@ def load_denoisers(folder: Path | None = None, *, device: torch.device | str = "
         rebuilt("trajectory", lambda sizes: TrajectoryDenoiser(TrajectoryConfig(**sizes))),
         {stage: checkpoint.record for stage, checkpoint in saved.items()},
     )
+
+
+def load_baseline(name: BaselineName, folder: Path | None = None) -> Baseline:
+    """The network of a baseline that `geneoh eval` scores, the shipped one by default.
+
+    Raises:
+        CheckpointError: the file is missing or does not fit its network.
+    """
+    path = (folder or SHIPPED) / f"{name}.safetensors"
+    saved = load_checkpoint(path)
+    match name:
+        case "toch":
+            return restored(saved, name, lambda sizes: TochAutoencoder(TochConfig(**sizes)), path)
+        case "regression":
+            return restored(
+                saved, name, lambda sizes: RegressionDenoiser(RegressionConfig(**sizes)), path
+            )
+        case _:
+            assert_never(name)
+
+
+def restored(
+    saved: Checkpoint, stage: str, build: Callable[[dict[str, Any]], Network], path: Path
+) -> Network:
+    """The network that `build` makes of the saved sizes, with the saved weights, to be used."""
+    try:
+        network = build(saved.record["config"][stage])
+        network.load_state_dict(saved.tensors)
+    except (RuntimeError, KeyError, TypeError) as error:
+        raise CheckpointError(
+            f"{path}: expected weights of this version's {stage} "
+            f"network, got others ({str(error).splitlines()[-1].strip()}); train them again"
+        ) from error
+    return network.eval().requires_grad_(False)

@@ -17,7 +17,8 @@ from typing_extensions import assert_never
 Model = Callable[[Tensor, float], Tensor]
 """From a noisy sample and its noise level to the clean sample."""
 OnStep = Callable[[int, int], None]
-SamplerName = Literal["ancestral", "ddim"]
+SamplerName = Literal["ancestral", "ddim", "direct"]
+"""How the way back is taken; "direct" takes none: one call on the sample as it is, no noise."""
 
 
 def normal_like(x: Float[Tensor, "*S"], *, generator: torch.Generator) -> Float[Tensor, "*S"]:
@@ -78,7 +79,15 @@ def denoise_via_diffusion(
     generator: torch.Generator,
     on_step: OnStep | None = None,
 ) -> Float[Tensor, "*S"]:
-    """Algorithm 1 of the paper: noise the input up to sigmas[0], then run the learned way back."""
+    """Algorithm 1 of the paper: noise the input up to sigmas[0], then run the learned way back.
+
+    "direct" is its ablation: the model's answer to the input, which it is told has that noise.
+    """
+    if sampler == "direct":
+        clean = model(x, float(sigmas[0]))
+        if on_step is not None:
+            on_step(1, 1)
+        return clean
     noised = x + sigmas[0] * normal_like(x, generator=generator)
     match sampler:
         case "ancestral":

@@ -1,53 +1,160 @@
-"""The cleaners people already have: low-pass filters, on keypoints and on parameters."""
+"""The cleaners people already have: low-pass filters, on keypoints and on parameters.
+
+A filter's size is either tuned once, on validation clips and over all noises (`TUNED`, made by
+`python -m geneoh.evaluation.tuning`): what a careful user could do. Or it is the best on the very
+clip, chosen with the ground truth in hand (`best_of_all`): better than anybody can use it.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import torch
 from jaxtyping import Float
+from scipy.ndimage import gaussian_filter1d
 from scipy.signal import savgol_filter
 from torch import Tensor
+from typing_extensions import assert_never
 
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import forward_kinematics, rest_offsets
 from geneoh.sequence.gaps import fill_gaps
 from geneoh.sequence.tracks import HandTrack
 
-WINDOWS = (5, 9, 15, 21, 31)
-"""Frames; the windows that the generous baseline may choose from, with ground truth in hand."""
+FilterKind = Literal["savgol", "gaussian", "one-euro"]
+On = Literal["keypoints", "parameters"]
 ORDER = 2
+"""Of the Savitzky-Golay filter's polynomial."""
+SPEED_CUTOFF = 1.0
+"""Hertz; cutoff of the One-Euro filter for the speed, as its authors have it."""
 
 
-def smooth(values: Float[Tensor, "T ..."], window: int) -> Float[Tensor, "T ..."]:
-    """Savitzky-Golay filter of order 2 over frames; a track shorter than the window is returned."""
-    if len(values) < window:
-        return values
-    filtered = savgol_filter(values.double().numpy(), window, ORDER, axis=0)
-    return torch.from_numpy(np.ascontiguousarray(filtered)).to(values)
+@dataclass(frozen=True)
+class Filter:
+    """A low-pass filter over frames with its size."""
+
+    kind: FilterKind
+    size: float
+    """Window in frames (savgol), deviation in frames (gaussian), least cutoff in Hz (one-euro)."""
+    beta: float = 0.0
+    """One-Euro: by how many Hz the cutoff rises with a speed of one unit a second."""
 
 
-def smooth_keypoints(hand: HandTrack, window: int) -> Float[Tensor, "T 21 3"]:
-    """Keypoints filtered coordinate by coordinate, gaps filled linearly first."""
+GRID: dict[FilterKind, tuple[Filter, ...]] = {
+    "savgol": tuple(Filter("savgol", window) for window in (5.0, 9.0, 15.0, 21.0, 31.0)),
+    "gaussian": tuple(Filter("gaussian", frames) for frames in (0.7, 1.0, 1.5, 2.0, 3.0, 4.5)),
+    "one-euro": tuple(
+        Filter("one-euro", cutoff, beta)
+        for cutoff in (1.0, 2.0, 4.0, 8.0)
+        for beta in (0.0, 2.0, 8.0, 32.0)
+    ),
+}
+"""The sizes that tuning may choose from."""
+
+TUNED: dict[tuple[FilterKind, On], Filter] = {
+    ("savgol", "keypoints"): Filter("savgol", 15.0),  # 15.71 mm
+    ("savgol", "parameters"): Filter("savgol", 15.0),  # 15.07 mm
+    ("gaussian", "keypoints"): Filter("gaussian", 1.5),  # 15.74 mm
+    ("gaussian", "parameters"): Filter("gaussian", 2.0),  # 15.06 mm
+    ("one-euro", "keypoints"): Filter("one-euro", 1.0, 32.0),  # 18.28 mm
+    ("one-euro", "parameters"): Filter("one-euro", 8.0),  # 18.73 mm
+}
+"""One size for all noises, with the mean error it left on the validation clips: what
+`python -m geneoh.evaluation.tuning` prints."""
+
+
+def smooth(values: Float[Tensor, "T ..."], chosen: Filter, fps: float) -> Float[Tensor, "T ..."]:
+    """A track filtered number by number; one shorter than a Savitzky-Golay window is returned."""
+    array = values.double().numpy()
+    match chosen.kind:
+        case "savgol":
+            window = round(chosen.size)
+            done = array if len(array) < window else savgol_filter(array, window, ORDER, axis=0)
+        case "gaussian":
+            done = gaussian_filter1d(array, chosen.size, axis=0, mode="nearest")
+        case "one-euro":
+            done = one_euro(array, chosen.size, chosen.beta, fps)
+        case _:
+            assert_never(chosen.kind)
+    return torch.from_numpy(np.ascontiguousarray(done)).to(values)
+
+
+def one_euro(
+    values: Float[np.ndarray, "T ..."], cutoff: float, beta: float, fps: float
+) -> Float[np.ndarray, "T ..."]:
+    """The One-Euro filter: exponential smoothing that lets go where the values move fast.
+
+    Causal, as on live tracks. Source: Casiez et al., CHI 2012, algorithm 1.
+
+    Args:
+        values: the track.
+        cutoff: of a resting value, Hz.
+        beta: by how much the cutoff rises with the speed.
+        fps: frames a second.
+    """
+
+    def share(hertz: float | np.ndarray) -> float | np.ndarray:
+        """Weight of the new value."""
+        rate = 2 * math.pi * hertz / fps
+        return rate / (rate + 1)
+
+    kept = [values[0]]
+    speed = np.zeros_like(values[0])
+    for value in values[1:]:
+        speed = speed + share(SPEED_CUTOFF) * ((value - kept[-1]) * fps - speed)
+        weight = share(cutoff + beta * np.abs(speed))
+        kept.append(kept[-1] + weight * (value - kept[-1]))
+    return np.stack(kept)
+
+
+def filtered(hand: HandTrack, chosen: Filter, on: On, fps: float) -> Float[Tensor, "T 21 3"]:
+    """Keypoints of a filtered track, gaps filled linearly first.
+
+    On keypoints: coordinate by coordinate. On parameters: wrist positions and axis-angle vectors,
+    posed with the input's own skeleton, so that bones keep their length; needs a pose.
+    """
     filled = fill_gaps(hand)
-    assert filled.joints is not None, "the comparison needs keypoints"
-    return smooth(filled.joints, window)
-
-
-def smooth_parameters(hand: HandTrack, window: int) -> Float[Tensor, "T 21 3"]:
-    """Keypoints of filtered wrist positions and axis-angle vectors, on the input's own skeleton."""
-    filled = fill_gaps(hand)
+    assert filled.joints is not None, "the filters need keypoints"
+    if on == "keypoints":
+        return smooth(filled.joints, chosen, fps)
     assert filled.pose is not None, "the filter on parameters needs a pose"
-    assert filled.joints is not None, "the comparison needs keypoints"
     offsets = rest_offsets(axis_angle_to_matrix(filled.pose), filled.joints, hand.valid)
-    pose, wrist = smooth(filled.pose, window), smooth(filled.joints[:, 0], window)
+    pose = smooth(unwound(filled.pose), chosen, fps)
+    wrist = smooth(filled.joints[:, 0], chosen, fps)
     joints, _ = forward_kinematics(
         axis_angle_to_matrix(pose), wrist, offsets.expand(len(pose), 20, 3)
     )
     return joints
 
 
-def best_window(
-    hand: HandTrack, truth: Float[Tensor, "T 21 3"], *, on: str
-) -> tuple[int, Float[Tensor, "T 21 3"]]:
-    """Window and result nearest to the ground truth: better than any user could choose."""
-    filtered = smooth_keypoints if on == "keypoints" else smooth_parameters
-    tried = [(window, filtered(hand, window)) for window in WINDOWS]
-    return min(tried, key=lambda made: float((made[1] - truth).norm(dim=-1).mean()))
+def unwound(pose: Float[Tensor, "T 16 3"]) -> Float[Tensor, "T 16 3"]:
+    """The same rotations, each as the axis-angle vector nearest to that of the frame before.
+
+    A rotation beyond half a turn is also one the other way round; no filter must see the jump.
+    """
+    kept = [pose[0]]
+    for now in pose[1:]:
+        angle = now.norm(dim=-1, keepdim=True)
+        axis = now / angle.clamp(min=1e-6)
+        turns = ((kept[-1] * axis).sum(-1, keepdim=True) - angle) / (2 * math.pi)
+        kept.append((angle + 2 * math.pi * turns.round()) * axis)
+    return torch.stack(kept)
+
+
+def usable_on(hand: HandTrack) -> tuple[On, ...]:
+    """What of a track can be filtered."""
+    return ("keypoints",) if hand.pose is None else ("keypoints", "parameters")
+
+
+def best_of_all(
+    hand: HandTrack, truth: Float[Tensor, "T 21 3"], fps: float
+) -> tuple[Filter, On, Float[Tensor, "T 21 3"]]:
+    """Of all filters and sizes, on whatever the track has, the one nearest to the ground truth."""
+    tried = [
+        (chosen, on, filtered(hand, chosen, on, fps))
+        for on in usable_on(hand)
+        for sizes in GRID.values()
+        for chosen in sizes
+    ]
+    return min(tried, key=lambda made: float((made[2] - truth).norm(dim=-1).mean()))

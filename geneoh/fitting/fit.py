@@ -56,6 +56,10 @@ class FitConfig:
     """Vertices nearest to or deepest in the object that are looked at per frame."""
 
 
+KEYPOINTS_ALONE = FitConfig(steady_finger=0.2, steady_wrist=0.0)
+"""For the mesh of a track as it is: near its keypoints, jitter and all, the object unseen."""
+
+
 def start_from_keypoints(joints: Float[Tensor, "S T 21 3"], shaped: ShapedHand) -> HandState:
     """A start where there are no parameters: the palm laid on its keypoints, fingers relaxed."""
     model = shaped.model
@@ -118,6 +122,24 @@ def fit_hand(
             if on_step is not None:
                 on_step(done, total)
     return state
+
+
+def fit_keypoints(
+    target: Float[Tensor, "S T 21 3"],
+    trust: Float[Tensor, "S T 21"],
+    shaped: ShapedHand,
+    start: HandState | None = None,
+) -> HandState:
+    """The hand of a track as it is, without the object: what a bare keypoint track's mesh is.
+
+    Args:
+        target: keypoints in the world, one set per sample.
+        trust: 0 to 1 per keypoint.
+        shaped: the hand of the person.
+        start: parameters to start from, where the track has any.
+    """
+    start = start or start_from_keypoints(target, shaped)
+    return fit_hand(target, trust, shaped, start, config=KEYPOINTS_ALONE)
 
 
 def steadiness_weight(config: FitConfig) -> Float[Tensor, " 51"]:

@@ -44,7 +44,9 @@ def tips_in_contact(
     touch: float = TOUCH,
 ) -> Bool[Tensor, "*B T 5"]:
     """Whether each fingertip, the vertices within 15 mm of its keypoint, touches the object."""
-    of_tip = torch.cdist(tips, verts) <= FINGERTIP_RADIUS
+    # cdist's shortcut through a matrix product is off by a millimetre two metres from the origin
+    apart = torch.cdist(tips, verts, compute_mode="donot_use_mm_for_euclid_dist")
+    of_tip = apart <= FINGERTIP_RADIUS
     return (of_tip & (distance <= touch)[..., None, :]).any(-1)
 
 

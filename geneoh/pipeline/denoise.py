@@ -12,7 +12,7 @@ from torch import Tensor
 from geneoh.denoisers.library import Denoisers, load_denoisers
 from geneoh.errors import ConfigError, InputError
 from geneoh.fitting.adam import AdamFitConfig, fit_with_adam
-from geneoh.fitting.fit import FitConfig, fit_hand, start_from_keypoints
+from geneoh.fitting.fit import fit_hand, fit_keypoints, start_from_keypoints
 from geneoh.fitting.terms import HandState
 from geneoh.geometry.distance import SurfaceDistance, SurfaceQuery, query_parts
 from geneoh.geometry.mesh import size_warning
@@ -22,7 +22,7 @@ from geneoh.hand.library import Source, load_hand
 from geneoh.hand.model import ShapedHand, Side
 from geneoh.metrics.report import InteractionReport, measure
 from geneoh.pipeline.person import Person, person_of
-from geneoh.pipeline.presets import Preset, PresetName, Selection, preset
+from geneoh.pipeline.presets import Ablation, Preset, PresetName, Selection, preset
 from geneoh.pipeline.stages import (
     Scene,
     denoise_motion,
@@ -56,6 +56,8 @@ class Options:
     steps: int | None = None
     selection: Selection | None = None
     """Which sample is kept; None leaves it to the preset."""
+    without: tuple[Ablation, ...] = ()
+    """Parts left out, to see what they are worth."""
     hand: Source = "embedded"
     mano_dir: Path | None = None
     weights: Path | None = None
@@ -71,6 +73,8 @@ class Options:
                 )
         if self.steps is not None:
             chosen = chosen.with_steps(self.steps)
+        for part in self.without:
+            chosen = chosen.without(part)
         return replace(
             chosen,
             samples=self.samples or chosen.samples,
@@ -158,7 +162,8 @@ def _clean_right_hand(
     """One right hand at the networks' rate: three stages, selection, fit, measurement."""
     generator = torch.Generator().manual_seed(options.seed)
     fields = tuple(SurfaceDistance(mesh) for mesh in moving.meshes)
-    scene = _scene(fields, moving, person, fps, generator=generator)
+    scene = scene_around(fields, moving, person, fps, generator=generator)
+    scene = replace(scene, canonical=chosen.canonical)
     seconds: dict[str, float] = {}
 
     def heard(stage: str) -> Callable[[int, int], None]:
@@ -176,12 +181,8 @@ def _clean_right_hand(
 
     with torch.no_grad():
         # the input as it came: what MotionDiff starts from, and the mesh of the comparison
-        given = person.start or fit_hand(
-            person.joints[None],
-            person.trust[None],
-            person.shaped,
-            start_from_keypoints(person.joints[None], person.shaped),
-            config=FitConfig(steady_finger=0.2, steady_wrist=0.0),
+        given = person.start or fit_keypoints(
+            person.joints[None], person.trust[None], person.shaped
         )
         samples = _run_stages(denoisers, scene, person, given, chosen, heard, generator=generator)
         index, target = _select(samples, person, chosen.selection)
@@ -214,7 +215,7 @@ def _clean_right_hand(
     )
 
 
-def _scene(
+def scene_around(
     fields: tuple[SurfaceDistance, ...],
     moving: ObjectTrack,
     person: Person,
@@ -251,7 +252,8 @@ def _run_stages(
     generator: torch.Generator,
 ) -> Float[Tensor, "S T 21 3"]:
     """MotionDiff, SpatialDiff and TemporalDiff in order, all samples in one batch."""
-    if chosen.observed:
+    joints = person.joints.expand(chosen.samples, -1, -1, -1)
+    if chosen.motion is not None and chosen.observed:
         joints = denoise_motion(
             denoisers.motion,
             HandParameters(
@@ -263,36 +265,39 @@ def _run_stages(
             generator=generator,
             on_step=heard("motion"),
         ).joints
-    else:
+    elif chosen.motion is not None:
         joints = denoise_trajectory(
             denoisers.trajectory,
-            person.joints.expand(chosen.samples, -1, -1, -1),
+            joints,
             scene,
             chosen.motion,
             observed=False,
             generator=generator,
             on_step=heard("motion"),
         )
-    joints = denoise_spatial(
-        denoisers.spatial,
-        joints,
-        scene,
-        chosen.spatial,
-        observed=chosen.observed,
-        generator=generator,
-        on_step=heard("spatial"),
-    )
-    return denoise_temporal(
-        denoisers.temporal,
-        joints,
-        scene,
-        chosen.temporal,
-        observed=chosen.observed,
-        correct=chosen.correct,
-        align=chosen.align,
-        generator=generator,
-        on_step=heard("temporal"),
-    )
+    if chosen.spatial is not None:
+        joints = denoise_spatial(
+            denoisers.spatial,
+            joints,
+            scene,
+            chosen.spatial,
+            observed=chosen.observed,
+            generator=generator,
+            on_step=heard("spatial"),
+        )
+    if chosen.temporal is not None:
+        joints = denoise_temporal(
+            denoisers.temporal,
+            joints,
+            scene,
+            chosen.temporal,
+            observed=chosen.observed,
+            correct=chosen.correct,
+            align=chosen.align,
+            generator=generator,
+            on_step=heard("temporal"),
+        )
+    return joints
 
 
 def _select(

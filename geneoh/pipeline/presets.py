@@ -1,5 +1,6 @@
 """The presets: every choice that separates the paper's method from the best we have."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -8,10 +9,14 @@ from typing_extensions import assert_never
 from geneoh.diffusion.samplers import SamplerName
 from geneoh.fitting.adam import AdamFitConfig
 from geneoh.fitting.align import AlignConfig
-from geneoh.fitting.fit import FitConfig
+from geneoh.fitting.fit import KEYPOINTS_ALONE, FitConfig
 
 PresetName = Literal["default", "paper", "fast"]
 Selection = Literal["closest", "mean"]
+Ablation = Literal["motion", "spatial", "temporal", "canonical", "diffusion", "fit"]
+"""What can be left out, with the same weights: a stage; the canonical frame, for one that stands
+still in the world; the diffusion, for one denoiser call a stage; the fit's knowledge of the object
+and of time, for one on keypoints alone."""
 
 
 @dataclass(frozen=True)
@@ -29,9 +34,10 @@ class StagePlan:
 class Preset:
     """All stages, the selection among samples and the fit."""
 
-    motion: StagePlan
-    spatial: StagePlan
-    temporal: StagePlan
+    motion: StagePlan | None
+    """None leaves a stage out."""
+    spatial: StagePlan | None
+    temporal: StagePlan | None
     observed: bool
     """Whether the networks see the observation, or only start from it as in the paper."""
     samples: int
@@ -46,20 +52,31 @@ class Preset:
     fit: FitConfig | AdamFitConfig
     contact: bool
     """Whether the fit keeps the mesh out of the object."""
+    canonical: bool = True
+    """Whether the stages see the hand from the contact points' frame, or from a still one."""
 
     def with_steps(self, steps: int) -> "Preset":
         """The preset with another number of denoiser calls per stage, never above its level."""
-        return replace(
-            self,
-            **{
-                stage: replace(plan, steps=min(steps, plan.level))
-                for stage, plan in (
-                    ("motion", self.motion),
-                    ("spatial", self.spatial),
-                    ("temporal", self.temporal),
-                )
-            },
-        )
+        return self._with_plans(lambda plan: replace(plan, steps=min(steps, plan.level)))
+
+    def without(self, part: Ablation) -> "Preset":
+        """The preset with one of its parts left out, to see what that part is worth."""
+        match part:
+            case "motion" | "spatial" | "temporal":
+                return replace(self, **{part: None})
+            case "canonical":
+                return replace(self, canonical=False)
+            case "diffusion":
+                return self._with_plans(lambda plan: replace(plan, sampler="direct"))
+            case "fit":
+                return replace(self, fit=KEYPOINTS_ALONE, contact=False)
+            case _:
+                assert_never(part)
+
+    def _with_plans(self, changed: Callable[[StagePlan], StagePlan]) -> "Preset":
+        plans = {"motion": self.motion, "spatial": self.spatial, "temporal": self.temporal}
+        kept = {stage: changed(plan) for stage, plan in plans.items() if plan is not None}
+        return replace(self, **kept)
 
 
 def preset(name: PresetName) -> Preset:

@@ -48,6 +48,8 @@ class Scene:
     translation: Float[Tensor, "T Q 3"]
     trust: Float[Tensor, "T 21"]
     fps: float
+    canonical: bool = True
+    """False for the ablation whose canonical frame stands still in the world."""
 
     @property
     def frames(self) -> int:
@@ -100,7 +102,7 @@ class Scene:
             cut = self.cut(values, 0)
             return cut.expand(samples, *cut.shape).flatten(0, 1)
 
-        return contact_region(
+        region = contact_region(
             windows,
             of_each(self.points),
             of_each(self.normals),
@@ -110,6 +112,7 @@ class Scene:
             count=POINTS,
             every=SELECT_EVERY,
         )
+        return region if self.canonical else region.held_still()
 
     def observation(
         self, joints: Float[Tensor, "S T 21 3"], region: ContactRegion, given: bool
@@ -179,8 +182,9 @@ def denoise_motion(
         generator=generator,
         on_step=on_step,
     )
-    turn = scene.rotation[:, 0]  # the wrist's change is in the axes of the object's first part
-    wrist = (turn @ change[..., :3, None])[..., 0]
+    wrist = change[..., :3]
+    if scene.canonical:  # it moves in the axes of the object's first part
+        wrist = (scene.rotation[:, 0] @ wrist[..., None])[..., 0]
     many = HandParameters(
         *(
             value.expand(samples, *value.shape[1:])

@@ -52,6 +52,12 @@ class ContactRegion:
             self.points, self.normals, self.rotation @ turn[..., None, :, :], self.center
         )
 
+    def held_still(self) -> "ContactRegion":
+        """The same points seen from one frame for all time, the world's axes at their mean."""
+        upright = torch.eye(3).to(self.rotation).expand_as(self.rotation)
+        middle = self.center.mean(-2, keepdim=True).expand_as(self.center)
+        return ContactRegion(self.points, self.normals, upright, middle)
+
     def nearest(self, joints: Float[Tensor, "*B T 21 3"], count: int) -> "ContactRegion":
         """The same frames with only the `count` contact points nearest to world keypoints."""
         apart = distance_to_trajectory(self.points, joints)

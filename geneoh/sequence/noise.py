@@ -77,8 +77,19 @@ def corrupt(hand: HandTrack, noise: Noise, *, generator: torch.Generator) -> Han
     joint by the same amounts, in world axes. Lost frames are marked and hold NaN.
     """
     offsets, keep = draw_noise(noise, hand.frames, generator=generator)
-    device = hand.valid.device
-    offsets, keep = offsets.to(device), keep.to(device)
+    return perturbed(hand, offsets.to(hand.valid.device), keep.to(hand.valid.device))
+
+
+def perturbed(
+    hand: HandTrack, offsets: Float[Tensor, "T 51"], keep: Bool[Tensor, " T"]
+) -> HandTrack:
+    """A track with these offsets added to its parameters; frames that are not kept are lost.
+
+    Args:
+        hand: the clean track.
+        offsets: on translation (3, metres), global rotation (3) and fingers (45, radians).
+        keep: frames that stay.
+    """
     turn = offsets[:, 3:].unflatten(-1, (16, 3))
     pose = None if hand.pose is None else hand.pose + turn
     wrist = None if hand.wrist is None else hand.wrist + offsets[:, :3]

@@ -4,12 +4,14 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from geneoh.denoisers.motion import MotionConfig
+from geneoh.denoisers.regression import RegressionConfig
 from geneoh.denoisers.spatial import SpatialConfig
 from geneoh.denoisers.temporal import TemporalConfig
+from geneoh.denoisers.toch import TochConfig
 from geneoh.denoisers.trajectory import TrajectoryConfig
 
-Stage = Literal["motion", "spatial", "temporal", "trajectory"]
-"""The three stages of the default, and MotionDiff in the paper's own form."""
+Stage = Literal["motion", "spatial", "temporal", "trajectory", "toch", "regression"]
+"""The three stages, MotionDiff in the paper's own form, and two baselines of `geneoh eval`."""
 
 
 @dataclass(frozen=True)
@@ -43,3 +45,5 @@ class TrainConfig:
     spatial: SpatialConfig = field(default_factory=SpatialConfig)
     temporal: TemporalConfig = field(default_factory=TemporalConfig)
     trajectory: TrajectoryConfig = field(default_factory=TrajectoryConfig)
+    toch: TochConfig = field(default_factory=TochConfig)
+    regression: RegressionConfig = field(default_factory=RegressionConfig)

@@ -13,8 +13,10 @@ from torch import Tensor, nn
 from typing_extensions import assert_never
 
 from geneoh.denoisers.motion import MotionDenoiser
+from geneoh.denoisers.regression import RegressionDenoiser
 from geneoh.denoisers.spatial import SpatialDenoiser
 from geneoh.denoisers.temporal import TemporalDenoiser
+from geneoh.denoisers.toch import TochAutoencoder
 from geneoh.denoisers.trajectory import TrajectoryDenoiser
 from geneoh.errors import CheckpointError
 from geneoh.nn.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
@@ -51,20 +53,30 @@ def build_model(stage: Stage, config: TrainConfig) -> nn.Module:
                 return TemporalDenoiser(config.temporal)
             case "trajectory":
                 return TrajectoryDenoiser(config.trajectory)
+            case "toch":
+                return TochAutoencoder(config.toch)
+            case "regression":
+                return RegressionDenoiser(config.regression)
             case _:
                 assert_never(stage)
 
 
 def loss_of(stage: Stage, step: int, config: TrainConfig) -> Loss:
     """The loss to take at a step; the temporal stage learns its autoencoder first."""
-    if stage == "motion":
-        return losses.motion_loss
-    if stage == "spatial":
-        return losses.spatial_loss
-    if stage == "trajectory":
-        return losses.trajectory_loss
-    early = step < config.autoencoder_steps
-    return losses.reconstruction_loss if early else losses.temporal_loss
+    match stage:
+        case "motion":
+            return losses.motion_loss
+        case "spatial":
+            return losses.spatial_loss
+        case "temporal":
+            early = step < config.autoencoder_steps
+            return losses.reconstruction_loss if early else losses.temporal_loss
+        case "trajectory":
+            return losses.trajectory_loss
+        case "toch" | "regression":
+            return losses.keypoint_loss
+        case _:
+            assert_never(stage)
 
 
 def learning_rate(step: int, config: TrainConfig) -> float:

@@ -4,10 +4,12 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from geneoh.denoisers.base import HAND_SCALE
+from geneoh.denoisers.base import HAND_SCALE, NOISE_SCALE
 from geneoh.denoisers.motion import MotionDenoiser
+from geneoh.denoisers.regression import RegressionDenoiser
 from geneoh.denoisers.spatial import SpatialDenoiser
 from geneoh.denoisers.temporal import LATENT_NOISE_SCALE, TemporalDenoiser
+from geneoh.denoisers.toch import TochAutoencoder
 from geneoh.denoisers.trajectory import TrajectoryDenoiser
 from geneoh.diffusion.precondition import loss_weight
 from geneoh.diffusion.samplers import normal_like
@@ -137,13 +139,23 @@ def temporal_latents(
     return clean, noisy
 
 
+def keypoint_loss(
+    model: TochAutoencoder | RegressionDenoiser, batch: Batch, *, generator: torch.Generator
+) -> Float[Tensor, ""]:
+    """Mean distance of the answered keypoints to the clean ones: plain regression."""
+    del generator  # draws nothing; the signature is shared by all losses
+    region = batch.region
+    answered = model(batch.observation, region.points_canon, region.normals_canon)
+    return (answered - batch.clean_canon).norm(dim=-1).mean() / NOISE_SCALE
+
+
 @torch.no_grad()
 def recovered_fraction(
     model: nn.Module, batch: Batch, *, generator: torch.Generator
 ) -> Float[Tensor, ""]:
     """Error left after one call at the default starting level, over the error of the input.
 
-    Below 1 the stage helps; measured on keypoints (motion, spatial) or latents (temporal).
+    Below 1 the stage helps; measured on keypoints, or on latents (temporal).
     """
     given = torch.ones_like(batch.observation.given)
     observation = type(batch.observation)(batch.observation.joints, batch.observation.trust, given)
@@ -170,6 +182,9 @@ def recovered_fraction(
             clean, noisy = temporal_latents(model, batch)
             noise = 0.5 * normal_like(noisy, generator=generator)
             got = model(noisy + noise, sigma, noisy, given)
+        case TochAutoencoder() | RegressionDenoiser():
+            region = batch.region
+            got = model(observation, region.points_canon, region.normals_canon)
         case _:
             raise AssertionError(f"no denoiser: {type(model).__name__}")
     return (got - clean).norm(dim=-1).mean() / (noisy - clean).norm(dim=-1).mean()

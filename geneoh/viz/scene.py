@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from geneoh.errors import InputError, MissingAssetError
-from geneoh.fitting.fit import FitConfig, fit_hand, start_from_keypoints
+from geneoh.fitting.fit import fit_keypoints
 from geneoh.geometry.distance import SurfaceDistance, query_parts
 from geneoh.geometry.rigid import Rigid
 from geneoh.hand.library import load_hand
@@ -164,12 +164,8 @@ def see_hand(
     model = model_for(track, mano_dir)
     with torch.no_grad():
         person = person_of(right, model)
-        state = person.start or fit_hand(
-            person.joints[None],
-            person.trust[None],
-            person.shaped,
-            start_from_keypoints(person.joints[None], person.shaped),
-            config=FitConfig(steady_finger=0.2, steady_wrist=0.0),
+        state = person.start or fit_keypoints(
+            person.joints[None], person.trust[None], person.shaped
         )
         posed = person.shaped.verts_from_rotations(state.rotations, state.wrist)
         verts, joints, pose, wrist = posed.verts[0], person.joints, state.pose[0], state.wrist[0]

@@ -25,7 +25,7 @@ def test_synthesized_data_trains_every_stage_and_denoise_takes_the_weights(
     assert "2 shards made" in made.stdout
     assert "0 shards made" in geneoh("synthesize", "--count", 4).stdout
     settings = [word for setting in SMALL for word in ("--set", setting)]
-    for stage in ("motion", "spatial", "temporal"):
+    for stage in ("motion", "spatial", "temporal", "toch", "regression"):
         trained = geneoh("train", "--stage", stage, *settings)
         assert trained.exit_code == 0, trained.output
         assert (tmp_path / "runs" / f"{stage}.safetensors").exists()

@@ -145,3 +145,19 @@ def test_an_ancestral_step_of_any_length_is_the_posterior_of_unit_gaussian_data(
     share = (1 + after**2) / (1 + sigma**2)
     want = share * x + (share * (sigma**2 - after**2)) ** 0.5 * noise
     torch.testing.assert_close(got, want)
+
+
+def test_a_direct_answer_is_one_call_on_the_input_and_draws_nothing():
+    x, sigmas, generator = torch.randn(8, generator=seeded(2)), descending_sigmas(100, 5), seeded()
+    before, heard = generator.get_state(), []
+    got = denoise_via_diffusion(
+        posterior_mean,
+        x,
+        sigmas,
+        sampler="direct",
+        generator=generator,
+        on_step=lambda *now: heard.append(now),
+    )
+    assert torch.equal(got, posterior_mean(x, float(sigmas[0])))
+    assert torch.equal(generator.get_state(), before)
+    assert heard == [(1, 1)]

@@ -216,3 +216,11 @@ def test_a_batch_of_scenes_is_the_scenes_one_by_one(make_scene):
         alone = scene.region()
         for name in ContactRegion.__dataclass_fields__:
             torch.testing.assert_close(getattr(both, name)[i], getattr(alone, name))
+
+
+def test_a_frame_held_still_keeps_the_points_and_the_worlds_axes(make_scene):
+    region = make_scene(6).region()
+    still = region.held_still()
+    assert torch.equal(still.points, region.points)
+    shift = region.center.mean(0)
+    torch.testing.assert_close(still.to_canon(still.points), still.points - shift)

@@ -6,8 +6,10 @@ import pytest
 import torch
 
 from geneoh.denoisers.motion import MotionConfig
+from geneoh.denoisers.regression import RegressionConfig
 from geneoh.denoisers.spatial import SpatialConfig
 from geneoh.denoisers.temporal import TemporalConfig
+from geneoh.denoisers.toch import TochConfig
 from geneoh.denoisers.trajectory import TrajectoryConfig
 from geneoh.hand.library import load_hand
 from geneoh.synthesis.grasps import NATURAL_MEAN, Grasps
@@ -52,4 +54,6 @@ def tiny() -> TrainConfig:
         trajectory=TrajectoryConfig(width=16, depth=1, heads=2),
         spatial=SpatialConfig(width=16, depth=1, heads=2, point_width=8),
         temporal=TemporalConfig(latent=6, point_width=8, width=16, depth=1, heads=2),
+        toch=TochConfig(point_width=8, hidden=8, latent=6),
+        regression=RegressionConfig(width=16, depth=1, heads=2, point_width=8),
     )

@@ -4,7 +4,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from geneoh.denoisers.library import load_denoisers
+from geneoh.denoisers.library import load_baseline, load_denoisers
 from geneoh.errors import CheckpointError
 from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.training.batches import draw_batch
@@ -22,6 +22,7 @@ from geneoh.training.losses import motion_loss, reconstruction_loss, temporal_la
 
 CPU = torch.device("cpu")
 STAGES = ("motion", "spatial", "trajectory", "temporal")
+BASELINES = ("toch", "regression")
 
 
 class Interrupted(Exception):
@@ -41,7 +42,7 @@ def same(first, second) -> bool:
     return a.keys() == b.keys() and all(torch.equal(a[name], b[name]) for name in a)
 
 
-@pytest.mark.parametrize("stage", STAGES)
+@pytest.mark.parametrize("stage", [*STAGES, *BASELINES])
 def test_a_resumed_run_is_the_run_that_was_not_interrupted(tmp_path, clips, tiny, stage):
     """The temporal one is interrupted where it turns from the autoencoder to the latent."""
     rest = (clips, clips)
@@ -77,6 +78,15 @@ def test_trained_weights_of_all_stages_can_be_loaded(tmp_path, clips, tiny):
     assert record["step"] == 1
     assert record["sequences"] == 4
     assert record["config"]["seed"] == tiny.seed
+
+
+@pytest.mark.parametrize("name", BASELINES)
+def test_trained_weights_of_a_baseline_can_be_loaded(tmp_path, clips, tiny, name):
+    short = replace(tiny, steps=1)
+    train(name, short, clips, clips, tmp_path, device=CPU)
+    network = load_baseline(name, tmp_path)
+    assert network.config == getattr(tiny, name)
+    assert not any(p.requires_grad for p in network.parameters())
 
 
 def test_the_log_has_a_row_per_validation(tmp_path, clips, tiny):

@@ -1,0 +1,39 @@
+"""ARCTIC: the right hand of subject s01, windows in which its wrist stays near the object.
+
+Source: GeneOH Diffusion, C.1.
+"""
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from geneoh.datasets.base import Clip
+from geneoh.evaluation.protocols.clips import (
+    REACH,
+    Excerpt,
+    excerpts,
+    recordings_of,
+    wrist_to_object,
+)
+from geneoh.evaluation.protocols.options import ProtocolOptions
+
+
+def find(root: Path) -> list[Clip]:
+    """The sequences of the test subject."""
+    paths = sorted(root.glob("raw_seqs/s01/*.mano.npy"))
+    return [Clip(f"s01/{path.name.removesuffix('.mano.npy')}", path) for path in paths]
+
+
+def cut(clip: Clip, options: ProtocolOptions) -> Iterator[Excerpt]:
+    """Windows of one sequence; one with a frame out of reach is dropped whole."""
+    reach = REACH if options.reach == "paper" else math.sqrt(REACH)
+    for recording in recordings_of("arctic", clip, options.known):
+        if "right" not in [hand.side for hand in recording.sequence.hands]:
+            continue
+        gap = wrist_to_object(recording.sequence.hand("right"), recording.sequence.object)
+        everywhere = np.ones(len(gap), dtype=bool)
+        for found in excerpts("arctic", clip, recording, "right", everywhere, options):
+            if options.windows == "whole" or np.nanmax(gap[found.start : found.stop]) <= reach:
+                yield found

@@ -1,0 +1,120 @@
+"""The noise that the paper puts on each data set, and any other noise on a clip.
+
+The paper adds it to MANO's own parameters: translation, global axis-angle, and the coefficients of
+the first 24 pose components. The draws depend on the seed, the data set and the clip alone, so that
+order, limits and workers change nothing.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.datasets.mano import read_mano
+from geneoh.errors import ConfigError, MissingAssetError
+from geneoh.evaluation.protocols.options import CaseNoise, Dataset, ProtocolOptions
+from geneoh.hand.model import Side
+from geneoh.sequence.noise import Sizes, corrupt_sequence, draw_beta, perturbed
+from geneoh.sequence.tracks import Sequence
+from geneoh.synthesis.shards import seed_of
+
+COMPONENTS = 24
+"""Pose components that GRAB's hands have, and the paper's noise."""
+
+
+@dataclass(frozen=True)
+class PaperNoise:
+    """Independent in every frame and parameter."""
+
+    law: Literal["gauss", "beta"]
+    """Standard normal, or Beta(8, 2), times the sizes."""
+    sizes: Sizes
+    """`fingers` is per coefficient, without unit, when drawn on components."""
+    translation_law: Literal["gauss", "beta"] | None = None
+    """Where the translation has another law than the rest."""
+
+
+PAPER: dict[tuple[Dataset, str], PaperNoise] = {
+    ("grab", "paper"): PaperNoise("gauss", Sizes(0.01, 0.1, 0.5)),
+    ("grab-beta", "paper"): PaperNoise("beta", Sizes(0.01, 0.05, 0.3)),
+    ("arctic", "paper"): PaperNoise("gauss", Sizes(0.01, 0.05, 0.3)),
+    ("grab", "code"): PaperNoise("gauss", Sizes(0.01, 0.05, 0.4)),
+    ("grab-beta", "code"): PaperNoise("beta", Sizes(0.01, 0.05, 0.4), translation_law="gauss"),
+    ("arctic", "code"): PaperNoise("gauss", Sizes(0.001, 0.05, 0.3)),
+}
+"""By data set and by who says so: C.1 of the paper, or the loaders of the released code."""
+
+
+def check_noise(dataset: Dataset, noise: CaseNoise, options: ProtocolOptions) -> None:
+    """Refuse what cannot be drawn before anything is read.
+
+    Raises:
+        ConfigError: the paper puts no noise on this data set.
+        MissingAssetError: it is drawn on MANO's components, and there is no MANO.
+    """
+    if noise != "paper":
+        return
+    if (dataset, options.noise_sizes) not in PAPER:
+        known = ", ".join(dict.fromkeys(name for name, _ in PAPER))
+        raise ConfigError(
+            f"{dataset}: the noise 'paper' is that of {known}, and the paper puts none on "
+            f"{dataset}; choose another noise"
+        )
+    if options.finger_noise == "components" and options.mano_dir is None:
+        raise MissingAssetError(
+            f"{dataset}: expected the folder of MANO_RIGHT.pkl and MANO_LEFT.pkl, on whose pose "
+            "components the paper draws its noise, got none; register at https://mano.is.tue.mpg.de"
+            ", download the models, and name their folder with --mano or GENEOH_MANO_DIR"
+        )
+
+
+def noisy_twin(
+    clean: Sequence,
+    dataset: Dataset,
+    clip: str,
+    noise: CaseNoise,
+    seed: int,
+    options: ProtocolOptions,
+) -> Sequence:
+    """The clip as a cleaner gets to see it."""
+    if noise in ("clean", "recorded"):
+        return clean
+    generator = torch.Generator().manual_seed(seed_of("case", seed, dataset, clip, noise))
+    if noise != "paper":
+        return corrupt_sequence(clean, noise, generator=generator)
+    chosen = PAPER[dataset, options.noise_sizes]
+    hands = []
+    for hand in clean.hands:
+        offsets = draw_paper_noise(chosen, hand.frames, hand.side, options, generator=generator)
+        hands.append(perturbed(hand, offsets, torch.ones_like(hand.valid)))
+    source = f"the {options.noise_sizes}'s noise of {dataset}, seed {seed}, on {clean.source}"
+    return replace(clean, hands=tuple(hands), source=source)
+
+
+def draw_paper_noise(
+    noise: PaperNoise,
+    frames: int,
+    side: Side,
+    options: ProtocolOptions,
+    *,
+    generator: torch.Generator,
+) -> Float[Tensor, "T 51"]:
+    """Offsets on translation (metres), global rotation and 45 finger angles (radians)."""
+    by_components = options.finger_noise == "components"
+    fingers = COMPONENTS if by_components else 45
+
+    def draw(law: str, count: int) -> Float[Tensor, "T C"]:
+        if law == "gauss":
+            return torch.randn(frames, count, generator=generator)
+        return draw_beta((frames, count), generator=generator)
+
+    shift = noise.sizes.translation * draw(noise.translation_law or noise.law, 3)
+    turn = noise.sizes.orientation * draw(noise.law, 3)
+    bend = noise.sizes.fingers * draw(noise.law, fingers)
+    if by_components:
+        assert options.mano_dir is not None, "checked before any clip was read"
+        rows = read_mano(options.mano_dir, side).components[:COMPONENTS]
+        bend = bend @ torch.from_numpy(rows).float()
+    return torch.cat([shift, turn, bend], dim=-1)

@@ -1,0 +1,76 @@
+"""What ablations leave out, and that nothing else changes."""
+
+from dataclasses import replace
+from typing import get_args
+
+import pytest
+
+from geneoh.fitting.fit import KEYPOINTS_ALONE
+from geneoh.pipeline.denoise import Options, denoise
+from geneoh.pipeline.presets import Ablation, preset
+
+STAGES = ("motion", "spatial", "temporal")
+SCENE = slice(50, 58)
+
+
+@pytest.fixture(scope="module")
+def short(noisy):
+    hand, moving = noisy.hands[0], noisy.object
+    names = ("valid", "joints", "pose", "wrist")
+    cut = replace(hand, **{name: getattr(hand, name)[SCENE] for name in names})
+    moved = {"rotation": moving.rotation[SCENE], "translation": moving.translation[SCENE]}
+    return replace(noisy, hands=(cut,), object=replace(moving, **moved))
+
+
+def joints_of(sequence, **options):
+    return denoise(sequence, Options(preset="fast", **options)).sequence.hands[0].joints
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_a_stage_is_left_out_alone(stage):
+    whole = preset("default")
+    less = whole.without(stage)
+    assert getattr(less, stage) is None
+    assert replace(less, **{stage: getattr(whole, stage)}) == whole
+
+
+def test_without_diffusion_every_stage_is_one_call():
+    less = preset("paper").without("diffusion")
+    assert {getattr(less, stage).sampler for stage in STAGES} == {"direct"}
+    assert less.without("motion").motion is None
+
+
+def test_without_the_fit_the_object_is_not_looked_at():
+    less = preset("default").without("fit")
+    assert (less.fit, less.contact) == (KEYPOINTS_ALONE, False)
+    assert less.motion == preset("default").motion
+
+
+def test_without_the_canonical_frame_the_rest_stays():
+    less = preset("default").without("canonical")
+    assert not less.canonical
+    assert replace(less, canonical=True) == preset("default")
+
+
+@pytest.mark.parametrize("part", get_args(Ablation))
+def test_every_ablation_gives_another_hand(short, part):
+    less = joints_of(short, without=(part,))
+    assert less.isfinite().all()
+    assert (less - joints_of(short)).norm(dim=-1).mean() > 1e-4
+
+
+def test_without_any_stage_the_fit_follows_the_input(short):
+    left = joints_of(short, without=(*STAGES, "fit"))
+    assert (left - short.hands[0].joints).norm(dim=-1).mean() < 0.004
+
+
+def test_fewer_steps_leave_an_absent_stage_absent():
+    less = preset("default").without("spatial").with_steps(2)
+    assert less.spatial is None
+    assert less.motion.steps == 2
+
+
+def test_options_leave_out_what_they_name():
+    assert Options(without=("motion", "fit")).resolved() == preset("default").without(
+        "motion"
+    ).without("fit")
