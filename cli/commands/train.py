@@ -32,12 +32,14 @@ def train(
 
     Writes STAGE.safetensors, the run's state and STAGE_log.csv (loss, error left on held-out
     objects, rate, seconds) to the output folder. Once motion, spatial and temporal are there,
-    `geneoh denoise --weights FOLDER` uses them; toch and regression are baselines of `geneoh eval`.
+    `geneoh denoise --weights FOLDER` uses them. Spatial and temporal learn on what MotionDiff
+    leaves (that of the folder, or the shipped one). Toch and regression are baselines of eval.
     Without --config the shipped one of the stage.
     """
     import torch
 
     from geneoh.config import configured
+    from geneoh.denoisers.library import load_motion
     from geneoh.synthesis.shards import read_shards
     from geneoh.training.config import TrainConfig
     from geneoh.training.loop import train as fit
@@ -48,6 +50,7 @@ def train(
         torch.set_num_threads(threads)
     chosen = configured(TrainConfig(), options.find_config(config or stage), settings)
     parts = read_shards(data, "train"), read_shards(data, "val")
+    before = load_motion(folder) if stage in ("spatial", "temporal") else None
     with progress.progress_bars() as heard:
         path = fit(
             stage,
@@ -55,6 +58,7 @@ def train(
             *parts,
             folder,
             device=devices.named(device),
+            before=before,
             on_step=lambda now: heard(stage, now.step, now.steps),
         )
     click.echo(f"wrote {path}")

@@ -61,6 +61,15 @@ def load_denoisers(folder: Path | None = None, *, device: torch.device | str = "
     )
 
 
+def load_motion(folder: Path) -> MotionDenoiser:
+    """MotionDiff from a folder that holds its weights, else the shipped one: what the stages after
+    it are trained on."""
+    path = folder / "motion.safetensors"
+    path = path if path.exists() else SHIPPED / path.name
+    saved = load_checkpoint(path)
+    return restored(saved, "motion", lambda sizes: MotionDenoiser(MotionConfig(**sizes)), path)
+
+
 def load_baseline(name: BaselineName, folder: Path | None = None) -> Baseline:
     """The network of a baseline that `geneoh eval` scores, the shipped one by default.
 

@@ -8,7 +8,9 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from geneoh.denoisers.base import POINTS, Observation
-from geneoh.denoisers.motion import ObservedMotion
+from geneoh.denoisers.motion import MotionDenoiser, ObservedMotion
+from geneoh.diffusion.samplers import denoise_via_diffusion
+from geneoh.diffusion.schedule import descending_sigmas
 from geneoh.geometry.rotations import axis_angle_to_matrix, interpolate_rotations
 from geneoh.representation.parameters import HandParameters
 from geneoh.representation.region import ContactRegion, contact_region
@@ -18,6 +20,9 @@ from geneoh.training.corruption import draw_corruption
 
 WINDOW = 60
 """Frames of a window (paper: 60 at 30 frames a second)."""
+MOTION_LEVEL, MOTION_STEPS = 200, 2
+"""How a stage that follows MotionDiff sees its work in training: from the level of the default
+preset, in fewer steps."""
 STYLE_SHARE, STYLE_STD = 0.5, 0.12
 """Share of the windows whose finger pose is set off as a whole, and by how much (rad): people, and
 the fits that make ground truth, hold a hand in ways that our grasps do not know."""
@@ -94,13 +99,21 @@ def draw_batch(
     generator: torch.Generator,
     whiteness: float = 1.0,
     withheld: float = 0.2,
+    before: MotionDenoiser | None = None,
 ) -> Batch:
     """A batch of `size` random windows.
 
     Four in five batches have full windows (whole clips where those are shorter), the others a
-    random shorter length, so that short clips are nothing new. `withheld` is the share of items
-    whose observation is hidden from the network, which makes it the paper's canonical denoiser as
-    well.
+    random shorter length, so that short clips are nothing new.
+
+    Args:
+        data: the interactions to draw from.
+        size: windows.
+        generator: source of every random choice.
+        whiteness: scale of the noise that is independent per frame.
+        withheld: share of items whose observation is hidden from the network, which makes it the
+            paper's canonical denoiser as well.
+        before: MotionDiff, for a stage that follows it: the noisy hand is what it leaves.
     """
 
     def integers(low: int, high: int, count: int) -> Tensor:
@@ -126,22 +139,24 @@ def draw_batch(
         offsets,
     )
     noisy = filled(noisy, noise.keep)
-    joints = noisy.joints + noise.jitter
     points, normals = data.points[pick], data.normals[pick]
-    region = contact_region(
-        joints,
-        points,
-        normals,
-        torch.zeros(size, points.shape[1], dtype=torch.long),
-        rotation[:, :, None],
-        translation[:, :, None],
-        count=POINTS,
-        every=4,
-    )
     turn = axis_angle_to_matrix(3.0 * torch.randn(size, 3, generator=generator))
-    region = region.turned(turn)
-    given = (torch.rand(size, generator=generator) >= withheld).float()
-    trust = noise.keep[..., None].expand(-1, -1, 21).float()
+
+    def around(joints: Tensor) -> ContactRegion:
+        region = contact_region(
+            joints,
+            points,
+            normals,
+            torch.zeros(size, points.shape[1], dtype=torch.long),
+            rotation[:, :, None],
+            translation[:, :, None],
+            count=POINTS,
+            every=4,
+        )
+        return region.turned(turn)
+
+    joints = noisy.joints + noise.jitter
+    region = around(joints)
     local = ((noisy.joints - translation[:, :, None]) @ rotation).flatten(1, 2)
     nearest, outward = (
         found.unflatten(1, (frames, 21)) @ rotation.transpose(-1, -2)
@@ -155,14 +170,34 @@ def draw_batch(
         region.rotation,
         region.center,
     )
-    return Batch(
-        clean.joints,
-        joints,
-        region,
-        Observation(region.to_canon(joints), trust, given),
-        canonical(clean, region),
-        motion,
+    if before is not None:
+        joints = region.to_world(after_motion(motion, before, generator=generator).joints)
+        region = around(joints)
+    given = (torch.rand(size, generator=generator) >= withheld).float()
+    trust = noise.keep[..., None].expand(-1, -1, 21).float()
+    observation = Observation(region.to_canon(joints), trust, given)
+    return Batch(clean.joints, joints, region, observation, canonical(clean, region), motion)
+
+
+@torch.no_grad()
+def after_motion(
+    seen: ObservedMotion, model: MotionDenoiser, *, generator: torch.Generator
+) -> HandParameters:
+    """A quick sample of what MotionDiff leaves of the observed hand, canonical frame."""
+    device = next(model.parameters()).device
+
+    def clean(x: Tensor, sigma: float) -> Tensor:
+        level = x.new_full((len(x),), sigma).to(device)
+        return model(x.to(device), level, moved_to(seen, device)).to(x)
+
+    change = denoise_via_diffusion(
+        clean,
+        seen.hand.wrist.new_zeros(*seen.trust.shape, 51),
+        descending_sigmas(MOTION_LEVEL, MOTION_STEPS),
+        sampler="ddim",
+        generator=generator,
     )
+    return seen.hand.moved(change)
 
 
 def canonical(hand: HandParameters, region: ContactRegion) -> HandParameters:

@@ -129,7 +129,11 @@ class TrainState:
 
 
 def batch_for(
-    data: Interactions, config: TrainConfig, device: torch.device, *parts: object
+    data: Interactions,
+    config: TrainConfig,
+    device: torch.device,
+    *parts: object,
+    before: MotionDenoiser | None = None,
 ) -> tuple[Batch, torch.Generator]:
     """The batch and generator of one step: they depend on seed and step only, so runs resume."""
     generator = torch.Generator().manual_seed(seed_of(config.seed, *parts))
@@ -139,6 +143,7 @@ def batch_for(
         generator=generator,
         whiteness=config.whiteness,
         withheld=config.withheld,
+        before=before,
     )
     return batch.to(device), generator
 
@@ -156,14 +161,18 @@ def set_latent_statistics(model: nn.Module, batch: Batch) -> None:
 
 
 def validate(
-    state: TrainState, data: Interactions, config: TrainConfig, device: torch.device
+    state: TrainState,
+    data: Interactions,
+    config: TrainConfig,
+    device: torch.device,
+    before: MotionDenoiser | None,
 ) -> float:
     """Mean `recovered_fraction` of the averaged weights over fixed validation batches."""
     kept = {n: t.clone() for n, t in state.model.state_dict().items()}
     state.model.load_state_dict(state.average)
     total = 0.0
     for index in range(config.validation_batches):
-        batch, generator = batch_for(data, config, device, "validation", index)
+        batch, generator = batch_for(data, config, device, "validation", index, before=before)
         total += float(losses.recovered_fraction(state.model, batch, generator=generator))
     state.model.load_state_dict(kept)
     return total / config.validation_batches
@@ -177,6 +186,7 @@ def train(
     folder: Path,
     *,
     device: torch.device,
+    before: MotionDenoiser | None = None,
     on_step: Callable[[Progress], None] | None = None,
 ) -> Path:
     """Train one stage and return the path of its weights, `folder`/`stage`.safetensors.
@@ -184,7 +194,7 @@ def train(
     The run's state stands in `folder`/`stage`_state.safetensors after every `checkpoint_every`
     steps; an interrupted run started again with the same folder continues there. `stage`_log.csv
     holds a row per validation: step, mean training loss since the last row, error left, rate,
-    seconds.
+    seconds. `before` is MotionDiff for a stage that follows it.
     """
     folder.mkdir(parents=True, exist_ok=True)
     state_path, log_path = folder / f"{stage}_state.safetensors", folder / f"{stage}_log.csv"
@@ -202,9 +212,10 @@ def train(
         began = time.monotonic()
         if stage == "temporal" and state.step == config.autoencoder_steps:
             model.load_state_dict(state.average)
-            set_latent_statistics(model, batch_for(data, config, device, "latent")[0])
+            batch, _ = batch_for(data, config, device, "latent", before=before)
+            set_latent_statistics(model, batch)
             state.average = {n: t.clone() for n, t in model.state_dict().items()}
-        batch, generator = batch_for(data, config, device, "step", state.step)
+        batch, generator = batch_for(data, config, device, "step", state.step, before=before)
         loss = loss_of(stage, state.step, config)(model, batch, generator=generator)
         optimizer.zero_grad(set_to_none=True)
         loss.backward()
@@ -217,7 +228,7 @@ def train(
         recent.append(loss.item())
         left = None
         if state.step % config.validate_every == 0 or state.step == config.steps:
-            left = validate(state, validation, config, device)
+            left = validate(state, validation, config, device, before)
         state.seconds += time.monotonic() - began
         if left is not None:
             row = [state.step, sum(recent) / len(recent), left, learning_rate(state.step, config)]

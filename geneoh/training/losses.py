@@ -16,7 +16,7 @@ from geneoh.diffusion.samplers import normal_like
 from geneoh.representation.temporal import DISTANCE_DECAY, encode_temporal
 from geneoh.training.batches import Batch
 
-SIGMA_RANGE = (0.015, 2.3)
+SIGMA_RANGE = (0.05, 2.5)
 """Noise levels to learn, log-uniform, in units of the data's deviation: the paper starts its stages
 at 2.0 (step 400), 0.7 (200) and 0.34 (100)."""
 FPS = 30.0

@@ -10,7 +10,8 @@ from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import bone_lengths
 from geneoh.representation.parameters import HandParameters
 from geneoh.sequence.gaps import observed_around
-from geneoh.training.batches import WINDOW, Batch, draw_batch, filled
+from geneoh.training.batches import WINDOW, Batch, after_motion, draw_batch, filled
+from geneoh.training.loop import build_model
 
 
 def seeded(seed: int = 0) -> torch.Generator:
@@ -113,6 +114,22 @@ def test_equal_generators_draw_equal_batches(interactions):
 def test_the_observation_is_withheld_from_the_share_asked_for(interactions, share, given_to):
     b = draw_batch(interactions, 4, generator=seeded(), withheld=share)
     assert torch.equal(b.observation.given, torch.full((4,), given_to))
+
+
+def test_a_stage_that_follows_motion_sees_what_motion_leaves(interactions, tiny):
+    model = build_model("motion", tiny)
+    plain, after = (
+        draw_batch(interactions, 3, generator=seeded(5), withheld=0.0, before=before)
+        for before in (None, model)
+    )
+    assert torch.equal(plain.clean, after.clean)
+    assert torch.equal(plain.motion.hand.wrist, after.motion.hand.wrist)
+    # an untrained network is the skip path: what it leaves is the hand and the noise it was given
+    left = after_motion(plain.motion, model, generator=seeded(6)).joints
+    apart = (plain.region.to_world(left) - plain.noisy).norm(dim=-1).mean()
+    assert 0.001 < float((after.noisy - plain.noisy).norm(dim=-1).mean()) < 3 * float(apart)
+    torch.testing.assert_close(after.observation.joints, after.region.to_canon(after.noisy))
+    torch.testing.assert_close(bone_lengths(after.noisy), bone_lengths(after.clean))
 
 
 def test_one_batch_in_five_has_short_windows(interactions):
