@@ -13,13 +13,20 @@ from torch import Tensor, nn
 
 from geneoh.denoisers.base import HAND_SCALE, palm_axes
 from geneoh.diffusion.precondition import denoised
-from geneoh.geometry.rotations import matrix_to_axis_angle, matrix_to_rotation_6d
+from geneoh.geometry.rotations import (
+    matrix_to_axis_angle,
+    matrix_to_rotation_6d,
+    rotation_6d_to_matrix,
+)
 from geneoh.hand.skeleton import bone_lengths
 from geneoh.nn.blocks import FrameTransformer, zeroed
 from geneoh.representation.parameters import HandParameters
 
 TOUCH_SCALE = 0.02
 """Distance over which closeness to the surface decays in the network's eyes, metres."""
+FILTERS = (1.5, 4.0, 10.0, 25.0)
+"""Deviations in frames of the Gaussian filters whose answers the network may mix, frame by frame
+and parameter by parameter: to average is the one thing that would take long to learn."""
 
 
 @dataclass(frozen=True)
@@ -82,6 +89,32 @@ class ObservedMotion:
         ]
         return torch.cat(parts, dim=-1)
 
+    def filtered(self, axes: Float[Tensor, "B 3 3"]) -> Float[Tensor, "B T K 51"]:
+        """Changes from the observed hand to itself, low-pass filtered by each of `FILTERS`.
+
+        Frames count by their trust. The wrist's change is in the given axes.
+        """
+        hand, frames = self.hand, self.trust.shape[1]
+        time = torch.arange(frames, device=self.trust.device)
+        apart = (time[:, None] - time).square()
+        kernels = torch.stack([torch.exp(-0.5 * apart / width**2) for width in FILTERS])
+        weights = kernels[:, None] * (self.trust + 1e-4)[:, None]
+        weights = (weights / weights.sum(-1, keepdim=True)).transpose(0, 1)  # (B, K, T, T)
+        six = matrix_to_rotation_6d(hand.turn)
+        values = torch.cat([hand.wrist, six, hand.fingers.flatten(2)], dim=-1)
+        smooth = weights @ values[:, None]
+        wrist, six, fingers = smooth.split([3, 6, 45], dim=-1)
+        several = (getattr(hand, f.name)[:, None] for f in fields(hand))
+        many = HandParameters(
+            *(value.expand(-1, len(FILTERS), *value.shape[2:]) for value in several)
+        )
+        goal = HandParameters(
+            wrist, rotation_6d_to_matrix(six), fingers.unflatten(-1, (15, 3)), many.offsets
+        )
+        change = many.change_to(goal)
+        change = torch.cat([change[..., :3] @ axes[:, None], change[..., 3:]], dim=-1)
+        return change.transpose(1, 2)
+
     def _object_motion(self, axes: Float[Tensor, "B 3 3"]) -> Float[Tensor, "B T 6"]:
         """Velocity and turn rate of the object between frames, 0.1 m/s and 1 rad/s as units."""
         rotation, center = self.rotation, self.center
@@ -109,10 +142,11 @@ class MotionDenoiser(nn.Module):
         """Build the network; its last layers start at zero, so it starts as the skip path."""
         super().__init__()
         self.config = config
-        self.embed = nn.Linear(51 + FEATURES, config.width)
+        self.embed = nn.Linear(51 + 51 * len(FILTERS) + FEATURES, config.width)
         self.trunk = FrameTransformer(config.width, config.depth, config.heads)
         self.head = zeroed(nn.Linear(config.width, 51))
         self.gate = zeroed(nn.Linear(config.width, 51))
+        self.mix = zeroed(nn.Linear(config.width, 51 * len(FILTERS)))
 
     def forward(
         self, x: Float[Tensor, "B T 51"], sigma: Float[Tensor, " B"], seen: ObservedMotion
@@ -122,7 +156,8 @@ class MotionDenoiser(nn.Module):
         Units are those of `geneoh.representation.parameters.UNIT`, the wrist's axes canonical.
         """
         axes = palm_axes(seen.hand.joints)  # so that a hand looks the same however it is turned
-        features = seen.features(axes)
+        filtered = seen.filtered(axes)
+        features = torch.cat([filtered.flatten(2), seen.features(axes)], dim=-1)
 
         def turned(change: Tensor, by: Tensor) -> Tensor:
             return torch.cat([change[..., :3] @ by, change[..., 3:]], dim=-1)
@@ -131,7 +166,8 @@ class MotionDenoiser(nn.Module):
             tokens = self.embed(torch.cat([scaled, features], dim=-1))
             tokens = self.trunk(tokens, level.flatten())
             # the gate scales the sample itself: how far this input's observation is to be trusted
-            return self.head(tokens) + self.gate(tokens) * scaled
+            mix = self.mix(tokens).unflatten(-1, filtered.shape[2:])
+            return self.head(tokens) + self.gate(tokens) * scaled + (mix * filtered).sum(2)
 
         sigma = sigma[:, None, None]
         anchor, scale = torch.zeros_like(x), torch.ones_like(sigma)
