@@ -97,7 +97,7 @@ def preset(name: PresetName) -> Preset:
             )
         case "default":
             return Preset(
-                motion=StagePlan(200, 8),
+                motion=StagePlan(400, 8),  # starting lower counts the observation twice
                 spatial=StagePlan(100, 6),
                 temporal=StagePlan(100, 6),
                 observed=True,

@@ -37,7 +37,7 @@ def _ease(x: Float[Tensor, "*S"]) -> Float[Tensor, "*S"]:
     return x**3 * (10 - 15 * x + 6 * x**2)
 
 
-def _wander(
+def wander(
     batch: int, frames: int, channels: int, period: float, *, generator: torch.Generator
 ) -> Float[Tensor, "B T C"]:
     """Smooth unit-variance noise that changes over about `period` frames."""
@@ -116,12 +116,12 @@ def animate(
         return back * uniform(0.06, 0.2, 1) + 0.05 * torch.randn(batch, 3, generator=generator)
 
     path = wrist_in[..., None] * place()[:, None] + wrist_out[..., None] * place()[:, None]
-    slide = 0.001 * _wander(batch, frames, 3, 12.0, generator=generator)
+    slide = 0.001 * wander(batch, frames, 3, 12.0, generator=generator)
     wrist_object = grasps.wrist[:, None] + path + slide
     turn = wrist_in[..., None] * 0.4 * torch.randn(batch, 1, 3, generator=generator)
     turn = turn + wrist_out[..., None] * 0.4 * torch.randn(batch, 1, 3, generator=generator)
     orient_object = rotation_grasp[:, None] @ axis_angle_to_matrix(
-        turn + 0.01 * _wander(batch, frames, 3, 15.0, generator=generator)
+        turn + 0.01 * wander(batch, frames, 3, 15.0, generator=generator)
     )
 
     flat = NATURAL_MEAN * torch.tensor([1.0, 1.0, 0.35])
@@ -136,7 +136,7 @@ def animate(
     bump = torch.where(works, 0.5 - 0.5 * torch.cos(2 * math.pi * (time - beat) / period), bump)
     lift = bump[..., None] * lifted.repeat_interleave(3, dim=1)[:, None]
     fingers = fingers + (lift * uniform(0.2, 0.6, 1, 1))[..., None] * (flat - fingers)
-    tremble = _wander(batch, frames, 45, 8.0, generator=generator).reshape(batch, frames, 15, 3)
+    tremble = wander(batch, frames, 45, 8.0, generator=generator).reshape(batch, frames, 15, 3)
     fingers = fingers + tremble * (0.004 + 0.04 * openness)
 
     orient = matrix_to_axis_angle(rotation @ orient_object)

@@ -19,6 +19,9 @@ from geneoh.training.batches import Batch
 SIGMA_RANGE = (0.05, 2.5)
 """Noise levels to learn, log-uniform, in units of the data's deviation: the paper starts its stages
 at 2.0 (step 400), 0.7 (200) and 0.34 (100)."""
+START = 2.0
+"""Noise level at which a stage is scored, that of level 400: where the sample says next to nothing,
+so that the score is of what the observation says."""
 FPS = 30.0
 
 
@@ -160,27 +163,27 @@ def recovered_fraction(
     given = torch.ones_like(batch.observation.given)
     observation = type(batch.observation)(batch.observation.joints, batch.observation.trust, given)
     noisy, clean = observation.joints, batch.clean_canon
-    sigma = given * 0.5
+    sigma = given * START
     match model:
         case MotionDenoiser():
             hand = batch.motion.hand
             change = torch.zeros_like(hand.change_to(hand))
-            noise = 0.5 * normal_like(change, generator=generator)
+            noise = START * normal_like(change, generator=generator)
             got = hand.moved(model(change + noise, sigma, batch.motion)).joints
             noisy = hand.joints
         case TrajectoryDenoiser():
-            noise = 0.5 * HAND_SCALE * normal_like(noisy, generator=generator)
+            noise = START * HAND_SCALE * normal_like(noisy, generator=generator)
             got = model(noisy + noise, sigma * HAND_SCALE, observation)
         case SpatialDenoiser():
             region = batch.region
-            noise = 0.5 * HAND_SCALE * normal_like(noisy, generator=generator)
+            noise = START * HAND_SCALE * normal_like(noisy, generator=generator)
             hands = (noisy + noise)[:, :, None].expand(-1, -1, region.points.shape[2], -1, -1)
             got = model(
                 hands, sigma * HAND_SCALE, region.points_canon, region.normals_canon, observation
             ).mean(2)
         case TemporalDenoiser():
             clean, noisy = temporal_latents(model, batch)
-            noise = 0.5 * normal_like(noisy, generator=generator)
+            noise = START * normal_like(noisy, generator=generator)
             got = model(noisy + noise, sigma, noisy, given)
         case TochAutoencoder() | RegressionDenoiser():
             region = batch.region

@@ -10,6 +10,7 @@ from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import bone_lengths
 from geneoh.representation.parameters import HandParameters
 from geneoh.sequence.gaps import observed_around
+from geneoh.training import batches
 from geneoh.training.batches import WINDOW, Batch, after_motion, draw_batch, filled
 from geneoh.training.loop import build_model
 
@@ -66,9 +67,16 @@ def test_a_batch_has_windows_contact_points_and_an_observation(batch):
     assert all(bool(value.isfinite().all()) for value in tensors(batch))
 
 
-def test_clean_hands_are_those_of_the_data(batch, interactions):
-    bones = bone_lengths(batch.clean).flatten(0, 1)
-    torch.testing.assert_close(bones, bones[:1].expand_as(bones), atol=1e-5, rtol=0)
+def test_clean_hands_have_the_skeletons_of_the_data(batch, interactions):
+    bones = bone_lengths(batch.clean)
+    torch.testing.assert_close(bones, bones[:, :1].expand_as(bones), atol=1e-5, rtol=0)
+    for offsets in batch.hand.offsets:
+        assert any(torch.equal(offsets, known) for known in interactions.offsets)
+
+
+def test_without_variety_clean_hands_are_those_of_the_data(interactions, monkeypatch):
+    monkeypatch.setattr(batches, "varied", lambda hand, *, generator: hand)
+    batch = draw_batch(interactions, 3, generator=seeded())
     wrists = interactions.wrist.flatten(0, 1)
     apart = (batch.clean[:, :, 0].flatten(0, 1)[:, None] - wrists).norm(dim=-1).amin(1)
     assert float(apart.max()) < 1e-5
