@@ -9,7 +9,7 @@ from jaxtyping import Float
 from PIL import Image, ImageDraw, ImageFont
 
 from geneoh.errors import InputError
-from geneoh.viz.camera import Camera, best_axes, framing
+from geneoh.viz.camera import cameras
 from geneoh.viz.colours import SCALES, Colouring, Scale
 from geneoh.viz.files import write_whole
 from geneoh.viz.picture import Picture, draw
@@ -49,7 +49,7 @@ def filmstrip(
     """
     chosen = spread_frames(scene, STRIP_FRAMES) if frames is None else frames
     refuse_frames(scene, chosen)
-    axes = best_axes(scene, up)
+    seen = cameras(scene, up)
     row = HEAD + cell + NOTE
     width = (cell + GAP) * len(chosen) - GAP
     height = row * len(scene.takes) + (FOOT if colouring != "plain" else 0)
@@ -58,8 +58,7 @@ def filmstrip(
     for index, take in enumerate(scene.takes):
         pen.text((12, index * row + 8), take.title, INK, font(16))
         for column, frame in enumerate(chosen):
-            camera = Camera(axes, *framing(scene, frame))
-            picture = draw(scene, take, frame, camera, (cell, cell), colouring=colouring)
+            picture = draw(scene, take, frame, seen[frame], (cell, cell), colouring=colouring)
             corner = (column * (cell + GAP), index * row + HEAD)
             sheet.paste(Image.fromarray(picture), corner)
             words = caption(scene, take, frame)
