@@ -24,7 +24,13 @@ JUDGED_FRAMES = 3
 CALM = 0.2
 """Seconds over which the camera's path is averaged: a hand that trembles must not shake it."""
 OBJECT_PULL = 0.5
-"""How far from the hands to the object's middle the camera looks, for an object of 15 cm."""
+"""How far from the hands to the object's middle the camera looks, as a share."""
+MOST_ASIDE = 0.05
+"""How far from the hands it looks at most, metres."""
+MOST_FRAMES = 0.6
+"""Share of the frames in which hands are surely seen whole."""
+LARGE = 0.12
+"""Half the diagonal of the largest object that is seen whole, metres."""
 DEEP_BONUS = 25.0
 """A pixel of skin inside the object counts this much more than another pixel of the hand."""
 
@@ -69,8 +75,9 @@ def axes_towards(back: Float[np.ndarray, " 3"], up: Float[np.ndarray, " 3"]) -> 
 
 def cameras(scene: Scene, up: Float[np.ndarray, " 3"]) -> list[Camera]:
     """One camera for each frame: the same direction and size in all, so that frames compare."""
-    axes = best_axes(scene, up)
-    return [Camera(axes, target, _radius(scene)) for target in _targets(scene)]
+    axes, targets = best_axes(scene, up), _targets(scene)
+    radius = _radius(scene, targets)
+    return [Camera(axes, target, radius) for target in targets]
 
 
 def best_axes(scene: Scene, up: Float[np.ndarray, " 3"]) -> Axes:
@@ -81,7 +88,8 @@ def best_axes(scene: Scene, up: Float[np.ndarray, " 3"]) -> Axes:
     """
     deepest = torch.stack([hand.depth.nan_to_num() for hand in scene.takes[0].hands]).amax(0)
     frames = deepest.topk(min(JUDGED_FRAMES, len(deepest))).indices.tolist()
-    targets, radius = _targets(scene), _radius(scene)
+    targets = _targets(scene)
+    radius = _radius(scene, targets)
     tried = [axes_towards(back, up) for back in _directions(up)]
     return max(
         tried,
@@ -131,11 +139,6 @@ def _hands(scene: Scene) -> Float[torch.Tensor, "T J 3"]:
     )
 
 
-def _size(scene: Scene) -> float:
-    """Half the diagonal of the largest part, metres."""
-    return max(float(mesh.extent().norm()) / 2 for mesh in scene.object.meshes)
-
-
 def _targets(scene: Scene) -> Float[np.ndarray, "T 3"]:
     """What to look at: the hands, and what is near of the object; a calm path over the frames."""
     parts = torch.stack([mesh.verts.mean(0) for mesh in scene.object.meshes])
@@ -147,13 +150,14 @@ def _targets(scene: Scene) -> Float[np.ndarray, "T 3"]:
         centre = middle
     else:
         centre = np.stack([np.interp(frames, frames[there], axis[there]) for axis in centre.T], -1)
-    pull = min(1.0, _size(scene) / 0.15) * OBJECT_PULL
-    return gaussian_filter1d(centre + pull * (middle - centre), CALM * scene.fps, 0, mode="nearest")
+    aside = OBJECT_PULL * (middle - centre)
+    aside *= np.minimum(1, MOST_ASIDE / np.linalg.norm(aside, axis=-1, keepdims=True).clip(1e-9))
+    return gaussian_filter1d(centre + aside, CALM * scene.fps, 0, mode="nearest")
 
 
-def _radius(scene: Scene) -> float:
-    """Of what must be seen around the target, metres."""
-    joints = _hands(scene)
-    far = (joints - joints.nanmean(1, keepdim=True)).norm(dim=-1).nan_to_num()
-    reach = float(far.amax(1).median())
-    return max(reach, min(_size(scene), 0.25)) * 1.05 + 0.01
+def _radius(scene: Scene, targets: Float[np.ndarray, "T 3"]) -> float:
+    """Of what must be seen around the targets in most frames, metres."""
+    apart = (_hands(scene) - torch.from_numpy(targets).float()[:, None]).norm(dim=-1)
+    reach = float(apart.nan_to_num().amax(1).quantile(MOST_FRAMES))
+    size = max(float(mesh.extent().norm()) / 2 for mesh in scene.object.meshes)
+    return 1.08 * max(reach, min(size, LARGE))

@@ -22,13 +22,13 @@ import torch
 from jaxtyping import Float, Integer
 from torch import Tensor
 
-from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.rotations import matrix_to_quat_wxyz
 from geneoh.hand.skeleton import KEYPOINT_PARENTS
 from geneoh.viz.camera import Camera, cameras
 from geneoh.viz.colours import DEEPEST, OBJECT, SCALES, SKIN, Colouring, on_ramp
 from geneoh.viz.files import write_whole
 from geneoh.viz.scene import Scene, SeenHand, Take
+from geneoh.viz.surface import coarser, creased
 
 STEPS = 65535
 """16-bit steps over the longest side of the scene."""
@@ -154,7 +154,7 @@ def _scale(name: Colouring) -> dict[str, Any]:
 
 def _part(scene: Scene, part: int, packed: _Packed) -> dict[str, Any]:
     """Mesh of a part in steps of its own box, and its motion as quaternions with translations."""
-    mesh = coarser(scene.object.meshes[part], MOST_FACES)
+    mesh = creased(coarser(scene.object.meshes[part], MOST_FACES))
     low = mesh.verts.amin(0)
     box = _Box(low, max(float(mesh.extent().max()), 1e-6) / STEPS)
     quat_wxyz = matrix_to_quat_wxyz(scene.object.rotation[:, part])
@@ -200,20 +200,3 @@ def _rounded(values: Float[np.ndarray, "..."], digits: int = 4) -> list[Any]:
     """Numbers for JSON, which knows no NaN."""
     rounded = np.round(values.astype(np.float64), digits)
     return np.where(np.isfinite(rounded), rounded, None).tolist()
-
-
-def coarser(mesh: Mesh, most: int) -> Mesh:
-    """A mesh of at most so many faces: vertices in one cell of a grid become their mean.
-
-    For looking only. The mesh itself comes back when it has few enough.
-    """
-    cells = 256.0
-    while len(mesh.faces) > most:
-        key = (mesh.verts - mesh.verts.amin(0)) / float(mesh.extent().max()) * cells
-        _, group = torch.unique(key.long(), dim=0, return_inverse=True)
-        count = torch.bincount(group)
-        verts = torch.zeros(len(count), 3).index_add_(0, group, mesh.verts) / count[:, None]
-        a, b, c = group[mesh.faces].unbind(-1)
-        faces = torch.stack([a, b, c], -1)[(a != b) & (b != c) & (c != a)]
-        mesh, cells = Mesh(verts, faces), cells * 0.8
-    return mesh

@@ -57,15 +57,15 @@ def filmstrip(
     pen = ImageDraw.Draw(sheet)
     for index, take in enumerate(scene.takes):
         pen.text((12, index * row + 8), take.title, INK, font(16))
-        for column, frame in enumerate(chosen):
-            picture = draw(scene, take, frame, seen[frame], (cell, cell), colouring=colouring)
+    for column, frame in enumerate(chosen):
+        pictures = draw(scene, scene.takes, frame, seen[frame], (cell, cell), colouring=colouring)
+        for index, (take, picture) in enumerate(zip(scene.takes, pictures, strict=True)):
             corner = (column * (cell + GAP), index * row + HEAD)
             sheet.paste(Image.fromarray(picture), corner)
             words = caption(scene, take, frame)
             pen.text((corner[0] + 12, corner[1] + cell + 2), words, FAINT, font(13))
-            if on_picture is not None:
-                done = index * len(chosen) + column + 1
-                on_picture(done, len(scene.takes) * len(chosen))
+        if on_picture is not None:
+            on_picture(column + 1, len(chosen))
     if colouring != "plain":
         draw_scale(sheet, SCALES[colouring], (12, height - FOOT + 8))
     return np.asarray(sheet)

@@ -46,9 +46,9 @@ def film_frames(
     def sheet_of(frame: int) -> Picture:
         sheet = Image.new("RGB", (panel * len(scene.takes), height), PAPER)
         pen = ImageDraw.Draw(sheet)
-        for index, take in enumerate(scene.takes):
+        pictures = draw(scene, scene.takes, frame, seen[frame], (panel, panel), colouring=colouring)
+        for index, (take, picture) in enumerate(zip(scene.takes, pictures, strict=True)):
             left = index * panel
-            picture = draw(scene, take, frame, seen[frame], (panel, panel), colouring=colouring)
             sheet.paste(Image.fromarray(picture), (left, HEAD))
             pen.text((left + 12, 8), take.title, INK, font(16))
             pen.text((left + 12, HEAD + panel + 2), caption(scene, take, frame), FAINT, font(14))

@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 import torch
 
-from geneoh.geometry.mesh import Mesh
-from geneoh.viz.page import coarser, page_html
+from geneoh.viz.page import page_html
 from geneoh.viz.strip import UP
 
 
@@ -98,20 +97,6 @@ def long_page(scene):
 
 def test_300_frames_of_two_hands_before_and_after_stay_under_6_mb(long_page):
     assert len(long_page.encode()) < 6e6
-
-
-def test_a_mesh_of_too_many_faces_is_drawn_coarser_and_in_place():
-    side = torch.linspace(0, 0.1, 61)
-    grid = torch.cartesian_prod(side, side)
-    verts = torch.cat([grid, torch.zeros(len(grid), 1)], -1)
-    at = torch.arange(61 * 61).reshape(61, 61)
-    a, b, c, d = at[:-1, :-1], at[1:, :-1], at[:-1, 1:], at[1:, 1:]
-    faces = torch.cat([torch.stack(t, -1).reshape(-1, 3) for t in ((a, b, c), (b, d, c))])
-    mesh = Mesh(verts, faces)
-    small = coarser(mesh, 2000)
-    assert 500 < len(small.faces) <= 2000
-    torch.testing.assert_close(small.extent(), mesh.extent(), atol=0.004, rtol=0)
-    assert coarser(mesh, 10_000) is mesh
 
 
 @pytest.fixture

@@ -9,8 +9,6 @@ const LIGHTS = [[-0.45, 0.65, 0.62, 0.62], [0.75, 0.1, 0.4, 0.22], [0.1, -0.8, 0
   });
 const AMBIENT = 0.42, BRIGHTEST = 1.32;
 const TONES = 64;
-/** Cosine of the angle between faces that share no normal. */
-const CREASE = Math.cos((50 * Math.PI) / 180);
 
 /** 1 / depth, brightness and place on the colour ramp of the nearest surface in each pixel. */
 class Layer {
@@ -52,34 +50,6 @@ class Body {
       normals[i] /= length; normals[i + 1] /= length; normals[i + 2] /= length;
     }
   }
-}
-
-/** The same surface with its points doubled along sharp edges, so that these look sharp. */
-function creased(points, index) {
-  const normals = new Float32Array(index.length);
-  for (let f = 0; f < index.length; f += 3) {
-    const [i, j, k] = [3 * index[f], 3 * index[f + 1], 3 * index[f + 2]];
-    const a = [0, 1, 2].map((c) => points[j + c] - points[i + c]);
-    const b = [0, 1, 2].map((c) => points[k + c] - points[i + c]);
-    const n = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-    const length = Math.hypot(...n) || 1;
-    for (let c = 0; c < 3; c++) normals[f + c] = n[c] / length;
-  }
-  const groups = Array.from({ length: points.length / 3 }, () => []);
-  const grown = Array.from(points), split = new Uint32Array(index.length);
-  for (let corner = 0; corner < index.length; corner++) {
-    const f = corner - (corner % 3), vertex = index[corner];
-    const [x, y, z] = normals.subarray(f, f + 3);
-    let group = groups[vertex].find((g) => g.n[0] * x + g.n[1] * y + g.n[2] * z > CREASE);
-    if (!group) {
-      const first = groups[vertex].length === 0;
-      group = { n: [x, y, z], at: first ? vertex : grown.length / 3 };
-      if (!first) grown.push(points[3 * vertex], points[3 * vertex + 1], points[3 * vertex + 2]);
-      groups[vertex].push(group);
-    }
-    split[corner] = group.at;
-  }
-  return new Body(Float32Array.from(grown), split);
 }
 
 /** Where a body's points are in a picture, and how bright both of its sides are there.

@@ -31,7 +31,7 @@ function array(place) {
 }
 for (const part of told.parts) {
   const points = Float32Array.from(array(part.verts), (v, i) => v * part.step + part.low[i % 3]);
-  part.body = creased(points, array(part.faces));
+  part.body = new Body(points, array(part.faces));
 }
 for (const take of told.takes)
   for (const hand of take.hands) {
@@ -269,10 +269,11 @@ const rgb = (c) => `rgb(${c.map((v) => Math.round(255 * v)).join(" ")})`;
 function readings() {
   for (const { value, line, digits } of values) value.textContent = said(line[state.frame], digits);
   for (const { take, dot, number } of depths) {
+    const words = state.layout === "overlaid" ? `inside ${kinds[take]}` : "inside";
     const depth = depthAt(take, state.frame), { ramp } = told.scales.penetration;
     const at = Math.min(1, (depth ?? 0) / told.deepest) * (ramp.length - 1), low = Math.min(ramp.length - 2, Math.floor(at));
     dot.style.background = rgb(ramp[low].map((c, i) => c + (at - low) * (ramp[low + 1][i] - c)));
-    number.replaceChildren(dot, depth === null ? "no hand" : `${depth.toFixed(1)} mm `, made("small", "", depth === null ? "" : "inside"));
+    number.replaceChildren(dot, ...(depth === null ? ["no hand"] : [`${depth.toFixed(1)} mm `, made("small", "", words)]));
   }
   const width = $("curves").clientWidth - 2 * EDGE;
   $("now").style.transform = `translateX(${EDGE + (T > 1 ? (state.frame / (T - 1)) * width : width / 2)}px)`;
