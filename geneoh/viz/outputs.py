@@ -105,7 +105,7 @@ def write_report(
     noisy: Sequence, result: Denoised, path: Path, *, title: str, mano_dir: Path | None = None
 ) -> None:
     """Write the page of a cleaning that just took place, with its samples."""
-    samples = {
+    samples: dict[Side, Float[Tensor, "S R 21 3"]] = {
         side: hand.samples.cpu() for side, hand in result.hands.items() if len(hand.samples) > 1
     }
     write_comparison(noisy, result.sequence, path, title=title, samples=samples, mano_dir=mano_dir)

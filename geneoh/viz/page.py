@@ -199,4 +199,6 @@ def _bytes(share: Float[Tensor, "*B"]) -> Integer[np.ndarray, "*B"]:
 def _rounded(values: Float[np.ndarray, "..."], digits: int = 4) -> list[Any]:
     """Numbers for JSON, which knows no NaN."""
     rounded = np.round(values.astype(np.float64), digits)
-    return np.where(np.isfinite(rounded), rounded, None).tolist()
+    kept = rounded.astype(object)
+    kept[~np.isfinite(rounded)] = None
+    return kept.tolist()

@@ -150,7 +150,7 @@ def _lit(body: Body, camera: Camera, window: _Window) -> _Layer:
     light = np.full(len(normal), AMBIENT, dtype=np.float32)
     for towards, strength in LIGHTS:
         light += strength * np.clip(normal @ _unit(towards), 0, None)
-    half = _unit(_unit(LIGHTS[0][0]) + np.float32([0, 0, 1]))
+    half = _unit(_unit(LIGHTS[0][0]) + np.array([0, 0, 1], dtype=np.float32))
     shine = SHINE * np.clip(normal @ half, 0, 1) ** 24
     shown = np.column_stack([body.colours * light[:, None] + shine[:, None], body.telling])
     values = at_pixels(raster, screen, body.faces, shown.astype(np.float32))
@@ -168,7 +168,9 @@ def _finished(layers: list[_Layer], camera: Camera, window: _Window, smooth: int
     height, width = picture.shape[0] // smooth, picture.shape[1] // smooth
     blocks = picture.reshape(height, smooth, width, smooth, 3)
     # sums of slices: several times faster than a mean over two axes
-    total = sum(blocks[:, row, :, column] for row in range(smooth) for column in range(smooth))
+    total = np.zeros((height, width, 3), dtype=np.float32)
+    for row, column in np.ndindex(smooth, smooth):
+        total += blocks[:, row, :, column]
     return ((total / smooth**2).clip(0, 1) * 255 + 0.5).astype(np.uint8)
 
 

@@ -143,7 +143,9 @@ def make_scene(
         )
         for title, sequence in sequences.items()
     )
-    paced = {side: _at_frames(drawn, last.frames) for side, drawn in (samples or {}).items()}
+    paced: dict[Side, Float[Tensor, "S T 21 3"]] = {
+        side: _at_frames(drawn, last.frames) for side, drawn in (samples or {}).items()
+    }
     return Scene(takes, last.object, last.fps, paced)
 
 

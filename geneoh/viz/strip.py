@@ -94,7 +94,7 @@ def caption(scene: Scene, take: Take, frame: int) -> str:
 
 
 def draw_scale(
-    sheet: Image.Image, scale: Scale, corner: tuple[int, int], ink: object = INK
+    sheet: Image.Image, scale: Scale, corner: tuple[int, int], ink: tuple[int, int, int] = INK
 ) -> None:
     """A ramp with its name and the values at its ends."""
     pen, (left, top) = ImageDraw.Draw(sheet), corner

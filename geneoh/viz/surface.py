@@ -43,7 +43,7 @@ def plain_body(
     colour: tuple[float, float, float],
 ) -> Body:
     """A surface of one colour that tells nothing."""
-    colours = np.broadcast_to(np.float32(colour), verts.shape)
+    colours = np.broadcast_to(np.array(colour, dtype=np.float32), verts.shape)
     return Body(verts, faces, colours, np.zeros(len(verts), dtype=np.float32))
 
 
