@@ -71,14 +71,30 @@ def known_of(
     )
 
 
-def one_recording(name: str, path: Path, known: "Known", clip: str | None) -> "Sequence":
-    """The one sequence at a path of a source, checked."""
+def read(
+    path: Path,
+    obj: tuple[Path, ...],
+    source: str | None,
+    clip: str | None,
+    *,
+    side: Any,
+    fps: float | None,
+    mano: Path | None,
+    **said: Any,
+) -> "Sequence":
+    """The sequence in a file of any layout, or the one recording of a named source, checked."""
+    import geneoh
     from geneoh.datasets.convert import read_one
     from geneoh.sequence.checks import check_sequence
 
-    recording = read_one(name, path, known, clip)
-    check_sequence(recording.sequence, recording.name)
-    return recording.sequence
+    if source is not None:
+        known = known_of(mano, obj, side=side, fps=fps, **said)
+        recording = read_one(source, path, known, clip)
+        check_sequence(recording.sequence, recording.name)
+        return recording.sequence
+    if not obj:
+        raise click.UsageError("Missing option '--obj'")
+    return geneoh.load(path, obj=obj, side=side, fps=fps, mano_dir=mano)
 
 
 def table() -> str:

@@ -62,12 +62,8 @@ def denoise(
     noisy: Path,
     obj: tuple[Path, ...],
     output: Path | None,
-    side: Any,
-    fps: float | None,
     mano: Path | None,
     report: Path | None,
-    source: str | None,
-    clip: str | None,
     **chosen: Any,
 ) -> None:
     """Clean the hand-object interaction in NOISY.
@@ -82,15 +78,9 @@ def denoise(
     from .. import devices, progress, reports
 
     devices.named(chosen["device"])
-    said = {name: chosen.pop(name) for name in sources.NAMES}
+    asked = {name: chosen.pop(name) for name in ("source", "clip", "side", "fps", *sources.NAMES)}
     settings = geneoh.Options(mano_dir=mano, **chosen)
-    if source is not None:
-        known = sources.known_of(settings.mano_dir, obj, side=side, fps=fps, **said)
-        sequence = sources.one_recording(source, noisy, known, clip)
-    elif obj:
-        sequence = geneoh.load(noisy, obj=obj, side=side, fps=fps, mano_dir=settings.mano_dir)
-    else:
-        raise click.UsageError("Missing option '--obj'")
+    sequence = sources.read(noisy, obj, mano=mano, **asked)
     with progress.progress_bars() as heard:
         result = geneoh.denoise(sequence, settings, on_progress=heard)
     output = output or noisy.with_name(f"{noisy.stem}_clean.npz")
@@ -98,7 +88,7 @@ def denoise(
     for line in reports.denoised(sequence, result, output):
         click.echo(line)
     if report is not None:
-        from geneoh.viz.outputs import scene_of, write
+        from geneoh.viz.outputs import write_report
 
-        write(scene_of(sequence, result, noisy.stem, mano), report)
+        write_report(sequence, result, report, title=noisy.stem, mano_dir=mano)
         click.echo(f"wrote {report}")

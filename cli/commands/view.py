@@ -51,10 +51,7 @@ def view(
     outputs: tuple[Path, ...],
     serve: bool,
     port: int,
-    mano: Path | None,
-    side: Any,
-    fps: float | None,
-    **look: Any,
+    **asked: Any,
 ) -> None:
     """Look at RESULT, beside what it was made from where BEFORE is given too.
 
@@ -63,26 +60,25 @@ def view(
     """
     from functools import partial
 
-    from geneoh.errors import InputError
-    from geneoh.viz.outputs import Look, open_scene, write
+    from geneoh.viz.outputs import Look, check_ending, open_scene, write
 
     from .. import progress
 
-    seen = Look(**look)
-    opened = partial(open_scene, side=side, fps=fps, mano_dir=mano)
+    opened = partial(open_scene, **{name: asked.pop(name) for name in ("side", "fps", "mano")})
+    look = Look(**asked)
     if serve:
         from geneoh.viz.serve import Gallery, find_clips
 
         with progress.progress_bars() as heard:
             clips = find_clips(files, obj, opened, on_clip=partial(heard, "clips"))
-        gallery = Gallery(clips, up=seen.upward, port=port)
-        click.echo(f"{len(clips)} clips at http://127.0.0.1:{port}, Ctrl-C ends")
+        gallery = Gallery(clips, up=look.upward, port=port)
+        click.echo(f"{len(clips)} clips at {gallery.address}, Ctrl-C ends")
         gallery.run()
         return
-    if len(files) > 2:
-        raise InputError(f"expected RESULT [BEFORE], got {len(files)} files; --serve takes many")
-    scene = opened(files[0], files[1] if len(files) > 1 else None, obj)
+    for output in outputs:
+        check_ending(output)
+    scene = opened(files, obj)
     for output in outputs or (files[0].with_suffix(".html"),):
         with progress.progress_bars() as heard:
-            write(scene, output, seen, on_step=partial(heard, output.name))
+            write(scene, output, look, on_step=partial(heard, output.name))
         click.echo(f"wrote {output}")

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 from jaxtyping import Float
+from scipy.ndimage import gaussian_filter1d
 
 from geneoh.viz.raster import rasterise
 from geneoh.viz.scene import Scene
@@ -20,6 +21,16 @@ HEIGHTS = (-0.5, 0.0, 0.45, 0.95)
 TRIAL = 96
 """Side in pixels of the pictures that directions are judged by."""
 JUDGED_FRAMES = 3
+CALM = 0.2
+"""Seconds over which the camera's path is averaged: a hand that trembles must not shake it."""
+OBJECT_PULL = 0.5
+"""How far from the hands to the object's middle the camera looks, as a share."""
+MOST_ASIDE = 0.05
+"""How far from the hands it looks at most, metres."""
+MOST_FRAMES = 0.6
+"""Share of the frames in which hands are surely seen whole."""
+LARGE = 0.12
+"""Half the diagonal of the largest object that is seen whole, metres."""
 DEEP_BONUS = 25.0
 """A pixel of skin inside the object counts this much more than another pixel of the hand."""
 
@@ -62,6 +73,13 @@ def axes_towards(back: Float[np.ndarray, " 3"], up: Float[np.ndarray, " 3"]) -> 
     return np.stack([right, np.cross(back, right), back])
 
 
+def cameras(scene: Scene, up: Float[np.ndarray, " 3"]) -> list[Camera]:
+    """One camera for each frame: the same direction and size in all, so that frames compare."""
+    axes, targets = best_axes(scene, up), _targets(scene)
+    radius = _radius(scene, targets)
+    return [Camera(axes, target, radius) for target in targets]
+
+
 def best_axes(scene: Scene, up: Float[np.ndarray, " 3"]) -> Axes:
     """The direction from which most of the hands is seen, and most of what sank into the object.
 
@@ -70,8 +88,15 @@ def best_axes(scene: Scene, up: Float[np.ndarray, " 3"]) -> Axes:
     """
     deepest = torch.stack([hand.depth.nan_to_num() for hand in scene.takes[0].hands]).amax(0)
     frames = deepest.topk(min(JUDGED_FRAMES, len(deepest))).indices.tolist()
+    targets = _targets(scene)
+    radius = _radius(scene, targets)
     tried = [axes_towards(back, up) for back in _directions(up)]
-    return max(tried, key=lambda axes: sum(_shown(scene, frame, axes) for frame in frames))
+    return max(
+        tried,
+        key=lambda axes: sum(
+            _shown(scene, frame, Camera(axes, targets[frame], radius)) for frame in frames
+        ),
+    )
 
 
 def _directions(up: Float[np.ndarray, " 3"]) -> list[Float[np.ndarray, " 3"]]:
@@ -87,10 +112,9 @@ def _directions(up: Float[np.ndarray, " 3"]) -> list[Float[np.ndarray, " 3"]]:
     ]
 
 
-def _shown(scene: Scene, frame: int, axes: Axes) -> float:
+def _shown(scene: Scene, frame: int, camera: Camera) -> float:
     """How much of the hands one frame shows, in pixels."""
     hands = scene.takes[0].hands
-    camera = Camera(axes, *framing(scene, frame))
     verts = np.concatenate([hand.verts[frame].numpy() for hand in hands])
     starts = np.cumsum([0] + [len(hand.verts[frame]) for hand in hands])
     faces = np.concatenate(
@@ -103,24 +127,37 @@ def _shown(scene: Scene, frame: int, axes: Axes) -> float:
     return len(seen) + DEEP_BONUS * float(inside[faces[seen, 0]].sum())
 
 
-def framing(scene: Scene, frame: int) -> tuple[Float[np.ndarray, " 3"], float]:
-    """What to look at in a frame, and the radius around it: hands and what is near of the object.
+def _hands(scene: Scene) -> Float[torch.Tensor, "T J 3"]:
+    """Keypoints of all hands of all takes, NaN where a hand is not there."""
+    return torch.cat(
+        [
+            torch.where(hand.valid[:, None, None], hand.joints, torch.nan)
+            for take in scene.takes
+            for hand in take.hands
+        ],
+        dim=1,
+    )
 
-    The radius is the same in all frames, so that sizes compare.
-    """
-    middles, radii = _framings(scene)
-    return middles[frame], radii
+
+def _targets(scene: Scene) -> Float[np.ndarray, "T 3"]:
+    """What to look at: the hands, and what is near of the object; a calm path over the frames."""
+    parts = torch.stack([mesh.verts.mean(0) for mesh in scene.object.meshes])
+    placed = (scene.object.rotation @ parts[None, ..., None])[..., 0] + scene.object.translation
+    middle = placed.mean(1).numpy()
+    centre = _hands(scene).nanmean(1).numpy()
+    frames, there = np.arange(scene.frames), np.isfinite(centre).all(1)
+    if not there.any():
+        centre = middle
+    else:
+        centre = np.stack([np.interp(frames, frames[there], axis[there]) for axis in centre.T], -1)
+    aside = OBJECT_PULL * (middle - centre)
+    aside *= np.minimum(1, MOST_ASIDE / np.linalg.norm(aside, axis=-1, keepdims=True).clip(1e-9))
+    return gaussian_filter1d(centre + aside, CALM * scene.fps, 0, mode="nearest")
 
 
-def _framings(scene: Scene) -> tuple[Float[np.ndarray, "T 3"], float]:
-    joints = torch.cat([hand.joints for take in scene.takes for hand in take.hands], dim=1)
-    centre = joints.nanmean(1)
-    reach = (joints - centre[:, None]).norm(dim=-1).nan_to_num().amax(1).median()
-    parts = [mesh.verts.mean(0) for mesh in scene.object.meshes]
-    rest = torch.stack(parts)[None, ..., None]
-    middle = ((scene.object.rotation @ rest)[..., 0] + scene.object.translation).mean(1)
+def _radius(scene: Scene, targets: Float[np.ndarray, "T 3"]) -> float:
+    """Of what must be seen around the targets in most frames, metres."""
+    apart = (_hands(scene) - torch.from_numpy(targets).float()[:, None]).norm(dim=-1)
+    reach = float(apart.nan_to_num().amax(1).quantile(MOST_FRAMES))
     size = max(float(mesh.extent().norm()) / 2 for mesh in scene.object.meshes)
-    pull = min(1.0, size / 0.15) * 0.4
-    target = centre + pull * (middle - centre)
-    radius = max(float(reach), min(size, 0.25)) * 1.05 + 0.01
-    return target.numpy(), radius
+    return 1.08 * max(reach, min(size, LARGE))

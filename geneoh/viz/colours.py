@@ -84,12 +84,6 @@ def on_ramp(
             assert_never(colouring)
 
 
-def vertex_colours(
-    colouring: Colouring,
-    distance: Float[Tensor, "*B V"],
-    spread: Float[Tensor, "*B V"] | None,
-) -> Float[np.ndarray, "*B V 3"]:
-    """Colour of each vertex, red, green and blue from 0 to 1."""
-    value = on_ramp(colouring, distance, spread).numpy()
-    scale = SCALES.get(colouring, SCALES["penetration"])
-    return scale.colours(value)
+def ramp_colours(colouring: Colouring, told: Float[np.ndarray, "*B"]) -> Float[np.ndarray, "*B 3"]:
+    """Red, green and blue, 0 to 1, for places on the ramp of a measure."""
+    return SCALES.get(colouring, SCALES["penetration"]).colours(told)

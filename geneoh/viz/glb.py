@@ -16,8 +16,8 @@ from jaxtyping import Float, Int
 from geneoh.geometry.rotations import matrix_to_quat_wxyz
 from geneoh.viz.camera import axes_towards
 from geneoh.viz.colours import OBJECT, SKIN
-from geneoh.viz.picture import Body, vertex_normals
 from geneoh.viz.scene import Scene, SeenHand, Take
+from geneoh.viz.surface import vertex_normals
 
 FLOAT, UINT = 5126, 5125
 ARRAY_BUFFER, ELEMENT_BUFFER = 34962, 34963
@@ -133,9 +133,7 @@ def _add_hand(document: _Document, hand: SeenHand, times: int) -> int:
     """A node whose mesh is the first frame, and whose targets lead to each of the others."""
     verts = hand.verts.numpy().astype(np.float32)
     faces = hand.model.faces.numpy()
-    normals = np.stack(
-        [vertex_normals(Body(points, faces, points)).astype(np.float32) for points in verts]
-    )
+    normals = np.stack([vertex_normals(points, faces).astype(np.float32) for points in verts])
     primitive: dict[str, Any] = {
         "attributes": {
             "POSITION": document.accessor(verts[0], ARRAY_BUFFER),
@@ -173,7 +171,7 @@ def _add_part(document: _Document, scene: Scene, part: int, times: int) -> int:
     """A node that carries a part of the object along its motion."""
     mesh = scene.object.meshes[part]
     verts, faces = mesh.verts.numpy().astype(np.float32), mesh.faces.numpy()
-    normals = vertex_normals(Body(verts, faces, verts)).astype(np.float32)
+    normals = vertex_normals(verts, faces).astype(np.float32)
     # glTF knows no normal without length, which a vertex without a face would have
     normals[np.linalg.norm(normals, axis=-1) < 0.5] = (0, 0, 1)
     name = f"object {part + 1}" if len(scene.object.meshes) > 1 else "object"

@@ -1,11 +1,12 @@
 """What `geneoh view` writes, by the ending of the file."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
+from torch import Tensor
 
 from geneoh.errors import InputError
 from geneoh.hand.model import Side
@@ -49,31 +50,75 @@ class Look:
 
 
 def open_scene(
-    result: Path,
-    before: Path | None,
+    files: Iterable[Path],
     obj: tuple[Path, ...],
     *,
     side: Side | None = None,
     fps: float | None = None,
-    mano_dir: Path | None = None,
+    mano: Path | None = None,
 ) -> Scene:
-    """The scene of a result and of what it was made from, titled by their files."""
-    paths = [result] if before is None else [before, result]
+    """The scene of a result, and of what it was made from if that is named too.
+
+    Raises:
+        InputError: more than these two files, or one that cannot be read.
+    """
+    result, *before = files
+    if len(before) > 1:
+        raise InputError(
+            f"expected RESULT [BEFORE], got {len(before) + 1} files; --serve takes many"
+        )
     sequences: dict[str, Sequence] = {}
-    for path in paths:
+    for path in (*before, result):
         title = path.stem if path.stem not in sequences else str(path)
-        sequences[title] = load(path, obj=obj, side=side, fps=fps, mano_dir=mano_dir)
-    samples = load_samples(result)
-    return make_scene(sequences, samples=samples, mano_dir=mano_dir)
+        sequences[title] = load(path, obj=obj, side=side, fps=fps, mano_dir=mano)
+    return make_scene(sequences, samples=load_samples(result), mano_dir=mano)
 
 
-def scene_of(noisy: Sequence, result: Denoised, title: str, mano_dir: Path | None = None) -> Scene:
-    """The scene of a cleaning that just took place."""
-    samples = {
+def write_comparison(
+    before: Sequence,
+    after: Sequence,
+    path: Path,
+    *,
+    title: str,
+    samples: dict[Side, Float[Tensor, "S R 21 3"]] | None = None,
+    mano_dir: Path | None = None,
+) -> None:
+    """Write the page of one interaction before and after it was cleaned.
+
+    Args:
+        before: as it came.
+        after: the same frames, cleaned; its object is shown.
+        path: of the page, `.html`.
+        title: of the interaction.
+        samples: per side, keypoints of the samples that were drawn.
+        mano_dir: folder of the user's MANO files.
+
+    Raises:
+        InputError: the frames differ, there is no mesh, or the place cannot be written to.
+    """
+    sequences = {title: before, f"{title}, cleaned": after}
+    scene = make_scene(sequences, samples=samples, mano_dir=mano_dir)
+    write_page(scene, path, title, up=Look().upward)
+
+
+def write_report(
+    noisy: Sequence, result: Denoised, path: Path, *, title: str, mano_dir: Path | None = None
+) -> None:
+    """Write the page of a cleaning that just took place, with its samples."""
+    samples: dict[Side, Float[Tensor, "S R 21 3"]] = {
         side: hand.samples.cpu() for side, hand in result.hands.items() if len(hand.samples) > 1
     }
-    sequences = {title: noisy, f"{title}, cleaned": result.sequence}
-    return make_scene(sequences, samples=samples, mano_dir=mano_dir)
+    write_comparison(noisy, result.sequence, path, title=title, samples=samples, mano_dir=mano_dir)
+
+
+def check_ending(path: Path) -> None:
+    """Refuse a file whose ending says nothing that can be written.
+
+    Raises:
+        InputError: another ending.
+    """
+    if path.suffix.lower() not in ENDINGS:
+        raise InputError(f"{path}: expected {', '.join(ENDINGS)}, got {path.suffix!r}; name it so")
 
 
 def write(
@@ -92,6 +137,7 @@ def write(
     Raises:
         InputError: another ending, or the place cannot be written to.
     """
+    check_ending(path)
     look, last = look or Look(), scene.takes[-1]
     match path.suffix.lower():
         case ".html":
@@ -116,5 +162,3 @@ def write(
             write_meshes(scene, last, path.with_suffix(""), "obj", on_frame=on_step)
         case ".ply":
             write_meshes(scene, last, path.with_suffix(""), "ply", on_frame=on_step)
-        case other:
-            raise InputError(f"{path}: expected {', '.join(ENDINGS)}, got {other!r}; name it so")

@@ -1,4 +1,6 @@
-"""A scene as one HTML file that needs nothing else: data, viewer and three.js in its own text.
+"""A scene as one HTML file that needs nothing else: data and viewer in its own text.
+
+The viewer draws on the CPU: a browser without a GPU has no WebGL, or one of a few frames a second.
 
 Positions are 16-bit steps of one box around the scene; each array is stored as differences from
 frame to frame, low bytes before high ones, and all of them together deflated: 300 frames of a hand
@@ -20,17 +22,17 @@ import torch
 from jaxtyping import Float, Integer
 from torch import Tensor
 
-from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.rotations import matrix_to_quat_wxyz
 from geneoh.hand.skeleton import KEYPOINT_PARENTS
-from geneoh.viz.camera import Axes, best_axes, framing
-from geneoh.viz.colours import OBJECT, SCALES, SKIN, Colouring, on_ramp
+from geneoh.viz.camera import Camera, cameras
+from geneoh.viz.colours import DEEPEST, OBJECT, SCALES, SKIN, Colouring, on_ramp
 from geneoh.viz.files import write_whole
 from geneoh.viz.scene import Scene, SeenHand, Take
+from geneoh.viz.surface import coarser, creased
 
 STEPS = 65535
 """16-bit steps over the longest side of the scene."""
-MOST_FACES = 40_000
+MOST_FACES = 20_000
 """Faces of an object part beyond which a coarser mesh is drawn."""
 MOST_SAMPLES = 16
 """Samples that a page keeps of those that were drawn."""
@@ -87,13 +89,13 @@ def page_html(scene: Scene, title: str, *, up: Float[np.ndarray, " 3"]) -> str:
         up: the direction in the world that is up on the screen.
     """
     packed = _Packed()
-    told = describe(scene, title, best_axes(scene, up), packed)
+    told = describe(scene, cameras(scene, up), up, packed)
     data = base64.b64encode(zlib.compress(b"".join(packed.blocks), 9)).decode()
     filled = {
         "TITLE": html.escape(title),
         "STYLE": _asset("page.css"),
-        "THREE": _asset("three.min.js"),
-        "LICENCE": _asset("three.LICENSE"),
+        "RASTER": _asset("raster.js"),
+        "ORBIT": _asset("orbit.js"),
         "VIEWER": _asset("viewer.js"),
         # "<" must not stand in a script: file names may hold anything
         "SCENE": json.dumps(told, allow_nan=False).replace("<", "\\u003c"),
@@ -112,7 +114,9 @@ def _asset(name: str) -> str:
     return (files("geneoh.viz") / "assets" / name).read_text(encoding="utf-8")
 
 
-def describe(scene: Scene, title: str, axes: Axes, packed: _Packed) -> dict[str, Any]:
+def describe(
+    scene: Scene, seen: list[Camera], up: Float[np.ndarray, " 3"], packed: _Packed
+) -> dict[str, Any]:
     """Everything the viewer must know, large arrays by their place in the block of bytes."""
     points = [hand.verts for take in scene.takes for hand in take.hands]
     points += [drawn.flatten(0, 1) for drawn in scene.samples.values()]
@@ -120,19 +124,19 @@ def describe(scene: Scene, title: str, axes: Axes, packed: _Packed) -> dict[str,
     flat = flat[flat.isfinite().all(-1)]
     low = flat.amin(0)
     box = _Box(low, max(float((flat.amax(0) - low).max()), 1e-3) / STEPS)
-    targets = np.stack([framing(scene, frame)[0] for frame in range(scene.frames)])
     return {
-        "title": title,
         "frames": scene.frames,
         "fps": scene.fps,
         "low": box.low.tolist(),
         "step": box.step,
-        "radius": framing(scene, 0)[1],
-        "axes": axes.tolist(),
-        "targets": _rounded(targets),
+        "radius": seen[0].radius,
+        "up": up.tolist(),
+        "back": seen[0].axes[2].tolist(),
+        "targets": _rounded(np.stack([camera.target for camera in seen])),
         "skin": SKIN,
         "objectColour": OBJECT,
         "bones": KEYPOINT_PARENTS,
+        "deepest": 1000 * DEEPEST,
         "scales": {name: _scale(name) for name in COLOURINGS},
         "parts": [_part(scene, part, packed) for part in range(len(scene.object.meshes))],
         "takes": [_take(take, box, packed) for take in scene.takes],
@@ -150,7 +154,7 @@ def _scale(name: Colouring) -> dict[str, Any]:
 
 def _part(scene: Scene, part: int, packed: _Packed) -> dict[str, Any]:
     """Mesh of a part in steps of its own box, and its motion as quaternions with translations."""
-    mesh = coarser(scene.object.meshes[part], MOST_FACES)
+    mesh = creased(coarser(scene.object.meshes[part], MOST_FACES))
     low = mesh.verts.amin(0)
     box = _Box(low, max(float(mesh.extent().max()), 1e-6) / STEPS)
     quat_wxyz = matrix_to_quat_wxyz(scene.object.rotation[:, part])
@@ -195,21 +199,6 @@ def _bytes(share: Float[Tensor, "*B"]) -> Integer[np.ndarray, "*B"]:
 def _rounded(values: Float[np.ndarray, "..."], digits: int = 4) -> list[Any]:
     """Numbers for JSON, which knows no NaN."""
     rounded = np.round(values.astype(np.float64), digits)
-    return np.where(np.isfinite(rounded), rounded, None).tolist()
-
-
-def coarser(mesh: Mesh, most: int) -> Mesh:
-    """A mesh of at most so many faces: vertices in one cell of a grid become their mean.
-
-    For looking only. The mesh itself comes back when it has few enough.
-    """
-    cells = 256.0
-    while len(mesh.faces) > most:
-        key = (mesh.verts - mesh.verts.amin(0)) / float(mesh.extent().max()) * cells
-        _, group = torch.unique(key.long(), dim=0, return_inverse=True)
-        count = torch.bincount(group)
-        verts = torch.zeros(len(count), 3).index_add_(0, group, mesh.verts) / count[:, None]
-        a, b, c = group[mesh.faces].unbind(-1)
-        faces = torch.stack([a, b, c], -1)[(a != b) & (b != c) & (c != a)]
-        mesh, cells = Mesh(verts, faces), cells * 0.8
-    return mesh
+    kept = rounded.astype(object)
+    kept[~np.isfinite(rounded)] = None
+    return kept.tolist()

@@ -11,6 +11,7 @@ from torch import Tensor
 from geneoh.errors import InputError, MissingAssetError
 from geneoh.fitting.fit import fit_keypoints
 from geneoh.geometry.distance import SurfaceDistance, query_parts
+from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.rigid import Rigid
 from geneoh.hand.library import load_hand
 from geneoh.hand.model import HandModel, Side
@@ -19,6 +20,7 @@ from geneoh.metrics.contact import penetration_depth, tips_in_contact
 from geneoh.metrics.smoothness import acceleration, per_frame_squared
 from geneoh.pipeline.person import person_of
 from geneoh.sequence.tracks import MIRROR, HandTrack, ObjectTrack, Sequence
+from geneoh.viz.surface import creased
 
 FAR = 0.03
 """Vertices farther than this from the object's box need no exact distance, metres."""
@@ -88,10 +90,18 @@ class Scene:
         """Number of frames T."""
         return len(self.object.rotation)
 
+    @cached_property
+    def creased_parts(self) -> tuple[Mesh, ...]:
+        """The object's parts as they are drawn, with sharp edges."""
+        return tuple(creased(mesh) for mesh in self.object.meshes)
+
+    def part_pose(self, part: int, frame: int) -> Rigid:
+        """From a part's own frame to the world."""
+        return Rigid(self.object.rotation[frame, part], self.object.translation[frame, part])
+
     def object_verts(self, part: int, frame: int) -> Float[Tensor, "V 3"]:
         """Vertices of a part in the world."""
-        pose = Rigid(self.object.rotation[frame, part], self.object.translation[frame, part])
-        return pose.apply(self.object.meshes[part].verts)
+        return self.part_pose(part, frame).apply(self.object.meshes[part].verts)
 
 
 def make_scene(
@@ -133,7 +143,9 @@ def make_scene(
         )
         for title, sequence in sequences.items()
     )
-    paced = {side: _at_frames(drawn, last.frames) for side, drawn in (samples or {}).items()}
+    paced: dict[Side, Float[Tensor, "S T 21 3"]] = {
+        side: _at_frames(drawn, last.frames) for side, drawn in (samples or {}).items()
+    }
     return Scene(takes, last.object, last.fps, paced)
 
 

@@ -6,6 +6,7 @@ Stands on viser, which the extra `view` brings.
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +38,7 @@ class Clip:
 def find_clips(
     results: Iterable[Path],
     obj: tuple[Path, ...],
-    open_scene: Callable[[Path, Path | None, tuple[Path, ...]], Scene],
+    open_scene: Callable[[tuple[Path, ...], tuple[Path, ...]], Scene],
     *,
     on_clip: Callable[[int, int], None] | None = None,
 ) -> list[Clip]:
@@ -54,14 +55,8 @@ def find_clips(
     for done, path in enumerate(paths, 1):
         stem = path.stem.removesuffix("_clean")
         before = path.with_name(f"{stem}.npz")
-        before = before if before != path and before.is_file() else None
-        meshes = obj or _mesh_beside(path, stem)
-
-        def opened(
-            path: Path = path, before: Path | None = before, meshes: tuple[Path, ...] = meshes
-        ) -> Scene:
-            return open_scene(path, before, meshes)
-
+        files = (path, before) if before != path and before.is_file() else (path,)
+        opened = partial(open_scene, files, obj or _mesh_beside(path, stem))
         clips.append(Clip(path.stem, opened, measured(opened().takes[-1])))
         if on_clip is not None:
             on_clip(done, len(paths))
@@ -129,6 +124,11 @@ class Gallery:
         self._frame.on_update(lambda _: self._pose())
         steps.on_click(lambda event: self._step(1 if event.target.value == "next" else -1))
         self._show()
+
+    @property
+    def address(self) -> str:
+        """Where a browser finds it."""
+        return f"http://{self._server.get_host()}:{self._server.get_port()}"
 
     @property
     def shown(self) -> Clip:

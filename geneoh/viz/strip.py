@@ -9,7 +9,7 @@ from jaxtyping import Float
 from PIL import Image, ImageDraw, ImageFont
 
 from geneoh.errors import InputError
-from geneoh.viz.camera import Camera, best_axes, framing
+from geneoh.viz.camera import cameras
 from geneoh.viz.colours import SCALES, Colouring, Scale
 from geneoh.viz.files import write_whole
 from geneoh.viz.picture import Picture, draw
@@ -49,7 +49,7 @@ def filmstrip(
     """
     chosen = spread_frames(scene, STRIP_FRAMES) if frames is None else frames
     refuse_frames(scene, chosen)
-    axes = best_axes(scene, up)
+    seen = cameras(scene, up)
     row = HEAD + cell + NOTE
     width = (cell + GAP) * len(chosen) - GAP
     height = row * len(scene.takes) + (FOOT if colouring != "plain" else 0)
@@ -57,16 +57,15 @@ def filmstrip(
     pen = ImageDraw.Draw(sheet)
     for index, take in enumerate(scene.takes):
         pen.text((12, index * row + 8), take.title, INK, font(16))
-        for column, frame in enumerate(chosen):
-            camera = Camera(axes, *framing(scene, frame))
-            picture = draw(scene, take, frame, camera, (cell, cell), colouring=colouring)
+    for column, frame in enumerate(chosen):
+        pictures = draw(scene, scene.takes, frame, seen[frame], (cell, cell), colouring=colouring)
+        for index, (take, picture) in enumerate(zip(scene.takes, pictures, strict=True)):
             corner = (column * (cell + GAP), index * row + HEAD)
             sheet.paste(Image.fromarray(picture), corner)
             words = caption(scene, take, frame)
             pen.text((corner[0] + 12, corner[1] + cell + 2), words, FAINT, font(13))
-            if on_picture is not None:
-                done = index * len(chosen) + column + 1
-                on_picture(done, len(scene.takes) * len(chosen))
+        if on_picture is not None:
+            on_picture(column + 1, len(chosen))
     if colouring != "plain":
         draw_scale(sheet, SCALES[colouring], (12, height - FOOT + 8))
     return np.asarray(sheet)
@@ -95,7 +94,7 @@ def caption(scene: Scene, take: Take, frame: int) -> str:
 
 
 def draw_scale(
-    sheet: Image.Image, scale: Scale, corner: tuple[int, int], ink: object = INK
+    sheet: Image.Image, scale: Scale, corner: tuple[int, int], ink: tuple[int, int, int] = INK
 ) -> None:
     """A ramp with its name and the values at its ends."""
     pen, (left, top) = ImageDraw.Draw(sheet), corner

@@ -12,7 +12,7 @@ from jaxtyping import Float
 from PIL import Image, ImageDraw
 
 from geneoh.errors import InputError, MissingAssetError
-from geneoh.viz.camera import Camera, best_axes, framing
+from geneoh.viz.camera import cameras
 from geneoh.viz.colours import SCALES, Colouring
 from geneoh.viz.files import unwritable
 from geneoh.viz.picture import Picture, draw
@@ -39,17 +39,16 @@ def film_frames(
     every: int = 1,
 ) -> Iterator[Picture]:
     """The pictures of a film one by one, all takes side by side; width and height are even."""
-    axes = best_axes(scene, up)
+    seen = cameras(scene, up)
     panel += panel % 2
     height = HEAD + panel + NOTE + FOOT
 
     def sheet_of(frame: int) -> Picture:
         sheet = Image.new("RGB", (panel * len(scene.takes), height), PAPER)
         pen = ImageDraw.Draw(sheet)
-        camera = Camera(axes, *framing(scene, frame))
-        for index, take in enumerate(scene.takes):
+        pictures = draw(scene, scene.takes, frame, seen[frame], (panel, panel), colouring=colouring)
+        for index, (take, picture) in enumerate(zip(scene.takes, pictures, strict=True)):
             left = index * panel
-            picture = draw(scene, take, frame, camera, (panel, panel), colouring=colouring)
             sheet.paste(Image.fromarray(picture), (left, HEAD))
             pen.text((left + 12, 8), take.title, INK, font(16))
             pen.text((left + 12, HEAD + panel + 2), caption(scene, take, frame), FAINT, font(14))

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bad_inputs import CANARY, REFUSED, TOLD, write_good
+from pages import page_scene
 
 from geneoh.sequence.files import load_sequence
 
@@ -71,6 +72,26 @@ def test_samples_and_their_spread_are_saved(geneoh, tmp_path):
         assert file["right_samples"].shape == (3, 6, 21, 3)
         assert file["right_joint_spread"].shape == (6, 21)
         assert (file["right_joint_spread"] > 0).all()
+
+
+def test_page_of_the_cleaning_shows_before_after_and_samples(geneoh, tmp_path):
+    write_good(tmp_path)
+    result = geneoh(*RUN, "--samples", 3, "--report", "page.html")
+    assert result.exit_code == 0, result.output
+    assert "wrote page.html" in result.stdout
+    told = page_scene(tmp_path / "page.html")
+    assert [take["title"] for take in told["takes"]] == ["hand", "hand, cleaned"]
+    assert told["frames"] == 6
+    assert told["samples"]["right"]["shape"] == [6, 3, 21, 3]
+    assert "spread" in told["takes"][1]["hands"][0]["ramps"]
+
+
+def test_page_that_cannot_be_written_is_told_of_and_the_result_is_kept(geneoh, tmp_path):
+    write_good(tmp_path)
+    result = geneoh(*RUN, "--report", "nowhere/page.html")
+    assert result.exit_code == 2
+    assert "nowhere/page.html: cannot be written" in result.stderr
+    assert load_sequence(tmp_path / "hand_clean.npz").frames == 6
 
 
 def test_same_seed_gives_the_same_file(geneoh, tmp_path):

@@ -1,7 +1,9 @@
 """A tiny interaction to look at: a hand that sinks into a cube, two frames of another, a mesh."""
 
+import os
 import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 import torch
@@ -60,16 +62,13 @@ def scene():
 
 @pytest.fixture(scope="session")
 def node_modules():
-    """A folder of node packages that the browser and validator tests use, or a skip that says why.
+    """A folder of node packages that the browser and GLB tests use, or a skip that says why.
 
-    GENEOH_NODE_MODULES names it: `npm install gltf-validator playwright-core` makes one.
+    GENEOH_NODE_MODULES names it: `npm install gltf-validator playwright-core three` makes one.
     """
-    import os
-    from pathlib import Path
-
     if shutil.which("node") is None:
         pytest.skip("node is not installed")
     folder = os.environ.get("GENEOH_NODE_MODULES")
     if folder is None or not Path(folder).is_dir():
-        pytest.skip("GENEOH_NODE_MODULES names no folder with playwright-core and gltf-validator")
+        pytest.skip("GENEOH_NODE_MODULES names no folder of node packages; .ci/run makes one")
     return Path(folder)

@@ -1,38 +1,41 @@
 // Opens a page in a headless browser and does what a person would; prints what was seen as JSON.
-const { chromium } = require("playwright-core");
+const { inBrowser, open, ready, drawn } = require("./browser.cjs");
 const [, , executablePath, file, folder] = process.argv;
-const ARGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
-  "--disable-background-networking", "--disable-component-update", "--disable-sync", "--no-first-run"];
 
-// Pixels of the 3D view in each half that are red, as deep penetration is painted.
-const redHalves = () => {
-  const view = document.getElementById("view"), flat = document.createElement("canvas");
-  flat.width = view.width;
-  flat.height = view.height;
-  const pen = flat.getContext("2d");
-  pen.drawImage(view, 0, 0);
-  const { data } = pen.getImageData(0, 0, flat.width, flat.height), red = [0, 0];
-  for (let i = 0; i < data.length; i += 4)
-    if (data[i] - data[i + 1] > 48) red[((i / 4) % flat.width) * 2 < flat.width ? 0 : 1]++;
-  return red;
+// Shares of the view: red as deep penetration is painted, skin and object; in each half of it.
+const regions = (stacked) => {
+  const view = document.getElementById("view"), { width, height } = view;
+  const { data } = view.getContext("2d").getImageData(0, 0, width, height);
+  const found = { red: [0, 0], skin: [0, 0], object: [0, 0] };
+  for (let at = 0; at < width * height; at++) {
+    const half = Number(stacked ? 2 * Math.floor(at / width) >= height : 2 * (at % width) >= width);
+    const [red, green, blue] = data.subarray(4 * at, 4 * at + 3);
+    if (red - green > 70) found.red[half]++;
+    else if (red - blue > 25) found.skin[half]++;
+    else if (blue - red > 15) found.object[half]++;
+  }
+  return found;
 };
-const pixels = () => Array.from(document.getElementById("view").toDataURL());
+/** The share of the view's pixels that differ from the last time this was asked. */
+const changed = () => {
+  const view = document.getElementById("view"), last = window.last ?? [];
+  const now = new Uint32Array(view.getContext("2d").getImageData(0, 0, view.width, view.height).data.buffer);
+  window.last = now;
+  return last.length === now.length ? now.filter((v, i) => v !== last[i]).length / now.length : 1;
+};
 
-(async () => {
-  const browser = await chromium.launch({ executablePath, args: ARGS, timeout: 120000 });
-  const page = await browser.newPage({ viewport: { width: 900, height: 640 }, colorScheme: "light" });
-  page.setDefaultTimeout(120000);
+inBrowser(executablePath, async (browser) => {
+  const page = await open(browser, { viewport: { width: 900, height: 640 } });
   const messages = [], requests = [];
   page.on("console", (message) => { if (message.type() === "error") messages.push(message.text()); });
   page.on("pageerror", (error) => messages.push(error.message));
   page.on("request", (request) => { if (/^(https?|wss?):/.test(request.url())) requests.push(request.url()); });
-  await page.goto(`file://${file}`);
-  await page.waitForSelector("body[data-ready=yes]");
-  const drawn = () => page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
+  await ready(page, file);
   const state = (name) => page.evaluate((key) => geneoh.state[key], name);
+  const rested = () => page.waitForFunction(() => geneoh.sharp());
 
-  await drawn();
-  const red = await page.evaluate(redHalves);
+  await rested();
+  const first = await page.evaluate(regions, false);
   await page.screenshot({ path: `${folder}/page.png` });
   const box = await page.locator("#curves").boundingBox();
   await page.mouse.click(box.x + box.width - 5, box.y + 20);
@@ -43,17 +46,36 @@ const pixels = () => Array.from(document.getElementById("view").toDataURL());
   await page.waitForFunction((from) => geneoh.state.frame !== from, scrubbed);
   const played = await state("frame");
   await page.click("#play");
-  const before = await page.evaluate(pixels);
+
+  await rested();
+  await page.evaluate(changed);
+  const stage = await page.locator("#view").boundingBox();
+  await page.mouse.move(stage.x + 200, stage.y + 200);
+  await page.mouse.down();
+  await page.mouse.move(stage.x + 280, stage.y + 230, { steps: 4 });
+  await page.mouse.up();
+  await rested();
+  const turned = await page.evaluate(changed);
   await page.selectOption("#colouring", "contact");
   await page.selectOption("#sample", "0");
+  await rested();
+  const painted = await page.evaluate(changed);
+  const legend = (await page.textContent("#legend")).trim();
   await page.keyboard.press("v");
   await page.keyboard.press("d");
-  await drawn();
-  const after = await page.evaluate(pixels);
-  const changed = before.filter((value, i) => value !== after[i]).length;
-  const legend = (await page.textContent("#legend")).trim();
-  const seen = { messages, requests, scrubbed, played, red, changed, legend,
+  await drawn(page);
+  const seen = { messages, requests, scrubbed, played, first, turned, painted, legend,
     layout: await state("layout"), sample: await state("sample") };
-  await browser.close();
-  console.log(JSON.stringify(seen));
-})().catch((error) => { console.error(error); process.exit(1); });
+
+  const phone = await open(browser, { viewport: { width: 390, height: 844 }, deviceScaleFactor: 2 });
+  phone.on("pageerror", (error) => messages.push(error.message));
+  await ready(phone, file);
+  await phone.waitForFunction(() => geneoh.sharp());
+  await phone.screenshot({ path: `${folder}/phone.png` });
+  const overflow = () => Array.from(document.querySelectorAll("body *")).filter((one) => {
+    const { left, right, width } = one.getBoundingClientRect();
+    return width && (left < -1 || right > innerWidth + 1);
+  }).length;
+  seen.phone = { ...(await phone.evaluate(regions, true)), overflow: await phone.evaluate(overflow) };
+  return seen;
+});

@@ -2,6 +2,7 @@ import json
 import os
 import struct
 import subprocess
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -106,3 +107,25 @@ def test_the_khronos_validator_finds_no_error(glb, node_modules, tmp_path):
     issues = json.loads(run.stdout)
     assert issues["numErrors"] == 0, issues["messages"]
     assert issues["numWarnings"] == 0, issues["messages"]
+
+
+def test_three_js_plays_every_frame_where_it_is_in_the_world(scene, glb, node_modules, tmp_path):
+    if not (node_modules / "three").is_dir():
+        pytest.skip("GENEOH_NODE_MODULES holds no three; `npm install three` there")
+    (tmp_path / "clip.glb").write_bytes(glb)
+    script = Path(__file__).with_name("play_glb.mjs")
+    times = [str(frame / scene.fps) for frame in range(scene.frames)]
+    run = subprocess.run(
+        ["node", script, node_modules, tmp_path / "clip.glb", *times],
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert run.returncode == 0, run.stderr
+    x, y, z, w = upright(UP)
+    turn = trimesh.transformations.quaternion_matrix([w, x, y, z])[:3, :3]
+    hand = scene.takes[1].hands[0]
+    for frame, played in enumerate(json.loads(run.stdout)):
+        expected = {"right_hand": hand.verts[frame], "object_2": scene.object_verts(1, frame)}
+        for name, verts in expected.items():
+            np.testing.assert_allclose(played[name], verts.numpy() @ turn.T, atol=1e-4)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from geneoh.errors import InputError
 from geneoh.hand.library import load_hand
 from geneoh.sequence.tracks import HandTrack
-from geneoh.viz.colours import DEEPEST, SKIN, vertex_colours
+from geneoh.viz.colours import DEEPEST, SKIN, on_ramp, ramp_colours
 from geneoh.viz.scene import make_scene
 
 
@@ -75,12 +75,17 @@ def test_takes_of_different_length_are_refused(scene):
         make_scene({"before": long, "after": short})
 
 
+def penetration_colours(*distance):
+    told = on_ramp("penetration", torch.tensor(distance), None)
+    return ramp_colours("penetration", told.numpy())
+
+
 @given(st.floats(0, 0.02))
 def test_skin_outside_keeps_its_colour(distance):
-    colour = vertex_colours("penetration", torch.tensor([distance]), None)
+    colour = penetration_colours(distance)
     assert colour[0].tolist() == pytest.approx(SKIN, abs=1e-6)
 
 
 def test_penetration_beyond_the_scale_has_the_last_colour():
-    deep = vertex_colours("penetration", torch.tensor([-DEEPEST, -1.0]), None)
+    deep = penetration_colours(-DEEPEST, -1.0)
     assert (deep[0] == deep[1]).all()

@@ -37,7 +37,7 @@ def test_the_input_and_the_mesh_are_found_beside_a_result(scene, tmp_path):
 
     (clip,) = find_clips([tmp_path / "a_clean.npz"], (), opened)
     assert clip.name == "a_clean"
-    expected = (tmp_path / "a_clean.npz", tmp_path / "a.npz", (tmp_path / "a.obj",))
+    expected = ((tmp_path / "a_clean.npz", tmp_path / "a.npz"), (tmp_path / "a.obj",))
     assert asked == [expected]
 
 

@@ -1,8 +1,11 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
+import torch
 
 from geneoh.errors import InputError
-from geneoh.viz.camera import best_axes, framing
+from geneoh.viz.camera import best_axes, cameras
 from geneoh.viz.strip import FOOT, GAP, HEAD, NOTE, UP, filmstrip, spread_frames
 
 
@@ -33,8 +36,31 @@ def test_the_axes_are_a_rotation_with_up_upwards(scene):
     assert axes[1] @ UP > 0.5
 
 
-def test_the_framing_keeps_its_size_over_the_clip(scene):
-    assert framing(scene, 0)[1] == framing(scene, 5)[1]
+def test_the_camera_keeps_its_direction_and_size_over_the_clip(scene):
+    first, *rest = cameras(scene, UP)
+    assert len(rest) == scene.frames - 1
+    assert all((camera.axes == first.axes).all() for camera in rest)
+    assert {camera.radius for camera in rest} == {first.radius}
+
+
+def trembling(take, amount):
+    """The take with every second frame moved aside, and no hand in the first."""
+    hands = []
+    for hand in take.hands:
+        aside = amount * (torch.arange(len(hand.joints)) % 2)[:, None, None]
+        valid = torch.arange(len(hand.joints)) > 0
+        track = replace(hand.track, valid=valid)
+        joints = torch.where(valid[:, None, None], hand.joints + aside, torch.nan)
+        hands.append(replace(hand, joints=joints, track=track))
+    return replace(take, hands=tuple(hands))
+
+
+def test_the_camera_does_not_tremble_with_the_hand_nor_lose_it(scene):
+    shaken = replace(scene, takes=tuple(trembling(take, 0.03) for take in scene.takes))
+    path = np.stack([camera.target for camera in cameras(shaken, UP)])
+    assert np.isfinite(path).all()
+    steps = np.linalg.norm(np.diff(path, axis=0), axis=-1)
+    assert steps.max() < 0.003
 
 
 def test_frames_are_spread_over_the_clip_and_never_more_than_it_has(scene):

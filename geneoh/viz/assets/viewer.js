@@ -1,25 +1,27 @@
 /* The viewer of a geneoh page: reads the packed scene, draws its takes, plays and scrubs. */
-(async () => {
 "use strict";
+(async () => {
 const $ = (id) => document.getElementById(id);
 const told = JSON.parse($("scene").textContent);
+const T = told.frames;
 
 // ---- data -------------------------------------------------------------------------------------
 async function unpacked(text) {
-  const raw = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
+  const letters = atob(text), raw = new Uint8Array(letters.length);
+  for (let i = 0; i < raw.length; i++) raw[i] = letters.charCodeAt(i);
   const stream = new Blob([raw]).stream().pipeThrough(new DecompressionStream("deflate"));
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
 const bytes = await unpacked($("data").textContent.trim());
 const KINDS = { uint8: Uint8Array, uint16: Uint16Array, uint32: Uint32Array };
 
+/** An array as it was packed: its lowest bytes first, differences from frame to frame. */
 function array(place) {
   const Kind = KINDS[place.type], width = Kind.BYTES_PER_ELEMENT;
   const count = place.shape.reduce((a, b) => a * b, 1), values = new Kind(count);
-  for (let i = 0; i < count; i++) {
-    let value = 0;
-    for (let b = width - 1; b >= 0; b--) value = value * 256 + bytes[place.at + b * count + i];
-    values[i] = value;
+  for (let b = 0; b < width; b++) {
+    const start = place.at + b * count, shift = 8 * b;
+    for (let i = 0; i < count; i++) values[i] |= bytes[start + i] << shift;
   }
   if (place.delta) {
     const row = count / place.shape[0];
@@ -27,268 +29,23 @@ function array(place) {
   }
   return values;
 }
-const T = told.frames;
 for (const part of told.parts) {
-  part.points = Float32Array.from(array(part.verts), (v, i) => v * part.step + part.low[i % 3]);
-  part.index = array(part.faces);
+  const points = Float32Array.from(array(part.verts), (v, i) => v * part.step + part.low[i % 3]);
+  part.body = new Body(points, array(part.faces));
 }
 for (const take of told.takes)
   for (const hand of take.hands) {
     hand.steps = array(hand.verts);
-    hand.index = array(hand.faces);
+    hand.body = new Body(new Float32Array(hand.steps.length / T), array(hand.faces));
     for (const name in hand.ramps) hand.ramps[name] = array(hand.ramps[name]);
   }
 for (const side in told.samples) {
   const place = told.samples[side];
   told.samples[side] = { count: place.shape[1], steps: array(place) };
 }
-const colourings = ["plain", ...Object.keys(told.scales)].filter(
-  (name) => name === "plain" || told.takes.some((t) => t.hands.some((h) => name in h.ramps)));
 const sampleCount = Math.max(0, ...Object.values(told.samples).map((s) => s.count));
 const kinds = told.takes.length > 1 ? ["before", "after"] : ["after"];
 
-// ---- state ------------------------------------------------------------------------------------
-const layouts = told.takes.length > 1 ? ["side by side", "overlaid", "before", "after"] : ["after"];
-const small = () => innerWidth < 641;
-const state = {
-  frame: 0, playing: false, layout: layouts[0], colouring: "penetration", sample: -1,
-  veil: true, follow: true, dark: matchMedia("(prefers-color-scheme: dark)").matches, speed: 1,
-};
-let stale = true;
-
-// ---- scene ------------------------------------------------------------------------------------
-const canvas = $("view");
-const renderer = new THREE.WebGLRenderer({ canvas, antialias: true, preserveDrawingBuffer: true });
-let sharpness = Math.min(devicePixelRatio, 2);
-renderer.setPixelRatio(sharpness);
-renderer.autoClear = false;
-const camera = new THREE.PerspectiveCamera(28, 1, 0.01, 20);
-const controls = new THREE.OrbitControls(camera, canvas);
-controls.addEventListener("change", () => { stale = true; });
-const [right, up, back] = told.axes.map((axis) => new THREE.Vector3(...axis));
-camera.up.copy(up);
-const target = (frame) => new THREE.Vector3(...told.targets[frame].map((x) => x ?? 0));
-
-const DISTANCE = told.radius / Math.sin((14 * Math.PI) / 180);
-function firstView() {
-  controls.target.copy(target(state.frame));
-  camera.position.copy(controls.target).addScaledVector(back, DISTANCE * narrow());
-  controls.update();
-  stale = true;
-}
-/** How much farther away a panel that is narrower than high must be seen from. */
-function narrow() {
-  const box = canvas.getBoundingClientRect(), panels = state.layout === "side by side" ? 2 : 1;
-  const wide = small() && panels === 2 ? [box.width, box.height / 2] : [box.width / panels, box.height];
-  return Math.max(1, wide[1] / Math.max(1, wide[0]));
-}
-
-const skin = new THREE.Color().setRGB(...told.skin, "srgb");
-function ramp(name) {
-  const stops = told.scales[name].ramp.map((c) => new THREE.Color().setRGB(...c, "srgb"));
-  const table = new Float32Array(256 * 3), mixed = new THREE.Color();
-  for (let i = 0; i < 256; i++) {
-    const at = (i / 255) * (stops.length - 1), low = Math.min(stops.length - 2, Math.floor(at));
-    mixed.copy(stops[low]).lerp(stops[low + 1], at - low).toArray(table, 3 * i);
-  }
-  return table;
-}
-const ramps = Object.fromEntries(Object.keys(told.scales).map((name) => [name, ramp(name)]));
-
-// Looking through the object: it is drawn solid, then the hands over it, then its nearest faces as a
-// veil over the hands that lie behind them. Its inner and far faces never confuse the eye.
-const VEIL = 0.34;
-const objects = told.parts.map((part) => {
-  const shape = new THREE.BufferGeometry();
-  shape.setAttribute("position", new THREE.BufferAttribute(part.points, 3));
-  shape.setIndex(new THREE.BufferAttribute(part.index, 1));
-  shape.computeVertexNormals();
-  const colour = new THREE.Color().setRGB(...told.objectColour, "srgb");
-  const paint = new THREE.MeshLambertMaterial({ color: colour, side: THREE.DoubleSide });
-  const solid = new THREE.Mesh(shape, paint);
-  const front = new THREE.Mesh(shape, paint.clone()), veil = new THREE.Mesh(shape, paint.clone());
-  front.material.colorWrite = false;
-  front.renderOrder = 1;
-  Object.assign(veil.material, { transparent: true, opacity: VEIL, depthFunc: THREE.EqualDepth });
-  veil.renderOrder = 2;
-  for (const thing of [solid, front, veil]) thing.matrixAutoUpdate = false;
-  return { solid, front, veil, all: [solid, front, veil] };
-});
-
-function handMesh(hand) {
-  const count = hand.steps.length / T;
-  const shape = new THREE.BufferGeometry();
-  shape.setAttribute("position", new THREE.BufferAttribute(new Float32Array(count), 3));
-  shape.setAttribute("normal", new THREE.BufferAttribute(new Float32Array(count), 3));
-  shape.setAttribute("color", new THREE.BufferAttribute(new Float32Array(count), 3));
-  shape.setIndex(new THREE.BufferAttribute(hand.index, 1));
-  const mesh = new THREE.Mesh(shape, new THREE.MeshLambertMaterial({ vertexColors: true }));
-  mesh.frustumCulled = false;
-  return mesh;
-}
-function skeleton() {
-  const shape = new THREE.BufferGeometry();
-  shape.setAttribute("position", new THREE.BufferAttribute(new Float32Array(21 * 3), 3));
-  shape.setIndex(told.bones.flatMap((parent, i) => (parent < 0 ? [] : [parent, i])));
-  const group = new THREE.Group();
-  // drawn over the hand that it runs through
-  const over = { depthTest: false, transparent: true };
-  group.add(new THREE.LineSegments(shape, new THREE.LineBasicMaterial({ color: 0x1c2026, ...over })));
-  group.add(new THREE.Points(shape, new THREE.PointsMaterial(
-    { color: 0x8e24aa, size: 6, sizeAttenuation: false, ...over })));
-  group.traverse((o) => { o.frustumCulled = false; o.renderOrder = 3; });
-  group.userData.shape = shape;
-  return group;
-}
-const world = new THREE.Scene();
-world.add(new THREE.HemisphereLight(0xffffff, 0x8c8c94, 1.7));
-const lamp = new THREE.DirectionalLight(0xffffff, 1.9);
-world.add(lamp, lamp.target, ...objects.flatMap((thing) => thing.all));
-for (const take of told.takes) {
-  take.meshes = take.hands.map(handMesh);
-  world.add(...take.meshes);
-}
-const skeletons = Object.entries(told.samples).map(([side, drawn]) => {
-  const bones = skeleton();
-  world.add(bones);
-  return { bones, drawn, side };
-});
-
-// ---- one frame --------------------------------------------------------------------------------
-function poseHand(hand, mesh) {
-  const shown = hand.valid[state.frame] === 1;
-  mesh.userData.there = shown;
-  if (!shown) return;
-  const place = mesh.geometry.attributes.position, row = place.array.length;
-  const steps = hand.steps, start = state.frame * row, [x, y, z] = told.low;
-  for (let i = 0; i < row; i += 3) {
-    place.array[i] = steps[start + i] * told.step + x;
-    place.array[i + 1] = steps[start + i + 1] * told.step + y;
-    place.array[i + 2] = steps[start + i + 2] * told.step + z;
-  }
-  place.needsUpdate = true;
-  mesh.geometry.computeVertexNormals();
-}
-function paintHand(hand, mesh) {
-  const colour = mesh.geometry.attributes.color, values = hand.ramps[state.colouring];
-  if (!values) {
-    for (let i = 0; i < colour.array.length; i += 3) skin.toArray(colour.array, i);
-  } else {
-    const table = ramps[state.colouring], start = (state.frame * colour.array.length) / 3;
-    for (let i = 0; i < colour.array.length; i += 3) {
-      const at = 3 * values[start + i / 3];
-      colour.array[i] = table[at];
-      colour.array[i + 1] = table[at + 1];
-      colour.array[i + 2] = table[at + 2];
-    }
-  }
-  colour.needsUpdate = true;
-}
-function poseAll() {
-  told.parts.forEach((part, i) => {
-    const [w, qx, qy, qz] = part.quat[state.frame], t = part.translation[state.frame];
-    const m = objects[i].solid.matrix;
-    m.set(
-      1 - 2 * (qy * qy + qz * qz), 2 * (qx * qy - w * qz), 2 * (qx * qz + w * qy), t[0],
-      2 * (qx * qy + w * qz), 1 - 2 * (qx * qx + qz * qz), 2 * (qy * qz - w * qx), t[1],
-      2 * (qx * qz - w * qy), 2 * (qy * qz + w * qx), 1 - 2 * (qx * qx + qy * qy), t[2],
-      0, 0, 0, 1);
-    for (const thing of objects[i].all) {
-      thing.matrix.copy(m);
-      thing.matrixWorldNeedsUpdate = true;
-    }
-  });
-  for (const take of told.takes)
-    take.hands.forEach((hand, i) => { poseHand(hand, take.meshes[i]); paintHand(hand, take.meshes[i]); });
-  for (const { bones, drawn } of skeletons) {
-    if (state.sample < 0 || state.sample >= drawn.count) continue;
-    const place = bones.userData.shape.attributes.position;
-    const start = (state.frame * drawn.count + state.sample) * 63;
-    for (let i = 0; i < 63; i++) place.array[i] = drawn.steps[start + i] * told.step + told.low[i % 3];
-    place.needsUpdate = true;
-  }
-}
-let followed = null;
-function goTo(frame) {
-  state.frame = Math.max(0, Math.min(T - 1, frame));
-  const now = target(state.frame);
-  if (state.follow && followed) {
-    const step = now.clone().sub(followed);
-    camera.position.add(step);
-    controls.target.add(step);
-  }
-  followed = now;
-  poseAll();
-  $("frame").value = state.frame;
-  const seconds = (state.frame / told.fps).toFixed(2);
-  $("time").textContent = `${state.frame} / ${T - 1}  ·  ${seconds} s`;
-  stale = true;
-  drawCurves();
-}
-
-// ---- drawing ----------------------------------------------------------------------------------
-function panels() {
-  const box = canvas.getBoundingClientRect(), w = box.width, h = box.height;
-  const all = told.takes.map((_, i) => i);
-  if (state.layout === "overlaid") return [{ x: 0, y: 0, w, h, takes: all }];
-  if (state.layout !== "side by side") {
-    return [{ x: 0, y: 0, w, h, takes: [kinds.indexOf(state.layout)] }];
-  }
-  if (small()) return all.map((i) => ({ x: 0, y: (1 - i) * (h / 2), w, h: h / 2, takes: [i] }));
-  return all.map((i) => ({ x: (i * w) / 2, y: 0, w: w / 2, h, takes: [i] }));
-}
-function render() {
-  const overlaid = state.layout === "overlaid";
-  lamp.position.copy(camera.position).addScaledVector(right, -0.5 * DISTANCE).addScaledVector(up, 0.6 * DISTANCE);
-  lamp.target.position.copy(controls.target);
-  renderer.setScissorTest(true);
-  for (const panel of panels()) {
-    told.takes.forEach((take, i) => take.meshes.forEach((mesh) => {
-      // overlaid, the hand as it came is a ghost around the clean one
-      const ghost = overlaid && kinds[i] === "before";
-      mesh.material.transparent = ghost;
-      mesh.material.opacity = ghost ? 0.45 : 1;
-      mesh.renderOrder = ghost ? 1 : 0;
-    }));
-    renderer.setViewport(panel.x, panel.y, panel.w, panel.h);
-    renderer.setScissor(panel.x, panel.y, panel.w, panel.h);
-    renderer.clear();
-    camera.aspect = panel.w / panel.h;
-    camera.updateProjectionMatrix();
-    if (state.veil) {
-      visible(panel, { solid: true, rest: false });
-      renderer.render(world, camera);
-      renderer.clearDepth();
-    }
-    visible(panel, { solid: !state.veil, rest: true });
-    renderer.render(world, camera);
-  }
-}
-/** What the next pass draws: the solid object, and the rest: hands, skeletons, the object's veil. */
-function visible(panel, { solid, rest }) {
-  for (const thing of objects) {
-    thing.solid.visible = solid;
-    thing.front.visible = thing.veil.visible = rest && state.veil;
-  }
-  told.takes.forEach((take, i) => take.meshes.forEach((mesh) => {
-    mesh.visible = rest && panel.takes.includes(i) && mesh.userData.there;
-  }));
-  const last = panel.takes.includes(told.takes.length - 1);
-  for (const { bones } of skeletons) bones.visible = rest && last && state.sample >= 0;
-}
-function resize() {
-  const box = canvas.getBoundingClientRect();
-  renderer.setSize(box.width, box.height, false);
-  stale = true;
-  drawCurves();
-}
-
-// ---- curves -----------------------------------------------------------------------------------
-const ROWS = [
-  { name: "penetration", title: "penetration, mm" },
-  { name: "contact", title: "fingertips touching" },
-  { name: "acceleration", title: "acceleration, mm/frame²" },
-];
 /** Over the hands of a take: the deepest, the sum of fingertips, the mean acceleration. */
 function curve(take, name) {
   return Array.from({ length: T }, (_, t) => {
@@ -299,56 +56,262 @@ function curve(take, name) {
     return name === "contact" ? sum : sum / found.length;
   });
 }
+const ROWS = [
+  { name: "penetration", title: "Deepest penetration, mm", digits: 1 },
+  { name: "contact", title: "Fingertips touching", digits: 0 },
+  { name: "acceleration", title: "Acceleration, mm/frame²", digits: 1 },
+];
 for (const row of ROWS) {
   row.lines = told.takes.map((take) => curve(take, row.name));
   const all = row.lines.flat().filter((v) => v !== null).sort((a, b) => a - b);
   // one wild frame must not flatten all others
-  row.top = Math.max(1e-6, row.name === "acceleration" ? 1.15 * (all[Math.floor(0.98 * (all.length - 1))] ?? 1) : all.at(-1) ?? 1);
+  const top = row.name === "acceleration" ? 1.15 * (all[Math.floor(0.98 * (all.length - 1))] ?? 1) : all.at(-1) ?? 1;
+  row.top = Math.max(1e-6, top);
 }
-const LEFT = 4, RIGHT = 4;
-function drawCurves() {
-  const plot = $("curves"), box = plot.getBoundingClientRect(), scale = devicePixelRatio || 1;
-  plot.width = Math.round(box.width * scale);
-  plot.height = Math.round(box.height * scale);
-  const pen = plot.getContext("2d"), style = getComputedStyle(document.documentElement);
-  const ink = (name) => style.getPropertyValue(name).trim();
-  pen.scale(scale, scale);
-  pen.font = "12px system-ui, sans-serif";
-  const high = box.height / ROWS.length, wide = box.width - LEFT - RIGHT;
-  const x = (t) => LEFT + (T > 1 ? (t / (T - 1)) * wide : wide / 2);
-  ROWS.forEach((row, r) => {
-    const base = (r + 1) * high - 3, room = high - 18;
-    pen.strokeStyle = ink("--line");
-    pen.beginPath(); pen.moveTo(LEFT, base + 0.5); pen.lineTo(LEFT + wide, base + 0.5); pen.stroke();
-    row.lines.forEach((line, i) => {
-      pen.strokeStyle = ink(`--${kinds[i]}`);
-      pen.lineWidth = 1.6;
-      pen.beginPath();
-      let down = false;
-      line.forEach((v, t) => {
-        if (v === null) { down = false; return; }
-        const y = base - room * Math.min(1, v / row.top);
-        if (down) pen.lineTo(x(t), y); else pen.moveTo(x(t), y);
-        down = true;
-      });
-      pen.stroke();
+const depthAt = (take, frame) => ROWS[0].lines[take][frame];
+/** The frame that shows most of what was done: where penetration went down by most. */
+function tellingFrame() {
+  let best = 0, most = -Infinity;
+  for (let t = 0; t < T; t++) {
+    const gain = (depthAt(0, t) ?? 0) - (kinds.length > 1 ? depthAt(1, t) ?? 0 : 0);
+    if (gain > most + 1e-9) { most = gain; best = t; }
+  }
+  return most > 0 ? best : 0;
+}
+
+// ---- state ------------------------------------------------------------------------------------
+const LAYOUTS = { "side by side": "Side by side", overlaid: "Overlaid", before: "Before", after: "After" };
+const layouts = told.takes.length > 1 ? Object.keys(LAYOUTS) : ["after"];
+const COLOURINGS = { plain: "Plain skin", penetration: "Penetration", contact: "Contact", spread: "Spread" };
+const colourings = Object.keys(COLOURINGS).filter(
+  (name) => name === "plain" || told.takes.some((t) => t.hands.some((h) => name in h.ramps)));
+const state = {
+  frame: 0, playing: false, layout: layouts[0], colouring: "penetration", sample: -1,
+  veil: true, follow: true, dark: matchMedia("(prefers-color-scheme: dark)").matches, speed: 1,
+};
+const canvas = $("view"), pen = canvas.getContext("2d", { alpha: false, willReadFrequently: true });
+const orbit = new Orbit(told.up, told.back, told.radius);
+const objectColours = palette([told.objectColour]);
+const palettes = Object.fromEntries(Object.entries(told.scales).map(([name, s]) => [name, palette(s.ramp)]));
+palettes.plain = palette([told.skin]);
+
+// ---- one frame --------------------------------------------------------------------------------
+const STILL = [1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0];
+function poseHand(hand) {
+  const { points, ramp } = hand.body, start = state.frame * points.length, [x, y, z] = told.low;
+  for (let i = 0; i < points.length; i += 3) {
+    points[i] = hand.steps[start + i] * told.step + x;
+    points[i + 1] = hand.steps[start + i + 1] * told.step + y;
+    points[i + 2] = hand.steps[start + i + 2] * told.step + z;
+  }
+  hand.body.shade();
+  const values = hand.ramps[state.colouring], count = ramp.length;
+  if (values) ramp.set(values.subarray(state.frame * count, (state.frame + 1) * count));
+  else ramp.fill(0);
+}
+function partPose(part) {
+  const [w, x, y, z] = part.quat[state.frame];
+  return [
+    1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
+    2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
+    2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y),
+    ...part.translation[state.frame]];
+}
+let held = null;
+/** What the camera looks at: the hands in this frame, or where they were when it let go. */
+const target = () => held ?? told.targets[state.frame];
+function goTo(frame) {
+  state.frame = Math.max(0, Math.min(T - 1, frame));
+  for (const take of told.takes)
+    for (const hand of take.hands) if (hand.valid[state.frame]) poseHand(hand);
+  $("frame").value = state.frame;
+  $("time").textContent = `${state.frame} / ${T - 1} · ${(state.frame / told.fps).toFixed(2)} s`;
+  readings();
+  changed();
+}
+
+// ---- drawing ----------------------------------------------------------------------------------
+/** Most pixels of a picture that stands still, and of one that moves. */
+const MOST_STILL = 3e6, MOST_MOVING = 1.2e6;
+/** Milliseconds that a moving picture may take, so that 30 of them fit into a second. */
+const BUDGET = 14;
+const small = () => innerWidth <= 700 && innerWidth < innerHeight;
+let wanted = 1, sharp = false, changedAt = 0, stale = true;
+function changed() {
+  stale = true;
+  sharp = false;
+  changedAt = performance.now();
+}
+/** Pixels drawn per CSS pixel. */
+function scale(box, moving) {
+  const full = Math.min(devicePixelRatio || 1, 2) * (moving ? 1 : 2), most = moving ? MOST_MOVING : MOST_STILL;
+  return Math.min(moving ? full * wanted : full, Math.sqrt(most / (box.width * box.height)));
+}
+const layers = new Map();
+/** A cleared layer of this name, kept from picture to picture. */
+function layer(name, width, height) {
+  let found = layers.get(name);
+  if (found?.width !== width || found?.height !== height) layers.set(name, (found = new Layer(width, height)));
+  else found.clear();
+  return found;
+}
+function drawHands(take, view, width, height) {
+  const drawn = layer(take, width, height);
+  for (const { body, valid } of told.takes[take].hands)
+    if (valid[state.frame]) {
+      project(body, STILL, view, width, height);
+      draw(body, drawn);
+    }
+  return drawn;
+}
+/** The takes of each panel, from left to right or from top to bottom. */
+function panels() {
+  if (state.layout === "overlaid") return [[1, 0]];
+  if (state.layout === "side by side") return [[0], [1]];
+  return [[kinds.indexOf(state.layout)]];
+}
+function render(moving) {
+  const box = canvas.getBoundingClientRect(), shown = panels(), stacked = small();
+  if (!box.width || !box.height) return;
+  const s = scale(box, moving), across = stacked ? 1 : shown.length, along = stacked ? shown.length : 1;
+  const width = Math.max(1, Math.round((box.width * s) / across));
+  const height = Math.max(1, Math.round((box.height * s) / along));
+  if (canvas.width !== width * across || canvas.height !== height * along) {
+    canvas.width = width * across;
+    canvas.height = height * along;
+  }
+  // the same camera in all panels: the object is drawn once
+  const view = orbit.view(target(), width, height), object = layer("object", width, height);
+  for (const part of told.parts) {
+    project(part.body, partPose(part), view, width, height);
+    draw(part.body, object);
+  }
+  const image = pen.createImageData(width, height), pixels = new Uint32Array(image.data.buffer);
+  shown.forEach(([take, ghost], panel) => {
+    compose(pixels, state.dark ? 0xff25201c : 0xfff2f0ee, {
+      object, objectColours, veiled: state.veil, handColours: palettes[state.colouring],
+      hand: drawHands(take, view, width, height), line: Math.max(1, Math.round(s)),
+      ghost: ghost === undefined ? null : drawHands(ghost, view, width, height),
     });
-    let at = LEFT;
-    const say = (words, colour) => {
-      pen.fillStyle = colour;
-      pen.fillText(words, at, r * high + 12);
-      at += pen.measureText(words).width + 10;
-    };
-    say(row.title, ink("--faint"));
-    row.lines.forEach((line, i) => {
-      const v = line[state.frame];
-      const digits = row.name === "contact" ? 0 : 1;
-      say(`${kinds[i]} ${v === null ? "–" : v.toFixed(digits)}`, ink(`--${kinds[i]}`));
-    });
+    const left = stacked ? 0 : panel * width, top = stacked ? panel * height : 0;
+    pen.putImageData(image, left, top);
+    if (state.sample >= 0 && take === told.takes.length - 1) drawSample(view, left, top, width, height, s);
   });
-  pen.strokeStyle = ink("--ink");
-  pen.lineWidth = 1;
-  pen.beginPath(); pen.moveTo(x(state.frame), 0); pen.lineTo(x(state.frame), box.height); pen.stroke();
+}
+/** Bones of the chosen sample over the picture of the result. */
+function drawSample({ axes, eye, focal }, left, top, width, height, s) {
+  pen.save();
+  pen.beginPath(); pen.rect(left, top, width, height); pen.clip();
+  for (const { count, steps } of Object.values(told.samples)) {
+    if (state.sample >= count) continue;
+    const start = (state.frame * count + state.sample) * 63;
+    const at = told.bones.map((_, j) => {
+      const point = [0, 1, 2].map((c) => steps[start + 3 * j + c] * told.step + told.low[c] - eye[c]);
+      const [x, y, z] = axes.map((axis) => dot(axis, point));
+      return [left + width / 2 - (focal * x) / z, top + height / 2 + (focal * y) / z];
+    });
+    pen.strokeStyle = pen.fillStyle = state.dark ? "#f3e9ff" : "#3b1a5c";
+    pen.lineWidth = 1.6 * s;
+    pen.beginPath();
+    told.bones.forEach((parent, j) => { if (parent >= 0) { pen.moveTo(...at[parent]); pen.lineTo(...at[j]); } });
+    pen.stroke();
+    for (const [x, y] of at) { pen.beginPath(); pen.arc(x, y, 2.6 * s, 0, 7); pen.fill(); }
+  }
+  pen.restore();
+}
+
+// ---- words and curves -------------------------------------------------------------------------
+/** A new element with a class and text; `inside` are its children. */
+function made(tag, name = "", text = "", ...inside) {
+  const one = document.createElement(tag);
+  one.className = name;
+  one.textContent = text;
+  one.append(...inside);
+  return one;
+}
+const said = (value, digits) => (value === null || value === undefined ? "–" : value.toFixed(digits));
+const values = [], depths = [];
+function measures() {
+  const table = $("measures"), room = $("curves");
+  for (const row of ROWS) {
+    const box = made("div", "measure", "", made("span", "title", row.title));
+    row.lines.forEach((line, i) => {
+      const known = line.filter((v) => v !== null), value = made("span", `value ${kinds[i]}`);
+      const mean = known.length ? known.reduce((a, b) => a + b, 0) / known.length : null;
+      const name = kinds.length > 1 ? LAYOUTS[kinds[i]] : "now";
+      box.append(made("span", kinds[i], "", made("span", "name", name)), value, made("span", "mean", `mean ${said(mean, 1)}`));
+      values.push({ value, line, digits: row.digits });
+    });
+    table.append(box);
+    row.plot = document.createElement("canvas");
+    room.insertBefore(row.plot, $("now"));
+  }
+}
+function titles() {
+  const overlaid = state.layout === "overlaid";
+  depths.length = 0;
+  $("titles").replaceChildren(...panels().map((takes) => {
+    const names = made("div"), depth = made("div", "depth");
+    for (const take of [...takes].sort()) {
+      const kind = kinds[take], ghost = overlaid && kind === "before" ? ", as a ghost" : "";
+      const head = kinds.length > 1 ? LAYOUTS[kind] + ghost : "";
+      names.append(made("div", kind, "", made("b", "", head), made("span", "", told.takes[take].title)));
+      const dot = made("i"), number = made("strong");
+      depth.append(number);
+      depths.push({ take, dot, number });
+    }
+    return made("div", "", "", names, depth);
+  }));
+  $("titles").className = small() ? "stacked" : "";
+  readings();
+}
+const rgb = (c) => `rgb(${c.map((v) => Math.round(255 * v)).join(" ")})`;
+function readings() {
+  for (const { value, line, digits } of values) value.textContent = said(line[state.frame], digits);
+  for (const { take, dot, number } of depths) {
+    const words = state.layout === "overlaid" ? `inside ${kinds[take]}` : "inside";
+    const depth = depthAt(take, state.frame), { ramp } = told.scales.penetration;
+    const at = Math.min(1, (depth ?? 0) / told.deepest) * (ramp.length - 1), low = Math.min(ramp.length - 2, Math.floor(at));
+    dot.style.background = rgb(ramp[low].map((c, i) => c + (at - low) * (ramp[low + 1][i] - c)));
+    number.replaceChildren(dot, ...(depth === null ? ["no hand"] : [`${depth.toFixed(1)} mm `, made("small", "", words)]));
+  }
+  const width = $("curves").clientWidth - 2 * EDGE;
+  $("now").style.transform = `translateX(${EDGE + (T > 1 ? (state.frame / (T - 1)) * width : width / 2)}px)`;
+}
+/** Half of the slider's thumb: where the curves begin, so that both stand in line. */
+const EDGE = 8;
+function drawCurves() {
+  const style = getComputedStyle(document.documentElement), ratio = devicePixelRatio || 1;
+  const ink = (name) => style.getPropertyValue(name).trim(), phone = innerWidth <= 700;
+  for (const { plot, lines, top } of ROWS) {
+    const wide = plot.clientWidth, high = plot.clientHeight, pen = plot.getContext("2d");
+    plot.width = Math.round(wide * ratio);
+    plot.height = Math.round(high * ratio);
+    pen.scale(ratio, ratio);
+    const base = high - 3.5, room = base - (phone ? 19 : 5);
+    const x = (t) => EDGE + (T > 1 ? (t / (T - 1)) * (wide - 2 * EDGE) : wide / 2 - EDGE);
+    pen.strokeStyle = ink("--line");
+    pen.beginPath(); pen.moveTo(EDGE, base + 0.5); pen.lineTo(wide - EDGE, base + 0.5); pen.stroke();
+    lines.forEach((line, i) => {
+      const path = new Path2D(), area = new Path2D();
+      let last = null;
+      line.forEach((v, t) => {
+        if (v === null) { if (last !== null) area.lineTo(x(last), base); last = null; return; }
+        const y = base - room * Math.min(1, v / top);
+        if (last === null) { path.moveTo(x(t), y); area.moveTo(x(t), base); } else path.lineTo(x(t), y);
+        area.lineTo(x(t), y);
+        last = t;
+      });
+      if (last !== null) area.lineTo(x(last), base);
+      pen.strokeStyle = pen.fillStyle = ink(`--${kinds[i]}`);
+      pen.globalAlpha = 0.14;
+      pen.fill(area);
+      pen.globalAlpha = 1;
+      pen.lineWidth = 1.5;
+      pen.lineJoin = "round";
+      pen.stroke(path);
+    });
+  }
 }
 
 // ---- what the person does ---------------------------------------------------------------------
@@ -356,13 +319,14 @@ function choices(id, names, chosen, onChoice) {
   const select = $(id);
   names.forEach(([value, text]) => select.add(new Option(text, value)));
   select.value = chosen;
+  select.hidden = names.length < 2;
   select.addEventListener("change", () => onChoice(select.value));
 }
 function setLayout(name) {
   state.layout = name;
   $("layout").value = name;
   titles();
-  stale = true;
+  changed();
 }
 function setColouring(name) {
   state.colouring = name;
@@ -370,88 +334,72 @@ function setColouring(name) {
   const legend = $("legend"), scale = told.scales[name];
   legend.hidden = !scale;
   if (scale) {
-    const rgb = (c) => `rgb(${c.map((v) => Math.round(255 * v)).join(" ")})`;
-    legend.innerHTML = `<div>${scale.title}</div><div class="bar"><span>${scale.ends[0]}</span>` +
-      `<i style="background:linear-gradient(90deg,${scale.ramp.map(rgb).join()})"></i>` +
-      `<span>${scale.ends[1]}</span></div>`;
+    const bar = made("i");
+    bar.style.background = `linear-gradient(90deg,${scale.ramp.map(rgb).join()})`;
+    legend.replaceChildren(`${scale.title}  ${scale.ends[0]}`, bar, scale.ends[1]);
   }
   goTo(state.frame);
 }
 function setSample(index) {
   state.sample = index;
   $("sample").value = index;
-  goTo(state.frame);
-}
-function titles() {
-  const words = { before: "Before", after: told.takes.length > 1 ? "After" : "" };
-  const shown = state.layout === "overlaid" || state.layout === "side by side" ? kinds : [state.layout];
-  const box = $("titles");
-  box.replaceChildren(...shown.map((kind) => {
-    const one = document.createElement("div"), name = document.createElement("small");
-    one.className = kind;
-    one.textContent = words[kind];
-    name.textContent = told.takes[kinds.indexOf(kind)].title;
-    one.append(name);
-    return one;
-  }));
-  const stacked = small() && state.layout === "side by side";
-  box.style.cssText = stacked ? "flex-direction:column;bottom:0" : "";
+  changed();
 }
 function setPlaying(on) {
   state.playing = on;
   $("play").textContent = on ? "Pause" : "Play";
 }
-function toggle(name, button) {
+function toggle(name, button = name) {
+  held = name === "follow" && state.follow ? target() : name === "follow" ? null : held;
   state[name] = !state[name];
   $(button).setAttribute("aria-pressed", state[name]);
-  followed = target(state.frame);
-  stale = true;
+  changed();
 }
 function setDark(on) {
   state.dark = on;
   document.documentElement.classList.toggle("dark", on);
   $("theme").textContent = on ? "Light" : "Dark";
-  renderer.setClearColor(on ? 0x1d2126 : 0xf1f2f3);
-  stale = true;
   drawCurves();
+  changed();
 }
-const next = (names, now, step = 1) => names[(names.indexOf(now) + step + names.length) % names.length];
+const next = (names, now) => names[(names.indexOf(now) + 1) % names.length];
+const step = (by) => { setPlaying(false); goTo(state.frame + by); };
 
-choices("layout", layouts.map((n) => [n, n]), state.layout, setLayout);
-$("layout-choice").hidden = layouts.length < 2;
-choices("colouring", colourings.map((n) => [n, n]), state.colouring, setColouring);
-const sampleNames = [[-1, "kept result"], ...Array.from({ length: sampleCount }, (_, i) => [i, `${i + 1}`])];
-choices("sample", sampleNames, -1, (value) => setSample(Number(value)));
-$("sample-choice").hidden = sampleCount < 2;
+const sides = told.takes.at(-1).hands.map((hand) => hand.side).join(" and ");
+$("about").textContent = `${T} frames · ${(T / told.fps).toFixed(1)} s · ${sides} hand`;
+choices("layout", layouts.map((n) => [n, LAYOUTS[n]]), state.layout, setLayout);
+choices("colouring", colourings.map((n) => [n, COLOURINGS[n]]), state.colouring, setColouring);
+const numbers = Array.from({ length: sampleCount }, (_, i) => [i, `Sample ${i + 1}`]);
+choices("sample", sampleCount > 1 ? [[-1, "Kept result"], ...numbers] : [], -1, (value) => setSample(Number(value)));
 $("frame").max = T - 1;
 $("frame").addEventListener("input", (event) => { setPlaying(false); goTo(Number(event.target.value)); });
 $("play").addEventListener("click", () => setPlaying(!state.playing));
 $("speed").addEventListener("change", (event) => { state.speed = Number(event.target.value); });
-$("veil").addEventListener("click", () => toggle("veil", "veil"));
-$("follow").addEventListener("click", () => toggle("follow", "follow"));
+$("veil").addEventListener("click", () => toggle("veil"));
+$("follow").addEventListener("click", () => toggle("follow"));
 $("theme").addEventListener("click", () => setDark(!state.dark));
 $("help").addEventListener("click", () => { $("keys").hidden = !$("keys").hidden; });
-const plot = $("curves");
 const scrub = (event) => {
-  const box = plot.getBoundingClientRect();
+  const box = $("curves").getBoundingClientRect();
   setPlaying(false);
-  goTo(Math.round(((event.clientX - box.left - LEFT) / (box.width - LEFT - RIGHT)) * (T - 1)));
+  goTo(Math.round(((event.clientX - box.left - EDGE) / (box.width - 2 * EDGE)) * (T - 1)));
 };
-plot.addEventListener("pointerdown", (event) => { plot.setPointerCapture(event.pointerId); scrub(event); });
-plot.addEventListener("pointermove", (event) => { if (event.buttons) scrub(event); });
+$("curves").addEventListener("pointerdown", (event) => { $("curves").setPointerCapture(event.pointerId); scrub(event); });
+$("curves").addEventListener("pointermove", (event) => { if (event.buttons) scrub(event); });
+orbit.follow(canvas, () => Math.min(canvas.clientWidth, canvas.clientHeight), changed);
 
 const keys = {
   " ": () => setPlaying(!state.playing),
-  ArrowLeft: (event) => { setPlaying(false); goTo(state.frame - (event.shiftKey ? 10 : 1)); },
-  ArrowRight: (event) => { setPlaying(false); goTo(state.frame + (event.shiftKey ? 10 : 1)); },
+  ArrowLeft: (event) => step(event.shiftKey ? -10 : -1),
+  ArrowRight: (event) => step(event.shiftKey ? 10 : 1),
   Home: () => goTo(0),
   End: () => goTo(T - 1),
   v: () => setLayout(next(layouts, state.layout)),
   c: () => setColouring(next(colourings, state.colouring)),
   s: () => { if (sampleCount > 1) setSample(state.sample + 1 < sampleCount ? state.sample + 1 : -1); },
-  x: () => toggle("veil", "veil"),
-  f: () => toggle("follow", "follow"),
-  r: firstView,
+  x: () => toggle("veil"),
+  f: () => toggle("follow"),
+  r: () => { orbit.reset(); changed(); },
   d: () => setDark(!state.dark),
   "?": () => $("help").click(),
 };
@@ -462,40 +410,41 @@ addEventListener("keydown", (event) => {
   event.preventDefault();
   act(event);
 });
-addEventListener("resize", () => { titles(); resize(); });
+addEventListener("resize", () => { titles(); drawCurves(); changed(); });
 
 // ---- loop -------------------------------------------------------------------------------------
-let before = performance.now(), ahead = 0, slow = 0;
+/** Pause after which a picture counts as standing still, milliseconds. */
+const REST = 160;
+let before = performance.now(), ahead = 0;
 function loop(now) {
-  const spent = (now - before) / 1000;
+  const spent = now - before;
   before = now;
   if (state.playing) {
-    ahead += Math.min(spent, 0.25) * told.fps * state.speed;
+    ahead += (Math.min(spent, 250) / 1000) * told.fps * state.speed;
     const steps = Math.floor(ahead);
     ahead -= steps;
     if (steps) goTo((state.frame + steps) % T);
-    // a machine without a GPU draws fewer pixels rather than fewer frames
-    slow = spent > 1 / 25 ? slow + 1 : Math.max(0, slow - 1);
-    if (slow > 15 && sharpness > 0.6) {
-      sharpness = Math.max(0.6, sharpness * 0.75);
-      renderer.setPixelRatio(sharpness);
-      resize();
-      slow = 0;
-    }
   }
-  if (stale) {
+  // a slow machine draws fewer pixels rather than fewer frames, and all of them once it rests
+  const moving = state.playing || performance.now() - changedAt < REST;
+  if (stale || (!moving && !sharp)) {
+    const start = performance.now();
+    render(moving);
+    const took = performance.now() - start;
+    if (moving) wanted = Math.max(0.4, Math.min(1, wanted * Math.min(1.05, Math.max(0.8, BUDGET / took) ** 0.5)));
     stale = false;
-    render();
+    sharp = !moving;
   }
   requestAnimationFrame(loop);
 }
-setDark(state.dark);
-resize();
+measures();
 titles();
+setDark(state.dark);
+state.frame = tellingFrame();
 setColouring(state.colouring);
-followed = target(0);
-firstView();
-window.geneoh = { state, told, goTo };
+changedAt = -REST;
+render(true);
+window.geneoh = { state, told, goTo, sharp: () => sharp };
 document.body.dataset.ready = "yes";
 requestAnimationFrame(loop);
 })();

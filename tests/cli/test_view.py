@@ -1,0 +1,154 @@
+"""`geneoh view` as its users run it: pages, pictures, films and files, live looking, bad input."""
+
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from bad_inputs import write_good
+from pages import page_scene
+from PIL import Image
+
+from geneoh.errors import MissingAssetError
+from geneoh.sequence.files import load_sequence
+from geneoh.viz.strip import CELL, GAP
+from geneoh.viz.video import ffmpeg_path
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+VIEW = ("view", "clean.npz", "--obj", "object.obj")
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A noisy clip and what could be its result: the same, two centimetres higher."""
+    write_good(tmp_path)
+    with np.load(tmp_path / "hand.npz") as file:
+        arrays = dict(file)
+    arrays["joints"] = arrays["joints"] + np.float32([0, 0, 0.02])
+    np.savez(tmp_path / "clean.npz", **arrays)
+    return tmp_path
+
+
+@pytest.fixture
+def film_maker():
+    """A skip that says so where there is no ffmpeg."""
+    try:
+        ffmpeg_path()
+    except MissingAssetError as error:
+        pytest.skip(str(error))
+
+
+def width(path: Path) -> int:
+    with Image.open(path) as picture:
+        return picture.width
+
+
+def test_page_stands_beside_the_result_by_default(geneoh, folder):
+    result = geneoh(*VIEW)
+    assert result.exit_code == 0, result.output
+    assert result.stdout == "wrote clean.html\n"
+    assert [take["title"] for take in page_scene(folder / "clean.html")["takes"]] == ["clean"]
+
+
+def test_before_stands_before_after(geneoh, folder):
+    result = geneoh("view", "clean.npz", "hand.npz", "--obj", "object.obj", "-o", "both.html")
+    assert result.exit_code == 0, result.output
+    told = page_scene(folder / "both.html")
+    assert [take["title"] for take in told["takes"]] == ["hand", "clean"]
+    assert told["frames"] == 6
+    assert told["fps"] == 30
+
+
+def test_up_turns_the_page(geneoh, folder):
+    assert geneoh(*VIEW, "--up", "-y").exit_code == 0
+    assert page_scene(folder / "clean.html")["up"] == [0, -1, 0]
+
+
+def test_several_files_are_written_by_their_endings(geneoh, folder):
+    outputs = ("strip.png", "clip.glb", "smplx.npz", "meshes.ply")
+    result = geneoh(*VIEW, *(word for name in outputs for word in ("-o", name)))
+    assert result.exit_code == 0, result.output
+    assert result.stdout.splitlines() == [f"wrote {name}" for name in outputs]
+    assert trimesh.load_scene(folder / "clip.glb").geometry.keys() == {"right hand", "object"}
+    assert load_sequence(folder / "smplx.npz").frames == 6
+    assert len(list((folder / "meshes").iterdir())) == 12
+
+
+def test_filmstrip_shows_the_frames_that_were_asked_for(geneoh, folder):
+    result = geneoh(*VIEW, "-o", "strip.png", "--frame", 1, "--frame", 4, "--cell", 64)
+    assert result.exit_code == 0, result.output
+    assert width(folder / "strip.png") == 2 * 64 + GAP
+
+
+def first_frames(source: Path, target: Path, count: int) -> None:
+    """The beginning of a recording of 146 frames."""
+    with np.load(source) as file:
+        arrays = {name: file[name] for name in file.files}
+    np.savez(target, **{n: a[:count] if a.shape[:1] == (146,) else a for n, a in arrays.items()})
+
+
+def test_film_and_filmstrip_come_at_the_pace_of_146_frames_a_minute_without_a_display(
+    geneoh, tmp_path, monkeypatch, film_maker
+):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    for name in ("taco_noisy.npz", "taco_clean.npz"):
+        first_frames(EXAMPLES / name, tmp_path / name, 15)
+    start = time.process_time()
+    result = geneoh(
+        *("view", "taco_clean.npz", "taco_noisy.npz", "--obj", EXAMPLES / "taco_object.obj"),
+        *("-o", "a.mp4", "-o", "a.png"),
+    )
+    assert result.exit_code == 0, result.output
+    # the work of all cores together: on two idle ones it takes about half as long
+    assert (time.process_time() - start) / 15 < 60 / 146
+    assert (tmp_path / "a.mp4").stat().st_size > 5_000
+    assert width(tmp_path / "a.png") == 5 * CELL + 4 * GAP
+
+
+def test_results_are_looked_at_live(geneoh, folder, monkeypatch):
+    pytest.importorskip("viser", reason="the extra `view` is not installed")
+    from geneoh.viz.serve import Gallery
+
+    shown = []
+
+    def run(gallery):
+        shown.append(gallery.shown.name)
+        gallery.stop()
+
+    monkeypatch.setattr(Gallery, "run", run)
+    (folder / "clean.npz").rename(folder / "hand_clean.npz")
+    (folder / "object.obj").rename(folder / "hand.obj")
+    result = geneoh("view", "--serve", "hand_clean.npz", "hand.npz", "--port", 0)
+    assert result.exit_code == 0, result.output
+    assert "2 clips at http://127.0.0.1:" in result.stdout
+    assert shown == ["hand_clean"]  # neither touches the box: the first that was named
+
+
+REFUSED = {
+    "no such file": (("view", "none.npz", "--obj", "object.obj"), ("none.npz", "no such file")),
+    "no mesh": (("view", "clean.npz"), ("clean.npz", "--obj")),
+    "three files": ((*VIEW, "hand.npz", "hand.npz"), ("got 3 files",)),
+    "another length": ((*VIEW, "short.npz"), ("same frames", "3 against 6")),
+    "another ending": ((*VIEW, "-o", "good.png", "-o", "clip.avi"), ("clip.avi", "got '.avi'")),
+    "no such frame": ((*VIEW, "-o", "a.png", "--frame", "9"), ("from 0 to 5, got 9",)),
+    "no such folder": ((*VIEW, "-o", "none/a.html"), ("none/a.html", "cannot be written")),
+    "a result without a mesh": (("view", "--serve", "clean.npz"), ("clean.obj", "--obj")),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_bad_input_ends_with_one_sentence_and_leaves_nothing(geneoh, folder, case):
+    arguments, words = REFUSED[case]
+    with np.load(folder / "hand.npz") as file:
+        whole = dict(file)
+    short = {name: array[:3] if array.ndim > 1 else array for name, array in whole.items()}
+    np.savez(folder / "short.npz", **short)
+    there = sorted(folder.iterdir())
+    result = geneoh(*arguments)
+    assert result.exit_code == 2, result.output
+    (last,) = result.stderr.strip().splitlines()
+    assert last.startswith("Error: ")
+    for word in words:
+        assert word in last
+    assert sorted(folder.iterdir()) == there
