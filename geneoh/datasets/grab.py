@@ -31,8 +31,8 @@ FPS = 120.0
 
 
 def find(path: Path) -> list[Clip]:
-    """Every sequence file."""
-    return clips(path, "*.npz", 2)
+    """Every sequence file; those of the tools beside them are none."""
+    return [clip for clip in clips(path, "*.npz", 2) if "tools" not in clip.path.parts[-5:-1]]
 
 
 def read(clip: Clip, known: Known) -> list[Recording]:

@@ -24,7 +24,7 @@ def run(name, folder, out, known, **options):
 
 
 def test_what_is_written_reads_back_with_its_meshes(tmp_path, mano_dir):
-    s = scene(mano_dir)
+    s = scene()
     taco(tmp_path / "in", s, False)
     known, out = Known(mano_dir=mano_dir), tmp_path / "out"
     (outcome,) = run("taco", tmp_path / "in", out, known)
@@ -42,7 +42,7 @@ def test_what_is_written_reads_back_with_its_meshes(tmp_path, mano_dir):
 def test_one_bad_clip_does_not_stop_the_others_and_a_second_run_does_only_what_is_left(
     tmp_path, mano_dir, monkeypatch
 ):
-    grab(tmp_path / "in", scene(mano_dir), False)
+    grab(tmp_path / "in", scene(), False)
     bad = tmp_path / "in/grab/s1/bad_use_1.npz"
     bad.write_bytes(b"PK\x03\x04 nothing")
     known, out = Known(mano_dir=mano_dir), tmp_path / "out"
@@ -59,7 +59,7 @@ def test_one_bad_clip_does_not_stop_the_others_and_a_second_run_does_only_what_i
 
 
 def test_a_clip_that_contradicts_its_convention_is_not_written_when_checked(tmp_path, mano_dir):
-    grab(tmp_path / "in", scene(mano_dir), True)
+    grab(tmp_path / "in", scene(), True)
     (outcome,) = run(
         "grab", tmp_path / "in/grab", tmp_path / "out", Known(mano_dir=mano_dir), check=True
     )
@@ -68,7 +68,7 @@ def test_a_clip_that_contradicts_its_convention_is_not_written_when_checked(tmp_
 
 
 def test_missing_files_become_masks_and_splits_and_never_zeros(tmp_path, mano_dir):
-    hoi4d(tmp_path, scene(mano_dir), False)
+    hoi4d(tmp_path, scene(), False)
     next(tmp_path.rglob("refinehandpose_right/**/2.pickle")).unlink()
     next(tmp_path.rglob("objpose/00005.json")).unlink()
     source = source_named("hoi4d")
@@ -85,7 +85,7 @@ def test_missing_files_become_masks_and_splits_and_never_zeros(tmp_path, mano_di
 def test_without_mano_the_wrist_is_that_of_the_mean_hand_and_a_relative_pose_is_refused(
     tmp_path, mano_dir
 ):
-    grab(tmp_path, scene(mano_dir), False)
+    grab(tmp_path, scene(), False)
     recording = read_one("grab", tmp_path / "grab", Known())
     assert "some 5 mm off" in recording.sequence.source
     assert recording.sequence.hand("right").joints is None

@@ -64,7 +64,7 @@ def canary(monkeypatch):
 @pytest.mark.filterwarnings("ignore")  # numbers out of range warn before they are refused
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.build.__name__)
 def test_damage_ends_in_one_sentence(case, tmp_path, mano_dir, canary):
-    case.build(tmp_path, scene(mano_dir, case.left), False)
+    case.build(tmp_path, scene(case.left), False)
     draw = random.Random(case.source)
     source, start = source_named(case.source), (tmp_path / case.start).resolve()
     known = Known(
