@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from geneoh.datasets.base import Clip, Evidence, Known, Recording, clips
+from geneoh.datasets.base import Clip, Evidence, Known, Recording, clips, finite_frames
 from geneoh.datasets.mano import RIM, decoded
 from geneoh.datasets.objects import read_mesh
 from geneoh.datasets.records import Array, Record, read_record
@@ -100,8 +100,8 @@ def read(clip: Clip, known: Known) -> list[Recording]:
     return recordings(
         clip.name,
         sequence,
-        object_known=np.isfinite(motion).all((1, 2)),
-        after_jump=jumps(record, rim),
+        object_known=finite_frames(motion),
+        after_jump=jumps(record, rim, rotation),
         mesh_names=(f"grab_{name}",),
         evidence=Evidence(
             rim={side: rim + moved},
@@ -195,12 +195,18 @@ def read_object(record: Record, path: Path, known: Known) -> tuple[str, Mesh]:
     return file.stem, read_mesh(file)
 
 
-def jumps(record: Record, rim: Array) -> Array:
-    """(T,) the frames that do not follow from the one before them."""
-    steps = np.linalg.norm(np.diff(rim, axis=0), axis=1)
-    typical = np.median(steps) if len(steps) else 0.0
-    far = steps > max(JUMP, JUMP_SHARE * typical)
-    return np.concatenate([[False], far | (np.diff(record.array("f8", ("T",))) != 1)])
+def jumps(record: Record, rim: Array, rotation: Array) -> Array:
+    """(T,) the frames that do not follow from the one before them.
+
+    A hand jumps where it does so as the file has it or as the object sees it: a jump that the
+    object takes part in shows in the one, one beside a fast motion in the other.
+    """
+    after = np.concatenate([[False], np.diff(record.array("f8", ("T",))) != 1])
+    for seen in (rim, np.einsum("tji,tj->ti", rotation, rim)):
+        steps = np.linalg.norm(np.diff(seen, axis=0), axis=1)
+        typical = np.median(steps) if len(steps) else 0.0
+        after[1:] |= steps > max(JUMP, JUMP_SHARE * typical)
+    return after
 
 
 def on_surface(

@@ -166,7 +166,7 @@ def of_holding(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:
     read = slip(wrist, turn, shift, steps)
     j0 = np.array(MEAN_WRIST_OFFSET) * ([1, 1, 1] if hand.side == "right" else [-1, 1, 1])
     gl = np.array([1.0, -1.0, -1.0])
-    readings = {
+    readings: dict[str, tuple[Array, Array, Array]] = {
         "the object's rotation transposed": (wrist, back, shift),
         "the translation as that of the origin": (wrist + j0, turn, shift),
         "the translation as that of the wrist": (wrist - j0, turn, shift),
@@ -176,9 +176,9 @@ def of_holding(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:
     }
     ball = motion.meshes[0].verts.double().numpy()
     others = {
-        words: slip(*reading, steps)
-        for words, reading in readings.items()
-        if reach(*reading, steps, ball) < ALONG_REACH
+        words: slip(point, way, place, steps)
+        for words, (point, way, place) in readings.items()
+        if reach(point, way, place, steps, ball) < ALONG_REACH
     }
     best = min(others, key=lambda words: others[words], default="")
     if best and others[best] < ALONG_SHARE * read and read - others[best] > ALONG_GAIN:
