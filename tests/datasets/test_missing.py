@@ -1,4 +1,4 @@
-"""What is missing, in each source's own way of saying so, becomes a mask or a split, never zeros."""
+"""What is missing, in each source's own way to say so, becomes a mask or a split, never zeros."""
 
 import json
 import pickle
