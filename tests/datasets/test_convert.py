@@ -1,8 +1,11 @@
 """Whole data sets into sequences: what cannot be read is told, and the rest goes on."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
+import trees
 from trees import FRAMES, dump, grab, hoi4d, scene, taco
 
 from geneoh.datasets import convert as module
@@ -129,6 +132,76 @@ def assert_same(sequence: Sequence, other: Sequence) -> None:
     torch.testing.assert_close(
         sequence.object.meshes[0].verts, other.object.meshes[0].verts, atol=1e-6, rtol=0
     )
+
+
+def moved_away(side: str):
+    """The scene with one hand that hangs five metres aside."""
+    s = scene()
+    return replace(s, wrist={**s.wrist, side: s.wrist[side] + [5.0, 0.0, 0.0]})
+
+
+def test_a_hand_that_never_comes_near_is_left_out_and_the_other_kept(tmp_path, mano_dir):
+    grab(tmp_path, moved_away("left"), False)
+    recording = read_one("grab", tmp_path / "grab", Known(mano_dir=mano_dir))
+    assert [hand.side for hand in recording.sequence.hands] == ["right"]
+    assert "the left hand never comes near the object" in recording.sequence.source
+
+
+def test_of_two_hands_the_asked_one_is_read(tmp_path, mano_dir):
+    grab(tmp_path, scene(), False)
+    recording = read_one("grab", tmp_path / "grab", Known(mano_dir=mano_dir, side="left"))
+    assert [hand.side for hand in recording.sequence.hands] == ["left"]
+    trees.dexycb(tmp_path, scene(), False)
+    with pytest.raises(InputError, match="expected a left hand, got right; drop --side"):
+        read_one("dexycb", tmp_path / "20200709-subject-01", Known(mano_dir=mano_dir, side="left"))
+
+
+def test_clips_of_one_name_get_as_much_of_the_path_as_tells_them_apart(tmp_path):
+    for name in ("a/take", "b/take", "b/other"):
+        (tmp_path / name).mkdir(parents=True)
+        trees.landmarks(tmp_path / name, scene(), False)
+    np.save(tmp_path / "a/hand.npy", scene().joints["right"])
+    np.savez(tmp_path / "a/hand.npz", joints=scene().joints["right"])
+    found = [clip.name for clip in find_clips(source_named("landmarks"), [tmp_path])]
+    assert found == ["a/take/hands", "other/hands", "b/take/hands"]
+    names = {clip.name for clip in find_clips(source_named("keypoints"), [tmp_path])}
+    assert len(names) == 2
+
+
+def test_other_options_are_another_conversion(tmp_path, mano_dir):
+    taco(tmp_path / "in", scene(), False)
+    out = tmp_path / "out"
+    assert not run("taco", tmp_path / "in", out, Known())[0].skipped
+    assert run("taco", tmp_path / "in", out, Known())[0].skipped
+    (again,) = run("taco", tmp_path / "in", out, Known(mano_dir=mano_dir))
+    assert not again.skipped
+    for file in again.files:
+        assert load_sequence(out / file).hands[0].joints is not None
+
+
+def test_another_mesh_of_the_same_name_does_not_stand_in(tmp_path, mano_dir):
+    s = scene()
+    known, out = Known(mano_dir=mano_dir), tmp_path / "out"
+    for name, size in (("first", 1.0), ("second", 1.5)):
+        grab(tmp_path / name, replace(s, verts=size * s.verts), False)
+        run("grab", tmp_path / name / "grab", out, known)
+    with np.load(out / "s1/mug_drink_1.npz") as arrays:
+        (file,) = arrays["object_files"].tolist()
+    assert file == "objects/grab_mug_2.obj"
+    torch.testing.assert_close(load_mesh(out / file).verts, torch.from_numpy(1.5 * s.verts).float())
+    assert sorted(path.name for path in (out / "objects").iterdir()) == [
+        "grab_mug.obj",
+        "grab_mug_2.obj",
+    ]
+
+
+def test_of_a_whole_data_set_nothing_is_read_before_one_is_chosen(tmp_path, monkeypatch):
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        trees.landmarks(tmp_path / name, scene(), False)
+    monkeypatch.setattr(module, "read_clip", lambda *_: pytest.fail("a clip was read"))
+    with pytest.raises(InputError, match="got a/hands, b/hands; choose one with --clip"):
+        read_one("landmarks", tmp_path, Known())
 
 
 def test_a_path_without_clips_is_refused(tmp_path):
