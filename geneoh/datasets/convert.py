@@ -263,7 +263,7 @@ def write_mesh(mesh: Mesh, folder: Path, name: str) -> str:
         if not (folder / file).is_file():
             write_text(text, folder / file)
             return file
-        if (folder / file).read_text() == text:
+        if (folder / file).read_bytes() == text.encode():
             return file
     raise AssertionError("numbers do not end")
 
@@ -271,7 +271,7 @@ def write_mesh(mesh: Mesh, folder: Path, name: str) -> str:
 def read_log(folder: Path) -> dict[str, list[str]]:
     """The files of each clip that is done; half a line, after a crash, counts for nothing."""
     path = folder / LOG
-    lines = path.read_text().splitlines() if path.is_file() else []
+    lines = path.read_text(errors="replace").splitlines() if path.is_file() else []
     done: dict[str, list[str]] = {}
     for line in lines:
         try:
@@ -284,8 +284,13 @@ def read_log(folder: Path) -> dict[str, list[str]]:
 
 def append_log(folder: Path, entry: dict[str, Any]) -> None:
     """Note that a clip is done."""
-    with (folder / LOG).open("a") as file:
-        file.write(json.dumps(entry) + "\n")
+    try:
+        with (folder / LOG).open("a") as file:
+            file.write(json.dumps(entry) + "\n")
+    except OSError as error:
+        raise InputError(
+            f"{folder / LOG}: cannot be written ({error.strerror}); choose another place"
+        ) from None
 
 
 def read_one(name: str, path: Path, known: Known, clip: str | None = None) -> Recording:

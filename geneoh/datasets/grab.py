@@ -32,7 +32,9 @@ FPS = 120.0
 
 def find(path: Path) -> list[Clip]:
     """Every sequence file; those of the tools beside them are none."""
-    return [clip for clip in clips(path, "*.npz", 2) if "tools" not in clip.path.parts[-5:-1]]
+    root = path if path.is_dir() else path.parent
+    found = clips(path, "*.npz", 2)
+    return [clip for clip in found if "tools" not in clip.path.relative_to(root).parts[:-1]]
 
 
 def read(clip: Clip, known: Known) -> list[Recording]:

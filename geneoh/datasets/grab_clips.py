@@ -188,7 +188,10 @@ def read_object(record: Record, path: Path, known: Known) -> tuple[str, Mesh]:
             "--objects with the folder, or --obj with the object's mesh"
         )
     listing = sorted(file.name for file in folder.iterdir())
-    number = record.array("f7", ("T",))[0]
+    numbers = record.array("f7", ("T",))
+    number = numbers[0]
+    if (numbers != number).any():
+        raise record.refuse("f7", "one object in all frames: a clip, not a whole split")
     if not 0 <= number < len(listing):
         raise record.refuse("f7", f"the number of one of {len(listing)} files in {folder}")
     file = folder / listing[int(number)]

@@ -263,6 +263,17 @@ def numbered(clip: np.ndarray) -> np.ndarray:
     return clip
 
 
+def test_a_whole_split_is_no_clip(tmp_path, mano_dir):
+    trees.grab_clips_left(tmp_path, scene(), False)
+    path = next(tmp_path.rglob("7.npy"))
+    clip = np.load(path)
+    clip["f7"][5:] = 0
+    np.save(path, clip)
+    case = next(case for case in CASES if case.build is trees.grab_clips_left)
+    with pytest.raises(InputError, match="one object in all frames"):
+        read("grab_clips", tmp_path, mano_dir, case)
+
+
 def test_a_slow_clip_is_not_cut():
     steady = np.ones(FRAMES, dtype=bool)
     assert runs(steady, np.zeros(FRAMES, dtype=bool)) == [slice(0, FRAMES)]
