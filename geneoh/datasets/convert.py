@@ -108,11 +108,22 @@ def read_clip(source: Source, clip: Clip, known: Known) -> list[Recording]:
     """
     try:
         recordings = source.adapter().read(clip, known)
+        refuse_betas(recordings, clip)
         return [with_choice(without_idle(recording), clip, known) for recording in recordings]
     except GeneOHError:
         raise
     except DAMAGE as error:  # numbers that no check foresaw; the file is at fault, not the program
         raise unforeseen(clip, error) from error
+
+
+def refuse_betas(recordings: list[Recording], clip: Clip) -> None:
+    """Raise where a hand's betas are no numbers: they cannot be masked like a frame."""
+    for hand in (hand for recording in recordings for hand in recording.sequence.hands):
+        if hand.betas is not None and not bool(hand.betas.isfinite().all()):
+            raise InputError(
+                f"{clip.path}: the betas of the {hand.side} hand must be finite, got "
+                f"{hand.betas.tolist()}; copy its files again"
+            )
 
 
 def unforeseen(clip: Clip, error: Exception) -> InputError:

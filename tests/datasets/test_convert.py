@@ -147,6 +147,15 @@ def test_a_hand_that_never_comes_near_is_left_out_and_the_other_kept(tmp_path, m
     assert "the left hand never comes near the object" in recording.sequence.source
 
 
+def test_betas_that_are_no_numbers_are_refused(tmp_path, mano_dir):
+    s = scene()
+    betas = {**s.betas, "left": np.where(np.arange(10) == 3, 1e300, s.betas["left"])}
+    grab(tmp_path, s, False)
+    np.save(tmp_path / "tools/subject_meshes/male/s1_lhand_betas.npy", betas["left"])
+    with pytest.raises(InputError, match=r"mug_drink_1\.npz: the betas of the left hand must be"):
+        read_one("grab", tmp_path / "grab", Known(mano_dir=mano_dir))
+
+
 def test_of_two_hands_the_asked_one_is_read(tmp_path, mano_dir):
     grab(tmp_path, scene(), False)
     recording = read_one("grab", tmp_path / "grab", Known(mano_dir=mano_dir, side="left"))
