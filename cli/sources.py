@@ -32,13 +32,21 @@ OPTIONS = (
         help="What a bare parameter array's translation moves.",
     ),
     click.option(
+        "--swap-parts",
+        is_flag=True,
+        help="HOI4D: the poses of the two parts stand in the other order than usual.",
+    ),
+    click.option(
         "--mean-pose/--no-mean-pose",
         default=None,
         help="Whether a bare parameter array is relative to MANO's mean pose.",
     ),
     click.option("--focal", type=float, help="Of the camera in pixels, for HaMeR and WiLoR."),
 )
-NAMES = ("objects", "body", "object_pose", "joint_order", "translation", "mean_pose", "focal")
+NAMES = (
+    *("objects", "body", "object_pose", "joint_order", "translation", "swap_parts", "mean_pose"),
+    "focal",
+)
 """Of these options, as the commands get them."""
 
 
@@ -95,6 +103,12 @@ def read(
     if not obj:
         raise click.UsageError("Missing option '--obj'")
     return geneoh.load(path, obj=obj, side=side, fps=fps, mano_dir=mano)
+
+
+def beside(noisy: Path) -> Path:
+    """Where the clean sequence goes by default: a folder may be given as . or .. too."""
+    named = noisy if noisy.name.strip(".") else noisy.resolve()
+    return named.with_name(f"{named.stem}_clean.npz")
 
 
 def table() -> str:

@@ -83,7 +83,7 @@ def denoise(
     sequence = sources.read(noisy, obj, mano=mano, **asked)
     with progress.progress_bars() as heard:
         result = geneoh.denoise(sequence, settings, on_progress=heard)
-    output = output or noisy.with_name(f"{noisy.stem}_clean.npz")
+    output = output or sources.beside(noisy)
     save_result(result, settings, output)
     for line in reports.denoised(sequence, result, output):
         click.echo(line)

@@ -67,13 +67,24 @@ def read(clip: Clip, known: Known) -> list[Recording]:
 def read_hand(record: Record, side: Side, known: Known) -> Track:
     """One hand in the world."""
     pose = np.concatenate([record.array("rot", ("T", 3)), record.array("pose", ("T", 45))], axis=1)
-    betas = record.array("shape", (10,), ("T", 10))
-    return mano_track(
-        Numbers(side, pose, record.array("trans", ("T", 3)), betas.reshape(-1, 10).mean(0)),
-        DIALECT,
-        known,
-        record.where,
-    )
+    betas = record.array("shape", (10,), ("T", 10)).reshape(-1, 10).mean(0)
+    trans = record.array("trans", ("T", 3))
+    trust = trust_of(record, "fitting_err")
+    numbers = Numbers(side, pose, trans, betas, confidence=trust)
+    return mano_track(numbers, DIALECT, known, record.where)
+
+
+def trust_of(record: Record, name: str) -> Array | None:
+    """(T, 21) confidence from the error of ARCTIC's fit, whose unit is not documented.
+
+    1 up to the median of the sequence, beyond it the median's share of the error.
+    """
+    if name not in record:
+        return None
+    error = np.abs(record.array(name, ("T",), ("T", 1)).reshape(-1))
+    typical = np.nanmedian(error) if np.isfinite(error).any() else 0.0
+    trust = np.where(error > typical, typical / np.maximum(error, 1e-12), 1.0)
+    return np.tile(np.where(np.isfinite(error), trust, 0.0)[:, None], 21)
 
 
 def part_motion(angle: Array, orient: Array, shift: Array) -> Array:

@@ -2,7 +2,8 @@
 
 params holds rot_{r,l}, pose_{r,l}, trans_{r,l}, shape_{r,l}, obj_arti, obj_rot, obj_trans as the
 raw files do (obj_trans still in millimetres); world_coord holds joints.{right,left} in MANO's order
-and, with vertices, verts.object in metres. Conventions as in `arctic`.
+and, with vertices, verts.object in metres. GeneOH's own files of the same folder name hold all of
+this side by side in one dict. Conventions as in `arctic`.
 """
 
 from pathlib import Path
@@ -17,6 +18,7 @@ from geneoh.datasets.arctic import (
     TOP,
     part_motion,
     read_parts,
+    trust_of,
 )
 from geneoh.datasets.base import Clip, Evidence, Known, Recording, clips, finite_frames
 from geneoh.datasets.objects import read_mesh
@@ -38,21 +40,21 @@ SIDES: tuple[Side, Side] = ("right", "left")
 def find(path: Path) -> list[Clip]:
     """Every processed sequence."""
     found = clips(path, "*.npy", 2)
-    return [clip for clip in found if clip.path.parents[1].name == "seqs"]
+    return [clip for clip in found if clip.path.parents[1].name in ("seqs", "processed_seqs")]
 
 
 def read(clip: Clip, known: Known) -> list[Recording]:
     """Both hands and the two parts of the object, in the world."""
     record = read_record(clip.path)
-    params, world = record.record("params"), record.record("world_coord")
+    flat = "params" not in record and "obj_rot" in record
+    params, world = (record if flat else record.record(n) for n in ("params", "world_coord"))
     motion = part_motion(
         params.array("obj_arti", ("T",), ("T", 1)).reshape(-1),
         params.array("obj_rot", ("T", 3)),
         params.array("obj_trans", ("T", 3)) * MILLIMETRES,
     )
     name = clip.path.stem.split("_")[0]
-    root = clip.path.parents[3] if len(clip.path.parents) > 3 else clip.path.parent
-    folder = known.objects or root / "meta/object_vtemplates"
+    folder = known.objects or templates(clip.path)
     meshes, said = read_parts(folder, name)
     stored: dict[Side, Array | None] = {side: read_joints(world, side) for side in SIDES}
     tracks = [read_hand(params, side, stored[side], known) for side in SIDES]
@@ -60,9 +62,10 @@ def read(clip: Clip, known: Known) -> list[Recording]:
         tracks, object_track(meshes, motion), known.rate(FPS), f"ARCTIC {clip.name} (processed)"
     )
     moved = None
-    if "verts.object" in world:
+    verts = world.array("verts.object", ("T", "V", 3)) if "verts.object" in world else None
+    if verts is not None and verts.shape[1] == sum(len(mesh.verts) for mesh in meshes):
         moved = (
-            world.array("verts.object", ("T", "V", 3)).mean(1, keepdims=True),
+            verts.mean(1, keepdims=True),
             middle_of(folder / name / "mesh.obj", folder / name / "parts.json", motion),
         )
     return recordings(
@@ -78,6 +81,15 @@ def read(clip: Clip, known: Known) -> list[Recording]:
     )
 
 
+def templates(path: Path) -> Path:
+    """The object models: beside the outputs, or where ARCTIC's scripts have the raw data."""
+    inside = Path("meta/object_vtemplates")
+    roots = [parent for parent in list(path.parents)[2:5]]
+    places = [root / inside for root in roots]
+    places += [root / "data/arctic_data/data" / inside for root in roots]
+    return next((place for place in places if place.is_dir()), places[0])
+
+
 def read_joints(world: Record, side: Side) -> Array | None:
     """(T, 21, 3) stored keypoints."""
     key = f"joints.{side}"
@@ -90,7 +102,14 @@ def read_hand(params: Record, side: Side, joints: Array | None, known: Known) ->
     pose = [params.array(f"{name}_{letter}", ("T", n)) for name, n in (("rot", 3), ("pose", 45))]
     betas = params.array(f"shape_{letter}", (10,), ("T", 10)).reshape(-1, 10).mean(0)
     trans = params.array(f"trans_{letter}", ("T", 3))
-    numbers = Numbers(side, np.concatenate(pose, axis=1), trans, betas, joints=joints)
+    numbers = Numbers(
+        side,
+        np.concatenate(pose, axis=1),
+        trans,
+        betas,
+        joints=joints,
+        confidence=trust_of(params, f"fitting_err_{letter}"),
+    )
     return mano_track(numbers, DIALECT, known, params.where)
 
 

@@ -66,6 +66,7 @@ def read(clip: Clip, known: Known) -> list[Recording]:
         known.rate(FPS),
         f"ArcticNet {clip.name}",
         "camera frame, depth from a weak-perspective scale",
+        f"frame 0 is image {min(numbers)}, ARCTIC's own frames are those numbers less ioi_offset",
     )
     return recordings(
         clip.name,

@@ -6,8 +6,7 @@ the world. Aria has no joint at the base of the thumb: one is put in, with confi
 below a confidence of 0.7 are not taken.
 """
 
-import csv
-import io
+import re
 from pathlib import Path
 
 import numpy as np
@@ -15,16 +14,20 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from geneoh.datasets.base import Clip, Known, Recording, clip_name, clips
 from geneoh.datasets.orders import ordered
-from geneoh.datasets.records import Array, Record, read_text
+from geneoh.datasets.records import FRAME_LIMIT, Array, Record, read_table
 from geneoh.datasets.tracks import joints_track, object_of, recordings, sequence_of
-from geneoh.errors import InputError
 from geneoh.hand.model import Side
 
 LEAST_CONFIDENCE = 0.7
 """Below it landmarks are unusable; the cut that EgoAllo makes."""
 LONGEST_WAIT = 0.1
 """Seconds between a hand's frame and the nearest pose of the device."""
-MOST_FRAMES = 10**6
+TRACKING = re.compile(
+    r"tracking_timestamp_us|(left|right)_tracking_confidence"
+    r"|t[xyz]_(left|right)_landmark_\d+_device"
+)
+TRAJECTORY = re.compile(r"tracking_timestamp_us|[tq][xyzw]_world_device")
+"""Columns that are read."""
 
 
 def find(path: Path) -> list[Clip]:
@@ -37,15 +40,15 @@ def find(path: Path) -> list[Clip]:
 
 def read(clip: Clip, known: Known) -> list[Recording]:
     """Both hands on an even clock, in the world where the trajectory is there."""
-    record = read_table(clip.path)
-    seconds = record.numbers("tracking_timestamp_us") * 1e-6
+    record = read_table(clip.path, TRACKING)
+    seconds = record.array("tracking_timestamp_us", ("T",)) * 1e-6
     steps = np.diff(seconds)
-    if len(steps) and not (steps > 0).all():
+    if not np.isfinite(seconds).all() or not (steps > 0).all():
         raise record.refuse("tracking_timestamp_us", "times that rise")
     rate = known.rate(float(1 / np.median(steps)) if len(steps) else 10.0)
     clock = np.rint((seconds - seconds[0]) * rate).astype(int)
-    if clock[-1] >= MOST_FRAMES:
-        raise record.refuse("tracking_timestamp_us", f"less than {MOST_FRAMES} frames in all")
+    if clock[-1] >= FRAME_LIMIT:
+        raise record.refuse("tracking_timestamp_us", f"less than {FRAME_LIMIT} frames in all")
     frames = int(clock[-1]) + 1
     device, notes = read_trajectory(clip.path.parents[1] / "slam/closed_loop_trajectory.csv")
     tracks = []
@@ -62,26 +65,6 @@ def read(clip: Clip, known: Known) -> list[Recording]:
     names = tuple(f"{clip.name}_{index}" for index in range(len(motion.meshes)))
     everywhere = np.ones(frames, dtype=bool)
     return recordings(clip.name, sequence, object_known=everywhere, mesh_names=names)
-
-
-def read_table(path: Path) -> Record:
-    """The columns of a CSV as arrays; empty places are NaN, blanks around names are dropped."""
-    rows = list(csv.reader(io.StringIO(read_text(path))))
-    width = len(rows[0]) if rows else 0
-    if len(rows) < 2 or any(len(row) != width for row in rows):
-        raise InputError(f"{path}: expected a table with a heading and rows of its length")
-    columns = {}
-    for index, name in enumerate(rows[0]):
-        columns[name.strip()] = np.array([number(row[index]) for row in rows[1:]])
-    return Record(str(path), columns)
-
-
-def number(text: str) -> float:
-    """A number, or NaN for anything else."""
-    try:
-        return float(text)
-    except ValueError:
-        return float("nan")
 
 
 def read_side(record: Record, side: Side) -> tuple[Array, Array]:
@@ -103,7 +86,7 @@ def read_trajectory(path: Path) -> tuple[Record | None, tuple[str, ...]]:
     """The device's poses, if they are there."""
     if not path.is_file():
         return None, ("frame of the moving device: there is no closed_loop_trajectory.csv",)
-    return read_table(path), ()
+    return read_table(path, TRAJECTORY), ()
 
 
 def device_at(device: Record, seconds: Array) -> tuple[Array, Array]:
@@ -113,10 +96,15 @@ def device_at(device: Record, seconds: Array) -> tuple[Array, Array]:
     places = np.stack([device.numbers(f"t{c}_world_device") for c in "xyz"], axis=-1)
     if len(times) < 2 or not (np.diff(times) > 0).all():
         raise device.refuse("tracking_timestamp_us", "two times or more that rise")
+    sound = np.isfinite(quats).all(1) & np.isfinite(places).all(1)
+    sound &= np.abs(quats).sum(1) > 0.5
+    times, quats, places = times[sound], quats[sound], places[sound]
+    if len(times) < 2:
+        raise device.refuse("qw_world_device", "two poses of the device or more")
     inside = np.clip(seconds, times[0], times[-1])
     turn = Slerp(times, Rotation.from_quat(quats))(inside).as_matrix()
     shift = np.stack([np.interp(inside, times, places[:, axis]) for axis in range(3)], axis=-1)
-    nearest = np.abs(seconds[:, None] - times[None]).min(1) if len(times) < 5000 else None
-    far = np.abs(seconds - inside) > LONGEST_WAIT if nearest is None else nearest > LONGEST_WAIT
-    shift[far] = np.nan
+    after = np.clip(np.searchsorted(times, seconds), 1, len(times) - 1)
+    nearest = np.minimum(np.abs(seconds - times[after - 1]), np.abs(times[after] - seconds))
+    shift[nearest > LONGEST_WAIT] = np.nan
     return turn, shift

@@ -7,6 +7,7 @@ with which `selftest` holds the file against its own convention.
 """
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Literal
 
@@ -41,6 +42,8 @@ class Known:
     joint_order: str = "openpose"
     translation: Translation | None = None
     """What the translation of a bare parameter array moves: the wrist, or MANO's origin."""
+    swap_parts: bool = False
+    """The two parts of an articulated object stand in the other order than they do as a rule."""
     mean_pose: bool | None = None
     """Whether a bare parameter array is relative to MANO's mean pose."""
     focal: float | None = None
@@ -118,7 +121,17 @@ def finite_frames(values: Array) -> Array:
     return np.asarray(np.isfinite(values.reshape(len(values), -1)).all(axis=1))
 
 
-def runs(present: Array) -> list[slice]:
-    """The longest stretches of frames that are all there."""
+def runs(present: Array, after_jump: Array | None = None) -> list[slice]:
+    """The longest stretches of frames that are all there.
+
+    Args:
+        present: (T,) whether a frame is there.
+        after_jump: (T,) whether a frame does not follow from the one before it.
+    """
     edges = np.flatnonzero(np.diff(np.concatenate([[False], present, [False]])))
-    return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    jumps = np.flatnonzero(np.zeros(len(present), dtype=bool) if after_jump is None else after_jump)
+    stretches = []
+    for start, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        cuts = [start, *(int(cut) for cut in jumps if start < cut < stop), stop]
+        stretches += [slice(a, b) for a, b in pairwise(cuts)]
+    return stretches

@@ -27,11 +27,25 @@ SOURCES: dict[str, Source] = {
     for source in (
         Source("grab", "GRAB", "two hands, object", NON_COMMERCIAL, "grab.is.tue.mpg.de"),
         Source(
+            "grab_clips",
+            "GRAB in clips of TOCH and GeneOH",
+            "one hand, object",
+            NON_COMMERCIAL,
+            "github.com/kzhou23/toch, github.com/Meowuu7/GeneOH-Diffusion",
+        ),
+        Source(
             "hoi4d",
             "HOI4D",
             "hands, rigid or articulated object",
             "CC BY-NC 4.0",
             "hoi4d.github.io",
+        ),
+        Source(
+            "hoi4d_cases",
+            "HOI4D in cases of GeneOH",
+            "right hand, rigid or articulated object",
+            "CC BY-NC 4.0",
+            "github.com/Meowuu7/GeneOH-Diffusion",
         ),
         Source(
             "arctic", "ARCTIC", "two hands, two-part object", NON_COMMERCIAL, "arctic.is.tue.mpg.de"

@@ -5,20 +5,25 @@ conversion goes on behind the last whole clip.
 """
 
 import json
+from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from hashlib import sha256
+from itertools import count
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from geneoh.datasets.base import Clip, Known, Recording
+from geneoh.datasets.base import Clip, Known, Recording, clip_name
 from geneoh.datasets.catalogue import SOURCES, Source
-from geneoh.datasets.objects import write_obj
+from geneoh.datasets.objects import obj_text, write_text
 from geneoh.datasets.selftest import contradictions
 from geneoh.errors import ConfigError, GeneOHError, InputError
+from geneoh.geometry.mesh import Mesh
+from geneoh.hand.model import Side
 from geneoh.pickles.files import DAMAGE
-from geneoh.sequence.checks import check_sequence
+from geneoh.sequence.checks import check_distance, check_sequence
 from geneoh.sequence.files import save_sequence
 
 LOG = "converted.jsonl"
@@ -68,11 +73,30 @@ def find_clips(source: Source, paths: list[Path]) -> list[Clip]:
                 "as the data set unpacks, or choose another source"
             )
         found.update({clip.path: clip for clip in clips})
-    names = [clip.name for clip in found.values()]
-    if len(set(names)) < len(names):
-        twice = next(name for name in names if names.count(name) > 1)
-        raise InputError(f"{paths[0]}: two clips are both called {twice}; convert them one by one")
-    return list(found.values())
+    return distinct(list(found.values()))
+
+
+def distinct(clips: list[Clip]) -> list[Clip]:
+    """Clips of one name with as much of the path in front as tells them apart."""
+    for parts in range(2, 1 + max(len(clip.path.parts) for clip in clips)):
+        same = repeated(clips)
+        clips = [
+            replace(clip, name=clip_name(clip.path, parts)) if clip.name in same else clip
+            for clip in clips
+        ]
+    same = repeated(clips)
+    clips = [
+        replace(clip, name=f"{clip.name}_{clip.path.suffix[1:]}") if clip.name in same else clip
+        for clip in clips
+    ]
+    if same := repeated(clips):
+        raise InputError(f"{clips[0].path}: two clips are both called {min(same)}; rename one")
+    return clips
+
+
+def repeated(clips: list[Clip]) -> set[str]:
+    """The names that more than one clip has."""
+    return {name for name, count in Counter(clip.name for clip in clips).items() if count > 1}
 
 
 def read_clip(source: Source, clip: Clip, known: Known) -> list[Recording]:
@@ -83,15 +107,91 @@ def read_clip(source: Source, clip: Clip, known: Known) -> list[Recording]:
         MissingAssetError: it needs a file that the user must supply.
     """
     try:
-        return source.adapter().read(clip, known)
+        recordings = source.adapter().read(clip, known)
+        refuse_betas(recordings, clip)
+        return [with_choice(without_idle(recording), clip, known) for recording in recordings]
     except GeneOHError:
         raise
     except DAMAGE as error:  # numbers that no check foresaw; the file is at fault, not the program
-        reason = " ".join(str(error).split())[:100]
-        raise InputError(
-            f"{clip.path}: expected a clip of {source.title}, got numbers that fit no sequence "
-            f"({type(error).__name__}: {reason}); copy its files again"
-        ) from error
+        raise unforeseen(clip, error) from error
+
+
+def refuse_betas(recordings: list[Recording], clip: Clip) -> None:
+    """Raise where a hand's betas are no numbers: they cannot be masked like a frame."""
+    for hand in (hand for recording in recordings for hand in recording.sequence.hands):
+        if hand.betas is not None and not bool(hand.betas.isfinite().all()):
+            raise InputError(
+                f"{clip.path}: the betas of the {hand.side} hand must be finite, got "
+                f"{hand.betas.tolist()}; copy its files again"
+            )
+
+
+def unforeseen(clip: Clip, error: Exception) -> InputError:
+    """The error for numbers that no check foresaw."""
+    reason = " ".join(str(error).split())[:100]
+    return InputError(
+        f"{clip.path}: expected a clip of its source, got numbers that fit no sequence "
+        f"({type(error).__name__}: {reason}); copy its files again"
+    )
+
+
+def checked(recording: Recording, clip: Clip) -> list[str]:
+    """What the self-test says of one recording."""
+    try:
+        return contradictions(recording)
+    except DAMAGE as error:
+        raise unforeseen(clip, error) from error
+
+
+def without_idle(recording: Recording) -> Recording:
+    """Of two hands only the one that comes near the object; the other hangs beside the body."""
+    sequence = recording.sequence
+    if len(sequence.hands) < 2:
+        return recording
+    away = {}
+    for hand in sequence.hands:
+        try:
+            check_distance(hand, sequence.object, recording.name)
+        except InputError:
+            away[hand.side] = f"the {hand.side} hand never comes near the object and was left out"
+    if not away or len(away) == len(sequence.hands):
+        return recording
+    return with_hands(recording, *away.values(), sides=sides_of(recording) - away.keys())
+
+
+def with_choice(recording: Recording, clip: Clip, known: Known) -> Recording:
+    """The recording with the caller's choices kept.
+
+    Raises:
+        InputError: they are of another hand or object than the source has.
+    """
+    meshes = recording.sequence.object.meshes
+    if known.meshes and not any(mesh is known.meshes[0] for mesh in meshes):
+        raise InputError(f"{clip.path}: the source has its own object, got --obj as well; drop it")
+    if known.side is None or sides_of(recording) == {known.side}:
+        return recording
+    if known.side not in sides_of(recording):
+        got = " and ".join(sides_of(recording))
+        raise InputError(f"{clip.path}: expected a {known.side} hand, got {got}; drop --side")
+    return with_hands(recording, sides={known.side})
+
+
+def sides_of(recording: Recording) -> set[Side]:
+    """The sides of the hands in it."""
+    return {hand.side for hand in recording.sequence.hands}
+
+
+def with_hands(recording: Recording, *notes: str, sides: set[Side]) -> Recording:
+    """Only the hands of some sides, with notes on why."""
+    sequence = recording.sequence
+    return replace(
+        recording,
+        sequence=replace(
+            sequence,
+            hands=tuple(hand for hand in sequence.hands if hand.side in sides),
+            source="; ".join([sequence.source, *notes]),
+        ),
+    )
 
 
 def convert(
@@ -108,7 +208,7 @@ def convert(
     """
     done = {} if folder is None else read_log(folder)
     for clip in clips:
-        files = done.get(f"{source.name} {clip.path}")
+        files = done.get(entry_of(source, clip, known))
         if folder and files and not check and all((folder / file).is_file() for file in files):
             yield Outcome(clip, tuple(files), skipped=True)
             continue
@@ -116,6 +216,20 @@ def convert(
             yield convert_clip(source, clip, folder, known, check=check)
         except GeneOHError as error:
             yield Outcome(clip, problem=str(error))
+
+
+def entry_of(source: Source, clip: Clip, known: Known) -> str:
+    """A clip as it was asked for: with other options it is another conversion."""
+    said = {}
+    for option in fields(known):
+        value = getattr(known, option.name)
+        if option.name == "meshes":
+            value = [sha256(obj_text(mesh).encode()).hexdigest() for mesh in value]
+        elif isinstance(value, np.ndarray):
+            value = sha256(value.tobytes()).hexdigest()
+        if value not in (None, False, []):
+            said[option.name] = str(value)
+    return f"{source.name} {clip.path} {json.dumps(said, sort_keys=True)}"
 
 
 def convert_clip(
@@ -126,23 +240,21 @@ def convert_clip(
     said: list[str] = []
     for recording in recordings:
         if check:
-            said += [f"{recording.name}: {words}" for words in contradictions(recording)]
+            said += [f"{recording.name}: {words}" for words in checked(recording, clip)]
         else:
             check_sequence(recording.sequence, recording.name)
     notes = tuple(dict.fromkeys(recording.sequence.source for recording in recordings))
     if folder is None or said:
         return Outcome(clip, contradictions=tuple(said), notes=notes)
     files = tuple(write_recording(recording, folder) for recording in recordings)
-    append_log(folder, {"clip": f"{source.name} {clip.path}", "files": files})
+    append_log(folder, {"clip": entry_of(source, clip, known), "files": files})
     return Outcome(clip, files, notes=notes)
 
 
 def write_recording(recording: Recording, folder: Path) -> str:
     """A sequence and its meshes; the sequence comes last and names them."""
-    names = [f"objects/{name}.obj" for name in recording.mesh_names]
-    for name, mesh in zip(names, recording.sequence.object.meshes, strict=False):
-        if not (folder / name).is_file():
-            write_obj(mesh, folder / name)
+    pairs = zip(recording.mesh_names, recording.sequence.object.meshes, strict=False)
+    names = [write_mesh(mesh, folder, name) for name, mesh in pairs]
     path = folder / f"{recording.name}.npz"
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -154,10 +266,23 @@ def write_recording(recording: Recording, folder: Path) -> str:
     return f"{recording.name}.npz"
 
 
+def write_mesh(mesh: Mesh, folder: Path, name: str) -> str:
+    """The file of a mesh below a folder; one of that name that holds another mesh is kept."""
+    text, name = obj_text(mesh), name.replace("/", "_")
+    for number in count(1):
+        file = f"objects/{name}{'' if number == 1 else f'_{number}'}.obj"
+        if not (folder / file).is_file():
+            write_text(text, folder / file)
+            return file
+        if (folder / file).read_bytes() == text.encode():
+            return file
+    raise AssertionError("numbers do not end")
+
+
 def read_log(folder: Path) -> dict[str, list[str]]:
     """The files of each clip that is done; half a line, after a crash, counts for nothing."""
     path = folder / LOG
-    lines = path.read_text().splitlines() if path.is_file() else []
+    lines = path.read_text(errors="replace").splitlines() if path.is_file() else []
     done: dict[str, list[str]] = {}
     for line in lines:
         try:
@@ -170,8 +295,13 @@ def read_log(folder: Path) -> dict[str, list[str]]:
 
 def append_log(folder: Path, entry: dict[str, Any]) -> None:
     """Note that a clip is done."""
-    with (folder / LOG).open("a") as file:
-        file.write(json.dumps(entry) + "\n")
+    try:
+        with (folder / LOG).open("a") as file:
+            file.write(json.dumps(entry) + "\n")
+    except OSError as error:
+        raise InputError(
+            f"{folder / LOG}: cannot be written ({error.strerror}); choose another place"
+        ) from None
 
 
 def read_one(name: str, path: Path, known: Known, clip: str | None = None) -> Recording:
@@ -181,16 +311,20 @@ def read_one(name: str, path: Path, known: Known, clip: str | None = None) -> Re
         InputError: there are several and no name chooses; the message lists them.
     """
     source = source_named(name)
-    found = [
-        recording
-        for one in find_clips(source, [path])
-        if clip is None or clip.startswith(one.name)
-        for recording in read_clip(source, one, known)
-        if clip is None or recording.name == clip
-    ]
+    clips = find_clips(source, [path])
+    clips = [one for one in clips if clip is None or clip.startswith(one.name)]
+    found = []
+    if len(clips) == 1 or clip is not None:
+        found = [
+            recording
+            for one in clips
+            for recording in read_clip(source, one, known)
+            if clip in (None, recording.name, one.name)
+        ]
+        found = [one for one in found if one.name == clip] or found
     if len(found) == 1:
         return found[0]
-    names = ", ".join(recording.name for recording in found[:8]) or "none"
+    names = ", ".join(one.name for one in (found or clips)[:8]) or "none of that name"
     raise InputError(
         f"{path}: expected one recording, got {names}; choose one with --clip NAME, or convert "
         "all of them with `geneoh convert`"

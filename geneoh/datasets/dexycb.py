@@ -79,7 +79,7 @@ def read(clip: Clip, known: Known) -> list[Recording]:
         clip.name,
         sequence,
         object_known=present,
-        mesh_names=(f"ycb_{name}",),
+        mesh_names=(f"dexycb_{name}",),
         evidence=Evidence(joints={} if joints is None else {side: joints}),
     )
 
@@ -89,7 +89,8 @@ def read_pose(poses: Record, meta: Record, side: Side, root: Path, known: Known)
     values = poses.array("pose_m", ("T", 1, 51))[:, 0].copy()
     values[~np.abs(values).any(1)] = np.nan
     assert known.mano is not None, "asked before"
-    pose = decoded(poses, "pose_m", values[:, 3:48], known.mano(side))
+    mano = known.mano(side, DIALECT.hand)
+    pose = decoded(poses, "pose_m", values[:, 3:48], mano, mean=True)
     calibration = read_yaml(root / "calibration" / f"mano_{first(meta, 'mano_calib')}" / "mano.yml")
     return Numbers(
         side,

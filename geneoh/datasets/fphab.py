@@ -12,7 +12,8 @@ import numpy as np
 
 from geneoh.datasets.base import Clip, Evidence, Known, Recording, clip_name, finite_frames
 from geneoh.datasets.objects import find_mesh, read_mesh
-from geneoh.datasets.records import Array, frame_number, read_numbers, read_record
+from geneoh.datasets.orders import ORDERS
+from geneoh.datasets.records import FRAME_LIMIT, Array, frame_number, read_numbers, read_record
 from geneoh.datasets.tracks import (
     Dialect,
     Numbers,
@@ -39,7 +40,7 @@ EXTRINSIC = np.array(
 """Depth to colour camera, millimetres, from the data set's README."""
 SENSOR_TOLERANCE = 0.04
 """Metres between the magnetic sensors' keypoints, which lie on the skin, and a fit of MANO."""
-OPENPOSE_FROM_F = (0, 1, 6, 7, 8, 2, 9, 10, 11, 3, 12, 13, 14, 4, 15, 16, 17, 5, 18, 19, 20)
+OPENPOSE_FROM_F = ORDERS["fphab"].entries
 
 
 def find(path: Path) -> list[Clip]:
@@ -105,7 +106,7 @@ def frame_rows(path: Path, count: int) -> Array:
     """Rows that start with a frame's number."""
     rows = read_numbers(path, count)
     first = rows[:, 0]
-    if not (np.isfinite(first) & (first >= 0) & (first < 10**6)).all():
+    if not (np.isfinite(first) & (first >= 0) & (first < FRAME_LIMIT)).all():
         raise InputError(f"{path}: expected frame numbers in front, got {first[:3]}; copy it again")
     return rows
 

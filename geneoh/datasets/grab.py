@@ -36,8 +36,10 @@ HAND_LABELS: dict[Side, tuple[int, ...]] = {
 
 
 def find(path: Path) -> list[Clip]:
-    """Every sequence file."""
-    return clips(path, "*.npz", 2)
+    """Every sequence file; those of the tools beside them are none."""
+    root = path if path.is_dir() else path.parent
+    found = clips(path, "*.npz", 2)
+    return [clip for clip in found if "tools" not in clip.path.relative_to(root).parts[:-1]]
 
 
 def read(clip: Clip, known: Known) -> list[Recording]:

@@ -2,9 +2,10 @@
 image.
 
 pred_mano_params {global_orient (B, 1, 3, 3), hand_pose (B, 15, 3, 3), betas}, pred_keypoints_3d
-(B, 21, 3), pred_cam (B, 3), with box_center, box_size, img_size and right from the batch; 'frame'
-where rows are not frames in order. Both see right hands only: left ones were mirrored, and are here
-mirrored back. Camera frame, metres; the demos' focal length puts hands much too far away: --focal.
+(B, 21, 3), pred_cam (B, 3), with box_center, box_size, img_size and right from the batch, or what
+the demos make of those: pred_cam_t_full and scaled_focal_length; 'frame' where rows are not frames
+in order. Both see right hands only: left ones were mirrored, and are here mirrored back. Camera
+frame, metres; the demos' focal length puts hands much too far away: --focal.
 """
 
 from pathlib import Path
@@ -12,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from geneoh.datasets.base import Clip, Evidence, Known, Recording, clip_name
-from geneoh.datasets.records import Array, Record, frame_number, read_record
+from geneoh.datasets.records import FRAME_LIMIT, Array, Record, frame_number, read_record
 from geneoh.datasets.tracks import (
     FLIP_X,
     axis_angles,
@@ -23,6 +24,7 @@ from geneoh.datasets.tracks import (
     sequence_of,
 )
 from geneoh.errors import InputError
+from geneoh.hand.mano import MENDED
 from geneoh.hand.model import Side
 from geneoh.sequence.tracks import HandTrack
 
@@ -51,18 +53,20 @@ def find(path: Path) -> list[Clip]:
 
 
 def read(clip: Clip, known: Known) -> list[Recording]:
-    """Up to two hands in the camera's frame; of several of one side, the first in each frame."""
+    """Up to two hands in the camera's frame; of several of one side, the one that goes on."""
     rows, frames = read_rows(clip.path, known)
     stored, tracks = {}, []
     for side in ("right", "left"):
         track = Detections(side, frames)
-        for frame, values in rows:
+        for frame, values in sorted(rows, key=lambda row: row[0]):
             track.add(frame, values)
         if track.betas:
             stored[side] = track.joints
             tracks.append((track.hand(), ()))
     motion, notes = object_of(known, frames, str(clip.path))
-    said = () if known.focal else ("the demos' focal length: much too deep, pass --focal",)
+    said = [] if known.focal else ["the demos' focal length: much too deep, pass --focal"]
+    if known.fps is None:
+        said.append(f"{FPS:g} frames a second assumed; --fps says otherwise")
     sequence = sequence_of(
         tracks, motion, known.rate(FPS), f"HaMeR or WiLoR {clip.name}", *notes, *said
     )
@@ -84,15 +88,30 @@ class Detections:
         self.pose = np.full((frames, 16, 3), np.nan)
         self.joints = np.full((frames, 21, 3), np.nan)
         self.betas: list[Array] = []
+        self.last = -1
+        """The latest frame with a hand."""
+        self.before = np.full(3, np.nan)
+        """The wrist in the frame with a hand before that one."""
 
     def add(self, frame: int, values: dict[str, Array]) -> None:
-        """Take a detection when it is of this side and the first in its frame."""
+        """Take a detection of this side, of several in one frame the one nearest to the last.
+
+        Detections must come in the order of their frames.
+        """
         right = values["right"] > 0.5
-        if right != (self.side == "right") or np.isfinite(self.joints[frame]).any():
+        if right != (self.side == "right"):
             return
+        joints = values["points"] * (1 if right else FLIP_X) + values["trans"]
+        if frame == self.last:
+            now = np.linalg.norm(self.joints[frame, 0] - self.before)
+            if not np.linalg.norm(joints[0] - self.before) < now:
+                return
+            self.betas.pop()
+        elif self.last >= 0:
+            self.before = self.joints[self.last, 0].copy()
         pose = axis_angles(values["turns"])
         self.pose[frame] = pose if right else mirrored_x(pose)
-        self.joints[frame] = values["points"] * (1 if right else FLIP_X) + values["trans"]
+        self.joints[frame], self.last = joints, frame
         self.betas.append(values["betas"])
 
     def hand(self) -> HandTrack:
@@ -103,6 +122,7 @@ class Detections:
             wrist=self.joints[:, 0],
             joints=self.joints,
             betas=np.mean(self.betas, axis=0),
+            hand=MENDED,  # a mirrored right hand
         )
 
 
@@ -118,7 +138,7 @@ def read_rows(path: Path, known: Known) -> tuple[list[tuple[int, dict[str, Array
             numbers = record.array("frame", ("B",)).astype(int).tolist()
         else:
             numbers = list(range(count)) if path.is_file() else [frame_number(file)] * count
-        if len(numbers) != count or min(numbers) < 0 or max(numbers) > 10**6:
+        if len(numbers) != count or min(numbers) < 0 or max(numbers) > FRAME_LIMIT:
             raise record.refuse("frame", f"one frame number for each of {count} detections")
         rows += [
             (number, {name: values[index] for name, values in batch.items()})
@@ -159,6 +179,11 @@ def full_translation(record: Record, right: Array, known: Known) -> Array:
 
     Source: cam_crop_to_full in HaMeR, with the true focal length where the caller knows it.
     """
+    if "pred_cam_t_full" in record and "box_center" not in record:
+        place = record.array("pred_cam_t_full", ("B", 3)).copy()
+        if known.focal is not None:  # only the depth depends on it
+            place[:, 2] *= known.focal / record.number("scaled_focal_length")
+        return place
     for name in ("pred_cam", "box_center", "box_size", "img_size"):
         if name not in record:
             raise record.refuse(name, "dumped as well: a crop's own camera says no place")
@@ -169,5 +194,7 @@ def full_translation(record: Record, right: Array, known: Known) -> Array:
     focal = DEMO_FOCAL * image.max(1) if known.focal is None else known.focal
     spread = size * cam[:, 0] + 1e-9
     shift = 2 * (centre - image / 2) / spread[:, None]
-    across = cam[:, 1] * (2 * right - 1)
+    # The demos turn pred_cam's sign in place; pred_cam_t keeps what it was.
+    own = record.array("pred_cam_t", ("B", 3))[:, 0] if "pred_cam_t" in record else cam[:, 1]
+    across = own * (2 * right - 1)
     return np.stack([across + shift[:, 0], cam[:, 2] + shift[:, 1], 2 * focal / spread], axis=1)

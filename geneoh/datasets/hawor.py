@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from geneoh.datasets.base import Clip, Known, Recording, clip_name
-from geneoh.datasets.records import Array, Record
+from geneoh.datasets.records import FRAME_LIMIT, Array, Record
 from geneoh.datasets.tracks import (
     Dialect,
     Numbers,
@@ -21,10 +21,11 @@ from geneoh.datasets.tracks import (
     sequence_of,
 )
 from geneoh.errors import InputError
+from geneoh.hand.mano import MENDED
 from geneoh.hand.model import Side
 from geneoh.pickles.files import read_values
 
-DIALECT = Dialect(origin=True, left="mirrored")
+DIALECT = Dialect(origin=True, hand=MENDED)
 FPS = 30.0
 FIELDS = (("trans", 3), ("rot", 3), ("hand_pose", 45), ("betas", 10), ("valid", None))
 SIDES: tuple[Side, Side] = ("left", "right")
@@ -48,8 +49,8 @@ def read(clip: Clip, known: Known) -> list[Recording]:
         for name, width in FIELDS
     }
     frames = arrays["valid"].shape[1]
-    if any(array.shape[1] != frames for array in arrays.values()):
-        raise record.refuse("valid", "as many frames as the other arrays")
+    if frames > FRAME_LIMIT or any(array.shape[1] != frames for array in arrays.values()):
+        raise record.refuse("valid", f"as many frames as the other arrays, {FRAME_LIMIT} at most")
     tracks = []
     for index, side in enumerate(SIDES):
         seen = arrays["valid"][index] > 0.5
@@ -61,7 +62,9 @@ def read(clip: Clip, known: Known) -> list[Recording]:
         numbers = Numbers(side, pose, arrays["trans"][index], betas)
         tracks.append(mano_track(numbers, DIALECT, known, f"{clip.path} {side}"))
     motion, notes = object_of(known, frames, str(clip.path))
-    said = () if known.fps else (f"{FPS:g} frames a second assumed; --fps says otherwise",)
+    said = ["frames that HaWoR filled in count as seen: it marks them so"]
+    if known.fps is None:
+        said.append(f"{FPS:g} frames a second assumed; --fps says otherwise")
     sequence = sequence_of(tracks, motion, known.rate(FPS), f"HaWoR {clip.name}", *notes, *said)
     names = tuple(f"{clip.path.stem}_{index}" for index in range(len(motion.meshes)))
     everywhere = np.ones(frames, dtype=bool)

@@ -77,7 +77,7 @@ def read(clip: Clip, known: Known) -> list[Recording]:
         clip.name,
         sequence,
         object_known=finite_frames(motion),
-        mesh_names=(f"ycb_{name}",),
+        mesh_names=(f"ho3d_{name}",),
         evidence=Evidence(joints={"right": joints @ OPENCV_FROM_OPENGL}),
     )
 

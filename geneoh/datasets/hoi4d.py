@@ -58,6 +58,8 @@ def find(path: Path) -> list[Clip]:
 def read(clip: Clip, known: Known) -> list[Recording]:
     """Both hands and the object's parts, in the world where the camera's poses are there."""
     parts = clip.path.parts[-7:]
+    if len(clip.path.parents) < 9:
+        raise InputError(f"{clip.path}: expected .../HOI4D_annotations/ZY.../H*/C*/N*/S*/s*/T*")
     root = clip.path.parents[7]
     files = {frame_number(p): p for p in (clip.path / "objpose").glob("*.json")}
     hands: dict[Side, dict[int, Path]] = {side: hand_files(root, side, parts) for side in SIDES}
@@ -69,21 +71,23 @@ def read(clip: Clip, known: Known) -> list[Recording]:
     present = finite_frames(poses)
     tracks = [read_hand(found, side, frames, known) for side, found in hands.items() if found]
     cameras, notes = read_cameras(clip.path / "3Dseg/output.log", frames)
+    said: list[str] = []
     if cameras is not None:
-        tracks = [(hand_in(hand, cameras), said) for hand, said in tracks]
+        said += wrong_cameras(cameras[present], poses[present])
+        tracks = [(hand_in(hand, cameras), more) for hand, more in tracks]
         poses = cameras[:, None] @ poses
     category, meshes = read_meshes(parts, poses.shape[1], root, known)
     sequence = sequence_of(
         tracks, object_track(meshes, poses), known.rate(FPS), f"HOI4D {clip.name}", *notes
     )
     names = tuple(f"hoi4d_{category}_{parts[3]}_{k}" for k in range(len(meshes)))
-    said = wrong_order(meshes, poses[present])
+    said += wrong_order(meshes, poses[present])
     return recordings(
         clip.name,
         sequence,
         object_known=present,
         mesh_names=names,
-        evidence=Evidence(said=said),
+        evidence=Evidence(said=tuple(said)),
     )
 
 
@@ -119,8 +123,11 @@ def read_poses(files: dict[int, Path], frames: int) -> Array:
 
 
 def pose_list(path: Path) -> list[Record]:
-    """The parts in one annotation, named dataList or, in older files, objects."""
+    """The parts in one annotation, named dataList or, in older files, objects; none where it says
+    that it is not effective."""
     record = as_record(read_json(path), str(path))
+    if "isEffective" in record and record.number("isEffective") == 0:
+        return []
     items = record.items("dataList" if "dataList" in record else "objects")
     return [as_record(item, f"{path} part {index}") for index, item in enumerate(items)]
 
@@ -165,23 +172,42 @@ def read_meshes(
     if count == 1:
         rigid = [models / kind / category / f"{instance}.obj" for kind in ("rigid", ".")]
         return category, [read_mesh(find_mesh(rigid, f"{category} {instance}"))]
-    order = range(count) if category not in SWAPPED else reversed(range(count))
+    swapped = (category in SWAPPED) != known.swap_parts
+    order = reversed(range(count)) if swapped else range(count)
     folder = models / "articulated" / category / instance / "objs"
     files = [find_mesh([folder / f"new-{k}-align.obj"], f"{category} {instance}") for k in order]
     return category, [read_mesh(file) for file in files]
 
 
-def wrong_order(meshes: list[Mesh], poses: Array) -> tuple[str, ...]:
+def wrong_order(meshes: list[Mesh], poses: Array) -> list[str]:
     """Whether two parts come together only with their poses exchanged."""
     if len(meshes) != 2 or not len(poses):
-        return ()
+        return []
     apart, exchanged = (widest_gap(pair, poses) for pair in (meshes, meshes[::-1]))
     if apart > 0.02 and exchanged < 0.5 * apart:
-        return (
+        return [
             f"parts: the two parts come {1000 * apart:.0f} mm apart, and {1000 * exchanged:.0f} mm "
-            "with their poses exchanged: the order of the parts is the other one here",
-        )
-    return ()
+            "with their poses exchanged: the order of the parts is the other one here, "
+            "pass --swap-parts",
+        ]
+    return []
+
+
+def wrong_cameras(cameras: Array, poses: Array) -> list[str]:
+    """Whether the object moves less with the camera's poses taken as world to camera."""
+    if len(cameras) < 3:
+        return []
+    inverse = np.linalg.inv(cameras)
+    read, other = (
+        float(np.linalg.norm(np.diff((way @ poses[:, 0])[:, :3, 3], axis=0), axis=1).mean())
+        for way in (cameras, inverse)
+    )
+    if other < 0.5 * read and read - other > 0.002:
+        return [
+            f"cameras: the object moves {1000 * read:.1f} mm a frame, and {1000 * other:.1f} mm "
+            "with the camera's poses inverted: output.log holds world to camera here"
+        ]
+    return []
 
 
 def widest_gap(meshes: list[Mesh], poses: Array) -> float:

@@ -33,7 +33,8 @@ def read(clip: Clip, known: Known) -> list[Recording]:
     if side not in ("left", "right"):
         raise InputError(f"{clip.path}: which hand it holds is not said; pass --side left or right")
     count = ORDERS[known.joint_order].count
-    points = record.array("joints", ("T", count, 3), ("T", 3 * count)).reshape(-1, count, 3)
+    shapes = (("T", count, 3), ("T", 3 * count), (count, 3))
+    points = record.array("joints", *shapes).reshape(-1, count, 3)
     joints, trust = ordered(points, known.joint_order)
     hand = joints_track(side, joints, None if trust.all() else np.tile(trust, (len(joints), 1)))
     motion, notes = object_of(known, len(joints), str(clip.path))

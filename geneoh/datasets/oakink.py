@@ -13,7 +13,7 @@ import numpy as np
 
 from geneoh.datasets.base import Clip, Evidence, Known, Recording, clip_name, finite_frames
 from geneoh.datasets.objects import find_mesh, read_mesh
-from geneoh.datasets.records import Array, Record, read_array, read_record
+from geneoh.datasets.records import FRAME_LIMIT, Array, Record, read_array, read_record
 from geneoh.datasets.tracks import (
     Dialect,
     Numbers,
@@ -50,7 +50,7 @@ def read(clip: Clip, known: Known) -> list[Recording]:
     chosen: dict[int, Path] = {}
     for file in sorted(folder.glob(f"{glob_safe(name)}__*.pkl")):
         frame = key_of(file)[3]
-        if frame.isdigit() and int(frame) < 10**6:
+        if frame.isdigit() and int(frame) < FRAME_LIMIT:
             chosen.setdefault(int(frame), file)
     if not chosen:
         raise InputError(f"{clip.path}: expected frames of this sequence, got none; download them")

@@ -2,7 +2,8 @@
 
 raw_mano[frame] holds rh__ and lh__ pose_coeffs (1, 16, 4) quaternions with the real part first, tsl
 (convention W) and betas as torch tensors, absolute pose, MANO_LEFT as shipped; obj_transf[object]
-[frame] is object to world, metres. Frames are numbered by the motion capture, 120 a second.
+[frame] is object to world, metres. Frames are numbered by the motion capture, 120 a second; where
+numbers are left out, time went on.
 """
 
 from pathlib import Path
@@ -12,7 +13,7 @@ import numpy as np
 
 from geneoh.datasets.base import Clip, Known, Recording, clips, finite_frames
 from geneoh.datasets.objects import find_mesh, read_mesh
-from geneoh.datasets.records import Array, Record, as_record, read_record
+from geneoh.datasets.records import FRAME_LIMIT, Array, Record, as_record, read_record
 from geneoh.datasets.tracks import (
     Dialect,
     Numbers,
@@ -43,9 +44,11 @@ def read(clip: Clip, known: Known) -> list[Recording]:
     record = read_record(clip.path)
     frames = [int(frame) for frame in record.numbers("mocap_frame_id_list").ravel()]
     steps = np.diff(frames)
-    if not len(frames) or (steps <= 0).any():
+    if not len(frames) or (steps <= 0).any() or frames[-1] - frames[0] > FRAME_LIMIT:
         raise record.refuse("mocap_frame_id_list", "frame numbers that rise")
     stride = int(np.median(steps)) if len(steps) else 1
+    # Ids that are left out are a gap in time: they stay frames, without a hand or an object.
+    frames = list(range(frames[0], frames[-1] + 1, stride))
     hands = record.record("raw_mano")
     tracks = [read_hand(hands, side, frames, known) for side in PREFIX]
     tracks = [track for track in tracks if bool(track[0].valid.any())]

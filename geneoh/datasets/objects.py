@@ -65,18 +65,23 @@ def mesh_from(verts: Array, faces: Array) -> Mesh:
     )
 
 
-def write_obj(mesh: Mesh, path: Path) -> None:
-    """Write a mesh as OBJ, whole or not at all; nine digits bring every float32 back.
+def obj_text(mesh: Mesh) -> str:
+    """A mesh as OBJ; nine digits bring every float32 back."""
+    verts = "".join(f"v {x:.9g} {y:.9g} {z:.9g}\n" for x, y, z in mesh.verts.tolist())
+    faces = "".join(f"f {a} {b} {c}\n" for a, b, c in (mesh.faces + 1).tolist())
+    return verts + faces
+
+
+def write_text(text: str, path: Path) -> None:
+    """Write a file, whole or not at all.
 
     Raises:
         InputError: the place cannot be written to.
     """
-    verts = "".join(f"v {x:.9g} {y:.9g} {z:.9g}\n" for x, y, z in mesh.verts.tolist())
-    faces = "".join(f"f {a} {b} {c}\n" for a, b, c in (mesh.faces + 1).tolist())
     beside = path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        beside.write_text(verts + faces)
+        beside.write_text(text)
         os.replace(beside, path)
     except OSError as error:
         raise InputError(

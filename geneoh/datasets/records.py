@@ -3,7 +3,10 @@
 Every refusal names the file and the field, what was expected and what came.
 """
 
+import csv
 import json
+import re
+from array import array as growing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,15 +14,24 @@ from typing import Any
 import numpy as np
 
 from geneoh.errors import InputError
-from geneoh.pickles.files import read_bytes, read_values
+from geneoh.pickles.files import open_text, read_bytes, read_values
 
 Array = np.ndarray
 
-TEXT_LIMIT = 2**28
-"""Bytes of a text file (JSON, CSV, numbers)."""
+TABLE_LIMIT = 2**29
+"""Bytes of a table that is read line by line."""
 
-FRAME_LIMIT = 10**6
-"""Frames of one clip: nine hours at 30 frames a second."""
+JSON_LIMIT = 2**26
+"""Bytes of a JSON file: its lists take twenty times as much memory."""
+
+WORDS_LIMIT = 2**24
+"""Bytes of a text of numbers, each of which takes thirty times as much memory."""
+
+NUMBERS_LIMIT = 2**27
+"""Numbers of one field: a gigabyte of float64, though a file may hold them as single bytes."""
+
+FRAME_LIMIT = 3 * 10**5
+"""Frames of one clip: almost three hours at 30 frames a second."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +58,9 @@ class Record:
         Axes of one are dropped or added to fit, as the field's files do.
         """
         array = self.numbers(name)
+        for shape in shapes:  # an axis of frames is the first
+            if len(shape) and shape[0] == "T" and len(array.shape) and array.shape[0] > FRAME_LIMIT:
+                raise self.refuse(name, f"numbers of at most {FRAME_LIMIT} frames")
         for shape in shapes:
             if matches(array.shape, shape):
                 return array
@@ -58,6 +73,8 @@ class Record:
     def numbers(self, name: Any) -> Array:
         """The field as float64, whatever its shape."""
         value = self.values.get(name)
+        if entries(value) > NUMBERS_LIMIT:
+            raise self.refuse(name, f"at most {NUMBERS_LIMIT} numbers")
         try:
             array = np.asarray(value)
         except ValueError:
@@ -99,6 +116,21 @@ class Record:
         return list(value)
 
 
+def entries(value: Any, seen: dict[int, int] | None = None) -> int:
+    """How many numbers a list of lists would become; a list that stands twice counts twice.
+
+    Counted before the array is made: fifty lists that each hold the next one twice fill any memory.
+    """
+    if isinstance(value, np.ndarray):
+        return value.size
+    if not isinstance(value, list | tuple):
+        return 1
+    seen = {} if seen is None else seen
+    if id(value) not in seen:
+        seen[id(value)] = sum(entries(item, seen) for item in value)
+    return seen[id(value)]
+
+
 def matches(shape: tuple[int, ...], pattern: tuple[int | str, ...]) -> bool:
     """Whether a shape is that of the pattern; equal letters stand for equal sizes."""
     sizes: dict[str, int] = {}
@@ -124,7 +156,10 @@ def described(value: Any) -> str:
         return f"{value.shape} of {value.dtype}"
     if isinstance(value, dict | list | tuple):
         return f"a {type(value).__name__} of {len(value)}"
-    return f"{type(value).__name__} {str(value)[:40]!r}"
+    if isinstance(value, str):
+        return f"text {value[:40]!r}"
+    shown = f" {value!r}"[:40] if isinstance(value, bool | int | float | np.generic) else ""
+    return f"{type(value).__name__}{shown}"
 
 
 def read_record(path: Path) -> Record:
@@ -150,7 +185,7 @@ def read_array(path: Path, *shapes: tuple[int | str, ...]) -> Array:
 def read_json(path: Path) -> Any:
     """The value in a JSON file."""
     try:
-        return json.loads(read_bytes(path, TEXT_LIMIT))
+        return json.loads(read_bytes(path, JSON_LIMIT))
     except (ValueError, RecursionError) as error:
         reason = " ".join(str(error).split())[:100]
         raise InputError(
@@ -158,9 +193,43 @@ def read_json(path: Path) -> Any:
         ) from None
 
 
-def read_text(path: Path) -> str:
+def read_text(path: Path, limit: int = WORDS_LIMIT) -> str:
     """The text of a file, in UTF-8."""
-    return read_bytes(path, TEXT_LIMIT).decode("utf-8", "replace")
+    return read_bytes(path, limit).decode("utf-8", "replace")
+
+
+def read_table(path: Path, wanted: re.Pattern[str]) -> Record:
+    """Columns of a CSV as arrays by name; blanks around names are dropped.
+
+    What is no number comes as NaN.
+
+    Args:
+        path: the file.
+        wanted: the names of the columns to read.
+
+    Raises:
+        InputError: no table, or too large a one.
+    """
+    with open_text(path, TABLE_LIMIT) as file:
+        rows = csv.reader(file)
+        names = [name.strip() for name in next(rows, [])]
+        columns = {
+            index: growing("d") for index, name in enumerate(names) if wanted.fullmatch(name)
+        }
+        for row in rows:
+            if len(row) != len(names):
+                raise InputError(f"{path}: expected rows as long as the heading; copy it again")
+            for index, column in columns.items():
+                column.append(number_in(row[index]))
+    return Record(str(path), {names[index]: np.array(column) for index, column in columns.items()})
+
+
+def number_in(text: str) -> float:
+    """A number, or NaN for anything else."""
+    try:
+        return float(text)
+    except ValueError:
+        return float("nan")
 
 
 def read_numbers(path: Path, *counts: int) -> Array:

@@ -40,6 +40,10 @@ CURL_LIMIT = 0.1
 """Share of the palm's length that fingers may bend backward at their tips."""
 ALONG_STEPS, ALONG_GAIN, ALONG_SHARE = 5, 0.002, 0.4
 """Moving frames that are needed; metres a frame and share by which another reading is better."""
+ALONG_SPEED = 0.002
+"""Metres a frame from which on a hand moves: one that rests tells nothing about a moving object."""
+ALONG_REACH = 0.25
+"""Metres from the wrist to the object's ball within which a reading has the hand hold it."""
 
 
 def contradictions(recording: Recording) -> list[str]:
@@ -155,32 +159,39 @@ def of_holding(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:
     wrist = point.double().numpy()
     turn = motion.rotation[:, 0].double().numpy()
     shift = motion.translation[:, 0].double().numpy()
-    steps = moving_steps(hand.valid.numpy(), turn, shift)
+    steps = moving_steps(hand.valid.numpy(), wrist, turn, shift)
     if len(steps) < ALONG_STEPS:
         return
     back = turn.transpose(0, 2, 1)
     read = slip(wrist, turn, shift, steps)
     j0 = np.array(MEAN_WRIST_OFFSET) * ([1, 1, 1] if hand.side == "right" else [-1, 1, 1])
     gl = np.array([1.0, -1.0, -1.0])
-    others = {
-        "the object's rotation transposed": slip(wrist, back, shift, steps),
-        "the translation as that of the origin": slip(wrist + j0, turn, shift, steps),
-        "the translation as that of the wrist": slip(wrist - j0, turn, shift, steps),
-        "the hand in OpenGL axes": slip(wrist * gl, turn, shift, steps),
-        "the object's translation in millimetres": slip(wrist, turn, shift / 1000, steps),
-        "the object's translation in metres": slip(wrist, turn, shift * 1000, steps),
+    readings: dict[str, tuple[Array, Array, Array]] = {
+        "the object's rotation transposed": (wrist, back, shift),
+        "the translation as that of the origin": (wrist + j0, turn, shift),
+        "the translation as that of the wrist": (wrist - j0, turn, shift),
+        "the hand in OpenGL axes": (wrist * gl, turn, shift),
+        "the object's translation in millimetres": (wrist, turn, shift / 1000),
+        "the object's translation in metres": (wrist, turn, shift * 1000),
     }
-    best = min(others, key=lambda words: others[words])
-    if others[best] < ALONG_SHARE * read and read - others[best] > ALONG_GAIN:
+    ball = motion.meshes[0].verts.double().numpy()
+    others = {
+        words: slip(point, way, place, steps)
+        for words, (point, way, place) in readings.items()
+        if reach(point, way, place, steps, ball) < ALONG_REACH
+    }
+    best = min(others, key=lambda words: others[words], default="")
+    if best and others[best] < ALONG_SHARE * read and read - others[best] > ALONG_GAIN:
         yield (
             f"placement: it slides {1000 * read:.1f} mm a frame over the moving object as read, "
             f"and {1000 * others[best]:.1f} mm with {best}"
         )
 
 
-def moving_steps(valid: Array, turn: Array, shift: Array) -> Array:
-    """Frames from which to the next one the object turns, with the hand in both."""
+def moving_steps(valid: Array, wrist: Array, turn: Array, shift: Array) -> Array:
+    """Frames from which to the next one the object and a hand that is in both move."""
     both = valid[1:] & valid[:-1]
+    both &= np.linalg.norm(np.diff(wrist, axis=0), axis=1) > ALONG_SPEED
     cosine = (np.einsum("tij,tij->t", turn[1:], turn[:-1]) - 1) / 2
     turns = np.arccos(np.clip(cosine, -1, 1)) > 0.02
     travels = np.linalg.norm(np.diff(shift, axis=0), axis=1) > 0.002
@@ -191,6 +202,14 @@ def slip(point: Array, turn: Array, shift: Array, steps: Array) -> float:
     """Median metres a frame that a point moves in the object's frame."""
     seen = np.einsum("tji,tj->ti", turn, point - shift)
     return float(np.median(np.linalg.norm(seen[steps + 1] - seen[steps], axis=1)))
+
+
+def reach(point: Array, turn: Array, shift: Array, steps: Array, verts: Array) -> float:
+    """Median metres from a point to the ball around the moved vertices; 0 and less inside."""
+    centre = (verts.max(0) + verts.min(0)) / 2
+    radius = np.linalg.norm(verts - centre, axis=1).max()
+    away = np.linalg.norm(point - turn @ centre - shift, axis=1)[steps] - radius
+    return float(np.median(away))
 
 
 def of_object(recording: Recording) -> Iterator[str]:

@@ -9,6 +9,7 @@ the published files hold left hands.
 from pathlib import Path
 
 from geneoh.datasets.base import Clip, Evidence, Known, Recording, clips, finite_frames
+from geneoh.datasets.mano import RIM
 from geneoh.datasets.objects import mesh_from, read_mesh
 from geneoh.datasets.records import Array, Record, read_record
 from geneoh.datasets.tracks import (
@@ -23,8 +24,6 @@ from geneoh.geometry.mesh import Mesh, checked
 
 DIALECT = Dialect(origin=False)
 FPS = 30.0
-RIM = (108, 79, 78, 121, 214, 215, 279, 239, 234, 92, 38, 122, 118, 117, 119, 120)
-"""Vertices around MANO's open wrist."""
 
 
 def find(path: Path) -> list[Clip]:

@@ -11,17 +11,17 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from geneoh.datasets.base import Evidence, Known, Recording, finite_frames, runs
-from geneoh.datasets.mano import LeftShape, Mano
+from geneoh.datasets.mano import Mano
+from geneoh.datasets.orders import ORDERS
 from geneoh.datasets.records import Array
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import Mesh
-from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.hand.mano import AS_SHIPPED, ManoName, name_of
 from geneoh.hand.model import Side
-from geneoh.hand.skeleton import forward_kinematics
 from geneoh.sequence.hand_layouts import MEAN_WRIST_OFFSET
 from geneoh.sequence.tracks import HandTrack, ObjectTrack, Sequence
 
-OPENPOSE_FROM_M = (0, 13, 14, 15, 16, 1, 2, 3, 17, 4, 5, 6, 18, 10, 11, 12, 19, 7, 8, 9, 20)
+OPENPOSE_FROM_M = ORDERS["mano"].entries
 """Keypoint i is entry i of this among 16 MANO joints and the tips of thumb, index, middle, ring,
 pinky: the order of ARCTIC and HO-3D."""
 
@@ -42,7 +42,8 @@ class Dialect:
     """True: the translation is that of the model's origin (O), False: of the wrist (W)."""
     mean_added: bool = False
     """True: MANO's mean pose belongs on top of the numbers (flat_hand_mean=False)."""
-    left: LeftShape = "as shipped"
+    hand: ManoName = AS_SHIPPED
+    """Whose left hand its betas mean."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +87,7 @@ def mano_track(
     Raises:
         InputError: the dialect cannot be read without MANO.
     """
-    mano = None if known.mano is None else known.mano(numbers.side)
+    mano = None if known.mano is None else known.mano(numbers.side, dialect.hand)
     if mano is None and dialect.mean_added:
         if numbers.joints is None:
             raise InputError(
@@ -100,43 +101,35 @@ def mano_track(
         pose = pose + np.concatenate([np.zeros(3), mano.mean]).reshape(16, 3)
     betas = np.zeros(10) if numbers.betas is None else numbers.betas
     if template is not None and mano is not None:
-        mano, betas = replace(mano, template=template), np.zeros(10)
+        mano = replace(mano, model=replace(mano.model, template=tensor(template)))
+        betas = np.zeros(10)
     wrist = numbers.trans
     if dialect.origin:
         if mano is None and numbers.joints is not None:
             wrist = numbers.joints[:, 0]
         else:
-            offset, notes = offset_of(mano, numbers.side, betas, dialect.left)
+            offset, notes = offset_of(mano, numbers.side, betas)
             wrist = wrist + offset
     joints = numbers.joints
     if joints is None and mano is not None:
-        joints = keypoints(pose, wrist, mano.offsets(betas, dialect.left))
+        joints = mano.keypoints(pose, wrist, betas)
     return hand_track(
         numbers.side,
         pose=pose,
         wrist=wrist,
         joints=joints,
         betas=numbers.betas,
+        hand=dialect.hand,
         confidence=numbers.confidence,
     ), notes
 
 
-def offset_of(
-    mano: Mano | None, side: Side, betas: Array, left: LeftShape
-) -> tuple[Array, tuple[str, ...]]:
+def offset_of(mano: Mano | None, side: Side, betas: Array) -> tuple[Array, tuple[str, ...]]:
     """From MANO's origin to its wrist: exact with the model, else that of the mean hand."""
     if mano is not None:
-        return mano.wrist_offset(betas, left), ()
+        return mano.wrist_offset(betas), ()
     x, y, z = MEAN_WRIST_OFFSET
     return np.array([x if side == "right" else -x, y, z]), (OFFSET_NOTE,)
-
-
-def keypoints(pose: Array, wrist: Array, offsets: Array) -> Array:
-    """(T, 21, 3) keypoints of a skeleton."""
-    rotations = axis_angle_to_matrix(torch.from_numpy(pose))
-    return forward_kinematics(
-        rotations, torch.from_numpy(wrist), torch.from_numpy(offsets).expand(len(pose), 20, 3)
-    )[0].numpy()
 
 
 def hand_track(
@@ -146,6 +139,7 @@ def hand_track(
     wrist: Array,
     joints: Array | None = None,
     betas: Array | None = None,
+    hand: ManoName = AS_SHIPPED,
     confidence: Array | None = None,
 ) -> HandTrack:
     """A track of MANO's numbers, of which every frame with NaN counts as not observed."""
@@ -158,7 +152,7 @@ def hand_track(
         pose=blanked(pose, valid),
         wrist=blanked(wrist, valid),
         betas=None if betas is None else tensor(betas),
-        hand_model="mano",
+        hand_model=name_of(side, hand),
         confidence=None if confidence is None else tensor(np.nan_to_num(confidence)),
     )
 
@@ -265,10 +259,19 @@ def recordings(
     sequence: Sequence,
     *,
     object_known: Array,
+    after_jump: Array | None = None,
     mesh_names: tuple[str, ...] = (),
     evidence: Evidence | None = None,
 ) -> list[Recording]:
     """One recording for each stretch of frames in which the object's place is known.
+
+    Args:
+        name: of the clip; with several stretches the first frame of each is added.
+        sequence: all frames of the clip.
+        object_known: (T,) the frames that have the object's place.
+        after_jump: (T,) frames that do not follow in time from the one before them.
+        mesh_names: what the files of the object's meshes are called.
+        evidence: over all frames.
 
     Raises:
         InputError: it is known in no frame, or in none with a hand.
@@ -276,7 +279,7 @@ def recordings(
     if not object_known.any():
         raise InputError(f"{name}: expected the object's pose in some frame, got none")
     evidence = evidence or Evidence()
-    stretches = runs(object_known)
+    stretches = runs(object_known, after_jump)
     if len(stretches) == 1 and object_known.all():
         return [Recording(name, sequence, mesh_names, evidence)]
     found = [

@@ -10,7 +10,7 @@ from geneoh.hand.embedded import embedded_right
 from geneoh.hand.mano import load_mano
 from geneoh.hand.model import HandModel, Side
 
-Source = Literal["embedded", "mano"]
+Source = Literal["embedded", "mano", "mano-as-shipped"]
 
 
 def load_hand(
@@ -20,7 +20,8 @@ def load_hand(
 
     Args:
         side: "left" or "right".
-        source: "embedded", our own hand, or "mano", from a file the user owns.
+        source: "embedded", our own hand; "mano", from a file the user owns, its left shapes
+            mended; "mano-as-shipped", the same with the left shapes of the official file.
         mano_dir: folder with MANO_RIGHT.pkl / MANO_LEFT.pkl; without it the environment variable
             GENEOH_MANO_DIR says where.
 
@@ -31,8 +32,8 @@ def load_hand(
     match source:
         case "embedded":
             return embedded_right() if side == "right" else _embedded_left()
-        case "mano":
-            return load_mano(side, mano_dir)
+        case "mano" | "mano-as-shipped":
+            return load_mano(side, mano_dir, name=source)
         case _:
             assert_never(source)
 

@@ -1,18 +1,19 @@
 """The MANO hand (Romero et al. 2017) from the file its user owns; nothing of it ships with geneoh.
 
 Reads the official `MANO_RIGHT.pkl` and `MANO_LEFT.pkl`, and npz files with the same fields as
-`smplx` writes them, without chumpy and without running the pickle (see `pickles`).
+`smplx` writes them, without chumpy and without running the pickle (see `geneoh.pickles`).
 
 Left shapes: the official left file carries the right hand's shape directions although its template
-is mirrored, so equal betas give different hands (smplx issue 48). They are mended here unless
-`mend_left=False`; data sets made with the file as it is (ARCTIC, DexYCB, TACO, H2O) need that.
+is mirrored, so equal betas give different hands (smplx issue 48). Work that mended the file and
+work that used it as it is mean two different left hands by the same betas, so they have two names:
+"mano" is MANO with mirrored left directions, "mano-as-shipped" is MANO with the official left file.
+The right hand is one and the same in both, and called "mano".
 """
 
 import os
-import zipfile
-from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import torch
@@ -22,8 +23,8 @@ from torch import Tensor
 from geneoh.errors import InputError, MissingAssetError
 from geneoh.hand.embedded import TIP_VERTS, embedded_right
 from geneoh.hand.model import HandModel, Side
-from geneoh.hand.pickles import MOST_BYTES, RefusedPickleError, read_pickle, unfold
 from geneoh.hand.skeleton import PARENTS
+from geneoh.pickles.files import read_values
 
 ENVIRONMENT = "GENEOH_MANO_DIR"
 HOME = "https://mano.is.tue.mpg.de"
@@ -34,9 +35,28 @@ BETAS = 10
 SAME_SHAPE = 1e-6
 """Metres: the left x row equals the right one to rounding when the file has the error."""
 
+ManoName = Literal["mano", "mano-as-shipped"]
+MENDED: ManoName = "mano"
+AS_SHIPPED: ManoName = "mano-as-shipped"
+
+
+def name_of(side: Side, name: ManoName) -> ManoName:
+    """The name of one side's hand in a convention: right hands are the same in both."""
+    return MENDED if side == "right" else name
+
+
+@dataclass(frozen=True)
+class PoseSpace:
+    """What MANO's own way of writing a pose needs: its mean, and coefficients of components."""
+
+    mean: Float[Tensor, " 45"]
+    """What flat_hand_mean=False adds to a pose, radians."""
+    components: Float[Tensor, "45 45"]
+    """Rows of the pose components; not of unit length."""
+
 
 def load_mano(
-    side: Side, mano_dir: Path | str | None = None, *, mend_left: bool = True
+    side: Side, mano_dir: Path | str | None = None, *, name: ManoName = MENDED
 ) -> HandModel:
     """One MANO hand.
 
@@ -44,8 +64,8 @@ def load_mano(
         side: "left" or "right".
         mano_dir: folder that holds MANO_RIGHT.pkl and MANO_LEFT.pkl (or .npz); without it the
             environment variable GENEOH_MANO_DIR says where.
-        mend_left: give the left hand the mirror of the right hand's shape directions. A left file
-            that was mended before is recognised if the right one lies beside it.
+        name: which left hand. A left file that was mended before is recognised if the right one
+            lies beside it, and taken back to the official one where that is asked for.
 
     Raises:
         MissingAssetError: there is no such file; the message says where to get it.
@@ -53,9 +73,21 @@ def load_mano(
     """
     path = find_mano(side, mano_dir)
     fields = _read_fields(path)
-    if side == "left" and mend_left and _needs_mending(fields, path):
+    if side == "left" and _is_as_shipped(fields, path) != (name == AS_SHIPPED):
         fields["shapedirs"] = fields["shapedirs"] * np.array([-1.0, 1.0, 1.0])[:, None]
-    return _model(side, fields)
+    return _model(side, fields, name_of(side, name))
+
+
+def load_pose_space(side: Side, mano_dir: Path | str | None = None) -> PoseSpace:
+    """Mean pose and pose components of one MANO hand.
+
+    Raises:
+        MissingAssetError: there is no such file; the message says where to get it.
+        InputError: the file lacks them.
+    """
+    path = find_mano(side, mano_dir)
+    fields = _read_fields(path, ("hands_mean", "hands_components"))
+    return PoseSpace(*(torch.from_numpy(fields[n].astype(np.float32)) for n in fields))
 
 
 def find_mano(side: Side, mano_dir: Path | str | None = None) -> Path:
@@ -83,87 +115,42 @@ def wrist_from_translation(
     model: HandModel, betas: Float[Tensor, "*#B S"], transl: Float[Tensor, "*#B 3"]
 ) -> Float[Tensor, "*B 3"]:
     """Wrist position (convention W) of smplx's translation (convention O): t_W = t_O + J0(beta)."""
-    return transl + _root(model, betas)
+    return transl + model.rest_wrist(betas)
 
 
 def translation_from_wrist(
     model: HandModel, betas: Float[Tensor, "*#B S"], wrist: Float[Tensor, "*#B 3"]
 ) -> Float[Tensor, "*B 3"]:
     """The inverse of `wrist_from_translation`."""
-    return wrist - _root(model, betas)
+    return wrist - model.rest_wrist(betas)
 
 
-def _root(model: HandModel, betas: Float[Tensor, "*B S"]) -> Float[Tensor, "*B 3"]:
-    """J0(beta): where the rest pose has its wrist joint."""
-    dirs = torch.einsum("v,vcs->cs", model.joint_regressor[0], model.shape_dirs)
-    mean = model.joint_regressor[0] @ model.template
-    return mean + betas @ dirs[:, : betas.shape[-1]].T
-
-
-def _read_fields(path: Path) -> dict[str, np.ndarray]:
+def _read_fields(path: Path, needed: tuple[str, ...] = FIELDS) -> dict[str, np.ndarray]:
     """MANO's arrays by name, checked; `InputError` names the file, the field and what to do."""
-    raw = _read_npz(path) if path.suffix == ".npz" else _read_pkl(path)
-    missing = [name for name in FIELDS if name not in raw]
+    try:
+        raw = read_values(path)
+    except InputError as error:
+        raise InputError(f"{error}; for MANO, download it again from {HOME}") from error
+    raw = raw if isinstance(raw, dict) else {}
+    missing = [name for name in needed if name not in raw]
     if missing:
         raise InputError(
             f"{path}: expected a MANO file, but {', '.join(missing)} is not in it; "
             f"use the official one from {HOME}"
         )
-    fields = {}
-    for name in (*FIELDS, "hands_mean"):
-        if name in raw:
-            fields[name] = _array(path, name, raw[name])
+    optional = [name for name in ("hands_mean",) if name in raw and name not in needed]
+    fields = {name: _array(path, name, raw[name]) for name in (*needed, *optional)}
     _check_shapes(path, fields)
     return fields
 
 
-def _read_pkl(path: Path) -> Mapping[str, Any]:
-    """The pickle's dictionary, not run; arrays still folded up."""
-    if path.stat().st_size > MOST_BYTES:
-        raise InputError(f"{path}: expected a MANO file of about 4 MB, got one of over 256 MB")
-    try:
-        return read_pickle(path.read_bytes())
-    except RefusedPickleError as error:
-        raise InputError(
-            f"{path}: it asks for {error}, which no MANO file needs, so it was not read; "
-            f"use the official file from {HOME}"
-        ) from error
-    except ValueError as error:
-        raise InputError(
-            f"{path}: expected MANO's pickle, got something broken ({error}); "
-            f"download it again from {HOME}"
-        ) from error
-
-
-def _read_npz(path: Path) -> Mapping[str, Any]:
-    """The npz file's arrays; none may hold Python objects."""
-    try:
-        with zipfile.ZipFile(path) as archive:
-            total = sum(info.file_size for info in archive.infolist())
-        if total > MOST_BYTES:
-            raise InputError(f"{path}: expected MANO's arrays, about 4 MB, got over 256 MB")
-        with np.load(path, allow_pickle=False) as data:
-            return {name: data[name] for name in (*FIELDS, "hands_mean") if name in data.files}
-    except (OSError, ValueError, EOFError, MemoryError, zipfile.BadZipFile) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(
-            f"{path}: expected an npz of plain arrays ({error}); use the official pkl file instead"
-        ) from error
-
-
 def _array(path: Path, name: str, value: Any) -> np.ndarray:
     """One field as an array of numbers."""
-    try:
-        array = value if isinstance(value, np.ndarray) else unfold(value)
-    # What is left in a damaged pickle can fail in numpy in many ways.
-    except Exception as error:
-        raise InputError(
-            f"{path}: '{name}' cannot be read ({error}); download the file again from {HOME}"
-        ) from error
+    array = value if isinstance(value, np.ndarray) else np.zeros(0, dtype=object)
     if array.dtype.kind not in "fiu" or not np.isfinite(array).all():
+        got = array.dtype if isinstance(value, np.ndarray) else type(value).__name__
         raise InputError(
-            f"{path}: '{name}' must hold finite numbers, got {array.dtype}; "
+            f"{path}: '{name}' must hold finite numbers, got {got}; "
             f"use the official file from {HOME}"
         )
     return array
@@ -171,6 +158,12 @@ def _array(path: Path, name: str, value: Any) -> np.ndarray:
 
 def _check_shapes(path: Path, fields: dict[str, np.ndarray]) -> None:
     """Refuse arrays of other shapes than MANO's, and another kinematic tree."""
+    for name in ("hands_mean", "hands_components"):
+        shape = (45,) if name == "hands_mean" else (45, 45)
+        if name in fields and fields[name].shape != shape:
+            raise InputError(f"{path}: '{name}' must be {shape}, got {fields[name].shape}")
+    if "v_template" not in fields:
+        return
     verts = fields["v_template"].shape[0] if fields["v_template"].ndim else 0
     shapes: dict[str, tuple[int, ...]] = {
         "v_template": (verts, 3),
@@ -194,11 +187,9 @@ def _check_shapes(path: Path, fields: dict[str, np.ndarray]) -> None:
     # The root's parent is -1, stored as 2**32 - 1.
     if tuple(fields["kintree_table"][0, 1:].astype(int)) != PARENTS[1:]:
         raise InputError(f"{path}: 'kintree_table' is not MANO's tree of 16 joints")
-    if "hands_mean" in fields and fields["hands_mean"].shape != (45,):
-        raise InputError(f"{path}: 'hands_mean' must be (45,), got {fields['hands_mean'].shape}")
 
 
-def _needs_mending(left: dict[str, np.ndarray], path: Path) -> bool:
+def _is_as_shipped(left: dict[str, np.ndarray], path: Path) -> bool:
     """Whether a left file has the right hand's shape directions; yes if no right one can tell."""
     try:
         right = _read_fields(find_mano("right", path.parent))
@@ -210,19 +201,19 @@ def _needs_mending(left: dict[str, np.ndarray], path: Path) -> bool:
     return bool(gap < SAME_SHAPE)
 
 
-def _model(side: Side, fields: dict[str, np.ndarray]) -> HandModel:
+def _model(side: Side, fields: dict[str, np.ndarray], name: ManoName) -> HandModel:
     """The fields as a model; joint limits are the embedded hand's, whose frame is the same."""
     limits = embedded_right() if side == "right" else embedded_right().mirrored()
     tensors = {
-        name: torch.from_numpy(np.ascontiguousarray(array, dtype=np.float32))
-        for name, array in fields.items()
-        if name not in ("f", "kintree_table")
+        field: torch.from_numpy(np.ascontiguousarray(array, dtype=np.float32))
+        for field, array in fields.items()
+        if field not in ("f", "kintree_table")
     }
     mean = limits.pose_mean
     if "hands_mean" in tensors:
         mean = torch.cat([torch.zeros(1, 3), tensors["hands_mean"].reshape(15, 3)])
     return HandModel(
-        name="mano",
+        name=name,
         side=side,
         template=tensors["v_template"],
         shape_dirs=tensors["shapedirs"][..., :BETAS].contiguous(),

@@ -40,7 +40,7 @@ class HandModel:
     """One side of a hand model in its rest pose, in MANO's fields and conventions."""
 
     name: str
-    """Which model the betas belong to: "embedded" or "mano"."""
+    """Which model the betas belong to: "embedded", "mano" or "mano-as-shipped" (see `mano`)."""
     side: Side
     template: Float[Tensor, "V 3"]
     """Mean shape; the wrist joint is not at the origin (MANO's convention O)."""
@@ -84,6 +84,12 @@ class HandModel:
         bones = joints[..., 1:, :] - joints[..., list(PARENTS[1:]), :]
         tips = verts[..., list(self.tip_verts), :] - joints[..., list(TIP_PARENTS), :]
         return ShapedHand(self, verts, joints, torch.cat([bones, tips], dim=-2))
+
+    def rest_wrist(self, betas: Float[Tensor, "*B S"]) -> Float[Tensor, "*B 3"]:
+        """Where the rest pose has its wrist, MANO's J0(betas): wrist (W) minus translation (O)."""
+        dirs = torch.einsum("v,vcs->cs", self.joint_regressor[0], self.shape_dirs)
+        mean = self.joint_regressor[0] @ self.template
+        return mean + betas @ dirs[:, : betas.shape[-1]].T
 
     def mirrored(self) -> "HandModel":
         """The reflection x -> -x: the other hand. Betas keep their meaning."""

@@ -46,7 +46,7 @@ def decode_zip(archive: zipfile.ZipFile, file: str) -> Any:
     def stored(decoder: Decoder, key: Any) -> np.ndarray:
         kind, name, count = storage_id(decoder, key)
         if (member := f"{root}data/{name}") not in names:
-            raise decoder.refuse(kind, f"is kept in '{name[:40]}', which is not in the file")
+            raise decoder.refuse(kind, f"is kept in {name[:40]!r}, which is not in the file")
         return storage_from(decoder, kind, archive.read(member), count)
 
     tree = Machine(archive.read(main[0]), file, DECODERS).run()
@@ -78,6 +78,7 @@ def decode_stream(data: bytes, file: str) -> Any:
 
 def read_storage(decoder: Decoder, data: bytes) -> np.ndarray:
     """The numbers of one tensor's storage, in the older form."""
+    decoder.spend("torch.storage._load_from_bytes", len(data))
     storage = read_stream(Decoder(decoder.file, no_storage), data)
     if not isinstance(storage, np.ndarray):
         raise decoder.refuse("torch.storage._load_from_bytes", "holds no storage")
@@ -99,7 +100,7 @@ def read_stream(decoder: Decoder, data: bytes) -> Any:
     arrays = {}
     for name in map(str, names):
         if name not in kinds:
-            raise decoder.refuse("storage", f"'{name[:40]}' belongs to no tensor")
+            raise decoder.refuse("storage", f"{name[:40]!r} belongs to no tensor")
         kind, declared = kinds[name]
         count = machine.number("q")
         if not 0 <= count <= NUMBER_LIMIT or count != declared:

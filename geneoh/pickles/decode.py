@@ -117,7 +117,8 @@ def dtype_of(decoder: Decoder, node: Any) -> np.dtype:
         raise decoder.refuse(name, "is not where an array needs it")
     text = decoder.value(node.args[0])
     if not isinstance(text, str) or not DTYPE.fullmatch(text):
-        raise decoder.refuse(name, f"is {str(text)[:40]!r}, not one of plain numbers or text")
+        shown = repr(text[:40]) if isinstance(text, str) else f"a {type(text).__name__}"
+        raise decoder.refuse(name, f"is {shown}, not one of plain numbers or text")
     dtype = np.dtype(text)
     state = decoder.value(node.state)
     order = state[1] if isinstance(state, tuple) and len(state) > 1 else "|"
@@ -132,7 +133,7 @@ def shape_of(decoder: Decoder, name: str, shape: Any) -> tuple[int, ...]:
     if not isinstance(shape, tuple) or len(shape) > 16:
         raise decoder.refuse(name, "has no shape")
     if not all(isinstance(n, int) and not isinstance(n, bool) and 0 <= n < 2**40 for n in shape):
-        raise decoder.refuse(name, f"has the shape {str(shape)[:60]}")
+        raise decoder.refuse(name, "has a shape that is none")
     return shape
 
 
@@ -216,11 +217,22 @@ def decode_chumpy(decoder: Decoder, call: Call) -> np.ndarray:
     """A chumpy array: its numbers, or the selection from another one."""
     state = decoder.value(call.state)
     values = state.get("x") if isinstance(state, dict) else None
-    if values is None and isinstance(state, dict) and "idxs" in state:
-        chosen = np.asarray(state["a"]).ravel()[np.asarray(state["idxs"]).astype(np.int64)]
-        values = chosen.reshape(state.get("preferred_shape", chosen.shape))
+    if values is None and isinstance(state, dict):
+        source, chosen = state.get("a"), state.get("idxs")
+        if isinstance(source, np.ndarray) and isinstance(chosen, np.ndarray):
+            decoder.spend(call.name, chosen.size * source.itemsize)
+            values = source.ravel()[chosen.astype(np.int64)]
+            values = values.reshape(state.get("preferred_shape", values.shape))
     if not isinstance(values, np.ndarray) or values.dtype.hasobject:
         raise decoder.refuse(call.name, "holds no array of numbers")
+    return values
+
+
+def decode_set(decoder: Decoder, call: Call) -> list[Any]:
+    """A set of Python 2, read as a list."""
+    values = decoder.value(call.args[0]) if call.args else []
+    if not isinstance(values, list):
+        raise decoder.refuse(call.name, "is made from what is no list")
     return values
 
 
@@ -230,7 +242,10 @@ def decode_sparse(decoder: Decoder, call: Call) -> np.ndarray:
     if not isinstance(state, dict) or not {"data", "indices", "indptr"} <= state.keys():
         raise decoder.refuse(call.name, "comes without a matrix's state")
     rows, columns = shape_of(decoder, call.name, state.get("_shape", state.get("shape")))
-    data, indices, starts = (np.asarray(state[key]) for key in ("data", "indices", "indptr"))
+    parts = [state[key] for key in ("data", "indices", "indptr")]
+    if not all(isinstance(part, np.ndarray) and part.dtype.kind in "biuf" for part in parts):
+        raise decoder.refuse(call.name, "holds what is no array of numbers")
+    data, indices, starts = parts
     by_row = "csr" in call.name
     major, minor = (rows, columns) if by_row else (columns, rows)
     counts = np.diff(starts)
@@ -363,6 +378,7 @@ DECODERS: dict[str, Callable[[Decoder, Call], Any]] = {
     **{f"{m}.{f}": is_no_call for m in ("copy_reg", "copyreg") for f in ("_reconstructor",)},
     **{f"{m}.{f}": is_no_call for m in ("copy_reg", "copyreg") for f in ("__newobj__",)},
     **dict.fromkeys(("builtins.bytes", "__builtin__.bytes", "_codecs.encode"), decode_bytes),
+    **dict.fromkeys(("builtins.set", "__builtin__.set"), decode_set),
     "collections.OrderedDict": decode_dict,
     ARRAY_WRAPPER: decode_joblib,
     "torch._utils._rebuild_tensor": decode_tensor,

@@ -15,7 +15,7 @@ import zipfile
 import zlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 
@@ -81,18 +81,44 @@ def read_bytes(path: Path, limit: int = BYTES_LIMIT) -> bytes:
     Raises:
         InputError: it cannot be read, or is larger than `limit`.
     """
+    refuse_large(path, limit)
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise unreadable(path, error) from None
+
+
+def open_text(path: Path, limit: int) -> TextIO:
+    """A text file that is not too large, to be read line by line.
+
+    Raises:
+        InputError: as `read_bytes`.
+    """
+    refuse_large(path, limit)
+    try:
+        return path.open(encoding="utf-8", errors="replace", newline="")
+    except OSError as error:
+        raise unreadable(path, error) from None
+
+
+def refuse_large(path: Path, limit: int) -> None:
+    """Raise where a file is larger than `limit` bytes, or not there."""
     try:
         size = path.stat().st_size
-        if size > limit:
-            raise InputError(
-                f"{path}: must have at most {limit / 2**20:g} MiB, got {size / 2**20:.0f}; "
-                "cut it into shorter ones"
-            )
-        return path.read_bytes()
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file; check the path") from None
     except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from None
+        raise unreadable(path, error) from None
+    if size > limit:
+        raise InputError(
+            f"{path}: must have at most {limit / 2**20:g} MiB, got {size / 2**20:.0f}; "
+            "cut it into shorter ones"
+        )
+
+
+def unreadable(path: Path, error: OSError) -> InputError:
+    """The error for a file that the system does not give."""
+    if isinstance(error, FileNotFoundError):
+        return InputError(f"{path}: no such file; check the path")
+    return InputError(f"{path}: cannot be read ({error.strerror}); check the path")
 
 
 def decode(data: bytes, file: str) -> Any:

@@ -19,6 +19,10 @@ from geneoh.errors import InputError
 STEP_LIMIT = 20_000_000
 """Opcodes of one pickle; the largest in use, a thousand frames of small tensors, takes 10^5."""
 
+OBJECT_LIMIT = 6_000_000
+"""Lists, tuples, dicts and calls of one pickle, and values that it keeps to recall: a gigabyte of
+memory. Two minutes of OakInk2, the largest in use, take 2 million."""
+
 DIGIT_LIMIT = 64
 """Characters of a number written as text; Python's own limit of 4300 takes time."""
 
@@ -60,6 +64,9 @@ class Stored:
     key: Any
 
 
+COMPOUND = (list, tuple, Name, Call, Pairs, Stored)
+"""What takes memory of its own."""
+
 MARK = object()
 
 RawReader = Callable[["Machine", Call], None]
@@ -80,6 +87,7 @@ class Machine:
         self.position = position
         self.stack: list[Any] = []
         self.memo: dict[int, Any] = {}
+        self.objects = 0
 
     def refuse(self, what: str) -> InputError:
         """The error for a pickle that is not read; `what` follows "got"."""
@@ -129,7 +137,11 @@ class Machine:
         return text
 
     def push(self, value: Any) -> None:
-        """Put a value on the stack."""
+        """Put a new value on the stack."""
+        if isinstance(value, COMPOUND):
+            self.objects += 1
+            if self.objects > OBJECT_LIMIT:
+                raise self.refuse(f"one of more than {OBJECT_LIMIT} lists and calls")
         self.stack.append(value)
 
     def pop(self) -> Any:
@@ -140,7 +152,7 @@ class Machine:
 
     def top(self) -> Any:
         """The last value of the stack."""
-        self.push(self.pop())
+        self.stack.append(self.pop())
         return self.stack[-1]
 
     def pop_mark(self) -> list[Any]:
@@ -155,9 +167,11 @@ class Machine:
 
     def name(self, module: Any, name: Any) -> Name:
         """A name of the pickle, when it is one that decoding knows."""
+        if not isinstance(module, str) or not isinstance(name, str):
+            raise self.refuse("one that names something by what is no text")
         text = f"{module}.{name}"
         if text not in self.known:
-            raise self.refuse(f"one that names '{text[:80]}'")
+            raise self.refuse(f"one that names {text[:80]!r}")
         return Name(text)
 
     def call(self, function: Any, args: Any) -> Call:
@@ -190,7 +204,7 @@ class Machine:
         """Push what was remembered."""
         if index not in self.memo:
             raise self.refuse("one that recalls what it never kept (damaged)")
-        self.push(self.memo[index])
+        self.stack.append(self.memo[index])
 
     def build(self) -> None:
         """Set the state of the last call."""
@@ -275,6 +289,8 @@ def many(m: Machine) -> list[Any]:
 def remember(m: Machine, index: int) -> None:
     """Keep the last value under a number."""
     m.memo[index] = m.top()
+    if len(m.memo) > OBJECT_LIMIT:
+        raise m.refuse(f"one that keeps more than {OBJECT_LIMIT} values")
 
 
 def utf8(raw: bytes) -> str:

@@ -18,10 +18,10 @@ from geneoh.geometry.distance import SurfaceDistance, SurfaceQuery, query_parts
 from geneoh.geometry.mesh import size_warning
 from geneoh.geometry.rotations import matrix_to_axis_angle
 from geneoh.geometry.sampling import sample_surface
-from geneoh.hand.library import Source, load_hand
+from geneoh.hand.library import Source
 from geneoh.hand.model import ShapedHand, Side
 from geneoh.metrics.report import InteractionReport, measure
-from geneoh.pipeline.person import Person, person_of
+from geneoh.pipeline.person import Person, hand_of, person_of
 from geneoh.pipeline.presets import Ablation, Preset, PresetName, Selection, preset
 from geneoh.pipeline.stages import (
     Scene,
@@ -138,7 +138,7 @@ def denoise(
         left = hand.side == "left"
         track = hand.mirrored() if left else hand
         moving = paced.object.mirrored() if left else paced.object
-        model = load_hand(hand.side, source=options.hand, mano_dir=options.mano_dir)
+        model = hand_of(hand, options.hand, options.mano_dir)
         person = person_of(track, model.mirrored() if left else model)
         result = _clean_right_hand(
             track, moving, person, denoisers, chosen, options, paced.fps, on_progress

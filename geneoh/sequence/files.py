@@ -12,6 +12,7 @@ from torch import Tensor
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import Mesh, load_mesh
 from geneoh.hand.library import load_hand
+from geneoh.hand.mano import AS_SHIPPED, MENDED
 from geneoh.hand.model import Side
 from geneoh.sequence.archive import Arrays, read_archive, write_archive
 from geneoh.sequence.checks import check_sequence
@@ -61,12 +62,13 @@ def load(
 
 
 def mano_wrist_offset(mano_dir: Path | str) -> WristOffset:
-    """MANO's J0(betas) from the user's own files, which are read when it is first asked for."""
+    """MANO's J0(betas) from the user's own files, which are read when it is first asked for.
+
+    Of the files as smplx uses them: what smplx wrote, left hands included, was made with those.
+    """
 
     def offset(side: Side, betas: Float[Tensor, " 10"]) -> Float[Tensor, " 3"]:
-        hand = load_hand(side, source="mano", mano_dir=mano_dir)
-        verts = hand.template + hand.shape_dirs[..., : len(betas)] @ betas
-        return hand.joint_regressor[0] @ verts
+        return load_hand(side, source=AS_SHIPPED, mano_dir=mano_dir).rest_wrist(betas)
 
     return offset
 
@@ -157,6 +159,8 @@ def sequence_arrays(sequence: Sequence) -> Arrays:
         "object_translation": plain(sequence.object.translation),
     }
     models = {hand.hand_model for hand in sequence.hands if hand.hand_model is not None}
+    if AS_SHIPPED in models:  # reading knows that a right hand is the same in both
+        models.discard(MENDED)
     if len(models) > 1:
         raise ValueError(f"both hands must be of one hand model, got {sorted(models)}")
     if models:

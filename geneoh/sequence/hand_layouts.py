@@ -13,6 +13,7 @@ from torch import Tensor
 
 from geneoh.errors import InputError
 from geneoh.geometry.rotations import matrix_to_axis_angle
+from geneoh.hand.mano import AS_SHIPPED, MENDED, name_of
 from geneoh.hand.model import Side
 from geneoh.sequence.fields import Fields, all_finite
 from geneoh.sequence.layouts import HAND_FIELDS, Layout, quoted
@@ -101,14 +102,21 @@ def read_side(fields: Fields, side: Side) -> Reading:
         joints=fields.floats(f"{side}_joints", ("T", 21, 3), unit="in metres"),
         confidence=read_confidence(fields, f"{side}_confidence"),
         joint_spread=fields.floats(f"{side}_joint_spread", ("T", 21), unit="in metres"),
-        hand_model=fields.text("hand_model"),
+        hand_model=said_model(fields, side),
     )
+
+
+def said_model(fields: Fields, side: Side) -> str | None:
+    """The hand model that a file names, for one of its hands."""
+    said = fields.text("hand_model")
+    return name_of(side, said) if said in (MENDED, AS_SHIPPED) else said
 
 
 def read_smplx(fields: Fields, side: Side, asked: Asked) -> Reading:
     """The names of the smplx package: pose in two parts, translation of MANO's origin.
 
-    Rotation matrices, as HaMeR and WiLoR put them out, are taken as well as axis-angle.
+    Rotation matrices, as HaMeR and WiLoR put them out, are taken as well as axis-angle. Left betas
+    are those of the official left file, which smplx uses as it is.
     """
     if fields.number("flat_hand_mean") == 0:
         raise fields.refuse(
@@ -143,7 +151,7 @@ def read_smplx(fields: Fields, side: Side, asked: Asked) -> Reading:
         betas=betas,
         joints=joints,
         confidence=read_confidence(fields, "confidence"),
-        hand_model="mano",
+        hand_model=name_of(side, AS_SHIPPED),
     )
     return Reading(reading.hands, (*notes, *reading.notes))
 
@@ -184,7 +192,10 @@ def offset_of_wrist(
 
 
 def read_taco(fields: Fields, side: Side, asked: Asked) -> Reading:
-    """The names of a TACO recording: the whole pose in one, translation of the wrist."""
+    """The names of a TACO recording: the whole pose in one, translation of the wrist.
+
+    TACO used the official left file as it is.
+    """
     pose = fields.floats("hand_pose", ("T", 48), ("T", 16, 3), unit="in radians")
     names = ["hand_pose", "hand_trans", "hand_joints", "hand_valid"]
     return track(
@@ -195,7 +206,7 @@ def read_taco(fields: Fields, side: Side, asked: Asked) -> Reading:
         wrist=fields.floats("hand_trans", ("T", 3), unit="in metres"),
         betas=fields.floats("hand_shape", (10,), unit="of shape"),
         joints=fields.floats("hand_joints", ("T", 21, 3), unit="in metres"),
-        hand_model="mano",
+        hand_model=name_of(side, AS_SHIPPED),
     )
 
 

@@ -30,6 +30,7 @@ class HandTrack:
     betas: Float[Tensor, " 10"] | None = None
     """Shape coefficients; they mean something only to `hand_model`."""
     hand_model: str | None = None
+    """"embedded", "mano" or, for left hands by the official left file, "mano-as-shipped"."""
     confidence: Float[Tensor, "T 21"] | None = None
     """Trust in each keypoint, 0 to 1."""
     joint_spread: Float[Tensor, "T 21"] | None = None

@@ -14,6 +14,7 @@ from geneoh.geometry.distance import SurfaceDistance, query_parts
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.rigid import Rigid
 from geneoh.hand.library import load_hand
+from geneoh.hand.mano import AS_SHIPPED, MENDED
 from geneoh.hand.model import HandModel, Side
 from geneoh.hand.skeleton import TIP_KEYPOINTS
 from geneoh.metrics.contact import penetration_depth, tips_in_contact
@@ -156,9 +157,10 @@ def _at_frames(drawn: Float[Tensor, "S R 21 3"], frames: int) -> Float[Tensor, "
 
 def model_for(track: HandTrack, mano_dir: Path | str | None) -> HandModel:
     """The right-hand model that a track's betas belong to, where it can be had."""
-    if track.hand_model == "mano":
+    if track.hand_model in (MENDED, AS_SHIPPED):
         try:
-            return load_hand("right", source="mano", mano_dir=mano_dir)
+            model = load_hand(track.side, source=track.hand_model, mano_dir=mano_dir)
+            return model.mirrored() if track.side == "left" else model
         except MissingAssetError:
             return load_hand("right")
     return load_hand("right")

@@ -4,6 +4,9 @@ import json
 
 import numpy as np
 
+from geneoh.datasets.catalogue import SOURCES
+from geneoh.datasets.orders import ORDERS
+
 
 def write_landmarks(path, scale=1.0):
     with np.load("taco.npz") as arrays:
@@ -16,8 +19,11 @@ def write_landmarks(path, scale=1.0):
 def test_help_names_every_source_with_its_licence(geneoh):
     result = geneoh("convert", "--help")
     assert result.exit_code == 0
-    for words in ("hoi4d: HOI4D", "CC BY-NC 4.0", "dex-ycb.github.io", "--check"):
+    for words in ("hoi4d: HOI4D", "CC BY-NC 4.0", "dex-ycb.github.io", "--check", *ORDERS):
         assert words in result.output
+    for source in SOURCES.values():
+        for words in (source.name, source.title, source.licence, source.where):
+            assert words in " ".join(result.output.split())
 
 
 def test_clips_are_converted_told_and_not_done_twice(geneoh, tmp_path, pytestconfig):

@@ -1,8 +1,11 @@
 """Whole data sets into sequences: what cannot be read is told, and the rest goes on."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
+import trees
 from trees import FRAMES, dump, grab, hoi4d, scene, taco
 
 from geneoh.datasets import convert as module
@@ -24,7 +27,7 @@ def run(name, folder, out, known, **options):
 
 
 def test_what_is_written_reads_back_with_its_meshes(tmp_path, mano_dir):
-    s = scene(mano_dir)
+    s = scene()
     taco(tmp_path / "in", s, False)
     known, out = Known(mano_dir=mano_dir), tmp_path / "out"
     (outcome,) = run("taco", tmp_path / "in", out, known)
@@ -42,7 +45,7 @@ def test_what_is_written_reads_back_with_its_meshes(tmp_path, mano_dir):
 def test_one_bad_clip_does_not_stop_the_others_and_a_second_run_does_only_what_is_left(
     tmp_path, mano_dir, monkeypatch
 ):
-    grab(tmp_path / "in", scene(mano_dir), False)
+    grab(tmp_path / "in", scene(), False)
     bad = tmp_path / "in/grab/s1/bad_use_1.npz"
     bad.write_bytes(b"PK\x03\x04 nothing")
     known, out = Known(mano_dir=mano_dir), tmp_path / "out"
@@ -59,7 +62,7 @@ def test_one_bad_clip_does_not_stop_the_others_and_a_second_run_does_only_what_i
 
 
 def test_a_clip_that_contradicts_its_convention_is_not_written_when_checked(tmp_path, mano_dir):
-    grab(tmp_path / "in", scene(mano_dir), True)
+    grab(tmp_path / "in", scene(), True)
     (outcome,) = run(
         "grab", tmp_path / "in/grab", tmp_path / "out", Known(mano_dir=mano_dir), check=True
     )
@@ -68,7 +71,7 @@ def test_a_clip_that_contradicts_its_convention_is_not_written_when_checked(tmp_
 
 
 def test_missing_files_become_masks_and_splits_and_never_zeros(tmp_path, mano_dir):
-    hoi4d(tmp_path, scene(mano_dir), False)
+    hoi4d(tmp_path, scene(), False)
     next(tmp_path.rglob("refinehandpose_right/**/2.pickle")).unlink()
     next(tmp_path.rglob("objpose/00005.json")).unlink()
     source = source_named("hoi4d")
@@ -85,7 +88,7 @@ def test_missing_files_become_masks_and_splits_and_never_zeros(tmp_path, mano_di
 def test_without_mano_the_wrist_is_that_of_the_mean_hand_and_a_relative_pose_is_refused(
     tmp_path, mano_dir
 ):
-    grab(tmp_path, scene(mano_dir), False)
+    grab(tmp_path, scene(), False)
     recording = read_one("grab", tmp_path / "grab", Known())
     assert "some 5 mm off" in recording.sequence.source
     assert recording.sequence.hand("right").joints is None
@@ -129,6 +132,85 @@ def assert_same(sequence: Sequence, other: Sequence) -> None:
     torch.testing.assert_close(
         sequence.object.meshes[0].verts, other.object.meshes[0].verts, atol=1e-6, rtol=0
     )
+
+
+def moved_away(side: str):
+    """The scene with one hand that hangs five metres aside."""
+    s = scene()
+    return replace(s, wrist={**s.wrist, side: s.wrist[side] + [5.0, 0.0, 0.0]})
+
+
+def test_a_hand_that_never_comes_near_is_left_out_and_the_other_kept(tmp_path, mano_dir):
+    grab(tmp_path, moved_away("left"), False)
+    recording = read_one("grab", tmp_path / "grab", Known(mano_dir=mano_dir))
+    assert [hand.side for hand in recording.sequence.hands] == ["right"]
+    assert "the left hand never comes near the object" in recording.sequence.source
+
+
+def test_betas_that_are_no_numbers_are_refused(tmp_path, mano_dir):
+    s = scene()
+    betas = {**s.betas, "left": np.where(np.arange(10) == 3, 1e300, s.betas["left"])}
+    grab(tmp_path, s, False)
+    np.save(tmp_path / "tools/subject_meshes/male/s1_lhand_betas.npy", betas["left"])
+    with pytest.raises(InputError, match=r"mug_drink_1\.npz: the betas of the left hand must be"):
+        read_one("grab", tmp_path / "grab", Known(mano_dir=mano_dir))
+
+
+def test_of_two_hands_the_asked_one_is_read(tmp_path, mano_dir):
+    grab(tmp_path, scene(), False)
+    recording = read_one("grab", tmp_path / "grab", Known(mano_dir=mano_dir, side="left"))
+    assert [hand.side for hand in recording.sequence.hands] == ["left"]
+    trees.dexycb(tmp_path, scene(), False)
+    with pytest.raises(InputError, match="expected a left hand, got right; drop --side"):
+        read_one("dexycb", tmp_path / "20200709-subject-01", Known(mano_dir=mano_dir, side="left"))
+
+
+def test_clips_of_one_name_get_as_much_of_the_path_as_tells_them_apart(tmp_path):
+    for name in ("a/take", "b/take", "b/other"):
+        (tmp_path / name).mkdir(parents=True)
+        trees.landmarks(tmp_path / name, scene(), False)
+    np.save(tmp_path / "a/hand.npy", scene().joints["right"])
+    np.savez(tmp_path / "a/hand.npz", joints=scene().joints["right"])
+    found = [clip.name for clip in find_clips(source_named("landmarks"), [tmp_path])]
+    assert found == ["a/take/hands", "other/hands", "b/take/hands"]
+    names = {clip.name for clip in find_clips(source_named("keypoints"), [tmp_path])}
+    assert len(names) == 2
+
+
+def test_other_options_are_another_conversion(tmp_path, mano_dir):
+    taco(tmp_path / "in", scene(), False)
+    out = tmp_path / "out"
+    assert not run("taco", tmp_path / "in", out, Known())[0].skipped
+    assert run("taco", tmp_path / "in", out, Known())[0].skipped
+    (again,) = run("taco", tmp_path / "in", out, Known(mano_dir=mano_dir))
+    assert not again.skipped
+    for file in again.files:
+        assert load_sequence(out / file).hands[0].joints is not None
+
+
+def test_another_mesh_of_the_same_name_does_not_stand_in(tmp_path, mano_dir):
+    s = scene()
+    known, out = Known(mano_dir=mano_dir), tmp_path / "out"
+    for name, size in (("first", 1.0), ("second", 1.5)):
+        grab(tmp_path / name, replace(s, verts=size * s.verts), False)
+        run("grab", tmp_path / name / "grab", out, known)
+    with np.load(out / "s1/mug_drink_1.npz") as arrays:
+        (file,) = arrays["object_files"].tolist()
+    assert file == "objects/grab_mug_2.obj"
+    torch.testing.assert_close(load_mesh(out / file).verts, torch.from_numpy(1.5 * s.verts).float())
+    assert sorted(path.name for path in (out / "objects").iterdir()) == [
+        "grab_mug.obj",
+        "grab_mug_2.obj",
+    ]
+
+
+def test_of_a_whole_data_set_nothing_is_read_before_one_is_chosen(tmp_path, monkeypatch):
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        trees.landmarks(tmp_path / name, scene(), False)
+    monkeypatch.setattr(module, "read_clip", lambda *_: pytest.fail("a clip was read"))
+    with pytest.raises(InputError, match="got a/hands, b/hands; choose one with --clip"):
+        read_one("landmarks", tmp_path, Known())
 
 
 def test_a_path_without_clips_is_refused(tmp_path):

@@ -23,6 +23,7 @@ from geneoh.hand.library import load_hand
 from geneoh.hand.mano import (
     find_mano,
     load_mano,
+    load_pose_space,
     translation_from_wrist,
     wrist_from_translation,
 )
@@ -193,8 +194,10 @@ def test_left_shape_directions_are_mirrored_unless_asked_otherwise(tmp_path, chu
     torch.testing.assert_close(
         mended.verts, load_mano("right", tmp_path).shaped(betas).verts * flip, atol=1e-6, rtol=0
     )
-    as_is = load_mano("left", tmp_path, mend_left=False)
+    as_is = load_mano("left", tmp_path, name="mano-as-shipped")
     np.testing.assert_array_equal(as_is.shape_dirs.numpy(), left["shapedirs"].astype(np.float32))
+    assert (mended.model.name, as_is.name) == ("mano", "mano-as-shipped")
+    assert load_hand("right", source="mano-as-shipped", mano_dir=tmp_path).name == "mano"
 
 
 def test_left_file_that_was_mended_before_is_left_alone(tmp_path, chumpy):
@@ -203,6 +206,10 @@ def test_left_file_that_was_mended_before_is_left_alone(tmp_path, chumpy):
     write(tmp_path, "right", right)
     write(tmp_path, "left", left)
     assert_holds(load_mano("left", tmp_path), left)
+    official_left = load_mano("left", tmp_path, name="mano-as-shipped")
+    np.testing.assert_array_equal(
+        official_left.shape_dirs.numpy(), right["shapedirs"].astype(np.float32)
+    )
 
 
 def test_folder_comes_from_the_environment(tmp_path, chumpy, monkeypatch):
@@ -314,8 +321,19 @@ def test_truncated_npz_is_an_input_error(tmp_path, share):
 def test_npz_with_objects_is_refused(tmp_path):
     arrays = plain_arrays() | {"J_regressor": np.array([{}], dtype=object)}
     np.savez(tmp_path / "MANO_RIGHT.npz", **arrays)
-    with pytest.raises(InputError, match="plain arrays"):
+    with pytest.raises(InputError, match="'J_regressor' must hold finite numbers"):
         load_mano("right", tmp_path)
+
+
+def test_pose_space_is_that_of_the_file(tmp_path, chumpy):
+    arrays = plain_arrays() | {"hands_components": np.arange(2025.0).reshape(45, 45)}
+    write(tmp_path, arrays=arrays)
+    space = load_pose_space("right", tmp_path)
+    np.testing.assert_array_equal(space.mean, arrays["hands_mean"].astype(np.float32))
+    np.testing.assert_array_equal(space.components, arrays["hands_components"])
+    write(tmp_path, arrays=plain_arrays() | {"hands_components": np.eye(44)})
+    with pytest.raises(InputError, match=r"'hands_components' must be \(45, 45\)"):
+        load_pose_space("right", tmp_path)
 
 
 @pytest.mark.mano

@@ -1,10 +1,14 @@
 """Pickles are taken apart and never run: what arrays need comes back, anything else is refused."""
 
 import builtins
+import gzip
 import os
 import pickle
 import struct
+import sys
+import types
 import warnings
+import zipfile
 from collections import OrderedDict
 
 import numpy as np
@@ -13,6 +17,7 @@ import scipy.sparse
 import torch
 
 from geneoh.errors import InputError
+from geneoh.pickles import checkpoints, files, machine
 from geneoh.pickles.files import read_values
 
 STRIDED = torch.arange(12.0).reshape(3, 4)[:, 1:3]
@@ -70,6 +75,54 @@ def test_a_value_used_twice_is_one_value(tmp_path):
     assert first is second
 
 
+class Ch:
+    """Stands in for a chumpy array while a file is written."""
+
+    def __init__(self, x):
+        self.x, self._dirty_vars = x, {"x"}
+
+
+class Select(Ch):
+    """Entries of another chumpy object."""
+
+    def __init__(self, a, idxs, preferred_shape):
+        self.a, self.idxs, self.preferred_shape, self._dirty_vars = a, idxs, preferred_shape, set()
+
+
+@pytest.mark.parametrize("protocol", range(6))
+def test_what_mano_files_hold_comes_as_arrays(tmp_path, protocol, monkeypatch):
+    monkeypatch.setitem(sys.modules, "chumpy", types.ModuleType("chumpy"))
+    for kind, name in ((Ch, "chumpy.ch"), (Select, "chumpy.reordering")):
+        monkeypatch.setattr(kind, "__module__", name)
+        monkeypatch.setitem(sys.modules, name, module := types.ModuleType(name))
+        setattr(module, kind.__name__, kind)
+    inner = np.arange(12.0).reshape(3, 4)
+    held = {
+        "big": np.arange(5, dtype=">i4"),
+        "chumpy": Ch(inner),
+        "selected": Select(Ch(inner), np.array([11, 0, 5, 2]), (2, 2)),
+        "rows": scipy.sparse.csr_matrix(inner),
+        "columns": scipy.sparse.csc_matrix(inner),
+    }
+    (tmp_path / "a.pkl").write_bytes(pickle.dumps(held, protocol=protocol))
+    read = read_values(tmp_path / "a.pkl")
+    np.testing.assert_array_equal(read["big"], np.arange(5))
+    np.testing.assert_array_equal(read["selected"], [[11, 0], [5, 2]])
+    for name in ("chumpy", "rows", "columns"):
+        np.testing.assert_array_equal(read[name], inner)
+
+
+@pytest.mark.parametrize("zipped", [True, False])
+def test_tensors_of_a_gpu_come_like_all_others(tmp_path, zipped, monkeypatch):
+    monkeypatch.setattr(torch.serialization, "location_tag", lambda storage: "cuda:0")
+    value = {"hand_pose": torch.arange(4.0)}
+    torch.save(value, tmp_path / "a.pt", _use_new_zipfile_serialization=zipped)
+    (tmp_path / "a.pkl").write_bytes(pickle.dumps(value))
+    for name in ("a.pt", "a.pkl"):
+        assert b"cuda:0" in (tmp_path / name).read_bytes()
+        np.testing.assert_array_equal(read_values(tmp_path / name)["hand_pose"], range(4))
+
+
 CANARY = "canary"
 
 
@@ -107,6 +160,21 @@ def array_of(shape, dtype="f8", body=b"") -> bytes:
     rebuild = np.arange(2).__reduce__()[0]
     start = pickle.dumps(Calls(rebuild, np.ndarray, (0,), b"b"), protocol=2)[:-1]
     return start + pickle.dumps(state, protocol=2)[2:-1] + b"b."
+
+
+def doubled(depth: int) -> list:
+    """A list that holds the next one twice, and so on: 2**depth numbers from few bytes."""
+    value: list = [1]
+    for _ in range(depth):
+        value = [value, value]
+    return value
+
+
+def sparse_of(shape) -> bytes:
+    """A sparse matrix of any declared shape."""
+    matrix = scipy.sparse.csc_matrix(np.eye(3))
+    matrix.__dict__["_shape"] = shape
+    return pickle.dumps(matrix)
 
 
 HOSTILE = {
@@ -158,6 +226,11 @@ HOSTILE = {
     "extension": (raw(b"\x82\x01"), "opcode"),
     "long digits": (b"I" + b"9" * 100_000 + b"\n.", "digits"),
     "unhashable key": (raw(b"}](K\x01u."), "pickle"),
+    "chumpy function": (raw(b"cchumpy.ch\nloads\n)R"), "chumpy.ch.loads"),
+    "scipy.sparse.load_npz": (raw(b"cscipy.sparse\nload_npz\n)R"), "scipy.sparse.load_npz"),
+    "sparse of absurd shape": (sparse_of((10**9, 3)), "csc_matrix|GiB"),
+    "name of lists": (raw(pickle.dumps(doubled(40))[2:-1], b"\x8c\x01a\x93"), "no text"),
+    "shape of lists": (array_of((doubled(40),)), "a shape that is none"),
 }
 
 
@@ -171,6 +244,40 @@ def test_a_hostile_pickle_is_refused_by_name(name, tmp_path, monkeypatch):
     assert any(part in str(refusal.value) for part in word.split("|"))
     assert "\n" not in str(refusal.value)
     assert [path.name for path in tmp_path.iterdir()] == ["a.pkl"]
+
+
+def test_many_small_values_are_refused_before_they_fill_the_memory(tmp_path, monkeypatch):
+    monkeypatch.setattr(machine, "OBJECT_LIMIT", 1000)
+    for name, body in (("lists", b"]" * 1001 + b"0" * 1000), ("kept", b"N" + b"\x94" * 1001)):
+        (tmp_path / name).write_bytes(raw(body))
+        with pytest.raises(InputError, match="more than 1000"):
+            read_values(tmp_path / name)
+
+
+@pytest.mark.parametrize("kind", ["npz", "gzip", "checkpoint"])
+def test_what_unpacks_to_too_much_is_refused(tmp_path, monkeypatch, kind):
+    for module in (files, checkpoints):
+        monkeypatch.setattr(module, "BYTES_LIMIT", 2**20)
+    path, zeros = tmp_path / "a.bin", np.zeros(2**21, np.uint8)
+    if kind == "npz":
+        with path.open("wb") as file:
+            np.savez_compressed(file, a=zeros)
+    elif kind == "gzip":
+        path.write_bytes(gzip.compress(pickle.dumps(zeros)))
+    else:
+        with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+            archive.writestr("a/data.pkl", pickle.dumps(1))
+            archive.writestr("a/data/0", zeros.tobytes())
+    assert path.stat().st_size < 2**20
+    with pytest.raises(InputError, match="unpack to at most"):
+        read_values(path)
+
+
+def test_a_file_of_too_many_bytes_is_refused_unread(tmp_path):
+    with (tmp_path / "a.pkl").open("wb") as file:
+        file.truncate(2**30 + 1)
+    with pytest.raises(InputError, match="at most 1024 MiB"):
+        read_values(tmp_path / "a.pkl")
 
 
 @pytest.mark.parametrize("write", ["checkpoint", "stream", "npy", "npz"])

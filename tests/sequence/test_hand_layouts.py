@@ -44,7 +44,7 @@ def only(reading):
 def test_taco_names_hold_pose_and_wrist():
     hand = only(read(TACO))
     assert hand.side == "left"
-    assert hand.hand_model == "mano"
+    assert hand.hand_model == "mano-as-shipped"
     np.testing.assert_array_equal(hand.pose, POSE)
     np.testing.assert_array_equal(hand.wrist, PLACE)
     np.testing.assert_array_equal(hand.joints, JOINTS)

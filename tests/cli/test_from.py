@@ -1,0 +1,96 @@
+"""`geneoh denoise --from SOURCE`: data sets in miniature, cleaned through the command line."""
+
+import numpy as np
+import pytest
+import trees
+from trees import FRAMES, scene
+
+from geneoh.sequence.files import load_sequence
+
+
+@pytest.fixture(scope="module")
+def mano_dir(tmp_path_factory):
+    return trees.write_mano(tmp_path_factory.mktemp("mano"))
+
+
+def cleaned(geneoh, mano_dir, source, path, *options):
+    result = geneoh(
+        *("denoise", "--from", source, path, "--preset", "fast", "--mano", mano_dir),
+        *("-o", "clean.npz", *options),
+    )
+    assert result.exit_code == 0, result.output
+    return result, load_sequence("clean.npz")
+
+
+def test_two_hands_of_a_data_set_are_cleaned(geneoh, tmp_path, mano_dir):
+    s = scene()
+    trees.grab(tmp_path / "GRAB", s, False)
+    result, clean = cleaned(geneoh, mano_dir, "grab", "GRAB/grab")
+    assert f"GRAB s1/mug_drink_1: {FRAMES} frames at 120 frames a second" in result.stdout
+    assert clean.fps == 120
+    assert {hand.side for hand in clean.hands} == {"left", "right"}
+    for hand in clean.hands:
+        apart = np.linalg.norm(hand.joints.numpy() - s.joints[hand.side], axis=-1).mean()
+        assert 0 < apart < 0.03
+    np.testing.assert_allclose(clean.object.translation[:, 0], s.shift, atol=1e-6)
+
+
+def test_an_articulated_object_keeps_its_parts(geneoh, tmp_path, mano_dir):
+    trees.arctic(tmp_path / "data", scene(), False)
+    result, clean = cleaned(geneoh, mano_dir, "arctic", "data/raw_seqs", "--side", "right")
+    assert "object of 2 parts" in result.stdout
+    assert [hand.side for hand in clean.hands] == ["right"]
+    assert clean.object.rotation.shape[1] == 2
+
+
+def test_left_hands_come_back_as_the_hand_their_betas_mean(geneoh, tmp_path, mano_dir):
+    s = scene()
+    trees.taco(tmp_path / "TACO", s, False)
+    chosen = ("--clip", "_stir__spoon__bowl_/20230917_001_target", "--hand", "mano")
+    _, clean = cleaned(geneoh, mano_dir, "taco", "TACO", *chosen)
+    (hand,) = clean.hands
+    assert (hand.side, hand.hand_model) == ("left", "mano-as-shipped")
+    np.testing.assert_allclose(hand.betas, s.betas["left"], atol=1e-5)
+
+
+def test_an_estimators_hands_are_cleaned_against_the_callers_object(geneoh, tmp_path, mano_dir):
+    s = scene("mirrored")
+    (tmp_path / "dump").mkdir()
+    trees.hamer(tmp_path / "dump", s, False)
+    trees.write_mesh(tmp_path / "box.obj", s.verts, s.faces)
+    np.save(tmp_path / "poses.npy", s.matrices())
+    brought = ("--obj", "box.obj", "--object-pose", "poses.npy", "--focal", 600)
+    _, clean = cleaned(geneoh, mano_dir, "hamer", "dump/video.pt", *brought)
+    assert len(clean.hands) == 2
+    np.testing.assert_allclose(clean.object.translation[:, 0], s.shift, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ((), "choose one with --clip NAME"),
+        (("--clip", "nothing"), "got none of that name"),
+        (("--clip", "_stir__spoon__bowl_/20230917_001_tool", "--side", "left"), "drop --side"),
+        (("--clip", "_stir__spoon__bowl_/20230917_001_tool", "--obj", "box.obj"), "got --obj as"),
+    ],
+)
+def test_what_cannot_be_one_recording_is_told(geneoh, tmp_path, mano_dir, options, words):
+    trees.taco(tmp_path / "TACO", scene(), False)
+    trees.write_mesh(tmp_path / "box.obj", scene().verts, scene().faces)
+    result = geneoh("denoise", "--from", "taco", "TACO", "--mano", mano_dir, *options)
+    assert result.exit_code == 2
+    assert words in result.stderr
+    assert not list(tmp_path.rglob("*_clean.npz"))
+
+
+def test_a_folder_given_as_a_dot_has_its_result_beside_it(geneoh, tmp_path, mano_dir, monkeypatch):
+    trees.landmarks(tmp_path, scene(), False)
+    trees.write_mesh(tmp_path / "box.obj", scene().verts, scene().faces)
+    np.save(tmp_path / "poses.npy", scene().matrices())
+    (tmp_path / "in").mkdir()
+    (tmp_path / "hands.json").rename(tmp_path / "in/hands.json")
+    monkeypatch.chdir(tmp_path / "in")
+    brought = ("--obj", "../box.obj", "--object-pose", "../poses.npy", "--side", "right")
+    result = geneoh("denoise", "--from", "landmarks", ".", "--preset", "fast", *brought)
+    assert result.exit_code == 0, result.output
+    assert load_sequence(tmp_path / "in_clean.npz").frames == FRAMES

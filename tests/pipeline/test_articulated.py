@@ -1,0 +1,66 @@
+"""An articulated object from its files to the stages: whose frame, and whose contact points."""
+
+import pytest
+import torch
+import trees
+
+from geneoh.datasets.base import Known
+from geneoh.datasets.convert import read_one
+from geneoh.pipeline import denoise as module
+from geneoh.pipeline.denoise import Options, denoise
+
+
+@pytest.fixture(scope="module")
+def arctic(tmp_path_factory):
+    """A box whose lid opens, with a hand at the seam of the two."""
+    root = tmp_path_factory.mktemp("arctic")
+    trees.arctic(root, trees.scene(), False)
+    mano_dir = trees.write_mano(tmp_path_factory.mktemp("mano"))
+    return read_one("arctic", root / "raw_seqs", Known(mano_dir=mano_dir)).sequence
+
+
+@pytest.fixture(scope="module")
+def regions(arctic):
+    """The contact points of each hand as the first stage sees them, the left one mirrored."""
+    found, real = [], module.denoise_motion
+
+    def spy(denoiser, joints, scene, *rest, **options):
+        found.append(scene.region(joints))
+        return real(denoiser, joints, scene, *rest, **options)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "denoise_motion", spy)
+        denoise(arctic, Options(preset="fast"))
+    moving = [arctic.object.mirrored() if h.side == "left" else arctic.object for h in arctic.hands]
+    return list(zip(found, moving, strict=True))
+
+
+def test_the_canonical_frame_turns_with_the_first_part(regions):
+    assert len(regions) == 2
+    for region, moving in regions:
+        torch.testing.assert_close(region.rotation[0], moving.rotation[:, 0])
+        apart = (region.rotation[0] - moving.rotation[:, 1]).abs().amax((1, 2))
+        assert float(apart.min()) > 0.1  # the lid stands open, and its frame is another one
+
+
+def test_contact_points_lie_on_all_parts_and_each_moves_with_its_own(regions):
+    for region, moving in regions:
+        world = region.points[0]
+        local = torch.einsum(
+            "tqij,tkqi->tkqj", moving.rotation, world[:, :, None] - moving.translation[:, None]
+        )
+        still = (local - local[:1]).norm(dim=-1).amax(0) < 1e-5
+        assert bool((still.sum(-1) == 1).all())
+        assert bool(still.any(0).all())
+
+
+def test_the_frames_origin_is_the_middle_of_the_contact_points_of_all_parts(regions):
+    for region, _ in regions:
+        torch.testing.assert_close(region.center, region.points.mean(-2))
+
+
+def test_the_first_part_is_the_one_that_the_whole_object_moves_with(arctic):
+    s = trees.scene()
+    bottom, top = arctic.object.meshes
+    torch.testing.assert_close(arctic.object.rotation[:, 0].double(), torch.from_numpy(s.rotation))
+    assert float(bottom.verts[:, 1].max()) < float(top.verts[:, 1].max())
