@@ -131,7 +131,8 @@ def filtered(hand: HandTrack, chosen: Filter, on: On, fps: float) -> Float[Tenso
 def unwound(pose: Float[Tensor, "T 16 3"]) -> Float[Tensor, "T 16 3"]:
     """The same rotations, each as the axis-angle vector nearest to that of the frame before.
 
-    A rotation beyond half a turn is as well one the other way round; a filter must not see the jump.
+    A rotation beyond half a turn is as well one the other way round: a jump that a filter must not
+    see.
     """
     kept = [pose[0]]
     for now in pose[1:]:
