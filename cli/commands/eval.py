@@ -33,16 +33,14 @@ FOLDER = click.Path(file_okay=False, path_type=Path)
     *("--seed", "seeds"),
     type=click.IntRange(min=0),
     multiple=True,
-    default=(11, 22, 77),
-    show_default=True,
-    help="Of noise and cleaner, may be repeated.",
+    help="Of noise and cleaner, may be repeated.  [default: 11, 22, 77; 11 for synthetic]",
 )
 @click.option("--limit", type=click.IntRange(min=1), help="Clips at most.")
 @click.option(
     *("--row", "rows"),
     type=click.Choice(ROWS),
     multiple=True,
-    help="Ways of cleaning, may be repeated; all of them otherwise.",
+    help="Ways of cleaning, may be repeated; all but gaussian and one-euro otherwise.",
 )
 @click.option(
     *("--preset", "presets"),
@@ -66,6 +64,13 @@ FOLDER = click.Path(file_okay=False, path_type=Path)
 )
 @click.option("--inputs", type=FOLDER, help="Only write the noisy clips to this folder.")
 @click.option("--twins", type=FOLDER, help="Take the noisy clips from a folder instead.")
+@click.option(
+    "--close-frames",
+    type=click.IntRange(min=1),
+    default=15,
+    show_default=True,
+    help="Frames of a clip in which volume and contact on the object are taken.",
+)
 @click.option("--samples", type=click.IntRange(min=1), help="Of geneoh; the preset has its own.")
 @click.option(
     *("--select", "selection"),

@@ -27,13 +27,20 @@ from geneoh.evaluation.rows import (
     Row,
 )
 from geneoh.evaluation.run import page_of, run, tasks_of
-from geneoh.evaluation.scores import Body, Key, Score
+from geneoh.evaluation.scores import Judge, Key, Score
 from geneoh.pipeline.denoise import Options
 from geneoh.pipeline.presets import Ablation, PresetName
 
 FilterName = Literal["savgol", "gaussian", "one-euro", "best-filter"]
 RowName = Literal["input", FilterName, "optimisation", "toch", "regression", "geneoh"]
 ROWS: tuple[RowName, ...] = get_args(RowName)
+DEFAULT_ROWS: tuple[RowName, ...] = (
+    *("input", "savgol", "best-filter", "optimisation"),
+    *("toch", "regression", "geneoh"),
+)
+"""One kind of filter is enough to see: the others are among those the best is chosen from."""
+DEFAULT_SEEDS: dict[str, tuple[int, ...]] = {"synthetic": SEEDS[:1]}
+"""Where clips are many, one noise for each says as much as three; elsewhere the paper's seeds."""
 STAGES = ("motion", "spatial", "temporal")
 BASELINES: tuple[BaselineName, ...] = get_args(BaselineName)
 
@@ -46,10 +53,11 @@ class Choices:
     root: Path | None = None
     noises: tuple[str, ...] = ()
     """None: the data set's own."""
-    seeds: tuple[int, ...] = SEEDS
+    seeds: tuple[int, ...] = ()
+    """None: the paper's, or what `DEFAULT_SEEDS` has."""
     limit: int | None = None
     rows: tuple[RowName, ...] = ()
-    """None: all of them, but for baselines whose weights are not there."""
+    """None: `DEFAULT_ROWS`, but for baselines whose weights are not there."""
     presets: tuple[PresetName, ...] = ("default",)
     ablations: tuple[Ablation, ...] = ()
     """Each a row of its own: the first preset without that part."""
@@ -59,6 +67,12 @@ class Choices:
     protocol: ProtocolOptions = field(default_factory=ProtocolOptions)
     options: Options = field(default_factory=Options)
     """Of the cleaner: samples, selection, steps, hand, weights; the preset is set row by row."""
+    close_frames: int = Judge.close_frames
+
+    @property
+    def judge(self) -> Judge:
+        """How the rows are judged."""
+        return Judge(self.options.hand, self.options.mano_dir, self.close_frames)
 
 
 def cases_of(choices: Choices) -> list[Pending]:
@@ -67,7 +81,7 @@ def cases_of(choices: Choices) -> list[Pending]:
         choices.dataset,
         choices.root,
         noises=choices.noises,
-        seeds=choices.seeds,
+        seeds=choices.seeds or DEFAULT_SEEDS.get(choices.dataset, SEEDS),
         limit=choices.limit,
         options=choices.protocol,
     )
@@ -91,7 +105,7 @@ def rows_of(choices: Choices) -> tuple[tuple[Row, ...], tuple[str, ...]]:
     """The rows in the order of the table, and what to say of those that had to stay out."""
     rows: list[Row] = []
     notes: list[str] = []
-    for name in choices.rows or ROWS:
+    for name in choices.rows or DEFAULT_ROWS:
         if name in BASELINES and not choices.rows:
             path = weights_of(name, choices.options.weights)
             if not path.is_file():
@@ -141,6 +155,7 @@ def settings_of(choices: Choices) -> dict[str, object]:
         "root": None if choices.root is None else str(choices.root),
         "twins": None if choices.twins is None else str(choices.twins),
         "protocol": as_dict(choices.protocol),
+        "close_frames": choices.close_frames,
         "cleaner": {
             "samples": options.samples,
             "selection": options.selection,
@@ -181,8 +196,7 @@ def evaluate(
     settings = settings_of(choices)
     at = folder / "pages" if pages else None
     there = open_record(folder, settings, fresh=fresh)
-    body = Body(choices.options.hand, choices.options.mano_dir)
-    tasks = tasks_of(cases, rows, there, body, at)
+    tasks = tasks_of(cases, rows, there, choices.judge, at)
     total, done = sum(len(task.rows) for task in tasks), 0
 
     def heard(made: list[Score]) -> None:

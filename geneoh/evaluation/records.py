@@ -14,7 +14,7 @@ from geneoh.evaluation.scores import Score
 
 RECORD = "scores.jsonl"
 """First line: the settings. Then one score a line, in the order they were made."""
-PACKAGES = ("geneoh", "torch", "numpy", "scipy", "libigl", "manifold3d", "trimesh")
+PACKAGES = ("geneoh", "torch", "numpy", "scipy", "libigl", "trimesh")
 NAMES = tuple(field.name for field in fields(Score))
 
 

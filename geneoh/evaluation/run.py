@@ -16,7 +16,7 @@ from geneoh.errors import CheckpointError, InputError, MissingAssetError, Numeri
 from geneoh.evaluation.cases import Pending
 from geneoh.evaluation.records import append_scores
 from geneoh.evaluation.rows import GeneohRow, Row
-from geneoh.evaluation.scores import Bench, Body, Key, Score
+from geneoh.evaluation.scores import Bench, Judge, Key, Score
 from geneoh.viz.outputs import scene_of, write
 
 CLIP_ERRORS = (InputError, MissingAssetError, NumericalError)
@@ -29,7 +29,7 @@ class Task:
 
     case: Pending
     rows: tuple[Row, ...]
-    body: Body
+    judge: Judge
     pages: Path | None = None
     """Where our own rows leave a page to look at."""
 
@@ -38,7 +38,7 @@ def tasks_of(
     cases: Iterable[Pending],
     rows: tuple[Row, ...],
     done: Iterable[Score],
-    body: Body,
+    judge: Judge,
     pages: Path | None = None,
 ) -> list[Task]:
     """What is left to do: every row on every case, but for those with a score."""
@@ -52,7 +52,7 @@ def tasks_of(
             if (*key, row.name) not in there or lacks_page(pages, row, (*key, row.name))
         )
         if left:
-            tasks.append(Task(case, left, body, pages))
+            tasks.append(Task(case, left, judge, pages))
     return tasks
 
 
@@ -124,7 +124,7 @@ def score_task(task: Task) -> list[Score]:
     pending = task.case
     key = (pending.dataset, pending.clip, pending.noise, pending.seed)
     try:
-        bench = Bench(pending.load(), task.body)
+        bench = Bench(pending.load(), task.judge)
     except CLIP_ERRORS as error:
         return [Score(*key, row.name, failed=str(error)) for row in task.rows]
     return [score_row(bench, row, task.pages) for row in task.rows]

@@ -6,7 +6,7 @@ from statistics import fmean, stdev
 
 import numpy as np
 
-from geneoh.evaluation.scores import MEASURES, Measure, Score
+from geneoh.evaluation.scores import COLUMNS, MEASURES, Measure, Score
 
 RESAMPLES = 2000
 """Of the bootstrap."""
@@ -46,7 +46,7 @@ class Block:
     def measures(self) -> tuple[Measure, ...]:
         """Those that any row has."""
         there = {key for cells in self.rows.values() for key in cells}
-        return tuple(measure for measure in MEASURES if measure.key in there)
+        return tuple(measure for measure in COLUMNS if measure.key in there)
 
     @property
     def title(self) -> str:
@@ -201,7 +201,7 @@ def as_markdown(blocks: Iterable[Block]) -> Iterator[str]:
     """For a README: one table, the best mean of each column and noise in bold."""
     blocks = list(blocks)
     there = {measure.key for block in blocks for measure in block.measures}
-    measures = [measure for measure in MEASURES if measure.key in there]
+    measures = [measure for measure in COLUMNS if measure.key in there]
     heads = [f"{measure.title}, {measure.unit}" for measure in measures]
     yield "| " + " | ".join(["noise", "row", *heads]) + " |"
     yield "|---|---|" + "---:|" * len(heads)
