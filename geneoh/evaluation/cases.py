@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from geneoh.sequence.tracks import Sequence
 
@@ -24,6 +24,7 @@ class Case:
     noisy: Sequence
 
 
+@runtime_checkable
 class Pending(Protocol):
     """A case that is known by name and read where it is needed."""
 

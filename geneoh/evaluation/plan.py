@@ -10,11 +10,11 @@ from typing_extensions import assert_never
 
 from geneoh.config import as_dict
 from geneoh.denoisers.library import SHIPPED, BaselineName
-from geneoh.errors import MissingAssetError
+from geneoh.errors import ConfigError, MissingAssetError
 from geneoh.evaluation.cases import Pending
 from geneoh.evaluation.exchange import StoredTwin
 from geneoh.evaluation.protocols import SEEDS, ProtocolOptions, find_cases
-from geneoh.evaluation.records import open_record, provenance
+from geneoh.evaluation.records import digest, open_record, provenance
 from geneoh.evaluation.report import Evaluation
 from geneoh.evaluation.rows import (
     BaselineRow,
@@ -41,6 +41,8 @@ DEFAULT_ROWS: tuple[RowName, ...] = (
 """One kind of filter is enough to see: the others are among those the best is chosen from."""
 DEFAULT_SEEDS: dict[str, tuple[int, ...]] = {"synthetic": SEEDS[:1]}
 """Where clips are many, one noise for each says as much as three; elsewhere the paper's seeds."""
+DEFAULT_CLOSE_FRAMES: dict[str, int] = {"synthetic": 8}
+"""Many short clips: a few frames of each say as much as many frames of a few."""
 STAGES = ("motion", "spatial", "temporal")
 BASELINES: tuple[BaselineName, ...] = get_args(BaselineName)
 
@@ -67,12 +69,14 @@ class Choices:
     protocol: ProtocolOptions = field(default_factory=ProtocolOptions)
     options: Options = field(default_factory=Options)
     """Of the cleaner: samples, selection, steps, hand, weights; the preset is set row by row."""
-    close_frames: int = Judge.close_frames
+    close_frames: int | None = None
+    """Frames of a clip in which volume and contact on the object are taken."""
 
     @property
     def judge(self) -> Judge:
         """How the rows are judged."""
-        return Judge(self.options.hand, self.options.mano_dir, self.close_frames)
+        usual = DEFAULT_CLOSE_FRAMES.get(self.dataset, Judge.close_frames)
+        return Judge(self.options.hand, self.options.mano_dir, self.close_frames or usual)
 
 
 def cases_of(choices: Choices) -> list[Pending]:
@@ -119,6 +123,12 @@ def rows_of(choices: Choices) -> tuple[tuple[Row, ...], tuple[str, ...]]:
                 f"--predictions {folder}: expected a folder of results CLIP_NOISE_SEED.npz, found "
                 "none; --inputs DIR writes what they are to be made from"
             )
+    names = [row.name for row in rows]
+    if twice := {name for name in names if names.count(name) > 1}:
+        raise ConfigError(
+            f"rows need names of their own, got {', '.join(sorted(twice))} more than once; drop "
+            "one, or rename its folder"
+        )
     return tuple(rows), tuple(notes)
 
 
@@ -133,7 +143,7 @@ def named_rows(name: RowName, choices: Choices) -> Iterator[Row]:
         case "best-filter":
             yield BestFilterRow()
         case "optimisation":
-            yield OptimisedRow()
+            yield OptimisedRow(choices.options.hand, choices.options.mano_dir)
         case "toch" | "regression":
             yield BaselineRow(name, weights_of(name, choices.options.weights).parent)
         case "geneoh":
@@ -153,9 +163,9 @@ def settings_of(choices: Choices) -> dict[str, object]:
     return {
         **provenance(files),
         "root": None if choices.root is None else str(choices.root),
-        "twins": None if choices.twins is None else str(choices.twins),
+        "twins": None if choices.twins is None else digest(choices.twins.rglob("*.npz")),
         "protocol": as_dict(choices.protocol),
-        "close_frames": choices.close_frames,
+        "close_frames": choices.judge.close_frames,
         "cleaner": {
             "samples": options.samples,
             "selection": options.selection,

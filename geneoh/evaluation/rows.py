@@ -7,7 +7,7 @@ that looks at the ground truth says so in its name.
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import torch
 from jaxtyping import Bool, Float
@@ -21,10 +21,9 @@ from geneoh.evaluation.exchange import stored_name
 from geneoh.evaluation.filters import TUNED, FilterKind, On, best_of_all, filtered, usable_on
 from geneoh.fitting.fit import FitConfig, fit_hand, start_from_keypoints
 from geneoh.geometry.distance import SurfaceDistance, SurfaceQuery, query_parts
-from geneoh.hand.library import load_hand
+from geneoh.hand.library import Source, load_hand
 from geneoh.pipeline.denoise import NEAR, Denoised, Options, denoise
 from geneoh.pipeline.person import person_of
-from geneoh.sequence.archive import read_archive
 from geneoh.sequence.files import load_sequence
 from geneoh.sequence.gaps import fill_gaps
 from geneoh.sequence.tracks import Sequence
@@ -46,13 +45,15 @@ class Cleaned:
 
     joints: Float[Tensor, "T 21 3"]
     verts: Float[Tensor, "T V 3"] | None
-    """None where the row knows keypoints alone: our hand is fitted to them."""
+    """Of the hand by which rows are judged; None where the row knows keypoints alone: that hand is
+    fitted to them."""
     valid: Bool[Tensor, " T"]
     """Frames that are scored."""
     result: Denoised | None = None
     """Our own rows': all that the cleaner has to tell."""
 
 
+@runtime_checkable
 class Row(Protocol):
     """A way of cleaning."""
 
@@ -117,6 +118,8 @@ class BestFilterRow:
 class OptimisedRow:
     """No learning: a tuned filter, then our fit with its terms for contact, depth and calm."""
 
+    source: Source = "embedded"
+    mano_dir: Path | None = None
     name: str = "optimisation only"
 
     def clean(self, case: Case) -> Cleaned:
@@ -124,7 +127,8 @@ class OptimisedRow:
         hand, moving = case.noisy.hands[0], case.noisy.object
         on = usable_on(hand)[-1]
         target = filtered(hand, TUNED["savgol", on], on, case.noisy.fps)[None]
-        person = person_of(hand, load_hand(hand.side))
+        model = load_hand(hand.side, source=self.source, mano_dir=self.mano_dir)
+        person = person_of(hand, model)
         fields = tuple(SurfaceDistance(mesh) for mesh in moving.meshes)
 
         def surface(verts: Float[Tensor, "S T V 3"]) -> SurfaceQuery:
@@ -203,7 +207,7 @@ class PredictionsRow:
         return self.folder.resolve().name
 
     def clean(self, case: Case) -> Cleaned:
-        """The stored hand; `verts` (T, V, 3) in the file is its mesh.
+        """The stored hand's keypoints; the mesh is ours, as for every row of keypoints.
 
         Raises:
             MissingAssetError: there is no file for the case.
@@ -222,15 +226,7 @@ class PredictionsRow:
                 f"{path}: expected the clip's {case.noisy.frames} frames, got {sequence.frames}; "
                 "store a result of the whole clip"
             )
-        hand = sequence.hand(side)
-        stored = read_archive(path).get("verts")
-        verts = None if stored is None else torch.from_numpy(stored).float()
-        if verts is not None and (verts.ndim != 3 or verts.shape[::2] != (case.noisy.frames, 3)):
-            raise InputError(
-                f"{path}: 'verts' must be ({case.noisy.frames}, V, 3) in metres, got "
-                f"{tuple(verts.shape)}; reshape it or leave it out"
-            )
-        return Cleaned(joints_of(sequence), verts, hand.valid)
+        return Cleaned(joints_of(sequence), None, sequence.hands[0].valid)
 
 
 def everywhere(

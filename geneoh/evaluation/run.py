@@ -15,7 +15,7 @@ import torch
 from geneoh.errors import CheckpointError, InputError, MissingAssetError, NumericalError
 from geneoh.evaluation.cases import Pending
 from geneoh.evaluation.records import append_scores
-from geneoh.evaluation.rows import GeneohRow, Row
+from geneoh.evaluation.rows import GeneohRow, PredictionsRow, Row
 from geneoh.evaluation.scores import Bench, Judge, Key, Score
 from geneoh.viz.outputs import scene_of, write
 
@@ -49,7 +49,9 @@ def tasks_of(
         left = tuple(
             row
             for row in rows
-            if (*key, row.name) not in there or lacks_page(pages, row, (*key, row.name))
+            if (*key, row.name) not in there
+            or isinstance(row, PredictionsRow)  # the folder may hold other results by now
+            or lacks_page(pages, row, (*key, row.name))
         )
         if left:
             tasks.append(Task(case, left, judge, pages))

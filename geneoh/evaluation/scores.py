@@ -106,7 +106,7 @@ class Judge:
 
     source: Source = "embedded"
     mano_dir: Path | None = None
-    close_frames: int = 15
+    close_frames: int = 30
     """Frames of a clip at most in which the dear measures are taken, volume and contact on the
     object: evenly spread, the same for every row."""
 
@@ -264,24 +264,20 @@ class Bench:
         close = valid[self.close]
         fingers = contact_agreement(tips[valid], truth.tips[valid])
         on_object = contact_agreement(self.touched(verts)[close], truth.touched[close])
-        values = {
+        distance, true = query.distance, truth.distance
+        on_hand = contact_iou(distance[valid], true[valid])
+        jolted = per_frame_squared(jolted, self.fps)
+        return {
             "mpjpe_mm": 1000 * mean(mpjpe(joints, truth.joints), valid),
-            "acceleration_error_mm": mean(
-                per_frame_squared(jolted, self.fps), valid_differences(valid, 2)
-            ),
+            "mpvpe_mm": 1000 * mean(mpvpe(verts, truth.verts), valid),
+            "contact_iou_pct": 100 * float(on_object.iou),
+            "contact_iou_verts_pct": 100 * float(on_hand),
             "tips_precision_pct": 100 * float(fingers.precision),
             "tips_recall_pct": 100 * float(fingers.recall),
             "tips_f_pct": 100 * float(fingers.f_score),
-            "contact_iou_pct": 100 * float(on_object.iou),
+            "proximity_mm": 1000 * mean(proximity_error(distance, true), valid),
+            "acceleration_error_mm": mean(jolted, valid_differences(valid, 2)),
         }
-        if verts.shape == truth.verts.shape:
-            distance, true = query.distance, truth.distance
-            values |= {
-                "mpvpe_mm": 1000 * mean(mpvpe(verts, truth.verts), valid),
-                "proximity_mm": 1000 * mean(proximity_error(distance, true), valid),
-                "contact_iou_verts_pct": 100 * float(contact_iou(distance[valid], true[valid])),
-            }
-        return values
 
 
 def mean(values: Float[Tensor, " T"], valid: Bool[Tensor, " T"]) -> float:
