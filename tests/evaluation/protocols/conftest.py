@@ -1,4 +1,4 @@
-"""Data sets in their published layout, long enough for windows of 60 frames."""
+"""Data sets in their published layout, long enough for several windows."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ import trees
 from geneoh.evaluation.protocols import HOMES
 from geneoh.evaluation.protocols.clips import recordings_of
 
-FRAMES = 400
+FRAMES = 40
 
 
 @pytest.fixture(scope="session")
@@ -16,24 +16,24 @@ def mano_dir(tmp_path_factory):
     return trees.write_mano(tmp_path_factory.mktemp("mano"))
 
 
-@pytest.fixture(scope="session")
-def known_scene(mano_dir):
-    """The interaction of the small trees, over 400 frames and at a slower pace."""
-    short, trees.FRAMES = trees.FRAMES, FRAMES
-    try:
+@pytest.fixture
+def known_scene(mano_dir, monkeypatch):
+    """The interaction of the small trees, over some frames."""
+
+    def of(frames: int = FRAMES) -> trees.Scene:
+        monkeypatch.setattr(trees, "FRAMES", frames)
         return trees.scene.__wrapped__(mano_dir)
-    finally:
-        trees.FRAMES = short
+
+    return of
 
 
 @pytest.fixture
-def tree(tmp_path, known_scene, monkeypatch):
-    """Write a data set by its name in `trees`; returns its root."""
-    monkeypatch.setattr(trees, "FRAMES", FRAMES)
+def tree(tmp_path, known_scene):
+    """Write a data set by its name in `trees`, of some length; returns its root."""
     recordings_of.cache_clear()
 
-    def build(name: str) -> Path:
-        getattr(trees, name)(tmp_path / name, known_scene, False)
+    def build(name: str, frames: int = FRAMES) -> Path:
+        getattr(trees, name)(tmp_path / name, known_scene(frames), False)
         return tmp_path / name
 
     return build

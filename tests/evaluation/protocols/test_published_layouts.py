@@ -1,6 +1,7 @@
 """Each data set in its published layout gives the clips, frames and noise of its protocol."""
 
 import math
+import pickle
 import shutil
 
 import numpy as np
@@ -16,7 +17,7 @@ from geneoh.evaluation.protocols.clips import recordings_of
 
 def cases(name, root, mano_dir, **options):
     noises = options.pop("noises", ())
-    chosen = ProtocolOptions(mano_dir=mano_dir, **options)
+    chosen = ProtocolOptions(mano_dir=mano_dir, frames=20, stride=10, **options)
     return find_cases(name, root, noises=noises, seeds=[11], options=chosen)
 
 
@@ -29,18 +30,16 @@ def assert_joints(sequence, expected: np.ndarray) -> None:
     torch.testing.assert_close(hand.joints, torch.from_numpy(expected).float(), atol=2e-5, rtol=0)
 
 
-def test_grab_gives_windows_of_60_frames_at_30_a_second_of_either_hand(tree, mano_dir, known_scene):
-    found = cases("grab", tree("grab"), mano_dir)
+def test_grab_gives_windows_at_30_frames_a_second_of_either_hand(tree, mano_dir, known_scene):
+    found = cases("grab", tree("grab", 160), mano_dir)
     assert clips(found) == [
-        "s1/mug_drink_1_left_00000",
-        "s1/mug_drink_1_left_00120",
-        "s1/mug_drink_1_right_00000",
-        "s1/mug_drink_1_right_00120",
+        *(f"s1/mug_drink_1_left_{start:05d}" for start in (0, 40, 80)),
+        *(f"s1/mug_drink_1_right_{start:05d}" for start in (0, 40, 80)),
     ]
-    case = found[3].load()
-    assert (case.clean.frames, case.clean.fps) == (60, 30.0)
-    assert_joints(case.clean, known_scene.joints["right"][120:360:4])
-    assert case.noisy.hands[0].joints.shape == (60, 21, 3)
+    case = found[4].load()
+    assert (case.clean.frames, case.clean.fps) == (20, 30.0)
+    assert_joints(case.clean, known_scene(160).joints["right"][40:120:4])
+    assert case.noisy.hands[0].joints.shape == (20, 21, 3)
     assert case.noisy.object is case.clean.object
 
 
@@ -51,28 +50,28 @@ def rewrite(path, **changes):
 
 
 def test_grab_leaves_out_frames_in_which_the_other_hand_touches(tree, mano_dir):
-    root = tree("grab")
+    root = tree("grab", 160)
     labels = np.zeros((trees.FRAMES, 8), np.int8)
     labels[:, 0] = 22  # the right hand's palm, all the time
-    labels[300:, 1] = 40  # a finger of the left one, in the last hundred frames
+    labels[100:, 1] = 40  # a finger of the left one, in the last sixty frames
     rewrite(root / "grab/s1/mug_drink_1.npz", contact=np.array({"object": labels}, dtype=object))
-    # the right hand keeps 75 frames at 30 a second, the left one none
+    # the right hand keeps 25 frames at 30 a second, the left one none
     assert clips(cases("grab", root, mano_dir)) == ["s1/mug_drink_1_right_00000"]
 
 
 def test_grab_leaves_out_frames_in_which_the_wrist_is_far(tree, mano_dir):
-    root = tree("grab")
+    root = tree("grab", 160)
     path = root / "grab/s1/mug_drink_1.npz"
     with np.load(path, allow_pickle=True) as stored:
         hand = stored["rhand"].item()
-    hand["params"]["transl"][:104] += 0.3
+    hand["params"]["transl"][:60] += 0.3
     rewrite(path, rhand=np.array(hand, dtype=object))
     kept = [name for name in clips(cases("grab", root, mano_dir)) if "right" in name]
-    assert kept == ["s1/mug_drink_1_right_00104"]
+    assert kept == ["s1/mug_drink_1_right_00060"]
 
 
 def test_grab_tests_on_the_objects_that_toch_holds_out(tree, mano_dir):
-    root = tree("grab")
+    root = tree("grab", 160)
     shutil.copy(root / "grab/s1/mug_drink_1.npz", root / "grab/s1/apple_eat_1.npz")
     assert {name.split("_")[0] for name in clips(cases("grab", root, mano_dir))} == {"s1/mug"}
     (root / "grab/s1/mug_drink_1.npz").unlink()
@@ -97,7 +96,7 @@ def offsets(case, root, mano_dir):
     ],
 )
 def test_the_papers_noise_has_the_papers_sizes(tree, mano_dir, name, sizes, says, spread, middle):
-    root = tree("grab")
+    root = tree("grab", 160)
     found = cases(name, root, mano_dir, noise_sizes=says, windows="whole")
     rows = torch.from_numpy(read_mano(mano_dir, "right").components[:24]).float()
     drawn = [[], [], []]
@@ -117,17 +116,17 @@ def test_noise_on_angles_is_drawn_on_every_finger_joint(tree, mano_dir):
     _, turn, fingers = offsets(case, None, mano_dir)
     assert float(turn.std()) == pytest.approx(0.05, rel=0.2)
     assert float(fingers.std()) == pytest.approx(0.3, rel=0.05)
-    assert int(torch.linalg.matrix_rank(fingers)) == 45
+    assert float(fingers.std(0).min()) > 0.15
 
 
 def test_arctic_gives_the_right_hand_of_s01_in_overlapping_windows(tree, mano_dir, known_scene):
     root = tree("arctic")
     shutil.copytree(root / "raw_seqs/s01", root / "raw_seqs/s02")
     found = cases("arctic", root, mano_dir)
-    assert clips(found) == [f"s01/box_grab_01_right_{start:05d}" for start in range(0, 331, 30)]
+    assert clips(found) == [f"s01/box_grab_01_right_{start:05d}" for start in (0, 10, 20)]
     case = found[2].load()
-    assert case.clean.object.rotation.shape[:2] == (60, 2)
-    assert_joints(case.clean, known_scene.joints["right"][60:120])
+    assert case.clean.object.rotation.shape[:2] == (20, 2)
+    assert_joints(case.clean, known_scene().joints["right"][20:40])
 
 
 def test_arctic_drops_windows_with_a_wrist_out_of_reach_and_the_codes_reach_is_longer(
@@ -143,7 +142,7 @@ def test_arctic_drops_windows_with_a_wrist_out_of_reach_and_the_codes_reach_is_l
     assert "s01/box_grab_01_right_00000" in clips(cases("arctic", root, mano_dir, reach="code"))
 
 
-def test_hoi4d_takes_60_frames_from_the_categorys_first_frame_without_truth(
+def test_hoi4d_takes_a_window_from_the_categorys_first_frame_without_truth(
     tree, mano_dir, known_scene
 ):
     root = tree("hoi4d")
@@ -151,29 +150,29 @@ def test_hoi4d_takes_60_frames_from_the_categorys_first_frame_without_truth(
     (pending,) = cases("hoi4d", root, mano_dir)
     assert pending.clip == name
     case = pending.load()
-    assert (case.clean, case.noise, case.noisy.fps, case.noisy.frames) == (None, "recorded", 15, 60)
-    assert_joints(case.noisy, known_scene.joints["right"][:60])
+    assert (case.clean, case.noise, case.noisy.fps, case.noisy.frames) == (None, "recorded", 15, 20)
+    assert_joints(case.noisy, known_scene().joints["right"][:20])
     (again,) = cases("hoi4d", root, mano_dir, noises=["clean"])
     assert again.load().clean is not None
 
 
 def test_hoi4d_starts_laptops_at_frame_120_and_the_code_at_0(tree, mano_dir):
-    root = tree("hoi4d_articulated")
+    root = tree("hoi4d_articulated", 145)
     (pending,) = cases("hoi4d", root, mano_dir)
     assert pending.clip.endswith("T1_right_00120")
-    assert pending.load().noisy.object.rotation.shape[:2] == (60, 2)
+    assert pending.load().noisy.object.rotation.shape[:2] == (20, 2)
     (pending,) = cases("hoi4d", root, mano_dir, start_frames="zero")
     assert pending.clip.endswith("T1_right_00000")
 
 
 def test_hoi4d_goes_on_to_where_the_object_is_annotated(tree, mano_dir):
     root = tree("hoi4d")
-    next(root.rglob("objpose/00030.json")).unlink()
-    next(root.rglob("refinehandpose_right/**/40.pickle")).unlink()
+    next(root.rglob("objpose/00010.json")).unlink()
+    next(root.rglob("refinehandpose_right/**/20.pickle")).unlink()
     (pending,) = cases("hoi4d", root, mano_dir)
-    assert pending.clip.endswith("T1_00031_right_00000")
+    assert pending.clip.endswith("T1_00011_right_00000")
     hand = pending.load().noisy.hands[0]
-    assert hand.valid.tolist() == [t != 9 for t in range(60)]
+    assert hand.valid.tolist() == [t != 9 for t in range(20)]
 
 
 def test_hoi4d_runs_without_mano_on_our_own_hand_and_says_so(tree):
@@ -184,7 +183,7 @@ def test_hoi4d_runs_without_mano_on_our_own_hand_and_says_so(tree):
 
 def test_hoi4d_leaves_out_other_categories(tree, mano_dir, known_scene):
     root = tree("hoi4d")
-    trees.hoi4d_hands(root, known_scene, trees.HOI_ID.format(category="C17"), False)
+    trees.hoi4d_hands(root, known_scene(), trees.HOI_ID.format(category="C17"), False)
     (root / "HOI4D_annotations" / trees.HOI_ID.format(category="C17") / "objpose").mkdir()
     assert [name.split("/")[2] for name in clips(cases("hoi4d", root, mano_dir))] == ["C2"]
 
@@ -196,7 +195,7 @@ def test_taco_gives_each_hand_with_what_it_holds(tree, mano_dir, known_scene):
         "_stir__spoon__bowl_/20230917_001_tool_right_00000",
     ]
     case = found[0].load()
-    assert_joints(case.clean, known_scene.joints["left"][:60])
+    assert_joints(case.clean, known_scene().joints["left"][:20])
     assert (
         float((case.noisy.hands[0].joints - case.clean.hands[0].joints).norm(dim=-1).mean()) > 0.01
     )
@@ -204,9 +203,7 @@ def test_taco_gives_each_hand_with_what_it_holds(tree, mano_dir, known_scene):
 
 @pytest.mark.parametrize("name", ["grab", "grab-beta", "hoi4d", "arctic", "taco"])
 def test_a_case_that_went_to_another_process_is_the_same(name, tree, mano_dir):
-    import pickle
-
-    root = tree(name.split("-")[0])
+    root = tree(name.split("-")[0], 160 if "grab" in name else 40)
     pending = cases(name, root, mano_dir)[-1]
     case = pending.load()
     recordings_of.cache_clear()
