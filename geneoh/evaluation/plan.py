@@ -215,7 +215,7 @@ def evaluate(
         if on_progress is not None:
             on_progress(done, total)
 
-    made = run(tasks, folder, jobs=min(jobs, len(tasks)), on_scores=heard)
+    made = run(tasks, folder, jobs=max(1, min(jobs, len(tasks))), on_scores=heard)
     by_key = {score.key: score for score in [*there, *made]}
     wanted = [
         (case.dataset, case.clip, case.noise, case.seed, row.name) for case in cases for row in rows
