@@ -7,7 +7,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-PACKAGES = ("geneoh", "torch", "numpy", "scipy", "trimesh", "libigl", "manifold3d", "smplx")
+PACKAGES = ("geneoh", "torch", "numpy", "scipy", "trimesh", "libigl", "smplx")
 
 
 def versions() -> Iterator[str]:

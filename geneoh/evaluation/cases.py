@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 from geneoh.sequence.tracks import Sequence
 
@@ -21,3 +22,32 @@ class Case:
     seed: int
     clean: Sequence | None
     noisy: Sequence
+
+
+@runtime_checkable
+class Pending(Protocol):
+    """A case that is known by name and read where it is needed."""
+
+    @property
+    def dataset(self) -> str:
+        """Name of the data set."""
+        ...
+
+    @property
+    def clip(self) -> str:
+        """Name of the clip."""
+        ...
+
+    @property
+    def noise(self) -> str:
+        """Name of the noise."""
+        ...
+
+    @property
+    def seed(self) -> int:
+        """Of the noise, and of the cleaner."""
+        ...
+
+    def load(self) -> Case:
+        """Read the clip and its noisy twin."""
+        ...

@@ -65,12 +65,13 @@ TUNED: dict[tuple[FilterKind, On], Filter] = {
 
 
 def smooth(values: Float[Tensor, "T ..."], chosen: Filter, fps: float) -> Float[Tensor, "T ..."]:
-    """A track filtered number by number; one shorter than a Savitzky-Golay window is returned."""
+    """A track filtered number by number; a Savitzky-Golay window is no longer than the track."""
     array = values.double().numpy()
     match chosen.kind:
         case "savgol":
-            window = round(chosen.size)
-            done = array if len(array) < window else savgol_filter(array, window, ORDER, axis=0)
+            longest = len(array) - (len(array) + 1) % 2  # windows are odd
+            window = min(round(chosen.size), longest)
+            done = array if window <= ORDER else savgol_filter(array, window, ORDER, axis=0)
         case "gaussian":
             done = gaussian_filter1d(array, chosen.size, axis=0, mode="nearest")
         case "one-euro":
@@ -131,7 +132,8 @@ def filtered(hand: HandTrack, chosen: Filter, on: On, fps: float) -> Float[Tenso
 def unwound(pose: Float[Tensor, "T 16 3"]) -> Float[Tensor, "T 16 3"]:
     """The same rotations, each as the axis-angle vector nearest to that of the frame before.
 
-    A rotation beyond half a turn is also one the other way round; no filter must see the jump.
+    A rotation beyond half a turn is as well one the other way round: a jump that a filter must not
+    see.
     """
     kept = [pose[0]]
     for now in pose[1:]:

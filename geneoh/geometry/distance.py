@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import igl
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Float64, Int64
 from torch import Tensor
 
 from geneoh.geometry.mesh import Mesh
@@ -80,6 +80,12 @@ class SurfaceDistance:
             normal.to(points).reshape(points.shape),
         )
 
+    def first_hit(
+        self, start: Float64[np.ndarray, "N 3"], ahead: Float64[np.ndarray, "N 3"]
+    ) -> Float64[np.ndarray, " N"]:
+        """Metres along each ray of unit direction to the surface; infinite where it meets none."""
+        return first_hit(self._tree, self._verts, self._faces, start, ahead)
+
     def _exact(
         self, points: Float[Tensor, "N 3"]
     ) -> tuple[Float[Tensor, " N"], Float[Tensor, "N 3"], Float[Tensor, "N 3"]]:
@@ -95,6 +101,18 @@ class SurfaceDistance:
             closest,
             torch.where(on_surface, self._normals[torch.as_tensor(face)], normal),
         )
+
+
+def first_hit(
+    tree: igl.AABB,
+    verts: Float64[np.ndarray, "V 3"],
+    faces: Int64[np.ndarray, "F 3"],
+    start: Float64[np.ndarray, "N 3"],
+    ahead: Float64[np.ndarray, "N 3"],
+) -> Float64[np.ndarray, " N"]:
+    """Metres along each ray of unit direction to the first face it meets; infinite without any."""
+    face, reach, _ = tree.intersect_ray_first(verts, faces, start, ahead)
+    return np.where(face < 0, np.inf, reach)
 
 
 def signed_distance(

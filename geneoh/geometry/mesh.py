@@ -7,6 +7,8 @@ import numpy as np
 import torch
 import trimesh
 from jaxtyping import Bool, Float, Float64, Int
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from torch import Tensor
 
 from geneoh.errors import InputError
@@ -156,6 +158,41 @@ def open_edges(faces: Int[Tensor, "F 3"]) -> Bool[Tensor, "F 3"]:
     keys = torch.minimum(start, end) * (int(faces.max()) + 1) + torch.maximum(start, end)
     _, index, count = torch.unique(keys, return_inverse=True, return_counts=True)
     return count[index] == 1
+
+
+def rims(faces: Int[Tensor, "F 3"]) -> tuple[Int[Tensor, "E 2"], Int[Tensor, " E"]]:
+    """The open edges, each from its start to its end, and the number of the opening each bounds."""
+    rim = open_edges(faces)
+    edges = torch.stack([faces[rim], faces.roll(-1, dims=-1)[rim]], dim=-1).cpu()
+    if not len(edges):
+        return edges, edges[:, 0]
+    size = int(faces.max()) + 1
+    links = coo_array(
+        (np.ones(len(edges)), (edges[:, 0].numpy(), edges[:, 1].numpy())), (size,) * 2
+    )
+    _, label = connected_components(links, directed=False)
+    names = torch.from_numpy(label).long()[edges[:, 0]]
+    return edges, torch.unique(names, return_inverse=True)[1]
+
+
+def capped(
+    verts: Float[Tensor, "*B V 3"], faces: Int[Tensor, "F 3"]
+) -> tuple[Float[Tensor, "*B W 3"], Int[Tensor, "G 3"]]:
+    """Each opening closed by a fan around the middle of its rim, a vertex that is added.
+
+    Such is the wrist of a MANO hand; TOCH closes it in the same way. Every opening is closed: what
+    is meant for solids with holes, not for sheets.
+    """
+    edges, opening = rims(faces)
+    if not len(edges):
+        return verts, faces
+    middles = [
+        verts[..., torch.unique(edges[opening == hole]), :].mean(-2)
+        for hole in range(int(opening.max()) + 1)
+    ]
+    fan = torch.stack([edges[:, 1], edges[:, 0], verts.shape[-2] + opening], dim=-1)
+    closed = torch.cat([verts, torch.stack(middles, dim=-2)], dim=-2)
+    return closed, torch.cat([faces, fan.to(faces)])
 
 
 def is_watertight(mesh: Mesh) -> bool:

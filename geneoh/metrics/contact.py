@@ -5,6 +5,8 @@ metres, negative inside. Definitions follow GeneOH Diffusion, C.2, where it give
 distances to the triangles in place of nearest vertices: not to be set beside the paper's numbers.
 """
 
+from dataclasses import dataclass
+
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
@@ -50,6 +52,35 @@ def tips_in_contact(
     return (of_tip & (distance <= touch)[..., None, :]).any(-1)
 
 
+@dataclass(frozen=True)
+class ContactAgreement:
+    """How one contact map agrees with the true one, 0 to 1; NaN where there is nothing to share."""
+
+    iou: Float[Tensor, "*B"]
+    """Intersection over union."""
+    precision: Float[Tensor, "*B"]
+    """Share of the contact found that is true."""
+    recall: Float[Tensor, "*B"]
+    """Share of the true contact that is found."""
+    f_score: Float[Tensor, "*B"]
+    """Harmonic mean of precision and recall."""
+
+
+def contact_agreement(
+    contact: Bool[Tensor, "*B T P"], truth: Bool[Tensor, "*#B T P"]
+) -> ContactAgreement:
+    """Agreement of two contact maps, counted over all points and frames together.
+
+    The maps may be of hand vertices, of object points (`object_contact`) or of fingertips
+    (`tips_in_contact`).
+    """
+    both = (contact & truth).sum((-2, -1)).double()
+    found = contact.sum((-2, -1)).double() + torch.zeros_like(both)
+    true = truth.sum((-2, -1)).double() + torch.zeros_like(both)
+    ratios = both / (found + true - both), both / found, both / true, 2 * both / (found + true)
+    return ContactAgreement(*(ratio.float() for ratio in ratios))
+
+
 def contact_iou(
     distance: Float[Tensor, "*B T V"],
     truth: Float[Tensor, "*#B T V"],
@@ -57,12 +88,11 @@ def contact_iou(
 ) -> Float[Tensor, "*B"]:
     """Intersection over union of two contact maps over all frames, 0 to 1; NaN without contact.
 
-    A vertex is in contact when it is at most 2 mm from the surface, on either side. The paper takes
-    the map from object points by TOCH's ray correspondences; this one stands on the hand.
+    The plain version: a hand vertex is in contact when it is at most 2 mm from the surface, on
+    either side. The paper takes the map from object points by TOCH's ray correspondences, as
+    `correspondence.object_contact` does.
     """
-    ours, theirs = distance.abs() <= threshold, truth.abs() <= threshold
-    both, either = (ours & theirs).sum((-2, -1)), (ours | theirs).sum((-2, -1))
-    return both.to(distance) / either.to(distance)
+    return contact_agreement(distance.abs() <= threshold, truth.abs() <= threshold).iou
 
 
 def proximity_error(
@@ -100,7 +130,7 @@ def motion_consistency(
     gap, nearest = query.distance.abs().min(-1)
     pick = nearest[:, None, None].expand(-1, 1, 3)
     touched = query.closest.gather(1, pick)[:, 0]
-    part = part_at(touched, fields, rotation, translation)[:-1]
+    part = part_at(touched[:, None], fields, rotation, translation)[:-1, 0]
     frames = torch.arange(len(part), device=verts.device)
     now = Rigid(rotation[frames, part], translation[frames, part])
     later = Rigid(rotation[frames + 1, part], translation[frames + 1, part])
@@ -110,15 +140,59 @@ def motion_consistency(
     return torch.where(step.norm(dim=-1) > MOVING, miss, torch.nan)
 
 
-def part_at(
-    points: Float[Tensor, "T 3"],
+def fingertip_slip(
+    verts: Float[Tensor, "T V 3"],
+    query: SurfaceQuery,
+    tips: Float[Tensor, "T 5 3"],
     fields: tuple[SurfaceDistance, ...],
     rotation: Float[Tensor, "T Q 3 3"],
     translation: Float[Tensor, "T Q 3"],
-) -> Int[Tensor, " T"]:
-    """The part on whose surface each frame's point lies, in the world frame."""
+    fps: float,
+    touch: float = TOUCH,
+) -> Float[Tensor, " T-1"]:
+    """Speed in metres per second at which touching fingertips slide over the object, per frame.
+
+    Of each fingertip the vertex nearest to the object stands for it. It counts when it is at most
+    5 mm from the object in this frame and the next; what it moves along the surface, in the frame
+    of the part that it touches, is its slip. Mean over the fingertips that count, NaN without any.
+    The counterpart of foot skate: zero for a finger that rolls off, presses, or holds fast.
+
+    Args:
+        verts: hand points, world frame.
+        query: what the object answered to them.
+        tips: keypoints of the five fingertips.
+        fields: one per part.
+        rotation: part to world.
+        translation: part to world, metres.
+        fps: frames a second.
+        touch: metres within which a fingertip touches.
+    """
+    apart = torch.cdist(tips, verts, compute_mode="donot_use_mm_for_euclid_dist")
+    gap = torch.where(apart <= FINGERTIP_RADIUS, query.distance[:, None], torch.inf)
+    nearest, pick = gap[:-1].min(-1)
+    frame = torch.arange(len(pick), device=verts.device)[:, None]
+    stays = (nearest <= touch) & (query.distance[frame + 1, pick] <= touch)
+    now, later = verts[frame, pick], verts[frame + 1, pick]
+    part = part_at(query.closest[frame, pick], fields, rotation[:-1], translation[:-1])
+    before = Rigid(rotation[frame, part], translation[frame, part])
+    after = Rigid(rotation[frame + 1, part], translation[frame + 1, part])
+    # Where the vertex would be had it stayed on the part; `apply` takes sets of points.
+    carried = after.compose(before.inverse()).apply(now[..., None, :])[..., 0, :]
+    turned = (after.rotation @ before.rotation.mT @ query.normal[frame, pick][..., None])[..., 0]
+    moved = later - carried
+    along = moved - (moved * turned).sum(-1, keepdim=True) * turned
+    return torch.nanmean(torch.where(stays, along.norm(dim=-1), torch.nan), dim=-1) * fps
+
+
+def part_at(
+    points: Float[Tensor, "T K 3"],
+    fields: tuple[SurfaceDistance, ...],
+    rotation: Float[Tensor, "T Q 3 3"],
+    translation: Float[Tensor, "T Q 3"],
+) -> Int[Tensor, "T K"]:
+    """The part on whose surface each point lies, in the world frame."""
     distances = []
     for part, field in enumerate(fields):
         pose_world_part = Rigid(rotation[:, part], translation[:, part])
-        distances.append(field.query(pose_world_part.inverse().apply(points[:, None])).distance)
-    return torch.stack(distances)[..., 0].abs().argmin(0)
+        distances.append(field.query(pose_world_part.inverse().apply(points)).distance)
+    return torch.stack(distances).abs().argmin(0)

@@ -39,9 +39,12 @@ def test_savitzky_golay_keeps_parabolas():
     assert torch.allclose(smooth(values, Filter("savgol", 9.0), FPS), values, atol=1e-5)
 
 
-def test_a_track_shorter_than_the_window_is_left_alone():
-    values = torch.randn(4, 3)
-    assert torch.equal(smooth(values, Filter("savgol", 9.0), FPS), values)
+def test_a_track_shorter_than_the_window_is_filtered_by_the_longest_it_has():
+    values = torch.randn(8, 3)
+    expected = smooth(values, Filter("savgol", 7.0), FPS)
+    assert not torch.equal(expected, values)
+    assert torch.equal(smooth(values, Filter("savgol", 15.0), FPS), expected)
+    assert torch.equal(smooth(values[:2], Filter("savgol", 15.0), FPS), values[:2])
 
 
 def test_gaussian_passes_a_wave_by_its_known_response():

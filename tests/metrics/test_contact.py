@@ -9,7 +9,9 @@ from geneoh.geometry.distance import SurfaceDistance, query_parts
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.metrics.contact import (
+    contact_agreement,
     contact_iou,
+    fingertip_slip,
     in_contact,
     motion_consistency,
     penetration_depth,
@@ -132,3 +134,108 @@ def test_hand_follows_the_part_that_it_touches(cube):
     query = query_parts((cube, cube), rotation, translation, verts)
     found = motion_consistency(verts, query, (cube, cube), rotation, translation)
     torch.testing.assert_close(found, torch.zeros(4), atol=1e-9, rtol=0)
+
+
+def test_agreement_counts_points_of_all_frames_together():
+    truth = torch.tensor([[True, True, False, False], [False, True, False, False]])
+    found = torch.tensor([[True, False, True, False], [False, True, False, False]])
+    agreement = contact_agreement(found, truth)
+    pairs = [
+        (a, b)
+        for row, other in zip(found.tolist(), truth.tolist(), strict=True)
+        for a, b in zip(row, other, strict=True)
+    ]
+    hits, misses = pairs.count((True, True)), pairs.count((False, True))
+    false = pairs.count((True, False))
+    assert float(agreement.iou) == pytest.approx(hits / (hits + misses + false))
+    assert float(agreement.precision) == pytest.approx(hits / (hits + false))
+    assert float(agreement.recall) == pytest.approx(hits / (hits + misses))
+    assert float(agreement.f_score) == pytest.approx(2 * hits / (2 * hits + misses + false))
+
+
+def test_contact_that_is_missed_altogether_has_no_precision_and_no_recall():
+    nothing, truth = torch.zeros(2, 3, dtype=torch.bool), torch.ones(2, 3, dtype=torch.bool)
+    agreement = contact_agreement(nothing, truth)
+    assert math.isnan(float(agreement.precision))
+    assert (float(agreement.iou), float(agreement.recall), float(agreement.f_score)) == (0, 0, 0)
+
+
+def sliding(
+    step: torch.Tensor, rotation: torch.Tensor, translation: torch.Tensor
+) -> tuple[torch.Tensor, torch.Tensor]:
+    """Five fingertips, the first on the cube's face x = 50 mm, that move by `step` in its frame."""
+    frames = len(rotation)
+    rest = torch.tensor([[0.051, 0.0, 0.0], [0.2, 0, 0], [0.3, 0, 0], [0.4, 0, 0], [0.5, 0, 0]])
+    local = rest + torch.arange(frames)[:, None, None] * step
+    verts = local @ rotation[:, 0].mT + translation
+    return verts, verts
+
+
+def slip(cube, step, rotation, translation) -> torch.Tensor:
+    verts, tips = sliding(step, rotation, translation)
+    query = query_parts((cube,), rotation, translation, verts)
+    return fingertip_slip(verts, query, tips, (cube,), rotation, translation, fps=30.0)
+
+
+def test_fingertip_that_slides_a_millimetre_a_frame_slips_at_30_mm_a_second(cube):
+    for motion in (still(5), turning(5)):
+        found = slip(cube, torch.tensor([0.0, 0.0006, 0.0008]), *motion)
+        torch.testing.assert_close(found, torch.full((4,), 0.03), rtol=1e-3, atol=0)
+
+
+def test_fingertip_that_is_carried_or_presses_does_not_slip(cube):
+    assert float(slip(cube, torch.zeros(3), *turning(5)).max()) < 2e-5
+    pressing = slip(cube, torch.tensor([-0.0005, 0.0, 0.0]), *turning(5))
+    assert float(pressing.max()) < 2e-5
+
+
+def test_fingertip_that_lets_go_has_no_slip(cube):
+    found = slip(cube, torch.tensor([0.003, 0.001, 0.0]), *still(4))
+    # 1 mm off, then 4, 7 and 10: only the first step stays within 5 mm
+    assert found.isnan().tolist() == [False, True, True]
+
+
+def test_slip_agrees_with_one_finger_and_frame_at_a_time(cube):
+    generator = torch.Generator().manual_seed(3)
+    rotation, translation = turning(6)
+    centres = torch.tensor(
+        [[0.055, 0.0, 0.0], [0, 0.056, 0.0], [0, 0, 0.052], [0.3, 0, 0], [9, 0, 0]]
+    )
+    local = centres.repeat_interleave(4, 0) + 0.004 * torch.randn(6, 20, 3, generator=generator)
+    verts = local @ rotation[:, 0].mT + translation
+    tips = (centres @ rotation[:, 0].mT) + translation
+    query = query_parts((cube,), rotation, translation, verts)
+    found = fingertip_slip(verts, query, tips, (cube,), rotation, translation, fps=30.0)
+    for t in range(5):
+        speeds = []
+        for k in range(5):
+            near = [v for v in range(20) if float((verts[t, v] - tips[t, k]).norm()) <= 0.015]
+            if not near:
+                continue
+            v = min(near, key=lambda v: float(query.distance[t, v]))
+            if max(float(query.distance[t, v]), float(query.distance[t + 1, v])) > 0.005:
+                continue
+            normal = rotation[t, 0].T @ query.normal[t, v]
+            moved = local[t + 1, v] - local[t, v]
+            speeds.append(30 * float((moved - moved.dot(normal) * normal).norm()))
+        expected = sum(speeds) / len(speeds) if speeds else math.nan
+        assert float(found[t]) == pytest.approx(expected, rel=1e-3, abs=1e-4, nan_ok=True)
+
+
+def test_far_from_the_origin_the_tips_are_the_same():
+    tips = torch.tensor([[0.0, 0, 0], [0.1, 0, 0], [0.2, 0, 0], [0.3, 0, 0], [0.4, 0, 0]])[None]
+    generator = torch.Generator().manual_seed(0)
+    verts = tips.repeat_interleave(40, 1) + 0.0149 * torch.nn.functional.normalize(
+        torch.randn(1, 200, 3, generator=generator), dim=-1
+    )
+    distance = torch.full((1, 200), 0.02)
+    distance[:, ::7] = 0.0
+    near = tips_in_contact(distance, verts, tips)
+    assert bool(near.all())
+    away = torch.tensor([3.0, -2.0, 4.0])
+    for vertex in range(0, 200, 7):
+        alone = torch.full((1, 200), 0.02)
+        alone[:, vertex] = 0.0
+        here = tips_in_contact(alone, verts, tips)
+        there = tips_in_contact(alone, verts + away, tips + away)
+        assert torch.equal(here, there)

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -25,6 +25,7 @@ SEEN = 0.5
 """Share of a clip's frames in which its hand must have been observed."""
 
 
+@runtime_checkable
 class ClipSource(Protocol):
     """Where a clip comes from: cheap to hold and to send to a worker, read when it is needed."""
 

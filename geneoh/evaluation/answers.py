@@ -1,0 +1,43 @@
+"""Running a baseline's network on a sequence: the same way to it and back as the cleaner's own."""
+
+from dataclasses import replace
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.denoisers.library import Baseline
+from geneoh.geometry.distance import SurfaceDistance
+from geneoh.hand.library import load_hand
+from geneoh.pipeline.denoise import RATE, scene_around
+from geneoh.pipeline.person import person_of
+from geneoh.sequence.resample import at_rate, over_frames
+from geneoh.sequence.tracks import HandTrack, Sequence
+
+
+@torch.no_grad()
+def answer(network: Baseline, sequence: Sequence, *, seed: int) -> Float[Tensor, "T 21 3"]:
+    """Keypoints that a baseline answers to the first hand of a sequence, all frames.
+
+    Left hands are mirrored, other rates resampled, windows blended as for the cleaner; `seed` draws
+    the object's surface points.
+    """
+    paced = at_rate(sequence, RATE)
+    hand, moving = paced.hands[0], paced.object
+    left = hand.side == "left"
+    if left:
+        hand, moving = hand.mirrored(), moving.mirrored()
+    person = person_of(hand, load_hand("right"))
+    fields = tuple(SurfaceDistance(mesh) for mesh in moving.meshes)
+    generator = torch.Generator().manual_seed(seed)
+    scene = scene_around(fields, moving, person, paced.fps, generator=generator)
+    joints = person.joints[None]
+    region = scene.region(joints)
+    observation = scene.observation(joints, region, given=True)
+    answered = network(observation, region.points_canon, region.normals_canon)
+    world = scene.blend(region.to_world(answered))[0]
+    track = HandTrack("right", torch.ones_like(hand.valid), joints=world)
+    track = track.mirrored() if left else track
+    back = over_frames(replace(paced, hands=(track,)), sequence.frames).hands[0].joints
+    assert back is not None, "it had joints"
+    return back

@@ -1,0 +1,98 @@
+"""Contact on the object, by TOCH's rays: which object points have the hand in front of them.
+
+From each object point a ray leaves along the normal, or against it where the point is inside the
+hand; the first thing it meets of the hand is the point's correspondence, unless it meets the object
+before. A point is in contact when its correspondence is at most 2 mm away, on either side.
+
+Source: Zhou et al., TOCH, 2022, section 3.1; GeneOH Diffusion, C.2 (contact IoU).
+"""
+
+import igl
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from geneoh.geometry.distance import SurfaceDistance, first_hit
+from geneoh.geometry.mesh import Mesh, capped
+from geneoh.geometry.rigid import Rigid
+from geneoh.geometry.sampling import SurfaceSamples, sample_surface
+from geneoh.geometry.solid import as_arrays
+from geneoh.metrics.contact import CONTACT_MAP
+
+SAMPLES = 8000
+"""Points on an object, as in TOCH; shared by its parts by area."""
+START = 1e-4
+"""Metres in front of a point from which the object may stand in the ray's way (TOCH)."""
+
+
+def contact_points(
+    fields: tuple[SurfaceDistance, ...], *, generator: torch.Generator, count: int = SAMPLES
+) -> tuple[SurfaceSamples, ...]:
+    """Points spread evenly over the surface of an object's parts, in the parts' frames."""
+    areas = [float(field.solid.surface.face_vectors().norm(dim=-1).sum()) for field in fields]
+    return tuple(
+        sample_surface(field.solid, max(1, round(count * area / sum(areas))), generator=generator)
+        for field, area in zip(fields, areas, strict=True)
+    )
+
+
+def object_contact(
+    verts: Float[Tensor, "T V 3"],
+    faces: Int[Tensor, "F 3"],
+    fields: tuple[SurfaceDistance, ...],
+    samples: tuple[SurfaceSamples, ...],
+    rotation: Float[Tensor, "T Q 3 3"],
+    translation: Float[Tensor, "T Q 3"],
+    threshold: float = CONTACT_MAP,
+) -> Bool[Tensor, "T P"]:
+    """Whether each object point has the hand within the threshold along its ray, part after part.
+
+    A frame without a hand has no contact. To be given to `contact.contact_agreement` together with
+    the map of the true hand on the same points.
+
+    Args:
+        verts: hand, world frame; an opening at its wrist is closed.
+        faces: of the hand.
+        fields: one per part.
+        samples: points of each part, from `contact_points`.
+        rotation: part to world.
+        translation: part to world, metres.
+        threshold: metres.
+    """
+    closed, closed_faces = capped(verts, faces)
+    maps = []
+    for part, (field, points) in enumerate(zip(fields, samples, strict=True)):
+        hands = Rigid(rotation[:, part], translation[:, part]).inverse().apply(closed)
+        touched = torch.zeros(len(verts), len(points.points), dtype=torch.bool)
+        for frame in torch.nonzero(hands.isfinite().flatten(1).all(-1))[:, 0].tolist():
+            hand = Mesh(hands[frame], closed_faces)
+            touched[frame] = rays_meet(hand, field, points, threshold)
+        maps.append(touched)
+    return torch.cat(maps, dim=-1).to(verts.device)
+
+
+def rays_meet(
+    hand: Mesh, field: SurfaceDistance, samples: SurfaceSamples, threshold: float
+) -> Bool[Tensor, " P"]:
+    """Whether each point's correspondence is within the threshold; all in the part's frame."""
+    verts, faces = as_arrays(hand)
+    points, normals = (x.cpu().double().numpy() for x in (samples.points, samples.normals))
+    met = np.zeros(len(points), dtype=bool)
+    around = (points > verts.min(0) - threshold) & (points < verts.max(0) + threshold)
+    near = np.flatnonzero(around.all(-1))
+    if not len(near):
+        return torch.from_numpy(met)
+    tree = igl.AABB()
+    tree.init(verts, faces)
+    # No ray is shorter than the distance, so the few points that are near are enough.
+    near = near[tree.squared_distance(verts, faces, points[near])[0] <= threshold**2]
+    if not len(near):
+        return torch.from_numpy(met)
+    start = points[near]
+    inside = np.abs(igl.winding_number(verts, faces, start)) > 0.5
+    ahead = np.where(inside[:, None], -normals[near], normals[near])
+    reach = first_hit(tree, verts, faces, start, ahead)
+    blocked = field.first_hit(start + START * ahead, ahead) + START < reach
+    met[near] = (reach <= threshold) & ~blocked
+    return torch.from_numpy(met)

@@ -1,0 +1,58 @@
+"""`geneoh eval` on a very small scale, and its refusals."""
+
+import json
+
+import pytest
+
+SMALL = (
+    *("--dataset", "synthetic", "--limit", 1, "--noise", "gauss", "--jobs", 1),
+    *("--set", "frames=6", "--close-frames", 2),
+)
+
+
+def test_a_table_is_printed_and_everything_is_written(geneoh, tmp_path):
+    done = geneoh("eval", *SMALL, "--row", "input", "--row", "savgol", "-o", "out")
+    assert done.exit_code == 0, done.output
+    assert "synthetic, gauss: 1 clip, 1 seed" in done.stdout
+    assert "Savitzky-Golay on parameters" in done.stdout
+    files = {path.name for path in (tmp_path / "out").iterdir()}
+    assert files == {"scores.jsonl", "scores.csv", "evaluation.json", "report.md", "report.html"}
+    whole = json.loads((tmp_path / "out" / "evaluation.json").read_text())
+    assert whole["command"] == (
+        "geneoh eval --dataset synthetic --noise gauss --limit 1 --row input --row savgol "
+        "--close-frames 2 --set frames=6 --output out --jobs 1"
+    )
+    other = geneoh("eval", *SMALL, "--set", "frames=7", "-o", "out")
+    assert other.exit_code == 2
+    assert "--fresh" in other.stderr
+
+
+def test_inputs_are_written_for_others(geneoh, tmp_path):
+    done = geneoh("eval", *SMALL, "--inputs", "inputs")
+    assert done.exit_code == 0, done.output
+    assert "wrote 1 clips to inputs" in done.stdout
+    assert len(list((tmp_path / "inputs").glob("*_gauss_11.npz"))) == 1
+
+
+@pytest.mark.parametrize("dataset", ["grab", "grab-beta", "hoi4d", "arctic"])
+def test_a_data_set_that_is_not_there_is_one_sentence(geneoh, dataset, monkeypatch):
+    for name in ("GRAB", "HOI4D", "ARCTIC"):
+        monkeypatch.delenv(f"GENEOH_DATA_{name}", raising=False)
+    done = geneoh("eval", "--dataset", dataset)
+    assert done.exit_code == 2
+    assert done.stdout == ""
+    assert len(done.stderr.strip().splitlines()) == 1
+    for word in ("--root", "GENEOH_DATA_", "get it at"):
+        assert word in done.stderr
+
+
+def test_a_missing_folder_of_predictions_is_told(geneoh):
+    done = geneoh("eval", *SMALL, "--predictions", "nowhere")
+    assert done.exit_code == 2
+    assert "nowhere" in done.stderr
+
+
+def test_a_misspelt_choice_of_the_protocol_is_told(geneoh):
+    done = geneoh("eval", "--dataset", "taco", "--set", "window=all")
+    assert done.exit_code == 2
+    assert "did you mean 'windows'" in done.stderr

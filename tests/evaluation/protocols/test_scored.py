@@ -1,0 +1,32 @@
+"""Each data set in its published layout can be scored, from the files to the table."""
+
+import pytest
+
+from geneoh.evaluation.plan import Choices, evaluate
+from geneoh.evaluation.protocols import ProtocolOptions
+from geneoh.evaluation.tables import as_text
+
+PLAIN = {"hoi4d"}
+"""Recorded with real noise: without ground truth, judged by plausibility."""
+
+
+@pytest.mark.parametrize("name", ["grab", "grab-beta", "hoi4d", "arctic", "taco"])
+def test_a_data_set_in_its_published_layout_is_scored(tree, mano_dir, tmp_path, name):
+    source = name.removesuffix("-beta")
+    root = tree(source, 160) if source == "grab" else tree(source)
+    choices = Choices(
+        name,
+        root=root,
+        seeds=(11,),
+        limit=1,
+        rows=("input", "savgol"),
+        protocol=ProtocolOptions(mano_dir=mano_dir, frames=20, stride=10),
+        close_frames=1,
+    )
+    made = evaluate(choices, tmp_path / "out")
+    assert [score.failed for score in made.scores] == [""] * len(made.rows)
+    (block,) = made.blocks
+    assert block.rows["input"]["acceleration_mm"].mean > 0
+    for cells in block.rows.values():
+        assert ("mpjpe_mm" in cells) == (name not in PLAIN)
+    assert any("Savitzky-Golay on keypoints" in line for line in as_text(made.blocks))

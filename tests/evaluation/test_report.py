@@ -1,0 +1,110 @@
+"""What an evaluation leaves behind."""
+
+import csv
+import json
+
+import pytest
+
+from geneoh.evaluation import plots
+from geneoh.evaluation.report import Evaluation, write_report
+from geneoh.evaluation.scores import MEASURES, Score
+
+ROWS = ("input", "best filter, told the truth †", "geneoh default")
+NUMBERS = {measure.key: 10.0 for measure in MEASURES}
+
+
+def made(**changes) -> Evaluation:
+    scores = [
+        Score(
+            *("taco", clip, noise, seed, row),
+            values=NUMBERS | {"mpjpe_mm": 20.0 / (place + 1) + seed / 100},
+            error_by_frame_mm=[20.0, None, 10.0],
+            error_by_joint_mm=[float(joint) for joint in range(21)],
+            seconds=0.5,
+        )
+        for noise in ("gauss", "beta")
+        for clip in ("a", "b")
+        for seed in (11, 22)
+        for place, row in enumerate(ROWS)
+    ]
+    scores.append(Score("taco", "c", "gauss", 11, "input", failed="c.npz: damaged <again>"))
+    settings = {"versions": {"geneoh": "0.1.0"}, "weights": {"motion": "abcd"}, "code": "ef"}
+    given = {"settings": settings, "command": "geneoh eval --dataset taco", "rows": ROWS}
+    return Evaluation(**(given | {"scores": tuple(scores)} | changes))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("report")
+    write_report(made(notes=("said besides",), pages=(("clip a", "pages/a.html"),)), folder)
+    return folder
+
+
+def test_the_csv_has_a_line_for_each_score(folder):
+    with (folder / "scores.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 25
+    assert rows[0]["row"] == "input"
+    assert float(rows[0]["mpjpe_mm"]) == pytest.approx(20.11)
+    assert rows[-1]["failed"] == "c.npz: damaged <again>"
+    assert rows[-1]["depth_mm"] == ""
+
+
+def test_the_json_holds_what_is_needed_to_repeat(folder):
+    whole = json.loads((folder / "evaluation.json").read_text())
+    assert whole["command"] == "geneoh eval --dataset taco"
+    assert whole["settings"]["weights"] == {"motion": "abcd"}
+    assert {score["seed"] for score in whole["scores"]} == {11, 22}
+    table = next(table for table in whole["tables"] if table["noise"] == "beta")
+    cell = table["rows"]["geneoh default"]["mpjpe_mm"]
+    assert cell["mean"] == pytest.approx(20 / 3 + 0.165)
+    assert cell["spread"] == pytest.approx(0.11 / 2**0.5)
+
+
+def test_the_markdown_is_a_table_with_what_made_it(folder):
+    text = (folder / "report.md").read_text()
+    assert "`geneoh eval --dataset taco`" in text
+    assert "| taco, gauss | input (1 failed) |" in text
+    assert "motion weights abcd" in text
+    assert "- said besides" in text
+    assert "Kendall tau of 1.00" in text
+
+
+def test_the_page_stands_alone_and_has_every_plot(folder):
+    text = (folder / "report.html").read_text()
+    assert text.count("<svg") == 2 + 2 * 3
+    for word in ("src=", "url(http", "<script", "@import"):
+        assert word not in text
+    assert "c.npz: damaged &lt;again&gt;" in text
+    assert '<a href="pages/a.html">clip a</a>' in text
+    assert "above the line" in text
+
+
+def test_equal_scores_give_equal_files(folder, tmp_path):
+    again = made(notes=("said besides",), pages=(("clip a", "pages/a.html"),))
+    for path in write_report(again, tmp_path):
+        assert path.read_bytes() == (folder / path.name).read_bytes()
+
+
+def test_without_the_extra_the_page_says_how_to_get_plots(tmp_path, monkeypatch):
+    monkeypatch.setattr(plots, "available", lambda: False)
+    write_report(made(), tmp_path)
+    text = (tmp_path / "report.html").read_text()
+    assert "<svg" not in text
+    assert "geneoh[plots]" in text
+
+
+def test_real_noise_without_truth_is_reported_by_plausibility(tmp_path):
+    scores = [Score("hoi4d", "a", "recorded", 11, "input", {"depth_mm": 2.0})]
+    write_report(made(scores=tuple(scores)), tmp_path)
+    text = (tmp_path / "report.html").read_text()
+    assert "depth" in text
+    assert "MPJPE" not in text
+    assert text.count("<svg") == 1
+
+
+def test_means_of_columns_leave_out_what_is_missing():
+    means = plots.column_means([[1.0, None, 3.0], [3.0, None]])
+    assert means[0] == 2.0
+    assert means[1] != means[1]
+    assert means[2] == 3.0
