@@ -54,4 +54,6 @@ def load_checkpoint(path: Path) -> Checkpoint:
             f"{path}: expected a safetensors file with a geneoh record, got {error}; "
             "train or download the weights again"
         ) from error
-    return Checkpoint({n: t.float() if t.dtype in HALVES else t for n, t in tensors.items()}, record)
+    return Checkpoint(
+        {n: t.float() if t.dtype in HALVES else t for n, t in tensors.items()}, record
+    )
