@@ -284,7 +284,7 @@ def measures(real: Side, synthetic: Side) -> list[Measure]:
     add("skin in contact", "cm²", *(skin.area[skin.touching] for skin in skins), scale=1e4)
     add("fingertips in contact", "", *(skin.fingers[skin.touching] for skin in skins))
     add("penetration depth", "mm", *(skin.depth[skin.touching] for skin in skins), scale=1e3)
-    add("frames in contact", "%", *(skin.touching.float() for skin in skins), scale=100)
+    add("frames in contact", "%", *(skin.touching.float() for skin in skins), scale=100.0)
     return found
 
 
@@ -307,13 +307,13 @@ def angle_correlations(real: Side, synthetic: Side) -> dict[str, float]:
 def table(report: Realism) -> list[str]:
     """The report as lines of text."""
     lines = [
-        f"{'':<32}{'real 5%':>8}{'50%':>8}{'95%':>8}{'made 5%':>10}{'50%':>8}{'95%':>8}{'KS':>6}"
+        f"{'':<38}{'real 5%':>8}{'50%':>8}{'95%':>8}{'made 5%':>10}{'50%':>8}{'95%':>8}{'KS':>6}"
     ]
     for row in report.measures:
         cells = "".join(f"{v:>8.3g}" for v in asdict(row.real).values())
         cells += "  " + "".join(f"{v:>8.3g}" for v in asdict(row.synthetic).values())
         title = f"{row.name} {row.unit}".rstrip()
-        lines.append(f"{title:<32}{cells}{row.distance:>6.2f}")
+        lines.append(f"{title:<38}{cells}{row.distance:>6.2f}")
     pairs = report.correlation
     lines.append(
         f"joint angles' correlations: mean size {pairs['real_mean_size']:.2f} real, "
@@ -325,5 +325,5 @@ def table(report: Realism) -> list[str]:
         "0.5 is chance), and single made clips from the rest:"
     )
     for view in report.accuracy:
-        lines.append(f"  {view:<30}{report.accuracy[view]:>8.2f}{report.control[view]:>8.2f}")
+        lines.append(f"  {view:<36}{report.accuracy[view]:>8.2f}{report.control[view]:>8.2f}")
     return lines

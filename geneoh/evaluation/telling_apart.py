@@ -145,7 +145,7 @@ def fit_logistic(first: Float[np.ndarray, "N D"], second: Float[np.ndarray, "M D
     sign = np.repeat([1.0, -1.0], [len(first), len(second)])
     share = np.repeat([0.5 / len(first), 0.5 / len(second)], [len(first), len(second)])
 
-    def loss(unknown: Float[np.ndarray, " D+1"]) -> tuple[float, Float[np.ndarray, " D+1"]]:
+    def loss(unknown: Float[np.ndarray, " U"]) -> tuple[float, Float[np.ndarray, " U"]]:
         weight, bias = unknown[:-1], unknown[-1]
         margin = sign * (x @ weight + bias)
         wrong = share * sign / (1 + np.exp(np.clip(margin, -500, 500)))
