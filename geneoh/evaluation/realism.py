@@ -216,8 +216,8 @@ def compare_sides(real: Side, synthetic: Side) -> Realism:
     others = one_snippet_each(synthetic)
     if len(blocks) < 2 or len(others) < 2 * len(blocks):
         raise InputError(
-            f"expected {2 * BLOCK} frames or more of a hand at its object, in two blocks of "
-            f"{BLOCK}, and {4} or more synthetic clips with {SNIPPET} such frames; got "
+            f"expected {SNIPPET} frames on end of a hand at its object in two or more of the "
+            f"recording's blocks of {BLOCK}, and in twice as many synthetic clips, got "
             f"{len(blocks)} blocks and {len(others)} clips; take a longer recording or more data"
         )
     told = {view: tell_apart(blocks, others, view, FPS) for view in VIEWS}

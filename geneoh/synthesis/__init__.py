@@ -1,7 +1,7 @@
 """Interactions to learn from: analytic objects, grasps found on them, motion, shards on disk.
 
-How near they are to a real recording (examples/taco_clean.npz, a left hand with a brush, measured
-as its mirror image; 768 clips of the shipped engine, seed 0). Numbers are 5%, median and 95%; KS is
+How near they are to a real recording (examples/taco_clean.npz, a left hand, measured as its
+mirror image; 768 clips of 80 shards, seed 0). Numbers are 5%, median and 95%; KS is
 the Kolmogorov-Smirnov distance, 0 for the same distribution and 1 for none in common:
 
 | | real | made | KS |

@@ -122,7 +122,7 @@ def test_controls_need_clips_of_two_blocks():
 
 
 def test_too_short_a_recording_is_refused_with_what_is_needed():
-    with pytest.raises(InputError, match=rf"expected {2 * BLOCK} frames or more .* got 1 blocks"):
+    with pytest.raises(InputError, match=rf"blocks of {BLOCK}, .* got 1 blocks and 60 clips"):
         compare_sides(side(0, 1, BLOCK + 5), side(1, 60, 40))
 
 
