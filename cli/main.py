@@ -19,7 +19,7 @@ from geneoh.errors import GeneOHError, NumericalError
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 COMMANDS = (
-    *("denoise", "eval", "train", "synthesize", "corrupt"),
+    *("denoise", "eval", "train", "synthesize", "realism", "corrupt"),
     *("convert", "view", "info"),
 )
 """In the order that `--help` shows. Each is a function of its own name in commands/NAME.py, which

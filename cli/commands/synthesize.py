@@ -27,20 +27,28 @@ def synthesize(data: Path, count: int, seed: int) -> None:
     """Make synthetic hand-object interactions, in shards that `geneoh train` reads.
 
     Started again with the same folder, count and seed it makes only what is missing. Some object
-    families are held out: they are in the validation shards alone.
+    families are held out: they are in the validation shards alone. sheet.png in the folder shows a
+    grasp of each family, with how deep the hand's skin is in the object.
     """
+    from functools import partial
+
     from geneoh.hand.library import load_hand
     from geneoh.synthesis.shards import SynthesisConfig, write_shards
+    from geneoh.viz.sheet import contact_sheet, one_of_each
+    from geneoh.viz.strip import save_picture
 
     from .. import progress
 
-    config = SynthesisConfig(count=count)
+    config, hand, sheet = SynthesisConfig(count=count), load_hand("right"), data / "sheet.png"
     with progress.progress_bars() as heard:
         made = write_shards(
             data,
             config,
-            load_hand("right"),
+            hand,
             seed=seed,
-            on_shard=lambda done, total: heard("shards", done, total),
+            on_shard=partial(heard, "shards"),
         )
-    click.echo(f"{data}: {made} shards made, of {config.shard} interactions each")
+        if made or not sheet.exists():
+            clips = one_of_each(data, hand)
+            save_picture(contact_sheet(clips, on_picture=partial(heard, "sheet")), sheet)
+    click.echo(f"{data}: {made} shards made, of {config.shard} interactions each; see {sheet}")

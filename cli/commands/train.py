@@ -40,7 +40,7 @@ def train(
 
     from geneoh.config import configured
     from geneoh.denoisers.library import load_motion
-    from geneoh.synthesis.shards import read_shards
+    from geneoh.synthesis.shards import find_shards, read_shards, shard_record
     from geneoh.training.config import TrainConfig
     from geneoh.training.loop import train as fit
 
@@ -59,6 +59,7 @@ def train(
             folder,
             device=devices.named(device),
             before=before,
+            made=shard_record(find_shards(data, "train")[0]),
             on_step=lambda now: heard(stage, now.step, now.steps),
         )
     click.echo(f"wrote {path}")

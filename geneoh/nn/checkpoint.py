@@ -13,6 +13,9 @@ from torch import Tensor
 
 from geneoh.errors import CheckpointError
 
+HALVES = (torch.float16, torch.bfloat16)
+"""Types that weights are kept small in; nothing here computes with them."""
+
 
 @dataclass(frozen=True)
 class Checkpoint:
@@ -32,7 +35,7 @@ def save_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
 
 
 def load_checkpoint(path: Path) -> Checkpoint:
-    """Read a checkpoint; floating-point tensors come back as float32.
+    """Read a checkpoint; float16 and bfloat16 come back as float32, all else as it was saved.
 
     Raises:
         CheckpointError: the file is missing, is not safetensors or carries no record.
@@ -52,5 +55,5 @@ def load_checkpoint(path: Path) -> Checkpoint:
             "train or download the weights again"
         ) from error
     return Checkpoint(
-        {n: t.float() if t.dtype == torch.float16 else t for n, t in tensors.items()}, record
+        {n: t.float() if t.dtype in HALVES else t for n, t in tensors.items()}, record
     )

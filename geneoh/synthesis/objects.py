@@ -5,14 +5,16 @@ pose and a rounding radius, so one tensor program evaluates any mixture of famil
 are those of things people hold: coin-thin boards to two-hand boxes.
 """
 
+import difflib
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from geneoh.errors import ConfigError
 from geneoh.geometry.rotations import axis_angle_to_matrix
 
 PARTS = 4
@@ -34,6 +36,10 @@ class Solids:
     rounding: Float[Tensor, "B S"]
     center: Float[Tensor, "B S 3"]
     rotation: Float[Tensor, "B S 3 3"]
+
+    def chosen(self, which: Bool[Tensor, " B"] | Int[Tensor, " C"]) -> "Solids":
+        """Some of the objects."""
+        return Solids(*(getattr(self, field.name)[which] for field in fields(self)))
 
     def signed_distance(self, points: Float[Tensor, "B P 3"]) -> Float[Tensor, "B P"]:
         """Signed distance in metres, negative inside; exact outside boxes, cylinders and tori.
@@ -385,6 +391,19 @@ FAMILIES: dict[str, Callable[[Draw], list[_Solid]]] = {
 }
 
 
+def family_named(name: str) -> Callable[[Draw], list[_Solid]]:
+    """What draws an object of a family.
+
+    Raises:
+        ConfigError: there is no family of that name.
+    """
+    if name not in FAMILIES:
+        near = difflib.get_close_matches(name, FAMILIES, 1, 0.5)
+        hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(FAMILIES)}"
+        raise ConfigError(f"{name!r} is no object family; {hint}")
+    return FAMILIES[name]
+
+
 def draw_objects(families: list[str], *, generator: torch.Generator) -> Solids:
     """One random object per family name, centred near the origin of its own frame."""
 
@@ -398,7 +417,7 @@ def draw_objects(families: list[str], *, generator: torch.Generator) -> Solids:
     center = torch.full((batch, PARTS, 3), FAR)
     turn = torch.zeros(batch, PARTS, 3)
     for b, family in enumerate(families):
-        for s, solid in enumerate(FAMILIES[family](uniform)):
+        for s, solid in enumerate(family_named(family)(uniform)):
             kind[b, s], rounding[b, s] = solid.kind, min(solid.rounding, 0.95 * min(solid.size))
             size[b, s] = torch.tensor(solid.size)
             center[b, s] = torch.tensor(solid.center)

@@ -1,22 +1,24 @@
-"""Interactions on disk: seeded shards that can be made in any order and read without loading."""
+"""Interactions on disk: seeded shards that can be made in any order and read one at a time."""
 
 import hashlib
 import json
 import os
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from typing import Any
 
 import torch
-from safetensors import safe_open
+from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor
 
-from geneoh.errors import InputError
-from geneoh.hand.model import HandModel
+from geneoh.config import as_dict
+from geneoh.errors import ConfigError, InputError
+from geneoh.hand.model import HandModel, ShapedHand
 from geneoh.synthesis.grasps import Grasps, synthesize_grasps
 from geneoh.synthesis.motion import Interactions, animate
-from geneoh.synthesis.objects import FAMILIES, Solids, draw_objects
+from geneoh.synthesis.objects import FAMILIES, Solids, draw_objects, family_named
 
 
 @dataclass(frozen=True)
@@ -39,11 +41,80 @@ class SynthesisConfig:
     validation: float = 0.03
     """Share of the shards that hold the held-out families."""
 
+    def __post_init__(self) -> None:
+        """Refuse sizes below one, and held-out families that are none or leave none."""
+        for name in ("count", "frames", "points", "shard"):
+            if getattr(self, name) < 1:
+                raise ConfigError(f"{name} must be 1 or more, got {getattr(self, name)}; raise it")
+        for family in self.held_out:
+            family_named(family)
+        if not self.held_out or not self.common:
+            raise ConfigError(
+                "held_out must name some object families for validation and leave some for "
+                f"training, got {len(set(self.held_out))} of {len(FAMILIES)}; name a few"
+            )
+
+    @property
+    def common(self) -> list[str]:
+        """Families of the training shards."""
+        return [name for name in FAMILIES if name not in self.held_out]
+
+    @property
+    def shards(self) -> int:
+        """Files in all, those for validation first."""
+        return max(2, -(-self.count // self.shard))
+
+    def split_of(self, index: int) -> str:
+        """What the shard of this number is for: "val" or "train"."""
+        return "val" if index < max(1, round(self.validation * self.shards)) else "train"
+
+    def families_of(self, index: int) -> list[str]:
+        """Object families of the shard of this number."""
+        return list(self.held_out) if self.split_of(index) == "val" else self.common
+
+
+@dataclass(frozen=True)
+class Attempts:
+    """Hands and objects that grasps are looked for between, before any is kept or not."""
+
+    families: list[str]
+    solids: Solids
+    hands: ShapedHand
+    """One person each, of the bone lengths in `offsets`."""
+
 
 def seed_of(*parts: object) -> int:
     """A stable 63-bit seed from any values: the same for every run, shard order and machine."""
     digest = hashlib.sha256("/".join(map(str, parts)).encode()).digest()
     return int.from_bytes(digest[:8], "big") >> 1
+
+
+def shard_generator(seed: int, index: int) -> torch.Generator:
+    """The source of every random choice of one shard."""
+    return torch.Generator().manual_seed(seed_of(seed, "shard", index))
+
+
+def draw_attempts(
+    config: SynthesisConfig,
+    families: list[str],
+    hand: HandModel,
+    count: int,
+    *,
+    generator: torch.Generator,
+) -> Attempts:
+    """That many objects of the families, and as many people."""
+    pick = torch.randint(len(families), (count,), generator=generator)
+    named = [families[i] for i in pick]
+    solids = draw_objects(named, generator=generator)
+    betas = config.shape_std * torch.randn(count, 10, generator=generator)
+    stretch = 1 + config.bone_std * torch.randn(count, 20, 1, generator=generator)
+    hands = hand.shaped(betas)
+    return Attempts(named, solids, replace(hands, offsets=hands.offsets * stretch))
+
+
+def attempts_for(missing: int) -> int:
+    """How many grasps to try for so many: about one in ten fails the checks."""
+    return missing + missing // 8 + 1
 
 
 def synthesize_shard(
@@ -52,14 +123,9 @@ def synthesize_shard(
     """Interactions of the given families that passed the grasp checks, `config.shard` of them."""
     kept: list[Interactions] = []
     while (missing := config.shard - sum(len(part.wrist) for part in kept)) > 0:
-        tried = missing + missing // 8 + 1  # about one grasp in ten fails the checks
-        pick = torch.randint(len(families), (tried,), generator=generator)
-        solids = draw_objects([families[i] for i in pick], generator=generator)
-        betas = config.shape_std * torch.randn(tried, 10, generator=generator)
-        stretch = 1 + config.bone_std * torch.randn(tried, 20, 1, generator=generator)
-        offsets = hand.shaped(betas).offsets * stretch
-        grasps = synthesize_grasps(solids, offsets, generator=generator)
-        solids = Solids(*(getattr(solids, f.name)[grasps.kept] for f in fields(Solids)))
+        tried = draw_attempts(config, families, hand, attempts_for(missing), generator=generator)
+        grasps = synthesize_grasps(tried.solids, tried.hands.offsets, generator=generator)
+        solids = tried.solids.chosen(grasps.kept)
         grasps = Grasps(*(getattr(grasps, f.name)[grasps.kept] for f in fields(Grasps)))
         kept.append(animate(grasps, solids, config.frames, config.points, generator=generator))
     return Interactions(
@@ -82,36 +148,69 @@ def write_shards(
 
     Shards are named `train_00000.safetensors` and `val_00000.safetensors`; each is written beside
     and renamed, so an interrupted run leaves only whole files and continues where it stopped.
+
+    Raises:
+        InputError: the folder holds shards of another config or seed, or a broken one.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    total = max(2, -(-config.count // config.shard))
-    validation = max(1, round(config.validation * total))
-    common = [name for name in FAMILIES if name not in config.held_out]
+    record = {"config": as_dict(config), "seed": seed}
+    for path in sorted(folder.glob("*_*.safetensors")):
+        if differs := differences(shard_record(path), record):
+            raise InputError(
+                f"{path}: was made with {differs}; ask for the same or name another folder"
+            )
     made = 0
-    for index in range(total):
-        split = "val" if index < validation else "train"
-        path = folder / f"{split}_{index:05d}.safetensors"
+    for index in range(config.shards):
+        path = folder / f"{config.split_of(index)}_{index:05d}.safetensors"
         if not path.exists():
-            generator = torch.Generator().manual_seed(seed_of(seed, "shard", index))
-            families = list(config.held_out) if split == "val" else common
-            part = synthesize_shard(config, families, hand, generator=generator)
-            # one entry: safetensors writes several in no fixed order
-            record = {"record": json.dumps({"config": asdict(config), "seed": seed})}
+            part = synthesize_shard(
+                config, config.families_of(index), hand, generator=shard_generator(seed, index)
+            )
             tensors = {f.name: getattr(part, f.name).contiguous() for f in fields(part)}
             temporary = path.with_suffix(".part")
-            save_file(tensors, temporary, metadata=record)
+            # one entry: safetensors writes several in no fixed order
+            save_file(tensors, temporary, metadata={"record": json.dumps(record)})
             os.replace(temporary, path)
             made += 1
         if on_shard is not None:
-            on_shard(index + 1, total)
+            on_shard(index + 1, config.shards)
     return made
 
 
-def read_shards(folder: Path, split: str) -> Interactions:
-    """All interactions of one split ("train" or "val") in memory.
+def differences(found: dict[str, Any], asked: dict[str, Any]) -> str:
+    """What differs between two records of how shards were made, in words; empty when nothing."""
+    flat = [record["config"] | {"seed": record["seed"]} for record in (found, asked)]
+    names = [name for name in (flat[0] | flat[1]) if flat[0].get(name) != flat[1].get(name)]
+    return ", ".join(f"{n} {flat[0].get(n)} where {flat[1].get(n)} is asked for" for n in names)
+
+
+def shard_record(path: Path) -> dict[str, Any]:
+    """The config and the seed that a shard was made with.
 
     Raises:
-        InputError: the folder holds no shard of that split.
+        InputError: the file is no whole shard.
+    """
+    try:
+        with safe_open(path, framework="pt") as shard:
+            record = json.loads((shard.metadata() or {})["record"])
+            config, seed = dict(record["config"]), int(record["seed"])
+    except (SafetensorError, KeyError, TypeError, ValueError) as error:
+        raise _broken(path, error) from error
+    return {"config": config, "seed": seed}
+
+
+def _broken(path: Path, error: Exception) -> InputError:
+    return InputError(
+        f"{path}: expected a whole shard of interactions, got {error}; "
+        "delete it and run `geneoh synthesize` again, which makes what is missing"
+    )
+
+
+def find_shards(folder: Path, split: str) -> list[Path]:
+    """The files of one split in the order of their numbers.
+
+    Raises:
+        InputError: the folder holds no shard of that split, or shards that do not belong together.
     """
     paths = sorted(folder.glob(f"{split}_*.safetensors"))
     if not paths:
@@ -119,9 +218,43 @@ def read_shards(folder: Path, split: str) -> Interactions:
             f"{folder}: expected {split}_*.safetensors, found none; "
             f"make some with `geneoh synthesize -o {folder}`"
         )
-    parts: dict[str, list[Tensor]] = {f.name: [] for f in fields(Interactions)}
-    for path in paths:
+    first = shard_record(paths[0])
+    for path in paths[1:]:
+        if differs := differences(shard_record(path), first):
+            raise InputError(
+                f"{path}: was made with {differs} as in {paths[0].name}; "
+                "keep the shards of one run in a folder"
+            )
+    return paths
+
+
+def read_shard(path: Path) -> Interactions:
+    """One shard as it lies in the file: mapped, so that a page is read when it is used.
+
+    Raises:
+        InputError: the file is no whole shard.
+    """
+    try:
         with safe_open(path, framework="pt") as shard:
-            for name, tensors in parts.items():
-                tensors.append(shard.get_tensor(name))
-    return Interactions(**{name: torch.cat(tensors) for name, tensors in parts.items()})
+            return Interactions(**{f.name: shard.get_tensor(f.name) for f in fields(Interactions)})
+    except SafetensorError as error:
+        raise _broken(path, error) from error
+
+
+def read_shards(folder: Path, split: str) -> Interactions:
+    """All interactions of one split ("train" or "val") in memory, copied shard by shard.
+
+    Raises:
+        InputError: no shard of that split, a broken one, or shards that do not belong together.
+    """
+    paths = find_shards(folder, split)
+    whole: dict[str, Tensor] = {}
+    for index, path in enumerate(paths):
+        part = read_shard(path)
+        size = len(part.wrist)
+        for field in fields(part):
+            tensor = getattr(part, field.name)
+            if field.name not in whole:
+                whole[field.name] = tensor.new_empty(len(paths) * size, *tensor.shape[1:])
+            whole[field.name][index * size : (index + 1) * size] = tensor
+    return Interactions(**whole)

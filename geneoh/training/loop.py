@@ -1,10 +1,8 @@
 """The training loop of all stages: visible, resumable, the same on CPU and GPU."""
 
-import csv
-import os
 import time
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +23,13 @@ from geneoh.synthesis.shards import seed_of
 from geneoh.training import losses
 from geneoh.training.batches import Batch, draw_batch
 from geneoh.training.config import Stage, TrainConfig
+from geneoh.training.resume import (
+    append_row,
+    forget_rows_after,
+    last_row,
+    refuse_other_run,
+    training_record,
+)
 
 Loss = Callable[..., Tensor]
 
@@ -88,13 +93,15 @@ def learning_rate(step: int, config: TrainConfig) -> float:
 
 @dataclass
 class TrainState:
-    """Everything a run needs to go on: network, its moving average, optimiser, step, seconds."""
+    """All that a run needs to go on: network, moving average, optimiser, step, seconds, losses."""
 
     model: nn.Module
     average: dict[str, Tensor]
     optimizer: torch.optim.AdamW
     step: int = 0
     seconds: float = 0.0
+    recent: list[float] = field(default_factory=list)
+    """Losses since the last row of the log."""
 
     def to_checkpoint(self, record: dict[str, Any]) -> Checkpoint:
         """All tensors of the state, flat, with the record."""
@@ -102,7 +109,8 @@ class TrainState:
         tensors |= {f"average.{n}": t for n, t in self.average.items()}
         for index, moments in self.optimizer.state_dict()["state"].items():
             tensors |= {f"optimizer.{index}.{n}": t for n, t in moments.items()}
-        return Checkpoint(tensors, record | {"step": self.step, "seconds": self.seconds})
+        counted = {"step": self.step, "seconds": self.seconds, "recent": self.recent}
+        return Checkpoint(tensors, record | counted)
 
     def restore(self, checkpoint: Checkpoint) -> None:
         """Take up a saved state; `CheckpointError` when it belongs to another network."""
@@ -126,6 +134,7 @@ class TrainState:
         groups = self.optimizer.state_dict()["param_groups"]
         self.optimizer.load_state_dict({"state": moments, "param_groups": groups})
         self.step, self.seconds = checkpoint.record["step"], checkpoint.record["seconds"]
+        self.recent = checkpoint.record.get("recent", [])
 
 
 def batch_for(
@@ -187,6 +196,7 @@ def train(
     *,
     device: torch.device,
     before: MotionDenoiser | None = None,
+    made: Mapping[str, Any] | None = None,
     on_step: Callable[[Progress], None] | None = None,
 ) -> Path:
     """Train one stage and return the path of its weights, `folder`/`stage`.safetensors.
@@ -194,7 +204,11 @@ def train(
     The run's state stands in `folder`/`stage`_state.safetensors after every `checkpoint_every`
     steps; an interrupted run started again with the same folder continues there. `stage`_log.csv
     holds a row per validation: step, mean training loss since the last row, error left, rate,
-    seconds. `before` is MotionDiff for a stage that follows it.
+    seconds. `before` is MotionDiff for a stage that follows it, `made` the config and seed of the
+    data for the record.
+
+    Raises:
+        CheckpointError: the folder holds a run of another network, config or data.
     """
     folder.mkdir(parents=True, exist_ok=True)
     state_path, log_path = folder / f"{stage}_state.safetensors", folder / f"{stage}_log.csv"
@@ -203,11 +217,13 @@ def train(
         model.parameters(), lr=config.rate, betas=(0.9, 0.99), weight_decay=config.weight_decay
     )
     state = TrainState(model, {n: t.clone() for n, t in model.state_dict().items()}, optimizer)
+    record = training_record(stage, config, data, validation, device, before=before, made=made)
     if state_path.exists():
-        state.restore(load_checkpoint(state_path))
+        saved = load_checkpoint(state_path)
+        refuse_other_run(state_path, saved.record, record)
+        state.restore(saved)
         state.average = {n: t.to(device) for n, t in state.average.items()}
-    record = training_record(stage, config, len(data.wrist), device)
-    recent: list[float] = []
+    forget_rows_after(log_path, state.step)
     while state.step < config.steps:
         began = time.monotonic()
         if stage == "temporal" and state.step == config.autoencoder_steps:
@@ -225,20 +241,22 @@ def train(
         optimizer.step()
         update_average(state, config.ema)
         state.step += 1
-        recent.append(loss.item())
+        state.recent.append(loss.item())
         left = None
         if state.step % config.validate_every == 0 or state.step == config.steps:
             left = validate(state, validation, config, device, before)
         state.seconds += time.monotonic() - began
         if left is not None:
-            row = [state.step, sum(recent) / len(recent), left, learning_rate(state.step, config)]
+            mean = sum(state.recent) / len(state.recent)
+            row = [state.step, mean, left, learning_rate(state.step, config)]
             append_row(log_path, [*row, round(state.seconds, 1)])
-            recent.clear()
+            state.recent.clear()
         if state.step % config.checkpoint_every == 0 or state.step == config.steps:
             save_checkpoint(state_path, state.to_checkpoint(record))
         if on_step is not None:
             on_step(Progress(state.step, config.steps, loss.item(), left))
     final = record | {"step": state.step, "seconds": round(state.seconds)}
+    final |= last_row(log_path, "loss", "error_left")
     path = folder / f"{stage}.safetensors"
     half = {n: t.half() if t.is_floating_point() else t for n, t in state.average.items()}
     save_checkpoint(path, Checkpoint(half, final))
@@ -251,28 +269,3 @@ def update_average(state: TrainState, decay: float) -> None:
     decay = min(decay, (1 + state.step) / (10 + state.step))
     for name, tensor in state.model.state_dict().items():
         state.average[name].lerp_(tensor, 1 - decay)
-
-
-def append_row(path: Path, row: list[float | int]) -> None:
-    """Add a row to the log, with a header when the file is new."""
-    new = not path.exists()
-    with path.open("a", newline="") as file:
-        writer = csv.writer(file)
-        if new:
-            writer.writerow(["step", "loss", "error_left", "rate", "seconds"])
-        writer.writerow(row)
-
-
-def training_record(
-    stage: Stage, config: TrainConfig, sequences: int, device: torch.device
-) -> dict[str, Any]:
-    """What a checkpoint says about how it was made."""
-    return {
-        "stage": stage,
-        "config": asdict(config),
-        "sequences": sequences,
-        "device": torch.cuda.get_device_name(device) if device.type == "cuda" else "cpu",
-        "threads": torch.get_num_threads(),
-        "cores": os.cpu_count(),
-        "torch": torch.__version__,
-    }

@@ -1,4 +1,6 @@
-"""`geneoh synthesize` and `geneoh train` on a very small scale, and `geneoh eval`'s refusals."""
+"""`geneoh synthesize`, `realism` and `train` on a very small scale, and `geneoh eval`'s refusals."""
+
+from pathlib import Path
 
 import pytest
 
@@ -23,7 +25,16 @@ def test_synthesized_data_trains_every_stage_and_denoise_takes_the_weights(
     made = geneoh("synthesize", "--count", 4)
     assert made.exit_code == 0, made.output
     assert "2 shards made" in made.stdout
+    assert (tmp_path / "runs" / "data" / "sheet.png").read_bytes().startswith(b"\x89PNG")
     assert "0 shards made" in geneoh("synthesize", "--count", 4).stdout
+    other = geneoh("synthesize", "--count", 4, "--seed", 1)
+    assert other.exit_code == 2
+    assert "was made with seed 0 where 1 is asked for" in other.stderr
+    examples = Path(__file__).parents[2] / "examples"
+    recording = examples / "taco_clean.npz", "--obj", examples / "taco_object.obj"
+    compared = geneoh("realism", *recording)
+    assert compared.exit_code == 2
+    assert "take a longer recording or more data" in compared.stderr
     settings = [word for setting in SMALL for word in ("--set", setting)]
     for stage in ("motion", "spatial", "temporal", "toch", "regression"):
         trained = geneoh("train", "--stage", stage, *settings)

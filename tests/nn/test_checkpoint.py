@@ -22,12 +22,20 @@ def test_a_checkpoint_comes_back_as_it_was_saved(tmp_path):
         assert loaded.tensors[name].dtype == tensor.dtype
 
 
-def test_half_precision_comes_back_as_float32(tmp_path):
+@pytest.mark.parametrize("half", [torch.float16, torch.bfloat16])
+def test_half_precision_comes_back_as_float32(tmp_path, half):
     path = tmp_path / "half.safetensors"
-    save_checkpoint(path, Checkpoint({"w": TENSORS["weight"].half()}, RECORD))
+    save_checkpoint(path, Checkpoint({"w": TENSORS["weight"].to(half)}, RECORD))
     loaded = load_checkpoint(path).tensors["w"]
     assert loaded.dtype == torch.float32
     assert torch.equal(loaded, TENSORS["weight"])
+
+
+@pytest.mark.parametrize("kept", [torch.float32, torch.float64, torch.int64, torch.bool])
+def test_other_types_come_back_as_they_were(tmp_path, kept):
+    path = tmp_path / "w.safetensors"
+    save_checkpoint(path, Checkpoint({"w": TENSORS["weight"].to(kept)}, RECORD))
+    assert load_checkpoint(path).tensors["w"].dtype == kept
 
 
 def test_parameters_and_transposed_views_can_be_saved(tmp_path):

@@ -1,15 +1,17 @@
 import hashlib
+import re
 from dataclasses import fields, replace
 from functools import partial
 
 import pytest
 import torch
 
-from geneoh.errors import InputError
+from geneoh.errors import ConfigError, InputError
 from geneoh.hand.library import load_hand
 from geneoh.synthesis import shards
 from geneoh.synthesis.grasps import Checks, synthesize_grasps
 from geneoh.synthesis.motion import Interactions
+from geneoh.synthesis.objects import FAMILIES
 from geneoh.synthesis.shards import (
     SynthesisConfig,
     read_shards,
@@ -115,6 +117,65 @@ def test_a_split_is_read_as_it_was_made(tmp_path, hand):
     again = synthesize_shard(TINY, list(TINY.held_out), hand, generator=generator)
     for field in fields(Interactions):
         assert torch.equal(getattr(val, field.name), getattr(again, field.name))
+
+
+@pytest.mark.parametrize(
+    ("change", "seed", "words"),
+    [
+        ({"count": 8}, 0, "count 6 where 8 is asked for"),
+        ({"bone_std": 0.0}, 0, "bone_std 0.04 where 0.0 is asked for"),
+        ({}, 1, "seed 0 where 1 is asked for"),
+    ],
+)
+def test_a_folder_of_another_config_or_seed_is_refused_and_left_alone(
+    tmp_path, hand, change, seed, words
+):
+    write_shards(tmp_path, TINY, hand, seed=0)
+    (tmp_path / "val_00000.safetensors").unlink()
+    before = contents(tmp_path)
+    with pytest.raises(InputError, match=f"was made with {words}; .* name another folder"):
+        write_shards(tmp_path, replace(TINY, **change), hand, seed=seed)
+    assert contents(tmp_path) == before
+
+
+def test_shards_that_do_not_belong_together_are_not_read(tmp_path, hand):
+    write_shards(tmp_path, TINY, hand, seed=0)
+    write_shards(tmp_path / "other", TINY, hand, seed=1)
+    name = "train_00002.safetensors"
+    (tmp_path / "other" / name).replace(tmp_path / name)
+    with pytest.raises(InputError, match=f"{name}: was made with seed 1 where 0"):
+        read_shards(tmp_path, "train")
+    assert len(read_shards(tmp_path, "val").wrist) == 2
+
+
+@pytest.mark.parametrize("kept", [0, 5, 200, -1])
+def test_a_truncated_shard_is_told_with_the_cure(tmp_path, hand, kept):
+    write_shards(tmp_path, TINY, hand, seed=0)
+    path = tmp_path / "train_00002.safetensors"
+    path.write_bytes(path.read_bytes()[:kept])
+    told = r"train_00002\.safetensors: expected a whole shard .* delete it and run"
+    for act in (
+        lambda: read_shards(tmp_path, "train"),
+        lambda: write_shards(tmp_path, TINY, hand, seed=0),
+    ):
+        with pytest.raises(InputError, match=told):
+            act()
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"held_out": ()}, "held_out must name some object families"),
+        ({"held_out": tuple(FAMILIES)}, "leave some for training, got 31 of 31"),
+        ({"held_out": ("mugg",)}, "'mugg' is no object family; did you mean 'mug'?"),
+        ({"held_out": ("zzz",)}, "'zzz' is no object family; there are box, board"),
+        ({"shard": 0}, "shard must be 1 or more, got 0"),
+        ({"frames": -1}, "frames must be 1 or more, got -1"),
+    ],
+)
+def test_impossible_configs_are_refused_with_what_is_wrong(change, words):
+    with pytest.raises(ConfigError, match=re.escape(words)):
+        replace(TINY, **change)
 
 
 def test_a_folder_without_the_split_is_refused(tmp_path):

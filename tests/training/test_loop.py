@@ -42,6 +42,12 @@ def same(first, second) -> bool:
     return a.keys() == b.keys() and all(torch.equal(a[name], b[name]) for name in a)
 
 
+def logged(path) -> list[list[str]]:
+    """The log but for its last column, the seconds."""
+    with path.open(newline="") as file:
+        return [row[:-1] for row in csv.reader(file)]
+
+
 @pytest.mark.parametrize("stage", [*STAGES, *BASELINES])
 def test_a_resumed_run_is_the_run_that_was_not_interrupted(tmp_path, clips, tiny, stage):
     """The temporal one is interrupted where it turns from the autoencoder to the latent."""
@@ -52,8 +58,9 @@ def test_a_resumed_run_is_the_run_that_was_not_interrupted(tmp_path, clips, tiny
             train(stage, tiny, *rest, tmp_path / "cut", device=CPU, on_step=stop_after(step))
     resumed = train(stage, tiny, *rest, tmp_path / "cut", device=CPU)
     assert same(whole, resumed)
-    state = f"{stage}_state.safetensors"
+    state, log = f"{stage}_state.safetensors", f"{stage}_log.csv"
     assert same(whole.with_name(state), resumed.with_name(state))
+    assert logged(whole.with_name(log)) == logged(resumed.with_name(log))
 
 
 def test_a_finished_run_is_left_as_it_is(tmp_path, clips, tiny):
@@ -78,6 +85,8 @@ def test_trained_weights_of_all_stages_can_be_loaded(tmp_path, clips, tiny):
     assert record["step"] == 1
     assert record["sequences"] == 4
     assert record["config"]["seed"] == tiny.seed
+    _, loss, left, *_ = logged(tmp_path / "temporal_log.csv")[-1]
+    assert (record["loss"], record["error_left"]) == (float(loss), float(left))
 
 
 @pytest.mark.parametrize("name", BASELINES)
@@ -124,12 +133,13 @@ def test_the_loss_falls(clips, tiny):
     assert tested() < 0.75 * before
 
 
-def test_another_network_size_is_refused(tmp_path, clips, tiny):
-    rest = (clips, clips, tmp_path)
-    train("motion", replace(tiny, steps=2), *rest, device=CPU)
-    wider = replace(tiny, motion=replace(tiny.motion, width=32))
+def test_a_state_of_another_network_size_is_refused(tiny):
+    def state(width: int) -> TrainState:
+        model = build_model("motion", replace(tiny, motion=replace(tiny.motion, width=width)))
+        return TrainState(model, model.state_dict(), torch.optim.AdamW(model.parameters()))
+
     with pytest.raises(CheckpointError, match="another network size"):
-        train("motion", wider, *rest, device=CPU)
+        state(32).restore(state(16).to_checkpoint({}))
 
 
 def test_a_state_is_restored_whole(tmp_path, tiny):
@@ -141,11 +151,11 @@ def test_a_state_is_restored_whole(tmp_path, tiny):
     first, second = state(), state()
     first.model.head.bias.sum().backward()
     first.optimizer.step()
-    first.step, first.seconds = 7, 1.5
+    first.step, first.seconds, first.recent = 7, 1.5, [0.5, 0.25]
     update_average(first, 0.5)
     second.restore(first.to_checkpoint({"stage": "motion"}))
     a, b = (s.to_checkpoint({}) for s in (first, second))
-    assert a.record == b.record == {"step": 7, "seconds": 1.5}
+    assert a.record == b.record == {"step": 7, "seconds": 1.5, "recent": [0.5, 0.25]}
     assert a.tensors.keys() == b.tensors.keys()
     assert any(name.startswith("optimizer.") for name in a.tensors)
     assert all(torch.equal(a.tensors[name], b.tensors[name]) for name in a.tensors)

@@ -1,0 +1,123 @@
+"""What a shard leaves out, drawn again from its seed: families, objects as solids, hands with skin.
+
+A shard keeps what networks learn from. Its seed tells the rest without a new search for grasps:
+objects and people are drawn before it, and every person has bones of their own, by which the clips
+that were kept are found among those that were tried.
+"""
+
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from geneoh.config import with_table
+from geneoh.errors import InputError
+from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.hand.model import HandModel, PosedHand, ShapedHand
+from geneoh.hand.skeleton import forward_kinematics
+from geneoh.synthesis.motion import Interactions
+from geneoh.synthesis.shards import (
+    Attempts,
+    SynthesisConfig,
+    attempts_for,
+    draw_attempts,
+    read_shard,
+    shard_generator,
+    shard_record,
+)
+
+SAME = 1e-5
+"""Distance between two skeletons, metres over all bones, below which they are one person's."""
+
+
+@dataclass(frozen=True)
+class Replay:
+    """Clips of a shard, with what they were made from."""
+
+    clips: Interactions
+    made_from: Attempts
+
+    @property
+    def joints(self) -> Float[Tensor, "B T 21 3"]:
+        """Keypoints in the world frame, metres."""
+        turns = axis_angle_to_matrix(self.clips.pose)
+        return forward_kinematics(turns, self.clips.wrist, self.clips.offsets[:, None])[0]
+
+    def chosen(self, which: Int[Tensor, " C"]) -> "Replay":
+        """Some of the clips."""
+        some = Interactions(*(getattr(self.clips, f.name)[which] for f in fields(Interactions)))
+        return Replay(some, chosen_attempts(self.made_from, which))
+
+    def held_frames(self) -> Int[Tensor, " B"]:
+        """The frame of each clip in which the fingers are nearest to the object's surface."""
+        joints, clips = self.joints, self.clips
+        local = (joints - clips.translation[:, :, None]) @ clips.rotation
+        fingers = local[:, :, 1:]
+        gap = self.made_from.solids.signed_distance(fingers.flatten(1, 2)).abs()
+        return gap.unflatten(1, fingers.shape[1:3]).mean(-1).argmin(-1)
+
+    def skin(self, frames: Int[Tensor, "B F"]) -> PosedHand:
+        """Hands of some frames of each clip in the object's frame."""
+        at = torch.arange(len(frames))[:, None]
+        clips, hands = self.clips, self.made_from.hands
+        # one axis more for the frames
+        people = replace(
+            hands,
+            verts=hands.verts[:, None],
+            joints=hands.joints[:, None],
+            offsets=hands.offsets[:, None],
+        )
+        posed = people.posed(clips.pose[at, frames], clips.wrist[at, frames])
+        turn, shift = clips.rotation[at, frames], clips.translation[at, frames, None]
+        return PosedHand((posed.verts - shift) @ turn, (posed.joints - shift) @ turn)
+
+    def distance(self, points: Float[Tensor, "B F P 3"]) -> Float[Tensor, "B F P"]:
+        """Signed distance of points in the object's frame to each clip's object, metres."""
+        flat = self.made_from.solids.signed_distance(points.flatten(1, 2))
+        return flat.unflatten(1, points.shape[1:3])
+
+
+def chosen_attempts(tried: Attempts, which: Int[Tensor, " C"]) -> Attempts:
+    """Some of the attempts."""
+    hands = tried.hands
+    return Attempts(
+        [tried.families[i] for i in which.tolist()],
+        tried.solids.chosen(which),
+        ShapedHand(hands.model, hands.verts[which], hands.joints[which], hands.offsets[which]),
+    )
+
+
+def replay_shard(path: Path, hand: HandModel) -> Replay:
+    """The clips of a shard that came of its first round of grasps, nearly all.
+
+    Raises:
+        InputError: the file is no whole shard, or another version of geneoh made it.
+    """
+    record = shard_record(path)
+    config = with_table(SynthesisConfig(), record["config"], str(path))
+    index = int(path.stem.rpartition("_")[2])
+    tried = draw_attempts(
+        config,
+        config.families_of(index),
+        hand,
+        attempts_for(config.shard),
+        generator=shard_generator(record["seed"], index),
+    )
+    clips = read_shard(path)
+    # the shortcut through a matrix product is off by more than two people differ
+    apart = torch.cdist(
+        clips.offsets.flatten(1),
+        tried.hands.offsets.flatten(1),
+        compute_mode="donot_use_mm_for_euclid_dist",
+    )
+    nearest, who = apart.min(1)
+    found = torch.nonzero(nearest < SAME)[:, 0]
+    if not len(found):
+        raise InputError(
+            f"{path}: expected the people that its seed {record['seed']} draws, got others: "
+            "another version of geneoh made it; make the data again"
+        )
+    some = Interactions(*(getattr(clips, f.name)[found] for f in fields(Interactions)))
+    return Replay(some, chosen_attempts(tried, who[found]))

@@ -1,0 +1,54 @@
+"""An analytic object as a mesh, for what measures or draws triangles."""
+
+import igl
+import numpy as np
+import torch
+
+from geneoh.geometry.mesh import Mesh
+from geneoh.synthesis.objects import FAR, TORUS, Solids
+
+SPACING = 0.002
+"""Metres between the grid points on which an object is turned into a mesh; the thinnest parts of
+all families are 3 mm thick."""
+COARSEST, OF_THICKNESS = 0.004, 0.6
+"""Spacing for pictures: at most so many metres, and this share of the thinnest solid."""
+MARGIN = 0.005
+"""Metres of grid around an object."""
+
+
+def mesh_of(solid: Solids, spacing: float = SPACING) -> Mesh:
+    """The surface of one object as a closed mesh, by marching cubes on its distance.
+
+    Vertices are slid onto the surface afterwards, so that only edges are rounded, by the spacing.
+    """
+    centre, size, turn = solid.center[0], solid.size[0], solid.rotation[0]
+    ring = (solid.kind[0] == TORUS)[:, None]
+    outer = size[:, :2].sum(-1, keepdim=True)
+    used = centre[:, 0] < FAR / 2
+    # the grid starts at the corner of balls around the solids; only what boxes hold is looked at
+    ball = torch.where(ring, outer, size.norm(dim=-1, keepdim=True)) + MARGIN
+    half = torch.where(ring, torch.cat([outer, outer, size[:, 1:2]], -1), size)
+    box = (turn.abs() @ half[..., None])[..., 0] + MARGIN
+    corner = (centre - ball)[used].amin(0)
+    first = (((centre - box)[used].amin(0) - corner) / spacing).floor().long()
+    last = (((centre + box)[used].amax(0) - corner) / spacing).ceil().long()
+    ends = zip(corner, first, last, strict=True)
+    across, along, up = (start + spacing * torch.arange(a, b + 1) for start, a, b in ends)
+    # libigl counts x fastest
+    z, y, x = torch.meshgrid(up, along, across, indexing="ij")
+    grid = torch.stack([x, y, z], -1).reshape(-1, 3)
+    distance = solid.signed_distance(grid[None])[0].double().numpy()
+    sizes = len(across), len(along), len(up)
+    verts, faces, _ = igl.marching_cubes(distance, grid.double().numpy(), *sizes)
+    points = torch.from_numpy(np.ascontiguousarray(verts)).float()
+    off, normal = solid.distance_and_normal(points[None])
+    points = points - (off[..., None] * normal)[0]
+    return Mesh(points, torch.from_numpy(np.ascontiguousarray(faces)).long())
+
+
+def spacing_for_looks(solid: Solids) -> float:
+    """A spacing that keeps the thinnest solid whole and is quick on large objects, metres."""
+    size = solid.size[0]
+    thin = torch.where(solid.kind[0] == TORUS, size[:, 1], size.amin(-1))
+    thinnest = 2 * float(thin[solid.center[0, :, 0] < FAR / 2].min())
+    return min(COARSEST, max(SPACING, OF_THICKNESS * thinnest))

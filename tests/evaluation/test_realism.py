@@ -1,0 +1,192 @@
+import json
+import math
+from dataclasses import replace
+from functools import partial
+
+import pytest
+import torch
+import trimesh
+
+from geneoh.errors import InputError
+from geneoh.evaluation import realism
+from geneoh.evaluation.realism import (
+    FPS,
+    NEAR,
+    Side,
+    Skin,
+    compare_sides,
+    controls,
+    measures,
+    one_snippet_each,
+    real_side,
+    synthetic_side,
+    table,
+    vertex_areas,
+)
+from geneoh.evaluation.telling_apart import BLOCK, SNIPPET, VIEWS
+from geneoh.geometry.mesh import Mesh
+from geneoh.hand.library import load_hand
+from geneoh.sequence.tracks import HandTrack, ObjectTrack, Sequence
+from geneoh.synthesis import shards
+from geneoh.synthesis.grasps import Checks, synthesize_grasps
+from geneoh.synthesis.shards import SynthesisConfig, write_shards
+
+FRAMES = 2 * BLOCK + 4
+
+
+def ball(radius: float) -> Mesh:
+    shape = trimesh.creation.icosphere(4, radius)
+    return Mesh(torch.from_numpy(shape.vertices).float(), torch.from_numpy(shape.faces).long())
+
+
+def side(seed: int, count: int, frames: int, shake: float = 0.001, drift: float = 0.0) -> Side:
+    """Relaxed hands that shake at random places near an object that drifts along x."""
+    generator = torch.Generator().manual_seed(seed)
+    hand = load_hand("right")
+    rest = hand.shaped(torch.zeros(10)).posed(hand.pose_mean, torch.zeros(3)).joints
+    place = 0.02 * torch.randn(count, 1, 1, 3, generator=generator)
+    noise = shake * torch.randn(count, frames, 21, 3, generator=generator)
+    local = rest + place + noise
+    world = local.clone()
+    world[..., 0] += drift * torch.arange(frames)[:, None]
+    everywhere = torch.ones(count, frames, dtype=torch.bool)
+    skin = Skin(
+        torch.linspace(1e-3, 3e-3, 50),
+        torch.full((50,), 3.0),
+        torch.linspace(0, 0.004, 50),
+        torch.arange(50) < 40,
+    )
+    return Side(world, local, everywhere, everywhere, skin)
+
+
+def test_the_same_source_is_told_from_itself_by_nothing():
+    report = compare_sides(side(0, 1, FRAMES), side(1, 60, 40))
+    assert report.clips == 60
+    assert report.snippets == (2 * (BLOCK - SNIPPET + 1), 60)
+    by_name = {row.name: row for row in report.measures}
+    assert by_name["wrist, speed, object"].distance < 0.2
+    assert by_name["fingertips, acceleration, world"].distance < 0.1
+    assert by_name["skin in contact"].distance == 0
+    assert json.loads(json.dumps(report.as_dict()))["clips"] == 60
+
+
+def test_measures_are_what_was_put_in():
+    real, made = side(0, 1, FRAMES, shake=0.0, drift=0.01), side(1, 3, 40, shake=0.0)
+    made = replace(made, skin=replace(made.skin, depth=made.skin.depth + 0.01))
+    rows = {row.name: row for row in measures(real, made)}
+    assert rows["wrist, speed, world"].real.median == pytest.approx(0.01 * FPS, rel=1e-3)
+    assert rows["wrist, speed, world"].synthetic.high == pytest.approx(0, abs=1e-4)
+    assert rows["wrist, speed, world"].distance == 1
+    assert rows["wrist, speed, object"].real.high == pytest.approx(0, abs=1e-4)
+    assert rows["wrist, acceleration, world"].real.high == pytest.approx(0, abs=0.01)
+    # of the frames that touch: 40 of 50 on a ramp from 10 to 30 cm² and from 0 to 4 mm
+    assert rows["skin in contact"].real.median == pytest.approx(10 + 20 * 19.5 / 49, rel=1e-3)
+    assert rows["penetration depth"].distance == 1
+    assert rows["penetration depth"].synthetic.low == pytest.approx(10 + 4 * 1.95 / 49, rel=1e-3)
+    assert rows["fingertips in contact"].real.median == 3
+    flexions = [row for name, row in rows.items() if "flexion" in name]
+    assert len(flexions) == 15
+    assert all(0 <= row.real.low <= row.real.high < 180 for row in flexions)
+
+
+def test_frames_that_were_not_observed_do_not_count():
+    real = side(0, 1, FRAMES)
+    gap = real.valid.clone()
+    gap[0, 20] = False
+    world = real.world.clone()
+    world[0, 20] += 5.0
+    rows = measures(replace(real, valid=gap, world=world), side(1, 3, 40))
+    assert all(row.real.high < 40 for row in rows if "speed" in row.name)
+
+
+def test_a_shakier_recording_is_told_apart_and_the_control_is_not():
+    report = compare_sides(side(0, 1, FRAMES, shake=0.004), side(1, 60, FRAMES))
+    assert report.accuracy["motion"] > 0.95
+    assert report.control["motion"] < 0.75
+    assert report.control.keys() == report.accuracy.keys() == set(VIEWS)
+
+
+def test_each_clip_gives_one_snippet_of_frames_at_the_object():
+    some = side(0, 5, 50)
+    near = some.near.clone()
+    near[1] = False
+    near[2, :15] = False
+    found = one_snippet_each(replace(some, near=near))
+    assert found.shape == (4, SNIPPET, 21, 3)
+    starts = (some.object[2].unfold(0, SNIPPET, 1).permute(0, 3, 1, 2) == found[1]).flatten(1)
+    assert int(torch.nonzero(starts.all(-1))[0, 0]) >= 15
+
+
+def test_controls_need_clips_of_two_blocks():
+    assert math.isnan(controls(side(0, 4, BLOCK), side(1, 8, 40).object[:, :SNIPPET])["place"])
+
+
+def test_too_short_a_recording_is_refused_with_what_is_needed():
+    with pytest.raises(InputError, match=rf"blocks of {BLOCK}, .* got 1 blocks and 60 clips"):
+        compare_sides(side(0, 1, BLOCK + 5), side(1, 60, 40))
+
+
+def test_vertex_areas_add_up_to_the_surface():
+    areas = vertex_areas(ball(0.05))
+    assert float(areas.sum()) == pytest.approx(4 * math.pi * 0.05**2, rel=0.01)
+    assert float(areas.max() / areas.min()) < 2
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_a_recording_is_measured_as_a_right_hand_around_its_object(mirrored):
+    hand = load_hand("right")
+    pose = hand.pose_mean.expand(8, 16, 3).clone()
+    shaped = hand.shaped(torch.zeros(10))
+    tip = shaped.posed(pose[0], torch.zeros(3)).joints[8]
+    shift = torch.tensor([0.01, 0.0, 0.0]) * torch.arange(8)[:, None]
+    track = HandTrack(
+        side="right",
+        valid=torch.arange(8) != 3,
+        joints=shaped.posed(pose, shift).joints,
+        pose=pose,
+        wrist=shift,
+        betas=torch.zeros(10),
+        hand_model="embedded",
+    )
+    # the index fingertip is 2 mm inside a ball that moves along
+    motion = ObjectTrack(
+        (ball(0.02),),
+        torch.eye(3).expand(8, 1, 3, 3),
+        (tip + torch.tensor([0.0, -0.018, 0.0]) + shift)[:, None],
+    )
+    if mirrored:
+        track, motion = track.mirrored(), motion.mirrored()
+    found = real_side(Sequence((track,), motion, 30.0), hand)
+    assert found.valid[0].tolist() == [i != 3 for i in range(8)]
+    assert bool(found.near[0][found.valid[0]].all())
+    assert len(found.skin.depth) == 7
+    assert float(found.skin.depth.min()) > 0.001
+    assert float(found.skin.depth.max()) < 0.02
+    assert bool((found.skin.fingers >= 1).all())
+    still = found.object[0, [0, 7], 0]
+    torch.testing.assert_close(still[0], still[1], atol=1e-5, rtol=0)
+    apart = found.object[0, 0, 8].norm()
+    assert float(apart) == pytest.approx(0.018, abs=1e-3)
+    assert float(apart) < NEAR
+
+
+def test_synthetic_clips_are_measured_frame_by_frame(tmp_path, monkeypatch):
+    anything = Checks(depth=1.0, fingers=-1, clearance=-1.0)
+    quick = partial(synthesize_grasps, steps=1, checks=anything)
+    monkeypatch.setattr(shards, "synthesize_grasps", quick)
+    config = SynthesisConfig(count=6, frames=40, points=16, shard=2)
+    hand = load_hand("right")
+    write_shards(tmp_path, config, hand, seed=0)
+    monkeypatch.setattr(realism, "CLIPS", 1)
+    found = synthetic_side(tmp_path, hand)
+    assert found.world.shape == (2, 40, 21, 3), "two training shards, one clip of each"
+    assert len(found.skin.depth) == 2 * 40 // realism.SKIN_EVERY
+    assert bool((found.skin.touching | (found.skin.depth == 0)).all())
+
+
+def test_the_table_has_a_line_for_each_measure_and_view():
+    report = compare_sides(side(0, 1, FRAMES), side(1, 20, 40))
+    lines = table(report)
+    assert len(lines) == 1 + len(report.measures) + 2 + len(VIEWS)
+    assert all(len(line) <= 100 for line in lines)
+    assert any(line.startswith("wrist, speed, world m/s") for line in lines)

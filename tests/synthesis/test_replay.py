@@ -1,0 +1,96 @@
+from dataclasses import replace
+from functools import partial
+
+import pytest
+import torch
+from safetensors import safe_open
+from safetensors.torch import save_file
+
+from geneoh.errors import InputError
+from geneoh.hand.library import load_hand
+from geneoh.hand.skeleton import bone_lengths
+from geneoh.synthesis import shards
+from geneoh.synthesis.grasps import Checks, synthesize_grasps
+from geneoh.synthesis.replay import replay_shard
+from geneoh.synthesis.shards import SynthesisConfig, read_shard, write_shards
+
+TINY = SynthesisConfig(count=12, frames=60, points=32, shard=6)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Shards of grasps that hardly descend, every second of which is kept."""
+
+    def picky(solids, offsets, *, generator):
+        checks = Checks(depth=1.0, fingers=-1, clearance=-1.0)
+        grasps = synthesize_grasps(solids, offsets, generator=generator, steps=1, checks=checks)
+        return replace(grasps, kept=torch.arange(len(offsets)) % 2 == 1)
+
+    folder = tmp_path_factory.mktemp("data")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(shards, "synthesize_grasps", picky)
+        write_shards(folder, TINY, load_hand("right"), seed=3)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def replay(folder):
+    return partial(replay_shard, hand=load_hand("right"))
+
+
+def test_clips_of_the_first_round_are_found_with_their_own_objects(folder, replay):
+    for name, families in (
+        ("val_00000", set(TINY.held_out)),
+        ("train_00001", set(TINY.common)),
+    ):
+        found = replay(folder / f"{name}.safetensors")
+        assert len(found.clips.wrist) == 3, "every second of seven that were tried first"
+        assert torch.equal(found.clips.wrist, read_shard(folder / f"{name}.safetensors").wrist[:3])
+        assert set(found.made_from.families) <= families
+        # the stored points lie on the objects that were drawn again
+        off = found.made_from.solids.signed_distance(found.clips.points)
+        assert float(off.abs().max()) < 1e-5
+
+
+def test_hands_with_skin_have_the_clips_own_bones_and_place(folder, replay):
+    found = replay(folder / "train_00001.safetensors")
+    frames = torch.tensor([[0, 59]]).expand(3, 2)
+    skin = found.skin(frames)
+    clips = found.clips
+    local = (found.joints - clips.translation[:, :, None]) @ clips.rotation
+    torch.testing.assert_close(skin.joints, local[:, [0, 59]], atol=1e-5, rtol=0)
+    tips = torch.cdist(skin.joints[:, :, [4, 8, 12, 16, 20]], skin.verts).amin(-1)
+    assert float(tips.max()) < 0.01, "skin is around the stretched bones too"
+    plain = load_hand("right").shaped(torch.zeros(10)).offsets.norm(dim=-1)
+    lengths = bone_lengths(skin.joints)[:, 0]
+    assert float((lengths.sort(-1).values - plain.sort().values).abs().max()) > 0.002
+
+
+def test_the_held_frame_is_one_where_the_fingers_are_nearest(folder, replay):
+    found = replay(folder / "train_00001.safetensors")
+    held = found.held_frames()
+    every = torch.arange(60).expand(3, 60)
+    joints = found.skin(every).joints
+    gap = found.distance(joints[:, :, 1:]).abs().mean(-1)
+    assert torch.equal(gap.argmin(-1), held)
+    # the fingers are farther off in the frames where the hand comes or goes
+    assert float((gap.amax(-1) - gap.gather(1, held[:, None])[:, 0]).max()) > 0.02
+
+
+def test_some_of_the_clips_are_the_same_clips(folder, replay):
+    found = replay(folder / "train_00001.safetensors")
+    some = found.chosen(torch.tensor([2, 0]))
+    assert torch.equal(some.clips.wrist, found.clips.wrist[[2, 0]])
+    assert some.made_from.families == [found.made_from.families[i] for i in (2, 0)]
+    frames = torch.zeros(3, 1, dtype=torch.long)
+    torch.testing.assert_close(some.skin(frames[:2]).verts, found.skin(frames).verts[[2, 0]])
+
+
+def test_a_shard_of_other_people_than_its_seed_draws_is_refused(folder, replay, tmp_path):
+    path = tmp_path / "train_00001.safetensors"
+    with safe_open(folder / path.name, framework="pt") as shard:
+        tensors = {name: shard.get_tensor(name) for name in shard.keys()}  # noqa: SIM118
+        record = shard.metadata()
+    save_file(tensors | {"offsets": 1.01 * tensors["offsets"]}, path, metadata=record)
+    with pytest.raises(InputError, match="another version of geneoh made it"):
+        replay(path)

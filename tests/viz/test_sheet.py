@@ -1,0 +1,53 @@
+from functools import partial
+
+import numpy as np
+import pytest
+
+from geneoh.hand.library import load_hand
+from geneoh.synthesis import shards
+from geneoh.synthesis.grasps import Checks, synthesize_grasps
+from geneoh.synthesis.shards import SynthesisConfig, write_shards
+from geneoh.viz.sheet import FOOT, WORDS, contact_sheet, grasp_scene, one_of_each
+from geneoh.viz.strip import GAP
+
+TINY = SynthesisConfig(count=4, frames=20, points=16, shard=2)
+
+
+@pytest.fixture(scope="module")
+def clips(tmp_path_factory):
+    """One clip of each family in two shards of grasps that hardly descend."""
+    folder, hand = tmp_path_factory.mktemp("data"), load_hand("right")
+    anything = Checks(depth=1.0, fingers=-1, clearance=-1.0)
+    with pytest.MonkeyPatch.context() as patch:
+        quick = partial(synthesize_grasps, steps=1, checks=anything)
+        patch.setattr(shards, "synthesize_grasps", quick)
+        write_shards(folder, TINY, hand, seed=0)
+    return one_of_each(folder, hand)
+
+
+def test_each_family_is_shown_once_in_the_order_of_the_families(clips):
+    names = [clip.made_from.families[0] for clip in clips]
+    assert len(set(names)) == len(names) <= 4
+    assert names == sorted(names, key=list(shards.FAMILIES).index)
+    assert set(names) & set(TINY.held_out)
+    assert set(names) - set(TINY.held_out)
+
+
+def test_a_grasp_is_shown_where_it_is_held(clips):
+    scene = grasp_scene(clips[0])
+    hand = scene.takes[0].hands[0]
+    assert scene.frames == 1
+    want = clips[0].skin(clips[0].held_frames()[:, None])
+    assert np.allclose(hand.verts[0], want.verts[0, 0])
+    assert float(hand.depth[0]) == pytest.approx(max(0.0, -float(hand.distance.min())))
+
+
+def test_the_sheet_has_a_cell_for_each_clip_with_something_in_it(clips):
+    heard = []
+    sheet = contact_sheet(clips, cell=48, on_picture=lambda *at: heard.append(at))
+    count = len(clips)
+    assert sheet.shape == (48 + WORDS + FOOT, (48 + GAP) * count - GAP, 3)
+    assert heard == [(i + 1, count) for i in range(count)]
+    for column in range(count):
+        cell = sheet[:48, column * (48 + GAP) :][:, :48]
+        assert int((cell.max(-1) < 240).sum()) > 100
