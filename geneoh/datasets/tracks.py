@@ -172,8 +172,9 @@ def blanked(values: Array, valid: Array) -> torch.Tensor:
 
 
 def tensor(values: Array) -> torch.Tensor:
-    """float32, as all tracks are."""
-    return torch.from_numpy(np.array(values, dtype=np.float32))
+    """float32, as all tracks are; what is too large for it becomes infinite, and is refused."""
+    with np.errstate(over="ignore"):
+        return torch.from_numpy(np.array(values, dtype=np.float32))
 
 
 def object_track(meshes: Iterable[Mesh], matrices: Array) -> ObjectTrack:
