@@ -112,7 +112,7 @@ def first_hit(
 ) -> Float64[np.ndarray, " N"]:
     """Metres along each ray of unit direction to the first face it meets; infinite without any."""
     face, reach, _ = tree.intersect_ray_first(verts, faces, start, ahead)
-    return np.where(face < 0, np.inf, reach)
+    return np.where(np.asarray(face) < 0, np.inf, reach)
 
 
 def signed_distance(

@@ -86,7 +86,8 @@ def rays_meet(
     tree = igl.AABB()
     tree.init(verts, faces)
     # No ray is shorter than the distance, so the few points that are near are enough.
-    near = near[tree.squared_distance(verts, faces, points[near])[0] <= threshold**2]
+    squared = np.asarray(tree.squared_distance(verts, faces, points[near])[0])
+    near = near[squared <= threshold**2]
     if not len(near):
         return torch.from_numpy(met)
     start = points[near]

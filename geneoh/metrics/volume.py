@@ -108,23 +108,26 @@ def intersection_volume(
 def shared_voxels(hand: Body, part: Body, voxel: float) -> int:
     """How many voxels have their middle in both; both in the part's frame."""
     corners = blocks_around(hand.field.solid, part.field.solid, BLOCKS[0], voxel)
+    unsure = torch.ones(len(corners), 2, dtype=torch.bool)
     count = 0
     for size, smaller in zip(BLOCKS, (*BLOCKS[1:], 1), strict=True):
         middles = middles_of(corners, size, voxel)
         half = size * voxel * 3**0.5 / 2
-        in_hand = hand.margin(middles)
-        near = in_hand <= half
-        corners, in_hand, in_part = corners[near], in_hand[near], part.margin(middles[near])
-        deepest = torch.maximum(in_hand, in_part)
+        # minus infinity: a body that a larger block was found to be inside of
+        margin = middles.new_full((len(corners), 2), -torch.inf)
+        for index, body in enumerate((hand, part)):
+            asked = unsure[:, index] & (margin <= half).all(-1)
+            margin[asked, index] = body.margin(middles[asked])
+        deepest = margin.amax(-1)
         count += int((deepest < -half).sum()) * size**3
         undecided = deepest.abs() <= half
-        unsure = torch.stack([in_hand, in_part], dim=-1)[undecided] >= -half
         corners = split(corners[undecided], size, smaller)
+        unsure = (margin[undecided] >= -half).repeat_interleave((size // smaller) ** 3, dim=0)
     middles = middles_of(corners, 1, voxel)
     inside = torch.ones(len(middles), dtype=torch.bool)
-    for body, asked in zip((hand, part), unsure.unbind(-1), strict=True):
-        voxels = inside & asked.repeat_interleave(BLOCKS[-1] ** 3)
-        inside[voxels] = body.field.solid.contains(middles[voxels])
+    for index, body in enumerate((hand, part)):
+        asked = inside & unsure[:, index]
+        inside[asked] = body.field.solid.contains(middles[asked])
     return count + int(inside.sum())
 
 

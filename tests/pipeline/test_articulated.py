@@ -24,9 +24,9 @@ def regions(arctic):
     """The contact points of each hand as the first stage sees them, the left one mirrored."""
     found, real = [], module.denoise_motion
 
-    def spy(denoiser, joints, scene, *rest, **options):
-        found.append(scene.region(joints))
-        return real(denoiser, joints, scene, *rest, **options)
+    def spy(denoiser, hand, scene, *rest, **options):
+        found.append(scene.region(hand.joints))
+        return real(denoiser, hand, scene, *rest, **options)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "denoise_motion", spy)

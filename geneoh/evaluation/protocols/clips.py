@@ -7,7 +7,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 import torch
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from geneoh.datasets.base import Clip, Known, Recording, runs
 from geneoh.datasets.convert import read_clip, source_named
@@ -154,6 +154,6 @@ def wrist_to_object(hand: HandTrack, motion: ObjectTrack) -> Array:
         local = (motion.rotation[:, part].mT @ local[..., None])[..., 0].double().numpy()
         gap = np.full(len(local), np.nan)
         seen = np.isfinite(local).all(-1)
-        gap[seen] = cKDTree(mesh.verts.double().numpy()).query(local[seen])[0]
+        gap[seen] = KDTree(mesh.verts.double().numpy()).query(local[seen])[0]
         gaps.append(gap)
     return np.asarray(np.min(gaps, axis=0))

@@ -1,6 +1,6 @@
 """The cases of an evaluation: listed at once, loaded one by one, in any process."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
 from pathlib import Path
@@ -78,8 +78,9 @@ def find_cases(
         InputError: there is no clip, or a file of the data set is damaged.
     """
     options = options or ProtocolOptions()
-    name = known(dataset, DATASETS, "data set")
-    chosen = [known(noise, CASE_NOISES, "noise") for noise in noises] or DEFAULT_NOISES[name]
+    name: Dataset = known(dataset, DATASETS, "data set")
+    named: list[CaseNoise] = [known(noise, CASE_NOISES, "noise") for noise in noises]
+    chosen = named or DEFAULT_NOISES[name]
     # What is missing on disk is told first: without the data no other choice matters.
     groups = groups_of(name, root, options)
     for noise in chosen:
@@ -113,7 +114,7 @@ def known(value: str, choices: tuple[T, ...], what: str) -> T:
 
 def groups_of(
     dataset: Dataset, root: Path | None, options: ProtocolOptions
-) -> Iterator[list[ClipSource]]:
+) -> Iterator[Sequence[ClipSource]]:
     """The clips of each file of a data set, in an order that mixes objects and people.
 
     That the data is there is checked at once; the files are read one by one as they are asked for.
@@ -139,10 +140,10 @@ def groups_of(
     return (list(protocol.cut(file, options)) for file in files)
 
 
-def spread(groups: Iterable[list[T]], limit: int | None) -> list[T]:
+def spread(groups: Iterable[Sequence[T]], limit: int | None) -> list[T]:
     """At most `limit` of all, one from each group before a second from any."""
     chosen: list[T] = []
-    rest: list[list[T]] = []
+    rest: list[Sequence[T]] = []
     for group in groups:
         if limit is not None and len(chosen) >= limit:
             return chosen[:limit]

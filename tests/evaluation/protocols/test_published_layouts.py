@@ -158,6 +158,9 @@ def test_hoi4d_takes_a_window_from_the_categorys_first_frame_without_truth(
 
 def test_hoi4d_starts_laptops_at_frame_120_and_the_code_at_0(tree, mano_dir):
     root = tree("hoi4d_articulated", 145)
+    for path in (root / "handpose").rglob("*.pickle"):
+        if 20 <= int(path.stem) < 120 or "left" in str(path):
+            path.unlink()  # a frame without a hand, which takes no time to read
     (pending,) = cases("hoi4d", root, mano_dir)
     assert pending.clip.endswith("T1_right_00120")
     assert pending.load().noisy.object.rotation.shape[:2] == (20, 2)
