@@ -1,4 +1,4 @@
-"""`geneoh synthesize`, `realism` and `train` on a very small scale, and `geneoh eval`'s refusals."""
+"""`geneoh synthesize`, `realism` and `train` on a very small scale, and refusals of `eval`."""
 
 from pathlib import Path
 
