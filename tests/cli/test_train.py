@@ -1,4 +1,4 @@
-"""`geneoh synthesize`, `realism` and `train` on a very small scale; refusals of `geneoh eval`."""
+"""`geneoh synthesize`, `realism` and `train` on a very small scale, and refusals of `eval`."""
 
 from pathlib import Path
 
