@@ -3,9 +3,12 @@ const { chromium } = require("playwright-core");
 const ARGS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking",
   "--disable-component-update", "--disable-sync", "--no-first-run"];
 
+// Milliseconds that a step may take: long, for machines that do much else at the same time.
+const PATIENCE = 300000;
+
 /** Launch a browser, call `work` with it, close it, print what came back as JSON. */
 exports.inBrowser = async (executablePath, work) => {
-  const browser = await chromium.launch({ executablePath, args: ARGS, timeout: 120000 });
+  const browser = await chromium.launch({ executablePath, args: ARGS, timeout: PATIENCE });
   try {
     console.log(JSON.stringify(await work(browser)));
   } catch (error) {
@@ -21,7 +24,7 @@ exports.drawn = (page) =>
 
 exports.open = async (browser, options) => {
   const page = await browser.newPage({ colorScheme: "light", ...options });
-  page.setDefaultTimeout(120000);
+  page.setDefaultTimeout(PATIENCE);
   return page;
 };
 

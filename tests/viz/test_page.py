@@ -114,7 +114,7 @@ def drive(node_modules, tmp_path):
             env={**os.environ, "NODE_PATH": str(node_modules)},
             capture_output=True,
             text=True,
-            timeout=300,
+            timeout=900,
         )
         assert run.returncode == 0, run.stderr
         return json.loads(run.stdout)
