@@ -95,7 +95,8 @@ def before_after(scores: Iterable[Score], rows: Sequence[str], key: str = "mpjpe
     for score in scores:
         if (value := score.values.get(key)) is not None:
             by_case.setdefault(score.key[:-1], {})[score.row] = value
-    figure, axes = canvas(4.6, 4.6)
+    figure, axes = canvas(7.6, 4.4)
+    axes.set_aspect("equal")
     most = 0.0
     for row in rows:
         pairs = [

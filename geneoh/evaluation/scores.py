@@ -106,7 +106,7 @@ class Judge:
 
     source: Source = "embedded"
     mano_dir: Path | None = None
-    close_frames: int = 30
+    close_frames: int = 20
     """Frames of a clip at most in which the dear measures are taken, volume and contact on the
     object: evenly spread, the same for every row."""
 
