@@ -67,7 +67,7 @@ FOLDER = click.Path(file_okay=False, path_type=Path)
 @click.option(
     "--close-frames",
     type=click.IntRange(min=1),
-    help="Frames of a clip in which volume and contact on the object are taken.  [default: 20; 8 "
+    help="Frames of a clip in which volume and contact on the object are taken.  [default: 20; 5 "
     "for synthetic]",
 )
 @click.option("--samples", type=click.IntRange(min=1), help="Of geneoh; the preset has its own.")

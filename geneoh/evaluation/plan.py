@@ -41,7 +41,7 @@ DEFAULT_ROWS: tuple[RowName, ...] = (
 """One kind of filter is enough to see: the others are among those the best is chosen from."""
 DEFAULT_SEEDS: dict[str, tuple[int, ...]] = {"synthetic": SEEDS[:1]}
 """Where clips are many, one noise for each says as much as three; elsewhere the paper's seeds."""
-DEFAULT_CLOSE_FRAMES: dict[str, int] = {"synthetic": 8}
+DEFAULT_CLOSE_FRAMES: dict[str, int] = {"synthetic": 5}
 """Many short clips: a few frames of each say as much as many frames of a few."""
 STAGES = ("motion", "spatial", "temporal")
 BASELINES: tuple[BaselineName, ...] = get_args(BaselineName)
