@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from geneoh.datasets.objects import write_obj
+from geneoh.datasets.objects import obj_text, write_text
 from geneoh.errors import InputError, MissingAssetError
 from geneoh.evaluation.cases import Case, Pending
 from geneoh.sequence.files import load_sequence, save_sequence
@@ -79,7 +79,7 @@ def write_inputs(cases: Iterable[Pending], folder: Path) -> int:
         (folder / "objects" / case.clip).parent.mkdir(parents=True, exist_ok=True)
         path.parent.mkdir(parents=True, exist_ok=True)
         for part, mesh in enumerate(case.noisy.object.meshes):
-            write_obj(mesh, folder / "objects" / f"{case.clip}_{part}.obj")
+            write_text(obj_text(mesh), folder / "objects" / f"{case.clip}_{part}.obj")
         save_sequence(case.noisy, path)
         count += 1
     return count

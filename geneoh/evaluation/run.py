@@ -17,7 +17,7 @@ from geneoh.evaluation.cases import Pending
 from geneoh.evaluation.records import append_scores
 from geneoh.evaluation.rows import GeneohRow, PredictionsRow, Row
 from geneoh.evaluation.scores import Bench, Judge, Key, Score
-from geneoh.viz.outputs import scene_of, write
+from geneoh.viz.outputs import write_report
 
 CLIP_ERRORS = (InputError, MissingAssetError, NumericalError)
 """What is wrong with one clip, or one row on it: noted, and the others go on."""
@@ -144,7 +144,7 @@ def score_row(bench: Bench, row: Row, pages: Path | None) -> Score:
         score = bench.score(row.name, cleaned, spent)
         if pages is not None and cleaned.result is not None:
             pages.mkdir(parents=True, exist_ok=True)
-            write(scene_of(case.noisy, cleaned.result, case.clip), page_of(pages, key))
+            write_report(case.noisy, cleaned.result, page_of(pages, key), title=case.clip)
         return score
     except CheckpointError:
         raise  # no case can be scored without it

@@ -16,7 +16,7 @@ from geneoh.synthesis.objects import FAMILIES
 from geneoh.synthesis.replay import Replay, replay_shard
 from geneoh.synthesis.shards import find_shards
 from geneoh.synthesis.surface import mesh_of, spacing_for_looks
-from geneoh.viz.camera import Camera, best_axes, framing
+from geneoh.viz.camera import cameras
 from geneoh.viz.colours import SCALES
 from geneoh.viz.picture import Picture, draw
 from geneoh.viz.scene import Scene, SeenHand, Take
@@ -98,9 +98,10 @@ def contact_sheet(
     for index, clip in enumerate(clips):
         scene = grasp_scene(clip)
         take = scene.takes[0]
-        camera = Camera(best_axes(scene, UP), *framing(scene, 0))
+        camera = cameras(scene, UP)[0]
         left, top = index % columns * (cell + GAP), index // columns * (cell + WORDS)
-        sheet.paste(Image.fromarray(draw(scene, take, 0, camera, (cell, cell))), (left, top))
+        (picture,) = draw(scene, [take], 0, camera, (cell, cell))
+        sheet.paste(Image.fromarray(picture), (left, top))
         for line, (words, ink) in enumerate(captions(take)):
             pen.text((left + 8, top + cell + 2 + 17 * line), words, ink, font(13))
         if on_picture is not None:

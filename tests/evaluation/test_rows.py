@@ -1,6 +1,6 @@
 """Every way of cleaning, on ten frames of the example."""
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import pytest
@@ -24,7 +24,7 @@ from geneoh.nn.checkpoint import Checkpoint, save_checkpoint
 from geneoh.pipeline.denoise import Options
 from geneoh.sequence.files import save_sequence
 from geneoh.training.config import TrainConfig
-from geneoh.training.loop import build_model, training_record
+from geneoh.training.loop import build_model
 
 
 def error(cleaned, case) -> float:
@@ -77,7 +77,7 @@ def test_a_baseline_row_answers_for_every_frame_of_a_left_hand(tmp_path, noisy_c
     """With weights that were never trained the regression returns its input."""
     config = TrainConfig()
     model = build_model(name, config)
-    record = training_record(name, config, 0, torch.device("cpu"))
+    record = {"stage": name, "config": asdict(config)}
     save_checkpoint(tmp_path / f"{name}.safetensors", Checkpoint(model.state_dict(), record))
     cleaned = BaselineRow(name, tmp_path).clean(noisy_case)
     assert cleaned.joints.shape == (10, 21, 3)
