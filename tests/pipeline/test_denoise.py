@@ -119,9 +119,10 @@ def test_rigidly_moved_scene_gives_the_rigidly_moved_result(noisy):
     a, b = denoise(still, FAST), denoise(moved, FAST)
     stages = [result.hands["left"].samples[0] for result in (a, b)]
     assert ((stages[0] @ turn.T + shift) - stages[1]).norm(dim=-1).max() < 1e-4
-    # the fit picks the vertices that touch: in a frame where two are equally near, rounding decides
+    # a vertex as deep under one face as under another may leave by either, and rounding decides; no
+    # vertex of these frames is
     apart = ((joints_of(a) @ turn.T + shift) - joints_of(b)).norm(dim=-1)
-    assert (apart < 1e-4).float().mean() > 0.9
+    assert apart.max() < 1e-4
 
 
 def test_keypoints_alone_are_enough(noisy, clean):

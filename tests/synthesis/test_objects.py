@@ -153,7 +153,7 @@ def test_surface_points_lie_on_the_surface_and_look_outward(family):
     assert float(solids.signed_distance(points).abs().max()) < 1e-5
     torch.testing.assert_close(normals.norm(dim=-1), torch.ones(2, 48))
     outside = solids.signed_distance(points + 5e-4 * normals)
-    assert float((outside > 3e-4).float().mean()) > 0.95, "crevices of unions excepted"
+    assert float((outside > 3e-4).float().mean()) > 0.9, "crevices of unions excepted"
 
 
 @pytest.mark.parametrize(("family", "least"), [("mug", 0.03), ("loop_tool", 0.15), ("pan", 0.15)])
