@@ -5,7 +5,6 @@ import platform
 from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
-from typing import Any
 
 PACKAGES = ("geneoh", "torch", "numpy", "scipy", "trimesh", "libigl", "smplx")
 
@@ -47,6 +46,7 @@ def hands(mano_dir: Path | None) -> Iterator[str]:
 
 def weights() -> Iterator[str]:
     """The shipped networks, with how they were trained."""
+    from geneoh.config import flat
     from geneoh.denoisers.library import SHIPPED
     from geneoh.errors import CheckpointError
     from geneoh.nn.checkpoint import load_checkpoint
@@ -61,15 +61,6 @@ def weights() -> Iterator[str]:
         count = sum(tensor.numel() for tensor in checkpoint.tensors.values())
         size = path.stat().st_size / 2**20
         yield f"{path.stem}: {count / 1e6:.2f} M parameters, {size:.1f} MiB"
-        yield from (f"  {name} = {value}" for name, value in flat(checkpoint.record))
+        yield from (f"  {name} = {value}" for name, value in flat(checkpoint.record).items())
     if not paths:
         yield f"none in {SHIPPED}"
-
-
-def flat(record: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """The entries of a nested record under dotted names."""
-    for name, value in record.items():
-        if isinstance(value, dict):
-            yield from flat(value, f"{prefix}{name}.")
-        else:
-            yield f"{prefix}{name}", value

@@ -32,6 +32,7 @@ def realism(
 
     import geneoh
     from geneoh.evaluation.realism import compare_sides, real_side, synthetic_side, table
+    from geneoh.files import write_whole
     from geneoh.hand.library import load_hand
 
     hand = load_hand("right")
@@ -40,7 +41,5 @@ def realism(
     for line in table(report):
         click.echo(line)
     if output is not None:
-        beside = output.with_name(f".{output.name}.tmp")
-        beside.write_text(json.dumps(report.as_dict(), indent=2) + "\n")
-        beside.replace(output)
+        write_whole(output, json.dumps(report.as_dict(), indent=2) + "\n")
         click.echo(f"wrote {output}")

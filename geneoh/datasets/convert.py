@@ -17,9 +17,10 @@ import numpy as np
 
 from geneoh.datasets.base import Clip, Known, Recording, clip_name
 from geneoh.datasets.catalogue import SOURCES, Source
-from geneoh.datasets.objects import obj_text, write_text
+from geneoh.datasets.objects import obj_text
 from geneoh.datasets.selftest import contradictions
 from geneoh.errors import ConfigError, GeneOHError, InputError
+from geneoh.files import unwritable, write_whole
 from geneoh.geometry.mesh import Mesh
 from geneoh.hand.model import Side
 from geneoh.pickles.files import DAMAGE
@@ -207,19 +208,21 @@ def convert(
         check: run the self-test as well.
     """
     done = {} if folder is None else read_log(folder)
+    said = told(known)
     for clip in clips:
-        files = done.get(entry_of(source, clip, known))
+        entry = f"{source.name} {clip.path} {said}"
+        files = done.get(entry)
         if folder and files and not check and all((folder / file).is_file() for file in files):
             yield Outcome(clip, tuple(files), skipped=True)
             continue
         try:
-            yield convert_clip(source, clip, folder, known, check=check)
+            yield convert_clip(source, clip, folder, known, entry, check=check)
         except GeneOHError as error:
             yield Outcome(clip, problem=str(error))
 
 
-def entry_of(source: Source, clip: Clip, known: Known) -> str:
-    """A clip as it was asked for: with other options it is another conversion."""
+def told(known: Known) -> str:
+    """What the caller said, for the log: with other options a clip is another conversion."""
     said = {}
     for option in fields(known):
         value = getattr(known, option.name)
@@ -229,13 +232,13 @@ def entry_of(source: Source, clip: Clip, known: Known) -> str:
             value = sha256(value.tobytes()).hexdigest()
         if value not in (None, False, []):
             said[option.name] = str(value)
-    return f"{source.name} {clip.path} {json.dumps(said, sort_keys=True)}"
+    return json.dumps(said, sort_keys=True)
 
 
 def convert_clip(
-    source: Source, clip: Clip, folder: Path | None, known: Known, *, check: bool
+    source: Source, clip: Clip, folder: Path | None, known: Known, entry: str, *, check: bool
 ) -> Outcome:
-    """One clip, all of its recordings or none."""
+    """One clip, all of its recordings or none; `entry` is its name in the log."""
     recordings = read_clip(source, clip, known)
     said: list[str] = []
     for recording in recordings:
@@ -247,7 +250,7 @@ def convert_clip(
     if folder is None or said:
         return Outcome(clip, contradictions=tuple(said), notes=notes)
     files = tuple(write_recording(recording, folder) for recording in recordings)
-    append_log(folder, {"clip": entry_of(source, clip, known), "files": files})
+    append_log(folder, {"clip": entry, "files": files})
     return Outcome(clip, files, notes=notes)
 
 
@@ -259,9 +262,7 @@ def write_recording(recording: Recording, folder: Path) -> str:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(
-            f"{path}: cannot be written ({error.strerror}); choose another place"
-        ) from None
+        raise unwritable(path, error) from None
     save_sequence(recording.sequence, path, extra={"object_files": np.array(names, dtype=str)})
     return f"{recording.name}.npz"
 
@@ -272,7 +273,7 @@ def write_mesh(mesh: Mesh, folder: Path, name: str) -> str:
     for number in count(1):
         file = f"objects/{name}{'' if number == 1 else f'_{number}'}.obj"
         if not (folder / file).is_file():
-            write_text(text, folder / file)
+            write_whole(folder / file, text, parents=True)
             return file
         if (folder / file).read_bytes() == text.encode():
             return file
@@ -299,9 +300,7 @@ def append_log(folder: Path, entry: dict[str, Any]) -> None:
         with (folder / LOG).open("a") as file:
             file.write(json.dumps(entry) + "\n")
     except OSError as error:
-        raise InputError(
-            f"{folder / LOG}: cannot be written ({error.strerror}); choose another place"
-        ) from None
+        raise unwritable(folder / LOG, error) from None
 
 
 def read_one(name: str, path: Path, known: Known, clip: str | None = None) -> Recording:

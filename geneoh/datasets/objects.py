@@ -1,7 +1,5 @@
 """Object meshes of data sets: found by name, brought to metres, written beside the sequences."""
 
-import os
-import secrets
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -70,22 +68,3 @@ def obj_text(mesh: Mesh) -> str:
     verts = "".join(f"v {x:.9g} {y:.9g} {z:.9g}\n" for x, y, z in mesh.verts.tolist())
     faces = "".join(f"f {a} {b} {c}\n" for a, b, c in (mesh.faces + 1).tolist())
     return verts + faces
-
-
-def write_text(text: str, path: Path) -> None:
-    """Write a file, whole or not at all.
-
-    Raises:
-        InputError: the place cannot be written to.
-    """
-    beside = path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        beside.write_text(text)
-        os.replace(beside, path)
-    except OSError as error:
-        raise InputError(
-            f"{path}: cannot be written ({error.strerror}); choose another place"
-        ) from None
-    finally:
-        beside.unlink(missing_ok=True)

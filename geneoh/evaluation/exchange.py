@@ -4,9 +4,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from geneoh.datasets.objects import obj_text, write_text
+from geneoh.datasets.objects import obj_text
 from geneoh.errors import InputError, MissingAssetError
 from geneoh.evaluation.cases import Case, Pending
+from geneoh.files import write_whole
 from geneoh.sequence.files import load_sequence, save_sequence
 
 
@@ -76,10 +77,10 @@ def write_inputs(cases: Iterable[Pending], folder: Path) -> int:
     for pending in cases:
         case = pending.load()
         path = folder / stored_name(case.clip, case.noise, case.seed)
-        (folder / "objects" / case.clip).parent.mkdir(parents=True, exist_ok=True)
         path.parent.mkdir(parents=True, exist_ok=True)
         for part, mesh in enumerate(case.noisy.object.meshes):
-            write_text(obj_text(mesh), folder / "objects" / f"{case.clip}_{part}.obj")
+            place = folder / "objects" / f"{case.clip}_{part}.obj"
+            write_whole(place, obj_text(mesh), parents=True)
         save_sequence(case.noisy, path)
         count += 1
     return count

@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import geneoh
-from geneoh.errors import ConfigError, InputError
+from geneoh.errors import ConfigError
 from geneoh.evaluation.scores import Score
+from geneoh.files import unwritable
 
 RECORD = "scores.jsonl"
 """First line: the settings. Then one score a line, in the order they were made."""
@@ -81,11 +82,6 @@ def append_scores(folder: Path, scores: Iterable[Score]) -> None:
                 file.write(json.dumps(asdict(score)) + "\n")
     except OSError as error:
         raise unwritable(path, error) from None
-
-
-def unwritable(path: Path, error: OSError) -> InputError:
-    """The error for a place that cannot be written to."""
-    return InputError(f"{path}: cannot be written ({error.strerror}); choose another place")
 
 
 def read_score(line: str) -> Score | None:

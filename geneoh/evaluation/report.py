@@ -4,14 +4,12 @@ import csv
 import html
 import io
 import json
-import os
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from geneoh.evaluation import plots
-from geneoh.evaluation.records import unwritable
 from geneoh.evaluation.scores import MEASURES, Score
 from geneoh.evaluation.tables import (
     LEVEL,
@@ -22,6 +20,7 @@ from geneoh.evaluation.tables import (
     named,
     shown,
 )
+from geneoh.files import write_whole
 
 GENEROUS = (
     "† Of all filters and sizes the best on the very clip, chosen with the ground truth in hand: "
@@ -82,20 +81,9 @@ def write_report(evaluation: Evaluation, folder: Path) -> list[Path]:
         "report.md": "\n".join(as_report(evaluation)) + "\n",
         "report.html": as_page(evaluation),
     }
-    return [write_text(folder / name, text) for name, text in texts.items()]
-
-
-def write_text(path: Path, text: str) -> Path:
-    """Write a file whole or not at all."""
-    beside = path.with_name(f".{path.name}.tmp")
-    try:
-        beside.write_text(text, "utf-8")
-        os.replace(beside, path)
-    except OSError as error:
-        raise unwritable(path, error) from None
-    finally:
-        beside.unlink(missing_ok=True)
-    return path
+    for name, text in texts.items():
+        write_whole(folder / name, text)
+    return [folder / name for name in texts]
 
 
 def as_csv(scores: Iterable[Score]) -> str:

@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from geneoh.errors import InputError
+from geneoh.files import unwritable
 
 SIZE_LIMIT = 2**30
 """Bytes that one archive may unpack to: an hour of two hands at 120 fps takes less than 0.5 GiB."""
@@ -140,9 +141,7 @@ def write_archive(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
             os.fsync(file.fileno())
         beside.replace(path)
     except OSError as error:
-        raise InputError(
-            f"{path}: cannot be written ({error.strerror}); choose another place"
-        ) from None
+        raise unwritable(path, error) from None
     finally:
         beside.unlink(missing_ok=True)
 

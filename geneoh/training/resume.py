@@ -10,8 +10,9 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from geneoh.config import as_dict
+from geneoh.config import as_dict, flat
 from geneoh.errors import CheckpointError
+from geneoh.files import write_whole
 from geneoh.synthesis.motion import Interactions
 from geneoh.training.config import Stage, TrainConfig
 
@@ -105,17 +106,6 @@ def refuse_other_run(path: Path, saved: Mapping[str, Any], asked: Mapping[str, A
         )
 
 
-def flat(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Nested settings by their dotted names."""
-    found: dict[str, Any] = {}
-    for name, value in table.items():
-        if isinstance(value, Mapping):
-            found |= flat(value, f"{prefix}{name}.")
-        else:
-            found[prefix + name] = value
-    return found
-
-
 def append_row(path: Path, row: list[float | int]) -> None:
     """Add a row to the log, with a header when the file is new."""
     new = not path.exists()
@@ -147,6 +137,4 @@ def forget_rows_after(path: Path, step: int) -> None:
     if not kept:
         path.unlink()
     elif kept != rows:
-        beside = path.with_name(f".{path.name}.tmp")
-        beside.write_text("".join([head, *kept]))
-        beside.replace(path)
+        write_whole(path, "".join([head, *kept]))

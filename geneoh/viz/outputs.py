@@ -9,6 +9,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.errors import InputError
+from geneoh.files import write_whole
 from geneoh.hand.model import Side
 from geneoh.pipeline.denoise import Denoised
 from geneoh.pipeline.results import load_samples
@@ -16,7 +17,6 @@ from geneoh.sequence.files import load
 from geneoh.sequence.tracks import Sequence
 from geneoh.viz.colours import Colouring
 from geneoh.viz.export import write_meshes, write_smplx
-from geneoh.viz.files import write_whole
 from geneoh.viz.glb import glb_bytes
 from geneoh.viz.page import write_page
 from geneoh.viz.scene import Scene, make_scene

@@ -22,11 +22,11 @@ import torch
 from jaxtyping import Float, Integer
 from torch import Tensor
 
+from geneoh.files import write_whole
 from geneoh.geometry.rotations import matrix_to_quat_wxyz
 from geneoh.hand.skeleton import KEYPOINT_PARENTS
 from geneoh.viz.camera import Camera, cameras
 from geneoh.viz.colours import DEEPEST, OBJECT, SCALES, SKIN, Colouring, on_ramp
-from geneoh.viz.files import write_whole
 from geneoh.viz.scene import Scene, SeenHand, Take
 from geneoh.viz.surface import coarser, creased
 
@@ -107,7 +107,7 @@ def page_html(scene: Scene, title: str, *, up: Float[np.ndarray, " 3"]) -> str:
 
 def write_page(scene: Scene, path: Path, title: str, *, up: Float[np.ndarray, " 3"]) -> None:
     """Write the page in one step."""
-    write_whole(path, page_html(scene, title, up=up).encode())
+    write_whole(path, page_html(scene, title, up=up))
 
 
 def _asset(name: str) -> str:

@@ -9,9 +9,9 @@ from jaxtyping import Float
 from PIL import Image, ImageDraw, ImageFont
 
 from geneoh.errors import InputError
+from geneoh.files import write_whole
 from geneoh.viz.camera import cameras
 from geneoh.viz.colours import SCALES, Colouring, Scale
-from geneoh.viz.files import write_whole
 from geneoh.viz.picture import Picture, draw
 from geneoh.viz.scene import Scene, Take
 

@@ -12,9 +12,9 @@ from jaxtyping import Float
 from PIL import Image, ImageDraw
 
 from geneoh.errors import InputError, MissingAssetError
+from geneoh.files import unwritable
 from geneoh.viz.camera import cameras
 from geneoh.viz.colours import SCALES, Colouring
-from geneoh.viz.files import unwritable
 from geneoh.viz.picture import Picture, draw
 from geneoh.viz.scene import Scene
 from geneoh.viz.strip import FAINT, FOOT, HEAD, INK, NOTE, PAPER, UP, caption, draw_scale, font
