@@ -6,10 +6,10 @@ checks of `Checks` is kept. Frames: the right hand's rest frame (fingers -x, pal
 the object's frame; metres and radians.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
@@ -68,6 +68,10 @@ class Grasps:
     wrist: Float[Tensor, "B 3"]
     offsets: Float[Tensor, "B 20 3"]
     kept: Bool[Tensor, " B"]
+
+    def chosen(self, which: Bool[Tensor, " B"] | Int[Tensor, " C"]) -> "Grasps":
+        """Some of the grasps."""
+        return Grasps(*(getattr(self, field.name)[which] for field in fields(self)))
 
 
 def _hand_spheres(

@@ -1,10 +1,10 @@
 """From grasps to interactions at 30 frames a second: reach, close, carry, adjust, let go, leave."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
@@ -29,6 +29,10 @@ class Interactions:
     points: Float[Tensor, "B P 3"]
     """Object surface points in the object's frame, with `normals`."""
     normals: Float[Tensor, "B P 3"]
+
+    def chosen(self, which: Int[Tensor, " C"]) -> "Interactions":
+        """Some of the interactions."""
+        return Interactions(*(getattr(self, field.name)[which] for field in fields(self)))
 
 
 def _ease(x: Float[Tensor, "*S"]) -> Float[Tensor, "*S"]:

@@ -5,7 +5,7 @@ objects and people are drawn before it, and every person has bones of their own,
 that were kept are found among those that were tried.
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import torch
@@ -47,8 +47,7 @@ class Replay:
 
     def chosen(self, which: Int[Tensor, " C"]) -> "Replay":
         """Some of the clips."""
-        some = Interactions(*(getattr(self.clips, f.name)[which] for f in fields(Interactions)))
-        return Replay(some, chosen_attempts(self.made_from, which))
+        return Replay(self.clips.chosen(which), chosen_attempts(self.made_from, which))
 
     def held_frames(self) -> Int[Tensor, " B"]:
         """The frame of each clip in which the fingers are nearest to the object's surface."""
@@ -119,5 +118,4 @@ def replay_shard(path: Path, hand: HandModel) -> Replay:
             f"{path}: expected the people that its seed {record['seed']} draws, got others: "
             "another version of geneoh made it; make the data again"
         )
-    some = Interactions(*(getattr(clips, f.name)[found] for f in fields(Interactions)))
-    return Replay(some, chosen_attempts(tried, who[found]))
+    return Replay(clips.chosen(found), chosen_attempts(tried, who[found]))

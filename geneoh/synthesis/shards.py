@@ -16,7 +16,7 @@ from torch import Tensor
 from geneoh.config import as_dict
 from geneoh.errors import ConfigError, InputError
 from geneoh.hand.model import HandModel, ShapedHand
-from geneoh.synthesis.grasps import Grasps, synthesize_grasps
+from geneoh.synthesis.grasps import synthesize_grasps
 from geneoh.synthesis.motion import Interactions, animate
 from geneoh.synthesis.objects import FAMILIES, Solids, draw_objects, family_named
 
@@ -126,7 +126,7 @@ def synthesize_shard(
         tried = draw_attempts(config, families, hand, attempts_for(missing), generator=generator)
         grasps = synthesize_grasps(tried.solids, tried.hands.offsets, generator=generator)
         solids = tried.solids.chosen(grasps.kept)
-        grasps = Grasps(*(getattr(grasps, f.name)[grasps.kept] for f in fields(Grasps)))
+        grasps = grasps.chosen(grasps.kept)
         kept.append(animate(grasps, solids, config.frames, config.points, generator=generator))
     return Interactions(
         **{

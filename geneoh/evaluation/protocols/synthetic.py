@@ -4,7 +4,7 @@ Each clip is drawn when it is read, from its number alone: a hand of the embedde
 of a held-out family as a mesh, 30 frames a second.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import lru_cache
 
 import torch
@@ -13,9 +13,9 @@ from geneoh.evaluation.protocols.options import ProtocolOptions
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
 from geneoh.sequence.tracks import HandTrack, ObjectTrack, Sequence
-from geneoh.synthesis.grasps import Grasps, synthesize_grasps
+from geneoh.synthesis.grasps import synthesize_grasps
 from geneoh.synthesis.motion import animate
-from geneoh.synthesis.objects import Solids, draw_objects
+from geneoh.synthesis.objects import draw_objects
 from geneoh.synthesis.shards import SynthesisConfig, seed_of
 from geneoh.synthesis.surface import mesh_of
 
@@ -71,9 +71,8 @@ def draw_clip(family: str, index: int, frames: int) -> Sequence:
     skin = hand.posed(grasps.pose, grasps.wrist).verts
     depth = -solids.signed_distance(skin).amin(-1)
     best = torch.where(grasps.kept, depth, torch.inf).argmin()[None]
-    solid = Solids(*(getattr(solids, f.name)[best] for f in fields(Solids)))
-    grasp = Grasps(*(getattr(grasps, f.name)[best] for f in fields(Grasps)))
-    moved = animate(grasp, solid, frames, 1, generator=generator)
+    solid = solids.chosen(best)
+    moved = animate(grasps.chosen(best), solid, frames, 1, generator=generator)
     pose, wrist = moved.pose[0], moved.wrist[0]
     track = HandTrack(
         side="right",
