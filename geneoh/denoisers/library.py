@@ -20,7 +20,8 @@ from geneoh.nn.checkpoint import Checkpoint, load_checkpoint
 
 SHIPPED = Path(__file__).parent / "assets"
 """Folder of the weights inside the package, STAGE.safetensors, and those of the baselines."""
-STAGES = ("motion", "spatial", "temporal", "trajectory")
+STAGES = ("motion", "spatial", "temporal")
+"""What a folder of weights must hold to clean with it."""
 
 Baseline = TochAutoencoder | RegressionDenoiser
 BaselineName = Literal["toch", "regression"]
@@ -29,36 +30,65 @@ Network = TypeVar("Network", bound=nn.Module)
 
 @dataclass(frozen=True)
 class Denoisers:
-    """The three stages, and MotionDiff in the paper's form, ready to run."""
+    """The three stages, ready to run."""
 
     motion: MotionDenoiser
     spatial: SpatialDenoiser
     temporal: TemporalDenoiser
-    trajectory: TrajectoryDenoiser
+    trajectory: TrajectoryDenoiser | None
+    """MotionDiff in the paper's form, where it was asked for."""
     records: dict[str, dict[str, Any]]
     """How each stage was trained, by stage."""
 
 
-def load_denoisers(folder: Path | None = None, *, device: torch.device | str = "cpu") -> Denoisers:
+def load_denoisers(
+    folder: Path | None = None, *, device: torch.device | str = "cpu", trajectory: bool = True
+) -> Denoisers:
     """All three stages from one folder, the shipped weights by default.
+
+    Args:
+        folder: of STAGE.safetensors.
+        device: where they run.
+        trajectory: whether MotionDiff in the paper's form is loaded as well; the preset `paper`
+            alone needs it.
 
     Raises:
         CheckpointError: a file is missing or does not fit its network.
     """
     folder = folder or SHIPPED
-    saved = {stage: load_checkpoint(folder / f"{stage}.safetensors") for stage in STAGES}
+    names = (*STAGES, "trajectory") if trajectory else STAGES
+    saved = {name: load_checkpoint(folder / f"{name}.safetensors") for name in names}
 
     def rebuilt(stage: str, build: Callable[[dict[str, Any]], Network]) -> Network:
         path = folder / f"{stage}.safetensors"
         return restored(saved[stage], stage, build, path).to(device)
 
+    def of_trajectory(sizes: dict[str, Any]) -> TrajectoryDenoiser:
+        return TrajectoryDenoiser(TrajectoryConfig(**sizes))
+
     return Denoisers(
-        rebuilt("motion", lambda sizes: MotionDenoiser(MotionConfig(**sizes))),
+        rebuilt("motion", motion_of),
         rebuilt("spatial", lambda sizes: SpatialDenoiser(SpatialConfig(**sizes))),
         rebuilt("temporal", lambda sizes: TemporalDenoiser(TemporalConfig(**sizes))),
-        rebuilt("trajectory", lambda sizes: TrajectoryDenoiser(TrajectoryConfig(**sizes))),
-        {stage: checkpoint.record for stage, checkpoint in saved.items()},
+        rebuilt("trajectory", of_trajectory) if trajectory else None,
+        {name: checkpoint.record for name, checkpoint in saved.items()},
     )
+
+
+def motion_of(sizes: dict[str, Any]) -> MotionDenoiser:
+    """MotionDiff of the saved sizes, without its weights."""
+    return MotionDenoiser(MotionConfig(**sizes))
+
+
+def weights_of(name: str, folder: Path | None) -> Path:
+    """The file of a network: in the folder that the user names, else the shipped one.
+
+    What is no stage need not be in the user's folder.
+    """
+    given = None if folder is None else folder / f"{name}.safetensors"
+    if given is not None and (name in STAGES or given.is_file()):
+        return given
+    return SHIPPED / f"{name}.safetensors"
 
 
 def load_motion(folder: Path) -> MotionDenoiser:
@@ -66,8 +96,7 @@ def load_motion(folder: Path) -> MotionDenoiser:
     it are trained on."""
     path = folder / "motion.safetensors"
     path = path if path.exists() else SHIPPED / path.name
-    saved = load_checkpoint(path)
-    return restored(saved, "motion", lambda sizes: MotionDenoiser(MotionConfig(**sizes)), path)
+    return restored(load_checkpoint(path), "motion", motion_of, path)
 
 
 def load_baseline(name: BaselineName, folder: Path | None = None) -> Baseline:

@@ -6,6 +6,7 @@ form, keypoints alone, is `geneoh.denoisers.trajectory`.
 """
 
 from dataclasses import dataclass, fields
+from functools import cached_property
 
 import torch
 from jaxtyping import Float
@@ -20,7 +21,7 @@ from geneoh.geometry.rotations import (
 )
 from geneoh.hand.skeleton import bone_lengths
 from geneoh.nn.blocks import FrameTransformer, zeroed
-from geneoh.representation.parameters import HandParameters
+from geneoh.representation.parameters import HandParameters, turned
 
 TOUCH_SCALE = 0.02
 """Distance over which closeness to the surface decays in the network's eyes, metres."""
@@ -60,13 +61,23 @@ class ObservedMotion:
         def tiled(value: Tensor) -> Tensor:
             return value.repeat(times, *[1] * (value.ndim - 1))
 
-        hand = HandParameters(*(tiled(getattr(self.hand, f.name)) for f in fields(self.hand)))
         rest = (tiled(getattr(self, f.name)) for f in fields(self)[1:])
-        return ObservedMotion(hand, *rest)
+        return ObservedMotion(self.hand.map(tiled), *rest)
+
+    @cached_property
+    def joints(self) -> Float[Tensor, "B T 21 3"]:
+        """The observed keypoints, canonical frame."""
+        return self.hand.joints
+
+    @cached_property
+    def shown(self) -> tuple[Float[Tensor, "B 3 3"], Float[Tensor, "B T K 51"], Tensor]:
+        """The palm's axes, and filters and features in them: the same at every noise level."""
+        axes = palm_axes(self.joints)  # so that a hand looks the same however it is turned
+        return axes, self.filtered(axes), self.features(axes)
 
     def features(self, axes: Float[Tensor, "B 3 3"]) -> Float[Tensor, "B T F"]:
         """Input per frame in the given axes (columns): hand, jitter, surface, object, trust."""
-        hand, joints = self.hand, self.hand.joints @ axes[:, None]
+        hand, joints = self.hand, self.joints @ axes[:, None]
         wrist, turn = joints[:, :, :1], axes[:, None].transpose(-1, -2) @ hand.turn
         six = matrix_to_rotation_6d(turn)
         fingers = hand.fingers.flatten(2)
@@ -104,16 +115,11 @@ class ObservedMotion:
         values = torch.cat([hand.wrist, six, hand.fingers.flatten(2)], dim=-1)
         smooth = weights @ values[:, None]
         wrist, six, fingers = smooth.split([3, 6, 45], dim=-1)
-        several = (getattr(hand, f.name)[:, None] for f in fields(hand))
-        many = HandParameters(
-            *(value.expand(-1, len(FILTERS), *value.shape[2:]) for value in several)
-        )
+        many = hand.map(lambda value: value[:, None].expand(-1, len(FILTERS), *value.shape[1:]))
         goal = HandParameters(
             wrist, rotation_6d_to_matrix(six), fingers.unflatten(-1, (15, 3)), many.offsets
         )
-        change = many.change_to(goal)
-        change = torch.cat([change[..., :3] @ axes[:, None], change[..., 3:]], dim=-1)
-        return change.transpose(1, 2)
+        return turned(many.change_to(goal), axes[:, None, None]).transpose(1, 2)
 
     def _object_motion(self, axes: Float[Tensor, "B 3 3"]) -> Float[Tensor, "B T 6"]:
         """Velocity and turn rate of the object between frames, 0.1 m/s and 1 rad/s as units."""
@@ -155,12 +161,8 @@ class MotionDenoiser(nn.Module):
 
         Units are those of `geneoh.representation.parameters.UNIT`, the wrist's axes canonical.
         """
-        axes = palm_axes(seen.hand.joints)  # so that a hand looks the same however it is turned
-        filtered = seen.filtered(axes)
-        features = torch.cat([filtered.flatten(2), seen.features(axes)], dim=-1)
-
-        def turned(change: Tensor, by: Tensor) -> Tensor:
-            return torch.cat([change[..., :3] @ by, change[..., 3:]], dim=-1)
+        axes, filtered, features = seen.shown
+        features = torch.cat([filtered.flatten(2), features], dim=-1)
 
         def network(scaled: Tensor, level: Tensor) -> Tensor:
             tokens = self.embed(torch.cat([scaled, features], dim=-1))
@@ -171,5 +173,5 @@ class MotionDenoiser(nn.Module):
 
         sigma = sigma[:, None, None]
         anchor, scale = torch.zeros_like(x), torch.ones_like(sigma)
-        clean = denoised(network, turned(x, axes), anchor, sigma, scale)
-        return turned(clean, axes.transpose(-1, -2))
+        clean = denoised(network, turned(x, axes[:, None]), anchor, sigma, scale)
+        return turned(clean, axes[:, None].mT)

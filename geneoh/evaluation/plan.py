@@ -9,7 +9,7 @@ from typing import Literal, get_args
 from typing_extensions import assert_never
 
 from geneoh.config import as_dict
-from geneoh.denoisers.library import SHIPPED, BaselineName
+from geneoh.denoisers.library import STAGES, BaselineName, weights_of
 from geneoh.errors import ConfigError, MissingAssetError
 from geneoh.evaluation.cases import Pending
 from geneoh.evaluation.exchange import StoredTwin
@@ -43,7 +43,6 @@ DEFAULT_SEEDS: dict[str, tuple[int, ...]] = {"synthetic": SEEDS[:1]}
 """Where clips are many, one noise for each says as much as three; elsewhere the paper's seeds."""
 DEFAULT_CLOSE_FRAMES: dict[str, int] = {"synthetic": 5}
 """Many short clips: a few frames of each say as much as many frames of a few."""
-STAGES = ("motion", "spatial", "temporal")
 BASELINES: tuple[BaselineName, ...] = get_args(BaselineName)
 
 
@@ -92,17 +91,6 @@ def cases_of(choices: Choices) -> list[Pending]:
     if choices.twins is None:
         return list(found)
     return [StoredTwin(pending, choices.twins) for pending in found]
-
-
-def weights_of(name: str, folder: Path | None) -> Path:
-    """The file of a network: in the folder that the user names, else the shipped one.
-
-    Baselines need not be in the user's folder.
-    """
-    given = None if folder is None else folder / f"{name}.safetensors"
-    if given is not None and (name in STAGES or given.is_file()):
-        return given
-    return SHIPPED / f"{name}.safetensors"
 
 
 def rows_of(choices: Choices) -> tuple[tuple[Row, ...], tuple[str, ...]]:
@@ -159,7 +147,7 @@ def named_rows(name: RowName, choices: Choices) -> Iterator[Row]:
 def settings_of(choices: Choices) -> dict[str, object]:
     """All that scores depend on but the case and the row themselves."""
     options = choices.options
-    files = [weights_of(name, options.weights) for name in (*STAGES, *BASELINES)]
+    files = [weights_of(name, options.weights) for name in (*STAGES, "trajectory", *BASELINES)]
     return {
         **provenance(files),
         "root": None if choices.root is None else str(choices.root),

@@ -128,7 +128,9 @@ def denoise(
     if not sequence.object.meshes:
         raise InputError(f"{sequence.source}: expected an object mesh, got none; pass --obj MESH")
     check_sequence(sequence, sequence.source)
-    denoisers = load_denoisers(options.weights, device=options.device)
+    denoisers = load_denoisers(
+        options.weights, device=options.device, trajectory=not chosen.observed
+    )
     notes = [note for mesh in sequence.object.meshes if (note := size_warning(mesh))]
     paced = at_rate(sequence, RATE)
     if paced is not sequence:
@@ -266,12 +268,12 @@ def _run_stages(
             on_step=heard("motion"),
         ).joints
     elif chosen.motion is not None:
+        assert denoisers.trajectory is not None, "it was asked for"
         joints = denoise_trajectory(
             denoisers.trajectory,
             joints,
             scene,
             chosen.motion,
-            observed=False,
             generator=generator,
             on_step=heard("motion"),
         )

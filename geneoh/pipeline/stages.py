@@ -5,6 +5,7 @@ denoiser call cuts the track into windows and blends what they answer, so window
 noise level and no seam forms, and a rigid motion of the scene moves the result and nothing else.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -21,7 +22,7 @@ from geneoh.diffusion.samplers import OnStep, denoise_via_diffusion
 from geneoh.diffusion.schedule import descending_sigmas
 from geneoh.fitting.align import AlignConfig, align_to_relations
 from geneoh.pipeline.presets import StagePlan
-from geneoh.representation.parameters import HandParameters
+from geneoh.representation.parameters import HandParameters, turned
 from geneoh.representation.region import ContactRegion, contact_region, surface_to_world
 from geneoh.representation.temporal import PairStatistics, encode_temporal
 from geneoh.representation.touch import nearest_points
@@ -130,14 +131,14 @@ class Scene:
             self.points, self.normals, self.part, self.rotation, self.translation
         )
         nearest, outward = nearest_points(hand.joints[0], world, normals)
-        canonical = HandParameters(
-            region.to_canon(self.windows(hand.wrist[..., None, :]))[..., 0, :],
-            region.rotation.mT @ self.windows(hand.turn),
+        windows = HandParameters(
+            self.windows(hand.wrist),
+            self.windows(hand.turn),
             self.windows(hand.fingers),
             hand.offsets.expand(len(region.center), 20, 3),
         )
         return ObservedMotion(
-            canonical,
+            windows.to_canon(region),
             self.cut(self.trust, 0).mean(-1),
             region.to_canon(self.cut(nearest, 0)),
             self.cut(outward, 0) @ region.rotation,
@@ -182,16 +183,9 @@ def denoise_motion(
         generator=generator,
         on_step=on_step,
     )
-    wrist = change[..., :3]
-    if scene.canonical:  # it moves in the axes of the object's first part
-        wrist = (scene.rotation[:, 0] @ wrist[..., None])[..., 0]
-    many = HandParameters(
-        *(
-            value.expand(samples, *value.shape[1:])
-            for value in (hand.wrist, hand.turn, hand.fingers, hand.offsets)
-        )
-    )
-    return many.moved(torch.cat([wrist, change[..., 3:]], dim=-1))
+    if scene.canonical:  # the wrist moves in the axes of the object's first part
+        change = turned(change, scene.rotation[:, 0].mT)
+    return hand.map(lambda value: value.expand(samples, *value.shape[1:])).moved(change)
 
 
 def denoise_trajectory(
@@ -200,18 +194,42 @@ def denoise_trajectory(
     scene: Scene,
     plan: StagePlan,
     *,
-    observed: bool,
     generator: torch.Generator,
     on_step: OnStep | None = None,
 ) -> Float[Tensor, "S T 21 3"]:
     """MotionDiff as the paper has it: world keypoints with natural canonical trajectories."""
     region = scene.region(joints)
-    observation = scene.observation(joints, region, observed)
+    observation = scene.observation(joints, region, given=False)
+    return _denoise_keypoints(
+        lambda canon, level: model(canon, level, observation),
+        joints,
+        scene,
+        region,
+        plan,
+        generator=generator,
+        on_step=on_step,
+    )
+
+
+def _denoise_keypoints(
+    answer: Callable[[Tensor, Tensor], Tensor],
+    joints: Float[Tensor, "S T 21 3"],
+    scene: Scene,
+    region: ContactRegion,
+    plan: StagePlan,
+    *,
+    generator: torch.Generator,
+    on_step: OnStep | None,
+) -> Float[Tensor, "S T 21 3"]:
+    """World keypoints denoised as one track, by what `answer` says of its canonical windows.
+
+    `answer` maps noisy windows (B, N, 21, 3) and noise levels (B,), metres, to clean windows.
+    """
 
     def clean(x: Tensor, sigma: float) -> Tensor:
         canon = region.to_canon(scene.windows(scene.to_world(x * HAND_SCALE)))
         level = canon.new_full((len(canon),), sigma * HAND_SCALE)
-        world = scene.blend(region.to_world(model(canon, level, observation)))
+        world = scene.blend(region.to_world(answer(canon, level)))
         return scene.to_object(world) / HAND_SCALE
 
     cleaned = denoise_via_diffusion(
@@ -243,41 +261,34 @@ def denoise_spatial(
     region = scene.region(joints)
     observation = scene.observation(joints, region, observed)
     points, normals = region.points_canon, region.normals_canon
-    sigmas = descending_sigmas(plan.level, plan.steps)
+
+    def around(canon: Float[Tensor, "B N 21 3"]) -> Float[Tensor, "B N K 21 3"]:
+        return canon[:, :, None].expand(-1, -1, points.shape[2], -1, -1)
+
+    if observed:
+        return _denoise_keypoints(
+            lambda canon, level: model(around(canon), level, points, normals, observation).mean(2),
+            joints,
+            scene,
+            region,
+            plan,
+            generator=generator,
+            on_step=on_step,
+        )
 
     def each(hands: Float[Tensor, "B N K 21 3"], sigma: float) -> Float[Tensor, "B N K 21 3"]:
         level = hands.new_full((len(hands),), sigma * HAND_SCALE)
         return model(hands * HAND_SCALE, level, points, normals, observation) / HAND_SCALE
 
-    def around(canon: Float[Tensor, "B N 21 3"]) -> Float[Tensor, "B N K 21 3"]:
-        return canon[:, :, None].expand(-1, -1, points.shape[2], -1, -1)
-
-    if not observed:
-        hands = denoise_via_diffusion(
-            each,
-            around(region.to_canon(scene.windows(joints)) / HAND_SCALE),
-            sigmas,
-            sampler=plan.sampler,
-            generator=generator,
-            on_step=on_step,
-        )
-        return scene.blend(region.to_world(hands.mean(2) * HAND_SCALE))
-
-    def together(x: Tensor, sigma: float) -> Tensor:
-        canon = region.to_canon(scene.windows(scene.to_world(x * HAND_SCALE))) / HAND_SCALE
-        mean = each(around(canon), sigma).mean(2)
-        world = scene.blend(region.to_world(mean * HAND_SCALE))
-        return scene.to_object(world) / HAND_SCALE
-
-    cleaned = denoise_via_diffusion(
-        together,
-        scene.to_object(joints) / HAND_SCALE,
-        sigmas,
+    hands = denoise_via_diffusion(
+        each,
+        around(region.to_canon(scene.windows(joints)) / HAND_SCALE),
+        descending_sigmas(plan.level, plan.steps),
         sampler=plan.sampler,
         generator=generator,
         on_step=on_step,
     )
-    return scene.to_world(cleaned * HAND_SCALE)
+    return scene.blend(region.to_world(hands.mean(2) * HAND_SCALE))
 
 
 def denoise_temporal(

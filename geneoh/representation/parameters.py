@@ -5,7 +5,8 @@ bones: noise of hand trackers is simple here (independent per parameter, around 
 keypoints it shortens fingers.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, fields
 
 import torch
 from jaxtyping import Float
@@ -13,6 +14,7 @@ from torch import Tensor
 
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.hand.skeleton import forward_kinematics
+from geneoh.representation.region import ContactRegion
 
 UNIT = (0.01,) * 3 + (0.08,) * 3 + (0.25,) * 45
 """What counts as a change of one: wrist (m), global rotation (rad), finger joints (rad)."""
@@ -39,6 +41,19 @@ class HandParameters:
         keypoints, _ = forward_kinematics(rotations, self.wrist, self.offsets[..., None, :, :])
         return keypoints
 
+    def map(self, function: Callable[[Tensor], Tensor]) -> "HandParameters":
+        """The same function on every tensor: for what concerns the leading axes alone."""
+        return HandParameters(*(function(getattr(self, field.name)) for field in fields(self)))
+
+    def to_canon(self, region: ContactRegion) -> "HandParameters":
+        """Hands of the world in the canonical frame of a region."""
+        return HandParameters(
+            region.to_canon(self.wrist[..., None, :])[..., 0, :],
+            region.rotation.mT @ self.turn,
+            self.fingers,
+            self.offsets,
+        )
+
     def moved(self, change: Float[Tensor, "*B T 51"]) -> "HandParameters":
         """The hands after a change in units of `UNIT`.
 
@@ -58,3 +73,11 @@ class HandParameters:
         fingers = (other.fingers - self.fingers).flatten(-2)
         change = torch.cat([other.wrist - self.wrist, turn, fingers], dim=-1)
         return change / change.new_tensor(UNIT)
+
+
+def turned(
+    change: Float[Tensor, "*B 51"], axes: Float[Tensor, "*#B 3 3"]
+) -> Float[Tensor, "*B 51"]:
+    """A change whose wrist moves in other axes, given as columns; the rest is the hand's own."""
+    wrist = (change[..., None, :3] @ axes)[..., 0, :]
+    return torch.cat([wrist, change[..., 3:]], dim=-1)

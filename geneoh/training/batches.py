@@ -162,15 +162,16 @@ def draw_batch(
         )
         return region.turned(turn)
 
-    joints = noisy.joints + noise.jitter
+    observed = noisy.joints
+    joints = observed + noise.jitter
     region = around(joints)
-    local = ((noisy.joints - translation[:, :, None]) @ rotation).flatten(1, 2)
+    local = ((observed - translation[:, :, None]) @ rotation).flatten(1, 2)
     nearest, outward = (
         found.unflatten(1, (frames, 21)) @ rotation.transpose(-1, -2)
         for found in nearest_points(local, points, normals)
     )
     motion = ObservedMotion(
-        canonical(noisy, region),
+        noisy.to_canon(region),
         noise.keep.float(),
         region.to_canon(nearest + translation[:, :, None]),
         outward @ region.rotation,
@@ -183,7 +184,7 @@ def draw_batch(
     given = (torch.rand(size, generator=generator) >= withheld).float()
     trust = noise.keep[..., None].expand(-1, -1, 21).float()
     observation = Observation(region.to_canon(joints), trust, given)
-    return Batch(clean.joints, joints, region, observation, canonical(clean, region), motion)
+    return Batch(clean.joints, joints, region, observation, clean.to_canon(region), motion)
 
 
 @torch.no_grad()
@@ -192,10 +193,11 @@ def after_motion(
 ) -> HandParameters:
     """A quick sample of what MotionDiff leaves of the observed hand, canonical frame."""
     device = next(model.parameters()).device
+    there = moved_to(seen, device)
 
     def clean(x: Tensor, sigma: float) -> Tensor:
         level = x.new_full((len(x),), sigma).to(device)
-        return model(x.to(device), level, moved_to(seen, device)).to(x)
+        return model(x.to(device), level, there).to(x)
 
     change = denoise_via_diffusion(
         clean,
@@ -205,13 +207,3 @@ def after_motion(
         generator=generator,
     )
     return seen.hand.moved(change)
-
-
-def canonical(hand: HandParameters, region: ContactRegion) -> HandParameters:
-    """A hand of the world in the canonical frame of a region."""
-    return HandParameters(
-        region.to_canon(hand.wrist[..., None, :])[..., 0, :],
-        region.rotation.transpose(-1, -2) @ hand.turn,
-        hand.fingers,
-        hand.offsets,
-    )

@@ -54,6 +54,11 @@ def test_a_missing_stage_is_told(folder, stage):
         load_denoisers(folder)
 
 
+def test_the_three_stages_are_enough_where_the_papers_form_is_not_asked_for(folder):
+    (folder / "trajectory.safetensors").unlink()
+    assert load_denoisers(folder, trajectory=False).trajectory is None
+
+
 def test_weights_of_another_network_are_refused(folder):
     wrong = Checkpoint(
         saved(NETWORKS["spatial"], "spatial").tensors, saved(NETWORKS["motion"], "motion").record

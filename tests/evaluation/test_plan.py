@@ -52,7 +52,7 @@ def test_every_row_of_the_paper_and_of_a_sceptic_can_be_asked_for():
 
 
 def test_baselines_without_weights_stay_out_and_are_told(monkeypatch, tmp_path):
-    monkeypatch.setattr("geneoh.evaluation.plan.SHIPPED", tmp_path)
+    monkeypatch.setattr("geneoh.denoisers.library.SHIPPED", tmp_path)
     rows, notes = rows_of(replace(SMALL, rows=()))
     assert [row.name for row in rows][-1] == "geneoh default"
     assert len(rows) == 6
