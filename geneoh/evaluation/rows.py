@@ -20,7 +20,7 @@ from geneoh.evaluation.cases import Case
 from geneoh.evaluation.exchange import stored_name
 from geneoh.evaluation.filters import TUNED, FilterKind, On, best_of_all, filtered, usable_on
 from geneoh.fitting.fit import FitConfig, fit_hand, start_from_keypoints
-from geneoh.geometry.distance import SurfaceDistance, SurfaceQuery, query_parts
+from geneoh.geometry.distance import MovingSurface, SurfaceDistance
 from geneoh.hand.library import Source, load_hand
 from geneoh.pipeline.denoise import NEAR, Denoised, Options, denoise
 from geneoh.pipeline.person import person_of
@@ -51,6 +51,11 @@ class Cleaned:
     """Frames that are scored."""
     result: Denoised | None = None
     """Our own rows': all that the cleaner has to tell."""
+
+    @property
+    def spread(self) -> Float[Tensor, "T 21"] | None:
+        """How far off the keypoints are said to be, metres; None where nothing is said."""
+        return None if self.result is None else self.result.sequence.hands[0].joint_spread
 
 
 @runtime_checkable
@@ -130,10 +135,7 @@ class OptimisedRow:
         model = load_hand(hand.side, source=self.source, mano_dir=self.mano_dir)
         person = person_of(hand, model)
         fields = tuple(SurfaceDistance(mesh) for mesh in moving.meshes)
-
-        def surface(verts: Float[Tensor, "S T V 3"]) -> SurfaceQuery:
-            return query_parts(fields, moving.rotation, moving.translation, verts, within=NEAR)
-
+        surface = MovingSurface(fields, moving.rotation, moving.translation, within=NEAR)
         start = person.start or start_from_keypoints(target, person.shaped)
         state = fit_hand(
             target,

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from geneoh.fitting.solve import solve_coupled_frames
@@ -18,13 +18,13 @@ from geneoh.fitting.terms import (
     steadiness,
     surface_term,
 )
-from geneoh.geometry.distance import SurfaceQuery
+from geneoh.geometry.distance import MovingSurface, SurfaceQuery
 from geneoh.geometry.rotations import axis_angle_to_matrix, kabsch
 from geneoh.hand.model import ShapedHand
 from geneoh.hand.skeleton import TIP_PARENTS
 
-Surface = Callable[[Tensor], SurfaceQuery]
-"""Signed distance, closest point and normal of world points over all frames."""
+LONGEST_WAY = 0.02
+"""No phalanx is thicker, so none is pushed through more of the object than this, metres."""
 PALM = (0, 1, 5, 9, 13, 17)
 """Keypoints that move together when the fingers bend: wrist, thumb base and the four knuckles."""
 
@@ -81,7 +81,7 @@ def fit_hand(
     start: HandState,
     *,
     config: FitConfig,
-    surface: Surface | None = None,
+    surface: MovingSurface | None = None,
     on_step: Callable[[int, int], None] | None = None,
 ) -> HandState:
     """Hand parameters that follow target keypoints and stay out of the object.
@@ -186,7 +186,7 @@ def _pick(better: Bool[Tensor, " S"], new: Tensor, old: Tensor) -> Tensor:
 
 
 def contact_planes(
-    state: HandState, shaped: ShapedHand, surface: Surface, config: FitConfig
+    state: HandState, shaped: ShapedHand, surface: MovingSurface, config: FitConfig
 ) -> Planes:
     """Inside the object the hand is pushed out; a fingertip that nearly touches is drawn on.
 
@@ -194,16 +194,16 @@ def contact_planes(
     nearest of a touching phalanx get no weight.
     """
     verts = shaped.verts_from_rotations(state.rotations, state.wrist).verts
-    found = surface(verts)
+    bone = shaped.model.skin_weights.argmax(-1)
+    found = way_out(verts, bone, surface)
     nearest = found.distance.topk(config.surface_verts, dim=-1, largest=False)
     index = nearest.indices
     points = index[..., None].expand(*index.shape, 3)
     distance = nearest.values
     inside = (distance < 0).to(distance) / config.depth_std
-    bone = shaped.model.skin_weights.argmax(-1)[index]
     touching = torch.zeros_like(distance)
     for joint in TIP_PARENTS:
-        apart = torch.where(bone == joint, distance, torch.inf)
+        apart = torch.where(bone[index] == joint, distance, torch.inf)
         value, at = apart.min(-1, keepdim=True)
         close = ((value > 0) & (value < config.touch)).to(distance)
         touching.scatter_add_(-1, at, close / config.touch_std)
@@ -213,3 +213,35 @@ def contact_planes(
         found.normal.gather(-2, points),
         inside + touching,
     )
+
+
+def way_out(
+    verts: Float[Tensor, "S T V 3"], bone: Int[Tensor, " V"], surface: MovingSurface
+) -> SurfaceQuery:
+    """Distance to the object, where each phalanx leaves it on one side.
+
+    In a thin part the nearest side of a vertex may be the far one, and the vertices of a phalanx
+    would be torn apart. A phalanx leaves towards where the rest of it is: of the vertices that the
+    nearest side would send the other way, the closest point and normal are those ahead.
+    """
+    found = surface.query(verts)
+    parts = torch.nn.functional.one_hot(bone).to(verts)
+    inside = (found.distance < 0).to(verts)
+    middles = []
+    for chosen in (inside, 1 - inside):
+        sums = torch.einsum("...v,vb,...vc->...bc", chosen, parts, verts)
+        middles.append(sums / torch.einsum("...v,vb->...b", chosen, parts)[..., None])
+    ahead = torch.nn.functional.normalize(middles[1] - middles[0], dim=-1)[..., bone, :]
+    # a phalanx that is wholly inside or outside has no direction: nan, which is never below 0
+    wrong = (inside > 0) & ((found.normal * ahead).sum(-1) < 0)
+    if not wrong.any():
+        return found
+    sample, frame, vert = torch.nonzero(wrong, as_tuple=True)
+    start, ahead = verts[sample, frame, vert], ahead[sample, frame, vert]
+    reach, normal = surface.exits(frame, start, ahead)
+    ok = reach < LONGEST_WAY
+    at = (sample[ok], frame[ok], vert[ok])
+    closest, normals = found.closest.clone(), found.normal.clone()
+    closest[at] = start[ok] + reach[ok, None] * ahead[ok]
+    normals[at] = normal[ok]
+    return SurfaceQuery(found.distance, closest, normals)

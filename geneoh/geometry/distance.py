@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import igl
 import numpy as np
 import torch
-from jaxtyping import Float, Float64, Int64
+from jaxtyping import Float, Float64, Int, Int64
 from torch import Tensor
 
 from geneoh.geometry.mesh import Mesh
@@ -84,7 +84,21 @@ class SurfaceDistance:
         self, start: Float64[np.ndarray, "N 3"], ahead: Float64[np.ndarray, "N 3"]
     ) -> Float64[np.ndarray, " N"]:
         """Metres along each ray of unit direction to the surface; infinite where it meets none."""
-        return first_hit(self._tree, self._verts, self._faces, start, ahead)
+        return first_hit(self._tree, self._verts, self._faces, start, ahead)[0]
+
+    def exits(
+        self, points: Float[Tensor, "N 3"], ahead: Float[Tensor, "N 3"]
+    ) -> tuple[Float[Tensor, " N"], Float[Tensor, "N 3"]]:
+        """Metres from points along unit directions to the surface, and its outward normal there.
+
+        Infinite, with the direction for a normal, where there is no surface ahead.
+        """
+        reach, face = first_hit(
+            self._tree, self._verts, self._faces, points.double().numpy(), ahead.double().numpy()
+        )
+        missed = torch.from_numpy(face < 0)[:, None]
+        normal = self._normals[torch.from_numpy(np.maximum(face, 0))].to(points)
+        return torch.from_numpy(reach).to(points), torch.where(missed, ahead, normal)
 
     def _exact(
         self, points: Float[Tensor, "N 3"]
@@ -109,10 +123,11 @@ def first_hit(
     faces: Int64[np.ndarray, "F 3"],
     start: Float64[np.ndarray, "N 3"],
     ahead: Float64[np.ndarray, "N 3"],
-) -> Float64[np.ndarray, " N"]:
-    """Metres along each ray of unit direction to the first face it meets; infinite without any."""
+) -> tuple[Float64[np.ndarray, " N"], Int64[np.ndarray, " N"]]:
+    """Metres along each ray to the first face it meets, and which; infinite and -1 without any."""
     face, reach, _ = tree.intersect_ray_first(verts, faces, start, ahead)
-    return np.where(np.asarray(face) < 0, np.inf, reach)
+    face = np.asarray(face, dtype=np.int64)
+    return np.where(face < 0, np.inf, reach), face
 
 
 def signed_distance(
@@ -120,6 +135,41 @@ def signed_distance(
 ) -> Float[Tensor, "*B P"]:
     """Signed distance of points in the mesh's frame, differentiable once in the points."""
     return field.query(points, within).linear(points)
+
+
+@dataclass(frozen=True)
+class MovingSurface:
+    """An object of Q moving parts over T frames, asked in the world frame."""
+
+    fields: tuple[SurfaceDistance, ...]
+    """One per part, in the part's frame."""
+    rotation: Float[Tensor, "T Q 3 3"]
+    """Part to world, per frame, with `translation` in metres."""
+    translation: Float[Tensor, "T Q 3"]
+    within: float | None = None
+    """Broad phase, see `SurfaceDistance.query`."""
+
+    def query(self, points: Float[Tensor, "*B T P 3"]) -> SurfaceQuery:
+        """Distance to the nearest part, per frame."""
+        return query_parts(self.fields, self.rotation, self.translation, points, self.within)
+
+    def exits(
+        self, frame: Int[Tensor, " N"], points: Float[Tensor, "N 3"], ahead: Float[Tensor, "N 3"]
+    ) -> tuple[Float[Tensor, " N"], Float[Tensor, "N 3"]]:
+        """Metres from points inside, along unit directions, to the way out, and the normal there.
+
+        Infinite where a direction meets no surface.
+        """
+        reach, normal = points.new_full((len(points),), torch.inf), ahead
+        for part, field in enumerate(self.fields):
+            turn = self.rotation[frame, part]
+            local = ((points - self.translation[frame, part])[:, None] @ turn)[:, 0]
+            found, outward = field.exits(local.cpu(), (ahead[:, None] @ turn)[:, 0].cpu())
+            nearer = found.to(reach) < reach
+            reach = torch.where(nearer, found.to(reach), reach)
+            turned = (turn @ outward.to(points)[..., None])[..., 0]
+            normal = torch.where(nearer[:, None], turned, normal)
+        return reach, normal
 
 
 def query_parts(

@@ -93,7 +93,7 @@ def rays_meet(
     start = points[near]
     inside = np.abs(igl.winding_number(verts, faces, start)) > 0.5
     ahead = np.where(inside[:, None], -normals[near], normals[near])
-    reach = first_hit(tree, verts, faces, start, ahead)
+    reach, _ = first_hit(tree, verts, faces, start, ahead)
     blocked = field.first_hit(start + START * ahead, ahead) + START < reach
     met[near] = (reach <= threshold) & ~blocked
     return torch.from_numpy(met)

@@ -14,7 +14,7 @@ from geneoh.errors import ConfigError, InputError
 from geneoh.fitting.adam import AdamFitConfig, fit_with_adam
 from geneoh.fitting.fit import fit_hand, fit_keypoints, start_from_keypoints
 from geneoh.fitting.terms import HandState
-from geneoh.geometry.distance import SurfaceDistance, SurfaceQuery, query_parts
+from geneoh.geometry.distance import MovingSurface, SurfaceDistance
 from geneoh.geometry.mesh import size_warning
 from geneoh.geometry.rotations import matrix_to_axis_angle
 from geneoh.geometry.sampling import sample_surface
@@ -178,8 +178,7 @@ def _clean_right_hand(
 
         return step
 
-    def surface(verts: Float[Tensor, "S T V 3"]) -> SurfaceQuery:
-        return query_parts(fields, moving.rotation, moving.translation, verts, within=NEAR)
+    surface = MovingSurface(fields, moving.rotation, moving.translation, within=NEAR)
 
     with torch.no_grad():
         # the input as it came: what MotionDiff starts from, and the mesh of the comparison
@@ -317,7 +316,7 @@ def _fit(
     target: Float[Tensor, "1 T 21 3"],
     person: Person,
     chosen: Preset,
-    surface: Callable[[Tensor], SurfaceQuery],
+    surface: MovingSurface,
     on_step: Callable[[int, int], None],
 ) -> tuple[HandState, ShapedHand, Tensor]:
     """Hand parameters, shape and betas; filled frames count as much, the stages' prior filled

@@ -12,9 +12,10 @@ from geneoh.fitting.fit import (
     fit_hand,
     start_from_keypoints,
     steadiness_weight,
+    way_out,
 )
 from geneoh.fitting.terms import HandState
-from geneoh.geometry.distance import SurfaceDistance, query_parts
+from geneoh.geometry.distance import MovingSurface, SurfaceDistance
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.hand.model import ShapedHand
@@ -155,20 +156,18 @@ def test_limits_hold_against_keypoints(shaped, make_state):
 @pytest.fixture(scope="module")
 def ball():
     """A ball of 4 cm radius as a field."""
-    shape = trimesh.creation.icosphere(3, 0.04)
+    return field_of(trimesh.creation.icosphere(3, 0.04))
+
+
+def field_of(shape: trimesh.Trimesh) -> SurfaceDistance:
     verts = torch.tensor(shape.vertices, dtype=torch.float32)
     return SurfaceDistance(Mesh(verts, torch.tensor(shape.faces, dtype=torch.int64)))
 
 
-def surface_of(ball: SurfaceDistance, center: Tensor):
-    """The ball standing at a place (3,) for two frames."""
-
-    def query(verts: Tensor):
-        frames = verts.shape[-3]
-        turn = torch.eye(3).expand(frames, 1, 3, 3)
-        return query_parts((ball,), turn, center.expand(frames, 1, 3), verts, within=0.02)
-
-    return query
+def surface_of(ball: SurfaceDistance, center: Tensor, frames: int = 2) -> MovingSurface:
+    """The ball standing at a place (3,)."""
+    turn = torch.eye(3).expand(frames, 1, 3, 3)
+    return MovingSurface((ball,), turn, center.expand(frames, 1, 3), within=0.02)
 
 
 def sunk(shaped: ShapedHand, make_state) -> tuple[HandState, Tensor]:
@@ -187,7 +186,7 @@ def sunk(shaped: ShapedHand, make_state) -> tuple[HandState, Tensor]:
 
 def depth_of(state: HandState, shaped: ShapedHand, surface) -> Tensor:
     verts = shaped.verts_from_rotations(state.rotations, state.wrist).verts
-    return (-surface(verts).distance).amax(-1).clamp(min=0)
+    return (-surface.query(verts).distance).amax(-1).clamp(min=0)
 
 
 def test_with_a_surface_the_hand_leaves_the_object(shaped, make_state, ball):
@@ -215,7 +214,7 @@ def test_planes_stand_where_the_hand_is_inside_or_a_tip_nearly_touches(shaped, m
     config, surface = FitConfig(), surface_of(ball, center)
     planes = contact_planes(state, shaped, surface, config)
     verts = shaped.verts_from_rotations(state.rotations, state.wrist).verts
-    distance = surface(verts).distance
+    distance = surface.query(verts).distance
     inside = (distance < 0).sum(-1)
     pushed = planes.weight > 0.9 / config.depth_std
     assert torch.equal(pushed.sum(-1), inside)
@@ -233,19 +232,39 @@ def test_a_tip_that_nearly_touches_is_drawn_towards_the_surface(shaped, make_sta
     away = torch.nn.functional.normalize(tip - verts.mean(0), dim=-1)
     support = float(((verts - tip) @ away).max())
     center = tip + away * (0.04 + support + 0.0015)  # the ball is 1.5 mm or so from the finger
-    surface, target = surface_of(ball, center), joints_of(state, shaped)
-    gap = float(surface(verts[None, None]).distance.min())
+    surface, target = surface_of(ball, center, frames=1), joints_of(state, shaped)
+    gap = float(surface.query(verts[None, None]).distance.min())
     assert 0 < gap < 0.003
     fitted = fit_hand(target, ones(target), shaped, state, config=FitConfig(), surface=surface)
     moved = shaped.verts_from_rotations(fitted.rotations, fitted.wrist).verts
-    assert abs(float(surface(moved).distance.min())) < 0.8 * gap
+    assert abs(float(surface.query(moved).distance.min())) < 0.8 * gap
+
+
+def test_a_phalanx_leaves_a_thin_plate_on_one_side(shaped, make_state):
+    plate = field_of(trimesh.creation.box((0.2, 0.2, 0.006)))
+    state = make_state(frames=1, seed=5)
+    verts = shaped.verts_from_rotations(state.rotations, state.wrist).verts
+    bone = shaped.model.skin_weights.argmax(-1)
+    lowest = verts[0, 0, bone == 3, 2].min()
+    center = torch.stack([*verts[0, 0, bone == 3, :2].mean(0), lowest + 0.0025])
+    surface = MovingSurface((plate,), torch.eye(3).expand(1, 1, 3, 3), center[None, None])
+    nearest = surface.query(verts)
+    inside = (nearest.distance[0, 0] < 0) & (bone == 3)
+    sides = nearest.normal[0, 0, inside, 2]
+    assert sides.min() < 0 < sides.max(), "torn apart by the nearest side"
+    found = way_out(verts, bone, surface)
+    assert bool((found.normal[0, 0, inside, 2] > 0.99).all())
+    height = found.closest[0, 0, inside, 2] - center[2]
+    torch.testing.assert_close(height, torch.full_like(height, 0.003), atol=1e-5, rtol=0)
+    other = nearest.distance[0, 0] >= 0
+    torch.testing.assert_close(found.closest[0, 0, other], nearest.closest[0, 0, other])
 
 
 def test_every_step_is_heard(shaped, make_state, ball):
     state, heard = make_state(frames=1), []
     target = joints_of(state, shaped)
     config = FitConfig(iterations=2, contact_rounds=1)
-    surface = surface_of(ball, torch.tensor([2.0, 0.0, 0.0]))
+    surface = surface_of(ball, torch.tensor([2.0, 0.0, 0.0]), frames=1)
     fit_hand(
         target,
         ones(target),
