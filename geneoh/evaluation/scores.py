@@ -15,7 +15,7 @@ from geneoh.fitting.fit import fit_keypoints
 from geneoh.geometry.distance import SurfaceDistance, SurfaceQuery, query_parts
 from geneoh.hand.library import Source, load_hand
 from geneoh.hand.skeleton import TIP_KEYPOINTS
-from geneoh.metrics.accuracy import mpjpe, mpvpe
+from geneoh.metrics.accuracy import mpjpe, mpvpe, within_spread
 from geneoh.metrics.contact import (
     contact_agreement,
     contact_iou,
@@ -56,6 +56,7 @@ class Measure:
 MEASURES = (
     Measure("mpjpe_mm", "MPJPE", "mm", "less"),
     Measure("mpvpe_mm", "MPVPE", "mm", "less"),
+    Measure("within_spread_pct", "in 90% radius", "%", "more", tabled=False),
     Measure("contact_iou_pct", "C-IoU", "%", "more"),
     Measure("contact_iou_verts_pct", "C-IoU by distance", "%", "more", tabled=False),
     Measure("tips_precision_pct", "tip contact precision", "%", "more", tabled=False),
@@ -210,6 +211,10 @@ class Bench:
             values |= self._accuracy(self.truth, joints, verts, query, valid)
             off = 1000 * (joints - self.truth.joints).norm(dim=-1)
             off[~valid] = torch.nan
+            spread = cleaned.spread
+            if spread is not None:
+                inside = within_spread(joints, self.truth.joints, spread)
+                values["within_spread_pct"] = 100 * mean(inside, valid)
             by_frame = [rounded(x) for x in off.mean(-1).tolist()]
             by_joint = [rounded(x) for x in off.nanmean(0).tolist()]
         case = self.case

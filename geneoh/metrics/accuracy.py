@@ -1,4 +1,6 @@
-"""How far from the truth: mean distance of keypoints and of vertices, per frame."""
+"""How far from the truth, per frame: keypoints, vertices, and whether the spread says as much."""
+
+import math
 
 from jaxtyping import Float
 from torch import Tensor
@@ -24,3 +26,23 @@ def mpvpe(
     Source: GeneOH Diffusion, C.2 (mean per-vertex position error).
     """
     return (verts - truth).norm(dim=-1).mean(-1)
+
+
+RADIUS_90 = math.sqrt(6.2514 / 3)
+"""Radius that holds 90% of an isotropic normal distribution in space, in units of the root of its
+mean square distance: 6.2514 is the 90% point of chi-square with three degrees of freedom."""
+
+
+def within_spread(
+    joints: Float[Tensor, "*B T 21 3"],
+    truth: Float[Tensor, "*#B T 21 3"],
+    spread: Float[Tensor, "*#B T 21"],
+) -> Float[Tensor, "*B T"]:
+    """Share of each frame's keypoints whose truth lies in the 90% radius: 0.9 if calibrated.
+
+    Args:
+        joints: the answer, metres.
+        truth: the true keypoints, metres.
+        spread: root mean square distance that the answer's keypoints are said to be off by, metres.
+    """
+    return ((joints - truth).norm(dim=-1) <= RADIUS_90 * spread).to(joints).mean(-1)

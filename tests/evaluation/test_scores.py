@@ -8,6 +8,7 @@ import torch
 from geneoh.evaluation.cases import Case
 from geneoh.evaluation.rows import Cleaned, InputRow, everywhere, joints_of
 from geneoh.evaluation.scores import MEASURES, Bench, Judge, rounded
+from geneoh.pipeline.denoise import Denoised
 
 JUDGE = Judge(close_frames=3)
 
@@ -67,8 +68,20 @@ def test_without_ground_truth_only_plausibility_is_measured(noisy_case):
 
 def test_every_measure_is_taken(bench, clean_case):
     score = bench.score("input", InputRow().clean(clean_case), 0.0)
-    assert set(score.values) == {measure.key for measure in MEASURES}
+    spread_alone = {"within_spread_pct"}
+    assert set(score.values) == {measure.key for measure in MEASURES} - spread_alone
     assert all(value is not None for value in score.values.values())
+
+
+@pytest.mark.parametrize(("spread", "share"), [(0.001, 0.0), (0.1, 100.0)])
+def test_a_spread_is_held_against_the_error(bench, noisy_case, spread, share):
+    cleaned = InputRow().clean(noisy_case)
+    hand = noisy_case.noisy.hands[0]
+    sure = replace(hand, joint_spread=torch.full(hand.joints.shape[:2], spread))
+    result = Denoised(replace(noisy_case.noisy, hands=(sure,)), {}, ())
+    off = torch.tensor([0.01, 0.0, 0.0])
+    moved = replace(cleaned, joints=joints_of(noisy_case.clean) + off, result=result)
+    assert bench.score("ours", moved, 0.0).values["within_spread_pct"] == share
 
 
 def test_close_frames_are_spread_over_the_clip():

@@ -1,6 +1,6 @@
 import torch
 
-from geneoh.metrics.accuracy import mpjpe, mpvpe
+from geneoh.metrics.accuracy import mpjpe, mpvpe, within_spread
 from geneoh.metrics.frames import mean_over_frames, valid_differences
 
 
@@ -33,3 +33,13 @@ def test_a_difference_needs_all_its_frames():
     assert valid_differences(valid, 1).tolist() == [True, True, False, False, True]
     assert valid_differences(valid, 2).tolist() == [True, False, False, False]
     assert valid_differences(valid[:2], 2).tolist() == []
+
+
+def test_nine_in_ten_lie_in_the_radius_where_the_spread_is_right():
+    draws = torch.randn(400, 21, 3, generator=torch.Generator().manual_seed(0))
+    spread = torch.full((400, 21), 0.01)
+    truth = torch.zeros_like(draws)
+    right = draws * 0.01 / 3**0.5
+    assert abs(float(within_spread(right, truth, spread).mean()) - 0.9) < 0.01
+    assert float(within_spread(3 * right, truth, spread).mean()) < 0.4
+    assert float(within_spread(truth, truth, 0 * spread).mean()) == 1
