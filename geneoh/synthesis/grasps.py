@@ -16,32 +16,54 @@ from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.hand.skeleton import KEYPOINT_PARENTS, MANO_FROM_OPENPOSE, forward_kinematics
 from geneoh.synthesis.objects import Solids
 
-# Natural range of each joint, axis-angle in the right hand's frame: flexion is +z for the fingers;
-# the thumb opposes by turning about +x at its base and flexes about THUMB_FLEXION.
+# Natural range of each joint, axis-angle in the right hand's frame: a finger flexes about the line
+# across it, near +z; the thumb opposes by turning about +x at its base and flexes about
+# THUMB_FLEXION.
 THUMB_FLEXION = (0.31, -0.86, 0.39)
 PAD_OF_THUMB = (-0.55, -0.50, -0.67)
 PAD_OF_FINGER = (0.0, -1.0, 0.0)
-_BASE = ((0.0, 0.05, 0.55), (0.25, 0.2, 0.45))
-_MIDDLE = ((0.0, 0.0, 0.6), (0.15, 0.05, 0.4))
-_DISTAL = ((0.0, 0.0, 0.45), (0.05, 0.05, 0.3))
+FLEXION = (0.65, 0.7, 0.55)
+"""Flexion of knuckle, middle and distal joint of a half closed finger (curl 1), radians."""
+ACROSS = ((0.2, 0.0, 1.0), (-0.05, 0.0, 1.0), (-0.5, 0.0, 0.9), (-0.2, 0.0, 1.0))
+"""Axes that index, middle, pinky and ring close about at the knuckle: they converge."""
+_BASE_STD, _MIDDLE_STD, _DISTAL_STD = (0.3, 0.2, 0.5), (0.18, 0.05, 0.5), (0.06, 0.05, 0.4)
 _THUMB = (
     ((1.05, 0.1, 0.2), (0.4, 0.3, 0.25)),
-    ((0.06, -0.17, 0.08), (0.3, 0.2, 0.25)),
-    ((0.1, -0.25, 0.1), (0.15, 0.25, 0.3)),
+    ((0.06, -0.17, 0.08), (0.35, 0.2, 0.25)),
+    ((0.1, -0.25, 0.1), (0.15, 0.3, 0.35)),
 )
-_JOINTS = [_BASE, _MIDDLE, _DISTAL] * 4 + list(_THUMB)
-NATURAL_MEAN = torch.tensor([mean for mean, _ in _JOINTS])
-NATURAL_STD = torch.tensor([std for _, std in _JOINTS])
+
+
+def curled(curl: Float[Tensor, "B 5"]) -> Float[Tensor, "B 15 3"]:
+    """Hands whose fingers are closed by so much: 0 is flat, 1 half closed, 2 a fist.
+
+    Fingers in MANO order; the thumb stays opposed and bends at its two outer joints.
+    """
+    axes, flexion = curl.new_tensor(ACROSS), curl.new_tensor(FLEXION)
+    base = curl[:, :4, None] * flexion[0] * axes + curl.new_tensor([0.0, 0.05, 0.0])
+    outer = curl[:, :4, None, None] * flexion[1:, None] * curl.new_tensor([0.0, 0.0, 1.0])
+    fingers = torch.cat([base[:, :, None], outer], dim=2)
+    thumb = curl.new_tensor([mean for mean, _ in _THUMB])
+    share = torch.stack([torch.ones_like(curl[:, 4]), curl[:, 4], curl[:, 4]], dim=-1)
+    return torch.cat([fingers, (share[..., None] * thumb)[:, None]], dim=1).flatten(1, 2)
+
+
+NATURAL_MEAN = curled(torch.ones(1, 5))[0]
+NATURAL_STD = torch.tensor(
+    [_BASE_STD, _MIDDLE_STD, _DISTAL_STD] * 4 + [list(std) for _, std in _THUMB]
+)
+CURLS = (0.2, 2.5)
+"""How far hands like to close on what they hold, from person to person and grasp to grasp."""
 
 SPHERES_PER_BONE = 4
 # Radius of the hand around its bones, metres, by the keypoint a bone ends in (measured medians of
 # an adult hand, palm thinner than the measured distance because its bones fan out side by side).
 BONE_RADIUS = torch.tensor(
-    [0.015, 0.013, 0.011, 0.0085]
-    + [0.0125, 0.0105, 0.0095, 0.0085]
-    + [0.0125, 0.0105, 0.0095, 0.0085]
-    + [0.0125, 0.0095, 0.0085, 0.008]
-    + [0.0125, 0.0085, 0.0075, 0.007]
+    [0.016, 0.014, 0.0115, 0.009]
+    + [0.014, 0.011, 0.01, 0.009]
+    + [0.014, 0.011, 0.01, 0.009]
+    + [0.014, 0.01, 0.009, 0.0085]
+    + [0.014, 0.009, 0.008, 0.0075]
 )
 MEAN_SPAN = 0.18
 """Length of the chain wrist to middle fingertip that BONE_RADIUS belongs to, metres."""
@@ -157,8 +179,12 @@ def synthesize_grasps(
     rotation, wrist = _approach(solids, offsets, generator=generator)
     orient = matrix_to_axis_angle(rotation)
     mean, std = NATURAL_MEAN, NATURAL_STD
-    open_hand = mean * torch.rand(batch, 1, 1, generator=generator) * 0.8
-    fingers = open_hand + 0.3 * std * torch.randn(batch, 15, 3, generator=generator)
+    curl = CURLS[0] + (CURLS[1] - CURLS[0]) * torch.rand(batch, 1, generator=generator)
+    curl = curl * (0.3 * torch.randn(batch, 5, generator=generator)).exp()
+    habit = 0.6 * std * torch.randn(batch, 15, 3, generator=generator)
+    liked = curled(curl) + habit
+    opened = torch.rand(batch, 1, generator=generator) * 0.8
+    fingers = curled(curl * opened) + 0.5 * habit
     # which pads should touch: thumb and two to four fingers at their tips, sometimes whole fingers
     touch = torch.rand(batch, 5, generator=generator) < torch.tensor([0.95, 0.9, 0.5, 0.7, 0.95])
     power = torch.rand(batch, 1, 1, generator=generator) < 0.4
@@ -188,13 +214,14 @@ def synthesize_grasps(
         _, normal = solids.distance_and_normal(pads.detach())
         alignment = (1 + (facing * normal).sum(-1)) * wanted
         crowded = (-_clearance(centers, radii)).clamp(min=0)
+        apart = (parameters[2] - liked) / std
         beyond = ((parameters[2] - mean) / std).abs()
         energy = (
             4e4 * depth.square().sum(-1)
             + 60.0 * (wanted * (gap.abs() + 30 * gap.square())).sum(-1)
             + 0.25 * alignment.sum(-1)
             + 2e4 * crowded.square().sum(-1)
-            + (0.02 * beyond.square() + 1.0 * (beyond - 2.0).clamp(min=0).square()).sum((-1, -2))
+            + (0.12 * apart.square() + 1.0 * (beyond - 2.0).clamp(min=0).square()).sum((-1, -2))
         )
         optimizer.zero_grad()
         energy.sum().backward()

@@ -8,7 +8,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
-from geneoh.synthesis.grasps import NATURAL_MEAN, Grasps
+from geneoh.synthesis.grasps import Grasps, curled
 from geneoh.synthesis.objects import Solids
 
 SHORTEST_MOVE = 12.0
@@ -128,7 +128,11 @@ def animate(
         turn + 0.01 * wander(batch, frames, 3, 15.0, generator=generator)
     )
 
-    flat = NATURAL_MEAN * torch.tensor([1.0, 1.0, 0.35])
+    # people reach with their fingers more or less open, no two fingers alike
+    scatter = (0.3 * torch.randn(batch, 5, generator=generator)).exp()
+    flat = curled(uniform(0.05, 0.9, 1) * scatter)[:, None]
+    # but never more bent than in the grasp: to open must not press a finger into the object
+    flat[:, :, :12, 2] = torch.minimum(flat[:, :, :12, 2], grasps.pose[:, None, 1:13, 2])
     openness = torch.maximum(open_in, open_out)[..., None, None] * uniform(0.5, 1.0, 1, 1, 1)
     fingers = grasps.pose[:, None, 1:]
     fingers = fingers + openness * (flat - fingers)

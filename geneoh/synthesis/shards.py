@@ -113,8 +113,8 @@ def draw_attempts(
 
 
 def attempts_for(missing: int) -> int:
-    """How many grasps to try for so many: about one in ten fails the checks."""
-    return missing + missing // 8 + 1
+    """How many grasps to try for so many: about one in three fails the checks."""
+    return missing + missing // 2 + 1
 
 
 def synthesize_shard(

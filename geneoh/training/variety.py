@@ -20,7 +20,7 @@ SHARE = 0.7
 """Share of the windows whose hand moves more than it was made to."""
 PERIODS = (4.0, 10.0, 25.0)
 """Frames over which such motion changes; each window has a mixture of its own."""
-TURN, SHIFT, FINGERS = (0.003, 0.3), (0.0003, 0.015), (0.01, 0.8)
+TURN, SHIFT, FINGERS = (0.006, 0.4), (0.0006, 0.02), (0.01, 0.8)
 """Smallest and largest deviation, log-uniform: turn about the fingertips (rad), shift (m), fingers
 (in natural deviations of each joint)."""
 STYLE_SHARE, STYLE_STD = 0.5, 0.12

@@ -14,6 +14,7 @@ from geneoh.synthesis.grasps import (
     NATURAL_STD,
     Checks,
     Grasps,
+    curled,
     synthesize_grasps,
 )
 from geneoh.synthesis.objects import Solids, draw_objects
@@ -43,6 +44,22 @@ def along_bones(grasps: Grasps) -> tuple[Tensor, Tensor]:
     share = torch.linspace(0.15, 0.9, 10)[:, None]
     size = grasps.offsets[:, [3, 4, 5, 16]].norm(dim=-1).sum(-1) / MEAN_SPAN
     return start[:, :, None] + share * (end - start)[:, :, None], size
+
+
+def test_a_flat_hand_has_straight_fingers_and_a_fist_has_its_tips_at_the_palm():
+    turns = [axis_angle_to_matrix(curled(torch.full((1, 5), c))) for c in (0.0, 1.0, 2.0)]
+    wrist = torch.eye(3).expand(1, 1, 3, 3)
+    joints = [
+        forward_kinematics(torch.cat([wrist, turn], 1), torch.zeros(1, 3), offsets(1))[0][0]
+        for turn in turns
+    ]
+    tips = [8, 12, 16, 20]
+    apart = [(hand[tips] - hand[0]).norm(dim=-1) for hand in joints]
+    assert bool((apart[0] > apart[1]).all())
+    assert bool((apart[1] > apart[2]).all())
+    assert float(apart[2].mean()) < 0.12 < float(apart[0].mean())
+    between = [(hand[8] - hand[20]).norm() for hand in joints]
+    assert between[2] < between[0], "closing fingers converge"
 
 
 def test_most_grasps_of_simple_objects_are_kept(grasped):

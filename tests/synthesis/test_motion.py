@@ -88,6 +88,19 @@ def test_fingers_keep_their_grasp_while_the_object_moves(made):
     assert float(off[:, 1:][object_moves(made)].median()) < 0.01, "lifted fingers excepted"
 
 
+def test_opening_fingers_never_bend_further_than_they_hold(made):
+    flexion = made.pose[:, :, 1:13, 2]
+    held = NATURAL_MEAN[:12, 2]
+    trembling = 5 * (0.004 + 0.04)
+    assert float((flexion - held).max()) < trembling
+    assert float((held - flexion).amax((1, 2)).max()) > 0.3, "and some do open"
+
+
+def test_people_open_their_hands_in_their_own_ways(made):
+    opened = made.pose[:, :, 1:13, 2].mean(2).amin(1)
+    assert float(opened.std()) > 0.05
+
+
 def test_hands_move_smoothly(made):
     jump = made.wrist.diff(n=2, dim=1).norm(dim=-1)
     assert float(jump.max()) < 0.03
