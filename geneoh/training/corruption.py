@@ -81,7 +81,7 @@ def draw_corruption(
     def uniform(*shape: int) -> Tensor:
         return torch.rand(batch, *shape, generator=generator)
 
-    share = -(torch.log(uniform(1, 4).clamp(min=1e-4)) ** 2)  # a few kinds dominate each sequence
+    share = torch.log(uniform(1, 4).clamp(min=1e-4)) ** 2  # a few kinds dominate each sequence
     share = share / share.square().sum(-1, keepdim=True).sqrt()
     white = torch.randn(batch, frames, 51, generator=generator)
     burst = uniform(frames, 1) < 0.1 * uniform(1, 1) * (uniform(1, 1) < 0.3)

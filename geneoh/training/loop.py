@@ -1,7 +1,8 @@
 """The training loop of all stages: visible, resumable, the same on CPU and GPU."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -157,6 +158,26 @@ def batch_for(
     return batch.to(device), generator
 
 
+def batches(
+    first: int,
+    data: Interactions,
+    config: TrainConfig,
+    device: torch.device,
+    before: MotionDenoiser | None,
+) -> Iterator[tuple[Batch, torch.Generator]]:
+    """The batches of the steps from `first` on, each made while the one before it is learned."""
+    with ThreadPoolExecutor(max_workers=1) as worker:
+
+        def prepared(step: int) -> Future[tuple[Batch, torch.Generator]]:
+            return worker.submit(batch_for, data, config, device, "step", step, before=before)
+
+        ready = prepared(first)
+        for step in range(first + 1, config.steps + 1):
+            batch = ready.result()
+            ready = prepared(step)
+            yield batch
+
+
 @torch.no_grad()
 def set_latent_statistics(model: nn.Module, batch: Batch) -> None:
     """Whiten the latent of a trained autoencoder (paper C.5 avoids a normalisation of T itself)."""
@@ -224,6 +245,7 @@ def train(
         state.restore(saved)
         state.average = {n: t.to(device) for n, t in state.average.items()}
     forget_rows_after(log_path, state.step)
+    upcoming = batches(state.step, data, config, device, before)
     while state.step < config.steps:
         began = time.monotonic()
         if stage == "temporal" and state.step == config.autoencoder_steps:
@@ -231,7 +253,7 @@ def train(
             batch, _ = batch_for(data, config, device, "latent", before=before)
             set_latent_statistics(model, batch)
             state.average = {n: t.clone() for n, t in model.state_dict().items()}
-        batch, generator = batch_for(data, config, device, "step", state.step, before=before)
+        batch, generator = next(upcoming)
         loss = loss_of(stage, state.step, config)(model, batch, generator=generator)
         optimizer.zero_grad(set_to_none=True)
         loss.backward()

@@ -19,35 +19,53 @@ from geneoh.training.batches import Batch
 SIGMA_RANGE = (0.05, 2.5)
 """Noise levels to learn, log-uniform, in units of the data's deviation: the paper starts its stages
 at 2.0 (step 400), 0.7 (200) and 0.34 (100)."""
+MOTION_SIGMA_RANGE = (0.15, 4.0)
+"""The same for MotionDiff, which trains most where the sample says next to nothing: what the
+observation says is hard to learn, the last steps are easy."""
 START = 2.0
 """Noise level at which a stage is scored, that of level 400: where the sample says next to nothing,
 so that the score is of what the observation says."""
 FPS = 30.0
 
 
-def draw_sigma(count: int, *, generator: torch.Generator) -> Float[Tensor, " B"]:
-    """Log-uniform noise levels in units of the data's deviation."""
-    low, high = (torch.tensor(x).log() for x in SIGMA_RANGE)
-    return torch.exp(low + (high - low) * torch.rand(count, generator=generator))
+def draw_sigma(
+    count: int,
+    *,
+    generator: torch.Generator,
+    limits: tuple[float, float] = SIGMA_RANGE,
+    lean: float = 1.0,
+) -> Float[Tensor, " B"]:
+    """Noise levels in units of the data's deviation, log-uniform for `lean` 1, higher above it."""
+    low, high = (torch.tensor(x).log() for x in limits)
+    share = torch.rand(count, generator=generator) ** (1 / lean)
+    return torch.exp(low + (high - low) * share)
 
 
 KEYPOINT_UNIT = 0.02
 """Keypoint error that weighs as much as parameters off by one unit, metres."""
+FINE = 0.1
+"""Squared error of an input, in such units, below which windows no longer gain weight."""
 
 
 def motion_loss(
     model: MotionDenoiser, batch: Batch, *, generator: torch.Generator
 ) -> Float[Tensor, ""]:
-    """Weighted squared error of the clean hand's parameters and of the keypoints they make."""
+    """Weighted squared error of the clean hand's parameters and of the keypoints they make.
+
+    Windows count by about their input's error rather than by its square: what is left of a good
+    track matters as much as what is left of a bad one.
+    """
     seen, clean = batch.motion, batch.clean_canon
     change = seen.hand.change_to(batch.hand)
-    sigma = draw_sigma(len(change), generator=generator).to(change)
+    count = len(change)
+    sigma = draw_sigma(count, generator=generator, limits=MOTION_SIGMA_RANGE, lean=2.0).to(change)
     noise = normal_like(change, generator=generator)
     predicted = model(change + sigma[:, None, None] * noise, sigma, seen)
     parameters = (predicted - change).square().mean((1, 2))
     off = seen.hand.moved(predicted).joints - clean
     keypoints = off.square().mean((1, 2, 3)) / KEYPOINT_UNIT**2
-    weight = loss_weight(sigma, torch.ones_like(sigma))
+    given = (seen.joints - clean).square().mean((1, 2, 3)) / KEYPOINT_UNIT**2
+    weight = loss_weight(sigma, torch.ones_like(sigma)) / (given + FINE).sqrt()
     return (weight * (0.5 * parameters + keypoints)).mean()
 
 

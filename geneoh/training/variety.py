@@ -23,8 +23,9 @@ PERIODS = (4.0, 10.0, 25.0)
 TURN, SHIFT, FINGERS = (0.006, 0.4), (0.0006, 0.02), (0.01, 0.8)
 """Smallest and largest deviation, log-uniform: turn about the fingertips (rad), shift (m), fingers
 (in natural deviations of each joint)."""
-STYLE_SHARE, STYLE_STD = 0.5, 0.12
-"""Share of the windows whose finger pose is set off as a whole, and by how much (rad)."""
+STYLE_SHARE, STYLE_STD = 0.5, (0.4 * NATURAL_STD).clamp(min=0.04)
+"""Share of the windows whose finger pose is set off as a whole, and by how much (rad): little where
+joints hardly move, by which a pose that is off as a whole can be told."""
 
 
 def varied(hand: HandParameters, *, generator: torch.Generator) -> HandParameters:
