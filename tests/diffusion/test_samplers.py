@@ -7,6 +7,7 @@ from torch import Tensor
 from geneoh.diffusion.samplers import (
     denoise_via_diffusion,
     normal_like,
+    opposed,
     sample_ancestral,
     sample_ddim,
 )
@@ -126,6 +127,22 @@ def test_denoising_via_diffusion_starts_from_the_noised_input(name):
     noise = (seen[0] - x) / sigmas[0]
     assert float(noise.mean()) == pytest.approx(0, abs=0.07)
     assert float(noise.std()) == pytest.approx(1, abs=0.05)
+
+
+@pytest.mark.parametrize("count", [1, 4, 5])
+def test_samples_start_from_opposite_noise(count):
+    noise = opposed(torch.zeros(count, 5000), generator=seeded())
+    torch.testing.assert_close(noise.std(1), torch.ones(count), atol=0.05, rtol=0)
+    pairs, half = count // 2, (count + 1) // 2
+    assert torch.equal(noise[half:], -noise[:pairs])
+    assert not torch.equal(noise[0], noise[pairs - 1]) or count < 4, "pairs differ"
+
+
+def test_what_is_linear_in_the_noise_cancels_in_the_mean_of_samples():
+    x, sigmas = torch.zeros(4, 1000), descending_sigmas(400, 8)
+    found = denoise_via_diffusion(posterior_mean, x, sigmas, sampler="ddim", generator=seeded())
+    assert float(found.std(0).mean()) > 0.3, "samples differ"
+    assert float(found.mean(0).std()) < 1e-5
 
 
 def test_noise_follows_shape_and_type():
