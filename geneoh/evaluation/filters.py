@@ -53,12 +53,12 @@ GRID: dict[FilterKind, tuple[Filter, ...]] = {
 """The sizes that tuning may choose from."""
 
 TUNED: dict[tuple[FilterKind, On], Filter] = {
-    ("savgol", "keypoints"): Filter("savgol", 15.0),  # 15.71 mm
-    ("savgol", "parameters"): Filter("savgol", 15.0),  # 15.07 mm
-    ("gaussian", "keypoints"): Filter("gaussian", 1.5),  # 15.74 mm
-    ("gaussian", "parameters"): Filter("gaussian", 2.0),  # 15.06 mm
-    ("one-euro", "keypoints"): Filter("one-euro", 1.0, 32.0),  # 18.28 mm
-    ("one-euro", "parameters"): Filter("one-euro", 8.0),  # 18.73 mm
+    ("savgol", "keypoints"): Filter("savgol", 15.0),  # 16.07 mm
+    ("savgol", "parameters"): Filter("savgol", 15.0),  # 15.45 mm
+    ("gaussian", "keypoints"): Filter("gaussian", 1.5),  # 16.08 mm
+    ("gaussian", "parameters"): Filter("gaussian", 2.0),  # 15.45 mm
+    ("one-euro", "keypoints"): Filter("one-euro", 1.0, 32.0),  # 18.65 mm
+    ("one-euro", "parameters"): Filter("one-euro", 8.0),  # 19.14 mm
 }
 """One size for all noises, with the mean error it left on the validation clips: what
 `python -m geneoh.evaluation.tuning` prints."""

@@ -35,7 +35,7 @@ class FitConfig:
 
     iterations: int = 8
     """Steps on keypoints alone."""
-    contact_rounds: int = 4
+    contact_rounds: int = 8
     """Rounds of two steps with the surface, each with fresh distances to it."""
     joint_std: float = 0.003
     """Trusted distance between fitted and target keypoints, metres."""
@@ -43,11 +43,11 @@ class FitConfig:
     """Weight of the relaxed pose against one deviation of a keypoint."""
     limit: float = 20.0
     """Weight of overshooting a joint limit, 1/rad."""
-    steady_finger: float = 2.0
+    steady_finger: float = 4.0
     """Weight of a finger joint's change between frames, 1/rad."""
     steady_wrist: float = 0.5
     """Weight of the wrist's turn (1/rad) between frames; its position is left to the keypoints."""
-    depth_std: float = 0.001
+    depth_std: float = 0.0007
     """Penetration that counts as much as a keypoint off by `joint_std`, metres."""
     touch: float = 0.003
     """Fingertips closer than this to the surface are drawn onto it, metres."""

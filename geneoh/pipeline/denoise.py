@@ -23,6 +23,7 @@ from geneoh.hand.model import ShapedHand, Side
 from geneoh.metrics.report import InteractionReport, measure
 from geneoh.pipeline.person import Person, hand_of, person_of
 from geneoh.pipeline.presets import Ablation, Preset, PresetName, Selection, preset
+from geneoh.pipeline.spread import joint_spread
 from geneoh.pipeline.stages import (
     Scene,
     denoise_motion,
@@ -198,7 +199,7 @@ def _clean_right_hand(
         wrist=state.wrist[0],
         betas=betas,
         hand_model=shaped.model.name,
-        joint_spread=_spread(samples) if len(samples) > 1 else None,
+        joint_spread=joint_spread(samples) if len(samples) > 1 else None,
     )
     pose_of_object = (moving.rotation, moving.translation)
     seen = person.trust > 0
@@ -337,11 +338,6 @@ def _fit(
         on_step=on_step,
     )
     return state, person.shaped, person.betas
-
-
-def _spread(samples: Float[Tensor, "S T 21 3"]) -> Float[Tensor, "T 21"]:
-    """Standard deviation of each keypoint over samples, metres (root of the mean square)."""
-    return samples.var(0).sum(-1).sqrt()
 
 
 def _returned(result: HandResult, side: Side, frames: int, paced: Sequence) -> HandResult:

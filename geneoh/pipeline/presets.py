@@ -97,8 +97,9 @@ def preset(name: PresetName) -> Preset:
             )
         case "default":
             return Preset(
-                motion=StagePlan(400, 8),  # starting lower counts the observation twice
-                spatial=StagePlan(100, 6),
+                # starting lower counts the observation twice
+                motion=StagePlan(600, 8),
+                spatial=StagePlan(400, 6),
                 temporal=StagePlan(100, 6),
                 observed=True,
                 samples=4,

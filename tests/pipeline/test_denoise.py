@@ -105,7 +105,7 @@ def test_mirrored_input_gives_mirrored_output(noisy):
 def test_rigidly_moved_scene_gives_the_rigidly_moved_result(noisy):
     from geneoh.geometry.rotations import axis_angle_to_matrix
 
-    short = piece(noisy, 40, 60)
+    short = piece(noisy, 70, 90)
     turn, shift = axis_angle_to_matrix(torch.tensor([0.3, -0.8, 0.5])), torch.tensor([0.4, 1, -0.2])
     hand, moving = short.hands[0], short.object
     moved = replace(
@@ -119,8 +119,8 @@ def test_rigidly_moved_scene_gives_the_rigidly_moved_result(noisy):
     a, b = denoise(still, FAST), denoise(moved, FAST)
     stages = [result.hands["left"].samples[0] for result in (a, b)]
     assert ((stages[0] @ turn.T + shift) - stages[1]).norm(dim=-1).max() < 1e-4
-    # a vertex as deep under one face as under another may leave by either, and rounding decides; no
-    # vertex of these frames is
+    # a vertex as deep under one face as under another may leave by either, and rounding decides: in
+    # half of such pieces some keypoints then differ by millimetres; no vertex of these frames is
     apart = ((joints_of(a) @ turn.T + shift) - joints_of(b)).norm(dim=-1)
     assert apart.max() < 1e-4
 
