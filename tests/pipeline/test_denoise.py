@@ -120,7 +120,7 @@ def test_rigidly_moved_scene_gives_the_rigidly_moved_result(noisy):
     stages = [result.hands["left"].samples[0] for result in (a, b)]
     assert ((stages[0] @ turn.T + shift) - stages[1]).norm(dim=-1).max() < 1e-4
     # a vertex as deep under one face as under another may leave by either, and rounding decides: in
-    # half of such pieces some keypoints then differ by millimetres; no vertex of these frames is
+    # most such pieces some keypoints then differ by millimetres; no vertex of these frames is
     apart = ((joints_of(a) @ turn.T + shift) - joints_of(b)).norm(dim=-1)
     assert apart.max() < 1e-4
 
