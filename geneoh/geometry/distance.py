@@ -91,14 +91,13 @@ class SurfaceDistance:
     ) -> tuple[Float[Tensor, " N"], Float[Tensor, "N 3"]]:
         """Metres from points along unit directions to the surface, and its outward normal there.
 
-        Infinite, with the direction for a normal, where there is no surface ahead.
+        Infinite where there is no surface ahead; the normal then means nothing.
         """
         reach, face = first_hit(
             self._tree, self._verts, self._faces, points.double().numpy(), ahead.double().numpy()
         )
-        missed = torch.from_numpy(face < 0)[:, None]
-        normal = self._normals[torch.from_numpy(np.maximum(face, 0))].to(points)
-        return torch.from_numpy(reach).to(points), torch.where(missed, ahead, normal)
+        normal = self._normals[torch.from_numpy(face).clamp(min=0)]
+        return torch.from_numpy(reach).to(points), normal.to(points)
 
     def _exact(
         self, points: Float[Tensor, "N 3"]
@@ -158,7 +157,7 @@ class MovingSurface:
     ) -> tuple[Float[Tensor, " N"], Float[Tensor, "N 3"]]:
         """Metres from points inside, along unit directions, to the way out, and the normal there.
 
-        Infinite where a direction meets no surface.
+        Infinite, with the direction for a normal, where there is no surface ahead.
         """
         reach, normal = points.new_full((len(points),), torch.inf), ahead
         for part, field in enumerate(self.fields):

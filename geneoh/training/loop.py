@@ -172,9 +172,10 @@ def batches(
             return worker.submit(batch_for, data, config, device, "step", step, before=before)
 
         ready = prepared(first)
-        for step in range(first + 1, config.steps + 1):
+        for step in range(first, config.steps):
             batch = ready.result()
-            ready = prepared(step)
+            if step + 1 < config.steps:
+                ready = prepared(step + 1)
             yield batch
 
 
