@@ -12,22 +12,16 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from geneoh.denoisers.answers import ANSWERS, simple_answers
 from geneoh.denoisers.base import HAND_SCALE, palm_axes
 from geneoh.diffusion.precondition import denoised
-from geneoh.geometry.rotations import (
-    matrix_to_axis_angle,
-    matrix_to_rotation_6d,
-    rotation_6d_to_matrix,
-)
+from geneoh.geometry.rotations import matrix_to_axis_angle, matrix_to_rotation_6d
 from geneoh.hand.skeleton import bone_lengths
 from geneoh.nn.blocks import FrameTransformer, zeroed
 from geneoh.representation.parameters import HandParameters, turned
 
 TOUCH_SCALE = 0.02
 """Distance over which closeness to the surface decays in the network's eyes, metres."""
-FILTERS = (1.5, 4.0, 10.0, 25.0)
-"""Deviations in frames of the Gaussian filters whose answers the network may mix, frame by frame
-and parameter by parameter: to average is the one thing that would take long to learn."""
 
 
 @dataclass(frozen=True)
@@ -71,9 +65,9 @@ class ObservedMotion:
 
     @cached_property
     def shown(self) -> tuple[Float[Tensor, "B 3 3"], Float[Tensor, "B T K 51"], Tensor]:
-        """The palm's axes, and filters and features in them: the same at every noise level."""
+        """The palm's axes, and answers and features in them: the same at every noise level."""
         axes = palm_axes(self.joints)  # so that a hand looks the same however it is turned
-        return axes, self.filtered(axes), self.features(axes)
+        return axes, self.answers(axes), self.features(axes)
 
     def features(self, axes: Float[Tensor, "B 3 3"]) -> Float[Tensor, "B T F"]:
         """Input per frame in the given axes (columns): hand, jitter, surface, object, trust."""
@@ -100,26 +94,10 @@ class ObservedMotion:
         ]
         return torch.cat(parts, dim=-1)
 
-    def filtered(self, axes: Float[Tensor, "B 3 3"]) -> Float[Tensor, "B T K 51"]:
-        """Changes from the observed hand to itself, low-pass filtered by each of `FILTERS`.
-
-        Frames count by their trust. The wrist's change is in the given axes.
-        """
-        hand, frames = self.hand, self.trust.shape[1]
-        time = torch.arange(frames, device=self.trust.device)
-        apart = (time[:, None] - time).square()
-        kernels = torch.stack([torch.exp(-0.5 * apart / width**2) for width in FILTERS])
-        weights = kernels[:, None] * (self.trust + 1e-4)[:, None]
-        weights = (weights / weights.sum(-1, keepdim=True)).transpose(0, 1)  # (B, K, T, T)
-        six = matrix_to_rotation_6d(hand.turn)
-        values = torch.cat([hand.wrist, six, hand.fingers.flatten(2)], dim=-1)
-        smooth = weights @ values[:, None]
-        wrist, six, fingers = smooth.split([3, 6, 45], dim=-1)
-        many = hand.map(lambda value: value[:, None].expand(-1, len(FILTERS), *value.shape[1:]))
-        goal = HandParameters(
-            wrist, rotation_6d_to_matrix(six), fingers.unflatten(-1, (15, 3)), many.offsets
-        )
-        return turned(many.change_to(goal), axes[:, None, None]).transpose(1, 2)
+    def answers(self, axes: Float[Tensor, "B 3 3"]) -> Float[Tensor, "B T K 51"]:
+        """Simple answers to the observed hand, the wrist's change in the given axes."""
+        changes = simple_answers(self.hand, self.trust, self.nearest, self.normals)
+        return turned(changes, axes[:, None, None])
 
     def _object_motion(self, axes: Float[Tensor, "B 3 3"]) -> Float[Tensor, "B T 6"]:
         """Velocity and turn rate of the object between frames, 0.1 m/s and 1 rad/s as units."""
@@ -148,11 +126,11 @@ class MotionDenoiser(nn.Module):
         """Build the network; its last layers start at zero, so it starts as the skip path."""
         super().__init__()
         self.config = config
-        self.embed = nn.Linear(51 + 51 * len(FILTERS) + FEATURES, config.width)
+        self.embed = nn.Linear(51 + 51 * ANSWERS + FEATURES, config.width)
         self.trunk = FrameTransformer(config.width, config.depth, config.heads)
         self.head = zeroed(nn.Linear(config.width, 51))
         self.gate = zeroed(nn.Linear(config.width, 51))
-        self.mix = zeroed(nn.Linear(config.width, 51 * len(FILTERS)))
+        self.mix = zeroed(nn.Linear(config.width, 51 * ANSWERS))
 
     def forward(
         self, x: Float[Tensor, "B T 51"], sigma: Float[Tensor, " B"], seen: ObservedMotion
@@ -161,15 +139,15 @@ class MotionDenoiser(nn.Module):
 
         Units are those of `geneoh.representation.parameters.UNIT`, the wrist's axes canonical.
         """
-        axes, filtered, features = seen.shown
-        features = torch.cat([filtered.flatten(2), features], dim=-1)
+        axes, answers, features = seen.shown
+        features = torch.cat([answers.flatten(2), features], dim=-1)
 
         def network(scaled: Tensor, level: Tensor) -> Tensor:
             tokens = self.embed(torch.cat([scaled, features], dim=-1))
             tokens = self.trunk(tokens, level.flatten())
             # the gate scales the sample itself: how far this input's observation is to be trusted
-            mix = self.mix(tokens).unflatten(-1, filtered.shape[2:])
-            return self.head(tokens) + self.gate(tokens) * scaled + (mix * filtered).sum(2)
+            mix = self.mix(tokens).unflatten(-1, answers.shape[2:])
+            return self.head(tokens) + self.gate(tokens) * scaled + (mix * answers).sum(2)
 
         sigma = sigma[:, None, None]
         anchor, scale = torch.zeros_like(x), torch.ones_like(sigma)

@@ -26,13 +26,20 @@ def normal_like(x: Float[Tensor, "*S"], *, generator: torch.Generator) -> Float[
     return torch.randn(x.shape, generator=generator).to(x)
 
 
-def opposed(x: Float[Tensor, "*S"], *, generator: torch.Generator) -> Float[Tensor, "*S"]:
+def opposed(
+    x: Float[Tensor, "*S"], *, samples: int, generator: torch.Generator
+) -> Float[Tensor, "*S"]:
     """Standard normal noise; the second half of the samples has that of the first turned round.
 
     Each sample is as random as ever, but what is odd in the noise cancels in their mean: the mean
     of four is as near to the truth as that of many independent ones.
+
+    Args:
+        x: what the noise is for; samples lie along its first axis, each as many entries long.
+        samples: how many.
+        generator: source of the noise.
     """
-    half = normal_like(x[: (len(x) + 1) // 2], generator=generator)
+    half = normal_like(x[: len(x) // samples * ((samples + 1) // 2)], generator=generator)
     return torch.cat([half, -half])[: len(x)]
 
 
@@ -86,12 +93,13 @@ def denoise_via_diffusion(
     sigmas: Float[Tensor, " M"],
     *,
     sampler: SamplerName,
+    samples: int,
     generator: torch.Generator,
     on_step: OnStep | None = None,
 ) -> Float[Tensor, "*S"]:
     """Algorithm 1 of the paper: noise the input up to sigmas[0], then run the learned way back.
 
-    Samples lie along the first axis and start from opposed noise.
+    Samples lie along the first axis and start from opposed noise (see `opposed`).
     "direct" is its ablation: the model's answer to the input, which it is told has that noise.
     """
     if sampler == "direct":
@@ -99,7 +107,7 @@ def denoise_via_diffusion(
         if on_step is not None:
             on_step(1, 1)
         return clean
-    noised = x + sigmas[0] * opposed(x, generator=generator)
+    noised = x + sigmas[0] * opposed(x, samples=samples, generator=generator)
     match sampler:
         case "ancestral":
             return sample_ancestral(model, noised, sigmas, generator=generator, on_step=on_step)

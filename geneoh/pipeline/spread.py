@@ -1,11 +1,15 @@
 """How far off an answer's keypoints may be, from how much the samples disagree."""
 
+import torch
 from jaxtyping import Float
 from torch import Tensor
 
-SCALE = 2.5
+SCALE = 3.25
 """Samples tell what a network does not know, not where it is wrong: answers are off by so many
 times the deviation over samples. See `python -m geneoh.evaluation.calibration`."""
+LASTING = 10.0
+"""Deviation in frames of the Gaussian filter that disagreement has to pass: what comes and goes
+between frames is gone from the mean of the samples as well."""
 
 
 def joint_spread(samples: Float[Tensor, "S T 21 3"], scale: float = SCALE) -> Float[Tensor, "T 21"]:
@@ -13,6 +17,10 @@ def joint_spread(samples: Float[Tensor, "S T 21 3"], scale: float = SCALE) -> Fl
 
     Args:
         samples: keypoints of two samples or more.
-        scale: what their deviation is multiplied by.
+        scale: what the deviation of their lasting disagreement is multiplied by.
     """
-    return scale * samples.var(0).sum(-1).sqrt()
+    time = torch.arange(samples.shape[1], dtype=samples.dtype, device=samples.device)
+    kernel = torch.exp(-0.5 * ((time[:, None] - time) / LASTING).square())
+    kernel = kernel / kernel.sum(-1, keepdim=True)
+    apart = torch.einsum("tu,sukc->stkc", kernel, samples - samples.mean(0))
+    return scale * (apart.square().sum((0, -1)) / (len(samples) - 1)).sqrt()

@@ -180,6 +180,7 @@ def denoise_motion(
         hand.wrist.new_zeros(samples, scene.frames, 51),
         descending_sigmas(plan.level, plan.steps),
         sampler=plan.sampler,
+        samples=samples,
         generator=generator,
         on_step=on_step,
     )
@@ -237,6 +238,7 @@ def _denoise_keypoints(
         scene.to_object(joints) / HAND_SCALE,
         descending_sigmas(plan.level, plan.steps),
         sampler=plan.sampler,
+        samples=len(joints),
         generator=generator,
         on_step=on_step,
     )
@@ -285,6 +287,7 @@ def denoise_spatial(
         around(region.to_canon(scene.windows(joints)) / HAND_SCALE),
         descending_sigmas(plan.level, plan.steps),
         sampler=plan.sampler,
+        samples=len(joints),
         generator=generator,
         on_step=on_step,
     )
@@ -334,6 +337,7 @@ def denoise_temporal(
         latent,
         descending_sigmas(plan.level, plan.steps),
         sampler=plan.sampler,
+        samples=len(joints),
         generator=generator,
         on_step=on_step,
     )

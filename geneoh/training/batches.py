@@ -25,9 +25,9 @@ from geneoh.training.variety import varied
 
 WINDOW = 60
 """Frames of a window (paper: 60 at 30 frames a second)."""
-MOTION_LEVEL, MOTION_STEPS = 500, 3
-"""How a stage that follows MotionDiff sees its work in training: from nearly the level of the
-default preset, in fewer steps."""
+MOTION_LEVEL, MOTION_STEPS = 600, 3
+"""How a stage that follows MotionDiff sees its work in training: from the level of the default
+preset, in fewer steps."""
 FAST_SHARE = 0.25
 """Share of the batches that play at twice the speed."""
 
@@ -101,7 +101,6 @@ def draw_batch(
     size: int,
     *,
     generator: torch.Generator,
-    whiteness: float = 1.0,
     withheld: float = 0.2,
     before: MotionDenoiser | None = None,
 ) -> Batch:
@@ -114,7 +113,6 @@ def draw_batch(
         data: the interactions to draw from.
         size: windows.
         generator: source of every random choice.
-        whiteness: scale of the noise that is independent per frame.
         withheld: share of items whose observation is hidden from the network, which makes it the
             paper's canonical denoiser as well.
         before: MotionDiff, for a stage that follows it: the noisy hand is what it leaves.
@@ -137,7 +135,7 @@ def draw_batch(
     orient = axis_angle_to_matrix(pose[:, :, 0])
     clean = HandParameters(wrist, orient, pose[:, :, 1:], data.offsets[pick])
     clean = varied(clean, generator=generator)
-    noise = draw_corruption(size, frames, generator=generator, whiteness=whiteness)
+    noise = draw_corruption(size, frames, generator=generator)
     orient = matrix_to_axis_angle(clean.turn)
     noisy = HandParameters(
         clean.wrist + noise.translation,
@@ -204,6 +202,7 @@ def after_motion(
         seen.hand.wrist.new_zeros(*seen.trust.shape, 51),
         descending_sigmas(MOTION_LEVEL, MOTION_STEPS),
         sampler="ddim",
+        samples=1,
         generator=generator,
     )
     return seen.hand.moved(change)

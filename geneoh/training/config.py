@@ -21,7 +21,7 @@ class TrainConfig:
     steps: int = 8000
     batch: int = 32
     rate: float = 6e-4
-    """Peak learning rate of AdamW."""
+    """Peak learning rate."""
     warmup: int = 200
     decay: float = 0.3
     """Share of the steps, at the end, over which the rate falls linearly to zero. Constant before,
@@ -33,8 +33,6 @@ class TrainConfig:
     """Decay of the averaged weights, the ones that are used."""
     withheld: float = 0.2
     """Share of windows whose observation is hidden (the paper's canonical denoiser)."""
-    whiteness: float = 1.0
-    """Scale of the noise that is independent per frame; later stages see little of it."""
     autoencoder_steps: int = 3000
     """Temporal stage only: steps spent on the autoencoder before its latent is denoised."""
     seed: int = 0

@@ -70,13 +70,8 @@ def _gaps(batch: int, frames: int, *, generator: torch.Generator) -> Bool[Tensor
     return keep | ~keep.any(1, keepdim=True)
 
 
-def draw_corruption(
-    batch: int, frames: int, *, generator: torch.Generator, whiteness: float = 1.0
-) -> Corruption:
-    """Corruption of B sequences; `whiteness` scales the part that is independent per frame.
-
-    A stage that follows another sees little independent noise any more: it trains with less of it.
-    """
+def draw_corruption(batch: int, frames: int, *, generator: torch.Generator) -> Corruption:
+    """Corruption of B sequences of T frames."""
 
     def uniform(*shape: int) -> Tensor:
         return torch.rand(batch, *shape, generator=generator)
@@ -85,7 +80,7 @@ def draw_corruption(
     share = share / share.square().sum(-1, keepdim=True).sqrt()
     white = torch.randn(batch, frames, 51, generator=generator)
     burst = uniform(frames, 1) < 0.1 * uniform(1, 1) * (uniform(1, 1) < 0.3)
-    white = torch.where(burst, white * (3 + 6 * uniform(1, 1)), white) * whiteness
+    white = torch.where(burst, white * (3 + 6 * uniform(1, 1)), white)
     correlation = torch.exp(math.log(2) + math.log(30) * uniform())
     slow = _correlated(batch, frames, correlation, generator=generator)
     bias = torch.randn(batch, 1, 51, generator=generator)
@@ -106,7 +101,7 @@ def draw_corruption(
         ],
         dim=-1,
     ).unsqueeze(1)
-    blur = 0.006 * uniform(1, 1, 1) * (uniform(1, 1, 1) < 0.25) * whiteness
+    blur = 0.006 * uniform(1, 1, 1) * (uniform(1, 1, 1) < 0.25)
     return Corruption(
         translation=noise[..., :3],
         pose=noise[..., 3:].unflatten(-1, (16, 3)),

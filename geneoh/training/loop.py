@@ -24,6 +24,7 @@ from geneoh.synthesis.shards import seed_of
 from geneoh.training import losses
 from geneoh.training.batches import Batch, draw_batch
 from geneoh.training.config import Stage, TrainConfig
+from geneoh.training.optimizer import Optimizer, multiply_in, quick_precision
 from geneoh.training.resume import (
     append_row,
     forget_rows_after,
@@ -98,7 +99,7 @@ class TrainState:
 
     model: nn.Module
     average: dict[str, Tensor]
-    optimizer: torch.optim.AdamW
+    optimizer: Optimizer
     step: int = 0
     seconds: float = 0.0
     recent: list[float] = field(default_factory=list)
@@ -108,8 +109,7 @@ class TrainState:
         """All tensors of the state, flat, with the record."""
         tensors = {f"model.{n}": t for n, t in self.model.state_dict().items()}
         tensors |= {f"average.{n}": t for n, t in self.average.items()}
-        for index, moments in self.optimizer.state_dict()["state"].items():
-            tensors |= {f"optimizer.{index}.{n}": t for n, t in moments.items()}
+        tensors |= {f"optimizer.{n}": t for n, t in self.optimizer.tensors().items()}
         counted = {"step": self.step, "seconds": self.seconds, "recent": self.recent}
         return Checkpoint(tensors, record | counted)
 
@@ -128,12 +128,7 @@ class TrainState:
                 "use its config or another output folder"
             ) from error
         self.average = group("average.")
-        moments: dict[int, dict[str, Tensor]] = {}
-        for name, tensor in group("optimizer.").items():
-            index, key = name.split(".")
-            moments.setdefault(int(index), {})[key] = tensor
-        groups = self.optimizer.state_dict()["param_groups"]
-        self.optimizer.load_state_dict({"state": moments, "param_groups": groups})
+        self.optimizer.restore(group("optimizer."))
         self.step, self.seconds = checkpoint.record["step"], checkpoint.record["seconds"]
         self.recent = checkpoint.record.get("recent", [])
 
@@ -151,11 +146,13 @@ def batch_for(
         data,
         config.batch,
         generator=generator,
-        whiteness=config.whiteness,
         withheld=config.withheld,
         before=before,
     )
-    return batch.to(device), generator
+    batch = batch.to(device)
+    if before is None:
+        _ = batch.motion.shown  # kept: made here, it costs the training of another batch no time
+    return batch, generator
 
 
 def batches(
@@ -235,9 +232,9 @@ def train(
     folder.mkdir(parents=True, exist_ok=True)
     state_path, log_path = folder / f"{stage}_state.safetensors", folder / f"{stage}_log.csv"
     model = build_model(stage, config).to(device)
-    optimizer = torch.optim.AdamW(
-        model.parameters(), lr=config.rate, betas=(0.9, 0.99), weight_decay=config.weight_decay
-    )
+    precision = quick_precision(device)
+    multiply_in(model, precision)
+    optimizer = Optimizer(model, config, precision)
     state = TrainState(model, {n: t.clone() for n, t in model.state_dict().items()}, optimizer)
     record = training_record(stage, config, data, validation, device, before=before, made=made)
     if state_path.exists():
@@ -256,12 +253,10 @@ def train(
             state.average = {n: t.clone() for n, t in model.state_dict().items()}
         batch, generator = next(upcoming)
         loss = loss_of(stage, state.step, config)(model, batch, generator=generator)
-        optimizer.zero_grad(set_to_none=True)
+        optimizer.zero_grad()
         loss.backward()
         nn.utils.clip_grad_norm_(model.parameters(), config.clip)
-        for group in optimizer.param_groups:
-            group["lr"] = learning_rate(state.step, config)
-        optimizer.step()
+        optimizer.step(learning_rate(state.step, config))
         update_average(state, config.ema)
         state.step += 1
         state.recent.append(loss.item())

@@ -19,8 +19,10 @@ from geneoh.training.batches import Batch
 SIGMA_RANGE = (0.05, 2.5)
 """Noise levels to learn, log-uniform, in units of the data's deviation: the paper starts its stages
 at 2.0 (step 400), 0.7 (200) and 0.34 (100)."""
-MOTION_SIGMA_RANGE = (0.15, 4.0)
-"""The same for MotionDiff, which trains most where the sample says next to nothing: what the
+MOTION_SIGMA_RANGE = (0.15, 8.0)
+"""The same for MotionDiff."""
+LEAN = 4.0
+"""A stage that sees the observation trains most where the sample says next to nothing: what the
 observation says is hard to learn, the last steps are easy."""
 START = 2.0
 """Noise level at which a stage is scored, that of level 400: where the sample says next to nothing,
@@ -47,26 +49,35 @@ FINE = 0.1
 """Squared error of an input, in such units, below which windows no longer gain weight."""
 
 
+def window_weight(
+    noisy: Float[Tensor, "B T 21 3"], clean: Float[Tensor, "B T 21 3"]
+) -> Float[Tensor, " B"]:
+    """Weight of each window's squared error, for windows to count by about their input's error.
+
+    By its square, as without, what is left of a good track would hardly matter.
+    """
+    given = (noisy - clean).square().mean((1, 2, 3)) / KEYPOINT_UNIT**2
+    return 1 / (given + FINE).sqrt()
+
+
 def motion_loss(
     model: MotionDenoiser, batch: Batch, *, generator: torch.Generator
 ) -> Float[Tensor, ""]:
     """Weighted squared error of the clean hand's parameters and of the keypoints they make.
 
-    Windows count by about their input's error rather than by its square: what is left of a good
-    track matters as much as what is left of a bad one.
+    Noise levels count alike, without the weight of `trajectory_loss` that grows towards the lowest:
+    an answer off at a high one is off for good, while the last steps only refine it.
     """
     seen, clean = batch.motion, batch.clean_canon
     change = seen.hand.change_to(batch.hand)
     count = len(change)
-    sigma = draw_sigma(count, generator=generator, limits=MOTION_SIGMA_RANGE, lean=2.0).to(change)
+    sigma = draw_sigma(count, generator=generator, limits=MOTION_SIGMA_RANGE, lean=LEAN).to(change)
     noise = normal_like(change, generator=generator)
     predicted = model(change + sigma[:, None, None] * noise, sigma, seen)
     parameters = (predicted - change).square().mean((1, 2))
     off = seen.hand.moved(predicted).joints - clean
     keypoints = off.square().mean((1, 2, 3)) / KEYPOINT_UNIT**2
-    given = (seen.joints - clean).square().mean((1, 2, 3)) / KEYPOINT_UNIT**2
-    weight = loss_weight(sigma, torch.ones_like(sigma)) / (given + FINE).sqrt()
-    return (weight * (0.5 * parameters + keypoints)).mean()
+    return (window_weight(seen.joints, clean) * (0.5 * parameters + keypoints)).mean()
 
 
 def trajectory_loss(
@@ -86,13 +97,17 @@ def spatial_loss(
 ) -> Float[Tensor, ""]:
     """Error of every contact point's hand and of their mean (eq. 8).
 
-    With the observation the noise is one draw on the hand, seen from every point; withheld, each
-    point has noise of its own, as the paper's independent chains do.
+    With the observation the noise is one draw on the hand, seen from every point, and noise levels
+    count as for MotionDiff; withheld, each point has noise of its own, as the paper's independent
+    chains do, and levels count as the paper's.
     """
     region, observation = batch.region, batch.observation
-    clean = batch.clean_canon
+    clean, given = batch.clean_canon, observation.given > 0
     hands = clean[:, :, None].expand(-1, -1, region.points.shape[2], -1, -1)
-    sigma = draw_sigma(len(clean), generator=generator).to(clean) * HAND_SCALE
+    even, high = (
+        draw_sigma(len(clean), generator=generator, lean=lean).to(clean) for lean in (1.0, LEAN)
+    )
+    sigma = torch.where(given, high, even) * HAND_SCALE
     own = normal_like(hands, generator=generator)
     noise = torch.where(observation.mask[..., None] > 0, own[:, :, :1].expand_as(own), own)
     predicted = model(
@@ -102,7 +117,8 @@ def spatial_loss(
         region.normals_canon,
         observation,
     )
-    weight = loss_weight(sigma, observation.scale)
+    alike = window_weight(observation.joints, clean) / KEYPOINT_UNIT**2
+    weight = torch.where(given, alike, loss_weight(sigma, observation.scale))
     each = (predicted - hands).square().mean((1, 2, 3, 4))
     together = (predicted.mean(2) - clean).square().mean((1, 2, 3))
     return (weight * (0.5 * each + 0.5 * together)).mean()

@@ -15,6 +15,7 @@ from geneoh.errors import CheckpointError
 from geneoh.files import write_whole
 from geneoh.synthesis.motion import Interactions
 from geneoh.training.config import Stage, TrainConfig
+from geneoh.training.optimizer import quick_precision
 
 MAY_CHANGE = ("steps", "checkpoint_every", "validate_every", "validation_batches")
 """Settings that a run may be continued with another value of: they shape none of its steps but
@@ -68,6 +69,7 @@ def training_record(
         "before": None if before is None else digest(before.state_dict().values()),
         "made": None if made is None else dict(made),
         "device": torch.cuda.get_device_name(device) if device.type == "cuda" else "cpu",
+        "precision": str(quick_precision(device)).removeprefix("torch."),
         "threads": torch.get_num_threads(),
         "cores": os.cpu_count(),
         "torch": torch.__version__,

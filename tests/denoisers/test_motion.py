@@ -5,7 +5,6 @@ import torch
 
 from geneoh.denoisers.motion import (
     FEATURES,
-    FILTERS,
     MotionConfig,
     MotionDenoiser,
     ObservedMotion,
@@ -104,38 +103,3 @@ def test_the_clips_of_a_batch_do_not_influence_each_other(model, draw, observed)
     whole = model(x.repeat(2, 1, 1), sigma.repeat(2), twice)
     torch.testing.assert_close(whole[2:], whole[:2])
     torch.testing.assert_close(model(x, sigma, seen), whole[:2])
-
-
-def test_filters_leave_a_hand_that_stands_still(observed):
-    seen = observed(5)
-    first = HandParameters(
-        seen.hand.wrist[:, :1].expand(-1, 5, 3),
-        seen.hand.turn[:, :1].expand(-1, 5, 3, 3),
-        seen.hand.fingers[:, :1].expand(-1, 5, 15, 3),
-        seen.hand.offsets,
-    )
-    change = replace(seen, hand=first).filtered(torch.eye(3).expand(2, 3, 3))
-    assert change.shape == (2, 5, len(FILTERS), 51)
-    assert float(change.abs().max()) < 0.01  # a turn of 1e-3 of a radian is float32's rounding
-
-
-def test_filters_look_at_trusted_frames_only(observed):
-    seen = observed(5)
-    axes = torch.eye(3).expand(2, 3, 3)
-    trust = torch.tensor([1.0, 1.0, 0.0, 1.0, 1.0]).expand(2, 5)
-    wild = seen.hand.wrist + torch.tensor([0.0, 0.0, 0.5, 0.0, 0.0])[:, None]
-    plain = replace(seen, trust=trust).filtered(axes)
-    other = replace(seen, trust=trust, hand=replace(seen.hand, wrist=wild)).filtered(axes)
-    around = torch.tensor([0, 1, 3, 4])
-    # 0.5 m times the least trust of 1e-4 is 0.05 mm, 0.005 units
-    torch.testing.assert_close(plain[:, around], other[:, around], atol=0.01, rtol=0)
-
-
-def test_a_wide_filter_moves_each_frame_to_the_mean(observed):
-    seen = observed(3)
-    change = seen.filtered(torch.eye(3).expand(2, 3, 3))[:, :, -1]
-    goal = seen.hand.moved(change)
-    mean = seen.hand.wrist.mean(1, keepdim=True).expand_as(goal.wrist)
-    torch.testing.assert_close(goal.wrist, mean, atol=2e-4, rtol=0)
-    fingers = seen.hand.fingers.mean(1, keepdim=True).expand_as(goal.fingers)
-    torch.testing.assert_close(goal.fingers, fingers, atol=2e-3, rtol=0)

@@ -107,7 +107,7 @@ def test_denoising_via_diffusion_depends_on_the_generator_alone(name):
 
     def run(seed: int) -> Tensor:
         return denoise_via_diffusion(
-            posterior_mean, x, sigmas, sampler=name, generator=seeded(seed)
+            posterior_mean, x, sigmas, sampler=name, samples=3, generator=seeded(seed)
         )
 
     assert torch.equal(run(3), run(3))
@@ -123,7 +123,7 @@ def test_denoising_via_diffusion_starts_from_the_noised_input(name):
         seen.append(noised)
         return noised
 
-    denoise_via_diffusion(model, x, sigmas, sampler=name, generator=seeded(1))
+    denoise_via_diffusion(model, x, sigmas, sampler=name, samples=1, generator=seeded(1))
     noise = (seen[0] - x) / sigmas[0]
     assert float(noise.mean()) == pytest.approx(0, abs=0.07)
     assert float(noise.std()) == pytest.approx(1, abs=0.05)
@@ -131,16 +131,28 @@ def test_denoising_via_diffusion_starts_from_the_noised_input(name):
 
 @pytest.mark.parametrize("count", [1, 4, 5])
 def test_samples_start_from_opposite_noise(count):
-    noise = opposed(torch.zeros(count, 5000), generator=seeded())
+    noise = opposed(torch.zeros(count, 5000), samples=count, generator=seeded())
     torch.testing.assert_close(noise.std(1), torch.ones(count), atol=0.05, rtol=0)
     pairs, half = count // 2, (count + 1) // 2
     assert torch.equal(noise[half:], -noise[:pairs])
     assert not torch.equal(noise[0], noise[pairs - 1]) or count < 4, "pairs differ"
 
 
+@pytest.mark.parametrize("samples", [1, 2, 3])
+def test_the_windows_of_a_sample_have_noise_of_their_own(samples):
+    windows = 4
+    noise = opposed(torch.zeros(samples * windows, 5000), samples=samples, generator=seeded())
+    first, *others = noise.unflatten(0, (samples, windows))
+    assert float(torch.corrcoef(first).fill_diagonal_(0).abs().max()) < 0.06
+    if others:
+        assert torch.equal(others[-1], -first)
+
+
 def test_what_is_linear_in_the_noise_cancels_in_the_mean_of_samples():
     x, sigmas = torch.zeros(4, 1000), descending_sigmas(400, 8)
-    found = denoise_via_diffusion(posterior_mean, x, sigmas, sampler="ddim", generator=seeded())
+    found = denoise_via_diffusion(
+        posterior_mean, x, sigmas, sampler="ddim", samples=4, generator=seeded()
+    )
     assert float(found.std(0).mean()) > 0.3, "samples differ"
     assert float(found.mean(0).std()) < 1e-5
 
@@ -172,6 +184,7 @@ def test_a_direct_answer_is_one_call_on_the_input_and_draws_nothing():
         x,
         sigmas,
         sampler="direct",
+        samples=1,
         generator=generator,
         on_step=lambda *now: heard.append(now),
     )

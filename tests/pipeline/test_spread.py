@@ -1,6 +1,10 @@
 import torch
 
-from geneoh.pipeline.spread import SCALE, joint_spread
+from geneoh.pipeline.spread import LASTING, SCALE, joint_spread
+
+
+def normal(*shape: int) -> torch.Tensor:
+    return torch.randn(*shape, generator=torch.Generator().manual_seed(0))
 
 
 def test_samples_that_agree_leave_no_doubt():
@@ -8,8 +12,24 @@ def test_samples_that_agree_leave_no_doubt():
 
 
 def test_the_spread_is_the_scaled_deviation_over_samples():
-    samples = 0.004 * torch.randn(2000, 3, 21, 3, generator=torch.Generator().manual_seed(0))
+    samples = 0.004 * normal(2000, 1, 21, 3).expand(-1, 3, -1, -1).clone()
     samples[:, :, 4] *= 2
     expected = torch.full((3, 21), SCALE * 0.004 * 3**0.5)
     expected[:, 4] *= 2
     torch.testing.assert_close(joint_spread(samples), expected, atol=0, rtol=0.05)
+
+
+def test_a_common_motion_is_no_disagreement():
+    samples = 0.004 * normal(4, 1, 21, 3) + torch.linspace(0, 1, 9)[:, None, None]
+    still = joint_spread(samples - samples.mean(0))
+    torch.testing.assert_close(joint_spread(samples), still, atol=1e-6, rtol=0)
+
+
+def test_disagreement_that_comes_and_goes_hardly_counts():
+    frames = 200
+    shaking = joint_spread(0.004 * normal(50, frames, 21, 3))[50:150].square().mean().sqrt()
+    # a Gaussian filter leaves 1 / (2 sqrt(pi) deviation) of the variance of white noise
+    left = (2 * torch.pi**0.5 * LASTING) ** -0.5
+    torch.testing.assert_close(
+        shaking, torch.tensor(SCALE * 0.004 * 3**0.5 * left), atol=0, rtol=0.1
+    )

@@ -12,9 +12,8 @@ from geneoh.training.corruption import (
 )
 
 
-def drawn(batch: int, frames: int, seed: int = 0, whiteness: float = 1.0) -> Corruption:
-    generator = torch.Generator().manual_seed(seed)
-    return draw_corruption(batch, frames, generator=generator, whiteness=whiteness)
+def drawn(batch: int, frames: int, seed: int = 0) -> Corruption:
+    return draw_corruption(batch, frames, generator=torch.Generator().manual_seed(seed))
 
 
 @pytest.fixture(scope="module")
@@ -29,11 +28,11 @@ def test_some_sequences_keep_their_parameters(many):
 
 
 def test_deviations_lie_within_the_stated_range():
-    """Without bursts; three channels and 40 frames leave a deviation uncertain by a factor."""
-    noise = drawn(800, 40, seed=1, whiteness=0.0)
+    """By the median, so without bursts; three channels leave a deviation uncertain by a factor."""
+    noise = drawn(800, 40, seed=1)
     kinds = (noise.translation, noise.pose[:, :, 0], noise.pose[:, :, 1:].flatten(2))
     for values, low, high in zip(kinds, SMALLEST, LARGEST, strict=True):
-        size = values.square().mean((1, 2)).sqrt()
+        size = 1.48 * values.abs().flatten(1).median(1).values  # a normal's deviation
         size = size[size > 0]
         assert low < float(size.median()) < high
         assert float(size.quantile(0.999)) < 2.5 * high
@@ -59,14 +58,6 @@ def test_one_sided_noise_is_that_of_a_right_hand_or_of_a_mirrored_left_one(many)
     left = (agree[sure] * torch.tensor([1.0, -1.0, -1.0]) > 0).all(-1).float().mean()
     assert float(right) == pytest.approx(0.5, abs=0.15)
     assert float(left) == pytest.approx(0.5, abs=0.15)
-
-
-def test_whiteness_scales_what_is_independent_per_frame():
-    still, rough = (drawn(300, 30, seed=2, whiteness=w) for w in (0.0, 1.0))
-    assert not bool(still.jitter.any())
-    steps = [c.translation.diff(dim=1).square().mean().sqrt() for c in (still, rough)]
-    assert float(steps[0]) < 0.7 * float(steps[1])
-    assert torch.equal(still.keep, rough.keep)
 
 
 def test_a_third_of_the_sequences_lose_frames_and_none_loses_all(many):

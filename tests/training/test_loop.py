@@ -19,6 +19,7 @@ from geneoh.training.loop import (
     update_average,
 )
 from geneoh.training.losses import motion_loss, reconstruction_loss, temporal_latents, temporal_loss
+from geneoh.training.optimizer import Optimizer
 
 CPU = torch.device("cpu")
 STAGES = ("motion", "spatial", "trajectory", "temporal")
@@ -116,7 +117,7 @@ def test_the_loss_falls(clips, tiny):
     """A hundred steps on one batch, noised anew each time, against the noises of a test."""
     batch = draw_batch(clips, 4, generator=torch.Generator().manual_seed(0), withheld=0.0)
     model = build_model("motion", tiny)
-    optimizer = torch.optim.AdamW(model.parameters(), lr=1e-2)
+    optimizer = Optimizer(model, tiny)
 
     def loss(seed: int) -> torch.Tensor:
         return motion_loss(model, batch, generator=torch.Generator().manual_seed(seed))
@@ -129,14 +130,14 @@ def test_the_loss_falls(clips, tiny):
     for step in range(100):
         optimizer.zero_grad()
         loss(step).backward()
-        optimizer.step()
+        optimizer.step(1e-2)
     assert tested() < 0.75 * before
 
 
 def test_a_state_of_another_network_size_is_refused(tiny):
     def state(width: int) -> TrainState:
         model = build_model("motion", replace(tiny, motion=replace(tiny.motion, width=width)))
-        return TrainState(model, model.state_dict(), torch.optim.AdamW(model.parameters()))
+        return TrainState(model, model.state_dict(), Optimizer(model, tiny))
 
     with pytest.raises(CheckpointError, match="another network size"):
         state(32).restore(state(16).to_checkpoint({}))
@@ -146,18 +147,19 @@ def test_a_state_is_restored_whole(tmp_path, tiny):
     def state() -> TrainState:
         model = build_model("motion", tiny)
         average = {n: t.clone() for n, t in model.state_dict().items()}
-        return TrainState(model, average, torch.optim.AdamW(model.parameters(), lr=1e-2))
+        return TrainState(model, average, Optimizer(model, tiny))
 
     first, second = state(), state()
-    first.model.head.bias.sum().backward()
-    first.optimizer.step()
+    sum(p.sum() for p in first.model.parameters()).backward()
+    first.optimizer.step(1e-2)
     first.step, first.seconds, first.recent = 7, 1.5, [0.5, 0.25]
     update_average(first, 0.5)
     second.restore(first.to_checkpoint({"stage": "motion"}))
     a, b = (s.to_checkpoint({}) for s in (first, second))
     assert a.record == b.record == {"step": 7, "seconds": 1.5, "recent": [0.5, 0.25]}
     assert a.tensors.keys() == b.tensors.keys()
-    assert any(name.startswith("optimizer.") for name in a.tensors)
+    for part in ("adamw", "muon"):
+        assert any(name.startswith(f"optimizer.{part}.") for name in a.tensors)
     assert all(torch.equal(a.tensors[name], b.tensors[name]) for name in a.tensors)
 
 
@@ -175,7 +177,7 @@ def test_the_rate_warms_up_holds_and_falls_to_zero():
 def test_the_average_forgets_its_start_and_then_moves_slowly(tiny):
     model = build_model("motion", tiny)
     average = {n: torch.zeros_like(t) for n, t in model.state_dict().items()}
-    state = TrainState(model, average, torch.optim.AdamW(model.parameters()))
+    state = TrainState(model, average, Optimizer(model, tiny))
     for step, kept in ((0, 0.1), (100_000, 0.99)):
         for tensor in state.average.values():
             tensor.zero_()

@@ -1,0 +1,87 @@
+"""What moves the weights, and how precisely their products are taken in training."""
+
+from collections.abc import Mapping
+
+import torch
+from torch import Tensor, nn
+
+from geneoh.nn.blocks import Block, FrameTransformer
+from geneoh.training.config import TrainConfig
+from geneoh.training.muon import Muon
+
+
+class Optimizer:
+    """Muon for the matrices of transformer blocks, AdamW for everything else, at one rate.
+
+    Args:
+        model: whose parameters are moved.
+        config: of the run.
+        precision: type that Muon multiplies in.
+    """
+
+    def __init__(
+        self, model: nn.Module, config: TrainConfig, precision: torch.dtype = torch.float32
+    ) -> None:
+        """Sort the parameters of a model; the rate is given with each step."""
+        blocks = [module for module in model.modules() if isinstance(module, Block)]
+        matrices = [p for block in blocks for p in block.matrices()]
+        known = {id(p) for p in matrices}
+        rest = [p for p in model.parameters() if id(p) not in known]
+        decay = config.weight_decay
+        self.parts: dict[str, torch.optim.Optimizer] = {
+            "adamw": torch.optim.AdamW(rest, lr=config.rate, betas=(0.9, 0.99), weight_decay=decay)
+        }
+        if matrices:
+            self.parts["muon"] = Muon(
+                matrices, lr=config.rate, weight_decay=decay, precision=precision
+            )
+
+    def zero_grad(self) -> None:
+        """Forget all gradients."""
+        for part in self.parts.values():
+            part.zero_grad(set_to_none=True)
+
+    def step(self, rate: float) -> None:
+        """Move all parameters along their gradients."""
+        for part in self.parts.values():
+            for group in part.param_groups:
+                group["lr"] = rate
+            part.step()
+
+    def tensors(self) -> dict[str, Tensor]:
+        """Everything it remembers between steps, by name."""
+        return {
+            f"{name}.{index}.{key}": value
+            for name, part in self.parts.items()
+            for index, moments in part.state_dict()["state"].items()
+            for key, value in moments.items()
+        }
+
+    def restore(self, tensors: Mapping[str, Tensor]) -> None:
+        """Take up what `tensors` of the same model's optimizer gave."""
+        for name, part in self.parts.items():
+            moments: dict[int, dict[str, Tensor]] = {}
+            for told, tensor in tensors.items():
+                owner, index, key = told.split(".")
+                if owner == name:
+                    moments.setdefault(int(index), {})[key] = tensor
+            groups = part.state_dict()["param_groups"]
+            part.load_state_dict({"state": moments, "param_groups": groups})
+
+
+def quick_precision(device: torch.device) -> torch.dtype:
+    """Type that transformer blocks multiply in: bfloat16 where the hardware has units for it."""
+    if device.type == "cuda":
+        native = torch.cuda.is_bf16_supported(including_emulation=False)
+    else:
+        # asked by name, for older torch cannot tell
+        able = getattr(torch.cpu, "get_capabilities", dict)()
+        native = device.type == "cpu" and bool(able.get("amx_bf16", False))
+    return torch.bfloat16 if native else torch.float32
+
+
+def multiply_in(model: nn.Module, precision: torch.dtype) -> None:
+    """Have all transformers of a model take their products in a type; sums stay in float32."""
+    for module in model.modules():
+        if isinstance(module, FrameTransformer):
+            module.precision = precision
