@@ -97,9 +97,9 @@ def preset(name: PresetName) -> Preset:
             )
         case "default":
             return Preset(
-                # starting lower counts the observation twice
-                motion=StagePlan(600, 8),
-                spatial=StagePlan(400, 6),
+                # starting lower counts the observation twice; more steps leave more of the noise
+                motion=StagePlan(650, 4),
+                spatial=StagePlan(200, 3),
                 temporal=StagePlan(100, 6),
                 observed=True,
                 samples=4,

@@ -4,7 +4,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-SCALE = 3.25
+SCALE = 2.75
 """Samples tell what a network does not know, not where it is wrong: answers are off by so many
 times the deviation over samples. See `python -m geneoh.evaluation.calibration`."""
 LASTING = 10.0

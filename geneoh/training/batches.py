@@ -25,7 +25,7 @@ from geneoh.training.variety import varied
 
 WINDOW = 60
 """Frames of a window (paper: 60 at 30 frames a second)."""
-MOTION_LEVEL, MOTION_STEPS = 600, 3
+MOTION_LEVEL, MOTION_STEPS = 650, 3
 """How a stage that follows MotionDiff sees its work in training: from the level of the default
 preset, in fewer steps."""
 FAST_SHARE = 0.25
