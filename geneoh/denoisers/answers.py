@@ -1,4 +1,6 @@
-"""Simple answers to a noisy hand, which MotionDiff mixes: what would take it long to learn.
+"""Simple answers to a noisy hand, which MotionDiff mixes frame by frame and parameter by parameter.
+
+To average and to reach for a surface would take it long to learn.
 
 Each is a change from the observed hand to a better guess, in units of
 `geneoh.representation.parameters.UNIT`, the wrist's move in canonical axes. Three kinds: the hand
@@ -26,8 +28,7 @@ from geneoh.hand.skeleton import (
 from geneoh.representation.parameters import UNIT, HandParameters
 
 FILTERS = (1.5, 4.0, 10.0, 25.0)
-"""Deviations in frames of the Gaussian filters whose answers the network may mix, frame by frame
-and parameter by parameter: to average is the one thing that would take long to learn."""
+"""Deviations in frames of the Gaussian filters."""
 FLAT_FILTER = 10.0
 """The filter on the pose that flat fingers undo: the noise of a frame is none of it."""
 TOUCH_FILTERS = (4.0, 25.0)
@@ -60,8 +61,7 @@ def simple_answers(
     kernels = filter_kernels(trust, (*FILTERS, FLAT_FILTER, *TOUCH_FILTERS)).split(
         [len(FILTERS), 1, len(TOUCH_FILTERS)], dim=1
     )
-    flat = torch.zeros_like(trust[..., None].expand(-1, -1, 51)).clone()
-    flat[..., 6:] = -hand.fingers.flatten(2) / UNIT[-1]
+    flat = torch.nn.functional.pad(-hand.fingers.flatten(2) / UNIT[-1], (6, 0))
     answers = [
         filtered_changes(hand, kernels[0]),
         kernels[1] @ flat[:, None],

@@ -102,10 +102,11 @@ def test_mirrored_input_gives_mirrored_output(noisy):
     assert torch.allclose(a.sequence.hands[0].pose, mirrored.pose, atol=1e-3)
 
 
-def test_rigidly_moved_scene_gives_the_rigidly_moved_result(noisy):
+@pytest.mark.parametrize("start", [30, 60, 90])
+def test_rigidly_moved_scene_gives_the_rigidly_moved_result(noisy, start):
     from geneoh.geometry.rotations import axis_angle_to_matrix
 
-    short = piece(noisy, 70, 90)
+    short = piece(noisy, start, start + 20)
     turn, shift = axis_angle_to_matrix(torch.tensor([0.3, -0.8, 0.5])), torch.tensor([0.4, 1, -0.2])
     hand, moving = short.hands[0], short.object
     moved = replace(
@@ -120,9 +121,11 @@ def test_rigidly_moved_scene_gives_the_rigidly_moved_result(noisy):
     stages = [result.hands["left"].samples[0] for result in (a, b)]
     assert ((stages[0] @ turn.T + shift) - stages[1]).norm(dim=-1).max() < 1e-4
     # a vertex as deep under one face as under another may leave by either, and rounding decides: in
-    # most such pieces some keypoints then differ by millimetres; no vertex of these frames is
+    # half of such pieces a few keypoints then differ by millimetres
     apart = ((joints_of(a) @ turn.T + shift) - joints_of(b)).norm(dim=-1)
-    assert apart.max() < 1e-4
+    assert apart.median() < 1e-4
+    assert (apart > 1e-3).float().mean() < 0.1
+    assert apart.max() < 0.015
 
 
 def test_keypoints_alone_are_enough(noisy, clean):
