@@ -13,18 +13,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.geometry.rotations import (
-    axis_angle_to_matrix,
-    matrix_to_rotation_6d,
-    rotation_6d_to_matrix,
-    skew,
-)
-from geneoh.hand.skeleton import (
-    MANO_FROM_OPENPOSE,
-    TIP_KEYPOINTS,
-    TIP_PARENTS,
-    forward_kinematics,
-)
+from geneoh.geometry.rotations import matrix_to_rotation_6d, rotation_6d_to_matrix, skew
+from geneoh.hand.skeleton import MANO_FROM_OPENPOSE, TIP_KEYPOINTS, TIP_PARENTS
 from geneoh.representation.parameters import UNIT, HandParameters
 
 FILTERS = (1.5, 4.0, 10.0, 25.0)
@@ -106,8 +96,7 @@ def touching_change(
     Damped least squares, once for the hand as a rigid body and once for every finger by itself:
     each of the two closes the gaps alone. Far tips count less.
     """
-    rotations = torch.cat([hand.turn[..., None, :, :], axis_angle_to_matrix(hand.fingers)], dim=-3)
-    joints, turns = forward_kinematics(rotations, hand.wrist, hand.offsets[..., None, :, :])
+    joints, turns = hand.posed
     tips = joints[:, :, list(TIP_KEYPOINTS)]
     gap = (nearest + PAD * normals)[:, :, list(TIP_KEYPOINTS)] - tips
     apart = gap.norm(dim=-1, keepdim=True)

@@ -58,7 +58,7 @@ class ObservedMotion:
         rest = (tiled(getattr(self, f.name)) for f in fields(self)[1:])
         return ObservedMotion(self.hand.map(tiled), *rest)
 
-    @cached_property
+    @property
     def joints(self) -> Float[Tensor, "B T 21 3"]:
         """The observed keypoints, canonical frame."""
         return self.hand.joints

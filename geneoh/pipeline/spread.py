@@ -4,6 +4,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from geneoh.denoisers.answers import filter_kernels
+
 SCALE = 2.75
 """Samples tell what a network does not know, not where it is wrong: answers are off by so many
 times the deviation over samples. See `python -m geneoh.evaluation.calibration`."""
@@ -19,8 +21,6 @@ def joint_spread(samples: Float[Tensor, "S T 21 3"], scale: float = SCALE) -> Fl
         samples: keypoints of two samples or more.
         scale: what the deviation of their lasting disagreement is multiplied by.
     """
-    time = torch.arange(samples.shape[1], dtype=samples.dtype, device=samples.device)
-    kernel = torch.exp(-0.5 * ((time[:, None] - time) / LASTING).square())
-    kernel = kernel / kernel.sum(-1, keepdim=True)
+    kernel = filter_kernels(samples.new_ones(1, samples.shape[1]), (LASTING,))[0, 0]
     apart = torch.einsum("tu,sukc->stkc", kernel, samples - samples.mean(0))
     return scale * (apart.square().sum((0, -1)) / (len(samples) - 1)).sqrt()

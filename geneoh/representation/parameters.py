@@ -7,6 +7,7 @@ keypoints it shortens fingers.
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
+from functools import cached_property
 
 import torch
 from jaxtyping import Float
@@ -32,14 +33,18 @@ class HandParameters:
     offsets: Float[Tensor, "*B 20 3"]
     """The person's skeleton (see `geneoh.hand.skeleton`)."""
 
-    @property
-    def joints(self) -> Float[Tensor, "*B T 21 3"]:
-        """Keypoints by forward kinematics."""
+    @cached_property
+    def posed(self) -> tuple[Float[Tensor, "*B T 21 3"], Float[Tensor, "*B T 16 3 3"]]:
+        """Keypoints and the joints' global rotations by forward kinematics."""
         rotations = torch.cat(
             [self.turn[..., None, :, :], axis_angle_to_matrix(self.fingers)], dim=-3
         )
-        keypoints, _ = forward_kinematics(rotations, self.wrist, self.offsets[..., None, :, :])
-        return keypoints
+        return forward_kinematics(rotations, self.wrist, self.offsets[..., None, :, :])
+
+    @property
+    def joints(self) -> Float[Tensor, "*B T 21 3"]:
+        """Keypoints by forward kinematics."""
+        return self.posed[0]
 
     def map(self, function: Callable[[Tensor], Tensor]) -> "HandParameters":
         """The same function on every tensor: for what concerns the leading axes alone."""

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 
 import torch
 from jaxtyping import Float
-from torch import Tensor, nn
+from torch import Tensor
 
 QUINTIC = (3.4445, -4.7750, 2.0315)
 """Coefficients of the odd polynomial that, iterated, brings singular values to about one."""
@@ -24,7 +24,7 @@ class Muon(torch.optim.Optimizer):
 
     def __init__(
         self,
-        matrices: Iterable[nn.Parameter] | Iterable[Tensor],
+        matrices: Iterable[Tensor],
         *,
         lr: float,
         weight_decay: float,
