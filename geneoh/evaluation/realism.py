@@ -195,12 +195,13 @@ def shard_side(path: Path, hand: HandModel) -> Side:
     """The first clips of one shard."""
     shard = replay_shard(path, hand)
     shard = shard.chosen(torch.arange(min(CLIPS, len(shard.clips.wrist))))
-    world, clips = shard.joints, shard.clips
-    local = (world - clips.translation[:, :, None]) @ clips.rotation
-    gap = shard.distance(local).amin(-1)
+    world = shard.joints
+    local = shard.in_object(world)
+    every = torch.arange(world.shape[1]).expand(len(world), -1)
+    gap = shard.distance(local, every).amin(-1)
     frames = torch.arange(0, world.shape[1], SKIN_EVERY).expand(len(world), -1)
     posed = shard.skin(frames)
-    distance = shard.distance(posed.verts).flatten(0, 1)
+    distance = shard.distance(posed.verts, frames).flatten(0, 1)
     tips = posed.joints[:, :, list(TIP_KEYPOINTS)].flatten(0, 1)
     skin = skin_of(posed.verts.flatten(0, 1), tips, distance, hand.faces)
     return Side(world, local, torch.ones_like(gap, dtype=torch.bool), gap < NEAR, skin)

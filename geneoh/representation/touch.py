@@ -1,7 +1,7 @@
 """The surface point nearest to each keypoint: where a hand touches, or how deep it is."""
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 
@@ -18,3 +18,42 @@ def nearest_points(
     left = torch.cat([apart, torch.ones_like(apart[..., :1])], dim=-1)
     index = (left @ right.mT).min(-1).indices[..., None].expand(*joints.shape)
     return points.gather(-2, index), normals.gather(-2, index)
+
+
+def nearest_on_parts(
+    joints: Float[Tensor, "B T N 3"],
+    points: Float[Tensor, "B P 3"],
+    normals: Float[Tensor, "B P 3"],
+    part: Int[Tensor, "B P"],
+    rotation: Float[Tensor, "B T Q 3 3"],
+    translation: Float[Tensor, "B T Q 3"],
+) -> tuple[Float[Tensor, "B T N 3"], Float[Tensor, "B T N 3"]]:
+    """The same in the world, where each surface point moves with its part of the object.
+
+    Points of a part are compared in its frame, for all frames at once: much faster than to place
+    all points in every frame.
+    """
+    found, normal = torch.zeros_like(joints), torch.zeros_like(joints)
+    least = joints.new_full(joints.shape[:-1], torch.inf)
+    for index in range(rotation.shape[2]):
+        own = part == index
+        some = own.any(1)
+        if not some.any():
+            continue
+        turn, shift = rotation[some, :, index], translation[some, :, index, None]
+        # where a point is of another part, one of this part once more
+        pick = torch.where(own, torch.arange(own.shape[1]).to(part), own.int().argmax(1)[:, None])
+        pick = pick[some, :, None].expand(-1, -1, 3)
+        near, outward = nearest_points(
+            ((joints[some] - shift) @ turn).flatten(1, 2),
+            points[some].gather(1, pick),
+            normals[some].gather(1, pick),
+        )
+        near = near.unflatten(1, joints.shape[1:3]) @ turn.mT + shift
+        outward = outward.unflatten(1, joints.shape[1:3]) @ turn.mT
+        apart = (near - joints[some]).norm(dim=-1)
+        nearer = (apart < least[some])[..., None]
+        found[some] = torch.where(nearer, near, found[some])
+        normal[some] = torch.where(nearer, outward, normal[some])
+        least[some] = torch.minimum(apart, least[some])
+    return found, normal

@@ -1,9 +1,10 @@
 """Grasps by batched gradient descent of a sphere-covered skeleton against analytic objects.
 
-The hand starts with its palm towards a random point of the surface and slides down an energy of
-penetration, finger-pad contact, finger clearance and distance to a natural pose. What passes the
-checks of `Checks` is kept. Frames: the right hand's rest frame (fingers -x, palm -y, thumb +z) and
-the object's frame; metres and radians.
+Each attempt is of one of `KINDS`, which says what of the hand should touch and how closed it likes
+to be. The hand starts over a random point of the surface and slides down an energy of penetration,
+contact of the wanted pads, finger clearance and distance to a natural pose. What passes the checks
+of `Checks` is kept. Frames: the right hand's rest frame (fingers -x, palm -y, thumb +z) and the
+object's frame; metres and radians.
 """
 
 from dataclasses import dataclass, fields
@@ -22,6 +23,8 @@ from geneoh.synthesis.objects import Solids
 THUMB_FLEXION = (0.31, -0.86, 0.39)
 PAD_OF_THUMB = (-0.55, -0.50, -0.67)
 PAD_OF_FINGER = (0.0, -1.0, 0.0)
+PAD_OF_PALM = (0.0, -1.0, 0.0)
+SIDE_OF_INDEX = (0.0, 0.0, 1.0)
 FLEXION = (0.65, 0.7, 0.55)
 """Flexion of knuckle, middle and distal joint of a half closed finger (curl 1), radians."""
 ACROSS = ((0.2, 0.0, 1.0), (-0.05, 0.0, 1.0), (-0.5, 0.0, 0.9), (-0.2, 0.0, 1.0))
@@ -52,6 +55,12 @@ NATURAL_MEAN = curled(torch.ones(1, 5))[0]
 NATURAL_STD = torch.tensor(
     [_BASE_STD, _MIDDLE_STD, _DISTAL_STD] * 4 + [list(std) for _, std in _THUMB]
 )
+_LOW = NATURAL_MEAN.minimum(curled(torch.full((1, 5), 1.5))[0])
+_HIGH = NATURAL_MEAN.maximum(curled(torch.full((1, 5), 1.5))[0])
+OPPOSED = 1.0
+"""Agreement of two pads on either side of an object beyond which the search asks no more."""
+STOP = 2.15
+"""Deviations outside their natural range at which the search stops the joints."""
 CURLS = (0.2, 2.5)
 """How far hands like to close on what they hold, from person to person and grasp to grasp."""
 
@@ -67,19 +76,138 @@ BONE_RADIUS = torch.tensor(
 )
 MEAN_SPAN = 0.18
 """Length of the chain wrist to middle fingertip that BONE_RADIUS belongs to, metres."""
-PAD_JOINTS = tuple(range(1, 16))
-"""Joints whose following bone carries a pad: every phalanx (15), in MANO order."""
+PAD_JOINTS = (*range(1, 16), 2, 3, 0, 0)
+"""Joints that the pads move with, in MANO order: under every phalanx (15), on the thumb's side of
+the index's middle and distal phalanx, at the middle of the palm and below its fingers."""
+PAD_RADII = (*(0.0105, 0.009, 0.008) * 4, 0.013, 0.011, 0.0085, 0.009, 0.0085, 0.017, 0.016)
+"""Distance of the skin at each pad from the bone, metres."""
+PAD_DIGITS = (0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3, 4, 4, 4, 0, 0, 5, 5)
+"""Digit that each pad is part of: index, middle, pinky, ring, thumb; the palm counts as one."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What tells one kind of grasp from the others."""
+
+    name: str
+    share: float
+    """Of the attempts."""
+    digits: tuple[float, float, float, float, float, float]
+    """How likely each takes part: index, middle, pinky, ring, thumb, palm."""
+    needed: int
+    """Digits that must touch by pads of this kind."""
+    fingers: tuple[float, float, float] = (0.0, 0.1, 1.0)
+    """How likely the base, middle and distal pad of a finger that takes part should touch."""
+    thumb: tuple[float, float, float] = (0.0, 0.1, 1.0)
+    side: tuple[float, float] = (0.0, 0.0)
+    """The same for the index's middle and distal phalanx on the side of the thumb."""
+    finger_curls: tuple[float, float] = CURLS
+    thumb_curls: tuple[float, float] = CURLS
+    opposition: float = 1.0
+    """How far the thumb turns under the palm: 0 beside the index, 1 across from the fingers."""
+    opened: tuple[float, float] = (0.0, 0.8)
+    """Share of its curl with which the hand comes to the object."""
+    over: tuple[float, float, float] = (-1.0, 0.0, 0.045)
+    """Place in the hand that comes over the surface: along the palm in lengths of the palm, towards
+    the thumb and below the palm in metres."""
+    faces: tuple[float, float, float] = PAD_OF_PALM
+    """Direction of the hand that looks onto the surface."""
+    approaches: int = 1
+    """Starts to draw; the one of least energy is taken."""
+    bears: tuple[float, float, float] | None = None
+    """Outward normal of a surface that rests on the hand, in the hand's frame; None where no weight
+    but the grip of opposing contacts holds the object."""
+
+    @property
+    def pads(self) -> tuple[float, ...]:
+        """How likely each pad should touch if its digit takes part."""
+        return (*self.fingers * 4, *self.thumb, *self.side, 1.0, 1.0)
+
+
+def _precision(
+    count: int, share: float, fingers: tuple[float, float, float, float], needed: int
+) -> Kind:
+    """Thumb and neighbouring fingers, at their tips."""
+    return Kind(f"precision {count}", share, (*fingers, 1.0, 0.0), needed, approaches=16)
+
+
+_WHOLE = (0.5, 0.8, 1.0)
+KINDS = (
+    Kind("power", 0.38, (0.9, 0.5, 0.95, 0.7, 0.95, 0.0), 3, _WHOLE, _WHOLE, approaches=6),
+    _precision(2, 0.08, (1.0, 0.0, 0.0, 0.0), 2),
+    _precision(3, 0.1, (1.0, 1.0, 0.0, 0.0), 3),
+    _precision(4, 0.09, (1.0, 1.0, 0.0, 1.0), 3),
+    _precision(5, 0.08, (1.0, 1.0, 1.0, 1.0), 4),
+    Kind(
+        "lateral",
+        0.09,
+        (1.0, 0.0, 0.0, 0.0, 1.0, 0.0),
+        2,
+        fingers=(0.0, 0.0, 0.0),
+        thumb=(0.0, 0.0, 1.0),
+        side=(1.0, 0.5),
+        finger_curls=(1.3, 2.0),
+        thumb_curls=(0.2, 1.0),
+        opposition=0.35,
+        opened=(0.9, 1.0),
+        over=(-1.05, 0.03, 0.04),
+        faces=(0.0, 0.0, 1.0),
+        approaches=12,
+    ),
+    Kind(
+        "hook",
+        0.09,
+        (1.0, 1.0, 1.0, 1.0, 0.0, 0.0),
+        3,
+        fingers=(0.2, 1.0, 0.6),
+        finger_curls=(1.4, 2.2),
+        thumb_curls=(0.0, 0.4),
+        opposition=0.4,
+        opened=(0.5, 0.9),
+        over=(-1.15, 0.0, 0.03),
+        approaches=32,
+        bears=(-1.0, 0.0, 0.0),
+    ),
+    Kind(
+        "support",
+        0.09,
+        (0.9, 0.9, 0.8, 0.9, 0.0, 1.0),
+        3,
+        fingers=(0.7, 0.7, 0.7),
+        finger_curls=(0.0, 0.4),
+        thumb_curls=(0.0, 0.4),
+        opposition=0.4,
+        opened=(0.8, 1.0),
+        over=(-0.9, 0.0, 0.02),
+        approaches=12,
+        bears=(0.0, 1.0, 0.0),
+    ),
+)
+"""Kinds of grasps; `Grasps.kind` counts them."""
 
 
 @dataclass(frozen=True)
 class Checks:
-    """What a kept grasp must pass, metres."""
+    """What a kept grasp must pass."""
 
     depth: float = 0.003
+    """No sphere of the hand is deeper in the object, metres."""
     contact: float = 0.004
-    fingers: int = 2
-    """Other fingers that touch besides the thumb (or besides the first one, without the thumb)."""
+    """A pad touches whose distance to the surface is less, metres. Only pads that the kind of
+    grasp may want count, here and below."""
+    fingers: int = 0
+    """Digits that touch beyond those that the kind needs; if negative, contacts are not checked."""
     clearance: float = -0.004
+    """Gap between spheres of different fingers, metres; less than zero because skin gives way."""
+    deviations: float = 2.2
+    """How far each component of each joint's rotation may be outside its natural range, from half
+    closed to three quarters closed, in natural deviations."""
+    opposing: float = -0.2
+    """Grips: the least cosine between the surface normals at two touching pads is below this."""
+    bearing: float = 0.5
+    """Hook and support, where weight takes the place of opposing contacts: at one touching pad the
+    cosine between the surface normal and the direction that bears on the hand is above this, and
+    nowhere below its negative. So the hand can lift, and no pad pushes straight down."""
 
 
 @dataclass(frozen=True)
@@ -90,6 +218,8 @@ class Grasps:
     wrist: Float[Tensor, "B 3"]
     offsets: Float[Tensor, "B 20 3"]
     kept: Bool[Tensor, " B"]
+    kind: Int[Tensor, " B"]
+    """Index into KINDS of what was tried."""
 
     def chosen(self, which: Bool[Tensor, " B"] | Int[Tensor, " C"]) -> "Grasps":
         """Some of the grasps."""
@@ -112,16 +242,19 @@ def _pads(
     joints: Float[Tensor, "*B 21 3"],
     glob: Float[Tensor, "*B 16 3 3"],
     scale: Float[Tensor, "*B 1"],
-) -> tuple[Float[Tensor, "*B 15 3"], Float[Tensor, "*B 15 3"]]:
-    """Skin points under each phalanx and the directions they face."""
+) -> tuple[Float[Tensor, "*B 19 3"], Float[Tensor, "*B 19 3"]]:
+    """Skin points of `PAD_JOINTS` and the directions they face."""
     mano = joints[..., list(MANO_FROM_OPENPOSE), :]
-    ends = [j + 1 if j % 3 else 16 + j // 3 - 1 for j in PAD_JOINTS]
+    ends = [j + 1 if j % 3 else 16 + j // 3 - 1 for j in PAD_JOINTS[:17]] + [4, 4]
     start, end = mano[..., list(PAD_JOINTS), :], mano[..., ends, :]
-    facing = joints.new_tensor([PAD_OF_FINGER] * 12 + [PAD_OF_THUMB] * 3)
-    facing = (glob[..., 1:, :, :] @ facing[..., None])[..., 0]
-    radius = joints.new_tensor([0.0105, 0.009, 0.008] * 4 + [0.013, 0.011, 0.0085]) * scale
-    middle = start + joints.new_tensor([0.5, 0.5, 0.6] * 5)[:, None] * (end - start)
-    return middle + facing * radius[..., None], facing
+    facing = joints.new_tensor(
+        [PAD_OF_FINGER] * 12 + [PAD_OF_THUMB] * 3 + [SIDE_OF_INDEX] * 2 + [PAD_OF_PALM] * 2
+    )
+    facing = (glob[..., list(PAD_JOINTS), :, :] @ facing[..., None])[..., 0]
+    radius = joints.new_tensor(PAD_RADII)
+    along = joints.new_tensor([0.5, 0.5, 0.6] * 5 + [0.5, 0.5, 0.55, 0.85])
+    middle = start + along[:, None] * (end - start)
+    return middle + facing * (radius * scale)[..., None], facing
 
 
 def _clearance(
@@ -138,22 +271,193 @@ def _clearance(
     return gap - 0.85 * (radii[..., a] + radii[..., b])
 
 
+@dataclass(frozen=True)
+class _Attempt:
+    """What B hands try: one kind of grasp each, on one object each."""
+
+    kind: Int[Tensor, " B"]
+    offsets: Float[Tensor, "B 20 3"]
+    scale: Float[Tensor, "B 1"]
+    liked: Float[Tensor, "B 15 3"]
+    """The natural pose of this hand, this time."""
+    wanted: Bool[Tensor, "B 19"]
+    """Pads that should touch."""
+
+    def chosen(self, which: Int[Tensor, " C"]) -> "_Attempt":
+        """Some of the attempts."""
+        return _Attempt(*(getattr(self, field.name)[which] for field in fields(self)))
+
+
+def _of_kind(name: str, kind: Int[Tensor, " B"]) -> Float[Tensor, "B ..."]:
+    """A field of `Kind` for each hand."""
+    return torch.tensor([getattr(each, name) for each in KINDS], dtype=torch.float32)[kind]
+
+
+def _draw_attempts(
+    offsets: Float[Tensor, "B 20 3"], *, generator: torch.Generator
+) -> tuple[_Attempt, Float[Tensor, "B 15 3"]]:
+    """Random attempts, and the fingers with which they start."""
+    batch = len(offsets)
+    shares = torch.tensor([kind.share for kind in KINDS])
+    kind = torch.multinomial(shares, batch, replacement=True, generator=generator)
+    low, high = torch.stack(
+        [_of_kind("finger_curls", kind)] * 4 + [_of_kind("thumb_curls", kind)], dim=1
+    ).unbind(-1)
+    curl = low + (high - low) * torch.rand(batch, 1, generator=generator)
+    curl = curl * (0.3 * torch.randn(batch, 5, generator=generator)).exp()
+    habit = 0.6 * NATURAL_STD * torch.randn(batch, 15, 3, generator=generator)
+    turned = torch.ones(batch, 15, 1)
+    turned[:, 12, 0] = _of_kind("opposition", kind)
+    low, high = _of_kind("opened", kind)[..., None].unbind(1)
+    opened = low + (high - low) * torch.rand(batch, 1, generator=generator)
+    fingers = turned * curled(curl * opened) + 0.5 * habit
+    joins = torch.rand(batch, 6, generator=generator) < _of_kind("digits", kind)
+    touch = torch.rand(batch, len(PAD_DIGITS), generator=generator) < _of_kind("pads", kind)
+    span = offsets[:, [3, 4, 5, 16]].norm(dim=-1).sum(-1, keepdim=True)
+    wanted = joins[:, list(PAD_DIGITS)] & touch
+    liked = turned * curled(curl) + habit
+    return _Attempt(kind, offsets, span / MEAN_SPAN, liked, wanted), fingers
+
+
 def _approach(
-    solids: Solids, offsets: Float[Tensor, "B 20 3"], *, generator: torch.Generator
-) -> tuple[Float[Tensor, "B 3 3"], Float[Tensor, "B 3"]]:
-    """Wrist poses with the palm over a random surface point, turned at random about its normal."""
+    solids: Solids, attempt: _Attempt, *, generator: torch.Generator
+) -> tuple[Float[Tensor, "B 3"], Float[Tensor, "B 3"]]:
+    """Wrists and their orientations (axis-angle) over a random surface point each.
+
+    The side of the hand that its kind names looks onto the surface, turned at random about the
+    surface normal.
+    """
     surface, normals = solids.surface_points(1, generator=generator)
     point, normal = surface[:, 0], normals[:, 0]
-    # palm normal -y of the hand looks against the surface normal, fingers point in a random tangent
     random = torch.randn(point.shape, generator=generator)
-    fingers = torch.nn.functional.normalize(torch.linalg.cross(normal, random), dim=-1)
-    third = torch.linalg.cross(-fingers, normal)
-    rotation = torch.stack([-fingers, normal, third], dim=-1)
+    across = torch.nn.functional.normalize(torch.linalg.cross(normal, random), dim=-1)
+    there = torch.stack([across, -normal, torch.linalg.cross(across, -normal)], dim=-1)
+    faces = _of_kind("faces", attempt.kind)
+    fingers = faces.new_tensor([-1.0, 0.0, 0.0]).expand_as(faces)
+    here = torch.stack([fingers, faces, torch.linalg.cross(fingers, faces)], dim=-1)
     tilt = 0.25 * torch.randn(point.shape, generator=generator)
-    rotation = rotation @ axis_angle_to_matrix(tilt)
+    rotation = there @ here.mT @ axis_angle_to_matrix(tilt)
+    along, aside, below = _of_kind("over", attempt.kind)[..., None].unbind(1)
     reach = torch.rand(len(point), 1, generator=generator) * 0.5 + 0.75
-    palm = reach * offsets[:, 3] + offsets.new_tensor([0.0, -0.045, 0.0])
-    return rotation, point - (rotation @ palm[..., None])[..., 0]
+    palm = -along * reach * attempt.offsets[:, 3]
+    palm = palm + torch.cat([torch.zeros_like(below), -below, aside], dim=-1)
+    wrist = point - (rotation @ palm[..., None])[..., 0]
+    return wrist, matrix_to_axis_angle(rotation)
+
+
+def _energy(
+    solids: Solids,
+    attempt: _Attempt,
+    wrist: Float[Tensor, "B 3"],
+    orient: Float[Tensor, "B 3"],
+    fingers: Float[Tensor, "B 15 3"],
+) -> Float[Tensor, " B"]:
+    """What the descent makes small."""
+    pose = torch.cat([orient[:, None], fingers], dim=1)
+    joints, glob = forward_kinematics(axis_angle_to_matrix(pose), wrist, attempt.offsets)
+    centers, radii = _hand_spheres(joints, attempt.scale)
+    pads, facing = _pads(joints, glob, attempt.scale)
+    distance = solids.signed_distance(torch.cat([centers, pads], 1))
+    depth = (radii - distance[:, : centers.shape[1]]).clamp(min=0)
+    gap = distance[:, centers.shape[1] :]
+    _, normal = solids.distance_and_normal(pads.detach())
+    alignment = (1 + (facing * normal).sum(-1)) * attempt.wanted
+    crowded = (-_clearance(centers, radii)).clamp(min=0)
+    apart = (fingers - attempt.liked) / NATURAL_STD
+    beyond = (_deviations(fingers) - 2.0).clamp(min=0)
+    return (
+        4e4 * depth.square().sum(-1)
+        + 60.0 * (attempt.wanted * (gap.abs() + 30 * gap.square())).sum(-1)
+        + 0.25 * alignment.sum(-1)
+        + 3.0 * _unopposed(attempt, facing, normal)
+        + 2e4 * crowded.square().sum(-1)
+        + (0.12 * apart.square() + beyond.square()).sum((-1, -2))
+    )
+
+
+def _unopposed(
+    attempt: _Attempt, facing: Float[Tensor, "B 19 3"], normal: Float[Tensor, "B 19 3"]
+) -> Float[Tensor, " B"]:
+    """How far thumb and fingers of a grip are from facing each other across the object."""
+    thumb = torch.tensor(PAD_DIGITS) == 4
+    grips = torch.tensor([kind.bears is None for kind in KINDS])[attempt.kind]
+    pairs = (attempt.wanted & thumb)[:, :, None] & (attempt.wanted & ~thumb)[:, None]
+    pairs = pairs & grips[:, None, None]
+    # the direction in which one pad looks and the normal where the other one is should agree
+    agree = facing @ normal.mT + normal @ facing.mT
+    return (OPPOSED - agree).clamp(min=0).mul(pairs).sum((1, 2)) / pairs.sum((1, 2)).clamp(min=1)
+
+
+def _deviations(fingers: Float[Tensor, "*B 15 3"]) -> Float[Tensor, "*B 15 3"]:
+    """How far joints are outside their natural range, in natural deviations."""
+    return torch.maximum(_LOW - fingers, fingers - _HIGH).clamp(min=0) / NATURAL_STD
+
+
+ASTRAY = 1e5
+"""Energy of starting on the wrong side of an object, 1/m^2."""
+
+
+def _starts(
+    solids: Solids,
+    attempt: _Attempt,
+    fingers: Float[Tensor, "B 15 3"],
+    toward: Float[Tensor, "B 3"],
+    *,
+    generator: torch.Generator,
+) -> tuple[Float[Tensor, "B 3"], Float[Tensor, "B 3"]]:
+    """Wrists and orientations to start from: the best approach of as many as the kind draws."""
+    wrist, orient = _approach(solids, attempt, generator=generator)
+    draws = _of_kind("approaches", attempt.kind).long()
+    (choosy,) = torch.nonzero(draws > 1, as_tuple=True)
+    if len(choosy) == 0:
+        return wrist, orient
+    which = choosy.repeat_interleave(draws[choosy])
+    group = torch.arange(len(choosy)).repeat_interleave(draws[choosy])
+    tried, objects = attempt.chosen(which), solids.chosen(which)
+    wrists, orients = _approach(objects, tried, generator=generator)
+    energy = _energy(objects, tried, wrists, orients, fingers[which])
+    energy = energy + ASTRAY * (wrists * toward[which]).sum(-1).clamp(max=0).square()
+    mine = group == torch.arange(len(choosy))[:, None]
+    best = torch.where(mine, energy, torch.inf).argmin(dim=1)
+    wrist[choosy], orient[choosy] = wrists[best], orients[best]
+    return wrist, orient
+
+
+def _kept(
+    solids: Solids,
+    attempt: _Attempt,
+    wrist: Float[Tensor, "B 3"],
+    pose: Float[Tensor, "B 16 3"],
+    checks: Checks,
+) -> Bool[Tensor, " B"]:
+    """Grasps that pass every check."""
+    joints, glob = forward_kinematics(axis_angle_to_matrix(pose), wrist, attempt.offsets)
+    centers, radii = _hand_spheres(joints, attempt.scale)
+    pads, _ = _pads(joints, glob, attempt.scale)
+    deep = (radii - solids.signed_distance(centers)).amax(-1)
+    kept = (
+        (deep < checks.depth)
+        & (_clearance(centers, radii).amin(-1) > checks.clearance)
+        & (_deviations(pose[:, 1:]).amax((-1, -2)) < checks.deviations)
+    )
+    if checks.fingers < 0:
+        return kept
+    kind = attempt.kind
+    gap, normal = solids.distance_and_normal(pads)
+    likely = _of_kind("digits", kind)[:, list(PAD_DIGITS)] * _of_kind("pads", kind)
+    touching = (gap.abs() < checks.contact) & (likely > 0)
+    digit = torch.nn.functional.one_hot(torch.tensor(PAD_DIGITS)).bool()
+    touches = (touching[..., None] & digit).any(1).sum(-1)
+    both = touching[:, :, None] & touching[:, None]
+    opposed = torch.where(both, normal @ normal.mT, 1.0).amin((-1, -2)) < checks.opposing
+    bears = torch.tensor([each.bears or (0.0, 0.0, 0.0) for each in KINDS])[kind]
+    load = (normal @ (glob[:, 0] @ bears[..., None]))[..., 0]
+    lifts = (torch.where(touching, load, -1.0).amax(-1) > checks.bearing) & (
+        torch.where(touching, load, 1.0).amin(-1) > -checks.bearing
+    )
+    held = torch.where(bears.any(-1), lifts, opposed)
+    enough = touches >= _of_kind("needed", kind) + checks.fingers
+    return kept & enough & held
 
 
 def synthesize_grasps(
@@ -163,6 +467,7 @@ def synthesize_grasps(
     generator: torch.Generator,
     steps: int = 140,
     checks: Checks | None = None,
+    toward: Float[Tensor, "B 3"] | None = None,
 ) -> Grasps:
     """One grasp attempt per object; `kept` tells which ones pass the checks.
 
@@ -171,73 +476,31 @@ def synthesize_grasps(
         offsets: the hands' rest offsets (see `geneoh.hand.skeleton`).
         generator: source of every random choice.
         steps: descent steps of Adam with a cosine rate.
-        checks: limits on depth, contact and clearance.
+        checks: what a grasp must pass to be kept.
+        toward: direction in the object's frame on whose side the wrist starts; zero for any.
     """
-    checks = checks or Checks()
-    batch = len(offsets)
-    scale = offsets[:, [3, 4, 5, 16]].norm(dim=-1).sum(-1, keepdim=True) / MEAN_SPAN
-    rotation, wrist = _approach(solids, offsets, generator=generator)
-    orient = matrix_to_axis_angle(rotation)
-    mean, std = NATURAL_MEAN, NATURAL_STD
-    curl = CURLS[0] + (CURLS[1] - CURLS[0]) * torch.rand(batch, 1, generator=generator)
-    curl = curl * (0.3 * torch.randn(batch, 5, generator=generator)).exp()
-    habit = 0.6 * std * torch.randn(batch, 15, 3, generator=generator)
-    liked = curled(curl) + habit
-    opened = torch.rand(batch, 1, generator=generator) * 0.8
-    fingers = curled(curl * opened) + 0.5 * habit
-    # which pads should touch: thumb and two to four fingers at their tips, sometimes whole fingers
-    touch = torch.rand(batch, 5, generator=generator) < torch.tensor([0.95, 0.9, 0.5, 0.7, 0.95])
-    power = torch.rand(batch, 1, 1, generator=generator) < 0.4
-    wanted = touch[:, :, None] * torch.where(
-        power, torch.tensor([0.5, 0.8, 1.0]), torch.tensor([0.0, 0.1, 1.0])
-    )
-    wanted = wanted.reshape(batch, 15)
-
-    parameters = [wrist.requires_grad_(True), orient.requires_grad_(True)]
-    parameters.append(fingers.requires_grad_(True))
+    attempt, fingers = _draw_attempts(offsets, generator=generator)
+    toward = torch.zeros(len(offsets), 3) if toward is None else toward
+    wrist, orient = _starts(solids, attempt, fingers, toward, generator=generator)
+    for parameter in (wrist, orient, fingers):
+        parameter.requires_grad_(True)
     optimizer = torch.optim.Adam(
         [
-            {"params": parameters[0], "lr": 0.004},
-            {"params": parameters[1], "lr": 0.03},
-            {"params": parameters[2], "lr": 0.03},
+            {"params": wrist, "lr": 0.004},
+            {"params": orient, "lr": 0.03},
+            {"params": fingers, "lr": 0.03},
         ]
     )
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, steps, eta_min=1e-4)
     for _ in range(steps):
-        pose = torch.cat([parameters[1][:, None], parameters[2]], dim=1)
-        joints, glob = forward_kinematics(axis_angle_to_matrix(pose), parameters[0], offsets)
-        centers, radii = _hand_spheres(joints, scale)
-        pads, facing = _pads(joints, glob, scale)
-        distance = solids.signed_distance(torch.cat([centers, pads], 1))
-        depth = (radii - distance[:, : centers.shape[1]]).clamp(min=0)
-        gap = distance[:, centers.shape[1] :]
-        _, normal = solids.distance_and_normal(pads.detach())
-        alignment = (1 + (facing * normal).sum(-1)) * wanted
-        crowded = (-_clearance(centers, radii)).clamp(min=0)
-        apart = (parameters[2] - liked) / std
-        beyond = ((parameters[2] - mean) / std).abs()
-        energy = (
-            4e4 * depth.square().sum(-1)
-            + 60.0 * (wanted * (gap.abs() + 30 * gap.square())).sum(-1)
-            + 0.25 * alignment.sum(-1)
-            + 2e4 * crowded.square().sum(-1)
-            + (0.12 * apart.square() + 1.0 * (beyond - 2.0).clamp(min=0).square()).sum((-1, -2))
-        )
         optimizer.zero_grad()
-        energy.sum().backward()
+        _energy(solids, attempt, wrist, orient, fingers).sum().backward()
         optimizer.step()
         schedule.step()
+        with torch.no_grad():
+            fingers.clamp_(_LOW - STOP * NATURAL_STD, _HIGH + STOP * NATURAL_STD)
 
     with torch.no_grad():
-        pose = torch.cat([parameters[1][:, None], parameters[2]], dim=1)
-        joints, glob = forward_kinematics(axis_angle_to_matrix(pose), parameters[0], offsets)
-        centers, radii = _hand_spheres(joints, scale)
-        pads, _ = _pads(joints, glob, scale)
-        deep = (radii - solids.signed_distance(centers)).amax(-1)
-        reached = (solids.signed_distance(pads).abs() < checks.contact).reshape(batch, 5, 3).any(-1)
-        kept = (
-            (deep < checks.depth)
-            & (reached.sum(-1) > checks.fingers)
-            & (_clearance(centers, radii).amin(-1) > checks.clearance)
-        )
-        return Grasps(pose.detach(), parameters[0].detach(), offsets, kept)
+        pose = torch.cat([orient[:, None], fingers], dim=1)
+        kept = _kept(solids, attempt, wrist, pose, checks or Checks())
+        return Grasps(pose, wrist.detach(), offsets, kept, attempt.kind)

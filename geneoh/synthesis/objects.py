@@ -1,14 +1,15 @@
 """Analytic objects: batched unions of simple solids, their distance, surface and families.
 
-Every object is a union of at most `PARTS` solids (box, cylinder, ellipsoid, torus), each with a
+Every object is a union of at most `SOLIDS` solids (box, cylinder, ellipsoid, torus), each with a
 pose and a rounding radius, so one tensor program evaluates any mixture of families at once. Sizes
-are those of things people hold: coin-thin boards to two-hand boxes.
+are those of things people hold: coin-thin boards to two-hand boxes. Some have a second part that
+turns about a hinge or slides.
 """
 
 import difflib
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import torch
 from jaxtyping import Bool, Float, Int
@@ -17,7 +18,9 @@ from torch import Tensor
 from geneoh.errors import ConfigError
 from geneoh.geometry.rotations import axis_angle_to_matrix
 
-PARTS = 4
+SOLIDS = 4
+PARTS = 2
+"""Parts of an object that move by themselves: the first, and one on a joint."""
 BOX, CYLINDER, ELLIPSOID, TORUS = range(4)
 ASTRAY = 1e-5
 """Distance from the surface beyond which a point's slide down to it has not converged, metres."""
@@ -36,6 +39,54 @@ class Solids:
     rounding: Float[Tensor, "B S"]
     center: Float[Tensor, "B S 3"]
     rotation: Float[Tensor, "B S 3 3"]
+    part: Int[Tensor, "B S"]
+    """Which part each solid belongs to, 0 or 1."""
+    axis: Float[Tensor, "B 3"]
+    """Along which the second part's joint lies, a unit vector; through `pivot`."""
+    pivot: Float[Tensor, "B 3"]
+    slides: Bool[Tensor, " B"]
+    """Whether the second part slides along the axis (metres) or turns about it (radians)."""
+    travel: Float[Tensor, "B 2"]
+    """How far it may go either way from how the object was drawn; zero for rigid objects."""
+
+    @property
+    def jointed(self) -> Bool[Tensor, " B"]:
+        """Whether there is a second part."""
+        return self.part.any(1)
+
+    def only(self, part: int) -> "Solids":
+        """One part by itself; where an object has no such part, nothing within reach."""
+        away = (self.part != part)[..., None]
+        return replace(self, center=torch.where(away, FAR, self.center))
+
+    def mirrored(self) -> "Solids":
+        """The mirror images at x = 0: what is a left hand's object is then a right hand's."""
+        flip = self.center.new_tensor([-1.0, 1.0, 1.0])
+        # turning about an axis and its mirror image are opposite; sliding along them is not
+        axis = self.axis * torch.where(self.slides[:, None], flip, -flip)
+        return replace(
+            self,
+            center=torch.where(self.center < FAR / 2, self.center * flip, self.center),
+            rotation=flip[:, None] * self.rotation * flip,  # each solid is its own mirror image
+            axis=axis,
+            pivot=self.pivot * flip,
+        )
+
+    def joint_pose(
+        self, travelled: Float[Tensor, "B T"]
+    ) -> tuple[Float[Tensor, "B T 3 3"], Float[Tensor, "B T 3"]]:
+        """Rotation and translation that bring the second part to where its joint has gone."""
+        along = travelled[..., None] * self.axis[:, None]
+        slides = self.slides[:, None, None]
+        turn = axis_angle_to_matrix(torch.where(slides, 0.0, along))
+        pivot = self.pivot[:, None]
+        swung = pivot - (turn @ pivot[..., None])[..., 0]
+        return turn, torch.where(slides, along, swung)
+
+    def part_of(self, points: Float[Tensor, "B P 3"]) -> Int[Tensor, "B P"]:
+        """The part that each point is nearest to."""
+        first, second = (self.only(part).signed_distance(points) for part in range(PARTS))
+        return (second < first).long()
 
     def chosen(self, which: Bool[Tensor, " B"] | Int[Tensor, " C"]) -> "Solids":
         """Some of the objects."""
@@ -113,15 +164,31 @@ class Solids:
 
 
 Draw = Callable[[float, float], float]
+Vector = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
 class _Solid:
     kind: int
-    size: tuple[float, float, float]
-    center: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    turn: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    size: Vector
+    center: Vector = (0.0, 0.0, 0.0)
+    turn: Vector = (0.0, 0.0, 0.0)
     rounding: float = 0.002
+    part: int = 0
+
+
+@dataclass(frozen=True)
+class _Joint:
+    """What the second part of an object turns about or slides along, and how far either way."""
+
+    axis: Vector
+    travel: tuple[float, float]
+    pivot: Vector = (0.0, 0.0, 0.0)
+    slides: bool = False
+
+
+Drawn = list[_Solid] | tuple[list[_Solid], _Joint]
+"""A rigid object, or one with a second part on a joint."""
 
 
 def _box(u: Draw) -> list[_Solid]:
@@ -164,11 +231,12 @@ def _hammer(u: Draw) -> list[_Solid]:
     return [_Solid(CYLINDER, (r, r, h), rounding=0.004), head]
 
 
-def _bottle(u: Draw) -> list[_Solid]:
+def _bottle(u: Draw) -> Drawn:
     r, h = u(0.025, 0.04), u(0.05, 0.09)
     neck, cap = u(0.4, 0.5) * r, u(0.012, 0.02)
-    top = _Solid(CYLINDER, (neck, neck, cap), (0.0, 0.0, h + cap))
-    return [_Solid(CYLINDER, (r, r, h), rounding=0.3 * r), top]
+    top = _Solid(CYLINDER, (neck, neck, cap), (0.0, 0.0, h + cap), part=1)
+    pulled = _Joint((0.0, 0.0, 1.0), (0.0, 0.06), slides=True)
+    return [_Solid(CYLINDER, (r, r, h), rounding=0.3 * r), top], pulled
 
 
 def _pan(u: Draw) -> list[_Solid]:
@@ -263,65 +331,70 @@ def _screwdriver(u: Draw) -> list[_Solid]:
     return [handle, _Solid(CYLINDER, (0.003, 0.003, shaft), (0.0, 0.0, grip + shaft))]
 
 
-def _scissors(u: Draw) -> list[_Solid]:
+def _scissors(u: Draw) -> Drawn:
     opening, blade = u(0.05, 0.5), u(0.04, 0.07)
     radius, tube = u(0.013, 0.024), u(0.0035, 0.006)
     solids = []
-    for side in (-1.0, 1.0):
+    for part, side in enumerate((-1.0, 1.0)):
         c, s = math.cos(side * opening / 2), math.sin(side * opening / 2)
         reach = -0.75 * blade - radius
         loop = (reach * c - side * radius * s, reach * s + side * radius * c, 0.0)
         bar = (blade, u(0.004, 0.007), u(0.0015, 0.003))
-        solids.append(
-            _Solid(
-                BOX,
-                bar,
-                (0.15 * blade * c, 0.15 * blade * s, 0.002 * side),
-                (0.0, 0.0, side * opening / 2),
-                0.001,
-            )
-        )
-        solids.append(_Solid(TORUS, (radius, tube, 1.0), loop))
-    return solids
+        middle = (0.15 * blade * c, 0.15 * blade * s, 0.002 * side)
+        solids.append(_Solid(BOX, bar, middle, (0.0, 0.0, side * opening / 2), 0.001, part))
+        solids.append(_Solid(TORUS, (radius, tube, 1.0), loop, part=part))
+    return solids, _Joint((0.0, 0.0, 1.0), (-opening, 0.9 - opening))
 
 
-def _pliers(u: Draw) -> list[_Solid]:
+def _pliers(u: Draw) -> Drawn:
     opening, grip, r = u(0.15, 0.6), u(0.05, 0.08), u(0.005, 0.009)
-    handles = [
-        _Solid(
-            BOX,
-            (grip, r, r),
-            (-grip * math.cos(turn), -grip * math.sin(turn), 0.0),
-            (0.0, 0.0, turn),
-            0.8 * r,
-        )
-        for turn in (-opening / 2, opening / 2)
-    ]
-    return [*handles, _Solid(BOX, (u(0.015, 0.03), u(0.008, 0.015), r), (0.015, 0.0, 0.0))]
+    jaw, wide = u(0.015, 0.03), u(0.004, 0.008)
+    solids = []
+    for part, turn in enumerate((-opening / 2, opening / 2)):
+        c, s = math.cos(turn), math.sin(turn)
+        handle = (-grip * c, -grip * s, 0.0)
+        tip = (jaw * c, jaw * s + (2 * part - 1) * wide, 0.0)
+        solids.append(_Solid(BOX, (grip, r, r), handle, (0.0, 0.0, turn), 0.8 * r, part))
+        solids.append(_Solid(BOX, (jaw, wide, r), tip, (0.0, 0.0, turn), 0.001, part))
+    return solids, _Joint((0.0, 0.0, 1.0), (-0.8 * opening, 0.7 - opening))
 
 
-def _laptop(u: Draw) -> list[_Solid]:
+def _laptop(u: Draw) -> Drawn:
     width, depth, opening = u(0.08, 0.14), u(0.06, 0.1), u(0.3, 2.0)
     thick = u(0.003, 0.006)
-    lid = (
-        -depth + depth * math.cos(opening),
-        0.0,
-        depth * math.sin(opening),
-    )
-    return [
+    lid = (-depth + depth * math.cos(opening), 0.0, depth * math.sin(opening))
+    solids = [
         _Solid(BOX, (depth, width, thick)),
-        _Solid(BOX, (depth, width, thick), lid, (0.0, -opening, 0.0)),
+        _Solid(BOX, (depth, width, thick), lid, (0.0, -opening, 0.0), part=1),
     ]
+    hinge = (-depth, 0.0, 0.0)
+    return solids, _Joint((0.0, -1.0, 0.0), (0.1 - opening, 2.2 - opening), hinge)
 
 
-def _drawer(u: Draw) -> list[_Solid]:
-    w, h = u(0.06, 0.12), u(0.03, 0.06)
-    knob, t = u(0.025, 0.05), u(0.004, 0.007)
-    bar = _Solid(CYLINDER, (t, t, knob), (0.03 + 0.025, 0.0, 0.0), (math.pi / 2, 0.0, 0.0), 0.9 * t)
-    posts = [
-        _Solid(BOX, (0.014, t, t), (0.03 + 0.013, side * 0.8 * knob, 0.0)) for side in (-1.0, 1.0)
+def _chest(u: Draw) -> Drawn:
+    depth, width, height = u(0.04, 0.09), u(0.05, 0.11), u(0.02, 0.05)
+    opening, thick = u(0.0, 1.5), u(0.003, 0.006)
+    back = (-depth, 0.0, height + thick)
+    lid = (depth * math.cos(opening) - depth, 0.0, height + thick + depth * math.sin(opening))
+    solids = [
+        _Solid(BOX, (depth, width, height)),
+        _Solid(BOX, (depth, width, thick), lid, (0.0, -opening, 0.0), part=1),
     ]
-    return [_Solid(BOX, (0.03, w, h)), bar, *posts]
+    return solids, _Joint((0.0, -1.0, 0.0), (-opening, 1.8 - opening), back)
+
+
+def _drawer(u: Draw) -> Drawn:
+    wide, high, deep = u(0.06, 0.12), u(0.03, 0.06), u(0.06, 0.1)
+    opened, knob, t = u(0.0, 0.06), u(0.025, 0.05), u(0.004, 0.007)
+    front = opened + deep + 0.004
+    bar = (front + 0.03, 0.0, 0.0)
+    solids = [
+        _Solid(BOX, (deep, wide + 0.01, high + 0.01)),
+        _Solid(BOX, (deep, wide, high), (opened + 0.004, 0.0, 0.0), part=1),
+        _Solid(BOX, (0.016, t, t), (front + 0.014, 0.0, 0.0), part=1),
+        _Solid(CYLINDER, (t, t, knob), bar, (math.pi / 2, 0.0, 0.0), 0.9 * t, part=1),
+    ]
+    return solids, _Joint((1.0, 0.0, 0.0), (-opened, 0.09 - opened), slides=True)
 
 
 def _kettle(u: Draw) -> list[_Solid]:
@@ -356,7 +429,7 @@ def _spray(u: Draw) -> list[_Solid]:
     ]
 
 
-FAMILIES: dict[str, Callable[[Draw], list[_Solid]]] = {
+FAMILIES: dict[str, Callable[[Draw], Drawn]] = {
     "box": _box,
     "board": _board,
     "cylinder": _cylinder,
@@ -383,6 +456,7 @@ FAMILIES: dict[str, Callable[[Draw], list[_Solid]]] = {
     "scissors": _scissors,
     "pliers": _pliers,
     "laptop": _laptop,
+    "chest": _chest,
     "drawer": _drawer,
     "kettle": _kettle,
     "wine_glass": _wine_glass,
@@ -391,7 +465,7 @@ FAMILIES: dict[str, Callable[[Draw], list[_Solid]]] = {
 }
 
 
-def family_named(name: str) -> Callable[[Draw], list[_Solid]]:
+def family_named(name: str) -> Callable[[Draw], Drawn]:
     """What draws an object of a family.
 
     Raises:
@@ -411,15 +485,25 @@ def draw_objects(families: list[str], *, generator: torch.Generator) -> Solids:
         return low + (high - low) * float(torch.rand((), generator=generator))
 
     batch = len(families)
-    kind = torch.full((batch, PARTS), BOX)
-    size = torch.full((batch, PARTS, 3), 0.01)
-    rounding = torch.zeros(batch, PARTS)
-    center = torch.full((batch, PARTS, 3), FAR)
-    turn = torch.zeros(batch, PARTS, 3)
+    kind = torch.full((batch, SOLIDS), BOX)
+    size = torch.full((batch, SOLIDS, 3), 0.01)
+    rounding = torch.zeros(batch, SOLIDS)
+    center = torch.full((batch, SOLIDS, 3), FAR)
+    turn = torch.zeros(batch, SOLIDS, 3)
+    part = torch.zeros(batch, SOLIDS, dtype=torch.long)
+    axis, pivot = torch.eye(3)[2].repeat(batch, 1), torch.zeros(batch, 3)
+    slides, travel = torch.zeros(batch, dtype=torch.bool), torch.zeros(batch, 2)
     for b, family in enumerate(families):
-        for s, solid in enumerate(family_named(family)(uniform)):
+        drawn = family_named(family)(uniform)
+        solids, joint = drawn if isinstance(drawn, tuple) else (drawn, None)
+        for s, solid in enumerate(solids):
             kind[b, s], rounding[b, s] = solid.kind, min(solid.rounding, 0.95 * min(solid.size))
             size[b, s] = torch.tensor(solid.size)
             center[b, s] = torch.tensor(solid.center)
             turn[b, s] = torch.tensor(solid.turn)
-    return Solids(kind, size, rounding, center, axis_angle_to_matrix(turn))
+            part[b, s] = solid.part
+        if joint is not None:
+            axis[b], pivot[b] = torch.tensor(joint.axis), torch.tensor(joint.pivot)
+            slides[b], travel[b] = joint.slides, torch.tensor(joint.travel)
+    rotation = axis_angle_to_matrix(turn)
+    return Solids(kind, size, rounding, center, rotation, part, axis, pivot, slides, travel)

@@ -51,14 +51,17 @@ class Replay:
 
     def held_frames(self) -> Int[Tensor, " B"]:
         """The frame of each clip in which the fingers are nearest to the object's surface."""
-        joints, clips = self.joints, self.clips
-        local = (joints - clips.translation[:, :, None]) @ clips.rotation
-        fingers = local[:, :, 1:]
-        gap = self.made_from.solids.signed_distance(fingers.flatten(1, 2)).abs()
-        return gap.unflatten(1, fingers.shape[1:3]).mean(-1).argmin(-1)
+        fingers = self.in_object(self.joints)[:, :, 1:]
+        every = torch.arange(fingers.shape[1]).expand(len(fingers), -1)
+        return self.distance(fingers, every).abs().mean(-1).argmin(-1)
+
+    def in_object(self, world: Float[Tensor, "B T P 3"]) -> Float[Tensor, "B T P 3"]:
+        """Points of the world in the frame of the object's first part, frame by frame."""
+        clips = self.clips
+        return (world - clips.translation[:, :, :1]) @ clips.rotation[:, :, 0]
 
     def skin(self, frames: Int[Tensor, "B F"]) -> PosedHand:
-        """Hands of some frames of each clip in the object's frame."""
+        """Hands of some frames of each clip in the frame of the object's first part."""
         at = torch.arange(len(frames))[:, None]
         clips, hands = self.clips, self.made_from.hands
         # one axis more for the frames
@@ -69,13 +72,29 @@ class Replay:
             offsets=hands.offsets[:, None],
         )
         posed = people.posed(clips.pose[at, frames], clips.wrist[at, frames])
-        turn, shift = clips.rotation[at, frames], clips.translation[at, frames, None]
+        turn, shift = clips.rotation[at, frames, 0], clips.translation[at, frames, :1]
         return PosedHand((posed.verts - shift) @ turn, (posed.joints - shift) @ turn)
 
-    def distance(self, points: Float[Tensor, "B F P 3"]) -> Float[Tensor, "B F P"]:
-        """Signed distance of points in the object's frame to each clip's object, metres."""
-        flat = self.made_from.solids.signed_distance(points.flatten(1, 2))
-        return flat.unflatten(1, points.shape[1:3])
+    def joint_pose(
+        self, frames: Int[Tensor, "B F"]
+    ) -> tuple[Float[Tensor, "B F 3 3"], Float[Tensor, "B F 3"]]:
+        """Rotation and translation of the second part in the frame of the first."""
+        at = torch.arange(len(frames))[:, None]
+        turn, shift = self.clips.rotation[at, frames], self.clips.translation[at, frames]
+        apart = (shift[:, :, 1:] - shift[:, :, :1]) @ turn[:, :, 0]
+        return turn[:, :, 0].mT @ turn[:, :, 1], apart[:, :, 0]
+
+    def distance(
+        self, points: Float[Tensor, "B F P 3"], frames: Int[Tensor, "B F"]
+    ) -> Float[Tensor, "B F P"]:
+        """Signed distance in metres to each clip's object of points in its first part's frame."""
+        turn, shift = self.joint_pose(frames)
+        solids, moved = self.made_from.solids, (points - shift[:, :, None]) @ turn
+        first, second = (
+            solids.only(part).signed_distance(there.flatten(1, 2))
+            for part, there in enumerate((points, moved))
+        )
+        return torch.minimum(first, second).unflatten(1, points.shape[1:3])
 
 
 def chosen_attempts(tried: Attempts, which: Int[Tensor, " C"]) -> Attempts:

@@ -19,6 +19,7 @@ from geneoh.hand.model import HandModel, ShapedHand
 from geneoh.synthesis.grasps import synthesize_grasps
 from geneoh.synthesis.motion import Interactions, animate
 from geneoh.synthesis.objects import FAMILIES, Solids, draw_objects, family_named
+from geneoh.synthesis.pairs import LIKENESS, first_hands, leads, sides
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class SynthesisConfig:
     """Spread of the hands' shape coefficients."""
     bone_std: float = 0.04
     """Relative spread of each bone's length beyond what the shape coefficients can make."""
-    held_out: tuple[str, ...] = ("mug", "loop_tool", "spoon", "kettle")
+    held_out: tuple[str, ...] = ("mug", "loop_tool", "spoon", "kettle", "drawer")
     """Families that appear in validation shards only."""
     validation: float = 0.03
     """Share of the shards that hold the held-out families."""
@@ -102,19 +103,30 @@ def draw_attempts(
     *,
     generator: torch.Generator,
 ) -> Attempts:
-    """That many objects of the families, and as many people."""
+    """That many hands on objects of the families, and at the end second hands on `leads`."""
     pick = torch.randint(len(families), (count,), generator=generator)
     named = [families[i] for i in pick]
-    solids = draw_objects(named, generator=generator)
+    alone = draw_objects(named, generator=generator)
+    lead = leads(alone, count)
+    mirrored = alone.chosen(lead).mirrored()
+    solids = Solids(
+        **{
+            f.name: torch.cat([getattr(alone, f.name), getattr(mirrored, f.name)])
+            for f in fields(Solids)
+        }
+    )
     betas = config.shape_std * torch.randn(count, 10, generator=generator)
     stretch = 1 + config.bone_std * torch.randn(count, 20, 1, generator=generator)
-    hands = hand.shaped(betas)
+    alike = 1 + LIKENESS * torch.randn(len(lead), 20, 1, generator=generator)
+    stretch = torch.cat([stretch, stretch[lead] * alike])
+    hands = hand.shaped(torch.cat([betas, betas[lead]]))
+    named += [named[i] for i in lead.tolist()]
     return Attempts(named, solids, replace(hands, offsets=hands.offsets * stretch))
 
 
 def attempts_for(missing: int) -> int:
-    """How many grasps to try for so many: about one in three fails the checks."""
-    return missing + missing // 2 + 1
+    """How many grasps to try for so many: two in five fail, second hands are added."""
+    return missing + missing // 3 + 1
 
 
 def synthesize_shard(
@@ -123,11 +135,17 @@ def synthesize_shard(
     """Interactions of the given families that passed the grasp checks, `config.shard` of them."""
     kept: list[Interactions] = []
     while (missing := config.shard - sum(len(part.wrist) for part in kept)) > 0:
-        tried = draw_attempts(config, families, hand, attempts_for(missing), generator=generator)
-        grasps = synthesize_grasps(tried.solids, tried.hands.offsets, generator=generator)
-        solids = tried.solids.chosen(grasps.kept)
+        count = attempts_for(missing)
+        tried = draw_attempts(config, families, hand, count, generator=generator)
+        lead = leads(tried.solids, count)
+        side = sides(tried.solids, lead)
+        grasps = synthesize_grasps(
+            tried.solids, tried.hands.offsets, generator=generator, toward=side
+        )
+        first, solids = first_hands(grasps, lead), tried.solids.chosen(grasps.kept)
         grasps = grasps.chosen(grasps.kept)
-        kept.append(animate(grasps, solids, config.frames, config.points, generator=generator))
+        size = config.frames, config.points
+        kept.append(animate(grasps, solids, *size, generator=generator, first=first))
     return Interactions(
         **{
             f.name: torch.cat([getattr(part, f.name) for part in kept])[: config.shard]

@@ -18,7 +18,7 @@ from geneoh.geometry.rotations import (
 )
 from geneoh.representation.parameters import HandParameters
 from geneoh.representation.region import ContactRegion, contact_region
-from geneoh.representation.touch import nearest_points
+from geneoh.representation.touch import nearest_on_parts
 from geneoh.synthesis.motion import Interactions
 from geneoh.training.corruption import draw_corruption
 from geneoh.training.variety import varied
@@ -152,9 +152,9 @@ def draw_batch(
             joints,
             points,
             normals,
-            torch.zeros(size, points.shape[1], dtype=torch.long),
-            rotation[:, :, None],
-            translation[:, :, None],
+            data.part[pick],
+            rotation,
+            translation,
             count=POINTS,
             every=4,
         )
@@ -163,15 +163,13 @@ def draw_batch(
     observed = noisy.joints
     joints = observed + noise.jitter
     region = around(joints)
-    local = ((observed - translation[:, :, None]) @ rotation).flatten(1, 2)
-    nearest, outward = (
-        found.unflatten(1, (frames, 21)) @ rotation.transpose(-1, -2)
-        for found in nearest_points(local, points, normals)
+    nearest, outward = nearest_on_parts(
+        observed, points, normals, data.part[pick], rotation, translation
     )
     motion = ObservedMotion(
         noisy.to_canon(region),
         noise.keep.float(),
-        region.to_canon(nearest + translation[:, :, None]),
+        region.to_canon(nearest),
         outward @ region.rotation,
         region.rotation,
         region.center,

@@ -12,7 +12,7 @@ from geneoh.hand.model import HandModel
 from geneoh.hand.skeleton import TIP_KEYPOINTS
 from geneoh.metrics.contact import penetration_depth, tips_in_contact
 from geneoh.sequence.tracks import HandTrack, ObjectTrack
-from geneoh.synthesis.objects import FAMILIES
+from geneoh.synthesis.objects import FAMILIES, PARTS
 from geneoh.synthesis.replay import Replay, replay_shard
 from geneoh.synthesis.shards import find_shards
 from geneoh.synthesis.surface import mesh_of, spacing_for_looks
@@ -49,10 +49,10 @@ def grasp_scene(clip: Replay) -> Scene:
     """One clip in the object's frame at the frame in which it is held, measured on the skin."""
     frames = clip.held_frames()[:, None]
     skin, at = clip.skin(frames), int(frames)
-    distance = clip.distance(skin.verts)[0]
+    distance = clip.distance(skin.verts, frames)[0]
     clips, solid = clip.clips, clip.made_from.solids
     model = clip.made_from.hands.model
-    turn = clips.rotation[0, at].T
+    turn = clips.rotation[0, at, 0].T
     pose = clips.pose[0, at].clone()
     pose[0] = matrix_to_axis_angle(turn @ axis_angle_to_matrix(pose[0]))
     joints, verts = skin.joints[0], skin.verts[0]
@@ -71,9 +71,12 @@ def grasp_scene(clip: Replay) -> Scene:
         fingers=tips_in_contact(distance, verts, joints[:, list(TIP_KEYPOINTS)]).sum(-1).float(),
         acceleration=joints.new_full((1,), torch.nan),
     )
-    still = ObjectTrack(
-        (mesh_of(solid, spacing_for_looks(solid)),), torch.eye(3)[None, None], torch.zeros(1, 1, 3)
-    )
+    parts = [solid.only(part) for part in range(PARTS if bool(solid.jointed) else 1)]
+    meshes = tuple(mesh_of(part, spacing_for_looks(part)) for part in parts)
+    joint = clip.joint_pose(frames)
+    rotation = torch.stack([torch.eye(3)[None], joint[0][0]], dim=1)
+    translation = torch.stack([torch.zeros(1, 3), joint[1][0]], dim=1)
+    still = ObjectTrack(meshes, rotation[:, : len(parts)], translation[:, : len(parts)])
     return Scene((Take(clip.made_from.families[0], (hand,)),), still, 30.0, {})
 
 

@@ -6,9 +6,10 @@ from torch import Tensor
 
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
-from geneoh.hand.skeleton import KEYPOINT_PARENTS, forward_kinematics
+from geneoh.hand.skeleton import KEYPOINT_PARENTS, MANO_FROM_OPENPOSE, forward_kinematics
 from geneoh.synthesis.grasps import (
     BONE_RADIUS,
+    KINDS,
     MEAN_SPAN,
     NATURAL_MEAN,
     NATURAL_STD,
@@ -19,7 +20,10 @@ from geneoh.synthesis.grasps import (
 )
 from geneoh.synthesis.objects import Solids, draw_objects
 
-FAMILIES = ["box", "cylinder", "ellipsoid", "capsule"] * 2
+FAMILIES = ["box", "cylinder", "ellipsoid", "capsule", "ring", "pen", "mug", "knife"] * 20
+COUNT = len(FAMILIES)
+PALM = ((0, 4, 0.55, 0.017), (0, 4, 0.85, 0.016))
+"""Points of the palm: from, to (MANO joints), share of the way, metres below."""
 
 
 def seeded(seed: int = 0) -> torch.Generator:
@@ -34,7 +38,7 @@ def offsets(count: int) -> Tensor:
 @pytest.fixture(scope="module")
 def grasped() -> tuple[Grasps, Solids]:
     solids = draw_objects(FAMILIES, generator=seeded(1))
-    return synthesize_grasps(solids, offsets(8), generator=seeded(2), steps=60), solids
+    return synthesize_grasps(solids, offsets(COUNT), generator=seeded(2), steps=90), solids
 
 
 def along_bones(grasps: Grasps) -> tuple[Tensor, Tensor]:
@@ -44,6 +48,72 @@ def along_bones(grasps: Grasps) -> tuple[Tensor, Tensor]:
     share = torch.linspace(0.15, 0.9, 10)[:, None]
     size = grasps.offsets[:, [3, 4, 5, 16]].norm(dim=-1).sum(-1) / MEAN_SPAN
     return start[:, :, None] + share * (end - start)[:, :, None], size
+
+
+def hand_of(grasps: Grasps) -> tuple[Tensor, Tensor, Tensor]:
+    """The 21 points of MANO's order (16 joints, 5 tips), joint rotations, and sizes."""
+    turns = axis_angle_to_matrix(grasps.pose)
+    joints, turned = forward_kinematics(turns, grasps.wrist, grasps.offsets)
+    size = grasps.offsets[:, [3, 4, 5, 16]].norm(dim=-1).sum(-1) / MEAN_SPAN
+    return joints[:, list(MANO_FROM_OPENPOSE)], turned, size
+
+
+def pad(grasps: Grasps, joint: int, end: int, share: float, facing: tuple, radius: float) -> Tensor:
+    """One skin point of each hand (B, 3)."""
+    points, turned, size = hand_of(grasps)
+    inner = points[:, joint] + share * (points[:, end] - points[:, joint])
+    return inner + radius * size[:, None] * (turned[:, joint] @ torch.tensor(facing))
+
+
+def pads_of(grasps: Grasps, digit: int, phalanges: tuple[int, ...]) -> Tensor:
+    """Pads under phalanges (0 to 2) of a digit (index, middle, pinky, ring, thumb): (B, P, 3)."""
+    radii = (0.013, 0.011, 0.0085) if digit == 4 else (0.0105, 0.009, 0.008)
+    facing = (-0.55, -0.50, -0.67) if digit == 4 else (0.0, -1.0, 0.0)
+    found = []
+    for phalanx in phalanges:
+        joint = 1 + 3 * digit + phalanx
+        end = joint + 1 if phalanx < 2 else 16 + digit
+        share = 0.6 if phalanx == 2 else 0.5
+        found.append(pad(grasps, joint, end, share, facing, radii[phalanx]))
+    return torch.stack(found, dim=1)
+
+
+def lateral_side(grasps: Grasps) -> Tensor:
+    ends = ((2, 3, 0.009), (3, 16, 0.0085))
+    return torch.stack(
+        [pad(grasps, j, end, 0.5, (0.0, 0.0, 1.0), radius) for j, end, radius in ends], dim=1
+    )
+
+
+def parts(grasps: Grasps, name: str) -> list[Tensor]:
+    """The pads (B, P, 3) that a kind of grasp may hold with, digit by digit."""
+    if name == "lateral":
+        return [lateral_side(grasps), pads_of(grasps, 4, (2,))]
+    if name in ("hook", "support"):
+        fingers = [pads_of(grasps, digit, (0, 1, 2)) for digit in range(4)]
+        palm = [pad(grasps, j, e, share, (0.0, -1.0, 0.0), r) for j, e, share, r in PALM]
+        return fingers + ([torch.stack(palm, dim=1)] if name == "support" else [])
+    if name == "power":
+        return [pads_of(grasps, digit, (0, 1, 2)) for digit in range(5)]
+    order = (4, 0, 1, 3, 2)  # the thumb, then the neighbours from the index on
+    return [pads_of(grasps, digit, (1, 2)) for digit in order[: int(name[-1])]]
+
+
+def contacts(grasps: Grasps, solids: Solids, index: int) -> tuple[Tensor, Tensor, Tensor]:
+    """Of one kind of kept grasp: touching digits (G,), touching pads (G, P), their normals."""
+    mine = grasps.kept & (grasps.kind == index)
+    grasps, solids = grasps.chosen(mine), solids.chosen(mine)
+    digits = parts(grasps, KINDS[index].name)
+    distance, normal = solids.distance_and_normal(torch.cat(digits, dim=1))
+    touching = distance.abs() < Checks().contact + 1e-6
+    count = torch.stack(
+        [part.any(1) for part in touching.split([d.shape[1] for d in digits], dim=1)], dim=1
+    ).sum(1)
+    return count, touching, normal
+
+
+def indices(*names: str) -> list[int]:
+    return [i for i, kind in enumerate(KINDS) if kind.name.split()[0] in names]
 
 
 def test_a_flat_hand_has_straight_fingers_and_a_fist_has_its_tips_at_the_palm():
@@ -62,8 +132,22 @@ def test_a_flat_hand_has_straight_fingers_and_a_fist_has_its_tips_at_the_palm():
     assert between[2] < between[0], "closing fingers converge"
 
 
-def test_most_grasps_of_simple_objects_are_kept(grasped):
-    assert int(grasped[0].kept.sum()) >= 4
+def test_kinds_are_drawn_by_their_shares():
+    shares = torch.tensor([kind.share for kind in KINDS])
+    torch.testing.assert_close(shares.sum(), torch.tensor(1.0))
+    solids = draw_objects(["ball"], generator=seeded(4)).chosen(torch.zeros(600, dtype=torch.long))
+    tried = synthesize_grasps(solids, offsets(600), generator=seeded(1), steps=1)
+    found = torch.bincount(tried.kind, minlength=len(KINDS)) / 600
+    assert float((found - shares).abs().max()) < 0.06
+    assert float(found.min()) > 0.02
+
+
+def test_more_than_half_of_the_grasps_are_kept_and_some_of_every_kind(grasped):
+    grasps, _ = grasped
+    assert float(grasps.kept.float().mean()) > 0.5
+    for index, kind in enumerate(KINDS):
+        mine = grasps.kept[grasps.kind == index].float()
+        assert float(mine.mean()) > 0.2, kind.name
 
 
 def test_kept_grasps_are_hardly_inside_the_object(grasped):
@@ -75,25 +159,67 @@ def test_kept_grasps_are_hardly_inside_the_object(grasped):
     assert float(depth[grasps.kept].max()) < Checks().depth + 0.002
 
 
-def test_kept_grasps_touch_with_three_fingers(grasped):
+@pytest.mark.parametrize("index", range(len(KINDS)), ids=[kind.name for kind in KINDS])
+def test_kept_grasps_touch_with_the_digits_of_their_kind(grasped, index):
+    count, _, _ = contacts(*grasped, index)
+    assert len(count) > 0
+    needed = {"power": 3, "precision 2": 2, "precision 3": 3, "precision 4": 3, "precision 5": 4}
+    needed |= {"lateral": 2, "hook": 3, "support": 3}
+    assert int(count.min()) >= needed[KINDS[index].name]
+
+
+@pytest.mark.parametrize("index", indices("power", "precision", "lateral"))
+def test_kept_grips_have_surfaces_that_oppose(grasped, index):
+    _, touching, normal = contacts(*grasped, index)
+    for holds, normals in zip(touching, normal, strict=True):
+        cosines = normals[holds] @ normals[holds].T
+        assert float(cosines.min()) < Checks().opposing + 1e-4
+
+
+@pytest.mark.parametrize("index", indices("hook", "support"))
+def test_what_hooks_and_palms_carry_can_be_lifted(grasped, index):
     grasps, solids = grasped
-    bones, size = along_bones(grasps)
-    distance = solids.signed_distance(bones.flatten(1, 2)).unflatten(1, (5, 4, 10))
-    radius = BONE_RADIUS.unflatten(0, (5, 4))[:, :, None] * size[:, None, None, None]
-    gap = (distance - radius)[:, :, 1:].amin((2, 3))  # the first bone of each is in the palm
-    touching = (gap < Checks().contact + 0.002).sum(-1)
-    assert bool((touching[grasps.kept] > Checks().fingers).all())
+    mine = grasps.kept & (grasps.kind == index)
+    turn = axis_angle_to_matrix(grasps.pose[mine, 0])
+    # the weight bears towards the fingertips of a hook, and down on an upturned palm
+    down = turn @ torch.tensor(
+        {"hook": [-1.0, 0.0, 0.0], "support": [0.0, 1.0, 0.0]}[KINDS[index].name]
+    )
+    _, touching, normal = contacts(grasps, solids, index)
+    for holds, normals, bears in zip(touching, normal, down, strict=True):
+        along = normals[holds] @ bears
+        assert float(along.max()) > Checks().bearing - 1e-4
+        assert float(along.min()) > -Checks().bearing - 1e-4
 
 
-def test_kept_grasps_are_natural(grasped):
+def test_kept_grasps_bend_no_joint_beyond_its_limits(grasped):
     grasps, _ = grasped
-    beyond = ((grasps.pose[:, 1:] - NATURAL_MEAN) / NATURAL_STD).abs()
-    assert float(beyond[grasps.kept].max()) < 4
+    closed = curled(torch.full((1, 5), 1.5))[0]
+    low, high = NATURAL_MEAN.minimum(closed), NATURAL_MEAN.maximum(closed)
+    fingers, slack = grasps.pose[grasps.kept, 1:], Checks().deviations * NATURAL_STD + 1e-5
+    assert bool((fingers > low - slack).all())
+    assert bool((fingers < high + slack).all())
+
+
+@pytest.mark.parametrize(
+    "strict",
+    [
+        Checks(depth=0.0),
+        Checks(clearance=0.1),
+        Checks(deviations=0.1),
+        Checks(opposing=-2.0, bearing=1.1),
+        Checks(contact=0.0),
+    ],
+)
+def test_every_check_can_refuse(strict):
+    solids = draw_objects(FAMILIES[:8], generator=seeded(1))
+    tried = synthesize_grasps(solids, offsets(8), generator=seeded(2), steps=20, checks=strict)
+    assert not bool(tried.kept.any())
 
 
 def test_a_grasp_is_a_plain_record_of_the_hand_it_was_asked_for(grasped):
     grasps, _ = grasped
-    assert torch.equal(grasps.offsets, offsets(8))
+    assert torch.equal(grasps.offsets, offsets(COUNT))
     for field in fields(Grasps):
         values = getattr(grasps, field.name)
         assert not values.requires_grad
@@ -108,6 +234,7 @@ def test_grasps_depend_on_the_generator_alone_and_checks_only_choose():
     )
     assert torch.equal(first.pose, second.pose)
     assert torch.equal(first.wrist, second.wrist)
+    assert torch.equal(first.kind, second.kind)
     assert not torch.equal(first.wrist, other.wrist)
     assert not bool(second.kept.any()), "no hand touches with more than five fingers"
 

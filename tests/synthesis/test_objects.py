@@ -4,7 +4,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.synthesis.objects import (
     BOX,
     CYLINDER,
@@ -100,11 +100,10 @@ def test_an_ellipsoid_is_zero_with_its_normal_on_the_surface_and_signed_around_i
 def test_a_union_is_as_near_as_its_nearest_part(make_solid):
     one = make_solid(BOX, (0.02, 0.03, 0.01))
     two = make_solid(TORUS, (0.04, 0.01, 1.0), center=(0.05, 0.0, 0.0))
-    both = Solids(
-        **{
-            f.name: torch.cat([getattr(one, f.name)[:, :1], getattr(two, f.name)[:, :3]], dim=1)
-            for f in fields(Solids)
-        }
+    solids = ("kind", "size", "rounding", "center", "rotation")
+    both = replace(
+        one,
+        **{n: torch.cat([getattr(one, n)[:, :1], getattr(two, n)[:, :3]], dim=1) for n in solids},
     )
     points = around()
     want = torch.minimum(one.signed_distance(points), two.signed_distance(points))
@@ -186,3 +185,67 @@ def test_objects_and_points_depend_on_the_generator_alone():
     points = [first.surface_points(16, generator=seeded(s))[0] for s in (1, 1, 2)]
     assert torch.equal(points[0], points[1])
     assert not torch.equal(points[0], points[2])
+
+
+JOINTED = ("bottle", "scissors", "pliers", "laptop", "chest", "drawer")
+
+
+def test_jointed_families_have_a_second_part_and_others_none():
+    solids = draw_objects(list(FAMILIES), generator=seeded(10))
+    assert {name for name, two in zip(FAMILIES, solids.jointed, strict=True) if two} == set(JOINTED)
+    room = solids.travel[:, 1] - solids.travel[:, 0]
+    assert torch.equal(room > 0, solids.jointed)
+    assert bool((solids.travel[:, 0] <= 0).all())
+    assert bool((solids.travel[:, 1] >= 0).all())
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_two_parts_together_are_the_object(family):
+    solids, points = draw_objects([family], generator=seeded(11)), around()
+    both = torch.minimum(*(solids.only(part).signed_distance(points) for part in range(2)))
+    torch.testing.assert_close(both, solids.signed_distance(points))
+    part = solids.part_of(points)
+    assert bool(part.any()) == (family in JOINTED)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_mirrored_object_is_as_far_from_mirrored_points(family):
+    solids, points = draw_objects([family], generator=seeded(12)), around()
+    flip = torch.tensor([-1.0, 1.0, 1.0])
+    torch.testing.assert_close(
+        solids.mirrored().signed_distance(points * flip), solids.signed_distance(points)
+    )
+
+
+@pytest.mark.parametrize("family", JOINTED)
+def test_a_mirrored_joint_moves_the_mirrored_part(family):
+    solids, points = draw_objects([family], generator=seeded(13)), around()
+    flip = torch.tensor([-1.0, 1.0, 1.0])
+    state = solids.travel[:, 1:] - solids.travel[:, :1]
+    turn, shift = (pose[:, 0] for pose in solids.joint_pose(state))
+    other, along = (pose[:, 0] for pose in solids.mirrored().joint_pose(state))
+    moved = points @ turn.mT + shift[:, None]
+    mirrored = (points * flip) @ other.mT + along[:, None]
+    torch.testing.assert_close(mirrored, moved * flip)
+    assert float((moved - points).norm(dim=-1).max()) > 0.01
+
+
+def test_a_joint_turns_about_its_pivot_or_slides_along_its_axis():
+    solids = draw_objects(["laptop", "drawer"], generator=seeded(14))
+    turn, shift = solids.joint_pose(torch.tensor([[0.0, 0.4], [0.0, 0.05]]))
+    torch.testing.assert_close(turn[:, 0], torch.eye(3).expand(2, 3, 3))
+    torch.testing.assert_close(shift[:, 0], torch.zeros(2, 3))
+    torch.testing.assert_close(turn[0, 1] @ solids.pivot[0] + shift[0, 1], solids.pivot[0])
+    assert float(matrix_to_axis_angle(turn[0, 1]).norm()) == pytest.approx(0.4, abs=1e-5)
+    torch.testing.assert_close(turn[1, 1], torch.eye(3))
+    torch.testing.assert_close(shift[1, 1], 0.05 * solids.axis[1])
+
+
+def test_a_lid_lies_on_its_chest_at_the_end_of_its_travel():
+    solids = draw_objects(["chest"], generator=seeded(15))
+    turn, shift = (pose[:, 0] for pose in solids.joint_pose(solids.travel[:, :1]))
+    lid, chest = solids.only(1), solids.only(0)
+    points, _ = lid.surface_points(200, generator=seeded(16))
+    closed = points @ turn.mT + shift[:, None]
+    assert float(chest.signed_distance(closed).abs().min()) < 1e-4
+    assert float(chest.signed_distance(closed).min()) > -1e-4

@@ -7,12 +7,15 @@ from safetensors import safe_open
 from safetensors.torch import save_file
 
 from geneoh.errors import InputError
+from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
 from geneoh.hand.skeleton import bone_lengths
 from geneoh.synthesis import shards
 from geneoh.synthesis.grasps import Checks, synthesize_grasps
-from geneoh.synthesis.replay import replay_shard
-from geneoh.synthesis.shards import SynthesisConfig, read_shard, write_shards
+from geneoh.synthesis.motion import Interactions
+from geneoh.synthesis.objects import draw_objects
+from geneoh.synthesis.replay import Replay, replay_shard
+from geneoh.synthesis.shards import Attempts, SynthesisConfig, read_shard, write_shards
 
 TINY = SynthesisConfig(count=12, frames=60, points=32, shard=6)
 
@@ -21,7 +24,8 @@ TINY = SynthesisConfig(count=12, frames=60, points=32, shard=6)
 def folder(tmp_path_factory):
     """Shards of grasps that hardly descend, every second of which is kept."""
 
-    def picky(solids, offsets, *, generator):
+    def picky(solids, offsets, *, generator, toward):
+        del toward
         checks = Checks(depth=1.0, fingers=-1, clearance=-1.0)
         grasps = synthesize_grasps(solids, offsets, generator=generator, steps=1, checks=checks)
         return replace(grasps, kept=torch.arange(len(offsets)) % 2 == 1)
@@ -56,8 +60,7 @@ def test_hands_with_skin_have_the_clips_own_bones_and_place(folder, replay):
     found = replay(folder / "train_00001.safetensors")
     frames = torch.tensor([[0, 59]]).expand(5, 2)
     skin = found.skin(frames)
-    clips = found.clips
-    local = (found.joints - clips.translation[:, :, None]) @ clips.rotation
+    local = found.in_object(found.joints)
     torch.testing.assert_close(skin.joints, local[:, [0, 59]], atol=1e-5, rtol=0)
     tips = torch.cdist(skin.joints[:, :, [4, 8, 12, 16, 20]], skin.verts).amin(-1)
     assert float(tips.max()) < 0.01, "skin is around the stretched bones too"
@@ -71,7 +74,7 @@ def test_the_held_frame_is_one_where_the_fingers_are_nearest(folder, replay):
     held = found.held_frames()
     every = torch.arange(60).expand(5, 60)
     joints = found.skin(every).joints
-    gap = found.distance(joints[:, :, 1:]).abs().mean(-1)
+    gap = found.distance(joints[:, :, 1:], every).abs().mean(-1)
     assert torch.equal(gap.argmin(-1), held)
     # the fingers are farther off in the frames where the hand comes or goes
     assert float((gap.amax(-1) - gap.gather(1, held[:, None])[:, 0]).max()) > 0.02
@@ -94,3 +97,30 @@ def test_a_shard_of_other_people_than_its_seed_draws_is_refused(folder, replay, 
     save_file(tensors | {"offsets": 1.01 * tensors["offsets"]}, path, metadata=record)
     with pytest.raises(InputError, match="another version of geneoh made it"):
         replay(path)
+
+
+def test_distance_follows_the_part_that_has_moved():
+    """A chest is as far from points of its lid when that is opened as when it was drawn."""
+    solids = draw_objects(["chest"], generator=torch.Generator().manual_seed(0))
+    points, _ = solids.only(1).surface_points(64, generator=torch.Generator().manual_seed(1))
+    turn, shift = solids.joint_pose(torch.linspace(0, float(solids.travel[0, 1]), 3)[None])
+    world = axis_angle_to_matrix(torch.tensor([0.3, -1.0, 0.5]))
+    rotation = torch.stack([world.expand(1, 3, 3, 3), world @ turn], dim=2)
+    translation = torch.stack([torch.ones(1, 3, 3), 1 + shift @ world.T], dim=2)
+    hand = load_hand("right").shaped(torch.zeros(1, 10))
+    clip = Interactions(
+        torch.zeros(1, 3, 16, 3),
+        torch.zeros(1, 3, 3),
+        hand.offsets,
+        rotation,
+        translation,
+        points,
+        points,
+        torch.ones(1, 64, dtype=torch.long),
+    )
+    replay = Replay(clip, Attempts(["chest"], solids, hand))
+    pulled = points[:, None] @ turn.mT + shift[:, :, None]
+    every = torch.arange(3)[None]
+    assert float(replay.distance(pulled, every).abs().max()) < 1e-5
+    in_world = pulled @ world.T + 1
+    torch.testing.assert_close(replay.in_object(in_world), pulled, atol=1e-5, rtol=0)

@@ -26,7 +26,8 @@ def interactions() -> Interactions:
     pose = torch.cat([orient, NATURAL_MEAN.expand(4, 15, 3)], dim=1)
     wrist = 0.05 * torch.randn(4, 3, generator=generator)
     offsets = load_hand("right").shaped(torch.zeros(4, 10)).offsets
-    grasps = Grasps(pose, wrist, offsets, torch.ones(4, dtype=torch.bool))
+    kept, kind = torch.ones(4, dtype=torch.bool), torch.zeros(4, dtype=torch.long)
+    grasps = Grasps(pose, wrist, offsets, kept, kind)
     return animate(
         grasps, draw_objects(["box"] * 4, generator=generator), 62, 40, generator=generator
     )

@@ -141,9 +141,8 @@ def test_a_stage_that_follows_motion_sees_what_motion_leaves(interactions, tiny)
 
 
 def test_one_batch_in_five_has_short_windows(interactions):
-    few = replace(
-        interactions, points=interactions.points[:, :8], normals=interactions.normals[:, :8]
-    )
+    surface = ("points", "normals", "part")
+    few = replace(interactions, **{name: getattr(interactions, name)[:, :8] for name in surface})
     frames = [draw_batch(few, 1, generator=seeded(s)).clean.shape[1] for s in range(16)]
     short = [f for f in frames if f < WINDOW]
     assert 1 <= len(short) <= 9

@@ -15,7 +15,7 @@ from geneoh.hand.library import load_hand
 from geneoh.sequence.tracks import HandTrack, ObjectTrack, Sequence
 from geneoh.synthesis.grasps import synthesize_grasps
 from geneoh.synthesis.motion import animate
-from geneoh.synthesis.objects import draw_objects
+from geneoh.synthesis.objects import PARTS, draw_objects
 from geneoh.synthesis.shards import SynthesisConfig, seed_of
 from geneoh.synthesis.surface import mesh_of
 
@@ -83,6 +83,9 @@ def draw_clip(family: str, index: int, frames: int) -> Sequence:
         betas=betas,
         hand_model="embedded",
     )
-    rotation, translation = moved.rotation[0, :, None], moved.translation[0, :, None]
-    motion = ObjectTrack((mesh_of(solid),), rotation, translation)
+    parts = [solid.only(part) for part in range(PARTS if bool(solid.jointed) else 1)]
+    rotation, translation = (
+        pose[0, :, : len(parts)] for pose in (moved.rotation, moved.translation)
+    )
+    motion = ObjectTrack(tuple(mesh_of(part) for part in parts), rotation, translation)
     return Sequence((track,), motion, FPS, f"geneoh's synthetic clip {index}, {family}")
