@@ -76,7 +76,8 @@ def quick_precision(device: torch.device) -> torch.dtype:
     else:
         # asked by name, for older torch cannot tell
         able = getattr(torch.cpu, "get_capabilities", dict)()
-        native = device.type == "cpu" and bool(able.get("amx_bf16", False))
+        units = any(able.get(name) for name in ("amx_bf16", "avx512_bf16"))
+        native = device.type == "cpu" and units
     return torch.bfloat16 if native else torch.float32
 
 

@@ -86,9 +86,16 @@ def test_less_precise_products_change_little_and_leave_the_type():
     torch.testing.assert_close(less, plain, atol=0.05, rtol=0)
 
 
-@pytest.mark.parametrize(("able", "found"), [(True, torch.bfloat16), (False, torch.float32)])
-def test_products_are_quick_where_the_processor_has_units_for_them(monkeypatch, able, found):
-    monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: {"amx_bf16": able}, raising=False)
+@pytest.mark.parametrize(
+    ("units", "found"),
+    [
+        ({"amx_bf16": True}, torch.bfloat16),
+        ({"amx_bf16": False, "avx512_bf16": True}, torch.bfloat16),
+        ({"amx_bf16": False, "avx2": True}, torch.float32),
+    ],
+)
+def test_products_are_quick_where_the_processor_has_units_for_them(monkeypatch, units, found):
+    monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: units, raising=False)
     assert quick_precision(torch.device("cpu")) == found
 
 
