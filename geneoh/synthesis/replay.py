@@ -50,10 +50,14 @@ class Replay:
         return Replay(self.clips.chosen(which), chosen_attempts(self.made_from, which))
 
     def held_frames(self) -> Int[Tensor, " B"]:
-        """The frame of each clip in which the fingers are nearest to the object's surface."""
+        """The frame of each clip in which the fingers are nearest to the object's surface.
+
+        Not those in which a hand that comes or goes passes through the object.
+        """
         fingers = self.in_object(self.joints)[:, :, 1:]
         every = torch.arange(fingers.shape[1]).expand(len(fingers), -1)
-        return self.distance(fingers, every).abs().mean(-1).argmin(-1)
+        gap = self.distance(fingers, every)
+        return (gap.abs().mean(-1) + (-gap.amin(-1)).clamp(min=0)).argmin(-1)
 
     def in_object(self, world: Float[Tensor, "B T P 3"]) -> Float[Tensor, "B T P 3"]:
         """Points of the world in the frame of the object's first part, frame by frame."""

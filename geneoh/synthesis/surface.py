@@ -33,7 +33,7 @@ def mesh_of(solid: Solids, spacing: float = SPACING) -> Mesh:
     first = (((centre - box)[used].amin(0) - corner) / spacing).floor().long()
     last = (((centre + box)[used].amax(0) - corner) / spacing).ceil().long()
     ends = zip(corner, first, last, strict=True)
-    across, along, up = (start + spacing * torch.arange(a, b + 1) for start, a, b in ends)
+    across, along, up = (start + spacing * torch.arange(int(a), int(b) + 1) for start, a, b in ends)
     # libigl counts x fastest
     z, y, x = torch.meshgrid(up, along, across, indexing="ij")
     grid = torch.stack([x, y, z], -1).reshape(-1, 3)
