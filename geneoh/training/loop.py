@@ -133,47 +133,45 @@ class TrainState:
         self.recent = checkpoint.record.get("recent", [])
 
 
-def batch_for(
-    data: Interactions,
-    config: TrainConfig,
-    device: torch.device,
-    *parts: object,
-    before: MotionDenoiser | None = None,
-) -> tuple[Batch, torch.Generator]:
-    """The batch and generator of one step: they depend on seed and step only, so runs resume."""
-    generator = torch.Generator().manual_seed(seed_of(config.seed, *parts))
-    batch = draw_batch(
-        data,
-        config.batch,
-        generator=generator,
-        withheld=config.withheld,
-        before=before,
-    )
-    batch = batch.to(device)
-    if before is None:
-        _ = batch.motion.shown  # kept: made here, it costs the training of another batch no time
-    return batch, generator
+@dataclass(frozen=True)
+class Supply:
+    """Where the batches of a run come from."""
 
+    stage: Stage
+    config: TrainConfig
+    device: torch.device
+    before: MotionDenoiser | None
+    """MotionDiff for a stage that follows it."""
 
-def batches(
-    first: int,
-    data: Interactions,
-    config: TrainConfig,
-    device: torch.device,
-    before: MotionDenoiser | None,
-) -> Iterator[tuple[Batch, torch.Generator]]:
-    """The batches of the steps from `first` on, each made while the one before it is learned."""
-    with ThreadPoolExecutor(max_workers=1) as worker:
+    def batch(self, data: Interactions, *parts: object) -> tuple[Batch, torch.Generator]:
+        """Of one step, with its generator: they depend on seed and step only, so runs resume."""
+        config = self.config
+        generator = torch.Generator().manual_seed(seed_of(config.seed, *parts))
+        batch = draw_batch(
+            data,
+            config.batch,
+            generator=generator,
+            withheld=config.withheld,
+            before=self.before,
+        )
+        batch = batch.to(self.device)
+        if self.stage == "motion":
+            _ = batch.motion.shown  # kept: made here, it costs the training of another no time
+        return batch, generator
 
-        def prepared(step: int) -> Future[tuple[Batch, torch.Generator]]:
-            return worker.submit(batch_for, data, config, device, "step", step, before=before)
+    def batches(self, data: Interactions, first: int) -> Iterator[tuple[Batch, torch.Generator]]:
+        """Those of the steps from `first` on, each made while the one before it is learned."""
+        with ThreadPoolExecutor(max_workers=1) as worker:
 
-        ready = prepared(first)
-        for step in range(first, config.steps):
-            batch = ready.result()
-            if step + 1 < config.steps:
-                ready = prepared(step + 1)
-            yield batch
+            def prepared(step: int) -> Future[tuple[Batch, torch.Generator]]:
+                return worker.submit(self.batch, data, "step", step)
+
+            ready = prepared(first)
+            for step in range(first, self.config.steps):
+                batch = ready.result()
+                if step + 1 < self.config.steps:
+                    ready = prepared(step + 1)
+                yield batch
 
 
 @torch.no_grad()
@@ -188,22 +186,17 @@ def set_latent_statistics(model: nn.Module, batch: Batch) -> None:
     encoder.latent_std.copy_(latent.std((0, 1)).clamp(min=1e-3))
 
 
-def validate(
-    state: TrainState,
-    data: Interactions,
-    config: TrainConfig,
-    device: torch.device,
-    before: MotionDenoiser | None,
-) -> float:
+def validate(state: TrainState, data: Interactions, supply: Supply) -> float:
     """Mean `recovered_fraction` of the averaged weights over fixed validation batches."""
     kept = {n: t.clone() for n, t in state.model.state_dict().items()}
     state.model.load_state_dict(state.average)
     total = 0.0
-    for index in range(config.validation_batches):
-        batch, generator = batch_for(data, config, device, "validation", index, before=before)
+    count = supply.config.validation_batches
+    for index in range(count):
+        batch, generator = supply.batch(data, "validation", index)
         total += float(losses.recovered_fraction(state.model, batch, generator=generator))
     state.model.load_state_dict(kept)
-    return total / config.validation_batches
+    return total / count
 
 
 def train(
@@ -243,12 +236,13 @@ def train(
         state.restore(saved)
         state.average = {n: t.to(device) for n, t in state.average.items()}
     forget_rows_after(log_path, state.step)
-    upcoming = batches(state.step, data, config, device, before)
+    supply = Supply(stage, config, device, before)
+    upcoming = supply.batches(data, state.step)
     while state.step < config.steps:
         began = time.monotonic()
         if stage == "temporal" and state.step == config.autoencoder_steps:
             model.load_state_dict(state.average)
-            batch, _ = batch_for(data, config, device, "latent", before=before)
+            batch, _ = supply.batch(data, "latent")
             set_latent_statistics(model, batch)
             state.average = {n: t.clone() for n, t in model.state_dict().items()}
         batch, generator = next(upcoming)
@@ -262,7 +256,7 @@ def train(
         state.recent.append(loss.item())
         left = None
         if state.step % config.validate_every == 0 or state.step == config.steps:
-            left = validate(state, validation, config, device, before)
+            left = validate(state, validation, supply)
         state.seconds += time.monotonic() - began
         if left is not None:
             mean = sum(state.recent) / len(state.recent)
