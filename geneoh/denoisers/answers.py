@@ -29,6 +29,8 @@ PAD = 0.008
 """From a fingertip's keypoint to the skin of its pad, metres."""
 REACH, BEND_REACH = 0.03, 0.05
 """Distances over which a tip's gap counts less for the whole hand and for its finger, metres."""
+SLIDING = 0.1
+"""How much less than across it a gap along the surface counts."""
 DAMPING = 0.02
 """Lever in metres below which a joint is not used to close a gap: it would turn too far."""
 LARGEST = 6.0
@@ -40,6 +42,7 @@ def simple_answers(
     trust: Float[Tensor, "B T"],
     nearest: Float[Tensor, "B T 21 3"],
     normals: Float[Tensor, "B T 21 3"],
+    rotation: Float[Tensor, "B T 3 3"],
 ) -> Float[Tensor, "B T K 51"]:
     """All answers to an observed hand, gaps filled; frames count by their trust.
 
@@ -47,15 +50,18 @@ def simple_answers(
         hand: the observed hand, canonical frame.
         trust: of each frame, 0 to 1.
         nearest: surface point nearest to each keypoint, with its outward `normals`.
+        rotation: of the canonical frame to the world.
     """
     kernels = filter_kernels(trust, (*FILTERS, FLAT_FILTER, *TOUCH_FILTERS)).split(
         [len(FILTERS), 1, len(TOUCH_FILTERS)], dim=1
     )
     flat = torch.nn.functional.pad(-hand.fingers.flatten(2) / UNIT[-1], (6, 0))
+    touching = whole_hand_to_touch(hand, nearest, normals, rotation, kernels[2])
+    touching = touching + kernels[2] @ fingers_to_touch(hand, nearest, normals)[:, None]
     answers = [
         filtered_changes(hand, kernels[0]),
         kernels[1] @ flat[:, None],
-        kernels[2] @ touching_change(hand, nearest, normals)[:, None],
+        touching.clamp(-LARGEST, LARGEST),
     ]
     return torch.cat(answers, dim=1).transpose(1, 2)
 
@@ -86,30 +92,57 @@ def filtered_changes(
     return many.change_to(goal)
 
 
-def touching_change(
+def whole_hand_to_touch(
+    hand: HandParameters,
+    nearest: Float[Tensor, "B T 21 3"],
+    normals: Float[Tensor, "B T 21 3"],
+    rotation: Float[Tensor, "B T 3 3"],
+    kernels: Float[Tensor, "B K T T"],
+) -> Float[Tensor, "B K T 51"]:
+    """What brings fingertips onto the planes next to them by moving the hand as a whole.
+
+    Damped least squares over all frames of a filter at once, for one shift in the world's axes (a
+    tracker that is off stays off in these) and one turn in the hand's. Far tips count less, and
+    along its plane a tip may slide.
+    """
+    joints, _ = hand.posed
+    tips, outward = joints[:, :, list(TIP_KEYPOINTS)], normals[:, :, list(TIP_KEYPOINTS)]
+    gap = nearest[:, :, list(TIP_KEYPOINTS)] + PAD * outward - tips
+    apart = gap.norm(dim=-1, keepdim=True)
+
+    # tip by tip, how a shift and a turn about the wrist move it
+    arm = -skew(tips - hand.wrist[:, :, None]) @ hand.turn[:, :, None]
+    shift = rotation.mT[:, :, None].expand_as(arm)
+    lever = torch.cat([shift * UNIT[0], arm * UNIT[3]], dim=-1)  # (B, T, 5, 3, 6)
+    across = outward[..., :, None] * outward[..., None, :]
+    counts = across + SLIDING * (torch.eye(3).to(arm) - across)
+    weighed = torch.exp(-apart / REACH)[..., None] * lever.mT @ counts
+    square = (weighed @ lever).sum(2)
+    goal = (weighed @ gap[..., None]).sum(2)
+
+    square = torch.einsum("bktu,buij->bktij", kernels, square)
+    goal = torch.einsum("bktu,buij->bktij", kernels, goal)
+    calm = (0.5 * UNIT[0]) ** 2 * torch.eye(6).to(arm)
+    shift, turn = torch.linalg.solve(square + calm, goal)[..., 0].split(3, dim=-1)
+    change = torch.cat([(rotation.mT[:, None] @ shift[..., None])[..., 0], turn], dim=-1)
+    return torch.nn.functional.pad(change, (0, 45))
+
+
+def fingers_to_touch(
     hand: HandParameters,
     nearest: Float[Tensor, "B T 21 3"],
     normals: Float[Tensor, "B T 21 3"],
 ) -> Float[Tensor, "B T 51"]:
-    """What brings fingertips onto the surface next to them: the whole hand, and each finger.
+    """What brings fingertips onto the surface next to them by bending each finger by itself.
 
-    Damped least squares, once for the hand as a rigid body and once for every finger by itself:
-    each of the two closes the gaps alone. Far tips count less.
+    Damped least squares, finger by finger. Far tips count less.
     """
     joints, turns = hand.posed
     tips = joints[:, :, list(TIP_KEYPOINTS)]
     gap = (nearest + PAD * normals)[:, :, list(TIP_KEYPOINTS)] - tips
     apart = gap.norm(dim=-1, keepdim=True)
 
-    # tip by tip, how a shift and a turn about the wrist (in the hand's axes) move it
-    arm = -skew(tips - hand.wrist[:, :, None]) @ hand.turn[:, :, None]
-    shift = torch.eye(3).to(arm).expand_as(arm)
-    lever = torch.cat([shift * UNIT[0], arm * UNIT[3]], dim=-1)
-    weight = torch.exp(-apart / REACH)[..., None]
-    square = (weight * lever.mT @ lever).sum(2) + (0.5 * UNIT[0]) ** 2 * torch.eye(6).to(arm)
-    whole = torch.linalg.solve(square, (weight * lever.mT @ gap[..., None]).sum(2))[..., 0]
-
-    # finger by finger, how a turn of each of its joints moves the tip
+    # how a turn of each of a finger's joints moves the tip
     last = torch.tensor(TIP_PARENTS)
     chain = torch.stack([last - 2, last - 1, last], dim=-1)  # (5, 3)
     pivot = joints[:, :, list(MANO_FROM_OPENPOSE)][:, :, chain]
@@ -120,4 +153,4 @@ def touching_change(
     bend = (lever.mT @ torch.linalg.solve(square, goal[..., None]))[..., 0].unflatten(-1, (3, 3))
     fingers = torch.zeros_like(hand.fingers)
     fingers[:, :, chain.flatten() - 1] = bend.flatten(2, 3) / UNIT[-1]
-    return torch.cat([whole, fingers.flatten(2)], dim=-1).clamp(-LARGEST, LARGEST)
+    return torch.nn.functional.pad(fingers.flatten(2), (6, 0))

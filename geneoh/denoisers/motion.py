@@ -18,10 +18,11 @@ from geneoh.diffusion.precondition import denoised
 from geneoh.geometry.rotations import matrix_to_axis_angle, matrix_to_rotation_6d
 from geneoh.hand.skeleton import bone_lengths
 from geneoh.nn.blocks import FrameTransformer, zeroed
-from geneoh.representation.parameters import HandParameters, turned
+from geneoh.representation.parameters import UNIT, HandParameters, turned
 
-TOUCH_SCALE = 0.02
-"""Distance over which closeness to the surface decays in the network's eyes, metres."""
+TOUCH_SCALE, GAP_SCALE = 0.02, 0.04
+"""Distances over which closeness to the surface decays in the network's eyes, and gaps do in what
+it maps linearly, metres."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,8 @@ class MotionConfig:
     width: int = 160
     depth: int = 6
     heads: int = 4
+    rank: int = 96
+    """Channels of the linear map from answers to change."""
 
 
 @dataclass(frozen=True)
@@ -64,10 +67,10 @@ class ObservedMotion:
         return self.hand.joints
 
     @cached_property
-    def shown(self) -> tuple[Float[Tensor, "B 3 3"], Float[Tensor, "B T K 51"], Tensor]:
-        """The palm's axes, and answers and features in them: the same at every noise level."""
+    def shown(self) -> "Shown":
+        """What the network reads, in the palm's axes: the same at every noise level."""
         axes = palm_axes(self.joints)  # so that a hand looks the same however it is turned
-        return axes, self.answers(axes), self.features(axes)
+        return Shown(axes, self.answers(axes), self.gaps(axes), self.features(axes))
 
     def features(self, axes: Float[Tensor, "B 3 3"]) -> Float[Tensor, "B T F"]:
         """Input per frame in the given axes (columns): hand, jitter, surface, object, trust."""
@@ -96,8 +99,15 @@ class ObservedMotion:
 
     def answers(self, axes: Float[Tensor, "B 3 3"]) -> Float[Tensor, "B T K 51"]:
         """Simple answers to the observed hand, the wrist's change in the given axes."""
-        changes = simple_answers(self.hand, self.trust, self.nearest, self.normals)
+        changes = simple_answers(self.hand, self.trust, self.nearest, self.normals, self.rotation)
         return turned(changes, axes[:, None, None])
+
+    def gaps(self, axes: Float[Tensor, "B 3 3"]) -> Float[Tensor, "B T G"]:
+        """From each keypoint to the surface (cm), less the farther it is, and the fingers' pose."""
+        offset = (self.nearest - self.joints) @ axes[:, None]
+        near = torch.exp(-offset.norm(dim=-1, keepdim=True) / GAP_SCALE)
+        fingers = self.hand.fingers.flatten(2) / UNIT[-1]
+        return torch.cat([(offset * near / 0.01).flatten(2), fingers], dim=-1)
 
     def _object_motion(self, axes: Float[Tensor, "B 3 3"]) -> Float[Tensor, "B T 6"]:
         """Velocity and turn rate of the object between frames, 0.1 m/s and 1 rad/s as units."""
@@ -108,6 +118,19 @@ class ObservedMotion:
         return torch.nn.functional.pad(rate, (0, 0, 0, 1)).clamp(-10, 10)
 
 
+@dataclass(frozen=True)
+class Shown:
+    """An observation as the network reads it."""
+
+    axes: Float[Tensor, "B 3 3"]
+    """Of the palm, as columns; everything else is in them."""
+    answers: Float[Tensor, "B T K 51"]
+    gaps: Float[Tensor, "B T G"]
+    features: Float[Tensor, "B T F"]
+
+
+GAPS = 63 + 45
+"""Width of `ObservedMotion.gaps`."""
 FEATURES = 3 + 60 + 6 + 45 + 54 + 63 + 21 + 21 + 6 + 20 + 1
 """Width of `ObservedMotion.features`."""
 
@@ -131,6 +154,10 @@ class MotionDenoiser(nn.Module):
         self.head = zeroed(nn.Linear(config.width, 51))
         self.gate = zeroed(nn.Linear(config.width, 51))
         self.mix = zeroed(nn.Linear(config.width, 51 * ANSWERS))
+        # a linear map whose channels the tokens open: what answers and gaps say only together
+        self.read = nn.Linear(51 * ANSWERS + GAPS, config.rank)
+        self.open = zeroed(nn.Linear(config.width, config.rank))
+        self.write = nn.Linear(config.rank, 51, bias=False)
 
     def forward(
         self, x: Float[Tensor, "B T 51"], sigma: Float[Tensor, " B"], seen: ObservedMotion
@@ -139,15 +166,18 @@ class MotionDenoiser(nn.Module):
 
         Units are those of `geneoh.representation.parameters.UNIT`, the wrist's axes canonical.
         """
-        axes, answers, features = seen.shown
-        features = torch.cat([answers.flatten(2), features], dim=-1)
+        shown = seen.shown
+        axes, answers = shown.axes, shown.answers
+        features = torch.cat([answers.flatten(2), shown.features], dim=-1)
+        channels = self.read(torch.cat([answers.flatten(2), shown.gaps], dim=-1))
 
         def network(scaled: Tensor, level: Tensor) -> Tensor:
             tokens = self.embed(torch.cat([scaled, features], dim=-1))
             tokens = self.trunk(tokens, level.flatten())
             # the gate scales the sample itself: how far this input's observation is to be trusted
             mix = self.mix(tokens).unflatten(-1, answers.shape[2:])
-            return self.head(tokens) + self.gate(tokens) * scaled + (mix * answers).sum(2)
+            own = self.head(tokens) + self.write(self.open(tokens) * channels)
+            return own + self.gate(tokens) * scaled + (mix * answers).sum(2)
 
         sigma = sigma[:, None, None]
         anchor, scale = torch.zeros_like(x), torch.ones_like(sigma)

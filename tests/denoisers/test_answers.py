@@ -10,8 +10,9 @@ from geneoh.denoisers.answers import (
     PAD,
     filter_kernels,
     filtered_changes,
+    fingers_to_touch,
     simple_answers,
-    touching_change,
+    whole_hand_to_touch,
 )
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
@@ -46,9 +47,22 @@ def surface(hand: HandParameters, gap: torch.Tensor) -> tuple[torch.Tensor, torc
     return hand.joints + gap - PAD * normals, normals
 
 
+def unturned(hand: HandParameters) -> torch.Tensor:
+    """A canonical frame that stands in the world."""
+    return torch.eye(3).expand_as(hand.turn)
+
+
+def touching_change(hand, near, normals, rotation=None, frames: float = 0.01) -> torch.Tensor:
+    """Both kinds of change together, frame by frame unless `frames` filter them."""
+    kernels = filter_kernels(torch.ones(hand.wrist.shape[:2]), (frames,))
+    rotation = unturned(hand) if rotation is None else rotation
+    whole = whole_hand_to_touch(hand, near, normals, rotation, kernels)[:, 0]
+    return whole + fingers_to_touch(hand, near, normals)
+
+
 def test_there_are_as_many_answers_as_promised(draw):
     hand = hands(draw, 5)
-    got = simple_answers(hand, torch.ones(2, 5), *surface(hand, torch.zeros(3)))
+    got = simple_answers(hand, torch.ones(2, 5), *surface(hand, torch.zeros(3)), unturned(hand))
     assert got.shape == (2, 5, ANSWERS, 51)
     assert bool(got.isfinite().all())
 
@@ -56,7 +70,8 @@ def test_there_are_as_many_answers_as_promised(draw):
 @pytest.mark.parametrize("frames", [1, 2])
 def test_the_shortest_clips_have_answers(draw, frames):
     hand = hands(draw, frames)
-    got = simple_answers(hand, torch.ones(2, frames), *surface(hand, torch.tensor([0.01, 0, 0])))
+    near = surface(hand, torch.tensor([0.01, 0, 0]))
+    got = simple_answers(hand, torch.ones(2, frames), *near, unturned(hand))
     assert bool(got.isfinite().all())
 
 
@@ -89,7 +104,7 @@ def test_a_wide_filter_moves_each_frame_to_the_mean(draw):
 
 def test_one_answer_is_flat_fingers(draw):
     hand = still(hands(draw, 4))
-    got = simple_answers(hand, torch.ones(2, 4), *surface(hand, torch.zeros(3)))
+    got = simple_answers(hand, torch.ones(2, 4), *surface(hand, torch.zeros(3)), unturned(hand))
     flat = hand.moved(got[:, :, len(FILTERS)])
     torch.testing.assert_close(flat.fingers, torch.zeros_like(flat.fingers), atol=1e-5, rtol=0)
     torch.testing.assert_close(flat.wrist, hand.wrist)
@@ -123,15 +138,37 @@ def test_the_change_moves_with_the_canonical_frame(draw):
     near, normals = surface(hand, 0.01 * draw(2, 3, 21, 3, seed=7))
     turn = axis_angle_to_matrix(torch.tensor([0.5, -1.2, 2.0]))
     other = replace(hand, wrist=hand.wrist @ turn.T, turn=turn @ hand.turn)
-    plain = touching_change(hand, near, normals)
-    got = touching_change(other, near @ turn.T, normals @ turn.T)
+    rotation = unturned(hand)
+    plain = touching_change(hand, near, normals, rotation, 4.0)
+    got = touching_change(other, near @ turn.T, normals @ turn.T, rotation @ turn.T, 4.0)
     torch.testing.assert_close(got[..., :3], plain[..., :3] @ turn.T, atol=1e-4, rtol=0)
     torch.testing.assert_close(got[..., 3:], plain[..., 3:], atol=1e-4, rtol=0)
 
 
+def test_a_hand_that_is_off_in_the_world_is_brought_back_while_the_object_turns(draw):
+    """Each frame tells of one direction, across its surface; together they tell the offset."""
+    hand = hands(draw, 30)
+    rotation = axis_angle_to_matrix(torch.linspace(0, 2.5, 30)[:, None] * torch.tensor([1.0, 0, 0]))
+    rotation = rotation.expand_as(hand.turn)
+    offset = torch.tensor([0.0, 0.004, 0.005])
+    near, normals = surface(hand, (rotation.mT @ offset)[:, :, None])
+    # of the gap only what is across the surface can be seen
+    across = ((near + PAD * normals - hand.joints) * normals).sum(-1, keepdim=True)
+    near = hand.joints + (across - PAD) * normals
+    kernels = filter_kernels(torch.ones(2, 30), (25.0,))
+    change = whole_hand_to_touch(hand, near, normals, rotation, kernels)[:, 0]
+    moved = (rotation @ (change[..., :3] * UNIT[0])[..., None])[..., 0]
+    assert float((moved - offset).norm(dim=-1).mean()) < 0.5 * float(offset.norm())
+    still = whole_hand_to_touch(hand, near, normals, unturned(hand), kernels)[:, 0]
+    worse = (rotation @ (still[..., :3] * UNIT[0])[..., None])[..., 0]
+    assert float((moved - offset).norm(dim=-1).mean()) < float((worse - offset).norm(dim=-1).mean())
+
+
 def test_absurd_gaps_are_bounded_and_far_ones_hardly_count(draw):
     hand = hands(draw, 3)
+    touching = slice(len(FILTERS) + 1, None)
     for gap in (0.1, 1.0):
-        change = touching_change(hand, *surface(hand, torch.tensor([0.0, 0.0, gap])))
-        assert float(change.abs().max()) <= LARGEST
-    assert float(change[..., 6:].abs().max()) * UNIT[-1] < 1e-4
+        near = surface(hand, torch.tensor([0.0, 0.0, gap]))
+        answers = simple_answers(hand, torch.ones(2, 3), *near, unturned(hand))[:, :, touching]
+        assert float(answers.abs().max()) <= LARGEST
+    assert float(answers[..., 6:].abs().max()) * UNIT[-1] < 1e-4
