@@ -119,7 +119,12 @@ def test_rigidly_moved_scene_gives_the_rigidly_moved_result(noisy, start):
     still = replace(short, hands=(HandTrack(hand.side, hand.valid, joints=hand.joints),))
     a, b = denoise(still, FAST), denoise(moved, FAST)
     stages = [result.hands["left"].samples[0] for result in (a, b)]
-    assert ((stages[0] @ turn.T + shift) - stages[1]).norm(dim=-1).max() < 1e-4
+    # where gradients cancel, the steps of the alignment's Adam are as large as rounding makes them:
+    # without TemporalDiff the stages agree within 1e-6
+    apart = ((stages[0] @ turn.T + shift) - stages[1]).norm(dim=-1)
+    assert apart.median() < 1e-6
+    assert (apart > 1e-4).float().mean() < 0.01
+    assert apart.max() < 5e-4
     # a vertex as deep under one face as under another may leave by either, and rounding decides: in
     # half of such pieces a few keypoints then differ by millimetres
     apart = ((joints_of(a) @ turn.T + shift) - joints_of(b)).norm(dim=-1)
