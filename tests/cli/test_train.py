@@ -12,7 +12,7 @@ def tiny_shards(monkeypatch):
     """Shards of two interactions instead of 128."""
     plain = shards.SynthesisConfig
     monkeypatch.setattr(
-        shards, "SynthesisConfig", lambda count: plain(count=count, shard=2, points=64)
+        shards, "SynthesisConfig", lambda count=6: plain(count=count, shard=2, points=64)
     )
 
 
