@@ -14,176 +14,18 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
-from geneoh.hand.skeleton import KEYPOINT_PARENTS, MANO_FROM_OPENPOSE, forward_kinematics
-from geneoh.synthesis.objects import Solids
+from geneoh.hand.skeleton import forward_kinematics
+from geneoh.synthesis.kinds import KINDS
+from geneoh.synthesis.natural import HIGH, LOW, NATURAL_STD, curled, overshoot
+from geneoh.synthesis.skin import MEAN_SPAN, PAD_DIGITS, finger_clearance, hand_spheres, skin_pads
+from geneoh.synthesis.solids import Solids
 
-# Natural range of each joint, axis-angle in the right hand's frame: a finger flexes about the line
-# across it, near +z; the thumb opposes by turning about +x at its base and flexes about
-# THUMB_FLEXION.
-THUMB_FLEXION = (0.31, -0.86, 0.39)
-PAD_OF_THUMB = (-0.55, -0.50, -0.67)
-PAD_OF_FINGER = (0.0, -1.0, 0.0)
-PAD_OF_PALM = (0.0, -1.0, 0.0)
-SIDE_OF_INDEX = (0.0, 0.0, 1.0)
-FLEXION = (0.65, 0.7, 0.55)
-"""Flexion of knuckle, middle and distal joint of a half closed finger (curl 1), radians."""
-ACROSS = ((0.2, 0.0, 1.0), (-0.05, 0.0, 1.0), (-0.5, 0.0, 0.9), (-0.2, 0.0, 1.0))
-"""Axes that index, middle, pinky and ring close about at the knuckle: they converge."""
-_BASE_STD, _MIDDLE_STD, _DISTAL_STD = (0.3, 0.2, 0.5), (0.18, 0.05, 0.5), (0.06, 0.05, 0.4)
-_THUMB = (
-    ((1.05, 0.1, 0.2), (0.4, 0.3, 0.25)),
-    ((0.06, -0.17, 0.08), (0.35, 0.2, 0.25)),
-    ((0.1, -0.25, 0.1), (0.15, 0.3, 0.35)),
-)
-
-
-def curled(curl: Float[Tensor, "B 5"]) -> Float[Tensor, "B 15 3"]:
-    """Hands whose fingers are closed by so much: 0 is flat, 1 half closed, 2 a fist.
-
-    Fingers in MANO order; the thumb stays opposed and bends at its two outer joints.
-    """
-    axes, flexion = curl.new_tensor(ACROSS), curl.new_tensor(FLEXION)
-    base = curl[:, :4, None] * flexion[0] * axes + curl.new_tensor([0.0, 0.05, 0.0])
-    outer = curl[:, :4, None, None] * flexion[1:, None] * curl.new_tensor([0.0, 0.0, 1.0])
-    fingers = torch.cat([base[:, :, None], outer], dim=2)
-    thumb = curl.new_tensor([mean for mean, _ in _THUMB])
-    share = torch.stack([torch.ones_like(curl[:, 4]), curl[:, 4], curl[:, 4]], dim=-1)
-    return torch.cat([fingers, (share[..., None] * thumb)[:, None]], dim=1).flatten(1, 2)
-
-
-NATURAL_MEAN = curled(torch.ones(1, 5))[0]
-NATURAL_STD = torch.tensor(
-    [_BASE_STD, _MIDDLE_STD, _DISTAL_STD] * 4 + [list(std) for _, std in _THUMB]
-)
-_LOW = NATURAL_MEAN.minimum(curled(torch.full((1, 5), 1.5))[0])
-_HIGH = NATURAL_MEAN.maximum(curled(torch.full((1, 5), 1.5))[0])
 OPPOSED = 1.0
 """Agreement of two pads on either side of an object beyond which the search asks no more."""
 STOP = 2.15
 """Deviations outside their natural range at which the search stops the joints."""
-CURLS = (0.2, 2.5)
-"""How far hands like to close on what they hold, from person to person and grasp to grasp."""
-
-SPHERES_PER_BONE = 4
-# Radius of the hand around its bones, metres, by the keypoint a bone ends in (measured medians of
-# an adult hand, palm thinner than the measured distance because its bones fan out side by side).
-BONE_RADIUS = torch.tensor(
-    [0.016, 0.014, 0.0115, 0.009]
-    + [0.014, 0.011, 0.01, 0.009]
-    + [0.014, 0.011, 0.01, 0.009]
-    + [0.014, 0.01, 0.009, 0.0085]
-    + [0.014, 0.009, 0.008, 0.0075]
-)
-MEAN_SPAN = 0.18
-"""Length of the chain wrist to middle fingertip that BONE_RADIUS belongs to, metres."""
-PAD_JOINTS = (*range(1, 16), 2, 3, 0, 0)
-"""Joints that the pads move with, in MANO order: under every phalanx (15), on the thumb's side of
-the index's middle and distal phalanx, at the middle of the palm and below its fingers."""
-PAD_RADII = (*(0.0105, 0.009, 0.008) * 4, 0.013, 0.011, 0.0085, 0.009, 0.0085, 0.017, 0.016)
-"""Distance of the skin at each pad from the bone, metres."""
-PAD_DIGITS = (0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3, 4, 4, 4, 0, 0, 5, 5)
-"""Digit that each pad is part of: index, middle, pinky, ring, thumb; the palm counts as one."""
-
-
-@dataclass(frozen=True)
-class Kind:
-    """What tells one kind of grasp from the others."""
-
-    name: str
-    share: float
-    """Of the attempts."""
-    digits: tuple[float, float, float, float, float, float]
-    """How likely each takes part: index, middle, pinky, ring, thumb, palm."""
-    needed: int
-    """Digits that must touch by pads of this kind."""
-    fingers: tuple[float, float, float] = (0.0, 0.1, 1.0)
-    """How likely the base, middle and distal pad of a finger that takes part should touch."""
-    thumb: tuple[float, float, float] = (0.0, 0.1, 1.0)
-    side: tuple[float, float] = (0.0, 0.0)
-    """The same for the index's middle and distal phalanx on the side of the thumb."""
-    finger_curls: tuple[float, float] = CURLS
-    thumb_curls: tuple[float, float] = CURLS
-    opposition: float = 1.0
-    """How far the thumb turns under the palm: 0 beside the index, 1 across from the fingers."""
-    opened: tuple[float, float] = (0.0, 0.8)
-    """Share of its curl with which the hand comes to the object."""
-    over: tuple[float, float, float] = (-1.0, 0.0, 0.045)
-    """Place in the hand that comes over the surface: along the palm in lengths of the palm, towards
-    the thumb and below the palm in metres."""
-    faces: tuple[float, float, float] = PAD_OF_PALM
-    """Direction of the hand that looks onto the surface."""
-    approaches: int = 1
-    """Starts to draw; the one of least energy is taken."""
-    bears: tuple[float, float, float] | None = None
-    """Outward normal of a surface that rests on the hand, in the hand's frame; None where no weight
-    but the grip of opposing contacts holds the object."""
-
-    @property
-    def pads(self) -> tuple[float, ...]:
-        """How likely each pad should touch if its digit takes part."""
-        return (*self.fingers * 4, *self.thumb, *self.side, 1.0, 1.0)
-
-
-def _precision(
-    count: int, share: float, fingers: tuple[float, float, float, float], needed: int
-) -> Kind:
-    """Thumb and neighbouring fingers, at their tips."""
-    return Kind(f"precision {count}", share, (*fingers, 1.0, 0.0), needed, approaches=16)
-
-
-_WHOLE = (0.5, 0.8, 1.0)
-KINDS = (
-    Kind("power", 0.38, (0.9, 0.5, 0.95, 0.7, 0.95, 0.0), 3, _WHOLE, _WHOLE, approaches=6),
-    _precision(2, 0.08, (1.0, 0.0, 0.0, 0.0), 2),
-    _precision(3, 0.1, (1.0, 1.0, 0.0, 0.0), 3),
-    _precision(4, 0.09, (1.0, 1.0, 0.0, 1.0), 3),
-    _precision(5, 0.08, (1.0, 1.0, 1.0, 1.0), 4),
-    Kind(
-        "lateral",
-        0.09,
-        (1.0, 0.0, 0.0, 0.0, 1.0, 0.0),
-        2,
-        fingers=(0.0, 0.0, 0.0),
-        thumb=(0.0, 0.0, 1.0),
-        side=(1.0, 0.5),
-        finger_curls=(1.3, 2.0),
-        thumb_curls=(0.2, 1.0),
-        opposition=0.35,
-        opened=(0.9, 1.0),
-        over=(-1.05, 0.03, 0.04),
-        faces=(0.0, 0.0, 1.0),
-        approaches=12,
-    ),
-    Kind(
-        "hook",
-        0.09,
-        (1.0, 1.0, 1.0, 1.0, 0.0, 0.0),
-        3,
-        fingers=(0.2, 1.0, 0.6),
-        finger_curls=(1.4, 2.2),
-        thumb_curls=(0.0, 0.4),
-        opposition=0.4,
-        opened=(0.5, 0.9),
-        over=(-1.15, 0.0, 0.03),
-        approaches=32,
-        bears=(-1.0, 0.0, 0.0),
-    ),
-    Kind(
-        "support",
-        0.09,
-        (0.9, 0.9, 0.8, 0.9, 0.0, 1.0),
-        3,
-        fingers=(0.7, 0.7, 0.7),
-        finger_curls=(0.0, 0.4),
-        thumb_curls=(0.0, 0.4),
-        opposition=0.4,
-        opened=(0.8, 1.0),
-        over=(-0.9, 0.0, 0.02),
-        approaches=12,
-        bears=(0.0, 1.0, 0.0),
-    ),
-)
-"""Kinds of grasps; `Grasps.kind` counts them."""
+ASTRAY = 1e5
+"""Energy of starting on the wrong side of an object, 1/m^2."""
 
 
 @dataclass(frozen=True)
@@ -224,51 +66,6 @@ class Grasps:
     def chosen(self, which: Bool[Tensor, " B"] | Int[Tensor, " C"]) -> "Grasps":
         """Some of the grasps."""
         return Grasps(*(getattr(self, field.name)[which] for field in fields(self)))
-
-
-def _hand_spheres(
-    joints: Float[Tensor, "*B 21 3"], scale: Float[Tensor, "*B 1"]
-) -> tuple[Float[Tensor, "*B K 3"], Float[Tensor, "*B K"]]:
-    """Centres and radii of the spheres that fill the hand, bone by bone."""
-    start, end = joints[..., list(KEYPOINT_PARENTS[1:]), :], joints[..., 1:, :]
-    along = torch.linspace(0.25, 1.0, SPHERES_PER_BONE, device=joints.device)
-    along = along - 0.1  # the skin ends at the tip: the last sphere stays inside the bone
-    centers = start[..., None, :] + along[:, None] * (end - start)[..., None, :]
-    radii = BONE_RADIUS.to(joints.device)[:, None].expand(-1, SPHERES_PER_BONE)
-    return centers.flatten(-3, -2), radii.reshape(-1) * scale
-
-
-def _pads(
-    joints: Float[Tensor, "*B 21 3"],
-    glob: Float[Tensor, "*B 16 3 3"],
-    scale: Float[Tensor, "*B 1"],
-) -> tuple[Float[Tensor, "*B 19 3"], Float[Tensor, "*B 19 3"]]:
-    """Skin points of `PAD_JOINTS` and the directions they face."""
-    mano = joints[..., list(MANO_FROM_OPENPOSE), :]
-    ends = [j + 1 if j % 3 else 16 + j // 3 - 1 for j in PAD_JOINTS[:17]] + [4, 4]
-    start, end = mano[..., list(PAD_JOINTS), :], mano[..., ends, :]
-    facing = joints.new_tensor(
-        [PAD_OF_FINGER] * 12 + [PAD_OF_THUMB] * 3 + [SIDE_OF_INDEX] * 2 + [PAD_OF_PALM] * 2
-    )
-    facing = (glob[..., list(PAD_JOINTS), :, :] @ facing[..., None])[..., 0]
-    radius = joints.new_tensor(PAD_RADII)
-    along = joints.new_tensor([0.5, 0.5, 0.6] * 5 + [0.5, 0.5, 0.55, 0.85])
-    middle = start + along[:, None] * (end - start)
-    return middle + facing * (radius * scale)[..., None], facing
-
-
-def _clearance(
-    centers: Float[Tensor, "*B K 3"], radii: Float[Tensor, "*B K"]
-) -> Float[Tensor, "*B C"]:
-    """Gap between spheres of different fingers beyond their knuckles, metres; overlap is < 0."""
-    per_finger = 4 * SPHERES_PER_BONE
-    finger = torch.arange(5).repeat_interleave(per_finger)
-    free = torch.arange(5 * per_finger) % per_finger >= SPHERES_PER_BONE + 1
-    a, b = torch.triu_indices(len(finger), len(finger), 1)
-    pick = free[a] & free[b] & (finger[a] != finger[b]) & (a % 2 == 0) & (b % 2 == 0)
-    a, b = a[pick], b[pick]
-    gap = (centers[..., a, :] - centers[..., b, :]).norm(dim=-1)
-    return gap - 0.85 * (radii[..., a] + radii[..., b])
 
 
 @dataclass(frozen=True)
@@ -355,16 +152,16 @@ def _energy(
     """What the descent makes small."""
     pose = torch.cat([orient[:, None], fingers], dim=1)
     joints, glob = forward_kinematics(axis_angle_to_matrix(pose), wrist, attempt.offsets)
-    centers, radii = _hand_spheres(joints, attempt.scale)
-    pads, facing = _pads(joints, glob, attempt.scale)
+    centers, radii = hand_spheres(joints, attempt.scale)
+    pads, facing = skin_pads(joints, glob, attempt.scale)
     distance = solids.signed_distance(torch.cat([centers, pads], 1))
     depth = (radii - distance[:, : centers.shape[1]]).clamp(min=0)
     gap = distance[:, centers.shape[1] :]
     _, normal = solids.distance_and_normal(pads.detach())
     alignment = (1 + (facing * normal).sum(-1)) * attempt.wanted
-    crowded = (-_clearance(centers, radii)).clamp(min=0)
+    crowded = (-finger_clearance(centers, radii)).clamp(min=0)
     apart = (fingers - attempt.liked) / NATURAL_STD
-    beyond = (_deviations(fingers) - 2.0).clamp(min=0)
+    beyond = (overshoot(fingers) - 2.0).clamp(min=0)
     return (
         4e4 * depth.square().sum(-1)
         + 60.0 * (attempt.wanted * (gap.abs() + 30 * gap.square())).sum(-1)
@@ -386,15 +183,6 @@ def _unopposed(
     # the direction in which one pad looks and the normal where the other one is should agree
     agree = facing @ normal.mT + normal @ facing.mT
     return (OPPOSED - agree).clamp(min=0).mul(pairs).sum((1, 2)) / pairs.sum((1, 2)).clamp(min=1)
-
-
-def _deviations(fingers: Float[Tensor, "*B 15 3"]) -> Float[Tensor, "*B 15 3"]:
-    """How far joints are outside their natural range, in natural deviations."""
-    return torch.maximum(_LOW - fingers, fingers - _HIGH).clamp(min=0) / NATURAL_STD
-
-
-ASTRAY = 1e5
-"""Energy of starting on the wrong side of an object, 1/m^2."""
 
 
 def _starts(
@@ -432,13 +220,13 @@ def _kept(
 ) -> Bool[Tensor, " B"]:
     """Grasps that pass every check."""
     joints, glob = forward_kinematics(axis_angle_to_matrix(pose), wrist, attempt.offsets)
-    centers, radii = _hand_spheres(joints, attempt.scale)
-    pads, _ = _pads(joints, glob, attempt.scale)
+    centers, radii = hand_spheres(joints, attempt.scale)
+    pads, _ = skin_pads(joints, glob, attempt.scale)
     deep = (radii - solids.signed_distance(centers)).amax(-1)
     kept = (
         (deep < checks.depth)
-        & (_clearance(centers, radii).amin(-1) > checks.clearance)
-        & (_deviations(pose[:, 1:]).amax((-1, -2)) < checks.deviations)
+        & (finger_clearance(centers, radii).amin(-1) > checks.clearance)
+        & (overshoot(pose[:, 1:]).amax((-1, -2)) < checks.deviations)
     )
     if checks.fingers < 0:
         return kept
@@ -498,7 +286,7 @@ def synthesize_grasps(
         optimizer.step()
         schedule.step()
         with torch.no_grad():
-            fingers.clamp_(_LOW - STOP * NATURAL_STD, _HIGH + STOP * NATURAL_STD)
+            fingers.clamp_(LOW - STOP * NATURAL_STD, HIGH + STOP * NATURAL_STD)
 
     with torch.no_grad():
         pose = torch.cat([orient[:, None], fingers], dim=1)

@@ -14,8 +14,9 @@ from torch import Tensor
 
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle, skew
 from geneoh.hand.skeleton import forward_kinematics
-from geneoh.synthesis.grasps import Grasps, curled
-from geneoh.synthesis.objects import Solids
+from geneoh.synthesis.grasps import Grasps
+from geneoh.synthesis.natural import curled
+from geneoh.synthesis.solids import Solids
 
 SHORTEST_MOVE = 12.0
 """Frames that the object takes from one rest point to the next, at least."""

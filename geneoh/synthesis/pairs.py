@@ -7,7 +7,7 @@ from torch import Tensor
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import forward_kinematics
 from geneoh.synthesis.grasps import Grasps
-from geneoh.synthesis.objects import FAR, TORUS, Solids
+from geneoh.synthesis.solids import FAR, TORUS, Solids
 
 SHARE = 0.2
 """Second hands tried for each first one; not all are kept, and many meet the first."""

@@ -18,8 +18,9 @@ from geneoh.errors import ConfigError, InputError
 from geneoh.hand.model import HandModel, ShapedHand
 from geneoh.synthesis.grasps import synthesize_grasps
 from geneoh.synthesis.motion import Interactions, animate
-from geneoh.synthesis.objects import FAMILIES, Solids, draw_objects, family_named
+from geneoh.synthesis.objects import FAMILIES, draw_objects, family_named
 from geneoh.synthesis.pairs import LIKENESS, first_hands, leads, sides
+from geneoh.synthesis.solids import Solids
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ import numpy as np
 import torch
 
 from geneoh.geometry.mesh import Mesh
-from geneoh.synthesis.objects import FAR, TORUS, Solids
+from geneoh.synthesis.solids import FAR, TORUS, Solids
 
 SPACING = 0.002
 """Metres between the grid points on which an object is turned into a mesh; the thinnest parts of

@@ -13,8 +13,8 @@ from torch import Tensor
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import TIP_KEYPOINTS
 from geneoh.representation.parameters import HandParameters
-from geneoh.synthesis.grasps import NATURAL_STD
 from geneoh.synthesis.motion import wander
+from geneoh.synthesis.natural import NATURAL_STD
 
 SHARE = 0.7
 """Share of the windows whose hand moves more than it was made to."""

@@ -12,9 +12,10 @@ from geneoh.hand.model import HandModel
 from geneoh.hand.skeleton import TIP_KEYPOINTS
 from geneoh.metrics.contact import penetration_depth, tips_in_contact
 from geneoh.sequence.tracks import HandTrack, ObjectTrack
-from geneoh.synthesis.objects import FAMILIES, PARTS
+from geneoh.synthesis.objects import FAMILIES
 from geneoh.synthesis.replay import Replay, replay_shard
 from geneoh.synthesis.shards import find_shards
+from geneoh.synthesis.solids import PARTS
 from geneoh.synthesis.surface import mesh_of, spacing_for_looks
 from geneoh.viz.camera import cameras
 from geneoh.viz.colours import SCALES

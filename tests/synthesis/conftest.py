@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from geneoh.synthesis.objects import FAR, SOLIDS, Solids
+from geneoh.synthesis.solids import FAR, SOLIDS, Solids
 
 
 def solid(

@@ -7,18 +7,12 @@ from torch import Tensor
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
 from geneoh.hand.skeleton import KEYPOINT_PARENTS, MANO_FROM_OPENPOSE, forward_kinematics
-from geneoh.synthesis.grasps import (
-    BONE_RADIUS,
-    KINDS,
-    MEAN_SPAN,
-    NATURAL_MEAN,
-    NATURAL_STD,
-    Checks,
-    Grasps,
-    curled,
-    synthesize_grasps,
-)
-from geneoh.synthesis.objects import Solids, draw_objects
+from geneoh.synthesis.grasps import Checks, Grasps, synthesize_grasps
+from geneoh.synthesis.kinds import KINDS
+from geneoh.synthesis.natural import NATURAL_MEAN, NATURAL_STD, curled
+from geneoh.synthesis.objects import draw_objects
+from geneoh.synthesis.skin import BONE_RADIUS, MEAN_SPAN
+from geneoh.synthesis.solids import Solids
 
 FAMILIES = ["box", "cylinder", "ellipsoid", "capsule", "ring", "pen", "mug", "knife"] * 20
 COUNT = len(FAMILIES)

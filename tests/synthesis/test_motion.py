@@ -7,7 +7,7 @@ from torch import Tensor
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
 from geneoh.hand.skeleton import forward_kinematics
-from geneoh.synthesis.grasps import NATURAL_MEAN, Grasps
+from geneoh.synthesis.grasps import Grasps
 from geneoh.synthesis.motion import (
     TABLE_SHARE,
     Interactions,
@@ -17,7 +17,9 @@ from geneoh.synthesis.motion import (
     _resting,
     animate,
 )
-from geneoh.synthesis.objects import Solids, draw_objects
+from geneoh.synthesis.natural import NATURAL_MEAN
+from geneoh.synthesis.objects import draw_objects
+from geneoh.synthesis.solids import Solids
 
 BATCH, FRAMES, POINTS = 24, 60, 16
 

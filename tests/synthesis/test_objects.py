@@ -5,16 +5,8 @@ import torch
 from torch import Tensor
 
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
-from geneoh.synthesis.objects import (
-    BOX,
-    CYLINDER,
-    ELLIPSOID,
-    FAMILIES,
-    FAR,
-    TORUS,
-    Solids,
-    draw_objects,
-)
+from geneoh.synthesis.objects import FAMILIES, draw_objects
+from geneoh.synthesis.solids import BOX, CYLINDER, ELLIPSOID, FAR, TORUS, Solids
 
 
 def seeded(seed: int = 0) -> torch.Generator:

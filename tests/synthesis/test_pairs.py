@@ -4,10 +4,12 @@ from torch import Tensor
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
 from geneoh.hand.skeleton import forward_kinematics
-from geneoh.synthesis.grasps import NATURAL_MEAN, Grasps, synthesize_grasps
-from geneoh.synthesis.objects import Solids, draw_objects
+from geneoh.synthesis.grasps import Grasps, synthesize_grasps
+from geneoh.synthesis.natural import NATURAL_MEAN
+from geneoh.synthesis.objects import draw_objects
 from geneoh.synthesis.pairs import APART, SHARE, first_hands, leads, sides
 from geneoh.synthesis.shards import SynthesisConfig, draw_attempts
+from geneoh.synthesis.solids import Solids
 
 FLIP = torch.tensor([-1.0, 1.0, 1.0])
 

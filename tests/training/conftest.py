@@ -12,8 +12,9 @@ from geneoh.denoisers.temporal import TemporalConfig
 from geneoh.denoisers.toch import TochConfig
 from geneoh.denoisers.trajectory import TrajectoryConfig
 from geneoh.hand.library import load_hand
-from geneoh.synthesis.grasps import NATURAL_MEAN, Grasps
+from geneoh.synthesis.grasps import Grasps
 from geneoh.synthesis.motion import Interactions, animate
+from geneoh.synthesis.natural import NATURAL_MEAN
 from geneoh.synthesis.objects import draw_objects
 from geneoh.training.config import TrainConfig
 

@@ -15,8 +15,9 @@ from geneoh.hand.library import load_hand
 from geneoh.sequence.tracks import HandTrack, ObjectTrack, Sequence
 from geneoh.synthesis.grasps import synthesize_grasps
 from geneoh.synthesis.motion import animate
-from geneoh.synthesis.objects import PARTS, draw_objects
+from geneoh.synthesis.objects import draw_objects
 from geneoh.synthesis.shards import SynthesisConfig, seed_of
+from geneoh.synthesis.solids import PARTS
 from geneoh.synthesis.surface import mesh_of
 
 COUNT = 100

@@ -1,0 +1,50 @@
+"""How hands like to bend: fingers from flat to a fist, and the natural range of every joint.
+
+Axis-angle in the right hand's rest frame (fingers -x, palm -y, thumb +z), radians; joints in MANO
+order without the wrist.
+"""
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+# A finger flexes about the line across it, near +z; the thumb opposes by turning about +x at its
+# base and flexes about (0.31, -0.86, 0.39).
+FLEXION = (0.65, 0.7, 0.55)
+"""Flexion of knuckle, middle and distal joint of a half closed finger (curl 1), radians."""
+ACROSS = ((0.2, 0.0, 1.0), (-0.05, 0.0, 1.0), (-0.5, 0.0, 0.9), (-0.2, 0.0, 1.0))
+"""Axes that index, middle, pinky and ring close about at the knuckle: they converge."""
+_BASE_STD, _MIDDLE_STD, _DISTAL_STD = (0.3, 0.2, 0.5), (0.18, 0.05, 0.5), (0.06, 0.05, 0.4)
+_THUMB = (
+    ((1.05, 0.1, 0.2), (0.4, 0.3, 0.25)),
+    ((0.06, -0.17, 0.08), (0.35, 0.2, 0.25)),
+    ((0.1, -0.25, 0.1), (0.15, 0.3, 0.35)),
+)
+
+
+def curled(curl: Float[Tensor, "B 5"]) -> Float[Tensor, "B 15 3"]:
+    """Hands whose fingers are closed by so much: 0 is flat, 1 half closed, 2 a fist.
+
+    Fingers in MANO order; the thumb stays opposed and bends at its two outer joints.
+    """
+    axes, flexion = curl.new_tensor(ACROSS), curl.new_tensor(FLEXION)
+    base = curl[:, :4, None] * flexion[0] * axes + curl.new_tensor([0.0, 0.05, 0.0])
+    outer = curl[:, :4, None, None] * flexion[1:, None] * curl.new_tensor([0.0, 0.0, 1.0])
+    fingers = torch.cat([base[:, :, None], outer], dim=2)
+    thumb = curl.new_tensor([mean for mean, _ in _THUMB])
+    share = torch.stack([torch.ones_like(curl[:, 4]), curl[:, 4], curl[:, 4]], dim=-1)
+    return torch.cat([fingers, (share[..., None] * thumb)[:, None]], dim=1).flatten(1, 2)
+
+
+NATURAL_MEAN = curled(torch.ones(1, 5))[0]
+NATURAL_STD = torch.tensor(
+    [_BASE_STD, _MIDDLE_STD, _DISTAL_STD] * 4 + [list(std) for _, std in _THUMB]
+)
+LOW = NATURAL_MEAN.minimum(curled(torch.full((1, 5), 1.5))[0])
+HIGH = NATURAL_MEAN.maximum(curled(torch.full((1, 5), 1.5))[0])
+"""Ends of the natural range: from half closed to three quarters closed."""
+
+
+def overshoot(fingers: Float[Tensor, "*B 15 3"]) -> Float[Tensor, "*B 15 3"]:
+    """How far joints are outside their natural range, in natural deviations."""
+    return torch.maximum(LOW - fingers, fingers - HIGH).clamp(min=0) / NATURAL_STD

@@ -1,0 +1,79 @@
+"""The hand as grasps feel it: spheres along its bones and pads of skin that may touch.
+
+Right hands; pads face directions of the rest frame (fingers -x, palm -y, thumb +z); metres.
+"""
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.hand.skeleton import KEYPOINT_PARENTS, MANO_FROM_OPENPOSE
+
+PAD_OF_THUMB = (-0.55, -0.50, -0.67)
+PAD_OF_FINGER = (0.0, -1.0, 0.0)
+PAD_OF_PALM = (0.0, -1.0, 0.0)
+SIDE_OF_INDEX = (0.0, 0.0, 1.0)
+SPHERES_PER_BONE = 4
+# Radius of the hand around its bones, metres, by the keypoint a bone ends in (measured medians of
+# an adult hand, palm thinner than the measured distance because its bones fan out side by side).
+BONE_RADIUS = torch.tensor(
+    [0.016, 0.014, 0.0115, 0.009]
+    + [0.014, 0.011, 0.01, 0.009]
+    + [0.014, 0.011, 0.01, 0.009]
+    + [0.014, 0.01, 0.009, 0.0085]
+    + [0.014, 0.009, 0.008, 0.0075]
+)
+MEAN_SPAN = 0.18
+"""Length of the chain wrist to middle fingertip that BONE_RADIUS belongs to, metres."""
+PAD_JOINTS = (*range(1, 16), 2, 3, 0, 0)
+"""Joints that the pads move with, in MANO order: under every phalanx (15), on the thumb's side of
+the index's middle and distal phalanx, at the middle of the palm and below its fingers."""
+PAD_RADII = (*(0.0105, 0.009, 0.008) * 4, 0.013, 0.011, 0.0085, 0.009, 0.0085, 0.017, 0.016)
+"""Distance of the skin at each pad from the bone, metres."""
+PAD_DIGITS = (0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3, 4, 4, 4, 0, 0, 5, 5)
+"""Digit that each pad is part of: index, middle, pinky, ring, thumb; the palm counts as one."""
+
+
+def hand_spheres(
+    joints: Float[Tensor, "*B 21 3"], scale: Float[Tensor, "*B 1"]
+) -> tuple[Float[Tensor, "*B K 3"], Float[Tensor, "*B K"]]:
+    """Centres and radii of the spheres that fill the hand, bone by bone."""
+    start, end = joints[..., list(KEYPOINT_PARENTS[1:]), :], joints[..., 1:, :]
+    along = torch.linspace(0.25, 1.0, SPHERES_PER_BONE, device=joints.device)
+    along = along - 0.1  # the skin ends at the tip: the last sphere stays inside the bone
+    centers = start[..., None, :] + along[:, None] * (end - start)[..., None, :]
+    radii = BONE_RADIUS.to(joints.device)[:, None].expand(-1, SPHERES_PER_BONE)
+    return centers.flatten(-3, -2), radii.reshape(-1) * scale
+
+
+def skin_pads(
+    joints: Float[Tensor, "*B 21 3"],
+    glob: Float[Tensor, "*B 16 3 3"],
+    scale: Float[Tensor, "*B 1"],
+) -> tuple[Float[Tensor, "*B 19 3"], Float[Tensor, "*B 19 3"]]:
+    """Skin points of `PAD_JOINTS` and the directions they face."""
+    mano = joints[..., list(MANO_FROM_OPENPOSE), :]
+    ends = [j + 1 if j % 3 else 16 + j // 3 - 1 for j in PAD_JOINTS[:17]] + [4, 4]
+    start, end = mano[..., list(PAD_JOINTS), :], mano[..., ends, :]
+    facing = joints.new_tensor(
+        [PAD_OF_FINGER] * 12 + [PAD_OF_THUMB] * 3 + [SIDE_OF_INDEX] * 2 + [PAD_OF_PALM] * 2
+    )
+    facing = (glob[..., list(PAD_JOINTS), :, :] @ facing[..., None])[..., 0]
+    radius = joints.new_tensor(PAD_RADII)
+    along = joints.new_tensor([0.5, 0.5, 0.6] * 5 + [0.5, 0.5, 0.55, 0.85])
+    middle = start + along[:, None] * (end - start)
+    return middle + facing * (radius * scale)[..., None], facing
+
+
+def finger_clearance(
+    centers: Float[Tensor, "*B K 3"], radii: Float[Tensor, "*B K"]
+) -> Float[Tensor, "*B C"]:
+    """Gap between spheres of different fingers beyond their knuckles, metres; overlap is < 0."""
+    per_finger = 4 * SPHERES_PER_BONE
+    finger = torch.arange(5).repeat_interleave(per_finger)
+    free = torch.arange(5 * per_finger) % per_finger >= SPHERES_PER_BONE + 1
+    a, b = torch.triu_indices(len(finger), len(finger), 1)
+    pick = free[a] & free[b] & (finger[a] != finger[b]) & (a % 2 == 0) & (b % 2 == 0)
+    a, b = a[pick], b[pick]
+    gap = (centers[..., a, :] - centers[..., b, :]).norm(dim=-1)
+    return gap - 0.85 * (radii[..., a] + radii[..., b])

@@ -1,0 +1,158 @@
+"""Analytic objects: batched unions of simple solids, their distance to points and their surface.
+
+Every object is a union of at most `SOLIDS` solids (box, cylinder, ellipsoid, torus), each with a
+pose and a rounding radius, so one tensor program evaluates any mixture of objects at once. Some
+have a second part that turns about a hinge or slides.
+"""
+
+from dataclasses import dataclass, fields, replace
+
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from geneoh.geometry.rotations import axis_angle_to_matrix
+
+SOLIDS = 4
+PARTS = 2
+"""Parts of an object that move by themselves: the first, and one on a joint."""
+BOX, CYLINDER, ELLIPSOID, TORUS = range(4)
+ASTRAY = 1e-5
+"""Distance from the surface beyond which a point's slide down to it has not converged, metres."""
+FAR = 10.0
+"""Where unused solids are parked, metres: never the nearest part of anything."""
+
+
+@dataclass(frozen=True)
+class Solids:
+    """A batch of objects, each a union of solids in the object's own frame, metres."""
+
+    kind: Int[Tensor, "B S"]
+    """BOX (half extents), CYLINDER (radius, radius, half height along z), ELLIPSOID (semi-axes)
+    or TORUS (ring radius, tube radius, unused; axis z)."""
+    size: Float[Tensor, "B S 3"]
+    rounding: Float[Tensor, "B S"]
+    center: Float[Tensor, "B S 3"]
+    rotation: Float[Tensor, "B S 3 3"]
+    part: Int[Tensor, "B S"]
+    """Which part each solid belongs to, 0 or 1."""
+    axis: Float[Tensor, "B 3"]
+    """Along which the second part's joint lies, a unit vector; through `pivot`."""
+    pivot: Float[Tensor, "B 3"]
+    slides: Bool[Tensor, " B"]
+    """Whether the second part slides along the axis (metres) or turns about it (radians)."""
+    travel: Float[Tensor, "B 2"]
+    """How far it may go either way from how the object was drawn; zero for rigid objects."""
+
+    @property
+    def jointed(self) -> Bool[Tensor, " B"]:
+        """Whether there is a second part."""
+        return self.part.any(1)
+
+    def only(self, part: int) -> "Solids":
+        """One part by itself; where an object has no such part, nothing within reach."""
+        away = (self.part != part)[..., None]
+        return replace(self, center=torch.where(away, FAR, self.center))
+
+    def mirrored(self) -> "Solids":
+        """The mirror images at x = 0: what is a left hand's object is then a right hand's."""
+        flip = self.center.new_tensor([-1.0, 1.0, 1.0])
+        # turning about an axis and its mirror image are opposite; sliding along them is not
+        axis = self.axis * torch.where(self.slides[:, None], flip, -flip)
+        return replace(
+            self,
+            center=torch.where(self.center < FAR / 2, self.center * flip, self.center),
+            rotation=flip[:, None] * self.rotation * flip,  # each solid is its own mirror image
+            axis=axis,
+            pivot=self.pivot * flip,
+        )
+
+    def joint_pose(
+        self, travelled: Float[Tensor, "B T"]
+    ) -> tuple[Float[Tensor, "B T 3 3"], Float[Tensor, "B T 3"]]:
+        """Rotation and translation that bring the second part to where its joint has gone."""
+        along = travelled[..., None] * self.axis[:, None]
+        slides = self.slides[:, None, None]
+        turn = axis_angle_to_matrix(torch.where(slides, 0.0, along))
+        pivot = self.pivot[:, None]
+        swung = pivot - (turn @ pivot[..., None])[..., 0]
+        return turn, torch.where(slides, along, swung)
+
+    def part_of(self, points: Float[Tensor, "B P 3"]) -> Int[Tensor, "B P"]:
+        """The part that each point is nearest to."""
+        first, second = (self.only(part).signed_distance(points) for part in range(PARTS))
+        return (second < first).long()
+
+    def chosen(self, which: Bool[Tensor, " B"] | Int[Tensor, " C"]) -> "Solids":
+        """Some of the objects."""
+        return Solids(*(getattr(self, field.name)[which] for field in fields(self)))
+
+    def signed_distance(self, points: Float[Tensor, "B P 3"]) -> Float[Tensor, "B P"]:
+        """Signed distance in metres, negative inside; exact outside boxes, cylinders and tori.
+
+        Ellipsoids use the first-order bound k0 (k0 - 1) / k1, inside a union it is the maximum
+        depth over the parts: both are zero on the surface and have its normal there.
+        """
+        local = (points[:, None] - self.center[:, :, None]) @ self.rotation
+        size, kind = self.size[:, :, None], self.kind[:, :, None]
+        radial = local[..., :2].norm(dim=-1)
+
+        q = local.abs() - (size - self.rounding[:, :, None, None])
+        box = q.clamp(min=0).norm(dim=-1) + q.amax(-1).clamp(max=0)
+        c = torch.stack([radial, local[..., 2].abs()], -1) - size[..., 1:]
+        c = c + self.rounding[:, :, None, None]
+        cylinder = c.clamp(min=0).norm(dim=-1) + c.amax(-1).clamp(max=0)
+        k0 = (local / size).norm(dim=-1)
+        k1 = (local / size**2).norm(dim=-1).clamp(min=1e-6)
+        ellipsoid = k0 * (k0 - 1) / k1
+        tube = torch.stack([radial - size[..., 0], local[..., 2]], -1).norm(dim=-1) - size[..., 1]
+
+        rounding = self.rounding[:, :, None]
+        each = torch.where(kind == BOX, box - rounding, cylinder - rounding)
+        each = torch.where(kind == ELLIPSOID, ellipsoid, each)
+        return torch.where(kind == TORUS, tube, each).amin(1)
+
+    def distance_and_normal(
+        self, points: Float[Tensor, "B P 3"]
+    ) -> tuple[Float[Tensor, "B P"], Float[Tensor, "B P 3"]]:
+        """Signed distance and its unit gradient, the outward normal on the surface."""
+        with torch.enable_grad():
+            query = points.detach().requires_grad_(True)
+            distance = self.signed_distance(query)
+            (gradient,) = torch.autograd.grad(distance.sum(), query)
+        normal = torch.nn.functional.normalize(gradient, dim=-1)
+        return distance.detach(), normal
+
+    def surface_points(
+        self, count: int, *, generator: torch.Generator
+    ) -> tuple[Float[Tensor, "B P 3"], Float[Tensor, "B P 3"]]:
+        """Points spread over the surface with their outward normals.
+
+        Random points around the solids slide down the distance field; the sharp ends of thin parts
+        get fewer points than wide faces, much as area weighting would do.
+        """
+        batch = len(self.kind)
+        used = (self.center[..., 0] < FAR / 2).float()
+        reach = torch.where(
+            self.kind == TORUS, self.size[..., :2].sum(-1), self.size.norm(dim=-1)
+        ).clamp(min=0.01)
+        drawn = count + count // 2  # a third is lost where the slide has not converged
+        part = torch.multinomial(used * reach, drawn, replacement=True, generator=generator)
+        at = torch.arange(batch)[:, None]
+        ball = torch.randn(batch, drawn, 3, generator=generator)
+        ball = ball / ball.norm(dim=-1, keepdim=True)
+        extent = torch.where(
+            (self.kind == TORUS)[..., None],
+            (self.size[..., :1] + self.size[..., 1:2]).expand(-1, -1, 3),
+            self.size,
+        )[at, part]
+        local = ball * extent * 1.2
+        points = self.center[at, part] + (self.rotation[at, part] @ local[..., None])[..., 0]
+        for _ in range(7):
+            distance, normal = self.distance_and_normal(points)
+            points = points - 0.9 * distance[..., None] * normal
+        distance, normal = self.distance_and_normal(points)
+        # in the order they were drawn: rounding is smaller on some parts, whose points would win
+        astray = (distance.abs() > ASTRAY).int()
+        keep = astray.argsort(dim=1, stable=True)[:, :count, None].expand(-1, -1, 3)
+        return points.gather(1, keep), normal.gather(1, keep)
