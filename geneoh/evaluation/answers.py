@@ -7,7 +7,6 @@ from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.denoisers.library import Baseline
-from geneoh.geometry.distance import SurfaceDistance
 from geneoh.hand.library import load_hand
 from geneoh.pipeline.denoise import RATE, scene_around
 from geneoh.pipeline.person import person_of
@@ -28,9 +27,8 @@ def answer(network: Baseline, sequence: Sequence, *, seed: int) -> Float[Tensor,
     if left:
         hand, moving = hand.mirrored(), moving.mirrored()
     person = person_of(hand, load_hand("right"))
-    fields = tuple(SurfaceDistance(mesh) for mesh in moving.meshes)
     generator = torch.Generator().manual_seed(seed)
-    scene = scene_around(fields, moving, person, paced.fps, generator=generator)
+    scene = scene_around(moving.surface(), person, paced.fps, generator=generator)
     joints = person.joints[None]
     region = scene.region(joints)
     observation = scene.observation(joints, region, given=True)

@@ -34,7 +34,6 @@ from geneoh.evaluation.telling_apart import (
     tell_apart,
 )
 from geneoh.fitting.fit import fit_keypoints
-from geneoh.geometry.distance import SurfaceDistance, query_parts
 from geneoh.geometry.mesh import Mesh
 from geneoh.hand.model import HandModel
 from geneoh.hand.skeleton import TIP_KEYPOINTS
@@ -162,13 +161,12 @@ def real_side(sequence: Sequence, hand: HandModel) -> Side:
             person.joints[None], person.trust[None], person.shaped
         )
         verts = person.shaped.verts_from_rotations(state.rotations, state.wrist).verts[0]
-    fields = tuple(SurfaceDistance(mesh) for mesh in moving.meshes)
-    posed = (moving.rotation, moving.translation)
-    gap = query_parts(fields, *posed, person.joints).distance.amin(-1)
+    surface = moving.surface()
+    gap = surface.query(person.joints).distance.amin(-1)
     valid, joints = track.valid, person.joints
     turn, shift = moving.rotation[:, 0], moving.translation[:, None, 0]
     tips = joints[:, list(TIP_KEYPOINTS)]
-    distance = query_parts(fields, *posed, verts).distance
+    distance = surface.query(verts).distance
     skin = skin_of(verts[valid], tips[valid], distance[valid], hand.faces)
     local = (joints - shift) @ turn
     near = valid & (gap < NEAR)

@@ -20,7 +20,6 @@ from geneoh.evaluation.cases import Case
 from geneoh.evaluation.exchange import stored_name
 from geneoh.evaluation.filters import TUNED, FilterKind, On, best_of_all, filtered, usable_on
 from geneoh.fitting.fit import FitConfig, fit_hand, start_from_keypoints
-from geneoh.geometry.distance import MovingSurface, SurfaceDistance
 from geneoh.hand.library import Source, load_hand
 from geneoh.pipeline.denoise import NEAR, Denoised, Options, denoise
 from geneoh.pipeline.person import person_of
@@ -134,8 +133,6 @@ class OptimisedRow:
         target = filtered(hand, TUNED["savgol", on], on, case.noisy.fps)[None]
         model = load_hand(hand.side, source=self.source, mano_dir=self.mano_dir)
         person = person_of(hand, model)
-        fields = tuple(SurfaceDistance(mesh) for mesh in moving.meshes)
-        surface = MovingSurface(fields, moving.rotation, moving.translation, within=NEAR)
         start = person.start or start_from_keypoints(target, person.shaped)
         state = fit_hand(
             target,
@@ -143,7 +140,7 @@ class OptimisedRow:
             person.shaped,
             start,
             config=FitConfig(),
-            surface=surface,
+            surface=replace(moving.surface(), within=NEAR),
         )
         posed = person.shaped.verts_from_rotations(state.rotations, state.wrist)
         return everywhere(posed.joints[0], posed.verts[0])

@@ -12,7 +12,7 @@ from torch import Tensor
 from geneoh.evaluation.cases import Case
 from geneoh.evaluation.rows import Cleaned, joints_of
 from geneoh.fitting.fit import fit_keypoints
-from geneoh.geometry.distance import SurfaceDistance, SurfaceQuery, query_parts
+from geneoh.geometry.distance import SurfaceQuery
 from geneoh.hand.library import Source, load_hand
 from geneoh.hand.skeleton import TIP_KEYPOINTS
 from geneoh.metrics.accuracy import mpjpe, mpvpe, within_spread
@@ -160,10 +160,9 @@ class Bench:
         """Nothing is measured yet."""
         self.case, self.judge = case, judge
         self.side, self.fps = case.noisy.hands[0].side, case.noisy.fps
-        self.moving = case.noisy.object
-        self.fields = tuple(SurfaceDistance(mesh) for mesh in self.moving.meshes)
+        self.surface = case.noisy.object.surface()
         generator = torch.Generator().manual_seed(seed_of("contact", case.clip))
-        self.samples = contact_points(self.fields, generator=generator)
+        self.samples = contact_points(self.surface.fields, generator=generator)
         model = load_hand(self.side, source=judge.source, mano_dir=judge.mano_dir)
         self.faces = model.faces
         self.close = judge.close(case.noisy.frames)
@@ -181,29 +180,21 @@ class Bench:
             return None
         joints = joints_of(clean)
         verts = self.judge.fitted(self.judge.person(clean), joints)
-        distance = self.query(verts).distance
+        distance = self.surface.query(verts).distance
         tips = tips_in_contact(distance, verts, joints[:, TIPS])
         return Truth(joints, verts, distance, tips, self.touched(verts))
 
-    def query(self, verts: Float[Tensor, "T V 3"]) -> SurfaceQuery:
-        """The object's answer to hand vertices."""
-        return query_parts(self.fields, self.moving.rotation, self.moving.translation, verts)
-
     def touched(self, verts: Float[Tensor, "T V 3"]) -> Bool[Tensor, "N P"]:
         """Object points in contact, in the frames that are looked at closely."""
-        rotation, translation = (
-            self.moving.rotation[self.close],
-            self.moving.translation[self.close],
-        )
-        place = (self.fields, self.samples, rotation, translation)
-        return object_contact(verts[self.close], self.faces, *place)
+        surface = self.surface.at(self.close)
+        return object_contact(verts[self.close], self.faces, surface, self.samples)
 
     def score(self, row: str, cleaned: Cleaned, seconds: float) -> Score:
         """All measures of one cleaned hand."""
         joints, verts, valid = cleaned.joints, cleaned.verts, cleaned.valid
         if verts is None:
             verts = self.judge.fitted(self.person, joints)
-        query = self.query(verts)
+        query = self.surface.query(verts)
         values = self._plausibility(joints, verts, query, valid)
         by_frame: list[float | None] = []
         by_joint: list[float | None] = []
@@ -234,22 +225,15 @@ class Bench:
         valid: Bool[Tensor, " T"],
     ) -> dict[str, float]:
         """What needs no ground truth."""
-        moving, fps = self.moving, self.fps
-        place = (self.fields, moving.rotation, moving.translation)
-        shared = intersection_volume(
-            verts[self.close],
-            self.faces,
-            self.fields,
-            moving.rotation[self.close],
-            moving.translation[self.close],
-        )
-        slip = fingertip_slip(verts, query, joints[:, TIPS], *place, fps)
+        surface, fps = self.surface, self.fps
+        shared = intersection_volume(verts[self.close], self.faces, surface.at(self.close))
+        slip = fingertip_slip(verts, query, joints[:, TIPS], surface, fps)
         accelerated = per_frame_squared(acceleration(joints, fps), fps)
         pairs = valid_differences(valid, 1)
         return {
             "volume_cm3": 1e6 * mean(shared, valid[self.close]),
             "depth_mm": 1000 * mean(penetration_depth(query.distance), valid),
-            "consistency_mm2": 1e6 * mean(motion_consistency(verts, query, *place), pairs),
+            "consistency_mm2": 1e6 * mean(motion_consistency(verts, query, surface), pairs),
             "slip_mm_s": 1000 * mean(slip, pairs),
             "acceleration_mm": mean(accelerated, valid_differences(valid, 2)),
             "jerk_m_s3": mean(jerk(joints, fps), valid_differences(valid, 3)),

@@ -1,6 +1,7 @@
 """Signed distance to meshes: exact on the triangles, signed by the winding number, in batches."""
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import igl
 import numpy as np
@@ -148,9 +149,37 @@ class MovingSurface:
     within: float | None = None
     """Broad phase, see `SurfaceDistance.query`."""
 
+    @property
+    def parts(self) -> Iterator[tuple[SurfaceDistance, Rigid]]:
+        """Each part with its pose in the world, over the frames."""
+        for part, field in enumerate(self.fields):
+            yield field, Rigid(self.rotation[:, part], self.translation[:, part])
+
+    def pose(self, frame: Int[Tensor, "*#N"], part: Int[Tensor, "*#N"]) -> Rigid:
+        """Poses in the world of some parts in some frames."""
+        return Rigid(self.rotation[frame, part], self.translation[frame, part])
+
+    def at(self, frames: Int[Tensor, " N"] | slice) -> "MovingSurface":
+        """The object in some of the frames."""
+        return replace(self, rotation=self.rotation[frames], translation=self.translation[frames])
+
     def query(self, points: Float[Tensor, "*B T P 3"]) -> SurfaceQuery:
-        """Distance to the nearest part, per frame."""
-        return query_parts(self.fields, self.rotation, self.translation, points, self.within)
+        """Distance per frame, to the nearest part: the one with the least signed distance."""
+        answers = []
+        for field, pose_world_part in self.parts:
+            found = field.query(pose_world_part.inverse().apply(points), self.within)
+            turned = found.normal @ pose_world_part.rotation.transpose(-1, -2)
+            closest = pose_world_part.apply(found.closest)
+            answers.append(SurfaceQuery(found.distance, closest, turned))
+        return nearest_of(answers)
+
+    def part_at(self, points: Float[Tensor, "T K 3"]) -> Int[Tensor, "T K"]:
+        """The part on whose surface each point lies."""
+        distances = [
+            field.query(pose_world_part.inverse().apply(points)).distance
+            for field, pose_world_part in self.parts
+        ]
+        return torch.stack(distances).abs().argmin(0)
 
     def exits(
         self, frame: Int[Tensor, " N"], points: Float[Tensor, "N 3"], ahead: Float[Tensor, "N 3"]
@@ -169,33 +198,6 @@ class MovingSurface:
             turned = (turn @ outward.to(points)[..., None])[..., 0]
             normal = torch.where(nearer[:, None], turned, normal)
         return reach, normal
-
-
-def query_parts(
-    fields: tuple[SurfaceDistance, ...],
-    rotation: Float[Tensor, "T Q 3 3"],
-    translation: Float[Tensor, "T Q 3"],
-    points_world: Float[Tensor, "*B T P 3"],
-    within: float | None = None,
-) -> SurfaceQuery:
-    """Distance to an object of Q moving parts, per frame; all answers in the world frame.
-
-    The nearest part answers: the one with the least signed distance.
-
-    Args:
-        fields: one per part, in the part's frame.
-        rotation: part to world, per frame.
-        translation: part to world, per frame, metres.
-        points_world: points of T frames.
-        within: broad phase around each part, see `SurfaceDistance.query`.
-    """
-    answers = []
-    for part, field in enumerate(fields):
-        pose_world_part = Rigid(rotation[:, part], translation[:, part])
-        found = field.query(pose_world_part.inverse().apply(points_world), within)
-        turned = found.normal @ pose_world_part.rotation.transpose(-1, -2)
-        answers.append(SurfaceQuery(found.distance, pose_world_part.apply(found.closest), turned))
-    return nearest_of(answers)
 
 
 def nearest_of(answers: list[SurfaceQuery]) -> SurfaceQuery:

@@ -1,6 +1,6 @@
 """How hand and object meet: depth, contact, and whether they move together.
 
-Distances are those of hand vertices to the object (`geometry.distance.query_parts`), signed, in
+Distances are those of hand vertices to the object (`geometry.distance.MovingSurface`), signed, in
 metres, negative inside. Definitions follow GeneOH Diffusion, C.2, where it gives one, with true
 distances to the triangles in place of nearest vertices: not to be set beside the paper's numbers.
 """
@@ -8,11 +8,10 @@ distances to the triangles in place of nearest vertices: not to be set beside th
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from torch import Tensor
 
-from geneoh.geometry.distance import SurfaceDistance, SurfaceQuery
-from geneoh.geometry.rigid import Rigid
+from geneoh.geometry.distance import MovingSurface, SurfaceQuery
 
 TOUCH = 0.005
 """Metres within which a hand point counts as touching: skin gives, and meshes are coarse."""
@@ -108,9 +107,7 @@ def proximity_error(
 def motion_consistency(
     verts: Float[Tensor, "T V 3"],
     query: SurfaceQuery,
-    fields: tuple[SurfaceDistance, ...],
-    rotation: Float[Tensor, "T Q 3 3"],
-    translation: Float[Tensor, "T Q 3"],
+    surface: MovingSurface,
 ) -> Float[Tensor, " T-1"]:
     """Hand-object motion consistency of each frame in square metres; NaN where the object rests.
 
@@ -123,17 +120,14 @@ def motion_consistency(
     Args:
         verts: hand points, world frame.
         query: what the object answered to them.
-        fields: one per part.
-        rotation: part to world.
-        translation: part to world, metres.
+        surface: the object.
     """
     gap, nearest = query.distance.abs().min(-1)
     pick = nearest[:, None, None].expand(-1, 1, 3)
     touched = query.closest.gather(1, pick)[:, 0]
-    part = part_at(touched[:, None], fields, rotation, translation)[:-1, 0]
+    part = surface.part_at(touched[:, None])[:-1, 0]
     frames = torch.arange(len(part), device=verts.device)
-    now = Rigid(rotation[frames, part], translation[frames, part])
-    later = Rigid(rotation[frames + 1, part], translation[frames + 1, part])
+    now, later = surface.pose(frames, part), surface.pose(frames + 1, part)
     step = later.compose(now.inverse()).apply(touched[:-1, None])[:, 0] - touched[:-1]
     hand_step = (verts[1:] - verts[:-1]).gather(1, pick[:-1])[:, 0]
     miss = (torch.exp(-CLOSENESS * gap[:-1, None]) * hand_step - step).square().sum(-1)
@@ -144,9 +138,7 @@ def fingertip_slip(
     verts: Float[Tensor, "T V 3"],
     query: SurfaceQuery,
     tips: Float[Tensor, "T 5 3"],
-    fields: tuple[SurfaceDistance, ...],
-    rotation: Float[Tensor, "T Q 3 3"],
-    translation: Float[Tensor, "T Q 3"],
+    surface: MovingSurface,
     fps: float,
     touch: float = TOUCH,
 ) -> Float[Tensor, " T-1"]:
@@ -161,9 +153,7 @@ def fingertip_slip(
         verts: hand points, world frame.
         query: what the object answered to them.
         tips: keypoints of the five fingertips.
-        fields: one per part.
-        rotation: part to world.
-        translation: part to world, metres.
+        surface: the object.
         fps: frames a second.
         touch: metres within which a fingertip touches.
     """
@@ -173,26 +163,11 @@ def fingertip_slip(
     frame = torch.arange(len(pick), device=verts.device)[:, None]
     stays = (nearest <= touch) & (query.distance[frame + 1, pick] <= touch)
     now, later = verts[frame, pick], verts[frame + 1, pick]
-    part = part_at(query.closest[frame, pick], fields, rotation[:-1], translation[:-1])
-    before = Rigid(rotation[frame, part], translation[frame, part])
-    after = Rigid(rotation[frame + 1, part], translation[frame + 1, part])
+    part = surface.at(slice(-1)).part_at(query.closest[frame, pick])
+    before, after = surface.pose(frame, part), surface.pose(frame + 1, part)
     # Where the vertex would be had it stayed on the part; `apply` takes sets of points.
     carried = after.compose(before.inverse()).apply(now[..., None, :])[..., 0, :]
     turned = (after.rotation @ before.rotation.mT @ query.normal[frame, pick][..., None])[..., 0]
     moved = later - carried
     along = moved - (moved * turned).sum(-1, keepdim=True) * turned
     return torch.nanmean(torch.where(stays, along.norm(dim=-1), torch.nan), dim=-1) * fps
-
-
-def part_at(
-    points: Float[Tensor, "T K 3"],
-    fields: tuple[SurfaceDistance, ...],
-    rotation: Float[Tensor, "T Q 3 3"],
-    translation: Float[Tensor, "T Q 3"],
-) -> Int[Tensor, "T K"]:
-    """The part on whose surface each point lies, in the world frame."""
-    distances = []
-    for part, field in enumerate(fields):
-        pose_world_part = Rigid(rotation[:, part], translation[:, part])
-        distances.append(field.query(pose_world_part.inverse().apply(points)).distance)
-    return torch.stack(distances).abs().argmin(0)

@@ -13,9 +13,8 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from geneoh.geometry.distance import SurfaceDistance, first_hit
+from geneoh.geometry.distance import MovingSurface, SurfaceDistance, first_hit
 from geneoh.geometry.mesh import Mesh, capped
-from geneoh.geometry.rigid import Rigid
 from geneoh.geometry.sampling import SurfaceSamples, sample_surface
 from geneoh.geometry.solid import as_arrays
 from geneoh.metrics.contact import CONTACT_MAP
@@ -40,10 +39,8 @@ def contact_points(
 def object_contact(
     verts: Float[Tensor, "T V 3"],
     faces: Int[Tensor, "F 3"],
-    fields: tuple[SurfaceDistance, ...],
+    surface: MovingSurface,
     samples: tuple[SurfaceSamples, ...],
-    rotation: Float[Tensor, "T Q 3 3"],
-    translation: Float[Tensor, "T Q 3"],
     threshold: float = CONTACT_MAP,
 ) -> Bool[Tensor, "T P"]:
     """Whether each object point has the hand within the threshold along its ray, part after part.
@@ -54,16 +51,14 @@ def object_contact(
     Args:
         verts: hand, world frame; an opening at its wrist is closed.
         faces: of the hand.
-        fields: one per part.
+        surface: the object.
         samples: points of each part, from `contact_points`.
-        rotation: part to world.
-        translation: part to world, metres.
         threshold: metres.
     """
     closed, closed_faces = capped(verts, faces)
     maps = []
-    for part, (field, points) in enumerate(zip(fields, samples, strict=True)):
-        hands = Rigid(rotation[:, part], translation[:, part]).inverse().apply(closed)
+    for (field, pose_world_part), points in zip(surface.parts, samples, strict=True):
+        hands = pose_world_part.inverse().apply(closed)
         touched = torch.zeros(len(verts), len(points.points), dtype=torch.bool)
         for frame in torch.nonzero(hands.isfinite().flatten(1).all(-1))[:, 0].tolist():
             hand = Mesh(hands[frame], closed_faces)

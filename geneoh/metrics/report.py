@@ -6,7 +6,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from geneoh.geometry.distance import SurfaceDistance, query_parts
+from geneoh.geometry.distance import MovingSurface
 from geneoh.hand.skeleton import TIP_KEYPOINTS
 from geneoh.metrics.contact import (
     TOUCH,
@@ -45,9 +45,7 @@ class InteractionReport:
 def measure(
     verts: Float[Tensor, "T V 3"],
     joints: Float[Tensor, "T 21 3"],
-    fields: tuple[SurfaceDistance, ...],
-    rotation: Float[Tensor, "T Q 3 3"],
-    translation: Float[Tensor, "T Q 3"],
+    surface: MovingSurface,
     fps: float,
     valid: Bool[Tensor, " T"] | None = None,
 ) -> InteractionReport:
@@ -56,20 +54,18 @@ def measure(
     Args:
         verts: hand, world frame.
         joints: keypoints in OpenPose order, world frame.
-        fields: one per part of the object.
-        rotation: part to world.
-        translation: part to world, metres.
+        surface: the object.
         fps: frames a second.
         valid: frames that count; all when left out.
     """
     valid = torch.ones(len(verts), dtype=torch.bool) if valid is None else valid.cpu()
-    query = query_parts(fields, rotation, translation, verts)
+    query = surface.query(verts)
     distance = query.distance[valid]
     touching = in_contact(distance)
     tips = joints[:, list(TIP_KEYPOINTS)]
     fingers = tips_in_contact(distance, verts[valid], tips[valid]).sum(-1).to(distance)
     depth = penetration_depth(distance)
-    moved = motion_consistency(verts, query, fields, rotation, translation)
+    moved = motion_consistency(verts, query, surface)
     accelerated = per_frame_squared(acceleration(joints, fps), fps)
     return InteractionReport(
         frames=int(valid.sum()),

@@ -13,9 +13,8 @@ import torch
 from jaxtyping import Float, Float64, Int
 from torch import Tensor
 
-from geneoh.geometry.distance import SurfaceDistance
+from geneoh.geometry.distance import MovingSurface, SurfaceDistance
 from geneoh.geometry.mesh import Mesh, capped, rims
-from geneoh.geometry.rigid import Rigid
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.geometry.solid import Solid
 
@@ -68,9 +67,7 @@ def body_of(field: SurfaceDistance) -> Body:
 def intersection_volume(
     verts: Float[Tensor, "T V 3"],
     faces: Int[Tensor, "F 3"],
-    fields: tuple[SurfaceDistance, ...],
-    rotation: Float[Tensor, "T Q 3 3"],
-    translation: Float[Tensor, "T Q 3"],
+    surface: MovingSurface,
     voxel: float = VOXEL,
 ) -> Float[Tensor, " T"]:
     """Volume in cubic metres that the hand shares with the object, summed over the object's parts.
@@ -84,19 +81,16 @@ def intersection_volume(
     Args:
         verts: hand, world frame; may be open at the wrist.
         faces: of the hand.
-        fields: one per part.
-        rotation: part to world.
-        translation: part to world, metres.
+        surface: the object.
         voxel: side in metres.
     """
     frames = torch.nonzero(verts.isfinite().flatten(1).all(-1))[:, 0].tolist()
     closed, closed_faces = capped(verts, faces)
     volume = torch.full_like(verts[:, 0, 0], torch.nan)
     volume[frames] = 0
-    for part, field in enumerate(fields):
+    for field, pose_world_part in surface.parts:
         body = body_of(field)
-        pose_part_world = Rigid(rotation[:, part], translation[:, part]).inverse()
-        hands = pose_part_world.apply(closed)
+        hands = pose_world_part.inverse().apply(closed)
         for frame in frames:
             low, high = hands[frame].amin(0).cpu(), hands[frame].amax(0).cpu()
             if bool((low < field.solid.high).all() and (high > field.solid.low).all()):

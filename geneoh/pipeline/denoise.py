@@ -14,7 +14,7 @@ from geneoh.errors import ConfigError, InputError
 from geneoh.fitting.adam import AdamFitConfig, fit_with_adam
 from geneoh.fitting.fit import fit_hand, fit_keypoints, start_from_keypoints
 from geneoh.fitting.terms import HandState
-from geneoh.geometry.distance import MovingSurface, SurfaceDistance
+from geneoh.geometry.distance import MovingSurface
 from geneoh.geometry.mesh import size_warning
 from geneoh.geometry.rotations import matrix_to_axis_angle
 from geneoh.geometry.sampling import sample_surface
@@ -164,8 +164,8 @@ def _clean_right_hand(
 ) -> HandResult:
     """One right hand at the networks' rate: three stages, selection, fit, measurement."""
     generator = torch.Generator().manual_seed(options.seed)
-    fields = tuple(SurfaceDistance(mesh) for mesh in moving.meshes)
-    scene = scene_around(fields, moving, person, fps, generator=generator)
+    surface = moving.surface()
+    scene = scene_around(surface, person, fps, generator=generator)
     scene = replace(scene, canonical=chosen.canonical)
     seconds: dict[str, float] = {}
 
@@ -179,8 +179,6 @@ def _clean_right_hand(
 
         return step
 
-    surface = MovingSurface(fields, moving.rotation, moving.translation, within=NEAR)
-
     with torch.no_grad():
         # the input as it came: what MotionDiff starts from, and the mesh of the comparison
         given = person.start or fit_keypoints(
@@ -188,7 +186,9 @@ def _clean_right_hand(
         )
         samples = _run_stages(denoisers, scene, person, given, chosen, heard, generator=generator)
         index, target = _select(samples, person, chosen.selection)
-        state, shaped, betas = _fit(target, person, chosen, surface, heard("fit"))
+        state, shaped, betas = _fit(
+            target, person, chosen, replace(surface, within=NEAR), heard("fit")
+        )
         posed = shaped.verts_from_rotations(state.rotations, state.wrist)
         raw = person.shaped.verts_from_rotations(given.rotations, given.wrist)
     clean = HandTrack(
@@ -201,15 +201,14 @@ def _clean_right_hand(
         hand_model=shaped.model.name,
         joint_spread=joint_spread(samples) if len(samples) > 1 else None,
     )
-    pose_of_object = (moving.rotation, moving.translation)
     seen = person.trust > 0
     return HandResult(
         track=clean,
         filled=~track.valid,
         samples=samples,
         chosen=index,
-        before=measure(raw.verts[0], person.joints, fields, *pose_of_object, fps),
-        after=measure(posed.verts[0], posed.joints[0], fields, *pose_of_object, fps),
+        before=measure(raw.verts[0], person.joints, surface, fps),
+        after=measure(posed.verts[0], posed.joints[0], surface, fps),
         moved=float((posed.joints[0] - person.joints).norm(dim=-1)[seen].mean()),
         windows=len(scene.starts),
         seconds=seconds,
@@ -218,14 +217,14 @@ def _clean_right_hand(
 
 
 def scene_around(
-    fields: tuple[SurfaceDistance, ...],
-    moving: ObjectTrack,
+    surface: MovingSurface,
     person: Person,
     fps: float,
     *,
     generator: torch.Generator,
 ) -> Scene:
     """The object's surface and motion; points are shared among parts by area."""
+    fields = surface.fields
     areas = torch.stack([field.mesh.face_vectors().norm(dim=-1).sum() for field in fields])
     counts = (SURFACE_POINTS * areas / areas.sum()).round().long().clamp(min=16)
     drawn = [
@@ -236,8 +235,8 @@ def scene_around(
         points=torch.cat([part.points for part in drawn]),
         normals=torch.cat([part.normals for part in drawn]),
         part=torch.arange(len(fields)).repeat_interleave(counts),
-        rotation=moving.rotation,
-        translation=moving.translation,
+        rotation=surface.rotation,
+        translation=surface.translation,
         trust=person.trust,
         fps=fps,
     )

@@ -7,6 +7,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from geneoh.errors import InputError
+from geneoh.geometry.distance import MovingSurface, SurfaceDistance
 from geneoh.geometry.mesh import Mesh
 from geneoh.hand.model import Side
 
@@ -78,6 +79,11 @@ class ObjectTrack:
             rotation=flip[:, None] * self.rotation * flip,
             translation=self.translation * flip,
         )
+
+    def surface(self) -> MovingSurface:
+        """What tells distances to it; builds the trees of its meshes."""
+        fields = tuple(SurfaceDistance(mesh) for mesh in self.meshes)
+        return MovingSurface(fields, self.rotation, self.translation)
 
 
 @dataclass(frozen=True)

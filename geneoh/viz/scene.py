@@ -1,6 +1,6 @@
 """What there is to see in one interaction: posed hands, the object, what is measured on them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from torch import Tensor
 
 from geneoh.errors import InputError, MissingAssetError
 from geneoh.fitting.fit import fit_keypoints
-from geneoh.geometry.distance import SurfaceDistance, query_parts
+from geneoh.geometry.distance import MovingSurface
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.rigid import Rigid
 from geneoh.hand.library import load_hand
@@ -133,14 +133,11 @@ def make_scene(
                 f"{sequence.source}: both must have the same frames, got {sequence.frames} "
                 f"against {last.frames}; cut them to the same frames"
             )
-    fields = tuple(SurfaceDistance(mesh) for mesh in last.object.meshes)
+    surface = replace(last.object.surface(), within=FAR)
     takes = tuple(
         Take(
             title,
-            tuple(
-                see_hand(hand, fields, last.object, sequence.fps, mano_dir)
-                for hand in sequence.hands
-            ),
+            tuple(see_hand(hand, surface, sequence.fps, mano_dir) for hand in sequence.hands),
         )
         for title, sequence in sequences.items()
     )
@@ -168,8 +165,7 @@ def model_for(track: HandTrack, mano_dir: Path | str | None) -> HandModel:
 
 def see_hand(
     track: HandTrack,
-    fields: tuple[SurfaceDistance, ...],
-    moving: ObjectTrack,
+    surface: MovingSurface,
     fps: float,
     mano_dir: Path | str | None = None,
 ) -> SeenHand:
@@ -187,7 +183,7 @@ def see_hand(
             flip = verts.new_tensor(MIRROR)
             verts, joints, wrist, pose = verts * flip, joints * flip, wrist * flip, pose * -flip
             model = model.mirrored()
-        distance = query_parts(fields, moving.rotation, moving.translation, verts, FAR).distance
+        distance = surface.query(verts).distance
         tips = joints[:, list(TIP_KEYPOINTS)]
         return SeenHand(
             side=track.side,

@@ -3,7 +3,7 @@ import pytest
 import torch
 import trimesh
 
-from geneoh.geometry.distance import SurfaceDistance, query_parts, signed_distance
+from geneoh.geometry.distance import MovingSurface, SurfaceDistance, signed_distance
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.rotations import axis_angle_to_matrix
 
@@ -202,7 +202,7 @@ def test_distance_moves_rigidly_with_the_object(tool):
     field, points = SurfaceDistance(tool), scattered(4, 30)
     rotation, translation = random_motion(4, 1, seed=5)
     world = points @ rotation[:, 0].mT + translation
-    found, rest = query_parts((field,), rotation, translation, world), field.query(points)
+    found, rest = MovingSurface((field,), rotation, translation).query(world), field.query(points)
     torch.testing.assert_close(found.distance, rest.distance, atol=MICROMETRE, rtol=0)
     moved = rest.closest @ rotation[:, 0].mT + translation
     torch.testing.assert_close(found.closest, moved, atol=MICROMETRE, rtol=0)
@@ -213,9 +213,9 @@ def test_the_nearest_part_answers(tool):
     ball = SurfaceDistance(mesh_of(trimesh.creation.icosphere(2, 0.03)))
     rotation, translation = random_motion(3, 2, seed=7)
     points = scattered(2, 3, 20)
-    both = query_parts((SurfaceDistance(tool), ball), rotation, translation, points)
+    both = MovingSurface((SurfaceDistance(tool), ball), rotation, translation).query(points)
     alone = [
-        query_parts((field,), rotation[:, [i]], translation[:, [i]], points)
+        MovingSurface((field,), rotation[:, [i]], translation[:, [i]]).query(points)
         for i, field in enumerate((SurfaceDistance(tool), ball))
     ]
     assert torch.equal(both.distance, torch.minimum(alone[0].distance, alone[1].distance))

@@ -5,7 +5,7 @@ import pytest
 import torch
 import trimesh
 
-from geneoh.geometry.distance import SurfaceDistance, query_parts
+from geneoh.geometry.distance import MovingSurface, SurfaceDistance
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.metrics.contact import (
@@ -44,7 +44,7 @@ def test_depth_in_a_cube_is_that_of_the_deepest_vertex(cube):
     hand = torch.tensor([[0.0, 0.0, 0.047], [0.0, 0.0, 0.08], [0.041, 0.0, 0.0]])
     outside = hand + torch.tensor([0.2, 0.0, 0.0])
     verts = torch.stack([hand, outside])
-    distance = query_parts((cube,), *still(2), verts).distance
+    distance = MovingSurface((cube,), *still(2)).query(verts).distance
     torch.testing.assert_close(penetration_depth(distance), torch.tensor([0.009, 0.0]))
 
 
@@ -53,7 +53,7 @@ def test_ball_that_sinks_into_a_ball_is_as_deep_as_their_centres_are_near():
     hand = mesh_of(trimesh.creation.icosphere(4, 0.02)).verts
     shifts = torch.tensor([0.08, 0.07, 0.066, 0.05])
     verts = hand + shifts[:, None, None] * torch.tensor([0.0, 0.0, 1.0])
-    depth = penetration_depth(query_parts((fixed,), *still(4), verts).distance)
+    depth = penetration_depth(MovingSurface((fixed,), *still(4)).query(verts).distance)
     torch.testing.assert_close(depth, (0.07 - shifts).clamp(min=0), atol=1e-4, rtol=0)
 
 
@@ -61,8 +61,8 @@ def test_depth_does_not_change_with_a_rigid_motion(cube):
     verts = torch.randn(3, 40, 3, generator=torch.Generator().manual_seed(0)) * 0.04
     rotation, translation = turning(3)
     world = verts @ rotation[:, 0].mT + translation
-    rest = penetration_depth(query_parts((cube,), *still(3), verts).distance)
-    moved = penetration_depth(query_parts((cube,), rotation, translation, world).distance)
+    rest = penetration_depth(MovingSurface((cube,), *still(3)).query(verts).distance)
+    moved = penetration_depth(MovingSurface((cube,), rotation, translation).query(world).distance)
     torch.testing.assert_close(moved, rest, atol=1e-6, rtol=0)
 
 
@@ -101,8 +101,8 @@ def touching_hand() -> torch.Tensor:
 def test_object_carried_rigidly_is_consistent(cube):
     rotation, translation = turning(6)
     verts = touching_hand() @ rotation[:, 0].mT + translation
-    query = query_parts((cube,), rotation, translation, verts)
-    found = motion_consistency(verts, query, (cube,), rotation, translation)
+    surface = MovingSurface((cube,), rotation, translation)
+    found = motion_consistency(verts, surface.query(verts), surface)
     torch.testing.assert_close(found, torch.zeros(5), atol=1e-9, rtol=0)
 
 
@@ -110,8 +110,8 @@ def test_object_that_leaves_a_resting_hand_is_as_inconsistent_as_it_is_fast(cube
     rotation, _ = still(3)
     translation = torch.tensor([[0.0, 0, 0], [0.0, 0.01, 0], [0.0, 0.01, 0.0001]])[:, None]
     verts = touching_hand().expand(3, 3, 3)
-    query = query_parts((cube,), rotation, translation, verts)
-    found = motion_consistency(verts, query, (cube,), rotation, translation)
+    surface = MovingSurface((cube,), rotation, translation)
+    found = motion_consistency(verts, surface.query(verts), surface)
     torch.testing.assert_close(found[0], torch.tensor(1e-4))
     assert bool(found[1].isnan())
 
@@ -121,8 +121,8 @@ def test_hold_of_a_distant_hand_fades(cube):
     step = torch.tensor([0.0, 0.01, 0.0])
     translation = torch.stack([0 * step, step])[:, None]
     verts = torch.tensor([[0.06, 0.0, 0.0]]) + translation
-    query = query_parts((cube,), rotation, translation, verts)
-    found = motion_consistency(verts, query, (cube,), rotation, translation)
+    surface = MovingSurface((cube,), rotation, translation)
+    found = motion_consistency(verts, surface.query(verts), surface)
     expected = torch.tensor([(1 - math.exp(-100 * 0.01)) ** 2 * 1e-4])
     torch.testing.assert_close(found, expected, rtol=1e-4, atol=0)
 
@@ -131,8 +131,8 @@ def test_hand_follows_the_part_that_it_touches(cube):
     rotation, translation = turning(5, parts=2)
     translation = translation + torch.tensor([[0.0, 0, 0], [0.5, 0, 0]])
     verts = touching_hand() @ rotation[:, 1].mT + translation[:, 1:]
-    query = query_parts((cube, cube), rotation, translation, verts)
-    found = motion_consistency(verts, query, (cube, cube), rotation, translation)
+    surface = MovingSurface((cube, cube), rotation, translation)
+    found = motion_consistency(verts, surface.query(verts), surface)
     torch.testing.assert_close(found, torch.zeros(4), atol=1e-9, rtol=0)
 
 
@@ -173,8 +173,8 @@ def sliding(
 
 def slip(cube, step, rotation, translation) -> torch.Tensor:
     verts, tips = sliding(step, rotation, translation)
-    query = query_parts((cube,), rotation, translation, verts)
-    return fingertip_slip(verts, query, tips, (cube,), rotation, translation, fps=30.0)
+    surface = MovingSurface((cube,), rotation, translation)
+    return fingertip_slip(verts, surface.query(verts), tips, surface, fps=30.0)
 
 
 def test_fingertip_that_slides_a_millimetre_a_frame_slips_at_30_mm_a_second(cube):
@@ -204,8 +204,9 @@ def test_slip_agrees_with_one_finger_and_frame_at_a_time(cube):
     local = centres.repeat_interleave(4, 0) + 0.004 * torch.randn(6, 20, 3, generator=generator)
     verts = local @ rotation[:, 0].mT + translation
     tips = (centres @ rotation[:, 0].mT) + translation
-    query = query_parts((cube,), rotation, translation, verts)
-    found = fingertip_slip(verts, query, tips, (cube,), rotation, translation, fps=30.0)
+    surface = MovingSurface((cube,), rotation, translation)
+    query = surface.query(verts)
+    found = fingertip_slip(verts, query, tips, surface, fps=30.0)
     for t in range(5):
         speeds = []
         for k in range(5):

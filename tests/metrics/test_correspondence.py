@@ -7,7 +7,7 @@ import pytest
 import torch
 import trimesh
 
-from geneoh.geometry.distance import SurfaceDistance
+from geneoh.geometry.distance import MovingSurface, SurfaceDistance
 from geneoh.geometry.mesh import Mesh, capped
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.geometry.sampling import SurfaceSamples
@@ -40,7 +40,7 @@ POINTS = contact_points((CUBE,), generator=torch.Generator().manual_seed(0))
 
 
 def found(hand: Mesh, field=CUBE, points=POINTS) -> torch.Tensor:
-    return object_contact(hand.verts[None], hand.faces, (field,), points, *STILL)[0]
+    return object_contact(hand.verts[None], hand.faces, MovingSurface((field,), *STILL), points)[0]
 
 
 @pytest.mark.parametrize(("gap", "touches"), [(0.0019, True), (0.0021, False), (-0.0019, True)])
@@ -121,23 +121,16 @@ def test_contact_does_not_change_with_a_rigid_motion_and_follows_the_parts():
     far = torch.tensor([[[0.0, 0, 0], [0.0, 0, 0.5]]])
     points = contact_points((CUBE, CUBE), generator=torch.Generator().manual_seed(0))
     assert sum(len(part.points) for part in points) == 8000
-    rest = object_contact(
-        verts, hand.model.faces, (CUBE, CUBE), points, torch.eye(3).expand(1, 2, 3, 3), far
-    )
+    still = MovingSurface((CUBE, CUBE), torch.eye(3).expand(1, 2, 3, 3), far)
+    rest = object_contact(verts, hand.model.faces, still, points)
     assert bool(rest[:, :4000].any())
     assert not bool(rest[:, 4000:].any())
     turn, shift = (
         axis_angle_to_matrix(torch.tensor([0.5, -1.0, 2.0])),
         torch.tensor([0.3, -2.0, 1.0]),
     )
-    moved = object_contact(
-        verts @ turn.T + shift,
-        hand.model.faces,
-        (CUBE, CUBE),
-        points,
-        turn.expand(1, 2, 3, 3),
-        far @ turn.T + shift,
-    )
+    away = MovingSurface((CUBE, CUBE), turn.expand(1, 2, 3, 3), far @ turn.T + shift)
+    moved = object_contact(verts @ turn.T + shift, hand.model.faces, away, points)
     # rounding of float32 two metres away moves a few points over the 2 mm
     assert float(contact_agreement(moved, rest).iou) > 0.98
 
@@ -145,8 +138,8 @@ def test_contact_does_not_change_with_a_rigid_motion_and_follows_the_parts():
 def test_frames_without_a_hand_have_no_contact_and_the_hand_agrees_with_itself():
     hand = above(0.001)
     verts = torch.stack([hand.verts, torch.full_like(hand.verts, torch.nan)])
-    still = torch.eye(3).expand(2, 1, 3, 3), torch.zeros(2, 1, 3)
-    contact = object_contact(verts, hand.faces, (CUBE,), POINTS, *still)
+    still = MovingSurface((CUBE,), torch.eye(3).expand(2, 1, 3, 3), torch.zeros(2, 1, 3))
+    contact = object_contact(verts, hand.faces, still, POINTS)
     assert contact.any(-1).tolist() == [True, False]
     agreement = contact_agreement(contact, contact)
     assert float(agreement.iou) == float(agreement.f_score) == 1.0

@@ -6,7 +6,7 @@ import pytest
 import torch
 import trimesh
 
-from geneoh.geometry.distance import SurfaceDistance, query_parts
+from geneoh.geometry.distance import MovingSurface, SurfaceDistance
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.metrics.accuracy import mpjpe, mpvpe
@@ -77,7 +77,7 @@ def distance_to_ball(point: torch.Tensor) -> float:
 def test_depth_proximity_and_overlap_of_contact():
     ours, truth = points(6, 2), points(6, 3)
     slow = [[[distance_to_ball(p) for p in frame] for frame in verts] for verts in (ours, truth)]
-    fast = [query_parts((FIELD,), *STILL, verts).distance for verts in (ours, truth)]
+    fast = [MovingSurface((FIELD,), *STILL).query(verts).distance for verts in (ours, truth)]
     for t in range(FRAMES):
         deepest = max(0.0, *(-d for d in slow[0][t]))
         # a tenth of a millimetre, the bound on depths
@@ -97,8 +97,9 @@ def test_motion_consistency():
     translation = steps.cumsum(0)
     rotation = axis_angle_to_matrix(8 * translation)
     verts = points(6, 4) + translation
-    query = query_parts((FIELD,), rotation, translation, verts)
-    fast = motion_consistency(verts, query, (FIELD,), rotation, translation)
+    surface = MovingSurface((FIELD,), rotation, translation)
+    query = surface.query(verts)
+    fast = motion_consistency(verts, query, surface)
     for t in range(FRAMES - 1):
         local = [rotation[t, 0].T @ (v - translation[t, 0]) for v in verts[t]]
         gaps = [abs(distance_to_ball(v)) for v in local]

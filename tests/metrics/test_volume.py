@@ -10,7 +10,7 @@ import pytest
 import torch
 import trimesh
 
-from geneoh.geometry.distance import SurfaceDistance
+from geneoh.geometry.distance import MovingSurface, SurfaceDistance
 from geneoh.geometry.mesh import Mesh, capped
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
@@ -59,8 +59,9 @@ def finger(depth: float) -> Mesh:
 
 def volume_of(hand: Mesh, *parts: Mesh, voxel: float = 0.001) -> float:
     fields = tuple(SurfaceDistance(part) for part in parts)
-    still = torch.eye(3).expand(1, len(parts), 3, 3), torch.zeros(1, len(parts), 3)
-    return float(intersection_volume(hand.verts[None], hand.faces, fields, *still, voxel=voxel))
+    turn = torch.eye(3).expand(1, len(parts), 3, 3)
+    surface = MovingSurface(fields, turn, torch.zeros(1, len(parts), 3))
+    return float(intersection_volume(hand.verts[None], hand.faces, surface, voxel=voxel))
 
 
 @pytest.mark.parametrize("apart", [0.02, 0.04, 0.05])
@@ -106,13 +107,13 @@ def test_finger_in_a_bowl_without_thickness_shares_the_wall_it_is_given():
 
 
 SHIFTS = torch.tensor([[0.0307, 0.0113, 0.0004], [0.0452, 0.0003, 0.0004], [0.2, 0.0, 0.0]])
-STILL = (torch.eye(3).expand(3, 1, 3, 3), torch.zeros(3, 1, 3))
 CUBE, HAND = SurfaceDistance(mesh_of(box(0.06))), mesh_of(box(0.04))
+STILL = MovingSurface((CUBE,), torch.eye(3).expand(3, 1, 3, 3), torch.zeros(3, 1, 3))
 EXPECTED = (0.05 - SHIFTS.abs()).clamp(0, 0.04).prod(-1)
 
 
 def test_boxes_that_overlap_share_a_box():
-    found = intersection_volume(HAND.verts + SHIFTS[:, None], HAND.faces, (CUBE,), *STILL)
+    found = intersection_volume(HAND.verts + SHIFTS[:, None], HAND.faces, STILL)
     torch.testing.assert_close(found, EXPECTED, rtol=0.02, atol=1e-10)
 
 
@@ -164,29 +165,29 @@ def test_volume_does_not_change_with_a_rigid_motion(keep):
     rotation = axis_angle_to_matrix(torch.tensor([[0.5, -1.0, 2.0]] * 3))[:, None]
     translation = torch.tensor([0.3, -0.2, 0.5]).expand(3, 1, 3)
     moved = verts @ rotation[:, 0].mT + translation
-    rest = intersection_volume(verts, faces, (CUBE,), *STILL)
-    found = intersection_volume(moved, faces, (CUBE,), rotation, translation)
+    rest = intersection_volume(verts, faces, STILL)
+    found = intersection_volume(moved, faces, MovingSurface((CUBE,), rotation, translation))
     torch.testing.assert_close(found, rest, rtol=1e-3, atol=1e-10)
 
 
 def test_frames_without_a_hand_have_no_volume():
     verts = (HAND.verts + SHIFTS[:, None]).clone()
     verts[0] = torch.nan
-    found = intersection_volume(verts, HAND.faces, (CUBE,), *STILL)
+    found = intersection_volume(verts, HAND.faces, STILL)
     assert found.isnan().tolist() == [True, False, False]
 
 
 def test_a_hundred_times_the_triangles_take_at_most_ten_times_as_long():
     hand = load_hand("right").shaped(torch.zeros(10))
     verts = hand.verts + torch.tensor([0.08, 0.01, 0.0]) + 0.0002 * torch.arange(8)[:, None, None]
-    still = torch.eye(3).expand(8, 1, 3, 3), torch.zeros(8, 1, 3)
     spent, peaks, volumes = [], [], []
     for rings in (32, 320):
         torus = trimesh.creation.torus(0.03, 0.012, major_sections=rings, minor_sections=rings)
         field = SurfaceDistance(mesh_of(torus))
+        surface = MovingSurface((field,), torch.eye(3).expand(8, 1, 3, 3), torch.zeros(8, 1, 3))
         tracemalloc.start()
         start = time.process_time()
-        volumes.append(intersection_volume(verts, hand.model.faces, (field,), *still))
+        volumes.append(intersection_volume(verts, hand.model.faces, surface))
         spent.append(time.process_time() - start)
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
