@@ -47,7 +47,7 @@ class FitConfig:
     """Weight of a finger joint's change between frames, 1/rad."""
     steady_wrist: float = 0.5
     """Weight of the wrist's turn (1/rad) between frames; its position is left to the keypoints."""
-    depth_std: float = 0.001
+    depth_std: float = 0.0015
     """Penetration that counts as much as a keypoint off by `joint_std`, metres. Flesh gives way,
     meshes do not: recordings sink by millimetres, and to bar it all costs accuracy."""
     touch: float = 0.003

@@ -16,11 +16,12 @@ from geneoh.representation.parameters import HandParameters
 from geneoh.synthesis.motion import wander
 from geneoh.synthesis.natural import NATURAL_STD
 
-SHARE = 0.7
+SHARE = 0.85
 """Share of the windows whose hand moves more than it was made to."""
-PERIODS = (4.0, 10.0, 25.0)
-"""Frames over which such motion changes; each window has a mixture of its own."""
-TURN, SHIFT, FINGERS = (0.006, 0.4), (0.0006, 0.02), (0.01, 0.8)
+PERIODS, SLOW = (1.0, 2.0, 4.0, 10.0, 25.0), 0.3
+"""Frames over which such motion changes; each window has a mixture of its own, in which a motion
+counts by that power of its period. The fastest are the unrest of a real ground truth."""
+TURN, SHIFT, FINGERS = (0.02, 0.4), (0.0006, 0.02), (0.05, 0.8)
 """Smallest and largest deviation, log-uniform: turn about the fingertips (rad), shift (m), fingers
 (in natural deviations of each joint)."""
 STYLE_SHARE, STYLE_STD = 0.5, (0.4 * NATURAL_STD).clamp(min=0.04)
@@ -36,7 +37,7 @@ def varied(hand: HandParameters, *, generator: torch.Generator) -> HandParameter
         return torch.rand(batch, *shape, generator=generator)
 
     bands = [wander(batch, frames, 51, period, generator=generator) for period in PERIODS]
-    share = uniform(1, 1, len(PERIODS))
+    share = uniform(1, 1, len(PERIODS)) * torch.tensor(PERIODS) ** SLOW
     share = share / share.square().sum(-1, keepdim=True).sqrt()
     motion = (torch.stack(bands, dim=-1) * share).sum(-1)
     lively = (uniform(1, 1) < SHARE).float()
