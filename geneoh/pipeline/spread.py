@@ -6,7 +6,7 @@ from torch import Tensor
 
 from geneoh.denoisers.answers import filter_kernels
 
-SCALE = 3.0
+SCALE = 2.48
 """Samples tell what a network does not know, not where it is wrong: answers are off by so many
 times the deviation over samples. See `python -m geneoh.evaluation.calibration`."""
 LASTING = 10.0
