@@ -92,6 +92,18 @@ def filtered_changes(
     return many.change_to(goal)
 
 
+def tip_gaps(
+    hand: HandParameters,
+    nearest: Float[Tensor, "B T 21 3"],
+    normals: Float[Tensor, "B T 21 3"],
+) -> tuple[Float[Tensor, "B T 5 3"], Float[Tensor, "B T 5 3"], Float[Tensor, "B T 5 1"]]:
+    """Fingertips, the way from each to where its pad touches the surface, and how far that is."""
+    joints, _ = hand.posed
+    tips = joints[:, :, list(TIP_KEYPOINTS)]
+    gap = (nearest + PAD * normals)[:, :, list(TIP_KEYPOINTS)] - tips
+    return tips, gap, gap.norm(dim=-1, keepdim=True)
+
+
 def whole_hand_to_touch(
     hand: HandParameters,
     nearest: Float[Tensor, "B T 21 3"],
@@ -105,10 +117,8 @@ def whole_hand_to_touch(
     tracker that is off stays off in these) and one turn in the hand's. Far tips count less, and
     along its plane a tip may slide.
     """
-    joints, _ = hand.posed
-    tips, outward = joints[:, :, list(TIP_KEYPOINTS)], normals[:, :, list(TIP_KEYPOINTS)]
-    gap = nearest[:, :, list(TIP_KEYPOINTS)] + PAD * outward - tips
-    apart = gap.norm(dim=-1, keepdim=True)
+    tips, gap, apart = tip_gaps(hand, nearest, normals)
+    outward = normals[:, :, list(TIP_KEYPOINTS)]
 
     # tip by tip, how a shift and a turn about the wrist move it
     arm = -skew(tips - hand.wrist[:, :, None]) @ hand.turn[:, :, None]
@@ -138,9 +148,7 @@ def fingers_to_touch(
     Damped least squares, finger by finger. Far tips count less.
     """
     joints, turns = hand.posed
-    tips = joints[:, :, list(TIP_KEYPOINTS)]
-    gap = (nearest + PAD * normals)[:, :, list(TIP_KEYPOINTS)] - tips
-    apart = gap.norm(dim=-1, keepdim=True)
+    tips, gap, apart = tip_gaps(hand, nearest, normals)
 
     # how a turn of each of a finger's joints moves the tip
     last = torch.tensor(TIP_PARENTS)
