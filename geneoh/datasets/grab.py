@@ -75,7 +75,7 @@ def touching(clip: Clip) -> dict[Side, Array]:
     # Not through `Record.array`: as float64 the labels of a dense mesh take eight times the memory.
     if not isinstance(labels, np.ndarray) or labels.ndim != 2 or labels.dtype.kind not in "iu":
         raise contact.refuse("object", "whole numbers of shape (T, V)")
-    return {side: np.isin(labels, parts).any(axis=1) for side, parts in HAND_LABELS.items()}
+    return {side: np.any(np.isin(labels, parts), axis=1) for side, parts in HAND_LABELS.items()}
 
 
 def read_object(stated: Record, name: str, root: Path, known: Known) -> Mesh:

@@ -70,15 +70,20 @@ class ObservedMotion:
     def shown(self) -> "Shown":
         """What the network reads, in the palm's axes: the same at every noise level."""
         axes = palm_axes(self.joints)  # so that a hand looks the same however it is turned
-        return Shown(axes, self.answers(axes), self.gaps(axes), self.features(axes))
+        offset = (self.nearest - self.joints) @ axes[:, None]
+        return Shown(axes, self.answers(axes), self.gaps(offset), self.features(axes, offset))
 
-    def features(self, axes: Float[Tensor, "B 3 3"]) -> Float[Tensor, "B T F"]:
-        """Input per frame in the given axes (columns): hand, jitter, surface, object, trust."""
+    def features(
+        self, axes: Float[Tensor, "B 3 3"], offset: Float[Tensor, "B T 21 3"]
+    ) -> Float[Tensor, "B T F"]:
+        """Input per frame in the given axes (columns): hand, jitter, surface, object, trust.
+
+        `offset` goes from the keypoints to the surface, in these axes.
+        """
         hand, joints = self.hand, self.joints @ axes[:, None]
         wrist, turn = joints[:, :, :1], axes[:, None].transpose(-1, -2) @ hand.turn
         six = matrix_to_rotation_6d(turn)
         fingers = hand.fingers.flatten(2)
-        offset = self.nearest @ axes[:, None] - joints
         apart = offset.norm(dim=-1)
         near = torch.exp(-apart / TOUCH_SCALE)
         height = -(offset * (self.normals @ axes[:, None])).sum(-1)
@@ -102,9 +107,8 @@ class ObservedMotion:
         changes = simple_answers(self.hand, self.trust, self.nearest, self.normals, self.rotation)
         return turned(changes, axes[:, None, None])
 
-    def gaps(self, axes: Float[Tensor, "B 3 3"]) -> Float[Tensor, "B T G"]:
+    def gaps(self, offset: Float[Tensor, "B T 21 3"]) -> Float[Tensor, "B T G"]:
         """From each keypoint to the surface (cm), less the farther it is, and the fingers' pose."""
-        offset = (self.nearest - self.joints) @ axes[:, None]
         near = torch.exp(-offset.norm(dim=-1, keepdim=True) / GAP_SCALE)
         fingers = self.hand.fingers.flatten(2) / UNIT[-1]
         return torch.cat([(offset * near / 0.01).flatten(2), fingers], dim=-1)

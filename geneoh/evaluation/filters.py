@@ -153,7 +153,7 @@ def best_of_all(
     hand: HandTrack, truth: Float[Tensor, "T 21 3"], fps: float
 ) -> tuple[Filter, On, Float[Tensor, "T 21 3"]]:
     """Of all filters and sizes, on whatever the track has, the one nearest to the ground truth."""
-    tried = [
+    tried: list[tuple[Filter, On, Tensor]] = [
         (chosen, on, filtered(hand, chosen, on, fps))
         for on in usable_on(hand)
         for sizes in GRID.values()

@@ -16,7 +16,7 @@ from geneoh.hand.skeleton import FINGERS
 
 EXTRA = 'pip install "geneoh[plots]"'
 """What brings matplotlib."""
-STYLE = {
+STYLE: Any = {
     "svg.fonttype": "none",  # text stays text: small, and searchable
     "svg.hashsalt": "geneoh",
     "font.size": 9,

@@ -260,7 +260,7 @@ def measures(real: Side, synthetic: Side) -> list[Measure]:
     """Every measure of both sources."""
     found = []
 
-    def add(name: str, unit: str, ours: Tensor, theirs: Tensor, scale: float = 1.0) -> None:
+    def add(name: str, unit: str, ours: Tensor, theirs: Tensor, *, scale: float = 1.0) -> None:
         values = scale * ours.flatten(), scale * theirs.flatten()
         spreads = spread_of(values[0]), spread_of(values[1])
         found.append(Measure(name, unit, *spreads, ks_distance(*values)))
