@@ -2,7 +2,7 @@
 
 A filter's size is either tuned once, on validation clips and over all noises (`TUNED`, made by
 `python -m geneoh.evaluation.tuning`): what a careful user could do. Or it is the best on the very
-clip, chosen with the ground truth in hand (`best_of_all`): better than anybody can use it.
+clip, chosen with the ground truth in hand (`best_filtered`): better than anybody can use it.
 """
 
 import math
@@ -149,14 +149,11 @@ def usable_on(hand: HandTrack) -> tuple[On, ...]:
     return ("keypoints",) if hand.pose is None else ("keypoints", "parameters")
 
 
-def best_of_all(
-    hand: HandTrack, truth: Float[Tensor, "T 21 3"], fps: float
-) -> tuple[Filter, On, Float[Tensor, "T 21 3"]]:
-    """Of all filters and sizes, on whatever the track has, the one nearest to the ground truth."""
-    tried: list[tuple[Filter, On, Tensor]] = [
-        (chosen, on, filtered(hand, chosen, on, fps))
-        for on in usable_on(hand)
-        for sizes in GRID.values()
-        for chosen in sizes
+def best_filtered(
+    hand: HandTrack, truth: Float[Tensor, "T 21 3"], on: On, fps: float
+) -> tuple[Filter, Float[Tensor, "T 21 3"]]:
+    """Of all filters and sizes the one nearest to the ground truth, and what it makes."""
+    tried = [
+        (chosen, filtered(hand, chosen, on, fps)) for sizes in GRID.values() for chosen in sizes
     ]
-    return min(tried, key=lambda made: float((made[2] - truth).norm(dim=-1).mean()))
+    return min(tried, key=lambda made: float((made[1] - truth).norm(dim=-1).mean()))

@@ -129,7 +129,8 @@ def named_rows(name: RowName, choices: Choices) -> Iterator[Row]:
             yield FilterRow(name, "keypoints")
             yield FilterRow(name, "parameters")
         case "best-filter":
-            yield BestFilterRow()
+            yield BestFilterRow("keypoints")
+            yield BestFilterRow("parameters")
         case "optimisation":
             yield OptimisedRow(choices.options.hand, choices.options.mano_dir)
         case "toch" | "regression":

@@ -12,7 +12,7 @@ from geneoh.evaluation.filters import (
     GRID,
     TUNED,
     Filter,
-    best_of_all,
+    best_filtered,
     filtered,
     one_euro,
     smooth,
@@ -109,11 +109,12 @@ def test_keypoints_alone_are_filtered_as_keypoints(hand):
     assert usable_on(hand) == ("keypoints", "parameters")
 
 
-def test_the_best_of_all_is_best_among_its_peers(hand):
+@pytest.mark.parametrize("on", ["keypoints", "parameters"])
+def test_the_best_filter_is_best_among_its_peers(hand, on):
     made = Filter("gaussian", 3.0)
-    truth = filtered(hand, made, "keypoints", FPS)
-    chosen, on, joints = best_of_all(hand, truth, FPS)
-    assert (chosen, on) == (made, "keypoints")
+    truth = filtered(hand, made, on, FPS)
+    chosen, joints = best_filtered(hand, truth, on, FPS)
+    assert chosen == made
     assert torch.equal(joints, truth)
 
 

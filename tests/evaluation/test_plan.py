@@ -42,7 +42,8 @@ def test_every_row_of_the_paper_and_of_a_sceptic_can_be_asked_for():
         "input",
         "Gaussian on keypoints",
         "Gaussian on parameters",
-        "best filter, told the truth †",
+        "best filter on keypoints, told the truth †",
+        "best filter on parameters, told the truth †",
         "optimisation only",
         "geneoh default",
         "geneoh fast",
@@ -55,7 +56,7 @@ def test_baselines_without_weights_stay_out_and_are_told(monkeypatch, tmp_path):
     monkeypatch.setattr("geneoh.denoisers.library.SHIPPED", tmp_path)
     rows, notes = rows_of(replace(SMALL, rows=()))
     assert [row.name for row in rows][-1] == "geneoh default"
-    assert len(rows) == 6
+    assert len(rows) == 7
     assert [note.split(":")[0] for note in notes] == ["no row toch", "no row regression"]
     assert "geneoh train --stage toch" in notes[0]
     assert len(rows_of(replace(SMALL, rows=("toch",)))[0]) == 1  # asked for by name, it must fail

@@ -9,7 +9,7 @@ from geneoh.evaluation import plots
 from geneoh.evaluation.report import Evaluation, write_report
 from geneoh.evaluation.scores import MEASURES, Score
 
-ROWS = ("input", "best filter, told the truth †", "geneoh default")
+ROWS = ("input", "best filter on keypoints, told the truth †", "geneoh default")
 NUMBERS = {measure.key: 10.0 for measure in MEASURES}
 
 
