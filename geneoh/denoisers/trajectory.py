@@ -6,7 +6,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from geneoh.denoisers.base import FEATURES, Observation
+from geneoh.denoisers.answers import FILTERS, filter_kernels
+from geneoh.denoisers.base import HAND_SCALE, palm_axes
 from geneoh.diffusion.precondition import denoised
 from geneoh.nn.blocks import FrameTransformer, zeroed
 
@@ -21,35 +22,37 @@ class TrajectoryConfig:
 
 
 class TrajectoryDenoiser(nn.Module):
-    """A transformer over frames that maps noisy canonical keypoints to clean ones."""
+    """A transformer over frames that maps noisy canonical keypoints to clean ones.
+
+    It sees nothing else. Like `MotionDenoiser` it mixes the noisy sample with low-pass filtered
+    ones, frame by frame and coordinate by coordinate.
+    """
 
     def __init__(self, config: TrajectoryConfig) -> None:
         """Build the network; its last layers start at zero, so it starts as the skip path."""
         super().__init__()
         self.config = config
-        self.embed = nn.Linear(63 + FEATURES, config.width)
+        count = 1 + len(FILTERS)
+        self.embed = nn.Linear(63 * count, config.width)
         self.trunk = FrameTransformer(config.width, config.depth, config.heads)
         self.head = zeroed(nn.Linear(config.width, 63))
-        self.gate = zeroed(nn.Linear(config.width, 63))
+        self.mix = zeroed(nn.Linear(config.width, 63 * count))
 
     def forward(
-        self,
-        x: Float[Tensor, "B T 21 3"],
-        sigma: Float[Tensor, " B"],
-        observation: Observation,
+        self, x: Float[Tensor, "B T 21 3"], sigma: Float[Tensor, " B"]
     ) -> Float[Tensor, "B T 21 3"]:
         """The clean canonical keypoints seen in `x` = clean + sigma * noise, metres."""
-        axes = observation.palm()
-        observation = observation.turned(axes)
-        features = observation.features()
+        axes = palm_axes(x)[:, None]  # so that a hand looks much the same however it is turned
+        kernels = filter_kernels(torch.ones_like(x[:, :, 0, 0]), FILTERS)
 
         def network(scaled: Tensor, level: Tensor) -> Tensor:
-            tokens = self.embed(torch.cat([scaled.flatten(2), features], dim=-1))
-            tokens = self.trunk(tokens, level.flatten())
-            # the gate scales the sample itself: how far this input's observation is to be trusted
-            out = self.head(tokens) + self.gate(tokens) * scaled.flatten(2)
-            return out.unflatten(-1, (21, 3))
+            flat = scaled.flatten(2)
+            seen = torch.cat([flat[:, None], kernels @ flat[:, None]], dim=1).transpose(1, 2)
+            tokens = self.trunk(self.embed(seen.flatten(2)), level.flatten())
+            mix = self.mix(tokens).unflatten(-1, seen.shape[2:])
+            return (self.head(tokens) + (mix * seen).sum(2)).unflatten(-1, (21, 3))
 
-        sigma, scale = sigma[:, None, None, None], observation.scale[:, None, None, None]
-        clean = denoised(network, x @ axes[:, None], observation.anchor, sigma, scale)
-        return clean @ axes[:, None].transpose(-1, -2)
+        sigma = sigma[:, None, None, None]
+        scale = torch.full_like(sigma, HAND_SCALE)
+        clean = denoised(network, x @ axes, torch.zeros_like(x), sigma, scale)
+        return clean @ axes.mT

@@ -43,9 +43,9 @@ class FitConfig:
     """Weight of the relaxed pose against one deviation of a keypoint."""
     limit: float = 20.0
     """Weight of overshooting a joint limit, 1/rad."""
-    steady_finger: float = 4.0
+    steady_finger: float = 16.0
     """Weight of a finger joint's change between frames, 1/rad."""
-    steady_wrist: float = 0.5
+    steady_wrist: float = 4.0
     """Weight of the wrist's turn (1/rad) between frames; its position is left to the keypoints."""
     depth_std: float = 0.0015
     """Penetration that counts as much as a keypoint off by `joint_std`, metres. Flesh gives way,

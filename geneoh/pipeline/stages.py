@@ -199,13 +199,11 @@ def denoise_trajectory(
     on_step: OnStep | None = None,
 ) -> Float[Tensor, "S T 21 3"]:
     """MotionDiff as the paper has it: world keypoints with natural canonical trajectories."""
-    region = scene.region(joints)
-    observation = scene.observation(joints, region, given=False)
     return _denoise_keypoints(
-        lambda canon, level: model(canon, level, observation),
+        model,
         joints,
         scene,
-        region,
+        scene.region(joints),
         plan,
         generator=generator,
         on_step=on_step,

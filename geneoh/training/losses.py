@@ -1,5 +1,7 @@
 """The loss of each stage: one batch to one number, and what a validation batch is scored by."""
 
+from dataclasses import replace
+
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
@@ -25,8 +27,8 @@ LEAN = 4.0
 """A stage that sees the observation trains most where the sample says next to nothing: what the
 observation says is hard to learn, the last steps are easy."""
 START = 2.0
-"""Noise level at which a stage is scored, that of level 400: where the sample says next to nothing,
-so that the score is of what the observation says."""
+"""Noise level at which a stage is scored, that of level 400 (MotionDiff: its highest): where the
+sample says next to nothing, so that the score is of what the observation says."""
 FPS = 30.0
 
 
@@ -87,8 +89,8 @@ def trajectory_loss(
     clean = batch.clean_canon
     sigma = draw_sigma(len(clean), generator=generator).to(clean) * HAND_SCALE
     noise = normal_like(clean, generator=generator)
-    predicted = model(clean + sigma[:, None, None, None] * noise, sigma, batch.observation)
-    weight = loss_weight(sigma, batch.observation.scale)
+    predicted = model(clean + sigma[:, None, None, None] * noise, sigma)
+    weight = loss_weight(sigma, torch.full_like(sigma, HAND_SCALE))
     return (weight * (predicted - clean).square().mean((1, 2, 3))).mean()
 
 
@@ -195,19 +197,20 @@ def recovered_fraction(
     Below 1 the stage helps; measured on keypoints, or on latents (temporal).
     """
     given = torch.ones_like(batch.observation.given)
-    observation = type(batch.observation)(batch.observation.joints, batch.observation.trust, given)
+    observation = replace(batch.observation, given=given)
     noisy, clean = observation.joints, batch.clean_canon
     sigma = given * START
     match model:
         case MotionDenoiser():
             hand = batch.motion.hand
             change = torch.zeros_like(hand.change_to(hand))
-            noise = START * normal_like(change, generator=generator)
-            got = hand.moved(model(change + noise, sigma, batch.motion)).joints
+            start = MOTION_SIGMA_RANGE[1]
+            noise = start * normal_like(change, generator=generator)
+            got = hand.moved(model(change + noise, start * given, batch.motion)).joints
             noisy = hand.joints
         case TrajectoryDenoiser():
             noise = START * HAND_SCALE * normal_like(noisy, generator=generator)
-            got = model(noisy + noise, sigma * HAND_SCALE, observation)
+            got = model(noisy + noise, sigma * HAND_SCALE)
         case SpatialDenoiser():
             region = batch.region
             noise = START * HAND_SCALE * normal_like(noisy, generator=generator)
