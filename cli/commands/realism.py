@@ -12,6 +12,7 @@ from .. import options
 @click.argument("recording", type=options.INPUT_FILE)
 @options.obj
 @options.data
+@click.option("--lively", is_flag=True, help="With the unrest that training adds to made hands.")
 @options.output
 @options.side
 @options.fps
@@ -19,6 +20,7 @@ def realism(
     recording: Path,
     obj: tuple[Path, ...],
     data: Path,
+    lively: bool,
     output: Path | None,
     side: Any,
     fps: float | None,
@@ -37,7 +39,7 @@ def realism(
 
     hand = load_hand("right")
     real = real_side(geneoh.load(recording, obj=obj, side=side, fps=fps), hand)
-    report = compare_sides(real, synthetic_side(data, hand))
+    report = compare_sides(real, synthetic_side(data, hand, lively=lively))
     for line in table(report):
         click.echo(line)
     if output is not None:

@@ -7,7 +7,7 @@ what hands do, so the classifier's accuracy has a control beside it: how well si
 are told from all the others in the same way.
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -35,15 +35,19 @@ from geneoh.evaluation.telling_apart import (
 )
 from geneoh.fitting.fit import fit_keypoints
 from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.hand.model import HandModel
 from geneoh.hand.skeleton import TIP_KEYPOINTS
 from geneoh.metrics.contact import TOUCH, in_contact, penetration_depth, tips_in_contact
 from geneoh.metrics.frames import valid_differences
 from geneoh.pipeline.person import person_of
+from geneoh.representation.parameters import HandParameters
 from geneoh.sequence.resample import at_rate
 from geneoh.sequence.tracks import Sequence
+from geneoh.synthesis.motion import Interactions
 from geneoh.synthesis.replay import replay_shard
 from geneoh.synthesis.shards import find_shards, seed_of
+from geneoh.training.variety import varied
 
 FPS = 30.0
 SHARDS, CLIPS = 8, 96
@@ -173,11 +177,17 @@ def real_side(sequence: Sequence, hand: HandModel) -> Side:
     return Side(joints[None], local[None], valid[None], near[None], skin)
 
 
-def synthetic_side(folder: Path, hand: HandModel) -> Side:
-    """Clips of training shards, spread over the folder's."""
+def synthetic_side(folder: Path, hand: HandModel, *, lively: bool = False) -> Side:
+    """Clips of training shards, spread over the folder's.
+
+    Args:
+        folder: of the shards.
+        hand: whose skin is measured.
+        lively: as networks learn from them, with the unrest that training adds.
+    """
     paths = find_shards(folder, "train")
     at = torch.linspace(0, len(paths) - 1, min(SHARDS, len(paths))).round().long().tolist()
-    sides = [shard_side(paths[i], hand) for i in at]
+    sides = [shard_side(paths[i], hand, lively=lively) for i in at]
 
     def joined(name: str) -> Tensor:
         return torch.cat([getattr(side, name) for side in sides])
@@ -189,10 +199,13 @@ def synthetic_side(folder: Path, hand: HandModel) -> Side:
 
 
 @torch.no_grad()
-def shard_side(path: Path, hand: HandModel) -> Side:
+def shard_side(path: Path, hand: HandModel, *, lively: bool) -> Side:
     """The first clips of one shard."""
     shard = replay_shard(path, hand)
     shard = shard.chosen(torch.arange(min(CLIPS, len(shard.clips.wrist))))
+    if lively:
+        generator = torch.Generator().manual_seed(seed_of("lively", path.name))
+        shard = replace(shard, clips=livelier(shard.clips, generator=generator))
     world = shard.joints
     local = shard.in_object(world)
     every = torch.arange(world.shape[1]).expand(len(world), -1)
@@ -203,6 +216,15 @@ def shard_side(path: Path, hand: HandModel) -> Side:
     tips = posed.joints[:, :, list(TIP_KEYPOINTS)].flatten(0, 1)
     skin = skin_of(posed.verts.flatten(0, 1), tips, distance, hand.faces)
     return Side(world, local, torch.ones_like(gap, dtype=torch.bool), gap < NEAR, skin)
+
+
+def livelier(clips: Interactions, *, generator: torch.Generator) -> Interactions:
+    """The same clips with the unrest that training adds to their hands."""
+    turns = axis_angle_to_matrix(clips.pose[:, :, 0])
+    hand = HandParameters(clips.wrist, turns, clips.pose[:, :, 1:], clips.offsets)
+    hand = varied(hand, generator=generator)
+    pose = torch.cat([matrix_to_axis_angle(hand.turn)[:, :, None], hand.fingers], dim=2)
+    return replace(clips, wrist=hand.wrist, pose=pose)
 
 
 def compare_sides(real: Side, synthetic: Side) -> Realism:

@@ -44,8 +44,8 @@ class FitConfig:
     limit: float = 20.0
     """Weight of overshooting a joint limit, 1/rad."""
     steady_finger: float = 16.0
-    """Weight of a finger joint's change between frames, 1/rad. A quarter of it jitters more and is no
-    nearer to the truth."""
+    """Weight of a finger joint's change between frames, 1/rad. A quarter of it jitters more and
+    is no nearer to the truth."""
     steady_wrist: float = 4.0
     """Weight of the wrist's turn (1/rad) between frames; its position is left to the keypoints."""
     depth_std: float = 0.0015

@@ -26,6 +26,7 @@ from geneoh.evaluation.realism import (
 from geneoh.evaluation.telling_apart import BLOCK, SNIPPET, VIEWS
 from geneoh.geometry.mesh import Mesh
 from geneoh.hand.library import load_hand
+from geneoh.hand.skeleton import bone_lengths
 from geneoh.sequence.tracks import HandTrack, ObjectTrack, Sequence
 from geneoh.synthesis import shards
 from geneoh.synthesis.grasps import Checks, synthesize_grasps
@@ -182,6 +183,12 @@ def test_synthetic_clips_are_measured_frame_by_frame(tmp_path, monkeypatch):
     assert found.world.shape == (2, 40, 21, 3), "two training shards, one clip of each"
     assert len(found.skin.depth) == 2 * 40 // realism.SKIN_EVERY
     assert bool((found.skin.touching | (found.skin.depth == 0)).all())
+
+    lively = synthetic_side(tmp_path, hand, lively=True)
+    assert torch.equal(lively.world, synthetic_side(tmp_path, hand, lively=True).world)
+    torch.testing.assert_close(bone_lengths(lively.world), bone_lengths(found.world))
+    calm, restless = (each.object.diff(n=2, dim=1).norm(dim=-1).mean() for each in (found, lively))
+    assert restless > 2 * calm
 
 
 def test_the_table_has_a_line_for_each_measure_and_view():
