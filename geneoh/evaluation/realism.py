@@ -35,7 +35,6 @@ from geneoh.evaluation.telling_apart import (
 )
 from geneoh.fitting.fit import fit_keypoints
 from geneoh.geometry.mesh import Mesh
-from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.hand.model import HandModel
 from geneoh.hand.skeleton import TIP_KEYPOINTS
 from geneoh.metrics.contact import TOUCH, in_contact, penetration_depth, tips_in_contact
@@ -220,11 +219,9 @@ def shard_side(path: Path, hand: HandModel, *, lively: bool) -> Side:
 
 def livelier(clips: Interactions, *, generator: torch.Generator) -> Interactions:
     """The same clips with the unrest that training adds to their hands."""
-    turns = axis_angle_to_matrix(clips.pose[:, :, 0])
-    hand = HandParameters(clips.wrist, turns, clips.pose[:, :, 1:], clips.offsets)
+    hand = HandParameters.of_pose(clips.wrist, clips.pose, clips.offsets)
     hand = varied(hand, generator=generator)
-    pose = torch.cat([matrix_to_axis_angle(hand.turn)[:, :, None], hand.fingers], dim=2)
-    return replace(clips, wrist=hand.wrist, pose=pose)
+    return replace(clips, wrist=hand.wrist, pose=hand.pose)
 
 
 def compare_sides(real: Side, synthetic: Side) -> Realism:

@@ -33,6 +33,21 @@ class HandParameters:
     offsets: Float[Tensor, "*B 20 3"]
     """The person's skeleton (see `geneoh.hand.skeleton`)."""
 
+    @classmethod
+    def of_pose(
+        cls,
+        wrist: Float[Tensor, "*B T 3"],
+        pose: Float[Tensor, "*B T 16 3"],
+        offsets: Float[Tensor, "*B 20 3"],
+    ) -> "HandParameters":
+        """Hands of whole poses, axis-angle with the global rotation first."""
+        return cls(wrist, axis_angle_to_matrix(pose[..., 0, :]), pose[..., 1:, :], offsets)
+
+    @property
+    def pose(self) -> Float[Tensor, "*B T 16 3"]:
+        """Axis-angle of the global rotation and the finger joints."""
+        return torch.cat([matrix_to_axis_angle(self.turn)[..., None, :], self.fingers], dim=-2)
+
     @cached_property
     def posed(self) -> tuple[Float[Tensor, "*B T 21 3"], Float[Tensor, "*B T 16 3 3"]]:
         """Keypoints and the joints' global rotations by forward kinematics."""

@@ -14,7 +14,6 @@ from geneoh.diffusion.schedule import descending_sigmas
 from geneoh.geometry.rotations import (
     axis_angle_to_matrix,
     interpolate_rotations,
-    matrix_to_axis_angle,
 )
 from geneoh.representation.parameters import HandParameters
 from geneoh.representation.region import ContactRegion, contact_region
@@ -132,16 +131,11 @@ def draw_batch(
     at = pick[:, None]
     rotation, translation = data.rotation[at, window], data.translation[at, window]
     pose, wrist = data.pose[at, window], data.wrist[at, window]
-    orient = axis_angle_to_matrix(pose[:, :, 0])
-    clean = HandParameters(wrist, orient, pose[:, :, 1:], data.offsets[pick])
+    clean = HandParameters.of_pose(wrist, pose, data.offsets[pick])
     clean = varied(clean, generator=generator)
     noise = draw_corruption(size, frames, generator=generator)
-    orient = matrix_to_axis_angle(clean.turn)
-    noisy = HandParameters(
-        clean.wrist + noise.translation,
-        axis_angle_to_matrix(orient + noise.pose[:, :, 0]),
-        clean.fingers + noise.pose[:, :, 1:],
-        clean.offsets,
+    noisy = HandParameters.of_pose(
+        clean.wrist + noise.translation, clean.pose + noise.pose, clean.offsets
     )
     noisy = filled(noisy, noise.keep)
     points, normals = data.points[pick], data.normals[pick]

@@ -27,6 +27,14 @@ def test_joints_are_those_of_forward_kinematics():
     assert torch.equal(hand.joints, want)
 
 
+def test_a_hand_of_a_pose_has_that_pose():
+    hand = hands(5)
+    made = HandParameters.of_pose(hand.wrist, hand.pose, hand.offsets)
+    assert torch.equal(made.fingers, hand.fingers)
+    torch.testing.assert_close(made.turn, hand.turn, atol=1e-5, rtol=0)
+    torch.testing.assert_close(made.joints, hand.joints, atol=1e-5, rtol=0)
+
+
 def test_the_change_to_another_hand_makes_that_hand():
     first, second = hands(1), hands(2)
     made = first.moved(first.change_to(second))
