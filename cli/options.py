@@ -5,6 +5,7 @@ from pathlib import Path
 
 import click
 
+from geneoh.choices import SIDES
 from geneoh.errors import ConfigError
 
 INPUT_FILE = click.Path(dir_okay=False, path_type=Path)
@@ -34,7 +35,7 @@ seed = click.option(
 )
 side = click.option(
     "--side",
-    type=click.Choice(["left", "right"]),
+    type=click.Choice(SIDES),
     help="Which hand, where the file does not say; of two hands, the one to take.",
 )
 fps = click.option("--fps", type=float, help="Frames a second, where the file does not say.")

@@ -19,7 +19,7 @@ def progress_bars() -> Iterator[OnProgress]:
     began = time.monotonic()
     bar = None
 
-    def heard(stage: str, done: int, total: int) -> None:
+    def on_progress(stage: str, done: int, total: int) -> None:
         nonlocal bar
         if bar is None or bar.desc != stage:
             if bar is not None:
@@ -30,7 +30,7 @@ def progress_bars() -> Iterator[OnProgress]:
         bar.update(done - bar.n)
 
     try:
-        yield heard
+        yield on_progress
     finally:
         if bar is not None:
             bar.close()

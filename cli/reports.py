@@ -5,7 +5,7 @@ from pathlib import Path
 
 from geneoh.metrics.report import before_and_after
 from geneoh.pipeline.denoise import Denoised
-from geneoh.sequence.tracks import Sequence
+from geneoh.sequence.sequence import Sequence
 
 
 def denoised(sequence: Sequence, result: Denoised, output: Path) -> Iterator[str]:

@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from geneoh.datasets.catalogue import SOURCES
+from geneoh.choices import JOINT_ORDERS, TRANSLATIONS
+from geneoh.readers.registry import SOURCES
 
 if TYPE_CHECKING:
-    from geneoh.datasets.base import Known
-    from geneoh.datasets.convert import Outcome
-    from geneoh.sequence.tracks import Sequence
+    from geneoh.readers.base import ReaderOptions
+    from geneoh.readers.convert import Outcome
+    from geneoh.sequence.sequence import Sequence
 
 MESH_FILE = click.Path(dir_okay=False, path_type=Path)
 FOLDER = click.Path(file_okay=False, path_type=Path)
-ORDERS = ("openpose", "mano", "fphab", "aria", "webxr", "openxr")
 
 OPTIONS = (
     click.option("--objects", type=FOLDER, help="Folder of the data set's object meshes."),
@@ -25,10 +25,10 @@ OPTIONS = (
         type=MESH_FILE,
         help="npy of (T, 4, 4) object to the hand's frame, for sources without an object.",
     ),
-    click.option("--joint-order", type=click.Choice(ORDERS), help="Of bare keypoints."),
+    click.option("--joint-order", type=click.Choice(JOINT_ORDERS), help="Of bare keypoints."),
     click.option(
         "--translation",
-        type=click.Choice(["wrist", "origin"]),
+        type=click.Choice(TRANSLATIONS),
         help="What a bare parameter array's translation moves.",
     ),
     click.option(
@@ -63,14 +63,14 @@ def known_of(
     object_pose: Path | None = None,
     joint_order: str | None = None,
     **rest: Any,
-) -> "Known":
+) -> "ReaderOptions":
     """What the caller said, with its files read."""
-    from geneoh.datasets.base import Known
-    from geneoh.datasets.records import read_array
     from geneoh.geometry.mesh import load_mesh
+    from geneoh.readers.base import ReaderOptions
+    from geneoh.readers.records import read_array
 
     shapes = (("T", 4, 4), ("T", "Q", 4, 4))
-    return Known(
+    return ReaderOptions(
         mano_dir=mano,
         meshes=tuple(load_mesh(path) for path in obj),
         object_pose=None if object_pose is None else read_array(object_pose, *shapes),
@@ -92,8 +92,8 @@ def read(
 ) -> "Sequence":
     """The sequence in a file of any layout, or the one recording of a named source, checked."""
     import geneoh
-    from geneoh.datasets.convert import read_one
-    from geneoh.sequence.checks import check_sequence
+    from geneoh.readers.convert import read_one
+    from geneoh.sequence.validation import check_sequence
 
     if source is not None:
         known = known_of(mano, obj, side=side, fps=fps, **said)

@@ -12,18 +12,18 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from geneoh.pipeline.denoise import Denoised, Options, denoise
-    from geneoh.sequence.files import load
-    from geneoh.sequence.files import save_sequence as save
-    from geneoh.sequence.tracks import HandTrack, ObjectTrack, Sequence
+    from geneoh.readers.npz_files import load
+    from geneoh.readers.npz_files import save_sequence as save
+    from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
 __all__ = ["Denoised", "HandTrack", "ObjectTrack", "Options", "Sequence", "denoise", "load", "save"]
 
 _HOMES = {
-    "load": ("geneoh.sequence.files", "load"),
-    "save": ("geneoh.sequence.files", "save_sequence"),
-    "HandTrack": ("geneoh.sequence.tracks", "HandTrack"),
-    "ObjectTrack": ("geneoh.sequence.tracks", "ObjectTrack"),
-    "Sequence": ("geneoh.sequence.tracks", "Sequence"),
+    "load": ("geneoh.readers.npz_files", "load"),
+    "save": ("geneoh.readers.npz_files", "save_sequence"),
+    "HandTrack": ("geneoh.sequence.sequence", "HandTrack"),
+    "ObjectTrack": ("geneoh.sequence.sequence", "ObjectTrack"),
+    "Sequence": ("geneoh.sequence.sequence", "Sequence"),
     "Denoised": ("geneoh.pipeline.denoise", "Denoised"),
     "Options": ("geneoh.pipeline.denoise", "Options"),
     "denoise": ("geneoh.pipeline.denoise", "denoise"),

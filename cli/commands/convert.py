@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 
-from geneoh.datasets.catalogue import SOURCES
+from geneoh.readers.registry import SOURCES
 
 from .. import options, sources
 
@@ -39,8 +39,8 @@ def convert(
     Writes one npz for each recording, the meshes of its objects beside them in objects/, and says
     what it could not read. A clip that fails --check is not written.
     """
-    from geneoh.datasets.convert import convert as converted
-    from geneoh.datasets.convert import find_clips, source_named
+    from geneoh.readers.convert import convert as converted
+    from geneoh.readers.convert import find_clips, source_named
 
     from .. import progress
 
@@ -49,12 +49,12 @@ def convert(
     chosen, tally = source_named(source), sources.Tally()
     clips = find_clips(chosen, list(paths))
     click.echo(f"found {len(clips)} clip{'s' * (len(clips) != 1)} of {chosen.title}")
-    with progress.progress_bars() as heard:
+    with progress.progress_bars() as on_progress:
         outcomes = converted(chosen, clips, folder, sources.known_of(**known), check=check)
         for done, outcome in enumerate(outcomes, 1):
             for line in tally.lines(outcome):
                 click.echo(line)
-            heard("clips", done, len(clips))
+            on_progress("clips", done, len(clips))
     click.echo(tally.summary(folder))
     if tally.failed:
         raise click.exceptions.Exit(2)

@@ -5,9 +5,9 @@ from typing import Any
 
 import click
 
-from .. import options
+from geneoh.choices import NOISES
 
-NOISES = ("gauss", "gauss_strong", "beta", "bias", "drift", "burst", "drop")
+from .. import options
 
 
 @click.command()
@@ -27,7 +27,7 @@ def corrupt(
     """
     import torch
 
-    from geneoh.sequence.files import load_sequence, save_sequence
+    from geneoh.readers.npz_files import load_sequence, save_sequence
     from geneoh.sequence.noise import corrupt_sequence
 
     sequence = load_sequence(clean, side=side, fps=fps)

@@ -5,7 +5,8 @@ from typing import Any
 
 import click
 
-from geneoh.datasets.catalogue import SOURCES
+from geneoh.choices import PRESETS, SELECTIONS
+from geneoh.readers.registry import SOURCES
 
 from .. import options, sources
 
@@ -24,7 +25,7 @@ from .. import options, sources
 @options.output
 @click.option(
     "--preset",
-    type=click.Choice(["default", "paper", "fast"]),
+    type=click.Choice(PRESETS),
     default="default",
     show_default=True,
     help="How: our best, as the paper does it, or quickly.",
@@ -35,7 +36,7 @@ from .. import options, sources
 @click.option(
     "--select",
     "selection",
-    type=click.Choice(["closest", "mean"]),
+    type=click.Choice(SELECTIONS),
     help="Which sample is kept: the one closest to the input, or the mean.",
 )
 @click.option("--steps", type=int, help="Denoiser calls per stage, instead of the preset's.")
@@ -81,8 +82,8 @@ def denoise(
     asked = {name: chosen.pop(name) for name in ("source", "clip", "side", "fps", *sources.NAMES)}
     settings = geneoh.Options(mano_dir=mano, **chosen)
     sequence = sources.read(noisy, obj, mano=mano, **asked)
-    with progress.progress_bars() as heard:
-        result = geneoh.denoise(sequence, settings, on_progress=heard)
+    with progress.progress_bars() as on_progress:
+        result = geneoh.denoise(sequence, settings, on_progress=on_progress)
     output = output or sources.beside(noisy)
     save_result(result, settings, output)
     for line in reports.denoised(sequence, result, output):

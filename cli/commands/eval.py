@@ -5,18 +5,10 @@ from typing import Any
 
 import click
 
+from geneoh.choices import ABLATIONS, CASE_NOISES, DATASETS, METHODS, PRESETS, SELECTIONS
+
 from .. import options
 
-DATASETS = ("synthetic", "taco", "grab", "grab-beta", "hoi4d", "arctic")
-NOISES = (
-    *("gauss", "gauss_strong", "beta", "bias", "drift", "burst", "drop"),
-    *("paper", "recorded", "clean"),
-)
-ROWS = (
-    *("input", "savgol", "gaussian", "one-euro", "best-filter"),
-    *("optimisation", "toch", "regression", "geneoh"),
-)
-PARTS = ("motion", "spatial", "temporal", "canonical", "diffusion", "fit")
 FOLDER = click.Path(file_okay=False, path_type=Path)
 
 
@@ -25,7 +17,7 @@ FOLDER = click.Path(file_okay=False, path_type=Path)
 @click.option("--root", type=FOLDER, help="Your copy of the data set; or its GENEOH_DATA_NAME.")
 @click.option(
     *("--noise", "noises"),
-    type=click.Choice(NOISES),
+    type=click.Choice(CASE_NOISES),
     multiple=True,
     help="Noise on the clips, may be repeated; clean is none. The data set has its own.",
 )
@@ -38,13 +30,13 @@ FOLDER = click.Path(file_okay=False, path_type=Path)
 @click.option("--limit", type=click.IntRange(min=1), help="Clips at most.")
 @click.option(
     *("--row", "rows"),
-    type=click.Choice(ROWS),
+    type=click.Choice(METHODS),
     multiple=True,
     help="Ways of cleaning, may be repeated; all but gaussian and one-euro otherwise.",
 )
 @click.option(
     *("--preset", "presets"),
-    type=click.Choice(["default", "paper", "fast"]),
+    type=click.Choice(PRESETS),
     multiple=True,
     default=("default",),
     show_default=True,
@@ -52,7 +44,7 @@ FOLDER = click.Path(file_okay=False, path_type=Path)
 )
 @click.option(
     *("--ablate", "ablations"),
-    type=click.Choice(PARTS),
+    type=click.Choice(ABLATIONS),
     multiple=True,
     help="Add a row of geneoh without this part, may be repeated.",
 )
@@ -73,7 +65,7 @@ FOLDER = click.Path(file_okay=False, path_type=Path)
 @click.option("--samples", type=click.IntRange(min=1), help="Of geneoh; the preset has its own.")
 @click.option(
     *("--select", "selection"),
-    type=click.Choice(["closest", "mean"]),
+    type=click.Choice(SELECTIONS),
     help="Which sample is kept: the one closest to the input, or the mean.",
 )
 @click.option("--hand", type=click.Choice(["embedded", "mano"]), default="embedded")
@@ -110,7 +102,7 @@ def eval(
     regression trained on our data; geneoh. Prints tables and writes scores.csv, evaluation.json,
     report.md and report.html. Started again, it goes on where it was stopped.
     """
-    from geneoh.evaluation.exchange import write_inputs
+    from geneoh.evaluation.external_results import write_inputs
     from geneoh.evaluation.plan import cases_of, cores, evaluate
     from geneoh.evaluation.report import write_report
     from geneoh.evaluation.tables import as_text
@@ -122,7 +114,7 @@ def eval(
         click.echo(f"wrote {write_inputs(cases_of(choices), inputs)} clips to {inputs}")
         return
     folder = folder or Path("runs", "eval", choices.dataset)
-    with progress.progress_bars() as heard:
+    with progress.progress_bars() as on_progress:
         made = evaluate(
             choices,
             folder,
@@ -130,7 +122,7 @@ def eval(
             jobs=jobs or cores(),
             fresh=fresh,
             pages=pages,
-            on_progress=lambda done, total: heard("eval", done, total),
+            on_progress=lambda done, total: on_progress("eval", done, total),
         )
     for line in as_text(made.blocks):
         click.echo(line)

@@ -34,7 +34,7 @@ def realism(
 
     import geneoh
     from geneoh.evaluation.realism import compare_sides, real_side, synthetic_side, table
-    from geneoh.files import write_whole
+    from geneoh.files.atomic import write_whole
     from geneoh.hand.library import load_hand
 
     hand = load_hand("right")

@@ -40,15 +40,15 @@ def synthesize(data: Path, count: int, seed: int) -> None:
     from .. import progress
 
     config, hand, sheet = SynthesisConfig(count=count), load_hand("right"), data / "sheet.png"
-    with progress.progress_bars() as heard:
+    with progress.progress_bars() as on_progress:
         made = write_shards(
             data,
             config,
             hand,
             seed=seed,
-            on_shard=partial(heard, "shards"),
+            on_shard=partial(on_progress, "shards"),
         )
         if made or not sheet.exists():
             clips = one_of_each(data, hand)
-            save_picture(contact_sheet(clips, on_picture=partial(heard, "sheet")), sheet)
+            save_picture(contact_sheet(clips, on_picture=partial(on_progress, "sheet")), sheet)
     click.echo(f"{data}: {made} shards made, of {config.shard} interactions each; see {sheet}")

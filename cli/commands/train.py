@@ -5,10 +5,9 @@ from typing import Any
 
 import click
 
-from .. import options
+from geneoh.choices import STAGES
 
-STAGES = ("motion", "spatial", "temporal", "trajectory", "toch", "regression")
-"""The three stages, MotionDiff as the paper has it, and two baselines of `geneoh eval`."""
+from .. import options
 
 
 @click.command()
@@ -51,7 +50,7 @@ def train(
     chosen = configured(TrainConfig(), options.find_config(config or stage), settings)
     parts = read_shards(data, "train"), read_shards(data, "val")
     before = load_motion(folder) if stage in ("spatial", "temporal") else None
-    with progress.progress_bars() as heard:
+    with progress.progress_bars() as on_progress:
         path = fit(
             stage,
             chosen,
@@ -60,6 +59,6 @@ def train(
             device=devices.named(device),
             before=before,
             made=shard_record(find_shards(data, "train")[0]),
-            on_step=lambda now: heard(stage, now.step, now.steps),
+            on_step=lambda now: on_progress(stage, now.step, now.steps),
         )
     click.echo(f"wrote {path}")

@@ -5,6 +5,8 @@ from typing import Any
 
 import click
 
+from geneoh.choices import COLOURINGS
+
 from .. import options
 
 
@@ -26,7 +28,7 @@ from .. import options
 @click.option(
     "--colour",
     "colouring",
-    type=click.Choice(["penetration", "contact", "spread", "plain"]),
+    type=click.Choice(COLOURINGS),
     default="penetration",
     show_default=True,
     help="What the hand's colour tells in pictures and films.",
@@ -69,8 +71,8 @@ def view(
     if serve:
         from geneoh.viz.serve import Gallery, find_clips
 
-        with progress.progress_bars() as heard:
-            clips = find_clips(files, obj, opened, on_clip=partial(heard, "clips"))
+        with progress.progress_bars() as on_progress:
+            clips = find_clips(files, obj, opened, on_clip=partial(on_progress, "clips"))
         gallery = Gallery(clips, up=look.upward, port=port)
         click.echo(f"{len(clips)} clips at {gallery.address}, Ctrl-C ends")
         gallery.run()
@@ -79,6 +81,6 @@ def view(
         check_ending(output)
     scene = opened(files, obj)
     for output in outputs or (files[0].with_suffix(".html"),):
-        with progress.progress_bars() as heard:
-            write(scene, output, look, on_step=partial(heard, output.name))
+        with progress.progress_bars() as on_progress:
+            write(scene, output, look, on_step=partial(on_progress, output.name))
         click.echo(f"wrote {output}")

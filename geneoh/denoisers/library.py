@@ -3,28 +3,23 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, TypeVar
 
 import torch
 from torch import nn
-from typing_extensions import assert_never
 
 from geneoh.denoisers.motion import MotionConfig, MotionDenoiser
-from geneoh.denoisers.regression import RegressionConfig, RegressionDenoiser
 from geneoh.denoisers.spatial import SpatialConfig, SpatialDenoiser
 from geneoh.denoisers.temporal import TemporalConfig, TemporalDenoiser
-from geneoh.denoisers.toch import TochAutoencoder, TochConfig
 from geneoh.denoisers.trajectory import TrajectoryConfig, TrajectoryDenoiser
 from geneoh.errors import CheckpointError
 from geneoh.nn.checkpoint import Checkpoint, load_checkpoint
 
 SHIPPED = Path(__file__).parent / "assets"
-"""Folder of the weights inside the package, STAGE.safetensors, and those of the baselines."""
-STAGES = ("motion", "spatial", "temporal")
+"""Folder of the weights inside the package, STAGE.safetensors."""
+CLEANING_STAGES = ("motion", "spatial", "temporal")
 """What a folder of weights must hold to clean with it."""
 
-Baseline = TochAutoencoder | RegressionDenoiser
-BaselineName = Literal["toch", "regression"]
 Network = TypeVar("Network", bound=nn.Module)
 
 
@@ -56,7 +51,7 @@ def load_denoisers(
         CheckpointError: a file is missing or does not fit its network.
     """
     folder = folder or SHIPPED
-    names = (*STAGES, "trajectory") if trajectory else STAGES
+    names = (*CLEANING_STAGES, "trajectory") if trajectory else CLEANING_STAGES
     saved = {name: load_checkpoint(folder / f"{name}.safetensors") for name in names}
 
     def rebuilt(stage: str, build: Callable[[dict[str, Any]], Network]) -> Network:
@@ -86,7 +81,7 @@ def weights_of(name: str, folder: Path | None) -> Path:
     What is no stage need not be in the user's folder.
     """
     given = None if folder is None else folder / f"{name}.safetensors"
-    if given is not None and (name in STAGES or given.is_file()):
+    if given is not None and (name in CLEANING_STAGES or given.is_file()):
         return given
     return SHIPPED / f"{name}.safetensors"
 
@@ -97,25 +92,6 @@ def load_motion(folder: Path) -> MotionDenoiser:
     path = folder / "motion.safetensors"
     path = path if path.exists() else SHIPPED / path.name
     return restored(load_checkpoint(path), "motion", motion_of, path)
-
-
-def load_baseline(name: BaselineName, folder: Path | None = None) -> Baseline:
-    """The network of a baseline that `geneoh eval` scores, the shipped one by default.
-
-    Raises:
-        CheckpointError: the file is missing or does not fit its network.
-    """
-    path = (folder or SHIPPED) / f"{name}.safetensors"
-    saved = load_checkpoint(path)
-    match name:
-        case "toch":
-            return restored(saved, name, lambda sizes: TochAutoencoder(TochConfig(**sizes)), path)
-        case "regression":
-            return restored(
-                saved, name, lambda sizes: RegressionDenoiser(RegressionConfig(**sizes)), path
-            )
-        case _:
-            assert_never(name)
 
 
 def restored(

@@ -12,8 +12,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from geneoh.denoisers.answers import ANSWERS, simple_answers
 from geneoh.denoisers.base import HAND_SCALE, palm_axes
+from geneoh.denoisers.candidate_corrections import ANSWERS, simple_answers
 from geneoh.diffusion.precondition import denoised
 from geneoh.geometry.rotations import matrix_to_axis_angle, matrix_to_rotation_6d
 from geneoh.hand.skeleton import bone_lengths

@@ -6,8 +6,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from geneoh.denoisers.answers import FILTERS, filter_kernels
 from geneoh.denoisers.base import HAND_SCALE, palm_axes
+from geneoh.denoisers.candidate_corrections import FILTERS, filter_kernels
 from geneoh.diffusion.precondition import denoised
 from geneoh.nn.blocks import FrameTransformer, zeroed
 

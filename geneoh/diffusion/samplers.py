@@ -26,7 +26,7 @@ def normal_like(x: Float[Tensor, "*S"], *, generator: torch.Generator) -> Float[
     return torch.randn(x.shape, generator=generator).to(x)
 
 
-def opposed(
+def antithetic_noise(
     x: Float[Tensor, "*S"], *, samples: int, generator: torch.Generator
 ) -> Float[Tensor, "*S"]:
     """Standard normal noise; the second half of the samples has that of the first turned round.
@@ -99,7 +99,7 @@ def denoise_via_diffusion(
 ) -> Float[Tensor, "*S"]:
     """Algorithm 1 of the paper: noise the input up to sigmas[0], then run the learned way back.
 
-    Samples lie along the first axis and start from opposed noise (see `opposed`).
+    Samples lie along the first axis and start from antithetic_noise noise (see `antithetic_noise`).
     "direct" is its ablation: the model's answer to the input, which it is told has that noise.
     """
     if sampler == "direct":
@@ -107,7 +107,7 @@ def denoise_via_diffusion(
         if on_step is not None:
             on_step(1, 1)
         return clean
-    noised = x + sigmas[0] * opposed(x, samples=samples, generator=generator)
+    noised = x + sigmas[0] * antithetic_noise(x, samples=samples, generator=generator)
     match sampler:
         case "ancestral":
             return sample_ancestral(model, noised, sigmas, generator=generator, on_step=on_step)

@@ -6,12 +6,12 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.denoisers.library import Baseline
+from geneoh.baselines.library import Baseline
 from geneoh.hand.library import load_hand
-from geneoh.pipeline.denoise import RATE, scene_around
-from geneoh.pipeline.person import person_of
+from geneoh.pipeline.denoise import RATE, stage_context
+from geneoh.pipeline.subject import subject_of
 from geneoh.sequence.resample import at_rate, over_frames
-from geneoh.sequence.tracks import HandTrack, Sequence
+from geneoh.sequence.sequence import HandTrack, Sequence
 
 
 @torch.no_grad()
@@ -26,14 +26,14 @@ def answer(network: Baseline, sequence: Sequence, *, seed: int) -> Float[Tensor,
     left = hand.side == "left"
     if left:
         hand, moving = hand.mirrored(), moving.mirrored()
-    person = person_of(hand, load_hand("right"))
+    subject = subject_of(hand, load_hand("right"))
     generator = torch.Generator().manual_seed(seed)
-    scene = scene_around(moving.surface(), person, paced.fps, generator=generator)
-    joints = person.joints[None]
-    region = scene.region(joints)
-    observation = scene.observation(joints, region, given=True)
+    context = stage_context(moving.surface(), subject, paced.fps, generator=generator)
+    joints = subject.joints[None]
+    region = context.region(joints)
+    observation = context.observation(joints, region, given=True)
     answered = network(observation, region.points_canon, region.normals_canon)
-    world = scene.blend(region.to_world(answered))[0]
+    world = context.blend(region.to_world(answered))[0]
     track = HandTrack("right", torch.ones_like(hand.valid), joints=world)
     track = track.mirrored() if left else track
     back = over_frames(replace(paced, hands=(track,)), sequence.frames).hands[0].joints

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
-from geneoh.sequence.tracks import Sequence
+from geneoh.sequence.sequence import Sequence
 
 
 @dataclass(frozen=True)

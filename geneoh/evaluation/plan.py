@@ -4,19 +4,17 @@ import os
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal, get_args
 
 from typing_extensions import assert_never
 
+from geneoh.baselines.library import BASELINES, baseline_weights
+from geneoh.choices import Ablation, MethodName, PresetName
 from geneoh.config import as_dict
-from geneoh.denoisers.library import STAGES, BaselineName, weights_of
+from geneoh.denoisers.library import CLEANING_STAGES, weights_of
 from geneoh.errors import ConfigError, MissingAssetError
 from geneoh.evaluation.cases import Pending
-from geneoh.evaluation.exchange import StoredTwin
-from geneoh.evaluation.protocols import SEEDS, ProtocolOptions, find_cases
-from geneoh.evaluation.records import digest, open_record, provenance
-from geneoh.evaluation.report import Evaluation
-from geneoh.evaluation.rows import (
+from geneoh.evaluation.external_results import StoredTwin
+from geneoh.evaluation.methods import (
     BaselineRow,
     BestFilterRow,
     FilterRow,
@@ -26,15 +24,14 @@ from geneoh.evaluation.rows import (
     PredictionsRow,
     Row,
 )
+from geneoh.evaluation.protocols import SEEDS, ProtocolOptions, find_cases
+from geneoh.evaluation.records import digest, open_record, provenance
+from geneoh.evaluation.report import Evaluation
 from geneoh.evaluation.run import page_of, run, tasks_of
 from geneoh.evaluation.scores import Judge, Key, Score
 from geneoh.pipeline.denoise import Options
-from geneoh.pipeline.presets import Ablation, PresetName
 
-FilterName = Literal["savgol", "gaussian", "one-euro", "best-filter"]
-RowName = Literal["input", FilterName, "optimisation", "toch", "regression", "geneoh"]
-ROWS: tuple[RowName, ...] = get_args(RowName)
-DEFAULT_ROWS: tuple[RowName, ...] = (
+DEFAULT_ROWS: tuple[MethodName, ...] = (
     *("input", "savgol", "best-filter", "optimisation"),
     *("toch", "regression", "geneoh"),
 )
@@ -43,7 +40,6 @@ DEFAULT_SEEDS: dict[str, tuple[int, ...]] = {"synthetic": SEEDS[:1]}
 """Where clips are many, one noise for each says as much as three; elsewhere the paper's seeds."""
 DEFAULT_CLOSE_FRAMES: dict[str, int] = {"synthetic": 5}
 """Many short clips: a few frames of each say as much as many frames of a few."""
-BASELINES: tuple[BaselineName, ...] = get_args(BaselineName)
 
 
 @dataclass(frozen=True)
@@ -57,7 +53,7 @@ class Choices:
     seeds: tuple[int, ...] = ()
     """None: the paper's, or what `DEFAULT_SEEDS` has."""
     limit: int | None = None
-    rows: tuple[RowName, ...] = ()
+    rows: tuple[MethodName, ...] = ()
     """None: `DEFAULT_ROWS`, but for baselines whose weights are not there."""
     presets: tuple[PresetName, ...] = ("default",)
     ablations: tuple[Ablation, ...] = ()
@@ -99,7 +95,7 @@ def rows_of(choices: Choices) -> tuple[tuple[Row, ...], tuple[str, ...]]:
     notes: list[str] = []
     for name in choices.rows or DEFAULT_ROWS:
         if name in BASELINES and not choices.rows:
-            path = weights_of(name, choices.options.weights)
+            path = baseline_weights(name, choices.options.weights)
             if not path.is_file():
                 notes.append(f"no row {name}: no weights; `geneoh train --stage {name}` makes them")
                 continue
@@ -120,7 +116,7 @@ def rows_of(choices: Choices) -> tuple[tuple[Row, ...], tuple[str, ...]]:
     return tuple(rows), tuple(notes)
 
 
-def named_rows(name: RowName, choices: Choices) -> Iterator[Row]:
+def named_rows(name: MethodName, choices: Choices) -> Iterator[Row]:
     """The rows behind one name."""
     match name:
         case "input":
@@ -134,7 +130,7 @@ def named_rows(name: RowName, choices: Choices) -> Iterator[Row]:
         case "optimisation":
             yield OptimisedRow(choices.options.hand, choices.options.mano_dir)
         case "toch" | "regression":
-            yield BaselineRow(name, weights_of(name, choices.options.weights).parent)
+            yield BaselineRow(name, baseline_weights(name, choices.options.weights).parent)
         case "geneoh":
             for preset in choices.presets:
                 yield GeneohRow(replace(choices.options, preset=preset))
@@ -148,7 +144,8 @@ def named_rows(name: RowName, choices: Choices) -> Iterator[Row]:
 def settings_of(choices: Choices) -> dict[str, object]:
     """All that scores depend on but the case and the row themselves."""
     options = choices.options
-    files = [weights_of(name, options.weights) for name in (*STAGES, "trajectory", *BASELINES)]
+    files = [weights_of(name, options.weights) for name in (*CLEANING_STAGES, "trajectory")]
+    files += [baseline_weights(name, options.weights) for name in BASELINES]
     return {
         **provenance(files),
         "root": None if choices.root is None else str(choices.root),

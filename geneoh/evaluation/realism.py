@@ -26,7 +26,7 @@ from geneoh.evaluation.distributions import (
     speed,
     spread_of,
 )
-from geneoh.evaluation.telling_apart import (
+from geneoh.evaluation.two_sample_classifier import (
     BLOCK,
     SNIPPET,
     VIEWS,
@@ -39,14 +39,14 @@ from geneoh.hand.model import HandModel
 from geneoh.hand.skeleton import TIP_KEYPOINTS
 from geneoh.metrics.contact import TOUCH, in_contact, penetration_depth, tips_in_contact
 from geneoh.metrics.frames import valid_differences
-from geneoh.pipeline.person import person_of
+from geneoh.pipeline.subject import subject_of
 from geneoh.representation.parameters import HandParameters
 from geneoh.sequence.resample import at_rate
-from geneoh.sequence.tracks import Sequence
+from geneoh.sequence.sequence import Sequence
 from geneoh.synthesis.motion import Interactions
 from geneoh.synthesis.replay import replay_shard
 from geneoh.synthesis.shards import find_shards, seed_of
-from geneoh.training.variety import varied
+from geneoh.training.augmentation import augmented
 
 FPS = 30.0
 SHARDS, CLIPS = 8, 96
@@ -159,14 +159,14 @@ def real_side(sequence: Sequence, hand: HandModel) -> Side:
     if track.side == "left":
         track, moving = track.mirrored(), moving.mirrored()
     with torch.no_grad():
-        person = person_of(track, hand)
-        state = person.start or fit_keypoints(
-            person.joints[None], person.trust[None], person.shaped
+        subject = subject_of(track, hand)
+        state = subject.start or fit_keypoints(
+            subject.joints[None], subject.trust[None], subject.shaped
         )
-        verts = person.shaped.verts_from_rotations(state.rotations, state.wrist).verts[0]
+        verts = subject.shaped.verts_from_rotations(state.rotations, state.wrist).verts[0]
     surface = moving.surface()
-    gap = surface.query(person.joints).distance.amin(-1)
-    valid, joints = track.valid, person.joints
+    gap = surface.query(subject.joints).distance.amin(-1)
+    valid, joints = track.valid, subject.joints
     turn, shift = moving.rotation[:, 0], moving.translation[:, None, 0]
     tips = joints[:, list(TIP_KEYPOINTS)]
     distance = surface.query(verts).distance
@@ -220,7 +220,7 @@ def shard_side(path: Path, hand: HandModel, *, lively: bool) -> Side:
 def livelier(clips: Interactions, *, generator: torch.Generator) -> Interactions:
     """The same clips with the unrest that training adds to their hands."""
     hand = HandParameters.of_pose(clips.wrist, clips.pose, clips.offsets)
-    hand = varied(hand, generator=generator)
+    hand = augmented(hand, generator=generator)
     return replace(clips, wrist=hand.wrist, pose=hand.pose)
 
 

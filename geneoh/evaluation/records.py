@@ -11,7 +11,7 @@ from typing import Any
 import geneoh
 from geneoh.errors import ConfigError
 from geneoh.evaluation.scores import Score
-from geneoh.files import unwritable
+from geneoh.files.atomic import unwritable
 
 RECORD = "scores.jsonl"
 """First line: the settings. Then one score a line, in the order they were made."""

@@ -20,7 +20,7 @@ from geneoh.evaluation.tables import (
     named,
     shown,
 )
-from geneoh.files import write_whole
+from geneoh.files.atomic import write_whole
 
 GENEROUS = (
     "† Of all filters and sizes the best on the very clip, chosen with the ground truth in hand: "

@@ -14,8 +14,8 @@ import torch
 
 from geneoh.errors import CheckpointError, InputError, MissingAssetError, NumericalError
 from geneoh.evaluation.cases import Pending
+from geneoh.evaluation.methods import GeneohRow, PredictionsRow, Row
 from geneoh.evaluation.records import append_scores
-from geneoh.evaluation.rows import GeneohRow, PredictionsRow, Row
 from geneoh.evaluation.scores import Bench, Judge, Key, Score
 from geneoh.viz.outputs import write_report
 

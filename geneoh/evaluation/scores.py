@@ -9,11 +9,12 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from geneoh.choices import HandSource
 from geneoh.evaluation.cases import Case
-from geneoh.evaluation.rows import Cleaned, joints_of
+from geneoh.evaluation.methods import Cleaned, joints_of
 from geneoh.fitting.fit import fit_keypoints
 from geneoh.geometry.distance import SurfaceQuery
-from geneoh.hand.library import Source, load_hand
+from geneoh.hand.library import load_hand
 from geneoh.hand.skeleton import TIP_KEYPOINTS
 from geneoh.metrics.accuracy import mpjpe, mpvpe, within_spread
 from geneoh.metrics.contact import (
@@ -29,8 +30,8 @@ from geneoh.metrics.correspondence import contact_points, object_contact
 from geneoh.metrics.frames import mean_over_frames, valid_differences
 from geneoh.metrics.smoothness import acceleration, acceleration_error, jerk, per_frame_squared
 from geneoh.metrics.volume import intersection_volume
-from geneoh.pipeline.person import Person, person_of
-from geneoh.sequence.tracks import Sequence
+from geneoh.pipeline.subject import Subject, subject_of
+from geneoh.sequence.sequence import Sequence
 from geneoh.synthesis.shards import seed_of
 
 Key = tuple[str, str, str, int, str]
@@ -105,7 +106,7 @@ class Score:
 class Judge:
     """How rows are judged: by which mesh where they are keypoints alone, and how closely."""
 
-    source: Source = "embedded"
+    source: HandSource = "embedded"
     mano_dir: Path | None = None
     close_frames: int = 20
     """Frames of a clip at most in which the dear measures are taken, volume and contact on the
@@ -116,27 +117,27 @@ class Judge:
         count = min(frames, self.close_frames)
         return ((torch.arange(count) + 0.5) * frames / count).long()
 
-    def person(self, sequence: Sequence) -> Person:
+    def subject(self, sequence: Sequence) -> Subject:
         """Whose hand it is, by a sequence's own shape, pose and keypoints."""
         hand = sequence.hands[0]
-        return person_of(hand, load_hand(hand.side, source=self.source, mano_dir=self.mano_dir))
+        return subject_of(hand, load_hand(hand.side, source=self.source, mano_dir=self.mano_dir))
 
-    def fitted(self, person: Person, joints: Float[Tensor, "T 21 3"]) -> Float[Tensor, "T V 3"]:
+    def fitted(self, subject: Subject, joints: Float[Tensor, "T 21 3"]) -> Float[Tensor, "T V 3"]:
         """The person's mesh on keypoints, without a look at the object.
 
         The given parameters themselves where they make these keypoints, else a fit.
         """
-        state = person.start
-        if state is None or not self._makes(person, joints):
+        state = subject.start
+        if state is None or not self._makes(subject, joints):
             state = fit_keypoints(
-                joints[None], torch.ones_like(joints[None, ..., 0]), person.shaped, state
+                joints[None], torch.ones_like(joints[None, ..., 0]), subject.shaped, state
             )
-        return person.shaped.verts_from_rotations(state.rotations, state.wrist).verts[0]
+        return subject.shaped.verts_from_rotations(state.rotations, state.wrist).verts[0]
 
     @staticmethod
-    def _makes(person: Person, joints: Float[Tensor, "T 21 3"]) -> bool:
-        assert person.start is not None, "asked only of a person with parameters"
-        made = person.shaped.joints_from_rotations(person.start.rotations, person.start.wrist)[0]
+    def _makes(subject: Subject, joints: Float[Tensor, "T 21 3"]) -> bool:
+        assert subject.start is not None, "asked only of a person with parameters"
+        made = subject.shaped.joints_from_rotations(subject.start.rotations, subject.start.wrist)[0]
         return bool((made - joints).norm(dim=-1).max() < SAME)
 
 
@@ -168,9 +169,9 @@ class Bench:
         self.close = judge.close(case.noisy.frames)
 
     @cached_property
-    def person(self) -> Person:
+    def subject(self) -> Subject:
         """Whose hand the noisy clip shows: rows of keypoints get this person's mesh."""
-        return self.judge.person(self.case.noisy)
+        return self.judge.subject(self.case.noisy)
 
     @cached_property
     def truth(self) -> Truth | None:
@@ -179,7 +180,7 @@ class Bench:
         if clean is None:
             return None
         joints = joints_of(clean)
-        verts = self.judge.fitted(self.judge.person(clean), joints)
+        verts = self.judge.fitted(self.judge.subject(clean), joints)
         distance = self.surface.query(verts).distance
         tips = tips_in_contact(distance, verts, joints[:, TIPS])
         return Truth(joints, verts, distance, tips, self.touched(verts))
@@ -193,7 +194,7 @@ class Bench:
         """All measures of one cleaned hand."""
         joints, verts, valid = cleaned.joints, cleaned.verts, cleaned.valid
         if verts is None:
-            verts = self.judge.fitted(self.person, joints)
+            verts = self.judge.fitted(self.subject, joints)
         query = self.surface.query(verts)
         values = self._plausibility(joints, verts, query, valid)
         by_frame: list[float | None] = []

@@ -1,4 +1,4 @@
-"""The hand that ships with geneoh, our own, made by `geneoh.hand.build` and free of other licences.
+"""The hand that ships with geneoh, our own, made by `tools.hand_builder`; free of other licences.
 
 The asset holds the right hand in MANO's own field names as plain arrays, so that `smplx` can load
 it too; the left hand is its mirror image.

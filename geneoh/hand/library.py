@@ -2,19 +2,17 @@
 
 from functools import cache
 from pathlib import Path
-from typing import Literal
 
 from typing_extensions import assert_never
 
+from geneoh.choices import HandSource, Side
 from geneoh.hand.embedded import embedded_right
 from geneoh.hand.mano import load_mano
-from geneoh.hand.model import HandModel, Side
-
-Source = Literal["embedded", "mano", "mano-as-shipped"]
+from geneoh.hand.model import HandModel
 
 
 def load_hand(
-    side: Side, *, source: Source = "embedded", mano_dir: Path | str | None = None
+    side: Side, *, source: HandSource = "embedded", mano_dir: Path | str | None = None
 ) -> HandModel:
     """The hand of one side.
 

@@ -20,9 +20,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from geneoh.choices import Side
 from geneoh.errors import InputError, MissingAssetError
 from geneoh.hand.embedded import TIP_VERTS, embedded_right
-from geneoh.hand.model import HandModel, Side
+from geneoh.hand.model import HandModel
 from geneoh.hand.skeleton import PARENTS
 from geneoh.pickles.files import read_values
 

@@ -13,17 +13,15 @@ rigidly with the distal bone.
 
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from geneoh.choices import Side
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import MANO_FROM_OPENPOSE, PARENTS, TIP_PARENTS, forward_kinematics
-
-Side = Literal["left", "right"]
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from geneoh.choices import Ablation, HandSource, PresetName, Selection, Side
 from geneoh.denoisers.library import Denoisers, load_denoisers
 from geneoh.errors import ConfigError, InputError
 from geneoh.fitting.adam import AdamFitConfig, fit_with_adam
@@ -18,23 +19,22 @@ from geneoh.geometry.distance import MovingSurface
 from geneoh.geometry.mesh import size_warning
 from geneoh.geometry.rotations import matrix_to_axis_angle
 from geneoh.geometry.sampling import sample_surface
-from geneoh.hand.library import Source
-from geneoh.hand.model import ShapedHand, Side
+from geneoh.hand.model import ShapedHand
 from geneoh.metrics.report import InteractionReport, measure
-from geneoh.pipeline.person import Person, hand_of, person_of
-from geneoh.pipeline.presets import Ablation, Preset, PresetName, Selection, preset
+from geneoh.pipeline.presets import Preset, preset
 from geneoh.pipeline.spread import joint_spread
 from geneoh.pipeline.stages import (
-    Scene,
+    StageContext,
     denoise_motion,
     denoise_spatial,
     denoise_temporal,
     denoise_trajectory,
 )
+from geneoh.pipeline.subject import Subject, hand_of, subject_of
 from geneoh.representation.parameters import HandParameters
-from geneoh.sequence.checks import check_sequence
 from geneoh.sequence.resample import at_rate, over_frames
-from geneoh.sequence.tracks import HandTrack, ObjectTrack, Sequence
+from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
+from geneoh.sequence.validation import check_sequence
 
 RATE = 30.0
 """Frames a second that the networks know."""
@@ -59,7 +59,7 @@ class Options:
     """Which sample is kept; None leaves it to the preset."""
     without: tuple[Ablation, ...] = ()
     """Parts left out, to see what they are worth."""
-    hand: Source = "embedded"
+    hand: HandSource = "embedded"
     mano_dir: Path | None = None
     weights: Path | None = None
     device: str = "cpu"
@@ -142,9 +142,9 @@ def denoise(
         track = hand.mirrored() if left else hand
         moving = paced.object.mirrored() if left else paced.object
         model = hand_of(hand, options.hand, options.mano_dir)
-        person = person_of(track, model.mirrored() if left else model)
+        subject = subject_of(track, model.mirrored() if left else model)
         result = _clean_right_hand(
-            track, moving, person, denoisers, chosen, options, paced.fps, on_progress
+            track, moving, subject, denoisers, chosen, options, paced.fps, on_progress
         )
         results[hand.side] = _returned(result, hand.side, sequence.frames, paced)
     hands = tuple(results[hand.side].track for hand in sequence.hands)
@@ -155,7 +155,7 @@ def denoise(
 def _clean_right_hand(
     track: HandTrack,
     moving: ObjectTrack,
-    person: Person,
+    subject: Subject,
     denoisers: Denoisers,
     chosen: Preset,
     options: Options,
@@ -165,11 +165,11 @@ def _clean_right_hand(
     """One right hand at the networks' rate: three stages, selection, fit, measurement."""
     generator = torch.Generator().manual_seed(options.seed)
     surface = moving.surface()
-    scene = scene_around(surface, person, fps, generator=generator)
-    scene = replace(scene, canonical=chosen.canonical)
+    context = stage_context(surface, subject, fps, generator=generator)
+    context = replace(context, canonical=chosen.canonical)
     seconds: dict[str, float] = {}
 
-    def heard(stage: str) -> Callable[[int, int], None]:
+    def progress_of(stage: str) -> Callable[[int, int], None]:
         began = time.monotonic()
 
         def step(done: int, total: int) -> None:
@@ -181,16 +181,18 @@ def _clean_right_hand(
 
     with torch.no_grad():
         # the input as it came: what MotionDiff starts from, and the mesh of the comparison
-        given = person.start or fit_keypoints(
-            person.joints[None], person.trust[None], person.shaped
+        given = subject.start or fit_keypoints(
+            subject.joints[None], subject.trust[None], subject.shaped
         )
-        samples = _run_stages(denoisers, scene, person, given, chosen, heard, generator=generator)
-        index, target = _select(samples, person, chosen.selection)
+        samples = _run_stages(
+            denoisers, context, subject, given, chosen, progress_of, generator=generator
+        )
+        index, target = _select(samples, subject, chosen.selection)
         state, shaped, betas = _fit(
-            target, person, chosen, replace(surface, within=NEAR), heard("fit")
+            target, subject, chosen, replace(surface, within=NEAR), progress_of("fit")
         )
         posed = shaped.verts_from_rotations(state.rotations, state.wrist)
-        raw = person.shaped.verts_from_rotations(given.rotations, given.wrist)
+        raw = subject.shaped.verts_from_rotations(given.rotations, given.wrist)
     clean = HandTrack(
         side="right",
         valid=torch.ones_like(track.valid),
@@ -201,28 +203,28 @@ def _clean_right_hand(
         hand_model=shaped.model.name,
         joint_spread=joint_spread(samples) if len(samples) > 1 else None,
     )
-    seen = person.trust > 0
+    seen = subject.trust > 0
     return HandResult(
         track=clean,
         filled=~track.valid,
         samples=samples,
         chosen=index,
-        before=measure(raw.verts[0], person.joints, surface, fps),
+        before=measure(raw.verts[0], subject.joints, surface, fps),
         after=measure(posed.verts[0], posed.joints[0], surface, fps),
-        moved=float((posed.joints[0] - person.joints).norm(dim=-1)[seen].mean()),
-        windows=len(scene.starts),
+        moved=float((posed.joints[0] - subject.joints).norm(dim=-1)[seen].mean()),
+        windows=len(context.starts),
         seconds=seconds,
-        notes=person.notes,
+        notes=subject.notes,
     )
 
 
-def scene_around(
+def stage_context(
     surface: MovingSurface,
-    person: Person,
+    subject: Subject,
     fps: float,
     *,
     generator: torch.Generator,
-) -> Scene:
+) -> StageContext:
     """The object's surface and motion; points are shared among parts by area."""
     fields = surface.fields
     areas = torch.stack([field.mesh.face_vectors().norm(dim=-1).sum() for field in fields])
@@ -231,90 +233,90 @@ def scene_around(
         sample_surface(field.solid, int(count), generator=generator)
         for field, count in zip(fields, counts, strict=True)
     ]
-    return Scene(
+    return StageContext(
         points=torch.cat([part.points for part in drawn]),
         normals=torch.cat([part.normals for part in drawn]),
         part=torch.arange(len(fields)).repeat_interleave(counts),
         rotation=surface.rotation,
         translation=surface.translation,
-        trust=person.trust,
+        trust=subject.trust,
         fps=fps,
     )
 
 
 def _run_stages(
     denoisers: Denoisers,
-    scene: Scene,
-    person: Person,
+    context: StageContext,
+    subject: Subject,
     given: HandState,
     chosen: Preset,
-    heard: Callable[[str], Callable[[int, int], None]],
+    progress_of: Callable[[str], Callable[[int, int], None]],
     *,
     generator: torch.Generator,
 ) -> Float[Tensor, "S T 21 3"]:
     """MotionDiff, SpatialDiff and TemporalDiff in order, all samples in one batch."""
-    joints = person.joints.expand(chosen.samples, -1, -1, -1)
+    joints = subject.joints.expand(chosen.samples, -1, -1, -1)
     if chosen.motion is not None and chosen.observed:
         joints = denoise_motion(
             denoisers.motion,
             HandParameters(
-                given.wrist, given.rotations[..., 0, :, :], given.pose[..., 1:, :], person.offsets
+                given.wrist, given.rotations[..., 0, :, :], given.pose[..., 1:, :], subject.offsets
             ),
-            scene,
+            context,
             chosen.motion,
             samples=chosen.samples,
             generator=generator,
-            on_step=heard("motion"),
+            on_step=progress_of("motion"),
         ).joints
     elif chosen.motion is not None:
         assert denoisers.trajectory is not None, "it was asked for"
         joints = denoise_trajectory(
             denoisers.trajectory,
             joints,
-            scene,
+            context,
             chosen.motion,
             generator=generator,
-            on_step=heard("motion"),
+            on_step=progress_of("motion"),
         )
     if chosen.spatial is not None:
         joints = denoise_spatial(
             denoisers.spatial,
             joints,
-            scene,
+            context,
             chosen.spatial,
             observed=chosen.observed,
             generator=generator,
-            on_step=heard("spatial"),
+            on_step=progress_of("spatial"),
         )
     if chosen.temporal is not None:
         joints = denoise_temporal(
             denoisers.temporal,
             joints,
-            scene,
+            context,
             chosen.temporal,
             observed=chosen.observed,
             correct=chosen.correct,
             align=chosen.align,
             generator=generator,
-            on_step=heard("temporal"),
+            on_step=progress_of("temporal"),
         )
     return joints
 
 
 def _select(
-    samples: Float[Tensor, "S T 21 3"], person: Person, selection: Selection
+    samples: Float[Tensor, "S T 21 3"], subject: Subject, selection: Selection
 ) -> tuple[int, Float[Tensor, "1 T 21 3"]]:
     """The sample nearest to the input where it was seen, as in the paper, or the mean of all."""
     if selection == "mean":
         return -1, samples.mean(0, keepdim=True)
-    apart = ((samples - person.joints).norm(dim=-1) * person.trust).sum((1, 2))
+    apart = ((samples - subject.joints).norm(dim=-1) * subject.trust).sum((1, 2))
     index = int(apart.argmin())
     return index, samples[index : index + 1]
 
 
 def _fit(
     target: Float[Tensor, "1 T 21 3"],
-    person: Person,
+    subject: Subject,
     chosen: Preset,
     surface: MovingSurface,
     on_step: Callable[[int, int], None],
@@ -322,21 +324,21 @@ def _fit(
     """Hand parameters, shape and betas; filled frames count as much, the stages' prior filled
     them."""
     trust = torch.ones_like(target[..., 0])
-    model = person.shaped.model
+    model = subject.shaped.model
     if isinstance(chosen.fit, AdamFitConfig):
         state, betas = fit_with_adam(target, trust, model, config=chosen.fit, on_step=on_step)
         return state, model.shaped(betas[0]), betas[0]
-    start = person.start or start_from_keypoints(target, person.shaped)
+    start = subject.start or start_from_keypoints(target, subject.shaped)
     state = fit_hand(
         target,
         trust,
-        person.shaped,
+        subject.shaped,
         start,
         config=chosen.fit,
         surface=surface if chosen.contact else None,
         on_step=on_step,
     )
-    return state, person.shaped, person.betas
+    return state, subject.shaped, subject.betas
 
 
 def _returned(result: HandResult, side: Side, frames: int, paced: Sequence) -> HandResult:

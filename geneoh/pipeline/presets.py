@@ -2,21 +2,14 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Literal
 
 from typing_extensions import assert_never
 
+from geneoh.choices import Ablation, PresetName, Selection
 from geneoh.diffusion.samplers import SamplerName
 from geneoh.fitting.adam import AdamFitConfig
 from geneoh.fitting.align import AlignConfig
 from geneoh.fitting.fit import KEYPOINTS_ALONE, FitConfig
-
-PresetName = Literal["default", "paper", "fast"]
-Selection = Literal["closest", "mean"]
-Ablation = Literal["motion", "spatial", "temporal", "canonical", "diffusion", "fit"]
-"""What can be left out, with the same weights: a stage; the canonical frame, for one that stands
-still in the world; the diffusion, for one denoiser call a stage; the fit's knowledge of the object
-and of time, for one on keypoints alone."""
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.hand.model import Side
+from geneoh.choices import Side
+from geneoh.files.npz import read_archive
 from geneoh.pipeline.denoise import Denoised, Options
-from geneoh.sequence.archive import read_archive
-from geneoh.sequence.files import save_sequence
+from geneoh.readers.npz_files import save_sequence
 
 
 def save_result(result: Denoised, options: Options, path: Path) -> None:

@@ -4,11 +4,11 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.denoisers.answers import filter_kernels
+from geneoh.denoisers.candidate_corrections import filter_kernels
 
 SCALE = 2.48
 """Samples tell what a network does not know, not where it is wrong: answers are off by so many
-times the deviation over samples. See `python -m geneoh.evaluation.calibration`."""
+times the deviation over samples. See `python -m tools.calibrate_spread`."""
 LASTING = 10.0
 """Deviation in frames of the Gaussian filter that disagreement has to pass: what comes and goes
 between frames is gone from the mean of the samples as well."""

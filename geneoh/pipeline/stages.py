@@ -22,10 +22,10 @@ from geneoh.diffusion.samplers import OnStep, denoise_via_diffusion
 from geneoh.diffusion.schedule import descending_sigmas
 from geneoh.fitting.align import AlignConfig, align_to_relations
 from geneoh.pipeline.presets import StagePlan
+from geneoh.representation.nearest_surface import nearest_points
 from geneoh.representation.parameters import HandParameters, turned
 from geneoh.representation.region import ContactRegion, contact_region, surface_to_world
 from geneoh.representation.temporal import PairStatistics, encode_temporal
-from geneoh.representation.touch import nearest_points
 from geneoh.sequence.windows import WINDOW, fold, unfold, window_starts
 
 SELECT_EVERY = 4
@@ -38,7 +38,7 @@ weigh next to nothing there."""
 
 
 @dataclass(frozen=True)
-class Scene:
+class StageContext:
     """What the stages know besides the hand: the object's surface and motion, and trust."""
 
     points: Float[Tensor, "P 3"]
@@ -150,7 +150,7 @@ class Scene:
 def denoise_motion(
     model: MotionDenoiser,
     hand: HandParameters,
-    scene: Scene,
+    context: StageContext,
     plan: StagePlan,
     *,
     samples: int,
@@ -162,37 +162,37 @@ def denoise_motion(
     Args:
         model: the denoiser of changes of the observed hand.
         hand: the observed hand in the world, one sample, gaps filled.
-        scene: the object and the windows.
+        context: the object and the windows.
         plan: how it is denoised.
         samples: diffusion chains to draw.
         generator: source of the noise.
         on_step: called with (done, total) after each denoiser call.
     """
-    seen = scene.observed_motion(hand, scene.region(hand.joints))
+    seen = context.observed_motion(hand, context.region(hand.joints))
     seen = seen.repeated(samples)
 
     def clean(x: Tensor, sigma: float) -> Tensor:
-        windows = scene.windows(x)
-        return scene.blend(model(windows, windows.new_full((len(windows),), sigma), seen))
+        windows = context.windows(x)
+        return context.blend(model(windows, windows.new_full((len(windows),), sigma), seen))
 
     change = denoise_via_diffusion(
         clean,
-        hand.wrist.new_zeros(samples, scene.frames, 51),
+        hand.wrist.new_zeros(samples, context.frames, 51),
         descending_sigmas(plan.level, plan.steps),
         sampler=plan.sampler,
         samples=samples,
         generator=generator,
         on_step=on_step,
     )
-    if scene.canonical:  # the wrist moves in the axes of the object's first part
-        change = turned(change, scene.rotation[:, 0].mT)
+    if context.canonical:  # the wrist moves in the axes of the object's first part
+        change = turned(change, context.rotation[:, 0].mT)
     return hand.map(lambda value: value.expand(samples, *value.shape[1:])).moved(change)
 
 
 def denoise_trajectory(
     model: TrajectoryDenoiser,
     joints: Float[Tensor, "S T 21 3"],
-    scene: Scene,
+    context: StageContext,
     plan: StagePlan,
     *,
     generator: torch.Generator,
@@ -202,8 +202,8 @@ def denoise_trajectory(
     return _denoise_keypoints(
         model,
         joints,
-        scene,
-        scene.region(joints),
+        context,
+        context.region(joints),
         plan,
         generator=generator,
         on_step=on_step,
@@ -213,7 +213,7 @@ def denoise_trajectory(
 def _denoise_keypoints(
     answer: Callable[[Tensor, Tensor], Tensor],
     joints: Float[Tensor, "S T 21 3"],
-    scene: Scene,
+    context: StageContext,
     region: ContactRegion,
     plan: StagePlan,
     *,
@@ -226,27 +226,27 @@ def _denoise_keypoints(
     """
 
     def clean(x: Tensor, sigma: float) -> Tensor:
-        canon = region.to_canon(scene.windows(scene.to_world(x * HAND_SCALE)))
+        canon = region.to_canon(context.windows(context.to_world(x * HAND_SCALE)))
         level = canon.new_full((len(canon),), sigma * HAND_SCALE)
-        world = scene.blend(region.to_world(answer(canon, level)))
-        return scene.to_object(world) / HAND_SCALE
+        world = context.blend(region.to_world(answer(canon, level)))
+        return context.to_object(world) / HAND_SCALE
 
     cleaned = denoise_via_diffusion(
         clean,
-        scene.to_object(joints) / HAND_SCALE,
+        context.to_object(joints) / HAND_SCALE,
         descending_sigmas(plan.level, plan.steps),
         sampler=plan.sampler,
         samples=len(joints),
         generator=generator,
         on_step=on_step,
     )
-    return scene.to_world(cleaned * HAND_SCALE)
+    return context.to_world(cleaned * HAND_SCALE)
 
 
 def denoise_spatial(
     model: SpatialDenoiser,
     joints: Float[Tensor, "S T 21 3"],
-    scene: Scene,
+    context: StageContext,
     plan: StagePlan,
     *,
     observed: bool,
@@ -258,8 +258,8 @@ def denoise_spatial(
     With the observation all contact points share the hand's noise and are averaged at every step;
     withheld, each is a chain of its own and the average is taken at the end, as in the paper.
     """
-    region = scene.region(joints)
-    observation = scene.observation(joints, region, observed)
+    region = context.region(joints)
+    observation = context.observation(joints, region, observed)
     points, normals = region.points_canon, region.normals_canon
 
     def around(canon: Float[Tensor, "B N 21 3"]) -> Float[Tensor, "B N K 21 3"]:
@@ -269,7 +269,7 @@ def denoise_spatial(
         return _denoise_keypoints(
             lambda canon, level: model(around(canon), level, points, normals, observation).mean(2),
             joints,
-            scene,
+            context,
             region,
             plan,
             generator=generator,
@@ -282,20 +282,20 @@ def denoise_spatial(
 
     hands = denoise_via_diffusion(
         each,
-        around(region.to_canon(scene.windows(joints)) / HAND_SCALE),
+        around(region.to_canon(context.windows(joints)) / HAND_SCALE),
         descending_sigmas(plan.level, plan.steps),
         sampler=plan.sampler,
         samples=len(joints),
         generator=generator,
         on_step=on_step,
     )
-    return scene.blend(region.to_world(hands.mean(2) * HAND_SCALE))
+    return context.blend(region.to_world(hands.mean(2) * HAND_SCALE))
 
 
 def denoise_temporal(
     model: TemporalDenoiser,
     joints: Float[Tensor, "S T 21 3"],
-    scene: Scene,
+    context: StageContext,
     plan: StagePlan,
     *,
     observed: bool,
@@ -309,7 +309,7 @@ def denoise_temporal(
     Args:
         model: autoencoder and latent denoiser.
         joints: the hand after the stage before.
-        scene: the object and the windows.
+        context: the object and the windows.
         plan: how the latent is denoised.
         observed: whether the denoiser is shown the latent of `joints`.
         correct: aim at the relations of `joints` plus the change that denoising makes to the
@@ -319,11 +319,11 @@ def denoise_temporal(
         generator: source of the noise.
         on_step: called with (done, total) after each denoiser call.
     """
-    if scene.frames < 2:
+    if context.frames < 2:
         return joints
-    region = scene.region(joints)
-    windows = scene.windows(joints)
-    relations = encode_temporal(windows, region, scene.fps)
+    region = context.region(joints)
+    windows = context.windows(joints)
+    relations = encode_temporal(windows, region, context.fps)
     latent = model.autoencoder.encode(relations, region.points_canon[:, :-1])
     given = latent.new_full((len(latent),), float(observed))
 
@@ -341,7 +341,7 @@ def denoise_temporal(
     )
 
     near = region.nearest(windows, ALIGN_POINTS)
-    relations = encode_temporal(windows, near, scene.fps)
+    relations = encode_temporal(windows, near, context.fps)
     points = near.points_canon[:, :-1]
 
     def decoded(code: Tensor) -> PairStatistics:
@@ -350,7 +350,7 @@ def denoise_temporal(
     target = decoded(cleaned)
     if correct:
         target = _corrected(relations, target, decoded(latent))
-    return scene.blend(align_to_relations(windows, near, target, scene.fps, config=align))
+    return context.blend(align_to_relations(windows, near, target, context.fps, config=align))
 
 
 def _corrected(now: PairStatistics, clean: PairStatistics, noisy: PairStatistics) -> PairStatistics:

@@ -4,8 +4,8 @@ import torch
 from jaxtyping import Bool
 from torch import Tensor
 
-from geneoh.sequence.between import Between
-from geneoh.sequence.tracks import HandTrack
+from geneoh.sequence.interpolation import Between
+from geneoh.sequence.sequence import HandTrack
 
 
 def fill_gaps(hand: HandTrack) -> HandTrack:

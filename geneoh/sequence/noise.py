@@ -6,13 +6,13 @@ tracks suffer from: a constant bias, slow drift, bursts, and frames that are los
 
 import math
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 from typing_extensions import assert_never
 
+from geneoh.choices import Noise
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import (
     MANO_FROM_OPENPOSE,
@@ -21,10 +21,7 @@ from geneoh.hand.skeleton import (
     forward_kinematics,
     rest_offsets,
 )
-from geneoh.sequence.tracks import HandTrack, Sequence
-
-Noise = Literal["gauss", "gauss_strong", "beta", "bias", "drift", "burst", "drop"]
-NOISES: tuple[Noise, ...] = get_args(Noise)
+from geneoh.sequence.sequence import HandTrack, Sequence
 
 DRIFT_FRAMES = 10.0
 """Correlation time of the drift."""

@@ -5,9 +5,9 @@ from dataclasses import replace
 import torch
 
 from geneoh.errors import InputError
-from geneoh.sequence.between import Between
 from geneoh.sequence.gaps import fill_gaps
-from geneoh.sequence.tracks import Sequence
+from geneoh.sequence.interpolation import Between
+from geneoh.sequence.sequence import Sequence
 
 FPS_DIGITS = 6
 """Decimals kept of a frame rate, so that going back lands on the rate one came from."""

@@ -2,7 +2,7 @@
 
 How near they are to a real recording (examples/taco_clean.npz, a left hand, measured as its
 mirror image; 768 clips of 80 shards, seed 0), as they are made and as networks learn from them,
-with the unrest of `geneoh.training.variety`. Numbers are 5%, median and 95%; KS is the
+with the unrest of `geneoh.training.augmentation`. Numbers are 5%, median and 95%; KS is the
 Kolmogorov-Smirnov distance, 0 for the same distribution and 1 for none in common. Speed in m/s,
 acceleration in m/s², in the frame of world or object:
 

@@ -15,9 +15,15 @@ from torch import Tensor
 
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.hand.skeleton import forward_kinematics
-from geneoh.synthesis.kinds import KINDS
-from geneoh.synthesis.natural import HIGH, LOW, NATURAL_STD, curled, overshoot
-from geneoh.synthesis.skin import MEAN_SPAN, PAD_DIGITS, finger_clearance, hand_spheres, skin_pads
+from geneoh.synthesis.contact_pads import (
+    MEAN_SPAN,
+    PAD_DIGITS,
+    finger_clearance,
+    hand_spheres,
+    skin_pads,
+)
+from geneoh.synthesis.grasp_types import KINDS
+from geneoh.synthesis.pose_prior import HIGH, LOW, NATURAL_STD, curled, overshoot
 from geneoh.synthesis.solids import Solids
 
 OPPOSED = 1.0

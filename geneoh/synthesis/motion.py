@@ -15,7 +15,7 @@ from torch import Tensor
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle, skew
 from geneoh.hand.skeleton import forward_kinematics
 from geneoh.synthesis.grasps import Grasps
-from geneoh.synthesis.natural import curled
+from geneoh.synthesis.pose_prior import curled
 from geneoh.synthesis.solids import Solids
 
 SHORTEST_MOVE = 12.0
@@ -70,7 +70,7 @@ def _ease(x: Float[Tensor, "*S"]) -> Float[Tensor, "*S"]:
     return x**3 * (10 - 15 * x + 6 * x**2)
 
 
-def wander(
+def smooth_noise(
     batch: int, frames: int, channels: int, period: float, *, generator: torch.Generator
 ) -> Float[Tensor, "B T C"]:
     """Smooth unit-variance noise that changes over about `period` frames."""
@@ -318,12 +318,12 @@ def animate(
 
     path = wrist_in[..., None] * place()[:, None] + wrist_out[..., None] * place()[:, None]
     path = path + moment[..., None] * 0.3 * place()[:, None]
-    slide = 0.001 * wander(batch, frames, 3, 12.0, generator=generator)
+    slide = 0.001 * smooth_noise(batch, frames, 3, 12.0, generator=generator)
     wrist_object = grasps.wrist[:, None] + path + slide
     turn = wrist_in[..., None] * 0.4 * torch.randn(batch, 1, 3, generator=generator)
     turn = turn + wrist_out[..., None] * 0.4 * torch.randn(batch, 1, 3, generator=generator)
     orient_object = rotation_grasp[:, None] @ axis_angle_to_matrix(
-        turn + 0.01 * wander(batch, frames, 3, 15.0, generator=generator)
+        turn + 0.01 * smooth_noise(batch, frames, 3, 15.0, generator=generator)
     )
 
     # people reach with their fingers more or less open, no two fingers alike
@@ -343,7 +343,9 @@ def animate(
     bump = torch.where(busy, 0.5 - 0.5 * torch.cos(2 * math.pi * (time - beat) / period), bump)
     raised = bump[..., None] * lifted.repeat_interleave(3, dim=1)[:, None]
     fingers = fingers + (raised * uniform(0.2, 0.6, 1, 1))[..., None] * (flat - fingers)
-    tremble = wander(batch, frames, 45, 8.0, generator=generator).reshape(batch, frames, 15, 3)
+    tremble = smooth_noise(batch, frames, 45, 8.0, generator=generator).reshape(
+        batch, frames, 15, 3
+    )
     fingers = fingers + tremble * (0.004 + 0.04 * openness)
 
     at = torch.arange(batch)

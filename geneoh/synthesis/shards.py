@@ -16,10 +16,10 @@ from torch import Tensor
 from geneoh.config import as_dict
 from geneoh.errors import ConfigError, InputError
 from geneoh.hand.model import HandModel, ShapedHand
+from geneoh.synthesis.bimanual import LIKENESS, first_hands, leads, sides
 from geneoh.synthesis.grasps import synthesize_grasps
 from geneoh.synthesis.motion import Interactions, animate
 from geneoh.synthesis.objects import FAMILIES, draw_objects, family_named
-from geneoh.synthesis.pairs import LIKENESS, first_hands, leads, sides
 from geneoh.synthesis.solids import Solids
 
 

@@ -15,12 +15,12 @@ from geneoh.geometry.rotations import (
     axis_angle_to_matrix,
     interpolate_rotations,
 )
+from geneoh.representation.nearest_surface import nearest_on_parts
 from geneoh.representation.parameters import HandParameters
 from geneoh.representation.region import ContactRegion, contact_region
-from geneoh.representation.touch import nearest_on_parts
 from geneoh.synthesis.motion import Interactions
+from geneoh.training.augmentation import augmented
 from geneoh.training.corruption import draw_corruption
-from geneoh.training.variety import varied
 
 WINDOW = 60
 """Frames of a window (paper: 60 at 30 frames a second)."""
@@ -132,7 +132,7 @@ def draw_batch(
     rotation, translation = data.rotation[at, window], data.translation[at, window]
     pose, wrist = data.pose[at, window], data.wrist[at, window]
     clean = HandParameters.of_pose(wrist, pose, data.offsets[pick])
-    clean = varied(clean, generator=generator)
+    clean = augmented(clean, generator=generator)
     noise = draw_corruption(size, frames, generator=generator)
     noisy = HandParameters.of_pose(
         clean.wrist + noise.translation, clean.pose + noise.pose, clean.offsets

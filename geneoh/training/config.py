@@ -1,17 +1,13 @@
 """Settings of a training run; `configs/` holds differences from these."""
 
 from dataclasses import dataclass, field
-from typing import Literal
 
+from geneoh.baselines.regression import RegressionConfig
+from geneoh.baselines.toch import TochConfig
 from geneoh.denoisers.motion import MotionConfig
-from geneoh.denoisers.regression import RegressionConfig
 from geneoh.denoisers.spatial import SpatialConfig
 from geneoh.denoisers.temporal import TemporalConfig
-from geneoh.denoisers.toch import TochConfig
 from geneoh.denoisers.trajectory import TrajectoryConfig
-
-Stage = Literal["motion", "spatial", "temporal", "trajectory", "toch", "regression"]
-"""The three stages, MotionDiff in the paper's own form, and two baselines of `geneoh eval`."""
 
 
 @dataclass(frozen=True)

@@ -11,11 +11,12 @@ import torch
 from torch import Tensor, nn
 from typing_extensions import assert_never
 
+from geneoh.baselines.regression import RegressionDenoiser
+from geneoh.baselines.toch import TochAutoencoder
+from geneoh.choices import StageName
 from geneoh.denoisers.motion import MotionDenoiser
-from geneoh.denoisers.regression import RegressionDenoiser
 from geneoh.denoisers.spatial import SpatialDenoiser
 from geneoh.denoisers.temporal import TemporalDenoiser
-from geneoh.denoisers.toch import TochAutoencoder
 from geneoh.denoisers.trajectory import TrajectoryDenoiser
 from geneoh.errors import CheckpointError
 from geneoh.nn.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
@@ -23,7 +24,7 @@ from geneoh.synthesis.motion import Interactions
 from geneoh.synthesis.shards import seed_of
 from geneoh.training import losses
 from geneoh.training.batches import Batch, draw_batch
-from geneoh.training.config import Stage, TrainConfig
+from geneoh.training.config import TrainConfig
 from geneoh.training.optimizer import Optimizer, multiply_in, quick_precision
 from geneoh.training.resume import (
     append_row,
@@ -47,7 +48,7 @@ class Progress:
     """Error left on validation windows over the input's error; None between validations."""
 
 
-def build_model(stage: Stage, config: TrainConfig) -> nn.Module:
+def build_model(stage: StageName, config: TrainConfig) -> nn.Module:
     """A fresh network of the stage, initialised from the config's seed."""
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed_of(config.seed, stage, "weights"))
@@ -68,7 +69,7 @@ def build_model(stage: Stage, config: TrainConfig) -> nn.Module:
                 assert_never(stage)
 
 
-def loss_of(stage: Stage, step: int, config: TrainConfig) -> Loss:
+def loss_of(stage: StageName, step: int, config: TrainConfig) -> Loss:
     """The loss to take at a step; the temporal stage learns its autoencoder first."""
     match stage:
         case "motion":
@@ -137,7 +138,7 @@ class TrainState:
 class Supply:
     """Where the batches of a run come from."""
 
-    stage: Stage
+    stage: StageName
     config: TrainConfig
     device: torch.device
     before: MotionDenoiser | None
@@ -200,7 +201,7 @@ def validate(state: TrainState, data: Interactions, supply: Supply) -> float:
 
 
 def train(
-    stage: Stage,
+    stage: StageName,
     config: TrainConfig,
     data: Interactions,
     validation: Interactions,

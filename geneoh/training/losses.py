@@ -6,12 +6,12 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from geneoh.baselines.regression import RegressionDenoiser
+from geneoh.baselines.toch import TochAutoencoder
 from geneoh.denoisers.base import HAND_SCALE, NOISE_SCALE
 from geneoh.denoisers.motion import MotionDenoiser
-from geneoh.denoisers.regression import RegressionDenoiser
 from geneoh.denoisers.spatial import SpatialDenoiser
 from geneoh.denoisers.temporal import LATENT_NOISE_SCALE, TemporalDenoiser
-from geneoh.denoisers.toch import TochAutoencoder
 from geneoh.denoisers.trajectory import TrajectoryDenoiser
 from geneoh.diffusion.precondition import loss_weight
 from geneoh.diffusion.samplers import normal_like

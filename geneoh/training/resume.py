@@ -10,11 +10,12 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from geneoh.choices import StageName
 from geneoh.config import as_dict, flat
 from geneoh.errors import CheckpointError
-from geneoh.files import write_whole
+from geneoh.files.atomic import write_whole
 from geneoh.synthesis.motion import Interactions
-from geneoh.training.config import Stage, TrainConfig
+from geneoh.training.config import TrainConfig
 from geneoh.training.optimizer import quick_precision
 
 MAY_CHANGE = ("steps", "checkpoint_every", "validate_every", "validation_batches")
@@ -40,7 +41,7 @@ def data_digest(data: Interactions) -> str:
 
 
 def training_record(
-    stage: Stage,
+    stage: StageName,
     config: TrainConfig,
     data: Interactions,
     validation: Interactions,

@@ -1,7 +1,6 @@
 """What the colours on a hand mean: three measures, their scales with units, and their ramps."""
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 import torch
@@ -9,9 +8,8 @@ from jaxtyping import Float
 from torch import Tensor
 from typing_extensions import assert_never
 
+from geneoh.choices import Colouring
 from geneoh.metrics.contact import TOUCH
-
-Colouring = Literal["plain", "penetration", "contact", "spread"]
 
 SKIN = (0.86, 0.69, 0.59)
 OBJECT = (0.55, 0.63, 0.73)

@@ -13,8 +13,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.errors import InputError
-from geneoh.files import unwritable
-from geneoh.sequence.archive import Arrays, write_archive
+from geneoh.files.atomic import unwritable
+from geneoh.files.npz import Arrays, write_archive
 from geneoh.viz.scene import Scene, SeenHand, Take
 
 MeshFormat = Literal["obj", "ply"]

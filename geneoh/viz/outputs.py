@@ -8,14 +8,13 @@ import numpy as np
 from jaxtyping import Float
 from torch import Tensor
 
+from geneoh.choices import Colouring, Side
 from geneoh.errors import InputError
-from geneoh.files import write_whole
-from geneoh.hand.model import Side
+from geneoh.files.atomic import write_whole
 from geneoh.pipeline.denoise import Denoised
 from geneoh.pipeline.results import load_samples
-from geneoh.sequence.files import load
-from geneoh.sequence.tracks import Sequence
-from geneoh.viz.colours import Colouring
+from geneoh.readers.npz_files import load
+from geneoh.sequence.sequence import Sequence
 from geneoh.viz.export import write_meshes, write_smplx
 from geneoh.viz.glb import glb_bytes
 from geneoh.viz.page import write_page

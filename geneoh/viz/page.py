@@ -22,11 +22,12 @@ import torch
 from jaxtyping import Float, Integer
 from torch import Tensor
 
-from geneoh.files import write_whole
+from geneoh.choices import Colouring
+from geneoh.files.atomic import write_whole
 from geneoh.geometry.rotations import matrix_to_quat_wxyz
 from geneoh.hand.skeleton import KEYPOINT_PARENTS
 from geneoh.viz.camera import Camera, cameras
-from geneoh.viz.colours import DEEPEST, OBJECT, SCALES, SKIN, Colouring, on_ramp
+from geneoh.viz.colours import DEEPEST, OBJECT, SCALES, SKIN, on_ramp
 from geneoh.viz.scene import Scene, SeenHand, Take
 from geneoh.viz.surface import coarser, creased
 
@@ -36,7 +37,7 @@ MOST_FACES = 20_000
 """Faces of an object part beyond which a coarser mesh is drawn."""
 MOST_SAMPLES = 16
 """Samples that a page keeps of those that were drawn."""
-COLOURINGS: tuple[Colouring, ...] = ("penetration", "contact", "spread")
+PAGE_COLOURINGS: tuple[Colouring, ...] = ("penetration", "contact", "spread")
 
 
 @dataclass
@@ -137,7 +138,7 @@ def describe(
         "objectColour": OBJECT,
         "bones": KEYPOINT_PARENTS,
         "deepest": 1000 * DEEPEST,
-        "scales": {name: _scale(name) for name in COLOURINGS},
+        "scales": {name: _scale(name) for name in PAGE_COLOURINGS},
         "parts": [_part(scene, part, packed) for part in range(len(scene.object.meshes))],
         "takes": [_take(take, box, packed) for take in scene.takes],
         "samples": {
@@ -175,7 +176,7 @@ def _take(take: Take, box: _Box, packed: _Packed) -> dict[str, Any]:
 def _hand(hand: SeenHand, box: _Box, packed: _Packed) -> dict[str, Any]:
     ramps = {
         name: packed.add(_bytes(on_ramp(name, hand.distance, hand.spread)), over_frames=True)
-        for name in COLOURINGS
+        for name in PAGE_COLOURINGS
         if name != "spread" or hand.spread is not None
     }
     return {

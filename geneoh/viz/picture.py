@@ -7,8 +7,9 @@ import numpy as np
 from jaxtyping import Float, UInt8
 from scipy.ndimage import gaussian_filter
 
+from geneoh.choices import Colouring
 from geneoh.viz.camera import Camera
-from geneoh.viz.colours import OBJECT, Colouring, on_ramp, ramp_colours
+from geneoh.viz.colours import OBJECT, on_ramp, ramp_colours
 from geneoh.viz.raster import Raster, at_pixels, rasterise
 from geneoh.viz.scene import Scene, Take
 from geneoh.viz.surface import Body, joined, plain_body, vertex_normals

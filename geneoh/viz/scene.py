@@ -8,6 +8,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from geneoh.choices import Side
 from geneoh.errors import InputError, MissingAssetError
 from geneoh.fitting.fit import fit_keypoints
 from geneoh.geometry.distance import MovingSurface
@@ -15,12 +16,12 @@ from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.rigid import Rigid
 from geneoh.hand.library import load_hand
 from geneoh.hand.mano import AS_SHIPPED, MENDED
-from geneoh.hand.model import HandModel, Side
+from geneoh.hand.model import HandModel
 from geneoh.hand.skeleton import TIP_KEYPOINTS
 from geneoh.metrics.contact import penetration_depth, tips_in_contact
 from geneoh.metrics.smoothness import acceleration, per_frame_squared
-from geneoh.pipeline.person import person_of
-from geneoh.sequence.tracks import MIRROR, HandTrack, ObjectTrack, Sequence
+from geneoh.pipeline.subject import subject_of
+from geneoh.sequence.sequence import MIRROR, HandTrack, ObjectTrack, Sequence
 from geneoh.viz.surface import creased
 
 FAR = 0.03
@@ -173,12 +174,12 @@ def see_hand(
     right = track.mirrored() if track.side == "left" else track
     model = model_for(track, mano_dir)
     with torch.no_grad():
-        person = person_of(right, model)
-        state = person.start or fit_keypoints(
-            person.joints[None], person.trust[None], person.shaped
+        subject = subject_of(right, model)
+        state = subject.start or fit_keypoints(
+            subject.joints[None], subject.trust[None], subject.shaped
         )
-        posed = person.shaped.verts_from_rotations(state.rotations, state.wrist)
-        verts, joints, pose, wrist = posed.verts[0], person.joints, state.pose[0], state.wrist[0]
+        posed = subject.shaped.verts_from_rotations(state.rotations, state.wrist)
+        verts, joints, pose, wrist = posed.verts[0], subject.joints, state.pose[0], state.wrist[0]
         if track.side == "left":
             flip = verts.new_tensor(MIRROR)
             verts, joints, wrist, pose = verts * flip, joints * flip, wrist * flip, pose * -flip
@@ -191,7 +192,7 @@ def see_hand(
             track=track,
             pose=pose,
             wrist=wrist,
-            betas=person.betas,
+            betas=subject.betas,
             verts=verts,
             joints=joints,
             distance=distance,

@@ -11,7 +11,7 @@ from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.hand.model import HandModel
 from geneoh.hand.skeleton import TIP_KEYPOINTS
 from geneoh.metrics.contact import penetration_depth, tips_in_contact
-from geneoh.sequence.tracks import HandTrack, ObjectTrack
+from geneoh.sequence.sequence import HandTrack, ObjectTrack
 from geneoh.synthesis.objects import FAMILIES
 from geneoh.synthesis.replay import Replay, replay_shard
 from geneoh.synthesis.shards import find_shards

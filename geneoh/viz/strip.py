@@ -8,10 +8,11 @@ import numpy as np
 from jaxtyping import Float
 from PIL import Image, ImageDraw, ImageFont
 
+from geneoh.choices import Colouring
 from geneoh.errors import InputError
-from geneoh.files import write_whole
+from geneoh.files.atomic import write_whole
 from geneoh.viz.camera import cameras
-from geneoh.viz.colours import SCALES, Colouring, Scale
+from geneoh.viz.colours import SCALES, Scale
 from geneoh.viz.picture import Picture, draw
 from geneoh.viz.scene import Scene, Take
 

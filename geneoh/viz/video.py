@@ -11,10 +11,11 @@ import numpy as np
 from jaxtyping import Float
 from PIL import Image, ImageDraw
 
+from geneoh.choices import Colouring
 from geneoh.errors import InputError, MissingAssetError
-from geneoh.files import unwritable
+from geneoh.files.atomic import unwritable
 from geneoh.viz.camera import cameras
-from geneoh.viz.colours import SCALES, Colouring
+from geneoh.viz.colours import SCALES
 from geneoh.viz.picture import Picture, draw
 from geneoh.viz.scene import Scene
 from geneoh.viz.strip import FAINT, FOOT, HEAD, INK, NOTE, PAPER, UP, caption, draw_scale, font

@@ -4,8 +4,8 @@ import json
 
 import numpy as np
 
-from geneoh.datasets.catalogue import SOURCES
-from geneoh.datasets.orders import ORDERS
+from geneoh.readers.joint_orders import ORDERS
+from geneoh.readers.registry import SOURCES
 
 
 def write_landmarks(path, scale=1.0):

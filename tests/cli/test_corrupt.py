@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from bad_inputs import REFUSED, TOLD, write_good
 
-from geneoh.sequence.files import load_sequence
-from geneoh.sequence.noise import NOISES
+from geneoh.choices import NOISES
+from geneoh.readers.npz_files import load_sequence
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

@@ -8,7 +8,7 @@ import pytest
 from bad_inputs import CANARY, REFUSED, TOLD, write_good
 from pages import page_scene
 
-from geneoh.sequence.files import load_sequence
+from geneoh.readers.npz_files import load_sequence
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 RUN = ("denoise", "hand.npz", "--obj", "object.obj", "--preset", "fast")

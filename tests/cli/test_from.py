@@ -5,7 +5,7 @@ import pytest
 import trees
 from trees import FRAMES, scene
 
-from geneoh.sequence.files import load_sequence
+from geneoh.readers.npz_files import load_sequence
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from pages import page_scene
 from PIL import Image
 
 from geneoh.errors import MissingAssetError
-from geneoh.sequence.files import load_sequence
+from geneoh.readers.npz_files import load_sequence
 from geneoh.viz.strip import CELL, GAP
 from geneoh.viz.video import ffmpeg_path
 

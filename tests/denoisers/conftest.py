@@ -1,46 +1,19 @@
 """Small networks with random weights, and observations to show them."""
 
+import networks
 import pytest
-import torch
-from torch import Tensor, nn
-
-from geneoh.denoisers.base import Observation
-
-
-def normal(*shape: int, seed: int = 0) -> Tensor:
-    """Standard normal numbers."""
-    return torch.randn(*shape, generator=torch.Generator().manual_seed(seed))
-
-
-def observation(batch: int = 2, frames: int = 4, seed: int = 0, given: float = 1.0) -> Observation:
-    """Keypoints within some 8 cm of the contact points."""
-    return Observation(
-        joints=0.08 * normal(batch, frames, 21, 3, seed=seed),
-        trust=torch.ones(batch, frames, 21),
-        given=torch.full((batch,), given),
-    )
-
-
-def awake(network: nn.Module, seed: int = 0) -> nn.Module:
-    """The network with random weights everywhere: fresh ones end in layers of zeros."""
-    generator = torch.Generator().manual_seed(seed)
-    with torch.no_grad():
-        for parameter in network.parameters():
-            size = 0.7 / max(parameter.shape[-1], 1) ** 0.5
-            parameter.copy_(size * torch.randn(parameter.shape, generator=generator))
-    return network.eval().requires_grad_(False)
 
 
 @pytest.fixture(scope="session")
 def make_observation():
-    return observation
+    return networks.observation
 
 
 @pytest.fixture(scope="session")
 def wake():
-    return awake
+    return networks.awake
 
 
 @pytest.fixture(scope="session")
 def draw():
-    return normal
+    return networks.normal

@@ -5,9 +5,9 @@ import torch
 from torch import Tensor
 
 from geneoh.diffusion.samplers import (
+    antithetic_noise,
     denoise_via_diffusion,
     normal_like,
-    opposed,
     sample_ancestral,
     sample_ddim,
 )
@@ -131,7 +131,7 @@ def test_denoising_via_diffusion_starts_from_the_noised_input(name):
 
 @pytest.mark.parametrize("count", [1, 4, 5])
 def test_samples_start_from_opposite_noise(count):
-    noise = opposed(torch.zeros(count, 5000), samples=count, generator=seeded())
+    noise = antithetic_noise(torch.zeros(count, 5000), samples=count, generator=seeded())
     torch.testing.assert_close(noise.std(1), torch.ones(count), atol=0.05, rtol=0)
     pairs, half = count // 2, (count + 1) // 2
     assert torch.equal(noise[half:], -noise[:pairs])
@@ -141,7 +141,9 @@ def test_samples_start_from_opposite_noise(count):
 @pytest.mark.parametrize("samples", [1, 2, 3])
 def test_the_windows_of_a_sample_have_noise_of_their_own(samples):
     windows = 4
-    noise = opposed(torch.zeros(samples * windows, 5000), samples=samples, generator=seeded())
+    noise = antithetic_noise(
+        torch.zeros(samples * windows, 5000), samples=samples, generator=seeded()
+    )
     first, *others = noise.unflatten(0, (samples, windows))
     assert float(torch.corrcoef(first).fill_diagonal_(0).abs().max()) < 0.06
     if others:

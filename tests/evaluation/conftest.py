@@ -9,7 +9,7 @@ import torch
 import geneoh
 from geneoh.evaluation.cases import Case
 from geneoh.sequence.noise import corrupt_sequence
-from geneoh.sequence.tracks import Sequence
+from geneoh.sequence.sequence import Sequence
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

@@ -5,9 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from geneoh.denoisers.library import SHIPPED
+from geneoh.baselines.library import SHIPPED as BASELINES_SHIPPED
+from geneoh.baselines.library import baseline_weights
+from geneoh.denoisers.library import weights_of
 from geneoh.errors import ConfigError, MissingAssetError
-from geneoh.evaluation.exchange import StoredTwin, write_inputs
+from geneoh.evaluation.external_results import StoredTwin, write_inputs
+from geneoh.evaluation.methods import GeneohRow
 from geneoh.evaluation.plan import (
     Choices,
     cases_of,
@@ -15,10 +18,8 @@ from geneoh.evaluation.plan import (
     evaluate,
     rows_of,
     settings_of,
-    weights_of,
 )
 from geneoh.evaluation.protocols import ProtocolOptions
-from geneoh.evaluation.rows import GeneohRow
 from geneoh.pipeline.denoise import Options
 
 SMALL = Choices(
@@ -53,7 +54,7 @@ def test_every_row_of_the_paper_and_of_a_sceptic_can_be_asked_for():
 
 
 def test_baselines_without_weights_stay_out_and_are_told(monkeypatch, tmp_path):
-    monkeypatch.setattr("geneoh.denoisers.library.SHIPPED", tmp_path)
+    monkeypatch.setattr("geneoh.baselines.library.SHIPPED", tmp_path)
     rows, notes = rows_of(replace(SMALL, rows=()))
     assert [row.name for row in rows][-1] == "geneoh default"
     assert len(rows) == 7
@@ -63,9 +64,9 @@ def test_baselines_without_weights_stay_out_and_are_told(monkeypatch, tmp_path):
 
 
 def test_baselines_come_from_the_users_folder_where_they_are_there(tmp_path):
-    assert weights_of("toch", tmp_path) == SHIPPED / "toch.safetensors"
+    assert baseline_weights("toch", tmp_path) == BASELINES_SHIPPED / "toch.safetensors"
     (tmp_path / "toch.safetensors").touch()
-    assert weights_of("toch", tmp_path) == tmp_path / "toch.safetensors"
+    assert baseline_weights("toch", tmp_path) == tmp_path / "toch.safetensors"
     assert weights_of("motion", tmp_path) == tmp_path / "motion.safetensors"
 
 

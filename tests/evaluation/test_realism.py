@@ -23,11 +23,11 @@ from geneoh.evaluation.realism import (
     table,
     vertex_areas,
 )
-from geneoh.evaluation.telling_apart import BLOCK, SNIPPET, VIEWS
+from geneoh.evaluation.two_sample_classifier import BLOCK, SNIPPET, VIEWS
 from geneoh.geometry.mesh import Mesh
 from geneoh.hand.library import load_hand
 from geneoh.hand.skeleton import bone_lengths
-from geneoh.sequence.tracks import HandTrack, ObjectTrack, Sequence
+from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh.synthesis import shards
 from geneoh.synthesis.grasps import Checks, synthesize_grasps
 from geneoh.synthesis.shards import SynthesisConfig, write_shards

@@ -7,9 +7,7 @@ import torch
 
 from geneoh.errors import CheckpointError, ConfigError, InputError
 from geneoh.evaluation.cases import Case
-from geneoh.evaluation.protocols import ProtocolOptions, find_cases
-from geneoh.evaluation.records import RECORD, append_scores, digest, open_record
-from geneoh.evaluation.rows import (
+from geneoh.evaluation.methods import (
     BaselineRow,
     Cleaned,
     FilterRow,
@@ -17,6 +15,8 @@ from geneoh.evaluation.rows import (
     InputRow,
     PredictionsRow,
 )
+from geneoh.evaluation.protocols import ProtocolOptions, find_cases
+from geneoh.evaluation.records import RECORD, append_scores, digest, open_record
 from geneoh.evaluation.run import page_of, run, tasks_of
 from geneoh.evaluation.scores import Judge, Score
 from geneoh.pipeline.denoise import Options

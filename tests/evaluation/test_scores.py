@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from geneoh.evaluation.cases import Case
-from geneoh.evaluation.rows import Cleaned, InputRow, everywhere, joints_of
+from geneoh.evaluation.methods import Cleaned, InputRow, everywhere, joints_of
 from geneoh.evaluation.scores import MEASURES, Bench, Judge, rounded
 from geneoh.pipeline.denoise import Denoised
 

@@ -10,11 +10,11 @@ from smplx.body_models import MANO
 from smplx.utils import Struct
 from smplx.vertex_ids import vertex_ids
 
-from geneoh.hand.build.anatomy import CHAINS, MEASURED_OFFSETS, skeleton
-from geneoh.hand.build.shape import BONE_PARENTS, shape_directions
 from geneoh.hand.embedded import ASSET, read_arrays
 from geneoh.hand.library import load_hand
 from geneoh.hand.skeleton import FINGERS, PARENTS
+from tools.hand_builder.anatomy import CHAINS, MEASURED_OFFSETS, skeleton
+from tools.hand_builder.shape import BONE_PARENTS, shape_directions
 
 RECORDING = Path(__file__).parents[2] / "examples" / "taco_clean.npz"
 SIDES = ("right", "left")

@@ -6,7 +6,6 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from geneoh.geometry.rotations import axis_angle_to_matrix
-from geneoh.hand.build.anatomy import MEASURED_OFFSETS
 from geneoh.hand.skeleton import (
     FINGERS,
     JOINT_NAMES,
@@ -20,6 +19,7 @@ from geneoh.hand.skeleton import (
     forward_kinematics,
     rest_offsets,
 )
+from tools.hand_builder.anatomy import MEASURED_OFFSETS
 
 RECORDING = Path(__file__).parents[2] / "examples" / "taco_clean.npz"
 

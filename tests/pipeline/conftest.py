@@ -6,7 +6,7 @@ import pytest
 import torch
 
 import geneoh
-from geneoh.sequence.tracks import Sequence
+from geneoh.sequence.sequence import Sequence
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

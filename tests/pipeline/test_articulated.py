@@ -4,10 +4,10 @@ import pytest
 import torch
 import trees
 
-from geneoh.datasets.base import Known
-from geneoh.datasets.convert import read_one
 from geneoh.pipeline import denoise as module
 from geneoh.pipeline.denoise import Options, denoise
+from geneoh.readers.base import ReaderOptions
+from geneoh.readers.convert import read_one
 
 
 @pytest.fixture(scope="module")
@@ -16,7 +16,7 @@ def arctic(tmp_path_factory):
     root = tmp_path_factory.mktemp("arctic")
     trees.arctic(root, trees.scene(), False)
     mano_dir = trees.write_mano(tmp_path_factory.mktemp("mano"))
-    return read_one("arctic", root / "raw_seqs", Known(mano_dir=mano_dir)).sequence
+    return read_one("arctic", root / "raw_seqs", ReaderOptions(mano_dir=mano_dir)).sequence
 
 
 @pytest.fixture(scope="module")
@@ -24,9 +24,9 @@ def regions(arctic):
     """The contact points of each hand as the first stage sees them, the left one mirrored."""
     found, real = [], module.denoise_motion
 
-    def spy(denoiser, hand, scene, *rest, **options):
-        found.append(scene.region(hand.joints))
-        return real(denoiser, hand, scene, *rest, **options)
+    def spy(denoiser, hand, context, *rest, **options):
+        found.append(context.region(hand.joints))
+        return real(denoiser, hand, context, *rest, **options)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "denoise_motion", spy)

@@ -8,7 +8,7 @@ import torch
 from geneoh.errors import ConfigError, InputError
 from geneoh.pipeline.denoise import Denoised, Options, denoise
 from geneoh.pipeline.presets import preset
-from geneoh.sequence.tracks import HandTrack, ObjectTrack, Sequence
+from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh.sequence.windows import WINDOW, window_starts
 
 FAST = Options(preset="fast")

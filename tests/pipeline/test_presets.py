@@ -5,9 +5,10 @@ from typing import get_args
 
 import pytest
 
+from geneoh.choices import Ablation
 from geneoh.fitting.fit import KEYPOINTS_ALONE
 from geneoh.pipeline.denoise import Options, denoise
-from geneoh.pipeline.presets import Ablation, preset
+from geneoh.pipeline.presets import preset
 
 STAGES = ("motion", "spatial", "temporal")
 SCENE = slice(50, 58)

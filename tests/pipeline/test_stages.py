@@ -2,12 +2,12 @@
 
 import torch
 
-from geneoh.pipeline.stages import Scene
+from geneoh.pipeline.stages import StageContext
 
 
-def scene_of(frames: int, parts: int = 2) -> Scene:
+def scene_of(frames: int, parts: int = 2) -> StageContext:
     generator = torch.Generator().manual_seed(0)
-    return Scene(
+    return StageContext(
         points=torch.randn(40, 3, generator=generator) * 0.03,
         normals=torch.nn.functional.normalize(torch.randn(40, 3, generator=generator), dim=-1),
         part=torch.arange(40) % parts,
@@ -21,25 +21,25 @@ def scene_of(frames: int, parts: int = 2) -> Scene:
 def test_blend_undoes_windows():
     for frames in (1, 20, 60, 61, 146):
         joints = torch.randn(3, frames, 21, 3)
-        scene = scene_of(frames)
-        assert torch.allclose(scene.blend(scene.windows(joints)), joints, atol=1e-6)
+        context = scene_of(frames)
+        assert torch.allclose(context.blend(context.windows(joints)), joints, atol=1e-6)
 
 
 def test_cut_takes_the_frames_that_its_starts_name():
-    scene = scene_of(146)
+    context = scene_of(146)
     values = torch.arange(146.0)[:, None, None].expand(-1, 2, 3)
-    cut = scene.cut(values, 0)
-    assert cut.shape == (len(scene.starts), 60, 2, 3)
-    for window, start in enumerate(scene.starts):
+    cut = context.cut(values, 0)
+    assert cut.shape == (len(context.starts), 60, 2, 3)
+    for window, start in enumerate(context.starts):
         assert torch.equal(cut[window], values[start : start + 60])
 
 
 def test_each_sample_has_contact_points_of_its_own_hand():
-    scene = scene_of(20)
+    context = scene_of(20)
     hands = torch.zeros(2, 20, 21, 3)
     hands[1] += 0.05
-    region = scene.region(hands)
-    alone = scene.region(hands[1:])
+    region = context.region(hands)
+    alone = context.region(hands[1:])
     assert region.points.shape[0] == 2
     assert torch.equal(region.points[1], alone.points[0])
     assert not torch.equal(region.points[0], region.points[1])

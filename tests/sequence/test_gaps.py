@@ -4,7 +4,7 @@ from dataclasses import replace
 import torch
 
 from geneoh.sequence.gaps import fill_gaps, observed_around
-from geneoh.sequence.tracks import HandTrack
+from geneoh.sequence.sequence import HandTrack
 
 T = 6
 TIME = torch.arange(T, dtype=torch.float32)

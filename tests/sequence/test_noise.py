@@ -6,11 +6,12 @@ from typing import get_args
 import pytest
 import torch
 
+from geneoh.choices import NOISES, Noise
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import bone_lengths, forward_kinematics, rest_offsets
-from geneoh.sequence.files import load_sequence
-from geneoh.sequence.noise import NOISES, SIZES, Noise, corrupt, draw_noise
-from geneoh.sequence.tracks import HandTrack
+from geneoh.readers.npz_files import load_sequence
+from geneoh.sequence.noise import SIZES, corrupt, draw_noise
+from geneoh.sequence.sequence import HandTrack
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

@@ -3,7 +3,7 @@ import torch
 
 from geneoh.errors import InputError
 from geneoh.sequence.resample import at_rate, over_frames
-from geneoh.sequence.tracks import HandTrack, ObjectTrack, Sequence
+from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
 
 def turn_about_z(angle: torch.Tensor) -> torch.Tensor:

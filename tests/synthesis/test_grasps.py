@@ -7,11 +7,11 @@ from torch import Tensor
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
 from geneoh.hand.skeleton import KEYPOINT_PARENTS, MANO_FROM_OPENPOSE, forward_kinematics
+from geneoh.synthesis.contact_pads import BONE_RADIUS, MEAN_SPAN
+from geneoh.synthesis.grasp_types import KINDS
 from geneoh.synthesis.grasps import Checks, Grasps, synthesize_grasps
-from geneoh.synthesis.kinds import KINDS
-from geneoh.synthesis.natural import NATURAL_MEAN, NATURAL_STD, curled
 from geneoh.synthesis.objects import draw_objects
-from geneoh.synthesis.skin import BONE_RADIUS, MEAN_SPAN
+from geneoh.synthesis.pose_prior import NATURAL_MEAN, NATURAL_STD, curled
 from geneoh.synthesis.solids import Solids
 
 FAMILIES = ["box", "cylinder", "ellipsoid", "capsule", "ring", "pen", "mug", "knife"] * 20

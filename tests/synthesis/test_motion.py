@@ -17,8 +17,8 @@ from geneoh.synthesis.motion import (
     _resting,
     animate,
 )
-from geneoh.synthesis.natural import NATURAL_MEAN
 from geneoh.synthesis.objects import draw_objects
+from geneoh.synthesis.pose_prior import NATURAL_MEAN
 from geneoh.synthesis.solids import Solids
 
 BATCH, FRAMES, POINTS = 24, 60, 16

@@ -5,17 +5,17 @@ from dataclasses import replace
 import pytest
 import torch
 
+from geneoh.baselines.regression import RegressionConfig
+from geneoh.baselines.toch import TochConfig
 from geneoh.denoisers.motion import MotionConfig
-from geneoh.denoisers.regression import RegressionConfig
 from geneoh.denoisers.spatial import SpatialConfig
 from geneoh.denoisers.temporal import TemporalConfig
-from geneoh.denoisers.toch import TochConfig
 from geneoh.denoisers.trajectory import TrajectoryConfig
 from geneoh.hand.library import load_hand
 from geneoh.synthesis.grasps import Grasps
 from geneoh.synthesis.motion import Interactions, animate
-from geneoh.synthesis.natural import NATURAL_MEAN
 from geneoh.synthesis.objects import draw_objects
+from geneoh.synthesis.pose_prior import NATURAL_MEAN
 from geneoh.training.config import TrainConfig
 
 

@@ -75,7 +75,7 @@ def test_clean_hands_have_the_skeletons_of_the_data(batch, interactions):
 
 
 def test_without_variety_clean_hands_are_those_of_the_data(interactions, monkeypatch):
-    monkeypatch.setattr(batches, "varied", lambda hand, *, generator: hand)
+    monkeypatch.setattr(batches, "augmented", lambda hand, *, generator: hand)
     batch = draw_batch(interactions, 3, generator=seeded())
     wrists = interactions.wrist.flatten(0, 1)
     apart = (batch.clean[:, :, 0].flatten(0, 1)[:, None] - wrists).norm(dim=-1).amin(1)

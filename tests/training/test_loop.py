@@ -4,7 +4,8 @@ from dataclasses import replace
 import pytest
 import torch
 
-from geneoh.denoisers.library import load_baseline, load_denoisers
+from geneoh.baselines.library import load_baseline
+from geneoh.denoisers.library import load_denoisers
 from geneoh.errors import CheckpointError
 from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.training.batches import draw_batch

@@ -3,7 +3,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from geneoh.denoisers.regression import RegressionDenoiser
+from geneoh.baselines.regression import RegressionDenoiser
 from geneoh.training.batches import draw_batch
 from geneoh.training.loop import build_model
 from geneoh.training.losses import (

@@ -11,7 +11,7 @@ import trimesh
 
 from geneoh.geometry.mesh import Mesh
 from geneoh.hand.library import load_hand
-from geneoh.sequence.tracks import HandTrack, ObjectTrack, Sequence
+from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh.viz.scene import make_scene
 
 FRAMES = 6

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from geneoh.errors import InputError, MissingAssetError
-from geneoh.sequence.files import load_sequence
+from geneoh.readers.npz_files import load_sequence
 from geneoh.viz.outputs import write
 from geneoh.viz.video import ffmpeg_path, film_frames
 

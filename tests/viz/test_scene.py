@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from geneoh.errors import InputError
 from geneoh.hand.library import load_hand
-from geneoh.sequence.tracks import HandTrack
+from geneoh.sequence.sequence import HandTrack
 from geneoh.viz.colours import DEEPEST, SKIN, on_ramp, ramp_colours
 from geneoh.viz.scene import make_scene
 
@@ -43,7 +43,7 @@ def test_the_mesh_of_keypoints_alone_passes_through_them(scene):
 
 
 def replace_hands(scene, *hands):
-    from geneoh.sequence.tracks import Sequence
+    from geneoh.sequence.sequence import Sequence
 
     return Sequence(hands, scene.object, scene.fps)
 

@@ -1,16 +1,9 @@
 """Which clips of a data set are scored, under which noise: `find_cases` lists them."""
 
-from geneoh.evaluation.protocols.options import (
-    CASE_NOISES,
-    DATASETS,
-    DEFAULT_NOISES,
-    SEEDS,
-    CaseNoise,
-    Dataset,
-    ProtocolOptions,
-)
+from geneoh.choices import CASE_NOISES, DATASETS, CaseNoise, Dataset
+from geneoh.evaluation.protocols.dataset_locations import HOMES
+from geneoh.evaluation.protocols.options import DEFAULT_NOISES, SEEDS, ProtocolOptions
 from geneoh.evaluation.protocols.pending import PendingCase, find_cases
-from geneoh.evaluation.protocols.roots import HOMES
 
 __all__ = [
     "CASE_NOISES",

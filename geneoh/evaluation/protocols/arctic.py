@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-from geneoh.datasets.base import Clip
 from geneoh.evaluation.protocols.clips import (
     REACH,
     Excerpt,
@@ -18,15 +17,16 @@ from geneoh.evaluation.protocols.clips import (
     wrist_to_object,
 )
 from geneoh.evaluation.protocols.options import ProtocolOptions
+from geneoh.readers.base import SourceClip
 
 
-def find(root: Path) -> list[Clip]:
+def find(root: Path) -> list[SourceClip]:
     """The sequences of the test subject."""
     paths = sorted(root.glob("raw_seqs/s01/*.mano.npy"))
-    return [Clip(f"s01/{path.name.removesuffix('.mano.npy')}", path) for path in paths]
+    return [SourceClip(f"s01/{path.name.removesuffix('.mano.npy')}", path) for path in paths]
 
 
-def cut(clip: Clip, options: ProtocolOptions) -> Iterator[Excerpt]:
+def cut(clip: SourceClip, options: ProtocolOptions) -> Iterator[Excerpt]:
     """Windows of one sequence; one with a frame out of reach is dropped whole."""
     reach = REACH if options.reach == "paper" else math.sqrt(REACH)
     for recording in recordings_of("arctic", clip, options.known):

@@ -9,15 +9,15 @@ import numpy as np
 import torch
 from scipy.spatial import KDTree
 
-from geneoh.datasets.base import Clip, Known, Recording, runs
-from geneoh.datasets.convert import read_clip, source_named
-from geneoh.datasets.records import Array
-from geneoh.datasets.tracks import part_of
+from geneoh.choices import Side
 from geneoh.evaluation.protocols.options import ProtocolOptions
 from geneoh.hand.library import load_hand
-from geneoh.hand.model import Side
+from geneoh.readers.base import ReaderOptions, Recording, SourceClip, runs
+from geneoh.readers.builders import part_of
+from geneoh.readers.convert import read_clip, source_named
+from geneoh.readers.records import Array
 from geneoh.sequence.gaps import fill_gaps
-from geneoh.sequence.tracks import HandTrack, ObjectTrack, Sequence
+from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
 REACH = 0.15
 """Metres from the wrist to the nearest object point, beyond which a hand is not at the object."""
@@ -44,13 +44,13 @@ class Excerpt:
     """Frames of one hand in a recording of a data set on disk."""
 
     source: str
-    clip: Clip
+    clip: SourceClip
     recording: str
     side: Side
     start: int
     stop: int
     step: int
-    known: Known
+    known: ReaderOptions
 
     @property
     def name(self) -> str:
@@ -65,7 +65,7 @@ class Excerpt:
 
 
 @lru_cache(maxsize=2)
-def recordings_of(source: str, clip: Clip, known: Known) -> tuple[Recording, ...]:
+def recordings_of(source: str, clip: SourceClip, known: ReaderOptions) -> tuple[Recording, ...]:
     """What one file of a data set holds; the last ones are kept, as neighbours are asked next."""
     return tuple(read_clip(source_named(source), clip, known))
 
@@ -93,7 +93,12 @@ def with_keypoints(sequence: Sequence) -> Sequence:
 
 
 def excerpts(
-    source: str, clip: Clip, recording: Recording, side: Side, kept: Array, options: ProtocolOptions
+    source: str,
+    clip: SourceClip,
+    recording: Recording,
+    side: Side,
+    kept: Array,
+    options: ProtocolOptions,
 ) -> list[Excerpt]:
     """The clips of one hand: windows within each run of frames that are kept.
 
@@ -135,7 +140,7 @@ def windows_of(frames: int, options: ProtocolOptions) -> Iterator[tuple[int, int
             return
 
 
-def offset_of(recording: Recording, clip: Clip) -> int:
+def offset_of(recording: Recording, clip: SourceClip) -> int:
     """The frame of the file at which a recording starts, by its name."""
     return int(recording.name.removeprefix(clip.name)[1:] or 0)
 

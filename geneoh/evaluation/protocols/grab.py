@@ -9,8 +9,7 @@ Source: GeneOH Diffusion, C.1; Zhou et al., TOCH, 2022.
 from collections.abc import Iterator
 from pathlib import Path
 
-from geneoh.datasets.base import Clip
-from geneoh.datasets.grab import touching
+from geneoh.choices import Side
 from geneoh.evaluation.protocols.clips import (
     REACH,
     Excerpt,
@@ -20,23 +19,24 @@ from geneoh.evaluation.protocols.clips import (
     wrist_to_object,
 )
 from geneoh.evaluation.protocols.options import ProtocolOptions
-from geneoh.hand.model import Side
+from geneoh.readers.base import SourceClip
+from geneoh.readers.sources.grab import touching
 
 TEST_OBJECTS = ("mug", "wineglass", "camera", "binoculars", "fryingpan", "toothpaste")
 OTHER: dict[Side, Side] = {"right": "left", "left": "right"}
 
 
-def find(root: Path) -> list[Clip]:
+def find(root: Path) -> list[SourceClip]:
     """The files of the test objects."""
     paths = sorted(root.glob("grab/s*/*.npz"))
     return [
-        Clip(f"{path.parent.name}/{path.stem}", path)
+        SourceClip(f"{path.parent.name}/{path.stem}", path)
         for path in paths
         if path.stem.split("_")[0] in TEST_OBJECTS
     ]
 
 
-def cut(clip: Clip, options: ProtocolOptions) -> Iterator[Excerpt]:
+def cut(clip: SourceClip, options: ProtocolOptions) -> Iterator[Excerpt]:
     """The clips of one file."""
     contact = touching(clip)
     for recording in recordings_of("grab", clip, options.known):

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from geneoh.datasets.base import Clip, clip_name
-from geneoh.datasets.hoi4d import CATEGORIES
 from geneoh.evaluation.protocols.clips import Excerpt, excerpts, offset_of, recordings_of
 from geneoh.evaluation.protocols.options import ProtocolOptions
+from geneoh.readers.base import SourceClip, clip_name
+from geneoh.readers.sources.hoi4d import CATEGORIES
 
 START_FRAMES = {
     **{"Laptop": 120, "Pliers": 150, "Scissors": 50},
@@ -22,20 +22,20 @@ START_FRAMES = {
 """First frame of the clip by category (Table 3), at the recordings' 15 frames a second."""
 
 
-def category_of(clip: Clip) -> str | None:
+def category_of(clip: SourceClip) -> str | None:
     """What the sequence's object is, by the C part of its name."""
     number = clip.path.parts[-5].removeprefix("C")
     return CATEGORIES.get(int(number)) if number.isdigit() else None
 
 
-def find(root: Path) -> list[Clip]:
+def find(root: Path) -> list[SourceClip]:
     """The sequences of the protocol's categories."""
     folders = sorted(p.parent for p in root.glob("HOI4D_annotations/*/*/*/*/*/*/*/objpose"))
-    found = [Clip(clip_name(folder, 7), folder.resolve()) for folder in folders]
+    found = [SourceClip(clip_name(folder, 7), folder.resolve()) for folder in folders]
     return [clip for clip in found if category_of(clip) in START_FRAMES]
 
 
-def cut(clip: Clip, options: ProtocolOptions) -> Iterator[Excerpt]:
+def cut(clip: SourceClip, options: ProtocolOptions) -> Iterator[Excerpt]:
     """The first window at or after the category's first frame in which the object is known."""
     category = category_of(clip)
     start = START_FRAMES[category] if category and options.start_frames == "paper" else 0

@@ -12,12 +12,12 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.datasets.mano import read_mano
+from geneoh.choices import CaseNoise, Dataset, Side
 from geneoh.errors import ConfigError, MissingAssetError
-from geneoh.evaluation.protocols.options import CaseNoise, Dataset, ProtocolOptions
-from geneoh.hand.model import Side
+from geneoh.evaluation.protocols.options import ProtocolOptions
+from geneoh.readers.mano import read_mano
 from geneoh.sequence.noise import Sizes, corrupt_sequence, draw_beta, perturbed
-from geneoh.sequence.tracks import Sequence
+from geneoh.sequence.sequence import Sequence
 from geneoh.synthesis.shards import seed_of
 
 COMPONENTS = 24

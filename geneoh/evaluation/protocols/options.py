@@ -5,18 +5,10 @@ Defaults are the paper's text (GeneOH Diffusion, C.1) wherever it gives one.
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Literal
 
-from geneoh.datasets.base import Known
-from geneoh.sequence.noise import Noise
-
-Dataset = Literal["synthetic", "taco", "grab", "grab-beta", "hoi4d", "arctic"]
-DATASETS: tuple[Dataset, ...] = get_args(Dataset)
-
-CaseNoise = Noise | Literal["paper", "recorded", "clean"]
-"""A noise of `geneoh corrupt`; the one that the paper puts on this data set; the recording itself
-as the noisy input, without ground truth; or the recording as input and as ground truth."""
-CASE_NOISES: tuple[CaseNoise, ...] = (*get_args(Noise), "paper", "recorded", "clean")
+from geneoh.choices import CaseNoise, Dataset
+from geneoh.readers.base import ReaderOptions
 
 DEFAULT_NOISES: dict[Dataset, tuple[CaseNoise, ...]] = {
     "synthetic": ("gauss", "beta"),
@@ -56,6 +48,6 @@ class ProtocolOptions:
     """Folder of the object meshes, where they do not stand where the data set has them."""
 
     @property
-    def known(self) -> Known:
+    def known(self) -> ReaderOptions:
         """What the readers of data sets are told."""
-        return Known(mano_dir=self.mano_dir, objects=self.objects)
+        return ReaderOptions(mano_dir=self.mano_dir, objects=self.objects)

@@ -8,21 +8,14 @@ from typing import TypeVar
 
 from typing_extensions import assert_never
 
+from geneoh.choices import CASE_NOISES, DATASETS, CaseNoise, Dataset
 from geneoh.errors import ConfigError, InputError
 from geneoh.evaluation.cases import Case
 from geneoh.evaluation.protocols import arctic, grab, hoi4d, synthetic, taco
 from geneoh.evaluation.protocols.clips import ClipSource
+from geneoh.evaluation.protocols.dataset_locations import HOMES
 from geneoh.evaluation.protocols.noise import check_noise, noisy_twin
-from geneoh.evaluation.protocols.options import (
-    CASE_NOISES,
-    DATASETS,
-    DEFAULT_NOISES,
-    SEEDS,
-    CaseNoise,
-    Dataset,
-    ProtocolOptions,
-)
-from geneoh.evaluation.protocols.roots import HOMES
+from geneoh.evaluation.protocols.options import DEFAULT_NOISES, SEEDS, ProtocolOptions
 from geneoh.synthesis.shards import seed_of
 
 T = TypeVar("T")

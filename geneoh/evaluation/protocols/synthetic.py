@@ -12,7 +12,7 @@ import torch
 from geneoh.evaluation.protocols.options import ProtocolOptions
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
-from geneoh.sequence.tracks import HandTrack, ObjectTrack, Sequence
+from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh.synthesis.grasps import synthesize_grasps
 from geneoh.synthesis.motion import animate
 from geneoh.synthesis.objects import draw_objects

@@ -9,8 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import geneoh
-from geneoh.datasets.base import Clip
-from geneoh.datasets.taco import find as find_sequences
 from geneoh.errors import MissingAssetError
 from geneoh.evaluation.protocols.clips import (
     REACH,
@@ -20,8 +18,10 @@ from geneoh.evaluation.protocols.clips import (
     wrist_to_object,
 )
 from geneoh.evaluation.protocols.options import ProtocolOptions
-from geneoh.sequence.files import load
-from geneoh.sequence.tracks import Sequence
+from geneoh.readers.base import SourceClip
+from geneoh.readers.npz_files import load
+from geneoh.readers.sources.taco import find as find_sequences
+from geneoh.sequence.sequence import Sequence
 
 TRACK, MESH = "taco_clean.npz", "taco_object.obj"
 
@@ -58,12 +58,12 @@ def example(root: Path | None) -> Example | None:
     return None
 
 
-def find(root: Path) -> list[Clip]:
+def find(root: Path) -> list[SourceClip]:
     """Every sequence of the user's copy."""
     return find_sequences(root / "Hand_Poses")
 
 
-def cut(clip: Clip, options: ProtocolOptions) -> Iterator[Excerpt]:
+def cut(clip: SourceClip, options: ProtocolOptions) -> Iterator[Excerpt]:
     """Windows of both hands, each with the object it holds."""
     for recording in recordings_of("taco", clip, options.known):
         (hand,) = recording.sequence.hands

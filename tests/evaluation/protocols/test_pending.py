@@ -15,7 +15,7 @@ from geneoh.geometry.mesh import is_watertight
 from geneoh.hand.library import load_hand
 from geneoh.metrics.accuracy import mpjpe
 from geneoh.metrics.report import measure
-from geneoh.sequence.checks import check_sequence
+from geneoh.sequence.validation import check_sequence
 from geneoh.synthesis.objects import draw_objects
 from geneoh.synthesis.shards import SynthesisConfig
 

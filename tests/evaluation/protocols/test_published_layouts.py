@@ -9,10 +9,10 @@ import pytest
 import torch
 import trees
 
-from geneoh.datasets.mano import read_mano
 from geneoh.errors import InputError
 from geneoh.evaluation.protocols import ProtocolOptions, find_cases
 from geneoh.evaluation.protocols.clips import recordings_of
+from geneoh.readers.mano import read_mano
 
 
 def cases(name, root, mano_dir, **options):

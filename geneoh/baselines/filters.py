@@ -1,0 +1,159 @@
+"""The cleaners people already have: low-pass filters, on keypoints and on parameters.
+
+A filter's size is either tuned once, on validation clips and over all noises (`TUNED`, made by
+`python -m tools.tune_filters`): what a careful user could do. Or it is the best on the very
+clip, chosen with the ground truth in hand (`best_filtered`): better than anybody can use it.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from scipy.ndimage import gaussian_filter1d
+from scipy.signal import savgol_filter
+from torch import Tensor
+from typing_extensions import assert_never
+
+from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.hand.skeleton import forward_kinematics, rest_offsets
+from geneoh.sequence.gaps import fill_gaps
+from geneoh.sequence.sequence import HandTrack
+
+FilterKind = Literal["savgol", "gaussian", "one-euro"]
+On = Literal["keypoints", "parameters"]
+ORDER = 2
+"""Of the Savitzky-Golay filter's polynomial."""
+SPEED_CUTOFF = 1.0
+"""Hertz; cutoff of the One-Euro filter for the speed, as its authors have it."""
+
+
+@dataclass(frozen=True)
+class Filter:
+    """A low-pass filter over frames with its size."""
+
+    kind: FilterKind
+    size: float
+    """Window in frames (savgol), deviation in frames (gaussian), least cutoff in Hz (one-euro)."""
+    beta: float = 0.0
+    """One-Euro: by how many Hz the cutoff rises with a speed of one unit a second."""
+
+
+GRID: dict[FilterKind, tuple[Filter, ...]] = {
+    "savgol": tuple(Filter("savgol", window) for window in (5.0, 9.0, 15.0, 21.0, 31.0)),
+    "gaussian": tuple(Filter("gaussian", frames) for frames in (0.7, 1.0, 1.5, 2.0, 3.0, 4.5)),
+    "one-euro": tuple(
+        Filter("one-euro", cutoff, beta)
+        for cutoff in (1.0, 2.0, 4.0, 8.0)
+        for beta in (0.0, 2.0, 8.0, 32.0)
+    ),
+}
+"""The sizes that tuning may choose from."""
+
+TUNED: dict[tuple[FilterKind, On], Filter] = {
+    ("savgol", "keypoints"): Filter("savgol", 15.0),  # 16.07 mm
+    ("savgol", "parameters"): Filter("savgol", 15.0),  # 15.45 mm
+    ("gaussian", "keypoints"): Filter("gaussian", 1.5),  # 16.08 mm
+    ("gaussian", "parameters"): Filter("gaussian", 2.0),  # 15.45 mm
+    ("one-euro", "keypoints"): Filter("one-euro", 1.0, 32.0),  # 18.65 mm
+    ("one-euro", "parameters"): Filter("one-euro", 8.0),  # 19.14 mm
+}
+"""One size for all noises, with the mean error it left on the validation clips: what
+`python -m tools.tune_filters` prints."""
+
+
+def smooth(values: Float[Tensor, "T ..."], chosen: Filter, fps: float) -> Float[Tensor, "T ..."]:
+    """A track filtered number by number; a Savitzky-Golay window is no longer than the track."""
+    array = values.double().numpy()
+    match chosen.kind:
+        case "savgol":
+            longest = len(array) - (len(array) + 1) % 2  # windows are odd
+            window = min(round(chosen.size), longest)
+            done = array if window <= ORDER else savgol_filter(array, window, ORDER, axis=0)
+        case "gaussian":
+            done = gaussian_filter1d(array, chosen.size, axis=0, mode="nearest")
+        case "one-euro":
+            done = one_euro(array, chosen.size, chosen.beta, fps)
+        case _:
+            assert_never(chosen.kind)
+    return torch.from_numpy(np.ascontiguousarray(done)).to(values)
+
+
+def one_euro(
+    values: Float[np.ndarray, "T ..."], cutoff: float, beta: float, fps: float
+) -> Float[np.ndarray, "T ..."]:
+    """The One-Euro filter: exponential smoothing that lets go where the values move fast.
+
+    Causal, as on live tracks. Source: Casiez et al., CHI 2012, algorithm 1.
+
+    Args:
+        values: the track.
+        cutoff: of a resting value, Hz.
+        beta: by how much the cutoff rises with the speed.
+        fps: frames a second.
+    """
+
+    def share(hertz: float | np.ndarray) -> float | np.ndarray:
+        """Weight of the new value."""
+        rate = 2 * math.pi * hertz / fps
+        return rate / (rate + 1)
+
+    kept = [values[0]]
+    speed = np.zeros_like(values[0])
+    for value in values[1:]:
+        speed = speed + share(SPEED_CUTOFF) * ((value - kept[-1]) * fps - speed)
+        weight = share(cutoff + beta * np.abs(speed))
+        kept.append(kept[-1] + weight * (value - kept[-1]))
+    return np.stack(kept)
+
+
+def filtered(hand: HandTrack, chosen: Filter, on: On, fps: float) -> Float[Tensor, "T 21 3"]:
+    """Keypoints of a filtered track, gaps filled linearly first.
+
+    On keypoints: coordinate by coordinate. On parameters: wrist positions and axis-angle vectors,
+    posed with the input's own skeleton, so that bones keep their length; needs a pose.
+    """
+    filled = fill_gaps(hand)
+    assert filled.joints is not None, "the filters need keypoints"
+    if on == "keypoints":
+        return smooth(filled.joints, chosen, fps)
+    assert filled.pose is not None, "the filter on parameters needs a pose"
+    offsets = rest_offsets(axis_angle_to_matrix(filled.pose), filled.joints, hand.valid)
+    pose = smooth(unwound(filled.pose), chosen, fps)
+    wrist = smooth(filled.joints[:, 0], chosen, fps)
+    joints, _ = forward_kinematics(
+        axis_angle_to_matrix(pose), wrist, offsets.expand(len(pose), 20, 3)
+    )
+    return joints
+
+
+def unwound(pose: Float[Tensor, "T 16 3"]) -> Float[Tensor, "T 16 3"]:
+    """The same rotations, each as the axis-angle vector nearest to that of the frame before.
+
+    A rotation beyond half a turn is as well one the other way round: a jump that a filter must not
+    see.
+    """
+    kept = [pose[0]]
+    for now in pose[1:]:
+        angle = now.norm(dim=-1, keepdim=True)
+        axis = now / angle.clamp(min=1e-6)
+        turns = ((kept[-1] * axis).sum(-1, keepdim=True) - angle) / (2 * math.pi)
+        kept.append((angle + 2 * math.pi * turns.round()) * axis)
+    return torch.stack(kept)
+
+
+def usable_on(hand: HandTrack) -> tuple[On, ...]:
+    """What of a track can be filtered."""
+    return ("keypoints",) if hand.pose is None else ("keypoints", "parameters")
+
+
+def best_filtered(
+    hand: HandTrack, truth: Float[Tensor, "T 21 3"], on: On, fps: float
+) -> tuple[Filter, Float[Tensor, "T 21 3"]]:
+    """Of all filters and sizes the one nearest to the ground truth, and what it makes."""
+    tried = [
+        (chosen, filtered(hand, chosen, on, fps)) for sizes in GRID.values() for chosen in sizes
+    ]
+    return min(tried, key=lambda made: float((made[1] - truth).norm(dim=-1).mean()))

@@ -1,0 +1,43 @@
+"""The trained baselines: where their shipped weights lie and how they are rebuilt from files."""
+
+from pathlib import Path
+from typing import get_args
+
+from typing_extensions import assert_never
+
+from geneoh.baselines.regression import RegressionConfig, RegressionDenoiser
+from geneoh.baselines.toch import TochAutoencoder, TochConfig
+from geneoh.choices import BaselineName
+from geneoh.denoisers.library import restored
+from geneoh.nn.checkpoint import load_checkpoint
+
+SHIPPED = Path(__file__).parent / "assets"
+"""Folder of the baselines' weights inside the package, NAME.safetensors."""
+BASELINES: tuple[BaselineName, ...] = get_args(BaselineName)
+
+Baseline = TochAutoencoder | RegressionDenoiser
+
+
+def baseline_weights(name: BaselineName, folder: Path | None) -> Path:
+    """The file of a baseline: in the folder that the user names, else the shipped one."""
+    given = None if folder is None else folder / f"{name}.safetensors"
+    return given if given is not None and given.is_file() else SHIPPED / f"{name}.safetensors"
+
+
+def load_baseline(name: BaselineName, folder: Path | None = None) -> Baseline:
+    """The network of a baseline that `geneoh eval` scores, the shipped one by default.
+
+    Raises:
+        CheckpointError: the file is missing or does not fit its network.
+    """
+    path = (folder or SHIPPED) / f"{name}.safetensors"
+    saved = load_checkpoint(path)
+    match name:
+        case "toch":
+            return restored(saved, name, lambda sizes: TochAutoencoder(TochConfig(**sizes)), path)
+        case "regression":
+            return restored(
+                saved, name, lambda sizes: RegressionDenoiser(RegressionConfig(**sizes)), path
+            )
+        case _:
+            assert_never(name)

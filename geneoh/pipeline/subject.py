@@ -1,0 +1,103 @@
+"""Who the hand belongs to: one shape for the track, its keypoints, and parameters to start from."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from geneoh.choices import HandSource
+from geneoh.fitting.shape import betas_from_lengths, betas_from_offsets
+from geneoh.fitting.terms import HandState
+from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.hand.library import load_hand
+from geneoh.hand.mano import AS_SHIPPED, MENDED
+from geneoh.hand.model import HandModel, ShapedHand
+from geneoh.hand.skeleton import bone_lengths, forward_kinematics, rest_offsets
+from geneoh.sequence.gaps import fill_gaps
+from geneoh.sequence.sequence import HandTrack
+
+POSE_MISFIT = 0.015
+"""Mean distance in metres between given joints and the given pose's own beyond which the pose is
+taken to be of another convention and the joints alone are used."""
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A right-hand track ready for the stages, gaps filled."""
+
+    shaped: ShapedHand
+    betas: Float[Tensor, " S"]
+    offsets: Float[Tensor, "1 20 3"]
+    """The person's own skeleton: exact where pose and joints tell it, else that of `shaped`."""
+    joints: Float[Tensor, "T 21 3"]
+    trust: Float[Tensor, "T 21"]
+    """0 where a frame was filled in; elsewhere the confidence, or 1."""
+    start: HandState | None
+    """The input's own parameters, one sample, where it has usable ones."""
+    notes: tuple[str, ...]
+
+
+def hand_of(track: HandTrack, source: HandSource, mano_dir: Path | str | None = None) -> HandModel:
+    """The hand of a source for a track; of MANO's two left hands the one its betas belong to."""
+    if source == MENDED and track.hand_model == AS_SHIPPED:
+        source = AS_SHIPPED
+    return load_hand(track.side, source=source, mano_dir=mano_dir)
+
+
+def subject_of(track: HandTrack, model: HandModel) -> Subject:
+    """Shape, keypoints and start of a right-hand track.
+
+    Joints win over pose where both are there. Betas are used as they are when they belong to
+    `model`; otherwise the shape is fitted to the person's rest skeleton (pose and joints), to the
+    bone lengths (joints only), or is the mean hand (pose only), which is noted.
+    """
+    notes: list[str] = []
+    filled = fill_gaps(track)
+    known = track.betas if track.hand_model == model.name else None
+    rotations = None if filled.pose is None else axis_angle_to_matrix(filled.pose)
+    if filled.joints is None:
+        assert rotations is not None, "a track without joints has a pose"
+        assert filled.wrist is not None, "a pose comes with a wrist"
+        if known is None:
+            known = model.template.new_zeros(model.shape_dirs.shape[-1])
+            notes.append(
+                "the pose comes without joints and its betas belong to another hand model: "
+                "the mean hand is used"
+            )
+        joints = model.shaped(known).joints_from_rotations(rotations, filled.wrist)
+    else:
+        joints = filled.joints
+        if rotations is not None and _misfit(rotations, joints, track.valid) > POSE_MISFIT:
+            notes.append("the given pose does not reach the given joints: the joints are used")
+            rotations = None
+    if known is not None:
+        betas = known
+    elif rotations is not None:
+        betas = betas_from_offsets(model, rest_offsets(rotations, joints, track.valid))
+    else:
+        lengths = bone_lengths(joints[track.valid]).median(0).values
+        betas = betas_from_lengths(model, lengths)
+    trust = torch.ones_like(joints[..., 0]) if filled.confidence is None else filled.confidence
+    trust = trust.clamp(0, 1) * track.valid[:, None]
+    start = None if rotations is None else HandState(rotations[None], joints[None, :, 0])
+    shaped = model.shaped(betas)
+    if rotations is None or filled.joints is None:
+        offsets = shaped.offsets
+    else:
+        offsets = rest_offsets(rotations, joints, track.valid)
+    return Subject(shaped, betas, offsets[None], joints, trust, start, tuple(notes))
+
+
+def _misfit(
+    rotations: Float[Tensor, "T 16 3 3"],
+    joints: Float[Tensor, "T 21 3"],
+    valid: Bool[Tensor, " T"],
+) -> float:
+    """Mean distance of joints to those that the pose makes with the best constant skeleton."""
+    offsets = rest_offsets(rotations, joints, valid)
+    made, _ = forward_kinematics(
+        rotations[valid], joints[valid][:, 0], offsets.expand(int(valid.sum()), 20, 3)
+    )
+    return float((made - joints[valid]).norm(dim=-1).mean())

@@ -1,0 +1,49 @@
+"""Orders of keypoints, each as the way to OpenPose's."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from geneoh.errors import ConfigError
+from geneoh.readers.records import Array
+
+
+@dataclass(frozen=True)
+class Order:
+    """Keypoint i of OpenPose's 21 is entry `entries[i]` of `count`; -1 where there is none."""
+
+    count: int
+    entries: tuple[int, ...]
+
+
+ORDERS = {
+    "openpose": Order(21, tuple(range(21))),
+    "mano": Order(21, (0, 13, 14, 15, 16, 1, 2, 3, 17, 4, 5, 6, 18, 10, 11, 12, 19, 7, 8, 9, 20)),
+    "fphab": Order(21, (0, 1, 6, 7, 8, 2, 9, 10, 11, 3, 12, 13, 14, 4, 15, 16, 17, 5, 18, 19, 20)),
+    "aria": Order(21, (5, -1, 6, 7, 0, 8, 9, 10, 1, 11, 12, 13, 2, 14, 15, 16, 3, 17, 18, 19, 4)),
+    "webxr": Order(25, (0, 1, 2, 3, 4, 6, 7, 8, 9, 11, 12, 13, 14, 16, 17, 18, 19, 21, 22, 23, 24)),
+    "openxr": Order(
+        26, (1, 2, 3, 4, 5, 7, 8, 9, 10, 12, 13, 14, 15, 17, 18, 19, 20, 22, 23, 24, 25)
+    ),
+}
+THUMB_BASE, THUMB_NEXT = 1, 2
+BASE_SHARE = 0.4
+"""Where the base of the thumb stands between wrist and next joint, of that way, in MANO's mean
+hand."""
+
+
+def ordered(points: Array, name: str) -> tuple[Array, Array]:
+    """(T, 21, 3) in OpenPose's order, and (21,) trust: 0 where a keypoint had to be put in.
+
+    Raises:
+        ConfigError: there is no such order.
+    """
+    if name not in ORDERS:
+        raise ConfigError(f"--joint-order {name}: expected one of {', '.join(ORDERS)}")
+    order = ORDERS[name]
+    entries = np.array(order.entries)
+    joints = points[:, np.maximum(entries, 0)].copy()
+    if (entries < 0).any():  # only ever the base of the thumb
+        way = joints[:, THUMB_NEXT] - joints[:, 0]
+        joints[:, THUMB_BASE] = joints[:, 0] + BASE_SHARE * way
+    return joints, (entries >= 0).astype(np.float64)

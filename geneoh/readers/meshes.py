@@ -1,0 +1,70 @@
+"""Object meshes of data sets: found by name, brought to metres, written beside the sequences."""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from geneoh.errors import InputError
+from geneoh.geometry.mesh import Mesh, load_mesh
+from geneoh.readers.records import Array
+
+
+def find_mesh(places: Iterable[Path], what: str) -> Path:
+    """The first of some places where a mesh file stands.
+
+    Raises:
+        InputError: it stands nowhere; the message says where it was looked for.
+    """
+    tried = list(places)
+    for place in tried:
+        if place.is_file():
+            return place
+    raise InputError(
+        f"{tried[0] if tried else what}: expected the mesh of {what}, got no such file; "
+        "download the data set's object models, or pass their folder with --objects"
+    )
+
+
+def read_mesh(path: Path, scale: float = 1.0, *, centred: bool = False) -> Mesh:
+    """A mesh in metres.
+
+    Args:
+        path: the file.
+        scale: metres per unit of the file.
+        centred: move the middle of its bounding box to the origin.
+    """
+    mesh = load_mesh(path)
+    verts = mesh.verts.double() * scale
+    if centred:
+        verts = verts - (verts.amax(0) + verts.amin(0)) / 2
+    return Mesh(verts.float(), mesh.faces)
+
+
+def part_of_mesh(mesh: Mesh, chosen: Array, name: str) -> Mesh:
+    """The faces of which all corners are chosen, with their vertices.
+
+    Raises:
+        InputError: there is no such face.
+    """
+    inside = torch.from_numpy(chosen)[mesh.faces].all(-1)
+    if not bool(inside.any()):
+        raise InputError(f"{name}: expected a part with faces, got none; check the parts' file")
+    used, faces = torch.unique(mesh.faces[inside], return_inverse=True)
+    return Mesh(mesh.verts[used], faces)
+
+
+def mesh_from(verts: Array, faces: Array) -> Mesh:
+    """A mesh from arrays that a source holds."""
+    return Mesh(
+        torch.from_numpy(np.array(verts, dtype=np.float32)),
+        torch.from_numpy(np.array(faces, dtype=np.int64)),
+    )
+
+
+def obj_text(mesh: Mesh) -> str:
+    """A mesh as OBJ; nine digits bring every float32 back."""
+    verts = "".join(f"v {x:.9g} {y:.9g} {z:.9g}\n" for x, y, z in mesh.verts.tolist())
+    faces = "".join(f"f {a} {b} {c}\n" for a, b, c in (mesh.faces + 1).tolist())
+    return verts + faces

@@ -1,0 +1,186 @@
+"""Sequences to and from npz files: the layouts people have are read, one layout is written."""
+
+import logging
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.choices import Side
+from geneoh.errors import InputError
+from geneoh.files.npz import Arrays, read_archive, write_archive
+from geneoh.geometry.mesh import Mesh, load_mesh
+from geneoh.hand.library import load_hand
+from geneoh.hand.mano import AS_SHIPPED, MENDED
+from geneoh.readers.fields import Fields
+from geneoh.readers.npz_hands import Asked, WristOffset, read_hands
+from geneoh.readers.npz_layouts import FORMAT, HAND_FIELDS, VERSION, Layout, layout_of, slips
+from geneoh.readers.npz_objects import read_object
+from geneoh.sequence.sequence import HandTrack, Sequence
+from geneoh.sequence.validation import check_sequence
+
+LOG = logging.getLogger(__name__)
+
+ASSUMED_FPS = 30.0
+"""Frame rate of a file that says none, the commonest; it is always noted."""
+
+LAYOUT_NAMES: dict[Layout, str] = {
+    "geneoh-sequence": f"{FORMAT} version {VERSION}",
+    "smplx": "smplx names, absolute pose",
+    "taco": "TACO names",
+    "joints": "bare joints",
+}
+
+
+def load(
+    path: Path | str,
+    *,
+    obj: Path | str | Iterable[Path | str] = (),
+    side: Side | None = None,
+    fps: float | None = None,
+    mano_dir: Path | str | None = None,
+) -> Sequence:
+    """Read a sequence together with the meshes of its object.
+
+    Args:
+        path: the npz of the sequence.
+        obj: mesh file of the object, or one per rigid part.
+        side: which hand, where the file does not say; of two hands, the one to read.
+        fps: frames a second, where the file does not say.
+        mano_dir: folder of the user's MANO files, for the exact wrist of smplx translations.
+
+    Raises:
+        InputError: a file cannot be read as one interaction; the message says why.
+    """
+    files = [obj] if isinstance(obj, Path | str) else list(obj)
+    meshes = tuple(load_mesh(Path(file)) for file in files)
+    offset = None if mano_dir is None else mano_wrist_offset(mano_dir)
+    return load_sequence(path, meshes, side=side, fps=fps, wrist_offset=offset)
+
+
+def mano_wrist_offset(mano_dir: Path | str) -> WristOffset:
+    """MANO's J0(betas) from the user's own files, which are read when it is first asked for.
+
+    Of the files as smplx uses them: what smplx wrote, left hands included, was made with those.
+    """
+
+    def offset(side: Side, betas: Float[Tensor, " 10"]) -> Float[Tensor, " 3"]:
+        return load_hand(side, source=AS_SHIPPED, mano_dir=mano_dir).rest_wrist(betas)
+
+    return offset
+
+
+def load_sequence(
+    path: Path | str,
+    meshes: tuple[Mesh, ...] = (),
+    *,
+    side: Side | None = None,
+    fps: float | None = None,
+    wrist_offset: WristOffset | None = None,
+) -> Sequence:
+    """Read a sequence from an npz in any of the known layouts; `Sequence.source` says which.
+
+    What had to be assumed is said there too, and logged as a warning.
+
+    Args:
+        path: the file; it is never unpickled.
+        meshes: one per rigid part of the object, or none where only the tracks matter.
+        side: which hand, where the file does not say; of two hands, the one to read.
+        fps: frames a second, where the file does not say.
+        wrist_offset: MANO's J0(betas), which the smplx layout needs for an exact wrist unless it
+            carries joints.
+
+    Raises:
+        InputError: the file cannot be read as one interaction; the message says why.
+    """
+    path = Path(path)
+    fields = Fields(str(path), read_archive(path))
+    layout = layout_of(fields)
+    reading = read_hands(fields, layout, Asked(side, wrist_offset))
+    motion = read_object(fields, meshes)
+    rate, fps_notes = fps_of(fields, fps)
+    notes = (*reading.notes, *fps_notes)
+    for note in (*notes, *slips(fields, layout)):
+        LOG.warning("%s: %s", path, note)
+    made_from = fields.text("source") if layout == FORMAT else None
+    source = f"{path.name} ({'; '.join((LAYOUT_NAMES[layout], *notes))})"
+    source = f"{source} made from {made_from}" if made_from else source
+    sequence = Sequence(reading.hands, motion, rate, source)
+    check_sequence(sequence, str(path))
+    return sequence
+
+
+def fps_of(fields: Fields, asked: float | None) -> tuple[float, tuple[str, ...]]:
+    """Frames a second: the file's own word, the caller's, or the assumed rate, which is noted."""
+    said = fields.number("fps")
+    if said is not None and asked is not None and said != asked:
+        raise InputError(
+            f"{fields.file}: 'fps' says {said:g}, got --fps {asked:g}; drop one of the two"
+        )
+    rate = said if asked is None else asked
+    if rate is not None:
+        return rate, ()
+    return ASSUMED_FPS, (f"{ASSUMED_FPS:g} frames a second assumed; 'fps' or --fps says otherwise",)
+
+
+def save_sequence(
+    sequence: Sequence, path: Path | str, *, extra: Mapping[str, np.ndarray] | None = None
+) -> None:
+    """Write a sequence as a geneoh-sequence npz, whole or not at all; meshes are not in it.
+
+    Equal sequences give equal bytes.
+
+    Args:
+        sequence: what to write.
+        path: where; a file that is there is replaced.
+        extra: further plain arrays by name, which reading leaves alone.
+
+    Raises:
+        InputError: the place cannot be written to.
+        ValueError: an extra array has the name of a field of the layout, or holds objects.
+    """
+    arrays = sequence_arrays(sequence)
+    if taken := arrays.keys() & (extra or {}).keys():
+        raise ValueError(f"extra arrays need names of their own, got {sorted(taken)}")
+    write_archive(Path(path), {**arrays, **(extra or {})})
+
+
+def sequence_arrays(sequence: Sequence) -> Arrays:
+    """The fields of the geneoh-sequence layout."""
+    arrays: Arrays = {
+        "format": np.array(FORMAT),
+        "version": np.array(VERSION),
+        "fps": np.array(sequence.fps),
+        "source": np.array(sequence.source),
+        "object_rotation": plain(sequence.object.rotation),
+        "object_translation": plain(sequence.object.translation),
+    }
+    models = {hand.hand_model for hand in sequence.hands if hand.hand_model is not None}
+    if AS_SHIPPED in models:  # reading knows that a right hand is the same in both
+        models.discard(MENDED)
+    if len(models) > 1:
+        raise ValueError(f"both hands must be of one hand model, got {sorted(models)}")
+    if models:
+        arrays["hand_model"] = np.array(models.pop())
+    for hand in sequence.hands:
+        arrays.update(hand_arrays(hand))
+    return arrays
+
+
+def hand_arrays(hand: HandTrack) -> Arrays:
+    """The fields of one hand, its side in front of each name."""
+    fields = {name: getattr(hand, name) for name in HAND_FIELDS}
+    arrays = {
+        f"{hand.side}_{name}": plain(value) for name, value in fields.items() if value is not None
+    }
+    if hand.pose is not None:
+        arrays[f"{hand.side}_pose"] = plain(hand.pose.reshape(-1, 48))
+    return arrays
+
+
+def plain(values: Tensor) -> np.ndarray:
+    """A tensor as numpy keeps it, off any device and graph."""
+    return values.detach().to("cpu", torch.float32 if values.is_floating_point() else None).numpy()

@@ -1,0 +1,234 @@
+"""Clips of GRAB as TOCH and GeneOH Diffusion cut them: {split}/{i}.npy, one structured array each.
+
+f0 hand vertices, f1 orientation, f2 24 coefficients of MANO's components (no mean pose), f3 points
+of the object, f5 its rotation vector (for row vectors), f7 its number in the sorted listing of
+contact_meshes, f8 frame, and as the last field whether it is a left hand. Every 4th frame of 120 a
+second. Hand and object are moved so that the mean of the object's vertices is the origin, left ones
+mirrored as well, all but f1, f2 and f5. GeneOH's {split}/{i}_subj.npy in the folder whose name ends
+in _wsubj brings betas and the place in its own frame (right hands, convention O).
+
+f8 counts on over the frames that TOCH left out, so that jumps hide in a clip: it is cut there.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from geneoh.choices import Side
+from geneoh.errors import InputError
+from geneoh.geometry.distance import SurfaceDistance
+from geneoh.geometry.mesh import Mesh
+from geneoh.hand.mano import AS_SHIPPED
+from geneoh.hand.model import HandModel
+from geneoh.pickles.files import read_values
+from geneoh.readers.base import (
+    CrossChecks,
+    ReaderOptions,
+    Recording,
+    SourceClip,
+    clips,
+    finite_frames,
+)
+from geneoh.readers.builders import (
+    FLIP_X,
+    hand_track,
+    matrices,
+    object_track,
+    recordings,
+    sequence_of,
+    turned,
+)
+from geneoh.readers.mano import RIM, decoded
+from geneoh.readers.meshes import read_mesh
+from geneoh.readers.records import Array, Record, read_record
+
+FPS = 30.0
+VERTS = 778
+POINTS_CHECKED = 50
+"""Of the 8000 points on the object, in each frame."""
+JUMP, JUMP_SHARE = 0.03, 6.0
+"""Metres a frame, and times the median step, beyond which a hand has jumped; in a clip with a
+median step of 2.7 mm frames are missing where it goes 49 and 105 mm."""
+FIT_FRAMES = 50
+"""Frames from which the shape of a hand is found."""
+FIT_LIMIT = 0.01
+"""Mean metres that the fitted hand may miss the vertices; people's own meshes leave some 3 mm."""
+LISTINGS = ("tools/object_meshes/contact_meshes", "object_meshes")
+"""Where the meshes lie below GRAB's root, and below GeneOH's data/grab."""
+
+
+def find(path: Path) -> list[SourceClip]:
+    """Every clip, without the files that GeneOH puts beside them."""
+    return [
+        clip
+        for clip in clips(path, "*.npy", 2)
+        if not clip.path.stem.endswith(("_subj", "_meta_data"))
+    ]
+
+
+def read(clip: SourceClip, known: ReaderOptions) -> list[Recording]:
+    """One hand and the object, one recording for each stretch without a jump."""
+    record = read_fields(clip.path)
+    side = side_of(record)
+    if known.mano is None:
+        raise InputError(
+            f"{clip.path}: the pose is coefficients of MANO's components, got no MANO files; pass "
+            "--mano with the folder of your MANO_RIGHT.pkl and MANO_LEFT.pkl"
+        )
+    mano, back = known.mano(side, AS_SHIPPED), FLIP_X if side == "left" else np.ones(3)
+    verts = record.array("f0", ("T", 3 * VERTS)).reshape(-1, VERTS, 3) * back
+    fingers = decoded(record, "f2", record.array("f2", ("T", 24)), mano, mean=False)
+    pose = np.concatenate([record.array("f1", ("T", 3)), fingers], axis=1).reshape(-1, 16, 3)
+    subject = read_subject(clip.path, side, len(verts))
+    notes: tuple[str, ...] = ()
+    if subject is None:
+        betas, wrist = shape_and_wrist(mano.model, pose, verts, record)
+        moved = np.zeros((len(verts), 3))
+        notes = ("centred on the object in each frame: its path is not in the file",)
+    else:
+        betas = subject.array("rhand_betas", (10,))
+        wrist = subject.array("rhand_transl", ("T", 3)) + mano.wrist_offset(betas)
+        moved = (subject.array("rhand_verts", ("T", VERTS, 3)) - verts).mean(1)
+    name, mesh = read_object(record, clip.path, known)
+    # The middle of the vertices, moved, is the origin: f6 says the same, but for left hands.
+    rotation = turned(record.array("f5", ("T", 3))).transpose(0, 2, 1)
+    middle = mesh.verts.double().numpy().mean(0)
+    motion = matrices(rotation, moved - rotation @ middle)
+    hand = hand_track(
+        side, pose=pose, wrist=wrist, joints=mano.keypoints(pose, wrist, betas), betas=betas
+    )
+    sequence = sequence_of(
+        [(hand, notes)],
+        object_track([mesh], motion[:, None]),
+        known.rate(FPS),
+        f"GRAB clip {clip.name}",
+    )
+    rim = verts[:, RIM].mean(1)
+    return recordings(
+        clip.name,
+        sequence,
+        object_known=finite_frames(motion),
+        after_jump=jumps(record, rim, rotation),
+        mesh_names=(f"grab_{name}",),
+        evidence=CrossChecks(
+            rim={side: rim + moved},
+            object_points=on_surface(record, back, mesh, motion, moved),
+        ),
+    )
+
+
+def read_fields(path: Path) -> Record:
+    """The fields of the structured array by name."""
+    value = read_values(path)
+    names = value.dtype.names if isinstance(value, np.ndarray) else None
+    if names is None or value.ndim != 1 or not {f"f{k}" for k in range(10)} <= set(names):
+        raise InputError(
+            f"{path}: expected a structured array with the fields f0 to f9 of TOCH's clips, got "
+            f"{'none' if names is None else ', '.join(names)}; choose another source"
+        )
+    return Record(str(path), {name: value[name] for name in names})
+
+
+def side_of(record: Record) -> Side:
+    """Which hand: the last field, f9 before TOCH's correspondences are added and f12 after."""
+    name = "f12" if "f12" in record else "f9"
+    left = record.array(name, ("T",))
+    if left.any() != left.all():
+        raise record.refuse(name, "the same hand in all frames")
+    return "left" if left.any() else "right"
+
+
+def read_subject(path: Path, side: Side, frames: int) -> Record | None:
+    """GeneOH's betas and places of a right hand, if they are there."""
+    split = path.parent
+    folders = (split, split.parent.with_name(f"{split.parent.name}_wsubj") / split.name)
+    files = [folder / f"{path.stem}_subj.npy" for folder in folders]
+    found = next((file for file in files if file.is_file()), None)
+    if found is None or side == "left":
+        return None
+    record = read_record(found)
+    if len(record.array("rhand_transl", ("T", 3))) != frames:
+        raise record.refuse("rhand_transl", f"{frames} frames, as the clip has")
+    return record
+
+
+def shape_and_wrist(
+    model: HandModel, pose: Array, verts: Array, record: Record
+) -> tuple[Array, Array]:
+    """(10,) betas and (T, 3) wrist of the hand in a known pose that is nearest to its vertices.
+
+    Posed vertices are linear in both, so that least squares has the answer.
+    """
+    chosen = np.unique(np.linspace(0, len(pose) - 1, FIT_FRAMES).astype(int))
+    trial = torch.cat([torch.zeros(1, 10), torch.eye(10)])
+    poses, nowhere = torch.from_numpy(pose[chosen]).float(), torch.zeros(len(chosen), 3)
+    made = torch.stack([model.shaped(b).posed(poses, nowhere).verts for b in trial])
+    basis = made.double().numpy()
+    basis[1:] -= basis[0]
+    centred = basis - basis.mean(2, keepdims=True)
+    wanted = verts[chosen] - verts[chosen].mean(1, keepdims=True) - centred[0]
+    if not np.isfinite(wanted).all():
+        raise record.refuse("f0", "finite vertices")
+    betas = np.linalg.lstsq(centred[1:].reshape(10, -1).T, wanted.reshape(-1), rcond=None)[0]
+    shaped = model.shaped(torch.from_numpy(betas).float())
+    posed = shaped.posed(torch.from_numpy(pose).float(), torch.zeros(len(pose), 3)).verts
+    wrist = (verts - posed.double().numpy()).mean(1)
+    missed = np.linalg.norm(posed.double().numpy() + wrist[:, None] - verts, axis=-1).mean()
+    if missed > FIT_LIMIT:
+        raise InputError(
+            f"{record.where}: expected vertices that f1 and f2 pose, got ones {1000 * missed:.0f} "
+            "mm from the nearest hand; f1 is of the other hand, or the clip is no longer as TOCH "
+            "wrote it"
+        )
+    return betas, wrist
+
+
+def read_object(record: Record, path: Path, known: ReaderOptions) -> tuple[str, Mesh]:
+    """Name and mesh of the object, by its number in the sorted listing of all meshes."""
+    if known.meshes:
+        return path.stem, known.meshes[0]
+    places = [root / listing for root in path.parents for listing in LISTINGS]
+    folder = known.objects or next((place for place in places if place.is_dir()), None)
+    if folder is None or not folder.is_dir():
+        raise InputError(
+            f"{path}: expected GRAB's meshes in {LISTINGS[0]} of a folder above, got none; pass "
+            "--objects with the folder, or --obj with the object's mesh"
+        )
+    listing = sorted(file.name for file in folder.iterdir())
+    numbers = record.array("f7", ("T",))
+    number = numbers[0]
+    if (numbers != number).any():
+        raise record.refuse("f7", "one object in all frames: a clip, not a whole split")
+    if not 0 <= number < len(listing):
+        raise record.refuse("f7", f"the number of one of {len(listing)} files in {folder}")
+    file = folder / listing[int(number)]
+    return file.stem, read_mesh(file)
+
+
+def jumps(record: Record, rim: Array, rotation: Array) -> Array:
+    """(T,) the frames that do not follow from the one before them.
+
+    A hand jumps where it does so as the file has it or as the object sees it: a jump that the
+    object takes part in shows in the one, one beside a fast motion in the other.
+    """
+    after = np.concatenate([[False], np.diff(record.array("f8", ("T",))) != 1])
+    for seen in (rim, np.einsum("tji,tj->ti", rotation, rim)):
+        steps = np.linalg.norm(np.diff(seen, axis=0), axis=1)
+        typical = np.median(steps) if len(steps) else 0.0
+        after[1:] |= steps > max(JUMP, JUMP_SHARE * typical)
+    return after
+
+
+def on_surface(
+    record: Record, back: Array, mesh: Mesh, motion: Array, moved: Array
+) -> tuple[Array, Array]:
+    """Points that the file has on the object, and the nearest ones of the mesh that was read."""
+    points = record.array("f3", ("T", "P"))
+    if points.shape[1] % 3:
+        raise record.refuse("f3", "three numbers for each point")
+    points = points.reshape(len(points), -1, 3)[:, :POINTS_CHECKED] * back + moved[:, None]
+    turn, shift = motion[:, :3, :3], motion[:, None, :3, 3]
+    local = torch.from_numpy((points - shift) @ turn)
+    nearest = SurfaceDistance(mesh).query(local).closest.numpy()
+    return points, nearest @ turn.transpose(0, 2, 1) + shift

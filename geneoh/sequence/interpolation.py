@@ -1,0 +1,52 @@
+"""Tracks between their frames: points on the straight line, rotations on the shorter arc."""
+
+from dataclasses import dataclass, replace
+
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from geneoh.geometry.rotations import (
+    axis_angle_to_matrix,
+    interpolate_rotations,
+    matrix_to_axis_angle,
+)
+from geneoh.sequence.sequence import HandTrack
+
+
+@dataclass(frozen=True)
+class Between:
+    """N places on the frame axis, each between two frames; fraction 0 is exactly the first."""
+
+    before: Int[Tensor, " N"]
+    after: Int[Tensor, " N"]
+    fraction: Float[Tensor, " N"]
+
+    def points(self, values: Float[Tensor, "T ..."]) -> Float[Tensor, "N ..."]:
+        """Values of each frame, interpolated on a straight line."""
+        start, end = values[self.before], values[self.after]
+        fraction = self.fraction.to(values).reshape(-1, *[1] * (values.ndim - 1))
+        return start + fraction * (end - start)
+
+    def rotations(self, rotation: Float[Tensor, "T K 3 3"]) -> Float[Tensor, "N K 3 3"]:
+        """Rotation matrices, interpolated on the shorter arc."""
+        fraction = self.fraction.to(rotation)[:, None]
+        turned = interpolate_rotations(rotation[self.before], rotation[self.after], fraction)
+        # Where nothing is between, the frame itself: not a digit changes.
+        exact = (fraction == 0)[..., None, None]
+        return torch.where(exact, rotation[self.before], turned)
+
+    def pose(self, pose: Float[Tensor, "T K 3"]) -> Float[Tensor, "N K 3"]:
+        """Axis-angle vectors, interpolated as rotations."""
+        turned = matrix_to_axis_angle(self.rotations(axis_angle_to_matrix(pose)))
+        return torch.where((self.fraction == 0)[:, None, None], pose[self.before], turned)
+
+    def hand(self, hand: HandTrack, valid: Bool[Tensor, " N"]) -> HandTrack:
+        """The hand at these places, of which `valid` says where it was observed."""
+        fields = {
+            name: self.points(value)
+            for name in ("joints", "wrist", "confidence", "joint_spread")
+            if (value := getattr(hand, name)) is not None
+        }
+        pose = None if hand.pose is None else self.pose(hand.pose)
+        return replace(hand, valid=valid, pose=pose, **fields)

@@ -1,0 +1,109 @@
+"""One interaction: up to two hands and one object of rigid parts over T frames, metres, radians."""
+
+from dataclasses import dataclass, replace
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from geneoh.choices import Side
+from geneoh.errors import InputError
+from geneoh.geometry.distance import MovingSurface, SurfaceDistance
+from geneoh.geometry.mesh import Mesh
+
+MIRROR = (-1.0, 1.0, 1.0)
+"""Reflection x -> -x of points; an axis-angle vector turns by the opposite signs."""
+
+
+@dataclass(frozen=True)
+class HandTrack:
+    """One hand over T frames in the world frame; at least `joints`, or `pose` with `wrist`."""
+
+    side: Side
+    valid: Bool[Tensor, " T"]
+    """False where the hand was not observed; the other fields mean nothing in such a frame."""
+    joints: Float[Tensor, "T 21 3"] | None = None
+    """Keypoints in OpenPose order."""
+    pose: Float[Tensor, "T 16 3"] | None = None
+    """Axis-angle in MANO joint order, absolute (zero: the flat hand), global orientation first."""
+    wrist: Float[Tensor, "T 3"] | None = None
+    """Position of the wrist joint (the same point for any hand model)."""
+    betas: Float[Tensor, " 10"] | None = None
+    """Shape coefficients; they mean something only to `hand_model`."""
+    hand_model: str | None = None
+    """"embedded", "mano" or, for left hands by the official left file, "mano-as-shipped"."""
+    confidence: Float[Tensor, "T 21"] | None = None
+    """Trust in each keypoint, 0 to 1."""
+    joint_spread: Float[Tensor, "T 21"] | None = None
+    """What the cleaner adds: standard deviation of each keypoint over its samples, metres."""
+
+    def __post_init__(self) -> None:
+        """Refuse a track without a single usable description of the hand."""
+        if self.joints is None and (self.pose is None or self.wrist is None):
+            raise InputError(
+                f"the {self.side} hand needs 'joints', or 'pose' together with 'wrist'; "
+                "got neither, add one of them"
+            )
+
+    @property
+    def frames(self) -> int:
+        """Number of frames T."""
+        return len(self.valid)
+
+    def mirrored(self) -> "HandTrack":
+        """The reflection x -> -x of this track: a left hand becomes a right one and back."""
+        flip = self.valid.new_tensor(MIRROR, dtype=torch.float32)
+        return replace(
+            self,
+            side="right" if self.side == "left" else "left",
+            joints=None if self.joints is None else self.joints * flip,
+            pose=None if self.pose is None else self.pose * -flip,
+            wrist=None if self.wrist is None else self.wrist * flip,
+        )
+
+
+@dataclass(frozen=True)
+class ObjectTrack:
+    """An object of Q rigid parts: p_world = rotation @ p_object + translation."""
+
+    meshes: tuple[Mesh, ...]
+    rotation: Float[Tensor, "T Q 3 3"]
+    translation: Float[Tensor, "T Q 3"]
+
+    def mirrored(self) -> "ObjectTrack":
+        """The reflection x -> -x of the meshes and of their motion."""
+        flip = self.translation.new_tensor(MIRROR)
+        return replace(
+            self,
+            meshes=tuple(mesh.mirrored() for mesh in self.meshes),
+            rotation=flip[:, None] * self.rotation * flip,
+            translation=self.translation * flip,
+        )
+
+    def surface(self) -> MovingSurface:
+        """What tells distances to it; builds the trees of its meshes."""
+        fields = tuple(SurfaceDistance(mesh) for mesh in self.meshes)
+        return MovingSurface(fields, self.rotation, self.translation)
+
+
+@dataclass(frozen=True)
+class Sequence:
+    """Hands and object that share T frames at `fps` frames a second."""
+
+    hands: tuple[HandTrack, ...]
+    object: ObjectTrack
+    fps: float
+    source: str = ""
+    """Where it came from, in words a person can use: a file name and the layout that was read."""
+
+    @property
+    def frames(self) -> int:
+        """Number of frames T."""
+        return len(self.object.rotation)
+
+    def hand(self, side: Side) -> HandTrack:
+        """The track of one side; `InputError` when the sequence has none."""
+        for hand in self.hands:
+            if hand.side == side:
+                return hand
+        raise InputError(f"{self.source or 'the sequence'} holds no {side} hand")

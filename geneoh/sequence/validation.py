@@ -1,0 +1,164 @@
+"""Whether a sequence can be what it says: metres, radians, rigid motion, hand and object together.
+
+Shapes and finiteness are the business of whoever builds the tracks; here the numbers are looked at.
+The limits are far outside of what any hand does, so that noise never meets them.
+"""
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.errors import InputError
+from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
+
+SMALLEST_HAND, LARGEST_HAND = 0.03, 1.0
+"""Metres between the two keypoints that are farthest apart; a child's fist has 0.06, a wide adult
+hand 0.25, and the largest noise in use adds centimetres."""
+
+LARGEST_ANGLE = 4 * torch.pi
+"""Radians of one axis-angle vector; half a turn says everything, degrees are far beyond."""
+
+LARGEST_FPS = 1000.0
+
+FARTHEST_HAND = 0.5
+"""Metres between the object's bounding ball and the wrist where it comes nearest."""
+
+RIGID_TOLERANCE = 1e-2
+"""Largest entry of R^T R - I: half precision in the file leaves 1e-3."""
+
+
+def check_sequence(sequence: Sequence, name: str = "") -> None:
+    """Refuse a sequence that cannot be an interaction in metres, radians and frames a second.
+
+    Args:
+        sequence: of finite numbers wherever a hand is valid.
+        name: what the message calls it, by default its source.
+
+    Raises:
+        InputError: what is wrong first, with what to do about it.
+    """
+    name = name or sequence.source or "the sequence"
+    sides = [hand.side for hand in sequence.hands]
+    if not sides or len(set(sides)) < len(sides):
+        got = " and ".join(sides) or "none"
+        raise InputError(f"{name}: expected one hand or one of each side, got {got}; correct it")
+    if not 0 < sequence.fps <= LARGEST_FPS:
+        raise InputError(
+            f"{name}: 'fps' must be more than 0 and at most {LARGEST_FPS:g} frames a second, "
+            f"got {sequence.fps:g}; correct it"
+        )
+    for hand in sequence.hands:
+        check_hand(hand, name)
+    check_object(sequence.object, name)
+    for hand in sequence.hands:
+        if hand.frames != sequence.frames:
+            raise InputError(
+                f"{name}: hand and object must have the same number of frames, got {hand.frames} "
+                f"for the {hand.side} hand and {sequence.frames} for the object; "
+                "cut them to the same frames"
+            )
+        check_distance(hand, sequence.object, name)
+
+
+def check_hand(hand: HandTrack, name: str) -> None:
+    """Refuse a hand of the wrong size or with angles that are no radians."""
+    if not bool(hand.valid.any()):
+        raise InputError(
+            f"{name}: at least one frame must hold the {hand.side} hand, got {hand.frames} frames "
+            "without; there is nothing to clean"
+        )
+    if hand.joints is not None:
+        span = float(hand_span(hand.joints[hand.valid]))
+        if not SMALLEST_HAND <= span <= LARGEST_HAND:
+            cure = "millimetres, divide by 1000" if span > LARGEST_HAND else "not metres, rescale"
+            raise InputError(
+                f"{name}: the joints of the {hand.side} hand must be in metres and span "
+                f"{SMALLEST_HAND:g} to {LARGEST_HAND:g}, got {span:.3g}; these look like {cure}"
+            )
+    if hand.pose is not None:
+        angle = float(hand.pose[hand.valid].norm(dim=-1).max())
+        if angle > LARGEST_ANGLE:
+            raise InputError(
+                f"{name}: the pose of the {hand.side} hand must be axis-angle in radians, got an "
+                f"angle of {angle:.3g}; convert degrees to radians"
+            )
+
+
+def hand_span(joints: Float[Tensor, "T 21 3"]) -> Float[Tensor, ""]:
+    """Distance of the two keypoints farthest apart, in the median frame."""
+    # cdist's shortcut through a matrix product is off by a millimetre two metres from the origin
+    apart = torch.cdist(joints, joints, compute_mode="donot_use_mm_for_euclid_dist")
+    return apart.flatten(1).amax(1).median()
+
+
+def check_object(motion: ObjectTrack, name: str) -> None:
+    """Refuse a motion that is not finite, not rigid, or not that of the meshes."""
+    if motion.meshes and len(motion.meshes) != motion.rotation.shape[1]:
+        raise InputError(
+            f"{name}: the object moves {motion.rotation.shape[1]} rigid parts, got "
+            f"{len(motion.meshes)} meshes; give one mesh per part, in the order of the parts"
+        )
+    finite = motion.rotation.isfinite().flatten(1).all(1) & motion.translation.isfinite().flatten(
+        1
+    ).all(1)
+    if not bool(finite.all()):
+        raise InputError(
+            f"{name}: the object's motion must be finite in every frame, got NaN or infinity in "
+            f"{int((~finite).sum())}, the first is {int((~finite).nonzero()[0])}; cut or fill them"
+        )
+    eye = torch.eye(3, dtype=motion.rotation.dtype, device=motion.rotation.device)
+    error = (motion.rotation.transpose(-1, -2) @ motion.rotation - eye).abs().amax((-1, -2))
+    mirrors = torch.linalg.det(motion.rotation) < 0
+    wrong = ((error > RIGID_TOLERANCE) | mirrors).any(-1).nonzero()
+    if len(wrong):
+        frame = int(wrong[0])
+        raise InputError(
+            f"{name}: the object's rotations must be rotation matrices with R^T R = I and "
+            f"determinant 1, got {what_it_is(motion.rotation[frame])} in frame {frame}"
+        )
+
+
+def what_it_is(rotation: Float[Tensor, "Q 3 3"]) -> str:
+    """What stands in the place of a rotation, and what to do about it."""
+    determinant = float(torch.linalg.det(rotation)[0])
+    if determinant < 0:
+        return f"determinant {determinant:.3g}, a reflection; mirror the mesh instead"
+    length = abs(determinant) ** (1 / 3)
+    if length < 1e-6:
+        return "determinant 0; fill frames in which the object was not found"
+    return (
+        f"determinant {determinant:.3g}; a scale belongs to the mesh, divide the matrix by it "
+        "and multiply the vertices"
+    )
+
+
+def check_distance(hand: HandTrack, motion: ObjectTrack, name: str) -> None:
+    """Refuse a hand that never comes near its object: other units, another frame, other object."""
+    wrist = hand.wrist if hand.joints is None else hand.joints[:, 0]
+    if not motion.meshes or wrist is None:
+        return
+    gap = torch.stack(
+        [
+            ball_distance(wrist, mesh.verts, motion.rotation[:, part], motion.translation[:, part])
+            for part, mesh in enumerate(motion.meshes)
+        ]
+    )
+    nearest = float(gap[:, hand.valid].min())
+    if nearest > FARTHEST_HAND:
+        raise InputError(
+            f"{name}: the {hand.side} hand must come near the object, got a wrist that stays "
+            f"{nearest:.3g} m away from it; check that both are in metres and in the same frame"
+        )
+
+
+def ball_distance(
+    points: Float[Tensor, "T 3"],
+    verts: Float[Tensor, "V 3"],
+    rotation: Float[Tensor, "T 3 3"],
+    translation: Float[Tensor, "T 3"],
+) -> Float[Tensor, " T"]:
+    """Distance of each frame's point from the ball around the moved mesh; negative inside."""
+    center = (verts.amax(0) + verts.amin(0)) / 2
+    radius = (verts - center).norm(dim=-1).max()
+    center_world = (rotation @ center[:, None])[..., 0] + translation
+    return (points - center_world).norm(dim=-1) - radius

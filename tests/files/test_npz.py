@@ -1,0 +1,135 @@
+import contextlib
+import io
+import os
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from geneoh.errors import InputError
+from geneoh.files import npz
+from geneoh.files.npz import read_archive, write_archive
+
+ARRAYS = {
+    "numbers": np.arange(24, dtype=np.float32).reshape(2, 3, 4),
+    "columns": np.asfortranarray(np.arange(6.0).reshape(2, 3)),
+    "flags": np.array([True, False]),
+    "word": np.array("left"),
+    "one": np.array(30.0),
+    "none": np.zeros((0, 3)),
+}
+
+
+def test_arrays_come_back_with_shape_and_kind(tmp_path):
+    write_archive(tmp_path / "a.npz", ARRAYS)
+    read = read_archive(tmp_path / "a.npz")
+    assert read.keys() == ARRAYS.keys()
+    for name, array in ARRAYS.items():
+        assert read[name].dtype == array.dtype
+        np.testing.assert_array_equal(read[name], array, strict=True)
+        assert read[name].flags.writeable
+
+
+def test_numpy_reads_what_is_written_and_the_other_way(tmp_path):
+    write_archive(tmp_path / "ours.npz", ARRAYS)
+    np.savez(tmp_path / "plain.npz", **ARRAYS)
+    np.savez_compressed(tmp_path / "packed.npz", **ARRAYS)
+    with np.load(tmp_path / "ours.npz", allow_pickle=False) as theirs:
+        for name in ARRAYS:
+            np.testing.assert_array_equal(theirs[name], ARRAYS[name])
+    for name in ("plain", "packed"):
+        read = read_archive(tmp_path / f"{name}.npz")
+        np.testing.assert_array_equal(read["columns"], ARRAYS["columns"])
+
+
+def test_equal_arrays_give_equal_bytes(tmp_path):
+    write_archive(tmp_path / "a.npz", ARRAYS)
+    write_archive(tmp_path / "b.npz", {name: array.copy() for name, array in ARRAYS.items()})
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+
+
+def test_a_failed_write_keeps_the_old_file_and_leaves_no_other(tmp_path, monkeypatch):
+    path = tmp_path / "a.npz"
+    write_archive(path, ARRAYS)
+    before = path.read_bytes()
+
+    def interrupted(_: np.ndarray) -> bytes:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(npz, "encode_array", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write_archive(path, ARRAYS)
+    assert path.read_bytes() == before
+    assert os.listdir(tmp_path) == ["a.npz"]
+
+
+def test_objects_are_not_written(tmp_path):
+    with pytest.raises(ValueError, match="Object arrays"):
+        write_archive(tmp_path / "a.npz", {"a": np.array({}, dtype=object)})
+    assert os.listdir(tmp_path) == []
+
+
+def test_a_place_that_cannot_be_written_is_named(tmp_path):
+    with pytest.raises(InputError, match=r"nowhere/a\.npz: cannot be written"):
+        write_archive(tmp_path / "nowhere" / "a.npz", ARRAYS)
+
+
+def test_a_folder_is_no_archive(tmp_path):
+    with pytest.raises(InputError, match="cannot be read"):
+        read_archive(tmp_path)
+
+
+def test_an_archive_too_large_is_refused_before_it_is_unpacked(tmp_path, monkeypatch):
+    np.savez_compressed(tmp_path / "a.npz", zeros=np.zeros(2**20, np.uint8))
+    monkeypatch.setattr(npz, "SIZE_LIMIT", 2**20)
+    monkeypatch.setattr(npz, "decode_array", lambda *_: pytest.fail("was unpacked"))
+    with pytest.raises(InputError, match=r"must unpack to at most 0\.00097"):
+        read_archive(tmp_path / "a.npz")
+
+
+def test_a_member_is_never_unpacked_beyond_its_declared_size(tmp_path):
+    np.savez_compressed(tmp_path / "a.npz", zeros=np.zeros(2**20, np.uint8))
+    data = (tmp_path / "a.npz").read_bytes()
+    size = (2**20 + 128).to_bytes(4, "little")
+    assert data.count(size) >= 1
+    (tmp_path / "a.npz").write_bytes(data.replace(size, (200).to_bytes(4, "little")))
+    with pytest.raises(InputError, match="damaged"):
+        read_archive(tmp_path / "a.npz")
+
+
+@pytest.mark.filterwarnings("ignore:Duplicate name:UserWarning")
+def test_a_field_that_is_there_twice_is_refused(tmp_path):
+    buffer = io.BytesIO()
+    np.save(buffer, np.zeros(3))
+    with zipfile.ZipFile(tmp_path / "a.npz", "w") as file:
+        file.writestr("joints.npy", buffer.getvalue())
+        file.writestr("joints.npy", buffer.getvalue())
+    with pytest.raises(InputError, match="'joints' twice"):
+        read_archive(tmp_path / "a.npz")
+
+
+@given(at=st.integers(0, 10**6), value=st.integers(0, 255), cut=st.integers(0, 10**6))
+def test_a_damaged_archive_is_refused_or_read_but_never_crashes(
+    tmp_path_factory, at: int, value: int, cut: int
+):
+    path = Path(tmp_path_factory.mktemp("damaged")) / "a.npz"
+    np.savez(path, **ARRAYS)
+    data = bytearray(path.read_bytes())
+    data[at % len(data)] = value
+    path.write_bytes(data[: len(data) - cut % 8])
+    with contextlib.suppress(InputError):
+        read_archive(path)
+
+
+def test_a_header_that_is_no_python_literal_is_refused(tmp_path):
+    np.savez(tmp_path / "good.npz", joints=np.zeros(3))
+    with zipfile.ZipFile(tmp_path / "good.npz") as good:
+        raw = good.read("joints.npy")
+    for wrong in (b"{'descr': '<f8', (", b"{'descr': '<f8\x00'"):
+        with zipfile.ZipFile(tmp_path / "bad.npz", "w") as bad:
+            bad.writestr("joints.npy", raw[:10] + wrong + raw[10 + len(wrong) :])
+        with pytest.raises(InputError, match="no readable array header"):
+            read_archive(tmp_path / "bad.npz")

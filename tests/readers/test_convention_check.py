@@ -1,0 +1,67 @@
+"""What the self-test says, and what it must not say."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trees
+from trees import FRAMES, scene
+
+from geneoh.geometry.mesh import load_mesh
+from geneoh.readers.base import ReaderOptions, Recording
+from geneoh.readers.convention_check import contradictions
+from geneoh.readers.convert import read_one
+from geneoh.readers.npz_files import load_sequence
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+@pytest.mark.parametrize("name", ["taco_clean", "taco_noisy"])
+def test_a_real_recording_and_its_noisy_twin_keep_their_convention(name):
+    mesh = load_mesh(EXAMPLES / "taco_object.obj")
+    sequence = load_sequence(EXAMPLES / f"{name}.npz", (mesh,))
+    assert contradictions(Recording(name, sequence)) == []
+
+
+@pytest.mark.parametrize("turning", [True, False])
+def test_a_hand_that_rests_beside_a_moving_object_is_no_contradiction(turning, tmp_path, mano_dir):
+    s = scene()
+    still = {**s.wrist, "left": np.tile(s.wrist["left"][:1], (FRAMES, 1))}
+    pose = {**s.pose, "left": np.tile(s.pose["left"][:1], (FRAMES, 1, 1))}
+    s = replace(s, wrist=still, pose=pose)
+    if not turning:
+        s = replace(s, rotation=np.tile(s.rotation[:1], (FRAMES, 1, 1)))
+    trees.grab(tmp_path, s, False)
+    recording = read_one("grab", tmp_path / "grab", ReaderOptions(mano_dir=mano_dir, side="left"))
+    assert contradictions(recording) == []
+
+
+def test_cameras_that_are_world_to_camera_are_told(tmp_path, mano_dir):
+    s = scene()
+    still = replace(
+        s,
+        rotation=np.tile(s.rotation[:1], (FRAMES, 1, 1)),
+        shift=np.tile(s.shift[:1], (FRAMES, 1)),
+    )
+    trees.hoi4d(tmp_path, still, False)
+    known = ReaderOptions(mano_dir=mano_dir)
+    assert contradictions(read_one("hoi4d", tmp_path, known)) == []
+    log = next(tmp_path.rglob("output.log"))
+    blocks = np.linalg.inv(trees.cameras())
+    lines = [f"{t} {t} {t + 1}\n" + "\n".join(map(row, block)) for t, block in enumerate(blocks)]
+    log.write_text("\n".join(lines))
+    said = contradictions(read_one("hoi4d", tmp_path, known))
+    assert any("output.log holds world to camera" in words for words in said)
+
+
+def row(values: np.ndarray) -> str:
+    return " ".join(f"{x:.9f}" for x in values)
+
+
+def test_swapped_parts_are_told_and_the_option_mends_them(tmp_path, mano_dir):
+    trees.hoi4d_articulated(tmp_path, scene(), True)
+    known = ReaderOptions(mano_dir=mano_dir)
+    said = contradictions(read_one("hoi4d", tmp_path, known))
+    assert any("pass --swap-parts" in words for words in said)
+    assert contradictions(read_one("hoi4d", tmp_path, replace(known, swap_parts=True))) == []

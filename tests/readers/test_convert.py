@@ -1,0 +1,224 @@
+"""Whole data sets into sequences: what cannot be read is told, and the rest goes on."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+import trees
+from trees import FRAMES, dump, grab, hoi4d, scene, taco
+
+from geneoh.errors import InputError
+from geneoh.geometry.mesh import load_mesh
+from geneoh.hand.library import load_hand
+from geneoh.readers import convert as module
+from geneoh.readers.base import ReaderOptions
+from geneoh.readers.convention_check import contradictions
+from geneoh.readers.convert import convert, find_clips, read_one, source_named
+from geneoh.readers.npz_files import load_sequence
+from geneoh.sequence.sequence import Sequence
+
+EXAMPLE = "examples/taco_clean.npz"
+
+
+def run(name, folder, out, known, **options):
+    source = source_named(name)
+    return list(convert(source, find_clips(source, [folder]), out, known, **options))
+
+
+def test_what_is_written_reads_back_with_its_meshes(tmp_path, mano_dir):
+    s = scene()
+    taco(tmp_path / "in", s, False)
+    known, out = ReaderOptions(mano_dir=mano_dir), tmp_path / "out"
+    (outcome,) = run("taco", tmp_path / "in", out, known)
+    assert len(outcome.files) == 2
+    for file in outcome.files:
+        with np.load(out / file) as arrays:
+            meshes = tuple(load_mesh(out / name) for name in arrays["object_files"].tolist())
+        sequence = load_sequence(out / file, meshes)
+        torch.testing.assert_close(
+            meshes[0].verts, torch.from_numpy(s.verts).float(), atol=1e-7, rtol=0
+        )
+        assert "TACO (stir, spoon, bowl)" in sequence.source
+
+
+def test_one_bad_clip_does_not_stop_the_others_and_a_second_run_does_only_what_is_left(
+    tmp_path, mano_dir, monkeypatch
+):
+    grab(tmp_path / "in", scene(), False)
+    bad = tmp_path / "in/grab/s1/bad_use_1.npz"
+    bad.write_bytes(b"PK\x03\x04 nothing")
+    known, out = ReaderOptions(mano_dir=mano_dir), tmp_path / "out"
+    first, second = run("grab", tmp_path / "in/grab", out, known)
+    assert "bad_use_1.npz" in (first.problem or "")
+    assert second.files == ("s1/mug_drink_1.npz",)
+    assert not list(out.rglob("*.tmp"))
+    calls = []
+    real = module.read_clip
+    monkeypatch.setattr(module, "read_clip", lambda *a: calls.append(a[1].name) or real(*a))
+    _, again = run("grab", tmp_path / "in/grab", out, known)
+    assert again.skipped
+    assert calls == ["s1/bad_use_1"]
+
+
+def test_a_clip_that_contradicts_its_convention_is_not_written_when_checked(tmp_path, mano_dir):
+    grab(tmp_path / "in", scene(), True)
+    (outcome,) = run(
+        "grab", tmp_path / "in/grab", tmp_path / "out", ReaderOptions(mano_dir=mano_dir), check=True
+    )
+    assert outcome.contradictions
+    assert not (tmp_path / "out").exists()
+
+
+def test_missing_files_become_masks_and_splits_and_never_zeros(tmp_path, mano_dir):
+    hoi4d(tmp_path, scene(), False)
+    next(tmp_path.rglob("refinehandpose_right/**/2.pickle")).unlink()
+    next(tmp_path.rglob("objpose/00005.json")).unlink()
+    source = source_named("hoi4d")
+    (clip,) = find_clips(source, [tmp_path])
+    before, after = module.read_clip(source, clip, ReaderOptions(mano_dir=mano_dir))
+    right = before.sequence.hand("right")
+    assert right.valid.tolist() == [True, True, False, True, True]
+    assert bool(right.joints[2].isnan().all())
+    assert (before.sequence.frames, after.sequence.frames) == (5, FRAMES - 6)
+    assert before.name.endswith("_00000")
+    assert after.name.endswith("_00006")
+
+
+def test_without_mano_the_wrist_is_that_of_the_mean_hand_and_a_relative_pose_is_refused(
+    tmp_path, mano_dir
+):
+    grab(tmp_path, scene(), False)
+    recording = read_one("grab", tmp_path / "grab", ReaderOptions())
+    assert "some 5 mm off" in recording.sequence.source
+    assert recording.sequence.hand("right").joints is None
+    assert recording.sequence.hand("right").hand_model == "mano"
+
+
+def test_the_recording_and_its_simplified_pickle_are_one_sequence(tmp_path, pytestconfig):
+    root = pytestconfig.rootpath
+    mesh = load_mesh(root / "examples/taco_object.obj")
+    clean = load_sequence(root / EXAMPLE, (mesh,))
+    hand, motion = clean.hand("left"), clean.object
+    pose = torch.eye(4).repeat(clean.frames, 1, 1)
+    pose[:, :3, :3], pose[:, :3, 3] = motion.rotation[:, 0], motion.translation[:, 0]
+    arrays = {
+        "hand_pose": hand.pose.reshape(-1, 48).numpy(),
+        "hand_trans": hand.wrist.numpy(),
+        "hand_shape": hand.betas.numpy(),
+        "hand_joints": hand.joints.numpy(),
+        "obj_pose": pose.numpy(),
+    }
+    np.savez(tmp_path / "sequence.npz", side="left", fps=30.0, **arrays)
+    shaped = load_hand("left").shaped(torch.zeros(10))
+    arrays["hand_verts"] = shaped.posed(hand.pose, hand.wrist).verts.numpy()
+    arrays["obj_verts"] = (mesh.verts @ motion.rotation[:, 0].mT + motion.translation).numpy()
+    arrays["obj_faces"] = mesh.faces.numpy().astype(np.int32)
+    dump(tmp_path / "20231104_017.pkl", arrays)
+    from_names = load_sequence(tmp_path / "sequence.npz", (mesh,))
+    recording = read_one("taco_pickle", tmp_path / "20231104_017.pkl", ReaderOptions())
+    assert contradictions(recording) == []
+    for sequence in (from_names, recording.sequence):
+        assert_same(sequence, clean)
+
+
+def assert_same(sequence: Sequence, other: Sequence) -> None:
+    (hand,), (wanted,) = sequence.hands, other.hands
+    assert (hand.side, hand.hand_model, sequence.fps) == (wanted.side, wanted.hand_model, other.fps)
+    for name in ("valid", "pose", "wrist", "betas", "joints"):
+        torch.testing.assert_close(getattr(hand, name), getattr(wanted, name), atol=0, rtol=0)
+    torch.testing.assert_close(sequence.object.rotation, other.object.rotation)
+    torch.testing.assert_close(sequence.object.translation, other.object.translation)
+    torch.testing.assert_close(
+        sequence.object.meshes[0].verts, other.object.meshes[0].verts, atol=1e-6, rtol=0
+    )
+
+
+def moved_away(side: str):
+    """The scene with one hand that hangs five metres aside."""
+    s = scene()
+    return replace(s, wrist={**s.wrist, side: s.wrist[side] + [5.0, 0.0, 0.0]})
+
+
+def test_a_hand_that_never_comes_near_is_left_out_and_the_other_kept(tmp_path, mano_dir):
+    grab(tmp_path, moved_away("left"), False)
+    recording = read_one("grab", tmp_path / "grab", ReaderOptions(mano_dir=mano_dir))
+    assert [hand.side for hand in recording.sequence.hands] == ["right"]
+    assert "the left hand never comes near the object" in recording.sequence.source
+
+
+def test_betas_that_are_no_numbers_are_refused(tmp_path, mano_dir):
+    s = scene()
+    betas = {**s.betas, "left": np.where(np.arange(10) == 3, 1e300, s.betas["left"])}
+    grab(tmp_path, s, False)
+    np.save(tmp_path / "tools/subject_meshes/male/s1_lhand_betas.npy", betas["left"])
+    with pytest.raises(InputError, match=r"mug_drink_1\.npz: the betas of the left hand must be"):
+        read_one("grab", tmp_path / "grab", ReaderOptions(mano_dir=mano_dir))
+
+
+def test_of_two_hands_the_asked_one_is_read(tmp_path, mano_dir):
+    grab(tmp_path, scene(), False)
+    recording = read_one("grab", tmp_path / "grab", ReaderOptions(mano_dir=mano_dir, side="left"))
+    assert [hand.side for hand in recording.sequence.hands] == ["left"]
+    trees.dexycb(tmp_path, scene(), False)
+    with pytest.raises(InputError, match="expected a left hand, got right; drop --side"):
+        read_one(
+            "dexycb",
+            tmp_path / "20200709-subject-01",
+            ReaderOptions(mano_dir=mano_dir, side="left"),
+        )
+
+
+def test_clips_of_one_name_get_as_much_of_the_path_as_tells_them_apart(tmp_path):
+    for name in ("a/take", "b/take", "b/other"):
+        (tmp_path / name).mkdir(parents=True)
+        trees.landmarks(tmp_path / name, scene(), False)
+    np.save(tmp_path / "a/hand.npy", scene().joints["right"])
+    np.savez(tmp_path / "a/hand.npz", joints=scene().joints["right"])
+    found = [clip.name for clip in find_clips(source_named("landmarks"), [tmp_path])]
+    assert found == ["a/take/hands", "other/hands", "b/take/hands"]
+    names = {clip.name for clip in find_clips(source_named("keypoints"), [tmp_path])}
+    assert len(names) == 2
+
+
+def test_other_options_are_another_conversion(tmp_path, mano_dir):
+    taco(tmp_path / "in", scene(), False)
+    out = tmp_path / "out"
+    assert not run("taco", tmp_path / "in", out, ReaderOptions())[0].skipped
+    assert run("taco", tmp_path / "in", out, ReaderOptions())[0].skipped
+    (again,) = run("taco", tmp_path / "in", out, ReaderOptions(mano_dir=mano_dir))
+    assert not again.skipped
+    for file in again.files:
+        assert load_sequence(out / file).hands[0].joints is not None
+
+
+def test_another_mesh_of_the_same_name_does_not_stand_in(tmp_path, mano_dir):
+    s = scene()
+    known, out = ReaderOptions(mano_dir=mano_dir), tmp_path / "out"
+    for name, size in (("first", 1.0), ("second", 1.5)):
+        grab(tmp_path / name, replace(s, verts=size * s.verts), False)
+        run("grab", tmp_path / name / "grab", out, known)
+    with np.load(out / "s1/mug_drink_1.npz") as arrays:
+        (file,) = arrays["object_files"].tolist()
+    assert file == "objects/grab_mug_2.obj"
+    torch.testing.assert_close(load_mesh(out / file).verts, torch.from_numpy(1.5 * s.verts).float())
+    assert sorted(path.name for path in (out / "objects").iterdir()) == [
+        "grab_mug.obj",
+        "grab_mug_2.obj",
+    ]
+
+
+def test_of_a_whole_data_set_nothing_is_read_before_one_is_chosen(tmp_path, monkeypatch):
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        trees.landmarks(tmp_path / name, scene(), False)
+    monkeypatch.setattr(module, "read_clip", lambda *_: pytest.fail("a clip was read"))
+    with pytest.raises(InputError, match="got a/hands, b/hands; choose one with --clip"):
+        read_one("landmarks", tmp_path, ReaderOptions())
+
+
+def test_a_path_without_clips_is_refused(tmp_path):
+    with pytest.raises(InputError, match="expected files of GRAB"):
+        find_clips(source_named("grab"), [tmp_path])
+    with pytest.raises(InputError, match="no such file or folder"):
+        find_clips(source_named("grab"), [tmp_path / "nothing"])

@@ -1,0 +1,317 @@
+"""What is missing, in each source's own way to say so, becomes a mask or a split, never zeros."""
+
+import json
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+import trees
+from trees import CASES, FRAMES, Case, scene
+
+from geneoh.errors import InputError
+from geneoh.readers.base import ReaderOptions, Recording, runs
+from geneoh.readers.convert import find_clips, read_clip, source_named
+
+LOST = 3
+"""The frame that goes missing."""
+
+
+def read(name: str, root: Path, mano_dir: Path | None, case: Case | None = None) -> list[Recording]:
+    case = case or next(case for case in CASES if case.source == name)
+    source = source_named(name)
+    said = {n: root / v if n in ("objects", "body") else v for n, v in case.known}
+    known = ReaderOptions(mano_dir=mano_dir, **said)
+    clips = find_clips(source, [root / case.start])
+    return [recording for clip in clips for recording in read_clip(source, clip, known)]
+
+
+def repickle(path: Path, change) -> None:
+    """Change what a pickle of ours holds."""
+    value = pickle.loads(path.read_bytes())
+    change(value)
+    path.write_bytes(pickle.dumps(value))
+
+
+def change_npy(path: Path, change) -> None:
+    """Change the object that a npy of ours holds."""
+    value = np.load(path, allow_pickle=True)
+    value = value.item() if value.ndim == 0 else value
+    change(value)
+    np.save(path, value)
+
+
+def lose_hoi4d(root: Path) -> None:
+    next(root.rglob(f"refinehandpose_right/**/{LOST}.pickle")).unlink()
+
+
+def lose_hoi4d_case(root: Path) -> None:
+    change_npy(root / "Mug/case3/merged_data.npy", lambda frames: frames.pop(LOST))
+
+
+def lose_h2o(root: Path) -> None:
+    path = next(root.rglob(f"hand_pose_mano/{LOST:06d}.txt"))
+    words = path.read_text().split()
+    path.write_text(" ".join([*words[:62], "0", *["0"] * 61]))  # the right hand's flag
+
+
+def lose_dexycb(root: Path) -> None:
+    path = next(root.rglob("pose.npz"))
+    with np.load(path) as file:
+        arrays = dict(file)
+    arrays["pose_m"][LOST] = 0
+    np.savez(path, **arrays)
+
+
+def lose_dexycb_label(root: Path) -> None:
+    path = next(root.rglob(f"labels_{LOST:06d}.npz"))
+    np.savez(path, seg=np.zeros((4, 4), np.uint8), joint_3d=np.full((1, 21, 3), -1, "f4"))
+
+
+def lose_ho3d(root: Path) -> None:
+    repickle(
+        next(root.rglob(f"meta/{LOST:04d}.pkl")),
+        lambda fields: fields.update(handPose=None, handTrans=None, handBeta=None),
+    )
+
+
+def lose_oakink2(root: Path) -> None:
+    frame = 100 + 4 * LOST
+    path = next(root.rglob("anno_preview/*.pkl"))
+    repickle(path, lambda fields: fields["raw_mano"][frame].pop("rh__pose_coeffs"))
+
+
+def lose_aria(root: Path) -> None:
+    lose_cells(root, "right_tracking_confidence", "-1")
+
+
+def doubt_aria(root: Path) -> None:
+    lose_cells(root, "right_tracking_confidence", "0.6")
+
+
+def lose_cells(root: Path, column: str, text: str) -> None:
+    path = next(root.rglob("hand_tracking_results.csv"))
+    rows = [line.split(",") for line in path.read_text().splitlines()]
+    rows[1 + LOST][[name.strip() for name in rows[0]].index(column)] = text
+    path.write_text("\n".join(",".join(row) for row in rows))
+
+
+def lose_landmarks(root: Path) -> None:
+    value = json.loads((root / "hands.json").read_text())
+    value["hands"]["right"][LOST] = None
+    (root / "hands.json").write_text(json.dumps(value))
+
+
+def lose_hamer(root: Path) -> None:
+    value = torch.load(root / "video.pt")
+    keep = ~((value["frame"] == LOST) & (value["right"] > 0.5))
+    value["pred_mano_params"] = {n: v[keep] for n, v in value["pred_mano_params"].items()}
+    torch.save(
+        {n: v[keep] if isinstance(v, torch.Tensor) else v for n, v in value.items()},
+        root / "video.pt",
+    )
+
+
+def lose_fphab(root: Path) -> None:
+    repickle(next(root.rglob("pkls.pkl")), lambda fits: fits.pop(f"{LOST:06d}.pkl"))
+
+
+def lose_oakink(root: Path) -> None:
+    """Nothing of the frame is there: the object's place is missing as well."""
+    next(root.rglob(f"general_info/*__{LOST}__0.pkl")).unlink()
+
+
+@pytest.mark.parametrize(
+    ("name", "lose", "with_mano"),
+    [
+        ("hoi4d", lose_hoi4d, True),
+        ("h2o", lose_h2o, True),
+        ("dexycb", lose_dexycb, True),
+        ("dexycb", lose_dexycb_label, False),
+        ("ho3d", lose_ho3d, True),
+        ("oakink2", lose_oakink2, True),
+        ("aria", lose_aria, False),
+        ("aria", doubt_aria, False),
+        ("landmarks", lose_landmarks, False),
+        ("hamer", lose_hamer, False),
+        ("fphab", lose_fphab, True),
+    ],
+    ids=lambda value: getattr(value, "__name__", str(value)),
+)
+def test_a_missing_hand_is_a_masked_frame(name, lose, with_mano, tmp_path, mano_dir):
+    case = next(case for case in CASES if case.source == name)
+    case.build(tmp_path, scene(case.left), False)
+    lose(tmp_path)
+    (recording,) = read(name, tmp_path, mano_dir if with_mano else None)
+    hand = recording.sequence.hand("right")
+    assert hand.valid.tolist() == [t != LOST for t in range(FRAMES)]
+    for part in (hand.joints, hand.pose, hand.wrist):
+        assert part is None or bool(part[LOST].isnan().all())
+        assert part is None or bool(part[hand.valid].isfinite().all())
+    for other in recording.sequence.hands:
+        assert other.side == "right" or bool(other.valid.all())
+
+
+def spoil_isEffective(root: Path) -> None:
+    path = next(root.rglob(f"objpose/{LOST:05d}.json"))
+    path.write_text(json.dumps({**json.loads(path.read_text()), "isEffective": 0}))
+
+
+def spoil_objpose(root: Path) -> None:
+    next(root.rglob(f"objpose/{LOST:05d}.json")).unlink()
+
+
+def spoil_dexycb(root: Path) -> None:
+    path = next(root.rglob("pose.npz"))
+    with np.load(path) as file:
+        arrays = dict(file)
+    arrays["pose_y"][LOST] = [0, 0, 0, 1, 0, 0, 0]
+    np.savez(path, **arrays)
+
+
+def spoil_ho3d(root: Path) -> None:
+    repickle(next(root.rglob(f"meta/{LOST:04d}.pkl")), lambda f: f.update(objRot=None))
+
+
+def spoil_h2o(root: Path) -> None:
+    path = next(root.rglob(f"obj_pose_rt/{LOST:06d}.txt"))
+    path.write_text(" ".join(["0"] * 17))
+
+
+def spoil_oakink2(root: Path) -> None:
+    """The frame's number is left out of the list: time goes on, the data do not."""
+    path = next(root.rglob("anno_preview/*.pkl"))
+    frame = 100 + 4 * LOST
+
+    def change(fields):
+        fields["mocap_frame_id_list"].remove(frame)
+        del fields["raw_mano"][frame]
+        del fields["obj_transf"]["O02@0015@00001"][frame]
+
+    repickle(path, change)
+
+
+@pytest.mark.parametrize(
+    ("name", "lose"),
+    [
+        ("hoi4d", spoil_isEffective),
+        ("hoi4d", spoil_objpose),
+        ("hoi4d_cases", lose_hoi4d_case),
+        ("dexycb", spoil_dexycb),
+        ("ho3d", spoil_ho3d),
+        ("h2o", spoil_h2o),
+        ("oakink", lose_oakink),
+        ("oakink2", spoil_oakink2),
+    ],
+    ids=lambda value: getattr(value, "__name__", str(value)),
+)
+def test_a_missing_object_splits_the_recording(name, lose, tmp_path, mano_dir):
+    case = next(case for case in CASES if case.source == name)
+    case.build(tmp_path, scene(case.left), False)
+    lose(tmp_path)
+    before, after = (recording.sequence for recording in read(name, tmp_path, mano_dir))
+    assert (before.frames, after.frames) == (LOST, FRAMES - LOST - 1)
+    for sequence in (before, after):
+        assert bool(sequence.object.translation.isfinite().all())
+        assert all(bool(hand.valid.all()) for hand in sequence.hands)
+    expected = torch.from_numpy(scene().shift[LOST + 1]).float()
+    torch.testing.assert_close(after.object.translation[0, 0], expected, atol=1e-5, rtol=0)
+
+
+def test_an_object_that_changes_within_a_sequence_makes_recordings_of_each(tmp_path, mano_dir):
+    trees.h2o(tmp_path, scene(), False)
+    trees.write_mesh(tmp_path / "object/cocoa/cocoa.obj", scene().verts, scene().faces)
+    for t in range(5, FRAMES):
+        path = next(tmp_path.rglob(f"obj_pose_rt/{t:06d}.txt"))
+        path.write_text(" ".join(["6", *path.read_text().split()[1:]]))
+    found = {
+        recording.name: recording.sequence.frames for recording in read("h2o", tmp_path, mano_dir)
+    }
+    assert found == {
+        "subject1/h1/0/cam4_milk_00000": 5,
+        "subject1/h1/0/cam4_cocoa_00005": FRAMES - 5,
+    }
+
+
+@pytest.mark.parametrize(
+    "change",
+    [lambda clip: shifted(clip), lambda clip: numbered(clip)],
+    ids=["a jump of the hand", "frame numbers that go on elsewhere"],
+)
+def test_a_clip_is_cut_where_time_jumps(change, tmp_path, mano_dir):
+    trees.grab_clips_left(tmp_path, scene(), False)
+    path = next(tmp_path.rglob("7.npy"))
+    np.save(path, change(np.load(path)))
+    case = next(case for case in CASES if case.build is trees.grab_clips_left)
+    first, second = read("grab_clips", tmp_path, mano_dir, case)
+    assert [first.sequence.frames, second.sequence.frames] == [4, FRAMES - 4]
+    assert [first.name[-6:], second.name[-6:]] == ["_00000", "_00004"]
+
+
+def shifted(clip: np.ndarray) -> np.ndarray:
+    """The hand stands 49 mm aside, as it does in the middle of GeneOH's clip 14."""
+    clip = clip.copy()
+    clip["f0"][4:] += np.tile([0.049, 0, 0], 778).astype("f4")
+    return clip
+
+
+def numbered(clip: np.ndarray) -> np.ndarray:
+    """As clips of two sequences are numbered, with ten between them."""
+    clip = clip.copy()
+    clip["f8"][4:] += 10
+    return clip
+
+
+def test_a_whole_split_is_no_clip(tmp_path, mano_dir):
+    trees.grab_clips_left(tmp_path, scene(), False)
+    path = next(tmp_path.rglob("7.npy"))
+    clip = np.load(path)
+    clip["f7"][5:] = 0
+    np.save(path, clip)
+    case = next(case for case in CASES if case.build is trees.grab_clips_left)
+    with pytest.raises(InputError, match="one object in all frames"):
+        read("grab_clips", tmp_path, mano_dir, case)
+
+
+def test_a_slow_clip_is_not_cut():
+    steady = np.ones(FRAMES, dtype=bool)
+    assert runs(steady, np.zeros(FRAMES, dtype=bool)) == [slice(0, FRAMES)]
+    jump = np.arange(FRAMES) == 4
+    assert runs(steady, jump) == [slice(0, 4), slice(4, FRAMES)]
+    assert runs(~jump, jump) == [slice(0, 4), slice(5, FRAMES)]
+
+
+def test_the_error_of_arctics_fit_is_carried_as_confidence(tmp_path, mano_dir):
+    trees.arctic(tmp_path, scene(), False)
+    (recording,) = read("arctic", tmp_path, mano_dir)
+    trust = recording.sequence.hand("right").confidence
+    error = 1.0 + np.arange(FRAMES)
+    expected = np.minimum(1, np.median(error) / error)
+    np.testing.assert_allclose(trust, np.tile(expected[:, None], 21), rtol=1e-6)
+
+
+def test_of_two_detections_the_one_that_goes_on_is_taken(tmp_path):
+    case = next(case for case in CASES if case.source == "hamer")
+    case.build(tmp_path, scene(case.left), False)
+    value = torch.load(tmp_path / "video.pt")
+    # A stranger's right hand, a metre aside, comes first in every frame but the first.
+    rows = torch.nonzero((value["right"] > 0.5) & (value["frame"] > 0))[:, 0]
+    order = torch.cat([rows, torch.arange(len(value["right"]))])
+    for name in [name for name in value if name != "pred_mano_params"]:
+        value[name] = value[name][order].clone()
+    value["pred_mano_params"] = {n: v[order] for n, v in value["pred_mano_params"].items()}
+    value["pred_cam"][: len(rows), 1] += 1.0
+    torch.save(value, tmp_path / "video.pt")
+    (recording,) = read("hamer", tmp_path, None)
+    wanted = torch.from_numpy(scene(case.left).wrist["right"]).float()
+    torch.testing.assert_close(recording.sequence.hand("right").wrist, wanted, atol=1e-5, rtol=0)
+
+
+def test_nothing_at_all_is_refused(tmp_path, mano_dir):
+    case = next(case for case in CASES if case.source == "hoi4d")
+    case.build(tmp_path, scene(), False)
+    for path in tmp_path.rglob("*.pickle"):
+        path.unlink()
+    with pytest.raises(InputError, match="expected a hand in some frame, got none"):
+        read("hoi4d", tmp_path, mano_dir)

@@ -1,0 +1,154 @@
+import logging
+import os
+
+import numpy as np
+import pytest
+import torch
+from bad_inputs import FRAMES, REFUSED, good_arrays, write_good
+
+from geneoh.errors import InputError
+from geneoh.geometry.mesh import Mesh
+from geneoh.hand.library import load_hand
+from geneoh.readers import npz_files as files
+from geneoh.readers.npz_files import load, load_sequence, save_sequence
+from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
+
+
+def hand_of(side: str, frames: int = FRAMES) -> HandTrack:
+    joints = torch.from_numpy(good_arrays()["joints"])[:1].repeat(frames, 1, 1)
+    return HandTrack(
+        side=side,
+        valid=torch.arange(frames) != 2,
+        joints=joints,
+        pose=0.1 * torch.arange(frames * 48.0).reshape(frames, 16, 3) / (frames * 48),
+        wrist=joints[:, 0],
+        betas=torch.linspace(-1, 1, 10),
+        hand_model="embedded",
+        confidence=torch.linspace(0, 1, frames * 21).reshape(frames, 21),
+        joint_spread=torch.full((frames, 21), 0.001),
+    )
+
+
+def two_hands(frames: int = FRAMES) -> Sequence:
+    turn = torch.tensor([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    motion = ObjectTrack(
+        (),
+        torch.stack([torch.eye(3), turn]).repeat(frames, 1, 1, 1),
+        torch.linspace(0, 0.1, frames * 6).reshape(frames, 2, 3),
+    )
+    return Sequence((hand_of("right", frames), hand_of("left", frames)), motion, 120.0, "made up")
+
+
+def assert_equal_hands(a: HandTrack, b: HandTrack) -> None:
+    assert (a.side, a.hand_model) == (b.side, b.hand_model)
+    for name in ("valid", "joints", "pose", "wrist", "betas", "confidence", "joint_spread"):
+        assert torch.equal(getattr(a, name), getattr(b, name)), name
+
+
+@pytest.mark.parametrize("frames", [1, FRAMES])
+def test_a_saved_sequence_comes_back(tmp_path, frames):
+    sequence = two_hands(frames)
+    save_sequence(sequence, tmp_path / "a.npz")
+    read = load_sequence(tmp_path / "a.npz")
+    for before, after in zip(sequence.hands, read.hands, strict=True):
+        assert_equal_hands(before, after)
+    assert torch.equal(read.object.rotation, sequence.object.rotation)
+    assert torch.equal(read.object.translation, sequence.object.translation)
+    assert read.fps == 120.0
+    assert read.source == "a.npz (geneoh-sequence version 1) made from made up"
+
+
+def test_equal_sequences_give_equal_files(tmp_path):
+    save_sequence(two_hands(), tmp_path / "a.npz")
+    save_sequence(two_hands(), tmp_path / "b.npz")
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+
+
+def test_a_file_holds_plain_arrays_under_the_names_of_the_format(tmp_path):
+    save_sequence(two_hands(), tmp_path / "a.npz", extra={"note": np.array("hello")})
+    with np.load(tmp_path / "a.npz", allow_pickle=False) as file:
+        assert str(file["format"]) == "geneoh-sequence"
+        assert int(file["version"]) == 1
+        assert str(file["note"]) == "hello"
+        shapes = {name: file[name].shape for name in file}
+    assert shapes["right_pose"] == (FRAMES, 48)
+    assert shapes["left_joints"] == (FRAMES, 21, 3)
+    assert shapes["object_rotation"] == (FRAMES, 2, 3, 3)
+    assert load_sequence(tmp_path / "a.npz").frames == FRAMES
+
+
+def test_an_extra_array_must_not_take_the_name_of_a_field(tmp_path):
+    with pytest.raises(ValueError, match="right_pose"):
+        save_sequence(two_hands(), tmp_path / "a.npz", extra={"right_pose": np.zeros(3)})
+    assert os.listdir(tmp_path) == []
+
+
+def test_the_side_chooses_one_of_two_hands(tmp_path):
+    save_sequence(two_hands(), tmp_path / "a.npz")
+    (hand,) = load_sequence(tmp_path / "a.npz", side="left").hands
+    assert hand.side == "left"
+
+
+def test_a_missing_frame_rate_is_assumed_aloud_or_given(tmp_path, caplog):
+    arrays = good_arrays()
+    del arrays["fps"]
+    np.savez(tmp_path / "a.npz", **arrays)
+    with caplog.at_level(logging.WARNING):
+        read = load_sequence(tmp_path / "a.npz")
+    assert read.fps == 30
+    assert "30 frames a second assumed" in read.source
+    assert "30 frames a second assumed" in caplog.text
+    assert load_sequence(tmp_path / "a.npz", fps=60.0).fps == 60
+    write_good(tmp_path)
+    with pytest.raises(InputError, match="'fps' says 30, got --fps 60"):
+        load_sequence(tmp_path / "hand.npz", fps=60.0)
+
+
+def test_a_slip_in_a_field_name_is_told(tmp_path, caplog):
+    np.savez(tmp_path / "a.npz", **good_arrays(), confidense=np.ones(FRAMES))
+    with caplog.at_level(logging.WARNING):
+        load_sequence(tmp_path / "a.npz")
+    assert "'confidense' is not read; is it 'confidence'?" in caplog.text
+
+
+def test_one_mesh_belongs_to_each_part(tmp_path):
+    save_sequence(two_hands(), tmp_path / "a.npz")
+    mesh = Mesh(0.1 * torch.eye(3), torch.tensor([[0, 1, 2]]))
+    assert len(load_sequence(tmp_path / "a.npz", (mesh, mesh)).object.meshes) == 2
+    with pytest.raises(InputError, match=r"2 rigid parts, got 1 meshes"):
+        load_sequence(tmp_path / "a.npz", (mesh,))
+
+
+@pytest.mark.parametrize(
+    "case", [case for case in REFUSED if case.in_reading], ids=lambda case: case.name
+)
+def test_reading_refuses_in_one_sentence_that_helps(case, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_good(tmp_path)
+    case.spoil(tmp_path)
+    side = case.options[1] if case.options else None
+    with pytest.raises(InputError) as refusal:
+        load_sequence("hand.npz", side=side)
+    message = str(refusal.value)
+    assert message.startswith("hand.npz: ")
+    assert "\n" not in message
+    for word in case.words:
+        assert word in message
+    assert set(os.listdir(tmp_path)) <= {"hand.npz", "object.obj"}
+
+
+def test_a_sequence_is_loaded_with_its_mesh(tmp_path):
+    write_good(tmp_path)
+    sequence = load(tmp_path / "hand.npz", obj=tmp_path / "object.obj")
+    assert len(sequence.object.meshes) == 1
+    with pytest.raises(InputError, match="1 rigid parts, got 2 meshes"):
+        load(tmp_path / "hand.npz", obj=[tmp_path / "object.obj"] * 2)
+
+
+def test_the_wrist_of_a_mano_hand_is_where_its_regressor_puts_it(monkeypatch):
+    hand = load_hand("right")
+    monkeypatch.setattr(files, "load_hand", lambda *_, **__: hand)
+    betas = torch.linspace(-2, 2, 10)
+    verts = hand.template + torch.einsum("vcs,s->vc", hand.shape_dirs, betas)
+    expected = (hand.joint_regressor @ verts)[0]
+    torch.testing.assert_close(files.mano_wrist_offset("anywhere")("right", betas), expected)

@@ -1,0 +1,162 @@
+import re
+
+import numpy as np
+import pytest
+import torch
+
+from geneoh.errors import InputError
+from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.readers.fields import Fields
+from geneoh.readers.npz_hands import Asked, read_hands
+from geneoh.readers.npz_layouts import layout_of
+
+T = 5
+RNG = np.random.default_rng(0)
+POSE = 0.3 * RNG.standard_normal((T, 16, 3)).astype(np.float32)
+PLACE = RNG.standard_normal((T, 3)).astype(np.float32)
+JOINTS = 0.1 * RNG.standard_normal((T, 21, 3)).astype(np.float32)
+BETAS = np.linspace(-1, 1, 10, dtype=np.float32)
+SMPLX = {
+    "global_orient": POSE[:, 0],
+    "hand_pose": POSE[:, 1:].reshape(T, 45),
+    "transl": PLACE,
+    "betas": BETAS,
+}
+TACO = {
+    "side": np.array("left"),
+    "hand_pose": POSE.reshape(T, 48),
+    "hand_trans": PLACE,
+    "hand_shape": BETAS,
+    "hand_joints": JOINTS,
+}
+
+
+def read(arrays, *, side=None, wrist_offset=None):
+    fields = Fields("hand.npz", arrays)
+    return read_hands(fields, layout_of(fields), Asked(side, wrist_offset))
+
+
+def only(reading):
+    (hand,) = reading.hands
+    return hand
+
+
+def test_taco_names_hold_pose_and_wrist():
+    hand = only(read(TACO))
+    assert hand.side == "left"
+    assert hand.hand_model == "mano-as-shipped"
+    np.testing.assert_array_equal(hand.pose, POSE)
+    np.testing.assert_array_equal(hand.wrist, PLACE)
+    np.testing.assert_array_equal(hand.joints, JOINTS)
+    np.testing.assert_array_equal(hand.betas, BETAS)
+
+
+def test_smplx_translation_plus_the_models_wrist_is_the_wrist():
+    def wrist_offset(side, betas):
+        assert side == "right"
+        np.testing.assert_array_equal(betas, BETAS)
+        return torch.tensor([1.0, 2.0, 3.0])
+
+    reading = read(SMPLX, side="right", wrist_offset=wrist_offset)
+    hand = only(reading)
+    np.testing.assert_allclose(hand.wrist, PLACE + np.array([1, 2, 3]), rtol=1e-6)
+    np.testing.assert_array_equal(hand.pose, POSE)
+    assert reading.notes == ()
+
+
+@pytest.mark.parametrize(("side", "sign"), [("right", 1), ("left", -1)])
+def test_smplx_without_a_model_places_the_mean_hands_wrist_and_says_so(side, sign):
+    reading = read(SMPLX, side=side)
+    offset = only(reading).wrist - torch.from_numpy(PLACE)
+    torch.testing.assert_close(
+        offset[0], torch.tensor([sign * 0.096, 0.006, 0.006]), rtol=0, atol=1e-6
+    )
+    assert "mean hand" in reading.notes[0]
+
+
+def test_smplx_joints_tell_the_wrist_exactly():
+    reading = read({**SMPLX, "joints": JOINTS}, side="right")
+    np.testing.assert_array_equal(only(reading).wrist, JOINTS[:, 0])
+    assert reading.notes == ()
+
+
+def test_rotation_matrices_are_read_as_the_same_pose():
+    matrices = axis_angle_to_matrix(torch.from_numpy(POSE)).numpy()
+    arrays = {**SMPLX, "global_orient": matrices[:, :1], "hand_pose": matrices[:, 1:]}
+    torch.testing.assert_close(
+        only(read(arrays, side="right")).pose, torch.from_numpy(POSE), rtol=0, atol=1e-6
+    )
+
+
+def test_betas_of_each_frame_are_averaged_aloud():
+    reading = read({**SMPLX, "betas": np.stack([k * BETAS for k in range(T)])}, side="right")
+    np.testing.assert_allclose(only(reading).betas, 2 * BETAS, rtol=1e-6)
+    assert any("averaged over 5 frames" in note for note in reading.notes)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"hand_pose": POSE[:, 1:9].reshape(T, 24)}, "'hand_pose' must be (T, 45) in radians.*PCA"),
+        ({"flat_hand_mean": np.array(False)}, "'flat_hand_mean' must be true"),
+        ({"global_orient": None}, "no 'global_orient'"),
+        ({"transl": None}, "needs its joints, or its pose with the wrist's place"),
+        ({"transl": PLACE[:3]}, "'transl' with 3"),
+        ({"betas": np.full(10, np.nan)}, "betas must be finite"),
+    ],
+)
+def test_smplx_refusals_say_what_to_do(change, words):
+    arrays = {key: array for key, array in {**SMPLX, **change}.items() if array is not None}
+    pattern = ".*".join(re.escape(part) for part in words.split(".*"))
+    with pytest.raises(InputError, match=pattern):
+        read(arrays, side="right")
+
+
+def test_a_pose_that_needs_no_mean_may_say_so():
+    assert only(read({**SMPLX, "flat_hand_mean": np.array(True)}, side="right")).frames == T
+
+
+def test_bare_joints_are_a_hand():
+    hand = only(read({"joints": JOINTS}, side="left"))
+    assert hand.side == "left"
+    assert hand.pose is None
+    assert hand.hand_model is None
+    np.testing.assert_array_equal(hand.joints, JOINTS)
+
+
+def test_frames_without_numbers_count_as_not_observed_and_are_noted():
+    joints = JOINTS.copy()
+    joints[2, 5, 1] = np.nan
+    joints[4] = np.inf
+    reading = read({"joints": joints}, side="right")
+    assert only(reading).valid.tolist() == [True, True, False, True, False]
+    assert reading.notes == ("2 of 5 frames hold NaN and count as not observed",)
+
+
+def test_frames_that_are_said_to_be_dropped_may_hold_anything():
+    joints = JOINTS.copy()
+    joints[2] = np.nan
+    for valid in (np.arange(T) != 2, (np.arange(T) != 2).astype(np.int64)):
+        hand = only(read({**TACO, "hand_joints": joints, "hand_valid": valid}))
+        assert hand.valid.tolist() == [True, True, False, True, True]
+
+
+def test_one_confidence_per_frame_is_that_of_each_keypoint():
+    confidence = np.linspace(0, 1, T)
+    hand = only(read({"joints": JOINTS, "confidence": confidence}, side="right"))
+    assert hand.confidence.shape == (T, 21)
+    np.testing.assert_allclose(hand.confidence[:, 7], confidence, rtol=1e-6)
+
+
+def test_our_own_layout_needs_its_name():
+    with pytest.raises(InputError, match="add format='geneoh-sequence' and version=1"):
+        read({"right_joints": JOINTS})
+
+
+def test_our_own_layout_takes_the_pose_flat_or_by_joint():
+    ours = {"format": np.array("geneoh-sequence"), "version": np.array(1), "right_wrist": PLACE}
+    flat = only(read({**ours, "right_pose": POSE.reshape(T, 48)}))
+    by_joint = only(read({**ours, "right_pose": POSE}))
+    assert torch.equal(flat.pose, by_joint.pose)
+    with pytest.raises(InputError, match="expected a left hand, got right"):
+        read({**ours, "right_pose": POSE}, side="left")

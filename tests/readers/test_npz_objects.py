@@ -1,0 +1,44 @@
+import numpy as np
+import pytest
+import torch
+
+from geneoh.errors import InputError
+from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.readers.fields import Fields
+from geneoh.readers.npz_objects import read_object
+
+T, Q = 4, 2
+ROTATION = axis_angle_to_matrix(torch.randn(T, Q, 3, generator=torch.Generator().manual_seed(0)))
+TRANSLATION = torch.arange(T * Q * 3.0).reshape(T, Q, 3)
+
+
+def read(**arrays):
+    return read_object(Fields("a.npz", {name: np.asarray(v) for name, v in arrays.items()}), ())
+
+
+def matrices():
+    pose = torch.eye(4).repeat(T, Q, 1, 1)
+    pose[..., :3, :3], pose[..., :3, 3] = ROTATION, TRANSLATION
+    return pose
+
+
+def test_matrices_and_pairs_are_the_same_motion():
+    pair = read(object_rotation=ROTATION, object_translation=TRANSLATION)
+    matrix = read(obj_pose=matrices())
+    assert torch.equal(pair.rotation, matrix.rotation)
+    assert torch.equal(pair.translation, matrix.translation)
+
+
+def test_one_part_may_come_without_its_axis():
+    pair = read(object_rotation=ROTATION[:, 0], object_translation=TRANSLATION[:, 0])
+    matrix = read(obj_pose=matrices()[:, 0])
+    for motion in (pair, matrix):
+        assert torch.equal(motion.rotation, ROTATION[:, :1])
+        assert torch.equal(motion.translation, TRANSLATION[:, :1])
+
+
+def test_parts_must_agree():
+    with pytest.raises(InputError, match="2 in 'object_rotation' and 1 in 'object_translation'"):
+        read(object_rotation=ROTATION, object_translation=TRANSLATION[:, 0])
+    with pytest.raises(InputError, match="'object_translation' with 3"):
+        read(object_rotation=ROTATION, object_translation=TRANSLATION[:3])

@@ -1,0 +1,94 @@
+"""Each source in its published layout gives back the sequence that it was made from."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from trees import CASES, Case, Scene, opened, scene
+
+from geneoh.readers.base import ReaderOptions, Recording
+from geneoh.readers.convention_check import contradictions
+from geneoh.readers.convert import convert, find_clips, read_clip, source_named
+from geneoh.readers.registry import SOURCES
+from geneoh.sequence.sequence import HandTrack
+
+
+def read(case: Case, root, mano_dir) -> list[Recording]:
+    source, known = source_named(case.source), known_of(case, root, mano_dir)
+    clips = find_clips(source, [root / case.start])
+    return [recording for clip in clips for recording in read_clip(source, clip, known)]
+
+
+def known_of(case: Case, root: Path, mano_dir: Path | None) -> ReaderOptions:
+    """What the caller of a case says."""
+    paths = ("objects", "body")
+    said = {name: root / value if name in paths else value for name, value in case.known}
+    return ReaderOptions(mano_dir=mano_dir, **said)
+
+
+def names(case: Case) -> str:
+    return case.build.__name__
+
+
+def close(actual: torch.Tensor, expected: np.ndarray, tolerance: float = 1e-5) -> None:
+    wanted = torch.from_numpy(np.array(expected)).float()
+    torch.testing.assert_close(actual, wanted, atol=tolerance, rtol=0)
+
+
+def assert_hand(case: Case, hand: HandTrack, s: Scene) -> None:
+    assert bool(hand.valid.all())
+    if case.posed:
+        close(hand.pose, s.pose[hand.side])
+        close(hand.wrist, s.wrist[hand.side])
+    if case.joints:
+        there = [k for k in range(21) if k not in case.unknown]
+        close(hand.joints[:, there], s.joints[hand.side][:, there])
+        assert not case.unknown or bool((hand.confidence[:, case.unknown] == 0).all())
+    if hand.betas is not None:
+        close(hand.betas, s.betas[hand.side], 1e-3 if case.fitted else 1e-5)
+        mended = hand.side == "right" or case.left == "mirrored"
+        assert hand.hand_model == ("mano" if mended else "mano-as-shipped")
+
+
+@pytest.mark.parametrize("case", CASES, ids=names)
+def test_a_tree_in_the_published_layout_gives_the_sequence_back(case, tmp_path, mano_dir):
+    s = scene(case.left)
+    case.build(tmp_path, s, False)
+    s = case.expected(s)
+    recordings = read(case, tmp_path, mano_dir)
+    sides = [hand.side for recording in recordings for hand in recording.sequence.hands]
+    assert sorted(sides) == sorted(case.only)
+    for recording in recordings:
+        sequence = recording.sequence
+        assert sequence.fps == pytest.approx(case.fps)
+        for hand in sequence.hands:
+            assert_hand(case, hand, s)
+        if not case.object:
+            continue
+        close(sequence.object.rotation[:, 0], s.rotation)
+        close(sequence.object.translation[:, 0], s.shift)
+        assert sequence.object.rotation.shape[1] == len(sequence.object.meshes) == case.parts
+        close(sequence.object.meshes[0].verts.sort(0).values, np.sort(s.verts, axis=0))
+        if case.source.startswith("arctic"):
+            close(sequence.object.rotation[:, 1], opened(s)[:, :3, :3])
+        assert len(recording.mesh_names) == case.parts
+    assert [words for recording in recordings for words in contradictions(recording)] == []
+
+
+@pytest.mark.parametrize("case", CASES, ids=names)
+def test_a_twin_in_the_wrong_convention_is_told_apart(case, tmp_path, mano_dir):
+    root = tmp_path / "in"
+    root.mkdir()
+    case.build(root, scene(case.left), True)
+    source, known = source_named(case.source), known_of(case, root, mano_dir)
+    clips = find_clips(source, [root / case.start])
+    outcomes = list(convert(source, clips, tmp_path / "out", known, check=True))
+    assert all(outcome.problem is None for outcome in outcomes)
+    said = [words for outcome in outcomes for words in outcome.contradictions]
+    assert case.caught in " ".join(said)
+    assert not (tmp_path / "out").exists()
+
+
+def test_every_source_has_a_tree():
+    assert {case.source for case in CASES} == set(SOURCES)

@@ -1,0 +1,71 @@
+from dataclasses import replace
+
+import pytest
+import torch
+
+from geneoh.errors import InputError
+from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.hand.skeleton import forward_kinematics
+from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
+
+T = 4
+FLIP = torch.tensor([-1.0, 1.0, 1.0])
+GENERATOR = torch.Generator().manual_seed(0)
+VALID = torch.ones(T, dtype=torch.bool)
+
+
+def normal(*shape: int) -> torch.Tensor:
+    return torch.randn(*shape, generator=GENERATOR)
+
+
+SKELETON = normal(20, 3).expand(T, 20, 3)
+POSE, WRIST = normal(T, 16, 3), normal(T, 3)
+JOINTS, _ = forward_kinematics(axis_angle_to_matrix(POSE), WRIST, SKELETON)
+HAND = HandTrack("left", VALID, joints=JOINTS, pose=POSE, wrist=WRIST)
+
+
+def test_the_mirrored_pose_moves_the_mirrored_skeleton_to_the_mirrored_joints():
+    mirrored = HAND.mirrored()
+    assert mirrored.side == "right"
+    assert mirrored.pose is not None
+    assert mirrored.wrist is not None
+    joints, _ = forward_kinematics(
+        axis_angle_to_matrix(mirrored.pose), mirrored.wrist, SKELETON * FLIP
+    )
+    torch.testing.assert_close(joints, JOINTS * FLIP, rtol=0, atol=1e-5)
+    torch.testing.assert_close(joints, mirrored.joints, rtol=0, atol=1e-5)
+
+
+def test_mirroring_twice_changes_nothing():
+    twice = HAND.mirrored().mirrored()
+    assert twice.side == "left"
+    for name in ("joints", "pose", "wrist"):
+        assert torch.equal(getattr(twice, name), getattr(HAND, name))
+
+
+def test_the_mirrored_object_takes_mirrored_points_to_the_mirrored_place():
+    mesh = Mesh(normal(5, 3), torch.tensor([[0, 1, 2], [2, 3, 4]]))
+    motion = ObjectTrack((mesh,), axis_angle_to_matrix(normal(T, 1, 3)), normal(T, 1, 3))
+    mirrored = motion.mirrored()
+    moved = motion.rotation[:, 0] @ mesh.verts.T + motion.translation[:, 0, :, None]
+    other = mirrored.rotation[:, 0] @ mirrored.meshes[0].verts.T
+    other = other + mirrored.translation[:, 0, :, None]
+    torch.testing.assert_close(other, moved * FLIP[:, None], rtol=0, atol=1e-5)
+
+
+def test_a_hand_needs_joints_or_pose_with_wrist():
+    for fields in ({}, {"pose": POSE}, {"wrist": WRIST}):
+        with pytest.raises(InputError, match="'joints', or 'pose' together with 'wrist'"):
+            HandTrack("right", VALID, **fields)
+
+
+def test_a_sequence_gives_the_hand_of_a_side_or_says_that_it_has_none():
+    motion = ObjectTrack((), torch.eye(3).repeat(T, 1, 1, 1), torch.zeros(T, 1, 3))
+    sequence = Sequence((HAND,), motion, 30.0, "a.npz")
+    assert sequence.hand("left") is HAND
+    assert sequence.frames == HAND.frames == T
+    with pytest.raises(InputError, match=r"a\.npz holds no right hand"):
+        sequence.hand("right")
+    with pytest.raises(InputError, match="the sequence holds no right hand"):
+        replace(sequence, source="").hand("right")

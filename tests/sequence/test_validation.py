@@ -1,0 +1,66 @@
+from dataclasses import replace
+
+import pytest
+import torch
+from bad_inputs import FRAMES, good_arrays
+
+from geneoh.errors import InputError
+from geneoh.geometry.mesh import Mesh
+from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
+from geneoh.sequence.validation import ball_distance, check_sequence
+
+SHEET = Mesh(torch.tensor([[0.0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]]), torch.tensor([[0, 1, 2]]))
+HAND = HandTrack(
+    "right",
+    torch.ones(FRAMES, dtype=torch.bool),
+    joints=torch.from_numpy(good_arrays()["joints"]),
+    pose=torch.zeros(FRAMES, 16, 3),
+)
+OBJECT = ObjectTrack((SHEET,), torch.eye(3).repeat(FRAMES, 1, 1, 1), torch.zeros(FRAMES, 1, 3))
+GOOD = Sequence((HAND,), OBJECT, 30.0)
+
+
+def test_a_plausible_sequence_passes():
+    check_sequence(GOOD)
+    check_sequence(replace(GOOD, hands=(HAND, replace(HAND, side="left"))))
+
+
+@pytest.mark.parametrize(
+    ("bad", "words"),
+    [
+        (replace(GOOD, hands=()), "one hand or one of each side, got none"),
+        (replace(GOOD, hands=(HAND, HAND)), "got right and right"),
+        (replace(GOOD, hands=(replace(HAND, pose=torch.full((FRAMES, 16, 3), 30.0)),)), "degrees"),
+        (replace(GOOD, hands=(replace(HAND, valid=~HAND.valid),)), "at least one frame"),
+        (
+            replace(GOOD, object=replace(OBJECT, rotation=torch.zeros(FRAMES, 1, 3, 3))),
+            "determinant 0; fill frames",
+        ),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_an_implausible_sequence_is_refused(bad, words):
+    with pytest.raises(InputError, match=f"^the sequence: .*{words}"):
+        check_sequence(bad)
+
+
+def test_a_hand_far_from_the_object_is_refused_only_where_there_is_a_mesh():
+    far = replace(OBJECT, translation=OBJECT.translation + 2)
+    with pytest.raises(InputError, match="stays 3"):
+        check_sequence(replace(GOOD, object=far))
+    check_sequence(replace(GOOD, object=replace(far, meshes=())))
+
+
+def test_one_near_frame_is_near_enough():
+    away = OBJECT.translation + torch.linspace(0, 5, FRAMES)[:, None, None]
+    check_sequence(replace(GOOD, object=replace(OBJECT, translation=away)))
+    unseen = replace(HAND, valid=torch.arange(FRAMES) > 2)
+    with pytest.raises(InputError, match="near the object"):
+        check_sequence(Sequence((unseen,), replace(OBJECT, translation=away), 30.0))
+
+
+def test_ball_distance_moves_with_the_object():
+    turn = torch.tensor([[[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]])
+    verts = torch.tensor([[2.0, -1, 0], [2.0, 1, 0]])  # a ball of radius 1 around (2, 0, 0)
+    distance = ball_distance(torch.zeros(1, 3), verts, turn, torch.tensor([[0.0, 3, 0]]))
+    torch.testing.assert_close(distance, torch.tensor([4.0]))

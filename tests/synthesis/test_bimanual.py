@@ -1,0 +1,89 @@
+import torch
+from torch import Tensor
+
+from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.hand.library import load_hand
+from geneoh.hand.skeleton import forward_kinematics
+from geneoh.synthesis.bimanual import APART, SHARE, first_hands, leads, sides
+from geneoh.synthesis.grasps import Grasps, synthesize_grasps
+from geneoh.synthesis.objects import draw_objects
+from geneoh.synthesis.pose_prior import NATURAL_MEAN
+from geneoh.synthesis.shards import SynthesisConfig, draw_attempts
+from geneoh.synthesis.solids import Solids
+
+FLIP = torch.tensor([-1.0, 1.0, 1.0])
+
+
+def seeded(seed: int = 0) -> torch.Generator:
+    return torch.Generator().manual_seed(seed)
+
+
+def longest(solids: Solids) -> Tensor:
+    points, _ = solids.surface_points(64, generator=seeded())
+    return points.abs().amax((1, 2))
+
+
+def test_second_hands_are_tried_on_the_largest_objects():
+    names = ["coin", "carton", "ring", "board", "pen", "plate", "ball", "pan", "mouse", "phone"]
+    solids = draw_objects(names, generator=seeded(1))
+    lead = leads(solids, len(names))
+    assert len(lead) == int(SHARE * len(names))
+    extent = longest(solids)
+    assert float(extent[lead].min()) > float(extent.median())
+
+
+def test_two_hands_come_from_the_two_ends():
+    solids = draw_objects(["hammer", "coin", "pan", "hammer", "pan"], generator=seeded(2))
+    side = sides(solids, torch.tensor([0, 2]))
+    want = torch.tensor([[0.0, 0, 1], [0, 0, 0], [1, 0, 0], [0, 0, -1], [1, 0, 0]])
+    # along x the mirror turns the other end around once more
+    assert torch.equal(side, want)
+
+
+def hands(shift: Tensor) -> Grasps:
+    """Two first hands and, as tried last, two second hands moved by so much along y."""
+    pose = torch.cat([torch.zeros(4, 1, 3), NATURAL_MEAN.expand(4, 15, 3)], dim=1)
+    wrist = torch.zeros(4, 3)
+    wrist[2:, 1] = shift
+    offsets = load_hand("right").shaped(torch.zeros(4, 10)).offsets
+    kind = torch.zeros(4, dtype=torch.long)
+    return Grasps(pose, wrist, offsets, torch.ones(4, dtype=torch.bool), kind)
+
+
+def test_hands_that_meet_are_no_pair():
+    first = first_hands(hands(torch.tensor([0.3, 0.0])), torch.tensor([0, 1]))
+    assert first.tolist() == [-1, -1, 0, -1]
+
+
+def test_a_pair_needs_both_hands_and_is_counted_among_those_kept():
+    grasps = hands(torch.tensor([0.3, 0.3]))
+    grasps.kept[0] = False
+    # the second of the one that is gone is alone; the others have moved up by one
+    assert first_hands(grasps, torch.tensor([0, 1])).tolist() == [-1, -1, 0]
+
+
+def test_two_hands_are_made_and_do_not_meet_in_the_world():
+    config = SynthesisConfig()
+    tried = draw_attempts(config, ["hammer", "pan"], load_hand("right"), 48, generator=seeded(3))
+    lead = leads(tried.solids, 48)
+    side = sides(tried.solids, lead)
+    grasps = synthesize_grasps(
+        tried.solids, tried.hands.offsets, generator=seeded(4), toward=side, steps=90
+    )
+    first = first_hands(grasps, lead)
+    kept = grasps.chosen(grasps.kept)
+    turns = axis_angle_to_matrix(kept.pose)
+    joints, _ = forward_kinematics(turns, kept.wrist, kept.offsets)
+    pairs = [(int(first[i]), i) for i in torch.nonzero(first >= 0)[:, 0].tolist()]
+    assert pairs, "some of nine pairs are kept"
+    for one, two in pairs:
+        assert float(torch.cdist(joints[one], joints[two] * FLIP).min()) > APART
+        bones = (kept.offsets[one].norm(dim=-1) / kept.offsets[two].norm(dim=-1) - 1).abs()
+        assert 0 < float(bones.max()) < 0.03, "one person's hands, but not one hand"
+    # the object of a second hand is the first one's in a mirror
+    points = 0.05 * torch.randn(len(lead), 50, 3, generator=seeded(5))
+    mirrored = tried.solids.chosen(torch.arange(48, 48 + len(lead)))
+    torch.testing.assert_close(
+        mirrored.signed_distance(points * FLIP),
+        tried.solids.chosen(lead).signed_distance(points),
+    )

@@ -1,0 +1,209 @@
+"""Lay the mesh on the implicit surface: rays from the bones outwards, then even out along it."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from tools.hand_builder.anatomy import (
+    ACROSS,
+    CHAINS,
+    THUMB,
+    UP,
+    Array,
+    Digit,
+    digits,
+    hand_distance,
+    palm_distance,
+    skeleton,
+    smooth_min,
+)
+from tools.hand_builder.topology import ROWS, Layout
+
+Distance = Callable[[Array], Array]
+
+DOWN, RADIAL = -UP, np.array([0.0, 0.0, 1.0])
+REACH, STEP = 60.0, 0.4
+"""How far and how finely a ray looks for the surface, mm."""
+
+FINGER_Q = {
+    11: (0.70, 0.87, 1.0, 1.15, 1.45, 1.82, 2.0, 2.2, 2.55, 2.80, 2.945),
+    12: (0.66, 0.80, 0.90, 1.0, 1.13, 1.45, 1.82, 2.0, 2.2, 2.55, 2.80, 2.945),
+}
+"""Where the rings of a finger lie: close together at the joints."""
+THUMB_Q = (0.93, 1.08, 1.27, 1.55, 1.83, 2.0, 2.17, 2.42, 2.68, 2.86, 2.96)
+THUMB_SHEAR = (0.42, 0.36, 0.25, 0.12, 0.03, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+"""The first rings lean: further out on the side of the web."""
+KNUCKLES = 2
+"""The palm row that runs over the knuckles."""
+WEB_Q, WEB_DIP = 0.5, 0.06
+"""The web line along the first phalanx, and how much it falls back between two fingers."""
+
+
+def place(plan: Layout, offsets: Array | None = None) -> Array:
+    """Vertices (V, 3) of the whole hand in the rest pose, mm, wrist joint at the origin."""
+    bones = skeleton() if offsets is None else skeleton(offsets)
+    tubes = digits(bones)
+
+    def surface(points: Array) -> Array:
+        return hand_distance(points, bones, tubes)
+
+    verts = np.zeros((plan.count, 3))
+    _place_palm(plan, verts, bones, tubes, surface)
+    for place_index, finger in enumerate((*ACROSS, THUMB)):
+        _place_digit(plan, verts, place_index, tubes[finger], bones)
+    return _even_out(plan, verts, surface)
+
+
+def _exit(distance: Distance, origins: Array, directions: Array) -> Array:
+    """Where each ray leaves the solid for the first time; its origin if it starts outside."""
+    directions = directions / np.linalg.norm(directions, axis=-1, keepdims=True)
+    reach = np.arange(0.0, REACH, STEP)
+    samples = origins[:, None] + reach[:, None] * directions[:, None]
+    values = distance(samples.reshape(-1, 3)).reshape(len(origins), -1)
+    outside = values > 0
+    first = np.where(outside.any(1), outside.argmax(1), len(reach) - 1)
+    row = np.arange(len(origins))
+    low, high = values[row, np.maximum(first - 1, 0)], values[row, first]
+    part = np.where(first > 0, low / np.minimum(low - high, -1e-9), 0.0)
+    return origins + ((np.maximum(first - 1, 0) + part) * STEP)[:, None] * directions
+
+
+def _entry(distance: Distance, origins: Array, directions: Array) -> Array:
+    """Where each ray enters the solid for the first time."""
+    return _exit(lambda points: -distance(points), origins, directions)
+
+
+def _row_centres(bones: Array, tubes: tuple[Digit, ...]) -> Array:
+    """Middle of the palm under each finger, (1 + ROWS, 4, 3), row by row."""
+    knuckles = np.stack([bones[CHAINS[f][0]] for f in ACROSS])
+    web = np.stack([tubes[f].centre(WEB_Q) for f in ACROSS])
+    wrist = np.stack([[0.0, -1.5, z] for z in (15.0, 5.0, -6.5, -16.5)])
+    arm = wrist + [28.0, 0.0, 0.0]
+    along = np.array(
+        [0.0, 0.52, 1.0, 1.09, 1.2, 1.325, 1.45, 1.575, 1.7, 1.82, 1.92, 2.1, 2.5, 3.0]
+    )
+    assert len(along) == 1 + ROWS, "one place along the palm per row"
+    keys = np.stack([web, knuckles, wrist, arm])
+    low = np.minimum(along.astype(int), 2)
+    part = (along - low)[:, None, None]
+    return keys[low] * (1 - part) + keys[low + 1] * part
+
+
+def _place_palm(
+    plan: Layout, verts: Array, bones: Array, tubes: tuple[Digit, ...], surface: Distance
+) -> None:
+    """Back, palm, sides, webs and cap by rays up, down and sideways from the middle."""
+    centres = _row_centres(bones, tubes)
+    between = 0.5 * (centres[:, 1:] + centres[:, :-1])
+    between[0] = _between(tubes, WEB_Q - WEB_DIP)
+    edge = np.stack([centres[:, 0], centres[:, -1]], 1)
+    mid = np.zeros((1 + ROWS, 9, 3))
+    mid[:, 1::2], mid[:, 2:-1:2] = centres, between
+    mid[:, 0], mid[:, 8] = edge[:, 0] + 4 * RADIAL, edge[:, 1] - 4 * RADIAL
+    fan = np.zeros((9, 3))
+    fan[0], fan[8] = RADIAL, -RADIAL
+    hand = _without_thumb(bones, tubes)
+    for rows, way in ((plan.dorsal, UP), (plan.palmar, DOWN)):
+        ways = np.tile(way + fan, (1 + ROWS, 1, 1))
+        ways[0, 2:-1:2, 0] -= 0.4  # towards the crest of the web
+        hit = _exit(hand, mid.reshape(-1, 3), ways.reshape(-1, 3))
+        verts[rows.ravel()] = hit
+    for column, way in ((0, RADIAL), (1, -RADIAL)):
+        rows = plan.side[:, column] >= 0
+        origin = edge[rows, column]
+        verts[plan.side[rows, column]] = _exit(hand, origin, np.tile(way, (len(origin), 1)))
+    start, end = (_between(tubes, q) for q in (0.9, 0.0))
+    verts[plan.webs] = _entry(surface, start, end - start)
+    _round_cap(plan, verts)
+
+
+def _between(tubes: tuple[Digit, ...], q: float) -> Array:
+    """Points (3, 3) halfway between neighbouring fingers' axes."""
+    axis = np.stack([tubes[finger].centre(q) for finger in ACROSS])
+    return 0.5 * (axis[1:] + axis[:-1])
+
+
+def _round_cap(plan: Layout, verts: Array) -> None:
+    """Pull the last row in, so that the forearm ends round, and put the cap's middle there."""
+    last = np.r_[plan.dorsal[ROWS], plan.palmar[ROWS], plan.side[ROWS]]
+    before = np.r_[plan.dorsal[ROWS - 1], plan.palmar[ROWS - 1], plan.side[ROWS - 1]]
+    middle = verts[last].mean(0)
+    verts[last] = 0.8 * (verts[last] - middle) + middle
+    verts[last, 0] = verts[before, 0].mean() + 7.0
+    verts[plan.cap] = verts[last].mean(0) + [1.0, 0.0, 0.0]
+
+
+def _without_thumb(bones: Array, tubes: tuple[Digit, ...]) -> Distance:
+    """Palm and fingers only: what rays in the palm should stop at."""
+
+    def distance(points: Array) -> Array:
+        fingers = np.min([tubes[f].distance(points) for f in ACROSS], axis=0)
+        return smooth_min([palm_distance(points, bones), fingers], 2.2)
+
+    return distance
+
+
+def _place_digit(plan: Layout, verts: Array, place_index: int, tube: Digit, bones: Array) -> None:
+    """Rings round one finger or the thumb, and its tip."""
+    thumb = place_index == 4
+    ring = plan.rings[place_index]
+    count = ring.shape[1]
+    sides = np.arange(count) * 2 * np.pi / count
+    if thumb:
+        places, shear = THUMB_Q, THUMB_SHEAR
+    else:
+        places, shear = FINGER_Q[len(ring) - 1], np.zeros(len(ring) - 1)
+    for row, (q, lean) in enumerate(zip(places, shear, strict=True), start=1):
+        at = q + lean * np.cos(sides) if thumb else np.full(count, q)
+        origins = np.stack([tube.centre(x) for x in at])
+        ways = np.stack(
+            [_way(tube.frame(x), side, thumb) for x, side in zip(at, sides, strict=True)]
+        )
+        verts[ring[row]] = _exit(tube.distance, origins, ways)
+    verts[plan.tips[place_index]] = tube.points[3]
+
+
+def _way(frame: Array, side: float, thumb: bool) -> Array:
+    """Direction of a ring vertex: a finger's from the back round by its pinky side, the thumb's
+    from its web side round by the palm."""
+    if not thumb:
+        side = side - np.pi / 4
+        return np.cos(side) * frame[:, 1] - np.sin(side) * frame[:, 2] * np.sign(frame[2, 2])
+    tangent = frame[:, 0]
+    web = np.cross(tangent, UP)
+    web /= np.linalg.norm(web)
+    web *= -np.sign(web[2])
+    return (
+        np.cos(side) * web
+        + np.sin(side) * np.cross(web, tangent) * np.sign(np.cross(web, tangent)[1]) * -1
+    )
+
+
+def _even_out(plan: Layout, verts: Array, surface: Distance, rounds: int = 16) -> Array:
+    """Slide palm, finger bases and thumb base along the surface towards even spacing."""
+    free = np.zeros(plan.count, dtype=bool)
+    free[plan.dorsal[1:-2]] = free[plan.palmar[1:-2]] = True
+    free[plan.side[1:-2][plan.side[1:-2] >= 0]] = True
+    # Straight above and below the knuckles: the joint regressor stands on these.
+    free[plan.dorsal[KNUCKLES, 1::2]] = free[plan.palmar[KNUCKLES, 1::2]] = False
+    for ring in plan.rings[:4]:
+        free[ring[1]] = True
+    free[plan.rings[4][1:5]] = True
+    total = np.zeros((plan.count, plan.count))
+    total[plan.edges[:, 0], plan.edges[:, 1]] = total[plan.edges[:, 1], plan.edges[:, 0]] = 1.0
+    total /= total.sum(1, keepdims=True)
+    verts = verts.copy()
+    for _ in range(rounds):
+        move = (total @ verts - verts)[free]
+        slope = _gradient(surface, verts[free])
+        move -= slope * (move * slope).sum(1, keepdims=True)
+        verts[free] += 0.5 * move
+        verts[free] -= surface(verts[free])[:, None] * _gradient(surface, verts[free])
+    return verts
+
+
+def _gradient(distance: Distance, points: Array, step: float = 0.05) -> Array:
+    """Unit outward direction (P, 3) by central differences."""
+    shift = step * np.eye(3)
+    slope = np.stack([distance(points + s) - distance(points - s) for s in shift], -1)
+    return slope / np.linalg.norm(slope, axis=-1, keepdims=True)

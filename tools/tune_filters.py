@@ -1,0 +1,81 @@
+"""Sizes of the filters for who does not know the noise: `python -m tools.tune_filters`.
+
+Validation clips are synthetic interactions with the object families that networks are trained on,
+under seeds of their own; test clips have other families. Each filter gets the one size that leaves
+the least mean keypoint error over all clips and all noises. The lines that this prints are
+`geneoh.baselines.filters.TUNED`.
+"""
+
+import sys
+from collections.abc import Iterable, Sequence
+
+import torch
+
+from geneoh.baselines.filters import GRID, Filter, FilterKind, On, filtered
+from geneoh.choices import NOISES, Noise
+from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.hand.library import load_hand
+from geneoh.hand.skeleton import forward_kinematics
+from geneoh.sequence.noise import corrupt
+from geneoh.sequence.sequence import HandTrack
+from geneoh.synthesis.objects import FAMILIES
+from geneoh.synthesis.shards import SynthesisConfig, seed_of, synthesize_shard
+
+FPS = 30.0
+CLIPS, FRAMES = 32, 120
+
+
+def validation_hands(count: int = CLIPS, frames: int = FRAMES) -> list[HandTrack]:
+    """Clean hands of synthetic interactions that no test and no training has."""
+    config = SynthesisConfig(count=count, frames=frames, points=1, shard=count)
+    families = [family for family in FAMILIES if family not in config.held_out]
+    generator = torch.Generator().manual_seed(seed_of("tuning"))
+    made = synthesize_shard(config, families, load_hand("right"), generator=generator)
+    joints, _ = forward_kinematics(
+        axis_angle_to_matrix(made.pose), made.wrist, made.offsets[:, None]
+    )
+    valid = torch.ones(frames, dtype=torch.bool)
+    return [
+        HandTrack("right", valid, joints=joints[i], pose=made.pose[i], wrist=made.wrist[i])
+        for i in range(count)
+    ]
+
+
+def noisy_pairs(
+    hands: Iterable[HandTrack], noises: Iterable[Noise] = NOISES
+) -> list[tuple[HandTrack, HandTrack]]:
+    """Each hand as it is, and under each noise."""
+    pairs = []
+    for index, hand in enumerate(hands):
+        for noise in noises:
+            generator = torch.Generator().manual_seed(seed_of("tuning", index, noise))
+            pairs.append((hand, corrupt(hand, noise, generator=generator)))
+    return pairs
+
+
+def tuned(
+    pairs: Sequence[tuple[HandTrack, HandTrack]], kind: FilterKind, on: On, fps: float = FPS
+) -> tuple[Filter, float]:
+    """The size of one kind of filter with the least mean error in metres, and that error."""
+
+    def error(chosen: Filter) -> float:
+        off = [
+            float((filtered(noisy, chosen, on, fps) - clean.joints).norm(dim=-1).mean())
+            for clean, noisy in pairs
+            if clean.joints is not None
+        ]
+        return sum(off) / len(off)
+
+    errors = {chosen: error(chosen) for chosen in GRID[kind]}
+    best = min(errors, key=errors.__getitem__)
+    return best, errors[best]
+
+
+if __name__ == "__main__":
+    pairs = noisy_pairs(validation_hands())
+    for kind in GRID:
+        for on in ("keypoints", "parameters"):
+            best, error = tuned(pairs, kind, on)
+            numbers = f"{best.size}" + (f", {best.beta}" if best.beta else "")
+            made = f'("{kind}", "{on}"): Filter("{kind}", {numbers})'
+            sys.stdout.write(f"    {made},  # {1000 * error:.2f} mm\n")
