@@ -1,0 +1,104 @@
+"""A hand track as a layer of the `smplx` package, for body models, renderers and optimisers.
+
+Only this module imports smplx, and only when it is asked for a layer: the software licence of smplx
+is non-commercial, and nothing else in geneoh needs it.
+"""
+
+from contextlib import redirect_stdout
+from os import devnull
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.choices import HandSource, Side
+from geneoh.errors import InputError
+from geneoh.hand.mano import translation_from_wrist
+from geneoh.hand.model import HandModel
+from geneoh.hand.skeleton import PARENTS
+from geneoh.pipeline.subject import hand_of, subject_of
+from geneoh.sequence.gaps import fill_gaps
+from geneoh.sequence.sequence import Sequence
+
+if TYPE_CHECKING:
+    from smplx import MANO
+
+
+def to_smplx(
+    side: Side,
+    sequence: Sequence,
+    *,
+    hand: HandSource = "embedded",
+    mano_dir: Path | str | None = None,
+) -> "MANO":
+    """One hand of a sequence as an `smplx.MANO` module that is posed with it, all frames at once.
+
+        layer = geneoh.to_smplx("left", result.sequence)
+        vertices = layer().vertices  # (T, 778, 3), metres, in the world frame
+
+    The pose is in the module's own parameters, one row per frame: `betas` (T, 10), `global_orient`
+    (T, 3), `hand_pose` (T, 45) in radians, and `transl` (T, 3) in metres, which places MANO's
+    origin and not the wrist. `dict(layer.named_parameters())` are the keyword arguments for another
+    layer of the same hand, made with `use_pca=False, flat_hand_mean=True`.
+
+    Args:
+        side: "left" or "right".
+        sequence: holds a pose of that hand, as every result of `geneoh.denoise` does. Frames in
+            which the hand was not observed are filled by interpolation.
+        hand: the hand to pose: "embedded", or the user's "mano" (of its two left hands the one
+            that the betas belong to). Betas of another hand are replaced by a shape that is fitted
+            to the track's keypoints.
+        mano_dir: folder of the user's MANO files; without it GENEOH_MANO_DIR says where.
+
+    Raises:
+        InputError: the sequence has no such hand, or only its keypoints.
+        MissingAssetError: MANO was asked for and there is no such file.
+    """
+    track = fill_gaps(sequence.hand(side))
+    if track.pose is None or track.wrist is None:
+        raise InputError(
+            f"{sequence.source or 'the sequence'}: smplx needs the {side} hand's 'pose' and "
+            "'wrist', got its keypoints only; run geneoh.denoise on it, which finds the pose"
+        )
+    model = hand_of(track, hand, mano_dir).to(track.pose.device)
+    betas = subject_of(track, model).betas
+    pose = {
+        "betas": betas.expand(track.frames, -1),
+        "global_orient": track.pose[:, 0],
+        "hand_pose": track.pose[:, 1:].flatten(1),
+        "transl": translation_from_wrist(model, betas, track.wrist),
+    }
+    return layer_of(model, pose).to(track.pose.device)
+
+
+def layer_of(model: HandModel, pose: dict[str, Float[Tensor, "T _"]]) -> "MANO":
+    """The module of smplx for a hand model, its parameters set to a pose of T frames."""
+    from smplx import MANO
+    from smplx.utils import Struct
+
+    fields = {
+        "v_template": model.template,
+        "shapedirs": model.shape_dirs,
+        "posedirs": model.pose_dirs,
+        "J_regressor": model.joint_regressor,
+        "weights": model.skin_weights,
+        "f": model.faces,
+        "hands_mean": model.pose_mean[1:].flatten(),
+    }
+    arrays = {name: tensor.detach().cpu().numpy() for name, tensor in fields.items()}
+    arrays["kintree_table"] = np.stack([PARENTS, np.arange(len(PARENTS))])
+    arrays["hands_components"] = np.eye(45)  # asked for, and not used without PCA
+    # smplx prints that ten betas are few, which is what every MANO hand has.
+    with open(devnull, "w") as nowhere, redirect_stdout(nowhere):
+        return MANO(
+            "",
+            data_struct=Struct(**arrays),
+            is_rhand=model.side == "right",
+            use_pca=False,
+            flat_hand_mean=True,
+            create_body_pose=False,
+            batch_size=len(pose["transl"]),
+            **{name: tensor.detach().cpu().numpy() for name, tensor in pose.items()},
+        )
