@@ -1,66 +1,100 @@
-"""What `geneoh info` tells: versions, devices, hands and weights, each as lines of text."""
+"""What `geneoh info` reports: versions, devices, hand models and weights."""
 
 import os
 import platform
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from importlib import metadata
 from pathlib import Path
+from typing import Any
 
 PACKAGES = ("geneoh", "torch", "numpy", "scipy", "trimesh", "libigl", "smplx")
+"""Packages whose version can change a result."""
 
 
-def versions() -> Iterator[str]:
-    """Python, the system, and the packages whose version changes results."""
-    yield f"python {platform.python_version()} on {platform.platform()}"
+def facts(mano_dir: Path | None) -> dict[str, dict[str, Any]]:
+    """All that is known of this installation, as JSON can hold it."""
+    return {
+        "versions": versions(),
+        "devices": devices(),
+        "hands": hands(mano_dir),
+        "weights": weights(),
+    }
+
+
+def versions() -> dict[str, Any]:
+    """Python, the system, and the packages; None for a package that is not installed."""
+    found: dict[str, Any] = {"python": platform.python_version(), "system": platform.platform()}
     for name in PACKAGES:
         try:
-            yield f"{name} {metadata.version(name)}"
+            found[name] = metadata.version(name)
         except metadata.PackageNotFoundError:
-            yield f"{name} is not installed"
+            found[name] = None
+    return found
 
 
-def devices() -> Iterator[str]:
-    """What `--device` may name."""
+def devices() -> dict[str, Any]:
+    """The names that `--device` takes, each with a description."""
     import torch
 
-    yield f"cpu: {os.cpu_count()} cores, {torch.get_num_threads()} threads"
+    found = {"cpu": f"{os.cpu_count()} cores, {torch.get_num_threads()} threads"}
     for index in range(torch.cuda.device_count()):
-        found = torch.cuda.get_device_properties(index)
-        yield f"cuda:{index}: {found.name}, {found.total_memory / 2**30:.0f} GiB"
+        gpu = torch.cuda.get_device_properties(index)
+        found[f"cuda:{index}"] = f"{gpu.name}, {gpu.total_memory / 2**30:.0f} GiB"
+    return found
 
 
-def hands(mano_dir: Path | None) -> Iterator[str]:
-    """The hand models that can be loaded, and why the others cannot."""
+def hands(mano_dir: Path | None) -> dict[str, Any]:
+    """The hand models, each with its size or the reason why it cannot be loaded."""
+    from geneoh.choices import RESULT_HANDS, SIDES
     from geneoh.errors import GeneOHError
     from geneoh.hand.library import load_hand
 
-    for source in ("embedded", "mano"):
-        for side in ("right", "left"):
+    found: dict[str, Any] = {}
+    for source in RESULT_HANDS:
+        for side in SIDES:
             try:
                 model = load_hand(side, source=source, mano_dir=mano_dir)
             except GeneOHError as error:
-                yield f"{source} {side}: not available, {error}"
+                found[f"{source} {side}"] = {"problem": f"not available, {error}"}
             else:
-                yield f"{source} {side}: {len(model.template)} vertices, {len(model.faces)} faces"
+                size = {"vertices": len(model.template), "faces": len(model.faces)}
+                found[f"{source} {side}"] = size
+    return found
 
 
-def weights() -> Iterator[str]:
-    """The shipped networks, with how they were trained."""
-    from geneoh.config import flat
+def weights() -> dict[str, Any]:
+    """The shipped networks, each with its size and how it was trained."""
     from geneoh.denoisers.library import SHIPPED
     from geneoh.errors import CheckpointError
     from geneoh.nn.checkpoint import load_checkpoint
 
-    paths = sorted(SHIPPED.glob("*.safetensors"))
-    for path in paths:
+    found: dict[str, Any] = {}
+    for path in sorted(SHIPPED.glob("*.safetensors")):
         try:
             checkpoint = load_checkpoint(path)
         except CheckpointError as error:
-            yield f"{path.stem}: not usable, {error}"
+            found[path.stem] = {"problem": f"not usable, {error}"}
             continue
-        count = sum(tensor.numel() for tensor in checkpoint.tensors.values())
-        size = path.stat().st_size / 2**20
-        yield f"{path.stem}: {count / 1e6:.2f} M parameters, {size:.1f} MiB"
-        yield from (f"  {name} = {value}" for name, value in flat(checkpoint.record).items())
-    if not paths:
-        yield f"none in {SHIPPED}"
+        found[path.stem] = {
+            "parameters": sum(tensor.numel() for tensor in checkpoint.tensors.values()),
+            "bytes": path.stat().st_size,
+            "training": dict(checkpoint.record),
+        }
+    return found
+
+
+def summary(found: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
+    """The facts as lines of text that fit on one screen."""
+    versions = {name: said or "not installed" for name, said in found["versions"].items()}
+    yield f"python {versions.pop('python')} on {versions.pop('system')}"
+    yield ", ".join(f"{name} {said}" for name, said in versions.items())
+    yield from ("devices", *(f"  {name}: {said}" for name, said in found["devices"].items()))
+    yield "hands"
+    for name, hand in found["hands"].items():
+        size = f"{hand.get('vertices')} vertices, {hand.get('faces')} faces"
+        yield f"  {name}: {hand.get('problem') or size}"
+    yield "weights" if found["weights"] else "weights: none are installed"
+    for name, network in found["weights"].items():
+        size = (network.get("parameters", 0) / 1e6, network.get("bytes", 0) / 2**20)
+        told = "{:.2f} M parameters, {:.1f} MiB".format(*size)
+        yield f"  {name}: {network.get('problem') or told}"

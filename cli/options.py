@@ -1,81 +1,114 @@
-"""Options that several commands share, with one meaning and one help text each."""
+"""Options that several commands share, each with one meaning and one help text."""
 
 from importlib.resources import files
 from pathlib import Path
 
 import click
 
-from geneoh.choices import SIDES
+from geneoh.choices import PRESETS, RESULT_HANDS, SELECTIONS, SIDES
 from geneoh.errors import ConfigError
 
 INPUT_FILE = click.Path(dir_okay=False, path_type=Path)
-"""A file to read. That it is there is checked on reading, which says more about what is wrong."""
+"""A file to read. Reading checks that it exists, because its error says more."""
+FOLDER = click.Path(file_okay=False, path_type=Path)
 
-obj = click.option(
-    "--obj",
-    type=INPUT_FILE,
-    multiple=True,
-    required=True,
-    help="Mesh of the object in metres; once per rigid part, in the order of the parts.",
+OBJ_HELP = (
+    "Mesh file of the object, in metres. Repeat it for each rigid part, in order of the parts."
 )
+
+obj = click.option("--obj", type=INPUT_FILE, multiple=True, required=True, help=OBJ_HELP)
 obj_or_source = click.option(
     "--obj",
     type=INPUT_FILE,
     multiple=True,
-    help="Mesh of the object in metres; once per rigid part, in the order of the parts. Needed "
-    "unless --from names a source that has its own.",
+    help=f"{OBJ_HELP} Not needed where --from names a source that has its own meshes.",
 )
 output = click.option(
     *("-o", "--output"),
     type=click.Path(dir_okay=False, path_type=Path),
-    help="File to write; replaced in one step when all is done.",
+    help="File to write. An existing file is replaced only when the new one is complete.",
+)
+preset = click.option(
+    "--preset",
+    type=click.Choice(PRESETS),
+    default="default",
+    show_default=True,
+    help="Settings to clean with: our best, the paper's, or faster ones.",
+)
+samples = click.option(
+    "--samples",
+    type=click.IntRange(min=1),
+    help="Number of samples that the diffusion draws.  [default: the preset's]",
+)
+selection = click.option(
+    *("--select", "selection"),
+    type=click.Choice(SELECTIONS),
+    help="Which sample becomes the result: the one closest to the input, or the mean of all "
+    "samples.  [default: the preset's]",
+)
+hand = click.option(
+    "--hand",
+    type=click.Choice(RESULT_HANDS),
+    default="embedded",
+    show_default=True,
+    help="Hand model of the result.",
 )
 seed = click.option(
-    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of all randomness."
+    "--seed",
+    type=click.IntRange(min=0),
+    default=0,
+    show_default=True,
+    help="Seed of every random draw; the same seed gives the same file.",
 )
 side = click.option(
     "--side",
     type=click.Choice(SIDES),
-    help="Which hand, where the file does not say; of two hands, the one to take.",
+    help="Side of the hand, where the file does not say; of two hands, the one to read.",
 )
-fps = click.option("--fps", type=float, help="Frames a second, where the file does not say.")
+fps = click.option("--fps", type=float, help="Frames per second, where the file does not say.")
 mano = click.option(
     "--mano",
-    type=click.Path(file_okay=False, path_type=Path),
+    type=FOLDER,
     envvar="GENEOH_MANO_DIR",
     show_envvar=True,
-    help="Folder of your MANO_RIGHT.pkl and MANO_LEFT.pkl.",
+    help="Folder that holds your MANO_RIGHT.pkl and MANO_LEFT.pkl.",
 )
 device = click.option(
-    "--device", default="cpu", show_default=True, help="cpu, cuda, or cuda:N for the Nth GPU."
+    "--device",
+    default="cpu",
+    show_default=True,
+    help="Device to compute on: cpu, cuda, or cuda:N for GPU number N.",
 )
 weights = click.option(
     "--weights",
-    type=click.Path(file_okay=False, path_type=Path),
-    help="Folder of motion, spatial and temporal.safetensors, instead of the shipped ones.",
+    type=FOLDER,
+    help="Folder of weights to use instead of the shipped ones: motion.safetensors, "
+    "spatial.safetensors and temporal.safetensors.",
 )
 folder = click.option(
     *("-o", "--output", "folder"),
-    type=click.Path(file_okay=False, path_type=Path),
+    type=FOLDER,
     default=Path("runs"),
     show_default=True,
     help="Folder to write to.",
 )
 data = click.option(
     "--data",
-    type=click.Path(file_okay=False, path_type=Path),
+    type=FOLDER,
     default=Path("runs/data"),
     show_default=True,
-    help="Folder of interactions, as `geneoh synthesize` makes it.",
+    help="Folder of interactions that `geneoh synthesize` made.",
 )
 config = click.option(
-    "--config", metavar="NAME|PATH", help="A configuration that geneoh ships, or a TOML file."
+    "--config",
+    metavar="NAME|PATH",
+    help="Configuration: the name of a shipped one, or the path of a TOML file.",
 )
 settings = click.option(
     *("--set", "settings"),
     multiple=True,
     metavar="NAME=VALUE",
-    help="Change one value of the configuration, such as motion.depth=6; may be repeated.",
+    help="Change one value of the configuration, such as motion.depth=6. May be repeated.",
 )
 
 

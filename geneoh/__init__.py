@@ -1,40 +1,74 @@
-"""Clean 3D hand-object interaction tracks: no penetration, contact where the object moves.
+"""Clean 3D hand-object interaction: a noisy hand track in, the same interaction cleaned out.
+
+    import geneoh
 
     sequence = geneoh.load("noisy.npz", obj="mesh.obj")
     result = geneoh.denoise(sequence)
     geneoh.save(result.sequence, "clean.npz")
 
-The names are imported when they are first used, so that the command's help need not wait for torch.
+Reading and writing: `load` (npz files), `read` (files of data sets and estimators), `load_mesh`,
+`save`. Cleaning: `denoise` with `Options`, which returns a `Denoised`. Data: `Sequence`, made of
+`HandTrack`, `ObjectTrack` and `Mesh`. What goes wrong is raised from `geneoh.errors`.
+
+Units are metres, radians and seconds. A public name is imported when it is first used, so that
+`import geneoh` and `geneoh --help` do not wait for torch.
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from geneoh import errors as errors
+    from geneoh.geometry.mesh import Mesh, load_mesh
     from geneoh.pipeline.denoise import Denoised, Options, denoise
     from geneoh.readers.npz_files import load
     from geneoh.readers.npz_files import save_sequence as save
+    from geneoh.readers.read import read
     from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
-__all__ = ["Denoised", "HandTrack", "ObjectTrack", "Options", "Sequence", "denoise", "load", "save"]
+    __version__: str
 
-_HOMES = {
-    "load": ("geneoh.readers.npz_files", "load"),
-    "save": ("geneoh.readers.npz_files", "save_sequence"),
-    "HandTrack": ("geneoh.sequence.sequence", "HandTrack"),
-    "ObjectTrack": ("geneoh.sequence.sequence", "ObjectTrack"),
-    "Sequence": ("geneoh.sequence.sequence", "Sequence"),
-    "Denoised": ("geneoh.pipeline.denoise", "Denoised"),
-    "Options": ("geneoh.pipeline.denoise", "Options"),
-    "denoise": ("geneoh.pipeline.denoise", "denoise"),
+__all__ = [
+    "Denoised",
+    "HandTrack",
+    "Mesh",
+    "ObjectTrack",
+    "Options",
+    "Sequence",
+    "denoise",
+    "errors",
+    "load",
+    "load_mesh",
+    "read",
+    "save",
+]
+
+_DEFINED_IN = {
+    "Denoised": "geneoh.pipeline.denoise",
+    "HandTrack": "geneoh.sequence.sequence",
+    "Mesh": "geneoh.geometry.mesh",
+    "ObjectTrack": "geneoh.sequence.sequence",
+    "Options": "geneoh.pipeline.denoise",
+    "Sequence": "geneoh.sequence.sequence",
+    "denoise": "geneoh.pipeline.denoise",
+    "load": "geneoh.readers.npz_files",
+    "load_mesh": "geneoh.geometry.mesh",
+    "read": "geneoh.readers.read",
+    "save": "geneoh.readers.npz_files:save_sequence",
 }
-"""Module and name behind each public name."""
+"""The module that defines each public name; after a colon, the name there where it is another."""
 
 
 def __getattr__(name: str) -> Any:
     if name == "__version__":
         return import_module("importlib.metadata").version("geneoh")
-    if name not in _HOMES:
+    if name == "errors":
+        return import_module("geneoh.errors")
+    if name not in _DEFINED_IN:
         raise AttributeError(f"module 'geneoh' has no attribute '{name}'")
-    module, attribute = _HOMES[name]
-    return getattr(import_module(module), attribute)
+    module, _, attribute = _DEFINED_IN[name].partition(":")
+    return getattr(import_module(module), attribute or name)
+
+
+def __dir__() -> list[str]:
+    return sorted([*__all__, "__doc__", "__version__"])

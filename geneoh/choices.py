@@ -1,4 +1,7 @@
-"""The choices that options offer, each named once; the command line reads them without torch."""
+"""The choices that options offer, each written once.
+
+This module imports no torch, so that `geneoh --help` can show the choices at once.
+"""
 
 from typing import Literal, get_args
 
@@ -7,50 +10,63 @@ SIDES: tuple[Side, ...] = get_args(Side)
 
 HandSource = Literal["embedded", "mano", "mano-as-shipped"]
 """Where a hand model comes from; see `geneoh.hand.library.load_hand`."""
+RESULT_HANDS: tuple[HandSource, ...] = ("embedded", "mano")
+"""Hand models that a user can choose for a result."""
 
 PresetName = Literal["default", "paper", "fast"]
 PRESETS: tuple[PresetName, ...] = get_args(PresetName)
 
 Selection = Literal["closest", "mean"]
-"""Which sample is kept: the one closest to the input, or the mean of all."""
+"""Which sample becomes the result: the one closest to the input, or the mean of all samples."""
 SELECTIONS: tuple[Selection, ...] = get_args(Selection)
 
 Ablation = Literal["motion", "spatial", "temporal", "canonical", "diffusion", "fit"]
-"""What can be left out, with the same weights: a stage; the canonical frame, for one that stands
-still in the world; the diffusion, for one denoiser call a stage; the fit's knowledge of the object
-and of time, for one on keypoints alone."""
+"""Parts that an ablation leaves out, with the same weights.
+
+"motion", "spatial", "temporal": one stage. "canonical": the canonical frame stands still in the
+world instead of moving with the object. "diffusion": each stage calls its denoiser once instead of
+running a diffusion chain. "fit": the hand fit sees keypoints only, neither the object nor time.
+"""
 ABLATIONS: tuple[Ablation, ...] = get_args(Ablation)
 
 BaselineName = Literal["toch", "regression"]
 FilterName = Literal["savgol", "gaussian", "one-euro", "best-filter"]
 MethodName = Literal["input", FilterName, "optimisation", "toch", "regression", "geneoh"]
-"""Ways of cleaning that `geneoh eval` compares."""
+"""Methods that `geneoh eval` compares, besides users' own predictions."""
 METHODS: tuple[MethodName, ...] = get_args(MethodName)
 
 Dataset = Literal["synthetic", "taco", "grab", "grab-beta", "hoi4d", "arctic"]
-"""Evaluation protocols by the data set that they score on."""
+"""Evaluation protocols, named by the data set that they score on."""
 DATASETS: tuple[Dataset, ...] = get_args(Dataset)
 
 StageName = Literal["motion", "spatial", "temporal", "trajectory", "toch", "regression"]
-"""Networks that can be trained: the three stages, MotionDiff as the paper has it, two baselines."""
+"""Networks that `geneoh train` trains: the three stages; "trajectory", which is MotionDiff on
+keypoints as in the paper; and the baselines "toch" and "regression"."""
 STAGES: tuple[StageName, ...] = get_args(StageName)
 
 Noise = Literal["gauss", "gauss_strong", "beta", "bias", "drift", "burst", "drop"]
+"""Kinds of noise that `geneoh corrupt` adds; `geneoh.sequence.noise` defines each."""
 NOISES: tuple[Noise, ...] = get_args(Noise)
 
 CaseNoise = Literal[Noise, "paper", "recorded", "clean"]
-"""A noise of `geneoh corrupt`; the one that the paper puts on a data set; the recording itself as
-the noisy input, without ground truth; or the recording as input and as ground truth."""
+"""Noise on the clips of an evaluation: a `Noise`; "paper", the one that the paper defines for a
+data set; "recorded", none, because the recording itself is noisy and has no ground truth; or
+"clean", none, with the recording as the ground truth."""
 CASE_NOISES: tuple[CaseNoise, ...] = get_args(CaseNoise)
 
 JointOrder = Literal["openpose", "mano", "fphab", "aria", "webxr", "openxr"]
-"""Orders of 21 or more keypoints; see `geneoh.readers.joint_orders`."""
+"""Orders of the keypoints of one hand; see `geneoh.readers.joint_orders`."""
 JOINT_ORDERS: tuple[JointOrder, ...] = get_args(JointOrder)
 
 Translation = Literal["wrist", "origin"]
-"""What the translation of MANO parameters moves: the wrist joint, or the origin of the model."""
+"""The point that the translation of MANO parameters places: the wrist joint (convention W), or the
+origin of the model (convention O). See the page on conventions."""
 TRANSLATIONS: tuple[Translation, ...] = get_args(Translation)
 
 Colouring = Literal["penetration", "contact", "spread", "plain"]
-"""What the colour of a hand shows in pictures, films and pages."""
+"""The quantity that the colour of a hand shows in pictures and films."""
 COLOURINGS: tuple[Colouring, ...] = get_args(Colouring)
+
+Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
+AXES: tuple[Axis, ...] = get_args(Axis)
+"""Signed axes of the world, to say which one points up."""

@@ -1,25 +1,48 @@
-"""Exceptions that reach the user, each one sentence: where, what was expected, what came, cure."""
+"""Exceptions that reach the user.
+
+Each message is one sentence that names the file and the field, what was expected, what was found
+and what to do about it. The command line prints it as one line, without a traceback.
+"""
 
 
 class GeneOHError(Exception):
-    """Base of every error geneoh raises on purpose."""
+    """Base class of every error that geneoh raises on purpose.
+
+    Catch it to handle all of them at once; any other exception is a defect of geneoh.
+    """
 
 
 class InputError(GeneOHError, ValueError):
-    """A file, field or array the user gave cannot be used as it is."""
+    """A file, a field or an array that the user gave cannot be used as it is.
+
+    The message says how to change it. The command line ends with exit code 2.
+    """
 
 
 class ConfigError(GeneOHError, ValueError):
-    """A setting is unknown, has the wrong type or contradicts another one."""
+    """A setting is unknown, has the wrong type, is out of range or contradicts another setting.
+
+    Raised for options of commands, for TOML files and for fields of `geneoh.Options`.
+    """
 
 
 class MissingAssetError(GeneOHError, FileNotFoundError):
-    """A file the user must supply (a MANO model, weights, a data set) is not where it should be."""
+    """A file that the user must supply is not where it should be.
+
+    Such as a MANO model, a folder of weights or a data set; the message says where to get it.
+    """
 
 
 class CheckpointError(GeneOHError):
-    """Saved weights do not fit the network that should load them."""
+    """Saved weights cannot be read, or do not fit the network that should load them.
+
+    Usual causes are a file of another version of geneoh and weights of another stage.
+    """
 
 
 class NumericalError(GeneOHError, ArithmeticError):
-    """A computation on valid input left the range of finite numbers."""
+    """A computation on valid input left the range of finite numbers.
+
+    This is a defect of geneoh or of the weights, not of the input: the command line ends with exit
+    code 1.
+    """

@@ -51,9 +51,15 @@ def test_public_names_are_there_and_come_without_torch_until_used():
         "import sys, geneoh\n"
         "assert 'torch' not in sys.modules\n"
         "assert geneoh.__version__\n"
-        "assert all(callable(getattr(geneoh, name)) for name in geneoh.__all__)\n"
+        "assert all(getattr(geneoh, name).__doc__ for name in geneoh.__all__)\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_dir_lists_every_public_name_and_no_private_one():
+    listed = dir(geneoh)
+    assert set(geneoh.__all__) <= set(listed)
+    assert not [name for name in listed if name.startswith("_") and not name.startswith("__")]
 
 
 def test_an_unknown_name_is_an_attribute_error():

@@ -5,7 +5,6 @@ from typing import Any
 
 import click
 
-from geneoh.choices import PRESETS, SELECTIONS
 from geneoh.readers.registry import SOURCES
 
 from .. import options, sources
@@ -19,39 +18,24 @@ from .. import options, sources
     "source",
     type=click.Choice(list(SOURCES)),
     metavar="SOURCE",
-    help="Read NOISY as a data set's or estimator's own files; `geneoh convert --help` lists them.",
+    help="Read NOISY as files of this data set or estimator; `geneoh convert --help` lists them.",
 )
-@click.option("--clip", help="With --from: which recording, where NOISY holds several.")
+@click.option("--clip", help="With --from: name of the recording, where NOISY holds several.")
 @options.output
+@options.preset
+@options.samples
+@options.selection
 @click.option(
-    "--preset",
-    type=click.Choice(PRESETS),
-    default="default",
-    show_default=True,
-    help="How: our best, as the paper does it, or quickly.",
+    "--steps",
+    type=click.IntRange(min=1),
+    help="Number of denoiser calls in each stage.  [default: the preset's]",
 )
-@click.option(
-    "--samples", type=int, help="Diffusion chains to draw; the preset has its own number."
-)
-@click.option(
-    "--select",
-    "selection",
-    type=click.Choice(SELECTIONS),
-    help="Which sample is kept: the one closest to the input, or the mean.",
-)
-@click.option("--steps", type=int, help="Denoiser calls per stage, instead of the preset's.")
-@click.option(
-    "--hand",
-    type=click.Choice(["embedded", "mano"]),
-    default="embedded",
-    show_default=True,
-    help="Hand model of the result.",
-)
+@options.hand
 @options.mano
 @click.option(
     "--report",
     type=click.Path(dir_okay=False, path_type=Path),
-    help="HTML page to write as well: before and after in 3D, with what was measured.",
+    help="HTML page to write as well: before and after in 3D, with the metrics.",
 )
 @options.weights
 @options.seed
@@ -69,9 +53,10 @@ def denoise(
 ) -> None:
     """Clean the hand-object interaction in NOISY.
 
-    NOISY is an npz in any layout that geneoh reads (its own, smplx names, TACO names, bare joints)
-    with the object's pose per frame. Writes NOISY with `_clean` before its ending, unless -o says
-    otherwise, and prints what was done and what it changed.
+    NOISY is an npz file in any layout that geneoh reads (its own, smplx names, TACO names, bare
+    joints), with the pose of the object in each frame. The clean sequence is written beside it,
+    with `_clean` added to the name, unless -o names another file. The command prints what it read,
+    the time of each stage, and penetration, contact and acceleration before and after.
     """
     import geneoh
     from geneoh.pipeline.results import save_result

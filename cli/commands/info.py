@@ -1,4 +1,4 @@
-"""`geneoh info`: what this installation has, for a bug report or a first look."""
+"""`geneoh info`: versions, devices, hand models and weights of this installation."""
 
 from pathlib import Path
 
@@ -8,18 +8,20 @@ from .. import options
 
 
 @click.command()
+@click.option("--json", "as_json", is_flag=True, help="Print all details as one JSON object.")
 @options.mano
-def info(mano: Path | None) -> None:
-    """Show versions, devices, hand models and weights."""
+def info(mano: Path | None, as_json: bool) -> None:
+    """Show versions, devices, hand models and weights.
+
+    With --json also how the weights were trained.
+    """
+    import json
+
     from .. import environment
 
-    parts = {
-        "Versions": environment.versions(),
-        "Devices": environment.devices(),
-        "Hands": environment.hands(mano),
-        "Weights": environment.weights(),
-    }
-    for title, lines in parts.items():
-        click.echo(title)
-        for line in lines:
-            click.echo(f"  {line}")
+    found = environment.facts(mano)
+    if as_json:
+        click.echo(json.dumps(found, indent=2))
+        return
+    for line in environment.summary(found):
+        click.echo(line)

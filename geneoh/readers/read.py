@@ -1,0 +1,82 @@
+"""One recording of a data set or an estimator, from the files as they are distributed."""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from geneoh.choices import JointOrder, Side, Translation
+from geneoh.geometry.mesh import load_mesh
+from geneoh.readers.base import ReaderOptions
+from geneoh.readers.convert import read_one
+from geneoh.readers.records import Array, read_array
+from geneoh.sequence.sequence import Sequence
+from geneoh.sequence.validation import check_sequence
+
+
+def read(
+    source: str,
+    path: Path | str,
+    *,
+    clip: str | None = None,
+    obj: Path | str | Iterable[Path | str] = (),
+    object_pose: Path | str | Array | None = None,
+    objects: Path | str | None = None,
+    mano_dir: Path | str | None = None,
+    body: Path | str | None = None,
+    side: Side | None = None,
+    fps: float | None = None,
+    joint_order: JointOrder = "openpose",
+    translation: Translation | None = None,
+    mean_pose: bool | None = None,
+    swap_parts: bool = False,
+    focal: float | None = None,
+) -> Sequence:
+    """Read one recording of a data set or an estimator, as `geneoh denoise --from` does.
+
+    Args:
+        source: whose files they are, such as "hoi4d" or "hamer"; `geneoh convert --help` lists all.
+        path: the file or folder of the recording, as the data set unpacks.
+        clip: which recording, where the path holds several.
+        obj: mesh file of the object in metres, or one per rigid part, for sources without meshes.
+        object_pose: (T, 4, 4) or (T, Q, 4, 4) object to the hand's frame, or the npy file of it,
+            for sources without an object.
+        objects: folder of the data set's object meshes, where they are not in their usual place.
+        mano_dir: folder of your MANO files, which some sources need.
+        body: your SMPL+H model, for sources whose hands belong to a body.
+        side: of two hands, the one to keep; for bare arrays, the side that they are of.
+        fps: frames a second, instead of the source's own.
+        joint_order: order of bare keypoints.
+        translation: what the translation of bare MANO parameters moves.
+        mean_pose: whether bare MANO parameters are relative to MANO's mean pose.
+        swap_parts: HOI4D, whether the poses of the two parts are stored in exchanged order.
+        focal: focal length of the camera in pixels, for HaMeR and WiLoR.
+
+    Raises:
+        ConfigError: there is no source of that name.
+        InputError: a file cannot be read, or several recordings are there and `clip` is not given.
+        MissingAssetError: a file that the user must supply is not there.
+    """
+    meshes = [obj] if isinstance(obj, Path | str) else list(obj)
+    if isinstance(object_pose, Path | str):
+        object_pose = read_array(Path(object_pose), ("T", 4, 4), ("T", "Q", 4, 4))
+    options = ReaderOptions(
+        mano_dir=as_path(mano_dir),
+        body=as_path(body),
+        objects=as_path(objects),
+        meshes=tuple(load_mesh(Path(mesh)) for mesh in meshes),
+        object_pose=object_pose,
+        side=side,
+        fps=fps,
+        joint_order=joint_order,
+        translation=translation,
+        swap_parts=swap_parts,
+        mean_pose=mean_pose,
+        focal=focal,
+    )
+    recording = read_one(source, Path(path), options, clip)
+    check_sequence(recording.sequence, recording.name)
+    return recording.sequence
+
+
+def as_path(given: Path | str | None) -> Path | None:
+    """A path that may be missing."""
+    return None if given is None else Path(given)
