@@ -1,0 +1,31 @@
+"""Clean 21 keypoints per frame; the result has hand pose, wrist and shape as well."""
+
+from pathlib import Path
+
+import torch
+
+import geneoh
+
+HERE = Path(__file__).parent
+
+
+def main() -> None:
+    recording = geneoh.load(HERE / "taco_noisy.npz", obj=HERE / "taco_object.obj")
+    keypoints = recording.hand("left").joints  # (T, 21, 3), metres, world, OpenPose order
+
+    # Everything that a keypoint track needs: the side, which frames are observed, and the object.
+    hand = geneoh.HandTrack("left", valid=torch.ones(len(keypoints), dtype=bool), joints=keypoints)
+    sequence = geneoh.Sequence((hand,), recording.object, fps=30.0, source="my keypoints")
+
+    clean = geneoh.denoise(sequence, geneoh.Options(preset="fast")).sequence.hand("left")
+    print(f"pose {tuple(clean.pose.shape)}: axis-angle of 16 joints in each frame")
+    print(f"wrist {tuple(clean.wrist.shape)} and shape {tuple(clean.betas.shape)}")
+
+    ground_truth = geneoh.load(HERE / "taco_clean.npz").hand("left").joints
+    for name, joints in (("noisy", keypoints), ("clean", clean.joints)):
+        error = (joints - ground_truth).norm(dim=-1).mean()
+        print(f"{name} keypoints: mean error {1000 * error:.1f} mm")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,51 @@
+"""`geneoh.read`: one recording of a source, with the caller's options as plain arguments."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import geneoh
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+@pytest.fixture
+def estimated(tmp_path):
+    """Keypoints and object poses as arrays of their own, and the sequence that they come from."""
+    known = geneoh.load(EXAMPLES / "taco_clean.npz", obj=EXAMPLES / "taco_object.obj")
+    np.save(tmp_path / "keypoints.npy", known.hand("left").joints.numpy())
+    pose = np.tile(np.eye(4, dtype=np.float32), (known.frames, 1, 1))
+    pose[:, :3, :3] = known.object.rotation[:, 0].numpy()
+    pose[:, :3, 3] = known.object.translation[:, 0].numpy()
+    return known, str(tmp_path / "keypoints.npy"), pose
+
+
+@pytest.mark.parametrize("as_file", [False, True])
+def test_arrays_of_an_estimator_become_the_sequence_they_came_from(estimated, tmp_path, as_file):
+    known, path, pose = estimated
+    if as_file:
+        np.save(tmp_path / "pose.npy", pose)
+        pose = str(tmp_path / "pose.npy")
+    found = geneoh.read(
+        "keypoints",
+        path,
+        side="left",
+        fps=30.0,
+        obj=str(EXAMPLES / "taco_object.obj"),
+        object_pose=pose,
+    )
+    assert found.hand("left").joints.equal(known.hand("left").joints)
+    assert found.object.rotation.allclose(known.object.rotation)
+    assert found.object.translation.equal(known.object.translation)
+    assert found.object.meshes[0].faces.equal(known.object.meshes[0].faces)
+
+
+def test_an_unknown_source_is_answered_with_those_there_are(estimated):
+    with pytest.raises(geneoh.errors.ConfigError, match="hoi4d"):
+        geneoh.read("hoi4", estimated[1])
+
+
+def test_what_the_file_leaves_open_is_asked_for(estimated):
+    with pytest.raises(geneoh.errors.InputError, match="--side"):
+        geneoh.read("keypoints", estimated[1])
