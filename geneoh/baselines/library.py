@@ -8,8 +8,7 @@ from typing_extensions import assert_never
 from geneoh.baselines.regression import RegressionConfig, RegressionDenoiser
 from geneoh.baselines.toch import TochAutoencoder, TochConfig
 from geneoh.choices import BaselineName
-from geneoh.denoisers.library import restored
-from geneoh.nn.checkpoint import load_checkpoint
+from geneoh.denoisers.library import load_network
 
 SHIPPED = Path(__file__).parent / "assets"
 """Folder of the baselines' weights inside the package, NAME.safetensors."""
@@ -31,13 +30,10 @@ def load_baseline(name: BaselineName, folder: Path | None = None) -> Baseline:
         CheckpointError: the file is missing or does not fit its network.
     """
     path = (folder or SHIPPED) / f"{name}.safetensors"
-    saved = load_checkpoint(path)
     match name:
         case "toch":
-            return restored(saved, name, lambda sizes: TochAutoencoder(TochConfig(**sizes)), path)
+            return load_network(path, name, TochAutoencoder, TochConfig)
         case "regression":
-            return restored(
-                saved, name, lambda sizes: RegressionDenoiser(RegressionConfig(**sizes)), path
-            )
+            return load_network(path, name, RegressionDenoiser, RegressionConfig)
         case _:
             assert_never(name)

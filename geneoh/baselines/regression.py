@@ -12,9 +12,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from geneoh.denoisers.base import FEATURES, HAND_SCALE, NOISE_SCALE, Observation
-from geneoh.denoisers.spatial import contact_features
+from geneoh.denoisers.base import NOISE_SCALE, OBSERVATION_FEATURES, Observation
+from geneoh.denoisers.spatial import RELATION_FEATURES, relation_features
 from geneoh.nn.blocks import FrameTransformer, mlp, zeroed
+from geneoh.representation.spatial import SpatialRelations
 
 
 @dataclass(frozen=True)
@@ -34,46 +35,25 @@ class RegressionDenoiser(nn.Module):
         """Build the network; its last layer starts at zero, so it starts by changing nothing."""
         super().__init__()
         self.config = config
-        self.encode_point = mlp(POINT_FEATURES, config.point_width, config.point_width)
-        self.embed = nn.Linear(2 * config.point_width + FEATURES, config.width)
+        self.encode_point = mlp(RELATION_FEATURES, config.point_width, config.point_width)
+        self.embed = nn.Linear(2 * config.point_width + OBSERVATION_FEATURES, config.width)
         self.trunk = FrameTransformer(config.width, config.depth, config.heads)
         self.head = zeroed(nn.Linear(config.width, 63))
 
     def forward(
-        self,
-        observation: Observation,
-        points: Float[Tensor, "B T K 3"],
-        normals: Float[Tensor, "B T K 3"],
+        self, observation: Observation, relations: SpatialRelations
     ) -> Float[Tensor, "B T 21 3"]:
         """The clean keypoints behind an observation, canonical frame, metres.
 
         Args:
             observation: the noisy hand, never withheld.
-            points: contact points in the canonical frame, with outward `normals`.
+            relations: of that hand to its contact points.
         """
         axes = observation.palm()
         turned = observation.turned(axes)
-        each = self.encode_point(
-            point_features(turned.joints, points @ axes[:, None], normals @ axes[:, None])
-        )
+        each = self.encode_point(relation_features(relations.turned(axes)))
         pooled = torch.cat([each.mean(2), each.amax(2)], dim=-1)
         tokens = self.embed(torch.cat([pooled, turned.features()], dim=-1))
         tokens = self.trunk(tokens, tokens.new_zeros(len(tokens)))
         change = NOISE_SCALE * self.head(tokens).unflatten(-1, (21, 3))
         return (turned.joints + change) @ axes[:, None].transpose(-1, -2)
-
-
-def point_features(
-    joints: Float[Tensor, "B T 21 3"],
-    points: Float[Tensor, "B T K 3"],
-    normals: Float[Tensor, "B T K 3"],
-) -> Float[Tensor, "B T K F"]:
-    """Each contact point's place and normal, and how the hand lies around it."""
-    hands = joints[:, :, None].expand(-1, -1, points.shape[2], -1, -1)
-    offsets = (hands - points[..., None, :]).flatten(-2) / HAND_SCALE
-    around = contact_features(hands, points, normals)
-    return torch.cat([points / HAND_SCALE, normals, offsets, around], dim=-1)
-
-
-POINT_FEATURES = 6 + 63 + 42
-"""Width of `point_features`."""

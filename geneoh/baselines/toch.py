@@ -9,15 +9,16 @@ the cleaner: written after the idea, not the authors' code, and no measure of th
 `geneoh eval`, not of the cleaner.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from geneoh.baselines.regression import POINT_FEATURES, point_features
 from geneoh.denoisers.base import HAND_SCALE, Observation
+from geneoh.denoisers.spatial import RELATION_FEATURES, relation_features
 from geneoh.nn.blocks import mlp
+from geneoh.representation.spatial import SpatialRelations, decode_spatial
 
 
 @dataclass(frozen=True)
@@ -39,31 +40,28 @@ class TochAutoencoder(nn.Module):
         super().__init__()
         self.config = config
         point, hidden = config.point_width, config.hidden
-        self.encode_point = mlp(POINT_FEATURES, point, point)
+        self.encode_point = mlp(RELATION_FEATURES, point, point)
         self.recurrent = nn.GRU(2 * point, hidden, batch_first=True, bidirectional=True)
         self.to_latent = nn.Linear(2 * hidden, config.latent)
         self.decode_point = mlp(config.latent + 6, 2 * point, 63)
 
     def forward(
-        self,
-        observation: Observation,
-        points: Float[Tensor, "B T K 3"],
-        normals: Float[Tensor, "B T K 3"],
+        self, observation: Observation, relations: SpatialRelations
     ) -> Float[Tensor, "B T 21 3"]:
         """The clean keypoints behind an observation, canonical frame, metres.
 
         Args:
-            observation: the noisy hand; beyond what the contact points see of it only the mean
-                direction of its palm is used.
-            points: contact points in the canonical frame, with outward `normals`.
+            observation: the noisy hand, of which only the mean direction of its palm is used.
+            relations: of that hand to its contact points.
         """
         axes = observation.palm()
-        points, normals = points @ axes[:, None], normals @ axes[:, None]
-        field = point_features(observation.joints @ axes[:, None], points, normals)
-        each = self.encode_point(field)
+        relations = relations.turned(axes)
+        features = relation_features(relations)
+        each = self.encode_point(features)
         frames, _ = self.recurrent(torch.cat([each.mean(2), each.amax(2)], dim=-1))
-        latent = self.to_latent(frames)[:, :, None].expand(-1, -1, points.shape[2], -1)
-        place = torch.cat([points / HAND_SCALE, normals], dim=-1)
-        offsets = self.decode_point(torch.cat([latent, place], dim=-1)).unflatten(-1, (21, 3))
-        hand = (points[..., None, :] + HAND_SCALE * offsets).mean(2)
+        latent = self.to_latent(frames)[:, :, None].expand(-1, -1, each.shape[2], -1)
+        offsets = self.decode_point(torch.cat([latent, features[..., :6]], dim=-1))
+        offsets = HAND_SCALE * offsets.unflatten(-1, (21, 3))
+        hands = relations.points[..., None, :] + offsets
+        hand = decode_spatial(replace(relations, hands=hands))
         return hand @ axes[:, None].transpose(-1, -2)

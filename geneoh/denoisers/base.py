@@ -1,4 +1,4 @@
-"""What the three denoisers share: the observation they may be shown, the scales of their data."""
+"""What the denoisers share: the observation as a condition, and the scales of their data."""
 
 from dataclasses import dataclass, replace
 
@@ -11,8 +11,8 @@ from geneoh.hand.skeleton import bone_lengths
 
 HAND_SCALE = 0.08
 """Standard deviation in metres of canonical keypoints around the contact points: the unit in which
-the paper's unit-variance schedule is read. Fixed, because bones have a length; the paper's
-per-window deviation would throw that away."""
+the paper's unit-variance schedule is read. It is fixed, because bones have a length; dividing by
+each window's own deviation, as the paper does, would lose that length."""
 NOISE_SCALE = 0.02
 """How far a clean keypoint typically is from its observation, metres."""
 POINTS = 32
@@ -21,38 +21,36 @@ POINTS = 32
 
 @dataclass(frozen=True)
 class Observation:
-    """The noisy hand as a condition; a batch item with `given` 0 is denoised without it."""
+    """The noisy hand as a condition for a network."""
 
     joints: Float[Tensor, "B T 21 3"]
-    """Canonical frame, metres, gaps filled."""
+    """Keypoints in the canonical frame, metres, gaps filled."""
     trust: Float[Tensor, "B T 21"]
-    """1 where the keypoint was seen, 0 where it was filled in, between by confidence."""
+    """0 where a keypoint was filled in, else its confidence, 1 at most."""
     given: Float[Tensor, " B"]
-
-    def without(self) -> "Observation":
-        """The same observation withheld: the paper's canonical denoiser."""
-        return replace(self, given=torch.zeros_like(self.given))
+    """1 where the network is shown the observation, 0 where it is withheld: a batch item without
+    it is denoised as by the paper's canonical denoiser."""
 
     @property
     def mask(self) -> Float[Tensor, "B 1 1 1"]:
-        """`given`, shaped to multiply keypoints."""
+        """`given` in the shape that multiplies keypoints."""
         return self.given[:, None, None, None]
 
     @property
     def anchor(self) -> Float[Tensor, "B T 21 3"]:
-        """Where the clean hand is expected: at the observation, else at the contact points."""
+        """Expected place of the clean keypoints: the observation, else the frame's origin."""
         return self.joints * self.mask
 
     @property
     def scale(self) -> Float[Tensor, " B"]:
-        """How far from the anchor it is expected, metres."""
+        """Expected distance of a clean keypoint coordinate from the anchor, metres."""
         return torch.where(self.given > 0, NOISE_SCALE, HAND_SCALE)
 
     def palm(self) -> Float[Tensor, "B 3 3"]:
-        """Axes of the window's mean palm as columns, canonical frame; identity when withheld.
+        """Axes of the window's mean palm as columns, canonical frame; identity where withheld.
 
-        Networks work in these axes where there is an observation, so that a hand looks the same
-        however it is turned; without one, random turns in training teach them that (eq. 25).
+        Networks work in these axes where an observation is given, so that their answer turns with
+        the hand. Without one they learn that from random turns in training (eq. 25).
         """
         axes = palm_axes(self.joints)
         return torch.where(self.given[:, None, None] > 0, axes, torch.eye(3).to(axes))
@@ -62,7 +60,7 @@ class Observation:
         return replace(self, joints=self.joints @ axes[:, None])
 
     def features(self) -> Float[Tensor, "B T F"]:
-        """Input per frame: place, shape, jitter, trust, bone lengths; zero when withheld."""
+        """Network input per frame: position, pose, jitter, trust, bone lengths; 0 if withheld."""
         joints, wrist = self.joints, self.joints[:, :, :1]
         jitter = torch.zeros_like(joints)
         if joints.shape[1] > 2:
@@ -80,7 +78,7 @@ class Observation:
 
 
 def palm_axes(joints: Float[Tensor, "B T 21 3"]) -> Float[Tensor, "B 3 3"]:
-    """Axes of the window's mean palm as columns: along it, across it, out of it."""
+    """Axes of the window's mean palm as columns: along the palm, across it, and its normal."""
     wrist, middle, index, pinky = (joints[:, :, i].mean(1) for i in (0, 9, 5, 17))
     first = normalize(middle - wrist, dim=-1)
     across = index - pinky
@@ -88,5 +86,5 @@ def palm_axes(joints: Float[Tensor, "B T 21 3"]) -> Float[Tensor, "B 3 3"]:
     return torch.stack([first, second, torch.linalg.cross(first, second)], dim=-1)
 
 
-FEATURES = 63 + 60 + 63 + 21 + 20 + 1
+OBSERVATION_FEATURES = 63 + 60 + 63 + 21 + 20 + 1
 """Width of `Observation.features`."""

@@ -1,8 +1,8 @@
 """MotionDiff: the denoiser of canonical hand trajectories (paper 3.2; appendices A.2, C.4, C.5).
 
-The trajectory is denoised as the hand's parameters with the person's own bones, anchored at the
-observed ones, and the network is shown how the observed hand stands to the surface. The paper's own
-form, keypoints alone, is `geneoh.denoisers.trajectory`.
+The trajectory is denoised as the hand's parameters with the person's own bones, as changes of the
+observed ones, and the network's input tells where the object's surface is. The paper's own form, on
+keypoints alone, is `geneoh.denoisers.trajectory`.
 """
 
 from dataclasses import dataclass, fields
@@ -13,16 +13,20 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from geneoh.denoisers.base import HAND_SCALE, palm_axes
-from geneoh.denoisers.candidate_corrections import ANSWERS, simple_answers
-from geneoh.diffusion.precondition import denoised
+from geneoh.denoisers.candidate_corrections import CANDIDATES, candidate_corrections
+from geneoh.diffusion.precondition import preconditioned
 from geneoh.geometry.rotations import matrix_to_axis_angle, matrix_to_rotation_6d
 from geneoh.hand.skeleton import bone_lengths
 from geneoh.nn.blocks import FrameTransformer, zeroed
 from geneoh.representation.parameters import UNIT, HandParameters, turned
 
-TOUCH_SCALE, GAP_SCALE = 0.02, 0.04
-"""Distances over which closeness to the surface decays in the network's eyes, and gaps do in what
-it maps linearly, metres."""
+SURFACE_SCALE, CONTACT_CUE_SCALE = 0.02, 0.04
+"""Distances over which closeness to the surface decays, among the features and among the contact
+cues, metres."""
+CONTACT_CUES = 63 + 45
+"""Width of `ObservedMotion.contact_cues`."""
+MOTION_FEATURES = 3 + 60 + 6 + 45 + 54 + 63 + 21 + 21 + 6 + 20 + 1
+"""Width of `ObservedMotion.features`."""
 
 
 @dataclass(frozen=True)
@@ -33,23 +37,34 @@ class MotionConfig:
     depth: int = 6
     heads: int = 4
     rank: int = 96
-    """Channels of the linear map from answers to change."""
+    """Channels of the linear map from candidates and contact cues to a change."""
+
+
+@dataclass(frozen=True)
+class NetworkInput:
+    """What the network reads of an observation, all of it in the axes of the palm."""
+
+    axes: Float[Tensor, "B 3 3"]
+    """Axes of the palm as columns, canonical frame."""
+    candidates: Float[Tensor, "B T K 51"]
+    contact_cues: Float[Tensor, "B T C"]
+    features: Float[Tensor, "B T F"]
 
 
 @dataclass(frozen=True)
 class ObservedMotion:
-    """What MotionDiff is shown: the noisy hand, the surface near it and the object's motion."""
+    """MotionDiff's condition: the noisy hand, the surface near it and the object's motion."""
 
     hand: HandParameters
     """Canonical frame, gaps filled."""
     trust: Float[Tensor, "B T"]
-    """1 where the frame was seen, 0 where it was filled in, between by confidence."""
+    """0 where a frame was filled in, else its mean confidence, 1 at most."""
     nearest: Float[Tensor, "B T 21 3"]
     """The object's surface point nearest to each observed keypoint, canonical frame."""
     normals: Float[Tensor, "B T 21 3"]
     """Outward normals there."""
     rotation: Float[Tensor, "B T 3 3"]
-    """R_k, canonical to world, with the centres `center`: how the object moves."""
+    """R_k, canonical to world; with the centres `center` it tells how the object moves."""
     center: Float[Tensor, "B T 3"]
 
     def repeated(self, times: int) -> "ObservedMotion":
@@ -67,32 +82,34 @@ class ObservedMotion:
         return self.hand.joints
 
     @cached_property
-    def shown(self) -> "Shown":
-        """What the network reads, in the palm's axes: the same at every noise level."""
-        axes = palm_axes(self.joints)  # so that a hand looks the same however it is turned
+    def network_input(self) -> NetworkInput:
+        """What the network reads, the same at every noise level and therefore kept."""
+        axes = palm_axes(self.joints)  # so that the answer turns with the hand
         offset = (self.nearest - self.joints) @ axes[:, None]
-        return Shown(axes, self.answers(axes), self.gaps(offset), self.features(axes, offset))
+        return NetworkInput(
+            axes, self.candidates(axes), self.contact_cues(offset), self.features(axes, offset)
+        )
 
     def features(
         self, axes: Float[Tensor, "B 3 3"], offset: Float[Tensor, "B T 21 3"]
     ) -> Float[Tensor, "B T F"]:
-        """Input per frame in the given axes (columns): hand, jitter, surface, object, trust.
+        """Features per frame in the given axes (columns): hand, jitter, surface, object, trust.
 
-        `offset` goes from the keypoints to the surface, in these axes.
+        `offset` is from the keypoints to the surface, in these axes, metres.
         """
         hand, joints = self.hand, self.joints @ axes[:, None]
         wrist, turn = joints[:, :, :1], axes[:, None].transpose(-1, -2) @ hand.turn
         six = matrix_to_rotation_6d(turn)
         fingers = hand.fingers.flatten(2)
         apart = offset.norm(dim=-1)
-        near = torch.exp(-apart / TOUCH_SCALE)
+        near = torch.exp(-apart / SURFACE_SCALE)
         height = -(offset * (self.normals @ axes[:, None])).sum(-1)
         parts = [
             wrist.flatten(2) / HAND_SCALE,
             ((joints - wrist)[:, :, 1:] / 0.06).flatten(2),
             six,
             fingers / 0.5,
-            _bends(torch.cat([wrist[:, :, 0] / 0.02, six / 0.1, fingers / 0.5], dim=-1)),
+            _jitter(torch.cat([wrist[:, :, 0] / 0.02, six / 0.1, fingers / 0.5], dim=-1)),
             (offset * near[..., None] / 0.01).flatten(2),
             near,
             (height * near / 0.01).clamp(-3, 3),
@@ -102,19 +119,21 @@ class ObservedMotion:
         ]
         return torch.cat(parts, dim=-1)
 
-    def answers(self, axes: Float[Tensor, "B 3 3"]) -> Float[Tensor, "B T K 51"]:
-        """Simple answers to the observed hand, the wrist's change in the given axes."""
-        changes = simple_answers(self.hand, self.trust, self.nearest, self.normals, self.rotation)
+    def candidates(self, axes: Float[Tensor, "B 3 3"]) -> Float[Tensor, "B T K 51"]:
+        """Candidate corrections of the observed hand, the wrist's change in the given axes."""
+        changes = candidate_corrections(
+            self.hand, self.trust, self.nearest, self.normals, self.rotation
+        )
         return turned(changes, axes[:, None, None])
 
-    def gaps(self, offset: Float[Tensor, "B T 21 3"]) -> Float[Tensor, "B T G"]:
-        """From each keypoint to the surface (cm), less the farther it is, and the fingers' pose."""
-        near = torch.exp(-offset.norm(dim=-1, keepdim=True) / GAP_SCALE)
+    def contact_cues(self, offset: Float[Tensor, "B T 21 3"]) -> Float[Tensor, "B T C"]:
+        """Offset from each keypoint to the surface (cm), fading with distance; then the fingers."""
+        near = torch.exp(-offset.norm(dim=-1, keepdim=True) / CONTACT_CUE_SCALE)
         fingers = self.hand.fingers.flatten(2) / UNIT[-1]
         return torch.cat([(offset * near / 0.01).flatten(2), fingers], dim=-1)
 
     def _object_motion(self, axes: Float[Tensor, "B 3 3"]) -> Float[Tensor, "B T 6"]:
-        """Velocity and turn rate of the object between frames, 0.1 m/s and 1 rad/s as units."""
+        """Velocity and turn rate of the object between frames, in units of 0.09 m/s, 0.9 rad/s."""
         rotation, center = self.rotation, self.center
         turn = rotation[:, :-1].transpose(-1, -2) @ rotation[:, 1:]
         move = (center.diff(dim=1)[..., None, :] @ rotation[:, :-1])[..., 0, :]
@@ -122,68 +141,53 @@ class ObservedMotion:
         return torch.nn.functional.pad(rate, (0, 0, 0, 1)).clamp(-10, 10)
 
 
-@dataclass(frozen=True)
-class Shown:
-    """An observation as the network reads it."""
-
-    axes: Float[Tensor, "B 3 3"]
-    """Of the palm, as columns; everything else is in them."""
-    answers: Float[Tensor, "B T K 51"]
-    gaps: Float[Tensor, "B T G"]
-    features: Float[Tensor, "B T F"]
-
-
-GAPS = 63 + 45
-"""Width of `ObservedMotion.gaps`."""
-FEATURES = 3 + 60 + 6 + 45 + 54 + 63 + 21 + 21 + 6 + 20 + 1
-"""Width of `ObservedMotion.features`."""
-
-
-def _bends(values: Float[Tensor, "B T D"]) -> Float[Tensor, "B T D"]:
-    """Second difference over time, zero at both ends: how much the input jitters."""
+def _jitter(values: Float[Tensor, "B T D"]) -> Float[Tensor, "B T D"]:
+    """Second difference over time, a measure of jitter; zero at both ends."""
     if values.shape[1] < 3:
         return torch.zeros_like(values)
     return torch.nn.functional.pad(values.diff(n=2, dim=1), (0, 0, 1, 1))
 
 
 class MotionDenoiser(nn.Module):
-    """A transformer over frames that maps noisy changes of the observed hand to the clean one."""
+    """A transformer over frames that maps a noisy change of the observed hand to the clean one."""
 
     def __init__(self, config: MotionConfig) -> None:
         """Build the network; its last layers start at zero, so it starts as the skip path."""
         super().__init__()
         self.config = config
-        self.embed = nn.Linear(51 + 51 * ANSWERS + FEATURES, config.width)
+        self.embed = nn.Linear(51 + 51 * CANDIDATES + MOTION_FEATURES, config.width)
         self.trunk = FrameTransformer(config.width, config.depth, config.heads)
         self.head = zeroed(nn.Linear(config.width, 51))
         self.gate = zeroed(nn.Linear(config.width, 51))
-        self.mix = zeroed(nn.Linear(config.width, 51 * ANSWERS))
-        # a linear map whose channels the tokens open: what answers and gaps say only together
-        self.read = nn.Linear(51 * ANSWERS + GAPS, config.rank)
+        self.mix = zeroed(nn.Linear(config.width, 51 * CANDIDATES))
+        # a linear map of low rank, its channels gated by the tokens: no single candidate or cue
+        # tells what they tell together
+        self.read = nn.Linear(51 * CANDIDATES + CONTACT_CUES, config.rank)
         self.open = zeroed(nn.Linear(config.width, config.rank))
         self.write = nn.Linear(config.rank, 51, bias=False)
 
     def forward(
-        self, x: Float[Tensor, "B T 51"], sigma: Float[Tensor, " B"], seen: ObservedMotion
+        self, x: Float[Tensor, "B T 51"], sigma: Float[Tensor, " B"], observed: ObservedMotion
     ) -> Float[Tensor, "B T 51"]:
-        """The change from the observed to the clean hand seen in `x` = clean + sigma * noise.
+        """The clean change in `x` = clean + sigma * noise, from the observed to the clean hand.
 
-        Units are those of `geneoh.representation.parameters.UNIT`, the wrist's axes canonical.
+        Units are those of `geneoh.representation.parameters.UNIT`; the wrist moves in canonical
+        axes.
         """
-        shown = seen.shown
-        axes, answers = shown.axes, shown.answers
-        features = torch.cat([answers.flatten(2), shown.features], dim=-1)
-        channels = self.read(torch.cat([answers.flatten(2), shown.gaps], dim=-1))
+        given = observed.network_input
+        axes, candidates = given.axes, given.candidates
+        features = torch.cat([candidates.flatten(2), given.features], dim=-1)
+        channels = self.read(torch.cat([candidates.flatten(2), given.contact_cues], dim=-1))
 
         def network(scaled: Tensor, level: Tensor) -> Tensor:
             tokens = self.embed(torch.cat([scaled, features], dim=-1))
             tokens = self.trunk(tokens, level.flatten())
             # the gate scales the sample itself: how far this input's observation is to be trusted
-            mix = self.mix(tokens).unflatten(-1, answers.shape[2:])
+            mix = self.mix(tokens).unflatten(-1, candidates.shape[2:])
             own = self.head(tokens) + self.write(self.open(tokens) * channels)
-            return own + self.gate(tokens) * scaled + (mix * answers).sum(2)
+            return own + self.gate(tokens) * scaled + (mix * candidates).sum(2)
 
         sigma = sigma[:, None, None]
         anchor, scale = torch.zeros_like(x), torch.ones_like(sigma)
-        clean = denoised(network, turned(x, axes[:, None]), anchor, sigma, scale)
+        clean = preconditioned(network, turned(x, axes[:, None]), anchor, sigma, scale)
         return turned(clean, axes[:, None].mT)

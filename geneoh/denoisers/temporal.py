@@ -12,7 +12,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from geneoh.denoisers.base import HAND_SCALE
-from geneoh.diffusion.precondition import denoised
+from geneoh.diffusion.precondition import preconditioned
 from geneoh.nn.blocks import FrameTransformer, mlp, zeroed
 from geneoh.representation.temporal import PairStatistics, TemporalRelations
 
@@ -135,4 +135,4 @@ class TemporalDenoiser(nn.Module):
             return self.head(tokens) + self.gate(tokens) * scaled
 
         scale = torch.where(mask > 0, LATENT_NOISE_SCALE, 1.0)
-        return denoised(network, x, anchor, sigma[:, None, None], scale)
+        return preconditioned(network, x, anchor, sigma[:, None, None], scale)

@@ -1,4 +1,4 @@
-"""MotionDiff as the paper has it: canonical keypoints, one hand (3.2; appendices A.2, C.4, C.5)."""
+"""MotionDiff in the paper's form, on canonical keypoints (3.2; appendices A.2, C.4, C.5)."""
 
 from dataclasses import dataclass
 
@@ -7,8 +7,8 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from geneoh.denoisers.base import HAND_SCALE, palm_axes
-from geneoh.denoisers.candidate_corrections import FILTERS, filter_kernels
-from geneoh.diffusion.precondition import denoised
+from geneoh.denoisers.candidate_corrections import SMOOTHING_FRAMES, filter_kernels
+from geneoh.diffusion.precondition import preconditioned
 from geneoh.nn.blocks import FrameTransformer, zeroed
 
 
@@ -24,7 +24,7 @@ class TrajectoryConfig:
 class TrajectoryDenoiser(nn.Module):
     """A transformer over frames that maps noisy canonical keypoints to clean ones.
 
-    It sees nothing else. Like `MotionDenoiser` it mixes the noisy sample with low-pass filtered
+    It has no other input. Like `MotionDenoiser` it mixes the noisy sample with low-pass filtered
     ones, frame by frame and coordinate by coordinate.
     """
 
@@ -32,7 +32,7 @@ class TrajectoryDenoiser(nn.Module):
         """Build the network; its last layers start at zero, so it starts as the skip path."""
         super().__init__()
         self.config = config
-        count = 1 + len(FILTERS)
+        count = 1 + len(SMOOTHING_FRAMES)
         self.embed = nn.Linear(63 * count, config.width)
         self.trunk = FrameTransformer(config.width, config.depth, config.heads)
         self.head = zeroed(nn.Linear(config.width, 63))
@@ -42,8 +42,8 @@ class TrajectoryDenoiser(nn.Module):
         self, x: Float[Tensor, "B T 21 3"], sigma: Float[Tensor, " B"]
     ) -> Float[Tensor, "B T 21 3"]:
         """The clean canonical keypoints seen in `x` = clean + sigma * noise, metres."""
-        axes = palm_axes(x)[:, None]  # so that a hand looks much the same however it is turned
-        kernels = filter_kernels(torch.ones_like(x[:, :, 0, 0]), FILTERS)
+        axes = palm_axes(x)[:, None]  # so that the answer turns with the hand
+        kernels = filter_kernels(torch.ones_like(x[:, :, 0, 0]), SMOOTHING_FRAMES)
 
         def network(scaled: Tensor, level: Tensor) -> Tensor:
             flat = scaled.flatten(2)
@@ -54,5 +54,5 @@ class TrajectoryDenoiser(nn.Module):
 
         sigma = sigma[:, None, None, None]
         scale = torch.full_like(sigma, HAND_SCALE)
-        clean = denoised(network, x @ axes, torch.zeros_like(x), sigma, scale)
+        clean = preconditioned(network, x @ axes, torch.zeros_like(x), sigma, scale)
         return clean @ axes.mT

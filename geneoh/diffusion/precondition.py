@@ -31,14 +31,14 @@ class Scaling:
         return cls(scale**2 / total**2, sigma * scale / total, 1 / total, level)
 
 
-def denoised(
+def preconditioned(
     network: Callable[[Tensor, Tensor], Tensor],
     x: Float[Tensor, "*S"],
     anchor: Float[Tensor, "*S"],
     sigma: Float[Tensor, "*N"],
     scale: Float[Tensor, "*N"],
 ) -> Float[Tensor, "*S"]:
-    """The clean sample that the network sees in `x` = clean + sigma * noise."""
+    """The clean sample in `x` = clean + sigma * noise, by a network of (scaled input, level)."""
     scaling = Scaling.of(sigma, scale)
     residual = x - anchor
     return (
@@ -49,5 +49,5 @@ def denoised(
 
 
 def loss_weight(sigma: Float[Tensor, "*N"], scale: Float[Tensor, "*N"]) -> Float[Tensor, "*N"]:
-    """Weight that makes the squared error of `denoised` a unit-scale loss at every noise level."""
+    """Weight by which the squared error of `preconditioned` is of unit scale at any noise level."""
     return 1 / torch.minimum(sigma, scale) ** 2

@@ -10,6 +10,7 @@ from geneoh.baselines.library import Baseline
 from geneoh.hand.library import load_hand
 from geneoh.pipeline.denoise import RATE, stage_context
 from geneoh.pipeline.subject import subject_of
+from geneoh.representation.spatial import encode_spatial
 from geneoh.sequence.resample import at_rate, over_frames
 from geneoh.sequence.sequence import HandTrack, Sequence
 
@@ -32,7 +33,7 @@ def answer(network: Baseline, sequence: Sequence, *, seed: int) -> Float[Tensor,
     joints = subject.joints[None]
     region = context.region(joints)
     observation = context.observation(joints, region, given=True)
-    answered = network(observation, region.points_canon, region.normals_canon)
+    answered = network(observation, encode_spatial(observation.joints, region))
     world = context.blend(region.to_world(answered))[0]
     track = HandTrack("right", torch.ones_like(hand.valid), joints=world)
     track = track.mirrored() if left else track

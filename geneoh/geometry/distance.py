@@ -1,4 +1,8 @@
-"""Signed distance to meshes: exact on the triangles, signed by the winding number, in batches."""
+"""Signed distance to meshes: exact on the triangles, signed by the winding number, in batches.
+
+Search trees and their answers are libigl's, on the CPU in float64; queries take points of any
+device and answer in their type and on their device.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -19,7 +23,7 @@ ON_SURFACE = 1e-7
 
 @dataclass(frozen=True)
 class SurfaceQuery:
-    """What a surface answers to points, in the frame of the points."""
+    """Distance, closest surface point and normal for each of some points, in their frame."""
 
     distance: Float[Tensor, "*B P"]
     """Metres, negative inside."""
@@ -29,18 +33,18 @@ class SurfaceQuery:
     """Unit gradient of the distance: away from the surface outside, towards it inside."""
 
     def linear(self, points: Float[Tensor, "*B P 3"]) -> Float[Tensor, "*B P"]:
-        """Signed distance of points close to those that were asked for, to first order.
+        """Signed distance of points close to the queried ones, to first order.
 
-        Exact where they are the same, with the normal as gradient: what a solver differentiates.
+        Exact at the queried points, with the normal as gradient, so that solvers can use it.
         """
         return ((points - self.closest) * self.normal).sum(-1)
 
 
 class SurfaceDistance:
-    """Distance to one mesh, in its own frame; trees are built once and kept.
+    """Signed distance to one mesh, in its own frame; the search trees are built once and kept.
 
-    The mesh is read as a solid (see `solid.py`): holes and several shells are fine, open sheets get
-    a wall of 2 mm, so nothing is deeper than 1 mm in one of those.
+    The mesh is taken as a solid (see `solid.py`): holes and several shells are fine, open sheets
+    get a wall of 2 mm, so that nothing is deeper than 1 mm in one of those.
     """
 
     def __init__(self, mesh: Mesh) -> None:
@@ -53,16 +57,15 @@ class SurfaceDistance:
         self._tree.init(self._verts, self._faces)
 
     def query(self, points: Float[Tensor, "*B P 3"], within: float | None = None) -> SurfaceQuery:
-        """Signed distance, closest point and normal of each point; carries no gradient.
+        """Signed distance, closest point and normal of each point, without gradients.
 
-        Computed in float64 on the CPU, returned in the type and on the device of the points. Points
-        that are not finite get a distance that is not.
+        Points that are not finite get a distance that is not finite.
 
         Args:
             points: in the mesh's frame.
-            within: a broad phase. Points farther than this many metres from the mesh's bounding box
-                get the distance, closest point and normal of the box instead: never more than the
-                true distance, always more than `within`, and far cheaper.
+            within: broad phase, metres. Points farther than this from the mesh's bounding box get
+                the distance, closest point and normal of the box instead, which is much cheaper;
+                that distance is above `within` and never above the true one.
         """
         flat = points.detach().reshape(-1, 3).cpu().double()
         closest = flat.clamp(self.solid.low, self.solid.high)
@@ -82,21 +85,20 @@ class SurfaceDistance:
         )
 
     def first_hit(
-        self, start: Float64[np.ndarray, "N 3"], ahead: Float64[np.ndarray, "N 3"]
+        self, origin: Float64[np.ndarray, "N 3"], direction: Float64[np.ndarray, "N 3"]
     ) -> Float64[np.ndarray, " N"]:
         """Metres along each ray of unit direction to the surface; infinite where it meets none."""
-        return first_hit(self._tree, self._verts, self._faces, start, ahead)[0]
+        return first_hit(self._tree, self._verts, self._faces, origin, direction)[0]
 
     def exits(
-        self, points: Float[Tensor, "N 3"], ahead: Float[Tensor, "N 3"]
+        self, points: Float[Tensor, "N 3"], direction: Float[Tensor, "N 3"]
     ) -> tuple[Float[Tensor, " N"], Float[Tensor, "N 3"]]:
         """Metres from points along unit directions to the surface, and its outward normal there.
 
-        Infinite where there is no surface ahead; the normal then means nothing.
+        The distance is infinite and the normal meaningless where the ray meets no surface.
         """
-        reach, face = first_hit(
-            self._tree, self._verts, self._faces, points.double().numpy(), ahead.double().numpy()
-        )
+        rays = (values.cpu().double().numpy() for values in (points, direction))
+        reach, face = first_hit(self._tree, self._verts, self._faces, *rays)
         normal = self._normals[torch.from_numpy(face).clamp(min=0)]
         return torch.from_numpy(reach).to(points), normal.to(points)
 
@@ -121,11 +123,11 @@ def first_hit(
     tree: igl.AABB,
     verts: Float64[np.ndarray, "V 3"],
     faces: Int64[np.ndarray, "F 3"],
-    start: Float64[np.ndarray, "N 3"],
-    ahead: Float64[np.ndarray, "N 3"],
+    origin: Float64[np.ndarray, "N 3"],
+    direction: Float64[np.ndarray, "N 3"],
 ) -> tuple[Float64[np.ndarray, " N"], Int64[np.ndarray, " N"]]:
-    """Metres along each ray to the first face it meets, and which; infinite and -1 without any."""
-    face, reach, _ = tree.intersect_ray_first(verts, faces, start, ahead)
+    """Metres along each ray to the first face it meets, and its index; else infinite and -1."""
+    face, reach, _ = tree.intersect_ray_first(verts, faces, origin, direction)
     face = np.asarray(face, dtype=np.int64)
     return np.where(face < 0, np.inf, reach), face
 
@@ -133,21 +135,21 @@ def first_hit(
 def signed_distance(
     field: SurfaceDistance, points: Float[Tensor, "*B P 3"], within: float | None = None
 ) -> Float[Tensor, "*B P"]:
-    """Signed distance of points in the mesh's frame, differentiable once in the points."""
+    """Signed distance of points in the mesh's frame, metres; differentiable once in the points."""
     return field.query(points, within).linear(points)
 
 
 @dataclass(frozen=True)
 class MovingSurface:
-    """An object of Q moving parts over T frames, asked in the world frame."""
+    """An object of Q moving parts over T frames, queried in the world frame."""
 
     fields: tuple[SurfaceDistance, ...]
     """One per part, in the part's frame."""
     rotation: Float[Tensor, "T Q 3 3"]
-    """Part to world, per frame, with `translation` in metres."""
+    """Part to world per frame, with `translation` in metres; on the device of the points."""
     translation: Float[Tensor, "T Q 3"]
     within: float | None = None
-    """Broad phase, see `SurfaceDistance.query`."""
+    """Broad phase of queries in metres, see `SurfaceDistance.query`."""
 
     @property
     def parts(self) -> Iterator[tuple[SurfaceDistance, Rigid]]:
@@ -156,7 +158,7 @@ class MovingSurface:
             yield field, Rigid(self.rotation[:, part], self.translation[:, part])
 
     def pose(self, frame: Int[Tensor, "*#N"], part: Int[Tensor, "*#N"]) -> Rigid:
-        """Poses in the world of some parts in some frames."""
+        """Pose in the world of the given part in the given frame, for each pair of them."""
         return Rigid(self.rotation[frame, part], self.translation[frame, part])
 
     def at(self, frames: Int[Tensor, " N"] | slice) -> "MovingSurface":
@@ -164,14 +166,14 @@ class MovingSurface:
         return replace(self, rotation=self.rotation[frames], translation=self.translation[frames])
 
     def query(self, points: Float[Tensor, "*B T P 3"]) -> SurfaceQuery:
-        """Distance per frame, to the nearest part: the one with the least signed distance."""
-        answers = []
+        """Distance in each frame to the part with the least signed distance."""
+        found = []
         for field, pose_world_part in self.parts:
-            found = field.query(pose_world_part.inverse().apply(points), self.within)
-            turned = found.normal @ pose_world_part.rotation.transpose(-1, -2)
-            closest = pose_world_part.apply(found.closest)
-            answers.append(SurfaceQuery(found.distance, closest, turned))
-        return nearest_of(answers)
+            local = field.query(pose_world_part.inverse().apply(points), self.within)
+            normal = local.normal @ pose_world_part.rotation.transpose(-1, -2)
+            closest = pose_world_part.apply(local.closest)
+            found.append(SurfaceQuery(local.distance, closest, normal))
+        return nearest_of(found)
 
     def part_at(self, points: Float[Tensor, "T K 3"]) -> Int[Tensor, "T K"]:
         """The part on whose surface each point lies."""
@@ -182,30 +184,33 @@ class MovingSurface:
         return torch.stack(distances).abs().argmin(0)
 
     def exits(
-        self, frame: Int[Tensor, " N"], points: Float[Tensor, "N 3"], ahead: Float[Tensor, "N 3"]
+        self,
+        frame: Int[Tensor, " N"],
+        points: Float[Tensor, "N 3"],
+        direction: Float[Tensor, "N 3"],
     ) -> tuple[Float[Tensor, " N"], Float[Tensor, "N 3"]]:
-        """Metres from points inside, along unit directions, to the way out, and the normal there.
+        """Metres from points inside, along unit directions, to the surface, and its normal there.
 
-        Infinite, with the direction for a normal, where there is no surface ahead.
+        Infinite, with the direction for a normal, where the ray meets no surface.
         """
-        reach, normal = points.new_full((len(points),), torch.inf), ahead
+        reach, normal = points.new_full((len(points),), torch.inf), direction
         for part, field in enumerate(self.fields):
             turn = self.rotation[frame, part]
             local = ((points - self.translation[frame, part])[:, None] @ turn)[:, 0]
-            found, outward = field.exits(local.cpu(), (ahead[:, None] @ turn)[:, 0].cpu())
-            nearer = found.to(reach) < reach
-            reach = torch.where(nearer, found.to(reach), reach)
-            turned = (turn @ outward.to(points)[..., None])[..., 0]
+            found, outward = field.exits(local, (direction[:, None] @ turn)[:, 0])
+            nearer = found < reach
+            reach = torch.where(nearer, found, reach)
+            turned = (turn @ outward[..., None])[..., 0]
             normal = torch.where(nearer[:, None], turned, normal)
         return reach, normal
 
 
-def nearest_of(answers: list[SurfaceQuery]) -> SurfaceQuery:
-    """The answer with the least signed distance, point by point."""
-    if len(answers) == 1:
-        return answers[0]
-    distance, part = torch.stack([answer.distance for answer in answers]).min(0)
+def nearest_of(found: list[SurfaceQuery]) -> SurfaceQuery:
+    """Of several surfaces, at each point that with the least signed distance."""
+    if len(found) == 1:
+        return found[0]
+    distance, part = torch.stack([query.distance for query in found]).min(0)
     index = part[None, ..., None].expand(1, *part.shape, 3)
-    closest = torch.stack([answer.closest for answer in answers]).gather(0, index)[0]
-    normal = torch.stack([answer.normal for answer in answers]).gather(0, index)[0]
+    closest = torch.stack([query.closest for query in found]).gather(0, index)[0]
+    normal = torch.stack([query.normal for query in found]).gather(0, index)[0]
     return SurfaceQuery(distance, closest, normal)

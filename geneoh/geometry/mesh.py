@@ -1,4 +1,4 @@
-"""Triangle meshes in metres: what they are, how they are read, whether they are closed."""
+"""Triangle meshes in metres: reading, checking, and closing the openings of their surface."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,27 +16,28 @@ from geneoh.errors import InputError
 MESH_SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb")
 
 WELD_TOLERANCE = 1e-5
-"""Vertices are one point of the surface when they fall into one cell of this share of its size."""
+"""Size of the cells within which vertices are one point of the surface, relative to the mesh."""
 
 SHEET_THICKNESS = 0.002
 """Wall in metres given to a one-sheet mesh; 2 mm is about the thinnest bowl a hand holds."""
 
 LARGEST_OBJECT, SMALLEST_OBJECT = 2.0, 0.005
-"""Longest side in metres outside of which a mesh is hardly in metres if a hand is to hold it."""
+"""Range of the longest side of an object that a hand holds, metres; outside of it the unit is
+probably wrong."""
 
 TINY = 1e-30
-"""Length in float64 below which a vector has no direction; the library's 1e-12 is a real area."""
+"""Length in float64 below which a vector has no direction; torch's own 1e-12 is a possible area."""
 
 
 @dataclass(frozen=True)
 class Mesh:
-    """A triangle mesh; faces turn counter-clockwise seen from outside, when they agree at all."""
+    """A triangle mesh in metres; faces are counter-clockwise seen from outside, if they agree."""
 
     verts: Float[Tensor, "V 3"]
     faces: Int[Tensor, "F 3"]
 
     def mirrored(self) -> "Mesh":
-        """The reflection x -> -x; faces are turned around so that they still look outward."""
+        """The reflection x -> -x, with the faces reversed so that they still point outward."""
         return Mesh(self.verts * self.verts.new_tensor((-1.0, 1.0, 1.0)), self.faces[:, [0, 2, 1]])
 
     def extent(self) -> Float[Tensor, " 3"]:
@@ -48,7 +49,7 @@ class Mesh:
         return self.verts[self.faces]
 
     def face_vectors(self) -> Float[Tensor, "F 3"]:
-        """Normal of each face, as long as twice its area."""
+        """Normal of each face, with twice the face's area as length."""
         a, b, c = self.corners().unbind(-2)
         return torch.linalg.cross(b - a, c - a)
 
@@ -58,10 +59,10 @@ class Mesh:
 
 
 def load_mesh(path: Path) -> Mesh:
-    """Read a triangle mesh as it is: vertex order, shells and holes are kept, nothing is repaired.
+    """Read a triangle mesh without repair: vertex order, shells and holes are kept.
 
-    A scene (GLB) becomes one mesh, each node moved to its place. Textured OBJ files come with the
-    vertices doubled along the texture's seams, STL files with three vertices to each face.
+    The nodes of a scene (GLB) are placed and joined to one mesh. Textured OBJ files come with
+    doubled vertices along the seams of the texture, STL files with three vertices per face.
 
     Raises:
         InputError: not a readable mesh, or one without a surface.
@@ -88,10 +89,10 @@ def load_mesh(path: Path) -> Mesh:
 
 
 def checked(mesh: Mesh, source: str) -> Mesh:
-    """The mesh itself when it has a surface that can be measured; `source` names it in the error.
+    """The same mesh if it has a surface that can be measured; `source` names it in the error.
 
     Raises:
-        InputError: no faces, numbers that are not finite, faces that point nowhere, no area.
+        InputError: no faces, values that are not finite, invalid indices, or no area.
     """
     verts, faces = mesh.verts, mesh.faces
     if len(faces) == 0:
@@ -119,7 +120,7 @@ def checked(mesh: Mesh, source: str) -> Mesh:
 
 
 def size_warning(mesh: Mesh) -> str | None:
-    """What to tell the user when the mesh is absurdly large or small for a hand, else None."""
+    """A warning for the user when the mesh is far too large or small for a hand, else None."""
     size = float(mesh.extent().max())
     if size > LARGEST_OBJECT:
         return (
@@ -135,9 +136,9 @@ def size_warning(mesh: Mesh) -> str | None:
 
 
 def welded(mesh: Mesh) -> Mesh:
-    """The same surface with vertices at one place made one, and without the faces this collapses.
+    """The same surface with coincident vertices merged and the faces that this collapses removed.
 
-    The vertex array stays as it is; faces index the first vertex of each place.
+    The vertex array stays as it is; faces index the first of the merged vertices.
     """
     cell = WELD_TOLERANCE * float(mesh.extent().max())
     cells = np.rint(mesh.verts.detach().cpu().numpy().astype(np.float64) / cell)
@@ -160,28 +161,29 @@ def open_edges(faces: Int[Tensor, "F 3"]) -> Bool[Tensor, "F 3"]:
     return count[index] == 1
 
 
+def edge_chains(edges: Int[Tensor, "E 2"]) -> Int[Tensor, " E"]:
+    """Number of the connected chain that each edge, a pair of vertices, belongs to; on the CPU."""
+    start, end = edges.cpu().unbind(-1)
+    size = int(edges.max()) + 1
+    links = coo_array((np.ones(len(edges)), (start.numpy(), end.numpy())), (size, size))
+    _, label = connected_components(links, directed=False)
+    return torch.unique(torch.from_numpy(label).long()[start], return_inverse=True)[1]
+
+
 def rims(faces: Int[Tensor, "F 3"]) -> tuple[Int[Tensor, "E 2"], Int[Tensor, " E"]]:
     """The open edges, each from its start to its end, and the number of the opening each bounds."""
     rim = open_edges(faces)
-    edges = torch.stack([faces[rim], faces.roll(-1, dims=-1)[rim]], dim=-1).cpu()
-    if not len(edges):
-        return edges, edges[:, 0]
-    size = int(faces.max()) + 1
-    links = coo_array(
-        (np.ones(len(edges)), (edges[:, 0].numpy(), edges[:, 1].numpy())), (size,) * 2
-    )
-    _, label = connected_components(links, directed=False)
-    names = torch.from_numpy(label).long()[edges[:, 0]]
-    return edges, torch.unique(names, return_inverse=True)[1]
+    edges = torch.stack([faces[rim], faces.roll(-1, dims=-1)[rim]], dim=-1)
+    return edges, edge_chains(edges).to(faces) if len(edges) else edges[:, 0]
 
 
 def capped(
     verts: Float[Tensor, "*B V 3"], faces: Int[Tensor, "F 3"]
 ) -> tuple[Float[Tensor, "*B W 3"], Int[Tensor, "G 3"]]:
-    """Each opening closed by a fan around the middle of its rim, a vertex that is added.
+    """The mesh with each opening closed by a fan around the middle of its rim, an added vertex.
 
-    Such is the wrist of a MANO hand; TOCH closes it in the same way. Every opening is closed: what
-    is meant for solids with holes, not for sheets.
+    It closes the wrist of a MANO hand in the same way as TOCH. Every opening is closed, so it suits
+    solids with holes, not sheets.
     """
     edges, opening = rims(faces)
     if not len(edges):
@@ -192,20 +194,14 @@ def capped(
     ]
     fan = torch.stack([edges[:, 1], edges[:, 0], verts.shape[-2] + opening], dim=-1)
     closed = torch.cat([verts, torch.stack(middles, dim=-2)], dim=-2)
-    return closed, torch.cat([faces, fan.to(faces)])
-
-
-def is_watertight(mesh: Mesh) -> bool:
-    """Whether no face has an open edge; seams between doubled vertices are no openings."""
-    return not bool(open_edges(welded(mesh).faces).any())
+    return closed, torch.cat([faces, fan])
 
 
 def thickened(mesh: Mesh, thickness: float = SHEET_THICKNESS) -> Mesh:
-    """The closed wall around an open sheet: half the thickness to either side, rims stitched.
+    """A closed wall around an open sheet: half the thickness to either side, joined at the rims.
 
-    To be called on a sheet whose faces share vertices and agree on a side. Half to either side
-    because which side is the outer one is not known, and so that mirroring changes nothing. Only
-    vertices that faces use are kept.
+    The sheet's faces must share vertices and agree on a side. The wall is centred because the outer
+    side is unknown, and so that mirroring changes nothing. Unused vertices are dropped.
     """
     used, faces = torch.unique(mesh.faces, return_inverse=True)
     sheet = Mesh(mesh.verts[used], faces)

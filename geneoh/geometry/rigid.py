@@ -1,4 +1,4 @@
-"""Rigid motions: how one frame stands in another."""
+"""Rigid motions: the pose of one frame in another."""
 
 from dataclasses import dataclass
 
@@ -8,17 +8,17 @@ from torch import Tensor
 
 @dataclass(frozen=True)
 class Rigid:
-    """p_to = rotation @ p_from + translation, named `pose_to_from` so that names cancel."""
+    """p_to = rotation @ p_from + translation; variables are named `pose_to_from`."""
 
     rotation: Float[Tensor, "*B 3 3"]
     translation: Float[Tensor, "*B 3"]
 
     def apply(self, points: Float[Tensor, "*#B P 3"]) -> Float[Tensor, "*#B P 3"]:
-        """Take P points of each batch entry along; batch axes broadcast."""
+        """The P points of each batch entry in the other frame; batch axes broadcast."""
         return points @ self.rotation.transpose(-1, -2) + self.translation[..., None, :]
 
     def inverse(self) -> "Rigid":
-        """The motion back: pose_from_to."""
+        """The inverse motion: pose_from_to."""
         back = self.rotation.transpose(-1, -2)
         return Rigid(back, -(back @ self.translation[..., None])[..., 0])
 

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 SMALL_ANGLE_SQUARED = 1e-6
-"""Below this squared angle the series is used: its next term is lost in float32."""
+"""Squared angle below which the power series is used: its next term vanishes in float32."""
 
 
 def axis_angle_to_matrix(axis_angle: Float[Tensor, "*B 3"]) -> Float[Tensor, "*B 3 3"]:
@@ -71,7 +71,7 @@ def matrix_to_axis_angle(rotation: Float[Tensor, "*B 3 3"]) -> Float[Tensor, "*B
 
 
 def matrix_to_rotation_6d(rotation: Float[Tensor, "*B 3 3"]) -> Float[Tensor, "*B 6"]:
-    """First column, then second column: the continuous form that networks learn best.
+    """First and second column of the matrix, a continuous representation for networks.
 
     Source: Zhou et al., On the Continuity of Rotation Representations in Neural Networks, 2019.
     """
@@ -79,7 +79,7 @@ def matrix_to_rotation_6d(rotation: Float[Tensor, "*B 3 3"]) -> Float[Tensor, "*
 
 
 def rotation_6d_to_matrix(rotation_6d: Float[Tensor, "*B 6"]) -> Float[Tensor, "*B 3 3"]:
-    """The rotation nearest in Gram-Schmidt's sense to two columns; they must not be parallel."""
+    """Rotation matrix by Gram-Schmidt from two columns, which must not be parallel."""
     first, second = rotation_6d.unflatten(-1, (2, 3)).unbind(-2)
     x = torch.nn.functional.normalize(first, dim=-1)
     y = torch.nn.functional.normalize(second - (x * second).sum(-1, keepdim=True) * x, dim=-1)
@@ -91,7 +91,7 @@ def interpolate_rotations(
     end: Float[Tensor, "*#B 3 3"],
     fraction: Float[Tensor, "*#B"],
 ) -> Float[Tensor, "*B 3 3"]:
-    """Spherical interpolation: `start` at fraction 0, `end` at 1, the shorter way between."""
+    """Spherical interpolation along the shorter arc: `start` at fraction 0, `end` at 1."""
     turn = matrix_to_axis_angle(start.transpose(-1, -2) @ end)
     return start @ axis_angle_to_matrix(fraction[..., None] * turn)
 

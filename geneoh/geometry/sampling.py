@@ -1,9 +1,9 @@
-"""Points on surfaces: drawn evenly by area, thinned to spread."""
+"""Random points on surfaces, evenly by area."""
 
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.geometry.mesh import Mesh
@@ -16,20 +16,20 @@ class SurfaceSamples:
 
     points: Float[Tensor, "P 3"]
     normals: Float[Tensor, "P 3"]
-    """Unit, out of the solid."""
+    """Unit length, pointing out of the solid."""
 
 
 def sample_surface(mesh: Mesh | Solid, count: int, *, generator: torch.Generator) -> SurfaceSamples:
-    """Draw points evenly by area from the surface between inside and outside.
+    """Draw points evenly by area from the surface between inside and outside, on the CPU.
 
-    Faces that overlapping shells bury are not drawn from; an open sheet is drawn from on both sides
-    of its wall, as `SurfaceDistance` sees it. Stratified: each of `count` equal shares of the area,
-    in the order of the faces, holds one point.
+    Faces inside of overlapping shells are not drawn from; an open sheet is drawn from on both sides
+    of its wall, as in `SurfaceDistance`. Stratified: each of `count` equal shares of the area, in
+    the order of the faces, holds one point.
 
     Args:
-        mesh: give a `Solid` when there is one already, it saves building it.
-        count: how many points.
-        generator: on the CPU, so that every device gets the same points.
+        mesh: a `Solid` where there is one already, which saves building it.
+        count: number of points.
+        generator: of the CPU, so that every device gets the same points.
     """
     surface = (mesh if isinstance(mesh, Solid) else build_solid(mesh)).surface
     draws = torch.rand(count, 3, generator=generator, dtype=torch.float64)
@@ -41,22 +41,3 @@ def sample_surface(mesh: Mesh | Solid, count: int, *, generator: torch.Generator
     weights = torch.stack([1 - root, root * (1 - draws[:, 2]), root * draws[:, 2]], dim=-1)
     points = (weights[..., None] * surface.corners()[face].double()).sum(-2)
     return SurfaceSamples(points.to(surface.verts), surface.face_normals()[face].to(surface.verts))
-
-
-def farthest_points(points: Float[Tensor, "P 3"], count: int) -> Int[Tensor, " K"]:
-    """Indices of `count` points spread as far apart as greed gets; all P when there are no more.
-
-    Starts from the point farthest from the mean, so that the same points give the same answer.
-    """
-    count = min(count, len(points))
-    chosen = torch.zeros(count, dtype=torch.long, device=points.device)
-    if count == 0:
-        return chosen
-    spread = (points - points.mean(0)).square().sum(-1)
-    chosen[0] = spread.argmax()
-    spread = torch.full_like(spread, torch.inf)
-    for i in range(1, count):
-        apart = (points - points[chosen[i - 1]]).square().sum(-1)
-        spread = torch.minimum(spread, apart)
-        chosen[i] = spread.argmax()
-    return chosen

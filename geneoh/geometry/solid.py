@@ -1,10 +1,10 @@
-"""Which side of a mesh is inside: generalised winding numbers, fit for meshes as users have them.
+"""The inside of a mesh by generalised winding numbers, for the imperfect meshes that users have.
 
-A point is inside where the winding number is beyond a half, of either sign, so a mesh turned inside
+A point is inside where the winding number exceeds a half in absolute value, so a mesh turned inside
 out is the same solid. Holes, several shells and overlapping parts need no repair (Jacobson et al.
-2013; fast form: Barill et al. 2018). Two things do: faces that disagree within a shell are turned
-to agree, and an open sheet (a bowl without thickness) is given a wall, because no sign rule can
-tell its cavity from its inside.
+2013; fast form: Barill et al. 2018). Two defects are repaired: faces that disagree within a shell
+are turned to agree, and an open sheet (a bowl without thickness) is given a wall, because no sign
+rule can tell its cavity from its inside. Solids are kept on the CPU, where libigl works.
 """
 
 from dataclasses import dataclass
@@ -13,11 +13,9 @@ import igl
 import numpy as np
 import torch
 from jaxtyping import Bool, Float, Float64, Int, Int64
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from torch import Tensor
 
-from geneoh.geometry.mesh import Mesh, open_edges, thickened, welded
+from geneoh.geometry.mesh import Mesh, open_edges, rims, thickened, welded
 
 OPENING_SHARE = 0.05
 """A hole is an opening when its area is more than this share of its shell's area.
@@ -27,28 +25,28 @@ those stay holes of a solid. A scan whose whole base is missing cannot be told f
 """
 PLUGGED_WINDING = 0.25
 """An opening is closed by other shells when their winding number next to its cap exceeds this: it
-is about a half behind a lid, one within a solid plug, zero where nothing is."""
+is about a half behind a lid, one within a solid plug, and zero in free space."""
 PLUG_OFFSET = 0.05
-"""How far from the cap that is asked, against the root of the opening's area: off a flat lid."""
+"""Distance from the cap of these queries, relative to the root of the opening's area."""
 SMALLEST_SHEET = 1e-3
-"""Share of the mesh's area below which an open shell is a speck that needs no wall."""
+"""Share of the mesh's area below which an open shell is too small to need a wall."""
 COARSE = 1.0
-"""Accuracy at which points are first asked for: three times as fast as libigl's own 2, and within
-0.09 of it on a recorded hand around a tool."""
+"""Accuracy of the first query: three times as fast as libigl's default of 2, and within 0.09 of it
+on a recorded hand around a tool."""
 UNSURE = 0.25
-"""Points this close to the threshold are asked again at full accuracy."""
+"""Points this close to the threshold are queried again at full accuracy."""
 PROBE = 1e-5
-"""How far in metres in front of a face its winding number is asked for."""
+"""Distance in front of a face at which its winding number is queried, metres."""
 PROBES = tuple((a / 9, b / 9, c / 9) for a, b, c in ((3, 3, 3), (7, 1, 1), (1, 7, 1), (1, 1, 7)))
-"""Where on a face it is asked, in barycentrics: the middle, then towards each corner."""
+"""Barycentric coordinates of these queries: the middle of the face, then towards each corner."""
 
 
 @dataclass(frozen=True)
 class Solid:
-    """A mesh as a body with an inside and an outside."""
+    """A mesh as a body with an inside and an outside, on the CPU."""
 
     surface: Mesh
-    """The faces between inside and outside, each turned to look outward."""
+    """The faces between inside and outside, all pointing outward."""
     sheets: int
     """How many open sheets were given a wall."""
     low: Float64[Tensor, " 3"]
@@ -57,7 +55,7 @@ class Solid:
     winding: igl.FastWindingNumberBVH
 
     def contains(self, points: Float[Tensor, "*B 3"]) -> Bool[Tensor, "*B"]:
-        """Whether each point is inside; never outside the bounding box."""
+        """Whether each point is inside; never true outside the bounding box."""
         flat = points.detach().reshape(-1, 3).cpu().double()
         inside = ((flat >= self.low) & (flat <= self.high)).all(-1)
         near = torch.nonzero(inside)[:, 0]
@@ -68,7 +66,7 @@ class Solid:
 def winding_inside(
     winding: igl.FastWindingNumberBVH, points: Float64[np.ndarray, "P 3"]
 ) -> Bool[np.ndarray, " P"]:
-    """Whether the winding number says inside, whichever way the faces look."""
+    """Whether the winding number says inside, whichever way the faces point."""
     if len(points) == 0:
         return np.zeros(0, dtype=bool)
     number = np.abs(winding.winding_number(np.ascontiguousarray(points), COARSE))
@@ -79,13 +77,14 @@ def winding_inside(
 
 
 def build_solid(mesh: Mesh, *, walls: bool = True) -> Solid:
-    """Make a body of a mesh: faces that agree, walls for open sheets, a surface without insides.
+    """Make a solid of a mesh: consistent faces, walls for open sheets, no interior faces.
 
     Args:
         mesh: in metres; holes, shells and doubled vertices are fine.
         walls: False for a mesh known to be a solid whatever its holes, such as a hand that is open
             at the wrist.
     """
+    mesh = Mesh(mesh.verts.detach().cpu(), mesh.faces.cpu())
     body, patches = agreeing(welded(mesh))
     body, sheets = with_walls(body, patches) if walls else (body, 0)
     winding = igl.FastWindingNumberBVH()
@@ -104,22 +103,20 @@ def as_arrays(mesh: Mesh) -> tuple[Float64[np.ndarray, "V 3"], Int64[np.ndarray,
 
 
 def agreeing(mesh: Mesh) -> tuple[Mesh, Int[Tensor, " F"]]:
-    """Turn faces so that neighbours look to the same side, and number the patches they make.
+    """Turn faces so that neighbours point to the same side; also the patch number of each face.
 
     Each patch keeps the side that most of its area had; patches end where three or more faces meet.
     """
-    faces = mesh.faces.cpu()
-    turned, patch = igl.bfs_orient(faces.numpy())
-    turned, patch = torch.from_numpy(turned), torch.from_numpy(patch).long()
-    area = mesh.face_vectors().cpu().norm(dim=-1)
-    vote = torch.where((turned != faces).any(-1), -area, area)
+    turned, patch = (torch.from_numpy(found).long() for found in igl.bfs_orient(mesh.faces.numpy()))
+    area = mesh.face_vectors().norm(dim=-1)
+    vote = torch.where((turned != mesh.faces).any(-1), -area, area)
     balance = area.new_zeros(int(patch.max()) + 1).index_add_(0, patch, vote)
     back = (balance < 0)[patch]
-    return Mesh(mesh.verts.cpu(), torch.where(back[:, None], turned.flip(-1), turned)), patch
+    return Mesh(mesh.verts, torch.where(back[:, None], turned.flip(-1), turned)), patch
 
 
 def with_walls(mesh: Mesh, patches: Int[Tensor, " F"]) -> tuple[Mesh, int]:
-    """Replace the open sheets among the patches by walls; also tells how many there were."""
+    """Replace the open sheets among the patches by walls; also the number of sheets."""
     area = mesh.face_vectors().norm(dim=-1) / 2
     patch_area = area.new_zeros(int(patches.max()) + 1).index_add_(0, patches, area)
     candidates = [
@@ -147,7 +144,7 @@ def with_walls(mesh: Mesh, patches: Int[Tensor, " F"]) -> tuple[Mesh, int]:
 def opening_caps(
     mesh: Mesh, patches: Int[Tensor, " F"], patch_area: Float[Tensor, " N"]
 ) -> dict[int, list[Float[Tensor, "C 3"]]]:
-    """Per patch with large openings: points spread over either side of each opening's cap."""
+    """For each patch with large openings: points on both sides of each opening's cap."""
     start, end, loops, owner = boundary_loops(mesh, patches)
     caps: dict[int, list[Tensor]] = {}
     if len(owner) == 0:
@@ -170,17 +167,14 @@ def opening_caps(
 def boundary_loops(
     mesh: Mesh, patches: Int[Tensor, " F"]
 ) -> tuple[Float64[Tensor, "E 3"], Float64[Tensor, "E 3"], Int[Tensor, " E"], Int[Tensor, " L"]]:
-    """Where each open edge starts and ends, which chain it is part of, and each chain's patch."""
-    rim = open_edges(mesh.faces)
-    start, end = mesh.faces[rim], mesh.faces.roll(-1, dims=-1)[rim]
-    links = coo_array((np.ones(len(start)), (start.numpy(), end.numpy())), (len(mesh.verts),) * 2)
-    _, label = connected_components(links, directed=False)
-    owners = patches[:, None].expand(-1, 3)[rim]
-    # Two patches may touch in a vertex, so the patch is part of a chain's name.
-    names = torch.from_numpy(label).long()[start] * (int(patches.max()) + 1) + owners
-    chains, loops = torch.unique(names, return_inverse=True)
-    verts = mesh.verts.double()
-    return verts[start], verts[end], loops, chains % (int(patches.max()) + 1)
+    """Start and end point of each open edge, the loop it belongs to, and the patch of each loop."""
+    edges, chain = rims(mesh.faces)
+    owners = patches[:, None].expand(-1, 3)[open_edges(mesh.faces)]
+    # Two patches may touch in a vertex, so loops are told apart by their patch as well.
+    count = int(patches.max()) + 1
+    names, loops = torch.unique(chain * count + owners, return_inverse=True)
+    start, end = mesh.verts.double()[edges].unbind(1)
+    return start, end, loops, names % count
 
 
 def is_plugged(
@@ -189,7 +183,7 @@ def is_plugged(
     caps: list[Float[Tensor, "C 3"]],
     winding: igl.FastWindingNumberBVH,
 ) -> bool:
-    """Whether the other shells close every one of a sheet's openings, seen from either side."""
+    """Whether the other shells close every opening of a sheet, seen from either side."""
     verts, faces = as_arrays(Mesh(mesh.verts, mesh.faces[own]))
     for cap in caps:
         points = cap.numpy()
@@ -201,17 +195,17 @@ def is_plugged(
 
 
 def outward_by_volume(mesh: Mesh) -> Mesh:
-    """A closed shell turned so that it encloses a positive volume."""
+    """A closed shell with its faces turned so that it encloses a positive volume."""
     a, b, c = mesh.corners().double().unbind(-2)
     volume = (a * torch.linalg.cross(b, c)).sum()
     return mesh if float(volume) > 0 else Mesh(mesh.verts, mesh.faces.flip(-1))
 
 
 def outward_by_winding(mesh: Mesh, winding: igl.FastWindingNumberBVH) -> Mesh:
-    """Each face turned away from the inside; faces with the inside on both sides are left out.
+    """Each face turned away from the inside, without the faces that have it on both sides.
 
     Those lie where shells overlap and are no part of the body's surface. A face is left out only if
-    all its probes say so: a large one may be pierced in its middle.
+    all its probes say so, because a large face may be pierced in its middle.
     """
     ahead = torch.ones(len(mesh.faces), dtype=torch.bool)
     buried, behind = ahead.clone(), ahead.clone()
@@ -225,7 +219,7 @@ def outward_by_winding(mesh: Mesh, winding: igl.FastWindingNumberBVH) -> Mesh:
 def sides(
     mesh: Mesh, winding: igl.FastWindingNumberBVH, probe: tuple[float, float, float]
 ) -> tuple[Bool[Tensor, " F"], Bool[Tensor, " F"]]:
-    """Whether the inside lies before and behind each face, at one point in its barycentrics."""
+    """Whether the inside lies before and behind each face, at one barycentric position."""
     weights = torch.tensor(probe, dtype=torch.float64)
     points = (mesh.corners().double() * weights[:, None]).sum(-2) + mesh.face_normals() * PROBE
     if len(points) == 0:

@@ -6,7 +6,7 @@ noise level and no seam forms, and a rigid motion of the scene moves the result 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import torch
@@ -25,6 +25,7 @@ from geneoh.pipeline.presets import StagePlan
 from geneoh.representation.nearest_surface import nearest_points
 from geneoh.representation.parameters import HandParameters, turned
 from geneoh.representation.region import ContactRegion, contact_region, surface_to_world
+from geneoh.representation.spatial import decode_spatial, encode_spatial
 from geneoh.representation.temporal import PairStatistics, encode_temporal
 from geneoh.sequence.windows import WINDOW, fold, unfold, window_starts
 
@@ -211,7 +212,7 @@ def denoise_trajectory(
 
 
 def _denoise_keypoints(
-    answer: Callable[[Tensor, Tensor], Tensor],
+    clean_windows: Callable[[Tensor, Tensor], Tensor],
     joints: Float[Tensor, "S T 21 3"],
     context: StageContext,
     region: ContactRegion,
@@ -220,15 +221,15 @@ def _denoise_keypoints(
     generator: torch.Generator,
     on_step: OnStep | None,
 ) -> Float[Tensor, "S T 21 3"]:
-    """World keypoints denoised as one track, by what `answer` says of its canonical windows.
+    """World keypoints denoised as one track by a denoiser of its canonical windows.
 
-    `answer` maps noisy windows (B, N, 21, 3) and noise levels (B,), metres, to clean windows.
+    `clean_windows` maps noisy windows (B, N, 21, 3) and noise levels (B,), metres, to clean ones.
     """
 
     def clean(x: Tensor, sigma: float) -> Tensor:
         canon = region.to_canon(context.windows(context.to_world(x * HAND_SCALE)))
         level = canon.new_full((len(canon),), sigma * HAND_SCALE)
-        world = context.blend(region.to_world(answer(canon, level)))
+        world = context.blend(region.to_world(clean_windows(canon, level)))
         return context.to_object(world) / HAND_SCALE
 
     cleaned = denoise_via_diffusion(
@@ -260,36 +261,34 @@ def denoise_spatial(
     """
     region = context.region(joints)
     observation = context.observation(joints, region, observed)
-    points, normals = region.points_canon, region.normals_canon
-
-    def around(canon: Float[Tensor, "B N 21 3"]) -> Float[Tensor, "B N K 21 3"]:
-        return canon[:, :, None].expand(-1, -1, points.shape[2], -1, -1)
 
     if observed:
+
+        def clean_hand(canon: Tensor, level: Tensor) -> Tensor:
+            return decode_spatial(model(encode_spatial(canon, region), level, observation))
+
         return _denoise_keypoints(
-            lambda canon, level: model(around(canon), level, points, normals, observation).mean(2),
-            joints,
-            context,
-            region,
-            plan,
-            generator=generator,
-            on_step=on_step,
+            clean_hand, joints, context, region, plan, generator=generator, on_step=on_step
         )
 
-    def each(hands: Float[Tensor, "B N K 21 3"], sigma: float) -> Float[Tensor, "B N K 21 3"]:
+    start = encode_spatial(region.to_canon(context.windows(joints)), region)
+
+    def clean_hands(hands: Float[Tensor, "B N K 21 3"], sigma: float) -> Tensor:
         level = hands.new_full((len(hands),), sigma * HAND_SCALE)
-        return model(hands * HAND_SCALE, level, points, normals, observation) / HAND_SCALE
+        noisy = replace(start, hands=hands * HAND_SCALE)
+        return model(noisy, level, observation).hands / HAND_SCALE
 
     hands = denoise_via_diffusion(
-        each,
-        around(region.to_canon(context.windows(joints)) / HAND_SCALE),
+        clean_hands,
+        start.hands / HAND_SCALE,
         descending_sigmas(plan.level, plan.steps),
         sampler=plan.sampler,
         samples=len(joints),
         generator=generator,
         on_step=on_step,
     )
-    return context.blend(region.to_world(hands.mean(2) * HAND_SCALE))
+    hand = decode_spatial(replace(start, hands=hands))
+    return context.blend(region.to_world(hand * HAND_SCALE))
 
 
 def denoise_temporal(

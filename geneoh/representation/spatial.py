@@ -1,6 +1,10 @@
-"""S: hand-object spatial relations around every contact point (paper 3.1 and eq. 8)."""
+"""S: hand-object spatial relations around every contact point (paper 3.1 and eq. 8).
 
-from dataclasses import dataclass
+What SpatialDiff diffuses and reads: noise is added to the offsets, the network maps noisy offsets
+to clean ones, and `decode_spatial` makes one hand of them.
+"""
+
+from dataclasses import dataclass, replace
 
 from jaxtyping import Float
 from torch import Tensor
@@ -10,13 +14,33 @@ from geneoh.representation.region import ContactRegion
 
 @dataclass(frozen=True)
 class SpatialRelations:
-    """s_o = ((o - t) R^T, n R^T, {(h - o) R^T}) in the paper's row notation, for K contact
-    points."""
+    """s_o = ((o - t) R^T, n R^T, {(h - o) R^T}) in the paper's row notation, K contact points.
+
+    The hand h that each point implies is kept (claim 1 of appendix A.2) instead of its offset
+    h - o: the two differ by the point, so that noise on one is noise on the other.
+    """
 
     points: Float[Tensor, "*B T K 3"]
+    """Contact points in the canonical frame, metres; `normals` are unit and outward."""
     normals: Float[Tensor, "*B T K 3"]
-    offsets: Float[Tensor, "*B T K 21 3"]
-    """From contact point to keypoint, canonical frame, metres."""
+    hands: Float[Tensor, "*B T K 21 3"]
+    """Keypoints that each contact point implies, canonical frame, metres."""
+
+    @property
+    def offsets(self) -> Float[Tensor, "*B T K 21 3"]:
+        """From contact point to keypoint."""
+        return self.hands - self.points[..., None, :]
+
+    def of_hand(self, joints_canon: Float[Tensor, "*B T 21 3"]) -> "SpatialRelations":
+        """Relations of one hand to the same contact points."""
+        hands = joints_canon[..., None, :, :].expand(*self.points.shape[:-1], 21, 3)
+        return replace(self, hands=hands)
+
+    def turned(self, axes: Float[Tensor, "*B 3 3"]) -> "SpatialRelations":
+        """The same relations in other axes, given as columns in the canonical frame."""
+        axes = axes[..., None, :, :]
+        hands = self.hands @ axes[..., None, :, :]
+        return SpatialRelations(self.points @ axes, self.normals @ axes, hands)
 
 
 def encode_spatial(
@@ -24,15 +48,10 @@ def encode_spatial(
 ) -> SpatialRelations:
     """Spatial relations of canonical keypoints."""
     points = region.points_canon
-    offsets = joints_canon[..., None, :, :] - points[..., :, None, :]
-    return SpatialRelations(points, region.normals_canon, offsets)
-
-
-def implied_hands(relations: SpatialRelations) -> Float[Tensor, "*B T K 21 3"]:
-    """The canonical hand that each contact point alone implies (claim 1 of appendix A.2)."""
-    return relations.offsets + relations.points[..., :, None, :]
+    hands = joints_canon[..., None, :, :].expand(*points.shape[:-1], 21, 3)
+    return SpatialRelations(points, region.normals_canon, hands)
 
 
 def decode_spatial(relations: SpatialRelations) -> Float[Tensor, "*B T 21 3"]:
     """Canonical keypoints: the mean of the hands that the contact points imply (eq. 8)."""
-    return implied_hands(relations).mean(-3)
+    return relations.hands.mean(-3)

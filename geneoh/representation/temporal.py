@@ -60,21 +60,3 @@ def encode_temporal(
         tangential=near * TANGENTIAL_GAIN * across,
         normal=near * NORMAL_GAIN * along.abs(),
     )
-
-
-def temporal_to_hands(
-    relations: TemporalRelations,
-    first: Float[Tensor, "*B 21 3"],
-    region: ContactRegion,
-    fps: float,
-) -> Float[Tensor, "*B T 21 3"]:
-    """World keypoints from T and the first frame: claim 2 of appendix A.2.
-
-    Every contact point o gives the hand by h - o = (h_1 - o_1) + sum of v_ho dt; the mean over the
-    contact points is returned.
-    """
-    turn = region.rotation[..., :-1, None, :, :]
-    steps = relations.velocity @ turn.transpose(-1, -2) / fps
-    start = first[..., None, None, :, :] - region.points[..., :1, :, None, :]
-    offsets = torch.cat([start, start + steps.cumsum(-4)], dim=-4)
-    return (offsets + region.points[..., :, :, None, :]).mean(-3)

@@ -157,7 +157,7 @@ class Supply:
         )
         batch = batch.to(self.device)
         if self.stage == "motion":
-            _ = batch.motion.shown  # kept: made here, it costs the training of another no time
+            _ = batch.motion.network_input  # made and kept here, in parallel to the step before
         return batch, generator
 
     def batches(self, data: Interactions, first: int) -> Iterator[tuple[Batch, torch.Generator]]:

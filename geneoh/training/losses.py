@@ -15,6 +15,7 @@ from geneoh.denoisers.temporal import LATENT_NOISE_SCALE, TemporalDenoiser
 from geneoh.denoisers.trajectory import TrajectoryDenoiser
 from geneoh.diffusion.precondition import loss_weight
 from geneoh.diffusion.samplers import normal_like
+from geneoh.representation.spatial import decode_spatial, encode_spatial
 from geneoh.representation.temporal import DISTANCE_DECAY, encode_temporal
 from geneoh.training.batches import Batch
 
@@ -103,26 +104,20 @@ def spatial_loss(
     count as for MotionDiff; withheld, each point has noise of its own, as the paper's independent
     chains do, and levels count as the paper's.
     """
-    region, observation = batch.region, batch.observation
-    clean, given = batch.clean_canon, observation.given > 0
-    hands = clean[:, :, None].expand(-1, -1, region.points.shape[2], -1, -1)
+    observation, clean = batch.observation, batch.clean_canon
+    given, relations = observation.given > 0, encode_spatial(clean, batch.region)
     even, high = (
         draw_sigma(len(clean), generator=generator, lean=lean).to(clean) for lean in (1.0, LEAN)
     )
     sigma = torch.where(given, high, even) * HAND_SCALE
-    own = normal_like(hands, generator=generator)
+    own = normal_like(relations.hands, generator=generator)
     noise = torch.where(observation.mask[..., None] > 0, own[:, :, :1].expand_as(own), own)
-    predicted = model(
-        hands + sigma[:, None, None, None, None] * noise,
-        sigma,
-        region.points_canon,
-        region.normals_canon,
-        observation,
-    )
+    hands = relations.hands + sigma[:, None, None, None, None] * noise
+    predicted = model(replace(relations, hands=hands), sigma, observation)
     alike = window_weight(observation.joints, clean) / KEYPOINT_UNIT**2
     weight = torch.where(given, alike, loss_weight(sigma, observation.scale))
-    each = (predicted - hands).square().mean((1, 2, 3, 4))
-    together = (predicted.mean(2) - clean).square().mean((1, 2, 3))
+    each = (predicted.hands - relations.hands).square().mean((1, 2, 3, 4))
+    together = (decode_spatial(predicted) - clean).square().mean((1, 2, 3))
     return (weight * (0.5 * each + 0.5 * together)).mean()
 
 
@@ -183,8 +178,8 @@ def keypoint_loss(
 ) -> Float[Tensor, ""]:
     """Mean distance of the answered keypoints to the clean ones: plain regression."""
     del generator  # draws nothing; the signature is shared by all losses
-    region = batch.region
-    answered = model(batch.observation, region.points_canon, region.normals_canon)
+    observation = batch.observation
+    answered = model(observation, encode_spatial(observation.joints, batch.region))
     return (answered - batch.clean_canon).norm(dim=-1).mean() / NOISE_SCALE
 
 
@@ -212,19 +207,15 @@ def recovered_fraction(
             noise = START * HAND_SCALE * normal_like(noisy, generator=generator)
             got = model(noisy + noise, sigma * HAND_SCALE)
         case SpatialDenoiser():
-            region = batch.region
             noise = START * HAND_SCALE * normal_like(noisy, generator=generator)
-            hands = (noisy + noise)[:, :, None].expand(-1, -1, region.points.shape[2], -1, -1)
-            got = model(
-                hands, sigma * HAND_SCALE, region.points_canon, region.normals_canon, observation
-            ).mean(2)
+            relations = encode_spatial(noisy + noise, batch.region)
+            got = decode_spatial(model(relations, sigma * HAND_SCALE, observation))
         case TemporalDenoiser():
             clean, noisy = temporal_latents(model, batch)
             noise = START * normal_like(noisy, generator=generator)
             got = model(noisy + noise, sigma, noisy, given)
         case TochAutoencoder() | RegressionDenoiser():
-            region = batch.region
-            got = model(observation, region.points_canon, region.normals_canon)
+            got = model(observation, encode_spatial(noisy, batch.region))
         case _:
             raise AssertionError(f"no denoiser: {type(model).__name__}")
     return (got - clean).norm(dim=-1).mean() / (noisy - clean).norm(dim=-1).mean()

@@ -3,18 +3,18 @@ from dataclasses import replace
 import pytest
 import torch
 
-from geneoh.denoisers.base import FEATURES, HAND_SCALE, NOISE_SCALE
+from geneoh.denoisers.base import HAND_SCALE, NOISE_SCALE, OBSERVATION_FEATURES
 from geneoh.geometry.rotations import axis_angle_to_matrix
 
 
 @pytest.mark.parametrize("frames", [1, 2, 5])
 def test_features_have_their_width_for_any_number_of_frames(make_observation, frames):
-    assert make_observation(frames=frames).features().shape == (2, frames, FEATURES)
+    assert make_observation(frames=frames).features().shape == (2, frames, OBSERVATION_FEATURES)
 
 
 def test_a_withheld_observation_says_nothing(make_observation):
     seen = make_observation()
-    withheld = seen.without()
+    withheld = make_observation(given=0.0)
     assert not bool(withheld.features().any())
     assert not bool(withheld.anchor.any())
     assert torch.equal(withheld.scale, torch.full((2,), HAND_SCALE))
@@ -46,7 +46,7 @@ def test_bone_lengths_are_those_of_most_frames(make_observation):
     plain = replace(make_observation(), joints=joints, trust=torch.ones(2, 5, 21))
     torn = joints.clone()
     torn[:, 2] *= 3
-    bones = slice(FEATURES - 21, FEATURES - 1)
+    bones = slice(OBSERVATION_FEATURES - 21, OBSERVATION_FEATURES - 1)
     assert torch.equal(
         replace(plain, joints=torn).features()[..., bones], plain.features()[..., bones]
     )
@@ -75,4 +75,4 @@ def test_in_its_own_axes_the_palm_points_along_the_first_and_second(make_observa
 
 
 def test_a_withheld_hand_has_no_axes(make_observation):
-    assert torch.equal(make_observation().without().palm(), torch.eye(3).expand(2, 3, 3))
+    assert torch.equal(make_observation(given=0.0).palm(), torch.eye(3).expand(2, 3, 3))

@@ -4,14 +4,14 @@ import pytest
 import torch
 
 from geneoh.denoisers.candidate_corrections import (
-    ANSWERS,
-    FILTERS,
-    LARGEST,
-    PAD,
+    CANDIDATES,
+    LARGEST_CHANGE,
+    PAD_DEPTH,
+    SMOOTHING_FRAMES,
+    candidate_corrections,
     filter_kernels,
     filtered_changes,
     fingers_to_touch,
-    simple_answers,
     whole_hand_to_touch,
 )
 from geneoh.geometry.rotations import axis_angle_to_matrix
@@ -44,7 +44,7 @@ def surface(hand: HandParameters, gap: torch.Tensor) -> tuple[torch.Tensor, torc
     """A surface whose pads' places are `gap` away from the keypoints, and its normals."""
     normals = torch.zeros_like(hand.joints)
     normals[..., 2] = 1.0
-    return hand.joints + gap - PAD * normals, normals
+    return hand.joints + gap - PAD_DEPTH * normals, normals
 
 
 def unturned(hand: HandParameters) -> torch.Tensor:
@@ -60,31 +60,33 @@ def touching_change(hand, near, normals, rotation=None, frames: float = 0.01) ->
     return whole + fingers_to_touch(hand, near, normals)
 
 
-def test_there_are_as_many_answers_as_promised(draw):
+def test_there_are_as_many_candidates_as_stated(draw):
     hand = hands(draw, 5)
-    got = simple_answers(hand, torch.ones(2, 5), *surface(hand, torch.zeros(3)), unturned(hand))
-    assert got.shape == (2, 5, ANSWERS, 51)
+    got = candidate_corrections(
+        hand, torch.ones(2, 5), *surface(hand, torch.zeros(3)), unturned(hand)
+    )
+    assert got.shape == (2, 5, CANDIDATES, 51)
     assert bool(got.isfinite().all())
 
 
 @pytest.mark.parametrize("frames", [1, 2])
-def test_the_shortest_clips_have_answers(draw, frames):
+def test_the_shortest_clips_have_candidates(draw, frames):
     hand = hands(draw, frames)
     near = surface(hand, torch.tensor([0.01, 0, 0]))
-    got = simple_answers(hand, torch.ones(2, frames), *near, unturned(hand))
+    got = candidate_corrections(hand, torch.ones(2, frames), *near, unturned(hand))
     assert bool(got.isfinite().all())
 
 
 def test_filters_leave_a_hand_that_stands_still(draw):
     hand = still(hands(draw, 5))
-    change = filtered_changes(hand, filter_kernels(torch.ones(2, 5), FILTERS))
-    assert change.shape == (2, len(FILTERS), 5, 51)
+    change = filtered_changes(hand, filter_kernels(torch.ones(2, 5), SMOOTHING_FRAMES))
+    assert change.shape == (2, len(SMOOTHING_FRAMES), 5, 51)
     assert float(change.abs().max()) < 0.01  # a turn of 1e-3 of a radian is float32's rounding
 
 
 def test_filters_look_at_trusted_frames_only(draw):
     hand = hands(draw, 5)
-    kernels = filter_kernels(torch.tensor([1.0, 1, 0, 1, 1]).expand(2, 5), FILTERS)
+    kernels = filter_kernels(torch.tensor([1.0, 1, 0, 1, 1]).expand(2, 5), SMOOTHING_FRAMES)
     wild = hand.wrist + torch.tensor([0.0, 0.0, 0.5, 0.0, 0.0])[:, None]
     plain = filtered_changes(hand, kernels)
     other = filtered_changes(replace(hand, wrist=wild), kernels)
@@ -102,10 +104,12 @@ def test_a_wide_filter_moves_each_frame_to_the_mean(draw):
     torch.testing.assert_close(goal.fingers, fingers, atol=2e-3, rtol=0)
 
 
-def test_one_answer_is_flat_fingers(draw):
+def test_one_candidate_is_flat_fingers(draw):
     hand = still(hands(draw, 4))
-    got = simple_answers(hand, torch.ones(2, 4), *surface(hand, torch.zeros(3)), unturned(hand))
-    flat = hand.moved(got[:, :, len(FILTERS)])
+    got = candidate_corrections(
+        hand, torch.ones(2, 4), *surface(hand, torch.zeros(3)), unturned(hand)
+    )
+    flat = hand.moved(got[:, :, len(SMOOTHING_FRAMES)])
     torch.testing.assert_close(flat.fingers, torch.zeros_like(flat.fingers), atol=1e-5, rtol=0)
     torch.testing.assert_close(flat.wrist, hand.wrist)
 
@@ -127,7 +131,7 @@ def test_the_hand_and_its_fingers_each_close_most_of_a_gap(draw, part):
     change[..., slice(6, None) if part == "whole" else slice(0, 6)] = 0.0
 
     def left(moved: HandParameters) -> float:
-        return float((near + PAD * normals - moved.joints)[:, :, TIPS].norm(dim=-1).mean())
+        return float((near + PAD_DEPTH * normals - moved.joints)[:, :, TIPS].norm(dim=-1).mean())
 
     assert left(hand) == pytest.approx(0.008, rel=1e-3)
     assert left(hand.moved(change)) < (0.004 if part == "whole" else 0.006)
@@ -153,8 +157,8 @@ def test_a_hand_that_is_off_in_the_world_is_brought_back_while_the_object_turns(
     offset = torch.tensor([0.0, 0.004, 0.005])
     near, normals = surface(hand, (rotation.mT @ offset)[:, :, None])
     # of the gap only what is across the surface can be seen
-    across = ((near + PAD * normals - hand.joints) * normals).sum(-1, keepdim=True)
-    near = hand.joints + (across - PAD) * normals
+    across = ((near + PAD_DEPTH * normals - hand.joints) * normals).sum(-1, keepdim=True)
+    near = hand.joints + (across - PAD_DEPTH) * normals
     kernels = filter_kernels(torch.ones(2, 30), (25.0,))
     change = whole_hand_to_touch(hand, near, normals, rotation, kernels)[:, 0]
     moved = (rotation @ (change[..., :3] * UNIT[0])[..., None])[..., 0]
@@ -166,9 +170,9 @@ def test_a_hand_that_is_off_in_the_world_is_brought_back_while_the_object_turns(
 
 def test_absurd_gaps_are_bounded_and_far_ones_hardly_count(draw):
     hand = hands(draw, 3)
-    touching = slice(len(FILTERS) + 1, None)
+    touching = slice(len(SMOOTHING_FRAMES) + 1, None)
     for gap in (0.1, 1.0):
         near = surface(hand, torch.tensor([0.0, 0.0, gap]))
-        answers = simple_answers(hand, torch.ones(2, 3), *near, unturned(hand))[:, :, touching]
-        assert float(answers.abs().max()) <= LARGEST
-    assert float(answers[..., 6:].abs().max()) * UNIT[-1] < 1e-4
+        changes = candidate_corrections(hand, torch.ones(2, 3), *near, unturned(hand))
+        assert float(changes[:, :, touching].abs().max()) <= LARGEST_CHANGE
+    assert float(changes[:, :, touching, 6:].abs().max()) * UNIT[-1] < 1e-4

@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from geneoh.denoisers.motion import (
-    FEATURES,
+    MOTION_FEATURES,
     MotionConfig,
     MotionDenoiser,
     ObservedMotion,
@@ -47,7 +47,7 @@ def observed(draw):
 def test_the_clean_change_has_the_shape_of_the_noisy_one(model, draw, observed, frames):
     x = draw(2, frames, 51)
     seen = observed(frames)
-    assert seen.shown.features.shape == (2, frames, FEATURES)
+    assert seen.network_input.features.shape == (2, frames, MOTION_FEATURES)
     got = model(x, torch.tensor([1.0, 0.2]), seen)
     assert got.shape == x.shape
     assert bool(got.isfinite().all())

@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from torch import Tensor
 
-from geneoh.diffusion.precondition import Scaling, denoised, loss_weight
+from geneoh.diffusion.precondition import Scaling, loss_weight, preconditioned
 
 levels = st.floats(1e-3, 10.0)
 scales = st.floats(1e-2, 2.0)
@@ -20,14 +20,14 @@ def at(value: float) -> Tensor:
 @given(scales)
 def test_an_almost_clean_input_comes_back_whatever_the_network_says(scale):
     x, anchor = sample()
-    got = denoised(lambda s, _: 50 * torch.ones_like(s), x, anchor, at(1e-6), at(scale))
+    got = preconditioned(lambda s, _: 50 * torch.ones_like(s), x, anchor, at(1e-6), at(scale))
     torch.testing.assert_close(got, x, atol=1e-4, rtol=0)
 
 
 @given(levels, scales)
 def test_without_a_network_it_is_the_mean_of_anchor_and_input_weighted_by_precision(sigma, scale):
     x, anchor = sample()
-    got = denoised(lambda s, _: torch.zeros_like(s), x, anchor, at(sigma), at(scale))
+    got = preconditioned(lambda s, _: torch.zeros_like(s), x, anchor, at(sigma), at(scale))
     here, there = sigma**-2, scale**-2
     torch.testing.assert_close(got, (here * x + there * anchor) / (here + there))
 
@@ -64,7 +64,9 @@ def test_each_item_is_scaled_by_its_own_level():
     def network(scaled: Tensor, level: Tensor) -> Tensor:
         return torch.tanh(scaled) * level
 
-    whole = denoised(network, x, anchor, sigma, scale)
+    whole = preconditioned(network, x, anchor, sigma, scale)
     for i in range(4):
-        alone = denoised(network, x[i : i + 1], anchor[i : i + 1], sigma[i : i + 1], scale[:1])
+        alone = preconditioned(
+            network, x[i : i + 1], anchor[i : i + 1], sigma[i : i + 1], scale[:1]
+        )
         torch.testing.assert_close(whole[i : i + 1], alone)

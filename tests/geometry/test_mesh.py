@@ -2,12 +2,12 @@ import numpy as np
 import pytest
 import torch
 import trimesh
+from watertight import is_watertight
 
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import (
     Mesh,
     checked,
-    is_watertight,
     load_mesh,
     open_edges,
     size_warning,

@@ -5,7 +5,7 @@ import trimesh
 
 from geneoh.geometry.distance import SurfaceDistance
 from geneoh.geometry.mesh import Mesh
-from geneoh.geometry.sampling import farthest_points, sample_surface
+from geneoh.geometry.sampling import sample_surface
 from geneoh.geometry.solid import build_solid
 
 
@@ -75,25 +75,3 @@ def test_a_solid_that_is_there_already_gives_the_same_points():
     once = sample_surface(mesh, 20, generator=seeded())
     again = sample_surface(build_solid(mesh), 20, generator=seeded())
     assert torch.equal(once.points, again.points)
-
-
-def test_farthest_points_of_a_line_are_its_ends_then_its_middle():
-    line = torch.zeros(11, 3)
-    line[:, 0] = torch.linspace(0, 1, 11)
-    chosen = farthest_points(line, 3)
-    assert set(chosen[:2].tolist()) == {0, 10}
-    assert chosen[2] == 5
-
-
-def test_farthest_points_are_never_more_than_there_are():
-    points = torch.rand(5, 3, generator=seeded())
-    assert sorted(farthest_points(points, 9).tolist()) == [0, 1, 2, 3, 4]
-    assert len(farthest_points(points[:0], 3)) == 0
-
-
-def test_farthest_points_agree_with_the_obvious_way():
-    points = torch.rand(60, 3, generator=seeded(1))
-    chosen = [int((points - points.mean(0)).norm(dim=-1).argmax())]
-    while len(chosen) < 12:
-        chosen.append(int(torch.cdist(points, points[chosen]).amin(-1).argmax()))
-    assert farthest_points(points, 12).tolist() == chosen

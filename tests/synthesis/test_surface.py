@@ -1,7 +1,7 @@
 import pytest
 import torch
+from watertight import is_watertight
 
-from geneoh.geometry.mesh import is_watertight
 from geneoh.synthesis.objects import draw_objects
 from geneoh.synthesis.solids import BOX, ELLIPSOID, TORUS
 from geneoh.synthesis.surface import COARSEST, SPACING, mesh_of, spacing_for_looks

@@ -82,7 +82,7 @@ def test_trained_weights_of_all_stages_can_be_loaded(tmp_path, clips, tiny):
         assert path == tmp_path / f"{stage}.safetensors"
     denoisers = load_denoisers(tmp_path)
     assert denoisers.motion.config == tiny.motion
-    record = denoisers.records["temporal"]
+    record = load_checkpoint(tmp_path / "temporal.safetensors").record
     assert record["stage"] == "temporal"
     assert record["step"] == 1
     assert record["sequences"] == 4

@@ -105,7 +105,7 @@ class Knowing(RegressionDenoiser):
         super().__init__(tiny.regression)
         self.answer = answer
 
-    def forward(self, observation, points, normals):
+    def forward(self, observation, relations):
         assert bool(observation.given.all()), "scored with the observation in view"
         return self.answer
 

@@ -4,6 +4,7 @@ import pickle
 
 import pytest
 import torch
+from watertight import is_watertight
 
 from geneoh.errors import ConfigError, MissingAssetError
 from geneoh.evaluation.protocols import HOMES, SEEDS, ProtocolOptions, find_cases
@@ -11,7 +12,6 @@ from geneoh.evaluation.protocols.clips import windows_of
 from geneoh.evaluation.protocols.pending import spread
 from geneoh.evaluation.protocols.synthetic import COUNT, Drawn, draw_clip, mesh_of
 from geneoh.geometry.distance import SurfaceDistance
-from geneoh.geometry.mesh import is_watertight
 from geneoh.hand.library import load_hand
 from geneoh.metrics.accuracy import mpjpe
 from geneoh.metrics.report import measure

@@ -1,0 +1,8 @@
+"""Whether a mesh is closed."""
+
+from geneoh.geometry.mesh import Mesh, open_edges, welded
+
+
+def is_watertight(mesh: Mesh) -> bool:
+    """Whether no face has an open edge; seams between doubled vertices are no openings."""
+    return not bool(open_edges(welded(mesh).faces).any())
