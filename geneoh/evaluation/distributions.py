@@ -6,7 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.metrics.smoothness import difference
+from geneoh.metrics.smoothness import finite_difference
 
 FINGERS = ("thumb", "index", "middle", "ring", "pinky")
 """In the order of the keypoints."""
@@ -63,12 +63,12 @@ def ks_distance(first: Float[Tensor, " N"], second: Float[Tensor, " M"]) -> floa
 
 def speed(points: Float[Tensor, "*B T P 3"], fps: float) -> Float[Tensor, "*B L P"]:
     """Speed of each point in metres per second."""
-    return difference(points, 1).norm(dim=-1) * fps
+    return finite_difference(points, 1).norm(dim=-1) * fps
 
 
 def point_acceleration(points: Float[Tensor, "*B T P 3"], fps: float) -> Float[Tensor, "*B L P"]:
     """Size of each point's acceleration in metres per second squared."""
-    return difference(points, 2).norm(dim=-1) * fps**2
+    return finite_difference(points, 2).norm(dim=-1) * fps**2
 
 
 def joint_angles(joints: Float[Tensor, "*B 21 3"]) -> Float[Tensor, "*B 20"]:

@@ -25,16 +25,16 @@ def adam(
     """Parameters after `steps` steps of Adam (Kingma and Ba 2015, algorithm 1, default betas).
 
     Args:
-        loss: of the list of parameters.
+        loss: function of the list of parameters.
         parameters: where to start.
         steps: how many steps.
-        rate: length of a step, however small the gradient is.
-        epsilon: except where the gradient is smaller than this: there the step shrinks with it.
-        settle: let the rate fall on a line, towards zero at the end.
+        rate: length of a step, whatever the size of the gradient.
+        epsilon: size of the gradient below which a step shrinks with it.
+        settle: decay the rate linearly towards zero at the end.
         on_step: called with (done, total) after each step.
 
-    `torch.optim` does the same and takes seconds to import, which a command that cleans two seconds
-    of motion cannot spare.
+    Written out because `torch.optim` takes seconds to import, too long for a command that cleans
+    two seconds of motion.
     """
     parameters = list(parameters)  # the caller's list stays as it is
     first = [torch.zeros_like(p) for p in parameters]
@@ -56,15 +56,15 @@ def adam(
 
 @dataclass(frozen=True)
 class AdamFitConfig:
-    """The public code's schedule; the paper gives none."""
+    """Schedule and weights of the public code; the paper states none."""
 
     rigid_steps: int = 200
     rigid_rate: float = 0.1
     steps: int = 1000
     rate: float = 0.01
     joint_weight: float = 5000.0
-    """Weight of the squared keypoint distance in 1/m^2: eq. (13) adds metres to radians unweighted,
-    which ignores the keypoints."""
+    """Weight of the squared keypoint distance in 1/m^2; without one, as in eq. (13), the other
+    terms would outweigh the keypoints."""
     regular: float = 0.0005
     """Weight of the mean squared finger pose."""
     shape: float = 0.0002
@@ -83,9 +83,8 @@ def fit_with_adam(
 ) -> tuple[HandState, Float[Tensor, "S B"]]:
     """Hand parameters and betas by Adam from a flat hand at the wrist keypoint, in two phases.
 
-    First orientation and position only, then everything. Nothing is taken from the input's own
-    parameters. As in the public code one set of betas serves all frames; eq. (12) has one per
-    frame, which no body keeps.
+    First orientation and position only, then everything. The parameters of the input are not used.
+    As in the public code all frames share one set of betas; eq. (12) has one set per frame.
     """
     samples, frames = target.shape[:2]
     orient, fingers = (

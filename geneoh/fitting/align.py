@@ -1,4 +1,4 @@
-"""Keypoints moved until their temporal relations agree with denoised ones (paper eq. 9)."""
+"""Keypoints optimised until their temporal relations agree with denoised ones (paper eq. 9)."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,23 +11,23 @@ from geneoh.fitting.adam import adam
 from geneoh.representation.region import ContactRegion
 from geneoh.representation.temporal import PairStatistics, encode_temporal
 
-CLOSENESS = 100.0
-"""Decay of a pair's weight with its target distance, 1/m: 1 cm away counts a third. Pairs in
-contact decide; the paper gives no weights."""
+PAIR_DECAY = 100.0
+"""Decay of a pair's weight with its target distance, 1/m: at 1 cm it is a third, so that pairs in
+contact dominate. The paper states no weights."""
 
 
 @dataclass(frozen=True)
 class AlignConfig:
-    """Adam's settings and the deviations that weigh the statistics (the paper states none)."""
+    """Settings of Adam, and the deviations that weight the statistics; the paper states none."""
 
     steps: int = 20
     rate: float = 1.5e-3
-    """Adam's first step, metres; the last ones are nothing."""
+    """Length of Adam's first step in metres; it decays to zero."""
     distance_std: float = 0.003
     speed_std: float = 0.03
     """m/s: one millimetre a frame at 30 frames a second."""
     stay_std: float = 0.003
-    """How far keypoints may leave the stage before, metres."""
+    """Deviation of keypoints from the previous stage's, metres."""
 
 
 def align_to_relations(
@@ -41,9 +41,9 @@ def align_to_relations(
 ) -> Float[Tensor, "B T 21 3"]:
     """World keypoints near `joints` whose relations are near `target` on d, v_ho and both e.
 
-    Windows are independent: each has its own optimum and none sees the batch it came in.
+    Windows are independent: the optimum of each is the same in any batch.
     """
-    weight = torch.exp(-CLOSENESS * target.distance)
+    weight = torch.exp(-PAIR_DECAY * target.distance)
     share = weight / weight.sum((1, 2, 3), keepdim=True).clamp(min=1e-6)
 
     # in the canonical frame, because Adam's steps depend on the axes
@@ -59,8 +59,8 @@ def align_to_relations(
         stay = ((moved - start) / config.stay_std).square().sum(-1).mean((1, 2))
         return ((share * miss).sum((1, 2, 3)) + stay).sum()
 
-    # Adam takes full steps on gradients of rounding size, and would shake a hand that agrees. Here
-    # steps shrink below the gradient of a keypoint that is half a `stay_std` from its place.
+    # Adam takes full steps on gradients of rounding size and would shake a hand that agrees: steps
+    # shrink below the gradient of a keypoint that is half a `stay_std` from its place
     floor = 1 / (config.stay_std * joints.shape[1] * joints.shape[2])
     (moved,) = adam(
         loss,

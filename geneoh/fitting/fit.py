@@ -1,4 +1,4 @@
-"""Keypoints, and the object's surface, to hand parameters: damped least squares over all frames."""
+"""Hand parameters from keypoints and the object's surface: damped least squares over all frames."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -23,47 +23,47 @@ from geneoh.geometry.rotations import axis_angle_to_matrix, kabsch
 from geneoh.hand.model import ShapedHand
 from geneoh.hand.skeleton import TIP_PARENTS
 
-LONGEST_WAY = 0.02
-"""No phalanx is thicker, so none is pushed through more of the object than this, metres."""
+LONGEST_EXIT = 0.02
+"""Longest way out of the object for a vertex, metres; no phalanx is thicker."""
 PALM = (0, 1, 5, 9, 13, 17)
-"""Keypoints that move together when the fingers bend: wrist, thumb base and the four knuckles."""
+"""Keypoints that are rigid when the fingers bend: wrist, thumb base and the four knuckles."""
 
 
 @dataclass(frozen=True)
 class FitConfig:
-    """Deviations that weigh the terms against each other."""
+    """Numbers of steps, and the deviations and weights of the energy terms."""
 
     iterations: int = 8
     """Steps on keypoints alone."""
     contact_rounds: int = 8
-    """Rounds of two steps with the surface, each with fresh distances to it."""
+    """Rounds of two steps with the surface; each round queries the distances anew."""
     joint_std: float = 0.003
-    """Trusted distance between fitted and target keypoints, metres."""
+    """Deviation of fitted keypoints from trusted targets, metres."""
     prior: float = 0.1
-    """Weight of the relaxed pose against one deviation of a keypoint."""
+    """Weight of the relaxed pose, relative to one deviation of a keypoint."""
     limit: float = 20.0
     """Weight of overshooting a joint limit, 1/rad."""
     steady_finger: float = 16.0
-    """Weight of a finger joint's change between frames, 1/rad. A quarter of it jitters more and
-    is no nearer to the truth."""
+    """Weight of a finger joint's change between frames, 1/rad. A quarter of it gives more jitter
+    and no higher accuracy."""
     steady_wrist: float = 4.0
-    """Weight of the wrist's turn (1/rad) between frames; its position is left to the keypoints."""
+    """Weight of the wrist's rotation between frames, 1/rad; its position has no such weight."""
     depth_std: float = 0.0015
-    """Penetration that counts as much as a keypoint off by `joint_std`, metres. Flesh gives way,
-    meshes do not: recordings sink by millimetres, and to bar it all costs accuracy."""
+    """Penetration that counts as much as a keypoint error of `joint_std`, metres. Flesh is soft and
+    meshes are not: recorded hands penetrate by millimetres, and less costs accuracy."""
     touch: float = 0.003
-    """Fingertips closer than this to the surface are drawn onto it, metres."""
+    """Fingertips closer than this to the surface are attracted to it, metres."""
     touch_std: float = 0.002
     surface_verts: int = 96
-    """Vertices nearest to or deepest in the object that are looked at per frame."""
+    """Number of vertices per frame, nearest to or deepest in the object, that are considered."""
 
 
 KEYPOINTS_ALONE = FitConfig(steady_finger=0.2, steady_wrist=0.0)
-"""For the mesh of a track as it is: near its keypoints, jitter and all, the object unseen."""
+"""Settings for the mesh of an uncleaned track: close to its keypoints, jitter included."""
 
 
 def start_from_keypoints(joints: Float[Tensor, "S T 21 3"], shaped: ShapedHand) -> HandState:
-    """A start where there are no parameters: the palm laid on its keypoints, fingers relaxed."""
+    """Initial parameters where none are known: palm aligned to its keypoints, fingers relaxed."""
     model = shaped.model
     rotations = axis_angle_to_matrix(model.pose_mean.clone()).expand(*joints.shape[:2], 16, 3, 3)
     rest = shaped.joints_from_rotations(
@@ -94,11 +94,11 @@ def fit_hand(
 
     Args:
         target: keypoints in the world, one set per sample.
-        trust: 0 to 1 per keypoint; 0 leaves it to the prior and its neighbours in time.
-        shaped: the hand of the person.
-        start: parameters to start from (see `start_from_keypoints`).
+        trust: weight 0 to 1 per keypoint; one without is determined by the other terms.
+        shaped: the hand of the subject.
+        start: initial parameters (see `start_from_keypoints`).
         config: weights and iterations.
-        surface: the object; without it only keypoints count.
+        surface: the object; None fits to the keypoints alone.
         on_step: called with (done, total) after each iteration.
     """
     weight = trust.sqrt() / config.joint_std
@@ -132,13 +132,13 @@ def fit_keypoints(
     shaped: ShapedHand,
     start: HandState | None = None,
 ) -> HandState:
-    """The hand of a track as it is, without the object: what a bare keypoint track's mesh is.
+    """The hand of an uncleaned track, fitted to its keypoints without the object.
 
     Args:
         target: keypoints in the world, one set per sample.
         trust: 0 to 1 per keypoint.
-        shaped: the hand of the person.
-        start: parameters to start from, where the track has any.
+        shaped: the hand of the subject.
+        start: initial parameters, where the track has any.
     """
     start = start or start_from_keypoints(target, shaped)
     return fit_hand(target, trust, shaped, start, config=KEYPOINTS_ALONE)
@@ -158,7 +158,7 @@ def _step(
     weight: Float[Tensor, " 51"],
     damping: Float[Tensor, "S 1"],
 ) -> tuple[HandState, Equations, Float[Tensor, "S 1"]]:
-    """One damped step per sample, kept where it lowers the energy; damping follows the success."""
+    """One damped step per sample, kept where it lowers the energy; then the damping falls."""
     steady, pull = steadiness(state, weight)
     before = (here.energy + steady).sum(-1, keepdim=True)
     scale = here.matrix.diagonal(dim1=-2, dim2=-1).mean((-1, -2))[:, None, None]
@@ -190,10 +190,10 @@ def _pick(better: Bool[Tensor, " S"], new: Tensor, old: Tensor) -> Tensor:
 def contact_planes(
     state: HandState, shaped: ShapedHand, surface: MovingSurface, config: FitConfig
 ) -> Planes:
-    """Inside the object the hand is pushed out; a fingertip that nearly touches is drawn on.
+    """Planes that push vertices out of the object and attract fingertips that nearly touch it.
 
-    The vertices least far from the object are looked at; those that are neither inside nor the
-    nearest of a touching phalanx get no weight.
+    Only the vertices nearest to the object are considered; those that are neither inside nor the
+    nearest of a fingertip's phalanx get no weight.
     """
     verts = shaped.verts_from_rotations(state.rotations, state.wrist).verts
     bone = shaped.model.skin_weights.argmax(-1)
@@ -220,11 +220,11 @@ def contact_planes(
 def way_out(
     verts: Float[Tensor, "S T V 3"], bone: Int[Tensor, " V"], surface: MovingSurface
 ) -> SurfaceQuery:
-    """Distance to the object, where each phalanx leaves it on one side.
+    """Distance to the object, with one direction out of it for each phalanx.
 
-    In a thin part the nearest side of a vertex may be the far one, and the vertices of a phalanx
-    would be torn apart. A phalanx leaves towards where the rest of it is: of the vertices that the
-    nearest side would send the other way, the closest point and normal are those ahead.
+    In a thin part the nearest side of a deep vertex may be the wrong one, and the vertices of a
+    phalanx would be pulled apart. A phalanx leaves towards its own outside part: vertices whose
+    nearest side lies the other way get the closest point and normal in that direction instead.
     """
     found = surface.query(verts)
     parts = torch.nn.functional.one_hot(bone).to(verts)
@@ -234,14 +234,14 @@ def way_out(
         sums = torch.einsum("...v,vb,...vc->...bc", chosen, parts, verts)
         middles.append(sums / torch.einsum("...v,vb->...b", chosen, parts)[..., None])
     ahead = torch.nn.functional.normalize(middles[1] - middles[0], dim=-1)[..., bone, :]
-    # a phalanx that is wholly inside or outside has no direction: nan, which is never below 0
+    # the direction of a phalanx that is wholly inside or outside is nan, which is never below 0
     wrong = (inside > 0) & ((found.normal * ahead).sum(-1) < 0)
     if not wrong.any():
         return found
     sample, frame, vert = torch.nonzero(wrong, as_tuple=True)
     start, ahead = verts[sample, frame, vert], ahead[sample, frame, vert]
     reach, normal = surface.exits(frame, start, ahead)
-    ok = reach < LONGEST_WAY
+    ok = reach < LONGEST_EXIT
     at = (sample[ok], frame[ok], vert[ok])
     closest, normals = found.closest.clone(), found.normal.clone()
     closest[at] = start[ok] + reach[ok, None] * ahead[ok]

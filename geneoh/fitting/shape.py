@@ -1,4 +1,4 @@
-"""One shape per sequence: betas of a hand model from a rest skeleton or from bone lengths."""
+"""The betas of a sequence's hand, from its rest skeleton or from its bone lengths."""
 
 import torch
 from jaxtyping import Float
@@ -8,14 +8,14 @@ from geneoh.hand.model import HandModel
 from geneoh.hand.skeleton import OPENPOSE_FROM_MANO
 
 OFFSET_STD = 0.0005
-"""How well a rest offset is known from pose and joints together, metres."""
+"""Deviation of a rest offset that is known from pose and joints together, metres."""
 BONE_STD = 0.002
-"""How well a bone's length is known from noisy joints, metres."""
-ITERATIONS = 8
+"""Deviation of a bone's length that is known from noisy joints, metres."""
+GAUSS_NEWTON_STEPS = 8
 
 
 def _skeleton_basis(model: HandModel) -> tuple[Float[Tensor, "20 3"], Float[Tensor, "20 3 S"]]:
-    """Rest offsets at zero betas and their change per beta: the offsets are linear in the betas."""
+    """Rest offsets at zero betas and their change per unit of each beta; they are linear in it."""
     count = model.shape_dirs.shape[-1]
     mean = model.shaped(model.template.new_zeros(count)).offsets
     each = model.shaped(torch.eye(count).to(model.template)).offsets
@@ -29,7 +29,7 @@ def _bone_order() -> list[int]:
 
 
 def betas_from_offsets(model: HandModel, offsets: Float[Tensor, "20 3"]) -> Float[Tensor, " S"]:
-    """Betas whose rest skeleton is nearest to the given one, with a standard normal prior."""
+    """Betas whose rest skeleton is nearest to the given one, under a standard normal prior."""
     mean, basis = _skeleton_basis(model)
     rows = basis.flatten(0, 1) / OFFSET_STD
     wanted = (offsets - mean).flatten() / OFFSET_STD
@@ -38,16 +38,16 @@ def betas_from_offsets(model: HandModel, offsets: Float[Tensor, "20 3"]) -> Floa
 
 
 def betas_from_lengths(model: HandModel, lengths: Float[Tensor, " 20"]) -> Float[Tensor, " S"]:
-    """Betas whose bones are as long as those of `bone_lengths`, with a standard normal prior.
+    """Betas whose bones have nearly the given `bone_lengths`, under a standard normal prior.
 
-    Gauss-Newton: lengths hardly bend over the range of shapes, so a few steps reach the optimum.
+    By Gauss-Newton: lengths are almost linear in the betas, so a few steps reach the optimum.
     """
     mean, basis = _skeleton_basis(model)
     order = _bone_order()
     mean, basis = mean[order], basis[order]
     betas = mean.new_zeros(basis.shape[-1])
     eye = torch.eye(len(betas)).to(basis)
-    for _ in range(ITERATIONS):
+    for _ in range(GAUSS_NEWTON_STEPS):
         bones = mean + basis @ betas
         length = bones.norm(dim=-1)
         rows = torch.einsum("bcs,bc->bs", basis, bones / length[:, None]) / BONE_STD

@@ -12,9 +12,9 @@ def solve_coupled_frames(
 ) -> Float[Tensor, "S T U"]:
     """Solve M x = right, where frames are coupled by -diag(coupling) between neighbours.
 
-    Block elimination: exact, one small Cholesky factor per frame, batched over samples. `matrix`
-    holds the diagonal blocks without the coupling's own share, which is added here (each frame
-    gets one `coupling` per neighbour), so any coupling >= 0 keeps a positive definite system so.
+    Exact block elimination with one small Cholesky factor per frame, batched over samples. `matrix`
+    holds the diagonal blocks without the coupling, which is added here once per neighbour of a
+    frame, so that any coupling >= 0 keeps the system positive definite.
     """
     frames = matrix.shape[1]
     neighbours = torch.full((frames,), 2.0).to(matrix)

@@ -20,7 +20,7 @@ UNKNOWNS = 51
 
 @dataclass(frozen=True)
 class HandState:
-    """Hands of S samples over T frames as the fit moves them, world frame."""
+    """Hand parameters of S samples over T frames, the unknowns of the fit, world frame."""
 
     rotations: Float[Tensor, "S T 16 3 3"]
     wrist: Float[Tensor, "S T 3"]
@@ -45,7 +45,7 @@ class Equations:
     matrix: Float[Tensor, "S T 51 51"]
 
     def __add__(self, other: "Equations") -> "Equations":
-        """The equations of both terms together."""
+        """The equations of the sum of both terms."""
         return Equations(
             self.energy + other.energy,
             self.gradient + other.gradient,
@@ -129,7 +129,7 @@ def pose_term(state: HandState, model: HandModel, prior: float, limit: float) ->
     over = (pose - model.pose_high[1:]).clamp(min=0) + (pose - model.pose_low[1:]).clamp(max=0)
     slope = (prior / model.pose_std[1:]).expand_as(pose)
     hit = (over != 0).to(pose) * limit
-    # near enough: d(axis-angle)/dw is the identity for small rotations, and the step is damped
+    # d(axis-angle)/dw is the identity for small rotations only, but the steps are damped
     gradient = torch.zeros(*pose.shape[:-2], UNKNOWNS).to(pose)
     diagonal = torch.zeros_like(gradient)
     gradient[..., 3:48] = (toward * slope + over * limit * hit).flatten(-2)
@@ -140,22 +140,22 @@ def pose_term(state: HandState, model: HandModel, prior: float, limit: float) ->
 
 @dataclass(frozen=True)
 class Planes:
-    """Tangent planes of the object that chosen vertices should reach, per sample and frame."""
+    """Tangent planes of the object that some vertices should reach, per sample and frame."""
 
     verts: Int[Tensor, "S T K"]
     """Indices of the vertices."""
     closest: Float[Tensor, "S T K 3"]
-    """A point of the plane, world; `normal` is its unit normal."""
+    """A point of the plane in the world; `normal` is its unit normal."""
     normal: Float[Tensor, "S T K 3"]
     weight: Float[Tensor, "S T K"]
-    """1 / deviation in 1/m; 0 leaves a vertex alone."""
+    """1 / deviation in 1/m; 0 ignores a vertex."""
 
 
 def surface_term(state: HandState, shaped: ShapedHand, planes: Planes) -> Equations:
-    """Signed height of the chosen vertices over their planes, towards zero.
+    """Signed height of the chosen vertices over their planes, which should be zero.
 
-    The derivative leaves out how the pose correctives change with the pose: a bulge of a millimetre
-    turns with its bone, and that is in.
+    The derivative neglects how the pose correctives, about a millimetre, change with the pose; that
+    they turn with their bone is included.
     """
     verts, normal = planes.verts, planes.normal
     _, turn, centers = _kinematics(state, shaped)
@@ -194,7 +194,7 @@ def steadiness(
     """Energy and half gradient of the change between neighbouring frames, per unknown.
 
     The change of a local rotation is the axis-angle of R_t^T R_{t+1}, that of the wrist a
-    difference. Its Gauss-Newton matrix is tridiagonal and known to the solver.
+    difference. The solver adds the Gauss-Newton matrix of this term, which is tridiagonal.
     """
     rotations, wrist = state.rotations, state.wrist
     change = matrix_to_axis_angle(rotations[:, :-1].transpose(-1, -2) @ rotations[:, 1:])

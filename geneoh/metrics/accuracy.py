@@ -1,4 +1,4 @@
-"""How far from the truth, per frame: keypoints, vertices, and whether the spread says as much."""
+"""Distance from the ground truth per frame: keypoints, vertices, calibration of the spread."""
 
 import math
 
@@ -11,7 +11,7 @@ def mpjpe(
 ) -> Float[Tensor, "*B T"]:
     """Mean per-joint position error of each frame, metres, in the world frame without alignment.
 
-    Frames that were not observed are NaN in, NaN out; `mean_over_frames` leaves them out.
+    NaN in frames whose keypoints are NaN; `mean_over_frames` leaves these out.
 
     Source: GeneOH Diffusion, C.2 (mean per-joint position error).
     """
@@ -21,7 +21,7 @@ def mpjpe(
 def mpvpe(
     verts: Float[Tensor, "*B T V 3"], truth: Float[Tensor, "*#B T V 3"]
 ) -> Float[Tensor, "*B T"]:
-    """Mean per-vertex position error of each frame, metres; both hands of one topology.
+    """Mean per-vertex position error of each frame, metres; both hands have the same topology.
 
     Source: GeneOH Diffusion, C.2 (mean per-vertex position error).
     """
@@ -38,11 +38,11 @@ def within_spread(
     truth: Float[Tensor, "*#B T 21 3"],
     spread: Float[Tensor, "*#B T 21"],
 ) -> Float[Tensor, "*B T"]:
-    """Share of each frame's keypoints whose truth lies in the 90% radius: 0.9 if calibrated.
+    """Share of each frame's keypoints whose truth lies in the 90% radius; 0.9 if calibrated.
 
     Args:
-        joints: the answer, metres.
+        joints: the estimated keypoints, metres.
         truth: the true keypoints, metres.
-        spread: root mean square distance that the answer's keypoints are said to be off by, metres.
+        spread: stated root mean square error of each estimated keypoint, metres.
     """
     return ((joints - truth).norm(dim=-1) <= RADIUS_90 * spread).to(joints).mean(-1)

@@ -1,8 +1,8 @@
-"""How hand and object meet: depth, contact, and whether they move together.
+"""Hand-object interaction metrics: penetration, contact, and motion of hand and object together.
 
 Distances are those of hand vertices to the object (`geometry.distance.MovingSurface`), signed, in
-metres, negative inside. Definitions follow GeneOH Diffusion, C.2, where it gives one, with true
-distances to the triangles in place of nearest vertices: not to be set beside the paper's numbers.
+metres, negative inside. Definitions follow GeneOH Diffusion, C.2, where it gives one, but with true
+distances to the triangles in place of nearest vertices: do not compare with the paper's numbers.
 """
 
 from dataclasses import dataclass
@@ -14,13 +14,13 @@ from torch import Tensor
 from geneoh.geometry.distance import MovingSurface, SurfaceQuery
 
 TOUCH = 0.005
-"""Metres within which a hand point counts as touching: skin gives, and meshes are coarse."""
+"""Metres within which a hand point counts as touching: skin is soft, and meshes are coarse."""
 CONTACT_MAP = 0.002
 """Metres of the paper's contact map."""
 FINGERTIP_RADIUS = 0.015
 """Metres around a tip keypoint in which vertices belong to that fingertip."""
-CLOSENESS = 100.0
-"""Per metre: how fast the object's hold on the hand fades with distance (paper, C.2)."""
+CONSISTENCY_DECAY = 100.0
+"""Decay of a hand point's expected share in the object's motion with distance, 1/m (paper, C.2)."""
 MOVING = 0.0003
 """Metres a frame from which an object counts as moving (the released code's mask)."""
 
@@ -53,12 +53,12 @@ def tips_in_contact(
 
 @dataclass(frozen=True)
 class ContactAgreement:
-    """How one contact map agrees with the true one, 0 to 1; NaN where there is nothing to share."""
+    """Agreement of a contact map with the true one, 0 to 1; NaN where a ratio is undefined."""
 
     iou: Float[Tensor, "*B"]
     """Intersection over union."""
     precision: Float[Tensor, "*B"]
-    """Share of the contact found that is true."""
+    """Share of the found contact that is true."""
     recall: Float[Tensor, "*B"]
     """Share of the true contact that is found."""
     f_score: Float[Tensor, "*B"]
@@ -87,9 +87,9 @@ def contact_iou(
 ) -> Float[Tensor, "*B"]:
     """Intersection over union of two contact maps over all frames, 0 to 1; NaN without contact.
 
-    The plain version: a hand vertex is in contact when it is at most 2 mm from the surface, on
-    either side. The paper takes the map from object points by TOCH's ray correspondences, as
-    `correspondence.object_contact` does.
+    The simple definition: a hand vertex is in contact when it is at most 2 mm from the surface, on
+    either side. The paper's map is of object points by TOCH's ray correspondences, as in
+    `correspondence.object_contact`.
     """
     return contact_agreement(distance.abs() <= threshold, truth.abs() <= threshold).iou
 
@@ -111,15 +111,15 @@ def motion_consistency(
 ) -> Float[Tensor, " T-1"]:
     """Hand-object motion consistency of each frame in square metres; NaN where the object rests.
 
-    ||exp(-100 d) dh - do||^2 for the nearest pair of hand and object point (h, o), d apart; dh and
-    do are how far each goes to the next frame, o with the part of the object that it lies on. Zero
-    for a hand that carries what it touches.
+    ||exp(-100 d) dh - do||^2 for the nearest pair of hand and object point (h, o) at distance d; dh
+    and do are their steps to the next frame, where o moves with the object's part that it lies on.
+    Zero for a hand that carries what it touches.
 
     Source: C.2, hand-object motion consistency.
 
     Args:
         verts: hand points, world frame.
-        query: what the object answered to them.
+        query: the object's distance, closest point and normal for each of them.
         surface: the object.
     """
     gap, nearest = query.distance.abs().min(-1)
@@ -130,7 +130,7 @@ def motion_consistency(
     now, later = surface.pose(frames, part), surface.pose(frames + 1, part)
     step = later.compose(now.inverse()).apply(touched[:-1, None])[:, 0] - touched[:-1]
     hand_step = (verts[1:] - verts[:-1]).gather(1, pick[:-1])[:, 0]
-    miss = (torch.exp(-CLOSENESS * gap[:-1, None]) * hand_step - step).square().sum(-1)
+    miss = (torch.exp(-CONSISTENCY_DECAY * gap[:-1, None]) * hand_step - step).square().sum(-1)
     return torch.where(step.norm(dim=-1) > MOVING, miss, torch.nan)
 
 
@@ -144,14 +144,14 @@ def fingertip_slip(
 ) -> Float[Tensor, " T-1"]:
     """Speed in metres per second at which touching fingertips slide over the object, per frame.
 
-    Of each fingertip the vertex nearest to the object stands for it. It counts when it is at most
-    5 mm from the object in this frame and the next; what it moves along the surface, in the frame
-    of the part that it touches, is its slip. Mean over the fingertips that count, NaN without any.
-    The counterpart of foot skate: zero for a finger that rolls off, presses, or holds fast.
+    Each fingertip is represented by its vertex nearest to the object. It counts when that vertex is
+    at most 5 mm from the object in this frame and the next; its slip is the vertex's motion along
+    the surface in the frame of the touched part. Mean over the fingertips that count, NaN without
+    any. The counterpart of foot skate: zero for a finger that lifts off, presses, or holds still.
 
     Args:
         verts: hand points, world frame.
-        query: what the object answered to them.
+        query: the object's distance, closest point and normal for each of them.
         tips: keypoints of the five fingertips.
         surface: the object.
         fps: frames a second.
@@ -165,7 +165,7 @@ def fingertip_slip(
     now, later = verts[frame, pick], verts[frame + 1, pick]
     part = surface.at(slice(-1)).part_at(query.closest[frame, pick])
     before, after = surface.pose(frame, part), surface.pose(frame + 1, part)
-    # Where the vertex would be had it stayed on the part; `apply` takes sets of points.
+    # the vertex if it had stayed on the part; `apply` takes sets of points
     carried = after.compose(before.inverse()).apply(now[..., None, :])[..., 0, :]
     turned = (after.rotation @ before.rotation.mT @ query.normal[frame, pick][..., None])[..., 0]
     moved = later - carried

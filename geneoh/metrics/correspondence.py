@@ -1,8 +1,8 @@
-"""Contact on the object, by TOCH's rays: which object points have the hand in front of them.
+"""Contact on the object by the rays of TOCH: the object points that have the hand in front of them.
 
-From each object point a ray leaves along the normal, or against it where the point is inside the
-hand; the first thing it meets of the hand is the point's correspondence, unless it meets the object
-before. A point is in contact when its correspondence is at most 2 mm away, on either side.
+From each object point a ray is cast along the normal, or against it where the point is inside the
+hand. The first point of the hand that it meets is the object point's correspondence, unless the ray
+meets the object before. A point is in contact when its correspondence is at most 2 mm away.
 
 Source: Zhou et al., TOCH, 2022, section 3.1; GeneOH Diffusion, C.2 (contact IoU).
 """
@@ -20,15 +20,15 @@ from geneoh.geometry.solid import as_arrays
 from geneoh.metrics.contact import CONTACT_MAP
 
 SAMPLES = 8000
-"""Points on an object, as in TOCH; shared by its parts by area."""
-START = 1e-4
-"""Metres in front of a point from which the object may stand in the ray's way (TOCH)."""
+"""Points on an object, as in TOCH, distributed over its parts by area."""
+RAY_OFFSET = 1e-4
+"""Distance from a point at which its ray may first be blocked by the object (TOCH), metres."""
 
 
 def contact_points(
     fields: tuple[SurfaceDistance, ...], *, generator: torch.Generator, count: int = SAMPLES
 ) -> tuple[SurfaceSamples, ...]:
-    """Points spread evenly over the surface of an object's parts, in the parts' frames."""
+    """Points drawn evenly from the surface of an object's parts, in the parts' frames."""
     areas = [float(field.solid.surface.face_vectors().norm(dim=-1).sum()) for field in fields]
     return tuple(
         sample_surface(field.solid, max(1, round(count * area / sum(areas))), generator=generator)
@@ -45,8 +45,8 @@ def object_contact(
 ) -> Bool[Tensor, "T P"]:
     """Whether each object point has the hand within the threshold along its ray, part after part.
 
-    A frame without a hand has no contact. To be given to `contact.contact_agreement` together with
-    the map of the true hand on the same points.
+    A frame without a hand has no contact. `contact.contact_agreement` compares it with the map of
+    the true hand on the same points.
 
     Args:
         verts: hand, world frame; an opening at its wrist is closed.
@@ -70,7 +70,8 @@ def object_contact(
 def rays_meet(
     hand: Mesh, field: SurfaceDistance, samples: SurfaceSamples, threshold: float
 ) -> Bool[Tensor, " P"]:
-    """Whether each point's correspondence is within the threshold; all in the part's frame."""
+    """Whether each point's correspondence is within the threshold; all in the part's frame, on the
+    CPU."""
     verts, faces = as_arrays(hand)
     points, normals = (x.cpu().double().numpy() for x in (samples.points, samples.normals))
     met = np.zeros(len(points), dtype=bool)
@@ -80,7 +81,7 @@ def rays_meet(
         return torch.from_numpy(met)
     tree = igl.AABB()
     tree.init(verts, faces)
-    # No ray is shorter than the distance, so the few points that are near are enough.
+    # a ray is never shorter than the distance, so only near points can be in contact
     squared = np.asarray(tree.squared_distance(verts, faces, points[near])[0])
     near = near[squared <= threshold**2]
     if not len(near):
@@ -89,6 +90,6 @@ def rays_meet(
     inside = np.abs(igl.winding_number(verts, faces, start)) > 0.5
     ahead = np.where(inside[:, None], -normals[near], normals[near])
     reach, _ = first_hit(tree, verts, faces, start, ahead)
-    blocked = field.first_hit(start + START * ahead, ahead) + START < reach
+    blocked = field.first_hit(start + RAY_OFFSET * ahead, ahead) + RAY_OFFSET < reach
     met[near] = (reach <= threshold) & ~blocked
     return torch.from_numpy(met)

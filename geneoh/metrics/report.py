@@ -1,4 +1,4 @@
-"""What to tell about one interaction, and about the same interaction before and after."""
+"""Quality report of one interaction without ground truth, and its comparison before and after."""
 
 from dataclasses import asdict, dataclass
 
@@ -26,7 +26,7 @@ class InteractionReport:
     frames: int
     """Valid frames."""
     penetration_mean_mm: float
-    """Depth of the deepest vertex, mean over frames."""
+    """Depth of the deepest vertex, mean over the frames."""
     penetration_max_mm: float
     contact_fraction: float
     """Share of the frames in which the hand is at most 5 mm from the object."""
@@ -49,16 +49,17 @@ def measure(
     fps: float,
     valid: Bool[Tensor, " T"] | None = None,
 ) -> InteractionReport:
-    """Measure one hand against one object, without any ground truth.
+    """The report of one hand and one object.
 
     Args:
         verts: hand, world frame.
         joints: keypoints in OpenPose order, world frame.
         surface: the object.
         fps: frames a second.
-        valid: frames that count; all when left out.
+        valid: frames that count; all by default.
     """
-    valid = torch.ones(len(verts), dtype=torch.bool) if valid is None else valid.cpu()
+    if valid is None:
+        valid = torch.ones(len(verts), dtype=torch.bool, device=verts.device)
     query = surface.query(verts)
     distance = query.distance[valid]
     touching = in_contact(distance)
@@ -86,21 +87,21 @@ LINES = (
     ("acceleration_mm", "acceleration of keypoints", "mm/frame²"),
     ("consistency_mm2", "hand-object motion inconsistency", "mm²"),
 )
-"""Field, what a person calls it, unit."""
+"""Field, readable name, unit."""
 
 
 def before_and_after(before: InteractionReport, after: InteractionReport) -> list[str]:
-    """One line of text per measure: name, value before, value after, unit."""
+    """One line of text per metric: name, value before, value after, unit."""
     lines = []
     for field, name, unit in LINES:
         scale = 100 if unit == "%" else 1
-        old, new = (shown(scale * getattr(report, field)) for report in (before, after))
+        old, new = (format_number(scale * getattr(report, field)) for report in (before, after))
         lines.append(f"{name:<34}{old:>8} -> {new:>8} {unit}".rstrip())
     return lines
 
 
-def shown(value: float) -> str:
-    """A number for people: two decimals below 10, one above; n/a for NaN."""
+def format_number(value: float) -> str:
+    """A number as text: two decimals below 10, one above; n/a for NaN."""
     if value != value:
         return "n/a"
     return f"{value:.2f}" if abs(value) < 10 else f"{value:.1f}"

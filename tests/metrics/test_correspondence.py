@@ -13,7 +13,7 @@ from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.geometry.sampling import SurfaceSamples
 from geneoh.hand.library import load_hand
 from geneoh.metrics.contact import contact_agreement
-from geneoh.metrics.correspondence import START, contact_points, object_contact
+from geneoh.metrics.correspondence import RAY_OFFSET, contact_points, object_contact
 
 STILL = (torch.eye(3).expand(1, 1, 3, 3), torch.zeros(1, 1, 3))
 
@@ -97,8 +97,8 @@ def slow(hand: Mesh, field: SurfaceDistance, points: SurfaceSamples) -> list[boo
         inside = len(crossings(hand, start, anywhere)) % 2 == 1
         ahead = -normal if inside else normal
         reach = min(crossings(hand, start, ahead), default=math.inf)
-        before = crossings(field.mesh, start + START * ahead, ahead)
-        blocked = min(before, default=math.inf) + START < reach
+        before = crossings(field.mesh, start + RAY_OFFSET * ahead, ahead)
+        blocked = min(before, default=math.inf) + RAY_OFFSET < reach
         answers.append(reach <= 0.002 and not blocked)
     return answers
 
