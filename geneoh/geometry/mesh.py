@@ -11,6 +11,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from torch import Tensor
 
+from geneoh.bundle import Bundle
 from geneoh.errors import InputError
 
 MESH_SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb")
@@ -30,7 +31,7 @@ TINY = 1e-30
 
 
 @dataclass(frozen=True)
-class Mesh:
+class Mesh(Bundle):
     """A triangle mesh in metres; faces are counter-clockwise seen from outside, if they agree."""
 
     verts: Float[Tensor, "V 3"]

@@ -11,7 +11,7 @@ equations 1 to 3); the keypoints are the 16 joints and one surface vertex per fi
 rigidly with the distal bone.
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -19,13 +19,14 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from geneoh.bundle import Bundle
 from geneoh.choices import Side
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import MANO_FROM_OPENPOSE, PARENTS, TIP_PARENTS, forward_kinematics
 
 
 @dataclass(frozen=True)
-class PosedHand:
+class PosedHand(Bundle):
     """Hands in the world frame, metres."""
 
     verts: Float[Tensor, "*B V 3"]
@@ -34,7 +35,7 @@ class PosedHand:
 
 
 @dataclass(frozen=True, eq=False)
-class HandModel:
+class HandModel(Bundle):
     """One side of a hand model in its rest pose, in MANO's fields and conventions."""
 
     name: str
@@ -67,11 +68,6 @@ class HandModel:
     def pose_basis(self) -> Float[Tensor, "135 V3"]:
         """The correctives, coordinates before vertices: laid out for one matrix product."""
         return self.pose_dirs.permute(2, 1, 0).flatten(1).contiguous()
-
-    def to(self, device: torch.device | str) -> "HandModel":
-        """The same model on another device."""
-        moved = {f.name: getattr(self, f.name) for f in fields(self)}
-        return replace(self, **{k: v.to(device) for k, v in moved.items() if isinstance(v, Tensor)})
 
     def shaped(self, betas: Float[Tensor, "*B S"]) -> "ShapedHand":
         """The rest pose of the person with these betas, the wrist joint moved to the origin."""
@@ -110,7 +106,7 @@ class HandModel:
 
 
 @dataclass(frozen=True, eq=False)
-class ShapedHand:
+class ShapedHand(Bundle):
     """A hand of one shape in the rest pose, wrist joint at the origin, metres."""
 
     model: HandModel

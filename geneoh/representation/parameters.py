@@ -5,14 +5,14 @@ bones: noise of hand trackers is simple here (independent per parameter, around 
 keypoints it shortens fingers.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from geneoh.bundle import Bundle
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.hand.skeleton import forward_kinematics
 from geneoh.representation.region import ContactRegion
@@ -22,7 +22,7 @@ UNIT = (0.01,) * 3 + (0.08,) * 3 + (0.25,) * 45
 
 
 @dataclass(frozen=True)
-class HandParameters:
+class HandParameters(Bundle):
     """Right hands over T frames in a canonical frame, metres and radians."""
 
     wrist: Float[Tensor, "*B T 3"]
@@ -60,10 +60,6 @@ class HandParameters:
     def joints(self) -> Float[Tensor, "*B T 21 3"]:
         """Keypoints by forward kinematics."""
         return self.posed[0]
-
-    def map(self, function: Callable[[Tensor], Tensor]) -> "HandParameters":
-        """The same function on every tensor: for what concerns the leading axes alone."""
-        return HandParameters(*(function(getattr(self, field.name)) for field in fields(self)))
 
     def to_canon(self, region: ContactRegion) -> "HandParameters":
         """Hands of the world in the canonical frame of a region."""

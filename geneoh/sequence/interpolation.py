@@ -6,6 +6,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from geneoh.bundle import FRAMES
 from geneoh.geometry.rotations import (
     axis_angle_to_matrix,
     interpolate_rotations,
@@ -43,10 +44,10 @@ class Between:
 
     def hand(self, hand: HandTrack, valid: Bool[Tensor, " N"]) -> HandTrack:
         """The hand at these places, of which `valid` says where it was observed."""
-        fields = {
-            name: self.points(value)
-            for name in ("joints", "wrist", "confidence", "joint_spread")
-            if (value := getattr(hand, name)) is not None
-        }
-        pose = None if hand.pose is None else self.pose(hand.pose)
-        return replace(hand, valid=valid, pose=pose, **fields)
+        moved = hand.map(
+            lambda values: (
+                self.points(values) if values.is_floating_point() else values[self.before]
+            ),
+            FRAMES,
+        )
+        return replace(moved, valid=valid, pose=None if hand.pose is None else self.pose(hand.pose))

@@ -8,30 +8,10 @@ import torch
 from geneoh.errors import ConfigError, InputError
 from geneoh.pipeline.denoise import Denoised, Options, denoise
 from geneoh.pipeline.presets import preset
-from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
+from geneoh.sequence.sequence import HandTrack, ObjectTrack
 from geneoh.sequence.windows import WINDOW, window_starts
 
 FAST = Options(preset="fast")
-
-
-def piece(sequence: Sequence, start: int, stop: int) -> Sequence:
-    """Frames `start` to `stop` - 1 of a sequence."""
-
-    def cut(hand: HandTrack) -> HandTrack:
-        names = ("valid", "joints", "pose", "wrist")
-        kept = {n: v[start:stop] for n in names if (v := getattr(hand, n)) is not None}
-        return replace(hand, **kept)
-
-    moving = sequence.object
-    return replace(
-        sequence,
-        hands=tuple(cut(hand) for hand in sequence.hands),
-        object=replace(
-            moving,
-            rotation=moving.rotation[start:stop],
-            translation=moving.translation[start:stop],
-        ),
-    )
 
 
 def joints_of(result: Denoised) -> torch.Tensor:
@@ -89,7 +69,7 @@ def test_spread_over_samples_is_reported_per_joint_and_frame(whole):
 
 
 def test_mirrored_input_gives_mirrored_output(noisy):
-    left = piece(noisy, 40, 60)
+    left = noisy[40:60]
     right = replace(
         left,
         hands=tuple(hand.mirrored() for hand in left.hands),
@@ -106,7 +86,7 @@ def test_mirrored_input_gives_mirrored_output(noisy):
 def test_rigidly_moved_scene_gives_the_rigidly_moved_result(noisy, start):
     from geneoh.geometry.rotations import axis_angle_to_matrix
 
-    short = piece(noisy, start, start + 20)
+    short = noisy[start : start + 20]
     turn, shift = axis_angle_to_matrix(torch.tensor([0.3, -0.8, 0.5])), torch.tensor([0.4, 1, -0.2])
     hand, moving = short.hands[0], short.object
     moved = replace(
@@ -134,7 +114,7 @@ def test_rigidly_moved_scene_gives_the_rigidly_moved_result(noisy, start):
 
 
 def test_keypoints_alone_are_enough(noisy, clean):
-    short, truth = piece(noisy, 40, 70), piece(clean, 40, 70).hands[0].joints
+    short, truth = noisy[40:70], clean[40:70].hands[0].joints
     hand = short.hands[0]
     bare = replace(short, hands=(HandTrack(hand.side, hand.valid, joints=hand.joints),))
     result = denoise(bare, FAST)
@@ -145,13 +125,13 @@ def test_keypoints_alone_are_enough(noisy, clean):
 
 @pytest.mark.parametrize("frames", [1, 2, 20])
 def test_short_tracks_work(noisy, frames):
-    result = denoise(piece(noisy, 60, 60 + frames), FAST)
+    result = denoise(noisy[60 : 60 + frames], FAST)
     assert joints_of(result).shape == (frames, 21, 3)
     assert torch.isfinite(joints_of(result)).all()
 
 
 def test_same_seed_gives_the_same_result_and_another_seed_does_not(noisy):
-    short = piece(noisy, 50, 62)
+    short = noisy[50:62]
     a, b = joints_of(denoise(short, FAST)), joints_of(denoise(short, FAST))
     c = joints_of(denoise(short, replace(FAST, seed=1)))
     assert torch.equal(a, b)
@@ -159,7 +139,7 @@ def test_same_seed_gives_the_same_result_and_another_seed_does_not(noisy):
 
 
 def test_missing_frames_are_filled_and_marked(noisy):
-    short = piece(noisy, 40, 70)
+    short = noisy[40:70]
     hand = short.hands[0]
     valid = hand.valid.clone()
     valid[10:15] = False
@@ -176,7 +156,7 @@ def test_missing_frames_are_filled_and_marked(noisy):
 
 
 def test_other_frame_rates_come_back_as_they_were(noisy):
-    short = replace(piece(noisy, 40, 70), fps=60.0)
+    short = replace(noisy[40:70], fps=60.0)
     result = denoise(short, FAST)
     assert result.sequence.fps == 60.0
     assert result.sequence.frames == 30
@@ -185,7 +165,7 @@ def test_other_frame_rates_come_back_as_they_were(noisy):
 
 
 def test_closest_sample_is_the_one_nearest_to_the_input(noisy):
-    short = piece(noisy, 50, 62)
+    short = noisy[50:62]
     result = denoise(short, replace(FAST, samples=3, selection="closest"))
     samples, hand = result.hands["left"].samples, short.hands[0]
     apart = (samples - hand.joints).norm(dim=-1).mean((1, 2))
@@ -193,7 +173,7 @@ def test_closest_sample_is_the_one_nearest_to_the_input(noisy):
 
 
 def test_two_parts_and_two_hands_are_cleaned_together(noisy):
-    short = piece(noisy, 50, 60)
+    short = noisy[50:60]
     moving = short.object
     two = ObjectTrack(
         moving.meshes * 2,
@@ -215,7 +195,7 @@ def test_paper_preset_has_the_papers_schedule_and_no_observation():
 
 
 def test_paper_preset_runs(noisy):
-    result = denoise(piece(noisy, 50, 52), Options(preset="paper", steps=3))
+    result = denoise(noisy[50:52], Options(preset="paper", steps=3))
     assert torch.isfinite(joints_of(result)).all()
     assert result.sequence.hands[0].joint_spread is None
 

@@ -1,0 +1,162 @@
+"""Base of the frozen dataclasses whose tensors travel together: hands, objects, sequences, batches.
+
+The annotations say which axis of a field is which, so that a field which is added to a bundle is
+cut and joined with the others by construction: `Float[Tensor, "T 21 3"]` has its frames first,
+`Float[Tensor, "*B T 3"]` has them second to last, `Float[Tensor, " 10"]` has none.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, fields, replace
+from functools import cache
+from typing import Any, TypeVar, get_args, get_type_hints
+
+import numpy as np
+import torch
+from jaxtyping import AbstractArray
+from torch import Tensor
+
+FRAMES = "T"
+"""Name of the frame axis in the annotations."""
+
+Index = slice | Tensor | np.ndarray
+"""Entries along one axis: a slice, a mask or indices; the axis stays."""
+
+Axes = tuple[str, ...]
+"""Names of a tensor's axes as its annotation has them; empty where it has no such annotation."""
+
+Leaf = Tensor | np.ndarray
+
+AnyBundle = TypeVar("AnyBundle", bound="Bundle")
+
+
+@dataclass(frozen=True, eq=False)
+class Bundle:
+    """Tensors and numpy arrays that share axes; fields may be bundles, tuples or dicts of them."""
+
+    def map(
+        self: AnyBundle, function: Callable[[Tensor], Tensor], axis: str | None = None
+    ) -> AnyBundle:
+        """The bundle with the same function applied to every tensor, or to those with one axis."""
+
+        def mapped(value: Leaf, axes: Axes) -> Leaf:
+            if axis is not None and position(axis, axes, value.ndim) is None:
+                return value
+            return function(value) if isinstance(value, Tensor) else value
+
+        return self._changed(mapped)
+
+    def to(self: AnyBundle, device: torch.device | str) -> AnyBundle:
+        """The same tensors on another device; numpy arrays stay where they are."""
+        return self.map(lambda value: value.to(device))
+
+    def __getitem__(self: AnyBundle, frames: Index) -> AnyBundle:
+        """The chosen frames of every field that has frames; other fields stay as they are."""
+        return self.take(frames, FRAMES)
+
+    def take(self: AnyBundle, index: Index, axis: str) -> AnyBundle:
+        """The chosen entries along one axis, of every field that has this axis.
+
+        Args:
+            index: which entries.
+            axis: name of the axis in the annotations; "B" also stands for the first axis of `*B`.
+
+        Raises:
+            TypeError: the index is a single number, which would remove the axis, or a tensor's
+                annotation does not name its axes.
+        """
+        if not isinstance(index, Index):
+            raise TypeError(
+                f"{type(self).__name__} takes a slice, a mask or indices along {axis}, "
+                f"got {index!r}; one entry n is n : n + 1"
+            )
+
+        def cut(value: Leaf, axes: Axes) -> Any:
+            place = position(axis, axes, value.ndim)
+            return value if place is None else value[(slice(None),) * place + (index,)]
+
+        return self._changed(cut)
+
+    def _changed(self: AnyBundle, change: Callable[[Leaf, Axes], Leaf]) -> AnyBundle:
+        """The bundle with `change` applied to every tensor and array and the names of its axes."""
+        kinds = _annotations(type(self))
+        changed = {
+            field.name: _change(getattr(self, field.name), kinds[field.name], change)
+            for field in fields(self)
+        }
+        return replace(self, **changed)
+
+
+def concatenated(parts: Iterable[AnyBundle], axis: str = FRAMES) -> AnyBundle:
+    """Bundles of one type joined along an axis; fields without this axis are those of the first."""
+    first, *others = parts
+    rest = [_leaves(part) for part in others]
+    counted = iter(range(len(_leaves(first))))
+
+    def join(value: Leaf, axes: Axes) -> Leaf:
+        index = next(counted)
+        place = position(axis, axes, value.ndim)
+        if place is None:
+            return value
+        joined = [value, *(leaves[index] for leaves in rest)]
+        if isinstance(value, np.ndarray):
+            return np.concatenate(joined, axis=place)
+        return torch.cat(joined, dim=place)  # pyright: ignore
+
+    return first._changed(join)
+
+
+def position(axis: str, axes: Axes, ndim: int) -> int | None:
+    """Where an axis stands in a tensor of `ndim` axes; None where its annotation has no such axis.
+
+    Raises:
+        TypeError: the annotation names no axes at all.
+    """
+    if not axes:
+        raise TypeError("a tensor of a bundle needs an annotation with its axes, such as 'T 21 3'")
+    names = [name.lstrip("*#") for name in axes]
+    if axis not in names:
+        return None
+    index = names.index(axis)
+    several = [name.startswith(("*", "...")) for name in axes]
+    if several[index] and ndim < len(axes):
+        return None  # `*B` stands for no axis here
+    return ndim - len(axes) + index if any(several[:index]) else index
+
+
+def _leaves(bundle: Bundle) -> list[Any]:
+    """All tensors and arrays of a bundle, in the order of the fields."""
+    found: list[Leaf] = []
+
+    def note(value: Leaf, _: Axes) -> Leaf:
+        found.append(value)
+        return value
+
+    bundle._changed(note)
+    return found
+
+
+@cache
+def _annotations(kind: type) -> dict[str, Any]:
+    """The annotation of every field."""
+    return get_type_hints(kind)
+
+
+def _change(value: Any, kind: Any, change: Callable[[Leaf, Axes], Leaf]) -> Any:
+    """The value of one field, annotated as `kind`, after the change of all that it holds."""
+    if isinstance(value, Bundle):
+        return value._changed(change)
+    if isinstance(value, Leaf):
+        return change(value, _axes(kind))
+    if isinstance(value, tuple):
+        return tuple(_change(each, kind, change) for each in value)
+    if isinstance(value, dict):
+        return {key: _change(each, kind, change) for key, each in value.items()}
+    return value
+
+
+@cache
+def _axes(kind: Any) -> Axes:
+    """The names of the axes in an annotation; of all arrays in it, those of the first."""
+    if isinstance(kind, type) and issubclass(kind, AbstractArray):
+        return tuple(kind.dim_str.split())
+    return next((axes for part in get_args(kind) if (axes := _axes(part))), ())
