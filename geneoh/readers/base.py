@@ -11,7 +11,9 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Shaped
 
+from geneoh.bundle import Bundle
 from geneoh.choices import Side, Translation
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import Mesh
@@ -65,17 +67,17 @@ class SourceClip:
 
 
 @dataclass(frozen=True)
-class CrossChecks:
+class CrossChecks(Bundle):
     """What a source says a second time, in the frame of the sequence, metres."""
 
-    joints: dict[Side, Array] = field(default_factory=dict)
-    """(T, 21, 3) stored keypoints in OpenPose order, NaN where there are none."""
-    rim: dict[Side, Array] = field(default_factory=dict)
-    """(T, 3) a point of the stored mesh that moves rigidly with the wrist."""
+    joints: dict[Side, Shaped[Array, "T 21 3"]] = field(default_factory=dict)
+    """Stored keypoints in OpenPose order, NaN where there are none."""
+    rim: dict[Side, Shaped[Array, "T 3"]] = field(default_factory=dict)
+    """A point of the stored mesh that moves rigidly with the wrist."""
     tolerance: float = 0.005
     """Metres that stored keypoints may stand off: where they are another annotation, more."""
-    object_points: tuple[Array, Array] | None = None
-    """(T, P, 3) stored points of the moved object, and the same ones from its mesh and pose."""
+    object_points: tuple[Shaped[Array, "T P 3"], Shaped[Array, "T P 3"]] | None = None
+    """Stored points of the moved object, and the same ones from its mesh and pose."""
     said: tuple[str, ...] = ()
     """Contradictions that only the adapter can see, in words."""
 

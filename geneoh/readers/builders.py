@@ -288,7 +288,7 @@ def recordings(
             f"{name}_{span.start:05d}",
             part_of(sequence, span),
             mesh_names,
-            part_of_evidence(evidence, span),
+            evidence[span],
         )
         for span in stretches
         if any(bool(hand.valid[span].any()) for hand in sequence.hands)
@@ -299,34 +299,11 @@ def recordings(
 
 
 def part_of(sequence: Sequence, span: slice) -> Sequence:
-    """The frames of a slice; hands that are not in them are left out."""
-    hands = tuple(
-        replace(
-            hand,
-            **{
-                name: None if value is None else value[span]
-                for name in ("valid", "joints", "pose", "wrist", "confidence")
-                for value in [getattr(hand, name)]
-            },
-        )
-        for hand in sequence.hands
-        if bool(hand.valid[span].any())
-    )
-    motion = sequence.object
-    moved = replace(motion, rotation=motion.rotation[span], translation=motion.translation[span])
+    """The frames of a slice; hands that were observed in none of them are left out."""
+    part = sequence[span]
+    hands = tuple(hand for hand in part.hands if bool(hand.valid.any()))
     source = f"{sequence.source}, frames {span.start} to {span.stop - 1}"
-    return replace(sequence, hands=hands, object=moved, source=source)
-
-
-def part_of_evidence(evidence: CrossChecks, span: slice) -> CrossChecks:
-    """The frames of a slice."""
-    points = evidence.object_points
-    return replace(
-        evidence,
-        joints={side: values[span] for side, values in evidence.joints.items()},
-        rim={side: values[span] for side, values in evidence.rim.items()},
-        object_points=None if points is None else (points[0][span], points[1][span]),
-    )
+    return replace(part, hands=hands, source=source)
 
 
 def sequence_of(
