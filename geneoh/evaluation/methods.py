@@ -21,7 +21,7 @@ from geneoh.evaluation.answers import answer
 from geneoh.evaluation.cases import Case
 from geneoh.evaluation.external_results import stored_name
 from geneoh.fitting.fit import FitConfig, fit_hand, start_from_keypoints
-from geneoh.hand.library import load_hand
+from geneoh.hand.library import hand_of_betas, load_hand
 from geneoh.pipeline.denoise import NEAR, Denoised, Options, denoise
 from geneoh.pipeline.subject import subject_of
 from geneoh.readers.npz_files import load_sequence
@@ -54,7 +54,7 @@ class Cleaned:
 
     @property
     def spread(self) -> Float[Tensor, "T 21"] | None:
-        """How far off the keypoints are said to be, metres; None where nothing is said."""
+        """Expected error of the keypoints (`HandTrack.joint_spread`), metres, where it is known."""
         return None if self.result is None else self.result.sequence.hands[0].joint_spread
 
 
@@ -195,7 +195,7 @@ class GeneohRow:
         assert hand.pose is not None, "results carry a pose"
         assert hand.wrist is not None, "results carry a wrist"
         assert hand.betas is not None, "results carry betas"
-        model = load_hand(hand.side, source=self.options.hand, mano_dir=self.options.mano_dir)
+        model = hand_of_betas(hand.side, hand.hand_model, mano_dir=self.options.mano_dir)
         verts = model.shaped(hand.betas).posed(hand.pose, hand.wrist).verts
         return replace(everywhere(joints_of(result.sequence), verts), result=result)
 

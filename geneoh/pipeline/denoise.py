@@ -19,6 +19,7 @@ from geneoh.geometry.distance import MovingSurface
 from geneoh.geometry.mesh import size_warning
 from geneoh.geometry.rotations import matrix_to_axis_angle
 from geneoh.geometry.sampling import sample_surface
+from geneoh.hand.library import hand_of_betas
 from geneoh.hand.model import ShapedHand
 from geneoh.metrics.report import InteractionReport, measure
 from geneoh.pipeline.presets import Preset, preset
@@ -30,7 +31,7 @@ from geneoh.pipeline.stages import (
     denoise_temporal,
     denoise_trajectory,
 )
-from geneoh.pipeline.subject import Subject, hand_of, subject_of
+from geneoh.pipeline.subject import Subject, subject_of
 from geneoh.representation.parameters import HandParameters
 from geneoh.sequence.resample import at_rate, over_frames
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
@@ -141,7 +142,9 @@ def denoise(
         left = hand.side == "left"
         track = hand.mirrored() if left else hand
         moving = paced.object.mirrored() if left else paced.object
-        model = hand_of(hand, options.hand, options.mano_dir)
+        model = hand_of_betas(
+            hand.side, hand.hand_model, asked=options.hand, mano_dir=options.mano_dir
+        )
         subject = subject_of(track, model.mirrored() if left else model)
         result = _clean_right_hand(
             track, moving, subject, denoisers, chosen, options, paced.fps, on_progress

@@ -1,18 +1,14 @@
 """Who the hand belongs to: one shape for the track, its keypoints, and parameters to start from."""
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from geneoh.choices import HandSource
 from geneoh.fitting.shape import betas_from_lengths, betas_from_offsets
 from geneoh.fitting.terms import HandState
 from geneoh.geometry.rotations import axis_angle_to_matrix
-from geneoh.hand.library import load_hand
-from geneoh.hand.mano import AS_SHIPPED, MENDED
 from geneoh.hand.model import HandModel, ShapedHand
 from geneoh.hand.skeleton import bone_lengths, forward_kinematics, rest_offsets
 from geneoh.sequence.gaps import fill_gaps
@@ -37,13 +33,6 @@ class Subject:
     start: HandState | None
     """The input's own parameters, one sample, where it has usable ones."""
     notes: tuple[str, ...]
-
-
-def hand_of(track: HandTrack, source: HandSource, mano_dir: Path | str | None = None) -> HandModel:
-    """The hand of a source for a track; of MANO's two left hands the one its betas belong to."""
-    if source == MENDED and track.hand_model == AS_SHIPPED:
-        source = AS_SHIPPED
-    return load_hand(track.side, source=source, mano_dir=mano_dir)
 
 
 def subject_of(track: HandTrack, model: HandModel) -> Subject:

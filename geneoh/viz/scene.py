@@ -14,8 +14,7 @@ from geneoh.fitting.fit import fit_keypoints
 from geneoh.geometry.distance import MovingSurface
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.rigid import Rigid
-from geneoh.hand.library import load_hand
-from geneoh.hand.mano import AS_SHIPPED, MENDED
+from geneoh.hand.library import hand_of_betas, load_hand
 from geneoh.hand.model import HandModel
 from geneoh.hand.skeleton import TIP_KEYPOINTS
 from geneoh.metrics.contact import penetration_depth, tips_in_contact
@@ -60,7 +59,7 @@ class SeenHand:
 
     @cached_property
     def spread(self) -> Float[Tensor, "T V"] | None:
-        """The keypoints' spread carried to the vertices around them, metres."""
+        """Expected error (`HandTrack.joint_spread`) carried to the vertices, metres."""
         if self.track.joint_spread is None:
             return None
         apart = torch.cdist(self.verts[:1], self.joints[:1])[0]
@@ -153,15 +152,13 @@ def _at_frames(drawn: Float[Tensor, "S R 21 3"], frames: int) -> Float[Tensor, "
     return drawn[:, torch.linspace(0, drawn.shape[1] - 1, frames).round().long()]
 
 
-def model_for(track: HandTrack, mano_dir: Path | str | None) -> HandModel:
-    """The right-hand model that a track's betas belong to, where it can be had."""
-    if track.hand_model in (MENDED, AS_SHIPPED):
-        try:
-            model = load_hand(track.side, source=track.hand_model, mano_dir=mano_dir)
-            return model.mirrored() if track.side == "left" else model
-        except MissingAssetError:
-            return load_hand("right")
-    return load_hand("right")
+def right_model(track: HandTrack, mano_dir: Path | str | None) -> HandModel:
+    """The right-hand model of a track's betas; the embedded hand where the user has no MANO."""
+    try:
+        model = hand_of_betas(track.side, track.hand_model, mano_dir=mano_dir)
+    except MissingAssetError:
+        return load_hand("right")
+    return model.mirrored() if track.side == "left" else model
 
 
 def see_hand(
@@ -172,7 +169,7 @@ def see_hand(
 ) -> SeenHand:
     """One track as a mesh, measured against the object."""
     right = track.mirrored() if track.side == "left" else track
-    model = model_for(track, mano_dir)
+    model = right_model(track, mano_dir)
     with torch.no_grad():
         subject = subject_of(right, model)
         state = subject.start or fit_keypoints(

@@ -5,9 +5,11 @@ from pathlib import Path
 
 import pytest
 import torch
+import trees
 
 from geneoh.baselines.filters import TUNED, filtered
 from geneoh.errors import InputError, MissingAssetError
+from geneoh.evaluation import methods
 from geneoh.evaluation.external_results import stored_name
 from geneoh.evaluation.methods import (
     BaselineRow,
@@ -20,8 +22,9 @@ from geneoh.evaluation.methods import (
     joints_of,
 )
 from geneoh.evaluation.scores import Bench, Judge
+from geneoh.hand.library import load_hand
 from geneoh.nn.checkpoint import Checkpoint, save_checkpoint
-from geneoh.pipeline.denoise import Options
+from geneoh.pipeline.denoise import Denoised, Options
 from geneoh.readers.npz_files import save_sequence
 from geneoh.training.config import TrainConfig
 from geneoh.training.loop import build_model
@@ -123,3 +126,19 @@ def test_a_prediction_that_is_missing_or_too_short_is_told(tmp_path, noisy_case,
     save_sequence(recording, tmp_path / "short_gauss_11.npz")
     with pytest.raises(InputError, match="expected the clip's 10 frames, got 146"):
         row.clean(noisy_case)
+
+
+def test_a_left_hand_with_betas_of_the_official_file_is_scored_with_the_mesh_of_that_file(
+    noisy_case, tmp_path, monkeypatch
+):
+    mano_dir = trees.write_mano(tmp_path / "mano")
+    hand = noisy_case.noisy.hands[0]
+    assert hand.side == "left"
+    betas = torch.linspace(-2, 2, 10)
+    shipped = load_hand("left", source="mano-as-shipped", mano_dir=mano_dir).shaped(betas)
+    posed = shipped.posed(hand.pose, hand.wrist)
+    track = replace(hand, joints=posed.joints, betas=betas, hand_model="mano-as-shipped")
+    result = Denoised(replace(noisy_case.noisy, hands=(track,)), {}, ())
+    monkeypatch.setattr(methods, "denoise", lambda *_: result)
+    cleaned = GeneohRow(Options(hand="mano", mano_dir=mano_dir)).clean(noisy_case)
+    torch.testing.assert_close(cleaned.verts, posed.verts, atol=1e-6, rtol=0)

@@ -2,12 +2,10 @@
 
 from dataclasses import replace
 
-import pytest
 import torch
 
 from geneoh.hand.library import load_hand
-from geneoh.pipeline import subject
-from geneoh.pipeline.subject import hand_of, subject_of
+from geneoh.pipeline.subject import subject_of
 from geneoh.sequence.sequence import HandTrack
 
 MODEL = load_hand("right")
@@ -65,27 +63,3 @@ def test_trust_is_confidence_where_observed_and_zero_elsewhere():
     subject = subject_of(replace(track, valid=valid, confidence=torch.full((8, 21), 0.5)), MODEL)
     assert subject.trust[2].eq(0).all()
     assert subject.trust[0].eq(0.5).all()
-
-
-@pytest.mark.parametrize(
-    ("source", "model", "loaded"),
-    [
-        ("mano", "mano-as-shipped", "mano-as-shipped"),
-        ("mano", "mano", "mano"),
-        ("mano", "embedded", "mano"),
-        ("embedded", "mano-as-shipped", "embedded"),
-    ],
-)
-def test_of_the_two_left_hands_of_mano_the_one_of_the_betas_is_taken(
-    source, model, loaded, monkeypatch
-):
-    asked = []
-
-    def load(side, **said):
-        asked.append((side, said))
-        return MODEL
-
-    monkeypatch.setattr(subject, "load_hand", load)
-    track = replace(track_of(torch.zeros(10)), side="left", hand_model=model)
-    assert hand_of(track, source, "anywhere") is MODEL
-    assert asked == [("left", {"source": loaded, "mano_dir": "anywhere"})]
