@@ -43,6 +43,6 @@ def within_spread(
     Args:
         joints: the estimated keypoints, metres.
         truth: the true keypoints, metres.
-        spread: stated root mean square error of each estimated keypoint, metres.
+        spread: expected error of the keypoints (`HandTrack.joint_spread`), metres.
     """
     return ((joints - truth).norm(dim=-1) <= RADIUS_90 * spread).to(joints).mean(-1)

@@ -1,4 +1,4 @@
-"""How far off an answer's keypoints may be, from how much the samples disagree."""
+"""The expected error of a cleaned track's keypoints, from how much its samples disagree."""
 
 import torch
 from jaxtyping import Float
@@ -7,19 +7,19 @@ from torch import Tensor
 from geneoh.denoisers.candidate_corrections import filter_kernels
 
 SCALE = 2.48
-"""Samples tell what a network does not know, not where it is wrong: answers are off by so many
-times the deviation over samples. See `python -m tools.calibrate_spread`."""
+"""Ratio of the expected error to the deviation over samples, found by `tools.calibrate_spread`. It
+is above 1 because samples differ where the network is unsure, not where all of them are wrong."""
 LASTING = 10.0
-"""Deviation in frames of the Gaussian filter that disagreement has to pass: what comes and goes
-between frames is gone from the mean of the samples as well."""
+"""Standard deviation in frames of the Gaussian filter on the samples' differences. Differences that
+change from frame to frame cancel in the mean of the samples and are left out."""
 
 
 def joint_spread(samples: Float[Tensor, "S T 21 3"], scale: float = SCALE) -> Float[Tensor, "T 21"]:
-    """Root mean square distance in metres that the answer's keypoints are expected to be off by.
+    """`HandTrack.joint_spread` of the samples' mean, metres.
 
     Args:
-        samples: keypoints of two samples or more.
-        scale: what the deviation of their lasting disagreement is multiplied by.
+        samples: keypoints in metres of two samples or more.
+        scale: ratio of the expected error to the deviation over the samples.
     """
     kernel = filter_kernels(samples.new_ones(1, samples.shape[1]), (LASTING,))[0, 0]
     apart = torch.einsum("tu,sukc->stkc", kernel, samples - samples.mean(0))

@@ -16,7 +16,7 @@ OBJECT = (0.55, 0.63, 0.73)
 DEEPEST = 0.006
 """Penetration in metres at which its ramp ends."""
 WIDEST = 0.02
-"""Spread in metres at which its ramp ends."""
+"""Expected error in metres at which its ramp ends."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ SCALES: dict[Colouring, Scale] = {
         (f"{1000 * TOUCH:.0f} mm", "touches"),
     ),
     "spread": Scale(
-        "spread over samples",
+        "expected error",
         (SKIN, (0.74, 0.55, 0.78), (0.48, 0.33, 0.78), (0.20, 0.12, 0.62)),
         ("0", f"{1000 * WIDEST:.0f} mm"),
     ),
@@ -67,7 +67,7 @@ def on_ramp(
     Args:
         colouring: the measure.
         distance: to the object, metres, negative inside.
-        spread: standard deviation over the cleaner's samples, metres, where it is known.
+        spread: expected error (`HandTrack.joint_spread`) of each vertex, metres, where it is known.
     """
     match colouring:
         case "plain":

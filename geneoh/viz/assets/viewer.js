@@ -82,7 +82,7 @@ function tellingFrame() {
 // ---- state ------------------------------------------------------------------------------------
 const LAYOUTS = { "side by side": "Side by side", overlaid: "Overlaid", before: "Before", after: "After" };
 const layouts = told.takes.length > 1 ? Object.keys(LAYOUTS) : ["after"];
-const COLOURINGS = { plain: "Plain skin", penetration: "Penetration", contact: "Contact", spread: "Spread" };
+const COLOURINGS = { plain: "Plain skin", penetration: "Penetration", contact: "Contact", spread: "Expected error" };
 const colourings = Object.keys(COLOURINGS).filter(
   (name) => name === "plain" || told.takes.some((t) => t.hands.some((h) => name in h.ramps)));
 const state = {
