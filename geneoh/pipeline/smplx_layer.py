@@ -15,10 +15,11 @@ from torch import Tensor
 
 from geneoh.choices import HandSource, Side
 from geneoh.errors import InputError
+from geneoh.hand.library import hand_of_betas
 from geneoh.hand.mano import translation_from_wrist
 from geneoh.hand.model import HandModel
 from geneoh.hand.skeleton import PARENTS
-from geneoh.pipeline.subject import hand_of, subject_of
+from geneoh.pipeline.subject import subject_of
 from geneoh.sequence.gaps import fill_gaps
 from geneoh.sequence.sequence import Sequence
 
@@ -62,7 +63,8 @@ def to_smplx(
             f"{sequence.source or 'the sequence'}: smplx needs the {side} hand's 'pose' and "
             "'wrist', got its keypoints only; run geneoh.denoise on it, which finds the pose"
         )
-    model = hand_of(track, hand, mano_dir).to(track.pose.device)
+    model = hand_of_betas(side, track.hand_model, asked=hand, mano_dir=mano_dir)
+    model = model.to(track.pose.device)
     betas = subject_of(track, model).betas
     pose = {
         "betas": betas.expand(track.frames, -1),
