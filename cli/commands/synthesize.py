@@ -18,20 +18,25 @@ from .. import options
 @click.option(
     "--count",
     type=click.IntRange(min=1),
-    default=20480,
-    show_default=True,
+    show_default="20480",
     help="Interactions to make, 4 seconds each.",
 )
+@options.config
+@options.settings
 @options.seed
-def synthesize(data: Path, count: int, seed: int) -> None:
+def synthesize(
+    data: Path, count: int | None, config: str | None, settings: tuple[str, ...], seed: int
+) -> None:
     """Make synthetic hand-object interactions, in shards that `geneoh train` reads.
 
-    Started again with the same folder, count and seed it makes only what is missing. Some object
+    Started again with the same folder, settings and seed it makes only what is missing. Some object
     families are held out: they are in the validation shards alone. sheet.png in the folder shows a
-    grasp of each family, with how deep the hand's skin is in the object.
+    grasp of each family, with how deep the hand's skin is in the object. Settings are those of
+    SynthesisConfig, such as grasps.steps=200 or animation.object.table_share=0.8.
     """
     from functools import partial
 
+    from geneoh.config import configured
     from geneoh.hand.library import load_hand
     from geneoh.synthesis.shards import SynthesisConfig, write_shards
     from geneoh.viz.sheet import contact_sheet, one_of_each
@@ -39,16 +44,13 @@ def synthesize(data: Path, count: int, seed: int) -> None:
 
     from .. import progress
 
-    config, hand, sheet = SynthesisConfig(count=count), load_hand("right"), data / "sheet.png"
+    path = None if config is None else options.find_config(config)
+    settings = settings if count is None else (*settings, f"count={count}")
+    chosen = configured(SynthesisConfig(), path, settings)
+    hand, sheet = load_hand("right"), data / "sheet.png"
     with progress.progress_bars() as on_progress:
-        made = write_shards(
-            data,
-            config,
-            hand,
-            seed=seed,
-            on_shard=partial(on_progress, "shards"),
-        )
+        made = write_shards(data, chosen, hand, seed=seed, on_shard=partial(on_progress, "shards"))
         if made or not sheet.exists():
             clips = one_of_each(data, hand)
             save_picture(contact_sheet(clips, on_picture=partial(on_progress, "sheet")), sheet)
-    click.echo(f"{data}: {made} shards made, of {config.shard} interactions each; see {sheet}")
+    click.echo(f"{data}: {made} shards made, of {chosen.shard} interactions each; see {sheet}")

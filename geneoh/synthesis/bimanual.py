@@ -1,7 +1,9 @@
 """Two hands on one object: the second is a right hand on the object's mirror image."""
 
+from dataclasses import dataclass
+
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from geneoh.geometry.rotations import axis_angle_to_matrix
@@ -9,34 +11,75 @@ from geneoh.hand.skeleton import forward_kinematics
 from geneoh.synthesis.grasps import Grasps
 from geneoh.synthesis.solids import FAR, TORUS, Solids
 
-SHARE = 0.2
-"""Second hands tried for each first one; not all are kept, and many meet the first."""
-APART = 0.025
-"""Least distance between keypoints of two hands, metres: each has skin around it."""
-LIKENESS = 0.005
-"""Relative spread of bone lengths between a person's two hands."""
+
+@dataclass(frozen=True)
+class BimanualConfig:
+    """How many second hands there are, and how they differ from the first."""
+
+    share: float = 0.2
+    """Second hands that are tried, as a share of the first ones; fewer are kept, and of those many
+    would touch the first hand."""
+    gap: float = 0.025
+    """Least distance between keypoints of two hands, metres: each has skin around it."""
+    bone_std: float = 0.005
+    """Relative deviation of bone lengths between the two hands of a person."""
 
 
-def leads(solids: Solids, count: int) -> Int[Tensor, " C"]:
-    """Those of so many objects that a second hand is tried on: the largest, where two have room."""
-    return _extents(solids)[:count].amax(-1).topk(int(SHARE * count)).indices
+@dataclass(frozen=True)
+class HandPairs:
+    """Which of B clips show the second hand on the object of another clip, seen in a mirror."""
+
+    first: Int[Tensor, " B"]
+    """For a second hand the number of the clip with the first; -1 for every other clip."""
+
+    @classmethod
+    def none(cls, count: int) -> "HandPairs":
+        """No clip is of a second hand."""
+        return cls(torch.full((count,), -1))
+
+    @property
+    def second(self) -> Bool[Tensor, " B"]:
+        """Clips of second hands."""
+        return self.first >= 0
+
+    @property
+    def leader(self) -> Int[Tensor, " B"]:
+        """`first`, as an index that is valid for every clip: 0 where there is no first hand."""
+        return self.first.clamp(min=0)
+
+    @property
+    def shared(self) -> Bool[Tensor, " B"]:
+        """Clips whose object is held by two hands."""
+        shared = self.second.clone()
+        shared[self.first[self.second]] = True
+        return shared
 
 
-def sides(solids: Solids, lead: Int[Tensor, " C"]) -> Float[Tensor, "B 3"]:
-    """For each attempt the side of the object that its hand comes from; zero for any.
+def bimanual_objects(solids: Solids, count: int, config: BimanualConfig) -> Int[Tensor, " C"]:
+    """The largest of the first `count` objects, which have room for a second hand."""
+    return _extents(solids)[:count].amax(-1).topk(int(config.share * count)).indices
 
-    First and second hands have the two ends of the longest axis, each in the frame of its object.
+
+def grasp_directions(solids: Solids, shared: Int[Tensor, " C"]) -> Float[Tensor, "B 3"]:
+    """Direction from the object that each hand comes from, in the object's frame; zero for any.
+
+    First and second hands come from the two ends of the longest axis.
+
+    Args:
+        solids: the objects of all attempts, the last C of them for second hands.
+        shared: the objects of their first hands.
     """
     extents = _extents(solids)
     longest = torch.nn.functional.one_hot(extents.argmax(-1), 3).to(extents)
-    side = torch.zeros_like(longest)
-    side[lead] = longest[lead]
-    side[len(side) - len(lead) :] = -longest[lead] * side.new_tensor([-1.0, 1.0, 1.0])
-    return side
+    direction = torch.zeros_like(longest)
+    direction[shared] = longest[shared]
+    flip = direction.new_tensor([-1.0, 1.0, 1.0])
+    direction[len(direction) - len(shared) :] = -longest[shared] * flip
+    return direction
 
 
 def _extents(solids: Solids) -> Float[Tensor, "B 3"]:
-    """How far an object reaches along each axis of its frame, about, metres."""
+    """About how far an object reaches along each axis of its frame, metres."""
     ring, tube, _ = solids.size.unbind(-1)
     flat = torch.stack([ring + tube, ring + tube, tube], dim=-1)
     size = torch.where((solids.kind == TORUS)[..., None], flat, solids.size)
@@ -44,21 +87,22 @@ def _extents(solids: Solids) -> Float[Tensor, "B 3"]:
     return (reach * (solids.center[..., :1] < FAR / 2)).amax(1)
 
 
-def first_hands(grasps: Grasps, lead: Int[Tensor, " C"]) -> Int[Tensor, " D"]:
-    """Of the grasps that are kept, the number among them of the first hand of each second; else -1.
+def pair_hands(grasps: Grasps, shared: Int[Tensor, " C"], config: BimanualConfig) -> HandPairs:
+    """The pairs among the grasps that are kept, numbered as those are.
 
-    Two hands that would meet are no pair, but each a hand alone.
+    Two hands that would touch are no pair; each of them is kept as a hand of its own.
 
     Args:
-        grasps: as tried; the last are second hands.
-        lead: their first hands.
+        grasps: as tried; the last C are of second hands.
+        shared: the attempts of their first hands.
+        config: how near two hands may be.
     """
-    single = len(grasps.kept) - len(lead)
+    single = len(grasps.kept) - len(shared)
     joints = forward_kinematics(axis_angle_to_matrix(grasps.pose), grasps.wrist, grasps.offsets)[0]
     flip = joints.new_tensor([-1.0, 1.0, 1.0])
-    gap = torch.cdist(joints[lead], joints[single:] * flip).amin((1, 2))
-    both = grasps.kept[lead] & grasps.kept[single:] & (gap > APART)
-    place = grasps.kept.cumsum(0) - 1
+    gap = torch.cdist(joints[shared], joints[single:] * flip).amin((1, 2))
+    both = grasps.kept[shared] & grasps.kept[single:] & (gap > config.gap)
+    number = grasps.kept.cumsum(0) - 1
     first = torch.full((len(grasps.kept),), -1)
-    first[single:] = torch.where(both, place[lead], -1)
-    return first[grasps.kept]
+    first[single:] = torch.where(both, number[shared], -1)
+    return HandPairs(first[grasps.kept])

@@ -1,4 +1,4 @@
-"""The hand as grasps feel it: spheres along its bones and pads of skin that may touch.
+"""What of the hand meets an object: spheres along the bones, and contact pads on the skin.
 
 Right hands; pads face directions of the rest frame (fingers -x, palm -y, thumb +z); metres.
 """
@@ -46,7 +46,7 @@ def hand_spheres(
     return centers.flatten(-3, -2), radii.reshape(-1) * scale
 
 
-def skin_pads(
+def contact_pads(
     joints: Float[Tensor, "*B 21 3"],
     glob: Float[Tensor, "*B 16 3 3"],
     scale: Float[Tensor, "*B 1"],

@@ -1,67 +1,71 @@
-"""Kinds of grasps: what of the hand should touch, how closed it likes to be, how it comes."""
+"""Types of grasps: which pads of the hand touch, how curled it is, and from where it comes."""
 
 from dataclasses import dataclass
 
 from geneoh.synthesis.contact_pads import PAD_OF_PALM
 
 CURLS = (0.2, 2.5)
-"""How far hands like to close on what they hold, from person to person and grasp to grasp."""
+"""Range of the curl of a grasp, from person to person and grasp to grasp: see
+`geneoh.synthesis.pose_prior.curled`."""
 
 
 @dataclass(frozen=True)
-class Kind:
-    """What tells one kind of grasp from the others."""
+class GraspType:
+    """What makes one type of grasp differ from the others; ranges are of one draw per grasp."""
 
     name: str
     share: float
-    """Of the attempts."""
+    """Share of the attempts."""
     digits: tuple[float, float, float, float, float, float]
-    """How likely each takes part: index, middle, pinky, ring, thumb, palm."""
+    """Probability that each takes part: index, middle, pinky, ring, thumb, palm."""
     needed: int
-    """Digits that must touch by pads of this kind."""
+    """Digits that must touch with pads of this type."""
     fingers: tuple[float, float, float] = (0.0, 0.1, 1.0)
-    """How likely the base, middle and distal pad of a finger that takes part should touch."""
+    """Probability that the base, middle and distal pad of a finger that takes part should touch."""
     thumb: tuple[float, float, float] = (0.0, 0.1, 1.0)
+    """The same for the thumb."""
     side: tuple[float, float] = (0.0, 0.0)
     """The same for the index's middle and distal phalanx on the side of the thumb."""
     finger_curls: tuple[float, float] = CURLS
+    """Range of the curl of the fingers."""
     thumb_curls: tuple[float, float] = CURLS
+    """Range of the curl of the thumb."""
     opposition: float = 1.0
     """How far the thumb turns under the palm: 0 beside the index, 1 across from the fingers."""
     opened: tuple[float, float] = (0.0, 0.8)
-    """Share of its curl with which the hand comes to the object."""
+    """Range of the share of its curl with which the hand starts over the object."""
     over: tuple[float, float, float] = (-1.0, 0.0, 0.045)
-    """Place in the hand that comes over the surface: along the palm in lengths of the palm, towards
-    the thumb and below the palm in metres."""
+    """Point of the hand that starts over the surface: along the palm in lengths of the palm,
+    towards the thumb and below the palm in metres."""
     faces: tuple[float, float, float] = PAD_OF_PALM
-    """Direction of the hand that looks onto the surface."""
+    """Direction of the hand that faces the surface."""
     approaches: int = 1
-    """Starts to draw; the one of least energy is taken."""
+    """Random starts, of which the one with the least energy is taken."""
     bears: tuple[float, float, float] | None = None
-    """Outward normal of a surface that rests on the hand, in the hand's frame; None where no weight
-    but the grip of opposing contacts holds the object."""
+    """Outward normal of a surface whose weight rests on the hand, in the hand's frame; None where
+    the object is held by opposing contacts instead."""
 
     @property
     def pads(self) -> tuple[float, ...]:
-        """How likely each pad should touch if its digit takes part."""
+        """Probability that each pad should touch if its digit takes part."""
         return (*self.fingers * 4, *self.thumb, *self.side, 1.0, 1.0)
 
 
 def _precision(
     count: int, share: float, fingers: tuple[float, float, float, float], needed: int
-) -> Kind:
+) -> GraspType:
     """Thumb and neighbouring fingers, at their tips."""
-    return Kind(f"precision {count}", share, (*fingers, 1.0, 0.0), needed, approaches=16)
+    return GraspType(f"precision {count}", share, (*fingers, 1.0, 0.0), needed, approaches=16)
 
 
 _WHOLE = (0.5, 0.8, 1.0)
-KINDS = (
-    Kind("power", 0.38, (0.9, 0.5, 0.95, 0.7, 0.95, 0.0), 3, _WHOLE, _WHOLE, approaches=6),
+GRASP_TYPES = (
+    GraspType("power", 0.38, (0.9, 0.5, 0.95, 0.7, 0.95, 0.0), 3, _WHOLE, _WHOLE, approaches=6),
     _precision(2, 0.08, (1.0, 0.0, 0.0, 0.0), 2),
     _precision(3, 0.1, (1.0, 1.0, 0.0, 0.0), 3),
     _precision(4, 0.09, (1.0, 1.0, 0.0, 1.0), 3),
     _precision(5, 0.08, (1.0, 1.0, 1.0, 1.0), 4),
-    Kind(
+    GraspType(
         "lateral",
         0.09,
         (1.0, 0.0, 0.0, 0.0, 1.0, 0.0),
@@ -77,7 +81,7 @@ KINDS = (
         faces=(0.0, 0.0, 1.0),
         approaches=12,
     ),
-    Kind(
+    GraspType(
         "hook",
         0.09,
         (1.0, 1.0, 1.0, 1.0, 0.0, 0.0),
@@ -91,7 +95,7 @@ KINDS = (
         approaches=32,
         bears=(-1.0, 0.0, 0.0),
     ),
-    Kind(
+    GraspType(
         "support",
         0.09,
         (0.9, 0.9, 0.8, 0.9, 0.0, 1.0),
@@ -106,4 +110,4 @@ KINDS = (
         bears=(0.0, 1.0, 0.0),
     ),
 )
-"""Kinds of grasps; `Grasps.kind` counts them."""
+"""All types; `Grasps.types` are indices into them."""

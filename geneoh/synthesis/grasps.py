@@ -1,13 +1,13 @@
 """Grasps by batched gradient descent of a sphere-covered skeleton against analytic objects.
 
-Each attempt is of one of `KINDS`, which says what of the hand should touch and how closed it likes
-to be. The hand starts over a random point of the surface and slides down an energy of penetration,
-contact of the wanted pads, finger clearance and distance to a natural pose. What passes the checks
-of `Checks` is kept. Frames: the right hand's rest frame (fingers -x, palm -y, thumb +z) and the
-object's frame; metres and radians.
+Each attempt is of one of `GRASP_TYPES`, which says which pads of the hand should touch and how
+curled it is. The hand starts over a random point of the surface and descends an energy of
+penetration, contact of the wanted pads, finger clearance and distance to a natural pose. What
+passes `GraspChecks` is kept. Frames: the right hand's rest frame (fingers -x, palm -y, thumb +z)
+and the object's frame; metres and radians.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 
 import torch
 from jaxtyping import Bool, Float, Int
@@ -18,33 +18,27 @@ from geneoh.hand.skeleton import forward_kinematics
 from geneoh.synthesis.contact_pads import (
     MEAN_SPAN,
     PAD_DIGITS,
+    contact_pads,
     finger_clearance,
     hand_spheres,
-    skin_pads,
 )
-from geneoh.synthesis.grasp_types import KINDS
-from geneoh.synthesis.pose_prior import HIGH, LOW, NATURAL_STD, curled, overshoot
+from geneoh.synthesis.draws import uniform
+from geneoh.synthesis.grasp_types import GRASP_TYPES
+from geneoh.synthesis.pose_prior import FINGER_HIGH, FINGER_LOW, FINGER_STD, beyond_range, curled
 from geneoh.synthesis.solids import Solids
-
-OPPOSED = 1.0
-"""Agreement of two pads on either side of an object beyond which the search asks no more."""
-STOP = 2.15
-"""Deviations outside their natural range at which the search stops the joints."""
-ASTRAY = 1e5
-"""Energy of starting on the wrong side of an object, 1/m^2."""
 
 
 @dataclass(frozen=True)
-class Checks:
+class GraspChecks:
     """What a kept grasp must pass."""
 
     depth: float = 0.003
     """No sphere of the hand is deeper in the object, metres."""
     contact: float = 0.004
-    """A pad touches whose distance to the surface is less, metres. Only pads that the kind of
+    """A pad touches whose distance to the surface is less, metres. Only pads that the type of
     grasp may want count, here and below."""
     fingers: int = 0
-    """Digits that touch beyond those that the kind needs; if negative, contacts are not checked."""
+    """Digits that touch beyond those that the type needs; if negative, contacts are not checked."""
     clearance: float = -0.004
     """Gap between spheres of different fingers, metres; less than zero because skin gives way."""
     deviations: float = 2.2
@@ -59,6 +53,61 @@ class Checks:
 
 
 @dataclass(frozen=True)
+class GraspEnergy:
+    """Weights of the terms of the energy that the descent minimises."""
+
+    depth: float = 4e4
+    """Of squared penetration of the hand's spheres, 1/m^2."""
+    contact: float = 60.0
+    """Of the distance of wanted pads to the surface, 1/m."""
+    far_contact: float = 30.0
+    """Of its square over the distance itself, 1/m: pads far from the surface are drawn faster."""
+    facing: float = 0.25
+    """Of 1 plus the cosine between a wanted pad's direction and the surface normal."""
+    opposition: float = 3.0
+    """Of what wanted pads of thumb and fingers lack to `opposed`, in grips."""
+    opposed: float = 1.0
+    """Agreement (up to 2) of two pads on either side of an object beyond which no more is asked."""
+    clearance: float = 2e4
+    """Of squared overlap of different fingers, 1/m^2."""
+    liked: float = 0.12
+    """Of the squared distance to the pose that this hand likes, in natural deviations."""
+    range: float = 2.0
+    """Natural deviations outside of the natural range from which squares count in full."""
+    wrong_side: float = 1e5
+    """Of starting on the other side of an object than is asked for, 1/m^2."""
+
+
+@dataclass(frozen=True)
+class GraspConfig:
+    """How grasps are looked for."""
+
+    steps: int = 140
+    """Descent steps of Adam with a cosine rate."""
+    wrist_rate: float = 0.004
+    """First learning rate of the wrist's position, metres."""
+    angle_rate: float = 0.03
+    """First learning rate of orientation and finger joints, radians."""
+    last_rate: float = 1e-4
+    """Last learning rate of all of them."""
+    stop: float = 2.15
+    """Natural deviations outside of the natural range at which the descent stops the joints; less
+    than `checks.deviations`, so that the check does not refuse what was stopped."""
+    curl_std: float = 0.3
+    """Deviation of the logarithm of the curl from digit to digit."""
+    habit_std: float = 0.6
+    """Deviation of the pose that a hand likes, in natural deviations of each joint."""
+    start_habit: float = 0.5
+    """Share of that deviation with which the hand starts."""
+    tilt_std: float = 0.25
+    """Deviation of the hand's first orientation from facing the surface, radians on each axis."""
+    start_reach: tuple[float, float] = (0.75, 1.25)
+    """Range of a factor on how far along the palm the surface point lies at the start."""
+    energy: GraspEnergy = field(default_factory=GraspEnergy)
+    checks: GraspChecks = field(default_factory=GraspChecks)
+
+
+@dataclass(frozen=True)
 class Grasps:
     """Hands of B right-hand skeletons on B objects, in the objects' frames."""
 
@@ -66,8 +115,9 @@ class Grasps:
     wrist: Float[Tensor, "B 3"]
     offsets: Float[Tensor, "B 20 3"]
     kept: Bool[Tensor, " B"]
-    kind: Int[Tensor, " B"]
-    """Index into KINDS of what was tried."""
+    """Whether the grasp passes the checks."""
+    types: Int[Tensor, " B"]
+    """Index into GRASP_TYPES of what was tried."""
 
     def chosen(self, which: Bool[Tensor, " B"] | Int[Tensor, " C"]) -> "Grasps":
         """Some of the grasps."""
@@ -76,13 +126,14 @@ class Grasps:
 
 @dataclass(frozen=True)
 class _Attempt:
-    """What B hands try: one kind of grasp each, on one object each."""
+    """What B hands try: one type of grasp each, on one object each."""
 
-    kind: Int[Tensor, " B"]
+    types: Int[Tensor, " B"]
     offsets: Float[Tensor, "B 20 3"]
     scale: Float[Tensor, "B 1"]
+    """Size of the hand, 1 for a mean adult."""
     liked: Float[Tensor, "B 15 3"]
-    """The natural pose of this hand, this time."""
+    """The finger pose that this hand likes, this time."""
     wanted: Bool[Tensor, "B 19"]
     """Pads that should touch."""
 
@@ -91,57 +142,57 @@ class _Attempt:
         return _Attempt(*(getattr(self, field.name)[which] for field in fields(self)))
 
 
-def _of_kind(name: str, kind: Int[Tensor, " B"]) -> Float[Tensor, "B ..."]:
-    """A field of `Kind` for each hand."""
-    return torch.tensor([getattr(each, name) for each in KINDS], dtype=torch.float32)[kind]
+def _of_type(name: str, types: Int[Tensor, " B"]) -> Float[Tensor, "B ..."]:
+    """A field of `GraspType` for each hand."""
+    return torch.tensor([getattr(each, name) for each in GRASP_TYPES], dtype=torch.float32)[types]
 
 
 def _draw_attempts(
-    offsets: Float[Tensor, "B 20 3"], *, generator: torch.Generator
+    offsets: Float[Tensor, "B 20 3"], config: GraspConfig, *, generator: torch.Generator
 ) -> tuple[_Attempt, Float[Tensor, "B 15 3"]]:
     """Random attempts, and the fingers with which they start."""
     batch = len(offsets)
-    shares = torch.tensor([kind.share for kind in KINDS])
-    kind = torch.multinomial(shares, batch, replacement=True, generator=generator)
+    shares = torch.tensor([each.share for each in GRASP_TYPES])
+    types = torch.multinomial(shares, batch, replacement=True, generator=generator)
     low, high = torch.stack(
-        [_of_kind("finger_curls", kind)] * 4 + [_of_kind("thumb_curls", kind)], dim=1
+        [_of_type("finger_curls", types)] * 4 + [_of_type("thumb_curls", types)], dim=1
     ).unbind(-1)
     curl = low + (high - low) * torch.rand(batch, 1, generator=generator)
-    curl = curl * (0.3 * torch.randn(batch, 5, generator=generator)).exp()
-    habit = 0.6 * NATURAL_STD * torch.randn(batch, 15, 3, generator=generator)
-    turned = torch.ones(batch, 15, 1)
-    turned[:, 12, 0] = _of_kind("opposition", kind)
-    low, high = _of_kind("opened", kind)[..., None].unbind(1)
+    curl = curl * (config.curl_std * torch.randn(batch, 5, generator=generator)).exp()
+    habit = config.habit_std * FINGER_STD * torch.randn(batch, 15, 3, generator=generator)
+    opposed = torch.ones(batch, 15, 1)
+    opposed[:, 12, 0] = _of_type("opposition", types)
+    low, high = _of_type("opened", types)[..., None].unbind(1)
     opened = low + (high - low) * torch.rand(batch, 1, generator=generator)
-    fingers = turned * curled(curl * opened) + 0.5 * habit
-    joins = torch.rand(batch, 6, generator=generator) < _of_kind("digits", kind)
-    touch = torch.rand(batch, len(PAD_DIGITS), generator=generator) < _of_kind("pads", kind)
+    start = opposed * curled(curl * opened) + config.start_habit * habit
+    joins = torch.rand(batch, 6, generator=generator) < _of_type("digits", types)
+    touches = torch.rand(batch, len(PAD_DIGITS), generator=generator) < _of_type("pads", types)
     span = offsets[:, [3, 4, 5, 16]].norm(dim=-1).sum(-1, keepdim=True)
-    wanted = joins[:, list(PAD_DIGITS)] & touch
-    liked = turned * curled(curl) + habit
-    return _Attempt(kind, offsets, span / MEAN_SPAN, liked, wanted), fingers
+    wanted = joins[:, list(PAD_DIGITS)] & touches
+    liked = opposed * curled(curl) + habit
+    return _Attempt(types, offsets, span / MEAN_SPAN, liked, wanted), start
 
 
 def _approach(
-    solids: Solids, attempt: _Attempt, *, generator: torch.Generator
+    solids: Solids, attempt: _Attempt, config: GraspConfig, *, generator: torch.Generator
 ) -> tuple[Float[Tensor, "B 3"], Float[Tensor, "B 3"]]:
     """Wrists and their orientations (axis-angle) over a random surface point each.
 
-    The side of the hand that its kind names looks onto the surface, turned at random about the
-    surface normal.
+    The side of the hand that its type names faces the surface, turned at random about the surface
+    normal.
     """
     surface, normals = solids.surface_points(1, generator=generator)
     point, normal = surface[:, 0], normals[:, 0]
     random = torch.randn(point.shape, generator=generator)
     across = torch.nn.functional.normalize(torch.linalg.cross(normal, random), dim=-1)
     there = torch.stack([across, -normal, torch.linalg.cross(across, -normal)], dim=-1)
-    faces = _of_kind("faces", attempt.kind)
+    faces = _of_type("faces", attempt.types)
     fingers = faces.new_tensor([-1.0, 0.0, 0.0]).expand_as(faces)
     here = torch.stack([fingers, faces, torch.linalg.cross(fingers, faces)], dim=-1)
-    tilt = 0.25 * torch.randn(point.shape, generator=generator)
+    tilt = config.tilt_std * torch.randn(point.shape, generator=generator)
     rotation = there @ here.mT @ axis_angle_to_matrix(tilt)
-    along, aside, below = _of_kind("over", attempt.kind)[..., None].unbind(1)
-    reach = torch.rand(len(point), 1, generator=generator) * 0.5 + 0.75
+    along, aside, below = _of_type("over", attempt.types)[..., None].unbind(1)
+    reach = uniform(config.start_reach, len(point), 1, generator=generator)
     palm = -along * reach * attempt.offsets[:, 3]
     palm = palm + torch.cat([torch.zeros_like(below), -below, aside], dim=-1)
     wrist = point - (rotation @ palm[..., None])[..., 0]
@@ -154,41 +205,46 @@ def _energy(
     wrist: Float[Tensor, "B 3"],
     orient: Float[Tensor, "B 3"],
     fingers: Float[Tensor, "B 15 3"],
+    weight: GraspEnergy,
 ) -> Float[Tensor, " B"]:
-    """What the descent makes small."""
+    """What the descent minimises."""
     pose = torch.cat([orient[:, None], fingers], dim=1)
-    joints, glob = forward_kinematics(axis_angle_to_matrix(pose), wrist, attempt.offsets)
+    joints, turns = forward_kinematics(axis_angle_to_matrix(pose), wrist, attempt.offsets)
     centers, radii = hand_spheres(joints, attempt.scale)
-    pads, facing = skin_pads(joints, glob, attempt.scale)
+    pads, facing = contact_pads(joints, turns, attempt.scale)
     distance = solids.signed_distance(torch.cat([centers, pads], 1))
     depth = (radii - distance[:, : centers.shape[1]]).clamp(min=0)
     gap = distance[:, centers.shape[1] :]
     _, normal = solids.distance_and_normal(pads.detach())
     alignment = (1 + (facing * normal).sum(-1)) * attempt.wanted
-    crowded = (-finger_clearance(centers, radii)).clamp(min=0)
-    apart = (fingers - attempt.liked) / NATURAL_STD
-    beyond = (overshoot(fingers) - 2.0).clamp(min=0)
+    overlap = (-finger_clearance(centers, radii)).clamp(min=0)
+    unlike = (fingers - attempt.liked) / FINGER_STD
+    beyond = (beyond_range(fingers) - weight.range).clamp(min=0)
+    missing = gap.abs() + weight.far_contact * gap.square()
     return (
-        4e4 * depth.square().sum(-1)
-        + 60.0 * (attempt.wanted * (gap.abs() + 30 * gap.square())).sum(-1)
-        + 0.25 * alignment.sum(-1)
-        + 3.0 * _unopposed(attempt, facing, normal)
-        + 2e4 * crowded.square().sum(-1)
-        + (0.12 * apart.square() + beyond.square()).sum((-1, -2))
+        weight.depth * depth.square().sum(-1)
+        + weight.contact * (attempt.wanted * missing).sum(-1)
+        + weight.facing * alignment.sum(-1)
+        + weight.opposition * _unopposed(attempt, facing, normal, weight.opposed)
+        + weight.clearance * overlap.square().sum(-1)
+        + (weight.liked * unlike.square() + beyond.square()).sum((-1, -2))
     )
 
 
 def _unopposed(
-    attempt: _Attempt, facing: Float[Tensor, "B 19 3"], normal: Float[Tensor, "B 19 3"]
+    attempt: _Attempt,
+    facing: Float[Tensor, "B 19 3"],
+    normal: Float[Tensor, "B 19 3"],
+    opposed: float,
 ) -> Float[Tensor, " B"]:
     """How far thumb and fingers of a grip are from facing each other across the object."""
     thumb = torch.tensor(PAD_DIGITS) == 4
-    grips = torch.tensor([kind.bears is None for kind in KINDS])[attempt.kind]
+    grips = torch.tensor([each.bears is None for each in GRASP_TYPES])[attempt.types]
     pairs = (attempt.wanted & thumb)[:, :, None] & (attempt.wanted & ~thumb)[:, None]
     pairs = pairs & grips[:, None, None]
-    # the direction in which one pad looks and the normal where the other one is should agree
+    # the direction that one pad faces and the normal where the other one is should agree
     agree = facing @ normal.mT + normal @ facing.mT
-    return (OPPOSED - agree).clamp(min=0).mul(pairs).sum((1, 2)) / pairs.sum((1, 2)).clamp(min=1)
+    return (opposed - agree).clamp(min=0).mul(pairs).sum((1, 2)) / pairs.sum((1, 2)).clamp(min=1)
 
 
 def _starts(
@@ -196,24 +252,26 @@ def _starts(
     attempt: _Attempt,
     fingers: Float[Tensor, "B 15 3"],
     toward: Float[Tensor, "B 3"],
+    config: GraspConfig,
     *,
     generator: torch.Generator,
 ) -> tuple[Float[Tensor, "B 3"], Float[Tensor, "B 3"]]:
-    """Wrists and orientations to start from: the best approach of as many as the kind draws."""
-    wrist, orient = _approach(solids, attempt, generator=generator)
-    draws = _of_kind("approaches", attempt.kind).long()
-    (choosy,) = torch.nonzero(draws > 1, as_tuple=True)
-    if len(choosy) == 0:
+    """Wrists and orientations to start from: the best of as many approaches as the type draws."""
+    wrist, orient = _approach(solids, attempt, config, generator=generator)
+    draws = _of_type("approaches", attempt.types).long()
+    (several,) = torch.nonzero(draws > 1, as_tuple=True)
+    if len(several) == 0:
         return wrist, orient
-    which = choosy.repeat_interleave(draws[choosy])
-    group = torch.arange(len(choosy)).repeat_interleave(draws[choosy])
+    which = several.repeat_interleave(draws[several])
+    group = torch.arange(len(several)).repeat_interleave(draws[several])
     tried, objects = attempt.chosen(which), solids.chosen(which)
-    wrists, orients = _approach(objects, tried, generator=generator)
-    energy = _energy(objects, tried, wrists, orients, fingers[which])
-    energy = energy + ASTRAY * (wrists * toward[which]).sum(-1).clamp(max=0).square()
-    mine = group == torch.arange(len(choosy))[:, None]
+    wrists, orients = _approach(objects, tried, config, generator=generator)
+    energy = _energy(objects, tried, wrists, orients, fingers[which], config.energy)
+    behind = (wrists * toward[which]).sum(-1).clamp(max=0)
+    energy = energy + config.energy.wrong_side * behind.square()
+    mine = group == torch.arange(len(several))[:, None]
     best = torch.where(mine, energy, torch.inf).argmin(dim=1)
-    wrist[choosy], orient[choosy] = wrists[best], orients[best]
+    wrist[several], orient[several] = wrists[best], orients[best]
     return wrist, orient
 
 
@@ -222,45 +280,53 @@ def _kept(
     attempt: _Attempt,
     wrist: Float[Tensor, "B 3"],
     pose: Float[Tensor, "B 16 3"],
-    checks: Checks,
+    checks: GraspChecks,
 ) -> Bool[Tensor, " B"]:
     """Grasps that pass every check."""
-    joints, glob = forward_kinematics(axis_angle_to_matrix(pose), wrist, attempt.offsets)
+    joints, turns = forward_kinematics(axis_angle_to_matrix(pose), wrist, attempt.offsets)
     centers, radii = hand_spheres(joints, attempt.scale)
-    pads, _ = skin_pads(joints, glob, attempt.scale)
     deep = (radii - solids.signed_distance(centers)).amax(-1)
     kept = (
         (deep < checks.depth)
         & (finger_clearance(centers, radii).amin(-1) > checks.clearance)
-        & (overshoot(pose[:, 1:]).amax((-1, -2)) < checks.deviations)
+        & (beyond_range(pose[:, 1:]).amax((-1, -2)) < checks.deviations)
     )
     if checks.fingers < 0:
         return kept
-    kind = attempt.kind
+    pads, _ = contact_pads(joints, turns, attempt.scale)
+    return kept & _holds(solids, attempt.types, pads, turns[:, 0], checks)
+
+
+def _holds(
+    solids: Solids,
+    types: Int[Tensor, " B"],
+    pads: Float[Tensor, "B 19 3"],
+    turn: Float[Tensor, "B 3 3"],
+    checks: GraspChecks,
+) -> Bool[Tensor, " B"]:
+    """Whether enough digits touch, on opposing surfaces or under a weight, as the type asks."""
     gap, normal = solids.distance_and_normal(pads)
-    likely = _of_kind("digits", kind)[:, list(PAD_DIGITS)] * _of_kind("pads", kind)
+    likely = _of_type("digits", types)[:, list(PAD_DIGITS)] * _of_type("pads", types)
     touching = (gap.abs() < checks.contact) & (likely > 0)
     digit = torch.nn.functional.one_hot(torch.tensor(PAD_DIGITS)).bool()
     touches = (touching[..., None] & digit).any(1).sum(-1)
     both = touching[:, :, None] & touching[:, None]
     opposed = torch.where(both, normal @ normal.mT, 1.0).amin((-1, -2)) < checks.opposing
-    bears = torch.tensor([each.bears or (0.0, 0.0, 0.0) for each in KINDS])[kind]
-    load = (normal @ (glob[:, 0] @ bears[..., None]))[..., 0]
+    bears = torch.tensor([each.bears or (0.0, 0.0, 0.0) for each in GRASP_TYPES])[types]
+    load = (normal @ (turn @ bears[..., None]))[..., 0]
     lifts = (torch.where(touching, load, -1.0).amax(-1) > checks.bearing) & (
         torch.where(touching, load, 1.0).amin(-1) > -checks.bearing
     )
     held = torch.where(bears.any(-1), lifts, opposed)
-    enough = touches >= _of_kind("needed", kind) + checks.fingers
-    return kept & enough & held
+    return held & (touches >= _of_type("needed", types) + checks.fingers)
 
 
 def synthesize_grasps(
     solids: Solids,
     offsets: Float[Tensor, "B 20 3"],
+    config: GraspConfig | None = None,
     *,
     generator: torch.Generator,
-    steps: int = 140,
-    checks: Checks | None = None,
     toward: Float[Tensor, "B 3"] | None = None,
 ) -> Grasps:
     """One grasp attempt per object; `kept` tells which ones pass the checks.
@@ -268,33 +334,47 @@ def synthesize_grasps(
     Args:
         solids: the objects.
         offsets: the hands' rest offsets (see `geneoh.hand.skeleton`).
+        config: how grasps are looked for, and what is kept.
         generator: source of every random choice.
-        steps: descent steps of Adam with a cosine rate.
-        checks: what a grasp must pass to be kept.
-        toward: direction in the object's frame on whose side the wrist starts; zero for any.
+        toward: direction from the object's centre on whose side the wrist starts; zero for any.
     """
-    attempt, fingers = _draw_attempts(offsets, generator=generator)
+    config = config or GraspConfig()
+    attempt, fingers = _draw_attempts(offsets, config, generator=generator)
     toward = torch.zeros(len(offsets), 3) if toward is None else toward
-    wrist, orient = _starts(solids, attempt, fingers, toward, generator=generator)
+    wrist, orient = _starts(solids, attempt, fingers, toward, config, generator=generator)
+    _descend(solids, attempt, wrist, orient, fingers, config)
+    with torch.no_grad():
+        pose = torch.cat([orient[:, None], fingers], dim=1)
+        kept = _kept(solids, attempt, wrist, pose, config.checks)
+        return Grasps(pose, wrist.detach(), offsets, kept, attempt.types)
+
+
+def _descend(
+    solids: Solids,
+    attempt: _Attempt,
+    wrist: Float[Tensor, "B 3"],
+    orient: Float[Tensor, "B 3"],
+    fingers: Float[Tensor, "B 15 3"],
+    config: GraspConfig,
+) -> None:
+    """Minimise the energy over wrist, orientation and fingers, in place."""
     for parameter in (wrist, orient, fingers):
         parameter.requires_grad_(True)
     optimizer = torch.optim.Adam(
         [
-            {"params": wrist, "lr": 0.004},
-            {"params": orient, "lr": 0.03},
-            {"params": fingers, "lr": 0.03},
+            {"params": wrist, "lr": config.wrist_rate},
+            {"params": [orient, fingers], "lr": config.angle_rate},
         ]
     )
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, steps, eta_min=1e-4)
-    for _ in range(steps):
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(
+        optimizer, config.steps, eta_min=config.last_rate
+    )
+    low = FINGER_LOW - config.stop * FINGER_STD
+    high = FINGER_HIGH + config.stop * FINGER_STD
+    for _ in range(config.steps):
         optimizer.zero_grad()
-        _energy(solids, attempt, wrist, orient, fingers).sum().backward()
+        _energy(solids, attempt, wrist, orient, fingers, config.energy).sum().backward()
         optimizer.step()
         schedule.step()
         with torch.no_grad():
-            fingers.clamp_(LOW - STOP * NATURAL_STD, HIGH + STOP * NATURAL_STD)
-
-    with torch.no_grad():
-        pose = torch.cat([orient[:, None], fingers], dim=1)
-        kept = _kept(solids, attempt, wrist, pose, checks or Checks())
-        return Grasps(pose, wrist.detach(), offsets, kept, attempt.kind)
+            fingers.clamp_(low, high)

@@ -1,4 +1,4 @@
-"""How hands like to bend: fingers from flat to a fist, and the natural range of every joint.
+"""The prior of finger poses: curls from a flat hand to a fist, mean, deviation and range of joints.
 
 Axis-angle in the right hand's rest frame (fingers -x, palm -y, thumb +z), radians; joints in MANO
 order without the wrist.
@@ -36,15 +36,15 @@ def curled(curl: Float[Tensor, "B 5"]) -> Float[Tensor, "B 15 3"]:
     return torch.cat([fingers, (share[..., None] * thumb)[:, None]], dim=1).flatten(1, 2)
 
 
-NATURAL_MEAN = curled(torch.ones(1, 5))[0]
-NATURAL_STD = torch.tensor(
+FINGER_MEAN = curled(torch.ones(1, 5))[0]
+FINGER_STD = torch.tensor(
     [_BASE_STD, _MIDDLE_STD, _DISTAL_STD] * 4 + [list(std) for _, std in _THUMB]
 )
-LOW = NATURAL_MEAN.minimum(curled(torch.full((1, 5), 1.5))[0])
-HIGH = NATURAL_MEAN.maximum(curled(torch.full((1, 5), 1.5))[0])
+FINGER_LOW = FINGER_MEAN.minimum(curled(torch.full((1, 5), 1.5))[0])
+FINGER_HIGH = FINGER_MEAN.maximum(curled(torch.full((1, 5), 1.5))[0])
 """Ends of the natural range: from half closed to three quarters closed."""
 
 
-def overshoot(fingers: Float[Tensor, "*B 15 3"]) -> Float[Tensor, "*B 15 3"]:
+def beyond_range(fingers: Float[Tensor, "*B 15 3"]) -> Float[Tensor, "*B 15 3"]:
     """How far joints are outside their natural range, in natural deviations."""
-    return torch.maximum(LOW - fingers, fingers - HIGH).clamp(min=0) / NATURAL_STD
+    return torch.maximum(FINGER_LOW - fingers, fingers - FINGER_HIGH).clamp(min=0) / FINGER_STD

@@ -4,21 +4,27 @@ import hashlib
 import json
 import os
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
 import torch
+from jaxtyping import Int
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor
 
-from geneoh.config import as_dict
+from geneoh.config import as_dict, flat, with_table
 from geneoh.errors import ConfigError, InputError
 from geneoh.hand.model import HandModel, ShapedHand
-from geneoh.synthesis.bimanual import LIKENESS, first_hands, leads, sides
-from geneoh.synthesis.grasps import synthesize_grasps
-from geneoh.synthesis.motion import Interactions, animate
+from geneoh.synthesis.bimanual import (
+    BimanualConfig,
+    bimanual_objects,
+    grasp_directions,
+    pair_hands,
+)
+from geneoh.synthesis.grasps import GraspConfig, synthesize_grasps
+from geneoh.synthesis.motion import AnimationConfig, Interactions, animate
 from geneoh.synthesis.objects import FAMILIES, draw_objects, family_named
 from geneoh.synthesis.solids import Solids
 
@@ -30,18 +36,22 @@ class SynthesisConfig:
     count: int = 20480
     """Interactions in all."""
     frames: int = 120
+    """Length of each, at 30 frames a second."""
     points: int = 512
     """Surface points kept of each object."""
     shard: int = 256
     """Interactions per file."""
     shape_std: float = 0.8
-    """Spread of the hands' shape coefficients."""
+    """Deviation of the hands' shape coefficients."""
     bone_std: float = 0.04
-    """Relative spread of each bone's length beyond what the shape coefficients can make."""
+    """Relative deviation of each bone's length beyond what the shape coefficients can make."""
     held_out: tuple[str, ...] = ("mug", "loop_tool", "spoon", "kettle", "drawer")
     """Families that appear in validation shards only."""
     validation: float = 0.03
     """Share of the shards that hold the held-out families."""
+    grasps: GraspConfig = field(default_factory=GraspConfig)
+    bimanual: BimanualConfig = field(default_factory=BimanualConfig)
+    animation: AnimationConfig = field(default_factory=AnimationConfig)
 
     def __post_init__(self) -> None:
         """Refuse sizes below one, and held-out families that are none or leave none."""
@@ -104,12 +114,12 @@ def draw_attempts(
     *,
     generator: torch.Generator,
 ) -> Attempts:
-    """That many hands on objects of the families, and at the end second hands on `leads`."""
+    """That many hands on objects of the families, and after them second hands on some of these."""
     pick = torch.randint(len(families), (count,), generator=generator)
     named = [families[i] for i in pick]
     alone = draw_objects(named, generator=generator)
-    lead = leads(alone, count)
-    mirrored = alone.chosen(lead).mirrored()
+    shared = bimanual_objects(alone, count, config.bimanual)
+    mirrored = alone.chosen(shared).mirrored()
     solids = Solids(
         **{
             f.name: torch.cat([getattr(alone, f.name), getattr(mirrored, f.name)])
@@ -118,15 +128,15 @@ def draw_attempts(
     )
     betas = config.shape_std * torch.randn(count, 10, generator=generator)
     stretch = 1 + config.bone_std * torch.randn(count, 20, 1, generator=generator)
-    alike = 1 + LIKENESS * torch.randn(len(lead), 20, 1, generator=generator)
-    stretch = torch.cat([stretch, stretch[lead] * alike])
-    hands = hand.shaped(torch.cat([betas, betas[lead]]))
-    named += [named[i] for i in lead.tolist()]
+    differ = torch.randn(len(shared), 20, 1, generator=generator)
+    stretch = torch.cat([stretch, stretch[shared] * (1 + config.bimanual.bone_std * differ)])
+    hands = hand.shaped(torch.cat([betas, betas[shared]]))
+    named += [named[i] for i in shared.tolist()]
     return Attempts(named, solids, replace(hands, offsets=hands.offsets * stretch))
 
 
 def attempts_for(missing: int) -> int:
-    """How many grasps to try for so many: two in five fail, second hands are added."""
+    """Grasps to try for so many that are kept: two in five fail, second hands are added."""
     return missing + missing // 3 + 1
 
 
@@ -138,20 +148,39 @@ def synthesize_shard(
     while (missing := config.shard - sum(len(part.wrist) for part in kept)) > 0:
         count = attempts_for(missing)
         tried = draw_attempts(config, families, hand, count, generator=generator)
-        lead = leads(tried.solids, count)
-        side = sides(tried.solids, lead)
-        grasps = synthesize_grasps(
-            tried.solids, tried.hands.offsets, generator=generator, toward=side
-        )
-        first, solids = first_hands(grasps, lead), tried.solids.chosen(grasps.kept)
-        grasps = grasps.chosen(grasps.kept)
-        size = config.frames, config.points
-        kept.append(animate(grasps, solids, *size, generator=generator, first=first))
+        shared = bimanual_objects(tried.solids, count, config.bimanual)
+        kept.append(interactions_of(tried, shared, config, generator=generator))
     return Interactions(
         **{
             f.name: torch.cat([getattr(part, f.name) for part in kept])[: config.shard]
             for f in fields(Interactions)
         }
+    )
+
+
+def interactions_of(
+    tried: Attempts,
+    shared: Int[Tensor, " C"],
+    config: SynthesisConfig,
+    *,
+    generator: torch.Generator,
+) -> Interactions:
+    """Clips of the attempts whose grasp is kept; the last C are of second hands on `shared`."""
+    grasps = synthesize_grasps(
+        tried.solids,
+        tried.hands.offsets,
+        config.grasps,
+        generator=generator,
+        toward=grasp_directions(tried.solids, shared),
+    )
+    return animate(
+        grasps.chosen(grasps.kept),
+        tried.solids.chosen(grasps.kept),
+        config.frames,
+        config.points,
+        config.animation,
+        generator=generator,
+        pairs=pair_hands(grasps, shared, config.bimanual),
     )
 
 
@@ -198,16 +227,18 @@ def write_shards(
 
 def differences(found: dict[str, Any], asked: dict[str, Any]) -> str:
     """What differs between two records of how shards were made, in words; empty when nothing."""
-    flat = [record["config"] | {"seed": record["seed"]} for record in (found, asked)]
-    names = [name for name in (flat[0] | flat[1]) if flat[0].get(name) != flat[1].get(name)]
-    return ", ".join(f"{n} {flat[0].get(n)} where {flat[1].get(n)} is asked for" for n in names)
+    was, wanted = (flat(record["config"]) | {"seed": record["seed"]} for record in (found, asked))
+    names = [name for name in wanted if was[name] != wanted[name]]
+    return ", ".join(f"{name} {was[name]} where {wanted[name]} is asked for" for name in names)
 
 
 def shard_record(path: Path) -> dict[str, Any]:
     """The config and the seed that a shard was made with.
 
+    Settings that the shard does not tell are the defaults: it was made before they could be set.
+
     Raises:
-        InputError: the file is no whole shard.
+        InputError: the file is no whole shard, or its settings are not known here.
     """
     try:
         with safe_open(path, framework="pt") as shard:
@@ -215,7 +246,12 @@ def shard_record(path: Path) -> dict[str, Any]:
             config, seed = dict(record["config"]), int(record["seed"])
     except (SafetensorError, KeyError, TypeError, ValueError) as error:
         raise _broken(path, error) from error
-    return {"config": config, "seed": seed}
+    try:
+        return {"config": as_dict(with_table(SynthesisConfig(), config, str(path))), "seed": seed}
+    except ConfigError as error:
+        raise InputError(
+            f"{path}: was made by another version of geneoh ({error}); make the data again"
+        ) from error
 
 
 def _broken(path: Path, error: Exception) -> InputError:
@@ -271,9 +307,9 @@ def read_shards(folder: Path, split: str) -> Interactions:
     for index, path in enumerate(paths):
         part = read_shard(path)
         size = len(part.wrist)
-        for field in fields(part):
-            tensor = getattr(part, field.name)
-            if field.name not in whole:
-                whole[field.name] = tensor.new_empty(len(paths) * size, *tensor.shape[1:])
-            whole[field.name][index * size : (index + 1) * size] = tensor
+        for name in (each.name for each in fields(part)):
+            tensor = getattr(part, name)
+            if name not in whole:
+                whole[name] = tensor.new_empty(len(paths) * size, *tensor.shape[1:])
+            whole[name][index * size : (index + 1) * size] = tensor
     return Interactions(**whole)

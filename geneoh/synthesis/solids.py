@@ -17,7 +17,7 @@ SOLIDS = 4
 PARTS = 2
 """Parts of an object that move by themselves: the first, and one on a joint."""
 BOX, CYLINDER, ELLIPSOID, TORUS = range(4)
-ASTRAY = 1e-5
+SURFACE_ERROR = 1e-5
 """Distance from the surface beyond which a point's slide down to it has not converged, metres."""
 FAR = 10.0
 """Where unused solids are parked, metres: never the nearest part of anything."""
@@ -78,7 +78,7 @@ class Solids:
         swung = pivot - (turn @ pivot[..., None])[..., 0]
         return turn, torch.where(slides, along, swung)
 
-    def part_of(self, points: Float[Tensor, "B P 3"]) -> Int[Tensor, "B P"]:
+    def nearest_part(self, points: Float[Tensor, "B P 3"]) -> Int[Tensor, "B P"]:
         """The part that each point is nearest to."""
         first, second = (self.only(part).signed_distance(points) for part in range(PARTS))
         return (second < first).long()
@@ -153,6 +153,6 @@ class Solids:
             points = points - 0.9 * distance[..., None] * normal
         distance, normal = self.distance_and_normal(points)
         # in the order they were drawn: rounding is smaller on some parts, whose points would win
-        astray = (distance.abs() > ASTRAY).int()
-        keep = astray.argsort(dim=1, stable=True)[:, :count, None].expand(-1, -1, 3)
+        off = (distance.abs() > SURFACE_ERROR).int()
+        keep = off.argsort(dim=1, stable=True)[:, :count, None].expand(-1, -1, 3)
         return points.gather(1, keep), normal.gather(1, keep)

@@ -13,8 +13,8 @@ from torch import Tensor
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import TIP_KEYPOINTS
 from geneoh.representation.parameters import HandParameters
-from geneoh.synthesis.motion import smooth_noise
-from geneoh.synthesis.pose_prior import NATURAL_STD
+from geneoh.synthesis.draws import smooth_noise
+from geneoh.synthesis.pose_prior import FINGER_STD
 
 SHARE = 0.85
 """Share of the windows whose hand moves more than it was made to."""
@@ -24,7 +24,7 @@ counts by that power of its period. The fastest are the unrest of a real ground 
 TURN, SHIFT, FINGERS = (0.02, 0.4), (0.0006, 0.02), (0.05, 0.8)
 """Smallest and largest deviation, log-uniform: turn about the fingertips (rad), shift (m), fingers
 (in natural deviations of each joint)."""
-STYLE_SHARE, STYLE_STD = 0.5, (0.4 * NATURAL_STD).clamp(min=0.04)
+STYLE_SHARE, STYLE_STD = 0.5, (0.4 * FINGER_STD).clamp(min=0.04)
 """Share of the windows whose finger pose is set off as a whole, and by how much (rad): little where
 joints hardly move, by which a pose that is off as a whole can be told."""
 
@@ -51,7 +51,7 @@ def augmented(hand: HandParameters, *, generator: torch.Generator) -> HandParame
     arm = (turn @ (hand.wrist - pivot)[..., None])[..., 0]
     style = STYLE_STD * torch.randn(batch, 1, 15, 3, generator=generator)
     style = style * (uniform(1, 1, 1) < STYLE_SHARE)
-    bend = (motion[..., 6:] * size(FINGERS)).unflatten(-1, (15, 3)) * NATURAL_STD
+    bend = (motion[..., 6:] * size(FINGERS)).unflatten(-1, (15, 3)) * FINGER_STD
     return HandParameters(
         pivot + arm + motion[..., 3:6] * size(SHIFT),
         turn @ hand.turn,

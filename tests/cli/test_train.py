@@ -2,32 +2,20 @@
 
 from pathlib import Path
 
-import pytest
+from geneoh.synthesis.shards import shard_record
 
-from geneoh.synthesis import shards
-
-
-@pytest.fixture
-def tiny_shards(monkeypatch):
-    """Shards of two interactions instead of 128."""
-    plain = shards.SynthesisConfig
-    monkeypatch.setattr(
-        shards, "SynthesisConfig", lambda count=6: plain(count=count, shard=2, points=64)
-    )
-
-
+SHARDS = ("--count", 4, "--set", "shard=2", "--set", "points=64")
+"""Shards of two interactions instead of 256."""
 SMALL = ("steps=2", "batch=2", "validation_batches=1", "autoencoder_steps=1", "warmup=1")
 
 
-def test_synthesized_data_trains_every_stage_and_denoise_takes_the_weights(
-    geneoh, tmp_path, tiny_shards
-):
-    made = geneoh("synthesize", "--count", 4)
+def test_synthesized_data_trains_every_stage_and_denoise_takes_the_weights(geneoh, tmp_path):
+    made = geneoh("synthesize", *SHARDS)
     assert made.exit_code == 0, made.output
     assert "2 shards made" in made.stdout
     assert (tmp_path / "runs" / "data" / "sheet.png").read_bytes().startswith(b"\x89PNG")
-    assert "0 shards made" in geneoh("synthesize", "--count", 4).stdout
-    other = geneoh("synthesize", "--count", 4, "--seed", 1)
+    assert "0 shards made" in geneoh("synthesize", *SHARDS).stdout
+    other = geneoh("synthesize", *SHARDS, "--seed", 1)
     assert other.exit_code == 2
     assert "was made with seed 0 where 1 is asked for" in other.stderr
     examples = Path(__file__).parents[2] / "examples"
@@ -49,6 +37,19 @@ def test_training_without_data_says_how_to_make_some(geneoh):
     result = geneoh("train", "--stage", "spatial")
     assert result.exit_code == 2
     assert "geneoh synthesize" in result.stderr
+
+
+def test_settings_of_the_data_come_from_a_file_and_from_the_command(geneoh, tmp_path):
+    (tmp_path / "few.toml").write_text("count = 2\nshard = 1\n[grasps]\nsteps = 1\n")
+    settings = "--set", "grasps.checks.fingers=-1", "--set", "grasps.checks.depth=1"
+    made = geneoh("synthesize", "--config", "few.toml", *settings, "--set", "points=16")
+    assert made.exit_code == 0, made.output
+    record = shard_record(tmp_path / "runs" / "data" / "train_00001.safetensors")["config"]
+    assert (record["count"], record["points"], record["grasps"]["steps"]) == (2, 16, 1)
+    assert record["grasps"]["checks"]["fingers"] == -1
+    misspelt = geneoh("synthesize", "--set", "grasps.step=3")
+    assert misspelt.exit_code == 2
+    assert "did you mean 'grasps.steps'?" in misspelt.stderr
 
 
 def test_misspelt_setting_is_refused_with_the_nearest(geneoh):

@@ -1,7 +1,6 @@
 import json
 import math
 from dataclasses import replace
-from functools import partial
 
 import pytest
 import torch
@@ -28,8 +27,7 @@ from geneoh.geometry.mesh import Mesh
 from geneoh.hand.library import load_hand
 from geneoh.hand.skeleton import bone_lengths
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
-from geneoh.synthesis import shards
-from geneoh.synthesis.grasps import Checks, synthesize_grasps
+from geneoh.synthesis.grasps import GraspChecks, GraspConfig
 from geneoh.synthesis.shards import SynthesisConfig, write_shards
 
 FRAMES = 2 * BLOCK + 4
@@ -172,10 +170,8 @@ def test_a_recording_is_measured_as_a_right_hand_around_its_object(mirrored):
 
 
 def test_synthetic_clips_are_measured_frame_by_frame(tmp_path, monkeypatch):
-    anything = Checks(depth=1.0, fingers=-1, clearance=-1.0)
-    quick = partial(synthesize_grasps, steps=1, checks=anything)
-    monkeypatch.setattr(shards, "synthesize_grasps", quick)
-    config = SynthesisConfig(count=6, frames=40, points=16, shard=2)
+    quick = GraspConfig(steps=1, checks=GraspChecks(depth=1.0, fingers=-1, clearance=-1.0))
+    config = SynthesisConfig(count=6, frames=40, points=16, shard=2, grasps=quick)
     hand = load_hand("right")
     write_shards(tmp_path, config, hand, seed=0)
     monkeypatch.setattr(realism, "CLIPS", 1)

@@ -4,13 +4,19 @@ from torch import Tensor
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
 from geneoh.hand.skeleton import forward_kinematics
-from geneoh.synthesis.bimanual import APART, SHARE, first_hands, leads, sides
-from geneoh.synthesis.grasps import Grasps, synthesize_grasps
+from geneoh.synthesis.bimanual import (
+    BimanualConfig,
+    bimanual_objects,
+    grasp_directions,
+    pair_hands,
+)
+from geneoh.synthesis.grasps import GraspConfig, Grasps, synthesize_grasps
 from geneoh.synthesis.objects import draw_objects
-from geneoh.synthesis.pose_prior import NATURAL_MEAN
+from geneoh.synthesis.pose_prior import FINGER_MEAN
 from geneoh.synthesis.shards import SynthesisConfig, draw_attempts
 from geneoh.synthesis.solids import Solids
 
+CONFIG = BimanualConfig()
 FLIP = torch.tensor([-1.0, 1.0, 1.0])
 
 
@@ -26,15 +32,15 @@ def longest(solids: Solids) -> Tensor:
 def test_second_hands_are_tried_on_the_largest_objects():
     names = ["coin", "carton", "ring", "board", "pen", "plate", "ball", "pan", "mouse", "phone"]
     solids = draw_objects(names, generator=seeded(1))
-    lead = leads(solids, len(names))
-    assert len(lead) == int(SHARE * len(names))
+    lead = bimanual_objects(solids, len(names), CONFIG)
+    assert len(lead) == int(CONFIG.share * len(names))
     extent = longest(solids)
     assert float(extent[lead].min()) > float(extent.median())
 
 
 def test_two_hands_come_from_the_two_ends():
     solids = draw_objects(["hammer", "coin", "pan", "hammer", "pan"], generator=seeded(2))
-    side = sides(solids, torch.tensor([0, 2]))
+    side = grasp_directions(solids, torch.tensor([0, 2]))
     want = torch.tensor([[0.0, 0, 1], [0, 0, 0], [1, 0, 0], [0, 0, -1], [1, 0, 0]])
     # along x the mirror turns the other end around once more
     assert torch.equal(side, want)
@@ -42,42 +48,46 @@ def test_two_hands_come_from_the_two_ends():
 
 def hands(shift: Tensor) -> Grasps:
     """Two first hands and, as tried last, two second hands moved by so much along y."""
-    pose = torch.cat([torch.zeros(4, 1, 3), NATURAL_MEAN.expand(4, 15, 3)], dim=1)
+    pose = torch.cat([torch.zeros(4, 1, 3), FINGER_MEAN.expand(4, 15, 3)], dim=1)
     wrist = torch.zeros(4, 3)
     wrist[2:, 1] = shift
     offsets = load_hand("right").shaped(torch.zeros(4, 10)).offsets
-    kind = torch.zeros(4, dtype=torch.long)
-    return Grasps(pose, wrist, offsets, torch.ones(4, dtype=torch.bool), kind)
+    types = torch.zeros(4, dtype=torch.long)
+    return Grasps(pose, wrist, offsets, torch.ones(4, dtype=torch.bool), types)
 
 
 def test_hands_that_meet_are_no_pair():
-    first = first_hands(hands(torch.tensor([0.3, 0.0])), torch.tensor([0, 1]))
-    assert first.tolist() == [-1, -1, 0, -1]
+    pairs = pair_hands(hands(torch.tensor([0.3, 0.0])), torch.tensor([0, 1]), CONFIG)
+    assert pairs.first.tolist() == [-1, -1, 0, -1]
 
 
 def test_a_pair_needs_both_hands_and_is_counted_among_those_kept():
     grasps = hands(torch.tensor([0.3, 0.3]))
     grasps.kept[0] = False
     # the second of the one that is gone is alone; the others have moved up by one
-    assert first_hands(grasps, torch.tensor([0, 1])).tolist() == [-1, -1, 0]
+    assert pair_hands(grasps, torch.tensor([0, 1]), CONFIG).first.tolist() == [-1, -1, 0]
 
 
 def test_two_hands_are_made_and_do_not_meet_in_the_world():
-    config = SynthesisConfig()
-    tried = draw_attempts(config, ["hammer", "pan"], load_hand("right"), 48, generator=seeded(3))
-    lead = leads(tried.solids, 48)
-    side = sides(tried.solids, lead)
+    families = ["hammer", "pan"]
+    tried = draw_attempts(SynthesisConfig(), families, load_hand("right"), 48, generator=seeded(3))
+    lead = bimanual_objects(tried.solids, 48, CONFIG)
+    side = grasp_directions(tried.solids, lead)
     grasps = synthesize_grasps(
-        tried.solids, tried.hands.offsets, generator=seeded(4), toward=side, steps=90
+        tried.solids,
+        tried.hands.offsets,
+        GraspConfig(steps=90),
+        generator=seeded(4),
+        toward=side,
     )
-    first = first_hands(grasps, lead)
+    first = pair_hands(grasps, lead, CONFIG).first
     kept = grasps.chosen(grasps.kept)
     turns = axis_angle_to_matrix(kept.pose)
     joints, _ = forward_kinematics(turns, kept.wrist, kept.offsets)
     pairs = [(int(first[i]), i) for i in torch.nonzero(first >= 0)[:, 0].tolist()]
     assert pairs, "some of nine pairs are kept"
     for one, two in pairs:
-        assert float(torch.cdist(joints[one], joints[two] * FLIP).min()) > APART
+        assert float(torch.cdist(joints[one], joints[two] * FLIP).min()) > CONFIG.gap
         bones = (kept.offsets[one].norm(dim=-1) / kept.offsets[two].norm(dim=-1) - 1).abs()
         assert 0 < float(bones.max()) < 0.03, "one person's hands, but not one hand"
     # the object of a second hand is the first one's in a mirror

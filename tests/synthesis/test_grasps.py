@@ -8,14 +8,16 @@ from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
 from geneoh.hand.skeleton import KEYPOINT_PARENTS, MANO_FROM_OPENPOSE, forward_kinematics
 from geneoh.synthesis.contact_pads import BONE_RADIUS, MEAN_SPAN
-from geneoh.synthesis.grasp_types import KINDS
-from geneoh.synthesis.grasps import Checks, Grasps, synthesize_grasps
+from geneoh.synthesis.grasp_types import GRASP_TYPES
+from geneoh.synthesis.grasps import GraspChecks, GraspConfig, Grasps, synthesize_grasps
 from geneoh.synthesis.objects import draw_objects
-from geneoh.synthesis.pose_prior import NATURAL_MEAN, NATURAL_STD, curled
+from geneoh.synthesis.pose_prior import FINGER_MEAN, FINGER_STD, curled
 from geneoh.synthesis.solids import Solids
 
 FAMILIES = ["box", "cylinder", "ellipsoid", "capsule", "ring", "pen", "mug", "knife"] * 20
 COUNT = len(FAMILIES)
+QUICK = GraspConfig(steps=90)
+CHECKS = GraspChecks()
 PALM = ((0, 4, 0.55, 0.017), (0, 4, 0.85, 0.016))
 """Points of the palm: from, to (MANO joints), share of the way, metres below."""
 
@@ -32,7 +34,7 @@ def offsets(count: int) -> Tensor:
 @pytest.fixture(scope="module")
 def grasped() -> tuple[Grasps, Solids]:
     solids = draw_objects(FAMILIES, generator=seeded(1))
-    return synthesize_grasps(solids, offsets(COUNT), generator=seeded(2), steps=90), solids
+    return synthesize_grasps(solids, offsets(COUNT), QUICK, generator=seeded(2)), solids
 
 
 def along_bones(grasps: Grasps) -> tuple[Tensor, Tensor]:
@@ -95,11 +97,11 @@ def parts(grasps: Grasps, name: str) -> list[Tensor]:
 
 def contacts(grasps: Grasps, solids: Solids, index: int) -> tuple[Tensor, Tensor, Tensor]:
     """Of one kind of kept grasp: touching digits (G,), touching pads (G, P), their normals."""
-    mine = grasps.kept & (grasps.kind == index)
+    mine = grasps.kept & (grasps.types == index)
     grasps, solids = grasps.chosen(mine), solids.chosen(mine)
-    digits = parts(grasps, KINDS[index].name)
+    digits = parts(grasps, GRASP_TYPES[index].name)
     distance, normal = solids.distance_and_normal(torch.cat(digits, dim=1))
-    touching = distance.abs() < Checks().contact + 1e-6
+    touching = distance.abs() < GraspChecks().contact + 1e-6
     count = torch.stack(
         [part.any(1) for part in touching.split([d.shape[1] for d in digits], dim=1)], dim=1
     ).sum(1)
@@ -107,7 +109,7 @@ def contacts(grasps: Grasps, solids: Solids, index: int) -> tuple[Tensor, Tensor
 
 
 def indices(*names: str) -> list[int]:
-    return [i for i, kind in enumerate(KINDS) if kind.name.split()[0] in names]
+    return [i for i, kind in enumerate(GRASP_TYPES) if kind.name.split()[0] in names]
 
 
 def test_a_flat_hand_has_straight_fingers_and_a_fist_has_its_tips_at_the_palm():
@@ -127,11 +129,11 @@ def test_a_flat_hand_has_straight_fingers_and_a_fist_has_its_tips_at_the_palm():
 
 
 def test_kinds_are_drawn_by_their_shares():
-    shares = torch.tensor([kind.share for kind in KINDS])
+    shares = torch.tensor([kind.share for kind in GRASP_TYPES])
     torch.testing.assert_close(shares.sum(), torch.tensor(1.0))
     solids = draw_objects(["ball"], generator=seeded(4)).chosen(torch.zeros(600, dtype=torch.long))
-    tried = synthesize_grasps(solids, offsets(600), generator=seeded(1), steps=1)
-    found = torch.bincount(tried.kind, minlength=len(KINDS)) / 600
+    tried = synthesize_grasps(solids, offsets(600), GraspConfig(steps=1), generator=seeded(1))
+    found = torch.bincount(tried.types, minlength=len(GRASP_TYPES)) / 600
     assert float((found - shares).abs().max()) < 0.06
     assert float(found.min()) > 0.02
 
@@ -139,8 +141,8 @@ def test_kinds_are_drawn_by_their_shares():
 def test_more_than_half_of_the_grasps_are_kept_and_some_of_every_kind(grasped):
     grasps, _ = grasped
     assert float(grasps.kept.float().mean()) > 0.5
-    for index, kind in enumerate(KINDS):
-        mine = grasps.kept[grasps.kind == index].float()
+    for index, kind in enumerate(GRASP_TYPES):
+        mine = grasps.kept[grasps.types == index].float()
         assert float(mine.mean()) > 0.2, kind.name
 
 
@@ -150,16 +152,16 @@ def test_kept_grasps_are_hardly_inside_the_object(grasped):
     distance = solids.signed_distance(bones.flatten(1, 2)).unflatten(1, (20, 10))
     depth = BONE_RADIUS[:, None] * size[:, None, None] - distance
     # between two of the spheres that are checked the bone may be a little deeper
-    assert float(depth[grasps.kept].max()) < Checks().depth + 0.002
+    assert float(depth[grasps.kept].max()) < GraspChecks().depth + 0.002
 
 
-@pytest.mark.parametrize("index", range(len(KINDS)), ids=[kind.name for kind in KINDS])
+@pytest.mark.parametrize("index", range(len(GRASP_TYPES)), ids=[kind.name for kind in GRASP_TYPES])
 def test_kept_grasps_touch_with_the_digits_of_their_kind(grasped, index):
     count, _, _ = contacts(*grasped, index)
     assert len(count) > 0
     needed = {"power": 3, "precision 2": 2, "precision 3": 3, "precision 4": 3, "precision 5": 4}
     needed |= {"lateral": 2, "hook": 3, "support": 3}
-    assert int(count.min()) >= needed[KINDS[index].name]
+    assert int(count.min()) >= needed[GRASP_TYPES[index].name]
 
 
 @pytest.mark.parametrize("index", indices("power", "precision", "lateral"))
@@ -167,30 +169,30 @@ def test_kept_grips_have_surfaces_that_oppose(grasped, index):
     _, touching, normal = contacts(*grasped, index)
     for holds, normals in zip(touching, normal, strict=True):
         cosines = normals[holds] @ normals[holds].T
-        assert float(cosines.min()) < Checks().opposing + 1e-4
+        assert float(cosines.min()) < GraspChecks().opposing + 1e-4
 
 
 @pytest.mark.parametrize("index", indices("hook", "support"))
 def test_what_hooks_and_palms_carry_can_be_lifted(grasped, index):
     grasps, solids = grasped
-    mine = grasps.kept & (grasps.kind == index)
+    mine = grasps.kept & (grasps.types == index)
     turn = axis_angle_to_matrix(grasps.pose[mine, 0])
     # the weight bears towards the fingertips of a hook, and down on an upturned palm
     down = turn @ torch.tensor(
-        {"hook": [-1.0, 0.0, 0.0], "support": [0.0, 1.0, 0.0]}[KINDS[index].name]
+        {"hook": [-1.0, 0.0, 0.0], "support": [0.0, 1.0, 0.0]}[GRASP_TYPES[index].name]
     )
     _, touching, normal = contacts(grasps, solids, index)
     for holds, normals, bears in zip(touching, normal, down, strict=True):
         along = normals[holds] @ bears
-        assert float(along.max()) > Checks().bearing - 1e-4
-        assert float(along.min()) > -Checks().bearing - 1e-4
+        assert float(along.max()) > GraspChecks().bearing - 1e-4
+        assert float(along.min()) > -CHECKS.bearing - 1e-4
 
 
 def test_kept_grasps_bend_no_joint_beyond_its_limits(grasped):
     grasps, _ = grasped
     closed = curled(torch.full((1, 5), 1.5))[0]
-    low, high = NATURAL_MEAN.minimum(closed), NATURAL_MEAN.maximum(closed)
-    fingers, slack = grasps.pose[grasps.kept, 1:], Checks().deviations * NATURAL_STD + 1e-5
+    low, high = FINGER_MEAN.minimum(closed), FINGER_MEAN.maximum(closed)
+    fingers, slack = grasps.pose[grasps.kept, 1:], GraspChecks().deviations * FINGER_STD + 1e-5
     assert bool((fingers > low - slack).all())
     assert bool((fingers < high + slack).all())
 
@@ -198,16 +200,17 @@ def test_kept_grasps_bend_no_joint_beyond_its_limits(grasped):
 @pytest.mark.parametrize(
     "strict",
     [
-        Checks(depth=0.0),
-        Checks(clearance=0.1),
-        Checks(deviations=0.1),
-        Checks(opposing=-2.0, bearing=1.1),
-        Checks(contact=0.0),
+        GraspChecks(depth=0.0),
+        GraspChecks(clearance=0.1),
+        GraspChecks(deviations=0.1),
+        GraspChecks(opposing=-2.0, bearing=1.1),
+        GraspChecks(contact=0.0),
     ],
 )
 def test_every_check_can_refuse(strict):
     solids = draw_objects(FAMILIES[:8], generator=seeded(1))
-    tried = synthesize_grasps(solids, offsets(8), generator=seeded(2), steps=20, checks=strict)
+    config = GraspConfig(steps=20, checks=strict)
+    tried = synthesize_grasps(solids, offsets(8), config, generator=seeded(2))
     assert not bool(tried.kept.any())
 
 
@@ -223,18 +226,21 @@ def test_a_grasp_is_a_plain_record_of_the_hand_it_was_asked_for(grasped):
 def test_grasps_depend_on_the_generator_alone_and_checks_only_choose():
     solids = draw_objects(["box", "ring"], generator=seeded(4))
     first, second, other = (
-        synthesize_grasps(solids, offsets(2), generator=seeded(s), steps=2, checks=checks)
-        for s, checks in ((5, None), (5, Checks(fingers=5)), (6, None))
+        synthesize_grasps(
+            solids, offsets(2), GraspConfig(steps=2, checks=checks), generator=seeded(s)
+        )
+        for s, checks in ((5, CHECKS), (5, GraspChecks(fingers=5)), (6, CHECKS))
     )
     assert torch.equal(first.pose, second.pose)
     assert torch.equal(first.wrist, second.wrist)
-    assert torch.equal(first.kind, second.kind)
+    assert torch.equal(first.types, second.types)
     assert not torch.equal(first.wrist, other.wrist)
     assert not bool(second.kept.any()), "no hand touches with more than five fingers"
 
 
 def test_everything_passes_checks_that_ask_for_nothing():
     solids = draw_objects(["box", "ring"], generator=seeded(4))
-    anything = Checks(depth=1.0, fingers=-1, clearance=-1.0)
-    grasps = synthesize_grasps(solids, offsets(2), generator=seeded(), steps=1, checks=anything)
+    anything = GraspChecks(depth=1.0, fingers=-1, clearance=-1.0)
+    config = GraspConfig(steps=1, checks=anything)
+    grasps = synthesize_grasps(solids, offsets(2), config, generator=seeded())
     assert bool(grasps.kept.all())

@@ -7,33 +7,35 @@ from torch import Tensor
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
 from geneoh.hand.skeleton import forward_kinematics
+from geneoh.synthesis.bimanual import HandPairs
 from geneoh.synthesis.grasps import Grasps
-from geneoh.synthesis.motion import (
-    TABLE_SHARE,
-    Interactions,
-    _handled,
-    _object_path,
-    _Resting,
-    _resting,
-    animate,
+from geneoh.synthesis.motion import Interactions, animate
+from geneoh.synthesis.object_motion import (
+    ObjectMotionConfig,
+    Standing,
+    carried_path,
+    draw_standing,
+    held_part,
 )
 from geneoh.synthesis.objects import draw_objects
-from geneoh.synthesis.pose_prior import NATURAL_MEAN
+from geneoh.synthesis.pose_prior import FINGER_MEAN
+from geneoh.synthesis.schedule import Schedule, ScheduleConfig
 from geneoh.synthesis.solids import Solids
 
 BATCH, FRAMES, POINTS = 24, 60, 16
+CONFIG = ObjectMotionConfig()
 
 
 def grasps_and_solids() -> tuple[Grasps, Solids]:
     """Hands at some place on boxes; whether they touch is not what moves them."""
     generator = torch.Generator().manual_seed(0)
     orient = torch.randn(BATCH, 1, 3, generator=generator)
-    pose = torch.cat([orient, NATURAL_MEAN.expand(BATCH, 15, 3)], dim=1)
+    pose = torch.cat([orient, FINGER_MEAN.expand(BATCH, 15, 3)], dim=1)
     wrist = 0.1 * torch.randn(BATCH, 3, generator=generator)
     offsets = load_hand("right").shaped(torch.zeros(BATCH, 10)).offsets
     kept = torch.ones(BATCH, dtype=torch.bool)
-    kind = torch.zeros(BATCH, dtype=torch.long)
-    return Grasps(pose, wrist, offsets, kept, kind), draw_objects(
+    types = torch.zeros(BATCH, dtype=torch.long)
+    return Grasps(pose, wrist, offsets, kept, types), draw_objects(
         ["box"] * BATCH, generator=generator
     )
 
@@ -84,11 +86,19 @@ def test_the_object_moves_only_in_a_hand_that_holds_it_still(made):
     assert float(away.max()) > 0.05, "hands should come and go"
 
 
+def moving_between(lift: Tensor, put_down: Tensor) -> Schedule:
+    """The object moves in these frames, held all the time."""
+    never = torch.zeros_like(lift, dtype=torch.bool)
+    shortest = ScheduleConfig().shortest_move
+    return Schedule(FRAMES, lift, put_down, lift, put_down, put_down, never, shortest)
+
+
 def test_the_object_rests_before_it_is_lifted_and_after_it_is_released():
     lift, release = torch.full((200,), 10.0), torch.linspace(22.0, 50.0, 200)
     generator = torch.Generator().manual_seed(0)
-    rest = _Resting(torch.eye(3).expand(200, 3, 3), torch.zeros(200, dtype=torch.bool))
-    rotation, translation = _object_path(lift, release, rest, FRAMES, generator=generator)
+    rest = Standing(torch.eye(3).expand(200, 3, 3), torch.zeros(200, dtype=torch.bool))
+    schedule = moving_between(lift, release)
+    rotation, translation = carried_path(schedule, rest, CONFIG, generator=generator)
     shift = translation.diff(dim=1).norm(dim=-1)
     turn = rotation.diff(dim=1).flatten(2).norm(dim=-1)
     time = torch.arange(FRAMES - 1)
@@ -106,7 +116,7 @@ def test_fingers_keep_their_grasp_while_the_object_moves(made):
 
 def test_opening_fingers_never_bend_further_than_they_hold(made):
     flexion = made.pose[:, :, 1:13, 2]
-    held = NATURAL_MEAN[:12, 2]
+    held = FINGER_MEAN[:12, 2]
     trembling = 5 * (0.004 + 0.04)
     assert float((flexion - held).max()) < trembling
     assert float((held - flexion).amax((1, 2)).max()) > 0.3, "and some do open"
@@ -146,22 +156,24 @@ def test_tables_are_below_the_hand_and_stand_the_object_up():
     joints = skeleton(grasps)
     surface, _ = solids.surface_points(200, generator=torch.Generator().manual_seed(4))
     floating = torch.arange(BATCH) % 4 == 0
-    rest = _resting(joints, surface, floating, generator=torch.Generator().manual_seed(5))
+    rest = draw_standing(
+        joints, surface, floating, CONFIG, generator=torch.Generator().manual_seed(5)
+    )
     square = rest.upright @ rest.upright.mT
     torch.testing.assert_close(square, torch.eye(3).expand_as(square), atol=1e-5, rtol=0)
-    assert not bool(rest.table[floating].any())
-    assert 0.2 * BATCH < int(rest.table.sum()) <= 0.9 * TABLE_SHARE * BATCH + 3
+    assert not bool(rest.on_table[floating].any())
+    assert 0.2 * BATCH < int(rest.on_table.sum()) <= 0.9 * CONFIG.table_share * BATCH + 3
     height = (surface @ rest.upright.mT)[..., 2].amin(1)
     lowest = (joints @ rest.upright.mT)[..., 2].amin(1)
-    assert bool((lowest > height)[rest.table].all()), "no part of the hand is under the table"
+    assert bool((lowest > height)[rest.on_table].all()), "no part of the hand is under the table"
 
 
 def test_from_a_table_objects_are_lifted_and_put_back_upright():
     count = 200
-    rest = _Resting(torch.eye(3).expand(count, 3, 3), torch.ones(count, dtype=torch.bool))
+    rest = Standing(torch.eye(3).expand(count, 3, 3), torch.ones(count, dtype=torch.bool))
     lift, put = torch.full((count,), 5.0), torch.full((count,), 50.0)
-    rotation, shift = _object_path(
-        lift, put, rest, FRAMES, generator=torch.Generator().manual_seed(0)
+    rotation, shift = carried_path(
+        moving_between(lift, put), rest, CONFIG, generator=torch.Generator().manual_seed(0)
     )
     assert float(shift[..., 2].min()) > -1e-5, "never into the table"
     torch.testing.assert_close(shift[:, -1, 2], torch.zeros(count), atol=1e-5, rtol=0)
@@ -188,12 +200,12 @@ def at_drawers(offset: float) -> tuple[Grasps, Solids]:
 
 def test_a_hand_at_a_handle_holds_the_second_part_and_may_pull_it():
     grasps, solids = at_drawers(0.05)
-    handled = _handled(solids, skeleton(grasps))
-    holds = handled.held == 1
+    held = held_part(solids, skeleton(grasps), CONFIG)
+    holds = held.index == 1
     assert int(holds.sum()) > BATCH // 2
-    assert bool((handled.free[:, 0] <= 0).all())
-    assert bool((handled.free[:, 1] <= solids.travel[:, 1] + 1e-6).all())
-    torch.testing.assert_close(handled.free[holds][:, 1], solids.travel[holds][:, 1])
+    assert bool((held.travel[:, 0] <= 0).all())
+    assert bool((held.travel[:, 1] <= solids.travel[:, 1] + 1e-6).all())
+    torch.testing.assert_close(held.travel[holds][:, 1], solids.travel[holds][:, 1])
 
 
 def test_a_joint_has_no_room_through_the_hand():
@@ -205,12 +217,12 @@ def test_a_joint_has_no_room_through_the_hand():
     middle = skeleton(grasps)[:, 1:].mean(1)
     grasps = replace(grasps, wrist=grasps.wrist + place - middle)
     joints = skeleton(grasps)
-    handled = _handled(solids, joints)
+    held = held_part(solids, joints, CONFIG)
     lid = solids.only(1)
-    clear = (handled.held == 0) & (lid.signed_distance(joints).amin(1) > 0.02)
+    clear = (held.index == 0) & (lid.signed_distance(joints).amin(1) > 0.02)
     assert int(clear.sum()) > BATCH // 3
-    assert bool((handled.free[clear, 0] > 0.9 * solids.travel[clear, 0]).any())
-    turn, shift = solids.joint_pose(handled.free)
+    assert bool((held.travel[clear, 0] > 0.9 * solids.travel[clear, 0]).any())
+    turn, shift = solids.joint_pose(held.travel)
     there = (joints[:, None] - shift[:, :, None]) @ turn
     gap = lid.signed_distance(there.flatten(1, 2)).unflatten(1, (2, 21)).amin(-1)
     assert float(gap[clear].min()) > 0.01
@@ -219,11 +231,11 @@ def test_a_joint_has_no_room_through_the_hand():
 def test_hands_work_joints_and_follow_the_part_they_hold():
     grasps, solids = at_drawers(0.05)
     made = animate(grasps, solids, 90, POINTS, generator=torch.Generator().manual_seed(6))
-    handled = _handled(solids, skeleton(grasps))
+    held = held_part(solids, skeleton(grasps), CONFIG)
     drawn = (made.translation[:, :, 1] - made.translation[:, :, 0]).norm(dim=-1)
     works = drawn.amax(1) > 0.005
     assert int(works.sum()) > BATCH // 4
-    pulled = works & (handled.held == 1)
+    pulled = works & (held.index == 1)
     assert int(pulled.sum()) > BATCH // 5
     for clip in torch.nonzero(pulled)[:, 0].tolist():
         moving = drawn[clip].diff().abs() > 5e-4
@@ -240,9 +252,9 @@ def test_hands_work_joints_and_follow_the_part_they_hold():
 def test_two_hands_hold_one_object_seen_in_a_mirror():
     grasps, solids = grasps_and_solids()
     half = BATCH // 2
-    first = torch.cat([torch.full((half,), -1), torch.arange(half)])
+    pairs = HandPairs(torch.cat([torch.full((half,), -1), torch.arange(half)]))
     made = animate(
-        grasps, solids, FRAMES, POINTS, generator=torch.Generator().manual_seed(7), first=first
+        grasps, solids, FRAMES, POINTS, generator=torch.Generator().manual_seed(7), pairs=pairs
     )
     flip = torch.tensor([-1.0, 1.0, 1.0])
     one, two = slice(0, half), slice(half, None)

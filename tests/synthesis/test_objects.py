@@ -196,7 +196,7 @@ def test_two_parts_together_are_the_object(family):
     solids, points = draw_objects([family], generator=seeded(11)), around()
     both = torch.minimum(*(solids.only(part).signed_distance(points) for part in range(2)))
     torch.testing.assert_close(both, solids.signed_distance(points))
-    part = solids.part_of(points)
+    part = solids.nearest_part(points)
     assert bool(part.any()) == (family in JOINTED)
 
 

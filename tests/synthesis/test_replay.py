@@ -11,23 +11,24 @@ from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
 from geneoh.hand.skeleton import bone_lengths
 from geneoh.synthesis import shards
-from geneoh.synthesis.grasps import Checks, synthesize_grasps
+from geneoh.synthesis.grasps import GraspChecks, GraspConfig, synthesize_grasps
 from geneoh.synthesis.motion import Interactions
 from geneoh.synthesis.objects import draw_objects
 from geneoh.synthesis.replay import Replay, replay_shard
 from geneoh.synthesis.shards import Attempts, SynthesisConfig, read_shard, write_shards
 
-TINY = SynthesisConfig(count=12, frames=60, points=32, shard=6)
+ANYTHING = GraspChecks(depth=1.0, fingers=-1, clearance=-1.0)
+TINY = SynthesisConfig(
+    count=12, frames=60, points=32, shard=6, grasps=GraspConfig(steps=1, checks=ANYTHING)
+)
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """Shards of grasps that hardly descend, every second of which is kept."""
 
-    def picky(solids, offsets, *, generator, toward):
-        del toward
-        checks = Checks(depth=1.0, fingers=-1, clearance=-1.0)
-        grasps = synthesize_grasps(solids, offsets, generator=generator, steps=1, checks=checks)
+    def picky(solids, offsets, config, *, generator, toward):
+        grasps = synthesize_grasps(solids, offsets, config, generator=generator, toward=toward)
         return replace(grasps, kept=torch.arange(len(offsets)) % 2 == 1)
 
     folder = tmp_path_factory.mktemp("data")

@@ -1,35 +1,36 @@
 import hashlib
+import json
 import re
 from dataclasses import fields, replace
-from functools import partial
+from pathlib import Path
 
 import pytest
 import torch
+from safetensors.torch import save_file
 
+from geneoh.config import as_dict
 from geneoh.errors import ConfigError, InputError
 from geneoh.hand.library import load_hand
 from geneoh.synthesis import shards
-from geneoh.synthesis.grasps import Checks, synthesize_grasps
+from geneoh.synthesis.bimanual import BimanualConfig
+from geneoh.synthesis.grasps import GraspChecks, GraspConfig, synthesize_grasps
 from geneoh.synthesis.motion import Interactions
 from geneoh.synthesis.objects import FAMILIES
 from geneoh.synthesis.shards import (
     SynthesisConfig,
+    differences,
     read_shards,
     seed_of,
+    shard_record,
     synthesize_shard,
     write_shards,
 )
 
-TINY = SynthesisConfig(count=6, frames=8, points=8, shard=2)
-ANYTHING = Checks(depth=1.0, fingers=-1, clearance=-1.0)
-
-
-@pytest.fixture(autouse=True)
-def quick(monkeypatch):
-    """Grasps that hardly descend and always pass: what they are like is tested elsewhere."""
-    monkeypatch.setattr(
-        shards, "synthesize_grasps", partial(synthesize_grasps, steps=1, checks=ANYTHING)
-    )
+ANYTHING = GraspChecks(depth=1.0, fingers=-1, clearance=-1.0)
+TINY = SynthesisConfig(
+    count=6, frames=8, points=8, shard=2, grasps=GraspConfig(steps=1, checks=ANYTHING)
+)
+"""Grasps that hardly descend and always pass: what they are like is tested elsewhere."""
 
 
 @pytest.fixture
@@ -93,10 +94,9 @@ def test_held_out_families_are_in_validation_shards_only(tmp_path, hand, monkeyp
 def test_a_shard_is_filled_from_the_grasps_that_were_kept(hand, monkeypatch):
     calls = []
 
-    def choosy(solids, offsets, *, generator, toward):
-        del toward
+    def choosy(solids, offsets, config, *, generator, toward):
         calls.append(len(offsets))
-        grasps = synthesize_grasps(solids, offsets, generator=generator, steps=1, checks=ANYTHING)
+        grasps = synthesize_grasps(solids, offsets, config, generator=generator, toward=toward)
         kept = torch.zeros_like(grasps.kept)
         kept[: len(calls) - 1] = True  # none, one, two
         return replace(grasps, kept=kept)
@@ -161,6 +161,32 @@ def test_a_truncated_shard_is_told_with_the_cure(tmp_path, hand, kept):
     ):
         with pytest.raises(InputError, match=told):
             act()
+
+
+def with_record(folder, config: dict) -> Path:
+    """A shard whose record has these settings."""
+    path = folder / "train_00001.safetensors"
+    record = {"record": json.dumps({"config": config, "seed": 3})}
+    save_file({"wrist": torch.zeros(1)}, path, metadata=record)
+    return path
+
+
+def test_settings_that_an_older_shard_does_not_tell_are_the_defaults(tmp_path):
+    told = {"count": 6, "frames": 8, "points": 8, "shard": 2, "shape_std": 0.8}
+    record = shard_record(with_record(tmp_path, told))
+    config = SynthesisConfig(count=6, frames=8, points=8, shard=2)
+    assert record["config"] == as_dict(config)
+    assert differences(record, {"config": as_dict(config), "seed": 3}) == ""
+    other = replace(config, bimanual=BimanualConfig(share=0.5))
+    words = "bimanual.share 0.2 where 0.5 is asked for"
+    assert differences(record, {"config": as_dict(other), "seed": 3}) == words
+
+
+@pytest.mark.parametrize("config", [{"bones": 3}, {"grasps": {"step": 3}}, {"held_out": ["mugg"]}])
+def test_settings_that_are_not_known_are_told_as_those_of_another_version(tmp_path, config):
+    path = with_record(tmp_path, config)
+    with pytest.raises(InputError, match=r"train_00001\.safetensors: was made by another version"):
+        shard_record(path)
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from geneoh.hand.library import load_hand
 from geneoh.synthesis.grasps import Grasps
 from geneoh.synthesis.motion import Interactions, animate
 from geneoh.synthesis.objects import draw_objects
-from geneoh.synthesis.pose_prior import NATURAL_MEAN
+from geneoh.synthesis.pose_prior import FINGER_MEAN
 from geneoh.training.config import TrainConfig
 
 
@@ -24,11 +24,11 @@ def interactions() -> Interactions:
     """Four interactions of 62 frames with 40 surface points."""
     generator = torch.Generator().manual_seed(0)
     orient = torch.randn(4, 1, 3, generator=generator)
-    pose = torch.cat([orient, NATURAL_MEAN.expand(4, 15, 3)], dim=1)
+    pose = torch.cat([orient, FINGER_MEAN.expand(4, 15, 3)], dim=1)
     wrist = 0.05 * torch.randn(4, 3, generator=generator)
     offsets = load_hand("right").shaped(torch.zeros(4, 10)).offsets
-    kept, kind = torch.ones(4, dtype=torch.bool), torch.zeros(4, dtype=torch.long)
-    grasps = Grasps(pose, wrist, offsets, kept, kind)
+    kept, types = torch.ones(4, dtype=torch.bool), torch.zeros(4, dtype=torch.long)
+    grasps = Grasps(pose, wrist, offsets, kept, types)
     return animate(
         grasps, draw_objects(["box"] * 4, generator=generator), 62, 40, generator=generator
     )

@@ -51,7 +51,7 @@ def test_the_sizes_are_those_asked_for(still, monkeypatch):
     bend = torch.cat(
         [augmented(still, generator=seeded(s)).fingers - still.fingers for s in range(8)]
     )
-    ratio = bend.std((0, 1)) / augmentation.NATURAL_STD
+    ratio = bend.std((0, 1)) / augmentation.FINGER_STD
     assert float(ratio.mean()) == pytest.approx(0.5, rel=0.15)
 
 

@@ -1,0 +1,201 @@
+"""How a hand moves about its grasp: it reaches, holds, adjusts, lets go and leaves.
+
+All of it in the frame of the part that the hand holds.
+"""
+
+import math
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.synthesis.draws import smooth_noise, uniform
+from geneoh.synthesis.grasps import Grasps
+from geneoh.synthesis.object_motion import Standing
+from geneoh.synthesis.pose_prior import curled
+from geneoh.synthesis.schedule import Schedule, minimum_jerk
+
+
+@dataclass(frozen=True)
+class HandMotionConfig:
+    """How fast, how far and how restlessly hands move."""
+
+    reach_frames: tuple[float, float] = (18.0, 40.0)
+    """Range of the frames that the wrist takes to come, and to leave."""
+    opening_frames: tuple[float, float] = (8.0, 16.0)
+    """Range of the frames that the fingers take to close, and to open."""
+    wrist_delay: float = 0.1
+    """Time between the grasp and the motion of the wrist, as a share of the wrist's way."""
+    opening_lead: float = 0.3
+    """How far the fingers are open at the time of the grasp, as a share of their way: they have to
+    be off the surface before the wrist moves."""
+    away_direction: tuple[float, float, float] = (0.6, 1.0, 0.0)
+    """Where hands come from, in the hand's frame: off the palm and towards the forearm."""
+    away_distance: tuple[float, float] = (0.06, 0.2)
+    """Range of the distance from there to the grasp, in lengths of `away_direction`, metres."""
+    away_std: float = 0.05
+    """Deviation of that place on each axis, metres."""
+    table_height: float = 0.04
+    """Least height of that place over the grasp where there is a table, metres."""
+    away_turn_std: float = 0.4
+    """Deviation of the hand's orientation there from that of the grasp, radians on each axis."""
+    regrasp_width: float = 4.0
+    """Half duration of a moment without the grasp, frames (deviation of a bell curve)."""
+    regrasp_distance: float = 0.3
+    """How far the wrist goes in that moment, as a share of its way from the object."""
+    regrasp_opening: float = 0.7
+    """How far the fingers open in that moment, as a share."""
+    shift_noise: float = 0.001
+    """Deviation of the wrist's small adjustments while it holds, metres."""
+    shift_period: float = 12.0
+    """Frames over which they change."""
+    turn_noise: float = 0.01
+    """Deviation of the small adjustments of the hand's orientation, radians."""
+    turn_period: float = 15.0
+    """Frames over which they change."""
+    open_curl: tuple[float, float] = (0.05, 0.9)
+    """Range of the curl of open fingers: people reach with their fingers more or less open."""
+    curl_scatter: float = 0.3
+    """Deviation of the logarithm of the curl from finger to finger: no two are alike."""
+    opening: tuple[float, float] = (0.5, 1.0)
+    """Range of the share of the way to the open fingers that a hand goes."""
+    lift_share: float = 0.15
+    """Share of the fingers that are lifted from the object while the hand holds."""
+    lift_time: tuple[float, float] = (0.2, 0.8)
+    """Range of the time at which they are, as a share of the clip."""
+    lift_width: float = 7.0
+    """Half duration of it, frames (deviation of a bell curve)."""
+    lift_height: tuple[float, float] = (0.2, 0.6)
+    """Range of how far they open, as a share of the way to the open fingers."""
+    repeat_share: float = 0.2
+    """Share of the hands that lift the same fingers again and again, as with a tool in use."""
+    repeat_period: tuple[float, float] = (12.0, 40.0)
+    """Range of the frames from one time to the next."""
+    tremor: float = 0.004
+    """Deviation of the finger joints' small motion while the hand holds, radians."""
+    open_tremor: float = 0.04
+    """What is added to it while the hand is open, radians."""
+    tremor_period: float = 8.0
+    """Frames over which it changes."""
+
+
+@dataclass(frozen=True)
+class HandPhases:
+    """How far hands are from their grasp in each frame: 0 in the grasp, 1 away from it."""
+
+    reach: Float[Tensor, "B T"]
+    """Of the wrist, before the grasp."""
+    leave: Float[Tensor, "B T"]
+    """Of the wrist, after it."""
+    opening: Float[Tensor, "B T"]
+    """Of the fingers."""
+    regrasp: Float[Tensor, "B T"]
+    """Of a moment without the grasp."""
+
+
+def draw_phases(
+    schedule: Schedule, config: HandMotionConfig, *, generator: torch.Generator
+) -> HandPhases:
+    """When hands reach, close, let go for a moment, open and leave."""
+
+    def away(frames: Float[Tensor, "B T"]) -> tuple[Tensor, Tensor]:
+        """Phases of wrist and fingers, so many frames from the grasp."""
+        way = frames / uniform(config.reach_frames, len(frames), 1, generator=generator)
+        opening = frames / uniform(config.opening_frames, len(frames), 1, generator=generator)
+        return minimum_jerk(way - config.wrist_delay), minimum_jerk(opening + config.opening_lead)
+
+    time = schedule.time
+    reach, closing = away(schedule.close[:, None] - time)
+    leave, opening = away(time - schedule.release[:, None])
+    regrasp = bell(time - schedule.regrasp[:, None], config.regrasp_width)
+    regrasp = regrasp * schedule.regrasps[:, None]
+    opening = torch.maximum(torch.maximum(closing, opening), config.regrasp_opening * regrasp)
+    return HandPhases(reach, leave, opening, regrasp)
+
+
+def bell(frames: Float[Tensor, "B T"], width: float) -> Float[Tensor, "B T"]:
+    """A bell curve over time with its top, 1, at zero."""
+    return torch.exp(-0.5 * (frames / width) ** 2)
+
+
+def wrist_motion(
+    grasps: Grasps,
+    standing: Standing,
+    phases: HandPhases,
+    config: HandMotionConfig,
+    *,
+    generator: torch.Generator,
+) -> tuple[Float[Tensor, "B T 3"], Float[Tensor, "B T 3 3"]]:
+    """Wrist and global rotation: from a place in front of the object to the grasp and to another.
+
+    Between the two the wrist follows the grasp, but for small smooth adjustments.
+    """
+    batch, frames = phases.reach.shape
+    grasp = axis_angle_to_matrix(grasps.pose[:, 0])
+    back = grasp @ torch.tensor(config.away_direction)
+    up = standing.upright[:, 2]  # the world's vertical in the object's frame
+
+    def place() -> Float[Tensor, "B 1 3"]:
+        """A place away from the object, from the grasp; on a table, above it."""
+        there = back * uniform(config.away_distance, batch, 1, generator=generator)
+        there = there + config.away_std * torch.randn(batch, 3, generator=generator)
+        short = (config.table_height - (there * up).sum(-1, keepdim=True)).clamp(min=0)
+        return (there + torch.where(standing.on_table[:, None], short, 0.0) * up)[:, None]
+
+    def noise(period: float) -> Float[Tensor, "B T 3"]:
+        return smooth_noise(batch, frames, 3, period, generator=generator)
+
+    reach, leave = phases.reach[..., None], phases.leave[..., None]
+    path = reach * place() + leave * place()
+    path = path + phases.regrasp[..., None] * config.regrasp_distance * place()
+    wrist = grasps.wrist[:, None] + path + config.shift_noise * noise(config.shift_period)
+    std = config.away_turn_std
+    turn = reach * std * torch.randn(batch, 1, 3, generator=generator)
+    turn = turn + leave * std * torch.randn(batch, 1, 3, generator=generator)
+    turn = turn + config.turn_noise * noise(config.turn_period)
+    return wrist, grasp[:, None] @ axis_angle_to_matrix(turn)
+
+
+def finger_motion(
+    grasps: Grasps, phases: HandPhases, config: HandMotionConfig, *, generator: torch.Generator
+) -> Float[Tensor, "B T 15 3"]:
+    """Finger joints: open before and after the grasp, some lifted from the object in between."""
+    batch, frames = phases.opening.shape
+    fingers, opened = grasps.pose[:, None, 1:], _open_fingers(grasps, config, generator=generator)
+    opening = phases.opening[..., None, None]
+    opening = opening * uniform(config.opening, batch, 1, 1, 1, generator=generator)
+    fingers = fingers + opening * (opened - fingers)
+    lifted = _lifted(batch, frames, config, generator=generator)
+    fingers = fingers + lifted[..., None] * (opened - fingers)
+    tremor = smooth_noise(batch, frames, 45, config.tremor_period, generator=generator)
+    size = config.tremor + config.open_tremor * opening
+    return fingers + tremor.unflatten(-1, (15, 3)) * size
+
+
+def _open_fingers(
+    grasps: Grasps, config: HandMotionConfig, *, generator: torch.Generator
+) -> Float[Tensor, "B 1 15 3"]:
+    """Open fingers, each in a way of its own."""
+    batch = len(grasps.pose)
+    scatter = (config.curl_scatter * torch.randn(batch, 5, generator=generator)).exp()
+    opened = curled(uniform(config.open_curl, batch, 1, generator=generator) * scatter)
+    # never more bent than in the grasp: to open must not press a finger into the object
+    opened[:, :12, 2] = torch.minimum(opened[:, :12, 2], grasps.pose[:, 1:13, 2])
+    return opened[:, None]
+
+
+def _lifted(
+    batch: int, frames: int, config: HandMotionConfig, *, generator: torch.Generator
+) -> Float[Tensor, "B T 15"]:
+    """How far each finger joint is on its way to the open hand while a finger is lifted."""
+    time = torch.arange(frames, dtype=torch.float32)
+    chosen = (torch.rand(batch, 5, generator=generator) < config.lift_share).float()
+    middle = uniform(config.lift_time, batch, 1, generator=generator) * frames
+    period = uniform(config.repeat_period, batch, 1, generator=generator)
+    repeats = torch.rand(batch, 1, generator=generator) < config.repeat_share
+    again = 0.5 - 0.5 * torch.cos(2 * math.pi * (time - middle) / period)
+    height = torch.where(repeats, again, bell(time - middle, config.lift_width))
+    raised = height[..., None] * chosen.repeat_interleave(3, dim=1)[:, None]
+    return raised * uniform(config.lift_height, batch, 1, 1, generator=generator)

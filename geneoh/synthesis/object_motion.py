@@ -1,0 +1,211 @@
+"""How a grasped object moves: it stands or floats, is carried or slid, and its joint works."""
+
+import math
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from geneoh.geometry.rotations import axis_angle_to_matrix, skew
+from geneoh.synthesis.bimanual import HandPairs
+from geneoh.synthesis.schedule import Schedule
+from geneoh.synthesis.solids import Solids
+
+
+@dataclass(frozen=True)
+class ObjectMotionConfig:
+    """How far, how often and about what objects move while they are held."""
+
+    rest_points: int = 5
+    """Poses at which the object stops on its way, the last one included."""
+    carry_share: float = 0.85
+    """Share of the objects that are moved at all."""
+    move_share: float = 0.75
+    """Share of the rest points that differ from the one before; elsewhere the object stands still
+    while it is held."""
+    shift_std: tuple[float, float, float] = (0.25, 0.25, 0.18)
+    """Deviation of the translation between rest points, metres; the last one is vertical."""
+    turn_std: float = 0.8
+    """Deviation of the rotation between rest points, radians on each axis."""
+    path_scale: float = 0.7
+    """Factor on the sums of these steps, which keeps the object within reach of an arm."""
+    orientation_std: float = 2.0
+    """Deviation of the first orientation of an object without a table, radians on each axis."""
+    table_share: float = 0.6
+    """Share of the clips with a table, where the hand has room above it."""
+    slide_share: float = 0.25
+    """Of those, the share whose object is slid over the table and never lifted."""
+    table_directions: int = 16
+    """Directions in which an object is tried to stand, of which one that leaves room is taken."""
+    lift_height: float = 0.03
+    """Height at which an object is carried over the table, metres, besides its own path."""
+    skin: float = 0.012
+    """Distance from a keypoint to the skin around it, metres."""
+    joint_share: float = 0.8
+    """Share of the objects with a joint whose joint moves."""
+    base_still_share: float = 0.7
+    """Of those that are held by the second part, the share whose first part stays where it is:
+    drawers are pulled, lids are opened."""
+    touch: float = 0.02
+    """Distance below which a keypoint counts as holding a part, metres."""
+    joint_states: int = 9
+    """States of the joint at which room for the hand is looked for; odd, the middle is at rest."""
+
+
+@dataclass(frozen=True)
+class Standing:
+    """How B objects stand before they are lifted."""
+
+    upright: Float[Tensor, "B 3 3"]
+    """Rotation from the object to the world, whose z axis points up."""
+    on_table: Bool[Tensor, " B"]
+
+
+def draw_standing(
+    joints: Float[Tensor, "B 21 3"],
+    surface: Float[Tensor, "B P 3"],
+    floating: Bool[Tensor, " B"],
+    config: ObjectMotionConfig,
+    *,
+    generator: torch.Generator,
+) -> Standing:
+    """Objects turned any way, or stood on a table so that the hand is above it.
+
+    Args:
+        joints: keypoints of the hand that holds, in the object's frame.
+        surface: points of the object.
+        floating: objects without a table, such as those that a second hand holds.
+        config: shares and deviations.
+        generator: source of every random choice.
+    """
+    batch = len(joints)
+    up = torch.randn(batch, config.table_directions, 3, generator=generator)
+    up = torch.nn.functional.normalize(up, dim=-1)
+    room = (joints @ up.mT).amin(1) - config.skin - (surface @ up.mT).amin(1)
+    side = torch.where(room > 0, torch.rand(room.shape, generator=generator), -1.0).argmax(1)
+    clip = torch.arange(batch)
+    wanted = torch.rand(batch, generator=generator) < config.table_share
+    on_table = (room[clip, side] > 0) & wanted & ~floating
+    around = 2 * math.pi * torch.rand(batch, 1, generator=generator) * torch.eye(3)[2]
+    standing = axis_angle_to_matrix(around) @ _turn_up(up[clip, side])
+    orientation = config.orientation_std * torch.randn(batch, 3, generator=generator)
+    upright = torch.where(on_table[:, None, None], standing, axis_angle_to_matrix(orientation))
+    return Standing(upright, on_table)
+
+
+def _turn_up(direction: Float[Tensor, "B 3"]) -> Float[Tensor, "B 3 3"]:
+    """The shortest rotation that brings a direction to the z axis."""
+    vertical = torch.eye(3)[2].expand_as(direction)
+    cosine = (direction * vertical).sum(-1)
+    bend = skew(torch.linalg.cross(direction, vertical))
+    return torch.eye(3) + bend + bend @ bend / (1 + cosine).clamp(min=1e-4)[:, None, None]
+
+
+@dataclass(frozen=True)
+class HeldPart:
+    """Which part of B objects the hand holds, and how far their joints may move then."""
+
+    index: Int[Tensor, " B"]
+    travel: Float[Tensor, "B 2"]
+    """Range of the joint in which the other part does not run into the hand; in the unit of
+    `Solids.travel`, zero where the hand holds both parts."""
+
+
+def held_part(
+    solids: Solids, joints: Float[Tensor, "B 21 3"], config: ObjectMotionConfig
+) -> HeldPart:
+    """The part that more of the hand's keypoints touch, and the room of the other part."""
+    states = config.joint_states
+    parts = [solids.only(part) for part in range(2)]
+    near = torch.stack([part.signed_distance(joints) < config.touch for part in parts]).sum(-1)
+    held = (near[1] > near[0]).long()
+    state = torch.linspace(-1, 1, states)
+    low, high = solids.travel[:, :1], solids.travel[:, 1:]
+    turn, shift = solids.joint_pose(torch.where(state < 0, -state * low, state * high))
+    # where the hand is in the frame of the other part, when one of the two parts has moved
+    hand = joints[:, None].expand(-1, states, -1, -1)
+    second = ((hand - shift[:, :, None]) @ turn).flatten(1, 2)
+    first = (hand @ turn.mT + shift[:, :, None]).flatten(1, 2)
+    gap = torch.where(
+        (held == 0)[:, None], parts[1].signed_distance(second), parts[0].signed_distance(first)
+    )
+    room = gap.unflatten(1, (states, -1)).amin(-1) > config.skin
+    middle = states // 2
+    above = room[:, middle:].long().cumprod(1).sum(1) - 1
+    below = room[:, : middle + 1].flip(1).long().cumprod(1).sum(1) - 1
+    share = torch.stack([below, above], dim=1).clamp(min=0) / middle
+    holds_one = (near > 0).sum(0) == 1
+    return HeldPart(held, solids.travel * share * holds_one[:, None])
+
+
+def carried_path(
+    schedule: Schedule,
+    standing: Standing,
+    config: ObjectMotionConfig,
+    *,
+    generator: torch.Generator,
+) -> tuple[Float[Tensor, "B T 3 3"], Float[Tensor, "B T 3"]]:
+    """Rotation and translation of the first part: at rest until it is lifted and once it is down.
+
+    From a table the object is lifted and put back upright, or slid over it.
+    """
+    batch, rests = len(schedule.close), config.rest_points
+    moves = torch.rand(batch, rests, 1, generator=generator) < config.move_share
+    moves = moves & (torch.rand(batch, 1, 1, generator=generator) < config.carry_share)
+    step = torch.tensor(config.shift_std)
+    shift = torch.randn(batch, rests, 3, generator=generator) * step * moves
+    shift = shift.cumsum(1) * config.path_scale
+    turn = torch.randn(batch, rests, 3, generator=generator) * config.turn_std * moves
+    turn = turn.cumsum(1) * config.path_scale
+
+    slides = torch.rand(batch, 1, generator=generator) < config.slide_share
+    down = slides | (torch.arange(rests) == rests - 1)  # (B, K): rest points on the table
+    raised = shift[..., 2].abs() + config.lift_height * moves[..., 0]
+    above = torch.cat([shift[..., :2], torch.where(down, 0.0, raised)[..., None]], -1)
+    on_table = standing.on_table[:, None, None]
+    shift = torch.where(on_table, above, shift)
+    turn = torch.where(on_table & down[..., None], turn * torch.eye(3)[2], turn)
+
+    path = schedule.moves(torch.cat([shift, turn], dim=-1), generator=generator)
+    translation, turn = path.split(3, -1)
+    return axis_angle_to_matrix(turn) @ standing.upright[:, None], translation
+
+
+def carry(
+    solids: Solids,
+    held: HeldPart,
+    standing: Standing,
+    schedule: Schedule,
+    pairs: HandPairs,
+    config: ObjectMotionConfig,
+    *,
+    generator: torch.Generator,
+) -> tuple[Float[Tensor, "B T 2 3 3"], Float[Tensor, "B T 2 3"]]:
+    """Rotations and translations of both parts, object to world.
+
+    The object of a second hand moves as that of the first one in a mirror.
+    """
+    batch = len(pairs.first)
+    works = torch.rand(batch, generator=generator) < config.joint_share
+    works = works & solids.jointed & ~pairs.shared
+    goals = torch.rand(batch, config.rest_points, generator=generator)
+    goals = torch.lerp(held.travel[:, :1], held.travel[:, 1:], goals) * works[:, None]
+    travelled = schedule.moves(goals[..., None], generator=generator)[..., 0]
+    rotation, translation = carried_path(schedule, standing, config, generator=generator)
+
+    still = torch.rand(batch, generator=generator) < config.base_still_share
+    still = (still & works & (held.index == 1))[:, None, None]
+    rotation = torch.where(still[..., None], rotation[:, :1], rotation)
+    translation = torch.where(still, translation[:, :1], translation)
+    flip, second = rotation.new_tensor([-1.0, 1.0, 1.0]), pairs.second[:, None, None]
+    mirrored = flip[:, None] * rotation[pairs.leader] * flip
+    rotation = torch.where(second[..., None], mirrored, rotation)
+    translation = torch.where(second, translation[pairs.leader] * flip, translation)
+
+    turn, shift = solids.joint_pose(travelled)
+    moved = (rotation @ shift[..., None])[..., 0]
+    return (
+        torch.stack([rotation, rotation @ turn], dim=2),
+        torch.stack([translation, translation + moved], dim=2),
+    )
