@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from geneoh.config import as_dict, configured, with_table
+from geneoh.config import as_dict, configured, flat, with_table
 from geneoh.errors import ConfigError
 
 
@@ -146,3 +146,7 @@ RUNS = st.builds(
 @given(RUNS)
 def test_a_resolved_configuration_comes_back_through_json(run):
     assert with_table(RUN, json.loads(json.dumps(as_dict(run))), "file") == run
+
+
+def test_nested_settings_have_dotted_names():
+    assert flat({"a": 1, "b": {"c": [2], "d": {"e": 3}}}) == {"a": 1, "b.c": [2], "b.d.e": 3}

@@ -57,8 +57,8 @@ def train(
             *parts,
             folder,
             device=devices.named(device),
-            before=before,
-            made=shard_record(find_shards(data, "train")[0]),
+            motion_denoiser=before,
+            data_record=shard_record(find_shards(data, "train")[0]),
             on_step=lambda now: on_progress(stage, now.step, now.steps),
         )
     click.echo(f"wrote {path}")

@@ -1,10 +1,12 @@
-"""Variety that the grasps of the synthesis engine lack: hands that do not hold like a vice.
+"""Augmentation of clean hands: motion that the grasps of the synthesis lack.
 
-In real recordings a hand turns about its fingertips while it holds, shifts, and moves its fingers
-all the time; people, and the fits that make ground truth, also hold them in ways of their own.
+A synthetic hand holds its object without moving. In real recordings it turns about its fingertips
+while it holds, shifts, and moves its fingers all the time; people, and the fits that make ground
+truth, also have finger poses of their own.
 """
 
 import math
+from dataclasses import dataclass
 
 import torch
 from jaxtyping import Float
@@ -16,45 +18,69 @@ from geneoh.representation.parameters import HandParameters
 from geneoh.synthesis.draws import smooth_noise
 from geneoh.synthesis.pose_prior import FINGER_STD
 
-SHARE = 0.85
-"""Share of the windows whose hand moves more than it was made to."""
-PERIODS, SLOW = (1.0, 2.0, 4.0, 10.0, 25.0), 0.3
-"""Frames over which such motion changes; each window has a mixture of its own, in which a motion
-counts by that power of its period. The fastest are the unrest of a real ground truth."""
-TURN, SHIFT, FINGERS = (0.02, 0.4), (0.0006, 0.02), (0.05, 0.8)
-"""Smallest and largest deviation, log-uniform: turn about the fingertips (rad), shift (m), fingers
-(in natural deviations of each joint)."""
-STYLE_SHARE, STYLE_STD = 0.5, (0.4 * FINGER_STD).clamp(min=0.04)
-"""Share of the windows whose finger pose is set off as a whole, and by how much (rad): little where
-joints hardly move, by which a pose that is off as a whole can be told."""
+
+@dataclass(frozen=True)
+class AugmentationConfig:
+    """How much hands move beyond what was synthesized. A share is of the windows."""
+
+    share: float = 0.85
+    """Share whose hand moves more than it was made to."""
+    periods: tuple[float, ...] = (1.0, 2.0, 4.0, 10.0, 25.0)
+    """Frames over which such motion changes; each window has a mixture of its own. The shortest are
+    the jitter of a real ground truth."""
+    period_power: float = 0.3
+    """Power of its period by which a motion counts in that mixture: slow motion is larger."""
+    turn: tuple[float, float] = (0.02, 0.4)
+    """Range of the deviation of the turn about the fingertips, radians, log-uniform."""
+    shift: tuple[float, float] = (0.0006, 0.02)
+    """Range of the deviation of the shift, metres, log-uniform."""
+    fingers: tuple[float, float] = (0.05, 0.8)
+    """Range of the deviation of the finger joints, in natural deviations of each, log-uniform."""
+    style_share: float = 0.5
+    """Share whose finger pose is set off as a whole."""
+    style: float = 0.4
+    """Deviation of that offset, in natural deviations of each joint: little where joints hardly
+    move, so that a pose which is off as a whole can be told."""
+    smallest_style: float = 0.04
+    """Least deviation of that offset, radians."""
 
 
-def augmented(hand: HandParameters, *, generator: torch.Generator) -> HandParameters:
-    """The same windows with livelier hands; world frame in and out, smooth over time."""
-    batch, frames = hand.wrist.shape[:2]
-
-    def uniform(*shape: int) -> Tensor:
-        return torch.rand(batch, *shape, generator=generator)
-
-    bands = [smooth_noise(batch, frames, 51, period, generator=generator) for period in PERIODS]
-    share = uniform(1, 1, len(PERIODS)) * torch.tensor(PERIODS) ** SLOW
-    share = share / share.square().sum(-1, keepdim=True).sqrt()
-    motion = (torch.stack(bands, dim=-1) * share).sum(-1)
-    lively = (uniform(1, 1) < SHARE).float()
+def augmented(
+    hand: HandParameters, config: AugmentationConfig | None = None, *, generator: torch.Generator
+) -> HandParameters:
+    """The same windows with hands that move more; world frame in and out, smooth over time."""
+    config, batch = config or AugmentationConfig(), len(hand.wrist)
+    motion = _mixed_motion(batch, hand.wrist.shape[1], config, generator=generator)
+    moves = (torch.rand(batch, 1, 1, generator=generator) < config.share).float()
 
     def size(limits: tuple[float, float]) -> Float[Tensor, "B 1 1"]:
         low, high = (math.log(limit) for limit in limits)
-        return torch.exp(low + (high - low) * uniform(1, 1)) * lively
+        share = torch.rand(batch, 1, 1, generator=generator)
+        return torch.exp(low + (high - low) * share) * moves
 
-    turn = axis_angle_to_matrix(motion[..., :3] * size(TURN))
+    turn = axis_angle_to_matrix(motion[..., :3] * size(config.turn))
     pivot = hand.joints[:, :, list(TIP_KEYPOINTS)].mean(2)
     arm = (turn @ (hand.wrist - pivot)[..., None])[..., 0]
-    style = STYLE_STD * torch.randn(batch, 1, 15, 3, generator=generator)
-    style = style * (uniform(1, 1, 1) < STYLE_SHARE)
-    bend = (motion[..., 6:] * size(FINGERS)).unflatten(-1, (15, 3)) * FINGER_STD
+    style = (config.style * FINGER_STD).clamp(min=config.smallest_style)
+    style = style * torch.randn(batch, 1, 15, 3, generator=generator)
+    style = style * (torch.rand(batch, 1, 1, 1, generator=generator) < config.style_share)
+    bend = (motion[..., 6:] * size(config.fingers)).unflatten(-1, (15, 3)) * FINGER_STD
     return HandParameters(
-        pivot + arm + motion[..., 3:6] * size(SHIFT),
+        pivot + arm + motion[..., 3:6] * size(config.shift),
         turn @ hand.turn,
         hand.fingers + style + bend,
         hand.offsets,
     )
+
+
+def _mixed_motion(
+    batch: int, frames: int, config: AugmentationConfig, *, generator: torch.Generator
+) -> Float[Tensor, "B T 51"]:
+    """Motion of unit size in every channel, a random mixture of fast and slow."""
+    bands = [
+        smooth_noise(batch, frames, 51, period, generator=generator) for period in config.periods
+    ]
+    share = torch.rand(batch, 1, 1, len(bands), generator=generator)
+    share = share * torch.tensor(config.periods) ** config.period_power
+    share = share / share.square().sum(-1, keepdim=True).sqrt()
+    return (torch.stack(bands, dim=-1) * share).sum(-1)

@@ -4,32 +4,21 @@ from dataclasses import dataclass, fields
 from typing import TypeVar
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.denoisers.base import POINTS, Observation
+from geneoh.denoisers.base import Observation
 from geneoh.denoisers.motion import MotionDenoiser, ObservedMotion
 from geneoh.diffusion.samplers import denoise_via_diffusion
 from geneoh.diffusion.schedule import descending_sigmas
-from geneoh.geometry.rotations import (
-    axis_angle_to_matrix,
-    interpolate_rotations,
-)
-from geneoh.representation.nearest_surface import nearest_on_parts
+from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.representation.parameters import HandParameters
-from geneoh.representation.region import ContactRegion, contact_region
+from geneoh.representation.region import ContactRegion
 from geneoh.synthesis.motion import Interactions
 from geneoh.training.augmentation import augmented
+from geneoh.training.config import TrainConfig
 from geneoh.training.corruption import draw_corruption
-
-WINDOW = 60
-"""Frames of a window (paper: 60 at 30 frames a second)."""
-MOTION_LEVEL, MOTION_STEPS = 650, 3
-"""How a stage that follows MotionDiff sees its work in training: from the level of the default
-preset, in fewer steps."""
-FAST_SHARE = 0.25
-"""Share of the batches that play at twice the speed."""
-
+from geneoh.training.windows import draw_windows, filled
 
 Bundle = TypeVar("Bundle")
 
@@ -72,106 +61,42 @@ class Batch:
         return self.region.to_canon(self.clean)
 
 
-def filled(hand: HandParameters, keep: Bool[Tensor, "B T"]) -> HandParameters:
-    """Frames that are not kept, interpolated between their kept neighbours, held at the ends."""
-    frames = keep.shape[1]
-    time = torch.arange(frames, device=keep.device).expand_as(keep)
-    before = torch.where(keep, time, -1).cummax(1).values
-    after = torch.where(keep, time, frames).flip(1).cummin(1).values.flip(1)
-    before_or = torch.where(before < 0, after, before)
-    after_or = torch.where(after >= frames, before, after)
-    weight = (time - before_or) / (after_or - before_or).clamp(min=1)
-
-    def between(values: Tensor) -> Tensor:
-        flat = values.flatten(2)
-        start, end = (flat.gather(1, at[..., None].expand_as(flat)) for at in (before_or, after_or))
-        return torch.lerp(start, end, weight[..., None].to(flat)).view_as(values)
-
-    batch = torch.arange(len(keep), device=keep.device)[:, None]
-    turn = interpolate_rotations(
-        hand.turn[batch, before_or], hand.turn[batch, after_or], weight.to(hand.wrist)
-    )
-    turn = torch.where(keep[..., None, None], hand.turn, turn)
-    return HandParameters(between(hand.wrist), turn, between(hand.fingers), hand.offsets)
-
-
 def draw_batch(
     data: Interactions,
     size: int,
+    config: TrainConfig | None = None,
     *,
     generator: torch.Generator,
-    withheld: float = 0.2,
-    before: MotionDenoiser | None = None,
+    motion_denoiser: MotionDenoiser | None = None,
 ) -> Batch:
     """A batch of `size` random windows.
-
-    Four in five batches have full windows (whole clips where those are shorter), the others a
-    random shorter length, so that short clips are nothing new.
 
     Args:
         data: the interactions to draw from.
         size: windows.
+        config: windows, augmentation, corruption and condition dropout.
         generator: source of every random choice.
-        withheld: share of items whose observation is hidden from the network, which makes it the
-            paper's canonical denoiser as well.
-        before: MotionDiff, for a stage that follows it: the noisy hand is what it leaves.
+        motion_denoiser: MotionDiff, for a stage that follows it, whose noisy hand is what
+            MotionDiff leaves.
     """
-
-    def integers(low: int, high: int, count: int) -> Tensor:
-        return torch.randint(low, high, (count,), generator=generator)
-
-    total, available = data.wrist.shape[:2]
-    short = torch.rand((), generator=generator) < 0.2
-    frames = min(available, int(integers(2, WINDOW, 1)) if short else WINDOW)
-    pick = integers(0, total, size)
-    fast = torch.rand((), generator=generator) < FAST_SHARE
-    stride = 2 if fast and 2 * frames <= available else 1
-    reach = stride * (frames - 1) + 1
-    window = integers(0, available - reach + 1, size)[:, None] + stride * torch.arange(frames)
-    at = pick[:, None]
-    rotation, translation = data.rotation[at, window], data.translation[at, window]
-    pose, wrist = data.pose[at, window], data.wrist[at, window]
-    clean = HandParameters.of_pose(wrist, pose, data.offsets[pick])
-    clean = augmented(clean, generator=generator)
-    noise = draw_corruption(size, frames, generator=generator)
+    config = config or TrainConfig()
+    windows = draw_windows(data, size, config.windows, generator=generator)
+    clean = augmented(windows.hand, config.augmentation, generator=generator)
+    frames = clean.wrist.shape[1]
+    noise = draw_corruption(size, frames, config.corruption, generator=generator)
     noisy = HandParameters.of_pose(
         clean.wrist + noise.translation, clean.pose + noise.pose, clean.offsets
     )
     noisy = filled(noisy, noise.keep)
-    points, normals = data.points[pick], data.normals[pick]
     turn = axis_angle_to_matrix(3.0 * torch.randn(size, 3, generator=generator))
-
-    def around(joints: Tensor) -> ContactRegion:
-        region = contact_region(
-            joints,
-            points,
-            normals,
-            data.part[pick],
-            rotation,
-            translation,
-            count=POINTS,
-            every=4,
-        )
-        return region.turned(turn)
-
-    observed = noisy.joints
-    joints = observed + noise.jitter
-    region = around(joints)
-    nearest, outward = nearest_on_parts(
-        observed, points, normals, data.part[pick], rotation, translation
-    )
-    motion = ObservedMotion(
-        noisy.to_canon(region),
-        noise.keep.float(),
-        region.to_canon(nearest),
-        outward @ region.rotation,
-        region.rotation,
-        region.center,
-    )
-    if before is not None:
-        joints = region.to_world(after_motion(motion, before, generator=generator).joints)
-        region = around(joints)
-    given = (torch.rand(size, generator=generator) >= withheld).float()
+    joints = noisy.joints + noise.jitter
+    region = windows.region(joints).turned(turn)
+    motion = windows.observed(noisy, noise.keep, region)
+    if motion_denoiser is not None:
+        left = after_motion(motion, motion_denoiser, config, generator=generator)
+        joints = region.to_world(left.joints)
+        region = windows.region(joints).turned(turn)
+    given = (torch.rand(size, generator=generator) >= config.condition_dropout).float()
     trust = noise.keep[..., None].expand(-1, -1, 21).float()
     observation = Observation(region.to_canon(joints), trust, given)
     return Batch(clean.joints, joints, region, observation, clean.to_canon(region), motion)
@@ -179,11 +104,15 @@ def draw_batch(
 
 @torch.no_grad()
 def after_motion(
-    seen: ObservedMotion, model: MotionDenoiser, *, generator: torch.Generator
+    observed: ObservedMotion,
+    model: MotionDenoiser,
+    config: TrainConfig,
+    *,
+    generator: torch.Generator,
 ) -> HandParameters:
     """A quick sample of what MotionDiff leaves of the observed hand, canonical frame."""
     device = next(model.parameters()).device
-    there = moved_to(seen, device)
+    there = moved_to(observed, device)
 
     def clean(x: Tensor, sigma: float) -> Tensor:
         level = x.new_full((len(x),), sigma).to(device)
@@ -191,10 +120,10 @@ def after_motion(
 
     change = denoise_via_diffusion(
         clean,
-        seen.hand.wrist.new_zeros(*seen.trust.shape, 51),
-        descending_sigmas(MOTION_LEVEL, MOTION_STEPS),
+        observed.hand.wrist.new_zeros(*observed.trust.shape, 51),
+        descending_sigmas(config.motion_level, config.motion_steps),
         sampler="ddim",
         samples=1,
         generator=generator,
     )
-    return seen.hand.moved(change)
+    return observed.hand.moved(change)

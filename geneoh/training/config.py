@@ -1,4 +1,4 @@
-"""Settings of a training run; `configs/` holds differences from these."""
+"""Settings of a training run; the TOML files of `configs/` hold differences from these."""
 
 from dataclasses import dataclass, field
 
@@ -8,33 +8,53 @@ from geneoh.denoisers.motion import MotionConfig
 from geneoh.denoisers.spatial import SpatialConfig
 from geneoh.denoisers.temporal import TemporalConfig
 from geneoh.denoisers.trajectory import TrajectoryConfig
+from geneoh.training.augmentation import AugmentationConfig
+from geneoh.training.corruption import CorruptionConfig
+from geneoh.training.windows import WindowConfig
 
 
 @dataclass(frozen=True)
 class TrainConfig:
-    """One stage's training; every value is saved with the weights."""
+    """The training of one stage; every value is saved with the weights."""
 
     steps: int = 8000
+    """Optimiser steps in all, a batch each."""
     batch: int = 32
+    """Windows in a batch."""
     rate: float = 6e-4
     """Peak learning rate."""
     warmup: int = 200
+    """Steps over which the learning rate rises linearly at the start."""
     decay: float = 0.3
-    """Share of the steps, at the end, over which the rate falls linearly to zero. Constant before,
-    so a run can be resumed with more steps without having learned at a dead rate."""
+    """Share of the steps, at the end, over which the rate falls linearly to zero. It is constant
+    before, so that a run which is resumed with more steps has learned at the full rate."""
     weight_decay: float = 0.01
+    """Decoupled weight decay, relative to the rate."""
     clip: float = 1.0
-    """Largest gradient norm."""
+    """Largest norm of the gradient."""
     ema: float = 0.998
-    """Decay of the averaged weights, the ones that are used."""
-    withheld: float = 0.2
-    """Share of windows whose observation is hidden (the paper's canonical denoiser)."""
+    """Decay of the averaged weights, which are the ones that are used."""
+    condition_dropout: float = 0.2
+    """Share of the windows whose observation is hidden from the network, which makes it the paper's
+    canonical denoiser as well."""
     autoencoder_steps: int = 3000
     """Temporal stage only: steps spent on the autoencoder before its latent is denoised."""
+    motion_level: int = 650
+    """Spatial and temporal stages: noise level from which MotionDiff denoises what they are shown,
+    that of the default preset."""
+    motion_steps: int = 3
+    """Denoising steps of that, fewer than in use: it is run anew for every batch."""
     seed: int = 0
+    """Of the first weights and of every batch."""
     checkpoint_every: int = 250
+    """Steps between two saved states of the run."""
     validate_every: int = 250
+    """Steps between two validations."""
     validation_batches: int = 8
+    """Batches of each validation, the same ones every time."""
+    windows: WindowConfig = field(default_factory=WindowConfig)
+    augmentation: AugmentationConfig = field(default_factory=AugmentationConfig)
+    corruption: CorruptionConfig = field(default_factory=CorruptionConfig)
     motion: MotionConfig = field(default_factory=MotionConfig)
     spatial: SpatialConfig = field(default_factory=SpatialConfig)
     temporal: TemporalConfig = field(default_factory=TemporalConfig)

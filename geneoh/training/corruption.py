@@ -1,9 +1,8 @@
-"""Random corruption to learn from: a mixture of what users' tracks suffer from, per sequence.
+"""Random corruption of clean windows: a mixture of the errors of real hand trackers.
 
-Offsets live on hand parameters (translation, global rotation, finger pose), as estimators err, with
-some keypoint jitter on top. Sizes and time structure vary from sequence to sequence, from none at
-all to worse than the paper's noises; the named noises of `geneoh.sequence.noise` are points in that
-range.
+Offsets act on hand parameters (translation, global rotation, finger pose), as estimators err, with
+keypoint jitter on top. Sizes and correlation in time vary from window to window, from none at all
+to more than the paper's noises; the named noises of `geneoh.sequence.noise` lie within that range.
 """
 
 import math
@@ -13,16 +12,57 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-SMALLEST = (0.0005, 0.004, 0.02)
-LARGEST = (0.014, 0.13, 0.6)
-"""Range of the deviation of translation (m), global rotation (rad) and finger pose (rad)."""
-CLEAN_SHARE = 0.1
-LEFT_SIGNS = (-1.0, 1.0, 1.0)
+from geneoh.synthesis.draws import uniform
+
+
+@dataclass(frozen=True)
+class CorruptionConfig:
+    """How large the errors are, and how they change over time. A share is of the windows."""
+
+    clean_share: float = 0.1
+    """Share whose parameters are left as they are: clean hands must stay clean."""
+    translation: tuple[float, float] = (0.0005, 0.014)
+    """Range of the deviation of the translation, metres, log-uniform."""
+    rotation: tuple[float, float] = (0.004, 0.13)
+    """Range of the deviation of the global rotation, radians, log-uniform."""
+    fingers: tuple[float, float] = (0.02, 0.6)
+    """Range of the deviation of the finger joints, radians, log-uniform."""
+    common_size: float = 0.7
+    """How much the three sizes agree, 0 to 1: a bad track is bad in all of them."""
+    joint_scatter: float = 0.6
+    """Deviation of the logarithm of the size from finger joint to finger joint."""
+    largest_joint: float = 1.5
+    """Largest factor that this makes."""
+    burst_share: float = 0.3
+    """Share in which some frames have larger independent errors than the others."""
+    burst_frames: float = 0.1
+    """Largest share of such frames."""
+    burst_factor: tuple[float, float] = (3.0, 9.0)
+    """Range of how many times larger they are."""
+    drift_frames: tuple[float, float] = (2.0, 60.0)
+    """Range of the correlation time of slow errors, frames, log-uniform."""
+    right_share: float = 0.4
+    """Share of one-sided errors, a constant of which is the paper's Beta noise, with positive sign
+    in all channels."""
+    left_share: float = 0.4
+    """The same with the signs of a mirrored left hand; all other windows have random signs."""
+    one_sided: tuple[float, float] = (0.8, 0.15)
+    """Mean and deviation over time of one-sided errors, relative to their size."""
+    gap_share: float = 0.33
+    """Share that loses frames."""
+    gaps: int = 3
+    """Most runs of lost frames."""
+    gap_frames: tuple[int, int] = (2, 10)
+    """Shortest and longest run."""
+    jitter_share: float = 0.25
+    """Share whose keypoints jitter independently, as those of keypoint detectors do."""
+    jitter: float = 0.006
+    """Largest deviation of that jitter, metres."""
 
 
 @dataclass(frozen=True)
 class Corruption:
-    """Additive parameter noise, observed frames and keypoint jitter of B sequences."""
+    """Additive parameter noise, observed frames and keypoint jitter of B windows."""
 
     translation: Float[Tensor, "B T 3"]
     pose: Float[Tensor, "B T 16 3"]
@@ -30,81 +70,104 @@ class Corruption:
     jitter: Float[Tensor, "B T 21 3"]
 
 
-def _correlated(
-    batch: int, frames: int, correlation: Float[Tensor, " B"], *, generator: torch.Generator
-) -> Float[Tensor, "B T 51"]:
-    """Ornstein-Uhlenbeck noise of unit variance with the given correlation time in frames."""
-    white = torch.randn(batch, frames, 51, generator=generator)
-    keep = torch.exp(-1.0 / correlation)[:, None]
-    steps, innovation = [white[:, 0]], (1 - keep**2).sqrt()
-    for t in range(1, frames):
-        steps.append(keep * steps[-1] + innovation * white[:, t])
-    return torch.stack(steps, dim=1)
-
-
-def _one_sided(batch: int, frames: int, *, generator: torch.Generator) -> Float[Tensor, "B T 51"]:
-    """Noise with a common sign per channel: mostly a bias, as the paper's Beta noise is.
-
-    Signs are those of a right hand, of a mirrored left one, or random.
-    """
-    flip = torch.tensor(LEFT_SIGNS)
-    left = torch.cat([flip, -flip.repeat(16)])
-    random = torch.randn(batch, 51, generator=generator).sign()
-    kind = torch.rand(batch, 1, generator=generator)
-    sign = torch.where(kind < 0.4, 1.0, torch.where(kind < 0.8, left, random))
-    size = 0.8 + 0.15 * torch.randn(batch, frames, 51, generator=generator)
-    return sign[:, None] * size.clamp(0, 1.2)
-
-
-def _gaps(batch: int, frames: int, *, generator: torch.Generator) -> Bool[Tensor, "B T"]:
-    """Observed frames: runs of 2 to 10 frames are lost in a third of the sequences."""
-    time = torch.arange(frames)
-    keep = torch.ones(batch, frames, dtype=torch.bool)
-    holes = torch.randint(1, 4, (batch, 1), generator=generator)
-    holes = holes * (torch.rand(batch, 1, generator=generator) < 0.33)
-    for hole in range(3):
-        start = torch.randint(-3, max(frames, 1), (batch, 1), generator=generator)
-        length = torch.randint(2, 11, (batch, 1), generator=generator)
-        lost = (time >= start) & (time < start + length) & (hole < holes)
-        keep &= ~lost
-    return keep | ~keep.any(1, keepdim=True)
-
-
-def draw_corruption(batch: int, frames: int, *, generator: torch.Generator) -> Corruption:
-    """Corruption of B sequences of T frames."""
-
-    def uniform(*shape: int) -> Tensor:
-        return torch.rand(batch, *shape, generator=generator)
-
-    share = torch.log(uniform(1, 4).clamp(min=1e-4)) ** 2  # a few kinds dominate each sequence
-    share = share / share.square().sum(-1, keepdim=True).sqrt()
-    white = torch.randn(batch, frames, 51, generator=generator)
-    burst = uniform(frames, 1) < 0.1 * uniform(1, 1) * (uniform(1, 1) < 0.3)
-    white = torch.where(burst, white * (3 + 6 * uniform(1, 1)), white)
-    correlation = torch.exp(math.log(2) + math.log(30) * uniform())
-    slow = _correlated(batch, frames, correlation, generator=generator)
-    bias = torch.randn(batch, 1, 51, generator=generator)
-    one_sided = _one_sided(batch, frames, generator=generator)
-    kinds = torch.stack([white, slow, bias.expand_as(white), one_sided], dim=-1)
-    unit = (kinds * share[:, None]).sum(-1)
-
-    low, high = torch.tensor(SMALLEST).log(), torch.tensor(LARGEST).log()
-    common = uniform(1)
-    size = torch.exp(low + (high - low) * (0.7 * common + 0.3 * uniform(3)))
-    size = size * (uniform(1) >= CLEAN_SHARE)
-    joints = (0.6 * torch.randn(batch, 15, generator=generator)).exp().clamp(max=1.5)
-    noise = unit * torch.cat(
-        [
-            size[:, :1].expand(-1, 3),
-            size[:, 1:2].expand(-1, 3),
-            (size[:, 2:] * joints).repeat_interleave(3, dim=1),
-        ],
-        dim=-1,
-    ).unsqueeze(1)
-    blur = 0.006 * uniform(1, 1, 1) * (uniform(1, 1, 1) < 0.25)
+def draw_corruption(
+    batch: int, frames: int, config: CorruptionConfig | None = None, *, generator: torch.Generator
+) -> Corruption:
+    """Corruption of B windows of T frames."""
+    config = config or CorruptionConfig()
+    unit = _unit_noise(batch, frames, config, generator=generator)
+    noise = unit * _sizes(batch, config, generator=generator)[:, None]
+    jitter = config.jitter * torch.rand(batch, 1, 1, 1, generator=generator)
+    jitter = jitter * (torch.rand(batch, 1, 1, 1, generator=generator) < config.jitter_share)
     return Corruption(
         translation=noise[..., :3],
         pose=noise[..., 3:].unflatten(-1, (16, 3)),
-        keep=_gaps(batch, frames, generator=generator),
-        jitter=blur * torch.randn(batch, frames, 21, 3, generator=generator),
+        keep=_observed(batch, frames, config, generator=generator),
+        jitter=jitter * torch.randn(batch, frames, 21, 3, generator=generator),
     )
+
+
+def _unit_noise(
+    batch: int, frames: int, config: CorruptionConfig, *, generator: torch.Generator
+) -> Float[Tensor, "B T 51"]:
+    """A mixture of independent, slow, constant and one-sided noise, of unit size in all."""
+
+    def rand(*shape: int) -> Tensor:
+        return torch.rand(batch, *shape, generator=generator)
+
+    share = torch.log(rand(1, 4).clamp(min=1e-4)) ** 2  # one or two dominate each window
+    share = share / share.square().sum(-1, keepdim=True).sqrt()
+    white = torch.randn(batch, frames, 51, generator=generator)
+    burst = rand(frames, 1) < config.burst_frames * rand(1, 1) * (rand(1, 1) < config.burst_share)
+    factor = uniform(config.burst_factor, batch, 1, 1, generator=generator)
+    white = torch.where(burst, white * factor, white)
+    shortest, longest = config.drift_frames
+    correlation = torch.exp(math.log(shortest) + math.log(longest / shortest) * rand())
+    slow = _ornstein_uhlenbeck(batch, frames, correlation, generator=generator)
+    bias = torch.randn(batch, 1, 51, generator=generator).expand_as(white)
+    one_sided = _one_sided(batch, frames, config, generator=generator)
+    return (torch.stack([white, slow, bias, one_sided], dim=-1) * share[:, None]).sum(-1)
+
+
+def _ornstein_uhlenbeck(
+    batch: int, frames: int, correlation: Float[Tensor, " B"], *, generator: torch.Generator
+) -> Float[Tensor, "B T 51"]:
+    """Noise of unit variance with the given correlation time in frames."""
+    white = torch.randn(batch, frames, 51, generator=generator)
+    stay = torch.exp(-1.0 / correlation)[:, None]
+    steps, innovation = [white[:, 0]], (1 - stay**2).sqrt()
+    for t in range(1, frames):
+        steps.append(stay * steps[-1] + innovation * white[:, t])
+    return torch.stack(steps, dim=1)
+
+
+def _one_sided(
+    batch: int, frames: int, config: CorruptionConfig, *, generator: torch.Generator
+) -> Float[Tensor, "B T 51"]:
+    """Noise with one sign per channel: mostly a bias, as the paper's Beta noise is.
+
+    Signs are those of a right hand, of a mirrored left one, or random.
+    """
+    flip = torch.tensor([-1.0, 1.0, 1.0])
+    left = torch.cat([flip, -flip.repeat(16)])
+    random = torch.randn(batch, 51, generator=generator).sign()
+    draw = torch.rand(batch, 1, generator=generator)
+    random = torch.where(draw < config.right_share + config.left_share, left, random)
+    sign = torch.where(draw < config.right_share, 1.0, random)
+    mean, std = config.one_sided
+    size = mean + std * torch.randn(batch, frames, 51, generator=generator)
+    return sign[:, None] * size.clamp(0, 1.2)
+
+
+def _sizes(
+    batch: int, config: CorruptionConfig, *, generator: torch.Generator
+) -> Float[Tensor, "B 51"]:
+    """Deviation of each channel: translation, global rotation and finger joints."""
+    ranges = torch.tensor([config.translation, config.rotation, config.fingers])
+    low, high = ranges.log().unbind(-1)
+    common, own = (torch.rand(batch, count, generator=generator) for count in (1, 3))
+    size = config.common_size * common + (1 - config.common_size) * own
+    size = torch.exp(low + (high - low) * size)
+    size = size * (torch.rand(batch, 1, generator=generator) >= config.clean_share)
+    joints = (config.joint_scatter * torch.randn(batch, 15, generator=generator)).exp()
+    joints = joints.clamp(max=config.largest_joint)
+    return torch.cat([size[:, :2], size[:, 2:] * joints], -1).repeat_interleave(3, dim=1)
+
+
+def _observed(
+    batch: int, frames: int, config: CorruptionConfig, *, generator: torch.Generator
+) -> Bool[Tensor, "B T"]:
+    """Frames that are observed; a window that would lose all of them loses none."""
+
+    def integers(low: int, high: int) -> Tensor:
+        return torch.randint(low, high, (batch, 1), generator=generator)
+
+    time = torch.arange(frames)
+    keep = torch.ones(batch, frames, dtype=torch.bool)
+    shortest, longest = config.gap_frames
+    gaps = integers(1, config.gaps + 1)
+    gaps = gaps * (torch.rand(batch, 1, generator=generator) < config.gap_share)
+    for gap in range(config.gaps):
+        start, length = integers(-3, max(frames, 1)), integers(shortest, longest + 1)
+        keep &= ~((time >= start) & (time < start + length) & (gap < gaps))
+    return keep | ~keep.any(1, keepdim=True)

@@ -1,11 +1,13 @@
-"""What a run of training is, told in its files, and whether a saved state belongs to it."""
+"""The state of a training run, its record and log, and whether a saved state belongs to a run."""
 
 import csv
 import hashlib
+import io
 import os
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor, nn
@@ -14,16 +16,85 @@ from geneoh.choices import StageName
 from geneoh.config import as_dict, flat
 from geneoh.errors import CheckpointError
 from geneoh.files.atomic import write_whole
+from geneoh.nn.checkpoint import Checkpoint
 from geneoh.synthesis.motion import Interactions
 from geneoh.training.config import TrainConfig
-from geneoh.training.optimizer import quick_precision
+from geneoh.training.optimizer import Optimizer, quick_precision
 
 MAY_CHANGE = ("steps", "checkpoint_every", "validate_every", "validation_batches")
-"""Settings that a run may be continued with another value of: they shape none of its steps but
-the last ones."""
-COLUMNS = ("step", "loss", "error_left", "rate", "seconds")
+"""Settings whose value may change when a run is continued: of its steps they change only the
+last ones."""
 DIGITS = 16
 """Hexadecimal digits kept of a digest."""
+
+
+class LogRow(NamedTuple):
+    """A row of the log of a run: the state at a validation."""
+
+    step: int
+    loss: float
+    """Mean training loss since the row before."""
+    error_left: float
+    rate: float
+    seconds: float
+    """Time spent on training in all."""
+
+
+@dataclass
+class TrainState:
+    """Everything that a run needs to continue."""
+
+    model: nn.Module
+    average: dict[str, Tensor]
+    """Moving average of the weights."""
+    optimizer: Optimizer
+    step: int = 0
+    seconds: float = 0.0
+    recent: list[float] = field(default_factory=list)
+    """Losses since the last row of the log."""
+    log: list[LogRow] = field(default_factory=list)
+
+    def to_checkpoint(self, record: dict[str, Any]) -> Checkpoint:
+        """All tensors of the state by name, with the record of the run."""
+        tensors = {f"model.{n}": t for n, t in self.model.state_dict().items()}
+        tensors |= {f"average.{n}": t for n, t in self.average.items()}
+        tensors |= {f"optimizer.{n}": t for n, t in self.optimizer.tensors().items()}
+        counted = {"step": self.step, "seconds": self.seconds, "recent": self.recent}
+        return Checkpoint(tensors, record | counted | {"log": self.log})
+
+    def restore(self, checkpoint: Checkpoint) -> None:
+        """Take over a saved state.
+
+        Raises:
+            CheckpointError: it belongs to a network of another size.
+        """
+
+        def group(prefix: str) -> dict[str, Tensor]:
+            found = checkpoint.tensors.items()
+            return {n.removeprefix(prefix): t for n, t in found if n.startswith(prefix)}
+
+        try:
+            self.model.load_state_dict(group("model."))
+        except RuntimeError as error:
+            raise CheckpointError(
+                f"the saved run was made with another network size ({str(error).splitlines()[0]}); "
+                "use its config or another output folder"
+            ) from error
+        for name, tensor in group("average.").items():
+            self.average[name].copy_(tensor)
+        self.optimizer.restore(group("optimizer."))
+        record = checkpoint.record
+        self.step, self.seconds = record["step"], record["seconds"]
+        self.recent = record.get("recent", [])
+        self.log = [LogRow(*row) for row in record.get("log", [])]
+
+    def weights(self, record: dict[str, Any]) -> Checkpoint:
+        """The averaged weights in half precision, with the record and the last row of the log."""
+        half = {n: t.half() if t.is_floating_point() else t for n, t in self.average.items()}
+        final = record | {"step": self.step, "seconds": round(self.seconds)}
+        if self.log:
+            final |= {"loss": self.log[-1].loss, "error_left": self.log[-1].error_left}
+        return Checkpoint(half, final)
 
 
 def digest(tensors: Iterable[Tensor]) -> str:
@@ -36,7 +107,7 @@ def digest(tensors: Iterable[Tensor]) -> str:
 
 
 def data_digest(data: Interactions) -> str:
-    """A fingerprint of interactions by their people and where each hand ends up."""
+    """A fingerprint of interactions by their people and the last place of each wrist."""
     return digest([data.offsets, data.wrist[:, -1]])
 
 
@@ -46,29 +117,20 @@ def training_record(
     data: Interactions,
     validation: Interactions,
     device: torch.device,
+    motion_denoiser: nn.Module | None = None,
     *,
-    before: nn.Module | None = None,
-    made: Mapping[str, Any] | None = None,
+    data_record: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """What a checkpoint says about how it was made.
-
-    Args:
-        stage: which network.
-        config: of the run.
-        data: what it learns from.
-        validation: what it is judged on.
-        device: where.
-        before: MotionDiff, for a stage that follows it.
-        made: config and seed of the data, where they are known.
-    """
+    """What a checkpoint tells about how it was made; the arguments are those of `train`."""
+    before = None if motion_denoiser is None else digest(motion_denoiser.state_dict().values())
     return {
         "stage": stage,
         "config": as_dict(config),
         "sequences": len(data.wrist),
         "data": data_digest(data),
         "validation": data_digest(validation),
-        "before": None if before is None else digest(before.state_dict().values()),
-        "made": None if made is None else dict(made),
+        "before": before,
+        "made": None if data_record is None else dict(data_record),
         "device": torch.cuda.get_device_name(device) if device.type == "cuda" else "cpu",
         "precision": str(quick_precision(device)).removeprefix("torch."),
         "threads": torch.get_num_threads(),
@@ -80,12 +142,12 @@ def training_record(
 def refuse_other_run(path: Path, saved: Mapping[str, Any], asked: Mapping[str, Any]) -> None:
     """Refuse to continue a state that another stage, config or data made.
 
-    What a state does not tell is not compared.
+    What an older state does not tell is not compared.
 
     Raises:
         CheckpointError: with what differs.
     """
-    told = {
+    compared = {
         "stage": "stage",
         "data": "training data (fingerprint)",
         "validation": "validation data (fingerprint)",
@@ -93,7 +155,7 @@ def refuse_other_run(path: Path, saved: Mapping[str, Any], asked: Mapping[str, A
     }
     differs = [
         f"{words} {saved[name]} where {asked[name]} is asked for"
-        for name, words in told.items()
+        for name, words in compared.items()
         if name in saved and saved[name] != asked[name]
     ]
     old, new = (flat(record["config"]) for record in (saved, asked))
@@ -109,35 +171,10 @@ def refuse_other_run(path: Path, saved: Mapping[str, Any], asked: Mapping[str, A
         )
 
 
-def append_row(path: Path, row: list[float | int]) -> None:
-    """Add a row to the log, with a header when the file is new."""
-    new = not path.exists()
-    with path.open("a", newline="") as file:
-        writer = csv.writer(file)
-        if new:
-            writer.writerow(COLUMNS)
-        writer.writerow(row)
-
-
-def last_row(path: Path, *names: str) -> dict[str, float]:
-    """Some columns of the newest row of a log; nothing where there is none."""
-    if not path.exists():
-        return {}
-    with path.open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    return {name: float(rows[-1][name]) for name in names} if rows else {}
-
-
-def forget_rows_after(path: Path, step: int) -> None:
-    """Take out of a log the rows of steps that will be taken again, and a row cut off in writing.
-
-    Without any row left the file goes.
-    """
-    if not path.exists():
-        return
-    head, *rows = path.read_text().splitlines(keepends=True)
-    kept = [row for row in rows if row.endswith("\n") and int(row.split(",", 1)[0]) <= step]
-    if not kept:
-        path.unlink()
-    elif kept != rows:
-        write_whole(path, "".join([head, *kept]))
+def write_log(path: Path, rows: Iterable[LogRow]) -> None:
+    """Write the log of a run as CSV, with a header."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(LogRow._fields)
+    writer.writerows(rows)
+    write_whole(path, text.getvalue())

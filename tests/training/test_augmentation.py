@@ -3,8 +3,8 @@ import torch
 
 from geneoh.hand.skeleton import TIP_KEYPOINTS, bone_lengths
 from geneoh.representation.parameters import HandParameters
-from geneoh.training import augmentation
-from geneoh.training.augmentation import augmented
+from geneoh.synthesis.pose_prior import FINGER_STD
+from geneoh.training.augmentation import AugmentationConfig, augmented
 
 
 def seeded(seed: int = 0) -> torch.Generator:
@@ -20,11 +20,10 @@ def still(interactions) -> HandParameters:
     return HandParameters(torch.zeros(16, 30, 3), orient, fingers, interactions.offsets[pick])
 
 
-def only(monkeypatch, **kept: tuple[float, float]) -> None:
-    for name in ("TURN", "SHIFT", "FINGERS"):
-        monkeypatch.setattr(augmentation, name, kept.get(name, (1e-9, 1.01e-9)))
-    monkeypatch.setattr(augmentation, "SHARE", 1.0)
-    monkeypatch.setattr(augmentation, "STYLE_SHARE", 0.0)
+def only(**kept: tuple[float, float]) -> AugmentationConfig:
+    """Every hand moves in one way alone."""
+    nothing = dict.fromkeys(("turn", "shift", "fingers"), (1e-9, 1.01e-9))
+    return AugmentationConfig(share=1.0, style_share=0.0, **(nothing | kept))
 
 
 def test_bones_keep_their_length(still):
@@ -35,29 +34,27 @@ def test_bones_keep_their_length(still):
     assert float((moved.joints - still.joints).norm(dim=-1).mean()) > 0.005
 
 
-def test_a_hand_turns_about_its_fingertips(still, monkeypatch):
-    only(monkeypatch, TURN=(0.2, 0.201))
-    moved = augmented(still, generator=seeded())
+def test_a_hand_turns_about_its_fingertips(still):
+    moved = augmented(still, only(turn=(0.2, 0.201)), generator=seeded())
     tips = [hand.joints[:, :, list(TIP_KEYPOINTS)].mean(2) for hand in (still, moved)]
     torch.testing.assert_close(tips[0], tips[1], atol=1e-6, rtol=0)
     assert float((moved.wrist - still.wrist).norm(dim=-1).mean()) > 0.01
 
 
-def test_the_sizes_are_those_asked_for(still, monkeypatch):
-    only(monkeypatch, SHIFT=(0.01, 0.0101))
-    shift = torch.cat([augmented(still, generator=seeded(s)).wrist for s in range(8)])
+def test_the_sizes_are_those_asked_for(still):
+    config = only(shift=(0.01, 0.0101))
+    shift = torch.cat([augmented(still, config, generator=seeded(s)).wrist for s in range(8)])
     assert float(shift.std()) == pytest.approx(0.01, rel=0.15)
-    only(monkeypatch, FINGERS=(0.5, 0.501))
+    config = only(fingers=(0.5, 0.501))
     bend = torch.cat(
-        [augmented(still, generator=seeded(s)).fingers - still.fingers for s in range(8)]
+        [augmented(still, config, generator=seeded(s)).fingers - still.fingers for s in range(8)]
     )
-    ratio = bend.std((0, 1)) / augmentation.FINGER_STD
+    ratio = bend.std((0, 1)) / FINGER_STD
     assert float(ratio.mean()) == pytest.approx(0.5, rel=0.15)
 
 
-def test_motion_is_smooth(still, monkeypatch):
-    only(monkeypatch, SHIFT=(0.01, 0.0101))
-    wrist = augmented(still, generator=seeded()).wrist
+def test_motion_is_smooth(still):
+    wrist = augmented(still, only(shift=(0.01, 0.0101)), generator=seeded()).wrist
     speed = wrist.diff(dim=1).norm(dim=-1).mean()
     assert 0 < float(speed) < 0.5 * float(wrist.norm(dim=-1).mean())
 

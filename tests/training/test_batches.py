@@ -10,9 +10,13 @@ from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import bone_lengths
 from geneoh.representation.parameters import HandParameters
 from geneoh.sequence.gaps import observed_around
-from geneoh.training import batches
-from geneoh.training.batches import WINDOW, Batch, after_motion, draw_batch, filled
+from geneoh.training.augmentation import AugmentationConfig
+from geneoh.training.batches import Batch, after_motion, draw_batch
+from geneoh.training.config import TrainConfig
 from geneoh.training.loop import build_model
+from geneoh.training.windows import WindowConfig, filled
+
+WINDOW = WindowConfig().frames
 
 
 def seeded(seed: int = 0) -> torch.Generator:
@@ -74,9 +78,9 @@ def test_clean_hands_have_the_skeletons_of_the_data(batch, interactions):
         assert any(torch.equal(offsets, known) for known in interactions.offsets)
 
 
-def test_without_variety_clean_hands_are_those_of_the_data(interactions, monkeypatch):
-    monkeypatch.setattr(batches, "augmented", lambda hand, *, generator: hand)
-    batch = draw_batch(interactions, 3, generator=seeded())
+def test_without_augmentation_clean_hands_are_those_of_the_data(interactions):
+    config = TrainConfig(augmentation=AugmentationConfig(share=0.0, style_share=0.0))
+    batch = draw_batch(interactions, 3, config, generator=seeded())
     wrists = interactions.wrist.flatten(0, 1)
     apart = (batch.clean[:, :, 0].flatten(0, 1)[:, None] - wrists).norm(dim=-1).amin(1)
     assert float(apart.max()) < 1e-5
@@ -119,21 +123,21 @@ def test_equal_generators_draw_equal_batches(interactions):
 
 
 @pytest.mark.parametrize(("share", "given_to"), [(0.0, 1.0), (1.0, 0.0)])
-def test_the_observation_is_withheld_from_the_share_asked_for(interactions, share, given_to):
-    b = draw_batch(interactions, 4, generator=seeded(), withheld=share)
+def test_the_observation_is_hidden_in_the_share_asked_for(interactions, share, given_to):
+    b = draw_batch(interactions, 4, TrainConfig(condition_dropout=share), generator=seeded())
     assert torch.equal(b.observation.given, torch.full((4,), given_to))
 
 
 def test_a_stage_that_follows_motion_sees_what_motion_leaves(interactions, tiny):
     model = build_model("motion", tiny)
     plain, after = (
-        draw_batch(interactions, 3, generator=seeded(5), withheld=0.0, before=before)
+        draw_batch(interactions, 3, generator=seeded(5), motion_denoiser=before)
         for before in (None, model)
     )
     assert torch.equal(plain.clean, after.clean)
     assert torch.equal(plain.motion.hand.wrist, after.motion.hand.wrist)
     # an untrained network is the skip path: what it leaves is the hand and the noise it was given
-    left = after_motion(plain.motion, model, generator=seeded(6)).joints
+    left = after_motion(plain.motion, model, tiny, generator=seeded(6)).joints
     apart = (plain.region.to_world(left) - plain.noisy).norm(dim=-1).mean()
     assert 0.001 < float((after.noisy - plain.noisy).norm(dim=-1).mean()) < 3 * float(apart)
     torch.testing.assert_close(after.observation.joints, after.region.to_canon(after.noisy))

@@ -3,13 +3,9 @@ from dataclasses import fields
 import pytest
 import torch
 
-from geneoh.training.corruption import (
-    CLEAN_SHARE,
-    LARGEST,
-    SMALLEST,
-    Corruption,
-    draw_corruption,
-)
+from geneoh.training.corruption import Corruption, CorruptionConfig, draw_corruption
+
+CONFIG = CorruptionConfig()
 
 
 def drawn(batch: int, frames: int, seed: int = 0) -> Corruption:
@@ -24,14 +20,15 @@ def many() -> Corruption:
 def test_some_sequences_keep_their_parameters(many):
     clean = (many.pose == 0).all(-1).all(-1).all(-1) & (many.translation == 0).all(-1).all(-1)
     # four standard errors of 1500 draws
-    assert float(clean.float().mean()) == pytest.approx(CLEAN_SHARE, abs=0.031)
+    assert float(clean.float().mean()) == pytest.approx(CONFIG.clean_share, abs=0.031)
 
 
 def test_deviations_lie_within_the_stated_range():
     """By the median, so without bursts; three channels leave a deviation uncertain by a factor."""
     noise = drawn(800, 40, seed=1)
     kinds = (noise.translation, noise.pose[:, :, 0], noise.pose[:, :, 1:].flatten(2))
-    for values, low, high in zip(kinds, SMALLEST, LARGEST, strict=True):
+    ranges = CONFIG.translation, CONFIG.rotation, CONFIG.fingers
+    for values, (low, high) in zip(kinds, ranges, strict=True):
         size = 1.48 * values.abs().flatten(1).median(1).values  # a normal's deviation
         size = size[size > 0]
         assert low < float(size.median()) < high
@@ -64,6 +61,13 @@ def test_a_third_of_the_sequences_lose_frames_and_none_loses_all(many):
     lost = ~many.keep
     assert bool(many.keep.any(1).all())
     assert 0.2 < float(lost.any(1).float().mean()) < 0.4
+
+
+def test_every_kind_of_error_can_be_left_out():
+    config = CorruptionConfig(clean_share=1.0, gap_share=0.0, jitter_share=0.0)
+    none = draw_corruption(50, 9, config, generator=torch.Generator().manual_seed(0))
+    assert bool(none.keep.all())
+    assert not any(bool(values.any()) for values in (none.translation, none.pose, none.jitter))
 
 
 def test_lost_frames_come_in_runs():

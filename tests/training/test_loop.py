@@ -11,7 +11,6 @@ from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.training.batches import draw_batch
 from geneoh.training.config import TrainConfig
 from geneoh.training.loop import (
-    TrainState,
     build_model,
     learning_rate,
     loss_of,
@@ -21,6 +20,7 @@ from geneoh.training.loop import (
 )
 from geneoh.training.losses import motion_loss, reconstruction_loss, temporal_latents, temporal_loss
 from geneoh.training.optimizer import Optimizer
+from geneoh.training.resume import LogRow, TrainState
 
 CPU = torch.device("cpu")
 STAGES = ("motion", "spatial", "trajectory", "temporal")
@@ -63,6 +63,16 @@ def test_a_resumed_run_is_the_run_that_was_not_interrupted(tmp_path, clips, tiny
     state, log = f"{stage}_state.safetensors", f"{stage}_log.csv"
     assert same(whole.with_name(state), resumed.with_name(state))
     assert logged(whole.with_name(log)) == logged(resumed.with_name(log))
+
+
+def test_rows_of_steps_that_are_taken_again_are_not_logged_twice(tmp_path, clips, tiny):
+    often = replace(tiny, checkpoint_every=2, validate_every=1)
+    with pytest.raises(Interrupted):
+        train("motion", often, clips, clips, tmp_path, device=CPU, on_step=stop_after(3))
+    assert [row[0] for row in logged(tmp_path / "motion_log.csv")] == ["step", "1", "2", "3"]
+    resumed = replace(often, steps=3, validate_every=3)
+    train("motion", resumed, clips, clips, tmp_path, device=CPU)
+    assert [row[0] for row in logged(tmp_path / "motion_log.csv")] == ["step", "1", "2", "3"]
 
 
 def test_a_finished_run_is_left_as_it_is(tmp_path, clips, tiny):
@@ -108,15 +118,20 @@ def test_the_log_has_a_row_per_validation(tmp_path, clips, tiny):
     assert list(rows[0]) == ["step", "loss", "error_left", "rate", "seconds"]
     assert [int(row["step"]) for row in rows] == [2, 4]
     assert float(rows[0]["loss"]) == pytest.approx((heard[0].loss + heard[1].loss) / 2)
-    assert float(rows[1]["error_left"]) == pytest.approx(heard[3].left)
+    assert float(rows[1]["error_left"]) == pytest.approx(heard[3].error_left)
     assert [float(row["rate"]) for row in rows] == [learning_rate(s, tiny) for s in (2, 4)]
     assert [(p.step, p.steps) for p in heard] == [(s, 4) for s in (1, 2, 3, 4)]
-    assert [p.left is None for p in heard] == [True, False, True, False]
+    assert [p.error_left is None for p in heard] == [True, False, True, False]
 
 
 def test_the_loss_falls(clips, tiny):
     """A hundred steps on one batch, noised anew each time, against the noises of a test."""
-    batch = draw_batch(clips, 4, generator=torch.Generator().manual_seed(0), withheld=0.0)
+    batch = draw_batch(
+        clips,
+        4,
+        replace(tiny, condition_dropout=0.0),
+        generator=torch.Generator().manual_seed(0),
+    )
     model = build_model("motion", tiny)
     optimizer = Optimizer(model, tiny)
 
@@ -154,10 +169,12 @@ def test_a_state_is_restored_whole(tmp_path, tiny):
     sum(p.sum() for p in first.model.parameters()).backward()
     first.optimizer.step(1e-2)
     first.step, first.seconds, first.recent = 7, 1.5, [0.5, 0.25]
+    first.log.append(LogRow(4, 0.75, 0.9, 1e-3, 1.0))
     update_average(first, 0.5)
     second.restore(first.to_checkpoint({"stage": "motion"}))
     a, b = (s.to_checkpoint({}) for s in (first, second))
-    assert a.record == b.record == {"step": 7, "seconds": 1.5, "recent": [0.5, 0.25]}
+    counted = {"step": 7, "seconds": 1.5, "recent": [0.5, 0.25]}
+    assert a.record == b.record == counted | {"log": first.log}
     assert a.tensors.keys() == b.tensors.keys()
     for part in ("adamw", "muon"):
         assert any(name.startswith(f"optimizer.{part}.") for name in a.tensors)

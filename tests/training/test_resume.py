@@ -8,12 +8,8 @@ from geneoh.errors import CheckpointError
 from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.training.loop import build_model, train
 from geneoh.training.resume import (
-    append_row,
     data_digest,
     digest,
-    flat,
-    forget_rows_after,
-    last_row,
     refuse_other_run,
     training_record,
 )
@@ -53,7 +49,7 @@ def test_a_run_on_other_data_is_not_continued(tmp_path, clips, tiny, part):
 def test_a_stage_behind_another_motion_network_is_another_run(clips, tiny):
     records = [
         training_record(
-            "spatial", tiny, clips, clips, CPU, before=build_model("motion", replace(tiny, seed=s))
+            "spatial", tiny, clips, clips, CPU, build_model("motion", replace(tiny, seed=s))
         )
         for s in (0, 0, 1)
     ]
@@ -64,7 +60,7 @@ def test_a_stage_behind_another_motion_network_is_another_run(clips, tiny):
 
 def test_a_record_tells_how_the_data_was_made(clips, tiny):
     made = {"config": {"count": 4}, "seed": 7}
-    record = training_record("motion", tiny, clips, clips, CPU, made=made)
+    record = training_record("motion", tiny, clips, clips, CPU, data_record=made)
     assert record["made"] == made
     assert record["sequences"] == 4
     assert record["config"]["motion"]["width"] == 16
@@ -76,24 +72,3 @@ def test_a_digest_is_of_values_and_shapes(clips):
     assert len({digest([some]), digest([some.view(2, 3)]), digest([some + 1]), digest([])}) == 4
     for changed in ({"wrist": clips.wrist + 1e-3}, {"offsets": 1.01 * clips.offsets}):
         assert data_digest(replace(clips, **changed)) != data_digest(clips)
-
-
-def test_nested_settings_have_dotted_names():
-    assert flat({"a": 1, "b": {"c": [2], "d": {"e": 3}}}) == {"a": 1, "b.c": [2], "b.d.e": 3}
-
-
-def test_rows_that_will_be_made_again_and_cut_off_ones_are_forgotten(tmp_path):
-    path = tmp_path / "log.csv"
-    assert last_row(path, "loss") == {}
-    forget_rows_after(path, 0)
-    for step in (2, 4, 6):
-        append_row(path, [step, 0.5 * step, 0.9, 1e-3, 1.0])
-    with path.open("a") as file:
-        file.write("8,0.")
-    forget_rows_after(path, 6)
-    assert last_row(path, "step", "loss") == {"step": 6, "loss": 3}
-    forget_rows_after(path, 5)
-    assert last_row(path, "step", "loss") == {"step": 4, "loss": 2}
-    assert path.read_text().count("\n") == 3
-    forget_rows_after(path, 0)
-    assert list(tmp_path.iterdir()) == []

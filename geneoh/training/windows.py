@@ -1,0 +1,114 @@
+"""Random windows of synthetic interactions: clean hands, and the object that they hold."""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from geneoh.denoisers.base import POINTS
+from geneoh.denoisers.motion import ObservedMotion
+from geneoh.geometry.rotations import interpolate_rotations
+from geneoh.representation.nearest_surface import nearest_on_parts
+from geneoh.representation.parameters import HandParameters
+from geneoh.representation.region import ContactRegion, contact_region
+from geneoh.synthesis.motion import Interactions
+
+
+@dataclass(frozen=True)
+class WindowConfig:
+    """Length and speed of the windows that networks learn from."""
+
+    frames: int = 60
+    """Length of a window (paper: 60 at 30 frames a second); of a whole clip where that is less."""
+    short_share: float = 0.2
+    """Share of the batches with a random shorter length, so that short clips are nothing new."""
+    fast_share: float = 0.25
+    """Share of the batches that play at twice the speed."""
+
+
+@dataclass(frozen=True)
+class Windows:
+    """B windows of T frames, world frame, metres."""
+
+    hand: HandParameters
+    rotation: Float[Tensor, "B T Q 3 3"]
+    """Of the object's parts to the world, with `translation`."""
+    translation: Float[Tensor, "B T Q 3"]
+    points: Float[Tensor, "B P 3"]
+    """Object surface points in the frame of their part, with `normals` and `part` index."""
+    normals: Float[Tensor, "B P 3"]
+    part: Int[Tensor, "B P"]
+
+    def region(self, joints: Float[Tensor, "B T 21 3"]) -> ContactRegion:
+        """Generalised contact points of a hand and their canonical frame."""
+        surface = self.points, self.normals, self.part, self.rotation, self.translation
+        return contact_region(joints, *surface, count=POINTS, every=4)
+
+    def observed(
+        self, noisy: HandParameters, keep: Bool[Tensor, "B T"], region: ContactRegion
+    ) -> ObservedMotion:
+        """What MotionDiff is shown of a noisy hand, in the canonical frame of a region."""
+        nearest, outward = nearest_on_parts(
+            noisy.joints, self.points, self.normals, self.part, self.rotation, self.translation
+        )
+        return ObservedMotion(
+            noisy.to_canon(region),
+            keep.float(),
+            region.to_canon(nearest),
+            outward @ region.rotation,
+            region.rotation,
+            region.center,
+        )
+
+
+def draw_windows(
+    data: Interactions, count: int, config: WindowConfig, *, generator: torch.Generator
+) -> Windows:
+    """Random windows, all of one length and speed."""
+
+    def integers(low: int, high: int, count: int) -> Tensor:
+        return torch.randint(low, high, (count,), generator=generator)
+
+    total, available = data.wrist.shape[:2]
+    short = torch.rand((), generator=generator) < config.short_share
+    frames = int(integers(2, config.frames, 1)) if short else config.frames
+    frames = min(available, frames)
+    pick = integers(0, total, count)
+    fast = torch.rand((), generator=generator) < config.fast_share
+    stride = 2 if fast and 2 * frames <= available else 1
+    reach = stride * (frames - 1) + 1
+    window = integers(0, available - reach + 1, count)[:, None] + stride * torch.arange(frames)
+    clip = pick[:, None]
+    return Windows(
+        HandParameters.of_pose(
+            data.wrist[clip, window], data.pose[clip, window], data.offsets[pick]
+        ),
+        data.rotation[clip, window],
+        data.translation[clip, window],
+        data.points[pick],
+        data.normals[pick],
+        data.part[pick],
+    )
+
+
+def filled(hand: HandParameters, keep: Bool[Tensor, "B T"]) -> HandParameters:
+    """Frames that are not kept, interpolated between their kept neighbours, held at the ends."""
+    frames = keep.shape[1]
+    time = torch.arange(frames, device=keep.device).expand_as(keep)
+    before = torch.where(keep, time, -1).cummax(1).values
+    after = torch.where(keep, time, frames).flip(1).cummin(1).values.flip(1)
+    start = torch.where(before < 0, after, before)
+    end = torch.where(after >= frames, before, after)
+    weight = (time - start) / (end - start).clamp(min=1)
+    batch = torch.arange(len(keep), device=keep.device)[:, None]
+
+    def interpolated(values: Tensor) -> Tensor:
+        share = weight.reshape(*weight.shape, *[1] * (values.ndim - 2)).to(values)
+        return torch.lerp(values[batch, start], values[batch, end], share)
+
+    turn = interpolate_rotations(
+        hand.turn[batch, start], hand.turn[batch, end], weight.to(hand.wrist)
+    )
+    turn = torch.where(keep[..., None, None], hand.turn, turn)
+    return HandParameters(interpolated(hand.wrist), turn, interpolated(hand.fingers), hand.offsets)
