@@ -1,7 +1,7 @@
-"""TOML files and `a.b=c` settings over frozen dataclasses: they hold differences, nothing more.
+"""TOML files and `a.b=c` settings over frozen dataclasses: they hold differences from defaults.
 
-A configuration is any frozen dataclass; its defaults live where it is defined. What is given must
-be the name of a field and of that field's type, otherwise the message says which one was meant.
+A configuration is any frozen dataclass; its defaults are where it is defined. A name must be that
+of a field and a value of that field's type, otherwise the message says which one was meant.
 """
 
 import difflib
@@ -22,11 +22,11 @@ else:
 Config = TypeVar("Config")
 
 NONE_WORDS = ("none", "null")
-"""How `a.b=c` says None, for which TOML has no word."""
+"""Words for None in `a.b=c`; TOML has none."""
 
 
 def configured(base: Config, path: Path | None = None, settings: Iterable[str] = ()) -> Config:
-    """The configuration `base` with a file's differences, then with those of `a.b=c` settings.
+    """The configuration `base` with the values of a file, then with those of `a.b=c` settings.
 
     Raises:
         ConfigError: the file cannot be read, or a setting is unknown or of the wrong type.
@@ -61,7 +61,7 @@ def parse_setting(setting: str) -> dict[str, Any]:
 
 
 def parse_value(text: str) -> Any:
-    """One value as TOML writes it; what is no TOML is text."""
+    """A value as TOML writes it; anything else is text."""
     if text.lower() in NONE_WORDS:
         return None
     try:
@@ -79,90 +79,94 @@ def with_table(base: Config, table: Mapping[str, Any], origin: str, prefix: str 
         table: field names to values.
         origin: the file or option, for the message.
         prefix: dotted name of `base` within the whole, for the message.
+
+    Raises:
+        ConfigError: a name is no field, or a value is not of the field's type.
     """
-    kinds = get_type_hints(type(base))
+    types_of_fields = get_type_hints(type(base))
     changes = {}
     for name, value in table.items():
-        if name not in kinds:
-            raise ConfigError(f"{origin}: {unknown(prefix + name, [prefix + k for k in kinds])}")
+        if name not in types_of_fields:
+            known = sorted(prefix + each for each in types_of_fields)
+            hint = closest_name(prefix + name, known)
+            raise ConfigError(f"{origin}: '{prefix}{name}' is no setting; {hint}")
         current = getattr(base, name)
         if is_dataclass(current) and isinstance(value, Mapping):
             changes[name] = with_table(current, value, origin, f"{prefix}{name}.")
         else:
-            changes[name] = convert(value, kinds[name], origin, prefix + name)
+            changes[name] = as_field_type(value, types_of_fields[name], origin, prefix + name)
     return replace(base, **changes)  # type: ignore[type-var]  # any dataclass
 
 
-def unknown(name: str, known: list[str]) -> str:
-    """What to say of a name that is no field: the nearest one, or all there are."""
+def closest_name(name: str, known: Iterable[str]) -> str:
+    """The end of a message about an unknown name: the closest one that exists, or all of them."""
+    known = list(known)
     near = difflib.get_close_matches(name, known, 1, 0.5)
-    hint = f"did you mean '{near[0]}'?" if near else f"there are {', '.join(sorted(known))}"
-    return f"'{name}' is no setting; {hint}"
+    return f"did you mean '{near[0]}'?" if near else f"there are {', '.join(known)}"
 
 
-def convert(value: Any, kind: Any, origin: str, name: str) -> Any:
-    """A value as a field of type `kind` holds it; whole numbers are floats too, lists tuples."""
-    if fits(value, kind):
-        return float(value) if kind is float else value
-    origin_kind, arguments = get_origin(kind), get_args(kind)
-    if origin_kind in (Union, types.UnionType):
+def as_field_type(value: Any, wanted: Any, origin: str, name: str) -> Any:
+    """A value as a field of type `wanted` holds it; whole numbers are floats too, lists tuples."""
+    if is_plain_value_of(value, wanted):
+        return float(value) if wanted is float else value
+    outer, arguments = get_origin(wanted), get_args(wanted)
+    if outer in (Union, types.UnionType):
         for choice in arguments:
             if not isinstance(value, Mapping) or is_dataclass(choice):
                 try:
-                    return convert(value, choice, origin, name)
+                    return as_field_type(value, choice, origin, name)
                 except ConfigError:
                     continue
-    if origin_kind is tuple and isinstance(value, list | tuple):
-        kinds = [arguments[0]] * len(value) if arguments[-1] is Ellipsis else arguments
-        if len(kinds) == len(value):
-            parts = enumerate(zip(value, kinds, strict=True))
-            return tuple(convert(part, each, origin, f"{name}[{i}]") for i, (part, each) in parts)
-    if kind is Path and isinstance(value, str):
+    if outer is tuple and isinstance(value, list | tuple):
+        each = [arguments[0]] * len(value) if arguments[-1] is Ellipsis else arguments
+        if len(each) == len(value):
+            parts = enumerate(zip(value, each, strict=True))
+            return tuple(as_field_type(v, kind, origin, f"{name}[{i}]") for i, (v, kind) in parts)
+    if wanted is Path and isinstance(value, str):
         return Path(value)
-    if isinstance(kind, type) and is_dataclass(kind) and isinstance(value, Mapping):
-        return with_table(kind(), value, origin, f"{name}.")
-    raise ConfigError(
-        f"{origin}: '{name}' must be {described(kind)}, got {value!r}; correct the value"
-    )
+    if isinstance(wanted, type) and is_dataclass(wanted) and isinstance(value, Mapping):
+        return with_table(wanted(), value, origin, f"{name}.")
+    words = type_in_words(wanted)
+    raise ConfigError(f"{origin}: '{name}' must be {words}, got {value!r}; correct the value")
 
 
-def fits(value: Any, kind: Any) -> bool:
-    """Whether a value may stand as it is in a field of a plain type or a Literal."""
-    if get_origin(kind) is Literal:
-        return any(value == choice and type(value) is type(choice) for choice in get_args(kind))
-    if kind is float:
+def is_plain_value_of(value: Any, wanted: Any) -> bool:
+    """Whether a field of a plain type or a Literal can hold a value as it is."""
+    if get_origin(wanted) is Literal:
+        return any(value == each and type(value) is type(each) for each in get_args(wanted))
+    if wanted is float:
         return isinstance(value, int | float) and not isinstance(value, bool)
-    if kind in (int, bool, str, types.NoneType, Path):
-        return isinstance(value, kind) and (kind is bool or not isinstance(value, bool))
-    return kind is Any
+    if wanted in (int, bool, str, types.NoneType, Path):
+        return isinstance(value, wanted) and (wanted is bool or not isinstance(value, bool))
+    return wanted is Any
 
 
-def described(kind: Any) -> str:
-    """A type in words."""
-    arguments = get_args(kind)
-    if get_origin(kind) is Literal:
+def type_in_words(wanted: Any) -> str:
+    """The type of a field as a message names it."""
+    arguments = get_args(wanted)
+    if get_origin(wanted) is Literal:
         return "one of " + ", ".join(repr(choice) for choice in arguments)
-    if get_origin(kind) in (Union, types.UnionType):
-        return " or ".join(described(choice) for choice in arguments)
-    if get_origin(kind) is tuple:
-        each = [described(part) for part in arguments if part is not Ellipsis]
+    if get_origin(wanted) in (Union, types.UnionType):
+        return " or ".join(type_in_words(choice) for choice in arguments)
+    if get_origin(wanted) is tuple:
+        each = [type_in_words(part) for part in arguments if part is not Ellipsis]
         return f"a list of {each[0]}" if Ellipsis in arguments else f"[{', '.join(each)}]"
     words = {int: "a whole number", float: "a number", bool: "true or false", str: "text"}
     words |= {Path: "a path", types.NoneType: "none"}
-    return words.get(kind, f"a table of {getattr(kind, '__name__', kind)}")
+    return words.get(wanted, f"a table of {getattr(wanted, '__name__', wanted)}")
 
 
 def as_dict(config: Any) -> dict[str, Any]:
     """The resolved configuration as plain values that JSON can hold; `with_table` reads it back."""
-    return {field.name: plain(getattr(config, field.name)) for field in fields(config)}
+    return {field.name: as_json_value(getattr(config, field.name)) for field in fields(config)}
 
 
-def plain(value: Any) -> Any:
-    """One value of a configuration as JSON knows it."""
+def as_json_value(value: Any) -> Any:
+    """One value of a configuration as JSON can hold it."""
     if is_dataclass(value):
         return as_dict(value)
     if isinstance(value, tuple):
-        return [plain(part) for part in value]
+        return [as_json_value(part) for part in value]
     return str(value) if isinstance(value, Path) else value
 
 
@@ -170,8 +174,10 @@ def flat(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     """Nested settings by their dotted names."""
     found: dict[str, Any] = {}
     for name, value in table.items():
-        if isinstance(value, Mapping):
-            found |= flat(value, f"{prefix}{name}.")
-        else:
-            found[prefix + name] = value
+        nested = (
+            flat(value, f"{prefix}{name}.")
+            if isinstance(value, Mapping)
+            else {prefix + name: value}
+        )
+        found |= nested
     return found

@@ -37,7 +37,7 @@ def train(
     """
     import torch
 
-    from geneoh.config import configured
+    from geneoh.config import as_dict, configured
     from geneoh.denoisers.library import load_motion
     from geneoh.synthesis.shards import find_shards, read_shards, shard_record
     from geneoh.training.config import TrainConfig
@@ -58,7 +58,7 @@ def train(
             folder,
             device=devices.named(device),
             motion_denoiser=before,
-            data_record=shard_record(find_shards(data, "train")[0]),
+            data_record=as_dict(shard_record(find_shards(data, "train")[0])),
             on_step=lambda now: on_progress(stage, now.step, now.steps),
         )
     click.echo(f"wrote {path}")

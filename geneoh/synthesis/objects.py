@@ -1,15 +1,17 @@
-"""Families of objects that people hold, as random `Solids`.
+"""Families of objects that people hold, from coins to boxes for two hands, as random `Solids`.
 
-Sizes are those of things people hold: coin-thin boards to two-hand boxes.
+Each family draws its sizes in metres with `u(low, high)`, uniform between two limits. Changing the
+order of the draws changes all synthetic data.
 """
 
-import difflib
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 
+from geneoh.config import closest_name
 from geneoh.errors import ConfigError
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.synthesis.solids import BOX, CYLINDER, ELLIPSOID, FAR, SOLIDS, TORUS, Solids
@@ -17,15 +19,37 @@ from geneoh.synthesis.solids import BOX, CYLINDER, ELLIPSOID, FAR, SOLIDS, TORUS
 Draw = Callable[[float, float], float]
 Vector = tuple[float, float, float]
 
+ORIGIN = (0.0, 0.0, 0.0)
+LYING, STANDING = (0.0, math.pi / 2, 0.0), (math.pi / 2, 0.0, 0.0)
+"""Axis-angles that bring z to x, for a lying handle, and z to -y, for a standing ring."""
+
 
 @dataclass(frozen=True)
 class _Solid:
+    """One solid of an object; `Solids` says what its numbers mean."""
+
     kind: int
     size: Vector
-    center: Vector = (0.0, 0.0, 0.0)
-    turn: Vector = (0.0, 0.0, 0.0)
+    center: Vector = ORIGIN
+    turn: Vector = ORIGIN
+    """Axis-angle, radians."""
     rounding: float = 0.002
     part: int = 0
+
+
+def _rod(radius: float, half: float, center: Vector = ORIGIN, **rest: Any) -> _Solid:
+    """A cylinder along z."""
+    return _Solid(CYLINDER, (radius, radius, half), center, **rest)
+
+
+def _round_rod(radius: float, half: float, center: Vector = ORIGIN, **rest: Any) -> _Solid:
+    """A cylinder along z with round ends."""
+    return _rod(radius, half, center, rounding=0.9 * radius, **rest)
+
+
+def _torus(ring: float, tube: float, center: Vector = ORIGIN, **rest: Any) -> _Solid:
+    """A ring about z."""
+    return _Solid(TORUS, (ring, tube, 1.0), center, **rest)
 
 
 @dataclass(frozen=True)
@@ -34,7 +58,7 @@ class _Joint:
 
     axis: Vector
     travel: tuple[float, float]
-    pivot: Vector = (0.0, 0.0, 0.0)
+    pivot: Vector = ORIGIN
     slides: bool = False
 
 
@@ -42,80 +66,50 @@ Drawn = list[_Solid] | tuple[list[_Solid], _Joint]
 """A rigid object, or one with a second part on a joint."""
 
 
-def _box(u: Draw) -> list[_Solid]:
-    return [_Solid(BOX, (u(0.01, 0.08), u(0.01, 0.06), u(0.01, 0.05)), rounding=u(0.001, 0.005))]
-
-
-def _board(u: Draw) -> list[_Solid]:
-    return [_Solid(BOX, (u(0.05, 0.11), u(0.03, 0.08), u(0.003, 0.008)), rounding=0.002)]
-
-
-def _cylinder(u: Draw) -> list[_Solid]:
-    r = u(0.01, 0.045)
-    return [_Solid(CYLINDER, (r, r, u(0.02, 0.10)), rounding=u(0.001, 0.005))]
-
-
-def _capsule(u: Draw) -> list[_Solid]:
+def _capsule(u: Draw) -> Drawn:
     r = u(0.006, 0.025)
-    return [_Solid(CYLINDER, (r, r, u(0.04, 0.12)), rounding=0.98 * r)]
+    return [_rod(r, u(0.04, 0.12), rounding=0.98 * r)]
 
 
-def _ellipsoid(u: Draw) -> list[_Solid]:
-    return [_Solid(ELLIPSOID, (u(0.02, 0.05), u(0.02, 0.05), u(0.02, 0.06)))]
-
-
-def _ring(u: Draw) -> list[_Solid]:
-    return [_Solid(TORUS, (u(0.02, 0.06), u(0.004, 0.014), 1.0))]
-
-
-def _mug(u: Draw) -> list[_Solid]:
+def _mug(u: Draw) -> Drawn:
     r, h = u(0.03, 0.045), u(0.035, 0.06)
-    handle = _Solid(
-        TORUS, (u(0.018, 0.03), u(0.004, 0.007), 1.0), (r, 0.0, 0.0), (math.pi / 2, 0.0, 0.0)
-    )
-    return [_Solid(CYLINDER, (r, r, h), rounding=0.003), handle]
+    handle = _torus(u(0.018, 0.03), u(0.004, 0.007), (r, 0.0, 0.0), turn=STANDING)
+    return [_rod(r, h, rounding=0.003), handle]
 
 
-def _hammer(u: Draw) -> list[_Solid]:
+def _hammer(u: Draw) -> Drawn:
     r, h = u(0.009, 0.017), u(0.08, 0.14)
     head = _Solid(BOX, (u(0.035, 0.06), u(0.012, 0.02), u(0.012, 0.02)), (0.0, 0.0, h))
-    return [_Solid(CYLINDER, (r, r, h), rounding=0.004), head]
+    return [_rod(r, h, rounding=0.004), head]
 
 
 def _bottle(u: Draw) -> Drawn:
     r, h = u(0.025, 0.04), u(0.05, 0.09)
     neck, cap = u(0.4, 0.5) * r, u(0.012, 0.02)
-    top = _Solid(CYLINDER, (neck, neck, cap), (0.0, 0.0, h + cap), part=1)
+    top = _rod(neck, cap, (0.0, 0.0, h + cap), part=1)
     pulled = _Joint((0.0, 0.0, 1.0), (0.0, 0.06), slides=True)
-    return [_Solid(CYLINDER, (r, r, h), rounding=0.3 * r), top], pulled
+    return [_rod(r, h, rounding=0.3 * r), top], pulled
 
 
-def _pan(u: Draw) -> list[_Solid]:
+def _pan(u: Draw) -> Drawn:
     r, h, length = u(0.06, 0.11), u(0.012, 0.025), u(0.06, 0.1)
-    t = u(0.007, 0.013)
-    handle = _Solid(
-        CYLINDER, (t, t, length), (r + length, 0.0, h / 2), (0.0, math.pi / 2, 0.0), 0.9 * t
-    )
-    return [_Solid(CYLINDER, (r, r, h), rounding=0.004), handle]
+    handle = _round_rod(u(0.007, 0.013), length, (r + length, 0.0, h / 2), turn=LYING)
+    return [_rod(r, h, rounding=0.004), handle]
 
 
-def _knife(u: Draw) -> list[_Solid]:
+def _knife(u: Draw) -> Drawn:
     grip, blade = u(0.045, 0.07), u(0.05, 0.1)
     handle = _Solid(BOX, (grip, u(0.009, 0.014), u(0.007, 0.011)), rounding=0.005)
     return [handle, _Solid(BOX, (blade, 0.012, 0.0015), (grip + blade, 0.0, 0.0), rounding=0.001)]
 
 
-def _loop_tool(u: Draw) -> list[_Solid]:
-    radius, tube = u(0.018, 0.03), u(0.004, 0.007)
-    length = u(0.04, 0.07)
-    loops = [
-        _Solid(TORUS, (radius, tube, 1.0), (-length - radius, side * radius, 0.0))
-        for side in (-1.0, 1.0)
-    ]
+def _loop_tool(u: Draw) -> Drawn:
+    r, tube, length = u(0.018, 0.03), u(0.004, 0.007), u(0.04, 0.07)
+    loops = [_torus(r, tube, (-length - r, side * r, 0.0)) for side in (-1.0, 1.0)]
     return [_Solid(BOX, (length, u(0.006, 0.012), 0.003), rounding=0.001), *loops]
 
 
-def _cluster(u: Draw) -> list[_Solid]:
+def _cluster(u: Draw) -> Drawn:
     return [
         _Solid(
             (BOX, CYLINDER, ELLIPSOID)[int(u(0.0, 2.999))],
@@ -127,59 +121,37 @@ def _cluster(u: Draw) -> list[_Solid]:
     ]
 
 
-def _ball(u: Draw) -> list[_Solid]:
+def _ball(u: Draw) -> Drawn:
     r = u(0.015, 0.06)
     return [_Solid(ELLIPSOID, (r, r, r))]
 
 
-def _coin(u: Draw) -> list[_Solid]:
-    r = u(0.012, 0.045)
-    return [_Solid(CYLINDER, (r, r, u(0.0015, 0.006)), rounding=0.001)]
-
-
-def _phone(u: Draw) -> list[_Solid]:
-    return [_Solid(BOX, (u(0.06, 0.085), u(0.03, 0.042), u(0.0035, 0.006)), rounding=0.0033)]
-
-
-def _pen(u: Draw) -> list[_Solid]:
-    r = u(0.0035, 0.007)
-    return [_Solid(CYLINDER, (r, r, u(0.05, 0.09)), rounding=0.9 * r)]
-
-
-def _carton(u: Draw) -> list[_Solid]:
-    return [_Solid(BOX, (u(0.05, 0.15), u(0.04, 0.12), u(0.03, 0.1)), rounding=0.002)]
-
-
-def _bowl(u: Draw) -> list[_Solid]:
+def _bowl(u: Draw) -> Drawn:
     r, tube, h = u(0.045, 0.085), u(0.004, 0.007), u(0.02, 0.045)
-    rims = [_Solid(TORUS, ((0.7 + 0.3 * k) * r, tube, 1.0), (0.0, 0.0, k * h)) for k in (0.0, 0.5)]
-    base = _Solid(CYLINDER, (0.7 * r, 0.7 * r, tube), rounding=0.002)
-    return [base, *rims, _Solid(TORUS, (r, tube, 1.0), (0.0, 0.0, h))]
+    rims = [_torus((0.7 + 0.3 * k) * r, tube, (0.0, 0.0, k * h)) for k in (0.0, 0.5)]
+    return [_rod(0.7 * r, tube), *rims, _torus(r, tube, (0.0, 0.0, h))]
 
 
-def _plate(u: Draw) -> list[_Solid]:
+def _plate(u: Draw) -> Drawn:
     r, tube = u(0.06, 0.12), u(0.004, 0.007)
-    rim = _Solid(TORUS, (r, tube, 1.0), (0.0, 0.0, 2 * tube))
-    return [_Solid(CYLINDER, (r, r, tube), rounding=0.002), rim]
+    return [_rod(r, tube), _torus(r, tube, (0.0, 0.0, 2 * tube))]
 
 
-def _spoon(u: Draw) -> list[_Solid]:
+def _spoon(u: Draw) -> Drawn:
     length, bowl = u(0.05, 0.09), u(0.015, 0.03)
     handle = _Solid(BOX, (length, u(0.004, 0.008), u(0.002, 0.004)), rounding=0.0015)
     return [handle, _Solid(ELLIPSOID, (bowl, 0.7 * bowl, 0.006), (length + 0.8 * bowl, 0.0, 0.0))]
 
 
-def _brush(u: Draw) -> list[_Solid]:
+def _brush(u: Draw) -> Drawn:
     length, r = u(0.05, 0.08), u(0.006, 0.012)
-    handle = _Solid(CYLINDER, (r, r, length), turn=(0.0, math.pi / 2, 0.0), rounding=0.9 * r)
     head = _Solid(BOX, (u(0.02, 0.04), u(0.01, 0.025), u(0.008, 0.02)), (length + 0.02, 0.0, 0.0))
-    return [handle, head]
+    return [_round_rod(r, length, turn=LYING), head]
 
 
-def _screwdriver(u: Draw) -> list[_Solid]:
+def _screwdriver(u: Draw) -> Drawn:
     grip, shaft, r = u(0.035, 0.06), u(0.04, 0.08), u(0.009, 0.016)
-    handle = _Solid(CYLINDER, (r, r, grip), rounding=0.5 * r)
-    return [handle, _Solid(CYLINDER, (0.003, 0.003, shaft), (0.0, 0.0, grip + shaft))]
+    return [_rod(r, grip, rounding=0.5 * r), _rod(0.003, shaft, (0.0, 0.0, grip + shaft))]
 
 
 def _scissors(u: Draw) -> Drawn:
@@ -193,7 +165,7 @@ def _scissors(u: Draw) -> Drawn:
         bar = (blade, u(0.004, 0.007), u(0.0015, 0.003))
         middle = (0.15 * blade * c, 0.15 * blade * s, 0.002 * side)
         solids.append(_Solid(BOX, bar, middle, (0.0, 0.0, side * opening / 2), 0.001, part))
-        solids.append(_Solid(TORUS, (radius, tube, 1.0), loop, part=part))
+        solids.append(_torus(radius, tube, loop, part=part))
     return solids, _Joint((0.0, 0.0, 1.0), (-opening, 0.9 - opening))
 
 
@@ -212,12 +184,9 @@ def _pliers(u: Draw) -> Drawn:
 
 def _laptop(u: Draw) -> Drawn:
     width, depth, opening = u(0.08, 0.14), u(0.06, 0.1), u(0.3, 2.0)
-    thick = u(0.003, 0.006)
-    lid = (-depth + depth * math.cos(opening), 0.0, depth * math.sin(opening))
-    solids = [
-        _Solid(BOX, (depth, width, thick)),
-        _Solid(BOX, (depth, width, thick), lid, (0.0, -opening, 0.0), part=1),
-    ]
+    size = (depth, width, u(0.003, 0.006))
+    open_lid = (-depth + depth * math.cos(opening), 0.0, depth * math.sin(opening))
+    solids = [_Solid(BOX, size), _Solid(BOX, size, open_lid, (0.0, -opening, 0.0), part=1)]
     hinge = (-depth, 0.0, 0.0)
     return solids, _Joint((0.0, -1.0, 0.0), (0.1 - opening, 2.2 - opening), hinge)
 
@@ -225,68 +194,60 @@ def _laptop(u: Draw) -> Drawn:
 def _chest(u: Draw) -> Drawn:
     depth, width, height = u(0.04, 0.09), u(0.05, 0.11), u(0.02, 0.05)
     opening, thick = u(0.0, 1.5), u(0.003, 0.006)
-    back = (-depth, 0.0, height + thick)
+    hinge = (-depth, 0.0, height + thick)
     lid = (depth * math.cos(opening) - depth, 0.0, height + thick + depth * math.sin(opening))
     solids = [
         _Solid(BOX, (depth, width, height)),
         _Solid(BOX, (depth, width, thick), lid, (0.0, -opening, 0.0), part=1),
     ]
-    return solids, _Joint((0.0, -1.0, 0.0), (-opening, 1.8 - opening), back)
+    return solids, _Joint((0.0, -1.0, 0.0), (-opening, 1.8 - opening), hinge)
 
 
 def _drawer(u: Draw) -> Drawn:
     wide, high, deep = u(0.06, 0.12), u(0.03, 0.06), u(0.06, 0.1)
     opened, knob, t = u(0.0, 0.06), u(0.025, 0.05), u(0.004, 0.007)
     front = opened + deep + 0.004
-    bar = (front + 0.03, 0.0, 0.0)
     solids = [
         _Solid(BOX, (deep, wide + 0.01, high + 0.01)),
         _Solid(BOX, (deep, wide, high), (opened + 0.004, 0.0, 0.0), part=1),
         _Solid(BOX, (0.016, t, t), (front + 0.014, 0.0, 0.0), part=1),
-        _Solid(CYLINDER, (t, t, knob), bar, (math.pi / 2, 0.0, 0.0), 0.9 * t, part=1),
+        _round_rod(t, knob, (front + 0.03, 0.0, 0.0), turn=STANDING, part=1),
     ]
     return solids, _Joint((1.0, 0.0, 0.0), (-opened, 0.09 - opened), slides=True)
 
 
-def _kettle(u: Draw) -> list[_Solid]:
+def _kettle(u: Draw) -> Drawn:
     r, h, ring = u(0.045, 0.07), u(0.04, 0.06), u(0.03, 0.045)
-    handle = _Solid(
-        TORUS, (ring, u(0.006, 0.01), 1.0), (0.0, 0.0, h + 0.5 * ring), (math.pi / 2, 0.0, 0.0)
-    )
-    return [_Solid(CYLINDER, (r, r, h), rounding=0.01), handle]
+    handle = _torus(ring, u(0.006, 0.01), (0.0, 0.0, h + 0.5 * ring), turn=STANDING)
+    return [_rod(r, h, rounding=0.01), handle]
 
 
-def _wine_glass(u: Draw) -> list[_Solid]:
+def _wine_glass(u: Draw) -> Drawn:
     r, stem = u(0.025, 0.042), u(0.03, 0.05)
-    return [
-        _Solid(ELLIPSOID, (r, r, 1.3 * r), (0.0, 0.0, stem + 1.1 * r)),
-        _Solid(CYLINDER, (0.004, 0.004, stem)),
-        _Solid(CYLINDER, (0.8 * r, 0.8 * r, 0.003), (0.0, 0.0, -stem), rounding=0.001),
-    ]
+    bowl = _Solid(ELLIPSOID, (r, r, 1.3 * r), (0.0, 0.0, stem + 1.1 * r))
+    return [bowl, _rod(0.004, stem), _rod(0.8 * r, 0.003, (0.0, 0.0, -stem), rounding=0.001)]
 
 
-def _mouse(u: Draw) -> list[_Solid]:
-    return [_Solid(ELLIPSOID, (u(0.045, 0.06), u(0.025, 0.036), u(0.014, 0.024)))]
-
-
-def _spray(u: Draw) -> list[_Solid]:
+def _spray(u: Draw) -> Drawn:
     r, h, reach = u(0.022, 0.036), u(0.05, 0.08), u(0.015, 0.03)
     top = h + 0.02
     return [
-        _Solid(CYLINDER, (r, r, h), rounding=0.4 * r),
+        _rod(r, h, rounding=0.4 * r),
         _Solid(BOX, (reach, 0.011, 0.01), (0.4 * reach, 0.0, top), rounding=0.003),
         _Solid(BOX, (0.004, 0.006, 0.016), (reach, 0.0, top - 0.02), (0.0, 0.3, 0.0)),
-        _Solid(CYLINDER, (0.4 * r, 0.4 * r, 0.015), (0.0, 0.0, h)),
+        _rod(0.4 * r, 0.015, (0.0, 0.0, h)),
     ]
 
 
 FAMILIES: dict[str, Callable[[Draw], Drawn]] = {
-    "box": _box,
-    "board": _board,
-    "cylinder": _cylinder,
+    "box": lambda u: [
+        _Solid(BOX, (u(0.01, 0.08), u(0.01, 0.06), u(0.01, 0.05)), rounding=u(0.001, 0.005))
+    ],
+    "board": lambda u: [_Solid(BOX, (u(0.05, 0.11), u(0.03, 0.08), u(0.003, 0.008)))],
+    "cylinder": lambda u: [_rod(u(0.01, 0.045), u(0.02, 0.10), rounding=u(0.001, 0.005))],
     "capsule": _capsule,
-    "ellipsoid": _ellipsoid,
-    "ring": _ring,
+    "ellipsoid": lambda u: [_Solid(ELLIPSOID, (u(0.02, 0.05), u(0.02, 0.05), u(0.02, 0.06)))],
+    "ring": lambda u: [_torus(u(0.02, 0.06), u(0.004, 0.014))],
     "mug": _mug,
     "hammer": _hammer,
     "bottle": _bottle,
@@ -295,10 +256,12 @@ FAMILIES: dict[str, Callable[[Draw], Drawn]] = {
     "loop_tool": _loop_tool,
     "cluster": _cluster,
     "ball": _ball,
-    "coin": _coin,
-    "phone": _phone,
-    "pen": _pen,
-    "carton": _carton,
+    "coin": lambda u: [_rod(u(0.012, 0.045), u(0.0015, 0.006), rounding=0.001)],
+    "phone": lambda u: [
+        _Solid(BOX, (u(0.06, 0.085), u(0.03, 0.042), u(0.0035, 0.006)), rounding=0.0033)
+    ],
+    "pen": lambda u: [_round_rod(u(0.0035, 0.007), u(0.05, 0.09))],
+    "carton": lambda u: [_Solid(BOX, (u(0.05, 0.15), u(0.04, 0.12), u(0.03, 0.1)))],
     "bowl": _bowl,
     "plate": _plate,
     "spoon": _spoon,
@@ -311,21 +274,19 @@ FAMILIES: dict[str, Callable[[Draw], Drawn]] = {
     "drawer": _drawer,
     "kettle": _kettle,
     "wine_glass": _wine_glass,
-    "mouse": _mouse,
+    "mouse": lambda u: [_Solid(ELLIPSOID, (u(0.045, 0.06), u(0.025, 0.036), u(0.014, 0.024)))],
     "spray": _spray,
 }
 
 
 def family_named(name: str) -> Callable[[Draw], Drawn]:
-    """What draws an object of a family.
+    """The function that draws an object of a family.
 
     Raises:
         ConfigError: there is no family of that name.
     """
     if name not in FAMILIES:
-        near = difflib.get_close_matches(name, FAMILIES, 1, 0.5)
-        hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(FAMILIES)}"
-        raise ConfigError(f"{name!r} is no object family; {hint}")
+        raise ConfigError(f"'{name}' is no object family; {closest_name(name, FAMILIES)}")
     return FAMILIES[name]
 
 

@@ -12,7 +12,6 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from geneoh.config import with_table
 from geneoh.errors import InputError
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.model import HandModel, PosedHand, ShapedHand
@@ -20,7 +19,6 @@ from geneoh.hand.skeleton import forward_kinematics
 from geneoh.synthesis.motion import Interactions
 from geneoh.synthesis.shards import (
     Attempts,
-    SynthesisConfig,
     attempts_for,
     draw_attempts,
     read_shard,
@@ -118,14 +116,14 @@ def replay_shard(path: Path, hand: HandModel) -> Replay:
         InputError: the file is no whole shard, or another version of geneoh made it.
     """
     record = shard_record(path)
-    config = with_table(SynthesisConfig(), record["config"], str(path))
+    config = record.config
     index = int(path.stem.rpartition("_")[2])
     tried = draw_attempts(
         config,
         config.families_of(index),
         hand,
         attempts_for(config.shard),
-        generator=shard_generator(record["seed"], index),
+        generator=shard_generator(record.seed, index),
     )
     clips = read_shard(path)
     # the shortcut through a matrix product is off by more than two people differ
@@ -138,7 +136,7 @@ def replay_shard(path: Path, hand: HandModel) -> Replay:
     found = torch.nonzero(nearest < SAME)[:, 0]
     if not len(found):
         raise InputError(
-            f"{path}: expected the people that its seed {record['seed']} draws, got others: "
+            f"{path}: expected the people that its seed {record.seed} draws, got others: "
             "another version of geneoh made it; make the data again"
         )
     return Replay(clips.chosen(found), chosen_attempts(tried, who[found]))

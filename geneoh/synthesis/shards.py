@@ -6,7 +6,6 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any
 
 import torch
 from jaxtyping import Int
@@ -93,6 +92,14 @@ class Attempts:
     solids: Solids
     hands: ShapedHand
     """One person each, of the bone lengths in `offsets`."""
+
+
+@dataclass(frozen=True)
+class ShardRecord:
+    """What a shard was made with; saved in it."""
+
+    config: SynthesisConfig
+    seed: int
 
 
 def seed_of(*parts: object) -> int:
@@ -201,7 +208,7 @@ def write_shards(
         InputError: the folder holds shards of another config or seed, or a broken one.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    record = {"config": as_dict(config), "seed": seed}
+    record = ShardRecord(config, seed)
     for path in sorted(folder.glob("*_*.safetensors")):
         if differs := differences(shard_record(path), record):
             raise InputError(
@@ -217,7 +224,7 @@ def write_shards(
             tensors = {f.name: getattr(part, f.name).contiguous() for f in fields(part)}
             temporary = path.with_suffix(".part")
             # one entry: safetensors writes several in no fixed order
-            save_file(tensors, temporary, metadata={"record": json.dumps(record)})
+            save_file(tensors, temporary, metadata={"record": json.dumps(as_dict(record))})
             os.replace(temporary, path)
             made += 1
         if on_shard is not None:
@@ -225,29 +232,32 @@ def write_shards(
     return made
 
 
-def differences(found: dict[str, Any], asked: dict[str, Any]) -> str:
+def differences(found: ShardRecord, asked: ShardRecord) -> str:
     """What differs between two records of how shards were made, in words; empty when nothing."""
-    was, wanted = (flat(record["config"]) | {"seed": record["seed"]} for record in (found, asked))
-    names = [name for name in wanted if was[name] != wanted[name]]
-    return ", ".join(f"{name} {was[name]} where {wanted[name]} is asked for" for name in names)
+    was, wanted = (flat(as_dict(record)) for record in (found, asked))
+    return ", ".join(
+        f"{name.removeprefix('config.')} {was[name]} where {wanted[name]} is asked for"
+        for name in wanted
+        if was[name] != wanted[name]
+    )
 
 
-def shard_record(path: Path) -> dict[str, Any]:
+def shard_record(path: Path) -> ShardRecord:
     """The config and the seed that a shard was made with.
 
-    Settings that the shard does not tell are the defaults: it was made before they could be set.
+    Settings that the shard does not name are the defaults: it was made before they could be set.
 
     Raises:
-        InputError: the file is no whole shard, or its settings are not known here.
+        InputError: the file is no whole shard, or has settings of another version.
     """
     try:
         with safe_open(path, framework="pt") as shard:
             record = json.loads((shard.metadata() or {})["record"])
-            config, seed = dict(record["config"]), int(record["seed"])
+            table, seed = dict(record["config"]), int(record["seed"])
     except (SafetensorError, KeyError, TypeError, ValueError) as error:
         raise _broken(path, error) from error
     try:
-        return {"config": as_dict(with_table(SynthesisConfig(), config, str(path))), "seed": seed}
+        return ShardRecord(with_table(SynthesisConfig(), table, str(path)), seed)
     except ConfigError as error:
         raise InputError(
             f"{path}: was made by another version of geneoh ({error}); make the data again"

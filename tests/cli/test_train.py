@@ -44,9 +44,9 @@ def test_settings_of_the_data_come_from_a_file_and_from_the_command(geneoh, tmp_
     settings = "--set", "grasps.checks.fingers=-1", "--set", "grasps.checks.depth=1"
     made = geneoh("synthesize", "--config", "few.toml", *settings, "--set", "points=16")
     assert made.exit_code == 0, made.output
-    record = shard_record(tmp_path / "runs" / "data" / "train_00001.safetensors")["config"]
-    assert (record["count"], record["points"], record["grasps"]["steps"]) == (2, 16, 1)
-    assert record["grasps"]["checks"]["fingers"] == -1
+    made_with = shard_record(tmp_path / "runs" / "data" / "train_00001.safetensors").config
+    assert (made_with.count, made_with.points, made_with.grasps.steps) == (2, 16, 1)
+    assert made_with.grasps.checks.fingers == -1
     misspelt = geneoh("synthesize", "--set", "grasps.step=3")
     assert misspelt.exit_code == 2
     assert "did you mean 'grasps.steps'?" in misspelt.stderr

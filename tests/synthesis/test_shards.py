@@ -8,7 +8,6 @@ import pytest
 import torch
 from safetensors.torch import save_file
 
-from geneoh.config import as_dict
 from geneoh.errors import ConfigError, InputError
 from geneoh.hand.library import load_hand
 from geneoh.synthesis import shards
@@ -17,6 +16,7 @@ from geneoh.synthesis.grasps import GraspChecks, GraspConfig, synthesize_grasps
 from geneoh.synthesis.motion import Interactions
 from geneoh.synthesis.objects import FAMILIES
 from geneoh.synthesis.shards import (
+    ShardRecord,
     SynthesisConfig,
     differences,
     read_shards,
@@ -175,11 +175,11 @@ def test_settings_that_an_older_shard_does_not_tell_are_the_defaults(tmp_path):
     told = {"count": 6, "frames": 8, "points": 8, "shard": 2, "shape_std": 0.8}
     record = shard_record(with_record(tmp_path, told))
     config = SynthesisConfig(count=6, frames=8, points=8, shard=2)
-    assert record["config"] == as_dict(config)
-    assert differences(record, {"config": as_dict(config), "seed": 3}) == ""
+    assert record == ShardRecord(config, 3)
+    assert differences(record, ShardRecord(config, 3)) == ""
     other = replace(config, bimanual=BimanualConfig(share=0.5))
     words = "bimanual.share 0.2 where 0.5 is asked for"
-    assert differences(record, {"config": as_dict(other), "seed": 3}) == words
+    assert differences(record, ShardRecord(other, 3)) == words
 
 
 @pytest.mark.parametrize("config", [{"bones": 3}, {"grasps": {"step": 3}}, {"held_out": ["mugg"]}])
