@@ -7,8 +7,8 @@
     geneoh.save(result.sequence, "clean.npz")
 
 Reading and writing: `load` (npz files), `read` (files of data sets and estimators), `load_mesh`,
-`save`. Cleaning: `denoise` with `Options`, which returns a `Denoised`. Data: `Sequence`, made of
-`HandTrack`, `ObjectTrack` and `Mesh`. What goes wrong is raised from `geneoh.errors`.
+`save`, `to_smplx`. Cleaning: `denoise` with `Options`, which returns a `Denoised`. Data:
+`Sequence`, made of `HandTrack`, `ObjectTrack` and `Mesh`. Every error is one of `geneoh.errors`.
 
 Units are metres, radians and seconds. A public name is imported when it is first used, so that
 `import geneoh` and `geneoh --help` do not wait for torch.
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from geneoh import errors as errors
     from geneoh.geometry.mesh import Mesh, load_mesh
     from geneoh.pipeline.denoise import Denoised, Options, denoise
+    from geneoh.pipeline.smplx_layer import to_smplx
     from geneoh.readers.npz_files import load
     from geneoh.readers.npz_files import save_sequence as save
     from geneoh.readers.read import read
@@ -41,6 +42,7 @@ __all__ = [
     "load_mesh",
     "read",
     "save",
+    "to_smplx",
 ]
 
 _DEFINED_IN = {
@@ -55,6 +57,7 @@ _DEFINED_IN = {
     "load_mesh": "geneoh.geometry.mesh",
     "read": "geneoh.readers.read",
     "save": "geneoh.readers.npz_files:save_sequence",
+    "to_smplx": "geneoh.pipeline.smplx_layer",
 }
 """The module that defines each public name; after a colon, the name there where it is another."""
 
