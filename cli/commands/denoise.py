@@ -74,7 +74,7 @@ def denoise(
     for line in reports.denoised(sequence, result, output):
         click.echo(line)
     if report is not None:
-        from geneoh.viz.outputs import write_report
+        from geneoh.viz.view import write_report
 
         write_report(sequence, result, report, title=noisy.stem, mano_dir=mano)
         click.echo(f"wrote {report}")

@@ -39,8 +39,8 @@ def synthesize(
     from geneoh.config import configured
     from geneoh.hand.library import load_hand
     from geneoh.synthesis.shards import SynthesisConfig, write_shards
+    from geneoh.viz.canvas import save_picture
     from geneoh.viz.sheet import contact_sheet, one_of_each
-    from geneoh.viz.strip import save_picture
 
     from .. import progress
 
@@ -52,5 +52,5 @@ def synthesize(
         made = write_shards(data, chosen, hand, seed=seed, on_shard=partial(on_progress, "shards"))
         if made or not sheet.exists():
             clips = one_of_each(data, hand)
-            save_picture(contact_sheet(clips, on_picture=partial(on_progress, "sheet")), sheet)
+            save_picture(contact_sheet(clips, on_step=partial(on_progress, "sheet")), sheet)
     click.echo(f"{data}: {made} shards made, of {chosen.shard} interactions each; see {sheet}")

@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 
-from geneoh.choices import COLOURINGS
+from geneoh.choices import AXES, COLOURINGS
 
 from .. import options
 
@@ -16,14 +16,16 @@ from .. import options
     "--obj",
     type=options.INPUT_FILE,
     multiple=True,
-    help="Mesh of the object in metres; once per rigid part. --serve finds it by the clip's name.",
+    help="Mesh file of the object, in metres. Repeat it for each rigid part, in order of the "
+    "parts. With --serve, a mesh that has the name of the result is found without it.",
 )
 @click.option(
     *("-o", "--output", "outputs"),
     type=click.Path(path_type=Path),
     multiple=True,
-    help="File to write, may be repeated: .html (default), .png filmstrip, .mp4, .gif, .glb, "
-    ".npz with smplx names, .obj or .ply as a folder of one mesh per frame.",
+    help="File to write; its ending names the format: .html page (default), .png filmstrip, .mp4 "
+    "or .gif film, .glb scene, .npz with smplx names, .obj or .ply folder of one mesh per frame. "
+    "May be repeated.",
 )
 @click.option(
     "--colour",
@@ -31,19 +33,37 @@ from .. import options
     type=click.Choice(COLOURINGS),
     default="penetration",
     show_default=True,
-    help="What the hand's colour tells in pictures and films.",
+    help="Quantity that the colour of the hand shows in pictures and films.",
 )
 @click.option(
     "--up",
-    type=click.Choice(["x", "y", "z", "-x", "-y", "-z"]),
+    type=click.Choice(AXES),
     default="z",
     show_default=True,
-    help="Direction of the recording that is up.",
+    help="Axis of the world that points up.",
 )
-@click.option("--frame", "frames", type=int, multiple=True, help="Frame of a filmstrip; repeated.")
-@click.option("--cell", type=click.IntRange(64, 2048), default=260, help="Filmstrip picture, px.")
-@click.option("--serve", is_flag=True, help="Look at many results live, sorted by a measure.")
-@click.option("--port", type=int, default=8080, show_default=True, help="Of --serve.")
+@click.option(
+    "--frame",
+    "frames",
+    type=int,
+    multiple=True,
+    help="Frame of a filmstrip. May be repeated.  [default: five, evenly spread]",
+)
+@click.option(
+    "--cell",
+    type=click.IntRange(64, 2048),
+    default=260,
+    show_default=True,
+    help="Side of one picture of a filmstrip, in pixels.",
+)
+@click.option("--serve", is_flag=True, help="Show many results live, sorted by a measure.")
+@click.option(
+    "--port",
+    type=click.IntRange(0, 65535),
+    default=8080,
+    show_default=True,
+    help="Network port of --serve.",
+)
 @options.mano
 @options.side
 @options.fps
@@ -53,33 +73,39 @@ def view(
     outputs: tuple[Path, ...],
     serve: bool,
     port: int,
-    **asked: Any,
+    **chosen: Any,
 ) -> None:
-    """Look at RESULT, beside what it was made from where BEFORE is given too.
+    """Show RESULT, beside BEFORE, what it was made from, where that is given too.
 
-    FILES are RESULT [BEFORE], in any layout that geneoh reads. Writes RESULT.html unless -o says
-    otherwise. With --serve, FILES are results; NAME.npz beside NAME_clean.npz is its input.
+    FILES are RESULT [BEFORE], in any layout that geneoh reads. Writes RESULT.html unless -o names
+    other files. With --serve, FILES are results, and NAME.npz beside NAME_clean.npz is its input.
     """
     from functools import partial
 
-    from geneoh.viz.outputs import Look, check_ending, open_scene, write
+    from geneoh.errors import InputError
+    from geneoh.viz.look import Look
+    from geneoh.viz.outputs import write, writer_for
+    from geneoh.viz.view import open_scene
 
     from .. import progress
 
-    opened = partial(open_scene, **{name: asked.pop(name) for name in ("side", "fps", "mano")})
-    look = Look(**asked)
+    given = {name: chosen.pop(name) for name in ("side", "fps")}
+    opened = partial(open_scene, mano_dir=chosen.pop("mano"), **given)
+    look = Look(**chosen)
     if serve:
-        from geneoh.viz.serve import Gallery, find_clips
+        from geneoh.viz.serve import Gallery, gallery_items
 
         with progress.progress_bars() as on_progress:
-            clips = find_clips(files, obj, opened, on_clip=partial(on_progress, "clips"))
-        gallery = Gallery(clips, up=look.upward, port=port)
-        click.echo(f"{len(clips)} clips at {gallery.address}, Ctrl-C ends")
+            items = gallery_items(files, obj, opened, on_step=partial(on_progress, "results"))
+        gallery = Gallery(items, up=look.upward, port=port)
+        click.echo(f"{len(items)} results at {gallery.address}, Ctrl-C ends")
         gallery.run()
         return
+    if len(files) > 2:
+        raise InputError(f"expected RESULT [BEFORE], got {len(files)} files; --serve takes many")
     for output in outputs:
-        check_ending(output)
-    scene = opened(files, obj)
+        writer_for(output)
+    scene = opened(*files, obj=obj)
     for output in outputs or (files[0].with_suffix(".html"),):
         with progress.progress_bars() as on_progress:
             write(scene, output, look, on_step=partial(on_progress, output.name))

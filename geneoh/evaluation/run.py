@@ -17,7 +17,7 @@ from geneoh.evaluation.cases import Pending
 from geneoh.evaluation.methods import GeneohRow, PredictionsRow, Row
 from geneoh.evaluation.records import append_scores
 from geneoh.evaluation.scores import Bench, Judge, Key, Score
-from geneoh.viz.outputs import write_report
+from geneoh.viz.view import write_report
 
 CLIP_ERRORS = (InputError, MissingAssetError, NumericalError)
 """What is wrong with one clip, or one row on it: noted, and the others go on."""

@@ -42,6 +42,74 @@ class InteractionReport:
         return asdict(self)
 
 
+@dataclass(frozen=True)
+class FrameMeasures:
+    """What is measured in each of T frames; NaN where there is no hand."""
+
+    valid: Bool[Tensor, " T"]
+    """Frames with a hand."""
+    touching: Bool[Tensor, " T"]
+    """Frames in which a hand is at most 5 mm from the object."""
+    depth: Float[Tensor, " T"]
+    """Depth of the deepest vertex in metres, zero when none is inside."""
+    fingers: Float[Tensor, " T"]
+    """Number of fingertips at most 5 mm from the object."""
+    acceleration: Float[Tensor, " T"]
+    """Mean over keypoints in millimetres per frame squared, from the frame before to the one after;
+    NaN where one of the three has no hand."""
+
+    @property
+    def penetration_mean_mm(self) -> float:
+        """Mean depth over the frames with a hand."""
+        return 1000 * float(mean_over_frames(self.depth, self.valid))
+
+    @property
+    def penetration_max_mm(self) -> float:
+        """Largest depth."""
+        return 1000 * float(self.depth[self.valid].max()) if self.valid.any() else float("nan")
+
+    @property
+    def fingers_in_contact(self) -> float:
+        """Mean number of touching fingertips over the frames with contact."""
+        return float(mean_over_frames(self.fingers, self.touching))
+
+    @property
+    def acceleration_mm(self) -> float:
+        """Mean acceleration of the keypoints, millimetres per frame squared."""
+        return float(mean_over_frames(self.acceleration, ~self.acceleration.isnan()))
+
+
+def measure_frames(
+    distance: Float[Tensor, "T V"],
+    verts: Float[Tensor, "T V 3"],
+    joints: Float[Tensor, "T 21 3"],
+    fps: float,
+    valid: Bool[Tensor, " T"],
+) -> FrameMeasures:
+    """Measure one hand in each frame.
+
+    Args:
+        distance: of the vertices to the object, metres, negative inside.
+        verts: hand, world frame.
+        joints: keypoints in OpenPose order, world frame.
+        fps: frames a second.
+        valid: frames with a hand.
+    """
+    tips = joints[:, list(TIP_KEYPOINTS)]
+    fingers = tips_in_contact(distance, verts, tips).sum(-1).to(distance)
+    inner = torch.zeros_like(valid)
+    inner[1:-1] = valid_differences(valid, 2)
+    accelerated = torch.full_like(fingers, torch.nan)
+    accelerated[inner] = per_frame_squared(acceleration(joints, fps), fps)[inner[1:-1]]
+    return FrameMeasures(
+        valid=valid,
+        touching=in_contact(distance) & valid,
+        depth=penetration_depth(distance).where(valid, torch.nan),
+        fingers=fingers.where(valid, torch.nan),
+        acceleration=accelerated,
+    )
+
+
 def measure(
     verts: Float[Tensor, "T V 3"],
     joints: Float[Tensor, "T 21 3"],
@@ -61,21 +129,16 @@ def measure(
     if valid is None:
         valid = torch.ones(len(verts), dtype=torch.bool, device=verts.device)
     query = surface.query(verts)
-    distance = query.distance[valid]
-    touching = in_contact(distance)
-    tips = joints[:, list(TIP_KEYPOINTS)]
-    fingers = tips_in_contact(distance, verts[valid], tips[valid]).sum(-1).to(distance)
-    depth = penetration_depth(distance)
+    frames = measure_frames(query.distance, verts, joints, fps, valid)
     moved = motion_consistency(verts, query, surface)
-    accelerated = per_frame_squared(acceleration(joints, fps), fps)
     return InteractionReport(
         frames=int(valid.sum()),
-        penetration_mean_mm=1000 * float(mean_over_frames(depth)),
-        penetration_max_mm=1000 * float(depth.max()) if len(depth) else float("nan"),
-        contact_fraction=float(mean_over_frames(touching.to(distance))),
-        fingers_in_contact=float(mean_over_frames(fingers, touching)),
-        acceleration_mm=float(mean_over_frames(accelerated, valid_differences(valid, 2))),
-        consistency_mm2=1e6 * float(mean_over_frames(moved, valid_differences(valid, 1))),
+        penetration_mean_mm=frames.penetration_mean_mm,
+        penetration_max_mm=frames.penetration_max_mm,
+        contact_fraction=float(mean_over_frames(frames.touching.to(verts), frames.valid)),
+        fingers_in_contact=frames.fingers_in_contact,
+        acceleration_mm=frames.acceleration_mm,
+        consistency_mm2=1e6 * float(mean_over_frames(moved, valid_differences(frames.valid, 1))),
     )
 
 

@@ -1,11 +1,9 @@
-"""A take for other programs: one mesh file per frame, or hand parameters under the smplx names."""
+"""A version for other programs: a mesh file per frame, or hand parameters under the smplx names."""
 
 import os
 import secrets
 import shutil
-from collections.abc import Callable
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import trimesh
@@ -15,38 +13,31 @@ from torch import Tensor
 from geneoh.errors import InputError
 from geneoh.files.atomic import unwritable
 from geneoh.files.npz import Arrays, write_archive
-from geneoh.viz.scene import Scene, SeenHand, Take
+from geneoh.viz.look import Look, OnStep
+from geneoh.viz.scene import PosedTrack, Scene
 
-MeshFormat = Literal["obj", "ply"]
 
+def write_meshes(scene: Scene, path: Path, look: Look, on_step: OnStep | None) -> None:
+    """Write the last version as a folder of meshes: SIDE_0000.ply and object_0000.ply per frame.
 
-def write_meshes(
-    scene: Scene,
-    take: Take,
-    folder: Path,
-    kind: MeshFormat,
-    *,
-    on_frame: Callable[[int, int], None] | None = None,
-) -> None:
-    """Write a folder of meshes in the world, metres: SIDE_0000.ply and object_0000.ply per frame.
-
-    Vertices keep their order, so that frames correspond; a hand that is not there has no file. The
-    folder appears whole or not at all.
+    The folder is the path without its ending, the meshes have that ending. World frame, metres.
+    Vertices keep their order, so that frames correspond; a hand has no file in frames without it.
+    The folder appears whole or not at all.
 
     Raises:
         InputError: the folder is there already, or cannot be made.
     """
+    folder = path.with_suffix("")
     if folder.exists():
         raise InputError(f"{folder}: expected a new folder, got one that is there; remove it")
     beside = folder.with_name(f".{folder.name}.{secrets.token_hex(4)}.tmp")
     try:
         beside.mkdir(parents=True)
         for frame in range(scene.frames):
-            for name, verts, faces in _surfaces(scene, take, frame):
-                mesh = trimesh.Trimesh(verts, faces, process=False)
-                mesh.export(beside / f"{name}_{frame:04d}.{kind}")
-            if on_frame is not None:
-                on_frame(frame + 1, scene.frames)
+            for name, mesh in _meshes(scene, frame).items():
+                mesh.export(beside / f"{name}_{frame:04d}{path.suffix.lower()}")
+            if on_step is not None:
+                on_step(frame + 1, scene.frames)
         os.replace(beside, folder)
     except OSError as error:
         raise unwritable(folder, error) from None
@@ -54,28 +45,28 @@ def write_meshes(
         shutil.rmtree(beside, ignore_errors=True)
 
 
-def _surfaces(
-    scene: Scene, take: Take, frame: int
-) -> list[tuple[str, Float[np.ndarray, "V 3"], np.ndarray]]:
-    """Name, vertices and faces of everything that is there in a frame."""
-    found = [
-        (f"{hand.side}", hand.verts[frame].numpy(), hand.model.faces.numpy())
-        for hand in take.hands
+def _meshes(scene: Scene, frame: int) -> dict[str, trimesh.Trimesh]:
+    """The hands and the object's parts in a frame, by the name of their files."""
+    surfaces = {
+        hand.side: (hand.verts[frame], hand.model.faces)
+        for hand in scene.versions[-1].hands
         if bool(hand.valid[frame])
-    ]
-    many = len(scene.object.meshes) > 1
-    for part, mesh in enumerate(scene.object.meshes):
-        name = f"object{part + 1}" if many else "object"
-        found.append((name, scene.object_verts(part, frame).numpy(), mesh.faces.numpy()))
-    return found
+    } | {
+        scene.part_name(part).replace(" ", ""): (scene.object_verts(part, frame), mesh.faces)
+        for part, mesh in enumerate(scene.object.meshes)
+    }
+    return {
+        name: trimesh.Trimesh(verts.numpy(), faces.numpy(), process=False)
+        for name, (verts, faces) in surfaces.items()
+    }
 
 
-def smplx_arrays(scene: Scene, hand: SeenHand) -> Arrays:
+def smplx_arrays(scene: Scene, hand: PosedTrack) -> Arrays:
     """One hand under the names of the smplx package, with the object's motion.
 
-    `global_orient` (T, 3), `hand_pose` (T, 45) and `betas` go into an smplx MANO layer made with
-    `use_pca=False, flat_hand_mean=True`, `transl` (T, 3) too: it is the wrist less where the model
-    itself puts it. The betas belong to `hand_model`; the pose means the same to any.
+    `global_orient` (T, 3), `hand_pose` (T, 45), `betas` and `transl` (T, 3) go into an smplx MANO
+    layer made with `use_pca=False, flat_hand_mean=True`. `transl` is the wrist minus the wrist of
+    the model at rest. The betas belong to `hand_model`; the pose holds for any model.
     """
     model = hand.model
     rest = model.template + model.shape_dirs @ hand.betas
@@ -96,14 +87,13 @@ def smplx_arrays(scene: Scene, hand: SeenHand) -> Arrays:
     }
 
 
-def write_smplx(scene: Scene, take: Take, path: Path) -> None:
-    """Write the parameters of a take's one hand.
+def write_smplx(scene: Scene, path: Path, look: Look, on_step: OnStep | None) -> None:
+    """Write the parameters of the last version's one hand.
 
     Raises:
         InputError: there are two hands, which the smplx names cannot tell apart.
     """
-    if len(take.hands) != 1:
-        raise InputError(
-            f"{path}: the smplx names hold one hand, got {len(take.hands)}; pass --side"
-        )
-    write_archive(path, smplx_arrays(scene, take.hands[0]))
+    hands = scene.versions[-1].hands
+    if len(hands) != 1:
+        raise InputError(f"{path}: the smplx names hold one hand, got {len(hands)}; pass --side")
+    write_archive(path, smplx_arrays(scene, hands[0]))

@@ -1,32 +1,35 @@
-"""A take as an animated GLB: the hand as morph targets, the object's parts as moving nodes.
+"""A version as an animated GLB: the hand as morph targets, the object's parts as moving nodes.
 
-One morph target per frame holds the exact vertices and normals, and the weights run through them:
-it needs no skinning, so any hand model is exact, and Blender and three.js play it. Source: glTF 2.0
-specification, Khronos Group. Metres; a root node turns the world's up to glTF's y.
+One morph target per frame holds the exact vertices and normals, and the weights run through them.
+This needs no skinning, so it is exact for any hand model, and Blender and three.js play it. Source:
+glTF 2.0 specification, Khronos Group. Metres; a root node turns the world's up axis to glTF's y.
 """
 
 import json
 import struct
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 from jaxtyping import Float, Int
 
+from geneoh.files.atomic import write_whole
 from geneoh.geometry.rotations import matrix_to_quat_wxyz
 from geneoh.viz.camera import axes_towards
-from geneoh.viz.colours import OBJECT, SKIN
-from geneoh.viz.scene import Scene, SeenHand, Take
+from geneoh.viz.colours import OBJECT_COLOUR, SKIN_COLOUR, Colour
+from geneoh.viz.look import Look, OnStep
+from geneoh.viz.scene import PosedTrack, Scene
 from geneoh.viz.surface import vertex_normals
 
 FLOAT, UINT = 5126, 5125
 ARRAY_BUFFER, ELEMENT_BUFFER = 34962, 34963
-KINDS = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
+ACCESSOR_TYPES = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
 ROUGHNESS = 0.8
 
 
 class _Document:
-    """A glTF document while it grows: its JSON tables and its one binary buffer."""
+    """A glTF document that is being built: its JSON tables and its one binary buffer."""
 
     def __init__(self) -> None:
         self.tables: dict[str, list[Any]] = {
@@ -44,7 +47,7 @@ class _Document:
     def accessor(
         self, values: Float[np.ndarray, "..."] | Int[np.ndarray, "..."], target: int | None = None
     ) -> int:
-        """Append an array of scalars (N,) or vectors (N, D), with the bounds that readers want."""
+        """Append an array of scalars (N,) or vectors (N, D) with its bounds, as glTF requires."""
         whole = values.dtype.kind in "iu"
         packed = np.ascontiguousarray(values, dtype="<u4" if whole else "<f4")
         view: dict[str, Any] = {
@@ -62,14 +65,14 @@ class _Document:
                 "bufferView": self.add("bufferViews", view),
                 "componentType": UINT if whole else FLOAT,
                 "count": len(packed),
-                "type": KINDS[rows.shape[1]],
+                "type": ACCESSOR_TYPES[rows.shape[1]],
                 "min": rows.min(0).tolist(),
                 "max": rows.max(0).tolist(),
             },
         )
 
     def animate(self, node: int, path: str, times: int, values: int, how: str = "LINEAR") -> None:
-        """Let a property of a node follow keyframes."""
+        """Make a property of a node follow keyframes."""
         self.samplers.append({"input": times, "output": values, "interpolation": how})
         target = {"node": node, "path": path}
         self.channels.append({"sampler": len(self.samplers) - 1, "target": target})
@@ -94,23 +97,23 @@ class _Document:
         return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
 
 
-def glb_bytes(scene: Scene, take: Take, *, up: Float[np.ndarray, " 3"]) -> bytes:
-    """The GLB of one take.
+def write_glb(scene: Scene, path: Path, look: Look, on_step: OnStep | None) -> None:
+    """Write the last version as a GLB in one step."""
+    write_whole(path, glb_bytes(scene, look))
 
-    Args:
-        scene: for the object and the time.
-        take: whose hands.
-        up: the direction in the world that becomes glTF's y.
-    """
-    document = _Document()
+
+def glb_bytes(scene: Scene, look: Look | None = None) -> bytes:
+    """The GLB of the last version; the look says which axis of the world becomes glTF's y."""
+    document, version = _Document(), scene.versions[-1]
     seconds = (np.arange(scene.frames) / scene.fps).astype(np.float32)
     times = document.accessor(seconds)
-    children = [_add_hand(document, hand, times) for hand in take.hands]
+    children = [_add_hand(document, hand, times) for hand in version.hands]
     children += [
         _add_part(document, scene, part, times) for part in range(len(scene.object.meshes))
     ]
-    root = document.add("nodes", {"name": "world", "rotation": upright(up), "children": children})
-    return document.to_bytes([root], take.title)
+    turn = upright((look or Look()).upward)
+    root = document.add("nodes", {"name": "world", "rotation": turn, "children": children})
+    return document.to_bytes([root], version.title)
 
 
 def upright(up: Float[np.ndarray, " 3"]) -> list[float]:
@@ -121,85 +124,77 @@ def upright(up: Float[np.ndarray, " 3"]) -> list[float]:
     return [x, y, z, w]
 
 
-def _material(document: _Document, name: str, colour: tuple[float, float, float]) -> int:
-    """A dull surface; glTF wants linear light, our colours are sRGB."""
+def _material(document: _Document, name: str, colour: Colour) -> int:
+    """A matt surface; glTF expects linear colours, ours are sRGB."""
     linear = [*(np.array(colour) ** 2.2).tolist(), 1.0]
     surface = {"baseColorFactor": linear, "metallicFactor": 0.0, "roughnessFactor": ROUGHNESS}
     entry = {"name": name, "pbrMetallicRoughness": surface, "doubleSided": True}
     return document.add("materials", entry)
 
 
-def _add_hand(document: _Document, hand: SeenHand, times: int) -> int:
-    """A node whose mesh is the first frame, and whose targets lead to each of the others."""
-    verts = hand.verts.numpy().astype(np.float32)
-    faces = hand.model.faces.numpy()
+def _add_mesh(
+    document: _Document,
+    name: str,
+    verts: Float[np.ndarray, "T V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    colour: Colour,
+) -> int:
+    """A node with a mesh: the first frame, and a morph target for each of the others."""
     normals = np.stack([vertex_normals(points, faces).astype(np.float32) for points in verts])
+    # glTF allows no normal of length zero, which a vertex without a face would have
+    normals[np.linalg.norm(normals, axis=-1) < 0.5] = (0, 0, 1)
     primitive: dict[str, Any] = {
         "attributes": {
             "POSITION": document.accessor(verts[0], ARRAY_BUFFER),
             "NORMAL": document.accessor(normals[0], ARRAY_BUFFER),
         },
         "indices": document.accessor(faces.reshape(-1), ELEMENT_BUFFER),
-        "material": _material(document, f"{hand.side} hand", SKIN),
+        "material": _material(document, name, colour),
     }
-    count = len(verts) - 1
-    if count:
+    mesh = {"name": name, "primitives": [primitive]}
+    if len(verts) > 1:
         primitive["targets"] = [
             {
-                "POSITION": document.accessor(verts[t] - verts[0], ARRAY_BUFFER),
-                "NORMAL": document.accessor(normals[t] - normals[0], ARRAY_BUFFER),
+                "POSITION": document.accessor(moved - verts[0], ARRAY_BUFFER),
+                "NORMAL": document.accessor(turned - normals[0], ARRAY_BUFFER),
             }
-            for t in range(1, len(verts))
+            for moved, turned in zip(verts[1:], normals[1:], strict=True)
         ]
-    name = f"{hand.side} hand"
-    mesh = {"name": name, "primitives": [primitive]}
-    if count:
-        mesh["weights"] = [0.0] * count
-    node = document.add("nodes", {"name": name, "mesh": document.add("meshes", mesh)})
-    if count:
+        mesh["weights"] = [0.0] * (len(verts) - 1)
+    return document.add("nodes", {"name": name, "mesh": document.add("meshes", mesh)})
+
+
+def _add_hand(document: _Document, hand: PosedTrack, times: int) -> int:
+    """A hand whose morph targets follow one another; it has size zero in frames without it."""
+    verts, valid = hand.verts.numpy().astype(np.float32), hand.valid.numpy()
+    node = _add_mesh(document, f"{hand.side} hand", verts, hand.model.faces.numpy(), SKIN_COLOUR)
+    if len(verts) > 1:
         weights = np.eye(len(verts), dtype=np.float32)[:, 1:].reshape(-1)
         document.animate(node, "weights", times, document.accessor(weights))
-    valid = hand.valid.numpy()
     if not valid.all():
-        # a hand that is not there has no size
         size = np.repeat(valid.astype(np.float32)[:, None], 3, 1)
         document.animate(node, "scale", times, document.accessor(size), "STEP")
     return node
 
 
 def _add_part(document: _Document, scene: Scene, part: int, times: int) -> int:
-    """A node that carries a part of the object along its motion."""
+    """A part of the object that moves as it does in the world."""
     mesh = scene.object.meshes[part]
     verts, faces = mesh.verts.numpy().astype(np.float32), mesh.faces.numpy()
-    normals = vertex_normals(verts, faces).astype(np.float32)
-    # glTF knows no normal without length, which a vertex without a face would have
-    normals[np.linalg.norm(normals, axis=-1) < 0.5] = (0, 0, 1)
-    name = f"object {part + 1}" if len(scene.object.meshes) > 1 else "object"
-    primitive = {
-        "attributes": {
-            "POSITION": document.accessor(verts, ARRAY_BUFFER),
-            "NORMAL": document.accessor(normals, ARRAY_BUFFER),
-        },
-        "indices": document.accessor(faces.reshape(-1), ELEMENT_BUFFER),
-        "material": _material(document, name, OBJECT),
-    }
-    mesh_at = document.add("meshes", {"name": name, "primitives": [primitive]})
-    quat = _unbroken(matrix_to_quat_wxyz(scene.object.rotation[:, part]).numpy())[:, [1, 2, 3, 0]]
-    translation = scene.object.translation[:, part].numpy()
-    entry = {
-        "name": name,
-        "mesh": mesh_at,
-        "rotation": quat[0].tolist(),
+    node = _add_mesh(document, scene.part_name(part), verts[None], faces, OBJECT_COLOUR)
+    quat_wxyz, translation = scene.part_motion(part)
+    quat_xyzw = _unbroken(quat_wxyz)[:, [1, 2, 3, 0]]
+    document.tables["nodes"][node] |= {
+        "rotation": quat_xyzw[0].tolist(),
         "translation": translation[0].tolist(),
     }
-    node = document.add("nodes", entry)
-    document.animate(node, "rotation", times, document.accessor(quat))
+    document.animate(node, "rotation", times, document.accessor(quat_xyzw))
     document.animate(node, "translation", times, document.accessor(translation))
     return node
 
 
 def _unbroken(quat: Float[np.ndarray, "T 4"]) -> Float[np.ndarray, "T 4"]:
-    """The same rotations, each quaternion on the side of the one before."""
+    """The same rotations, with the signs of quaternions chosen to be continuous over time."""
     agrees = (quat[1:] * quat[:-1]).sum(-1) >= 0
     sign = np.cumprod(np.where(np.concatenate([[True], agrees]), 1.0, -1.0))
     quat = quat * sign[:, None]

@@ -1,10 +1,10 @@
-"""A scene as one HTML file that needs nothing else: data and viewer in its own text.
+"""A scene as one self-contained HTML file: it holds the data and the viewer.
 
 The viewer draws on the CPU: a browser without a GPU has no WebGL, or one of a few frames a second.
 
-Positions are 16-bit steps of one box around the scene; each array is stored as differences from
-frame to frame, low bytes before high ones, and all of them together deflated: 300 frames of a hand
-before and after take about one and a half megabytes.
+Positions are 16-bit steps of one box around the scene. Each array is stored as differences from
+frame to frame, low bytes before high ones, and all of them together are deflated: 300 frames of a
+hand before and after take about one and a half megabytes.
 """
 
 import base64
@@ -24,12 +24,12 @@ from torch import Tensor
 
 from geneoh.choices import Colouring
 from geneoh.files.atomic import write_whole
-from geneoh.geometry.rotations import matrix_to_quat_wxyz
 from geneoh.hand.skeleton import KEYPOINT_PARENTS
-from geneoh.viz.camera import Camera, cameras
-from geneoh.viz.colours import DEEPEST, OBJECT, SCALES, SKIN, on_ramp
-from geneoh.viz.scene import Scene, SeenHand, Take
-from geneoh.viz.surface import coarser, creased
+from geneoh.viz.camera import FIELD_OF_VIEW, cameras
+from geneoh.viz.colours import OBJECT_COLOUR, SCALES, SKIN_COLOUR, ramp_position
+from geneoh.viz.look import Look, OnStep
+from geneoh.viz.scene import PosedTrack, Scene, Version
+from geneoh.viz.surface import coarser, with_sharp_edges
 
 STEPS = 65535
 """16-bit steps over the longest side of the scene."""
@@ -37,12 +37,11 @@ MOST_FACES = 20_000
 """Faces of an object part beyond which a coarser mesh is drawn."""
 MOST_SAMPLES = 16
 """Samples that a page keeps of those that were drawn."""
-PAGE_COLOURINGS: tuple[Colouring, ...] = ("penetration", "contact", "spread")
 
 
 @dataclass
 class _Packed:
-    """Arrays one after another in one block of bytes, and where each of them lies."""
+    """Arrays one after another in one block of bytes."""
 
     blocks: list[bytes] = field(default_factory=list)
     size: int = 0
@@ -50,14 +49,14 @@ class _Packed:
     def add(
         self, values: Integer[np.ndarray, "..."], *, over_frames: bool = False
     ) -> dict[str, Any]:
-        """Store an array; returns what the viewer needs to find it."""
+        """Store an array; returns where it lies and how it is stored."""
         flat = np.ascontiguousarray(values)
         if over_frames:
-            # wraps around on purpose: the viewer adds up in the same width
+            # differences may overflow: the viewer sums in the same width, which undoes it
             flat = np.concatenate([flat[:1], flat[1:] - flat[:-1]])
         raw = flat.reshape(-1).view(np.uint8).reshape(-1, flat.dtype.itemsize)
         block = raw.T.tobytes()
-        told = {
+        place = {
             "at": self.size,
             "type": flat.dtype.name,
             "shape": list(values.shape),
@@ -65,82 +64,89 @@ class _Packed:
         }
         self.blocks.append(block)
         self.size += len(block)
-        return told
+        return place
 
 
 @dataclass(frozen=True)
 class _Box:
-    """The box whose 16-bit steps positions are stored in."""
+    """The box in whose 16-bit steps positions are stored."""
 
     low: Float[Tensor, " 3"]
     step: float
 
+    @staticmethod
+    def around(points: Float[Tensor, "P 3"], smallest: float) -> "_Box":
+        """The box of finite points, with sides of at least `smallest` metres."""
+        points = points[points.isfinite().all(-1)]
+        low = points.amin(0)
+        return _Box(low, max(float((points.amax(0) - low).max()), smallest) / STEPS)
+
+    def origin(self) -> dict[str, Any]:
+        """What turns steps back into metres."""
+        return {"low": self.low.tolist(), "step": self.step}
+
     def steps(self, points: Float[Tensor, "*B 3"]) -> Integer[np.ndarray, "*B 3"]:
-        """Points as steps from the low corner; points that are not finite stand there."""
+        """Points as steps from the low corner; points that are not finite are put there."""
         at = ((points - self.low) / self.step).round().nan_to_num(0, 0, 0).clamp(0, STEPS)
         return at.numpy().astype(np.uint16)
 
 
-def page_html(scene: Scene, title: str, *, up: Float[np.ndarray, " 3"]) -> str:
+def page_html(scene: Scene, look: Look | None = None) -> str:
     """The page as text.
 
     Args:
         scene: what to show.
-        title: of the page.
-        up: the direction in the world that is up on the screen.
+        look: what is up on the screen; the person chooses the rest in the page.
     """
     packed = _Packed()
-    told = describe(scene, cameras(scene, up), up, packed)
+    described = describe(scene, (look or Look()).upward, packed)
     data = base64.b64encode(zlib.compress(b"".join(packed.blocks), 9)).decode()
     filled = {
-        "TITLE": html.escape(title),
+        "TITLE": html.escape(scene.title),
         "STYLE": _asset("page.css"),
         "RASTER": _asset("raster.js"),
         "ORBIT": _asset("orbit.js"),
         "VIEWER": _asset("viewer.js"),
         # "<" must not stand in a script: file names may hold anything
-        "SCENE": json.dumps(told, allow_nan=False).replace("<", "\\u003c"),
+        "SCENE": json.dumps(described, allow_nan=False).replace("<", "\\u003c"),
         "DATA": data,
     }
-    # one pass, so that nothing which was filled in is taken for a gap
+    # one pass, so that nothing which was filled in is taken for a placeholder
     return re.sub(r"\{\{([A-Z]+)\}\}", lambda gap: filled[gap[1]], _asset("page.html"))
 
 
-def write_page(scene: Scene, path: Path, title: str, *, up: Float[np.ndarray, " 3"]) -> None:
+def write_page(scene: Scene, path: Path, look: Look, on_step: OnStep | None) -> None:
     """Write the page in one step."""
-    write_whole(path, page_html(scene, title, up=up))
+    write_whole(path, page_html(scene, look))
 
 
 def _asset(name: str) -> str:
     return (files("geneoh.viz") / "assets" / name).read_text(encoding="utf-8")
 
 
-def describe(
-    scene: Scene, seen: list[Camera], up: Float[np.ndarray, " 3"], packed: _Packed
-) -> dict[str, Any]:
-    """Everything the viewer must know, large arrays by their place in the block of bytes."""
-    points = [hand.verts for take in scene.takes for hand in take.hands]
+def describe(scene: Scene, up: Float[np.ndarray, " 3"], packed: _Packed) -> dict[str, Any]:
+    """All that the viewer reads; large arrays are replaced by their place in the block of bytes."""
+    points = [hand.verts for version in scene.versions for hand in version.hands]
     points += [drawn.flatten(0, 1) for drawn in scene.samples.values()]
-    flat = torch.cat([point.reshape(-1, 3) for point in points])
-    flat = flat[flat.isfinite().all(-1)]
-    low = flat.amin(0)
-    box = _Box(low, max(float((flat.amax(0) - low).max()), 1e-3) / STEPS)
+    box = _Box.around(torch.cat([point.reshape(-1, 3) for point in points]), 1e-3)
+    seen = cameras(scene, up)
     return {
+        **box.origin(),
         "frames": scene.frames,
         "fps": scene.fps,
-        "low": box.low.tolist(),
-        "step": box.step,
-        "radius": seen[0].radius,
-        "up": up.tolist(),
-        "back": seen[0].axes[2].tolist(),
-        "targets": _rounded(np.stack([camera.target for camera in seen])),
-        "skin": SKIN,
-        "objectColour": OBJECT,
+        "camera": {
+            "up": up.tolist(),
+            "back": seen[0].axes[2].tolist(),
+            "radius": seen[0].radius,
+            "fieldOfView": FIELD_OF_VIEW,
+            "targets": _rounded(np.stack([camera.target for camera in seen])),
+        },
+        "skinColour": SKIN_COLOUR,
+        "objectColour": OBJECT_COLOUR,
+        "scales": {name: _scale(name) for name in SCALES},
         "bones": KEYPOINT_PARENTS,
-        "deepest": 1000 * DEEPEST,
-        "scales": {name: _scale(name) for name in PAGE_COLOURINGS},
         "parts": [_part(scene, part, packed) for part in range(len(scene.object.meshes))],
-        "takes": [_take(take, box, packed) for take in scene.takes],
+        "versions": [_version(version, box, packed) for version in scene.versions],
         "samples": {
             side: packed.add(box.steps(drawn[:MOST_SAMPLES].transpose(0, 1)), over_frames=True)
             for side, drawn in scene.samples.items()
@@ -150,33 +156,46 @@ def describe(
 
 def _scale(name: Colouring) -> dict[str, Any]:
     scale = SCALES[name]
-    return {"title": scale.title, "ramp": scale.ramp, "ends": scale.ends}
+    limits = [1000 * limit for limit in scale.limits]
+    return {"title": scale.title, "ramp": scale.ramp, "limits": limits, "labels": scale.labels}
 
 
 def _part(scene: Scene, part: int, packed: _Packed) -> dict[str, Any]:
     """Mesh of a part in steps of its own box, and its motion as quaternions with translations."""
-    mesh = creased(coarser(scene.object.meshes[part], MOST_FACES))
-    low = mesh.verts.amin(0)
-    box = _Box(low, max(float(mesh.extent().max()), 1e-6) / STEPS)
-    quat_wxyz = matrix_to_quat_wxyz(scene.object.rotation[:, part])
+    mesh = with_sharp_edges(coarser(scene.object.meshes[part], MOST_FACES))
+    box = _Box.around(mesh.verts, 1e-6)
+    quat_wxyz, translation = scene.part_motion(part)
     return {
-        "low": low.tolist(),
-        "step": box.step,
+        **box.origin(),
         "verts": packed.add(box.steps(mesh.verts)),
         "faces": packed.add(mesh.faces.numpy().astype(np.uint32)),
-        "quat": _rounded(quat_wxyz.numpy(), 6),
-        "translation": _rounded(scene.object.translation[:, part].numpy(), 6),
+        "quat": _rounded(quat_wxyz, 6),
+        "translation": _rounded(translation, 6),
     }
 
 
-def _take(take: Take, box: _Box, packed: _Packed) -> dict[str, Any]:
-    return {"title": take.title, "hands": [_hand(hand, box, packed) for hand in take.hands]}
+def _version(version: Version, box: _Box, packed: _Packed) -> dict[str, Any]:
+    measures = version.measures
+    return {
+        "title": version.title,
+        "hands": [_hand(hand, box, packed) for hand in version.hands],
+        "curves": {
+            "penetration": _rounded(1000 * measures.depth.numpy(), 2),
+            "contact": _rounded(measures.fingers.numpy(), 0),
+            "acceleration": _rounded(measures.acceleration.numpy(), 2),
+        },
+        "means": {
+            "penetration": _number(measures.penetration_mean_mm),
+            "contact": _number(measures.fingers_in_contact),
+            "acceleration": _number(measures.acceleration_mm),
+        },
+    }
 
 
-def _hand(hand: SeenHand, box: _Box, packed: _Packed) -> dict[str, Any]:
+def _hand(hand: PosedTrack, box: _Box, packed: _Packed) -> dict[str, Any]:
     ramps = {
-        name: packed.add(_bytes(on_ramp(name, hand.distance, hand.spread)), over_frames=True)
-        for name in PAGE_COLOURINGS
+        name: packed.add(_bytes(ramp_position(name, hand.distance, hand.spread)), over_frames=True)
+        for name in SCALES
         if name != "spread" or hand.spread is not None
     }
     return {
@@ -185,11 +204,6 @@ def _hand(hand: SeenHand, box: _Box, packed: _Packed) -> dict[str, Any]:
         "verts": packed.add(box.steps(hand.verts), over_frames=True),
         "ramps": ramps,
         "valid": hand.valid.int().tolist(),
-        "curves": {
-            "penetration": _rounded(1000 * hand.depth.numpy(), 2),
-            "contact": _rounded(hand.fingers.numpy(), 0),
-            "acceleration": _rounded(hand.acceleration.numpy(), 2),
-        },
     }
 
 
@@ -198,8 +212,13 @@ def _bytes(share: Float[Tensor, "*B"]) -> Integer[np.ndarray, "*B"]:
 
 
 def _rounded(values: Float[np.ndarray, "..."], digits: int = 4) -> list[Any]:
-    """Numbers for JSON, which knows no NaN."""
+    """Numbers for JSON, with None for NaN, which JSON does not have."""
     rounded = np.round(values.astype(np.float64), digits)
     kept = rounded.astype(object)
     kept[~np.isfinite(rounded)] = None
     return kept.tolist()
+
+
+def _number(value: float) -> float | None:
+    """The same for one number."""
+    return None if value != value else round(value, 4)

@@ -1,9 +1,10 @@
-"""What there is to see in one interaction: posed hands, the object, what is measured on them."""
+"""What there is to see in one interaction: posed hands, the object, and their measures."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
@@ -14,77 +15,87 @@ from geneoh.fitting.fit import fit_keypoints
 from geneoh.geometry.distance import MovingSurface
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.rigid import Rigid
+from geneoh.geometry.rotations import matrix_to_quat_wxyz
 from geneoh.hand.library import hand_of_betas, load_hand
 from geneoh.hand.model import HandModel
-from geneoh.hand.skeleton import TIP_KEYPOINTS
-from geneoh.metrics.contact import penetration_depth, tips_in_contact
-from geneoh.metrics.smoothness import acceleration, per_frame_squared
+from geneoh.metrics.report import FrameMeasures, measure_frames
 from geneoh.pipeline.subject import subject_of
 from geneoh.sequence.sequence import MIRROR, HandTrack, ObjectTrack, Sequence
-from geneoh.viz.surface import creased
+from geneoh.viz.surface import with_sharp_edges
 
-FAR = 0.03
-"""Vertices farther than this from the object's box need no exact distance, metres."""
+EXACT_WITHIN = 0.03
+"""Distances of vertices are exact within this many metres of the object's box."""
 SPREAD_REACH = 0.015
-"""How far a keypoint's spread reaches over the skin, metres."""
+"""How far the spread of a keypoint reaches over the skin, metres."""
 
 
 @dataclass(frozen=True)
-class SeenHand:
-    """One hand as a mesh in the world over T frames, and what is measured on it."""
+class PosedTrack:
+    """One hand as a mesh in the world over T frames, and its measures."""
 
     side: Side
     model: HandModel
-    track: HandTrack
-    """As it came; parameters that were fitted for the mesh are in `pose`, `wrist`, `betas`."""
     pose: Float[Tensor, "T 16 3"]
+    """Axis-angle in MANO joint order: the track's own, or fitted to its keypoints."""
     wrist: Float[Tensor, "T 3"]
     betas: Float[Tensor, " S"]
     verts: Float[Tensor, "T V 3"]
     joints: Float[Tensor, "T 21 3"]
     """The track's own keypoints where it has some, else those of the pose."""
     distance: Float[Tensor, "T V"]
-    """To the object, metres, negative inside; beyond 3 cm only a lower bound."""
-    depth: Float[Tensor, " T"]
-    """Deepest penetration, metres."""
-    fingers: Float[Tensor, " T"]
-    """Fingertips at most 5 mm from the object."""
-    acceleration: Float[Tensor, " T"]
-    """Mean over keypoints, mm per frame squared; NaN in the first and last frame."""
+    """From vertices to the object, metres, negative inside; beyond 3 cm only a lower bound."""
+    measures: FrameMeasures
+    joint_spread: Float[Tensor, "T 21"] | None = None
+    """Expected root-mean-square error of each keypoint, metres; see `HandTrack`."""
 
     @property
     def valid(self) -> Bool[Tensor, " T"]:
-        """Frames in which the hand is there."""
-        return self.track.valid
+        """Frames with this hand."""
+        return self.measures.valid
 
     @cached_property
     def spread(self) -> Float[Tensor, "T V"] | None:
         """Expected error (`HandTrack.joint_spread`) carried to the vertices, metres."""
-        if self.track.joint_spread is None:
+        if self.joint_spread is None:
             return None
         apart = torch.cdist(self.verts[:1], self.joints[:1])[0]
         weights = torch.softmax(-((apart / SPREAD_REACH) ** 2), dim=-1)
-        return self.track.joint_spread @ weights.T
+        return self.joint_spread @ weights.T
 
 
 @dataclass(frozen=True)
-class Take:
-    """One version of the interaction: as it came, or as it was cleaned."""
+class Version:
+    """One version of the interaction: as it came, or cleaned."""
 
     title: str
-    hands: tuple[SeenHand, ...]
+    hands: tuple[PosedTrack, ...]
+
+    @cached_property
+    def measures(self) -> FrameMeasures:
+        """The measures of all hands together: deepest, sum of fingertips, mean acceleration."""
+        hands = [hand.measures for hand in self.hands]
+        valid = torch.stack([hand.valid for hand in hands]).any(0)
+        depth = torch.stack([hand.depth.nan_to_num() for hand in hands]).amax(0)
+        return FrameMeasures(
+            valid=valid,
+            touching=torch.stack([hand.touching for hand in hands]).any(0),
+            depth=depth.where(valid, torch.nan),
+            fingers=torch.stack([hand.fingers for hand in hands]).nansum(0).where(valid, torch.nan),
+            acceleration=torch.stack([hand.acceleration for hand in hands]).nanmean(0),
+        )
 
 
 @dataclass(frozen=True)
 class Scene:
-    """Takes of one interaction around one object."""
+    """Versions of one interaction around one object."""
 
-    takes: tuple[Take, ...]
+    title: str
+    versions: tuple[Version, ...]
     """Before, then after; or one alone."""
     object: ObjectTrack
     fps: float
     samples: dict[Side, Float[Tensor, "S T 21 3"]]
-    """Keypoints of every sample that was drawn, where the result keeps them."""
+    """Keypoints of every sample that the cleaner drew, where the result keeps them."""
 
     @property
     def frames(self) -> int:
@@ -92,13 +103,22 @@ class Scene:
         return len(self.object.rotation)
 
     @cached_property
-    def creased_parts(self) -> tuple[Mesh, ...]:
-        """The object's parts as they are drawn, with sharp edges."""
-        return tuple(creased(mesh) for mesh in self.object.meshes)
+    def sharp_parts(self) -> tuple[Mesh, ...]:
+        """The parts of the object with their vertices doubled along sharp edges."""
+        return tuple(with_sharp_edges(mesh) for mesh in self.object.meshes)
 
     def part_pose(self, part: int, frame: int) -> Rigid:
         """From a part's own frame to the world."""
         return Rigid(self.object.rotation[frame, part], self.object.translation[frame, part])
+
+    def part_motion(self, part: int) -> tuple[Float[np.ndarray, "T 4"], Float[np.ndarray, "T 3"]]:
+        """A part's pose in the world over time: quaternion w, x, y, z and translation."""
+        quat_wxyz = matrix_to_quat_wxyz(self.object.rotation[:, part])
+        return quat_wxyz.numpy(), self.object.translation[:, part].numpy()
+
+    def part_name(self, part: int) -> str:
+        """ "object", or "object 1", "object 2" where there are several parts."""
+        return f"object {part + 1}" if len(self.object.meshes) > 1 else "object"
 
     def object_verts(self, part: int, frame: int) -> Float[Tensor, "V 3"]:
         """Vertices of a part in the world."""
@@ -108,23 +128,25 @@ class Scene:
 def make_scene(
     sequences: dict[str, Sequence],
     *,
+    title: str | None = None,
     samples: dict[Side, Float[Tensor, "S R 21 3"]] | None = None,
     mano_dir: Path | str | None = None,
 ) -> Scene:
     """Pose and measure every hand of one or two versions of an interaction.
 
-    The object is that of the last sequence. A hand of keypoints alone is fitted. Betas of MANO get
-    MANO's mesh where the user has it, and the embedded hand of the same bones elsewhere.
+    The object is that of the last sequence. A hand that has only keypoints is fitted to them. Betas
+    of MANO get MANO's mesh where the user has it, else the embedded hand with the same bones.
 
     Args:
         sequences: by title, in the order before, after.
-        samples: per side, keypoints of the samples at any frame rate; brought to the frames.
+        title: of the scene; that of the last sequence when left out.
+        samples: per side, keypoints of the samples at any frame rate.
         mano_dir: folder of the user's MANO files.
 
     Raises:
         InputError: the sequences have different numbers of frames, or there is no mesh.
     """
-    last = next(reversed(sequences.values()))
+    last_title, last = next(reversed(sequences.items()))
     if not last.object.meshes:
         raise InputError(f"{last.source}: expected an object mesh, got none; pass --obj MESH")
     for sequence in sequences.values():
@@ -133,18 +155,18 @@ def make_scene(
                 f"{sequence.source}: both must have the same frames, got {sequence.frames} "
                 f"against {last.frames}; cut them to the same frames"
             )
-    surface = replace(last.object.surface(), within=FAR)
-    takes = tuple(
-        Take(
-            title,
-            tuple(see_hand(hand, surface, sequence.fps, mano_dir) for hand in sequence.hands),
+    surface = replace(last.object.surface(), within=EXACT_WITHIN)
+    versions = tuple(
+        Version(
+            name,
+            tuple(pose_track(hand, surface, sequence.fps, mano_dir) for hand in sequence.hands),
         )
-        for title, sequence in sequences.items()
+        for name, sequence in sequences.items()
     )
     paced: dict[Side, Float[Tensor, "S T 21 3"]] = {
         side: _at_frames(drawn, last.frames) for side, drawn in (samples or {}).items()
     }
-    return Scene(takes, last.object, last.fps, paced)
+    return Scene(title or last_title, versions, last.object, last.fps, paced)
 
 
 def _at_frames(drawn: Float[Tensor, "S R 21 3"], frames: int) -> Float[Tensor, "S T 21 3"]:
@@ -161,13 +183,13 @@ def right_model(track: HandTrack, mano_dir: Path | str | None) -> HandModel:
     return model.mirrored() if track.side == "left" else model
 
 
-def see_hand(
+def pose_track(
     track: HandTrack,
     surface: MovingSurface,
     fps: float,
     mano_dir: Path | str | None = None,
-) -> SeenHand:
-    """One track as a mesh, measured against the object."""
+) -> PosedTrack:
+    """The mesh of one track, measured against the object."""
     right = track.mirrored() if track.side == "left" else track
     model = right_model(track, mano_dir)
     with torch.no_grad():
@@ -182,26 +204,15 @@ def see_hand(
             verts, joints, wrist, pose = verts * flip, joints * flip, wrist * flip, pose * -flip
             model = model.mirrored()
         distance = surface.query(verts).distance
-        tips = joints[:, list(TIP_KEYPOINTS)]
-        return SeenHand(
+        return PosedTrack(
             side=track.side,
             model=model,
-            track=track,
             pose=pose,
             wrist=wrist,
             betas=subject.betas,
             verts=verts,
             joints=joints,
             distance=distance,
-            depth=penetration_depth(distance),
-            fingers=tips_in_contact(distance, verts, tips).sum(-1).float(),
-            acceleration=_centred_acceleration(joints, fps),
+            measures=measure_frames(distance, verts, joints, fps, track.valid),
+            joint_spread=track.joint_spread,
         )
-
-
-def _centred_acceleration(joints: Float[Tensor, "T 21 3"], fps: float) -> Float[Tensor, " T"]:
-    """Acceleration at the middle one of the three frames that it is made of."""
-    found = per_frame_squared(acceleration(joints, fps), fps)
-    padded = joints.new_full((len(joints),), torch.nan)
-    padded[1 : 1 + len(found)] = found
-    return padded

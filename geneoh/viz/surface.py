@@ -1,6 +1,4 @@
-"""Surfaces as they are drawn: coarse enough, sharp where edges are sharp, with normals."""
-
-from dataclasses import dataclass
+"""Meshes made ready for drawing: coarse enough, with sharp edges, with normals."""
 
 import numpy as np
 import torch
@@ -9,42 +7,8 @@ from jaxtyping import Float, Int
 
 from geneoh.geometry.mesh import Mesh
 
-CREASE_ANGLE = np.deg2rad(50.0)
-"""Faces that meet at more than this are lit apart."""
-
-
-@dataclass(frozen=True)
-class Body:
-    """One surface to draw."""
-
-    verts: Float[np.ndarray, "V 3"]
-    faces: Int[np.ndarray, "F 3"]
-    colours: Float[np.ndarray, "V 3"]
-    telling: Float[np.ndarray, " V"]
-    """Where each vertex stands on the ramp of what is shown, 0 to 1: no veil may hide it."""
-
-
-def joined(bodies: list[Body]) -> Body | None:
-    """One surface of many; None of none."""
-    if not bodies:
-        return None
-    starts = np.cumsum([0] + [len(body.verts) for body in bodies[:-1]])
-    return Body(
-        np.concatenate([body.verts for body in bodies]),
-        np.concatenate([body.faces + start for body, start in zip(bodies, starts, strict=True)]),
-        np.concatenate([body.colours for body in bodies]),
-        np.concatenate([body.telling for body in bodies]),
-    )
-
-
-def plain_body(
-    verts: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
-    colour: tuple[float, float, float],
-) -> Body:
-    """A surface of one colour that tells nothing."""
-    colours = np.broadcast_to(np.array(colour, dtype=np.float32), verts.shape)
-    return Body(verts, faces, colours, np.zeros(len(verts), dtype=np.float32))
+SHARP_ANGLE = np.deg2rad(50.0)
+"""Faces that meet at more than this angle do not share normals, radians."""
 
 
 def vertex_normals(
@@ -63,10 +27,10 @@ def vertex_normals(
     return normals / np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-12)
 
 
-def creased(mesh: Mesh) -> Mesh:
-    """The same surface with its vertices doubled along sharp edges, so that these look sharp."""
+def with_sharp_edges(mesh: Mesh) -> Mesh:
+    """The same surface with its vertices doubled along sharp edges, so that they are lit apart."""
     whole = trimesh.Trimesh(mesh.verts.numpy(), mesh.faces.numpy(), process=False)
-    parted = trimesh.graph.smooth_shade(whole, angle=CREASE_ANGLE)
+    parted = trimesh.graph.smooth_shade(whole, angle=SHARP_ANGLE)
     return Mesh(
         torch.from_numpy(np.asarray(parted.vertices, dtype=np.float32)),
         torch.from_numpy(np.asarray(parted.faces, dtype=np.int64)),
@@ -74,9 +38,9 @@ def creased(mesh: Mesh) -> Mesh:
 
 
 def coarser(mesh: Mesh, most: int) -> Mesh:
-    """A mesh of at most so many faces: vertices in one cell of a grid become their mean.
+    """A mesh of at most `most` faces: vertices in one cell of a grid become their mean.
 
-    For looking only. The mesh itself comes back when it has few enough.
+    For drawing only. A mesh that has few enough faces is returned as it is.
     """
     cells = 256.0
     while len(mesh.faces) > most:

@@ -12,7 +12,8 @@ from PIL import Image
 
 from geneoh.errors import MissingAssetError
 from geneoh.readers.npz_files import load_sequence
-from geneoh.viz.strip import CELL, GAP
+from geneoh.viz.look import STRIP_CELL
+from geneoh.viz.strip import STRIP_GAP
 from geneoh.viz.video import ffmpeg_path
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -48,21 +49,23 @@ def test_page_stands_beside_the_result_by_default(geneoh, folder):
     result = geneoh(*VIEW)
     assert result.exit_code == 0, result.output
     assert result.stdout == "wrote clean.html\n"
-    assert [take["title"] for take in page_scene(folder / "clean.html")["takes"]] == ["clean"]
+    assert [version["title"] for version in page_scene(folder / "clean.html")["versions"]] == [
+        "clean"
+    ]
 
 
 def test_before_stands_before_after(geneoh, folder):
     result = geneoh("view", "clean.npz", "hand.npz", "--obj", "object.obj", "-o", "both.html")
     assert result.exit_code == 0, result.output
     told = page_scene(folder / "both.html")
-    assert [take["title"] for take in told["takes"]] == ["hand", "clean"]
+    assert [version["title"] for version in told["versions"]] == ["hand", "clean"]
     assert told["frames"] == 6
     assert told["fps"] == 30
 
 
 def test_up_turns_the_page(geneoh, folder):
     assert geneoh(*VIEW, "--up", "-y").exit_code == 0
-    assert page_scene(folder / "clean.html")["up"] == [0, -1, 0]
+    assert page_scene(folder / "clean.html")["camera"]["up"] == [0, -1, 0]
 
 
 def test_several_files_are_written_by_their_endings(geneoh, folder):
@@ -78,7 +81,7 @@ def test_several_files_are_written_by_their_endings(geneoh, folder):
 def test_filmstrip_shows_the_frames_that_were_asked_for(geneoh, folder):
     result = geneoh(*VIEW, "-o", "strip.png", "--frame", 1, "--frame", 4, "--cell", 64)
     assert result.exit_code == 0, result.output
-    assert width(folder / "strip.png") == 2 * 64 + GAP
+    assert width(folder / "strip.png") == 2 * 64 + STRIP_GAP
 
 
 def first_frames(source: Path, target: Path, count: int) -> None:
@@ -100,10 +103,10 @@ def test_film_and_filmstrip_come_at_the_pace_of_146_frames_a_minute_without_a_di
         *("-o", "a.mp4", "-o", "a.png"),
     )
     assert result.exit_code == 0, result.output
-    # the work of all cores together: on two idle ones it takes about half as long
+    # the work of all cores together: on two idle ones it versions about half as long
     assert (time.process_time() - start) / 15 < 60 / 146
     assert (tmp_path / "a.mp4").stat().st_size > 5_000
-    assert width(tmp_path / "a.png") == 5 * CELL + 4 * GAP
+    assert width(tmp_path / "a.png") == 5 * STRIP_CELL + 4 * STRIP_GAP
 
 
 def test_results_are_looked_at_live(geneoh, folder, monkeypatch):
@@ -121,7 +124,7 @@ def test_results_are_looked_at_live(geneoh, folder, monkeypatch):
     (folder / "object.obj").rename(folder / "hand.obj")
     result = geneoh("view", "--serve", "hand_clean.npz", "hand.npz", "--port", 0)
     assert result.exit_code == 0, result.output
-    assert "2 clips at http://127.0.0.1:" in result.stdout
+    assert "2 results at http://127.0.0.1:" in result.stdout
     assert shown == ["hand_clean"]  # neither touches the box: the first that was named
 
 

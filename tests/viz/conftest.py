@@ -50,12 +50,24 @@ def interaction(lift: float, source: str, parts: int = 1) -> Sequence:
     return Sequence((right, left), ObjectTrack(meshes, turn, place), 30.0, source)
 
 
+@pytest.fixture
+def track():
+    """The right hand of the scene's first version, as it came."""
+    return right_hand(0.0)
+
+
 @pytest.fixture(scope="session")
-def scene():
+def sequences():
+    """An interaction of two hands and an object of two parts, before and after."""
+    return interaction(0.0, "noisy", 2), interaction(0.06, "clean", 2)
+
+
+@pytest.fixture(scope="session")
+def scene(sequences):
     """Two hands, one object of two parts, before and after, three samples of the right hand."""
-    before, after = interaction(0.0, "noisy", 2), interaction(0.06, "clean", 2)
+    before, after = sequences
     scene = make_scene({"noisy": before, "clean": after})
-    joints = scene.takes[1].hands[0].joints
+    joints = scene.versions[1].hands[0].joints
     drawn = torch.stack([joints, joints + 0.01, joints - 0.01])
     return replace(scene, samples={"right": drawn})
 

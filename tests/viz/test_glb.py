@@ -11,7 +11,9 @@ import trimesh
 
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.viz.glb import glb_bytes, upright
-from geneoh.viz.strip import UP
+from geneoh.viz.look import Look
+
+UP = Look().upward
 
 TYPES = {5126: "<f4", 5125: "<u4"}
 WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
@@ -19,7 +21,7 @@ WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
 
 @pytest.fixture(scope="module")
 def glb(scene):
-    return glb_bytes(scene, scene.takes[1], up=UP)
+    return glb_bytes(scene)
 
 
 def chunks(glb: bytes) -> tuple[dict, bytes]:
@@ -38,7 +40,7 @@ def read(glb: bytes, index: int) -> np.ndarray:
 
 def test_every_frame_played_back_is_that_frames_mesh(scene, glb):
     document, _ = chunks(glb)
-    hand = scene.takes[1].hands[0]
+    hand = scene.versions[1].hands[0]
     primitive = document["meshes"][0]["primitives"][0]
     rest = read(glb, primitive["attributes"]["POSITION"])
     steps = np.stack([read(glb, target["POSITION"]) for target in primitive["targets"]])
@@ -58,7 +60,7 @@ def test_trimesh_reads_the_first_frame_where_it_is_in_the_world(scene, glb, tmp_
     loaded = trimesh.load_scene(tmp_path / "clip.glb", process=False)
     x, y, z, w = upright(UP)
     back = trimesh.transformations.quaternion_matrix([w, -x, -y, -z])
-    hand = scene.takes[1].hands[0]
+    hand = scene.versions[1].hands[0]
     for name, verts in (
         ("right hand", hand.verts[0]),
         ("object 2", scene.object_verts(1, 0)),
@@ -77,7 +79,7 @@ def test_a_hand_that_is_not_there_has_no_size(scene, glb):
         for channel in animation["channels"]
         if channel["target"]["path"] == "scale"
     )
-    assert size[:, 0].tolist() == scene.takes[1].hands[1].valid.float().tolist()
+    assert size[:, 0].tolist() == scene.versions[1].hands[1].valid.float().tolist()
 
 
 @pytest.mark.parametrize("up", np.eye(3).tolist() + (-np.eye(3)).tolist())
@@ -124,7 +126,7 @@ def test_three_js_plays_every_frame_where_it_is_in_the_world(scene, glb, node_mo
     assert run.returncode == 0, run.stderr
     x, y, z, w = upright(UP)
     turn = trimesh.transformations.quaternion_matrix([w, x, y, z])[:3, :3]
-    hand = scene.takes[1].hands[0]
+    hand = scene.versions[1].hands[0]
     for frame, played in enumerate(json.loads(run.stdout)):
         expected = {"right_hand": hand.verts[frame], "object_2": scene.object_verts(1, frame)}
         for name, verts in expected.items():

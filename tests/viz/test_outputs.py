@@ -12,8 +12,8 @@ from geneoh.viz.video import ffmpeg_path, film_frames
 
 @pytest.fixture(scope="module")
 def one_hand(scene):
-    takes = tuple(replace(take, hands=take.hands[:1]) for take in scene.takes)
-    return replace(scene, takes=takes)
+    versions = tuple(replace(version, hands=version.hands[:1]) for version in scene.versions)
+    return replace(scene, versions=versions)
 
 
 @pytest.mark.parametrize("kind", ["obj", "ply"])
@@ -22,7 +22,7 @@ def test_meshes_of_each_frame_are_those_that_were_seen(scene, tmp_path, kind):
     folder = tmp_path / "clip"
     # the left hand is not there in the first frame
     assert len(list(folder.iterdir())) == 6 + 5 + 2 * 6
-    hand = scene.takes[1].hands[0]
+    hand = scene.versions[1].hands[0]
     mesh = trimesh.load_mesh(folder / f"right_0004.{kind}", process=False)
     np.testing.assert_allclose(mesh.vertices, hand.verts[4].numpy(), atol=1e-4)
     part = trimesh.load_mesh(folder / f"object2_0004.{kind}", process=False)
@@ -39,7 +39,7 @@ def test_a_folder_that_is_there_is_refused_and_kept(scene, tmp_path):
 def test_smplx_parameters_read_back_as_the_same_hand(one_hand, tmp_path):
     write(one_hand, tmp_path / "clip.npz")
     read = load_sequence(tmp_path / "clip.npz").hands[0]
-    hand = one_hand.takes[1].hands[0]
+    hand = one_hand.versions[1].hands[0]
     np.testing.assert_allclose(read.pose, hand.pose, atol=1e-5)
     np.testing.assert_allclose(read.joints, hand.joints, atol=1e-6)
     np.testing.assert_allclose(read.wrist, hand.wrist, atol=1e-6)
@@ -51,7 +51,7 @@ def test_two_hands_do_not_fit_the_smplx_names(scene, tmp_path):
 
 
 def test_a_film_has_all_frames_and_even_sides(scene):
-    frames = list(film_frames(scene, panel=65))
+    frames = list(film_frames(scene, cell=65))
     assert len(frames) == scene.frames
     assert all(side % 2 == 0 for side in frames[0].shape[:2])
 

@@ -5,20 +5,20 @@ import re
 import shutil
 import subprocess
 import zlib
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
+from geneoh.metrics.report import FrameMeasures, measure, measure_frames
 from geneoh.viz.page import page_html
-from geneoh.viz.strip import UP
 
 
 @pytest.fixture(scope="module")
 def page(scene):
-    return page_html(scene, "a <b> & c", up=UP)
+    return page_html(replace(scene, title="a <b> & c"))
 
 
 def unpacked(page: str) -> tuple[dict, bytes]:
@@ -39,8 +39,8 @@ def array(place: dict, raw: bytes) -> np.ndarray:
 
 def test_vertices_come_back_to_a_hundredth_of_a_millimetre(scene, page):
     told, raw = unpacked(page)
-    for take, shown in zip(scene.takes, told["takes"], strict=True):
-        for hand, kept in zip(take.hands, shown["hands"], strict=True):
+    for version, shown in zip(scene.versions, told["versions"], strict=True):
+        for hand, kept in zip(version.hands, shown["hands"], strict=True):
             verts = array(kept["verts"], raw) * told["step"] + np.array(told["low"])
             np.testing.assert_allclose(verts, hand.verts.numpy(), atol=1e-5)
             assert kept["valid"] == hand.valid.int().tolist()
@@ -52,6 +52,28 @@ def test_samples_and_parts_are_in_the_page(scene, page):
     steps = array(told["samples"]["right"], raw)
     joints = steps * told["step"] + np.array(told["low"])
     np.testing.assert_allclose(joints, scene.samples["right"].transpose(0, 1).numpy(), atol=1e-5)
+
+
+def test_means_of_the_page_are_those_that_the_command_prints(scene):
+    """Fingertips are averaged over the frames with contact, in the page as in the report."""
+    version = replace(scene.versions[1], hands=scene.versions[1].hands[:1])
+    hand, surface = version.hands[0], scene.object.surface()
+    # the hand leaves the object in the second half, so that not all frames have contact
+    verts, joints = hand.verts.clone(), hand.joints.clone()
+    verts[3:, :, 1] += 0.1
+    joints[3:, :, 1] += 0.1
+    distance = surface.query(verts).distance
+    measures = measure_frames(distance, verts, joints, scene.fps, hand.valid)
+    moved = replace(hand, verts=verts, joints=joints, distance=distance, measures=measures)
+    alone = replace(scene, versions=(replace(version, hands=(moved,)),), samples={})
+    means = unpacked(page_html(alone))[0]["versions"][0]["means"]
+    report = measure(verts, joints, surface, scene.fps, hand.valid)
+    assert 0 < report.contact_fraction < 1
+    assert means == {
+        "penetration": pytest.approx(report.penetration_mean_mm, abs=1e-3),
+        "contact": pytest.approx(report.fingers_in_contact, abs=1e-3),
+        "acceleration": pytest.approx(report.acceleration_mm, abs=1e-3),
+    }
 
 
 def test_the_title_is_text_and_never_markup(page):
@@ -72,27 +94,21 @@ def long_page(scene):
             verts=hand.verts[frames] + shake,
             distance=hand.distance[frames] + shake[..., 0],
             joints=hand.joints[frames],
-            depth=hand.depth[frames],
-            fingers=hand.fingers[frames],
-            acceleration=hand.acceleration[frames],
             pose=hand.pose[frames],
             wrist=hand.wrist[frames],
-            track=replace(
-                hand.track,
-                valid=hand.valid[frames],
-                pose=hand.track.pose[frames],
-                wrist=hand.track.wrist[frames],
-                joint_spread=hand.track.joint_spread[frames],
+            measures=FrameMeasures(
+                *(getattr(hand.measures, each.name)[frames] for each in fields(FrameMeasures))
             ),
+            joint_spread=hand.joint_spread[frames],
         )
 
-    takes = tuple(replace(t, hands=tuple(long(h) for h in t.hands)) for t in scene.takes)
+    versions = tuple(replace(t, hands=tuple(long(h) for h in t.hands)) for t in scene.versions)
     moving = replace(
         scene.object,
         rotation=scene.object.rotation[frames],
         translation=scene.object.translation[frames],
     )
-    return page_html(replace(scene, takes=takes, object=moving, samples={}), "long", up=UP)
+    return page_html(replace(scene, versions=versions, object=moving, samples={}))
 
 
 def test_300_frames_of_two_hands_before_and_after_stay_under_6_mb(long_page):

@@ -8,19 +8,18 @@ from hypothesis import strategies as st
 from geneoh.errors import InputError
 from geneoh.hand.library import load_hand
 from geneoh.sequence.sequence import HandTrack
-from geneoh.viz.colours import DEEPEST, SKIN, on_ramp, ramp_colours
+from geneoh.viz.colours import LARGEST_DEPTH, SKIN_COLOUR, ramp_colours, ramp_position
 from geneoh.viz.scene import make_scene
 
 
-def test_the_mesh_is_that_of_the_tracks_own_parameters(scene):
-    hand = scene.takes[0].hands[0]
-    track = hand.track
+def test_the_mesh_is_that_of_the_tracks_own_parameters(scene, track):
+    hand = scene.versions[0].hands[0]
     expected = load_hand("right").shaped(track.betas).posed(track.pose, track.wrist)
     torch.testing.assert_close(hand.verts, expected.verts, atol=1e-5, rtol=0)
 
 
 def test_a_left_hand_is_the_mirror_image_of_the_right_one(scene):
-    right, left = scene.takes[0].hands
+    right, left = scene.versions[0].hands
     flip = torch.tensor([-1.0, 1.0, 1.0])
     # the left hand is not there in the first frame
     torch.testing.assert_close(left.verts[1:], right.verts[1:] * flip, atol=1e-5, rtol=0)
@@ -28,17 +27,18 @@ def test_a_left_hand_is_the_mirror_image_of_the_right_one(scene):
 
 
 def test_depth_is_that_of_the_deepest_vertex_and_zero_outside(scene):
-    before, after = (take.hands[0] for take in scene.takes)
-    assert float(before.depth.min()) > 0.005
-    torch.testing.assert_close(before.depth, -before.distance.amin(-1))
-    assert float(after.depth.max()) < float(before.depth.min())
+    before, after = (version.hands[0] for version in scene.versions)
+    depth = before.measures.depth
+    assert float(depth.min()) > 0.005
+    torch.testing.assert_close(depth, -before.distance.amin(-1))
+    assert float(after.measures.depth.max()) < float(depth.min())
 
 
 def test_the_mesh_of_keypoints_alone_passes_through_them(scene):
-    hand = scene.takes[0].hands[0]
+    hand = scene.versions[0].hands[0]
     bare = HandTrack(side="right", valid=hand.valid, joints=hand.joints)
     sequence = replace_hands(scene, bare)
-    seen = make_scene({"bare": sequence}).takes[0].hands[0]
+    seen = make_scene({"bare": sequence}).versions[0].hands[0]
     assert float((seen.verts - hand.verts).norm(dim=-1).mean()) < 0.004
 
 
@@ -49,13 +49,12 @@ def replace_hands(scene, *hands):
 
 
 def test_spread_over_the_skin_is_the_keypoints_where_they_agree(scene):
-    spread = scene.takes[0].hands[0].spread
+    spread = scene.versions[0].hands[0].spread
     torch.testing.assert_close(spread, torch.full_like(spread, 0.004))
 
 
-def test_takes_of_different_length_are_refused(scene):
-    long = replace_hands(scene, scene.takes[0].hands[0].track)
-    track = long.hands[0]
+def test_versions_of_different_length_are_refused(scene, track):
+    long = replace_hands(scene, track)
     short = replace(
         long,
         hands=(
@@ -76,16 +75,16 @@ def test_takes_of_different_length_are_refused(scene):
 
 
 def penetration_colours(*distance):
-    told = on_ramp("penetration", torch.tensor(distance), None)
+    told = ramp_position("penetration", torch.tensor(distance), None)
     return ramp_colours("penetration", told.numpy())
 
 
 @given(st.floats(0, 0.02))
 def test_skin_outside_keeps_its_colour(distance):
     colour = penetration_colours(distance)
-    assert colour[0].tolist() == pytest.approx(SKIN, abs=1e-6)
+    assert colour[0].tolist() == pytest.approx(SKIN_COLOUR, abs=1e-6)
 
 
 def test_penetration_beyond_the_scale_has_the_last_colour():
-    deep = penetration_colours(-DEEPEST, -1.0)
+    deep = penetration_colours(-LARGEST_DEPTH, -1.0)
     assert (deep[0] == deep[1]).all()

@@ -4,14 +4,17 @@ import warnings
 import pytest
 
 from geneoh.errors import InputError
-from geneoh.viz.serve import MEASURES, Clip, Gallery, find_clips, measured, sorted_by
-from geneoh.viz.strip import UP
+from geneoh.viz.look import Look
+from geneoh.viz.serve import SORT_MEASURES, Gallery, GalleryItem, gallery_items, measured, sorted_by
 
 
 def test_the_clip_that_sinks_deepest_comes_first(scene):
-    clips = [Clip(take.title, lambda: scene, measured(take)) for take in reversed(scene.takes)]
-    assert [clip.name for clip in sorted_by(clips, "penetration_mm")] == ["noisy", "clean"]
-    assert [clip.name for clip in sorted_by(clips, "penetration_mm", largest_first=False)] == [
+    clips = [
+        GalleryItem(version.title, lambda: scene, measured(version))
+        for version in reversed(scene.versions)
+    ]
+    assert [clip.name for clip in sorted_by(clips, "penetration_mean_mm")] == ["noisy", "clean"]
+    assert [clip.name for clip in sorted_by(clips, "penetration_mean_mm", largest_first=False)] == [
         "clean",
         "noisy",
     ]
@@ -19,11 +22,11 @@ def test_the_clip_that_sinks_deepest_comes_first(scene):
 
 def test_a_clip_without_a_number_comes_last_either_way(scene):
     clips = [
-        Clip(name, lambda: scene, {"deepest_mm": value})
+        GalleryItem(name, lambda: scene, {"penetration_max_mm": value})
         for name, value in (("none", float("nan")), ("some", 1.0))
     ]
     for first in (True, False):
-        assert sorted_by(clips, "deepest_mm", largest_first=first)[-1].name == "none"
+        assert sorted_by(clips, "penetration_max_mm", largest_first=first)[-1].name == "none"
 
 
 def test_the_input_and_the_mesh_are_found_beside_a_result(scene, tmp_path):
@@ -31,36 +34,40 @@ def test_the_input_and_the_mesh_are_found_beside_a_result(scene, tmp_path):
         (tmp_path / name).touch()
     asked = []
 
-    def opened(*paths):
-        asked.append(paths)
+    def opened(*paths, obj):
+        asked.append((*paths, obj))
         return scene
 
-    (clip,) = find_clips([tmp_path / "a_clean.npz"], (), opened)
+    (clip,) = gallery_items([tmp_path / "a_clean.npz"], (), opened)
     assert clip.name == "a_clean"
-    expected = ((tmp_path / "a_clean.npz", tmp_path / "a.npz"), (tmp_path / "a.obj",))
+    expected = (tmp_path / "a_clean.npz", tmp_path / "a.npz", (tmp_path / "a.obj",))
     assert asked == [expected]
 
 
 def test_a_result_without_a_mesh_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"expected a mesh b\.obj beside it"):
-        find_clips([tmp_path / "b_clean.npz"], (), lambda *_: None)
+        gallery_items([tmp_path / "b_clean.npz"], (), lambda *_, **__: None)
 
 
 def test_the_gallery_shows_sorts_and_steps(scene):
     pytest.importorskip("viser", reason="the extra `view` is not installed")
     clips = [
-        Clip(name, lambda: scene, dict.fromkeys(MEASURES, value) | {"deepest_mm": -value})
+        GalleryItem(
+            name,
+            lambda: scene,
+            dict.fromkeys(SORT_MEASURES, value) | {"penetration_max_mm": -value},
+        )
         for name, value in (("a", 1.0), ("b", 2.0))
     ]
     with warnings.catch_warnings():
         # what viser's own dependencies deprecate is not ours to mend
         warnings.simplefilter("ignore")
-        gallery = Gallery(clips, up=UP, port=free_port())
+        gallery = Gallery(clips, up=Look().upward, port=free_port())
         try:
             assert gallery.shown.name == "b"
             gallery._step(1)
             assert gallery.shown.name == "a"
-            gallery._sort.value = "deepest_mm"
+            gallery._sort.value = "penetration_max_mm"
             gallery._resort()
             assert gallery.shown.name == "a"
         finally:

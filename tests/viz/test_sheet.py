@@ -5,8 +5,8 @@ from geneoh.hand.library import load_hand
 from geneoh.synthesis.grasps import GraspChecks, GraspConfig
 from geneoh.synthesis.objects import FAMILIES
 from geneoh.synthesis.shards import SynthesisConfig, write_shards
-from geneoh.viz.sheet import FOOT, WORDS, contact_sheet, grasp_scene, one_of_each
-from geneoh.viz.strip import GAP
+from geneoh.viz.canvas import SCALE_HEIGHT
+from geneoh.viz.sheet import SHEET_GAP, TEXT_HEIGHT, contact_sheet, grasp_scene, one_of_each
 
 QUICK = GraspConfig(steps=1, checks=GraspChecks(depth=1.0, fingers=-1, clearance=-1.0))
 TINY = SynthesisConfig(count=4, frames=20, points=16, shard=2, grasps=QUICK)
@@ -30,19 +30,19 @@ def test_each_family_is_shown_once_in_the_order_of_the_families(clips):
 
 def test_a_grasp_is_shown_where_it_is_held(clips):
     scene = grasp_scene(clips[0])
-    hand = scene.takes[0].hands[0]
+    hand = scene.versions[0].hands[0]
     assert scene.frames == 1
     want = clips[0].skin(clips[0].held_frames()[:, None])
     assert np.allclose(hand.verts[0], want.verts[0, 0])
-    assert float(hand.depth[0]) == pytest.approx(max(0.0, -float(hand.distance.min())))
+    assert float(hand.measures.depth[0]) == pytest.approx(max(0.0, -float(hand.distance.min())))
 
 
 def test_the_sheet_has_a_cell_for_each_clip_with_something_in_it(clips):
-    heard = []
-    sheet = contact_sheet(clips, cell=48, on_picture=lambda *at: heard.append(at))
+    steps = []
+    sheet = contact_sheet(clips, cell=48, on_step=lambda *at: steps.append(at))
     count = len(clips)
-    assert sheet.shape == (48 + WORDS + FOOT, (48 + GAP) * count - GAP, 3)
-    assert heard == [(i + 1, count) for i in range(count)]
+    assert sheet.shape == (48 + TEXT_HEIGHT + SCALE_HEIGHT, (48 + SHEET_GAP) * count - SHEET_GAP, 3)
+    assert steps == [(i + 1, count) for i in range(count)]
     for column in range(count):
-        cell = sheet[:48, column * (48 + GAP) :][:, :48]
+        cell = sheet[:48, column * (48 + SHEET_GAP) :][:, :48]
         assert int((cell.max(-1) < 240).sum()) > 100

@@ -6,18 +6,26 @@ import torch
 
 from geneoh.errors import InputError
 from geneoh.viz.camera import best_axes, cameras
-from geneoh.viz.strip import FOOT, GAP, HEAD, NOTE, UP, filmstrip, spread_frames
+from geneoh.viz.canvas import CAPTION_HEIGHT, SCALE_HEIGHT, TITLE_HEIGHT
+from geneoh.viz.look import Look
+from geneoh.viz.strip import STRIP_GAP, filmstrip, spread_frames
+
+UP = Look().upward
 
 
-def test_a_strip_has_a_row_for_each_take_and_a_cell_for_each_frame(scene):
-    strip = filmstrip(scene, frames=[0, 5], cell=64)
-    assert strip.shape == (2 * (HEAD + 64 + NOTE) + FOOT, 2 * 64 + GAP, 3)
+def test_a_strip_has_a_row_for_each_version_and_a_cell_for_each_frame(scene):
+    strip = filmstrip(scene, Look(frames=(0, 5), cell=64))
+    assert strip.shape == (
+        2 * (TITLE_HEIGHT + 64 + CAPTION_HEIGHT) + SCALE_HEIGHT,
+        2 * 64 + STRIP_GAP,
+        3,
+    )
     assert strip.dtype == np.uint8
 
 
 def test_the_hand_that_sank_is_redder_than_the_one_that_did_not(scene):
-    strip = filmstrip(scene, frames=[2], cell=96).astype(int)
-    tops = (HEAD, 2 * HEAD + 96 + NOTE)
+    strip = filmstrip(scene, Look(frames=(2,), cell=96)).astype(int)
+    tops = (TITLE_HEIGHT, 2 * TITLE_HEIGHT + 96 + CAPTION_HEIGHT)
     rows = [strip[top : top + 96] for top in tops]
     red = [int(((row[..., 0] - row[..., 1]) > 48).sum()) for row in rows]
     assert red[0] > 20
@@ -25,7 +33,7 @@ def test_the_hand_that_sank_is_redder_than_the_one_that_did_not(scene):
 
 
 def test_the_same_scene_gives_the_same_picture(scene):
-    a, b = (filmstrip(scene, frames=[1], cell=64) for _ in range(2))
+    a, b = (filmstrip(scene, Look(frames=(1,), cell=64)) for _ in range(2))
     assert (a == b).all()
 
 
@@ -43,20 +51,20 @@ def test_the_camera_keeps_its_direction_and_size_over_the_clip(scene):
     assert {camera.radius for camera in rest} == {first.radius}
 
 
-def trembling(take, amount):
-    """The take with every second frame moved aside, and no hand in the first."""
+def trembling(version, amount):
+    """The version with every second frame moved aside, and no hand in the first."""
     hands = []
-    for hand in take.hands:
+    for hand in version.hands:
         aside = amount * (torch.arange(len(hand.joints)) % 2)[:, None, None]
         valid = torch.arange(len(hand.joints)) > 0
-        track = replace(hand.track, valid=valid)
+        measures = replace(hand.measures, valid=valid)
         joints = torch.where(valid[:, None, None], hand.joints + aside, torch.nan)
-        hands.append(replace(hand, joints=joints, track=track))
-    return replace(take, hands=tuple(hands))
+        hands.append(replace(hand, joints=joints, measures=measures))
+    return replace(version, hands=tuple(hands))
 
 
 def test_the_camera_does_not_tremble_with_the_hand_nor_lose_it(scene):
-    shaken = replace(scene, takes=tuple(trembling(take, 0.03) for take in scene.takes))
+    shaken = replace(scene, versions=tuple(trembling(version, 0.03) for version in scene.versions))
     path = np.stack([camera.target for camera in cameras(shaken, UP)])
     assert np.isfinite(path).all()
     steps = np.linalg.norm(np.diff(path, axis=0), axis=-1)
@@ -64,10 +72,10 @@ def test_the_camera_does_not_tremble_with_the_hand_nor_lose_it(scene):
 
 
 def test_frames_are_spread_over_the_clip_and_never_more_than_it_has(scene):
-    assert spread_frames(scene, 3) == [1, 3, 5]
-    assert spread_frames(scene, 50) == [0, 1, 2, 3, 4, 5]
+    assert spread_frames(scene, 3) == (1, 3, 5)
+    assert spread_frames(scene, 50) == (0, 1, 2, 3, 4, 5)
 
 
 def test_a_frame_that_is_not_there_is_refused(scene):
     with pytest.raises(InputError, match="from 0 to 5, got 6"):
-        filmstrip(scene, frames=[6], cell=64)
+        filmstrip(scene, Look(frames=(6,), cell=64))

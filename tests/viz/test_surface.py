@@ -3,7 +3,7 @@ import torch
 import trimesh
 
 from geneoh.geometry.mesh import Mesh
-from geneoh.viz.surface import coarser, creased, vertex_normals
+from geneoh.viz.surface import coarser, vertex_normals, with_sharp_edges
 
 
 def mesh_of(shape: trimesh.Trimesh) -> Mesh:
@@ -12,7 +12,7 @@ def mesh_of(shape: trimesh.Trimesh) -> Mesh:
 
 def test_a_cube_is_parted_along_its_edges_and_lit_side_by_side():
     cube = mesh_of(trimesh.creation.box())
-    parted = creased(cube)
+    parted = with_sharp_edges(cube)
     assert len(parted.verts) == 24
     torch.testing.assert_close(parted.verts[parted.faces].sum(), cube.verts[cube.faces].sum())
     normals = vertex_normals(parted.verts.numpy(), parted.faces.numpy())
@@ -21,7 +21,7 @@ def test_a_cube_is_parted_along_its_edges_and_lit_side_by_side():
 
 def test_a_ball_stays_whole():
     ball = mesh_of(trimesh.creation.icosphere(3))
-    assert len(creased(ball).verts) == len(ball.verts)
+    assert len(with_sharp_edges(ball).verts) == len(ball.verts)
 
 
 def test_a_mesh_of_too_many_faces_is_drawn_coarser_and_in_place():

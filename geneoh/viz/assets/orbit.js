@@ -1,14 +1,15 @@
-/* A camera that turns around a point under mouse, fingers and keys. */
+/* A camera that turns around a target, moved by mouse, fingers and keys. */
 "use strict";
-const HALF_VIEW = (14 * Math.PI) / 180;
 const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const unit = (a) => { const length = Math.hypot(...a); return a.map((x) => x / length); };
 const plus = (a, b, times = 1) => a.map((x, i) => x + times * b[i]);
 
 class Orbit {
-  /** `up` of the world, `back` from the target to the eye, `radius` of what fills the picture. */
-  constructor(up, back, radius) {
+  /** Of the camera in the scene: `up` of the world, `back` from the target to the eye, `radius` of the
+      ball that fills the shorter side of a picture, `fieldOfView` over that side. */
+  constructor({ up, back, radius, fieldOfView }) {
+    this.halfView = fieldOfView / 2;
     this.up = unit(up);
     this.first = { pitch: Math.asin(Math.max(-1, Math.min(1, dot(unit(back), this.up)))), back };
     this.level = unit(plus(back, this.up, -dot(back, this.up)));
@@ -27,7 +28,7 @@ class Orbit {
     this.pitch = Math.max(-1.5, Math.min(1.5, this.pitch + pitch));
   }
   nearer(times) { this.zoom = Math.max(0.15, Math.min(8, this.zoom * times)); }
-  /** Move the target by parts of the picture's shorter side. */
+  /** Move the target by shares of the picture's shorter side. */
   slide(x, y) {
     const { axes } = this.view([0, 0, 0], 1, 1), size = (2 * this.radius) / this.zoom;
     this.shift = plus(plus(this.shift, axes[0], -x * size), axes[1], y * size);
@@ -37,9 +38,9 @@ class Orbit {
     const level = plus(this.level.map((x) => x * Math.cos(this.yaw)), this.across, Math.sin(this.yaw));
     const back = plus(level.map((x) => x * Math.cos(this.pitch)), this.up, Math.sin(this.pitch));
     const right = unit(cross(this.up, back));
-    const distance = this.radius / Math.sin(HALF_VIEW) / this.zoom;
+    const distance = this.radius / Math.sin(this.halfView) / this.zoom;
     const eye = plus(plus(target, this.shift), back, distance);
-    const focal = Math.min(width, height) / 2 / Math.tan(HALF_VIEW);
+    const focal = Math.min(width, height) / 2 / Math.tan(this.halfView);
     return { axes: [right, cross(back, right), back], eye, focal };
   }
   /** Let an element's pointers and wheel move the camera; `size` is that of one picture. */

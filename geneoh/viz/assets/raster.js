@@ -1,6 +1,6 @@
-/* Triangles to pixels without WebGL, which a browser without a GPU no longer has or runs at a few
-   frames a second. A layer holds what is in front in each pixel; layers are laid over one another
-   by `compose`. The same method as geneoh/viz/raster.py. */
+/* Triangles to pixels without WebGL, which a browser without a GPU lacks or runs at a few frames a
+   second. A layer holds the nearest surface in each pixel; `compose` lays layers over one another.
+   The same method as geneoh/viz/raster.py. */
 "use strict";
 const LIGHTS = [[-0.45, 0.65, 0.62, 0.62], [0.75, 0.1, 0.4, 0.22], [0.1, -0.8, 0.3, 0.1]].map(
   ([x, y, z, strength]) => {
@@ -10,7 +10,7 @@ const LIGHTS = [[-0.45, 0.65, 0.62, 0.62], [0.75, 0.1, 0.4, 0.22], [0.1, -0.8, 0
 const AMBIENT = 0.42, BRIGHTEST = 1.32;
 const TONES = 64;
 
-/** 1 / depth, brightness and place on the colour ramp of the nearest surface in each pixel. */
+/** 1 / depth, brightness and position on the colour ramp of the nearest surface in each pixel. */
 class Layer {
   constructor(width, height) {
     Object.assign(this, { width, height });
@@ -20,8 +20,8 @@ class Layer {
   clear() { this.near.fill(0); }
 }
 
-/** A mesh whose points can be moved, with room for what is computed of it in each frame. */
-class Body {
+/** A mesh whose points can be moved, with arrays for what is computed in each frame. */
+class DrawnMesh {
   constructor(points, index) {
     const count = points.length / 3;
     Object.assign(this, { points, index, count });
@@ -52,11 +52,11 @@ class Body {
   }
 }
 
-/** Where a body's points are in a picture, and how bright both of its sides are there.
+/** Where the points of a mesh are in a picture, and how bright both of its sides are there.
 
     `pose` takes its points to the world: rotation row by row, then translation. */
-function project(body, pose, view, width, height) {
-  const { axes, eye, focal } = view, { points, normals, screen, front, back } = body;
+function project(mesh, pose, view, width, height) {
+  const { axes, eye, focal } = view, { points, normals, screen, front, back } = mesh;
   // rows of the camera's axes after the pose's rotation, so that points are turned once
   const m = new Float64Array(9), t = [0, 0, 0];
   for (let r = 0; r < 3; r++) {
@@ -66,7 +66,7 @@ function project(body, pose, view, width, height) {
   }
   const [m0, m1, m2, m3, m4, m5, m6, m7, m8] = m, [tx, ty, tz] = t;
   const [[l0, l1, l2], [l3, l4, l5], [l6, l7, l8]] = LIGHTS;
-  for (let v = 0, i = 0; v < body.count; v++, i += 3) {
+  for (let v = 0, i = 0; v < mesh.count; v++, i += 3) {
     const px = points[i], py = points[i + 1], pz = points[i + 2];
     const depth = -(m6 * px + m7 * py + m8 * pz + tz), near = depth > 1e-4 ? 1 / depth : 0;
     screen[i] = width / 2 + focal * (m0 * px + m1 * py + m2 * pz + tx) * near;
@@ -81,9 +81,9 @@ function project(body, pose, view, width, height) {
   }
 }
 
-/** Draw a projected body into a layer, row by row of each triangle; both sides are drawn. */
-function draw(body, layer) {
-  const { index, screen, front, back, ramp } = body, { width, height, near, tone } = layer;
+/** Draw a projected mesh into a layer, row by row of each triangle; both sides are drawn. */
+function draw(mesh, layer) {
+  const { index, screen, front, back, ramp } = mesh, { width, height, near, tone } = layer;
   const bright = (TONES - 0.01) / BRIGHTEST, along = (TONES - 0.01) / 255;
   for (let f = 0; f < index.length; f += 3) {
     let i = index[f], j = index[f + 1], k = index[f + 2];
@@ -131,17 +131,21 @@ function draw(body, layer) {
   }
 }
 
-/** Packed colours for each place on a ramp (colours from 0 to 1) and each brightness. */
+/** The colour at a position from 0 to 1 on a ramp, a list of colours. */
+function onRamp(ramp, position) {
+  if (ramp.length === 1) return ramp[0];
+  const at = position * (ramp.length - 1), low = Math.min(ramp.length - 2, Math.floor(at));
+  return ramp[low].map((c, i) => c + (at - low) * (ramp[low + 1][i] - c));
+}
+
+/** Packed colours for each position on a ramp and each brightness. */
 function palette(ramp) {
   const table = new Uint32Array(TONES * TONES);
   for (let r = 0; r < TONES; r++) {
-    const at = (r / (TONES - 1)) * (ramp.length - 1), low = Math.min(ramp.length - 2, Math.floor(at));
+    const base = onRamp(ramp, r / (TONES - 1));
     for (let b = 0; b < TONES; b++) {
       const light = (b * BRIGHTEST) / (TONES - 1), shine = 0.35 * Math.max(0, light - 1);
-      const [red, green, blue] = ramp[Math.max(0, low)].map((c, i) => {
-        const base = ramp.length > 1 ? c + (at - low) * (ramp[low + 1][i] - c) : c;
-        return Math.round(255 * Math.min(1, base * Math.min(light, 1) + shine));
-      });
+      const [red, green, blue] = base.map((c) => Math.round(255 * Math.min(1, c * Math.min(light, 1) + shine)));
       table[(r << 6) | b] = (255 << 24) | (blue << 16) | (green << 8) | red;
     }
   }
@@ -156,27 +160,27 @@ function mixed(a, b, share) {
   return (0xff000000 | even | odd) >>> 0;
 }
 
-/** How much of the object's colour lies over skin behind its surface, of 256. */
-const VEIL = 88;
-/** The same over skin inside the object: what a picture is looked at for stays bright. */
-const VEIL_INSIDE = 14;
-/** How much a ghost covers. */
-const GHOST = 120;
-/** Step in depth, metres, that darkens what is behind it most, and by how much of 256. */
-const STEP = 0.03, DARKEST = 110;
+/** Opacity of the object over skin behind its surface, of 256. */
+const OVERLAY = 88;
+/** The same over skin with a colour of its own, such as that of penetration, which must be seen. */
+const OVERLAY_COLOURED = 14;
+/** Opacity of the other version, of 256. */
+const OTHER = 120;
+/** Step in depth, metres, from which edge shading is darkest, and its opacity of 256. */
+const EDGE_DEPTH = 0.03, EDGE_SHADING = 110;
 
-/** Lay the object, a hand and a ghost of another hand over the ground, as packed pixels. */
-function compose(pixels, ground, { object, hand, ghost, objectColours, handColours, veiled, line }) {
-  const { width, height } = object, skin = hand.near, thing = object.near;
-  pixels.fill(ground);
+/** Lay the object, the hands and those of the other version over the background, as packed pixels. */
+function compose(pixels, background, { object, hand, other, objectColours, handColours, seeThrough, line }) {
+  const { width, height } = object, skin = hand.near, solid = object.near;
+  pixels.fill(background);
   for (let row = 0, at = 0; row < height; row++) {
     const inside = row >= line && row < height - line;
     for (let column = 0; column < width; column++, at++) {
-      const h = skin[at], o = thing[at];
+      const h = skin[at], o = solid[at];
       if (h === 0 && o === 0) continue;
       const under = o === 0 ? 0 : objectColours[object.tone[at] & 63];
       let colour = under;
-      if (h > 0 && (veiled || h >= o)) {
+      if (h > 0 && (seeThrough || h >= o)) {
         const tone = hand.tone[at];
         colour = handColours[tone];
         if (inside && column >= line && column < width - line) {
@@ -186,18 +190,19 @@ function compose(pixels, ground, { object, hand, ghost, objectColours, handColou
           if (nearest > h) {
             // metres between the two surfaces
             const step = (nearest - h) / (h * nearest);
-            if (step > STEP / 8) colour = mixed(colour, 0, (Math.min(1, step / STEP) * DARKEST) | 0);
+            if (step > EDGE_DEPTH / 8)
+              colour = mixed(colour, 0, (Math.min(1, step / EDGE_DEPTH) * EDGE_SHADING) | 0);
           }
         }
-        if (h < o) colour = mixed(colour, under, tone >> 6 > 4 ? VEIL_INSIDE : VEIL);
+        if (h < o) colour = mixed(colour, under, tone >> 6 > 4 ? OVERLAY_COLOURED : OVERLAY);
       }
       pixels[at] = colour;
     }
   }
-  if (!ghost) return;
+  if (!other) return;
   for (let at = 0; at < pixels.length; at++) {
-    const g = ghost.near[at];
-    if (g > 0 && g >= skin[at] && (veiled || g >= thing[at]))
-      pixels[at] = mixed(pixels[at], handColours[ghost.tone[at]], GHOST);
+    const n = other.near[at];
+    if (n > 0 && n >= skin[at] && (seeThrough || n >= solid[at]))
+      pixels[at] = mixed(pixels[at], handColours[other.tone[at]], OTHER);
   }
 }

@@ -1,9 +1,9 @@
-/* The viewer of a geneoh page: reads the packed scene, draws its takes, plays and scrubs. */
+/* The viewer of a geneoh page: reads the packed scene, draws its versions, plays and scrubs. */
 "use strict";
 (async () => {
 const $ = (id) => document.getElementById(id);
-const told = JSON.parse($("scene").textContent);
-const T = told.frames;
+const scene = JSON.parse($("scene").textContent);
+const T = scene.frames;
 
 // ---- data -------------------------------------------------------------------------------------
 async function unpacked(text) {
@@ -13,12 +13,12 @@ async function unpacked(text) {
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
 const bytes = await unpacked($("data").textContent.trim());
-const KINDS = { uint8: Uint8Array, uint16: Uint16Array, uint32: Uint32Array };
+const ARRAY_TYPES = { uint8: Uint8Array, uint16: Uint16Array, uint32: Uint32Array };
 
 /** An array as it was packed: its lowest bytes first, differences from frame to frame. */
 function array(place) {
-  const Kind = KINDS[place.type], width = Kind.BYTES_PER_ELEMENT;
-  const count = place.shape.reduce((a, b) => a * b, 1), values = new Kind(count);
+  const Type = ARRAY_TYPES[place.type], width = Type.BYTES_PER_ELEMENT;
+  const count = place.shape.reduce((a, b) => a * b, 1), values = new Type(count);
   for (let b = 0; b < width; b++) {
     const start = place.at + b * count, shift = 8 * b;
     for (let i = 0; i < count; i++) values[i] |= bytes[start + i] << shift;
@@ -29,51 +29,41 @@ function array(place) {
   }
   return values;
 }
-for (const part of told.parts) {
+for (const part of scene.parts) {
   const points = Float32Array.from(array(part.verts), (v, i) => v * part.step + part.low[i % 3]);
-  part.body = new Body(points, array(part.faces));
+  part.mesh = new DrawnMesh(points, array(part.faces));
 }
-for (const take of told.takes)
-  for (const hand of take.hands) {
+for (const version of scene.versions)
+  for (const hand of version.hands) {
     hand.steps = array(hand.verts);
-    hand.body = new Body(new Float32Array(hand.steps.length / T), array(hand.faces));
+    hand.mesh = new DrawnMesh(new Float32Array(hand.steps.length / T), array(hand.faces));
     for (const name in hand.ramps) hand.ramps[name] = array(hand.ramps[name]);
   }
-for (const side in told.samples) {
-  const place = told.samples[side];
-  told.samples[side] = { count: place.shape[1], steps: array(place) };
+for (const side in scene.samples) {
+  const place = scene.samples[side];
+  scene.samples[side] = { count: place.shape[1], steps: array(place) };
 }
-const sampleCount = Math.max(0, ...Object.values(told.samples).map((s) => s.count));
-const kinds = told.takes.length > 1 ? ["before", "after"] : ["after"];
+const sampleCount = Math.max(0, ...Object.values(scene.samples).map((s) => s.count));
+const names = scene.versions.length > 1 ? ["before", "after"] : ["after"];
 
-/** Over the hands of a take: the deepest, the sum of fingertips, the mean acceleration. */
-function curve(take, name) {
-  return Array.from({ length: T }, (_, t) => {
-    const found = take.hands.filter((h) => h.valid[t]).map((h) => h.curves[name][t]).filter((v) => v !== null);
-    if (!found.length) return null;
-    if (name === "penetration") return Math.max(...found);
-    const sum = found.reduce((a, b) => a + b, 0);
-    return name === "contact" ? sum : sum / found.length;
-  });
-}
 const ROWS = [
-  { name: "penetration", title: "Deepest penetration, mm", digits: 1 },
-  { name: "contact", title: "Fingertips touching", digits: 0 },
-  { name: "acceleration", title: "Acceleration, mm/frame²", digits: 1 },
+  { name: "penetration", title: "Deepest penetration, mm", digits: 1, mean: "Mean over all frames" },
+  { name: "contact", title: "Fingertips in contact", digits: 0, mean: "Mean over the frames with contact" },
+  { name: "acceleration", title: "Acceleration, mm/frame²", digits: 1, mean: "Mean over all frames" },
 ];
 for (const row of ROWS) {
-  row.lines = told.takes.map((take) => curve(take, row.name));
+  row.lines = scene.versions.map((version) => version.curves[row.name]);
   const all = row.lines.flat().filter((v) => v !== null).sort((a, b) => a - b);
   // one wild frame must not flatten all others
   const top = row.name === "acceleration" ? 1.15 * (all[Math.floor(0.98 * (all.length - 1))] ?? 1) : all.at(-1) ?? 1;
   row.top = Math.max(1e-6, top);
 }
-const depthAt = (take, frame) => ROWS[0].lines[take][frame];
-/** The frame that shows most of what was done: where penetration went down by most. */
-function tellingFrame() {
+const depthAt = (version, frame) => ROWS[0].lines[version][frame];
+/** The frame in which penetration was reduced most. */
+function mostImprovedFrame() {
   let best = 0, most = -Infinity;
   for (let t = 0; t < T; t++) {
-    const gain = (depthAt(0, t) ?? 0) - (kinds.length > 1 ? depthAt(1, t) ?? 0 : 0);
+    const gain = (depthAt(0, t) ?? 0) - (names.length > 1 ? depthAt(1, t) ?? 0 : 0);
     if (gain > most + 1e-9) { most = gain; best = t; }
   }
   return most > 0 ? best : 0;
@@ -81,30 +71,30 @@ function tellingFrame() {
 
 // ---- state ------------------------------------------------------------------------------------
 const LAYOUTS = { "side by side": "Side by side", overlaid: "Overlaid", before: "Before", after: "After" };
-const layouts = told.takes.length > 1 ? Object.keys(LAYOUTS) : ["after"];
+const layouts = scene.versions.length > 1 ? Object.keys(LAYOUTS) : ["after"];
 const COLOURINGS = { plain: "Plain skin", penetration: "Penetration", contact: "Contact", spread: "Expected error" };
 const colourings = Object.keys(COLOURINGS).filter(
-  (name) => name === "plain" || told.takes.some((t) => t.hands.some((h) => name in h.ramps)));
+  (name) => name === "plain" || scene.versions.some((version) => version.hands.some((h) => name in h.ramps)));
 const state = {
   frame: 0, playing: false, layout: layouts[0], colouring: "penetration", sample: -1,
-  veil: true, follow: true, dark: matchMedia("(prefers-color-scheme: dark)").matches, speed: 1,
+  seeThrough: true, follow: true, dark: matchMedia("(prefers-color-scheme: dark)").matches, speed: 1,
 };
 const canvas = $("view"), pen = canvas.getContext("2d", { alpha: false, willReadFrequently: true });
-const orbit = new Orbit(told.up, told.back, told.radius);
-const objectColours = palette([told.objectColour]);
-const palettes = Object.fromEntries(Object.entries(told.scales).map(([name, s]) => [name, palette(s.ramp)]));
-palettes.plain = palette([told.skin]);
+const orbit = new Orbit(scene.camera);
+const objectColours = palette([scene.objectColour]);
+const palettes = Object.fromEntries(Object.entries(scene.scales).map(([name, s]) => [name, palette(s.ramp)]));
+palettes.plain = palette([scene.skinColour]);
 
 // ---- one frame --------------------------------------------------------------------------------
 const STILL = [1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0];
 function poseHand(hand) {
-  const { points, ramp } = hand.body, start = state.frame * points.length, [x, y, z] = told.low;
+  const { points, ramp } = hand.mesh, start = state.frame * points.length, [x, y, z] = scene.low;
   for (let i = 0; i < points.length; i += 3) {
-    points[i] = hand.steps[start + i] * told.step + x;
-    points[i + 1] = hand.steps[start + i + 1] * told.step + y;
-    points[i + 2] = hand.steps[start + i + 2] * told.step + z;
+    points[i] = hand.steps[start + i] * scene.step + x;
+    points[i + 1] = hand.steps[start + i + 1] * scene.step + y;
+    points[i + 2] = hand.steps[start + i + 2] * scene.step + z;
   }
-  hand.body.shade();
+  hand.mesh.shade();
   const values = hand.ramps[state.colouring], count = ramp.length;
   if (values) ramp.set(values.subarray(state.frame * count, (state.frame + 1) * count));
   else ramp.fill(0);
@@ -118,25 +108,25 @@ function partPose(part) {
     ...part.translation[state.frame]];
 }
 let held = null;
-/** What the camera looks at: the hands in this frame, or where they were when it let go. */
-const target = () => held ?? told.targets[state.frame];
+/** What the camera looks at: the hands in this frame, or where they were when following ended. */
+const target = () => held ?? scene.camera.targets[state.frame];
 function goTo(frame) {
   state.frame = Math.max(0, Math.min(T - 1, frame));
-  for (const take of told.takes)
-    for (const hand of take.hands) if (hand.valid[state.frame]) poseHand(hand);
+  for (const version of scene.versions)
+    for (const hand of version.hands) if (hand.valid[state.frame]) poseHand(hand);
   $("frame").value = state.frame;
-  $("time").textContent = `${state.frame} / ${T - 1} · ${(state.frame / told.fps).toFixed(2)} s`;
-  readings();
+  $("time").textContent = `${state.frame} / ${T - 1} · ${(state.frame / scene.fps).toFixed(2)} s`;
+  showNumbers();
   changed();
 }
 
 // ---- drawing ----------------------------------------------------------------------------------
-/** Most pixels of a picture that stands still, and of one that moves. */
+/** Largest number of pixels of a picture at rest, and of one that moves. */
 const MOST_STILL = 3e6, MOST_MOVING = 1.2e6;
 /** Milliseconds that a moving picture may take, so that 30 of them fit into a second. */
 const BUDGET = 14;
 const small = () => innerWidth <= 700 && innerWidth < innerHeight;
-let wanted = 1, sharp = false, changedAt = 0, stale = true;
+let resolution = 1, sharp = false, changedAt = 0, stale = true;
 function changed() {
   stale = true;
   sharp = false;
@@ -145,7 +135,7 @@ function changed() {
 /** Pixels drawn per CSS pixel. */
 function scale(box, moving) {
   const full = Math.min(devicePixelRatio || 1, 2) * (moving ? 1 : 2), most = moving ? MOST_MOVING : MOST_STILL;
-  return Math.min(moving ? full * wanted : full, Math.sqrt(most / (box.width * box.height)));
+  return Math.min(moving ? full * resolution : full, Math.sqrt(most / (box.width * box.height)));
 }
 const layers = new Map();
 /** A cleared layer of this name, kept from picture to picture. */
@@ -155,20 +145,20 @@ function layer(name, width, height) {
   else found.clear();
   return found;
 }
-function drawHands(take, view, width, height) {
-  const drawn = layer(take, width, height);
-  for (const { body, valid } of told.takes[take].hands)
+function drawHands(version, view, width, height) {
+  const drawn = layer(version, width, height);
+  for (const { mesh, valid } of scene.versions[version].hands)
     if (valid[state.frame]) {
-      project(body, STILL, view, width, height);
-      draw(body, drawn);
+      project(mesh, STILL, view, width, height);
+      draw(mesh, drawn);
     }
   return drawn;
 }
-/** The takes of each panel, from left to right or from top to bottom. */
+/** The versions in each panel, from left to right or from top to bottom. */
 function panels() {
   if (state.layout === "overlaid") return [[1, 0]];
   if (state.layout === "side by side") return [[0], [1]];
-  return [[kinds.indexOf(state.layout)]];
+  return [[names.indexOf(state.layout)]];
 }
 function render(moving) {
   const box = canvas.getBoundingClientRect(), shown = panels(), stacked = small();
@@ -182,45 +172,45 @@ function render(moving) {
   }
   // the same camera in all panels: the object is drawn once
   const view = orbit.view(target(), width, height), object = layer("object", width, height);
-  for (const part of told.parts) {
-    project(part.body, partPose(part), view, width, height);
-    draw(part.body, object);
+  for (const part of scene.parts) {
+    project(part.mesh, partPose(part), view, width, height);
+    draw(part.mesh, object);
   }
   const image = pen.createImageData(width, height), pixels = new Uint32Array(image.data.buffer);
-  shown.forEach(([take, ghost], panel) => {
+  shown.forEach(([version, other], panel) => {
     compose(pixels, state.dark ? 0xff25201c : 0xfff2f0ee, {
-      object, objectColours, veiled: state.veil, handColours: palettes[state.colouring],
-      hand: drawHands(take, view, width, height), line: Math.max(1, Math.round(s)),
-      ghost: ghost === undefined ? null : drawHands(ghost, view, width, height),
+      object, objectColours, seeThrough: state.seeThrough, handColours: palettes[state.colouring],
+      hand: drawHands(version, view, width, height), line: Math.max(1, Math.round(s)),
+      other: other === undefined ? null : drawHands(other, view, width, height),
     });
     const left = stacked ? 0 : panel * width, top = stacked ? panel * height : 0;
     pen.putImageData(image, left, top);
-    if (state.sample >= 0 && take === told.takes.length - 1) drawSample(view, left, top, width, height, s);
+    if (state.sample >= 0 && version === scene.versions.length - 1) drawSample(view, left, top, width, height, s);
   });
 }
-/** Bones of the chosen sample over the picture of the result. */
+/** The bones of the chosen sample, drawn over the picture of the result. */
 function drawSample({ axes, eye, focal }, left, top, width, height, s) {
   pen.save();
   pen.beginPath(); pen.rect(left, top, width, height); pen.clip();
-  for (const { count, steps } of Object.values(told.samples)) {
+  for (const { count, steps } of Object.values(scene.samples)) {
     if (state.sample >= count) continue;
     const start = (state.frame * count + state.sample) * 63;
-    const at = told.bones.map((_, j) => {
-      const point = [0, 1, 2].map((c) => steps[start + 3 * j + c] * told.step + told.low[c] - eye[c]);
+    const at = scene.bones.map((_, j) => {
+      const point = [0, 1, 2].map((c) => steps[start + 3 * j + c] * scene.step + scene.low[c] - eye[c]);
       const [x, y, z] = axes.map((axis) => dot(axis, point));
       return [left + width / 2 - (focal * x) / z, top + height / 2 + (focal * y) / z];
     });
     pen.strokeStyle = pen.fillStyle = state.dark ? "#f3e9ff" : "#3b1a5c";
     pen.lineWidth = 1.6 * s;
     pen.beginPath();
-    told.bones.forEach((parent, j) => { if (parent >= 0) { pen.moveTo(...at[parent]); pen.lineTo(...at[j]); } });
+    scene.bones.forEach((parent, j) => { if (parent >= 0) { pen.moveTo(...at[parent]); pen.lineTo(...at[j]); } });
     pen.stroke();
     for (const [x, y] of at) { pen.beginPath(); pen.arc(x, y, 2.6 * s, 0, 7); pen.fill(); }
   }
   pen.restore();
 }
 
-// ---- words and curves -------------------------------------------------------------------------
+// ---- text and curves --------------------------------------------------------------------------
 /** A new element with a class and text; `inside` are its children. */
 function made(tag, name = "", text = "", ...inside) {
   const one = document.createElement(tag);
@@ -229,17 +219,17 @@ function made(tag, name = "", text = "", ...inside) {
   one.append(...inside);
   return one;
 }
-const said = (value, digits) => (value === null || value === undefined ? "–" : value.toFixed(digits));
+const shown = (value, digits) => (value === null || value === undefined ? "–" : value.toFixed(digits));
 const values = [], depths = [];
-function measures() {
+function addMeasures() {
   const table = $("measures"), room = $("curves");
   for (const row of ROWS) {
     const box = made("div", "measure", "", made("span", "title", row.title));
     row.lines.forEach((line, i) => {
-      const known = line.filter((v) => v !== null), value = made("span", `value ${kinds[i]}`);
-      const mean = known.length ? known.reduce((a, b) => a + b, 0) / known.length : null;
-      const name = kinds.length > 1 ? LAYOUTS[kinds[i]] : "now";
-      box.append(made("span", kinds[i], "", made("span", "name", name)), value, made("span", "mean", `mean ${said(mean, 1)}`));
+      const value = made("span", `value ${names[i]}`), name = names.length > 1 ? LAYOUTS[names[i]] : "now";
+      const mean = made("span", "mean", `mean ${shown(scene.versions[i].means[row.name], 1)}`);
+      mean.title = row.mean;
+      box.append(made("span", names[i], "", made("span", "name", name)), value, mean);
       values.push({ value, line, digits: row.digits });
     });
     table.append(box);
@@ -250,35 +240,34 @@ function measures() {
 function titles() {
   const overlaid = state.layout === "overlaid";
   depths.length = 0;
-  $("titles").replaceChildren(...panels().map((takes) => {
-    const names = made("div"), depth = made("div", "depth");
-    for (const take of [...takes].sort()) {
-      const kind = kinds[take], ghost = overlaid && kind === "before" ? ", as a ghost" : "";
-      const head = kinds.length > 1 ? LAYOUTS[kind] + ghost : "";
-      names.append(made("div", kind, "", made("b", "", head), made("span", "", told.takes[take].title)));
+  $("titles").replaceChildren(...panels().map((versions) => {
+    const left = made("div"), depth = made("div", "depth");
+    for (const version of [...versions].sort()) {
+      const name = names[version], note = overlaid && name === "before" ? ", transparent" : "";
+      const head = names.length > 1 ? LAYOUTS[name] + note : "";
+      left.append(made("div", name, "", made("b", "", head), made("span", "", scene.versions[version].title)));
       const dot = made("i"), number = made("strong");
       depth.append(number);
-      depths.push({ take, dot, number });
+      depths.push({ version, dot, number });
     }
-    return made("div", "", "", names, depth);
+    return made("div", "", "", left, depth);
   }));
   $("titles").className = small() ? "stacked" : "";
-  readings();
+  showNumbers();
 }
 const rgb = (c) => `rgb(${c.map((v) => Math.round(255 * v)).join(" ")})`;
-function readings() {
-  for (const { value, line, digits } of values) value.textContent = said(line[state.frame], digits);
-  for (const { take, dot, number } of depths) {
-    const words = state.layout === "overlaid" ? `inside ${kinds[take]}` : "inside";
-    const depth = depthAt(take, state.frame), { ramp } = told.scales.penetration;
-    const at = Math.min(1, (depth ?? 0) / told.deepest) * (ramp.length - 1), low = Math.min(ramp.length - 2, Math.floor(at));
-    dot.style.background = rgb(ramp[low].map((c, i) => c + (at - low) * (ramp[low + 1][i] - c)));
+function showNumbers() {
+  for (const { value, line, digits } of values) value.textContent = shown(line[state.frame], digits);
+  for (const { version, dot, number } of depths) {
+    const words = state.layout === "overlaid" ? `inside ${names[version]}` : "inside";
+    const depth = depthAt(version, state.frame), { ramp, limits } = scene.scales.penetration;
+    dot.style.background = rgb(onRamp(ramp, Math.min(1, (depth ?? 0) / limits[1])));
     number.replaceChildren(dot, ...(depth === null ? ["no hand"] : [`${depth.toFixed(1)} mm `, made("small", "", words)]));
   }
   const width = $("curves").clientWidth - 2 * EDGE;
   $("now").style.transform = `translateX(${EDGE + (T > 1 ? (state.frame / (T - 1)) * width : width / 2)}px)`;
 }
-/** Half of the slider's thumb: where the curves begin, so that both stand in line. */
+/** Half of the slider's thumb: where the curves begin, so that both are aligned. */
 const EDGE = 8;
 function drawCurves() {
   const style = getComputedStyle(document.documentElement), ratio = devicePixelRatio || 1;
@@ -303,7 +292,7 @@ function drawCurves() {
         last = t;
       });
       if (last !== null) area.lineTo(x(last), base);
-      pen.strokeStyle = pen.fillStyle = ink(`--${kinds[i]}`);
+      pen.strokeStyle = pen.fillStyle = ink(`--${names[i]}`);
       pen.globalAlpha = 0.14;
       pen.fill(area);
       pen.globalAlpha = 1;
@@ -314,7 +303,7 @@ function drawCurves() {
   }
 }
 
-// ---- what the person does ---------------------------------------------------------------------
+// ---- controls ---------------------------------------------------------------------------------
 function choices(id, names, chosen, onChoice) {
   const select = $(id);
   names.forEach(([value, text]) => select.add(new Option(text, value)));
@@ -331,12 +320,12 @@ function setLayout(name) {
 function setColouring(name) {
   state.colouring = name;
   $("colouring").value = name;
-  const legend = $("legend"), scale = told.scales[name];
+  const legend = $("legend"), scale = scene.scales[name];
   legend.hidden = !scale;
   if (scale) {
     const bar = made("i");
     bar.style.background = `linear-gradient(90deg,${scale.ramp.map(rgb).join()})`;
-    legend.replaceChildren(`${scale.title}  ${scale.ends[0]}`, bar, scale.ends[1]);
+    legend.replaceChildren(`${scale.title}  ${scale.labels[0]}`, bar, scale.labels[1]);
   }
   goTo(state.frame);
 }
@@ -365,8 +354,8 @@ function setDark(on) {
 const next = (names, now) => names[(names.indexOf(now) + 1) % names.length];
 const step = (by) => { setPlaying(false); goTo(state.frame + by); };
 
-const sides = told.takes.at(-1).hands.map((hand) => hand.side).join(" and ");
-$("about").textContent = `${T} frames · ${(T / told.fps).toFixed(1)} s · ${sides} hand`;
+const sides = scene.versions.at(-1).hands.map((hand) => hand.side).join(" and ");
+$("about").textContent = `${T} frames · ${(T / scene.fps).toFixed(1)} s · ${sides} hand`;
 choices("layout", layouts.map((n) => [n, LAYOUTS[n]]), state.layout, setLayout);
 choices("colouring", colourings.map((n) => [n, COLOURINGS[n]]), state.colouring, setColouring);
 const numbers = Array.from({ length: sampleCount }, (_, i) => [i, `Sample ${i + 1}`]);
@@ -375,7 +364,7 @@ $("frame").max = T - 1;
 $("frame").addEventListener("input", (event) => { setPlaying(false); goTo(Number(event.target.value)); });
 $("play").addEventListener("click", () => setPlaying(!state.playing));
 $("speed").addEventListener("change", (event) => { state.speed = Number(event.target.value); });
-$("veil").addEventListener("click", () => toggle("veil"));
+$("seeThrough").addEventListener("click", () => toggle("seeThrough"));
 $("follow").addEventListener("click", () => toggle("follow"));
 $("theme").addEventListener("click", () => setDark(!state.dark));
 $("help").addEventListener("click", () => { $("keys").hidden = !$("keys").hidden; });
@@ -397,7 +386,7 @@ const keys = {
   v: () => setLayout(next(layouts, state.layout)),
   c: () => setColouring(next(colourings, state.colouring)),
   s: () => { if (sampleCount > 1) setSample(state.sample + 1 < sampleCount ? state.sample + 1 : -1); },
-  x: () => toggle("veil"),
+  x: () => toggle("seeThrough"),
   f: () => toggle("follow"),
   r: () => { orbit.reset(); changed(); },
   d: () => setDark(!state.dark),
@@ -413,38 +402,38 @@ addEventListener("keydown", (event) => {
 addEventListener("resize", () => { titles(); drawCurves(); changed(); });
 
 // ---- loop -------------------------------------------------------------------------------------
-/** Pause after which a picture counts as standing still, milliseconds. */
+/** Pause after which a picture counts as being at rest, milliseconds. */
 const REST = 160;
 let before = performance.now(), ahead = 0;
 function loop(now) {
   const spent = now - before;
   before = now;
   if (state.playing) {
-    ahead += (Math.min(spent, 250) / 1000) * told.fps * state.speed;
+    ahead += (Math.min(spent, 250) / 1000) * scene.fps * state.speed;
     const steps = Math.floor(ahead);
     ahead -= steps;
     if (steps) goTo((state.frame + steps) % T);
   }
-  // a slow machine draws fewer pixels rather than fewer frames, and all of them once it rests
+  // a slow machine draws fewer pixels rather than fewer frames, and all of them at rest
   const moving = state.playing || performance.now() - changedAt < REST;
   if (stale || (!moving && !sharp)) {
     const start = performance.now();
     render(moving);
     const took = performance.now() - start;
-    if (moving) wanted = Math.max(0.4, Math.min(1, wanted * Math.min(1.05, Math.max(0.8, BUDGET / took) ** 0.5)));
+    if (moving) resolution = Math.max(0.4, Math.min(1, resolution * Math.min(1.05, Math.max(0.8, BUDGET / took) ** 0.5)));
     stale = false;
     sharp = !moving;
   }
   requestAnimationFrame(loop);
 }
-measures();
+addMeasures();
 titles();
 setDark(state.dark);
-state.frame = tellingFrame();
+state.frame = mostImprovedFrame();
 setColouring(state.colouring);
 changedAt = -REST;
 render(true);
-window.geneoh = { state, told, goTo, sharp: () => sharp };
+window.geneoh = { state, scene, goTo, sharp: () => sharp };
 document.body.dataset.ready = "yes";
 requestAnimationFrame(loop);
 })();

@@ -1,0 +1,48 @@
+"""How a scene is shown: the quantity in the hands' colours, what is up, which frames."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from geneoh.choices import AXES, COLOURINGS, Axis, Colouring
+from geneoh.errors import ConfigError
+
+OnStep = Callable[[int, int], None]
+"""Called with the steps done and in all."""
+
+STRIP_CELL = 260
+"""Side of one picture in a filmstrip, pixels."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """How a scene is shown; each format uses what applies to it."""
+
+    colouring: Colouring = "penetration"
+    """What the hands' colours show in pictures and films; a page can switch."""
+    up: Axis = "z"
+    """Axis of the world that points up."""
+    frames: tuple[int, ...] = ()
+    """Frames of a filmstrip; evenly spread ones when empty."""
+    cell: int = STRIP_CELL
+    """Side of one picture in a filmstrip, pixels."""
+
+    def __post_init__(self) -> None:
+        """Refuse choices that do not exist."""
+        _check_choice("colouring", self.colouring, COLOURINGS)
+        _check_choice("up", self.up, AXES)
+
+    @property
+    def upward(self) -> Float[np.ndarray, " 3"]:
+        """The unit vector in the world that points up."""
+        return np.eye(3)["xyz".index(self.up[-1])] * (-1.0 if self.up.startswith("-") else 1.0)
+
+
+def _check_choice(name: str, value: Any, choices: tuple[str, ...]) -> None:
+    if value not in choices:
+        raise ConfigError(
+            f"{name}: expected one of {', '.join(choices)}, got {value!r}; choose one"
+        )

@@ -1,0 +1,139 @@
+"""Look at a result from Python: as a page in the browser, a picture, a film or another file."""
+
+import tempfile
+import webbrowser
+from collections.abc import Iterable
+from pathlib import Path
+
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.choices import Axis, Colouring, Side
+from geneoh.pipeline.denoise import Denoised
+from geneoh.pipeline.results import load_samples
+from geneoh.readers.npz_files import load
+from geneoh.sequence.sequence import Sequence
+from geneoh.viz.look import STRIP_CELL, Look, OnStep
+from geneoh.viz.outputs import write, writer_for
+from geneoh.viz.page import write_page
+from geneoh.viz.scene import Scene, make_scene
+
+Viewable = Denoised | Sequence | Path | str
+"""A result in memory, a sequence, or the npz file of either."""
+
+
+def view(
+    result: Viewable,
+    path: Path | str | None = None,
+    *,
+    before: Viewable | None = None,
+    obj: Path | str | Iterable[Path | str] = (),
+    title: str | None = None,
+    colouring: Colouring = "penetration",
+    up: Axis = "z",
+    frames: Iterable[int] = (),
+    cell: int = STRIP_CELL,
+    mano_dir: Path | str | None = None,
+    on_step: OnStep | None = None,
+) -> Path:
+    """Show a result, beside what it was made from where that is given too.
+
+        result = geneoh.denoise(sequence)
+        geneoh.view(result, before=sequence)  # opens a page in the browser
+        geneoh.view(result, "film.mp4", before=sequence)
+
+    The ending of the path names the format: `.html` a page that plays in any browser; `.png` a
+    filmstrip; `.mp4` or `.gif` a film; and of the result alone `.glb` an animated scene, `.npz` the
+    parameters under smplx names, `.obj` or `.ply` a folder of one mesh per frame.
+
+    Args:
+        result: what `denoise` returned, a sequence, or the npz file of either.
+        path: file to write; without it a page in a temporary file is opened in the browser.
+        before: the input of the result, with as many frames.
+        obj: mesh files of the object in metres, one per rigid part, for npz files.
+        title: of the page; the name of the file or the source of the sequence when left out.
+        colouring: what the hands' colours show in pictures and films.
+        up: axis of the world that points up.
+        frames: frames of a filmstrip; evenly spread ones when empty.
+        cell: side of one picture of a filmstrip in pixels.
+        mano_dir: folder of the user's MANO files, for results with MANO's hand.
+        on_step: called with the pictures or frames done and in all.
+
+    Returns:
+        The path that was written.
+
+    Raises:
+        InputError: a file cannot be read or written, the ending is of no format, there is no mesh,
+            or the numbers of frames differ.
+        ConfigError: a colouring or an axis that does not exist.
+        MissingAssetError: a film without ffmpeg.
+    """
+    look = Look(colouring=colouring, up=up, frames=tuple(frames), cell=cell)
+    if path is not None:
+        writer_for(Path(path))
+    scene = open_scene(result, before, obj=obj, title=title, mano_dir=mano_dir)
+    if path is not None:
+        write(scene, Path(path), look, on_step=on_step)
+        return Path(path)
+    with tempfile.NamedTemporaryFile(prefix="geneoh_", suffix=".html", delete=False) as file:
+        page = Path(file.name)
+    write(scene, page, look)
+    webbrowser.open(page.as_uri())
+    return page
+
+
+def open_scene(
+    result: Viewable,
+    before: Viewable | None = None,
+    *,
+    obj: Path | str | Iterable[Path | str] = (),
+    title: str | None = None,
+    side: Side | None = None,
+    fps: float | None = None,
+    mano_dir: Path | str | None = None,
+) -> Scene:
+    """The scene of a result, and of what it was made from if that is given too.
+
+    Args:
+        result: what `denoise` returned, a sequence, or the npz file of either.
+        before: the input of the result.
+        obj: mesh files of the object, for npz files.
+        title: of the scene; the name of the file or the source of the sequence when left out.
+        side: side of the hand, where a file does not say; of two hands, the one to read.
+        fps: frames per second, where a file does not say.
+        mano_dir: folder of the user's MANO files.
+
+    Raises:
+        InputError: a file that cannot be read, no mesh, or different numbers of frames.
+    """
+    obj = (obj,) if isinstance(obj, Path | str) else tuple(obj)
+    sequences: dict[str, Sequence] = {}
+    for given in (result,) if before is None else (before, result):
+        if isinstance(given, Path | str):
+            sequence = load(given, obj=obj, side=side, fps=fps, mano_dir=mano_dir)
+            name, longer_name = Path(given).stem, str(given)
+        else:
+            sequence = given.sequence if isinstance(given, Denoised) else given
+            name = title or sequence.source or "interaction"
+            longer_name = f"{name}, cleaned"
+        sequences[longer_name if name in sequences else name] = sequence
+    return make_scene(sequences, title=title, samples=_samples(result), mano_dir=mano_dir)
+
+
+def _samples(result: Viewable) -> dict[Side, Float[Tensor, "S R 21 3"]]:
+    """Keypoints of the samples that the cleaner drew, per side; none where they were not kept."""
+    if isinstance(result, Path | str):
+        return load_samples(Path(result))
+    if isinstance(result, Sequence):
+        return {}
+    return {
+        side: hand.samples.cpu() for side, hand in result.hands.items() if len(hand.samples) > 1
+    }
+
+
+def write_report(
+    noisy: Sequence, result: Denoised, path: Path, *, title: str, mano_dir: Path | None = None
+) -> None:
+    """Write the page of a result beside its input, whatever the ending of the path."""
+    scene = open_scene(result, noisy, title=title, mano_dir=mano_dir)
+    write_page(scene, path, Look(), None)

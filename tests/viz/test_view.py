@@ -1,0 +1,55 @@
+"""`geneoh.view` as Python users call it."""
+
+from pathlib import Path
+from urllib.parse import urlparse
+from urllib.request import url2pathname
+
+import jaxtyping
+import pytest
+from pages import page_scene
+from PIL import Image
+
+from geneoh.errors import ConfigError, InputError
+from geneoh.viz import view as view_module
+from geneoh.viz.view import view
+
+
+def titles(path: Path) -> list[str]:
+    return [version["title"] for version in page_scene(path)["versions"]]
+
+
+def test_a_page_shows_the_result_beside_what_it_was_made_from(sequences, tmp_path):
+    before, after = sequences
+    written = view(after, tmp_path / "page.html", before=before)
+    assert written == tmp_path / "page.html"
+    assert titles(written) == ["noisy", "clean"]
+
+
+def test_the_ending_names_the_format(sequences, tmp_path):
+    written = view(sequences[1], str(tmp_path / "a.png"), frames=[0, 3], cell=64)
+    with Image.open(written) as picture:
+        assert picture.width == 2 * 64 + 10
+
+
+def test_without_a_path_a_page_is_opened_in_the_browser(sequences, tmp_path, monkeypatch):
+    opened = []
+    monkeypatch.setattr(view_module.webbrowser, "open", opened.append)
+    monkeypatch.setattr(view_module.tempfile, "tempdir", str(tmp_path))
+    written = view(sequences[1], title="my clip")
+    assert written.parent == tmp_path
+    assert [Path(url2pathname(urlparse(url).path)) for url in opened] == [written]
+    assert page_scene(written)["frames"] == 6
+    assert "<h1>my clip</h1>" in written.read_text("utf-8")
+
+
+def test_an_ending_of_no_format_is_refused_before_the_work(sequences, tmp_path):
+    with pytest.raises(InputError, match=r"got '\.avi'"):
+        view(sequences[1], tmp_path / "clip.avi")
+
+
+@pytest.mark.parametrize("choice", [{"up": "w"}, {"colouring": "red"}])
+def test_a_choice_that_does_not_exist_is_refused(sequences, tmp_path, monkeypatch, choice):
+    # users have no type checks, which would refuse it before we do
+    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
+    with pytest.raises(ConfigError, match=f"{next(iter(choice))}: expected "):
+        view(sequences[1], tmp_path / "a.png", **choice)
