@@ -1,17 +1,12 @@
 """A version for other programs: a mesh file per frame, or hand parameters under the smplx names."""
 
-import os
-import secrets
-import shutil
 from pathlib import Path
 
 import numpy as np
 import trimesh
-from jaxtyping import Float
-from torch import Tensor
 
 from geneoh.errors import InputError
-from geneoh.files.atomic import unwritable
+from geneoh.files.atomic import in_one_step
 from geneoh.files.npz import Arrays, write_archive
 from geneoh.viz.look import Look, OnStep
 from geneoh.viz.scene import PosedTrack, Scene
@@ -30,19 +25,13 @@ def write_meshes(scene: Scene, path: Path, look: Look, on_step: OnStep | None) -
     folder = path.with_suffix("")
     if folder.exists():
         raise InputError(f"{folder}: expected a new folder, got one that is there; remove it")
-    beside = folder.with_name(f".{folder.name}.{secrets.token_hex(4)}.tmp")
-    try:
+    with in_one_step(folder) as beside:
         beside.mkdir(parents=True)
         for frame in range(scene.frames):
             for name, mesh in _meshes(scene, frame).items():
                 mesh.export(beside / f"{name}_{frame:04d}{path.suffix.lower()}")
             if on_step is not None:
                 on_step(frame + 1, scene.frames)
-        os.replace(beside, folder)
-    except OSError as error:
-        raise unwritable(folder, error) from None
-    finally:
-        shutil.rmtree(beside, ignore_errors=True)
 
 
 def _meshes(scene: Scene, frame: int) -> dict[str, trimesh.Trimesh]:
@@ -69,8 +58,7 @@ def smplx_arrays(scene: Scene, hand: PosedTrack) -> Arrays:
     the model at rest. The betas belong to `hand_model`; the pose holds for any model.
     """
     model = hand.model
-    rest = model.template + model.shape_dirs @ hand.betas
-    offset: Float[Tensor, " 3"] = model.joint_regressor[0] @ rest
+    wrist_at_rest = model.joint_regressor[0] @ (model.template + model.shape_dirs @ hand.betas)
     return {
         "side": np.array(hand.side),
         "hand_model": np.array(model.name),
@@ -79,7 +67,7 @@ def smplx_arrays(scene: Scene, hand: PosedTrack) -> Arrays:
         "global_orient": hand.pose[:, 0].numpy(),
         "hand_pose": hand.pose[:, 1:].flatten(1).numpy(),
         "betas": hand.betas.numpy(),
-        "transl": (hand.wrist - offset).numpy(),
+        "transl": (hand.wrist - wrist_at_rest).numpy(),
         "joints": hand.joints.numpy(),
         "valid": hand.valid.numpy(),
         "object_rotation": scene.object.rotation.numpy(),
@@ -88,7 +76,7 @@ def smplx_arrays(scene: Scene, hand: PosedTrack) -> Arrays:
 
 
 def write_smplx(scene: Scene, path: Path, look: Look, on_step: OnStep | None) -> None:
-    """Write the parameters of the last version's one hand.
+    """Write the parameters of the one hand of the last version.
 
     Raises:
         InputError: there are two hands, which the smplx names cannot tell apart.

@@ -84,11 +84,9 @@ class _Document:
             "scene": 0,
             "scenes": [{"name": title, "nodes": scene_nodes}],
             "buffers": [{"byteLength": len(self.binary)}],
+            "animations": [{"name": title, "channels": self.channels, "samplers": self.samplers}],
             **self.tables,
         }
-        if self.channels:
-            animation = {"name": title, "channels": self.channels, "samplers": self.samplers}
-            document["animations"] = [animation]
         text = json.dumps(document, separators=(",", ":")).encode()
         text += b" " * (-len(text) % 4)
         binary = bytes(self.binary) + b"\0" * (-len(self.binary) % 4)
@@ -140,7 +138,7 @@ def _add_mesh(
     colour: Colour,
 ) -> int:
     """A node with a mesh: the first frame, and a morph target for each of the others."""
-    normals = np.stack([vertex_normals(points, faces).astype(np.float32) for points in verts])
+    normals = np.stack([vertex_normals(points, faces) for points in verts])
     # glTF allows no normal of length zero, which a vertex without a face would have
     normals[np.linalg.norm(normals, axis=-1) < 0.5] = (0, 0, 1)
     primitive: dict[str, Any] = {

@@ -35,21 +35,6 @@ EDGE_DEPTH = 0.02
 
 
 @dataclass(frozen=True)
-class _Window:
-    """The part of a picture that holds all surfaces, in pixels before they are averaged."""
-
-    whole: tuple[int, int]
-    """Width and height of the picture."""
-    corner: tuple[int, int]
-    """Left and top."""
-    size: tuple[int, int]
-
-    def project(self, points: Float[np.ndarray, "V 3"], camera: Camera) -> Float[np.ndarray, "V 3"]:
-        """Points as `Camera.project` gives them, counted from the corner."""
-        return camera.project(points, self.whole) - (*self.corner, 0)
-
-
-@dataclass(frozen=True)
 class _Layer:
     """A drawn surface: what its N covered pixels show."""
 
@@ -79,45 +64,21 @@ def draw(
         colouring: what the hands' colours show.
         smooth: pixels drawn per side of a pixel shown, against jagged edges.
     """
-    behind = object_surface(scene, frame)
-    hands = [hands_surface(version, frame, colouring) for version in scene.versions]
-    window = _window([behind, *(hand for hand in hands if hand)], camera, size, smooth)
-    object_layer = _lit(behind, camera, window)
+    drawn = (size[0] * smooth, size[1] * smooth)
+    object_layer = _lit(object_surface(scene, frame), camera, drawn)
     pictures = []
-    for hand in hands:
-        layers = [object_layer] if hand is None else [object_layer, _lit(hand, camera, window)]
-        inner = _finished(layers, camera, window, smooth)
-        picture = np.empty((size[1], size[0], 3), dtype=np.uint8)
-        picture[:] = np.multiply(BACKGROUND, 255) + 0.5
-        left, top = (edge // smooth for edge in window.corner)
-        picture[top : top + len(inner), left : left + inner.shape[1]] = inner
-        pictures.append(picture)
+    for version in scene.versions:
+        hands = hands_surface(version, frame, colouring)
+        layers = [object_layer] if hands is None else [object_layer, _lit(hands, camera, drawn)]
+        pictures.append(_reduced(_shaded(*_stacked(layers, drawn), camera), smooth))
     return pictures
 
 
-def _window(
-    surfaces: list[DrawnSurface], camera: Camera, size: tuple[int, int], smooth: int
-) -> _Window:
-    """The window around all surfaces and the reach of the edge shading; at least one pixel."""
-    whole = (size[0] * smooth, size[1] * smooth)
-    screen = np.concatenate([camera.project(surface.verts, whole) for surface in surfaces])
-    seen = screen[screen[:, 2] > 0, :2]
-    room, step = EDGE_TRUNCATE * EDGE_WIDTH * whole[1], 2 * smooth
-    edges = []
-    for axis in (0, 1):
-        low = float(seen[:, axis].min(initial=whole[axis])) - room
-        high = float(seen[:, axis].max(initial=0.0)) + room
-        first = min(max(0, int(low // step) * step), whole[axis] - smooth)
-        edges.append((first, max(first + smooth, min(whole[axis], -int(-high // step) * step))))
-    (left, right), (top, bottom) = edges
-    return _Window(whole, (left, top), (right - left, bottom - top))
-
-
-def _lit(surface: DrawnSurface, camera: Camera, window: _Window) -> _Layer:
+def _lit(surface: DrawnSurface, camera: Camera, size: tuple[int, int]) -> _Layer:
     """The surface drawn, lit at its vertices; back sides are lit as front sides are."""
-    screen = window.project(surface.verts, camera)
-    raster = rasterise(screen, surface.faces, window.size)
-    normal = (vertex_normals(surface.verts, surface.faces) @ camera.axes.T).astype(np.float32)
+    screen = camera.project(surface.verts, size)
+    raster = rasterise(screen, surface.faces, size)
+    normal = vertex_normals(surface.verts, surface.faces) @ camera.axes.T.astype(np.float32)
     normal = np.where(normal[:, 2:] < 0, -normal, normal)
     light = np.full(len(normal), AMBIENT, dtype=np.float32)
     for towards, strength in LIGHTS:
@@ -134,26 +95,14 @@ def _unit(direction: object) -> Float[np.ndarray, " 3"]:
     return vector / np.linalg.norm(vector)
 
 
-def _finished(layers: list[_Layer], camera: Camera, window: _Window, smooth: int) -> Picture:
-    """Layers laid over each other, shaded, and reduced to the size that is shown."""
-    picture = _shaded(_stacked(layers, window), camera, window)
-    height, width = picture.shape[0] // smooth, picture.shape[1] // smooth
-    blocks = picture.reshape(height, smooth, width, smooth, 3)
-    # sums of slices: several times faster than a mean over two axes
-    total = np.zeros((height, width, 3), dtype=np.float32)
-    for row, column in np.ndindex(smooth, smooth):
-        total += blocks[:, row, :, column]
-    return ((total / smooth**2).clip(0, 1) * 255 + 0.5).astype(np.uint8)
-
-
 def _stacked(
-    layers: list[_Layer], window: _Window
+    layers: list[_Layer], size: tuple[int, int]
 ) -> tuple[Float[np.ndarray, "H W 3"], Float[np.ndarray, "H W"]]:
     """Colours, and 1 / depth of what is nearest.
 
     Where an earlier layer is nearer, it is laid over the later one as a transparent overlay.
     """
-    width, height = window.size
+    width, height = size
     picture = np.empty((height * width, 3), dtype=np.float32)
     picture[:] = BACKGROUND
     nearest = np.zeros(height * width, dtype=np.float32)
@@ -167,15 +116,12 @@ def _stacked(
 
 
 def _shaded(
-    stacked: tuple[Float[np.ndarray, "H W 3"], Float[np.ndarray, "H W"]],
-    camera: Camera,
-    window: _Window,
+    picture: Float[np.ndarray, "H W 3"], nearness: Float[np.ndarray, "H W"], camera: Camera
 ) -> Float[np.ndarray, "H W 3"]:
     """The picture, darkened behind nearer edges, so that depth can be read.
 
     Source: Luft, Colditz and Deussen, Image Enhancement by Unsharp Masking the Depth Buffer, 2006.
     """
-    picture, nearness = stacked
     shown = nearness > 0
     distance = float(np.linalg.norm(camera.eye - camera.target))
     # metres from the target towards the eye; the background counts as just behind everything
@@ -183,7 +129,18 @@ def _shaded(
     towards = towards.astype(np.float32)
     # what is blurred that much needs no more than every second pixel
     coarse = towards[::2, ::2]
-    soft = gaussian_filter(coarse, EDGE_WIDTH * window.whole[1] / 2, truncate=EDGE_TRUNCATE)
+    soft = gaussian_filter(coarse, EDGE_WIDTH * len(picture) / 2, truncate=EDGE_TRUNCATE)
     soft = soft.repeat(2, 0).repeat(2, 1)[: len(picture), : picture.shape[1]]
     dark = EDGE_SHADING * ((soft - towards) / EDGE_DEPTH).clip(0, 1) * shown
     return picture * (1 - dark)[..., None]
+
+
+def _reduced(picture: Float[np.ndarray, "drawn_H drawn_W 3"], smooth: int) -> Picture:
+    """The mean of each block of `smooth` by `smooth` pixels, as bytes."""
+    height, width = picture.shape[0] // smooth, picture.shape[1] // smooth
+    blocks = picture.reshape(height, smooth, width, smooth, 3)
+    # sums of slices: several times faster than a mean over two axes
+    total = np.zeros((height, width, 3), dtype=np.float32)
+    for row, column in np.ndindex(smooth, smooth):
+        total += blocks[:, row, :, column]
+    return ((total / smooth**2).clip(0, 1) * 255 + 0.5).astype(np.uint8)

@@ -87,17 +87,9 @@ def measured(version: Version) -> dict[str, float]:
     return {name: getattr(version.measures, name) for name in SORT_MEASURES}
 
 
-def sorted_by(
-    items: list[GalleryItem], measure: str, *, largest_first: bool = True
-) -> list[GalleryItem]:
-    """The items by a measure; those that have no number for it come last."""
-    sign = -1 if largest_first else 1
-
-    def key(item: GalleryItem) -> float:
-        value = item.measures[measure]
-        return sign * value if value == value else float("inf")
-
-    return sorted(items, key=key)
+def sorted_by(items: list[GalleryItem], measure: str) -> list[GalleryItem]:
+    """The items with the largest measure first; those that have no number for it come last."""
+    return sorted(items, key=lambda item: np.nan_to_num(-item.measures[measure], nan=np.inf))
 
 
 class Gallery:

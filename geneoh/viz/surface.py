@@ -1,5 +1,6 @@
 """Meshes made ready for drawing: coarse enough, with sharp edges, with normals."""
 
+import igl
 import numpy as np
 import torch
 import trimesh
@@ -14,17 +15,10 @@ SHARP_ANGLE = np.deg2rad(50.0)
 def vertex_normals(
     verts: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
 ) -> Float[np.ndarray, "V 3"]:
-    """Unit normals averaged over the faces around each vertex by area."""
-    a, b, c = (verts[faces[:, i]] for i in range(3))
-    across = np.cross(b - a, c - a)
-    normals = np.stack(
-        [
-            sum(np.bincount(faces[:, i], across[:, axis], len(verts)) for i in range(3))
-            for axis in range(3)
-        ],
-        -1,
-    )
-    return normals / np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-12)
+    """Unit normals averaged over the faces around each vertex by area; zero without any face."""
+    by_area = igl.PER_VERTEX_NORMALS_WEIGHTING_TYPE_AREA
+    normals = igl.per_vertex_normals(verts.astype(np.float64), faces.astype(np.int64), by_area)
+    return np.nan_to_num(normals).astype(np.float32)
 
 
 def with_sharp_edges(mesh: Mesh) -> Mesh:

@@ -5,10 +5,11 @@ import shutil
 import subprocess
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from itertools import chain
 from pathlib import Path
 
 from geneoh.errors import InputError, MissingAssetError
-from geneoh.files.atomic import unwritable
+from geneoh.files.atomic import in_one_step
 from geneoh.viz.camera import cameras
 from geneoh.viz.canvas import CAPTION_HEIGHT, SCALE_HEIGHT, TITLE_HEIGHT, Canvas
 from geneoh.viz.look import Look, OnStep
@@ -24,8 +25,9 @@ GIF_RATE = 15.0
 BATCH = 4
 """Pictures that each thread draws before the next are handed out."""
 GIF_FILTER = "split[a][b];[a]palettegen=stats_mode=diff[p];[b][p]paletteuse=dither=bayer"
+GIF_OPTIONS = ("-filter_complex", GIF_FILTER, "-f", "gif")
 MP4_OPTIONS = ("-c:v", "libx264", "-preset", "veryfast", "-crf", QUALITY)
-MP4_OPTIONS += ("-pix_fmt", "yuv420p", "-movflags", "+faststart")
+MP4_OPTIONS += ("-pix_fmt", "yuv420p", "-movflags", "+faststart", "-f", "mp4")
 
 
 def film_frames(
@@ -74,30 +76,25 @@ def write_film(scene: Scene, path: Path, look: Look, on_step: OnStep | None) -> 
     gif = path.suffix.lower() == ".gif"
     every = max(1, round(scene.fps / GIF_RATE)) if gif else 1
     total = len(range(0, scene.frames, every))
-    beside = path.with_name(f".{path.stem}.tmp{path.suffix}")
-    encoder = None
-    try:
-        for done, picture in enumerate(film_frames(scene, look, every=every), 1):
-            if encoder is None:
-                encoder = _ffmpeg(beside, picture, scene.fps / every, gif)
-            assert encoder.stdin is not None, "the pipe was asked for"
-            encoder.stdin.write(picture.tobytes())
-            if on_step is not None:
-                on_step(done, total)
-        assert encoder is not None, "a scene has a frame"
-        _, messages = encoder.communicate()
+    pictures = film_frames(scene, look, every=every)
+    first = next(pictures)
+    with in_one_step(path) as beside:
+        encoder = _ffmpeg(beside, first, scene.fps / every, gif)
+        assert encoder.stdin is not None, "the pipe was asked for"
+        try:
+            for done, picture in enumerate(chain([first], pictures), 1):
+                encoder.stdin.write(picture.tobytes())
+                if on_step is not None:
+                    on_step(done, total)
+            _, messages = encoder.communicate()
+        except BrokenPipeError:
+            raise InputError(f"{path}: ffmpeg stopped; choose another place") from None
+        finally:
+            encoder.kill()  # has no effect on one that has ended
+            encoder.wait()
         if encoder.returncode:
             reason = messages.decode(errors="replace").strip().splitlines()[-1:]
             raise InputError(f"{path}: ffmpeg cannot write it ({''.join(reason)}); see the path")
-        beside.replace(path)
-    except BrokenPipeError:
-        raise InputError(f"{path}: ffmpeg stopped; choose another place") from None
-    except OSError as error:
-        raise unwritable(path, error) from None
-    finally:
-        if encoder is not None and encoder.poll() is None:
-            encoder.kill()
-        beside.unlink(missing_ok=True)
 
 
 def ffmpeg_path() -> str:
@@ -121,7 +118,7 @@ def _ffmpeg(path: Path, picture: Picture, rate: float, gif: bool) -> subprocess.
     """An ffmpeg that waits for raw pictures of this size."""
     height, width = picture.shape[:2]
     raw = ("-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", f"{rate:g}")
-    coded = ("-filter_complex", GIF_FILTER) if gif else MP4_OPTIONS
+    coded = GIF_OPTIONS if gif else MP4_OPTIONS
     return subprocess.Popen(
         [ffmpeg_path(), "-v", "error", "-y", *raw, "-i", "-", *coded, str(path)],
         stdin=subprocess.PIPE,

@@ -80,10 +80,10 @@ def test_page_of_the_cleaning_shows_before_after_and_samples(geneoh, tmp_path):
     assert result.exit_code == 0, result.output
     assert "wrote page.html" in result.stdout
     told = page_scene(tmp_path / "page.html")
-    assert [take["title"] for take in told["takes"]] == ["hand", "hand, cleaned"]
+    assert [version["title"] for version in told["versions"]] == ["hand", "hand, cleaned"]
     assert told["frames"] == 6
     assert told["samples"]["right"]["shape"] == [6, 3, 21, 3]
-    assert "spread" in told["takes"][1]["hands"][0]["ramps"]
+    assert "spread" in told["versions"][1]["hands"][0]["ramps"]
 
 
 def test_page_that_cannot_be_written_is_told_of_and_the_result_is_kept(geneoh, tmp_path):

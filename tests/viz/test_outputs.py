@@ -1,3 +1,4 @@
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -6,6 +7,7 @@ import trimesh
 
 from geneoh.errors import InputError, MissingAssetError
 from geneoh.readers.npz_files import load_sequence
+from geneoh.viz import video
 from geneoh.viz.outputs import write
 from geneoh.viz.video import ffmpeg_path, film_frames
 
@@ -78,3 +80,11 @@ def test_an_unknown_ending_is_refused(scene, tmp_path):
 def test_a_place_that_cannot_be_written_to_is_named(scene, tmp_path):
     with pytest.raises(InputError, match="cannot be written"):
         write(scene, tmp_path / "none" / "clip.glb")
+
+
+def test_a_film_without_ffmpeg_says_what_to_install(one_hand, tmp_path, monkeypatch):
+    monkeypatch.setattr(video.shutil, "which", lambda _: None)
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    with pytest.raises(MissingAssetError, match="films need ffmpeg"):
+        write(one_hand, tmp_path / "film.mp4")
+    assert list(tmp_path.iterdir()) == []
