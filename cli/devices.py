@@ -1,4 +1,4 @@
-"""The device that a user names, checked before any work starts."""
+"""The device that --device names, checked before any work starts."""
 
 import torch
 
@@ -6,7 +6,11 @@ from geneoh.errors import ConfigError
 
 
 def named(name: str) -> torch.device:
-    """The torch device of that name; `ConfigError` when this machine has none such."""
+    """The torch device of that name.
+
+    Raises:
+        ConfigError: this machine has no such device.
+    """
     try:
         device = torch.device(name)
         torch.empty(0, device=device)

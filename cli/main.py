@@ -1,4 +1,4 @@
-"""The `geneoh` command: finds its subcommands, and turns our errors into one line and an exit code.
+"""The `geneoh` command: finds its subcommands, and turns errors into one line and an exit code.
 
 Exit codes: 0 done, 1 the program failed, 2 the input, a setting or a missing file is at fault,
 130 stopped with Ctrl-C.
@@ -22,15 +22,15 @@ COMMANDS = (
     *("denoise", "eval", "train", "synthesize", "realism", "corrupt"),
     *("convert", "view", "info"),
 )
-"""In the order that `--help` shows. Each is a function of its own name in commands/NAME.py, which
-imports torch and the parts of geneoh only inside the function, so that help comes at once."""
+"""Subcommands in the order of `--help`. Each is a function of that name in commands/NAME.py, which
+imports torch and geneoh inside the function only, so that help is shown at once."""
 
 INTERRUPTED = 130
-"""What a shell reports for a program that SIGINT ended: 128 + 2."""
+"""Exit code that shells report for a program ended by SIGINT: 128 + 2."""
 
 
 def failed(message: str, exit_code: int) -> click.exceptions.Exit:
-    """Say the message in one line on standard error; raise what is returned to end the program."""
+    """Print one line on standard error; raise the return value to end the program."""
     click.echo(f"Error: {' '.join(message.split())}", err=True)
     return click.exceptions.Exit(exit_code)
 
@@ -39,7 +39,7 @@ class LazyGroup(click.Group):
     """A group that imports a subcommand when it is asked for, and lets no traceback through."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Names of the subcommands in the order of the work."""
+        """Names of the subcommands."""
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:

@@ -1,4 +1,4 @@
-"""A progress bar for work that takes longer than a glance."""
+"""Progress bars for work that takes more than two seconds."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -13,7 +13,7 @@ OnProgress = Callable[[str, int, int], None]
 
 @contextmanager
 def progress_bars() -> Iterator[OnProgress]:
-    """Bars on standard error, one stage at a time, for as long as the block runs."""
+    """Progress bars on standard error, one stage at a time, while the block runs."""
     from tqdm import tqdm
 
     began = time.monotonic()

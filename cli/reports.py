@@ -1,4 +1,4 @@
-"""What commands say of their results, as lines of text."""
+"""Results as lines of text."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,7 +9,7 @@ from geneoh.sequence.sequence import Sequence
 
 
 def denoised(sequence: Sequence, result: Denoised, output: Path) -> Iterator[str]:
-    """What was read, what the stages took, what changed, and what to know about it."""
+    """What was read, the time of each stage, what changed, and notes."""
     parts = len(sequence.object.meshes)
     yield (
         f"read {sequence.source}: {sequence.frames} frames at {sequence.fps:g} frames a second, "

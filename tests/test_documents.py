@@ -167,7 +167,9 @@ def test_every_public_name_is_on_the_page_of_public_names():
     assert missing == []
 
 
-def test_every_folder_of_the_library_is_in_the_tree():
+def test_every_folder_and_module_of_the_library_is_in_the_tree():
     page = (ROOT / "docs" / "tree.md").read_text("utf-8")
-    folders = {path.parent.name for path in (ROOT / "geneoh").glob("*/__init__.py")}
-    assert {name for name in folders if f"{name}/" not in page} == set()
+    library = ROOT / "geneoh"
+    names = {f"{path.parent.name}/" for path in library.glob("*/__init__.py")}
+    names |= {path.name for path in library.glob("*.py")}
+    assert {name for name in names if f"\n  {name} " not in page} == set()
