@@ -18,30 +18,41 @@ MESH_FILE = click.Path(dir_okay=False, path_type=Path)
 FOLDER = click.Path(file_okay=False, path_type=Path)
 
 OPTIONS = (
-    click.option("--objects", type=FOLDER, help="Folder of the data set's object meshes."),
-    click.option("--body", type=MESH_FILE, help="Your SMPL+H model, where hands hang on a body."),
+    click.option(
+        "--objects",
+        type=FOLDER,
+        help="Folder of the data set's object meshes, where they are not in their usual place.",
+    ),
+    click.option(
+        "--body",
+        type=MESH_FILE,
+        help="Your SMPL+H model, for sources whose hands belong to a body.",
+    ),
     click.option(
         "--object-pose",
         type=MESH_FILE,
-        help="npy of (T, 4, 4) object to the hand's frame, for sources without an object.",
+        help="npy file of (T, 4, 4) matrices, object's frame to hand's frame, for sources without "
+        "an object.",
     ),
-    click.option("--joint-order", type=click.Choice(JOINT_ORDERS), help="Of bare keypoints."),
+    click.option("--joint-order", type=click.Choice(JOINT_ORDERS), help="Order of bare keypoints."),
     click.option(
         "--translation",
         type=click.Choice(TRANSLATIONS),
-        help="What a bare parameter array's translation moves.",
+        help="Point that the translation of bare MANO parameters places.",
     ),
     click.option(
         "--swap-parts",
         is_flag=True,
-        help="HOI4D: the poses of the two parts stand in the other order than usual.",
+        help="HOI4D: the poses of the two parts are stored in exchanged order.",
     ),
     click.option(
         "--mean-pose/--no-mean-pose",
         default=None,
-        help="Whether a bare parameter array is relative to MANO's mean pose.",
+        help="Whether bare MANO parameters are relative to MANO's mean pose.",
     ),
-    click.option("--focal", type=float, help="Of the camera in pixels, for HaMeR and WiLoR."),
+    click.option(
+        "--focal", type=float, help="Focal length of the camera in pixels, for HaMeR and WiLoR."
+    ),
 )
 NAMES = (
     *("objects", "body", "object_pose", "joint_order", "translation", "swap_parts", "mean_pose"),
