@@ -78,7 +78,7 @@ def known_of(
     """What the caller said, with its files read."""
     from geneoh.geometry.mesh import load_mesh
     from geneoh.readers.base import ReaderOptions
-    from geneoh.readers.records import read_array
+    from geneoh.readers.foreign_files import read_array
 
     shapes = (("T", 4, 4), ("T", "Q", 4, 4))
     return ReaderOptions(
@@ -103,7 +103,7 @@ def read(
 ) -> "Sequence":
     """The sequence in a file of any layout, or the one recording of a named source, checked."""
     import geneoh
-    from geneoh.readers.convert import read_one
+    from geneoh.readers.recordings import read_one
     from geneoh.sequence.validation import check_sequence
 
     if source is not None:

@@ -40,7 +40,7 @@ def convert(
     what it could not read. A clip that fails --check is not written.
     """
     from geneoh.readers.convert import convert as converted
-    from geneoh.readers.convert import find_clips, source_named
+    from geneoh.readers.recordings import find_clips, source_named
 
     from .. import progress
 

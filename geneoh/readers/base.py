@@ -1,11 +1,6 @@
-"""What an adapter is given and gives: the caller's knowledge in, recordings out.
+"""What a reader is given and gives: the caller's options in, recordings out."""
 
-An adapter is a module with two functions, `find(path)` and `read(clip, options)`, that alone knows
-its source's units, axes, translation, mean pose, left hand, frame rate and file names. What a
-source says twice (keypoints next to parameters, moved vertices next to poses) goes into
-`CrossChecks`, with which `convention_check` tests the file against its own convention.
-"""
-
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
@@ -14,7 +9,7 @@ import numpy as np
 from jaxtyping import Shaped
 
 from geneoh.bundle import Bundle
-from geneoh.choices import Side, Translation
+from geneoh.choices import JointOrder, Side, Translation
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import Mesh
 from geneoh.readers.mano import ManoSource, mano_of
@@ -37,16 +32,19 @@ class ReaderOptions:
     object_pose: Array | None = None
     """(T, 4, 4) object to the hand's frame, for sources without any."""
     side: Side | None = None
+    """The hand to read; for sources that do not say it, the hand that they hold."""
     fps: float | None = None
-    joint_order: str = "openpose"
+    """Frames a second, instead of the source's own."""
+    joint_order: JointOrder = "openpose"
+    """Order of a bare array of keypoints."""
     translation: Translation | None = None
     """What the translation of a bare parameter array moves: the wrist, or MANO's origin."""
     swap_parts: bool = False
-    """The two parts of an articulated object stand in the other order than they do as a rule."""
+    """The two parts of an articulated object stand in the other order than they usually do."""
     mean_pose: bool | None = None
     """Whether a bare parameter array is relative to MANO's mean pose."""
     focal: float | None = None
-    """Of the camera, pixels."""
+    """Focal length of the camera in pixels, for image-based estimators."""
 
     @property
     def mano(self) -> ManoSource | None:
@@ -60,7 +58,7 @@ class ReaderOptions:
 
 @dataclass(frozen=True)
 class SourceClip:
-    """One recording that was found: a name for what is made from it, and where it stands."""
+    """One clip that was found: a name for what is made from it, and its file or folder."""
 
     name: str
     path: Path
@@ -68,18 +66,21 @@ class SourceClip:
 
 @dataclass(frozen=True)
 class CrossChecks(Bundle):
-    """What a source says a second time, in the frame of the sequence, metres."""
+    """What a source states a second time, in the frame of the sequence, in metres.
+
+    `convention_check` compares it with the sequence as it was read.
+    """
 
     joints: dict[Side, Shaped[Array, "T 21 3"]] = field(default_factory=dict)
     """Stored keypoints in OpenPose order, NaN where there are none."""
     rim: dict[Side, Shaped[Array, "T 3"]] = field(default_factory=dict)
-    """A point of the stored mesh that moves rigidly with the wrist."""
+    """A point of the stored hand mesh that moves rigidly with the wrist."""
     tolerance: float = 0.005
-    """Metres that stored keypoints may stand off: where they are another annotation, more."""
+    """Metres that stored keypoints may be off: more where they are a separate annotation."""
     object_points: tuple[Shaped[Array, "T P 3"], Shaped[Array, "T P 3"]] | None = None
     """Stored points of the moved object, and the same ones from its mesh and pose."""
-    said: tuple[str, ...] = ()
-    """Contradictions that only the adapter can see, in words."""
+    contradictions: tuple[str, ...] = ()
+    """Contradictions that only the reader of the source can see, as sentences."""
 
 
 @dataclass(frozen=True)
@@ -89,26 +90,26 @@ class Recording:
     name: str
     sequence: Sequence
     mesh_names: tuple[str, ...] = ()
-    evidence: CrossChecks = field(default_factory=CrossChecks)
+    cross_checks: CrossChecks = field(default_factory=CrossChecks)
 
 
-def clips(
-    path: Path, pattern: str, name_parts: int, *, directories: bool = False
-) -> list[SourceClip]:
-    """What lies at or below a path and matches a pattern, in the order of names.
+def paths_matching(path: Path, pattern: str) -> Iterator[Path]:
+    """What is at or below a path and matches a pattern, in the order of names.
 
     Args:
         path: a file or folder as the user gave it.
-        pattern: such as "*.npz", against the name.
-        name_parts: how many parts of the path the clip's name keeps.
-        directories: look for folders and not for files.
+        pattern: for the name of a file, such as "*.npz", or of a folder, such as "meta/".
+
+    Raises:
+        InputError: no such path.
     """
     if not path.exists():
         raise InputError(f"{path}: no such file or folder; check the path")
-    found = [path] if path.match(pattern) and path.is_dir() == directories else []
-    if not found and path.is_dir():
-        found = sorted(p for p in path.rglob(pattern) if p.is_dir() == directories)
-    return [SourceClip(clip_name(p, name_parts), p) for p in found]
+    name, folders = pattern.rstrip("/"), pattern.endswith("/")
+    if path.match(name) and path.is_dir() == folders:
+        yield path
+    elif path.is_dir():
+        yield from sorted(p for p in path.rglob(name) if p.is_dir() == folders)
 
 
 def clip_name(path: Path, parts: int) -> str:
@@ -117,16 +118,21 @@ def clip_name(path: Path, parts: int) -> str:
     return "/".join("".join(c if c.isalnum() or c in "-_+" else "_" for c in w) for w in words)
 
 
+def ancestor(path: Path, levels: int) -> Path:
+    """The folder so many levels above a path; the topmost one where there are fewer."""
+    return path.parents[min(levels, len(path.parents)) - 1] if path.parents else path
+
+
 def finite_frames(values: Array) -> Array:
-    """(T,) for each frame, whether all of its numbers are finite."""
+    """(T,) whether all numbers of a frame are finite."""
     return np.asarray(np.isfinite(values.reshape(len(values), -1)).all(axis=1))
 
 
 def runs(present: Array, after_jump: Array | None = None) -> list[slice]:
-    """The longest stretches of frames that are all there.
+    """The longest stretches of frames that are all present.
 
     Args:
-        present: (T,) whether a frame is there.
+        present: (T,) whether a frame is present.
         after_jump: (T,) whether a frame does not follow from the one before it.
     """
     edges = np.flatnonzero(np.diff(np.concatenate([[False], present, [False]])))

@@ -1,10 +1,10 @@
-"""Orders of keypoints, each as the way to OpenPose's."""
+"""Orders of hand keypoints, and how each becomes OpenPose's."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from geneoh.errors import ConfigError
+from geneoh.choices import JointOrder
 from geneoh.readers.records import Array
 
 
@@ -16,7 +16,7 @@ class Order:
     entries: tuple[int, ...]
 
 
-ORDERS = {
+ORDERS: dict[JointOrder, Order] = {
     "openpose": Order(21, tuple(range(21))),
     "mano": Order(21, (0, 13, 14, 15, 16, 1, 2, 3, 17, 4, 5, 6, 18, 10, 11, 12, 19, 7, 8, 9, 20)),
     "fphab": Order(21, (0, 1, 6, 7, 8, 2, 9, 10, 11, 3, 12, 13, 14, 4, 15, 16, 17, 5, 18, 19, 20)),
@@ -27,23 +27,19 @@ ORDERS = {
     ),
 }
 THUMB_BASE, THUMB_NEXT = 1, 2
-BASE_SHARE = 0.4
-"""Where the base of the thumb stands between wrist and next joint, of that way, in MANO's mean
-hand."""
+THUMB_BASE_SHARE = 0.4
+"""Place of the thumb's base between the wrist and the next joint of the thumb, as a share of that
+way, in MANO's mean hand."""
 
 
-def ordered(points: Array, name: str) -> tuple[Array, Array]:
-    """(T, 21, 3) in OpenPose's order, and (21,) trust: 0 where a keypoint had to be put in.
+def openpose_order(points: Array, order: JointOrder) -> tuple[Array, Array]:
+    """(T, 21, 3) keypoints in OpenPose's order out of (T, N, 3) in another one.
 
-    Raises:
-        ConfigError: there is no such order.
+    Also (21,) trust: 0 where the order has no such keypoint and it was estimated, else 1.
     """
-    if name not in ORDERS:
-        raise ConfigError(f"--joint-order {name}: expected one of {', '.join(ORDERS)}")
-    order = ORDERS[name]
-    entries = np.array(order.entries)
+    entries = np.array(ORDERS[order].entries)
     joints = points[:, np.maximum(entries, 0)].copy()
     if (entries < 0).any():  # only ever the base of the thumb
         way = joints[:, THUMB_NEXT] - joints[:, 0]
-        joints[:, THUMB_BASE] = joints[:, 0] + BASE_SHARE * way
+        joints[:, THUMB_BASE] = joints[:, 0] + THUMB_BASE_SHARE * way
     return joints, (entries >= 0).astype(np.float64)

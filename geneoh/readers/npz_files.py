@@ -11,14 +11,22 @@ from torch import Tensor
 
 from geneoh.choices import Side
 from geneoh.errors import InputError
-from geneoh.files.npz import Arrays, read_archive, write_archive
+from geneoh.files.npz import Arrays, write_archive
 from geneoh.geometry.mesh import Mesh, load_mesh
 from geneoh.hand.library import load_hand
 from geneoh.hand.mano import AS_SHIPPED, MENDED
-from geneoh.readers.fields import Fields
-from geneoh.readers.npz_hands import Asked, WristOffset, read_hands
-from geneoh.readers.npz_layouts import FORMAT, HAND_FIELDS, VERSION, Layout, layout_of, slips
+from geneoh.readers.npz_hands import HandOptions, WristOffset, read_hands
+from geneoh.readers.npz_layouts import (
+    FORMAT,
+    VERSION,
+    Layout,
+    layout_of,
+    misspelt,
+    own_names,
+    read_fields,
+)
 from geneoh.readers.npz_objects import read_object
+from geneoh.readers.records import Record
 from geneoh.sequence.sequence import HandTrack, Sequence
 from geneoh.sequence.validation import check_sequence
 
@@ -97,30 +105,30 @@ def load_sequence(
         InputError: the file cannot be read as one interaction; the message says why.
     """
     path = Path(path)
-    fields = Fields(str(path), read_archive(path))
-    layout = layout_of(fields)
-    reading = read_hands(fields, layout, Asked(side, wrist_offset))
-    motion = read_object(fields, meshes)
-    rate, fps_notes = fps_of(fields, fps)
-    notes = (*reading.notes, *fps_notes)
-    for note in (*notes, *slips(fields, layout)):
+    record = read_fields(path)
+    layout = layout_of(record)
+    read = read_hands(record, layout, HandOptions(side, wrist_offset))
+    motion = read_object(record, meshes)
+    rate, fps_notes = fps_of(record, fps)
+    notes = (*read.notes, *fps_notes)
+    for note in (*notes, *misspelt(record, layout)):
         LOG.warning("%s: %s", path, note)
-    made_from = fields.text("source") if layout == FORMAT else None
+    made_from = record.optional_text("source") if layout == FORMAT else None
     source = f"{path.name} ({'; '.join((LAYOUT_NAMES[layout], *notes))})"
     source = f"{source} made from {made_from}" if made_from else source
-    sequence = Sequence(reading.hands, motion, rate, source)
+    sequence = Sequence(read.hands, motion, rate, source)
     check_sequence(sequence, str(path))
     return sequence
 
 
-def fps_of(fields: Fields, asked: float | None) -> tuple[float, tuple[str, ...]]:
-    """Frames a second: the file's own word, the caller's, or the assumed rate, which is noted."""
-    said = fields.number("fps")
-    if said is not None and asked is not None and said != asked:
+def fps_of(record: Record, given: float | None) -> tuple[float, tuple[str, ...]]:
+    """Frames a second: the file's, the caller's, or the assumed rate, which is noted."""
+    stored = record.optional_number("fps", "save it as fps=30.0")
+    if stored is not None and given is not None and stored != given:
         raise InputError(
-            f"{fields.file}: 'fps' says {said:g}, got --fps {asked:g}; drop one of the two"
+            f"{record.where}: 'fps' says {stored:g}, got --fps {given:g}; drop one of the two"
         )
-    rate = said if asked is None else asked
+    rate = stored if given is None else given
     if rate is not None:
         return rate, ()
     return ASSUMED_FPS, (f"{ASSUMED_FPS:g} frames a second assumed; 'fps' or --fps says otherwise",)
@@ -172,12 +180,14 @@ def sequence_arrays(sequence: Sequence) -> Arrays:
 
 def hand_arrays(hand: HandTrack) -> Arrays:
     """The fields of one hand, its side in front of each name."""
-    fields = {name: getattr(hand, name) for name in HAND_FIELDS}
+    names = own_names(hand.side)
     arrays = {
-        f"{hand.side}_{name}": plain(value) for name, value in fields.items() if value is not None
+        field: plain(getattr(hand, name))
+        for name, field in names.items()
+        if getattr(hand, name) is not None
     }
     if hand.pose is not None:
-        arrays[f"{hand.side}_pose"] = plain(hand.pose.reshape(-1, 48))
+        arrays[names["pose"]] = plain(hand.pose.reshape(-1, 48))
     return arrays
 
 

@@ -1,7 +1,7 @@
-"""Hand tracks out of the fields of a file, one reader per layout.
+"""Hand tracks out of the fields of an npz, in each of its layouts.
 
-What only the file's owner knows, such as the side of the hand, is asked for when the file leaves it
-open; what had to be assumed is noted.
+What only the file's owner knows, such as the side of the hand, must come from the caller when the
+file leaves it open; what had to be assumed is noted.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,280 +15,257 @@ from geneoh.choices import Side
 from geneoh.errors import InputError
 from geneoh.geometry.rotations import matrix_to_axis_angle
 from geneoh.hand.mano import AS_SHIPPED, MENDED, name_of
-from geneoh.readers.fields import Fields, all_finite
-from geneoh.readers.npz_layouts import HAND_FIELDS, Layout, quoted
+from geneoh.readers.mano import mean_wrist_offset
+from geneoh.readers.npz_layouts import (
+    HAND_FIELDS,
+    JOINT_NAMES,
+    SMPLX_PARAMETERS,
+    TACO_NAMES,
+    Layout,
+    own_names,
+    quoted,
+)
+from geneoh.readers.records import Record, float32
 from geneoh.sequence.sequence import HandTrack
 
 WristOffset = Callable[[Side, Float[Tensor, " 10"]], Float[Tensor, " 3"]]
 """Where MANO puts the wrist joint of a hand of these betas before any pose: J0(betas)."""
 
-MEAN_WRIST_OFFSET = (0.096, 0.006, 0.006)
-"""J0 of MANO's right mean hand in metres; other betas move it by some 5 mm. The left has -x."""
+OFFSET_NOTE = (
+    "the wrist was placed with the offset of MANO's mean hand, some 5 mm off for other hands; "
+    "pass --mano, or add 'joints', to have it exact"
+)
 
 
 @dataclass(frozen=True)
-class Asked:
-    """What the caller knows and the file may leave open."""
+class HandOptions:
+    """What the caller knows of the hand and the file may leave open."""
 
     side: Side | None = None
     wrist_offset: WristOffset | None = None
 
 
 @dataclass(frozen=True)
-class Reading:
+class HandsRead:
     """What was found in a file, and what had to be assumed, in words."""
 
     hands: tuple[HandTrack, ...]
     notes: tuple[str, ...]
 
 
-def read_hands(fields: Fields, layout: Layout, asked: Asked) -> Reading:
+def read_hands(record: Record, layout: Layout, options: HandOptions) -> HandsRead:
     """The hand tracks of a file in a known layout."""
     if layout == "geneoh-sequence":
-        return read_geneoh(fields, asked)
-    side = side_of(fields, asked)
-    read = {"smplx": read_smplx, "taco": read_taco, "joints": read_joints}[layout]
-    return read(fields, side, asked)
+        return read_own(record, options)
+    side = side_of(record, options)
+    if layout == "smplx":
+        return read_smplx(record, side, options)
+    if layout == "taco":  # which used the official left file as it is
+        return read_track(record, side, TACO_NAMES, name_of(side, AS_SHIPPED))
+    return read_track(record, side, JOINT_NAMES)
 
 
-def side_of(fields: Fields, asked: Asked) -> Side:
-    """Which hand a file of one hand holds: its own word, or the caller's, which must agree."""
-    said = fields.text("side")
-    if said is not None and said not in ("left", "right"):
-        raise fields.refuse("side", "'left' or 'right'", "correct it")
-    if said is None and asked.side is None:
+def side_of(record: Record, options: HandOptions) -> Side:
+    """Which hand a file of one hand holds, by its field 'side' or the caller, who must agree."""
+    side = record.optional_text("side")
+    if side not in (None, "left", "right"):
+        raise record.refuse("side", "'left' or 'right'", "correct it")
+    if side is None and options.side is None:
         raise InputError(
-            f"{fields.file}: which hand it holds must be said by a field 'side', got none; "
+            f"{record.where}: which hand it holds must be said by a field 'side', got none; "
             "pass --side left or --side right"
         )
-    if said is not None and asked.side not in (None, said):
+    if side is not None and options.side not in (None, side):
         raise InputError(
-            f"{fields.file}: 'side' says {said}, got --side {asked.side}; drop one of the two"
+            f"{record.where}: 'side' says {side}, got --side {options.side}; drop one of the two"
         )
-    return asked.side or ("left" if said == "left" else "right")
+    return options.side or ("left" if side == "left" else "right")
 
 
-def read_geneoh(fields: Fields, asked: Asked) -> Reading:
+def read_own(record: Record, options: HandOptions) -> HandsRead:
     """Our own layout: up to two hands, each field with its side in front."""
     sides: list[Side] = [
         side
         for side in ("right", "left")
-        if any(f"{side}_{name}" in fields for name in HAND_FIELDS)
+        if any(name in record for name in own_names(side).values())
     ]
-    if not sides or asked.side not in (None, *sides):
-        wanted = f"a {asked.side} hand" if asked.side else "at least one hand"
+    if not sides or options.side not in (None, *sides):
+        wanted = f"a {options.side} hand" if options.side else "at least one hand"
         raise InputError(
-            f"{fields.file}: expected {wanted}, got {' and '.join(sides) or 'none'}; "
-            f"add '{asked.side or 'right'}_joints'"
+            f"{record.where}: expected {wanted}, got {' and '.join(sides) or 'none'}; "
+            f"add '{options.side or 'right'}_joints'"
         )
-    readings = [read_side(fields, side) for side in sides if asked.side in (None, side)]
-    return Reading(
-        tuple(hand for reading in readings for hand in reading.hands),
-        tuple(note for reading in readings for note in reading.notes),
+    model = record.optional_text("hand_model")
+    found = [
+        read_track(
+            record,
+            side,
+            own_names(side),
+            name_of(side, model) if model in (MENDED, AS_SHIPPED) else model,
+        )
+        for side in sides
+        if options.side in (None, side)
+    ]
+    return HandsRead(
+        tuple(hand for read in found for hand in read.hands),
+        tuple(note for read in found for note in read.notes),
     )
 
 
-def read_side(fields: Fields, side: Side) -> Reading:
-    """One hand of our own layout."""
-    pose = fields.floats(f"{side}_pose", ("T", 48), ("T", 16, 3), unit="in radians")
-    names = [f"{side}_{name}" for name in HAND_FIELDS if name != "betas"]
-    return track(
-        fields,
-        side,
-        names,
-        pose=None if pose is None else pose.reshape(-1, 16, 3),
-        wrist=fields.floats(f"{side}_wrist", ("T", 3), unit="in metres"),
-        betas=fields.floats(f"{side}_betas", (10,), unit="of shape"),
-        joints=fields.floats(f"{side}_joints", ("T", 21, 3), unit="in metres"),
-        confidence=read_confidence(fields, f"{side}_confidence"),
-        joint_spread=fields.floats(f"{side}_joint_spread", ("T", 21), unit="in metres"),
-        hand_model=said_model(fields, side),
-    )
-
-
-def said_model(fields: Fields, side: Side) -> str | None:
-    """The hand model that a file names, for one of its hands."""
-    said = fields.text("hand_model")
-    return name_of(side, said) if said in (MENDED, AS_SHIPPED) else said
-
-
-def read_smplx(fields: Fields, side: Side, asked: Asked) -> Reading:
+def read_smplx(record: Record, side: Side, options: HandOptions) -> HandsRead:
     """The names of the smplx package: pose in two parts, translation of MANO's origin.
 
     Rotation matrices, as HaMeR and WiLoR put them out, are taken as well as axis-angle. Left betas
     are those of the official left file, which smplx uses as it is.
     """
-    if fields.number("flat_hand_mean") == 0:
-        raise fields.refuse(
+    if record.optional_number("flat_hand_mean") == 0:
+        raise record.refuse(
             "flat_hand_mean", "true (zero is the flat hand)", "add hands_mean to 'hand_pose' first"
         )
-    cure = "decode PCA coefficients to 15 axis-angle triples first"
-    pose = [
-        read_rotations(fields, "global_orient", 1),
-        read_rotations(fields, "hand_pose", 15, cure),
-    ]
-    for name, part in zip(("global_orient", "hand_pose"), pose, strict=True):
-        if part is None:
+    for name in SMPLX_PARAMETERS[:2]:
+        if name not in record:
             raise InputError(
-                f"{fields.file}: the smplx layout needs 'global_orient' and 'hand_pose', "
+                f"{record.where}: the smplx layout needs 'global_orient' and 'hand_pose', "
                 f"got no '{name}'; add it"
             )
-    joints = fields.floats("joints", ("T", 21, 3), unit="in metres, in OpenPose order")
-    betas, notes = read_betas(fields, "betas")
-    names = ["global_orient", "hand_pose", "transl", "joints", "valid", "confidence"]
-    fields.refuse_lengths(*names)
-    wrist = None if joints is None else joints[:, 0]
-    transl = fields.floats("transl", ("T", 3), unit="in metres")
-    if wrist is None and transl is not None:
-        offset, note = offset_of_wrist(side, betas, asked)
-        wrist, notes = transl + offset, notes + note
-    reading = track(
-        fields,
-        side,
-        names,
-        pose=torch.cat([part for part in pose if part is not None], dim=1),
-        wrist=wrist,
-        betas=betas,
-        joints=joints,
-        confidence=read_confidence(fields, "confidence"),
-        hand_model=name_of(side, AS_SHIPPED),
+    orient, fingers = (
+        read_rotations(record, "global_orient", 1),
+        read_rotations(record, "hand_pose", 15),
     )
-    return Reading(reading.hands, (*notes, *reading.notes))
+    record.refuse_lengths(*SMPLX_PARAMETERS)
+    pose, wrist, notes = torch.cat([orient, fingers], dim=1), None, ()
+    transl = record.tensor("transl", ("T", 3), unit="in metres")
+    if "joints" in record:
+        joints = record.tensor("joints", ("T", 21, 3), unit="in metres")
+        wrist = None if joints is None else joints[:, 0]
+    elif transl is not None:
+        betas, _ = read_betas(record, "betas")
+        offset, notes = offset_of_wrist(side, betas, options)
+        wrist = transl + offset
+    read = read_track(
+        record,
+        side,
+        {**JOINT_NAMES, "betas": "betas"},
+        name_of(side, AS_SHIPPED),
+        parameters=SMPLX_PARAMETERS,
+        pose=pose,
+        wrist=wrist,
+    )
+    return HandsRead(read.hands, (*notes, *read.notes))
 
 
-def read_rotations(
-    fields: Fields, name: str, count: int, cure: str = ""
-) -> Float[Tensor, "T R 3"] | None:
+def read_rotations(record: Record, name: str, count: int) -> Float[Tensor, "T R 3"]:
     """`count` rotations per frame as axis-angle, from axis-angle or from matrices."""
+    remedy = "decode PCA coefficients to 15 axis-angle triples first" if count > 1 else ""
     shapes = [("T", 3 * count), ("T", count, 3), ("T", count, 3, 3)]
-    values = fields.floats(name, *shapes, unit="in radians", cure=cure)
-    if values is None or values.ndim < 4:
-        return None if values is None else values.reshape(-1, count, 3)
-    return matrix_to_axis_angle(values)
-
-
-def read_betas(fields: Fields, name: str) -> tuple[Float[Tensor, " 10"] | None, tuple[str, ...]]:
-    """Shape coefficients of the sequence; one set per frame is averaged, and that is said."""
-    betas = fields.floats(name, (10,), ("T", 10), unit="of shape")
-    if betas is None or betas.ndim == 1:
-        return betas, ()
-    observed = betas[all_finite(betas)]
-    notes = (f"'{name}' averaged over {len(observed)} frames",) if len(betas) > 1 else ()
-    return observed.mean(0), notes
+    values = float32(record.array(name, *shapes, unit="in radians", remedy=remedy))
+    return values.reshape(-1, count, 3) if values.ndim < 4 else matrix_to_axis_angle(values)
 
 
 def offset_of_wrist(
-    side: Side, betas: Float[Tensor, " 10"] | None, asked: Asked
+    side: Side, betas: Float[Tensor, " 10"] | None, options: HandOptions
 ) -> tuple[Float[Tensor, " 3"], tuple[str, ...]]:
     """From MANO's origin to its wrist joint: exact with the model, else that of the mean hand."""
-    if asked.wrist_offset is not None:
-        return asked.wrist_offset(side, torch.zeros(10) if betas is None else betas), ()
-    x, y, z = MEAN_WRIST_OFFSET
-    note = (
-        "the wrist was placed with the offset of MANO's mean hand, some 5 mm off for other hands; "
-        "pass --mano, or add 'joints', to have it exact"
-    )
-    return torch.tensor([x if side == "right" else -x, y, z]), (note,)
+    if options.wrist_offset is not None:
+        return options.wrist_offset(side, torch.zeros(10) if betas is None else betas), ()
+    return float32(mean_wrist_offset(side)), (OFFSET_NOTE,)
 
 
-def read_taco(fields: Fields, side: Side, asked: Asked) -> Reading:
-    """The names of a TACO recording: the whole pose in one, translation of the wrist.
-
-    TACO used the official left file as it is.
-    """
-    pose = fields.floats("hand_pose", ("T", 48), ("T", 16, 3), unit="in radians")
-    names = ["hand_pose", "hand_trans", "hand_joints", "hand_valid"]
-    return track(
-        fields,
-        side,
-        names,
-        pose=None if pose is None else pose.reshape(-1, 16, 3),
-        wrist=fields.floats("hand_trans", ("T", 3), unit="in metres"),
-        betas=fields.floats("hand_shape", (10,), unit="of shape"),
-        joints=fields.floats("hand_joints", ("T", 21, 3), unit="in metres"),
-        hand_model=name_of(side, AS_SHIPPED),
-    )
+def read_betas(record: Record, name: str) -> tuple[Float[Tensor, " 10"] | None, tuple[str, ...]]:
+    """Shape coefficients of the sequence; one set per frame is averaged, and that is noted."""
+    betas, notes = record.tensor(name, (10,), ("T", 10), unit="of shape"), ()
+    if betas is not None and betas.ndim == 2:
+        observed = betas[all_finite(betas)]
+        notes = (f"'{name}' averaged over {len(observed)} frames",) if len(betas) > 1 else ()
+        betas = observed.mean(0)
+    if betas is not None and not bool(betas.isfinite().all()):
+        raise InputError(
+            f"{record.where}: the betas must be finite, got {betas.tolist()}; fix them"
+        )
+    return betas, notes
 
 
-def read_joints(fields: Fields, side: Side, asked: Asked) -> Reading:
-    """Keypoints alone."""
-    return track(
-        fields,
-        side,
-        ["joints", "valid", "confidence"],
-        joints=fields.floats("joints", ("T", 21, 3), unit="in metres, in OpenPose order"),
-        confidence=read_confidence(fields, "confidence"),
-    )
-
-
-def read_confidence(fields: Fields, name: str) -> Float[Tensor, "T 21"] | None:
+def read_confidence(record: Record, name: str) -> Float[Tensor, "T 21"] | None:
     """Trust in each keypoint, from one number per frame or per keypoint."""
-    values = fields.floats(name, ("T", 21), ("T",), unit="from 0 to 1")
+    values = record.tensor(name, ("T", 21), ("T",), unit="from 0 to 1")
     if values is None:
         return None
     if bool(((values < 0) | (values > 1)).any()):
         low, high = float(values.nan_to_num().min()), float(values.nan_to_num().max())
         raise InputError(
-            f"{fields.file}: '{name}' must be between 0 and 1, got {low:g} to {high:g}; rescale it"
+            f"{record.where}: '{name}' must be between 0 and 1, got {low:g} to {high:g}; rescale it"
         )
     return values if values.ndim == 2 else values[:, None].repeat(1, 21)
 
 
-def track(
-    fields: Fields,
+def read_track(
+    record: Record,
     side: Side,
-    names: Sequence[str],
-    *,
-    joints: Tensor | None = None,
-    pose: Tensor | None = None,
-    wrist: Tensor | None = None,
-    betas: Tensor | None = None,
-    confidence: Tensor | None = None,
-    joint_spread: Tensor | None = None,
+    names: dict[str, str],
     hand_model: str | None = None,
-) -> Reading:
+    *,
+    parameters: Sequence[str] = (),
+    pose: Float[Tensor, "T 16 3"] | None = None,
+    wrist: Float[Tensor, "T 3"] | None = None,
+) -> HandsRead:
     """One hand from its fields, with the frames that can be used marked as valid.
 
     Args:
-        fields: the file.
+        record: the file.
         side: which hand.
-        names: the per-frame fields that it comes from.
-        joints, pose, wrist, betas, confidence, joint_spread, hand_model: as in `HandTrack`.
+        names: the file's name of each field of `HAND_FIELDS` that its layout has.
+        hand_model: whose betas they are.
+        parameters: further fields that pose and wrist were made from.
+        pose: of the layouts that have another form of it.
+        wrist: as the pose.
     """
-    fields.refuse_lengths(*names)
-    if betas is not None and not bool(betas.isfinite().all()):
-        raise InputError(f"{fields.file}: the betas must be finite, got {betas.tolist()}; fix them")
+    field = {name: names.get(name, "") for name in HAND_FIELDS}
+    per_frame = [*parameters, *(field[name] for name in HAND_FIELDS if name != "betas")]
+    joints = record.tensor(field["joints"], ("T", 21, 3), unit="in metres, in OpenPose order")
+    if pose is None:
+        pose = record.tensor(field["pose"], ("T", 48), ("T", 16, 3), unit="in radians")
+        pose = None if pose is None else pose.reshape(-1, 16, 3)
+    if wrist is None:
+        wrist = record.tensor(field["wrist"], ("T", 3), unit="in metres")
+    betas, notes = read_betas(record, field["betas"])
+    confidence = read_confidence(record, field["confidence"])
+    spread = record.tensor(field["joint_spread"], ("T", 21), unit="in metres")
+    there = [name for name in per_frame if name in record]
+    record.refuse_lengths(*there)
     if joints is None and (pose is None or wrist is None):
         raise InputError(
-            f"{fields.file}: the {side} hand needs its joints, or its pose with the wrist's place, "
-            f"got {quoted(name for name in names if name in fields) or 'neither'}; add the rest"
+            f"{record.where}: the {side} hand needs its joints, or its pose with the wrist's "
+            f"place, got {quoted(there) or 'neither'}; add the rest"
         )
-    parts = [part for part in (joints, pose, wrist, confidence, joint_spread) if part is not None]
+    parts = [part for part in (joints, pose, wrist, confidence, spread) if part is not None]
     finite = torch.stack([all_finite(part) for part in parts]).all(0)
-    said = next((name for name in names if name.endswith("valid") and name in fields), None)
-    valid, notes = observed_frames(fields, side, said, finite)
-    hand = HandTrack(side, valid, joints, pose, wrist, betas, hand_model, confidence, joint_spread)
-    return Reading((hand,), notes)
+    valid, more = observed_frames(record, side, field["valid"], finite)
+    hand = HandTrack(side, valid, joints, pose, wrist, betas, hand_model, confidence, spread)
+    return HandsRead((hand,), (*notes, *more))
 
 
 def observed_frames(
-    fields: Fields, side: Side, said: str | None, finite: Bool[Tensor, " T"]
+    record: Record, side: Side, name: str, finite: Bool[Tensor, " T"]
 ) -> tuple[Bool[Tensor, " T"], tuple[str, ...]]:
-    """Frames that hold a hand: those the file says, which must be finite, else the finite ones."""
-    valid = finite if said is None else fields.flags(said)
-    assert valid is not None, "names that are not in the file were left out above"
+    """Frames that hold a hand: those of the file's mask, which must be finite, else the finite."""
+    valid = record.flags(name) if name in record else finite
     if not bool(valid.any()):
         raise InputError(
-            f"{fields.file}: at least one frame must hold the {side} hand, got {len(valid)} frames "
-            f"without{'' if said is None else f' by {said!r}'}; there is nothing to clean"
+            f"{record.where}: at least one frame must hold the {side} hand, got {len(valid)} "
+            f"frames without{f' by {name!r}' if name in record else ''}; there is nothing to clean"
         )
     wrong = torch.nonzero(valid & ~finite)
     if len(wrong):
         raise InputError(
-            f"{fields.file}: the {side} hand must be finite where '{said}' is true, got NaN or "
+            f"{record.where}: the {side} hand must be finite where '{name}' is true, got NaN or "
             f"infinity in {len(wrong)} frames, the first is {int(wrong[0])}; mark them as not valid"
         )
     missing = int((~finite).sum())
-    if said is not None or missing == 0:
+    if name in record or missing == 0:
         return valid, ()
     return valid, (f"{missing} of {len(valid)} frames hold NaN and count as not observed",)
+
+
+def all_finite(values: Float[Tensor, "T ..."]) -> Bool[Tensor, " T"]:
+    """For each frame, whether all of its numbers are finite."""
+    return values.isfinite().flatten(1).all(1) if values.ndim > 1 else values.isfinite()

@@ -1,37 +1,52 @@
-"""The layouts of npz files that people have at hand: their fields, and how to tell them apart.
+"""The layouts of npz files that people have: their fields, and how to recognise them.
 
 A file that could be in two of them is refused, never guessed about.
 """
 
 import difflib
+import sys
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Literal
 
+from geneoh.choices import SIDES, Side
 from geneoh.errors import InputError
-from geneoh.readers.fields import Fields
+from geneoh.files.npz import read_archive
+from geneoh.readers.records import Record
 
 Layout = Literal["geneoh-sequence", "smplx", "taco", "joints"]
 
 FORMAT, VERSION = "geneoh-sequence", 1
 
 HAND_FIELDS = ("pose", "wrist", "betas", "joints", "valid", "confidence", "joint_spread")
+"""Fields of a hand in our own layout, where each has its side in front."""
 OBJECT_FIELDS = ("object_rotation", "object_translation", "obj_pose")
-LAYOUTS: dict[Layout, tuple[str, ...]] = {
-    "geneoh-sequence": (
-        *("format", "version", "fps", "hand_model", "source"),
-        *(f"{side}_{name}" for side in ("right", "left") for name in HAND_FIELDS),
-    ),
-    "smplx": (
-        *("global_orient", "hand_pose", "transl", "betas", "flat_hand_mean"),
-        *("joints", "valid", "confidence", "side", "fps"),
-    ),
-    "taco": (
-        *("hand_pose", "hand_trans", "hand_shape", "hand_joints", "hand_valid"),
-        *("side", "fps"),
-    ),
-    "joints": ("joints", "valid", "confidence", "side", "fps"),
+"""Fields of the object in every layout."""
+SMPLX_PARAMETERS = ("global_orient", "hand_pose", "transl")
+JOINT_NAMES = {name: name for name in ("joints", "valid", "confidence")}
+TACO_NAMES = {
+    "pose": "hand_pose",
+    "wrist": "hand_trans",
+    "betas": "hand_shape",
+    "joints": "hand_joints",
+    "valid": "hand_valid",
 }
-"""The fields that each layout knows, object fields aside; all layouts share those."""
+"""What the fields of a hand are called in the layout of bare joints and in TACO's."""
+
+
+def own_names(side: Side) -> dict[str, str]:
+    """What the fields of one hand are called in our own layout."""
+    return {name: f"{side}_{name}" for name in HAND_FIELDS}
+
+
+OWN_FIELDS = tuple(name for side in SIDES for name in own_names(side).values())
+LAYOUTS: dict[Layout, tuple[str, ...]] = {
+    "geneoh-sequence": ("format", "version", "fps", "hand_model", "source", *OWN_FIELDS),
+    "smplx": (*SMPLX_PARAMETERS, "betas", "flat_hand_mean", *JOINT_NAMES, "side", "fps"),
+    "taco": (*TACO_NAMES.values(), "side", "fps"),
+    "joints": (*JOINT_NAMES, "side", "fps"),
+}
+"""The fields that each layout knows, besides those of the object."""
 
 MARKS: dict[Layout, tuple[str, ...]] = {
     "smplx": ("global_orient", "transl"),
@@ -40,66 +55,71 @@ MARKS: dict[Layout, tuple[str, ...]] = {
 """Fields that only this layout has."""
 
 TYPO_CUTOFF = 0.85
-"""Similarity above which an unknown field name is taken for a slip of a known one."""
+"""Similarity above which an unknown field name is taken for a misspelt one."""
 
 
-def layout_of(fields: Fields) -> Layout:
+def read_fields(path: Path) -> Record:
+    """The fields of an npz, of which plain arrays only are read.
+
+    Raises:
+        InputError: not an npz, or one with anything but plain arrays.
+    """
+    remedy = "reshape it or export the file again"
+    return Record(str(path), read_archive(path), remedy, most_frames=sys.maxsize)
+
+
+def layout_of(record: Record) -> Layout:
     """The one layout that a file is in.
 
     Raises:
         InputError: none fits, or more than one does.
     """
-    if "format" in fields:
-        return refuse_format(fields)
-    sided = [f"{side}_{name}" for side in ("right", "left") for name in HAND_FIELDS]
-    if any(name in fields for name in sided):
+    if "format" in record:
+        refuse_other_format(record)
+        return FORMAT
+    if any(name in record for name in OWN_FIELDS):
         raise InputError(
-            f"{fields.file}: has fields of the geneoh-sequence layout, got no 'format'; "
+            f"{record.where}: has fields of the geneoh-sequence layout, got no 'format'; "
             f"add format='{FORMAT}' and version={VERSION}"
         )
     found: dict[Layout, list[str]] = {
-        layout: [name for name in marks if name in fields] for layout, marks in MARKS.items()
+        layout: [name for name in marks if name in record] for layout, marks in MARKS.items()
     }
     # `joints` may complete the smplx names, which carry none; the TACO names have their own.
-    if "joints" in fields and not found["smplx"]:
+    if "joints" in record and not found["smplx"]:
         found["joints"] = ["joints"]
     found = {layout: names for layout, names in found.items() if names}
     if len(found) == 1:
         return next(iter(found))
     if not found:
         raise InputError(
-            f"{fields.file}: expected a hand as 'right_joints' or 'right_pose' (geneoh-sequence), "
+            f"{record.where}: expected a hand as 'right_joints' or 'right_pose' (geneoh-sequence), "
             "'global_orient' (smplx), 'hand_trans' (TACO) or 'joints', got "
-            f"{quoted(fields.arrays) or 'no field at all'}; rename the fields"
+            f"{quoted(record.values) or 'no field at all'}; rename the fields"
         )
     choices = " or ".join(f"{quoted(names)} ({layout})" for layout, names in found.items())
     raise InputError(
-        f"{fields.file}: the hand must come in one layout, got the fields of {len(found)}; "
+        f"{record.where}: the hand must come in one layout, got the fields of {len(found)}; "
         f"remove {choices}"
     )
 
 
-def refuse_format(fields: Fields) -> Layout:
-    """Our own layout, once its name and version are ones that can be read."""
-    if fields.text("format") != FORMAT:
-        raise fields.refuse("format", f"'{FORMAT}'", "remove it to have the other fields read")
-    if "version" not in fields or fields.number("version") != VERSION:
-        version = fields.number("version")
-        raise InputError(
-            f"{fields.file}: 'version' must be {VERSION}, got "
-            f"{'none' if version is None else f'{version:g}'}; write it with this geneoh, "
-            "or install the geneoh that wrote it"
-        )
-    return FORMAT
+def refuse_other_format(record: Record) -> None:
+    """Raise unless the file is in our own layout, of a version that can be read."""
+    if record.text("format") != FORMAT:
+        raise record.refuse("format", f"'{FORMAT}'", "remove it to have the other fields read")
+    if record.optional_number("version") != VERSION:
+        remedy = "write it with this geneoh, or install the geneoh that wrote it"
+        raise record.refuse("version", str(VERSION), remedy)
 
 
-def slips(fields: Fields, layout: Layout) -> list[str]:
-    """Unknown fields that look like a slip of a known one that the file lacks, with that one."""
+def misspelt(record: Record, layout: Layout) -> list[str]:
+    """Unknown fields that look like a known one that the file lacks, with that one."""
     known = {*LAYOUTS[layout], *OBJECT_FIELDS}
-    missing = sorted(known - set(fields.arrays))
+    missing = sorted(known - set(record.values))
     close = {
         name: difflib.get_close_matches(name, missing, 1, TYPO_CUTOFF)
-        for name in fields.arrays
+        for name in record.values
         if name not in known
     }
     return [f"'{name}' is not read; is it '{match[0]}'?" for name, match in close.items() if match]

@@ -6,8 +6,9 @@ from pathlib import Path
 from geneoh.choices import JointOrder, Side, Translation
 from geneoh.geometry.mesh import load_mesh
 from geneoh.readers.base import ReaderOptions
-from geneoh.readers.convert import read_one
-from geneoh.readers.records import Array, read_array
+from geneoh.readers.foreign_files import read_array
+from geneoh.readers.recordings import read_one
+from geneoh.readers.records import Array
 from geneoh.sequence.sequence import Sequence
 from geneoh.sequence.validation import check_sequence
 

@@ -1,110 +1,171 @@
-"""Values out of foreign files with their shape and kind checked, as float64 until a track is made.
+"""The named values of one file, taken out with their shape and kind checked.
 
-Every refusal names the file and the field, what was expected and what came.
+Every refusal names the file and the field, what was expected, what came and what to do about it.
 """
 
-import csv
-import json
-import re
-from array import array as growing
+import sys
+from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
+from jaxtyping import Bool
+from torch import Tensor
 
 from geneoh.errors import InputError
-from geneoh.pickles.files import open_text, read_bytes, read_values
 
 Array = np.ndarray
 
-TABLE_LIMIT = 2**29
-"""Bytes of a table that is read line by line."""
-
-JSON_LIMIT = 2**26
-"""Bytes of a JSON file: its lists take twenty times as much memory."""
-
-WORDS_LIMIT = 2**24
-"""Bytes of a text of numbers, each of which takes thirty times as much memory."""
+Shape = tuple[int | str, ...]
+"""Sizes of the axes: a number, or a letter for any size from 1 up. Equal letters, equal sizes."""
 
 NUMBERS_LIMIT = 2**27
 """Numbers of one field: a gigabyte of float64, though a file may hold them as single bytes."""
 
 FRAME_LIMIT = 3 * 10**5
-"""Frames of one clip: almost three hours at 30 frames a second."""
+"""Frames of one clip of a data set: almost three hours at 30 frames a second."""
+
+NESTING_LIMIT = 64
+"""Lists within lists that numpy turns into an array."""
+
+AS_DISTRIBUTED = "check that this is the file of the data set, as it is distributed"
+"""What to do about a wrong field of a data set's file."""
 
 
 @dataclass(frozen=True)
 class Record:
-    """A dict of a foreign file; `where` names the file and the way to it."""
+    """The fields of a file, or of a dict within it."""
 
     where: str
-    values: dict[Any, Any]
+    """The file and the way to the fields, for messages."""
+    values: Mapping[Any, Any]
+    remedy: str = AS_DISTRIBUTED
+    """What to do about a wrong field, where its reader knows nothing better."""
+    most_frames: int = FRAME_LIMIT
+    """Frames that a field may have at most."""
 
     def __contains__(self, name: Any) -> bool:
         return name in self.values
 
-    def refuse(self, name: Any, expected: str) -> InputError:
-        """The error for a field that is not what it should be."""
+    def refuse(self, name: Any, expected: str, remedy: str = "") -> InputError:
+        """The error for a field that is not what it should be; `expected` follows "must be"."""
         got = described(self.values[name]) if name in self.values else "none"
         return InputError(
-            f"{self.where}: '{name}' must be {expected}, got {got}; "
-            "check that this is the file of the data set, as it is distributed"
+            f"{self.where}: '{name}' must be {expected}, got {got}; {remedy or self.remedy}"
         )
 
-    def array(self, name: Any, *shapes: tuple[int | str, ...]) -> Array:
-        """Numbers of one of `shapes`; a letter stands for an axis of any size from 1 up.
+    def array(self, name: Any, *shapes: Shape, unit: str = "", remedy: str = "") -> Array:
+        """Numbers of one of some shapes, as float64; axes of one are dropped or added to fit.
 
-        Axes of one are dropped or added to fit, as the field's files do.
+        Args:
+            name: the field.
+            shapes: those allowed; an axis of frames comes first and is called "T".
+            unit: what the numbers measure, as the message shows it, such as "in metres".
+            remedy: what to do about a wrong shape.
         """
         array = self.numbers(name)
-        for shape in shapes:  # an axis of frames is the first
-            if len(shape) and shape[0] == "T" and len(array.shape) and array.shape[0] > FRAME_LIMIT:
-                raise self.refuse(name, f"numbers of at most {FRAME_LIMIT} frames")
+        frames = len(array) if array.ndim and any(shape[:1] == ("T",) for shape in shapes) else 0
+        if frames > self.most_frames:
+            raise self.refuse(name, f"numbers of at most {self.most_frames} frames")
         for shape in shapes:
             if matches(array.shape, shape):
                 return array
         for shape in shapes:
             fixed = [size for size in shape if isinstance(size, int)]
-            if len(fixed) == len(shape) and squeezed(array.shape) == squeezed(shape):
+            if len(fixed) == len(shape) and without_ones(array.shape) == without_ones(shape):
                 return array.reshape(fixed)
-        raise self.refuse(name, f"numbers of shape {' or '.join(map(shown, shapes))}")
+        empty = "" if array.size else "at least one frame is needed"
+        wanted = " or ".join(map(shown, shapes))
+        raise self.refuse(name, f"numbers of shape {wanted} {unit}".rstrip(), empty or remedy)
+
+    def optional_array(self, name: Any, *shapes: Shape, **refusal: str) -> Array | None:
+        """As `array`, or None where the field is not there."""
+        return self.array(name, *shapes, **refusal) if name in self else None
+
+    def tensor(self, name: Any, *shapes: Shape, **refusal: str) -> Tensor | None:
+        """As `optional_array`, but float32; what is too large for it becomes infinite."""
+        array = self.optional_array(name, *shapes, **refusal)
+        return None if array is None else float32(array)
+
+    def side_by_side(self, **widths: int) -> Array:
+        """(T, N) fields of (T, width) numbers each, one beside the other."""
+        shapes: dict[str, list[Shape]] = {name: [("T", width)] for name, width in widths.items()}
+        for name, width in widths.items():
+            shapes[name] += [("T",)] * (width == 1)
+        arrays = [self.array(name, *shapes[name]).reshape(-1, widths[name]) for name in widths]
+        self.refuse_lengths(*widths)
+        return np.concatenate(arrays, axis=1)
 
     def numbers(self, name: Any) -> Array:
         """The field as float64, whatever its shape."""
         value = self.values.get(name)
-        if entries(value) > NUMBERS_LIMIT:
+        if count_entries(value) > NUMBERS_LIMIT:
             raise self.refuse(name, f"at most {NUMBERS_LIMIT} numbers")
         try:
             array = np.asarray(value)
-        except ValueError:
+        except (ValueError, OverflowError):  # rows of other lengths, integers of any size
             raise self.refuse(name, "an array of numbers") from None
         if array.dtype.kind not in "fiub":
             raise self.refuse(name, "an array of numbers")
         return array.astype(np.float64)
 
-    def number(self, name: Any) -> float:
-        """A single finite number."""
+    def number(self, name: Any, remedy: str = "") -> float:
+        """A single number, which may be NaN or infinite; true and false count as 1 and 0."""
         value = self.numbers(name)
-        if value.size != 1 or not np.isfinite(value).all():
-            raise self.refuse(name, "one number")
+        if value.size != 1:
+            raise self.refuse(name, "one number", remedy)
         return float(value.reshape(()))
+
+    def optional_number(self, name: Any, remedy: str = "") -> float | None:
+        """As `number`, or None where the field is not there."""
+        return self.number(name, remedy) if name in self else None
+
+    def finite(self, name: Any) -> float:
+        """A single finite number."""
+        value = self.number(name)
+        if not np.isfinite(value):
+            raise self.refuse(name, "one finite number")
+        return value
+
+    def integers(self, name: Any) -> list[int]:
+        """Whole numbers, whatever the field's shape."""
+        values = self.numbers(name).ravel()
+        if not (np.abs(values) < sys.maxsize).all() or (values != np.rint(values)).any():
+            raise self.refuse(name, "whole numbers")
+        return values.astype(np.int64).tolist()
+
+    def integer(self, name: Any) -> int:
+        """A single whole number."""
+        values = self.integers(name)
+        if len(values) != 1:
+            raise self.refuse(name, "one whole number")
+        return values[0]
+
+    def flags(self, name: Any) -> Bool[Tensor, " T"]:
+        """A mask over the frames, given as booleans or as zeros and ones."""
+        array = np.asarray(self.values[name])
+        if array.ndim != 1 or array.dtype.kind not in "biuf" or not np.isin(array, (0, 1)).all():
+            raise self.refuse(name, "one boolean for each frame", "save it with dtype=bool")
+        return torch.from_numpy(array.astype(bool))
 
     def text(self, name: Any) -> str:
         """A single piece of text."""
-        value = self.values.get(name)
-        value = value.item() if isinstance(value, np.ndarray) and value.size == 1 else value
-        if not isinstance(value, str):
-            raise self.refuse(name, "text")
-        return value
+        value = only(self.values.get(name))
+        if not isinstance(value, str | bytes):
+            raise self.refuse(name, "one piece of text")
+        return value.decode("utf-8", "replace") if isinstance(value, bytes) else value
+
+    def optional_text(self, name: Any) -> str | None:
+        """As `text`, or None where the field is not there."""
+        return self.text(name) if name in self else None
 
     def record(self, name: Any) -> "Record":
         """A dict within the dict."""
-        value = self.values.get(name)
-        value = value.item() if isinstance(value, np.ndarray) and value.size == 1 else value
+        value = only(self.values.get(name))
         if not isinstance(value, dict):
             raise self.refuse(name, "a dict")
-        return Record(f"{self.where} '{name}'", value)
+        return Record(f"{self.where} '{name}'", value, self.remedy, self.most_frames)
 
     def items(self, name: Any) -> list[Any]:
         """A list of any values."""
@@ -115,24 +176,65 @@ class Record:
             raise self.refuse(name, "a list")
         return list(value)
 
+    def texts(self, name: Any) -> list[str]:
+        """A list of texts."""
+        items = self.items(name)
+        if not all(isinstance(item, str) for item in items):
+            raise self.refuse(name, "a list of texts")
+        return items
 
-def entries(value: Any, seen: dict[int, int] | None = None) -> int:
+    def refuse_lengths(self, *names: str) -> None:
+        """Refuse fields of one track that do not have the same number of frames."""
+        lengths = {name: len(self.values[name]) for name in names if name in self}
+        if len(set(lengths.values())) > 1:
+            got = ", ".join(f"'{name}' with {length}" for name, length in lengths.items())
+            raise InputError(
+                f"{self.where}: fields of one track must have the same number of frames, "
+                f"got {got}; cut them to the same frames"
+            )
+
+
+def as_record(value: Any, where: str) -> Record:
+    """A value that must be a dict."""
+    if not isinstance(value, dict):
+        raise InputError(
+            f"{where}: expected a dict of fields, got {described(value)}; {AS_DISTRIBUTED}"
+        )
+    return Record(where, value)
+
+
+def only(value: Any) -> Any:
+    """The entry of an array of one entry; any other value as it is."""
+    return value.item() if isinstance(value, np.ndarray) and value.size == 1 else value
+
+
+def float32(values: Array) -> Tensor:
+    """float32, as all tracks are; what is too large for it becomes infinite, and is refused."""
+    with np.errstate(over="ignore"):
+        return torch.from_numpy(np.array(values, dtype=np.float32))
+
+
+def count_entries(value: Any, seen: dict[int, int] | None = None, depth: int = 0) -> int:
     """How many numbers a list of lists would become; a list that stands twice counts twice.
 
     Counted before the array is made: fifty lists that each hold the next one twice fill any memory.
+    Lists that numpy would not turn into an array count as too many.
     """
     if isinstance(value, np.ndarray):
         return value.size
     if not isinstance(value, list | tuple):
         return 1
+    if depth > NESTING_LIMIT:
+        return NUMBERS_LIMIT + 1
     seen = {} if seen is None else seen
     if id(value) not in seen:
-        seen[id(value)] = sum(entries(item, seen) for item in value)
+        seen[id(value)] = NUMBERS_LIMIT + 1  # until it is counted: a list that holds itself
+        seen[id(value)] = sum(count_entries(item, seen, depth + 1) for item in value)
     return seen[id(value)]
 
 
-def matches(shape: tuple[int, ...], pattern: tuple[int | str, ...]) -> bool:
-    """Whether a shape is that of the pattern; equal letters stand for equal sizes."""
+def matches(shape: tuple[int, ...], pattern: Shape) -> bool:
+    """Whether an array's shape is one that the pattern allows."""
     sizes: dict[str, int] = {}
     return len(shape) == len(pattern) and all(
         0 < size == sizes.setdefault(want, size) if isinstance(want, str) else size == want
@@ -140,129 +242,23 @@ def matches(shape: tuple[int, ...], pattern: tuple[int | str, ...]) -> bool:
     )
 
 
-def squeezed(shape: tuple[int | str, ...]) -> tuple[int | str, ...]:
+def without_ones(shape: Shape) -> Shape:
     """A shape without its axes of one."""
     return tuple(size for size in shape if size != 1)
 
 
-def shown(shape: tuple[int | str, ...]) -> str:
+def shown(shape: Shape) -> str:
     """A shape for a message."""
     return f"({', '.join(map(str, shape))}{',' * (len(shape) == 1)})"
 
 
 def described(value: Any) -> str:
     """What a value is, in few words."""
-    if isinstance(value, np.ndarray):
+    if isinstance(value, np.ndarray) and value.ndim:
         return f"{value.shape} of {value.dtype}"
+    value = only(value)
     if isinstance(value, dict | list | tuple):
         return f"a {type(value).__name__} of {len(value)}"
     if isinstance(value, str):
         return f"text {value[:40]!r}"
-    shown = f" {value!r}"[:40] if isinstance(value, bool | int | float | np.generic) else ""
-    return f"{type(value).__name__}{shown}"
-
-
-def read_record(path: Path) -> Record:
-    """The dict in a pickle, npz, npy, checkpoint or joblib file."""
-    return as_record(read_values(path), str(path))
-
-
-def as_record(value: Any, where: str) -> Record:
-    """A value that must be a dict."""
-    if not isinstance(value, dict):
-        raise InputError(
-            f"{where}: expected a dict of fields, got {described(value)}; "
-            "check that this is the file of the data set, as it is distributed"
-        )
-    return Record(where, value)
-
-
-def read_array(path: Path, *shapes: tuple[int | str, ...]) -> Array:
-    """The one array in a npy, pickle or checkpoint file."""
-    return Record(str(path), {"array": read_values(path)}).array("array", *shapes)
-
-
-def read_json(path: Path) -> Any:
-    """The value in a JSON file."""
-    try:
-        return json.loads(read_bytes(path, JSON_LIMIT))
-    except (ValueError, RecursionError) as error:
-        reason = " ".join(str(error).split())[:100]
-        raise InputError(
-            f"{path}: expected JSON, got what is none ({reason}); it is damaged, copy it again"
-        ) from None
-
-
-def read_text(path: Path, limit: int = WORDS_LIMIT) -> str:
-    """The text of a file, in UTF-8."""
-    return read_bytes(path, limit).decode("utf-8", "replace")
-
-
-def read_table(path: Path, wanted: re.Pattern[str]) -> Record:
-    """Columns of a CSV as arrays by name; blanks around names are dropped.
-
-    What is no number comes as NaN.
-
-    Args:
-        path: the file.
-        wanted: the names of the columns to read.
-
-    Raises:
-        InputError: no table, or too large a one.
-    """
-    with open_text(path, TABLE_LIMIT) as file:
-        rows = csv.reader(file)
-        names = [name.strip() for name in next(rows, [])]
-        columns = {
-            index: growing("d") for index, name in enumerate(names) if wanted.fullmatch(name)
-        }
-        for row in rows:
-            if len(row) != len(names):
-                raise InputError(f"{path}: expected rows as long as the heading; copy it again")
-            for index, column in columns.items():
-                column.append(number_in(row[index]))
-    return Record(str(path), {names[index]: np.array(column) for index, column in columns.items()})
-
-
-def number_in(text: str) -> float:
-    """A number, or NaN for anything else."""
-    try:
-        return float(text)
-    except ValueError:
-        return float("nan")
-
-
-def read_numbers(path: Path, *counts: int) -> Array:
-    """The numbers of a text file with one line per row, or all of one row.
-
-    Args:
-        path: the file.
-        counts: numbers that a row may have.
-
-    Raises:
-        InputError: not numbers, or rows of other lengths.
-    """
-    rows = [line.split() for line in read_text(path).splitlines() if line.strip()]
-    try:
-        values = np.array([[float(word) for word in row] for row in rows])
-    except ValueError:
-        values = np.zeros((0, 0))
-    if values.ndim != 2 or values.shape[1] not in counts:
-        wanted = " or ".join(map(str, counts))
-        raise InputError(
-            f"{path}: expected rows of {wanted} numbers, got {len(rows)} rows of "
-            f"{sorted({len(row) for row in rows})[:4]} words; it is damaged, copy it again"
-        )
-    return values
-
-
-def frame_number(path: Path) -> int:
-    """The number in a file's name, such as 17 in 00017.json.
-
-    Raises:
-        InputError: the name is no frame's number.
-    """
-    digits = "".join(ch for ch in path.stem if ch.isdigit())
-    if not digits or len(digits) > 9 or int(digits) > FRAME_LIMIT:
-        raise InputError(f"{path}: expected a frame's number as the name; rename or remove it")
-    return int(digits)
+    return f"{type(value).__name__} {value!r}"[:60]

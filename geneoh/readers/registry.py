@@ -1,8 +1,29 @@
-"""What can be read, the licence of each and where to get it; no adapter is imported until asked."""
+"""The sources that can be read, with the licence of each and where to get it.
+
+A source's own module is imported only when its reader is asked for, so that the table costs no
+time at `--help`.
+"""
 
 from dataclasses import dataclass
 from importlib import import_module
-from types import ModuleType
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
+
+if TYPE_CHECKING:
+    from geneoh.readers.base import ReaderOptions, Recording, SourceClip
+
+
+@runtime_checkable
+class Reader(Protocol):
+    """What reads the files of one source: it alone knows their units, axes and conventions."""
+
+    def find(self, path: Path) -> "list[SourceClip]":
+        """Every clip at or below a path."""
+        ...
+
+    def read(self, clip: "SourceClip", options: "ReaderOptions") -> "list[Recording]":
+        """The recordings of one clip."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -10,15 +31,16 @@ class Source:
     """A data set or an estimator whose files are read as they are distributed."""
 
     name: str
-    """On the command line; the module of its adapter has the same name."""
+    """On the command line; the module of its reader has the same name."""
     title: str
     holds: str
     licence: str
     where: str
+    """Where to get it."""
 
-    def adapter(self) -> ModuleType:
-        """The module with `find(path)` and `read(clip, known)`."""
-        return import_module(f"geneoh.readers.sources.{self.name}")
+    def reader(self) -> Reader:
+        """The source's reader, which is the READER of its module."""
+        return import_module(f"geneoh.readers.sources.{self.name}").READER
 
 
 NON_COMMERCIAL = "non-commercial research"

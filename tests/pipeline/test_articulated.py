@@ -7,7 +7,7 @@ import trees
 from geneoh.pipeline import denoise as module
 from geneoh.pipeline.denoise import Options, denoise
 from geneoh.readers.base import ReaderOptions
-from geneoh.readers.convert import read_one
+from geneoh.readers.recordings import read_one
 
 
 @pytest.fixture(scope="module")

@@ -5,8 +5,9 @@ from dataclasses import fields
 import numpy as np
 import torch
 
-from geneoh.readers.base import CrossChecks
-from geneoh.readers.builders import part_of, recordings
+from geneoh.readers.base import CrossChecks, Recording
+from geneoh.readers.builders import part_of
+from geneoh.readers.dataset_reader import split
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
 FRAMES = 12
@@ -54,10 +55,10 @@ def test_cross_checks_are_cut_with_the_sequence():
     )
     known = np.ones(FRAMES, dtype=bool)
     known[5] = False
-    first, second = recordings("clip", whole(), object_known=known, evidence=checks)
+    first, second = split(Recording("clip", whole(), (), checks), known, None)
     assert (first.name, second.name) == ("clip_00000", "clip_00006")
     for part, span in ((first, slice(0, 5)), (second, slice(6, 12))):
-        found = part.evidence
+        found = part.cross_checks
         assert np.array_equal(found.joints["right"], stored[span])
         assert np.array_equal(found.rim["right"], stored[span, 0])
         assert np.array_equal(found.object_points[1], points[span] + 1)

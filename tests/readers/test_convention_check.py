@@ -11,8 +11,8 @@ from trees import FRAMES, scene
 from geneoh.geometry.mesh import load_mesh
 from geneoh.readers.base import ReaderOptions, Recording
 from geneoh.readers.convention_check import contradictions
-from geneoh.readers.convert import read_one
 from geneoh.readers.npz_files import load_sequence
+from geneoh.readers.recordings import read_one
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

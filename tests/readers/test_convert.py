@@ -11,11 +11,13 @@ from trees import FRAMES, dump, grab, hoi4d, scene, taco
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import load_mesh
 from geneoh.hand.library import load_hand
-from geneoh.readers import convert as module
+from geneoh.readers import convert as convert_module
+from geneoh.readers import recordings as recordings_module
 from geneoh.readers.base import ReaderOptions
 from geneoh.readers.convention_check import contradictions
-from geneoh.readers.convert import convert, find_clips, read_one, source_named
+from geneoh.readers.convert import convert
 from geneoh.readers.npz_files import load_sequence
+from geneoh.readers.recordings import find_clips, read_one, source_named
 from geneoh.sequence.sequence import Sequence
 
 EXAMPLE = "examples/taco_clean.npz"
@@ -54,8 +56,8 @@ def test_one_bad_clip_does_not_stop_the_others_and_a_second_run_does_only_what_i
     assert second.files == ("s1/mug_drink_1.npz",)
     assert not list(out.rglob("*.tmp"))
     calls = []
-    real = module.read_clip
-    monkeypatch.setattr(module, "read_clip", lambda *a: calls.append(a[1].name) or real(*a))
+    real = convert_module.read_clip
+    monkeypatch.setattr(convert_module, "read_clip", lambda *a: calls.append(a[1].name) or real(*a))
     _, again = run("grab", tmp_path / "in/grab", out, known)
     assert again.skipped
     assert calls == ["s1/bad_use_1"]
@@ -76,7 +78,7 @@ def test_missing_files_become_masks_and_splits_and_never_zeros(tmp_path, mano_di
     next(tmp_path.rglob("objpose/00005.json")).unlink()
     source = source_named("hoi4d")
     (clip,) = find_clips(source, [tmp_path])
-    before, after = module.read_clip(source, clip, ReaderOptions(mano_dir=mano_dir))
+    before, after = recordings_module.read_clip(source, clip, ReaderOptions(mano_dir=mano_dir))
     right = before.sequence.hand("right")
     assert right.valid.tolist() == [True, True, False, True, True]
     assert bool(right.joints[2].isnan().all())
@@ -212,7 +214,7 @@ def test_of_a_whole_data_set_nothing_is_read_before_one_is_chosen(tmp_path, monk
     for name in ("a", "b"):
         (tmp_path / name).mkdir()
         trees.landmarks(tmp_path / name, scene(), False)
-    monkeypatch.setattr(module, "read_clip", lambda *_: pytest.fail("a clip was read"))
+    monkeypatch.setattr(recordings_module, "read_clip", lambda *_: pytest.fail("a clip was read"))
     with pytest.raises(InputError, match="got a/hands, b/hands; choose one with --clip"):
         read_one("landmarks", tmp_path, ReaderOptions())
 
@@ -222,3 +224,29 @@ def test_a_path_without_clips_is_refused(tmp_path):
         find_clips(source_named("grab"), [tmp_path])
     with pytest.raises(InputError, match="no such file or folder"):
         find_clips(source_named("grab"), [tmp_path / "nothing"])
+
+
+@pytest.mark.parametrize("error", [AttributeError, KeyError, NameError, TypeError, ValueError])
+def test_a_bug_of_a_reader_is_no_damaged_file(error, tmp_path, monkeypatch):
+    trees.landmarks(tmp_path, scene(), False)
+    source = source_named("landmarks")
+
+    def broken(*_):
+        raise error("a bug")
+
+    monkeypatch.setattr(type(source.reader()), "parts", broken)
+    with pytest.raises(error, match="a bug"):
+        run("landmarks", tmp_path, tmp_path / "out", ReaderOptions())
+    with pytest.raises(error, match="a bug"):
+        read_one("landmarks", tmp_path, ReaderOptions())
+
+
+def test_a_bug_of_the_convention_check_is_no_damaged_file(tmp_path, monkeypatch):
+    trees.landmarks(tmp_path, scene(), False)
+
+    def broken(_):
+        raise TypeError("a bug")
+
+    monkeypatch.setattr(convert_module, "contradictions", broken)
+    with pytest.raises(TypeError, match="a bug"):
+        run("landmarks", tmp_path, None, ReaderOptions(), check=True)

@@ -8,8 +8,9 @@ from damage import damaged, forbid
 from trees import CASES, scene
 
 from geneoh.readers.base import ReaderOptions
-from geneoh.readers.convert import convert, find_clips, source_named
+from geneoh.readers.convert import convert
 from geneoh.readers.npz_files import load_sequence
+from geneoh.readers.recordings import find_clips, source_named
 from geneoh.readers.registry import SOURCES
 
 TRIALS = 25
@@ -19,7 +20,7 @@ TRIALS = 25
 @pytest.fixture
 def canary(monkeypatch):
     for source in SOURCES.values():  # importing them evaluates their annotations
-        source.adapter()
+        source.reader()
     forbid(monkeypatch)
 
 

@@ -9,8 +9,8 @@ import trees
 from trees import FLIP, scene
 
 from geneoh.readers.base import ReaderOptions
-from geneoh.readers.convert import read_one
 from geneoh.readers.npz_files import load_sequence, save_sequence
+from geneoh.readers.recordings import read_one
 
 TARGET = "_stir__spoon__bowl_/20230917_001_target"
 

@@ -12,7 +12,7 @@ from trees import CASES, FRAMES, Case, scene
 
 from geneoh.errors import InputError
 from geneoh.readers.base import ReaderOptions, Recording, runs
-from geneoh.readers.convert import find_clips, read_clip, source_named
+from geneoh.readers.recordings import find_clips, read_clip, source_named
 
 LOST = 3
 """The frame that goes missing."""

@@ -6,9 +6,9 @@ import torch
 
 from geneoh.errors import InputError
 from geneoh.geometry.rotations import axis_angle_to_matrix
-from geneoh.readers.fields import Fields
-from geneoh.readers.npz_hands import Asked, read_hands
+from geneoh.readers.npz_hands import HandOptions, read_hands
 from geneoh.readers.npz_layouts import layout_of
+from geneoh.readers.records import Record
 
 T = 5
 RNG = np.random.default_rng(0)
@@ -32,8 +32,8 @@ TACO = {
 
 
 def read(arrays, *, side=None, wrist_offset=None):
-    fields = Fields("hand.npz", arrays)
-    return read_hands(fields, layout_of(fields), Asked(side, wrist_offset))
+    record = Record("hand.npz", arrays)
+    return read_hands(record, layout_of(record), HandOptions(side, wrist_offset))
 
 
 def only(reading):
@@ -97,7 +97,10 @@ def test_betas_of_each_frame_are_averaged_aloud():
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"hand_pose": POSE[:, 1:9].reshape(T, 24)}, "'hand_pose' must be (T, 45) in radians.*PCA"),
+        (
+            {"hand_pose": POSE[:, 1:9].reshape(T, 24)},
+            "'hand_pose' must be numbers of shape (T, 45) or .*in radians.*PCA",
+        ),
         ({"flat_hand_mean": np.array(False)}, "'flat_hand_mean' must be true"),
         ({"global_orient": None}, "no 'global_orient'"),
         ({"transl": None}, "needs its joints, or its pose with the wrist's place"),

@@ -4,8 +4,8 @@ import torch
 
 from geneoh.errors import InputError
 from geneoh.geometry.rotations import axis_angle_to_matrix
-from geneoh.readers.fields import Fields
 from geneoh.readers.npz_objects import read_object
+from geneoh.readers.records import Record
 
 T, Q = 4, 2
 ROTATION = axis_angle_to_matrix(torch.randn(T, Q, 3, generator=torch.Generator().manual_seed(0)))
@@ -13,7 +13,7 @@ TRANSLATION = torch.arange(T * Q * 3.0).reshape(T, Q, 3)
 
 
 def read(**arrays):
-    return read_object(Fields("a.npz", {name: np.asarray(v) for name, v in arrays.items()}), ())
+    return read_object(Record("a.npz", {name: np.asarray(v) for name, v in arrays.items()}), ())
 
 
 def matrices():

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from geneoh.errors import InputError
-from geneoh.readers import records
-from geneoh.readers.records import Record, read_json, read_numbers, read_table
+from geneoh.readers import foreign_files, records
+from geneoh.readers.foreign_files import read_json, read_numbers, read_table, read_text
+from geneoh.readers.records import Record
 
 
 def doubled(depth: int) -> list:
@@ -46,14 +47,14 @@ def test_more_frames_than_any_recording_has_are_refused():
         Record("a.npz", values).array("pose", ("T", 3))
 
 
-@pytest.mark.parametrize("limit", ["JSON_LIMIT", "WORDS_LIMIT", "TABLE_LIMIT"])
+@pytest.mark.parametrize("limit", ["JSON_LIMIT", "TEXT_LIMIT", "TABLE_LIMIT"])
 def test_texts_that_grow_in_memory_have_limits_of_their_own(limit, tmp_path, monkeypatch):
-    monkeypatch.setattr(records, limit, 100)
+    monkeypatch.setattr(foreign_files, limit, 100)
     path = tmp_path / "a.txt"
     path.write_text("1 2 3\n" * 100)
     read = {
         "JSON_LIMIT": lambda: read_json(path),
-        "WORDS_LIMIT": lambda: records.read_text(path, records.WORDS_LIMIT),
+        "TEXT_LIMIT": lambda: read_text(path),
         "TABLE_LIMIT": lambda: read_table(path, re.compile("a")),
     }[limit]
     with pytest.raises(InputError, match="must have at most"):

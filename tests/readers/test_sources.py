@@ -9,8 +9,9 @@ from trees import CASES, Case, Scene, opened, scene
 
 from geneoh.readers.base import ReaderOptions, Recording
 from geneoh.readers.convention_check import contradictions
-from geneoh.readers.convert import convert, find_clips, read_clip, source_named
-from geneoh.readers.registry import SOURCES
+from geneoh.readers.convert import convert
+from geneoh.readers.recordings import find_clips, read_clip, source_named
+from geneoh.readers.registry import SOURCES, Reader
 from geneoh.sequence.sequence import HandTrack
 
 
@@ -92,3 +93,8 @@ def test_a_twin_in_the_wrong_convention_is_told_apart(case, tmp_path, mano_dir):
 
 def test_every_source_has_a_tree():
     assert {case.source for case in CASES} == set(SOURCES)
+
+
+@pytest.mark.parametrize("source", SOURCES.values(), ids=lambda source: source.name)
+def test_every_source_has_a_reader(source):
+    assert isinstance(source.reader(), Reader)

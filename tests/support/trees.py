@@ -23,7 +23,7 @@ from scipy.spatial.transform import Rotation
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
 from geneoh.hand.skeleton import PARENTS, TIP_PARENTS, forward_kinematics
-from geneoh.readers.builders import OPENPOSE_FROM_M
+from geneoh.readers.builders import OPENPOSE_FROM_MANO
 from geneoh.readers.joint_orders import ORDERS
 from geneoh.readers.sources.fphab import EXTRINSIC
 
@@ -328,7 +328,7 @@ def grab_clips_left(root: Path, s: Scene, wrong: bool) -> None:
 
 
 def hoi4d_cases(root: Path, s: Scene, wrong: bool) -> None:
-    joints = s.joints["right"][:, np.argsort(OPENPOSE_FROM_M)]
+    joints = s.joints["right"][:, np.argsort(OPENPOSE_FROM_MANO)]
     trans = s.wrist["right"] if wrong else s.origin("right")
     frames = {
         t: {
@@ -520,7 +520,7 @@ def hand_verts(s: Scene, side: str) -> np.ndarray:
 
 def arctic_processed(root: Path, s: Scene, wrong: bool) -> None:
     raw = arctic(root, s, False)
-    from_m = np.argsort(OPENPOSE_FROM_M)
+    from_m = np.argsort(OPENPOSE_FROM_MANO)
     params, world = {}, {}
     for side in SIDES:
         for name in ("rot", "pose", "trans"):
@@ -629,7 +629,7 @@ def ho3d(root: Path, s: Scene, wrong: bool) -> None:
     gl = np.diag([1.0, -1.0, -1.0])
     offset = 0 if wrong else s.mano["right"].wrist_offset(s.betas["right"], "as shipped")
     orient = vectors(gl @ turns(s.pose["right"][:, 0]))
-    joints = (s.joints["right"] @ gl)[:, np.argsort(OPENPOSE_FROM_M)]
+    joints = (s.joints["right"] @ gl)[:, np.argsort(OPENPOSE_FROM_MANO)]
     for t in range(FRAMES):
         fields = {
             "handPose": np.concatenate([orient[t], flat(s.pose["right"])[t, 3:]]),

@@ -14,7 +14,7 @@ from geneoh.evaluation.protocols.options import ProtocolOptions
 from geneoh.hand.library import load_hand
 from geneoh.readers.base import ReaderOptions, Recording, SourceClip, runs
 from geneoh.readers.builders import part_of
-from geneoh.readers.convert import read_clip, source_named
+from geneoh.readers.recordings import read_clip, source_named
 from geneoh.readers.records import Array
 from geneoh.sequence.gaps import fill_gaps
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence

@@ -20,7 +20,7 @@ from geneoh.evaluation.protocols.clips import (
 from geneoh.evaluation.protocols.options import ProtocolOptions
 from geneoh.readers.base import SourceClip
 from geneoh.readers.npz_files import load
-from geneoh.readers.sources.taco import find as find_sequences
+from geneoh.readers.recordings import source_named
 from geneoh.sequence.sequence import Sequence
 
 TRACK, MESH = "taco_clean.npz", "taco_object.obj"
@@ -60,7 +60,7 @@ def example(root: Path | None) -> Example | None:
 
 def find(root: Path) -> list[SourceClip]:
     """Every sequence of the user's copy."""
-    return find_sequences(root / "Hand_Poses")
+    return source_named("taco").reader().find(root / "Hand_Poses")
 
 
 def cut(clip: SourceClip, options: ProtocolOptions) -> Iterator[Excerpt]:

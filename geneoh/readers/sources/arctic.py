@@ -1,9 +1,10 @@
 """ARCTIC as it is distributed: raw_seqs/{sid}/{seq}.mano.npy and .object.npy,
 meta/object_vtemplates/.
 
-Convention O, poses relative to MANO's mean pose, MANO_LEFT as shipped, world frame, 30 frames a
-second. The object's translation and its templates are in millimetres. An object has a fixed bottom
-and a top that turns about (0, 0, -1); the bottom comes first, the whole object moves with it.
+Hands: translation of MANO's origin, poses relative to MANO's mean pose, left hand as shipped. World
+frame, 30 frames a second. The object's translation and its templates are in millimetres. An object
+has a fixed bottom and a top that turns about (0, 0, -1); the bottom comes first, the whole object
+moves with it.
 """
 
 from pathlib import Path
@@ -13,82 +14,78 @@ import numpy as np
 from geneoh.choices import Side
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import Mesh
-from geneoh.readers.base import (
-    CrossChecks,
-    ReaderOptions,
-    Recording,
-    SourceClip,
-    clips,
-    finite_frames,
-)
-from geneoh.readers.builders import (
-    ManoConvention,
-    ManoParameters,
-    Track,
-    mano_track,
-    matrices,
-    object_track,
-    recordings,
-    sequence_of,
-    turned,
-)
+from geneoh.readers.base import CrossChecks, ReaderOptions, SourceClip, ancestor
+from geneoh.readers.builders import ManoConvention, ManoParameters
+from geneoh.readers.dataset_reader import ClipParts, DatasetReader
+from geneoh.readers.foreign_files import read_array, read_json, read_record
 from geneoh.readers.meshes import find_mesh, part_of_mesh, read_mesh
-from geneoh.readers.records import Array, Record, read_array, read_json, read_record
+from geneoh.readers.records import Array, Record
+from geneoh.readers.transforms import rigid_matrices, rotation_matrices
 
-CONVENTION = ManoConvention(origin=True, mean_added=True)
-FPS = 30.0
+TEMPLATES = Path("meta/object_vtemplates")
 MILLIMETRES = 0.001
 HINGE = np.array([0.0, 0.0, -1.0])
 """Axis of the top in the canonical frame, through its origin."""
 TOP, BOTTOM = 0, 1
 """In parts.json, by the code behind the published numbers; its documentation says the opposite."""
+CONVENTION = ManoConvention("origin", mean_added=True)
 
 
-def find(path: Path) -> list[SourceClip]:
-    """Every sequence that has hands."""
-    return clips(path, "*.mano.npy", 2)
-
-
-def read(clip: SourceClip, known: ReaderOptions) -> list[Recording]:
+class ArcticReader(DatasetReader):
     """Both hands and the two parts of the object."""
-    record = read_record(clip.path)
-    stem = clip.path.name.removesuffix(".mano.npy")
-    values = read_array(clip.path.with_name(f"{stem}.object.npy"), ("T", 7))
-    motion = part_motion(values[:, 0], values[:, 1:4], values[:, 4:] * MILLIMETRES)
-    name = stem.split("_")[0]
-    root = clip.path.parents[2] if len(clip.path.parents) > 2 else clip.path.parent
-    meshes, said = read_parts(known.objects or root / "meta/object_vtemplates", name)
-    tracks = [read_hand(record.record(side), side, known) for side in ("right", "left")]
-    sequence = sequence_of(
-        tracks, object_track(meshes, motion), known.rate(FPS), f"ARCTIC {clip.name}"
+
+    patterns = ("*.mano.npy",)
+    name_parts = 2
+    convention = CONVENTION
+
+    def parts(self, clip: SourceClip, options: ReaderOptions) -> list[ClipParts]:
+        """The one interaction of a sequence."""
+        record = read_record(clip.path)
+        stem = clip.path.name.removesuffix(".mano.npy")
+        values = read_array(clip.path.with_name(f"{stem}.object.npy"), ("T", 7))
+        folder = options.objects or ancestor(clip.path, 3) / TEMPLATES
+        meshes, contradictions = read_parts(folder, stem.split("_")[0])
+        return [
+            ClipParts(
+                f"ARCTIC {clip.name}",
+                [read_hand(record.record(side), side) for side in ("right", "left")],
+                meshes,
+                part_motion(values[:, 0], values[:, 1:4], values[:, 4:] * MILLIMETRES),
+                cross_checks=CrossChecks(contradictions=contradictions),
+            )
+        ]
+
+
+def read_hand(
+    record: Record, side: Side, ending: str = "", joints: Array | None = None
+) -> ManoParameters:
+    """One hand in the world.
+
+    Args:
+        record: its fields.
+        side: which hand.
+        ending: what the fields' names end in.
+        joints: (T, 21, 3) stored keypoints.
+    """
+    return ManoParameters(
+        side,
+        record.side_by_side(**{f"rot{ending}": 3, f"pose{ending}": 45}),
+        record.array(f"trans{ending}", ("T", 3)),
+        record.array(f"shape{ending}", (10,), ("T", 10)).reshape(-1, 10).mean(0),
+        joints=joints,
+        confidence=confidence_of(record, f"fitting_err{ending}"),
     )
-    return recordings(
-        clip.name,
-        sequence,
-        object_known=finite_frames(motion),
-        mesh_names=(f"arctic_{name}_bottom", f"arctic_{name}_top"),
-        evidence=CrossChecks(said=said),
-    )
 
 
-def read_hand(record: Record, side: Side, known: ReaderOptions) -> Track:
-    """One hand in the world."""
-    pose = np.concatenate([record.array("rot", ("T", 3)), record.array("pose", ("T", 45))], axis=1)
-    betas = record.array("shape", (10,), ("T", 10)).reshape(-1, 10).mean(0)
-    trans = record.array("trans", ("T", 3))
-    trust = trust_of(record, "fitting_err")
-    numbers = ManoParameters(side, pose, trans, betas, confidence=trust)
-    return mano_track(numbers, CONVENTION, known, record.where)
-
-
-def trust_of(record: Record, name: str) -> Array | None:
+def confidence_of(record: Record, name: str) -> Array | None:
     """(T, 21) confidence from the error of ARCTIC's fit, whose unit is not documented.
 
     1 up to the median of the sequence, beyond it the median's share of the error.
     """
-    if name not in record:
+    error = record.optional_array(name, ("T",), ("T", 1))
+    if error is None:
         return None
-    error = np.abs(record.array(name, ("T",), ("T", 1)).reshape(-1))
+    error = np.abs(error.reshape(-1))
     typical = np.nanmedian(error) if np.isfinite(error).any() else 0.0
     trust = np.where(error > typical, typical / np.maximum(error, 1e-12), 1.0)
     return np.tile(np.where(np.isfinite(error), trust, 0.0)[:, None], 21)
@@ -96,29 +93,32 @@ def trust_of(record: Record, name: str) -> Array | None:
 
 def part_motion(angle: Array, orient: Array, shift: Array) -> Array:
     """(T, 2, 4, 4) of bottom and top: the top is turned about the hinge, then moved as a whole."""
-    whole = turned(orient)
-    opened = whole @ turned(angle[:, None] * HINGE)
-    return np.stack([matrices(whole, shift), matrices(opened, shift)], axis=1)
+    whole = rotation_matrices(orient)
+    opened = whole @ rotation_matrices(angle[:, None] * HINGE)
+    return np.stack([rigid_matrices(whole, shift), rigid_matrices(opened, shift)], axis=1)
 
 
-def read_parts(folder: Path, name: str) -> tuple[list[Mesh], tuple[str, ...]]:
-    """Bottom and top in metres, and what speaks against the sense of the parts' file."""
+def read_parts(folder: Path, name: str) -> tuple[dict[str, Mesh], tuple[str, ...]]:
+    """Bottom and top in metres, and what contradicts the meaning of the parts' file."""
     path = find_mesh([folder / name / "mesh.obj"], name)
-    mesh = read_mesh(path, MILLIMETRES)
-    parts = Record(
-        str(path.with_name("parts.json")), {"parts": read_json(path.parent / "parts.json")}
-    )
-    ids = parts.array("parts", ("V",))
+    mesh, ids = read_mesh(path, MILLIMETRES), part_ids(path)
     if len(ids) != len(mesh.verts):
         raise InputError(
-            f"{parts.where}: expected one number for each of {len(mesh.verts)} vertices, "
-            f"got {len(ids)}; it belongs to another mesh"
+            f"{path.with_name('parts.json')}: expected one number for each of {len(mesh.verts)} "
+            f"vertices, got {len(ids)}; it belongs to another mesh"
         )
-    bottom, top = (part_of_mesh(mesh, ids == part, parts.where) for part in (BOTTOM, TOP))
-    return [bottom, top], wrong_parts(path.parent, bottom, top)
+    bottom, top = (part_of_mesh(mesh, ids == part, str(path)) for part in (BOTTOM, TOP))
+    meshes = {f"arctic_{name}_bottom": bottom, f"arctic_{name}_top": top}
+    return meshes, exchanged_parts(path.parent, bottom, top)
 
 
-def wrong_parts(folder: Path, bottom: Mesh, top: Mesh) -> tuple[str, ...]:
+def part_ids(mesh: Path) -> Array:
+    """(V,) the part that each vertex of a mesh file belongs to."""
+    path = mesh.with_name("parts.json")
+    return Record(str(path), {"parts": read_json(path)}).array("parts", ("V",))
+
+
+def exchanged_parts(folder: Path, bottom: Mesh, top: Mesh) -> tuple[str, ...]:
     """Whether the parts' own meshes say that top and bottom are exchanged."""
     files = [folder / "bottom.obj", folder / "top.obj"]
     if not all(file.is_file() for file in files):
@@ -132,5 +132,8 @@ def wrong_parts(folder: Path, bottom: Mesh, top: Mesh) -> tuple[str, ...]:
 
 
 def middle(mesh: Mesh) -> Array:
-    """Middle of the bounding box."""
+    """(3,) the middle of the bounding box."""
     return ((mesh.verts.amax(0) + mesh.verts.amin(0)) / 2).double().numpy()
+
+
+READER = ArcticReader()

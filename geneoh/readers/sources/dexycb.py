@@ -1,8 +1,9 @@
 """DexYCB as it is distributed: {date}-subject-{nn}/{timestamp}/ with meta.yml and pose.npz.
 
 pose.npz is in the world frame: pose_y (T, n, 7) quaternion xyzw and translation, pose_m (T, 1, 51)
-orientation, 45 coefficients of MANO's components, translation (convention O, relative to the mean
-pose, MANO_LEFT as shipped). Labels of single cameras hold keypoints, -1 where there is no hand.
+orientation, 45 coefficients of MANO's components, translation (of MANO's origin, relative to the
+mean pose, left hand as shipped). Labels of single cameras hold keypoints, -1 where there is no
+hand. Metres, 30 frames a second.
 """
 
 from pathlib import Path
@@ -12,23 +13,17 @@ from scipy.spatial.transform import Rotation
 
 from geneoh.choices import Side
 from geneoh.errors import InputError
-from geneoh.readers.base import CrossChecks, ReaderOptions, Recording, SourceClip, clips
-from geneoh.readers.builders import (
-    ManoConvention,
-    ManoParameters,
-    joints_track,
-    mano_track,
-    object_track,
-    recordings,
-    sequence_of,
-)
-from geneoh.readers.mano import decoded
+from geneoh.hand.mano import AS_SHIPPED
+from geneoh.readers.base import CrossChecks, ReaderOptions, SourceClip, ancestor
+from geneoh.readers.builders import ManoConvention, ManoParameters, keypoint_track
+from geneoh.readers.dataset_reader import ClipParts, DatasetReader
+from geneoh.readers.foreign_files import read_record, read_text
+from geneoh.readers.mano import ManoSource, pose_of_coefficients
 from geneoh.readers.meshes import find_mesh, read_mesh
-from geneoh.readers.records import Array, Record, read_record, read_text
+from geneoh.readers.records import Array, Record
+from geneoh.readers.transforms import rigid_matrices
+from geneoh.sequence.sequence import HandTrack
 
-CONVENTION = ManoConvention(origin=True)
-"""After decoding, in which the mean pose is added."""
-FPS = 30.0
 YCB = (
     *("002_master_chef_can", "003_cracker_box", "004_sugar_box", "005_tomato_soup_can"),
     *("006_mustard_bottle", "007_tuna_fish_can", "008_pudding_box", "009_gelatin_box"),
@@ -37,92 +32,97 @@ YCB = (
     *("040_large_marker", "051_large_clamp", "052_extra_large_clamp", "061_foam_brick"),
 )
 """Objects 1 to 21."""
+NO_OBJECT = np.array([0.0, 0, 0, 1, 0, 0, 0])
+"""Pose of an object that was not found."""
+NO_HAND = -1
+"""Every coordinate of a label without a hand."""
 
 
-def find(path: Path) -> list[SourceClip]:
-    """Every sequence."""
-    return [
-        SourceClip(clip.name.rpartition("/")[0] or clip.name, clip.path.parent)
-        for clip in clips(path, "meta.yml", 3)
-    ]
-
-
-def read(clip: SourceClip, known: ReaderOptions) -> list[Recording]:
+class DexYcbReader(DatasetReader):
     """The hand and the object that it grasps; the other objects on the table are left out."""
-    meta = read_yaml(clip.path / "meta.yml")
-    root = clip.path.parents[1]
-    poses = read_record(clip.path / "pose.npz")
-    grasped = int(meta.number("ycb_grasp_ind"))
-    ids = [int(number) for number in meta.numbers("ycb_ids").ravel()]
-    placed = poses.array("pose_y", ("T", "Q", 7))
-    if not 0 <= grasped < min(len(ids), placed.shape[1]) or not 1 <= ids[grasped] <= len(YCB):
-        raise InputError(f"{meta.where}: expected a grasped object of 1 to 21, got {ids}; copy it")
-    name = YCB[ids[grasped] - 1]
-    motion, present = object_motion(placed[:, grasped])
-    folder = known.objects or root / "models"
-    mesh = read_mesh(find_mesh([folder / name / "textured_simple.obj"], name))
-    side: Side = "left" if "left" in meta.items("mano_sides") else "right"
-    joints = read_labels(clip.path, root, meta, len(placed))
-    if known.mano is None:
-        if joints is None:
+
+    patterns = ("meta.yml",)
+    clip_is_folder = True
+    name_parts = 2
+    convention = ManoConvention("origin")  # of decoded poses, which have the mean pose in them
+
+    def parts(self, clip: SourceClip, options: ReaderOptions) -> list[ClipParts]:
+        """The one interaction of a sequence."""
+        meta, poses = read_yaml(clip.path / "meta.yml"), read_record(clip.path / "pose.npz")
+        root = ancestor(clip.path, 2)
+        placed = poses.array("pose_y", ("T", "Q", 7))
+        grasped, ids = meta.integer("ycb_grasp_ind"), meta.integers("ycb_ids")
+        if not 0 <= grasped < min(len(ids), placed.shape[1]) or not 1 <= ids[grasped] <= len(YCB):
+            raise InputError(
+                f"{meta.where}: expected a grasped object of 1 to 21, got {ids}; copy it"
+            )
+        name = YCB[ids[grasped] - 1]
+        folder = options.objects or root / "models"
+        mesh = read_mesh(find_mesh([folder / name / "textured_simple.obj"], name))
+        side: Side = "left" if "left" in meta.items("mano_sides") else "right"
+        joints = read_labels(clip.path, root, meta, len(placed))
+        hands: list[ManoParameters] | list[HandTrack]
+        if options.mano is not None:
+            hands, notes = [read_pose(poses, meta, side, root, options.mano)], ()
+        elif joints is not None:
+            hands = [keypoint_track(side, joints)]
+            notes = ("keypoints of one camera only; --mano gives the pose",)
+        else:
             raise InputError(
                 f"{clip.path}: the pose is coefficients of MANO's components, got no MANO files "
                 "and no labels with keypoints; pass --mano with the folder of your MANO files"
             )
-        hand = joints_track(side, joints), ("keypoints of one camera only; --mano gives the pose",)
-    else:
-        hand = mano_track(read_pose(poses, meta, side, root, known), CONVENTION, known, poses.where)
-    sequence = sequence_of(
-        [hand], object_track([mesh], motion[:, None]), known.rate(FPS), f"DexYCB {clip.name}"
-    )
-    return recordings(
-        clip.name,
-        sequence,
-        object_known=present,
-        mesh_names=(f"dexycb_{name}",),
-        evidence=CrossChecks(joints={} if joints is None else {side: joints}),
-    )
+        return [
+            ClipParts(
+                f"DexYCB {clip.name}",
+                hands,
+                {f"dexycb_{name}": mesh},
+                object_motion(placed[:, grasped]),
+                notes=notes,
+                cross_checks=CrossChecks(joints={} if joints is None else {side: joints}),
+            )
+        ]
 
 
 def read_pose(
-    poses: Record, meta: Record, side: Side, root: Path, known: ReaderOptions
+    poses: Record, meta: Record, side: Side, root: Path, mano: ManoSource
 ) -> ManoParameters:
-    """MANO's numbers in the world; a frame of zeros has no hand."""
+    """MANO parameters in the world; a frame of zeros has no hand."""
     values = poses.array("pose_m", ("T", 1, 51))[:, 0].copy()
     values[~np.abs(values).any(1)] = np.nan
-    assert known.mano is not None, "asked before"
-    mano = known.mano(side, CONVENTION.hand)
-    pose = decoded(poses, "pose_m", values[:, 3:48], mano, mean=True)
-    calibration = read_yaml(root / "calibration" / f"mano_{first(meta, 'mano_calib')}" / "mano.yml")
+    pose = pose_of_coefficients(
+        poses, "pose_m", values[:, 3:48], mano(side, AS_SHIPPED), add_mean=True
+    )
+    person = meta.texts("mano_calib")
+    if not person:
+        raise meta.refuse("mano_calib", "a list of one name")
+    calibration = root / "calibration" / f"mano_{person[0].replace('/', '_')}" / "mano.yml"
     return ManoParameters(
         side,
         np.concatenate([values[:, :3], pose], axis=1),
         values[:, 48:],
-        calibration.array("betas", (10,)),
+        read_yaml(calibration).array("betas", (10,)),
     )
 
 
-def object_motion(placed: Array) -> tuple[Array, Array]:
-    """(T, 4, 4) of the object to the world, and the frames in which it was found."""
-    absent = np.array([0.0, 0, 0, 1, 0, 0, 0])
-    present = np.isfinite(placed).all(1) & (np.abs(placed - absent).max(1) > 0)
-    present &= np.abs(placed[:, :4]).sum(1) > 0.1
+def object_motion(placed: Array) -> Array:
+    """(T, 4, 4) of the object to the world; NaN in frames in which it was not found."""
+    present = np.isfinite(placed).all(1) & (np.abs(placed - NO_OBJECT).max(1) > 0)
+    present &= np.abs(placed[:, :4]).sum(1) > 0.1  # a quaternion of zeros is none
     motion = np.full((len(placed), 4, 4), np.nan)
-    motion[present] = np.eye(4)
     if present.any():
-        motion[present, :3, :3] = Rotation.from_quat(placed[present, :4]).as_matrix()
-        motion[present, :3, 3] = placed[present, 4:]
-    return motion, present
+        rotation = Rotation.from_quat(placed[present, :4]).as_matrix()
+        motion[present] = rigid_matrices(rotation, placed[present, 4:])
+    return motion
 
 
 def read_labels(folder: Path, root: Path, meta: Record, frames: int) -> Array | None:
     """(T, 21, 3) keypoints in the world, from the first camera that has labels."""
-    serials = [str(serial) for serial in meta.items("serials")]
-    for serial in serials:
-        files = [folder / serial / f"labels_{t:06d}.npz" for t in range(frames)]
+    for serial in meta.items("serials"):
+        files = [folder / str(serial) / f"labels_{t:06d}.npz" for t in range(frames)]
         if any(file.is_file() for file in files):
             extrinsics = root / f"calibration/extrinsics_{meta.text('extrinsics')}/extrinsics.yml"
-            to_world = read_yaml(extrinsics).array(serial, (12,)).reshape(3, 4)
+            to_world = read_yaml(extrinsics).array(str(serial), (12,)).reshape(3, 4)
             return np.stack([label_joints(file, to_world) for file in files])
     return None
 
@@ -132,17 +132,9 @@ def label_joints(file: Path, to_world: Array) -> Array:
     if not file.is_file():
         return np.full((21, 3), np.nan)
     joints = read_record(file).array("joint_3d", (1, 21, 3))[0]
-    if (joints == -1).all():
+    if (joints == NO_HAND).all():
         return np.full((21, 3), np.nan)
     return joints @ to_world[:, :3].T + to_world[:, 3]
-
-
-def first(meta: Record, name: str) -> str:
-    """The first of a list of texts."""
-    items = meta.items(name)
-    if not items:
-        raise meta.refuse(name, "a list of one name")
-    return str(items[0]).replace("/", "_")
 
 
 def read_yaml(path: Path) -> Record:
@@ -151,15 +143,15 @@ def read_yaml(path: Path) -> Record:
     Names below `extrinsics:` are raised to the top.
     """
     values: dict[str, object] = {}
-    name = ""
+    items: list[object] = []
     for line in read_text(path).splitlines():
         words = line.strip()
-        if words.startswith("- ") and isinstance(values.get(name), list):
-            values[name].append(scalar(words[2:]))  # type: ignore[union-attr]
+        if words.startswith("- "):
+            items.append(scalar(words[2:]))
         elif ":" in words:
             name, _, rest = (part.strip() for part in words.partition(":"))
-            name = name.strip("'\"")
-            values[name] = [] if not rest else listed(rest)
+            items = []
+            values[name.strip("'\"")] = listed(rest) if rest else items
     return Record(str(path), values)
 
 
@@ -178,3 +170,6 @@ def scalar(text: str) -> object:
         return float(text)
     except ValueError:
         return text
+
+
+READER = DexYcbReader()

@@ -5,7 +5,7 @@ of the object, f5 its rotation vector (for row vectors), f7 its number in the so
 contact_meshes, f8 frame, and as the last field whether it is a left hand. Every 4th frame of 120 a
 second. Hand and object are moved so that the mean of the object's vertices is the origin, left ones
 mirrored as well, all but f1, f2 and f5. GeneOH's {split}/{i}_subj.npy in the folder whose name ends
-in _wsubj brings betas and the place in its own frame (right hands, convention O).
+in _wsubj adds betas and the place in its own frame (right hands, translation of MANO's origin).
 
 f8 counts on over the frames that TOCH left out, so that jumps hide in a clip: it is cut there.
 """
@@ -22,100 +22,89 @@ from geneoh.geometry.mesh import Mesh
 from geneoh.hand.mano import AS_SHIPPED
 from geneoh.hand.model import HandModel
 from geneoh.pickles.files import read_values
-from geneoh.readers.base import (
-    CrossChecks,
-    ReaderOptions,
-    Recording,
-    SourceClip,
-    clips,
-    finite_frames,
-)
-from geneoh.readers.builders import (
-    FLIP_X,
-    hand_track,
-    matrices,
-    object_track,
-    recordings,
-    sequence_of,
-    turned,
-)
-from geneoh.readers.mano import RIM, decoded
+from geneoh.readers.base import CrossChecks, ReaderOptions, SourceClip
+from geneoh.readers.builders import hand_track
+from geneoh.readers.dataset_reader import ClipParts, DatasetReader
+from geneoh.readers.foreign_files import read_record
+from geneoh.readers.mano import RIM, pose_of_coefficients
 from geneoh.readers.meshes import read_mesh
-from geneoh.readers.records import Array, Record, read_record
+from geneoh.readers.records import Array, Record
+from geneoh.readers.transforms import MIRROR_X, moved_points, rigid_matrices, rotation_matrices
 
-FPS = 30.0
 VERTS = 778
+COEFFICIENTS = 24
 POINTS_CHECKED = 50
 """Of the 8000 points on the object, in each frame."""
 JUMP, JUMP_SHARE = 0.03, 6.0
 """Metres a frame, and times the median step, beyond which a hand has jumped; in a clip with a
 median step of 2.7 mm frames are missing where it goes 49 and 105 mm."""
 FIT_FRAMES = 50
-"""Frames from which the shape of a hand is found."""
+"""Frames from which the shape of a hand is fitted."""
 FIT_LIMIT = 0.01
 """Mean metres that the fitted hand may miss the vertices; people's own meshes leave some 3 mm."""
 LISTINGS = ("tools/object_meshes/contact_meshes", "object_meshes")
 """Where the meshes lie below GRAB's root, and below GeneOH's data/grab."""
+OTHER_FILES = ("_subj", "_meta_data")
+"""Endings of the names of files that GeneOH puts beside the clips."""
 
 
-def find(path: Path) -> list[SourceClip]:
-    """Every clip, without the files that GeneOH puts beside them."""
-    return [
-        clip
-        for clip in clips(path, "*.npy", 2)
-        if not clip.path.stem.endswith(("_subj", "_meta_data"))
-    ]
-
-
-def read(clip: SourceClip, known: ReaderOptions) -> list[Recording]:
+class GrabClipsReader(DatasetReader):
     """One hand and the object, one recording for each stretch without a jump."""
-    record = read_fields(clip.path)
-    side = side_of(record)
-    if known.mano is None:
-        raise InputError(
-            f"{clip.path}: the pose is coefficients of MANO's components, got no MANO files; pass "
-            "--mano with the folder of your MANO_RIGHT.pkl and MANO_LEFT.pkl"
-        )
-    mano, back = known.mano(side, AS_SHIPPED), FLIP_X if side == "left" else np.ones(3)
-    verts = record.array("f0", ("T", 3 * VERTS)).reshape(-1, VERTS, 3) * back
-    fingers = decoded(record, "f2", record.array("f2", ("T", 24)), mano, mean=False)
-    pose = np.concatenate([record.array("f1", ("T", 3)), fingers], axis=1).reshape(-1, 16, 3)
-    subject = read_subject(clip.path, side, len(verts))
-    notes: tuple[str, ...] = ()
-    if subject is None:
-        betas, wrist = shape_and_wrist(mano.model, pose, verts, record)
-        moved = np.zeros((len(verts), 3))
-        notes = ("centred on the object in each frame: its path is not in the file",)
-    else:
-        betas = subject.array("rhand_betas", (10,))
-        wrist = subject.array("rhand_transl", ("T", 3)) + mano.wrist_offset(betas)
-        moved = (subject.array("rhand_verts", ("T", VERTS, 3)) - verts).mean(1)
-    name, mesh = read_object(record, clip.path, known)
-    # The middle of the vertices, moved, is the origin: f6 says the same, but for left hands.
-    rotation = turned(record.array("f5", ("T", 3))).transpose(0, 2, 1)
-    middle = mesh.verts.double().numpy().mean(0)
-    motion = matrices(rotation, moved - rotation @ middle)
-    hand = hand_track(
-        side, pose=pose, wrist=wrist, joints=mano.keypoints(pose, wrist, betas), betas=betas
-    )
-    sequence = sequence_of(
-        [(hand, notes)],
-        object_track([mesh], motion[:, None]),
-        known.rate(FPS),
-        f"GRAB clip {clip.name}",
-    )
-    rim = verts[:, RIM].mean(1)
-    return recordings(
-        clip.name,
-        sequence,
-        object_known=finite_frames(motion),
-        after_jump=jumps(record, rim, rotation),
-        mesh_names=(f"grab_{name}",),
-        evidence=CrossChecks(
-            rim={side: rim + moved},
-            object_points=on_surface(record, back, mesh, motion, moved),
-        ),
-    )
+
+    patterns = ("*.npy",)
+    name_parts = 2
+
+    def accepts(self, match: Path) -> bool:
+        """Files of clips."""
+        return not match.stem.endswith(OTHER_FILES)
+
+    def parts(self, clip: SourceClip, options: ReaderOptions) -> list[ClipParts]:
+        """The one interaction of a clip."""
+        record = read_fields(clip.path)
+        side = side_of(record)
+        if options.mano is None:
+            raise InputError(
+                f"{clip.path}: the pose is coefficients of MANO's components, got no MANO files; "
+                "pass --mano with the folder of your MANO_RIGHT.pkl and MANO_LEFT.pkl"
+            )
+        mano, mirror = options.mano(side, AS_SHIPPED), MIRROR_X if side == "left" else np.ones(3)
+        verts = record.array("f0", ("T", 3 * VERTS)).reshape(-1, VERTS, 3) * mirror
+        coefficients = record.array("f2", ("T", COEFFICIENTS))
+        fingers = pose_of_coefficients(record, "f2", coefficients, mano, add_mean=False)
+        orient = record.array("f1", ("T", 3))
+        pose = np.concatenate([orient, fingers], axis=1).reshape(-1, 16, 3)
+        subject = read_subject(clip.path, side, len(verts))
+        notes: tuple[str, ...] = ()
+        if subject is None:
+            betas, wrist = shape_and_wrist(mano.model, pose, verts, record)
+            offset = np.zeros((len(verts), 3))
+            notes = ("centred on the object in each frame: its path is not in the file",)
+        else:
+            betas = subject.array("rhand_betas", (10,))
+            wrist = subject.array("rhand_transl", ("T", 3)) + mano.wrist_offset(betas)
+            offset = (subject.array("rhand_verts", ("T", VERTS, 3)) - verts).mean(1)
+        name, mesh = read_object(record, clip.path, options)
+        # The middle of the vertices, moved, is the origin: f6 says the same, but for left hands.
+        rotation = rotation_matrices(record.array("f5", ("T", 3))).transpose(0, 2, 1)
+        middle = mesh.verts.double().numpy().mean(0)
+        motion = rigid_matrices(rotation, offset - rotation @ middle)
+        joints = mano.keypoints(pose, wrist, betas)
+        rim = verts[:, RIM].mean(1)
+        points = stored_points(record) * mirror + offset[:, None]
+        return [
+            ClipParts(
+                f"GRAB clip {clip.name}",
+                [hand_track(side, pose=pose, wrist=wrist, joints=joints, betas=betas)],
+                {f"grab_{name}": mesh},
+                motion,
+                notes=notes,
+                after_jump=jumps(record, rim, rotation),
+                cross_checks=CrossChecks(
+                    rim={side: rim + offset},
+                    object_points=(points, nearest_points(points, mesh, motion)),
+                ),
+            )
+        ]
 
 
 def read_fields(path: Path) -> Record:
@@ -168,8 +157,8 @@ def shape_and_wrist(
     basis[1:] -= basis[0]
     centred = basis - basis.mean(2, keepdims=True)
     wanted = verts[chosen] - verts[chosen].mean(1, keepdims=True) - centred[0]
-    if not np.isfinite(wanted).all():
-        raise record.refuse("f0", "finite vertices")
+    if not np.isfinite(wanted).all() or not np.isfinite(centred).all():
+        raise record.refuse("f0", "finite vertices of a hand in a finite pose")
     betas = np.linalg.lstsq(centred[1:].reshape(10, -1).T, wanted.reshape(-1), rcond=None)[0]
     shaped = model.shaped(torch.from_numpy(betas).float())
     posed = shaped.posed(torch.from_numpy(pose).float(), torch.zeros(len(pose), 3)).verts
@@ -184,33 +173,33 @@ def shape_and_wrist(
     return betas, wrist
 
 
-def read_object(record: Record, path: Path, known: ReaderOptions) -> tuple[str, Mesh]:
+def read_object(record: Record, path: Path, options: ReaderOptions) -> tuple[str, Mesh]:
     """Name and mesh of the object, by its number in the sorted listing of all meshes."""
-    if known.meshes:
-        return path.stem, known.meshes[0]
+    if options.meshes:
+        return path.stem, options.meshes[0]
     places = [root / listing for root in path.parents for listing in LISTINGS]
-    folder = known.objects or next((place for place in places if place.is_dir()), None)
+    folder = options.objects or next((place for place in places if place.is_dir()), None)
     if folder is None or not folder.is_dir():
         raise InputError(
             f"{path}: expected GRAB's meshes in {LISTINGS[0]} of a folder above, got none; pass "
             "--objects with the folder, or --obj with the object's mesh"
         )
     listing = sorted(file.name for file in folder.iterdir())
-    numbers = record.array("f7", ("T",))
-    number = numbers[0]
-    if (numbers != number).any():
+    numbers = set(record.integers("f7"))
+    if len(numbers) != 1:
         raise record.refuse("f7", "one object in all frames: a clip, not a whole split")
+    number = numbers.pop()
     if not 0 <= number < len(listing):
         raise record.refuse("f7", f"the number of one of {len(listing)} files in {folder}")
-    file = folder / listing[int(number)]
+    file = folder / listing[number]
     return file.stem, read_mesh(file)
 
 
 def jumps(record: Record, rim: Array, rotation: Array) -> Array:
     """(T,) the frames that do not follow from the one before them.
 
-    A hand jumps where it does so as the file has it or as the object sees it: a jump that the
-    object takes part in shows in the one, one beside a fast motion in the other.
+    A hand jumps where it does so in the file's frame or in the object's: a jump that the object
+    takes part in shows in the one, one beside a fast motion in the other.
     """
     after = np.concatenate([[False], np.diff(record.array("f8", ("T",))) != 1])
     for seen in (rim, np.einsum("tji,tj->ti", rotation, rim)):
@@ -220,15 +209,18 @@ def jumps(record: Record, rim: Array, rotation: Array) -> Array:
     return after
 
 
-def on_surface(
-    record: Record, back: Array, mesh: Mesh, motion: Array, moved: Array
-) -> tuple[Array, Array]:
-    """Points that the file has on the object, and the nearest ones of the mesh that was read."""
+def stored_points(record: Record) -> Array:
+    """(T, P, 3) some of the points that the file has on the object."""
     points = record.array("f3", ("T", "P"))
     if points.shape[1] % 3:
         raise record.refuse("f3", "three numbers for each point")
-    points = points.reshape(len(points), -1, 3)[:, :POINTS_CHECKED] * back + moved[:, None]
-    turn, shift = motion[:, :3, :3], motion[:, None, :3, 3]
-    local = torch.from_numpy((points - shift) @ turn)
-    nearest = SurfaceDistance(mesh).query(local).closest.numpy()
-    return points, nearest @ turn.transpose(0, 2, 1) + shift
+    return points.reshape(len(points), -1, 3)[:, :POINTS_CHECKED]
+
+
+def nearest_points(points: Array, mesh: Mesh, motion: Array) -> Array:
+    """(T, P, 3) the nearest points on the moved mesh."""
+    local = torch.from_numpy((points - motion[:, None, :3, 3]) @ motion[:, :3, :3])
+    return moved_points(SurfaceDistance(mesh).query(local).closest.numpy(), motion)
+
+
+READER = GrabClipsReader()

@@ -1,106 +1,86 @@
 """HO-3D v3 as it is distributed: {train,evaluation}/{SEQ}/meta/{frame}.pkl.
 
-handPose (48,) absolute, handTrans (convention O), handBeta, handJoints3D in MANO's order, objRot
-(Rodrigues), objTrans; right hand, metres, in OpenGL camera axes (y up, z backward), which become
-OpenCV's here. None stands for what was not annotated. Objects are YCB models. 30 frames a second.
+handPose (48,) absolute, handTrans (of MANO's origin), handBeta, handJoints3D in MANO's order,
+objRot (axis-angle), objTrans; right hand, metres, in OpenGL camera axes (y up, z backward), which
+become OpenCV's here. None stands for what was not annotated. Objects are YCB models. 30 frames a
+second.
 """
-
-from pathlib import Path
 
 import numpy as np
 
 from geneoh.errors import InputError
-from geneoh.readers.base import (
-    CrossChecks,
-    ReaderOptions,
-    Recording,
-    SourceClip,
-    clip_name,
-    finite_frames,
-)
+from geneoh.readers.base import CrossChecks, ReaderOptions, SourceClip, ancestor
 from geneoh.readers.builders import (
-    OPENPOSE_FROM_M,
+    OPENPOSE_FROM_MANO,
     ManoConvention,
     ManoParameters,
-    hand_in,
-    mano_track,
-    matrices,
-    object_track,
-    recordings,
-    sequence_of,
-    turned,
+    joints_if_complete,
 )
+from geneoh.readers.dataset_reader import ClipParts, DatasetReader
+from geneoh.readers.foreign_files import by_frame, numbered_files, read_record
 from geneoh.readers.meshes import find_mesh, read_mesh
-from geneoh.readers.records import Array, Record, frame_number, read_record
+from geneoh.readers.records import Array, Record
+from geneoh.readers.transforms import rigid_matrices, rotation_matrices
 
-CONVENTION = ManoConvention(origin=True)
-FPS = 30.0
 OPENCV_FROM_OPENGL = np.diag([1.0, -1.0, -1.0])
 
 
-def find(path: Path) -> list[SourceClip]:
-    """Every sequence that has annotations."""
-    folders = {p.parent for p in path.rglob("meta") if p.is_dir()} if path.is_dir() else set()
-    return [SourceClip(clip_name(folder, 2), folder) for folder in sorted(folders)]
-
-
-def read(clip: SourceClip, known: ReaderOptions) -> list[Recording]:
+class Ho3dReader(DatasetReader):
     """The right hand and the object, in the camera's frame."""
-    files = {frame_number(p): p for p in sorted((clip.path / "meta").glob("*.pkl"))}
-    if not files:
-        raise InputError(f"{clip.path}: expected frames in 'meta', got none; download them")
-    records = {frame: read_record(path) for frame, path in files.items()}
-    frames = max(records) + 1
-    pose, trans = rows(records, "handPose", 48, frames), rows(records, "handTrans", 3, frames)
-    joints = rows(records, "handJoints3D", 63, frames).reshape(frames, 21, 3)
-    joints = joints[:, OPENPOSE_FROM_M]
-    betas = rows(records, "handBeta", 10, frames)
-    betas = betas[np.isfinite(betas).all(1)]
-    complete = np.isfinite(joints[np.isfinite(pose).all(1)]).all()
-    numbers = ManoParameters(
-        "right",
-        pose,
-        trans,
-        betas.mean(0) if len(betas) else None,
-        joints=joints if complete else None,
-    )
-    hand, notes = mano_track(numbers, CONVENTION, known, str(clip.path))
-    flip = np.tile(np.eye(4), (frames, 1, 1))
-    flip[:, :3, :3] = OPENCV_FROM_OPENGL
-    motion = flip @ matrices(
-        turned(rows(records, "objRot", 3, frames)), rows(records, "objTrans", 3, frames)
-    )
-    name = object_name(records)
-    root = clip.path.parents[1]
-    folder = known.objects or root / "models"
-    mesh = read_mesh(find_mesh([folder / name / "textured_simple.obj"], name))
-    sequence = sequence_of(
-        [(hand_in(hand, flip), notes)],
-        object_track([mesh], motion[:, None]),
-        known.rate(FPS),
-        f"HO-3D {clip.name}",
-    )
-    return recordings(
-        clip.name,
-        sequence,
-        object_known=finite_frames(motion),
-        mesh_names=(f"ho3d_{name}",),
-        evidence=CrossChecks(joints={"right": joints @ OPENCV_FROM_OPENGL}),
-    )
+
+    patterns = ("meta/",)
+    clip_is_folder = True
+    name_parts = 2
+    convention = ManoConvention("origin")
+
+    def parts(self, clip: SourceClip, options: ReaderOptions) -> list[ClipParts]:
+        """The one interaction of a sequence."""
+        files = numbered_files(clip.path / "meta", "*.pkl")
+        if not files:
+            raise InputError(f"{clip.path}: expected frames in 'meta', got none; download them")
+        records = {frame: read_record(path) for frame, path in files.items()}
+        frames = max(records) + 1
+        pose, betas = field(records, "handPose", frames, 48), field(records, "handBeta", frames, 10)
+        betas = betas[np.isfinite(betas).all(1)]
+        joints = field(records, "handJoints3D", frames, 63).reshape(frames, 21, 3)
+        joints = joints[:, OPENPOSE_FROM_MANO]
+        to_opencv = np.tile(np.eye(4), (frames, 1, 1))
+        to_opencv[:, :3, :3] = OPENCV_FROM_OPENGL
+        hand = ManoParameters(
+            "right",
+            pose,
+            field(records, "handTrans", frames, 3),
+            betas.mean(0) if len(betas) else None,
+            joints=joints_if_complete(joints, pose),
+            to_world=to_opencv,
+        )
+        turn = rotation_matrices(field(records, "objRot", frames, 3))
+        name = object_name(records)
+        folder = options.objects or ancestor(clip.path, 2) / "models"
+        mesh = read_mesh(find_mesh([folder / name / "textured_simple.obj"], name))
+        return [
+            ClipParts(
+                f"HO-3D {clip.name}",
+                [hand],
+                {f"ho3d_{name}": mesh},
+                to_opencv @ rigid_matrices(turn, field(records, "objTrans", frames, 3)),
+                cross_checks=CrossChecks(joints={"right": joints @ OPENCV_FROM_OPENGL}),
+            )
+        ]
 
 
-def rows(records: dict[int, Record], name: str, count: int, frames: int) -> Array:
+def field(records: dict[int, Record], name: str, frames: int, count: int) -> Array:
     """(T, count) of one field; NaN where it is missing, None, or shorter (the root alone)."""
-    result = np.full((frames, count), np.nan)
+    found = {}
     for frame, record in records.items():
         if record.values.get(name) is None:
             continue
         values = record.numbers(name).ravel()
         if len(values) == count:
-            result[frame] = values
+            found[frame] = values
         elif name != "handJoints3D" or len(values) != 3:
             raise record.refuse(name, f"{count} numbers")
-    return result
+    return by_frame(found, frames, count)
 
 
 def object_name(records: dict[int, Record]) -> str:
@@ -109,3 +89,6 @@ def object_name(records: dict[int, Record]) -> str:
         if record.values.get("objName") is not None:
             return record.text("objName").replace("/", "_")
     raise InputError(f"{next(iter(records.values())).where}: expected 'objName', got none")
+
+
+READER = Ho3dReader()

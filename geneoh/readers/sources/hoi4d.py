@@ -2,9 +2,9 @@
 
 handpose/refinehandpose_{side}/{seq}/{frame}.pickle, HOI4D_annotations/{seq}/objpose/{frame}.json
 and 3Dseg/output.log, HOI4D_CAD_Model_for_release/{rigid/{Category}/{NNN}.obj,
-articulated/{Category}/{NNN}/objs/new-{k}-align.obj}. Convention O, absolute pose, metres, 15 frames
-a second; a missing hand file is a frame without that hand. The camera's poses take all to the
-world.
+articulated/{Category}/{NNN}/objs/new-{k}-align.obj}. Translation of MANO's origin, absolute pose,
+metres, 15 frames a second; a missing hand file is a frame without that hand. The camera's poses
+take all to the world.
 """
 
 from pathlib import Path
@@ -15,106 +15,102 @@ from scipy.spatial.transform import Rotation
 from geneoh.choices import Side
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import Mesh
-from geneoh.readers.base import (
-    CrossChecks,
-    ReaderOptions,
-    Recording,
-    SourceClip,
-    clip_name,
-    finite_frames,
-)
-from geneoh.readers.builders import (
-    ManoConvention,
-    ManoParameters,
-    Track,
-    hand_in,
-    mano_track,
-    object_track,
-    recordings,
-    sequence_of,
-)
-from geneoh.readers.meshes import find_mesh, read_mesh
-from geneoh.readers.records import (
-    Array,
-    Record,
-    as_record,
+from geneoh.readers.base import CrossChecks, ReaderOptions, SourceClip, finite_frames
+from geneoh.readers.builders import ManoConvention, ManoParameters
+from geneoh.readers.dataset_reader import ClipParts, DatasetReader
+from geneoh.readers.foreign_files import (
+    by_frame,
+    field_by_frame,
     frame_number,
+    numbered_files,
     read_json,
     read_record,
     read_text,
 )
+from geneoh.readers.meshes import find_mesh, read_mesh
+from geneoh.readers.records import Array, Record, as_record
+from geneoh.readers.transforms import inverse
 
-CONVENTION = ManoConvention(origin=True)
-FPS = 15.0
+ID_PARTS = 7
+"""Of a sequence's name: camera, person, category, instance, room, layout, task."""
+MODELS = "HOI4D_CAD_Model_for_release"
 CATEGORIES = {
     **{1: "ToyCar", 2: "Mug", 3: "Laptop", 4: "StorageFurniture", 5: "Bottle", 6: "Safe"},
     **{7: "Bowl", 8: "Bucket", 9: "Scissors", 11: "Pliers", 12: "Kettle", 13: "Knife"},
     **{14: "TrashCan", 17: "Lamp", 18: "Stapler", 20: "Chair"},
 }
-SIDES: tuple[Side, Side] = ("right", "left")
 SWAPPED = ("Laptop", "Scissors")
 """Their first pose belongs to part 1, their second to part 0."""
+TRAJECTORY_BLOCK = 5
+"""Lines of each camera pose in an Open3D trajectory: a heading and the four rows of its matrix."""
+GAP_LIMIT, GAP_GAIN = 0.02, 0.5
+"""Metres between two parts, and share of it after exchanging their poses, that show an exchange."""
+CAMERA_GAIN, CAMERA_SHARE = 0.002, 0.5
+"""Metres a frame, and share, by which the object moves less where camera poses are inverted."""
 
 
-def find(path: Path) -> list[SourceClip]:
-    """Every sequence that has object poses."""
-    folders = sorted({p.parent for p in path.rglob("objpose")}) if path.is_dir() else []
-    return [SourceClip(clip_name(folder, 7), folder) for folder in folders]
-
-
-def read(clip: SourceClip, known: ReaderOptions) -> list[Recording]:
+class Hoi4dReader(DatasetReader):
     """Both hands and the object's parts, in the world where the camera's poses are there."""
-    parts = clip.path.parts[-7:]
-    if len(clip.path.parents) < 9:
-        raise InputError(f"{clip.path}: expected .../HOI4D_annotations/ZY.../H*/C*/N*/S*/s*/T*")
-    root = clip.path.parents[7]
-    files = {frame_number(p): p for p in (clip.path / "objpose").glob("*.json")}
-    hands: dict[Side, dict[int, Path]] = {side: hand_files(root, side, parts) for side in SIDES}
-    numbers = [frame for found in (files, *hands.values()) for frame in found]
-    if not numbers:
-        raise InputError(f"{clip.path}: expected frames in objpose, got none; download them")
-    frames = max(numbers) + 1
-    poses = read_poses(files, frames)
-    present = finite_frames(poses)
-    tracks = [read_hand(found, side, frames, known) for side, found in hands.items() if found]
-    cameras, notes = read_cameras(clip.path / "3Dseg/output.log", frames)
-    said: list[str] = []
-    if cameras is not None:
-        said += wrong_cameras(cameras[present], poses[present])
-        tracks = [(hand_in(hand, cameras), more) for hand, more in tracks]
-        poses = cameras[:, None] @ poses
-    category, meshes = read_meshes(parts, poses.shape[1], root, known)
-    sequence = sequence_of(
-        tracks, object_track(meshes, poses), known.rate(FPS), f"HOI4D {clip.name}", *notes
-    )
-    names = tuple(f"hoi4d_{category}_{parts[3]}_{k}" for k in range(len(meshes)))
-    said += wrong_order(meshes, poses[present])
-    return recordings(
-        clip.name,
-        sequence,
-        object_known=present,
-        mesh_names=names,
-        evidence=CrossChecks(said=tuple(said)),
-    )
+
+    patterns = ("objpose/",)
+    clip_is_folder = True
+    name_parts = ID_PARTS
+    fps = 15.0
+    convention = ManoConvention("origin")
+
+    def parts(self, clip: SourceClip, options: ReaderOptions) -> list[ClipParts]:
+        """The one interaction of a sequence."""
+        sequence = clip.path.parts[-ID_PARTS:]
+        if len(clip.path.parents) < ID_PARTS + 2:
+            raise InputError(f"{clip.path}: expected .../HOI4D_annotations/ZY.../H*/C*/N*/S*/s*/T*")
+        root = clip.path.parents[ID_PARTS]
+        files = numbered_files(clip.path / "objpose", "*.json")
+        hands: dict[Side, dict[int, Path]] = {
+            side: hand_files(root, side, sequence) for side in ("right", "left")
+        }
+        numbers = [frame for found in (files, *hands.values()) for frame in found]
+        if not numbers:
+            raise InputError(f"{clip.path}: expected frames in objpose, got none; download them")
+        frames = max(numbers) + 1
+        motion = read_poses(files, frames)
+        present = finite_frames(motion)
+        cameras, notes = read_cameras(clip.path / "3Dseg/output.log", frames)
+        category, meshes = read_meshes(sequence, motion.shape[1], root, options)
+        contradictions = []
+        if cameras is not None:
+            contradictions += inverted_cameras(cameras[present], motion[present], str(clip.path))
+            motion = cameras[:, None] @ motion
+        contradictions += exchanged_parts(meshes, motion[present])
+        tracks = [read_hand(found, side, frames, cameras) for side, found in hands.items() if found]
+        return [
+            ClipParts(
+                f"HOI4D {clip.name}",
+                tracks,
+                {f"hoi4d_{category}_{sequence[3]}_{k}": mesh for k, mesh in enumerate(meshes)},
+                motion,
+                notes=notes,
+                cross_checks=CrossChecks(contradictions=tuple(contradictions)),
+            )
+        ]
 
 
-def hand_files(root: Path, side: Side, parts: tuple[str, ...]) -> dict[int, Path]:
+def hand_files(root: Path, side: Side, sequence: tuple[str, ...]) -> dict[int, Path]:
     """The files of one hand by frame; their numbers come with and without leading zeros."""
-    folder = root / "handpose" / f"refinehandpose_{side}" / Path(*parts)
-    return {frame_number(path): path for path in folder.glob("*.pickle")}
+    folder = root / "handpose" / f"refinehandpose_{side}" / Path(*sequence)
+    return numbered_files(folder, "*.pickle")
 
 
-def read_hand(files: dict[int, Path], side: Side, frames: int, known: ReaderOptions) -> Track:
+def read_hand(
+    files: dict[int, Path], side: Side, frames: int, cameras: Array | None
+) -> ManoParameters:
     """One hand in the camera's frame."""
-    pose, trans, betas = np.full((frames, 48), np.nan), np.full((frames, 3), np.nan), []
-    for frame, path in files.items():
-        record = read_record(path)
-        pose[frame] = record.array("poseCoeff", (48,))
-        trans[frame] = record.array("trans", (3,))
-        betas.append(record.array("beta", (10,)))
-    where = str(next(iter(files.values())).parent)
-    return mano_track(
-        ManoParameters(side, pose, trans, np.mean(betas, axis=0)), CONVENTION, known, where
+    records = {frame: read_record(path) for frame, path in files.items()}
+    return ManoParameters(
+        side,
+        field_by_frame(records, "poseCoeff", frames, 48),
+        field_by_frame(records, "trans", frames, 3),
+        np.mean([record.array("beta", (10,)) for record in records.values()], axis=0),
+        to_world=cameras,
     )
 
 
@@ -124,18 +120,16 @@ def read_poses(files: dict[int, Path], frames: int) -> Array:
     count = max((len(found) for found in parts.values()), default=0)
     if not count:
         raise InputError("objpose: expected files with 'dataList', got none; download them")
-    poses = np.full((frames, count, 4, 4), np.nan)
-    for frame, found in parts.items():
-        if len(found) == count:
-            poses[frame] = np.stack([part_pose(part) for part in found])
-    return poses
+    complete = {frame: found for frame, found in parts.items() if len(found) == count}
+    poses = {frame: np.stack([part_pose(p) for p in found]) for frame, found in complete.items()}
+    return by_frame(poses, frames, count, 4, 4)
 
 
 def pose_list(path: Path) -> list[Record]:
     """The parts in one annotation, named dataList or, in older files, objects; none where it says
     that it is not effective."""
     record = as_record(read_json(path), str(path))
-    if "isEffective" in record and record.number("isEffective") == 0:
+    if "isEffective" in record and record.finite("isEffective") == 0:
         return []
     items = record.items("dataList" if "dataList" in record else "objects")
     return [as_record(item, f"{path} part {index}") for index, item in enumerate(items)]
@@ -145,25 +139,24 @@ def part_pose(part: Record) -> Array:
     """(4, 4) of one part: v_camera = R v + centre, R from intrinsic XYZ angles."""
     centre, turn = part.record("center"), part.record("rotation")
     pose = np.eye(4)
-    angles = [turn.number(axis) for axis in "xyz"]
+    angles = [turn.finite(axis) for axis in "xyz"]
     pose[:3, :3] = Rotation.from_euler("XYZ", angles).as_matrix()
-    pose[:3, 3] = [centre.number(axis) for axis in "xyz"]
+    pose[:3, 3] = [centre.finite(axis) for axis in "xyz"]
     return pose
 
 
 def read_cameras(path: Path, frames: int) -> tuple[Array | None, tuple[str, ...]]:
-    """(T, 4, 4) camera to world, as the blocks of an Open3D trajectory stand in the file.
-
-    Each block is a heading of three numbers and the four rows of its matrix.
-    """
+    """(T, 4, 4) camera to world, out of an Open3D trajectory."""
     if not path.is_file():
         return None, ("camera frame: there are no camera poses",)
     rows = [line.split() for line in read_text(path).splitlines() if line.strip()]
-    if len(rows) < 5 * frames:
-        return None, (f"camera frame: camera poses of {len(rows) // 5} of {frames} frames",)
+    if len(rows) < TRAJECTORY_BLOCK * frames:
+        count = len(rows) // TRAJECTORY_BLOCK
+        return None, (f"camera frame: camera poses of {count} of {frames} frames",)
+    starts = range(1, TRAJECTORY_BLOCK * frames, TRAJECTORY_BLOCK)
     try:
-        blocks = [rows[5 * t + 1 : 5 * t + 5] for t in range(frames)]
-        cameras = np.array(blocks, dtype=np.float64).reshape(frames, 4, 4)
+        cameras = np.array([rows[k : k + 4] for k in starts], dtype=np.float64)
+        cameras = cameras.reshape(frames, 4, 4)
     except ValueError:
         raise InputError(f"{path}: expected an Open3D trajectory; it is damaged") from None
     if not np.allclose(cameras[:, 3], [0, 0, 0, 1], atol=1e-3):
@@ -172,28 +165,28 @@ def read_cameras(path: Path, frames: int) -> tuple[Array | None, tuple[str, ...]
 
 
 def read_meshes(
-    parts: tuple[str, ...], count: int, root: Path, known: ReaderOptions
+    sequence: tuple[str, ...], count: int, root: Path, options: ReaderOptions
 ) -> tuple[str, list[Mesh]]:
     """The category and the mesh of each pose, in the order of the poses."""
-    category = CATEGORIES.get(frame_number(Path(parts[2])), parts[2])
-    models = known.objects or root / "HOI4D_CAD_Model_for_release"
-    instance = f"{frame_number(Path(parts[3])):03d}"
+    category = CATEGORIES.get(frame_number(Path(sequence[2])), sequence[2])
+    models = options.objects or root / MODELS
+    instance = f"{frame_number(Path(sequence[3])):03d}"
     if count == 1:
         rigid = [models / kind / category / f"{instance}.obj" for kind in ("rigid", ".")]
         return category, [read_mesh(find_mesh(rigid, f"{category} {instance}"))]
-    swapped = (category in SWAPPED) != known.swap_parts
+    swapped = (category in SWAPPED) != options.swap_parts
     order = reversed(range(count)) if swapped else range(count)
     folder = models / "articulated" / category / instance / "objs"
     files = [find_mesh([folder / f"new-{k}-align.obj"], f"{category} {instance}") for k in order]
     return category, [read_mesh(file) for file in files]
 
 
-def wrong_order(meshes: list[Mesh], poses: Array) -> list[str]:
+def exchanged_parts(meshes: list[Mesh], poses: Array) -> list[str]:
     """Whether two parts come together only with their poses exchanged."""
     if len(meshes) != 2 or not len(poses):
         return []
     apart, exchanged = (widest_gap(pair, poses) for pair in (meshes, meshes[::-1]))
-    if apart > 0.02 and exchanged < 0.5 * apart:
+    if apart > GAP_LIMIT and exchanged < GAP_GAIN * apart:
         return [
             f"parts: the two parts come {1000 * apart:.0f} mm apart, and {1000 * exchanged:.0f} mm "
             "with their poses exchanged: the order of the parts is the other one here, "
@@ -202,16 +195,15 @@ def wrong_order(meshes: list[Mesh], poses: Array) -> list[str]:
     return []
 
 
-def wrong_cameras(cameras: Array, poses: Array) -> list[str]:
+def inverted_cameras(cameras: Array, poses: Array, where: str) -> list[str]:
     """Whether the object moves less with the camera's poses taken as world to camera."""
     if len(cameras) < 3:
         return []
-    inverse = np.linalg.inv(cameras)
     read, other = (
         float(np.linalg.norm(np.diff((way @ poses[:, 0])[:, :3, 3], axis=0), axis=1).mean())
-        for way in (cameras, inverse)
+        for way in (cameras, inverse(cameras, where))
     )
-    if other < 0.5 * read and read - other > 0.002:
+    if other < CAMERA_SHARE * read and read - other > CAMERA_GAIN:
         return [
             f"cameras: the object moves {1000 * read:.1f} mm a frame, and {1000 * other:.1f} mm "
             "with the camera's poses inverted: output.log holds world to camera here"
@@ -230,3 +222,6 @@ def widest_gap(meshes: list[Mesh], poses: Array) -> float:
         )
         gaps.append(np.linalg.norm(first[:, None] - second[None], axis=-1).min())
     return float(max(gaps))
+
+
+READER = Hoi4dReader()

@@ -1,6 +1,6 @@
 """HOI4D as GeneOH Diffusion prepares it: {Category}/case{i}/merged_data.npy and meta_data.npy.
 
-One dict for each frame with theta (1, 48) absolute, beta (1, 10), trans (1, 3) of convention O,
+One dict for each frame with theta (1, 48) absolute, beta (1, 10), trans (1, 3) of MANO's origin,
 joints (63,) in MANO's order, obj_rot and obj_trans, of which an articulated object has one for each
 part; torch tensors, right hands, metres, the frame of a moving camera, 15 frames a second.
 meta_data.npy names HOI4D's sequence, whose meshes are those of the data set itself.
@@ -14,79 +14,60 @@ import numpy as np
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import Mesh
 from geneoh.pickles.files import read_values
-from geneoh.readers.base import (
-    CrossChecks,
-    ReaderOptions,
-    Recording,
-    SourceClip,
-    clip_name,
-    clips,
-    finite_frames,
-)
+from geneoh.readers.base import CrossChecks, ReaderOptions, SourceClip, finite_frames
 from geneoh.readers.builders import (
-    OPENPOSE_FROM_M,
+    OPENPOSE_FROM_MANO,
     ManoConvention,
     ManoParameters,
-    mano_track,
-    matrices,
-    object_track,
-    recordings,
-    sequence_of,
+    joints_if_complete,
 )
-from geneoh.readers.records import FRAME_LIMIT, Array, Record, as_record, read_record
-from geneoh.readers.sources.hoi4d import FPS, read_meshes, wrong_order
-
-CONVENTION = ManoConvention(origin=True)
-ID_PARTS = 7
-"""Of a sequence of HOI4D: camera, person, category, instance, room, layout, task."""
-
-
-def find(path: Path) -> list[SourceClip]:
-    """Every case."""
-    found = clips(path, "merged_data.npy", 3)
-    return [SourceClip(clip_name(clip.path.parent, 2), clip.path) for clip in found]
+from geneoh.readers.dataset_reader import ClipParts, DatasetReader
+from geneoh.readers.foreign_files import by_frame, field_by_frame, read_record
+from geneoh.readers.records import FRAME_LIMIT, Array, Record, as_record
+from geneoh.readers.sources.hoi4d import ID_PARTS, exchanged_parts, read_meshes
+from geneoh.readers.transforms import rigid_matrices
 
 
-def read(clip: SourceClip, known: ReaderOptions) -> list[Recording]:
+class Hoi4dCasesReader(DatasetReader):
     """The right hand and the object's parts, in the camera's frame."""
-    steps = read_steps(clip.path)
-    frames = max(steps) + 1
-    pose, trans = np.full((frames, 48), np.nan), np.full((frames, 3), np.nan)
-    joints, betas = np.full((frames, 21, 3), np.nan), []
-    for frame, step in steps.items():
-        pose[frame] = step.array("theta", (48,))
-        trans[frame] = step.array("trans", (3,))
-        betas.append(step.array("beta", (10,)))
-        if "joints" in step:
-            joints[frame] = step.array("joints", (63,), (21, 3)).reshape(21, 3)
-    joints = joints[:, OPENPOSE_FROM_M]
-    motion = read_motion(steps, frames)
-    category, meshes = meshes_of(clip.path, motion.shape[1], known)
-    # With the model keypoints are made from the pose; without, the stored ones place the wrist.
-    stored = known.mano is None and np.isfinite(joints[np.isfinite(trans).all(1)]).all()
-    numbers = ManoParameters(
-        "right", pose, trans, np.mean(betas, axis=0), joints=joints if stored else None
-    )
-    sequence = sequence_of(
-        [mano_track(numbers, CONVENTION, known, str(clip.path))],
-        object_track(meshes, motion),
-        known.rate(FPS),
-        f"HOI4D {clip.name} (GeneOH)",
-        "camera frame",
-    )
-    present = finite_frames(motion)
-    return recordings(
-        clip.name,
-        sequence,
-        object_known=present,
-        mesh_names=tuple(
-            f"hoi4d_{category}_{clip.path.parent.name}_{k}" for k in range(len(meshes))
-        ),
-        evidence=CrossChecks(
-            joints={"right": joints} if np.isfinite(joints).any() else {},
-            said=tuple(wrong_order(meshes, motion[present])),
-        ),
-    )
+
+    patterns = ("merged_data.npy",)
+    clip_is_folder = True
+    name_parts = 2
+    fps = 15.0
+    convention = ManoConvention("origin")
+
+    def parts(self, clip: SourceClip, options: ReaderOptions) -> list[ClipParts]:
+        """The one interaction of a case."""
+        steps = read_steps(clip.path / "merged_data.npy")
+        frames = max(steps) + 1
+        pose = field_by_frame(steps, "theta", frames, 48)
+        joints = read_joints(steps, frames)
+        motion = read_motion(steps, frames)
+        category, meshes = meshes_of(clip.path, motion.shape[1], options)
+        hand = ManoParameters(
+            "right",
+            pose,
+            field_by_frame(steps, "trans", frames, 3),
+            np.mean([step.array("beta", (10,)) for step in steps.values()], axis=0),
+            # With the model keypoints are made from the pose; else the stored ones place the wrist.
+            joints=joints_if_complete(joints, pose) if options.mano is None else None,
+        )
+        names = [f"hoi4d_{category}_{clip.path.name}_{k}" for k in range(len(meshes))]
+        contradictions = exchanged_parts(meshes, motion[finite_frames(motion)])
+        return [
+            ClipParts(
+                f"HOI4D {clip.name} (GeneOH)",
+                [hand],
+                dict(zip(names, meshes, strict=True)),
+                motion,
+                notes=("camera frame",),
+                cross_checks=CrossChecks(
+                    joints={"right": joints} if np.isfinite(joints).any() else {},
+                    contradictions=tuple(contradictions),
+                ),
+            )
+        ]
 
 
 def read_steps(path: Path) -> dict[int, Record]:
@@ -94,20 +75,27 @@ def read_steps(path: Path) -> dict[int, Record]:
     value: Any = read_values(path)
     if isinstance(value, np.ndarray) and value.dtype == object:
         value = value.tolist()
-    items = (
-        value
-        if isinstance(value, dict)
-        else dict(enumerate(value if isinstance(value, list) else []))
-    )
+    if isinstance(value, list):
+        value = dict(enumerate(value))
     steps = {}
-    for key, step in items.items():
-        number = str(key)
+    for key, step in value.items() if isinstance(value, dict) else ():
+        number = str(key)[:40]
         if not number.isdecimal() or int(number) >= FRAME_LIMIT:
-            raise InputError(f"{path}: expected frames by number, got {number[:40]!r}; check it")
+            raise InputError(f"{path}: expected frames by number, got {number!r}; check it")
         steps[int(number)] = as_record(step, f"{path} frame {number}")
     if not steps:
         raise InputError(f"{path}: expected frames with 'theta' and 'obj_rot', got none; check it")
     return steps
+
+
+def read_joints(steps: dict[int, Record], frames: int) -> Array:
+    """(T, 21, 3) stored keypoints; NaN in frames without."""
+    found = {
+        frame: step.array("joints", (63,), (21, 3)).reshape(21, 3)
+        for frame, step in steps.items()
+        if "joints" in step
+    }
+    return by_frame(found, frames, 21, 3)[:, OPENPOSE_FROM_MANO]
 
 
 def read_motion(steps: dict[int, Record], frames: int) -> Array:
@@ -118,27 +106,27 @@ def read_motion(steps: dict[int, Record], frames: int) -> Array:
         shift = step.array("obj_trans", (3,), ("Q", 3), ("Q", 1, 3)).reshape(-1, 3)
         if len(turn) != len(shift):
             raise step.refuse("obj_trans", f"one for each of {len(turn)} parts")
-        poses[frame] = matrices(turn, shift)
+        poses[frame] = rigid_matrices(turn, shift)
     count = max(len(pose) for pose in poses.values())
-    motion = np.full((frames, count, 4, 4), np.nan)
-    for frame, pose in poses.items():
-        if len(pose) == count:
-            motion[frame] = pose
-    return motion
+    complete = {frame: pose for frame, pose in poses.items() if len(pose) == count}
+    return by_frame(complete, frames, count, 4, 4)
 
 
-def meshes_of(path: Path, count: int, known: ReaderOptions) -> tuple[str, list[Mesh]]:
+def meshes_of(case: Path, count: int, options: ReaderOptions) -> tuple[str, list[Mesh]]:
     """The category and the mesh of each part: the caller's, or the data set's own."""
-    if known.meshes:
-        return path.parents[1].name, list(known.meshes)
-    meta = path.with_name("meta_data.npy")
+    if options.meshes:
+        return case.parent.name, list(options.meshes)
+    meta = case / "meta_data.npy"
     if not meta.is_file():
         raise InputError(
             f"{meta}: expected the name of HOI4D's sequence, got no such file; copy it, or pass "
             "the object's meshes with --obj"
         )
     record = read_record(meta)
-    parts = tuple(record.text("case_flag").strip("/").split("/"))[-ID_PARTS:]
-    if len(parts) != ID_PARTS:
+    sequence = tuple(record.text("case_flag").strip("/").split("/"))[-ID_PARTS:]
+    if len(sequence) != ID_PARTS:
         raise record.refuse("case_flag", "a sequence such as ZY20210800001/H1/C1/N1/S1/s01/T1")
-    return read_meshes(parts, count, path.parents[2], known)
+    return read_meshes(sequence, count, case.parents[1], options)
+
+
+READER = Hoi4dCasesReader()

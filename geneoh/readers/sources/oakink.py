@@ -2,105 +2,87 @@
 image/anno/general_info/{seq}__{ts}__{sbj}__{frame}__{cam}.
 
 hand_anno holds hand_pose (16, 4) quaternions with the real part first, hand_shape and hand_tsl in
-the world (convention W, absolute pose); obj_anno is object to world, for the mesh with its bounding
-box centred; cam_extr is world to camera, in which hand_j stands. Right hands only, metres, 30
-frames a second.
+the world (translation of the wrist, absolute pose); obj_anno is object to world, for the mesh with
+its bounding box centred; cam_extr is world to camera, in which hand_j stands. Right hands only,
+metres, 30 frames a second.
 """
 
+from glob import escape
 from pathlib import Path
 
 import numpy as np
 
 from geneoh.errors import InputError
-from geneoh.readers.base import (
-    CrossChecks,
-    ReaderOptions,
-    Recording,
-    SourceClip,
-    clip_name,
-    finite_frames,
-)
-from geneoh.readers.builders import (
-    ManoConvention,
-    ManoParameters,
-    mano_track,
-    object_track,
-    quats_wxyz,
-    recordings,
-    sequence_of,
-)
+from geneoh.readers.base import CrossChecks, ReaderOptions, SourceClip
+from geneoh.readers.builders import ManoConvention, ManoParameters, joints_if_complete
+from geneoh.readers.dataset_reader import ClipParts, DatasetReader
+from geneoh.readers.foreign_files import by_frame, field_by_frame, read_array, read_record
 from geneoh.readers.meshes import find_mesh, read_mesh
-from geneoh.readers.records import FRAME_LIMIT, Array, Record, read_array, read_record
-
-CONVENTION = ManoConvention(origin=False)
-FPS = 30.0
+from geneoh.readers.records import FRAME_LIMIT, Array, Record
+from geneoh.readers.transforms import axis_angles_of_wxyz, inverse
 
 
-def find(path: Path) -> list[SourceClip]:
-    """Every person in every sequence."""
-    folders = path.rglob("general_info") if path.is_dir() else []
-    return [
-        SourceClip(clip_name(Path("__".join(key)), 1), folder / "__".join(key))
-        for folder in sorted(folders)
-        for key in sorted({key_of(p)[:3] for p in folder.glob("*.pkl") if len(key_of(p)) == 5})
-    ]
-
-
-def key_of(path: Path) -> tuple[str, ...]:
-    """Sequence, time stamp, person, frame and camera out of a file's name."""
-    return tuple(path.stem.split("__"))
-
-
-def read(clip: SourceClip, known: ReaderOptions) -> list[Recording]:
+class OakInkReader(DatasetReader):
     """One person's hand and the object, in the world, from whichever camera has each frame."""
-    folder, name = clip.path.parent, clip.path.name
-    chosen: dict[int, Path] = {}
-    for file in sorted(folder.glob(f"{glob_safe(name)}__*.pkl")):
-        frame = key_of(file)[3]
-        if frame.isdigit() and int(frame) < FRAME_LIMIT:
-            chosen.setdefault(int(frame), file)
-    if not chosen:
-        raise InputError(f"{clip.path}: expected frames of this sequence, got none; download them")
-    frames = max(chosen) + 1
-    pose, trans = np.full((frames, 16, 3), np.nan), np.full((frames, 3), np.nan)
-    motion, joints = np.full((frames, 4, 4), np.nan), np.full((frames, 21, 3), np.nan)
-    betas = []
-    for frame, file in chosen.items():
-        record = read_record(file)
-        hand = record.record("hand_anno")
-        pose[frame] = quats_wxyz(hand.array("hand_pose", (16, 4)))
-        trans[frame] = hand.array("hand_tsl", (3,))
-        betas.append(hand.array("hand_shape", (10,)))
-        motion[frame] = record.array("obj_anno", (4, 4))
-        joints[frame] = read_joints(folder.parent / "hand_j" / file.name, record)
-    complete = np.isfinite(joints[np.isfinite(trans).all(1)]).all()
-    numbers = ManoParameters(
-        "right",
-        pose.reshape(frames, 48),
-        trans,
-        np.mean(betas, axis=0),
-        joints=joints if complete else None,
-    )
-    track = mano_track(numbers, CONVENTION, known, str(clip.path))
-    item = key_of(clip.path)[0].split("_")[0]
-    models = known.objects or folder.parents[1] / "obj"
-    places = [models / f"{item}{ending}" for ending in (".obj", ".ply")]
-    mesh = read_mesh(find_mesh(places, item), centred=True)
-    sequence = sequence_of(
-        [track], object_track([mesh], motion[:, None]), known.rate(FPS), f"OakInk {name}"
-    )
-    return recordings(
-        clip.name,
-        sequence,
-        object_known=finite_frames(motion),
-        mesh_names=(f"oakink_{item}",),
-        evidence=CrossChecks(joints={"right": joints}),
-    )
+
+    patterns = ("*__*__*__*__*.pkl",)
+    convention = ManoConvention("wrist")
+
+    def accepts(self, match: Path) -> bool:
+        """Annotations of frames."""
+        return match.parent.name == "general_info" and len(words_of(match)) == 5
+
+    def clip_at(self, match: Path) -> SourceClip:
+        """The sequence and person that a frame belongs to."""
+        path = match.with_name("__".join(words_of(match)[:3]))
+        return super().clip_at(path)
+
+    def parts(self, clip: SourceClip, options: ReaderOptions) -> list[ClipParts]:
+        """The one interaction of a sequence."""
+        folder, name = clip.path.parent, clip.path.name
+        files: dict[int, Path] = {}
+        for file in sorted(folder.glob(f"{escape(name)}__*.pkl")):
+            frame = words_of(file)[3]
+            if frame.isdecimal() and int(frame) < FRAME_LIMIT:
+                files.setdefault(int(frame), file)
+        if not files:
+            raise InputError(f"{clip.path}: expected frames of this sequence, got none")
+        frames = max(files) + 1
+        records = {frame: read_record(file) for frame, file in files.items()}
+        hands = {frame: record.record("hand_anno") for frame, record in records.items()}
+        quaternions = field_by_frame(hands, "hand_pose", frames, 16, 4)
+        translation = field_by_frame(hands, "hand_tsl", frames, 3)
+        joints = by_frame(
+            {
+                frame: read_joints(folder.parent / "hand_j" / file.name, records[frame])
+                for frame, file in files.items()
+            },
+            *(frames, 21, 3),
+        )
+        item = words_of(clip.path)[0].split("_")[0]
+        models = options.objects or folder.parents[1] / "obj"
+        places = [models / f"{item}{ending}" for ending in (".obj", ".ply")]
+        hand = ManoParameters(
+            "right",
+            axis_angles_of_wxyz(quaternions),
+            translation,
+            np.mean([hand.array("hand_shape", (10,)) for hand in hands.values()], axis=0),
+            joints=joints_if_complete(joints, translation),
+        )
+        return [
+            ClipParts(
+                f"OakInk {name}",
+                [hand],
+                {f"oakink_{item}": read_mesh(find_mesh(places, item), centred=True)},
+                field_by_frame(records, "obj_anno", frames, 4, 4),
+                cross_checks=CrossChecks(joints={"right": joints}),
+            )
+        ]
 
 
-def glob_safe(name: str) -> str:
-    """A name without the characters that a pattern would read."""
-    return "".join(f"[{c}]" if c in "*?[" else c for c in name)
+def words_of(path: Path) -> list[str]:
+    """Sequence, time stamp, person, frame and camera out of a file's name."""
+    return path.stem.split("__")
 
 
 def read_joints(file: Path, record: Record) -> Array:
@@ -108,5 +90,8 @@ def read_joints(file: Path, record: Record) -> Array:
     if not file.is_file():
         return np.full((21, 3), np.nan)
     joints = read_array(file, (21, 3))
-    to_world = np.linalg.inv(record.array("cam_extr", (4, 4)))
+    to_world = inverse(record.array("cam_extr", (4, 4)), record.where)
     return joints @ to_world[:3, :3].T + to_world[:3, 3]
+
+
+READER = OakInkReader()

@@ -1,0 +1,148 @@
+"""Files of data sets that are no npz of ours: pickles, JSON, tables and texts of numbers."""
+
+import csv
+import json
+import re
+from array import array as growing
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from geneoh.errors import InputError
+from geneoh.pickles.files import open_text, read_bytes, read_values
+from geneoh.readers.records import FRAME_LIMIT, Array, Record, Shape, as_record
+
+TABLE_LIMIT = 2**29
+"""Bytes of a table that is read line by line."""
+
+JSON_LIMIT = 2**26
+"""Bytes of a JSON file: its lists take twenty times as much memory."""
+
+TEXT_LIMIT = 2**24
+"""Bytes of a text of numbers, each of which takes thirty times as much memory."""
+
+
+def read_record(path: Path) -> Record:
+    """The dict in a pickle, npz, npy, checkpoint or joblib file."""
+    return as_record(read_values(path), str(path))
+
+
+def read_array(path: Path, *shapes: Shape) -> Array:
+    """The one array in a npy, pickle or checkpoint file."""
+    return Record(str(path), {"array": read_values(path)}).array("array", *shapes)
+
+
+def read_json(path: Path) -> Any:
+    """The value in a JSON file."""
+    try:
+        return json.loads(read_bytes(path, JSON_LIMIT))
+    except (ValueError, RecursionError) as error:
+        reason = " ".join(str(error).split())[:100]
+        raise InputError(
+            f"{path}: expected JSON, got what is none ({reason}); it is damaged, copy it again"
+        ) from None
+
+
+def read_text(path: Path) -> str:
+    """The text of a file, in UTF-8."""
+    return read_bytes(path, TEXT_LIMIT).decode("utf-8", "replace")
+
+
+def read_table(path: Path, wanted: re.Pattern[str]) -> Record:
+    """Columns of a CSV as arrays by name; blanks around names are dropped.
+
+    A cell that is no number comes as NaN.
+
+    Args:
+        path: the file.
+        wanted: the names of the columns to read.
+
+    Raises:
+        InputError: no table, or too large a one.
+    """
+    try:
+        with open_text(path, TABLE_LIMIT) as file:
+            names, columns = read_columns(path, csv.reader(file), wanted)
+    except csv.Error as error:
+        raise InputError(f"{path}: expected a table ({error}); copy it again") from None
+    return Record(str(path), {names[index]: np.array(column) for index, column in columns.items()})
+
+
+def read_columns(
+    path: Path, rows: Any, wanted: re.Pattern[str]
+) -> tuple[list[str], dict[int, growing]]:
+    """Names of all columns of a table, and the numbers of those that are wanted."""
+    names = [name.strip() for name in next(rows, [])]
+    columns = {index: growing("d") for index, name in enumerate(names) if wanted.fullmatch(name)}
+    for row in rows:
+        if len(row) != len(names):
+            raise InputError(f"{path}: expected rows as long as the heading; copy it again")
+        for index, column in columns.items():
+            column.append(number_in(row[index]))
+    return names, columns
+
+
+def number_in(text: str) -> float:
+    """A number, or NaN for anything else."""
+    try:
+        return float(text)
+    except ValueError:
+        return float("nan")
+
+
+def read_numbers(path: Path, *counts: int) -> Array:
+    """The numbers of a text file with one line per row, or all of one row.
+
+    Args:
+        path: the file.
+        counts: numbers that a row may have.
+
+    Raises:
+        InputError: not numbers, or rows of other lengths.
+    """
+    rows = [line.split() for line in read_text(path).splitlines() if line.strip()]
+    try:
+        values = np.array([[float(word) for word in row] for row in rows])
+    except ValueError:
+        values = np.zeros((0, 0))
+    if values.ndim != 2 or values.shape[1] not in counts:
+        wanted = " or ".join(map(str, counts))
+        raise InputError(
+            f"{path}: expected rows of {wanted} numbers, got {len(rows)} rows of "
+            f"{sorted({len(row) for row in rows})[:4]} words; it is damaged, copy it again"
+        )
+    return values
+
+
+def frame_number(path: Path) -> int:
+    """The number in a file's name, such as 17 in 00017.json.
+
+    Raises:
+        InputError: the name is no frame's number.
+    """
+    digits = "".join(ch for ch in path.stem if ch.isdecimal())
+    if not digits or len(digits) > 9 or int(digits) > FRAME_LIMIT:
+        raise InputError(f"{path}: expected a frame's number as the name; rename or remove it")
+    return int(digits)
+
+
+def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
+    """The files of a folder that match a pattern, by the frame's number in their names."""
+    return {frame_number(path): path for path in sorted(folder.glob(pattern))}
+
+
+def by_frame(values: Mapping[int, Array], frames: int, *shape: int) -> Array:
+    """(T, *shape) of the values of single frames; NaN in every frame that has none."""
+    result = np.full((frames, *shape), np.nan)
+    for frame, value in values.items():
+        if frame < frames:
+            result[frame] = value
+    return result
+
+
+def field_by_frame(records: Mapping[int, Record], name: str, frames: int, *shape: int) -> Array:
+    """(T, *shape) of one field of each frame's record; NaN in every frame that has none."""
+    found = {frame: record.array(name, shape) for frame, record in records.items()}
+    return by_frame(found, frames, *shape)

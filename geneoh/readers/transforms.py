@@ -1,0 +1,73 @@
+"""Rotations and rigid motions of data sets, float64 in numpy; frames of NaN stay NaN."""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from geneoh.errors import InputError
+from geneoh.readers.records import Array
+
+MIRROR_X = np.array([-1.0, 1.0, 1.0])
+"""Reflection of points x -> -x."""
+
+SINGULAR = 1e-12
+"""Determinant below which a matrix counts as one that cannot be inverted."""
+
+
+def rigid_matrices(rotation: Array, translation: Array) -> Array:
+    """(T, 4, 4) from (T, 3, 3) and (T, 3)."""
+    result = np.tile(np.eye(4), (len(rotation), 1, 1))
+    result[:, :3, :3], result[:, :3, 3] = rotation, translation
+    return result
+
+
+def rotation_matrices(vectors: Array) -> Array:
+    """(..., 3, 3) rotations of (..., 3) axis-angle vectors."""
+    known = np.isfinite(vectors).all(-1)
+    result = np.full((*vectors.shape[:-1], 3, 3), np.nan)
+    if known.any():
+        result[known] = Rotation.from_rotvec(vectors[known]).as_matrix()
+    return result
+
+
+def axis_angles(rotations: Array) -> Array:
+    """(..., 3) axis-angle vectors of (..., 3, 3) matrices; NaN for what is no rotation."""
+    flat = rotations.reshape(-1, 3, 3)
+    known = np.isfinite(flat).all((-1, -2))
+    sound = np.zeros(len(flat), dtype=bool)
+    sound[known] = np.linalg.det(flat[known]) > 0.5
+    result = np.full((len(flat), 3), np.nan)
+    if sound.any():
+        result[sound] = Rotation.from_matrix(flat[sound]).as_rotvec()
+    return result.reshape(*rotations.shape[:-2], 3)
+
+
+def axis_angles_of_wxyz(quaternions: Array) -> Array:
+    """(..., 3) axis-angle vectors of (..., 4) quaternions, real part first; NaN for zeros."""
+    flat = quaternions.reshape(-1, 4)
+    sound = np.isfinite(flat).all(-1) & (np.abs(flat).sum(-1) > 0.1)
+    result = np.full((len(flat), 3), np.nan)
+    if sound.any():
+        result[sound] = Rotation.from_quat(flat[sound][:, [1, 2, 3, 0]]).as_rotvec()
+    return result.reshape(*quaternions.shape[:-1], 3)
+
+
+def inverse(matrices: Array, where: str) -> Array:
+    """(..., 4, 4) inverses of (..., 4, 4) transformations.
+
+    Raises:
+        InputError: one of them has none.
+    """
+    sound = bool(np.isfinite(matrices).all())
+    if not sound or (np.abs(np.linalg.det(matrices)) < SINGULAR).any():
+        raise InputError(f"{where}: expected a camera's pose that can be inverted; copy it again")
+    return np.linalg.inv(matrices)
+
+
+def moved_points(points: Array, frame: Array) -> Array:
+    """(T, P, 3) points taken into another frame by (T, 4, 4) matrices."""
+    return points @ frame[:, :3, :3].transpose(0, 2, 1) + frame[:, None, :3, 3]
+
+
+def mirrored_pose(pose: Array) -> Array:
+    """(T, 16, 3) axis-angle vectors of the other hand: the reflection x -> -x."""
+    return pose * -MIRROR_X
