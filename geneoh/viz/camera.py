@@ -11,7 +11,7 @@ import torch
 from jaxtyping import Float
 from scipy.ndimage import gaussian_filter1d
 
-from geneoh.viz.drawn import hands_surface
+from geneoh.viz.drawn import DrawnSurface, hands_surface
 from geneoh.viz.raster import rasterise
 from geneoh.viz.scene import Scene
 
@@ -21,7 +21,7 @@ TURNS = 12
 """Directions that are tried around the up axis at each elevation."""
 ELEVATIONS = (-0.5, 0.0, 0.45, 0.95)
 """Elevations of the tried directions above the horizontal, radians."""
-TRIAL = 96
+TRIAL_SIZE = 96
 """Side in pixels of the pictures that directions are judged by."""
 JUDGED_FRAMES = 3
 """Frames that directions are judged by: those with the deepest penetration."""
@@ -79,26 +79,30 @@ def axes_towards(back: Float[np.ndarray, " 3"], up: Float[np.ndarray, " 3"]) -> 
 
 def cameras(scene: Scene, up: Float[np.ndarray, " 3"]) -> list[Camera]:
     """One camera for each frame: the same direction and size in all, so that frames compare."""
-    axes, targets = best_axes(scene, up), _targets(scene)
+    targets = _targets(scene)
     radius = _radius(scene, targets)
+    axes = _best_axes(scene, up, targets, radius)
     return [Camera(axes, target, radius) for target in targets]
 
 
-def best_axes(scene: Scene, up: Float[np.ndarray, " 3"]) -> Axes:
-    """The direction from which most of the hands is seen, and most of what sank into the object.
+def _best_axes(
+    scene: Scene, up: Float[np.ndarray, " 3"], targets: Float[np.ndarray, "T 3"], radius: float
+) -> Axes:
+    """The direction from which most of the hands is seen, and most of what is inside the object.
 
-    The object is looked through, as in the pictures; only the hands hide one another. One direction
-    for the whole clip, judged over a few frames of the first version.
+    The object is see-through, as in the pictures; only the hands hide one another. One direction
+    for the whole clip, judged by a few frames of the first version.
     """
-    deepest = scene.versions[0].measures.depth.nan_to_num()
+    before = scene.versions[0]
+    deepest = before.measures.depth.nan_to_num()
     frames = deepest.topk(min(JUDGED_FRAMES, len(deepest))).indices.tolist()
-    targets = _targets(scene)
-    radius = _radius(scene, targets)
-    tried = [axes_towards(back, up) for back in _directions(up)]
+    drawn = {frame: hands_surface(before, frame, "penetration") for frame in frames}
     return max(
-        tried,
+        (axes_towards(back, up) for back in _directions(up)),
         key=lambda axes: sum(
-            _seen_pixels(scene, frame, Camera(axes, targets[frame], radius)) for frame in frames
+            _seen_pixels(hands, Camera(axes, targets[frame], radius))
+            for frame, hands in drawn.items()
+            if hands is not None
         ),
     )
 
@@ -116,13 +120,10 @@ def _directions(up: Float[np.ndarray, " 3"]) -> list[Float[np.ndarray, " 3"]]:
     ]
 
 
-def _seen_pixels(scene: Scene, frame: int, camera: Camera) -> float:
-    """How much of the hands one frame shows, in pixels."""
-    hands = hands_surface(scene.versions[0], frame, "penetration")
-    if hands is None:
-        return 0.0
-    screen = camera.project(hands.verts, (TRIAL, TRIAL))
-    raster = rasterise(screen, hands.faces, (TRIAL, TRIAL))
+def _seen_pixels(hands: DrawnSurface, camera: Camera) -> float:
+    """How much of the hands is seen, in pixels; skin inside the object counts more."""
+    screen = camera.project(hands.verts, (TRIAL_SIZE, TRIAL_SIZE))
+    raster = rasterise(screen, hands.faces, (TRIAL_SIZE, TRIAL_SIZE))
     seen = raster.face[raster.covered]
     return len(seen) + DEEP_BONUS * float((hands.position[hands.faces[seen, 0]] > 0).sum())
 

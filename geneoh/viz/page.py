@@ -12,7 +12,7 @@ import html
 import json
 import re
 import zlib
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -39,12 +39,11 @@ MOST_SAMPLES = 16
 """Samples that a page keeps of those that were drawn."""
 
 
-@dataclass
 class _Packed:
     """Arrays one after another in one block of bytes."""
 
-    blocks: list[bytes] = field(default_factory=list)
-    size: int = 0
+    def __init__(self):
+        self.data = bytearray()
 
     def add(
         self, values: Integer[np.ndarray, "..."], *, over_frames: bool = False
@@ -55,16 +54,10 @@ class _Packed:
             # differences may overflow: the viewer sums in the same width, which undoes it
             flat = np.concatenate([flat[:1], flat[1:] - flat[:-1]])
         raw = flat.reshape(-1).view(np.uint8).reshape(-1, flat.dtype.itemsize)
-        block = raw.T.tobytes()
-        place = {
-            "at": self.size,
-            "type": flat.dtype.name,
-            "shape": list(values.shape),
-            "delta": over_frames,
-        }
-        self.blocks.append(block)
-        self.size += len(block)
-        return place
+        at = len(self.data)
+        self.data += raw.T.tobytes()
+        kind, shape = flat.dtype.name, list(values.shape)
+        return {"at": at, "type": kind, "shape": shape, "delta": over_frames}
 
 
 @dataclass(frozen=True)
@@ -100,7 +93,7 @@ def page_html(scene: Scene, look: Look | None = None) -> str:
     """
     packed = _Packed()
     described = describe(scene, (look or Look()).upward, packed)
-    data = base64.b64encode(zlib.compress(b"".join(packed.blocks), 9)).decode()
+    data = base64.b64encode(zlib.compress(packed.data, 9)).decode()
     filled = {
         "TITLE": html.escape(scene.title),
         "STYLE": _asset("page.css"),

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from geneoh.errors import InputError
-from geneoh.viz.camera import best_axes, cameras
+from geneoh.viz.camera import cameras
 from geneoh.viz.canvas import CAPTION_HEIGHT, SCALE_HEIGHT, TITLE_HEIGHT
 from geneoh.viz.look import Look
 from geneoh.viz.strip import STRIP_GAP, filmstrip, spread_frames
@@ -38,7 +38,7 @@ def test_the_same_scene_gives_the_same_picture(scene):
 
 
 def test_the_axes_are_a_rotation_with_up_upwards(scene):
-    axes = best_axes(scene, UP)
+    axes = cameras(scene, UP)[0].axes
     np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-9)
     assert np.linalg.det(axes) == pytest.approx(1)
     assert axes[1] @ UP > 0.5
