@@ -16,8 +16,7 @@ from .. import options
     "--obj",
     type=options.INPUT_FILE,
     multiple=True,
-    help="Mesh file of the object, in metres. Repeat it for each rigid part, in order of the "
-    "parts. With --serve, a mesh that has the name of the result is found without it.",
+    help=f"{options.OBJ_HELP} With --serve, a mesh that is named like the result is found.",
 )
 @click.option(
     *("-o", "--output", "outputs"),

@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float, Int
 NOTHING = -1
 """Face index of a pixel that no triangle covers."""
 TINY = 1e-12
+"""Twice the area in pixels up to which a triangle is left out."""
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from geneoh.viz.look import OnStep
 from geneoh.viz.scene import Scene, Version
 
 ADDRESS = "127.0.0.1"
-"""Reachable from this machine only, unless the user says otherwise."""
+"""Reachable from this machine only."""
 SORT_MEASURES = (
     "penetration_mean_mm",
     "penetration_max_mm",
@@ -95,9 +95,7 @@ def sorted_by(items: list[GalleryItem], measure: str) -> list[GalleryItem]:
 class Gallery:
     """The running server: one result is shown; the list and the sliders change it."""
 
-    def __init__(
-        self, items: list[GalleryItem], *, up: np.ndarray, host: str = ADDRESS, port: int = 8080
-    ):
+    def __init__(self, items: list[GalleryItem], *, up: np.ndarray, port: int = 8080):
         """Start the server and show the first result."""
         try:
             import viser
@@ -108,7 +106,7 @@ class Gallery:
         self._items = items
         self._order = sorted_by(items, SORT_MEASURES[0])
         self._moving: list[tuple[Any, dict[str, Any]]] = []
-        self._server: Any = viser.ViserServer(host=host, port=port, verbose=False)
+        self._server: Any = viser.ViserServer(host=ADDRESS, port=port, verbose=False)
         self._server.scene.set_up_direction(tuple(up))
         gui = self._server.gui
         self._sort = gui.add_dropdown("Sort by", SORT_MEASURES)
