@@ -1,4 +1,4 @@
-"""The loss of each stage: one batch to one number, and what a validation batch is scored by."""
+"""The loss of each stage, a number for a batch, and the score of a validation batch."""
 
 from dataclasses import replace
 
@@ -20,17 +20,22 @@ from geneoh.representation.temporal import DISTANCE_DECAY, encode_temporal
 from geneoh.training.batches import Batch
 
 SIGMA_RANGE = (0.05, 2.5)
-"""Noise levels to learn, log-uniform, in units of the data's deviation: the paper starts its stages
-at 2.0 (step 400), 0.7 (200) and 0.34 (100)."""
+"""Range of the noise levels, in units of the data's deviation: the paper starts its stages at 2.0
+(step 400), 0.7 (step 200) and 0.34 (step 100)."""
 MOTION_SIGMA_RANGE = (0.15, 8.0)
 """The same for MotionDiff."""
-LEAN = 4.0
-"""A stage that sees the observation trains most where the sample says next to nothing: what the
-observation says is hard to learn, the last steps are easy."""
-START = 2.0
-"""Noise level at which a stage is scored, that of level 400 (MotionDiff: its highest): where the
-sample says next to nothing, so that the score is of what the observation says."""
+HIGH_NOISE_BIAS = 4.0
+"""Preference for high noise levels in training with the observation. There the noisy sample tells
+almost nothing, and to read the observation instead is hard to learn; low levels are easy."""
+SCORING_SIGMA = 2.0
+"""Noise level at which a stage is scored, that of level 400 (MotionDiff: its highest). The noisy
+sample tells almost nothing there, so the score is of what the network reads in the observation."""
 FPS = 30.0
+"""Frames a second of all training data."""
+KEYPOINT_UNIT = 0.02
+"""Keypoint error that counts as much as a parameter error of one unit, metres."""
+WEIGHT_FLOOR = 0.1
+"""Squared error of an input, in such units, below which windows no longer gain weight."""
 
 
 def draw_sigma(
@@ -38,29 +43,24 @@ def draw_sigma(
     *,
     generator: torch.Generator,
     limits: tuple[float, float] = SIGMA_RANGE,
-    lean: float = 1.0,
+    high_noise_bias: float = 1.0,
 ) -> Float[Tensor, " B"]:
-    """Noise levels in units of the data's deviation, log-uniform for `lean` 1, higher above it."""
+    """Noise levels in units of the data's deviation: log-uniform for a bias of 1, else higher."""
     low, high = (torch.tensor(x).log() for x in limits)
-    share = torch.rand(count, generator=generator) ** (1 / lean)
+    share = torch.rand(count, generator=generator) ** (1 / high_noise_bias)
     return torch.exp(low + (high - low) * share)
-
-
-KEYPOINT_UNIT = 0.02
-"""Keypoint error that weighs as much as parameters off by one unit, metres."""
-FINE = 0.1
-"""Squared error of an input, in such units, below which windows no longer gain weight."""
 
 
 def window_weight(
     noisy: Float[Tensor, "B T 21 3"], clean: Float[Tensor, "B T 21 3"]
 ) -> Float[Tensor, " B"]:
-    """Weight of each window's squared error, for windows to count by about their input's error.
+    """Weight of each window's squared error, about one over the deviation of its input's error.
 
-    By its square, as without, what is left of a good track would hardly matter.
+    Windows then count by the size of their input's error. Without a weight they would count by its
+    square, and what is left of the error of a good track would hardly matter.
     """
     given = (noisy - clean).square().mean((1, 2, 3)) / KEYPOINT_UNIT**2
-    return 1 / (given + FINE).sqrt()
+    return 1 / (given + WEIGHT_FLOOR).sqrt()
 
 
 def motion_loss(
@@ -68,13 +68,18 @@ def motion_loss(
 ) -> Float[Tensor, ""]:
     """Weighted squared error of the clean hand's parameters and of the keypoints they make.
 
-    Noise levels count alike, without the weight of `trajectory_loss` that grows towards the lowest:
-    an answer off at a high one is off for good, while the last steps only refine it.
+    All noise levels count alike, without the weight of `trajectory_loss` that grows towards the
+    lowest: an error at a high level stays to the end, while the last steps only refine the result.
     """
     seen, clean = batch.motion, batch.clean_canon
     change = seen.hand.change_to(batch.hand)
     count = len(change)
-    sigma = draw_sigma(count, generator=generator, limits=MOTION_SIGMA_RANGE, lean=LEAN).to(change)
+    sigma = draw_sigma(
+        count,
+        generator=generator,
+        limits=MOTION_SIGMA_RANGE,
+        high_noise_bias=HIGH_NOISE_BIAS,
+    ).to(change)
     noise = normal_like(change, generator=generator)
     predicted = model(change + sigma[:, None, None] * noise, sigma, seen)
     parameters = (predicted - change).square().mean((1, 2))
@@ -100,14 +105,15 @@ def spatial_loss(
 ) -> Float[Tensor, ""]:
     """Error of every contact point's hand and of their mean (eq. 8).
 
-    With the observation the noise is one draw on the hand, seen from every point, and noise levels
-    count as for MotionDiff; withheld, each point has noise of its own, as the paper's independent
-    chains do, and levels count as the paper's.
+    With the observation all points see the same noise on the hand, and noise levels count as for
+    MotionDiff. Where the observation is hidden each point has noise of its own, as in the paper's
+    independent chains, and levels count as the paper's.
     """
     observation, clean = batch.observation, batch.clean_canon
     given, relations = observation.given > 0, encode_spatial(clean, batch.region)
     even, high = (
-        draw_sigma(len(clean), generator=generator, lean=lean).to(clean) for lean in (1.0, LEAN)
+        draw_sigma(len(clean), generator=generator, high_noise_bias=bias).to(clean)
+        for bias in (1.0, HIGH_NOISE_BIAS)
     )
     sigma = torch.where(given, high, even) * HAND_SCALE
     own = normal_like(relations.hands, generator=generator)
@@ -124,7 +130,7 @@ def spatial_loss(
 def reconstruction_loss(
     model: TemporalDenoiser, batch: Batch, *, generator: torch.Generator
 ) -> Float[Tensor, ""]:
-    """How well the autoencoder returns T of clean and noisy hands, contact weighted."""
+    """Reconstruction error of T of clean and noisy hands, weighted towards contact."""
     del generator  # draws nothing; the signature is shared by all losses
     points = batch.region.points_canon[:, :-1]
     total = batch.clean.new_zeros(())
@@ -176,11 +182,11 @@ def temporal_latents(
 def keypoint_loss(
     model: TochAutoencoder | RegressionDenoiser, batch: Batch, *, generator: torch.Generator
 ) -> Float[Tensor, ""]:
-    """Mean distance of the answered keypoints to the clean ones: plain regression."""
+    """Mean distance of the predicted keypoints to the clean ones: plain regression."""
     del generator  # draws nothing; the signature is shared by all losses
     observation = batch.observation
-    answered = model(observation, encode_spatial(observation.joints, batch.region))
-    return (answered - batch.clean_canon).norm(dim=-1).mean() / NOISE_SCALE
+    predicted = model(observation, encode_spatial(observation.joints, batch.region))
+    return (predicted - batch.clean_canon).norm(dim=-1).mean() / NOISE_SCALE
 
 
 @torch.no_grad()
@@ -194,7 +200,7 @@ def recovered_fraction(
     given = torch.ones_like(batch.observation.given)
     observation = replace(batch.observation, given=given)
     noisy, clean = observation.joints, batch.clean_canon
-    sigma = given * START
+    sigma = given * SCORING_SIGMA
     match model:
         case MotionDenoiser():
             hand = batch.motion.hand
@@ -204,15 +210,15 @@ def recovered_fraction(
             got = hand.moved(model(change + noise, start * given, batch.motion)).joints
             noisy = hand.joints
         case TrajectoryDenoiser():
-            noise = START * HAND_SCALE * normal_like(noisy, generator=generator)
+            noise = SCORING_SIGMA * HAND_SCALE * normal_like(noisy, generator=generator)
             got = model(noisy + noise, sigma * HAND_SCALE)
         case SpatialDenoiser():
-            noise = START * HAND_SCALE * normal_like(noisy, generator=generator)
+            noise = SCORING_SIGMA * HAND_SCALE * normal_like(noisy, generator=generator)
             relations = encode_spatial(noisy + noise, batch.region)
             got = decode_spatial(model(relations, sigma * HAND_SCALE, observation))
         case TemporalDenoiser():
             clean, noisy = temporal_latents(model, batch)
-            noise = START * normal_like(noisy, generator=generator)
+            noise = SCORING_SIGMA * normal_like(noisy, generator=generator)
             got = model(noisy + noise, sigma, noisy, given)
         case TochAutoencoder() | RegressionDenoiser():
             got = model(observation, encode_spatial(noisy, batch.region))

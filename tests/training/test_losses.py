@@ -90,9 +90,9 @@ def test_noise_levels_are_log_uniform_over_their_range():
     assert float((sigma < middle).float().mean()) == pytest.approx(0.5, abs=0.035)
 
 
-def test_noise_levels_can_lean_towards_the_high_ones():
+def test_noise_levels_can_be_biased_towards_the_high_ones():
     limits = (0.1, 10.0)
-    sigma = draw_sigma(4000, generator=seeded(), limits=limits, lean=3.0)
+    sigma = draw_sigma(4000, generator=seeded(), limits=limits, high_noise_bias=3.0)
     assert limits[0] <= float(sigma.min())
     assert float(sigma.max()) <= limits[1]
     assert float((sigma < 1.0).float().mean()) == pytest.approx(0.5**3, abs=0.02)
