@@ -7,6 +7,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn.functional import normalize
 
+from geneoh.bundle import Bundle
 from geneoh.hand.skeleton import bone_lengths
 
 HAND_SCALE = 0.08
@@ -20,7 +21,7 @@ POINTS = 32
 
 
 @dataclass(frozen=True)
-class Observation:
+class Observation(Bundle):
     """The noisy hand as a condition for a network."""
 
     joints: Float[Tensor, "B T 21 3"]

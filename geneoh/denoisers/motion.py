@@ -5,13 +5,14 @@ observed ones, and the network's input tells where the object's surface is. The 
 keypoints alone, is `geneoh.denoisers.trajectory`.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from geneoh.bundle import Bundle
 from geneoh.denoisers.base import HAND_SCALE, palm_axes
 from geneoh.denoisers.candidate_corrections import CANDIDATES, candidate_corrections
 from geneoh.diffusion.precondition import preconditioned
@@ -52,7 +53,7 @@ class NetworkInput:
 
 
 @dataclass(frozen=True)
-class ObservedMotion:
+class ObservedMotion(Bundle):
     """MotionDiff's condition: the noisy hand, the surface near it and the object's motion."""
 
     hand: HandParameters
@@ -69,12 +70,7 @@ class ObservedMotion:
 
     def repeated(self, times: int) -> "ObservedMotion":
         """The same batch several times over, for as many samples."""
-
-        def tiled(value: Tensor) -> Tensor:
-            return value.repeat(times, *[1] * (value.ndim - 1))
-
-        rest = (tiled(getattr(self, f.name)) for f in fields(self)[1:])
-        return ObservedMotion(self.hand.map(tiled), *rest)
+        return self.map(lambda value: value.repeat(times, *[1] * (value.ndim - 1)))
 
     @property
     def joints(self) -> Float[Tensor, "B T 21 3"]:

@@ -11,13 +11,15 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from geneoh.bundle import Bundle
+
 CONTACT_RADIUS = 0.015
 """Distance in metres from a keypoint to the surface within which a point counts as close: the
 paper's 5 mm from the skin, and the 10 mm that keypoints lie under it."""
 
 
 @dataclass(frozen=True)
-class ContactRegion:
+class ContactRegion(Bundle):
     """K contact points over T frames and the canonical frame of each frame."""
 
     points: Float[Tensor, "*B T K 3"]

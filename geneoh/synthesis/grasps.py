@@ -7,12 +7,13 @@ passes `GraspChecks` is kept. Frames: the right hand's rest frame (fingers -x, p
 and the object's frame; metres and radians.
 """
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from geneoh.bundle import Bundle
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.hand.skeleton import forward_kinematics
 from geneoh.synthesis.contact_pads import (
@@ -108,7 +109,7 @@ class GraspConfig:
 
 
 @dataclass(frozen=True)
-class Grasps:
+class Grasps(Bundle):
     """Hands of B right-hand skeletons on B objects, in the objects' frames."""
 
     pose: Float[Tensor, "B 16 3"]
@@ -121,11 +122,11 @@ class Grasps:
 
     def chosen(self, which: Bool[Tensor, " B"] | Int[Tensor, " C"]) -> "Grasps":
         """Some of the grasps."""
-        return Grasps(*(getattr(self, field.name)[which] for field in fields(self)))
+        return self.take(which, "B")
 
 
 @dataclass(frozen=True)
-class _Attempt:
+class _Attempt(Bundle):
     """What B hands try: one type of grasp each, on one object each."""
 
     types: Int[Tensor, " B"]
@@ -136,10 +137,6 @@ class _Attempt:
     """The finger pose that this hand likes, this time."""
     wanted: Bool[Tensor, "B 19"]
     """Pads that should touch."""
-
-    def chosen(self, which: Int[Tensor, " C"]) -> "_Attempt":
-        """Some of the attempts."""
-        return _Attempt(*(getattr(self, field.name)[which] for field in fields(self)))
 
 
 def _of_type(name: str, types: Int[Tensor, " B"]) -> Float[Tensor, "B ..."]:
@@ -264,7 +261,7 @@ def _starts(
         return wrist, orient
     which = several.repeat_interleave(draws[several])
     group = torch.arange(len(several)).repeat_interleave(draws[several])
-    tried, objects = attempt.chosen(which), solids.chosen(which)
+    tried, objects = attempt.take(which, "B"), solids.chosen(which)
     wrists, orients = _approach(objects, tried, config, generator=generator)
     energy = _energy(objects, tried, wrists, orients, fingers[which], config.energy)
     behind = (wrists * toward[which]).sum(-1).clamp(max=0)

@@ -5,12 +5,13 @@ that the hand works, or that swings while the object is held; a second hand; a m
 hand opens and grasps again.
 """
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from geneoh.bundle import Bundle
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.hand.skeleton import forward_kinematics
 from geneoh.synthesis.bimanual import HandPairs
@@ -36,7 +37,7 @@ class AnimationConfig:
 
 
 @dataclass(frozen=True)
-class Interactions:
+class Interactions(Bundle):
     """B right-hand interactions of T frames in the world frame, with their skeletons."""
 
     pose: Float[Tensor, "B T 16 3"]
@@ -49,10 +50,6 @@ class Interactions:
     """Object surface points in the frame of their part, with `normals` and `part` index."""
     normals: Float[Tensor, "B P 3"]
     part: Int[Tensor, "B P"]
-
-    def chosen(self, which: Int[Tensor, " C"]) -> "Interactions":
-        """Some of the interactions."""
-        return Interactions(*(getattr(self, field.name)[which] for field in fields(self)))
 
 
 def animate(

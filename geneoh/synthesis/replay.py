@@ -45,7 +45,7 @@ class Replay:
 
     def chosen(self, which: Int[Tensor, " C"]) -> "Replay":
         """Some of the clips."""
-        return Replay(self.clips.chosen(which), chosen_attempts(self.made_from, which))
+        return Replay(self.clips.take(which, "B"), chosen_attempts(self.made_from, which))
 
     def held_frames(self) -> Int[Tensor, " B"]:
         """The frame of each clip in which the fingers are nearest to the object's surface.
@@ -139,4 +139,4 @@ def replay_shard(path: Path, hand: HandModel) -> Replay:
             f"{path}: expected the people that its seed {record.seed} draws, got others: "
             "another version of geneoh made it; make the data again"
         )
-    return Replay(clips.chosen(found), chosen_attempts(tried, who[found]))
+    return Replay(clips.take(found, "B"), chosen_attempts(tried, who[found]))

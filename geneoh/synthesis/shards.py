@@ -13,6 +13,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor
 
+from geneoh.bundle import concatenated
 from geneoh.config import as_dict, flat, with_table
 from geneoh.errors import ConfigError, InputError
 from geneoh.hand.model import HandModel, ShapedHand
@@ -127,12 +128,7 @@ def draw_attempts(
     alone = draw_objects(named, generator=generator)
     shared = bimanual_objects(alone, count, config.bimanual)
     mirrored = alone.chosen(shared).mirrored()
-    solids = Solids(
-        **{
-            f.name: torch.cat([getattr(alone, f.name), getattr(mirrored, f.name)])
-            for f in fields(Solids)
-        }
-    )
+    solids = concatenated([alone, mirrored], "B")
     betas = config.shape_std * torch.randn(count, 10, generator=generator)
     stretch = 1 + config.bone_std * torch.randn(count, 20, 1, generator=generator)
     differ = torch.randn(len(shared), 20, 1, generator=generator)
@@ -157,12 +153,7 @@ def synthesize_shard(
         tried = draw_attempts(config, families, hand, count, generator=generator)
         shared = bimanual_objects(tried.solids, count, config.bimanual)
         kept.append(interactions_of(tried, shared, config, generator=generator))
-    return Interactions(
-        **{
-            f.name: torch.cat([getattr(part, f.name) for part in kept])[: config.shard]
-            for f in fields(Interactions)
-        }
-    )
+    return concatenated(kept, "B").take(slice(config.shard), "B")
 
 
 def interactions_of(

@@ -5,12 +5,13 @@ pose and a rounding radius, so one tensor program evaluates any mixture of objec
 have a second part that turns about a hinge or slides.
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from geneoh.bundle import Bundle
 from geneoh.geometry.rotations import axis_angle_to_matrix
 
 SOLIDS = 4
@@ -24,7 +25,7 @@ FAR = 10.0
 
 
 @dataclass(frozen=True)
-class Solids:
+class Solids(Bundle):
     """A batch of objects, each a union of solids in the object's own frame, metres."""
 
     kind: Int[Tensor, "B S"]
@@ -85,7 +86,7 @@ class Solids:
 
     def chosen(self, which: Bool[Tensor, " B"] | Int[Tensor, " C"]) -> "Solids":
         """Some of the objects."""
-        return Solids(*(getattr(self, field.name)[which] for field in fields(self)))
+        return self.take(which, "B")
 
     def signed_distance(self, points: Float[Tensor, "B P 3"]) -> Float[Tensor, "B P"]:
         """Signed distance in metres, negative inside; exact outside boxes, cylinders and tori.

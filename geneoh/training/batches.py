@@ -1,12 +1,12 @@
 """Training batches: random windows of synthetic interactions, corrupted and made canonical."""
 
-from dataclasses import dataclass, fields
-from typing import TypeVar
+from dataclasses import dataclass
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from geneoh.bundle import Bundle
 from geneoh.denoisers.base import Observation
 from geneoh.denoisers.motion import MotionDenoiser, ObservedMotion
 from geneoh.diffusion.samplers import denoise_via_diffusion
@@ -20,22 +20,9 @@ from geneoh.training.config import TrainConfig
 from geneoh.training.corruption import draw_corruption
 from geneoh.training.windows import draw_windows, filled
 
-Bundle = TypeVar("Bundle")
-
-
-def moved_to(bundle: Bundle, device: torch.device) -> Bundle:
-    """A dataclass of tensors and such dataclasses on another device."""
-    return type(bundle)(
-        **{
-            field.name: value.to(device) if isinstance(value, Tensor) else moved_to(value, device)
-            for field in fields(bundle)
-            for value in [getattr(bundle, field.name)]
-        }
-    )
-
 
 @dataclass(frozen=True)
-class Batch:
+class Batch(Bundle):
     """Clean and noisy hands of one window length around the noisy hand's contact points."""
 
     clean: Float[Tensor, "B T 21 3"]
@@ -50,10 +37,6 @@ class Batch:
     """The clean hand's parameters in the canonical frame of `region`."""
     motion: ObservedMotion
     """The noisy hand's parameters there, with what MotionDiff is shown besides."""
-
-    def to(self, device: torch.device) -> "Batch":
-        """The same batch on another device."""
-        return moved_to(self, device)
 
     @property
     def clean_canon(self) -> Float[Tensor, "B T 21 3"]:
@@ -112,7 +95,7 @@ def after_motion(
 ) -> HandParameters:
     """A quick sample of what MotionDiff leaves of the observed hand, canonical frame."""
     device = next(model.parameters()).device
-    there = moved_to(observed, device)
+    there = observed.to(device)
 
     def clean(x: Tensor, sigma: float) -> Tensor:
         level = x.new_full((len(x),), sigma).to(device)
