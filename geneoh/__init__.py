@@ -7,8 +7,8 @@
     geneoh.save(result.sequence, "clean.npz")
 
 Reading and writing: `load` (npz files), `read` (files of data sets and estimators), `load_mesh`,
-`save`, `to_smplx`. Cleaning: `denoise` with `Options`, which returns a `Denoised`. Data:
-`Sequence`, made of `HandTrack`, `ObjectTrack` and `Mesh`. Every error is one of `geneoh.errors`.
+`save`, `to_smplx`. Cleaning: `denoise` with `Options`, which returns a `Denoised`. Looking: `view`.
+Data: `Sequence`, made of `HandTrack`, `ObjectTrack` and `Mesh`. Errors: `geneoh.errors`.
 
 Units are metres, radians and seconds. A public name is imported when it is first used, so that
 `import geneoh` and `geneoh --help` do not wait for torch.
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from geneoh.readers.npz_files import save_sequence as save
     from geneoh.readers.read import read
     from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
+    from geneoh.viz.view import view
 
     __version__: str
 
@@ -43,6 +44,7 @@ __all__ = [
     "read",
     "save",
     "to_smplx",
+    "view",
 ]
 
 _DEFINED_IN = {
@@ -58,6 +60,7 @@ _DEFINED_IN = {
     "read": "geneoh.readers.read",
     "save": "geneoh.readers.npz_files:save_sequence",
     "to_smplx": "geneoh.pipeline.smplx_layer",
+    "view": "geneoh.viz.view",
 }
 """The module that defines each public name; after a colon, the name there where it is another."""
 
