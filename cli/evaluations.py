@@ -1,19 +1,134 @@
-"""What `geneoh eval` was asked, as the library takes it and as a line to repeat."""
+"""The options of `geneoh eval`, as the library takes them, and the command as a line to repeat."""
 
 import shlex
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
 
-from geneoh.config import configured
-from geneoh.evaluation.plan import Choices
-from geneoh.evaluation.protocols import ProtocolOptions
-from geneoh.pipeline.denoise import Options
+from geneoh.choices import ABLATIONS, CASE_NOISES, DATASETS, METHODS, PRESETS, SELECTIONS
+
+from . import options
+
+if TYPE_CHECKING:
+    from geneoh.evaluation.options import EvaluationOptions
+
+FOLDER = click.Path(file_okay=False, path_type=Path)
+POSITIVE = click.IntRange(min=1)
+
+OPTIONS = (
+    click.option(
+        "--dataset", type=click.Choice(DATASETS), required=True, help="Data set to score on."
+    ),
+    click.option(
+        "--root",
+        type=FOLDER,
+        help="Your copy of the data set; or set GENEOH_DATA_GRAB, _HOI4D, _ARCTIC or _TACO.",
+    ),
+    click.option(
+        *("--noise", "noises"),
+        type=click.Choice(CASE_NOISES),
+        multiple=True,
+        help="Noise to put on the clips; may be repeated. `clean` adds none; `recorded` takes the "
+        "recording as the noisy input.  [default: the data set's own]",
+    ),
+    click.option(
+        *("--seed", "seeds"),
+        type=click.IntRange(min=0),
+        multiple=True,
+        help="Seed of the noise and of the methods; may be repeated.  [default: 11, 22 and 77; 11 "
+        "for synthetic]",
+    ),
+    click.option("--limit", type=POSITIVE, help="Largest number of clips."),
+    click.option(
+        *("--method", "methods"),
+        type=click.Choice(METHODS),
+        multiple=True,
+        help="Method to compare; may be repeated.  [default: all but gaussian and one-euro]",
+    ),
+    click.option(
+        *("--preset", "presets"),
+        type=click.Choice(PRESETS),
+        multiple=True,
+        default=("default",),
+        show_default=True,
+        help="Preset of geneoh; may be repeated.",
+    ),
+    click.option(
+        *("--ablate", "ablations"),
+        type=click.Choice(ABLATIONS),
+        multiple=True,
+        help="Also score geneoh without this part; may be repeated.",
+    ),
+    click.option(
+        "--predictions",
+        type=FOLDER,
+        multiple=True,
+        help="Also score the results of another method: a folder of CLIP_NOISE_SEED.npz; may be "
+        "repeated.",
+    ),
+    click.option(
+        "--inputs", type=FOLDER, help="Write the noisy clips to this folder, and score nothing."
+    ),
+    click.option(
+        *("--twins", "noisy_inputs"),
+        type=FOLDER,
+        help="Read the noisy clips from this folder instead of drawing noise.",
+    ),
+    click.option(
+        "--close-frames",
+        type=POSITIVE,
+        help="Frames of a clip in which intersection volume and contact on the object are "
+        "measured.  [default: 20; 5 for synthetic]",
+    ),
+    click.option(
+        "--samples", type=POSITIVE, help="Samples that geneoh draws.  [default: the preset's]"
+    ),
+    click.option(
+        *("--select", "selection"),
+        type=click.Choice(SELECTIONS),
+        help="Which sample of geneoh is kept: the one closest to the input, or the mean of all.",
+    ),
+    click.option(
+        "--hand",
+        type=click.Choice(["embedded", "mano"]),
+        default="embedded",
+        show_default=True,
+        help="Hand model of geneoh's results and of the meshes that are measured.",
+    ),
+    options.mano,
+    options.weights,
+    click.option(
+        *("--set", "settings"),
+        multiple=True,
+        metavar="NAME=VALUE",
+        help="Change a setting of the protocol, such as windows=whole; may be repeated.",
+    ),
+    click.option(
+        *("-o", "--output", "folder"),
+        type=FOLDER,
+        help="Folder for the scores and the report.  [default: runs/eval/DATASET]",
+    ),
+    click.option(
+        "--jobs", type=POSITIVE, help="Number of processes.  [default: one for each core]"
+    ),
+    click.option("--fresh", is_flag=True, help="Throw earlier scores in the folder away."),
+    click.option(
+        "--pages", is_flag=True, help="Also write a page in 3D of every clip that geneoh cleans."
+    ),
+)
 
 
-def choices_of(
+def eval_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add all options of `geneoh eval` to a command."""
+    for option in reversed(OPTIONS):
+        command = option(command)
+    return command
+
+
+def evaluation_options(
     *,
     samples: int | None,
     selection: Any,
@@ -22,12 +137,17 @@ def choices_of(
     weights: Path | None,
     settings: tuple[str, ...],
     **asked: Any,
-) -> Choices:
-    """The command's options as one value."""
-    return Choices(
+) -> "EvaluationOptions":
+    """What was asked for, as the library takes it."""
+    from geneoh.config import configured
+    from geneoh.evaluation.options import EvaluationOptions
+    from geneoh.evaluation.protocols import ProtocolOptions
+    from geneoh.pipeline.denoise import Options
+
+    return EvaluationOptions(
         **asked,
         protocol=configured(ProtocolOptions(mano_dir=mano), settings=settings),
-        options=Options(
+        cleaner=Options(
             samples=samples, selection=selection, hand=hand, mano_dir=mano, weights=weights
         ),
     )

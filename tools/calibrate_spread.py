@@ -1,12 +1,12 @@
-"""How much the deviation over samples counts: `python -m tools.calibrate_spread`.
+"""Calibrate the spread of keypoints: `python -m tools.calibrate_spread`.
 
-Clips are synthetic interactions with the object families that networks are trained on, under seeds
-of their own, each under every noise. The scale that is chosen brings the share of keypoints whose
-truth lies in the 90% radius nearest to 90%, noise by noise; real hands get `MARGIN` times that. The
-last line that this prints is `geneoh.pipeline.spread.SCALE`.
+The deviation of keypoints over samples is smaller than their error. This program finds the factor
+by which the share of keypoints whose truth lies in the 90% radius comes nearest to 90%, over all
+noises. Real hands get `MARGIN` times that factor. Clips are synthetic interactions with the object
+families that networks are trained on, under seeds of their own, each under every noise. The last
+printed line is `geneoh.pipeline.spread.SCALE`.
 """
 
-import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -23,54 +23,58 @@ from geneoh.sequence.noise import corrupt_sequence
 from geneoh.synthesis.shards import SynthesisConfig, seed_of
 
 CLIPS, FRAMES = 12, 60
+"""Number of clips and their length in frames."""
 GRID = tuple(0.5 + 0.25 * step for step in range(15))
+"""Factors that are tried."""
 AIM = 0.9
+"""Share of the keypoints whose truth is to lie in the 90% radius."""
 MARGIN = 1.1
-"""Real hands jitter in ways that all samples leave out: on noisy twins of a recording the scale of
-made clips holds the truth of 75 to 94% of the keypoints by kind of noise, this one of 82 to 96%."""
+"""Real hands jitter in ways that no sample shows. On noisy versions of a recording the factor of
+synthetic clips has 75 to 94% of the true keypoints in the radius, by noise; with this margin
+it has 82 to 96%."""
 
 
 @dataclass(frozen=True)
-class Evidence:
+class SpreadErrors:
     """Deviation over samples and true error of all keypoints of one noise, metres."""
 
     sampled: Float[Tensor, " N"]
     error: Float[Tensor, " N"]
 
     def inside(self, scale: float) -> float:
-        """Share of the keypoints whose truth lies in the 90% radius."""
+        """Share of the keypoints whose truth lies in the 90% radius, with this factor."""
         return float((self.error <= RADIUS_90 * scale * self.sampled).float().mean())
 
 
-def gathered(noise: Noise, clips: int = CLIPS, frames: int = FRAMES) -> Evidence:
-    """What cleaning clips under a noise shows and hides."""
+def measured(noise: Noise, clips: int = CLIPS, frames: int = FRAMES) -> SpreadErrors:
+    """Clean clips under a noise; the deviation over samples and the error of every keypoint."""
     families = SynthesisConfig().common
     found = []
     for index in range(clips):
         clean = draw_clip(families[seed_of("family", index) % len(families)], 1000 + index, frames)
         generator = torch.Generator().manual_seed(seed_of("calibration", index, noise))
         result = denoise(corrupt_sequence(clean, noise, generator=generator), Options(seed=index))
-        answer, truth = result.sequence.hands[0].joints, clean.hands[0].joints
-        assert answer is not None, "every answer has joints"
-        assert truth is not None, "made clips have joints"
+        cleaned, truth = result.sequence.hands[0].joints, clean.hands[0].joints
+        assert cleaned is not None, "every result has joints"
+        assert truth is not None, "synthetic clips have joints"
         sampled = joint_spread(result.hands["right"].samples, scale=1.0)
-        found.append(torch.stack([sampled, (answer - truth).norm(dim=-1)]).flatten(1))
-    return Evidence(*torch.cat(found, dim=1))
+        found.append(torch.stack([sampled, (cleaned - truth).norm(dim=-1)]).flatten(1))
+    return SpreadErrors(*torch.cat(found, dim=1))
 
 
-def calibrated(evidence: Iterable[Evidence]) -> float:
-    """The scale of the grid that is nearest to the aim over all noises."""
-    evidence = list(evidence)
+def calibrated(errors: Iterable[SpreadErrors]) -> float:
+    """The factor of the grid that comes nearest to the aim over all noises."""
+    errors = list(errors)
 
     def off(scale: float) -> float:
-        return sum((each.inside(scale) - AIM) ** 2 for each in evidence)
+        return sum((each.inside(scale) - AIM) ** 2 for each in errors)
 
     return min(GRID, key=off)
 
 
 if __name__ == "__main__":
-    evidence = {noise: gathered(noise) for noise in NOISES}
-    scale = calibrated(evidence.values())
-    for noise, each in evidence.items():
-        sys.stdout.write(f"{noise}: {100 * each.inside(scale):.0f}% inside\n")
-    sys.stdout.write(f"SCALE = {MARGIN * scale:.2f}\n")
+    errors = {noise: measured(noise) for noise in NOISES}
+    scale = calibrated(errors.values())
+    for noise, each in errors.items():
+        print(f"{noise}: {100 * each.inside(scale):.0f}% inside")
+    print(f"SCALE = {MARGIN * scale:.2f}")

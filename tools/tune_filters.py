@@ -1,17 +1,17 @@
-"""Sizes of the filters for who does not know the noise: `python -m tools.tune_filters`.
+"""Tune the sizes of the low-pass filters: `python -m tools.tune_filters`.
 
-Validation clips are synthetic interactions with the object families that networks are trained on,
-under seeds of their own; test clips have other families. Each filter gets the one size that leaves
-the least mean keypoint error over all clips and all noises. The lines that this prints are
-`geneoh.baselines.filters.TUNED`.
+A user does not know the noise of a track. Each filter therefore gets the one size that leaves the
+least mean keypoint error over all validation clips and all noises. Validation clips are synthetic
+interactions with the object families that networks are trained on, under seeds of their own; test
+clips have other families. The printed lines are `geneoh.baselines.filters.TUNED`.
 """
 
-import sys
 from collections.abc import Iterable, Sequence
+from typing import get_args
 
 import torch
 
-from geneoh.baselines.filters import GRID, Filter, FilterKind, On, filtered
+from geneoh.baselines.filters import GRID, Domain, Filter, FilterKind, filtered
 from geneoh.choices import NOISES, Noise
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
@@ -23,10 +23,11 @@ from geneoh.synthesis.shards import SynthesisConfig, seed_of, synthesize_shard
 
 FPS = 30.0
 CLIPS, FRAMES = 32, 120
+"""Number of validation clips and their length: enough for the best size to be stable."""
 
 
 def validation_hands(count: int = CLIPS, frames: int = FRAMES) -> list[HandTrack]:
-    """Clean hands of synthetic interactions that no test and no training has."""
+    """Clean hands of synthetic interactions that are in no test and no training."""
     config = SynthesisConfig(count=count, frames=frames, points=1, shard=count)
     families = [family for family in FAMILIES if family not in config.held_out]
     generator = torch.Generator().manual_seed(seed_of("tuning"))
@@ -54,13 +55,13 @@ def noisy_pairs(
 
 
 def tuned(
-    pairs: Sequence[tuple[HandTrack, HandTrack]], kind: FilterKind, on: On, fps: float = FPS
+    pairs: Sequence[tuple[HandTrack, HandTrack]], kind: FilterKind, domain: Domain, fps: float = FPS
 ) -> tuple[Filter, float]:
     """The size of one kind of filter with the least mean error in metres, and that error."""
 
     def error(chosen: Filter) -> float:
         off = [
-            float((filtered(noisy, chosen, on, fps) - clean.joints).norm(dim=-1).mean())
+            float((filtered(noisy, chosen, domain, fps) - clean.joints).norm(dim=-1).mean())
             for clean, noisy in pairs
             if clean.joints is not None
         ]
@@ -74,8 +75,8 @@ def tuned(
 if __name__ == "__main__":
     pairs = noisy_pairs(validation_hands())
     for kind in GRID:
-        for on in ("keypoints", "parameters"):
-            best, error = tuned(pairs, kind, on)
+        for domain in get_args(Domain):
+            best, error = tuned(pairs, kind, domain)
             numbers = f"{best.size}" + (f", {best.beta}" if best.beta else "")
-            made = f'("{kind}", "{on}"): Filter("{kind}", {numbers})'
-            sys.stdout.write(f"    {made},  # {1000 * error:.2f} mm\n")
+            made = f'("{kind}", "{domain}"): Filter("{kind}", {numbers})'
+            print(f"    {made},  # {1000 * error:.2f} mm")

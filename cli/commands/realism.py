@@ -12,34 +12,31 @@ from .. import options
 @click.argument("recording", type=options.INPUT_FILE)
 @options.obj
 @options.data
-@click.option("--lively", is_flag=True, help="With the unrest that training adds to made hands.")
+@click.option(
+    "--augmented",
+    is_flag=True,
+    help="Compare the synthetic hands with the augmentation that training puts on them.",
+)
 @options.output
 @options.side
 @options.fps
 def realism(
-    recording: Path,
-    obj: tuple[Path, ...],
-    data: Path,
-    lively: bool,
-    output: Path | None,
-    side: Any,
-    fps: float | None,
+    recording: Path, obj: tuple[Path, ...], data: Path, output: Path | None, **asked: Any
 ) -> None:
     """Compare what `geneoh synthesize` made with a real RECORDING.
 
     Prints, for both, speed and acceleration of wrist and fingertips, joint angles, contact and
-    penetration, and how well a classifier tells them apart on one second; -o writes it as JSON.
+    penetration, and the accuracy of a classifier that separates them on snippets of one second; -o
+    writes it as JSON.
     """
     import json
 
     import geneoh
-    from geneoh.evaluation.realism import compare_sides, real_side, synthetic_side, table
+    from geneoh.evaluation.realism import measure_realism, table
     from geneoh.files.atomic import write_whole
-    from geneoh.hand.library import load_hand
 
-    hand = load_hand("right")
-    real = real_side(geneoh.load(recording, obj=obj, side=side, fps=fps), hand)
-    report = compare_sides(real, synthetic_side(data, hand, lively=lively))
+    augmented = asked.pop("augmented")
+    report = measure_realism(geneoh.load(recording, obj=obj, **asked), data, augmented=augmented)
     for line in table(report):
         click.echo(line)
     if output is not None:

@@ -1,8 +1,8 @@
-"""The cleaners people already have: low-pass filters, on keypoints and on parameters.
+"""Low-pass filters on keypoints and on parameters: the cleaners that people already have.
 
-A filter's size is either tuned once, on validation clips and over all noises (`TUNED`, made by
-`python -m tools.tune_filters`): what a careful user could do. Or it is the best on the very
-clip, chosen with the ground truth in hand (`best_filtered`): better than anybody can use it.
+The size of a filter is either tuned once, on validation clips and over all noises (`TUNED`, made by
+`python -m tools.tune_filters`), as a careful user could do. Or it is the best on the very clip,
+chosen with the ground truth (`best_filtered`), which is better than any user can choose.
 """
 
 import math
@@ -23,11 +23,12 @@ from geneoh.sequence.gaps import fill_gaps
 from geneoh.sequence.sequence import HandTrack
 
 FilterKind = Literal["savgol", "gaussian", "one-euro"]
-On = Literal["keypoints", "parameters"]
+Domain = Literal["keypoints", "parameters"]
+"""What is filtered: coordinates of keypoints, or wrist position and joint rotations."""
 ORDER = 2
-"""Of the Savitzky-Golay filter's polynomial."""
+"""Degree of the Savitzky-Golay filter's polynomials."""
 SPEED_CUTOFF = 1.0
-"""Hertz; cutoff of the One-Euro filter for the speed, as its authors have it."""
+"""Cutoff in hertz of the One-Euro filter's speed estimate, as its authors have it."""
 
 
 @dataclass(frozen=True)
@@ -36,9 +37,10 @@ class Filter:
 
     kind: FilterKind
     size: float
-    """Window in frames (savgol), deviation in frames (gaussian), least cutoff in Hz (one-euro)."""
+    """Window in frames (savgol), standard deviation in frames (gaussian), or smallest cutoff in
+    hertz (one-euro)."""
     beta: float = 0.0
-    """One-Euro: by how many Hz the cutoff rises with a speed of one unit a second."""
+    """One-Euro: increase of the cutoff in hertz for a speed of one unit a second."""
 
 
 GRID: dict[FilterKind, tuple[Filter, ...]] = {
@@ -52,7 +54,7 @@ GRID: dict[FilterKind, tuple[Filter, ...]] = {
 }
 """The sizes that tuning may choose from."""
 
-TUNED: dict[tuple[FilterKind, On], Filter] = {
+TUNED: dict[tuple[FilterKind, Domain], Filter] = {
     ("savgol", "keypoints"): Filter("savgol", 15.0),  # 16.07 mm
     ("savgol", "parameters"): Filter("savgol", 15.0),  # 15.45 mm
     ("gaussian", "keypoints"): Filter("gaussian", 1.5),  # 16.08 mm
@@ -60,12 +62,15 @@ TUNED: dict[tuple[FilterKind, On], Filter] = {
     ("one-euro", "keypoints"): Filter("one-euro", 1.0, 32.0),  # 18.65 mm
     ("one-euro", "parameters"): Filter("one-euro", 8.0),  # 19.14 mm
 }
-"""One size for all noises, with the mean error it left on the validation clips: what
-`python -m tools.tune_filters` prints."""
+"""One size for all noises, with the mean error that it leaves on the validation clips; printed by
+`python -m tools.tune_filters`."""
 
 
 def smooth(values: Float[Tensor, "T ..."], chosen: Filter, fps: float) -> Float[Tensor, "T ..."]:
-    """A track filtered number by number; a Savitzky-Golay window is no longer than the track."""
+    """A track with each number filtered over frames.
+
+    A Savitzky-Golay window is cut to the length of the track.
+    """
     array = values.double().numpy()
     match chosen.kind:
         case "savgol":
@@ -84,14 +89,14 @@ def smooth(values: Float[Tensor, "T ..."], chosen: Filter, fps: float) -> Float[
 def one_euro(
     values: Float[np.ndarray, "T ..."], cutoff: float, beta: float, fps: float
 ) -> Float[np.ndarray, "T ..."]:
-    """The One-Euro filter: exponential smoothing that lets go where the values move fast.
+    """The One-Euro filter: exponential smoothing that is weaker where the values move fast.
 
-    Causal, as on live tracks. Source: Casiez et al., CHI 2012, algorithm 1.
+    It is causal, as on live tracks. Source: Casiez et al., CHI 2012, algorithm 1.
 
     Args:
         values: the track.
-        cutoff: of a resting value, Hz.
-        beta: by how much the cutoff rises with the speed.
+        cutoff: of a value at rest, in hertz.
+        beta: increase of the cutoff in hertz for a speed of one unit a second.
         fps: frames a second.
     """
 
@@ -109,19 +114,22 @@ def one_euro(
     return np.stack(kept)
 
 
-def filtered(hand: HandTrack, chosen: Filter, on: On, fps: float) -> Float[Tensor, "T 21 3"]:
-    """Keypoints of a filtered track, gaps filled linearly first.
+def filtered(
+    hand: HandTrack, chosen: Filter, domain: Domain, fps: float
+) -> Float[Tensor, "T 21 3"]:
+    """Keypoints of a filtered track in its own frame, metres; gaps are filled linearly first.
 
-    On keypoints: coordinate by coordinate. On parameters: wrist positions and axis-angle vectors,
-    posed with the input's own skeleton, so that bones keep their length; needs a pose.
+    "keypoints": each coordinate is filtered. "parameters": wrist positions and axis-angle vectors
+    are filtered and posed with the input's own skeleton, so that bones keep their length; needs a
+    pose.
     """
     filled = fill_gaps(hand)
     assert filled.joints is not None, "the filters need keypoints"
-    if on == "keypoints":
+    if domain == "keypoints":
         return smooth(filled.joints, chosen, fps)
     assert filled.pose is not None, "the filter on parameters needs a pose"
     offsets = rest_offsets(axis_angle_to_matrix(filled.pose), filled.joints, hand.valid)
-    pose = smooth(unwound(filled.pose), chosen, fps)
+    pose = smooth(unwrapped(filled.pose), chosen, fps)
     wrist = smooth(filled.joints[:, 0], chosen, fps)
     joints, _ = forward_kinematics(
         axis_angle_to_matrix(pose), wrist, offsets.expand(len(pose), 20, 3)
@@ -129,11 +137,11 @@ def filtered(hand: HandTrack, chosen: Filter, on: On, fps: float) -> Float[Tenso
     return joints
 
 
-def unwound(pose: Float[Tensor, "T 16 3"]) -> Float[Tensor, "T 16 3"]:
+def unwrapped(pose: Float[Tensor, "T 16 3"]) -> Float[Tensor, "T 16 3"]:
     """The same rotations, each as the axis-angle vector nearest to that of the frame before.
 
-    A rotation beyond half a turn is as well one the other way round: a jump that a filter must not
-    see.
+    An axis-angle vector that passes half a turn may continue as one of the opposite axis. A filter
+    would smooth over that jump, which is none of the hand.
     """
     kept = [pose[0]]
     for now in pose[1:]:
@@ -144,16 +152,14 @@ def unwound(pose: Float[Tensor, "T 16 3"]) -> Float[Tensor, "T 16 3"]:
     return torch.stack(kept)
 
 
-def usable_on(hand: HandTrack) -> tuple[On, ...]:
-    """What of a track can be filtered."""
+def domains_of(hand: HandTrack) -> tuple[Domain, ...]:
+    """What can be filtered of a track."""
     return ("keypoints",) if hand.pose is None else ("keypoints", "parameters")
 
 
 def best_filtered(
-    hand: HandTrack, truth: Float[Tensor, "T 21 3"], on: On, fps: float
-) -> tuple[Filter, Float[Tensor, "T 21 3"]]:
-    """Of all filters and sizes the one nearest to the ground truth, and what it makes."""
-    tried = [
-        (chosen, filtered(hand, chosen, on, fps)) for sizes in GRID.values() for chosen in sizes
-    ]
-    return min(tried, key=lambda made: float((made[1] - truth).norm(dim=-1).mean()))
+    hand: HandTrack, truth: Float[Tensor, "T 21 3"], domain: Domain, fps: float
+) -> Float[Tensor, "T 21 3"]:
+    """Keypoints of the filter and size of `GRID` whose result is nearest to the ground truth."""
+    tried = [filtered(hand, chosen, domain, fps) for sizes in GRID.values() for chosen in sizes]
+    return min(tried, key=lambda joints: float((joints - truth).norm(dim=-1).mean()))

@@ -1,53 +1,138 @@
-"""What is scored: one clip of a data set, its noisy twin, and where both come from."""
+"""Cases: a clip under one noise and seed, known by name and read where it is needed."""
 
-from __future__ import annotations
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
 
-from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
-
+from geneoh.choices import CaseNoise, Dataset
+from geneoh.errors import InputError, MissingAssetError
+from geneoh.evaluation.options import EvaluationOptions
+from geneoh.evaluation.protocols import Clip, ProtocolOptions
+from geneoh.evaluation.protocols.noise import check_noise, noisy_input
+from geneoh.evaluation.protocols.selection import clips_by_file, spread_over_groups
+from geneoh.files.atomic import write_whole
+from geneoh.readers.meshes import obj_text
+from geneoh.readers.npz_files import load_sequence, save_sequence
 from geneoh.sequence.sequence import Sequence
+
+CaseKey = tuple[str, str, str, int]
+"""Data set, clip, noise and seed."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """One noisy clip to clean, with the clip it was made from where that is known.
+    """A clip under one noise and seed; small until it is read, so that it can go to a worker."""
 
-    `clean` is None where a data set has no ground truth (real noise): such a case is scored by
-    plausibility alone. `seed` is the one its noise was drawn with.
-    """
-
-    dataset: str
-    clip: str
-    noise: str
+    dataset: Dataset
+    clip: Clip
+    noise: CaseNoise
     seed: int
-    clean: Sequence | None
-    noisy: Sequence
-
-
-@runtime_checkable
-class Pending(Protocol):
-    """A case that is known by name and read where it is needed."""
+    """Seed of the noise, and of the methods that sample."""
+    protocol: ProtocolOptions = field(default_factory=ProtocolOptions)
+    """How the paper's noise is drawn."""
+    stored: Path | None = None
+    """Folder of noisy clips that are read instead of drawing noise."""
 
     @property
-    def dataset(self) -> str:
-        """Name of the data set."""
-        ...
+    def key(self) -> CaseKey:
+        """Tells this case from every other one."""
+        return self.dataset, self.clip.name, self.noise, self.seed
 
     @property
-    def clip(self) -> str:
-        """Name of the clip."""
-        ...
+    def file_name(self) -> str:
+        """Name of the case's file in a folder of inputs or predictions."""
+        return f"{self.clip.name}_{self.noise}_{self.seed}.npz"
+
+    @cached_property
+    def recording(self) -> Sequence:
+        """The clip as it was recorded or made; kept after the first call."""
+        return self.clip.read()
 
     @property
-    def noise(self) -> str:
-        """Name of the noise."""
-        ...
+    def clean(self) -> Sequence | None:
+        """The ground truth; None where the recording itself is the noisy input."""
+        return None if self.noise == "recorded" else self.recording
 
-    @property
-    def seed(self) -> int:
-        """Of the noise, and of the cleaner."""
-        ...
+    @cached_property
+    def noisy(self) -> Sequence:
+        """The clip as a method gets to see it, kept after the first call.
 
-    def load(self) -> Case:
-        """Read the clip and its noisy twin."""
-        ...
+        Raises:
+            MissingAssetError: the folder of noisy clips has no file for the case.
+            InputError: the file has other frames than the clip.
+        """
+        if self.stored is None:
+            return noisy_input(
+                self.recording, self.dataset, self.clip.name, self.noise, self.seed, self.protocol
+            )
+        names = (self.file_name, f"{self.noise}_{self.seed}.npz")
+        paths = [path for name in names if (path := self.stored / name).is_file()]
+        if not paths:
+            raise MissingAssetError(
+                f"{self.stored}: expected {names[0]} or {names[1]}, found neither; "
+                "`geneoh eval --inputs DIR` writes such a folder"
+            )
+        return self.read_stored(paths[0])
+
+    def read_stored(self, path: Path) -> Sequence:
+        """A version of the clip that somebody stored, with the clip's own meshes.
+
+        Raises:
+            InputError: it has other frames than the clip.
+        """
+        side = self.recording.hands[0].side
+        found = load_sequence(path, self.recording.object.meshes, side=side)
+        if found.frames != self.recording.frames:
+            raise InputError(
+                f"{path}: expected the clip's {self.recording.frames} frames, got {found.frames}; "
+                "store a version of the whole clip"
+            )
+        return found
+
+
+def find_cases(options: EvaluationOptions) -> list[Case]:
+    """The cases of an evaluation by name of the clip, each clip under every noise and seed.
+
+    Raises:
+        ConfigError: the paper puts no noise on the data set, and its noise is asked for.
+        MissingAssetError: the data set, or MANO where it is needed, is not there.
+        InputError: there is no clip, or a file of the data set is damaged.
+    """
+    # A missing data set is reported before anything else: without it no other choice matters.
+    by_file = clips_by_file(options.dataset, options.root, options.protocol)
+    for noise in options.chosen_noises:
+        check_noise(options.dataset, noise, options.protocol)
+    clips = spread_over_groups(by_file, options.limit)
+    if not clips:
+        raise InputError(
+            f"{options.dataset}: expected clips of at least {options.protocol.frames} frames that "
+            "the protocol keeps, got none; check that the copy is whole, or ask for fewer frames"
+        )
+    return [
+        Case(options.dataset, clip, noise, seed, options.protocol, options.noisy_inputs)
+        for clip in sorted(clips, key=lambda clip: clip.name)
+        for noise in options.chosen_noises
+        for seed in options.chosen_seeds
+    ]
+
+
+def write_inputs(cases: Iterable[Case], folder: Path) -> int:
+    """Write every case's noisy input with its meshes, for other methods to clean.
+
+    The files are named as `--predictions` and `--twins` expect them. The meshes are in `objects/`,
+    one per part of each clip.
+
+    Returns:
+        how many cases were written.
+    """
+    count = 0
+    for case in cases:
+        path = folder / case.file_name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        for part, mesh in enumerate(case.noisy.object.meshes):
+            place = folder / "objects" / f"{case.clip.name}_{part}.obj"
+            write_whole(place, obj_text(mesh), parents=True)
+        save_sequence(case.noisy, path)
+        count += 1
+    return count

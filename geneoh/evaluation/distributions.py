@@ -1,64 +1,54 @@
-"""What motion and hands are described by when two sources of them are set side by side."""
+"""Distributions that describe hands and their motion, to compare two sources of them."""
 
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from jaxtyping import Float
+from scipy.stats import ks_2samp
 from torch import Tensor
 
 from geneoh.metrics.smoothness import finite_difference
 
-FINGERS = ("thumb", "index", "middle", "ring", "pinky")
-"""In the order of the keypoints."""
+KEYPOINT_FINGERS = ("thumb", "index", "middle", "ring", "pinky")
+"""Fingers in the order of the keypoints."""
 ANGLES = tuple(
     f"{finger} {angle}"
-    for finger in FINGERS
+    for finger in KEYPOINT_FINGERS
     for angle in ("base flexion", "middle flexion", "end flexion", "spread")
 )
+"""Names of the angles of `joint_angles`, in order."""
 WRIST, INDEX, PINKY = 0, 5, 17
-"""Keypoints of the palm."""
-LOW, HIGH = 0.05, 0.95
-"""Quantiles between which most of a distribution lies."""
+"""Keypoints of the palm: the wrist and the bases of two fingers."""
 
 
 @dataclass(frozen=True)
-class Spread:
-    """A distribution in three numbers."""
+class Quantiles:
+    """The 5%, 50% and 95% quantiles of a distribution."""
 
     low: float
-    """5% lie below."""
     median: float
     high: float
-    """5% lie above."""
 
 
-def spread_of(values: Float[Tensor, " N"]) -> Spread:
-    """Quantiles of a sample; NaN of an empty one."""
+def quantiles(values: Float[Tensor, " N"]) -> Quantiles:
+    """Quantiles of a sample, linear between its values; NaN of an empty one."""
     if not len(values):
-        return Spread(*(float("nan"),) * 3)
-    at = torch.tensor([LOW, 0.5, HIGH], dtype=torch.float64)
-    # torch's own quantile refuses more than 16 million values
-    ordered = values.double().sort().values
-    place = at * (len(ordered) - 1)
-    below = place.floor().long()
-    above = (below + 1).clamp(max=len(ordered) - 1)
-    found = torch.lerp(ordered[below], ordered[above], place - below)
-    return Spread(*found.tolist())
+        return Quantiles(*(float("nan"),) * 3)
+    return Quantiles(*np.quantile(values.double().numpy(force=True), (0.05, 0.5, 0.95)).tolist())
 
 
 def ks_distance(first: Float[Tensor, " N"], second: Float[Tensor, " M"]) -> float:
-    """Largest difference of two samples' cumulative shares: 0 for the same, 1 for apart.
+    """Kolmogorov-Smirnov statistic of two samples: 0 for equal distributions, 1 for disjoint ones.
 
-    Source: Kolmogorov and Smirnov's two-sample statistic.
+    NaN where a sample is empty.
     """
     if not len(first) or not len(second):
         return float("nan")
-    both = torch.cat([first, second]).double()
-    shares = [
-        torch.searchsorted(values.double().sort().values, both, right=True).double() / len(values)
-        for values in (first, second)
-    ]
-    return float((shares[0] - shares[1]).abs().max())
+    one, other = (values.double().numpy(force=True) for values in (first, second))
+    # The p-value is not used; its exact form would take minutes on samples of this size.
+    statistic, _ = ks_2samp(one, other, method="asymp")
+    return float(statistic)  # pyright: ignore[reportArgumentType]  # scipy gives no types
 
 
 def speed(points: Float[Tensor, "*B T P 3"], fps: float) -> Float[Tensor, "*B L P"]:
@@ -72,7 +62,7 @@ def point_acceleration(points: Float[Tensor, "*B T P 3"], fps: float) -> Float[T
 
 
 def joint_angles(joints: Float[Tensor, "*B 21 3"]) -> Float[Tensor, "*B 20"]:
-    """Angles that keypoints alone tell, in radians, named by `ANGLES`.
+    """Joint angles that follow from keypoints alone, in radians, named by `ANGLES`.
 
     Flexion is the angle between a bone and the one before it, zero for a straight finger; the
     first bone is from the wrist to the base. Spread is the angle between the finger's first two
@@ -84,9 +74,7 @@ def joint_angles(joints: Float[Tensor, "*B 21 3"]) -> Float[Tensor, "*B 20"]:
     first, second = bones[..., :-1, :], bones[..., 1:, :]
     across = torch.linalg.cross(first, second).norm(dim=-1)
     flexion = torch.atan2(across, (first * second).sum(-1))
-    palm = joints[..., [INDEX, PINKY], :] - joints[..., WRIST, None, :]
-    normal = torch.linalg.cross(palm[..., 0, :], palm[..., 1, :])
-    normal = torch.nn.functional.normalize(normal, dim=-1)[..., None, :]
+    normal = palm_basis(joints)[..., None, :, 2]
     base, next_bone = (
         bone - (bone * normal).sum(-1, keepdim=True) * normal
         for bone in (bones[..., 0, :], bones[..., 1, :])
@@ -97,7 +85,16 @@ def joint_angles(joints: Float[Tensor, "*B 21 3"]) -> Float[Tensor, "*B 20"]:
 
 
 def correlations(values: Float[Tensor, "N D"]) -> Float[Tensor, " K"]:
-    """Correlation of each pair of columns, the first with the second, the third and so on."""
+    """Correlation of each pair of columns: first with second, first with third, and so on."""
     matrix = torch.corrcoef(values.double().T).nan_to_num()
     a, b = torch.triu_indices(values.shape[1], values.shape[1], 1)
     return matrix[a, b].float()
+
+
+def palm_basis(joints: Float[Tensor, "*B 21 3"]) -> Float[Tensor, "*B 3 3"]:
+    """Axes of each frame's palm as columns: to the index finger's base, across, palm normal."""
+    index = joints[..., INDEX, :] - joints[..., WRIST, :]
+    pinky = joints[..., PINKY, :] - joints[..., WRIST, :]
+    normal = torch.linalg.cross(index, pinky)
+    axes = [index, torch.linalg.cross(normal, index), normal]
+    return torch.stack([torch.nn.functional.normalize(axis, dim=-1) for axis in axes], dim=-1)

@@ -1,9 +1,10 @@
-"""The rows of an evaluation's table: every way of cleaning, ours among them, as one small object.
+"""Methods: every way of cleaning that an evaluation compares, ours among them.
 
-A row is a frozen value that can be sent to another process. It sees the noisy clip alone; the one
-that looks at the ground truth says so in its name.
+A method is a frozen value that can be sent to another process. It uses the noisy clip alone; the
+one that also looks at the ground truth says so in its name.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -12,21 +13,22 @@ from typing import Protocol, runtime_checkable
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
+from typing_extensions import assert_never
 
-from geneoh.baselines.filters import TUNED, FilterKind, On, best_filtered, filtered, usable_on
-from geneoh.baselines.library import Baseline, load_baseline
-from geneoh.choices import BaselineName, HandSource
-from geneoh.errors import InputError, MissingAssetError
-from geneoh.evaluation.answers import answer
+from geneoh.baselines.filters import TUNED, Domain, FilterKind, best_filtered, domains_of, filtered
+from geneoh.baselines.library import BASELINES, Baseline, baseline_weights, load_baseline
+from geneoh.choices import BaselineName, HandSource, MethodName
+from geneoh.errors import ConfigError, MissingAssetError
 from geneoh.evaluation.cases import Case
-from geneoh.evaluation.external_results import stored_name
+from geneoh.evaluation.options import DEFAULT_METHODS, EvaluationOptions
 from geneoh.fitting.fit import FitConfig, fit_hand, start_from_keypoints
 from geneoh.hand.library import hand_of_betas, load_hand
-from geneoh.pipeline.denoise import NEAR, Denoised, Options, denoise
+from geneoh.pipeline.denoise import NEAR, RATE, Denoised, Options, denoise, stage_context
 from geneoh.pipeline.subject import subject_of
-from geneoh.readers.npz_files import load_sequence
+from geneoh.representation.spatial import encode_spatial
 from geneoh.sequence.gaps import fill_gaps
-from geneoh.sequence.sequence import Sequence
+from geneoh.sequence.resample import at_rate, over_frames
+from geneoh.sequence.sequence import HandTrack, Sequence
 
 FILTER_NAMES: dict[FilterKind, str] = {
     "savgol": "Savitzky-Golay",
@@ -40,17 +42,17 @@ BASELINE_NAMES: dict[BaselineName, str] = {
 
 
 @dataclass(frozen=True)
-class Cleaned:
-    """What a row makes of a clip's hand, world frame."""
+class CleanedHand:
+    """What a method makes of a clip's hand, world frame, metres."""
 
     joints: Float[Tensor, "T 21 3"]
     verts: Float[Tensor, "T V 3"] | None
-    """Of the hand by which rows are judged; None where the row knows keypoints alone: that hand is
-    fitted to them."""
+    """The method's own mesh; None for a method that gives keypoints alone: a mesh is then fitted to
+    them."""
     valid: Bool[Tensor, " T"]
     """Frames that are scored."""
     result: Denoised | None = None
-    """Our own rows': all that the cleaner has to tell."""
+    """Geneoh's whole result, for the page in 3D."""
 
     @property
     def spread(self) -> Float[Tensor, "T 21"] | None:
@@ -59,85 +61,85 @@ class Cleaned:
 
 
 @runtime_checkable
-class Row(Protocol):
+class Method(Protocol):
     """A way of cleaning."""
 
     @property
     def name(self) -> str:
-        """What the row is called in every table."""
+        """Name of the method in every table."""
         ...
 
-    def clean(self, case: Case) -> Cleaned | None:
-        """The cleaned hand; None where the clip has not what the row needs."""
+    def clean(self, case: Case) -> CleanedHand | None:
+        """The cleaned hand; None if the clip lacks what the method needs."""
         ...
 
 
 @dataclass(frozen=True)
-class InputRow:
-    """The noisy clip as it is; only its observed frames are scored."""
+class InputMethod:
+    """The noisy clip unchanged; only its observed frames are scored."""
 
     name: str = "input"
 
-    def clean(self, case: Case) -> Cleaned:
-        """Nothing is done."""
-        hand = case.noisy.hands[0]
-        return Cleaned(joints_of(case.noisy), None, hand.valid)
+    def clean(self, case: Case) -> CleanedHand:
+        """The noisy hand itself."""
+        return CleanedHand(joints_of(case.noisy), None, case.noisy.hands[0].valid)
 
 
 @dataclass(frozen=True)
-class FilterRow:
-    """A filter of the size that was tuned on validation clips."""
+class FilterMethod:
+    """A low-pass filter with the size that was tuned on validation clips."""
 
     kind: FilterKind
-    on: On
+    domain: Domain
 
     @property
     def name(self) -> str:
-        """Filter, and what it runs on."""
-        return f"{FILTER_NAMES[self.kind]} on {self.on}"
+        """Filter, and what is filtered."""
+        return f"{FILTER_NAMES[self.kind]} on {self.domain}"
 
-    def clean(self, case: Case) -> Cleaned | None:
+    def clean(self, case: Case) -> CleanedHand | None:
         """The filtered track."""
         hand = case.noisy.hands[0]
-        if self.on not in usable_on(hand):
+        if self.domain not in domains_of(hand):
             return None
-        joints = filtered(hand, TUNED[self.kind, self.on], self.on, case.noisy.fps)
-        return everywhere(joints)
+        tuned = TUNED[self.kind, self.domain]
+        return in_every_frame(filtered(hand, tuned, self.domain, case.noisy.fps))
 
 
 @dataclass(frozen=True)
-class BestFilterRow:
-    """The generous baseline: of all filters and sizes the best on this very clip."""
+class BestFilterMethod:
+    """The filter and size that are best on this very clip, chosen with the ground truth."""
 
-    on: On
+    domain: Domain
 
     @property
     def name(self) -> str:
-        """What it runs on, and that it sees what no user has."""
-        return f"best filter on {self.on}, told the truth †"
+        """What is filtered, and that the method knows what no user does."""
+        return f"best filter on {self.domain}, told the truth †"
 
-    def clean(self, case: Case) -> Cleaned | None:
-        """The filtered track nearest to the ground truth."""
+    def clean(self, case: Case) -> CleanedHand | None:
+        """The filtered track nearest to the ground truth; None without ground truth."""
         hand = case.noisy.hands[0]
-        if case.clean is None or self.on not in usable_on(hand):
+        if case.clean is None or self.domain not in domains_of(hand):
             return None
-        return everywhere(best_filtered(hand, joints_of(case.clean), self.on, case.noisy.fps)[1])
+        truth = joints_of(case.clean)
+        return in_every_frame(best_filtered(hand, truth, self.domain, case.noisy.fps))
 
 
 @dataclass(frozen=True)
-class OptimisedRow:
-    """No learning: a tuned filter, then our fit with its terms for contact, depth and calm."""
+class OptimisationMethod:
+    """Nothing learned: a tuned filter, then our fit with its contact and smoothness terms."""
 
     source: HandSource = "embedded"
     mano_dir: Path | None = None
     name: str = "optimisation only"
 
-    def clean(self, case: Case) -> Cleaned:
+    def clean(self, case: Case) -> CleanedHand:
         """The fitted hand."""
-        hand, moving = case.noisy.hands[0], case.noisy.object
-        on = usable_on(hand)[-1]
-        target = filtered(hand, TUNED["savgol", on], on, case.noisy.fps)[None]
-        model = load_hand(hand.side, source=self.source, mano_dir=self.mano_dir)
+        hand, motion = case.noisy.hands[0], case.noisy.object
+        domain = domains_of(hand)[-1]
+        target = filtered(hand, TUNED["savgol", domain], domain, case.noisy.fps)[None]
+        model = hand_of_betas(hand.side, hand.hand_model, asked=self.source, mano_dir=self.mano_dir)
         subject = subject_of(hand, model)
         start = subject.start or start_from_keypoints(target, subject.shaped)
         state = fit_hand(
@@ -146,28 +148,29 @@ class OptimisedRow:
             subject.shaped,
             start,
             config=FitConfig(),
-            surface=replace(moving.surface(), within=NEAR),
+            surface=replace(motion.surface(), within=NEAR),
         )
         posed = subject.shaped.verts_from_rotations(state.rotations, state.wrist)
-        return everywhere(posed.joints[0], posed.verts[0])
+        return in_every_frame(posed.joints[0], posed.verts[0])
 
 
 @dataclass(frozen=True)
-class BaselineRow:
-    """A network that answers at once, trained on the cleaner's own data."""
+class BaselineMethod:
+    """A network that predicts the clean hand in one call, trained on the cleaner's own data."""
 
     baseline: BaselineName
     weights: Path | None = None
+    """Folder of the weights; None: the shipped ones."""
 
     @property
     def name(self) -> str:
-        """What the field calls it."""
+        """The field's name for it."""
         return BASELINE_NAMES[self.baseline]
 
-    def clean(self, case: Case) -> Cleaned:
+    def clean(self, case: Case) -> CleanedHand:
         """The network's keypoints."""
         network = network_of(self.baseline, self.weights)
-        return everywhere(answer(network, case.noisy, seed=case.seed))
+        return in_every_frame(predicted_joints(network, case.noisy, seed=case.seed))
 
 
 @cache
@@ -176,9 +179,42 @@ def network_of(name: BaselineName, weights: Path | None) -> Baseline:
     return load_baseline(name, weights)
 
 
+@torch.no_grad()
+def predicted_joints(
+    network: Baseline, sequence: Sequence, *, seed: int
+) -> Float[Tensor, "T 21 3"]:
+    """Keypoints that a baseline predicts for the first hand of a sequence, world frame, metres.
+
+    As in the cleaner, left hands are mirrored, other frame rates resampled, and windows blended.
+
+    Args:
+        network: the baseline.
+        sequence: the noisy interaction.
+        seed: of the points that are drawn on the object's surface.
+    """
+    paced = at_rate(sequence, RATE)
+    hand, motion = paced.hands[0], paced.object
+    left = hand.side == "left"
+    if left:
+        hand, motion = hand.mirrored(), motion.mirrored()
+    subject = subject_of(hand, load_hand("right"))
+    generator = torch.Generator().manual_seed(seed)
+    context = stage_context(motion.surface(), subject, paced.fps, generator=generator)
+    joints = subject.joints[None]
+    region = context.region(joints)
+    observation = context.observation(joints, region, given=True)
+    predicted = network(observation, encode_spatial(observation.joints, region))
+    world = context.blend(region.to_world(predicted))[0]
+    track = HandTrack("right", torch.ones_like(hand.valid), joints=world)
+    track = track.mirrored() if left else track
+    back = over_frames(replace(paced, hands=(track,)), sequence.frames).hands[0].joints
+    assert back is not None, "it had joints"
+    return back
+
+
 @dataclass(frozen=True)
-class GeneohRow:
-    """The cleaner, by its options; the seed is the case's."""
+class GeneohMethod:
+    """Geneoh with its options; the seed is the case's."""
 
     options: Options
 
@@ -188,7 +224,7 @@ class GeneohRow:
         less = "".join(f", w/o {part}" for part in self.options.without)
         return f"geneoh {self.options.preset}{less}"
 
-    def clean(self, case: Case) -> Cleaned:
+    def clean(self, case: Case) -> CleanedHand:
         """The cleaned track with its own mesh."""
         result = denoise(case.noisy, replace(self.options, seed=case.seed))
         hand = result.sequence.hands[0]
@@ -197,52 +233,104 @@ class GeneohRow:
         assert hand.betas is not None, "results carry betas"
         model = hand_of_betas(hand.side, hand.hand_model, mano_dir=self.options.mano_dir)
         verts = model.shaped(hand.betas).posed(hand.pose, hand.wrist).verts
-        return replace(everywhere(joints_of(result.sequence), verts), result=result)
+        return replace(in_every_frame(joints_of(result.sequence), verts), result=result)
 
 
 @dataclass(frozen=True)
-class PredictionsRow:
-    """Somebody else's results: one npz per case in a folder, see `stored_name`."""
+class PredictionsMethod:
+    """Results of another method: one file for each case in a folder, see `Case.file_name`."""
 
     folder: Path
 
     @property
     def name(self) -> str:
-        """The folder's."""
+        """The folder's name."""
         return self.folder.resolve().name
 
-    def clean(self, case: Case) -> Cleaned:
-        """The stored hand's keypoints; the mesh is ours, as for every row of keypoints.
+    def clean(self, case: Case) -> CleanedHand:
+        """The stored keypoints; the mesh is fitted as for every method of keypoints.
 
         Raises:
             MissingAssetError: there is no file for the case.
             InputError: it does not fit the clip.
         """
-        path = self.folder / stored_name(case.clip, case.noise, case.seed)
+        path = self.folder / case.file_name
         if not path.is_file():
             raise MissingAssetError(
-                f"{path}: expected the result for {case.clip} under {case.noise}, seed "
+                f"{path}: expected the result for {case.clip.name} under {case.noise}, seed "
                 f"{case.seed}, found no file; --inputs writes what it is to be made from"
             )
-        side = case.noisy.hands[0].side
-        sequence = load_sequence(path, case.noisy.object.meshes, side=side)
-        if sequence.frames != case.noisy.frames:
-            raise InputError(
-                f"{path}: expected the clip's {case.noisy.frames} frames, got {sequence.frames}; "
-                "store a result of the whole clip"
-            )
-        return Cleaned(joints_of(sequence), None, sequence.hands[0].valid)
+        sequence = case.read_stored(path)
+        return CleanedHand(joints_of(sequence), None, sequence.hands[0].valid)
 
 
-def everywhere(
+def in_every_frame(
     joints: Float[Tensor, "T 21 3"], verts: Float[Tensor, "T V 3"] | None = None
-) -> Cleaned:
-    """A result that answers for every frame, observed or not."""
-    return Cleaned(joints, verts, torch.ones(len(joints), dtype=torch.bool))
+) -> CleanedHand:
+    """A result that is scored in every frame, whether the input observed it or not."""
+    return CleanedHand(joints, verts, joints.new_ones(len(joints), dtype=torch.bool))
 
 
 def joints_of(sequence: Sequence) -> Float[Tensor, "T 21 3"]:
-    """Keypoints of a sequence's hand, gaps filled; our hand's where it has only a pose."""
+    """Keypoints of a sequence's hand, gaps filled; those of our hand if it has only a pose."""
     hand = sequence.hands[0]
     joints = fill_gaps(hand).joints
     return subject_of(hand, load_hand(hand.side)).joints if joints is None else joints
+
+
+def methods_of(options: EvaluationOptions) -> tuple[tuple[Method, ...], tuple[str, ...]]:
+    """The methods in the order of the table, and notes on those that had to be left out.
+
+    Raises:
+        MissingAssetError: a folder of predictions is not there.
+        ConfigError: two methods have the same name.
+    """
+    methods: list[Method] = []
+    notes: list[str] = []
+    for name in options.methods or DEFAULT_METHODS:
+        if name in BASELINES and not options.methods:
+            path = baseline_weights(name, options.cleaner.weights)
+            if not path.is_file():
+                made_by = f"`geneoh train --stage {name}` makes them"
+                notes.append(f"{name} is left out: its weights are missing; {made_by}")
+                continue
+        methods += methods_named(name, options)
+    for folder in options.predictions:
+        if not folder.is_dir():
+            raise MissingAssetError(
+                f"--predictions {folder}: expected a folder of results CLIP_NOISE_SEED.npz, found "
+                "none; --inputs DIR writes what they are to be made from"
+            )
+        methods.append(PredictionsMethod(folder))
+    names = [method.name for method in methods]
+    if twice := {name for name in names if names.count(name) > 1}:
+        raise ConfigError(
+            f"methods need names of their own, got {', '.join(sorted(twice))} more than once; drop "
+            "one, or rename its folder"
+        )
+    return tuple(methods), tuple(notes)
+
+
+def methods_named(name: MethodName, options: EvaluationOptions) -> Iterator[Method]:
+    """The methods behind one name."""
+    cleaner = options.cleaner
+    match name:
+        case "input":
+            yield InputMethod()
+        case "savgol" | "gaussian" | "one-euro":
+            yield FilterMethod(name, "keypoints")
+            yield FilterMethod(name, "parameters")
+        case "best-filter":
+            yield BestFilterMethod("keypoints")
+            yield BestFilterMethod("parameters")
+        case "optimisation":
+            yield OptimisationMethod(cleaner.hand, cleaner.mano_dir)
+        case "toch" | "regression":
+            yield BaselineMethod(name, baseline_weights(name, cleaner.weights).parent)
+        case "geneoh":
+            for preset in options.presets:
+                yield GeneohMethod(replace(cleaner, preset=preset))
+            for part in options.ablations:
+                yield GeneohMethod(replace(cleaner, preset=options.presets[0], without=(part,)))
+        case _:
+            assert_never(name)

@@ -5,17 +5,18 @@ Plain functions of scores and blocks; the same input gives the same bytes.
 
 import io
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from importlib.util import find_spec
 from statistics import fmean
 from typing import Any
 
+from geneoh.evaluation.cases import CaseKey
+from geneoh.evaluation.distributions import KEYPOINT_FINGERS
 from geneoh.evaluation.scores import MEASURES, Measure, Score
 from geneoh.evaluation.tables import Block
-from geneoh.hand.skeleton import FINGERS
 
 EXTRA = 'pip install "geneoh[plots]"'
-"""What brings matplotlib."""
+"""Installs matplotlib."""
 STYLE: Any = {
     "svg.fonttype": "none",  # text stays text: small, and searchable
     "svg.hashsalt": "geneoh",
@@ -25,148 +26,149 @@ STYLE: Any = {
     "legend.frameon": False,
 }
 OURS = "geneoh"
-"""How the names of our rows begin; they are drawn in full colour, the others beside them."""
+"""Beginning of the names of our methods, which are drawn in full colours, others in pale ones."""
+WIDTH = 7.6
+"""Width of every plot in inches."""
+BAR, GAP = 0.17, 0.25
+"""Height in inches of a bar and of the gap between two noises."""
 
 
 def available() -> bool:
-    """Whether plots can be drawn."""
+    """Whether matplotlib is installed."""
     return find_spec("matplotlib") is not None
 
 
 def bars(blocks: Sequence[Block], key: str) -> str:
-    """One measure of every row under every noise, with its 95% interval."""
-    (measure,) = (measure for measure in MEASURES if measure.key == key)
-    rows = list(dict.fromkeys(row for block in blocks for row in block.rows))
-    figure, axes = canvas(7.6, 0.9 + 0.17 * len(rows) * len(blocks) + 0.25 * len(blocks))
+    """One measure of every method under every noise, with its 95% interval."""
+    methods = list(dict.fromkeys(method for block in blocks for method in block.cells))
+    figure, axes = canvas(0.9 + BAR * len(methods) * len(blocks) + GAP * len(blocks))
     place, ticks, names = 0.0, [], []
     for block in blocks:
-        for row in rows:
-            cell = block.rows.get(row, {}).get(key)
+        for method in methods:
+            cell = block.cells.get(method, {}).get(key)
             if cell is None:
                 continue
-            axes.barh(place, cell.mean, color=colour(row, rows), height=0.8)
+            axes.barh(place, cell.mean, color=colour(method, methods), height=0.8)
             if cell.low is not None and cell.high is not None:
                 axes.plot([cell.low, cell.high], [place, place], color="black", lw=1)
             ticks.append(place)
-            names.append(f"{block.noise}: {row}")
+            names.append(f"{block.noise}: {method}")
             place += 1
         place += 0.8
     axes.set_yticks(ticks, names)
     axes.invert_yaxis()
-    axes.set_xlabel(titled(measure))
+    axes.set_xlabel(title_of(key))
     return svg(figure)
 
 
-def over_time(scores: Iterable[Score], rows: Sequence[str]) -> str:
+def error_by_frame(scores: Sequence[Score], methods: Sequence[str]) -> str:
     """Mean keypoint error of each frame, over all clips and seeds."""
-    scores = list(scores)
-    figure, axes = canvas(7.6, 3.2)
-    for row in rows:
-        tracks = [score.error_by_frame_mm for score in scores if score.row == row]
-        means = column_means([track for track in tracks if track])
-        draw_line(axes, range(len(means)), means, row, rows)
+    figure, axes = canvas(3.2)
+    for method in methods:
+        tracks = [score.error_by_frame_mm for score in scores if score.method == method]
+        draw_line(axes, tracks, method, methods)
     axes.set_xlabel("frame of the clip")
     axes.set_ylabel("keypoint error, mm")
     axes.set_ylim(bottom=0)
     return svg(figure, legend=True)
 
 
-def per_joint(scores: Iterable[Score], rows: Sequence[str]) -> str:
+def error_by_joint(scores: Sequence[Score], methods: Sequence[str]) -> str:
     """Mean error of each keypoint, over all clips and seeds."""
-    scores = list(scores)
-    figure, axes = canvas(7.6, 3.2)
-    for row in rows:
-        tracks = [score.error_by_joint_mm for score in scores if score.row == row]
-        means = column_means([track for track in tracks if track])
-        draw_line(axes, range(len(means)), means, row, rows, marker=".")
-    fingers = (FINGERS[-1], *(FINGERS[i] for i in (0, 1, 3, 2)))
+    figure, axes = canvas(3.2)
+    for method in methods:
+        tracks = [score.error_by_joint_mm for score in scores if score.method == method]
+        draw_line(axes, tracks, method, methods, marker=".")
     parts = ("base", "2", "3", "tip")
-    names = ["wrist", *(f"{finger} {part}" for finger in fingers for part in parts)]
+    names = ["wrist", *(f"{finger} {part}" for finger in KEYPOINT_FINGERS for part in parts)]
     axes.set_xticks(range(21), names, rotation=90)
     axes.set_ylabel("error, mm")
     axes.set_ylim(bottom=0)
     return svg(figure, legend=True)
 
 
-def before_after(scores: Iterable[Score], rows: Sequence[str], key: str = "mpjpe_mm") -> str:
-    """Each case: its input's error against the row's; above the line cleaning made it worse."""
-    (measure,) = (measure for measure in MEASURES if measure.key == key)
-    by_case: dict[tuple[Any, ...], dict[str, float]] = {}
+def before_after(scores: Sequence[Score], methods: Sequence[str], key: str = "mpjpe_mm") -> str:
+    """Each case: its input's error and its error after cleaning; above the line it grew."""
+    by_case: dict[CaseKey, dict[str, float]] = {}
     for score in scores:
         if (value := score.values.get(key)) is not None:
-            by_case.setdefault(score.key[:-1], {})[score.row] = value
-    figure, axes = canvas(7.6, 4.4)
+            by_case.setdefault(score.case_key, {})[score.method] = value
+    figure, axes = canvas(4.4)
     axes.set_aspect("equal")
     most = 0.0
-    for row in rows:
+    for method in methods:
         pairs = [
-            (found["input"], found[row])
+            (found["input"], found[method])
             for found in by_case.values()
-            if row != "input" and row in found and "input" in found
+            if method != "input" and method in found and "input" in found
         ]
         if pairs:
             before, after = zip(*pairs, strict=True)
             most = max(most, *before, *after)
-            axes.scatter(before, after, s=14, color=colour(row, rows), label=row, alpha=0.8)
+            axes.scatter(
+                before, after, s=14, color=colour(method, methods), label=method, alpha=0.8
+            )
     axes.plot([0, 1.05 * most], [0, 1.05 * most], color="black", lw=0.8)
-    axes.set_xlabel(f"input, {titled(measure)}")
-    axes.set_ylabel(f"cleaned, {titled(measure)}")
+    axes.set_xlabel(f"input, {title_of(key)}")
+    axes.set_ylabel(f"cleaned, {title_of(key)}")
     return svg(figure, legend=True)
 
 
-def titled(measure: Measure) -> str:
-    """A measure's name for an axis."""
+def title_of(key: str) -> str:
+    """Title of an axis: a measure with its unit."""
+    measure: Measure = next(measure for measure in MEASURES if measure.key == key)
     return f"{measure.title}, {measure.unit}"
 
 
 def column_means(tracks: Sequence[Sequence[float | None]]) -> list[float]:
     """Mean of each column over tracks that may differ in length; NaN without any number."""
-    length = max(map(len, tracks), default=0)
     columns = [
-        [track[i] for track in tracks if i < len(track) and track[i] is not None]
-        for i in range(length)
+        [value for track in tracks if i < len(track) and (value := track[i]) is not None]
+        for i in range(max(map(len, tracks), default=0))
     ]
-    return [
-        fmean(x for x in column if x is not None) if column else float("nan") for column in columns
-    ]
+    return [fmean(column) if column else float("nan") for column in columns]
 
 
-def colour(row: str, rows: Sequence[str]) -> Any:
-    """A row's colour: the input grey, ours dark to be found at once, the others pale."""
+def colour(method: str, methods: Sequence[str]) -> Any:
+    """Colour of a method: grey for the input, strong for ours, pale for the others."""
     import matplotlib
 
-    if row == "input":
+    if method == "input":
         return "0.55"
-    ours = [name for name in rows if name.startswith(OURS)]
-    if row in ours:
-        return matplotlib.colormaps["Set1"](ours.index(row) % 9)
-    others = [name for name in rows if name not in ours and name != "input"]
-    return matplotlib.colormaps["Set2"](others.index(row) % 8)
+    ours = [name for name in methods if name.startswith(OURS)]
+    if method in ours:
+        return matplotlib.colormaps["Set1"](ours.index(method) % 9)
+    others = [name for name in methods if name not in ours and name != "input"]
+    return matplotlib.colormaps["Set2"](others.index(method) % 8)
 
 
 def draw_line(
-    axes: Any, at: Iterable[int], values: list[float], row: str, rows: Sequence[str], **style: Any
+    axes: Any,
+    tracks: Sequence[Sequence[float | None]],
+    method: str,
+    methods: Sequence[str],
+    **style: Any,
 ) -> None:
-    """One row's line; ours thicker. A row without values has none."""
-    if values:
-        width = 2.2 if row.startswith(OURS) else 1.1
-        axes.plot(list(at), values, label=row, color=colour(row, rows), lw=width, **style)
+    """Mean over a method's tracks as a line, thicker for ours; none without values."""
+    if values := column_means(tracks):
+        width = 2.2 if method.startswith(OURS) else 1.1
+        axes.plot(values, label=method, color=colour(method, methods), lw=width, **style)
 
 
-def canvas(width: float, height: float) -> tuple[Any, Any]:
-    """A figure of that many inches without any window system, and its axes."""
+def canvas(height: float) -> tuple[Any, Any]:
+    """A figure of this height in inches, which needs no window system, and its axes."""
     import matplotlib
     from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.figure import Figure
 
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(width, height), layout="constrained")
+        figure = Figure(figsize=(WIDTH, height), layout="constrained")
         FigureCanvasSVG(figure)
         return figure, figure.add_subplot()
 
 
 def svg(figure: Any, *, legend: bool = False) -> str:
-    """The figure as an <svg> element to stand in a page."""
+    """The figure as an <svg> element for a page."""
     import matplotlib
 
     if legend and figure.axes[0].get_legend_handles_labels()[0]:

@@ -1,13 +1,14 @@
 """How near synthetic interactions are to a real recording: a report.
 
-Both are described by the same measures of the same right hand at 30 frames a second: speed and
-acceleration of wrist and fingertips, angles between the bones, contact and depth of the skin, and
-by how well a classifier tells them apart. A recording of one grasp is always a narrow sample of
-what hands do, so the classifier's accuracy has a control beside it: how well single synthetic clips
-are told from all the others in the same way.
+Both are described by the same measures of a right hand at 30 frames a second: speed and
+acceleration of wrist and fingertips, angles between the bones, contact and depth of the mesh, and
+the accuracy of a classifier that separates the two sources. A recording of one grasp is always a
+narrow sample of what hands do. The accuracy therefore has a control beside it: how well single
+synthetic clips are separated from all other synthetic clips in the same way.
 """
 
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,23 +19,24 @@ from torch import Tensor
 from geneoh.errors import InputError
 from geneoh.evaluation.distributions import (
     ANGLES,
-    Spread,
+    Quantiles,
     correlations,
     joint_angles,
     ks_distance,
     point_acceleration,
+    quantiles,
     speed,
-    spread_of,
 )
 from geneoh.evaluation.two_sample_classifier import (
     BLOCK,
     SNIPPET,
     VIEWS,
     block_snippets,
-    tell_apart,
+    cross_validate,
 )
 from geneoh.fitting.fit import fit_keypoints
 from geneoh.geometry.mesh import Mesh
+from geneoh.hand.library import load_hand
 from geneoh.hand.model import HandModel
 from geneoh.hand.skeleton import TIP_KEYPOINTS
 from geneoh.metrics.contact import TOUCH, in_contact, penetration_depth, tips_in_contact
@@ -46,99 +48,113 @@ from geneoh.sequence.sequence import Sequence
 from geneoh.synthesis.motion import Interactions
 from geneoh.synthesis.replay import replay_shard
 from geneoh.synthesis.shards import find_shards, seed_of
-from geneoh.training.augmentation import augmented
+from geneoh.training import augmentation
 
 FPS = 30.0
-SHARDS, CLIPS = 8, 96
-"""Training shards that are looked at, spread over all, and clips of each."""
-SKIN_EVERY = 10
-"""Of synthetic clips every tenth frame's skin is measured."""
+SHARDS, CLIPS_PER_SHARD = 8, 96
+"""Training shards that are compared, spread over the folder, and clips of each."""
+MESH_EVERY = 10
+"""The mesh is measured in every tenth frame of synthetic clips, to save time."""
 NEAR = 0.025
 """Distance in metres of the nearest keypoint to the object within which a hand is at the object;
-snippets are compared only where it is in all their frames, on either side."""
+the classifier gets snippets of both sources whose frames are all within it."""
 CONTROLS = 12
-"""Synthetic clips that are told from the others, for comparison."""
+"""Synthetic clips that are separated from the others, as a control."""
+TIPS = list(TIP_KEYPOINTS)
 
 
 @dataclass(frozen=True)
-class Skin:
-    """What is measured on the mesh of a hand in N frames."""
-
-    area: Float[Tensor, " N"]
-    """Skin at most 5 mm from the object, square metres."""
-    fingers: Float[Tensor, " N"]
-    """Fingertips at most 5 mm from it."""
-    depth: Float[Tensor, " N"]
-    """Of the deepest vertex, metres."""
-    touching: Bool[Tensor, " N"]
-
-
-@dataclass(frozen=True)
-class Side:
-    """Clips of right hands, of one source."""
+class HandClips:
+    """B clips of right hands from one source over T frames; the mesh is measured in N frames."""
 
     world: Float[Tensor, "B T 21 3"]
-    """Keypoints in the world."""
+    """Keypoints in the world frame, metres."""
     object: Float[Tensor, "B T 21 3"]
-    """Keypoints in the frame of the object (of its first part)."""
+    """Keypoints in the frame of the object's first part, metres."""
     valid: Bool[Tensor, "B T"]
     near: Bool[Tensor, "B T"]
     """Frames in which the hand is valid and at the object."""
-    skin: Skin
+    area: Float[Tensor, " N"]
+    """Area of the mesh at most 5 mm from the object, square metres."""
+    fingers: Float[Tensor, " N"]
+    """Number of fingertips at most 5 mm from the object."""
+    depth: Float[Tensor, " N"]
+    """Depth of the deepest vertex in the object, metres."""
+    touching: Bool[Tensor, " N"]
+    """Whether any vertex is at most 5 mm from the object."""
 
 
 @dataclass(frozen=True)
-class Measure:
+class Comparison:
     """One measure of both sources."""
 
     name: str
     unit: str
-    real: Spread
-    synthetic: Spread
+    real: Quantiles
+    synthetic: Quantiles
     distance: float
-    """Kolmogorov-Smirnov distance of the two distributions, 0 to 1."""
+    """Kolmogorov-Smirnov statistic of the two distributions, 0 to 1."""
 
 
 @dataclass(frozen=True)
-class Realism:
-    """The report."""
+class RealismReport:
+    """How near synthetic interactions are to a recording."""
 
-    measures: tuple[Measure, ...]
+    measures: tuple[Comparison, ...]
     correlation: dict[str, float]
-    """Of the joint angles' pairs: mean size in either source, mean difference, and how the
-    correlations of one source correlate with the other's."""
+    """Correlations of pairs of joint angles: their mean absolute value in either source, the mean
+    absolute difference, and the correlation of one source's correlations with the other's."""
     accuracy: dict[str, float]
-    """Of the classifier that tells the recording from synthetic clips, per view."""
+    """Accuracy of the classifier that separates the recording from synthetic clips, by view."""
     control: dict[str, float]
     """The same for single synthetic clips against the others, mean over clips."""
     snippets: tuple[int, int]
-    """Real and synthetic snippets that were told apart."""
+    """Number of real and of synthetic snippets that were classified."""
     clips: int
-    """Synthetic clips that were looked at."""
+    """Number of synthetic clips."""
+    augmented: bool = False
+    """Whether the synthetic clips had the augmentation of training."""
 
     def as_dict(self) -> dict[str, Any]:
-        """For a JSON file."""
+        """The report as plain values for a JSON file."""
         return asdict(self)
 
 
-def skin_of(
+def measure_realism(recording: Sequence, folder: Path, *, augmented: bool = False) -> RealismReport:
+    """Compare the training shards in a folder with a recording.
+
+    Args:
+        recording: a clean interaction; its first hand is compared.
+        folder: of shards, from `geneoh synthesize`.
+        augmented: compare the clips with the augmentation of training, as networks see them.
+
+    Raises:
+        InputError: the recording has no object mesh, or is too short for the classifier.
+    """
+    hand = load_hand("right")
+    real = recorded_clip(recording, hand)
+    synthetic = synthetic_clips(folder, hand, augmented=augmented)
+    return replace(compare_clips(real, synthetic), augmented=augmented)
+
+
+def mesh_measures(
     verts: Float[Tensor, "N V 3"],
     tips: Float[Tensor, "N 5 3"],
     distance: Float[Tensor, "N V"],
     faces: Tensor,
-) -> Skin:
-    """Contact and depth of posed hands."""
-    area = torch.stack([vertex_areas(Mesh(each, faces)) for each in verts])
-    return Skin(
-        (area * (distance <= TOUCH)).sum(-1),
-        tips_in_contact(distance, verts, tips).sum(-1).float(),
-        penetration_depth(distance),
-        in_contact(distance),
-    )
+) -> dict[str, Tensor]:
+    """The fields of `HandClips` that are measured on posed meshes."""
+    areas = torch.stack([vertex_areas(Mesh(each, faces)) for each in verts])
+    return {
+        "area": (areas * (distance <= TOUCH)).sum(-1),
+        "fingers": tips_in_contact(distance, verts, tips).sum(-1).float(),
+        "depth": penetration_depth(distance),
+        "touching": in_contact(distance),
+    }
 
 
 def vertex_areas(mesh: Mesh) -> Float[Tensor, " V"]:
-    """Each vertex's share of the surface: a third of the faces around it, square metres."""
+    """Each vertex's share of the surface in square metres: a third of each face around it."""
     third = mesh.face_vectors().norm(dim=-1) / 6
     areas = torch.zeros_like(mesh.verts[:, 0])
     for corner in range(3):
@@ -146,8 +162,9 @@ def vertex_areas(mesh: Mesh) -> Float[Tensor, " V"]:
     return areas
 
 
-def real_side(sequence: Sequence, hand: HandModel) -> Side:
-    """The recording's first hand as a right one at 30 frames a second; its mesh is our hand's.
+@torch.no_grad()
+def recorded_clip(sequence: Sequence, hand: HandModel) -> HandClips:
+    """The recording's first hand as a right one at 30 frames a second, with the mesh of `hand`.
 
     Raises:
         InputError: the recording has no object mesh.
@@ -155,77 +172,81 @@ def real_side(sequence: Sequence, hand: HandModel) -> Side:
     if not sequence.object.meshes:
         raise InputError(f"{sequence.source}: expected an object mesh, got none; pass --obj MESH")
     sequence = at_rate(sequence, FPS)
-    track, moving = sequence.hands[0], sequence.object
+    track, motion = sequence.hands[0], sequence.object
     if track.side == "left":
-        track, moving = track.mirrored(), moving.mirrored()
-    with torch.no_grad():
-        subject = subject_of(track, hand)
-        state = subject.start or fit_keypoints(
-            subject.joints[None], subject.trust[None], subject.shaped
-        )
-        verts = subject.shaped.verts_from_rotations(state.rotations, state.wrist).verts[0]
-    surface = moving.surface()
-    gap = surface.query(subject.joints).distance.amin(-1)
+        track, motion = track.mirrored(), motion.mirrored()
+    subject = subject_of(track, hand)
+    state = subject.start or fit_keypoints(
+        subject.joints[None], subject.trust[None], subject.shaped
+    )
+    verts = subject.shaped.verts_from_rotations(state.rotations, state.wrist).verts[0]
+    surface = motion.surface()
     valid, joints = track.valid, subject.joints
-    turn, shift = moving.rotation[:, 0], moving.translation[:, None, 0]
-    tips = joints[:, list(TIP_KEYPOINTS)]
     distance = surface.query(verts).distance
-    skin = skin_of(verts[valid], tips[valid], distance[valid], hand.faces)
-    local = (joints - shift) @ turn
-    near = valid & (gap < NEAR)
-    return Side(joints[None], local[None], valid[None], near[None], skin)
+    gap = surface.query(joints).distance.amin(-1)
+    local = (joints - motion.translation[:, None, 0]) @ motion.rotation[:, 0]
+    return HandClips(
+        world=joints[None],
+        object=local[None],
+        valid=valid[None],
+        near=(valid & (gap < NEAR))[None],
+        **mesh_measures(verts[valid], joints[valid][:, TIPS], distance[valid], hand.faces),
+    )
 
 
-def synthetic_side(folder: Path, hand: HandModel, *, lively: bool = False) -> Side:
-    """Clips of training shards, spread over the folder's.
+def synthetic_clips(
+    folder: Path, hand: HandModel, *, augmented: bool = False, per_shard: int = CLIPS_PER_SHARD
+) -> HandClips:
+    """The first clips of some training shards, which are spread over the folder.
 
     Args:
         folder: of the shards.
-        hand: whose skin is measured.
-        lively: as networks learn from them, with the unrest that training adds.
+        hand: the model whose mesh is measured.
+        augmented: with the augmentation of training, as networks see them.
+        per_shard: most clips of each shard.
     """
     paths = find_shards(folder, "train")
     at = torch.linspace(0, len(paths) - 1, min(SHARDS, len(paths))).round().long().tolist()
-    sides = [shard_side(paths[i], hand, lively=lively) for i in at]
-
-    def joined(name: str) -> Tensor:
-        return torch.cat([getattr(side, name) for side in sides])
-
-    skins = [side.skin for side in sides]
-    names = ("area", "fingers", "depth", "touching")
-    skin = Skin(*(torch.cat([getattr(each, name) for each in skins]) for name in names))
-    return Side(joined("world"), joined("object"), joined("valid"), joined("near"), skin)
+    found = [shard_clips(paths[i], hand, augmented, per_shard) for i in at]
+    names = [field.name for field in fields(HandClips)]
+    return HandClips(*(torch.cat([getattr(clips, name) for clips in found]) for name in names))
 
 
 @torch.no_grad()
-def shard_side(path: Path, hand: HandModel, *, lively: bool) -> Side:
+def shard_clips(path: Path, hand: HandModel, augmented: bool, count: int) -> HandClips:
     """The first clips of one shard."""
     shard = replay_shard(path, hand)
-    shard = shard.chosen(torch.arange(min(CLIPS, len(shard.clips.wrist))))
-    if lively:
+    shard = shard.chosen(torch.arange(min(count, len(shard.clips.wrist))))
+    if augmented:
+        # The seed's name is part of published figures: another name draws another augmentation.
         generator = torch.Generator().manual_seed(seed_of("lively", path.name))
-        shard = replace(shard, clips=livelier(shard.clips, generator=generator))
+        shard = replace(shard, clips=augmented_clips(shard.clips, generator=generator))
     world = shard.joints
     local = shard.in_object(world)
     every = torch.arange(world.shape[1]).expand(len(world), -1)
     gap = shard.distance(local, every).amin(-1)
-    frames = torch.arange(0, world.shape[1], SKIN_EVERY).expand(len(world), -1)
+    frames = every[:, ::MESH_EVERY]
     posed = shard.skin(frames)
+    verts, tips = posed.verts.flatten(0, 1), posed.joints[:, :, TIPS].flatten(0, 1)
     distance = shard.distance(posed.verts, frames).flatten(0, 1)
-    tips = posed.joints[:, :, list(TIP_KEYPOINTS)].flatten(0, 1)
-    skin = skin_of(posed.verts.flatten(0, 1), tips, distance, hand.faces)
-    return Side(world, local, torch.ones_like(gap, dtype=torch.bool), gap < NEAR, skin)
+    return HandClips(
+        world=world,
+        object=local,
+        valid=torch.ones_like(gap, dtype=torch.bool),
+        near=gap < NEAR,
+        **mesh_measures(verts, tips, distance, hand.faces),
+    )
 
 
-def livelier(clips: Interactions, *, generator: torch.Generator) -> Interactions:
-    """The same clips with the unrest that training adds to their hands."""
+def augmented_clips(clips: Interactions, *, generator: torch.Generator) -> Interactions:
+    """The same clips with the augmentation that training puts on their hands."""
     hand = HandParameters.of_pose(clips.wrist, clips.pose, clips.offsets)
-    hand = augmented(hand, generator=generator)
+    hand = augmentation.augmented(hand, generator=generator)
     return replace(clips, wrist=hand.wrist, pose=hand.pose)
 
 
-def compare_sides(real: Side, synthetic: Side) -> Realism:
-    """The report of two sources.
+def compare_clips(real: HandClips, synthetic: HandClips) -> RealismReport:
+    """The report on one real clip and many synthetic ones.
 
     Raises:
         InputError: the recording is too short, or away from its object, for two folds.
@@ -238,21 +259,21 @@ def compare_sides(real: Side, synthetic: Side) -> Realism:
             f"recording's blocks of {BLOCK}, and in twice as many synthetic clips, got "
             f"{len(blocks)} blocks and {len(others)} clips; take a longer recording or more data"
         )
-    told = {view: tell_apart(blocks, others, view, FPS) for view in VIEWS}
-    return Realism(
-        measures=tuple(measures(real, synthetic)),
+    found = {view: cross_validate(blocks, others, view, FPS) for view in VIEWS}
+    return RealismReport(
+        measures=tuple(comparisons(real, synthetic)),
         correlation=angle_correlations(real, synthetic),
-        accuracy={view: told[view].accuracy for view in VIEWS},
+        accuracy={view: found[view].accuracy for view in VIEWS},
         control=controls(synthetic, others),
-        snippets=told[VIEWS[0]].snippets,
+        snippets=found[VIEWS[0]].snippets,
         clips=len(synthetic.world),
     )
 
 
-def one_snippet_each(side: Side) -> Float[Tensor, "N S 21 3"]:
-    """A snippet of each clip that has one, from a place that depends on the clip's number."""
-    found = [side.object.new_zeros(0, SNIPPET, 21, 3)]
-    for index, (joints, near) in enumerate(zip(side.object, side.near, strict=True)):
+def one_snippet_each(clips: HandClips) -> Float[Tensor, "N S 21 3"]:
+    """A snippet of each clip that has one; where it starts depends on the clip's number alone."""
+    found = [clips.object.new_zeros(0, SNIPPET, 21, 3)]
+    for index, (joints, near) in enumerate(zip(clips.object, clips.near, strict=True)):
         starts = torch.nonzero(near.unfold(0, SNIPPET, 1).all(-1))[:, 0]
         if len(starts):
             start = int(starts[seed_of("snippet", index) % len(starts)])
@@ -260,60 +281,65 @@ def one_snippet_each(side: Side) -> Float[Tensor, "N S 21 3"]:
     return torch.cat(found)
 
 
-def controls(side: Side, others: Float[Tensor, "N S 21 3"]) -> dict[str, float]:
-    """Accuracy on single clips of a source against the rest of it, mean over clips.
+def controls(clips: HandClips, others: Float[Tensor, "N S 21 3"]) -> dict[str, float]:
+    """Accuracy on single clips of a source against the rest of it, mean over clips, by view.
 
-    `others` are its snippets, the clip's own among them: one in hundreds, told wrong at most.
+    `others` are snippets of the same source. The clip's own snippet is among them: of hundreds, one
+    that can be classified wrong.
     """
     accuracy: dict[str, list[float]] = {view: [] for view in VIEWS}
-    for joints, near in zip(side.object, side.near, strict=True):
+    for joints, near in zip(clips.object, clips.near, strict=True):
         blocks = block_snippets(joints, near)
-        if len(blocks) < 2 or len(accuracy["place"]) == CONTROLS:
+        if len(blocks) < 2 or len(accuracy[VIEWS[0]]) == CONTROLS:
             continue
         for view in VIEWS:
-            accuracy[view].append(tell_apart(blocks, others, view, FPS).accuracy)
+            accuracy[view].append(cross_validate(blocks, others, view, FPS).accuracy)
     return {view: float(torch.tensor(found).mean()) for view, found in accuracy.items()}
 
 
-def measures(real: Side, synthetic: Side) -> list[Measure]:
+def comparisons(real: HandClips, synthetic: HandClips) -> Iterator[Comparison]:
     """Every measure of both sources."""
-    found = []
+    both = (real, synthetic)
 
-    def add(name: str, unit: str, ours: Tensor, theirs: Tensor, *, scale: float = 1.0) -> None:
-        values = scale * ours.flatten(), scale * theirs.flatten()
-        spreads = spread_of(values[0]), spread_of(values[1])
-        found.append(Measure(name, unit, *spreads, ks_distance(*values)))
+    def compared(name: str, unit: str, values: list[Tensor], scale: float = 1.0) -> Comparison:
+        first, second = (scale * each.flatten() for each in values)
+        distance = ks_distance(first, second)
+        return Comparison(name, unit, quantiles(first), quantiles(second), distance)
 
-    for points, which in (("wrist", [0]), ("fingertips", list(TIP_KEYPOINTS))):
+    for points, which in (("wrist", [0]), ("fingertips", TIPS)):
         for frame in ("world", "object"):
             for name, unit, of, order in (
                 ("speed", "m/s", speed, 1),
                 ("acceleration", "m/s²", point_acceleration, 2),
             ):
                 values = [
-                    of(getattr(side, frame)[:, :, which], FPS)[differences(side.valid, order)]
-                    for side in (real, synthetic)
+                    of(getattr(clips, frame)[:, :, which], FPS)[differences(clips.valid, order)]
+                    for clips in both
                 ]
-                add(f"{points}, {name}, {frame}", unit, *values)
-    angles = [joint_angles(side.world[side.valid]) for side in (real, synthetic)]
+                yield compared(f"{points}, {name}, {frame}", unit, values)
+    angles = [joint_angles(clips.world[clips.valid]) for clips in both]
     for index, name in enumerate(ANGLES):
-        add(name, "°", *(each[:, index] for each in angles), scale=180 / torch.pi)
-    skins = real.skin, synthetic.skin
-    add("skin in contact", "cm²", *(skin.area[skin.touching] for skin in skins), scale=1e4)
-    add("fingertips in contact", "", *(skin.fingers[skin.touching] for skin in skins))
-    add("penetration depth", "mm", *(skin.depth[skin.touching] for skin in skins), scale=1e3)
-    add("frames in contact", "%", *(skin.touching.float() for skin in skins), scale=100.0)
-    return found
+        yield compared(name, "°", [each[:, index] for each in angles], scale=180 / torch.pi)
+    for name, unit, field, scale in (
+        ("skin in contact", "cm²", "area", 1e4),
+        ("fingertips in contact", "", "fingers", 1.0),
+        ("penetration depth", "mm", "depth", 1e3),
+    ):
+        values = [getattr(clips, field)[clips.touching] for clips in both]
+        yield compared(name, unit, values, scale)
+    yield compared("frames in contact", "%", [clips.touching.float() for clips in both], 100.0)
 
 
 def differences(valid: Bool[Tensor, "B T"], order: int) -> Bool[Tensor, "B L"]:
-    """Where a difference of this order is made of valid frames alone."""
+    """Frames whose difference of this order is made of valid frames alone."""
     return torch.stack([valid_differences(each, order) for each in valid])
 
 
-def angle_correlations(real: Side, synthetic: Side) -> dict[str, float]:
-    """How alike the joint angles hang together."""
-    ours, theirs = (correlations(joint_angles(s.world[s.valid])) for s in (real, synthetic))
+def angle_correlations(real: HandClips, synthetic: HandClips) -> dict[str, float]:
+    """How alike the joint angles of two sources are correlated."""
+    ours, theirs = (
+        correlations(joint_angles(clips.world[clips.valid])) for clips in (real, synthetic)
+    )
     return {
         "real_mean_size": float(ours.abs().mean()),
         "synthetic_mean_size": float(theirs.abs().mean()),
@@ -322,16 +348,18 @@ def angle_correlations(real: Side, synthetic: Side) -> dict[str, float]:
     }
 
 
-def table(report: Realism) -> list[str]:
+def table(report: RealismReport) -> list[str]:
     """The report as lines of text."""
     lines = [
         f"{'':<38}{'real 5%':>8}{'50%':>8}{'95%':>8}{'made 5%':>10}{'50%':>8}{'95%':>8}{'KS':>6}"
     ]
-    for row in report.measures:
-        cells = "".join(f"{v:>8.3g}" for v in asdict(row.real).values())
-        cells += "  " + "".join(f"{v:>8.3g}" for v in asdict(row.synthetic).values())
-        title = f"{row.name} {row.unit}".rstrip()
-        lines.append(f"{title:<38}{cells}{row.distance:>6.2f}")
+    for each in report.measures:
+        real, made = (
+            "".join(f"{value:>8.3g}" for value in asdict(side).values())
+            for side in (each.real, each.synthetic)
+        )
+        title = f"{each.name} {each.unit}".rstrip()
+        lines.append(f"{title:<38}{real}  {made}{each.distance:>6.2f}")
     pairs = report.correlation
     lines.append(
         f"joint angles' correlations: mean size {pairs['real_mean_size']:.2f} real, "
@@ -339,8 +367,8 @@ def table(report: Realism) -> list[str]:
         f"agreement {pairs['agreement']:.2f}"
     )
     lines.append(
-        f"told apart on one second ({report.snippets[0]} real, {report.snippets[1]} made; "
-        "0.5 is chance), and single made clips from the rest:"
+        f"classifier accuracy on one second ({report.snippets[0]} real, {report.snippets[1]} made; "
+        "0.5 is chance), and control:"
     )
     for view in report.accuracy:
         lines.append(f"  {view:<36}{report.accuracy[view]:>8.2f}{report.control[view]:>8.2f}")

@@ -1,20 +1,21 @@
-"""One clip, many rows: all that is measured on a cleaned hand, in the units of the tables."""
+"""Scores: everything that is measured on one cleaned hand, in the units of the tables."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from geneoh.choices import HandSource
-from geneoh.evaluation.cases import Case
-from geneoh.evaluation.methods import Cleaned, joints_of
+from geneoh.evaluation.cases import Case, CaseKey
+from geneoh.evaluation.methods import CleanedHand, joints_of
 from geneoh.fitting.fit import fit_keypoints
 from geneoh.geometry.distance import SurfaceQuery
-from geneoh.hand.library import load_hand
+from geneoh.hand.library import hand_of_betas
+from geneoh.hand.model import HandModel
 from geneoh.hand.skeleton import TIP_KEYPOINTS
 from geneoh.metrics.accuracy import mpjpe, mpvpe, within_spread
 from geneoh.metrics.contact import (
@@ -31,14 +32,14 @@ from geneoh.metrics.frames import mean_over_frames, valid_differences
 from geneoh.metrics.smoothness import acceleration, acceleration_error, jerk, per_frame_squared
 from geneoh.metrics.volume import intersection_volume
 from geneoh.pipeline.subject import Subject, subject_of
-from geneoh.sequence.sequence import Sequence
+from geneoh.sequence.sequence import HandTrack, Sequence
 from geneoh.synthesis.shards import seed_of
 
-Key = tuple[str, str, str, int, str]
-"""Data set, clip, noise, seed, row."""
+ScoreKey = tuple[str, str, str, int, str]
+"""Data set, clip, noise, seed and method."""
 TIPS = list(TIP_KEYPOINTS)
-SAME = 1e-4
-"""Metres up to which given parameters are taken to make the given keypoints."""
+SAME_JOINTS = 1e-4
+"""Largest distance in metres at which given parameters count as those of the given keypoints."""
 
 
 @dataclass(frozen=True)
@@ -46,12 +47,15 @@ class Measure:
     """One number of a score, mean over the scored frames."""
 
     key: str
+    """Name in the files."""
     title: str
+    """Name in the tables."""
     unit: str
     better: Literal["less", "more"]
     digits: int = 1
+    """Digits after the point in the tables."""
     tabled: bool = True
-    """Whether it is a column of the tables; the others stand in the files."""
+    """Whether it is a column of the tables; every measure is in the files."""
 
 
 MEASURES = (
@@ -72,201 +76,206 @@ MEASURES = (
     Measure("acceleration_mm", "accel.", "mm/f²", "less"),
     Measure("jerk_m_s3", "jerk", "m/s³", "less", tabled=False),
 )
-"""Definitions: `geneoh.metrics`. All from IV on need no ground truth."""
+"""Definitions: `geneoh.metrics`. The measures from IV on need no ground truth."""
 
 COLUMNS = tuple(measure for measure in MEASURES if measure.tabled)
 
 
 @dataclass(frozen=True)
 class Score:
-    """What one row did to one case."""
+    """The measures of one method on one case."""
 
     dataset: str
     clip: str
     noise: str
     seed: int
-    row: str
+    method: str
     values: dict[str, float | None] = field(default_factory=dict)
-    """By the measures' keys; None where there is nothing to measure."""
+    """By the keys of the measures; None where there is nothing to measure."""
     error_by_frame_mm: list[float | None] = field(default_factory=list)
     """Mean keypoint error of each frame; empty without ground truth."""
     error_by_joint_mm: list[float | None] = field(default_factory=list)
+    """Mean error of each keypoint; empty without ground truth."""
     seconds: float = 0.0
-    """What cleaning took, on one core."""
+    """Processor time of the cleaning, on one core."""
     failed: str = ""
-    """Why there is nothing, in words."""
+    """Why there are no values, in words."""
 
     @property
-    def key(self) -> Key:
-        """What tells this score from every other one of an evaluation."""
-        return self.dataset, self.clip, self.noise, self.seed, self.row
+    def case_key(self) -> CaseKey:
+        """Tells the case from every other one."""
+        return self.dataset, self.clip, self.noise, self.seed
+
+    @property
+    def key(self) -> ScoreKey:
+        """Tells this score from every other one of an evaluation."""
+        return *self.case_key, self.method
 
 
 @dataclass(frozen=True)
-class Judge:
-    """How rows are judged: by which mesh where they are keypoints alone, and how closely."""
+class ScoringConfig:
+    """How cleaned hands are measured."""
 
     source: HandSource = "embedded"
+    """Hand model whose mesh is fitted where a method gives keypoints alone."""
     mano_dir: Path | None = None
     close_frames: int = 20
-    """Frames of a clip at most in which the dear measures are taken, volume and contact on the
-    object: evenly spread, the same for every row."""
+    """Most frames of a clip in which the expensive metrics, intersection volume and contact on the
+    object, are measured: evenly spread, the same for every method."""
 
     def close(self, frames: int) -> Int[Tensor, " N"]:
         """Those frames of a clip."""
         count = min(frames, self.close_frames)
         return ((torch.arange(count) + 0.5) * frames / count).long()
 
+    def model(self, hand: HandTrack) -> HandModel:
+        """The hand model with which a track's mesh is measured."""
+        return hand_of_betas(hand.side, hand.hand_model, asked=self.source, mano_dir=self.mano_dir)
+
     def subject(self, sequence: Sequence) -> Subject:
-        """Whose hand it is, by a sequence's own shape, pose and keypoints."""
-        hand = sequence.hands[0]
-        return subject_of(hand, load_hand(hand.side, source=self.source, mano_dir=self.mano_dir))
+        """Shape and skeleton of the person, by a sequence's own betas, pose and keypoints."""
+        return subject_of(sequence.hands[0], self.model(sequence.hands[0]))
 
-    def fitted(self, subject: Subject, joints: Float[Tensor, "T 21 3"]) -> Float[Tensor, "T V 3"]:
-        """The person's mesh on keypoints, without a look at the object.
 
-        The given parameters themselves where they make these keypoints, else a fit.
-        """
-        state = subject.start
-        if state is None or not self._makes(subject, joints):
-            state = fit_keypoints(
-                joints[None], torch.ones_like(joints[None, ..., 0]), subject.shaped, state
-            )
-        return subject.shaped.verts_from_rotations(state.rotations, state.wrist).verts[0]
+def fitted_verts(subject: Subject, joints: Float[Tensor, "T 21 3"]) -> Float[Tensor, "T V 3"]:
+    """The person's mesh fitted to keypoints, without use of the object, metres.
 
-    @staticmethod
-    def _makes(subject: Subject, joints: Float[Tensor, "T 21 3"]) -> bool:
-        assert subject.start is not None, "asked only of a person with parameters"
-        made = subject.shaped.joints_from_rotations(subject.start.rotations, subject.start.wrist)[0]
-        return bool((made - joints).norm(dim=-1).max() < SAME)
+    Where the person's given parameters already make these keypoints, they are used as they are.
+    """
+    shaped, state = subject.shaped, subject.start
+    if state is not None:
+        made = shaped.joints_from_rotations(state.rotations, state.wrist)[0]
+        if bool((made - joints).norm(dim=-1).max() < SAME_JOINTS):
+            return shaped.verts_from_rotations(state.rotations, state.wrist).verts[0]
+    state = fit_keypoints(joints[None], torch.ones_like(joints[None, ..., 0]), shaped, state)
+    return shaped.verts_from_rotations(state.rotations, state.wrist).verts[0]
 
 
 @dataclass(frozen=True)
-class Truth:
-    """The clean clip, as far as rows are held against it."""
+class MeasuredHand:
+    """A hand over the frames of a case, with its distances to the object."""
 
     joints: Float[Tensor, "T 21 3"]
     verts: Float[Tensor, "T V 3"]
-    distance: Float[Tensor, "T V"]
+    query: SurfaceQuery
     tips: Bool[Tensor, "T 5"]
     """Fingertips that touch the object."""
-    touched: Bool[Tensor, "N P"]
-    """Object points in contact, in the frames that are looked at closely."""
 
 
-class Bench:
-    """A case with what all its rows are held against, made once."""
+class CaseScorer:
+    """Scores methods on one case; what they are compared with is measured once."""
 
-    def __init__(self, case: Case, judge: Judge) -> None:
-        """Nothing is measured yet."""
-        self.case, self.judge = case, judge
-        self.side, self.fps = case.noisy.hands[0].side, case.noisy.fps
+    def __init__(self, case: Case, config: ScoringConfig) -> None:
+        """Read the case; the ground truth is measured when it is first needed."""
+        self.case, self.config = case, config
+        hand, self.fps = case.noisy.hands[0], case.noisy.fps
         self.surface = case.noisy.object.surface()
-        generator = torch.Generator().manual_seed(seed_of("contact", case.clip))
+        generator = torch.Generator().manual_seed(seed_of("contact", case.clip.name))
         self.samples = contact_points(self.surface.fields, generator=generator)
-        model = load_hand(self.side, source=judge.source, mano_dir=judge.mano_dir)
-        self.faces = model.faces
-        self.close = judge.close(case.noisy.frames)
+        self.faces = config.model(hand).faces
+        self.close = config.close(case.noisy.frames)
 
     @cached_property
     def subject(self) -> Subject:
-        """Whose hand the noisy clip shows: rows of keypoints get this person's mesh."""
-        return self.judge.subject(self.case.noisy)
+        """The person of the noisy clip, whose mesh is fitted to a method's keypoints."""
+        return self.config.subject(self.case.noisy)
 
     @cached_property
-    def truth(self) -> Truth | None:
-        """The clean clip; None where there is none."""
+    def truth(self) -> MeasuredHand | None:
+        """The clean clip; None without ground truth."""
         clean = self.case.clean
         if clean is None:
             return None
         joints = joints_of(clean)
-        verts = self.judge.fitted(self.judge.subject(clean), joints)
-        distance = self.surface.query(verts).distance
-        tips = tips_in_contact(distance, verts, joints[:, TIPS])
-        return Truth(joints, verts, distance, tips, self.touched(verts))
+        return self.measured(joints, fitted_verts(self.config.subject(clean), joints))
+
+    @cached_property
+    def truly_touched(self) -> Bool[Tensor, "N P"]:
+        """Points of the object that the clean hand touches, in the same frames."""
+        assert self.truth is not None, "needed only with ground truth"
+        return self.touched(self.truth.verts)
+
+    def measured(
+        self, joints: Float[Tensor, "T 21 3"], verts: Float[Tensor, "T V 3"]
+    ) -> MeasuredHand:
+        """A hand with its distances to the object."""
+        query = self.surface.query(verts)
+        tips = tips_in_contact(query.distance, verts, joints[:, TIPS])
+        return MeasuredHand(joints, verts, query, tips)
 
     def touched(self, verts: Float[Tensor, "T V 3"]) -> Bool[Tensor, "N P"]:
-        """Object points in contact, in the frames that are looked at closely."""
+        """Points of the object in contact, in the frames of the expensive metrics."""
         surface = self.surface.at(self.close)
         return object_contact(verts[self.close], self.faces, surface, self.samples)
 
-    def score(self, row: str, cleaned: Cleaned, seconds: float) -> Score:
-        """All measures of one cleaned hand."""
-        joints, verts, valid = cleaned.joints, cleaned.verts, cleaned.valid
+    def score(self, method: str, cleaned: CleanedHand, seconds: float) -> Score:
+        """All measures of one cleaned hand.
+
+        Args:
+            method: the method's name.
+            cleaned: what it made.
+            seconds: how long it took.
+        """
+        verts, valid, truth = cleaned.verts, cleaned.valid, self.truth
         if verts is None:
-            verts = self.judge.fitted(self.subject, joints)
-        query = self.surface.query(verts)
-        values = self._plausibility(joints, verts, query, valid)
-        by_frame: list[float | None] = []
-        by_joint: list[float | None] = []
-        if self.truth is not None:
-            values |= self._accuracy(self.truth, joints, verts, query, valid)
-            off = 1000 * (joints - self.truth.joints).norm(dim=-1)
-            off[~valid] = torch.nan
-            spread = cleaned.spread
-            if spread is not None:
-                inside = within_spread(joints, self.truth.joints, spread)
+            verts = fitted_verts(self.subject, cleaned.joints)
+        hand = self.measured(cleaned.joints, verts)
+        values = self._plausibility(hand, valid)
+        by_frame: list[float] = []
+        by_joint: list[float] = []
+        if truth is not None:
+            values |= self._accuracy(hand, truth, valid)
+            if cleaned.spread is not None:
+                inside = within_spread(hand.joints, truth.joints, cleaned.spread)
                 values["within_spread_pct"] = 100 * mean(inside, valid)
-            by_frame = [rounded(x) for x in off.mean(-1).tolist()]
-            by_joint = [rounded(x) for x in off.nanmean(0).tolist()]
-        case = self.case
+            error = 1000 * (hand.joints - truth.joints).norm(dim=-1)
+            error[~valid] = torch.nan
+            by_frame, by_joint = error.mean(-1).tolist(), error.nanmean(0).tolist()
         return Score(
-            *(case.dataset, case.clip, case.noise, case.seed, row),
+            *self.case.key,
+            method,
             values={key: rounded(value, 5) for key, value in values.items()},
-            error_by_frame_mm=by_frame,
-            error_by_joint_mm=by_joint,
+            error_by_frame_mm=[rounded(value) for value in by_frame],
+            error_by_joint_mm=[rounded(value) for value in by_joint],
             seconds=round(seconds, 3),
         )
 
-    def _plausibility(
-        self,
-        joints: Float[Tensor, "T 21 3"],
-        verts: Float[Tensor, "T V 3"],
-        query: SurfaceQuery,
-        valid: Bool[Tensor, " T"],
-    ) -> dict[str, float]:
-        """What needs no ground truth."""
-        surface, fps = self.surface, self.fps
-        shared = intersection_volume(verts[self.close], self.faces, surface.at(self.close))
-        slip = fingertip_slip(verts, query, joints[:, TIPS], surface, fps)
+    def _plausibility(self, hand: MeasuredHand, valid: Bool[Tensor, " T"]) -> dict[str, float]:
+        """The measures that need no ground truth."""
+        joints, verts, query, fps = hand.joints, hand.verts, hand.query, self.fps
+        near = self.surface.at(self.close)
+        volume = intersection_volume(verts[self.close], self.faces, near)
+        slip = fingertip_slip(verts, query, joints[:, TIPS], self.surface, fps)
         accelerated = per_frame_squared(acceleration(joints, fps), fps)
         pairs = valid_differences(valid, 1)
         return {
-            "volume_cm3": 1e6 * mean(shared, valid[self.close]),
+            "volume_cm3": 1e6 * mean(volume, valid[self.close]),
             "depth_mm": 1000 * mean(penetration_depth(query.distance), valid),
-            "consistency_mm2": 1e6 * mean(motion_consistency(verts, query, surface), pairs),
+            "consistency_mm2": 1e6 * mean(motion_consistency(verts, query, self.surface), pairs),
             "slip_mm_s": 1000 * mean(slip, pairs),
             "acceleration_mm": mean(accelerated, valid_differences(valid, 2)),
             "jerk_m_s3": mean(jerk(joints, fps), valid_differences(valid, 3)),
         }
 
     def _accuracy(
-        self,
-        truth: Truth,
-        joints: Float[Tensor, "T 21 3"],
-        verts: Float[Tensor, "T V 3"],
-        query: SurfaceQuery,
-        valid: Bool[Tensor, " T"],
+        self, hand: MeasuredHand, truth: MeasuredHand, valid: Bool[Tensor, " T"]
     ) -> dict[str, float]:
-        """How far from the clean clip."""
-        jolted = acceleration_error(joints, truth.joints, self.fps)
-        tips = tips_in_contact(query.distance, verts, joints[:, TIPS])
+        """How far the hand is from the ground truth."""
         close = valid[self.close]
-        fingers = contact_agreement(tips[valid], truth.tips[valid])
-        on_object = contact_agreement(self.touched(verts)[close], truth.touched[close])
-        distance, true = query.distance, truth.distance
-        on_hand = contact_iou(distance[valid], true[valid])
-        jolted = per_frame_squared(jolted, self.fps)
+        tips = contact_agreement(hand.tips[valid], truth.tips[valid])
+        on_object = contact_agreement(self.touched(hand.verts)[close], self.truly_touched[close])
+        distance, true = hand.query.distance, truth.query.distance
+        off = per_frame_squared(acceleration_error(hand.joints, truth.joints, self.fps), self.fps)
         return {
-            "mpjpe_mm": 1000 * mean(mpjpe(joints, truth.joints), valid),
-            "mpvpe_mm": 1000 * mean(mpvpe(verts, truth.verts), valid),
+            "mpjpe_mm": 1000 * mean(mpjpe(hand.joints, truth.joints), valid),
+            "mpvpe_mm": 1000 * mean(mpvpe(hand.verts, truth.verts), valid),
             "contact_iou_pct": 100 * float(on_object.iou),
-            "contact_iou_verts_pct": 100 * float(on_hand),
-            "tips_precision_pct": 100 * float(fingers.precision),
-            "tips_recall_pct": 100 * float(fingers.recall),
-            "tips_f_pct": 100 * float(fingers.f_score),
+            "contact_iou_verts_pct": 100 * float(contact_iou(distance[valid], true[valid])),
+            "tips_precision_pct": 100 * float(tips.precision),
+            "tips_recall_pct": 100 * float(tips.recall),
+            "tips_f_pct": 100 * float(tips.f_score),
             "proximity_mm": 1000 * mean(proximity_error(distance, true), valid),
-            "acceleration_error_mm": mean(jolted, valid_differences(valid, 2)),
+            "acceleration_error_mm": mean(off, valid_differences(valid, 2)),
         }
 
 
@@ -275,6 +284,6 @@ def mean(values: Float[Tensor, " T"], valid: Bool[Tensor, " T"]) -> float:
     return float(mean_over_frames(values, valid))
 
 
-def rounded(value: Any, digits: int = 2) -> float | None:
-    """A number for a file; None for what is none."""
+def rounded(value: float, digits: int = 2) -> float | None:
+    """A number for a file; None for NaN."""
     return None if value != value else round(value, digits)

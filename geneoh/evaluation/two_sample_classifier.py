@@ -1,8 +1,9 @@
-"""Can a classifier tell one source of snippets from another? Half right means that it cannot.
+"""A two-sample test by classification: an accuracy of one half means that two sources look alike.
 
-Logistic regression on snippets of keypoints, each class of equal weight. Snippets of one recording
-overlap, so it is cut into blocks: a fold tests on one block and learns on the others, and no
-snippet crosses a border. Of the other source each clip gives one snippet and is in one fold.
+The classifier is a logistic regression on snippets of keypoints, with equal weight for both
+sources. The snippets of a recording overlap. It is therefore cut into blocks for cross-validation:
+each fold tests on one block and trains on the others, and no snippet crosses a border. Of the other
+source each clip gives one snippet, which is in one fold.
 """
 
 from dataclasses import dataclass
@@ -15,73 +16,64 @@ from scipy.optimize import minimize
 from torch import Tensor
 from typing_extensions import assert_never
 
-from geneoh.evaluation.distributions import (
-    INDEX,
-    PINKY,
-    WRIST,
-    point_acceleration,
-    speed,
-)
+from geneoh.evaluation.distributions import WRIST, palm_basis, point_acceleration, speed
 
 SNIPPET = 30
-"""Frames of a snippet: one second."""
+"""Frames of a snippet: one second at 30 frames a second."""
 BLOCK = 36
-"""Frames of a block."""
-KEPT = 3
-"""Every third frame is a feature: neighbours say nearly the same."""
+"""Frames of a block: a snippet, and a few frames in which it may start."""
+FRAME_STEP = 3
+"""Every third frame of a snippet is a feature: frames beside each other are nearly the same."""
 RIDGE = 1e-3
-"""Weight of the squared coefficients against the mean loss, for features of unit length."""
-STILL = 1e-3
-"""Added to speeds and accelerations before their logarithm, metres per second (squared)."""
+"""Weight of the squared coefficients in the loss, for feature vectors of unit length."""
+MOTION_FLOOR = 1e-3
+"""Added to speeds (m/s) and accelerations (m/s²) before their logarithm, against log(0)."""
 
 View = Literal["place", "hand", "motion"]
 VIEWS: tuple[View, ...] = ("place", "hand", "motion")
 
 
 @dataclass(frozen=True)
-class Telling:
-    """How well one source is told from another on snippets that were not learned from."""
+class CrossValidation:
+    """How well the classifier does on snippets that it was not trained on."""
 
     accuracy: float
-    """Mean of the two classes' shares that were told right; a half is chance."""
+    """Balanced accuracy: mean of the two sources' shares that are classified right; 0.5 is
+    chance."""
     snippets: tuple[int, int]
-    """How many of either class were tested."""
+    """Number of test snippets of either source."""
 
 
 def features(snippets: Float[Tensor, "N S 21 3"], view: View, fps: float) -> Float[Tensor, "N D"]:
-    """What the classifier sees of snippets in the object's frame.
+    """Features of snippets in the object's frame.
 
-    "place" is the keypoints as they are; "hand" the keypoints in the frame of the palm at the
-    snippet's middle, which does not tell where on the object the hand is; "motion" the logarithms
-    of each keypoint's mean speed and acceleration.
+    "place": the keypoints; "hand": the keypoints in the frame of the palm at the snippet's middle,
+    which leaves out where on the object the hand is; "motion": the logarithms of each keypoint's
+    mean speed and acceleration.
     """
     match view:
         case "place":
-            return snippets[:, ::KEPT].flatten(1)
+            return snippets[:, ::FRAME_STEP].flatten(1)
         case "hand":
             middle = snippets[:, snippets.shape[1] // 2]
             local = snippets - middle[:, None, WRIST, None]
-            return (local @ palm_axes(middle)[:, None])[:, ::KEPT].flatten(1)
+            return (local @ palm_basis(middle)[:, None])[:, ::FRAME_STEP].flatten(1)
         case "motion":
             moved = [measure(snippets, fps).mean(1) for measure in (speed, point_acceleration)]
-            return (torch.cat(moved, dim=-1) + STILL).log()
+            return (torch.cat(moved, dim=-1) + MOTION_FLOOR).log()
         case _:
             assert_never(view)
-
-
-def palm_axes(joints: Float[Tensor, "*B 21 3"]) -> Float[Tensor, "*B 3 3"]:
-    """Axes of the palm as columns: to the index finger's base, across, and the palm's normal."""
-    index = joints[..., INDEX, :] - joints[..., WRIST, :]
-    pinky = joints[..., PINKY, :] - joints[..., WRIST, :]
-    normal = torch.linalg.cross(index, pinky)
-    axes = [index, torch.linalg.cross(normal, index), normal]
-    return torch.stack([torch.nn.functional.normalize(axis, dim=-1) for axis in axes], dim=-1)
 
 
 def block_snippets(
     joints: Float[Tensor, "T 21 3"], usable: Bool[Tensor, " T"]
 ) -> list[Float[Tensor, "N S 21 3"]]:
-    """All snippets of one recording, block by block; blocks without a usable one are left out."""
+    """All snippets of one recording, block by block; a block without a usable one is left out.
+
+    Args:
+        joints: keypoints of the recording, metres.
+        usable: frames that snippets may be made of.
+    """
     found = []
     for start in range(0, len(joints) - BLOCK + 1, BLOCK):
         block, fine = joints[start : start + BLOCK], usable[start : start + BLOCK]
@@ -92,38 +84,38 @@ def block_snippets(
     return found
 
 
-def tell_apart(
+def cross_validate(
     blocks: list[Float[Tensor, "N S 21 3"]],
     others: Float[Tensor, "M S 21 3"],
     view: View,
     fps: float,
-) -> Telling:
-    """Accuracy over the folds: one per block.
+) -> CrossValidation:
+    """Accuracy of the classifier over the folds, one fold for each block.
 
     Args:
         blocks: snippets of the one recording; at least two blocks.
         others: snippets of the other source, one per clip.
-        view: what the classifier sees.
+        view: which features the classifier sees.
         fps: frames a second.
     """
-    assert len(blocks) > 1, "a fold needs a block to learn on and one to test on"
+    assert len(blocks) > 1, "a fold needs a block to train on and one to test on"
     assert len(others) >= len(blocks), "every fold tests on some of the others"
     one = [features(block, view, fps).double().numpy() for block in blocks]
     rest = features(others, view, fps).double().numpy()
     fold_of_rest = np.arange(len(rest)) % len(blocks)
     right: tuple[list[bool], list[bool]] = ([], [])
     for fold, block in enumerate(one):
-        learned = np.concatenate([each for i, each in enumerate(one) if i != fold])
-        model = fit_logistic(learned, rest[fold_of_rest != fold])
+        trained_on = np.concatenate([each for i, each in enumerate(one) if i != fold])
+        model = fit_logistic(trained_on, rest[fold_of_rest != fold])
         right[0].extend(model.score(block) > 0)
         right[1].extend(model.score(rest[fold_of_rest == fold]) <= 0)
-    shares = [float(np.mean(told)) for told in right]
-    return Telling(sum(shares) / 2, (len(right[0]), len(right[1])))
+    shares = [float(np.mean(each)) for each in right]
+    return CrossValidation(sum(shares) / 2, (len(right[0]), len(right[1])))
 
 
 @dataclass(frozen=True)
 class Logistic:
-    """A fitted logistic regression."""
+    """A fitted logistic regression on standardised features."""
 
     mean: Float[np.ndarray, " D"]
     scale: Float[np.ndarray, " D"]
@@ -131,15 +123,15 @@ class Logistic:
     bias: float
 
     def score(self, values: Float[np.ndarray, "N D"]) -> Float[np.ndarray, " N"]:
-        """Above zero for the first class."""
+        """Log-odds of the first class: above zero for the first, below for the second."""
         return (values - self.mean) / self.scale @ self.weight + self.bias
 
 
 def fit_logistic(first: Float[np.ndarray, "N D"], second: Float[np.ndarray, "M D"]) -> Logistic:
-    """Ridge-penalised logistic regression; both classes weigh the same, however many there are."""
+    """Logistic regression with a ridge penalty; both classes have the same total weight."""
     values = np.concatenate([first, second])
     mean = (first.mean(0) + second.mean(0)) / 2
-    # features of unit length on average, so that the ridge does not depend on their number
+    # Feature vectors get unit length on average, so that the ridge does not depend on their size.
     scale = (values.std(0) + 1e-9) * np.sqrt(values.shape[1])
     x = (values - mean) / scale
     sign = np.repeat([1.0, -1.0], [len(first), len(second)])

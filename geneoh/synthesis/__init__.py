@@ -38,7 +38,7 @@ keeps them still), objects that slide in the hand, palms that roll. A hand that 
 through the object by more than 5 mm in one frame of a hundred.
 
 Made by `geneoh synthesize` and `geneoh realism examples/taco_clean.npz --obj
-examples/taco_object.obj`, with `--lively` for what is learned from; it prints every joint angle.
+examples/taco_object.obj`, with `--augmented` for what is learned from; it prints every joint angle.
 Depth and contact are of the hand's skin; the checks of a grasp (3 mm) are on spheres along the
 bones, which fill the palm less: at the moment of the grasp the skin is deeper than 5 mm in one
 clip of seven, most often on cartons and hammers.

@@ -11,7 +11,7 @@ SMALL = (
 
 
 def test_a_table_is_printed_and_everything_is_written(geneoh, tmp_path):
-    done = geneoh("eval", *SMALL, "--row", "input", "--row", "savgol", "-o", "out")
+    done = geneoh("eval", *SMALL, "--method", "input", "--method", "savgol", "-o", "out")
     assert done.exit_code == 0, done.output
     assert "synthetic, gauss: 1 clip, 1 seed" in done.stdout
     assert "Savitzky-Golay on parameters" in done.stdout
@@ -19,7 +19,7 @@ def test_a_table_is_printed_and_everything_is_written(geneoh, tmp_path):
     assert files == {"scores.jsonl", "scores.csv", "evaluation.json", "report.md", "report.html"}
     whole = json.loads((tmp_path / "out" / "evaluation.json").read_text())
     assert whole["command"] == (
-        "geneoh eval --dataset synthetic --noise gauss --limit 1 --row input --row savgol "
+        "geneoh eval --dataset synthetic --noise gauss --limit 1 --method input --method savgol "
         "--close-frames 2 --set frames=6 --output out --jobs 1"
     )
     other = geneoh("eval", *SMALL, "--set", "frames=7", "-o", "out")

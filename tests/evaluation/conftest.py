@@ -4,11 +4,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-import torch
 
 import geneoh
 from geneoh.evaluation.cases import Case
-from geneoh.sequence.noise import corrupt_sequence
+from geneoh.evaluation.protocols import Clip
 from geneoh.sequence.sequence import Sequence
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -33,12 +32,11 @@ def short(recording) -> Sequence:
 
 @pytest.fixture(scope="session")
 def clean_case(short) -> Case:
-    """The clip as its own noisy twin."""
-    return Case("taco", "short", "clean", 11, short, short)
+    """The clip as its own noisy input."""
+    return Case("taco", Clip("short", lambda: short), "clean", 11)
 
 
 @pytest.fixture(scope="session")
 def noisy_case(short) -> Case:
     """The clip under the papers' Gaussian noise."""
-    noisy = corrupt_sequence(short, "gauss", generator=torch.Generator().manual_seed(3))
-    return Case("taco", "short", "gauss", 11, short, noisy)
+    return Case("taco", Clip("short", lambda: short), "gauss", 11)

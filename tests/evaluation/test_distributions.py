@@ -8,9 +8,10 @@ from geneoh.evaluation.distributions import (
     correlations,
     joint_angles,
     ks_distance,
+    palm_basis,
     point_acceleration,
+    quantiles,
     speed,
-    spread_of,
 )
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
@@ -34,9 +35,9 @@ def flat_hand() -> torch.Tensor:
 
 
 def test_quantiles_of_a_ramp_are_its_places():
-    found = spread_of(torch.linspace(0, 100, 1001)[torch.randperm(1001)])
+    found = quantiles(torch.linspace(0, 100, 1001)[torch.randperm(1001)])
     assert (found.low, found.median, found.high) == pytest.approx((5, 50, 95))
-    assert all(math.isnan(v) for v in vars(spread_of(torch.zeros(0))).values())
+    assert all(math.isnan(v) for v in vars(quantiles(torch.zeros(0))).values())
 
 
 def test_ks_distance_of_shifted_uniform_samples_is_the_shift():
@@ -104,6 +105,12 @@ def test_angles_do_not_change_with_the_frame_or_the_size():
     torch.testing.assert_close(
         joint_angles(1.3 * joints @ turn.T + 0.2), joint_angles(joints), atol=1e-4, rtol=0
     )
+
+
+def test_a_palm_basis_is_a_rotation():
+    axes = palm_basis(torch.stack([flat_hand(), flat_hand().roll(1, dims=-1)]))
+    torch.testing.assert_close(axes.mT @ axes, torch.eye(3).expand(2, 3, 3), atol=1e-5, rtol=0)
+    torch.testing.assert_close(torch.linalg.det(axes), torch.ones(2))
 
 
 def test_correlations_are_those_of_each_pair():

@@ -8,20 +8,24 @@ import torch
 import trees
 
 from geneoh.baselines.filters import TUNED, filtered
-from geneoh.errors import InputError, MissingAssetError
-from geneoh.evaluation import methods
-from geneoh.evaluation.external_results import stored_name
+from geneoh.baselines.library import SHIPPED, baseline_weights
+from geneoh.errors import ConfigError, InputError, MissingAssetError
+from geneoh.evaluation import methods as methods_module
+from geneoh.evaluation.cases import Case
 from geneoh.evaluation.methods import (
-    BaselineRow,
-    BestFilterRow,
-    FilterRow,
-    GeneohRow,
-    InputRow,
-    OptimisedRow,
-    PredictionsRow,
+    BaselineMethod,
+    BestFilterMethod,
+    FilterMethod,
+    GeneohMethod,
+    InputMethod,
+    OptimisationMethod,
+    PredictionsMethod,
     joints_of,
+    methods_of,
 )
-from geneoh.evaluation.scores import Bench, Judge
+from geneoh.evaluation.options import EvaluationOptions
+from geneoh.evaluation.protocols import Clip
+from geneoh.evaluation.scores import CaseScorer, ScoringConfig
 from geneoh.hand.library import load_hand
 from geneoh.nn.checkpoint import Checkpoint, save_checkpoint
 from geneoh.pipeline.denoise import Denoised, Options
@@ -29,64 +33,75 @@ from geneoh.readers.npz_files import save_sequence
 from geneoh.training.config import TrainConfig
 from geneoh.training.loop import build_model
 
+ALL = EvaluationOptions("synthetic")
+
 
 def error(cleaned, case) -> float:
     return float((cleaned.joints - joints_of(case.clean)).norm(dim=-1).mean())
+
+
+def changed(case: Case, **changes) -> Case:
+    """The case's noisy hand with other fields, as a recording with real noise."""
+    hand = replace(case.noisy.hands[0], **changes)
+    sequence = replace(case.noisy, hands=(hand,))
+    return replace(case, clip=Clip("changed", lambda: sequence), noise="recorded")
 
 
 def test_the_input_is_scored_where_it_was_seen(noisy_case):
     hand = noisy_case.noisy.hands[0]
     valid = hand.valid.clone()
     valid[3] = False
-    gappy = replace(noisy_case.noisy, hands=(replace(hand, valid=valid),))
-    cleaned = InputRow().clean(replace(noisy_case, noisy=gappy))
+    cleaned = InputMethod().clean(changed(noisy_case, valid=valid))
     assert torch.equal(cleaned.valid, valid)
     assert torch.equal(cleaned.joints[valid], hand.joints[valid])
 
 
-@pytest.mark.parametrize(("kind", "on"), TUNED)
-def test_a_filter_row_is_its_tuned_filter(noisy_case, kind, on):
-    cleaned = FilterRow(kind, on).clean(noisy_case)
+@pytest.mark.parametrize(("kind", "domain"), TUNED)
+def test_a_filter_has_its_tuned_size(noisy_case, kind, domain):
+    cleaned = FilterMethod(kind, domain).clean(noisy_case)
     hand, fps = noisy_case.noisy.hands[0], noisy_case.noisy.fps
-    assert torch.equal(cleaned.joints, filtered(hand, TUNED[kind, on], on, fps))
+    assert torch.equal(cleaned.joints, filtered(hand, TUNED[kind, domain], domain, fps))
     assert cleaned.verts is None
 
 
-def test_keypoints_alone_have_no_row_on_parameters(noisy_case):
-    bare = replace(noisy_case.noisy.hands[0], pose=None, wrist=None)
-    case = replace(noisy_case, noisy=replace(noisy_case.noisy, hands=(bare,)))
-    assert FilterRow("savgol", "parameters").clean(case) is None
-    assert FilterRow("savgol", "keypoints").clean(case) is not None
-    assert BestFilterRow("parameters").clean(case) is None
-    assert BestFilterRow("keypoints").clean(case) is not None
+def test_keypoints_alone_have_no_parameters_to_filter(noisy_case, short):
+    bare = replace(short, hands=(replace(short.hands[0], pose=None, wrist=None),))
+    case = replace(noisy_case, clip=Clip("bare", lambda: bare))
+    assert FilterMethod("savgol", "parameters").clean(case) is None
+    assert FilterMethod("savgol", "keypoints").clean(case) is not None
+    assert BestFilterMethod("parameters").clean(case) is None
+    assert BestFilterMethod("keypoints").clean(case) is not None
 
 
-@pytest.mark.parametrize("on", ["keypoints", "parameters"])
-def test_the_best_filter_beats_every_tuned_one_and_needs_the_truth(noisy_case, on):
-    row = BestFilterRow(on)
-    best = error(row.clean(noisy_case), noisy_case)
-    tuned = [kind for kind, what in TUNED if what == on]
-    assert best <= min(error(FilterRow(kind, on).clean(noisy_case), noisy_case) for kind in tuned)
-    assert row.clean(replace(noisy_case, clean=None)) is None
+@pytest.mark.parametrize("domain", ["keypoints", "parameters"])
+def test_the_best_filter_beats_every_tuned_one_and_needs_the_truth(noisy_case, domain):
+    method = BestFilterMethod(domain)
+    best = error(method.clean(noisy_case), noisy_case)
+    tuned = [FilterMethod(kind, what) for kind, what in TUNED if what == domain]
+    assert best <= min(error(each.clean(noisy_case), noisy_case) for each in tuned)
+    assert method.clean(replace(noisy_case, noise="recorded")) is None
 
 
 def test_optimisation_alone_takes_noise_and_depth_away(noisy_case):
     case = noisy_case
-    bench, filtering = Bench(case, Judge(close_frames=2)), FilterRow("savgol", "parameters")
-    cleaned, plain = OptimisedRow().clean(case), filtering.clean(case)
-    assert error(cleaned, case) < 0.8 * error(InputRow().clean(case), case)
-    depths = [bench.score("row", made, 0.0).values["depth_mm"] for made in (cleaned, plain)]
+    scorer, filtering = (
+        CaseScorer(case, ScoringConfig(close_frames=2)),
+        FilterMethod("savgol", "parameters"),
+    )
+    cleaned, plain = OptimisationMethod().clean(case), filtering.clean(case)
+    assert error(cleaned, case) < 0.8 * error(InputMethod().clean(case), case)
+    depths = [scorer.score("method", made, 0.0).values["depth_mm"] for made in (cleaned, plain)]
     assert depths[0] < depths[1]
 
 
 @pytest.mark.parametrize("name", ["toch", "regression"])
-def test_a_baseline_row_answers_for_every_frame_of_a_left_hand(tmp_path, noisy_case, name):
+def test_a_baseline_predicts_every_frame_of_a_left_hand(tmp_path, noisy_case, name):
     """With weights that were never trained the regression returns its input."""
     config = TrainConfig()
     model = build_model(name, config)
     record = {"stage": name, "config": asdict(config)}
     save_checkpoint(tmp_path / f"{name}.safetensors", Checkpoint(model.state_dict(), record))
-    cleaned = BaselineRow(name, tmp_path).clean(noisy_case)
+    cleaned = BaselineMethod(name, tmp_path).clean(noisy_case)
     assert cleaned.joints.shape == (10, 21, 3)
     assert cleaned.joints.isfinite().all()
     if name == "regression":
@@ -94,38 +109,125 @@ def test_a_baseline_row_answers_for_every_frame_of_a_left_hand(tmp_path, noisy_c
         torch.testing.assert_close(cleaned.joints, given, atol=1e-4, rtol=0)
 
 
-def test_our_row_cleans_by_its_options_and_the_seed_of_the_case(noisy_case):
-    row = GeneohRow(Options(preset="fast", seed=5))
-    cleaned = row.clean(noisy_case)
-    assert error(cleaned, noisy_case) < error(InputRow().clean(noisy_case), noisy_case)
-    assert torch.equal(row.clean(noisy_case).joints, cleaned.joints)
-    other = row.clean(replace(noisy_case, seed=12))
+def test_geneoh_cleans_by_its_options_and_the_seed_of_the_case(noisy_case):
+    method = GeneohMethod(Options(preset="fast", seed=5))
+    cleaned = method.clean(noisy_case)
+    assert error(cleaned, noisy_case) < error(InputMethod().clean(noisy_case), noisy_case)
+    assert torch.equal(method.clean(noisy_case).joints, cleaned.joints)
+    other = method.clean(replace(noisy_case, seed=12))
     assert not torch.equal(other.joints, cleaned.joints)
     assert cleaned.verts.shape == (10, 778, 3)
     assert set(cleaned.result.hands) == {"left"}
 
 
-def test_our_rows_are_called_by_preset_and_by_what_they_lack():
-    assert GeneohRow(Options(preset="paper")).name == "geneoh paper"
-    assert GeneohRow(Options(without=("motion",))).name == "geneoh default, w/o motion"
+def test_geneoh_is_called_by_preset_and_by_what_it_lacks():
+    assert GeneohMethod(Options(preset="paper")).name == "geneoh paper"
+    assert GeneohMethod(Options(without=("motion",))).name == "geneoh default, w/o motion"
+
+
+@pytest.fixture(scope="module")
+def as_shipped(short, tmp_path_factory):
+    """A left hand with betas of the official left file, whose shapes differ from the mended."""
+    mano_dir = trees.write_mano(tmp_path_factory.mktemp("mano"))
+    model = load_hand("left", source="mano-as-shipped", mano_dir=mano_dir)
+    betas = torch.linspace(-3, 3, 10)
+    hand = short.hands[0]
+    posed = model.shaped(betas).posed(hand.pose, hand.wrist)
+    names = {"betas": betas, "hand_model": "mano-as-shipped", "joints": posed.joints}
+    sequence = replace(short, hands=(replace(hand, **names),))
+    return Case("taco", Clip("as-shipped", lambda: sequence), "clean", 11), mano_dir, posed.verts
+
+
+def test_a_left_hand_is_posed_with_the_model_that_its_betas_belong_to(as_shipped):
+    """The mended left model gives other bones for the same betas."""
+    case, mano_dir, _ = as_shipped
+    cleaned = GeneohMethod(Options(preset="fast", hand="mano", mano_dir=mano_dir)).clean(case)
+    hand = cleaned.result.sequence.hands[0]
+    assert hand.hand_model == "mano-as-shipped"
+    model = load_hand("left", source="mano-as-shipped", mano_dir=mano_dir)
+    own = model.shaped(hand.betas).posed(hand.pose, hand.wrist)
+    torch.testing.assert_close(cleaned.verts, own.verts, atol=1e-6, rtol=0)
+    torch.testing.assert_close(cleaned.joints, own.joints, atol=1e-4, rtol=0)
+    mended = load_hand("left", source="mano", mano_dir=mano_dir)
+    other = mended.shaped(hand.betas).posed(hand.pose, hand.wrist).verts
+    assert (cleaned.verts - other).norm(dim=-1).max() > 1e-3
+
+
+def test_the_truth_is_measured_with_the_model_that_its_betas_belong_to(as_shipped):
+    case, mano_dir, verts = as_shipped
+    scorer = CaseScorer(case, ScoringConfig("mano", mano_dir, close_frames=1))
+    torch.testing.assert_close(scorer.truth.verts, verts, atol=1e-5, rtol=0)
 
 
 def test_predictions_are_read_by_clip_noise_and_seed(tmp_path, noisy_case):
-    path = tmp_path / stored_name(noisy_case.clip, noisy_case.noise, noisy_case.seed)
-    assert path.name == "short_gauss_11.npz"
-    save_sequence(noisy_case.clean, path)
-    row = PredictionsRow(tmp_path)
-    assert row.name == tmp_path.name
-    assert error(row.clean(noisy_case), noisy_case) == 0
+    assert noisy_case.file_name == "short_gauss_11.npz"
+    save_sequence(noisy_case.clean, tmp_path / noisy_case.file_name)
+    method = PredictionsMethod(tmp_path)
+    assert method.name == tmp_path.name
+    assert error(method.clean(noisy_case), noisy_case) == 0
 
 
-def test_a_prediction_that_is_missing_or_too_short_is_told(tmp_path, noisy_case, recording):
-    row = PredictionsRow(Path(tmp_path))
+def test_a_prediction_that_is_missing_or_of_other_length_is_told(tmp_path, noisy_case, recording):
+    method = PredictionsMethod(Path(tmp_path))
     with pytest.raises(MissingAssetError, match=r"short_gauss_11\.npz: expected the result"):
-        row.clean(noisy_case)
+        method.clean(noisy_case)
     save_sequence(recording, tmp_path / "short_gauss_11.npz")
     with pytest.raises(InputError, match="expected the clip's 10 frames, got 146"):
-        row.clean(noisy_case)
+        method.clean(noisy_case)
+
+
+def test_every_method_of_the_paper_and_of_a_sceptic_can_be_asked_for():
+    methods, _ = methods_of(
+        EvaluationOptions(
+            "synthetic",
+            methods=("input", "gaussian", "best-filter", "optimisation", "geneoh"),
+            presets=("default", "fast"),
+            ablations=("motion", "fit"),
+        )
+    )
+    assert [method.name for method in methods] == [
+        "input",
+        "Gaussian on keypoints",
+        "Gaussian on parameters",
+        "best filter on keypoints, told the truth †",
+        "best filter on parameters, told the truth †",
+        "optimisation only",
+        "geneoh default",
+        "geneoh fast",
+        "geneoh default, w/o motion",
+        "geneoh default, w/o fit",
+    ]
+
+
+def test_baselines_without_weights_are_left_out_and_told(monkeypatch, tmp_path):
+    monkeypatch.setattr("geneoh.baselines.library.SHIPPED", tmp_path)
+    methods, notes = methods_of(ALL)
+    assert [method.name for method in methods][-1] == "geneoh default"
+    assert len(methods) == 7
+    assert [note.split(" is left out")[0] for note in notes] == ["toch", "regression"]
+    assert "geneoh train --stage toch" in notes[0]
+    # asked for by name, the method must fail
+    assert len(methods_of(replace(ALL, methods=("toch",)))[0]) == 1
+
+
+def test_baselines_come_from_the_users_folder_where_they_are_there(tmp_path):
+    assert baseline_weights("toch", tmp_path) == SHIPPED / "toch.safetensors"
+    (tmp_path / "toch.safetensors").touch()
+    assert baseline_weights("toch", tmp_path) == tmp_path / "toch.safetensors"
+
+
+def test_options_reach_every_method_of_ours():
+    options = replace(ALL, methods=("geneoh",), ablations=("spatial",), cleaner=Options(samples=7))
+    methods, _ = methods_of(options)
+    assert all(isinstance(each, GeneohMethod) and each.options.samples == 7 for each in methods)
+    assert methods[1].options.without == ("spatial",)
+
+
+def test_a_folder_of_predictions_must_be_there_and_have_a_name_of_its_own(tmp_path):
+    with pytest.raises(MissingAssetError, match="nowhere: expected a folder"):
+        methods_of(replace(ALL, predictions=(Path("nowhere"),)))
+    with pytest.raises(ConfigError, match="more than once"):
+        methods_of(replace(ALL, predictions=(tmp_path, tmp_path)))
 
 
 def test_a_left_hand_with_betas_of_the_official_file_is_scored_with_the_mesh_of_that_file(
@@ -139,6 +241,6 @@ def test_a_left_hand_with_betas_of_the_official_file_is_scored_with_the_mesh_of_
     posed = shipped.posed(hand.pose, hand.wrist)
     track = replace(hand, joints=posed.joints, betas=betas, hand_model="mano-as-shipped")
     result = Denoised(replace(noisy_case.noisy, hands=(track,)), {}, ())
-    monkeypatch.setattr(methods, "denoise", lambda *_: result)
-    cleaned = GeneohRow(Options(hand="mano", mano_dir=mano_dir)).clean(noisy_case)
+    monkeypatch.setattr(methods_module, "denoise", lambda *_: result)
+    cleaned = GeneohMethod(Options(hand="mano", mano_dir=mano_dir)).clean(noisy_case)
     torch.testing.assert_close(cleaned.verts, posed.verts, atol=1e-6, rtol=0)

@@ -10,15 +10,16 @@ from geneoh.errors import InputError
 from geneoh.evaluation import realism
 from geneoh.evaluation.realism import (
     FPS,
+    MESH_EVERY,
     NEAR,
-    Side,
-    Skin,
-    compare_sides,
+    HandClips,
+    compare_clips,
+    comparisons,
     controls,
-    measures,
+    measure_realism,
     one_snippet_each,
-    real_side,
-    synthetic_side,
+    recorded_clip,
+    synthetic_clips,
     table,
     vertex_areas,
 )
@@ -38,7 +39,7 @@ def ball(radius: float) -> Mesh:
     return Mesh(torch.from_numpy(shape.vertices).float(), torch.from_numpy(shape.faces).long())
 
 
-def side(seed: int, count: int, frames: int, shake: float = 0.001, drift: float = 0.0) -> Side:
+def made(seed: int, count: int, frames: int, shake: float = 0.001, drift: float = 0.0) -> HandClips:
     """Relaxed hands that shake at random places near an object that drifts along x."""
     generator = torch.Generator().manual_seed(seed)
     hand = load_hand("right")
@@ -49,17 +50,20 @@ def side(seed: int, count: int, frames: int, shake: float = 0.001, drift: float 
     world = local.clone()
     world[..., 0] += drift * torch.arange(frames)[:, None]
     everywhere = torch.ones(count, frames, dtype=torch.bool)
-    skin = Skin(
-        torch.linspace(1e-3, 3e-3, 50),
-        torch.full((50,), 3.0),
-        torch.linspace(0, 0.004, 50),
-        torch.arange(50) < 40,
+    return HandClips(
+        world,
+        local,
+        valid=everywhere,
+        near=everywhere,
+        area=torch.linspace(1e-3, 3e-3, 50),
+        fingers=torch.full((50,), 3.0),
+        depth=torch.linspace(0, 0.004, 50),
+        touching=torch.arange(50) < 40,
     )
-    return Side(world, local, everywhere, everywhere, skin)
 
 
 def test_the_same_source_is_told_from_itself_by_nothing():
-    report = compare_sides(side(0, 1, FRAMES), side(1, 60, 40))
+    report = compare_clips(made(0, 1, FRAMES), made(1, 60, 40))
     assert report.clips == 60
     assert report.snippets == (2 * (BLOCK - SNIPPET + 1), 60)
     by_name = {row.name: row for row in report.measures}
@@ -70,9 +74,9 @@ def test_the_same_source_is_told_from_itself_by_nothing():
 
 
 def test_measures_are_what_was_put_in():
-    real, made = side(0, 1, FRAMES, shake=0.0, drift=0.01), side(1, 3, 40, shake=0.0)
-    made = replace(made, skin=replace(made.skin, depth=made.skin.depth + 0.01))
-    rows = {row.name: row for row in measures(real, made)}
+    real, other = made(0, 1, FRAMES, shake=0.0, drift=0.01), made(1, 3, 40, shake=0.0)
+    other = replace(other, depth=other.depth + 0.01)
+    rows = {row.name: row for row in comparisons(real, other)}
     assert rows["wrist, speed, world"].real.median == pytest.approx(0.01 * FPS, rel=1e-3)
     assert rows["wrist, speed, world"].synthetic.high == pytest.approx(0, abs=1e-4)
     assert rows["wrist, speed, world"].distance == 1
@@ -89,24 +93,24 @@ def test_measures_are_what_was_put_in():
 
 
 def test_frames_that_were_not_observed_do_not_count():
-    real = side(0, 1, FRAMES)
+    real = made(0, 1, FRAMES)
     gap = real.valid.clone()
     gap[0, 20] = False
     world = real.world.clone()
     world[0, 20] += 5.0
-    rows = measures(replace(real, valid=gap, world=world), side(1, 3, 40))
+    rows = comparisons(replace(real, valid=gap, world=world), made(1, 3, 40))
     assert all(row.real.high < 40 for row in rows if "speed" in row.name)
 
 
 def test_a_shakier_recording_is_told_apart_and_the_control_is_not():
-    report = compare_sides(side(0, 1, FRAMES, shake=0.004), side(1, 60, FRAMES))
+    report = compare_clips(made(0, 1, FRAMES, shake=0.004), made(1, 60, FRAMES))
     assert report.accuracy["motion"] > 0.95
     assert report.control["motion"] < 0.75
     assert report.control.keys() == report.accuracy.keys() == set(VIEWS)
 
 
 def test_each_clip_gives_one_snippet_of_frames_at_the_object():
-    some = side(0, 5, 50)
+    some = made(0, 5, 50)
     near = some.near.clone()
     near[1] = False
     near[2, :15] = False
@@ -117,12 +121,12 @@ def test_each_clip_gives_one_snippet_of_frames_at_the_object():
 
 
 def test_controls_need_clips_of_two_blocks():
-    assert math.isnan(controls(side(0, 4, BLOCK), side(1, 8, 40).object[:, :SNIPPET])["place"])
+    assert math.isnan(controls(made(0, 4, BLOCK), made(1, 8, 40).object[:, :SNIPPET])["place"])
 
 
 def test_too_short_a_recording_is_refused_with_what_is_needed():
     with pytest.raises(InputError, match=rf"blocks of {BLOCK}, .* got 1 blocks and 60 clips"):
-        compare_sides(side(0, 1, BLOCK + 5), side(1, 60, 40))
+        compare_clips(made(0, 1, BLOCK + 5), made(1, 60, 40))
 
 
 def test_vertex_areas_add_up_to_the_surface():
@@ -155,13 +159,13 @@ def test_a_recording_is_measured_as_a_right_hand_around_its_object(mirrored):
     )
     if mirrored:
         track, motion = track.mirrored(), motion.mirrored()
-    found = real_side(Sequence((track,), motion, 30.0), hand)
+    found = recorded_clip(Sequence((track,), motion, 30.0), hand)
     assert found.valid[0].tolist() == [i != 3 for i in range(8)]
     assert bool(found.near[0][found.valid[0]].all())
-    assert len(found.skin.depth) == 7
-    assert float(found.skin.depth.min()) > 0.001
-    assert float(found.skin.depth.max()) < 0.02
-    assert bool((found.skin.fingers >= 1).all())
+    assert len(found.depth) == 7
+    assert float(found.depth.min()) > 0.001
+    assert float(found.depth.max()) < 0.02
+    assert bool((found.fingers >= 1).all())
     still = found.object[0, [0, 7], 0]
     torch.testing.assert_close(still[0], still[1], atol=1e-5, rtol=0)
     apart = found.object[0, 0, 8].norm()
@@ -174,21 +178,32 @@ def test_synthetic_clips_are_measured_frame_by_frame(tmp_path, monkeypatch):
     config = SynthesisConfig(count=6, frames=40, points=16, shard=2, grasps=quick)
     hand = load_hand("right")
     write_shards(tmp_path, config, hand, seed=0)
-    monkeypatch.setattr(realism, "CLIPS", 1)
-    found = synthetic_side(tmp_path, hand)
+    found = synthetic_clips(tmp_path, hand, per_shard=1)
     assert found.world.shape == (2, 40, 21, 3), "two training shards, one clip of each"
-    assert len(found.skin.depth) == 2 * 40 // realism.SKIN_EVERY
-    assert bool((found.skin.touching | (found.skin.depth == 0)).all())
+    assert len(found.depth) == 2 * 40 // MESH_EVERY
+    assert bool((found.touching | (found.depth == 0)).all())
 
-    lively = synthetic_side(tmp_path, hand, lively=True)
-    assert torch.equal(lively.world, synthetic_side(tmp_path, hand, lively=True).world)
-    torch.testing.assert_close(bone_lengths(lively.world), bone_lengths(found.world))
-    calm, restless = (each.object.diff(n=2, dim=1).norm(dim=-1).mean() for each in (found, lively))
+    augmented = synthetic_clips(tmp_path, hand, augmented=True, per_shard=1)
+    again = synthetic_clips(tmp_path, hand, augmented=True, per_shard=1)
+    assert torch.equal(augmented.world, again.world)
+    torch.testing.assert_close(bone_lengths(augmented.world), bone_lengths(found.world))
+    calm, restless = (
+        each.object.diff(n=2, dim=1).norm(dim=-1).mean() for each in (found, augmented)
+    )
     assert restless > 2 * calm
 
 
+@pytest.mark.parametrize("augmented", [False, True])
+def test_the_report_says_whether_the_clips_were_augmented(monkeypatch, tmp_path, augmented):
+    monkeypatch.setattr(realism, "recorded_clip", lambda recording, hand: made(0, 1, FRAMES))
+    monkeypatch.setattr(realism, "synthetic_clips", lambda *_, augmented: made(1, 20, 40))
+    recording = Sequence((), ObjectTrack((), torch.eye(3)[None, None], torch.zeros(1, 1, 3)), 30.0)
+    report = measure_realism(recording, tmp_path, augmented=augmented)
+    assert report.as_dict()["augmented"] is augmented
+
+
 def test_the_table_has_a_line_for_each_measure_and_view():
-    report = compare_sides(side(0, 1, FRAMES), side(1, 20, 40))
+    report = compare_clips(made(0, 1, FRAMES), made(1, 20, 40))
     lines = table(report)
     assert len(lines) == 1 + len(report.measures) + 2 + len(VIEWS)
     assert all(len(line) <= 100 for line in lines)

@@ -9,14 +9,14 @@ from geneoh.evaluation import plots
 from geneoh.evaluation.report import Evaluation, write_report
 from geneoh.evaluation.scores import MEASURES, Score
 
-ROWS = ("input", "best filter on keypoints, told the truth †", "geneoh default")
+METHODS = ("input", "best filter on keypoints, told the truth †", "geneoh default")
 NUMBERS = {measure.key: 10.0 for measure in MEASURES}
 
 
 def made(**changes) -> Evaluation:
     scores = [
         Score(
-            *("taco", clip, noise, seed, row),
+            *("taco", clip, noise, seed, method),
             values=NUMBERS | {"mpjpe_mm": 20.0 / (place + 1) + seed / 100},
             error_by_frame_mm=[20.0, None, 10.0],
             error_by_joint_mm=[float(joint) for joint in range(21)],
@@ -25,11 +25,11 @@ def made(**changes) -> Evaluation:
         for noise in ("gauss", "beta")
         for clip in ("a", "b")
         for seed in (11, 22)
-        for place, row in enumerate(ROWS)
+        for place, method in enumerate(METHODS)
     ]
     scores.append(Score("taco", "c", "gauss", 11, "input", failed="c.npz: damaged <again>"))
-    settings = {"versions": {"geneoh": "0.1.0"}, "weights": {"motion": "abcd"}, "code": "ef"}
-    given = {"settings": settings, "command": "geneoh eval --dataset taco", "rows": ROWS}
+    settings = {"versions": {"geneoh": "0.1.0"}, "weights": {"motion": "abcd"}}
+    given = {"settings": settings, "command": "geneoh eval --dataset taco", "methods": METHODS}
     return Evaluation(**(given | {"scores": tuple(scores)} | changes))
 
 
@@ -44,7 +44,7 @@ def test_the_csv_has_a_line_for_each_score(folder):
     with (folder / "scores.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == 25
-    assert rows[0]["row"] == "input"
+    assert rows[0]["method"] == "input"
     assert float(rows[0]["mpjpe_mm"]) == pytest.approx(20.11)
     assert rows[-1]["failed"] == "c.npz: damaged <again>"
     assert rows[-1]["depth_mm"] == ""
@@ -56,9 +56,9 @@ def test_the_json_holds_what_is_needed_to_repeat(folder):
     assert whole["settings"]["weights"] == {"motion": "abcd"}
     assert {score["seed"] for score in whole["scores"]} == {11, 22}
     table = next(table for table in whole["tables"] if table["noise"] == "beta")
-    cell = table["rows"]["geneoh default"]["mpjpe_mm"]
+    cell = table["cells"]["geneoh default"]["mpjpe_mm"]
     assert cell["mean"] == pytest.approx(20 / 3 + 0.165)
-    assert cell["spread"] == pytest.approx(0.11 / 2**0.5)
+    assert cell["deviation"] == pytest.approx(0.11 / 2**0.5)
 
 
 def test_the_markdown_is_a_table_with_what_made_it(folder):
@@ -67,7 +67,7 @@ def test_the_markdown_is_a_table_with_what_made_it(folder):
     assert "| taco, gauss | input (1 failed) |" in text
     assert "motion weights abcd" in text
     assert "- said besides" in text
-    assert "Kendall tau of 1.00" in text
+    assert "1.00 (1: the same order" in text
 
 
 def test_the_page_stands_alone_and_has_every_plot(folder):

@@ -4,19 +4,18 @@ import pytest
 
 from geneoh.evaluation.scores import Score
 from geneoh.evaluation.tables import (
-    agreement,
     as_markdown,
     as_text,
     blocks_of,
     cell_of,
     interval,
-    kendall,
+    seed_agreement,
 )
 
 
-def score(row, value, clip="a", seed=11, noise="gauss", failed="", key="mpjpe_mm"):
+def score(method, value, clip="a", seed=11, noise="gauss", failed="", key="mpjpe_mm"):
     values = {} if value is None else {key: value}
-    return Score("taco", clip, noise, seed, row, values, failed=failed)
+    return Score("taco", clip, noise, seed, method, values, failed=failed)
 
 
 TWO_BY_TWO = [
@@ -30,14 +29,14 @@ TWO_BY_TWO = [
 def test_a_cell_is_the_mean_over_clips_then_seeds_and_their_deviation():
     cell = cell_of(TWO_BY_TWO, "mpjpe_mm")
     assert cell.mean == 3.0  # of 2 and 4
-    assert cell.spread == pytest.approx(2**0.5)
+    assert cell.deviation == pytest.approx(2**0.5)
     assert cell.count == 4
     assert (cell.low, cell.high) == (1.5, 4.5)  # clips have means 1.5 and 4.5
 
 
 def test_one_seed_has_no_spread_and_one_value_no_interval():
     cell = cell_of(TWO_BY_TWO[:1], "mpjpe_mm")
-    assert (cell.mean, cell.spread, cell.low, cell.high) == (1.0, None, None, None)
+    assert (cell.mean, cell.deviation, cell.low, cell.high) == (1.0, None, None, None)
     assert cell_of(TWO_BY_TWO, "depth_mm") is None
 
 
@@ -49,32 +48,35 @@ def test_the_interval_holds_the_mean_and_shrinks_with_more_values():
     assert interval(few) == (low, high)
 
 
-def test_kendall_is_one_for_the_same_order_and_minus_one_for_the_reverse():
-    rising = {"a": 1.0, "b": 2.0, "c": 3.0}
-    assert kendall(rising, {"a": 0.0, "b": 5.0, "c": 9.0}) == 1
-    assert kendall(rising, {"a": 9.0, "b": 5.0, "c": 0.0}) == -1
-    assert kendall(rising, {"a": 1.0, "b": 3.0, "c": 2.0}) == pytest.approx(1 / 3)
-    assert kendall(rising, {"a": 1.0}) is None
+def ranked(seed, **values):
+    return [score(method, value, seed=seed) for method, value in values.items()]
+
+
+def test_agreement_is_one_for_the_same_order_and_minus_one_for_the_reverse():
+    rising = ranked(11, a=1.0, b=2.0, c=3.0)
+    assert seed_agreement(rising + ranked(22, a=0.0, b=5.0, c=9.0)) == 1
+    assert seed_agreement(rising + ranked(22, a=9.0, b=5.0, c=0.0)) == -1
+    assert seed_agreement(rising + ranked(22, a=1.0, b=3.0, c=2.0)) == pytest.approx(1 / 3)
+    assert seed_agreement(rising + ranked(22, a=1.0)) is None
 
 
 def test_agreement_is_that_of_the_two_seeds_that_agree_least():
-    scores = [score(row, value, seed=11) for row, value in (("a", 1.0), ("b", 2.0))]
-    scores += [score(row, value, seed=22) for row, value in (("a", 1.5), ("b", 2.5))]
-    assert agreement(scores) == 1
-    scores += [score(row, value, seed=77) for row, value in (("a", 3.0), ("b", 2.0))]
-    assert agreement(scores) == -1
-    assert agreement(scores[:2]) is None
+    scores = ranked(11, a=1.0, b=2.0) + ranked(22, a=1.5, b=2.5)
+    assert seed_agreement(scores) == 1
+    scores += ranked(77, a=3.0, b=2.0)
+    assert seed_agreement(scores) == -1
+    assert seed_agreement(scores[:2]) is None
 
 
-def test_there_is_a_block_for_each_noise_and_rows_stand_as_asked():
+def test_there_is_a_block_for_each_noise_and_methods_stand_as_asked():
     scores = [score("b", 2.0), score("a", 1.0), score("a", 1.0, noise="beta")]
     first, second = blocks_of(scores, ["a", "b"])
     assert (first.noise, second.noise) == ("gauss", "beta")
-    assert list(first.rows) == ["a", "b"]
+    assert list(first.cells) == ["a", "b"]
     assert first.title == "taco, gauss: 1 clip, 1 seed"
 
 
-def test_the_text_has_a_line_for_each_row_and_says_what_failed():
+def test_the_text_has_a_line_for_each_method_and_says_what_failed():
     scores = [score("a", 1.25), score("b", None, failed="no such file"), score("b", 2.0, "c")]
     lines = list(as_text(blocks_of(scores, ["a", "b"])))
     assert len(lines) == 1 + 1 + 2 + 1
@@ -91,14 +93,14 @@ def test_markdown_has_the_best_of_each_column_in_bold():
     ]
     lines = list(as_markdown(blocks_of(scores, ["a", "b"])))
     assert lines == [
-        "| noise | row | MPJPE, mm | C-IoU, % |",
+        "| noise | method | MPJPE, mm | C-IoU, % |",
         "|---|---|---:|---:|",
         "| taco, gauss | a | **1.0** | 10.0 |",
         "|  | b | 2.0 | **20.0** |",
     ]
 
 
-def test_a_row_without_a_value_says_so():
+def test_a_method_without_a_value_says_so():
     scores = [score("a", 1.0), score("b", 2.0, key="depth_mm")]
     lines = list(as_markdown(blocks_of(scores, ["a", "b"])))
     assert lines[-1] == "|  | b | n/a | **2.00** |"

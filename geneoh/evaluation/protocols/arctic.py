@@ -11,8 +11,9 @@ import numpy as np
 
 from geneoh.evaluation.protocols.clips import (
     REACH,
-    Excerpt,
-    excerpts,
+    Clip,
+    excerpt,
+    frame_windows,
     recordings_of,
     wrist_to_object,
 )
@@ -26,14 +27,14 @@ def find(root: Path) -> list[SourceClip]:
     return [SourceClip(f"s01/{path.name.removesuffix('.mano.npy')}", path) for path in paths]
 
 
-def cut(clip: SourceClip, options: ProtocolOptions) -> Iterator[Excerpt]:
-    """Windows of one sequence; one with a frame out of reach is dropped whole."""
+def cut(file: SourceClip, options: ProtocolOptions) -> Iterator[Clip]:
+    """Windows of one sequence; a window with a single frame out of reach is left out."""
     reach = REACH if options.reach == "paper" else math.sqrt(REACH)
-    for recording in recordings_of("arctic", clip, options.known):
+    for recording in recordings_of("arctic", file, options.reader_options):
         if "right" not in [hand.side for hand in recording.sequence.hands]:
             continue
         gap = wrist_to_object(recording.sequence.hand("right"), recording.sequence.object)
-        everywhere = np.ones(len(gap), dtype=bool)
-        for found in excerpts("arctic", clip, recording, "right", everywhere, options):
-            if options.windows == "whole" or np.nanmax(gap[found.start : found.stop]) <= reach:
-                yield found
+        every = np.ones(len(gap), dtype=bool)
+        for span in frame_windows("arctic", recording, "right", every, options):
+            if options.windows == "whole" or np.nanmax(gap[span.start : span.stop]) <= reach:
+                yield excerpt("arctic", file, recording.name, "right", span, options)

@@ -1,9 +1,8 @@
-"""Clips of one hand and its object: cut out of recordings, found again by name, filtered."""
+"""Clips of one hand and its object: cut out of recordings, known by name, read when needed."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import lru_cache
-from typing import Protocol, runtime_checkable
+from functools import lru_cache, partial
 
 import numpy as np
 import torch
@@ -20,64 +19,98 @@ from geneoh.sequence.gaps import fill_gaps
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
 REACH = 0.15
-"""Metres from the wrist to the nearest object point, beyond which a hand is not at the object."""
-SEEN = 0.5
-"""Share of a clip's frames in which its hand must have been observed."""
-
-
-@runtime_checkable
-class ClipSource(Protocol):
-    """Where a clip comes from: cheap to hold and to send to a worker, read when it is needed."""
-
-    @property
-    def name(self) -> str:
-        """What the clip is called in every table."""
-        ...
-
-    def read(self) -> Sequence:
-        """The clip: one hand, with keypoints, and its object."""
-        ...
+"""Largest distance in metres from the wrist to the object at which a hand counts as at it."""
+OBSERVED_SHARE = 0.5
+"""Smallest share of a clip's frames in which its hand must have been observed."""
+FPS = {"grab": 30.0, "hoi4d": 15.0, "arctic": 30.0, "taco": 30.0}
+"""Frames a second at which a protocol counts its frames; faster recordings are thinned out."""
 
 
 @dataclass(frozen=True)
-class Excerpt:
-    """Frames of one hand in a recording of a data set on disk."""
+class Clip:
+    """One hand with keypoints and its object over some frames: what is scored."""
 
-    source: str
-    clip: SourceClip
-    recording: str
-    side: Side
-    start: int
-    stop: int
-    step: int
-    known: ReaderOptions
-
-    @property
-    def name(self) -> str:
-        """Recording, side and first frame."""
-        return f"{self.recording}_{self.side}_{self.start:05d}"
-
-    def read(self) -> Sequence:
-        """The frames, from the data set's own files."""
-        found = recordings_of(self.source, self.clip, self.known)
-        (whole,) = (recording for recording in found if recording.name == self.recording)
-        return excerpt(whole.sequence, self.side, slice(self.start, self.stop, self.step))
+    name: str
+    """Name of the clip in every table, with slashes where the data set has folders."""
+    read: Callable[[], Sequence]
+    """Reads the clip. It is a function of a module with its arguments (`functools.partial`), so
+    that a clip is small and can be sent to another process."""
 
 
 @lru_cache(maxsize=2)
-def recordings_of(source: str, clip: SourceClip, known: ReaderOptions) -> tuple[Recording, ...]:
-    """What one file of a data set holds; the last ones are kept, as neighbours are asked next."""
-    return tuple(read_clip(source_named(source), clip, known))
+def recordings_of(source: str, file: SourceClip, known: ReaderOptions) -> tuple[Recording, ...]:
+    """What one file of a data set holds; kept for the next clips, which are often of this file."""
+    return tuple(read_clip(source_named(source), file, known))
 
 
-def excerpt(sequence: Sequence, side: Side, span: slice) -> Sequence:
-    """One hand with keypoints and its object, in the frames of a slice."""
-    cut = part_of(replace(sequence, hands=(sequence.hand(side),)), span)
-    return with_keypoints(replace(cut, fps=sequence.fps / (span.step or 1)))
+def excerpts(
+    source: str,
+    file: SourceClip,
+    recording: Recording,
+    side: Side,
+    kept: Array,
+    options: ProtocolOptions,
+) -> list[Clip]:
+    """The clips of one hand: windows within each run of frames that are kept.
+
+    Args:
+        source: name of the reader.
+        file: the file that holds the recording.
+        recording: one of the recordings of the file.
+        side: which hand.
+        kept: (T,) bool, frames of the recording that the protocol keeps.
+        options: which windows are taken, how long they are and how far apart.
+    """
+    spans = frame_windows(source, recording, side, kept, options)
+    return [excerpt(source, file, recording.name, side, span, options) for span in spans]
+
+
+def frame_windows(
+    source: str, recording: Recording, side: Side, kept: Array, options: ProtocolOptions
+) -> Iterator[slice]:
+    """Frames of the recording that make up each clip of `excerpts`."""
+    step = max(1, round(recording.sequence.fps / FPS[source]))
+    valid = recording.sequence.hand(side).valid.numpy()[::step]
+    for run in runs(kept[::step]):
+        for start, stop in windows_of(run.stop - run.start, options):
+            first, last = run.start + start, run.start + stop
+            if valid[first:last].mean() >= OBSERVED_SHARE:
+                yield slice(first * step, (last - 1) * step + 1, step)
+
+
+def windows_of(frames: int, options: ProtocolOptions) -> Iterator[tuple[int, int]]:
+    """First and last frame (exclusive) of the windows in a run; none in one that is too short."""
+    if frames < options.frames:
+        return
+    if options.windows == "whole":
+        yield 0, frames
+        return
+    for start in range(0, frames - options.frames + 1, options.stride):
+        yield start, start + options.frames
+        if options.windows == "first":
+            return
+
+
+def excerpt(
+    source: str, file: SourceClip, recording: str, side: Side, span: slice, options: ProtocolOptions
+) -> Clip:
+    """The clip of one hand in some frames, named by recording, side and first frame."""
+    read = partial(read_excerpt, source, file, recording, side, span, options.reader_options)
+    return Clip(f"{recording}_{side}_{span.start:05d}", read)
+
+
+def read_excerpt(
+    source: str, file: SourceClip, recording: str, side: Side, span: slice, known: ReaderOptions
+) -> Sequence:
+    """One hand with keypoints and its object, from the data set's own files."""
+    found = recordings_of(source, file, known)
+    (whole,) = (each.sequence for each in found if each.name == recording)
+    cut = part_of(replace(whole, hands=(whole.hand(side),)), span)
+    return with_keypoints(replace(cut, fps=whole.fps / span.step))
 
 
 def with_keypoints(sequence: Sequence) -> Sequence:
-    """The sequence itself, or with the keypoints of our hand where a source cannot give them."""
+    """The sequence, with the keypoints of our mean hand where the source has none."""
     (hand,) = sequence.hands
     if hand.joints is not None:
         return sequence
@@ -92,64 +125,16 @@ def with_keypoints(sequence: Sequence) -> Sequence:
     return replace(sequence, hands=hands, source=f"{sequence.source} ({note})")
 
 
-def excerpts(
-    source: str,
-    clip: SourceClip,
-    recording: Recording,
-    side: Side,
-    kept: Array,
-    options: ProtocolOptions,
-) -> list[Excerpt]:
-    """The clips of one hand: windows within each run of frames that are kept.
-
-    Args:
-        source: name of the reader.
-        clip: the file.
-        recording: one of what it holds.
-        side: which hand.
-        kept: (T,) bool, frames of the recording that the protocol keeps.
-        options: windows, and how long and how far apart they are.
-    """
-    step = max(1, round(recording.sequence.fps / RATE[source]))
-    valid = recording.sequence.hand(side).valid.numpy()[::step]
-    found = []
-    for span in runs(kept[::step]):
-        for start, stop in windows_of(span.stop - span.start, options):
-            first, last = span.start + start, span.start + stop
-            if valid[first:last].mean() >= SEEN:
-                name = recording.name
-                ends = (first * step, (last - 1) * step + 1)
-                found.append(Excerpt(source, clip, name, side, *ends, step, options.known))
-    return found
-
-
-RATE = {"grab": 30.0, "hoi4d": 15.0, "arctic": 30.0, "taco": 30.0}
-"""Frames a second at which a protocol counts its frames; faster recordings are thinned out."""
-
-
-def windows_of(frames: int, options: ProtocolOptions) -> Iterator[tuple[int, int]]:
-    """First and last frame (exclusive) of the windows in a run; none in one too short for any."""
-    if frames < options.frames:
-        return
-    if options.windows == "whole":
-        yield 0, frames
-        return
-    for start in range(0, frames - options.frames + 1, options.stride):
-        yield start, start + options.frames
-        if options.windows == "first":
-            return
-
-
-def offset_of(recording: Recording, clip: SourceClip) -> int:
-    """The frame of the file at which a recording starts, by its name."""
-    return int(recording.name.removeprefix(clip.name)[1:] or 0)
+def first_frame(recording: Recording, file: SourceClip) -> int:
+    """Frame of the file at which a recording starts; its name tells."""
+    return int(recording.name.removeprefix(file.name)[1:] or 0)
 
 
 def wrist_to_object(hand: HandTrack, motion: ObjectTrack) -> Array:
-    """(T,) metres from the wrist to the nearest vertex of the object; NaN where there is no hand.
+    """(T,) metres from the wrist to the nearest vertex of the object; NaN without a hand.
 
-    Source: TOCH takes the middle of the mesh's rim at the wrist, GeneOH Diffusion (C.1) says wrist;
-    here it is the wrist joint, which needs no mesh of the hand.
+    TOCH measures from the middle of the mesh's rim at the wrist. The wrist joint, which GeneOH
+    Diffusion (C.1) names, needs no mesh of the hand.
     """
     wrist = hand.wrist if hand.joints is None else hand.joints[:, 0]
     assert wrist is not None, "a hand without joints has a wrist"

@@ -1,4 +1,4 @@
-"""Where the user's copy of a data set lies, and the one sentence for when it is not there."""
+"""Where the user's copy of a data set is found, and the error for a copy that is not there."""
 
 import os
 from dataclasses import dataclass
@@ -9,20 +9,23 @@ from geneoh.readers.registry import SOURCES
 
 
 @dataclass(frozen=True)
-class Home:
-    """What a data set must look like on disk."""
+class DatasetLocation:
+    """How a data set must look on disk."""
 
     source: str
     """Its name among the readers."""
-    variable: str
-    """Environment variable that points to a copy."""
     layout: str
-    """Where its files lie below the root, in words."""
+    """Where its files are below the root, in words."""
     pattern: str
-    """Matches something in every complete copy."""
+    """Matches a file or folder in every complete copy."""
+
+    @property
+    def variable(self) -> str:
+        """Environment variable that names a copy."""
+        return f"GENEOH_DATA_{self.source.upper()}"
 
     def root(self, given: Path | None) -> Path | None:
-        """The folder that was named, by an option or by the environment."""
+        """The folder that an option or the environment names."""
         named = os.environ.get(self.variable)
         return given or (Path(named) if named else None)
 
@@ -30,8 +33,8 @@ class Home:
         """The root of the user's copy.
 
         Raises:
-            MissingAssetError: none is named, or what is named is none; the message says what to
-                get, where it must lie and how to point to it.
+            MissingAssetError: no folder is named, or it holds no copy; the message says where to
+                get the data set, how to unpack it and how to name its folder.
         """
         root = self.root(given)
         if root is not None and next(root.glob(self.pattern), None) is not None:
@@ -45,32 +48,20 @@ class Home:
         )
 
 
-HOMES = {
-    home.source: home
-    for home in (
-        Home(
-            "grab",
-            "GENEOH_DATA_GRAB",
-            "grab/s1 to s10 and tools/object_meshes",
-            "grab/s*/*.npz",
-        ),
-        Home(
+DATASET_LOCATIONS = {
+    location.source: location
+    for location in (
+        DatasetLocation("grab", "grab/s1 to s10 and tools/object_meshes", "grab/s*/*.npz"),
+        DatasetLocation(
             "hoi4d",
-            "GENEOH_DATA_HOI4D",
             "HOI4D_annotations, handpose/refinehandpose_right and HOI4D_CAD_Model_for_release",
             "HOI4D_annotations/*/*/*/*/*/*/*/objpose",
         ),
-        Home(
-            "arctic",
-            "GENEOH_DATA_ARCTIC",
-            "raw_seqs/s01 and meta/object_vtemplates",
-            "raw_seqs/s01/*.mano.npy",
+        DatasetLocation(
+            "arctic", "raw_seqs/s01 and meta/object_vtemplates", "raw_seqs/s01/*.mano.npy"
         ),
-        Home(
-            "taco",
-            "GENEOH_DATA_TACO",
-            "Hand_Poses, Object_Poses and Object_Models",
-            "Hand_Poses/*/*/*_hand.pkl",
+        DatasetLocation(
+            "taco", "Hand_Poses, Object_Poses and Object_Models", "Hand_Poses/*/*/*_hand.pkl"
         ),
     )
 }

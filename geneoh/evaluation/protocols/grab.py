@@ -1,7 +1,7 @@
-"""GRAB and GRAB (Beta): the test objects, either hand where it alone holds the object.
+"""GRAB and GRAB (Beta): the test objects, each hand in the frames in which it alone holds one.
 
-Split and filters are TOCH's, which the paper takes over: 30 frames a second, frames without the
-other hand's contact, wrist at most 15 cm from the object, whole runs of at least a window.
+The paper takes split and filters from TOCH: 30 frames a second, frames in which the other hand has
+no contact and the wrist is at most 15 cm from the object, in runs of at least one window.
 
 Source: GeneOH Diffusion, C.1; Zhou et al., TOCH, 2022.
 """
@@ -12,9 +12,9 @@ from pathlib import Path
 from geneoh.choices import Side
 from geneoh.evaluation.protocols.clips import (
     REACH,
-    Excerpt,
+    Clip,
     excerpts,
-    offset_of,
+    first_frame,
     recordings_of,
     wrist_to_object,
 )
@@ -36,12 +36,12 @@ def find(root: Path) -> list[SourceClip]:
     ]
 
 
-def cut(clip: SourceClip, options: ProtocolOptions) -> Iterator[Excerpt]:
+def cut(file: SourceClip, options: ProtocolOptions) -> Iterator[Clip]:
     """The clips of one file."""
-    contact = touching(clip)
-    for recording in recordings_of("grab", clip, options.known):
-        first, sequence = offset_of(recording, clip), recording.sequence
+    contact = touching(file)
+    for recording in recordings_of("grab", file, options.reader_options):
+        first, sequence = first_frame(recording, file), recording.sequence
         for hand in sequence.hands:
-            busy = contact[OTHER[hand.side]][first : first + sequence.frames]
-            near = wrist_to_object(hand, sequence.object) <= REACH
-            yield from excerpts("grab", clip, recording, hand.side, near & ~busy, options)
+            other_touches = contact[OTHER[hand.side]][first : first + sequence.frames]
+            kept = (wrist_to_object(hand, sequence.object) <= REACH) & ~other_touches
+            yield from excerpts("grab", file, recording, hand.side, kept, options)

@@ -1,8 +1,8 @@
 """The noise that the paper puts on each data set, and any other noise on a clip.
 
-The paper adds it to MANO's own parameters: translation, global axis-angle, and the coefficients of
+The paper adds noise to MANO's parameters: translation, global axis-angle, and the coefficients of
 the first 24 pose components. The draws depend on the seed, the data set and the clip alone, so that
-order, limits and workers change nothing.
+order, limits and worker processes change nothing.
 """
 
 from dataclasses import dataclass, replace
@@ -21,19 +21,21 @@ from geneoh.sequence.sequence import Sequence
 from geneoh.synthesis.shards import seed_of
 
 COMPONENTS = 24
-"""Pose components that GRAB's hands have, and the paper's noise."""
+"""Number of pose components of GRAB's hands, and of the paper's noise."""
+Law = Literal["gauss", "beta"]
+"""Standard normal, or Beta(8, 2)."""
 
 
 @dataclass(frozen=True)
 class PaperNoise:
-    """Independent in every frame and parameter."""
+    """Noise that is independent in every frame and parameter."""
 
-    law: Literal["gauss", "beta"]
-    """Standard normal, or Beta(8, 2), times the sizes."""
+    law: Law
+    """Distribution of the draws, which are multiplied by the sizes."""
     sizes: Sizes
-    """`fingers` is per coefficient, without unit, when drawn on components."""
-    translation_law: Literal["gauss", "beta"] | None = None
-    """Where the translation has another law than the rest."""
+    """`fingers` has no unit when the noise is drawn on components: it is per coefficient."""
+    translation_law: Law | None = None
+    """Distribution for the translation, if it differs."""
 
 
 PAPER: dict[tuple[Dataset, str], PaperNoise] = {
@@ -44,15 +46,15 @@ PAPER: dict[tuple[Dataset, str], PaperNoise] = {
     ("grab-beta", "code"): PaperNoise("beta", Sizes(0.01, 0.05, 0.4), translation_law="gauss"),
     ("arctic", "code"): PaperNoise("gauss", Sizes(0.001, 0.05, 0.3)),
 }
-"""By data set and by who says so: C.1 of the paper, or the loaders of the released code."""
+"""By data set and origin: C.1 of the paper, or the data loaders of the released code."""
 
 
 def check_noise(dataset: Dataset, noise: CaseNoise, options: ProtocolOptions) -> None:
-    """Refuse what cannot be drawn before anything is read.
+    """Refuse a noise that cannot be drawn, before any clip is read.
 
     Raises:
         ConfigError: the paper puts no noise on this data set.
-        MissingAssetError: it is drawn on MANO's components, and there is no MANO.
+        MissingAssetError: the noise needs MANO's components, and there are no MANO files.
     """
     if noise != "paper":
         return
@@ -70,7 +72,7 @@ def check_noise(dataset: Dataset, noise: CaseNoise, options: ProtocolOptions) ->
         )
 
 
-def noisy_twin(
+def noisy_input(
     clean: Sequence,
     dataset: Dataset,
     clip: str,
@@ -78,7 +80,7 @@ def noisy_twin(
     seed: int,
     options: ProtocolOptions,
 ) -> Sequence:
-    """The clip as a cleaner gets to see it."""
+    """The clip as a method gets to see it; the same for the same arguments."""
     if noise in ("clean", "recorded"):
         return clean
     generator = torch.Generator().manual_seed(seed_of("case", seed, dataset, clip, noise))
@@ -101,11 +103,11 @@ def draw_paper_noise(
     *,
     generator: torch.Generator,
 ) -> Float[Tensor, "T 51"]:
-    """Offsets on translation (metres), global rotation and 45 finger angles (radians)."""
+    """Offsets of translation (metres), global rotation and 45 finger angles (radians)."""
     by_components = options.finger_noise == "components"
     fingers = COMPONENTS if by_components else 45
 
-    def draw(law: str, count: int) -> Float[Tensor, "T C"]:
+    def draw(law: Law, count: int) -> Float[Tensor, "T C"]:
         if law == "gauss":
             return torch.randn(frames, count, generator=generator)
         return draw_beta((frames, count), generator=generator)

@@ -1,4 +1,4 @@
-"""What a protocol leaves open: where the paper and its released code disagree, and how much to run.
+"""Settings of the protocols: where the paper and its released code disagree, and how much to run.
 
 Defaults are the paper's text (GeneOH Diffusion, C.1) wherever it gives one.
 """
@@ -10,44 +10,58 @@ from typing import Literal
 from geneoh.choices import CaseNoise, Dataset
 from geneoh.readers.base import ReaderOptions
 
-DEFAULT_NOISES: dict[Dataset, tuple[CaseNoise, ...]] = {
-    "synthetic": ("gauss", "beta"),
-    "taco": ("gauss", "beta"),
-    "grab": ("paper",),
-    "grab-beta": ("paper",),
-    "hoi4d": ("recorded",),
-    "arctic": ("paper",),
-}
-
 SEEDS = (11, 22, 77)
-"""The paper's, Table 5."""
+"""Seeds of the paper's Table 5."""
+
+
+@dataclass(frozen=True)
+class DatasetDefaults:
+    """What is scored on a data set unless the user chooses something else."""
+
+    noises: tuple[CaseNoise, ...]
+    seeds: tuple[int, ...] = SEEDS
+    close_frames: int = 20
+    """Frames of a clip in which the expensive metrics are measured."""
+
+
+DEFAULTS: dict[Dataset, DatasetDefaults] = {
+    # Many short clips: one seed and a few frames of each say as much as more of fewer clips.
+    "synthetic": DatasetDefaults(("gauss", "beta"), SEEDS[:1], 5),
+    "taco": DatasetDefaults(("gauss", "beta")),
+    "grab": DatasetDefaults(("paper",)),
+    "grab-beta": DatasetDefaults(("paper",)),
+    "hoi4d": DatasetDefaults(("recorded",)),
+    "arctic": DatasetDefaults(("paper",)),
+}
 
 
 @dataclass(frozen=True)
 class ProtocolOptions:
-    """The open choices of the protocols."""
+    """How the clips of a data set are cut and how the paper's noise is drawn."""
 
     windows: Literal["all", "first", "whole"] = "all"
-    """Windows of `frames` every `stride` frames (paper); only the first of each recording (released
-    code); or the recording in one piece, which is what a user cleans."""
+    """Windows of `frames` every `stride` frames (paper); only the first window of each recording
+    (released code); or the whole recording, which is what a user cleans."""
     frames: int = 60
+    """Length of a window, and the shortest stretch that counts, in frames of the protocol."""
     stride: int = 30
+    """Frames between the starts of two windows."""
     noise_sizes: Literal["paper", "code"] = "paper"
-    """Of the noise "paper": as its text says, or as the released code has it."""
+    """Size of the noise "paper": as in the paper's text, or as in the released code."""
     finger_noise: Literal["components", "angles"] = "components"
-    """Of the noise "paper": drawn on the first 24 of MANO's pose components (paper and code), which
+    """The noise "paper" is drawn on the first 24 of MANO's pose components (paper and code), which
     needs the user's MANO files, or on each finger joint's axis-angle, which is larger."""
     start_frames: Literal["paper", "zero"] = "paper"
     """HOI4D: the paper's first frame of each category, or frame 0 for all (released code)."""
     reach: Literal["paper", "code"] = "paper"
-    """ARCTIC: how far the wrist may be from the object, 15 cm or, since the released code holds the
-    squared distance against 0.15, 38.7 cm."""
+    """ARCTIC: largest distance from the wrist to the object: 15 cm (paper) or 38.7 cm, because the
+    released code compares the squared distance with 0.15."""
     mano_dir: Path | None = None
-    """Folder of the user's MANO files; GRAB and ARCTIC cannot do without."""
+    """Folder of the user's MANO files; GRAB and ARCTIC need it."""
     objects: Path | None = None
-    """Folder of the object meshes, where they do not stand where the data set has them."""
+    """Folder of the object meshes, if they are not where the data set puts them."""
 
     @property
-    def known(self) -> ReaderOptions:
-        """What the readers of data sets are told."""
+    def reader_options(self) -> ReaderOptions:
+        """What the readers of data sets need to know."""
         return ReaderOptions(mano_dir=self.mano_dir, objects=self.objects)

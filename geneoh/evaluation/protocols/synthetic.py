@@ -1,79 +1,52 @@
-"""Clips of our own making: object families and seeds that no training saw, without any file.
+"""Clips that need no file: synthetic interactions with object families that no training saw.
 
-Each clip is drawn when it is read, from its number alone: a hand of the embedded model, an object
-of a held-out family as a mesh, 30 frames a second.
+Each clip is drawn when it is read, from its number alone: a hand of the embedded model and a mesh
+of a held-out family, 30 frames a second.
 """
 
-from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import torch
 
+from geneoh.evaluation.protocols.clips import Clip
 from geneoh.evaluation.protocols.options import ProtocolOptions
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
+from geneoh.hand.model import ShapedHand
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
-from geneoh.synthesis.grasps import synthesize_grasps
+from geneoh.synthesis.grasps import Grasps, synthesize_grasps
 from geneoh.synthesis.motion import animate
 from geneoh.synthesis.objects import draw_objects
 from geneoh.synthesis.shards import SynthesisConfig, seed_of
-from geneoh.synthesis.solids import PARTS
+from geneoh.synthesis.solids import PARTS, Solids
 from geneoh.synthesis.surface import mesh_of
 
 COUNT = 100
-"""Clips in all."""
+"""Number of clips."""
 FPS = 30.0
 ATTEMPTS = 8
-"""Grasps tried at a time; more than half pass the checks."""
+"""Grasps that are tried at a time; more than half pass the checks."""
 
 
-@dataclass(frozen=True)
-class Drawn:
-    """One clip by its number."""
-
-    index: int
-    frames: int
-
-    @property
-    def name(self) -> str:
-        """Family of the object, and number."""
-        return f"{self.family}_{self.index:05d}"
-
-    @property
-    def family(self) -> str:
-        """The held-out families take turns."""
-        families = SynthesisConfig().held_out
-        return families[self.index % len(families)]
-
-    def read(self) -> Sequence:
-        """Draw the clip: the same at every call."""
-        return draw_clip(self.family, self.index, self.frames)
-
-
-def find(options: ProtocolOptions) -> list[Drawn]:
-    """Every clip."""
-    return [Drawn(index, options.frames) for index in range(COUNT)]
+def find(options: ProtocolOptions) -> list[Clip]:
+    """Every clip, named by family and number; the held-out families take turns."""
+    families = SynthesisConfig().held_out
+    clips = []
+    for index in range(COUNT):
+        family = families[index % len(families)]
+        read = partial(draw_clip, family, index, options.frames)
+        clips.append(Clip(f"{family}_{index:05d}", read))
+    return clips
 
 
 @lru_cache(maxsize=2)
 def draw_clip(family: str, index: int, frames: int) -> Sequence:
-    """An interaction with one object of a family, held by a right hand."""
+    """An interaction of a right hand with one object of a family; the same at every call."""
     generator = torch.Generator().manual_seed(seed_of("evaluation", index))
-    shape_std = SynthesisConfig().shape_std
-    betas = shape_std * torch.randn(10, generator=generator)
+    betas = SynthesisConfig().shape_std * torch.randn(10, generator=generator)
     hand = load_hand("right").shaped(betas)
-    while True:
-        solids = draw_objects([family] * ATTEMPTS, generator=generator)
-        offsets = hand.offsets.expand(ATTEMPTS, 20, 3)
-        grasps = synthesize_grasps(solids, offsets, generator=generator)
-        if bool(grasps.kept.any()):
-            break
-    # The checks are on spheres along the bones; the skin may be deeper in, so the best is taken.
-    skin = hand.posed(grasps.pose, grasps.wrist).verts
-    depth = -solids.signed_distance(skin).amin(-1)
-    best = torch.where(grasps.kept, depth, torch.inf).argmin()[None]
-    solid = solids.chosen(best)
-    moved = animate(grasps.chosen(best), solid, frames, 1, generator=generator)
+    grasp, solid = draw_grasp(hand, family, generator=generator)
+    moved = animate(grasp, solid, frames, 1, generator=generator)
     pose, wrist = moved.pose[0], moved.wrist[0]
     track = HandTrack(
         side="right",
@@ -84,9 +57,29 @@ def draw_clip(family: str, index: int, frames: int) -> Sequence:
         betas=betas,
         hand_model="embedded",
     )
-    parts = [solid.only(part) for part in range(PARTS if bool(solid.jointed) else 1)]
+    meshes = [mesh_of(solid.only(part)) for part in range(PARTS if bool(solid.jointed) else 1)]
     rotation, translation = (
-        pose[0, :, : len(parts)] for pose in (moved.rotation, moved.translation)
+        motion[0, :, : len(meshes)] for motion in (moved.rotation, moved.translation)
     )
-    motion = ObjectTrack(tuple(mesh_of(part) for part in parts), rotation, translation)
+    motion = ObjectTrack(tuple(meshes), rotation, translation)
     return Sequence((track,), motion, FPS, f"geneoh's synthetic clip {index}, {family}")
+
+
+def draw_grasp(
+    hand: ShapedHand, family: str, *, generator: torch.Generator
+) -> tuple[Grasps, Solids]:
+    """One grasp that passes the checks of synthesis, and its object.
+
+    The checks measure spheres along the bones, and the mesh may sink in deeper than those: of
+    several grasps the one is taken whose mesh is least deep in the object.
+    """
+    while True:
+        solids = draw_objects([family] * ATTEMPTS, generator=generator)
+        offsets = hand.offsets.expand(ATTEMPTS, 20, 3)
+        grasps = synthesize_grasps(solids, offsets, generator=generator)
+        if bool(grasps.kept.any()):
+            break
+    verts = hand.posed(grasps.pose, grasps.wrist).verts
+    depth = -solids.signed_distance(verts).amin(-1)
+    best = torch.where(grasps.kept, depth, torch.inf).argmin()[None]
+    return grasps.chosen(best), solids.chosen(best)

@@ -1,18 +1,18 @@
 """TACO: the example recording that comes with geneoh, or every hand of the user's own copy.
 
-The paper shows TACO in pictures only and gives no protocol. The example is one clip, taken whole; a
-copy of the data set is cut into windows in which the wrist is at most 15 cm from its object.
+The paper gives no protocol for TACO. The example is one clip, the whole recording; a copy of the
+data set is cut into windows in which the wrist is at most 15 cm from the object.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import geneoh
 from geneoh.errors import MissingAssetError
 from geneoh.evaluation.protocols.clips import (
     REACH,
-    Excerpt,
+    Clip,
     excerpts,
     recordings_of,
     wrist_to_object,
@@ -21,35 +21,26 @@ from geneoh.evaluation.protocols.options import ProtocolOptions
 from geneoh.readers.base import SourceClip
 from geneoh.readers.npz_files import load
 from geneoh.readers.recordings import source_named
-from geneoh.sequence.sequence import Sequence
 
+EXAMPLE = "20231104_017"
+"""Name of the example recording in the data set."""
 TRACK, MESH = "taco_clean.npz", "taco_object.obj"
 
 
-@dataclass(frozen=True)
-class Example:
-    """The recording 20231104_017, CC BY 4.0."""
+def example(root: Path | None) -> Clip | None:
+    """The example recording: 146 frames of a left hand with its object (CC BY 4.0).
 
-    folder: Path
+    Without `root` it is the installed one; None when `root` holds no example.
 
-    @property
-    def name(self) -> str:
-        """The sequence's name in the data set."""
-        return "20231104_017"
-
-    def read(self) -> Sequence:
-        """The whole recording: 146 frames of a left hand that uses a tool."""
-        return load(self.folder / TRACK, obj=self.folder / MESH)
-
-
-def example(root: Path | None) -> Example | None:
-    """The example in a folder, or the one that was installed; None where another root is given."""
+    Raises:
+        MissingAssetError: the installed example is gone.
+    """
     package = Path(geneoh.__file__).parent
     # Installed it lies in the package; in a working copy beside it.
     places = (package / "examples", package.parent / "examples") if root is None else (root,)
     for folder in places:
         if (folder / TRACK).is_file() and (folder / MESH).is_file():
-            return Example(folder)
+            return Clip(EXAMPLE, partial(load, folder / TRACK, obj=folder / MESH))
     if root is None:
         raise MissingAssetError(
             f"taco: expected the example {TRACK} with {MESH} in {places[0]}, got neither; install "
@@ -63,9 +54,9 @@ def find(root: Path) -> list[SourceClip]:
     return source_named("taco").reader().find(root / "Hand_Poses")
 
 
-def cut(clip: SourceClip, options: ProtocolOptions) -> Iterator[Excerpt]:
+def cut(file: SourceClip, options: ProtocolOptions) -> Iterator[Clip]:
     """Windows of both hands, each with the object it holds."""
-    for recording in recordings_of("taco", clip, options.known):
+    for recording in recordings_of("taco", file, options.reader_options):
         (hand,) = recording.sequence.hands
         near = wrist_to_object(hand, recording.sequence.object) <= REACH
-        yield from excerpts("taco", clip, recording, hand.side, near, options)
+        yield from excerpts("taco", file, recording, hand.side, near, options)

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 import trees
 
-from geneoh.evaluation.protocols import HOMES
 from geneoh.evaluation.protocols.clips import recordings_of
+from geneoh.evaluation.protocols.dataset_locations import DATASET_LOCATIONS
 
 FRAMES = 40
 
@@ -41,5 +41,5 @@ def tree(tmp_path, known_scene):
 
 @pytest.fixture(autouse=True)
 def no_data_sets_of_the_machine(monkeypatch):
-    for home in HOMES.values():
-        monkeypatch.delenv(home.variable, raising=False)
+    for location in DATASET_LOCATIONS.values():
+        monkeypatch.delenv(location.variable, raising=False)

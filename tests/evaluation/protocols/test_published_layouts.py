@@ -10,7 +10,9 @@ import torch
 import trees
 
 from geneoh.errors import InputError
-from geneoh.evaluation.protocols import ProtocolOptions, find_cases
+from geneoh.evaluation.cases import find_cases
+from geneoh.evaluation.options import EvaluationOptions
+from geneoh.evaluation.protocols import ProtocolOptions
 from geneoh.evaluation.protocols.clips import recordings_of
 from geneoh.readers.mano import read_mano
 
@@ -18,11 +20,12 @@ from geneoh.readers.mano import read_mano
 def cases(name, root, mano_dir, **options):
     noises = options.pop("noises", ())
     chosen = ProtocolOptions(mano_dir=mano_dir, frames=20, stride=10, **options)
-    return find_cases(name, root, noises=noises, seeds=[11], options=chosen)
+    asked = {"noises": tuple(noises), "seeds": (11,), "protocol": chosen}
+    return find_cases(EvaluationOptions(name, root, **asked))
 
 
 def clips(found) -> list[str]:
-    return [case.clip for case in found]
+    return [case.clip.name for case in found]
 
 
 def assert_joints(sequence, expected: np.ndarray) -> None:
@@ -36,7 +39,7 @@ def test_grab_gives_windows_at_30_frames_a_second_of_either_hand(tree, mano_dir,
         *(f"s1/mug_drink_1_left_{start:05d}" for start in (0, 40, 80)),
         *(f"s1/mug_drink_1_right_{start:05d}" for start in (0, 40, 80)),
     ]
-    case = found[4].load()
+    case = found[4]
     assert (case.clean.frames, case.clean.fps) == (20, 30.0)
     assert_joints(case.clean, known_scene(160).joints["right"][40:120:4])
     assert case.noisy.hands[0].joints.shape == (20, 21, 3)
@@ -100,7 +103,7 @@ def test_the_papers_noise_has_the_papers_sizes(tree, mano_dir, name, sizes, says
     found = cases(name, root, mano_dir, noise_sizes=says, windows="whole")
     rows = torch.from_numpy(read_mano(mano_dir, "right").components[:24]).float()
     drawn = [[], [], []]
-    for case in (case.load() for case in found if "right" in case.clip):
+    for case in (case for case in found if "right" in case.clip.name):
         shift, turn, fingers = offsets(case, root, mano_dir)
         coefficients = torch.linalg.lstsq(rows.T, fingers.T).solution.T
         torch.testing.assert_close(coefficients @ rows, fingers, atol=1e-4, rtol=0)
@@ -112,7 +115,7 @@ def test_the_papers_noise_has_the_papers_sizes(tree, mano_dir, name, sizes, says
 
 
 def test_noise_on_angles_is_drawn_on_every_finger_joint(tree, mano_dir):
-    case = cases("arctic", tree("arctic"), mano_dir, finger_noise="angles")[0].load()
+    case = cases("arctic", tree("arctic"), mano_dir, finger_noise="angles")[0]
     _, turn, fingers = offsets(case, None, mano_dir)
     assert float(turn.std()) == pytest.approx(0.05, rel=0.2)
     assert float(fingers.std()) == pytest.approx(0.3, rel=0.05)
@@ -124,7 +127,7 @@ def test_arctic_gives_the_right_hand_of_s01_in_overlapping_windows(tree, mano_di
     shutil.copytree(root / "raw_seqs/s01", root / "raw_seqs/s02")
     found = cases("arctic", root, mano_dir)
     assert clips(found) == [f"s01/box_grab_01_right_{start:05d}" for start in (0, 10, 20)]
-    case = found[2].load()
+    case = found[2]
     assert case.clean.object.rotation.shape[:2] == (20, 2)
     assert_joints(case.clean, known_scene().joints["right"][20:40])
 
@@ -147,13 +150,12 @@ def test_hoi4d_takes_a_window_from_the_categorys_first_frame_without_truth(
 ):
     root = tree("hoi4d")
     name = "ZY20210800001/H1/C2/N12/S55/s02/T1_right_00000"
-    (pending,) = cases("hoi4d", root, mano_dir)
-    assert pending.clip == name
-    case = pending.load()
+    (case,) = cases("hoi4d", root, mano_dir)
+    assert case.clip.name == name
     assert (case.clean, case.noise, case.noisy.fps, case.noisy.frames) == (None, "recorded", 15, 20)
     assert_joints(case.noisy, known_scene().joints["right"][:20])
     (again,) = cases("hoi4d", root, mano_dir, noises=["clean"])
-    assert again.load().clean is not None
+    assert again.clean is not None
 
 
 def test_hoi4d_starts_laptops_at_frame_120_and_the_code_at_0(tree, mano_dir):
@@ -161,25 +163,25 @@ def test_hoi4d_starts_laptops_at_frame_120_and_the_code_at_0(tree, mano_dir):
     for path in (root / "handpose").rglob("*.pickle"):
         if 20 <= int(path.stem) < 120 or "left" in str(path):
             path.unlink()  # a frame without a hand, which takes no time to read
-    (pending,) = cases("hoi4d", root, mano_dir)
-    assert pending.clip.endswith("T1_right_00120")
-    assert pending.load().noisy.object.rotation.shape[:2] == (20, 2)
-    (pending,) = cases("hoi4d", root, mano_dir, start_frames="zero")
-    assert pending.clip.endswith("T1_right_00000")
+    (case,) = cases("hoi4d", root, mano_dir)
+    assert case.clip.name.endswith("T1_right_00120")
+    assert case.noisy.object.rotation.shape[:2] == (20, 2)
+    (case,) = cases("hoi4d", root, mano_dir, start_frames="zero")
+    assert case.clip.name.endswith("T1_right_00000")
 
 
 def test_hoi4d_goes_on_to_where_the_object_is_annotated(tree, mano_dir):
     root = tree("hoi4d")
     next(root.rglob("objpose/00010.json")).unlink()
     next(root.rglob("refinehandpose_right/**/20.pickle")).unlink()
-    (pending,) = cases("hoi4d", root, mano_dir)
-    assert pending.clip.endswith("T1_00011_right_00000")
-    hand = pending.load().noisy.hands[0]
+    (case,) = cases("hoi4d", root, mano_dir)
+    assert case.clip.name.endswith("T1_00011_right_00000")
+    hand = case.noisy.hands[0]
     assert hand.valid.tolist() == [t != 9 for t in range(20)]
 
 
 def test_hoi4d_runs_without_mano_on_our_own_hand_and_says_so(tree):
-    case = cases("hoi4d", tree("hoi4d"), None)[0].load()
+    case = cases("hoi4d", tree("hoi4d"), None)[0]
     assert "geneoh's mean hand" in case.noisy.source
     assert bool(case.noisy.hands[0].joints.isfinite().all())
 
@@ -197,7 +199,7 @@ def test_taco_gives_each_hand_with_what_it_holds(tree, mano_dir, known_scene):
         "_stir__spoon__bowl_/20230917_001_target_left_00000",
         "_stir__spoon__bowl_/20230917_001_tool_right_00000",
     ]
-    case = found[0].load()
+    case = found[0]
     assert_joints(case.clean, known_scene().joints["left"][:20])
     assert (
         float((case.noisy.hands[0].joints - case.clean.hands[0].joints).norm(dim=-1).mean()) > 0.01
@@ -207,10 +209,11 @@ def test_taco_gives_each_hand_with_what_it_holds(tree, mano_dir, known_scene):
 @pytest.mark.parametrize("name", ["grab", "grab-beta", "hoi4d", "arctic", "taco"])
 def test_a_case_that_went_to_another_process_is_the_same(name, tree, mano_dir):
     root = tree(name.split("-")[0], 160 if "grab" in name else 40)
-    pending = cases(name, root, mano_dir)[-1]
-    case = pending.load()
+    case = cases(name, root, mano_dir)[-1]
+    sent = pickle.dumps(case)
+    assert case.noisy.frames > 0
     recordings_of.cache_clear()
-    again = pickle.loads(pickle.dumps(pending)).load()
+    again = pickle.loads(sent)
     for one, other in zip(case.noisy.hands, again.noisy.hands, strict=True):
         for field in ("joints", "pose", "wrist"):
             torch.testing.assert_close(getattr(one, field), getattr(other, field), rtol=0, atol=0)
@@ -219,4 +222,4 @@ def test_a_case_that_went_to_another_process_is_the_same(name, tree, mano_dir):
 def test_whole_recordings_are_one_clip(tree, mano_dir):
     found = cases("arctic", tree("arctic"), mano_dir, windows="whole")
     assert clips(found) == ["s01/box_grab_01_right_00000"]
-    assert found[0].load().clean.frames == trees.FRAMES
+    assert found[0].clean.frames == trees.FRAMES

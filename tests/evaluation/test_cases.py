@@ -1,16 +1,20 @@
 """Cases without any data set: the example, our own clips, and what is said when data is missing."""
 
 import pickle
+from dataclasses import replace
 
 import pytest
 import torch
 from watertight import is_watertight
 
 from geneoh.errors import ConfigError, MissingAssetError
-from geneoh.evaluation.protocols import HOMES, SEEDS, ProtocolOptions, find_cases
+from geneoh.evaluation import cases
+from geneoh.evaluation.options import EvaluationOptions
+from geneoh.evaluation.protocols import SEEDS, ProtocolOptions
 from geneoh.evaluation.protocols.clips import windows_of
-from geneoh.evaluation.protocols.pending import spread
-from geneoh.evaluation.protocols.synthetic import COUNT, Drawn, draw_clip, mesh_of
+from geneoh.evaluation.protocols.dataset_locations import DATASET_LOCATIONS
+from geneoh.evaluation.protocols.selection import spread_over_groups
+from geneoh.evaluation.protocols.synthetic import COUNT, draw_clip, mesh_of
 from geneoh.geometry.distance import SurfaceDistance
 from geneoh.hand.library import load_hand
 from geneoh.metrics.accuracy import mpjpe
@@ -20,54 +24,64 @@ from geneoh.synthesis.objects import draw_objects
 from geneoh.synthesis.shards import SynthesisConfig
 
 
+def find_cases(dataset, root=None, *, options=None, **asked):
+    asked = {name: value if name == "limit" else tuple(value) for name, value in asked.items()}
+    protocol = options or ProtocolOptions()
+    return cases.find_cases(EvaluationOptions(dataset, root, protocol=protocol, **asked))
+
+
+@pytest.fixture(autouse=True)
+def no_data_sets_of_the_machine(monkeypatch):
+    for location in DATASET_LOCATIONS.values():
+        monkeypatch.delenv(location.variable, raising=False)
+
+
 def test_the_example_needs_no_file_and_no_root(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     found = find_cases("taco", seeds=[11, 22])
-    assert [(case.clip, case.noise, case.seed) for case in found] == [
+    assert [(case.clip.name, case.noise, case.seed) for case in found] == [
         ("20231104_017", noise, seed) for noise in ("gauss", "beta") for seed in (11, 22)
     ]
-    case = found[0].load()
+    case = found[0]
     assert (case.clean.frames, case.clean.hands[0].side) == (146, "left")
 
 
 def test_truth_scored_against_itself_is_without_error():
-    (pending,) = find_cases("taco", noises=["clean"], seeds=[11])
-    case = pending.load()
+    (case,) = find_cases("taco", noises=["clean"], seeds=[11])
     joints = case.clean.hands[0].joints
     assert float(mpjpe(case.noisy.hands[0].joints, joints).abs().max()) == 0
 
 
 def test_recorded_noise_has_no_truth():
-    (pending,) = find_cases("taco", noises=["recorded"], seeds=[11])
-    assert pending.load().clean is None
+    (case,) = find_cases("taco", noises=["recorded"], seeds=[11])
+    assert case.clean is None
 
 
 def test_noise_depends_on_seed_and_clip_and_on_nothing_else():
     first, second = find_cases("taco", noises=["gauss"], seeds=[11, 22])
-    joints = [case.load().noisy.hands[0].joints for case in (first, second, first)]
+    joints = [case.noisy.hands[0].joints for case in (first, second, replace(first))]
     assert torch.equal(joints[0], joints[2])
     assert not torch.allclose(joints[0], joints[1], atol=1e-3)
 
 
 def test_own_clips_are_drawn_from_their_number_alone():
     options = ProtocolOptions(frames=30)
-    (pending,) = find_cases("synthetic", noises=["drift"], seeds=[77], limit=1, options=options)
-    case = pending.load()
-    again = pickle.loads(pickle.dumps(pending)).source
-    drawn = Drawn(again.index, again.frames)
+    (case,) = find_cases("synthetic", noises=["drift"], seeds=[77], limit=1, options=options)
+    clip = pickle.loads(pickle.dumps(case)).clip
+    assert case.clean.frames == 30
     draw_clip.cache_clear()
-    sequence = drawn.read()
+    sequence = clip.read()
     assert torch.equal(sequence.hands[0].joints, case.clean.hands[0].joints)
     assert torch.equal(sequence.object.meshes[0].verts, case.clean.object.meshes[0].verts)
     assert sequence.frames == 30
     check_sequence(sequence)
-    assert drawn.family in SynthesisConfig().held_out
+    assert clip.name.split("_0")[0] in SynthesisConfig().held_out
     assert is_watertight(sequence.object.meshes[0])
 
 
 def test_own_clips_hold_their_object_without_sinking_in():
-    (pending,) = find_cases("synthetic", noises=["clean"], seeds=[11], limit=1)
-    sequence = pending.load().clean
+    (case,) = find_cases("synthetic", noises=["clean"], seeds=[11], limit=1)
+    sequence = case.clean
     (hand,), motion = sequence.hands, sequence.object
     verts = load_hand("right").shaped(hand.betas).posed(hand.pose, hand.wrist).verts
     report = measure(verts, hand.joints, motion.surface(), sequence.fps)
@@ -92,7 +106,7 @@ def test_meshes_of_analytic_objects_lie_on_their_surface(family):
 
 def test_a_smaller_limit_gives_some_of_the_clips_of_a_larger_one():
     names = [
-        {case.clip for case in find_cases("synthetic", seeds=[11], limit=limit)}
+        {case.clip.name for case in find_cases("synthetic", seeds=[11], limit=limit)}
         for limit in (5, 20, None)
     ]
     assert [len(clips) for clips in names] == [5, 20, COUNT]
@@ -107,21 +121,21 @@ def test_a_limit_takes_from_every_group_before_it_takes_twice_and_reads_no_more_
             read.append(index)
             yield [f"{index}{letter}" for letter in "abc"[: index + 1]]
 
-    assert spread(groups(), 3) == ["0a", "1a", "2a"]
+    assert spread_over_groups(groups(), 3) == ["0a", "1a", "2a"]
     assert read == [0, 1, 2, 3]
-    assert spread(groups(), 7) == ["0a", "1a", "2a", "3a", "4a", "1b", "2b"]
-    assert len(spread(groups(), None)) == 1 + 2 + 3 + 3 + 3
+    assert spread_over_groups(groups(), 7) == ["0a", "1a", "2a", "3a", "4a", "1b", "2b"]
+    assert len(spread_over_groups(groups(), None)) == 1 + 2 + 3 + 3 + 3
 
 
 @pytest.mark.parametrize("name", ["grab", "grab-beta", "hoi4d", "arctic"])
 def test_without_data_one_sentence_says_what_to_get_and_where_to_put_it(name, tmp_path):
-    home = HOMES[name.split("-")[0]]
+    location = DATASET_LOCATIONS[name.split("-")[0]]
     for root, got in ((None, "no folder was named"), (tmp_path, f"there is none in {tmp_path}")):
         with pytest.raises(MissingAssetError) as caught:
             find_cases(name, root)
         words = str(caught.value)
         assert "\n" not in words
-        for part in (got, "get it at", home.layout, "--root ROOT", home.variable):
+        for part in (got, "get it at", location.layout, "--root ROOT", location.variable):
             assert part in words
 
 
@@ -143,13 +157,37 @@ def test_the_papers_noise_asks_for_mano_or_another_choice(tmp_path):
         find_cases("arctic", tmp_path)
 
 
-def test_what_does_not_exist_is_refused_with_the_choices():
-    with pytest.raises(ConfigError, match="data set dexycb: expected one of synthetic, taco"):
-        find_cases("dexycb")
-    with pytest.raises(ConfigError, match="noise white: expected one of gauss"):
-        find_cases("taco", noises=["white"])
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [
+        ("dataset", "dexycb", "data set dexycb: expected one of synthetic, taco"),
+        ("noises", ("white",), "noise white: expected one of gauss"),
+        ("methods", ("magic",), "method magic: expected one of input"),
+    ],
+)
+def test_what_does_not_exist_is_refused_with_the_choices(field, value, message):
+    options = EvaluationOptions("taco")
+    vars(options)[field] = value  # the type checker of the tests refuses it as an argument
+    with pytest.raises(ConfigError, match=message):
+        options.__post_init__()
+
+
+def test_the_papers_noise_is_refused_where_the_paper_has_none():
     with pytest.raises(ConfigError, match="the paper puts none on taco"):
         find_cases("taco", noises=["paper"])
+
+
+def test_seeds_are_the_papers_but_for_many_clips():
+    assert {case.seed for case in find_cases("taco")} == {11, 22, 77}
+    assert {case.seed for case in find_cases("synthetic", limit=1)} == {11}
+    assert {case.seed for case in find_cases("synthetic", limit=1, seeds=[1, 2])} == {1, 2}
+
+
+def test_a_stored_input_that_is_not_there_is_told(tmp_path):
+    options = EvaluationOptions("synthetic", noises=("gauss",), limit=1, noisy_inputs=tmp_path)
+    (case,) = cases.find_cases(options)
+    with pytest.raises(MissingAssetError, match=r"expected .*_gauss_11\.npz or gauss_11\.npz"):
+        _ = case.noisy
 
 
 def test_seeds_and_windows_are_the_papers():

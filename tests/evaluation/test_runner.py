@@ -1,0 +1,296 @@
+"""The runner: what is left to do, what goes wrong, and going on after a stop."""
+
+import importlib
+import json
+from dataclasses import dataclass, replace
+
+import pytest
+import torch
+
+import geneoh
+from geneoh.denoisers.library import weights_of
+from geneoh.errors import CheckpointError, ConfigError, InputError
+from geneoh.evaluation.cases import Case, find_cases, write_inputs
+from geneoh.evaluation.methods import (
+    BaselineMethod,
+    CleanedHand,
+    FilterMethod,
+    GeneohMethod,
+    InputMethod,
+    PredictionsMethod,
+)
+from geneoh.evaluation.options import EvaluationOptions
+from geneoh.evaluation.protocols import Clip, ProtocolOptions
+from geneoh.evaluation.runner import (
+    PACKAGES,
+    RECORD,
+    append_scores,
+    cores,
+    digest,
+    evaluate,
+    open_record,
+    page_of,
+    run,
+    settings_of,
+    tasks_left,
+)
+from geneoh.evaluation.scores import Score, ScoringConfig
+from geneoh.pipeline.denoise import Options
+
+CONFIG = ScoringConfig(close_frames=2)
+METHODS = (InputMethod(), FilterMethod("savgol", "keypoints"))
+SETTINGS = {"weights": {"motion": "abc"}, "data": None}
+VERSIONS = {"geneoh": "0.1.0"}
+SMALL = EvaluationOptions(
+    "synthetic",
+    noises=("gauss",),
+    limit=1,
+    methods=("input", "savgol"),
+    protocol=ProtocolOptions(frames=6),
+    close_frames=2,
+)
+
+
+def damaged():
+    raise InputError("clip.npz: damaged; copy it again")
+
+
+@dataclass(frozen=True)
+class FailingMethod:
+    """A method that cannot clean anything."""
+
+    name: str = "failing"
+
+    def clean(self, case: Case) -> CleanedHand:
+        raise InputError(f"{case.clip.name}: no")
+
+
+@pytest.fixture
+def damaged_case(noisy_case):
+    return replace(noisy_case, clip=Clip("damaged", damaged))
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder whose record is begun."""
+    open_record(tmp_path, SETTINGS, VERSIONS)
+    return tmp_path
+
+
+@pytest.fixture(scope="module")
+def scores(noisy_case, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("scores")
+    open_record(folder, SETTINGS, VERSIONS)
+    return run(tasks_left([noisy_case], METHODS, [], CONFIG), folder), folder
+
+
+def test_a_run_scores_every_method_and_records_it(scores):
+    made, folder = scores
+    assert [score.method for score in made] == [method.name for method in METHODS]
+    assert made[1].values["mpjpe_mm"] < made[0].values["mpjpe_mm"]
+    assert open_record(folder, SETTINGS, VERSIONS) == (made, VERSIONS)
+
+
+def test_what_has_a_score_is_not_done_again(scores, noisy_case):
+    made, _ = scores
+    assert tasks_left([noisy_case], METHODS, made, CONFIG) == []
+    (left,) = tasks_left([noisy_case], METHODS, made[:1], CONFIG)
+    assert left.methods == METHODS[1:]
+    other = replace(noisy_case, seed=22)
+    assert tasks_left([other], METHODS, made, CONFIG)[0].methods == METHODS
+
+
+def test_a_case_holds_no_data_after_it_was_scored(damaged_case, noisy_case, folder):
+    case = replace(noisy_case)
+    run(tasks_left([case], (InputMethod(),), [], CONFIG), folder)
+    assert "recording" not in vars(case)
+    assert "noisy" not in vars(case)
+
+
+def test_predictions_are_always_scored_anew(noisy_case, tmp_path):
+    method = PredictionsMethod(tmp_path)
+    done = [Score("taco", "short", "gauss", 11, method.name)]
+    (task,) = tasks_left([noisy_case], (method,), done, CONFIG)
+    assert task.methods == (method,)
+
+
+def test_a_result_of_geneoh_is_made_again_where_its_page_is_missing(noisy_case, tmp_path):
+    methods = (GeneohMethod(Options()),)
+    done = [Score("taco", "short", "gauss", 11, methods[0].name)]
+    assert tasks_left([noisy_case], methods, done, CONFIG) == []
+    assert tasks_left([noisy_case], methods, done, CONFIG, tmp_path) != []
+    page = page_of(tmp_path, done[0].key)
+    assert page.name == "short_gauss_11_geneoh_default.html"
+    page.touch()
+    assert tasks_left([noisy_case], methods, done, CONFIG, tmp_path) == []
+
+
+def test_geneoh_leaves_pages(noisy_case, folder):
+    methods = (GeneohMethod(Options(preset="fast")),)
+    (task,) = tasks_left([noisy_case], methods, [], CONFIG, folder / "pages")
+    (score,) = run([task], folder)
+    assert page_of(folder / "pages", score.key).read_text().startswith("<!doctype html>")
+
+
+def test_a_method_that_fails_is_noted_and_the_others_go_on(noisy_case, folder):
+    made = run(tasks_left([noisy_case], (FailingMethod(), InputMethod()), [], CONFIG), folder)
+    assert [score.failed for score in made] == ["short: no", ""]
+    assert made[0].values == {}
+    assert made[1].values["mpjpe_mm"] > 0
+
+
+def test_a_clip_that_cannot_be_read_is_noted_for_every_method(damaged_case, folder):
+    made = run(tasks_left([damaged_case], METHODS, [], CONFIG), folder)
+    assert [score.failed for score in made] == ["clip.npz: damaged; copy it again"] * 2
+
+
+def test_weights_that_are_missing_stop_the_run(noisy_case, folder):
+    methods = (InputMethod(), BaselineMethod("toch", folder))
+    with pytest.raises(CheckpointError, match=r"toch\.safetensors"):
+        run(tasks_left([noisy_case], methods, [], CONFIG), folder)
+
+
+def test_several_processes_give_the_scores_of_one(tmp_path):
+    """Real cases, which each process draws for itself."""
+    cases = find_cases(replace(SMALL, noises=("gauss", "drift"), seeds=(1,)))
+    made = {}
+    for jobs in (1, 2):
+        folder = tmp_path / str(jobs)
+        open_record(folder, SETTINGS, VERSIONS)
+        found = run(tasks_left(cases, METHODS, [], CONFIG), folder, jobs=jobs)
+        made[jobs] = {score.key: replace(score, seconds=0.0) for score in found}
+    assert len(made[1]) == 4
+    assert made[1] == made[2]
+
+
+def test_the_callers_threads_stay_as_they_were(damaged_case, folder):
+    before = torch.get_num_threads()
+    run(tasks_left([damaged_case], METHODS, [], CONFIG), folder)
+    assert torch.get_num_threads() == before
+
+
+def test_half_a_line_counts_for_nothing(folder):
+    scores = [Score("taco", "a", "gauss", seed, "input", {"mpjpe_mm": 1.0}) for seed in (1, 2)]
+    append_scores(folder, scores)
+    path = folder / RECORD
+    path.write_text(path.read_text()[:-30])
+    assert open_record(folder, SETTINGS, VERSIONS)[0] == scores[:1]
+    append_scores(folder, scores[1:])
+    assert open_record(folder, SETTINGS, VERSIONS)[0] == scores
+
+
+def test_scores_of_other_settings_are_refused_until_thrown_away(folder):
+    append_scores(folder, [Score("taco", "a", "gauss", 1, "input")])
+    other = {**SETTINGS, "data": "/elsewhere"}
+    with pytest.raises(ConfigError, match=r"other settings \(data\).*--fresh"):
+        open_record(folder, other, VERSIONS)
+    assert open_record(folder, other, VERSIONS, fresh=True)[0] == []
+
+
+def test_a_record_that_another_version_wrote_is_refused(folder):
+    (folder / RECORD).write_text(json.dumps({"settings": SETTINGS}) + "\n")
+    with pytest.raises(ConfigError, match="another version of geneoh"):
+        open_record(folder, SETTINGS, VERSIONS)
+
+
+def test_a_place_that_cannot_be_written_to_is_told(tmp_path):
+    (tmp_path / "taken").write_text("")
+    with pytest.raises(InputError, match="cannot be written"):
+        open_record(tmp_path / "taken", SETTINGS, VERSIONS)
+
+
+def test_a_digest_tells_contents_and_not_order(tmp_path):
+    for name, text in (("a", "1"), ("b", "2")):
+        (tmp_path / name).write_text(text)
+    paths = [tmp_path / "a", tmp_path / "b"]
+    first = digest(paths)
+    assert digest(reversed(paths)) == first
+    (tmp_path / "b").write_text("3")
+    assert digest(paths) != first
+
+
+def test_settings_change_with_all_that_changes_scores(tmp_path):
+    first = settings_of(SMALL)
+    assert settings_of(replace(SMALL, limit=5, methods=())) == first
+    weights = weights_of("motion", None)
+    (tmp_path / weights.name).write_bytes(weights.read_bytes() + b" ")
+    for other in (
+        replace(SMALL, close_frames=3),
+        replace(SMALL, protocol=ProtocolOptions(frames=7)),
+        replace(SMALL, cleaner=Options(samples=2)),
+        replace(SMALL, cleaner=Options(weights=tmp_path)),
+        replace(SMALL, noisy_inputs=tmp_path),
+        replace(SMALL, dataset="grab", noises=(), root=tmp_path),
+    ):
+        assert settings_of(other) != first
+
+
+def test_an_evaluation_goes_on_and_says_so(tmp_path):
+    heard = []
+    first = evaluate(SMALL, tmp_path, on_progress=lambda *now: heard.append(now))
+    assert heard == [("eval", 3, 3)]
+    assert [score.method for score in first.scores] == list(first.methods)
+    again = evaluate(replace(SMALL, methods=("input",)), tmp_path)
+    assert again.scores == first.scores[:1]
+    assert "1 of 1 scores were there already" in again.notes
+
+
+def test_an_edited_docstring_does_not_end_an_evaluation(tmp_path, monkeypatch):
+    """A run is identified by settings, weights and data, not by the text of our source."""
+    source = tmp_path / "package" / "module.py"
+    source.parent.mkdir()
+    monkeypatch.setattr(geneoh, "__file__", str(source.with_name("__init__.py")))
+    options = replace(SMALL, methods=("input",))
+    source.write_text('"""Before."""')
+    first = evaluate(options, tmp_path / "out")
+    source.write_text('"""After."""')
+    assert evaluate(options, tmp_path / "out").scores == first.scores
+
+
+def test_another_version_of_a_package_is_told_and_does_not_end_an_evaluation(tmp_path, monkeypatch):
+    options = replace(SMALL, methods=("input",))
+    first = evaluate(options, tmp_path)
+    version = importlib.metadata.version
+    begun_with = f"torch {version('torch')}"
+    monkeypatch.setattr(
+        importlib.metadata, "version", lambda name: "99" if name == "torch" else version(name)
+    )
+    again = evaluate(options, tmp_path)
+    assert again.scores == first.scores
+    assert again.settings["versions"].keys() == set(PACKAGES)
+    assert again.settings["versions"]["torch"] == "99"
+    assert any(
+        note.startswith("the record was begun") and begun_with in note for note in again.notes
+    )
+
+
+def test_inputs_written_for_others_score_as_the_input_and_can_be_read_back(tmp_path):
+    """What is left untouched must have the input's scores exactly, and a truth no error at all."""
+    count = write_inputs(find_cases(SMALL), tmp_path / "same")
+    clean = replace(SMALL, noises=("clean",))
+    assert (count, write_inputs(find_cases(clean), tmp_path / "truth")) == (1, 1)
+    (name,) = (path.name for path in (tmp_path / "same").glob("*.npz"))
+    (tmp_path / "truth" / name.replace("gauss", "clean")).rename(tmp_path / "truth" / name)
+    given = (tmp_path / "same", tmp_path / "truth")
+    assert len(list((tmp_path / "same" / "objects").glob("*.obj"))) == 1
+    asked = replace(SMALL, methods=("input",), predictions=given)
+    made = evaluate(asked, tmp_path / "out", command="geneoh eval")
+    plain, same, truth = made.scores
+    assert same.values == plain.values
+    assert truth.values["mpjpe_mm"] == pytest.approx(0, abs=1e-3)
+    assert plain.values["mpjpe_mm"] > 5
+    (case,) = find_cases(replace(SMALL, noisy_inputs=tmp_path / "truth"))
+    assert (case.noisy.hands[0].joints - case.clean.hands[0].joints).abs().max() < 1e-6
+
+
+def test_the_name_of_a_data_set_alone_means_its_defaults(tmp_path, monkeypatch):
+    asked = []
+    monkeypatch.setattr(
+        "geneoh.evaluation.runner.find_cases", lambda options: asked.append(options) or []
+    )
+    evaluate("synthetic", str(tmp_path))
+    assert asked == [EvaluationOptions("synthetic")]
+
+
+def test_there_is_a_core_to_work_on():
+    assert cores() >= 1
