@@ -4,6 +4,7 @@ import os
 import platform
 from collections.abc import Iterator, Mapping
 from importlib import metadata
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -50,15 +51,12 @@ def hands(mano_dir: Path | None) -> dict[str, Any]:
     from geneoh.hand.library import load_hand
 
     found: dict[str, Any] = {}
-    for source in RESULT_HANDS:
-        for side in SIDES:
-            try:
-                model = load_hand(side, source=source, mano_dir=mano_dir)
-            except GeneOHError as error:
-                found[f"{source} {side}"] = {"problem": f"not available, {error}"}
-            else:
-                size = {"vertices": len(model.template), "faces": len(model.faces)}
-                found[f"{source} {side}"] = size
+    for source, side in product(RESULT_HANDS, SIDES):
+        try:
+            model = load_hand(side, source=source, mano_dir=mano_dir)
+            found[f"{source} {side}"] = {"vertices": len(model.template), "faces": len(model.faces)}
+        except GeneOHError as error:
+            found[f"{source} {side}"] = {"problem": f"not available, {error}"}
     return found
 
 

@@ -10,7 +10,6 @@ from geneoh.choices import JOINT_ORDERS, TRANSLATIONS
 from geneoh.readers.registry import SOURCES
 
 if TYPE_CHECKING:
-    from geneoh.readers.base import ReaderOptions
     from geneoh.readers.convert import Outcome
     from geneoh.sequence.sequence import Sequence
 
@@ -34,7 +33,13 @@ OPTIONS = (
         help="npy file of (T, 4, 4) matrices, object's frame to hand's frame, for sources without "
         "an object.",
     ),
-    click.option("--joint-order", type=click.Choice(JOINT_ORDERS), help="Order of bare keypoints."),
+    click.option(
+        "--joint-order",
+        type=click.Choice(JOINT_ORDERS),
+        default="openpose",
+        show_default=True,
+        help="Order of bare keypoints.",
+    ),
     click.option(
         "--translation",
         type=click.Choice(TRANSLATIONS),
@@ -54,66 +59,35 @@ OPTIONS = (
         "--focal", type=float, help="Focal length of the camera in pixels, for HaMeR and WiLoR."
     ),
 )
-NAMES = (
-    *("objects", "body", "object_pose", "joint_order", "translation", "swap_parts", "mean_pose"),
-    "focal",
-)
-"""Of these options, as the commands get them."""
 
 
 def known(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options that say what a source leaves open."""
+    """Add the options that a source may need to be read."""
     for option in reversed(OPTIONS):
         command = option(command)
     return command
 
 
-def known_of(
-    mano: Path | None = None,
-    obj: tuple[Path, ...] = (),
-    object_pose: Path | None = None,
-    joint_order: str | None = None,
-    **rest: Any,
-) -> "ReaderOptions":
-    """What the caller said, with its files read."""
-    from geneoh.geometry.mesh import load_mesh
-    from geneoh.readers.base import ReaderOptions
-    from geneoh.readers.foreign_files import read_array
-
-    shapes = (("T", 4, 4), ("T", "Q", 4, 4))
-    return ReaderOptions(
-        mano_dir=mano,
-        meshes=tuple(load_mesh(path) for path in obj),
-        object_pose=None if object_pose is None else read_array(object_pose, *shapes),
-        joint_order=joint_order or "openpose",
-        **rest,
-    )
-
-
 def read(
     path: Path,
-    obj: tuple[Path, ...],
     source: str | None,
     clip: str | None,
     *,
+    obj: tuple[Path, ...],
+    mano: Path | None,
     side: Any,
     fps: float | None,
-    mano: Path | None,
-    **said: Any,
+    **others: Any,
 ) -> "Sequence":
-    """The sequence in a file of any layout, or the one recording of a named source, checked."""
+    """The sequence in a file of any layout, or the one recording of a named source."""
     import geneoh
-    from geneoh.readers.recordings import read_one
-    from geneoh.sequence.validation import check_sequence
 
+    shared = {"obj": obj, "mano_dir": mano, "side": side, "fps": fps}
     if source is not None:
-        known = known_of(mano, obj, side=side, fps=fps, **said)
-        recording = read_one(source, path, known, clip)
-        check_sequence(recording.sequence, recording.name)
-        return recording.sequence
+        return geneoh.read(source, path, clip=clip, **shared, **others)
     if not obj:
         raise click.UsageError("Missing option '--obj'")
-    return geneoh.load(path, obj=obj, side=side, fps=fps, mano_dir=mano)
+    return geneoh.load(path, **shared)
 
 
 def beside(noisy: Path) -> Path:
@@ -128,30 +102,23 @@ def table() -> str:
     return "\b\nSOURCE is one of:\n" + "\n".join(f"  {row}" for row in rows)
 
 
-class Tally:
-    """Counts what became of the clips, and says it."""
+def lines(outcome: "Outcome") -> Iterator[str]:
+    """What became of one clip; nothing for a clip that was converted before."""
+    name = outcome.clip.name
+    if outcome.problem is not None:
+        yield f"{name}: not read, {outcome.problem}"
+    elif outcome.contradictions:
+        yield f"{name}: contradicts its convention"
+        yield from (f"  {words}" for words in outcome.contradictions)
+    elif not outcome.skipped:
+        yield f"{name}: {', '.join(outcome.notes)}"
 
-    def __init__(self) -> None:
-        self.written = self.skipped = self.failed = self.sound = 0
 
-    def lines(self, outcome: "Outcome") -> Iterator[str]:
-        """What to say of one clip."""
-        name = outcome.clip.name
-        self.skipped += outcome.skipped
-        self.written += 0 if outcome.skipped else len(outcome.files)
-        if outcome.problem is not None:
-            self.failed += 1
-            yield f"{name}: not read, {outcome.problem}"
-        elif outcome.contradictions:
-            self.failed += 1
-            yield f"{name}: contradicts its convention"
-            yield from (f"  {words}" for words in outcome.contradictions)
-        elif not outcome.skipped:
-            self.sound += 1
-            yield f"{name}: {', '.join(outcome.notes)}"
-
-    def summary(self, folder: Path | None) -> str:
-        """The last line."""
-        where = "" if folder is None else f", {self.written} sequences written to {folder}"
-        before = f", {self.skipped} done before" if self.skipped else ""
-        return f"{self.sound} read, {self.failed} not{before}{where}"
+def summary(outcomes: "list[Outcome]", folder: Path | None) -> str:
+    """How many clips were read, and how many sequences were written."""
+    skipped = sum(outcome.skipped for outcome in outcomes)
+    failed = sum(outcome.failed for outcome in outcomes)
+    written = sum(len(outcome.files) for outcome in outcomes if not outcome.skipped)
+    where = "" if folder is None else f", {written} sequences written to {folder}"
+    before = f", {skipped} done before" if skipped else ""
+    return f"{len(outcomes) - skipped - failed} read, {failed} not{before}{where}"

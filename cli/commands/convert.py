@@ -18,21 +18,30 @@ from .. import options, sources
 @click.option(
     *("-o", "--output", "folder"),
     type=click.Path(file_okay=False, path_type=Path),
-    help="Folder to write to; what was converted into it before is not done again.",
+    help="Folder to write to. Clips that were converted into it before are skipped.",
 )
-@click.option("--check", is_flag=True, help="Hold the files against their convention, in words.")
+@click.option(
+    "--check",
+    is_flag=True,
+    help="Compare the files with their convention and report contradictions.",
+)
 @click.option(
     "--obj",
     type=options.INPUT_FILE,
     multiple=True,
-    help="Mesh of the object in metres, for sources without an object; once per rigid part.",
+    help=f"{options.OBJ_HELP} For sources without an object.",
 )
 @options.mano
 @options.side
 @options.fps
 @sources.known
 def convert(
-    source: str, paths: tuple[Path, ...], folder: Path | None, check: bool, **known: Any
+    source: str,
+    paths: tuple[Path, ...],
+    folder: Path | None,
+    check: bool,
+    mano: Path | None,
+    **others: Any,
 ) -> None:
     """Convert the clips of SOURCE at or below each PATH to sequences.
 
@@ -40,21 +49,24 @@ def convert(
     what it could not read. A clip that fails --check is not written.
     """
     from geneoh.readers.convert import convert as converted
+    from geneoh.readers.read import options_with_files
     from geneoh.readers.recordings import find_clips, source_named
 
     from .. import progress
 
     if folder is None and not check:
         raise click.UsageError("give -o DIR to write to, or --check to look only")
-    chosen, tally = source_named(source), sources.Tally()
+    chosen = source_named(source)
+    given = options_with_files(mano_dir=mano, **others)
     clips = find_clips(chosen, list(paths))
     click.echo(f"found {len(clips)} clip{'s' * (len(clips) != 1)} of {chosen.title}")
     with progress.progress_bars() as on_progress:
-        outcomes = converted(chosen, clips, folder, sources.known_of(**known), check=check)
-        for done, outcome in enumerate(outcomes, 1):
-            for line in tally.lines(outcome):
+        outcomes = []
+        for outcome in converted(chosen, clips, folder, given, check=check):
+            outcomes.append(outcome)
+            for line in sources.lines(outcome):
                 click.echo(line)
-            on_progress("clips", done, len(clips))
-    click.echo(tally.summary(folder))
-    if tally.failed:
+            on_progress("clips", len(outcomes), len(clips))
+    click.echo(sources.summary(outcomes, folder))
+    if any(outcome.failed for outcome in outcomes):
         raise click.exceptions.Exit(2)

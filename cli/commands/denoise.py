@@ -58,15 +58,17 @@ def denoise(
     with `_clean` added to the name, unless -o names another file. The command prints what it read,
     the time of each stage, and penetration, contact and acceleration before and after.
     """
+    from dataclasses import fields
+
     import geneoh
     from geneoh.pipeline.results import save_result
 
     from .. import devices, progress, reports
 
     devices.named(chosen["device"])
-    asked = {name: chosen.pop(name) for name in ("source", "clip", "side", "fps", *sources.NAMES)}
-    settings = geneoh.Options(mano_dir=mano, **chosen)
-    sequence = sources.read(noisy, obj, mano=mano, **asked)
+    names = [field.name for field in fields(geneoh.Options) if field.name in chosen]
+    settings = geneoh.Options(mano_dir=mano, **{name: chosen.pop(name) for name in names})
+    sequence = sources.read(noisy, obj=obj, mano=mano, **chosen)
     with progress.progress_bars() as on_progress:
         result = geneoh.denoise(sequence, settings, on_progress=on_progress)
     output = output or sources.beside(noisy)

@@ -44,6 +44,11 @@ class Outcome:
     skipped: bool = False
     """It was done before."""
 
+    @property
+    def failed(self) -> bool:
+        """Whether it was not read, or contradicts its convention."""
+        return self.problem is not None or bool(self.contradictions)
+
 
 def convert(
     source: Source,

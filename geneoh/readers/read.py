@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 from geneoh.choices import JointOrder, Side, Translation
 from geneoh.geometry.mesh import load_mesh
@@ -56,14 +57,11 @@ def read(
         InputError: a file cannot be read, or several recordings are there and `clip` is not given.
         MissingAssetError: a file that the user must supply is not there.
     """
-    meshes = [obj] if isinstance(obj, Path | str) else list(obj)
-    if isinstance(object_pose, Path | str):
-        object_pose = read_array(Path(object_pose), ("T", 4, 4), ("T", "Q", 4, 4))
-    options = ReaderOptions(
+    options = options_with_files(
         mano_dir=as_path(mano_dir),
         body=as_path(body),
         objects=as_path(objects),
-        meshes=tuple(load_mesh(Path(mesh)) for mesh in meshes),
+        obj=[obj] if isinstance(obj, Path | str) else obj,
         object_pose=object_pose,
         side=side,
         fps=fps,
@@ -76,6 +74,22 @@ def read(
     recording = read_one(source, Path(path), options, clip)
     check_sequence(recording.sequence, recording.name)
     return recording.sequence
+
+
+def options_with_files(
+    *, obj: Iterable[Path | str], object_pose: Path | str | Array | None, **others: Any
+) -> ReaderOptions:
+    """Options with the files read that hold the object's meshes and poses.
+
+    Args:
+        obj: mesh files of the object in metres, one per rigid part.
+        object_pose: the npy file of the object's poses, or the poses.
+        others: further fields of `ReaderOptions`.
+    """
+    if isinstance(object_pose, Path | str):
+        object_pose = read_array(Path(object_pose), ("T", 4, 4), ("T", "Q", 4, 4))
+    meshes = tuple(load_mesh(Path(mesh)) for mesh in obj)
+    return ReaderOptions(meshes=meshes, object_pose=object_pose, **others)
 
 
 def as_path(given: Path | str | None) -> Path | None:
