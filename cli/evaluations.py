@@ -142,7 +142,7 @@ def evaluation_options(
     from geneoh.config import configured
     from geneoh.evaluation.options import EvaluationOptions
     from geneoh.evaluation.protocols import ProtocolOptions
-    from geneoh.pipeline.denoise import Options
+    from geneoh.pipeline.options import Options
 
     return EvaluationOptions(
         **asked,

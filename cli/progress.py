@@ -1,14 +1,13 @@
 """Progress bars for work that takes more than two seconds."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
+
+from geneoh.progress import OnProgress
 
 PATIENCE = 2.0
 """Seconds of work before a bar is shown."""
-
-OnProgress = Callable[[str, int, int], None]
-"""Called with a stage's name and its steps done and in all."""
 
 
 @contextmanager

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from geneoh.metrics.report import before_and_after
-from geneoh.pipeline.denoise import Denoised
+from geneoh.pipeline.results import Denoised
 from geneoh.sequence.sequence import Sequence
 
 

@@ -85,9 +85,10 @@ def read(
     shared = {"obj": obj, "mano_dir": mano, "side": side, "fps": fps}
     if source is not None:
         return geneoh.read(source, path, clip=clip, **shared, **others)
-    if not obj:
+    sequence = geneoh.load(path, **shared)
+    if not sequence.object.meshes:
         raise click.UsageError("Missing option '--obj'")
-    return geneoh.load(path, **shared)
+    return sequence
 
 
 def beside(noisy: Path) -> Path:

@@ -25,7 +25,7 @@ def main() -> None:
             f"{after.acceleration_mm:.1f} mm/frame^2 after"
         )
 
-    geneoh.save(result.sequence, "taco_noisy_clean.npz")
+    geneoh.save(result, "taco_noisy_clean.npz")
     print("wrote taco_noisy_clean.npz")
 
 

@@ -2,8 +2,6 @@
 
 from pathlib import Path
 
-import torch
-
 import geneoh
 
 HERE = Path(__file__).parent
@@ -13,9 +11,14 @@ def main() -> None:
     recording = geneoh.load(HERE / "taco_noisy.npz", obj=HERE / "taco_object.obj")
     keypoints = recording.hand("left").joints  # (T, 21, 3), metres, world, OpenPose order
 
-    # Everything that a keypoint track needs: the side, which frames are observed, and the object.
-    hand = geneoh.HandTrack("left", valid=torch.ones(len(keypoints), dtype=bool), joints=keypoints)
-    sequence = geneoh.Sequence((hand,), recording.object, fps=30.0, source="my keypoints")
+    # Everything that a keypoint track needs; numpy arrays and lists will do as well.
+    sequence = geneoh.from_arrays(
+        left_joints=keypoints,
+        object_rotation=recording.object.rotation,
+        object_translation=recording.object.translation,
+        fps=30.0,
+        meshes=HERE / "taco_object.obj",
+    )
 
     clean = geneoh.denoise(sequence, geneoh.Options(preset="fast")).sequence.hand("left")
     print(f"pose {tuple(clean.pose.shape)}: axis-angle of 16 joints in each frame")

@@ -4,11 +4,12 @@
 
     sequence = geneoh.load("noisy.npz", obj="mesh.obj")
     result = geneoh.denoise(sequence)
-    geneoh.save(result.sequence, "clean.npz")
+    geneoh.save(result, "clean.npz")
 
-Reading and writing: `load` (npz files), `read` (files of data sets and estimators), `load_mesh`,
-`save`, `to_smplx`. Cleaning: `denoise` with `Options`, which returns a `Denoised`. Looking: `view`.
-Data: `Sequence`, made of `HandTrack`, `ObjectTrack` and `Mesh`. Errors: `geneoh.errors`.
+Reading and writing: `load` (npz files), `read` (files of data sets and estimators), `from_arrays`
+(arrays in memory), `load_mesh`, `save`, `to_smplx`. Cleaning: `denoise` with `Options`, which
+returns a `Denoised`. Looking: `view`. Data: `Sequence`, made of `HandTrack`, `ObjectTrack` and
+`Mesh`. Errors: `geneoh.errors`.
 
 Units are metres, radians and seconds. A public name is imported when it is first used, so that
 `import geneoh` and `geneoh --help` do not wait for torch.
@@ -20,10 +21,12 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from geneoh import errors as errors
     from geneoh.geometry.mesh import Mesh, load_mesh
-    from geneoh.pipeline.denoise import Denoised, Options, denoise
+    from geneoh.pipeline.denoise import denoise
+    from geneoh.pipeline.options import Options
+    from geneoh.pipeline.results import Denoised, save
     from geneoh.pipeline.smplx_layer import to_smplx
+    from geneoh.readers.arrays import from_arrays
     from geneoh.readers.npz_files import load
-    from geneoh.readers.npz_files import save_sequence as save
     from geneoh.readers.read import read
     from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
     from geneoh.viz.view import view
@@ -39,6 +42,7 @@ __all__ = [
     "Sequence",
     "denoise",
     "errors",
+    "from_arrays",
     "load",
     "load_mesh",
     "read",
@@ -48,17 +52,18 @@ __all__ = [
 ]
 
 _DEFINED_IN = {
-    "Denoised": "geneoh.pipeline.denoise",
+    "Denoised": "geneoh.pipeline.results",
     "HandTrack": "geneoh.sequence.sequence",
     "Mesh": "geneoh.geometry.mesh",
     "ObjectTrack": "geneoh.sequence.sequence",
-    "Options": "geneoh.pipeline.denoise",
+    "Options": "geneoh.pipeline.options",
     "Sequence": "geneoh.sequence.sequence",
     "denoise": "geneoh.pipeline.denoise",
+    "from_arrays": "geneoh.readers.arrays",
     "load": "geneoh.readers.npz_files",
     "load_mesh": "geneoh.geometry.mesh",
     "read": "geneoh.readers.read",
-    "save": "geneoh.readers.npz_files:save_sequence",
+    "save": "geneoh.pipeline.results",
     "to_smplx": "geneoh.pipeline.smplx_layer",
     "view": "geneoh.viz.view",
 }

@@ -17,7 +17,8 @@ from torch import Tensor
 from geneoh.choices import NOISES, Noise
 from geneoh.evaluation.protocols.synthetic import draw_clip
 from geneoh.metrics.accuracy import RADIUS_90
-from geneoh.pipeline.denoise import Options, denoise
+from geneoh.pipeline.denoise import denoise
+from geneoh.pipeline.options import Options
 from geneoh.pipeline.spread import joint_spread
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.synthesis.shards import SynthesisConfig, seed_of

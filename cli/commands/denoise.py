@@ -61,7 +61,6 @@ def denoise(
     from dataclasses import fields
 
     import geneoh
-    from geneoh.pipeline.results import save_result
 
     from .. import devices, progress, reports
 
@@ -72,7 +71,7 @@ def denoise(
     with progress.progress_bars() as on_progress:
         result = geneoh.denoise(sequence, settings, on_progress=on_progress)
     output = output or sources.beside(noisy)
-    save_result(result, settings, output)
+    geneoh.save(result, output)
     for line in reports.denoised(sequence, result, output):
         click.echo(line)
     if report is not None:

@@ -16,7 +16,8 @@ from .. import options
     "--obj",
     type=options.INPUT_FILE,
     multiple=True,
-    help=f"{options.OBJ_HELP} With --serve, a mesh that is named like the result is found.",
+    help=f"{options.OBJ_HELP} Without it, those that RESULT names, or "
+    "with --serve a mesh that is named like the result.",
 )
 @click.option(
     *("-o", "--output", "outputs"),

@@ -14,9 +14,10 @@ from jaxtyping import Float
 from torch import Tensor
 from typing_extensions import assert_never
 
+from geneoh.progress import OnStep
+
 Model = Callable[[Tensor, float], Tensor]
 """From a noisy sample and its noise level to the clean sample."""
-OnStep = Callable[[int, int], None]
 SamplerName = Literal["ancestral", "ddim", "direct"]
 """How the way back is taken; "direct" takes none: one call on the sample as it is, no noise."""
 

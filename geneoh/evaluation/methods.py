@@ -23,11 +23,14 @@ from geneoh.evaluation.cases import Case
 from geneoh.evaluation.options import DEFAULT_METHODS, EvaluationOptions
 from geneoh.fitting.fit import FitConfig, fit_hand, start_from_keypoints
 from geneoh.hand.library import hand_of_betas, load_hand
-from geneoh.pipeline.denoise import NEAR, RATE, Denoised, Options, denoise, stage_context
+from geneoh.pipeline.context import stage_context
+from geneoh.pipeline.denoise import NEAR, denoise
+from geneoh.pipeline.options import Options
+from geneoh.pipeline.results import Denoised
 from geneoh.pipeline.subject import subject_of
 from geneoh.representation.spatial import encode_spatial
 from geneoh.sequence.gaps import fill_gaps
-from geneoh.sequence.resample import at_rate, over_frames
+from geneoh.sequence.normalisation import normalised_hands
 from geneoh.sequence.sequence import HandTrack, Sequence
 
 FILTER_NAMES: dict[FilterKind, str] = {
@@ -192,22 +195,17 @@ def predicted_joints(
         sequence: the noisy interaction.
         seed: of the points that are drawn on the object's surface.
     """
-    paced = at_rate(sequence, RATE)
-    hand, motion = paced.hands[0], paced.object
-    left = hand.side == "left"
-    if left:
-        hand, motion = hand.mirrored(), motion.mirrored()
-    subject = subject_of(hand, load_hand("right"))
+    hand = normalised_hands(sequence)[0]
+    subject = subject_of(hand.track, load_hand("right"))
     generator = torch.Generator().manual_seed(seed)
-    context = stage_context(motion.surface(), subject, paced.fps, generator=generator)
+    context = stage_context(hand.object.surface(), subject, hand.fps, generator=generator)
     joints = subject.joints[None]
     region = context.region(joints)
     observation = context.observation(joints, region, given=True)
     predicted = network(observation, encode_spatial(observation.joints, region))
     world = context.blend(region.to_world(predicted))[0]
-    track = HandTrack("right", torch.ones_like(hand.valid), joints=world)
-    track = track.mirrored() if left else track
-    back = over_frames(replace(paced, hands=(track,)), sequence.frames).hands[0].joints
+    track = HandTrack("right", torch.ones_like(hand.track.valid), joints=world)
+    back = hand.track_to_user(track).joints
     assert back is not None, "it had joints"
     return back
 

@@ -17,7 +17,7 @@ from geneoh.choices import (
 )
 from geneoh.errors import ConfigError
 from geneoh.evaluation.protocols import DEFAULTS, ProtocolOptions
-from geneoh.pipeline.denoise import Options
+from geneoh.pipeline.options import Options
 
 DEFAULT_METHODS: tuple[MethodName, ...] = (
     *("input", "savgol", "best-filter", "optimisation"),

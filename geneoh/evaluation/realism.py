@@ -34,7 +34,6 @@ from geneoh.evaluation.two_sample_classifier import (
     block_snippets,
     cross_validate,
 )
-from geneoh.fitting.fit import fit_keypoints
 from geneoh.geometry.mesh import Mesh
 from geneoh.hand.library import load_hand
 from geneoh.hand.model import HandModel
@@ -43,7 +42,7 @@ from geneoh.metrics.contact import TOUCH, in_contact, penetration_depth, tips_in
 from geneoh.metrics.frames import valid_differences
 from geneoh.pipeline.subject import subject_of
 from geneoh.representation.parameters import HandParameters
-from geneoh.sequence.resample import at_rate
+from geneoh.sequence.normalisation import normalised_hands
 from geneoh.sequence.sequence import Sequence
 from geneoh.synthesis.motion import Interactions
 from geneoh.synthesis.replay import replay_shard
@@ -171,14 +170,10 @@ def recorded_clip(sequence: Sequence, hand: HandModel) -> HandClips:
     """
     if not sequence.object.meshes:
         raise InputError(f"{sequence.source}: expected an object mesh, got none; pass --obj MESH")
-    sequence = at_rate(sequence, FPS)
-    track, motion = sequence.hands[0], sequence.object
-    if track.side == "left":
-        track, motion = track.mirrored(), motion.mirrored()
+    normalised = normalised_hands(sequence, FPS)[0]
+    track, motion = normalised.track, normalised.object
     subject = subject_of(track, hand)
-    state = subject.start or fit_keypoints(
-        subject.joints[None], subject.trust[None], subject.shaped
-    )
+    state = subject.parameters()
     verts = subject.shaped.verts_from_rotations(state.rotations, state.wrist).verts[0]
     surface = motion.surface()
     valid, joints = track.valid, subject.joints

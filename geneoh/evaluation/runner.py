@@ -39,7 +39,7 @@ from geneoh.evaluation.protocols.selection import data_root
 from geneoh.evaluation.report import Evaluation
 from geneoh.evaluation.scores import CaseScorer, Score, ScoreKey, ScoringConfig
 from geneoh.files.atomic import unwritable, write_whole
-from geneoh.pipeline.denoise import OnProgress
+from geneoh.progress import OnProgress
 from geneoh.viz.view import write_report
 
 RECORD = "scores.jsonl"

@@ -10,6 +10,7 @@ from torch import Tensor
 from geneoh.fitting.terms import HandState
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.model import HandModel
+from geneoh.progress import OnStep
 
 
 def adam(
@@ -20,7 +21,7 @@ def adam(
     rate: float,
     epsilon: float = 1e-8,
     settle: bool = False,
-    on_step: Callable[[int, int], None] | None = None,
+    on_step: OnStep | None = None,
 ) -> list[Tensor]:
     """Parameters after `steps` steps of Adam (Kingma and Ba 2015, algorithm 1, default betas).
 
@@ -79,7 +80,7 @@ def fit_with_adam(
     model: HandModel,
     *,
     config: AdamFitConfig,
-    on_step: Callable[[int, int], None] | None = None,
+    on_step: OnStep | None = None,
 ) -> tuple[HandState, Float[Tensor, "S B"]]:
     """Hand parameters and betas by Adam from a flat hand at the wrist keypoint, in two phases.
 

@@ -1,6 +1,5 @@
 """Keypoints optimised until their temporal relations agree with denoised ones (paper eq. 9)."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
@@ -8,6 +7,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.fitting.adam import adam
+from geneoh.progress import OnStep
 from geneoh.representation.region import ContactRegion
 from geneoh.representation.temporal import PairStatistics, encode_temporal
 
@@ -37,7 +37,7 @@ def align_to_relations(
     fps: float,
     *,
     config: AlignConfig,
-    on_step: Callable[[int, int], None] | None = None,
+    on_step: OnStep | None = None,
 ) -> Float[Tensor, "B T 21 3"]:
     """World keypoints near `joints` whose relations are near `target` on d, v_ho and both e.
 

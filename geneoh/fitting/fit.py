@@ -22,6 +22,7 @@ from geneoh.geometry.distance import MovingSurface, SurfaceQuery
 from geneoh.geometry.rotations import axis_angle_to_matrix, kabsch
 from geneoh.hand.model import ShapedHand
 from geneoh.hand.skeleton import TIP_PARENTS
+from geneoh.progress import OnStep
 
 LONGEST_EXIT = 0.02
 """Longest way out of the object for a vertex, metres; no phalanx is thicker."""
@@ -84,7 +85,7 @@ def fit_hand(
     *,
     config: FitConfig,
     surface: MovingSurface | None = None,
-    on_step: Callable[[int, int], None] | None = None,
+    on_step: OnStep | None = None,
 ) -> HandState:
     """Hand parameters that follow target keypoints and stay out of the object.
 

@@ -11,6 +11,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from geneoh.bundle import Bundle
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.hand.model import HandModel, ShapedHand
 from geneoh.hand.skeleton import MANO_FROM_OPENPOSE, PARENTS, TIP_PARENTS, forward_kinematics
@@ -19,7 +20,7 @@ UNKNOWNS = 51
 
 
 @dataclass(frozen=True)
-class HandState:
+class HandState(Bundle):
     """Hand parameters of S samples over T frames, the unknowns of the fit, world frame."""
 
     rotations: Float[Tensor, "S T 16 3 3"]

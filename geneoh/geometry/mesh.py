@@ -1,6 +1,8 @@
 """Triangle meshes in metres: reading, checking, and closing the openings of their surface."""
 
+import hashlib
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +15,7 @@ from torch import Tensor
 
 from geneoh.bundle import Bundle
 from geneoh.errors import InputError
+from geneoh.geometry.mirror import mirror_faces, mirror_points
 
 MESH_SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb")
 
@@ -36,10 +39,20 @@ class Mesh(Bundle):
 
     verts: Float[Tensor, "V 3"]
     faces: Int[Tensor, "F 3"]
+    source: Path | None = None
+    """File that it was read from as it is; None for a mesh that was made or changed."""
+
+    @cached_property
+    def sha256(self) -> str:
+        """SHA-256 of the vertices as float32 and the faces as int64, by which a mesh is known again
+        whatever its file is called."""
+        digest = hashlib.sha256(self.verts.detach().cpu().numpy().astype("<f4").tobytes())
+        digest.update(self.faces.cpu().numpy().astype("<i8").tobytes())
+        return digest.hexdigest()
 
     def mirrored(self) -> "Mesh":
         """The reflection x -> -x, with the faces reversed so that they still point outward."""
-        return Mesh(self.verts * self.verts.new_tensor((-1.0, 1.0, 1.0)), self.faces[:, [0, 2, 1]])
+        return Mesh(mirror_points(self.verts), mirror_faces(self.faces))
 
     def extent(self) -> Float[Tensor, " 3"]:
         """Sides of the axis-aligned bounding box."""
@@ -59,7 +72,7 @@ class Mesh(Bundle):
         return torch.nn.functional.normalize(self.face_vectors().double(), dim=-1, eps=TINY)
 
 
-def load_mesh(path: Path) -> Mesh:
+def load_mesh(path: Path | str) -> Mesh:
     """Read a triangle mesh without repair: vertex order, shells and holes are kept.
 
     The nodes of a scene (GLB) are placed and joined to one mesh. Textured OBJ files come with
@@ -86,7 +99,7 @@ def load_mesh(path: Path) -> Mesh:
             f"{path}: cannot be read as {path.suffix[1:].upper()} "
             f"({type(error).__name__}: {reason}); open it in a mesh editor and save it again"
         ) from error
-    return checked(Mesh(verts, faces), str(path))
+    return checked(Mesh(verts, faces, path), str(path))
 
 
 def checked(mesh: Mesh, source: str) -> Mesh:

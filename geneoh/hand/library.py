@@ -70,5 +70,5 @@ def hand_of_betas(
 
 @cache
 def _embedded_left() -> HandModel:
-    """The mirror image, made once."""
+    """The mirror image of the right hand, made once."""
     return embedded_right().mirrored()

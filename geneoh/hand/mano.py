@@ -22,6 +22,7 @@ from torch import Tensor
 
 from geneoh.choices import Side
 from geneoh.errors import InputError, MissingAssetError
+from geneoh.geometry.mirror import MIRROR
 from geneoh.hand.embedded import TIP_VERTS, embedded_right
 from geneoh.hand.model import HandModel
 from geneoh.hand.skeleton import PARENTS
@@ -75,7 +76,7 @@ def load_mano(
     path = find_mano(side, mano_dir)
     fields = _read_fields(path)
     if side == "left" and _is_as_shipped(fields, path) != (name == AS_SHIPPED):
-        fields["shapedirs"] = fields["shapedirs"] * np.array([-1.0, 1.0, 1.0])[:, None]
+        fields["shapedirs"] = fields["shapedirs"] * np.array(MIRROR)[:, None]
     return _model(side, fields, name_of(side, name))
 
 

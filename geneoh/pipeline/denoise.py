@@ -2,115 +2,43 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import replace
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.choices import Ablation, HandSource, PresetName, Selection, Side
+from geneoh.choices import Selection, Side
 from geneoh.denoisers.library import Denoisers, load_denoisers
-from geneoh.errors import ConfigError, InputError
+from geneoh.errors import InputError
 from geneoh.fitting.adam import AdamFitConfig, fit_with_adam
-from geneoh.fitting.fit import fit_hand, fit_keypoints, start_from_keypoints
+from geneoh.fitting.fit import fit_hand, start_from_keypoints
 from geneoh.fitting.terms import HandState
 from geneoh.geometry.distance import MovingSurface
 from geneoh.geometry.mesh import size_warning
-from geneoh.geometry.rotations import matrix_to_axis_angle
-from geneoh.geometry.sampling import sample_surface
 from geneoh.hand.library import hand_of_betas
 from geneoh.hand.model import ShapedHand
-from geneoh.metrics.report import InteractionReport, measure
-from geneoh.pipeline.presets import Preset, preset
+from geneoh.metrics.report import measure
+from geneoh.pipeline.context import StageContext, stage_context
+from geneoh.pipeline.options import Options
+from geneoh.pipeline.presets import Preset
+from geneoh.pipeline.results import Denoised, HandResult
 from geneoh.pipeline.spread import joint_spread
 from geneoh.pipeline.stages import (
-    StageContext,
     denoise_motion,
     denoise_spatial,
     denoise_temporal,
     denoise_trajectory,
 )
 from geneoh.pipeline.subject import Subject, subject_of
+from geneoh.progress import OnProgress, OnStep
 from geneoh.representation.parameters import HandParameters
-from geneoh.sequence.resample import at_rate, over_frames
-from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
+from geneoh.sequence.normalisation import NETWORK_FPS, NormalisedHand, normalised_hands
+from geneoh.sequence.sequence import HandTrack, Sequence
 from geneoh.sequence.validation import check_sequence
 
-RATE = 30.0
-"""Frames a second that the networks know."""
-SURFACE_POINTS = 1024
 NEAR = 0.02
 """Vertices farther than this from the object's box need no exact distance in the fit, metres."""
-
-OnProgress = Callable[[str, int, int], None]
-"""Called with the stage's name and its steps done and in all."""
-
-
-@dataclass(frozen=True)
-class Options:
-    """What a user can choose; see `geneoh denoise --help`."""
-
-    preset: PresetName = "default"
-    samples: int | None = None
-    """Diffusion chains to draw; None leaves it to the preset."""
-    seed: int = 0
-    steps: int | None = None
-    selection: Selection | None = None
-    """Which sample is kept; None leaves it to the preset."""
-    without: tuple[Ablation, ...] = ()
-    """Parts left out, to see what they are worth."""
-    hand: HandSource = "embedded"
-    mano_dir: Path | None = None
-    weights: Path | None = None
-    device: str = "cpu"
-
-    def resolved(self) -> Preset:
-        """The preset with the user's changes; `ConfigError` when a number is out of range."""
-        chosen = preset(self.preset)
-        for name, value in (("samples", self.samples), ("steps", self.steps)):
-            if value is not None and value < 1:
-                raise ConfigError(
-                    f"--{name} must be 1 or more, got {value}; leave it out or raise it"
-                )
-        if self.steps is not None:
-            chosen = chosen.with_steps(self.steps)
-        for part in self.without:
-            chosen = chosen.without(part)
-        return replace(
-            chosen,
-            samples=self.samples or chosen.samples,
-            selection=self.selection or chosen.selection,
-        )
-
-
-@dataclass(frozen=True)
-class HandResult:
-    """What cleaning did to one hand."""
-
-    track: HandTrack
-    filled: Bool[Tensor, " T"]
-    """Frames that the input did not hold: the prior's, not the observation's."""
-    samples: Float[Tensor, "S N 21 3"]
-    """Keypoints of every sample after the three stages, before the fit, at 30 frames a second."""
-    chosen: int
-    """Index of the sample that was kept; -1 for their mean."""
-    before: InteractionReport
-    after: InteractionReport
-    moved: float
-    """Mean distance in metres between the input's keypoints and the output's, observed frames."""
-    windows: int
-    seconds: dict[str, float]
-    notes: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Denoised:
-    """A clean sequence and the story of how it came about."""
-
-    sequence: Sequence
-    hands: dict[Side, HandResult]
-    notes: tuple[str, ...]
 
 
 def denoise(
@@ -118,12 +46,20 @@ def denoise(
 ) -> Denoised:
     """Clean every hand of a sequence against its object.
 
-    Left hands are mirrored to right ones here and back, other frame rates become 30 a second here
-    and back: nothing below knows of either. The same options and seed give the same result.
+    The stages know right hands at 30 frames a second only: left hands are mirrored and other rates
+    resampled here and back. The same input, options and seed give the same result.
+
+    Args:
+        sequence: up to two hands and an object with its meshes, in metres.
+        options: the settings; the default preset without them.
+        on_progress: called with the stage ("motion", "spatial", "temporal" or "fit") and its steps
+            done and in all; both hands of a sequence go through the stages one after the other.
 
     Raises:
-        InputError: the sequence cannot be cleaned as it is.
+        InputError: the sequence has no object mesh, or its numbers can be no interaction.
         ConfigError: an option is out of range.
+        MissingAssetError: a MANO hand is asked for and there is no MANO file.
+        CheckpointError: the folder of weights holds no weights of this version.
     """
     options = options or Options()
     chosen = options.resolved()
@@ -134,45 +70,42 @@ def denoise(
         options.weights, device=options.device, trajectory=not chosen.observed
     )
     notes = [note for mesh in sequence.object.meshes if (note := size_warning(mesh))]
-    paced = at_rate(sequence, RATE)
-    if paced is not sequence:
-        notes.append(f"resampled from {sequence.fps:g} to {RATE:g} frames a second and back")
+    normalised = normalised_hands(sequence)
+    if normalised[0].track.frames != sequence.frames:
+        notes.append(f"resampled from {sequence.fps:g} to {NETWORK_FPS:g} frames a second and back")
     results: dict[Side, HandResult] = {}
-    for hand in paced.hands:
-        left = hand.side == "left"
-        track = hand.mirrored() if left else hand
-        moving = paced.object.mirrored() if left else paced.object
+    for hand in normalised:
         model = hand_of_betas(
-            hand.side, hand.hand_model, asked=options.hand, mano_dir=options.mano_dir
+            hand.side, hand.track.hand_model, asked=options.hand, mano_dir=options.mano_dir
         )
-        subject = subject_of(track, model.mirrored() if left else model)
-        result = _clean_right_hand(
-            track, moving, subject, denoisers, chosen, options, paced.fps, on_progress
+        subject = subject_of(hand.track, hand.right_model(model))
+        result = _clean(hand, subject, denoisers, chosen, options.seed, on_progress)
+        results[hand.side] = replace(
+            result,
+            track=hand.track_to_user(result.track),
+            filled=hand.frames_to_user(result.filled),
+            samples=hand.points_to_user(result.samples),
         )
-        results[hand.side] = _returned(result, hand.side, sequence.frames, paced)
     hands = tuple(results[hand.side].track for hand in sequence.hands)
-    clean = replace(sequence, hands=hands)
-    return Denoised(clean, results, tuple(notes))
+    return Denoised(replace(sequence, hands=hands), results, tuple(notes), options)
 
 
-def _clean_right_hand(
-    track: HandTrack,
-    moving: ObjectTrack,
+def _clean(
+    hand: NormalisedHand,
     subject: Subject,
     denoisers: Denoisers,
     chosen: Preset,
-    options: Options,
-    fps: float,
+    seed: int,
     on_progress: OnProgress | None,
 ) -> HandResult:
-    """One right hand at the networks' rate: three stages, selection, fit, measurement."""
-    generator = torch.Generator().manual_seed(options.seed)
-    surface = moving.surface()
-    context = stage_context(surface, subject, fps, generator=generator)
+    """One normalised hand: three stages, selection, fit, measurement."""
+    generator = torch.Generator().manual_seed(seed)
+    surface = hand.object.surface()
+    context = stage_context(surface, subject, hand.fps, generator=generator)
     context = replace(context, canonical=chosen.canonical)
     seconds: dict[str, float] = {}
 
-    def progress_of(stage: str) -> Callable[[int, int], None]:
+    def progress_of(stage: str) -> OnStep:
         began = time.monotonic()
 
         def step(done: int, total: int) -> None:
@@ -183,10 +116,8 @@ def _clean_right_hand(
         return step
 
     with torch.no_grad():
-        # the input as it came: what MotionDiff starts from, and the mesh of the comparison
-        given = subject.start or fit_keypoints(
-            subject.joints[None], subject.trust[None], subject.shaped
-        )
+        # of the input: MotionDiff starts from them, and the report measures their mesh
+        given = subject.parameters()
         samples = _run_stages(
             denoisers, context, subject, given, chosen, progress_of, generator=generator
         )
@@ -198,9 +129,9 @@ def _clean_right_hand(
         raw = subject.shaped.verts_from_rotations(given.rotations, given.wrist)
     clean = HandTrack(
         side="right",
-        valid=torch.ones_like(track.valid),
+        valid=torch.ones_like(hand.track.valid),
         joints=posed.joints[0],
-        pose=matrix_to_axis_angle(state.rotations)[0],
+        pose=state.pose[0],
         wrist=state.wrist[0],
         betas=betas,
         hand_model=shaped.model.name,
@@ -209,41 +140,15 @@ def _clean_right_hand(
     seen = subject.trust > 0
     return HandResult(
         track=clean,
-        filled=~track.valid,
+        filled=~hand.track.valid,
         samples=samples,
         chosen=index,
-        before=measure(raw.verts[0], subject.joints, surface, fps),
-        after=measure(posed.verts[0], posed.joints[0], surface, fps),
+        before=measure(raw.verts[0], subject.joints, surface, hand.fps),
+        after=measure(posed.verts[0], posed.joints[0], surface, hand.fps),
         moved=float((posed.joints[0] - subject.joints).norm(dim=-1)[seen].mean()),
         windows=len(context.starts),
         seconds=seconds,
         notes=subject.notes,
-    )
-
-
-def stage_context(
-    surface: MovingSurface,
-    subject: Subject,
-    fps: float,
-    *,
-    generator: torch.Generator,
-) -> StageContext:
-    """The object's surface and motion; points are shared among parts by area."""
-    fields = surface.fields
-    areas = torch.stack([field.mesh.face_vectors().norm(dim=-1).sum() for field in fields])
-    counts = (SURFACE_POINTS * areas / areas.sum()).round().long().clamp(min=16)
-    drawn = [
-        sample_surface(field.solid, int(count), generator=generator)
-        for field, count in zip(fields, counts, strict=True)
-    ]
-    return StageContext(
-        points=torch.cat([part.points for part in drawn]),
-        normals=torch.cat([part.normals for part in drawn]),
-        part=torch.arange(len(fields)).repeat_interleave(counts),
-        rotation=surface.rotation,
-        translation=surface.translation,
-        trust=subject.trust,
-        fps=fps,
     )
 
 
@@ -253,7 +158,7 @@ def _run_stages(
     subject: Subject,
     given: HandState,
     chosen: Preset,
-    progress_of: Callable[[str], Callable[[int, int], None]],
+    progress_of: Callable[[str], OnStep],
     *,
     generator: torch.Generator,
 ) -> Float[Tensor, "S T 21 3"]:
@@ -322,10 +227,12 @@ def _fit(
     subject: Subject,
     chosen: Preset,
     surface: MovingSurface,
-    on_step: Callable[[int, int], None],
+    on_step: OnStep,
 ) -> tuple[HandState, ShapedHand, Tensor]:
-    """Hand parameters, shape and betas; filled frames count as much, the stages' prior filled
-    them."""
+    """Hand parameters, shape and betas that are fitted to the target.
+
+    Filled frames count like observed ones, because the stages have filled them.
+    """
     trust = torch.ones_like(target[..., 0])
     model = subject.shaped.model
     if isinstance(chosen.fit, AdamFitConfig):
@@ -342,14 +249,3 @@ def _fit(
         on_step=on_step,
     )
     return state, subject.shaped, subject.betas
-
-
-def _returned(result: HandResult, side: Side, frames: int, paced: Sequence) -> HandResult:
-    """The result in the user's handedness and frame rate."""
-    back = over_frames(replace(paced, hands=(result.track,)), frames)
-    track = back.hands[0]
-    nearest = torch.linspace(0, paced.frames - 1, frames, dtype=torch.float64).round().long()
-    if side == "left":
-        flip = result.samples.new_tensor([-1.0, 1.0, 1.0])
-        track, result = track.mirrored(), replace(result, samples=result.samples * flip)
-    return replace(result, track=track, filled=result.filled[nearest])

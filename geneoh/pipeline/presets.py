@@ -1,4 +1,4 @@
-"""The presets: every choice that separates the paper's method from the best we have."""
+"""The presets: all settings in which the paper's method and our own differ."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -14,46 +14,47 @@ from geneoh.fitting.fit import KEYPOINTS_ALONE, FitConfig
 
 @dataclass(frozen=True)
 class StagePlan:
-    """How one stage denoises via diffusion."""
+    """Settings of the diffusion of one stage."""
 
     level: int
-    """Level of the 1000-step schedule that the input is noised to."""
+    """Noise level that the input is brought to, 1 to 1000 of the schedule."""
     steps: int
-    """Denoiser calls on the way back."""
+    """Denoiser calls from that level down to a clean sample."""
     sampler: SamplerName = "ddim"
 
 
 @dataclass(frozen=True)
 class Preset:
-    """All stages, the selection among samples and the fit."""
+    """Settings of all stages, of the selection among samples and of the fit."""
 
     motion: StagePlan | None
     """None leaves a stage out."""
     spatial: StagePlan | None
     temporal: StagePlan | None
     observed: bool
-    """Whether the networks see the observation, or only start from it as in the paper."""
+    """Whether the networks are shown the input, or only start from it as in the paper."""
     samples: int
-    """Diffusion chains drawn when the user names no number."""
+    """Number of diffusion chains, unless the user chooses another."""
     selection: Selection
-    """Which of them is kept: the paper keeps the one closest to the input; the mean of a few is
-    nearer to the truth than any one of them."""
+    """Which sample is kept. The paper keeps the one closest to the input; the mean of a few samples
+    is nearer to the truth than any one of them."""
     align: AlignConfig
     correct: bool
-    """Temporal stage: apply the change the denoiser makes to the decoded relations (True) or aim at
-    the decoded relations themselves as in the paper (False)."""
+    """Target of the temporal stage: the relations of the input plus the change that denoising makes
+    to the decoded ones (True), or the decoded relations themselves as in the paper (False)."""
     fit: FitConfig | AdamFitConfig
     contact: bool
     """Whether the fit keeps the mesh out of the object."""
     canonical: bool = True
-    """Whether the stages see the hand from the contact points' frame, or from a still one."""
+    """Whether the canonical frame moves with the contact points; False, for an ablation, holds it
+    still in the world."""
 
     def with_steps(self, steps: int) -> "Preset":
         """The preset with another number of denoiser calls per stage, never above its level."""
         return self._with_plans(lambda plan: replace(plan, steps=min(steps, plan.level)))
 
     def without(self, part: Ablation) -> "Preset":
-        """The preset with one of its parts left out, to see what that part is worth."""
+        """The preset with one of its parts left out, to measure what the part contributes."""
         match part:
             case "motion" | "spatial" | "temporal":
                 return replace(self, **{part: None})
@@ -90,7 +91,7 @@ def preset(name: PresetName) -> Preset:
             )
         case "default":
             return Preset(
-                # starting lower counts the observation twice; more steps leave more of the noise
+                # from a lower level the input would count twice; more steps leave more of its noise
                 motion=StagePlan(650, 4),
                 spatial=StagePlan(200, 3),
                 temporal=StagePlan(100, 6),

@@ -1,41 +1,93 @@
-"""A cleaned sequence on disk, with what the cleaner learned beside the track itself."""
+"""What cleaning gives, and how it is kept: a clean sequence with what was learned beside it."""
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import get_args
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
-from geneoh.choices import Side
+from geneoh.bundle import Bundle
+from geneoh.choices import SIDES, Side
 from geneoh.files.npz import read_archive
-from geneoh.pipeline.denoise import Denoised, Options
+from geneoh.metrics.report import InteractionReport
+from geneoh.pipeline.options import Options
 from geneoh.readers.npz_files import save_sequence
+from geneoh.sequence.sequence import HandTrack, Sequence
 
 
-def save_result(result: Denoised, options: Options, path: Path) -> None:
-    """Write the clean sequence as a geneoh-sequence npz, whole or not at all.
+@dataclass(frozen=True)
+class HandResult(Bundle):
+    """What cleaning did to one hand."""
 
-    Beside the sequence's own fields: per side `filled` (T,), frames the input did not hold, and,
-    where several samples were drawn, `samples` (S, T, 21, 3) in metres, their keypoints at 30
-    frames a second before selection and fit; `options`, the settings as JSON.
+    track: HandTrack
+    """The clean hand, as in the sequence of the result."""
+    filled: Bool[Tensor, " T"]
+    """Frames in which the input had no hand; there it comes from the networks alone."""
+    samples: Float[Tensor, "S N 21 3"]
+    """Keypoints of every sample after the three stages, before the fit: world frame, metres, the
+    side of the hand, at 30 frames a second."""
+    chosen: int
+    """Index of the sample that was kept; -1 for their mean."""
+    before: InteractionReport
+    """Measures of the input, at 30 frames a second."""
+    after: InteractionReport
+    """Measures of the result, at 30 frames a second."""
+    moved: float
+    """Mean distance in metres between the keypoints of the input and of the result, over the
+    observed frames."""
+    windows: int
+    """Number of overlapping windows that the track was cut into."""
+    seconds: dict[str, float]
+    """Time that each stage took."""
+    notes: tuple[str, ...]
+    """What had to be assumed about the hand, in words."""
+
+
+@dataclass(frozen=True)
+class Denoised(Bundle):
+    """The result of `geneoh.denoise`."""
+
+    sequence: Sequence
+    """The input with clean hands; its object and its frames are unchanged."""
+    hands: dict[Side, HandResult]
+    """What was done to each hand."""
+    notes: tuple[str, ...]
+    """What had to be assumed about the sequence, in words."""
+    options: Options = field(default_factory=Options)
+    """The settings that it was made with."""
+
+
+def save(result: Denoised | Sequence, path: Path | str) -> None:
+    """Write a result, or any sequence, as a geneoh-sequence npz, whole or not at all.
+
+    A result keeps beside the fields of its sequence: per side `filled` (T,), frames that the input
+    did not hold, and, where several samples were drawn, `samples` (S, N, 21, 3), their keypoints in
+    metres at 30 frames a second before selection and fit; `options`, the settings as JSON.
+
+    Raises:
+        InputError: the place cannot be written to.
     """
-    extra: dict[str, np.ndarray] = {"options": np.array(json.dumps(asdict(options), default=str))}
+    if isinstance(result, Sequence):
+        save_sequence(result, path)
+        return
+    options = json.dumps(asdict(result.options), default=str)
+    extra: dict[str, np.ndarray] = {"options": np.array(options)}
     for side, hand in result.hands.items():
-        extra[f"{side}_filled"] = hand.filled.numpy()
+        extra[f"{side}_filled"] = hand.filled.cpu().numpy()
         if len(hand.samples) > 1:
             extra[f"{side}_samples"] = hand.samples.cpu().numpy()
     save_sequence(result.sequence, path, extra=extra)
 
 
-def load_samples(path: Path) -> dict[Side, Float[Tensor, "S T 21 3"]]:
-    """Keypoints of the samples that a result keeps, per side, at 30 frames a second; often none."""
-    arrays = read_archive(path)
+def load_samples(path: Path | str) -> dict[Side, Float[Tensor, "S N 21 3"]]:
+    """Keypoints of the samples that a result keeps, by side, at 30 frames a second; often none."""
+    arrays = read_archive(Path(path))
     found: dict[Side, Tensor] = {}
-    for side in get_args(Side):
-        if (drawn := arrays.get(f"{side}_samples")) is not None and drawn.shape[2:] == (21, 3):
+    for side in SIDES:
+        drawn = arrays.get(f"{side}_samples")
+        if drawn is not None and drawn.shape[2:] == (21, 3):
             found[side] = torch.from_numpy(drawn).float()
     return found

@@ -1,151 +1,36 @@
 """The three stages on world keypoints: window, canonicalise, denoise via diffusion, blend back.
 
 Windows and samples share one batch. Diffusion runs on the whole track in the object's frame: each
-denoiser call cuts the track into windows and blends what they answer, so windows agree at every
-noise level and no seam forms, and a rigid motion of the scene moves the result and nothing else.
+denoiser call cuts the track into windows and blends their results, so that windows agree at every
+noise level and no seam forms. A rigid motion of the scene moves the result rigidly.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.denoisers.base import HAND_SCALE, POINTS, Observation
-from geneoh.denoisers.motion import MotionDenoiser, ObservedMotion
+from geneoh.denoisers.base import HAND_SCALE
+from geneoh.denoisers.motion import MotionDenoiser
 from geneoh.denoisers.spatial import SpatialDenoiser
 from geneoh.denoisers.temporal import TemporalDenoiser
 from geneoh.denoisers.trajectory import TrajectoryDenoiser
-from geneoh.diffusion.samplers import OnStep, denoise_via_diffusion
+from geneoh.diffusion.samplers import denoise_via_diffusion
 from geneoh.diffusion.schedule import descending_sigmas
 from geneoh.fitting.align import AlignConfig, align_to_relations
+from geneoh.pipeline.context import StageContext
 from geneoh.pipeline.presets import StagePlan
-from geneoh.representation.nearest_surface import nearest_points
+from geneoh.progress import OnStep
 from geneoh.representation.parameters import HandParameters, turned
-from geneoh.representation.region import ContactRegion, contact_region, surface_to_world
+from geneoh.representation.region import ContactRegion
 from geneoh.representation.spatial import decode_spatial, encode_spatial
 from geneoh.representation.temporal import PairStatistics, encode_temporal
-from geneoh.sequence.windows import WINDOW, fold, unfold, window_starts
-
-SELECT_EVERY = 4
-"""Frames skipped when contact points are chosen, as in training."""
-
 
 ALIGN_POINTS = 16
-"""Contact points whose relations the keypoints are moved to, those nearest to the hand: far ones
-weigh next to nothing there."""
-
-
-@dataclass(frozen=True)
-class StageContext:
-    """What the stages know besides the hand: the object's surface and motion, and trust."""
-
-    points: Float[Tensor, "P 3"]
-    """Object surface points in the frame of their part, with `normals` and `part` index."""
-    normals: Float[Tensor, "P 3"]
-    part: Int[Tensor, " P"]
-    rotation: Float[Tensor, "T Q 3 3"]
-    translation: Float[Tensor, "T Q 3"]
-    trust: Float[Tensor, "T 21"]
-    fps: float
-    canonical: bool = True
-    """False for the ablation whose canonical frame stands still in the world."""
-
-    @property
-    def frames(self) -> int:
-        """Number of frames T."""
-        return len(self.rotation)
-
-    @cached_property
-    def starts(self) -> list[int]:
-        """First frame of each window."""
-        return window_starts(self.frames)
-
-    @property
-    def size(self) -> int:
-        """Frames of a window: a short track is one window of its own length."""
-        return min(WINDOW, self.frames)
-
-    def to_object(self, world: Float[Tensor, "S T 21 3"]) -> Float[Tensor, "S T 21 3"]:
-        """Keypoints in the frame of the object's first part, frame by frame."""
-        return (world - self.translation[:, :1]) @ self.rotation[:, 0]
-
-    def to_world(self, local: Float[Tensor, "S T 21 3"]) -> Float[Tensor, "S T 21 3"]:
-        """Inverse of `to_object`."""
-        return local @ self.rotation[:, 0].transpose(-1, -2) + self.translation[:, :1]
-
-    def cut(self, values: Float[Tensor, "..."], axis: int) -> Float[Tensor, "..."]:
-        """Windows of a tensor whose frames lie on `axis`, a window axis W in front of it."""
-        moved = values.movedim(axis, 0)
-        windows = unfold(moved.flatten(1).movedim(0, -2), self.starts, self.size)
-        windows = windows.unflatten(-1, moved.shape[1:])
-        return windows.movedim((0, 1), (axis, axis + 1))
-
-    def windows(self, values: Float[Tensor, "S T ..."]) -> Float[Tensor, "B N ..."]:
-        """All windows of all samples as one batch, samples outermost."""
-        return self.cut(values, 1).flatten(0, 1)
-
-    def blend(self, windows: Float[Tensor, "B N ..."]) -> Float[Tensor, "S T ..."]:
-        """Inverse of `windows`: overlapping windows cross smoothly."""
-        parted = windows.flatten(2).unflatten(0, (-1, len(self.starts)))
-        return fold(parted, self.starts, self.frames).unflatten(-1, windows.shape[2:])
-
-    def region(self, joints: Float[Tensor, "S T 21 3"]) -> ContactRegion:
-        """Contact points of each window of each sample, from that sample's own hand."""
-        windows = self.windows(joints)
-        batch, samples = len(windows), len(joints)
-
-        def of_each(values: Tensor) -> Tensor:
-            return values.expand(batch, *values.shape)
-
-        def in_windows(values: Tensor) -> Tensor:
-            cut = self.cut(values, 0)
-            return cut.expand(samples, *cut.shape).flatten(0, 1)
-
-        region = contact_region(
-            windows,
-            of_each(self.points),
-            of_each(self.normals),
-            of_each(self.part),
-            in_windows(self.rotation),
-            in_windows(self.translation),
-            count=POINTS,
-            every=SELECT_EVERY,
-        )
-        return region if self.canonical else region.held_still()
-
-    def observation(
-        self, joints: Float[Tensor, "S T 21 3"], region: ContactRegion, given: bool
-    ) -> Observation:
-        """The hand that a stage starts from, as the networks' condition."""
-        windows = self.windows(joints)
-        trust = self.cut(self.trust, 0).repeat(len(joints), 1, 1)
-        return Observation(
-            region.to_canon(windows), trust, torch.full((len(windows),), float(given)).to(joints)
-        )
-
-    def observed_motion(self, hand: HandParameters, region: ContactRegion) -> ObservedMotion:
-        """Windows of a hand of the world (one sample), as MotionDiff is shown them."""
-        world, normals = surface_to_world(
-            self.points, self.normals, self.part, self.rotation, self.translation
-        )
-        nearest, outward = nearest_points(hand.joints[0], world, normals)
-        windows = HandParameters(
-            self.windows(hand.wrist),
-            self.windows(hand.turn),
-            self.windows(hand.fingers),
-            hand.offsets.expand(len(region.center), 20, 3),
-        )
-        return ObservedMotion(
-            windows.to_canon(region),
-            self.cut(self.trust, 0).mean(-1),
-            region.to_canon(self.cut(nearest, 0)),
-            self.cut(outward, 0) @ region.rotation,
-            region.rotation,
-            region.center,
-        )
+"""Number of contact points that keypoints are aligned to, those nearest to the hand; far ones would
+hardly count."""
 
 
 def denoise_motion(
@@ -162,9 +47,9 @@ def denoise_motion(
 
     Args:
         model: the denoiser of changes of the observed hand.
-        hand: the observed hand in the world, one sample, gaps filled.
+        hand: the observed hand in the world frame, one sample, gaps filled.
         context: the object and the windows.
-        plan: how it is denoised.
+        plan: settings of the diffusion.
         samples: diffusion chains to draw.
         generator: source of the noise.
         on_step: called with (done, total) after each denoiser call.
@@ -256,8 +141,9 @@ def denoise_spatial(
 ) -> Float[Tensor, "S T 21 3"]:
     """SpatialDiff: world keypoints with natural relations to the surface (eq. 8).
 
-    With the observation all contact points share the hand's noise and are averaged at every step;
-    withheld, each is a chain of its own and the average is taken at the end, as in the paper.
+    With the observation all contact points share the noise of the hand and their results are
+    averaged at every step. Without it, as in the paper, each contact point has a diffusion chain of
+    its own and the average is taken at the end.
     """
     region = context.region(joints)
     observation = context.observation(joints, region, observed)
@@ -309,12 +195,12 @@ def denoise_temporal(
         model: autoencoder and latent denoiser.
         joints: the hand after the stage before.
         context: the object and the windows.
-        plan: how the latent is denoised.
+        plan: settings of the diffusion of the latent.
         observed: whether the denoiser is shown the latent of `joints`.
         correct: aim at the relations of `joints` plus the change that denoising makes to the
-            decoded ones, so what the autoencoder cannot carry is not lost; False aims at the
-            decoded ones themselves.
-        align: the optimisation of the keypoints.
+            decoded ones, so that what the autoencoder cannot represent is not lost; False aims at
+            the decoded ones themselves, as in the paper.
+        align: settings of the optimisation of the keypoints.
         generator: source of the noise.
         on_step: called with (done, total) after each denoiser call.
     """
@@ -353,7 +239,7 @@ def denoise_temporal(
 
 
 def _corrected(now: PairStatistics, clean: PairStatistics, noisy: PairStatistics) -> PairStatistics:
-    """`now` plus the difference between two decoded sets; lengths stay non-negative."""
+    """The relations `now` plus the difference of two decoded ones; lengths stay non-negative."""
     return PairStatistics(
         distance=(now.distance + clean.distance - noisy.distance).clamp(min=0),
         velocity=now.velocity + clean.velocity - noisy.velocity,

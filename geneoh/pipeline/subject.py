@@ -1,4 +1,4 @@
-"""Who the hand belongs to: one shape for the track, its keypoints, and parameters to start from."""
+"""The subject of a track: the hand's shape, its keypoints, and parameters to start from."""
 
 from dataclasses import dataclass
 
@@ -6,6 +6,8 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from geneoh.bundle import Bundle
+from geneoh.fitting.fit import fit_keypoints
 from geneoh.fitting.shape import betas_from_lengths, betas_from_offsets
 from geneoh.fitting.terms import HandState
 from geneoh.geometry.rotations import axis_angle_to_matrix
@@ -20,27 +22,34 @@ taken to be of another convention and the joints alone are used."""
 
 
 @dataclass(frozen=True)
-class Subject:
-    """A right-hand track ready for the stages, gaps filled."""
+class Subject(Bundle):
+    """A right-hand track with gaps filled and one hand shape, as the stages take it."""
 
     shaped: ShapedHand
     betas: Float[Tensor, " S"]
     offsets: Float[Tensor, "1 20 3"]
-    """The person's own skeleton: exact where pose and joints tell it, else that of `shaped`."""
+    """The subject's own skeleton: exact where pose and joints are given, else that of `shaped`."""
     joints: Float[Tensor, "T 21 3"]
     trust: Float[Tensor, "T 21"]
-    """0 where a frame was filled in; elsewhere the confidence, or 1."""
+    """Weight of each keypoint: 0 in frames that were filled, elsewhere the confidence, or 1."""
     start: HandState | None
-    """The input's own parameters, one sample, where it has usable ones."""
+    """Parameters of the input, one sample; None where it has no usable ones."""
     notes: tuple[str, ...]
+    """What had to be assumed, in words."""
+
+    def parameters(self) -> HandState:
+        """Parameters of the input, one sample; fitted to its keypoints where it has none."""
+        if self.start is not None:
+            return self.start
+        return fit_keypoints(self.joints[None], self.trust[None], self.shaped)
 
 
 def subject_of(track: HandTrack, model: HandModel) -> Subject:
     """Shape, keypoints and start of a right-hand track.
 
-    Joints win over pose where both are there. Betas are used as they are when they belong to
-    `model`; otherwise the shape is fitted to the person's rest skeleton (pose and joints), to the
-    bone lengths (joints only), or is the mean hand (pose only), which is noted.
+    Where a track has joints and pose, the joints decide. Betas of `model` are used as they are;
+    otherwise the shape is fitted to the rest skeleton (of pose and joints) or to the
+    bone lengths (joints only), or it is the mean hand (pose only), which is noted.
     """
     notes: list[str] = []
     filled = fill_gaps(track)
@@ -84,7 +93,7 @@ def _misfit(
     joints: Float[Tensor, "T 21 3"],
     valid: Bool[Tensor, " T"],
 ) -> float:
-    """Mean distance of joints to those that the pose makes with the best constant skeleton."""
+    """Mean distance in metres of joints to those of the pose with the best constant skeleton."""
     offsets = rest_offsets(rotations, joints, valid)
     made, _ = forward_kinematics(
         rotations[valid], joints[valid][:, 0], offsets.expand(int(valid.sum()), 20, 3)

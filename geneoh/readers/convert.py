@@ -6,7 +6,7 @@ conversion goes on behind the last whole clip.
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from hashlib import sha256
 from itertools import count
 from pathlib import Path
@@ -125,14 +125,19 @@ def convert_clip(
 
 def write_recording(recording: Recording, folder: Path) -> str:
     """A sequence and its meshes; the sequence comes last and names them."""
-    pairs = zip(recording.mesh_names, recording.sequence.object.meshes, strict=False)
-    names = [write_mesh(mesh, folder, name) for name, mesh in pairs]
+    sequence, names = recording.sequence, recording.mesh_names
+    written = [
+        replace(mesh, source=folder / write_mesh(mesh, folder, name))
+        for name, mesh in zip(names, sequence.object.meshes, strict=False)
+    ]
+    meshes = (*written, *sequence.object.meshes[len(written) :])
+    sequence = replace(sequence, object=replace(sequence.object, meshes=meshes))
     path = folder / f"{recording.name}.npz"
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise unwritable(path, error) from None
-    save_sequence(recording.sequence, path, extra={"object_files": np.array(names, dtype=str)})
+    save_sequence(sequence, path)
     return f"{recording.name}.npz"
 
 

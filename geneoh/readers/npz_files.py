@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,7 @@ from geneoh.readers.npz_layouts import (
     own_names,
     read_fields,
 )
+from geneoh.readers.npz_meshes import find_meshes, mesh_arrays
 from geneoh.readers.npz_objects import read_object
 from geneoh.readers.records import Record
 from geneoh.sequence.sequence import HandTrack, Sequence
@@ -46,7 +48,7 @@ LAYOUT_NAMES: dict[Layout, str] = {
 def load(
     path: Path | str,
     *,
-    obj: Path | str | Iterable[Path | str] = (),
+    obj: Path | str | Iterable[Path | str] | None = None,
     side: Side | None = None,
     fps: float | None = None,
     mano_dir: Path | str | None = None,
@@ -55,7 +57,9 @@ def load(
 
     Args:
         path: the npz of the sequence.
-        obj: mesh file of the object, or one per rigid part.
+        obj: mesh file of the object in metres, or one per rigid part. Without it those that the
+            file itself names, where they are still there and hold what they held; the source of
+            the sequence says so where they do not.
         side: which hand, where the file does not say; of two hands, the one to read.
         fps: frames a second, where the file does not say.
         mano_dir: folder of the user's MANO files, for the exact wrist of smplx translations.
@@ -63,8 +67,8 @@ def load(
     Raises:
         InputError: a file cannot be read as one interaction; the message says why.
     """
-    files = [obj] if isinstance(obj, Path | str) else list(obj)
-    meshes = tuple(load_mesh(Path(file)) for file in files)
+    files = [obj] if isinstance(obj, Path | str) else list(obj or ())
+    meshes = tuple(load_mesh(Path(file)) for file in files) or None
     offset = None if mano_dir is None else mano_wrist_offset(mano_dir)
     return load_sequence(path, meshes, side=side, fps=fps, wrist_offset=offset)
 
@@ -83,7 +87,7 @@ def mano_wrist_offset(mano_dir: Path | str) -> WristOffset:
 
 def load_sequence(
     path: Path | str,
-    meshes: tuple[Mesh, ...] = (),
+    meshes: tuple[Mesh, ...] | None = None,
     *,
     side: Side | None = None,
     fps: float | None = None,
@@ -95,7 +99,8 @@ def load_sequence(
 
     Args:
         path: the file; it is never unpickled.
-        meshes: one per rigid part of the object, or none where only the tracks matter.
+        meshes: one per rigid part of the object, or none where only the tracks matter; by default
+            those that the file names.
         side: which hand, where the file does not say; of two hands, the one to read.
         fps: frames a second, where the file does not say.
         wrist_offset: MANO's J0(betas), which the smplx layout needs for an exact wrist unless it
@@ -107,18 +112,31 @@ def load_sequence(
     path = Path(path)
     record = read_fields(path)
     layout = layout_of(record)
-    read = read_hands(record, layout, HandOptions(side, wrist_offset))
-    motion = read_object(record, meshes)
-    rate, fps_notes = fps_of(record, fps)
-    notes = (*read.notes, *fps_notes)
+    meshes, mesh_notes = (meshes, ()) if meshes is not None else find_meshes(record, path.parent)
+    sequence, notes = sequence_in(record, layout, meshes, HandOptions(side, wrist_offset), fps)
+    notes = (*notes, *mesh_notes)
     for note in (*notes, *misspelt(record, layout)):
         LOG.warning("%s: %s", path, note)
     made_from = record.optional_text("source") if layout == FORMAT else None
     source = f"{path.name} ({'; '.join((LAYOUT_NAMES[layout], *notes))})"
     source = f"{source} made from {made_from}" if made_from else source
-    sequence = Sequence(read.hands, motion, rate, source)
+    sequence = replace(sequence, source=source)
     check_sequence(sequence, str(path))
     return sequence
+
+
+def sequence_in(
+    record: Record,
+    layout: Layout,
+    meshes: tuple[Mesh, ...],
+    options: HandOptions,
+    fps: float | None,
+) -> tuple[Sequence, tuple[str, ...]]:
+    """The sequence in the fields of a layout, and what had to be assumed, in words."""
+    read = read_hands(record, layout, options)
+    motion = read_object(record, meshes)
+    rate, notes = fps_of(record, fps)
+    return Sequence(read.hands, motion, rate), (*read.notes, *notes)
 
 
 def fps_of(record: Record, given: float | None) -> tuple[float, tuple[str, ...]]:
@@ -137,7 +155,9 @@ def fps_of(record: Record, given: float | None) -> tuple[float, tuple[str, ...]]
 def save_sequence(
     sequence: Sequence, path: Path | str, *, extra: Mapping[str, np.ndarray] | None = None
 ) -> None:
-    """Write a sequence as a geneoh-sequence npz, whole or not at all; meshes are not in it.
+    """Write a sequence as a geneoh-sequence npz, whole or not at all.
+
+    Of the object's meshes it keeps the paths, relative to the file, and hashes.
 
     Equal sequences give equal bytes.
 
@@ -150,10 +170,11 @@ def save_sequence(
         InputError: the place cannot be written to.
         ValueError: an extra array has the name of a field of the layout, or holds objects.
     """
-    arrays = sequence_arrays(sequence)
+    path = Path(path)
+    arrays = sequence_arrays(sequence) | mesh_arrays(sequence.object.meshes, path.parent)
     if taken := arrays.keys() & (extra or {}).keys():
         raise ValueError(f"extra arrays need names of their own, got {sorted(taken)}")
-    write_archive(Path(path), {**arrays, **(extra or {})})
+    write_archive(path, {**arrays, **(extra or {})})
 
 
 def sequence_arrays(sequence: Sequence) -> Arrays:

@@ -22,6 +22,8 @@ HAND_FIELDS = ("pose", "wrist", "betas", "joints", "valid", "confidence", "joint
 """Fields of a hand in our own layout, where each has its side in front."""
 OBJECT_FIELDS = ("object_rotation", "object_translation", "obj_pose")
 """Fields of the object in every layout."""
+MESH_FIELDS = ("object_files", "object_hashes")
+"""Where the object's meshes are and what they held, in files that geneoh wrote."""
 SMPLX_PARAMETERS = ("global_orient", "hand_pose", "transl")
 JOINT_NAMES = {name: name for name in ("joints", "valid", "confidence")}
 TACO_NAMES = {
@@ -115,7 +117,7 @@ def refuse_other_format(record: Record) -> None:
 
 def misspelt(record: Record, layout: Layout) -> list[str]:
     """Unknown fields that look like a known one that the file lacks, with that one."""
-    known = {*LAYOUTS[layout], *OBJECT_FIELDS}
+    known = {*LAYOUTS[layout], *OBJECT_FIELDS, *MESH_FIELDS}
     missing = sorted(known - set(record.values))
     close = {
         name: difflib.get_close_matches(name, missing, 1, TYPO_CUTOFF)

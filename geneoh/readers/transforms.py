@@ -6,9 +6,6 @@ from scipy.spatial.transform import Rotation
 from geneoh.errors import InputError
 from geneoh.readers.records import Array
 
-MIRROR_X = np.array([-1.0, 1.0, 1.0])
-"""Reflection of points x -> -x."""
-
 SINGULAR = 1e-12
 """Determinant below which a matrix counts as one that cannot be inverted."""
 
@@ -66,8 +63,3 @@ def inverse(matrices: Array, where: str) -> Array:
 def moved_points(points: Array, frame: Array) -> Array:
     """(T, P, 3) points taken into another frame by (T, 4, 4) matrices."""
     return points @ frame[:, :3, :3].transpose(0, 2, 1) + frame[:, None, :3, 3]
-
-
-def mirrored_pose(pose: Array) -> Array:
-    """(T, 16, 3) axis-angle vectors of the other hand: the reflection x -> -x."""
-    return pose * -MIRROR_X

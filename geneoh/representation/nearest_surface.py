@@ -1,4 +1,4 @@
-"""The surface point nearest to each keypoint: where a hand touches, or how deep it is."""
+"""The surface point nearest to each keypoint: where the hand touches or enters the object."""
 
 import torch
 from jaxtyping import Float, Int
@@ -11,9 +11,9 @@ def nearest_points(
     normals: Float[Tensor, "*B P 3"],
 ) -> tuple[Float[Tensor, "*B N 3"], Float[Tensor, "*B N 3"]]:
     """The nearest of the surface points to each keypoint and its outward normal, same frame."""
-    center = points.mean(-2, keepdim=True)  # the squares below lose digits far from the origin
+    center = points.mean(-2, keepdim=True)  # squares lose digits far from the origin
     around, apart = points - center, joints - center
-    # |j - p|^2 less |j|^2, which is the same for every point, as one product
+    # |j - p|^2 - |j|^2 as one matrix product: |j|^2 is the same for every point
     right = torch.cat([-2 * around, around.square().sum(-1, keepdim=True)], dim=-1)
     left = torch.cat([apart, torch.ones_like(apart[..., :1])], dim=-1)
     index = (left @ right.mT).min(-1).indices[..., None].expand(*joints.shape)
@@ -28,10 +28,10 @@ def nearest_on_parts(
     rotation: Float[Tensor, "B T Q 3 3"],
     translation: Float[Tensor, "B T Q 3"],
 ) -> tuple[Float[Tensor, "B T N 3"], Float[Tensor, "B T N 3"]]:
-    """The same in the world, where each surface point moves with its part of the object.
+    """`nearest_points` in the world, where each surface point moves with its part of the object.
 
-    Points of a part are compared in its frame, for all frames at once: much faster than to place
-    all points in every frame.
+    Points of a part are compared in its own frame, for all frames at once, which is much faster
+    than moving all points to the world in every frame.
     """
     found, normal = torch.zeros_like(joints), torch.zeros_like(joints)
     least = joints.new_full(joints.shape[:-1], torch.inf)
@@ -41,7 +41,7 @@ def nearest_on_parts(
         if not some.any():
             continue
         turn, shift = rotation[some, :, index], translation[some, :, index, None]
-        # where a point is of another part, one of this part once more
+        # entries of other parts are replaced by a point of this part
         pick = torch.where(own, torch.arange(own.shape[1]).to(part), own.int().argmax(1)[:, None])
         pick = pick[some, :, None].expand(-1, -1, 3)
         near, outward = nearest_points(

@@ -1,8 +1,8 @@
 """A hand's trajectory as its parameters in the canonical frame, and changes between two of them.
 
 The trajectory of keypoints (paper 3.1) follows from it by forward kinematics with the person's own
-bones: noise of hand trackers is simple here (independent per parameter, around the truth), while on
-keypoints it shortens fingers.
+bones. Noise of hand trackers is simple here: it is independent per parameter and centred on the
+truth, while noise on keypoints changes the lengths of bones.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from geneoh.hand.skeleton import forward_kinematics
 from geneoh.representation.region import ContactRegion
 
 UNIT = (0.01,) * 3 + (0.08,) * 3 + (0.25,) * 45
-"""What counts as a change of one: wrist (m), global rotation (rad), finger joints (rad)."""
+"""Units of a change: wrist (m), global rotation (rad), finger joints (rad)."""
 
 
 @dataclass(frozen=True)
@@ -94,6 +94,9 @@ class HandParameters(Bundle):
 def turned(
     change: Float[Tensor, "*B 51"], axes: Float[Tensor, "*#B 3 3"]
 ) -> Float[Tensor, "*B 51"]:
-    """A change whose wrist moves in other axes, given as columns; the rest is the hand's own."""
+    """The same change with the wrist's motion in other axes, given as columns.
+
+    Turn and fingers are relative to the hand and stay.
+    """
     wrist = (change[..., None, :3] @ axes)[..., 0, :]
     return torch.cat([wrist, change[..., 3:]], dim=-1)

@@ -55,7 +55,7 @@ class ContactRegion(Bundle):
         )
 
     def held_still(self) -> "ContactRegion":
-        """The same points seen from one frame for all time, the world's axes at their mean."""
+        """The same points in a canonical frame that stands still, with the axes of the world."""
         upright = torch.eye(3).to(self.rotation).expand_as(self.rotation)
         middle = self.center.mean(-2, keepdim=True).expand_as(self.center)
         return ContactRegion(self.points, self.normals, upright, middle)
@@ -92,8 +92,8 @@ def distance_to_trajectory(
     points: Float[Tensor, "*B T P 3"], joints: Float[Tensor, "*B T 21 3"]
 ) -> Float[Tensor, "*B P"]:
     """Least distance of each moving point to any keypoint over all frames, metres."""
-    # cdist's shortcut through a matrix product is off by a millimetre two metres from the origin,
-    # and the points that are chosen would depend on where the world has its origin.
+    # The matrix product that cdist takes by default is off by a millimetre two metres from the
+    # origin: the choice of points would depend on where the origin of the world is.
     apart = torch.cdist(points, joints, compute_mode="donot_use_mm_for_euclid_dist")
     return apart.amin(-1).amin(-2)
 
@@ -138,14 +138,14 @@ def contact_region(
     count: int,
     every: int = 1,
 ) -> ContactRegion:
-    """Contact points of the hand at hand, never of a ground truth, and their frame.
+    """Contact points near the given hand, which is never the ground truth, and their frame.
 
     Args:
         joints: the hand's keypoints, world.
         points: object surface points in the frame of their part, with `normals` and `part` index.
         rotation: part to world, with `translation`.
         count: number of contact points K (N_o of the paper).
-        every: look at every n-th frame only when measuring closeness.
+        every: closeness is measured in every n-th frame only.
     """
     world, normals_world = surface_to_world(points, normals, part, rotation, translation)
     distance = distance_to_trajectory(world[..., ::every, :, :], joints[..., ::every, :, :])

@@ -9,11 +9,12 @@ from dataclasses import dataclass, replace
 from jaxtyping import Float
 from torch import Tensor
 
+from geneoh.bundle import Bundle
 from geneoh.representation.region import ContactRegion
 
 
 @dataclass(frozen=True)
-class SpatialRelations:
+class SpatialRelations(Bundle):
     """s_o = ((o - t) R^T, n R^T, {(h - o) R^T}) in the paper's row notation, K contact points.
 
     The hand h that each point implies is kept (claim 1 of appendix A.2) instead of its offset

@@ -6,6 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from geneoh.bundle import Bundle
 from geneoh.representation.region import ContactRegion
 
 DISTANCE_DECAY = 50.0
@@ -17,8 +18,11 @@ NORMAL_GAIN = 1.0
 
 
 @dataclass(frozen=True)
-class PairStatistics:
-    """What eq. (1) says of every keypoint and contact point, for T - 1 frame pairs."""
+class PairStatistics(Bundle):
+    """Motion of keypoints relative to contact points (eq. 1) over T - 1 frame pairs.
+
+    Canonical frame, metres and seconds.
+    """
 
     distance: Float[Tensor, "*B T1 K 21"]
     velocity: Float[Tensor, "*B T1 K 21 3"]
@@ -31,7 +35,7 @@ class PairStatistics:
 
 @dataclass(frozen=True)
 class TemporalRelations(PairStatistics):
-    """T of eq. (1) for T - 1 frame pairs, canonical frame, metres and seconds."""
+    """T of eq. (1): the statistics of all pairs, with the object's own motion."""
 
     object_velocity: Float[Tensor, "*B T1 K 3"]
     normals: Float[Tensor, "*B T1 K 3"]

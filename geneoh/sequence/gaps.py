@@ -4,7 +4,7 @@ import torch
 from jaxtyping import Bool
 from torch import Tensor
 
-from geneoh.sequence.interpolation import Between
+from geneoh.sequence.interpolation import FrameInterpolation
 from geneoh.sequence.sequence import HandTrack
 
 
@@ -20,14 +20,14 @@ def fill_gaps(hand: HandTrack) -> HandTrack:
     return observed_around(hand.valid).hand(hand, hand.valid)
 
 
-def observed_around(valid: Bool[Tensor, " T"]) -> Between:
-    """For each frame the observed frames around it, and how far it stands between them."""
+def observed_around(valid: Bool[Tensor, " T"]) -> FrameInterpolation:
+    """For each frame the nearest observed frames before and after it, and its place between."""
     frames = torch.arange(len(valid), device=valid.device)
     observed = frames[valid]
     assert len(observed), "a hand that was never observed cannot be filled"
     after = torch.searchsorted(observed, frames).clamp(max=len(observed) - 1)
     before = (torch.searchsorted(observed, frames, right=True) - 1).clamp(min=0)
     start, end = observed[before], observed[after]
-    # Before the first and after the last observation both ends are that one frame.
+    # Before the first and after the last observation both neighbours are the same frame.
     fraction = torch.where(end > start, (frames - start) / (end - start), 0.0)
-    return Between(start, end, fraction)
+    return FrameInterpolation(start, end, fraction)

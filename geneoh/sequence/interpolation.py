@@ -1,4 +1,4 @@
-"""Tracks between their frames: points on the straight line, rotations on the shorter arc."""
+"""Interpolation between frames: points on straight lines, rotations on the shorter arc."""
 
 from dataclasses import dataclass, replace
 
@@ -16,8 +16,8 @@ from geneoh.sequence.sequence import HandTrack
 
 
 @dataclass(frozen=True)
-class Between:
-    """N places on the frame axis, each between two frames; fraction 0 is exactly the first."""
+class FrameInterpolation:
+    """N instants, each between two frames of a track; fraction 0 is exactly the first of them."""
 
     before: Int[Tensor, " N"]
     after: Int[Tensor, " N"]
@@ -33,7 +33,7 @@ class Between:
         """Rotation matrices, interpolated on the shorter arc."""
         fraction = self.fraction.to(rotation)[:, None]
         turned = interpolate_rotations(rotation[self.before], rotation[self.after], fraction)
-        # Where nothing is between, the frame itself: not a digit changes.
+        # At fraction 0 the frame itself is taken: the interpolation would round it.
         exact = (fraction == 0)[..., None, None]
         return torch.where(exact, rotation[self.before], turned)
 
@@ -43,7 +43,7 @@ class Between:
         return torch.where((self.fraction == 0)[:, None, None], pose[self.before], turned)
 
     def hand(self, hand: HandTrack, valid: Bool[Tensor, " N"]) -> HandTrack:
-        """The hand at these places, of which `valid` says where it was observed."""
+        """The hand at these instants; `valid` marks those that count as observed."""
         moved = hand.map(
             lambda values: (
                 self.points(values) if values.is_floating_point() else values[self.before]

@@ -1,7 +1,7 @@
 """Noise as hand trackers make it, drawn on pose parameters and posed with the hand's own skeleton.
 
-Seven kinds. The first three are the papers': independent in every frame. The others are what real
-tracks suffer from: a constant bias, slow drift, bursts, and frames that are lost.
+Seven kinds. The first three are those of the papers, drawn anew in every frame; the others imitate
+the errors of real trackers: a constant bias, slow drift, bursts, and lost frames.
 """
 
 import math
@@ -24,11 +24,11 @@ from geneoh.hand.skeleton import (
 from geneoh.sequence.sequence import HandTrack, Sequence
 
 DRIFT_FRAMES = 10.0
-"""Correlation time of the drift."""
+"""Correlation time of the drift in frames."""
 BURST_SHARE, BURST_FACTOR = 0.05, 9.0
-"""Share of the frames that burst, and how many times larger their noise is."""
+"""Share of the frames with a burst, and the factor by which their noise is larger."""
 DROP_SHARE, DROP_SHORTEST, DROP_LONGEST = 0.15, 3, 7
-"""Share of the frames in runs that are lost (some runs overlap), and the runs' lengths."""
+"""Share of the frames that are lost in runs (some runs overlap), and the lengths of a run."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Sizes:
     """Radians, on each component of the finger joints' axis-angle."""
 
     def scale(self, unit: Float[Tensor, "*B 51"]) -> Float[Tensor, "*B 51"]:
-        """Unit noise on 3 translations, 3 global angles and 45 finger angles, brought to size."""
+        """Unit noise on 3 translations, 3 global and 45 finger angles, scaled to these sizes."""
         sizes = [self.translation] * 3 + [self.orientation] * 3 + [self.fingers] * 45
         return unit * unit.new_tensor(sizes)
 
@@ -60,14 +60,14 @@ SIZES: dict[Noise, Sizes] = {
 
 
 def corrupt_sequence(sequence: Sequence, noise: Noise, *, generator: torch.Generator) -> Sequence:
-    """Every hand of a sequence corrupted, its object kept; the source says how."""
+    """The sequence with every hand corrupted; its source names the noise and the seed."""
     hands = tuple(corrupt(hand, noise, generator=generator) for hand in sequence.hands)
     source = f"{noise} noise, seed {generator.initial_seed()}, on {sequence.source}"
     return replace(sequence, hands=hands, source=source)
 
 
 def corrupt(hand: HandTrack, noise: Noise, *, generator: torch.Generator) -> HandTrack:
-    """A noisy twin of a clean track: same person, same object, worse observation.
+    """A noisy version of a clean track.
 
     With a pose, noise is added to its axis-angle components, and the joints follow from the noisy
     pose and the skeleton that the clean track was made with. Joints alone are turned about each
@@ -114,7 +114,7 @@ def noisy_joints(
     assert hand.joints is not None, "asked for the joints of a track that has none"
     wrist = hand.joints[:, 0] + shift
     if hand.pose is None:
-        # The hand as it stands in each frame is the rest pose that the turns act on.
+        # Without a pose, the keypoints of each frame serve as the rest pose that is turned.
         mano = hand.joints[:, list(MANO_FROM_OPENPOSE)]
         bones = mano[:, 1:] - mano[:, [*PARENTS[1:], *TIP_PARENTS]]
         return forward_kinematics(axis_angle_to_matrix(turn), wrist, bones)[0]
@@ -128,10 +128,10 @@ def draw_noise(
     """Additive noise on the hand's parameters, and which frames are kept.
 
     Args:
-        noise: which kind.
+        noise: kind of the noise.
         frames: length of the track.
-        generator: of the CPU, so that every device sees the same noise.
-        batch: leading axes, tracks of independent noise.
+        generator: random numbers of the CPU, so that every device gets the same noise.
+        batch: leading axes; their tracks have independent noise.
 
     Returns:
         Offsets on translation (3, metres), global rotation (3) and fingers (45, radians); the mask
@@ -161,12 +161,12 @@ def draw_noise(
 
 
 def draw_beta(shape: tuple[int, ...], *, generator: torch.Generator) -> Float[Tensor, "..."]:
-    """Draws from Beta(8, 2): the eighth smallest of nine uniform numbers follows that law."""
+    """Draws from Beta(8, 2), the distribution of the eighth smallest of nine uniform numbers."""
     return torch.rand((*shape, 9), generator=generator).sort(-1).values[..., 7]
 
 
 def ornstein_uhlenbeck(white: Float[Tensor, "*B T D"]) -> Float[Tensor, "*B T D"]:
-    """Unit-variance noise with correlation time `DRIFT_FRAMES`, from white noise."""
+    """White noise turned into unit-variance noise of correlation time `DRIFT_FRAMES`."""
     stay = math.exp(-1 / DRIFT_FRAMES)
     steps = [white[..., 0, :]]
     for t in range(1, white.shape[-2]):
@@ -175,7 +175,7 @@ def ornstein_uhlenbeck(white: Float[Tensor, "*B T D"]) -> Float[Tensor, "*B T D"
 
 
 def draw_drops(keep: Bool[Tensor, "*B T"], *, generator: torch.Generator) -> Bool[Tensor, "*B T"]:
-    """Lose runs of frames; the last frames stay, and clips too short for a run lose none."""
+    """The mask with random runs of frames removed; clips too short for a run lose none."""
     frames = keep.shape[-1]
     starts = frames - DROP_LONGEST - 1
     if starts < 1:

@@ -1,16 +1,23 @@
-"""Frame rates: to the networks' rate at the border, and back to the user's."""
+"""The same motion at other frame rates."""
 
 from dataclasses import replace
 
 import torch
+from jaxtyping import Int
+from torch import Tensor
 
 from geneoh.errors import InputError
 from geneoh.sequence.gaps import fill_gaps
-from geneoh.sequence.interpolation import Between
+from geneoh.sequence.interpolation import FrameInterpolation
 from geneoh.sequence.sequence import Sequence
 
 FPS_DIGITS = 6
 """Decimals kept of a frame rate, so that going back lands on the rate one came from."""
+
+
+def nearest_frames(before: int, after: int) -> Int[Tensor, " N"]:
+    """For each of `after` frames the nearest in time of `before` frames over the same time."""
+    return torch.linspace(0, before - 1, after, dtype=torch.float64).round().long()
 
 
 def at_rate(sequence: Sequence, fps: float) -> Sequence:
@@ -40,10 +47,10 @@ def over_frames(sequence: Sequence, frames: int) -> Sequence:
             f"sides, got {sequence.frames} to {frames}; keep the single frame as it is"
         )
     last = sequence.frames - 1
-    # In float64, and by one division, so that places which fall on a frame do so exactly.
+    # In float64 and by one division, so that instants which fall on a frame do so exactly.
     place = torch.arange(frames, dtype=torch.float64) * last / (frames - 1)
     before = place.floor().long().clamp(max=last)
-    between = Between(before, (before + 1).clamp(max=last), place - before)
+    between = FrameInterpolation(before, (before + 1).clamp(max=last), place - before)
     nearest = (place + 0.5).floor().long()
     motion = replace(
         sequence.object,

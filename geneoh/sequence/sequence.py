@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, replace
 
-import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
@@ -11,9 +10,7 @@ from geneoh.choices import Side
 from geneoh.errors import InputError
 from geneoh.geometry.distance import MovingSurface, SurfaceDistance
 from geneoh.geometry.mesh import Mesh
-
-MIRROR = (-1.0, 1.0, 1.0)
-"""Reflection x -> -x of points; an axis-angle vector turns by the opposite signs."""
+from geneoh.geometry.mirror import mirror_axis_angle, mirror_points, mirror_rotations
 
 
 @dataclass(frozen=True)
@@ -58,13 +55,12 @@ class HandTrack(Bundle):
 
     def mirrored(self) -> "HandTrack":
         """The reflection x -> -x of this track: a left hand becomes a right one and back."""
-        flip = self.valid.new_tensor(MIRROR, dtype=torch.float32)
         return replace(
             self,
             side="right" if self.side == "left" else "left",
-            joints=None if self.joints is None else self.joints * flip,
-            pose=None if self.pose is None else self.pose * -flip,
-            wrist=None if self.wrist is None else self.wrist * flip,
+            joints=None if self.joints is None else mirror_points(self.joints),
+            pose=None if self.pose is None else mirror_axis_angle(self.pose),
+            wrist=None if self.wrist is None else mirror_points(self.wrist),
         )
 
 
@@ -78,12 +74,11 @@ class ObjectTrack(Bundle):
 
     def mirrored(self) -> "ObjectTrack":
         """The reflection x -> -x of the meshes and of their motion."""
-        flip = self.translation.new_tensor(MIRROR)
         return replace(
             self,
             meshes=tuple(mesh.mirrored() for mesh in self.meshes),
-            rotation=flip[:, None] * self.rotation * flip,
-            translation=self.translation * flip,
+            rotation=mirror_rotations(self.rotation),
+            translation=mirror_points(self.translation),
         )
 
     def surface(self) -> MovingSurface:

@@ -1,7 +1,7 @@
-"""Whether a sequence can be what it says: metres, radians, rigid motion, hand and object together.
+"""Plausibility of a sequence: metres, radians, rigid motion, a hand that comes near its object.
 
-Shapes and finiteness are the business of whoever builds the tracks; here the numbers are looked at.
-The limits are far outside of what any hand does, so that noise never meets them.
+Shapes and finite hands are checked where tracks are built; here the size of the numbers is checked.
+The limits lie far outside of what a hand does, so that noise does not reach them.
 """
 
 import torch
@@ -12,30 +12,32 @@ from geneoh.errors import InputError
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
 SMALLEST_HAND, LARGEST_HAND = 0.03, 1.0
-"""Metres between the two keypoints that are farthest apart; a child's fist has 0.06, a wide adult
-hand 0.25, and the largest noise in use adds centimetres."""
+"""Limits in metres of the distance between the keypoints that are farthest apart. A child's fist
+has 0.06, a spread adult hand 0.25, and the largest noise in use adds centimetres."""
 
 LARGEST_ANGLE = 4 * torch.pi
-"""Radians of one axis-angle vector; half a turn says everything, degrees are far beyond."""
+"""Largest length of an axis-angle vector, radians. Half a turn describes every rotation; vectors in
+degrees are longer."""
 
 LARGEST_FPS = 1000.0
 
 FARTHEST_HAND = 0.5
-"""Metres between the object's bounding ball and the wrist where it comes nearest."""
+"""Largest distance in metres between the object's bounding ball and the wrist in the frame in which
+they are nearest."""
 
 RIGID_TOLERANCE = 1e-2
-"""Largest entry of R^T R - I: half precision in the file leaves 1e-3."""
+"""Largest entry of R^T R - I; rotations stored in half precision have 1e-3."""
 
 
 def check_sequence(sequence: Sequence, name: str = "") -> None:
     """Refuse a sequence that cannot be an interaction in metres, radians and frames a second.
 
     Args:
-        sequence: of finite numbers wherever a hand is valid.
-        name: what the message calls it, by default its source.
+        sequence: its hands are finite wherever they are valid.
+        name: of the sequence in messages, by default its source.
 
     Raises:
-        InputError: what is wrong first, with what to do about it.
+        InputError: the first fault that is found, with its remedy.
     """
     name = name or sequence.source or "the sequence"
     sides = [hand.side for hand in sequence.hands]
@@ -61,7 +63,7 @@ def check_sequence(sequence: Sequence, name: str = "") -> None:
 
 
 def check_hand(hand: HandTrack, name: str) -> None:
-    """Refuse a hand of the wrong size or with angles that are no radians."""
+    """Refuse a hand of the wrong size or with angles that are not in radians."""
     if not bool(hand.valid.any()):
         raise InputError(
             f"{name}: at least one frame must hold the {hand.side} hand, got {hand.frames} frames "
@@ -86,7 +88,7 @@ def check_hand(hand: HandTrack, name: str) -> None:
 
 def hand_span(joints: Float[Tensor, "T 21 3"]) -> Float[Tensor, ""]:
     """Distance of the two keypoints farthest apart, in the median frame."""
-    # cdist's shortcut through a matrix product is off by a millimetre two metres from the origin
+    # The matrix product that cdist takes by default is off by a millimetre at two metres
     apart = torch.cdist(joints, joints, compute_mode="donot_use_mm_for_euclid_dist")
     return apart.flatten(1).amax(1).median()
 
@@ -114,12 +116,12 @@ def check_object(motion: ObjectTrack, name: str) -> None:
         frame = int(wrong[0])
         raise InputError(
             f"{name}: the object's rotations must be rotation matrices with R^T R = I and "
-            f"determinant 1, got {what_it_is(motion.rotation[frame])} in frame {frame}"
+            f"determinant 1, got {describe_matrix(motion.rotation[frame])} in frame {frame}"
         )
 
 
-def what_it_is(rotation: Float[Tensor, "Q 3 3"]) -> str:
-    """What stands in the place of a rotation, and what to do about it."""
+def describe_matrix(rotation: Float[Tensor, "Q 3 3"]) -> str:
+    """What the first matrix is instead of a rotation, and the remedy, for a message."""
     determinant = float(torch.linalg.det(rotation)[0])
     if determinant < 0:
         return f"determinant {determinant:.3g}, a reflection; mirror the mesh instead"

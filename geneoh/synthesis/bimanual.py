@@ -6,6 +6,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from geneoh.geometry.mirror import mirror_points
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import forward_kinematics
 from geneoh.synthesis.grasps import Grasps
@@ -73,8 +74,7 @@ def grasp_directions(solids: Solids, shared: Int[Tensor, " C"]) -> Float[Tensor,
     longest = torch.nn.functional.one_hot(extents.argmax(-1), 3).to(extents)
     direction = torch.zeros_like(longest)
     direction[shared] = longest[shared]
-    flip = direction.new_tensor([-1.0, 1.0, 1.0])
-    direction[len(direction) - len(shared) :] = -longest[shared] * flip
+    direction[len(direction) - len(shared) :] = -mirror_points(longest[shared])
     return direction
 
 
@@ -99,8 +99,7 @@ def pair_hands(grasps: Grasps, shared: Int[Tensor, " C"], config: BimanualConfig
     """
     single = len(grasps.kept) - len(shared)
     joints = forward_kinematics(axis_angle_to_matrix(grasps.pose), grasps.wrist, grasps.offsets)[0]
-    flip = joints.new_tensor([-1.0, 1.0, 1.0])
-    gap = torch.cdist(joints[shared], joints[single:] * flip).amin((1, 2))
+    gap = torch.cdist(joints[shared], mirror_points(joints[single:])).amin((1, 2))
     both = grasps.kept[shared] & grasps.kept[single:] & (gap > config.gap)
     number = grasps.kept.cumsum(0) - 1
     first = torch.full((len(grasps.kept),), -1)

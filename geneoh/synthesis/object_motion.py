@@ -7,6 +7,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from geneoh.geometry.mirror import mirror_points, mirror_rotations
 from geneoh.geometry.rotations import axis_angle_to_matrix, skew
 from geneoh.synthesis.bimanual import HandPairs
 from geneoh.synthesis.schedule import Schedule
@@ -198,10 +199,10 @@ def carry(
     still = (still & works & (held.index == 1))[:, None, None]
     rotation = torch.where(still[..., None], rotation[:, :1], rotation)
     translation = torch.where(still, translation[:, :1], translation)
-    flip, second = rotation.new_tensor([-1.0, 1.0, 1.0]), pairs.second[:, None, None]
-    mirrored = flip[:, None] * rotation[pairs.leader] * flip
+    second = pairs.second[:, None, None]
+    mirrored = mirror_rotations(rotation[pairs.leader])
     rotation = torch.where(second[..., None], mirrored, rotation)
-    translation = torch.where(second, translation[pairs.leader] * flip, translation)
+    translation = torch.where(second, mirror_points(translation[pairs.leader]), translation)
 
     turn, shift = solids.joint_pose(travelled)
     moved = (rotation @ shift[..., None])[..., 0]

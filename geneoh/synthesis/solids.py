@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from geneoh.bundle import Bundle
+from geneoh.geometry.mirror import mirror_points, mirror_rotations, mirror_signs
 from geneoh.geometry.rotations import axis_angle_to_matrix
 
 SOLIDS = 4
@@ -57,15 +58,15 @@ class Solids(Bundle):
 
     def mirrored(self) -> "Solids":
         """The mirror images at x = 0: what is a left hand's object is then a right hand's."""
-        flip = self.center.new_tensor([-1.0, 1.0, 1.0])
+        flip = mirror_signs(self.center)
         # turning about an axis and its mirror image are opposite; sliding along them is not
         axis = self.axis * torch.where(self.slides[:, None], flip, -flip)
         return replace(
             self,
-            center=torch.where(self.center < FAR / 2, self.center * flip, self.center),
-            rotation=flip[:, None] * self.rotation * flip,  # each solid is its own mirror image
+            center=torch.where(self.center < FAR / 2, mirror_points(self.center), self.center),
+            rotation=mirror_rotations(self.rotation),  # each solid is its own mirror image
             axis=axis,
-            pivot=self.pivot * flip,
+            pivot=mirror_points(self.pivot),
         )
 
     def joint_pose(

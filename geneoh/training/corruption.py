@@ -12,6 +12,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from geneoh.geometry.mirror import MIRROR
 from geneoh.synthesis.draws import uniform
 
 
@@ -128,7 +129,7 @@ def _one_sided(
 
     Signs are those of a right hand, of a mirrored left one, or random.
     """
-    flip = torch.tensor([-1.0, 1.0, 1.0])
+    flip = torch.tensor(MIRROR)
     left = torch.cat([flip, -flip.repeat(16)])
     random = torch.randn(batch, 51, generator=generator).sign()
     draw = torch.rand(batch, 1, generator=generator)

@@ -11,16 +11,17 @@ from torch import Tensor
 
 from geneoh.choices import Side
 from geneoh.errors import InputError, MissingAssetError
-from geneoh.fitting.fit import fit_keypoints
 from geneoh.geometry.distance import MovingSurface
 from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.mirror import mirror_axis_angle, mirror_points
 from geneoh.geometry.rigid import Rigid
 from geneoh.geometry.rotations import matrix_to_quat_wxyz
 from geneoh.hand.library import hand_of_betas, load_hand
 from geneoh.hand.model import HandModel
 from geneoh.metrics.report import FrameMeasures, measure_frames
 from geneoh.pipeline.subject import subject_of
-from geneoh.sequence.sequence import MIRROR, HandTrack, ObjectTrack, Sequence
+from geneoh.sequence.resample import nearest_frames
+from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh.viz.surface import with_sharp_edges
 
 EXACT_WITHIN = 0.03
@@ -171,7 +172,7 @@ def make_scene(
 
 def _at_frames(drawn: Float[Tensor, "S R 21 3"], frames: int) -> Float[Tensor, "S T 21 3"]:
     """The same span of time in another number of frames: the nearest in time."""
-    return drawn[:, torch.linspace(0, drawn.shape[1] - 1, frames).round().long()]
+    return drawn[:, nearest_frames(drawn.shape[1], frames)]
 
 
 def right_model(track: HandTrack, mano_dir: Path | str | None) -> HandModel:
@@ -194,14 +195,12 @@ def pose_track(
     model = right_model(track, mano_dir)
     with torch.no_grad():
         subject = subject_of(right, model)
-        state = subject.start or fit_keypoints(
-            subject.joints[None], subject.trust[None], subject.shaped
-        )
+        state = subject.parameters()
         posed = subject.shaped.verts_from_rotations(state.rotations, state.wrist)
         verts, joints, pose, wrist = posed.verts[0], subject.joints, state.pose[0], state.wrist[0]
         if track.side == "left":
-            flip = verts.new_tensor(MIRROR)
-            verts, joints, wrist, pose = verts * flip, joints * flip, wrist * flip, pose * -flip
+            verts, joints, wrist = (mirror_points(points) for points in (verts, joints, wrist))
+            pose = mirror_axis_angle(pose)
             model = model.mirrored()
         distance = surface.query(verts).distance
         return PosedTrack(

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from geneoh.errors import InputError, MissingAssetError
+from geneoh.errors import MissingAssetError
 from geneoh.geometry.mesh import MESH_SUFFIXES
 from geneoh.viz.colours import OBJECT_COLOUR, SKIN_COLOUR
 from geneoh.viz.look import OnStep
@@ -50,7 +50,7 @@ def gallery_items(
     """Open and measure every result once.
 
     Beside NAME_clean.npz, its input NAME.npz is shown too where it exists. Without `obj`, the mesh
-    is the file NAME with the ending of a mesh.
+    is the file NAME with the ending of a mesh, else those that the result itself names.
 
     Args:
         results: npz files.
@@ -75,11 +75,9 @@ def gallery_items(
 
 
 def _mesh_beside(path: Path, stem: str) -> tuple[Path, ...]:
-    """The mesh file that has the name of a result."""
-    for suffix in MESH_SUFFIXES:
-        if (mesh := path.with_name(stem + suffix)).is_file():
-            return (mesh,)
-    raise InputError(f"{path}: expected a mesh {stem}.obj beside it, got none; pass --obj MESH")
+    """The mesh file that has the name of a result, if there is one."""
+    beside = (path.with_name(stem + suffix) for suffix in MESH_SUFFIXES)
+    return tuple(mesh for mesh in beside if mesh.is_file())[:1]
 
 
 def measured(version: Version) -> dict[str, float]:

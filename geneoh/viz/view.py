@@ -9,8 +9,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.choices import Axis, Colouring, Side
-from geneoh.pipeline.denoise import Denoised
-from geneoh.pipeline.results import load_samples
+from geneoh.pipeline.results import Denoised, load_samples
 from geneoh.readers.npz_files import load
 from geneoh.sequence.sequence import Sequence
 from geneoh.viz.look import STRIP_CELL, Look, OnStep

@@ -136,7 +136,7 @@ REFUSED = {
     "another ending": ((*VIEW, "-o", "good.png", "-o", "clip.avi"), ("clip.avi", "got '.avi'")),
     "no such frame": ((*VIEW, "-o", "a.png", "--frame", "9"), ("from 0 to 5, got 9",)),
     "no such folder": ((*VIEW, "-o", "none/a.html"), ("none/a.html", "cannot be written")),
-    "a result without a mesh": (("view", "--serve", "clean.npz"), ("clean.obj", "--obj")),
+    "a result without a mesh": (("view", "--serve", "clean.npz"), ("clean.npz", "--obj")),
 }
 
 

@@ -28,7 +28,8 @@ from geneoh.evaluation.protocols import Clip
 from geneoh.evaluation.scores import CaseScorer, ScoringConfig
 from geneoh.hand.library import load_hand
 from geneoh.nn.checkpoint import Checkpoint, save_checkpoint
-from geneoh.pipeline.denoise import Denoised, Options
+from geneoh.pipeline.options import Options
+from geneoh.pipeline.results import Denoised
 from geneoh.readers.npz_files import save_sequence
 from geneoh.training.config import TrainConfig
 from geneoh.training.loop import build_model

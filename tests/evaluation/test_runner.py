@@ -35,7 +35,7 @@ from geneoh.evaluation.runner import (
     tasks_left,
 )
 from geneoh.evaluation.scores import Score, ScoringConfig
-from geneoh.pipeline.denoise import Options
+from geneoh.pipeline.options import Options
 
 CONFIG = ScoringConfig(close_frames=2)
 METHODS = (InputMethod(), FilterMethod("savgol", "keypoints"))

@@ -9,7 +9,7 @@ from geneoh.evaluation.cases import Case
 from geneoh.evaluation.methods import CleanedHand, InputMethod, in_every_frame, joints_of
 from geneoh.evaluation.protocols import Clip
 from geneoh.evaluation.scores import MEASURES, CaseScorer, ScoringConfig, rounded
-from geneoh.pipeline.denoise import Denoised
+from geneoh.pipeline.results import Denoised
 
 CONFIG = ScoringConfig(close_frames=3)
 

@@ -5,7 +5,8 @@ import torch
 import trees
 
 from geneoh.pipeline import denoise as module
-from geneoh.pipeline.denoise import Options, denoise
+from geneoh.pipeline.denoise import denoise
+from geneoh.pipeline.options import Options
 from geneoh.readers.base import ReaderOptions
 from geneoh.readers.recordings import read_one
 

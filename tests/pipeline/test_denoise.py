@@ -6,8 +6,10 @@ import pytest
 import torch
 
 from geneoh.errors import ConfigError, InputError
-from geneoh.pipeline.denoise import Denoised, Options, denoise
+from geneoh.pipeline.denoise import denoise
+from geneoh.pipeline.options import Options
 from geneoh.pipeline.presets import preset
+from geneoh.pipeline.results import Denoised
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 from geneoh.sequence.windows import WINDOW, window_starts
 

@@ -7,7 +7,8 @@ import pytest
 
 from geneoh.choices import Ablation
 from geneoh.fitting.fit import KEYPOINTS_ALONE
-from geneoh.pipeline.denoise import Options, denoise
+from geneoh.pipeline.denoise import denoise
+from geneoh.pipeline.options import Options
 from geneoh.pipeline.presets import preset
 
 STAGES = ("motion", "spatial", "temporal")

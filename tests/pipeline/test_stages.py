@@ -2,7 +2,7 @@
 
 import torch
 
-from geneoh.pipeline.stages import StageContext
+from geneoh.pipeline.context import StageContext
 
 
 def scene_of(frames: int, parts: int = 2) -> StageContext:

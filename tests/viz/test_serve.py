@@ -3,7 +3,6 @@ import warnings
 
 import pytest
 
-from geneoh.errors import InputError
 from geneoh.viz.look import Look
 from geneoh.viz.serve import SORT_MEASURES, Gallery, GalleryItem, gallery_items, measured, sorted_by
 
@@ -39,9 +38,15 @@ def test_the_input_and_the_mesh_are_found_beside_a_result(scene, tmp_path):
     assert asked == [expected]
 
 
-def test_a_result_without_a_mesh_is_refused(tmp_path):
-    with pytest.raises(InputError, match=r"expected a mesh b\.obj beside it"):
-        gallery_items([tmp_path / "b_clean.npz"], (), lambda *_, **__: None)
+def test_without_a_mesh_beside_it_a_result_is_opened_with_the_meshes_that_it_names(scene, tmp_path):
+    asked = []
+
+    def opened(*_, obj):
+        asked.append(obj)
+        return scene
+
+    gallery_items([tmp_path / "b_clean.npz"], (), opened)
+    assert asked == [()]
 
 
 def test_the_gallery_shows_sorts_and_steps(scene):

@@ -19,6 +19,7 @@ from geneoh.choices import Side
 from geneoh.errors import InputError
 from geneoh.geometry.distance import SurfaceDistance
 from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.mirror import MIRROR
 from geneoh.hand.mano import AS_SHIPPED
 from geneoh.hand.model import HandModel
 from geneoh.pickles.files import read_values
@@ -29,7 +30,7 @@ from geneoh.readers.foreign_files import read_record
 from geneoh.readers.mano import RIM, pose_of_coefficients
 from geneoh.readers.meshes import read_mesh
 from geneoh.readers.records import Array, Record
-from geneoh.readers.transforms import MIRROR_X, moved_points, rigid_matrices, rotation_matrices
+from geneoh.readers.transforms import moved_points, rigid_matrices, rotation_matrices
 
 VERTS = 778
 COEFFICIENTS = 24
@@ -67,7 +68,10 @@ class GrabClipsReader(DatasetReader):
                 f"{clip.path}: the pose is coefficients of MANO's components, got no MANO files; "
                 "pass --mano with the folder of your MANO_RIGHT.pkl and MANO_LEFT.pkl"
             )
-        mano, mirror = options.mano(side, AS_SHIPPED), MIRROR_X if side == "left" else np.ones(3)
+        mano, mirror = (
+            options.mano(side, AS_SHIPPED),
+            np.array(MIRROR) if side == "left" else np.ones(3),
+        )
         verts = record.array("f0", ("T", 3 * VERTS)).reshape(-1, VERTS, 3) * mirror
         coefficients = record.array("f2", ("T", COEFFICIENTS))
         fingers = pose_of_coefficients(record, "f2", coefficients, mano, add_mean=False)

@@ -14,13 +14,14 @@ import numpy as np
 
 from geneoh.choices import Side
 from geneoh.errors import InputError
+from geneoh.geometry.mirror import mirror_axis_angle, mirror_points
 from geneoh.hand.mano import MENDED
 from geneoh.readers.base import CrossChecks, ReaderOptions, SourceClip
 from geneoh.readers.builders import hand_track
 from geneoh.readers.dataset_reader import ClipParts, DatasetReader
 from geneoh.readers.foreign_files import frame_number, read_record
 from geneoh.readers.records import FRAME_LIMIT, Array, Record
-from geneoh.readers.transforms import MIRROR_X, axis_angles, mirrored_pose
+from geneoh.readers.transforms import axis_angles
 from geneoh.sequence.sequence import HandTrack
 
 ENDINGS = (".pkl", ".pickle", ".npz", ".pt", ".pth", ".npy")
@@ -92,7 +93,8 @@ class FollowedHand:
         right = detection["right"] > 0.5
         if right != (self.side == "right"):
             return
-        joints = detection["points"] * (1 if right else MIRROR_X) + detection["trans"]
+        points = detection["points"]
+        joints = (points if right else mirror_points(points)) + detection["trans"]
         if frame == self.last:
             now = np.linalg.norm(self.joints[frame, 0] - self.before)
             if not np.linalg.norm(joints[0] - self.before) < now:
@@ -101,7 +103,7 @@ class FollowedHand:
         elif self.last >= 0:
             self.before = self.joints[self.last, 0].copy()
         pose = axis_angles(detection["turns"])
-        self.pose[frame] = pose if right else mirrored_pose(pose)
+        self.pose[frame] = pose if right else mirror_axis_angle(pose)
         self.joints[frame], self.last = joints, frame
         self.betas.append(detection["betas"])
 

@@ -1,0 +1,42 @@
+"""The reflection x -> -x, by which a left hand becomes a right one and back, of tensors and arrays.
+
+Its own inverse, and exact: signs change and no digit does.
+"""
+
+from typing import TypeVar
+
+import numpy as np
+from torch import Tensor
+
+MIRROR = (-1.0, 1.0, 1.0)
+"""Signs of the coordinates of a mirrored point."""
+
+Array = TypeVar("Array", Tensor, np.ndarray)
+
+
+def mirror_signs(like: Array) -> Array:
+    """The signs of a mirrored point as a tensor or array (3,) of the type and place of another."""
+    if isinstance(like, Tensor):
+        return like.new_tensor(MIRROR)
+    return np.array(MIRROR, dtype=like.dtype)
+
+
+def mirror_points(points: Array) -> Array:
+    """Points or vectors (..., 3) in the mirror."""
+    return points * mirror_signs(points)
+
+
+def mirror_axis_angle(vectors: Array) -> Array:
+    """Axis-angle vectors (..., 3) in the mirror, which turns the sense of a rotation round."""
+    return vectors * -mirror_signs(vectors)
+
+
+def mirror_rotations(rotation: Array) -> Array:
+    """Rotation matrices (..., 3, 3) in the mirror: S R S with S the reflection."""
+    signs = mirror_signs(rotation)
+    return signs[:, None] * rotation * signs
+
+
+def mirror_faces(faces: Array) -> Array:
+    """Faces (F, 3) with their corners in the other order, so that they still look outward."""
+    return faces[:, [0, 2, 1]]

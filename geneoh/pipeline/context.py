@@ -1,0 +1,160 @@
+"""The object, the windows and the canonical frames that all stages share."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from geneoh.bundle import Bundle
+from geneoh.denoisers.base import POINTS, Observation
+from geneoh.denoisers.motion import ObservedMotion
+from geneoh.geometry.distance import MovingSurface
+from geneoh.geometry.sampling import sample_surface
+from geneoh.pipeline.subject import Subject
+from geneoh.representation.nearest_surface import nearest_points
+from geneoh.representation.parameters import HandParameters
+from geneoh.representation.region import ContactRegion, contact_region, surface_to_world
+from geneoh.sequence.windows import WINDOW, fold, unfold, window_starts
+
+SURFACE_POINTS = 1024
+"""Points drawn on the surface of the object, all parts together."""
+SELECT_EVERY = 4
+"""Contact points are chosen by every fourth frame, as in training."""
+
+
+@dataclass(frozen=True)
+class StageContext(Bundle):
+    """What the stages know besides the hand: the object's surface and motion, and trust."""
+
+    points: Float[Tensor, "P 3"]
+    """Object surface points in the frame of their part, with `normals` and `part` index."""
+    normals: Float[Tensor, "P 3"]
+    part: Int[Tensor, " P"]
+    rotation: Float[Tensor, "T Q 3 3"]
+    translation: Float[Tensor, "T Q 3"]
+    trust: Float[Tensor, "T 21"]
+    fps: float
+    canonical: bool = True
+    """False for the ablation whose canonical frame stands still in the world."""
+
+    @property
+    def frames(self) -> int:
+        """Number of frames T."""
+        return len(self.rotation)
+
+    @cached_property
+    def starts(self) -> list[int]:
+        """First frame of each window."""
+        return window_starts(self.frames)
+
+    @property
+    def size(self) -> int:
+        """Frames of a window: a short track is one window of its own length."""
+        return min(WINDOW, self.frames)
+
+    def to_object(self, world: Float[Tensor, "S T 21 3"]) -> Float[Tensor, "S T 21 3"]:
+        """Keypoints in the frame of the object's first part, frame by frame."""
+        return (world - self.translation[:, :1]) @ self.rotation[:, 0]
+
+    def to_world(self, local: Float[Tensor, "S T 21 3"]) -> Float[Tensor, "S T 21 3"]:
+        """Inverse of `to_object`."""
+        return local @ self.rotation[:, 0].transpose(-1, -2) + self.translation[:, :1]
+
+    def cut(self, values: Float[Tensor, "..."], axis: int) -> Float[Tensor, "..."]:
+        """Windows of a tensor whose frames lie on `axis`, a window axis W in front of it."""
+        moved = values.movedim(axis, 0)
+        windows = unfold(moved.flatten(1).movedim(0, -2), self.starts, self.size)
+        windows = windows.unflatten(-1, moved.shape[1:])
+        return windows.movedim((0, 1), (axis, axis + 1))
+
+    def windows(self, values: Float[Tensor, "S T ..."]) -> Float[Tensor, "B N ..."]:
+        """All windows of all samples as one batch, samples outermost."""
+        return self.cut(values, 1).flatten(0, 1)
+
+    def blend(self, windows: Float[Tensor, "B N ..."]) -> Float[Tensor, "S T ..."]:
+        """Inverse of `windows`: overlapping windows cross smoothly."""
+        parted = windows.flatten(2).unflatten(0, (-1, len(self.starts)))
+        return fold(parted, self.starts, self.frames).unflatten(-1, windows.shape[2:])
+
+    def region(self, joints: Float[Tensor, "S T 21 3"]) -> ContactRegion:
+        """Contact points of each window of each sample, from that sample's own hand."""
+        windows = self.windows(joints)
+        batch, samples = len(windows), len(joints)
+
+        def of_each(values: Tensor) -> Tensor:
+            return values.expand(batch, *values.shape)
+
+        def in_windows(values: Tensor) -> Tensor:
+            cut = self.cut(values, 0)
+            return cut.expand(samples, *cut.shape).flatten(0, 1)
+
+        region = contact_region(
+            windows,
+            of_each(self.points),
+            of_each(self.normals),
+            of_each(self.part),
+            in_windows(self.rotation),
+            in_windows(self.translation),
+            count=POINTS,
+            every=SELECT_EVERY,
+        )
+        return region if self.canonical else region.held_still()
+
+    def observation(
+        self, joints: Float[Tensor, "S T 21 3"], region: ContactRegion, given: bool
+    ) -> Observation:
+        """The hand that a stage starts from, as the networks' condition."""
+        windows = self.windows(joints)
+        trust = self.cut(self.trust, 0).repeat(len(joints), 1, 1)
+        return Observation(
+            region.to_canon(windows), trust, torch.full((len(windows),), float(given)).to(joints)
+        )
+
+    def observed_motion(self, hand: HandParameters, region: ContactRegion) -> ObservedMotion:
+        """Windows of a hand of the world (one sample), as MotionDiff is shown them."""
+        world, normals = surface_to_world(
+            self.points, self.normals, self.part, self.rotation, self.translation
+        )
+        nearest, outward = nearest_points(hand.joints[0], world, normals)
+        windows = HandParameters(
+            self.windows(hand.wrist),
+            self.windows(hand.turn),
+            self.windows(hand.fingers),
+            hand.offsets.expand(len(region.center), 20, 3),
+        )
+        return ObservedMotion(
+            windows.to_canon(region),
+            self.cut(self.trust, 0).mean(-1),
+            region.to_canon(self.cut(nearest, 0)),
+            self.cut(outward, 0) @ region.rotation,
+            region.rotation,
+            region.center,
+        )
+
+
+def stage_context(
+    surface: MovingSurface,
+    subject: Subject,
+    fps: float,
+    *,
+    generator: torch.Generator,
+) -> StageContext:
+    """The object's surface and motion; points are shared among parts by area."""
+    fields = surface.fields
+    areas = torch.stack([field.mesh.face_vectors().norm(dim=-1).sum() for field in fields])
+    counts = (SURFACE_POINTS * areas / areas.sum()).round().long().clamp(min=16)
+    drawn = [
+        sample_surface(field.solid, int(count), generator=generator)
+        for field, count in zip(fields, counts, strict=True)
+    ]
+    return StageContext(
+        points=torch.cat([part.points for part in drawn]),
+        normals=torch.cat([part.normals for part in drawn]),
+        part=torch.arange(len(fields)).repeat_interleave(counts),
+        rotation=surface.rotation,
+        translation=surface.translation,
+        trust=subject.trust,
+        fps=fps,
+    )

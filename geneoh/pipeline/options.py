@@ -1,0 +1,65 @@
+"""What a user can choose about cleaning."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from geneoh.choices import Ablation, HandSource, PresetName, Selection
+from geneoh.errors import ConfigError
+from geneoh.pipeline.presets import Preset, preset
+
+
+@dataclass(frozen=True)
+class Options:
+    """The settings of `geneoh.denoise`; the defaults are those of `geneoh denoise`."""
+
+    preset: PresetName = "default"
+    """The method: "default", the most accurate that we have; "paper", as GeneOH Diffusion describes
+    it; "fast", the default with one sample and fewer steps."""
+    samples: int | None = None
+    """Number of diffusion chains that are drawn, 1 or more. None leaves it to the preset: 4 in the
+    default one, else 1. From 2 on the result says its expected error (`HandTrack.joint_spread`)."""
+    seed: int = 0
+    """Seed of all random numbers. The same seed, input and settings give the same result; each hand
+    of a sequence is cleaned with it anew."""
+    steps: int | None = None
+    """Denoiser calls of each stage, 1 or more; a stage takes at most as many as its noise level
+    (default 650, 200, 100; paper 400, 200, 100). None leaves it to the preset: 4, 3 and 6 by
+    default, 400, 200 and 100 for the paper's, 3 each for the fast one."""
+    selection: Selection | None = None
+    """Which sample is kept: "closest", the one nearest to the input, or "mean", the mean of all.
+    None leaves it to the preset: the mean, for the paper's the closest."""
+    without: tuple[Ablation, ...] = ()
+    """Parts of the method that are left out, to measure what they are worth; none by default."""
+    hand: HandSource = "embedded"
+    """Hand model of the result: "embedded", the one that ships with geneoh, "mano", from the user's
+    files, where a left hand with betas of the official file keeps the model of that file, or
+    "mano-as-shipped"."""
+    mano_dir: Path | None = None
+    """Folder of the user's MANO files. None leaves it to the environment variable GENEOH_MANO_DIR;
+    the embedded hand needs no file."""
+    weights: Path | None = None
+    """Folder of the networks' weights, as `geneoh train` writes it; None for those that ship."""
+    device: str = "cpu"
+    """Device that the networks and the fit run on, as torch names it: "cpu", "cuda", "cuda:1"."""
+
+    def resolved(self) -> Preset:
+        """The preset with the user's changes.
+
+        Raises:
+            ConfigError: `samples` or `steps` is less than 1.
+        """
+        chosen = preset(self.preset)
+        for name, value in (("samples", self.samples), ("steps", self.steps)):
+            if value is not None and value < 1:
+                raise ConfigError(
+                    f"--{name} must be 1 or more, got {value}; leave it out or raise it"
+                )
+        if self.steps is not None:
+            chosen = chosen.with_steps(self.steps)
+        for part in self.without:
+            chosen = chosen.without(part)
+        return replace(
+            chosen,
+            samples=self.samples or chosen.samples,
+            selection=self.selection or chosen.selection,
+        )

@@ -1,0 +1,74 @@
+"""Sequences from arrays in memory, by the names and with the checks of the file format."""
+
+import difflib
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from torch import Tensor
+
+from geneoh.errors import InputError
+from geneoh.geometry.mesh import Mesh, load_mesh
+from geneoh.readers.npz_files import sequence_in
+from geneoh.readers.npz_hands import HandOptions
+from geneoh.readers.npz_layouts import FORMAT, OBJECT_FIELDS, OWN_FIELDS, quoted
+from geneoh.readers.records import Record
+from geneoh.sequence.sequence import Sequence
+from geneoh.sequence.validation import check_sequence
+
+NAMES = (*OWN_FIELDS, *OBJECT_FIELDS, "hand_model")
+"""What the arrays can be called."""
+
+
+def from_arrays(
+    *,
+    fps: float | int,
+    meshes: Mesh | Path | str | Iterable[Mesh | Path | str] = (),
+    source: str = "arrays",
+    **arrays: Any,
+) -> Sequence:
+    """A sequence from numpy arrays, torch tensors or nested lists in memory.
+
+        sequence = geneoh.from_arrays(
+            right_joints=joints,  # (T, 21, 3)
+            object_rotation=rotation,  # (T, 3, 3), or (T, Q, 3, 3) for an object of Q parts
+            object_translation=translation,  # (T, 3) or (T, Q, 3)
+            fps=30,
+            meshes="mug.obj",
+        )
+
+    Args:
+        fps: frames a second.
+        meshes: of the object, one per rigid part, in metres: a mesh, its file, or a list of them.
+        source: what messages call the sequence.
+        arrays: the fields of the file format by name. Of each hand `right_joints` (T, 21, 3), world
+            frame, metres, OpenPose order, or `right_pose` (T, 16, 3), absolute axis-angle in
+            radians, with `right_wrist` (T, 3), metres; further `right_valid` (T,),
+            `right_confidence` (T, 21), 0 to 1, `right_betas` (10,), and the same with `left_`;
+            `hand_model`, whose betas they are. Frames with NaN count as not observed. Of the object
+            `object_rotation` and `object_translation`, which take its points to the world.
+
+    Raises:
+        InputError: an array has another shape than these, a name is none of these, or the numbers
+            can be no interaction; the message says which and what to do.
+    """
+    given = [meshes] if isinstance(meshes, Mesh | Path | str) else list(meshes)
+    loaded = tuple(mesh if isinstance(mesh, Mesh) else load_mesh(mesh) for mesh in given)
+    for name in arrays:
+        if name not in NAMES:
+            close = difflib.get_close_matches(name, NAMES, 1)
+            cure = f"did you mean '{close[0]}'?" if close else f"the fields are {quoted(NAMES)}"
+            raise InputError(f"{source}: '{name}' is no field of a sequence; {cure}")
+    values = {name: array_of(value) for name, value in arrays.items()}
+    record = Record(source, {**values, "fps": np.array(fps)}, "reshape it")
+    sequence, notes = sequence_in(record, FORMAT, loaded, HandOptions(), None)
+    sequence = replace(sequence, source="; ".join((source, *notes)))
+    check_sequence(sequence, source)
+    return sequence
+
+
+def array_of(value: Any) -> np.ndarray:
+    """A tensor, an array or nested lists as a numpy array."""
+    return value.detach().cpu().numpy() if isinstance(value, Tensor) else np.asarray(value)

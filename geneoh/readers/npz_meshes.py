@@ -1,0 +1,64 @@
+"""Which files an object's meshes came from, kept in a sequence's file and found again."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+
+from geneoh.errors import InputError
+from geneoh.files.npz import Arrays
+from geneoh.geometry.mesh import Mesh, load_mesh
+from geneoh.readers.npz_layouts import MESH_FIELDS
+from geneoh.readers.records import Record
+
+FILES, HASHES = MESH_FIELDS
+
+
+def mesh_arrays(meshes: tuple[Mesh, ...], folder: Path) -> Arrays:
+    """Paths of the meshes' files as seen from a folder, and the SHA-256 of their contents.
+
+    Nothing where a mesh did not come from a file.
+    """
+    sources = [mesh.source for mesh in meshes if mesh.source is not None]
+    if not meshes or len(sources) < len(meshes):
+        return {}
+    return {
+        FILES: np.array([seen_from(folder, source) for source in sources]),
+        HASHES: np.array([mesh.sha256 for mesh in meshes]),
+    }
+
+
+def seen_from(folder: Path, file: Path) -> str:
+    """The path from a folder to a file, so that both can be moved together."""
+    try:
+        return Path(os.path.relpath(file, folder)).as_posix()
+    except ValueError:  # another drive of Windows
+        return str(file.absolute())
+
+
+def find_meshes(record: Record, folder: Path) -> tuple[tuple[Mesh, ...], tuple[str, ...]]:
+    """The meshes that a file in a folder names, where all are there and as they were.
+
+    Returns:
+        The meshes, or none; what to know where they are named and cannot be used, in words.
+
+    Raises:
+        InputError: the names or the hashes are no lists of text.
+    """
+    if FILES not in record:
+        return (), ()
+    names = record.texts(FILES)
+    hashes = record.texts(HASHES) if HASHES in record else []
+    meshes: list[Mesh] = []
+    for index, name in enumerate(names):
+        path = folder / name
+        if not path.is_file():
+            return (), (f"the object's mesh {name} is not there any more",)
+        try:
+            mesh = load_mesh(path)
+        except InputError as error:
+            return (), (f"the object's mesh cannot be used: {error}",)
+        if hashes and (len(hashes) <= index or mesh.sha256 != hashes[index]):
+            return (), (f"the object's mesh {name} is another one than it was",)
+        meshes.append(mesh)
+    return tuple(meshes), ()

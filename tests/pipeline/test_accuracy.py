@@ -1,0 +1,41 @@
+"""How near the cleaner comes to the truth: on a clean recording and at other frame rates."""
+
+import pytest
+import torch
+
+from geneoh.pipeline.denoise import denoise
+from geneoh.pipeline.options import Options
+from geneoh.sequence.noise import corrupt_sequence
+from geneoh.sequence.resample import at_rate
+
+
+def test_a_clean_recording_is_changed_by_at_most_four_millimetres(clean):
+    result = denoise(clean)
+    moved = result.sequence.hands[0].joints - clean.hands[0].joints
+    assert moved.norm(dim=-1).mean() < 0.004
+    assert moved.norm(dim=-1).mean(-1).max() < 0.008
+
+
+@pytest.fixture(scope="module")
+def errors(clean) -> dict[float, tuple[float, float]]:
+    """By frame rate the mean error of two seconds of noisy recording, before and after, metres."""
+    found = {}
+    for fps in (30.0, 60.0, 120.0):
+        truth = at_rate(clean[40:100], fps)
+        generator = torch.Generator().manual_seed(0)
+        noisy = corrupt_sequence(truth, "gauss", generator=generator)
+        result = denoise(noisy, Options(preset="fast")).sequence
+        assert (result.fps, result.frames) == (truth.fps, truth.frames)
+        before, after = (
+            float((sequence.hands[0].joints - truth.hands[0].joints).norm(dim=-1).mean())
+            for sequence in (noisy, result)
+        )
+        found[fps] = before, after
+    return found
+
+
+@pytest.mark.parametrize("fps", [60.0, 120.0])
+def test_other_frame_rates_are_cleaned_as_well_as_thirty_a_second(errors, fps):
+    before, after = errors[fps]
+    assert after < 0.6 * before
+    assert after < 1.25 * errors[30.0][1]

@@ -1,0 +1,83 @@
+"""Sequences from arrays in memory."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+import geneoh
+from geneoh.errors import InputError
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+MESH = EXAMPLES / "taco_object.obj"
+
+
+@pytest.fixture(scope="module")
+def recording():
+    return geneoh.load(EXAMPLES / "taco_noisy.npz", obj=MESH)
+
+
+@pytest.fixture
+def arrays(recording) -> dict[str, np.ndarray]:
+    (hand,), motion = recording.hands, recording.object
+    return {
+        "left_joints": hand.joints.numpy(),
+        "object_rotation": motion.rotation[:, 0].numpy(),
+        "object_translation": motion.translation[:, 0].numpy(),
+    }
+
+
+@pytest.mark.parametrize("kind", [np.asarray, torch.from_numpy, np.ndarray.tolist])
+def test_arrays_tensors_and_lists_make_the_sequence_of_a_file(recording, arrays, kind):
+    given = {name: kind(values) for name, values in arrays.items()}
+    sequence = geneoh.from_arrays(**given, fps=30, meshes=MESH)
+    assert torch.equal(sequence.hands[0].joints, recording.hands[0].joints)
+    assert torch.equal(sequence.object.rotation, recording.object.rotation)
+    assert sequence.object.meshes[0].sha256 == recording.object.meshes[0].sha256
+    assert (sequence.fps, sequence.source) == (30, "arrays")
+
+
+def test_every_field_of_a_hand_can_be_given(recording, arrays):
+    (hand,) = recording.hands
+    sequence = geneoh.from_arrays(
+        **arrays,
+        left_pose=hand.pose,
+        left_wrist=hand.wrist,
+        left_betas=hand.betas,
+        left_valid=hand.valid,
+        left_confidence=np.full((146, 21), 0.5),
+        hand_model=hand.hand_model,
+        fps=30,
+        meshes=[geneoh.load_mesh(MESH)],
+    )
+    (made,) = sequence.hands
+    for name in ("valid", "pose", "wrist", "betas"):
+        assert torch.equal(getattr(made, name), getattr(hand, name)), name
+    assert made.hand_model == hand.hand_model
+    assert made.confidence.eq(0.5).all()
+
+
+def test_frames_with_nan_count_as_not_observed(arrays):
+    arrays["left_joints"][3] = np.nan
+    sequence = geneoh.from_arrays(**arrays, fps=30)
+    assert sequence.hands[0].valid.tolist() == [frame != 3 for frame in range(146)]
+    assert "1 of 146 frames hold NaN" in sequence.source
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        (
+            {"left_joints": np.zeros((146, 63))},
+            r"'left_joints' must be numbers of shape .T, 21, 3. in metres",
+        ),
+        ({"left_joint": np.zeros(3)}, "'left_joint' is no field.*did you mean 'left_joints'"),
+        ({"colour": np.zeros(3)}, "'colour' is no field of a sequence; the fields are"),
+        ({"object_translation": np.zeros((12, 3))}, "same number of frames"),
+        ({"fps": 0}, "'fps' must be more than 0"),
+    ],
+)
+def test_what_is_no_sequence_is_refused_with_the_field_and_the_remedy(arrays, changes, message):
+    with pytest.raises(InputError, match=message):
+        geneoh.from_arrays(**{**arrays, "fps": 30, "meshes": MESH, **changes})

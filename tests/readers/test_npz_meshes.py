@@ -1,0 +1,84 @@
+"""A sequence's file knows the files of its object's meshes."""
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import geneoh
+from geneoh.errors import InputError
+from geneoh.files.npz import read_archive, write_archive
+from geneoh.geometry.mesh import load_mesh
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+@pytest.fixture
+def kept(tmp_path) -> Path:
+    """A sequence in one folder, its mesh in another beside it."""
+    for folder in ("results", "objects"):
+        (tmp_path / "here" / folder).mkdir(parents=True)
+    mesh = shutil.copy(EXAMPLES / "taco_object.obj", tmp_path / "here/objects/tool.obj")
+    sequence = geneoh.load(EXAMPLES / "taco_noisy.npz", obj=mesh)
+    geneoh.save(sequence, tmp_path / "here/results/a.npz")
+    return tmp_path / "here/results/a.npz"
+
+
+def test_meshes_are_found_again_without_being_named(kept):
+    (mesh,) = geneoh.load(kept).object.meshes
+    assert mesh.source == kept.parent / "../objects/tool.obj"
+    assert mesh.sha256 == load_mesh(EXAMPLES / "taco_object.obj").sha256
+    assert read_archive(kept)["object_files"].tolist() == ["../objects/tool.obj"]
+
+
+def test_meshes_are_found_again_after_both_were_moved_together(kept, tmp_path):
+    (tmp_path / "here").rename(tmp_path / "there")
+    assert geneoh.load(tmp_path / "there/results/a.npz").object.meshes
+
+
+def test_a_mesh_that_is_gone_is_missed_in_words_and_the_tracks_are_read(kept):
+    (kept.parent / "../objects/tool.obj").unlink()
+    sequence = geneoh.load(kept)
+    assert sequence.object.meshes == ()
+    assert "mesh ../objects/tool.obj is not there any more" in sequence.source
+    with pytest.raises(InputError, match=r"is not there any more.*pass --obj"):
+        geneoh.denoise(sequence)
+
+
+def test_another_mesh_of_the_same_name_is_not_taken(kept):
+    path = kept.parent / "../objects/tool.obj"
+    path.write_text(path.read_text().replace("v 0", "v 1", 1).replace("v -0", "v -1", 1))
+    sequence = geneoh.load(kept)
+    assert sequence.object.meshes == ()
+    assert "is another one than it was" in sequence.source
+    assert geneoh.load(kept, obj=path).object.meshes
+
+
+def test_a_mesh_that_cannot_be_read_any_more_is_missed_in_words(kept):
+    (kept.parent / "../objects/tool.obj").write_text("nothing")
+    assert "cannot be used" in geneoh.load(kept).source
+
+
+def test_a_changed_mesh_is_not_taken_for_that_of_its_file(kept):
+    sequence = geneoh.load(kept)
+    (mesh,) = sequence.object.meshes
+    scaled = replace(sequence.object, meshes=(replace(mesh, verts=2 * mesh.verts),))
+    geneoh.save(replace(sequence, object=scaled), kept)
+    assert "is another one than it was" in geneoh.load(kept).source
+
+
+def test_meshes_that_were_made_leave_no_paths(kept):
+    sequence = geneoh.load(kept)
+    made = tuple(mesh.mirrored() for mesh in sequence.object.meshes)
+    geneoh.save(replace(sequence, object=replace(sequence.object, meshes=made)), kept)
+    assert not {"object_files", "object_hashes"} & read_archive(kept).keys()
+    assert geneoh.load(kept).object.meshes == ()
+
+
+def test_names_that_are_no_text_are_refused(kept):
+    arrays = read_archive(kept) | {"object_files": np.zeros((2, 3))}
+    write_archive(kept, arrays)
+    with pytest.raises(InputError, match="'object_files' must be a list of text"):
+        geneoh.load(kept)
