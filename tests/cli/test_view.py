@@ -57,10 +57,10 @@ def test_page_stands_beside_the_result_by_default(geneoh, folder):
 def test_before_stands_before_after(geneoh, folder):
     result = geneoh("view", "clean.npz", "hand.npz", "--obj", "object.obj", "-o", "both.html")
     assert result.exit_code == 0, result.output
-    told = page_scene(folder / "both.html")
-    assert [version["title"] for version in told["versions"]] == ["hand", "clean"]
-    assert told["frames"] == 6
-    assert told["fps"] == 30
+    page = page_scene(folder / "both.html")
+    assert [version["title"] for version in page["versions"]] == ["hand", "clean"]
+    assert page["frames"] == 6
+    assert page["fps"] == 30
 
 
 def test_up_turns_the_page(geneoh, folder):

@@ -31,11 +31,11 @@ def chunks(glb: bytes) -> tuple[dict, bytes]:
 
 def read(glb: bytes, index: int) -> np.ndarray:
     document, binary = chunks(glb)
-    told = document["accessors"][index]
-    view = document["bufferViews"][told["bufferView"]]
-    kind, width = np.dtype(TYPES[told["componentType"]]), WIDTHS[told["type"]]
-    values = np.frombuffer(binary, kind, told["count"] * width, view["byteOffset"])
-    return values.reshape(told["count"], width)
+    accessor = document["accessors"][index]
+    view = document["bufferViews"][accessor["bufferView"]]
+    kind, width = np.dtype(TYPES[accessor["componentType"]]), WIDTHS[accessor["type"]]
+    values = np.frombuffer(binary, kind, accessor["count"] * width, view["byteOffset"])
+    return values.reshape(accessor["count"], width)
 
 
 def test_every_frame_played_back_is_that_frames_mesh(scene, glb):

@@ -22,9 +22,9 @@ def page(scene):
 
 
 def unpacked(page: str) -> tuple[dict, bytes]:
-    told = json.loads(re.search(r'type="application/json">(.*?)</script>', page, re.S)[1])
+    described = json.loads(re.search(r'type="application/json">(.*?)</script>', page, re.S)[1])
     data = re.search(r'type="text/plain">(.*?)</script>', page, re.S)[1]
-    return told, zlib.decompress(base64.b64decode(data))
+    return described, zlib.decompress(base64.b64decode(data))
 
 
 def array(place: dict, raw: bytes) -> np.ndarray:
@@ -38,19 +38,19 @@ def array(place: dict, raw: bytes) -> np.ndarray:
 
 
 def test_vertices_come_back_to_a_hundredth_of_a_millimetre(scene, page):
-    told, raw = unpacked(page)
-    for version, shown in zip(scene.versions, told["versions"], strict=True):
+    described, raw = unpacked(page)
+    for version, shown in zip(scene.versions, described["versions"], strict=True):
         for hand, kept in zip(version.hands, shown["hands"], strict=True):
-            verts = array(kept["verts"], raw) * told["step"] + np.array(told["low"])
+            verts = array(kept["verts"], raw) * described["step"] + np.array(described["low"])
             np.testing.assert_allclose(verts, hand.verts.numpy(), atol=1e-5)
             assert kept["valid"] == hand.valid.int().tolist()
 
 
 def test_samples_and_parts_are_in_the_page(scene, page):
-    told, raw = unpacked(page)
-    assert len(told["parts"]) == 2
-    steps = array(told["samples"]["right"], raw)
-    joints = steps * told["step"] + np.array(told["low"])
+    described, raw = unpacked(page)
+    assert len(described["parts"]) == 2
+    steps = array(described["samples"]["right"], raw)
+    joints = steps * described["step"] + np.array(described["low"])
     np.testing.assert_allclose(joints, scene.samples["right"].transpose(0, 1).numpy(), atol=1e-5)
 
 

@@ -75,8 +75,8 @@ def test_versions_of_different_length_are_refused(scene, track):
 
 
 def penetration_colours(*distance):
-    told = ramp_position("penetration", torch.tensor(distance), None)
-    return ramp_colours("penetration", told.numpy())
+    position = ramp_position("penetration", torch.tensor(distance), None)
+    return ramp_colours("penetration", position.numpy())
 
 
 @given(st.floats(0, 0.02))
