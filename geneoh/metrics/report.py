@@ -6,6 +6,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from geneoh.bundle import Bundle
 from geneoh.geometry.distance import MovingSurface
 from geneoh.hand.skeleton import TIP_KEYPOINTS
 from geneoh.metrics.contact import (
@@ -43,7 +44,7 @@ class InteractionReport:
 
 
 @dataclass(frozen=True)
-class FrameMeasures:
+class FrameMeasures(Bundle):
     """What is measured in each of T frames; NaN where there is no hand."""
 
     valid: Bool[Tensor, " T"]

@@ -9,6 +9,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from geneoh.bundle import Bundle
 from geneoh.choices import Side
 from geneoh.errors import InputError, MissingAssetError
 from geneoh.geometry.distance import MovingSurface
@@ -31,7 +32,7 @@ SPREAD_REACH = 0.015
 
 
 @dataclass(frozen=True)
-class PosedTrack:
+class PosedTrack(Bundle):
     """One hand as a mesh in the world over T frames, and its measures."""
 
     side: Side
@@ -165,23 +166,18 @@ def make_scene(
         for name, sequence in sequences.items()
     )
     paced: dict[Side, Float[Tensor, "S T 21 3"]] = {
-        side: _at_frames(drawn, last.frames) for side, drawn in (samples or {}).items()
+        side: drawn[:, nearest_frames(drawn.shape[1], last.frames)]
+        for side, drawn in (samples or {}).items()
     }
     return Scene(title or last_title, versions, last.object, last.fps, paced)
 
 
-def _at_frames(drawn: Float[Tensor, "S R 21 3"], frames: int) -> Float[Tensor, "S T 21 3"]:
-    """The same span of time in another number of frames: the nearest in time."""
-    return drawn[:, nearest_frames(drawn.shape[1], frames)]
-
-
-def right_model(track: HandTrack, mano_dir: Path | str | None) -> HandModel:
-    """The right-hand model of a track's betas; the embedded hand where the user has no MANO."""
+def _model_of(track: HandTrack, mano_dir: Path | str | None) -> HandModel:
+    """The model of a track's betas; the embedded hand where the user has no MANO."""
     try:
-        model = hand_of_betas(track.side, track.hand_model, mano_dir=mano_dir)
+        return hand_of_betas(track.side, track.hand_model, mano_dir=mano_dir)
     except MissingAssetError:
-        return load_hand("right")
-    return model.mirrored() if track.side == "left" else model
+        return load_hand(track.side)
 
 
 def pose_track(
@@ -191,17 +187,16 @@ def pose_track(
     mano_dir: Path | str | None = None,
 ) -> PosedTrack:
     """The mesh of one track, measured against the object."""
-    right = track.mirrored() if track.side == "left" else track
-    model = right_model(track, mano_dir)
+    model, left = _model_of(track, mano_dir), track.side == "left"
+    right, right_model = (track.mirrored(), model.mirrored()) if left else (track, model)
     with torch.no_grad():
-        subject = subject_of(right, model)
+        subject = subject_of(right, right_model)
         state = subject.parameters()
         posed = subject.shaped.verts_from_rotations(state.rotations, state.wrist)
         verts, joints, pose, wrist = posed.verts[0], subject.joints, state.pose[0], state.wrist[0]
-        if track.side == "left":
+        if left:
             verts, joints, wrist = (mirror_points(points) for points in (verts, joints, wrist))
             pose = mirror_axis_angle(pose)
-            model = model.mirrored()
         distance = surface.query(verts).distance
         return PosedTrack(
             side=track.side,

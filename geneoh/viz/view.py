@@ -49,7 +49,8 @@ def view(
         result: what `denoise` returned, a sequence, or the npz file of either.
         path: file to write; without it a page in a temporary file is opened in the browser.
         before: the input of the result, with as many frames.
-        obj: mesh files of the object in metres, one per rigid part, for npz files.
+        obj: mesh files of the object in metres, one per rigid part, for npz files; without them
+            those that the npz file names, where they are still there.
         title: of the page; the name of the file or the source of the sequence when left out.
         colouring: what the hands' colours show in pictures and films.
         up: axis of the world that points up.

@@ -10,6 +10,7 @@ from bad_inputs import write_good
 from pages import page_scene
 from PIL import Image
 
+from geneoh import load, save
 from geneoh.errors import MissingAssetError
 from geneoh.readers.npz_files import load_sequence
 from geneoh.viz.look import STRIP_CELL
@@ -52,6 +53,25 @@ def test_page_stands_beside_the_result_by_default(geneoh, folder):
     assert [version["title"] for version in page_scene(folder / "clean.html")["versions"]] == [
         "clean"
     ]
+
+
+def test_meshes_that_the_result_names_are_found_without_obj(geneoh, folder):
+    save(load(folder / "clean.npz", obj=folder / "object.obj"), folder / "result.npz")
+    result = geneoh("view", "result.npz", "hand.npz")
+    assert result.exit_code == 0, result.output
+    (part,) = page_scene(folder / "result.html")["parts"]
+    assert part["faces"]["shape"][0] > 0
+
+
+def test_a_mesh_that_is_not_there_any_more_is_named_with_the_remedy(geneoh, folder):
+    save(load(folder / "clean.npz", obj=folder / "object.obj"), folder / "result.npz")
+    (folder / "object.obj").unlink()
+    result = geneoh("view", "result.npz")
+    assert result.exit_code == 2
+    last = result.stderr.strip().splitlines()[-1]
+    assert last.startswith("Error: result.npz")
+    assert "object.obj is not there any more" in last
+    assert last.endswith("pass --obj MESH")
 
 
 def test_before_stands_before_after(geneoh, folder):

@@ -5,14 +5,14 @@ import re
 import shutil
 import subprocess
 import zlib
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
-from geneoh.metrics.report import FrameMeasures, measure, measure_frames
+from geneoh.metrics.report import measure, measure_frames
 from geneoh.viz.page import page_html
 
 
@@ -89,26 +89,11 @@ def long_page(scene):
 
     def long(hand):
         shake = 0.01 * torch.randn(300, 1, 3, generator=generator)
-        return replace(
-            hand,
-            verts=hand.verts[frames] + shake,
-            distance=hand.distance[frames] + shake[..., 0],
-            joints=hand.joints[frames],
-            pose=hand.pose[frames],
-            wrist=hand.wrist[frames],
-            measures=FrameMeasures(
-                *(getattr(hand.measures, each.name)[frames] for each in fields(FrameMeasures))
-            ),
-            joint_spread=hand.joint_spread[frames],
-        )
+        hand = hand[frames]
+        return replace(hand, verts=hand.verts + shake, distance=hand.distance + shake[..., 0])
 
     versions = tuple(replace(t, hands=tuple(long(h) for h in t.hands)) for t in scene.versions)
-    moving = replace(
-        scene.object,
-        rotation=scene.object.rotation[frames],
-        translation=scene.object.translation[frames],
-    )
-    return page_html(replace(scene, versions=versions, object=moving, samples={}))
+    return page_html(replace(scene, versions=versions, object=scene.object[frames], samples={}))
 
 
 def test_300_frames_of_two_hands_before_and_after_stay_under_6_mb(long_page):
