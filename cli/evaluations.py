@@ -1,30 +1,28 @@
 """The options of `geneoh eval`, as the library takes them, and the command as a line to repeat."""
 
 import shlex
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
 
-from geneoh.choices import ABLATIONS, CASE_NOISES, DATASETS, METHODS, PRESETS, SELECTIONS
+from geneoh.choices import ABLATIONS, CASE_NOISES, DATASETS, METHODS, PRESETS
 
 from . import options
 
 if TYPE_CHECKING:
     from geneoh.evaluation.options import EvaluationOptions
 
-FOLDER = click.Path(file_okay=False, path_type=Path)
 POSITIVE = click.IntRange(min=1)
 
-OPTIONS = (
+eval_options = options.together(
     click.option(
         "--dataset", type=click.Choice(DATASETS), required=True, help="Data set to score on."
     ),
     click.option(
         "--root",
-        type=FOLDER,
+        type=options.FOLDER,
         help="Your copy of the data set; or set GENEOH_DATA_GRAB, _HOI4D, _ARCTIC or _TACO.",
     ),
     click.option(
@@ -64,17 +62,19 @@ OPTIONS = (
     ),
     click.option(
         "--predictions",
-        type=FOLDER,
+        type=options.FOLDER,
         multiple=True,
         help="Also score the results of another method: a folder of CLIP_NOISE_SEED.npz; may be "
         "repeated.",
     ),
     click.option(
-        "--inputs", type=FOLDER, help="Write the noisy clips to this folder, and score nothing."
+        "--inputs",
+        type=options.FOLDER,
+        help="Write the noisy clips to this folder, and score nothing.",
     ),
     click.option(
         *("--twins", "noisy_inputs"),
-        type=FOLDER,
+        type=options.FOLDER,
         help="Read the noisy clips from this folder instead of drawing noise.",
     ),
     click.option(
@@ -83,21 +83,9 @@ OPTIONS = (
         help="Frames of a clip in which intersection volume and contact on the object are "
         "measured.  [default: 20; 5 for synthetic]",
     ),
-    click.option(
-        "--samples", type=POSITIVE, help="Samples that geneoh draws.  [default: the preset's]"
-    ),
-    click.option(
-        *("--select", "selection"),
-        type=click.Choice(SELECTIONS),
-        help="Which sample of geneoh is kept: the one closest to the input, or the mean of all.",
-    ),
-    click.option(
-        "--hand",
-        type=click.Choice(["embedded", "mano"]),
-        default="embedded",
-        show_default=True,
-        help="Hand model of geneoh's results and of the meshes that are measured.",
-    ),
+    options.samples,
+    options.selection,
+    options.hand,
     options.mano,
     options.weights,
     click.option(
@@ -108,7 +96,7 @@ OPTIONS = (
     ),
     click.option(
         *("-o", "--output", "folder"),
-        type=FOLDER,
+        type=options.FOLDER,
         help="Folder for the scores and the report.  [default: runs/eval/DATASET]",
     ),
     click.option(
@@ -119,13 +107,7 @@ OPTIONS = (
         "--pages", is_flag=True, help="Also write a page in 3D of every clip that geneoh cleans."
     ),
 )
-
-
-def eval_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add all options of `geneoh eval` to a command."""
-    for option in reversed(OPTIONS):
-        command = option(command)
-    return command
+"""All options of `geneoh eval`."""
 
 
 def evaluation_options(

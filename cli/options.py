@@ -1,12 +1,27 @@
 """Options that several commands share, each with one meaning and one help text."""
 
+from collections.abc import Callable
+from functools import reduce
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 import click
 
 from geneoh.choices import PRESETS, RESULT_HANDS, SELECTIONS, SIDES
 from geneoh.errors import ConfigError
+
+Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
+
+
+def together(*decorators: Decorator) -> Decorator:
+    """One decorator that adds several options to a command, in this order."""
+
+    def add(command: Callable[..., Any]) -> Callable[..., Any]:
+        return reduce(lambda made, decorator: decorator(made), reversed(decorators), command)
+
+    return add
+
 
 INPUT_FILE = click.Path(dir_okay=False, path_type=Path)
 """A file to read. Reading checks that it exists, because its error says more."""

@@ -1,6 +1,6 @@
 """What `convert` and `denoise --from` share: the table of sources, their options, the reports."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -9,27 +9,27 @@ import click
 from geneoh.choices import JOINT_ORDERS, TRANSLATIONS
 from geneoh.readers.registry import SOURCES
 
+from . import options
+
 if TYPE_CHECKING:
     from geneoh.readers.convert import Outcome
     from geneoh.sequence.sequence import Sequence
 
-MESH_FILE = click.Path(dir_okay=False, path_type=Path)
-FOLDER = click.Path(file_okay=False, path_type=Path)
 
-OPTIONS = (
+reader_options = options.together(
     click.option(
         "--objects",
-        type=FOLDER,
+        type=options.FOLDER,
         help="Folder of the data set's object meshes, where they are not in their usual place.",
     ),
     click.option(
         "--body",
-        type=MESH_FILE,
+        type=options.INPUT_FILE,
         help="Your SMPL+H model, for sources whose hands belong to a body.",
     ),
     click.option(
         "--object-pose",
-        type=MESH_FILE,
+        type=options.INPUT_FILE,
         help="npy file of (T, 4, 4) matrices, object's frame to hand's frame, for sources without "
         "an object.",
     ),
@@ -61,11 +61,7 @@ OPTIONS = (
 )
 
 
-def known(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options that a source may need to be read."""
-    for option in reversed(OPTIONS):
-        command = option(command)
-    return command
+"""Options that a source may need to be read."""
 
 
 def read(

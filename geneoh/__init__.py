@@ -8,8 +8,8 @@
 
 Reading and writing: `load` (npz files), `read` (files of data sets and estimators), `from_arrays`
 (arrays in memory), `load_mesh`, `save`, `to_smplx`. Cleaning: `denoise` with `Options`, which
-returns a `Denoised`. Looking: `view`. Data: `Sequence`, made of `HandTrack`, `ObjectTrack` and
-`Mesh`. Errors: `geneoh.errors`.
+returns a `Denoised`. Looking: `view`. Scoring: `evaluate` with `EvaluationOptions`. Data:
+`Sequence`, made of `HandTrack`, `ObjectTrack` and `Mesh`. Errors: `geneoh.errors`.
 
 Units are metres, radians and seconds. A public name is imported when it is first used, so that
 `import geneoh` and `geneoh --help` do not wait for torch.
@@ -20,6 +20,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from geneoh import errors as errors
+    from geneoh.evaluation.options import EvaluationOptions
+    from geneoh.evaluation.runner import evaluate
     from geneoh.geometry.mesh import Mesh, load_mesh
     from geneoh.pipeline.denoise import denoise
     from geneoh.pipeline.options import Options
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Denoised",
+    "EvaluationOptions",
     "HandTrack",
     "Mesh",
     "ObjectTrack",
@@ -42,6 +45,7 @@ __all__ = [
     "Sequence",
     "denoise",
     "errors",
+    "evaluate",
     "from_arrays",
     "load",
     "load_mesh",
@@ -53,12 +57,14 @@ __all__ = [
 
 _DEFINED_IN = {
     "Denoised": "geneoh.pipeline.results",
+    "EvaluationOptions": "geneoh.evaluation.options",
     "HandTrack": "geneoh.sequence.sequence",
     "Mesh": "geneoh.geometry.mesh",
     "ObjectTrack": "geneoh.sequence.sequence",
     "Options": "geneoh.pipeline.options",
     "Sequence": "geneoh.sequence.sequence",
     "denoise": "geneoh.pipeline.denoise",
+    "evaluate": "geneoh.evaluation.runner",
     "from_arrays": "geneoh.readers.arrays",
     "load": "geneoh.readers.npz_files",
     "load_mesh": "geneoh.geometry.mesh",

@@ -34,7 +34,7 @@ from .. import options, sources
 @options.mano
 @options.side
 @options.fps
-@sources.known
+@sources.reader_options
 def convert(
     source: str,
     paths: tuple[Path, ...],

@@ -42,7 +42,7 @@ from .. import options, sources
 @options.side
 @options.fps
 @options.device
-@sources.known
+@sources.reader_options
 def denoise(
     noisy: Path,
     obj: tuple[Path, ...],
