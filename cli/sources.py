@@ -59,8 +59,6 @@ reader_options = options.together(
         "--focal", type=float, help="Focal length of the camera in pixels, for HaMeR and WiLoR."
     ),
 )
-
-
 """Options that a source may need to be read."""
 
 

@@ -73,7 +73,7 @@ _DEFINED_IN = {
     "to_smplx": "geneoh.pipeline.smplx_layer",
     "view": "geneoh.viz.view",
 }
-"""The module that defines each public name; after a colon, the name there where it is another."""
+"""The module that defines each public name."""
 
 
 def __getattr__(name: str) -> Any:
@@ -83,8 +83,7 @@ def __getattr__(name: str) -> Any:
         return import_module("geneoh.errors")
     if name not in _DEFINED_IN:
         raise AttributeError(f"module 'geneoh' has no attribute '{name}'")
-    module, _, attribute = _DEFINED_IN[name].partition(":")
-    return getattr(import_module(module), attribute or name)
+    return getattr(import_module(_DEFINED_IN[name]), name)
 
 
 def __dir__() -> list[str]:
