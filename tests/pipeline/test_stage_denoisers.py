@@ -1,0 +1,411 @@
+"""The stages with stand-in networks, whose right answers are known in closed form."""
+
+import math
+from dataclasses import replace
+
+import networks
+import pytest
+import torch
+from torch import Tensor, nn
+
+from geneoh.denoisers.motion import MotionConfig, MotionDenoiser
+from geneoh.denoisers.spatial import SpatialConfig, SpatialDenoiser
+from geneoh.denoisers.temporal import TemporalConfig, TemporalDenoiser
+from geneoh.denoisers.trajectory import TrajectoryConfig, TrajectoryDenoiser
+from geneoh.fitting.align import AlignConfig
+from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.hand.library import load_hand
+from geneoh.pipeline.presets import StagePlan
+from geneoh.pipeline.stages import (
+    ALIGN_POINTS,
+    StageContext,
+    _corrected,
+    denoise_motion,
+    denoise_spatial,
+    denoise_temporal,
+    denoise_trajectory,
+)
+from geneoh.representation.parameters import HandParameters
+from geneoh.representation.spatial import SpatialRelations
+from geneoh.representation.temporal import PairStatistics, encode_temporal
+
+PLAN = StagePlan(400, 3)
+ALIGN = AlignConfig()
+LEFT = 5e-4
+"""Metres that the alignment may move a hand whose relations agree: Adam enlarges rounding."""
+LONG = 90
+"""Frames of two windows, which share the frames 30 to 59."""
+TURN, SHIFT = axis_angle_to_matrix(torch.tensor([0.3, -0.8, 0.5])), torch.tensor([0.4, 1.0, -0.2])
+
+
+def seeded(seed: int = 0) -> torch.Generator:
+    return torch.Generator().manual_seed(seed)
+
+
+def normal(*shape: int, seed: int = 0) -> Tensor:
+    return networks.normal(*shape, seed=seed)
+
+
+def smooth(frames: int, *shape: int, seed: int = 0) -> Tensor:
+    """Numbers of order one that change slowly over the frames."""
+    time = torch.linspace(0, 0.05 * frames, frames).view(-1, *[1] * len(shape))
+    return torch.sin(time + 3 * normal(*shape, seed=seed))
+
+
+def scene(frames: int = 12, parts: int = 2) -> StageContext:
+    """A ball of 4 cm whose parts move by themselves."""
+    normals = torch.nn.functional.normalize(normal(60, 3, seed=1), dim=-1)
+    return StageContext(
+        points=0.04 * normals,
+        normals=normals,
+        part=torch.arange(60) % parts,
+        rotation=axis_angle_to_matrix(0.5 * smooth(frames, parts, 3, seed=2)),
+        translation=0.1 * smooth(frames, parts, 3, seed=3),
+        trust=torch.ones(frames, 21),
+        fps=30.0,
+    )
+
+
+def hands_at(context: StageContext, samples: int = 1, seed: int = 4) -> Tensor:
+    """Keypoints within a centimetre of the ball, world frame."""
+    around = torch.nn.functional.normalize(normal(21, 3, seed=seed), dim=-1)
+    local = 0.046 * around + 0.003 * smooth(context.frames, 21, 3, seed=seed + 1)
+    return context.to_world(local.expand(samples, -1, -1, -1))
+
+
+def parameters_at(context: StageContext, seed: int = 6) -> HandParameters:
+    """A hand at the ball as parameters, world frame, one sample."""
+    frames = context.frames
+    turn = axis_angle_to_matrix(0.5 * smooth(frames, 3, seed=seed + 1))
+    return HandParameters(
+        (context.translation[:, 0] + 0.05 * smooth(frames, 3, seed=seed))[None],
+        turn[None],
+        0.3 * smooth(frames, 15, 3, seed=seed + 2)[None],
+        load_hand("right").shaped(torch.zeros(1, 10)).offsets,
+    )
+
+
+def moved(context: StageContext) -> StageContext:
+    """The same scene elsewhere in the world."""
+    return replace(
+        context, rotation=TURN @ context.rotation, translation=context.translation @ TURN.T + SHIFT
+    )
+
+
+class KnownChange(MotionDenoiser):
+    """Answers with the change that leads from the observed windows to those of `goal`."""
+
+    def __init__(self, goal: HandParameters) -> None:
+        super().__init__(MotionConfig(width=16, depth=1, heads=2))
+        self.goal = goal
+
+    def forward(self, x, sigma, observed):
+        times = len(x) // len(self.goal.wrist)
+        goal = self.goal.map(lambda v: v.repeat(times, *[1] * (v.ndim - 1)))
+        return observed.hand.change_to(goal)
+
+
+class KnownWindows(TrajectoryDenoiser):
+    """Answers with the same canonical windows whatever the input."""
+
+    def __init__(self, windows: Tensor) -> None:
+        super().__init__(TrajectoryConfig(width=16, depth=1, heads=2))
+        self.windows = windows
+
+    def forward(self, x, sigma):
+        return self.windows
+
+
+class KnownRelations(SpatialDenoiser):
+    """Answers with `hand` of the noisy relations and the observation, which it keeps."""
+
+    def __init__(self, hand) -> None:
+        super().__init__(SpatialConfig(width=16, depth=1, heads=2, point_width=8))
+        self.hand, self.given = hand, []
+
+    def forward(self, noisy, sigma, observation):
+        self.given.append(observation.given)
+        return self.hand(noisy, observation)
+
+
+class TableAutoencoder(nn.Module):
+    """Decodes the latents 0 and 1 to two given sets of statistics."""
+
+    def __init__(self, noisy: PairStatistics, clean: PairStatistics) -> None:
+        super().__init__()
+        self.noisy, self.clean = noisy, clean
+
+    def encode(self, relations, points):
+        return points.new_zeros(*points.shape[:2], 6)
+
+    def decode(self, latent, object_velocity, normals, points):
+        return self.clean if bool((latent == 1).all()) else self.noisy
+
+
+class KnownLatent(TemporalDenoiser):
+    """Answers with a latent of ones, or with the observed one."""
+
+    def __init__(self, noisy: PairStatistics, clean: PairStatistics, change: bool = True) -> None:
+        super().__init__(TemporalConfig(latent=6, point_width=8, width=16, depth=1, heads=2))
+        self.autoencoder = TableAutoencoder(noisy, clean)
+        self.change, self.given = change, []
+
+    def forward(self, x, sigma, observed, given):
+        self.given.append(given)
+        return torch.ones_like(x) if self.change else observed
+
+
+def canonical(context: StageContext, joints: Tensor, goal: Tensor) -> Tensor:
+    """Windows of `goal` in the canonical frames of the windows of `joints`."""
+    return context.region(joints).to_canon(context.windows(goal))
+
+
+def relations_of(context: StageContext, joints: Tensor, hand: Tensor) -> PairStatistics:
+    """Statistics of `hand` around the points that `joints` is aligned at."""
+    region = context.region(joints).nearest(context.windows(joints), ALIGN_POINTS)
+    return encode_temporal(context.windows(hand), region, context.fps)
+
+
+# MotionDiff
+
+
+def test_motion_gives_the_hand_that_the_network_answers():
+    context = scene(LONG)
+    hand, goal = parameters_at(context), parameters_at(context, seed=20)
+    region = context.region(hand.joints)
+    windows = HandParameters(
+        *(context.windows(getattr(goal, name)) for name in ("wrist", "turn", "fingers")),
+        goal.offsets.expand(len(region.center), 20, 3),
+    )
+    model = KnownChange(windows.to_canon(region))
+    got = denoise_motion(model, hand, context, PLAN, samples=3, generator=seeded())
+    assert got.wrist.shape == (3, LONG, 3)
+    torch.testing.assert_close(got.wrist, goal.wrist.expand(3, -1, -1), atol=1e-5, rtol=0)
+    torch.testing.assert_close(got.joints, goal.joints.expand(3, -1, -1, -1), atol=1e-4, rtol=0)
+
+
+def test_motion_without_a_change_leaves_the_hand():
+    context = scene(LONG)
+    hand = parameters_at(context)
+    model = MotionDenoiser(MotionConfig(width=16, depth=1, heads=2))
+    model.forward = lambda x, sigma, observed: torch.zeros_like(x)
+    got = denoise_motion(model, hand, context, PLAN, samples=1, generator=seeded())
+    torch.testing.assert_close(got.joints, hand.joints, atol=1e-6, rtol=0)
+
+
+# the trajectory form
+
+
+def test_trajectory_gives_the_hand_that_the_network_answers():
+    context = scene(LONG)
+    joints, goal = hands_at(context, 2), hands_at(context, 2, seed=20)
+    model = KnownWindows(canonical(context, joints, goal))
+    got = denoise_trajectory(model, joints, context, PLAN, generator=seeded())
+    torch.testing.assert_close(got, goal, atol=1e-6, rtol=0)
+
+
+@pytest.mark.parametrize("sampler", ["ddim", "ancestral", "direct"])
+def test_a_network_that_answers_the_input_changes_nothing(sampler):
+    context = scene(LONG)
+    joints = hands_at(context)
+    model = KnownWindows(canonical(context, joints, joints))
+    plan = StagePlan(400, 3, sampler)
+    got = denoise_trajectory(model, joints, context, plan, generator=seeded())
+    torch.testing.assert_close(got, joints, atol=1e-6, rtol=0)
+
+
+def test_windows_that_disagree_are_blended_where_they_overlap():
+    context = scene(LONG)
+    joints, aside = hands_at(context), torch.tensor([0.01, 0.0, 0.0])
+    region = context.region(joints)
+    other = context.windows(joints).clone()
+    other[1] += aside
+    got = denoise_trajectory(
+        KnownWindows(region.to_canon(other)), joints, context, PLAN, generator=seeded()
+    )
+    step = (got - joints)[0, :, 0, 0] / aside[0]
+    torch.testing.assert_close(step[:30], torch.zeros(30), atol=1e-4, rtol=0)
+    torch.testing.assert_close(step[60:], torch.ones(30), atol=1e-4, rtol=0)
+    assert bool((step[29:61].diff() > -1e-4).all())
+    assert 0.4 < float(step[44:46].mean()) < 0.6
+
+
+# SpatialDiff
+
+
+def test_an_observed_hand_that_the_network_answers_is_left_as_it_is():
+    context = scene(LONG)
+    joints = hands_at(context, 2)
+    model = KnownRelations(lambda noisy, seen: noisy.of_hand(seen.anchor))
+    got = denoise_spatial(model, joints, context, PLAN, observed=True, generator=seeded())
+    torch.testing.assert_close(got, joints, atol=1e-6, rtol=0)
+    assert all(bool((given == 1).all()) for given in model.given)
+
+
+@pytest.mark.parametrize("observed", [True, False])
+def test_spatial_averages_the_hands_of_all_contact_points(observed):
+    """Equation (8): what the points say beyond their common hand cancels in the mean."""
+    context = scene(LONG)
+    joints, goal = hands_at(context), hands_at(context, seed=20)
+    windows = canonical(context, joints, goal)
+
+    def answer(noisy: SpatialRelations, seen) -> SpatialRelations:
+        apart = normal(noisy.hands.shape[2], 21, 3, seed=9)
+        common = noisy.of_hand(windows)
+        return replace(common, hands=common.hands + 0.01 * (apart - apart.mean(0)))
+
+    model = KnownRelations(answer)
+    got = denoise_spatial(model, joints, context, PLAN, observed=observed, generator=seeded())
+    torch.testing.assert_close(got, goal, atol=1e-5, rtol=0)
+    assert all(bool((given == float(observed)).all()) for given in model.given)
+
+
+def test_with_the_observation_all_points_share_the_noise_and_without_each_has_its_own():
+    context = scene()
+    joints, seen = hands_at(context), []
+
+    def answer(noisy: SpatialRelations, _) -> SpatialRelations:
+        seen.append(noisy.hands)
+        return noisy
+
+    for observed in (True, False):
+        model = KnownRelations(answer)
+        denoise_spatial(
+            model, joints, context, StagePlan(200, 1), observed=observed, generator=seeded()
+        )
+    shared, own = (hands.std(dim=2).mean() for hands in seen)
+    assert float(shared) < 1e-6
+    assert float(own) > 0.01
+
+
+# TemporalDiff
+
+
+def random_statistics(like: PairStatistics, seed: int) -> PairStatistics:
+    names = PairStatistics.__dataclass_fields__
+    values = {
+        name: 0.05 * normal(*getattr(like, name).shape, seed=seed + i).abs()
+        for i, name in enumerate(names)
+    }
+    return PairStatistics(**values)
+
+
+def run_temporal(model, joints: Tensor, context: StageContext, **options) -> Tensor:
+    chosen = {"observed": True, "correct": True, "align": ALIGN, "generator": seeded()} | options
+    return denoise_temporal(model, joints, context, PLAN, **chosen)
+
+
+@pytest.mark.parametrize("observed", [True, False])
+def test_a_latent_that_is_left_as_it_is_leaves_the_hand(observed):
+    """Also where the autoencoder decodes nonsense, as only the difference is applied."""
+    context = scene(LONG)
+    joints = hands_at(context)
+    own = relations_of(context, joints, joints)
+    model = KnownLatent(random_statistics(own, 30), random_statistics(own, 40), change=False)
+    got = run_temporal(model, joints, context, observed=observed)
+    assert float((got - joints).norm(dim=-1).max()) < LEFT
+    assert all(bool((given == float(observed)).all()) for given in model.given)
+
+
+def test_decoded_relations_of_the_hand_itself_leave_it():
+    context = scene()
+    joints = hands_at(context)
+    own = relations_of(context, joints, joints)
+    got = run_temporal(KnownLatent(own, own), joints, context, correct=False)
+    assert float((got - joints).norm(dim=-1).max()) < LEFT
+
+
+@pytest.mark.parametrize("correct", [True, False])
+def test_the_hand_moves_to_the_relations_that_are_decoded(correct):
+    context = scene()
+    goal = hands_at(context)
+    joints = goal + 0.002 * normal(*goal.shape, seed=50)
+    noisy, clean = (relations_of(context, joints, hand) for hand in (joints, goal))
+    got = run_temporal(KnownLatent(noisy, clean), joints, context, correct=correct)
+
+    def unlike(hand: Tensor) -> float:
+        now = relations_of(context, joints, hand)
+        return float((now.velocity - clean.velocity).norm(dim=-1).mean())
+
+    assert unlike(got) < 0.6 * unlike(joints)
+
+
+def test_without_the_correction_nonsense_of_the_decoder_reaches_the_hand():
+    context = scene()
+    joints = hands_at(context)
+    nonsense = random_statistics(relations_of(context, joints, joints), 30)
+    got = run_temporal(KnownLatent(nonsense, nonsense), joints, context, correct=False)
+    assert float((got - joints).norm(dim=-1).max()) > 4 * LEFT
+
+
+def test_a_single_frame_has_no_motion_to_denoise():
+    context = scene(1)
+    joints = hands_at(context)
+    model = TemporalDenoiser(TemporalConfig(latent=6, point_width=8, width=16, depth=1, heads=2))
+    assert run_temporal(model, joints, context) is joints
+
+
+def test_the_correction_adds_the_difference_exactly_and_keeps_lengths_non_negative():
+    shape = (2, 3, 4, 21)
+
+    def drawn(seed: int) -> PairStatistics:
+        values = [normal(*shape, seed=seed + i) for i in range(3)]
+        return PairStatistics(
+            values[0].abs(), normal(*shape, 3, seed=seed + 9), values[1].abs(), values[2].abs()
+        )
+
+    now, clean, noisy = drawn(0), drawn(20), drawn(40)
+    got = _corrected(now, clean, noisy)
+    assert torch.equal(got.velocity, now.velocity + clean.velocity - noisy.velocity)
+    for name in ("distance", "tangential", "normal"):
+        want = getattr(now, name) + getattr(clean, name) - getattr(noisy, name)
+        assert bool((want < 0).any())
+        assert torch.equal(getattr(got, name), want.clamp(min=0))
+
+
+# all stages
+
+
+def random_networks() -> dict[str, nn.Module]:
+    small = {"width": 16, "depth": 1, "heads": 2}
+    return {
+        "trajectory": networks.awake(TrajectoryDenoiser(TrajectoryConfig(**small))),
+        "spatial": networks.awake(SpatialDenoiser(SpatialConfig(**small, point_width=8))),
+        "temporal": networks.awake(
+            TemporalDenoiser(TemporalConfig(**small, latent=6, point_width=8))
+        ),
+    }
+
+
+def run_stage(stage: str, joints: Tensor, context: StageContext, seed: int = 0) -> Tensor:
+    model, generator = random_networks()[stage], seeded(seed)
+    if stage == "trajectory":
+        return denoise_trajectory(model, joints, context, PLAN, generator=generator)
+    if stage == "temporal":
+        return run_temporal(model, joints, context, generator=generator)
+    return denoise_spatial(
+        model, joints, context, PLAN, observed=stage == "spatial", generator=generator
+    )
+
+
+STAGES = ("trajectory", "spatial", "temporal")
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_a_stage_moves_with_a_rigid_motion_of_the_whole_scene(stage):
+    context = scene()
+    joints = hands_at(context, 2)
+    here = run_stage(stage, joints, context)
+    there = run_stage(stage, joints @ TURN.T + SHIFT, moved(context))
+    assert float((here - joints).norm(dim=-1).mean()) > 1e-4
+    torch.testing.assert_close(there, here @ TURN.T + SHIFT, atol=2e-5, rtol=0)
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_a_seed_fixes_the_answer_of_a_stage(stage):
+    context = scene()
+    joints = hands_at(context, 2)
+    first, again, other = (run_stage(stage, joints, context, seed) for seed in (0, 0, 1))
+    assert torch.equal(first, again)
+    assert not torch.equal(first, other)
+    assert math.isfinite(float(first.sum()))
