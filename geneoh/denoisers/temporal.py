@@ -1,8 +1,8 @@
 """TemporalDiff: an autoencoder of temporal relations and a denoiser of its latent (paper C.5).
 
-The public code never shipped this stage. After the paper: a PointNet over the contact points of
+The public code does not contain this stage. As in the paper, a PointNet over the contact points of
 each frame pair and a transformer over pairs encode T, fully connected layers decode each
-statistic, and the diffusion runs on the latent, which spares T a normalisation of its own.
+statistic, and the diffusion runs on the latent, so that T needs no normalisation of its own.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from geneoh.representation.temporal import PairStatistics, TemporalRelations
 SPEED_SCALE = 0.2
 """Typical relative speed near contact, m/s."""
 LATENT_NOISE_SCALE = 0.5
-"""How far a clean latent is from the observed one, in units of the latent's own deviation."""
+"""Deviation of a clean latent from the observed one, relative to the latent's own deviation."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class TemporalConfig:
 
 
 class TemporalAutoencoder(nn.Module):
-    """T to one latent per frame pair, and back around any contact point."""
+    """Encodes T to one latent per frame pair and decodes it around any contact points."""
 
     def __init__(self, config: TemporalConfig) -> None:
         """Build encoder and decoder; latent statistics are buffers set after training."""
@@ -80,7 +80,7 @@ class TemporalAutoencoder(nn.Module):
         normals: Float[Tensor, "B T K 3"],
         points: Float[Tensor, "B T K 3"],
     ) -> PairStatistics:
-        """Statistics around the contact points whose motion and place are known."""
+        """Statistics around contact points of known velocity, normal and position."""
         latent = latent * self.latent_std + self.latent_mean
         place = self._place(object_velocity, normals, points)
         around = latent[:, :, None].expand(-1, -1, points.shape[2], -1)
@@ -117,20 +117,20 @@ class TemporalDenoiser(nn.Module):
         observed: Float[Tensor, "B T Z"],
         given: Float[Tensor, " B"],
     ) -> Float[Tensor, "B T Z"]:
-        """The clean latent seen in `x` = clean + sigma * noise, whitened units.
+        """The clean latent in `x` = clean + sigma * noise, whitened units.
 
         Args:
             x: noisy latent.
             sigma: noise level.
             observed: latent of the hand that is being cleaned.
-            given: 1 to condition on `observed`, 0 to withhold it.
+            given: 1 to condition on `observed`, 0 to withhold it, per batch item.
         """
         mask = given[:, None, None]
         anchor = observed * mask
 
         def network(scaled: Tensor, level: Tensor) -> Tensor:
-            told = mask.expand(-1, x.shape[1], 1)
-            tokens = self.embed(torch.cat([scaled, anchor, told], dim=-1))
+            shown = mask.expand(-1, x.shape[1], 1)
+            tokens = self.embed(torch.cat([scaled, anchor, shown], dim=-1))
             tokens = self.trunk(tokens, level.flatten())
             return self.head(tokens) + self.gate(tokens) * scaled
 

@@ -41,16 +41,16 @@ class TrajectoryDenoiser(nn.Module):
     def forward(
         self, x: Float[Tensor, "B T 21 3"], sigma: Float[Tensor, " B"]
     ) -> Float[Tensor, "B T 21 3"]:
-        """The clean canonical keypoints seen in `x` = clean + sigma * noise, metres."""
+        """The clean canonical keypoints in `x` = clean + sigma * noise, metres."""
         axes = palm_axes(x)[:, None]  # so that the answer turns with the hand
         kernels = filter_kernels(torch.ones_like(x[:, :, 0, 0]), SMOOTHING_FRAMES)
 
         def network(scaled: Tensor, level: Tensor) -> Tensor:
             flat = scaled.flatten(2)
-            seen = torch.cat([flat[:, None], kernels @ flat[:, None]], dim=1).transpose(1, 2)
-            tokens = self.trunk(self.embed(seen.flatten(2)), level.flatten())
-            mix = self.mix(tokens).unflatten(-1, seen.shape[2:])
-            return (self.head(tokens) + (mix * seen).sum(2)).unflatten(-1, (21, 3))
+            mixed = torch.cat([flat[:, None], kernels @ flat[:, None]], dim=1).transpose(1, 2)
+            tokens = self.trunk(self.embed(mixed.flatten(2)), level.flatten())
+            mix = self.mix(tokens).unflatten(-1, mixed.shape[2:])
+            return (self.head(tokens) + (mix * mixed).sum(2)).unflatten(-1, (21, 3))
 
         sigma = sigma[:, None, None, None]
         scale = torch.full_like(sigma, HAND_SCALE)

@@ -1,8 +1,8 @@
-"""Network scaling by noise level, such that an almost clean input comes back almost unchanged.
+"""Preconditioning of a denoiser by noise level (Karras et al. 2022, table 1), around an anchor.
 
-The scaling of Karras et al. 2022 (table 1), around an anchor: the clean sample is expected within
-`scale` of `anchor`, so the network only ever sees and predicts numbers of order one, and as sigma
-goes to 0 the skip path takes over and the denoiser becomes the identity.
+The clean sample is expected within `scale` of `anchor`, so that the network reads and predicts
+numbers of order one. As sigma goes to 0 the skip path takes over and the denoiser becomes the
+identity.
 """
 
 from collections.abc import Callable
@@ -21,7 +21,7 @@ class Scaling:
     out: Float[Tensor, "*S"]
     inp: Float[Tensor, "*S"]
     level: Float[Tensor, "*S"]
-    """What the network is told: a quarter of the log noise-to-scale ratio."""
+    """Input of the network that tells the noise: a quarter of the log noise-to-scale ratio."""
 
     @classmethod
     def of(cls, sigma: Float[Tensor, "*S"], scale: Float[Tensor, "*S"]) -> "Scaling":

@@ -1,8 +1,7 @@
-"""Samplers as functions `(model, x, sigmas, *, generator) -> x`; the model maps (x, sigma) to
-clean.
+"""Samplers: functions `(model, x, sigmas, *, generator) -> x` of a model from (x, sigma) to clean.
 
-They know tensors and callables, not hands. Samples and noise levels are in units of the data's
-standard deviation. Noise is drawn on the CPU and moved, so every device gives the same sample.
+They work on any tensors and know nothing of hands. Samples and noise levels are in units of the
+data's standard deviation. Noise is drawn on the CPU and moved, so it is the same on every device.
 """
 
 import itertools
@@ -19,7 +18,7 @@ from geneoh.progress import OnStep
 Model = Callable[[Tensor, float], Tensor]
 """From a noisy sample and its noise level to the clean sample."""
 SamplerName = Literal["ancestral", "ddim", "direct"]
-"""How the way back is taken; "direct" takes none: one call on the sample as it is, no noise."""
+"""Sampler of the reverse process; "direct" is a single call on the input without added noise."""
 
 
 def normal_like(x: Float[Tensor, "*S"], *, generator: torch.Generator) -> Float[Tensor, "*S"]:
@@ -30,14 +29,14 @@ def normal_like(x: Float[Tensor, "*S"], *, generator: torch.Generator) -> Float[
 def antithetic_noise(
     x: Float[Tensor, "*S"], *, samples: int, generator: torch.Generator
 ) -> Float[Tensor, "*S"]:
-    """Standard normal noise; the second half of the samples has that of the first turned round.
+    """Standard normal noise whose second half of the samples is the negative of the first half.
 
-    Each sample is as random as ever, but what is odd in the noise cancels in their mean: the mean
-    of four is as near to the truth as that of many independent ones.
+    Each sample keeps its distribution, but odd functions of the noise cancel in the mean: the mean
+    of four samples is as accurate as that of many independent ones.
 
     Args:
-        x: what the noise is for; samples lie along its first axis, each as many entries long.
-        samples: how many.
+        x: gives shape, type and device; all samples lie along its first axis, of equal length.
+        samples: number of samples.
         generator: source of the noise.
     """
     half = normal_like(x[: len(x) // samples * ((samples + 1) // 2)], generator=generator)
@@ -98,10 +97,10 @@ def denoise_via_diffusion(
     generator: torch.Generator,
     on_step: OnStep | None = None,
 ) -> Float[Tensor, "*S"]:
-    """Algorithm 1 of the paper: noise the input up to sigmas[0], then run the learned way back.
+    """Algorithm 1 of the paper: add noise of level sigmas[0], then run the reverse process.
 
-    Samples lie along the first axis and start from antithetic_noise noise (see `antithetic_noise`).
-    "direct" is its ablation: the model's answer to the input, which it is told has that noise.
+    Samples lie along the first axis and start from antithetic noise (see `antithetic_noise`). The
+    ablation "direct" is the model's answer to the input itself, given the level sigmas[0].
     """
     if sampler == "direct":
         clean = model(x, float(sigmas[0]))

@@ -25,12 +25,12 @@ def linear_sigmas(
 
 
 def descending_sigmas(level: int, steps: int) -> Float[Tensor, " M"]:
-    """The sampler's way from noise level `level` to 0 in `steps` steps, for data of unit variance.
+    """Noise levels of a sampler from `level` down to 0 in `steps` steps, for unit variance.
 
     Args:
         level: level of the linear schedule to start from, 1 to PAPER_STEPS.
-        steps: number of denoiser calls; `level` of them visit every level, as the paper does; fewer
-            are spaced evenly in level.
+        steps: number of denoiser calls, evenly spaced in level; `level` of them visit every level,
+            as in the paper.
     """
     sigmas = linear_sigmas()
     levels = torch.linspace(level, 0, steps + 1, dtype=torch.float64).round().long()

@@ -18,14 +18,14 @@ def mlp(*widths: int) -> nn.Sequential:
 
 
 def zeroed(layer: nn.Module) -> nn.Module:
-    """The same linear layer with zero weights: what it adds has to be learned."""
+    """The same linear layer with zero weights, so that it has no effect before training."""
     for parameter in layer.parameters():
         nn.init.zeros_(parameter)
     return layer
 
 
 def rotary(x: Float[Tensor, "B H T D"]) -> Float[Tensor, "B H T D"]:
-    """Rotary position embedding: attention sees distances in frames, not places in the window."""
+    """Rotary position embedding: attention depends on distances in frames, not on positions."""
     half = x.shape[-1] // 2
     frequency = torch.exp(-math.log(1000.0) * torch.arange(half, device=x.device) / half)
     angle = torch.arange(x.shape[-2], device=x.device)[:, None] * frequency
@@ -49,7 +49,7 @@ class Block(nn.Module):
         self.gain = zeroed(nn.Linear(width, 2 * width))
 
     def matrices(self) -> list[Tensor]:
-        """The weights that map features to features, which an optimizer may treat as such."""
+        """The weight matrices between features, for optimizers that treat matrices differently."""
         layers = (self.qkv, self.project, *self.forward_layers)
         return [layer.weight for layer in layers if isinstance(layer, nn.Linear)]
 
@@ -60,7 +60,7 @@ class Block(nn.Module):
         gain_attention, gain_forward = (1 + self.gain(level))[:, None].chunk(2, dim=-1)
         q, k, v = self.qkv(self.norm_attention(tokens) * gain_attention).chunk(3, dim=-1)
         q, k, v = (x.unflatten(-1, (self.heads, -1)).transpose(1, 2) for x in (q, k, v))
-        # written out: over windows this short it is faster than the fused one, by far in bfloat16
+        # written out: for windows this short it is faster than torch's fused attention
         score = rotary(q) @ rotary(k).mT * q.shape[-1] ** -0.5
         attended = score.softmax(-1).to(v.dtype) @ v
         tokens = tokens + self.project(attended.transpose(1, 2).flatten(-2))
@@ -74,7 +74,7 @@ class FrameTransformer(nn.Module):
         """Build `depth` blocks of `width` features."""
         super().__init__()
         self.precision = torch.float32
-        """What products are taken in; training may take them in less."""
+        """Type of the matrix products; training may use a smaller one."""
         self.level = mlp(width, width, width)
         self.blocks = nn.ModuleList(Block(width, heads) for _ in range(depth))
         self.norm = nn.LayerNorm(width)

@@ -1,41 +1,43 @@
-"""Weights and the settings that made them in one safetensors file; no pickle anywhere."""
+"""Weights and the settings of their training in one safetensors file, without pickle."""
 
 import json
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import torch
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
+from safetensors.torch import save
 from torch import Tensor
 
 from geneoh.errors import CheckpointError
+from geneoh.files.atomic import write_whole
 
 HALVES = (torch.float16, torch.bfloat16)
-"""Types that weights are kept small in; nothing here computes with them."""
+"""Types that weights are stored in to save space; nothing computes with them."""
 
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """Tensors by name and a JSON record of how they came about."""
+    """Tensors by name and a JSON record of how they were made."""
 
     tensors: dict[str, Tensor]
     record: dict[str, Any]
 
 
 def save_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
-    """Write the checkpoint beside `path` and rename, so a good file is never left half written."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(path.name + ".part")
-    tensors = {name: tensor.detach().contiguous() for name, tensor in checkpoint.tensors.items()}
-    save_file(tensors, temporary, metadata={"record": json.dumps(checkpoint.record)})
-    os.replace(temporary, path)
+    """Write a checkpoint whole or not at all.
+
+    Raises:
+        InputError: the place cannot be written to.
+    """
+    tensors = {n: tensor.detach().cpu().contiguous() for n, tensor in checkpoint.tensors.items()}
+    data = save(tensors, metadata={"record": json.dumps(checkpoint.record)})
+    write_whole(path, data, parents=True)
 
 
 def load_checkpoint(path: Path) -> Checkpoint:
-    """Read a checkpoint; float16 and bfloat16 come back as float32, all else as it was saved.
+    """Read a checkpoint to the CPU; float16 and bfloat16 become float32, other types are kept.
 
     Raises:
         CheckpointError: the file is missing, is not safetensors or carries no record.
