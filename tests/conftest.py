@@ -1,7 +1,11 @@
-"""Settings of every test run."""
+"""Settings of every test run, and the devices that tests of devices run on."""
 
+from collections.abc import Iterator
+
+import pytest
 import torch
 from hypothesis import settings
+from pretended_device import PretendedDevice
 
 # The tests' tensors are small: more threads only wait for each other.
 torch.set_num_threads(1)
@@ -9,3 +13,15 @@ torch.set_num_threads(1)
 # The same examples in every run, and no deadline: the first call of a function pays its imports.
 settings.register_profile("geneoh", derandomize=True, deadline=None, max_examples=30)
 settings.load_profile("geneoh")
+
+
+@pytest.fixture(params=["pretended", pytest.param("cuda", marks=pytest.mark.gpu)])
+def device(request: pytest.FixtureRequest) -> Iterator[torch.device]:
+    """A device beside the CPU: a pretended one, and CUDA where there is a GPU."""
+    if request.param == "cuda":
+        if not torch.cuda.is_available():
+            pytest.skip("needs a CUDA device")
+        yield torch.device("cuda")
+    else:
+        with PretendedDevice() as device:
+            yield device

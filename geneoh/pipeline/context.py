@@ -143,16 +143,16 @@ def stage_context(
 ) -> StageContext:
     """The object's surface and motion; points are shared among parts by area."""
     fields = surface.fields
-    areas = torch.stack([field.mesh.face_vectors().norm(dim=-1).sum() for field in fields])
+    areas = torch.tensor([float(field.mesh.face_vectors().norm(dim=-1).sum()) for field in fields])
     counts = (SURFACE_POINTS * areas / areas.sum()).round().long().clamp(min=16)
     drawn = [
         sample_surface(field.solid, int(count), generator=generator)
         for field, count in zip(fields, counts, strict=True)
     ]
     return StageContext(
-        points=torch.cat([part.points for part in drawn]),
-        normals=torch.cat([part.normals for part in drawn]),
-        part=torch.arange(len(fields)).repeat_interleave(counts),
+        points=torch.cat([part.points for part in drawn]).to(surface.rotation),
+        normals=torch.cat([part.normals for part in drawn]).to(surface.rotation),
+        part=torch.arange(len(fields)).repeat_interleave(counts).to(surface.rotation.device),
         rotation=surface.rotation,
         translation=surface.translation,
         trust=subject.trust,

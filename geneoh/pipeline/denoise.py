@@ -47,7 +47,8 @@ def denoise(
     """Clean every hand of a sequence against its object.
 
     The stages know right hands at 30 frames a second only: left hands are mirrored and other rates
-    resampled here and back. The same input, options and seed give the same result.
+    resampled here and back. The same input, options and seed give the same result. The work is done
+    on `options.device`; the result is on the device of the sequence.
 
     Args:
         sequence: up to two hands and an object with its meshes, in metres.
@@ -78,8 +79,10 @@ def denoise(
         model = hand_of_betas(
             hand.side, hand.track.hand_model, asked=options.hand, mano_dir=options.mano_dir
         )
-        subject = subject_of(hand.track, hand.right_model(model))
-        result = _clean(hand, subject, denoisers, chosen, options.seed, on_progress)
+        moved = hand.to(options.device)
+        subject = subject_of(moved.track, hand.right_model(model))
+        result = _clean(moved, subject, denoisers, chosen, options.seed, on_progress)
+        result = result.to(sequence.object.rotation.device)
         results[hand.side] = replace(
             result,
             track=hand.track_to_user(result.track),

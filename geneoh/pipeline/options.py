@@ -40,7 +40,8 @@ class Options:
     weights: Path | None = None
     """Folder of the networks' weights, as `geneoh train` writes it; None for those that ship."""
     device: str = "cpu"
-    """Device that the networks and the fit run on, as torch names it: "cpu", "cuda", "cuda:1"."""
+    """Device that the networks and the fit run on, as torch names it: "cpu", "cuda", "cuda:1". The
+    result is on the device of the sequence."""
 
     def resolved(self) -> Preset:
         """The preset with the user's changes.

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from jaxtyping import Float, Shaped
 from torch import Tensor
 
+from geneoh.bundle import Bundle
 from geneoh.choices import Side
 from geneoh.geometry.mirror import mirror_points
 from geneoh.hand.model import HandModel
@@ -16,7 +17,7 @@ NETWORK_FPS = 30.0
 
 
 @dataclass(frozen=True)
-class NormalisedHand:
+class NormalisedHand(Bundle):
     """One hand of a sequence and its object, as a right hand at 30 frames a second.
 
     Left hands are mirrored with their object, x -> -x, and other frame rates are resampled. The

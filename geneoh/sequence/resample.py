@@ -48,7 +48,8 @@ def over_frames(sequence: Sequence, frames: int) -> Sequence:
         )
     last = sequence.frames - 1
     # In float64 and by one division, so that instants which fall on a frame do so exactly.
-    place = torch.arange(frames, dtype=torch.float64) * last / (frames - 1)
+    device = sequence.object.rotation.device
+    place = torch.arange(frames, dtype=torch.float64, device=device) * last / (frames - 1)
     before = place.floor().long().clamp(max=last)
     between = FrameInterpolation(before, (before + 1).clamp(max=last), place - before)
     nearest = (place + 0.5).floor().long()

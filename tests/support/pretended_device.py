@@ -7,13 +7,13 @@ generator of the CPU. As on CUDA, CPU tensors without an axis may be operands an
 index. Every other tensor, also one made without `device=`, is of the CPU.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import torch
 from torch import Tensor
 from torch.overrides import TorchFunctionMode
-from torch.utils._pytree import tree_leaves, tree_map_only
+from torch.utils._pytree import tree_map_only
 
 DEVICE = torch.device("privateuseone:0")
 """A device type that torch keeps free for others; nothing is registered for it here."""
@@ -57,7 +57,7 @@ class PretendedDevice(TorchFunctionMode):
 def checked_call(func: Callable, args: tuple, kwargs: dict[str, Any]) -> Any:
     """The result of a function of torch, on the device that its arguments ask for."""
     name = getattr(func, "__name__", "")
-    tensors = [value for value in tree_leaves((args, kwargs)) if isinstance(value, Tensor)]
+    tensors = _tensors_in([*args, *kwargs.values()])
     there = [tensor for tensor in tensors if isinstance(tensor, OnDevice)]
     if name in ("to", "cpu", "cuda", "type_as") and tensors:
         return _moved(name, *args, **kwargs)
@@ -78,7 +78,22 @@ def checked_call(func: Callable, args: tuple, kwargs: dict[str, Any]) -> Any:
         )
     with torch._C.DisableTorchFunctionSubclass():
         found = func(*args, **kwargs)
-        return tree_map_only(Tensor, lambda tensor: _placed(tensor, on_device), found)
+        if isinstance(found, Tensor):
+            return _placed(found, on_device)
+        if isinstance(found, (list, tuple)):
+            return tree_map_only(Tensor, lambda tensor: _placed(tensor, on_device), found)
+        return found
+
+
+def _tensors_in(values: Iterable[Any]) -> list[Tensor]:
+    """All tensors among arguments and in lists of them; pytree does the same more slowly."""
+    found = []
+    for value in values:
+        if isinstance(value, Tensor):
+            found.append(value)
+        elif isinstance(value, (list, tuple)):
+            found += _tensors_in(value)
+    return found
 
 
 def _placed(tensor: Tensor, on_device: bool) -> Tensor:

@@ -1,0 +1,133 @@
+"""The whole way on another device: a pretended one, and CUDA where there is a GPU."""
+
+from dataclasses import fields, replace
+from typing import get_args
+
+import numpy as np
+import pytest
+import torch
+import trees
+from torch import Tensor
+
+import geneoh
+from geneoh.bundle import Bundle
+from geneoh.choices import PresetName
+from geneoh.fitting.adam import AdamFitConfig
+from geneoh.fitting.align import AlignConfig
+from geneoh.fitting.fit import FitConfig
+from geneoh.pipeline import denoise as module
+from geneoh.pipeline.denoise import Denoised, Options, denoise
+from geneoh.pipeline.presets import Preset, preset
+from geneoh.pipeline.results import save_result
+from geneoh.readers.base import ReaderOptions
+from geneoh.readers.convert import read_one
+from geneoh.sequence.sequence import Sequence
+
+TOLERANCE = 1e-4
+"""Metres and radians by which CUDA may differ from the CPU; the pretended device computes there."""
+
+
+@pytest.fixture(autouse=True)
+def _few_steps(monkeypatch):
+    """The presets in as few steps as still take every way through the code."""
+
+    def quick(name: str) -> Preset:
+        chosen = preset(name)
+        fit = FitConfig(iterations=2, contact_rounds=1)
+        if isinstance(chosen.fit, AdamFitConfig):
+            fit = AdamFitConfig(rigid_steps=2, steps=2)
+        return replace(chosen.with_steps(2), align=AlignConfig(steps=2), fit=fit)
+
+    monkeypatch.setattr(module, "preset", quick)
+
+
+@pytest.fixture(scope="module")
+def short(noisy) -> Sequence:
+    """A left hand that touches the object."""
+    return noisy[56:64]
+
+
+@pytest.fixture(scope="module")
+def two_parts(tmp_path_factory) -> Sequence:
+    """Two hands at a box whose lid opens."""
+    root = tmp_path_factory.mktemp("arctic")
+    trees.arctic(root, trees.scene(), False)
+    mano_dir = trees.write_mano(tmp_path_factory.mktemp("mano"))
+    sequence = read_one("arctic", root / "raw_seqs", ReaderOptions(mano_dir=mano_dir)).sequence
+    return sequence[:8]
+
+
+def tensors_of(result: Denoised) -> dict[str, Tensor]:
+    """Every tensor of a result by side and name."""
+    found = {}
+    for side, hand in result.hands.items():
+        own = {f.name: getattr(hand.track, f.name) for f in fields(hand.track)}
+        own |= {"filled": hand.filled, "samples": hand.samples}
+        found |= {f"{side} {name}": v for name, v in own.items() if isinstance(v, Tensor)}
+    return found
+
+
+def assert_same(here: Denoised, there: Denoised) -> None:
+    """Equal results, both on the CPU."""
+    want, got = tensors_of(here), tensors_of(there)
+    assert want.keys() == got.keys()
+    for name, tensor in got.items():
+        assert tensor.device.type == "cpu", name
+        torch.testing.assert_close(tensor, want[name], atol=TOLERANCE, rtol=0)
+    for side, hand in there.hands.items():
+        assert hand.after.as_dict() == pytest.approx(
+            here.hands[side].after.as_dict(), abs=0.1, nan_ok=True
+        )
+
+
+def both_ways(sequence: Sequence, options: Options, device: torch.device) -> None:
+    here = denoise(sequence, options)
+    assert_same(here, denoise(sequence, replace(options, device=str(device))))
+
+
+@pytest.mark.parametrize("name", get_args(PresetName))
+def test_a_left_hand_is_cleaned_alike_on_every_device(short, device, name):
+    both_ways(short, Options(preset=name), device)
+
+
+def test_a_right_hand_of_keypoints_alone_with_gaps_is_cleaned_alike(short, device):
+    hand = short.hands[0].mirrored()
+    hand = replace(hand, pose=None, wrist=None, betas=None, hand_model=None)
+    hand = replace(hand, valid=torch.arange(8) != 3, confidence=torch.full((8, 21), 0.5))
+    right = replace(short, hands=(hand,), object=short.object.mirrored())
+    both_ways(right, Options(preset="fast"), device)
+
+
+def test_both_hands_at_an_object_of_two_parts_are_cleaned_alike(two_parts, device):
+    both_ways(two_parts, Options(preset="fast"), device)
+
+
+def test_another_frame_rate_is_resampled_on_the_device_of_the_sequence(short, device):
+    slow = replace(short, fps=20.0)
+    here = denoise(slow, Options(preset="fast"))
+    there = denoise(slow.to(device), Options(preset="fast", device=str(device)))
+    assert all(tensor.device.type == device.type for tensor in tensors_of(there).values())
+    moved = {side: hand.to("cpu") for side, hand in there.hands.items()}
+    assert_same(here, replace(there, hands=moved))
+
+
+@pytest.mark.parametrize("at_work", ["cpu", "there"])
+def test_results_are_on_the_device_of_the_sequence_and_can_be_saved(
+    short, device, at_work, tmp_path
+):
+    options = Options(preset="fast", device="cpu" if at_work == "cpu" else str(device))
+    result = denoise(short.to(device), options)
+    assert all(tensor.device.type == device.type for tensor in tensors_of(result).values())
+    save_result(result, options, tmp_path / "clean.npz")
+    loaded = geneoh.load(tmp_path / "clean.npz")
+    torch.testing.assert_close(loaded.hands[0].joints, result.sequence.hands[0].joints.cpu())
+    with np.load(tmp_path / "clean.npz") as arrays:
+        assert arrays["left_filled"].shape == (8,)
+
+
+def test_bundles_move_whole(short, device):
+    moved = short.to(device)
+    assert all(mesh.verts.device.type == device.type for mesh in moved.object.meshes)
+    assert moved.hands[0].joints.device.type == device.type
+    assert isinstance(moved, Bundle)
+    torch.testing.assert_close(moved.to("cpu").object.rotation, short.object.rotation)
