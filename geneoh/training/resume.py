@@ -131,7 +131,7 @@ def training_record(
         "validation": data_digest(validation),
         "before": before,
         "made": None if data_record is None else dict(data_record),
-        "device": torch.cuda.get_device_name(device) if device.type == "cuda" else "cpu",
+        "device": torch.cuda.get_device_name(device) if device.type == "cuda" else device.type,
         "precision": str(quick_precision(device)).removeprefix("torch."),
         "threads": torch.get_num_threads(),
         "cores": os.cpu_count(),
