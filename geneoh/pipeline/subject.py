@@ -45,14 +45,14 @@ class Subject(Bundle):
 
 
 def subject_of(track: HandTrack, model: HandModel) -> Subject:
-    """Shape, keypoints and start of a right-hand track.
+    """Shape, keypoints and start of a right-hand track, on its device.
 
     Where a track has joints and pose, the joints decide. Betas of `model` are used as they are;
     otherwise the shape is fitted to the rest skeleton (of pose and joints) or to the
     bone lengths (joints only), or it is the mean hand (pose only), which is noted.
     """
     notes: list[str] = []
-    filled = fill_gaps(track)
+    filled, model = fill_gaps(track), model.to(track.valid.device)
     known = track.betas if track.hand_model == model.name else None
     rotations = None if filled.pose is None else axis_angle_to_matrix(filled.pose)
     if filled.joints is None:

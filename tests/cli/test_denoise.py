@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import quick_presets
 from bad_inputs import CANARY, REFUSED, TOLD, write_good
 from pages import page_scene
 
@@ -142,3 +143,12 @@ def test_missing_weights_are_named(geneoh, tmp_path):
     result = geneoh(*RUN, "--weights", "nowhere")
     assert result.exit_code == 2
     assert "nowhere" in result.stderr
+
+
+def test_the_device_that_is_named_does_the_work(geneoh, device, tmp_path, monkeypatch):
+    quick_presets.use(monkeypatch)
+    write_good(tmp_path)
+    result = geneoh(*RUN, "--device", device)
+    assert result.exit_code == 0, result.output
+    with np.load(tmp_path / "hand_clean.npz") as file:
+        assert json.loads(str(file["options"]))["device"] == str(device)

@@ -5,6 +5,7 @@ from typing import get_args
 
 import numpy as np
 import pytest
+import quick_presets
 import torch
 import trees
 from torch import Tensor
@@ -12,12 +13,7 @@ from torch import Tensor
 import geneoh
 from geneoh.bundle import Bundle
 from geneoh.choices import PresetName
-from geneoh.fitting.adam import AdamFitConfig
-from geneoh.fitting.align import AlignConfig
-from geneoh.fitting.fit import FitConfig
-from geneoh.pipeline import denoise as module
 from geneoh.pipeline.denoise import Denoised, Options, denoise
-from geneoh.pipeline.presets import Preset, preset
 from geneoh.pipeline.results import save_result
 from geneoh.readers.base import ReaderOptions
 from geneoh.readers.convert import read_one
@@ -29,16 +25,7 @@ TOLERANCE = 1e-4
 
 @pytest.fixture(autouse=True)
 def _few_steps(monkeypatch):
-    """The presets in as few steps as still take every way through the code."""
-
-    def quick(name: str) -> Preset:
-        chosen = preset(name)
-        fit = FitConfig(iterations=2, contact_rounds=1)
-        if isinstance(chosen.fit, AdamFitConfig):
-            fit = AdamFitConfig(rigid_steps=2, steps=2)
-        return replace(chosen.with_steps(2), align=AlignConfig(steps=2), fit=fit)
-
-    monkeypatch.setattr(module, "preset", quick)
+    quick_presets.use(monkeypatch)
 
 
 @pytest.fixture(scope="module")
