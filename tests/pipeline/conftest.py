@@ -4,8 +4,11 @@ from pathlib import Path
 
 import pytest
 import torch
+import trees
 
 import geneoh
+from geneoh.readers.base import ReaderOptions
+from geneoh.readers.recordings import read_one
 from geneoh.sequence.sequence import Sequence
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -21,6 +24,15 @@ def noisy() -> Sequence:
 def clean() -> Sequence:
     """The recording itself."""
     return geneoh.load(EXAMPLES / "taco_clean.npz", obj=EXAMPLES / "taco_object.obj")
+
+
+@pytest.fixture(scope="session")
+def arctic(tmp_path_factory) -> Sequence:
+    """A box whose lid opens, with a hand at the seam of the two."""
+    root = tmp_path_factory.mktemp("arctic")
+    trees.arctic(root, trees.scene(), False)
+    mano_dir = trees.write_mano(tmp_path_factory.mktemp("mano"))
+    return read_one("arctic", root / "raw_seqs", ReaderOptions(mano_dir=mano_dir)).sequence
 
 
 @pytest.fixture(autouse=True, scope="module")

@@ -7,17 +7,6 @@ import trees
 from geneoh.pipeline import denoise as module
 from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.options import Options
-from geneoh.readers.base import ReaderOptions
-from geneoh.readers.recordings import read_one
-
-
-@pytest.fixture(scope="module")
-def arctic(tmp_path_factory):
-    """A box whose lid opens, with a hand at the seam of the two."""
-    root = tmp_path_factory.mktemp("arctic")
-    trees.arctic(root, trees.scene(), False)
-    mano_dir = trees.write_mano(tmp_path_factory.mktemp("mano"))
-    return read_one("arctic", root / "raw_seqs", ReaderOptions(mano_dir=mano_dir)).sequence
 
 
 @pytest.fixture(scope="module")

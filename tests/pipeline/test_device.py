@@ -7,16 +7,14 @@ import numpy as np
 import pytest
 import quick_presets
 import torch
-import trees
 from torch import Tensor
 
 import geneoh
 from geneoh.bundle import Bundle
 from geneoh.choices import PresetName
-from geneoh.pipeline.denoise import Denoised, Options, denoise
-from geneoh.pipeline.results import save_result
-from geneoh.readers.base import ReaderOptions
-from geneoh.readers.convert import read_one
+from geneoh.pipeline.denoise import denoise
+from geneoh.pipeline.options import Options
+from geneoh.pipeline.results import Denoised, save
 from geneoh.sequence.sequence import Sequence
 
 TOLERANCE = 1e-4
@@ -32,16 +30,6 @@ def _few_steps(monkeypatch):
 def short(noisy) -> Sequence:
     """A left hand that touches the object."""
     return noisy[56:64]
-
-
-@pytest.fixture(scope="module")
-def two_parts(tmp_path_factory) -> Sequence:
-    """Two hands at a box whose lid opens."""
-    root = tmp_path_factory.mktemp("arctic")
-    trees.arctic(root, trees.scene(), False)
-    mano_dir = trees.write_mano(tmp_path_factory.mktemp("mano"))
-    sequence = read_one("arctic", root / "raw_seqs", ReaderOptions(mano_dir=mano_dir)).sequence
-    return sequence[:8]
 
 
 def tensors_of(result: Denoised) -> dict[str, Tensor]:
@@ -85,8 +73,8 @@ def test_a_right_hand_of_keypoints_alone_with_gaps_is_cleaned_alike(short, devic
     both_ways(right, Options(preset="fast"), device)
 
 
-def test_both_hands_at_an_object_of_two_parts_are_cleaned_alike(two_parts, device):
-    both_ways(two_parts, Options(preset="fast"), device)
+def test_both_hands_at_an_object_of_two_parts_are_cleaned_alike(arctic, device):
+    both_ways(arctic[:8], Options(preset="fast"), device)
 
 
 def test_another_frame_rate_is_resampled_on_the_device_of_the_sequence(short, device):
@@ -105,7 +93,7 @@ def test_results_are_on_the_device_of_the_sequence_and_can_be_saved(
     options = Options(preset="fast", device="cpu" if at_work == "cpu" else str(device))
     result = denoise(short.to(device), options)
     assert all(tensor.device.type == device.type for tensor in tensors_of(result).values())
-    save_result(result, options, tmp_path / "clean.npz")
+    save(result, tmp_path / "clean.npz")
     loaded = geneoh.load(tmp_path / "clean.npz")
     torch.testing.assert_close(loaded.hands[0].joints, result.sequence.hands[0].joints.cpu())
     with np.load(tmp_path / "clean.npz") as arrays:

@@ -15,10 +15,10 @@ from geneoh.denoisers.trajectory import TrajectoryConfig, TrajectoryDenoiser
 from geneoh.fitting.align import AlignConfig
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
+from geneoh.pipeline.context import StageContext
 from geneoh.pipeline.presets import StagePlan
 from geneoh.pipeline.stages import (
     ALIGN_POINTS,
-    StageContext,
     _corrected,
     denoise_motion,
     denoise_spatial,

@@ -7,13 +7,13 @@ import pytest
 from geneoh.fitting.adam import AdamFitConfig
 from geneoh.fitting.align import AlignConfig
 from geneoh.fitting.fit import FitConfig
-from geneoh.pipeline import denoise
+from geneoh.pipeline import options
 from geneoh.pipeline.presets import Preset, preset
 
 
 def use(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have `denoise` take two steps wherever a preset takes more."""
-    monkeypatch.setattr(denoise, "preset", quick)
+    """Have every run take two steps wherever a preset takes more."""
+    monkeypatch.setattr(options, "preset", quick)
 
 
 def quick(name: str) -> Preset:
