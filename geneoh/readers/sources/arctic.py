@@ -100,22 +100,24 @@ def part_motion(angle: Array, orient: Array, shift: Array) -> Array:
 
 def read_parts(folder: Path, name: str) -> tuple[dict[str, Mesh], tuple[str, ...]]:
     """Bottom and top in metres, and what contradicts the meaning of the parts' file."""
-    path = find_mesh([folder / name / "mesh.obj"], name)
-    mesh, ids = read_mesh(path, MILLIMETRES), part_ids(path)
-    if len(ids) != len(mesh.verts):
-        raise InputError(
-            f"{path.with_name('parts.json')}: expected one number for each of {len(mesh.verts)} "
-            f"vertices, got {len(ids)}; it belongs to another mesh"
-        )
+    path, mesh, ids = read_template(folder, name)
     bottom, top = (part_of_mesh(mesh, ids == part, str(path)) for part in (BOTTOM, TOP))
     meshes = {f"arctic_{name}_bottom": bottom, f"arctic_{name}_top": top}
     return meshes, exchanged_parts(path.parent, bottom, top)
 
 
-def part_ids(mesh: Path) -> Array:
-    """(V,) the part that each vertex of a mesh file belongs to."""
-    path = mesh.with_name("parts.json")
-    return Record(str(path), {"parts": read_json(path)}).array("parts", ("V",))
+def read_template(folder: Path, name: str) -> tuple[Path, Mesh, Array]:
+    """The file and mesh of a whole object in metres, and (V,) the part of each vertex."""
+    path = find_mesh([folder / name / "mesh.obj"], name)
+    parts = path.with_name("parts.json")
+    mesh = read_mesh(path, MILLIMETRES)
+    ids = Record(str(parts), {"parts": read_json(parts)}).array("parts", ("V",))
+    if len(ids) != len(mesh.verts):
+        raise InputError(
+            f"{parts}: expected one number for each of {len(mesh.verts)} vertices, got {len(ids)}; "
+            "it belongs to another mesh"
+        )
+    return path, mesh, ids
 
 
 def exchanged_parts(folder: Path, bottom: Mesh, top: Mesh) -> tuple[str, ...]:

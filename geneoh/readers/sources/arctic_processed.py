@@ -15,7 +15,6 @@ from geneoh.readers.base import CrossChecks, ReaderOptions, SourceClip
 from geneoh.readers.builders import OPENPOSE_FROM_MANO
 from geneoh.readers.dataset_reader import ClipParts, DatasetReader
 from geneoh.readers.foreign_files import read_record
-from geneoh.readers.meshes import read_mesh
 from geneoh.readers.records import Array, Record
 from geneoh.readers.sources.arctic import (
     BOTTOM,
@@ -23,10 +22,10 @@ from geneoh.readers.sources.arctic import (
     MILLIMETRES,
     TEMPLATES,
     TOP,
-    part_ids,
     part_motion,
     read_hand,
     read_parts,
+    read_template,
 )
 
 FOLDERS = ("seqs", "processed_seqs")
@@ -59,7 +58,7 @@ class ArcticProcessedReader(DatasetReader):
         verts = world.optional_array("verts.object", ("T", "V", 3))
         moved = None
         if verts is not None and verts.shape[1] == sum(len(m.verts) for m in meshes.values()):
-            moved = verts.mean(1, keepdims=True), mean_vertex(folder / name / "mesh.obj", motion)
+            moved = verts.mean(1, keepdims=True), mean_vertex(folder, name, motion)
         return [
             ClipParts(
                 f"ARCTIC {clip.name} (processed)",
@@ -89,9 +88,10 @@ def read_joints(world: Record, side: Side) -> Array | None:
     return None if joints is None else joints[:, OPENPOSE_FROM_MANO]
 
 
-def mean_vertex(mesh: Path, motion: Array) -> Array:
+def mean_vertex(folder: Path, name: str, motion: Array) -> Array:
     """(T, 1, 3) mean of the object's vertices, each moved with its part."""
-    verts, ids = read_mesh(mesh, MILLIMETRES).verts.double().numpy(), part_ids(mesh)
+    _, mesh, ids = read_template(folder, name)
+    verts = mesh.verts.double().numpy()
     total = np.zeros((len(motion), 3))
     for index, part in enumerate((BOTTOM, TOP)):
         own = verts[ids == part]

@@ -141,8 +141,8 @@ def read_subject(path: Path, side: Side, frames: int) -> Record | None:
     if found is None or side == "left":
         return None
     record = read_record(found)
-    if len(record.array("rhand_transl", ("T", 3))) != frames:
-        raise record.refuse("rhand_transl", f"{frames} frames, as the clip has")
+    record.array("rhand_transl", (frames, 3), remedy="it belongs to another clip")
+    record.array("rhand_verts", (frames, VERTS, 3), remedy="it belongs to another clip")
     return record
 
 

@@ -1,0 +1,143 @@
+"""What estimators and users write: ArcticNet, HaMeR, HaWoR, Aria, landmarks, bare arrays."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from scipy.spatial.transform import Rotation
+
+from geneoh.readers.joint_orders import ORDERS
+from trees.interaction import FRAMES, Scene, cameras, flat, turns, vectors
+from trees.mano_files import FLIP, SIDES
+from trees.mocap import arctic
+from trees.writers import dump_joblib, write_table
+
+
+def halved(s: Scene) -> Scene:
+    """The scene as it comes out of half precision, in which ArcticNet's predictions are stored."""
+    pose, wrist, joints, betas = {}, {}, {}, {}
+    for side in SIDES:
+        mean = np.concatenate([np.zeros(3), s.mano[side].mean])
+        relative = turns((flat(s.pose[side]) - mean).reshape(-1, 3)).astype("f2").astype("f8")
+        pose[side] = vectors(relative).reshape(FRAMES, 16, 3) + mean.reshape(16, 3)
+        betas[side] = s.betas[side].astype("f2").astype("f8")
+        origin = s.origin(side).astype("f2").astype("f8")
+        wrist[side] = origin + s.mano[side].wrist_offset(betas[side])
+        joints[side] = s.mano[side].keypoints(pose[side], wrist[side], betas[side])
+    rotation = turns(vectors(s.rotation).astype("f2").astype("f8"))
+    shift, angle = (values.astype("f2").astype("f8") for values in (s.shift, s.angle))
+    hands = {"pose": pose, "wrist": wrist, "joints": joints, "betas": betas}
+    return replace(s, **hands, rotation=rotation, shift=shift, angle=angle)
+
+
+def arcticnet(root: Path, s: Scene, wrong: bool) -> None:
+    arctic(root / "data", s, False)
+    folder = root / "eval/s01_box_grab_01_1"
+    (folder / "preds").mkdir(parents=True)
+    (folder / "meta_info").mkdir()
+    names = [f"./images/s01/box_grab_01/1/{t + 33:05d}.jpg" for t in range(FRAMES)]
+    torch.save(names, folder / "meta_info/meta_info.imgname.pt")
+
+    def put(key: str, values: np.ndarray) -> None:
+        padded = np.concatenate([values, values[-1:]])
+        torch.save(torch.from_numpy(padded).half(), folder / f"preds/pred.{key}.pt")
+
+    for side in SIDES:
+        relative = flat(s.pose[side]) - np.concatenate([np.zeros(3), s.mano[side].mean])
+        put(f"mano.pose.{side[0]}", turns(relative.reshape(-1, 3)).reshape(FRAMES, 16, 3, 3))
+        put(f"mano.beta.{side[0]}", np.tile(s.betas[side], (FRAMES, 1)))
+        put(f"mano.cam_t.{side[0]}", s.wrist[side] if wrong else s.origin(side))
+    put("object.rot", vectors(s.rotation))
+    put("object.cam_t", s.shift)
+    put("object.radian", s.angle)
+
+
+def hamer(root: Path, s: Scene, wrong: bool) -> None:
+    focal, image, box = 600.0, np.array([640.0, 480.0]), 200.0
+    rows: dict[str, list] = {}
+    for t in range(FRAMES):
+        for side in SIDES:
+            right, flip = side == "right", np.ones(3) if side == "right" else FLIP
+            trans = s.wrist[side][t] + [0.05, 0.02, 0.1]
+            centre = image / 2 + [30.0, -20.0]
+            spread = 2 * focal / trans[2]
+            shift = 2 * (centre - image / 2) / spread
+            keep = np.ones(3) if wrong else flip
+            pose = turns(s.pose[side][t] * (1 if right else -FLIP))
+            for name, value in {
+                "right": float(right),
+                "frame": t,
+                "box_center": centre,
+                "box_size": box,
+                "img_size": image,
+                "pred_keypoints_3d": (s.joints[side][t] - trans) * keep,
+                "pred_cam": [
+                    spread / box,
+                    (trans[0] - shift[0]) * flip[0],
+                    trans[1] - shift[1],
+                ],
+                "global_orient": pose[:1],
+                "hand_pose": pose[1:],
+                "betas": s.betas[side],
+            }.items():
+                rows.setdefault(name, []).append(value)
+    arrays = {name: torch.tensor(np.array(values)).float() for name, values in rows.items()}
+    params = {name: arrays.pop(name) for name in ("global_orient", "hand_pose", "betas")}
+    torch.save({**arrays, "pred_mano_params": params}, root / "video.pt")
+
+
+def hawor(root: Path, s: Scene, wrong: bool) -> None:
+    order = SIDES if wrong else ("left", "right")
+    fields = [
+        [s.origin(side, "mirrored" if side == "left" else "as shipped") for side in order],
+        [s.pose[side][:, 0] for side in order],
+        [flat(s.pose[side])[:, 3:] for side in order],
+        [np.tile(s.betas[side], (FRAMES, 1)) for side in order],
+        [np.ones(FRAMES) for _ in order],
+    ]
+    dump_joblib(root / "video/world_space_res.pth", [np.array(f, dtype="f4") for f in fields])
+
+
+def aria(root: Path, s: Scene, wrong: bool) -> None:
+    back, scale = np.linalg.inv(cameras()), 1000 if wrong else 1
+    head = ["tracking_timestamp_us"]
+    columns = [1_000_000 + 100_000 * np.arange(FRAMES)]
+    for side in ("left", "right"):
+        joints = s.joints[side] @ back[:, :3, :3].transpose(0, 2, 1) + back[:, None, :3, 3]
+        head.append(f" {side}_tracking_confidence")
+        columns.append(np.full(FRAMES, 0.9))
+        for landmark in range(21):
+            entries = ORDERS["aria"].entries
+            known = landmark in entries
+            place = joints[:, entries.index(landmark)] if known else np.zeros((FRAMES, 3))
+            head += [f"t{axis}_{side}_landmark_{landmark}_device" for axis in "xyz"]
+            columns += list(scale * place.T)
+    write_table(root / "hand_tracking/hand_tracking_results.csv", head, columns)
+    quats = Rotation.from_matrix(cameras()[:, :3, :3]).as_quat()
+    head = ["graph_uid", "tracking_timestamp_us"]
+    head += [f"t{c}_world_device" for c in "xyz"] + [f"q{c}_world_device" for c in "xyzw"]
+    columns = [np.zeros(FRAMES), columns[0], *cameras()[:, :3, 3].T, *quats.T]
+    write_table(root / "slam/closed_loop_trajectory.csv", head, columns)
+
+
+def landmarks(root: Path, s: Scene, wrong: bool) -> None:
+    entries = ORDERS["webxr"].entries
+    hands = {}
+    for side in SIDES:
+        points = np.zeros((FRAMES, 25, 3))
+        points[:, entries] = s.joints[SIDES[(side == "left") != wrong]]
+        hands[side] = [{"points": p.tolist(), "confidence": 0.9} for p in points]
+    value = {"format": "geneoh-landmarks", "version": 1, "order": "webxr", "fps": 72}
+    (root / "hands.json").write_text(json.dumps({**value, "hands": hands}))
+
+
+def keypoint_array(root: Path, s: Scene, wrong: bool) -> None:
+    order = np.argsort(ORDERS["mano" if wrong else "fphab"].entries)
+    np.save(root / "hand.npy", s.joints["right"][:, order])
+
+
+def parameter_array(root: Path, s: Scene, wrong: bool) -> None:
+    pose = flat(s.pose["left"]) * (57.3 if wrong else 1)
+    np.savez(root / "hand.npz", pose=pose, trans=s.origin("left"), betas=s.betas["left"])
