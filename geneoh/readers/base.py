@@ -24,9 +24,9 @@ class ReaderOptions:
     mano_dir: Path | None = None
     """Folder of the user's MANO files."""
     body: Path | None = None
-    """The user's SMPL+H model, for sources whose hands hang on a body."""
+    """The user's SMPL+H model, for sources whose hands are posed with a body."""
     objects: Path | None = None
-    """Folder of the object meshes, where they do not stand where the data set has them."""
+    """Folder of the object meshes, where they are not in their usual place."""
     meshes: tuple[Mesh, ...] = ()
     """The object's own meshes in metres, for sources without any."""
     object_pose: Array | None = None
@@ -40,7 +40,7 @@ class ReaderOptions:
     translation: Translation | None = None
     """What the translation of a bare parameter array moves: the wrist, or MANO's origin."""
     swap_parts: bool = False
-    """The two parts of an articulated object stand in the other order than they usually do."""
+    """The poses of an articulated object's two parts are stored in the other order than usual."""
     mean_pose: bool | None = None
     """Whether a bare parameter array is relative to MANO's mean pose."""
     focal: float | None = None

@@ -57,7 +57,7 @@ class ManoParameters:
     template: Array | None = None
     """(778, 3) the person's own mesh in the rest pose, which replaces the betas."""
     to_world: Array | None = None
-    """(T, 4, 4) from the frame that the numbers stand in to that of the sequence."""
+    """(T, 4, 4) from the frame of reference of the numbers to that of the sequence."""
 
     @property
     def frames(self) -> int:

@@ -251,16 +251,16 @@ def distance_to_ball(point: Array, turn: Array, shift: Array, steps: Array, vert
 
 
 def check_object_placement(stored: CrossChecks) -> Iterator[str]:
-    """Whether the mesh, moved by its pose, stands where the source has the object."""
+    """Whether the mesh, moved by its pose, is where the source has the object."""
     if stored.object_points is None:
         return
     points, own = stored.object_points
-    known = np.isfinite(points).all((1, 2)) & np.isfinite(own).all((1, 2))
-    if not known.any():
+    both = np.isfinite(points).all((1, 2)) & np.isfinite(own).all((1, 2))
+    if not both.any():
         return
-    off = float(np.linalg.norm(points[known] - own[known], axis=-1).mean())
+    off = float(np.linalg.norm(points[both] - own[both], axis=-1).mean())
     if off > POINT_LIMIT:
         yield (
-            f"placement: the mesh moved by its pose stands {1000 * off:.0f} mm from the stored "
+            f"placement: the mesh moved by its pose is {1000 * off:.0f} mm from the stored "
             "object; its rotation, units or centre are others"
         )

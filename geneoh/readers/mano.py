@@ -66,7 +66,7 @@ ManoSource = Callable[[Side, ManoName], Mano]
 
 
 def mano_of(folder: Path | None) -> ManoSource | None:
-    """The user's MANO files, read when they are first asked for; None without a folder."""
+    """The user's MANO files, read when they are first needed; None without a folder."""
     return None if folder is None else lambda side, name: read_mano(Path(folder), side, name)
 
 

@@ -12,10 +12,10 @@ from geneoh.readers.records import Array
 
 
 def find_mesh(places: Iterable[Path], what: str) -> Path:
-    """The first of some places where a mesh file stands.
+    """The first of some paths at which there is a mesh file.
 
     Raises:
-        InputError: it stands nowhere; the message says where it was looked for.
+        InputError: there is none; the message names the first path.
     """
     tried = list(places)
     for place in tried:
@@ -64,7 +64,7 @@ def mesh_from(verts: Array, faces: Array) -> Mesh:
 
 
 def obj_text(mesh: Mesh) -> str:
-    """A mesh as OBJ; nine digits bring every float32 back."""
+    """A mesh as OBJ; nine digits are enough to read every float32 back exactly."""
     verts = "".join(f"v {x:.9g} {y:.9g} {z:.9g}\n" for x, y, z in mesh.verts.tolist())
     faces = "".join(f"f {a} {b} {c}\n" for a, b, c in (mesh.faces + 1).tolist())
     return verts + faces

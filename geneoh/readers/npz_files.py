@@ -74,7 +74,7 @@ def load(
 
 
 def mano_wrist_offset(mano_dir: Path | str) -> WristOffset:
-    """MANO's J0(betas) from the user's own files, which are read when it is first asked for.
+    """MANO's J0(betas) from the user's own files, which are read when it is first needed.
 
     Of the files as smplx uses them: what smplx wrote, left hands included, was made with those.
     """
@@ -95,7 +95,7 @@ def load_sequence(
 ) -> Sequence:
     """Read a sequence from an npz in any of the known layouts; `Sequence.source` says which.
 
-    What had to be assumed is said there too, and logged as a warning.
+    It also says what had to be assumed, which is logged as a warning as well.
 
     Args:
         path: the file; it is never unpickled.

@@ -72,7 +72,7 @@ def side_of(record: Record, options: HandOptions) -> Side:
         raise record.refuse("side", "'left' or 'right'", "correct it")
     if side is None and options.side is None:
         raise InputError(
-            f"{record.where}: which hand it holds must be said by a field 'side', got none; "
+            f"{record.where}: a field 'side' must say which hand it holds, got none; "
             "pass --side left or --side right"
         )
     if side is not None and options.side not in (None, side):

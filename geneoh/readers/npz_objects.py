@@ -59,5 +59,5 @@ def refuse_bottom_row(record: Record, matrix: Array) -> None:
         row = matrix[0, 0, 3].tolist()
         raise InputError(
             f"{record.where}: 'obj_pose' must have 0 0 0 1 as its last row, got {row} in the first "
-            "frame; transpose it if its translation stands there"
+            "frame; transpose it if its translation is there"
         )

@@ -88,7 +88,7 @@ def refuse_betas(recordings: list[Recording], clip: SourceClip) -> None:
 
 
 def without_idle_hand(recording: Recording) -> Recording:
-    """Of two hands only the one that comes near the object; the other hangs beside the body."""
+    """Of two hands only the one that comes near the object; the other is idle beside the body."""
     sequence = recording.sequence
     idle: set[Side] = set()
     for hand in sequence.hands if len(sequence.hands) > 1 else ():

@@ -215,7 +215,7 @@ def float32(values: Array) -> Tensor:
 
 
 def count_entries(value: Any, seen: dict[int, int] | None = None, depth: int = 0) -> int:
-    """How many numbers a list of lists would become; a list that stands twice counts twice.
+    """How many numbers a list of lists would become; a list that occurs twice counts twice.
 
     Counted before the array is made: fifty lists that each hold the next one twice fill any memory.
     Lists that numpy would not turn into an array count as too many.

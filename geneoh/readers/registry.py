@@ -44,120 +44,80 @@ class Source:
 
 
 NON_COMMERCIAL = "non-commercial research"
-SOURCES: dict[str, Source] = {
-    source.name: source
-    for source in (
-        Source("grab", "GRAB", "two hands, object", NON_COMMERCIAL, "grab.is.tue.mpg.de"),
-        Source(
-            "grab_clips",
-            "GRAB in clips of TOCH and GeneOH",
-            "one hand, object",
-            NON_COMMERCIAL,
-            "github.com/kzhou23/toch, github.com/Meowuu7/GeneOH-Diffusion",
-        ),
-        Source(
-            "hoi4d",
-            "HOI4D",
-            "hands, rigid or articulated object",
-            "CC BY-NC 4.0",
-            "hoi4d.github.io",
-        ),
-        Source(
-            "hoi4d_cases",
-            "HOI4D in cases of GeneOH",
-            "right hand, rigid or articulated object",
-            "CC BY-NC 4.0",
-            "github.com/Meowuu7/GeneOH-Diffusion",
-        ),
-        Source(
-            "arctic", "ARCTIC", "two hands, two-part object", NON_COMMERCIAL, "arctic.is.tue.mpg.de"
-        ),
-        Source(
-            "taco",
-            "TACO",
-            "right hand with tool, left with target",
-            "CC BY 4.0",
-            "taco2024.github.io",
-        ),
-        Source(
-            "taco_pickle",
-            "TACO, simplified pickle",
-            "one hand, object",
-            "CC BY 4.0",
-            "github.com/Meowuu7/GeneOH-Diffusion",
-        ),
-        Source(
-            "arctic_processed",
-            "ARCTIC, processed",
-            "two hands, two-part object",
-            NON_COMMERCIAL,
-            "arctic.is.tue.mpg.de",
-        ),
-        Source(
-            "arcticnet",
-            "ArcticNet predictions",
-            "two hands, two-part object",
-            NON_COMMERCIAL,
-            "github.com/zc-alexfan/arctic",
-        ),
-        Source("h2o", "H2O", "two hands, object", NON_COMMERCIAL, "taeinkwon.com/projects/h2o"),
-        Source("dexycb", "DexYCB", "one hand, object", "CC BY-NC 4.0", "dex-ycb.github.io"),
-        Source(
-            "ho3d",
-            "HO-3D v3",
-            "right hand, object",
-            NON_COMMERCIAL,
-            "github.com/shreyashampali/ho3d",
-        ),
-        Source("oakink", "OakInk, images", "right hand, object", NON_COMMERCIAL, "oakink.net"),
-        Source("oakink2", "OakInk2", "two hands, objects", "see the site", "oakink.net/v2"),
-        Source(
-            "fphab",
-            "FPHAB with Hasson's fits",
-            "right hand, object",
-            NON_COMMERCIAL,
-            "guiggh.github.io/publications/first-person-hands",
-        ),
-        Source(
-            "both57m",
-            "BOTH57M",
-            "two hands on a body",
-            "CC BY-NC-SA 4.0",
-            "github.com/Godheritage/BOTH2Hands",
-        ),
-        Source(
-            "hamer",
-            "HaMeR and WiLoR dumps",
-            "hands",
-            "HaMeR MIT, WiLoR CC BY-NC-ND 4.0",
-            "github.com/geopavlakos/hamer, github.com/rolpotamias/WiLoR",
-        ),
-        Source(
-            "hawor",
-            "HaWoR world results",
-            "two hands",
-            "CC BY-NC-ND 4.0",
-            "github.com/ThunderVVV/HaWoR",
-        ),
-        Source(
-            "aria", "Aria MPS", "hands", "your own", "facebookresearch.github.io/projectaria_tools"
-        ),
-        Source(
-            "landmarks",
-            "MediaPipe, WebXR or OpenXR landmarks",
-            "hands (our JSON)",
-            "your own",
-            "geneoh.readers.sources.landmarks",
-        ),
-        Source(
-            "keypoints", "any keypoints", "one hand (npy, npz)", "your own", "--joint-order, --side"
-        ),
-        Source(
-            "parameters",
-            "any MANO parameters",
-            "one hand (npy, npz, pkl)",
-            "your own",
-            "--translation, --side",
-        ),
-    )
+TABLE = {
+    "grab": ("GRAB", "two hands, object", NON_COMMERCIAL, "grab.is.tue.mpg.de"),
+    "grab_clips": (
+        "GRAB in clips of TOCH and GeneOH",
+        "one hand, object",
+        NON_COMMERCIAL,
+        "github.com/kzhou23/toch, github.com/Meowuu7/GeneOH-Diffusion",
+    ),
+    "hoi4d": ("HOI4D", "hands, rigid or articulated object", "CC BY-NC 4.0", "hoi4d.github.io"),
+    "hoi4d_cases": (
+        "HOI4D in cases of GeneOH",
+        "right hand, rigid or articulated object",
+        "CC BY-NC 4.0",
+        "github.com/Meowuu7/GeneOH-Diffusion",
+    ),
+    "arctic": ("ARCTIC", "two hands, two-part object", NON_COMMERCIAL, "arctic.is.tue.mpg.de"),
+    "taco": ("TACO", "right hand with tool, left with target", "CC BY 4.0", "taco2024.github.io"),
+    "taco_pickle": (
+        "TACO, simplified pickle",
+        "one hand, object",
+        "CC BY 4.0",
+        "github.com/Meowuu7/GeneOH-Diffusion",
+    ),
+    "arctic_processed": (
+        "ARCTIC, processed",
+        "two hands, two-part object",
+        NON_COMMERCIAL,
+        "arctic.is.tue.mpg.de",
+    ),
+    "arcticnet": (
+        "ArcticNet predictions",
+        "two hands, two-part object",
+        NON_COMMERCIAL,
+        "github.com/zc-alexfan/arctic",
+    ),
+    "h2o": ("H2O", "two hands, object", NON_COMMERCIAL, "taeinkwon.com/projects/h2o"),
+    "dexycb": ("DexYCB", "one hand, object", "CC BY-NC 4.0", "dex-ycb.github.io"),
+    "ho3d": ("HO-3D v3", "right hand, object", NON_COMMERCIAL, "github.com/shreyashampali/ho3d"),
+    "oakink": ("OakInk, images", "right hand, object", NON_COMMERCIAL, "oakink.net"),
+    "oakink2": ("OakInk2", "two hands, objects", "see the site", "oakink.net/v2"),
+    "fphab": (
+        "FPHAB with Hasson's fits",
+        "right hand, object",
+        NON_COMMERCIAL,
+        "guiggh.github.io/publications/first-person-hands",
+    ),
+    "both57m": (
+        "BOTH57M",
+        "two hands on a body",
+        "CC BY-NC-SA 4.0",
+        "github.com/Godheritage/BOTH2Hands",
+    ),
+    "hamer": (
+        "HaMeR and WiLoR dumps",
+        "hands",
+        "HaMeR MIT, WiLoR CC BY-NC-ND 4.0",
+        "github.com/geopavlakos/hamer, github.com/rolpotamias/WiLoR",
+    ),
+    "hawor": ("HaWoR world results", "two hands", "CC BY-NC-ND 4.0", "github.com/ThunderVVV/HaWoR"),
+    "aria": ("Aria MPS", "hands", "your own", "facebookresearch.github.io/projectaria_tools"),
+    "landmarks": (
+        "MediaPipe, WebXR or OpenXR landmarks",
+        "hands (our JSON)",
+        "your own",
+        "geneoh.readers.sources.landmarks",
+    ),
+    "keypoints": ("any keypoints", "one hand (npy, npz)", "your own", "--joint-order, --side"),
+    "parameters": (
+        "any MANO parameters",
+        "one hand (npy, npz, pkl)",
+        "your own",
+        "--translation, --side",
+    ),
 }
+"""Of each source by name: its title, what it holds, its licence and where to get it."""
+
+SOURCES = {name: Source(name, *row) for name, row in TABLE.items()}

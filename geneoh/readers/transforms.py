@@ -19,19 +19,19 @@ def rigid_matrices(rotation: Array, translation: Array) -> Array:
 
 def rotation_matrices(vectors: Array) -> Array:
     """(..., 3, 3) rotations of (..., 3) axis-angle vectors."""
-    known = np.isfinite(vectors).all(-1)
+    finite = np.isfinite(vectors).all(-1)
     result = np.full((*vectors.shape[:-1], 3, 3), np.nan)
-    if known.any():
-        result[known] = Rotation.from_rotvec(vectors[known]).as_matrix()
+    if finite.any():
+        result[finite] = Rotation.from_rotvec(vectors[finite]).as_matrix()
     return result
 
 
 def axis_angles(rotations: Array) -> Array:
     """(..., 3) axis-angle vectors of (..., 3, 3) matrices; NaN for what is no rotation."""
     flat = rotations.reshape(-1, 3, 3)
-    known = np.isfinite(flat).all((-1, -2))
+    finite = np.isfinite(flat).all((-1, -2))
     sound = np.zeros(len(flat), dtype=bool)
-    sound[known] = np.linalg.det(flat[known]) > 0.5
+    sound[finite] = np.linalg.det(flat[finite]) > 0.5
     result = np.full((len(flat), 3), np.nan)
     if sound.any():
         result[sound] = Rotation.from_matrix(flat[sound]).as_rotvec()

@@ -7,6 +7,7 @@ has a fixed bottom and a top that turns about (0, 0, -1); the bottom comes first
 moves with it.
 """
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -38,22 +39,20 @@ class ArcticReader(DatasetReader):
     name_parts = 2
     convention = CONVENTION
 
-    def parts(self, clip: SourceClip, options: ReaderOptions) -> list[ClipParts]:
+    def parts(self, clip: SourceClip, options: ReaderOptions) -> Iterator[ClipParts]:
         """The one interaction of a sequence."""
         record = read_record(clip.path)
         stem = clip.path.name.removesuffix(".mano.npy")
         values = read_array(clip.path.with_name(f"{stem}.object.npy"), ("T", 7))
         folder = options.objects or ancestor(clip.path, 3) / TEMPLATES
         meshes, contradictions = read_parts(folder, stem.split("_")[0])
-        return [
-            ClipParts(
-                f"ARCTIC {clip.name}",
-                [read_hand(record.record(side), side) for side in ("right", "left")],
-                meshes,
-                part_motion(values[:, 0], values[:, 1:4], values[:, 4:] * MILLIMETRES),
-                cross_checks=CrossChecks(contradictions=contradictions),
-            )
-        ]
+        yield ClipParts(
+            f"ARCTIC {clip.name}",
+            [read_hand(record.record(side), side) for side in ("right", "left")],
+            meshes,
+            part_motion(values[:, 0], values[:, 1:4], values[:, 4:] * MILLIMETRES),
+            cross_checks=CrossChecks(contradictions=contradictions),
+        )
 
 
 def read_hand(

@@ -6,6 +6,7 @@ and, with vertices, verts.object in metres. GeneOH's own files of the same folde
 this side by side in one dict. Conventions as in `arctic`.
 """
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -42,7 +43,7 @@ class ArcticProcessedReader(DatasetReader):
         """Files of processed sequences."""
         return match.parents[1].name in FOLDERS
 
-    def parts(self, clip: SourceClip, options: ReaderOptions) -> list[ClipParts]:
+    def parts(self, clip: SourceClip, options: ReaderOptions) -> Iterator[ClipParts]:
         """The one interaction of a sequence."""
         record = read_record(clip.path)
         flat = "params" not in record and "obj_rot" in record
@@ -59,19 +60,17 @@ class ArcticProcessedReader(DatasetReader):
         moved = None
         if verts is not None and verts.shape[1] == sum(len(m.verts) for m in meshes.values()):
             moved = verts.mean(1, keepdims=True), mean_vertex(folder, name, motion)
-        return [
-            ClipParts(
-                f"ARCTIC {clip.name} (processed)",
-                [read_hand(params, side, f"_{side[0]}", joints[side]) for side in joints],
-                meshes,
-                motion,
-                cross_checks=CrossChecks(
-                    joints={side: there for side, there in joints.items() if there is not None},
-                    object_points=moved,
-                    contradictions=contradictions,
-                ),
-            )
-        ]
+        yield ClipParts(
+            f"ARCTIC {clip.name} (processed)",
+            [read_hand(params, side, f"_{side[0]}", joints[side]) for side in joints],
+            meshes,
+            motion,
+            cross_checks=CrossChecks(
+                joints={side: there for side, there in joints.items() if there is not None},
+                object_points=moved,
+                contradictions=contradictions,
+            ),
+        )
 
 
 def templates(path: Path) -> Path:

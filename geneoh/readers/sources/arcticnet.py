@@ -5,6 +5,7 @@ left hand as shipped), pred.object.rot (T, 3), .cam_t, .radian; float16, so good
 that view's camera frame, metres. Images are numbered at 30 a second; windows are padded at the end.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -32,7 +33,7 @@ class ArcticNetReader(DatasetReader):
     clip_is_folder = True
     convention = CONVENTION
 
-    def parts(self, clip: SourceClip, options: ReaderOptions) -> list[ClipParts]:
+    def parts(self, clip: SourceClip, options: ReaderOptions) -> Iterator[ClipParts]:
         """The one interaction of a folder."""
         words = clip.path.name.split("_")
         numbers = image_numbers(clip.path)
@@ -52,20 +53,18 @@ class ArcticNetReader(DatasetReader):
             images.placed(images.read("object.rot", ("T", 3))),
             images.placed(images.read("object.cam_t", ("T", 3))),
         )
-        return [
-            ClipParts(
-                f"ArcticNet {clip.name}",
-                [read_hand(images, side) for side in ("right", "left")],
-                meshes,
-                motion,
-                notes=(
-                    "camera frame, depth from a weak-perspective scale",
-                    f"frame 0 is image {min(numbers)}, ARCTIC's own frames are those numbers less "
-                    "ioi_offset",
-                ),
-                cross_checks=CrossChecks(contradictions=contradictions),
-            )
-        ]
+        yield ClipParts(
+            f"ArcticNet {clip.name}",
+            [read_hand(images, side) for side in ("right", "left")],
+            meshes,
+            motion,
+            notes=(
+                "camera frame, depth from a weak-perspective scale",
+                f"frame 0 is image {min(numbers)}, ARCTIC's own frames are those numbers less "
+                "ioi_offset",
+            ),
+            cross_checks=CrossChecks(contradictions=contradictions),
+        )
 
 
 def image_numbers(folder: Path) -> list[int]:

@@ -7,6 +7,7 @@ below a confidence of 0.7 are not taken.
 """
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -46,7 +47,7 @@ class AriaReader(DatasetReader):
         """The table, called by the recording's folder."""
         return SourceClip(clip_name(ancestor(match, 2), 1), match)
 
-    def parts(self, clip: SourceClip, options: ReaderOptions) -> list[ClipParts]:
+    def parts(self, clip: SourceClip, options: ReaderOptions) -> Iterator[ClipParts]:
         """The one interaction of a recording, with the caller's object."""
         record = read_table(clip.path, TRACKING)
         seconds = record.array("tracking_timestamp_us", ("T",)) * MICROSECONDS
@@ -66,7 +67,7 @@ class AriaReader(DatasetReader):
             confidence = np.zeros(joints.shape[:2])
             joints[clock.astype(int)], confidence[clock.astype(int)] = points, trust
             hands.append(keypoint_track(side, joints, confidence))
-        return [ClipParts(f"Aria MPS {clip.name}", hands, fps=rate, notes=notes)]
+        yield ClipParts(f"Aria MPS {clip.name}", hands, fps=rate, notes=notes)
 
 
 def read_side(record: Record, side: Side) -> tuple[Array, Array]:

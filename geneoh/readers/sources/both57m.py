@@ -39,8 +39,8 @@ class Both57mReader(DatasetReader):
             raise InputError(f"{clip.path}: expected a list of clips, got {type(values).__name__}")
         if options.body is None:
             raise InputError(
-                f"{clip.path}: the hands hang on an SMPL+H body, got no model of it; pass --body "
-                "with your SMPL+H male model"
+                f"{clip.path}: the hands are posed with an SMPL+H body, got no model of it; pass "
+                "--body with your SMPL+H male model"
             )
         rest, parents = read_body(options.body)
         for index, value in enumerate(values):

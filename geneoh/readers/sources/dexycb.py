@@ -6,6 +6,7 @@ mean pose, left hand as shipped). Labels of single cameras hold keypoints, -1 wh
 hand. Metres, 30 frames a second.
 """
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -46,7 +47,7 @@ class DexYcbReader(DatasetReader):
     name_parts = 2
     convention = ManoConvention("origin")  # of decoded poses, which have the mean pose in them
 
-    def parts(self, clip: SourceClip, options: ReaderOptions) -> list[ClipParts]:
+    def parts(self, clip: SourceClip, options: ReaderOptions) -> Iterator[ClipParts]:
         """The one interaction of a sequence."""
         meta, poses = read_yaml(clip.path / "meta.yml"), read_record(clip.path / "pose.npz")
         root = ancestor(clip.path, 2)
@@ -72,16 +73,14 @@ class DexYcbReader(DatasetReader):
                 f"{clip.path}: the pose is coefficients of MANO's components, got no MANO files "
                 "and no labels with keypoints; pass --mano with the folder of your MANO files"
             )
-        return [
-            ClipParts(
-                f"DexYCB {clip.name}",
-                hands,
-                {f"dexycb_{name}": mesh},
-                object_motion(placed[:, grasped]),
-                notes=notes,
-                cross_checks=CrossChecks(joints={} if joints is None else {side: joints}),
-            )
-        ]
+        yield ClipParts(
+            f"DexYCB {clip.name}",
+            hands,
+            {f"dexycb_{name}": mesh},
+            object_motion(placed[:, grasped]),
+            notes=notes,
+            cross_checks=CrossChecks(joints={} if joints is None else {side: joints}),
+        )
 
 
 def read_pose(

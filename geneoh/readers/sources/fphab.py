@@ -6,6 +6,7 @@ millimetres; skeleton.txt keypoints in FPHAB's order, millimetres, which the cam
 takes to it. Object models are in metres. Right hands, 30 frames a second.
 """
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -50,7 +51,7 @@ class FphabReader(DatasetReader):
     name_parts = 3
     convention = ManoConvention("origin")
 
-    def parts(self, clip: SourceClip, options: ReaderOptions) -> list[ClipParts]:
+    def parts(self, clip: SourceClip, options: ReaderOptions) -> Iterator[ClipParts]:
         """The one interaction of a repetition."""
         record = read_record(clip.path / "pkls.pkl")
         fits = {frame_number(Path(str(key))): record.record(key) for key in record.values}
@@ -73,17 +74,15 @@ class FphabReader(DatasetReader):
             np.mean([fit.array("shape", (10,)) for fit in fits.values()], axis=0),
         )
         joints = read_skeleton(root, way, frames)
-        return [
-            ClipParts(
-                f"FPHAB {clip.name} (fits of Hasson et al.)",
-                [hand],
-                {f"fphab_{name}": read_mesh(find_mesh([folder / f"{name}_model.ply"], name))},
-                motion,
-                cross_checks=CrossChecks(
-                    joints={} if joints is None else {"right": joints}, tolerance=SENSOR_TOLERANCE
-                ),
-            )
-        ]
+        yield ClipParts(
+            f"FPHAB {clip.name} (fits of Hasson et al.)",
+            [hand],
+            {f"fphab_{name}": read_mesh(find_mesh([folder / f"{name}_model.ply"], name))},
+            motion,
+            cross_checks=CrossChecks(
+                joints={} if joints is None else {"right": joints}, tolerance=SENSOR_TOLERANCE
+            ),
+        )
 
 
 def annotation(root: Path, folder: str, way: Path, file: str) -> Path:

@@ -5,6 +5,7 @@ World frame with z up, metres, 120 frames a second. The object's rotation is mea
 so that it is transposed here.
 """
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -42,7 +43,7 @@ class GrabReader(DatasetReader):
         found = super().find(path)
         return [clip for clip in found if "tools" not in clip.path.relative_to(root).parts[:-1]]
 
-    def parts(self, clip: SourceClip, options: ReaderOptions) -> list[ClipParts]:
+    def parts(self, clip: SourceClip, options: ReaderOptions) -> Iterator[ClipParts]:
         """The one interaction of a sequence."""
         record = read_record(clip.path)
         root = ancestor(clip.path, 3)
@@ -53,15 +54,13 @@ class GrabReader(DatasetReader):
         turn = rotation_matrices(motion.array("global_orient", ("T", 3))).transpose(0, 2, 1)
         shift = motion.array("transl", ("T", 3))
         motion.refuse_lengths("global_orient", "transl")
-        return [
-            ClipParts(
-                f"GRAB {clip.name}",
-                [read_hand(record, side, root) for side in ("right", "left")],
-                {f"grab_{name}": read_object(stated, name, root, options)},
-                rigid_matrices(turn, shift),
-                fps=record.finite("framerate") if "framerate" in record else None,
-            )
-        ]
+        yield ClipParts(
+            f"GRAB {clip.name}",
+            [read_hand(record, side, root) for side in ("right", "left")],
+            {f"grab_{name}": read_object(stated, name, root, options)},
+            rigid_matrices(turn, shift),
+            fps=record.finite("framerate") if "framerate" in record else None,
+        )
 
 
 def touching(clip: SourceClip) -> dict[Side, Array]:

@@ -10,6 +10,7 @@ in _wsubj adds betas and the place in its own frame (right hands, translation of
 f8 counts on over the frames that TOCH left out, so that jumps hide in a clip: it is cut there.
 """
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -59,7 +60,7 @@ class GrabClipsReader(DatasetReader):
         """Files of clips."""
         return not match.stem.endswith(OTHER_FILES)
 
-    def parts(self, clip: SourceClip, options: ReaderOptions) -> list[ClipParts]:
+    def parts(self, clip: SourceClip, options: ReaderOptions) -> Iterator[ClipParts]:
         """The one interaction of a clip."""
         record = read_fields(clip.path)
         side = side_of(record)
@@ -95,20 +96,18 @@ class GrabClipsReader(DatasetReader):
         joints = mano.keypoints(pose, wrist, betas)
         rim = verts[:, RIM].mean(1)
         points = stored_points(record) * mirror + offset[:, None]
-        return [
-            ClipParts(
-                f"GRAB clip {clip.name}",
-                [hand_track(side, pose=pose, wrist=wrist, joints=joints, betas=betas)],
-                {f"grab_{name}": mesh},
-                motion,
-                notes=notes,
-                after_jump=jumps(record, rim, rotation),
-                cross_checks=CrossChecks(
-                    rim={side: rim + offset},
-                    object_points=(points, nearest_points(points, mesh, motion)),
-                ),
-            )
-        ]
+        yield ClipParts(
+            f"GRAB clip {clip.name}",
+            [hand_track(side, pose=pose, wrist=wrist, joints=joints, betas=betas)],
+            {f"grab_{name}": mesh},
+            motion,
+            notes=notes,
+            after_jump=jumps(record, rim, rotation),
+            cross_checks=CrossChecks(
+                rim={side: rim + offset},
+                object_points=(points, nearest_points(points, mesh, motion)),
+            ),
+        )
 
 
 def read_fields(path: Path) -> Record:

@@ -8,6 +8,7 @@ in order. Both estimate right hands only: left ones were mirrored, and are here 
 Camera frame, metres; the demos' focal length puts hands much too far away: --focal.
 """
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -52,7 +53,7 @@ class HamerReader(DatasetReader):
             found += [folder] if numbered and len(members) > 1 else members
         return [self.clip_at(path) for path in found]
 
-    def parts(self, clip: SourceClip, options: ReaderOptions) -> list[ClipParts]:
+    def parts(self, clip: SourceClip, options: ReaderOptions) -> Iterator[ClipParts]:
         """The one interaction of a clip, with the caller's object."""
         detections, frames = read_detections(clip.path, options)
         hands = []
@@ -62,14 +63,12 @@ class HamerReader(DatasetReader):
                 followed.add(frame, detection)
             if followed.betas:
                 hands.append(followed)
-        return [
-            ClipParts(
-                f"HaMeR or WiLoR {clip.name}",
-                [hand.track() for hand in hands],
-                notes=() if options.focal else (FOCAL_NOTE,),
-                cross_checks=CrossChecks(joints={hand.side: hand.joints for hand in hands}),
-            )
-        ]
+        yield ClipParts(
+            f"HaMeR or WiLoR {clip.name}",
+            [hand.track() for hand in hands],
+            notes=() if options.focal else (FOCAL_NOTE,),
+            cross_checks=CrossChecks(joints={hand.side: hand.joints for hand in hands}),
+        )
 
 
 class FollowedHand:

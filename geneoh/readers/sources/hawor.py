@@ -6,6 +6,7 @@ valid (2, T); the world of its camera tracking, metres. Left poses are a left ha
 with mirrored shape directions. Frames that HaWoR filled in are marked valid like those that it saw.
 """
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -37,7 +38,7 @@ class HaworReader(DatasetReader):
         """Every world result; a file may have any name."""
         return [self.clip_at(path)] if path.is_file() else super().find(path)
 
-    def parts(self, clip: SourceClip, options: ReaderOptions) -> list[ClipParts]:
+    def parts(self, clip: SourceClip, options: ReaderOptions) -> Iterator[ClipParts]:
         """The one interaction of a video, with the caller's object."""
         values = read_values(clip.path)
         if not isinstance(values, list | tuple) or len(values) != len(FIELDS):
@@ -61,7 +62,7 @@ class HaworReader(DatasetReader):
                 pose[~seen] = np.nan
                 hands.append(ManoParameters(side, pose, trans[index], betas[index, seen].mean(0)))
         note = "frames that HaWoR filled in count as seen: it marks them so"
-        return [ClipParts(f"HaWoR {clip.name}", hands, notes=(note,))]
+        yield ClipParts(f"HaWoR {clip.name}", hands, notes=(note,))
 
 
 READER = HaworReader()

@@ -2,9 +2,11 @@
 
 handPose (48,) absolute, handTrans (of MANO's origin), handBeta, handJoints3D in MANO's order,
 objRot (axis-angle), objTrans; right hand, metres, in OpenGL camera axes (y up, z backward), which
-become OpenCV's here. None stands for what was not annotated. Objects are YCB models. 30 frames a
+become OpenCV's here. None means not annotated. Objects are YCB models. 30 frames a
 second.
 """
+
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -33,7 +35,7 @@ class Ho3dReader(DatasetReader):
     name_parts = 2
     convention = ManoConvention("origin")
 
-    def parts(self, clip: SourceClip, options: ReaderOptions) -> list[ClipParts]:
+    def parts(self, clip: SourceClip, options: ReaderOptions) -> Iterator[ClipParts]:
         """The one interaction of a sequence."""
         files = numbered_files(clip.path / "meta", "*.pkl")
         if not files:
@@ -58,15 +60,13 @@ class Ho3dReader(DatasetReader):
         name = object_name(records)
         folder = options.objects or ancestor(clip.path, 2) / "models"
         mesh = read_mesh(find_mesh([folder / name / "textured_simple.obj"], name))
-        return [
-            ClipParts(
-                f"HO-3D {clip.name}",
-                [hand],
-                {f"ho3d_{name}": mesh},
-                to_opencv @ rigid_matrices(turn, field(records, "objTrans", frames, 3)),
-                cross_checks=CrossChecks(joints={"right": joints @ OPENCV_FROM_OPENGL}),
-            )
-        ]
+        yield ClipParts(
+            f"HO-3D {clip.name}",
+            [hand],
+            {f"ho3d_{name}": mesh},
+            to_opencv @ rigid_matrices(turn, field(records, "objTrans", frames, 3)),
+            cross_checks=CrossChecks(joints={"right": joints @ OPENCV_FROM_OPENGL}),
+        )
 
 
 def field(records: dict[int, Record], name: str, frames: int, count: int) -> Array:

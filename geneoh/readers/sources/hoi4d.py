@@ -7,6 +7,7 @@ metres, 15 frames a second; a missing hand file is a frame without that hand. Th
 take all to the world.
 """
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -58,7 +59,7 @@ class Hoi4dReader(DatasetReader):
     fps = 15.0
     convention = ManoConvention("origin")
 
-    def parts(self, clip: SourceClip, options: ReaderOptions) -> list[ClipParts]:
+    def parts(self, clip: SourceClip, options: ReaderOptions) -> Iterator[ClipParts]:
         """The one interaction of a sequence."""
         sequence = clip.path.parts[-ID_PARTS:]
         if len(clip.path.parents) < ID_PARTS + 2:
@@ -82,16 +83,14 @@ class Hoi4dReader(DatasetReader):
             motion = cameras[:, None] @ motion
         contradictions += exchanged_parts(meshes, motion[present])
         tracks = [read_hand(found, side, frames, cameras) for side, found in hands.items() if found]
-        return [
-            ClipParts(
-                f"HOI4D {clip.name}",
-                tracks,
-                {f"hoi4d_{category}_{sequence[3]}_{k}": mesh for k, mesh in enumerate(meshes)},
-                motion,
-                notes=notes,
-                cross_checks=CrossChecks(contradictions=tuple(contradictions)),
-            )
-        ]
+        yield ClipParts(
+            f"HOI4D {clip.name}",
+            tracks,
+            {f"hoi4d_{category}_{sequence[3]}_{k}": mesh for k, mesh in enumerate(meshes)},
+            motion,
+            notes=notes,
+            cross_checks=CrossChecks(contradictions=tuple(contradictions)),
+        )
 
 
 def hand_files(root: Path, side: Side, sequence: tuple[str, ...]) -> dict[int, Path]:

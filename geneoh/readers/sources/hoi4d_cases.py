@@ -6,6 +6,7 @@ part; torch tensors, right hands, metres, the frame of a moving camera, 15 frame
 meta_data.npy names HOI4D's sequence, whose meshes are those of the data set itself.
 """
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +38,7 @@ class Hoi4dCasesReader(DatasetReader):
     fps = 15.0
     convention = ManoConvention("origin")
 
-    def parts(self, clip: SourceClip, options: ReaderOptions) -> list[ClipParts]:
+    def parts(self, clip: SourceClip, options: ReaderOptions) -> Iterator[ClipParts]:
         """The one interaction of a case."""
         steps = read_steps(clip.path / "merged_data.npy")
         frames = max(steps) + 1
@@ -55,19 +56,17 @@ class Hoi4dCasesReader(DatasetReader):
         )
         names = [f"hoi4d_{category}_{clip.path.name}_{k}" for k in range(len(meshes))]
         contradictions = exchanged_parts(meshes, motion[finite_frames(motion)])
-        return [
-            ClipParts(
-                f"HOI4D {clip.name} (GeneOH)",
-                [hand],
-                dict(zip(names, meshes, strict=True)),
-                motion,
-                notes=("camera frame",),
-                cross_checks=CrossChecks(
-                    joints={"right": joints} if np.isfinite(joints).any() else {},
-                    contradictions=tuple(contradictions),
-                ),
-            )
-        ]
+        yield ClipParts(
+            f"HOI4D {clip.name} (GeneOH)",
+            [hand],
+            dict(zip(names, meshes, strict=True)),
+            motion,
+            notes=("camera frame",),
+            cross_checks=CrossChecks(
+                joints={"right": joints} if np.isfinite(joints).any() else {},
+                contradictions=tuple(contradictions),
+            ),
+        )
 
 
 def read_steps(path: Path) -> dict[int, Record]:

@@ -1,8 +1,10 @@
 """Any array of keypoints: (T, 21, 3) in a npy, or 'joints' in an npz, metres, in a named order.
 
 --joint-order names the order; the orders of WebXR and OpenXR have 25 and 26 points. --side says
-which hand, --obj and --object-pose add the object. NaN stands for what was not observed.
+which hand, --obj and --object-pose add the object. NaN means not observed.
 """
+
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -21,7 +23,7 @@ class KeypointsReader(DatasetReader):
     patterns = ("*.npy", "*.npz")
     fps_assumed = True
 
-    def parts(self, clip: SourceClip, options: ReaderOptions) -> list[ClipParts]:
+    def parts(self, clip: SourceClip, options: ReaderOptions) -> Iterator[ClipParts]:
         """The one hand of a file, with the caller's object."""
         order = options.joint_order
         if order not in ORDERS:
@@ -33,13 +35,11 @@ class KeypointsReader(DatasetReader):
         points = record.array("joints", ("T", count, 3), ("T", 3 * count), (count, 3))
         joints, trust = openpose_order(points.reshape(-1, count, 3), order)
         confidence = None if trust.all() else np.tile(trust, (len(joints), 1))
-        return [
-            ClipParts(
-                f"{clip.path.name} (keypoints in the order {order})",
-                [keypoint_track(side, joints, confidence)],
-                cross_checks=CrossChecks(joints={side: joints}),
-            )
-        ]
+        yield ClipParts(
+            f"{clip.path.name} (keypoints in the order {order})",
+            [keypoint_track(side, joints, confidence)],
+            cross_checks=CrossChecks(joints={side: joints}),
+        )
 
 
 READER = KeypointsReader()

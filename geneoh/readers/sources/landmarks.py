@@ -9,6 +9,8 @@ with the points in metres and one common frame of reference; MediaPipe's landmar
 order. Sides are the subject's own.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from geneoh.choices import JointOrder, Side
@@ -28,7 +30,7 @@ class LandmarksReader(DatasetReader):
 
     patterns = ("*.json",)
 
-    def parts(self, clip: SourceClip, options: ReaderOptions) -> list[ClipParts]:
+    def parts(self, clip: SourceClip, options: ReaderOptions) -> Iterator[ClipParts]:
         """The one interaction of a file, with the caller's object."""
         record = as_record(read_json(clip.path), str(clip.path))
         if record.text("format") != FORMAT or record.finite("version") != VERSION:
@@ -45,14 +47,12 @@ class LandmarksReader(DatasetReader):
         read: dict[Side, tuple[Array, Array]] = {
             side: read_frames(frames[side], order, hands.where) for side in sides
         }
-        return [
-            ClipParts(
-                clip.path.name,
-                [keypoint_track(side, *read[side]) for side in read],
-                fps=record.finite("fps"),
-                cross_checks=CrossChecks(joints={side: read[side][0] for side in read}),
-            )
-        ]
+        yield ClipParts(
+            clip.path.name,
+            [keypoint_track(side, *read[side]) for side in read],
+            fps=record.finite("fps"),
+            cross_checks=CrossChecks(joints={side: read[side][0] for side in read}),
+        )
 
 
 def read_frames(frames: list[object], order: JointOrder, where: str) -> tuple[Array, Array]:

@@ -3,10 +3,11 @@ image/anno/general_info/{seq}__{ts}__{sbj}__{frame}__{cam}.
 
 hand_anno holds hand_pose (16, 4) quaternions with the real part first, hand_shape and hand_tsl in
 the world (translation of the wrist, absolute pose); obj_anno is object to world, for the mesh with
-its bounding box centred; cam_extr is world to camera, in which hand_j stands. Right hands only,
-metres, 30 frames a second.
+its bounding box centred; cam_extr is world to camera, which is the frame of hand_j. Right hands
+only, metres, 30 frames a second.
 """
 
+from collections.abc import Iterator
 from glob import escape
 from pathlib import Path
 
@@ -37,7 +38,7 @@ class OakInkReader(DatasetReader):
         path = match.with_name("__".join(words_of(match)[:3]))
         return super().clip_at(path)
 
-    def parts(self, clip: SourceClip, options: ReaderOptions) -> list[ClipParts]:
+    def parts(self, clip: SourceClip, options: ReaderOptions) -> Iterator[ClipParts]:
         """The one interaction of a sequence."""
         folder, name = clip.path.parent, clip.path.name
         files: dict[int, Path] = {}
@@ -69,15 +70,13 @@ class OakInkReader(DatasetReader):
             np.mean([hand.array("hand_shape", (10,)) for hand in hands.values()], axis=0),
             joints=joints_if_complete(joints, translation),
         )
-        return [
-            ClipParts(
-                f"OakInk {name}",
-                [hand],
-                {f"oakink_{item}": read_mesh(find_mesh(places, item), centred=True)},
-                field_by_frame(records, "obj_anno", frames, 4, 4),
-                cross_checks=CrossChecks(joints={"right": joints}),
-            )
-        ]
+        yield ClipParts(
+            f"OakInk {name}",
+            [hand],
+            {f"oakink_{item}": read_mesh(find_mesh(places, item), centred=True)},
+            field_by_frame(records, "obj_anno", frames, 4, 4),
+            cross_checks=CrossChecks(joints={"right": joints}),
+        )
 
 
 def words_of(path: Path) -> list[str]:

@@ -2,9 +2,10 @@
 
 A bare npy holds them side by side, 51 or 61 numbers a frame. What the translation moves is never
 guessed (--translation wrist or origin); the pose is taken as absolute unless --mean-pose. NaN
-stands for what was not observed.
+means not observed.
 """
 
+from collections.abc import Iterator
 from pathlib import Path
 
 from geneoh.errors import InputError
@@ -21,7 +22,7 @@ class ParametersReader(DatasetReader):
     patterns = ("*.npy", "*.npz", "*.pkl")
     fps_assumed = True
 
-    def parts(self, clip: SourceClip, options: ReaderOptions) -> list[ClipParts]:
+    def parts(self, clip: SourceClip, options: ReaderOptions) -> Iterator[ClipParts]:
         """The one hand of a file, with the caller's object."""
         value = read_values(clip.path)
         record = (
@@ -41,14 +42,12 @@ class ParametersReader(DatasetReader):
             None if betas is None else betas.reshape(-1, 10).mean(0),
         )
         absolute = () if options.mean_pose is not None else ("the pose is taken as absolute",)
-        return [
-            ClipParts(
-                f"{clip.path.name} (MANO parameters)",
-                [hand],
-                notes=absolute,
-                convention=ManoConvention(options.translation, mean_added=bool(options.mean_pose)),
-            )
-        ]
+        yield ClipParts(
+            f"{clip.path.name} (MANO parameters)",
+            [hand],
+            notes=absolute,
+            convention=ManoConvention(options.translation, mean_added=bool(options.mean_pose)),
+        )
 
 
 def columns(path: Path, value: object) -> Record:

@@ -6,6 +6,7 @@ obj_verts (T, V, 3), obj_faces, obj_pose (T, 4, 4); metres, absolute pose, 30 fr
 side is not stored: the published files hold left hands.
 """
 
+from collections.abc import Iterator
 from pathlib import Path
 
 from geneoh.geometry.mesh import Mesh, checked
@@ -25,7 +26,7 @@ class TacoPickleReader(DatasetReader):
     patterns = ("*.pkl",)
     convention = ManoConvention("wrist")
 
-    def parts(self, clip: SourceClip, options: ReaderOptions) -> list[ClipParts]:
+    def parts(self, clip: SourceClip, options: ReaderOptions) -> Iterator[ClipParts]:
         """The one interaction of a pickle."""
         record = read_record(clip.path)
         side = options.side or "left"
@@ -44,20 +45,18 @@ class TacoPickleReader(DatasetReader):
             record.array("hand_shape", (10,)),
             joints=joints,
         )
-        return [
-            ClipParts(
-                f"{clip.path.name} (simplified TACO pickle)",
-                [hand],
-                {f"taco_{clip.name}": mesh},
-                motion,
-                notes=() if options.side else ("a left hand is assumed; --side says otherwise",),
-                cross_checks=CrossChecks(
-                    joints={} if joints is None else {side: joints},
-                    rim={} if verts is None else {side: verts[:, RIM].mean(1)},
-                    object_points=points,
-                ),
-            )
-        ]
+        yield ClipParts(
+            f"{clip.path.name} (simplified TACO pickle)",
+            [hand],
+            {f"taco_{clip.name}": mesh},
+            motion,
+            notes=() if options.side else ("a left hand is assumed; --side says otherwise",),
+            cross_checks=CrossChecks(
+                joints={} if joints is None else {side: joints},
+                rim={} if verts is None else {side: verts[:, RIM].mean(1)},
+                object_points=points,
+            ),
+        )
 
 
 def read_object(record: Record, path: Path, motion: Array, stored: Array | None) -> Mesh:
