@@ -159,6 +159,8 @@ def refuse_other_frames(where: str, sequence: Sequence, stored: CrossChecks) -> 
     lengths = {f"{hand.side} hand": hand.frames for hand in sequence.hands}
     lengths |= {f"{side} hand's keypoints": len(joints) for side, joints in stored.joints.items()}
     lengths |= {f"{side} hand's mesh": len(rim) for side, rim in stored.rim.items()}
+    if stored.object_points is not None:
+        lengths["stored object"] = len(stored.object_points[0])
     for name, length in lengths.items():
         if length != sequence.frames:
             raise InputError(
