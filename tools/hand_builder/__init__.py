@@ -1,1 +1,1 @@
-"""The maker of the embedded hand: `python -m tools.hand_builder OUT.npz` writes the asset anew."""
+"""Builds the embedded hand: `python -m tools.hand_builder OUT.npz` writes its asset."""

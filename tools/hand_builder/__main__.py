@@ -1,4 +1,4 @@
-"""Write the embedded hand's asset: `python -m tools.hand_builder OUT.npz`."""
+"""Writes the asset of the embedded hand: `python -m tools.hand_builder OUT.npz`."""
 
 import sys
 from pathlib import Path
@@ -11,27 +11,27 @@ from geneoh.hand.skeleton import PARENTS
 from tools.hand_builder.anatomy import digits, skeleton
 from tools.hand_builder.correctives import pose_directions
 from tools.hand_builder.limits import joint_limits, relaxed_pose
-from tools.hand_builder.placing import place
+from tools.hand_builder.placing import place_vertices
 from tools.hand_builder.shape import shape_directions
 from tools.hand_builder.skinning import joint_regressor, skin_weights
-from tools.hand_builder.topology import Layout, layout
+from tools.hand_builder.topology import HandTopology, hand_topology
 
 ORIGIN = np.array([96.0, 6.0, 6.0])
-"""Where the wrist joint stands in the template, mm: about where MANO's mean right hand has it, so
-that translations of either hand (convention O) are near each other."""
+"""Position of the wrist joint in the template, mm: about that of MANO's mean right hand, so that
+translations of the two models (convention O) are close to each other."""
 
 
 def build() -> dict[str, np.ndarray]:
     """All arrays of the asset, metres, in MANO's field names."""
-    points, plan = skeleton(), layout()
+    points, topology = skeleton(), hand_topology()
     tubes = digits(points)
-    verts = place(plan)
-    weights = skin_weights(plan, verts, tubes)
+    verts = place_vertices(topology)
+    weights = skin_weights(topology, verts, tubes)
     dirs, point_dirs = shape_directions(verts, weights, points)
     regressor = joint_regressor(verts, points[:16], dirs, point_dirs[:16])
     low, high = joint_limits(tubes)
     mean, std = relaxed_pose(tubes)
-    order = tips_in_place(plan)
+    order = tip_order(topology)
     rank = np.argsort(order)
     arrays = {
         "v_template": (verts[order] + ORIGIN) / 1000.0,
@@ -46,17 +46,17 @@ def build() -> dict[str, np.ndarray]:
         "pose_mean": mean,
         "pose_std": std,
     }
-    whole = {"f": rank[plan.triangles], "kintree_table": np.array([PARENTS, range(16)])}
+    whole = {"f": rank[topology.triangles], "kintree_table": np.array([PARENTS, range(16)])}
     return {name: array.astype(np.float32) for name, array in arrays.items()} | {
         name: array.astype(np.int32) for name, array in whole.items()
     }
 
 
-def tips_in_place(plan: Layout) -> np.ndarray:
-    """Order of the vertices that puts the fingertips at the numbers smplx knows them by."""
-    order = np.arange(plan.count)
+def tip_order(topology: HandTopology) -> np.ndarray:
+    """Order of the vertices in which the fingertips have the numbers that smplx expects."""
+    order = np.arange(topology.count)
     by_digit = (TIP_VERTS[0], TIP_VERTS[1], TIP_VERTS[3], TIP_VERTS[2], TIP_VERTS[4])
-    for now, wanted in zip(plan.tips, by_digit, strict=True):
+    for now, wanted in zip(topology.tips, by_digit, strict=True):
         here = int(np.flatnonzero(order == now)[0])
         order[[here, wanted]] = order[[wanted, here]]
     return order

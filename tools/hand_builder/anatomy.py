@@ -1,4 +1,4 @@
-"""The form of the right hand as an implicit surface over its skeleton, millimetres, wrist at 0.
+"""The shape of the right hand as an implicit surface over its skeleton, millimetres, wrist at 0.
 
 Bones are round rods along the measured skeleton; each finger is a tube whose half width and whose
 dorsal and palmar depth follow the phalanges (knuckles, creases, pads), the palm a smooth union of
@@ -13,10 +13,10 @@ from scipy.interpolate import PchipInterpolator
 
 from geneoh.hand.skeleton import PARENTS, TIP_PARENTS
 
-Array = NDArray[np.float64]
+FloatArray = NDArray[np.float64]
 
 SCALE = 0.93
-"""The measured person is a large adult; an average one is this much smaller."""
+"""Factor on the measured bones: the measured person is a large adult, this makes an average one."""
 
 MEASURED_OFFSETS = np.array(
     [
@@ -35,15 +35,15 @@ MEASURED_OFFSETS = np.array(
 CHAINS = ((1, 2, 3, 16), (4, 5, 6, 17), (7, 8, 9, 18), (10, 11, 12, 19), (13, 14, 15, 20))
 """Knuckle, middle, distal joint and tip of index, middle, pinky, ring, thumb."""
 ACROSS = (0, 1, 3, 2)
-"""The fingers as they lie side by side, from the index to the pinky: indices into CHAINS."""
+"""The fingers side by side, from the index to the pinky: indices into CHAINS."""
 THUMB = 4
 
 UP = np.array([0.0, 1.0, 0.0])
 THUMB_ROLL = np.radians(42.0)
-"""How far the thumb's nail is turned from the back of the hand towards the radial side."""
+"""Angle between the thumb's nail and the back of the hand, towards the radial side, radians."""
 
 
-def skeleton(offsets: Array = MEASURED_OFFSETS * SCALE) -> Array:
+def skeleton(offsets: FloatArray = MEASURED_OFFSETS * SCALE) -> FloatArray:
     """Positions (21, 3) of the 16 joints and the 5 tips for rest offsets (20, 3)."""
     points = np.zeros((21, 3))
     for child, parent in enumerate((*PARENTS[1:], *TIP_PARENTS), start=1):
@@ -58,19 +58,19 @@ class Digit:
     The place along it is q: 0 at the knuckle, 1 and 2 at the next joints, 3 at the tip.
     """
 
-    points: Array  # (4, 3)
-    dorsal: Array  # (3,), towards the nail
+    points: FloatArray  # (4, 3)
+    dorsal: FloatArray  # (3,), towards the nail
     profile: tuple[PchipInterpolator, PchipInterpolator, PchipInterpolator]
     """Half width, dorsal depth and palmar depth over q, mm."""
     squareness: float = 2.25
     """Exponent of the superellipse that each cross-section is."""
 
-    def centre(self, q: float) -> Array:
+    def centre(self, q: float) -> FloatArray:
         """The axis point at q."""
         bone = min(int(max(q, 0.0)), 2)
         return self.points[bone] + (q - bone) * (self.points[bone + 1] - self.points[bone])
 
-    def frame(self, q: float) -> Array:
+    def frame(self, q: float) -> FloatArray:
         """Columns: tangent, dorsal, and dorsal x tangent, at q, blended across the joints."""
         steps = np.diff(self.points, axis=0)
         steps /= np.linalg.norm(steps, axis=1, keepdims=True)
@@ -82,8 +82,8 @@ class Digit:
         up /= np.linalg.norm(up)
         return np.stack([tangent, up, np.cross(up, tangent)], axis=1)
 
-    def distance(self, points: Array) -> Array:
-        """About the signed distance (P,) to the tube, exact in sign near it."""
+    def distance(self, points: FloatArray) -> FloatArray:
+        """Approximate signed distance (P,) to the tube; its sign is exact."""
         best = np.full(len(points), np.inf)
         for bone in range(3):
             start, step = self.points[bone], self.points[bone + 1] - self.points[bone]
@@ -97,7 +97,7 @@ class Digit:
             best = np.minimum(best, np.linalg.norm(offset, axis=1) - radius)
         return best
 
-    def _radius(self, q: Array, side: Array, up: Array) -> Array:
+    def _radius(self, q: FloatArray, side: FloatArray, up: FloatArray) -> FloatArray:
         """Length of the cross-section's radius at q in the direction (side, up)."""
         width, dorsal, palmar = (curve(q) for curve in self.profile)
         length = np.hypot(side, up) + 1e-9
@@ -116,21 +116,21 @@ THUMB_Q = np.array([-0.6, 0.0, 0.5, 0.85, 1.0, 1.2, 1.5, 1.8, 2.0, 2.2, 2.5])
 THUMB_WIDTH = np.array([1.55, 1.5, 1.32, 1.17, 1.12, 1.05, 0.98, 1.0, 1.01, 1.0, 0.98])
 THUMB_DORSAL = np.array([1.2, 1.15, 1.05, 1.0, 0.98, 0.92, 0.86, 0.88, 0.88, 0.80, 0.68])
 THUMB_PALMAR = np.array([1.5, 1.5, 1.4, 1.2, 1.12, 1.08, 1.04, 0.95, 0.93, 0.96, 0.95])
-FINGER_FORM = (FINGER_Q, FINGER_WIDTH, FINGER_DORSAL, FINGER_PALMAR)
-THUMB_FORM = (THUMB_Q, THUMB_WIDTH, THUMB_DORSAL, THUMB_PALMAR)
+FINGER_PROFILE = (FINGER_Q, FINGER_WIDTH, FINGER_DORSAL, FINGER_PALMAR)
+THUMB_PROFILE = (THUMB_Q, THUMB_WIDTH, THUMB_DORSAL, THUMB_PALMAR)
 """Along a digit (q, see `Digit`): half width, depth to the back and to the pad, in RADII."""
 
 RADII = (9.4, 9.5, 7.9, 9.0, 9.6)
 """Half width at the middle joint of index, middle, pinky, ring, thumb, mm (average adult)."""
 
 
-def digits(points: Array) -> tuple[Digit, ...]:
+def digits(points: FloatArray) -> tuple[Digit, ...]:
     """The five tubes over a skeleton (21, 3)."""
     made = []
     for finger, chain in enumerate(CHAINS):
         joints = points[list(chain)]
         thumb = finger == THUMB
-        q, width, dorsal, palmar = THUMB_FORM if thumb else FINGER_FORM
+        q, width, dorsal, palmar = THUMB_PROFILE if thumb else FINGER_PROFILE
         length = float(np.linalg.norm(joints[3] - joints[2]))
         radius = RADII[finger]
         profile = (
@@ -142,8 +142,8 @@ def digits(points: Array) -> tuple[Digit, ...]:
     return tuple(made)
 
 
-def _dorsal(joints: Array, thumb: bool) -> Array:
-    """Towards the nail: up for a finger, rolled to the radial side for the thumb."""
+def _dorsal(joints: FloatArray, thumb: bool) -> FloatArray:
+    """Direction of the nail: up for a finger, rolled to the radial side for the thumb."""
     if not thumb:
         return UP
     step = joints[3] - joints[1]
@@ -153,7 +153,7 @@ def _dorsal(joints: Array, thumb: bool) -> Array:
     return np.cos(THUMB_ROLL) * UP + np.sin(THUMB_ROLL) * radial
 
 
-def _capped(q: Array, radius: Array, length: float) -> PchipInterpolator:
+def _capped(q: FloatArray, radius: FloatArray, length: float) -> PchipInterpolator:
     """The radius over q with a rounded end that closes at the tip."""
     cap = min(1.25 * radius[-1] / length, 0.45)
     angle = np.linspace(0.0, np.pi / 2, 9)
@@ -165,7 +165,9 @@ def _capped(q: Array, radius: Array, length: float) -> PchipInterpolator:
     )
 
 
-def rod(points: Array, start: Array, end: Array, radii: tuple[float, float], flat: float) -> Array:
+def rod(
+    points: FloatArray, start: FloatArray, end: FloatArray, radii: tuple[float, float], flat: float
+) -> FloatArray:
     """Signed distance to a rod from one round end to another, flattened along UP by `flat`."""
     squeeze = np.array([1.0, flat, 1.0])
     points, start, end = points * squeeze, start * squeeze, end * squeeze
@@ -175,14 +177,14 @@ def rod(points: Array, start: Array, end: Array, radii: tuple[float, float], fla
     return gap - (radii[0] + along * (radii[1] - radii[0]))
 
 
-def smooth_min(distances: list[Array], width: float) -> Array:
+def smooth_min(distances: list[FloatArray], width: float) -> FloatArray:
     """Union of solids with a fillet of about `width`: minus the log of summed exponentials."""
     stack = np.stack(distances)
     least = stack.min(0)
     return least - width * np.log(np.exp(-(stack - least) / width).sum(0))
 
 
-def palm_distance(points: Array, bones: Array) -> Array:
+def palm_distance(points: FloatArray, bones: FloatArray) -> FloatArray:
     """Signed distance (P,) to the palm with thenar, hypothenar, webs and forearm."""
     wrist = np.zeros(3)
     down = np.array([0.0, -1.0, 0.0])
@@ -241,7 +243,7 @@ def palm_distance(points: Array, bones: Array) -> Array:
     return smooth_min(parts, 3.4)
 
 
-def hand_distance(points: Array, bones: Array, tubes: tuple[Digit, ...]) -> Array:
-    """Signed distance (P,) to the whole hand; fingers do not melt into each other."""
+def hand_distance(points: FloatArray, bones: FloatArray, tubes: tuple[Digit, ...]) -> FloatArray:
+    """Signed distance (P,) to the whole hand; neighbouring fingers stay separate."""
     fingers = np.min([tube.distance(points) for tube in tubes], axis=0)
     return smooth_min([palm_distance(points, bones), fingers], 2.2)

@@ -1,4 +1,4 @@
-"""Pose correctives: what linear blending loses on the outside of a bent joint is put back.
+"""Pose correctives: they restore the volume that linear blending loses outside of a bent joint.
 
 Blending two rotations linearly pulls the skin over a knuckle inwards, 3 mm on a finger bent by 100
 degrees. Blending the angle instead keeps it round. The difference, taken on the outer side only
@@ -12,24 +12,24 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from geneoh.hand.skeleton import PARENTS
-from tools.hand_builder.anatomy import CHAINS, THUMB, Array, Digit
-from tools.hand_builder.limits import FLEX, SPREAD, turn
+from tools.hand_builder.anatomy import CHAINS, THUMB, Digit, FloatArray
+from tools.hand_builder.limits import FLEX, SPREAD, rotation_vector
 
 THUMB_BENDS = ((-20, 35), (-10, 65), (-15, 80))
 """Degrees of flexion over which the thumb's correctives are fitted."""
 RIDGE = 1e-2
 LEAST = 0.02
-"""Displacements below this, mm, are left out."""
+"""Displacements below this are set to zero, mm."""
 STRENGTH = (0.35, 0.6, 0.6)
-"""Knuckles, middle joints, distal joints: all of it would make them pointed, seen by rendering."""
+"""Share of the correction at knuckles, middle and distal joints: all of it makes joints pointed."""
 
 
-def pose_directions(verts: Array, weights: Array, tubes: tuple[Digit, ...]) -> Array:
+def pose_directions(verts: FloatArray, weights: FloatArray, tubes: tuple[Digit, ...]) -> FloatArray:
     """Displacement (V, 3, 135), mm per unit of each entry of (rotation minus identity)."""
     dirs = np.zeros((len(verts), 3, 15, 9))
     for finger, chain in enumerate(CHAINS):
         for place, joint in enumerate(chain[:3]):
-            # Share of the joint against its parent: only those two are blended here.
+            # weight of the joint relative to its parent: only those two are blended here
             both = weights[:, joint] + weights[:, PARENTS[joint]]
             share = np.divide(weights[:, joint], both, out=np.zeros(len(verts)), where=both > 0)
             touched = (share > 0.01) & (share < 0.99)
@@ -49,14 +49,18 @@ def _bends(finger: int, place: int) -> list[tuple[float, float, float]]:
 
 
 def _joint_directions(
-    verts: Array, share: Array, tube: Digit, place: int, bends: list[tuple[float, float, float]]
-) -> Array:
+    verts: FloatArray,
+    share: FloatArray,
+    tube: Digit,
+    place: int,
+    bends: list[tuple[float, float, float]],
+) -> FloatArray:
     """Least-squares directions (P, 3, 9) of the vertices round one joint."""
     away = verts - tube.points[place]
     outer = _outer(away, tube, place)
     features, wanted = [], []
     for bend in bends:
-        vector = turn(tube, place, *bend)
+        vector = rotation_vector(tube, place, *bend)
         matrix = Rotation.from_rotvec(vector).as_matrix()
         blend = np.eye(3) + share[:, None, None] * (matrix - np.eye(3))
         round_ = Rotation.from_rotvec(share[:, None] * vector).as_matrix()
@@ -71,7 +75,7 @@ def _joint_directions(
     return np.moveaxis(solution.reshape(9, -1, 3), 0, -1)
 
 
-def _outer(away: Array, tube: Digit, place: int) -> Array:
+def _outer(away: FloatArray, tube: Digit, place: int) -> FloatArray:
     """1 on the back of a joint, 0 on the side that closes."""
     up = tube.frame(float(place))[:, 1]
     height = away @ up / np.maximum(np.linalg.norm(away, axis=1), 1e-9)

@@ -1,4 +1,4 @@
-"""Lay the mesh on the implicit surface: rays from the bones outwards, then even out along it."""
+"""Places the vertices on the implicit surface: by rays from the bones, then by even spacing."""
 
 from collections.abc import Callable
 
@@ -9,53 +9,53 @@ from tools.hand_builder.anatomy import (
     CHAINS,
     THUMB,
     UP,
-    Array,
     Digit,
+    FloatArray,
     digits,
     hand_distance,
     palm_distance,
     skeleton,
     smooth_min,
 )
-from tools.hand_builder.topology import ROWS, Layout
+from tools.hand_builder.topology import ROWS, HandTopology
 
-Distance = Callable[[Array], Array]
+DistanceField = Callable[[FloatArray], FloatArray]
 
 DOWN, RADIAL = -UP, np.array([0.0, 0.0, 1.0])
 REACH, STEP = 60.0, 0.4
-"""How far and how finely a ray looks for the surface, mm."""
+"""Length of a ray and distance between its samples, mm."""
 
 FINGER_Q = {
     11: (0.70, 0.87, 1.0, 1.15, 1.45, 1.82, 2.0, 2.2, 2.55, 2.80, 2.945),
     12: (0.66, 0.80, 0.90, 1.0, 1.13, 1.45, 1.82, 2.0, 2.2, 2.55, 2.80, 2.945),
 }
-"""Where the rings of a finger lie: close together at the joints."""
+"""Places of a finger's rings along it (see `Digit`), by their number: close at the joints."""
 THUMB_Q = (0.93, 1.08, 1.27, 1.55, 1.83, 2.0, 2.17, 2.42, 2.68, 2.86, 2.96)
 THUMB_SHEAR = (0.42, 0.36, 0.25, 0.12, 0.03, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-"""The first rings lean: further out on the side of the web."""
+"""How much further out each ring of the thumb is on the side of the web: the first ones lean."""
 KNUCKLES = 2
-"""The palm row that runs over the knuckles."""
+"""Row of the palm over the knuckles."""
 WEB_Q, WEB_DIP = 0.5, 0.06
-"""The web line along the first phalanx, and how much it falls back between two fingers."""
+"""Place of the web line along the first phalanx, and how much it falls back between two fingers."""
 
 
-def place(plan: Layout, offsets: Array | None = None) -> Array:
+def place_vertices(topology: HandTopology, offsets: FloatArray | None = None) -> FloatArray:
     """Vertices (V, 3) of the whole hand in the rest pose, mm, wrist joint at the origin."""
     bones = skeleton() if offsets is None else skeleton(offsets)
     tubes = digits(bones)
 
-    def surface(points: Array) -> Array:
+    def surface(points: FloatArray) -> FloatArray:
         return hand_distance(points, bones, tubes)
 
-    verts = np.zeros((plan.count, 3))
-    _place_palm(plan, verts, bones, tubes, surface)
+    verts = np.zeros((topology.count, 3))
+    _place_palm(topology, verts, bones, tubes, surface)
     for place_index, finger in enumerate((*ACROSS, THUMB)):
-        _place_digit(plan, verts, place_index, tubes[finger], bones)
-    return _even_out(plan, verts, surface)
+        _place_digit(topology, verts, place_index, tubes[finger], bones)
+    return _even_out(topology, verts, surface)
 
 
-def _exit(distance: Distance, origins: Array, directions: Array) -> Array:
-    """Where each ray leaves the solid for the first time; its origin if it starts outside."""
+def _exit(distance: DistanceField, origins: FloatArray, directions: FloatArray) -> FloatArray:
+    """First point of each ray outside of the solid; its origin if that is outside."""
     directions = directions / np.linalg.norm(directions, axis=-1, keepdims=True)
     reach = np.arange(0.0, REACH, STEP)
     samples = origins[:, None] + reach[:, None] * directions[:, None]
@@ -68,12 +68,12 @@ def _exit(distance: Distance, origins: Array, directions: Array) -> Array:
     return origins + ((np.maximum(first - 1, 0) + part) * STEP)[:, None] * directions
 
 
-def _entry(distance: Distance, origins: Array, directions: Array) -> Array:
-    """Where each ray enters the solid for the first time."""
+def _entry(distance: DistanceField, origins: FloatArray, directions: FloatArray) -> FloatArray:
+    """First point of each ray inside the solid."""
     return _exit(lambda points: -distance(points), origins, directions)
 
 
-def _row_centres(bones: Array, tubes: tuple[Digit, ...]) -> Array:
+def _row_centres(bones: FloatArray, tubes: tuple[Digit, ...]) -> FloatArray:
     """Middle of the palm under each finger, (1 + ROWS, 4, 3), row by row."""
     knuckles = np.stack([bones[CHAINS[f][0]] for f in ACROSS])
     web = np.stack([tubes[f].centre(WEB_Q) for f in ACROSS])
@@ -90,9 +90,13 @@ def _row_centres(bones: Array, tubes: tuple[Digit, ...]) -> Array:
 
 
 def _place_palm(
-    plan: Layout, verts: Array, bones: Array, tubes: tuple[Digit, ...], surface: Distance
+    topology: HandTopology,
+    verts: FloatArray,
+    bones: FloatArray,
+    tubes: tuple[Digit, ...],
+    surface: DistanceField,
 ) -> None:
-    """Back, palm, sides, webs and cap by rays up, down and sideways from the middle."""
+    """Places back, palm, sides, webs and cap by rays up, down and sideways from the middle."""
     centres = _row_centres(bones, tubes)
     between = 0.5 * (centres[:, 1:] + centres[:, :-1])
     between[0] = _between(tubes, WEB_Q - WEB_DIP)
@@ -103,50 +107,52 @@ def _place_palm(
     fan = np.zeros((9, 3))
     fan[0], fan[8] = RADIAL, -RADIAL
     hand = _without_thumb(bones, tubes)
-    for rows, way in ((plan.dorsal, UP), (plan.palmar, DOWN)):
+    for rows, way in ((topology.dorsal, UP), (topology.palmar, DOWN)):
         ways = np.tile(way + fan, (1 + ROWS, 1, 1))
         ways[0, 2:-1:2, 0] -= 0.4  # towards the crest of the web
         hit = _exit(hand, mid.reshape(-1, 3), ways.reshape(-1, 3))
         verts[rows.ravel()] = hit
     for column, way in ((0, RADIAL), (1, -RADIAL)):
-        rows = plan.side[:, column] >= 0
+        rows = topology.side[:, column] >= 0
         origin = edge[rows, column]
-        verts[plan.side[rows, column]] = _exit(hand, origin, np.tile(way, (len(origin), 1)))
+        verts[topology.side[rows, column]] = _exit(hand, origin, np.tile(way, (len(origin), 1)))
     start, end = (_between(tubes, q) for q in (0.9, 0.0))
-    verts[plan.webs] = _entry(surface, start, end - start)
-    _round_cap(plan, verts)
+    verts[topology.webs] = _entry(surface, start, end - start)
+    _round_cap(topology, verts)
 
 
-def _between(tubes: tuple[Digit, ...], q: float) -> Array:
+def _between(tubes: tuple[Digit, ...], q: float) -> FloatArray:
     """Points (3, 3) halfway between neighbouring fingers' axes."""
     axis = np.stack([tubes[finger].centre(q) for finger in ACROSS])
     return 0.5 * (axis[1:] + axis[:-1])
 
 
-def _round_cap(plan: Layout, verts: Array) -> None:
-    """Pull the last row in, so that the forearm ends round, and put the cap's middle there."""
-    last = np.r_[plan.dorsal[ROWS], plan.palmar[ROWS], plan.side[ROWS]]
-    before = np.r_[plan.dorsal[ROWS - 1], plan.palmar[ROWS - 1], plan.side[ROWS - 1]]
+def _round_cap(topology: HandTopology, verts: FloatArray) -> None:
+    """Narrows the last row, so that the forearm ends round, and places the middle of the cap."""
+    last = np.r_[topology.dorsal[ROWS], topology.palmar[ROWS], topology.side[ROWS]]
+    before = np.r_[topology.dorsal[ROWS - 1], topology.palmar[ROWS - 1], topology.side[ROWS - 1]]
     middle = verts[last].mean(0)
     verts[last] = 0.8 * (verts[last] - middle) + middle
     verts[last, 0] = verts[before, 0].mean() + 7.0
-    verts[plan.cap] = verts[last].mean(0) + [1.0, 0.0, 0.0]
+    verts[topology.cap] = verts[last].mean(0) + [1.0, 0.0, 0.0]
 
 
-def _without_thumb(bones: Array, tubes: tuple[Digit, ...]) -> Distance:
-    """Palm and fingers only: what rays in the palm should stop at."""
+def _without_thumb(bones: FloatArray, tubes: tuple[Digit, ...]) -> DistanceField:
+    """Distance to the hand without its thumb, at which rays in the palm must not stop."""
 
-    def distance(points: Array) -> Array:
+    def distance(points: FloatArray) -> FloatArray:
         fingers = np.min([tubes[f].distance(points) for f in ACROSS], axis=0)
         return smooth_min([palm_distance(points, bones), fingers], 2.2)
 
     return distance
 
 
-def _place_digit(plan: Layout, verts: Array, place_index: int, tube: Digit, bones: Array) -> None:
-    """Rings round one finger or the thumb, and its tip."""
+def _place_digit(
+    topology: HandTopology, verts: FloatArray, place_index: int, tube: Digit, bones: FloatArray
+) -> None:
+    """Places the rings of one digit and its tip."""
     thumb = place_index == 4
-    ring = plan.rings[place_index]
+    ring = topology.rings[place_index]
     count = ring.shape[1]
     sides = np.arange(count) * 2 * np.pi / count
     if thumb:
@@ -157,15 +163,18 @@ def _place_digit(plan: Layout, verts: Array, place_index: int, tube: Digit, bone
         at = q + lean * np.cos(sides) if thumb else np.full(count, q)
         origins = np.stack([tube.centre(x) for x in at])
         ways = np.stack(
-            [_way(tube.frame(x), side, thumb) for x, side in zip(at, sides, strict=True)]
+            [_ring_direction(tube.frame(x), side, thumb) for x, side in zip(at, sides, strict=True)]
         )
         verts[ring[row]] = _exit(tube.distance, origins, ways)
-    verts[plan.tips[place_index]] = tube.points[3]
+    verts[topology.tips[place_index]] = tube.points[3]
 
 
-def _way(frame: Array, side: float, thumb: bool) -> Array:
-    """Direction of a ring vertex: a finger's from the back round by its pinky side, the thumb's
-    from its web side round by the palm."""
+def _ring_direction(frame: FloatArray, side: float, thumb: bool) -> FloatArray:
+    """Direction of a ring vertex from the axis.
+
+    Angles start at the back of a finger and grow towards the pinky; those of the thumb start at the
+    web and grow towards the palm.
+    """
     if not thumb:
         side = side - np.pi / 4
         return np.cos(side) * frame[:, 1] - np.sin(side) * frame[:, 2] * np.sign(frame[2, 2])
@@ -179,18 +188,22 @@ def _way(frame: Array, side: float, thumb: bool) -> Array:
     )
 
 
-def _even_out(plan: Layout, verts: Array, surface: Distance, rounds: int = 16) -> Array:
-    """Slide palm, finger bases and thumb base along the surface towards even spacing."""
-    free = np.zeros(plan.count, dtype=bool)
-    free[plan.dorsal[1:-2]] = free[plan.palmar[1:-2]] = True
-    free[plan.side[1:-2][plan.side[1:-2] >= 0]] = True
-    # Straight above and below the knuckles: the joint regressor stands on these.
-    free[plan.dorsal[KNUCKLES, 1::2]] = free[plan.palmar[KNUCKLES, 1::2]] = False
-    for ring in plan.rings[:4]:
+def _even_out(
+    topology: HandTopology, verts: FloatArray, surface: DistanceField, rounds: int = 16
+) -> FloatArray:
+    """Moves palm, finger bases and thumb base along the surface until they are evenly spaced."""
+    free = np.zeros(topology.count, dtype=bool)
+    free[topology.dorsal[1:-2]] = free[topology.palmar[1:-2]] = True
+    free[topology.side[1:-2][topology.side[1:-2] >= 0]] = True
+    # The joint regressor needs vertices straight above and below the knuckles.
+    free[topology.dorsal[KNUCKLES, 1::2]] = free[topology.palmar[KNUCKLES, 1::2]] = False
+    for ring in topology.rings[:4]:
         free[ring[1]] = True
-    free[plan.rings[4][1:5]] = True
-    total = np.zeros((plan.count, plan.count))
-    total[plan.edges[:, 0], plan.edges[:, 1]] = total[plan.edges[:, 1], plan.edges[:, 0]] = 1.0
+    free[topology.rings[4][1:5]] = True
+    total = np.zeros((topology.count, topology.count))
+    total[topology.edges[:, 0], topology.edges[:, 1]] = total[
+        topology.edges[:, 1], topology.edges[:, 0]
+    ] = 1.0
     total /= total.sum(1, keepdims=True)
     verts = verts.copy()
     for _ in range(rounds):
@@ -202,7 +215,7 @@ def _even_out(plan: Layout, verts: Array, surface: Distance, rounds: int = 16) -
     return verts
 
 
-def _gradient(distance: Distance, points: Array, step: float = 0.05) -> Array:
+def _gradient(distance: DistanceField, points: FloatArray, step: float = 0.05) -> FloatArray:
     """Unit outward direction (P, 3) by central differences."""
     shift = step * np.eye(3)
     slope = np.stack([distance(points + s) - distance(points - s) for s in shift], -1)

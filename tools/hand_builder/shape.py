@@ -1,8 +1,8 @@
-"""How hands differ: ten directions that move surface and skeleton together.
+"""The shape space: ten directions that move surface and skeleton together.
 
 One unit of a beta is one standard deviation over adults and children, roughly, from the spread of
 hand lengths and breadths in published anthropometry. The directions are linear, and all but the
-thickness are seen in the skeleton, where they are independent: joints tell the betas.
+thickness move the skeleton, independently of each other, so that joints determine the betas.
 
 | beta | direction | one unit |
 |---|---|---|
@@ -23,7 +23,7 @@ from itertools import pairwise
 import numpy as np
 
 from geneoh.hand.skeleton import PARENTS, TIP_PARENTS
-from tools.hand_builder.anatomy import ACROSS, CHAINS, THUMB, Array
+from tools.hand_builder.anatomy import ACROSS, CHAINS, THUMB, FloatArray
 
 SIZE, THICKNESS, WIDTH = 0.08, 0.07, 0.06
 FINGERS, THUMB_ROOT, THUMB_LENGTH = 0.03, 0.06, 0.05
@@ -31,16 +31,19 @@ RAYS = ((0, 0.03), (3, 0.03), (2, 0.04))
 """Finger (index into CHAINS) and change of its whole ray: index, ring, pinky."""
 SPREAD = np.radians(6.0)
 PALM_ENDS = (-0.4, 1.3)
-"""Metacarpals stretch the skin a little beyond both ends, so that the joints there stay centred."""
+"""Range along a metacarpal in which the skin stretches with it, a little beyond both ends, so that
+the joints there stay centred; 0 and 1 are the ends."""
 BONE_ENDS = (-0.3, 1.3)
 """The same for phalanges."""
 LATERAL = 6.5
-"""How far one metacarpal's change is felt sideways, mm."""
+"""Distance sideways over which the skin follows a metacarpal, mm."""
 
 BONE_PARENTS = (*PARENTS[1:], *TIP_PARENTS)
 
 
-def shape_directions(verts: Array, weights: Array, points: Array) -> tuple[Array, Array]:
+def shape_directions(
+    verts: FloatArray, weights: FloatArray, points: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Displacement of vertices (V, 3, 10) and of joints and tips (21, 3, 10), mm per unit.
 
     Args:
@@ -48,7 +51,7 @@ def shape_directions(verts: Array, weights: Array, points: Array) -> tuple[Array
         weights: skinning weights (V, 16).
         points: the 16 joints and 5 tips.
     """
-    body = _Body(verts, weights, points)
+    body = _StretchableHand(verts, weights, points)
     fields = [
         (SIZE * verts, SIZE * points),
         (THICKNESS * body.girth(), np.zeros_like(points)),
@@ -63,10 +66,10 @@ def shape_directions(verts: Array, weights: Array, points: Array) -> tuple[Array
     return np.stack(moved, axis=-1), np.stack(joints, axis=-1)
 
 
-class _Body:
+class _StretchableHand:
     """A skinned rest hand that can be stretched bone by bone."""
 
-    def __init__(self, verts: Array, weights: Array, points: Array) -> None:
+    def __init__(self, verts: FloatArray, weights: FloatArray, points: FloatArray) -> None:
         self.verts, self.weights, self.points = verts, weights, points
         self.offsets = points[1:] - points[list(BONE_PARENTS)]
         roots = np.stack([points[chain[0]] for chain in CHAINS])
@@ -78,8 +81,8 @@ class _Body:
         self.near = near / near.sum(1, keepdims=True)
         """Which metacarpal (V, 5) the palm follows at each vertex."""
 
-    def girth(self) -> Array:
-        """From the bone outwards: what a change of thickness scales."""
+    def girth(self) -> FloatArray:
+        """Offset of each vertex from its bone, which a change of thickness scales."""
         total = np.zeros_like(self.verts)
         for joint, child in self._finger_bones():
             _, rest = self._beside(joint, child)
@@ -89,15 +92,15 @@ class _Body:
         palm = (self.verts - axis) * [0.0, 1.0, 1.0]
         return total + self.weights[:, :1] * palm
 
-    def widened(self) -> tuple[Array, Array]:
-        """The palm scaled sideways; digits ride along unchanged."""
-        moved = self._ride(WIDTH * self.points * [0.0, 0.0, 1.0])
+    def widened(self) -> tuple[FloatArray, FloatArray]:
+        """The palm scaled sideways; digits follow unchanged."""
+        moved = self._with_digits(WIDTH * self.points * [0.0, 0.0, 1.0])
         palm = WIDTH * self.verts * [0.0, 0.0, 1.0]
         return self._blend(palm, moved), moved
 
     def stretched(
         self, metacarpals: dict[int, float], phalanges: dict[int, float]
-    ) -> tuple[Array, Array]:
+    ) -> tuple[FloatArray, FloatArray]:
         """Bones longer by the given parts of their length."""
         change = np.zeros_like(self.offsets)
         for finger, part in metacarpals.items():
@@ -112,7 +115,7 @@ class _Body:
         palm = (self.near * self.along) @ roots
         return self._blend(palm, moved), moved
 
-    def spread(self) -> tuple[Array, Array]:
+    def spread(self) -> tuple[FloatArray, FloatArray]:
         """The thumb turned about its base, in the plane of the palm, away from the index."""
         base = self.points[CHAINS[THUMB][0]]
         axis = SPREAD * np.array([0.0, 1.0, 0.0])
@@ -125,21 +128,21 @@ class _Body:
     def _finger_bones(self) -> list[tuple[int, int]]:
         return [pair for chain in CHAINS for pair in pairwise(chain)]
 
-    def _beside(self, joint: int, child: int) -> tuple[Array, Array]:
+    def _beside(self, joint: int, child: int) -> tuple[FloatArray, FloatArray]:
         """Place along a bone, 0 to 1, and the offset from it, per vertex."""
         step = self.points[child] - self.points[joint]
         away = self.verts - self.points[joint]
         along = away @ step / (step @ step)
         return np.clip(along, *BONE_ENDS), away - along[:, None] * step
 
-    def _ride(self, moved: Array) -> Array:
+    def _with_digits(self, moved: FloatArray) -> FloatArray:
         """Each digit follows its first joint."""
-        ridden = moved.copy()
+        followed = moved.copy()
         for chain in CHAINS:
-            ridden[list(chain)] = moved[chain[0]]
-        return ridden
+            followed[list(chain)] = moved[chain[0]]
+        return followed
 
-    def _blend(self, palm: Array, moved: Array) -> Array:
+    def _blend(self, palm: FloatArray, moved: FloatArray) -> FloatArray:
         """Skinned sum of the palm's own displacement and of stretching bones."""
         total = self.weights[:, :1] * palm
         for joint, child in self._finger_bones():

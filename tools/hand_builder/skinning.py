@@ -1,4 +1,4 @@
-"""Which bone moves which vertex, and how the surface corrects itself when a joint bends."""
+"""Skinning weights, and the regressor that gives joints from vertices."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,27 +6,28 @@ from scipy.optimize import nnls
 from scipy.sparse import coo_matrix, diags
 from scipy.sparse.linalg import spsolve
 
-from tools.hand_builder.anatomy import ACROSS, CHAINS, THUMB, Array, Digit
-from tools.hand_builder.topology import Layout
+from tools.hand_builder.anatomy import ACROSS, CHAINS, THUMB, Digit, FloatArray
+from tools.hand_builder.topology import HandTopology
 
 Mask = NDArray[np.bool_]
 
 MOST_JOINTS = 4
 HALF_BLEND = (7.0, 5.5)
-"""Half the length over which two phalanges share the skin, mm: middle joint, distal joint."""
+"""Half of the length over which the weights go from one phalanx to the next, mm: at the middle and
+at the distal joint."""
 SHARPNESS = 1.6
-"""Harmonic weights spread far: a power keeps a digit from pulling at its neighbour's knuckle."""
+"""Power of the harmonic weights, which spread far: a digit must not move another's knuckle."""
 KNUCKLE_ROW = 5
-"""Palm rows from here on belong to the wrist's bone."""
+"""First palm row that follows the wrist alone."""
 THUMB_FREE_ROW = 3
-"""Rings of the thumb from here on follow the thumb alone."""
+"""First ring of the thumb that follows the thumb alone."""
 
 
-def skin_weights(plan: Layout, verts: Array, tubes: tuple[Digit, ...]) -> Array:
-    """Weights (V, 16): harmonic between what surely belongs to a digit and what to the palm."""
-    labels = _harmonic(plan, *_seeds(plan)) ** SHARPNESS
+def skin_weights(topology: HandTopology, verts: FloatArray, tubes: tuple[Digit, ...]) -> FloatArray:
+    """Weights (V, 16): harmonic between vertices of a single digit and those of the palm."""
+    labels = _harmonic(topology, *_seeds(topology)) ** SHARPNESS
     labels /= labels.sum(1, keepdims=True)
-    weights = np.zeros((plan.count, 16))
+    weights = np.zeros((topology.count, 16))
     weights[:, 0] = labels[:, 5]
     for finger, chain in enumerate(CHAINS):
         shares = _shares(verts, tubes[finger])
@@ -34,31 +35,31 @@ def skin_weights(plan: Layout, verts: Array, tubes: tuple[Digit, ...]) -> Array:
     return _sparse(weights)
 
 
-def _seeds(plan: Layout) -> tuple[Mask, Array]:
+def _seeds(topology: HandTopology) -> tuple[Mask, FloatArray]:
     """Known rows of (V, 6): five digits (in the order of CHAINS), then the palm."""
-    label = np.full(plan.count, -1)
+    label = np.full(topology.count, -1)
     for place, finger in enumerate((*ACROSS, THUMB)):
         start = THUMB_FREE_ROW if finger == THUMB else 1
-        label[plan.rings[place][start:]] = finger
-        label[plan.tips[place]] = finger
-    label[plan.dorsal[KNUCKLE_ROW:, 2:]] = 5
-    label[plan.palmar[KNUCKLE_ROW:, 4:]] = 5
-    label[plan.palmar[KNUCKLE_ROW, 2:]] = 5
-    label[plan.side[KNUCKLE_ROW:, 1]] = 5
-    # Between index and thumb the palm holds still, or each would pull at the other's root.
-    for rows in (plan.dorsal, plan.palmar, plan.side):
+        label[topology.rings[place][start:]] = finger
+        label[topology.tips[place]] = finger
+    label[topology.dorsal[KNUCKLE_ROW:, 2:]] = 5
+    label[topology.palmar[KNUCKLE_ROW:, 4:]] = 5
+    label[topology.palmar[KNUCKLE_ROW, 2:]] = 5
+    label[topology.side[KNUCKLE_ROW:, 1]] = 5
+    # between index and thumb the palm stays, or each would move the other's root
+    for rows in (topology.dorsal, topology.palmar, topology.side):
         label[rows[KNUCKLE_ROW - 1, :1]] = 5
         last = rows[11:]
         label[last[last >= 0]] = 5
-    label[plan.cap] = 5
+    label[topology.cap] = 5
     known = label >= 0
     return known, np.eye(6)[label] * known[:, None]
 
 
-def _harmonic(plan: Layout, known: Mask, values: Array) -> Array:
-    """Fill the unknown rows so that each is the mean of its neighbours."""
-    a, b = plan.edges.T
-    links = coo_matrix((np.ones(len(a)), (a, b)), shape=(plan.count, plan.count))
+def _harmonic(topology: HandTopology, known: Mask, values: FloatArray) -> FloatArray:
+    """The unknown rows filled so that each is the mean of its neighbours."""
+    a, b = topology.edges.T
+    links = coo_matrix((np.ones(len(a)), (a, b)), shape=(topology.count, topology.count))
     links = (links + links.T).tocsr()
     laplace = (diags(np.asarray(links.sum(1)).ravel()) - links).tocsr()
     filled = values.copy()
@@ -67,7 +68,7 @@ def _harmonic(plan: Layout, known: Mask, values: Array) -> Array:
     return filled
 
 
-def _shares(verts: Array, tube: Digit) -> Array:
+def _shares(verts: FloatArray, tube: Digit) -> FloatArray:
     """How the three phalanges of one digit share each vertex, (V, 3)."""
     steps = np.diff(tube.points, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
@@ -81,12 +82,12 @@ def _shares(verts: Array, tube: Digit) -> Array:
     return shares
 
 
-def _smoothstep(x: Array) -> Array:
+def _smoothstep(x: FloatArray) -> FloatArray:
     x = np.clip(x, 0.0, 1.0)
     return x * x * (3 - 2 * x)
 
 
-def _sparse(weights: Array) -> Array:
+def _sparse(weights: FloatArray) -> FloatArray:
     """At most `MOST_JOINTS` joints a vertex, rows that sum to one."""
     weights = np.where(weights < 1e-3, 0.0, weights)
     smallest = np.argsort(-weights, axis=1)[:, MOST_JOINTS:]
@@ -95,8 +96,8 @@ def _sparse(weights: Array) -> Array:
 
 
 def joint_regressor(
-    verts: Array, joints: Array, dirs: Array, joint_dirs: Array, near: int = 72
-) -> Array:
+    verts: FloatArray, joints: FloatArray, dirs: FloatArray, joint_dirs: FloatArray, near: int = 72
+) -> FloatArray:
     """Sparse convex combinations (16, V) of vertices round each joint that give its position.
 
     They hold for the template (V, 3) and for each shape direction (V, 3, S) at once.

@@ -5,27 +5,29 @@ import pytest
 import trimesh
 
 from geneoh.hand.embedded import read_arrays
-from tools.hand_builder.__main__ import ORIGIN, tips_in_place
+from tools.hand_builder.__main__ import ORIGIN, tip_order
 from tools.hand_builder.anatomy import digits, hand_distance, rod, skeleton, smooth_min
-from tools.hand_builder.limits import turn
-from tools.hand_builder.topology import layout
+from tools.hand_builder.limits import rotation_vector
+from tools.hand_builder.topology import hand_topology
 
 
 def test_layout_is_one_closed_sphere_of_778_vertices():
-    plan = layout()
-    mesh = trimesh.Trimesh(np.random.default_rng(0).random((778, 3)), plan.triangles, process=False)
-    assert plan.count == 778
+    topology = hand_topology()
+    mesh = trimesh.Trimesh(
+        np.random.default_rng(0).random((778, 3)), topology.triangles, process=False
+    )
+    assert topology.count == 778
     assert mesh.is_watertight
     assert mesh.is_winding_consistent
     assert mesh.euler_number == 2
-    assert set(plan.triangles.ravel()) == set(range(778))
+    assert set(topology.triangles.ravel()) == set(range(778))
 
 
 def test_edges_leave_out_the_diagonals_of_quads():
-    plan = layout()
+    topology = hand_topology()
     fans = 4 * 8 + 12 + 20
-    quads = (len(plan.triangles) - fans) // 2
-    assert len(plan.edges) == 3 * len(plan.triangles) // 2 - quads
+    quads = (len(topology.triangles) - fans) // 2
+    assert len(topology.edges) == 3 * len(topology.triangles) // 2 - quads
 
 
 def test_distance_to_a_rod_is_that_to_its_axis_less_its_radius():
@@ -44,17 +46,17 @@ def test_smooth_union_holds_both_solids_and_little_more():
 
 def test_flexion_turns_a_finger_towards_the_palm():
     tube = digits(skeleton())[0]
-    vector = turn(tube, 1, 90.0, 0.0, 0.0)
+    vector = rotation_vector(tube, 1, 90.0, 0.0, 0.0)
     assert np.linalg.norm(vector) == pytest.approx(np.pi / 2)
     assert vector[2] > 1.4
 
 
 def test_vertices_of_the_asset_lie_on_the_surface_of_the_form():
-    arrays, plan, bones = read_arrays(), layout(), skeleton()
-    verts = arrays["v_template"][np.argsort(tips_in_place(plan))] * 1000.0 - ORIGIN
+    arrays, topology, bones = read_arrays(), hand_topology(), skeleton()
+    verts = arrays["v_template"][np.argsort(tip_order(topology))] * 1000.0 - ORIGIN
     gap = np.abs(hand_distance(verts, bones, digits(bones)))
-    closing = np.r_[plan.dorsal[-2:].ravel(), plan.palmar[-2:].ravel(), plan.cap]
-    closing = np.r_[closing, plan.side[-2:].ravel()]
+    closing = np.r_[topology.dorsal[-2:].ravel(), topology.palmar[-2:].ravel(), topology.cap]
+    closing = np.r_[closing, topology.side[-2:].ravel()]
     on_skin = np.delete(gap, closing)
     # Tubes of fingers are placed on their own, so their roots lie a little inside the fillets.
     assert np.median(on_skin) < 0.05
