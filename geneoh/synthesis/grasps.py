@@ -23,7 +23,7 @@ from geneoh.synthesis.contact_pads import (
     finger_clearance,
     hand_spheres,
 )
-from geneoh.synthesis.draws import uniform
+from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.grasp_types import GRASP_TYPES
 from geneoh.synthesis.pose_prior import FINGER_HIGH, FINGER_LOW, FINGER_STD, beyond_range, curled
 from geneoh.synthesis.solids import Solids
@@ -145,25 +145,24 @@ def _of_type(name: str, types: Int[Tensor, " B"]) -> Float[Tensor, "B ..."]:
 
 
 def _draw_attempts(
-    offsets: Float[Tensor, "B 20 3"], config: GraspConfig, *, generator: torch.Generator
+    offsets: Float[Tensor, "B 20 3"], config: GraspConfig, draws: Draws
 ) -> tuple[_Attempt, Float[Tensor, "B 15 3"]]:
     """Random attempts, and the fingers with which they start."""
-    batch = len(offsets)
     shares = torch.tensor([each.share for each in GRASP_TYPES])
-    types = torch.multinomial(shares, batch, replacement=True, generator=generator)
+    types = torch.multinomial(shares, draws.batch, replacement=True, generator=draws.generator)
     low, high = torch.stack(
         [_of_type("finger_curls", types)] * 4 + [_of_type("thumb_curls", types)], dim=1
     ).unbind(-1)
-    curl = low + (high - low) * torch.rand(batch, 1, generator=generator)
-    curl = curl * (config.curl_std * torch.randn(batch, 5, generator=generator)).exp()
-    habit = config.habit_std * FINGER_STD * torch.randn(batch, 15, 3, generator=generator)
-    opposed = torch.ones(batch, 15, 1)
+    curl = low + (high - low) * draws.share(1)
+    curl = curl * (config.curl_std * draws.normal(5)).exp()
+    habit = config.habit_std * FINGER_STD * draws.normal(15, 3)
+    opposed = torch.ones(draws.batch, 15, 1)
     opposed[:, 12, 0] = _of_type("opposition", types)
     low, high = _of_type("opened", types)[..., None].unbind(1)
-    opened = low + (high - low) * torch.rand(batch, 1, generator=generator)
+    opened = low + (high - low) * draws.share(1)
     start = opposed * curled(curl * opened) + config.start_habit * habit
-    joins = torch.rand(batch, 6, generator=generator) < _of_type("digits", types)
-    touches = torch.rand(batch, len(PAD_DIGITS), generator=generator) < _of_type("pads", types)
+    joins = draws.share(6) < _of_type("digits", types)
+    touches = draws.share(len(PAD_DIGITS)) < _of_type("pads", types)
     span = offsets[:, [3, 4, 5, 16]].norm(dim=-1).sum(-1, keepdim=True)
     wanted = joins[:, list(PAD_DIGITS)] & touches
     liked = opposed * curled(curl) + habit
@@ -171,25 +170,24 @@ def _draw_attempts(
 
 
 def _approach(
-    solids: Solids, attempt: _Attempt, config: GraspConfig, *, generator: torch.Generator
+    solids: Solids, attempt: _Attempt, config: GraspConfig, draws: Draws
 ) -> tuple[Float[Tensor, "B 3"], Float[Tensor, "B 3"]]:
     """Wrists and their orientations (axis-angle) over a random surface point each.
 
     The side of the hand that its type names faces the surface, turned at random about the surface
     normal.
     """
-    surface, normals = solids.surface_points(1, generator=generator)
+    surface, normals = solids.surface_points(1, generator=draws.generator)
     point, normal = surface[:, 0], normals[:, 0]
-    random = torch.randn(point.shape, generator=generator)
-    across = torch.nn.functional.normalize(torch.linalg.cross(normal, random), dim=-1)
+    across = torch.linalg.cross(normal, draws.normal(3))
+    across = torch.nn.functional.normalize(across, dim=-1)
     there = torch.stack([across, -normal, torch.linalg.cross(across, -normal)], dim=-1)
     faces = _of_type("faces", attempt.types)
     fingers = faces.new_tensor([-1.0, 0.0, 0.0]).expand_as(faces)
     here = torch.stack([fingers, faces, torch.linalg.cross(fingers, faces)], dim=-1)
-    tilt = config.tilt_std * torch.randn(point.shape, generator=generator)
-    rotation = there @ here.mT @ axis_angle_to_matrix(tilt)
+    rotation = there @ here.mT @ axis_angle_to_matrix(config.tilt_std * draws.normal(3))
     along, aside, below = _of_type("over", attempt.types)[..., None].unbind(1)
-    reach = uniform(config.start_reach, len(point), 1, generator=generator)
+    reach = draws.uniform(config.start_reach, 1)
     palm = -along * reach * attempt.offsets[:, 3]
     palm = palm + torch.cat([torch.zeros_like(below), -below, aside], dim=-1)
     wrist = point - (rotation @ palm[..., None])[..., 0]
@@ -250,19 +248,18 @@ def _starts(
     fingers: Float[Tensor, "B 15 3"],
     toward: Float[Tensor, "B 3"],
     config: GraspConfig,
-    *,
-    generator: torch.Generator,
+    draws: Draws,
 ) -> tuple[Float[Tensor, "B 3"], Float[Tensor, "B 3"]]:
     """Wrists and orientations to start from: the best of as many approaches as the type draws."""
-    wrist, orient = _approach(solids, attempt, config, generator=generator)
-    draws = _of_type("approaches", attempt.types).long()
-    (several,) = torch.nonzero(draws > 1, as_tuple=True)
+    wrist, orient = _approach(solids, attempt, config, draws)
+    counts = _of_type("approaches", attempt.types).long()
+    (several,) = torch.nonzero(counts > 1, as_tuple=True)
     if len(several) == 0:
         return wrist, orient
-    which = several.repeat_interleave(draws[several])
-    group = torch.arange(len(several)).repeat_interleave(draws[several])
+    which = several.repeat_interleave(counts[several])
+    group = torch.arange(len(several)).repeat_interleave(counts[several])
     tried, objects = attempt.take(which, "B"), solids.chosen(which)
-    wrists, orients = _approach(objects, tried, config, generator=generator)
+    wrists, orients = _approach(objects, tried, config, Draws(len(which), draws.generator))
     energy = _energy(objects, tried, wrists, orients, fingers[which], config.energy)
     behind = (wrists * toward[which]).sum(-1).clamp(max=0)
     energy = energy + config.energy.wrong_side * behind.square()
@@ -336,9 +333,10 @@ def synthesize_grasps(
         toward: direction from the object's centre on whose side the wrist starts; zero for any.
     """
     config = config or GraspConfig()
-    attempt, fingers = _draw_attempts(offsets, config, generator=generator)
+    draws = Draws(len(offsets), generator)
+    attempt, fingers = _draw_attempts(offsets, config, draws)
     toward = torch.zeros(len(offsets), 3) if toward is None else toward
-    wrist, orient = _starts(solids, attempt, fingers, toward, config, generator=generator)
+    wrist, orient = _starts(solids, attempt, fingers, toward, config, draws)
     _descend(solids, attempt, wrist, orient, fingers, config)
     with torch.no_grad():
         pose = torch.cat([orient[:, None], fingers], dim=1)

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.geometry.rotations import axis_angle_to_matrix
-from geneoh.synthesis.draws import smooth_noise, uniform
+from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.grasps import Grasps
 from geneoh.synthesis.object_motion import Standing
 from geneoh.synthesis.pose_prior import curled
@@ -95,15 +95,13 @@ class HandPhases:
     """Of a moment without the grasp."""
 
 
-def draw_phases(
-    schedule: Schedule, config: HandMotionConfig, *, generator: torch.Generator
-) -> HandPhases:
+def draw_phases(schedule: Schedule, config: HandMotionConfig, draws: Draws) -> HandPhases:
     """When hands reach, close, let go for a moment, open and leave."""
 
     def away(frames: Float[Tensor, "B T"]) -> tuple[Tensor, Tensor]:
         """Phases of wrist and fingers, so many frames from the grasp."""
-        way = frames / uniform(config.reach_frames, len(frames), 1, generator=generator)
-        opening = frames / uniform(config.opening_frames, len(frames), 1, generator=generator)
+        way = frames / draws.uniform(config.reach_frames, 1)
+        opening = frames / draws.uniform(config.opening_frames, 1)
         return minimum_jerk(way - config.wrist_delay), minimum_jerk(opening + config.opening_lead)
 
     time = schedule.time
@@ -125,77 +123,68 @@ def wrist_motion(
     standing: Standing,
     phases: HandPhases,
     config: HandMotionConfig,
-    *,
-    generator: torch.Generator,
+    draws: Draws,
 ) -> tuple[Float[Tensor, "B T 3"], Float[Tensor, "B T 3 3"]]:
     """Wrist and global rotation: from a place in front of the object to the grasp and to another.
 
     Between the two the wrist follows the grasp, but for small smooth adjustments.
     """
-    batch, frames = phases.reach.shape
+    frames = phases.reach.shape[1]
     grasp = axis_angle_to_matrix(grasps.pose[:, 0])
     back = grasp @ torch.tensor(config.away_direction)
     up = standing.upright[:, 2]  # the world's vertical in the object's frame
 
     def place() -> Float[Tensor, "B 1 3"]:
         """A place away from the object, from the grasp; on a table, above it."""
-        there = back * uniform(config.away_distance, batch, 1, generator=generator)
-        there = there + config.away_std * torch.randn(batch, 3, generator=generator)
+        there = back * draws.uniform(config.away_distance, 1) + config.away_std * draws.normal(3)
         short = (config.table_height - (there * up).sum(-1, keepdim=True)).clamp(min=0)
         return (there + torch.where(standing.on_table[:, None], short, 0.0) * up)[:, None]
-
-    def noise(period: float) -> Float[Tensor, "B T 3"]:
-        return smooth_noise(batch, frames, 3, period, generator=generator)
 
     reach, leave = phases.reach[..., None], phases.leave[..., None]
     path = reach * place() + leave * place()
     path = path + phases.regrasp[..., None] * config.regrasp_distance * place()
-    wrist = grasps.wrist[:, None] + path + config.shift_noise * noise(config.shift_period)
-    std = config.away_turn_std
-    turn = reach * std * torch.randn(batch, 1, 3, generator=generator)
-    turn = turn + leave * std * torch.randn(batch, 1, 3, generator=generator)
-    turn = turn + config.turn_noise * noise(config.turn_period)
+    shift = config.shift_noise * draws.smooth(frames, 3, config.shift_period)
+    turn = reach * config.away_turn_std * draws.normal(1, 3)
+    turn = turn + leave * config.away_turn_std * draws.normal(1, 3)
+    turn = turn + config.turn_noise * draws.smooth(frames, 3, config.turn_period)
+    wrist = grasps.wrist[:, None] + path + shift
     return wrist, grasp[:, None] @ axis_angle_to_matrix(turn)
 
 
 def finger_motion(
-    grasps: Grasps, phases: HandPhases, config: HandMotionConfig, *, generator: torch.Generator
+    grasps: Grasps, phases: HandPhases, config: HandMotionConfig, draws: Draws
 ) -> Float[Tensor, "B T 15 3"]:
     """Finger joints: open before and after the grasp, some lifted from the object in between."""
-    batch, frames = phases.opening.shape
-    fingers, opened = grasps.pose[:, None, 1:], _open_fingers(grasps, config, generator=generator)
-    opening = phases.opening[..., None, None]
-    opening = opening * uniform(config.opening, batch, 1, 1, 1, generator=generator)
+    frames = phases.opening.shape[1]
+    fingers, opened = grasps.pose[:, None, 1:], _open_fingers(grasps, config, draws)
+    opening = phases.opening[..., None, None] * draws.uniform(config.opening, 1, 1, 1)
     fingers = fingers + opening * (opened - fingers)
-    lifted = _lifted(batch, frames, config, generator=generator)
+    lifted = _lifted(frames, config, draws)
     fingers = fingers + lifted[..., None] * (opened - fingers)
-    tremor = smooth_noise(batch, frames, 45, config.tremor_period, generator=generator)
+    tremor = draws.smooth(frames, 45, config.tremor_period)
     size = config.tremor + config.open_tremor * opening
     return fingers + tremor.unflatten(-1, (15, 3)) * size
 
 
 def _open_fingers(
-    grasps: Grasps, config: HandMotionConfig, *, generator: torch.Generator
+    grasps: Grasps, config: HandMotionConfig, draws: Draws
 ) -> Float[Tensor, "B 1 15 3"]:
     """Open fingers, each in a way of its own."""
-    batch = len(grasps.pose)
-    scatter = (config.curl_scatter * torch.randn(batch, 5, generator=generator)).exp()
-    opened = curled(uniform(config.open_curl, batch, 1, generator=generator) * scatter)
+    scatter = (config.curl_scatter * draws.normal(5)).exp()
+    opened = curled(draws.uniform(config.open_curl, 1) * scatter)
     # never more bent than in the grasp: to open must not press a finger into the object
     opened[:, :12, 2] = torch.minimum(opened[:, :12, 2], grasps.pose[:, 1:13, 2])
     return opened[:, None]
 
 
-def _lifted(
-    batch: int, frames: int, config: HandMotionConfig, *, generator: torch.Generator
-) -> Float[Tensor, "B T 15"]:
+def _lifted(frames: int, config: HandMotionConfig, draws: Draws) -> Float[Tensor, "B T 15"]:
     """How far each finger joint is on its way to the open hand while a finger is lifted."""
     time = torch.arange(frames, dtype=torch.float32)
-    chosen = (torch.rand(batch, 5, generator=generator) < config.lift_share).float()
-    middle = uniform(config.lift_time, batch, 1, generator=generator) * frames
-    period = uniform(config.repeat_period, batch, 1, generator=generator)
-    repeats = torch.rand(batch, 1, generator=generator) < config.repeat_share
+    chosen = draws.chance(config.lift_share, 5).float()
+    middle = draws.uniform(config.lift_time, 1) * frames
+    period = draws.uniform(config.repeat_period, 1)
+    repeats = draws.chance(config.repeat_share, 1)
     again = 0.5 - 0.5 * torch.cos(2 * math.pi * (time - middle) / period)
     height = torch.where(repeats, again, bell(time - middle, config.lift_width))
     raised = height[..., None] * chosen.repeat_interleave(3, dim=1)[:, None]
-    return raised * uniform(config.lift_height, batch, 1, 1, generator=generator)
+    return raised * draws.uniform(config.lift_height, 1, 1)

@@ -15,6 +15,7 @@ from geneoh.bundle import Bundle
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.hand.skeleton import forward_kinematics
 from geneoh.synthesis.bimanual import HandPairs
+from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.grasps import Grasps
 from geneoh.synthesis.hand_motion import (
     HandMotionConfig,
@@ -79,18 +80,17 @@ def animate(
     """
     config = config or AnimationConfig()
     pairs = pairs or HandPairs.none(len(grasps.pose))
+    draws = Draws(len(grasps.pose), generator)
     surface, normals = solids.surface_points(points, generator=generator)
     turns = axis_angle_to_matrix(grasps.pose)
     joints, _ = forward_kinematics(turns, grasps.wrist, grasps.offsets)
-    standing = draw_standing(joints, surface, pairs.shared, config.object, generator=generator)
+    standing = draw_standing(joints, surface, pairs.shared, config.object, draws)
     held = held_part(solids, joints, config.object)
-    schedule = draw_schedule(frames, pairs, config.schedule, generator=generator)
-    rotation, translation = carry(
-        solids, held, standing, schedule, pairs, config.object, generator=generator
-    )
-    phases = draw_phases(schedule, config.hand, generator=generator)
-    wrist, turn = wrist_motion(grasps, standing, phases, config.hand, generator=generator)
-    fingers = finger_motion(grasps, phases, config.hand, generator=generator)
+    schedule = draw_schedule(frames, pairs, config.schedule, draws)
+    rotation, translation = carry(solids, held, standing, schedule, pairs, config.object, draws)
+    phases = draw_phases(schedule, config.hand, draws)
+    wrist, turn = wrist_motion(grasps, standing, phases, config.hand, draws)
+    fingers = finger_motion(grasps, phases, config.hand, draws)
 
     clip = torch.arange(len(grasps.pose))
     to_world, shift = rotation[clip, :, held.index], translation[clip, :, held.index]

@@ -10,6 +10,7 @@ from torch import Tensor
 from geneoh.geometry.mirror import mirror_points, mirror_rotations
 from geneoh.geometry.rotations import axis_angle_to_matrix, skew
 from geneoh.synthesis.bimanual import HandPairs
+from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.schedule import Schedule
 from geneoh.synthesis.solids import Solids
 
@@ -68,8 +69,7 @@ def draw_standing(
     surface: Float[Tensor, "B P 3"],
     floating: Bool[Tensor, " B"],
     config: ObjectMotionConfig,
-    *,
-    generator: torch.Generator,
+    draws: Draws,
 ) -> Standing:
     """Objects turned any way, or stood on a table so that the hand is above it.
 
@@ -78,19 +78,16 @@ def draw_standing(
         surface: points of the object.
         floating: objects without a table, such as those that a second hand holds.
         config: shares and deviations.
-        generator: source of every random choice.
+        draws: source of every random choice.
     """
-    batch = len(joints)
-    up = torch.randn(batch, config.table_directions, 3, generator=generator)
-    up = torch.nn.functional.normalize(up, dim=-1)
+    up = torch.nn.functional.normalize(draws.normal(config.table_directions, 3), dim=-1)
     room = (joints @ up.mT).amin(1) - config.skin - (surface @ up.mT).amin(1)
-    side = torch.where(room > 0, torch.rand(room.shape, generator=generator), -1.0).argmax(1)
-    clip = torch.arange(batch)
-    wanted = torch.rand(batch, generator=generator) < config.table_share
-    on_table = (room[clip, side] > 0) & wanted & ~floating
-    around = 2 * math.pi * torch.rand(batch, 1, generator=generator) * torch.eye(3)[2]
+    side = torch.where(room > 0, draws.share(config.table_directions), -1.0).argmax(1)
+    clip = torch.arange(len(joints))
+    on_table = (room[clip, side] > 0) & draws.chance(config.table_share) & ~floating
+    around = 2 * math.pi * draws.share(1) * torch.eye(3)[2]
     standing = axis_angle_to_matrix(around) @ _turn_up(up[clip, side])
-    orientation = config.orientation_std * torch.randn(batch, 3, generator=generator)
+    orientation = config.orientation_std * draws.normal(3)
     upright = torch.where(on_table[:, None, None], standing, axis_angle_to_matrix(orientation))
     return Standing(upright, on_table)
 
@@ -141,34 +138,28 @@ def held_part(
 
 
 def carried_path(
-    schedule: Schedule,
-    standing: Standing,
-    config: ObjectMotionConfig,
-    *,
-    generator: torch.Generator,
+    schedule: Schedule, standing: Standing, config: ObjectMotionConfig, draws: Draws
 ) -> tuple[Float[Tensor, "B T 3 3"], Float[Tensor, "B T 3"]]:
     """Rotation and translation of the first part: at rest until it is lifted and once it is down.
 
     From a table the object is lifted and put back upright, or slid over it.
     """
-    batch, rests = len(schedule.close), config.rest_points
-    moves = torch.rand(batch, rests, 1, generator=generator) < config.move_share
-    moves = moves & (torch.rand(batch, 1, 1, generator=generator) < config.carry_share)
-    step = torch.tensor(config.shift_std)
-    shift = torch.randn(batch, rests, 3, generator=generator) * step * moves
+    rests = config.rest_points
+    moves = draws.chance(config.move_share, rests, 1) & draws.chance(config.carry_share, 1, 1)
+    shift = draws.normal(rests, 3) * torch.tensor(config.shift_std) * moves
     shift = shift.cumsum(1) * config.path_scale
-    turn = torch.randn(batch, rests, 3, generator=generator) * config.turn_std * moves
-    turn = turn.cumsum(1) * config.path_scale
+    turn = (draws.normal(rests, 3) * config.turn_std * moves).cumsum(1) * config.path_scale
 
-    slides = torch.rand(batch, 1, generator=generator) < config.slide_share
-    down = slides | (torch.arange(rests) == rests - 1)  # (B, K): rest points on the table
+    down = draws.chance(config.slide_share, 1) | (
+        torch.arange(rests) == rests - 1
+    )  # (B, K): rest points on the table
     raised = shift[..., 2].abs() + config.lift_height * moves[..., 0]
     above = torch.cat([shift[..., :2], torch.where(down, 0.0, raised)[..., None]], -1)
     on_table = standing.on_table[:, None, None]
     shift = torch.where(on_table, above, shift)
     turn = torch.where(on_table & down[..., None], turn * torch.eye(3)[2], turn)
 
-    path = schedule.moves(torch.cat([shift, turn], dim=-1), generator=generator)
+    path = schedule.moves(torch.cat([shift, turn], dim=-1), draws)
     translation, turn = path.split(3, -1)
     return axis_angle_to_matrix(turn) @ standing.upright[:, None], translation
 
@@ -180,23 +171,20 @@ def carry(
     schedule: Schedule,
     pairs: HandPairs,
     config: ObjectMotionConfig,
-    *,
-    generator: torch.Generator,
+    draws: Draws,
 ) -> tuple[Float[Tensor, "B T 2 3 3"], Float[Tensor, "B T 2 3"]]:
     """Rotations and translations of both parts, object to world.
 
     The object of a second hand moves as that of the first one in a mirror.
     """
-    batch = len(pairs.first)
-    works = torch.rand(batch, generator=generator) < config.joint_share
-    works = works & solids.jointed & ~pairs.shared
-    goals = torch.rand(batch, config.rest_points, generator=generator)
+    works = draws.chance(config.joint_share) & solids.jointed & ~pairs.shared
+    goals = draws.share(config.rest_points)
     goals = torch.lerp(held.travel[:, :1], held.travel[:, 1:], goals) * works[:, None]
-    travelled = schedule.moves(goals[..., None], generator=generator)[..., 0]
-    rotation, translation = carried_path(schedule, standing, config, generator=generator)
+    travelled = schedule.moves(goals[..., None], draws)[..., 0]
+    rotation, translation = carried_path(schedule, standing, config, draws)
 
-    still = torch.rand(batch, generator=generator) < config.base_still_share
-    still = (still & works & (held.index == 1))[:, None, None]
+    still = draws.chance(config.base_still_share) & works & (held.index == 1)
+    still = still[:, None, None]
     rotation = torch.where(still[..., None], rotation[:, :1], rotation)
     translation = torch.where(still, translation[:, :1], translation)
     second = pairs.second[:, None, None]

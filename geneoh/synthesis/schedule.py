@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from geneoh.synthesis.bimanual import HandPairs
-from geneoh.synthesis.draws import uniform
+from geneoh.synthesis.draws import Draws
 
 
 @dataclass(frozen=True)
@@ -59,12 +59,10 @@ class Schedule:
         """The frames of a clip."""
         return torch.arange(self.frames, dtype=torch.float32)
 
-    def moves(
-        self, rests: Float[Tensor, "B K C"], *, generator: torch.Generator
-    ) -> Float[Tensor, "B T C"]:
+    def moves(self, rests: Float[Tensor, "B K C"], draws: Draws) -> Float[Tensor, "B T C"]:
         """Smooth moves through rest points: zero before `lift`, the last one after `put_down`."""
         batch, count = rests.shape[:2]
-        cuts = torch.rand(batch, count - 1, generator=generator).sort(1).values
+        cuts = draws.share(count - 1).sort(1).values
         cuts = torch.cat([torch.zeros(batch, 1), cuts, torch.ones(batch, 1)], 1)
         held = self.put_down - self.lift
         # the last move ends when the object is put down, where the hold is long enough for a move
@@ -83,13 +81,11 @@ def minimum_jerk(x: Float[Tensor, "*S"]) -> Float[Tensor, "*S"]:
     return x**3 * (10 - 15 * x + 6 * x**2)
 
 
-def draw_schedule(
-    frames: int, pairs: HandPairs, config: ScheduleConfig, *, generator: torch.Generator
-) -> Schedule:
+def draw_schedule(frames: int, pairs: HandPairs, config: ScheduleConfig, draws: Draws) -> Schedule:
     """Random times; of two hands on one object, one holds until the other one does."""
-    batch, second, first = len(pairs.first), pairs.second, pairs.leader
-    close = uniform(config.close, batch, generator=generator) * frames
-    hold = uniform(config.hold, batch, generator=generator) * frames
+    second, first = pairs.second, pairs.leader
+    close = draws.uniform(config.close) * frames
+    hold = draws.uniform(config.hold) * frames
     release = close + hold
     meet = release[first] - config.shortest_move
     close = torch.where(second, torch.minimum(close, meet), close)
@@ -98,8 +94,7 @@ def draw_schedule(
     lift, put_down, leader = close.clone(), release.clone(), first[second]
     lift[leader] = torch.minimum(close[leader], close[second])
     put_down[leader] = torch.maximum(release[leader], release[second])
-    regrasps = torch.rand(batch, generator=generator) < config.regrasp_share
-    regrasps = regrasps & ~pairs.shared & (hold > config.regrasp_hold)
+    regrasps = draws.chance(config.regrasp_share) & ~pairs.shared & (hold > config.regrasp_hold)
     earlier = put_down - config.regrasp_frames - config.regrasp_rest
     put_down = torch.where(regrasps, earlier, put_down)
     return Schedule(

@@ -15,7 +15,7 @@ from torch import Tensor
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import TIP_KEYPOINTS
 from geneoh.representation.parameters import HandParameters
-from geneoh.synthesis.draws import smooth_noise
+from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.pose_prior import FINGER_STD
 
 
@@ -49,21 +49,19 @@ def augmented(
     hand: HandParameters, config: AugmentationConfig | None = None, *, generator: torch.Generator
 ) -> HandParameters:
     """The same windows with hands that move more; world frame in and out, smooth over time."""
-    config, batch = config or AugmentationConfig(), len(hand.wrist)
-    motion = _mixed_motion(batch, hand.wrist.shape[1], config, generator=generator)
-    moves = (torch.rand(batch, 1, 1, generator=generator) < config.share).float()
+    config, draws = config or AugmentationConfig(), Draws(len(hand.wrist), generator)
+    motion = _mixed_motion(hand.wrist.shape[1], config, draws)
+    moves = draws.chance(config.share, 1, 1).float()
 
     def size(limits: tuple[float, float]) -> Float[Tensor, "B 1 1"]:
         low, high = (math.log(limit) for limit in limits)
-        share = torch.rand(batch, 1, 1, generator=generator)
-        return torch.exp(low + (high - low) * share) * moves
+        return torch.exp(draws.uniform((low, high), 1, 1)) * moves
 
     turn = axis_angle_to_matrix(motion[..., :3] * size(config.turn))
     pivot = hand.joints[:, :, list(TIP_KEYPOINTS)].mean(2)
     arm = (turn @ (hand.wrist - pivot)[..., None])[..., 0]
-    style = (config.style * FINGER_STD).clamp(min=config.smallest_style)
-    style = style * torch.randn(batch, 1, 15, 3, generator=generator)
-    style = style * (torch.rand(batch, 1, 1, 1, generator=generator) < config.style_share)
+    style = (config.style * FINGER_STD).clamp(min=config.smallest_style) * draws.normal(1, 15, 3)
+    style = style * draws.chance(config.style_share, 1, 1, 1)
     bend = (motion[..., 6:] * size(config.fingers)).unflatten(-1, (15, 3)) * FINGER_STD
     return HandParameters(
         pivot + arm + motion[..., 3:6] * size(config.shift),
@@ -73,14 +71,9 @@ def augmented(
     )
 
 
-def _mixed_motion(
-    batch: int, frames: int, config: AugmentationConfig, *, generator: torch.Generator
-) -> Float[Tensor, "B T 51"]:
+def _mixed_motion(frames: int, config: AugmentationConfig, draws: Draws) -> Float[Tensor, "B T 51"]:
     """Motion of unit size in every channel, a random mixture of fast and slow."""
-    bands = [
-        smooth_noise(batch, frames, 51, period, generator=generator) for period in config.periods
-    ]
-    share = torch.rand(batch, 1, 1, len(bands), generator=generator)
-    share = share * torch.tensor(config.periods) ** config.period_power
+    bands = [draws.smooth(frames, 51, period) for period in config.periods]
+    share = draws.share(1, 1, len(bands)) * torch.tensor(config.periods) ** config.period_power
     share = share / share.square().sum(-1, keepdim=True).sqrt()
     return (torch.stack(bands, dim=-1) * share).sum(-1)

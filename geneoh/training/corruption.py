@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from geneoh.geometry.mirror import MIRROR
-from geneoh.synthesis.draws import uniform
+from geneoh.synthesis.draws import Draws
 
 
 @dataclass(frozen=True)
@@ -75,100 +75,77 @@ def draw_corruption(
     batch: int, frames: int, config: CorruptionConfig | None = None, *, generator: torch.Generator
 ) -> Corruption:
     """Corruption of B windows of T frames."""
-    config = config or CorruptionConfig()
-    unit = _unit_noise(batch, frames, config, generator=generator)
-    noise = unit * _sizes(batch, config, generator=generator)[:, None]
-    jitter = config.jitter * torch.rand(batch, 1, 1, 1, generator=generator)
-    jitter = jitter * (torch.rand(batch, 1, 1, 1, generator=generator) < config.jitter_share)
+    config, draws = config or CorruptionConfig(), Draws(batch, generator)
+    noise = _unit_noise(frames, config, draws) * _sizes(config, draws)[:, None]
+    jitter = config.jitter * draws.share(1, 1, 1)
+    jitter = jitter * draws.chance(config.jitter_share, 1, 1, 1)
     return Corruption(
         translation=noise[..., :3],
         pose=noise[..., 3:].unflatten(-1, (16, 3)),
-        keep=_observed(batch, frames, config, generator=generator),
-        jitter=jitter * torch.randn(batch, frames, 21, 3, generator=generator),
+        keep=_observed(frames, config, draws),
+        jitter=jitter * draws.normal(frames, 21, 3),
     )
 
 
-def _unit_noise(
-    batch: int, frames: int, config: CorruptionConfig, *, generator: torch.Generator
-) -> Float[Tensor, "B T 51"]:
+def _unit_noise(frames: int, config: CorruptionConfig, draws: Draws) -> Float[Tensor, "B T 51"]:
     """A mixture of independent, slow, constant and one-sided noise, of unit size in all."""
-
-    def rand(*shape: int) -> Tensor:
-        return torch.rand(batch, *shape, generator=generator)
-
-    share = torch.log(rand(1, 4).clamp(min=1e-4)) ** 2  # one or two dominate each window
+    share = torch.log(draws.share(1, 4).clamp(min=1e-4)) ** 2  # one or two dominate each window
     share = share / share.square().sum(-1, keepdim=True).sqrt()
-    white = torch.randn(batch, frames, 51, generator=generator)
-    burst = rand(frames, 1) < config.burst_frames * rand(1, 1) * (rand(1, 1) < config.burst_share)
-    factor = uniform(config.burst_factor, batch, 1, 1, generator=generator)
-    white = torch.where(burst, white * factor, white)
+    white = draws.normal(frames, 51)
+    draw, most = draws.share(frames, 1), config.burst_frames * draws.share(1, 1)
+    burst = draw < most * draws.chance(config.burst_share, 1, 1)
+    white = torch.where(burst, white * draws.uniform(config.burst_factor, 1, 1), white)
     shortest, longest = config.drift_frames
-    correlation = torch.exp(math.log(shortest) + math.log(longest / shortest) * rand())
-    slow = _ornstein_uhlenbeck(batch, frames, correlation, generator=generator)
-    bias = torch.randn(batch, 1, 51, generator=generator).expand_as(white)
-    one_sided = _one_sided(batch, frames, config, generator=generator)
+    correlation = torch.exp(math.log(shortest) + math.log(longest / shortest) * draws.share())
+    slow = _ornstein_uhlenbeck(draws.normal(frames, 51), correlation)
+    bias = draws.normal(1, 51).expand_as(white)
+    one_sided = _one_sided(frames, config, draws)
     return (torch.stack([white, slow, bias, one_sided], dim=-1) * share[:, None]).sum(-1)
 
 
 def _ornstein_uhlenbeck(
-    batch: int, frames: int, correlation: Float[Tensor, " B"], *, generator: torch.Generator
+    white: Float[Tensor, "B T 51"], correlation: Float[Tensor, " B"]
 ) -> Float[Tensor, "B T 51"]:
-    """Noise of unit variance with the given correlation time in frames."""
-    white = torch.randn(batch, frames, 51, generator=generator)
+    """Noise of unit variance with the given correlation time in frames, from white noise."""
     stay = torch.exp(-1.0 / correlation)[:, None]
     steps, innovation = [white[:, 0]], (1 - stay**2).sqrt()
-    for t in range(1, frames):
+    for t in range(1, white.shape[1]):
         steps.append(stay * steps[-1] + innovation * white[:, t])
     return torch.stack(steps, dim=1)
 
 
-def _one_sided(
-    batch: int, frames: int, config: CorruptionConfig, *, generator: torch.Generator
-) -> Float[Tensor, "B T 51"]:
+def _one_sided(frames: int, config: CorruptionConfig, draws: Draws) -> Float[Tensor, "B T 51"]:
     """Noise with one sign per channel: mostly a bias, as the paper's Beta noise is.
 
     Signs are those of a right hand, of a mirrored left one, or random.
     """
     flip = torch.tensor(MIRROR)
     left = torch.cat([flip, -flip.repeat(16)])
-    random = torch.randn(batch, 51, generator=generator).sign()
-    draw = torch.rand(batch, 1, generator=generator)
-    random = torch.where(draw < config.right_share + config.left_share, left, random)
-    sign = torch.where(draw < config.right_share, 1.0, random)
+    random, draw = draws.normal(51).sign(), draws.share(1)
+    sign = torch.where(draw < config.right_share + config.left_share, left, random)
+    sign = torch.where(draw < config.right_share, 1.0, sign)
     mean, std = config.one_sided
-    size = mean + std * torch.randn(batch, frames, 51, generator=generator)
-    return sign[:, None] * size.clamp(0, 1.2)
+    return sign[:, None] * (mean + std * draws.normal(frames, 51)).clamp(0, 1.2)
 
 
-def _sizes(
-    batch: int, config: CorruptionConfig, *, generator: torch.Generator
-) -> Float[Tensor, "B 51"]:
+def _sizes(config: CorruptionConfig, draws: Draws) -> Float[Tensor, "B 51"]:
     """Deviation of each channel: translation, global rotation and finger joints."""
     ranges = torch.tensor([config.translation, config.rotation, config.fingers])
     low, high = ranges.log().unbind(-1)
-    common, own = (torch.rand(batch, count, generator=generator) for count in (1, 3))
-    size = config.common_size * common + (1 - config.common_size) * own
-    size = torch.exp(low + (high - low) * size)
-    size = size * (torch.rand(batch, 1, generator=generator) >= config.clean_share)
-    joints = (config.joint_scatter * torch.randn(batch, 15, generator=generator)).exp()
-    joints = joints.clamp(max=config.largest_joint)
+    size = config.common_size * draws.share(1) + (1 - config.common_size) * draws.share(3)
+    size = torch.exp(low + (high - low) * size) * ~draws.chance(config.clean_share, 1)
+    joints = (config.joint_scatter * draws.normal(15)).exp().clamp(max=config.largest_joint)
     return torch.cat([size[:, :2], size[:, 2:] * joints], -1).repeat_interleave(3, dim=1)
 
 
-def _observed(
-    batch: int, frames: int, config: CorruptionConfig, *, generator: torch.Generator
-) -> Bool[Tensor, "B T"]:
+def _observed(frames: int, config: CorruptionConfig, draws: Draws) -> Bool[Tensor, "B T"]:
     """Frames that are observed; a window that would lose all of them loses none."""
-
-    def integers(low: int, high: int) -> Tensor:
-        return torch.randint(low, high, (batch, 1), generator=generator)
-
     time = torch.arange(frames)
-    keep = torch.ones(batch, frames, dtype=torch.bool)
+    keep = torch.ones(draws.batch, frames, dtype=torch.bool)
     shortest, longest = config.gap_frames
-    gaps = integers(1, config.gaps + 1)
-    gaps = gaps * (torch.rand(batch, 1, generator=generator) < config.gap_share)
+    gaps = draws.integers(1, config.gaps + 1, 1) * draws.chance(config.gap_share, 1)
     for gap in range(config.gaps):
-        start, length = integers(-3, max(frames, 1)), integers(shortest, longest + 1)
+        start = draws.integers(-3, max(frames, 1), 1)
+        length = draws.integers(shortest, longest + 1, 1)
         keep &= ~((time >= start) & (time < start + length) & (gap < gaps))
     return keep | ~keep.any(1, keepdim=True)

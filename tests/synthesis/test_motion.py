@@ -8,6 +8,7 @@ from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
 from geneoh.hand.skeleton import forward_kinematics
 from geneoh.synthesis.bimanual import HandPairs
+from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.grasps import Grasps
 from geneoh.synthesis.motion import Interactions, animate
 from geneoh.synthesis.object_motion import (
@@ -98,7 +99,7 @@ def test_the_object_rests_before_it_is_lifted_and_after_it_is_released():
     generator = torch.Generator().manual_seed(0)
     rest = Standing(torch.eye(3).expand(200, 3, 3), torch.zeros(200, dtype=torch.bool))
     schedule = moving_between(lift, release)
-    rotation, translation = carried_path(schedule, rest, CONFIG, generator=generator)
+    rotation, translation = carried_path(schedule, rest, CONFIG, Draws(200, generator))
     shift = translation.diff(dim=1).norm(dim=-1)
     turn = rotation.diff(dim=1).flatten(2).norm(dim=-1)
     time = torch.arange(FRAMES - 1)
@@ -157,7 +158,7 @@ def test_tables_are_below_the_hand_and_stand_the_object_up():
     surface, _ = solids.surface_points(200, generator=torch.Generator().manual_seed(4))
     floating = torch.arange(BATCH) % 4 == 0
     rest = draw_standing(
-        joints, surface, floating, CONFIG, generator=torch.Generator().manual_seed(5)
+        joints, surface, floating, CONFIG, Draws(BATCH, torch.Generator().manual_seed(5))
     )
     square = rest.upright @ rest.upright.mT
     torch.testing.assert_close(square, torch.eye(3).expand_as(square), atol=1e-5, rtol=0)
@@ -173,7 +174,7 @@ def test_from_a_table_objects_are_lifted_and_put_back_upright():
     rest = Standing(torch.eye(3).expand(count, 3, 3), torch.ones(count, dtype=torch.bool))
     lift, put = torch.full((count,), 5.0), torch.full((count,), 50.0)
     rotation, shift = carried_path(
-        moving_between(lift, put), rest, CONFIG, generator=torch.Generator().manual_seed(0)
+        moving_between(lift, put), rest, CONFIG, Draws(count, torch.Generator().manual_seed(0))
     )
     assert float(shift[..., 2].min()) > -1e-5, "never into the table"
     torch.testing.assert_close(shift[:, -1, 2], torch.zeros(count), atol=1e-5, rtol=0)
