@@ -14,8 +14,8 @@ PAD_OF_FINGER = (0.0, -1.0, 0.0)
 PAD_OF_PALM = (0.0, -1.0, 0.0)
 SIDE_OF_INDEX = (0.0, 0.0, 1.0)
 SPHERES_PER_BONE = 4
-# Radius of the hand around its bones, metres, by the keypoint a bone ends in (measured medians of
-# an adult hand, palm thinner than the measured distance because its bones fan out side by side).
+# Radius of the hand around each bone, metres, in the order of the keypoints at the bones' ends:
+# medians of an adult hand; less in the palm, where bones lie side by side.
 BONE_RADIUS = torch.tensor(
     [0.016, 0.014, 0.0115, 0.009]
     + [0.014, 0.011, 0.01, 0.009]
@@ -24,14 +24,16 @@ BONE_RADIUS = torch.tensor(
     + [0.014, 0.009, 0.008, 0.0075]
 )
 MEAN_SPAN = 0.18
-"""Length of the chain wrist to middle fingertip that BONE_RADIUS belongs to, metres."""
+"""Length of the bones from the wrist to the tip of the middle finger that BONE_RADIUS belongs to,
+metres."""
 PAD_JOINTS = (*range(1, 16), 2, 3, 0, 0)
-"""Joints that the pads move with, in MANO order: under every phalanx (15), on the thumb's side of
-the index's middle and distal phalanx, at the middle of the palm and below its fingers."""
+"""Joints whose rotation the pads follow, in MANO order: 15 pads under the phalanges, two on the
+thumb's side of the index's middle and distal phalanx, two at the middle of the palm and below its
+fingers."""
 PAD_RADII = (*(0.0105, 0.009, 0.008) * 4, 0.013, 0.011, 0.0085, 0.009, 0.0085, 0.017, 0.016)
-"""Distance of the skin at each pad from the bone, metres."""
+"""Distance from the bone to the skin at each pad, metres."""
 PAD_DIGITS = (0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3, 4, 4, 4, 0, 0, 5, 5)
-"""Digit that each pad is part of: index, middle, pinky, ring, thumb; the palm counts as one."""
+"""Digit of each pad: index, middle, pinky, ring, thumb, palm."""
 
 
 def hand_spheres(
@@ -40,7 +42,7 @@ def hand_spheres(
     """Centres and radii of the spheres that fill the hand, bone by bone."""
     start, end = joints[..., list(KEYPOINT_PARENTS[1:]), :], joints[..., 1:, :]
     along = torch.linspace(0.25, 1.0, SPHERES_PER_BONE, device=joints.device)
-    along = along - 0.1  # the skin ends at the tip: the last sphere stays inside the bone
+    along = along - 0.1  # the skin ends at the tip, so the last sphere stays inside of the bone
     centers = start[..., None, :] + along[:, None] * (end - start)[..., None, :]
     radii = BONE_RADIUS.to(joints.device)[:, None].expand(-1, SPHERES_PER_BONE)
     return centers.flatten(-3, -2), radii.reshape(-1) * scale
@@ -48,17 +50,17 @@ def hand_spheres(
 
 def contact_pads(
     joints: Float[Tensor, "*B 21 3"],
-    glob: Float[Tensor, "*B 16 3 3"],
+    turns: Float[Tensor, "*B 16 3 3"],
     scale: Float[Tensor, "*B 1"],
 ) -> tuple[Float[Tensor, "*B 19 3"], Float[Tensor, "*B 19 3"]]:
-    """Skin points of `PAD_JOINTS` and the directions they face."""
+    """Points of the pads on the skin and the directions that they face."""
     mano = joints[..., list(MANO_FROM_OPENPOSE), :]
     ends = [j + 1 if j % 3 else 16 + j // 3 - 1 for j in PAD_JOINTS[:17]] + [4, 4]
     start, end = mano[..., list(PAD_JOINTS), :], mano[..., ends, :]
     facing = joints.new_tensor(
         [PAD_OF_FINGER] * 12 + [PAD_OF_THUMB] * 3 + [SIDE_OF_INDEX] * 2 + [PAD_OF_PALM] * 2
     )
-    facing = (glob[..., list(PAD_JOINTS), :, :] @ facing[..., None])[..., 0]
+    facing = (turns[..., list(PAD_JOINTS), :, :] @ facing[..., None])[..., 0]
     radius = joints.new_tensor(PAD_RADII)
     along = joints.new_tensor([0.5, 0.5, 0.6] * 5 + [0.5, 0.5, 0.55, 0.85])
     middle = start + along[:, None] * (end - start)
@@ -68,7 +70,7 @@ def contact_pads(
 def finger_clearance(
     centers: Float[Tensor, "*B K 3"], radii: Float[Tensor, "*B K"]
 ) -> Float[Tensor, "*B C"]:
-    """Gap between spheres of different fingers beyond their knuckles, metres; overlap is < 0."""
+    """Gap between spheres of different fingers beyond the knuckles, metres; an overlap is < 0."""
     per_finger = 4 * SPHERES_PER_BONE
     finger = torch.arange(5).repeat_interleave(per_finger)
     free = torch.arange(5 * per_finger) % per_finger >= SPHERES_PER_BONE + 1

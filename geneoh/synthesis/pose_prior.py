@@ -13,7 +13,7 @@ from torch import Tensor
 FLEXION = (0.65, 0.7, 0.55)
 """Flexion of knuckle, middle and distal joint of a half closed finger (curl 1), radians."""
 ACROSS = ((0.2, 0.0, 1.0), (-0.05, 0.0, 1.0), (-0.5, 0.0, 0.9), (-0.2, 0.0, 1.0))
-"""Axes that index, middle, pinky and ring close about at the knuckle: they converge."""
+"""Flexion axes of index, middle, pinky and ring at the knuckle: closing fingers converge."""
 _BASE_STD, _MIDDLE_STD, _DISTAL_STD = (0.3, 0.2, 0.5), (0.18, 0.05, 0.5), (0.06, 0.05, 0.4)
 _THUMB = (
     ((1.05, 0.1, 0.2), (0.4, 0.3, 0.25)),
@@ -23,7 +23,7 @@ _THUMB = (
 
 
 def curled(curl: Float[Tensor, "B 5"]) -> Float[Tensor, "B 15 3"]:
-    """Hands whose fingers are closed by so much: 0 is flat, 1 half closed, 2 a fist.
+    """Finger poses of the given curl: 0 is flat, 1 half closed, 2 a fist.
 
     Fingers in MANO order; the thumb stays opposed and bends at its two outer joints.
     """
@@ -42,7 +42,7 @@ FINGER_STD = torch.tensor(
 )
 FINGER_LOW = FINGER_MEAN.minimum(curled(torch.full((1, 5), 1.5))[0])
 FINGER_HIGH = FINGER_MEAN.maximum(curled(torch.full((1, 5), 1.5))[0])
-"""Ends of the natural range: from half closed to three quarters closed."""
+"""Ends of the natural range: half closed and three quarters closed."""
 
 
 def beyond_range(fingers: Float[Tensor, "*B 15 3"]) -> Float[Tensor, "*B 15 3"]:

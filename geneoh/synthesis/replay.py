@@ -1,8 +1,8 @@
-"""What a shard leaves out, drawn again from its seed: families, objects as solids, hands with skin.
+"""What a shard does not hold, drawn again from its seed: families, analytic objects, hand shapes.
 
-A shard keeps what networks learn from. Its seed tells the rest without a new search for grasps:
-objects and people are drawn before it, and every person has bones of their own, by which the clips
-that were kept are found among those that were tried.
+A shard holds what networks learn from. Objects and hands are drawn before the search for grasps,
+so that they can be drawn again without it. Every hand has bone lengths of its own, by which the
+clips that were kept are found among the attempts.
 """
 
 from dataclasses import dataclass, replace
@@ -26,13 +26,13 @@ from geneoh.synthesis.shards import (
     shard_record,
 )
 
-SAME = 1e-5
-"""Distance between two skeletons, metres over all bones, below which they are one person's."""
+SAME_SKELETON = 1e-5
+"""Distance over all bones, metres, below which two skeletons are of the same hand."""
 
 
 @dataclass(frozen=True)
 class Replay:
-    """Clips of a shard, with what they were made from."""
+    """Clips of a shard, with the objects and hands that they were made from."""
 
     clips: Interactions
     made_from: Attempts
@@ -48,9 +48,9 @@ class Replay:
         return Replay(self.clips.take(which, "B"), chosen_attempts(self.made_from, which))
 
     def held_frames(self) -> Int[Tensor, " B"]:
-        """The frame of each clip in which the fingers are nearest to the object's surface.
+        """The frame of each clip in which the fingers are closest to the object's surface.
 
-        Not those in which a hand that comes or goes passes through the object.
+        Penetration counts against a frame, as a hand that reaches may pass through the object.
         """
         fingers = self.in_object(self.joints)[:, :, 1:]
         every = torch.arange(fingers.shape[1]).expand(len(fingers), -1)
@@ -58,7 +58,7 @@ class Replay:
         return (gap.abs().mean(-1) + (-gap.amin(-1)).clamp(min=0)).argmin(-1)
 
     def in_object(self, world: Float[Tensor, "B T P 3"]) -> Float[Tensor, "B T P 3"]:
-        """Points of the world in the frame of the object's first part, frame by frame."""
+        """World points of each frame in the frame of the object's first part."""
         clips = self.clips
         return (world - clips.translation[:, :, :1]) @ clips.rotation[:, :, 0]
 
@@ -66,14 +66,14 @@ class Replay:
         """Hands of some frames of each clip in the frame of the object's first part."""
         at = torch.arange(len(frames))[:, None]
         clips, hands = self.clips, self.made_from.hands
-        # one axis more for the frames
-        people = replace(
+        # one more axis, for the frames
+        hands = replace(
             hands,
             verts=hands.verts[:, None],
             joints=hands.joints[:, None],
             offsets=hands.offsets[:, None],
         )
-        posed = people.posed(clips.pose[at, frames], clips.wrist[at, frames])
+        posed = hands.posed(clips.pose[at, frames], clips.wrist[at, frames])
         turn, shift = clips.rotation[at, frames, 0], clips.translation[at, frames, :1]
         return PosedHand((posed.verts - shift) @ turn, (posed.joints - shift) @ turn)
 
@@ -89,7 +89,7 @@ class Replay:
     def distance(
         self, points: Float[Tensor, "B F P 3"], frames: Int[Tensor, "B F"]
     ) -> Float[Tensor, "B F P"]:
-        """Signed distance in metres to each clip's object of points in its first part's frame."""
+        """Signed distance in metres of points in the first part's frame to each clip's object."""
         turn, shift = self.joint_pose(frames)
         solids, moved = self.made_from.solids, (points - shift[:, :, None]) @ turn
         first, second = (
@@ -110,7 +110,7 @@ def chosen_attempts(tried: Attempts, which: Int[Tensor, " C"]) -> Attempts:
 
 
 def replay_shard(path: Path, hand: HandModel) -> Replay:
-    """The clips of a shard that came of its first round of grasps, nearly all.
+    """The clips of a shard from its first round of grasps, which are nearly all.
 
     Raises:
         InputError: the file is no whole shard, or another version of geneoh made it.
@@ -126,17 +126,17 @@ def replay_shard(path: Path, hand: HandModel) -> Replay:
         generator=shard_generator(record.seed, index),
     )
     clips = read_shard(path)
-    # the shortcut through a matrix product is off by more than two people differ
+    # the error of the faster way, by a matrix product, is larger than SAME_SKELETON
     apart = torch.cdist(
         clips.offsets.flatten(1),
         tried.hands.offsets.flatten(1),
         compute_mode="donot_use_mm_for_euclid_dist",
     )
     nearest, who = apart.min(1)
-    found = torch.nonzero(nearest < SAME)[:, 0]
+    found = torch.nonzero(nearest < SAME_SKELETON)[:, 0]
     if not len(found):
         raise InputError(
-            f"{path}: expected the people that its seed {record.seed} draws, got others: "
+            f"{path}: expected the hands that its seed {record.seed} draws, got others: "
             "another version of geneoh made it; make the data again"
         )
     return Replay(clips.take(found, "B"), chosen_attempts(tried, who[found]))

@@ -34,7 +34,7 @@ class SynthesisConfig:
     """What a synthetic data set is made of; saved in every shard."""
 
     count: int = 20480
-    """Interactions in all."""
+    """Interactions in all; rounded up to whole shards."""
     frames: int = 120
     """Length of each, at 30 frames a second."""
     points: int = 512
@@ -54,7 +54,7 @@ class SynthesisConfig:
     animation: AnimationConfig = field(default_factory=AnimationConfig)
 
     def __post_init__(self) -> None:
-        """Refuse sizes below one, and held-out families that are none or leave none."""
+        """Refuse sizes below one, and held-out families that are unknown, none or all."""
         for name in ("count", "frames", "points", "shard"):
             if getattr(self, name) < 1:
                 raise ConfigError(f"{name} must be 1 or more, got {getattr(self, name)}; raise it")
@@ -87,12 +87,12 @@ class SynthesisConfig:
 
 @dataclass(frozen=True)
 class Attempts:
-    """Hands and objects that grasps are looked for between, before any is kept or not."""
+    """Hands and objects between which grasps are searched, before any is kept."""
 
     families: list[str]
     solids: Solids
     hands: ShapedHand
-    """One person each, of the bone lengths in `offsets`."""
+    """Hands with bone lengths of their own in `offsets`."""
 
 
 @dataclass(frozen=True)
@@ -104,13 +104,13 @@ class ShardRecord:
 
 
 def seed_of(*parts: object) -> int:
-    """A stable 63-bit seed from any values: the same for every run, shard order and machine."""
+    """A 63-bit seed from any values, the same in every run and on every machine."""
     digest = hashlib.sha256("/".join(map(str, parts)).encode()).digest()
     return int.from_bytes(digest[:8], "big") >> 1
 
 
 def shard_generator(seed: int, index: int) -> torch.Generator:
-    """The source of every random choice of one shard."""
+    """The random generator of one shard, independent of the order in which shards are made."""
     return torch.Generator().manual_seed(seed_of(seed, "shard", index))
 
 
@@ -122,7 +122,7 @@ def draw_attempts(
     *,
     generator: torch.Generator,
 ) -> Attempts:
-    """That many hands on objects of the families, and after them second hands on some of these."""
+    """`count` first hands on objects of the families, then second hands on some of the objects."""
     pick = torch.randint(len(families), (count,), generator=generator)
     named = [families[i] for i in pick]
     alone = draw_objects(named, generator=generator)
@@ -139,7 +139,7 @@ def draw_attempts(
 
 
 def attempts_for(missing: int) -> int:
-    """Grasps to try for so many that are kept: two in five fail, second hands are added."""
+    """Attempts for so many missing clips: two in five fail, but second hands are added."""
     return missing + missing // 3 + 1
 
 
@@ -190,10 +190,10 @@ def write_shards(
     seed: int,
     on_shard: Callable[[int, int], None] | None = None,
 ) -> int:
-    """Make every shard that is not there yet; returns how many were made.
+    """Make every shard that does not exist yet; returns how many were made.
 
-    Shards are named `train_00000.safetensors` and `val_00000.safetensors`; each is written beside
-    and renamed, so an interrupted run leaves only whole files and continues where it stopped.
+    Shards are named `train_00000.safetensors` and `val_00000.safetensors`; each is written to
+    another name first, so that an interrupted run leaves whole files and continues with the next.
 
     Raises:
         InputError: the folder holds shards of another config or seed, or a broken one.
@@ -285,7 +285,7 @@ def find_shards(folder: Path, split: str) -> list[Path]:
 
 
 def read_shard(path: Path) -> Interactions:
-    """One shard as it lies in the file: mapped, so that a page is read when it is used.
+    """One shard, mapped from its file: pages are read when they are used.
 
     Raises:
         InputError: the file is no whole shard.
@@ -298,19 +298,9 @@ def read_shard(path: Path) -> Interactions:
 
 
 def read_shards(folder: Path, split: str) -> Interactions:
-    """All interactions of one split ("train" or "val") in memory, copied shard by shard.
+    """All interactions of one split ("train" or "val") in memory.
 
     Raises:
         InputError: no shard of that split, a broken one, or shards that do not belong together.
     """
-    paths = find_shards(folder, split)
-    whole: dict[str, Tensor] = {}
-    for index, path in enumerate(paths):
-        part = read_shard(path)
-        size = len(part.wrist)
-        for name in (each.name for each in fields(part)):
-            tensor = getattr(part, name)
-            if name not in whole:
-                whole[name] = tensor.new_empty(len(paths) * size, *tensor.shape[1:])
-            whole[name][index * size : (index + 1) * size] = tensor
-    return Interactions(**whole)
+    return concatenated((read_shard(path) for path in find_shards(folder, split)), "B")

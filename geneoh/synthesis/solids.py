@@ -1,8 +1,8 @@
 """Analytic objects: batched unions of simple solids, their distance to points and their surface.
 
 Every object is a union of at most `SOLIDS` solids (box, cylinder, ellipsoid, torus), each with a
-pose and a rounding radius, so one tensor program evaluates any mixture of objects at once. Some
-have a second part that turns about a hinge or slides.
+pose and a rounding radius, so that any mixture of objects is evaluated at once. Some objects have a
+second part that turns about a hinge or slides.
 """
 
 from dataclasses import dataclass, replace
@@ -16,13 +16,14 @@ from geneoh.geometry.mirror import mirror_points, mirror_rotations, mirror_signs
 from geneoh.geometry.rotations import axis_angle_to_matrix
 
 SOLIDS = 4
+"""Most solids of an object."""
 PARTS = 2
-"""Parts of an object that move by themselves: the first, and one on a joint."""
+"""Rigid parts of an object: the first, and one on a joint."""
 BOX, CYLINDER, ELLIPSOID, TORUS = range(4)
 SURFACE_ERROR = 1e-5
-"""Distance from the surface beyond which a point's slide down to it has not converged, metres."""
+"""Distance from the surface beyond which a projected point has not converged, metres."""
 FAR = 10.0
-"""Where unused solids are parked, metres: never the nearest part of anything."""
+"""Coordinate of the centres of unused solids, metres, too far away to be near anything."""
 
 
 @dataclass(frozen=True)
@@ -39,12 +40,12 @@ class Solids(Bundle):
     part: Int[Tensor, "B S"]
     """Which part each solid belongs to, 0 or 1."""
     axis: Float[Tensor, "B 3"]
-    """Along which the second part's joint lies, a unit vector; through `pivot`."""
+    """Axis of the second part's joint, a unit vector; it goes through `pivot`."""
     pivot: Float[Tensor, "B 3"]
     slides: Bool[Tensor, " B"]
     """Whether the second part slides along the axis (metres) or turns about it (radians)."""
     travel: Float[Tensor, "B 2"]
-    """How far it may go either way from how the object was drawn; zero for rigid objects."""
+    """Range of the joint from the drawn state, in metres or radians; zero for rigid objects."""
 
     @property
     def jointed(self) -> Bool[Tensor, " B"]:
@@ -52,12 +53,12 @@ class Solids(Bundle):
         return self.part.any(1)
 
     def only(self, part: int) -> "Solids":
-        """One part by itself; where an object has no such part, nothing within reach."""
+        """The objects with one part alone; where there is no such part, with no solid at all."""
         away = (self.part != part)[..., None]
         return replace(self, center=torch.where(away, FAR, self.center))
 
     def mirrored(self) -> "Solids":
-        """The mirror images at x = 0: what is a left hand's object is then a right hand's."""
+        """The mirror images at x = 0, which turn the object of a left hand into a right hand's."""
         flip = mirror_signs(self.center)
         # turning about an axis and its mirror image are opposite; sliding along them is not
         axis = self.axis * torch.where(self.slides[:, None], flip, -flip)
@@ -72,13 +73,13 @@ class Solids(Bundle):
     def joint_pose(
         self, travelled: Float[Tensor, "B T"]
     ) -> tuple[Float[Tensor, "B T 3 3"], Float[Tensor, "B T 3"]]:
-        """Rotation and translation that bring the second part to where its joint has gone."""
+        """Rotation and translation of the second part for states of its joint."""
         along = travelled[..., None] * self.axis[:, None]
         slides = self.slides[:, None, None]
         turn = axis_angle_to_matrix(torch.where(slides, 0.0, along))
         pivot = self.pivot[:, None]
-        swung = pivot - (turn @ pivot[..., None])[..., 0]
-        return turn, torch.where(slides, along, swung)
+        turned = pivot - (turn @ pivot[..., None])[..., 0]
+        return turn, torch.where(slides, along, turned)
 
     def nearest_part(self, points: Float[Tensor, "B P 3"]) -> Int[Tensor, "B P"]:
         """The part that each point is nearest to."""
@@ -90,10 +91,10 @@ class Solids(Bundle):
         return self.take(which, "B")
 
     def signed_distance(self, points: Float[Tensor, "B P 3"]) -> Float[Tensor, "B P"]:
-        """Signed distance in metres, negative inside; exact outside boxes, cylinders and tori.
+        """Signed distance in metres, negative inside; exact outside of boxes, cylinders and tori.
 
-        Ellipsoids use the first-order bound k0 (k0 - 1) / k1, inside a union it is the maximum
-        depth over the parts: both are zero on the surface and have its normal there.
+        Ellipsoids use the first-order bound k0 (k0 - 1) / k1; inside a union the distance is the
+        greatest depth over its solids. Both are zero on the surface with the right gradient there.
         """
         local = (points[:, None] - self.center[:, :, None]) @ self.rotation
         size, kind = self.size[:, :, None], self.kind[:, :, None]
@@ -130,15 +131,15 @@ class Solids(Bundle):
     ) -> tuple[Float[Tensor, "B P 3"], Float[Tensor, "B P 3"]]:
         """Points spread over the surface with their outward normals.
 
-        Random points around the solids slide down the distance field; the sharp ends of thin parts
-        get fewer points than wide faces, much as area weighting would do.
+        Random points around the solids are projected along the gradient of the distance. The sharp
+        ends of thin parts get fewer points than wide faces, about as area weighting would do.
         """
         batch = len(self.kind)
         used = (self.center[..., 0] < FAR / 2).float()
         reach = torch.where(
             self.kind == TORUS, self.size[..., :2].sum(-1), self.size.norm(dim=-1)
         ).clamp(min=0.01)
-        drawn = count + count // 2  # a third is lost where the slide has not converged
+        drawn = count + count // 2  # a third is spare, for points that do not converge
         part = torch.multinomial(used * reach, drawn, replacement=True, generator=generator)
         at = torch.arange(batch)[:, None]
         ball = torch.randn(batch, drawn, 3, generator=generator)
@@ -154,7 +155,7 @@ class Solids(Bundle):
             distance, normal = self.distance_and_normal(points)
             points = points - 0.9 * distance[..., None] * normal
         distance, normal = self.distance_and_normal(points)
-        # in the order they were drawn: rounding is smaller on some parts, whose points would win
+        # sorted by convergence alone: sorted by distance, some solids would get all points
         off = (distance.abs() > SURFACE_ERROR).int()
         keep = off.argsort(dim=1, stable=True)[:, :count, None].expand(-1, -1, 3)
         return points.gather(1, keep), normal.gather(1, keep)

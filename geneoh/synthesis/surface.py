@@ -1,4 +1,4 @@
-"""An analytic object as a mesh, for what measures or draws triangles."""
+"""Analytic objects as triangle meshes, for metrics and pictures."""
 
 import igl
 import numpy as np
@@ -8,24 +8,24 @@ from geneoh.geometry.mesh import Mesh
 from geneoh.synthesis.solids import FAR, TORUS, Solids
 
 SPACING = 0.002
-"""Metres between the grid points on which an object is turned into a mesh; the thinnest parts of
-all families are 3 mm thick."""
-COARSEST, OF_THICKNESS = 0.004, 0.6
-"""Spacing for pictures: at most so many metres, and this share of the thinnest solid."""
+"""Distance of the grid points of marching cubes, metres; the thinnest parts are 3 mm thick."""
+COARSEST, THICKNESS_SHARE = 0.004, 0.6
+"""Spacing for pictures: at most so many metres, and this share of the thickness of the thinnest
+solid."""
 MARGIN = 0.005
-"""Metres of grid around an object."""
+"""Width of the grid around an object, metres."""
 
 
 def mesh_of(solid: Solids, spacing: float = SPACING) -> Mesh:
-    """The surface of one object as a closed mesh, by marching cubes on its distance.
+    """The surface of one object as a closed mesh, by marching cubes on its signed distance.
 
-    Vertices are slid onto the surface afterwards, so that only edges are rounded, by the spacing.
+    Vertices are projected onto the surface, so that only edges are rounded, by about the spacing.
     """
     centre, size, turn = solid.center[0], solid.size[0], solid.rotation[0]
     ring = (solid.kind[0] == TORUS)[:, None]
     outer = size[:, :2].sum(-1, keepdim=True)
     used = centre[:, 0] < FAR / 2
-    # the grid starts at the corner of balls around the solids; only what boxes hold is looked at
+    # the grid is aligned with the corner of balls around the solids and covers boxes around them
     ball = torch.where(ring, outer, size.norm(dim=-1, keepdim=True)) + MARGIN
     half = torch.where(ring, torch.cat([outer, outer, size[:, 1:2]], -1), size)
     box = (turn.abs() @ half[..., None])[..., 0] + MARGIN
@@ -47,8 +47,8 @@ def mesh_of(solid: Solids, spacing: float = SPACING) -> Mesh:
 
 
 def spacing_for_looks(solid: Solids) -> float:
-    """A spacing that keeps the thinnest solid whole and is quick on large objects, metres."""
+    """A spacing in metres that resolves the thinnest solid and is fast on large objects."""
     size = solid.size[0]
     thin = torch.where(solid.kind[0] == TORUS, size[:, 1], size.amin(-1))
     thinnest = 2 * float(thin[solid.center[0, :, 0] < FAR / 2].min())
-    return min(COARSEST, max(SPACING, OF_THICKNESS * thinnest))
+    return min(COARSEST, max(SPACING, THICKNESS_SHARE * thinnest))

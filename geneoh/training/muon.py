@@ -1,8 +1,7 @@
 """Muon (Jordan et al. 2024): momentum whose matrix updates are made orthogonal.
 
-As `torch.optim.Muon`, but in the precision that the machine is quick in: torch's multiplies in
-bfloat16 wherever it runs, which takes longer than all else of a step where there are no units
-for it.
+As `torch.optim.Muon`, but in a precision that can be chosen: torch's multiplies in bfloat16 on every
+machine, which takes longer than the rest of a step on processors without units for it.
 """
 
 from collections.abc import Iterable
@@ -12,11 +11,11 @@ from jaxtyping import Float
 from torch import Tensor
 
 QUINTIC = (3.4445, -4.7750, 2.0315)
-"""Coefficients of the odd polynomial that, iterated, brings singular values to about one."""
+"""Coefficients of the odd polynomial whose iteration brings singular values to about one."""
 ITERATIONS = 5
 MOMENTUM = 0.95
-SIZE = 0.2
-"""Root mean square of an update at rate 1, about that of AdamW's, so that one rate serves both."""
+UPDATE_RMS = 0.2
+"""Root mean square of an update at rate 1, about that of AdamW, so that one rate serves both."""
 
 
 class Muon(torch.optim.Optimizer):
@@ -30,13 +29,13 @@ class Muon(torch.optim.Optimizer):
         weight_decay: float,
         precision: torch.dtype,
     ) -> None:
-        """Take over some matrices; products are taken in `precision`."""
+        """Optimise some matrices; products are taken in `precision`."""
         super().__init__(matrices, {"lr": lr, "weight_decay": weight_decay})
         self.precision = precision
 
     @torch.no_grad()
     def step(self, closure: None = None) -> None:
-        """Move every matrix that has a gradient."""
+        """Update every matrix that has a gradient."""
         assert closure is None, "the loss is not evaluated again"
         for group in self.param_groups:
             for matrix in group["params"]:
@@ -49,7 +48,7 @@ class Muon(torch.optim.Optimizer):
                 ahead = matrix.grad.lerp(momentum, MOMENTUM)
                 update = orthogonal(ahead.to(self.precision)).to(matrix)
                 matrix.mul_(1 - group["lr"] * group["weight_decay"])
-                matrix.add_(update, alpha=-group["lr"] * SIZE * max(matrix.shape) ** 0.5)
+                matrix.add_(update, alpha=-group["lr"] * UPDATE_RMS * max(matrix.shape) ** 0.5)
 
 
 def orthogonal(matrix: Float[Tensor, "M N"]) -> Float[Tensor, "M N"]:

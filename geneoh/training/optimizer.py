@@ -1,4 +1,4 @@
-"""What moves the weights, and how precisely their products are taken in training."""
+"""The optimiser of the weights, and the precision of matrix products in training."""
 
 from collections.abc import Mapping
 
@@ -11,18 +11,18 @@ from geneoh.training.muon import Muon
 
 
 class Optimizer:
-    """Muon for the matrices of transformer blocks, AdamW for everything else, at one rate.
+    """Muon for the matrices of transformer blocks, AdamW for all other parameters, at one rate.
 
     Args:
-        model: whose parameters are moved.
-        config: of the run.
-        precision: type that Muon multiplies in.
+        model: the network to train.
+        config: rate and weight decay.
+        precision: type of Muon's matrix products.
     """
 
     def __init__(
         self, model: nn.Module, config: TrainConfig, precision: torch.dtype = torch.float32
     ) -> None:
-        """Sort the parameters of a model; the rate is given with each step."""
+        """Assign each parameter to an optimiser; the rate is given with each step."""
         blocks = [module for module in model.modules() if isinstance(module, Block)]
         matrices = [p for block in blocks for p in block.matrices()]
         known = {id(p) for p in matrices}
@@ -37,7 +37,7 @@ class Optimizer:
             )
 
     def zero_grad(self) -> None:
-        """Forget all gradients."""
+        """Clear all gradients."""
         for part in self.parts.values():
             part.zero_grad(set_to_none=True)
 
@@ -49,7 +49,7 @@ class Optimizer:
             part.step()
 
     def tensors(self) -> dict[str, Tensor]:
-        """Everything it remembers between steps, by name."""
+        """The moments of all parameters, by name."""
         return {
             f"{name}.{index}.{key}": value
             for name, part in self.parts.items()
@@ -58,11 +58,11 @@ class Optimizer:
         }
 
     def restore(self, tensors: Mapping[str, Tensor]) -> None:
-        """Take up what `tensors` of the same model's optimizer gave."""
+        """Take over what `tensors` of the same model's optimizer returned."""
         for name, part in self.parts.items():
             moments: dict[int, dict[str, Tensor]] = {}
-            for told, tensor in tensors.items():
-                owner, index, key = told.split(".")
+            for full_name, tensor in tensors.items():
+                owner, index, key = full_name.split(".")
                 if owner == name:
                     moments.setdefault(int(index), {})[key] = tensor
             groups = part.state_dict()["param_groups"]
@@ -70,11 +70,11 @@ class Optimizer:
 
 
 def quick_precision(device: torch.device) -> torch.dtype:
-    """Type that transformer blocks multiply in: bfloat16 where the hardware has units for it."""
+    """Type of matrix products in transformer blocks: bfloat16 where the hardware has units for it."""
     if device.type == "cuda":
         native = torch.cuda.is_bf16_supported(including_emulation=False)
     else:
-        # asked by name, for older torch cannot tell
+        # older versions of torch do not have this function
         able = getattr(torch.cpu, "get_capabilities", dict)()
         units = any(able.get(name) for name in ("amx_bf16", "avx512_bf16"))
         native = device.type == "cpu" and units
@@ -82,7 +82,7 @@ def quick_precision(device: torch.device) -> torch.dtype:
 
 
 def multiply_in(model: nn.Module, precision: torch.dtype) -> None:
-    """Have all transformers of a model take their products in a type; sums stay in float32."""
+    """Set the type of matrix products in all transformers of a model; sums stay in float32."""
     for module in model.modules():
         if isinstance(module, FrameTransformer):
             module.precision = precision

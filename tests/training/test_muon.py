@@ -2,7 +2,7 @@ import pytest
 import torch
 from torch import nn
 
-from geneoh.training.muon import MOMENTUM, SIZE, Muon, orthogonal
+from geneoh.training.muon import MOMENTUM, UPDATE_RMS, Muon, orthogonal
 
 
 def normal(*shape: int, seed: int = 0) -> torch.Tensor:
@@ -30,7 +30,7 @@ def test_a_step_is_of_the_stated_size_and_shrinks_the_weights():
     weight.grad = normal(12, 30)
     Muon([weight], lr=0.1, weight_decay=0.5, precision=torch.float32).step()
     moved = weight.detach() - 0.95
-    assert float(moved.square().mean().sqrt()) == pytest.approx(0.1 * SIZE, rel=0.3)
+    assert float(moved.square().mean().sqrt()) == pytest.approx(0.1 * UPDATE_RMS, rel=0.3)
     assert float((moved * weight.grad).sum()) < 0
 
 
@@ -44,7 +44,7 @@ def test_steps_remember_the_gradients_before():
         optimizer.step()
     share = 1 - MOMENTUM
     momentum = MOMENTUM * share * first + share * second
-    want = -SIZE * 2 * orthogonal(second.lerp(momentum, MOMENTUM))
+    want = -UPDATE_RMS * 2 * orthogonal(second.lerp(momentum, MOMENTUM))
     torch.testing.assert_close(weight.detach() - before, want, atol=1e-5, rtol=0)
 
 
