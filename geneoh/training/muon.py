@@ -1,6 +1,6 @@
 """Muon (Jordan et al. 2024): momentum whose matrix updates are made orthogonal.
 
-As `torch.optim.Muon`, but in a precision that can be chosen: torch's multiplies in bfloat16 on every
+As `torch.optim.Muon`, but in a precision that can be chosen: that of torch is bfloat16 on every
 machine, which takes longer than the rest of a step on processors without units for it.
 """
 

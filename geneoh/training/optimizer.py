@@ -70,7 +70,7 @@ class Optimizer:
 
 
 def quick_precision(device: torch.device) -> torch.dtype:
-    """Type of matrix products in transformer blocks: bfloat16 where the hardware has units for it."""
+    """Type of matrix products in transformer blocks: bfloat16 where hardware has units for it."""
     if device.type == "cuda":
         native = torch.cuda.is_bf16_supported(including_emulation=False)
     else:
