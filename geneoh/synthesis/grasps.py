@@ -120,10 +120,6 @@ class Grasps(Bundle):
     types: Int[Tensor, " B"]
     """Index into GRASP_TYPES of what was tried."""
 
-    def chosen(self, which: Bool[Tensor, " B"] | Int[Tensor, " C"]) -> "Grasps":
-        """Some of the grasps."""
-        return self.take(which, "B")
-
 
 @dataclass(frozen=True)
 class _Attempt(Bundle):
@@ -258,7 +254,7 @@ def _starts(
         return wrist, orient
     which = several.repeat_interleave(counts[several])
     group = torch.arange(len(several)).repeat_interleave(counts[several])
-    tried, objects = attempt.take(which, "B"), solids.chosen(which)
+    tried, objects = attempt.take(which, "B"), solids.take(which, "B")
     wrists, orients = _approach(objects, tried, config, Draws(len(which), draws.generator))
     energy = _energy(objects, tried, wrists, orients, fingers[which], config.energy)
     behind = (wrists * toward[which]).sum(-1).clamp(max=0)

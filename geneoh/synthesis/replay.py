@@ -104,7 +104,7 @@ def chosen_attempts(tried: Attempts, which: Int[Tensor, " C"]) -> Attempts:
     hands = tried.hands
     return Attempts(
         [tried.families[i] for i in which.tolist()],
-        tried.solids.chosen(which),
+        tried.solids.take(which, "B"),
         ShapedHand(hands.model, hands.verts[which], hands.joints[which], hands.offsets[which]),
     )
 

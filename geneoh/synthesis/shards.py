@@ -127,7 +127,7 @@ def draw_attempts(
     named = [families[i] for i in pick]
     alone = draw_objects(named, generator=generator)
     shared = bimanual_objects(alone, count, config.bimanual)
-    mirrored = alone.chosen(shared).mirrored()
+    mirrored = alone.take(shared, "B").mirrored()
     solids = concatenated([alone, mirrored], "B")
     betas = config.shape_std * torch.randn(count, 10, generator=generator)
     stretch = 1 + config.bone_std * torch.randn(count, 20, 1, generator=generator)
@@ -172,8 +172,8 @@ def interactions_of(
         toward=grasp_directions(tried.solids, shared),
     )
     return animate(
-        grasps.chosen(grasps.kept),
-        tried.solids.chosen(grasps.kept),
+        grasps.take(grasps.kept, "B"),
+        tried.solids.take(grasps.kept, "B"),
         config.frames,
         config.points,
         config.animation,

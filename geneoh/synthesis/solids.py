@@ -86,10 +86,6 @@ class Solids(Bundle):
         first, second = (self.only(part).signed_distance(points) for part in range(PARTS))
         return (second < first).long()
 
-    def chosen(self, which: Bool[Tensor, " B"] | Int[Tensor, " C"]) -> "Solids":
-        """Some of the objects."""
-        return self.take(which, "B")
-
     def signed_distance(self, points: Float[Tensor, "B P 3"]) -> Float[Tensor, "B P"]:
         """Signed distance in metres, negative inside; exact outside of boxes, cylinders and tori.
 

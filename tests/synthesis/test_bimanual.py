@@ -81,7 +81,7 @@ def test_two_hands_are_made_and_do_not_meet_in_the_world():
         toward=side,
     )
     first = pair_hands(grasps, lead, CONFIG).first
-    kept = grasps.chosen(grasps.kept)
+    kept = grasps.take(grasps.kept, "B")
     turns = axis_angle_to_matrix(kept.pose)
     joints, _ = forward_kinematics(turns, kept.wrist, kept.offsets)
     pairs = [(int(first[i]), i) for i in torch.nonzero(first >= 0)[:, 0].tolist()]
@@ -92,8 +92,8 @@ def test_two_hands_are_made_and_do_not_meet_in_the_world():
         assert 0 < float(bones.max()) < 0.03, "one person's hands, but not one hand"
     # the object of a second hand is the first one's in a mirror
     points = 0.05 * torch.randn(len(lead), 50, 3, generator=seeded(5))
-    mirrored = tried.solids.chosen(torch.arange(48, 48 + len(lead)))
+    mirrored = tried.solids.take(torch.arange(48, 48 + len(lead)), "B")
     torch.testing.assert_close(
         mirrored.signed_distance(points * FLIP),
-        tried.solids.chosen(lead).signed_distance(points),
+        tried.solids.take(lead, "B").signed_distance(points),
     )

@@ -98,7 +98,7 @@ def parts(grasps: Grasps, name: str) -> list[Tensor]:
 def contacts(grasps: Grasps, solids: Solids, index: int) -> tuple[Tensor, Tensor, Tensor]:
     """Of one kind of kept grasp: touching digits (G,), touching pads (G, P), their normals."""
     mine = grasps.kept & (grasps.types == index)
-    grasps, solids = grasps.chosen(mine), solids.chosen(mine)
+    grasps, solids = grasps.take(mine, "B"), solids.take(mine, "B")
     digits = parts(grasps, GRASP_TYPES[index].name)
     distance, normal = solids.distance_and_normal(torch.cat(digits, dim=1))
     touching = distance.abs() < GraspChecks().contact + 1e-6
@@ -131,7 +131,8 @@ def test_a_flat_hand_has_straight_fingers_and_a_fist_has_its_tips_at_the_palm():
 def test_kinds_are_drawn_by_their_shares():
     shares = torch.tensor([kind.share for kind in GRASP_TYPES])
     torch.testing.assert_close(shares.sum(), torch.tensor(1.0))
-    solids = draw_objects(["ball"], generator=seeded(4)).chosen(torch.zeros(600, dtype=torch.long))
+    ball = draw_objects(["ball"], generator=seeded(4))
+    solids = ball.take(torch.zeros(600, dtype=torch.long), "B")
     tried = synthesize_grasps(solids, offsets(600), GraspConfig(steps=1), generator=seeded(1))
     found = torch.bincount(tried.types, minlength=len(GRASP_TYPES)) / 600
     assert float((found - shares).abs().max()) < 0.06

@@ -82,4 +82,4 @@ def draw_grasp(
     verts = hand.posed(grasps.pose, grasps.wrist).verts
     depth = -solids.signed_distance(verts).amin(-1)
     best = torch.where(grasps.kept, depth, torch.inf).argmin()[None]
-    return grasps.chosen(best), solids.chosen(best)
+    return grasps.take(best, "B"), solids.take(best, "B")
