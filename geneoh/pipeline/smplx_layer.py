@@ -7,7 +7,7 @@ is non-commercial, and nothing else in geneoh needs it.
 from contextlib import redirect_stdout
 from os import devnull
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float
@@ -92,6 +92,9 @@ def layer_of(model: HandModel, pose: dict[str, Float[Tensor, "T _"]]) -> "MANO":
     arrays = {name: tensor.detach().cpu().numpy() for name, tensor in fields.items()}
     arrays["kintree_table"] = np.stack([PARENTS, np.arange(len(PARENTS))])
     arrays["hands_components"] = np.eye(45)  # asked for, and not used without PCA
+    parameters: dict[str, Any] = {
+        name: tensor.detach().cpu().numpy() for name, tensor in pose.items()
+    }
     # smplx prints that ten betas are few, which is what every MANO hand has.
     with open(devnull, "w") as nowhere, redirect_stdout(nowhere):
         return MANO(
@@ -102,5 +105,5 @@ def layer_of(model: HandModel, pose: dict[str, Float[Tensor, "T _"]]) -> "MANO":
             flat_hand_mean=True,
             create_body_pose=False,
             batch_size=len(pose["transl"]),
-            **{name: tensor.detach().cpu().numpy() for name, tensor in pose.items()},
+            **parameters,
         )

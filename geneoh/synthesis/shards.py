@@ -3,7 +3,6 @@
 import hashlib
 import json
 import os
-from collections.abc import Callable
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 
@@ -17,6 +16,7 @@ from geneoh.bundle import concatenated
 from geneoh.config import as_dict, flat, with_table
 from geneoh.errors import ConfigError, InputError
 from geneoh.hand.model import HandModel, ShapedHand
+from geneoh.progress import OnStep
 from geneoh.synthesis.bimanual import (
     BimanualConfig,
     bimanual_objects,
@@ -188,7 +188,7 @@ def write_shards(
     hand: HandModel,
     *,
     seed: int,
-    on_shard: Callable[[int, int], None] | None = None,
+    on_shard: OnStep | None = None,
 ) -> int:
     """Make every shard that does not exist yet; returns how many were made.
 

@@ -8,7 +8,8 @@ import trimesh
 from geneoh.errors import InputError
 from geneoh.files.atomic import in_one_step
 from geneoh.files.npz import Arrays, write_archive
-from geneoh.viz.look import Look, OnStep
+from geneoh.progress import OnStep
+from geneoh.viz.look import Look
 from geneoh.viz.scene import PosedTrack, Scene
 
 

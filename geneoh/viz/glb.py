@@ -16,9 +16,10 @@ from jaxtyping import Float, Int
 
 from geneoh.files.atomic import write_whole
 from geneoh.geometry.rotations import matrix_to_quat_wxyz
+from geneoh.progress import OnStep
 from geneoh.viz.camera import axes_towards
 from geneoh.viz.colours import OBJECT_COLOUR, SKIN_COLOUR, Colour
-from geneoh.viz.look import Look, OnStep
+from geneoh.viz.look import Look
 from geneoh.viz.scene import PosedTrack, Scene
 from geneoh.viz.surface import vertex_normals
 

@@ -1,6 +1,5 @@
 """How a scene is shown: the quantity in the hands' colours, what is up, which frames."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,9 +8,6 @@ from jaxtyping import Float
 
 from geneoh.choices import AXES, COLOURINGS, Axis, Colouring
 from geneoh.errors import ConfigError
-
-OnStep = Callable[[int, int], None]
-"""Called with the steps done and in all."""
 
 STRIP_CELL = 260
 """Side of one picture in a filmstrip, pixels."""

@@ -4,9 +4,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 from geneoh.errors import InputError
+from geneoh.progress import OnStep
 from geneoh.viz.export import write_meshes, write_smplx
 from geneoh.viz.glb import write_glb
-from geneoh.viz.look import Look, OnStep
+from geneoh.viz.look import Look
 from geneoh.viz.page import write_page
 from geneoh.viz.scene import Scene
 from geneoh.viz.strip import write_filmstrip

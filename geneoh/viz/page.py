@@ -25,9 +25,10 @@ from torch import Tensor
 from geneoh.choices import Colouring
 from geneoh.files.atomic import write_whole
 from geneoh.hand.skeleton import KEYPOINT_PARENTS
+from geneoh.progress import OnStep
 from geneoh.viz.camera import FIELD_OF_VIEW, cameras
 from geneoh.viz.colours import OBJECT_COLOUR, SCALES, SKIN_COLOUR, ramp_position
-from geneoh.viz.look import Look, OnStep
+from geneoh.viz.look import Look
 from geneoh.viz.scene import PosedTrack, Scene, Version
 from geneoh.viz.surface import coarser, with_sharp_edges
 

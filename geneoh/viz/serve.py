@@ -14,8 +14,8 @@ import numpy as np
 
 from geneoh.errors import MissingAssetError
 from geneoh.geometry.mesh import MESH_SUFFIXES
+from geneoh.progress import OnStep
 from geneoh.viz.colours import OBJECT_COLOUR, SKIN_COLOUR
-from geneoh.viz.look import OnStep
 from geneoh.viz.scene import Scene, Version
 
 ADDRESS = "127.0.0.1"

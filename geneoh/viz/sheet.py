@@ -7,6 +7,7 @@ import torch
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.hand.model import HandModel
 from geneoh.metrics.report import measure_frames
+from geneoh.progress import OnStep
 from geneoh.sequence.sequence import ObjectTrack
 from geneoh.synthesis.objects import FAMILIES
 from geneoh.synthesis.replay import Replay, replay_shard
@@ -15,7 +16,7 @@ from geneoh.synthesis.solids import PARTS
 from geneoh.synthesis.surface import mesh_of, spacing_for_looks
 from geneoh.viz.camera import cameras
 from geneoh.viz.canvas import FAINT, SCALE_HEIGHT, Canvas
-from geneoh.viz.look import Look, OnStep
+from geneoh.viz.look import Look
 from geneoh.viz.picture import Picture, draw
 from geneoh.viz.scene import PosedTrack, Scene, Version
 

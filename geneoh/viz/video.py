@@ -10,9 +10,10 @@ from pathlib import Path
 
 from geneoh.errors import InputError, MissingAssetError
 from geneoh.files.atomic import in_one_step
+from geneoh.progress import OnStep
 from geneoh.viz.camera import cameras
 from geneoh.viz.canvas import CAPTION_HEIGHT, SCALE_HEIGHT, TITLE_HEIGHT, Canvas
-from geneoh.viz.look import Look, OnStep
+from geneoh.viz.look import Look
 from geneoh.viz.picture import Picture
 from geneoh.viz.scene import Scene
 

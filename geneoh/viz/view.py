@@ -10,9 +10,10 @@ from torch import Tensor
 
 from geneoh.choices import Axis, Colouring, Side
 from geneoh.pipeline.results import Denoised, load_samples
+from geneoh.progress import OnStep
 from geneoh.readers.npz_files import load
 from geneoh.sequence.sequence import Sequence
-from geneoh.viz.look import STRIP_CELL, Look, OnStep
+from geneoh.viz.look import STRIP_CELL, Look
 from geneoh.viz.outputs import write, writer_for
 from geneoh.viz.page import write_page
 from geneoh.viz.scene import Scene, make_scene
