@@ -12,7 +12,7 @@ from typing import Any
 
 import click
 
-from geneoh.errors import GeneOHError, NumericalError
+from geneoh.errors import GeneOHError
 
 # Threads that wait for work sleep rather than spin. Our steps are small: where the cores are shared
 # spinning made a command three times as slow (32 s against 12 s). Read when torch is imported.
@@ -63,8 +63,7 @@ class LazyGroup(click.Group):
         except KeyboardInterrupt:
             raise failed("stopped; nothing half-written was left", INTERRUPTED) from None
         except GeneOHError as error:
-            code = 1 if isinstance(error, NumericalError) else 2
-            raise failed(str(error), code) from None
+            raise failed(str(error), 2) from None
         except Exception as error:
             if isinstance(error, OSError) and error.errno == errno.EPIPE:
                 raise  # the reader of our output left: click ends quietly

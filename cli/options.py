@@ -36,7 +36,7 @@ obj_or_source = click.option(
     "--obj",
     type=INPUT_FILE,
     multiple=True,
-    help=f"{OBJ_HELP} Not needed where --from names a source that has its own meshes.",
+    help=f"{OBJ_HELP} Not needed where the file, or the source of --from, has its own.",
 )
 output = click.option(
     *("-o", "--output"),

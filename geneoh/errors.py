@@ -38,11 +38,3 @@ class CheckpointError(GeneOHError):
 
     Usual causes are a file of another version of geneoh and weights of another stage.
     """
-
-
-class NumericalError(GeneOHError, ArithmeticError):
-    """A computation on valid input left the range of finite numbers.
-
-    This is a defect of geneoh or of the weights, not of the input: the command line ends with exit
-    code 1.
-    """

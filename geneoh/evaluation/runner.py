@@ -30,7 +30,6 @@ from geneoh.errors import (
     ConfigError,
     InputError,
     MissingAssetError,
-    NumericalError,
 )
 from geneoh.evaluation.cases import Case, find_cases
 from geneoh.evaluation.methods import GeneohMethod, Method, PredictionsMethod, methods_of
@@ -46,7 +45,7 @@ RECORD = "scores.jsonl"
 """Name of the record in the folder of an evaluation."""
 PACKAGES = ("geneoh", "torch", "numpy", "scipy", "libigl", "trimesh")
 """Packages whose versions are reported."""
-CASE_ERRORS = (InputError, MissingAssetError, NumericalError)
+CASE_ERRORS = (InputError, MissingAssetError)
 """Errors of one clip, or of one method on it: they are recorded, and the others go on."""
 
 

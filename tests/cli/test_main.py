@@ -4,7 +4,7 @@ import sys
 import click
 import pytest
 
-from geneoh.errors import CheckpointError, InputError, MissingAssetError, NumericalError
+from geneoh.errors import CheckpointError, InputError, MissingAssetError
 
 HEAVY = ("torch", "numpy", "scipy", "trimesh", "tqdm")
 
@@ -29,7 +29,6 @@ def failing(command, monkeypatch):
         (InputError("a.npz: 'joints' must be\n  finite"), 2),
         (MissingAssetError("no file"), 2),
         (CheckpointError("other weights"), 2),
-        (NumericalError("overflow"), 1),
         (PermissionError(13, "Permission denied", "a.npz"), 1),
         (ZeroDivisionError("division by zero"), 1),
         (KeyboardInterrupt(), 130),
