@@ -53,7 +53,7 @@ def rasterise(
     """
     width, height = size
     corner = screen[faces].astype(np.float64)
-    turned = _twice_area(corner)
+    turned = _cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     keep = (np.abs(turned) > TINY) & (corner[..., 2] > 0).all(1)
     index = np.nonzero(keep)[0]
     corner, turned = corner[index], turned[index]
@@ -79,20 +79,12 @@ def rasterise(
     return Raster(face.reshape(height, width), buffer.reshape(height, width))
 
 
-def _twice_area(corner: Float[np.ndarray, "F 3 3"]) -> Float[np.ndarray, " F"]:
-    a, b = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
-    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-
-
 def _slopes(
     corner: Float[np.ndarray, "F 3 3"], area: Float[np.ndarray, " F"]
 ) -> tuple[Float[np.ndarray, " F"], Float[np.ndarray, " F"]]:
     """Change of 1 / depth per pixel to the right and downwards."""
     a, b = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
-    return (
-        (a[:, 2] * b[:, 1] - b[:, 2] * a[:, 1]) / area,
-        (b[:, 2] * a[:, 0] - a[:, 2] * b[:, 0]) / area,
-    )
+    return _cross(a[:, [2, 1]], b[:, [2, 1]]) / area, _cross(a[:, [0, 2]], b[:, [0, 2]]) / area
 
 
 def _runs(corner: Float[np.ndarray, "F 3 3"], width: int, height: int) -> _Runs:
@@ -146,5 +138,6 @@ def at_pixels(
     return first + shares[0] * (second - first) + shares[1] * (third - first)
 
 
-def _cross(a: Float[np.ndarray, "N 2"], b: Float[np.ndarray, "N 2"]) -> Float[np.ndarray, " N"]:
+def _cross(a: Float[np.ndarray, "N D"], b: Float[np.ndarray, "N D"]) -> Float[np.ndarray, " N"]:
+    """Cross product of the first two coordinates: twice the area of a triangle with these sides."""
     return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
