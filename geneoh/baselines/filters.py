@@ -71,7 +71,7 @@ def smooth(values: Float[Tensor, "T ..."], chosen: Filter, fps: float) -> Float[
 
     A Savitzky-Golay window is cut to the length of the track.
     """
-    array = values.double().numpy()
+    array = values.cpu().double().numpy()
     match chosen.kind:
         case "savgol":
             longest = len(array) - (len(array) + 1) % 2  # windows are odd

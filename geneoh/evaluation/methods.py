@@ -202,7 +202,8 @@ def predicted_joints(
     joints = subject.joints[None]
     region = context.region(joints)
     observation = context.observation(joints, region, given=True)
-    predicted = network(observation, encode_spatial(observation.joints, region))
+    relations = encode_spatial(observation.joints, region)
+    predicted = network.to(joints.device)(observation, relations)
     world = context.blend(region.to_world(predicted))[0]
     track = HandTrack("right", torch.ones_like(hand.track.valid), joints=world)
     back = hand.track_to_user(track).joints
@@ -230,7 +231,7 @@ class GeneohMethod:
         assert hand.wrist is not None, "results carry a wrist"
         assert hand.betas is not None, "results carry betas"
         model = hand_of_betas(hand.side, hand.hand_model, mano_dir=self.options.mano_dir)
-        verts = model.shaped(hand.betas).posed(hand.pose, hand.wrist).verts
+        verts = model.to(hand.betas.device).shaped(hand.betas).posed(hand.pose, hand.wrist).verts
         return replace(in_every_frame(joints_of(result.sequence), verts), result=result)
 
 

@@ -1,0 +1,45 @@
+"""Evaluation of a case whose tensors are on another device: pretended, and CUDA with a GPU."""
+
+import pytest
+import quick_presets
+import torch
+
+from geneoh.evaluation import methods
+from geneoh.evaluation.cases import Case
+from geneoh.evaluation.methods import (
+    BaselineMethod,
+    FilterMethod,
+    GeneohMethod,
+    InputMethod,
+    OptimisationMethod,
+)
+from geneoh.evaluation.protocols import Clip
+from geneoh.evaluation.scores import CaseScorer, ScoringConfig
+from geneoh.fitting.fit import FitConfig
+from geneoh.pipeline.options import Options
+
+METHODS = {
+    "input": lambda device: InputMethod(),
+    "filter": lambda device: FilterMethod("one-euro", "parameters"),
+    "optimisation": lambda device: OptimisationMethod(),
+    "toch": lambda device: BaselineMethod("toch"),
+    "regression": lambda device: BaselineMethod("regression"),
+    "geneoh": lambda device: GeneohMethod(Options(preset="default", device=str(device))),
+}
+QUICK = FitConfig(iterations=2, contact_rounds=1)
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_a_case_is_scored_alike_on_every_device(name, short, device, monkeypatch):
+    quick_presets.use(monkeypatch)
+    monkeypatch.setattr(methods, "FitConfig", lambda: QUICK)
+    few = short[:4]
+    found = []
+    for place in (torch.device("cpu"), device):
+        case = Case("taco", Clip("short", lambda place=place: few.to(place)), "gauss", 11)
+        cleaned = METHODS[name](place).clean(case)
+        assert cleaned.joints.device.type == place.type
+        found.append(CaseScorer(case, ScoringConfig(close_frames=1)).score(name, cleaned, 0.0))
+    here, there = found
+    assert there.values == pytest.approx(here.values, abs=0.1, nan_ok=True)
+    assert there.error_by_frame_mm == pytest.approx(here.error_by_frame_mm, abs=0.1)
