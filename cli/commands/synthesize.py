@@ -1,4 +1,4 @@
-"""`geneoh synthesize`: interactions to learn from, made by this program."""
+"""`geneoh synthesize`: synthetic interactions to learn from."""
 
 from pathlib import Path
 
@@ -29,9 +29,9 @@ def synthesize(
 ) -> None:
     """Make synthetic hand-object interactions, in shards that `geneoh train` reads.
 
-    Started again with the same folder, settings and seed it makes only what is missing. Some object
-    families are held out: they are in the validation shards alone. sheet.png in the folder shows a
-    grasp of each family, with how deep the hand's skin is in the object. Settings are those of
+    An interrupted run continues when it is started again with the same folder, settings and seed.
+    Some object families are held out for the validation shards. The file sheet.png in the folder
+    shows a grasp of each family and how deep the hand's skin is in the object. Settings are those of
     SynthesisConfig, such as grasps.steps=200 or animation.object.table_share=0.8.
     """
     from functools import partial

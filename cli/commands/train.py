@@ -11,12 +11,14 @@ from .. import options
 
 
 @click.command()
-@click.option("--stage", type=click.Choice(STAGES), required=True, help="Which network.")
+@click.option("--stage", type=click.Choice(STAGES), required=True, help="Network to train.")
 @options.data
 @options.folder
 @options.config
 @options.settings
-@click.option("--threads", type=click.IntRange(min=1), help="CPU threads, if not torch's choice.")
+@click.option(
+    "--threads", type=click.IntRange(min=1), help="CPU threads; torch chooses by default."
+)
 @options.device
 def train(
     stage: Any,
@@ -27,13 +29,14 @@ def train(
     threads: int | None,
     device: str,
 ) -> None:
-    """Train a stage; started again with the same folder, an interrupted run continues.
+    """Train a stage. An interrupted run continues when it is started again with the same folder.
 
-    Writes STAGE.safetensors, the run's state and STAGE_log.csv (loss, error left on held-out
+    Writes STAGE.safetensors, the state of the run and STAGE_log.csv (loss, error left on held-out
     objects, rate, seconds) to the output folder. Once motion, spatial and temporal are there,
-    `geneoh denoise --weights FOLDER` uses them. Spatial and temporal learn on what MotionDiff
-    leaves (that of the folder, or the shipped one). Toch and regression are baselines of eval.
-    Without --config the shipped one of the stage.
+    `geneoh denoise --weights FOLDER` uses them. Spatial and temporal learn on the output of
+    MotionDiff: of the one in the folder, else of the shipped one. Toch and regression are the
+    baselines of `geneoh eval`. Without --config the shipped configuration of the stage is used.
+    Settings are those of TrainConfig, such as steps=1000 or corruption.gap_share=0.5.
     """
     import torch
 
@@ -49,7 +52,7 @@ def train(
         torch.set_num_threads(threads)
     chosen = configured(TrainConfig(), options.find_config(config or stage), settings)
     parts = read_shards(data, "train"), read_shards(data, "val")
-    before = load_motion(folder) if stage in ("spatial", "temporal") else None
+    motion_denoiser = load_motion(folder) if stage in ("spatial", "temporal") else None
     with progress.progress_bars() as on_progress:
         path = fit(
             stage,
@@ -57,7 +60,7 @@ def train(
             *parts,
             folder,
             device=devices.named(device),
-            motion_denoiser=before,
+            motion_denoiser=motion_denoiser,
             data_record=as_dict(shard_record(find_shards(data, "train")[0])),
             on_step=lambda now: on_progress(stage, now.step, now.steps),
         )

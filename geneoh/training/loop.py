@@ -25,7 +25,6 @@ from geneoh.training.batches import Batch, draw_batch
 from geneoh.training.config import TrainConfig
 from geneoh.training.optimizer import Optimizer, multiply_in, quick_precision
 from geneoh.training.resume import (
-    LogRow,
     TrainState,
     refuse_other_run,
     training_record,
@@ -184,9 +183,7 @@ def train(
     )
     state = first_state(stage, config, device)
     if state_path.exists():
-        saved = load_checkpoint(state_path)
-        refuse_other_run(state_path, saved.record, record)
-        state.restore(saved)
+        resume(state, state_path, record)
         write_log(log_path, state.log)
     source = BatchSource(stage, config, device, motion_denoiser)
     upcoming = source.batches(data, state.step)
@@ -197,15 +194,12 @@ def train(
         batch, generator = next(upcoming)
         loss = loss_of(stage, state.step, config)(state.model, batch, generator=generator)
         update(state, loss, config)
-        last, left = state.step == config.steps, None
-        if last or state.step % config.validate_every == 0:
-            left = validate(state, validation, source)
+        last = state.step == config.steps
+        validates = last or state.step % config.validate_every == 0
+        left = validate(state, validation, source) if validates else None
         state.seconds += time.monotonic() - began
         if left is not None:
-            mean = sum(state.recent) / len(state.recent)
-            rate, seconds = learning_rate(state.step, config), round(state.seconds, 1)
-            state.log.append(LogRow(state.step, mean, left, rate, seconds))
-            state.recent.clear()
+            state.note_validation(left, learning_rate(state.step, config))
             write_log(log_path, state.log)
         if last or state.step % config.checkpoint_every == 0:
             save_checkpoint(state_path, state.to_checkpoint(record))
@@ -223,6 +217,13 @@ def first_state(stage: StageName, config: TrainConfig, device: torch.device) -> 
     multiply_in(model, precision)
     average = {n: t.clone() for n, t in model.state_dict().items()}
     return TrainState(model, average, Optimizer(model, config, precision))
+
+
+def resume(state: TrainState, path: Path, record: dict[str, Any]) -> None:
+    """Take over a saved state if it belongs to the run of this record."""
+    saved = load_checkpoint(path)
+    refuse_other_run(path, saved.record, record)
+    state.restore(saved)
 
 
 def start_latent(state: TrainState, batch: Batch) -> None:

@@ -88,6 +88,12 @@ class TrainState:
         self.recent = record.get("recent", [])
         self.log = [LogRow(*row) for row in record.get("log", [])]
 
+    def note_validation(self, error_left: float, rate: float) -> None:
+        """Add a row to the log."""
+        loss = sum(self.recent) / len(self.recent)
+        self.log.append(LogRow(self.step, loss, error_left, rate, round(self.seconds, 1)))
+        self.recent.clear()
+
     def weights(self, record: dict[str, Any]) -> Checkpoint:
         """The averaged weights in half precision, with the record and the last row of the log."""
         half = {n: t.half() if t.is_floating_point() else t for n, t in self.average.items()}
