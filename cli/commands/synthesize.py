@@ -31,7 +31,7 @@ def synthesize(
 
     An interrupted run continues when it is started again with the same folder, settings and seed.
     Some object families are held out for the validation shards. The file sheet.png in the folder
-    shows a grasp of each family and how deep the hand's skin is in the object. Settings are those of
+    shows a grasp of each family and how deep its skin is in the object. Settings are those of
     SynthesisConfig, such as grasps.steps=200 or animation.object.table_share=0.8.
     """
     from functools import partial

@@ -17,7 +17,7 @@ from .. import options
 @options.config
 @options.settings
 @click.option(
-    "--threads", type=click.IntRange(min=1), help="CPU threads; torch chooses by default."
+    "--threads", type=click.IntRange(min=1), help="CPU threads; default: chosen by torch."
 )
 @options.device
 def train(
