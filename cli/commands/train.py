@@ -52,14 +52,16 @@ def train(
         torch.set_num_threads(threads)
     chosen = configured(TrainConfig(), options.find_config(config or stage), settings)
     parts = read_shards(data, "train"), read_shards(data, "val")
-    motion_denoiser = load_motion(folder) if stage in ("spatial", "temporal") else None
+    place = devices.named(device)
+    follows = stage in ("spatial", "temporal")
+    motion_denoiser = load_motion(folder).to(place) if follows else None
     with progress.progress_bars() as on_progress:
         path = fit(
             stage,
             chosen,
             *parts,
             folder,
-            device=devices.named(device),
+            device=place,
             motion_denoiser=motion_denoiser,
             data_record=as_dict(shard_record(find_shards(data, "train")[0])),
             on_step=lambda now: on_progress(stage, now.step, now.steps),
