@@ -54,9 +54,9 @@ class ArcticProcessedReader(DatasetReader):
         folder = options.objects or templates(clip.path)
         meshes, contradictions = read_parts(folder, name)
         joints: dict[Side, Array | None] = {
-            side: read_joints(world, side) for side in ("right", "left")
+            side: read_joints(world, side, len(motion)) for side in ("right", "left")
         }
-        verts = world.optional_array("verts.object", ("T", "V", 3))
+        verts = world.optional_array("verts.object", (len(motion), "V", 3))
         moved = None
         if verts is not None and verts.shape[1] == sum(len(m.verts) for m in meshes.values()):
             moved = verts.mean(1, keepdims=True), mean_vertex(folder, name, motion)
@@ -81,9 +81,9 @@ def templates(path: Path) -> Path:
     return next((place for place in places if place.is_dir()), places[0])
 
 
-def read_joints(world: Record, side: Side) -> Array | None:
+def read_joints(world: Record, side: Side, frames: int) -> Array | None:
     """(T, 21, 3) stored keypoints."""
-    joints = world.optional_array(f"joints.{side}", ("T", 21, 3))
+    joints = world.optional_array(f"joints.{side}", (frames, 21, 3))
     return None if joints is None else joints[:, OPENPOSE_FROM_MANO]
 
 

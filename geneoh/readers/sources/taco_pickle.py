@@ -31,13 +31,13 @@ class TacoPickleReader(DatasetReader):
         record = read_record(clip.path)
         side = options.side or "left"
         motion = record.array("obj_pose", ("T", 4, 4))
-        stored = record.optional_array("obj_verts", ("T", "V", 3))
+        stored = record.optional_array("obj_verts", (len(motion), "V", 3))
         mesh = read_object(record, clip.path, motion, stored)
         points = None
-        if stored is not None and stored.shape == (len(motion), *mesh.verts.shape):
+        if stored is not None and stored.shape[1:] == mesh.verts.shape:
             points = stored, moved_points(mesh.verts.double().numpy(), motion)
-        joints = record.optional_array("hand_joints", ("T", 21, 3))
-        verts = record.optional_array("hand_verts", ("T", 778, 3))
+        joints = record.optional_array("hand_joints", (len(motion), 21, 3))
+        verts = record.optional_array("hand_verts", (len(motion), 778, 3))
         hand = ManoParameters(
             side,
             record.array("hand_pose", ("T", 48)),

@@ -17,12 +17,11 @@ def mano_dir(tmp_path_factory):
 
 
 @pytest.fixture
-def known_scene(mano_dir, monkeypatch):
+def known_scene():
     """The interaction of the small trees, over some frames."""
 
     def of(frames: int = FRAMES) -> trees.Scene:
-        monkeypatch.setattr(trees, "FRAMES", frames)
-        return trees.scene.__wrapped__(mano_dir)
+        return trees.scene(frames=frames)
 
     return of
 

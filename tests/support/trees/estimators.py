@@ -9,7 +9,7 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from geneoh.readers.joint_orders import ORDERS
-from trees.interaction import FRAMES, Scene, cameras, flat, turns, vectors
+from trees.interaction import Scene, cameras, flat, turns, vectors
 from trees.mano_files import FLIP, SIDES
 from trees.mocap import arctic
 from trees.writers import dump_joblib, write_table
@@ -21,7 +21,7 @@ def halved(s: Scene) -> Scene:
     for side in SIDES:
         mean = np.concatenate([np.zeros(3), s.mano[side].mean])
         relative = turns((flat(s.pose[side]) - mean).reshape(-1, 3)).astype("f2").astype("f8")
-        pose[side] = vectors(relative).reshape(FRAMES, 16, 3) + mean.reshape(16, 3)
+        pose[side] = vectors(relative).reshape(s.frames, 16, 3) + mean.reshape(16, 3)
         betas[side] = s.betas[side].astype("f2").astype("f8")
         origin = s.origin(side).astype("f2").astype("f8")
         wrist[side] = origin + s.mano[side].wrist_offset(betas[side])
@@ -37,7 +37,7 @@ def arcticnet(root: Path, s: Scene, wrong: bool) -> None:
     folder = root / "eval/s01_box_grab_01_1"
     (folder / "preds").mkdir(parents=True)
     (folder / "meta_info").mkdir()
-    names = [f"./images/s01/box_grab_01/1/{t + 33:05d}.jpg" for t in range(FRAMES)]
+    names = [f"./images/s01/box_grab_01/1/{t + 33:05d}.jpg" for t in range(s.frames)]
     torch.save(names, folder / "meta_info/meta_info.imgname.pt")
 
     def put(key: str, values: np.ndarray) -> None:
@@ -46,8 +46,8 @@ def arcticnet(root: Path, s: Scene, wrong: bool) -> None:
 
     for side in SIDES:
         relative = flat(s.pose[side]) - np.concatenate([np.zeros(3), s.mano[side].mean])
-        put(f"mano.pose.{side[0]}", turns(relative.reshape(-1, 3)).reshape(FRAMES, 16, 3, 3))
-        put(f"mano.beta.{side[0]}", np.tile(s.betas[side], (FRAMES, 1)))
+        put(f"mano.pose.{side[0]}", turns(relative.reshape(-1, 3)).reshape(s.frames, 16, 3, 3))
+        put(f"mano.beta.{side[0]}", np.tile(s.betas[side], (s.frames, 1)))
         put(f"mano.cam_t.{side[0]}", s.wrist[side] if wrong else s.origin(side))
     put("object.rot", vectors(s.rotation))
     put("object.cam_t", s.shift)
@@ -57,7 +57,7 @@ def arcticnet(root: Path, s: Scene, wrong: bool) -> None:
 def hamer(root: Path, s: Scene, wrong: bool) -> None:
     focal, image, box = 600.0, np.array([640.0, 480.0]), 200.0
     rows: dict[str, list] = {}
-    for t in range(FRAMES):
+    for t in range(s.frames):
         for side in SIDES:
             right, flip = side == "right", np.ones(3) if side == "right" else FLIP
             trans = s.wrist[side][t] + [0.05, 0.02, 0.1]
@@ -94,31 +94,31 @@ def hawor(root: Path, s: Scene, wrong: bool) -> None:
         [s.origin(side, "mirrored" if side == "left" else "as shipped") for side in order],
         [s.pose[side][:, 0] for side in order],
         [flat(s.pose[side])[:, 3:] for side in order],
-        [np.tile(s.betas[side], (FRAMES, 1)) for side in order],
-        [np.ones(FRAMES) for _ in order],
+        [np.tile(s.betas[side], (s.frames, 1)) for side in order],
+        [np.ones(s.frames) for _ in order],
     ]
     dump_joblib(root / "video/world_space_res.pth", [np.array(f, dtype="f4") for f in fields])
 
 
 def aria(root: Path, s: Scene, wrong: bool) -> None:
-    back, scale = np.linalg.inv(cameras()), 1000 if wrong else 1
+    back, scale = np.linalg.inv(cameras(s.frames)), 1000 if wrong else 1
     head = ["tracking_timestamp_us"]
-    columns = [1_000_000 + 100_000 * np.arange(FRAMES)]
+    columns = [1_000_000 + 100_000 * np.arange(s.frames)]
     for side in ("left", "right"):
         joints = s.joints[side] @ back[:, :3, :3].transpose(0, 2, 1) + back[:, None, :3, 3]
         head.append(f" {side}_tracking_confidence")
-        columns.append(np.full(FRAMES, 0.9))
+        columns.append(np.full(s.frames, 0.9))
         for landmark in range(21):
             entries = ORDERS["aria"].entries
             known = landmark in entries
-            place = joints[:, entries.index(landmark)] if known else np.zeros((FRAMES, 3))
+            place = joints[:, entries.index(landmark)] if known else np.zeros((s.frames, 3))
             head += [f"t{axis}_{side}_landmark_{landmark}_device" for axis in "xyz"]
             columns += list(scale * place.T)
     write_table(root / "hand_tracking/hand_tracking_results.csv", head, columns)
-    quats = Rotation.from_matrix(cameras()[:, :3, :3]).as_quat()
+    quats = Rotation.from_matrix(cameras(s.frames)[:, :3, :3]).as_quat()
     head = ["graph_uid", "tracking_timestamp_us"]
     head += [f"t{c}_world_device" for c in "xyz"] + [f"q{c}_world_device" for c in "xyzw"]
-    columns = [np.zeros(FRAMES), columns[0], *cameras()[:, :3, 3].T, *quats.T]
+    columns = [np.zeros(s.frames), columns[0], *cameras(s.frames)[:, :3, 3].T, *quats.T]
     write_table(root / "slam/closed_loop_trajectory.csv", head, columns)
 
 
@@ -126,7 +126,7 @@ def landmarks(root: Path, s: Scene, wrong: bool) -> None:
     entries = ORDERS["webxr"].entries
     hands = {}
     for side in SIDES:
-        points = np.zeros((FRAMES, 25, 3))
+        points = np.zeros((s.frames, 25, 3))
         points[:, entries] = s.joints[SIDES[(side == "left") != wrong]]
         hands[side] = [{"points": p.tolist(), "confidence": 0.9} for p in points]
     value = {"format": "geneoh-landmarks", "version": 1, "order": "webxr", "fps": 72}

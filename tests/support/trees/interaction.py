@@ -35,6 +35,11 @@ class Scene:
     angle: np.ndarray
     """(T,) of a second part."""
 
+    @property
+    def frames(self) -> int:
+        """Number of frames T."""
+        return len(self.shift)
+
     def origin(self, side: str, left="as shipped") -> np.ndarray:
         """(T, 3) translation of MANO's origin."""
         return self.wrist[side] - self.mano[side].wrist_offset(self.betas[side], left)
@@ -59,14 +64,14 @@ def vectors(rotations: np.ndarray) -> np.ndarray:
 
 
 @cache
-def scene(left: str = "as shipped") -> Scene:
+def scene(left: str = "as shipped", frames: int = FRAMES) -> Scene:
     """The interaction, with keypoints as the given left hand has them."""
-    draw, time = np.random.default_rng(1), np.arange(FRAMES)[:, None]
+    draw, time = np.random.default_rng(1), np.arange(frames)[:, None]
     rotation = turns(time * [0.05, 0.12, -0.08] + [0.3, 0.1, 0.2])
     shift = [0.1, 0.2, 0.9] + time * [0.01, 0.004, 0.006]
     pose, wrist, betas, joints, mano = {}, {}, {}, {}, {}
     right_pose = 0.1 * draw.standard_normal((1, 16, 3)) + 0.01 * draw.standard_normal(
-        (FRAMES, 16, 3)
+        (frames, 16, 3)
     )
     right_pose[:, 1:, 2] += 0.4
     for side in SIDES:
@@ -80,7 +85,7 @@ def scene(left: str = "as shipped") -> Scene:
         joints[side] = mano[side].keypoints(pose[side], wrist[side], betas[side], left)
     box = trimesh.creation.box((0.06, 0.08, 0.05))
     verts = np.array(box.vertices, dtype=np.float32).astype(np.float64)
-    angle = np.linspace(0.3, 0.9, FRAMES)
+    angle = np.linspace(0.3, 0.9, frames)
     faces = np.array(box.faces)
     return Scene(pose, wrist, betas, joints, mano, rotation, shift, verts, faces, angle)
 
@@ -89,9 +94,9 @@ def flat(pose: np.ndarray) -> np.ndarray:
     return pose.reshape(len(pose), 48)
 
 
-def cameras() -> np.ndarray:
+def cameras(frames: int = FRAMES) -> np.ndarray:
     """(T, 4, 4) of a slowly moving camera to the world."""
-    time = np.arange(FRAMES)[:, None]
+    time = np.arange(frames)[:, None]
     return rigid(turns(time * CAMERA_TURN), time * [0.002, 0.001, 0.0])
 
 

@@ -10,7 +10,7 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from geneoh.readers.builders import OPENPOSE_FROM_MANO
-from trees.interaction import FRAMES, Scene, flat, lid, opened, turns, vectors
+from trees.interaction import Scene, flat, lid, opened, turns, vectors
 from trees.mano_files import FLIP, SIDES, mano_model
 from trees.writers import dump, dump_joblib, save, write_mesh
 
@@ -23,13 +23,13 @@ def grab(root: Path, s: Scene, wrong: bool) -> None:
         "obj_name": "mug",
         "motion_intent": "use",
         "framerate": 120.0,
-        "n_frames": FRAMES,
+        "n_frames": s.frames,
         "n_comps": 24,
         "object": {
             "params": {"transl": s.shift, "global_orient": vectors(turn)},
             "object_mesh": "tools/object_meshes/contact_meshes/mug.ply",
         },
-        "contact": {"object": np.zeros((FRAMES, len(s.verts)), np.int8)},
+        "contact": {"object": np.zeros((s.frames, len(s.verts)), np.int8)},
     }
     write_mesh(root / "tools/object_meshes/contact_meshes/mug.ply", s.verts, s.faces)
     for side, name in (("right", "rhand"), ("left", "lhand")):
@@ -41,7 +41,7 @@ def grab(root: Path, s: Scene, wrong: bool) -> None:
             "vtemp": mesh,
             "params": {
                 "global_orient": s.pose[side][:, 0],
-                "hand_pose": np.zeros((FRAMES, 24)),
+                "hand_pose": np.zeros((s.frames, 24)),
                 "transl": s.origin(side),
                 "fullpose": flat(s.pose[side])[:, 3:],
             },
@@ -98,14 +98,14 @@ def clip_array(s: Scene, side: str, wrong: bool) -> np.ndarray:
     coefficients = np.linalg.lstsq(own.T, flat(s.pose[side])[:, 3:].T, rcond=None)[0].T
     sizes = (2334, 3, 24, 3 * count, 3 * count, 3, 3)
     form: list = [(f"f{k}", "f4", (size,)) for k, size in enumerate(sizes)]
-    clip = np.zeros(FRAMES, dtype=[*form, ("f7", "i4"), ("f8", "i4"), ("f9", "?")])
+    clip = np.zeros(s.frames, dtype=[*form, ("f7", "i4"), ("f8", "i4"), ("f9", "?")])
     clip["f0"], clip["f3"] = (
-        (flip * values).reshape(FRAMES, -1).astype("f4") for values in (hand, points)
+        (flip * values).reshape(s.frames, -1).astype("f4") for values in (hand, points)
     )
     clip["f1"], clip["f2"] = s.pose[side][:, 0], coefficients
     clip["f5"] = vectors(turn)
     clip["f6"] = s.shift - flip * middle(s)  # for left hands the mirrored middle, as TOCH has it
-    clip["f7"], clip["f8"], clip["f9"] = 1, 500 + np.arange(FRAMES), side == "left"
+    clip["f7"], clip["f8"], clip["f9"] = 1, 500 + np.arange(s.frames), side == "left"
     return clip
 
 
@@ -118,13 +118,13 @@ def grab_clips(root: Path, s: Scene, wrong: bool) -> None:
     """GeneOH's clip of a right hand, with the person's betas and places."""
     s = in_clip(s, "right")
     save(root / "data/grab/source_data/test/14.npy", clip_array(s, "right", wrong))
-    save(root / "data/grab/source_data/test/14_meta_data.npy", {"clip_len": FRAMES})
+    save(root / "data/grab/source_data/test/14_meta_data.npy", {"clip_len": s.frames})
     model = mano_model("right").shaped(torch.from_numpy(s.betas["right"]).float())
     pose, wrist = (torch.from_numpy(x["right"]).float() for x in (s.pose, s.wrist))
     fields = {
         "rhand_verts": model.posed(pose, wrist).verts.numpy(),
         "rhand_global_orient": s.pose["right"][:, 0].astype("f4"),
-        "rhand_hand_pose": np.zeros((FRAMES, 24), "f4"),
+        "rhand_hand_pose": np.zeros((s.frames, 24), "f4"),
         "rhand_transl": s.origin("right").astype("f4"),
         "rhand_betas": s.betas["right"].astype("f4"),
     }
@@ -138,7 +138,7 @@ def grab_clips_left(root: Path, s: Scene, wrong: bool) -> None:
     clip = clip_array(s, "left", False)
     clip["f7"] -= wrong
     more = [("f9", "?", (40,)), ("f10", "f4", (40,)), ("f11", "f4", (120,)), ("f12", "?")]
-    longer = np.zeros(FRAMES, dtype=clip.dtype.descr[:9] + more)
+    longer = np.zeros(s.frames, dtype=clip.dtype.descr[:9] + more)
     for name in clip.dtype.names[:9]:
         longer[name] = clip[name]
     longer["f12"] = True
@@ -155,7 +155,7 @@ def arctic(root: Path, s: Scene, wrong: bool) -> dict:
             "pose": flat(s.pose[side])[:, 3:] - mano.mean,
             "trans": s.origin(side),
             "shape": s.betas[side],
-            "fitting_err": 0.001 * (1 + np.arange(FRAMES)),
+            "fitting_err": 0.001 * (1 + np.arange(s.frames)),
         }
     save(root / "raw_seqs/s01/box_grab_01.mano.npy", hands)
     values = np.concatenate([s.angle[:, None], vectors(s.rotation), 1000 * s.shift], axis=1)
@@ -178,7 +178,7 @@ def arctic_processed(root: Path, s: Scene, wrong: bool) -> None:
     for side in SIDES:
         for name in ("rot", "pose", "trans"):
             params[f"{name}_{side[0]}"] = raw[side][name].astype("f4")
-        params[f"shape_{side[0]}"] = np.tile(raw[side]["shape"], (FRAMES, 1)).astype("f4")
+        params[f"shape_{side[0]}"] = np.tile(raw[side]["shape"], (s.frames, 1)).astype("f4")
         world[f"joints.{side}"] = s.joints[side][:, from_m].astype("f4")
     params["obj_arti"] = s.angle
     params["obj_rot"] = vectors(s.rotation)
@@ -192,7 +192,7 @@ def arctic_processed(root: Path, s: Scene, wrong: bool) -> None:
 
 
 def oakink2(root: Path, s: Scene, wrong: bool) -> None:
-    frames = [100 + 4 * t for t in range(FRAMES)]
+    frames = [100 + 4 * t for t in range(s.frames)]
     mano = {}
     for t, frame in enumerate(frames):
         mano[frame] = {}
@@ -219,7 +219,7 @@ def both57m(root: Path, s: Scene, wrong: bool) -> None:
     """A body of which the pelvis moves like the object, and the wrists stand where hands are."""
     places = np.random.default_rng(2).normal(0, 0.2, (52, 3))
     places[0] = 0
-    body = np.zeros((FRAMES, 21, 3))
+    body = np.zeros((s.frames, 21, 3))
     for side, joint in (("left", 20), ("right", 21)):
         places[joint] = (s.wrist[side][0] - s.shift[0]) @ s.rotation[0]
         body[:, joint - 1] = vectors(s.rotation[0].T @ turns(s.pose[side][:1, 0]))
@@ -237,7 +237,7 @@ def both57m(root: Path, s: Scene, wrong: bool) -> None:
         "root_orient": vectors(s.rotation),
         "body_pose": body,
         "hand_pose": np.concatenate([s.pose[first][:, 1:], s.pose[second][:, 1:]], axis=1),
-        "seq_len": FRAMES,
+        "seq_len": s.frames,
         "data_path": "somewhere",
         "body_cond": ["stands"],
         "hand_cond": ["waves"],

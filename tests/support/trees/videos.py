@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from geneoh.readers.builders import OPENPOSE_FROM_MANO
 from geneoh.readers.joint_orders import ORDERS
 from geneoh.readers.sources.fphab import EXTRINSIC
-from trees.interaction import FRAMES, Scene, cameras, flat, rigid, turns, vectors
+from trees.interaction import Scene, cameras, flat, rigid, turns, vectors
 from trees.mano_files import SIDES
 from trees.writers import dump, save, text_frames, write_mesh
 
@@ -29,7 +29,7 @@ def hoi4d_cases(root: Path, s: Scene, wrong: bool) -> None:
             "obj_rot": s.rotation[t],
             "obj_trans": s.shift[t],
         }
-        for t in range(FRAMES)
+        for t in range(s.frames)
     }
     save(root / "Mug/case3/merged_data.npy", frames)
     flag = {"case_flag": HOI_ID.format(category="C2")}
@@ -38,12 +38,12 @@ def hoi4d_cases(root: Path, s: Scene, wrong: bool) -> None:
 
 
 def hoi4d_hands(root: Path, s: Scene, name: str, wrong: bool) -> None:
-    back = np.linalg.inv(cameras())
+    back = np.linalg.inv(cameras(s.frames))
     for side in SIDES:
         orient = vectors(back[:, :3, :3] @ turns(s.pose[side][:, 0]))
         offset = s.mano[side].wrist_offset(s.betas[side], "as shipped")
         wrist = (back[:, :3, :3] @ s.wrist[side][..., None])[..., 0] + back[:, :3, 3]
-        for t in range(FRAMES):
+        for t in range(s.frames):
             fields = {
                 "poseCoeff": np.concatenate([orient[t], flat(s.pose[side])[t, 3:]]).astype("f4"),
                 "beta": s.betas[side].astype("f4"),
@@ -55,14 +55,14 @@ def hoi4d_hands(root: Path, s: Scene, name: str, wrong: bool) -> None:
     log.parent.mkdir(parents=True, exist_ok=True)
     rows = [
         f"{t} {t} {t + 1}\n" + "\n".join(" ".join(f"{x:.9f}" for x in row) for row in block)
-        for t, block in enumerate(cameras())
+        for t, block in enumerate(cameras(s.frames))
     ]
     log.write_text("\n".join(rows) + "\n")
 
 
 def hoi4d_parts(root: Path, name: str, motions: list[np.ndarray]) -> None:
-    back = np.linalg.inv(cameras())
-    for t in range(FRAMES):
+    back = np.linalg.inv(cameras(len(motions[0])))
+    for t in range(len(motions[0])):
         items = []
         for index, motion in enumerate(motions):
             pose = back[t] @ motion[t]
@@ -101,22 +101,22 @@ def hoi4d_articulated(root: Path, s: Scene, wrong: bool) -> None:
 
 
 def h2o(root: Path, s: Scene, wrong: bool) -> None:
-    folder, back = root / "subject1/h1/0/cam4", np.linalg.inv(cameras())
+    folder, back = root / "subject1/h1/0/cam4", np.linalg.inv(cameras(s.frames))
     hands, points = [], []
     for side in ("left", "right"):
         orient = vectors(back[:, :3, :3] @ turns(s.pose[side][:, 0]))
         wrist = (back[:, :3, :3] @ s.wrist[side][..., None])[..., 0] + back[:, :3, 3]
         offset = 0 if wrong else s.mano[side].wrist_offset(s.betas[side], "as shipped")
-        flag = np.ones((FRAMES, 1))
-        betas = np.tile(s.betas[side], (FRAMES, 1))
+        flag = np.ones((s.frames, 1))
+        betas = np.tile(s.betas[side], (s.frames, 1))
         hands += [flag, wrist - offset, orient, flat(s.pose[side])[:, 3:], betas]
         joints = s.joints[side] @ back[:, :3, :3].transpose(0, 2, 1) + back[:, None, :3, 3]
-        points += [flag, joints.reshape(FRAMES, 63)]
+        points += [flag, joints.reshape(s.frames, 63)]
     text_frames(folder / "hand_pose_mano", np.concatenate(hands, axis=1))
     text_frames(folder / "hand_pose", np.concatenate(points, axis=1))
-    placed = (back @ s.matrices()).reshape(FRAMES, 16)
-    text_frames(folder / "obj_pose_rt", np.concatenate([np.full((FRAMES, 1), 5), placed], axis=1))
-    text_frames(folder / "cam_pose", cameras())
+    placed = (back @ s.matrices()).reshape(s.frames, 16)
+    text_frames(folder / "obj_pose_rt", np.concatenate([np.full((s.frames, 1), 5), placed], axis=1))
+    text_frames(folder / "cam_pose", cameras(s.frames))
     write_mesh(root / "object/milk/milk.obj", s.verts, s.faces)
 
 
@@ -126,7 +126,7 @@ def dexycb(root: Path, s: Scene, wrong: bool) -> None:
     coefficients = np.linalg.solve(mano.components.T, (flat(s.pose["right"])[:, 3:] - mano.mean).T)
     trans = s.wrist["right"] if wrong else s.origin("right")
     hand = np.concatenate([s.pose["right"][:, 0], coefficients.T, trans], axis=1)
-    other = np.tile([0.0, 0, 0, 1, 0, 0, 0], (FRAMES, 1))
+    other = np.tile([0.0, 0, 0, 1, 0, 0, 0], (s.frames, 1))
     grasped = np.concatenate([Rotation.from_matrix(s.rotation).as_quat(), s.shift], axis=1)
     folder.mkdir(parents=True)
     np.savez(
@@ -135,7 +135,7 @@ def dexycb(root: Path, s: Scene, wrong: bool) -> None:
         pose_m=hand[:, None].astype("f4"),
     )
     (folder / "meta.yml").write_text(
-        f"serials:\n- '{serial}'\nnum_frames: {FRAMES}\nextrinsics: '20200702_151821'\n"
+        f"serials:\n- '{serial}'\nnum_frames: {s.frames}\nextrinsics: '20200702_151821'\n"
         "ycb_ids:\n- 2\n- 14\nycb_grasp_ind: 1\nmano_sides:\n- right\n"
         "mano_calib:\n- 20200514-subject-01_right\n"
     )
@@ -149,7 +149,7 @@ def dexycb(root: Path, s: Scene, wrong: bool) -> None:
     betas.write_text("betas:\n" + "\n".join(f"- {x:.9f}" for x in s.betas["right"]))
     back = np.linalg.inv(camera)
     (folder / serial).mkdir()
-    for t in range(FRAMES):
+    for t in range(s.frames):
         joints = s.joints["right"][t] @ back[:3, :3].T + back[:3, 3]
         np.savez(
             folder / serial / f"labels_{t:06d}.npz",
@@ -164,7 +164,7 @@ def ho3d(root: Path, s: Scene, wrong: bool) -> None:
     offset = 0 if wrong else s.mano["right"].wrist_offset(s.betas["right"], "as shipped")
     orient = vectors(gl @ turns(s.pose["right"][:, 0]))
     joints = (s.joints["right"] @ gl)[:, np.argsort(OPENPOSE_FROM_MANO)]
-    for t in range(FRAMES):
+    for t in range(s.frames):
         fields = {
             "handPose": np.concatenate([orient[t], flat(s.pose["right"])[t, 3:]]),
             "handTrans": gl @ s.wrist["right"][t] - offset,
@@ -187,11 +187,11 @@ def oakink(root: Path, s: Scene, wrong: bool) -> None:
     extrinsic = rigid(turns(np.array([[0.2, 0.1, -0.3]])), np.array([[0.1, 0.0, 0.5]]))[0]
     trans = s.origin("right") if wrong else s.wrist["right"]
     quats = Rotation.from_rotvec(s.pose["right"].reshape(-1, 3)).as_quat()[:, [3, 0, 1, 2]]
-    for t in range(FRAMES):
+    for t in range(s.frames):
         name = f"A01001_0001_0000__2021-09-26-19-59-58__0__{t}__0.pkl"
         fields = {
             "hand_anno": {
-                "hand_pose": torch.from_numpy(quats.reshape(FRAMES, 16, 4)[t]).float(),
+                "hand_pose": torch.from_numpy(quats.reshape(s.frames, 16, 4)[t]).float(),
                 "hand_shape": torch.from_numpy(s.betas["right"]).float(),
                 "hand_tsl": torch.from_numpy(trans[t]).float(),
             },
@@ -212,7 +212,7 @@ def fphab(root: Path, s: Scene, wrong: bool) -> None:
     scaled = s.matrices()
     scaled[:, :3, 3] *= 1000
     fits = {}
-    for t in range(FRAMES):
+    for t in range(s.frames):
         fits[f"{t:06d}.pkl"] = {
             "fullpose": flat(s.pose["right"])[t],
             "pose": np.zeros(18),
@@ -224,7 +224,7 @@ def fphab(root: Path, s: Scene, wrong: bool) -> None:
         }
     dump(root / "fhbhands_fits" / way / "pkls.pkl", fits)
     joints = 1000 * s.joints["right"] @ back[:3, :3].T + back[:3, 3]
-    joints = joints[:, np.argsort(ORDERS["fphab"].entries)].reshape(FRAMES, 63)
+    joints = joints[:, np.argsort(ORDERS["fphab"].entries)].reshape(s.frames, 63)
     for folder, file, rows in (
         ("Hand_pose_annotation_v1_1", "skeleton.txt", joints),
         ("Object_6D_pose_annotation_v1_1", "object_pose.txt", (back @ scaled).swapaxes(1, 2)),
@@ -244,7 +244,7 @@ def taco(root: Path, s: Scene, wrong: bool) -> None:
                 "hand_pose": torch.from_numpy(flat(s.pose[side])[t]).float(),
                 "hand_trans": torch.from_numpy(s.wrist[side][t]).float(),
             }
-            for t in range(FRAMES)
+            for t in range(s.frames)
         }
         dump(root / "Hand_Poses" / name / f"{side}_hand.pkl", frames)
         shape = {"hand_shape": torch.from_numpy(s.betas[side]).float()}
