@@ -1,4 +1,4 @@
-"""The trained baselines: where their shipped weights lie and how they are rebuilt from files."""
+"""The trained baselines: where their weights are and how they are loaded."""
 
 from pathlib import Path
 from typing import get_args

@@ -1,9 +1,9 @@
-"""A baseline, "w/o Diffusion": the same representation, answered at once instead of by diffusion.
+"""The baseline "w/o Diffusion": regression of the clean keypoints from the same representation.
 
-It sees what MotionDiff and SpatialDiff see together, the observed trajectory and its relations to
-the contact points, and learns the clean keypoints by plain regression: one call, one answer, no
-noise. Part of `geneoh eval`, not of the cleaner. Source: paper, section 4.4 (ablation of the
-diffusion), where an autoencoder stands in for it.
+Its input is that of MotionDiff and SpatialDiff together: the observed trajectory and its relations
+to the contact points. One call of the network gives the clean keypoints, without any diffusion
+noise. It is part of `geneoh eval`, not of the cleaner. Source: paper, section 4.4 (ablation of the
+diffusion), which uses an autoencoder in its place.
 """
 
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ from geneoh.representation.spatial import SpatialRelations
 
 @dataclass(frozen=True)
 class RegressionConfig:
-    """Size of the network; one token per frame."""
+    """Size of the network, whose transformer has one token per frame."""
 
     width: int = 96
     depth: int = 3
@@ -29,10 +29,10 @@ class RegressionConfig:
 
 
 class RegressionDenoiser(nn.Module):
-    """A PointNet over contact points and a transformer over frames: noisy keypoints to clean."""
+    """Noisy keypoints to clean ones: a PointNet over contact points, a transformer over frames."""
 
     def __init__(self, config: RegressionConfig) -> None:
-        """Build the network; its last layer starts at zero, so it starts by changing nothing."""
+        """Build the network; its last layer is zero, so that without training it changes nothing."""
         super().__init__()
         self.config = config
         self.encode_point = mlp(RELATION_FEATURES, config.point_width, config.point_width)

@@ -1,12 +1,11 @@
 """A baseline after TOCH (Zhou et al., ECCV 2022): a recurrent autoencoder of object-centric fields.
 
-As in TOCH the hand is seen from the object's surface only, a PointNet encodes each frame, a
-recurrent network joins the frames, everything passes a bottleneck, and the decoder answers around
-the object's points; the hand is fitted to that. Unlike TOCH, whose field holds for each object
-point the distance along its normal and the place on the hand that a ray hits, ours holds what our
-data has, relations to the 21 keypoints, at the same contact points and trained on the same data as
-the cleaner: written after the idea, not the authors' code, and no measure of their numbers. Part of
-`geneoh eval`, not of the cleaner.
+As in TOCH, the hand is described at points of the object's surface. A PointNet encodes each frame,
+a recurrent network joins the frames, a bottleneck holds one latent for each, and a decoder gives
+the hand around each object point. TOCH's field holds the distance along the normal and the place on
+the hand that a ray from the object point hits. Ours holds relations to the 21 keypoints, at the
+contact points and trained on the data of the cleaner. It follows the idea of TOCH, not the authors'
+code, and says nothing about their figures. It is part of `geneoh eval`, not of the cleaner.
 """
 
 from dataclasses import dataclass, replace
@@ -33,7 +32,7 @@ class TochConfig:
 
 
 class TochAutoencoder(nn.Module):
-    """Noisy fields of a window to the clean hand, through one latent per frame."""
+    """Noisy fields of a window to clean keypoints, through one latent per frame."""
 
     def __init__(self, config: TochConfig) -> None:
         """Build encoder and decoder."""

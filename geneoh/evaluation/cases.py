@@ -101,7 +101,8 @@ def find_cases(options: EvaluationOptions) -> list[Case]:
     """
     # A missing data set is reported before anything else: without it no other choice matters.
     by_file = clips_by_file(options.dataset, options.root, options.protocol)
-    for noise in options.chosen_noises:
+    noises = options.noises or options.defaults.noises
+    for noise in noises:
         check_noise(options.dataset, noise, options.protocol)
     clips = spread_over_groups(by_file, options.limit)
     if not clips:
@@ -112,8 +113,8 @@ def find_cases(options: EvaluationOptions) -> list[Case]:
     return [
         Case(options.dataset, clip, noise, seed, options.protocol, options.noisy_inputs)
         for clip in sorted(clips, key=lambda clip: clip.name)
-        for noise in options.chosen_noises
-        for seed in options.chosen_seeds
+        for noise in noises
+        for seed in options.seeds or options.defaults.seeds
     ]
 
 

@@ -16,7 +16,7 @@ from geneoh.choices import (
     PresetName,
 )
 from geneoh.errors import ConfigError
-from geneoh.evaluation.protocols import DEFAULTS, ProtocolOptions
+from geneoh.evaluation.protocols.options import DEFAULTS, DatasetDefaults, ProtocolOptions
 from geneoh.pipeline.options import Options
 
 DEFAULT_METHODS: tuple[MethodName, ...] = (
@@ -76,16 +76,6 @@ class EvaluationOptions:
                     raise ConfigError(f"{what} {value}: expected one of {', '.join(choices)}")
 
     @property
-    def chosen_noises(self) -> tuple[CaseNoise, ...]:
-        """The noises, or the data set's own."""
-        return self.noises or DEFAULTS[self.dataset].noises
-
-    @property
-    def chosen_seeds(self) -> tuple[int, ...]:
-        """The seeds, or the data set's own."""
-        return self.seeds or DEFAULTS[self.dataset].seeds
-
-    @property
-    def chosen_close_frames(self) -> int:
-        """The number of frames for the expensive metrics, or the data set's own."""
-        return self.close_frames or DEFAULTS[self.dataset].close_frames
+    def defaults(self) -> DatasetDefaults:
+        """What is scored where noises, seeds or close frames are not chosen."""
+        return DEFAULTS[self.dataset]

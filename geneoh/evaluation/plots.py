@@ -7,10 +7,10 @@ import io
 import re
 from collections.abc import Sequence
 from importlib.util import find_spec
+from itertools import zip_longest
 from statistics import fmean
-from typing import Any
+from typing import Any, Literal
 
-from geneoh.evaluation.cases import CaseKey
 from geneoh.evaluation.distributions import KEYPOINT_FINGERS
 from geneoh.evaluation.scores import MEASURES, Measure, Score
 from geneoh.evaluation.tables import Block
@@ -61,46 +61,41 @@ def bars(blocks: Sequence[Block], key: str) -> str:
     return svg(figure)
 
 
-def error_by_frame(scores: Sequence[Score], methods: Sequence[str]) -> str:
-    """Mean keypoint error of each frame, over all clips and seeds."""
+def mean_errors(
+    scores: Sequence[Score], methods: Sequence[str], over: Literal["frame", "joint"]
+) -> str:
+    """Mean error of each frame or of each keypoint, over all clips and seeds."""
     figure, axes = canvas(3.2)
+    style: Any = {"marker": "."} if over == "joint" else {}
     for method in methods:
-        tracks = [score.error_by_frame_mm for score in scores if score.method == method]
-        draw_line(axes, tracks, method, methods)
-    axes.set_xlabel("frame of the clip")
+        made = [score for score in scores if score.method == method]
+        tracks = [getattr(score, f"error_by_{over}_mm") for score in made]
+        if means := column_means(tracks):
+            width = 2.2 if method.startswith(OURS) else 1.1
+            axes.plot(means, label=method, color=colour(method, methods), lw=width, **style)
+    if over == "joint":
+        parts = ("base", "2", "3", "tip")
+        names = ["wrist", *(f"{finger} {part}" for finger in KEYPOINT_FINGERS for part in parts)]
+        axes.set_xticks(range(21), names, rotation=90)
+    else:
+        axes.set_xlabel("frame of the clip")
     axes.set_ylabel("keypoint error, mm")
-    axes.set_ylim(bottom=0)
-    return svg(figure, legend=True)
-
-
-def error_by_joint(scores: Sequence[Score], methods: Sequence[str]) -> str:
-    """Mean error of each keypoint, over all clips and seeds."""
-    figure, axes = canvas(3.2)
-    for method in methods:
-        tracks = [score.error_by_joint_mm for score in scores if score.method == method]
-        draw_line(axes, tracks, method, methods, marker=".")
-    parts = ("base", "2", "3", "tip")
-    names = ["wrist", *(f"{finger} {part}" for finger in KEYPOINT_FINGERS for part in parts)]
-    axes.set_xticks(range(21), names, rotation=90)
-    axes.set_ylabel("error, mm")
     axes.set_ylim(bottom=0)
     return svg(figure, legend=True)
 
 
 def before_after(scores: Sequence[Score], methods: Sequence[str], key: str = "mpjpe_mm") -> str:
     """Each case: its input's error and its error after cleaning; above the line it grew."""
-    by_case: dict[CaseKey, dict[str, float]] = {}
-    for score in scores:
-        if (value := score.values.get(key)) is not None:
-            by_case.setdefault(score.case_key, {})[score.method] = value
+    measured = [score for score in scores if score.values.get(key) is not None]
+    inputs = {score.case_key: score.values[key] for score in measured if score.method == "input"}
     figure, axes = canvas(4.4)
     axes.set_aspect("equal")
     most = 0.0
     for method in methods:
         pairs = [
-            (found["input"], found[method])
-            for found in by_case.values()
-            if method != "input" and method in found and "input" in found
+            (inputs[score.case_key], score.values[key])
+            for score in measured
+            if score.method == method != "input" and score.case_key in inputs
         ]
         if pairs:
             before, after = zip(*pairs, strict=True)
@@ -122,10 +117,7 @@ def title_of(key: str) -> str:
 
 def column_means(tracks: Sequence[Sequence[float | None]]) -> list[float]:
     """Mean of each column over tracks that may differ in length; NaN without any number."""
-    columns = [
-        [value for track in tracks if i < len(track) and (value := track[i]) is not None]
-        for i in range(max(map(len, tracks), default=0))
-    ]
+    columns = [[x for x in column if x is not None] for column in zip_longest(*tracks)]
     return [fmean(column) if column else float("nan") for column in columns]
 
 
@@ -140,19 +132,6 @@ def colour(method: str, methods: Sequence[str]) -> Any:
         return matplotlib.colormaps["Set1"](ours.index(method) % 9)
     others = [name for name in methods if name not in ours and name != "input"]
     return matplotlib.colormaps["Set2"](others.index(method) % 8)
-
-
-def draw_line(
-    axes: Any,
-    tracks: Sequence[Sequence[float | None]],
-    method: str,
-    methods: Sequence[str],
-    **style: Any,
-) -> None:
-    """Mean over a method's tracks as a line, thicker for ours; none without values."""
-    if values := column_means(tracks):
-        width = 2.2 if method.startswith(OURS) else 1.1
-        axes.plot(values, label=method, color=colour(method, methods), lw=width, **style)
 
 
 def canvas(height: float) -> tuple[Any, Any]:

@@ -308,7 +308,9 @@ def comparisons(real: HandClips, synthetic: HandClips) -> Iterator[Comparison]:
                 ("acceleration", "m/s²", point_acceleration, 2),
             ):
                 values = [
-                    of(getattr(clips, frame)[:, :, which], FPS)[differences(clips.valid, order)]
+                    of(getattr(clips, frame)[:, :, which], FPS)[
+                        torch.stack([valid_differences(each, order) for each in clips.valid])
+                    ]
                     for clips in both
                 ]
                 yield compared(f"{points}, {name}, {frame}", unit, values)
@@ -323,11 +325,6 @@ def comparisons(real: HandClips, synthetic: HandClips) -> Iterator[Comparison]:
         values = [getattr(clips, field)[clips.touching] for clips in both]
         yield compared(name, unit, values, scale)
     yield compared("frames in contact", "%", [clips.touching.float() for clips in both], 100.0)
-
-
-def differences(valid: Bool[Tensor, "B T"], order: int) -> Bool[Tensor, "B L"]:
-    """Frames whose difference of this order is made of valid frames alone."""
-    return torch.stack([valid_differences(each, order) for each in valid])
 
 
 def angle_correlations(real: HandClips, synthetic: HandClips) -> dict[str, float]:

@@ -22,6 +22,8 @@ MESH_NOTE = (
     "Methods that give keypoints are measured with our hand fitted to them without use of the "
     "object; geneoh and the optimisation with their own mesh."
 )
+PAGE = Path(__file__).parent / "assets" / "report.html"
+"""The page around the report."""
 REASONS = 3
 """Most reasons for failing that are told of a method."""
 
@@ -140,7 +142,7 @@ def as_page(evaluation: Evaluation) -> str:
         parts.append(f"<h2>Clips in 3D</h2><ul>{links}</ul>")
     settings = html.escape(json.dumps(evaluation.settings, indent=1))
     parts.append(f"<details><summary>settings</summary><pre>{settings}</pre></details>")
-    return PAGE.format(body="\n".join(parts))
+    return PAGE.read_text("utf-8").replace("<!-- body -->", "\n".join(parts))
 
 
 def as_html_table(block: Block) -> str:
@@ -165,29 +167,7 @@ def plots_of(evaluation: Evaluation, blocks: list[Block]) -> Iterator[str]:
         place, methods = (block.dataset, block.noise), list(block.cells)
         scores = [s for s in evaluation.scores if (s.dataset, s.noise) == place]
         yield f"<h2>{html.escape(block.title)}: error over time</h2>"
-        yield plots.error_by_frame(scores, methods)
-        yield "<h3>error per joint</h3>" + plots.error_by_joint(scores, methods)
+        yield plots.mean_errors(scores, methods, "frame")
+        yield "<h3>error per joint</h3>" + plots.mean_errors(scores, methods, "joint")
         yield "<h3>before against after; above the line cleaning made it worse</h3>"
         yield plots.before_after(scores, methods)
-
-
-PAGE = """<!doctype html>
-<html lang="en">
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<title>geneoh eval</title>
-<style>
-body {{ font: 15px/1.5 system-ui, sans-serif; max-width: 70rem; margin: 2rem auto; padding: 0 1rem;
-  color: #222; background: #fff; }}
-table {{ border-collapse: collapse; display: block; overflow-x: auto; }}
-th, td {{ padding: .2rem .7rem; text-align: right; white-space: nowrap;
-  font-variant-numeric: tabular-nums; border-bottom: 1px solid #ddd; font-weight: 400; }}
-th:first-child {{ text-align: left; }}
-.best {{ font-weight: 700; }}
-svg {{ max-width: 100%; height: auto; }}
-pre {{ overflow-x: auto; }}
-</style>
-<h1>geneoh eval</h1>
-{body}
-</html>
-"""

@@ -90,7 +90,7 @@ def evaluate(
     settings, versions = settings_of(options), versions_now()
     done, earlier = open_record(folder, settings, versions, fresh=fresh)
     cleaner = options.cleaner
-    config = ScoringConfig(cleaner.hand, cleaner.mano_dir, options.chosen_close_frames)
+    config = ScoringConfig(cleaner.hand, cleaner.mano_dir, settings["close_frames"])
     pages_folder = folder / "pages" if pages else None
     tasks = tasks_left(cases, methods, done, config, pages_folder)
     made = run(tasks, folder, jobs=max(1, min(jobs, len(tasks))), on_progress=on_progress)
@@ -106,7 +106,11 @@ def evaluate(
         methods=tuple(method.name for method in methods),
         scores=tuple(by_key[key] for key in wanted),
         notes=notes,
-        pages=() if pages_folder is None else tuple(pages_there(pages_folder, wanted)),
+        pages=tuple(
+            (" · ".join(map(str, key[1:])), page.relative_to(folder).as_posix())
+            for key in wanted
+            if pages_folder is not None and (page := page_of(pages_folder, key)).is_file()
+        ),
     )
 
 
@@ -124,7 +128,7 @@ def settings_of(options: EvaluationOptions) -> dict[str, Any]:
         "data": None if root is None else str(root.resolve()),
         "noisy_inputs": None if stored is None else digest(stored.rglob("*.npz")),
         "protocol": as_dict(options.protocol),
-        "close_frames": options.chosen_close_frames,
+        "close_frames": options.close_frames or options.defaults.close_frames,
         "cleaner": {
             "samples": cleaner.samples,
             "selection": cleaner.selection,
@@ -258,14 +262,6 @@ def page_of(pages: Path, key: ScoreKey) -> Path:
     """File of the page in 3D of one result of geneoh."""
     name = re.sub(r"[^A-Za-z0-9.-]+", "_", "_".join(map(str, key[1:])))
     return pages / f"{name}.html"
-
-
-def pages_there(pages: Path, keys: Iterable[ScoreKey]) -> Iterator[tuple[str, str]]:
-    """Title and place beside the report of every page that is there."""
-    for key in keys:
-        path = page_of(pages, key)
-        if path.is_file():
-            yield " · ".join(map(str, key[1:])), f"{pages.name}/{path.name}"
 
 
 def run(

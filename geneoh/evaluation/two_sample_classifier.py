@@ -106,29 +106,21 @@ def cross_validate(
     right: tuple[list[bool], list[bool]] = ([], [])
     for fold, block in enumerate(one):
         trained_on = np.concatenate([each for i, each in enumerate(one) if i != fold])
-        model = fit_logistic(trained_on, rest[fold_of_rest != fold])
-        right[0].extend(model.score(block) > 0)
-        right[1].extend(model.score(rest[fold_of_rest == fold]) <= 0)
+        weights, bias = fit_logistic(trained_on, rest[fold_of_rest != fold])
+        right[0].extend(block @ weights + bias > 0)
+        right[1].extend(rest[fold_of_rest == fold] @ weights + bias <= 0)
     shares = [float(np.mean(each)) for each in right]
     return CrossValidation(sum(shares) / 2, (len(right[0]), len(right[1])))
 
 
-@dataclass(frozen=True)
-class Logistic:
-    """A fitted logistic regression on standardised features."""
+def fit_logistic(
+    first: Float[np.ndarray, "N D"], second: Float[np.ndarray, "M D"]
+) -> tuple[Float[np.ndarray, " D"], float]:
+    """Logistic regression with a ridge penalty; both classes have the same total weight.
 
-    mean: Float[np.ndarray, " D"]
-    scale: Float[np.ndarray, " D"]
-    weight: Float[np.ndarray, " D"]
-    bias: float
-
-    def score(self, values: Float[np.ndarray, "N D"]) -> Float[np.ndarray, " N"]:
-        """Log-odds of the first class: above zero for the first, below for the second."""
-        return (values - self.mean) / self.scale @ self.weight + self.bias
-
-
-def fit_logistic(first: Float[np.ndarray, "N D"], second: Float[np.ndarray, "M D"]) -> Logistic:
-    """Logistic regression with a ridge penalty; both classes have the same total weight."""
+    Returns:
+        weights and bias: `values @ weights + bias` is above zero for the first class.
+    """
     values = np.concatenate([first, second])
     mean = (first.mean(0) + second.mean(0)) / 2
     # Feature vectors get unit length on average, so that the ridge does not depend on their size.
@@ -145,4 +137,5 @@ def fit_logistic(first: Float[np.ndarray, "N D"], second: Float[np.ndarray, "M D
         return value, np.append(RIDGE * weight - wrong @ x, -wrong.sum())
 
     found = minimize(loss, np.zeros(x.shape[1] + 1), jac=True, method="L-BFGS-B").x
-    return Logistic(mean, scale, found[:-1], float(found[-1]))
+    weights = found[:-1] / scale
+    return weights, float(found[-1] - mean @ weights)

@@ -23,6 +23,7 @@ from geneoh.readers.base import SourceClip
 from geneoh.readers.sources.grab import touching
 
 TEST_OBJECTS = ("mug", "wineglass", "camera", "binoculars", "fryingpan", "toothpaste")
+"""Objects that TOCH keeps out of training."""
 OTHER: dict[Side, Side] = {"right": "left", "left": "right"}
 
 
