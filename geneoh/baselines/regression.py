@@ -32,7 +32,7 @@ class RegressionDenoiser(nn.Module):
     """Noisy keypoints to clean ones: a PointNet over contact points, a transformer over frames."""
 
     def __init__(self, config: RegressionConfig) -> None:
-        """Build the network; its last layer is zero, so that without training it changes nothing."""
+        """Build the network; its last layer is zero, so that untrained it changes nothing."""
         super().__init__()
         self.config = config
         self.encode_point = mlp(RELATION_FEATURES, config.point_width, config.point_width)
