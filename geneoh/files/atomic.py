@@ -1,12 +1,66 @@
 """Files appear whole or not at all."""
 
-import secrets
+import os
 import shutil
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from itertools import count
 from pathlib import Path
 
 from geneoh.errors import GeneOHError, InputError
+
+STALE = 60.0
+"""Seconds without a change after which an unfinished file counts as left by a killed process."""
+
+
+@contextmanager
+def in_one_step(path: Path, *, folder: bool = False, parents: bool = False) -> Iterator[Path]:
+    """A new file or folder that becomes `path` when the block ends without an error.
+
+    It stands in the same folder as `.NAME.NUMBER.tmp` and is removed after an error. What a killed
+    process left there is removed by the next write of the same `path`, from a minute later on.
+
+    Args:
+        path: what it becomes; an old file of that name is replaced.
+        folder: make a folder, where no `path` may be yet.
+        parents: make the folders above it where they are missing.
+
+    Raises:
+        InputError: the place cannot be written to.
+    """
+    beside = None
+    try:
+        if parents:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        beside = reserved_beside(path, folder=folder)
+        yield beside
+        if not folder:
+            with beside.open("rb+") as file:
+                os.fsync(file.fileno())
+        beside.replace(path)
+    except GeneOHError:  # of which some are OSErrors
+        raise
+    except OSError as error:
+        raise unwritable(path, error) from None
+    finally:
+        if beside is not None:
+            remove(beside)
+
+
+def reserved_beside(path: Path, *, folder: bool) -> Path:
+    """An empty file or folder beside `path` that is ours alone; stale ones are removed."""
+    for number in count():
+        beside = path.with_name(f".{path.name}.{number}.tmp")
+        try:
+            beside.mkdir() if folder else beside.touch(exist_ok=False)
+        except FileExistsError:
+            with suppress(FileNotFoundError):  # the other process is done with it by now
+                if time.time() - beside.stat().st_mtime > STALE:
+                    remove(beside)
+        else:
+            return beside
+    raise AssertionError("there is always a next number")
 
 
 def write_whole(path: Path, data: bytes | str, *, parents: bool = False) -> None:
@@ -20,34 +74,15 @@ def write_whole(path: Path, data: bytes | str, *, parents: bool = False) -> None
     Raises:
         InputError: the place cannot be written to.
     """
-    with in_one_step(path) as beside:
-        if parents:
-            path.parent.mkdir(parents=True, exist_ok=True)
+    with in_one_step(path, parents=parents) as beside:
         beside.write_bytes(data.encode() if isinstance(data, str) else data)
 
 
-@contextmanager
-def in_one_step(path: Path) -> Iterator[Path]:
-    """A place beside `path` to write a file or a folder to, which becomes `path` at the end.
-
-    Where the block raises, `path` keeps what it holds, and what was written is removed.
-
-    Raises:
-        InputError: the place cannot be written to.
-    """
-    beside = path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
-    try:
-        yield beside
-        beside.replace(path)
-    except GeneOHError:
-        raise  # some are an OSError too, and say more
-    except OSError as error:
-        raise unwritable(path, error) from None
-    finally:
-        if beside.is_dir():
-            shutil.rmtree(beside, ignore_errors=True)
-        else:
-            beside.unlink(missing_ok=True)
+def remove(path: Path) -> None:
+    """Remove a file or a folder, where there is one."""
+    if path.is_dir():
+        shutil.rmtree(path, ignore_errors=True)
+    path.unlink(missing_ok=True)
 
 
 def unwritable(path: Path, error: OSError) -> InputError:

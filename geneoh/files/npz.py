@@ -6,35 +6,24 @@ the bytes that are there.
 """
 
 import io
-import lzma
 import math
-import os
-import secrets
-import struct
-import tokenize
 import zipfile
-import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from geneoh.errors import InputError
-from geneoh.files.atomic import unwritable
-
-SIZE_LIMIT = 2**30
-"""Bytes that one archive may unpack to: an hour of two hands at 120 fps takes less than 0.5 GiB."""
-
-UNPACKING_ERRORS = (zlib.error, lzma.LZMAError, struct.error, EOFError, RuntimeError, UnicodeError)
-"""What zipfile lets through of a damaged or encrypted archive, besides its own BadZipFile."""
-
-HEADER_ERRORS = (ValueError, KeyError, SyntaxError, tokenize.TokenError)
-"""What numpy lets through of a damaged array header, which it reads as Python's literals."""
+from geneoh.files.atomic import in_one_step
+from geneoh.files.reading import DAMAGE, SIZE_LIMIT, read_bytes, reason
 
 OLDEST_TIME = (1980, 1, 1, 0, 0, 0)
 """Time stamp of every member, the first that zip knows: equal arrays give equal bytes."""
 
 Arrays = dict[str, np.ndarray]
+ObjectReader = Callable[[bytes, str], Any]
+"""From the bytes behind the header of an array of Python objects, and its file and field."""
 
 
 def read_archive(path: Path) -> Arrays:
@@ -43,59 +32,64 @@ def read_archive(path: Path) -> Arrays:
     Raises:
         InputError: not an npz, damaged, too large when unpacked, or with anything but plain arrays.
     """
+    data = read_bytes(path)
+    if not data.startswith(b"PK"):
+        raise InputError(f"{path}: expected an npz archive, got {got_instead(data)}")
     try:
-        with zipfile.ZipFile(path) as archive:
-            members = [info for info in archive.infolist() if info.filename.endswith(".npy")]
-            refuse_size(path, members)
-            return {
-                info.filename.removesuffix(".npy"): decode_array(path, info, archive.read(info))
-                for info in members
-            }
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file; check the path") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from None
-    except zipfile.BadZipFile as error:
-        raise InputError(refused_zip(path, error)) from None
-    except UNPACKING_ERRORS as error:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            return decode_archive(archive, str(path))
+    except InputError:
+        raise
+    except DAMAGE as error:
         raise InputError(
-            f"{path}: expected an npz as numpy.savez writes it, got an archive that cannot be "
-            f"unpacked ({error}); write or copy it again"
+            f"{path}: the npz is truncated or damaged ({reason(error)}); write or copy it again"
         ) from None
 
 
-def refused_zip(path: Path, error: zipfile.BadZipFile) -> str:
-    """What to say of a file that is no sound zip, by its first bytes."""
-    with path.open("rb") as file:
-        start = file.read(6)
-    if start.startswith(b"PK"):
-        return f"{path}: the npz is truncated or damaged ({error}); write or copy it again"
-    if start == b"\x93NUMPY":
-        got, cure = "a single .npy array", "save the arrays by name with numpy.savez"
-    elif start.startswith(b"\x80"):
-        got, cure = "a pickle, which is never opened", "save its arrays with numpy.savez"
-    else:
-        got, cure = "something else", "save the arrays with numpy.savez"
-    return f"{path}: expected an npz archive, got {got}; {cure}"
+def got_instead(data: bytes) -> str:
+    """What a file is that is no zip, and what to do, by its first bytes."""
+    if data.startswith(b"\x93NUMPY"):
+        return "a single .npy array; save the arrays by name with numpy.savez"
+    if data.startswith(b"\x80"):
+        return "a pickle, which is never opened; save its arrays with numpy.savez"
+    return "something else; save the arrays with numpy.savez"
 
 
-def refuse_size(path: Path, members: list[zipfile.ZipInfo]) -> None:
-    """Refuse an archive by what it declares, before anything is unpacked."""
+def decode_archive(
+    archive: zipfile.ZipFile, file: str, objects: ObjectReader | None = None
+) -> dict[str, Any]:
+    """Every array of an open archive by its name; see `decode_array`.
+
+    What the archive declares is held against the limit before anything is unpacked.
+    """
+    members = [info for info in archive.infolist() if info.filename.endswith(".npy")]
     total = sum(info.file_size for info in members)
     if total > SIZE_LIMIT:
         raise InputError(
-            f"{path}: the arrays must unpack to at most {SIZE_LIMIT / 2**30:g} GiB, got "
+            f"{file}: the arrays must unpack to at most {SIZE_LIMIT / 2**30:g} GiB, got "
             f"{total / 2**30:.1f} GiB; cut the sequence into shorter ones"
         )
-    names = [info.filename for info in members]
+    names = [info.filename.removesuffix(".npy") for info in members]
     if len(set(names)) < len(names):
-        twice = next(name for name in names if names.count(name) > 1).removesuffix(".npy")
-        raise InputError(f"{path}: expected each field once, got '{twice}' twice; write it again")
+        twice = next(name for name in names if names.count(name) > 1)
+        raise InputError(f"{file}: expected each field once, got '{twice}' twice; write it again")
+    return {
+        name: decode_array(archive.read(info), f"{file}: '{name}'", objects)
+        for name, info in zip(names, members, strict=True)
+    }
 
 
-def decode_array(path: Path, info: zipfile.ZipInfo, raw: bytes) -> np.ndarray:
-    """The array in one .npy member; its header must describe exactly the bytes that follow."""
-    field = info.filename.removesuffix(".npy")
+def decode_array(raw: bytes, what: str, objects: ObjectReader | None = None) -> Any:
+    """The array in the bytes of a .npy; its header must describe exactly the bytes that follow.
+
+    Args:
+        raw: the bytes.
+        what: file and field, for the errors.
+        objects: reads the pickle of an array of Python objects, which is refused without it.
+
+    Raises:
+        InputError: damaged, or of Python objects without `objects`.
+    """
     stream = io.BytesIO(raw)
     try:
         version = np.lib.format.read_magic(stream)
@@ -104,19 +98,21 @@ def decode_array(path: Path, info: zipfile.ZipInfo, raw: bytes) -> np.ndarray:
             (2, 0): np.lib.format.read_array_header_2_0,
         }[version]
         shape, fortran, dtype = read_header(stream)
-    except HEADER_ERRORS as error:
+    except DAMAGE as error:
         raise InputError(
-            f"{path}: '{field}' has no readable array header ({error}); write it with numpy.savez"
+            f"{what} has no readable array header ({reason(error)}); write it with numpy.savez"
         ) from None
+    body = raw[stream.tell() :]
+    if dtype.hasobject and objects is not None:
+        return objects(body, what)
     if dtype.hasobject:
         raise InputError(
-            f"{path}: '{field}' must be a plain array of numbers or text, got Python objects "
+            f"{what} must be a plain array of numbers or text, got Python objects "
             "(a pickle), which are never opened; save it with a fixed dtype"
         )
-    body = raw[stream.tell() :]
-    if math.prod(shape) * dtype.itemsize != len(body):
+    if math.prod(shape) * dtype.itemsize != len(body) or dtype.itemsize == 0:
         raise InputError(
-            f"{path}: '{field}' declares shape {shape} of {dtype}, got {len(body)} bytes; "
+            f"{what} declares shape {shape} of {dtype}, got {len(body)} bytes; "
             "the file is damaged, write or copy it again"
         )
     array = np.ndarray(shape, dtype, body, order="F" if fortran else "C")
@@ -124,26 +120,17 @@ def decode_array(path: Path, info: zipfile.ZipInfo, raw: bytes) -> np.ndarray:
 
 
 def write_archive(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
-    """Write an npz in one step: `path` holds the old file or the whole new one, never a part.
-
-    The same arrays give the same bytes.
+    """Write an npz in one step; the same arrays give the same bytes.
 
     Raises:
         InputError: the place cannot be written to.
     """
-    beside = path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
-    try:
-        with beside.open("xb") as file:
-            with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
-                for name, array in arrays.items():
-                    archive.writestr(member(name), encode_array(array), compresslevel=6)
-            file.flush()
-            os.fsync(file.fileno())
-        beside.replace(path)
-    except OSError as error:
-        raise unwritable(path, error) from None
-    finally:
-        beside.unlink(missing_ok=True)
+    with (
+        in_one_step(path) as beside,
+        zipfile.ZipFile(beside, "w", zipfile.ZIP_DEFLATED) as archive,
+    ):
+        for name, array in arrays.items():
+            archive.writestr(member(name), encode_array(array), compresslevel=6)
 
 
 def member(name: str) -> zipfile.ZipInfo:

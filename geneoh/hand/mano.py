@@ -1,7 +1,7 @@
 """The MANO hand (Romero et al. 2017) from the file its user owns; nothing of it ships with geneoh.
 
 Reads the official `MANO_RIGHT.pkl` and `MANO_LEFT.pkl`, and npz files with the same fields as
-`smplx` writes them, without chumpy and without running the pickle (see `geneoh.pickles`).
+`smplx` writes them, without chumpy and without running the pickle (see `geneoh.files.pickles`).
 
 Left shapes: the official left file carries the right hand's shape directions although its template
 is mirrored, so equal betas give different hands (smplx issue 48). Work that mended the file and
@@ -22,11 +22,11 @@ from torch import Tensor
 
 from geneoh.choices import Side
 from geneoh.errors import InputError, MissingAssetError
+from geneoh.files.values import read_values
 from geneoh.geometry.mirror import MIRROR
 from geneoh.hand.embedded import TIP_VERTS, embedded_right
 from geneoh.hand.model import HandModel
 from geneoh.hand.skeleton import PARENTS
-from geneoh.pickles.files import read_values
 
 ENVIRONMENT = "GENEOH_MANO_DIR"
 HOME = "https://mano.is.tue.mpg.de"

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from geneoh.errors import InputError
-from geneoh.pickles.files import open_text, read_bytes, read_values
+from geneoh.files.reading import open_text, read_bytes
+from geneoh.files.values import read_values
 from geneoh.readers.records import FRAME_LIMIT, Array, Record, Shape, as_record
 
 TABLE_LIMIT = 2**29

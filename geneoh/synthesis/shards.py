@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import os
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 
@@ -15,6 +14,7 @@ from torch import Tensor
 from geneoh.bundle import concatenated
 from geneoh.config import as_dict, flat, with_table
 from geneoh.errors import ConfigError, InputError
+from geneoh.files.atomic import in_one_step
 from geneoh.hand.model import HandModel, ShapedHand
 from geneoh.progress import OnStep
 from geneoh.synthesis.bimanual import (
@@ -213,10 +213,9 @@ def write_shards(
                 config, config.families_of(index), hand, generator=shard_generator(seed, index)
             )
             tensors = {f.name: getattr(part, f.name).contiguous() for f in fields(part)}
-            temporary = path.with_suffix(".part")
-            # one entry: safetensors writes several in no fixed order
-            save_file(tensors, temporary, metadata={"record": json.dumps(as_dict(record))})
-            os.replace(temporary, path)
+            with in_one_step(path) as beside:
+                # one entry: safetensors writes several in no fixed order
+                save_file(tensors, beside, metadata={"record": json.dumps(as_dict(record))})
             made += 1
         if on_shard is not None:
             on_shard(index + 1, config.shards)

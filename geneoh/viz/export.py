@@ -26,8 +26,7 @@ def write_meshes(scene: Scene, path: Path, look: Look, on_step: OnStep | None) -
     folder = path.with_suffix("")
     if folder.exists():
         raise InputError(f"{folder}: expected a new folder, got one that is there; remove it")
-    with in_one_step(folder) as beside:
-        beside.mkdir(parents=True)
+    with in_one_step(folder, folder=True, parents=True) as beside:
         for frame in range(scene.frames):
             for name, mesh in _meshes(scene, frame).items():
                 mesh.export(beside / f"{name}_{frame:04d}{path.suffix.lower()}")

@@ -1,5 +1,6 @@
 import hashlib
 import json
+import os
 import re
 from dataclasses import fields, replace
 from pathlib import Path
@@ -67,7 +68,9 @@ def test_an_interrupted_run_makes_only_what_is_missing(tmp_path, hand):
     write_shards(tmp_path, TINY, hand, seed=0)
     whole = contents(tmp_path)
     (tmp_path / "train_00001.safetensors").unlink()
-    (tmp_path / "train_00001.part").write_bytes(b"half written")
+    left = tmp_path / ".train_00001.safetensors.0.tmp"
+    left.write_bytes(b"half written")
+    os.utime(left, (0, 0))
     kept = {p.name: p.stat().st_mtime_ns for p in tmp_path.glob("*.safetensors")}
     assert write_shards(tmp_path, TINY, hand, seed=0) == 1
     assert contents(tmp_path) == whole

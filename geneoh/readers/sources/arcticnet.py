@@ -13,7 +13,7 @@ import numpy as np
 
 from geneoh.choices import Side
 from geneoh.errors import InputError
-from geneoh.pickles.files import read_values
+from geneoh.files.values import read_values
 from geneoh.readers.base import CrossChecks, ReaderOptions, SourceClip
 from geneoh.readers.builders import ManoParameters
 from geneoh.readers.dataset_reader import ClipParts, DatasetReader

@@ -12,7 +12,7 @@ import numpy as np
 
 from geneoh.choices import Side
 from geneoh.errors import InputError
-from geneoh.pickles.files import read_values
+from geneoh.files.values import read_values
 from geneoh.readers.base import ReaderOptions, SourceClip
 from geneoh.readers.builders import hand_track
 from geneoh.readers.dataset_reader import ClipParts, DatasetReader

@@ -18,12 +18,12 @@ import torch
 
 from geneoh.choices import Side
 from geneoh.errors import InputError
+from geneoh.files.values import read_values
 from geneoh.geometry.distance import SurfaceDistance
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.mirror import MIRROR
 from geneoh.hand.mano import AS_SHIPPED
 from geneoh.hand.model import HandModel
-from geneoh.pickles.files import read_values
 from geneoh.readers.base import CrossChecks, ReaderOptions, SourceClip
 from geneoh.readers.builders import hand_track
 from geneoh.readers.dataset_reader import ClipParts, DatasetReader

@@ -13,8 +13,8 @@ import numpy as np
 
 from geneoh.choices import Side
 from geneoh.errors import InputError
+from geneoh.files.values import read_values
 from geneoh.hand.mano import MENDED
-from geneoh.pickles.files import read_values
 from geneoh.readers.base import ReaderOptions, SourceClip
 from geneoh.readers.builders import ManoConvention, ManoParameters
 from geneoh.readers.dataset_reader import ClipParts, DatasetReader

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from geneoh.errors import InputError
+from geneoh.files.values import read_values
 from geneoh.geometry.mesh import Mesh
-from geneoh.pickles.files import read_values
 from geneoh.readers.base import CrossChecks, ReaderOptions, SourceClip, finite_frames
 from geneoh.readers.builders import (
     OPENPOSE_FROM_MANO,

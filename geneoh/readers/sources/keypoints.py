@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from geneoh.errors import ConfigError
-from geneoh.pickles.files import read_values
+from geneoh.files.values import read_values
 from geneoh.readers.base import CrossChecks, ReaderOptions, SourceClip
 from geneoh.readers.builders import keypoint_track
 from geneoh.readers.dataset_reader import ClipParts, DatasetReader, stated_side

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from geneoh.errors import InputError
-from geneoh.pickles.files import read_values
+from geneoh.files.values import read_values
 from geneoh.readers.base import ReaderOptions, SourceClip
 from geneoh.readers.builders import ManoConvention, ManoParameters
 from geneoh.readers.dataset_reader import ClipParts, DatasetReader, stated_side

@@ -11,7 +11,7 @@ import torch
 from damage import damaged, forbid
 
 from geneoh.errors import InputError
-from geneoh.pickles.files import decode, read_values
+from geneoh.files.values import decode, read_values
 
 TRIALS = 200
 """Damaged files of each kind."""

@@ -15,10 +15,12 @@ import numpy as np
 import pytest
 import scipy.sparse
 import torch
+from trees.writers import dump_joblib
 
 from geneoh.errors import InputError
-from geneoh.pickles import checkpoints, files, machine
-from geneoh.pickles.files import read_values
+from geneoh.files import checkpoints, npz, pickles
+from geneoh.files import values as files
+from geneoh.files.values import read_values
 
 STRIDED = torch.arange(12.0).reshape(3, 4)[:, 1:3]
 
@@ -66,6 +68,15 @@ def test_every_protocol_gives_the_values_back(tmp_path, protocol):
 def test_both_forms_of_checkpoint_give_the_values_back(tmp_path, zipped):
     torch.save(values(), tmp_path / "a.pt", _use_new_zipfile_serialization=zipped)
     assert_read(tmp_path / "a.pt")
+
+
+def test_arrays_of_joblib_are_read_from_behind_their_descriptions(tmp_path):
+    arrays = [np.arange(6.0).reshape(2, 3), np.arange(4, dtype="i2")]
+    dump_joblib(tmp_path / "a.pkl", {"list": arrays, "name": "mug"})
+    read = read_values(tmp_path / "a.pkl")
+    assert read["name"] == "mug"
+    for array, got in zip(arrays, read["list"], strict=True):
+        np.testing.assert_array_equal(got, array, strict=True)
 
 
 def test_a_value_used_twice_is_one_value(tmp_path):
@@ -170,6 +181,22 @@ def doubled(depth: int) -> list:
     return value
 
 
+def nested_key(depth: int, end: bytes) -> bytes:
+    """Tuples that each hold the one before twice, as a key: 2**depth steps to hash."""
+    pairs = b"".join(b"h" + bytes([i]) + b"h" + bytes([i]) + b"\x86\x94" for i in range(depth))
+    return raw(b"K\x01\x85\x94", pairs, end)
+
+
+def many_calls(made: bytes, call: bytes, count: int = 20) -> bytes:
+    """A list of many calls with one and the same large argument, which is kept under 0."""
+    return raw(made, b"\x940](", call * count, b"e")
+
+
+def colliding() -> dict[int, int]:
+    """Keys of which all have the same hash."""
+    return {(2**61 - 1) * (2**20 + n): n for n in range(1000)}
+
+
 def sparse_of(shape) -> bytes:
     """A sparse matrix of any declared shape."""
     matrix = scipy.sparse.csc_matrix(np.eye(3))
@@ -229,7 +256,26 @@ HOSTILE = {
     "chumpy function": (raw(b"cchumpy.ch\nloads\n)R"), "chumpy.ch.loads"),
     "scipy.sparse.load_npz": (raw(b"cscipy.sparse\nload_npz\n)R"), "scipy.sparse.load_npz"),
     "sparse of absurd shape": (sparse_of((10**9, 3)), "csc_matrix|GiB"),
-    "name of lists": (raw(pickle.dumps(doubled(40))[2:-1], b"\x8c\x01a\x93"), "no text"),
+    "attribute path": (raw(b"cnumpy.core.multiarray\n_reconstruct.__call__\n)R"), "__call__"),
+    "dots in the name": (raw(b"cnumpy\ncore.multiarray._reconstruct\n)R"), "_reconstruct"),
+    "copyreg.__reduce_ex__": (raw(b"ccopyreg\n__reduce_ex__\n)R"), "copyreg.__reduce_ex__"),
+    "persistent id as text": (b"Pname\n.", "opcode"),
+    "persistent id": (raw(b"K\x01Q"), "keeps nothing outside"),
+    "memo index": (raw(b"Nr\xff\xff\xff\xffj\xff\xff\xff\xfe"), "damaged"),
+    "huge byte array": (raw(b"\x96" + struct.pack("<Q", 2**40)), "truncated"),
+    "call of a plain value": (raw(b"K\x01)R"), "calls what is no function"),
+    "state of a plain value": (raw(b"]}b"), "sets the state of a plain value"),
+    "state of a name": (raw(b"cnumpy\nndarray\n}b"), "sets the state of a plain value"),
+    "instance of a value": (raw(b"ccopyreg\n_reconstructor\nK\x01\x85R"), "no function"),
+    "instance of itself": (raw(b"ccopyreg\n_reconstructor\n\x94h\x00\x85R"), "damaged"),
+    "class as a value": (raw(b"cnumpy\nndarray\n"), "kept as a value"),
+    "class that is called": (raw(b"cnumpy\nndarray\n)R"), "is called"),
+    "key of tuples": (nested_key(40, b"}h\x28Ns"), "key that is a tuple"),
+    "key of tuples by mark": (nested_key(40, b"(h\x28Nd"), "key that is a tuple"),
+    "set of tuples": (nested_key(60, b"\x8f(h\x3c\x90"), "nested deeper"),
+    "frozen set of tuples": (nested_key(60, b"(h\x3c\x91"), "nested deeper"),
+    "keys of one hash": (pickle.dumps(colliding()), "too long"),
+    "name of lists": (raw(pickle.dumps(doubled(40))[2:-1], b"\x8c\x01a\x93"), "requires str"),
     "shape of lists": (array_of((doubled(40),)), "a shape that is none"),
 }
 
@@ -247,17 +293,67 @@ def test_a_hostile_pickle_is_refused_by_name(name, tmp_path, monkeypatch):
 
 
 def test_many_small_values_are_refused_before_they_fill_the_memory(tmp_path, monkeypatch):
-    monkeypatch.setattr(machine, "OBJECT_LIMIT", 1000)
+    monkeypatch.setattr(pickles, "OBJECT_LIMIT", 1000)
     for name, body in (("lists", b"]" * 1001 + b"0" * 1000), ("kept", b"N" + b"\x94" * 1001)):
         (tmp_path / name).write_bytes(raw(body))
         with pytest.raises(InputError, match="more than 1000"):
             read_values(tmp_path / name)
 
 
+MULTIPLIED = {
+    "dicts": (
+        b"](" + b"K\x01K\x01\x86" * 1000 + b"e",
+        b"ccollections\nOrderedDict\nh\x00\x85R",
+    ),
+    "texts": (
+        b"X" + struct.pack("<I", 2**17) + b"a" * 2**17,
+        b"c_codecs\nencode\nh\x00\x8c\x06latin1\x86R",
+    ),
+    "arrays of objects": (
+        b"](" + b"N" * 2**14 + b"e",
+        b"cnumpy.core.multiarray\n_reconstruct\n)R(K\x01M\x00\x40\x85"
+        b"cnumpy\ndtype\n\x8c\x01O\x85R\x89h\x00tb",
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", MULTIPLIED)
+def test_one_large_argument_of_many_calls_cannot_fill_the_memory(kind, tmp_path, monkeypatch):
+    (tmp_path / "a.pkl").write_bytes(many_calls(*MULTIPLIED[kind]))
+    assert len(read_values(tmp_path / "a.pkl")) == 20
+    monkeypatch.setattr(pickles, "SIZE_LIMIT", 2**20)
+    with pytest.raises(InputError, match="asks for more than"):
+        read_values(tmp_path / "a.pkl")
+
+
+def test_a_call_does_not_copy_its_arguments():
+    wide = b"(" + b"N" * 1000 + b"t"
+    data = many_calls(wide, b"ccollections\nOrderedDict\nh\x00R", 3)
+    first, second, third = pickles.Loader(data, "a", {"collections.OrderedDict": print}).tree()
+    assert first.args is second.args is third.args
+    assert len(first.args) == 1000
+
+
+def test_a_pickle_of_too_many_steps_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(pickles, "STEP_LIMIT", 1000)
+    (tmp_path / "a.pkl").write_bytes(raw(b"N" * 1001, b"0" * 1000))
+    with pytest.raises(InputError, match="more than 1000 steps"):
+        read_values(tmp_path / "a.pkl")
+
+
+@pytest.mark.parametrize("zipped", [True, False])
+def test_many_parts_of_one_storage_are_read_once(tmp_path, zipped):
+    whole = torch.zeros(2**21)
+    parts = [whole[n : n + 2] for n in range(200)]
+    torch.save(parts, tmp_path / "a.pt", _use_new_zipfile_serialization=zipped)
+    read = read_values(tmp_path / "a.pt")
+    assert [part.shape for part in read] == [(2,)] * 200
+
+
 @pytest.mark.parametrize("kind", ["npz", "gzip", "checkpoint"])
 def test_what_unpacks_to_too_much_is_refused(tmp_path, monkeypatch, kind):
-    for module in (files, checkpoints):
-        monkeypatch.setattr(module, "BYTES_LIMIT", 2**20)
+    for module in (files, npz, checkpoints):
+        monkeypatch.setattr(module, "SIZE_LIMIT", 2**20)
     path, zeros = tmp_path / "a.bin", np.zeros(2**21, np.uint8)
     if kind == "npz":
         with path.open("wb") as file:

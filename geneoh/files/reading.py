@@ -1,0 +1,72 @@
+"""The bytes of files that others wrote: not too many, and one sentence where they cannot be had."""
+
+import csv
+import lzma
+import pickle
+import struct
+import tokenize
+import zipfile
+import zlib
+from pathlib import Path
+from typing import TextIO
+
+from geneoh.errors import InputError
+
+SIZE_LIMIT = 2**30
+"""Bytes of one file, and of all arrays that are made of it: an hour of two hands takes half."""
+
+DAMAGE = (
+    *(ArithmeticError, AssertionError, AttributeError, EOFError, LookupError, MemoryError),
+    *(RuntimeError, SyntaxError, TypeError, ValueError, csv.Error, lzma.LZMAError, struct.error),
+    *(pickle.UnpicklingError, tokenize.TokenError, zipfile.BadZipFile, zlib.error),
+)
+"""What a damaged file makes the readers of Python and numpy raise; numpy, for one, reads the header
+of an array as Python's literals."""
+
+
+def reason(error: Exception) -> str:
+    """What such an error says, in few words."""
+    said = " ".join(str(error).split())[:100]
+    return said if type(error) is ValueError else f"{type(error).__name__}: {said}"
+
+
+def read_bytes(path: Path, limit: int = SIZE_LIMIT) -> bytes:
+    """The bytes of a file that is not too large.
+
+    Raises:
+        InputError: it cannot be read, or is larger than `limit`.
+    """
+    try:
+        refuse_large(path, limit)
+        return path.read_bytes()
+    except OSError as error:
+        raise unreadable(path, error) from None
+
+
+def open_text(path: Path, limit: int) -> TextIO:
+    """A text file that is not too large, to be read line by line.
+
+    Raises:
+        InputError: as `read_bytes`.
+    """
+    try:
+        refuse_large(path, limit)
+        return path.open(encoding="utf-8", errors="replace", newline="")
+    except OSError as error:
+        raise unreadable(path, error) from None
+
+
+def refuse_large(path: Path, limit: int) -> None:
+    """Raise where a file is larger than `limit` bytes."""
+    if (size := path.stat().st_size) > limit:
+        raise InputError(
+            f"{path}: must have at most {limit / 2**20:g} MiB, got {size / 2**20:.0f}; "
+            "cut it into shorter ones"
+        )
+
+
+def unreadable(path: Path, error: OSError) -> InputError:
+    """The error for a file that the system does not give."""
+    if isinstance(error, FileNotFoundError):
+        return InputError(f"{path}: no such file; check the path")
+    return InputError(f"{path}: cannot be read ({error.strerror}); check the path")

@@ -1,0 +1,90 @@
+"""Foreign files of arrays by what they are: pickle, npy, npz, checkpoint or joblib.
+
+The kind is told by the first bytes, not by the file's ending. Every problem of a file is an
+`InputError`; nothing in it is run.
+"""
+
+import bz2
+import io
+import lzma
+import zipfile
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from geneoh.errors import InputError
+from geneoh.files.checkpoints import KNOWN, is_stream, read_stream, read_zip
+from geneoh.files.npz import decode_archive, decode_array
+from geneoh.files.pickles import Loader
+from geneoh.files.reading import DAMAGE, SIZE_LIMIT, read_bytes, reason
+
+
+def read_values(path: Path) -> Any:
+    """What a file of any of these kinds holds, with numpy arrays for all arrays and tensors.
+
+    An npz comes as a dict by name; arrays without axes that hold one object come as that object.
+
+    Raises:
+        InputError: no such file, not one of these kinds, damaged, too large, or naming what is
+            neither an array nor a tensor.
+    """
+    data = read_bytes(path)
+    try:
+        return decode(data, str(path))
+    except InputError:
+        raise
+    except DAMAGE as error:
+        raise InputError(
+            f"{path}: expected a file of arrays, got one that cannot be decoded "
+            f"({reason(error)}); it is damaged, copy it again"
+        ) from None
+
+
+def decode(data: bytes, file: str) -> Any:
+    """As `read_values`, from bytes."""
+    if data.startswith(b"PK"):
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            if any(name.endswith(".npy") for name in archive.namelist()):
+                return decode_archive(archive, file, decode_objects)
+            return read_zip(archive, file)
+    if data.startswith(b"\x93NUMPY"):
+        return decode_array(data, f"{file}: the array", decode_objects)
+    if is_stream(data):
+        return read_stream(data, file)
+    return decode_pickle(unpacked(data, file), file)
+
+
+def decode_pickle(data: bytes, file: str) -> Any:
+    """One pickle, also one of joblib."""
+    loader = Loader(data, file, KNOWN)
+    return loader.value(loader.tree())
+
+
+def decode_objects(data: bytes, file: str) -> Any:
+    """The array of objects behind the header of an npy; without axes, the object itself."""
+    value = decode_pickle(data, file)
+    only = isinstance(value, np.ndarray) and value.dtype.hasobject and value.ndim == 0
+    return value.item() if only else value
+
+
+def unpacked(data: bytes, file: str) -> bytes:
+    """A pickle out of its compression, as joblib and others write it."""
+    if data[:2] in (b"\x78\x01", b"\x78\x5e", b"\x78\x9c", b"\x78\xda"):
+        decompressor: Any = zlib.decompressobj()
+    elif data.startswith(b"\x1f\x8b"):
+        decompressor = zlib.decompressobj(wbits=31)
+    elif data.startswith(b"BZh"):
+        decompressor = bz2.BZ2Decompressor()
+    elif data.startswith((b"\xfd7zXZ", b"\x5d\x00\x00")):
+        decompressor = lzma.LZMADecompressor(memlimit=2**28)
+    else:
+        return data
+    plain = decompressor.decompress(data, SIZE_LIMIT + 1)
+    if len(plain) > SIZE_LIMIT:
+        raise InputError(
+            f"{file}: must unpack to at most {SIZE_LIMIT / 2**30:g} GiB, got more; "
+            "cut it into shorter ones"
+        )
+    return plain
