@@ -142,7 +142,7 @@ def _annotations(kind: type) -> dict[str, Any]:
 
 
 def _change(value: Any, kind: Any, change: Callable[[Leaf, Axes], Leaf]) -> Any:
-    """The value of one field, annotated as `kind`, after the change of all that it holds."""
+    """The value of a field that is annotated as `kind`, with every tensor in it changed."""
     if isinstance(value, Bundle):
         return value._changed(change)
     if isinstance(value, Leaf):

@@ -92,7 +92,7 @@ class HandModel(Bundle):
         return mean + betas @ dirs[:, : betas.shape[-1]].T
 
     def mirrored(self) -> "HandModel":
-        """The reflection x -> -x: the other hand. Betas keep their meaning."""
+        """The hand of the other side, by the reflection x -> -x; betas keep their meaning."""
         flip = mirror_signs(self.template)
         # R -> S R S: entry (r, c) of each rotation changes sign when exactly one index is x.
         feature = (flip[:, None] * flip).reshape(9).repeat(15)

@@ -59,7 +59,7 @@ def rest_offsets(
     """The skeleton that a posed track was made with: forward kinematics solved for the offsets.
 
     Each bone, taken back to the rest frame by its parent's global rotation, must be the same in
-    every frame; the mean over the valid frames is the least-squares answer and the exact one for a
+    every frame; the mean over the valid frames is the least-squares solution, and exact for a
     track that one skeleton produced.
     """
     zero = joints.new_zeros(20, 3)

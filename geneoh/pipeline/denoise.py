@@ -1,4 +1,4 @@
-"""From a noisy interaction to a clean one: the whole way of the data in one place."""
+"""From a noisy interaction to a clean one: the whole pipeline in one place."""
 
 import time
 from collections.abc import Callable
@@ -119,7 +119,7 @@ def _clean(
         return step
 
     with torch.no_grad():
-        # of the input: MotionDiff starts from them, and the report measures their mesh
+        # MotionDiff starts from the parameters of the input, and the report measures their mesh
         given = subject.parameters()
         samples = _run_stages(
             denoisers, context, subject, given, chosen, progress_of, generator=generator

@@ -17,7 +17,7 @@ class Options:
     it; "fast", the default with one sample and fewer steps."""
     samples: int | None = None
     """Number of diffusion chains that are drawn, 1 or more. None leaves it to the preset: 4 in the
-    default one, else 1. From 2 on the result says its expected error (`HandTrack.joint_spread`)."""
+    default one, else 1. With 2 or more the result has `HandTrack.joint_spread`."""
     seed: int = 0
     """Seed of all random numbers. The same seed, input and settings give the same result; each hand
     of a sequence is cleaned with it anew."""

@@ -1,4 +1,4 @@
-"""The border of what the networks know: right hands at 30 frames a second, and the way back."""
+"""Normalisation to what the networks have learned, right hands at 30 frames a second, and back."""
 
 from dataclasses import dataclass
 

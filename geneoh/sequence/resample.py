@@ -37,7 +37,8 @@ def over_frames(sequence: Sequence, frames: int) -> Sequence:
     """The same motion, over the same time, in another number of frames.
 
     Points are interpolated linearly and rotations on the shorter arc, with gaps filled before; a
-    new frame is valid where the nearest old one is. Undoes `at_rate` when given the old number.
+    new frame is valid where the nearest old one is. With the old number of frames it is the inverse
+    of `at_rate`.
     """
     if frames == sequence.frames:
         return sequence

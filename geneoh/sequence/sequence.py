@@ -19,7 +19,7 @@ class HandTrack(Bundle):
 
     side: Side
     valid: Bool[Tensor, " T"]
-    """False where the hand was not observed; the other fields mean nothing in such a frame."""
+    """False where the hand was not observed; the other fields are meaningless in such a frame."""
     joints: Float[Tensor, "T 21 3"] | None = None
     """Keypoints in OpenPose order."""
     pose: Float[Tensor, "T 16 3"] | None = None
