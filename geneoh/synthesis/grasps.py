@@ -2,7 +2,7 @@
 
 Each attempt is of one of `GRASP_TYPES`, which says which pads of the hand should touch and how
 curled it is. The hand starts over a random point of the surface and descends an energy of
-penetration, contact of the wanted pads, finger clearance and distance to a natural pose. What
+penetration, contact of the wanted pads, finger clearance and distance to a likely pose. What
 passes `GraspChecks` is kept. Frames: the right hand's rest frame (fingers -x, palm -y, thumb +z)
 and the object's frame; metres and radians.
 """
@@ -43,8 +43,8 @@ class GraspChecks:
     clearance: float = -0.004
     """Gap between spheres of different fingers, metres; less than zero because skin gives way."""
     deviations: float = 2.2
-    """How far each component of each joint's rotation may be outside its natural range, from half
-    closed to three quarters closed, in natural deviations."""
+    """How far each component of a joint rotation may be outside of the range of the pose prior, in
+    deviations of that prior (`FINGER_STD`), as below."""
     opposing: float = -0.2
     """Grips: the least cosine between the surface normals at two touching pads is below this."""
     bearing: float = 0.5
@@ -72,9 +72,9 @@ class GraspEnergy:
     clearance: float = 2e4
     """Of squared overlap of different fingers, 1/m^2."""
     liked: float = 0.12
-    """Of the squared distance to the pose that this hand likes, in natural deviations."""
+    """Of the squared distance to the pose that was drawn for this hand, in deviations."""
     range: float = 2.0
-    """Natural deviations outside of the natural range from which squares count in full."""
+    """Deviations outside of the range from which squares count in full."""
     wrong_side: float = 1e5
     """Of starting on the other side of an object than is asked for, 1/m^2."""
 
@@ -92,12 +92,12 @@ class GraspConfig:
     last_rate: float = 1e-4
     """Last learning rate of all of them."""
     stop: float = 2.15
-    """Natural deviations outside of the natural range at which the descent stops the joints; less
-    than `checks.deviations`, so that the check does not refuse what was stopped."""
+    """Deviations outside of the range at which the descent stops the joints; less than
+    `checks.deviations`, so that the check does not refuse what was stopped."""
     curl_std: float = 0.3
     """Deviation of the logarithm of the curl from digit to digit."""
     habit_std: float = 0.6
-    """Deviation of the pose that a hand likes, in natural deviations of each joint."""
+    """Deviation of the pose that is drawn for a hand, in deviations of each joint."""
     start_habit: float = 0.5
     """Share of that deviation with which the hand starts."""
     tilt_std: float = 0.25

@@ -169,7 +169,7 @@ def finger_motion(
 def _open_fingers(
     grasps: Grasps, config: HandMotionConfig, draws: Draws
 ) -> Float[Tensor, "B 1 15 3"]:
-    """Open fingers, each in a way of its own."""
+    """Open fingers, each with a curl of its own."""
     scatter = (config.curl_scatter * draws.normal(5)).exp()
     opened = curled(draws.uniform(config.open_curl, 1) * scatter)
     # never more bent than in the grasp: to open must not press a finger into the object

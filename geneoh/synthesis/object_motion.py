@@ -41,7 +41,7 @@ class ObjectMotionConfig:
     table_directions: int = 16
     """Directions in which an object is tried to stand, of which one that leaves room is taken."""
     lift_height: float = 0.03
-    """Height at which an object is carried over the table, metres, besides its own path."""
+    """Height at which an object is carried over the table, metres, in addition to its path."""
     skin: float = 0.012
     """Distance from a keypoint to the skin around it, metres."""
     joint_share: float = 0.8

@@ -42,9 +42,9 @@ FINGER_STD = torch.tensor(
 )
 FINGER_LOW = FINGER_MEAN.minimum(curled(torch.full((1, 5), 1.5))[0])
 FINGER_HIGH = FINGER_MEAN.maximum(curled(torch.full((1, 5), 1.5))[0])
-"""Ends of the natural range: half closed and three quarters closed."""
+"""Ends of the range of the prior: half closed and three quarters closed."""
 
 
 def beyond_range(fingers: Float[Tensor, "*B 15 3"]) -> Float[Tensor, "*B 15 3"]:
-    """How far joints are outside their natural range, in natural deviations."""
+    """How far joints are outside of the range of the prior, in its deviations."""
     return torch.maximum(FINGER_LOW - fingers, fingers - FINGER_HIGH).clamp(min=0) / FINGER_STD

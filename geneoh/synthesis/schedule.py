@@ -30,7 +30,7 @@ class ScheduleConfig:
     regrasp_frames: float = 16.0
     """Frames from that moment to the release."""
     regrasp_rest: float = 8.0
-    """Frames that the object already rests at that moment, besides `grip_frames`."""
+    """Frames that the object already rests before that moment, in addition to `grip_frames`."""
     regrasp_hold: float = 64.0
     """Shortest grasp in frames that has such a moment: the object must have time to move."""
 

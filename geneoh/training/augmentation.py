@@ -35,12 +35,12 @@ class AugmentationConfig:
     shift: tuple[float, float] = (0.0006, 0.02)
     """Range of the deviation of the shift, metres, log-uniform."""
     fingers: tuple[float, float] = (0.05, 0.8)
-    """Range of the deviation of the finger joints, in natural deviations of each, log-uniform."""
+    """Range of the deviation of the finger joints, in those of the pose prior, log-uniform."""
     style_share: float = 0.5
     """Share whose finger pose is set off as a whole."""
     style: float = 0.4
-    """Deviation of that offset, in natural deviations of each joint: little where joints hardly
-    move, so that a pose which is off as a whole can be told."""
+    """Deviation of that offset, in those of the pose prior: little where joints hardly move,
+    so that a constant error of a pose can be recognised."""
     smallest_style: float = 0.04
     """Least deviation of that offset, radians."""
 

@@ -36,7 +36,7 @@ class Batch(Bundle):
     hand: HandParameters
     """The clean hand's parameters in the canonical frame of `region`."""
     motion: ObservedMotion
-    """The noisy hand's parameters there, with what MotionDiff is shown besides."""
+    """The noisy hand's parameters there, with the other inputs of MotionDiff."""
 
     @property
     def clean_canon(self) -> Float[Tensor, "B T 21 3"]:

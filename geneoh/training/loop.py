@@ -46,7 +46,7 @@ STAGES: dict[StageName, tuple[Callable[[Any], nn.Module], Loss]] = {
 
 @dataclass(frozen=True)
 class Progress:
-    """What the caller is told after each step."""
+    """The progress of a run, which the caller gets after each step."""
 
     step: int
     steps: int
