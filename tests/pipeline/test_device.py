@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import quick_presets
 import torch
+from pretended_device import DEVICE
 from torch import Tensor
 
 import geneoh
@@ -18,7 +19,9 @@ from geneoh.pipeline.results import Denoised, save
 from geneoh.sequence.sequence import Sequence
 
 TOLERANCE = 1e-4
-"""Metres and radians by which CUDA may differ from the CPU; the pretended device computes there."""
+"""Metres and radians by which CUDA may differ from the CPU: every keypoint before the fit, and all
+else in the mean. Where the object is thin, rounding may decide on which side of it a finger is
+fitted, so that single frames differ by more. The pretended device gives the numbers of the CPU."""
 
 
 @pytest.fixture(autouse=True)
@@ -42,22 +45,27 @@ def tensors_of(result: Denoised) -> dict[str, Tensor]:
     return found
 
 
-def assert_same(here: Denoised, there: Denoised) -> None:
-    """Equal results, both on the CPU."""
+def assert_same(here: Denoised, there: Denoised, exact: bool) -> None:
+    """Results that are equal or close, both on the CPU."""
     want, got = tensors_of(here), tensors_of(there)
     assert want.keys() == got.keys()
     for name, tensor in got.items():
         assert tensor.device.type == "cpu", name
-        torch.testing.assert_close(tensor, want[name], atol=TOLERANCE, rtol=0)
-    for side, hand in there.hands.items():
-        assert hand.after.as_dict() == pytest.approx(
-            here.hands[side].after.as_dict(), abs=0.1, nan_ok=True
-        )
+        if exact:
+            assert torch.equal(tensor, want[name]), name
+            continue
+        apart = (tensor.double() - want[name].double()).abs()
+        assert float(apart.max() if "samples" in name else apart.mean()) < TOLERANCE, name
+    if exact:
+        for side, hand in there.hands.items():
+            before = here.hands[side].after.as_dict()
+            assert hand.after.as_dict() == pytest.approx(before, nan_ok=True)
 
 
 def both_ways(sequence: Sequence, options: Options, device: torch.device) -> None:
     here = denoise(sequence, options)
-    assert_same(here, denoise(sequence, replace(options, device=str(device))))
+    there = denoise(sequence, replace(options, device=str(device)))
+    assert_same(here, there, exact=device == DEVICE)
 
 
 @pytest.mark.parametrize("name", get_args(PresetName))
@@ -83,7 +91,7 @@ def test_another_frame_rate_is_resampled_on_the_device_of_the_sequence(short, de
     there = denoise(slow.to(device), Options(preset="fast", device=str(device)))
     assert all(tensor.device.type == device.type for tensor in tensors_of(there).values())
     moved = {side: hand.to("cpu") for side, hand in there.hands.items()}
-    assert_same(here, replace(there, hands=moved))
+    assert_same(here, replace(there, hands=moved), exact=device == DEVICE)
 
 
 @pytest.mark.parametrize("at_work", ["cpu", "there"])
@@ -110,12 +118,8 @@ def test_bundles_move_whole(short, device):
 
 @pytest.mark.gpu
 def test_cuda_and_the_cpu_agree_on_the_whole_recording(noisy, monkeypatch):
-    """In the mean: where the object is thin, rounding may decide the side by which a finger leaves
-    it, so that single frames differ by more."""
     if not torch.cuda.is_available():
         pytest.skip("needs a CUDA device")
     monkeypatch.undo()
-    here, there = (
-        denoise(noisy, Options(device=name)).sequence.hands[0] for name in ("cpu", "cuda")
-    )
-    assert float((here.joints - there.joints).norm(dim=-1).mean()) < TOLERANCE
+    here, there = (denoise(noisy, Options(device=name)) for name in ("cpu", "cuda"))
+    assert_same(here, there, exact=False)
