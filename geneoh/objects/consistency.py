@@ -1,0 +1,82 @@
+"""Which frames of a pose track agree with one another: jumps and flips are left out or undone."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Bool, Float64
+from scipy.spatial.transform import Rotation
+
+from geneoh.objects.symmetry import Symmetry
+
+LOOK_BACK = 20
+"""Frames before a frame from which it may be reached."""
+SKIPPED, TURNED, USED_SYMMETRY, JUMPED = 0.02, 0.3, 0.25, 10.0
+"""What a chain pays for each frame that it skips, for a turn as large as the limit, for each change
+of the rotation of the mesh onto itself, and for each jump; each frame that it keeps is worth one.
+So an orientation that lasts for more than 20 frames is kept, a shorter one is left out."""
+
+
+@dataclass(frozen=True)
+class Chain:
+    """The frames of a track that follow from one another by possible motion."""
+
+    kept: Bool[np.ndarray, " T"]
+    onto_itself: Float64[np.ndarray, "T 3 3"]
+    """Rotation of the mesh onto itself by which each kept frame agrees with the one before."""
+    jumps: tuple[int, ...]
+    """Kept frames that no possible motion reaches from the kept frame before."""
+
+    def stretches(self) -> list[slice]:
+        """The frames from each jump to the next."""
+        edges = [0, *self.jumps, len(self.kept)]
+        return [slice(start, stop) for start, stop in pairwise(edges)]
+
+
+def longest_chain(rotations: Rotation, limit: float, symmetry: Symmetry) -> Chain:
+    """The chain of frames that keeps most of them and jumps least, by dynamic programming.
+
+    From one frame of the chain to the next the part turns by at most `limit` times the root of
+    their distance, if need be after a rotation of the mesh onto itself; any other step is a jump.
+
+    Args:
+        rotations: of the part, in every frame.
+        limit: radians that the part may turn from one frame to the next.
+        symmetry: of the part's mesh.
+    """
+    matrices = rotations.as_matrix()
+    count = len(matrices)
+    value, before = np.zeros(count), np.full(count, -1)
+    jumped = np.zeros(count, dtype=bool)
+    onto, aligned = np.tile(np.eye(3), (count, 1, 1)), matrices.copy()
+    for frame in range(1, count):
+        earlier = np.arange(max(0, frame - LOOK_BACK), frame)
+        carried = onto[earlier]  # the track as it is, if the frames before needed no other change
+        cosine = (np.einsum("nij,ik,nkj->n", aligned[earlier], matrices[frame], carried) - 1) / 2
+        plain = np.arccos(cosine.clip(-1, 1))
+        other, least = symmetry.nearest(matrices[frame], aligned[earlier])
+        reach = limit * np.sqrt(frame - earlier)
+        changed = (plain >= reach) & (least < reach)
+        angle = np.where(changed, least, plain)
+        worth = value[earlier] + 1 - SKIPPED * (frame - earlier - 1) - USED_SYMMETRY * changed
+        worth -= np.where(angle < reach, TURNED * angle / limit, JUMPED)
+        best = int(worth.argmax())
+        if worth[best] > value[frame]:
+            value[frame], before[frame] = worth[best], earlier[best]
+            jumped[frame] = angle[best] >= reach[best]
+            onto[frame] = other[best] if changed[best] else carried[best]
+            aligned[frame] = matrices[frame] @ onto[frame]
+    kept = np.zeros(count, dtype=bool)
+    frame = int(value.argmax())
+    while frame >= 0:
+        kept[frame], frame = True, int(before[frame])
+    onto = onto @ commonest(onto[kept]).T
+    return Chain(kept, onto, tuple(np.flatnonzero(kept & jumped).tolist()))
+
+
+def commonest(rotations: Float64[np.ndarray, "N 3 3"]) -> Float64[np.ndarray, "3 3"]:
+    """The rotation that occurs most often: what it stands for is left as the track has it."""
+    _, first, count = np.unique(
+        rotations.round(3).reshape(-1, 9) + 0.0, axis=0, return_index=True, return_counts=True
+    )
+    return rotations[first[count.argmax()]]

@@ -1,0 +1,117 @@
+"""Robust smoothing of one rigid part's track: what is constant acceleration, up to noise, stays.
+
+The smooth track minimises the squared distance to the observed one, in units of its noise, plus its
+squared second differences, in units of how much the part accelerates around each frame. Errors have
+heavy tails (Student's t), by iteratively reweighted least squares; the accelerations are estimated
+again after each solve, so that a part that rests is held still and one that is swung keeps moving.
+"""
+
+from math import comb
+
+import numpy as np
+from jaxtyping import Bool, Float64
+from scipy.linalg import solveh_banded
+from scipy.ndimage import median_filter, uniform_filter1d
+from scipy.spatial.transform import Rotation, Slerp
+
+CHI3_MEDIAN = 1.538
+"""Median length of a vector of three standard normal numbers."""
+FREEDOM = 4.0
+"""Degrees of freedom of Student's t: outliers of five deviations count a tenth."""
+ITERATIONS = 6
+ROTATION_ROUNDS = 6
+WINDOW = 9
+"""Frames over which accelerations are averaged."""
+LEAST_ACCELERATION = 0.05
+"""Acceleration of a resting part in units of the noise: keeps the system well conditioned."""
+FIRST_WINDOW, FIRST_ACCELERATION = 15, 0.3
+"""The same for the first solve, which knows only the noisy track."""
+MEDIAN_FRAMES = 5
+"""Frames of the median that the first weights are taken from."""
+
+
+def noise_level(differences: Float64[np.ndarray, "N 3"], order: int) -> float:
+    """Deviation of white noise per coordinate from a track's differences of some order.
+
+    Of order k they have C(2k, k) times the variance of the noise, and smooth motion hardly any; the
+    median does not see jumps.
+    """
+    length = float(np.median(np.linalg.norm(differences, axis=1)))
+    return length / CHI3_MEDIAN / comb(2 * order, order) ** 0.5
+
+
+def increments(rotations: Rotation) -> Float64[np.ndarray, "N 3"]:
+    """Turn from each frame to the next in the part's own frame, axis-angle in radians."""
+    return (rotations[:-1].inv() * rotations[1:]).as_rotvec()
+
+
+def smooth_points(
+    observed: Float64[np.ndarray, "T 3"], trusted: Bool[np.ndarray, " T"], noise: float
+) -> tuple[Float64[np.ndarray, "T 3"], Float64[np.ndarray, " T"]]:
+    """The smooth track of a point, and the weight that each frame had in it, 0 to 1.
+
+    Args:
+        observed: positions; what they are where not trusted does not matter.
+        trusted: frames that count; two at least.
+        noise: deviation per coordinate of the trusted ones, in the unit of the positions.
+    """
+    frames, index = np.arange(len(observed)), np.flatnonzero(trusted)
+    track = np.stack([np.interp(frames, index, x[index]) for x in observed.T], axis=1)
+    filled = np.where(trusted[:, None], observed, track)
+    # medians do not see outliers, which would pass for acceleration
+    raw = median_filter(np.square(np.diff(track, n=2, axis=0)).sum(1), FIRST_WINDOW)
+    excess = raw / CHI3_MEDIAN**2 - comb(4, 2) * noise**2
+    variance = excess.clip(0) + (FIRST_ACCELERATION * noise) ** 2
+    weight = _weights(median_filter(track, (MEDIAN_FRAMES, 1)) - filled, trusted, noise)
+    for _ in range(ITERATIONS):
+        track = _solve(filled, weight / noise**2, 1 / variance)
+        weight = _weights(track - filled, trusted, noise)
+        bends = np.square(np.diff(track, n=2, axis=0)).mean(1)
+        variance = uniform_filter1d(bends, WINDOW) + (LEAST_ACCELERATION * noise) ** 2
+    return track, weight.clip(0, 1)
+
+
+def _weights(
+    off: Float64[np.ndarray, "T 3"], trusted: Bool[np.ndarray, " T"], noise: float
+) -> Float64[np.ndarray, " T"]:
+    """Student's t: how much a frame counts that is so far off the track."""
+    return trusted * (FREEDOM + 3) / (FREEDOM + np.square(off).sum(1) / noise**2)
+
+
+def _solve(
+    observed: Float64[np.ndarray, "T 3"],
+    weight: Float64[np.ndarray, " T"],
+    stiffness: Float64[np.ndarray, " N"],
+) -> Float64[np.ndarray, "T 3"]:
+    """Least squares with weighted observations and weighted second differences."""
+    upper = np.zeros((3, len(observed)))
+    upper[2] = weight
+    for shift, share in ((0, 1.0), (1, 4.0), (2, 1.0)):
+        upper[2, shift : shift + len(stiffness)] += share * stiffness
+    upper[1, 1:-1] -= 2 * stiffness
+    upper[1, 2:] -= 2 * stiffness
+    upper[0, 2:] += stiffness
+    return solveh_banded(upper, weight[:, None] * observed)
+
+
+def smooth_rotations(
+    observed: Rotation, trusted: Bool[np.ndarray, " T"], noise: float
+) -> tuple[Rotation, Float64[np.ndarray, " T"]]:
+    """The smooth track of a rotation, and the weight that each frame had in it, 0 to 1.
+
+    The increments of the present estimate, added up, are a path in a plane space; the observed
+    deviations from the estimate are smoothed along it, and the estimate moves by what is left.
+    """
+    index = np.flatnonzero(trusted)
+    times = np.arange(len(trusted)).clip(index[0], index[-1])
+    track = Slerp(index, observed[index])(times)
+    weight = trusted.astype(float)
+    for _ in range(ROTATION_ROUNDS):
+        path = np.concatenate([np.zeros((1, 3)), np.cumsum(increments(track), axis=0)])
+        off = (track.inv() * observed).as_rotvec()
+        smooth, weight = smooth_points(path + off, trusted, noise)
+        step = smooth - path
+        track = track * Rotation.from_rotvec(step)
+        if np.abs(step).max() < 1e-4:
+            break
+    return track, weight

@@ -1,0 +1,127 @@
+"""Rotations of a mesh onto itself: the ambiguity that a pose estimator cannot resolve.
+
+Estimators turn a nearly symmetric object (a bottle, a box, a ball) by any rotation of its symmetry
+from one frame to the next. The axes are found from the mesh itself: an axis is one of symmetry when
+the surface, turned about it, stays on itself.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float64
+from scipy.spatial.transform import Rotation
+
+from geneoh.geometry.distance import SurfaceDistance
+from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.sampling import sample_surface
+
+SAMPLES = 256
+"""Surface points that are turned and compared with the surface."""
+TOLERANCE = 0.03
+"""Mean distance of the turned points to the surface, as a share of their mean distance to the axis,
+up to which an object counts as symmetric."""
+ORDERS = (2, 3, 4, 5, 6)
+"""Orders of finite rotations that are tried: half a turn, a third of a turn, and so on."""
+REVOLUTION_TURNS = (0.37, 1.0, 1.9, 2.6)
+"""Angles in radians under which a solid of revolution must stay on itself; no common fractions."""
+SAME_AXIS = 0.9
+"""Cosine between two axes of symmetry from which on they are taken for one."""
+STEPS = 72
+"""Turns of a full circle in which a rotation about an axis of revolution is looked for."""
+
+
+@dataclass(frozen=True)
+class Symmetry:
+    """Rotations about `center` that map a mesh onto itself, up to the tolerance."""
+
+    center: Float64[np.ndarray, " 3"]
+    """Fixed point of all rotations in the mesh's frame, metres."""
+    rotations: Float64[np.ndarray, "S 3 3"]
+    """Rotations of the mesh onto itself, the identity first; a solid of revolution has one for each
+    step of a full circle."""
+    is_ball: bool = False
+    """Whether every rotation maps the mesh onto itself; `rotations` is then the identity alone."""
+
+    def nearest(
+        self, rotation: Float64[np.ndarray, "3 3"], wanted: Float64[np.ndarray, "N 3 3"]
+    ) -> tuple[Float64[np.ndarray, "N 3 3"], Float64[np.ndarray, " N"]]:
+        """The equivalent of one rotation that is nearest to each wanted one.
+
+        Returns:
+            The rotation of the mesh onto itself to apply before `rotation`, and the angle that is
+            left to the wanted rotation, in radians.
+        """
+        if self.is_ball:
+            return rotation.T @ wanted, np.zeros(len(wanted))
+        traces = np.einsum("nij,ik,skj->ns", wanted, rotation, self.rotations)
+        best = traces.argmax(1)
+        cosine = (traces[np.arange(len(wanted)), best] - 1) / 2
+        return self.rotations[best], np.arccos(cosine.clip(-1, 1))
+
+
+def find_symmetry(surface: SurfaceDistance) -> Symmetry:
+    """The rotational symmetry of one mesh; deterministic."""
+    generator = torch.Generator().manual_seed(0)
+    points = sample_surface(surface.solid, SAMPLES, generator=generator).points.double().numpy()
+    center, axes = area_moments(surface.solid.surface)
+    around = points - center
+
+    def misfit(axis: np.ndarray, *angles: float) -> float:
+        """How far the surface is from itself after turns about an axis, in units of `TOLERANCE`."""
+        lever = float(np.linalg.norm(np.cross(around, axis), axis=1).mean())
+        turns = Rotation.from_rotvec(np.outer(angles, axis))
+        moved = np.stack([turn.apply(around) for turn in turns]) + center
+        apart = surface.query(torch.from_numpy(moved)).distance.abs().mean(-1).max()
+        return float(apart) / (TOLERANCE * lever)
+
+    revolution = distinct(axes, [misfit(axis, *REVOLUTION_TURNS) for axis in axes])
+    if len(revolution) > 1:
+        return Symmetry(center, np.eye(3)[None], is_ball=True)
+    finite = [Rotation.identity()]
+    for order in ORDERS if not revolution else ORDERS[:1]:
+        angles = 2 * np.pi * np.arange(1, order) / order
+        for axis in distinct(axes, [misfit(axis, angles[0]) for axis in axes]):
+            if not any(abs(axis @ other) > SAME_AXIS for other in revolution):
+                finite += [Rotation.from_rotvec(angle * axis) for angle in angles]
+    steps = 2 * np.pi * np.arange(STEPS) / STEPS if revolution else np.zeros(1)
+    axis = revolution[0] if revolution else np.zeros(3)
+    # across an axis of revolution one half turn makes all others
+    group = finite[:2] if revolution else finite
+    return Symmetry(center, closure(group, [Rotation.from_rotvec(step * axis) for step in steps]))
+
+
+def distinct(axes: Float64[np.ndarray, "A 3"], misfits: list[float]) -> list[np.ndarray]:
+    """The axes with a misfit below 1, the best of those that are nearly the same."""
+    found: list[np.ndarray] = []
+    for index in np.argsort(misfits):
+        is_new = all(abs(axes[index] @ other) < SAME_AXIS for other in found)
+        if misfits[index] < 1 and is_new:
+            found.append(axes[index])
+    return found
+
+
+def area_moments(mesh: Mesh) -> tuple[Float64[np.ndarray, " 3"], Float64[np.ndarray, "A 3"]]:
+    """The middle of a surface by area, and axes that may be ones of symmetry.
+
+    Every axis of symmetry passes through that middle. They are axes of inertia, or any where two
+    moments are equal: then those of the mesh's own frame are tried as well.
+    """
+    corners = mesh.corners().double().numpy()
+    areas = mesh.face_vectors().double().norm(dim=-1).numpy() / 2
+    center = np.average(corners.mean(1), axis=0, weights=areas)
+    corners = corners - center
+    sums = corners.sum(1)
+    moments = np.einsum("f,fki,fkj->ij", areas, corners, corners)
+    moments += np.einsum("f,fi,fj->ij", areas, sums, sums)
+    return center, np.concatenate([np.linalg.eigh(moments)[1].T, np.eye(3)])
+
+
+def closure(finite: list[Rotation], circle: list[Rotation]) -> Float64[np.ndarray, "S 3 3"]:
+    """Products of two rotations of a finite group with those of a circle, each once."""
+    group = np.stack([turn.as_matrix() for turn in finite])
+    both = np.einsum("aij,bjk->abik", group, group).reshape(-1, 3, 3)
+    turns = np.stack([turn.as_matrix() for turn in circle])
+    products = np.einsum("aij,bjk->abik", both, turns).reshape(-1, 3, 3)
+    _, first = np.unique(products.round(3).reshape(-1, 9) + 0.0, axis=0, return_index=True)
+    return products[np.sort(first)]

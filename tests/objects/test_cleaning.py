@@ -1,0 +1,130 @@
+"""An object's track that shakes, flips or is exact."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+from scipy.spatial.transform import Rotation
+
+from geneoh.geometry.mesh import Mesh
+from geneoh.objects.cleaning import clean_object
+from geneoh.sequence.sequence import ObjectTrack
+
+FRAMES, FPS = 150, 30.0
+
+
+def mesh_of(shape: trimesh.Trimesh) -> Mesh:
+    verts = torch.from_numpy(np.array(shape.vertices, dtype=np.float32))
+    return Mesh(verts, torch.from_numpy(np.array(shape.faces)))
+
+
+CAN = mesh_of(trimesh.creation.cylinder(0.03, 0.12, sections=64))
+WEDGE = mesh_of(trimesh.convex.convex_hull(np.random.default_rng(0).random((12, 3)) * 0.1))
+
+
+def lifted(mesh: Mesh) -> ObjectTrack:
+    """An object that rests, is lifted and turned, and rests."""
+    phase = np.clip((np.arange(FRAMES) - 40) / 60, 0, 1)
+    ease = (1 - np.cos(np.pi * phase)) / 2
+    rotation = Rotation.from_rotvec(np.outer(ease, [0.5, -0.8, 1.1])).as_matrix()
+    translation = np.outer(ease, [0.1, 0.2, 0.3])
+    return track_of(mesh, rotation, translation)
+
+
+def track_of(mesh: Mesh, rotation: np.ndarray, translation: np.ndarray) -> ObjectTrack:
+    return ObjectTrack(
+        (mesh,),
+        torch.from_numpy(rotation).float()[:, None],
+        torch.from_numpy(translation).float()[:, None],
+    )
+
+
+def shaken(motion: ObjectTrack, degrees: float, metres: float, seed: int = 0) -> ObjectTrack:
+    generator = np.random.default_rng(seed)
+    turn = np.radians(degrees) * generator.standard_normal((FRAMES, 3))
+    rotation = motion.rotation[:, 0].double().numpy() @ Rotation.from_rotvec(turn).as_matrix()
+    shift = metres * generator.standard_normal((FRAMES, 3))
+    return track_of(motion.meshes[0], rotation, motion.translation[:, 0].numpy() + shift)
+
+
+def angles(one: ObjectTrack, other: ObjectTrack) -> np.ndarray:
+    """Degrees between the rotations of two tracks in each frame."""
+    between = one.rotation[:, 0].double().mT @ other.rotation[:, 0].double()
+    return np.degrees(Rotation.from_matrix(between.numpy()).magnitude())
+
+
+def test_an_exact_track_comes_back_as_the_same_object():
+    motion = lifted(WEDGE)
+    clean, (found,) = clean_object(motion, FPS)
+    assert clean is motion
+    assert not found.is_noisy
+    assert not list(found.sentences("the object"))
+
+
+@pytest.mark.parametrize("every", [2, 4])
+def test_an_exact_track_of_few_frames_a_second_stays_exact(every):
+    motion = lifted(WEDGE)
+    slow = replace(
+        motion, rotation=motion.rotation[::every], translation=motion.translation[::every]
+    )
+    assert clean_object(slow, FPS / every)[0] is slow
+
+
+@pytest.mark.parametrize(("degrees", "metres"), [(1.0, 0.002), (5.0, 0.01)])
+def test_a_shaky_track_is_calmed_and_its_noise_told(degrees, metres):
+    motion = lifted(WEDGE)
+    noisy = shaken(motion, degrees, metres)
+    clean, (found,) = clean_object(noisy, FPS)
+    assert np.degrees(found.rotation_noise) == pytest.approx(degrees, rel=0.25)
+    assert found.translation_noise == pytest.approx(metres, rel=0.25)
+    assert angles(motion, clean).mean() < 0.4 * angles(motion, noisy).mean()
+    off = (clean.translation - motion.translation).norm(dim=-1).mean()
+    assert off < 0.4 * (noisy.translation - motion.translation).norm(dim=-1).mean()
+    assert "shakes" in next(found.sentences("the object"))
+
+
+def test_flips_are_left_out_and_the_frames_around_them_stay_exact():
+    motion = lifted(WEDGE)
+    rotation = motion.rotation.clone()
+    rotation[50:58] = rotation[50:58] @ torch.tensor([[-1.0, 0, 0], [0, -1, 0], [0, 0, 1]])
+    clean, (found,) = clean_object(replace(motion, rotation=rotation), FPS)
+    assert found.left_out[50:58].all()
+    assert int(found.left_out.sum()) == 8
+    assert angles(motion, clean).max() < 3
+    assert np.delete(angles(motion, clean), range(50, 58)).max() < 0.1
+
+
+def test_a_can_that_spins_about_its_axis_from_frame_to_frame_is_turned_back():
+    motion = lifted(CAN)
+    spin = np.random.default_rng(1).uniform(-np.pi, np.pi, FRAMES) * (np.arange(FRAMES) % 3 > 0)
+    onto = Rotation.from_rotvec(np.outer(spin, [0, 0, 1])).as_matrix()
+    rotation = motion.rotation[:, 0].double().numpy() @ onto
+    clean, (found,) = clean_object(track_of(CAN, rotation, motion.translation[:, 0].numpy()), FPS)
+    axis = clean.rotation[:, 0, :, 2] - motion.rotation[:, 0, :, 2]
+    assert float(axis.norm(dim=-1).max()) < 0.02
+    steps = np.linalg.norm(
+        Rotation.from_matrix(
+            (clean.rotation[:-1, 0].mT @ clean.rotation[1:, 0]).double().numpy()
+        ).as_rotvec(),
+        axis=1,
+    )
+    assert np.degrees(steps.max()) < 6
+    assert bool(found.symmetric.any())
+
+
+def test_an_orientation_that_lasts_is_believed():
+    motion = lifted(WEDGE)
+    rotation = motion.rotation.clone()
+    rotation[70:] = rotation[70:] @ torch.tensor([[-1.0, 0, 0], [0, -1, 0], [0, 0, 1]])
+    noisy = replace(motion, rotation=rotation)
+    clean, (found,) = clean_object(noisy, FPS)
+    assert not found.left_out.any()
+    assert angles(noisy, clean).max() < 0.1
+
+
+def test_short_tracks_are_taken_as_exact():
+    motion = shaken(lifted(WEDGE), 5.0, 0.01)
+    short = replace(motion, rotation=motion.rotation[:4], translation=motion.translation[:4])
+    assert clean_object(short, FPS)[0] is short

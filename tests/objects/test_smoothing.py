@@ -1,0 +1,74 @@
+"""Noise of a track, and the smooth track under it."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from geneoh.objects.smoothing import noise_level, smooth_points, smooth_rotations
+
+FRAMES = 200
+EVERYWHERE = np.ones(FRAMES, dtype=bool)
+
+
+def swing() -> np.ndarray:
+    """A point that rests, is carried over half a metre in two seconds, and rests again."""
+    phase = np.clip((np.arange(FRAMES) - 60) / 60, 0, 1)
+    return np.outer(0.5 * (1 - np.cos(np.pi * phase)) / 2, [0.6, -0.3, 0.8])
+
+
+def error(track, truth) -> float:
+    return float(np.linalg.norm(track - truth, axis=1).mean())
+
+
+@pytest.mark.parametrize("sigma", [0.001, 0.01])
+def test_fourth_differences_tell_noise_and_not_motion(sigma):
+    noise = sigma * np.random.default_rng(0).standard_normal((FRAMES, 3))
+    assert noise_level(np.diff(swing(), n=4, axis=0), 4) < 1e-5
+    found = noise_level(np.diff(swing() + noise, n=4, axis=0), 4)
+    assert found == pytest.approx(sigma, rel=0.2)
+
+
+def test_a_line_comes_back_as_it_is():
+    line = np.outer(np.arange(FRAMES), [0.001, 0.002, -0.003])
+    track, weight = smooth_points(line, EVERYWHERE, 0.001)
+    assert np.allclose(track, line, atol=1e-9)
+    assert np.allclose(weight, 1)
+
+
+@pytest.mark.parametrize("sigma", [0.002, 0.008])
+def test_smoothing_takes_most_of_the_noise_away_and_keeps_the_motion(sigma):
+    noisy = swing() + sigma * np.random.default_rng(1).standard_normal((FRAMES, 3))
+    track, _ = smooth_points(noisy, EVERYWHERE, sigma)
+    assert error(track, swing()) < 0.4 * error(noisy, swing())
+
+
+def test_outliers_hardly_count():
+    noisy = swing() + 0.002 * np.random.default_rng(2).standard_normal((FRAMES, 3))
+    noisy[::17] += 0.2
+    track, weight = smooth_points(noisy, EVERYWHERE, 0.002)
+    assert error(track, swing()) < 0.002
+    assert weight[::17].max() < 0.05
+
+
+def test_frames_that_are_not_trusted_are_bridged():
+    trusted = EVERYWHERE.copy()
+    trusted[80:92] = False
+    broken = np.where(trusted[:, None], swing(), np.nan)
+    track, weight = smooth_points(broken, trusted, 0.0005)
+    assert np.linalg.norm(track - swing(), axis=1).max() < 0.004
+    assert (weight[80:92] == 0).all()
+
+
+def test_rotations_are_smoothed_like_points():
+    generator = np.random.default_rng(3)
+    truth = Rotation.from_rotvec(3 * swing())
+    noisy = truth * Rotation.from_rotvec(0.05 * generator.standard_normal((FRAMES, 3)))
+    track, _ = smooth_rotations(noisy, EVERYWHERE, 0.05)
+    before, after = (truth.inv() * noisy).magnitude(), (truth.inv() * track).magnitude()
+    assert after.mean() < 0.4 * before.mean()
+
+
+def test_a_rotation_beyond_half_a_turn_is_no_jump():
+    truth = Rotation.from_rotvec(np.outer(np.linspace(0, 3 * np.pi, FRAMES), [0, 0, 1]))
+    track, _ = smooth_rotations(truth, EVERYWHERE, 0.01)
+    assert (truth.inv() * track).magnitude().max() < 1e-3
