@@ -37,6 +37,17 @@ from .. import options, sources
     type=click.Path(dir_okay=False, path_type=Path),
     help="HTML page to write as well: before and after in 3D, with the metrics.",
 )
+@click.option(
+    "--trust-object",
+    is_flag=True,
+    help="Take the object's poses as exact. Without it, poses that shake or jump are smoothed "
+    "before the hand is cleaned.",
+)
+@click.option(
+    "--refine-object",
+    is_flag=True,
+    help="Write the smoothed poses of the object and not those of NOISY.",
+)
 @options.weights
 @options.seed
 @options.side

@@ -12,10 +12,11 @@ from itertools import pairwise
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Float64
 from scipy.spatial.transform import Rotation
 from torch import Tensor
 
+from geneoh.bundle import Bundle
 from geneoh.geometry.distance import SurfaceDistance
 from geneoh.geometry.mesh import Mesh
 from geneoh.objects.consistency import Chain, longest_chain
@@ -23,83 +24,120 @@ from geneoh.objects.smoothing import increments, noise_level, smooth_points, smo
 from geneoh.objects.symmetry import Symmetry, find_symmetry
 from geneoh.sequence.sequence import ObjectTrack
 
-EXACT_ROTATION, EXACT_TRANSLATION = 0.006, 0.0004
+EXACT_ROTATION, EXACT_TRANSLATION = 0.008, 0.0006
 """White noise per axis up to which a track of 30 frames a second counts as exact, radians and
 metres: motion capture has 0.003 and 0.00016. At fewer frames a second motion itself looks like
 noise, with the square of the time between frames, and the bounds grow with it."""
 QUIET_FRAMES, QUIET_SHARE = 15, 0.1
 """A track is as noisy as in the calmest tenth of its stretches of so many frames: an exact one
 rests there, one that shakes does so always."""
-TURN_RATE, MOTION_LIMIT = 6.3, 5.0
-"""A part may turn by one revolution a second (radians a second), or from one frame to the next by
-so many times its median turn."""
-SHORTEST = 6
+TURN_CHANGE, MOTION_LIMIT = 0.21, 5.0
+"""From one frame to the next the turn of a part may change by 12 degrees at 30 frames a second,
+more at fewer, or by so many times its median turn."""
+SHORTEST = 16
 """Frames below which noise cannot be told from motion."""
+LEAST_STRETCH = 6
+"""Frames between two jumps below which a stretch is left as it is."""
 
 
 @dataclass(frozen=True)
-class PartExamination:
-    """What a part's track says about its own noise."""
+class ObjectExamination(Bundle):
+    """What the track of an object of Q parts says about its own noise."""
 
+    rotation_noise: Float[Tensor, " Q"]
+    """Deviation of white noise per axis, radians; 0 where a part's track is exact."""
+    translation_noise: Float[Tensor, " Q"]
+    """Deviation of white noise per axis, metres; 0 where a part's track is exact."""
+    confidence: Float[Tensor, "T Q"]
+    """How much each pose agrees with the others of its part, from 0 (left out) to 1."""
+    left_out: Bool[Tensor, "T Q"]
+    """Poses whose rotation no possible motion reaches."""
+    symmetric: Bool[Tensor, "T Q"]
+    """Poses whose rotation was changed by one of the mesh onto itself."""
+    is_noisy: Bool[Tensor, " Q"]
+    """Whether a part's track was cleaned."""
+
+    def sentences(self) -> Iterator[str]:
+        """What a user should know about the object's poses, where there is anything."""
+        for part in torch.nonzero(self.is_noisy)[:, 0].tolist():
+            name = "the object" if len(self.is_noisy) == 1 else f"part {part + 1} of the object"
+            degrees = np.degrees(float(self.rotation_noise[part]))
+            yield (
+                f"the pose of {name} shakes by {degrees:.1f} degrees and "
+                f"{1000 * float(self.translation_noise[part]):.1f} mm per axis: the hand was "
+                "cleaned against a smooth track of it; --refine-object writes that track, "
+                "--trust-object keeps to the given one"
+            )
+            if count := int(self.left_out[:, part].sum()):
+                yield f"{count} frames in which the pose of {name} jumps were left out"
+            if count := int(self.symmetric[:, part].sum()):
+                yield (
+                    f"{count} frames in which {name} is turned by its own symmetry were turned back"
+                )
+
+
+@dataclass(frozen=True)
+class CleanPart:
+    """The clean track of one part, and what was found in it; see `ObjectExamination`."""
+
+    rotation: Float64[np.ndarray, "T 3 3"]
+    translation: Float64[np.ndarray, "T 3"]
     rotation_noise: float
-    """Deviation of white noise per axis, radians."""
     translation_noise: float
-    """Deviation of white noise per axis, metres."""
-    confidence: Float[Tensor, " T"]
-    """How much each frame agrees with the others, 0 (left out) to 1."""
-    left_out: Bool[Tensor, " T"]
-    """Frames whose rotation no possible motion reaches."""
-    symmetric: Bool[Tensor, " T"]
-    """Frames whose rotation was changed by one of the mesh onto itself."""
+    confidence: Float64[np.ndarray, " T"]
+    left_out: Bool[np.ndarray, " T"]
+    symmetric: Bool[np.ndarray, " T"]
     is_noisy: bool
-    """Whether the track was cleaned at all."""
-
-    def sentences(self, part: str) -> Iterator[str]:
-        """What a user should know, where there is anything."""
-        if not self.is_noisy:
-            return
-        yield (
-            f"the pose of {part} shakes by {np.degrees(self.rotation_noise):.1f} degrees and "
-            f"{1000 * self.translation_noise:.1f} mm per axis; the hand was cleaned against a "
-            "smooth track of it"
-        )
-        if count := int(self.left_out.sum()):
-            yield f"{count} frames in which the pose of {part} jumps were left out"
-        if count := int(self.symmetric.sum()):
-            yield f"{count} frames in which {part} is turned by its own symmetry were turned back"
 
 
-def clean_object(
-    motion: ObjectTrack, fps: float
-) -> tuple[ObjectTrack, tuple[PartExamination, ...]]:
-    """The object's track without its noise, and what was found in each part.
+def clean_object(motion: ObjectTrack, fps: float) -> tuple[ObjectTrack, ObjectExamination]:
+    """The object's track without its noise, and what was found in it.
 
     The very same track comes back where all parts are exact. Nothing is asked of the hand.
     """
-    rotation, translation = motion.rotation.clone(), motion.translation.clone()
-    found = []
-    for part, mesh in enumerate(motion.meshes):
-        turns = motion.rotation[:, part].cpu().double().numpy()
-        places = motion.translation[:, part].cpu().double().numpy()
-        clean_turns, clean_places, examined = clean_part(turns, places, mesh, fps)
-        if examined.is_noisy:
-            rotation[:, part] = torch.from_numpy(clean_turns).to(rotation)
-            translation[:, part] = torch.from_numpy(clean_places).to(translation)
-        found.append(examined)
-    if not any(examined.is_noisy for examined in found):
-        return motion, tuple(found)
-    return replace(motion, rotation=rotation, translation=translation), tuple(found)
+    device = motion.rotation.device
+    rotation, translation = motion.rotation.cpu().clone(), motion.translation.cpu().clone()
+    parts = [
+        clean_part(turns.double().numpy(), places.double().numpy(), mesh, fps)
+        for turns, places, mesh in zip(
+            rotation.unbind(1), translation.unbind(1), motion.meshes, strict=True
+        )
+    ]
+    for index, part in enumerate(parts):
+        if part.is_noisy:
+            rotation[:, index] = torch.from_numpy(part.rotation).to(rotation)
+            translation[:, index] = torch.from_numpy(part.translation).to(translation)
+
+    def stacked(name: str, dtype: torch.dtype) -> Tensor:
+        values = np.stack([np.asarray(getattr(part, name)) for part in parts], axis=-1)
+        return torch.from_numpy(values).to(device, dtype)
+
+    examined = ObjectExamination(
+        rotation_noise=stacked("rotation_noise", torch.float32),
+        translation_noise=stacked("translation_noise", torch.float32),
+        confidence=stacked("confidence", torch.float32),
+        left_out=stacked("left_out", torch.bool),
+        symmetric=stacked("symmetric", torch.bool),
+        is_noisy=stacked("is_noisy", torch.bool),
+    )
+    if not any(part.is_noisy for part in parts):
+        return motion, examined
+    clean = replace(motion, rotation=rotation.to(device), translation=translation.to(device))
+    return clean, examined
 
 
 def clean_part(
-    turns: np.ndarray, places: np.ndarray, mesh: Mesh, fps: float
-) -> tuple[np.ndarray, np.ndarray, PartExamination]:
-    """One part's rotations (T, 3, 3) and translations (T, 3), cleaned, and what was found."""
+    turns: Float64[np.ndarray, "T 3 3"],
+    places: Float64[np.ndarray, "T 3"],
+    mesh: Mesh,
+    fps: float,
+) -> CleanPart:
+    """One part's track without its noise, and what was found in it."""
     frames = len(turns)
-    everywhere, nowhere = torch.ones(frames), torch.zeros(frames, dtype=torch.bool)
-    exact = PartExamination(0.0, 0.0, everywhere, nowhere, nowhere, is_noisy=False)
+    everywhere, nowhere = np.ones(frames), np.zeros(frames, dtype=bool)
+    exact = CleanPart(turns, places, 0.0, 0.0, everywhere, nowhere, nowhere, is_noisy=False)
     if frames < SHORTEST:
-        return turns, places, exact
+        return exact
     rotations = Rotation.from_matrix(turns)
     center = (mesh.verts.amax(0) + mesh.verts.amin(0)).double().cpu().numpy() / 2
     middles = rotations.apply(center) + places  # where noise of the rotation moves nothing
@@ -108,8 +146,9 @@ def clean_part(
     bound = max(1.0, (30 / fps) ** 2)
     shakes = quiet_noise(fourth_turns) > bound * EXACT_ROTATION
     shakes |= quiet_noise(fourth_places) > bound * EXACT_TRANSLATION
-    if not shakes and np.linalg.norm(steps, axis=1).max() < step_limit(steps, fps):
-        return turns, places, exact
+    changes = np.linalg.norm(np.diff(steps, axis=0), axis=1)
+    if not shakes and changes.max() < step_limit(steps, fps):
+        return exact
     symmetry = find_symmetry(SurfaceDistance(mesh))
     limit = step_limit(least_steps(turns, symmetry), fps)
     chain = longest_chain(rotations, limit, symmetry)
@@ -118,28 +157,30 @@ def clean_part(
     translation_noise = noise_level(fourth_places, 4)
     clean, weight = smooth_stretches(rotations, chain, max(rotation_noise, EXACT_ROTATION / 4))
     if shakes:
-        everywhere = np.ones(frames, dtype=bool)
         noise = max(translation_noise, EXACT_TRANSLATION / 4)
-        middles, sure = smooth_points(middles, everywhere, noise)
+        middles, sure = smooth_points(middles, everywhere > 0, noise)
         weight = np.minimum(weight, sure)
     else:  # frames that agree are exact
         kept = chain.kept[:, None, None]
         clean = Rotation.from_matrix(np.where(kept, rotations.as_matrix(), clean.as_matrix()))
     changed = np.abs(chain.onto_itself - np.eye(3)).max((1, 2)) > 1e-3
-    examined = PartExamination(
+    return CleanPart(
+        clean.as_matrix(),
+        middles - clean.apply(center),
         rotation_noise,
         translation_noise,
-        confidence=torch.from_numpy(weight).float(),
-        left_out=torch.from_numpy(~chain.kept),
-        symmetric=torch.from_numpy(chain.kept & changed),
+        weight,
+        ~chain.kept,
+        chain.kept & changed,
         is_noisy=True,
     )
-    return clean.as_matrix(), middles - clean.apply(center), examined
 
 
 def step_limit(steps: np.ndarray, fps: float) -> float:
-    """Radians that a part may turn from one frame to the next, by its own steps (N, 3)."""
-    return max(TURN_RATE / fps, MOTION_LIMIT * float(np.median(np.linalg.norm(steps, axis=1))))
+    """Radians by which a turn may differ from the one before, by a part's own steps (N, 3)."""
+    return max(
+        TURN_CHANGE * 30 / fps, MOTION_LIMIT * float(np.median(np.linalg.norm(steps, axis=1)))
+    )
 
 
 def least_steps(turns: np.ndarray, symmetry: Symmetry) -> np.ndarray:
@@ -173,7 +214,7 @@ def smooth_stretches(
     """Each stretch between jumps smoothed by itself; too short ones as they are."""
     matrices, weight = rotations.as_matrix(), chain.kept.astype(float)
     for span in chain.stretches():
-        if chain.kept[span].sum() >= SHORTEST:
+        if chain.kept[span].sum() >= LEAST_STRETCH:
             smooth, weight[span] = smooth_rotations(rotations[span], chain.kept[span], noise)
             matrices[span] = smooth.as_matrix()
     return Rotation.from_matrix(matrices), weight

@@ -36,12 +36,13 @@ class Chain:
 def longest_chain(rotations: Rotation, limit: float, symmetry: Symmetry) -> Chain:
     """The chain of frames that keeps most of them and jumps least, by dynamic programming.
 
-    From one frame of the chain to the next the part turns by at most `limit` times the root of
-    their distance, if need be after a rotation of the mesh onto itself; any other step is a jump.
+    From one frame of the chain to the next the part rests or keeps turning as before, each up to
+    `limit` times the root of their distance, if need be after a rotation of the mesh onto itself;
+    any other step is a jump. So fast motion is none, as long as it gathers speed over frames.
 
     Args:
         rotations: of the part, in every frame.
-        limit: radians that the part may turn from one frame to the next.
+        limit: radians by which a turn from one frame to the next may differ from the one before.
         symmetry: of the part's mesh.
     """
     matrices = rotations.as_matrix()
@@ -49,11 +50,14 @@ def longest_chain(rotations: Rotation, limit: float, symmetry: Symmetry) -> Chai
     value, before = np.zeros(count), np.full(count, -1)
     jumped = np.zeros(count, dtype=bool)
     onto, aligned = np.tile(np.eye(3), (count, 1, 1)), matrices.copy()
+    rate = np.zeros((count, 3))
     for frame in range(1, count):
         earlier = np.arange(max(0, frame - LOOK_BACK), frame)
         carried = onto[earlier]  # the track as it is, if the frames before needed no other change
-        cosine = (np.einsum("nij,ik,nkj->n", aligned[earlier], matrices[frame], carried) - 1) / 2
-        plain = np.arccos(cosine.clip(-1, 1))
+        apart = (frame - earlier)[:, None]
+        ahead = aligned[earlier] @ Rotation.from_rotvec(rate[earlier] * apart).as_matrix()
+        here = matrices[frame] @ carried
+        plain = np.minimum(angles(aligned[earlier], here), angles(ahead, here))
         other, least = symmetry.nearest(matrices[frame], aligned[earlier])
         reach = limit * np.sqrt(frame - earlier)
         changed = (plain >= reach) & (least < reach)
@@ -66,12 +70,21 @@ def longest_chain(rotations: Rotation, limit: float, symmetry: Symmetry) -> Chai
             jumped[frame] = angle[best] >= reach[best]
             onto[frame] = other[best] if changed[best] else carried[best]
             aligned[frame] = matrices[frame] @ onto[frame]
+            step = Rotation.from_matrix(aligned[earlier[best]].T @ aligned[frame])
+            rate[frame] = 0 if jumped[frame] else step.as_rotvec() / apart[best]
     kept = np.zeros(count, dtype=bool)
     frame = int(value.argmax())
     while frame >= 0:
         kept[frame], frame = True, int(before[frame])
     onto = onto @ commonest(onto[kept]).T
     return Chain(kept, onto, tuple(np.flatnonzero(kept & jumped).tolist()))
+
+
+def angles(
+    one: Float64[np.ndarray, "N 3 3"], other: Float64[np.ndarray, "N 3 3"]
+) -> Float64[np.ndarray, " N"]:
+    """Radians between rotations."""
+    return np.arccos(((np.einsum("nij,nij->n", one, other) - 1) / 2).clip(-1, 1))
 
 
 def commonest(rotations: Float64[np.ndarray, "N 3 3"]) -> Float64[np.ndarray, "3 3"]:

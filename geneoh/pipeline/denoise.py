@@ -19,6 +19,7 @@ from geneoh.geometry.mesh import size_warning
 from geneoh.hand.library import hand_of_betas
 from geneoh.hand.model import ShapedHand
 from geneoh.metrics.report import measure
+from geneoh.objects.cleaning import clean_object
 from geneoh.pipeline.context import StageContext, stage_context
 from geneoh.pipeline.options import Options
 from geneoh.pipeline.presets import Preset
@@ -47,8 +48,10 @@ def denoise(
     """Clean every hand of a sequence against its object.
 
     The stages know right hands at 30 frames a second only: left hands are mirrored and other rates
-    resampled here and back. The same input, options and seed give the same result. The work is done
-    on `options.device`; the result is on the device of the sequence.
+    resampled here and back. They see the hand from the object, so an object whose poses shake or
+    jump is cleaned first (`geneoh.objects.cleaning`); the report is measured against that one. The
+    same input, options and seed give the same result. The work is done on `options.device`; the
+    result is on the device of the sequence.
 
     Args:
         sequence: up to two hands and an object with its meshes, in metres.
@@ -71,7 +74,11 @@ def denoise(
         options.weights, device=options.device, trajectory=not chosen.observed
     )
     notes = [note for mesh in sequence.object.meshes if (note := size_warning(mesh))]
-    normalised = normalised_hands(sequence)
+    motion, examined = sequence.object, None
+    if not options.trust_object:
+        motion, examined = clean_object(sequence.object, sequence.fps)
+        notes += examined.sentences()
+    normalised = normalised_hands(replace(sequence, object=motion))
     if normalised[0].track.frames != sequence.frames:
         notes.append(f"resampled from {sequence.fps:g} to {NETWORK_FPS:g} frames a second and back")
     results: dict[Side, HandResult] = {}
@@ -90,7 +97,9 @@ def denoise(
             samples=hand.points_to_user(result.samples),
         )
     hands = tuple(results[hand.side].track for hand in sequence.hands)
-    return Denoised(replace(sequence, hands=hands), results, tuple(notes), options)
+    kept = motion if options.refine_object else sequence.object
+    clean = replace(sequence, hands=hands, object=kept)
+    return Denoised(clean, results, tuple(notes), options, examined)
 
 
 def _clean(

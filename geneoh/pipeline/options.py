@@ -39,6 +39,10 @@ class Options:
     the embedded hand needs no file."""
     weights: Path | None = None
     """Folder of the networks' weights, as `geneoh train` writes it; None for those that ship."""
+    trust_object: bool = False
+    """Whether the object's poses are taken as exact: they are neither examined nor cleaned."""
+    refine_object: bool = False
+    """Whether the result has the cleaned poses of the object and not those of the input."""
     device: str = "cpu"
     """Device that the networks and the fit run on, as torch names it: "cpu", "cuda", "cuda:1". The
     result is on the device of the sequence."""

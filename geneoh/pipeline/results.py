@@ -13,6 +13,7 @@ from geneoh.bundle import Bundle
 from geneoh.choices import SIDES, Side
 from geneoh.files.npz import read_archive
 from geneoh.metrics.report import InteractionReport
+from geneoh.objects.cleaning import ObjectExamination
 from geneoh.pipeline.options import Options
 from geneoh.readers.npz_files import save_sequence
 from geneoh.sequence.sequence import HandTrack, Sequence
@@ -51,13 +52,16 @@ class Denoised(Bundle):
     """The result of `geneoh.denoise`."""
 
     sequence: Sequence
-    """The input with clean hands; its object and its frames are unchanged."""
+    """The input with clean hands. Its frames are unchanged, and so is its object without
+    `Options.refine_object`."""
     hands: dict[Side, HandResult]
     """What was done to each hand."""
     notes: tuple[str, ...]
     """What had to be assumed about the sequence, in words."""
     options: Options = field(default_factory=Options)
     """The settings that it was made with."""
+    examined: ObjectExamination | None = None
+    """What the object's track says about its own noise; None with `Options.trust_object`."""
 
 
 def save(result: Denoised | Sequence, path: Path | str) -> None:
@@ -65,7 +69,8 @@ def save(result: Denoised | Sequence, path: Path | str) -> None:
 
     A result keeps beside the fields of its sequence: per side `filled` (T,), frames that the input
     did not hold, and, where several samples were drawn, `samples` (S, N, 21, 3), their keypoints in
-    metres at 30 frames a second before selection and fit; `options`, the settings as JSON.
+    metres at 30 frames a second before selection and fit; `object_confidence` (T, Q), how much the
+    object's poses agree with one another; `options`, the settings as JSON.
 
     Raises:
         InputError: the place cannot be written to.
@@ -75,6 +80,8 @@ def save(result: Denoised | Sequence, path: Path | str) -> None:
         return
     options = json.dumps(asdict(result.options), default=str)
     extra: dict[str, np.ndarray] = {"options": np.array(options)}
+    if result.examined is not None:
+        extra["object_confidence"] = result.examined.confidence.cpu().numpy()
     for side, hand in result.hands.items():
         extra[f"{side}_filled"] = hand.filled.cpu().numpy()
         if len(hand.samples) > 1:

@@ -57,10 +57,10 @@ def angles(one: ObjectTrack, other: ObjectTrack) -> np.ndarray:
 
 def test_an_exact_track_comes_back_as_the_same_object():
     motion = lifted(WEDGE)
-    clean, (found,) = clean_object(motion, FPS)
+    clean, found = clean_object(motion, FPS)
     assert clean is motion
-    assert not found.is_noisy
-    assert not list(found.sentences("the object"))
+    assert not found.is_noisy.any()
+    assert not list(found.sentences())
 
 
 @pytest.mark.parametrize("every", [2, 4])
@@ -76,20 +76,20 @@ def test_an_exact_track_of_few_frames_a_second_stays_exact(every):
 def test_a_shaky_track_is_calmed_and_its_noise_told(degrees, metres):
     motion = lifted(WEDGE)
     noisy = shaken(motion, degrees, metres)
-    clean, (found,) = clean_object(noisy, FPS)
-    assert np.degrees(found.rotation_noise) == pytest.approx(degrees, rel=0.25)
-    assert found.translation_noise == pytest.approx(metres, rel=0.25)
+    clean, found = clean_object(noisy, FPS)
+    assert np.degrees(float(found.rotation_noise)) == pytest.approx(degrees, rel=0.25)
+    assert float(found.translation_noise) == pytest.approx(metres, rel=0.25)
     assert angles(motion, clean).mean() < 0.4 * angles(motion, noisy).mean()
     off = (clean.translation - motion.translation).norm(dim=-1).mean()
     assert off < 0.4 * (noisy.translation - motion.translation).norm(dim=-1).mean()
-    assert "shakes" in next(found.sentences("the object"))
+    assert "shakes" in next(found.sentences())
 
 
 def test_flips_are_left_out_and_the_frames_around_them_stay_exact():
     motion = lifted(WEDGE)
     rotation = motion.rotation.clone()
     rotation[50:58] = rotation[50:58] @ torch.tensor([[-1.0, 0, 0], [0, -1, 0], [0, 0, 1]])
-    clean, (found,) = clean_object(replace(motion, rotation=rotation), FPS)
+    clean, found = clean_object(replace(motion, rotation=rotation), FPS)
     assert found.left_out[50:58].all()
     assert int(found.left_out.sum()) == 8
     assert angles(motion, clean).max() < 3
@@ -101,7 +101,7 @@ def test_a_can_that_spins_about_its_axis_from_frame_to_frame_is_turned_back():
     spin = np.random.default_rng(1).uniform(-np.pi, np.pi, FRAMES) * (np.arange(FRAMES) % 3 > 0)
     onto = Rotation.from_rotvec(np.outer(spin, [0, 0, 1])).as_matrix()
     rotation = motion.rotation[:, 0].double().numpy() @ onto
-    clean, (found,) = clean_object(track_of(CAN, rotation, motion.translation[:, 0].numpy()), FPS)
+    clean, found = clean_object(track_of(CAN, rotation, motion.translation[:, 0].numpy()), FPS)
     axis = clean.rotation[:, 0, :, 2] - motion.rotation[:, 0, :, 2]
     assert float(axis.norm(dim=-1).max()) < 0.02
     steps = np.linalg.norm(
@@ -119,12 +119,21 @@ def test_an_orientation_that_lasts_is_believed():
     rotation = motion.rotation.clone()
     rotation[70:] = rotation[70:] @ torch.tensor([[-1.0, 0, 0], [0, -1, 0], [0, 0, 1]])
     noisy = replace(motion, rotation=rotation)
-    clean, (found,) = clean_object(noisy, FPS)
+    clean, found = clean_object(noisy, FPS)
     assert not found.left_out.any()
     assert angles(noisy, clean).max() < 0.1
 
 
+def test_fast_motion_is_no_jump():
+    phase = np.clip((np.arange(FRAMES) - 40) / 60, 0, 1)
+    turn = 6 * np.pi * (phase - np.sin(2 * np.pi * phase) / (2 * np.pi))
+    rotation = Rotation.from_rotvec(np.outer(turn, [0.6, 0.0, 0.8])).as_matrix()
+    spun = track_of(WEDGE, rotation, np.zeros((FRAMES, 3)))
+    assert np.degrees(np.diff(turn).max()) > 30
+    assert clean_object(spun, FPS)[0] is spun
+
+
 def test_short_tracks_are_taken_as_exact():
     motion = shaken(lifted(WEDGE), 5.0, 0.01)
-    short = replace(motion, rotation=motion.rotation[:4], translation=motion.translation[:4])
+    short = replace(motion, rotation=motion.rotation[:10], translation=motion.translation[:10])
     assert clean_object(short, FPS)[0] is short

@@ -1,0 +1,88 @@
+"""An object whose poses shake or flip must not shake the hand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from scipy.spatial.transform import Rotation
+
+import geneoh
+from geneoh.sequence.sequence import Sequence
+
+FAST = geneoh.Options(preset="fast")
+
+
+def with_turned_object(sequence: Sequence, turn: np.ndarray, shift: np.ndarray) -> Sequence:
+    """The sequence whose object is turned in its own frame, radians, and shifted, metres."""
+    motion = sequence.object
+    turned = motion.rotation[:, 0].double() @ torch.from_numpy(
+        Rotation.from_rotvec(turn).as_matrix()
+    )
+    shifted = motion.translation + torch.from_numpy(shift).float()[:, None]
+    return replace(
+        sequence, object=replace(motion, rotation=turned.float()[:, None], translation=shifted)
+    )
+
+
+@pytest.fixture(scope="module")
+def shaking(clean) -> Sequence:
+    """The recording with an object that shakes by 4 degrees and 8 mm per axis, and flips."""
+    generator = np.random.default_rng(0)
+    turn = np.radians(4) * generator.standard_normal((clean.frames, 3))
+    turn[60:66] = [0.0, 2.8, 0.0]
+    return with_turned_object(clean, turn, 0.008 * generator.standard_normal((clean.frames, 3)))
+
+
+@pytest.fixture(scope="module")
+def cleaned(shaking):
+    return geneoh.denoise(shaking, FAST)
+
+
+def error_and_acceleration(result: geneoh.Denoised, truth: Sequence) -> tuple[float, float]:
+    """Mean keypoint error in mm, and mean acceleration in mm per frame squared."""
+    joints = result.sequence.hands[0].joints
+    bends = joints[2:] - 2 * joints[1:-1] + joints[:-2]
+    off = joints - truth.hands[0].joints
+    return tuple(1000 * float(values.norm(dim=-1).mean()) for values in (off, bends))
+
+
+def test_the_hand_does_not_inherit_the_noise_of_the_object(cleaned, shaking, clean):
+    error, acceleration = error_and_acceleration(cleaned, clean)
+    trusting = geneoh.denoise(shaking, replace(FAST, trust_object=True))
+    worse, rougher = error_and_acceleration(trusting, clean)
+    assert error < 5 < worse
+    assert acceleration < 8.3 < rougher
+
+
+def test_the_noise_of_the_object_is_told(cleaned, shaking):
+    found = cleaned.examined
+    assert found.is_noisy.all()
+    assert np.degrees(float(found.rotation_noise)) == pytest.approx(4, rel=0.25)
+    assert found.left_out[60:66].all()
+    assert "shakes by" in cleaned.notes[0]
+    trusting = geneoh.denoise(shaking[:20], replace(FAST, trust_object=True))
+    assert trusting.examined is None
+    assert not any("shakes" in note for note in trusting.notes)
+
+
+def test_the_object_of_the_input_is_kept_unless_a_cleaned_one_is_asked_for(cleaned, shaking):
+    assert cleaned.sequence.object is shaking.object
+    refined = geneoh.denoise(shaking[:40], replace(FAST, refine_object=True)).sequence.object
+    given = shaking[:40].object
+    steps = [track.translation.diff(n=2, dim=0).norm(dim=-1).mean() for track in (refined, given)]
+    assert steps[0] < 0.3 * steps[1]
+
+
+def test_confidence_is_kept_in_the_file(cleaned, tmp_path):
+    geneoh.save(cleaned, tmp_path / "clean.npz")
+    with np.load(tmp_path / "clean.npz") as arrays:
+        assert arrays["object_confidence"].shape == (cleaned.sequence.frames, 1)
+        assert arrays["object_confidence"][60:66].max() == 0
+
+
+def test_an_exact_object_changes_nothing(clean):
+    short = clean[20:60]
+    seen = geneoh.denoise(short, FAST)
+    trusted = geneoh.denoise(short, replace(FAST, trust_object=True))
+    assert torch.equal(seen.sequence.hands[0].joints, trusted.sequence.hands[0].joints)
