@@ -91,6 +91,7 @@ def command():
     return script.load()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("snippets", of_pages("python", runs=True))
 def test_python_of_a_page_runs(snippets, folder):
     names: dict = {}
@@ -98,6 +99,7 @@ def test_python_of_a_page_runs(snippets, folder):
         exec(compile(snippet.text, snippet.page, "exec"), names)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("snippets", of_pages("bash", runs=True))
 def test_commands_of_a_page_run(snippets, folder, command):
     for arguments in (words for snippet in snippets for words in commands_of(snippet)):

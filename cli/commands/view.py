@@ -101,12 +101,13 @@ def view(
         click.echo(f"{len(items)} results at {gallery.address}, Ctrl-C ends")
         gallery.run()
         return
+    outputs = outputs or (files[0].with_suffix(".html"),)
     if len(files) > 2:
         raise InputError(f"expected RESULT [BEFORE], got {len(files)} files; --serve takes many")
     for output in outputs:
         writer_for(output)
     scene = opened(*files, obj=obj)
-    for output in outputs or (files[0].with_suffix(".html"),):
+    for output in outputs:
         with progress.progress_bars() as on_progress:
             write(scene, output, look, on_step=partial(on_progress, output.name))
         click.echo(f"wrote {output}")

@@ -10,6 +10,7 @@ SMALL = (
 )
 
 
+@pytest.mark.slow
 def test_a_table_is_printed_and_everything_is_written(geneoh, tmp_path):
     done = geneoh("eval", *SMALL, "--method", "input", "--method", "savgol", "-o", "out")
     assert done.exit_code == 0, done.output

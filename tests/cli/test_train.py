@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import pytest
+
 from geneoh.synthesis.shards import shard_record
 
 SHARDS = ("--count", 4, "--set", "shard=2", "--set", "points=64")
@@ -9,6 +11,7 @@ SHARDS = ("--count", 4, "--set", "shard=2", "--set", "points=64")
 SMALL = ("steps=2", "batch=2", "validation_batches=1", "autoencoder_steps=1", "warmup=1")
 
 
+@pytest.mark.slow
 def test_synthesized_data_trains_every_stage_and_denoise_takes_the_weights(geneoh, tmp_path):
     made = geneoh("synthesize", *SHARDS)
     assert made.exit_code == 0, made.output
