@@ -64,6 +64,7 @@ def test_noise_depends_on_seed_and_clip_and_on_nothing_else():
     assert not torch.allclose(joints[0], joints[1], atol=1e-3)
 
 
+@pytest.mark.slow
 def test_own_clips_are_drawn_from_their_number_alone():
     options = ProtocolOptions(frames=30)
     (case,) = find_cases("synthetic", noises=["drift"], seeds=[77], limit=1, options=options)

@@ -9,6 +9,7 @@ from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.resample import at_rate
 
 
+@pytest.mark.slow
 def test_a_clean_recording_is_changed_by_at_most_four_millimetres(clean):
     result = denoise(clean)
     moved = result.sequence.hands[0].joints - clean.hands[0].joints
@@ -34,6 +35,7 @@ def errors(clean) -> dict[float, tuple[float, float]]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fps", [60.0, 120.0])
 def test_other_frame_rates_are_cleaned_as_well_as_thirty_a_second(errors, fps):
     before, after = errors[fps]

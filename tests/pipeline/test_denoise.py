@@ -34,6 +34,7 @@ def whole(noisy) -> Denoised:
     return denoise(noisy)
 
 
+@pytest.mark.slow
 def test_noisy_recording_gets_nearer_to_the_truth_smoother_and_shallower(whole, noisy, clean):
     truth, before = clean.hands[0].joints, noisy.hands[0].joints
     error = (joints_of(whole) - truth).norm(dim=-1).mean()
@@ -196,6 +197,7 @@ def test_paper_preset_has_the_papers_schedule_and_no_observation():
     assert not chosen.observed
 
 
+@pytest.mark.slow
 def test_paper_preset_runs(noisy):
     result = denoise(noisy[50:52], Options(preset="paper", steps=3))
     assert torch.isfinite(joints_of(result)).all()

@@ -23,6 +23,7 @@ def test_noises_that_differ_are_met_in_between():
     assert 1.5 <= calibrated([errors_of(1.0, 0), errors_of(3.0, 1)]) <= 3.0
 
 
+@pytest.mark.slow
 def test_every_keypoint_of_every_clip_is_measured():
     found = measured("gauss", clips=1, frames=8)
     assert found.error.shape == found.sampled.shape == (8 * 21,)
