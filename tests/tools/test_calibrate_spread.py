@@ -1,3 +1,4 @@
+import pytest
 import torch
 
 from tools.calibrate_spread import AIM, SpreadErrors, calibrated, measured
