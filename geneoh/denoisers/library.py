@@ -20,7 +20,7 @@ SHIPPED = Path(__file__).parent / "assets"
 CLEANING_STAGES = ("motion", "spatial", "temporal")
 """Stages whose weights a user's folder must hold to clean with it."""
 
-Config = TypeVar("Config")
+NetConfig = TypeVar("NetConfig")
 Network = TypeVar("Network", bound=nn.Module)
 
 
@@ -51,7 +51,7 @@ def load_denoisers(
     """
 
     def loaded(
-        stage: str, network: Callable[[Config], Network], config: Callable[..., Config]
+        stage: str, network: Callable[[NetConfig], Network], config: Callable[..., NetConfig]
     ) -> Network:
         path = (folder or SHIPPED) / f"{stage}.safetensors"
         return load_network(path, stage, network, config).to(device)
@@ -74,8 +74,8 @@ def load_motion(folder: Path) -> MotionDenoiser:
 def load_network(
     path: Path,
     name: str,
-    network: Callable[[Config], Network],
-    config: Callable[..., Config],
+    network: Callable[[NetConfig], Network],
+    config: Callable[..., NetConfig],
 ) -> Network:
     """A network of the saved size with the saved weights, for use without training.
 
