@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 from geneoh.choices import JOINT_ORDERS, TRANSLATIONS
 from geneoh.readers.registry import SOURCES
@@ -61,6 +62,9 @@ reader_options = options.together(
 )
 """Options that a source may need to be read."""
 
+NEEDS_SOURCE = ("objects", "body", "translation", "swap_parts", "mean_pose", "focal", "clip")
+"""Of these and --clip, the ones that mean nothing for an npz that is read without --from."""
+
 
 def read(
     path: Path,
@@ -76,13 +80,25 @@ def read(
     """The sequence in a file of any layout, or the one recording of a named source."""
     import geneoh
 
+    if source is None:
+        refuse_source_options()
+        others = {name: others[name] for name in ("joint_order", "object_pose")}
     shared = {"obj": obj, "mano_dir": mano, "side": side, "fps": fps}
     if source is not None:
         return geneoh.read(source, path, clip=clip, **shared, **others)
-    sequence = geneoh.load(path, **shared)
+    sequence = geneoh.load(path, **shared, **others)
     if not sequence.object.meshes:
         raise click.UsageError("Missing option '--obj'")
     return sequence
+
+
+def refuse_source_options() -> None:
+    """Refuse, by name, options that are given without --from and would be ignored."""
+    context = click.get_current_context()
+    for option in context.command.params:
+        given = context.get_parameter_source(option.name or "")
+        if option.name in NEEDS_SOURCE and given is ParameterSource.COMMANDLINE:
+            raise click.UsageError(f"{option.opts[0]} needs --from SOURCE, got none")
 
 
 def beside(noisy: Path) -> Path:

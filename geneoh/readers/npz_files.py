@@ -10,25 +10,29 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.choices import Side
-from geneoh.errors import InputError
+from geneoh.choices import JointOrder, Side
+from geneoh.errors import ConfigError, InputError
 from geneoh.files.npz import Arrays, write_archive
 from geneoh.geometry.mesh import Mesh, load_mesh
 from geneoh.hand.library import load_hand
 from geneoh.hand.mano import AS_SHIPPED, MENDED
+from geneoh.readers.foreign_files import read_array
+from geneoh.readers.joint_orders import ORDERS, openpose_order
 from geneoh.readers.npz_hands import HandOptions, WristOffset, read_hands
 from geneoh.readers.npz_layouts import (
     FORMAT,
+    OBJECT_FIELDS,
     VERSION,
     Layout,
     layout_of,
     misspelt,
     own_names,
+    quoted,
     read_fields,
 )
 from geneoh.readers.npz_meshes import find_meshes, mesh_arrays
 from geneoh.readers.npz_objects import read_object
-from geneoh.readers.records import Record
+from geneoh.readers.records import Array, Record
 from geneoh.sequence.sequence import HandTrack, Sequence
 from geneoh.sequence.validation import check_sequence
 
@@ -36,6 +40,9 @@ LOG = logging.getLogger(__name__)
 
 ASSUMED_FPS = 30.0
 """Frame rate of a file that says none, the commonest; it is always noted."""
+
+POSE_SHAPES = (("T", 4, 4), ("T", "Q", 4, 4))
+"""Shapes of the object's poses in a file of their own."""
 
 LAYOUT_NAMES: dict[Layout, str] = {
     "geneoh-sequence": f"{FORMAT} version {VERSION}",
@@ -52,6 +59,8 @@ def load(
     side: Side | None = None,
     fps: float | None = None,
     mano_dir: Path | str | None = None,
+    joint_order: JointOrder = "openpose",
+    object_pose: Path | str | Array | None = None,
 ) -> Sequence:
     """Read a sequence together with the meshes of its object.
 
@@ -63,6 +72,9 @@ def load(
         side: which hand, where the file does not say; of two hands, the one to read.
         fps: frames a second, where the file does not say.
         mano_dir: folder of the user's MANO files, for the exact wrist of smplx translations.
+        joint_order: order of the keypoints, where the file holds bare `joints`.
+        object_pose: (T, 4, 4) or (T, Q, 4, 4) object to the hand's frame, or the npy file of it,
+            where the file holds no motion of the object.
 
     Raises:
         InputError: a file cannot be read as one interaction; the message says why.
@@ -70,7 +82,17 @@ def load(
     files = [obj] if isinstance(obj, Path | str) else list(obj or ())
     meshes = tuple(load_mesh(Path(file)) for file in files) or None
     offset = None if mano_dir is None else mano_wrist_offset(mano_dir)
-    return load_sequence(path, meshes, side=side, fps=fps, wrist_offset=offset)
+    if isinstance(object_pose, Path | str):
+        object_pose = read_array(Path(object_pose), *POSE_SHAPES)
+    return load_sequence(
+        path,
+        meshes,
+        side=side,
+        fps=fps,
+        wrist_offset=offset,
+        joint_order=joint_order,
+        object_pose=object_pose,
+    )
 
 
 def mano_wrist_offset(mano_dir: Path | str) -> WristOffset:
@@ -92,6 +114,8 @@ def load_sequence(
     side: Side | None = None,
     fps: float | None = None,
     wrist_offset: WristOffset | None = None,
+    joint_order: JointOrder = "openpose",
+    object_pose: Array | None = None,
 ) -> Sequence:
     """Read a sequence from an npz in any of the known layouts; `Sequence.source` says which.
 
@@ -105,6 +129,8 @@ def load_sequence(
         fps: frames a second, where the file does not say.
         wrist_offset: MANO's J0(betas), which the smplx layout needs for an exact wrist unless it
             carries joints.
+        joint_order: order of the keypoints, where the file holds bare `joints`.
+        object_pose: (T, 4, 4) or (T, Q, 4, 4) object to world, where the file holds no motion.
 
     Raises:
         InputError: the file cannot be read as one interaction; the message says why.
@@ -112,6 +138,7 @@ def load_sequence(
     path = Path(path)
     record = read_fields(path)
     layout = layout_of(record)
+    record = with_object_pose(in_openpose_order(record, layout, joint_order), object_pose)
     meshes, mesh_notes = (meshes, ()) if meshes is not None else find_meshes(record, path.parent)
     sequence, notes = sequence_in(record, layout, meshes, HandOptions(side, wrist_offset), fps)
     notes = (*notes, *mesh_notes)
@@ -123,6 +150,47 @@ def load_sequence(
     sequence = replace(sequence, source=source)
     check_sequence(sequence, str(path))
     return sequence
+
+
+def in_openpose_order(record: Record, layout: Layout, order: JointOrder) -> Record:
+    """The fields with bare joints brought from the caller's order into OpenPose's.
+
+    Raises:
+        ConfigError: there is no such order.
+        InputError: the file's layout defines its own order.
+    """
+    if order not in ORDERS:
+        raise ConfigError(f"--joint-order {order}: expected {', '.join(ORDERS)}")
+    if order == "openpose":
+        return record
+    if layout != "joints":
+        raise InputError(
+            f"{record.where}: --joint-order is for bare 'joints', got {LAYOUT_NAMES[layout]}, "
+            "which is always in OpenPose order; drop the option"
+        )
+    count = ORDERS[order].count
+    points = record.array("joints", ("T", count, 3), unit=f"in metres, in the order {order}")
+    joints, trust = openpose_order(points, order)
+    given = record.optional_array("confidence", ("T", count), ("T",))
+    if given is None:
+        given = np.ones(len(points))
+    if given.ndim == 1:
+        confidence = given[:, None] * trust
+    else:
+        confidence = openpose_order(given[..., None], order)[0][..., 0] * trust
+    return replace(record, values={**record.values, "joints": joints, "confidence": confidence})
+
+
+def with_object_pose(record: Record, object_pose: Array | None) -> Record:
+    """The fields with the caller's poses of the object, which the file must not have as well."""
+    if object_pose is None:
+        return record
+    if own := [name for name in OBJECT_FIELDS if name in record]:
+        raise InputError(
+            f"{record.where}: the object's motion must be given once, got --object-pose and "
+            f"{quoted(own)}; drop one of them"
+        )
+    return replace(record, values={**record.values, "obj_pose": object_pose})
 
 
 def sequence_in(

@@ -9,7 +9,8 @@ from geneoh.readers.records import Array, Record, float32
 from geneoh.sequence.sequence import ObjectTrack
 
 MOTION_MISSING = (
-    "neither; add them, for an object that does not move the identity and zeros in every frame"
+    "neither; add them, for an object that does not move the identity and zeros in every frame, "
+    "or give --object-pose POSES.npy"
 )
 
 

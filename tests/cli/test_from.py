@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 import trees
+from bad_inputs import good_arrays, with_arrays, write_good
 from trees import FRAMES, scene
 
+from geneoh.readers.joint_orders import ORDERS
 from geneoh.readers.npz_files import load_sequence
 
 
@@ -94,3 +96,38 @@ def test_a_folder_given_as_a_dot_has_its_result_beside_it(geneoh, tmp_path, mano
     result = geneoh("denoise", "--from", "landmarks", ".", "--preset", "fast", *brought)
     assert result.exit_code == 0, result.output
     assert load_sequence(tmp_path / "in_clean.npz").frames == FRAMES
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        ("--translation", "wrist"),
+        ("--focal", "600"),
+        ("--no-mean-pose",),
+        ("--objects", "."),
+        ("--body", "body.npz"),
+        ("--swap-parts",),
+        ("--clip", "one"),
+    ],
+    ids=lambda given: given[0],
+)
+def test_an_option_that_only_a_source_can_use_is_refused_without_one(geneoh, tmp_path, given):
+    write_good(tmp_path)
+    result = geneoh("denoise", "hand.npz", "--obj", "object.obj", *given)
+    assert result.exit_code == 2, result.output
+    assert f"{given[0].replace('no-', '')}" in result.stderr
+    assert "--from" in result.stderr
+    assert not list(tmp_path.glob("*_clean.npz"))
+
+
+def test_bare_joints_are_read_in_the_order_that_the_command_names(geneoh, tmp_path):
+    write_good(tmp_path)
+    joints = good_arrays()["joints"]
+    shuffled = with_arrays(joints=joints[:, np.argsort(ORDERS["mano"].entries)])
+    run = ("denoise", "hand.npz", "--obj", "object.obj", "--preset", "fast")
+    assert geneoh(*run, "-o", "straight.npz").exit_code == 0
+    shuffled(tmp_path)
+    result = geneoh(*run, "--joint-order", "mano", "-o", "shuffled.npz")
+    assert result.exit_code == 0, result.output
+    with np.load("straight.npz") as straight, np.load("shuffled.npz") as same:
+        np.testing.assert_array_equal(straight["right_joints"], same["right_joints"])

@@ -4,7 +4,7 @@ import os
 import numpy as np
 import pytest
 import torch
-from bad_inputs import FRAMES, REFUSED, good_arrays, write_good
+from bad_inputs import FRAMES, REFUSED, good_arrays, with_arrays, write_good
 
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import Mesh
@@ -152,3 +152,28 @@ def test_the_wrist_of_a_mano_hand_is_where_its_regressor_puts_it(monkeypatch):
     verts = hand.template + torch.einsum("vcs,s->vc", hand.shape_dirs, betas)
     expected = (hand.joint_regressor @ verts)[0]
     torch.testing.assert_close(files.mano_wrist_offset("anywhere")("right", betas), expected)
+
+
+def test_the_callers_poses_move_an_object_that_the_file_leaves_out(tmp_path):
+    write_good(tmp_path)
+    with_arrays(object_rotation=None, object_translation=None)(tmp_path)
+    poses = np.tile(np.eye(4), (FRAMES, 1, 1))
+    poses[:, :3, 3] = [0.01, 0.02, 0.03]
+    np.save(tmp_path / "poses.npy", poses)
+    sequence = load(
+        tmp_path / "hand.npz", obj=tmp_path / "object.obj", object_pose=tmp_path / "poses.npy"
+    )
+    np.testing.assert_allclose(sequence.object.translation[:, 0], poses[:, :3, 3])
+    write_good(tmp_path)
+    with pytest.raises(InputError, match="given once, got --object-pose and 'object_rotation'"):
+        load(tmp_path / "hand.npz", object_pose=poses)
+
+
+def test_an_order_of_keypoints_is_for_bare_joints_and_moves_their_confidence(tmp_path):
+    confidence = np.linspace(0, 1, 21)[None].repeat(FRAMES, 0)
+    with_arrays(confidence=confidence)(tmp_path)
+    hand = load(tmp_path / "hand.npz", joint_order="mano").hands[0]
+    np.testing.assert_allclose(hand.confidence[0, :3], confidence[0, [0, 13, 14]], rtol=1e-6)
+    save_sequence(two_hands(), tmp_path / "own.npz")
+    with pytest.raises(InputError, match="always in OpenPose order; drop the option"):
+        load(tmp_path / "own.npz", joint_order="mano")
