@@ -48,6 +48,10 @@ Noise = Literal["gauss", "gauss_strong", "beta", "bias", "drift", "burst", "drop
 """Kinds of noise that `geneoh corrupt` adds; `geneoh.sequence.noise` defines each."""
 NOISES: tuple[Noise, ...] = get_args(Noise)
 
+ObjectNoise = Literal["shaky_2", "shaky_10", "flips"]
+"""Noise on the poses of an object; see `geneoh.sequence.object_noise`."""
+OBJECT_NOISES: tuple[ObjectNoise, ...] = get_args(ObjectNoise)
+
 CaseNoise = Literal[Noise, "paper", "recorded", "clean"]
 """Noise on the clips of an evaluation: a `Noise`; "paper", the one that the paper defines for a
 data set; "recorded", none, because the recording itself is noisy and has no ground truth; or

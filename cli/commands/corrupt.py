@@ -5,33 +5,51 @@ from typing import Any
 
 import click
 
-from geneoh.choices import NOISES
+from geneoh.choices import NOISES, OBJECT_NOISES
 
 from .. import options
 
 
 @click.command()
 @click.argument("clean", type=options.INPUT_FILE)
-@click.option("--noise", type=click.Choice(NOISES), required=True, help="Kind of noise.")
+@click.option("--noise", type=click.Choice(NOISES), help="Noise on the hand.")
+@click.option(
+    "--object-noise", type=click.Choice(OBJECT_NOISES), help="Noise on the poses of the object."
+)
 @options.seed
 @options.side
 @options.fps
 @options.output
 def corrupt(
-    clean: Path, noise: Any, seed: int, side: Any, fps: float | None, output: Path | None
+    clean: Path,
+    noise: Any,
+    object_noise: Any,
+    seed: int,
+    side: Any,
+    fps: float | None,
+    output: Path | None,
 ) -> None:
     """Add noise to a clean sequence, as hand trackers make it.
 
-    CLEAN is an npz in any layout that geneoh reads; its object is kept. Writes CLEAN with the
-    noise's name before its ending, unless -o says otherwise.
+    CLEAN is an npz in any layout that geneoh reads. Its object is kept, unless --object-noise asks
+    for noisy poses. Writes CLEAN with the names of the noises before its ending, unless -o says
+    otherwise.
     """
     import torch
 
     from geneoh.readers.npz_files import load_sequence, save_sequence
     from geneoh.sequence.noise import corrupt_sequence
+    from geneoh.sequence.object_noise import corrupt_object
 
     sequence = load_sequence(clean, side=side, fps=fps)
-    noisy = corrupt_sequence(sequence, noise, generator=torch.Generator().manual_seed(seed))
-    output = output or clean.with_name(f"{clean.stem}_{noise}{clean.suffix}")
+    if noise is None and object_noise is None:
+        raise click.UsageError("Missing option '--noise' or '--object-noise'")
+    noisy, generator = sequence, torch.Generator().manual_seed(seed)
+    if noise is not None:
+        noisy = corrupt_sequence(noisy, noise, generator=generator)
+    if object_noise is not None:
+        noisy = corrupt_object(noisy, object_noise, generator=generator)
+    name = "_".join(kind for kind in (noise, object_noise) if kind)
+    output = output or clean.with_name(f"{clean.stem}_{name}{clean.suffix}")
     save_sequence(noisy, output)
-    click.echo(f"{output}: {noisy.frames} frames with {noise} noise, seed {seed}")
+    click.echo(f"{output}: {noisy.frames} frames with {name} noise, seed {seed}")

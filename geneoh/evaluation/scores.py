@@ -169,7 +169,7 @@ class CaseScorer:
         """Read the case; the ground truth is measured when it is first needed."""
         self.case, self.config = case, config
         hand, self.fps = case.noisy.hands[0], case.noisy.fps
-        self.surface = case.noisy.object.surface()
+        self.surface = (case.clean or case.noisy).object.surface()
         generator = torch.Generator().manual_seed(seed_of("contact", case.clip.name))
         self.samples = contact_points(self.surface.fields, generator=generator)
         self.faces = config.model(hand).faces

@@ -165,9 +165,11 @@ def draw_beta(shape: tuple[int, ...], *, generator: torch.Generator) -> Float[Te
     return torch.rand((*shape, 9), generator=generator).sort(-1).values[..., 7]
 
 
-def ornstein_uhlenbeck(white: Float[Tensor, "*B T D"]) -> Float[Tensor, "*B T D"]:
-    """White noise turned into unit-variance noise of correlation time `DRIFT_FRAMES`."""
-    stay = math.exp(-1 / DRIFT_FRAMES)
+def ornstein_uhlenbeck(
+    white: Float[Tensor, "*B T D"], frames: float = DRIFT_FRAMES
+) -> Float[Tensor, "*B T D"]:
+    """White noise turned into unit-variance noise of a correlation time in frames."""
+    stay = math.exp(-1 / frames)
     steps = [white[..., 0, :]]
     for t in range(1, white.shape[-2]):
         steps.append(stay * steps[-1] + math.sqrt(1 - stay**2) * white[..., t, :])

@@ -17,6 +17,7 @@ from geneoh.errors import ConfigError, MissingAssetError
 from geneoh.evaluation.protocols.options import ProtocolOptions
 from geneoh.readers.mano import read_mano
 from geneoh.sequence.noise import Sizes, corrupt_sequence, draw_beta, perturbed
+from geneoh.sequence.object_noise import corrupt_object
 from geneoh.sequence.sequence import Sequence
 from geneoh.synthesis.shards import seed_of
 
@@ -81,6 +82,9 @@ def noisy_input(
     options: ProtocolOptions,
 ) -> Sequence:
     """The clip as a method gets to see it; the same for the same arguments."""
+    if (object_noise := options.object_noise) is not None:
+        generator = torch.Generator().manual_seed(seed_of(object_noise, seed, dataset, clip))
+        clean = corrupt_object(clean, object_noise, generator=generator)
     if noise in ("clean", "recorded"):
         return clean
     generator = torch.Generator().manual_seed(seed_of("case", seed, dataset, clip, noise))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from geneoh.choices import CaseNoise, Dataset
+from geneoh.choices import CaseNoise, Dataset, ObjectNoise
 from geneoh.readers.base import ReaderOptions
 
 SEEDS = (11, 22, 77)
@@ -56,6 +56,9 @@ class ProtocolOptions:
     reach: Literal["paper", "code"] = "paper"
     """ARCTIC: largest distance from the wrist to the object: 15 cm (paper) or 38.7 cm, because the
     released code compares the squared distance with 0.15."""
+    object_noise: ObjectNoise | None = None
+    """Noise on the object's poses that the methods see; scores are measured on the true ones. None:
+    the methods see the true poses."""
     mano_dir: Path | None = None
     """Folder of the user's MANO files; GRAB and ARCTIC need it."""
     objects: Path | None = None

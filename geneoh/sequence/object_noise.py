@@ -1,0 +1,66 @@
+"""Noise on the poses of an object, as pose estimators make it.
+
+Half of the noise of "shaky_2" (2 degrees, 4 mm) and "shaky_10" (five times that) is drawn anew in
+every frame, half drifts. "flips" is 1 degree and 2 mm, and in short runs of frames any turn about
+one axis, as estimators of nearly round objects give.
+"""
+
+import math
+from dataclasses import replace
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.choices import ObjectNoise
+from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.sequence.noise import ornstein_uhlenbeck
+from geneoh.sequence.sequence import Sequence
+
+DEGREES: dict[ObjectNoise, float] = {"shaky_2": 2.0, "shaky_10": 10.0, "flips": 1.0}
+"""Root mean square angle of the noise of the rotation, in degrees."""
+METRES_PER_DEGREE = 0.002
+"""Root mean square length of the noise of the translation for each degree of the rotation's."""
+DRIFT_FRAMES = 15.0
+"""Correlation time of the half that drifts, in frames."""
+FLIP_SHARE, LONGEST_FLIP = 0.3, 12
+"""Share of the frames with a flip (some runs overlap), and the longest run of them."""
+
+
+def corrupt_object(
+    sequence: Sequence, noise: ObjectNoise, *, generator: torch.Generator
+) -> Sequence:
+    """The sequence with noisy poses of its object; all parts get noise of their own."""
+    motion = sequence.object
+    frames, parts = motion.rotation.shape[:2]
+    turns, shifts = [], []
+    for _ in range(parts):
+        turn, shift = draw_object_noise(noise, frames, generator=generator)
+        turns.append(axis_angle_to_matrix(turn))
+        shifts.append(shift)
+    rotation = motion.rotation @ torch.stack(turns, dim=1).to(motion.rotation)
+    translation = motion.translation + torch.stack(shifts, dim=1).to(motion.translation)
+    source = f"{noise} noise of the object, seed {generator.initial_seed()}, on {sequence.source}"
+    noisy = replace(motion, rotation=rotation, translation=translation)
+    return replace(sequence, object=noisy, source=source)
+
+
+def draw_object_noise(
+    noise: ObjectNoise, frames: int, *, generator: torch.Generator
+) -> tuple[Float[Tensor, "T 3"], Float[Tensor, "T 3"]]:
+    """Turns in the object's frame, axis-angle in radians, and shifts in the world, metres."""
+
+    def white_and_drift(size: float) -> Float[Tensor, "T 3"]:
+        white, unit = torch.randn(2, frames, 3, generator=generator)
+        return size / math.sqrt(6) * (white + ornstein_uhlenbeck(unit, DRIFT_FRAMES))
+
+    turn = white_and_drift(math.radians(DEGREES[noise]))
+    shift = white_and_drift(METRES_PER_DEGREE * DEGREES[noise])
+    if noise == "flips":
+        axis = torch.nn.functional.normalize(torch.randn(3, generator=generator), dim=0)
+        for _ in range(max(1, round(FLIP_SHARE * frames / (LONGEST_FLIP / 2)))):
+            start = int(torch.randint(frames, (), generator=generator))
+            length = int(torch.randint(1, LONGEST_FLIP + 1, (), generator=generator))
+            angle = math.pi * (2 * float(torch.rand((), generator=generator)) - 1)
+            turn[start : start + length] += angle * axis
+    return turn, shift
