@@ -20,12 +20,13 @@ Selection = Literal["closest", "mean"]
 """Which sample becomes the result: the one closest to the input, or the mean of all samples."""
 SELECTIONS: tuple[Selection, ...] = get_args(Selection)
 
-Ablation = Literal["motion", "spatial", "temporal", "canonical", "diffusion", "fit"]
+Ablation = Literal["motion", "spatial", "temporal", "canonical", "diffusion", "fit", "object"]
 """Parts that an ablation leaves out, with the same weights.
 
 "motion", "spatial", "temporal": one stage. "canonical": the canonical frame stands still in the
 world instead of moving with the object. "diffusion": each stage calls its denoiser once instead of
 running a diffusion chain. "fit": the hand fit sees keypoints only, neither the object nor time.
+"object": the poses of the object are taken as they are, neither examined nor cleaned.
 """
 ABLATIONS: tuple[Ablation, ...] = get_args(Ablation)
 

@@ -75,7 +75,7 @@ def denoise(
     )
     notes = [note for mesh in sequence.object.meshes if (note := size_warning(mesh))]
     motion, examined = sequence.object, None
-    if not options.trust_object:
+    if chosen.clean_object:
         motion, examined = clean_object(sequence.object, sequence.fps)
         notes += examined.sentences()
     normalised = normalised_hands(replace(sequence, object=motion))

@@ -61,7 +61,7 @@ class Options:
                 )
         if self.steps is not None:
             chosen = chosen.with_steps(self.steps)
-        for part in self.without:
+        for part in (*self.without, *(("object",) if self.trust_object else ())):
             chosen = chosen.without(part)
         return replace(
             chosen,

@@ -48,6 +48,8 @@ class Preset:
     canonical: bool = True
     """Whether the canonical frame moves with the contact points; False, for an ablation, holds it
     still in the world."""
+    clean_object: bool = True
+    """Whether noisy poses of the object are smoothed before the stages see the hand from it."""
 
     def with_steps(self, steps: int) -> "Preset":
         """The preset with another number of denoiser calls per stage, never above its level."""
@@ -64,6 +66,8 @@ class Preset:
                 return self._with_plans(lambda plan: replace(plan, sampler="direct"))
             case "fit":
                 return replace(self, fit=KEYPOINTS_ALONE, contact=False)
+            case "object":
+                return replace(self, clean_object=False)
             case _:
                 assert_never(part)
 
