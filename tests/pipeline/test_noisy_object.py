@@ -49,7 +49,7 @@ def error_and_acceleration(result: geneoh.Denoised, truth: Sequence) -> tuple[fl
 
 def test_the_hand_does_not_inherit_the_noise_of_the_object(cleaned, shaking, clean):
     error, acceleration = error_and_acceleration(cleaned, clean)
-    trusting = geneoh.denoise(shaking, replace(FAST, trust_object=True))
+    trusting = geneoh.denoise(shaking, replace(FAST, without=("object",)))
     worse, rougher = error_and_acceleration(trusting, clean)
     assert error < 5 < worse
     assert acceleration < 8.3 < rougher
