@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from geneoh.choices import PRESETS, RESULT_HANDS, SELECTIONS, SIDES
+from geneoh.choices import PRESETS, RESULT_HANDS, SELECTIONS, SIDES, UNITS
 from geneoh.errors import ConfigError
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
@@ -31,6 +31,13 @@ OBJ_HELP = (
     "Mesh file of the object, in metres. Repeat it for each rigid part, in order of the parts."
 )
 
+unit = click.option(
+    "--unit",
+    type=click.Choice(UNITS),
+    default="m",
+    show_default=True,
+    help="Unit of the meshes of --obj, where it is not metres.",
+)
 obj = click.option("--obj", type=INPUT_FILE, multiple=True, required=True, help=OBJ_HELP)
 obj_or_source = click.option(
     "--obj",

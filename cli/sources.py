@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from geneoh.choices import JOINT_ORDERS, TRANSLATIONS
+from geneoh.choices import JOINT_ORDERS, TRANSLATIONS, UNITS
 from geneoh.readers.registry import SOURCES
 
 from . import options
@@ -41,6 +41,12 @@ reader_options = options.together(
         show_default=True,
         help="Order of bare keypoints.",
     ),
+    options.unit,
+    click.option(
+        "--keypoint-unit",
+        type=click.Choice(UNITS),
+        help="Unit of bare keypoints and of the object's poses beside them.  [default: m]",
+    ),
     click.option(
         "--translation",
         type=click.Choice(TRANSLATIONS),
@@ -62,6 +68,9 @@ reader_options = options.together(
 )
 """Options that a source may need to be read."""
 
+BARE_OPTIONS = ("object_pose", "joint_order", "unit", "keypoint_unit")
+"""The ones that can be used for an npz that is read without --from."""
+
 NEEDS_SOURCE = ("objects", "body", "translation", "swap_parts", "mean_pose", "focal", "clip")
 """Of these and --clip, the ones that mean nothing for an npz that is read without --from."""
 
@@ -82,7 +91,7 @@ def read(
 
     if source is None:
         refuse_source_options()
-        others = {name: others[name] for name in ("joint_order", "object_pose")}
+        others = {name: others[name] for name in BARE_OPTIONS}
     shared = {"obj": obj, "mano_dir": mano, "side": side, "fps": fps}
     if source is not None:
         return geneoh.read(source, path, clip=clip, **shared, **others)

@@ -8,6 +8,10 @@ from typing import Literal, get_args
 Side = Literal["left", "right"]
 SIDES: tuple[Side, ...] = get_args(Side)
 
+Unit = Literal["mm", "cm", "m"]
+"""Units of length that a file may be in; everything in memory is in metres."""
+UNITS: tuple[Unit, ...] = get_args(Unit)
+
 HandSource = Literal["embedded", "mano", "mano-as-shipped"]
 """Where a hand model comes from; see `geneoh.hand.library.load_hand`."""
 RESULT_HANDS: tuple[HandSource, ...] = ("embedded", "mano")

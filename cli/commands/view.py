@@ -64,6 +64,7 @@ from .. import options
     show_default=True,
     help="Network port of --serve.",
 )
+@options.unit
 @options.mano
 @options.side
 @options.fps
@@ -89,7 +90,7 @@ def view(
 
     from .. import progress
 
-    given = {name: chosen.pop(name) for name in ("side", "fps")}
+    given = {name: chosen.pop(name) for name in ("side", "fps", "unit")}
     opened = partial(open_scene, mano_dir=chosen.pop("mano"), **given)
     look = Look(**chosen)
     if serve:

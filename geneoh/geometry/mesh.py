@@ -1,6 +1,7 @@
 """Triangle meshes in metres: reading, checking, and closing the openings of their surface."""
 
 import hashlib
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -14,6 +15,7 @@ from scipy.sparse.csgraph import connected_components
 from torch import Tensor
 
 from geneoh.bundle import Bundle
+from geneoh.choices import Unit
 from geneoh.errors import InputError
 from geneoh.geometry.mirror import mirror_faces, mirror_points
 
@@ -28,6 +30,12 @@ SHEET_THICKNESS = 0.002
 LARGEST_OBJECT, SMALLEST_OBJECT = 2.0, 0.005
 """Range of the longest side of an object that a hand holds, metres; outside of it the unit is
 probably wrong."""
+
+METRES: dict[Unit, float] = {"mm": 0.001, "cm": 0.01, "m": 1.0}
+"""Length of each unit in metres."""
+
+USUAL_OBJECT = 0.1
+"""Longest side in metres of the objects that hands mostly hold, to tell which unit is likely."""
 
 TINY = 1e-30
 """Length in float64 below which a vector has no direction; torch's own 1e-12 is a possible area."""
@@ -72,11 +80,15 @@ class Mesh(Bundle):
         return torch.nn.functional.normalize(self.face_vectors().double(), dim=-1, eps=TINY)
 
 
-def load_mesh(path: Path | str) -> Mesh:
+def load_mesh(path: Path | str, unit: Unit = "m") -> Mesh:
     """Read a triangle mesh without repair: vertex order, shells and holes are kept.
 
     The nodes of a scene (GLB) are placed and joined to one mesh. Textured OBJ files come with
     doubled vertices along the seams of the texture, STL files with three vertices per face.
+
+    Args:
+        path: the file.
+        unit: of its vertices; the mesh itself is in metres.
 
     Raises:
         InputError: not a readable mesh, or one without a surface.
@@ -99,7 +111,8 @@ def load_mesh(path: Path | str) -> Mesh:
             f"{path}: cannot be read as {path.suffix[1:].upper()} "
             f"({type(error).__name__}: {reason}); open it in a mesh editor and save it again"
         ) from error
-    return checked(Mesh(verts, faces, path), str(path))
+    mesh = Mesh(verts, faces, path) if unit == "m" else Mesh(METRES[unit] * verts, faces)
+    return checked(mesh, str(path))
 
 
 def checked(mesh: Mesh, source: str) -> Mesh:
@@ -137,9 +150,10 @@ def size_warning(mesh: Mesh) -> str | None:
     """A warning for the user when the mesh is far too large or small for a hand, else None."""
     size = float(mesh.extent().max())
     if size > LARGEST_OBJECT:
+        unit = likely_unit(size)
         return (
-            f"the mesh is {size:.3g} m long, too large for a hand: it looks like millimetres "
-            "saved as metres, scale its vertices by 0.001"
+            f"the mesh is {size:.3g} m long, too large for a hand: its unit is probably {unit}, "
+            f"pass --unit {unit} or scale its vertices by {METRES[unit]:g}"
         )
     if size < SMALLEST_OBJECT:
         return (
@@ -147,6 +161,12 @@ def size_warning(mesh: Mesh) -> str | None:
             "scale its vertices by 1000"
         )
     return None
+
+
+def likely_unit(size: float) -> Unit:
+    """The unit other than metres in which a length is most like that of an object to hold."""
+    units: tuple[Unit, ...] = ("mm", "cm")
+    return min(units, key=lambda unit: abs(math.log(size * METRES[unit] / USUAL_OBJECT)))
 
 
 def welded(mesh: Mesh) -> Mesh:

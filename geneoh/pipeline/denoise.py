@@ -69,11 +69,14 @@ def denoise(
     chosen = options.resolved()
     if not sequence.object.meshes:
         raise InputError(f"{sequence.source}: expected an object mesh, got none; pass --obj MESH")
+    for mesh in sequence.object.meshes:
+        if warning := size_warning(mesh):
+            raise InputError(f"{mesh.source or sequence.source}: {warning}")
     check_sequence(sequence, sequence.source)
     denoisers = load_denoisers(
         options.weights, device=options.device, trajectory=not chosen.observed
     )
-    notes = [note for mesh in sequence.object.meshes if (note := size_warning(mesh))]
+    notes: list[str] = []
     motion, examined = sequence.object, None
     if chosen.clean_object:
         motion, examined = clean_object(sequence.object, sequence.fps)

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Shaped
 
 from geneoh.bundle import Bundle
-from geneoh.choices import JointOrder, Side, Translation
+from geneoh.choices import JointOrder, Side, Translation, Unit
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import Mesh
 from geneoh.readers.mano import ManoSource, mano_of
@@ -37,6 +37,8 @@ class ReaderOptions:
     """Frames a second, instead of the source's own."""
     joint_order: JointOrder = "openpose"
     """Order of a bare array of keypoints."""
+    keypoint_unit: Unit | None = None
+    """Unit of a bare array of keypoints, by default metres."""
     translation: Translation | None = None
     """What the translation of a bare parameter array moves: the wrist, or MANO's origin."""
     swap_parts: bool = False

@@ -10,10 +10,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.choices import JointOrder, Side
+from geneoh.choices import JointOrder, Side, Unit
 from geneoh.errors import ConfigError, InputError
 from geneoh.files.npz import Arrays, write_archive
-from geneoh.geometry.mesh import Mesh, load_mesh
+from geneoh.geometry.mesh import METRES, Mesh, load_mesh
 from geneoh.hand.library import load_hand
 from geneoh.hand.mano import AS_SHIPPED, MENDED
 from geneoh.readers.foreign_files import read_array
@@ -59,20 +59,24 @@ def load(
     side: Side | None = None,
     fps: float | None = None,
     mano_dir: Path | str | None = None,
+    unit: Unit = "m",
     joint_order: JointOrder = "openpose",
+    keypoint_unit: Unit | None = None,
     object_pose: Path | str | Array | None = None,
 ) -> Sequence:
     """Read a sequence together with the meshes of its object.
 
     Args:
         path: the npz of the sequence.
-        obj: mesh file of the object in metres, or one per rigid part. Without it those that the
+        obj: mesh file of the object, or one per rigid part. Without it those that the
             file itself names, where they are still there and hold what they held; the source of
             the sequence says so where they do not.
         side: which hand, where the file does not say; of two hands, the one to read.
         fps: frames a second, where the file does not say.
         mano_dir: folder of the user's MANO files, for the exact wrist of smplx translations.
+        unit: of the meshes in `obj`.
         joint_order: order of the keypoints, where the file holds bare `joints`.
+        keypoint_unit: of the lengths in such a file and of `object_pose`, by default metres.
         object_pose: (T, 4, 4) or (T, Q, 4, 4) object to the hand's frame, or the npy file of it,
             where the file holds no motion of the object.
 
@@ -80,7 +84,7 @@ def load(
         InputError: a file cannot be read as one interaction; the message says why.
     """
     files = [obj] if isinstance(obj, Path | str) else list(obj or ())
-    meshes = tuple(load_mesh(Path(file)) for file in files) or None
+    meshes = tuple(load_mesh(Path(file), unit) for file in files) or None
     offset = None if mano_dir is None else mano_wrist_offset(mano_dir)
     if isinstance(object_pose, Path | str):
         object_pose = read_array(Path(object_pose), *POSE_SHAPES)
@@ -91,6 +95,7 @@ def load(
         fps=fps,
         wrist_offset=offset,
         joint_order=joint_order,
+        keypoint_unit=keypoint_unit,
         object_pose=object_pose,
     )
 
@@ -115,6 +120,7 @@ def load_sequence(
     fps: float | None = None,
     wrist_offset: WristOffset | None = None,
     joint_order: JointOrder = "openpose",
+    keypoint_unit: Unit | None = None,
     object_pose: Array | None = None,
 ) -> Sequence:
     """Read a sequence from an npz in any of the known layouts; `Sequence.source` says which.
@@ -130,6 +136,7 @@ def load_sequence(
         wrist_offset: MANO's J0(betas), which the smplx layout needs for an exact wrist unless it
             carries joints.
         joint_order: order of the keypoints, where the file holds bare `joints`.
+        keypoint_unit: of the lengths in such a file and of `object_pose`, by default metres.
         object_pose: (T, 4, 4) or (T, Q, 4, 4) object to world, where the file holds no motion.
 
     Raises:
@@ -139,6 +146,7 @@ def load_sequence(
     record = read_fields(path)
     layout = layout_of(record)
     record = with_object_pose(in_openpose_order(record, layout, joint_order), object_pose)
+    record = in_metres(record, layout, keypoint_unit)
     meshes, mesh_notes = (meshes, ()) if meshes is not None else find_meshes(record, path.parent)
     sequence, notes = sequence_in(record, layout, meshes, HandOptions(side, wrist_offset), fps)
     notes = (*notes, *mesh_notes)
@@ -191,6 +199,29 @@ def with_object_pose(record: Record, object_pose: Array | None) -> Record:
             f"{quoted(own)}; drop one of them"
         )
     return replace(record, values={**record.values, "obj_pose": object_pose})
+
+
+def in_metres(record: Record, layout: Layout, unit: Unit | None) -> Record:
+    """The fields of a file of bare joints with its lengths in metres.
+
+    Raises:
+        InputError: the file's layout defines its own unit.
+    """
+    if unit is None:
+        return record
+    if layout != "joints":
+        raise InputError(
+            f"{record.where}: --keypoint-unit is for bare 'joints', got {LAYOUT_NAMES[layout]}, "
+            "which is always in metres; drop the option"
+        )
+    values = dict(record.values)
+    for name in {"joints", "object_translation"} & values.keys():
+        values[name] = METRES[unit] * record.numbers(name)
+    if "obj_pose" in record:
+        poses = record.array("obj_pose", *POSE_SHAPES).copy()
+        poses[..., :3, 3] *= METRES[unit]
+        values["obj_pose"] = poses
+    return replace(record, values=values)
 
 
 def sequence_in(

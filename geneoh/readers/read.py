@@ -4,8 +4,11 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from geneoh.choices import JointOrder, Side, Translation
-from geneoh.geometry.mesh import load_mesh
+import numpy as np
+
+from geneoh.choices import JointOrder, Side, Translation, Unit
+from geneoh.errors import ConfigError
+from geneoh.geometry.mesh import METRES, load_mesh
 from geneoh.readers.base import ReaderOptions
 from geneoh.readers.foreign_files import read_array
 from geneoh.readers.recordings import read_one
@@ -26,7 +29,9 @@ def read(
     body: Path | str | None = None,
     side: Side | None = None,
     fps: float | None = None,
+    unit: Unit = "m",
     joint_order: JointOrder = "openpose",
+    keypoint_unit: Unit | None = None,
     translation: Translation | None = None,
     mean_pose: bool | None = None,
     swap_parts: bool = False,
@@ -38,7 +43,7 @@ def read(
         source: whose files they are, such as "hoi4d" or "hamer"; `geneoh convert --help` lists all.
         path: the file or folder of the recording, as the data set unpacks.
         clip: which recording, where the path holds several.
-        obj: mesh file of the object in metres, or one per rigid part, for sources without meshes.
+        obj: mesh file of the object, or one per rigid part, for sources without meshes.
         object_pose: (T, 4, 4) or (T, Q, 4, 4) object to the hand's frame, or the npy file of it,
             for sources without an object.
         objects: folder of the data set's object meshes, where they are not in their usual place.
@@ -46,17 +51,21 @@ def read(
         body: your SMPL+H model, for sources whose hands belong to a body.
         side: of two hands, the one to keep; for bare arrays, the side that they are of.
         fps: frames a second, instead of the source's own.
+        unit: of the meshes in `obj`.
         joint_order: order of bare keypoints.
+        keypoint_unit: of bare keypoints and of `object_pose` beside them, by default metres.
         translation: what the translation of bare MANO parameters moves.
         mean_pose: whether bare MANO parameters are relative to MANO's mean pose.
         swap_parts: HOI4D, whether the poses of the two parts are stored in exchanged order.
         focal: focal length of the camera in pixels, for HaMeR and WiLoR.
 
     Raises:
-        ConfigError: there is no source of that name.
+        ConfigError: there is no source of that name, or it holds no bare keypoints of any unit.
         InputError: a file cannot be read, or several recordings are there and `clip` is not given.
         MissingAssetError: a file that the user must supply is not there.
     """
+    if keypoint_unit is not None and source != "keypoints":
+        raise ConfigError(f"--keypoint-unit is for bare keypoints, got {source}; drop it")
     options = options_with_files(
         mano_dir=as_path(mano_dir),
         body=as_path(body),
@@ -65,7 +74,9 @@ def read(
         object_pose=object_pose,
         side=side,
         fps=fps,
+        unit=unit,
         joint_order=joint_order,
+        keypoint_unit=keypoint_unit,
         translation=translation,
         swap_parts=swap_parts,
         mean_pose=mean_pose,
@@ -77,19 +88,31 @@ def read(
 
 
 def options_with_files(
-    *, obj: Iterable[Path | str], object_pose: Path | str | Array | None, **others: Any
+    *,
+    obj: Iterable[Path | str],
+    object_pose: Path | str | Array | None,
+    unit: Unit = "m",
+    keypoint_unit: Unit | None = None,
+    **others: Any,
 ) -> ReaderOptions:
     """Options with the files read that hold the object's meshes and poses.
 
     Args:
-        obj: mesh files of the object in metres, one per rigid part.
+        obj: mesh files of the object, one per rigid part.
         object_pose: the npy file of the object's poses, or the poses.
+        unit: of the meshes.
+        keypoint_unit: of bare keypoints and of the object's poses beside them.
         others: further fields of `ReaderOptions`.
     """
     if isinstance(object_pose, Path | str):
         object_pose = read_array(Path(object_pose), ("T", 4, 4), ("T", "Q", 4, 4))
-    meshes = tuple(load_mesh(Path(mesh)) for mesh in obj)
-    return ReaderOptions(meshes=meshes, object_pose=object_pose, **others)
+    if object_pose is not None and keypoint_unit is not None:
+        object_pose = np.array(object_pose, dtype=np.float64)
+        object_pose[..., :3, 3] *= METRES[keypoint_unit]
+    meshes = tuple(load_mesh(Path(mesh), unit) for mesh in obj)
+    return ReaderOptions(
+        meshes=meshes, object_pose=object_pose, keypoint_unit=keypoint_unit, **others
+    )
 
 
 def as_path(given: Path | str | None) -> Path | None:

@@ -72,7 +72,11 @@ def check_hand(hand: HandTrack, name: str) -> None:
     if hand.joints is not None:
         span = float(hand_span(hand.joints[hand.valid]))
         if not SMALLEST_HAND <= span <= LARGEST_HAND:
-            cure = "millimetres, divide by 1000" if span > LARGEST_HAND else "not metres, rescale"
+            cure = "not metres, rescale"
+            if span > LARGEST_HAND:
+                cure = "millimetres, divide by 1000" if span > 40 else "centimetres, divide by 100"
+                unit = "mm" if span > 40 else "cm"
+                cure += f", or pass --keypoint-unit {unit} where they are bare keypoints"
             raise InputError(
                 f"{name}: the joints of the {hand.side} hand must be in metres and span "
                 f"{SMALLEST_HAND:g} to {LARGEST_HAND:g}, got {span:.3g}; these look like {cure}"

@@ -8,7 +8,7 @@ from pathlib import Path
 from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.choices import Axis, Colouring, Side
+from geneoh.choices import Axis, Colouring, Side, Unit
 from geneoh.pipeline.results import Denoised, load_samples
 from geneoh.progress import OnStep
 from geneoh.readers.npz_files import load
@@ -92,6 +92,7 @@ def open_scene(
     side: Side | None = None,
     fps: float | None = None,
     mano_dir: Path | str | None = None,
+    unit: Unit = "m",
 ) -> Scene:
     """The scene of a result, and of what it was made from if that is given too.
 
@@ -103,6 +104,7 @@ def open_scene(
         side: side of the hand, where a file does not say; of two hands, the one to read.
         fps: frames per second, where a file does not say.
         mano_dir: folder of the user's MANO files.
+        unit: of the meshes in `obj`.
 
     Raises:
         InputError: a file that cannot be read, no mesh, or different numbers of frames.
@@ -111,7 +113,7 @@ def open_scene(
     sequences: dict[str, Sequence] = {}
     for given in (result,) if before is None else (before, result):
         if isinstance(given, Path | str):
-            sequence = load(given, obj=obj, side=side, fps=fps, mano_dir=mano_dir)
+            sequence = load(given, obj=obj, side=side, fps=fps, mano_dir=mano_dir, unit=unit)
             name, longer_name = Path(given).stem, str(given)
         else:
             sequence = given.sequence if isinstance(given, Denoised) else given

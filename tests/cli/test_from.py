@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 import trees
-from bad_inputs import good_arrays, with_arrays, write_good
+from bad_inputs import good_arrays, millimetre_mesh, with_arrays, write_good
 from trees import FRAMES, scene
 
 from geneoh.readers.joint_orders import ORDERS
 from geneoh.readers.npz_files import load_sequence
+from geneoh.readers.read import read
 
 
 @pytest.fixture(scope="module")
@@ -131,3 +132,34 @@ def test_bare_joints_are_read_in_the_order_that_the_command_names(geneoh, tmp_pa
     assert result.exit_code == 0, result.output
     with np.load("straight.npz") as straight, np.load("shuffled.npz") as same:
         np.testing.assert_array_equal(straight["right_joints"], same["right_joints"])
+
+
+def test_units_of_mesh_and_keypoints_change_nothing_but_the_scale(geneoh, tmp_path):
+    write_good(tmp_path)
+    run = ("denoise", "hand.npz", "--obj", "object.obj", "--preset", "fast")
+    assert geneoh(*run, "-o", "metres.npz").exit_code == 0
+    with_arrays(joints=lambda joints: 100 * joints, object_translation=lambda shift: 100 * shift)(
+        tmp_path
+    )
+    millimetre_mesh(tmp_path)
+    refused = geneoh(*run, "--unit", "mm")
+    assert refused.exit_code == 2
+    assert "centimetres" in refused.stderr
+    assert "--keypoint-unit cm" in refused.stderr
+    result = geneoh(*run, "--unit", "mm", "--keypoint-unit", "cm", "-o", "scaled.npz")
+    assert result.exit_code == 0, result.output
+    with np.load("metres.npz") as metres, np.load("scaled.npz") as scaled:
+        np.testing.assert_allclose(scaled["right_joints"], metres["right_joints"], atol=1e-4)
+    poses = np.tile(np.eye(4), (6, 1, 1))
+    poses[:, :3, 3] = 1
+    np.save("joints.npy", 100 * good_arrays()["joints"])
+    sequence = read(
+        *("keypoints", "joints.npy"),
+        obj="object.obj",
+        object_pose=poses,
+        unit="mm",
+        keypoint_unit="cm",
+        side="right",
+    )
+    np.testing.assert_allclose(sequence.hands[0].joints, good_arrays()["joints"], atol=1e-6)
+    assert float(sequence.object.translation.max()) == pytest.approx(0.01)

@@ -98,10 +98,21 @@ def test_missing_file_is_refused(tmp_path):
         load_mesh(tmp_path / "none.obj")
 
 
-@pytest.mark.parametrize(("scale", "said"), [(1000, "0.001"), (1, None), (0.001, "1000")])
+@pytest.mark.parametrize(
+    ("scale", "said"), [(1000, "--unit mm"), (100, "--unit cm"), (1, None), (0.001, "1000")]
+)
 def test_absurd_size_says_how_to_scale(ball, scale, said):
     warning = size_warning(mesh_of(ball.apply_scale(scale)))
     assert warning is None if said is None else said in warning
+
+
+@pytest.mark.parametrize(("unit", "scale"), [("mm", 1000), ("cm", 100)])
+def test_a_mesh_in_another_unit_is_read_in_metres(ball, unit, scale, tmp_path):
+    ball.export(tmp_path / "metres.obj")
+    ball.apply_scale(scale).export(tmp_path / "ball.obj")
+    metres, read = load_mesh(tmp_path / "metres.obj"), load_mesh(tmp_path / "ball.obj", unit)
+    torch.testing.assert_close(read.verts, metres.verts, rtol=0, atol=1e-6)
+    assert read.source is None
 
 
 def test_mirrored_mesh_still_looks_outward(ball):

@@ -173,7 +173,7 @@ def far_object(folder: Path) -> None:
 
 
 def millimetre_mesh(folder: Path) -> None:
-    """A box 60 m long: it was meant in millimetres. Not refused, but the user is told."""
+    """A box 60 m long: it was meant in millimetres."""
     write_mesh(folder / "object.obj", BOX_CORNERS * 1000)
 
 
@@ -298,6 +298,12 @@ REFUSED = (
     BadInput("nan mesh", ("object.obj", "finite"), nan_mesh, in_reading=False),
     BadInput("text as mesh", ("object.obj",), text_mesh, in_reading=False),
     BadInput(
+        "millimetre mesh",
+        ("object.obj", "60 m long", "pass --unit mm", "0.001"),
+        millimetre_mesh,
+        in_reading=False,
+    ),
+    BadInput(
         "two meshes for one part",
         ("1 rigid parts", "2 meshes"),
         options=("--obj", "object.obj"),
@@ -316,7 +322,6 @@ REFUSED = (
 """Input that must end with exit code 2 and one line on standard error."""
 
 TOLD = (
-    BadInput("millimetre mesh", ("millimetres", "0.001"), millimetre_mesh, in_reading=False),
     BadInput(
         "dropped frames",
         ("1 of 6 frames", "not observed"),

@@ -1,7 +1,8 @@
-"""Any array of keypoints: (T, 21, 3) in a npy, or 'joints' in an npz, metres, in a named order.
+"""Any array of keypoints: (T, 21, 3) in a npy, or 'joints' in an npz, in a named order.
 
---joint-order names the order; the orders of WebXR and OpenXR have 25 and 26 points. --side says
-which hand, --obj and --object-pose add the object. NaN means not observed.
+Metres unless --keypoint-unit says otherwise. --joint-order names the order; the orders of WebXR and
+OpenXR have 25 and 26 points. --side says which hand, --obj and --object-pose add the object. NaN
+means not observed.
 """
 
 from collections.abc import Iterator
@@ -10,6 +11,7 @@ import numpy as np
 
 from geneoh.errors import ConfigError
 from geneoh.files.values import read_values
+from geneoh.geometry.mesh import METRES
 from geneoh.readers.base import CrossChecks, ReaderOptions, SourceClip
 from geneoh.readers.builders import keypoint_track
 from geneoh.readers.dataset_reader import ClipParts, DatasetReader, stated_side
@@ -33,7 +35,8 @@ class KeypointsReader(DatasetReader):
         side = stated_side(record, options)
         count = ORDERS[order].count
         points = record.array("joints", ("T", count, 3), ("T", 3 * count), (count, 3))
-        joints, trust = openpose_order(points.reshape(-1, count, 3), order)
+        points = METRES[options.keypoint_unit or "m"] * points.reshape(-1, count, 3)
+        joints, trust = openpose_order(points, order)
         confidence = None if trust.all() else np.tile(trust, (len(joints), 1))
         yield ClipParts(
             f"{clip.path.name} (keypoints in the order {order})",
