@@ -16,7 +16,7 @@ import numpy as np
 
 from geneoh.errors import InputError
 from geneoh.files.atomic import in_one_step
-from geneoh.files.reading import DAMAGE, SIZE_LIMIT, read_bytes, reason
+from geneoh.files.reading import BUDGET_VARIABLE, DAMAGE, byte_budget, read_bytes, reason
 
 OLDEST_TIME = (1980, 1, 1, 0, 0, 0)
 """Time stamp of every member, the first that zip knows: equal arrays give equal bytes."""
@@ -32,7 +32,7 @@ def read_archive(path: Path) -> Arrays:
     Raises:
         InputError: not an npz, damaged, too large when unpacked, or with anything but plain arrays.
     """
-    data = read_bytes(path)
+    data = read_bytes(path, byte_budget())
     if not data.startswith(b"PK"):
         raise InputError(f"{path}: expected an npz archive, got {got_instead(data)}")
     try:
@@ -60,14 +60,17 @@ def decode_archive(
 ) -> dict[str, Any]:
     """Every array of an open archive by its name; see `decode_array`.
 
-    What the archive declares is held against the limit before anything is unpacked.
+    What the archive declares is held against the budget before any array is made.
     """
     members = [info for info in archive.infolist() if info.filename.endswith(".npy")]
-    total = sum(info.file_size for info in members)
-    if total > SIZE_LIMIT:
+    budget, needed = byte_budget(), sum(info.file_size for info in members)
+    if needed <= budget:
+        needed += sum(as_float64(archive, info, file) for info in members)
+    if needed > budget:
         raise InputError(
-            f"{file}: the arrays must unpack to at most {SIZE_LIMIT / 2**30:g} GiB, got "
-            f"{total / 2**30:.1f} GiB; cut the sequence into shorter ones"
+            f"{file}: reading must take at most {budget / 1e9:.3g} GB of memory, got arrays that "
+            f"declare {needed / 1e9:.3g} GB; cut the sequence into shorter ones or raise "
+            f"{BUDGET_VARIABLE}"
         )
     names = [info.filename.removesuffix(".npy") for info in members]
     if len(set(names)) < len(names):
@@ -77,6 +80,34 @@ def decode_archive(
         name: decode_array(archive.read(info), f"{file}: '{name}'", objects)
         for name, info in zip(names, members, strict=True)
     }
+
+
+def as_float64(archive: zipfile.ZipFile, info: zipfile.ZipInfo, file: str) -> int:
+    """Bytes that the numbers of a member take as float64, which readers turn them into."""
+    with archive.open(info) as stream:
+        shape, _, dtype = read_header(stream, f"{file}: '{info.filename.removesuffix('.npy')}'")
+    return max(0, 8 * math.prod(shape)) if dtype.kind in "biuf" else 0
+
+
+def read_header(stream: io.BufferedIOBase, what: str) -> tuple[tuple[int, ...], bool, np.dtype]:
+    """Shape, order (True: Fortran's) and dtype that a .npy declares.
+
+    Raises:
+        InputError: there is no readable header.
+    """
+    try:
+        version = np.lib.format.read_magic(stream)
+        read = {
+            (1, 0): np.lib.format.read_array_header_1_0,
+            (2, 0): np.lib.format.read_array_header_2_0,
+        }[version]
+        return read(stream)
+    except zipfile.BadZipFile:  # of the archive, not of the header
+        raise
+    except DAMAGE as error:
+        raise InputError(
+            f"{what} has no readable array header ({reason(error)}); write it with numpy.savez"
+        ) from None
 
 
 def decode_array(raw: bytes, what: str, objects: ObjectReader | None = None) -> Any:
@@ -91,17 +122,7 @@ def decode_array(raw: bytes, what: str, objects: ObjectReader | None = None) -> 
         InputError: damaged, or of Python objects without `objects`.
     """
     stream = io.BytesIO(raw)
-    try:
-        version = np.lib.format.read_magic(stream)
-        read_header = {
-            (1, 0): np.lib.format.read_array_header_1_0,
-            (2, 0): np.lib.format.read_array_header_2_0,
-        }[version]
-        shape, fortran, dtype = read_header(stream)
-    except DAMAGE as error:
-        raise InputError(
-            f"{what} has no readable array header ({reason(error)}); write it with numpy.savez"
-        ) from None
+    shape, fortran, dtype = read_header(stream, what)
     body = raw[stream.tell() :]
     if dtype.hasobject and objects is not None:
         return objects(body, what)

@@ -2,7 +2,9 @@
 
 import csv
 import lzma
+import os
 import pickle
+import stat
 import struct
 import tokenize
 import zipfile
@@ -10,10 +12,13 @@ import zlib
 from pathlib import Path
 from typing import TextIO
 
-from geneoh.errors import InputError
+from geneoh.errors import ConfigError, InputError
 
 SIZE_LIMIT = 2**30
 """Bytes of one file, and of all arrays that are made of it: an hour of two hands takes half."""
+
+BUDGET_VARIABLE, BUDGET = "GENEOH_MAX_BYTES", 2 * 10**9
+"""Environment variable with the memory that reading one npz may take in bytes, and its default."""
 
 DAMAGE = (
     *(ArithmeticError, AssertionError, AttributeError, EOFError, LookupError, MemoryError),
@@ -28,6 +33,21 @@ def reason(error: Exception) -> str:
     """What such an error says, in few words."""
     said = " ".join(str(error).split())[:100]
     return said if type(error) is ValueError else f"{type(error).__name__}: {said}"
+
+
+def byte_budget() -> int:
+    """Bytes of memory that reading one npz may take, as the user set them.
+
+    Raises:
+        ConfigError: the environment variable is not a whole number.
+    """
+    given = os.environ.get(BUDGET_VARIABLE, str(BUDGET))
+    if not given.isdecimal() or len(given) > 18:
+        raise ConfigError(
+            f"{BUDGET_VARIABLE} must be a whole number of bytes, got {given[:40]!r}; "
+            f"the default is {BUDGET}"
+        )
+    return int(given)
 
 
 def read_bytes(path: Path, limit: int = SIZE_LIMIT) -> bytes:
@@ -57,8 +77,14 @@ def open_text(path: Path, limit: int) -> TextIO:
 
 
 def refuse_large(path: Path, limit: int) -> None:
-    """Raise where a file is larger than `limit` bytes."""
-    if (size := path.stat().st_size) > limit:
+    """Raise where a file is larger than `limit` bytes, or a pipe or device without an end."""
+    found = path.stat()
+    if not (stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)):
+        raise InputError(
+            f"{path}: must be a regular file, got a pipe or a device; "
+            "write what it gives to a file and pass that"
+        )
+    if (size := found.st_size) > limit:
         raise InputError(
             f"{path}: must have at most {limit / 2**20:g} MiB, got {size / 2**20:.0f}; "
             "cut it into shorter ones"

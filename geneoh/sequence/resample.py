@@ -11,6 +11,9 @@ from geneoh.sequence.gaps import fill_gaps
 from geneoh.sequence.interpolation import FrameInterpolation
 from geneoh.sequence.sequence import Sequence
 
+MOST_FRAMES = 108_000
+"""Frames that resampling makes at most: an hour at 30 frames a second."""
+
 FPS_DIGITS = 6
 """Decimals kept of a frame rate, so that going back lands on the rate one came from."""
 
@@ -26,11 +29,20 @@ def at_rate(sequence: Sequence, fps: float) -> Sequence:
     The first and the last moment stay frames, so the rate is met up to half a frame over the whole
     length; `Sequence.fps` of the result is the exact one. A clip that lasts less than a frame of
     the new rate keeps both of its ends.
+
+    Raises:
+        InputError: it would have more than `MOST_FRAMES` frames.
     """
     if fps == sequence.fps or sequence.frames == 1:
         return sequence
-    steps = round((sequence.frames - 1) * fps / sequence.fps)
-    return over_frames(sequence, max(1, steps) + 1)
+    steps = (sequence.frames - 1) * fps / sequence.fps
+    if not steps < MOST_FRAMES:
+        raise InputError(
+            f"{sequence.source or 'the sequence'}: must last at most {MOST_FRAMES} frames at "
+            f"{fps:g} frames a second, got {steps:.6g} from {sequence.frames} at "
+            f"{sequence.fps:g}; correct 'fps' or --fps, or cut it into shorter ones"
+        )
+    return over_frames(sequence, max(1, round(steps)) + 1)
 
 
 def over_frames(sequence: Sequence, frames: int) -> Sequence:

@@ -19,7 +19,8 @@ LARGEST_ANGLE = 4 * torch.pi
 """Largest length of an axis-angle vector, radians. Half a turn describes every rotation; vectors in
 degrees are longer."""
 
-LARGEST_FPS = 1000.0
+SMALLEST_FPS, LARGEST_FPS = 1.0, 1000.0
+"""Limits of the frame rate. Between frames that are more than a second apart no motion is known."""
 
 FARTHEST_HAND = 0.5
 """Largest distance in metres between the object's bounding ball and the wrist in the frame in which
@@ -44,10 +45,12 @@ def check_sequence(sequence: Sequence, name: str = "") -> None:
     if not sides or len(set(sides)) < len(sides):
         got = " and ".join(sides) or "none"
         raise InputError(f"{name}: expected one hand or one of each side, got {got}; correct it")
-    if not 0 < sequence.fps <= LARGEST_FPS:
+    if not SMALLEST_FPS <= sequence.fps <= LARGEST_FPS:
+        seconds = 1 / LARGEST_FPS <= sequence.fps < SMALLEST_FPS
+        cure = f"as seconds per frame it is {1 / sequence.fps:.4g}, pass that" if seconds else ""
         raise InputError(
-            f"{name}: 'fps' must be more than 0 and at most {LARGEST_FPS:g} frames a second, "
-            f"got {sequence.fps:g}; correct it"
+            f"{name}: 'fps' must be {SMALLEST_FPS:g} to {LARGEST_FPS:g} frames a second, "
+            f"got {sequence.fps:g}; {cure or 'correct it'}"
         )
     for hand in sequence.hands:
         check_hand(hand, name)

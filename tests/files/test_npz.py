@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from geneoh.errors import InputError
+from geneoh.errors import ConfigError, InputError
 from geneoh.files import npz
 from geneoh.files.npz import read_archive, write_archive
 
@@ -84,10 +84,34 @@ def test_a_folder_is_no_archive(tmp_path):
 
 def test_an_archive_too_large_is_refused_before_it_is_unpacked(tmp_path, monkeypatch):
     np.savez_compressed(tmp_path / "a.npz", zeros=np.zeros(2**20, np.uint8))
-    monkeypatch.setattr(npz, "SIZE_LIMIT", 2**20)
+    monkeypatch.setenv("GENEOH_MAX_BYTES", str(2**20))
     monkeypatch.setattr(npz, "decode_array", lambda *_: pytest.fail("was unpacked"))
-    with pytest.raises(InputError, match=r"must unpack to at most 0\.00097"):
+    with pytest.raises(InputError, match=r"at most 0\.00105 GB.*GENEOH_MAX_BYTES"):
         read_archive(tmp_path / "a.npz")
+
+
+def test_single_bytes_are_counted_as_the_float64_that_readers_make_of_them(tmp_path, monkeypatch):
+    np.savez_compressed(tmp_path / "a.npz", **{name: np.zeros(2**20, np.uint8) for name in "abc"})
+    monkeypatch.setenv("GENEOH_MAX_BYTES", str(27 * 2**20))
+    with pytest.raises(InputError, match=r"declare 0\.0283 GB"):
+        read_archive(tmp_path / "a.npz")
+    monkeypatch.setenv("GENEOH_MAX_BYTES", str(28 * 2**20))
+    assert set(read_archive(tmp_path / "a.npz")) == set("abc")
+
+
+@pytest.mark.parametrize("budget", ["2 GB", "-1", "", "1e9"])
+def test_a_budget_that_is_no_number_of_bytes_is_refused(tmp_path, monkeypatch, budget):
+    write_archive(tmp_path / "a.npz", ARRAYS)
+    monkeypatch.setenv("GENEOH_MAX_BYTES", budget)
+    with pytest.raises(ConfigError, match="GENEOH_MAX_BYTES must be a whole number of bytes"):
+        read_archive(tmp_path / "a.npz")
+
+
+def test_a_pipe_or_a_device_is_refused_and_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "a.npz")
+    for path in (tmp_path / "a.npz", Path("/dev/zero")):
+        with pytest.raises(InputError, match="must be a regular file, got a pipe or a device"):
+            read_archive(path)
 
 
 def test_a_member_is_never_unpacked_beyond_its_declared_size(tmp_path):

@@ -75,7 +75,7 @@ def test_frames_with_nan_count_as_not_observed(arrays):
         ({"left_joint": np.zeros(3)}, "'left_joint' is no field.*did you mean 'left_joints'"),
         ({"colour": np.zeros(3)}, "'colour' is no field of a sequence; the fields are"),
         ({"object_translation": np.zeros((12, 3))}, "same number of frames"),
-        ({"fps": 0}, "'fps' must be more than 0"),
+        ({"fps": 0}, "'fps' must be 1 to 1000"),
     ],
 )
 def test_what_is_no_sequence_is_refused_with_the_field_and_the_remedy(arrays, changes, message):

@@ -87,3 +87,10 @@ def test_a_single_frame_has_no_rate():
     assert at_rate(sequence, 30.0) is sequence
     with pytest.raises(InputError, match="got 1 to 5"):
         over_frames(sequence, 5)
+
+
+@pytest.mark.parametrize(("given", "asked"), [(0.0333, 30.0), (1e-40, 30.0), (1.0, 1e300)])
+def test_more_frames_than_an_hour_has_are_refused_before_they_are_made(given, asked):
+    sequence = steady(146, given, seconds=1.0)
+    with pytest.raises(InputError, match="at most 108000 frames"):
+        at_rate(sequence, asked)

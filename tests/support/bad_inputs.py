@@ -277,7 +277,9 @@ REFUSED = (
         ("rotation", "scale"),
         with_arrays(object_rotation=lambda rotation: 0.01 * rotation),
     ),
-    BadInput("no frame rate", ("fps", "more than 0"), with_arrays(fps=np.array(0.0))),
+    BadInput("no frame rate", ("fps", "1 to 1000"), with_arrays(fps=np.array(0.0))),
+    BadInput("seconds per frame", ("fps", "pass that"), with_arrays(fps=np.array(0.0333))),
+    BadInput("almost no frame rate", ("fps", "1 to 1000"), with_arrays(fps=np.array(1e-40))),
     BadInput("absurd frame rate", ("fps", "1000"), with_arrays(fps=np.array(1e6))),
     BadInput("nan frame rate", ("fps", "nan"), with_arrays(fps=np.array(np.nan))),
     BadInput(
