@@ -103,9 +103,11 @@ def hand_span(joints: Float[Tensor, "T 21 3"]) -> Float[Tensor, ""]:
 def check_object(motion: ObjectTrack, name: str) -> None:
     """Refuse a motion that is not finite, not rigid, or not that of the meshes."""
     if motion.meshes and len(motion.meshes) != motion.rotation.shape[1]:
+        parts, meshes = motion.rotation.shape[1], len(motion.meshes)
         raise InputError(
-            f"{name}: the object moves {motion.rotation.shape[1]} rigid parts, got "
-            f"{len(motion.meshes)} meshes; give one mesh per part, in the order of the parts"
+            f"{name}: the object moves {parts} rigid {'part' if parts == 1 else 'parts'}, got "
+            f"{meshes} {'mesh' if meshes == 1 else 'meshes'}; "
+            "give one mesh per part, in the order of the parts"
         )
     finite = motion.rotation.isfinite().flatten(1).all(1) & motion.translation.isfinite().flatten(
         1

@@ -115,7 +115,7 @@ def test_one_mesh_belongs_to_each_part(tmp_path):
     save_sequence(two_hands(), tmp_path / "a.npz")
     mesh = Mesh(0.1 * torch.eye(3), torch.tensor([[0, 1, 2]]))
     assert len(load_sequence(tmp_path / "a.npz", (mesh, mesh)).object.meshes) == 2
-    with pytest.raises(InputError, match=r"2 rigid parts, got 1 meshes"):
+    with pytest.raises(InputError, match=r"2 rigid parts, got 1 mesh;"):
         load_sequence(tmp_path / "a.npz", (mesh,))
 
 
@@ -141,7 +141,7 @@ def test_a_sequence_is_loaded_with_its_mesh(tmp_path):
     write_good(tmp_path)
     sequence = load(tmp_path / "hand.npz", obj=tmp_path / "object.obj")
     assert len(sequence.object.meshes) == 1
-    with pytest.raises(InputError, match="1 rigid parts, got 2 meshes"):
+    with pytest.raises(InputError, match="1 rigid part, got 2 meshes;"):
         load(tmp_path / "hand.npz", obj=[tmp_path / "object.obj"] * 2)
 
 
