@@ -2,7 +2,7 @@
 
 import hashlib
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -21,8 +21,9 @@ from geneoh.geometry.mirror import mirror_faces, mirror_points
 
 MESH_SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb")
 
-WELD_TOLERANCE = 1e-5
-"""Size of the cells within which vertices are one point of the surface, relative to the mesh."""
+WELD_TOLERANCE = 1e-6
+"""Side in metres of the cells within which vertices are one point of the surface. It does not grow
+with the mesh, because a single far vertex would then merge the whole object."""
 
 SHEET_THICKNESS = 0.002
 """Wall in metres given to a one-sheet mesh; 2 mm is about the thinnest bowl a hand holds."""
@@ -49,13 +50,16 @@ class Mesh(Bundle):
     faces: Int[Tensor, "F 3"]
     source: Path | None = None
     """File that it was read from as it is; None for a mesh that was made or changed."""
+    parts: tuple["Mesh", ...] = ()
+    """The separate meshes of a file that holds several, which `verts` and `faces` have joined."""
 
     @cached_property
     def sha256(self) -> str:
         """SHA-256 of the vertices as float32 and the faces as int64, by which a mesh is known again
-        whatever its file is called."""
-        digest = hashlib.sha256(self.verts.detach().cpu().numpy().astype("<f4").tobytes())
-        digest.update(self.faces.cpu().numpy().astype("<i8").tobytes())
+        whatever its file is called; of what `tidied` keeps."""
+        kept = tidied(self)
+        digest = hashlib.sha256(kept.verts.detach().cpu().numpy().astype("<f4").tobytes())
+        digest.update(kept.faces.cpu().numpy().astype("<i8").tobytes())
         return digest.hexdigest()
 
     def mirrored(self) -> "Mesh":
@@ -80,15 +84,18 @@ class Mesh(Bundle):
         return torch.nn.functional.normalize(self.face_vectors().double(), dim=-1, eps=TINY)
 
 
-def load_mesh(path: Path | str, unit: Unit = "m") -> Mesh:
+def load_mesh(path: Path | str, unit: Unit = "m", *, tidy: bool = True) -> Mesh:
     """Read a triangle mesh without repair: vertex order, shells and holes are kept.
 
-    The nodes of a scene (GLB) are placed and joined to one mesh. Textured OBJ files come with
-    doubled vertices along the seams of the texture, STL files with three vertices per face.
+    The nodes of a scene (GLB) are placed and joined to one mesh; where the scene holds several
+    meshes, `parts` has each of them. Textured OBJ files come with doubled vertices along the seams
+    of the texture, STL files with three vertices per face.
 
     Args:
-        path: the file.
+        path: an OBJ, PLY, STL, OFF or GLB file.
         unit: of its vertices; the mesh itself is in metres.
+        tidy: leave out vertices without a face, and faces that repeat a vertex; False for data
+            sets that refer to vertices by their number.
 
     Raises:
         InputError: not a readable mesh, or one without a surface.
@@ -102,24 +109,65 @@ def load_mesh(path: Path | str, unit: Unit = "m") -> Mesh:
     if not path.is_file():
         raise InputError(f"{path}: no such mesh file; check the path")
     try:
-        loaded = trimesh.load_scene(path, process=False).to_mesh()
-        verts = torch.from_numpy(np.array(loaded.vertices, dtype=np.float32).reshape(-1, 3))
-        faces = torch.from_numpy(np.array(loaded.faces, dtype=np.int64).reshape(-1, 3))
+        scene = trimesh.load_scene(path, process=False)
+        joined = from_trimesh(scene.to_mesh())
+        mesh = replace(joined, source=path, parts=scene_parts(scene, path))
     except Exception as error:  # trimesh's readers raise whatever a broken file makes them raise
         reason = " ".join(str(error).split())
         raise InputError(
             f"{path}: cannot be read as {path.suffix[1:].upper()} "
             f"({type(error).__name__}: {reason}); open it in a mesh editor and save it again"
         ) from error
-    mesh = Mesh(verts, faces, path) if unit == "m" else Mesh(METRES[unit] * verts, faces)
-    return checked(mesh, str(path))
+    points = sum(len(cloud.vertices) for cloud in scene.geometry.values())
+    if points and not len(mesh.faces):
+        raise InputError(
+            f"{path}: expected a mesh with triangles, got {points} points and no face; "
+            "export it with its faces, or make a surface of a point cloud in a mesh editor"
+        )
+    mesh = checked(mesh if unit == "m" else scaled(mesh, METRES[unit]), str(path))
+    return tidied(mesh) if tidy else mesh
+
+
+def scaled(mesh: Mesh, factor: float) -> Mesh:
+    """The mesh and its parts with every length times a factor."""
+    parts = tuple(scaled(part, factor) for part in mesh.parts)
+    return Mesh(factor * mesh.verts, mesh.faces, parts=parts)
+
+
+def from_trimesh(shape: trimesh.Trimesh) -> Mesh:
+    """Vertices and faces of a mesh that trimesh has read."""
+    verts = torch.from_numpy(np.array(shape.vertices, dtype=np.float32).reshape(-1, 3))
+    return Mesh(verts, torch.from_numpy(np.array(shape.faces, dtype=np.int64).reshape(-1, 3)))
+
+
+def scene_parts(scene: trimesh.Scene, path: Path) -> tuple[Mesh, ...]:
+    """The meshes of a GLB file that have a surface, placed, in the file's order; none if it is one.
+
+    A mesh of several materials is one. Meshes that stand in several places count each time.
+    """
+    if path.suffix.lower() != ".glb":
+        return ()
+    order = {name: index for index, name in enumerate(scene.geometry)}
+    placed = [shape for shape in scene.dump() if isinstance(shape, trimesh.Trimesh)]
+    placed = sorted(reversed(placed), key=lambda shape: order[shape.metadata["name"]])
+    nodes: dict[str, list[trimesh.Trimesh]] = {}
+    for shape in placed:
+        name = shape.metadata["node"]
+        above = scene.graph.transforms.parents.get(name)
+        # trimesh gives each material of a node a node of its own below it, NODE_ with six letters
+        material = above != scene.graph.base_frame and name[:-6] == f"{above}_"
+        nodes.setdefault(str(above) if material else name, []).append(shape)
+    joined = [from_trimesh(trimesh.Scene(shapes).to_mesh()) for shapes in nodes.values()]
+    parts = [replace(part, source=path) for part in joined if bool(part.face_vectors().any())]
+    return tuple(parts) if len(parts) > 1 else ()
 
 
 def checked(mesh: Mesh, source: str) -> Mesh:
     """The same mesh if it has a surface that can be measured; `source` names it in the error.
 
     Raises:
-        InputError: no faces, values that are not finite, invalid indices, or no area.
+        InputError: no faces, values that are not finite, invalid indices, or no area that can be
+            measured.
     """
     verts, faces = mesh.verts, mesh.faces
     if len(faces) == 0:
@@ -138,9 +186,15 @@ def checked(mesh: Mesh, source: str) -> Mesh:
             f"{source}: vertices must be finite numbers, got NaN or infinity in {bad} of "
             f"{len(verts)}; remove them in a mesh editor"
         )
+    area = mesh.face_vectors().norm(dim=-1)
+    if not bool(area.isfinite().all()):
+        raise InputError(
+            f"{source}: vertices must be in metres, got {float(verts.abs().max()):.3g}; "
+            "scale the mesh or remove the far vertices in a mesh editor"
+        )
     if not bool((mesh.face_vectors() != 0).any()):
         raise InputError(
-            f"{source}: expected a surface, got {len(faces)} faces without any area; "
+            f"{source}: expected a surface, got no area in all of its faces, {len(faces)}; "
             "check the mesh and its scale"
         )
     return mesh
@@ -174,16 +228,30 @@ def welded(mesh: Mesh) -> Mesh:
 
     The vertex array stays as it is; faces index the first of the merged vertices.
     """
-    cell = WELD_TOLERANCE * float(mesh.extent().max())
-    cells = np.rint(mesh.verts.detach().cpu().numpy().astype(np.float64) / cell)
+    cells = np.rint(mesh.verts.detach().cpu().numpy().astype(np.float64) / WELD_TOLERANCE)
     order = np.lexsort(cells.T)  # stable: within a place, the first vertex comes first
     starts = np.ones(len(order), dtype=bool)
     starts[1:] = (np.diff(cells[order], axis=0) != 0).any(-1)
     first = np.empty_like(order)
     first[order] = order[starts][np.cumsum(starts) - 1]
     faces = torch.from_numpy(first).to(mesh.faces)[mesh.faces]
-    a, b, c = faces.unbind(-1)
-    return Mesh(mesh.verts, faces[(a != b) & (b != c) & (c != a)])
+    return Mesh(mesh.verts, faces[~repeats_a_vertex(faces)])
+
+
+def repeats_a_vertex(faces: Int[Tensor, "F 3"]) -> Bool[Tensor, " F"]:
+    """Whether a face has the same vertex at two of its corners."""
+    return (faces == faces.roll(-1, dims=-1)).any(-1)
+
+
+def tidied(mesh: Mesh) -> Mesh:
+    """The same surface without the faces that repeat a vertex and the vertices of no face.
+
+    The order of the others is kept.
+    """
+    kept = mesh.faces[~repeats_a_vertex(mesh.faces)]
+    used, faces = torch.unique(kept, return_inverse=True)
+    parts = tuple(tidied(part) for part in mesh.parts)
+    return replace(mesh, verts=mesh.verts[used], faces=faces, parts=parts)
 
 
 def open_edges(faces: Int[Tensor, "F 3"]) -> Bool[Tensor, "F 3"]:
@@ -237,15 +305,15 @@ def thickened(mesh: Mesh, thickness: float = SHEET_THICKNESS) -> Mesh:
     The sheet's faces must share vertices and agree on a side. The wall is centred because the outer
     side is unknown, and so that mirroring changes nothing. Unused vertices are dropped.
     """
-    used, faces = torch.unique(mesh.faces, return_inverse=True)
-    sheet = Mesh(mesh.verts[used], faces)
+    sheet = tidied(mesh)
+    faces = sheet.faces
     across = sheet.face_vectors().double()
     normals = torch.zeros_like(sheet.verts, dtype=torch.float64)
     for corner in range(3):
         normals.index_add_(0, faces[:, corner], across)
     shift = torch.nn.functional.normalize(normals, dim=-1, eps=TINY).to(sheet.verts) * thickness / 2
     rim = open_edges(faces)
-    start, end, count = faces[rim], faces.roll(-1, dims=-1)[rim], len(used)
+    start, end, count = faces[rim], faces.roll(-1, dims=-1)[rim], len(sheet.verts)
     stitches = torch.cat(
         [
             torch.stack([end, start, start + count], -1),

@@ -15,7 +15,16 @@ import torch
 from jaxtyping import Bool, Float, Float64, Int, Int64
 from torch import Tensor
 
-from geneoh.geometry.mesh import Mesh, open_edges, rims, thickened, welded
+from geneoh.errors import InputError
+from geneoh.geometry.mesh import (
+    WELD_TOLERANCE,
+    Mesh,
+    checked,
+    open_edges,
+    rims,
+    thickened,
+    welded,
+)
 
 OPENING_SHARE = 0.05
 """A hole is an opening when its area is more than this share of its shell's area.
@@ -83,15 +92,30 @@ def build_solid(mesh: Mesh, *, walls: bool = True) -> Solid:
         mesh: in metres; holes, shells and doubled vertices are fine.
         walls: False for a mesh known to be a solid whatever its holes, such as a hand that is open
             at the wrist.
+
+    Raises:
+        InputError: the mesh has no surface that can be measured, or none that encloses anything.
     """
-    mesh = Mesh(mesh.verts.detach().cpu(), mesh.faces.cpu())
-    body, patches = agreeing(welded(mesh))
+    name = str(mesh.source or "the mesh")
+    mesh = checked(Mesh(mesh.verts.detach().cpu(), mesh.faces.cpu()), name)
+    whole = welded(mesh)
+    if not len(whole.faces):
+        raise InputError(
+            f"{name}: expected faces larger than {WELD_TOLERANCE:g} m, got none in a mesh that is "
+            f"{float(mesh.extent().max()):.3g} m long; scale it to metres"
+        )
+    body, patches = agreeing(whole)
     body, sheets = with_walls(body, patches) if walls else (body, 0)
     winding = igl.FastWindingNumberBVH()
     winding.init(*as_arrays(body))
     one_closed_shell = int(patches.max()) == 0 and not bool(open_edges(body.faces).any())
     surface = outward_by_volume(body) if one_closed_shell else outward_by_winding(body, winding)
     surface = Mesh(surface.verts, surface.faces[(surface.face_normals() != 0).any(-1)])
+    if not len(surface.faces):
+        raise InputError(
+            f"{name}: expected a surface between an inside and an outside, got {len(mesh.faces)} "
+            "faces that enclose nothing; check the mesh and its scale"
+        )
     corners = surface.corners().reshape(-1, 3).double()
     return Solid(surface, sheets, corners.amin(0), corners.amax(0), winding)
 

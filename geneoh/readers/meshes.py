@@ -1,6 +1,7 @@
 """Object meshes of data sets: found by name, brought to metres, written beside the sequences."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import torch
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import Mesh, load_mesh
 from geneoh.readers.records import Array
+from geneoh.sequence.sequence import ObjectTrack
 
 
 def find_mesh(places: Iterable[Path], what: str) -> Path:
@@ -35,11 +37,27 @@ def read_mesh(path: Path, scale: float = 1.0, *, centred: bool = False) -> Mesh:
         scale: metres per unit of the file.
         centred: move the middle of its bounding box to the origin.
     """
-    mesh = load_mesh(path)
+    mesh = load_mesh(path, tidy=False)
     verts = mesh.verts.double() * scale
     if centred:
         verts = verts - (verts.amax(0) + verts.amin(0)) / 2
     return Mesh(verts.float(), mesh.faces)
+
+
+def with_parts(motion: ObjectTrack) -> tuple[ObjectTrack, tuple[str, ...]]:
+    """An object whose one file holds several meshes, as these where there is a pose for each.
+
+    Returns:
+        The object, and what was made of such a file, in words.
+    """
+    meshes = motion.meshes[0].parts if len(motion.meshes) == 1 else ()
+    held = f"the object's mesh file holds {len(meshes)} separate meshes"
+    if len(meshes) == motion.rotation.shape[1]:
+        return replace(motion, meshes=meshes), (f"{held}, taken as its parts in this order",)
+    if meshes and motion.rotation.shape[1] == 1:
+        cure = f"give poses of {len(meshes)} parts, or one file with --obj per part, if they move"
+        return motion, (f"{held}, taken as one rigid body; {cure}",)
+    return motion, ()
 
 
 def part_of_mesh(mesh: Mesh, chosen: Array, name: str) -> Mesh:

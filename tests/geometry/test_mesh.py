@@ -1,3 +1,5 @@
+import json
+
 import numpy as np
 import pytest
 import torch
@@ -55,6 +57,55 @@ def test_scene_becomes_one_mesh_with_its_nodes_in_place(ball, tmp_path):
     torch.testing.assert_close(mesh.extent(), torch.tensor([1.1, 0.1, 0.1]), atol=1e-4, rtol=0)
 
 
+def test_scene_of_several_meshes_keeps_each_in_the_order_of_the_file(ball, tmp_path):
+    scene = trimesh.Scene(ball)
+    scene.add_geometry(trimesh.creation.box((0.1, 0.1, 0.1)))
+    scene.add_geometry(ball, transform=trimesh.transformations.translation_matrix([1.0, 0, 0]))
+    scene.export(tmp_path / "three.glb")
+    mesh = load_mesh(tmp_path / "three.glb")
+    assert [len(part.faces) for part in mesh.parts] == [320, 12, 320]
+    torch.testing.assert_close(mesh.parts[2].verts[:, 0].mean(), torch.tensor(1.0))
+    assert sum(len(part.verts) for part in mesh.parts) == len(mesh.verts)
+    small = load_mesh(tmp_path / "three.glb", "mm").parts[2]
+    torch.testing.assert_close(small.verts, mesh.parts[2].verts / 1000)
+
+
+def test_one_mesh_of_two_materials_is_no_scene_of_several(ball, tmp_path):
+    path = tmp_path / "two.glb"
+    trimesh.Scene([ball, ball.copy()]).export(path)
+    assert len(load_mesh(path).parts) == 2
+    merge_glb_meshes(path)
+    assert len(load_mesh(path).faces) == 2 * len(ball.faces)
+    assert load_mesh(path).parts == ()
+
+
+def merge_glb_meshes(path):
+    """Make all meshes of a GLB file the primitives of its first, as tools write materials."""
+    content = path.read_bytes()
+    length = int.from_bytes(content[12:16], "little")
+    tree, rest = json.loads(content[20 : 20 + length]), content[20 + length :]
+    tree["meshes"] = [
+        {"primitives": [one for mesh in tree["meshes"] for one in mesh["primitives"]]}
+    ]
+    tree["nodes"], tree["scenes"], tree["scene"] = [{"mesh": 0}], [{"nodes": [0]}], 0
+    text = json.dumps(tree).encode()
+    text += b" " * (-len(text) % 4)
+    sizes = (20 + len(text) + len(rest)).to_bytes(4, "little") + len(text).to_bytes(4, "little")
+    path.write_bytes(content[:8] + sizes + b"JSON" + text + rest)
+
+
+def test_vertices_without_a_face_are_left_out_unless_they_are_counted(tmp_path):
+    (tmp_path / "far.off").write_text(
+        "OFF\n5 2 0\n9e4 0 0\n0 0 0\n1 0 0\n0 1 0\n1e5 0 0\n3 1 2 3\n3 1 4 1\n"
+    )
+    mesh = load_mesh(tmp_path / "far.off")
+    torch.testing.assert_close(mesh.extent(), torch.tensor([1.0, 1.0, 0.0]))
+    assert mesh.faces.tolist() == [[0, 1, 2]]
+    whole = load_mesh(tmp_path / "far.off", tidy=False)
+    assert len(whole.verts) == 5
+    assert whole.sha256 == mesh.sha256
+
+
 VERTS = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 
 
@@ -72,7 +123,9 @@ VERTS = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
             "cannot be read as OFF",
         ),
         ("nan.obj", VERTS.replace("1", "nan", 1) + "f 1 2 3\n", "got NaN or infinity in 1 of 3"),
-        ("flat.obj", VERTS + "f 1 2 2\n", "1 faces without any area"),
+        ("flat.obj", VERTS + "f 1 2 2\n", "got no area in all of its faces, 1"),
+        ("cloud.obj", VERTS, "got 3 points and no face"),
+        ("huge.obj", VERTS.replace("1", "3e38") + "f 1 2 3\n", "in metres, got 3e+38"),
         ("model.fbx", "", "expected a mesh file"),
     ],
 )

@@ -3,6 +3,8 @@ import pytest
 import torch
 import trimesh
 
+from geneoh.errors import InputError
+from geneoh.geometry.distance import SurfaceDistance
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.solid import build_solid
 
@@ -155,3 +157,32 @@ def test_box_of_six_loose_sides_is_solid():
     solid = build_solid(mesh_of(trimesh.util.concatenate(sides)))
     assert solid.sheets == 0
     assert bool(solid.contains(CENTRE)[0])
+
+
+@pytest.mark.parametrize("metres", [1e3, 1e5])
+@pytest.mark.parametrize("collinear", [False, True])
+def test_far_corner_of_a_face_without_area_changes_no_depth(metres, collinear):
+    box = mesh_of(trimesh.creation.box((0.1, 0.1, 0.1)).subdivide().subdivide())
+    corner = box.verts[0]
+    (other,) = torch.nonzero((box.verts == corner * torch.tensor([-1, 1, 1])).all(-1))[0]
+    far = torch.tensor([[metres, corner[1], corner[2]]])  # in line with an edge of the box
+    face = torch.tensor([[0, len(box.verts), int(other) if collinear else 0]])
+    stretched = Mesh(torch.cat([box.verts, far]), torch.cat([box.faces, face]))
+    points = torch.rand(200, 3, generator=torch.Generator().manual_seed(0)) * 0.2 - 0.1
+    found = SurfaceDistance(stretched).query(points).distance
+    torch.testing.assert_close(found, SurfaceDistance(box).query(points).distance)
+
+
+@pytest.mark.parametrize(
+    ("verts", "faces", "said"),
+    [
+        (torch.zeros(0, 3), torch.zeros(0, 3, dtype=torch.int64), "no face"),
+        (torch.eye(3) * torch.nan, torch.tensor([[0, 1, 2]]), "NaN"),
+        (torch.eye(3), torch.tensor([[0, 1, 3]]), "must index the 3 vertices"),
+        (torch.eye(3) * 1e-7, torch.tensor([[0, 1, 2]]), "1e-07 m long; scale it to metres"),
+        (torch.eye(3), torch.tensor([[0, 0, 1]]), "no area"),
+    ],
+)
+def test_mesh_without_a_surface_is_refused_before_any_search_tree(verts, faces, said):
+    with pytest.raises(InputError, match=said):
+        SurfaceDistance(Mesh(verts, faces))
