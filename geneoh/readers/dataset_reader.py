@@ -34,6 +34,7 @@ from geneoh.readers.builders import (
     part_of,
     sequence_of,
 )
+from geneoh.readers.meshes import with_parts
 from geneoh.readers.records import Array, Record
 from geneoh.sequence.sequence import HandTrack, Sequence
 
@@ -129,11 +130,15 @@ class DatasetReader(ABC):
         if parts.motion is None:
             frames = parts.hands[0].frames if parts.hands else 1
             motion, about_object = callers_object(options, frames, where)
-            names = tuple(f"{clip.name}_{index}" for index in range(len(motion.meshes)))
+            names = ()
             object_known, notes = np.ones(frames, dtype=bool), [*about_object, *notes]
         else:
             motion, names = object_track(parts.meshes.values(), parts.motion), tuple(parts.meshes)
             object_known = finite_frames(parts.motion)
+        motion, about_meshes = with_parts(motion)
+        notes += about_meshes
+        if len(names) != len(motion.meshes):
+            names = tuple(f"{clip.name}_{index}" for index in range(len(motion.meshes)))
         if self.fps_assumed and options.fps is None:
             notes.append(f"{self.fps:g} frames a second assumed; --fps says otherwise")
         hands, convention = [], parts.convention or self.convention

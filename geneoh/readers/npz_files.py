@@ -18,6 +18,7 @@ from geneoh.hand.library import load_hand
 from geneoh.hand.mano import AS_SHIPPED, MENDED
 from geneoh.readers.foreign_files import read_array
 from geneoh.readers.joint_orders import ORDERS, openpose_order
+from geneoh.readers.meshes import with_parts
 from geneoh.readers.npz_hands import HandOptions, WristOffset, read_hands
 from geneoh.readers.npz_layouts import (
     FORMAT,
@@ -233,9 +234,9 @@ def sequence_in(
 ) -> tuple[Sequence, tuple[str, ...]]:
     """The sequence in the fields of a layout, and what had to be assumed, in words."""
     read = read_hands(record, layout, options)
-    motion = read_object(record, meshes)
+    motion, about_object = with_parts(read_object(record, meshes))
     rate, notes = fps_of(record, fps)
-    return Sequence(read.hands, motion, rate), (*read.notes, *notes)
+    return Sequence(read.hands, motion, rate), (*read.notes, *about_object, *notes)
 
 
 def fps_of(record: Record, given: float | None) -> tuple[float, tuple[str, ...]]:

@@ -55,10 +55,12 @@ def find_meshes(record: Record, folder: Path) -> tuple[tuple[Mesh, ...], tuple[s
         if not path.is_file():
             return (), (f"the object's mesh {name} is not there any more",)
         try:
-            mesh = load_mesh(path)
+            whole = load_mesh(path)
         except InputError as error:
             return (), (f"the object's mesh cannot be used: {error}",)
-        if hashes and (len(hashes) <= index or mesh.sha256 != hashes[index]):
+        kept = hashes[index : index + 1]
+        same = [mesh for mesh in (whole, *whole.parts) if not hashes or mesh.sha256 in kept]
+        if not same:
             return (), (f"the object's mesh {name} is another one than it was",)
-        meshes.append(mesh)
+        meshes.append(same[0])
     return tuple(meshes), ()

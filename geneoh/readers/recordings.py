@@ -109,7 +109,8 @@ def with_choices(recording: Recording, clip: SourceClip, options: ReaderOptions)
         InputError: they are of another hand or object than the source has.
     """
     meshes = recording.sequence.object.meshes
-    if options.meshes and not any(mesh is options.meshes[0] for mesh in meshes):
+    own = [each for mesh in options.meshes[:1] for each in (mesh, *mesh.parts)]
+    if own and not any(mesh is each for mesh in meshes for each in own):
         raise InputError(f"{clip.path}: the source has its own object, got --obj as well; drop it")
     if options.side is None or sides_of(recording) == {options.side}:
         return recording

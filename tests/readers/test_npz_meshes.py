@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 import geneoh
 from geneoh.errors import InputError
@@ -82,3 +83,33 @@ def test_names_that_are_no_text_are_refused(kept):
     write_archive(kept, arrays)
     with pytest.raises(InputError, match="'object_files' must be a list of text"):
         geneoh.load(kept)
+
+
+@pytest.fixture
+def scene(kept):
+    """A GLB file of two meshes."""
+    tool = trimesh.load_mesh(EXAMPLES / "taco_object.obj", process=False)
+    lid = tool.copy()
+    lid.apply_translation([0, 0, 0.02])
+    trimesh.Scene([tool, lid]).export(kept.parent / "two.glb")
+    return kept.parent / "two.glb"
+
+
+def test_a_file_of_several_meshes_with_one_pose_is_one_rigid_body_in_words(kept, scene, caplog):
+    sequence = geneoh.load(kept, obj=scene)
+    assert len(sequence.object.meshes) == 1
+    assert "holds 2 separate meshes, taken as one rigid body" in sequence.source
+    assert "holds 2 separate meshes, taken as one rigid body" in caplog.text
+
+
+def test_a_file_of_several_meshes_is_its_parts_where_there_are_as_many_poses(kept, scene):
+    fields = read_archive(kept)
+    for name in ("object_rotation", "object_translation"):
+        fields[name] = fields[name].repeat(2, axis=1)
+    np.savez(scene.with_name("parts.npz"), **fields)
+    sequence = geneoh.load(scene.with_name("parts.npz"), obj=scene)
+    assert len(sequence.object.meshes) == 2
+    assert "taken as its parts" in sequence.source
+    geneoh.save(sequence, scene.with_name("again.npz"))
+    again = geneoh.load(scene.with_name("again.npz")).object.meshes
+    assert [mesh.sha256 for mesh in again] == [mesh.sha256 for mesh in sequence.object.meshes]

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 import geneoh
 
@@ -39,6 +40,24 @@ def test_arrays_of_an_estimator_become_the_sequence_they_came_from(estimated, tm
     assert found.object.rotation.allclose(known.object.rotation)
     assert found.object.translation.equal(known.object.translation)
     assert found.object.meshes[0].faces.equal(known.object.meshes[0].faces)
+
+
+@pytest.mark.parametrize("poses", [1, 2])
+def test_a_file_of_several_meshes_is_parts_for_as_many_poses(estimated, tmp_path, poses):
+    _, path, pose = estimated
+    tool = trimesh.load_mesh(EXAMPLES / "taco_object.obj", process=False)
+    trimesh.Scene([tool, tool.copy()]).export(tmp_path / "two.glb")
+    found = geneoh.read(
+        "keypoints",
+        path,
+        side="left",
+        fps=30.0,
+        obj=tmp_path / "two.glb",
+        object_pose=np.stack([pose] * poses, axis=1),
+    )
+    taken = "its parts in this order" if poses == 2 else "one rigid body"
+    assert f"holds 2 separate meshes, taken as {taken}" in found.source
+    assert len(found.object.meshes) == poses
 
 
 def test_an_unknown_source_is_answered_with_those_there_are(estimated):
