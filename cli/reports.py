@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from geneoh.metrics.report import before_and_after
-from geneoh.pipeline.results import Denoised
+from geneoh.pipeline.results import Denoised, HandResult
 from geneoh.sequence.sequence import Sequence
 
 
@@ -13,13 +13,11 @@ def denoised(sequence: Sequence, result: Denoised, output: Path) -> Iterator[str
     parts = len(sequence.object.meshes)
     yield (
         f"read {sequence.source}: {sequence.frames} frames at {sequence.fps:g} frames a second, "
-        f"object of {parts} part{'s' if parts > 1 else ''}"
+        f"object of {counted(parts, 'part')}"
     )
     for side, hand in result.hands.items():
         spent = ", ".join(f"{stage} {took:.1f} s" for stage, took in hand.seconds.items())
-        drawn = f"{len(hand.samples)} sample{'s' if len(hand.samples) > 1 else ''}"
-        kept = "their mean kept" if hand.chosen < 0 else f"number {hand.chosen + 1} kept"
-        yield f"{side} hand: {hand.windows} window(s), {drawn} ({kept}); {spent}"
+        yield f"{side} hand: {counted(hand.windows, 'window')}, {drawn(hand)}; {spent}"
         for line in before_and_after(hand.before, hand.after):
             yield f"  {line}"
         yield f"  keypoints moved by {1000 * hand.moved:.1f} mm on average"
@@ -30,3 +28,17 @@ def denoised(sequence: Sequence, result: Denoised, output: Path) -> Iterator[str
     for note in result.notes:
         yield f"note: {note}"
     yield f"wrote {output}"
+
+
+def counted(number: int, noun: str) -> str:
+    """A number and what it counts, such as "1 window" or "4 windows"."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def drawn(hand: HandResult) -> str:
+    """How many samples were drawn, and which became the result where there was a choice."""
+    samples = counted(len(hand.samples), "sample")
+    if len(hand.samples) == 1:
+        return samples
+    kept = "their mean" if hand.chosen < 0 else f"number {hand.chosen + 1}"
+    return f"{samples} ({kept} kept)"
