@@ -48,7 +48,12 @@ obj_or_source = click.option(
 output = click.option(
     *("-o", "--output"),
     type=click.Path(dir_okay=False, path_type=Path),
-    help="File to write. An existing file is replaced only when the new one is complete.",
+    help="File to write. One that geneoh wrote before is replaced when the new one is complete.",
+)
+overwrite = click.option(
+    "--overwrite",
+    is_flag=True,
+    help="Also replace files that geneoh did not write. Inputs are never replaced.",
 )
 preset = click.option(
     "--preset",

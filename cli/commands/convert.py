@@ -31,6 +31,7 @@ from .. import options, sources
     multiple=True,
     help=f"{options.OBJ_HELP} For sources without an object.",
 )
+@options.overwrite
 @options.mano
 @options.side
 @options.fps
@@ -40,6 +41,7 @@ def convert(
     paths: tuple[Path, ...],
     folder: Path | None,
     check: bool,
+    overwrite: bool,
     mano: Path | None,
     **others: Any,
 ) -> None:
@@ -60,9 +62,10 @@ def convert(
     given = options_with_files(mano_dir=mano, **others)
     clips = find_clips(chosen, list(paths))
     click.echo(f"found {len(clips)} clip{'s' * (len(clips) != 1)} of {chosen.title}")
+    doing = converted(chosen, clips, folder, given, check=check, overwrite=overwrite)
     with progress.progress_bars() as on_progress:
         outcomes = []
-        for outcome in converted(chosen, clips, folder, given, check=check):
+        for outcome in doing:
             outcomes.append(outcome)
             for line in sources.lines(outcome):
                 click.echo(line)

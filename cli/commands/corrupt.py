@@ -20,6 +20,7 @@ from .. import options
 @options.side
 @options.fps
 @options.output
+@options.overwrite
 def corrupt(
     clean: Path,
     noise: Any,
@@ -28,6 +29,7 @@ def corrupt(
     side: Any,
     fps: float | None,
     output: Path | None,
+    overwrite: bool,
 ) -> None:
     """Add noise to a clean sequence, as hand trackers make it.
 
@@ -37,19 +39,22 @@ def corrupt(
     """
     import torch
 
+    from geneoh.files.outputs import check_ending, check_outputs
     from geneoh.readers.npz_files import load_sequence, save_sequence
     from geneoh.sequence.noise import corrupt_sequence
     from geneoh.sequence.object_noise import corrupt_object
 
-    sequence = load_sequence(clean, side=side, fps=fps)
     if noise is None and object_noise is None:
         raise click.UsageError("Missing option '--noise' or '--object-noise'")
-    noisy, generator = sequence, torch.Generator().manual_seed(seed)
+    name = "_".join(kind for kind in (noise, object_noise) if kind)
+    output = output or clean.with_name(f"{clean.stem}_{name}.npz")
+    check_ending(output, (".npz",))
+    check_outputs([output], inputs=[clean], overwrite=overwrite)
+    noisy = load_sequence(clean, side=side, fps=fps)
+    generator = torch.Generator().manual_seed(seed)
     if noise is not None:
         noisy = corrupt_sequence(noisy, noise, generator=generator)
     if object_noise is not None:
         noisy = corrupt_object(noisy, object_noise, generator=generator)
-    name = "_".join(kind for kind in (noise, object_noise) if kind)
-    output = output or clean.with_name(f"{clean.stem}_{name}{clean.suffix}")
     save_sequence(noisy, output)
     click.echo(f"{output}: {noisy.frames} frames with {name} noise, seed {seed}")

@@ -22,6 +22,7 @@ from .. import options, sources
 )
 @click.option("--clip", help="With --from: name of the recording, where NOISY holds several.")
 @options.output
+@options.overwrite
 @options.preset
 @options.samples
 @options.selection
@@ -60,6 +61,7 @@ def denoise(
     output: Path | None,
     mano: Path | None,
     report: Path | None,
+    overwrite: bool,
     **chosen: Any,
 ) -> None:
     """Clean the hand-object interaction in NOISY.
@@ -72,16 +74,23 @@ def denoise(
     from dataclasses import fields
 
     import geneoh
+    from geneoh.files.outputs import check_ending, check_outputs
 
     from .. import devices, progress, reports
 
+    output = output or sources.beside(noisy)
+    check_ending(output, (".npz",))
+    if report is not None:
+        check_ending(report, (".html",))
+    outputs = [output] if report is None else [output, report]
+    read = [noisy, *obj, mano, *(value for value in chosen.values() if isinstance(value, Path))]
+    check_outputs(outputs, inputs=read, overwrite=overwrite)
     devices.named(chosen["device"])
     names = [field.name for field in fields(geneoh.Options) if field.name in chosen]
     settings = geneoh.Options(mano_dir=mano, **{name: chosen.pop(name) for name in names})
     sequence = sources.read(noisy, obj=obj, mano=mano, **chosen)
     with progress.progress_bars() as on_progress:
         result = geneoh.denoise(sequence, settings, on_progress=on_progress)
-    output = output or sources.beside(noisy)
     geneoh.save(result, output)
     for line in reports.denoised(sequence, result, output):
         click.echo(line)

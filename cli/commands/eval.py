@@ -22,18 +22,22 @@ def eval(
     report.md and report.html. An interrupted run goes on when it is started again.
     """
     from geneoh.evaluation.cases import find_cases, write_inputs
-    from geneoh.evaluation.report import write_report
+    from geneoh.evaluation.report import keep_other_reports, write_report
     from geneoh.evaluation.runner import cores, evaluate
     from geneoh.evaluation.tables import as_text
+    from geneoh.files.outputs import refuse_inputs
 
     from .. import progress
 
     how = {name: asked.pop(name) for name in ("fresh", "pages")}
     chosen = evaluations.evaluation_options(**asked)
     if inputs is not None:
+        read = (chosen.noisy_inputs, *chosen.predictions)
+        refuse_inputs(inputs, inputs.resolve(), [path for path in read if path is not None])
         click.echo(f"wrote {write_inputs(find_cases(chosen), inputs)} clips to {inputs}")
         return
     folder = folder or Path("runs", "eval", chosen.dataset)
+    keep_other_reports(folder)
     how |= {"jobs": jobs or cores(), "command": evaluations.command_line(ctx)}
     with progress.progress_bars() as on_progress:
         made = evaluate(chosen, folder, on_progress=on_progress, **how)

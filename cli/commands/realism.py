@@ -18,10 +18,16 @@ from .. import options
     help="Compare the synthetic hands with the augmentation that training puts on them.",
 )
 @options.output
+@options.overwrite
 @options.side
 @options.fps
 def realism(
-    recording: Path, obj: tuple[Path, ...], data: Path, output: Path | None, **asked: Any
+    recording: Path,
+    obj: tuple[Path, ...],
+    data: Path,
+    output: Path | None,
+    overwrite: bool,
+    **asked: Any,
 ) -> None:
     """Compare what `geneoh synthesize` made with a real RECORDING.
 
@@ -34,11 +40,16 @@ def realism(
     import geneoh
     from geneoh.evaluation.realism import measure_realism, table
     from geneoh.files.atomic import write_whole
+    from geneoh.files.outputs import check_ending, check_outputs
 
+    if output is not None:
+        check_ending(output, (".json",))
+        check_outputs([output], inputs=[recording, *obj, data], overwrite=overwrite)
     augmented = asked.pop("augmented")
     report = measure_realism(geneoh.load(recording, obj=obj, **asked), data, augmented=augmented)
     for line in table(report):
         click.echo(line)
     if output is not None:
-        write_whole(output, json.dumps(report.as_dict(), indent=2) + "\n")
+        whole = {"generator": "geneoh realism", **report.as_dict()}
+        write_whole(output, json.dumps(whole, indent=2) + "\n")
         click.echo(f"wrote {output}")

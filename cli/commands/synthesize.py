@@ -37,6 +37,7 @@ def synthesize(
     from functools import partial
 
     from geneoh.config import configured
+    from geneoh.files.outputs import keep_others
     from geneoh.hand.library import load_hand
     from geneoh.synthesis.shards import SynthesisConfig, write_shards
     from geneoh.viz.canvas import save_picture
@@ -48,6 +49,7 @@ def synthesize(
     settings = settings if count is None else (*settings, f"count={count}")
     chosen = configured(SynthesisConfig(), path, settings)
     hand, sheet = load_hand("right"), data / "sheet.png"
+    keep_others(sheet, "choose another folder")
     with progress.progress_bars() as on_progress:
         made = write_shards(data, chosen, hand, seed=seed, on_shard=partial(on_progress, "shards"))
         if made or not sheet.exists():

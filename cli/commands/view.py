@@ -27,6 +27,7 @@ from .. import options
     "or .gif film, .glb scene, .npz with smplx names, .obj or .ply folder of one mesh per frame. "
     "May be repeated.",
 )
+@options.overwrite
 @click.option(
     "--colour",
     "colouring",
@@ -72,6 +73,7 @@ def view(
     files: tuple[Path, ...],
     obj: tuple[Path, ...],
     outputs: tuple[Path, ...],
+    overwrite: bool,
     serve: bool,
     port: int,
     **chosen: Any,
@@ -85,7 +87,7 @@ def view(
 
     from geneoh.errors import InputError
     from geneoh.viz.look import Look
-    from geneoh.viz.outputs import write, writer_for
+    from geneoh.viz.outputs import check_scene_outputs, write
     from geneoh.viz.view import open_scene
 
     from .. import progress
@@ -105,9 +107,10 @@ def view(
     outputs = outputs or (files[0].with_suffix(".html"),)
     if len(files) > 2:
         raise InputError(f"expected RESULT [BEFORE], got {len(files)} files; --serve takes many")
-    for output in outputs:
-        writer_for(output)
+    check_scene_outputs(outputs, inputs=[*files, *obj], overwrite=overwrite)
     scene = opened(*files, obj=obj)
+    meshes = [mesh.source for mesh in scene.object.meshes]
+    check_scene_outputs(outputs, inputs=meshes, overwrite=overwrite)
     for output in outputs:
         with progress.progress_bars() as on_progress:
             write(scene, output, look, on_step=partial(on_progress, output.name))

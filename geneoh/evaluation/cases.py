@@ -12,6 +12,7 @@ from geneoh.evaluation.protocols import Clip, ProtocolOptions
 from geneoh.evaluation.protocols.noise import check_noise, noisy_input
 from geneoh.evaluation.protocols.selection import clips_by_file, spread_over_groups
 from geneoh.files.atomic import write_whole
+from geneoh.files.outputs import keep_others
 from geneoh.readers.meshes import obj_text
 from geneoh.readers.npz_files import load_sequence, save_sequence
 from geneoh.sequence.sequence import Sequence
@@ -126,10 +127,14 @@ def write_inputs(cases: Iterable[Case], folder: Path) -> int:
 
     Returns:
         how many cases were written.
+
+    Raises:
+        InputError: the folder cannot be written to, or has a file of others of such a name.
     """
     count = 0
     for case in cases:
         path = folder / case.file_name
+        keep_others(path, "choose another folder")
         path.parent.mkdir(parents=True, exist_ok=True)
         for part, mesh in enumerate(case.noisy.object.meshes):
             place = folder / "objects" / f"{case.clip.name}_{part}.obj"

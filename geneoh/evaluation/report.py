@@ -13,6 +13,7 @@ from geneoh.evaluation import plots
 from geneoh.evaluation.scores import MEASURES, Score
 from geneoh.evaluation.tables import LEVEL, Block, as_markdown, blocks_of, seed_agreement
 from geneoh.files.atomic import write_whole
+from geneoh.files.outputs import keep_others
 
 BEST_FILTER_NOTE = (
     "† The filter and size that are best on the very clip, chosen with the ground truth: better "
@@ -24,6 +25,10 @@ MESH_NOTE = (
 )
 PAGE = Path(__file__).parent / "assets" / "report.html"
 """The page around the report."""
+RECORD = "scores.jsonl"
+"""Name of the record of scores in the folder of an evaluation."""
+REPORT_FILES = ("scores.csv", "evaluation.json", "report.md", "report.html")
+"""Names of the files beside it."""
 REASONS = 3
 """Most reasons for failing that are told of a method."""
 
@@ -71,17 +76,24 @@ class Evaluation:
         yield from self.notes
 
 
+def keep_other_reports(folder: Path) -> None:
+    """Refuse a folder without our record that has files with the names of the report's.
+
+    Raises:
+        InputError: such a file is there.
+    """
+    if not (folder / RECORD).is_file():
+        for name in REPORT_FILES:
+            keep_others(folder / name, "choose another folder")
+
+
 def write_report(evaluation: Evaluation, folder: Path) -> list[Path]:
     """Write scores.csv, evaluation.json, report.md and report.html; returns their paths."""
-    texts = {
-        "scores.csv": as_csv(evaluation),
-        "evaluation.json": as_json(evaluation),
-        "report.md": "\n".join(as_report(evaluation)) + "\n",
-        "report.html": as_page(evaluation),
-    }
-    for name, text in texts.items():
+    markdown = "\n".join(as_report(evaluation)) + "\n"
+    texts = (as_csv(evaluation), as_json(evaluation), markdown, as_page(evaluation))
+    for name, text in zip(REPORT_FILES, texts, strict=True):
         write_whole(folder / name, text)
-    return [folder / name for name in texts]
+    return [folder / name for name in REPORT_FILES]
 
 
 def as_csv(evaluation: Evaluation) -> str:

@@ -35,14 +35,12 @@ from geneoh.evaluation.cases import Case, find_cases
 from geneoh.evaluation.methods import GeneohMethod, Method, PredictionsMethod, methods_of
 from geneoh.evaluation.options import EvaluationOptions
 from geneoh.evaluation.protocols.selection import data_root
-from geneoh.evaluation.report import Evaluation
+from geneoh.evaluation.report import RECORD, Evaluation
 from geneoh.evaluation.scores import CaseScorer, Score, ScoreKey, ScoringConfig
 from geneoh.files.atomic import unwritable, write_whole
 from geneoh.progress import OnProgress
 from geneoh.viz.view import write_report
 
-RECORD = "scores.jsonl"
-"""Name of the record in the folder of an evaluation."""
 PACKAGES = ("geneoh", "torch", "numpy", "scipy", "libigl", "trimesh")
 """Packages whose versions are reported."""
 CASE_ERRORS = (InputError, MissingAssetError)

@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import stat
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -22,14 +23,14 @@ def in_one_step(path: Path, *, folder: bool = False, parents: bool = False) -> I
     process left there is removed by the next write of the same `path`, from a minute later on.
 
     Args:
-        path: what it becomes; an old file of that name is replaced.
+        path: what it becomes; an old file of that name is replaced, a link is followed.
         folder: make a folder, where no `path` may be yet.
         parents: make the folders above it where they are missing.
 
     Raises:
-        InputError: the place cannot be written to.
+        InputError: the place cannot be written to, or holds what is no regular file.
     """
-    beside = None
+    path, beside = path if folder else replaceable(path), None
     try:
         if parents:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -46,6 +47,23 @@ def in_one_step(path: Path, *, folder: bool = False, parents: bool = False) -> I
     finally:
         if beside is not None:
             remove(beside)
+
+
+def replaceable(path: Path) -> Path:
+    """The file that a write of `path` makes or replaces: what a symbolic link leads to.
+
+    Raises:
+        InputError: a folder, a device or anything else that is no regular file is there.
+    """
+    place = Path(os.path.realpath(path)) if path.is_symlink() else path
+    if os.path.lexists(place) and not place.is_file():
+        kinds = {stat.S_IFDIR: "folder", stat.S_IFCHR: "device", stat.S_IFBLK: "device"}
+        kinds |= {stat.S_IFIFO: "pipe", stat.S_IFSOCK: "socket", stat.S_IFLNK: "broken link"}
+        kind = kinds.get(stat.S_IFMT(place.lstat().st_mode), "special file")
+        raise InputError(
+            f"{path}: expected a regular file or a new name, got a {kind}; choose another place"
+        )
+    return place
 
 
 def reserved_beside(path: Path, *, folder: bool) -> Path:

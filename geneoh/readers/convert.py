@@ -16,6 +16,7 @@ import numpy as np
 
 from geneoh.errors import GeneOHError
 from geneoh.files.atomic import unwritable, write_whole
+from geneoh.files.outputs import check_outputs
 from geneoh.geometry.mesh import Mesh
 from geneoh.readers.base import ReaderOptions, Recording, SourceClip
 from geneoh.readers.convention_check import contradictions
@@ -57,6 +58,7 @@ def convert(
     options: ReaderOptions,
     *,
     check: bool = False,
+    overwrite: bool = False,
 ) -> Iterator[Outcome]:
     """Convert clips, and report on each.
 
@@ -69,6 +71,7 @@ def convert(
         folder: where to write; None to write nothing.
         options: what the caller knows.
         check: compare the files with their convention as well.
+        overwrite: replace files in the folder that geneoh did not write; never the clip's own.
     """
     done = {} if folder is None else read_log(folder)
     described = describe_options(options)
@@ -79,7 +82,9 @@ def convert(
             yield Outcome(clip, tuple(files), skipped=True)
             continue
         try:
-            yield convert_clip(source, clip, folder, options, entry, check=check)
+            yield convert_clip(
+                source, clip, folder, options, entry, check=check, overwrite=overwrite
+            )
         except GeneOHError as error:
             yield Outcome(clip, problem=str(error))
 
@@ -106,6 +111,7 @@ def convert_clip(
     entry: str,
     *,
     check: bool,
+    overwrite: bool,
 ) -> Outcome:
     """One clip, all of its recordings or none; `entry` is its name in the log."""
     recordings = read_clip(source, clip, options)
@@ -118,9 +124,23 @@ def convert_clip(
     notes = tuple(dict.fromkeys(recording.sequence.source for recording in recordings))
     if folder is None or found:
         return Outcome(clip, contradictions=tuple(found), notes=notes)
+    check_places(recordings, folder, clip, overwrite=overwrite)
     files = tuple(write_recording(recording, folder) for recording in recordings)
     append_log(folder, {"clip": entry, "files": files})
     return Outcome(clip, files, notes=notes)
+
+
+def check_places(
+    recordings: list[Recording], folder: Path, clip: SourceClip, *, overwrite: bool
+) -> None:
+    """Make the folders of a clip's sequences, and refuse to replace the clip or files of others."""
+    places = [folder / f"{recording.name}.npz" for recording in recordings]
+    for place in places:
+        try:
+            place.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise unwritable(place, error) from None
+    check_outputs(places, inputs=[clip.path], overwrite=overwrite)
 
 
 def write_recording(recording: Recording, folder: Path) -> str:
@@ -133,10 +153,6 @@ def write_recording(recording: Recording, folder: Path) -> str:
     meshes = (*written, *sequence.object.meshes[len(written) :])
     sequence = replace(sequence, object=replace(sequence.object, meshes=meshes))
     path = folder / f"{recording.name}.npz"
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise unwritable(path, error) from None
     save_sequence(sequence, path)
     return f"{recording.name}.npz"
 

@@ -12,11 +12,12 @@ from typing import Literal
 from geneoh.choices import SIDES, Side
 from geneoh.errors import InputError
 from geneoh.files.npz import read_archive
+from geneoh.files.outputs import SEQUENCE_FORMAT
 from geneoh.readers.records import Record
 
 Layout = Literal["geneoh-sequence", "smplx", "taco", "joints"]
 
-FORMAT, VERSION = "geneoh-sequence", 1
+FORMAT, VERSION = SEQUENCE_FORMAT, 1
 
 HAND_FIELDS = ("pose", "wrist", "betas", "joints", "valid", "confidence", "joint_spread")
 """Fields of a hand in our own layout, where each has its side in front."""

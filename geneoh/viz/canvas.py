@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
+from PIL.PngImagePlugin import PngInfo
 
 from geneoh.choices import Colouring
 from geneoh.files.atomic import write_whole
@@ -87,5 +88,7 @@ def _font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
 def save_picture(picture: Picture, path: Path) -> None:
     """Write a PNG in one step."""
     stream = io.BytesIO()
-    Image.fromarray(picture).save(stream, format="PNG", optimize=True)
+    made_by = PngInfo()
+    made_by.add_text("Software", "geneoh")
+    Image.fromarray(picture).save(stream, format="PNG", optimize=True, pnginfo=made_by)
     write_whole(path, stream.getvalue())

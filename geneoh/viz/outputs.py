@@ -1,9 +1,9 @@
 """Which file formats a scene can be written as: one table from endings to writers."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from geneoh.errors import InputError
+from geneoh.files.outputs import check_ending, check_outputs
 from geneoh.progress import OnStep
 from geneoh.viz.export import write_meshes, write_smplx
 from geneoh.viz.glb import write_glb
@@ -33,9 +33,23 @@ def writer_for(path: Path) -> Writer:
     Raises:
         InputError: the ending is of no format that can be written.
     """
-    if path.suffix.lower() not in WRITERS:
-        raise InputError(f"{path}: expected {', '.join(WRITERS)}, got {path.suffix!r}; name it so")
+    check_ending(path, WRITERS)
     return WRITERS[path.suffix.lower()]
+
+
+def check_scene_outputs(
+    paths: Iterable[Path], *, inputs: Iterable[Path | None], overwrite: bool
+) -> None:
+    """Refuse files that a scene cannot be written to; see `check_outputs`.
+
+    Raises:
+        InputError: an ending of no format, or a place that cannot be written or must be kept.
+    """
+    paths = list(paths)
+    meshes = [path for path in paths if writer_for(path) is write_meshes]
+    files = [path for path in paths if path not in meshes]
+    folders = [path.with_suffix("") for path in meshes]
+    check_outputs(files, folders=folders, inputs=inputs, overwrite=overwrite)
 
 
 def write(

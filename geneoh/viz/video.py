@@ -10,6 +10,7 @@ from pathlib import Path
 
 from geneoh.errors import InputError, MissingAssetError
 from geneoh.files.atomic import in_one_step
+from geneoh.files.outputs import TAIL_MARKS
 from geneoh.progress import OnStep
 from geneoh.viz.camera import cameras
 from geneoh.viz.canvas import CAPTION_HEIGHT, SCALE_HEIGHT, TITLE_HEIGHT, Canvas
@@ -96,6 +97,9 @@ def write_film(scene: Scene, path: Path, look: Look, on_step: OnStep | None) -> 
         if encoder.returncode:
             reason = messages.decode(errors="replace").strip().splitlines()[-1:]
             raise InputError(f"{path}: ffmpeg cannot write it ({''.join(reason)}); see the path")
+        with beside.open("rb+") as film:
+            film.seek(-1 if gif else 0, os.SEEK_END)  # a GIF's last byte is in its mark
+            film.write(TAIL_MARKS[path.suffix.lower()])
 
 
 def ffmpeg_path() -> str:

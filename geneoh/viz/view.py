@@ -14,7 +14,7 @@ from geneoh.progress import OnStep
 from geneoh.readers.npz_files import load
 from geneoh.sequence.sequence import Sequence
 from geneoh.viz.look import STRIP_CELL, Look
-from geneoh.viz.outputs import write, writer_for
+from geneoh.viz.outputs import check_scene_outputs, write
 from geneoh.viz.page import write_page
 from geneoh.viz.scene import Scene, make_scene
 
@@ -64,14 +64,16 @@ def view(
         The path that was written.
 
     Raises:
-        InputError: a file cannot be read or written, the ending is of no format, there is no mesh,
-            or the numbers of frames differ.
+        InputError: a file cannot be read or written, the path is one of those that are read, the
+            ending is of no format, there is no mesh, or the numbers of frames differ.
         ConfigError: a colouring or an axis that does not exist.
         MissingAssetError: a film without ffmpeg.
     """
     look = Look(colouring=colouring, up=up, frames=tuple(frames), cell=cell)
+    obj = (obj,) if isinstance(obj, Path | str) else tuple(obj)
     if path is not None:
-        writer_for(Path(path))
+        read = [Path(given) for given in (result, before, *obj) if isinstance(given, Path | str)]
+        check_scene_outputs([Path(path)], inputs=read, overwrite=True)
     scene = open_scene(result, before, obj=obj, title=title, mano_dir=mano_dir)
     if path is not None:
         write(scene, Path(path), look, on_step=on_step)

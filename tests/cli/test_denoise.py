@@ -46,7 +46,7 @@ def test_report_says_what_was_read_done_and_changed(report):
     result, out = report
     for words in (
         "146 frames at 30 frames a second",
-        "left hand: 4 window(s)",
+        "left hand: 4 windows, 1 sample; ",
         "motion",
         "fit",
         "penetration depth, mean",
@@ -87,12 +87,12 @@ def test_page_of_the_cleaning_shows_before_after_and_samples(geneoh, tmp_path):
     assert "spread" in told["versions"][1]["hands"][0]["ramps"]
 
 
-def test_page_that_cannot_be_written_is_told_of_and_the_result_is_kept(geneoh, tmp_path):
+def test_page_that_cannot_be_written_is_told_of_before_the_work(geneoh, tmp_path):
     write_good(tmp_path)
     result = geneoh(*RUN, "--report", "nowhere/page.html")
     assert result.exit_code == 2
     assert "nowhere/page.html: cannot be written" in result.stderr
-    assert load_sequence(tmp_path / "hand_clean.npz").frames == 6
+    assert not (tmp_path / "hand_clean.npz").exists()
 
 
 def test_same_seed_gives_the_same_file(geneoh, tmp_path):
@@ -108,7 +108,7 @@ def test_bad_input_ends_with_one_sentence_and_leaves_the_output_alone(geneoh, tm
     write_good(tmp_path)
     case.spoil(tmp_path)
     (tmp_path / "hand_clean.npz").write_bytes(b"an older result")
-    result = geneoh(*RUN, *case.options)
+    result = geneoh(*RUN, "--overwrite", *case.options)
     assert result.exit_code == 2, result.output
     last = result.stderr.strip().splitlines()[-1]
     assert last.startswith("Error: ")

@@ -1,3 +1,4 @@
+import subprocess
 import sys
 from dataclasses import replace
 
@@ -6,6 +7,7 @@ import pytest
 import trimesh
 
 from geneoh.errors import InputError, MissingAssetError
+from geneoh.files.outputs import is_ours
 from geneoh.readers.npz_files import load_sequence
 from geneoh.viz import video
 from geneoh.viz.outputs import write
@@ -70,6 +72,15 @@ def test_films_are_written_without_a_display(one_hand, tmp_path, monkeypatch, na
     assert (tmp_path / name).stat().st_size > 1000
     assert done[-1][0] == done[-1][1]
     assert [path.name for path in tmp_path.iterdir()] == [name]
+    assert is_ours(tmp_path / name)
+    read = [ffmpeg_path(), "-v", "error", "-i", str(tmp_path / name), "-f", "null", "-"]
+    assert subprocess.run(read, capture_output=True, check=True).stderr == b""
+
+
+@pytest.mark.parametrize("name", ["a.html", "a.png", "a.glb", "a.npz"])
+def test_what_was_written_is_known_as_ours(one_hand, tmp_path, name):
+    write(one_hand, tmp_path / name)
+    assert is_ours(tmp_path / name)
 
 
 def test_an_unknown_ending_is_refused(scene, tmp_path):

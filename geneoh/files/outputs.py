@@ -1,0 +1,144 @@
+"""Where results may be written: checked before the work, so that nothing of the user's is lost."""
+
+import os
+import zipfile
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Final
+
+from geneoh.errors import InputError
+from geneoh.files.atomic import replaceable
+from geneoh.files.npz import decode_array
+from geneoh.files.reading import DAMAGE
+
+SEQUENCE_FORMAT: Final = "geneoh-sequence"
+"""The field `format` of a geneoh-sequence npz."""
+SMPLX_MARK = {f"{name}.npy" for name in ("hand_model", "flat_hand_mean", "object_rotation")}
+"""Members that together only our npz files under smplx names have."""
+HEAD_MARKS = {
+    ".html": b'<meta name="generator" content="geneoh">',
+    ".png": b"tEXtSoftware\0geneoh",
+    ".glb": b'"generator":"geneoh"',
+    ".json": b'"generator": "geneoh ',
+}
+"""What the first bytes of each file that geneoh writes hold."""
+TAIL_MARKS = {
+    ".mp4": b"\0\0\0\x0efreegeneoh",  # a box that players skip
+    ".gif": b"\x21\xfe\x06geneoh\0;",  # a comment, and the end of the GIF
+}
+"""The last bytes of each film that geneoh writes."""
+HEAD = 4096
+"""Bytes in which a mark at the head, and the name of a format, must lie."""
+
+
+def check_ending(path: Path, endings: Iterable[str]) -> None:
+    """Refuse a name whose ending is of no format that can be written.
+
+    Raises:
+        InputError: the ending is none of these.
+    """
+    if path.suffix.lower() not in endings:
+        raise InputError(f"{path}: expected {', '.join(endings)}, got {path.suffix!r}; name it so")
+
+
+def check_outputs(
+    files: Iterable[Path],
+    *,
+    folders: Iterable[Path] = (),
+    inputs: Iterable[Path | None] = (),
+    overwrite: bool = False,
+) -> None:
+    """Refuse outputs that cannot be written, or that would replace what is not ours.
+
+    Links are followed. A file that geneoh wrote may be replaced.
+
+    Args:
+        files: files to write, each in a folder that exists.
+        folders: new folders to make.
+        inputs: files and folders that are read; in these folders only our own files are replaced.
+        overwrite: whether files of others may be replaced too; never an input.
+
+    Raises:
+        InputError: an output is an input or another output, is there and is no regular file or not
+            ours, or has a folder that is not there or cannot be written to.
+    """
+    read = [path for path in inputs if path is not None]
+    taken: set[Path] = set()
+    for path in (files := [*files]) + [*folders]:
+        check_folder(path, missing=path not in files)
+        place = Path(os.path.realpath(replaceable(path)))
+        refuse_inputs(path, place, read)
+        if place in taken:
+            raise InputError(f"{path}: is the name of two outputs; give each its own")
+        taken.add(place)
+        if not overwrite:
+            keep_others(path, "pass --overwrite to replace it, or choose another name")
+
+
+def check_folder(path: Path, *, missing: bool) -> None:
+    """Refuse an output whose folder cannot be written to; `missing` ones are made later."""
+    folder = replaceable(path).parent
+    while missing and not os.path.lexists(folder):
+        folder = folder.parent
+    if not folder.is_dir():
+        why = f"there is no folder {folder}"
+    elif not os.access(folder, os.W_OK | os.X_OK):
+        why = f"no permission to write to {folder}"
+    else:
+        return
+    raise InputError(f"{path}: cannot be written ({why}); choose another place")
+
+
+def refuse_inputs(path: Path, place: Path, inputs: Iterable[Path]) -> None:
+    """Refuse an existing output that is read; `place` is its path without links."""
+    for given in inputs if place.exists() else ():
+        within = place.is_relative_to(os.path.realpath(given)) and not is_ours(place)
+        if given.exists() and (given.samefile(place) or within):
+            where = "" if given.samefile(place) else f"lies in {given}, which "
+            raise InputError(f"{path}: {where}is an input and never replaced; choose another name")
+
+
+def keep_others(path: Path, remedy: str) -> None:
+    """Refuse to replace a file that holds anything and that geneoh did not write.
+
+    Args:
+        path: the file that would be written.
+        remedy: what to do, for the error.
+
+    Raises:
+        InputError: such a file is there.
+    """
+    if path.exists() and path.stat().st_size and not is_ours(path):
+        raise InputError(f"{path}: is there already and was not written by geneoh; {remedy}")
+
+
+def is_ours(path: Path) -> bool:
+    """Whether geneoh wrote this regular file, judged by a few bytes; when in doubt it did not."""
+    ending = path.suffix.lower()
+    try:
+        if ending == ".npz":
+            return _is_our_archive(path)
+        with path.open("rb") as file:
+            if ending in HEAD_MARKS:
+                return HEAD_MARKS[ending] in file.read(HEAD)
+            if mark := TAIL_MARKS.get(ending):
+                file.seek(-len(mark), os.SEEK_END)
+                return file.read() == mark
+    except OSError:
+        pass
+    return False
+
+
+def _is_our_archive(path: Path) -> bool:
+    """Whether an npz is a geneoh-sequence or our own parameters under smplx names."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            names = set(archive.namelist())
+            if names >= SMPLX_MARK:
+                return True
+            if "format.npy" not in names or archive.getinfo("format.npy").file_size > HEAD:
+                return False
+            value = decode_array(archive.read("format.npy"), f"{path}: 'format'")
+    except (InputError, *DAMAGE):
+        return False
+    return value.dtype.kind == "U" and str(value) == SEQUENCE_FORMAT

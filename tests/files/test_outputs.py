@@ -1,0 +1,69 @@
+"""Which files may be replaced: our own, and no file of others."""
+
+import os
+
+import numpy as np
+import pytest
+
+from geneoh.errors import InputError
+from geneoh.files.atomic import write_whole
+from geneoh.files.outputs import check_outputs, is_ours
+
+
+def test_only_regular_files_are_replaced(tmp_path):
+    os.mkfifo(tmp_path / "pipe.npz")
+    (tmp_path / "folder.npz").mkdir()
+    (tmp_path / "null.npz").symlink_to(os.devnull)
+    (tmp_path / "loop.npz").symlink_to("loop.npz")
+    for name, words in {
+        "pipe.npz": "got a pipe",
+        "folder.npz": "got a folder",
+        "null.npz": "got a device",
+        "loop.npz": "expected a regular file",
+    }.items():
+        with pytest.raises(InputError, match=words):
+            write_whole(tmp_path / name, "text")
+        with pytest.raises(InputError, match=words):
+            check_outputs([tmp_path / name], overwrite=True)
+    assert len(os.listdir(tmp_path)) == 4
+
+
+def test_a_link_is_written_through(tmp_path):
+    (tmp_path / "link.txt").symlink_to("target.txt")
+    write_whole(tmp_path / "link.txt", "text")
+    assert (tmp_path / "link.txt").is_symlink()
+    assert (tmp_path / "target.txt").read_text() == "text"
+    assert sorted(os.listdir(tmp_path)) == ["link.txt", "target.txt"]
+
+
+def test_what_lies_in_a_folder_that_is_read_is_replaced_only_if_it_is_ours(tmp_path):
+    (tmp_path / "sub").mkdir()
+    np.savez(tmp_path / "sub/theirs.npz", a=1)
+    np.savez(tmp_path / "sub/ours.npz", format="geneoh-sequence")
+    check_outputs([tmp_path / "sub/ours.npz", tmp_path / "new.npz"], inputs=[tmp_path])
+    with pytest.raises(InputError, match="is an input"):
+        check_outputs([tmp_path / "sub/theirs.npz"], inputs=[tmp_path], overwrite=True)
+
+
+@pytest.mark.parametrize(
+    ("name", "data"),
+    [
+        ("a.npz", b""),
+        ("a.npz", b"PK\x05\x06" + b"\0" * 18),
+        ("a.npz", b"PK\x03\x04 damaged"),
+        ("a.html", b"<!doctype html><title>mine</title>"),
+        ("a.png", b"\x89PNG\r\n\x1a\n"),
+        ("a.mp4", b"\0\0\0\x08ftyp"),
+        ("a.txt", b"geneoh"),
+    ],
+)
+def test_a_file_of_others_is_not_ours(tmp_path, name, data):
+    (tmp_path / name).write_bytes(data)
+    assert not is_ours(tmp_path / name)
+
+
+def test_pickles_in_an_archive_are_never_opened(tmp_path):
+    np.savez(tmp_path / "a.npz", format=np.array([print], dtype=object))
+    assert not is_ours(tmp_path / "a.npz")
+    np.savez(tmp_path / "b.npz", format=np.zeros(10**6))
+    assert not is_ours(tmp_path / "b.npz")
