@@ -1,5 +1,6 @@
 """What `convert` and `denoise --from` share: the table of sources, their options, the reports."""
 
+import logging
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from geneoh.readers.convert import Outcome
     from geneoh.sequence.sequence import Sequence
 
+LOG = logging.getLogger(__name__)
 
 reader_options = options.together(
     click.option(
@@ -88,16 +90,20 @@ def read(
 ) -> "Sequence":
     """The sequence in a file of any layout, or the one recording of a named source."""
     import geneoh
+    from geneoh.readers.convention_check import doubts
 
     if source is None:
         refuse_source_options()
         others = {name: others[name] for name in BARE_OPTIONS}
     shared = {"obj": obj, "mano_dir": mano, "side": side, "fps": fps}
     if source is not None:
-        return geneoh.read(source, path, clip=clip, **shared, **others)
-    sequence = geneoh.load(path, **shared, **others)
-    if not sequence.object.meshes:
-        raise click.UsageError("Missing option '--obj'")
+        sequence = geneoh.read(source, path, clip=clip, **shared, **others)
+    else:
+        sequence = geneoh.load(path, **shared, **others)
+        if not sequence.object.meshes:
+            raise click.UsageError("Missing option '--obj'")
+    for doubt in doubts(sequence, str(path)):
+        LOG.warning("%s: %s", path, doubt)
     return sequence
 
 

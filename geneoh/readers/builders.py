@@ -24,6 +24,11 @@ OPENPOSE_FROM_MANO = ORDERS["mano"].entries
 """Keypoint i is entry i of this among 16 MANO joints and the tips of thumb, index, middle, ring,
 pinky: the order of ARCTIC and HO-3D."""
 
+PINNED_NOTE = (
+    "the object's poses are not given: it stands still at the origin of the hand's frame; "
+    "--object-pose gives them"
+)
+
 NO_MANO = "got no MANO files; pass --mano with the folder of your MANO_RIGHT.pkl and MANO_LEFT.pkl"
 
 
@@ -205,10 +210,10 @@ def callers_object(
 ) -> tuple[ObjectTrack, tuple[str, ...]]:
     """The caller's object beside a source that has none; without one, nothing that moves."""
     if options.object_pose is None:
-        note = () if options.meshes else ("the source has no object; give one with --obj",)
+        note = PINNED_NOTE if options.meshes else "the source has no object; give one with --obj"
         count = max(1, len(options.meshes))
         still = np.tile(np.eye(4), (frames, count, 1, 1))
-        return object_track(options.meshes, still), note
+        return object_track(options.meshes, still), (note,)
     if len(options.object_pose) != frames:
         raise InputError(
             f"{where}: the object's poses must be one for each of the {frames} frames, "

@@ -13,16 +13,17 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.choices import Side
+from geneoh.choices import JointOrder, Side
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import size_warning
 from geneoh.geometry.rotations import axis_angle_to_matrix
-from geneoh.hand.skeleton import forward_kinematics, rest_offsets
+from geneoh.hand.skeleton import KEYPOINT_PARENTS, forward_kinematics, rest_offsets
 from geneoh.readers.base import CrossChecks, Recording, finite_frames
+from geneoh.readers.joint_orders import ORDERS
 from geneoh.readers.mano import MEAN_WRIST_OFFSET, mean_wrist_offset
 from geneoh.readers.records import Array
-from geneoh.sequence.sequence import HandTrack, ObjectTrack
-from geneoh.sequence.validation import check_sequence
+from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
+from geneoh.sequence.validation import check_sequence, distance_to_object
 
 WRIST_LIMIT = 0.005
 """Metres that the turning point of a stored mesh may be off; J0 is 96 mm long."""
@@ -39,6 +40,11 @@ KNUCKLES, FINGERTIPS = [5, 9, 13, 17], [8, 12, 16, 20]
 LINKS = tuple((start, start + 1) for base in KNUCKLES for start in range(base, base + 3))
 LONGEST_LINK = 0.8
 """Share of the palm's length that no bone of a finger reaches; the longest measured is 0.6."""
+SHORTER_BONES = 0.9
+"""Share of the bones' total length below which another order of the keypoints is the true one; with
+up to 40 mm of noise the true order has the shortest bones."""
+TOUCHING_REACH = 0.25
+"""Metres from the wrist to the object's ball beyond which no hand can touch the object."""
 CURL_LIMIT = 0.1
 """Share of the palm's length that fingers may bend backward at their tips."""
 J0_SHARE = 0.3
@@ -70,6 +76,51 @@ def contradictions(recording: Recording) -> list[str]:
         found += [f"{hand.side} hand: {words}" for words in check_holding(hand, sequence.object)]
     found += check_object_placement(recording.cross_checks)
     return found
+
+
+def doubts(sequence: Sequence, name: str) -> Iterator[str]:
+    """What is doubtful about a sequence before it is cleaned, each with the option that cures it.
+
+    Args:
+        sequence: as it was read.
+        name: its file, for messages.
+
+    Raises:
+        InputError: the keypoints are certainly in another order.
+    """
+    for hand in sequence.hands:
+        if hand.joints is not None and (order := shorter_order(hand.joints[hand.valid])):
+            raise InputError(
+                f"{name}: the keypoints of the {hand.side} hand must be in OpenPose order, got "
+                f"bones that only a hand in the order {order} has; reorder them, or pass "
+                f"--joint-order {order} where they are bare keypoints"
+            )
+        away = float(distance_to_object(hand, sequence.object)[hand.valid].min())
+        if away > TOUCHING_REACH:
+            yield (
+                f"{hand.side} hand: its wrist stays {away:.2f} m from the object, too far to touch "
+                "it; check the object's poses (--object-pose) and the units (--unit)"
+            )
+        for check in (check_keypoint_order, check_finger_bend):
+            yield from (f"{hand.side} hand: {words}" for words in check(hand, CrossChecks()))
+        yield from (f"{hand.side} hand: {words}" for words in check_holding(hand, sequence.object))
+
+
+def shorter_order(joints: Float[Tensor, "T 21 3"]) -> JointOrder | None:
+    """The order in which the keypoints have much shorter bones than in OpenPose's, if any."""
+    totals = {
+        name: bones_length(joints[:, list(order.entries)])
+        for name, order in ORDERS.items()
+        if sorted(order.entries) == list(range(21))
+    }
+    best = min(totals, key=totals.__getitem__)
+    return best if totals[best] < SHORTER_BONES * totals["openpose"] else None
+
+
+def bones_length(joints: Float[Tensor, "T 21 3"]) -> float:
+    """Total length of the bones of a hand in OpenPose order, each the median of all frames."""
+    bones = joints[:, 1:] - joints[:, list(KEYPOINT_PARENTS[1:])]
+    return float(bones.norm(dim=-1).median(0).values.sum())
 
 
 def stored_keypoints(hand: HandTrack, stored: CrossChecks) -> tuple[Array, Array] | None:
@@ -134,13 +185,19 @@ def check_keypoint_order(hand: HandTrack, stored: CrossChecks) -> Iterator[str]:
         [(joints[:, tips] - joints[:, bases]).norm(dim=-1) for bases, tips in LINKS]
     )
     longest = float(bones.median(1).values.max())
-    if longest > LONGEST_LINK * span:
+    if order := shorter_order(joints):
+        yield f"order: the bones are those of a hand in the order {order}, not in OpenPose's"
+    elif longest > LONGEST_LINK * span:
         yield (
             f"order: a finger's bone is {1000 * longest:.0f} mm long beside a palm of "
-            f"{1000 * span:.0f} mm; the keypoints are in another order"
+            f"{1000 * span:.0f} mm; the keypoints are in another order (--joint-order)"
         )
     elif finger_curl(joints, hand.side) < -CURL_LIMIT * span:
-        yield "handedness: the fingers curl away from the palm; these are points of the other hand"
+        other = "left" if hand.side == "right" else "right"
+        yield (
+            "handedness: the fingers curl away from the palm; these are points of the other hand, "
+            f"pass --side {other} or correct the side that the file states"
+        )
 
 
 def finger_curl(joints: Float[Tensor, "T 21 3"], side: Side) -> float:
@@ -160,7 +217,7 @@ def check_finger_bend(hand: HandTrack, stored: CrossChecks) -> Iterator[str]:
         other = "left" if hand.side == "right" else "right"
         yield (
             f"handedness: the fingers bend backward by {-bend:.2f} rad on average; these are the "
-            f"numbers of a {other} hand, or a mean pose is missing"
+            f"numbers of a {other} hand (--side {other}), or a mean pose is missing (--mean-pose)"
         )
 
 

@@ -145,21 +145,28 @@ def describe_matrix(rotation: Float[Tensor, "Q 3 3"]) -> str:
 
 def check_distance(hand: HandTrack, motion: ObjectTrack, name: str) -> None:
     """Refuse a hand that never comes near its object: other units, another frame, other object."""
-    wrist = hand.wrist if hand.joints is None else hand.joints[:, 0]
-    if not motion.meshes or wrist is None:
-        return
-    gap = torch.stack(
-        [
-            ball_distance(wrist, mesh.verts, motion.rotation[:, part], motion.translation[:, part])
-            for part, mesh in enumerate(motion.meshes)
-        ]
-    )
-    nearest = float(gap[:, hand.valid].min())
+    nearest = float(distance_to_object(hand, motion)[hand.valid].min())
     if nearest > FARTHEST_HAND:
         raise InputError(
             f"{name}: the {hand.side} hand must come near the object, got a wrist that stays "
-            f"{nearest:.3g} m away from it; check that both are in metres and in the same frame"
+            f"{nearest:.3g} m away from it; check that both are in metres and in the same frame, "
+            "and that the object's poses are given (--object-pose)"
         )
+
+
+def distance_to_object(hand: HandTrack, motion: ObjectTrack) -> Float[Tensor, " T"]:
+    """Metres of each frame from the wrist to the ball around the nearest part of the object.
+
+    Negative inside; zero without a mesh or a wrist.
+    """
+    wrist = hand.wrist if hand.joints is None else hand.joints[:, 0]
+    if not motion.meshes or wrist is None:
+        return torch.zeros(hand.frames)
+    gaps = [
+        ball_distance(wrist, mesh.verts, motion.rotation[:, part], motion.translation[:, part])
+        for part, mesh in enumerate(motion.meshes)
+    ]
+    return torch.stack(gaps).amin(0)
 
 
 def ball_distance(

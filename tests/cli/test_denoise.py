@@ -9,7 +9,8 @@ import quick_presets
 from bad_inputs import CANARY, REFUSED, TOLD, write_good
 from pages import page_scene
 
-from geneoh.readers.npz_files import load_sequence
+from geneoh.readers.convention_check import doubts
+from geneoh.readers.npz_files import load, load_sequence
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 RUN = ("denoise", "hand.npz", "--obj", "object.obj", "--preset", "fast")
@@ -40,6 +41,13 @@ def test_clean_sequence_is_written_in_our_layout(report):
     again = load_sequence(out)
     assert again.hands[0].hand_model == "embedded"
     assert "taco_noisy.npz" in again.source
+
+
+def test_a_good_recording_raises_no_doubt(report):
+    result, _ = report
+    assert "WARNING" not in result.output
+    sequence = load(EXAMPLES / "taco_noisy.npz", obj=EXAMPLES / "taco_object.obj")
+    assert list(doubts(sequence, "taco_noisy.npz")) == []
 
 
 def test_report_says_what_was_read_done_and_changed(report):

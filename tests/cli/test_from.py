@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+import quick_presets
 import trees
 from bad_inputs import good_arrays, millimetre_mesh, with_arrays, write_good
-from trees import FRAMES, scene
+from trees import FRAMES, scene, write_mesh
 
 from geneoh.readers.joint_orders import ORDERS
 from geneoh.readers.npz_files import load_sequence
@@ -163,3 +164,37 @@ def test_units_of_mesh_and_keypoints_change_nothing_but_the_scale(geneoh, tmp_pa
     )
     np.testing.assert_allclose(sequence.hands[0].joints, good_arrays()["joints"], atol=1e-6)
     assert float(sequence.object.translation.max()) == pytest.approx(0.01)
+
+
+def test_keypoints_in_another_order_are_refused_with_the_option_that_cures_it(geneoh, tmp_path):
+    write_mesh(tmp_path / "box.obj", scene().verts, scene().faces)
+    joints = scene().joints["right"]
+    np.save(tmp_path / "poses.npy", scene().matrices())
+    run = ("denoise", "--from", "keypoints", "hand.npy", "--obj", "box.obj", "--side", "right")
+    run = (*run, "--object-pose", "poses.npy")
+    for order in ("mano", "fphab"):
+        np.save(tmp_path / "hand.npy", joints[:, np.argsort(ORDERS[order].entries)])
+        result = geneoh(*run)
+        assert result.exit_code == 2, result.output
+        assert f"pass --joint-order {order}" in result.stderr
+    assert not (tmp_path / "hand_clean.npz").exists()
+
+
+def test_the_wrong_side_and_a_still_object_out_of_reach_are_told(
+    geneoh, tmp_path, monkeypatch, caplog
+):
+    quick_presets.use(monkeypatch)
+    write_mesh(tmp_path / "box.obj", scene().verts, scene().faces)
+    joints = scene().joints["right"]
+    joints = joints - joints[:, :1].mean(0) + np.array([0, 0, 0.4])
+    np.save(tmp_path / "hand.npy", joints)
+    run = ("denoise", "--from", "keypoints", "hand.npy", "--obj", "box.obj", "--preset", "fast")
+    result = geneoh(*run, "--side", "left")
+    assert result.exit_code == 0, result.output
+    assert "pass --side right" in caplog.text
+    assert "too far to touch it" in caplog.text
+    assert "stands still at the origin of the hand's frame; --object-pose" in result.output
+    np.save(tmp_path / "hand.npy", joints + np.array([0, 0, 1]))
+    result = geneoh(*run, "--side", "right")
+    assert result.exit_code == 2
+    assert "--object-pose" in result.stderr
