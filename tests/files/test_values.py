@@ -18,7 +18,7 @@ import torch
 from trees.writers import dump_joblib
 
 from geneoh.errors import InputError
-from geneoh.files import checkpoints, npz, pickles
+from geneoh.files import checkpoints, pickles
 from geneoh.files import values as files
 from geneoh.files.values import read_values
 
@@ -352,7 +352,8 @@ def test_many_parts_of_one_storage_are_read_once(tmp_path, zipped):
 
 @pytest.mark.parametrize("kind", ["npz", "gzip", "checkpoint"])
 def test_what_unpacks_to_too_much_is_refused(tmp_path, monkeypatch, kind):
-    for module in (files, npz, checkpoints):
+    monkeypatch.setenv("GENEOH_MAX_BYTES", str(2**20))
+    for module in (files, checkpoints):
         monkeypatch.setattr(module, "SIZE_LIMIT", 2**20)
     path, zeros = tmp_path / "a.bin", np.zeros(2**21, np.uint8)
     if kind == "npz":
@@ -365,7 +366,7 @@ def test_what_unpacks_to_too_much_is_refused(tmp_path, monkeypatch, kind):
             archive.writestr("a/data.pkl", pickle.dumps(1))
             archive.writestr("a/data/0", zeros.tobytes())
     assert path.stat().st_size < 2**20
-    with pytest.raises(InputError, match="unpack to at most"):
+    with pytest.raises(InputError, match=r"(unpack to|must take) at most"):
         read_values(path)
 
 
