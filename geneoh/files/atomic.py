@@ -86,14 +86,14 @@ def write_whole(path: Path, data: bytes | str, *, parents: bool = False) -> None
 
     Args:
         path: where.
-        data: what; text as UTF-8.
+        data: what; text as UTF-8, with a ? for what is none, such as an old file name.
         parents: make the folders above it where they are missing.
 
     Raises:
         InputError: the place cannot be written to.
     """
     with in_one_step(path, parents=parents) as beside:
-        beside.write_bytes(data.encode() if isinstance(data, str) else data)
+        beside.write_bytes(data.encode(errors="replace") if isinstance(data, str) else data)
 
 
 def remove(path: Path) -> None:

@@ -86,7 +86,9 @@ def as_float64(archive: zipfile.ZipFile, info: zipfile.ZipInfo, file: str) -> in
     """Bytes that the numbers of a member take as float64, which readers turn them into."""
     with archive.open(info) as stream:
         shape, _, dtype = read_header(stream, f"{file}: '{info.filename.removesuffix('.npy')}'")
-    return max(0, 8 * math.prod(shape)) if dtype.kind in "biuf" else 0
+    count = math.prod(shape)
+    held = 0 <= count * dtype.itemsize <= info.file_size  # else `decode_array` refuses it
+    return 8 * count if held and dtype.kind in "biuf" else 0
 
 
 def read_header(stream: io.BufferedIOBase, what: str) -> tuple[tuple[int, ...], bool, np.dtype]:

@@ -36,8 +36,14 @@ def save_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
     write_whole(path, data, parents=True)
 
 
-def load_checkpoint(path: Path) -> Checkpoint:
+def load_checkpoint(
+    path: Path, *, remedy: str = "train or download the weights again"
+) -> Checkpoint:
     """Read a checkpoint to the CPU; float16 and bfloat16 become float32, other types are kept.
+
+    Args:
+        path: the file.
+        remedy: what the user can do about a damaged file.
 
     Raises:
         CheckpointError: the file is missing, is not safetensors or carries no record.
@@ -53,8 +59,7 @@ def load_checkpoint(path: Path) -> Checkpoint:
         ) from error
     except (SafetensorError, KeyError, json.JSONDecodeError) as error:
         raise CheckpointError(
-            f"{path}: expected a safetensors file with a geneoh record, got {error}; "
-            "train or download the weights again"
+            f"{path}: expected a safetensors file with a geneoh record, got {error}; {remedy}"
         ) from error
     return Checkpoint(
         {n: t.float() if t.dtype in HALVES else t for n, t in tensors.items()}, record

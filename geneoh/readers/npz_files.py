@@ -30,6 +30,7 @@ from geneoh.readers.npz_layouts import (
     own_names,
     quoted,
     read_fields,
+    shortened,
 )
 from geneoh.readers.npz_meshes import find_meshes, mesh_arrays
 from geneoh.readers.npz_objects import read_object
@@ -155,7 +156,7 @@ def load_sequence(
         LOG.warning("%s: %s", path, note)
     made_from = record.optional_text("source") if layout == FORMAT else None
     source = f"{path.name} ({'; '.join((LAYOUT_NAMES[layout], *notes))})"
-    source = f"{source} made from {made_from}" if made_from else source
+    source = f"{source} made from {shortened(made_from, 300)}" if made_from else source
     sequence = replace(sequence, source=source)
     check_sequence(sequence, str(path))
     return sequence

@@ -57,6 +57,9 @@ MARKS: dict[Layout, tuple[str, ...]] = {
 }
 """Fields that only this layout has."""
 
+MOST_NAMES = 25
+"""Names of fields that a message lists."""
+
 TYPO_CUTOFF = 0.85
 """Similarity above which an unknown field name is taken for a misspelt one."""
 
@@ -125,9 +128,20 @@ def misspelt(record: Record, layout: Layout) -> list[str]:
         for name in record.values
         if name not in known
     }
-    return [f"'{name}' is not read; is it '{match[0]}'?" for name, match in close.items() if match]
+    return [
+        f"'{shortened(name, 40)}' is not read; is it '{match[0]}'?"
+        for name, match in close.items()
+        if match
+    ]
 
 
 def quoted(names: Iterable[str]) -> str:
-    """Field names for a message."""
-    return ", ".join(f"'{name}'" for name in names)
+    """Field names for a message, the first `MOST_NAMES` of them."""
+    listed = list(names)
+    more = [f"and {len(listed) - MOST_NAMES} more"] if len(listed) > MOST_NAMES else []
+    return ", ".join([*(f"'{shortened(name, 40)}'" for name in listed[:MOST_NAMES]), *more])
+
+
+def shortened(text: str, length: int) -> str:
+    """A text for a message, cut to a length."""
+    return text if len(text) <= length else f"{text[:length]}..."

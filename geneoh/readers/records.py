@@ -185,7 +185,7 @@ class Record:
 
     def refuse_lengths(self, *names: str) -> None:
         """Refuse fields of one track that do not have the same number of frames."""
-        lengths = {name: len(self.values[name]) for name in names if name in self}
+        lengths = {name: len(np.atleast_1d(self.values[name])) for name in names if name in self}
         if len(set(lengths.values())) > 1:
             got = ", ".join(f"'{name}' with {length}" for name, length in lengths.items())
             raise InputError(

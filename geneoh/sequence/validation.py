@@ -22,6 +22,9 @@ degrees are longer."""
 SMALLEST_FPS, LARGEST_FPS = 1.0, 1000.0
 """Limits of the frame rate. Between frames that are more than a second apart no motion is known."""
 
+FARTHEST_POINT = 1e4
+"""Largest coordinate in metres; at ten kilometres float32 has steps of a millimetre."""
+
 FARTHEST_HAND = 0.5
 """Largest distance in metres between the object's bounding ball and the wrist in the frame in which
 they are nearest."""
@@ -72,6 +75,9 @@ def check_hand(hand: HandTrack, name: str) -> None:
             f"{name}: at least one frame must hold the {hand.side} hand, got {hand.frames} frames "
             "without; there is nothing to clean"
         )
+    for points in (hand.joints, hand.wrist):
+        if points is not None:
+            check_place(points[hand.valid], f"the {hand.side} hand", name)
     if hand.joints is not None:
         span = float(hand_span(hand.joints[hand.valid]))
         if not SMALLEST_HAND <= span <= LARGEST_HAND:
@@ -91,6 +97,16 @@ def check_hand(hand: HandTrack, name: str) -> None:
                 f"{name}: the pose of the {hand.side} hand must be axis-angle in radians, got an "
                 f"angle of {angle:.3g}; convert degrees to radians"
             )
+
+
+def check_place(points: Float[Tensor, "*B 3"], what: str, name: str) -> None:
+    """Refuse points so far from the origin that float32 does not hold them to a millimetre."""
+    farthest = float(points.abs().max())
+    if not farthest <= FARTHEST_POINT:
+        raise InputError(
+            f"{name}: {what} must be within {FARTHEST_POINT:.0f} m of the origin, got a coordinate "
+            f"of {farthest:.3g}; correct the numbers or their unit, or move the origin"
+        )
 
 
 def hand_span(joints: Float[Tensor, "T 21 3"]) -> Float[Tensor, ""]:
@@ -117,6 +133,7 @@ def check_object(motion: ObjectTrack, name: str) -> None:
             f"{name}: the object's motion must be finite in every frame, got NaN or infinity in "
             f"{int((~finite).sum())}, the first is {int((~finite).nonzero()[0])}; cut or fill them"
         )
+    check_place(motion.translation, "the object", name)
     eye = torch.eye(3, dtype=motion.rotation.dtype, device=motion.rotation.device)
     error = (motion.rotation.transpose(-1, -2) @ motion.rotation - eye).abs().amax((-1, -2))
     mirrors = torch.linalg.det(motion.rotation) < 0

@@ -221,7 +221,8 @@ def first_state(stage: StageName, config: TrainConfig, device: torch.device) -> 
 
 def resume(state: TrainState, path: Path, record: dict[str, Any]) -> None:
     """Take over a saved state if it belongs to the run of this record."""
-    saved = load_checkpoint(path)
+    remedy = "remove it to train anew, or choose another output folder"
+    saved = load_checkpoint(path, remedy=remedy)
     refuse_other_run(path, saved.record, record)
     state.restore(saved)
 

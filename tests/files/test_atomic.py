@@ -79,3 +79,8 @@ def test_an_error_that_says_what_to_do_is_not_taken_for_one_of_the_place(tmp_pat
 def test_a_place_that_cannot_be_written_is_named(tmp_path):
     with pytest.raises(InputError, match=r"nowhere/a\.txt: cannot be written"):
         write_whole(tmp_path / "nowhere" / "a.txt", "a")
+
+
+def test_text_with_a_file_name_that_is_not_utf_8_is_written(tmp_path):
+    write_whole(tmp_path / "page.html", "title \udcff")
+    assert (tmp_path / "page.html").read_text() == "title ?"

@@ -177,3 +177,16 @@ def test_an_order_of_keypoints_is_for_bare_joints_and_moves_their_confidence(tmp
     save_sequence(two_hands(), tmp_path / "own.npz")
     with pytest.raises(InputError, match="always in OpenPose order; drop the option"):
         load(tmp_path / "own.npz", joint_order="mano")
+
+
+def test_messages_and_sources_shorten_what_a_file_holds(tmp_path):
+    good = good_arrays()
+    long = {f"{name}{'x' * 10000}": value for name, value in good.items()}
+    np.savez(tmp_path / "a.npz", **long, **{f"field{n}": 0 for n in range(1000)})
+    with pytest.raises(InputError, match="and 980 more") as told:
+        load_sequence(tmp_path / "a.npz")
+    assert len(str(told.value)) < 1000
+    joints = good.pop("joints")
+    own = {"format": "geneoh-sequence", "version": 1, "right_joints": joints, **good}
+    np.savez(tmp_path / "b.npz", **own, source="x" * 10000)
+    assert len(load_sequence(tmp_path / "b.npz").source) < 500

@@ -278,6 +278,21 @@ REFUSED = (
         with_arrays(object_rotation=lambda rotation: 0.01 * rotation),
     ),
     BadInput("no frame rate", ("fps", "1 to 1000"), with_arrays(fps=np.array(0.0))),
+    BadInput(
+        "a word for a list of flags",
+        ("valid", "same number of frames"),
+        with_arrays(valid="x" * 10000),
+    ),
+    BadInput(
+        "an object that is nowhere",
+        ("object", "10000 m", "3e+38"),
+        with_arrays(object_translation=lambda array: array + np.float32(3e38)),
+    ),
+    BadInput(
+        "a hand that is nowhere",
+        ("right hand", "10000 m", "3e+38"),
+        with_arrays(joints=lambda array: array + np.float32(3e38)),
+    ),
     BadInput("seconds per frame", ("fps", "pass that"), with_arrays(fps=np.array(0.0333))),
     BadInput("almost no frame rate", ("fps", "1 to 1000"), with_arrays(fps=np.array(1e-40))),
     BadInput("absurd frame rate", ("fps", "1000"), with_arrays(fps=np.array(1e6))),

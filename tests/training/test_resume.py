@@ -36,6 +36,15 @@ def test_a_run_is_continued_with_more_steps(tmp_path, clips, tiny):
     assert load_checkpoint(tmp_path / "motion_state.safetensors").record["step"] == 3
 
 
+def test_a_damaged_state_is_told_as_that_of_a_run_and_not_as_weights(tmp_path, clips, tiny):
+    train("motion", replace(tiny, steps=2), clips, clips, tmp_path, device=CPU)
+    state = tmp_path / "motion_state.safetensors"
+    state.write_bytes(state.read_bytes()[:100])
+    with pytest.raises(CheckpointError, match="to train anew, or choose another output folder"):
+        train("motion", tiny, clips, clips, tmp_path, device=CPU)
+    assert len(state.read_bytes()) == 100
+
+
 @pytest.mark.parametrize("part", ["data", "validation"])
 def test_a_run_on_other_data_is_not_continued(tmp_path, clips, tiny, part):
     given = {"data": clips, "validation": clips}
