@@ -1,9 +1,11 @@
 """What a user can choose about cleaning."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from typing import get_type_hints
 
 from geneoh.choices import Ablation, HandSource, PresetName, Selection
+from geneoh.config import as_field_type
 from geneoh.errors import ConfigError
 from geneoh.pipeline.presets import Preset, preset
 
@@ -46,6 +48,21 @@ class Options:
     device: str = "cpu"
     """Device that the networks and the fit run on, as torch names it: "cpu", "cuda", "cuda:1". The
     result is on the device of the sequence."""
+
+    def __post_init__(self) -> None:
+        """Take paths given as text, and refuse values that no setting has.
+
+        Raises:
+            ConfigError: a value is of another type than its field's, or none of its choices.
+        """
+        kinds = get_type_hints(Options)
+        for field in fields(self):
+            value = as_field_type(
+                getattr(self, field.name), kinds[field.name], "Options", field.name
+            )
+            object.__setattr__(self, field.name, value)
+        if not 0 <= self.seed < 2**63:
+            raise ConfigError(f"Options: 'seed' must be 0 or more, got {self.seed}; correct it")
 
     def resolved(self) -> Preset:
         """The preset with the user's changes.

@@ -1,7 +1,9 @@
 """One interaction: up to two hands and one object of rigid parts over T frames, metres, radians."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
+import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
@@ -87,7 +89,7 @@ class ObjectTrack(Bundle):
         return MovingSurface(fields, self.rotation, self.translation)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Sequence(Bundle):
     """Hands and object that share T frames at `fps` frames a second."""
 
@@ -96,6 +98,18 @@ class Sequence(Bundle):
     fps: float
     source: str = ""
     """Where it came from, in words a person can use: a file name and the layout that was read."""
+
+    def __repr__(self) -> str:
+        """The hands, length, rate and source in one line."""
+        hands = " and ".join(hand.side for hand in self.hands) or "no"
+        source = self.source if len(self.source) <= 60 else f"{self.source[:60]}..."
+        return f"Sequence({hands} hand, {self.frames} frames, {self.fps:g} fps, source={source!r})"
+
+    def __eq__(self, other: object) -> bool:
+        """Whether all fields are equal, and all tensors bit by bit; NaN equals nothing."""
+        if not isinstance(other, Sequence):
+            return NotImplemented
+        return _same(self, other)
 
     @property
     def frames(self) -> int:
@@ -108,3 +122,16 @@ class Sequence(Bundle):
             if hand.side == side:
                 return hand
         raise InputError(f"{self.source or 'the sequence'} holds no {side} hand")
+
+
+def _same(a: Any, b: Any) -> bool:
+    """Whether two values are equal, tensors and the fields of bundles included."""
+    if type(a) is not type(b):
+        return False
+    if isinstance(a, Tensor):
+        return a.device == b.device and torch.equal(a, b)
+    if isinstance(a, Bundle):
+        return all(_same(getattr(a, f.name), getattr(b, f.name)) for f in fields(a))
+    if isinstance(a, tuple):
+        return len(a) == len(b) and all(map(_same, a, b))
+    return a == b

@@ -1,11 +1,14 @@
 """What ablations leave out, and that nothing else changes."""
 
 from dataclasses import replace
+from pathlib import Path
 from typing import get_args
 
+import jaxtyping
 import pytest
 
 from geneoh.choices import Ablation
+from geneoh.errors import ConfigError
 from geneoh.fitting.fit import KEYPOINTS_ALONE
 from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.options import Options
@@ -77,3 +80,23 @@ def test_options_leave_out_what_they_name():
     assert Options(without=("motion", "fit")).resolved() == preset("default").without(
         "motion"
     ).without("fit")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"preset": "turbo"}, "'preset' must be one of 'default', 'paper', 'fast', got 'turbo'"),
+        ({"seed": -1}, "'seed' must be 0 or more, got -1"),
+        ({"steps": "3"}, "'steps' must be a whole number or none"),
+        ({"without": "fit"}, "'without' must be a list"),
+    ],
+)
+def test_options_of_other_values_are_refused_with_the_field(wrong, words, monkeypatch):
+    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)  # as for users
+    with pytest.raises(ConfigError, match=words):
+        Options(**wrong)
+
+
+def test_options_take_folders_as_text(monkeypatch):
+    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)  # as for users
+    assert Options(mano_dir="models").mano_dir == Path("models")

@@ -69,3 +69,16 @@ def test_a_sequence_gives_the_hand_of_a_side_or_says_that_it_has_none():
         sequence.hand("right")
     with pytest.raises(InputError, match="the sequence holds no right hand"):
         replace(sequence, source="").hand("right")
+
+
+def test_sequences_are_equal_where_all_fields_are_and_show_in_one_line():
+    motion = ObjectTrack((), torch.eye(3).repeat(T, 1, 1, 1), torch.zeros(T, 1, 3))
+    sequence = Sequence((HAND,), motion, 30.0, "a.npz")
+    copy = sequence.map(torch.clone)
+    assert sequence == copy
+    assert copy.hands[0].joints is not None
+    copy.hands[0].joints[0, 0, 0] += 1
+    assert sequence != copy
+    assert sequence != replace(sequence, fps=25.0)
+    assert sequence != "a.npz"
+    assert repr(sequence) == "Sequence(left hand, 4 frames, 30 fps, source='a.npz')"
