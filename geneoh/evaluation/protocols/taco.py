@@ -6,9 +6,9 @@ data set is cut into windows in which the wrist is at most 15 cm from the object
 
 from collections.abc import Iterator
 from functools import partial
+from importlib.resources import files
 from pathlib import Path
 
-import geneoh
 from geneoh.errors import MissingAssetError
 from geneoh.evaluation.protocols.clips import (
     REACH,
@@ -35,7 +35,7 @@ def example(root: Path | None) -> Clip | None:
     Raises:
         MissingAssetError: the installed example is gone.
     """
-    package = Path(geneoh.__file__).parent
+    package = Path(str(files("geneoh")))
     # Installed it lies in the package; in a working copy beside it.
     places = (package / "examples", package.parent / "examples") if root is None else (root,)
     for folder in places:
