@@ -137,8 +137,9 @@ def _leaves(bundle: Bundle) -> list[Any]:
 
 @cache
 def _annotations(kind: type) -> dict[str, Any]:
-    """The annotation of every field."""
-    return get_type_hints(kind)
+    """The annotation of every field; evaluated only where a module keeps them as text."""
+    found = {field.name: field.type for field in fields(kind)}
+    return get_type_hints(kind) if any(isinstance(t, str) for t in found.values()) else found
 
 
 def _change(value: Any, kind: Any, change: Callable[[Leaf, Axes], Leaf]) -> Any:

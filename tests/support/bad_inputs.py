@@ -322,7 +322,7 @@ REFUSED = (
     ),
     BadInput(
         "two meshes for one part",
-        ("1 rigid parts", "2 meshes"),
+        ("1 rigid part,", "2 meshes"),
         options=("--obj", "object.obj"),
         in_reading=False,
     ),
