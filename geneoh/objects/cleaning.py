@@ -150,11 +150,13 @@ def clean_part(
     if not shakes and changes.max() < step_limit(steps, fps):
         return exact
     symmetry = find_symmetry(SurfaceDistance(mesh))
+    center = symmetry.center  # rotations of the mesh onto itself leave it where it is
+    middles = rotations.apply(center) + places
     limit = step_limit(least_steps(turns, symmetry), fps)
     chain = longest_chain(rotations, limit, symmetry)
     rotations = rotations * Rotation.from_matrix(chain.onto_itself)
     rotation_noise = noise_level(fourth_differences(rotations, chain.kept), 4)
-    translation_noise = noise_level(fourth_places, 4)
+    translation_noise = noise_level(np.diff(middles, n=4, axis=0), 4)
     clean, weight = smooth_stretches(rotations, chain, max(rotation_noise, EXACT_ROTATION / 4))
     if shakes:
         noise = max(translation_noise, EXACT_TRANSLATION / 4)

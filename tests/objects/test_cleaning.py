@@ -114,6 +114,27 @@ def test_a_can_that_spins_about_its_axis_from_frame_to_frame_is_turned_back():
     assert bool(found.symmetric.any())
 
 
+def test_an_object_off_its_origin_stays_in_its_place_when_it_is_turned_back():
+    cone = trimesh.creation.cone(0.04, 0.12, sections=64)
+    askew = np.eye(4)
+    askew[:3, :3] = Rotation.from_rotvec([0.4, -0.9, 0.2]).as_matrix()
+    askew[:3, 3] = 0.1, -0.2, 0.05
+    motion = lifted(mesh_of(cone.apply_transform(askew)))
+    spin = np.random.default_rng(1).uniform(-np.pi, np.pi, FRAMES) * (np.arange(FRAMES) % 3 > 0)
+    onto = Rotation.from_rotvec(np.outer(spin, askew[:3, 2])).as_matrix()
+    turns = motion.rotation[:, 0].double().numpy()
+    fixed = askew[:3, 3]
+    shift = np.einsum("tij,tj->ti", turns, fixed - onto @ fixed)
+    places = motion.translation[:, 0].numpy() + shift
+    clean, _ = clean_object(track_of(motion.meshes[0], turns @ onto, places), FPS)
+    apex = torch.tensor(fixed + 0.12 * askew[:3, 2], dtype=torch.float32)
+
+    def seen(track: ObjectTrack) -> torch.Tensor:
+        return track.rotation[:, 0] @ apex + track.translation[:, 0]
+
+    assert float((seen(clean) - seen(motion)).norm(dim=-1).max()) < 0.004
+
+
 def test_an_orientation_that_lasts_is_believed():
     motion = lifted(WEDGE)
     rotation = motion.rotation.clone()
