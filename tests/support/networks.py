@@ -1,5 +1,6 @@
 """Small networks with random weights, and observations to show them."""
 
+import pytest
 import torch
 from torch import Tensor, nn
 
@@ -28,3 +29,18 @@ def awake(network: nn.Module, seed: int = 0) -> nn.Module:
             size = 0.7 / max(parameter.shape[-1], 1) ** 0.5
             parameter.copy_(size * torch.randn(parameter.shape, generator=generator))
     return network.eval().requires_grad_(False)
+
+
+@pytest.fixture(scope="session")
+def make_observation():
+    return observation
+
+
+@pytest.fixture(scope="session")
+def wake():
+    return awake
+
+
+@pytest.fixture(scope="session")
+def draw():
+    return normal
