@@ -21,7 +21,7 @@ from geneoh.geometry.distance import SurfaceDistance
 from geneoh.geometry.mesh import Mesh
 from geneoh.objects.consistency import Chain, longest_chain
 from geneoh.objects.smoothing import increments, noise_level, smooth_points, smooth_rotations
-from geneoh.objects.symmetry import Symmetry, find_symmetry
+from geneoh.objects.symmetry import Symmetry, box_center, find_symmetry
 from geneoh.sequence.sequence import ObjectTrack
 
 EXACT_ROTATION, EXACT_TRANSLATION = 0.008, 0.0006
@@ -139,8 +139,9 @@ def clean_part(
     if frames < SHORTEST:
         return exact
     rotations = Rotation.from_matrix(turns)
-    center = (mesh.verts.amax(0) + mesh.verts.amin(0)).double().cpu().numpy() / 2
-    middles = rotations.apply(center) + places  # where noise of the rotation moves nothing
+    middles = (
+        rotations.apply(box_center(mesh)) + places
+    )  # where noise of the rotation moves nothing
     steps = increments(rotations)
     fourth_turns, fourth_places = np.diff(steps, n=3, axis=0), np.diff(middles, n=4, axis=0)
     bound = max(1.0, (30 / fps) ** 2)

@@ -36,7 +36,8 @@ class Symmetry:
     """Rotations about `center` that map a mesh onto itself, up to the tolerance."""
 
     center: Float64[np.ndarray, " 3"]
-    """Fixed point of all rotations in the mesh's frame, metres."""
+    """Fixed point of all rotations in the mesh's frame, metres; where the identity is the only one,
+    the middle of the bounding box."""
     rotations: Float64[np.ndarray, "S 3 3"]
     """Rotations of the mesh onto itself, the identity first; a solid of revolution has one for each
     step of a full circle."""
@@ -88,7 +89,13 @@ def find_symmetry(surface: SurfaceDistance) -> Symmetry:
     axis = revolution[0] if revolution else np.zeros(3)
     # across an axis of revolution one half turn makes all others
     group = finite[:2] if revolution else finite
-    return Symmetry(center, closure(group, [Rotation.from_rotvec(step * axis) for step in steps]))
+    rotations = closure(group, [Rotation.from_rotvec(step * axis) for step in steps])
+    return Symmetry(center if len(rotations) > 1 else box_center(surface.mesh), rotations)
+
+
+def box_center(mesh: Mesh) -> Float64[np.ndarray, " 3"]:
+    """The middle of a mesh's bounding box, metres."""
+    return (mesh.verts.amax(0) + mesh.verts.amin(0)).double().cpu().numpy() / 2
 
 
 def distinct(axes: Float64[np.ndarray, "A 3"], misfits: list[float]) -> list[np.ndarray]:
