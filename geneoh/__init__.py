@@ -15,6 +15,8 @@ Units are metres, radians and seconds. A public name is imported when it is firs
 `import geneoh` and `geneoh --help` do not wait for torch.
 """
 
+import os
+import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -88,3 +90,16 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted([*__all__, "__doc__", "__version__"])
+
+
+def _use_one_thread() -> None:
+    """Keep torch in a forked process off the threads of its parent, which a fork does not copy.
+
+    OpenMP would wait for them for ever.
+    """
+    if "torch" in sys.modules:
+        sys.modules["torch"].set_num_threads(1)
+
+
+if hasattr(os, "register_at_fork"):  # not on Windows, which has no fork
+    os.register_at_fork(after_in_child=_use_one_thread)
