@@ -31,6 +31,27 @@ OBJ_HELP = (
     "Mesh file of the object, in metres. Repeat it for each rigid part, in order of the parts."
 )
 
+
+class Place(click.ParamType):
+    """A point of the world, metres, as X,Y,Z or `origin`."""
+
+    name = "X,Y,Z|origin"
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> tuple[float, ...]:
+        """Three numbers."""
+        try:
+            x, y, z = (0.0, 0.0, 0.0) if value == "origin" else map(float, value.split(","))
+        except ValueError:
+            self.fail(f"expected three numbers X,Y,Z in metres, or origin, got {value!r}")
+        return x, y, z
+
+
+camera = click.option(
+    "--camera",
+    type=Place(),
+    help="Position of the camera, metres, for hands that were estimated from its images; origin "
+    "where the coordinates are the camera's. Estimators err along its rays.",
+)
 unit = click.option(
     "--unit",
     type=click.Choice(UNITS),

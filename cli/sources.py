@@ -67,10 +67,11 @@ reader_options = options.together(
     click.option(
         "--focal", type=float, help="Focal length of the camera in pixels, for HaMeR and WiLoR."
     ),
+    options.camera,
 )
 """Options that a source may need to be read."""
 
-BARE_OPTIONS = ("object_pose", "joint_order", "unit", "keypoint_unit")
+BARE_OPTIONS = ("object_pose", "joint_order", "unit", "keypoint_unit", "camera")
 """The ones that can be used for an npz that is read without --from."""
 
 NEEDS_SOURCE = ("objects", "body", "translation", "swap_parts", "mean_pose", "focal", "clip")

@@ -24,13 +24,16 @@ Selection = Literal["closest", "mean"]
 """Which sample becomes the result: the one closest to the input, or the mean of all samples."""
 SELECTIONS: tuple[Selection, ...] = get_args(Selection)
 
-Ablation = Literal["motion", "spatial", "temporal", "canonical", "diffusion", "fit", "object"]
+Ablation = Literal[
+    "motion", "spatial", "temporal", "canonical", "diffusion", "fit", "object", "camera"
+]
 """Parts that an ablation leaves out, with the same weights.
 
 "motion", "spatial", "temporal": one stage. "canonical": the canonical frame stands still in the
 world instead of moving with the object. "diffusion": each stage calls its denoiser once instead of
 running a diffusion chain. "fit": the hand fit sees keypoints only, neither the object nor time.
 "object": the poses of the object are taken as they are, neither examined nor cleaned.
+"camera": the direction of the camera is withheld.
 """
 ABLATIONS: tuple[Ablation, ...] = get_args(Ablation)
 
@@ -49,7 +52,7 @@ StageName = Literal["motion", "spatial", "temporal", "trajectory", "toch", "regr
 keypoints as in the paper; and the baselines "toch" and "regression"."""
 STAGES: tuple[StageName, ...] = get_args(StageName)
 
-Noise = Literal["gauss", "gauss_strong", "beta", "bias", "drift", "burst", "drop"]
+Noise = Literal["gauss", "gauss_strong", "beta", "bias", "drift", "burst", "drop", "camera"]
 """Kinds of noise that `geneoh corrupt` adds; `geneoh.sequence.noise` defines each."""
 NOISES: tuple[Noise, ...] = get_args(Noise)
 

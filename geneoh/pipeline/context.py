@@ -38,6 +38,8 @@ class StageContext(Bundle):
     fps: float
     canonical: bool = True
     """False for the ablation whose canonical frame stands still in the world."""
+    ray: Float[Tensor, "T 3"] | None = None
+    """Unit direction from the camera to the hand, in the world; None where it is not known."""
 
     @property
     def frames(self) -> int:

@@ -95,7 +95,10 @@ def denoise(
         result = result.to(sequence.object.rotation.device)
         results[hand.side] = replace(
             result,
-            track=hand.track_to_user(result.track),
+            track=replace(
+                hand.track_to_user(result.track),
+                camera_ray=sequence.hand(hand.side).camera_ray,
+            ),
             filled=hand.frames_to_user(result.filled),
             samples=hand.points_to_user(result.samples),
         )
@@ -117,7 +120,8 @@ def _clean(
     generator = torch.Generator().manual_seed(seed)
     surface = hand.object.surface()
     context = stage_context(surface, subject, hand.fps, generator=generator)
-    context = replace(context, canonical=chosen.canonical)
+    ray = hand.track.camera_ray if chosen.camera else None
+    context = replace(context, canonical=chosen.canonical, ray=ray)
     seconds: dict[str, float] = {}
 
     def progress_of(stage: str) -> OnStep:

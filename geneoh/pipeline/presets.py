@@ -50,6 +50,8 @@ class Preset:
     still in the world."""
     clean_object: bool = True
     """Whether noisy poses of the object are smoothed before the stages see the hand from it."""
+    camera: bool = True
+    """Whether the stages are told the direction of the camera, where the sequence knows it."""
 
     def with_steps(self, steps: int) -> "Preset":
         """The preset with another number of denoiser calls per stage, never above its level."""
@@ -68,6 +70,8 @@ class Preset:
                 return replace(self, fit=KEYPOINTS_ALONE, contact=False)
             case "object":
                 return replace(self, clean_object=False)
+            case "camera":
+                return replace(self, camera=False)
             case _:
                 assert_never(part)
 

@@ -13,12 +13,12 @@ from geneoh.errors import InputError
 from geneoh.geometry.mesh import Mesh, load_mesh
 from geneoh.readers.npz_files import sequence_in
 from geneoh.readers.npz_hands import HandOptions
-from geneoh.readers.npz_layouts import FORMAT, OBJECT_FIELDS, OWN_FIELDS, quoted
+from geneoh.readers.npz_layouts import CAMERA_FIELDS, FORMAT, OBJECT_FIELDS, OWN_FIELDS, quoted
 from geneoh.readers.records import Record
 from geneoh.sequence.sequence import Sequence
 from geneoh.sequence.validation import check_sequence
 
-NAMES = (*OWN_FIELDS, *OBJECT_FIELDS, "hand_model")
+NAMES = (*OWN_FIELDS, *OBJECT_FIELDS, *CAMERA_FIELDS, "hand_model")
 """What the arrays can be called."""
 
 
@@ -48,7 +48,9 @@ def from_arrays(
             radians, with `right_wrist` (T, 3), metres; further `right_valid` (T,),
             `right_confidence` (T, 21), 0 to 1, `right_betas` (10,), and the same with `left_`;
             `hand_model`, whose betas they are. Frames with NaN count as not observed. Of the object
-            `object_rotation` and `object_translation`, which take its points to the world.
+            `object_rotation` and `object_translation`, which take its points to the world. Of hands
+            that were estimated from images `camera_position` (3,) or `camera_ray` (3,), the
+            direction from the camera, both in the world, or one for each frame.
 
     Raises:
         InputError: an array has another shape than these, a name is none of these, or the numbers

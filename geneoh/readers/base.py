@@ -13,7 +13,7 @@ from geneoh.choices import JointOrder, Side, Translation, Unit
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import Mesh
 from geneoh.readers.mano import ManoSource, mano_of
-from geneoh.readers.records import Array
+from geneoh.readers.records import Array, Place
 from geneoh.sequence.sequence import Sequence
 
 
@@ -47,6 +47,8 @@ class ReaderOptions:
     """Whether a bare parameter array is relative to MANO's mean pose."""
     focal: float | None = None
     """Focal length of the camera in pixels, for image-based estimators."""
+    camera: Place | None = None
+    """Position of the camera in the world, metres, instead of the source's own."""
 
     @property
     def mano(self) -> ManoSource | None:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
+import torch
 
 from geneoh.choices import Side
 from geneoh.errors import InputError
@@ -35,7 +36,8 @@ from geneoh.readers.builders import (
     sequence_of,
 )
 from geneoh.readers.meshes import with_parts
-from geneoh.readers.records import Array, Record
+from geneoh.readers.records import Array, Place, Record
+from geneoh.sequence.camera import seen_from
 from geneoh.sequence.sequence import HandTrack, Sequence
 
 
@@ -65,6 +67,8 @@ class ClipParts:
     """(T,) frames that do not follow in time from the one before them."""
     convention: ManoConvention | None = None
     """How the source uses MANO, where that is not the same in all of its clips."""
+    camera: Place | None = None
+    """Position of the camera from whose images the hands were estimated, metres, where known."""
 
 
 class DatasetReader(ABC):
@@ -154,6 +158,13 @@ class DatasetReader(ABC):
         rate = options.rate(self.fps if parts.fps is None else parts.fps)
         sequence = sequence_of(hands, motion, rate, parts.source, notes)
         refuse_other_frames(where, sequence, parts.cross_checks)
+        camera = parts.camera if options.camera is None else options.camera
+        if camera is not None:
+            sequence = seen_from(
+                sequence,
+                torch.tensor([camera], dtype=torch.float32),
+                f"{where}: the camera's position",
+            )
         whole = Recording(parts.name or clip.name, sequence, names, parts.cross_checks)
         kept = object_known if parts.object_known is None else parts.object_known
         return split(whole, kept, parts.after_jump)

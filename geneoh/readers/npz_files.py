@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.choices import JointOrder, Side, Unit
+from geneoh.choices import SIDES, JointOrder, Side, Unit
 from geneoh.errors import ConfigError, InputError
 from geneoh.files.npz import Arrays, write_archive
 from geneoh.geometry.mesh import METRES, Mesh, load_mesh
@@ -21,6 +21,7 @@ from geneoh.readers.joint_orders import ORDERS, openpose_order
 from geneoh.readers.meshes import with_parts
 from geneoh.readers.npz_hands import HandOptions, WristOffset, read_hands
 from geneoh.readers.npz_layouts import (
+    CAMERA_FIELDS,
     FORMAT,
     OBJECT_FIELDS,
     VERSION,
@@ -34,7 +35,8 @@ from geneoh.readers.npz_layouts import (
 )
 from geneoh.readers.npz_meshes import find_meshes, mesh_arrays
 from geneoh.readers.npz_objects import read_object
-from geneoh.readers.records import Array, Record
+from geneoh.readers.records import Array, Place, Record, float32
+from geneoh.sequence.camera import seen_from, with_rays
 from geneoh.sequence.sequence import HandTrack, Sequence
 from geneoh.sequence.validation import check_sequence
 
@@ -65,6 +67,7 @@ def load(
     joint_order: JointOrder = "openpose",
     keypoint_unit: Unit | None = None,
     object_pose: Path | str | Array | None = None,
+    camera: Place | None = None,
 ) -> Sequence:
     """Read a sequence together with the meshes of its object.
 
@@ -81,6 +84,8 @@ def load(
         keypoint_unit: of the lengths in such a file and of `object_pose`, by default metres.
         object_pose: (T, 4, 4) or (T, Q, 4, 4) object to the hand's frame, or the npy file of it,
             where the file holds no motion of the object.
+        camera: position of the camera in the world, metres, where the file does not say it and the
+            hand was estimated from images; (0, 0, 0) where the coordinates are the camera's.
 
     Raises:
         InputError: a file cannot be read as one interaction; the message says why.
@@ -99,6 +104,7 @@ def load(
         joint_order=joint_order,
         keypoint_unit=keypoint_unit,
         object_pose=object_pose,
+        camera=camera,
     )
 
 
@@ -124,6 +130,7 @@ def load_sequence(
     joint_order: JointOrder = "openpose",
     keypoint_unit: Unit | None = None,
     object_pose: Array | None = None,
+    camera: Place | None = None,
 ) -> Sequence:
     """Read a sequence from an npz in any of the known layouts; `Sequence.source` says which.
 
@@ -140,6 +147,7 @@ def load_sequence(
         joint_order: order of the keypoints, where the file holds bare `joints`.
         keypoint_unit: of the lengths in such a file and of `object_pose`, by default metres.
         object_pose: (T, 4, 4) or (T, Q, 4, 4) object to world, where the file holds no motion.
+        camera: position of the camera in the world, metres, where the file does not say it.
 
     Raises:
         InputError: the file cannot be read as one interaction; the message says why.
@@ -148,7 +156,7 @@ def load_sequence(
     record = read_fields(path)
     layout = layout_of(record)
     record = with_object_pose(in_openpose_order(record, layout, joint_order), object_pose)
-    record = in_metres(record, layout, keypoint_unit)
+    record = with_camera(in_metres(record, layout, keypoint_unit), camera)
     meshes, mesh_notes = (meshes, ()) if meshes is not None else find_meshes(record, path.parent)
     sequence, notes = sequence_in(record, layout, meshes, HandOptions(side, wrist_offset), fps)
     notes = (*notes, *mesh_notes)
@@ -203,6 +211,19 @@ def with_object_pose(record: Record, object_pose: Array | None) -> Record:
     return replace(record, values={**record.values, "obj_pose": object_pose})
 
 
+def with_camera(record: Record, position: Place | None) -> Record:
+    """The fields with the caller's position of the camera, of which the file must say nothing."""
+    if position is None:
+        return record
+    rays = [own_names(side)["camera_ray"] for side in SIDES]
+    if own := [name for name in (*CAMERA_FIELDS, *rays) if name in record]:
+        raise InputError(
+            f"{record.where}: the camera must be given once, got --camera and {quoted(own)}; drop "
+            "the option"
+        )
+    return replace(record, values={**record.values, "camera_position": np.asarray(position)})
+
+
 def in_metres(record: Record, layout: Layout, unit: Unit | None) -> Record:
     """The fields of a file of bare joints with its lengths in metres.
 
@@ -217,7 +238,7 @@ def in_metres(record: Record, layout: Layout, unit: Unit | None) -> Record:
             "which is always in metres; drop the option"
         )
     values = dict(record.values)
-    for name in {"joints", "object_translation"} & values.keys():
+    for name in {"joints", "object_translation", "camera_position"} & values.keys():
         values[name] = METRES[unit] * record.numbers(name)
     if "obj_pose" in record:
         poses = record.array("obj_pose", *POSE_SHAPES).copy()
@@ -237,7 +258,20 @@ def sequence_in(
     read = read_hands(record, layout, options)
     motion, about_object = with_parts(read_object(record, meshes))
     rate, notes = fps_of(record, fps)
-    return Sequence(read.hands, motion, rate), (*read.notes, *about_object, *notes)
+    sequence = with_camera_fields(record, Sequence(read.hands, motion, rate))
+    return sequence, (*read.notes, *about_object, *notes)
+
+
+def with_camera_fields(record: Record, sequence: Sequence) -> Sequence:
+    """The sequence with what a file says of the camera that all hands were seen by."""
+    there = [name for name in CAMERA_FIELDS if name in record]
+    if len(there) > 1:
+        raise InputError(f"{record.where}: got {quoted(there)}; remove one of them")
+    known = {"camera_ray": with_rays, "camera_position": seen_from}
+    for name in there:
+        values = float32(record.array(name, (3,), ("T", 3)).reshape(-1, 3))
+        sequence = known[name](sequence, values, f"{record.where}: '{name}'")
+    return sequence
 
 
 def fps_of(record: Record, given: float | None) -> tuple[float, tuple[str, ...]]:
@@ -297,6 +331,10 @@ def sequence_arrays(sequence: Sequence) -> Arrays:
         arrays["hand_model"] = np.array(models.pop())
     for hand in sequence.hands:
         arrays.update(hand_arrays(hand))
+    rays = [hand.camera_ray for hand in sequence.hands]
+    if rays[0] is not None and all(ray is not None and rays[0].equal(ray) for ray in rays):
+        for hand in sequence.hands:
+            arrays["camera_ray"] = arrays.pop(own_names(hand.side)["camera_ray"])
     return arrays
 
 

@@ -26,6 +26,7 @@ from geneoh.readers.npz_layouts import (
     quoted,
 )
 from geneoh.readers.records import Record, float32
+from geneoh.sequence.camera import unit_rays
 from geneoh.sequence.sequence import HandTrack
 
 WristOffset = Callable[[Side, Float[Tensor, " 10"]], Float[Tensor, " 3"]]
@@ -230,6 +231,9 @@ def read_track(
     betas, notes = read_betas(record, field["betas"])
     confidence = read_confidence(record, field["confidence"])
     spread = record.tensor(field["joint_spread"], ("T", 21), unit="in metres")
+    ray = record.tensor(field["camera_ray"], ("T", 3), unit="as directions")
+    if ray is not None:
+        ray = unit_rays(ray, len(ray), f"{record.where}: '{field['camera_ray']}'")
     there = [name for name in per_frame if name in record]
     record.refuse_lengths(*there)
     if joints is None and (pose is None or wrist is None):
@@ -240,7 +244,7 @@ def read_track(
     parts = [part for part in (joints, pose, wrist, confidence, spread) if part is not None]
     finite = torch.stack([all_finite(part) for part in parts]).all(0)
     valid, more = observed_frames(record, side, field["valid"], finite)
-    hand = HandTrack(side, valid, joints, pose, wrist, betas, hand_model, confidence, spread)
+    hand = HandTrack(side, valid, joints, pose, wrist, betas, hand_model, confidence, spread, ray)
     return HandsRead((hand,), (*notes, *more))
 
 

@@ -19,10 +19,14 @@ Layout = Literal["geneoh-sequence", "smplx", "taco", "joints"]
 
 FORMAT, VERSION = SEQUENCE_FORMAT, 1
 
-HAND_FIELDS = ("pose", "wrist", "betas", "joints", "valid", "confidence", "joint_spread")
+HAND_FIELDS = ("pose", "wrist", "betas", "joints", "valid", "confidence", "joint_spread") + (
+    "camera_ray",
+)
 """Fields of a hand in our own layout, where each has its side in front."""
 OBJECT_FIELDS = ("object_rotation", "object_translation", "obj_pose")
 """Fields of the object in every layout."""
+CAMERA_FIELDS = ("camera_ray", "camera_position")
+"""What is known of the camera that all hands were seen by, in every layout."""
 MESH_FIELDS = ("object_files", "object_hashes")
 """Where the object's meshes are and what they held, in files that geneoh wrote."""
 SMPLX_PARAMETERS = ("global_orient", "hand_pose", "transl")
@@ -121,7 +125,7 @@ def refuse_other_format(record: Record) -> None:
 
 def misspelt(record: Record, layout: Layout) -> list[str]:
     """Unknown fields that look like a known one that the file lacks, with that one."""
-    known = {*LAYOUTS[layout], *OBJECT_FIELDS, *MESH_FIELDS}
+    known = {*LAYOUTS[layout], *OBJECT_FIELDS, *CAMERA_FIELDS, *MESH_FIELDS}
     missing = sorted(known - set(record.values))
     close = {
         name: difflib.get_close_matches(name, missing, 1, TYPO_CUTOFF)

@@ -12,7 +12,7 @@ from geneoh.geometry.mesh import METRES, load_mesh
 from geneoh.readers.base import ReaderOptions
 from geneoh.readers.foreign_files import read_array
 from geneoh.readers.recordings import read_one
-from geneoh.readers.records import Array
+from geneoh.readers.records import Array, Place
 from geneoh.sequence.sequence import Sequence
 from geneoh.sequence.validation import check_sequence
 
@@ -36,6 +36,7 @@ def read(
     mean_pose: bool | None = None,
     swap_parts: bool = False,
     focal: float | None = None,
+    camera: Place | None = None,
 ) -> Sequence:
     """Read one recording of a data set or an estimator, as `geneoh denoise --from` does.
 
@@ -58,6 +59,8 @@ def read(
         mean_pose: whether bare MANO parameters are relative to MANO's mean pose.
         swap_parts: HOI4D, whether the poses of the two parts are stored in exchanged order.
         focal: focal length of the camera in pixels, for HaMeR and WiLoR.
+        camera: position of the camera in the world, metres, where the source does not say it and
+            the hand was estimated from images; (0, 0, 0) where the coordinates are the camera's.
 
     Raises:
         ConfigError: there is no source of that name, or it holds no bare keypoints of any unit.
@@ -81,6 +84,7 @@ def read(
         swap_parts=swap_parts,
         mean_pose=mean_pose,
         focal=focal,
+        camera=camera,
     )
     recording = read_one(source, Path(path), options, clip)
     check_sequence(recording.sequence, recording.name)

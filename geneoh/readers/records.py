@@ -17,6 +17,9 @@ from geneoh.errors import InputError
 
 Array = np.ndarray
 
+Place = tuple[float | int, float | int, float | int]
+"""A point of the world, metres."""
+
 Shape = tuple[int | str, ...]
 """Sizes of the axes: a number, or a letter for any size from 1 up. Equal letters, equal sizes."""
 

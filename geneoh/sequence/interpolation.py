@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
+from torch.nn.functional import normalize
 
 from geneoh.bundle import FRAMES
 from geneoh.geometry.rotations import (
@@ -50,4 +51,6 @@ class FrameInterpolation:
             ),
             FRAMES,
         )
-        return replace(moved, valid=valid, pose=None if hand.pose is None else self.pose(hand.pose))
+        pose = None if hand.pose is None else self.pose(hand.pose)
+        ray = None if moved.camera_ray is None else normalize(moved.camera_ray, dim=-1)
+        return replace(moved, valid=valid, pose=pose, camera_ray=ray)

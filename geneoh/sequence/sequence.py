@@ -41,6 +41,9 @@ class HandTrack(Bundle):
     (`geneoh.metrics.accuracy.RADIUS_90`, which takes errors as isotropic and normal): measured, 75
     to 90% on noisy twins of a recording and 95 to 99% on synthetic clips. The cleaner computes it
     from its samples where it draws several (`geneoh.pipeline.spread`)."""
+    camera_ray: Float[Tensor, "T 3"] | None = None
+    """Unit direction in the world from the camera to the hand, for hands that were estimated from
+    images; None where it is not known (`geneoh.sequence.camera`)."""
 
     def __post_init__(self) -> None:
         """Refuse a track without a single usable description of the hand."""
@@ -63,6 +66,7 @@ class HandTrack(Bundle):
             joints=None if self.joints is None else mirror_points(self.joints),
             pose=None if self.pose is None else mirror_axis_angle(self.pose),
             wrist=None if self.wrist is None else mirror_points(self.wrist),
+            camera_ray=None if self.camera_ray is None else mirror_points(self.camera_ray),
         )
 
 

@@ -29,6 +29,9 @@ FARTHEST_HAND = 0.5
 """Largest distance in metres between the object's bounding ball and the wrist in the frame in which
 they are nearest."""
 
+UNIT_TOLERANCE = 1e-3
+"""Largest difference from 1 of the length of a direction."""
+
 RIGID_TOLERANCE = 1e-2
 """Largest entry of R^T R - I; rotations stored in half precision have 1e-3."""
 
@@ -96,6 +99,14 @@ def check_hand(hand: HandTrack, name: str) -> None:
             raise InputError(
                 f"{name}: the pose of the {hand.side} hand must be axis-angle in radians, got an "
                 f"angle of {angle:.3g}; convert degrees to radians"
+            )
+    if (ray := hand.camera_ray) is not None:
+        lengths = ray.norm(dim=-1)
+        if ray.shape != (hand.frames, 3) or not bool(((lengths - 1).abs() < UNIT_TOLERANCE).all()):
+            raise InputError(
+                f"{name}: the camera_ray of the {hand.side} hand must be {hand.frames} directions "
+                f"of length 1, got {len(ray)} of length {float(lengths.min()):.3g} to "
+                f"{float(lengths.max()):.3g}; divide each by its length"
             )
 
 

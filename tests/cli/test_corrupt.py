@@ -88,3 +88,14 @@ def test_odd_input_is_told_and_used(geneoh, tmp_path, case, caplog):
     for word in case.words:
         assert word in caplog.text
     assert (tmp_path / "out.npz").exists()
+
+
+def test_the_noise_of_a_camera_writes_its_ray(geneoh, tmp_path):
+    result = geneoh("corrupt", EXAMPLES / "taco_clean.npz", "--noise", "camera", "-o", "out.npz")
+    assert result.exit_code == 0, result.output
+    with np.load(tmp_path / "out.npz") as file:
+        ray = file["camera_ray"]
+    assert ray.shape == (146, 3)
+    np.testing.assert_allclose(np.linalg.norm(ray, axis=-1), 1, atol=1e-6)
+    noisy = load_sequence(tmp_path / "out.npz").hands[0]
+    np.testing.assert_allclose(noisy.camera_ray, ray, atol=1e-6)

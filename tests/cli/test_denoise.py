@@ -160,3 +160,24 @@ def test_the_device_that_is_named_does_the_work(geneoh, device, tmp_path, monkey
     assert result.exit_code == 0, result.output
     with np.load(tmp_path / "hand_clean.npz") as file:
         assert json.loads(str(file["options"]))["device"] == str(device)
+
+
+@pytest.mark.parametrize(
+    ("place", "camera"), [("origin", (0, 0, 0)), ("-0.5,1,2e-1", (-0.5, 1, 0.2))]
+)
+def test_the_position_of_the_camera_is_kept_as_rays(geneoh, tmp_path, monkeypatch, place, camera):
+    quick_presets.use(monkeypatch)
+    write_good(tmp_path)
+    result = geneoh(*RUN, "--camera", place)
+    assert result.exit_code == 0, result.output
+    told = load(tmp_path / "hand.npz", obj=tmp_path / "object.obj", camera=camera).hands[0]
+    ray = load_sequence(tmp_path / "hand_clean.npz").hands[0].camera_ray
+    np.testing.assert_allclose(ray, told.camera_ray, atol=1e-6)
+
+
+@pytest.mark.parametrize("place", ["1,2", "here", "1,2,x"])
+def test_a_camera_that_is_no_place_is_refused(geneoh, tmp_path, place):
+    write_good(tmp_path)
+    result = geneoh(*RUN, "--camera", place)
+    assert result.exit_code == 2
+    assert f"expected three numbers X,Y,Z in metres, or origin, got '{place}'" in result.stderr

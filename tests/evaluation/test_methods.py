@@ -183,7 +183,7 @@ def test_every_method_of_the_paper_and_of_a_sceptic_can_be_asked_for():
             "synthetic",
             methods=("input", "gaussian", "best-filter", "optimisation", "geneoh"),
             presets=("default", "fast"),
-            ablations=("motion", "fit"),
+            ablations=("motion", "fit", "camera"),
         )
     )
     assert [method.name for method in methods] == [
@@ -197,6 +197,7 @@ def test_every_method_of_the_paper_and_of_a_sceptic_can_be_asked_for():
         "geneoh fast",
         "geneoh default, w/o motion",
         "geneoh default, w/o fit",
+        "geneoh default, w/o camera",
     ]
 
 

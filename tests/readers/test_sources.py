@@ -1,5 +1,6 @@
 """Each source in its published layout gives back the sequence that it was made from."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 import torch
 from trees import CASES, Case, Scene, opened, scene
 
+import geneoh
 from geneoh.readers.base import ReaderOptions, Recording
 from geneoh.readers.convention_check import contradictions
 from geneoh.readers.convert import convert
@@ -98,3 +100,31 @@ def test_every_source_has_a_tree():
 @pytest.mark.parametrize("source", SOURCES.values(), ids=lambda source: source.name)
 def test_every_source_has_a_reader(source):
     assert isinstance(source.reader(), Reader)
+
+
+@pytest.mark.parametrize("case", CASES, ids=names)
+def test_estimators_whose_coordinates_are_the_cameras_say_so(case, tmp_path, mano_dir):
+    case.build(tmp_path, scene(case.left), False)
+    rays = [
+        (hand.camera_ray, hand.wrist)
+        for recording in read(case, tmp_path, mano_dir)
+        for hand in recording.sequence.hands
+    ]
+    if case.source not in ("hamer", "arcticnet"):
+        assert [ray for ray, _ in rays] == [None] * len(rays)
+        return
+    for ray, wrist in rays:
+        torch.testing.assert_close(ray, torch.nn.functional.normalize(wrist, dim=-1))
+
+
+def test_the_caller_and_a_file_of_landmarks_say_where_the_camera_is(tmp_path):
+    case = next(case for case in CASES if case.source == "landmarks")
+    case.build(tmp_path, scene(case.left), False)
+    told = geneoh.read("landmarks", tmp_path / "hands.json", camera=(0.0, 0.0, -1.0))
+    value = json.loads((tmp_path / "hands.json").read_text())
+    (tmp_path / "hands.json").write_text(json.dumps({**value, "camera": [0, 0, -1]}))
+    own = geneoh.read("landmarks", tmp_path / "hands.json")
+    for hand, same in zip(told.hands, own.hands, strict=True):
+        away = hand.joints[:, 0] - torch.tensor([0.0, 0.0, -1.0])
+        torch.testing.assert_close(hand.camera_ray, torch.nn.functional.normalize(away, dim=-1))
+        assert same.camera_ray.equal(hand.camera_ray)

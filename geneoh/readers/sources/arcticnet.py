@@ -64,6 +64,7 @@ class ArcticNetReader(DatasetReader):
                 "ioi_offset",
             ),
             cross_checks=CrossChecks(contradictions=contradictions),
+            camera=(0.0, 0.0, 0.0),
         )
 
 

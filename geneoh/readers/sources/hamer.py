@@ -68,6 +68,7 @@ class HamerReader(DatasetReader):
             [hand.track() for hand in hands],
             notes=() if options.focal else (FOCAL_NOTE,),
             cross_checks=CrossChecks(joints={hand.side: hand.joints for hand in hands}),
+            camera=(0.0, 0.0, 0.0),
         )
 
 

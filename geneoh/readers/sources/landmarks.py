@@ -2,11 +2,12 @@
 standard.
 
     {"format": "geneoh-landmarks", "version": 1, "order": "openpose" | "webxr" | "openxr",
-     "fps": 30, "hands": {"right": [frame, ...], "left": [frame, ...]}}
+     "fps": 30, "camera": [0, 0, 0], "hands": {"right": [frame, ...], "left": [frame, ...]}}
 
 A frame is null where the hand was not seen, else {"points": [[x, y, z], ...], "confidence": 0.9}
 with the points in metres and one common frame of reference; MediaPipe's landmarks are in OpenPose's
-order. Sides are the subject's own.
+order. Sides are the subject's own. "camera", the position of the camera in that frame, may be left
+out.
 """
 
 from collections.abc import Iterator
@@ -52,6 +53,7 @@ class LandmarksReader(DatasetReader):
             [keypoint_track(side, *read[side]) for side in read],
             fps=record.finite("fps"),
             cross_checks=CrossChecks(joints={side: read[side][0] for side in read}),
+            camera=tuple(record.array("camera", (3,)).tolist()) if "camera" in record else None,
         )
 
 

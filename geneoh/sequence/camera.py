@@ -1,0 +1,78 @@
+"""The direction in which a camera sees a hand: estimators err along it, for a whole clip."""
+
+from dataclasses import replace
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+from torch.nn.functional import normalize
+
+from geneoh.errors import InputError
+from geneoh.sequence.gaps import fill_gaps
+from geneoh.sequence.sequence import HandTrack, Sequence
+
+NEAREST = 1e-6
+"""Length in metres below which a vector has no direction."""
+
+
+def with_rays(sequence: Sequence, rays: Float[Tensor, "N 3"], name: str) -> Sequence:
+    """The sequence with directions from the camera, of any length, for all of its hands.
+
+    Args:
+        sequence: whatever its hands knew of a camera is replaced.
+        rays: in the world, one for each frame, or one for all.
+        name: of the sequence and of the field in messages.
+
+    Raises:
+        InputError: the number of frames is another, or a ray is not finite or has no length.
+    """
+    ray = unit_rays(rays, sequence.frames, name)
+    return replace(sequence, hands=tuple(replace(h, camera_ray=ray) for h in sequence.hands))
+
+
+def seen_from(sequence: Sequence, position: Float[Tensor, "N 3"], name: str) -> Sequence:
+    """The sequence with the directions from the camera to the wrist of each hand.
+
+    Args:
+        sequence: whatever its hands knew of a camera is replaced.
+        position: of the camera in the world, metres, one for each frame, or one for all.
+        name: of the sequence and of the field in messages.
+
+    Raises:
+        InputError: the number of frames is another, a place is not finite, or it is the wrist's.
+    """
+    place = of_each_frame(position, sequence.frames, name)
+    rays = [unit_rays(wrist_of(hand) - place, sequence.frames, name) for hand in sequence.hands]
+    hands = (replace(h, camera_ray=ray) for h, ray in zip(sequence.hands, rays, strict=True))
+    return replace(sequence, hands=tuple(hands))
+
+
+def wrist_of(hand: HandTrack) -> Float[Tensor, "T 3"]:
+    """Places of the wrist in the world, gaps filled."""
+    filled = fill_gaps(hand)
+    wrist = filled.wrist if filled.joints is None else filled.joints[:, 0]
+    assert wrist is not None, "a hand without joints has a wrist"
+    return wrist
+
+
+def of_each_frame(values: Float[Tensor, "N 3"], frames: int, name: str) -> Float[Tensor, "T 3"]:
+    """Vectors for every frame, from as many or from one."""
+    if len(values) not in (1, frames):
+        raise InputError(
+            f"{name} must be one vector or one for each of the {frames} frames, got {len(values)}; "
+            "cut it to the same frames"
+        )
+    return values.expand(frames, 3)
+
+
+def unit_rays(rays: Float[Tensor, "N 3"], frames: int, name: str) -> Float[Tensor, "T 3"]:
+    """Directions of length 1 for every frame."""
+    rays = of_each_frame(rays, frames, name)
+    for wrong, what in (
+        (~rays.isfinite().all(-1), "must be finite in every frame, got NaN or infinity"),
+        (rays.norm(dim=-1) < NEAREST, "must give a direction in every frame, got length 0"),
+    ):
+        if bool(wrong.any()):
+            first = int(torch.nonzero(wrong)[0])
+            raise InputError(f"{name} {what} in frame {first}; correct it or leave it out")
+    return normalize(rays, dim=-1)
