@@ -22,12 +22,12 @@ from geneoh.errors import ConfigError, MissingAssetError
 from geneoh.evaluation.cases import Case
 from geneoh.evaluation.options import DEFAULT_METHODS, EvaluationOptions
 from geneoh.fitting.fit import FitConfig, fit_hand, start_from_keypoints
+from geneoh.fitting.subject import subject_of
 from geneoh.hand.library import hand_of_betas, load_hand
 from geneoh.pipeline.context import stage_context
 from geneoh.pipeline.denoise import NEAR, denoise
 from geneoh.pipeline.options import Options
 from geneoh.pipeline.results import Denoised
-from geneoh.pipeline.subject import subject_of
 from geneoh.representation.spatial import encode_spatial
 from geneoh.sequence.gaps import fill_gaps
 from geneoh.sequence.normalisation import normalised_hands

@@ -34,13 +34,13 @@ from geneoh.evaluation.two_sample_classifier import (
     block_snippets,
     cross_validate,
 )
+from geneoh.fitting.subject import subject_of
 from geneoh.geometry.mesh import Mesh
 from geneoh.hand.library import load_hand
 from geneoh.hand.model import HandModel
 from geneoh.hand.skeleton import TIP_KEYPOINTS
 from geneoh.metrics.contact import TOUCH, in_contact, penetration_depth, tips_in_contact
 from geneoh.metrics.frames import valid_differences
-from geneoh.pipeline.subject import subject_of
 from geneoh.representation.parameters import HandParameters
 from geneoh.sequence.normalisation import normalised_hands
 from geneoh.sequence.sequence import Sequence

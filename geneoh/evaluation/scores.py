@@ -13,6 +13,7 @@ from geneoh.choices import HandSource
 from geneoh.evaluation.cases import Case, CaseKey
 from geneoh.evaluation.methods import CleanedHand, joints_of
 from geneoh.fitting.fit import fit_keypoints
+from geneoh.fitting.subject import Subject, subject_of
 from geneoh.geometry.distance import SurfaceQuery
 from geneoh.hand.library import hand_of_betas
 from geneoh.hand.model import HandModel
@@ -31,7 +32,6 @@ from geneoh.metrics.correspondence import contact_points, object_contact
 from geneoh.metrics.frames import mean_over_frames, valid_differences
 from geneoh.metrics.smoothness import acceleration, acceleration_error, jerk, per_frame_squared
 from geneoh.metrics.volume import intersection_volume
-from geneoh.pipeline.subject import Subject, subject_of
 from geneoh.sequence.sequence import HandTrack, Sequence
 from geneoh.synthesis.shards import seed_of
 

@@ -10,9 +10,9 @@ from torch import Tensor
 from geneoh.bundle import Bundle
 from geneoh.denoisers.base import POINTS, Observation
 from geneoh.denoisers.motion import ObservedMotion
+from geneoh.fitting.subject import Subject
 from geneoh.geometry.distance import MovingSurface
 from geneoh.geometry.sampling import sample_surface
-from geneoh.pipeline.subject import Subject
 from geneoh.representation.nearest_surface import nearest_points
 from geneoh.representation.parameters import HandParameters
 from geneoh.representation.region import ContactRegion, contact_region, surface_to_world

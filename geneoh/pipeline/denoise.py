@@ -13,6 +13,7 @@ from geneoh.denoisers.library import Denoisers, load_denoisers
 from geneoh.errors import InputError
 from geneoh.fitting.adam import AdamFitConfig, fit_with_adam
 from geneoh.fitting.fit import fit_hand, start_from_keypoints
+from geneoh.fitting.subject import Subject, subject_of
 from geneoh.fitting.terms import HandState
 from geneoh.geometry.distance import MovingSurface
 from geneoh.geometry.mesh import size_warning
@@ -31,7 +32,6 @@ from geneoh.pipeline.stages import (
     denoise_temporal,
     denoise_trajectory,
 )
-from geneoh.pipeline.subject import Subject, subject_of
 from geneoh.progress import OnProgress, OnStep
 from geneoh.representation.parameters import HandParameters
 from geneoh.sequence.normalisation import NETWORK_FPS, NormalisedHand, normalised_hands

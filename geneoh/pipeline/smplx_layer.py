@@ -15,11 +15,11 @@ from torch import Tensor
 
 from geneoh.choices import HandSource, Side
 from geneoh.errors import InputError
+from geneoh.fitting.subject import subject_of
 from geneoh.hand.library import hand_of_betas
 from geneoh.hand.mano import translation_from_wrist
 from geneoh.hand.model import HandModel
 from geneoh.hand.skeleton import PARENTS
-from geneoh.pipeline.subject import subject_of
 from geneoh.sequence.gaps import fill_gaps
 from geneoh.sequence.sequence import Sequence
 

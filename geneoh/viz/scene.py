@@ -12,6 +12,7 @@ from torch import Tensor
 from geneoh.bundle import Bundle
 from geneoh.choices import Side
 from geneoh.errors import InputError, MissingAssetError
+from geneoh.fitting.subject import subject_of
 from geneoh.geometry.distance import MovingSurface
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.mirror import mirror_axis_angle, mirror_points
@@ -20,7 +21,6 @@ from geneoh.geometry.rotations import matrix_to_quat_wxyz
 from geneoh.hand.library import hand_of_betas, load_hand
 from geneoh.hand.model import HandModel
 from geneoh.metrics.report import FrameMeasures, measure_frames
-from geneoh.pipeline.subject import subject_of
 from geneoh.sequence.resample import nearest_frames
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh.viz.surface import with_sharp_edges

@@ -9,10 +9,10 @@ import torch
 
 import geneoh
 from geneoh.errors import InputError, MissingAssetError
+from geneoh.fitting.subject import subject_of
 from geneoh.hand.embedded import read_arrays
 from geneoh.hand.library import load_hand
 from geneoh.pipeline.smplx_layer import to_smplx
-from geneoh.pipeline.subject import subject_of
 from geneoh.sequence.sequence import Sequence
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import torch
 
+from geneoh.fitting.subject import subject_of
 from geneoh.hand.library import load_hand
-from geneoh.pipeline.subject import subject_of
 from geneoh.sequence.sequence import HandTrack
 
 MODEL = load_hand("right")
