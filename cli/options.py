@@ -64,7 +64,8 @@ obj_or_source = click.option(
     "--obj",
     type=INPUT_FILE,
     multiple=True,
-    help=f"{OBJ_HELP} Not needed where the file, or the source of --from, has its own.",
+    help=f"{OBJ_HELP} Not needed where the file, or the source of --from, has its own; without any "
+    "mesh nothing of contact is known.",
 )
 output = click.option(
     *("-o", "--output"),

@@ -13,7 +13,7 @@ def denoised(sequence: Sequence, result: Denoised, output: Path) -> Iterator[str
     parts = len(sequence.object.meshes)
     yield (
         f"read {sequence.source}: {sequence.frames} frames at {sequence.fps:g} frames a second, "
-        f"object of {counted(parts, 'part')}"
+        + (f"object of {counted(parts, 'part')}" if parts else "no object")
     )
     for side, hand in result.hands.items():
         spent = ", ".join(f"{stage} {took:.1f} s" for stage, took in hand.seconds.items())

@@ -101,8 +101,6 @@ def read(
         sequence = geneoh.read(source, path, clip=clip, **shared, **others)
     else:
         sequence = geneoh.load(path, **shared, **others)
-        if not sequence.object.meshes:
-            raise click.UsageError("Missing option '--obj'")
     for doubt in doubts(sequence, str(path)):
         LOG.warning("%s: %s", path, doubt)
     return sequence

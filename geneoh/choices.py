@@ -25,15 +25,16 @@ Selection = Literal["closest", "mean"]
 SELECTIONS: tuple[Selection, ...] = get_args(Selection)
 
 Ablation = Literal[
-    "motion", "spatial", "temporal", "canonical", "diffusion", "fit", "object", "camera"
+    "motion", "spatial", "temporal", "canonical", "diffusion", "fit", "object", "mesh", "camera"
 ]
 """Parts that an ablation leaves out, with the same weights.
 
 "motion", "spatial", "temporal": one stage. "canonical": the canonical frame stands still in the
 world instead of moving with the object. "diffusion": each stage calls its denoiser once instead of
 running a diffusion chain. "fit": the hand fit sees keypoints only, neither the object nor time.
-"object": the poses of the object are taken as they are, neither examined nor cleaned.
-"camera": the direction of the camera is withheld.
+"object": the poses of the object are taken as they are, neither examined nor cleaned. "mesh": the
+hand is cleaned by the prior of motion alone, as if it had no object. "camera": the direction of the
+camera is withheld.
 """
 ABLATIONS: tuple[Ablation, ...] = get_args(Ablation)
 

@@ -67,7 +67,8 @@ def denoise(
     """Clean the hand-object interaction in NOISY.
 
     NOISY is an npz file in any layout that geneoh reads (its own, smplx names, TACO names, bare
-    joints), with the pose of the object in each frame. The clean sequence is written beside it,
+    joints), with the pose of the object in each frame. Without a mesh the hand is cleaned by the
+    prior of hand motion alone. The clean sequence is written beside it,
     with `_clean` added to the name, unless -o names another file. The command prints what it read,
     the time of each stage, and penetration, contact and acceleration before and after.
     """
@@ -89,6 +90,8 @@ def denoise(
     names = [field.name for field in fields(geneoh.Options) if field.name in chosen]
     settings = geneoh.Options(mano_dir=mano, **{name: chosen.pop(name) for name in names})
     sequence = sources.read(noisy, obj=obj, mano=mano, **chosen)
+    if report is not None and not sequence.object.meshes:
+        raise click.UsageError("--report shows the hand at its object: it needs --obj MESH")
     with progress.progress_bars() as on_progress:
         result = geneoh.denoise(sequence, settings, on_progress=on_progress)
     geneoh.save(result, output)

@@ -1,7 +1,7 @@
 """Hand parameters from keypoints and the object's surface: damped least squares over all frames."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Bool, Float, Int
@@ -85,6 +85,7 @@ def fit_hand(
     *,
     config: FitConfig,
     surface: MovingSurface | None = None,
+    evidence: Float[Tensor, " T"] | None = None,
     on_step: OnStep | None = None,
 ) -> HandState:
     """Hand parameters that follow target keypoints and stay out of the object.
@@ -100,6 +101,7 @@ def fit_hand(
         start: initial parameters (see `start_from_keypoints`).
         config: weights and iterations.
         surface: the object; None fits to the keypoints alone.
+        evidence: how much the object counts in each frame, 0 to 1; fully without it.
         on_step: called with (done, total) after each iteration.
     """
     weight = trust.sqrt() / config.joint_std
@@ -112,6 +114,8 @@ def fit_hand(
         planes = None
         if around and surface is not None:
             planes = contact_planes(state, shaped, surface, config)
+            if evidence is not None:
+                planes = replace(planes, weight=planes.weight * evidence[:, None])
 
         def equations(at: HandState, planes: Planes | None = planes) -> Equations:
             found = keypoint_term(at, shaped, target, weight)

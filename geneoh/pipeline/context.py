@@ -114,12 +114,18 @@ class StageContext(Bundle):
             region.to_canon(windows), trust, torch.full((len(windows),), float(given)).to(joints)
         )
 
-    def observed_motion(self, hand: HandParameters, region: ContactRegion) -> ObservedMotion:
-        """Windows of a hand of the world (one sample), as MotionDiff is shown them."""
+    def nearest_surface(
+        self, joints: Float[Tensor, "T 21 3"]
+    ) -> tuple[Float[Tensor, "T 21 3"], Float[Tensor, "T 21 3"]]:
+        """The surface point nearest to each keypoint and its outward normal, world frame."""
         world, normals = surface_to_world(
             self.points, self.normals, self.part, self.rotation, self.translation
         )
-        nearest, outward = nearest_points(hand.joints[0], world, normals)
+        return nearest_points(joints, world, normals)
+
+    def observed_motion(self, hand: HandParameters, region: ContactRegion) -> ObservedMotion:
+        """Windows of a hand of the world (one sample), as MotionDiff is shown them."""
+        nearest, outward = self.nearest_surface(hand.joints[0])
         windows = HandParameters(
             self.windows(hand.wrist),
             self.windows(hand.turn),

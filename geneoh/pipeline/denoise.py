@@ -19,8 +19,9 @@ from geneoh.geometry.distance import MovingSurface
 from geneoh.geometry.mesh import size_warning
 from geneoh.hand.library import hand_of_betas
 from geneoh.hand.model import ShapedHand
-from geneoh.metrics.report import measure
 from geneoh.objects.cleaning import clean_object
+from geneoh.objects.evidence import doubt, evidence_of_nearness, evidence_of_poses
+from geneoh.pipeline.alone import hand_alone, measure_hand, without_jitter
 from geneoh.pipeline.context import StageContext, stage_context
 from geneoh.pipeline.options import Options
 from geneoh.pipeline.presets import Preset
@@ -35,9 +36,17 @@ from geneoh.pipeline.stages import (
 from geneoh.progress import OnProgress, OnStep
 from geneoh.representation.parameters import HandParameters
 from geneoh.sequence.normalisation import NETWORK_FPS, NormalisedHand, normalised_hands
+from geneoh.sequence.resample import nearest_frames
 from geneoh.sequence.sequence import HandTrack, Sequence
 from geneoh.sequence.validation import check_sequence
+from geneoh.sequence.windows import window_starts
 
+NO_OBJECT = (
+    "no mesh of an object was given: the hand was cleaned by the prior of hand motion alone, and "
+    "nothing is known of contact; --obj MESH names one"
+)
+LEAST_EVIDENCE = 0.02
+"""Reliance on the object's poses below which the stages that look at it are not run at all."""
 NEAR = 0.02
 """Vertices farther than this from the object's box need no exact distance in the fit, metres."""
 
@@ -54,21 +63,20 @@ def denoise(
     result is on the device of the sequence.
 
     Args:
-        sequence: up to two hands and an object with its meshes, in metres.
+        sequence: up to two hands and an object with its meshes, in metres. Without a mesh the hands
+            are cleaned by the prior of hand motion alone, and the result's notes say so.
         options: the settings; the default preset without them.
         on_progress: called with the stage ("motion", "spatial", "temporal" or "fit") and its steps
             done and in all; both hands of a sequence go through the stages one after the other.
 
     Raises:
-        InputError: the sequence has no object mesh, or its numbers can be no interaction.
+        InputError: the numbers of the sequence can be no interaction.
         ConfigError: an option is out of range.
         MissingAssetError: a MANO hand is asked for and there is no MANO file.
         CheckpointError: the folder of weights holds no weights of this version.
     """
     options = options or Options()
     chosen = options.resolved()
-    if not sequence.object.meshes:
-        raise InputError(f"{sequence.source}: expected an object mesh, got none; pass --obj MESH")
     for mesh in sequence.object.meshes:
         if warning := size_warning(mesh):
             raise InputError(f"{mesh.source or sequence.source}: {warning}")
@@ -78,9 +86,14 @@ def denoise(
     )
     notes: list[str] = []
     motion, examined = sequence.object, None
+    if not motion.meshes:
+        chosen = chosen.alone()
+        notes.append(NO_OBJECT)
+    evidence = torch.ones(sequence.frames)
     if chosen.clean_object:
         motion, examined = clean_object(sequence.object, sequence.fps)
         notes += examined.sentences()
+        evidence = evidence_of_poses(examined, motion.meshes, sequence.fps)
     normalised = normalised_hands(replace(sequence, object=motion))
     if normalised[0].track.frames != sequence.frames:
         notes.append(f"resampled from {sequence.fps:g} to {NETWORK_FPS:g} frames a second and back")
@@ -91,7 +104,9 @@ def denoise(
         )
         moved = hand.to(options.device)
         subject = subject_of(moved.track, hand.right_model(model))
-        result = _clean(moved, subject, denoisers, chosen, options.seed, on_progress)
+        relied = evidence[nearest_frames(sequence.frames, hand.track.frames)]
+        relied = relied.to(options.device)
+        result = _clean(moved, subject, relied, denoisers, chosen, options.seed, on_progress)
         result = result.to(sequence.object.rotation.device)
         results[hand.side] = replace(
             result,
@@ -101,6 +116,7 @@ def denoise(
             ),
             filled=hand.frames_to_user(result.filled),
             samples=hand.points_to_user(result.samples),
+            evidence=hand.frames_to_user(result.evidence),
         )
     hands = tuple(results[hand.side].track for hand in sequence.hands)
     kept = motion if options.refine_object else sequence.object
@@ -111,17 +127,23 @@ def denoise(
 def _clean(
     hand: NormalisedHand,
     subject: Subject,
+    evidence: Float[Tensor, " N"],
     denoisers: Denoisers,
     chosen: Preset,
     seed: int,
     on_progress: OnProgress | None,
 ) -> HandResult:
-    """One normalised hand: three stages, selection, fit, measurement."""
+    """One normalised hand: three stages, selection, fit, measurement.
+
+    Frames fall back to the hand alone by as much as `evidence` is below 1.
+    """
     generator = torch.Generator().manual_seed(seed)
-    surface = hand.object.surface()
-    context = stage_context(surface, subject, hand.fps, generator=generator)
+    surface = hand.object.surface() if hand.object.meshes else None
+    if surface is None or not chosen.has_object:
+        evidence = torch.zeros_like(evidence)
+    elif chosen.clean_object:
+        evidence = evidence * evidence_of_nearness(subject.joints, surface)
     ray = hand.track.camera_ray if chosen.camera else None
-    context = replace(context, canonical=chosen.canonical, ray=ray)
     seconds: dict[str, float] = {}
 
     def progress_of(stage: str) -> OnStep:
@@ -137,13 +159,22 @@ def _clean(
     with torch.no_grad():
         # MotionDiff starts from the parameters of the input, and the report measures their mesh
         given = subject.parameters()
-        samples = _run_stages(
-            denoisers, context, subject, given, chosen, progress_of, generator=generator
-        )
+
+        def run(context: StageContext, plan: Preset) -> Float[Tensor, "S T 21 3"]:
+            return _run_stages(
+                denoisers, context, subject, given, plan, progress_of, generator=generator
+            )
+
+        samples = None
+        if surface is not None and bool((evidence > LEAST_EVIDENCE).any()):
+            context = stage_context(surface, subject, hand.fps, generator=generator)
+            samples = run(replace(context, canonical=chosen.canonical, ray=ray), chosen)
+        if samples is None or bool((evidence < 1).any()):
+            free = run(replace(hand_alone(subject, hand.fps), ray=ray), chosen.alone())
+            free = without_jitter(free, subject.joints, hand.fps)
+            samples = free if samples is None else free.lerp(samples, evidence[:, None, None])
         index, target = _select(samples, subject, chosen.selection)
-        state, shaped, betas = _fit(
-            target, subject, chosen, replace(surface, within=NEAR), progress_of("fit")
-        )
+        state, shaped, betas = _fit(target, subject, chosen, surface, evidence, progress_of("fit"))
         posed = shaped.verts_from_rotations(state.rotations, state.wrist)
         raw = subject.shaped.verts_from_rotations(given.rotations, given.wrist)
     clean = HandTrack(
@@ -162,12 +193,13 @@ def _clean(
         filled=~hand.track.valid,
         samples=samples,
         chosen=index,
-        before=measure(raw.verts[0], subject.joints, surface, hand.fps),
-        after=measure(posed.verts[0], posed.joints[0], surface, hand.fps),
+        before=measure_hand(raw.verts[0], subject.joints, surface, hand.fps),
+        after=measure_hand(posed.verts[0], posed.joints[0], surface, hand.fps),
         moved=float((posed.joints[0] - subject.joints).norm(dim=-1)[seen].mean()),
-        windows=len(context.starts),
+        windows=len(window_starts(subject.joints.shape[0])),
+        evidence=evidence,
         seconds=seconds,
-        notes=subject.notes,
+        notes=(*subject.notes, *(doubt(evidence) if chosen.has_object else ())),
     )
 
 
@@ -245,7 +277,8 @@ def _fit(
     target: Float[Tensor, "1 T 21 3"],
     subject: Subject,
     chosen: Preset,
-    surface: MovingSurface,
+    surface: MovingSurface | None,
+    evidence: Float[Tensor, " T"],
     on_step: OnStep,
 ) -> tuple[HandState, ShapedHand, Tensor]:
     """Hand parameters, shape and betas that are fitted to the target.
@@ -264,7 +297,8 @@ def _fit(
         subject.shaped,
         start,
         config=chosen.fit,
-        surface=surface if chosen.contact else None,
+        surface=replace(surface, within=NEAR) if surface and chosen.contact else None,
+        evidence=evidence,
         on_step=on_step,
     )
     return state, subject.shaped, subject.betas

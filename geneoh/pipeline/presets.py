@@ -52,10 +52,18 @@ class Preset:
     """Whether noisy poses of the object are smoothed before the stages see the hand from it."""
     camera: bool = True
     """Whether the stages are told the direction of the camera, where the sequence knows it."""
+    has_object: bool = True
+    """Whether the stages see the object; False cleans the hand by the prior of motion alone."""
 
     def with_steps(self, steps: int) -> "Preset":
         """The preset with another number of denoiser calls per stage, never above its level."""
         return self._with_plans(lambda plan: replace(plan, steps=min(steps, plan.level)))
+
+    def alone(self) -> "Preset":
+        """The preset for a hand without an object: nothing that asks for its surface."""
+        return replace(
+            self, spatial=None, temporal=None, contact=False, clean_object=False, has_object=False
+        )
 
     def without(self, part: Ablation) -> "Preset":
         """The preset with one of its parts left out, to measure what the part contributes."""
@@ -72,6 +80,8 @@ class Preset:
                 return replace(self, clean_object=False)
             case "camera":
                 return replace(self, camera=False)
+            case "mesh":
+                return self.alone()
             case _:
                 assert_never(part)
 

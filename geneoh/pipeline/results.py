@@ -45,6 +45,9 @@ class HandResult(Bundle):
     """Time that each stage took."""
     notes: tuple[str, ...]
     """What had to be assumed about the hand, in words."""
+    evidence: Float[Tensor, " T"]
+    """Share of each frame, 0 to 1, that was cleaned against the object; the rest, where the object
+    cannot be relied on, by the prior of hand motion alone."""
 
 
 @dataclass(frozen=True)

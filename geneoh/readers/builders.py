@@ -211,9 +211,7 @@ def callers_object(
     """The caller's object beside a source that has none; without one, nothing that moves."""
     if options.object_pose is None:
         note = PINNED_NOTE if options.meshes else "the source has no object; give one with --obj"
-        count = max(1, len(options.meshes))
-        still = np.tile(np.eye(4), (frames, count, 1, 1))
-        return object_track(options.meshes, still), (note,)
+        return ObjectTrack.resting(tuple(options.meshes), frames), (note,)
     if len(options.object_pose) != frames:
         raise InputError(
             f"{where}: the object's poses must be one for each of the {frames} frames, "

@@ -256,7 +256,7 @@ def sequence_in(
 ) -> tuple[Sequence, tuple[str, ...]]:
     """The sequence in the fields of a layout, and what had to be assumed, in words."""
     read = read_hands(record, layout, options)
-    motion, about_object = with_parts(read_object(record, meshes))
+    motion, about_object = with_parts(read_object(record, meshes, read.hands[0].frames))
     rate, notes = fps_of(record, fps)
     sequence = with_camera_fields(record, Sequence(read.hands, motion, rate))
     return sequence, (*read.notes, *about_object, *notes)

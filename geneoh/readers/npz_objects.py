@@ -14,13 +14,17 @@ MOTION_MISSING = (
 )
 
 
-def read_object(record: Record, meshes: tuple[Mesh, ...]) -> ObjectTrack:
+def read_object(record: Record, meshes: tuple[Mesh, ...], frames: int) -> ObjectTrack:
     """The object's motion, from rotation and translation or from 4x4 matrices.
+
+    A file without motion, for which no mesh is given, is of a hand alone: nothing moves.
 
     Raises:
         InputError: no motion, two of them, or one that is not rigid.
     """
     pair = [name for name in OBJECT_FIELDS[:2] if name in record]
+    if not (pair or meshes or "obj_pose" in record):
+        return ObjectTrack.resting((), frames)
     if ("obj_pose" in record) == bool(pair):
         raise InputError(
             f"{record.where}: the object's motion must be given once, as 'object_rotation' with "

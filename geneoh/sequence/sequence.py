@@ -78,6 +78,12 @@ class ObjectTrack(Bundle):
     rotation: Float[Tensor, "T Q 3 3"]
     translation: Float[Tensor, "T Q 3"]
 
+    @classmethod
+    def resting(cls, meshes: tuple[Mesh, ...], frames: int) -> "ObjectTrack":
+        """An object that stands still at the origin; without a mesh it stands for none at all."""
+        upright = torch.eye(3).expand(frames, max(1, len(meshes)), 3, 3).clone()
+        return cls(meshes, upright, torch.zeros(upright.shape[:3]))
+
     def mirrored(self) -> "ObjectTrack":
         """The reflection x -> -x of the meshes and of their motion."""
         return replace(

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import quick_presets
-from bad_inputs import CANARY, REFUSED, TOLD, write_good
+from bad_inputs import CANARY, REFUSED, TOLD, with_arrays, write_good
 from pages import page_scene
 
 from geneoh.readers.convention_check import doubts
@@ -71,6 +71,27 @@ def test_result_stands_beside_the_input_by_default(geneoh, tmp_path):
     result = geneoh(*RUN)
     assert result.exit_code == 0, result.output
     assert load_sequence(tmp_path / "hand_clean.npz").frames == 6
+
+
+@pytest.mark.parametrize("moves", [True, False])
+def test_a_hand_without_a_mesh_is_cleaned_alone_and_said_so(geneoh, tmp_path, moves):
+    write_good(tmp_path)
+    if not moves:
+        with_arrays(object_rotation=None, object_translation=None)(tmp_path)
+    result = geneoh("denoise", "hand.npz", "--preset", "fast")
+    assert result.exit_code == 0, result.output
+    assert "no object" in result.stdout
+    assert "by the prior of hand motion alone" in result.stdout
+    assert "n/a" in result.stdout
+    assert load_sequence(tmp_path / "hand_clean.npz").frames == 6
+
+
+def test_a_page_needs_an_object_and_says_so_before_the_work(geneoh, tmp_path):
+    write_good(tmp_path)
+    result = geneoh("denoise", "hand.npz", "--report", "page.html")
+    assert result.exit_code == 2
+    assert "--obj MESH" in result.stderr
+    assert not (tmp_path / "hand_clean.npz").exists()
 
 
 def test_samples_and_their_spread_are_saved(geneoh, tmp_path):

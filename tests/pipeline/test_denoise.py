@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from geneoh.errors import ConfigError, InputError
+from geneoh.errors import ConfigError
 from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.options import Options
 from geneoh.pipeline.presets import preset
@@ -202,12 +202,6 @@ def test_paper_preset_runs(noisy):
     result = denoise(noisy[50:52], Options(preset="paper", steps=3))
     assert torch.isfinite(joints_of(result)).all()
     assert result.sequence.hands[0].joint_spread is None
-
-
-def test_without_a_mesh_the_message_asks_for_one(noisy):
-    bare = replace(noisy, object=replace(noisy.object, meshes=()))
-    with pytest.raises(InputError, match="--obj"):
-        denoise(bare)
 
 
 @pytest.mark.parametrize("wrong", [Options(samples=0), Options(steps=0)])

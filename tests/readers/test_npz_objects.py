@@ -12,8 +12,15 @@ ROTATION = axis_angle_to_matrix(torch.randn(T, Q, 3, generator=torch.Generator()
 TRANSLATION = torch.arange(T * Q * 3.0).reshape(T, Q, 3)
 
 
-def read(**arrays):
-    return read_object(Record("a.npz", {name: np.asarray(v) for name, v in arrays.items()}), ())
+def read(meshes=(), **arrays):
+    record = Record("a.npz", {name: np.asarray(v) for name, v in arrays.items()})
+    return read_object(record, meshes, T)
+
+
+def test_without_motion_and_mesh_there_is_no_object():
+    found = read()
+    assert not found.meshes
+    assert torch.equal(found.rotation, torch.eye(3).expand(T, 1, 3, 3))
 
 
 def matrices():

@@ -239,9 +239,10 @@ REFUSED = (
         with_arrays(format="geneoh-sequence", version=np.array(2)),
     ),
     BadInput(
-        "no object",
+        "a mesh without motion",
         ("object_rotation", "obj_pose"),
         with_arrays(object_rotation=None, object_translation=None),
+        in_reading=False,  # without a mesh it is a hand alone
     ),
     BadInput(
         "half an object",

@@ -1,0 +1,73 @@
+"""How far an object's track can be relied on, frame by frame: what falls back to the hand's own.
+
+Cleaning takes the white noise out of the object's poses, and not what lasts: noise of an estimator
+drifts by as much as it shakes. A pose that is off by more than contact says nothing about contact.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from scipy.ndimage import distance_transform_edt, gaussian_filter1d
+from torch import Tensor
+
+from geneoh.geometry.distance import MovingSurface
+from geneoh.geometry.mesh import Mesh
+from geneoh.objects.cleaning import ObjectExamination
+
+TOLERATED = 0.012
+"""Noise of the object's surface at which it counts half, metres."""
+FEW, ENOUGH = 0.3, 0.6
+"""Share of poses that agree with one another: nothing is made of less than the first, and the
+second is as good as all."""
+BRIDGED = 8.0
+"""Frames at 30 a second from the nearest pose that agrees, over which the others are relied on."""
+FADE = 3.0
+"""Deviation in frames of the filter by which reliance changes."""
+NEAR, AWAY = 0.05, 0.09
+"""Distance in metres between keypoints and surface in the nearest frame: up to the first the hand
+is taken to deal with the object, from the second on not. Keypoints lie 10 mm inside the hand."""
+
+
+def evidence_of_poses(
+    examined: ObjectExamination, meshes: tuple[Mesh, ...], fps: float
+) -> Float[Tensor, " T"]:
+    """Share, 0 to 1, by which each frame of an examined track is relied on; 1 where it is exact.
+
+    The least of all parts counts: which of them the hand deals with is not asked.
+    """
+    found = torch.ones(len(examined.confidence), device=examined.confidence.device)
+    for part in torch.nonzero(examined.is_noisy)[:, 0].tolist():
+        size = 3**0.5 * float(
+            examined.translation_noise[part] + examined.rotation_noise[part] * radius(meshes[part])
+        )
+        kept = examined.confidence[:, part].cpu().numpy() > 0
+        away = distance_transform_edt(~kept) * (30 / fps) if kept.any() else np.full(len(kept), 1e3)
+        share = min(max((kept.mean() - FEW) / (ENOUGH - FEW), 0.0), 1.0)
+        relied = share / (1 + (size / TOLERATED) ** 2) * np.exp(-np.square(away / BRIDGED))
+        relied = gaussian_filter1d(relied, FADE * fps / 30, mode="nearest")
+        found = torch.minimum(found, torch.from_numpy(relied).to(found))
+    return found
+
+
+def radius(mesh: Mesh) -> float:
+    """Root mean square distance of a mesh's vertices from their middle, metres."""
+    return float((mesh.verts - mesh.verts.mean(0)).square().sum(-1).mean().sqrt())
+
+
+def evidence_of_nearness(joints: Float[Tensor, "T 21 3"], surface: MovingSurface) -> float:
+    """1 where a hand comes near its object in some frame, 0 where it never does."""
+    distance = replace(surface, within=AWAY).query(joints).distance
+    nearest = float(distance[distance.isfinite()].min())
+    return min(max((AWAY - nearest) / (AWAY - NEAR), 0.0), 1.0)
+
+
+def doubt(evidence: Float[Tensor, " T"]) -> Iterator[str]:
+    """What a user should know where the object is hardly relied on."""
+    if count := int((evidence < 0.5).sum()):
+        yield (
+            f"in {count} frames the object is too noisy, too long unseen or too far away to rely "
+            "on: there the hand is cleaned mostly by the prior of hand motion alone"
+        )

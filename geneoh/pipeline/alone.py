@@ -1,0 +1,101 @@
+"""A hand without an object: what MotionDiff is shown, and what is measured of it.
+
+MotionDiff sees every hand in a canonical frame, with the object's surface where there is one. Far
+from any surface all that it reads of the object is zero, so that a hand alone is one more natural
+case for it: the canonical frame stands still in the world, in the middle of the hand's own path.
+"""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.baselines.filters import Filter, smooth
+from geneoh.denoisers.base import palm_axes
+from geneoh.geometry.distance import MovingSurface
+from geneoh.hand.skeleton import TIP_KEYPOINTS
+from geneoh.metrics.report import InteractionReport, measure
+from geneoh.metrics.smoothness import acceleration, per_frame_squared
+from geneoh.objects.smoothing import noise_level
+from geneoh.pipeline.context import StageContext
+from geneoh.pipeline.subject import Subject
+from geneoh.representation.region import ContactRegion
+
+FAR = 1.0
+"""Distance in metres at which nothing of a surface is seen: closeness decays over centimetres."""
+QUIET, NOISY = 0.0015, 0.003
+"""White noise of the fingertips per axis, metres: below the first the result stays as it is, above
+the second it is smoothed. Recorded hands have 0.0012."""
+SMOOTHING = Filter("gaussian", 1.0)
+"""The filter that takes out what jitter the samples leave; its size is in frames."""
+
+
+@dataclass(frozen=True)
+class HandAlone(StageContext):
+    """The context of a hand without an object."""
+
+    def region(self, joints: Float[Tensor, "S T 21 3"]) -> ContactRegion:
+        """The canonical frame of each window, without contact points."""
+        windows = self.windows(joints)
+        none = windows[:, :, :0]
+        axes = self.rotation[0, 0].expand(*windows.shape[:2], 3, 3)
+        middle = windows.mean((1, 2))[:, None].expand(*windows.shape[:2], 3)
+        return ContactRegion(none, none, axes, middle)
+
+    def nearest_surface(
+        self, joints: Float[Tensor, "T 21 3"]
+    ) -> tuple[Float[Tensor, "T 21 3"], Float[Tensor, "T 21 3"]]:
+        """A surface too far away to be seen."""
+        up = joints.new_tensor([0.0, 0.0, 1.0]).expand_as(joints)
+        return joints + FAR * up, -up
+
+
+def hand_alone(subject: Subject, fps: float) -> HandAlone:
+    """The context of a hand in a frame that stands still in the world.
+
+    Its axes are those of the mean palm, so that a scene may lie in any way.
+    """
+    joints = subject.joints
+    axes, middle = palm_axes(joints[None])[0], joints.mean((0, 1))
+    return HandAlone(
+        points=joints.new_zeros(0, 3),
+        normals=joints.new_zeros(0, 3),
+        part=torch.zeros(0, dtype=torch.long, device=joints.device),
+        rotation=axes.expand(len(joints), 1, 3, 3),
+        translation=middle.expand(len(joints), 1, 3),
+        trust=subject.trust,
+        fps=fps,
+    )
+
+
+def without_jitter(
+    samples: Float[Tensor, "S T 21 3"], observed: Float[Tensor, "T 21 3"], fps: float
+) -> Float[Tensor, "S T 21 3"]:
+    """Samples of a hand alone, smoothed by as much as the observed hand is noisy.
+
+    Each window of the networks has its own view of the noise, and no contact holds the hand: what
+    jitter is left is taken out where the input has white noise, and quiet inputs keep their motion.
+    """
+    if len(observed) < 5:
+        return samples
+    tips = observed[:, list(TIP_KEYPOINTS)].cpu().double().numpy()
+    noise = noise_level(np.diff(tips, n=4, axis=0).reshape(-1, 3), 4)
+    share = min(max((noise - QUIET) / (NOISY - QUIET), 0.0), 1.0)
+    smoothed = smooth(samples.movedim(1, 0), SMOOTHING, fps).movedim(0, 1)
+    return samples + share * (smoothed - samples)
+
+
+def measure_hand(
+    verts: Float[Tensor, "T V 3"],
+    joints: Float[Tensor, "T 21 3"],
+    surface: MovingSurface | None,
+    fps: float,
+) -> InteractionReport:
+    """The report of a hand and its object; without one NaN for all but frames and acceleration."""
+    if surface is not None:
+        return measure(verts, joints, surface, fps)
+    unknown, bends = float("nan"), per_frame_squared(acceleration(joints, fps), fps)
+    known = {"frames": len(joints), "acceleration_mm": float(bends.mean())}
+    return InteractionReport(**{field.name: unknown for field in fields(InteractionReport)} | known)

@@ -1,0 +1,87 @@
+"""A hand without an object is cleaned by the prior of motion alone, in the world's frame."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+import geneoh
+from geneoh.baselines.filters import TUNED, filtered
+from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.sequence.noise import corrupt_sequence
+from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
+
+FAST = geneoh.Options(preset="fast")
+
+
+def alone(sequence: Sequence) -> Sequence:
+    """The sequence without its object."""
+    return replace(sequence, object=ObjectTrack.resting((), sequence.frames))
+
+
+def error_and_acceleration(joints, truth: Sequence) -> tuple[float, float]:
+    """Mean keypoint error in mm, and mean acceleration in mm per frame squared."""
+    off, bends = joints - truth.hands[0].joints, joints.diff(n=2, dim=0)
+    return tuple(1000 * float(values.norm(dim=-1).mean()) for values in (off, bends))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("noise", ["gauss", "beta", "bias", "drift", "burst", "drop"])
+def test_a_hand_alone_is_better_than_filtered(clean, noise):
+    noisy = corrupt_sequence(alone(clean), noise, generator=torch.Generator().manual_seed(3))
+    cleaned = geneoh.denoise(noisy, FAST).sequence.hands[0].joints
+    best = filtered(noisy.hands[0], TUNED["savgol", "parameters"], "parameters", clean.fps)
+    error, acceleration = error_and_acceleration(cleaned, clean)
+    filter_error, filter_acceleration = error_and_acceleration(best, clean)
+    assert error < filter_error
+    own = error_and_acceleration(clean.hands[0].joints, clean)[1]
+    assert acceleration < 1.2 * max(filter_acceleration, own)
+
+
+def test_a_clean_hand_alone_stays_where_it_is(clean):
+    cleaned = geneoh.denoise(alone(clean), FAST)
+    error, _ = error_and_acceleration(cleaned.sequence.hands[0].joints, clean)
+    assert error < 1.5
+    assert "no mesh" in cleaned.notes[0]
+    report = cleaned.hands["left"].after
+    assert math.isnan(report.penetration_mean_mm)
+    assert report.acceleration_mm < 9
+
+
+def test_a_hand_alone_moves_with_the_world(noisy):
+    short = alone(noisy)[30:60]
+    hand = short.hands[0]
+    turn = axis_angle_to_matrix(torch.tensor([0.4, -1.0, 0.7]))
+    shift = torch.tensor([1.0, -2.0, 0.5])
+    bare = HandTrack("left", hand.valid, joints=hand.joints)
+    moved = HandTrack("left", hand.valid, joints=hand.joints @ turn.T + shift)
+    first, second = (
+        geneoh.denoise(replace(short, hands=(track,)), FAST).sequence.hands[0].joints
+        for track in (bare, moved)
+    )
+    torch.testing.assert_close(first @ turn.T + shift, second, atol=2e-4, rtol=0)
+
+
+@pytest.mark.parametrize("frames", [1, 2, 4])
+def test_the_shortest_tracks_can_be_cleaned_alone(noisy, frames):
+    cleaned = geneoh.denoise(alone(noisy)[40 : 40 + frames], FAST)
+    assert cleaned.sequence.hands[0].joints.isfinite().all()
+
+
+def test_a_file_of_keypoints_alone_is_cleaned_and_read_again(noisy, tmp_path):
+    joints = noisy.hands[0].joints[40:60].numpy()
+    np.savez(tmp_path / "hand.npz", joints=joints, side="left", fps=30.0)
+    result = geneoh.denoise(geneoh.load(tmp_path / "hand.npz"), FAST)
+    geneoh.save(result, tmp_path / "clean.npz")
+    again = geneoh.load(tmp_path / "clean.npz")
+    assert not again.object.meshes
+    torch.testing.assert_close(again.hands[0].joints, result.sequence.hands[0].joints)
+
+
+@pytest.mark.slow
+def test_the_papers_preset_cleans_a_hand_alone(noisy):
+    options = geneoh.Options(preset="paper", steps=3)
+    cleaned = geneoh.denoise(alone(noisy)[50:54], options)
+    assert cleaned.sequence.hands[0].joints.isfinite().all()
