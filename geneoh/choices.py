@@ -57,7 +57,7 @@ Noise = Literal["gauss", "gauss_strong", "beta", "bias", "drift", "burst", "drop
 """Kinds of noise that `geneoh corrupt` adds; `geneoh.sequence.noise` defines each."""
 NOISES: tuple[Noise, ...] = get_args(Noise)
 
-ObjectNoise = Literal["shaky_2", "shaky_10", "flips"]
+ObjectNoise = Literal["shaky_2", "shaky_10", "flips", "lost"]
 """Noise on the poses of an object; see `geneoh.sequence.object_noise`."""
 OBJECT_NOISES: tuple[ObjectNoise, ...] = get_args(ObjectNoise)
 

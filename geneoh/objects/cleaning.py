@@ -59,8 +59,13 @@ class ObjectExamination(Bundle):
 
     def sentences(self) -> Iterator[str]:
         """What a user should know about the object's poses, where there is anything."""
-        for part in torch.nonzero(self.is_noisy)[:, 0].tolist():
+        lost = (self.confidence == 0) & ~self.left_out
+        for part in range(len(self.is_noisy)):
             name = "the object" if len(self.is_noisy) == 1 else f"part {part + 1} of the object"
+            if count := int(lost[:, part].sum()):
+                yield f"{count} frames without a pose of {name} were filled from those around them"
+            if not self.is_noisy[part]:
+                continue
             degrees = np.degrees(float(self.rotation_noise[part]))
             yield (
                 f"the pose of {name} shakes by {degrees:.1f} degrees and "
@@ -96,11 +101,16 @@ def clean_object(motion: ObjectTrack, fps: float) -> tuple[ObjectTrack, ObjectEx
     The very same track comes back where all parts are exact. Nothing is asked of the hand.
     """
     device = motion.rotation.device
+    seen = torch.ones_like(motion.rotation[..., 0, 0]) if motion.valid is None else motion.valid
     rotation, translation = motion.rotation.cpu().clone(), motion.translation.cpu().clone()
     parts = [
-        clean_part(turns.double().numpy(), places.double().numpy(), mesh, fps)
-        for turns, places, mesh in zip(
-            rotation.unbind(1), translation.unbind(1), motion.meshes, strict=True
+        clean_part(turns.double().numpy(), places.double().numpy(), mesh, fps, found)
+        for turns, places, mesh, found in zip(
+            rotation.unbind(1),
+            translation.unbind(1),
+            motion.meshes,
+            seen.cpu().bool().T.numpy(),
+            strict=True,
         )
     ]
     for index, part in enumerate(parts):
@@ -131,12 +141,15 @@ def clean_part(
     places: Float64[np.ndarray, "T 3"],
     mesh: Mesh,
     fps: float,
+    seen: Bool[np.ndarray, " T"],
 ) -> CleanPart:
-    """One part's track without its noise, and what was found in it."""
-    frames = len(turns)
-    everywhere, nowhere = np.ones(frames), np.zeros(frames, dtype=bool)
-    exact = CleanPart(turns, places, 0.0, 0.0, everywhere, nowhere, nowhere, is_noisy=False)
-    if frames < SHORTEST:
+    """One part's track without its noise, and what was found in it; frames not `seen` are filled.
+
+    Filled frames have no weight and no confidence.
+    """
+    nowhere = np.zeros(len(turns), dtype=bool)
+    exact = CleanPart(turns, places, 0.0, 0.0, seen.astype(float), nowhere, nowhere, is_noisy=False)
+    if seen.sum() < SHORTEST:
         return exact
     rotations = Rotation.from_matrix(turns)
     middles = (
@@ -144,9 +157,9 @@ def clean_part(
     )  # where noise of the rotation moves nothing
     steps = increments(rotations)
     fourth_turns, fourth_places = np.diff(steps, n=3, axis=0), np.diff(middles, n=4, axis=0)
-    bound = max(1.0, (30 / fps) ** 2)
-    shakes = quiet_noise(fourth_turns) > bound * EXACT_ROTATION
-    shakes |= quiet_noise(fourth_places) > bound * EXACT_TRANSLATION
+    bound, whole = max(1.0, (30 / fps) ** 2), in_a_row(seen)
+    shakes = quiet_noise(fourth_turns[whole]) > bound * EXACT_ROTATION
+    shakes |= quiet_noise(fourth_places[whole]) > bound * EXACT_TRANSLATION
     changes = np.linalg.norm(np.diff(steps, axis=0), axis=1)
     if not shakes and changes.max() < step_limit(steps, fps):
         return exact
@@ -155,13 +168,14 @@ def clean_part(
     middles = rotations.apply(center) + places
     limit = step_limit(least_steps(turns, symmetry), fps)
     chain = longest_chain(rotations, limit, symmetry)
+    chain = replace(chain, kept=chain.kept & seen)
     rotations = rotations * Rotation.from_matrix(chain.onto_itself)
     rotation_noise = noise_level(fourth_differences(rotations, chain.kept), 4)
-    translation_noise = noise_level(np.diff(middles, n=4, axis=0), 4)
+    translation_noise = noise_level(np.diff(middles, n=4, axis=0)[whole], 4)
     clean, weight = smooth_stretches(rotations, chain, max(rotation_noise, EXACT_ROTATION / 4))
     if shakes:
         noise = max(translation_noise, EXACT_TRANSLATION / 4)
-        middles, sure = smooth_points(middles, everywhere > 0, noise)
+        middles, sure = smooth_points(middles, seen, noise)
         weight = np.minimum(weight, sure)
     else:  # frames that agree are exact
         kept = chain.kept[:, None, None]
@@ -173,7 +187,7 @@ def clean_part(
         rotation_noise,
         translation_noise,
         weight,
-        ~chain.kept,
+        ~chain.kept & seen,
         chain.kept & changed,
         is_noisy=True,
     )
@@ -199,9 +213,13 @@ def least_steps(turns: np.ndarray, symmetry: Symmetry) -> np.ndarray:
 
 def fourth_differences(rotations: Rotation, kept: np.ndarray) -> np.ndarray:
     """Fourth differences (N, 3) of a rotation where five frames in a row are kept, else all."""
-    found = np.diff(increments(rotations), n=3, axis=0)
+    return np.diff(increments(rotations), n=3, axis=0)[in_a_row(kept)]
+
+
+def in_a_row(kept: Bool[np.ndarray, " T"]) -> Bool[np.ndarray, " N"]:
+    """Whether five frames from each on are kept, and everywhere where five never are."""
     whole = np.convolve(kept, np.ones(5), "valid") > 4
-    return found[whole] if whole.any() else found
+    return whole if whole.any() else ~whole
 
 
 def quiet_noise(fourth: np.ndarray) -> float:

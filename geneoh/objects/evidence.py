@@ -39,7 +39,8 @@ def evidence_of_poses(
     The least of all parts counts: which of them the hand deals with is not asked.
     """
     found = torch.ones(len(examined.confidence), device=examined.confidence.device)
-    for part in torch.nonzero(examined.is_noisy)[:, 0].tolist():
+    doubtful = examined.is_noisy | (examined.confidence == 0).any(0)
+    for part in torch.nonzero(doubtful)[:, 0].tolist():
         size = 3**0.5 * float(
             examined.translation_noise[part] + examined.rotation_noise[part] * radius(meshes[part])
         )

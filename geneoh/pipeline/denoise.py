@@ -35,6 +35,7 @@ from geneoh.pipeline.stages import (
 )
 from geneoh.progress import OnProgress, OnStep
 from geneoh.representation.parameters import HandParameters
+from geneoh.sequence.gaps import fill_object
 from geneoh.sequence.normalisation import NETWORK_FPS, NormalisedHand, normalised_hands
 from geneoh.sequence.resample import nearest_frames
 from geneoh.sequence.sequence import HandTrack, Sequence
@@ -42,8 +43,8 @@ from geneoh.sequence.validation import check_sequence
 from geneoh.sequence.windows import window_starts
 
 NO_OBJECT = (
-    "no mesh of an object was given: the hand was cleaned by the prior of hand motion alone, and "
-    "nothing is known of contact; --obj MESH names one"
+    "no mesh or no pose of an object was given: the hand was cleaned by the prior of hand motion "
+    "alone, and nothing is known of contact; --obj MESH names a mesh"
 )
 LEAST_EVIDENCE = 0.02
 """Reliance on the object's poses below which the stages that look at it are not run at all."""
@@ -80,13 +81,15 @@ def denoise(
     for mesh in sequence.object.meshes:
         if warning := size_warning(mesh):
             raise InputError(f"{mesh.source or sequence.source}: {warning}")
+    sequence = replace(sequence, object=fill_object(sequence.object))
     check_sequence(sequence, sequence.source)
     denoisers = load_denoisers(
         options.weights, device=options.device, trajectory=not chosen.observed
     )
     notes: list[str] = []
     motion, examined = sequence.object, None
-    if not motion.meshes:
+    if not motion.meshes or (motion.valid is not None and not bool(motion.valid.any())):
+        motion = replace(motion, meshes=())
         chosen = chosen.alone()
         notes.append(NO_OBJECT)
     evidence = torch.ones(sequence.frames)

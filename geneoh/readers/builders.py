@@ -18,6 +18,7 @@ from geneoh.readers.joint_orders import ORDERS
 from geneoh.readers.mano import MEAN_OFFSET_NOTE, Mano, mean_wrist_offset
 from geneoh.readers.records import Array, float32
 from geneoh.readers.transforms import axis_angles, rotation_matrices
+from geneoh.sequence.gaps import fill_object
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
 OPENPOSE_FROM_MANO = ORDERS["mano"].entries
@@ -202,7 +203,8 @@ def object_track(meshes: Iterable[Mesh], motion: Array) -> ObjectTrack:
         motion: of the parts.
     """
     parts = motion if motion.ndim == 4 else motion[:, None]
-    return ObjectTrack(tuple(meshes), float32(parts[..., :3, :3]), float32(parts[..., :3, 3]))
+    rotation, translation = float32(parts[..., :3, :3]), float32(parts[..., :3, 3])
+    return fill_object(ObjectTrack(tuple(meshes), rotation, translation))
 
 
 def callers_object(

@@ -258,6 +258,9 @@ def sequence_in(
     read = read_hands(record, layout, options)
     motion, about_object = with_parts(read_object(record, meshes, read.hands[0].frames))
     rate, notes = fps_of(record, fps)
+    if motion.valid is not None:
+        lost = int((~motion.valid).any(1).sum())
+        about_object = (*about_object, f"{lost} frames without a pose of the object were filled in")
     sequence = with_camera_fields(record, Sequence(read.hands, motion, rate))
     return sequence, (*read.notes, *about_object, *notes)
 
@@ -322,6 +325,8 @@ def sequence_arrays(sequence: Sequence) -> Arrays:
         "object_rotation": plain(sequence.object.rotation),
         "object_translation": plain(sequence.object.translation),
     }
+    if sequence.object.valid is not None:
+        arrays["object_valid"] = plain(sequence.object.valid)
     models = {hand.hand_model for hand in sequence.hands if hand.hand_model is not None}
     if AS_SHIPPED in models:  # reading knows that a right hand is the same in both
         models.discard(MENDED)

@@ -23,7 +23,7 @@ HAND_FIELDS = ("pose", "wrist", "betas", "joints", "valid", "confidence", "joint
     "camera_ray",
 )
 """Fields of a hand in our own layout, where each has its side in front."""
-OBJECT_FIELDS = ("object_rotation", "object_translation", "obj_pose")
+OBJECT_FIELDS = ("object_rotation", "object_translation", "obj_pose", "object_valid")
 """Fields of the object in every layout."""
 CAMERA_FIELDS = ("camera_ray", "camera_position")
 """What is known of the camera that all hands were seen by, in every layout."""

@@ -1,11 +1,13 @@
 """The object's motion out of the fields of an npz."""
 
 import numpy as np
+import torch
 
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import Mesh
 from geneoh.readers.npz_layouts import OBJECT_FIELDS, quoted
 from geneoh.readers.records import Array, Record, float32
+from geneoh.sequence.gaps import fill_object
 from geneoh.sequence.sequence import ObjectTrack
 
 MOTION_MISSING = (
@@ -35,7 +37,8 @@ def read_object(record: Record, meshes: tuple[Mesh, ...], frames: int) -> Object
         matrix = record.array("obj_pose", ("T", 4, 4), ("T", "Q", 4, 4), unit="object to world")
         matrix = matrix if matrix.ndim == 4 else matrix[:, None]
         refuse_bottom_row(record, matrix)
-        return ObjectTrack(meshes, float32(matrix[..., :3, :3]), float32(matrix[..., :3, 3]))
+        rotation, translation = matrix[..., :3, :3], matrix[..., :3, 3]
+        return observed_object(record, meshes, rotation, translation)
     if len(pair) == 1:
         other = next(name for name in OBJECT_FIELDS[:2] if name != pair[0])
         raise InputError(f"{record.where}: '{pair[0]}' needs '{other}', got none; add it")
@@ -55,12 +58,27 @@ def read_object(record: Record, meshes: tuple[Mesh, ...], frames: int) -> Object
             f"{rotation.shape[1]} in 'object_rotation' and {translation.shape[1]} in "
             "'object_translation'; give one of each per part"
         )
-    return ObjectTrack(meshes, float32(rotation), float32(translation))
+    return observed_object(record, meshes, rotation, translation)
+
+
+def observed_object(
+    record: Record, meshes: tuple[Mesh, ...], rotation: Array, translation: Array
+) -> ObjectTrack:
+    """The track with poses that are NaN, or not in `object_valid`, marked and filled."""
+    frames, parts = translation.shape[:2]
+    seen = record.optional_array("object_valid", ("T", "Q"), ("T",))
+    if seen is not None and len(seen) != frames:
+        raise record.refuse("object_valid", f"{frames} frames", "give one for each pose")
+    if seen is not None:
+        seen = np.broadcast_to(seen.reshape(frames, -1) > 0, (frames, parts))
+        seen = torch.from_numpy(np.array(seen))
+    return fill_object(ObjectTrack(meshes, float32(rotation), float32(translation)), seen)
 
 
 def refuse_bottom_row(record: Record, matrix: Array) -> None:
     """Refuse (T, Q, 4, 4) matrices that do not act on column vectors."""
-    if not np.allclose(np.nan_to_num(matrix[..., 3, :]), [0.0, 0.0, 0.0, 1.0], atol=1e-4):
+    rows = matrix[..., 3, :][~np.isnan(matrix).any((-1, -2))]
+    if not np.allclose(rows, [0.0, 0.0, 0.0, 1.0], atol=1e-4):
         row = matrix[0, 0, 3].tolist()
         raise InputError(
             f"{record.where}: 'obj_pose' must have 0 0 0 1 as its last row, got {row} in the first "

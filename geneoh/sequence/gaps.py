@@ -1,11 +1,13 @@
-"""Frames in which a hand was not observed, filled from the frames around them."""
+"""Frames in which a hand or an object was not observed, filled from the frames around them."""
+
+from dataclasses import replace
 
 import torch
 from jaxtyping import Bool
 from torch import Tensor
 
 from geneoh.sequence.interpolation import FrameInterpolation
-from geneoh.sequence.sequence import HandTrack
+from geneoh.sequence.sequence import HandTrack, ObjectTrack
 
 
 def fill_gaps(hand: HandTrack) -> HandTrack:
@@ -31,3 +33,26 @@ def observed_around(valid: Bool[Tensor, " T"]) -> FrameInterpolation:
     # Before the first and after the last observation both neighbours are the same frame.
     fraction = torch.where(end > start, (frames - start) / (end - start), 0.0)
     return FrameInterpolation(start, end, fraction)
+
+
+def fill_object(motion: ObjectTrack, observed: Bool[Tensor, "T Q"] | None = None) -> ObjectTrack:
+    """An object's track with finite poses in every frame; its `valid` says which were observed.
+
+    Poses that are NaN were not observed. They run between the observed ones on straight
+    lines and shorter arcs; a part that was never observed stands still at the origin.
+
+    Args:
+        motion: the track.
+        observed: frames and parts that count as observed, besides; all by default.
+    """
+    lost = motion.rotation.isnan().any(-1).any(-1) | motion.translation.isnan().any(-1)
+    seen = ~lost if observed is None else ~lost & observed
+    if bool(seen.all()):
+        return motion
+    rotation = torch.eye(3).to(motion.rotation).expand_as(motion.rotation).clone()
+    translation = torch.zeros_like(motion.translation)
+    for part in torch.nonzero(seen.any(0))[:, 0].tolist():
+        between = observed_around(seen[:, part])
+        rotation[:, part] = between.rotations(motion.rotation[:, part : part + 1])[:, 0]
+        translation[:, part] = between.points(motion.translation[:, part])
+    return replace(motion, rotation=rotation, translation=translation, valid=seen)

@@ -2,7 +2,8 @@
 
 Half of the noise of "shaky_2" (2 degrees, 4 mm) and "shaky_10" (five times that) is drawn anew in
 every frame, half drifts. "flips" is 1 degree and 2 mm, and in short runs of frames any turn about
-one axis, as estimators of nearly round objects give.
+one axis, as estimators of nearly round objects give. "lost" is 1 degree and 2 mm, and short runs of
+frames have no pose.
 """
 
 import math
@@ -14,10 +15,11 @@ from torch import Tensor
 
 from geneoh.choices import ObjectNoise
 from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.sequence.gaps import fill_object
 from geneoh.sequence.noise import ornstein_uhlenbeck
 from geneoh.sequence.sequence import Sequence
 
-DEGREES: dict[ObjectNoise, float] = {"shaky_2": 2.0, "shaky_10": 10.0, "flips": 1.0}
+DEGREES: dict[ObjectNoise, float] = {"shaky_2": 2.0, "shaky_10": 10.0, "flips": 1.0, "lost": 1.0}
 """Root mean square angle of the noise of the rotation, in degrees."""
 METRES_PER_DEGREE = 0.002
 """Root mean square length of the noise of the translation for each degree of the rotation's."""
@@ -25,6 +27,9 @@ DRIFT_FRAMES = 15.0
 """Correlation time of the half that drifts, in frames."""
 FLIP_SHARE, LONGEST_FLIP = 0.3, 12
 """Share of the frames with a flip (some runs overlap), and the longest run of them."""
+
+LOST_SHARE, LOST_SHORTEST, LOST_LONGEST = 0.15, 3, 10
+"""Share of the frames that are lost in runs (some runs overlap), and the lengths of a run."""
 
 
 def corrupt_object(
@@ -41,14 +46,17 @@ def corrupt_object(
     rotation = motion.rotation @ torch.stack(turns, dim=1).to(motion.rotation)
     translation = motion.translation + torch.stack(shifts, dim=1).to(motion.translation)
     source = f"{noise} noise of the object, seed {generator.initial_seed()}, on {sequence.source}"
-    noisy = replace(motion, rotation=rotation, translation=translation)
+    noisy = fill_object(replace(motion, rotation=rotation, translation=translation), motion.valid)
     return replace(sequence, object=noisy, source=source)
 
 
 def draw_object_noise(
     noise: ObjectNoise, frames: int, *, generator: torch.Generator
 ) -> tuple[Float[Tensor, "T 3"], Float[Tensor, "T 3"]]:
-    """Turns in the object's frame, axis-angle in radians, and shifts in the world, metres."""
+    """Turns in the object's frame, axis-angle in radians, and shifts in the world, metres.
+
+    Frames without a pose hold NaN.
+    """
 
     def white_and_drift(size: float) -> Float[Tensor, "T 3"]:
         white, unit = torch.randn(2, frames, 3, generator=generator)
@@ -63,4 +71,10 @@ def draw_object_noise(
             length = int(torch.randint(1, LONGEST_FLIP + 1, (), generator=generator))
             angle = math.pi * (2 * float(torch.rand((), generator=generator)) - 1)
             turn[start : start + length] += angle * axis
+    if noise == "lost" and frames > LOST_LONGEST + 2:
+        for _ in range(max(1, round(LOST_SHARE * frames / ((LOST_SHORTEST + LOST_LONGEST) / 2)))):
+            start = int(torch.randint(1, frames - LOST_LONGEST - 1, (), generator=generator))
+            length = int(torch.randint(LOST_SHORTEST, LOST_LONGEST + 1, (), generator=generator))
+            turn[start : start + length] = math.nan
+            shift[start : start + length] = math.nan
     return turn, shift

@@ -70,6 +70,7 @@ def over_frames(sequence: Sequence, frames: int) -> Sequence:
         sequence.object,
         rotation=between.rotations(sequence.object.rotation),
         translation=between.points(sequence.object.translation),
+        valid=None if sequence.object.valid is None else sequence.object.valid[nearest],
     )
     hands = tuple(between.hand(fill_gaps(hand), hand.valid[nearest]) for hand in sequence.hands)
     fps = round(sequence.fps * (frames - 1) / last, FPS_DIGITS)

@@ -77,6 +77,8 @@ class ObjectTrack(Bundle):
     meshes: tuple[Mesh, ...]
     rotation: Float[Tensor, "T Q 3 3"]
     translation: Float[Tensor, "T Q 3"]
+    valid: Bool[Tensor, "T Q"] | None = None
+    """False where a part's pose was not observed and is filled in; None where all were observed."""
 
     @classmethod
     def resting(cls, meshes: tuple[Mesh, ...], frames: int) -> "ObjectTrack":

@@ -142,7 +142,8 @@ def check_object(motion: ObjectTrack, name: str) -> None:
     if not bool(finite.all()):
         raise InputError(
             f"{name}: the object's motion must be finite in every frame, got NaN or infinity in "
-            f"{int((~finite).sum())}, the first is {int((~finite).nonzero()[0])}; cut or fill them"
+            f"{int((~finite).sum())}, the first is {int((~finite).nonzero()[0])}; write NaN "
+            "where the object was not found"
         )
     check_place(motion.translation, "the object", name)
     eye = torch.eye(3, dtype=motion.rotation.dtype, device=motion.rotation.device)
@@ -185,7 +186,7 @@ def check_distance(hand: HandTrack, motion: ObjectTrack, name: str) -> None:
 def distance_to_object(hand: HandTrack, motion: ObjectTrack) -> Float[Tensor, " T"]:
     """Metres of each frame from the wrist to the ball around the nearest part of the object.
 
-    Negative inside; zero without a mesh or a wrist.
+    Negative inside; zero without a mesh, a wrist or an observed pose.
     """
     wrist = hand.wrist if hand.joints is None else hand.joints[:, 0]
     if not motion.meshes or wrist is None:
@@ -193,8 +194,9 @@ def distance_to_object(hand: HandTrack, motion: ObjectTrack) -> Float[Tensor, " 
     gaps = [
         ball_distance(wrist, mesh.verts, motion.rotation[:, part], motion.translation[:, part])
         for part, mesh in enumerate(motion.meshes)
+        if motion.valid is None or bool(motion.valid[:, part].any())
     ]
-    return torch.stack(gaps).amin(0)
+    return torch.stack(gaps).amin(0) if gaps else torch.zeros(hand.frames)
 
 
 def ball_distance(

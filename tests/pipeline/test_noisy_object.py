@@ -8,7 +8,8 @@ import torch
 from scipy.spatial.transform import Rotation
 
 import geneoh
-from geneoh.sequence.sequence import Sequence
+from geneoh.sequence.gaps import fill_object
+from geneoh.sequence.sequence import ObjectTrack, Sequence
 
 FAST = geneoh.Options(preset="fast")
 
@@ -72,6 +73,47 @@ def test_the_object_of_the_input_is_kept_unless_a_cleaned_one_is_asked_for(clean
     given = shaking[:40].object
     steps = [track.translation.diff(n=2, dim=0).norm(dim=-1).mean() for track in (refined, given)]
     assert steps[0] < 0.3 * steps[1]
+
+
+def test_frames_without_a_pose_are_filled_and_told(clean):
+    lost = torch.zeros(clean.frames, 1, dtype=torch.bool)
+    lost[50:58] = lost[80:84] = True
+    track = fill_object(clean.object, ~lost)
+    result = geneoh.denoise(replace(clean, object=track), FAST)
+    assert result.notes[0].startswith("12 frames without a pose of the object")
+    assert result.examined.confidence[50:58].max() == 0
+    assert error_and_acceleration(result, clean)[0] < 4
+    exact = ~lost[:, 0]
+    assert torch.equal(result.sequence.object.rotation[exact], clean.object.rotation[exact])
+
+
+def test_an_object_that_is_never_seen_is_as_none(clean):
+    short = clean[20:50]
+    unseen = fill_object(short.object, torch.zeros(30, 1, dtype=torch.bool))
+    result = geneoh.denoise(replace(short, object=unseen), FAST)
+    alone = geneoh.denoise(replace(short, object=ObjectTrack.resting((), 30)), FAST)
+    assert torch.equal(result.sequence.hands[0].joints, alone.sequence.hands[0].joints)
+    assert "no pose" in result.notes[0]
+
+
+def test_a_hand_that_stays_away_from_its_object_is_cleaned_as_alone(clean):
+    short = clean[20:50]
+    hand = short.hands[0]
+    shift = torch.tensor([0.0, 0.0, 0.4])
+    away = replace(hand, joints=hand.joints + shift, wrist=hand.wrist + shift)
+    result = geneoh.denoise(replace(short, hands=(away,)), FAST)
+    assert result.hands["left"].evidence.max() == 0
+    assert "prior of hand motion" in result.hands["left"].notes[-1]
+    assert (result.sequence.hands[0].joints - away.joints).norm(dim=-1).mean() < 0.002
+
+
+def test_a_useless_track_of_the_object_does_no_harm(clean):
+    generator = np.random.default_rng(1)
+    turn = generator.standard_normal((clean.frames, 3)) * 1.5
+    wild = with_turned_object(clean, turn, 0.05 * generator.standard_normal((clean.frames, 3)))
+    error, acceleration = error_and_acceleration(geneoh.denoise(wild, FAST), clean)
+    assert error < 3
+    assert acceleration < 9
 
 
 def test_confidence_is_kept_in_the_file(cleaned, tmp_path):

@@ -49,3 +49,16 @@ def test_parts_must_agree():
         read(object_rotation=ROTATION, object_translation=TRANSLATION[:, 0])
     with pytest.raises(InputError, match="'object_translation' with 3"):
         read(object_rotation=ROTATION, object_translation=TRANSLATION[:3])
+
+
+def test_poses_that_are_lost_are_marked_and_filled():
+    lost = matrices().numpy().copy()
+    lost[1, 0] = np.nan
+    found = read(obj_pose=lost)
+    assert found.valid.tolist() == [[True, True], [False, True], [True, True], [True, True]]
+    middle = (TRANSLATION[0, 0] + TRANSLATION[2, 0]) / 2
+    torch.testing.assert_close(found.translation[1, 0], middle)
+    assert found.rotation.isfinite().all()
+    told = read(obj_pose=matrices(), object_valid=np.array([1, 0, 1, 1]))
+    assert told.valid.tolist() == [[True] * 2, [False] * 2, [True] * 2, [True] * 2]
+    assert read(obj_pose=matrices()).valid is None

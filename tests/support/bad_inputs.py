@@ -79,11 +79,11 @@ def with_arrays(**changes: object) -> Callable[[Path], None]:
     return spoil
 
 
-def with_nan_in(frame: int) -> Callable[[np.ndarray], np.ndarray]:
-    """Put NaN into one frame of a field."""
+def with_nan_in(frame: int, value: float = np.nan) -> Callable[[np.ndarray], np.ndarray]:
+    """Put NaN, or another number, into one frame of a field."""
 
     def change(array: np.ndarray) -> np.ndarray:
-        array[frame] = np.nan
+        array[frame] = value
         return array
 
     return change
@@ -207,7 +207,9 @@ REFUSED = (
         with_arrays(joints=with_nan_in(3), valid=np.ones(FRAMES, bool)),
     ),
     BadInput(
-        "nan object", ("object", "finite", "2"), with_arrays(object_translation=with_nan_in(2))
+        "infinite object",
+        ("object", "finite", "2"),
+        with_arrays(object_translation=with_nan_in(2, np.inf)),
     ),
     BadInput(
         "all frames invalid", ("at least one frame",), with_arrays(valid=np.zeros(FRAMES, bool))
@@ -344,6 +346,11 @@ TOLD = (
         "dropped frames",
         ("1 of 6 frames", "not observed"),
         with_arrays(joints=with_nan_in(3)),
+    ),
+    BadInput(
+        "lost object",
+        ("1 frames without a pose of the object",),
+        with_arrays(object_translation=with_nan_in(2)),
     ),
     BadInput("no frame rate said", ("30 frames a second assumed",), with_arrays(fps=None)),
     BadInput(
