@@ -45,7 +45,7 @@ def evidence_of_poses(
             examined.translation_noise[part] + examined.rotation_noise[part] * radius(meshes[part])
         )
         kept = examined.confidence[:, part].cpu().numpy() > 0
-        away = distance_transform_edt(~kept) * (30 / fps) if kept.any() else np.full(len(kept), 1e3)
+        away = np.asarray(distance_transform_edt(~kept)) * 30 / fps  # with none kept, `share` is 0
         share = min(max((kept.mean() - FEW) / (ENOUGH - FEW), 0.0), 1.0)
         relied = share / (1 + (size / TOLERATED) ** 2) * np.exp(-np.square(away / BRIDGED))
         relied = gaussian_filter1d(relied, FADE * fps / 30, mode="nearest")

@@ -5,6 +5,7 @@ from any surface all that it reads of the object is zero, so that a hand alone i
 case for it: the canonical frame stands still in the world, in the middle of the hand's own path.
 """
 
+import math
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -96,6 +97,9 @@ def measure_hand(
     """The report of a hand and its object; without one NaN for all but frames and acceleration."""
     if surface is not None:
         return measure(verts, joints, surface, fps)
-    unknown, bends = float("nan"), per_frame_squared(acceleration(joints, fps), fps)
-    known = {"frames": len(joints), "acceleration_mm": float(bends.mean())}
-    return InteractionReport(**{field.name: unknown for field in fields(InteractionReport)} | known)
+    bends = per_frame_squared(acceleration(joints, fps), fps)
+    nothing = {
+        field.name: math.nan for field in fields(InteractionReport) if field.name != "frames"
+    }
+    known = {**nothing, "acceleration_mm": float(bends.mean())}
+    return InteractionReport(len(joints), **known)
