@@ -15,13 +15,13 @@ from torch import Tensor
 
 from geneoh.baselines.filters import Filter, smooth
 from geneoh.denoisers.base import palm_axes
+from geneoh.fitting.subject import Subject
 from geneoh.geometry.distance import MovingSurface
 from geneoh.hand.skeleton import TIP_KEYPOINTS
 from geneoh.metrics.report import InteractionReport, measure
 from geneoh.metrics.smoothness import acceleration, per_frame_squared
 from geneoh.objects.smoothing import noise_level
 from geneoh.pipeline.context import StageContext
-from geneoh.pipeline.subject import Subject
 from geneoh.representation.region import ContactRegion
 
 FAR = 1.0
