@@ -1,6 +1,7 @@
 """`geneoh synthesize`: synthetic interactions to learn from."""
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -21,24 +22,39 @@ from .. import options
     show_default="20480",
     help="Interactions to make, 4 seconds each.",
 )
+@click.option(
+    *("--objects", "meshes"),
+    type=options.FOLDER,
+    help="Folder of meshes to be held beside the made objects, such as scans of your own; names in "
+    "its held_out.txt are for validation alone.",
+)
+@options.unit
 @options.config
 @options.settings
 @options.seed
 def synthesize(
-    data: Path, count: int | None, config: str | None, settings: tuple[str, ...], seed: int
+    data: Path,
+    count: int | None,
+    meshes: Path | None,
+    unit: Any,
+    config: str | None,
+    settings: tuple[str, ...],
+    seed: int,
 ) -> None:
     """Make synthetic hand-object interactions, in shards that `geneoh train` reads.
 
     An interrupted run continues when it is started again with the same folder, settings and seed.
     Some object families are held out for the validation shards. The file sheet.png in the folder
-    shows a grasp of each family and how deep its skin is in the object. Settings are those of
-    SynthesisConfig, such as grasps.steps=200 or animation.object.table_share=0.8.
+    shows a grasp of each family and of some meshes, and how deep its skin is in the object.
+    Settings are those of SynthesisConfig, such as grasps.steps=200 or
+    animation.object.table_share=0.8.
     """
     from functools import partial
 
     from geneoh.config import configured
     from geneoh.files.outputs import keep_others
     from geneoh.hand.library import load_hand
+    from geneoh.synthesis.scans import find_scans
     from geneoh.synthesis.shards import SynthesisConfig, write_shards
     from geneoh.viz.canvas import save_picture
     from geneoh.viz.sheet import contact_sheet, one_of_each
@@ -51,7 +67,9 @@ def synthesize(
     hand, sheet = load_hand("right"), data / "sheet.png"
     keep_others(sheet, "choose another folder")
     with progress.progress_bars() as on_progress:
-        made = write_shards(data, chosen, hand, seed=seed, on_shard=partial(on_progress, "shards"))
+        scans = find_scans(data, meshes, unit, on_mesh=partial(on_progress, "objects"))
+        on_shard = partial(on_progress, "shards")
+        made = write_shards(data, chosen, hand, seed=seed, scans=scans, on_shard=on_shard)
         if made or not sheet.exists():
             clips = one_of_each(data, hand)
             save_picture(contact_sheet(clips, on_step=partial(on_progress, "sheet")), sheet)

@@ -10,7 +10,7 @@ from geneoh.geometry.mirror import mirror_points
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import forward_kinematics
 from geneoh.synthesis.grasps import Grasps
-from geneoh.synthesis.solids import FAR, TORUS, Solids
+from geneoh.synthesis.solids import Solids
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class HandPairs:
 
 def bimanual_objects(solids: Solids, count: int, config: BimanualConfig) -> Int[Tensor, " C"]:
     """The largest of the first `count` objects, which have room for a second hand."""
-    return _extents(solids)[:count].amax(-1).topk(int(config.share * count)).indices
+    return solids.extents[:count].amax(-1).topk(int(config.share * count)).indices
 
 
 def grasp_directions(solids: Solids, shared: Int[Tensor, " C"]) -> Float[Tensor, "B 3"]:
@@ -70,21 +70,12 @@ def grasp_directions(solids: Solids, shared: Int[Tensor, " C"]) -> Float[Tensor,
         solids: the objects of all attempts, the last C of them for second hands.
         shared: the objects of their first hands.
     """
-    extents = _extents(solids)
+    extents = solids.extents
     longest = torch.nn.functional.one_hot(extents.argmax(-1), 3).to(extents)
     direction = torch.zeros_like(longest)
     direction[shared] = longest[shared]
     direction[len(direction) - len(shared) :] = -mirror_points(longest[shared])
     return direction
-
-
-def _extents(solids: Solids) -> Float[Tensor, "B 3"]:
-    """About how far an object reaches along each axis of its frame, metres."""
-    ring, tube, _ = solids.size.unbind(-1)
-    flat = torch.stack([ring + tube, ring + tube, tube], dim=-1)
-    size = torch.where((solids.kind == TORUS)[..., None], flat, solids.size)
-    reach = solids.center.abs() + (solids.rotation.abs() @ size[..., None])[..., 0]
-    return (reach * (solids.center[..., :1] < FAR / 2)).amax(1)
 
 
 def pair_hands(grasps: Grasps, shared: Int[Tensor, " C"], config: BimanualConfig) -> HandPairs:

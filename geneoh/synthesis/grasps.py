@@ -173,7 +173,7 @@ def _approach(
     The side of the hand that its type names faces the surface, turned at random about the surface
     normal.
     """
-    surface, normals = solids.surface_points(1, generator=draws.generator)
+    surface, normals = solids.places(generator=draws.generator)
     point, normal = surface[:, 0], normals[:, 0]
     across = torch.linalg.cross(normal, draws.normal(3))
     across = torch.nn.functional.normalize(across, dim=-1)

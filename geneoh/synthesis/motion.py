@@ -51,6 +51,8 @@ class Interactions(Bundle):
     """Object surface points in the frame of their part, with `normals` and `part` index."""
     normals: Float[Tensor, "B P 3"]
     part: Int[Tensor, "B P"]
+    scan: Int[Tensor, " B"]
+    """Number of the scanned object that is held; negative for one of a family."""
 
 
 def animate(
@@ -104,4 +106,5 @@ def animate(
         points=surface,
         normals=normals,
         part=solids.nearest_part(surface) * solids.jointed[:, None],
+        scan=solids.scan.clamp(min=-1),
     )

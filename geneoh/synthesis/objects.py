@@ -1,4 +1,4 @@
-"""Families of objects that people hold, from coins to boxes for two hands, as random `Solids`.
+"""Objects that people hold, as random `Solids`: families from coins to boxes, and scanned objects.
 
 Each family draws its sizes in metres with `u(low, high)`, uniform between two limits. Changing the
 order of the draws changes all synthetic data.
@@ -14,7 +14,11 @@ import torch
 from geneoh.config import closest_name
 from geneoh.errors import ConfigError
 from geneoh.geometry.rotations import axis_angle_to_matrix
-from geneoh.synthesis.solids import BOX, CYLINDER, ELLIPSOID, FAR, SOLIDS, TORUS, Solids
+from geneoh.synthesis.scans import Scans
+from geneoh.synthesis.solids import BOX, CYLINDER, ELLIPSOID, FAR, SCAN, SOLIDS, TORUS, Solids
+
+SCALES = (0.9, 1.1)
+"""Range of the sizes in which a scanned object is drawn, relative to its own."""
 
 Draw = Callable[[float, float], float]
 Vector = tuple[float, float, float]
@@ -290,8 +294,14 @@ def family_named(name: str) -> Callable[[Draw], Drawn]:
     return FAMILIES[name]
 
 
-def draw_objects(families: list[str], *, generator: torch.Generator) -> Solids:
-    """One random object per family name, centred near the origin of its own frame."""
+def draw_objects(
+    families: list[str], *, generator: torch.Generator, scans: Scans | None = None
+) -> Solids:
+    """One random object per name of a family or a scan, centred near the origin of its own frame.
+
+    A scanned object is drawn a little larger or smaller than it is.
+    """
+    numbers = {} if scans is None else {name: n for n, name in enumerate(scans.names)}
 
     def uniform(low: float, high: float) -> float:
         return low + (high - low) * float(torch.rand((), generator=generator))
@@ -306,6 +316,10 @@ def draw_objects(families: list[str], *, generator: torch.Generator) -> Solids:
     axis, pivot = torch.eye(3)[2].repeat(batch, 1), torch.zeros(batch, 3)
     slides, travel = torch.zeros(batch, dtype=torch.bool), torch.zeros(batch, 2)
     for b, family in enumerate(families):
+        if family in numbers:
+            kind[b, 0], size[b, 0] = SCAN + numbers[family], uniform(*SCALES)
+            center[b, 0] = 0.0
+            continue
         drawn = family_named(family)(uniform)
         solids, joint = drawn if isinstance(drawn, tuple) else (drawn, None)
         for s, solid in enumerate(solids):
@@ -318,4 +332,4 @@ def draw_objects(families: list[str], *, generator: torch.Generator) -> Solids:
             axis[b], pivot[b] = torch.tensor(joint.axis), torch.tensor(joint.pivot)
             slides[b], travel[b] = joint.slides, torch.tensor(joint.travel)
     rotation = axis_angle_to_matrix(turn)
-    return Solids(kind, size, rounding, center, rotation, part, axis, pivot, slides, travel)
+    return Solids(kind, size, rounding, center, rotation, part, axis, pivot, slides, travel, scans)

@@ -22,6 +22,7 @@ from geneoh.synthesis.shards import (
     attempts_for,
     draw_attempts,
     read_shard,
+    scans_of,
     shard_generator,
     shard_record,
 )
@@ -115,15 +116,16 @@ def replay_shard(path: Path, hand: HandModel) -> Replay:
     Raises:
         InputError: the file is no whole shard, or another version of geneoh made it.
     """
-    record = shard_record(path)
+    record, scans = shard_record(path), scans_of(path)
     config = record.config
     index = int(path.stem.rpartition("_")[2])
     tried = draw_attempts(
         config,
-        config.families_of(index),
+        config.families_of(index, scans),
         hand,
         attempts_for(config.shard),
         generator=shard_generator(record.seed, index),
+        scans=scans,
     )
     clips = read_shard(path)
     # the error of the faster way, by a matrix product, is larger than SAME_SKELETON

@@ -26,6 +26,7 @@ from geneoh.synthesis.bimanual import (
 from geneoh.synthesis.grasps import GraspConfig, synthesize_grasps
 from geneoh.synthesis.motion import AnimationConfig, Interactions, animate
 from geneoh.synthesis.objects import FAMILIES, draw_objects, family_named
+from geneoh.synthesis.scans import FILE, Scans, read_scans
 from geneoh.synthesis.solids import Solids
 
 
@@ -48,7 +49,9 @@ class SynthesisConfig:
     held_out: tuple[str, ...] = ("mug", "loop_tool", "spoon", "kettle", "drawer")
     """Families that appear in validation shards only."""
     validation: float = 0.03
-    """Share of the shards that hold the held-out families."""
+    """Share of the shards that hold the held-out families and scanned objects."""
+    scanned: float = 0.5
+    """Share of the attempts on scanned objects, where there are any."""
     grasps: GraspConfig = field(default_factory=GraspConfig)
     bimanual: BimanualConfig = field(default_factory=BimanualConfig)
     animation: AnimationConfig = field(default_factory=AnimationConfig)
@@ -80,9 +83,13 @@ class SynthesisConfig:
         """What the shard of this number is for: "val" or "train"."""
         return "val" if index < max(1, round(self.validation * self.shards)) else "train"
 
-    def families_of(self, index: int) -> list[str]:
-        """Object families of the shard of this number."""
-        return list(self.held_out) if self.split_of(index) == "val" else self.common
+    def families_of(self, index: int, scans: Scans | None = None) -> list[str]:
+        """Object families of the shard of this number, then the names of its scanned objects."""
+        held_out = self.split_of(index) == "val"
+        found = list(self.held_out) if held_out else self.common
+        if scans is not None:
+            found += [n for n in scans.names if (n in scans.held_out) == held_out]
+        return found
 
 
 @dataclass(frozen=True)
@@ -101,6 +108,8 @@ class ShardRecord:
 
     config: SynthesisConfig
     seed: int
+    objects: str = ""
+    """Fingerprint of the scanned objects; empty without them."""
 
 
 def seed_of(*parts: object) -> int:
@@ -121,11 +130,11 @@ def draw_attempts(
     count: int,
     *,
     generator: torch.Generator,
+    scans: Scans | None = None,
 ) -> Attempts:
     """`count` first hands on objects of the families, then second hands on some of the objects."""
-    pick = torch.randint(len(families), (count,), generator=generator)
-    named = [families[i] for i in pick]
-    alone = draw_objects(named, generator=generator)
+    named = draw_names(config, families, count, scans, generator=generator)
+    alone = draw_objects(named, generator=generator, scans=scans)
     shared = bimanual_objects(alone, count, config.bimanual)
     mirrored = alone.take(shared, "B").mirrored()
     solids = concatenated([alone, mirrored], "B")
@@ -138,19 +147,44 @@ def draw_attempts(
     return Attempts(named, solids, replace(hands, offsets=hands.offsets * stretch))
 
 
+def draw_names(
+    config: SynthesisConfig,
+    families: list[str],
+    count: int,
+    scans: Scans | None,
+    *,
+    generator: torch.Generator,
+) -> list[str]:
+    """Names of families, and of scanned objects in their share, at random."""
+    simple = [name for name in families if name in FAMILIES]
+    scanned = [name for name in families if name not in FAMILIES]
+    pick = torch.randint(len(simple), (count,), generator=generator)
+    named = [simple[i] for i in pick]
+    if not scanned:
+        return named
+    take = torch.rand(count, generator=generator) < config.scanned
+    pick = torch.randint(len(scanned), (count,), generator=generator)
+    return [scanned[i] if t else name for name, t, i in zip(named, take, pick, strict=True)]
+
+
 def attempts_for(missing: int) -> int:
     """Attempts for so many missing clips: two in five fail, but second hands are added."""
     return missing + missing // 3 + 1
 
 
 def synthesize_shard(
-    config: SynthesisConfig, families: list[str], hand: HandModel, *, generator: torch.Generator
+    config: SynthesisConfig,
+    families: list[str],
+    hand: HandModel,
+    *,
+    generator: torch.Generator,
+    scans: Scans | None = None,
 ) -> Interactions:
     """Interactions of the given families that passed the grasp checks, `config.shard` of them."""
     kept: list[Interactions] = []
     while (missing := config.shard - sum(len(part.wrist) for part in kept)) > 0:
         count = attempts_for(missing)
-        tried = draw_attempts(config, families, hand, count, generator=generator)
+        tried = draw_attempts(config, families, hand, count, generator=generator, scans=scans)
         shared = bimanual_objects(tried.solids, count, config.bimanual)
         kept.append(interactions_of(tried, shared, config, generator=generator))
     return concatenated(kept, "B").take(slice(config.shard), "B")
@@ -188,6 +222,7 @@ def write_shards(
     hand: HandModel,
     *,
     seed: int,
+    scans: Scans | None = None,
     on_shard: OnStep | None = None,
 ) -> int:
     """Make every shard that does not exist yet; returns how many were made.
@@ -199,7 +234,7 @@ def write_shards(
         InputError: the folder holds shards of another config or seed, or a broken one.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    record = ShardRecord(config, seed)
+    record = ShardRecord(config, seed, "" if scans is None else scans.fingerprint)
     for path in sorted(folder.glob("*_*.safetensors")):
         if differs := differences(shard_record(path), record):
             raise InputError(
@@ -210,7 +245,11 @@ def write_shards(
         path = folder / f"{config.split_of(index)}_{index:05d}.safetensors"
         if not path.exists():
             part = synthesize_shard(
-                config, config.families_of(index), hand, generator=shard_generator(seed, index)
+                config,
+                config.families_of(index, scans),
+                hand,
+                generator=shard_generator(seed, index),
+                scans=scans,
             )
             tensors = {f.name: getattr(part, f.name).contiguous() for f in fields(part)}
             with in_one_step(path) as beside:
@@ -244,10 +283,11 @@ def shard_record(path: Path) -> ShardRecord:
         with safe_open(path, framework="pt") as shard:
             record = json.loads((shard.metadata() or {})["record"])
             table, seed = dict(record["config"]), int(record["seed"])
+            objects = str(record.get("objects", ""))
     except (SafetensorError, KeyError, TypeError, ValueError) as error:
         raise _broken(path, error) from error
     try:
-        return ShardRecord(with_table(SynthesisConfig(), table, str(path)), seed)
+        return ShardRecord(with_table(SynthesisConfig(), table, str(path)), seed, objects)
     except ConfigError as error:
         raise InputError(
             f"{path}: was made by another version of geneoh ({error}); make the data again"
@@ -291,9 +331,26 @@ def read_shard(path: Path) -> Interactions:
     """
     try:
         with safe_open(path, framework="pt") as shard:
-            return Interactions(**{f.name: shard.get_tensor(f.name) for f in fields(Interactions)})
-    except SafetensorError as error:
+            found = {name: shard.get_tensor(name) for name in shard.keys()}  # noqa: SIM118
+            if "scan" not in found:  # made before there were scanned objects
+                found["scan"] = torch.full((len(found["wrist"]),), -1)
+            return Interactions(**found)
+    except (SafetensorError, KeyError, TypeError) as error:
         raise _broken(path, error) from error
+
+
+def scans_of(path: Path) -> Scans | None:
+    """The scanned objects of a shard, which are in a file beside it; None where it has none.
+
+    Raises:
+        InputError: that file is missing, broken or another one.
+    """
+    if not (wanted := shard_record(path).objects):
+        return None
+    scans = read_scans(path.parent / FILE)
+    if scans.fingerprint != wanted:
+        raise InputError(f"{path.parent / FILE}: holds other objects than {path.name} was made of")
+    return scans
 
 
 def read_shards(folder: Path, split: str) -> Interactions:

@@ -1,8 +1,8 @@
-"""Analytic objects: batched unions of simple solids, their distance to points and their surface.
+"""Objects: batched unions of simple solids, and scanned ones; distance to points, surface.
 
 Every object is a union of at most `SOLIDS` solids (box, cylinder, ellipsoid, torus), each with a
-pose and a rounding radius, so that any mixture of objects is evaluated at once. Some objects have a
-second part that turns about a hinge or slides.
+pose and a rounding radius, or is a scanned object, so that any mixture of objects is evaluated at
+once. Some objects have a second part that turns about a hinge or slides.
 """
 
 from dataclasses import dataclass, replace
@@ -14,12 +14,14 @@ from torch import Tensor
 from geneoh.bundle import Bundle
 from geneoh.geometry.mirror import mirror_points, mirror_rotations, mirror_signs
 from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.synthesis.scans import Scans
 
 SOLIDS = 4
 """Most solids of an object."""
 PARTS = 2
 """Rigid parts of an object: the first, and one on a joint."""
-BOX, CYLINDER, ELLIPSOID, TORUS = range(4)
+BOX, CYLINDER, ELLIPSOID, TORUS, SCAN = range(5)
+"""Kinds of solids; SCAN + n is scanned object n."""
 SURFACE_ERROR = 1e-5
 """Distance from the surface beyond which a projected point has not converged, metres."""
 FAR = 10.0
@@ -31,8 +33,9 @@ class Solids(Bundle):
     """A batch of objects, each a union of solids in the object's own frame, metres."""
 
     kind: Int[Tensor, "B S"]
-    """BOX (half extents), CYLINDER (radius, radius, half height along z), ELLIPSOID (semi-axes)
-    or TORUS (ring radius, tube radius, unused; axis z)."""
+    """BOX (half extents), CYLINDER (radius, radius, half height along z), ELLIPSOID (semi-axes),
+    TORUS (ring radius, tube radius, unused; axis z) or SCAN (scale, the same on every axis; the
+    first is negative for the mirror image)."""
     size: Float[Tensor, "B S 3"]
     rounding: Float[Tensor, "B S"]
     center: Float[Tensor, "B S 3"]
@@ -46,11 +49,30 @@ class Solids(Bundle):
     """Whether the second part slides along the axis (metres) or turns about it (radians)."""
     travel: Float[Tensor, "B 2"]
     """Range of the joint from the drawn state, in metres or radians; zero for rigid objects."""
+    scans: Scans | None = None
+    """The scanned objects that kinds from SCAN on mean."""
 
     @property
     def jointed(self) -> Bool[Tensor, " B"]:
         """Whether there is a second part."""
         return self.part.any(1)
+
+    @property
+    def scan(self) -> Int[Tensor, " B"]:
+        """Number of the scanned object; negative for an object of simple solids."""
+        return self.kind.amax(1) - SCAN
+
+    @property
+    def extents(self) -> Float[Tensor, "B 3"]:
+        """About how far an object reaches along each axis of its frame, metres."""
+        ring, tube, _ = self.size.unbind(-1)
+        flat = torch.stack([ring + tube, ring + tube, tube], dim=-1)
+        size = torch.where((self.kind == TORUS)[..., None], flat, self.size.abs())
+        if self.scans is not None:
+            half = size * self.scans.half[(self.kind - SCAN).clamp(min=0)]
+            size = torch.where((self.kind >= SCAN)[..., None], half, size)
+        reach = self.center.abs() + (self.rotation.abs() @ size[..., None])[..., 0]
+        return (reach * (self.center[..., :1] < FAR / 2)).amax(1)
 
     def only(self, part: int) -> "Solids":
         """The objects with one part alone; where there is no such part, with no solid at all."""
@@ -62,10 +84,12 @@ class Solids(Bundle):
         flip = mirror_signs(self.center)
         # turning about an axis and its mirror image are opposite; sliding along them is not
         axis = self.axis * torch.where(self.slides[:, None], flip, -flip)
+        scanned = (self.kind >= SCAN)[..., None]
         return replace(
             self,
+            size=torch.where(scanned, mirror_points(self.size), self.size),
             center=torch.where(self.center < FAR / 2, mirror_points(self.center), self.center),
-            rotation=mirror_rotations(self.rotation),  # each solid is its own mirror image
+            rotation=mirror_rotations(self.rotation),  # simple solids are their own mirror images
             axis=axis,
             pivot=mirror_points(self.pivot),
         )
@@ -109,7 +133,13 @@ class Solids(Bundle):
         rounding = self.rounding[:, :, None]
         each = torch.where(kind == BOX, box - rounding, cylinder - rounding)
         each = torch.where(kind == ELLIPSOID, ellipsoid, each)
-        return torch.where(kind == TORUS, tube, each).amin(1)
+        each = torch.where(kind == TORUS, tube, each)
+        if self.scans is not None:
+            at = torch.nonzero(self.kind >= SCAN, as_tuple=True)
+            scale = self.size[at][:, None]
+            scanned = self.scans.distance(self.kind[at] - SCAN, local[at] / scale)
+            each = each.index_put(at, scanned * scale[..., 1])
+        return each.amin(1)
 
     def distance_and_normal(
         self, points: Float[Tensor, "B P 3"]
@@ -125,10 +155,45 @@ class Solids(Bundle):
     def surface_points(
         self, count: int, *, generator: torch.Generator
     ) -> tuple[Float[Tensor, "B P 3"], Float[Tensor, "B P 3"]]:
-        """Points spread over the surface with their outward normals.
+        """Points spread over the surface with their outward normals."""
+        return self._by_kind(count, generator=generator)
 
-        Random points around the solids are projected along the gradient of the distance. The sharp
-        ends of thin parts get fewer points than wide faces, about as area weighting would do.
+    def places(
+        self, *, generator: torch.Generator
+    ) -> tuple[Float[Tensor, "B 1 3"], Float[Tensor, "B 1 3"]]:
+        """A point of each surface over which a hand may start, and its outward normal."""
+        return self._by_kind(1, generator=generator, to_grasp=True)
+
+    def _by_kind(
+        self, count: int, *, generator: torch.Generator, to_grasp: bool = False
+    ) -> tuple[Float[Tensor, "B P 3"], Float[Tensor, "B P 3"]]:
+        """Points and normals of simple solids, which are searched, and of scans, which are kept."""
+        if self.scans is None:
+            return self._projected(count, generator=generator)
+        scanned = self.scan >= 0
+        points = self.size.new_zeros(len(scanned), count, 3)
+        normals = points.clone()
+        if not bool(scanned.all()):
+            simple = self.take(~scanned, "B")
+            found = simple._projected(count, generator=generator)
+            points[~scanned], normals[~scanned] = found
+        which, scale = self.scan[scanned], self.size[scanned, :1]
+        if to_grasp:
+            there, outward = self.scans.draw_places(which, generator=generator)
+        else:
+            there, outward = self.scans.draw_points(which, count, generator=generator)
+        turn, center = self.rotation[scanned, 0], self.center[scanned, :1]
+        points[scanned] = there * scale @ turn.mT + center
+        normals[scanned] = outward * scale.sign() @ turn.mT
+        return points, normals
+
+    def _projected(
+        self, count: int, *, generator: torch.Generator
+    ) -> tuple[Float[Tensor, "B P 3"], Float[Tensor, "B P 3"]]:
+        """Points around simple solids, projected along the gradient of the distance.
+
+        The sharp ends of thin parts get fewer points than wide faces, about as area weighting would
+        do.
         """
         batch = len(self.kind)
         used = (self.center[..., 0] < FAR / 2).float()

@@ -1,4 +1,4 @@
-"""Analytic objects as triangle meshes, for metrics and pictures."""
+"""Objects of the synthesis as triangle meshes, for metrics and pictures."""
 
 import igl
 import numpy as np
@@ -19,9 +19,15 @@ MARGIN = 0.005
 def mesh_of(solid: Solids, spacing: float = SPACING) -> Mesh:
     """The surface of one object as a closed mesh, by marching cubes on its signed distance.
 
+    A scanned object has a mesh of its own.
+
     Vertices are projected onto the surface, so that only edges are rounded, by about the spacing.
     """
     centre, size, turn = solid.center[0], solid.size[0], solid.rotation[0]
+    if solid.scans is not None and int(solid.scan) >= 0:
+        mesh = solid.scans.meshes[int(solid.scan)]
+        faces = mesh.faces.flip(-1) if float(size[0, 0]) < 0 else mesh.faces
+        return Mesh(mesh.verts * size[0] @ turn[0].T + centre[0], faces)
     ring = (solid.kind[0] == TORUS)[:, None]
     outer = size[:, :2].sum(-1, keepdim=True)
     used = centre[:, 0] < FAR / 2

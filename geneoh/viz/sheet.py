@@ -21,6 +21,8 @@ from geneoh.viz.picture import Picture, draw
 from geneoh.viz.scene import PosedTrack, Scene, Version
 
 COLUMNS = 8
+SCANNED = 32
+"""Most scanned objects on the sheet, spread over their names."""
 SHEET_CELL = 200
 """Side of one picture, pixels."""
 SHEET_GAP = 10
@@ -32,6 +34,8 @@ TEXT_HEIGHT = 40
 def one_of_each(folder: Path, hand: HandModel) -> list[Replay]:
     """The first clip of every family that a folder of shards holds, in the order of the families.
 
+    Then the first of some scanned objects, in the order of their names.
+
     Shards are read until no family is missing. Held-out families are in the validation shards only,
     so one of these comes first.
     """
@@ -41,9 +45,11 @@ def one_of_each(folder: Path, hand: HandModel) -> list[Replay]:
         for clip, family in enumerate(shard.made_from.families):
             if family not in found:
                 found[family] = shard.chosen(torch.tensor([clip]))
-        if len(found) == len(FAMILIES):
+        if found.keys() >= FAMILIES.keys():
             break
-    return [found[family] for family in FAMILIES if family in found]
+    scanned = sorted(found.keys() - FAMILIES.keys())
+    scanned = scanned[:: -(-len(scanned) // SCANNED)] if scanned else []
+    return [found[name] for name in (*FAMILIES, *scanned) if name in found]
 
 
 def grasp_scene(clip: Replay) -> Scene:
@@ -98,7 +104,8 @@ def contact_sheet(
         left, top = index % columns * width, index // columns * height
         (picture,) = draw(scene, 0, cameras(scene, Look().upward)[0], (cell, cell))
         canvas.paste(picture, left, top)
-        canvas.write(scene.title.replace("_", " "), left + 8, top + cell + 2)
+        title = Path(scene.title).stem.replace("_", " ")
+        canvas.write(title, left + 8, top + cell + 2)
         words = f"{measures.penetration_max_mm:.1f} mm deep, {int(measures.fingers)} tips"
         canvas.write(words, left + 8, top + cell + 19, colour=FAINT)
         if on_step is not None:

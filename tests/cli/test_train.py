@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from geneoh.synthesis.shards import shard_record
+from geneoh.synthesis.shards import read_shards, shard_record
 
 SHARDS = ("--count", 4, "--set", "shard=2", "--set", "points=64")
 """Shards of two interactions instead of 256."""
@@ -53,6 +53,21 @@ def test_settings_of_the_data_come_from_a_file_and_from_the_command(geneoh, tmp_
     misspelt = geneoh("synthesize", "--set", "grasps.step=3")
     assert misspelt.exit_code == 2
     assert "did you mean 'grasps.steps'?" in misspelt.stderr
+
+
+def test_hands_hold_meshes_of_a_folder(geneoh, tmp_path):
+    mesh = Path(__file__).parents[2] / "examples" / "taco_object.obj"
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / mesh.name).write_bytes(mesh.read_bytes())
+    quick = ("grasps.steps=1", "grasps.checks.fingers=-1", "grasps.checks.depth=1", "scanned=1.0")
+    settings = [word for setting in quick for word in ("--set", setting)]
+    made = geneoh("synthesize", "--objects", "mine", *SHARDS, *settings)
+    assert made.exit_code == 0, made.output
+    clips = read_shards(tmp_path / "runs" / "data", "train")
+    assert clips.scan.tolist() == [0, 0]
+    without = geneoh("synthesize", *SHARDS, *settings)
+    assert without.exit_code == 2
+    assert "was made with objects" in without.stderr
 
 
 def test_misspelt_setting_is_refused_with_the_nearest(geneoh):

@@ -119,6 +119,7 @@ def test_distance_follows_the_part_that_has_moved():
         points,
         points,
         torch.ones(1, 64, dtype=torch.long),
+        torch.tensor([-1]),
     )
     replay = Replay(clip, Attempts(["chest"], solids, hand))
     pulled = points[:, None] @ turn.mT + shift[:, :, None]

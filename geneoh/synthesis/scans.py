@@ -1,0 +1,329 @@
+"""Scanned objects: meshes as grids of signed distance, which batch beside the analytic solids.
+
+A grid covers the mesh's bounding box and a margin. Its nodes near the surface hold the exact signed
+distance (by winding number), the others one that is interpolated from every fourth node; all grids
+lie one behind the other in one tensor of half precision, so that a batch may mix any of them.
+"""
+
+import hashlib
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+
+import torch
+from jaxtyping import Float, Float16, Int
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+from torch import Tensor
+
+from geneoh.bundle import Bundle
+from geneoh.choices import Unit
+from geneoh.errors import InputError
+from geneoh.files.atomic import in_one_step
+from geneoh.geometry.distance import SurfaceDistance
+from geneoh.geometry.mesh import MESH_SUFFIXES, Mesh, load_mesh, size_warning
+from geneoh.geometry.sampling import sample_surface
+from geneoh.progress import OnStep
+
+FILE = "scans.safetensors"
+"""Name of the file in a folder of shards that holds the scanned objects of its clips."""
+HELD_OUT_FILE = "held_out.txt"
+"""File beside the meshes that names those for validation, one a line, with or without ending."""
+NOTICES = ("ATTRIBUTION*", "LICENSE*", "README*")
+"""Files beside the meshes whose text goes where copies of the meshes go."""
+MARGIN = 0.008
+"""Width of a grid around the bounding box, metres."""
+NODES, FINEST = 250_000, 0.0012
+"""Most nodes of a grid, about, and its least spacing in metres."""
+EXACT = 0.006
+"""Distance to the surface below which nodes hold the exact distance, metres, beyond two cells of
+the coarse grid."""
+SKIP = 4
+"""Every so manieth node of a grid belongs to the coarse grid."""
+SAMPLES = 4096
+"""Surface points kept of each object."""
+HAND_SPAN = 0.09
+"""An object is grasped rather where it is thinner than this, metres."""
+WIDE_SHARE = 0.15
+"""How often a place where it is wider is taken, relative to the others: edges of large boxes, and
+what a flat hand supports."""
+TINY = 1e-9
+"""Length in metres below which a vector has no direction."""
+CORNERS = torch.tensor(list(product((0, 1), repeat=3)))
+"""The nodes of a cell, the last axis fastest."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scans(Bundle):
+    """N scanned objects, each in a frame at the middle of its bounding box, metres."""
+
+    names: tuple[str, ...]
+    """File names of the meshes, which no family of analytic objects can have."""
+    held_out: tuple[str, ...]
+    """Those that are for validation alone."""
+    notice: str
+    """Attribution and licences of the meshes."""
+    meshes: tuple[Mesh, ...]
+    half: Float[Tensor, "N 3"]
+    """Half sides of the bounding boxes."""
+    points: Float[Tensor, "N M 3"]
+    """Points spread evenly over the surfaces, with their outward normals."""
+    normals: Float[Tensor, "N M 3"]
+    grasped: Float[Tensor, "N M"]
+    """How likely a hand grasps at each of these points, relative to the others."""
+    spacing: Float[Tensor, " N"]
+    """Between nodes of the grids; the first node is a margin off the bounding box."""
+    shape: Int[Tensor, "N 3"]
+    start: Int[Tensor, " N"]
+    """Where each grid begins in `values`."""
+    values: Float16[Tensor, " C"]
+    """Signed distance at the nodes of all grids."""
+
+    @property
+    def fingerprint(self) -> str:
+        """What tells these objects from others, by meshes, names and what is held out."""
+        return fingerprint(zip(self.names, self.meshes, strict=True), self.held_out)
+
+    def distance(
+        self, which: Int[Tensor, " B"], points: Float[Tensor, "B P 3"]
+    ) -> Float[Tensor, "B P"]:
+        """Signed distance of points to one object each; differentiable once in the points."""
+        distance, normal = self.lookup(which, points.detach())
+        return distance + ((points - points.detach()) * normal).sum(-1)
+
+    def lookup(
+        self, which: Int[Tensor, " B"], points: Float[Tensor, "B P 3"]
+    ) -> tuple[Float[Tensor, "B P"], Float[Tensor, "B P 3"]]:
+        """Signed distance and its unit gradient; off the grid, from the place nearest to it."""
+        spacing, shape = self.spacing[which, None, None], self.shape[which, None]
+        low = spacing * (1 - shape) / 2
+        last = shape - 1
+        asked = (points - low) / spacing
+        at = asked.clamp(min=0).minimum(last)
+        cell = at.long().minimum(last - 1)
+        stride = torch.stack([shape[..., 1] * shape[..., 2], shape[..., 2], shape[..., 2] ** 0], -1)
+        first = self.start[which, None] + (cell * stride).sum(-1)
+        corners = first[..., None] + (CORNERS * stride[:, :, None]).sum(-1)
+        values = self.values[corners].float().unflatten(-1, (2, 2, 2))
+        x, y, z = (at - cell).unbind(-1)
+        along_z = torch.lerp(values[..., 0], values[..., 1], z[..., None, None])
+        along_y = torch.lerp(along_z[..., 0], along_z[..., 1], y[..., None])
+        across_y = torch.lerp(values[..., 0, :], values[..., 1, :], y[..., None, None])
+        distance = torch.lerp(along_y[..., 0], along_y[..., 1], x)
+        rise_z = torch.lerp(across_y[..., 0, :], across_y[..., 1, :], x[..., None])
+        rise_y = torch.lerp(along_z[..., 0, :], along_z[..., 1, :], x[..., None])
+        rises = [along_y, rise_y, rise_z]
+        normal = torch.stack([rise[..., 1] - rise[..., 0] for rise in rises], -1)
+        normal = torch.nn.functional.normalize(normal, dim=-1)
+        outside = (asked != at).any(-1)
+        away = (asked - at) * spacing + distance[..., None] * normal
+        length = away.norm(dim=-1).clamp(min=TINY)
+        normal = torch.where(outside[..., None], away / length[..., None], normal)
+        return torch.where(outside, length, distance), normal
+
+    def draw_points(
+        self, which: Int[Tensor, " B"], count: int, *, generator: torch.Generator
+    ) -> tuple[Float[Tensor, "B P 3"], Float[Tensor, "B P 3"]]:
+        """Points spread over the surface of one object each, and their outward normals."""
+        return self._at(which, torch.rand(len(which), SAMPLES, generator=generator), count)
+
+    def draw_places(
+        self, which: Int[Tensor, " B"], *, generator: torch.Generator
+    ) -> tuple[Float[Tensor, "B 1 3"], Float[Tensor, "B 1 3"]]:
+        """A point on each object at which a hand may grasp it, and its outward normal."""
+        # the first of arrivals whose rates are the weights
+        late = torch.rand(len(which), SAMPLES, generator=generator).log().neg()
+        return self._at(which, late / self.grasped[which], 1)
+
+    def _at(
+        self, which: Int[Tensor, " B"], order: Float[Tensor, "B M"], count: int
+    ) -> tuple[Float[Tensor, "B P 3"], Float[Tensor, "B P 3"]]:
+        """The points that come first in an order of all, again from the first if there are less."""
+        chosen = order.argsort(1)[:, torch.arange(count) % SAMPLES]
+        return self.points[which[:, None], chosen], self.normals[which[:, None], chosen]
+
+
+def fingerprint(meshes: Iterable[tuple[str, Mesh]], held_out: Iterable[str]) -> str:
+    """What tells a set of named meshes from others."""
+    words = [f"{name} {mesh.sha256}" for name, mesh in meshes]
+    return hashlib.sha256("\n".join([*words, *held_out]).encode()).hexdigest()[:16]
+
+
+@dataclass(frozen=True)
+class MeshFolder:
+    """Meshes to make objects of, as they lie in a folder."""
+
+    names: tuple[str, ...]
+    meshes: tuple[Mesh, ...]
+    """Each moved so that the middle of its bounding box is the origin."""
+    held_out: tuple[str, ...]
+    notice: str
+
+
+def read_folder(folder: Path, unit: Unit = "m") -> MeshFolder:
+    """The meshes of a folder, in the order of their names.
+
+    Raises:
+        InputError: no mesh is there, one is broken or has the wrong size for a hand, or a name that
+            is held out is no mesh.
+    """
+    paths = sorted(p for p in folder.glob("*") if p.suffix.lower() in MESH_SUFFIXES)
+    if not paths:
+        raise InputError(
+            f"{folder}: expected mesh files ({', '.join(MESH_SUFFIXES)}), found none; "
+            "name the folder that holds them"
+        )
+    meshes = []
+    for path in paths:
+        mesh = load_mesh(path, unit)
+        if warning := size_warning(mesh):
+            raise InputError(f"{path}: {warning}")
+        middle = (mesh.verts.amin(0) + mesh.verts.amax(0)) / 2
+        meshes.append(Mesh(mesh.verts - middle, mesh.faces))
+    known = {name: path.name for path in paths for name in (path.name, path.stem)}
+    listed = folder / HELD_OUT_FILE
+    words = listed.read_text("utf-8").split() if listed.exists() else []
+    for word in words:
+        if word not in known:
+            raise InputError(
+                f"{listed}: '{word}' is no mesh of this folder; correct the name or remove it"
+            )
+    notices = sorted({path for pattern in NOTICES for path in folder.glob(pattern)})
+    return MeshFolder(
+        tuple(path.name for path in paths),
+        tuple(meshes),
+        tuple(known[word] for word in words),
+        "\n".join(path.read_text("utf-8") for path in notices),
+    )
+
+
+def build_scans(found: MeshFolder, *, on_mesh: OnStep | None = None) -> Scans:
+    """Grids, surface points and places to grasp of all meshes, about a second for each.
+
+    Raises:
+        InputError: a mesh encloses nothing.
+    """
+    built, values = [], []
+    for done, (name, mesh) in enumerate(zip(found.names, found.meshes, strict=True), 1):
+        try:
+            field = SurfaceDistance(mesh)
+        except InputError as error:
+            raise InputError(f"{name}: {error}") from error
+        half = mesh.extent() / 2
+        spacing, shape, grid = distance_grid(field, half)
+        generator = torch.Generator().manual_seed(0)
+        surface = sample_surface(field.solid, SAMPLES, generator=generator)
+        thickness, _ = field.exits(surface.points - 1e-5 * surface.normals, -surface.normals)
+        grasped = torch.where(thickness < HAND_SPAN, 1.0, WIDE_SHARE)
+        built.append((half, surface.points, surface.normals, grasped, spacing, shape))
+        values.append(grid.flatten().half())
+        if on_mesh is not None:
+            on_mesh(done, len(found.names))
+    sizes = torch.tensor([0, *(len(grid) for grid in values[:-1])])
+    half, points, normals, grasped, spacing, shape = (
+        torch.stack(column) for column in zip(*built, strict=True)
+    )
+    return Scans(
+        found.names,
+        found.held_out,
+        found.notice,
+        found.meshes,
+        half,
+        points,
+        normals,
+        grasped,
+        spacing,
+        shape,
+        sizes.cumsum(0),
+        torch.cat(values),
+    )
+
+
+def distance_grid(
+    field: SurfaceDistance, half: Float[Tensor, " 3"]
+) -> tuple[Float[Tensor, ""], Int[Tensor, " 3"], Float[Tensor, "X Y Z"]]:
+    """Spacing, shape and signed distances of a grid around the origin."""
+    sides = 2 * (half + MARGIN)
+    spacing = (sides.prod() / NODES).pow(1 / 3).clamp(min=FINEST)
+    coarse = (sides / (SKIP * spacing)).ceil().long().clamp(min=1) + 1
+    shape = SKIP * (coarse - 1) + 1
+
+    def nodes(counts: Tensor, step: Tensor) -> Float[Tensor, "X Y Z 3"]:
+        axes = (step * (torch.arange(int(n)) - (int(n) - 1) / 2) for n in counts)
+        return torch.stack(torch.meshgrid(*axes, indexing="ij"), -1)
+
+    rough = field.query(nodes(coarse, SKIP * spacing)).distance
+    sizes = tuple(shape.tolist())
+    grid = torch.nn.functional.interpolate(
+        rough[None, None], sizes, mode="trilinear", align_corners=True
+    )[0, 0]
+    near = grid.abs() < EXACT + 2 * SKIP * spacing
+    grid[near] = field.query(nodes(shape, spacing)[near]).distance
+    return spacing, shape, grid
+
+
+def find_scans(
+    data: Path, objects: Path | None, unit: Unit = "m", *, on_mesh: OnStep | None = None
+) -> Scans | None:
+    """The scanned objects of a folder of meshes, built once and kept in the folder of the shards.
+
+    Raises:
+        InputError: as `read_folder` and `build_scans`, or the shards were made with other objects.
+    """
+    if objects is None:
+        return None
+    found, kept = read_folder(objects, unit), data / FILE
+    if kept.exists():
+        scans = read_scans(kept)
+        asked = fingerprint(zip(found.names, found.meshes, strict=True), found.held_out)
+        if scans.fingerprint != asked:
+            raise InputError(
+                f"{kept}: was made of other objects than {objects} holds; "
+                "ask for the same or name another folder"
+            )
+        return scans
+    scans = build_scans(found, on_mesh=on_mesh)
+    data.mkdir(parents=True, exist_ok=True)
+    write_scans(kept, scans)
+    return scans
+
+
+ARRAYS = ("half", "points", "normals", "grasped", "spacing", "shape", "start", "values")
+WORDS = ("names", "held_out", "notice")
+
+
+def write_scans(path: Path, scans: Scans) -> None:
+    """Keep scanned objects, with their attribution."""
+    tensors = {name: getattr(scans, name).contiguous() for name in ARRAYS}
+    for index, mesh in enumerate(scans.meshes):
+        tensors |= {f"verts.{index}": mesh.verts, f"faces.{index}": mesh.faces.int()}
+    # one entry: safetensors writes several in no fixed order
+    words = json.dumps({name: getattr(scans, name) for name in WORDS})
+    with in_one_step(path) as beside:
+        save_file(tensors, beside, metadata={"record": words})
+
+
+def read_scans(path: Path) -> Scans:
+    """Scanned objects that were kept.
+
+    Raises:
+        InputError: the file is missing or broken.
+    """
+    try:
+        with safe_open(path, framework="pt") as kept:
+            record = json.loads(kept.metadata()["record"])
+            meshes = tuple(
+                Mesh(kept.get_tensor(f"verts.{i}"), kept.get_tensor(f"faces.{i}").long())
+                for i in range(len(record["names"]))
+            )
+            arrays = {name: kept.get_tensor(name) for name in ARRAYS}
+    except (OSError, SafetensorError, KeyError, TypeError, ValueError) as error:
+        raise InputError(
+            f"{path}: expected the scanned objects of these shards, got {error}; "
+            "delete it and run `geneoh synthesize` again with the same --objects"
+        ) from error
+    return Scans(
+        tuple(record["names"]), tuple(record["held_out"]), record["notice"], meshes, **arrays
+    )
