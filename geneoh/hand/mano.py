@@ -182,7 +182,7 @@ def _check_shapes(path: Path, fields: dict[str, np.ndarray]) -> None:
     dirs, faces = fields["shapedirs"].shape, fields["f"].shape
     if len(dirs) != 3 or dirs[:2] != (verts, 3) or dirs[2] < BETAS:
         raise InputError(f"{path}: 'shapedirs' must be ({verts}, 3, {BETAS}), got {dirs}")
-    if len(faces) != 2 or faces[1] != 3 or verts <= max(TIP_VERTS):
+    if len(faces) != 2 or not faces[0] or faces[1] != 3 or verts <= max(TIP_VERTS):
         raise InputError(f"{path}: expected 778 vertices and (F, 3) faces, got {verts} and {faces}")
     if fields["f"].min() < 0 or fields["f"].max() >= verts:
         raise InputError(f"{path}: 'f' names vertices beyond the {verts} there are")

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from geneoh.choices import Selection, Side
 from geneoh.denoisers.library import Denoisers, load_denoisers
-from geneoh.errors import InputError
+from geneoh.errors import CheckpointError, InputError
 from geneoh.fitting.adam import AdamFitConfig, fit_with_adam
 from geneoh.fitting.fit import fit_hand, start_from_keypoints
 from geneoh.fitting.subject import Subject, subject_of
@@ -74,7 +74,7 @@ def denoise(
         InputError: the numbers of the sequence can be no interaction.
         ConfigError: an option is out of range.
         MissingAssetError: a MANO hand is asked for and there is no MANO file.
-        CheckpointError: the folder of weights holds no weights of this version.
+        CheckpointError: the folder of weights holds no weights of this version, or damaged ones.
     """
     options = options or Options()
     chosen = options.resolved()
@@ -261,6 +261,11 @@ def _run_stages(
             align=chosen.align,
             generator=generator,
             on_step=progress_of("temporal"),
+        )
+    if not bool(joints.isfinite().all()):
+        raise CheckpointError(
+            "expected finite keypoints from the networks, got NaN or infinity; their weights are "
+            "damaged, train or download them again"
         )
     return joints
 

@@ -29,6 +29,9 @@ from geneoh.synthesis.objects import FAMILIES, draw_objects, family_named
 from geneoh.synthesis.scans import FILE, Scans, read_scans
 from geneoh.synthesis.solids import Solids
 
+LARGEST = 1000.0
+"""Largest number that a shard may hold, in metres or radians; larger ones are damage."""
+
 
 @dataclass(frozen=True)
 class SynthesisConfig:
@@ -284,7 +287,7 @@ def shard_record(path: Path) -> ShardRecord:
             record = json.loads((shard.metadata() or {})["record"])
             table, seed = dict(record["config"]), int(record["seed"])
             objects = str(record.get("objects", ""))
-    except (SafetensorError, KeyError, TypeError, ValueError) as error:
+    except (SafetensorError, KeyError, TypeError, ValueError, OverflowError) as error:
         raise _broken(path, error) from error
     try:
         return ShardRecord(with_table(SynthesisConfig(), table, str(path)), seed, objects)
@@ -332,10 +335,13 @@ def read_shard(path: Path) -> Interactions:
     try:
         with safe_open(path, framework="pt") as shard:
             found = {name: shard.get_tensor(name) for name in shard.keys()}  # noqa: SIM118
-            if "scan" not in found:  # made before there were scanned objects
-                found["scan"] = torch.full((len(found["wrist"]),), -1)
-            return Interactions(**found)
-    except (SafetensorError, KeyError, TypeError) as error:
+        for name, tensor in found.items():
+            if tensor.is_floating_point() and not bool((tensor.abs() <= LARGEST).all()):  # nor NaN
+                raise ValueError(f"numbers beyond {LARGEST:g} in '{name}'")
+        if "scan" not in found:  # made before there were scanned objects
+            found["scan"] = torch.full((len(found["wrist"]),), -1)
+        return Interactions(**found)
+    except (SafetensorError, KeyError, TypeError, ValueError) as error:
         raise _broken(path, error) from error
 
 

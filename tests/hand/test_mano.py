@@ -263,6 +263,12 @@ def test_field_of_another_shape_is_named(tmp_path, name):
         load_mano("right", tmp_path)
 
 
+def test_a_hand_without_faces_is_refused(tmp_path):
+    np.savez(tmp_path / "MANO_RIGHT.npz", **(plain_arrays() | {"f": np.zeros((0, 3), int)}))
+    with pytest.raises(InputError, match=r"\(F, 3\) faces, got 778 and \(0, 3\)"):
+        load_mano("right", tmp_path)
+
+
 class Attack:
     """Runs a function of its choice when it is unpickled by the usual means."""
 

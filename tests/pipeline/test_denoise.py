@@ -5,7 +5,9 @@ from dataclasses import replace
 import pytest
 import torch
 
-from geneoh.errors import ConfigError
+from geneoh.denoisers.library import SHIPPED
+from geneoh.errors import CheckpointError, ConfigError
+from geneoh.nn.checkpoint import load_checkpoint, save_checkpoint
 from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.options import Options
 from geneoh.pipeline.presets import preset
@@ -208,3 +210,13 @@ def test_paper_preset_runs(noisy):
 def test_numbers_out_of_range_are_refused(noisy, wrong):
     with pytest.raises(ConfigError, match="1 or more"):
         denoise(noisy, wrong)
+
+
+def test_weights_that_give_no_numbers_are_named_as_damaged(noisy, tmp_path):
+    for stage in ("motion", "spatial", "temporal"):
+        saved = load_checkpoint(SHIPPED / f"{stage}.safetensors")
+        if stage == "temporal":
+            next(iter(saved.tensors.values())).fill_(float("nan"))
+        save_checkpoint(tmp_path / f"{stage}.safetensors", saved)
+    with pytest.raises(CheckpointError, match="their weights are damaged"):
+        denoise(noisy, Options(preset="fast", weights=tmp_path))

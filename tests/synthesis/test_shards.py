@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 import torch
-from safetensors.torch import save_file
+from safetensors.torch import load_file, save_file
 
+from geneoh.config import as_dict
 from geneoh.errors import ConfigError, InputError
 from geneoh.hand.library import load_hand
 from geneoh.synthesis import shards
@@ -164,6 +165,25 @@ def test_a_truncated_shard_is_told_with_the_cure(tmp_path, hand, kept):
     ):
         with pytest.raises(InputError, match=told):
             act()
+
+
+@pytest.mark.parametrize("number", [1e5, float("nan"), float("-inf")])
+def test_a_shard_with_numbers_that_no_hand_has_is_told_with_the_cure(tmp_path, hand, number):
+    write_shards(tmp_path, TINY, hand, seed=0)
+    path = tmp_path / "val_00000.safetensors"
+    tensors, record = load_file(path), json.dumps(as_dict(ShardRecord(TINY, 0)))
+    tensors["wrist"][1, 3] = number
+    save_file(tensors, path, metadata={"record": record})
+    with pytest.raises(InputError, match="got numbers beyond 1000 in 'wrist'; delete it"):
+        read_shards(tmp_path, "val")
+
+
+def test_a_record_with_a_seed_that_is_no_number_is_told_with_the_cure(tmp_path):
+    path = tmp_path / "train_00001.safetensors"
+    record = {"record": '{"config": {}, "seed": Infinity}'}
+    save_file({"wrist": torch.zeros(1)}, path, metadata=record)
+    with pytest.raises(InputError, match="delete it and run"):
+        shard_record(path)
 
 
 def with_record(folder, config: dict) -> Path:
