@@ -1,6 +1,5 @@
 """What `convert` and `denoise --from` share: the table of sources, their options, the reports."""
 
-import logging
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,8 +15,6 @@ from . import options
 if TYPE_CHECKING:
     from geneoh.readers.convert import Outcome
     from geneoh.sequence.sequence import Sequence
-
-LOG = logging.getLogger(__name__)
 
 reader_options = options.together(
     click.option(
@@ -91,19 +88,14 @@ def read(
 ) -> "Sequence":
     """The sequence in a file of any layout, or the one recording of a named source."""
     import geneoh
-    from geneoh.readers.convention_check import doubts
 
     if source is None:
         refuse_source_options()
         others = {name: others[name] for name in BARE_OPTIONS}
     shared = {"obj": obj, "mano_dir": mano, "side": side, "fps": fps}
     if source is not None:
-        sequence = geneoh.read(source, path, clip=clip, **shared, **others)
-    else:
-        sequence = geneoh.load(path, **shared, **others)
-    for doubt in doubts(sequence, str(path)):
-        LOG.warning("%s: %s", path, doubt)
-    return sequence
+        return geneoh.read(source, path, clip=clip, **shared, **others)
+    return geneoh.load(path, **shared, **others)
 
 
 def refuse_source_options() -> None:

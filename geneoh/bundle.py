@@ -15,6 +15,8 @@ import torch
 from jaxtyping import AbstractArray
 from torch import Tensor
 
+from geneoh.errors import InputError
+
 FRAMES = "T"
 """Name of the frame axis in the annotations."""
 
@@ -86,6 +88,39 @@ class Bundle:
         return replace(self, **changed)
 
 
+def conform(bundle: Bundle, name: str) -> None:
+    """Make tensors of the arrays, lists and numbers that a bundle was made with; floats as float32.
+
+    Args:
+        bundle: a new one, from its `__post_init__`.
+        name: what messages call it.
+
+    Raises:
+        InputError: a field is no array of numbers, or not of the shape that its annotation has.
+    """
+    sizes: dict[str, int] = {}
+    for field, kind in _annotations(type(bundle)).items():
+        value, axes = getattr(bundle, field), _axes(kind)
+        if not axes or (value is None and type(None) in get_args(kind)):
+            continue
+        tensor = _as_tensor(value, kind)
+        fits = tensor is not None and len(axes) == tensor.ndim
+        pairs = zip(axes, tensor.shape, strict=True) if fits and tensor is not None else ()
+        if not fits or any(
+            size != (int(axis) if axis.isdecimal() else sizes.setdefault(axis, size))
+            for axis, size in pairs
+        ):
+            wanted = ", ".join(axes) + "," * (len(axes) == 1)
+            known = " and ".join(f"{axis} = {size}" for axis, size in sizes.items() if axis in axes)
+            got = type(value).__name__ if tensor is None else tuple(tensor.shape)
+            raise InputError(
+                f"{name}: '{field}' must be numbers of shape ({wanted})"
+                f"{known and f' with {known}'}, got {got}; reshape or correct it"
+            )
+        if tensor is not value:
+            object.__setattr__(bundle, field, tensor)
+
+
 def concatenated(parts: Iterable[AnyBundle], axis: str = FRAMES) -> AnyBundle:
     """Bundles of one type joined along an axis; fields without this axis are those of the first."""
     first, *others = parts
@@ -155,9 +190,26 @@ def _change(value: Any, kind: Any, change: Callable[[Leaf, Axes], Leaf]) -> Any:
     return value
 
 
+def _as_tensor(value: Any, kind: Any) -> Tensor | None:
+    """A value as the tensor that an annotation asks for; None for what is no array of numbers."""
+    try:
+        tensor = value if isinstance(value, Tensor) else torch.from_numpy(np.array(value))
+    except (TypeError, ValueError):
+        return None
+    names = _array(kind).dtypes
+    whole = torch.int64 if "int64" in names else torch.float32
+    return tensor.to(torch.bool if "bool" in names else whole)
+
+
 @cache
 def _axes(kind: Any) -> Axes:
     """The names of the axes in an annotation; of all arrays in it, those of the first."""
+    array = _array(kind)
+    return () if array is None else tuple(array.dim_str.split())
+
+
+def _array(kind: Any) -> Any:
+    """The first annotation of an array in another one; None where there is none."""
     if isinstance(kind, type) and issubclass(kind, AbstractArray):
-        return tuple(kind.dim_str.split())
-    return next((axes for part in get_args(kind) if (axes := _axes(part))), ())
+        return kind
+    return next((array for part in get_args(kind) if (array := _array(part))), None)

@@ -5,12 +5,17 @@ of a field and a value of that field's type, otherwise the message says which on
 """
 
 import difflib
+import inspect
+import os
 import sys
 import types
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields, is_dataclass, replace
+from functools import wraps
 from pathlib import Path
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+
+from typing_extensions import ParamSpec
 
 from geneoh.errors import ConfigError
 
@@ -20,6 +25,7 @@ else:
     import tomli as tomllib  # pyright: ignore[reportMissingImports]  # of Python 3.10 alone
 
 Config = TypeVar("Config")
+Parameters, Result = ParamSpec("Parameters"), TypeVar("Result")
 
 NONE_WORDS = ("none", "null")
 """Words for None in `a.b=c`; TOML has none."""
@@ -98,6 +104,31 @@ def with_table(base: Config, table: Mapping[str, Any], origin: str, prefix: str 
     return replace(base, **changes)  # type: ignore[type-var]  # any dataclass
 
 
+def checked_call(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
+    """A public function that refuses arguments of another kind than their annotations.
+
+    Paths, numbers, texts and choices are checked; `ConfigError` names the argument.
+    """
+    signature = inspect.signature(function)
+    plain = {n: p.annotation for n, p in signature.parameters.items() if is_plain(p.annotation)}
+
+    @wraps(function)
+    def checked(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
+        given = signature.bind(*args, **kwargs).arguments
+        for name in given.keys() & plain.keys():
+            as_field_type(given[name], plain[name], f"geneoh.{function.__name__}", name)
+        return function(*args, **kwargs)
+
+    return checked
+
+
+def is_plain(kind: Any) -> bool:
+    """Whether a type is a path, number, text or choice, or any of several of them."""
+    if get_origin(kind) in (Union, types.UnionType):
+        return all(map(is_plain, get_args(kind)))
+    return get_origin(kind) is Literal or kind in (float, int, bool, str, Path, types.NoneType)
+
+
 def closest_name(name: str, known: Iterable[str]) -> str:
     """The end of a message about an unknown name: the closest one that exists, or all of them."""
     known = list(known)
@@ -127,7 +158,7 @@ def as_field_type(value: Any, wanted: Any, origin: str, name: str) -> Any:
     if isinstance(wanted, type) and is_dataclass(wanted) and isinstance(value, Mapping):
         return with_table(wanted(), value, origin, f"{name}.")
     words = type_in_words(wanted)
-    raise ConfigError(f"{origin}: '{name}' must be {words}, got {value!r}; correct the value")
+    raise ConfigError(f"{origin}: '{name}' must be {words}, got {value!r:.60}; correct the value")
 
 
 def is_plain_value_of(value: Any, wanted: Any) -> bool:
@@ -136,7 +167,9 @@ def is_plain_value_of(value: Any, wanted: Any) -> bool:
         return any(value == each and type(value) is type(each) for each in get_args(wanted))
     if wanted is float:
         return isinstance(value, int | float) and not isinstance(value, bool)
-    if wanted in (int, bool, str, types.NoneType, Path):
+    if wanted is Path:
+        return isinstance(value, os.PathLike)
+    if wanted in (int, bool, str, types.NoneType):
         return isinstance(value, wanted) and (wanted is bool or not isinstance(value, bool))
     return wanted is Any
 

@@ -42,17 +42,18 @@ def train(
 
     from geneoh.config import as_dict, configured
     from geneoh.denoisers.library import load_motion
+    from geneoh.nn.devices import named_device
     from geneoh.synthesis.shards import find_shards, read_shards, shard_record
     from geneoh.training.config import TrainConfig
     from geneoh.training.loop import train as fit
 
-    from .. import devices, progress
+    from .. import progress
 
     if threads is not None:
         torch.set_num_threads(threads)
     chosen = configured(TrainConfig(), options.find_config(config or stage), settings)
     parts = read_shards(data, "train"), read_shards(data, "val")
-    place = devices.named(device)
+    place = named_device(device)
     follows = stage in ("spatial", "temporal")
     motion_denoiser = load_motion(folder).to(place) if follows else None
     with progress.progress_bars() as on_progress:

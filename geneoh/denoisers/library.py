@@ -90,8 +90,9 @@ def load_network(
     """
     saved = load_checkpoint(path)
     try:
-        built = network(config(**saved.record["config"][name]))
-        built.load_state_dict(saved.tensors)
+        with torch.device("meta"):  # draws no random numbers, and takes the type of the weights
+            built = network(config(**saved.record["config"][name]))
+        built.load_state_dict(saved.tensors, assign=True)
     except (RuntimeError, KeyError, TypeError) as error:
         raise CheckpointError(
             f"{path}: expected weights of this version's {name} "

@@ -25,7 +25,8 @@ from geneoh.fitting.fit import FitConfig, fit_hand, start_from_keypoints
 from geneoh.fitting.subject import subject_of
 from geneoh.hand.library import hand_of_betas, load_hand
 from geneoh.pipeline.context import stage_context
-from geneoh.pipeline.denoise import NEAR, denoise
+from geneoh.pipeline.denoise import NEAR, clean_interaction
+from geneoh.pipeline.inputs import checked_interaction
 from geneoh.pipeline.options import Options
 from geneoh.pipeline.results import Denoised
 from geneoh.representation.spatial import encode_spatial
@@ -225,7 +226,8 @@ class GeneohMethod:
 
     def clean(self, case: Case) -> CleanedHand:
         """The cleaned track with its own mesh."""
-        result = denoise(case.noisy, replace(self.options, seed=case.seed))
+        noisy = checked_interaction(case.noisy)
+        result = clean_interaction(noisy, replace(self.options, seed=case.seed))
         hand = result.sequence.hands[0]
         assert hand.pose is not None, "results carry a pose"
         assert hand.wrist is not None, "results carry a wrist"

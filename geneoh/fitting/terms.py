@@ -66,7 +66,7 @@ def _normal_equations(
 
 def _below() -> Float[Tensor, "16 16"]:
     """1 at (a, j) where joint j is joint a or hangs below it."""
-    table = torch.eye(16)
+    table = torch.eye(16, dtype=torch.float32)
     for joint in range(1, 16):
         parent = PARENTS[joint]
         while parent >= 0:
@@ -76,7 +76,9 @@ def _below() -> Float[Tensor, "16 16"]:
 
 
 BELOW = _below()
-MOVES_KEYPOINT = torch.cat([BELOW.T - torch.eye(16), BELOW.T[list(TIP_PARENTS)]])
+MOVES_KEYPOINT = torch.cat(
+    [BELOW.T - torch.eye(16, dtype=torch.float32), BELOW.T[list(TIP_PARENTS)]]
+)
 """1 at (m, j) where turning joint j moves entry m of the 16 joints followed by the 5 tips."""
 
 

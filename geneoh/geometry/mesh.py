@@ -2,6 +2,7 @@
 
 import hashlib
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -14,8 +15,9 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from torch import Tensor
 
-from geneoh.bundle import Bundle
+from geneoh.bundle import Bundle, conform
 from geneoh.choices import Unit
+from geneoh.config import checked_call
 from geneoh.errors import InputError
 from geneoh.geometry.mirror import mirror_faces, mirror_points
 
@@ -53,6 +55,10 @@ class Mesh(Bundle):
     parts: tuple["Mesh", ...] = ()
     """The separate meshes of a file that holds several, which `verts` and `faces` have joined."""
 
+    def __post_init__(self) -> None:
+        """Take arrays and lists."""
+        conform(self, "the mesh")
+
     @cached_property
     def sha256(self) -> str:
         """SHA-256 of the vertices as float32 and the faces as int64, by which a mesh is known again
@@ -84,6 +90,7 @@ class Mesh(Bundle):
         return torch.nn.functional.normalize(self.face_vectors().double(), dim=-1, eps=TINY)
 
 
+@checked_call
 def load_mesh(path: Path | str, unit: Unit = "m", *, tidy: bool = True) -> Mesh:
     """Read a triangle mesh without repair: vertex order, shells and holes are kept.
 
@@ -126,6 +133,24 @@ def load_mesh(path: Path | str, unit: Unit = "m", *, tidy: bool = True) -> Mesh:
         )
     mesh = checked(mesh if unit == "m" else scaled(mesh, METRES[unit]), str(path))
     return tidied(mesh) if tidy else mesh
+
+
+def meshes_of(
+    given: Mesh | Path | str | Iterable[Mesh | Path | str], unit: Unit = "m"
+) -> tuple[Mesh, ...]:
+    """Meshes of a mesh, a file, or a list of both; `unit` is that of the files.
+
+    Raises:
+        InputError: there is something else among them, or a file that cannot be read.
+    """
+    listed = [given] if isinstance(given, Mesh | Path | str) else list(given)
+    for mesh in listed:
+        if not isinstance(mesh, Mesh | Path | str):
+            raise InputError(
+                f"a mesh must be a geneoh.Mesh or the path of its file, got {type(mesh).__name__}; "
+                "geneoh.Mesh(vertices, faces) makes one of arrays"
+            )
+    return tuple(mesh if isinstance(mesh, Mesh) else load_mesh(mesh, unit) for mesh in listed)
 
 
 def scaled(mesh: Mesh, factor: float) -> Mesh:

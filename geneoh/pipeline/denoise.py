@@ -1,8 +1,11 @@
 """From a noisy interaction to a clean one: the whole pipeline in one place."""
 
+import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import torch
 from jaxtyping import Float
@@ -10,20 +13,21 @@ from torch import Tensor
 
 from geneoh.choices import Selection, Side
 from geneoh.denoisers.library import Denoisers, load_denoisers
-from geneoh.errors import CheckpointError, InputError
+from geneoh.errors import CheckpointError
 from geneoh.fitting.adam import AdamFitConfig, fit_with_adam
 from geneoh.fitting.fit import fit_hand, start_from_keypoints
 from geneoh.fitting.subject import Subject, subject_of
 from geneoh.fitting.terms import HandState
 from geneoh.geometry.distance import MovingSurface
-from geneoh.geometry.mesh import size_warning
 from geneoh.hand.library import hand_of_betas
 from geneoh.hand.model import ShapedHand
+from geneoh.nn.devices import named_device
 from geneoh.objects.cleaning import clean_object
 from geneoh.objects.evidence import doubt, evidence_of_nearness, evidence_of_poses
 from geneoh.pipeline.alone import hand_alone, measure_hand, without_jitter
 from geneoh.pipeline.context import StageContext, stage_context
-from geneoh.pipeline.options import Options
+from geneoh.pipeline.inputs import as_sequence, checked_interaction, undisturbed
+from geneoh.pipeline.options import Options, with_settings
 from geneoh.pipeline.presets import Preset
 from geneoh.pipeline.results import Denoised, HandResult
 from geneoh.pipeline.spread import joint_spread
@@ -34,13 +38,14 @@ from geneoh.pipeline.stages import (
     denoise_trajectory,
 )
 from geneoh.progress import OnProgress, OnStep
+from geneoh.readers.convention_check import doubts
 from geneoh.representation.parameters import HandParameters
-from geneoh.sequence.gaps import fill_object
 from geneoh.sequence.normalisation import NETWORK_FPS, NormalisedHand, normalised_hands
 from geneoh.sequence.resample import nearest_frames
 from geneoh.sequence.sequence import HandTrack, Sequence
-from geneoh.sequence.validation import check_sequence
 from geneoh.sequence.windows import window_starts
+
+LOG = logging.getLogger(__name__)
 
 NO_OBJECT = (
     "no mesh or no pose of an object was given: the hand was cleaned by the prior of hand motion "
@@ -53,36 +58,57 @@ NEAR = 0.02
 
 
 def denoise(
-    sequence: Sequence, options: Options | None = None, *, on_progress: OnProgress | None = None
+    sequence: Sequence | Path | str,
+    options: Options | None = None,
+    *,
+    obj: Path | str | Iterable[Path | str] | None = None,
+    on_progress: OnProgress | None = None,
+    **settings: Any,
 ) -> Denoised:
     """Clean every hand of a sequence against its object.
+
+        result = geneoh.denoise(sequence, preset="fast")
+        result = geneoh.denoise("noisy.npz", obj="mesh.obj")
 
     The stages know right hands at 30 frames a second only: left hands are mirrored and other rates
     resampled here and back. They see the hand from the object, so an object whose poses shake or
     jump is cleaned first (`geneoh.objects.cleaning`); the report is measured against that one. The
     same input, options and seed give the same result. The work is done on `options.device`; the
-    result is on the device of the sequence.
+    result is on the device of the sequence. What is doubtful about the input is logged as a warning
+    before the work. The caller's random state and modes of torch are neither used nor changed.
 
     Args:
-        sequence: up to two hands and an object with its meshes, in metres. Without a mesh the hands
-            are cleaned by the prior of hand motion alone, and the result's notes say so.
+        sequence: up to two hands and an object with its meshes, in metres, or the npz file of it.
+            Without a mesh the hands are cleaned by the prior of hand motion alone, and the result's
+            notes say so.
         options: the settings; the default preset without them.
+        obj: mesh file of the object, or one per rigid part, where `sequence` brings none.
         on_progress: called with the stage ("motion", "spatial", "temporal" or "fit") and its steps
             done and in all; both hands of a sequence go through the stages one after the other.
+        settings: fields of `Options` by name, such as preset="fast", instead of those of `options`.
 
     Raises:
         InputError: the numbers of the sequence can be no interaction.
-        ConfigError: an option is out of range.
+        ConfigError: an option does not exist, is out of range, or names no device of this machine.
         MissingAssetError: a MANO hand is asked for and there is no MANO file.
         CheckpointError: the folder of weights holds no weights of this version, or damaged ones.
     """
-    options = options or Options()
+    options = with_settings(options, settings)
+    named_device(options.device)
+    with undisturbed():
+        sequence = checked_interaction(as_sequence(sequence, obj))
+        name = sequence.source.partition(" (")[0] or "the sequence"
+        doubtful = tuple(doubts(sequence, name))
+        for words in doubtful:
+            LOG.warning("%s: %s", name, words)
+        return replace(clean_interaction(sequence, options, on_progress), doubts=doubtful)
+
+
+def clean_interaction(
+    sequence: Sequence, options: Options, on_progress: OnProgress | None = None
+) -> Denoised:
+    """Clean a sequence that has been checked; see `denoise`."""
     chosen = options.resolved()
-    for mesh in sequence.object.meshes:
-        if warning := size_warning(mesh):
-            raise InputError(f"{mesh.source or sequence.source}: {warning}")
-    sequence = replace(sequence, object=fill_object(sequence.object))
-    check_sequence(sequence, sequence.source)
     denoisers = load_denoisers(
         options.weights, device=options.device, trajectory=not chosen.observed
     )

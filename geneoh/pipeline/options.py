@@ -1,11 +1,15 @@
 """What a user can choose about cleaning."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import get_type_hints
+from typing import Any, get_type_hints
+
+import numpy as np
+import torch
 
 from geneoh.choices import Ablation, HandSource, PresetName, Selection
-from geneoh.config import as_field_type
+from geneoh.config import as_field_type, closest_name
 from geneoh.errors import ConfigError
 from geneoh.pipeline.presets import Preset, preset
 
@@ -55,12 +59,11 @@ class Options:
         Raises:
             ConfigError: a value is of another type than its field's, or none of its choices.
         """
-        kinds = get_type_hints(Options)
-        for field in fields(self):
-            value = as_field_type(
-                getattr(self, field.name), kinds[field.name], "Options", field.name
-            )
-            object.__setattr__(self, field.name, value)
+        for name, kind in get_type_hints(Options).items():
+            value = getattr(self, name)
+            if isinstance(value, np.generic | torch.device):
+                value = str(value) if isinstance(value, torch.device) else value.item()
+            object.__setattr__(self, name, as_field_type(value, kind, "Options", name))
         if not 0 <= self.seed < 2**63:
             raise ConfigError(f"Options: 'seed' must be 0 or more, got {self.seed}; correct it")
 
@@ -85,3 +88,23 @@ class Options:
             samples=self.samples or chosen.samples,
             selection=self.selection or chosen.selection,
         )
+
+
+def with_settings(options: Options | None, settings: Mapping[str, Any]) -> Options:
+    """The options, or the default ones, with some of their fields changed by name.
+
+    Raises:
+        ConfigError: these are no options, or a field does not exist or has no such value.
+    """
+    options = Options() if options is None else options
+    if not isinstance(options, Options):
+        raise ConfigError(
+            f"expected geneoh.Options as the second argument, got {options!r:.60}; "
+            'settings go by name, such as geneoh.denoise(sequence, preset="fast")'
+        )
+    names = [field.name for field in fields(Options)]
+    for name in settings:
+        if name not in names:
+            hint = closest_name(name, names)
+            raise ConfigError(f"geneoh.denoise: '{name}' is no setting; {hint}")
+    return replace(options, **settings)

@@ -11,6 +11,8 @@ from torch import Tensor
 
 from geneoh.bundle import Bundle
 from geneoh.choices import SIDES, Side
+from geneoh.config import checked_call
+from geneoh.errors import InputError
 from geneoh.files.npz import read_archive
 from geneoh.metrics.report import InteractionReport
 from geneoh.objects.cleaning import ObjectExamination
@@ -65,8 +67,11 @@ class Denoised(Bundle):
     """The settings that it was made with."""
     examined: ObjectExamination | None = None
     """What the object's track says about its own noise; None with `Options.trust_object`."""
+    doubts: tuple[str, ...] = ()
+    """What is doubtful about the input, such as its side, each with what cures it."""
 
 
+@checked_call
 def save(result: Denoised | Sequence, path: Path | str) -> None:
     """Write a result, or any sequence, as a geneoh-sequence npz, whole or not at all.
 
@@ -81,6 +86,11 @@ def save(result: Denoised | Sequence, path: Path | str) -> None:
     if isinstance(result, Sequence):
         save_sequence(result, path)
         return
+    if not isinstance(result, Denoised):
+        raise InputError(
+            "geneoh.save takes a result or a Sequence, then the path to write to, got "
+            f"{type(result).__name__} first; geneoh.from_arrays makes a Sequence of arrays"
+        )
     options = json.dumps(asdict(result.options), default=str)
     extra: dict[str, np.ndarray] = {"options": np.array(options)}
     if result.examined is not None:

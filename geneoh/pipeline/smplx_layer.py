@@ -14,6 +14,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.choices import HandSource, Side
+from geneoh.config import checked_call
 from geneoh.errors import InputError
 from geneoh.fitting.subject import subject_of
 from geneoh.hand.library import hand_of_betas
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from smplx import MANO
 
 
+@checked_call
 def to_smplx(
     side: Side,
     sequence: Sequence,

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from torch import Tensor
 
+from geneoh.config import checked_call
 from geneoh.errors import InputError
-from geneoh.geometry.mesh import Mesh, load_mesh
+from geneoh.geometry.mesh import Mesh, meshes_of
 from geneoh.readers.npz_files import sequence_in
 from geneoh.readers.npz_hands import HandOptions
 from geneoh.readers.npz_layouts import CAMERA_FIELDS, FORMAT, OBJECT_FIELDS, OWN_FIELDS, quoted
@@ -22,6 +23,7 @@ NAMES = (*OWN_FIELDS, *OBJECT_FIELDS, *CAMERA_FIELDS, "hand_model")
 """What the arrays can be called."""
 
 
+@checked_call
 def from_arrays(
     *,
     fps: float | int,
@@ -56,8 +58,7 @@ def from_arrays(
         InputError: an array has another shape than these, a name is none of these, or the numbers
             can be no interaction; the message says which and what to do.
     """
-    given = [meshes] if isinstance(meshes, Mesh | Path | str) else list(meshes)
-    loaded = tuple(mesh if isinstance(mesh, Mesh) else load_mesh(mesh) for mesh in given)
+    loaded = meshes_of(meshes)
     for name in arrays:
         if name not in NAMES:
             close = difflib.get_close_matches(name, NAMES, 1)

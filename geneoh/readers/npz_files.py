@@ -11,9 +11,10 @@ from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.choices import SIDES, JointOrder, Side, Unit
+from geneoh.config import checked_call
 from geneoh.errors import ConfigError, InputError
 from geneoh.files.npz import Arrays, write_archive
-from geneoh.geometry.mesh import METRES, Mesh, load_mesh
+from geneoh.geometry.mesh import METRES, Mesh, meshes_of
 from geneoh.hand.library import load_hand
 from geneoh.hand.mano import AS_SHIPPED, MENDED
 from geneoh.readers.foreign_files import read_array
@@ -56,6 +57,7 @@ LAYOUT_NAMES: dict[Layout, str] = {
 }
 
 
+@checked_call
 def load(
     path: Path | str,
     *,
@@ -90,8 +92,7 @@ def load(
     Raises:
         InputError: a file cannot be read as one interaction; the message says why.
     """
-    files = [obj] if isinstance(obj, Path | str) else list(obj or ())
-    meshes = tuple(load_mesh(Path(file), unit) for file in files) or None
+    meshes = None if obj is None else meshes_of(obj, unit) or None
     offset = None if mano_dir is None else mano_wrist_offset(mano_dir)
     if isinstance(object_pose, Path | str):
         object_pose = read_array(Path(object_pose), *POSE_SHAPES)

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 
 from geneoh.choices import JointOrder, Side, Translation, Unit
+from geneoh.config import checked_call
 from geneoh.errors import ConfigError
-from geneoh.geometry.mesh import METRES, load_mesh
+from geneoh.geometry.mesh import METRES, meshes_of
 from geneoh.readers.base import ReaderOptions
 from geneoh.readers.foreign_files import read_array
 from geneoh.readers.recordings import read_one
@@ -17,6 +18,7 @@ from geneoh.sequence.sequence import Sequence
 from geneoh.sequence.validation import check_sequence
 
 
+@checked_call
 def read(
     source: str,
     path: Path | str,
@@ -113,7 +115,7 @@ def options_with_files(
     if object_pose is not None and keypoint_unit is not None:
         object_pose = np.array(object_pose, dtype=np.float64)
         object_pose[..., :3, 3] *= METRES[keypoint_unit]
-    meshes = tuple(load_mesh(Path(mesh), unit) for mesh in obj)
+    meshes = meshes_of(obj, unit)
     return ReaderOptions(
         meshes=meshes, object_pose=object_pose, keypoint_unit=keypoint_unit, **others
     )

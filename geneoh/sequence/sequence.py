@@ -7,11 +7,11 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from geneoh.bundle import Bundle
-from geneoh.choices import Side
+from geneoh.bundle import Bundle, conform
+from geneoh.choices import SIDES, Side
 from geneoh.errors import InputError
 from geneoh.geometry.distance import MovingSurface, SurfaceDistance
-from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.mesh import Mesh, meshes_of
 from geneoh.geometry.mirror import mirror_axis_angle, mirror_points, mirror_rotations
 
 
@@ -46,7 +46,10 @@ class HandTrack(Bundle):
     images; None where it is not known (`geneoh.sequence.camera`)."""
 
     def __post_init__(self) -> None:
-        """Refuse a track without a single usable description of the hand."""
+        """Take arrays and lists, and refuse a track without a usable description of the hand."""
+        if self.side not in SIDES:
+            raise InputError(f"a hand's side must be 'left' or 'right', got {self.side!r:.60}")
+        conform(self, f"the {self.side} hand")
         if self.joints is None and (self.pose is None or self.wrist is None):
             raise InputError(
                 f"the {self.side} hand needs 'joints', or 'pose' together with 'wrist'; "
@@ -86,6 +89,15 @@ class ObjectTrack(Bundle):
         upright = torch.eye(3).expand(frames, max(1, len(meshes)), 3, 3).clone()
         return cls(meshes, upright, torch.zeros(upright.shape[:3]))
 
+    def __post_init__(self) -> None:
+        """Take arrays and lists, one mesh or its file, and motion without the axis of parts."""
+        object.__setattr__(self, "meshes", meshes_of(self.meshes))
+        for name, axes in (("rotation", 3), ("translation", 2)):
+            motion = getattr(self, name)
+            if getattr(motion, "ndim", None) == axes and len(self.meshes) <= 1:
+                object.__setattr__(self, name, motion[:, None])
+        conform(self, "the object")
+
     def mirrored(self) -> "ObjectTrack":
         """The reflection x -> -x of the meshes and of their motion."""
         return replace(
@@ -110,6 +122,22 @@ class Sequence(Bundle):
     fps: float
     source: str = ""
     """Where it came from, in words a person can use: a file name and the layout that was read."""
+
+    def __post_init__(self) -> None:
+        """Take one hand or a list of hands, and any number as the rate."""
+        hands = (self.hands,) if isinstance(self.hands, HandTrack) else tuple(self.hands)
+        object.__setattr__(self, "hands", hands)
+        kinds = (*(type(hand) for hand in hands), type(self.object))
+        if kinds != (HandTrack,) * len(hands) + (ObjectTrack,):
+            got = ", ".join(kind.__name__ for kind in kinds)
+            raise InputError(
+                f"a Sequence is made of HandTracks and an ObjectTrack, got {got}; "
+                "geneoh.from_arrays makes one of arrays"
+            )
+        try:
+            object.__setattr__(self, "fps", float(self.fps))
+        except (TypeError, ValueError):
+            raise InputError(f"'fps' must be a number, got {self.fps!r:.60}; correct it") from None
 
     def __repr__(self) -> str:
         """The hands, length, rate and source in one line."""

@@ -112,6 +112,11 @@ def check_hand(hand: HandTrack, name: str) -> None:
 
 def check_place(points: Float[Tensor, "*B 3"], what: str, name: str) -> None:
     """Refuse points so far from the origin that float32 does not hold them to a millimetre."""
+    if not bool(points.isfinite().all()):
+        raise InputError(
+            f"{name}: {what} must be finite wherever it is valid, got NaN or infinity; mark such "
+            "frames as not valid"
+        )
     farthest = float(points.abs().max())
     if not farthest <= FARTHEST_POINT:
         raise InputError(

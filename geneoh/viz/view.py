@@ -9,6 +9,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.choices import Axis, Colouring, Side, Unit
+from geneoh.config import checked_call
 from geneoh.pipeline.results import Denoised, load_samples
 from geneoh.progress import OnStep
 from geneoh.readers.npz_files import load
@@ -22,6 +23,7 @@ Viewable = Denoised | Sequence | Path | str
 """A result in memory, a sequence, or the npz file of either."""
 
 
+@checked_call
 def view(
     result: Viewable,
     path: Path | str | None = None,

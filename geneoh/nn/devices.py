@@ -5,7 +5,7 @@ import torch
 from geneoh.errors import ConfigError
 
 
-def named(name: str) -> torch.device:
+def named_device(name: str) -> torch.device:
     """The torch device of that name.
 
     Raises:

@@ -1,0 +1,70 @@
+"""What `geneoh.denoise` is given: taken as it is meant, checked, and kept apart from the caller."""
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from geneoh.errors import InputError
+from geneoh.geometry.mesh import checked, meshes_of, size_warning
+from geneoh.readers.npz_files import load
+from geneoh.sequence.gaps import fill_object
+from geneoh.sequence.sequence import Sequence
+from geneoh.sequence.validation import check_sequence
+
+
+def as_sequence(
+    given: Sequence | Path | str, obj: Path | str | Iterable[Path | str] | None
+) -> Sequence:
+    """The sequence that is given or is in the file that is named, with the meshes of its object.
+
+    Raises:
+        InputError: it is neither, or cannot be read.
+    """
+    if isinstance(given, Path | str):
+        return load(given, obj=obj)
+    if not isinstance(given, Sequence):
+        raise InputError(
+            f"geneoh.denoise takes a Sequence or the npz file of one, got {type(given).__name__}; "
+            "geneoh.from_arrays makes a Sequence of arrays, and a result has one in .sequence"
+        )
+    meshes = given.object.meshes if obj is None else meshes_of(obj)
+    return replace(given, object=replace(given.object, meshes=meshes)).map(own)
+
+
+def own(values: Tensor) -> Tensor:
+    """Values that are no part of the caller's gradients and can be part of ours."""
+    return values.clone() if values.is_inference() else values.detach()
+
+
+def checked_interaction(sequence: Sequence) -> Sequence:
+    """The sequence with frames filled in which the object's pose is missing.
+
+    Raises:
+        InputError: a mesh without a surface or of another unit, or numbers that can be no
+            interaction; the first fault that is found, with its remedy.
+    """
+    for mesh in sequence.object.meshes:
+        name = str(mesh.source or sequence.source or "the mesh")
+        if warning := size_warning(checked(mesh, name)):
+            raise InputError(f"{name}: {warning}")
+    sequence = replace(sequence, object=fill_object(sequence.object))
+    check_sequence(sequence, sequence.source)
+    return sequence
+
+
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """Work in float32, with gradients where they are asked for, whatever modes the caller set."""
+    theirs = torch.get_default_dtype()
+    try:
+        if theirs != torch.float32:  # it is one for all threads: set only where it must be
+            torch.set_default_dtype(torch.float32)
+        with torch.inference_mode(False), torch.no_grad():
+            yield
+    finally:
+        if theirs != torch.float32:
+            torch.set_default_dtype(theirs)
