@@ -8,13 +8,13 @@ from pathlib import Path
 import torch
 from jaxtyping import Int
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
+from safetensors.torch import save
 from torch import Tensor
 
 from geneoh.bundle import concatenated
 from geneoh.config import as_dict, flat, with_table
 from geneoh.errors import ConfigError, InputError
-from geneoh.files.atomic import in_one_step
+from geneoh.files.atomic import write_whole
 from geneoh.hand.model import HandModel, ShapedHand
 from geneoh.progress import OnStep
 from geneoh.synthesis.bimanual import (
@@ -255,9 +255,8 @@ def write_shards(
                 scans=scans,
             )
             tensors = {f.name: getattr(part, f.name).contiguous() for f in fields(part)}
-            with in_one_step(path) as beside:
-                # one entry: safetensors writes several in no fixed order
-                save_file(tensors, beside, metadata={"record": json.dumps(as_dict(record))})
+            # one entry: safetensors writes several in no fixed order
+            write_whole(path, save(tensors, metadata={"record": json.dumps(as_dict(record))}))
             made += 1
         if on_shard is not None:
             on_shard(index + 1, config.shards)
@@ -287,7 +286,7 @@ def shard_record(path: Path) -> ShardRecord:
             record = json.loads((shard.metadata() or {})["record"])
             table, seed = dict(record["config"]), int(record["seed"])
             objects = str(record.get("objects", ""))
-    except (SafetensorError, KeyError, TypeError, ValueError, OverflowError) as error:
+    except (SafetensorError, OSError, LookupError, ArithmeticError, TypeError, ValueError) as error:
         raise _broken(path, error) from error
     try:
         return ShardRecord(with_table(SynthesisConfig(), table, str(path)), seed, objects)
@@ -341,7 +340,7 @@ def read_shard(path: Path) -> Interactions:
         if "scan" not in found:  # made before there were scanned objects
             found["scan"] = torch.full((len(found["wrist"]),), -1)
         return Interactions(**found)
-    except (SafetensorError, KeyError, TypeError, ValueError) as error:
+    except (SafetensorError, OSError, KeyError, TypeError, ValueError) as error:
         raise _broken(path, error) from error
 
 

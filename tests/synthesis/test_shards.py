@@ -186,6 +186,18 @@ def test_a_record_with_a_seed_that_is_no_number_is_told_with_the_cure(tmp_path):
         shard_record(path)
 
 
+def test_a_shard_that_the_system_does_not_give_is_told_with_the_cure(tmp_path):
+    (tmp_path / "train_00001.safetensors").mkdir()
+    with pytest.raises(InputError, match=r"train_00001\.safetensors: expected a whole shard"):
+        read_shards(tmp_path, "train")
+
+
+def test_shards_may_be_read_by_those_who_may_read_other_new_files(tmp_path, hand):
+    write_shards(tmp_path, TINY, hand, seed=0)
+    (tmp_path / "other").touch()
+    assert len({path.stat().st_mode for path in tmp_path.iterdir()}) == 1
+
+
 def with_record(folder, config: dict) -> Path:
     """A shard whose record has these settings."""
     path = folder / "train_00001.safetensors"
