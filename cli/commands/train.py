@@ -1,4 +1,4 @@
-"""`geneoh train`: the weights of one stage, from interactions on disk."""
+"""`geneoh train`: the weights of one stage, from made interactions and from recordings."""
 
 from pathlib import Path
 from typing import Any
@@ -12,59 +12,90 @@ from .. import options
 
 @click.command()
 @click.option("--stage", type=click.Choice(STAGES), required=True, help="Network to train.")
-@options.data
+@click.option(
+    *("--data", "sources"),
+    metavar="[SOURCE=]PATH[:WEIGHT]",
+    multiple=True,
+    default=("runs/data",),
+    show_default=True,
+    help="What to learn from; may be repeated. A folder alone holds made interactions, and they "
+    "are made where it is empty. SOURCE is one of `geneoh convert --help`, or `sequences` for npz "
+    "files; WEIGHT is its share of the windows, relative to the others.",
+)
 @options.folder
 @options.config
 @options.settings
+@click.option(
+    "--start",
+    type=options.FOLDER,
+    metavar="shipped|FOLDER",
+    help="Weights to go on from instead of random ones: the shipped ones, or those of a folder. "
+    "The configuration is then `finetune`, if no other is named.",
+)
+@options.mano
 @click.option(
     "--threads", type=click.IntRange(min=1), help="CPU threads; default: chosen by torch."
 )
 @options.device
 def train(
     stage: Any,
-    data: Path,
+    sources: tuple[str, ...],
     folder: Path,
     config: str | None,
     settings: tuple[str, ...],
+    start: Path | None,
+    mano: Path | None,
     threads: int | None,
     device: str,
 ) -> None:
     """Train a stage. An interrupted run continues when it is started again with the same folder.
 
     Writes STAGE.safetensors, the state of the run and STAGE_log.csv (loss, error left on held-out
-    objects, rate, seconds) to the output folder. Once motion, spatial and temporal are there,
-    `geneoh denoise --weights FOLDER` uses them. Spatial and temporal learn on the output of
-    MotionDiff: of the one in the folder, else of the shipped one. Toch and regression are the
-    baselines of `geneoh eval`. Without --config the shipped configuration of the stage is used.
-    Settings are those of TrainConfig, such as steps=1000 or corruption.gap_share=0.5.
+    objects, rate, seconds) to the output folder, and the clips that are cut out of recordings to
+    its subfolder recordings/. Once motion, spatial and temporal are there, `geneoh denoise
+    --weights FOLDER` uses them. Spatial and temporal learn on the output of MotionDiff: of the one
+    in the folder, else of the shipped one. Toch and regression are the baselines of `geneoh eval`.
+    Without --config the shipped configuration of the stage is used. Settings are those of
+    TrainConfig, such as steps=1000, corruption.gap_share=0.5 or synthesis.count=2048.
     """
     import torch
 
-    from geneoh.config import as_dict, configured
+    from geneoh.config import configured
     from geneoh.denoisers.library import load_motion
     from geneoh.nn.devices import named_device
-    from geneoh.synthesis.shards import find_shards, read_shards, shard_record
+    from geneoh.readers.base import ReaderOptions
     from geneoh.training.config import TrainConfig
+    from geneoh.training.data import parsed_source, training_data
     from geneoh.training.loop import train as fit
+    from geneoh.training.start import started_from
 
     from .. import progress
 
     if threads is not None:
         torch.set_num_threads(threads)
-    chosen = configured(TrainConfig(), options.find_config(config or stage), settings)
-    parts = read_shards(data, "train"), read_shards(data, "val")
-    place = named_device(device)
+    named = config or ("finetune" if start else stage)
+    chosen, weights = configured(TrainConfig(), options.find_config(named), settings), None
+    if start is not None:
+        chosen, weights = started_from(None if start == Path("shipped") else start, stage, chosen)
+    place, asked = named_device(device), [parsed_source(text) for text in sources]
     follows = stage in ("spatial", "temporal")
     motion_denoiser = load_motion(folder).to(place) if follows else None
+    with progress.progress_bars() as on_progress:
+        readers = ReaderOptions(mano_dir=mano)
+        data = training_data(asked, folder / "recordings", chosen, readers, on_progress=on_progress)
+    for note in data.notes:
+        click.echo(note)
     with progress.progress_bars() as on_progress:
         path = fit(
             stage,
             chosen,
-            *parts,
+            data.training,
+            data.validation,
             folder,
             device=place,
             motion_denoiser=motion_denoiser,
-            data_record=as_dict(shard_record(find_shards(data, "train")[0])),
+            data_record=data.record,
+            start=weights,
             on_step=lambda now: on_progress(stage, now.step, now.steps),
         )
     click.echo(f"wrote {path}")

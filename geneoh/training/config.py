@@ -8,8 +8,10 @@ from geneoh.denoisers.motion import MotionConfig
 from geneoh.denoisers.spatial import SpatialConfig
 from geneoh.denoisers.temporal import TemporalConfig
 from geneoh.denoisers.trajectory import TrajectoryConfig
+from geneoh.synthesis.shards import SynthesisConfig
 from geneoh.training.augmentation import AugmentationConfig
 from geneoh.training.corruption import CorruptionConfig
+from geneoh.training.recordings import ClipConfig
 from geneoh.training.windows import WindowConfig
 
 
@@ -61,3 +63,7 @@ class TrainConfig:
     trajectory: TrajectoryConfig = field(default_factory=TrajectoryConfig)
     toch: TochConfig = field(default_factory=TochConfig)
     regression: RegressionConfig = field(default_factory=RegressionConfig)
+    synthesis: SynthesisConfig = field(default_factory=SynthesisConfig)
+    """Of the interactions that are made where the run's folder of them is empty."""
+    clips: ClipConfig = field(default_factory=ClipConfig)
+    """How clips are cut out of recordings."""

@@ -153,6 +153,7 @@ def train(
     device: torch.device,
     motion_denoiser: MotionDenoiser | None = None,
     data_record: Mapping[str, Any] | None = None,
+    start: Mapping[str, Tensor] | None = None,
     on_step: Callable[[Progress], None] | None = None,
 ) -> Path:
     """Train one stage and return the path of its weights, `folder`/`stage`.safetensors.
@@ -171,6 +172,7 @@ def train(
         device: where the network is trained.
         motion_denoiser: MotionDiff, for a stage that follows it.
         data_record: config and seed of the data, for the record.
+        start: weights to start from instead of random ones; see `geneoh.training.start`.
         on_step: called after each step.
 
     Raises:
@@ -179,9 +181,16 @@ def train(
     folder.mkdir(parents=True, exist_ok=True)
     state_path, log_path = folder / f"{stage}_state.safetensors", folder / f"{stage}_log.csv"
     record = training_record(
-        stage, config, data, validation, device, motion_denoiser, data_record=data_record
+        stage,
+        config,
+        data,
+        validation,
+        device,
+        motion_denoiser,
+        data_record=data_record,
+        start=start,
     )
-    state = first_state(stage, config, device)
+    state = first_state(stage, config, device, start)
     if state_path.exists():
         resume(state, state_path, record)
         write_log(log_path, state.log)
@@ -210,9 +219,16 @@ def train(
     return path
 
 
-def first_state(stage: StageName, config: TrainConfig, device: torch.device) -> TrainState:
+def first_state(
+    stage: StageName,
+    config: TrainConfig,
+    device: torch.device,
+    start: Mapping[str, Tensor] | None = None,
+) -> TrainState:
     """The state of a run before its first step."""
     model = build_model(stage, config).to(device)
+    if start is not None:
+        model.load_state_dict(start)
     precision = quick_precision(device)
     multiply_in(model, precision)
     average = {n: t.clone() for n, t in model.state_dict().items()}

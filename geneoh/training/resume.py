@@ -20,6 +20,7 @@ from geneoh.nn.checkpoint import Checkpoint
 from geneoh.synthesis.motion import Interactions
 from geneoh.training.config import TrainConfig
 from geneoh.training.optimizer import Optimizer, quick_precision
+from geneoh.training.windows import WeightedInteractions
 
 MAY_CHANGE = ("steps", "checkpoint_every", "validate_every", "validation_batches")
 """Settings whose value may change when a run is continued: of its steps they change only the
@@ -114,7 +115,8 @@ def digest(tensors: Iterable[Tensor]) -> str:
 
 def data_digest(data: Interactions) -> str:
     """A fingerprint of interactions by their people and the last place of each wrist."""
-    return digest([data.offsets, data.wrist[:, -1]])
+    shares = [data.weight] if isinstance(data, WeightedInteractions) else []
+    return digest([data.offsets, data.wrist[:, -1], *shares])
 
 
 def training_record(
@@ -126,6 +128,7 @@ def training_record(
     motion_denoiser: nn.Module | None = None,
     *,
     data_record: Mapping[str, Any] | None = None,
+    start: Mapping[str, Tensor] | None = None,
 ) -> dict[str, Any]:
     """What a checkpoint tells about how it was made; the arguments are those of `train`."""
     before = None if motion_denoiser is None else digest(motion_denoiser.state_dict().values())
@@ -136,6 +139,7 @@ def training_record(
         "data": data_digest(data),
         "validation": data_digest(validation),
         "before": before,
+        "start": None if start is None else digest(start.values()),
         "made": None if data_record is None else dict(data_record),
         "device": torch.cuda.get_device_name(device) if device.type == "cuda" else device.type,
         "precision": str(quick_precision(device)).removeprefix("torch."),
@@ -158,6 +162,7 @@ def refuse_other_run(path: Path, saved: Mapping[str, Any], asked: Mapping[str, A
         "data": "training data (fingerprint)",
         "validation": "validation data (fingerprint)",
         "before": "MotionDiff (fingerprint)",
+        "start": "first weights (fingerprint)",
     }
     differs = [
         f"{words} {saved[name]} where {asked[name]} is asked for"

@@ -62,6 +62,16 @@ class Windows:
         )
 
 
+@dataclass(frozen=True)
+class WeightedInteractions(Interactions):
+    """Interactions of which some are drawn more often, and some are shorter than their tensors."""
+
+    length: Int[Tensor, " B"]
+    """Frames that may be drawn."""
+    weight: Float[Tensor, " B"]
+    """How often a clip is drawn, relative to the others."""
+
+
 def draw_windows(
     data: Interactions, count: int, config: WindowConfig, *, generator: torch.Generator
 ) -> Windows:
@@ -74,11 +84,21 @@ def draw_windows(
     short = torch.rand((), generator=generator) < config.short_share
     frames = int(integers(2, config.frames, 1)) if short else config.frames
     frames = min(available, frames)
-    pick = integers(0, total, count)
+    pick, lengths = integers(0, total, count), None
+    if isinstance(data, WeightedInteractions):
+        pick = torch.multinomial(data.weight, count, replacement=True, generator=generator)
+        lengths = data.length[pick]
+        frames = min(frames, int(lengths.min()))
     fast = torch.rand((), generator=generator) < config.fast_share
-    stride = 2 if fast and 2 * frames <= available else 1
-    reach = stride * (frames - 1) + 1
-    window = integers(0, available - reach + 1, count)[:, None] + stride * torch.arange(frames)
+    if lengths is None:
+        stride = 2 if fast and 2 * frames <= available else 1
+        start = integers(0, available - stride * (frames - 1), count)
+    else:
+        stride = torch.where(fast & (2 * frames <= lengths), 2, 1)
+        room = lengths - stride * (frames - 1)
+        start = (torch.rand(count, generator=generator) * room).long()
+        stride = stride[:, None]
+    window = start[:, None] + stride * torch.arange(frames)
     clip = pick[:, None]
     return Windows(
         HandParameters.of_pose(

@@ -36,10 +36,35 @@ def test_synthesized_data_trains_every_stage_and_denoise_takes_the_weights(geneo
         assert len(log) == 2
 
 
-def test_training_without_data_says_how_to_make_some(geneoh):
-    result = geneoh("train", "--stage", "spatial")
-    assert result.exit_code == 2
-    assert "geneoh synthesize" in result.stderr
+@pytest.mark.slow
+def test_training_on_a_fresh_machine_makes_its_data_first(geneoh, tmp_path):
+    few = ("synthesis.count=2", "synthesis.shard=1", "synthesis.points=64")
+    settings = [word for setting in (*SMALL, *few) for word in ("--set", setting)]
+    trained = geneoh("train", "--stage", "spatial", *settings)
+    assert trained.exit_code == 0, trained.output
+    assert len(list((tmp_path / "runs" / "data").glob("*.safetensors"))) == 2
+    assert (tmp_path / "runs" / "spatial.safetensors").exists()
+
+
+@pytest.mark.slow
+def test_a_recording_goes_on_from_the_shipped_weights(geneoh, tmp_path):
+    recording = Path(__file__).parents[2] / "examples" / "taco_clean.npz"
+    settings = [word for setting in SMALL for word in ("--set", setting)]
+    run = ("train", "--stage", "motion", "--data", f"sequences={recording}", "--start", "shipped")
+    trained = geneoh(*run, *settings)
+    assert trained.exit_code == 0, trained.output
+    assert trained.stdout.startswith("sequences: 2 clips of one object, validated on what is")
+    assert not (tmp_path / "runs" / "data").exists()
+    assert len(list((tmp_path / "runs" / "recordings").rglob("*.safetensors"))) == 1
+
+
+def test_a_source_of_data_that_is_none_is_refused(geneoh):
+    unknown = geneoh("train", "--stage", "motion", "--data", "tacco=nowhere")
+    assert unknown.exit_code == 2
+    assert "got tacco" in unknown.stderr
+    missing = geneoh("train", "--stage", "motion", "--data", "taco=nowhere")
+    assert missing.exit_code == 2
+    assert "nowhere: no such file or folder" in missing.stderr
 
 
 def test_settings_of_the_data_come_from_a_file_and_from_the_command(geneoh, tmp_path):

@@ -1,0 +1,247 @@
+"""The data of a training run: made interactions and clips of recordings, in shares that are asked.
+
+Recordings are split by whole objects, so that validation sees none that a network learned from.
+"""
+
+import hashlib
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, fields
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import torch
+from jaxtyping import Bool, Int
+from torch import Tensor
+
+from geneoh.bundle import concatenated
+from geneoh.config import as_dict
+from geneoh.errors import ConfigError, InputError
+from geneoh.hand.library import load_hand
+from geneoh.progress import OnProgress
+from geneoh.readers.base import ReaderOptions
+from geneoh.readers.registry import SOURCES
+from geneoh.synthesis.motion import Interactions
+from geneoh.synthesis.shards import (
+    ShardRecord,
+    SynthesisConfig,
+    find_shards,
+    read_shard,
+    read_shards,
+    seed_of,
+    shard_record,
+    write_shards,
+)
+from geneoh.training import recordings
+from geneoh.training.config import TrainConfig
+from geneoh.training.recordings import SEQUENCES, ClipRecord
+from geneoh.training.windows import WeightedInteractions
+
+HELD_OUT = 0.1
+"""Share of a source's clips that is held out for validation, in whole objects."""
+
+
+@dataclass(frozen=True)
+class DataSource:
+    """A folder that a network learns from."""
+
+    path: Path
+    source: str = ""
+    """Name of a reader, or "sequences"; empty for made interactions."""
+    weight: float = 1.0
+    """Share of the windows, relative to the other sources."""
+
+
+@dataclass(frozen=True)
+class TrainingData:
+    """What a run learns from and is validated on."""
+
+    training: Interactions
+    validation: Interactions
+    record: dict[str, Any]
+    """How the data was made, for the record of the weights."""
+    notes: tuple[str, ...]
+    """What was found and what was left out, for people."""
+
+
+@dataclass(frozen=True)
+class Portion:
+    """Clips of one source in one split, and how many frames of each are real."""
+
+    clips: Interactions
+    lengths: Int[Tensor, " B"]
+    weight: float
+
+
+def parsed_source(text: str) -> DataSource:
+    """A source as it is written on the command line: `[SOURCE=]PATH[:WEIGHT]`.
+
+    Raises:
+        ConfigError: the source is unknown, or the weight is not above zero.
+    """
+    source, _, rest = text.partition("=") if "=" in text else ("", "", text)
+    path, _, weight = rest.rpartition(":")
+    try:
+        number = float(weight) if path else 1.0
+    except ValueError:  # the colon belongs to the path
+        path, number = rest, 1.0
+    if source and source not in (SEQUENCES, *SOURCES):
+        known = ", ".join((SEQUENCES, *SOURCES))
+        raise ConfigError(f"--data {text}: expected one of {known} before '=', got {source}")
+    if not 0 < number < float("inf"):
+        raise ConfigError(f"--data {text}: the weight must be above 0, got {number:g}; raise it")
+    return DataSource(Path(path or rest), source, number)
+
+
+def training_data(
+    sources: Sequence[DataSource],
+    cache: Path,
+    config: TrainConfig,
+    options: ReaderOptions | None = None,
+    *,
+    on_progress: OnProgress | None = None,
+) -> TrainingData:
+    """Read the data of a run; what is not there yet is made first, and an interrupted one goes on.
+
+    Args:
+        sources: made interactions and recordings.
+        cache: folder of the shards that are cut out of recordings.
+        config: of the run; of it, what interactions are made and how recordings are cut.
+        options: of the readers.
+        on_progress: called with "interactions", or the name of a source, and what is done.
+
+    Raises:
+        InputError: a source holds nothing to learn from, or its files cannot be read.
+    """
+    train: list[Portion] = []
+    val: list[Portion] = []
+    made: list[dict[str, Any]] = []
+    notes: list[str] = []
+    for one in sources:
+        report = None if on_progress is None else partial(on_progress, one.source or "interactions")
+        if not one.source:
+            write_missing(one.path, config.synthesis, report)
+            found = [whole(read_shards(one.path, split), one.weight) for split in ("train", "val")]
+            made.append(as_dict(shard_record(find_shards(one.path, "train")[0])))
+        else:
+            name = f"{one.source}_{fingerprint(str(one.path.resolve()))}"
+            shards, problems = recordings.make_shards(
+                one.source,
+                one.path,
+                cache / name,
+                config.clips,
+                options or ReaderOptions(),
+                on_step=report,
+            )
+            found, words = split_recordings(one, shards)
+            notes += [*words, *problems]
+            made.append({"source": one.source, "weight": one.weight, "clips": asdict(config.clips)})
+        train.append(found[0])
+        val.append(found[1])
+    record = made[0] if len(made) == 1 else {"sources": made}
+    return TrainingData(mixed(train), mixed(val), record, tuple(notes))
+
+
+def write_missing(folder: Path, config: SynthesisConfig, on_step: Any) -> None:
+    """Make interactions where a folder has none, or not yet all that this config makes.
+
+    Shards that were made with another config or seed are taken as they are.
+    """
+    there = sorted(folder.glob("*_*.safetensors"))
+    if not there or shard_record(there[0]) == ShardRecord(config, 0):
+        write_shards(folder, config, load_hand("right"), seed=0, on_shard=on_step)
+
+
+def fingerprint(text: str) -> str:
+    """Eight digits that tell a text from others."""
+    return hashlib.sha256(text.encode()).hexdigest()[:8]
+
+
+def whole(clips: Interactions, weight: float) -> Portion:
+    """Made clips, all of whose frames are real."""
+    count, frames = clips.wrist.shape[:2]
+    return Portion(clips, torch.full((count,), frames), weight)
+
+
+def split_recordings(source: DataSource, shards: Iterable[Path]) -> tuple[list[Portion], list[str]]:
+    """The clips to learn from and those to validate on, and words on them.
+
+    Raises:
+        InputError: there is no clip at all.
+    """
+    clips: list[Interactions] = []
+    records: list[ClipRecord] = []
+    left_out: Counter[str] = Counter()
+    for shard in shards:
+        record = recordings.shard_record(shard)
+        assert record is not None, "it was made or checked just now"
+        left_out.update(record.left_out)
+        if record.clips:
+            clips.append(read_shard(shard))
+            records += record.clips
+    reasons = ", ".join(f"{count} {reason}" for reason, count in left_out.items() if count)
+    if not records:
+        raise InputError(
+            f"{source.path}: expected clips of {source.source} with hand and object near each "
+            f"other, got none ({reasons or 'no frames'}); a shorter windows.frames keeps more"
+        )
+    held, by = held_out(records)
+    together = concatenated(clips, "B")
+    lengths = torch.tensor([record.length for record in records])
+    parts = [
+        Portion(together.take(kept, "B"), lengths[kept], source.weight)
+        for kept in ((~held, held) if bool(held.any()) else (~held, ~held))
+    ]
+    objects = len({record.object for record in records})
+    of = "one object" if objects == 1 else f"{objects} objects"
+    words = f"{source.source}: {len(records)} clips of {of}, {by}"
+    return parts, [f"{words}; frames left out: {reasons or 'none'}"]
+
+
+def held_out(records: Sequence[ClipRecord]) -> tuple[Bool[Tensor, " B"], str]:
+    """Which clips are held out for validation, and by what, in words.
+
+    Whole objects; where there is one object only, whole people; of one person with one object
+    none: it is validated on what it learns.
+    """
+    for kind in ("object", "person"):
+        of_clip = [getattr(record, kind) for record in records]
+        counts = Counter(of_clip)
+        if len(counts) < 2:
+            continue
+        chosen: set[str] = set()
+        for name in sorted(counts, key=lambda name: seed_of("held out", name))[:-1]:
+            chosen.add(name)
+            if sum(counts[one] for one in chosen) >= HELD_OUT * len(records):
+                break
+        held = torch.tensor([name in chosen for name in of_clip])
+        words = {"object": "object" if len(chosen) == 1 else "objects", "person": "people"}
+        return held, f"{int(held.sum())} of {len(chosen)} {words[kind]} held out for validation"
+    return torch.zeros(
+        len(records), dtype=torch.bool
+    ), "validated on what is learned: there is no other object"
+
+
+def mixed(portions: Sequence[Portion]) -> Interactions:
+    """All clips in one, drawn in the shares of their sources; a source alone that is whole stays.
+
+    Shorter clips are padded with their last frame, which is never drawn.
+    """
+    if len(portions) == 1 and bool((portions[0].lengths == portions[0].clips.wrist.shape[1]).all()):
+        return portions[0].clips
+    frames = max(portion.clips.wrist.shape[1] for portion in portions)
+    points = min(portion.clips.points.shape[1] for portion in portions)
+    together = concatenated((evened(p.clips, frames, points) for p in portions), "B")
+    return WeightedInteractions(
+        **{field.name: getattr(together, field.name) for field in fields(Interactions)},
+        length=torch.cat([portion.lengths for portion in portions]),
+        weight=torch.cat([p.weight * p.lengths / p.lengths.sum() for p in portions]),
+    )
+
+
+def evened(clips: Interactions, frames: int, points: int) -> Interactions:
+    """The clips padded with their last frame, with so many of their surface points."""
+    last = clips.wrist.shape[1] - 1
+    some = torch.linspace(0, clips.points.shape[1] - 1, points).round().long()
+    return clips.take(torch.arange(frames).clamp(max=last), "T").take(some, "P")

@@ -1,0 +1,326 @@
+"""Clips to learn from, cut out of recordings where hand and object are near, as shards on disk.
+
+Every file or folder that a reader takes as one clip becomes one shard, which says what it was made
+from. An interrupted run goes on behind the last whole shard; one that is made is read at once.
+"""
+
+import hashlib
+import json
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import torch
+from jaxtyping import Bool, Float, Int
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+from torch import Tensor
+
+from geneoh.errors import GeneOHError, InputError
+from geneoh.files.atomic import in_one_step
+from geneoh.fitting.subject import subject_of
+from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.sampling import sample_surface
+from geneoh.hand.library import load_hand
+from geneoh.progress import OnStep
+from geneoh.readers.base import (
+    ReaderOptions,
+    Recording,
+    SourceClip,
+    clip_name,
+    paths_matching,
+    runs,
+)
+from geneoh.readers.npz_files import load, load_sequence
+from geneoh.readers.recordings import find_clips, read_clip, source_named
+from geneoh.representation.region import surface_to_world
+from geneoh.sequence.normalisation import NormalisedHand, normalised_hands
+from geneoh.sequence.validation import check_sequence
+from geneoh.synthesis.shards import seed_of
+from geneoh.synthesis.solids import PARTS
+
+SEQUENCES = "sequences"
+"""Name of the source that is a folder of npz files, as `geneoh convert` writes them."""
+MESHES = (".obj", ".ply", ".stl", ".off", ".glb")
+"""Endings of the one file beside an npz that names no mesh itself."""
+PICTURES = (".jpg", ".jpeg", ".png", ".mp4", ".avi", ".mkv")
+"""Endings of files that no hand is read from."""
+
+
+@dataclass(frozen=True)
+class ClipConfig:
+    """How clips are cut out of recordings; saved in every shard."""
+
+    shortest: int = 60
+    """Frames, at 30 a second, of the shortest stretch that is kept: those of a window."""
+    longest: int = 120
+    """Frames of the longest clip; longer stretches are cut into equal ones."""
+    points: int = 512
+    """Surface points kept of each object."""
+    reach: float = 0.15
+    """Largest distance from the wrist to the object, metres."""
+
+
+@dataclass(frozen=True)
+class ClipRecord:
+    """Where a clip is from, to split clips and to tell them apart."""
+
+    name: str
+    object: str
+    """Fingerprint of the mesh."""
+    person: str
+    """Fingerprint of the betas; empty where the source has none."""
+    length: int
+    """Frames; those that follow up to the longest clip repeat the last one."""
+
+
+@dataclass(frozen=True)
+class ShardRecord:
+    """What a shard of recordings holds and was made from."""
+
+    config: ClipConfig
+    files: dict[str, tuple[int, str]]
+    """Size and SHA-256 of each file of the clip, by its name below the clip's folder."""
+    clips: tuple[ClipRecord, ...]
+    left_out: dict[str, int]
+    """Frames that no clip holds, by the reason."""
+
+
+def clips_of(source: str, path: Path) -> list[SourceClip]:
+    """The clips of a source below a path.
+
+    Raises:
+        ConfigError: there is no source of that name.
+        InputError: the path does not exist or holds none.
+    """
+    if source != SEQUENCES:
+        return find_clips(source_named(source), [path])
+    found = [SourceClip(clip_name(file, 2), file) for file in paths_matching(path, "*.npz")]
+    if not found:
+        raise InputError(f"{path}: expected npz files of sequences at or below it, got none")
+    return found
+
+
+def read_recordings(source: str, clip: SourceClip, options: ReaderOptions) -> list[Recording]:
+    """What a clip holds, checked.
+
+    Raises:
+        InputError: it cannot be read as an interaction.
+        MissingAssetError: it needs a file that the user must supply.
+    """
+    if source != SEQUENCES:
+        found = read_clip(source_named(source), clip, options)
+        for recording in found:
+            check_sequence(recording.sequence, recording.name)
+        return found
+    sequence = load_sequence(clip.path)
+    if not sequence.object.meshes:
+        beside = [file for file in clip.path.parent.iterdir() if file.suffix.lower() in MESHES]
+        if len(beside) != 1:
+            raise InputError(
+                f"{clip.path}: names no mesh, expected one file of it in the same folder, got "
+                f"{len(beside)}; put it there, or write the sequence with its mesh"
+            )
+        sequence = load(clip.path, obj=beside[0])
+    return [Recording(clip.name, sequence)]
+
+
+def make_shards(
+    source: str,
+    path: Path,
+    folder: Path,
+    config: ClipConfig,
+    options: ReaderOptions,
+    *,
+    on_step: OnStep | None = None,
+) -> tuple[list[Path], list[str]]:
+    """Make the shards of a source that are not there, or whose files changed.
+
+    Args:
+        source: name of a reader, or "sequences".
+        path: file or folder of the user's copy.
+        folder: where the shards are, or come to be.
+        config: how clips are cut.
+        options: of the reader.
+        on_step: called after each clip.
+
+    Returns:
+        The shards, and why a clip could not be read, in words.
+
+    Raises:
+        InputError: no clip of the source can be read; the message is that of the first.
+    """
+    clips, shards, problems = clips_of(source, path), [], []
+    for index, clip in enumerate(clips):
+        shard = folder / f"{clip.name.replace('/', '_')}.safetensors"
+        try:
+            if not is_fresh(shard, clip, config):
+                write_shard(shard, source, clip, config, options)
+            shards.append(shard)
+        except GeneOHError as error:
+            problems.append(f"{clip.name}: not read, {error}")
+        if on_step is not None:
+            on_step(index + 1, len(clips))
+    if not shards:
+        raise InputError(problems[0])
+    return shards, problems
+
+
+def write_shard(
+    shard: Path, source: str, clip: SourceClip, config: ClipConfig, options: ReaderOptions
+) -> None:
+    """Cut one clip of a source and write what was cut, whole or not at all."""
+    cuts: list[tuple[ClipRecord, dict[str, Tensor]]] = []
+    left_out: Counter[str] = Counter()
+    for recording in read_recordings(source, clip, options):
+        refuse_parts(recording)
+        for hand in normalised_hands(recording.sequence):
+            cuts += cut_hand(recording, hand, config, left_out)
+    files = {name: (file.stat().st_size, sha256(file)) for name, file in files_of(clip)}
+    record = ShardRecord(config, files, tuple(cut for cut, _ in cuts), dict(left_out))
+    names = cuts[0][1] if cuts else ()
+    tensors = {name: torch.stack([cut[name] for _, cut in cuts]).contiguous() for name in names}
+    shard.parent.mkdir(parents=True, exist_ok=True)
+    with in_one_step(shard) as beside:
+        save_file(tensors, beside, metadata={"record": json.dumps(asdict(record))})
+
+
+def refuse_parts(recording: Recording) -> None:
+    """Refuse a recording without a mesh, or of an object with more parts than made ones have."""
+    parts = len(recording.sequence.object.meshes)
+    if not 1 <= parts <= PARTS:
+        raise InputError(
+            f"{recording.name}: expected an object of 1 to {PARTS} meshes, got {parts}; "
+            "leave it out, or give its mesh"
+        )
+
+
+def cut_hand(
+    recording: Recording, hand: NormalisedHand, config: ClipConfig, left_out: Counter[str]
+) -> Iterator[tuple[ClipRecord, dict[str, Tensor]]]:
+    """The clips of one right, or mirrored, hand at 30 frames a second; the rest is counted."""
+    seed = seed_of("surface", recording.name, hand.side)
+    generator = torch.Generator().manual_seed(seed)
+    surface = drawn_surface(hand.object.meshes, config.points, generator=generator)
+    subject = subject_of(hand.track, load_hand("right"))
+    motion = {"rotation": hand.object.rotation, "translation": hand.object.translation}
+    world, _ = surface_to_world(*surface, *motion.values())
+    near = torch.cdist(subject.joints[:, :1], world).amin((1, 2)) <= config.reach
+    seen = hand.track.valid
+    left_out["far from the object"] += int((~near).sum())
+    left_out["without the hand"] += int((near & ~seen).sum())
+    if (known := hand.object.valid) is not None:
+        left_out["without the object"] += int((near & seen & ~known.all(1)).sum())
+        seen = seen & known.all(1)
+    state = subject.parameters()
+    motion = {name: both_parts(values) for name, values in motion.items()}
+    motion |= {"pose": state.pose[0], "wrist": state.wrist[0]}
+    fixed = {"points": surface[0], "normals": surface[1], "part": surface[2]}
+    fixed["offsets"] = subject.offsets[0]
+    for start, length in spans(near & seen, config, left_out):
+        frames = start + torch.arange(config.longest).clamp(max=length - 1)
+        name = f"{recording.name}_{hand.side}_{start:05d}"
+        whose = identity(hand.track.betas)
+        mesh = recording.sequence.object.meshes[0].sha256
+        moving = {key: values[frames].clone() for key, values in motion.items()}
+        yield ClipRecord(name, mesh[:16], whose, length), moving | fixed
+
+
+def spans(
+    kept: Bool[Tensor, " T"], config: ClipConfig, left_out: Counter[str]
+) -> Iterator[tuple[int, int]]:
+    """First frame and length of the clips: stretches that are long enough, in equal pieces."""
+    for run in runs(kept.numpy()):
+        frames = run.stop - run.start
+        if frames < config.shortest:
+            left_out[f"in stretches of less than {config.shortest}"] += frames
+            continue
+        pieces = -(-frames // config.longest)
+        if frames < pieces * config.shortest:
+            pieces = frames // config.shortest
+        edges = torch.linspace(run.start, run.stop, pieces + 1).round().long().tolist()
+        for start, stop in pairwise(edges):
+            yield start, min(stop - start, config.longest)
+
+
+def drawn_surface(
+    meshes: tuple[Mesh, ...], count: int, *, generator: torch.Generator
+) -> tuple[Float[Tensor, "P 3"], Float[Tensor, "P 3"], Int[Tensor, " P"]]:
+    """Points, normals and part of `count` points on all surfaces, shared by their areas."""
+    areas = torch.stack([mesh.face_vectors().norm(dim=-1).sum() for mesh in meshes])
+    edges = (count * areas.cumsum(0) / areas.sum()).round().long().tolist()
+    counts = [stop - start for start, stop in pairwise([0, *edges])]
+    drawn = [
+        sample_surface(mesh, each, generator=generator)
+        for mesh, each in zip(meshes, counts, strict=True)
+        if each
+    ]
+    part = torch.arange(len(meshes)).repeat_interleave(torch.tensor(counts))
+    points, normals = (
+        torch.cat([getattr(one, name) for one in drawn]) for name in ("points", "normals")
+    )
+    return points, normals, part
+
+
+def both_parts(values: Float[Tensor, "T Q ..."]) -> Float[Tensor, "T R ..."]:
+    """Motion of the parts that made objects have; that of a rigid object is the same for both."""
+    return values if values.shape[1] == PARTS else values.repeat_interleave(PARTS, dim=1)
+
+
+def identity(betas: Float[Tensor, " S"] | None) -> str:
+    """A fingerprint of a person's betas; empty without."""
+    if betas is None:
+        return ""
+    text = ",".join(f"{value:.3f}" for value in betas.tolist())
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def files_of(clip: SourceClip) -> list[tuple[str, Path]]:
+    """The files of a clip that may hold its hands, by their names below its folder."""
+    if clip.path.is_file():
+        return [(clip.path.name, clip.path)]
+    files = (file for file in sorted(clip.path.rglob("*")) if file.is_file())
+    kept = (file for file in files if file.suffix.lower() not in PICTURES)
+    return [(file.relative_to(clip.path).as_posix(), file) for file in kept]
+
+
+def sha256(file: Path) -> str:
+    """SHA-256 of a file's contents."""
+    found = hashlib.sha256()
+    with file.open("rb") as opened:
+        while block := opened.read(2**20):
+            found.update(block)
+    return found.hexdigest()
+
+
+def is_fresh(shard: Path, clip: SourceClip, config: ClipConfig) -> bool:
+    """Whether a shard is there, whole, cut as asked, and made from the clip's files as they are.
+
+    Contents are compared of files that are newer than the shard; others only in size.
+    """
+    if (record := shard_record(shard)) is None or record.config != config:
+        return False
+    files, made = files_of(clip), shard.stat().st_mtime
+    if {name for name, _ in files} != set(record.files):
+        return False
+    for name, file in files:
+        size, content = record.files[name]
+        stat = file.stat()
+        if stat.st_size != size or (stat.st_mtime > made and sha256(file) != content):
+            return False
+    return True
+
+
+def shard_record(shard: Path) -> ShardRecord | None:
+    """The record of a shard; None where it is not there, broken, or of another version."""
+    try:
+        with safe_open(shard, framework="pt") as file:
+            found: dict[str, Any] = json.loads((file.metadata() or {})["record"])
+        clips = tuple(ClipRecord(**clip) for clip in found["clips"])
+        files = {name: (size, digest) for name, (size, digest) in found["files"].items()}
+        return ShardRecord(ClipConfig(**found["config"]), files, clips, found["left_out"])
+    except (OSError, SafetensorError, KeyError, TypeError, ValueError):
+        return None

@@ -1,0 +1,46 @@
+"""Weights that a run starts from: a network that has learned goes on with other data."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from torch import Tensor
+
+from geneoh.baselines.library import baseline_weights
+from geneoh.choices import StageName
+from geneoh.denoisers.library import weights_of
+from geneoh.errors import CheckpointError
+from geneoh.nn.checkpoint import load_checkpoint
+from geneoh.training.config import TrainConfig
+from geneoh.training.loop import build_model
+
+
+def started_from(
+    folder: Path | None, stage: StageName, config: TrainConfig
+) -> tuple[TrainConfig, dict[str, Tensor]]:
+    """Weights of a stage to start from, and the config with the network that they are of.
+
+    The temporal stage keeps its autoencoder: only the denoiser of its latent goes on learning.
+
+    Args:
+        folder: holds STAGE.safetensors; None for the shipped weights.
+        stage: which network.
+        config: of the run.
+
+    Raises:
+        CheckpointError: there are no weights of this version of the network.
+    """
+    if stage == "toch" or stage == "regression":
+        path = baseline_weights(stage, folder)
+    else:
+        path = weights_of(stage, folder)
+    saved = load_checkpoint(path)
+    try:
+        network = type(getattr(config, stage))(**saved.record["config"][stage])
+        config = replace(config, autoencoder_steps=0, **{stage: network})
+        build_model(stage, config).load_state_dict(saved.tensors)
+    except (KeyError, TypeError, RuntimeError) as error:
+        raise CheckpointError(
+            f"{path}: expected weights of this version's {stage} network, got others "
+            f"({str(error).splitlines()[-1].strip()}); start without them"
+        ) from error
+    return config, saved.tensors

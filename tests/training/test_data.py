@@ -1,0 +1,151 @@
+"""Where a run's data comes from: shares of sources, what is held out, and what is made first."""
+
+from dataclasses import fields, replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from geneoh.errors import ConfigError, InputError
+from geneoh.hand.library import load_hand
+from geneoh.synthesis.motion import Interactions
+from geneoh.synthesis.shards import SynthesisConfig, shard_record, write_shards
+from geneoh.training.data import (
+    DataSource,
+    Portion,
+    held_out,
+    mixed,
+    parsed_source,
+    training_data,
+    whole,
+)
+from geneoh.training.recordings import ClipRecord
+from geneoh.training.windows import WeightedInteractions, WindowConfig, draw_windows
+
+FEW = SynthesisConfig(count=2, shard=1, points=16, frames=8)
+
+
+@pytest.mark.parametrize(
+    ("text", "source"),
+    [
+        ("runs/data", DataSource(Path("runs/data"))),
+        ("runs/data:2", DataSource(Path("runs/data"), "", 2.0)),
+        ("taco=/data/TACO", DataSource(Path("/data/TACO"), "taco")),
+        ("taco=/data/TACO:0.5", DataSource(Path("/data/TACO"), "taco", 0.5)),
+        ("sequences=C:/mine", DataSource(Path("C:/mine"), "sequences")),
+        ("sequences=C:/mine:3", DataSource(Path("C:/mine"), "sequences", 3.0)),
+    ],
+)
+def test_a_source_is_a_reader_a_path_and_a_weight(text, source):
+    assert parsed_source(text) == source
+
+
+@pytest.mark.parametrize("text", ["tacco=/data", "taco=/data:0", "taco=/data:-1", "x:inf"])
+def test_an_unknown_source_or_a_weight_of_nothing_is_refused(text):
+    with pytest.raises(ConfigError, match=f"--data {text}: "):
+        parsed_source(text)
+
+
+def records(objects: str, people: str) -> list[ClipRecord]:
+    """A clip for each pair of letters."""
+    return [ClipRecord("a", o, p, 60) for o, p in zip(objects, people, strict=True)]
+
+
+def test_whole_objects_are_held_out():
+    letters = "aaaabbbbbbccccccccdd"
+    held, words = held_out(records(letters, "p" * 20))
+    chosen = {letter for letter, out in zip(letters, held, strict=True) if out}
+    assert 2 <= int(held.sum()) < 20
+    assert all(bool(out) == (letter in chosen) for letter, out in zip(letters, held, strict=True))
+    assert "held out for validation" in words
+
+
+def test_of_one_object_whole_people_are_held_out():
+    held, words = held_out(records("aaaa", "ppqq"))
+    assert held.tolist() in ([True, True, False, False], [False, False, True, True])
+    assert "people held out" in words
+
+
+def test_one_person_with_one_object_is_validated_on_itself():
+    held, words = held_out(records("aa", "pp"))
+    assert not bool(held.any())
+    assert "no other object" in words
+
+
+def test_made_interactions_alone_stay_as_they_are(clips):
+    assert mixed([whole(clips, 0.3)]) is clips
+
+
+def portion(clips: Interactions, number: float, lengths: list[int], weight: float) -> Portion:
+    """Clips whose wrist says whose they are, and whose padded frames are NaN."""
+    wrist = torch.full_like(clips.wrist, number)
+    for one, length in zip(wrist, lengths, strict=True):
+        one[length:] = torch.nan
+    return Portion(replace(clips, wrist=wrist), torch.tensor(lengths), weight)
+
+
+def test_windows_are_drawn_in_the_shares_asked_for_and_never_of_the_padding(clips):
+    some = clips.take(slice(3), "B")
+    frames = clips.wrist.shape[1]
+    longer = portion(some, 1.0, [frames] * 3, 3.0)
+    shorter = portion(clips.take(slice(1), "B"), 2.0, [6], 1.0)
+    both = mixed([longer, shorter])
+    assert isinstance(both, WeightedInteractions)
+    generator = torch.Generator().manual_seed(0)
+    config = WindowConfig(frames=6, fast_share=0.5)
+    wrists = [draw_windows(both, 50, config, generator=generator).hand.wrist for _ in range(20)]
+    assert all(bool(wrist.isfinite().all()) for wrist in wrists)
+    share = torch.cat([wrist[:, 0, 0] == 2 for wrist in wrists]).float().mean()
+    assert float(share) == pytest.approx(0.25, abs=0.05)
+
+
+def test_clips_of_other_lengths_and_numbers_of_points_fit_together(clips):
+    short = clips.take(torch.arange(5), "T").take(torch.arange(20), "P")
+    both = mixed([whole(clips, 1.0), whole(short, 1.0)])
+    assert both.wrist.shape == (8, clips.wrist.shape[1], 3)
+    assert both.points.shape == (8, 20, 3)
+    assert both.wrist[4:, 5:].equal(short.wrist[:, 4:5].expand(4, both.wrist.shape[1] - 5, 3))
+    for field in fields(Interactions):
+        assert len(getattr(both, field.name)) == 8
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory) -> Path:
+    """A folder with the two shards of `FEW`."""
+    folder = tmp_path_factory.mktemp("made") / "data"
+    write_shards(folder, FEW, load_hand("right"), seed=0)
+    return folder
+
+
+@pytest.mark.slow
+def test_an_empty_folder_is_filled_first_and_an_interrupted_one_completed(made, tmp_path, tiny):
+    config, told = replace(tiny, synthesis=FEW), []
+    data = training_data(
+        [DataSource(tmp_path / "new")], tmp_path, config, on_progress=lambda *now: told.append(now)
+    )
+    names = sorted(path.name for path in made.iterdir())
+    assert sorted(path.name for path in (tmp_path / "new").iterdir()) == names
+    assert told == [("interactions", 1, 2), ("interactions", 2, 2)]
+    assert data.training.wrist.shape == (1, 8, 3)
+    whole_one = (made / names[0]).read_bytes()
+    (tmp_path / "new" / names[0]).unlink()
+    again = training_data([DataSource(tmp_path / "new")], tmp_path, config)
+    assert (tmp_path / "new" / names[0]).read_bytes() == whole_one
+    assert again.training.wrist.equal(data.training.wrist)
+
+
+@pytest.mark.slow
+def test_interactions_of_other_settings_are_taken_as_they_are(made, tmp_path, tiny):
+    before = sorted(path.stat().st_mtime_ns for path in made.iterdir())
+    data = training_data([DataSource(made)], tmp_path, tiny)
+    assert sorted(path.stat().st_mtime_ns for path in made.iterdir()) == before
+    assert data.record["config"]["count"] == 2
+    assert shard_record(next(made.iterdir())).config == FEW
+
+
+def test_a_source_with_no_stretch_that_is_long_enough_says_what_was_left_out(tmp_path, tiny):
+    examples = Path(__file__).parents[2] / "examples"
+    config = replace(tiny, clips=replace(tiny.clips, shortest=150))
+    source = DataSource(examples / "taco_clean.npz", "sequences")
+    with pytest.raises(InputError, match="in stretches of less than 150"):
+        training_data([source], tmp_path, config)

@@ -1,0 +1,209 @@
+"""Clips that are cut out of recordings, and the shards that keep them."""
+
+import json
+import os
+import shutil
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from safetensors.torch import safe_open
+from trees import CASES, scene, write_mano
+
+import geneoh
+from geneoh.errors import InputError
+from geneoh.geometry.mirror import mirror_points
+from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.hand.skeleton import forward_kinematics
+from geneoh.readers.base import ReaderOptions
+from geneoh.synthesis.motion import Interactions
+from geneoh.synthesis.shards import read_shard
+from geneoh.training.recordings import ClipConfig, make_shards, shard_record, spans
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+SHORT = ClipConfig(shortest=5, longest=20, points=48)
+
+
+def joints_of(clips: Interactions) -> torch.Tensor:
+    """Keypoints (B, T, 21, 3) of clips."""
+    turns = axis_angle_to_matrix(clips.pose)
+    return forward_kinematics(turns, clips.wrist, clips.offsets[:, None])[0]
+
+
+def cut(source: str, path: Path, folder: Path, config: ClipConfig = SHORT, **known):
+    """The shards of a source, which must all be readable."""
+    shards, problems = make_shards(source, path, folder, config, ReaderOptions(**known))
+    assert problems == []
+    return shards
+
+
+@pytest.fixture
+def example(tmp_path) -> Path:
+    """A folder with the example recording and its mesh, in the layout in which TACO's come."""
+    folder = tmp_path / "one"
+    folder.mkdir()
+    shutil.copy(EXAMPLES / "taco_object.obj", folder / "object.obj")
+    with np.load(EXAMPLES / "taco_clean.npz") as file:
+        rotation, translation = file["object_rotation"][:, 0], file["object_translation"][:, 0]
+        pose = np.tile(np.eye(4), (len(rotation), 1, 1))
+        pose[:, :3, :3], pose[:, :3, 3] = rotation, translation
+        names = {"pose": "hand_pose", "wrist": "hand_trans", "joints": "hand_joints"}
+        hand = {name: file[f"left_{field}"] for field, name in names.items()}
+    np.savez(folder / "sequence.npz", **hand, obj_pose=pose, side="left", fps=30)
+    return folder
+
+
+@pytest.mark.parametrize("source", ["taco", "arctic", "grab", "h2o", "dexycb", "oakink2"])
+def test_clips_of_a_data_set_hold_its_hands_as_right_ones(source, tmp_path):
+    case = next(case for case in CASES if case.source == source)
+    step = 4 if source == "grab" else 1  # 120 frames a second
+    s = scene(case.left, 8 * step + 1)
+    (tmp_path / "data").mkdir()
+    case.build(tmp_path / "data", s, False)
+    mano = write_mano(tmp_path / "mano")
+    known = {
+        name: tmp_path / "data" / value if name in ("objects", "body") else value
+        for name, value in case.known
+    }
+    (shard,) = cut(source, tmp_path / "data" / case.start, tmp_path / "out", mano_dir=mano, **known)
+    record, clips = shard_record(shard), read_shard(shard)
+    assert record is not None
+    assert sum(record.left_out.values()) == 0
+    assert clips.rotation.shape[1:3] == (20, 2)
+    assert clips.points.shape[1:] == (48, 3)
+    assert bool((clips.part.amax(1) == case.parts - 1).all())
+    for one, joints in zip(record.clips, joints_of(clips), strict=True):
+        side = "left" if "_left_" in one.name else "right"
+        wanted = torch.from_numpy(case.expected(s).joints[side][::step]).float()
+        wanted = mirror_points(wanted) if side == "left" else wanted
+        first = int(one.name[-5:])
+        torch.testing.assert_close(
+            joints[: one.length], wanted[first : first + one.length], atol=2e-3, rtol=0
+        )
+
+
+def test_a_recording_is_cut_where_the_hand_is_near_and_seen(example, tmp_path):
+    with np.load(example / "sequence.npz") as file:
+        arrays = dict(file)
+    for name in ("hand_pose", "hand_trans", "hand_joints"):
+        arrays[name][80:83] = np.nan
+    np.savez(example / "sequence.npz", **arrays)
+    (shard,) = cut("sequences", example, tmp_path / "out", ClipConfig(shortest=30, longest=60))
+    record, clips = shard_record(shard), read_shard(shard)
+    assert record is not None
+    assert record.left_out["without the hand"] == 3
+    lengths = [clip.length for clip in record.clips]
+    assert sum(lengths) + sum(record.left_out.values()) == 146
+    assert all(30 <= length <= 60 for length in lengths)
+    truth = geneoh.load(EXAMPLES / "taco_clean.npz").hands[0].joints
+    for one, joints, wrist in zip(record.clips, joints_of(clips), clips.wrist, strict=True):
+        first = int(one.name[-5:])
+        assert not {80, 81, 82} & set(range(first, first + one.length))
+        wanted = mirror_points(truth[first : first + one.length])
+        torch.testing.assert_close(joints[: one.length], wanted, atol=5e-3, rtol=0)
+        assert wrist[one.length :].equal(wrist[one.length - 1].expand(60 - one.length, 3))
+
+
+def test_frames_without_a_pose_of_the_object_are_left_out(example, tmp_path):
+    with np.load(example / "sequence.npz") as file:
+        arrays = dict(file)
+    arrays["obj_pose"][70] = np.nan
+    np.savez(example / "sequence.npz", **arrays)
+    (shard,) = cut("sequences", example, tmp_path / "out", ClipConfig(shortest=30))
+    record = shard_record(shard)
+    assert record is not None
+    assert record.left_out["without the object"] == 1
+    for one in record.clips:
+        first = int(one.name[-5:])
+        assert 70 not in range(first, first + one.length)
+
+
+def test_other_frame_rates_are_brought_to_thirty(example, tmp_path):
+    with np.load(example / "sequence.npz") as file:
+        arrays = {**file, "fps": np.array(60.0)}
+    np.savez(example / "sequence.npz", **arrays)
+    (shard,) = cut("sequences", example, tmp_path / "out", ClipConfig(shortest=30))
+    record = shard_record(shard)
+    assert record is not None
+    frames = sum(clip.length for clip in record.clips) + sum(record.left_out.values())
+    assert frames == 73
+
+
+def test_a_hand_of_keypoints_alone_is_given_a_pose(example, tmp_path):
+    with np.load(example / "sequence.npz") as file:
+        arrays = {name: file[name] for name in ("hand_joints", "obj_pose", "side", "fps")}
+    arrays = {name: v[60:80] if v.ndim > 1 else v for name, v in arrays.items()}
+    np.savez(example / "sequence.npz", **arrays)
+    (shard,) = cut("sequences", example, tmp_path / "out")
+    wanted = mirror_points(torch.from_numpy(arrays["hand_joints"]).float())
+    error = (joints_of(read_shard(shard))[0] - wanted).norm(dim=-1)
+    assert float(error.mean()) < 0.008
+
+
+@pytest.mark.parametrize(
+    ("kept", "wanted"),
+    [
+        ([(0, 9)], [(0, 9)]),
+        ([(0, 4)], []),
+        ([(1, 20)], [(1, 6), (7, 7), (14, 6)]),
+        ([(0, 11)], [(0, 6), (6, 5)]),
+        ([(0, 6), (7, 14)], [(0, 6), (7, 7)]),
+    ],
+)
+def test_stretches_are_cut_into_equal_clips_of_allowed_length(kept, wanted):
+    mask = torch.zeros(20, dtype=torch.bool)
+    for start, stop in kept:
+        mask[start:stop] = True
+    left_out: Counter[str] = Counter()
+    config = ClipConfig(shortest=5, longest=9)
+    assert list(spans(mask, config, left_out)) == wanted
+    assert sum(left_out.values()) + sum(length for _, length in wanted) == int(mask.sum())
+
+
+def test_a_second_run_reads_what_the_first_one_made(example, tmp_path):
+    (shard,) = cut("sequences", example, tmp_path / "out")
+    made = shard.stat().st_mtime_ns
+    os.utime(example / "sequence.npz")  # newer, but with the same contents
+    cut("sequences", example, tmp_path / "out")
+    assert shard.stat().st_mtime_ns == made
+
+
+@pytest.mark.parametrize("change", ["file", "config", "broken"])
+def test_a_shard_of_other_files_or_settings_is_made_again(example, tmp_path, change):
+    (shard,) = cut("sequences", example, tmp_path / "out")
+    config, made = SHORT, shard.stat().st_mtime_ns
+    if change == "file":
+        with np.load(example / "sequence.npz") as file:
+            arrays = {name: v[:100] if v.ndim > 1 else v for name, v in file.items()}
+        np.savez(example / "sequence.npz", **arrays)
+    elif change == "config":
+        config = ClipConfig(shortest=6, longest=20, points=48)
+    else:
+        shard.write_bytes(b"half of it")
+    (again,) = cut("sequences", example, tmp_path / "out", config)
+    assert again.stat().st_mtime_ns != made
+    with safe_open(again, framework="pt") as file:
+        record = json.loads(file.metadata()["record"])
+    assert record["config"]["shortest"] == config.shortest
+    assert [size for size, _ in record["files"].values()] == [
+        (example / "sequence.npz").stat().st_size
+    ]
+
+
+def test_what_cannot_be_read_is_told_and_the_rest_is_used(example, tmp_path):
+    (example / "broken.npz").write_bytes(b"no archive")
+    shards, problems = make_shards("sequences", example, tmp_path / "out", SHORT, ReaderOptions())
+    assert len(shards) == 1
+    assert len(problems) == 1
+    assert "broken: not read," in problems[0]
+
+
+def test_a_source_without_anything_to_read_is_refused(example, tmp_path):
+    (example / "object").mkdir()
+    (example / "object.obj").rename(example / "object" / "object.obj")
+    with pytest.raises(InputError, match="names no mesh, expected one file of it"):
+        make_shards("sequences", example, tmp_path / "out", SHORT, ReaderOptions())
+    with pytest.raises(InputError, match="expected npz files of sequences"):
+        make_shards("sequences", example / "object", tmp_path, SHORT, ReaderOptions())

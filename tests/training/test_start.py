@@ -1,0 +1,75 @@
+"""Runs that go on from weights that have learned, and a run that learns one recording by heart."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from geneoh.baselines.library import SHIPPED as BASELINE_WEIGHTS
+from geneoh.choices import STAGES
+from geneoh.denoisers.library import SHIPPED
+from geneoh.errors import CheckpointError
+from geneoh.nn.checkpoint import load_checkpoint
+from geneoh.training.config import TrainConfig
+from geneoh.training.data import DataSource, training_data
+from geneoh.training.loop import first_state, train
+from geneoh.training.recordings import ClipConfig
+from geneoh.training.start import started_from
+from geneoh.training.windows import WindowConfig
+
+CPU = torch.device("cpu")
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_every_stage_starts_from_its_shipped_weights(stage):
+    folder = BASELINE_WEIGHTS if stage in ("toch", "regression") else SHIPPED
+    shipped = load_checkpoint(folder / f"{stage}.safetensors").tensors
+    config, weights = started_from(None, stage, TrainConfig())
+    state = first_state(stage, config, CPU, weights)
+    assert state.step == 0
+    for name, tensor in state.model.state_dict().items():
+        assert tensor.equal(shipped[name].to(tensor.dtype)), name
+        assert state.average[name].equal(tensor), name
+    assert config.autoencoder_steps == 0
+
+
+def test_weights_of_a_folder_bring_their_network_and_go_on_learning(clips, tiny, tmp_path):
+    train("motion", tiny, clips, clips, tmp_path / "first", device=CPU)
+    config, weights = started_from(tmp_path / "first", "motion", replace(TrainConfig(), batch=2))
+    assert config.motion == tiny.motion
+    config = replace(config, steps=1, validation_batches=1, warmup=1, rate=1e-6)
+    out = tmp_path / "second"
+    train("motion", config, clips, clips, out, device=CPU, start=weights)
+    after = load_checkpoint(out / "motion.safetensors").tensors
+    for name, tensor in weights.items():
+        if tensor.is_floating_point():
+            torch.testing.assert_close(after[name], tensor, atol=2e-3, rtol=2e-3)
+    with pytest.raises(CheckpointError, match=r"first weights \(fingerprint\)"):
+        train("motion", config, clips, clips, out, device=CPU)
+
+
+def test_weights_of_another_network_are_refused(tmp_path):
+    (tmp_path / "motion.safetensors").write_bytes((SHIPPED / "spatial.safetensors").read_bytes())
+    with pytest.raises(CheckpointError, match="expected weights of this version's motion network"):
+        started_from(tmp_path, "motion", TrainConfig())
+
+
+@pytest.mark.slow
+def test_one_recording_can_be_learned_by_heart(tiny, tmp_path):
+    config = replace(
+        tiny,
+        **{"steps": 60, "batch": 8, "rate": 5e-3, "warmup": 5, "checkpoint_every": 60},
+        validate_every=20,
+        condition_dropout=0.0,
+        windows=WindowConfig(frames=16, short_share=0.0, fast_share=0.0),
+        clips=ClipConfig(shortest=16, longest=32, points=48),
+        augmentation=replace(tiny.augmentation, share=0.0, style_share=0.0),
+    )
+    source = DataSource(EXAMPLES / "taco_clean.npz", "sequences")
+    data = training_data([source], tmp_path / "cache", config)
+    train("motion", config, data.training, data.validation, tmp_path, device=CPU)
+    rows = (tmp_path / "motion_log.csv").read_text().splitlines()[1:]
+    losses = [float(row.split(",")[1]) for row in rows]
+    assert losses[2] < 0.8 * losses[0]
