@@ -31,12 +31,19 @@ def as_sequence(
             f"geneoh.denoise takes a Sequence or the npz file of one, got {type(given).__name__}; "
             "geneoh.from_arrays makes a Sequence of arrays, and a result has one in .sequence"
         )
-    meshes = given.object.meshes if obj is None else meshes_of(obj)
-    return replace(given, object=replace(given.object, meshes=meshes)).map(own)
+    if obj is not None:
+        given = replace(given, object=replace(given.object, meshes=meshes_of(obj)))
+    found: list[bool] = []
+    copy = given.map(lambda values: own(values, found))
+    return copy if any(found) else given
 
 
-def own(values: Tensor) -> Tensor:
-    """Values that are no part of the caller's gradients and can be part of ours."""
+def own(values: Tensor, found: list[bool]) -> Tensor:
+    """Values that are no part of the caller's gradients and can be part of ours.
+
+    `found` is told whether they were not before.
+    """
+    found.append(values.requires_grad or values.is_inference())
     return values.clone() if values.is_inference() else values.detach()
 
 
