@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from geneoh.evaluation import plots
-from geneoh.evaluation.scores import MEASURES, Score
+from geneoh.evaluation.scores import MEANINGS, MEASURES, Score
 from geneoh.evaluation.tables import LEVEL, Block, as_markdown, blocks_of, seed_agreement
 from geneoh.files.atomic import write_whole
 from geneoh.files.outputs import keep_others
@@ -69,6 +69,9 @@ class Evaluation:
         if any("†" in method for method in self.methods):
             yield BEST_FILTER_NOTE
         yield MESH_NOTE
+        there = dict.fromkeys(measure for block in self.blocks for measure in block.measures)
+        for measure in there:
+            yield f"{measure.title}: {MEANINGS[measure.key]}; {measure.better} is better."
         for method in self.methods:
             failed = [s.failed for s in self.scores if s.method == method and s.failed]
             for reason in list(dict.fromkeys(failed))[:REASONS]:

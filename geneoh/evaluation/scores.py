@@ -79,6 +79,20 @@ MEASURES = (
 """Definitions: `geneoh.metrics`. The measures from IV on need no ground truth."""
 
 COLUMNS = tuple(measure for measure in MEASURES if measure.tabled)
+MEANINGS = {
+    "mpjpe_mm": "mean distance of the keypoints to the truth",
+    "mpvpe_mm": "mean distance of the vertices to the truth",
+    "contact_iou_pct": "overlap of the contact map on the object with the true one",
+    "tips_f_pct": "F-score of which fingertips touch and when",
+    "proximity_mm": "error of the vertices' distances to the object",
+    "acceleration_error_mm": "error of the keypoints' acceleration, a frame squared",
+    "volume_cm3": "volume that hand and object share",
+    "depth_mm": "depth of each frame's deepest vertex in the object",
+    "consistency_mm2": "motion of the hand against the object where they are nearest",
+    "slip_mm_s": "speed at which touching fingertips slide over the object",
+    "acceleration_mm": "mean size of the keypoints' acceleration, a frame squared",
+}
+"""What each column shows, in words."""
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import pytest
 
 from geneoh.evaluation import plots
 from geneoh.evaluation.report import Evaluation, write_report
-from geneoh.evaluation.scores import MEASURES, Score
+from geneoh.evaluation.scores import COLUMNS, MEANINGS, MEASURES, Score
 
 METHODS = ("input", "best filter on keypoints, told the truth †", "geneoh default")
 NUMBERS = {measure.key: 10.0 for measure in MEASURES}
@@ -68,6 +68,12 @@ def test_the_markdown_is_a_table_with_what_made_it(folder):
     assert "motion weights abcd" in text
     assert "- said besides" in text
     assert "1.00 (1: the same order" in text
+
+
+def test_every_column_is_explained_below_the_tables(folder):
+    assert MEANINGS.keys() == {measure.key for measure in COLUMNS}
+    text = (folder / "report.md").read_text("utf-8")
+    assert "- MPJPE: mean distance of the keypoints to the truth; less is better." in text
 
 
 def test_the_page_stands_alone_and_has_every_plot(folder):
