@@ -36,6 +36,7 @@ from geneoh.readers.npz_layouts import (
 )
 from geneoh.readers.npz_meshes import find_meshes, mesh_arrays
 from geneoh.readers.npz_objects import read_object
+from geneoh.readers.read import read
 from geneoh.readers.records import Array, Place, Record, float32
 from geneoh.sequence.camera import seen_from, with_rays
 from geneoh.sequence.sequence import HandTrack, Sequence
@@ -48,6 +49,14 @@ ASSUMED_FPS = 30.0
 
 POSE_SHAPES = (("T", 4, 4), ("T", "Q", 4, 4))
 """Shapes of the object's poses in a file of their own."""
+
+SOURCE_OF_ENDING = {
+    ".npy": "keypoints",
+    ".json": "landmarks",
+    ".jsonl": "landmarks",
+    ".csv": "landmarks",
+}
+"""Endings of files other than npz that are read without the name of their source."""
 
 LAYOUT_NAMES: dict[Layout, str] = {
     "geneoh-sequence": f"{FORMAT} version {VERSION}",
@@ -74,7 +83,7 @@ def load(
     """Read a sequence together with the meshes of its object.
 
     Args:
-        path: the npz of the sequence.
+        path: the npz of the sequence, a npy of keypoints, or MediaPipe's landmarks as JSON or CSV.
         obj: mesh file of the object, or one per rigid part. Without it those that the
             file itself names, where they are still there and hold what they held; the source of
             the sequence says so where they do not.
@@ -92,6 +101,20 @@ def load(
     Raises:
         InputError: a file cannot be read as one interaction; the message says why.
     """
+    if source := SOURCE_OF_ENDING.get(Path(path).suffix.lower()):
+        return read(
+            source,
+            path,
+            obj=obj or (),
+            side=side,
+            fps=fps,
+            mano_dir=mano_dir,
+            unit=unit,
+            joint_order=joint_order,
+            keypoint_unit=keypoint_unit,
+            object_pose=object_pose,
+            camera=camera,
+        )
     meshes = None if obj is None else meshes_of(obj, unit) or None
     offset = None if mano_dir is None else mano_wrist_offset(mano_dir)
     if isinstance(object_pose, Path | str):

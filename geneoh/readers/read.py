@@ -69,7 +69,7 @@ def read(
         InputError: a file cannot be read, or several recordings are there and `clip` is not given.
         MissingAssetError: a file that the user must supply is not there.
     """
-    if keypoint_unit is not None and source != "keypoints":
+    if keypoint_unit is not None and source not in ("keypoints", "landmarks"):
         raise ConfigError(f"--keypoint-unit is for bare keypoints, got {source}; drop it")
     options = options_with_files(
         mano_dir=as_path(mano_dir),

@@ -106,9 +106,9 @@ TABLE = {
     "aria": ("Aria MPS", "hands", "your own", "facebookresearch.github.io/projectaria_tools"),
     "landmarks": (
         "MediaPipe, WebXR or OpenXR landmarks",
-        "hands (our JSON)",
+        "hands (JSON, CSV)",
         "your own",
-        "geneoh.readers.sources.landmarks",
+        "--side, --keypoint-unit",
     ),
     "keypoints": ("any keypoints", "one hand (npy, npz)", "your own", "--joint-order, --side"),
     "parameters": (

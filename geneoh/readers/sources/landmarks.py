@@ -1,5 +1,7 @@
-"""Hand landmarks of MediaPipe, WebXR or OpenXR as JSON: our own small schema, as there is no
-standard.
+"""Hand landmarks of MediaPipe, WebXR or OpenXR.
+
+MediaPipe's results as JSON and tables of points as CSV are read as `geneoh.readers.mediapipe` says.
+For the others there is no standard, so that we have our own small schema:
 
     {"format": "geneoh-landmarks", "version": 1, "order": "openpose" | "webxr" | "openxr",
      "fps": 30, "camera": [0, 0, 0], "hands": {"right": [frame, ...], "left": [frame, ...]}}
@@ -16,12 +18,22 @@ import numpy as np
 
 from geneoh.choices import JointOrder, Side
 from geneoh.errors import InputError
+from geneoh.geometry.mesh import METRES
 from geneoh.readers.base import CrossChecks, ReaderOptions, SourceClip
 from geneoh.readers.builders import keypoint_track
-from geneoh.readers.dataset_reader import ClipParts, DatasetReader
+from geneoh.readers.dataset_reader import ClipParts, DatasetReader, stated_side
 from geneoh.readers.foreign_files import read_json
 from geneoh.readers.joint_orders import ORDERS, openpose_order
-from geneoh.readers.records import Array, as_record
+from geneoh.readers.mediapipe import (
+    SIDE_NOTE,
+    WORLD_NOTE,
+    Track,
+    is_results,
+    read_points,
+    read_results,
+)
+from geneoh.readers.npz_layouts import quoted
+from geneoh.readers.records import Array, Record, as_record
 
 FORMAT, VERSION = "geneoh-landmarks", 1
 
@@ -29,11 +41,26 @@ FORMAT, VERSION = "geneoh-landmarks", 1
 class LandmarksReader(DatasetReader):
     """Up to two hands."""
 
-    patterns = ("*.json",)
+    patterns = ("*.json", "*.jsonl", "*.csv")
 
     def parts(self, clip: SourceClip, options: ReaderOptions) -> Iterator[ClipParts]:
         """The one interaction of a file, with the caller's object."""
-        record = as_record(read_json(clip.path), str(clip.path))
+        where = str(clip.path)
+        if clip.path.suffix == ".csv":
+            yield from foreign_parts(clip, read_points(clip.path, options.side), options, ())
+            return
+        value = read_json(clip.path)
+        if is_results(value):
+            tracks = read_results(value, where, options.side)
+            yield from foreign_parts(clip, tracks, options, (WORLD_NOTE, SIDE_NOTE))
+            return
+        record = as_record(value, where)
+        if "format" not in record:
+            raise InputError(
+                f"{where}: expected results of MediaPipe (hand_world_landmarks or worldLandmarks), "
+                f"or '{FORMAT}' as its format, got {quoted(record.values)}; see the page on "
+                "estimators"
+            )
         if record.text("format") != FORMAT or record.finite("version") != VERSION:
             raise record.refuse("format", f"'{FORMAT}' of version {VERSION}")
         order = record.optional_text("order") or "openpose"
@@ -55,6 +82,33 @@ class LandmarksReader(DatasetReader):
             cross_checks=CrossChecks(joints={side: read[side][0] for side in read}),
             camera=tuple(record.array("camera", (3,)).tolist()) if "camera" in record else None,
         )
+
+
+def foreign_parts(
+    clip: SourceClip,
+    tracks: dict[Side | None, Track],
+    options: ReaderOptions,
+    notes: tuple[str, ...],
+) -> Iterator[ClipParts]:
+    """The interaction of tracks whose file knows no rate, and perhaps no side."""
+    if len(tracks) == 1:  # the label of a side is a guess: the caller's word counts
+        ((label, track),) = tracks.items()
+        stated = {} if label is None else {"side": label}
+        tracks = {stated_side(Record(str(clip.path), stated), options): track}
+    elif None in tracks:
+        raise InputError(f"{clip.path}: expected the side of each hand, got one without; add it")
+    if options.fps is None:
+        notes = (*notes, "30 frames a second assumed; --fps says otherwise")
+    scale = METRES[options.keypoint_unit or "m"]
+    yield ClipParts(
+        clip.path.name,
+        [
+            keypoint_track(side, scale * track.points, np.tile(track.trust[:, None], 21))
+            for side, track in tracks.items()
+            if side is not None
+        ],
+        notes=notes,
+    )
 
 
 def read_frames(frames: list[object], order: JointOrder, where: str) -> tuple[Array, Array]:

@@ -1,0 +1,231 @@
+"""MediaPipe's hand landmarks as programs dump them: its results as JSON, and tables of points.
+
+Results of the Hand Landmarker and of the older Hands, from Python or JavaScript, one a frame in a
+list. Tables are wide, a row a frame with columns such as `x0` or `WRIST_x`, or long, a row a point
+with the columns `frame`, `landmark`, `x`, `y` and `z`.
+"""
+
+import csv
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from geneoh.choices import SIDES, Side
+from geneoh.errors import InputError
+from geneoh.files.reading import open_text
+from geneoh.readers.foreign_files import JSON_LIMIT, number_in
+from geneoh.readers.records import FRAME_LIMIT, Array, Record, as_record
+
+FINGERS = ("INDEX_FINGER", "MIDDLE_FINGER", "RING_FINGER", "PINKY")
+NAMES = (
+    *("WRIST", "THUMB_CMC", "THUMB_MCP", "THUMB_IP", "THUMB_TIP"),
+    *(f"{finger}_{joint}" for finger in FINGERS for joint in ("MCP", "PIP", "DIP", "TIP")),
+)
+"""MediaPipe's names of the landmarks, which are in OpenPose's order."""
+
+WORLD = ("hand_world_landmarks", "worldLandmarks", "multi_hand_world_landmarks")
+WORLD += ("multiHandWorldLandmarks", "world_landmarks")
+IMAGE = ("hand_landmarks", "landmarks", "multi_hand_landmarks", "multiHandLandmarks")
+HANDEDNESS = ("handedness", "handednesses", "multi_handedness", "multiHandedness")
+LABELS = ("category_name", "categoryName", "label", "display_name", "displayName")
+
+WORLD_NOTE = (
+    "MediaPipe's world landmarks are metres about the centre of each hand: the way of the hand "
+    "through the world is not in them, and the object's poses must be about that centre too"
+)
+SIDE_NOTE = "MediaPipe names sides as in a mirrored picture; --side says otherwise"
+
+FRAME_COLUMNS = ("frame", "frame_id", "frame_idx", "frame_index", "frame_number")
+SIDE_COLUMNS = ("side", "hand", "handedness", "label")
+POINT_COLUMNS = ("landmark", "landmark_id", "landmark_index", "landmark_name", "joint", "keypoint")
+POINT_AND_AXIS = re.compile(r"(?:landmark|joint|keypoint)?[_ .]?(\w+?)[_ .]?([xyz])")
+AXIS_AND_POINT = re.compile(r"([xyz])[_ .]?(\d+)")
+NO_DEPTH = 1e-4
+"""Depth of the wrist, from which the image landmarks of MediaPipe measure their depths."""
+
+
+@dataclass(frozen=True)
+class Track:
+    """One hand of a file: (T, 21, 3) points with NaN where it was not seen, and (T,) trust."""
+
+    points: Array
+    trust: Array
+
+
+def is_results(value: Any) -> bool:
+    """Whether the value of a JSON file is a result of MediaPipe, or a list of them."""
+    first = next((frame for frame in frames_in(value) if frame), None)
+    return isinstance(first, dict) and any(name in first for name in (*WORLD, *IMAGE))
+
+
+def frames_in(value: Any) -> list[Any]:
+    """The results in a JSON value, one a frame."""
+    if isinstance(value, dict):
+        value = next((value[name] for name in ("frames", "results") if name in value), [value])
+    return value if isinstance(value, list) else []
+
+
+def read_results(value: Any, where: str, side: Side | None) -> dict[Side | None, Track]:
+    """The hands in MediaPipe's results, by the side that it says; None where it says none.
+
+    Raises:
+        InputError: the results hold image landmarks only, or points of another shape.
+    """
+    frames = frames_in(value)
+    found: dict[Side | None, Track] = {}
+    for index, frame in enumerate(frames):
+        if not frame:
+            continue
+        record = as_record(frame, f"{where}: frame {index}")
+        world, sides = field_of(record, WORLD), field_of(record, HANDEDNESS)
+        if not world and field_of(record, IMAGE):
+            raise image_landmarks(record.where)
+        for hand, points in enumerate(world):
+            label, score = label_of(sides[hand] if hand < len(sides) else None)
+            label = side if label is None else label
+            track = found.setdefault(label, empty_track(len(frames)))
+            if score > track.trust[index]:
+                track.points[index] = points_in(points, record.where)
+                track.trust[index] = score
+    return found
+
+
+def field_of(record: Record, names: Iterable[str]) -> list[Any]:
+    """The list under the first of some names that a result has; empty without."""
+    name = next((name for name in names if record.values.get(name) is not None), None)
+    return [] if name is None else record.items(name)
+
+
+def empty_track(frames: int) -> Track:
+    """A hand that was not seen."""
+    return Track(np.full((frames, 21, 3), np.nan), np.zeros(frames))
+
+
+def points_in(value: Any, where: str) -> Array:
+    """(21, 3) landmarks of one hand: a list of points, which may stand under "landmark"."""
+    value = value.get("landmark") if isinstance(value, dict) else value
+    listed = value if isinstance(value, list) else []
+    rows = [[p.get(axis) for axis in "xyz"] if isinstance(p, dict) else p for p in listed]
+    return Record(where, {"landmarks": rows}).array("landmarks", (21, 3))
+
+
+def label_of(value: Any) -> tuple[Side | None, float]:
+    """The side that a result names, and how sure it is of that, above 0 and at most 1."""
+    if isinstance(value, dict) and "classification" in value:
+        value = value["classification"]
+    while isinstance(value, list) and value:
+        value = value[0]
+    named = value if isinstance(value, Mapping) else {}
+    text = str(next((named[name] for name in LABELS if named.get(name)), value)).lower()
+    score = named.get("score")
+    sure = score if isinstance(score, float | int) and 0 < score <= 1 else 1.0
+    return next((side for side in SIDES if side == text), None), float(sure)
+
+
+def read_points(path: Path, side: Side | None) -> dict[Side | None, Track]:
+    """The hands in a table of points, by the side that a column says; None without one.
+
+    Raises:
+        InputError: no table of 21 points a frame, or one of image landmarks.
+    """
+    try:
+        with open_text(path, JSON_LIMIT) as file:
+            rows = csv.DictReader(file)
+            rows.fieldnames = [str(name).strip().lower() for name in rows.fieldnames or ()]
+            columns = point_columns(rows.fieldnames, path)
+            cells = list(cells_of(rows, columns, side, path))
+    except csv.Error as error:
+        raise InputError(f"{path}: expected a table ({error}); export it again") from None
+    frames = [frame for _, frame, _, _, _ in cells]
+    first, last = min(frames, default=0), max(frames, default=0)
+    if not cells or last - first >= FRAME_LIMIT:
+        raise InputError(f"{path}: expected rows of 1 to {FRAME_LIMIT} frames; correct the table")
+    found: dict[Side | None, Track] = {}
+    for label, frame, point, axis, number in cells:
+        track = found.setdefault(label, empty_track(last - first + 1))
+        track.points[frame - first, point, axis] = number
+        track.trust[frame - first] = 1.0
+    for track in found.values():
+        refuse_image_landmarks(track.points, str(path))
+    return found
+
+
+def point_columns(names: Iterable[str], path: Path) -> dict[str, tuple[int | None, int]]:
+    """Point and axis of each column of coordinates; in a long table, where rows are points, None.
+
+    Raises:
+        InputError: the columns are those of neither kind of table.
+    """
+    names = list(names)
+    if {"x", "y", "z"} <= set(names) and set(names) & set(POINT_COLUMNS):
+        return {axis: (None, "xyz".index(axis)) for axis in "xyz"}
+    found: dict[str, tuple[int | None, int]] = {}
+    for name in names:
+        swapped, plain = AXIS_AND_POINT.fullmatch(name), POINT_AND_AXIS.fullmatch(name)
+        point, axis = swapped.group(2, 1) if swapped else plain.groups() if plain else ("", "x")
+        number = point_number(point)
+        if number is not None:
+            found[name] = (number, "xyz".index(axis))
+    if len(set(found.values())) != 63:
+        raise InputError(
+            f"{path}: expected a table of landmarks: the columns x0, y0, z0 to z20 or WRIST_x to "
+            "PINKY_TIP_z with a row a frame, or frame, landmark, x, y, z with a row a landmark, "
+            f"got {', '.join(names)[:200] or 'no columns'}; rename them"
+        )
+    return found
+
+
+def point_number(text: str) -> int | None:
+    """The number of a landmark that is given by it or by MediaPipe's name; None for neither."""
+    name = text.strip().upper().rpartition(".")[2]
+    if name in NAMES:
+        return NAMES.index(name)
+    number = number_in(text)
+    return int(number) if number in range(21) else None
+
+
+def cells_of(
+    rows: Iterable[dict[str, str]],
+    columns: dict[str, tuple[int | None, int]],
+    side: Side | None,
+    path: Path,
+) -> Iterable[tuple[Side | None, int, int, int, float]]:
+    """Side, frame, point, axis and number of every coordinate in a table.
+
+    Raises:
+        InputError: a row does not say its frame or its landmark.
+    """
+    for line, row in enumerate(rows):
+        told = next((row[name] for name in FRAME_COLUMNS if name in row), None)
+        named = next((row[name] for name in POINT_COLUMNS if name in row), None) or ""
+        long = next(iter(columns.values()))[0] is None
+        frame = float(line) if told is None and not long else number_in(told or "")
+        label = next((label_of(row[name])[0] for name in SIDE_COLUMNS if name in row), None)
+        for name, (fixed, axis) in columns.items():
+            point = point_number(named) if fixed is None else fixed
+            if point is None or not abs(frame) < 1e9:
+                raise InputError(
+                    f"{path}: line {line + 2} must have the number of its frame and a landmark "
+                    f"from 0 to 20 or by name, got {told!r:.40} and {named!r:.40}; correct it"
+                )
+            yield label or side, int(frame), point, axis, number_in(row[name] or "")
+
+
+def refuse_image_landmarks(points: Array, where: str) -> None:
+    """Refuse landmarks of the picture, which alone have a wrist of depth 0 off the centre."""
+    wrist = points[np.isfinite(points).all((1, 2)), 0]
+    flat = len(wrist) and np.abs(wrist[:, 2]).max() < NO_DEPTH
+    if flat and np.abs(wrist[:, :2]).min() > NO_DEPTH and bool((wrist > -NO_DEPTH).all()):
+        raise image_landmarks(where)
+
+
+def image_landmarks(where: str) -> InputError:
+    """The error for landmarks in shares of the picture."""
+    return InputError(
+        f"{where}: expected MediaPipe's world landmarks in metres, got landmarks of the picture, "
+        "which have no size; save hand_world_landmarks (worldLandmarks) of the same results"
+    )

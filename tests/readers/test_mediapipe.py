@@ -1,0 +1,203 @@
+"""MediaPipe's own results and tables of landmarks."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+from bad_inputs import good_arrays
+from geneoh.readers.mediapipe import NAMES
+
+import geneoh
+from geneoh.errors import InputError
+
+FRAMES, SEEN = 5, 4
+HAND = good_arrays()["joints"][0].astype(float)
+POINTS = HAND + np.linspace(0, 0.1, FRAMES)[:, None, None]
+POSES = np.tile(np.eye(4), (FRAMES, 1, 1))
+
+
+def as_dicts(points) -> list[dict[str, float]]:
+    return [dict(zip("xyz", map(float, point), strict=True)) for point in points]
+
+
+def python_task(points):
+    """`dataclasses.asdict` of a HandLandmarkerResult."""
+    category = {"index": 0, "score": 0.9, "display_name": None, "category_name": "Right"}
+    image = as_dicts(points + 0.5)
+    return {
+        "handedness": [[category]],
+        "hand_landmarks": [image],
+        "hand_world_landmarks": [as_dicts(points)],
+    }
+
+
+def javascript_task(points):
+    """A HandLandmarkerResult in the browser."""
+    named = {"score": 0.9, "index": 0, "categoryName": "Right", "displayName": "Right"}
+    image, world = as_dicts(points + 0.5), as_dicts(points)
+    return {"landmarks": [image], "worldLandmarks": [world], "handednesses": [[named]]}
+
+
+def python_solution(points):
+    """`MessageToDict` of the results of mp.solutions.hands."""
+    named = {"classification": [{"index": 1, "score": 0.9, "label": "Right"}]}
+    return {
+        "multi_hand_world_landmarks": [{"landmark": as_dicts(points)}],
+        "multi_handedness": [named],
+    }
+
+
+def javascript_solution(points):
+    """The results of @mediapipe/hands."""
+    named = {"index": 1, "score": 0.9, "label": "Right"}
+    return {"multiHandWorldLandmarks": [as_dicts(points)], "multiHandedness": [named]}
+
+
+RESULTS = (python_task, javascript_task, python_solution, javascript_solution)
+
+
+@pytest.mark.parametrize("shape", RESULTS)
+def test_results_are_read_without_a_source(shape, tmp_path):
+    frames = [shape(points) for points in POINTS]
+    frames[SEEN] = {name: [] for name in frames[SEEN]}
+    path = tmp_path / "hand.json"
+    path.write_text(json.dumps(frames))
+    (hand,) = geneoh.load(path, object_pose=POSES).hands
+    assert hand.side == "right"
+    assert hand.valid.tolist() == [True] * SEEN + [False]
+    np.testing.assert_allclose(hand.joints[:SEEN], POINTS[:SEEN], atol=1e-6)
+    np.testing.assert_allclose(hand.confidence[:SEEN], 0.9, atol=1e-6)
+
+
+def test_results_in_lines_and_under_frames_are_read(tmp_path):
+    frames = [python_task(points) for points in POINTS]
+    lines = tmp_path / "lines.jsonl"
+    lines.write_text("\n".join(map(json.dumps, frames)))
+    named = tmp_path / "named.json"
+    named.write_text(json.dumps({"frames": frames}))
+    for path in (lines, named):
+        sequence = geneoh.load(path, object_pose=POSES)
+        np.testing.assert_allclose(sequence.hands[0].joints, POINTS, atol=1e-6)
+        assert "about the centre of each hand" in sequence.source
+        assert "30 frames a second assumed" in sequence.source
+
+
+def test_two_hands_come_by_their_sides_and_the_caller_corrects_one(tmp_path):
+    frame = javascript_task(HAND)
+    frame["handednesses"].append([{"score": 0.8, "categoryName": "Left"}])
+    frame["worldLandmarks"].append(as_dicts(HAND * [-1, 1, 1]))
+    both, one = tmp_path / "both.json", tmp_path / "one.json"
+    both.write_text(json.dumps([frame] * FRAMES))
+    one.write_text(json.dumps([python_task(HAND)] * FRAMES))
+    hands = geneoh.load(both, object_pose=POSES).hands
+    assert {hand.side for hand in hands} == {"left", "right"}
+    (hand,) = geneoh.load(one, object_pose=POSES, side="left").hands
+    assert hand.side == "left"
+
+
+@pytest.mark.parametrize("name", ["landmarks", "hand_landmarks", "multi_hand_landmarks"])
+def test_landmarks_of_the_picture_are_refused(name, tmp_path):
+    path = tmp_path / "hand.json"
+    path.write_text(json.dumps([{name: [as_dicts(HAND)]}]))
+    with pytest.raises(InputError, match=r"have no size; save hand_world_landmarks"):
+        geneoh.load(path, side="right")
+
+
+def test_other_json_is_refused_with_what_is_read(tmp_path):
+    path = tmp_path / "hand.json"
+    path.write_text(json.dumps({"joints": HAND.tolist()}))
+    with pytest.raises(InputError, match=r"worldLandmarks.*geneoh-landmarks.*'joints'"):
+        geneoh.load(path, side="right")
+
+
+def write_table(path, header, rows):
+    with path.open("w", newline="") as file:
+        csv.writer(file).writerows([header, *rows])
+
+
+def wide(names):
+    header = ["frame", *names]
+    return header, [[10 + t, *POINTS[t].ravel()] for t in range(FRAMES)]
+
+
+def long(names):
+    rows = [
+        [t * 21 + point, 10 + t, names[point], *POINTS[t, point], "Right"]
+        for t in range(FRAMES)
+        for point in range(21)
+    ]
+    return ["", "Frame", "landmark", "x", "y", "z", "hand"], rows
+
+
+TABLES = {
+    "x0": wide([f"{axis}{point}" for point in range(21) for axis in "xyz"]),
+    "x_0": wide([f"{axis}_{point}" for point in range(21) for axis in "xyz"]),
+    "landmark_0_x": wide([f"landmark_{point}_{axis}" for point in range(21) for axis in "xyz"]),
+    "WRIST_x": wide([f"{name}_{axis}" for name in NAMES for axis in "xyz"]),
+    "Wrist.X": wide([f"{name.title()}.{axis}" for name in NAMES for axis in "XYZ"]),
+    "long by number": long(list(range(21))),
+    "long by name": long(NAMES),
+    "long by enum": long([f"HandLandmark.{name}" for name in NAMES]),
+}
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_tables_are_read_without_a_source(name, tmp_path):
+    path = tmp_path / "hand.csv"
+    write_table(path, *TABLES[name])
+    (hand,) = geneoh.load(path, side="right", object_pose=POSES).hands
+    np.testing.assert_allclose(hand.joints, POINTS, atol=1e-6)
+
+
+def test_a_frame_or_a_landmark_that_a_table_lacks_is_not_observed(tmp_path):
+    header, rows = long(NAMES)
+    kept = [row for row in rows if row[1] != 12 and (row[1], row[2]) != (13, "PINKY_TIP")]
+    write_table(tmp_path / "hand.csv", header, kept)
+    (hand,) = geneoh.load(tmp_path / "hand.csv", object_pose=POSES).hands
+    assert hand.side == "right"
+    assert hand.valid.tolist() == [True, True, False, False, True]
+
+
+def test_the_unit_of_a_table_can_be_said(tmp_path):
+    header, rows = TABLES["x0"]
+    in_mm = [[row[0], *(1000 * number for number in row[1:])] for row in rows]
+    write_table(tmp_path / "hand.csv", header, in_mm)
+    sequence = geneoh.load(
+        tmp_path / "hand.csv", side="right", keypoint_unit="mm", object_pose=POSES
+    )
+    np.testing.assert_allclose(sequence.hands[0].joints, POINTS, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("header", "rows", "words"),
+    [
+        (["a", "b"], [[1, 2]], "x0, y0, z0 to z20 or WRIST_x"),
+        (["frame", "landmark", "x", "y", "z"], [["one", 3, 0, 0, 0]], "line 2 must have"),
+        (["frame", "landmark", "x", "y", "z"], [[1, 40, 0, 0, 0]], "line 2 must have"),
+        (["frame", "landmark", "x", "y", "z"], [], "expected rows"),
+        (
+            ["frame", "landmark", "x", "y", "z"],
+            [[0, 0, 0, 0, 0], [9e8, 0, 0, 0, 0]],
+            "expected rows",
+        ),
+    ],
+)
+def test_other_tables_are_refused_with_what_is_read(header, rows, words, tmp_path):
+    write_table(tmp_path / "hand.csv", header, rows)
+    with pytest.raises(InputError, match=words):
+        geneoh.load(tmp_path / "hand.csv", side="right")
+
+
+def test_a_table_of_the_picture_is_refused_by_its_wrist_without_depth(tmp_path):
+    header, _ = TABLES["x0"]
+    image = HAND - HAND[0] + [0.4, 0.5, 0]
+    write_table(tmp_path / "hand.csv", header, [[0, *image.ravel()], [1, *image.ravel()]])
+    with pytest.raises(InputError, match="have no size"):
+        geneoh.load(tmp_path / "hand.csv", side="right")
+
+
+def test_a_npy_of_keypoints_is_read_without_a_source(tmp_path):
+    np.save(tmp_path / "hand.npy", POINTS)
+    (hand,) = geneoh.load(tmp_path / "hand.npy", side="right", object_pose=POSES).hands
+    np.testing.assert_allclose(hand.joints, POINTS, atol=1e-6)
