@@ -1,0 +1,432 @@
+"""The everyday situations that docs/reliability.md lists: each is tried with the command."""
+
+import os
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import bad_inputs as bad
+import numpy as np
+import pytest
+from bad_inputs import BOX_CORNERS, BOX_FACES, FRAMES, good_arrays, with_arrays, write_mesh
+from click.testing import CliRunner
+
+import geneoh
+from geneoh.readers.joint_orders import ORDERS
+
+ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "docs" / "reliability.md"
+RUN = "denoise hand.npz --obj object.obj --preset fast --steps 1"
+FRAME_BY_FRAME = np.arange(FRAMES, dtype=np.float32)[:, None, None]
+
+
+@dataclass(frozen=True)
+class Situation:
+    """What a user does, and what comes of it."""
+
+    name: str
+    words: str
+    """Words of the answer, several with " ... " between them."""
+    spoil: Callable[[Path], object] = lambda folder: None
+    """Changes the good hand.npz and object.obj of a folder."""
+    command: str = RUN
+    code: int = 2
+
+
+def text(name: str, content: str | bytes) -> Callable[[Path], object]:
+    """Write a file."""
+    return lambda folder: (folder / name).write_bytes(
+        content if isinstance(content, bytes) else content.encode()
+    )
+
+
+def first_frames(count: int) -> Callable[[Path], None]:
+    """Keep some frames of every field."""
+    fields = ("joints", "object_rotation", "object_translation")
+    return with_arrays(**dict.fromkeys(fields, lambda array: array[:count]))
+
+
+def in_mano_order(joints: np.ndarray) -> np.ndarray:
+    """The keypoints as MANO orders them."""
+    return joints[:, np.argsort(ORDERS["mano"].entries)]
+
+
+def recorded(**changes: object) -> Callable[[Path], None]:
+    """Frames of the example recording, of a left hand that moves the object, in `joints` layout."""
+
+    def write(folder: Path) -> None:
+        sequence = geneoh.load(
+            ROOT / "examples/taco_clean.npz", obj=ROOT / "examples/taco_object.obj"
+        )[60:72]
+        joints = sequence.hands[0].joints
+        assert joints is not None
+        fields = {
+            "joints": joints.numpy(),
+            "side": "left",
+            "fps": 30.0,
+            "object_rotation": sequence.object.rotation.numpy(),
+            "object_translation": sequence.object.translation.numpy(),
+            **changes,
+        }
+        np.savez(folder / "hand.npz", **fields)
+        (mesh,) = sequence.object.meshes
+        write_mesh(folder / "object.obj", mesh.verts.numpy(), mesh.faces.numpy())
+
+    return write
+
+
+def scaled_mesh(factor: float) -> Callable[[Path], None]:
+    """The box in another unit."""
+    return lambda folder: write_mesh(folder / "object.obj", BOX_CORNERS * factor)
+
+
+def with_vertices(corners: str, faces: str = "") -> Callable[[Path], None]:
+    """The box with further lines in its file."""
+
+    def write(folder: Path) -> None:
+        lines = (folder / "object.obj").read_text()
+        (folder / "object.obj").write_text(f"{lines}{corners}\n{faces}\n")
+
+    return write
+
+
+def quads(folder: Path) -> None:
+    """The box of six faces with four corners."""
+    corners = "\n".join(f"v {x:g} {y:g} {z:g}" for x, y, z in BOX_CORNERS)
+    faces = ("1 2 4 3", "5 7 8 6", "1 5 6 2", "3 4 8 7", "1 3 7 5", "2 6 8 4")
+    (folder / "object.obj").write_text("\n".join([corners, *(f"f {face}" for face in faces), ""]))
+
+
+def results_before(folder: Path) -> None:
+    """The result of an earlier run."""
+    geneoh.save(geneoh.load(folder / "hand.npz", obj=folder / "object.obj"), folder / "out.npz")
+
+
+def landmarks(kind: str) -> Callable[[Path], None]:
+    """MediaPipe's results as JSON."""
+
+    def write(folder: Path) -> None:
+        import json
+
+        points = [dict(zip("xyz", point, strict=True)) for point in good_arrays()["joints"][0]]
+        points = [{axis: float(number) for axis, number in point.items()} for point in points]
+        hand = {"handedness": [[{"categoryName": "Right", "score": 0.9}]], kind: [points]}
+        (folder / "hand.json").write_text(json.dumps([hand] * FRAMES))
+        np.save(folder / "pose.npy", np.tile(np.eye(4), (FRAMES, 1, 1)))
+
+    return write
+
+
+def keypoint_file(folder: Path) -> None:
+    """The keypoints as a npy, with the object's poses in another one."""
+    np.save(folder / "hand.npy", good_arrays()["joints"])
+    np.save(folder / "pose.npy", np.tile(np.eye(4), (FRAMES, 1, 1)))
+
+
+def own_layout(folder: Path) -> None:
+    """The hand under the names of geneoh-sequence."""
+    results_before(folder)
+    (folder / "out.npz").rename(folder / "hand.npz")
+
+
+SITUATIONS = [
+    # The file
+    Situation(
+        "The file is not there",
+        "no such file",
+        command="denoise none.npz --obj object.obj -o x.npz",
+    ),
+    Situation("A folder is given", "Is a directory", command="denoise . --obj object.obj -o x.npz"),
+    Situation("The file is empty", "hand.npz", text("hand.npz", "")),
+    Situation("The download broke off", "truncated or damaged", bad.truncate),
+    Situation("A byte has flipped", "damaged", bad.flip_byte),
+    Situation("The file is a text", "expected an npz", text("hand.npz", "frame,x,y,z\n")),
+    Situation("The file is a pickle", "pickle ... never", bad.hostile_pickle),
+    Situation("The npz holds a Python object", "Python objects", bad.object_array),
+    Situation("A pipe is given", "pipe", lambda f: os.mkfifo(f / "p.npz"), "denoise p.npz"),
+    Situation("A device is given", "device", command="denoise /dev/zero -o x.npz"),
+    Situation(
+        "Mesh and track are swapped", "", command="denoise object.obj --obj hand.npz -o x.npz"
+    ),
+    # The hand's fields
+    Situation(
+        "Fields have names of one's own",
+        "'keypoints' ... rename the fields",
+        with_arrays(joints=None, keypoints=good_arrays()["joints"]),
+    ),
+    Situation(
+        "A name has a slip",
+        "'confidense' is not read; is it 'confidence'?",
+        with_arrays(confidense=np.ones(FRAMES)),
+        code=0,
+    ),
+    Situation("Fields of two layouts", "one layout", with_arrays(hand_trans=np.zeros((FRAMES, 3)))),
+    Situation(
+        "Keypoints are flat, (T, 63)",
+        "(T, 21, 3) ... reshape",
+        with_arrays(joints=lambda joints: joints.reshape(FRAMES, 63)),
+    ),
+    Situation(
+        "Keypoints are (21, 3, T)",
+        "(T, 21, 3)",
+        with_arrays(joints=lambda joints: joints.transpose(1, 2, 0)),
+    ),
+    Situation("16 joints", "(6, 16, 3)", with_arrays(joints=lambda joints: joints[:, :16])),
+    Situation(
+        "Numbers are texts",
+        "array of numbers",
+        with_arrays(joints=lambda joints: joints.astype(str)),
+    ),
+    Situation("The side is not said", "--side left or --side right", with_arrays(side=None)),
+    Situation("The side is contradicted", "'side' says right", command=f"{RUN} --side left"),
+    Situation(
+        "The side is the wrong one",
+        "handedness ... --side left",
+        recorded(side="right"),
+        code=0,
+    ),
+    Situation(
+        "Keypoints in MANO's order",
+        "OpenPose order ... --joint-order mano",
+        with_arrays(joints=in_mano_order),
+    ),
+    Situation(
+        "Keypoints in MANO's order, said",
+        "wrote",
+        with_arrays(joints=in_mano_order),
+        f"{RUN} --joint-order mano",
+        0,
+    ),
+    Situation(
+        "An order is given to a layout that has one",
+        "always in OpenPose order",
+        own_layout,
+        f"{RUN} --joint-order mano",
+    ),
+    Situation(
+        "Keypoints in millimetres",
+        "millimetres, divide by 1000 ... --keypoint-unit mm",
+        with_arrays(joints=lambda joints: 1000 * joints),
+    ),
+    Situation(
+        "Keypoints in millimetres, said",
+        "wrote",
+        with_arrays(joints=lambda joints: 1000 * joints),
+        f"{RUN} --keypoint-unit mm",
+        0,
+    ),
+    Situation(
+        "Keypoints in centimetres",
+        "centimetres, divide by 100",
+        with_arrays(joints=lambda joints: 100 * joints),
+    ),
+    Situation(
+        "A coordinate of 3e38",
+        "within 10000 m",
+        with_arrays(joints=lambda joints: joints + np.float32(3e38)),
+    ),
+    # Frames
+    Situation("No frame", "at least one frame", first_frames(0)),
+    Situation("One frame", "wrote", first_frames(1), code=0),
+    Situation("Two frames", "wrote", first_frames(2), code=0),
+    Situation(
+        "NaN in a frame", "1 of 6 frames hold NaN", with_arrays(joints=bad.with_nan_in(3)), code=0
+    ),
+    Situation(
+        "NaN in a frame that is marked valid",
+        "must be finite ... mark them as not valid",
+        with_arrays(joints=bad.with_nan_in(3), valid=np.ones(FRAMES, bool)),
+    ),
+    Situation("NaN everywhere", "at least one frame", with_arrays(joints=lambda j: j * np.nan)),
+    Situation("Every frame is invalid", "at least one", with_arrays(valid=np.zeros(FRAMES, bool))),
+    Situation(
+        "Hand and object differ in length", "same number", with_arrays(joints=lambda j: j[:4])
+    ),
+    Situation("No frame rate", "30 frames a second assumed", with_arrays(fps=None), code=0),
+    Situation("A rate of 0", "1 to 1000", with_arrays(fps=0.0)),
+    Situation("A negative rate", "1 to 1000", with_arrays(fps=None), f"{RUN} --fps -30"),
+    Situation("A rate of a million", "1 to 1000", with_arrays(fps=1e6)),
+    Situation("Seconds for a rate", "as seconds per frame", with_arrays(fps=0.0333)),
+    # The object's poses
+    Situation(
+        "No mesh",
+        "nothing is known of contact",
+        command=RUN.replace(" --obj object.obj", ""),
+        code=0,
+    ),
+    Situation(
+        "A mesh, but no poses",
+        "object's motion",
+        with_arrays(object_rotation=None, object_translation=None),
+    ),
+    Situation(
+        "A pose is lost in one frame",
+        "without a pose of the object",
+        with_arrays(object_translation=bad.with_nan_in(2)),
+        code=0,
+    ),
+    Situation(
+        "Rotations as axis-angle", "(T, Q, 3, 3)", with_arrays(object_rotation=np.zeros((6, 3)))
+    ),
+    Situation("Rotations that mirror", "reflection", with_arrays(object_rotation=lambda r: -r)),
+    Situation("Rotations that scale", "a scale", with_arrays(object_rotation=lambda r: 0.01 * r)),
+    Situation("The object is 3 m away", "must come near the object", bad.far_object),
+    Situation(
+        "The object is out of reach",
+        "too far to touch ... --object-pose",
+        with_arrays(object_translation=np.full((FRAMES, 1, 3), 0.3)),
+        code=0,
+    ),
+    # The mesh
+    Situation(
+        "The mesh is not there", "no such mesh file", command="denoise hand.npz --obj no.obj"
+    ),
+    Situation(
+        "A mesh of another program", "expected a mesh file", command="denoise hand.npz --obj a.fbx"
+    ),
+    Situation(
+        "A texture for a mesh", "expected a mesh file", command="denoise hand.npz --obj a.png"
+    ),
+    Situation("A text for a mesh", "object.obj", bad.text_mesh),
+    Situation("An empty mesh file", "object.obj", text("object.obj", "")),
+    Situation("A point cloud", "points and no face", bad.empty_mesh),
+    Situation("A mesh without area", "no area", bad.flat_mesh),
+    Situation("A NaN in the mesh", "finite", bad.nan_mesh),
+    Situation("A mesh in millimetres", "pass --unit mm", scaled_mesh(1000)),
+    Situation("A mesh in millimetres, said", "wrote", scaled_mesh(1000), f"{RUN} --unit mm", 0),
+    Situation("A mesh that is scaled twice", "too small for a hand", scaled_mesh(0.001)),
+    Situation(
+        "A mesh with a hole",
+        "wrote",
+        lambda f: write_mesh(f / "object.obj", BOX_CORNERS, BOX_FACES[:-1]),
+        code=0,
+    ),
+    Situation("A mesh of quads", "wrote", quads, code=0),
+    Situation("A vertex 100 km away", "wrote", with_vertices("v 1e5 0 0"), code=0),
+    Situation(
+        "A face without area far away",
+        "wrote",
+        with_vertices("v 1e5 0 0", "f 9 9 1"),
+        code=0,
+    ),
+    Situation(
+        "Two meshes for one part", "1 rigid part, got 2 meshes", command=f"{RUN} --obj object.obj"
+    ),
+    # Other files
+    Situation(
+        "A npy of keypoints",
+        "wrote",
+        keypoint_file,
+        RUN.replace("npz", "npy") + " --object-pose pose.npy --side right",
+        0,
+    ),
+    Situation(
+        "A npy of keypoints without a side",
+        "--side",
+        keypoint_file,
+        "denoise hand.npy --obj object.obj",
+    ),
+    Situation(
+        "MediaPipe's world landmarks",
+        "about the centre of each hand",
+        landmarks("worldLandmarks"),
+        "denoise hand.json --obj object.obj --object-pose pose.npy --preset fast --steps 1",
+        0,
+    ),
+    Situation(
+        "MediaPipe's landmarks of the picture",
+        "hand_world_landmarks",
+        landmarks("landmarks"),
+        "denoise hand.json --obj object.obj --object-pose pose.npy",
+    ),
+    # Options
+    Situation("An option that does not exist", "--help", command=f"{RUN} --presett fast"),
+    Situation("A preset that does not exist", "'slow'", command=f"{RUN} --preset slow"),
+    Situation("No sample", "--samples", command=f"{RUN} --samples 0"),
+    Situation("A negative seed", "--seed", command=f"{RUN} --seed -1"),
+    Situation("No such device", "--device gpu", command=f"{RUN} --device gpu"),
+    Situation(
+        "MANO without its files", "MANO_RIGHT.pkl", command=f"{RUN} --hand mano --mano nowhere"
+    ),
+    Situation(
+        "A folder without weights", "expected weights there", command=f"{RUN} --weights nowhere"
+    ),
+    Situation("A source that does not exist", "'nobody'", command=f"{RUN} --from nobody"),
+    Situation(
+        "An option of a source without --from", "--clip needs --from", command=f"{RUN} --clip a"
+    ),
+    Situation(
+        "A noise that does not exist", "'loud'", command="corrupt hand.npz --noise loud -o x.npz"
+    ),
+    Situation("A data set that is not there", "GRAB", command="eval --dataset grab -o runs"),
+    Situation("A command that does not exist", "clean", command="clean hand.npz"),
+    # Results
+    Situation(
+        "A result in a folder that is not there", "cannot be written", command=f"{RUN} -o no/x.npz"
+    ),
+    Situation("A folder that cannot be written to", "/proc/x.npz", command=f"{RUN} -o /proc/x.npz"),
+    Situation("The result is the input", "is an input", command=f"{RUN} -o hand.npz"),
+    Situation("The result is the mesh", "expected .npz", command=f"{RUN} -o object.obj"),
+    Situation("Another ending", "expected .npz, got '.glb'", command=f"{RUN} -o x.glb"),
+    Situation(
+        "A file of someone else's is there",
+        "--overwrite",
+        text("out.npz", "mine"),
+        f"{RUN} -o out.npz",
+    ),
+    Situation(
+        "A result of geneoh's is there", "wrote out.npz", results_before, f"{RUN} -o out.npz", 0
+    ),
+    Situation("The page is the result", "expected .html", command=f"{RUN} -o x.npz --report x.npz"),
+    Situation(
+        "A device for the result",
+        "a device",
+        lambda f: (f / "null.npz").symlink_to("/dev/null"),
+        f"{RUN} -o null.npz",
+    ),
+]
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A folder with a good track and a good mesh, which is the working directory."""
+    bad.write_good(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("situation", SITUATIONS, ids=lambda each: each.name)
+def test_what_happens_is_what_the_page_says(situation, folder, command, caplog):
+    situation.spoil(folder)
+    before = {path: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+    result = CliRunner().invoke(command, situation.command.split())
+    said = " ".join((result.output + caplog.text).split())
+    assert result.exit_code == situation.code, said
+    place = 0
+    for words in situation.words.split(" ... "):
+        assert words in said[place:], said
+        place = said.index(words, place)
+    if situation.code:
+        assert {path: path.read_bytes() for path in before} == before
+        assert "Traceback" not in said
+
+
+def test_ctrl_c_ends_in_one_line(folder, command, monkeypatch):
+    def interrupted(*args, **kwargs):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(geneoh, "denoise", interrupted)
+    result = CliRunner().invoke(command, RUN.split())
+    assert (result.exit_code, "stopped; nothing half-written was left" in result.output) == (
+        130,
+        True,
+    )
+    assert sorted(path.name for path in folder.iterdir()) == ["hand.npz", "object.obj"]
+
+
+def test_the_page_lists_the_situations_that_are_tried():
+    rows = re.findall(r"^\| (.+?) \| .+ \| .+ \|$", PAGE.read_text("utf-8"), re.MULTILINE)
+    tried = [situation.name for situation in SITUATIONS]
+    assert len(set(tried)) == len(tried)
+    assert [name for name in tried if name not in rows] == []
