@@ -6,10 +6,10 @@ import json
 import numpy as np
 import pytest
 from bad_inputs import good_arrays
-from geneoh.readers.mediapipe import NAMES
 
 import geneoh
 from geneoh.errors import InputError
+from geneoh.readers.mediapipe import NAMES
 
 FRAMES, SEEN = 5, 4
 HAND = good_arrays()["joints"][0].astype(float)
