@@ -14,12 +14,8 @@ PACKAGES = ("geneoh", "torch", "numpy", "scipy", "trimesh", "libigl", "smplx")
 
 def facts(mano_dir: Path | None) -> dict[str, dict[str, Any]]:
     """All that is known of this installation, as JSON can hold it."""
-    return {
-        "versions": versions(),
-        "devices": devices(),
-        "hands": hands(mano_dir),
-        "weights": weights(),
-    }
+    parts = {"versions": versions(), "devices": devices()}
+    return parts | {"hands": hands(mano_dir), "weights": weights()}
 
 
 def versions() -> dict[str, Any]:

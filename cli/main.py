@@ -72,7 +72,9 @@ class LazyGroup(click.Group):
             raise failed(f"unexpected {said}; {hint}", 1) from None
 
 
-@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(
+    cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"], "show_default": True}
+)
 @click.option("--debug", is_flag=True, help="Show tracebacks and debug messages.")
 @click.version_option(package_name="geneoh")
 def cli(debug: bool) -> None:

@@ -1,12 +1,13 @@
 """Options that several commands share, each with one meaning and one help text."""
 
 from collections.abc import Callable
-from functools import reduce
+from functools import partial, reduce
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import click
+from click import Choice
 
 from geneoh.choices import PRESETS, RESULT_HANDS, SELECTIONS, SIDES, UNITS
 from geneoh.errors import ConfigError
@@ -23,9 +24,28 @@ def together(*decorators: Decorator) -> Decorator:
     return add
 
 
-INPUT_FILE = click.Path(dir_okay=False, path_type=Path)
-"""A file to read. Reading checks that it exists, because its error says more."""
+FILE = click.Path(dir_okay=False, path_type=Path)
+"""A file to read or to write. Reading checks that it exists, because its error says more."""
 FOLDER = click.Path(file_okay=False, path_type=Path)
+COUNT = click.IntRange(min=1)
+
+
+def option(names: str, text: str, kind: Any = None, default: Any = None, **how: Any) -> Decorator:
+    """An option with its help.
+
+    Args:
+        names: such as "-o --output folder"; the one without dashes is that of the parameter.
+        text: the help.
+        kind: type of the value, if it is not text.
+        default: value without the option, shown in the help.
+        how: other arguments of `click.option`.
+    """
+    return click.option(*names.split(), help=text, type=kind, default=default, **how)
+
+
+many = partial(option, multiple=True)
+"""An option that may be repeated."""
+flag = partial(option, is_flag=True, default=False)
 
 OBJ_HELP = (
     "Mesh file of the object, in metres. Repeat it for each rigid part, in order of the parts."
@@ -46,118 +66,92 @@ class Place(click.ParamType):
         return x, y, z
 
 
-camera = click.option(
+camera = option(
     "--camera",
-    type=Place(),
-    help="Position of the camera, metres, for hands that were estimated from its images; origin "
+    "Position of the camera, metres, for hands that were estimated from its images; origin "
     "where the coordinates are the camera's. Estimators err along its rays.",
+    Place(),
 )
-unit = click.option(
-    "--unit",
-    type=click.Choice(UNITS),
-    default="m",
-    show_default=True,
-    help="Unit of the meshes of --obj, where it is not metres.",
-)
-obj = click.option("--obj", type=INPUT_FILE, multiple=True, required=True, help=OBJ_HELP)
-obj_or_source = click.option(
+unit = option("--unit", "Unit of the meshes of --obj, where it is not metres.", Choice(UNITS), "m")
+obj = many("--obj", OBJ_HELP, FILE, required=True)
+obj_or_source = many(
     "--obj",
-    type=INPUT_FILE,
-    multiple=True,
-    help=f"{OBJ_HELP} Not needed where the file, or the source of --from, has its own; without any "
+    f"{OBJ_HELP} Not needed where the file, or the source of --from, has its own; without any "
     "mesh nothing of contact is known.",
+    FILE,
 )
-output = click.option(
-    *("-o", "--output"),
-    type=click.Path(dir_okay=False, path_type=Path),
-    help="File to write. One that geneoh wrote before is replaced when the new one is complete.",
+overwrite = flag(
+    "--overwrite", "Also replace files that geneoh did not write. Inputs are never replaced."
 )
-overwrite = click.option(
-    "--overwrite",
-    is_flag=True,
-    help="Also replace files that geneoh did not write. Inputs are never replaced.",
+output = together(
+    option(
+        "-o --output",
+        "File to write. One that geneoh wrote before is replaced when the new one is complete.",
+        FILE,
+    ),
+    overwrite,
 )
-preset = click.option(
+preset = option(
     "--preset",
-    type=click.Choice(PRESETS),
-    default="default",
-    show_default=True,
-    help="Settings to clean with: our best, the paper's, or faster ones.",
+    "Settings to clean with: our best, the paper's, or faster ones.",
+    Choice(PRESETS),
+    "default",
 )
-samples = click.option(
-    "--samples",
-    type=click.IntRange(min=1),
-    help="Number of samples that the diffusion draws.  [default: the preset's]",
+samples = option(
+    "--samples", "Number of samples that the diffusion draws.  [default: the preset's]", COUNT
 )
-selection = click.option(
-    *("--select", "selection"),
-    type=click.Choice(SELECTIONS),
-    help="Which sample becomes the result: the one closest to the input, or the mean of all "
+selection = option(
+    "--select selection",
+    "Which sample becomes the result: the one closest to the input, or the mean of all "
     "samples.  [default: the preset's]",
+    Choice(SELECTIONS),
 )
-hand = click.option(
-    "--hand",
-    type=click.Choice(RESULT_HANDS),
-    default="embedded",
-    show_default=True,
-    help="Hand model of the result.",
-)
-seed = click.option(
+hand = option("--hand", "Hand model of the result.", Choice(RESULT_HANDS), "embedded")
+seed = option(
     "--seed",
-    type=click.IntRange(min=0),
-    default=0,
-    show_default=True,
-    help="Seed of every random draw; the same seed gives the same file.",
+    "Seed of every random draw; the same seed gives the same file.",
+    click.IntRange(min=0),
+    0,
 )
-side = click.option(
-    "--side",
-    type=click.Choice(SIDES),
-    help="Side of the hand, where the file does not say; of two hands, the one to read.",
+side_and_fps = together(
+    option(
+        "--side",
+        "Side of the hand, where the file does not say; of two hands, the one to read.",
+        Choice(SIDES),
+    ),
+    option("--fps", "Frames per second, where the file does not say.", float),
 )
-fps = click.option("--fps", type=float, help="Frames per second, where the file does not say.")
-mano = click.option(
+mano = option(
     "--mano",
-    type=FOLDER,
+    "Folder that holds your MANO_RIGHT.pkl and MANO_LEFT.pkl.",
+    FOLDER,
     envvar="GENEOH_MANO_DIR",
     show_envvar=True,
-    help="Folder that holds your MANO_RIGHT.pkl and MANO_LEFT.pkl.",
 )
-device = click.option(
-    "--device",
-    default="cpu",
-    show_default=True,
-    help="Device to compute on: cpu, cuda, or cuda:N for GPU number N.",
+device = option(
+    "--device", "Device to compute on: cpu, cuda, or cuda:N for GPU number N.", default="cpu"
 )
-weights = click.option(
+weights = option(
     "--weights",
-    type=FOLDER,
-    help="Folder of weights to use instead of the shipped ones: motion.safetensors, "
+    "Folder of weights to use instead of the shipped ones: motion.safetensors, "
     "spatial.safetensors and temporal.safetensors.",
+    FOLDER,
 )
-folder = click.option(
-    *("-o", "--output", "folder"),
-    type=FOLDER,
-    default=Path("runs"),
-    show_default=True,
-    help="Folder to write to.",
+folder = option("-o --output folder", "Folder to write to.", FOLDER, Path("runs"))
+data = option(
+    "--data", "Folder of interactions that `geneoh synthesize` made.", FOLDER, Path("runs/data")
 )
-data = click.option(
-    "--data",
-    type=FOLDER,
-    default=Path("runs/data"),
-    show_default=True,
-    help="Folder of interactions that `geneoh synthesize` made.",
-)
-config = click.option(
-    "--config",
-    metavar="NAME|PATH",
-    help="Configuration: the name of a shipped one, or the path of a TOML file.",
-)
-settings = click.option(
-    *("--set", "settings"),
-    multiple=True,
-    metavar="NAME=VALUE",
-    help="Change one value of the configuration, such as motion.depth=6. May be repeated.",
+config_and_settings = together(
+    option(
+        "--config",
+        "Configuration: the name of a shipped one, or the path of a TOML file.",
+        metavar="NAME|PATH",
+    ),
+    many(
+        "--set settings",
+        "Change one value of the configuration, such as motion.depth=6. May be repeated.",
+        metavar="NAME=VALUE",
+    ),
 )
 
 

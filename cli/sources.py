@@ -5,65 +5,50 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click import Choice
 from click.core import ParameterSource
 
 from geneoh.choices import JOINT_ORDERS, TRANSLATIONS, UNITS
 from geneoh.readers.registry import SOURCES
 
 from . import options
+from .options import FILE, FOLDER, flag, option
 
 if TYPE_CHECKING:
     from geneoh.readers.convert import Outcome
     from geneoh.sequence.sequence import Sequence
 
 reader_options = options.together(
-    click.option(
+    option(
         "--objects",
-        type=options.FOLDER,
-        help="Folder of the data set's object meshes, where they are not in their usual place.",
+        "Folder of the data set's object meshes, where they are not in their usual place.",
+        FOLDER,
     ),
-    click.option(
-        "--body",
-        type=options.INPUT_FILE,
-        help="Your SMPL+H model, for sources whose hands belong to a body.",
-    ),
-    click.option(
+    option("--body", "Your SMPL+H model, for sources whose hands belong to a body.", FILE),
+    option(
         "--object-pose",
-        type=options.INPUT_FILE,
-        help="npy file of (T, 4, 4) matrices, object's frame to hand's frame, for sources without "
+        "npy file of (T, 4, 4) matrices, object's frame to hand's frame, for sources without "
         "an object.",
+        FILE,
     ),
-    click.option(
-        "--joint-order",
-        type=click.Choice(JOINT_ORDERS),
-        default="openpose",
-        show_default=True,
-        help="Order of bare keypoints.",
-    ),
+    option("--joint-order", "Order of bare keypoints.", Choice(JOINT_ORDERS), "openpose"),
     options.unit,
-    click.option(
+    option(
         "--keypoint-unit",
-        type=click.Choice(UNITS),
-        help="Unit of bare keypoints and of the object's poses beside them.  [default: m]",
+        "Unit of bare keypoints and of the object's poses beside them.  [default: m]",
+        Choice(UNITS),
     ),
-    click.option(
+    option(
         "--translation",
-        type=click.Choice(TRANSLATIONS),
-        help="Point that the translation of bare MANO parameters places.",
+        "Point that the translation of bare MANO parameters places.",
+        Choice(TRANSLATIONS),
     ),
-    click.option(
-        "--swap-parts",
-        is_flag=True,
-        help="HOI4D: the poses of the two parts are stored in exchanged order.",
-    ),
-    click.option(
+    flag("--swap-parts", "HOI4D: the poses of the two parts are stored in exchanged order."),
+    option(
         "--mean-pose/--no-mean-pose",
-        default=None,
-        help="Whether bare MANO parameters are relative to MANO's mean pose.",
+        "Whether bare MANO parameters are relative to MANO's mean pose.",
     ),
-    click.option(
-        "--focal", type=float, help="Focal length of the camera in pixels, for HaMeR and WiLoR."
-    ),
+    option("--focal", "Focal length of the camera in pixels, for HaMeR and WiLoR.", float),
     options.camera,
 )
 """Options that a source may need to be read."""
@@ -101,10 +86,10 @@ def read(
 def refuse_source_options() -> None:
     """Refuse, by name, options that are given without --from and would be ignored."""
     context = click.get_current_context()
-    for option in context.command.params:
-        given = context.get_parameter_source(option.name or "")
-        if option.name in NEEDS_SOURCE and given is ParameterSource.COMMANDLINE:
-            raise click.UsageError(f"{option.opts[0]} needs --from SOURCE, got none")
+    for parameter in context.command.params:
+        given = context.get_parameter_source(parameter.name or "")
+        if parameter.name in NEEDS_SOURCE and given is ParameterSource.COMMANDLINE:
+            raise click.UsageError(f"{parameter.opts[0]} needs --from SOURCE, got none")
 
 
 def beside(noisy: Path) -> Path:

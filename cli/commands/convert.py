@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+from click import Choice
 
 from geneoh.readers.registry import SOURCES
 
@@ -11,30 +12,20 @@ from .. import options, sources
 
 
 @click.command(epilog=sources.table())
-@click.argument("source", type=click.Choice(list(SOURCES)), metavar="SOURCE")
+@click.argument("source", type=Choice(list(SOURCES)), metavar="SOURCE")
 @click.argument(
     "paths", type=click.Path(path_type=Path), nargs=-1, required=True, metavar="PATH..."
 )
-@click.option(
-    *("-o", "--output", "folder"),
-    type=click.Path(file_okay=False, path_type=Path),
-    help="Folder to write to. Clips that were converted into it before are skipped.",
+@options.option(
+    "-o --output folder",
+    "Folder to write to. Clips that were converted into it before are skipped.",
+    options.FOLDER,
 )
-@click.option(
-    "--check",
-    is_flag=True,
-    help="Compare the files with their convention and report contradictions.",
-)
-@click.option(
-    "--obj",
-    type=options.INPUT_FILE,
-    multiple=True,
-    help=f"{options.OBJ_HELP} For sources without an object.",
-)
+@options.flag("--check", "Compare the files with their convention and report contradictions.")
+@options.many("--obj", f"{options.OBJ_HELP} For sources without an object.", options.FILE)
 @options.overwrite
 @options.mano
-@options.side
-@options.fps
+@options.side_and_fps
 @sources.reader_options
 def convert(
     source: str,

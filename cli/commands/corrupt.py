@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+from click import Choice
 
 from geneoh.choices import NOISES, OBJECT_NOISES
 
@@ -11,25 +12,20 @@ from .. import options
 
 
 @click.command()
-@click.argument("clean", type=options.INPUT_FILE)
-@click.option("--noise", type=click.Choice(NOISES), help="Noise on the hand.")
-@click.option(
-    "--object-noise", type=click.Choice(OBJECT_NOISES), help="Noise on the poses of the object."
-)
+@click.argument("clean", type=options.FILE)
+@options.option("--noise", "Noise on the hand.", Choice(NOISES))
+@options.option("--object-noise", "Noise on the poses of the object.", Choice(OBJECT_NOISES))
 @options.seed
-@options.side
-@options.fps
+@options.side_and_fps
 @options.output
-@options.overwrite
 def corrupt(
     clean: Path,
     noise: Any,
     object_noise: Any,
     seed: int,
-    side: Any,
-    fps: float | None,
     output: Path | None,
     overwrite: bool,
+    **how: Any,
 ) -> None:
     """Add noise to a clean sequence, as hand trackers make it.
 
@@ -50,7 +46,7 @@ def corrupt(
     output = output or clean.with_name(f"{clean.stem}_{name}.npz")
     check_ending(output, (".npz",))
     check_outputs([output], inputs=[clean], overwrite=overwrite)
-    noisy = load_sequence(clean, side=side, fps=fps)
+    noisy = load_sequence(clean, **how)
     generator = torch.Generator().manual_seed(seed)
     if noise is not None:
         noisy = corrupt_sequence(noisy, noise, generator=generator)

@@ -4,55 +4,41 @@ from pathlib import Path
 from typing import Any
 
 import click
+from click import Choice
 
 from geneoh.readers.registry import SOURCES
 
 from .. import options, sources
+from ..options import COUNT, FILE, flag, option
 
 
 @click.command()
 @click.argument("noisy", type=click.Path(path_type=Path))
 @options.obj_or_source
-@click.option(
-    "--from",
-    "source",
-    type=click.Choice(list(SOURCES)),
+@option(
+    "--from source",
+    "Read NOISY as files of this data set or estimator; `geneoh convert --help` lists them.",
+    Choice(list(SOURCES)),
     metavar="SOURCE",
-    help="Read NOISY as files of this data set or estimator; `geneoh convert --help` lists them.",
 )
-@click.option("--clip", help="With --from: name of the recording, where NOISY holds several.")
+@option("--clip", "With --from: name of the recording, where NOISY holds several.")
 @options.output
-@options.overwrite
 @options.preset
 @options.samples
 @options.selection
-@click.option(
-    "--steps",
-    type=click.IntRange(min=1),
-    help="Number of denoiser calls in each stage.  [default: the preset's]",
-)
+@option("--steps", "Number of denoiser calls in each stage.  [default: the preset's]", COUNT)
 @options.hand
 @options.mano
-@click.option(
-    "--report",
-    type=click.Path(dir_okay=False, path_type=Path),
-    help="HTML page to write as well: before and after in 3D, with the metrics.",
-)
-@click.option(
+@option("--report", "HTML page to write as well: before and after in 3D, with the metrics.", FILE)
+@flag(
     "--trust-object",
-    is_flag=True,
-    help="Take the object's poses as exact. Without it, poses that shake or jump are smoothed "
+    "Take the object's poses as exact. Without it, poses that shake or jump are smoothed "
     "before the hand is cleaned.",
 )
-@click.option(
-    "--refine-object",
-    is_flag=True,
-    help="Write the smoothed poses of the object and not those of NOISY.",
-)
+@flag("--refine-object", "Write the smoothed poses of the object and not those of NOISY.")
 @options.weights
 @options.seed
-@options.side
-@options.fps
+@options.side_and_fps
 @options.device
 @sources.reader_options
 def denoise(

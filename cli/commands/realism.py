@@ -9,18 +9,14 @@ from .. import options
 
 
 @click.command()
-@click.argument("recording", type=options.INPUT_FILE)
+@click.argument("recording", type=options.FILE)
 @options.obj
 @options.data
-@click.option(
-    "--augmented",
-    is_flag=True,
-    help="Compare the synthetic hands with the augmentation that training puts on them.",
+@options.flag(
+    "--augmented", "Compare the synthetic hands with the augmentation that training puts on them."
 )
 @options.output
-@options.overwrite
-@options.side
-@options.fps
+@options.side_and_fps
 def realism(
     recording: Path,
     obj: tuple[Path, ...],
@@ -36,6 +32,7 @@ def realism(
     writes it as JSON.
     """
     import json
+    from dataclasses import asdict
 
     import geneoh
     from geneoh.evaluation.realism import measure_realism, table
@@ -50,6 +47,6 @@ def realism(
     for line in table(report):
         click.echo(line)
     if output is not None:
-        whole = {"generator": "geneoh realism", **report.as_dict()}
+        whole = {"generator": "geneoh realism", **asdict(report)}
         write_whole(output, json.dumps(whole, indent=2) + "\n")
         click.echo(f"wrote {output}")

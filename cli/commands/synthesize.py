@@ -9,28 +9,18 @@ from .. import options
 
 
 @click.command()
-@click.option(
-    *("-o", "--output", "data"),
-    type=click.Path(file_okay=False, path_type=Path),
-    default=Path("runs/data"),
-    show_default=True,
-    help="Folder to write to.",
+@options.option("-o --output data", "Folder to write to.", options.FOLDER, Path("runs/data"))
+@options.option(
+    "--count", "Interactions to make, 4 seconds each.", options.COUNT, show_default="20480"
 )
-@click.option(
-    "--count",
-    type=click.IntRange(min=1),
-    show_default="20480",
-    help="Interactions to make, 4 seconds each.",
-)
-@click.option(
-    *("--objects", "meshes"),
-    type=options.FOLDER,
-    help="Folder of meshes to be held beside the made objects, such as scans of your own; names in "
+@options.option(
+    "--objects meshes",
+    "Folder of meshes to be held beside the made objects, such as scans of your own; names in "
     "its held_out.txt are for validation alone.",
+    options.FOLDER,
 )
 @options.unit
-@options.config
-@options.settings
+@options.config_and_settings
 @options.seed
 def synthesize(
     data: Path,
@@ -52,11 +42,12 @@ def synthesize(
     from functools import partial
 
     from geneoh.config import configured
+    from geneoh.files.atomic import write_whole
     from geneoh.files.outputs import keep_others
     from geneoh.hand.library import load_hand
     from geneoh.synthesis.scans import find_scans
     from geneoh.synthesis.shards import SynthesisConfig, write_shards
-    from geneoh.viz.canvas import save_picture
+    from geneoh.viz.canvas import png_bytes
     from geneoh.viz.sheet import contact_sheet, one_of_each
 
     from .. import progress
@@ -71,6 +62,6 @@ def synthesize(
         on_shard = partial(on_progress, "shards")
         made = write_shards(data, chosen, hand, seed=seed, scans=scans, on_shard=on_shard)
         if made or not sheet.exists():
-            clips = one_of_each(data, hand)
-            save_picture(contact_sheet(clips, on_step=partial(on_progress, "sheet")), sheet)
+            picture = contact_sheet(one_of_each(data, hand), on_step=partial(on_progress, "sheet"))
+            write_whole(sheet, png_bytes(picture))
     click.echo(f"{data}: {made} shards made, of {chosen.shard} interactions each; see {sheet}")

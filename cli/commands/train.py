@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+from click import Choice
 
 from geneoh.choices import STAGES
 
@@ -11,31 +12,26 @@ from .. import options
 
 
 @click.command()
-@click.option("--stage", type=click.Choice(STAGES), required=True, help="Network to train.")
-@click.option(
-    *("--data", "sources"),
-    metavar="[SOURCE=]PATH[:WEIGHT]",
-    multiple=True,
-    default=("runs/data",),
-    show_default=True,
-    help="What to learn from; may be repeated. A folder alone holds made interactions, and they "
+@options.option("--stage", "Network to train.", Choice(STAGES), required=True)
+@options.many(
+    "--data sources",
+    "What to learn from; may be repeated. A folder alone holds made interactions, and they "
     "are made where it is empty. SOURCE is one of `geneoh convert --help`, or `sequences` for npz "
     "files; WEIGHT is its share of the windows, relative to the others.",
+    default=("runs/data",),
+    metavar="[SOURCE=]PATH[:WEIGHT]",
 )
 @options.folder
-@options.config
-@options.settings
-@click.option(
+@options.config_and_settings
+@options.option(
     "--start",
-    type=options.FOLDER,
-    metavar="shipped|FOLDER",
-    help="Weights to go on from instead of random ones: the shipped ones, or those of a folder. "
+    "Weights to go on from instead of random ones: the shipped ones, or those of a folder. "
     "The configuration is then `finetune`, if no other is named.",
+    options.FOLDER,
+    metavar="shipped|FOLDER",
 )
 @options.mano
-@click.option(
-    "--threads", type=click.IntRange(min=1), help="CPU threads; default: chosen by torch."
-)
+@options.option("--threads", "CPU threads; default: chosen by torch.", options.COUNT)
 @options.device
 def train(
     stage: Any,
@@ -79,7 +75,6 @@ def train(
         chosen, weights = started_from(None if start == Path("shipped") else start, stage, chosen)
     place, asked = named_device(device), [parsed_source(text) for text in sources]
     follows = stage in ("spatial", "temporal")
-    motion_denoiser = load_motion(folder).to(place) if follows else None
     with progress.progress_bars() as on_progress:
         readers = ReaderOptions(mano_dir=mano)
         data = training_data(asked, folder / "recordings", chosen, readers, on_progress=on_progress)
@@ -93,7 +88,7 @@ def train(
             data.validation,
             folder,
             device=place,
-            motion_denoiser=motion_denoiser,
+            motion_denoiser=load_motion(folder).to(place) if follows else None,
             data_record=data.record,
             start=weights,
             on_step=lambda now: on_progress(stage, now.step, now.steps),

@@ -4,71 +4,46 @@ from pathlib import Path
 from typing import Any
 
 import click
+from click import Choice
 
 from geneoh.choices import AXES, COLOURINGS
 
 from .. import options
+from ..options import FILE, OBJ_HELP, flag, many, option
 
 
 @click.command()
-@click.argument("files", type=options.INPUT_FILE, nargs=-1, required=True)
-@click.option(
+@click.argument("files", type=FILE, nargs=-1, required=True)
+@many(
     "--obj",
-    type=options.INPUT_FILE,
-    multiple=True,
-    help=f"{options.OBJ_HELP} Without it, those that RESULT names, or "
+    f"{OBJ_HELP} Without it, those that RESULT names, or "
     "with --serve a mesh that is named like the result.",
+    FILE,
 )
-@click.option(
-    *("-o", "--output", "outputs"),
-    type=click.Path(path_type=Path),
-    multiple=True,
-    help="File to write; its ending names the format: .html page (default), .png filmstrip, .mp4 "
+@many(
+    "-o --output outputs",
+    "File to write; its ending names the format: .html page (default), .png filmstrip, .mp4 "
     "or .gif film, .glb scene, .npz with smplx names, .obj or .ply folder of one mesh per frame. "
     "May be repeated.",
+    click.Path(path_type=Path),
 )
 @options.overwrite
-@click.option(
-    "--colour",
-    "colouring",
-    type=click.Choice(COLOURINGS),
-    default="penetration",
-    show_default=True,
-    help="Quantity that the colour of the hand shows in pictures and films.",
+@option(
+    "--colour colouring",
+    "Quantity that the colour of the hand shows in pictures and films.",
+    Choice(COLOURINGS),
+    "penetration",
 )
-@click.option(
-    "--up",
-    type=click.Choice(AXES),
-    default="z",
-    show_default=True,
-    help="Axis of the world that points up.",
+@option("--up", "Axis of the world that points up.", Choice(AXES), "z")
+@many(
+    "--frame frames", "Frame of a filmstrip. May be repeated.  [default: five, evenly spread]", int
 )
-@click.option(
-    "--frame",
-    "frames",
-    type=int,
-    multiple=True,
-    help="Frame of a filmstrip. May be repeated.  [default: five, evenly spread]",
-)
-@click.option(
-    "--cell",
-    type=click.IntRange(64, 2048),
-    default=260,
-    show_default=True,
-    help="Side of one picture of a filmstrip, in pixels.",
-)
-@click.option("--serve", is_flag=True, help="Show many results live, sorted by a measure.")
-@click.option(
-    "--port",
-    type=click.IntRange(0, 65535),
-    default=8080,
-    show_default=True,
-    help="Network port of --serve.",
-)
+@option("--cell", "Side of one picture of a filmstrip, in pixels.", click.IntRange(64, 2048), 260)
+@flag("--serve", "Show many results live, sorted by a measure.")
+@option("--port", "Network port of --serve.", click.IntRange(0, 65535), 8080)
 @options.unit
 @options.mano
-@options.side
-@options.fps
+@options.side_and_fps
 def view(
     files: tuple[Path, ...],
     obj: tuple[Path, ...],

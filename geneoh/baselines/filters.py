@@ -91,13 +91,8 @@ def one_euro(
 ) -> Float[np.ndarray, "T ..."]:
     """The One-Euro filter: exponential smoothing that is weaker where the values move fast.
 
-    It is causal, as on live tracks. Source: Casiez et al., CHI 2012, algorithm 1.
-
-    Args:
-        values: the track.
-        cutoff: of a value at rest, in hertz.
-        beta: increase of the cutoff in hertz for a speed of one unit a second.
-        fps: frames a second.
+    `cutoff` and `beta` are `Filter.size` and `Filter.beta`. The filter is causal, as on live
+    tracks. Source: Casiez et al., CHI 2012, algorithm 1.
     """
 
     def share(hertz: float | np.ndarray) -> float | np.ndarray:

@@ -43,12 +43,7 @@ class RegressionDenoiser(nn.Module):
     def forward(
         self, observation: Observation, relations: SpatialRelations
     ) -> Float[Tensor, "B T 21 3"]:
-        """The clean keypoints behind an observation, canonical frame, metres.
-
-        Args:
-            observation: the noisy hand, never withheld.
-            relations: of that hand to its contact points.
-        """
+        """The clean keypoints behind an observation (never withheld), canonical frame, metres."""
         axes = observation.palm()
         turned = observation.turned(axes)
         each = self.encode_point(relation_features(relations.turned(axes)))

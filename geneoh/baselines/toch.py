@@ -47,11 +47,9 @@ class TochAutoencoder(nn.Module):
     def forward(
         self, observation: Observation, relations: SpatialRelations
     ) -> Float[Tensor, "B T 21 3"]:
-        """The clean keypoints behind an observation, canonical frame, metres.
+        """The clean keypoints behind the relations of a noisy hand, canonical frame, metres.
 
-        Args:
-            observation: the noisy hand, of which only the mean direction of its palm is used.
-            relations: of that hand to its contact points.
+        Of the observation only the mean direction of the palm is used.
         """
         axes = observation.palm()
         relations = relations.turned(axes)

@@ -9,8 +9,8 @@ from geneoh.choices import CaseNoise, Dataset
 from geneoh.errors import InputError, MissingAssetError
 from geneoh.evaluation.options import EvaluationOptions
 from geneoh.evaluation.protocols import Clip, ProtocolOptions
+from geneoh.evaluation.protocols.datasets import clips_by_file, spread_over_groups
 from geneoh.evaluation.protocols.noise import check_noise, noisy_input
-from geneoh.evaluation.protocols.selection import clips_by_file, spread_over_groups
 from geneoh.files.atomic import write_whole
 from geneoh.files.outputs import keep_others
 from geneoh.readers.meshes import obj_text
@@ -77,11 +77,7 @@ class Case:
         return self.read_stored(paths[0])
 
     def read_stored(self, path: Path) -> Sequence:
-        """A version of the clip that somebody stored, with the clip's own meshes.
-
-        Raises:
-            InputError: it has other frames than the clip.
-        """
+        """A version of the clip that somebody stored, with the clip's own meshes."""
         side = self.recording.hands[0].side
         found = load_sequence(path, self.recording.object.meshes, side=side)
         if found.frames != self.recording.frames:
@@ -120,13 +116,10 @@ def find_cases(options: EvaluationOptions) -> list[Case]:
 
 
 def write_inputs(cases: Iterable[Case], folder: Path) -> int:
-    """Write every case's noisy input with its meshes, for other methods to clean.
+    """Write every case's noisy input with its meshes, for other methods to clean; how many.
 
     The files are named as `--predictions` and `--twins` expect them. The meshes are in `objects/`,
     one per part of each clip.
-
-    Returns:
-        how many cases were written.
 
     Raises:
         InputError: the folder cannot be written to, or has a file of others of such a name.

@@ -51,14 +51,11 @@ def ks_distance(first: Float[Tensor, " N"], second: Float[Tensor, " M"]) -> floa
     return float(statistic)  # pyright: ignore[reportArgumentType]  # scipy gives no types
 
 
-def speed(points: Float[Tensor, "*B T P 3"], fps: float) -> Float[Tensor, "*B L P"]:
-    """Speed of each point in metres per second."""
-    return finite_difference(points, 1).norm(dim=-1) * fps
-
-
-def point_acceleration(points: Float[Tensor, "*B T P 3"], fps: float) -> Float[Tensor, "*B L P"]:
-    """Size of each point's acceleration in metres per second squared."""
-    return finite_difference(points, 2).norm(dim=-1) * fps**2
+def motion_size(
+    points: Float[Tensor, "*B T P 3"], fps: float, order: int
+) -> Float[Tensor, "*B L P"]:
+    """Size of each point's velocity (order 1, m/s) or acceleration (order 2, m/s²)."""
+    return finite_difference(points, order).norm(dim=-1) * fps**order
 
 
 def joint_angles(joints: Float[Tensor, "*B 21 3"]) -> Float[Tensor, "*B 20"]:
@@ -75,10 +72,8 @@ def joint_angles(joints: Float[Tensor, "*B 21 3"]) -> Float[Tensor, "*B 20"]:
     across = torch.linalg.cross(first, second).norm(dim=-1)
     flexion = torch.atan2(across, (first * second).sum(-1))
     normal = palm_basis(joints)[..., None, :, 2]
-    base, next_bone = (
-        bone - (bone * normal).sum(-1, keepdim=True) * normal
-        for bone in (bones[..., 0, :], bones[..., 1, :])
-    )
+    flat = bones - (bones * normal[..., None, :]).sum(-1, keepdim=True) * normal[..., None, :]
+    base, next_bone = flat[..., 0, :], flat[..., 1, :]
     turn = (torch.linalg.cross(base, next_bone) * normal).sum(-1)
     spread = torch.atan2(turn, (base * next_bone).sum(-1))
     return torch.cat([flexion, spread[..., None]], dim=-1).flatten(-2)

@@ -1,14 +1,12 @@
 """Methods: every way of cleaning that an evaluation compares, ours among them.
 
-A method is a frozen value that can be sent to another process. It uses the noisy clip alone; the
-one that also looks at the ground truth says so in its name.
+A method uses the noisy clip alone; the one that also looks at the ground truth says so in its name.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
-from typing import Protocol, runtime_checkable
 
 import torch
 from jaxtyping import Bool, Float
@@ -34,15 +32,15 @@ from geneoh.sequence.gaps import fill_gaps
 from geneoh.sequence.normalisation import normalised_hands
 from geneoh.sequence.sequence import HandTrack, Sequence
 
-FILTER_NAMES: dict[FilterKind, str] = {
+TITLES = {
     "savgol": "Savitzky-Golay",
     "gaussian": "Gaussian",
     "one-euro": "One-Euro",
-}
-BASELINE_NAMES: dict[BaselineName, str] = {
     "toch": "TOCH-style autoencoder",
     "regression": "w/o diffusion (regression)",
 }
+"""Names of filters and baselines in the tables."""
+DOMAINS: tuple[Domain, ...] = ("keypoints", "parameters")
 
 
 @dataclass(frozen=True)
@@ -64,117 +62,67 @@ class CleanedHand:
         return None if self.result is None else self.result.sequence.hands[0].joint_spread
 
 
-@runtime_checkable
-class Method(Protocol):
+@dataclass(frozen=True)
+class Method:
     """A way of cleaning."""
 
-    @property
-    def name(self) -> str:
-        """Name of the method in every table."""
-        ...
-
-    def clean(self, case: Case) -> CleanedHand | None:
-        """The cleaned hand; None if the clip lacks what the method needs."""
-        ...
-
-
-@dataclass(frozen=True)
-class InputMethod:
-    """The noisy clip unchanged; only its observed frames are scored."""
-
-    name: str = "input"
-
-    def clean(self, case: Case) -> CleanedHand:
-        """The noisy hand itself."""
-        return CleanedHand(joints_of(case.noisy), None, case.noisy.hands[0].valid)
+    name: str
+    """Name of the method in every table."""
+    clean: Callable[[Case], CleanedHand | None]
+    """The cleaned hand; None if the clip lacks what the method needs. It is a function of this
+    module, some with arguments (`functools.partial`), so that it can be sent to another process."""
+    has_pages: bool = False
+    """Whether its results can be shown in 3D."""
+    may_change: bool = False
+    """Whether the next run may find other results, so that scores are not reused."""
 
 
-@dataclass(frozen=True)
-class FilterMethod:
+def unchanged(case: Case) -> CleanedHand:
+    """The noisy hand itself, of which only the observed frames are scored."""
+    return CleanedHand(joints_of(case.noisy), None, case.noisy.hands[0].valid)
+
+
+def filtered_hand(case: Case, kind: FilterKind, domain: Domain) -> CleanedHand | None:
     """A low-pass filter with the size that was tuned on validation clips."""
-
-    kind: FilterKind
-    domain: Domain
-
-    @property
-    def name(self) -> str:
-        """Filter, and what is filtered."""
-        return f"{FILTER_NAMES[self.kind]} on {self.domain}"
-
-    def clean(self, case: Case) -> CleanedHand | None:
-        """The filtered track."""
-        hand = case.noisy.hands[0]
-        if self.domain not in domains_of(hand):
-            return None
-        tuned = TUNED[self.kind, self.domain]
-        return in_every_frame(filtered(hand, tuned, self.domain, case.noisy.fps))
+    hand = case.noisy.hands[0]
+    if domain not in domains_of(hand):
+        return None
+    return in_every_frame(filtered(hand, TUNED[kind, domain], domain, case.noisy.fps))
 
 
-@dataclass(frozen=True)
-class BestFilterMethod:
+def best_filtered_hand(case: Case, domain: Domain) -> CleanedHand | None:
     """The filter and size that are best on this very clip, chosen with the ground truth."""
-
-    domain: Domain
-
-    @property
-    def name(self) -> str:
-        """What is filtered, and that the method knows what no user does."""
-        return f"best filter on {self.domain}, told the truth †"
-
-    def clean(self, case: Case) -> CleanedHand | None:
-        """The filtered track nearest to the ground truth; None without ground truth."""
-        hand = case.noisy.hands[0]
-        if case.clean is None or self.domain not in domains_of(hand):
-            return None
-        truth = joints_of(case.clean)
-        return in_every_frame(best_filtered(hand, truth, self.domain, case.noisy.fps))
+    hand = case.noisy.hands[0]
+    if case.clean is None or domain not in domains_of(hand):
+        return None
+    return in_every_frame(best_filtered(hand, joints_of(case.clean), domain, case.noisy.fps))
 
 
-@dataclass(frozen=True)
-class OptimisationMethod:
+def optimised_hand(
+    case: Case, source: HandSource = "embedded", mano_dir: Path | None = None
+) -> CleanedHand:
     """Nothing learned: a tuned filter, then our fit with its contact and smoothness terms."""
-
-    source: HandSource = "embedded"
-    mano_dir: Path | None = None
-    name: str = "optimisation only"
-
-    def clean(self, case: Case) -> CleanedHand:
-        """The fitted hand."""
-        hand, motion = case.noisy.hands[0], case.noisy.object
-        domain = domains_of(hand)[-1]
-        target = filtered(hand, TUNED["savgol", domain], domain, case.noisy.fps)[None]
-        model = hand_of_betas(hand.side, hand.hand_model, asked=self.source, mano_dir=self.mano_dir)
-        subject = subject_of(hand, model)
-        start = subject.start or start_from_keypoints(target, subject.shaped)
-        state = fit_hand(
-            target,
-            torch.ones_like(target[..., 0]),
-            subject.shaped,
-            start,
-            config=FitConfig(),
-            surface=replace(motion.surface(), within=NEAR),
-        )
-        posed = subject.shaped.verts_from_rotations(state.rotations, state.wrist)
-        return in_every_frame(posed.joints[0], posed.verts[0])
+    hand, motion = case.noisy.hands[0], case.noisy.object
+    domain = domains_of(hand)[-1]
+    target = filtered(hand, TUNED["savgol", domain], domain, case.noisy.fps)[None]
+    model = hand_of_betas(hand.side, hand.hand_model, asked=source, mano_dir=mano_dir)
+    subject = subject_of(hand, model)
+    state = fit_hand(
+        target,
+        torch.ones_like(target[..., 0]),
+        subject.shaped,
+        subject.start or start_from_keypoints(target, subject.shaped),
+        config=FitConfig(),
+        surface=replace(motion.surface(), within=NEAR),
+    )
+    posed = subject.shaped.verts_from_rotations(state.rotations, state.wrist)
+    return in_every_frame(posed.joints[0], posed.verts[0])
 
 
-@dataclass(frozen=True)
-class BaselineMethod:
-    """A network that predicts the clean hand in one call, trained on the cleaner's own data."""
-
-    baseline: BaselineName
-    weights: Path | None = None
-    """Folder of the weights; None: the shipped ones."""
-
-    @property
-    def name(self) -> str:
-        """The field's name for it."""
-        return BASELINE_NAMES[self.baseline]
-
-    def clean(self, case: Case) -> CleanedHand:
-        """The network's keypoints."""
-        network = network_of(self.baseline, self.weights)
-        return in_every_frame(predicted_joints(network, case.noisy, seed=case.seed))
+def predicted_hand(case: Case, baseline: BaselineName, weights: Path | None = None) -> CleanedHand:
+    """The prediction of a network, in one call, that was trained on the cleaner's own data."""
+    network = network_of(baseline, weights)
+    return in_every_frame(predicted_joints(network, case.noisy, seed=case.seed))
 
 
 @cache
@@ -190,11 +138,7 @@ def predicted_joints(
     """Keypoints that a baseline predicts for the first hand of a sequence, world frame, metres.
 
     As in the cleaner, left hands are mirrored, other frame rates resampled, and windows blended.
-
-    Args:
-        network: the baseline.
-        sequence: the noisy interaction.
-        seed: of the points that are drawn on the object's surface.
+    `seed` is that of the points that are drawn on the object's surface.
     """
     hand = normalised_hands(sequence)[0]
     subject = subject_of(hand.track, load_hand("right"))
@@ -212,57 +156,34 @@ def predicted_joints(
     return back
 
 
-@dataclass(frozen=True)
-class GeneohMethod:
-    """Geneoh with its options; the seed is the case's."""
-
-    options: Options
-
-    @property
-    def name(self) -> str:
-        """Preset, and what was left out of it."""
-        less = "".join(f", w/o {part}" for part in self.options.without)
-        return f"geneoh {self.options.preset}{less}"
-
-    def clean(self, case: Case) -> CleanedHand:
-        """The cleaned track with its own mesh."""
-        noisy = checked_interaction(case.noisy)
-        result = clean_interaction(noisy, replace(self.options, seed=case.seed))
-        hand = result.sequence.hands[0]
-        assert hand.pose is not None, "results carry a pose"
-        assert hand.wrist is not None, "results carry a wrist"
-        assert hand.betas is not None, "results carry betas"
-        model = hand_of_betas(hand.side, hand.hand_model, mano_dir=self.options.mano_dir)
-        verts = model.to(hand.betas.device).shaped(hand.betas).posed(hand.pose, hand.wrist).verts
-        return replace(in_every_frame(joints_of(result.sequence), verts), result=result)
+def denoised_hand(case: Case, options: Options) -> CleanedHand:
+    """The track cleaned by geneoh with the seed of the case, and its own mesh."""
+    noisy = checked_interaction(case.noisy)
+    result = clean_interaction(noisy, replace(options, seed=case.seed))
+    hand = result.sequence.hands[0]
+    assert hand.pose is not None, "results carry a pose"
+    assert hand.wrist is not None, "results carry a wrist"
+    assert hand.betas is not None, "results carry betas"
+    model = hand_of_betas(hand.side, hand.hand_model, mano_dir=options.mano_dir)
+    verts = model.to(hand.betas.device).shaped(hand.betas).posed(hand.pose, hand.wrist).verts
+    return replace(in_every_frame(joints_of(result.sequence), verts), result=result)
 
 
-@dataclass(frozen=True)
-class PredictionsMethod:
-    """Results of another method: one file for each case in a folder, see `Case.file_name`."""
+def stored_hand(case: Case, folder: Path) -> CleanedHand:
+    """The result of another method, from a folder of one file for each case (`Case.file_name`).
 
-    folder: Path
-
-    @property
-    def name(self) -> str:
-        """The folder's name."""
-        return self.folder.resolve().name
-
-    def clean(self, case: Case) -> CleanedHand:
-        """The stored keypoints; the mesh is fitted as for every method of keypoints.
-
-        Raises:
-            MissingAssetError: there is no file for the case.
-            InputError: it does not fit the clip.
-        """
-        path = self.folder / case.file_name
-        if not path.is_file():
-            raise MissingAssetError(
-                f"{path}: expected the result for {case.clip.name} under {case.noise}, seed "
-                f"{case.seed}, found no file; --inputs writes what it is to be made from"
-            )
-        sequence = case.read_stored(path)
-        return CleanedHand(joints_of(sequence), None, sequence.hands[0].valid)
+    Raises:
+        MissingAssetError: there is no file for the case.
+        InputError: it does not fit the clip.
+    """
+    path = folder / case.file_name
+    if not path.is_file():
+        raise MissingAssetError(
+            f"{path}: expected the result for {case.clip.name} under {case.noise}, seed "
+            f"{case.seed}, found no file; --inputs writes what it is to be made from"
+        )
+    sequence = case.read_stored(path)
+    return CleanedHand(joints_of(sequence), None, sequence.hands[0].valid)
 
 
 def in_every_frame(
@@ -302,7 +223,8 @@ def methods_of(options: EvaluationOptions) -> tuple[tuple[Method, ...], tuple[st
                 f"--predictions {folder}: expected a folder of results CLIP_NOISE_SEED.npz, found "
                 "none; --inputs DIR writes what they are to be made from"
             )
-        methods.append(PredictionsMethod(folder))
+        name, clean = folder.resolve().name, partial(stored_hand, folder=folder)
+        methods.append(Method(name, clean, may_change=True))
     names = [method.name for method in methods]
     if twice := {name for name in names if names.count(name) > 1}:
         raise ConfigError(
@@ -317,21 +239,32 @@ def methods_named(name: MethodName, options: EvaluationOptions) -> Iterator[Meth
     cleaner = options.cleaner
     match name:
         case "input":
-            yield InputMethod()
+            yield Method("input", unchanged)
         case "savgol" | "gaussian" | "one-euro":
-            yield FilterMethod(name, "keypoints")
-            yield FilterMethod(name, "parameters")
+            for domain in DOMAINS:
+                clean = partial(filtered_hand, kind=name, domain=domain)
+                yield Method(f"{TITLES[name]} on {domain}", clean)
         case "best-filter":
-            yield BestFilterMethod("keypoints")
-            yield BestFilterMethod("parameters")
+            for domain in DOMAINS:
+                title = f"best filter on {domain}, told the truth †"
+                yield Method(title, partial(best_filtered_hand, domain=domain))
         case "optimisation":
-            yield OptimisationMethod(cleaner.hand, cleaner.mano_dir)
+            clean = partial(optimised_hand, source=cleaner.hand, mano_dir=cleaner.mano_dir)
+            yield Method("optimisation only", clean)
         case "toch" | "regression":
-            yield BaselineMethod(name, baseline_weights(name, cleaner.weights).parent)
+            weights = baseline_weights(name, cleaner.weights).parent
+            yield Method(TITLES[name], partial(predicted_hand, baseline=name, weights=weights))
         case "geneoh":
             for preset in options.presets:
-                yield GeneohMethod(replace(cleaner, preset=preset))
+                yield geneoh_method(replace(cleaner, preset=preset))
             for part in options.ablations:
-                yield GeneohMethod(replace(cleaner, preset=options.presets[0], without=(part,)))
+                yield geneoh_method(replace(cleaner, preset=options.presets[0], without=(part,)))
         case _:
             assert_never(name)
+
+
+def geneoh_method(options: Options) -> Method:
+    """Geneoh with its options, named by preset and by what was left out of it."""
+    less = "".join(f", w/o {part}" for part in options.without)
+    name = f"geneoh {options.preset}{less}"
+    return Method(name, partial(denoised_hand, options=options), has_pages=True)

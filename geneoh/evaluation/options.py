@@ -3,23 +3,12 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from geneoh.choices import (
-    ABLATIONS,
-    CASE_NOISES,
-    DATASETS,
-    METHODS,
-    PRESETS,
-    Ablation,
-    CaseNoise,
-    Dataset,
-    MethodName,
-    PresetName,
-)
+from geneoh import choices
 from geneoh.errors import ConfigError
 from geneoh.evaluation.protocols.options import DEFAULTS, DatasetDefaults, ProtocolOptions
 from geneoh.pipeline.options import Options
 
-DEFAULT_METHODS: tuple[MethodName, ...] = (
+DEFAULT_METHODS: tuple[choices.MethodName, ...] = (
     *("input", "savgol", "best-filter", "optimisation"),
     *("toch", "regression", "geneoh"),
 )
@@ -30,23 +19,23 @@ DEFAULT_METHODS: tuple[MethodName, ...] = (
 class EvaluationOptions:
     """Which clips are scored, under which noise, which methods clean them, and how exactly."""
 
-    dataset: Dataset
+    dataset: choices.Dataset
     """The data set, which has a protocol of its own; see `geneoh.evaluation.protocols`."""
     root: Path | None = None
     """Folder of the user's copy of the data set; without it the environment variable
     GENEOH_DATA_NAME names one. `synthetic` and the example of `taco` need none."""
-    noises: tuple[CaseNoise, ...] = ()
+    noises: tuple[choices.CaseNoise, ...] = ()
     """Noises to put on each clip; empty: the data set's own."""
     seeds: tuple[int, ...] = ()
     """Seeds of the noise and of the methods that sample; empty: the paper's three, for `synthetic`
     the first of them."""
     limit: int | None = None
     """Most clips to score, spread over the recordings; None: all."""
-    methods: tuple[MethodName, ...] = ()
+    methods: tuple[choices.MethodName, ...] = ()
     """Methods to compare; empty: `DEFAULT_METHODS` without baselines whose weights are missing."""
-    presets: tuple[PresetName, ...] = ("default",)
+    presets: tuple[choices.PresetName, ...] = ("default",)
     """Presets of geneoh, each scored as a method."""
-    ablations: tuple[Ablation, ...] = ()
+    ablations: tuple[choices.Ablation, ...] = ()
     """Parts of geneoh; for each, the first preset without that part is scored as well."""
     predictions: tuple[Path, ...] = ()
     """Folders of results of other methods, one `CLIP_NOISE_SEED.npz` for each case."""
@@ -64,16 +53,16 @@ class EvaluationOptions:
 
     def __post_init__(self) -> None:
         """Refuse with a `ConfigError` what is none of the choices."""
-        for what, values, choices in (
-            ("data set", [self.dataset], DATASETS),
-            ("noise", self.noises, CASE_NOISES),
-            ("method", self.methods, METHODS),
-            ("preset", self.presets, PRESETS),
-            ("ablation", self.ablations, ABLATIONS),
+        for what, values, known in (
+            ("data set", [self.dataset], choices.DATASETS),
+            ("noise", self.noises, choices.CASE_NOISES),
+            ("method", self.methods, choices.METHODS),
+            ("preset", self.presets, choices.PRESETS),
+            ("ablation", self.ablations, choices.ABLATIONS),
         ):
             for value in values:
-                if value not in choices:
-                    raise ConfigError(f"{what} {value}: expected one of {', '.join(choices)}")
+                if value not in known:
+                    raise ConfigError(f"{what} {value}: expected one of {', '.join(known)}")
 
     @property
     def defaults(self) -> DatasetDefaults:

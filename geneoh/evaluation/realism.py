@@ -9,31 +9,18 @@ synthetic clips are separated from all other synthetic clips in the same way.
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, fields, replace
+from itertools import islice
 from pathlib import Path
-from typing import Any
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
 from geneoh.errors import InputError
-from geneoh.evaluation.distributions import (
-    ANGLES,
-    Quantiles,
-    correlations,
-    joint_angles,
-    ks_distance,
-    point_acceleration,
-    quantiles,
-    speed,
-)
-from geneoh.evaluation.two_sample_classifier import (
-    BLOCK,
-    SNIPPET,
-    VIEWS,
-    block_snippets,
-    cross_validate,
-)
+from geneoh.evaluation import distributions
+from geneoh.evaluation import two_sample_classifier as classifier
+from geneoh.evaluation.distributions import joint_angles
+from geneoh.evaluation.two_sample_classifier import BLOCK, SNIPPET, VIEWS, block_snippets
 from geneoh.fitting.subject import subject_of
 from geneoh.geometry.mesh import Mesh
 from geneoh.hand.library import load_hand
@@ -89,8 +76,8 @@ class Comparison:
 
     name: str
     unit: str
-    real: Quantiles
-    synthetic: Quantiles
+    real: distributions.Quantiles
+    synthetic: distributions.Quantiles
     distance: float
     """Kolmogorov-Smirnov statistic of the two distributions, 0 to 1."""
 
@@ -114,18 +101,11 @@ class RealismReport:
     augmented: bool = False
     """Whether the synthetic clips had the augmentation of training."""
 
-    def as_dict(self) -> dict[str, Any]:
-        """The report as plain values for a JSON file."""
-        return asdict(self)
-
 
 def measure_realism(recording: Sequence, folder: Path, *, augmented: bool = False) -> RealismReport:
-    """Compare the training shards in a folder with a recording.
+    """Compare the training shards in a folder with the first hand of a clean recording.
 
-    Args:
-        recording: a clean interaction; its first hand is compared.
-        folder: of shards, from `geneoh synthesize`.
-        augmented: compare the clips with the augmentation of training, as networks see them.
+    `augmented` clips have the augmentation of training, as networks see them.
 
     Raises:
         InputError: the recording has no object mesh, or is too short for the classifier.
@@ -192,14 +172,7 @@ def recorded_clip(sequence: Sequence, hand: HandModel) -> HandClips:
 def synthetic_clips(
     folder: Path, hand: HandModel, *, augmented: bool = False, per_shard: int = CLIPS_PER_SHARD
 ) -> HandClips:
-    """The first clips of some training shards, which are spread over the folder.
-
-    Args:
-        folder: of the shards.
-        hand: the model whose mesh is measured.
-        augmented: with the augmentation of training, as networks see them.
-        per_shard: most clips of each shard.
-    """
+    """The first `per_shard` clips of some training shards, which are spread over the folder."""
     paths = find_shards(folder, "train")
     at = torch.linspace(0, len(paths) - 1, min(SHARDS, len(paths))).round().long().tolist()
     found = [shard_clips(paths[i], hand, augmented, per_shard) for i in at]
@@ -254,7 +227,7 @@ def compare_clips(real: HandClips, synthetic: HandClips) -> RealismReport:
             f"recording's blocks of {BLOCK}, and in twice as many synthetic clips, got "
             f"{len(blocks)} blocks and {len(others)} clips; take a longer recording or more data"
         )
-    found = {view: cross_validate(blocks, others, view, FPS) for view in VIEWS}
+    found = {view: classifier.cross_validate(blocks, others, view, FPS) for view in VIEWS}
     return RealismReport(
         measures=tuple(comparisons(real, synthetic)),
         correlation=angle_correlations(real, synthetic),
@@ -269,10 +242,8 @@ def one_snippet_each(clips: HandClips) -> Float[Tensor, "N S 21 3"]:
     """A snippet of each clip that has one; where it starts depends on the clip's number alone."""
     found = [clips.object.new_zeros(0, SNIPPET, 21, 3)]
     for index, (joints, near) in enumerate(zip(clips.object, clips.near, strict=True)):
-        starts = torch.nonzero(near.unfold(0, SNIPPET, 1).all(-1))[:, 0]
-        if len(starts):
-            start = int(starts[seed_of("snippet", index) % len(starts)])
-            found.append(joints[None, start : start + SNIPPET])
+        if len(snippets := classifier.all_snippets(joints, near)):
+            found.append(snippets[seed_of("snippet", index) % len(snippets)][None])
     return torch.cat(found)
 
 
@@ -282,14 +253,16 @@ def controls(clips: HandClips, others: Float[Tensor, "N S 21 3"]) -> dict[str, f
     `others` are snippets of the same source. The clip's own snippet is among them: of hundreds, one
     that can be classified wrong.
     """
-    accuracy: dict[str, list[float]] = {view: [] for view in VIEWS}
-    for joints, near in zip(clips.object, clips.near, strict=True):
-        blocks = block_snippets(joints, near)
-        if len(blocks) < 2 or len(accuracy[VIEWS[0]]) == CONTROLS:
-            continue
-        for view in VIEWS:
-            accuracy[view].append(cross_validate(blocks, others, view, FPS).accuracy)
-    return {view: float(torch.tensor(found).mean()) for view, found in accuracy.items()}
+    each = (block_snippets(*clip) for clip in zip(clips.object, clips.near, strict=True))
+    chosen = list(islice((blocks for blocks in each if len(blocks) > 1), CONTROLS))
+    return {
+        view: float(
+            torch.tensor(
+                [classifier.cross_validate(blocks, others, view, FPS).accuracy for blocks in chosen]
+            ).mean()
+        )
+        for view in VIEWS
+    }
 
 
 def comparisons(real: HandClips, synthetic: HandClips) -> Iterator[Comparison]:
@@ -298,24 +271,21 @@ def comparisons(real: HandClips, synthetic: HandClips) -> Iterator[Comparison]:
 
     def compared(name: str, unit: str, values: list[Tensor], scale: float = 1.0) -> Comparison:
         first, second = (scale * each.flatten() for each in values)
-        distance = ks_distance(first, second)
-        return Comparison(name, unit, quantiles(first), quantiles(second), distance)
+        spans = distributions.quantiles(first), distributions.quantiles(second)
+        return Comparison(name, unit, *spans, distributions.ks_distance(first, second))
 
     for points, which in (("wrist", [0]), ("fingertips", TIPS)):
         for frame in ("world", "object"):
-            for name, unit, of, order in (
-                ("speed", "m/s", speed, 1),
-                ("acceleration", "m/s²", point_acceleration, 2),
-            ):
+            for order, name, unit in ((1, "speed", "m/s"), (2, "acceleration", "m/s²")):
                 values = [
-                    of(getattr(clips, frame)[:, :, which], FPS)[
+                    distributions.motion_size(getattr(clips, frame)[:, :, which], FPS, order)[
                         torch.stack([valid_differences(each, order) for each in clips.valid])
                     ]
                     for clips in both
                 ]
                 yield compared(f"{points}, {name}, {frame}", unit, values)
     angles = [joint_angles(clips.world[clips.valid]) for clips in both]
-    for index, name in enumerate(ANGLES):
+    for index, name in enumerate(distributions.ANGLES):
         yield compared(name, "°", [each[:, index] for each in angles], scale=180 / torch.pi)
     for name, unit, field, scale in (
         ("skin in contact", "cm²", "area", 1e4),
@@ -330,7 +300,8 @@ def comparisons(real: HandClips, synthetic: HandClips) -> Iterator[Comparison]:
 def angle_correlations(real: HandClips, synthetic: HandClips) -> dict[str, float]:
     """How alike the joint angles of two sources are correlated."""
     ours, theirs = (
-        correlations(joint_angles(clips.world[clips.valid])) for clips in (real, synthetic)
+        distributions.correlations(joint_angles(clips.world[clips.valid]))
+        for clips in (real, synthetic)
     )
     return {
         "real_mean_size": float(ours.abs().mean()),

@@ -10,9 +10,10 @@ import os
 import re
 import signal
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, fields, replace
+from functools import partial
 from hashlib import sha256
 from importlib import metadata
 from multiprocessing import get_context
@@ -25,16 +26,11 @@ from geneoh.baselines.library import BASELINES, baseline_weights
 from geneoh.choices import Dataset
 from geneoh.config import as_dict
 from geneoh.denoisers.library import CLEANING_STAGES, weights_of
-from geneoh.errors import (
-    CheckpointError,
-    ConfigError,
-    InputError,
-    MissingAssetError,
-)
+from geneoh.errors import ConfigError, InputError, MissingAssetError
 from geneoh.evaluation.cases import Case, find_cases
-from geneoh.evaluation.methods import GeneohMethod, Method, PredictionsMethod, methods_of
+from geneoh.evaluation.methods import Method, methods_of
 from geneoh.evaluation.options import EvaluationOptions
-from geneoh.evaluation.protocols.selection import data_root
+from geneoh.evaluation.protocols.datasets import data_root
 from geneoh.evaluation.report import RECORD, Evaluation
 from geneoh.evaluation.scores import CaseScorer, Score, ScoreKey, ScoringConfig
 from geneoh.files.atomic import unwritable, write_whole
@@ -44,7 +40,12 @@ from geneoh.viz.view import write_report
 PACKAGES = ("geneoh", "torch", "numpy", "scipy", "libigl", "trimesh")
 """Packages whose versions are reported."""
 CASE_ERRORS = (InputError, MissingAssetError)
-"""Errors of one clip, or of one method on it: they are recorded, and the others go on."""
+"""Errors of one clip, or of one method on it: they are recorded, and the others go on. Without its
+weights (`CheckpointError`) a method cannot be scored on any clip."""
+
+Work = tuple[Case, tuple[Method, ...]]
+"""A case with the methods that are still to be scored on it; sent to a worker."""
+Scoring = Callable[[Work], list[Score]]
 
 
 def evaluate(
@@ -85,19 +86,22 @@ def evaluate(
     folder = Path(folder)
     cases = find_cases(options)
     methods, notes = methods_of(options)
-    settings, versions = settings_of(options), versions_now()
+    settings = settings_of(options)
+    versions = {name: metadata.version(name) for name in PACKAGES}
     done, earlier = open_record(folder, settings, versions, fresh=fresh)
     cleaner = options.cleaner
     config = ScoringConfig(cleaner.hand, cleaner.mano_dir, settings["close_frames"])
     pages_folder = folder / "pages" if pages else None
-    tasks = tasks_left(cases, methods, done, config, pages_folder)
-    made = run(tasks, folder, jobs=max(1, min(jobs, len(tasks))), on_progress=on_progress)
+    work = work_left(cases, methods, done, pages_folder)
+    jobs = max(1, min(jobs, len(work)))
+    made = run(work, folder, config, pages=pages_folder, jobs=jobs, on_progress=on_progress)
     by_key = {score.key: score for score in [*done, *made]}
     wanted = [(*case.key, method.name) for case in cases for method in methods]
     if reused := len(wanted) - len(made):
         notes = (*notes, f"{reused} of {len(wanted)} scores were there already")
         if earlier != versions:
-            notes = (*notes, f"the record was begun with {in_words(earlier)}")
+            words = ", ".join(f"{name} {version}" for name, version in earlier.items())
+            notes = (*notes, f"the record was begun with {words}")
     return Evaluation(
         settings={**settings, "versions": versions},
         command=command,
@@ -128,10 +132,7 @@ def settings_of(options: EvaluationOptions) -> dict[str, Any]:
         "protocol": as_dict(options.protocol),
         "close_frames": options.close_frames or options.defaults.close_frames,
         "cleaner": {
-            "samples": cleaner.samples,
-            "selection": cleaner.selection,
-            "steps": cleaner.steps,
-            "hand": cleaner.hand,
+            name: getattr(cleaner, name) for name in ("samples", "selection", "steps", "hand")
         },
     }
 
@@ -145,28 +146,12 @@ def digest(paths: Iterable[Path]) -> str:
     return found.hexdigest()[:16]
 
 
-def versions_now() -> dict[str, str]:
-    """Versions of the packages that numbers come from."""
-    return {name: metadata.version(name) for name in PACKAGES}
-
-
-def in_words(versions: dict[str, str]) -> str:
-    """Packages and their versions."""
-    return ", ".join(f"{name} {version}" for name, version in versions.items())
-
-
 def open_record(
     folder: Path, settings: dict[str, Any], versions: dict[str, str], *, fresh: bool = False
 ) -> tuple[list[Score], dict[str, str]]:
     """The scores in a folder and the versions they were begun with; begins a record without any.
 
-    A line that was cut off by a crash is dropped.
-
-    Args:
-        folder: of the evaluation.
-        settings: from `settings_of`.
-        versions: of the packages now, for a new record.
-        fresh: throw an earlier record away.
+    A line that was cut off by a crash is dropped; with `fresh` an earlier record is thrown away.
 
     Raises:
         ConfigError: the folder holds scores of other settings.
@@ -224,36 +209,22 @@ def append_scores(folder: Path, scores: Iterable[Score]) -> None:
         raise unwritable(path, error) from None
 
 
-@dataclass(frozen=True)
-class Task:
-    """One case with the methods that are still to be scored on it; sent to a worker."""
-
-    case: Case
-    methods: tuple[Method, ...]
-    config: ScoringConfig
-    pages: Path | None = None
-    """Folder for geneoh's pages in 3D."""
-
-
-def tasks_left(
+def work_left(
     cases: Iterable[Case],
     methods: tuple[Method, ...],
     done: Iterable[Score],
-    config: ScoringConfig,
     pages: Path | None = None,
-) -> list[Task]:
-    """Every method on every case, without those that have a score already."""
+) -> list[Work]:
+    """Every method on every case, without those that have a score, and a page, already."""
     there = {score.key for score in done}
 
     def is_left(case: Case, method: Method) -> bool:
         key = (*case.key, method.name)
-        if key not in there or isinstance(method, PredictionsMethod):
-            return True  # a folder of predictions may hold other results by now
-        lacks_page = pages is not None and not page_of(pages, key).is_file()
-        return isinstance(method, GeneohMethod) and lacks_page
+        lacks_page = pages is not None and method.has_pages and not page_of(pages, key).is_file()
+        return key not in there or method.may_change or lacks_page
 
     left = [(case, tuple(each for each in methods if is_left(case, each))) for case in cases]
-    return [Task(case, chosen, config, pages) for case, chosen in left if chosen]
+    return [(case, chosen) for case, chosen in left if chosen]
 
 
 def page_of(pages: Path, key: ScoreKey) -> Path:
@@ -263,19 +234,22 @@ def page_of(pages: Path, key: ScoreKey) -> Path:
 
 
 def run(
-    tasks: list[Task], folder: Path, *, jobs: int = 1, on_progress: OnProgress | None = None
+    work: list[Work],
+    folder: Path,
+    config: ScoringConfig,
+    *,
+    pages: Path | None = None,
+    jobs: int = 1,
+    on_progress: OnProgress | None = None,
 ) -> list[Score]:
-    """Score all tasks; the record of `folder` has a case's scores as soon as they are made.
+    """Do all work; the record of `folder` has a case's scores as soon as they are made.
 
-    Args:
-        tasks: from `tasks_left`.
-        folder: of the evaluation, its record begun.
-        jobs: processes, each with one thread; 1 works in this one.
-        on_progress: called with "eval", the scores made so far and those of all tasks.
+    `jobs` is the number of processes, each with one thread; 1 works in this one.
     """
-    total = sum(len(task.methods) for task in tasks)
+    total = sum(len(methods) for _, methods in work)
     scores: list[Score] = []
-    for made in in_turn(tasks) if jobs == 1 else in_processes(tasks, jobs):
+    score = partial(score_case, config=config, pages=pages)
+    for made in in_turn(work, score) if jobs == 1 else in_processes(work, score, jobs):
         append_scores(folder, made)
         scores += made
         if on_progress is not None:
@@ -283,23 +257,21 @@ def run(
     return scores
 
 
-def in_turn(tasks: Iterable[Task]) -> Iterator[list[Score]]:
-    """One task after the other in this process; with one thread as in workers, for the same
-    numbers."""
+def in_turn(work: list[Work], score: Scoring) -> Iterator[list[Score]]:
+    """One case after the other here; with one thread as in workers, for the same numbers."""
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
-        for task in tasks:
-            yield score_task(task)
+        yield from map(score, work)
     finally:
         torch.set_num_threads(before)
 
 
-def in_processes(tasks: Iterable[Task], jobs: int) -> Iterator[list[Score]]:
-    """Tasks as they finish in new processes; after a stop, those not begun are dropped."""
+def in_processes(work: list[Work], score: Scoring, jobs: int) -> Iterator[list[Score]]:
+    """Cases as they finish in new processes; after a stop, those not begun are dropped."""
     pool = ProcessPoolExecutor(jobs, get_context("spawn"), initializer=start_worker)
     try:
-        for future in as_completed([pool.submit(score_task, task) for task in tasks]):
+        for future in as_completed([pool.submit(score, each) for each in work]):
             yield future.result()
     finally:
         pool.shutdown(cancel_futures=True)
@@ -312,15 +284,15 @@ def start_worker() -> None:
     torch.set_num_threads(1)
 
 
-def score_task(task: Task) -> list[Score]:
-    """All methods on one case; a case that cannot be read has scores that say why."""
-    # A copy, so that what is read of the case is freed when its scores are made.
-    case = replace(task.case)
+def score_case(work: Work, config: ScoringConfig, pages: Path | None) -> list[Score]:
+    """The methods on one case; a case that cannot be read has scores that say why."""
+    case, methods = work
+    case = replace(case)  # a copy, so that what is read of the case is freed with it
     try:
-        scorer = CaseScorer(case, task.config)
+        scorer = CaseScorer(case, config)
     except CASE_ERRORS as error:
-        return [Score(*case.key, method.name, failed=str(error)) for method in task.methods]
-    return [score_method(scorer, method, task.pages) for method in task.methods]
+        return [Score(*case.key, method.name, failed=str(error)) for method in methods]
+    return [score_method(scorer, method, pages) for method in methods]
 
 
 def score_method(scorer: CaseScorer, method: Method, pages: Path | None) -> Score:
@@ -334,17 +306,9 @@ def score_method(scorer: CaseScorer, method: Method, pages: Path | None) -> Scor
         score = scorer.score(method.name, cleaned, seconds)
         if pages is not None and cleaned.result is not None:
             pages.mkdir(parents=True, exist_ok=True)
-            page = page_of(pages, score.key)
-            write_report(
-                case.noisy,
-                cleaned.result,
-                page,
-                title=case.clip.name,
-                mano_dir=scorer.config.mano_dir,
-            )
+            page, mano_dir = page_of(pages, score.key), scorer.config.mano_dir
+            write_report(case.noisy, cleaned.result, page, title=case.clip.name, mano_dir=mano_dir)
         return score
-    except CheckpointError:
-        raise  # without its weights a method cannot be scored on any case
     except CASE_ERRORS as error:
         return Score(*case.key, method.name, failed=str(error))
 

@@ -18,19 +18,9 @@ from geneoh.geometry.distance import SurfaceQuery
 from geneoh.hand.library import hand_of_betas
 from geneoh.hand.model import HandModel
 from geneoh.hand.skeleton import TIP_KEYPOINTS
-from geneoh.metrics.accuracy import mpjpe, mpvpe, within_spread
-from geneoh.metrics.contact import (
-    contact_agreement,
-    contact_iou,
-    fingertip_slip,
-    motion_consistency,
-    penetration_depth,
-    proximity_error,
-    tips_in_contact,
-)
+from geneoh.metrics import accuracy, contact, smoothness
 from geneoh.metrics.correspondence import contact_points, object_contact
 from geneoh.metrics.frames import mean_over_frames, valid_differences
-from geneoh.metrics.smoothness import acceleration, acceleration_error, jerk, per_frame_squared
 from geneoh.metrics.volume import intersection_volume
 from geneoh.sequence.sequence import HandTrack, Sequence
 from geneoh.synthesis.shards import seed_of
@@ -214,7 +204,7 @@ class CaseScorer:
     ) -> MeasuredHand:
         """A hand with its distances to the object."""
         query = self.surface.query(verts)
-        tips = tips_in_contact(query.distance, verts, joints[:, TIPS])
+        tips = contact.tips_in_contact(query.distance, verts, joints[:, TIPS])
         return MeasuredHand(joints, verts, query, tips)
 
     def touched(self, verts: Float[Tensor, "T V 3"]) -> Bool[Tensor, "N P"]:
@@ -223,24 +213,17 @@ class CaseScorer:
         return object_contact(verts[self.close], self.faces, surface, self.samples)
 
     def score(self, method: str, cleaned: CleanedHand, seconds: float) -> Score:
-        """All measures of one cleaned hand.
-
-        Args:
-            method: the method's name.
-            cleaned: what it made.
-            seconds: how long it took.
-        """
+        """All measures of what a method made in some seconds."""
         verts, valid, truth = cleaned.verts, cleaned.valid, self.truth
         if verts is None:
             verts = fitted_verts(self.subject, cleaned.joints)
         hand = self.measured(cleaned.joints, verts)
         values = self._plausibility(hand, valid)
-        by_frame: list[float] = []
-        by_joint: list[float] = []
+        by_frame, by_joint = [], []
         if truth is not None:
             values |= self._accuracy(hand, truth, valid)
             if cleaned.spread is not None:
-                inside = within_spread(hand.joints, truth.joints, cleaned.spread)
+                inside = accuracy.within_spread(hand.joints, truth.joints, cleaned.spread)
                 values["within_spread_pct"] = 100 * mean(inside, valid)
             error = 1000 * (hand.joints - truth.joints).norm(dim=-1)
             error[~valid] = torch.nan
@@ -259,16 +242,17 @@ class CaseScorer:
         joints, verts, query, fps = hand.joints, hand.verts, hand.query, self.fps
         near = self.surface.at(self.close)
         volume = intersection_volume(verts[self.close], self.faces, near)
-        slip = fingertip_slip(verts, query, joints[:, TIPS], self.surface, fps)
-        accelerated = per_frame_squared(acceleration(joints, fps), fps)
+        slip = contact.fingertip_slip(verts, query, joints[:, TIPS], self.surface, fps)
+        consistency = contact.motion_consistency(verts, query, self.surface)
+        accelerated = smoothness.per_frame_squared(smoothness.acceleration(joints, fps), fps)
         pairs = valid_differences(valid, 1)
         return {
             "volume_cm3": 1e6 * mean(volume, valid[self.close]),
-            "depth_mm": 1000 * mean(penetration_depth(query.distance), valid),
-            "consistency_mm2": 1e6 * mean(motion_consistency(verts, query, self.surface), pairs),
+            "depth_mm": 1000 * mean(contact.penetration_depth(query.distance), valid),
+            "consistency_mm2": 1e6 * mean(consistency, pairs),
             "slip_mm_s": 1000 * mean(slip, pairs),
             "acceleration_mm": mean(accelerated, valid_differences(valid, 2)),
-            "jerk_m_s3": mean(jerk(joints, fps), valid_differences(valid, 3)),
+            "jerk_m_s3": mean(smoothness.jerk(joints, fps), valid_differences(valid, 3)),
         }
 
     def _accuracy(
@@ -276,19 +260,20 @@ class CaseScorer:
     ) -> dict[str, float]:
         """How far the hand is from the ground truth."""
         close = valid[self.close]
-        tips = contact_agreement(hand.tips[valid], truth.tips[valid])
-        on_object = contact_agreement(self.touched(hand.verts)[close], self.truly_touched[close])
+        tips = contact.contact_agreement(hand.tips[valid], truth.tips[valid])
+        touched = self.touched(hand.verts)[close], self.truly_touched[close]
         distance, true = hand.query.distance, truth.query.distance
-        off = per_frame_squared(acceleration_error(hand.joints, truth.joints, self.fps), self.fps)
+        off = smoothness.acceleration_error(hand.joints, truth.joints, self.fps)
+        off = smoothness.per_frame_squared(off, self.fps)
         return {
-            "mpjpe_mm": 1000 * mean(mpjpe(hand.joints, truth.joints), valid),
-            "mpvpe_mm": 1000 * mean(mpvpe(hand.verts, truth.verts), valid),
-            "contact_iou_pct": 100 * float(on_object.iou),
-            "contact_iou_verts_pct": 100 * float(contact_iou(distance[valid], true[valid])),
+            "mpjpe_mm": 1000 * mean(accuracy.mpjpe(hand.joints, truth.joints), valid),
+            "mpvpe_mm": 1000 * mean(accuracy.mpvpe(hand.verts, truth.verts), valid),
+            "contact_iou_pct": 100 * float(contact.contact_agreement(*touched).iou),
+            "contact_iou_verts_pct": 100 * float(contact.contact_iou(distance[valid], true[valid])),
             "tips_precision_pct": 100 * float(tips.precision),
             "tips_recall_pct": 100 * float(tips.recall),
             "tips_f_pct": 100 * float(tips.f_score),
-            "proximity_mm": 1000 * mean(proximity_error(distance, true), valid),
+            "proximity_mm": 1000 * mean(contact.proximity_error(distance, true), valid),
             "acceleration_error_mm": mean(off, valid_differences(valid, 2)),
         }
 

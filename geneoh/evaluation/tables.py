@@ -61,11 +61,6 @@ class Block:
         clips = f"{self.clips} clip{'s' * (self.clips > 1)}"
         return f"{self.dataset}, {self.noise}: {clips}, {self.seeds} seed{'s' * (self.seeds > 1)}"
 
-    def titled(self, method: str) -> str:
-        """A method's name, with the number of cases in which it failed."""
-        missing = self.failed.get(method, 0)
-        return f"{method} ({missing} failed)" if missing else method
-
     def column(self, measure: Measure) -> list[tuple[str, bool]]:
         """Text of a measure for every method, and whether it is the best as it is shown."""
         cells = [found.get(measure.key) for found in self.cells.values()]
@@ -81,7 +76,9 @@ class Block:
         """A line for each method: its name, and its texts in the columns of these measures."""
         columns = [self.column(measure) for measure in measures]
         for index, method in enumerate(self.cells):
-            yield self.titled(method), [column[index] for column in columns]
+            missing = self.failed.get(method, 0)
+            name = f"{method} ({missing} failed)" if missing else method
+            yield name, [column[index] for column in columns]
 
 
 def blocks_of(scores: Iterable[Score], methods: Sequence[str]) -> list[Block]:
@@ -120,13 +117,8 @@ def cell_of(scores: list[Score], key: str) -> Cell | None:
     by_clip = group_means((clip, value) for clip, _, value in values)
     by_seed = group_means((seed, value) for _, seed, value in values)
     low, high = interval(by_clip if len(by_clip) > 1 else by_seed)
-    return Cell(
-        mean=fmean(by_seed),
-        deviation=stdev(by_seed) if len(by_seed) > 1 else None,
-        low=low,
-        high=high,
-        count=len(values),
-    )
+    deviation = stdev(by_seed) if len(by_seed) > 1 else None
+    return Cell(fmean(by_seed), deviation, low, high, count=len(values))
 
 
 def group_means(values: Iterable[tuple[object, float]]) -> list[float]:
@@ -176,9 +168,8 @@ def as_text(blocks: Iterable[Block]) -> Iterator[str]:
     for block in blocks:
         yield block.title
         heads = ["", *(f"{measure.title} {measure.unit}" for measure in block.measures)]
-        lines = [
-            [name, *(text for text, _ in cells)] for name, cells in block.lines(block.measures)
-        ]
+        rows = block.lines(block.measures)
+        lines = [[name, *(text for text, _ in cells)] for name, cells in rows]
         widths = [max(map(len, column)) for column in zip(heads, *lines, strict=True)]
         for name, *cells in [heads, *lines]:
             padded = [f"  {cell:>{width}}" for cell, width in zip(cells, widths[1:], strict=True)]

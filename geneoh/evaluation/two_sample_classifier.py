@@ -16,7 +16,7 @@ from scipy.optimize import minimize
 from torch import Tensor
 from typing_extensions import assert_never
 
-from geneoh.evaluation.distributions import WRIST, palm_basis, point_acceleration, speed
+from geneoh.evaluation.distributions import WRIST, motion_size, palm_basis
 
 SNIPPET = 30
 """Frames of a snippet: one second at 30 frames a second."""
@@ -59,29 +59,28 @@ def features(snippets: Float[Tensor, "N S 21 3"], view: View, fps: float) -> Flo
             local = snippets - middle[:, None, WRIST, None]
             return (local @ palm_basis(middle)[:, None])[:, ::FRAME_STEP].flatten(1)
         case "motion":
-            moved = [measure(snippets, fps).mean(1) for measure in (speed, point_acceleration)]
+            moved = [motion_size(snippets, fps, order).mean(1) for order in (1, 2)]
             return (torch.cat(moved, dim=-1) + MOTION_FLOOR).log()
         case _:
             assert_never(view)
 
 
+def all_snippets(
+    joints: Float[Tensor, "T 21 3"], usable: Bool[Tensor, " T"]
+) -> Float[Tensor, "N S 21 3"]:
+    """The snippets of a track whose frames are all usable, by their first frame."""
+    windows = joints.unfold(0, SNIPPET, 1).permute(0, 3, 1, 2)
+    return windows[usable.unfold(0, SNIPPET, 1).all(-1)]
+
+
 def block_snippets(
     joints: Float[Tensor, "T 21 3"], usable: Bool[Tensor, " T"]
 ) -> list[Float[Tensor, "N S 21 3"]]:
-    """All snippets of one recording, block by block; a block without a usable one is left out.
-
-    Args:
-        joints: keypoints of the recording, metres.
-        usable: frames that snippets may be made of.
-    """
-    found = []
-    for start in range(0, len(joints) - BLOCK + 1, BLOCK):
-        block, fine = joints[start : start + BLOCK], usable[start : start + BLOCK]
-        windows = block.unfold(0, SNIPPET, 1).permute(0, 3, 1, 2)
-        kept = windows[fine.unfold(0, SNIPPET, 1).all(-1)]
-        if len(kept):
-            found.append(kept)
-    return found
+    """The usable snippets of one recording, block by block; a block without any is left out."""
+    starts = range(0, len(joints) - BLOCK + 1, BLOCK)
+    blocks = [slice(start, start + BLOCK) for start in starts]
+    found = [all_snippets(joints[block], usable[block]) for block in blocks]
+    return [snippets for snippets in found if len(snippets)]
 
 
 def cross_validate(
@@ -90,13 +89,9 @@ def cross_validate(
     view: View,
     fps: float,
 ) -> CrossValidation:
-    """Accuracy of the classifier over the folds, one fold for each block.
+    """Accuracy of the classifier over the folds, one fold for each of at least two blocks.
 
-    Args:
-        blocks: snippets of the one recording; at least two blocks.
-        others: snippets of the other source, one per clip.
-        view: which features the classifier sees.
-        fps: frames a second.
+    `others` are snippets of the other source, one per clip.
     """
     assert len(blocks) > 1, "a fold needs a block to train on and one to test on"
     assert len(others) >= len(blocks), "every fold tests on some of the others"

@@ -7,10 +7,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from geneoh import progress
 from geneoh.fitting.terms import HandState
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.model import HandModel
-from geneoh.progress import OnStep
 
 
 def adam(
@@ -21,7 +21,7 @@ def adam(
     rate: float,
     epsilon: float = 1e-8,
     settle: bool = False,
-    on_step: OnStep | None = None,
+    on_step: progress.OnStep | None = None,
 ) -> list[Tensor]:
     """Parameters after `steps` steps of Adam (Kingma and Ba 2015, algorithm 1, default betas).
 
@@ -40,7 +40,7 @@ def adam(
     parameters = list(parameters)  # the caller's list stays as it is
     first = [torch.zeros_like(p) for p in parameters]
     second = [torch.zeros_like(p) for p in parameters]
-    for step in range(1, steps + 1):
+    for step in progress.steps(range(1, steps + 1), on_step):
         length = rate * (steps + 1 - step) / steps if settle else rate
         with torch.enable_grad():
             leaves = [p.detach().requires_grad_(True) for p in parameters]
@@ -50,8 +50,6 @@ def adam(
             second[i] = 0.999 * second[i] + 0.001 * gradient.square()
             mean, square = first[i] / (1 - 0.9**step), second[i] / (1 - 0.999**step)
             parameters[i] = leaves[i].detach() - length * mean / (square.sqrt() + epsilon)
-        if on_step is not None:
-            on_step(step, steps)
     return parameters
 
 
@@ -80,7 +78,7 @@ def fit_with_adam(
     model: HandModel,
     *,
     config: AdamFitConfig,
-    on_step: OnStep | None = None,
+    on_step: progress.OnStep | None = None,
 ) -> tuple[HandState, Float[Tensor, "S B"]]:
     """Hand parameters and betas by Adam from a flat hand at the wrist keypoint, in two phases.
 
@@ -88,10 +86,8 @@ def fit_with_adam(
     As in the public code all frames share one set of betas; eq. (12) has one set per frame.
     """
     samples, frames = target.shape[:2]
-    orient, fingers = (
-        target.new_zeros(samples, frames, 1, 3),
-        target.new_zeros(samples, frames, 15, 3),
-    )
+    orient = target.new_zeros(samples, frames, 1, 3)
+    fingers = target.new_zeros(samples, frames, 15, 3)
     betas = target.new_zeros(samples, 1, model.shape_dirs.shape[-1])
     total = config.rigid_steps + config.steps
 

@@ -137,13 +137,9 @@ def fit_keypoints(
     shaped: ShapedHand,
     start: HandState | None = None,
 ) -> HandState:
-    """The hand of an uncleaned track, fitted to its keypoints without the object.
+    """The hand of an uncleaned track, fitted to its keypoints without the object; see `fit_hand`.
 
-    Args:
-        target: keypoints in the world, one set per sample.
-        trust: 0 to 1 per keypoint.
-        shaped: the hand of the subject.
-        start: initial parameters, where the track has any.
+    `start` are the track's own parameters, where it has any.
     """
     start = start or start_from_keypoints(target, shaped)
     return fit_hand(target, trust, shaped, start, config=KEYPOINTS_ALONE)

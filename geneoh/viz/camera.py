@@ -31,8 +31,10 @@ OBJECT_PULL = 0.5
 """How far from the hands to the object's middle the camera looks, as a share."""
 MAX_OFFSET = 0.05
 """How far from the hands it looks at most, metres."""
-WHOLE_FRAMES = 0.6
-"""Share of the frames in which the hands are certainly inside the picture."""
+WHOLE_FRAMES = 0.98
+"""Share of the frames in which the hands are inside the picture, wrists included."""
+MARGIN = 1.04
+"""How much larger the picture is than what must be inside it."""
 MAX_OBJECT = 0.12
 """Half the diagonal of the largest object that is certainly inside the picture, metres."""
 DEEP_BONUS = 25.0
@@ -80,8 +82,8 @@ def axes_towards(back: Float[np.ndarray, " 3"], up: Float[np.ndarray, " 3"]) -> 
 def cameras(scene: Scene, up: Float[np.ndarray, " 3"]) -> list[Camera]:
     """One camera for each frame: the same direction and size in all, so that frames compare."""
     targets = _targets(scene)
-    radius = _radius(scene, targets)
-    axes = _best_axes(scene, up, targets, radius)
+    axes = _best_axes(scene, up, targets, _radius(scene, targets, np.eye(3)))
+    radius = _radius(scene, targets, axes)
     return [Camera(axes, target, radius) for target in targets]
 
 
@@ -97,14 +99,12 @@ def _best_axes(
     deepest = before.measures.depth.nan_to_num()
     frames = deepest.topk(min(JUDGED_FRAMES, len(deepest))).indices.tolist()
     drawn = {frame: hands_surface(before, frame, "penetration") for frame in frames}
-    return max(
-        (axes_towards(back, up) for back in _directions(up)),
-        key=lambda axes: sum(
-            _seen_pixels(hands, Camera(axes, targets[frame], radius))
-            for frame, hands in drawn.items()
-            if hands is not None
-        ),
-    )
+
+    def seen(axes: Axes) -> float:
+        placed = {frame: Camera(axes, targets[frame], radius) for frame in frames}
+        return sum(_seen_pixels(hands, placed[at]) for at, hands in drawn.items() if hands)
+
+    return max((axes_towards(back, up) for back in _directions(up)), key=seen)
 
 
 def _directions(up: Float[np.ndarray, " 3"]) -> list[Float[np.ndarray, " 3"]]:
@@ -130,14 +130,9 @@ def _seen_pixels(hands: DrawnSurface, camera: Camera) -> float:
 
 def _keypoints(scene: Scene) -> Float[torch.Tensor, "T J 3"]:
     """Keypoints of all hands of all versions, NaN in frames without the hand."""
-    return torch.cat(
-        [
-            torch.where(hand.valid[:, None, None], hand.joints, torch.nan)
-            for version in scene.versions
-            for hand in version.hands
-        ],
-        dim=1,
-    )
+    hands = [hand for version in scene.versions for hand in version.hands]
+    seen = [torch.where(hand.valid[:, None, None], hand.joints, torch.nan) for hand in hands]
+    return torch.cat(seen, dim=1)
 
 
 def _targets(scene: Scene) -> Float[np.ndarray, "T 3"]:
@@ -156,9 +151,14 @@ def _targets(scene: Scene) -> Float[np.ndarray, "T 3"]:
     return gaussian_filter1d(centre + aside, SMOOTHING * scene.fps, 0, mode="nearest")
 
 
-def _radius(scene: Scene, targets: Float[np.ndarray, "T 3"]) -> float:
-    """Radius of what must be seen around the targets, metres."""
-    apart = (_keypoints(scene) - torch.from_numpy(targets).float()[:, None]).norm(dim=-1)
-    reach = float(apart.nan_to_num().amax(1).quantile(WHOLE_FRAMES))
+def _radius(scene: Scene, targets: Float[np.ndarray, "T 3"], axes: Axes) -> float:
+    """Radius with which a camera of these axes sees the hands around the targets, metres."""
+    half, middle = FIELD_OF_VIEW / 2, torch.from_numpy(targets).float()[:, None]
+    reach = torch.zeros(scene.frames)
+    for hand in (hand for version in scene.versions for hand in version.hands):
+        aside = (hand.verts - middle) @ torch.from_numpy(axes).float().T
+        # what is nearer to the eye by `aside[2]` is seen larger
+        needed = np.cos(half) * aside[..., :2].abs().amax(-1) + np.sin(half) * aside[..., 2]
+        reach = torch.maximum(reach, needed.amax(-1).where(hand.valid, reach))
     size = max(float(mesh.extent().norm()) / 2 for mesh in scene.object.meshes)
-    return 1.08 * max(reach, min(size, MAX_OBJECT))
+    return MARGIN * max(float(reach.quantile(WHOLE_FRAMES)), min(size, MAX_OBJECT))

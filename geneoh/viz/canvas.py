@@ -1,18 +1,16 @@
 """A picture that is put together: drawn frames, words and the scale of the colours."""
 
 import io
-from pathlib import Path
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 from PIL.PngImagePlugin import PngInfo
 
 from geneoh.choices import Colouring
-from geneoh.files.atomic import write_whole
 from geneoh.viz.camera import Camera
 from geneoh.viz.colours import BACKGROUND, SCALES
 from geneoh.viz.picture import Picture, draw
-from geneoh.viz.scene import Scene, Version
+from geneoh.viz.scene import Scene
 
 RGB = tuple[int, int, int]
 INK: RGB = (28, 32, 38)
@@ -47,15 +45,16 @@ class Canvas:
         corners: list[tuple[int, int]],
         colouring: Colouring,
         cell: int,
-        *,
-        caption_size: int = 13,
+        size: int = 13,
     ) -> None:
         """One frame of each version at its corner, with the time and the depth below it."""
         pictures = draw(scene, frame, camera, (cell, cell), colouring=colouring)
         for version, picture, (left, top) in zip(scene.versions, pictures, corners, strict=True):
+            depth = float(version.measures.depth[frame].nan_to_num())
+            words = f"{1000 * depth:.1f} mm deep" if depth > 0 else "not inside"
+            words = f"{frame / scene.fps:.1f} s   {words}"
             self.paste(picture, left, top)
-            words = caption(scene, version, frame)
-            self.write(words, left + 12, top + cell + 2, size=caption_size, colour=FAINT)
+            self.write(words, left + 12, top + cell + 2, size=size, colour=FAINT)
 
     def draw_scale(self, colouring: Colouring, left: int, top: int) -> None:
         """The ramp of a colouring between its title and the labels of its ends."""
@@ -73,22 +72,15 @@ class Canvas:
         return np.asarray(self._image)
 
 
-def caption(scene: Scene, version: Version, frame: int) -> str:
-    """The time of a frame, and how deep the hands are in the object."""
-    depth = float(version.measures.depth[frame].nan_to_num())
-    words = f"{1000 * depth:.1f} mm deep" if depth > 0 else "not inside"
-    return f"{frame / scene.fps:.1f} s   {words}"
-
-
 def _font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
     """The font that comes with Pillow: the same pictures everywhere."""
     return ImageFont.load_default(size)
 
 
-def save_picture(picture: Picture, path: Path) -> None:
-    """Write a PNG in one step."""
+def png_bytes(picture: Picture) -> bytes:
+    """The picture as a PNG file."""
     stream = io.BytesIO()
     made_by = PngInfo()
     made_by.add_text("Software", "geneoh")
     Image.fromarray(picture).save(stream, format="PNG", optimize=True, pnginfo=made_by)
-    write_whole(path, stream.getvalue())
+    return stream.getvalue()

@@ -43,20 +43,16 @@ class ColourScale:
         """The colour at each position on the ramp, 0 to 1."""
         stops = np.array(self.ramp)
         at = np.linspace(0, 1, len(stops))
-        return np.stack([np.interp(position, at, channel) for channel in stops.T], -1).astype(
-            np.float32
-        )
+        channels = [np.interp(position, at, channel) for channel in stops.T]
+        return np.stack(channels, -1).astype(np.float32)
 
 
 SCALES: dict[Colouring, ColourScale] = {
     "penetration": ColourScale(
         "penetration depth",
         (
-            SKIN_COLOUR,
-            (0.98, 0.70, 0.16),
-            (0.93, 0.32, 0.13),
-            (0.78, 0.06, 0.22),
-            (0.45, 0.0, 0.30),
+            *(SKIN_COLOUR, (0.98, 0.70, 0.16), (0.93, 0.32, 0.13)),
+            *((0.78, 0.06, 0.22), (0.45, 0.0, 0.30)),
         ),
         (0.0, LARGEST_DEPTH),
         ("0", f"{1000 * LARGEST_DEPTH:.0f} mm"),
@@ -78,16 +74,11 @@ SCALES: dict[Colouring, ColourScale] = {
 
 
 def ramp_position(
-    colouring: Colouring,
-    distance: Float[Tensor, "*B V"],
-    spread: Float[Tensor, "*B V"] | None,
+    colouring: Colouring, distance: Float[Tensor, "*B V"], spread: Float[Tensor, "*B V"] | None
 ) -> Float[Tensor, "*B V"]:
     """The position of each vertex on the ramp of a colouring, 0 to 1.
 
-    Args:
-        colouring: the quantity that is shown.
-        distance: to the object, metres, negative inside.
-        spread: expected error of the cleaned hand, metres, where it is known.
+    By its distance to the object, metres, negative inside, or its expected error, metres, if known.
     """
     shown = {"penetration": -distance, "contact": distance, "spread": spread}.get(colouring)
     return torch.zeros_like(distance) if shown is None else SCALES[colouring].position(shown)

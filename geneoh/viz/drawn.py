@@ -1,6 +1,6 @@
 """The surfaces of one frame as they are drawn: with the colours of what they show."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -48,9 +48,9 @@ def object_surface(scene: Scene, frame: int) -> DrawnSurface:
 def joined(surfaces: list[DrawnSurface]) -> DrawnSurface:
     """Several surfaces as one."""
     starts = np.cumsum([0] + [len(surface.verts) for surface in surfaces[:-1]])
-    return DrawnSurface(
-        np.concatenate([surface.verts for surface in surfaces]),
-        np.concatenate([each.faces + start for each, start in zip(surfaces, starts, strict=True)]),
-        np.concatenate([surface.colours for surface in surfaces]),
-        np.concatenate([surface.position for surface in surfaces]),
-    )
+    shifted = [
+        replace(surface, faces=surface.faces + start)
+        for surface, start in zip(surfaces, starts, strict=True)
+    ]
+    names = [field.name for field in fields(DrawnSurface)]
+    return DrawnSurface(*(np.concatenate([getattr(s, name) for s in shifted]) for name in names))

@@ -8,12 +8,11 @@ import trimesh
 from geneoh.errors import InputError
 from geneoh.files.atomic import in_one_step
 from geneoh.files.npz import Arrays, write_archive
-from geneoh.progress import OnStep
-from geneoh.viz.look import Look
+from geneoh.progress import OnStep, steps
 from geneoh.viz.scene import PosedTrack, Scene
 
 
-def write_meshes(scene: Scene, path: Path, look: Look, on_step: OnStep | None) -> None:
+def write_meshes(scene: Scene, path: Path, on_step: OnStep | None) -> None:
     """Write the last version as a folder of meshes: SIDE_0000.ply and object_0000.ply per frame.
 
     The folder is the path without its ending, the meshes have that ending. World frame, metres.
@@ -27,11 +26,9 @@ def write_meshes(scene: Scene, path: Path, look: Look, on_step: OnStep | None) -
     if folder.exists():
         raise InputError(f"{folder}: expected a new folder, got one that is there; remove it")
     with in_one_step(folder, folder=True, parents=True) as beside:
-        for frame in range(scene.frames):
+        for frame in steps(range(scene.frames), on_step):
             for name, mesh in _meshes(scene, frame).items():
                 mesh.export(beside / f"{name}_{frame:04d}{path.suffix.lower()}")
-            if on_step is not None:
-                on_step(frame + 1, scene.frames)
 
 
 def _meshes(scene: Scene, frame: int) -> dict[str, trimesh.Trimesh]:
@@ -75,7 +72,7 @@ def smplx_arrays(scene: Scene, hand: PosedTrack) -> Arrays:
     }
 
 
-def write_smplx(scene: Scene, path: Path, look: Look, on_step: OnStep | None) -> None:
+def write_smplx(scene: Scene, path: Path) -> None:
     """Write the parameters of the one hand of the last version.
 
     Raises:

@@ -7,16 +7,13 @@ glTF 2.0 specification, Khronos Group. Metres; a root node turns the world's up 
 
 import json
 import struct
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 from jaxtyping import Float, Int
 
-from geneoh.files.atomic import write_whole
 from geneoh.geometry.rotations import matrix_to_quat_wxyz
-from geneoh.progress import OnStep
 from geneoh.viz.camera import axes_towards
 from geneoh.viz.colours import OBJECT_COLOUR, SKIN_COLOUR, Colour
 from geneoh.viz.look import Look
@@ -51,26 +48,20 @@ class _Document:
         """Append an array of scalars (N,) or vectors (N, D) with its bounds, as glTF requires."""
         whole = values.dtype.kind in "iu"
         packed = np.ascontiguousarray(values, dtype="<u4" if whole else "<f4")
-        view: dict[str, Any] = {
-            "buffer": 0,
-            "byteOffset": len(self.binary),
-            "byteLength": packed.nbytes,
-        }
+        view = {"buffer": 0, "byteOffset": len(self.binary), "byteLength": packed.nbytes}
         if target is not None:
             view["target"] = target
         self.binary += packed.tobytes()
         rows = packed.reshape(len(packed), -1)
-        return self.add(
-            "accessors",
-            {
-                "bufferView": self.add("bufferViews", view),
-                "componentType": UINT if whole else FLOAT,
-                "count": len(packed),
-                "type": ACCESSOR_TYPES[rows.shape[1]],
-                "min": rows.min(0).tolist(),
-                "max": rows.max(0).tolist(),
-            },
-        )
+        entry = {
+            "bufferView": self.add("bufferViews", view),
+            "componentType": UINT if whole else FLOAT,
+            "count": len(packed),
+            "type": ACCESSOR_TYPES[rows.shape[1]],
+            "min": rows.min(0).tolist(),
+            "max": rows.max(0).tolist(),
+        }
+        return self.add("accessors", entry)
 
     def animate(self, node: int, path: str, times: int, values: int, how: str = "LINEAR") -> None:
         """Make a property of a node follow keyframes."""
@@ -96,20 +87,14 @@ class _Document:
         return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
 
 
-def write_glb(scene: Scene, path: Path, look: Look, on_step: OnStep | None) -> None:
-    """Write the last version as a GLB in one step."""
-    write_whole(path, glb_bytes(scene, look))
-
-
 def glb_bytes(scene: Scene, look: Look | None = None) -> bytes:
     """The GLB of the last version; the look says which axis of the world becomes glTF's y."""
     document, version = _Document(), scene.versions[-1]
     seconds = (np.arange(scene.frames) / scene.fps).astype(np.float32)
     times = document.accessor(seconds)
     children = [_add_hand(document, hand, times) for hand in version.hands]
-    children += [
-        _add_part(document, scene, part, times) for part in range(len(scene.object.meshes))
-    ]
+    parts = range(len(scene.object.meshes))
+    children += [_add_part(document, scene, part, times) for part in parts]
     turn = upright((look or Look()).upward)
     root = document.add("nodes", {"name": "world", "rotation": turn, "children": children})
     return document.to_bytes([root], version.title)
@@ -142,21 +127,20 @@ def _add_mesh(
     normals = np.stack([vertex_normals(points, faces) for points in verts])
     # glTF allows no normal of length zero, which a vertex without a face would have
     normals[np.linalg.norm(normals, axis=-1) < 0.5] = (0, 0, 1)
+
+    def attributes(points: Float[np.ndarray, "V 3"], normal: Float[np.ndarray, "V 3"]) -> dict:
+        position = document.accessor(points, ARRAY_BUFFER)
+        return {"POSITION": position, "NORMAL": document.accessor(normal, ARRAY_BUFFER)}
+
     primitive: dict[str, Any] = {
-        "attributes": {
-            "POSITION": document.accessor(verts[0], ARRAY_BUFFER),
-            "NORMAL": document.accessor(normals[0], ARRAY_BUFFER),
-        },
+        "attributes": attributes(verts[0], normals[0]),
         "indices": document.accessor(faces.reshape(-1), ELEMENT_BUFFER),
         "material": _material(document, name, colour),
     }
     mesh = {"name": name, "primitives": [primitive]}
     if len(verts) > 1:
         primitive["targets"] = [
-            {
-                "POSITION": document.accessor(moved - verts[0], ARRAY_BUFFER),
-                "NORMAL": document.accessor(turned - normals[0], ARRAY_BUFFER),
-            }
+            attributes(moved - verts[0], turned - normals[0])
             for moved, turned in zip(verts[1:], normals[1:], strict=True)
         ]
         mesh["weights"] = [0.0] * (len(verts) - 1)

@@ -1,7 +1,6 @@
 """How a scene is shown: the quantity in the hands' colours, what is up, which frames."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -28,17 +27,15 @@ class Look:
 
     def __post_init__(self) -> None:
         """Refuse choices that do not exist."""
-        _check_choice("colouring", self.colouring, COLOURINGS)
-        _check_choice("up", self.up, AXES)
+        for name, value, choices in (
+            ("colouring", self.colouring, COLOURINGS),
+            ("up", self.up, AXES),
+        ):
+            if value not in choices:
+                known = ", ".join(choices)
+                raise ConfigError(f"{name}: expected one of {known}, got {value!r}; choose one")
 
     @property
     def upward(self) -> Float[np.ndarray, " 3"]:
         """The unit vector in the world that points up."""
         return np.eye(3)["xyz".index(self.up[-1])] * (-1.0 if self.up.startswith("-") else 1.0)
-
-
-def _check_choice(name: str, value: Any, choices: tuple[str, ...]) -> None:
-    if value not in choices:
-        raise ConfigError(
-            f"{name}: expected one of {', '.join(choices)}, got {value!r}; choose one"
-        )

@@ -1,40 +1,23 @@
-"""Which file formats a scene can be written as: one table from endings to writers."""
+"""Which file formats a scene can be written as."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 
+from geneoh.files.atomic import write_whole
 from geneoh.files.outputs import check_ending, check_outputs
 from geneoh.progress import OnStep
+from geneoh.viz.canvas import png_bytes
 from geneoh.viz.export import write_meshes, write_smplx
-from geneoh.viz.glb import write_glb
+from geneoh.viz.glb import glb_bytes
 from geneoh.viz.look import Look
-from geneoh.viz.page import write_page
+from geneoh.viz.page import page_html
 from geneoh.viz.scene import Scene
-from geneoh.viz.strip import write_filmstrip
+from geneoh.viz.strip import filmstrip
 from geneoh.viz.video import write_film
 
-Writer = Callable[[Scene, Path, Look, OnStep | None], None]
-
-WRITERS: dict[str, Writer] = {
-    ".html": write_page,
-    ".png": write_filmstrip,
-    ".mp4": write_film,
-    ".gif": write_film,
-    ".glb": write_glb,
-    ".npz": write_smplx,
-    ".obj": write_meshes,
-    ".ply": write_meshes,
-}
-
-
-def writer_for(path: Path) -> Writer:
-    """The writer of a file's format.
-
-    Raises:
-        InputError: the ending is of no format that can be written.
-    """
-    check_ending(path, WRITERS)
-    return WRITERS[path.suffix.lower()]
+MESHES = (".obj", ".ply")
+"""Endings of the formats that make a folder."""
+ENDINGS = (".html", ".png", ".mp4", ".gif", ".glb", ".npz", *MESHES)
 
 
 def check_scene_outputs(
@@ -45,10 +28,13 @@ def check_scene_outputs(
     Raises:
         InputError: an ending of no format, or a place that cannot be written or must be kept.
     """
-    paths = list(paths)
-    meshes = [path for path in paths if writer_for(path) is write_meshes]
-    files = [path for path in paths if path not in meshes]
-    folders = [path.with_suffix("") for path in meshes]
+    files, folders = [], []
+    for path in paths:
+        check_ending(path, ENDINGS)
+        if path.suffix.lower() in MESHES:
+            folders.append(path.with_suffix(""))
+        else:
+            files.append(path)
     check_outputs(files, folders=folders, inputs=inputs, overwrite=overwrite)
 
 
@@ -64,4 +50,18 @@ def write(
     Raises:
         InputError: another ending, or the place cannot be written to.
     """
-    writer_for(path)(scene, path, look or Look(), on_step)
+    look = look or Look()
+    check_ending(path, ENDINGS)
+    match path.suffix.lower():
+        case ".html":
+            write_whole(path, page_html(scene, look))
+        case ".png":
+            write_whole(path, png_bytes(filmstrip(scene, look, on_step)))
+        case ".glb":
+            write_whole(path, glb_bytes(scene, look))
+        case ".npz":
+            write_smplx(scene, path)
+        case ".obj" | ".ply":
+            write_meshes(scene, path, on_step)
+        case _:
+            write_film(scene, path, look, on_step)

@@ -14,7 +14,6 @@ import re
 import zlib
 from dataclasses import dataclass
 from importlib.resources import files
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,9 +22,7 @@ from jaxtyping import Float, Integer
 from torch import Tensor
 
 from geneoh.choices import Colouring
-from geneoh.files.atomic import write_whole
 from geneoh.hand.skeleton import KEYPOINT_PARENTS
-from geneoh.progress import OnStep
 from geneoh.viz.camera import FIELD_OF_VIEW, cameras
 from geneoh.viz.colours import OBJECT_COLOUR, SCALES, SKIN_COLOUR, ramp_position
 from geneoh.viz.look import Look
@@ -55,10 +52,9 @@ class _Packed:
             # differences may overflow: the viewer sums in the same width, which undoes it
             flat = np.concatenate([flat[:1], flat[1:] - flat[:-1]])
         raw = flat.reshape(-1).view(np.uint8).reshape(-1, flat.dtype.itemsize)
-        at = len(self.data)
+        at, kind = len(self.data), flat.dtype.name
         self.data += raw.T.tobytes()
-        kind, shape = flat.dtype.name, list(values.shape)
-        return {"at": at, "type": kind, "shape": shape, "delta": over_frames}
+        return {"at": at, "type": kind, "shape": list(values.shape), "delta": over_frames}
 
 
 @dataclass(frozen=True)
@@ -86,15 +82,9 @@ class _Box:
 
 
 def page_html(scene: Scene, look: Look | None = None) -> str:
-    """The page as text.
-
-    Args:
-        scene: what to show.
-        look: what is up on the screen; the person chooses the rest in the page.
-    """
+    """The page as text; of the look it needs what is up, the person chooses the rest in it."""
     packed = _Packed()
     described = describe(scene, (look or Look()).upward, packed)
-    data = base64.b64encode(zlib.compress(packed.data, 9)).decode()
     filled = {
         "TITLE": html.escape(scene.title),
         "STYLE": _asset("page.css"),
@@ -103,15 +93,10 @@ def page_html(scene: Scene, look: Look | None = None) -> str:
         "VIEWER": _asset("viewer.js"),
         # "<" must not stand in a script: file names may hold anything
         "SCENE": json.dumps(described, allow_nan=False).replace("<", "\\u003c"),
-        "DATA": data,
+        "DATA": base64.b64encode(zlib.compress(packed.data, 9)).decode(),
     }
     # one pass, so that nothing which was filled in is taken for a placeholder
     return re.sub(r"\{\{([A-Z]+)\}\}", lambda gap: filled[gap[1]], _asset("page.html"))
-
-
-def write_page(scene: Scene, path: Path, look: Look, on_step: OnStep | None) -> None:
-    """Write the page in one step."""
-    write_whole(path, page_html(scene, look))
 
 
 def _asset(name: str) -> str:
@@ -179,19 +164,20 @@ def _version(version: Version, box: _Box, packed: _Packed) -> dict[str, Any]:
             "acceleration": _rounded(measures.acceleration.numpy(), 2),
         },
         "means": {
-            "penetration": _number(measures.penetration_mean_mm),
-            "contact": _number(measures.fingers_in_contact),
-            "acceleration": _number(measures.acceleration_mm),
+            "penetration": _rounded(measures.penetration_mean_mm),
+            "contact": _rounded(measures.fingers_in_contact),
+            "acceleration": _rounded(measures.acceleration_mm),
         },
     }
 
 
 def _hand(hand: PosedTrack, box: _Box, packed: _Packed) -> dict[str, Any]:
-    ramps = {
-        name: packed.add(_bytes(ramp_position(name, hand.distance, hand.spread)), over_frames=True)
-        for name in SCALES
-        if name != "spread" or hand.spread is not None
-    }
+    ramps = {}
+    for name in SCALES:
+        if name != "spread" or hand.spread is not None:
+            share = ramp_position(name, hand.distance, hand.spread).nan_to_num(0)
+            steps = (share * 255).round().numpy().astype(np.uint8)
+            ramps[name] = packed.add(steps, over_frames=True)
     return {
         "side": hand.side,
         "faces": packed.add(hand.model.faces.numpy().astype(np.uint16)),
@@ -201,18 +187,9 @@ def _hand(hand: PosedTrack, box: _Box, packed: _Packed) -> dict[str, Any]:
     }
 
 
-def _bytes(share: Float[Tensor, "*B"]) -> Integer[np.ndarray, "*B"]:
-    return (share.nan_to_num(0) * 255).round().numpy().astype(np.uint8)
-
-
-def _rounded(values: Float[np.ndarray, "..."], digits: int = 4) -> list[Any]:
+def _rounded(values: Float[np.ndarray, "..."] | float, digits: int = 4) -> Any:
     """Numbers for JSON, with None for NaN, which JSON does not have."""
-    rounded = np.round(values.astype(np.float64), digits)
-    kept = rounded.astype(object)
+    rounded = np.round(np.asarray(values, dtype=np.float64), digits)
+    kept = np.array(rounded, dtype=object)
     kept[~np.isfinite(rounded)] = None
     return kept.tolist()
-
-
-def _number(value: float) -> float | None:
-    """The same for one number."""
-    return None if value != value else round(value, 4)

@@ -56,13 +56,8 @@ def draw(
 ) -> list[Picture]:
     """A picture of each version in one frame; the object is the same in all and drawn once.
 
-    Args:
-        scene: what to draw.
-        frame: index of the frame.
-        camera: of this frame.
-        size: width and height in pixels.
-        colouring: what the hands' colours show.
-        smooth: pixels drawn per side of a pixel shown, against jagged edges.
+    `size` is width and height in pixels; `smooth` pixels are drawn per side of a pixel shown,
+    against jagged edges.
     """
     drawn = (size[0] * smooth, size[1] * smooth)
     object_layer = _lit(object_surface(scene, frame), camera, drawn)

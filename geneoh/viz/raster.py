@@ -30,16 +30,6 @@ class Raster:
         return self.face != NOTHING
 
 
-@dataclass(frozen=True)
-class _Runs:
-    """Rows of pixels inside triangles: face, row, first pixel and how many."""
-
-    face: Int[np.ndarray, " R"]
-    row: Int[np.ndarray, " R"]
-    first: Int[np.ndarray, " R"]
-    count: Int[np.ndarray, " R"]
-
-
 def rasterise(
     screen: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], size: tuple[int, int]
 ) -> Raster:
@@ -59,23 +49,21 @@ def rasterise(
     corner, turned = corner[index], turned[index]
     backward = turned < 0
     corner[backward] = corner[backward][:, ::-1]
-    runs = _runs(corner, width, height)
+    drawn, row, left, count = _runs(corner, width, height)
     slope_x, slope_y = _slopes(corner, np.abs(turned))
-    first = runs.face
     level = (
-        corner[first, 0, 2]
-        + slope_x[first] * (runs.first + 0.5 - corner[first, 0, 0])
-        + slope_y[first] * (runs.row + 0.5 - corner[first, 0, 1])
+        corner[drawn, 0, 2]
+        + slope_x[drawn] * (left + 0.5 - corner[drawn, 0, 0])
+        + slope_y[drawn] * (row + 0.5 - corner[drawn, 0, 1])
     )
-    run = np.repeat(np.arange(len(first)), runs.count)
-    along = np.arange(len(run)) - np.repeat(np.cumsum(runs.count) - runs.count, runs.count)
-    pixel = (runs.row * width + runs.first)[run] + along
-    nearness = (level[run] + slope_x[first][run] * along).astype(np.float32)
+    run, along = _counted(count)
+    pixel = (row * width + left)[run] + along
+    nearness = (level[run] + slope_x[drawn][run] * along).astype(np.float32)
     buffer = np.zeros(height * width, dtype=np.float32)
     np.maximum.at(buffer, pixel, nearness)
     front = nearness == buffer[pixel]
     face = np.full(height * width, NOTHING, dtype=np.int64)
-    face[pixel[front]] = index[first[run[front]]]
+    face[pixel[front]] = index[drawn[run[front]]]
     return Raster(face.reshape(height, width), buffer.reshape(height, width))
 
 
@@ -87,13 +75,23 @@ def _slopes(
     return _cross(a[:, [2, 1]], b[:, [2, 1]]) / area, _cross(a[:, [0, 2]], b[:, [0, 2]]) / area
 
 
-def _runs(corner: Float[np.ndarray, "F 3 3"], width: int, height: int) -> _Runs:
-    """Pixels whose middles lie inside; corners turn so that inside is right of no edge."""
+def _counted(counts: Int[np.ndarray, " N"]) -> tuple[Int[np.ndarray, " M"], Int[np.ndarray, " M"]]:
+    """Each entry's index as often as its count says, beside the numbers 0, 1, ... of each entry."""
+    entry = np.repeat(np.arange(len(counts)), counts)
+    return entry, np.arange(len(entry)) - np.repeat(np.cumsum(counts) - counts, counts)
+
+
+def _runs(
+    corner: Float[np.ndarray, "F 3 3"], width: int, height: int
+) -> tuple[Int[np.ndarray, " R"], ...]:
+    """Rows of pixels whose middles lie inside triangles: face, row, first pixel and how many.
+
+    Corners turn so that inside is right of no edge.
+    """
     top = np.ceil(corner[..., 1].min(1) - 0.5).clip(0, height).astype(np.int64)
     bottom = np.floor(corner[..., 1].max(1) - 0.5).clip(-1, height - 1).astype(np.int64)
-    rows = (bottom - top + 1).clip(0)
-    face = np.repeat(np.arange(len(corner)), rows)
-    row = np.arange(len(face)) - np.repeat(np.cumsum(rows) - rows - top, rows)
+    face, row = _counted((bottom - top + 1).clip(0))
+    row += top[face]
     low, high = np.zeros(len(face)), np.full(len(face), width - 1.0)
     for i in range(3):
         start, end = corner[:, i], corner[:, (i + 1) % 3]
@@ -107,7 +105,7 @@ def _runs(corner: Float[np.ndarray, "F 3 3"], width: int, height: int) -> _Runs:
         high = np.where(rise < 0, np.minimum(high, np.floor(bound)), high)
     count = (high - low + 1).clip(0).astype(np.int64)
     seen = count > 0
-    return _Runs(face[seen], row[seen], low[seen].astype(np.int64), count[seen])
+    return face[seen], row[seen], low[seen].astype(np.int64), count[seen]
 
 
 def at_pixels(

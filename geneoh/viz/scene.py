@@ -78,11 +78,12 @@ class Version:
         hands = [hand.measures for hand in self.hands]
         valid = torch.stack([hand.valid for hand in hands]).any(0)
         depth = torch.stack([hand.depth.nan_to_num() for hand in hands]).amax(0)
+        fingers = torch.stack([hand.fingers for hand in hands]).nansum(0)
         return FrameMeasures(
             valid=valid,
             touching=torch.stack([hand.touching for hand in hands]).any(0),
             depth=depth.where(valid, torch.nan),
-            fingers=torch.stack([hand.fingers for hand in hands]).nansum(0).where(valid, torch.nan),
+            fingers=fingers.where(valid, torch.nan),
             acceleration=torch.stack([hand.acceleration for hand in hands]).nanmean(0),
         )
 
@@ -158,18 +159,15 @@ def make_scene(
                 f"against {last.frames}; cut them to the same frames"
             )
     surface = replace(last.object.surface(), within=EXACT_WITHIN)
-    versions = tuple(
-        Version(
-            name,
-            tuple(pose_track(hand, surface, sequence.fps, mano_dir) for hand in sequence.hands),
-        )
-        for name, sequence in sequences.items()
-    )
+    versions = []
+    for name, sequence in sequences.items():
+        hands = [pose_track(hand, surface, sequence.fps, mano_dir) for hand in sequence.hands]
+        versions.append(Version(name, tuple(hands)))
     paced: dict[Side, Float[Tensor, "S T 21 3"]] = {
         side: drawn[:, nearest_frames(drawn.shape[1], last.frames)]
         for side, drawn in (samples or {}).items()
     }
-    return Scene(title or last_title, versions, last.object, last.fps, paced)
+    return Scene(title or last_title, tuple(versions), last.object, last.fps, paced)
 
 
 def _model_of(track: HandTrack, mano_dir: Path | str | None) -> HandModel:
@@ -181,10 +179,7 @@ def _model_of(track: HandTrack, mano_dir: Path | str | None) -> HandModel:
 
 
 def pose_track(
-    track: HandTrack,
-    surface: MovingSurface,
-    fps: float,
-    mano_dir: Path | str | None = None,
+    track: HandTrack, surface: MovingSurface, fps: float, mano_dir: Path | str | None = None
 ) -> PosedTrack:
     """The mesh of one track, measured against the object."""
     model, left = _model_of(track, mano_dir), track.side == "left"
@@ -198,15 +193,6 @@ def pose_track(
             verts, joints, wrist = (mirror_points(points) for points in (verts, joints, wrist))
             pose = mirror_axis_angle(pose)
         distance = surface.query(verts).distance
-        return PosedTrack(
-            side=track.side,
-            model=model,
-            pose=pose,
-            wrist=wrist,
-            betas=subject.betas,
-            verts=verts,
-            joints=joints,
-            distance=distance,
-            measures=measure_frames(distance, verts, joints, fps, track.valid),
-            joint_spread=track.joint_spread,
-        )
+        measures = measure_frames(distance, verts, joints, fps, track.valid)
+        measured = (verts, joints, distance, measures, track.joint_spread)
+        return PosedTrack(track.side, model, pose, wrist, subject.betas, *measured)

@@ -14,17 +14,15 @@ import numpy as np
 
 from geneoh.errors import MissingAssetError
 from geneoh.geometry.mesh import MESH_SUFFIXES
-from geneoh.progress import OnStep
+from geneoh.progress import OnStep, steps
 from geneoh.viz.colours import OBJECT_COLOUR, SKIN_COLOUR
 from geneoh.viz.scene import Scene, Version
 
 ADDRESS = "127.0.0.1"
 """Reachable from this machine only."""
 SORT_MEASURES = (
-    "penetration_mean_mm",
-    "penetration_max_mm",
-    "fingers_in_contact",
-    "acceleration_mm",
+    *("penetration_mean_mm", "penetration_max_mm"),
+    *("fingers_in_contact", "acceleration_mm"),
 )
 """What results can be sorted by: fields of `geneoh.metrics.report.InteractionReport`."""
 VERSION_SPACING = 0.35
@@ -61,16 +59,13 @@ def gallery_items(
     Raises:
         InputError: a result has no mesh, or cannot be opened.
     """
-    paths = list(results)
     items = []
-    for done, path in enumerate(paths, 1):
+    for path in steps(list(results), on_step):
         stem = path.stem.removesuffix("_clean")
         beside = path.with_name(f"{stem}.npz")
         before = beside if beside != path and beside.is_file() else None
         opened = partial(open_scene, path, before, obj=obj or _mesh_beside(path, stem))
         items.append(GalleryItem(path.stem, opened, measured(opened().versions[-1])))
-        if on_step is not None:
-            on_step(done, len(paths))
     return items
 
 
@@ -109,14 +104,14 @@ class Gallery:
         gui = self._server.gui
         self._sort = gui.add_dropdown("Sort by", SORT_MEASURES)
         self._list = gui.add_dropdown("Result", [self._label(item) for item in self._order])
-        steps = gui.add_button_group("Go", ("previous", "next"))
+        buttons = gui.add_button_group("Go", ("previous", "next"))
         self._words = gui.add_markdown("")
         self._frame = gui.add_slider("Frame", min=0, max=1, step=1, initial_value=0)
         self._play = gui.add_checkbox("Play", False)
         self._sort.on_update(lambda _: self._resort())
         self._list.on_update(lambda _: self._show())
         self._frame.on_update(lambda _: self._pose())
-        steps.on_click(lambda event: self._step(1 if event.target.value == "next" else -1))
+        buttons.on_click(lambda event: self._step(1 if event.target.value == "next" else -1))
         self._show()
 
     @property
@@ -150,9 +145,8 @@ class Gallery:
         self._show()
 
     def _step(self, by: int) -> None:
-        options = list(self._list.options)
-        at = (options.index(self._list.value) + by) % len(options)
-        self._list.value = options[at]
+        names = list(self._list.options)
+        self._list.value = names[(names.index(self._list.value) + by) % len(names)]
 
     def _show(self) -> None:
         """Put the chosen result on the screen."""
@@ -175,13 +169,8 @@ class Gallery:
         aside = np.array([VERSION_SPACING * index, 0.0, 0.0])
         shapes.add_frame(root, show_axes=False, position=aside)
         for part, mesh in enumerate(scene.object.meshes):
-            node = shapes.add_mesh_simple(
-                f"{root}/object{part}",
-                mesh.verts.numpy(),
-                mesh.faces.numpy(),
-                color=OBJECT_COLOUR,
-                opacity=0.55,
-            )
+            shape = (f"{root}/object{part}", mesh.verts.numpy(), mesh.faces.numpy())
+            node = shapes.add_mesh_simple(*shape, color=OBJECT_COLOUR, opacity=0.55)
             quat_wxyz, translation = scene.part_motion(part)
             self._moving.append((node, {"wxyz": quat_wxyz, "position": translation}))
         for hand in version.hands:

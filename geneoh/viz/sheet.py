@@ -7,7 +7,7 @@ import torch
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.hand.model import HandModel
 from geneoh.metrics.report import measure_frames
-from geneoh.progress import OnStep
+from geneoh.progress import OnStep, steps
 from geneoh.sequence.sequence import ObjectTrack
 from geneoh.synthesis.objects import FAMILIES
 from geneoh.synthesis.replay import Replay, replay_shard
@@ -63,22 +63,15 @@ def grasp_scene(clip: Replay) -> Scene:
     pose = clips.pose[0, at].clone()
     pose[0] = matrix_to_axis_angle(turn @ axis_angle_to_matrix(pose[0]))
     joints, verts, fps = skin.joints[0], skin.verts[0], 30.0
-    hand = PosedTrack(
-        side="right",
-        model=model,
-        pose=pose[None],
-        wrist=joints[:, 0],
-        betas=model.template.new_zeros(model.shape_dirs.shape[-1]),
-        verts=verts,
-        joints=joints,
-        distance=distance,
-        measures=measure_frames(distance, verts, joints, fps, torch.ones(1, dtype=torch.bool)),
-    )
+    betas = model.template.new_zeros(model.shape_dirs.shape[-1])
+    measures = measure_frames(distance, verts, joints, fps, torch.ones(1, dtype=torch.bool))
+    measured = {"verts": verts, "joints": joints, "distance": distance, "measures": measures}
+    hand = PosedTrack("right", model, pose[None], joints[:, 0], betas, **measured)
     parts = [solid.only(part) for part in range(PARTS if bool(solid.jointed) else 1)]
     meshes = tuple(mesh_of(part, spacing_for_looks(part)) for part in parts)
-    joint = clip.joint_pose(frames)
-    rotation = torch.stack([torch.eye(3)[None], joint[0][0]], dim=1)
-    translation = torch.stack([torch.zeros(1, 3), joint[1][0]], dim=1)
+    (turned,), (moved,) = clip.joint_pose(frames)
+    rotation = torch.stack([torch.eye(3)[None], turned], dim=1)
+    translation = torch.stack([torch.zeros(1, 3), moved], dim=1)
     still = ObjectTrack(meshes, rotation[:, : len(parts)], translation[:, : len(parts)])
     family = clip.made_from.families[0]
     return Scene(family, (Version(family, (hand,)),), still, fps, {})
@@ -87,18 +80,12 @@ def grasp_scene(clip: Replay) -> Scene:
 def contact_sheet(
     clips: list[Replay], *, cell: int = SHEET_CELL, on_step: OnStep | None = None
 ) -> Picture:
-    """One picture per clip with its family, penetration and touching fingertips below.
-
-    Args:
-        clips: one interaction each.
-        cell: side of one picture in pixels.
-        on_step: called with the pictures done and in all.
-    """
+    """One picture per clip with its family, penetration and touching fingertips below."""
     columns = min(COLUMNS, len(clips))
     rows = -(-len(clips) // columns)
     width, height = cell + SHEET_GAP, cell + TEXT_HEIGHT
     canvas = Canvas(width * columns - SHEET_GAP, height * rows + SCALE_HEIGHT)
-    for index, clip in enumerate(clips):
+    for index, clip in enumerate(steps(clips, on_step)):
         scene = grasp_scene(clip)
         measures = scene.versions[0].measures
         left, top = index % columns * width, index // columns * height
@@ -108,7 +95,5 @@ def contact_sheet(
         canvas.write(title, left + 8, top + cell + 2)
         words = f"{measures.penetration_max_mm:.1f} mm deep, {int(measures.fingers)} tips"
         canvas.write(words, left + 8, top + cell + 19, colour=FAINT)
-        if on_step is not None:
-            on_step(index + 1, len(clips))
     canvas.draw_scale("penetration", 12, height * rows + 12)
     return canvas.picture()

@@ -11,7 +11,7 @@ from pathlib import Path
 from geneoh.errors import InputError, MissingAssetError
 from geneoh.files.atomic import in_one_step
 from geneoh.files.outputs import TAIL_MARKS
-from geneoh.progress import OnStep
+from geneoh.progress import OnStep, steps
 from geneoh.viz.camera import cameras
 from geneoh.viz.canvas import CAPTION_HEIGHT, SCALE_HEIGHT, TITLE_HEIGHT, Canvas
 from geneoh.viz.look import Look
@@ -37,27 +37,21 @@ def film_frames(
 ) -> Iterator[Picture]:
     """The pictures of a film one by one, all versions side by side; width and height are even.
 
-    Args:
-        scene: what to show.
-        look: how.
-        cell: side of the picture of one version, pixels.
-        every: of how many frames one is shown.
+    `cell` is the side of one version's picture in pixels; of `every` frames one is shown.
     """
     look = look or Look()
     seen = cameras(scene, look.upward)
     cell += cell % 2
-    height = TITLE_HEIGHT + cell + CAPTION_HEIGHT + SCALE_HEIGHT
+    height = TITLE_HEIGHT + cell + CAPTION_HEIGHT
+    corners = [(index * cell, TITLE_HEIGHT) for index in range(len(scene.versions))]
 
     def picture_of(frame: int) -> Picture:
-        canvas = Canvas(cell * len(scene.versions), height)
-        corners = [(index * cell, TITLE_HEIGHT) for index in range(len(scene.versions))]
+        canvas = Canvas(cell * len(scene.versions), height + SCALE_HEIGHT)
         for version, (left, _) in zip(scene.versions, corners, strict=True):
             canvas.write(version.title, left + 12, 8, size=16)
-        canvas.paste_versions(
-            scene, frame, seen[frame], corners, look.colouring, cell, caption_size=14
-        )
+        canvas.paste_versions(scene, frame, seen[frame], corners, look.colouring, cell, size=14)
         if look.colouring != "plain":
-            canvas.draw_scale(look.colouring, 12, height - SCALE_HEIGHT + 8)
+            canvas.draw_scale(look.colouring, 12, height + 8)
         return canvas.picture()
 
     # numpy releases the interpreter in its loops; batches bound the pictures held in memory
@@ -77,17 +71,15 @@ def write_film(scene: Scene, path: Path, look: Look, on_step: OnStep | None) -> 
     """
     gif = path.suffix.lower() == ".gif"
     every = max(1, round(scene.fps / GIF_RATE)) if gif else 1
-    total = len(range(0, scene.frames, every))
     pictures = film_frames(scene, look, every=every)
     first = next(pictures)
+    pictures = chain([first], pictures)
     with in_one_step(path) as beside:
         encoder = _ffmpeg(beside, first, scene.fps / every, gif)
         assert encoder.stdin is not None, "the pipe was asked for"
         try:
-            for done, picture in enumerate(chain([first], pictures), 1):
-                encoder.stdin.write(picture.tobytes())
-                if on_step is not None:
-                    on_step(done, total)
+            for _ in steps(range(0, scene.frames, every), on_step):
+                encoder.stdin.write(next(pictures).tobytes())
             _, messages = encoder.communicate()
         except BrokenPipeError:
             raise InputError(f"{path}: ffmpeg stopped; choose another place") from None

@@ -4,19 +4,21 @@ import tempfile
 import webbrowser
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.choices import Axis, Colouring, Side, Unit
+from geneoh.choices import Axis, Colouring, Side
 from geneoh.config import checked_call
+from geneoh.files.atomic import write_whole
 from geneoh.pipeline.results import Denoised, load_samples
 from geneoh.progress import OnStep
 from geneoh.readers.npz_files import load
 from geneoh.sequence.sequence import Sequence
 from geneoh.viz.look import STRIP_CELL, Look
 from geneoh.viz.outputs import check_scene_outputs, write
-from geneoh.viz.page import write_page
+from geneoh.viz.page import page_html
 from geneoh.viz.scene import Scene, make_scene
 
 Viewable = Denoised | Sequence | Path | str
@@ -93,22 +95,13 @@ def open_scene(
     *,
     obj: Path | str | Iterable[Path | str] = (),
     title: str | None = None,
-    side: Side | None = None,
-    fps: float | None = None,
     mano_dir: Path | str | None = None,
-    unit: Unit = "m",
+    **reading: Any,
 ) -> Scene:
     """The scene of a result, and of what it was made from if that is given too.
 
-    Args:
-        result: what `denoise` returned, a sequence, or the npz file of either.
-        before: the input of the result.
-        obj: mesh files of the object, for npz files.
-        title: of the scene; the name of the file or the source of the sequence when left out.
-        side: side of the hand, where a file does not say; of two hands, the one to read.
-        fps: frames per second, where a file does not say.
-        mano_dir: folder of the user's MANO files.
-        unit: of the meshes in `obj`.
+    The arguments are those of `view`; others, such as `side`, `fps` and `unit`, are those of
+    `geneoh.load`, for npz files.
 
     Raises:
         InputError: a file that cannot be read, no mesh, or different numbers of frames.
@@ -117,7 +110,7 @@ def open_scene(
     sequences: dict[str, Sequence] = {}
     for given in (result,) if before is None else (before, result):
         if isinstance(given, Path | str):
-            sequence = load(given, obj=obj, side=side, fps=fps, mano_dir=mano_dir, unit=unit)
+            sequence = load(given, obj=obj, mano_dir=mano_dir, **reading)
             name, longer_name = Path(given).stem, str(given)
         else:
             sequence = given.sequence if isinstance(given, Denoised) else given
@@ -143,4 +136,4 @@ def write_report(
 ) -> None:
     """Write the page of a result beside its input, whatever the ending of the path."""
     scene = open_scene(result, noisy, title=title, mano_dir=mano_dir)
-    write_page(scene, path, Look(), None)
+    write_whole(path, page_html(scene))

@@ -12,8 +12,7 @@ from geneoh.evaluation import cases
 from geneoh.evaluation.options import EvaluationOptions
 from geneoh.evaluation.protocols import SEEDS, ProtocolOptions
 from geneoh.evaluation.protocols.clips import windows_of
-from geneoh.evaluation.protocols.dataset_locations import DATASET_LOCATIONS
-from geneoh.evaluation.protocols.selection import spread_over_groups
+from geneoh.evaluation.protocols.datasets import PROTOCOLS, spread_over_groups
 from geneoh.evaluation.protocols.synthetic import COUNT, draw_clip, mesh_of
 from geneoh.geometry.distance import SurfaceDistance
 from geneoh.hand.library import load_hand
@@ -32,8 +31,8 @@ def find_cases(dataset, root=None, *, options=None, **asked):
 
 @pytest.fixture(autouse=True)
 def no_data_sets_of_the_machine(monkeypatch):
-    for location in DATASET_LOCATIONS.values():
-        monkeypatch.delenv(location.variable, raising=False)
+    for protocol in PROTOCOLS.values():
+        monkeypatch.delenv(protocol.variable, raising=False)
 
 
 def test_the_example_needs_no_file_and_no_root(tmp_path, monkeypatch):
@@ -130,13 +129,13 @@ def test_a_limit_takes_from_every_group_before_it_takes_twice_and_reads_no_more_
 
 @pytest.mark.parametrize("name", ["grab", "grab-beta", "hoi4d", "arctic"])
 def test_without_data_one_sentence_says_what_to_get_and_where_to_put_it(name, tmp_path):
-    location = DATASET_LOCATIONS[name.split("-")[0]]
+    protocol = PROTOCOLS[name]
     for root, got in ((None, "no folder was named"), (tmp_path, f"there is none in {tmp_path}")):
         with pytest.raises(MissingAssetError) as caught:
             find_cases(name, root)
         words = str(caught.value)
         assert "\n" not in words
-        for part in (got, "get it at", location.layout, "--root ROOT", location.variable):
+        for part in (got, "get it at", protocol.layout, "--root ROOT", protocol.variable):
             assert part in words
 
 

@@ -8,10 +8,9 @@ from geneoh.evaluation.distributions import (
     correlations,
     joint_angles,
     ks_distance,
+    motion_size,
     palm_basis,
-    point_acceleration,
     quantiles,
-    speed,
 )
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
@@ -62,10 +61,10 @@ def test_speed_and_acceleration_of_a_fall_are_those_of_physics():
     points[:, 0, 2] = -0.5 * 9.81 * time**2
     points[:, 1, 0] = 0.4 * time
     # float32 positions of half a metre are rounded to 3e-8 m, which 30² makes 1e-4 m/s²
-    fallen = point_acceleration(points, 30.0)
+    fallen = motion_size(points, 30.0, 2)
     torch.testing.assert_close(fallen[:, 0], torch.full((8,), 9.81), atol=1e-3, rtol=0)
     assert float(fallen[:, 1].max()) < 1e-3
-    torch.testing.assert_close(speed(points, 30.0)[:, 1], torch.full((9,), 0.4))
+    torch.testing.assert_close(motion_size(points, 30.0, 1)[:, 1], torch.full((9,), 0.4))
 
 
 def test_straight_fingers_have_no_angles():

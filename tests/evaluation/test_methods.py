@@ -13,15 +13,16 @@ from geneoh.errors import ConfigError, InputError, MissingAssetError
 from geneoh.evaluation import methods as methods_module
 from geneoh.evaluation.cases import Case
 from geneoh.evaluation.methods import (
-    BaselineMethod,
-    BestFilterMethod,
-    FilterMethod,
-    GeneohMethod,
-    InputMethod,
-    OptimisationMethod,
-    PredictionsMethod,
+    best_filtered_hand,
+    denoised_hand,
+    filtered_hand,
+    geneoh_method,
     joints_of,
     methods_of,
+    optimised_hand,
+    predicted_hand,
+    stored_hand,
+    unchanged,
 )
 from geneoh.evaluation.options import EvaluationOptions
 from geneoh.evaluation.protocols import Clip
@@ -52,14 +53,14 @@ def test_the_input_is_scored_where_it_was_seen(noisy_case):
     hand = noisy_case.noisy.hands[0]
     valid = hand.valid.clone()
     valid[3] = False
-    cleaned = InputMethod().clean(changed(noisy_case, valid=valid))
+    cleaned = unchanged(changed(noisy_case, valid=valid))
     assert torch.equal(cleaned.valid, valid)
     assert torch.equal(cleaned.joints[valid], hand.joints[valid])
 
 
 @pytest.mark.parametrize(("kind", "domain"), TUNED)
 def test_a_filter_has_its_tuned_size(noisy_case, kind, domain):
-    cleaned = FilterMethod(kind, domain).clean(noisy_case)
+    cleaned = filtered_hand(noisy_case, kind, domain)
     hand, fps = noisy_case.noisy.hands[0], noisy_case.noisy.fps
     assert torch.equal(cleaned.joints, filtered(hand, TUNED[kind, domain], domain, fps))
     assert cleaned.verts is None
@@ -68,29 +69,25 @@ def test_a_filter_has_its_tuned_size(noisy_case, kind, domain):
 def test_keypoints_alone_have_no_parameters_to_filter(noisy_case, short):
     bare = replace(short, hands=(replace(short.hands[0], pose=None, wrist=None),))
     case = replace(noisy_case, clip=Clip("bare", lambda: bare))
-    assert FilterMethod("savgol", "parameters").clean(case) is None
-    assert FilterMethod("savgol", "keypoints").clean(case) is not None
-    assert BestFilterMethod("parameters").clean(case) is None
-    assert BestFilterMethod("keypoints").clean(case) is not None
+    assert filtered_hand(case, "savgol", "parameters") is None
+    assert filtered_hand(case, "savgol", "keypoints") is not None
+    assert best_filtered_hand(case, "parameters") is None
+    assert best_filtered_hand(case, "keypoints") is not None
 
 
 @pytest.mark.parametrize("domain", ["keypoints", "parameters"])
 def test_the_best_filter_beats_every_tuned_one_and_needs_the_truth(noisy_case, domain):
-    method = BestFilterMethod(domain)
-    best = error(method.clean(noisy_case), noisy_case)
-    tuned = [FilterMethod(kind, what) for kind, what in TUNED if what == domain]
-    assert best <= min(error(each.clean(noisy_case), noisy_case) for each in tuned)
-    assert method.clean(replace(noisy_case, noise="recorded")) is None
+    best = error(best_filtered_hand(noisy_case, domain), noisy_case)
+    tuned = [filtered_hand(noisy_case, kind, what) for kind, what in TUNED if what == domain]
+    assert best <= min(error(each, noisy_case) for each in tuned)
+    assert best_filtered_hand(replace(noisy_case, noise="recorded"), domain) is None
 
 
 def test_optimisation_alone_takes_noise_and_depth_away(noisy_case):
     case = noisy_case
-    scorer, filtering = (
-        CaseScorer(case, ScoringConfig(close_frames=2)),
-        FilterMethod("savgol", "parameters"),
-    )
-    cleaned, plain = OptimisationMethod().clean(case), filtering.clean(case)
-    assert error(cleaned, case) < 0.8 * error(InputMethod().clean(case), case)
+    scorer = CaseScorer(case, ScoringConfig(close_frames=2))
+    cleaned, plain = optimised_hand(case), filtered_hand(case, "savgol", "parameters")
+    assert error(cleaned, case) < 0.8 * error(unchanged(case), case)
     depths = [scorer.score("method", made, 0.0).values["depth_mm"] for made in (cleaned, plain)]
     assert depths[0] < depths[1]
 
@@ -102,7 +99,7 @@ def test_a_baseline_predicts_every_frame_of_a_left_hand(tmp_path, noisy_case, na
     model = build_model(name, config)
     record = {"stage": name, "config": asdict(config)}
     save_checkpoint(tmp_path / f"{name}.safetensors", Checkpoint(model.state_dict(), record))
-    cleaned = BaselineMethod(name, tmp_path).clean(noisy_case)
+    cleaned = predicted_hand(noisy_case, name, tmp_path)
     assert cleaned.joints.shape == (10, 21, 3)
     assert cleaned.joints.isfinite().all()
     if name == "regression":
@@ -111,19 +108,19 @@ def test_a_baseline_predicts_every_frame_of_a_left_hand(tmp_path, noisy_case, na
 
 
 def test_geneoh_cleans_by_its_options_and_the_seed_of_the_case(noisy_case):
-    method = GeneohMethod(Options(preset="fast", seed=5))
-    cleaned = method.clean(noisy_case)
-    assert error(cleaned, noisy_case) < error(InputMethod().clean(noisy_case), noisy_case)
-    assert torch.equal(method.clean(noisy_case).joints, cleaned.joints)
-    other = method.clean(replace(noisy_case, seed=12))
+    options = Options(preset="fast", seed=5)
+    cleaned = denoised_hand(noisy_case, options)
+    assert error(cleaned, noisy_case) < error(unchanged(noisy_case), noisy_case)
+    assert torch.equal(denoised_hand(noisy_case, options).joints, cleaned.joints)
+    other = denoised_hand(replace(noisy_case, seed=12), options)
     assert not torch.equal(other.joints, cleaned.joints)
     assert cleaned.verts.shape == (10, 778, 3)
     assert set(cleaned.result.hands) == {"left"}
 
 
 def test_geneoh_is_called_by_preset_and_by_what_it_lacks():
-    assert GeneohMethod(Options(preset="paper")).name == "geneoh paper"
-    assert GeneohMethod(Options(without=("motion",))).name == "geneoh default, w/o motion"
+    assert geneoh_method(Options(preset="paper")).name == "geneoh paper"
+    assert geneoh_method(Options(without=("motion",))).name == "geneoh default, w/o motion"
 
 
 @pytest.fixture(scope="module")
@@ -142,7 +139,7 @@ def as_shipped(short, tmp_path_factory):
 def test_a_left_hand_is_posed_with_the_model_that_its_betas_belong_to(as_shipped):
     """The mended left model gives other bones for the same betas."""
     case, mano_dir, _ = as_shipped
-    cleaned = GeneohMethod(Options(preset="fast", hand="mano", mano_dir=mano_dir)).clean(case)
+    cleaned = denoised_hand(case, Options(preset="fast", hand="mano", mano_dir=mano_dir))
     hand = cleaned.result.sequence.hands[0]
     assert hand.hand_model == "mano-as-shipped"
     model = load_hand("left", source="mano-as-shipped", mano_dir=mano_dir)
@@ -163,18 +160,17 @@ def test_the_truth_is_measured_with_the_model_that_its_betas_belong_to(as_shippe
 def test_predictions_are_read_by_clip_noise_and_seed(tmp_path, noisy_case):
     assert noisy_case.file_name == "short_gauss_11.npz"
     save_sequence(noisy_case.clean, tmp_path / noisy_case.file_name)
-    method = PredictionsMethod(tmp_path)
+    (method,) = methods_of(replace(ALL, methods=("input",), predictions=(tmp_path,)))[0][1:]
     assert method.name == tmp_path.name
     assert error(method.clean(noisy_case), noisy_case) == 0
 
 
 def test_a_prediction_that_is_missing_or_of_other_length_is_told(tmp_path, noisy_case, recording):
-    method = PredictionsMethod(Path(tmp_path))
     with pytest.raises(MissingAssetError, match=r"short_gauss_11\.npz: expected the result"):
-        method.clean(noisy_case)
+        stored_hand(noisy_case, tmp_path)
     save_sequence(recording, tmp_path / "short_gauss_11.npz")
     with pytest.raises(InputError, match="expected the clip's 10 frames, got 146"):
-        method.clean(noisy_case)
+        stored_hand(noisy_case, tmp_path)
 
 
 def test_every_method_of_the_paper_and_of_a_sceptic_can_be_asked_for():
@@ -221,8 +217,9 @@ def test_baselines_come_from_the_users_folder_where_they_are_there(tmp_path):
 def test_options_reach_every_method_of_ours():
     options = replace(ALL, methods=("geneoh",), ablations=("spatial",), cleaner=Options(samples=7))
     methods, _ = methods_of(options)
-    assert all(isinstance(each, GeneohMethod) and each.options.samples == 7 for each in methods)
-    assert methods[1].options.without == ("spatial",)
+    given = [method.clean.keywords["options"] for method in methods]
+    assert [each.samples for each in given] == [7, 7]
+    assert given[1].without == ("spatial",)
 
 
 def test_a_folder_of_predictions_must_be_there_and_have_a_name_of_its_own(tmp_path):
@@ -243,6 +240,6 @@ def test_a_left_hand_with_betas_of_the_official_file_is_scored_with_the_mesh_of_
     posed = shipped.posed(hand.pose, hand.wrist)
     track = replace(hand, joints=posed.joints, betas=betas, hand_model="mano-as-shipped")
     result = Denoised(replace(noisy_case.noisy, hands=(track,)), {}, ())
-    monkeypatch.setattr(methods_module, "denoise", lambda *_: result)
-    cleaned = GeneohMethod(Options(hand="mano", mano_dir=mano_dir)).clean(noisy_case)
+    monkeypatch.setattr(methods_module, "clean_interaction", lambda *_: result)
+    cleaned = denoised_hand(noisy_case, Options(hand="mano", mano_dir=mano_dir))
     torch.testing.assert_close(cleaned.verts, posed.verts, atol=1e-6, rtol=0)

@@ -1,6 +1,6 @@
 import json
 import math
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import pytest
 import torch
@@ -70,7 +70,7 @@ def test_the_same_source_is_told_from_itself_by_nothing():
     assert by_name["wrist, speed, object"].distance < 0.2
     assert by_name["fingertips, acceleration, world"].distance < 0.1
     assert by_name["skin in contact"].distance == 0
-    assert json.loads(json.dumps(report.as_dict()))["clips"] == 60
+    assert json.loads(json.dumps(asdict(report)))["clips"] == 60
 
 
 def test_measures_are_what_was_put_in():
@@ -199,7 +199,7 @@ def test_the_report_says_whether_the_clips_were_augmented(monkeypatch, tmp_path,
     monkeypatch.setattr(realism, "synthetic_clips", lambda *_, augmented: made(1, 20, 40))
     recording = Sequence((), ObjectTrack((), torch.eye(3)[None, None], torch.zeros(1, 1, 3)), 30.0)
     report = measure_realism(recording, tmp_path, augmented=augmented)
-    assert report.as_dict()["augmented"] is augmented
+    assert asdict(report)["augmented"] is augmented
 
 
 def test_the_table_has_a_line_for_each_measure_and_view():

@@ -2,7 +2,8 @@
 
 import importlib
 import json
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 
 import pytest
 import torch
@@ -12,12 +13,12 @@ from geneoh.denoisers.library import weights_of
 from geneoh.errors import CheckpointError, ConfigError, InputError
 from geneoh.evaluation.cases import Case, find_cases, write_inputs
 from geneoh.evaluation.methods import (
-    BaselineMethod,
-    CleanedHand,
-    FilterMethod,
-    GeneohMethod,
-    InputMethod,
-    PredictionsMethod,
+    Method,
+    filtered_hand,
+    geneoh_method,
+    methods_of,
+    predicted_hand,
+    unchanged,
 )
 from geneoh.evaluation.options import EvaluationOptions
 from geneoh.evaluation.protocols import Clip, ProtocolOptions
@@ -32,13 +33,14 @@ from geneoh.evaluation.runner import (
     page_of,
     run,
     settings_of,
-    tasks_left,
+    work_left,
 )
 from geneoh.evaluation.scores import Score, ScoringConfig
 from geneoh.pipeline.options import Options
 
 CONFIG = ScoringConfig(close_frames=2)
-METHODS = (InputMethod(), FilterMethod("savgol", "keypoints"))
+INPUT = Method("input", unchanged)
+METHODS = (INPUT, Method("savgol", partial(filtered_hand, kind="savgol", domain="keypoints")))
 SETTINGS = {"weights": {"motion": "abc"}, "data": None}
 VERSIONS = {"geneoh": "0.1.0"}
 SMALL = EvaluationOptions(
@@ -55,14 +57,8 @@ def damaged():
     raise InputError("clip.npz: damaged; copy it again")
 
 
-@dataclass(frozen=True)
-class FailingMethod:
-    """A method that cannot clean anything."""
-
-    name: str = "failing"
-
-    def clean(self, case: Case) -> CleanedHand:
-        raise InputError(f"{case.clip.name}: no")
+def failing(case: Case):
+    raise InputError(f"{case.clip.name}: no")
 
 
 @pytest.fixture
@@ -81,7 +77,7 @@ def folder(tmp_path):
 def scores(noisy_case, tmp_path_factory):
     folder = tmp_path_factory.mktemp("scores")
     open_record(folder, SETTINGS, VERSIONS)
-    return run(tasks_left([noisy_case], METHODS, [], CONFIG), folder), folder
+    return run(work_left([noisy_case], METHODS, []), folder, CONFIG), folder
 
 
 def test_a_run_scores_every_method_and_records_it(scores):
@@ -93,61 +89,59 @@ def test_a_run_scores_every_method_and_records_it(scores):
 
 def test_what_has_a_score_is_not_done_again(scores, noisy_case):
     made, _ = scores
-    assert tasks_left([noisy_case], METHODS, made, CONFIG) == []
-    (left,) = tasks_left([noisy_case], METHODS, made[:1], CONFIG)
-    assert left.methods == METHODS[1:]
+    assert work_left([noisy_case], METHODS, made) == []
+    ((_, left),) = work_left([noisy_case], METHODS, made[:1])
+    assert left == METHODS[1:]
     other = replace(noisy_case, seed=22)
-    assert tasks_left([other], METHODS, made, CONFIG)[0].methods == METHODS
+    assert work_left([other], METHODS, made)[0][1] == METHODS
 
 
 def test_a_case_holds_no_data_after_it_was_scored(damaged_case, noisy_case, folder):
     case = replace(noisy_case)
-    run(tasks_left([case], (InputMethod(),), [], CONFIG), folder)
+    run(work_left([case], (INPUT,), []), folder, CONFIG)
     assert "recording" not in vars(case)
     assert "noisy" not in vars(case)
 
 
 def test_predictions_are_always_scored_anew(noisy_case, tmp_path):
-    method = PredictionsMethod(tmp_path)
+    method = methods_of(replace(SMALL, predictions=(tmp_path,)))[0][-1]
     done = [Score("taco", "short", "gauss", 11, method.name)]
-    (task,) = tasks_left([noisy_case], (method,), done, CONFIG)
-    assert task.methods == (method,)
+    assert work_left([noisy_case], (method,), done) == [(noisy_case, (method,))]
 
 
 def test_a_result_of_geneoh_is_made_again_where_its_page_is_missing(noisy_case, tmp_path):
-    methods = (GeneohMethod(Options()),)
+    methods = (geneoh_method(Options()),)
     done = [Score("taco", "short", "gauss", 11, methods[0].name)]
-    assert tasks_left([noisy_case], methods, done, CONFIG) == []
-    assert tasks_left([noisy_case], methods, done, CONFIG, tmp_path) != []
+    assert work_left([noisy_case], methods, done) == []
+    assert work_left([noisy_case], methods, done, tmp_path) != []
     page = page_of(tmp_path, done[0].key)
     assert page.name == "short_gauss_11_geneoh_default.html"
     page.touch()
-    assert tasks_left([noisy_case], methods, done, CONFIG, tmp_path) == []
+    assert work_left([noisy_case], methods, done, tmp_path) == []
 
 
 def test_geneoh_leaves_pages(noisy_case, folder):
-    methods = (GeneohMethod(Options(preset="fast")),)
-    (task,) = tasks_left([noisy_case], methods, [], CONFIG, folder / "pages")
-    (score,) = run([task], folder)
+    methods = (geneoh_method(Options(preset="fast")),)
+    (score,) = run(work_left([noisy_case], methods, []), folder, CONFIG, pages=folder / "pages")
     assert page_of(folder / "pages", score.key).read_text().startswith("<!doctype html>")
 
 
 def test_a_method_that_fails_is_noted_and_the_others_go_on(noisy_case, folder):
-    made = run(tasks_left([noisy_case], (FailingMethod(), InputMethod()), [], CONFIG), folder)
+    made = run(work_left([noisy_case], (Method("failing", failing), INPUT), []), folder, CONFIG)
     assert [score.failed for score in made] == ["short: no", ""]
     assert made[0].values == {}
     assert made[1].values["mpjpe_mm"] > 0
 
 
 def test_a_clip_that_cannot_be_read_is_noted_for_every_method(damaged_case, folder):
-    made = run(tasks_left([damaged_case], METHODS, [], CONFIG), folder)
+    made = run(work_left([damaged_case], METHODS, []), folder, CONFIG)
     assert [score.failed for score in made] == ["clip.npz: damaged; copy it again"] * 2
 
 
 def test_weights_that_are_missing_stop_the_run(noisy_case, folder):
-    methods = (InputMethod(), BaselineMethod("toch", folder))
+    methods = (INPUT, Method("toch", partial(predicted_hand, baseline="toch", weights=folder)))
     with pytest.raises(CheckpointError, match=r"toch\.safetensors"):
-        run(tasks_left([noisy_case], methods, [], CONFIG), folder)
+        run(work_left([noisy_case], methods, []), folder, CONFIG)
 
 
 def test_several_processes_give_the_scores_of_one(tmp_path):
@@ -157,7 +151,7 @@ def test_several_processes_give_the_scores_of_one(tmp_path):
     for jobs in (1, 2):
         folder = tmp_path / str(jobs)
         open_record(folder, SETTINGS, VERSIONS)
-        found = run(tasks_left(cases, METHODS, [], CONFIG), folder, jobs=jobs)
+        found = run(work_left(cases, METHODS, []), folder, CONFIG, jobs=jobs)
         made[jobs] = {score.key: replace(score, seconds=0.0) for score in found}
     assert len(made[1]) == 4
     assert made[1] == made[2]
@@ -165,7 +159,7 @@ def test_several_processes_give_the_scores_of_one(tmp_path):
 
 def test_the_callers_threads_stay_as_they_were(damaged_case, folder):
     before = torch.get_num_threads()
-    run(tasks_left([damaged_case], METHODS, [], CONFIG), folder)
+    run(work_left([damaged_case], METHODS, []), folder, CONFIG)
     assert torch.get_num_threads() == before
 
 

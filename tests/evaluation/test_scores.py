@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from geneoh.evaluation.cases import Case
-from geneoh.evaluation.methods import CleanedHand, InputMethod, in_every_frame, joints_of
+from geneoh.evaluation.methods import CleanedHand, in_every_frame, joints_of, unchanged
 from geneoh.evaluation.protocols import Clip
 from geneoh.evaluation.scores import MEASURES, CaseScorer, ScoringConfig, rounded
 from geneoh.pipeline.results import Denoised
@@ -20,7 +20,7 @@ def scorer(clean_case):
 
 
 def test_ground_truth_against_itself_has_no_error(scorer, clean_case):
-    score = scorer.score("input", InputMethod().clean(clean_case), 0.0)
+    score = scorer.score("input", unchanged(clean_case), 0.0)
     for key in ("mpjpe_mm", "mpvpe_mm", "proximity_mm", "acceleration_error_mm"):
         assert score.values[key] == 0
     for key in ("contact_iou_pct", "contact_iou_verts_pct", "tips_f_pct"):
@@ -32,7 +32,7 @@ def test_ground_truth_against_itself_has_no_error(scorer, clean_case):
 def test_the_recording_has_its_own_plausibility(recording):
     """Its depth and acceleration are known from the data's own notes: 2.6 mm and 8 mm."""
     case = Case("taco", Clip("whole", lambda: recording), "recorded", 0)
-    score = CaseScorer(case, CONFIG).score("input", InputMethod().clean(case), 0.0)
+    score = CaseScorer(case, CONFIG).score("input", unchanged(case), 0.0)
     assert 1.5 < score.values["depth_mm"] < 4
     assert 7 < score.values["acceleration_mm"] < 9
 
@@ -61,14 +61,14 @@ def test_frames_that_are_not_valid_count_for_nothing(scorer, clean_case):
 
 def test_without_ground_truth_only_plausibility_is_measured(noisy_case):
     scorer = CaseScorer(replace(noisy_case, noise="recorded"), CONFIG)
-    score = scorer.score("input", InputMethod().clean(noisy_case), 0.0)
+    score = scorer.score("input", unchanged(noisy_case), 0.0)
     assert score.values["depth_mm"] > 0
     assert "mpjpe_mm" not in score.values
     assert score.error_by_frame_mm == []
 
 
 def test_every_measure_is_taken(scorer, clean_case):
-    score = scorer.score("input", InputMethod().clean(clean_case), 0.0)
+    score = scorer.score("input", unchanged(clean_case), 0.0)
     spread_alone = {"within_spread_pct"}
     assert set(score.values) == {measure.key for measure in MEASURES} - spread_alone
     assert all(value is not None for value in score.values.values())
@@ -76,7 +76,7 @@ def test_every_measure_is_taken(scorer, clean_case):
 
 @pytest.mark.parametrize(("spread", "share"), [(0.001, 0.0), (0.1, 100.0)])
 def test_a_spread_is_held_against_the_error(scorer, noisy_case, spread, share):
-    cleaned = InputMethod().clean(noisy_case)
+    cleaned = unchanged(noisy_case)
     hand = noisy_case.noisy.hands[0]
     sure = replace(hand, joint_spread=torch.full(hand.joints.shape[:2], spread))
     result = Denoised(replace(noisy_case.noisy, hands=(sure,)), {}, ())

@@ -78,5 +78,15 @@ inBrowser(executablePath, async (browser) => {
     return width && (left < -1 || right > innerWidth + 1);
   }).length;
   seen.phone = { ...(await phone.evaluate(regions, true)), overflow: await phone.evaluate(overflow) };
+
+  // every control can be used in a narrow window too
+  const narrow = await open(browser, { viewport: { width: 500, height: 900 } });
+  await ready(narrow, file);
+  await narrow.waitForFunction(() => geneoh.sharp());
+  await narrow.screenshot({ path: `${folder}/narrow.png` });
+  await narrow.click("#follow");
+  await narrow.click("#help");
+  seen.narrow = { follow: await narrow.evaluate(() => geneoh.state.follow),
+    keys: await narrow.isVisible("#keys"), overflow: await narrow.evaluate(overflow) };
   return seen;
 });

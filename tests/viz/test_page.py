@@ -144,6 +144,7 @@ def test_in_a_browser_it_plays_scrubs_and_switches_without_network_or_error(page
     assert seen["phone"]["red"][0] > 200
     assert seen["phone"]["red"][0] > 4 * seen["phone"]["red"][1]
     assert seen["phone"]["overflow"] == 0
+    assert seen["narrow"] == {"follow": False, "keys": True, "overflow": 0}
 
 
 def test_without_a_gpu_300_frames_open_in_2_s_and_play_at_30_a_second(long_page, drive):

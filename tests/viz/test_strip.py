@@ -51,6 +51,13 @@ def test_the_camera_keeps_its_direction_and_size_over_the_clip(scene):
     assert {camera.radius for camera in rest} == {first.radius}
 
 
+def test_every_hand_is_whole_in_the_picture_wrist_included(scene):
+    for frame, camera in enumerate(cameras(scene, UP)):
+        for hand in (hand for version in scene.versions for hand in version.hands):
+            seen = camera.project(hand.verts[frame].numpy().astype(float), (200, 200))[:, :2]
+            assert not hand.valid[frame] or (seen.min() > 0 and seen.max() < 200)
+
+
 def trembling(version, amount):
     """The version with every second frame moved aside, and no hand in the first."""
     hands = []

@@ -18,8 +18,6 @@ from geneoh.readers.records import Array
 from geneoh.sequence.gaps import fill_gaps
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
-REACH = 0.15
-"""Largest distance in metres from the wrist to the object at which a hand counts as at it."""
 OBSERVED_SHARE = 0.5
 """Smallest share of a clip's frames in which its hand must have been observed."""
 FPS = {"grab": 30.0, "hoi4d": 15.0, "arctic": 30.0, "taco": 30.0}
@@ -50,6 +48,7 @@ def excerpts(
     side: Side,
     kept: Array,
     options: ProtocolOptions,
+    without: Array | None = None,
 ) -> list[Clip]:
     """The clips of one hand: windows within each run of frames that are kept.
 
@@ -57,25 +56,26 @@ def excerpts(
         source: name of the reader.
         file: the file that holds the recording.
         recording: one of the recordings of the file.
-        side: which hand.
+        side: which hand; without it there are no clips.
         kept: (T,) bool, frames of the recording that the protocol keeps.
         options: which windows are taken, how long they are and how far apart.
+        without: (T,) bool, frames that rule out every window in which they are.
     """
-    spans = frame_windows(source, recording, side, kept, options)
-    return [excerpt(source, file, recording.name, side, span, options) for span in spans]
-
-
-def frame_windows(
-    source: str, recording: Recording, side: Side, kept: Array, options: ProtocolOptions
-) -> Iterator[slice]:
-    """Frames of the recording that make up each clip of `excerpts`."""
+    if side not in [hand.side for hand in recording.sequence.hands]:
+        return []
     step = max(1, round(recording.sequence.fps / FPS[source]))
-    valid = recording.sequence.hand(side).valid.numpy()[::step]
+    valid = recording.sequence.hand(side).valid.numpy()
+    found = []
     for run in runs(kept[::step]):
         for start, stop in windows_of(run.stop - run.start, options):
             first, last = run.start + start, run.start + stop
-            if valid[first:last].mean() >= OBSERVED_SHARE:
-                yield slice(first * step, (last - 1) * step + 1, step)
+            span = slice(first * step, (last - 1) * step + 1, step)
+            ruled_out = without is not None and without[span].any()
+            if not ruled_out and valid[span].mean() >= OBSERVED_SHARE:
+                known = options.reader_options
+                read = partial(read_excerpt, source, file, recording.name, side, span, known)
+                found.append(Clip(f"{recording.name}_{side}_{span.start:05d}", read))
+    return found
 
 
 def windows_of(frames: int, options: ProtocolOptions) -> Iterator[tuple[int, int]]:
@@ -89,14 +89,6 @@ def windows_of(frames: int, options: ProtocolOptions) -> Iterator[tuple[int, int
         yield start, start + options.frames
         if options.windows == "first":
             return
-
-
-def excerpt(
-    source: str, file: SourceClip, recording: str, side: Side, span: slice, options: ProtocolOptions
-) -> Clip:
-    """The clip of one hand in some frames, named by recording, side and first frame."""
-    read = partial(read_excerpt, source, file, recording, side, span, options.reader_options)
-    return Clip(f"{recording}_{side}_{span.start:05d}", read)
 
 
 def read_excerpt(
@@ -130,7 +122,7 @@ def first_frame(recording: Recording, file: SourceClip) -> int:
     return int(recording.name.removeprefix(file.name)[1:] or 0)
 
 
-def wrist_to_object(hand: HandTrack, motion: ObjectTrack) -> Array:
+def wrist_gap(hand: HandTrack, motion: ObjectTrack) -> Array:
     """(T,) metres from the wrist to the nearest vertex of the object; NaN without a hand.
 
     TOCH measures from the middle of the mesh's rim at the wrist. The wrist joint, which GeneOH

@@ -5,6 +5,7 @@ of a held-out family, 30 frames a second.
 """
 
 from functools import lru_cache, partial
+from itertools import cycle, islice
 
 import torch
 
@@ -30,13 +31,11 @@ ATTEMPTS = 8
 
 def find(options: ProtocolOptions) -> list[Clip]:
     """Every clip, named by family and number; the held-out families take turns."""
-    families = SynthesisConfig().held_out
-    clips = []
-    for index in range(COUNT):
-        family = families[index % len(families)]
-        read = partial(draw_clip, family, index, options.frames)
-        clips.append(Clip(f"{family}_{index:05d}", read))
-    return clips
+    names = list(islice(cycle(SynthesisConfig().held_out), COUNT))
+    return [
+        Clip(f"{family}_{index:05d}", partial(draw_clip, family, index, options.frames))
+        for index, family in enumerate(names)
+    ]
 
 
 @lru_cache(maxsize=2)
@@ -48,20 +47,13 @@ def draw_clip(family: str, index: int, frames: int) -> Sequence:
     grasp, solid = draw_grasp(hand, family, generator=generator)
     moved = animate(grasp, solid, frames, 1, generator=generator)
     pose, wrist = moved.pose[0], moved.wrist[0]
-    track = HandTrack(
-        side="right",
-        valid=torch.ones(frames, dtype=torch.bool),
-        joints=hand.joints_from_rotations(axis_angle_to_matrix(pose), wrist),
-        pose=pose,
-        wrist=wrist,
-        betas=betas,
-        hand_model="embedded",
-    )
-    meshes = [mesh_of(solid.only(part)) for part in range(PARTS if bool(solid.jointed) else 1)]
-    rotation, translation = (
-        motion[0, :, : len(meshes)] for motion in (moved.rotation, moved.translation)
-    )
-    motion = ObjectTrack(tuple(meshes), rotation, translation)
+    joints = hand.joints_from_rotations(axis_angle_to_matrix(pose), wrist)
+    known = {"joints": joints, "pose": pose, "wrist": wrist, "betas": betas}
+    valid = torch.ones(frames, dtype=torch.bool)
+    track = HandTrack("right", valid, **known, hand_model="embedded")
+    parts = PARTS if bool(solid.jointed) else 1
+    meshes = tuple(mesh_of(solid.only(part)) for part in range(parts))
+    motion = ObjectTrack(meshes, moved.rotation[0, :, :parts], moved.translation[0, :, :parts])
     return Sequence((track,), motion, FPS, f"geneoh's synthetic clip {index}, {family}")
 
 

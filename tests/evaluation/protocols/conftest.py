@@ -6,7 +6,7 @@ import pytest
 import trees
 
 from geneoh.evaluation.protocols.clips import recordings_of
-from geneoh.evaluation.protocols.dataset_locations import DATASET_LOCATIONS
+from geneoh.evaluation.protocols.datasets import PROTOCOLS
 
 FRAMES = 40
 
@@ -40,5 +40,5 @@ def tree(tmp_path, known_scene):
 
 @pytest.fixture(autouse=True)
 def no_data_sets_of_the_machine(monkeypatch):
-    for location in DATASET_LOCATIONS.values():
-        monkeypatch.delenv(location.variable, raising=False)
+    for protocol in PROTOCOLS.values():
+        monkeypatch.delenv(protocol.variable, raising=False)

@@ -1,0 +1,265 @@
+"""The protocol of each data set: where a copy is found, which files are scored, how they are cut.
+
+Source: GeneOH Diffusion, C.1 and Table 3, and for GRAB Zhou et al., TOCH, 2022.
+"""
+
+import math
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from importlib.resources import files
+from itertools import zip_longest
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from geneoh.choices import Dataset, Side
+from geneoh.errors import MissingAssetError
+from geneoh.evaluation.protocols import synthetic
+from geneoh.evaluation.protocols.clips import Clip, excerpts, first_frame, recordings_of, wrist_gap
+from geneoh.evaluation.protocols.options import ProtocolOptions
+from geneoh.readers.base import SourceClip, clip_name
+from geneoh.readers.npz_files import load
+from geneoh.readers.recordings import source_named
+from geneoh.readers.registry import SOURCES
+from geneoh.readers.sources.grab import touching
+from geneoh.readers.sources.hoi4d import CATEGORIES
+from geneoh.synthesis.shards import seed_of
+
+Item = TypeVar("Item")
+
+REACH = 0.15
+"""Largest distance in metres from the wrist to the object at which a hand counts as at it."""
+OTHER: dict[Side, Side] = {"right": "left", "left": "right"}
+TEST_OBJECTS = ("mug", "wineglass", "camera", "binoculars", "fryingpan", "toothpaste")
+"""GRAB: objects that TOCH keeps out of training."""
+START_FRAMES = {
+    **{"Laptop": 120, "Pliers": 150, "Scissors": 50},
+    **dict.fromkeys(("Bottle", "Bowl", "Chair", "Mug", "ToyCar", "Kettle"), 0),
+}
+"""HOI4D: first frame of the clip by category, at the recordings' 15 frames a second (Table 3)."""
+EXAMPLE, TRACK, MESH = "20231104_017", "taco_clean.npz", "taco_object.obj"
+"""TACO: name of the example recording in the data set, and its files."""
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """How the clips of a data set on disk are found."""
+
+    source: str
+    """Name of the reader."""
+    layout: str
+    """Where the files are below the root, in words."""
+    pattern: str
+    """Matches a file or folder in every complete copy."""
+    find: Callable[[Path], list[SourceClip]]
+    """The files of a copy that the protocol scores."""
+    cut: Callable[[SourceClip, ProtocolOptions], Iterator[Clip]]
+    """The clips of one file."""
+
+    @property
+    def variable(self) -> str:
+        """Environment variable that names a copy."""
+        return f"GENEOH_DATA_{self.source.upper()}"
+
+    def root(self, given: Path | None) -> Path | None:
+        """The folder that an option or the environment names."""
+        named = os.environ.get(self.variable)
+        return given or (Path(named) if named else None)
+
+    def require(self, given: Path | None) -> Path:
+        """The root of the user's copy.
+
+        Raises:
+            MissingAssetError: no folder is named, or it holds no copy; the message says where to
+                get the data set, how to unpack it and how to name its folder.
+        """
+        root = self.root(given)
+        if root is not None and next(root.glob(self.pattern), None) is not None:
+            return root
+        about = SOURCES[self.source]
+        got = "no folder was named" if root is None else f"there is none in {root}"
+        raise MissingAssetError(
+            f"{about.title}: expected a copy of the data set ({about.licence}), {got}; get it at "
+            f"{about.where}, unpack it so that ROOT holds {self.layout}, and name it with "
+            f"--root ROOT or {self.variable}=ROOT"
+        )
+
+
+def find_grab(root: Path) -> list[SourceClip]:
+    """The files of the test objects."""
+    paths = sorted(root.glob("grab/s*/*.npz"))
+    tested = [path for path in paths if path.stem.split("_")[0] in TEST_OBJECTS]
+    return [SourceClip(f"{path.parent.name}/{path.stem}", path) for path in tested]
+
+
+def cut_grab(file: SourceClip, options: ProtocolOptions) -> Iterator[Clip]:
+    """Each hand in the frames in which it alone holds the object, its wrist within reach.
+
+    Split and filters are TOCH's: runs of at least one window at 30 frames a second.
+    """
+    contact = touching(file)
+    for recording in recordings_of("grab", file, options.reader_options):
+        first, sequence = first_frame(recording, file), recording.sequence
+        for hand in sequence.hands:
+            other_touches = contact[OTHER[hand.side]][first : first + sequence.frames]
+            kept = (wrist_gap(hand, sequence.object) <= REACH) & ~other_touches
+            yield from excerpts("grab", file, recording, hand.side, kept, options)
+
+
+def category_of(file: SourceClip) -> str | None:
+    """HOI4D: category of a sequence's object, by the part C of its name; None for another one."""
+    number = file.path.parts[-5].removeprefix("C")
+    return CATEGORIES.get(int(number)) if number.isdigit() else None
+
+
+def find_hoi4d(root: Path) -> list[SourceClip]:
+    """The sequences of nine categories.
+
+    The paper counts the sequences but does not name them, so every one is taken whose object is
+    annotated and whose hand is mostly seen.
+    """
+    folders = sorted(path.parent for path in root.glob(PROTOCOLS["hoi4d"].pattern))
+    found = [SourceClip(clip_name(folder, 7), folder.resolve()) for folder in folders]
+    return [file for file in found if category_of(file) in START_FRAMES]
+
+
+def cut_hoi4d(file: SourceClip, options: ProtocolOptions) -> Iterator[Clip]:
+    """The first window at or after the category's first frame in which the object is known."""
+    category = category_of(file)
+    start = START_FRAMES[category] if category and options.start_frames == "paper" else 0
+    one = options if options.windows == "whole" else replace(options, windows="first")
+    for recording in recordings_of("hoi4d", file, options.reader_options):
+        frames = np.arange(recording.sequence.frames) + first_frame(recording, file)
+        if found := excerpts("hoi4d", file, recording, "right", frames >= start, one):
+            yield found[0]
+            return
+
+
+def find_arctic(root: Path) -> list[SourceClip]:
+    """The sequences of the test subject, s01."""
+    paths = sorted(root.glob(PROTOCOLS["arctic"].pattern))
+    return [SourceClip(f"s01/{path.name.removesuffix('.mano.npy')}", path) for path in paths]
+
+
+def cut_arctic(file: SourceClip, options: ProtocolOptions) -> Iterator[Clip]:
+    """Windows of the right hand; one with a single frame out of reach is left out."""
+    reach = REACH if options.reach == "paper" else math.sqrt(REACH)
+    for recording in recordings_of("arctic", file, options.reader_options):
+        every = np.ones(recording.sequence.frames, dtype=bool)
+        far = ~every
+        for hand in recording.sequence.hands:
+            if hand.side == "right" and options.windows != "whole":
+                far = wrist_gap(hand, recording.sequence.object) > reach
+        yield from excerpts("arctic", file, recording, "right", every, options, without=far)
+
+
+def example(root: Path | None) -> Clip | None:
+    """TACO's example recording: 146 frames of a left hand with its object (CC BY 4.0).
+
+    Without `root` it is the installed one; None when `root` holds no example.
+
+    Raises:
+        MissingAssetError: the installed example is gone.
+    """
+    package = Path(str(files("geneoh")))
+    # Installed it lies in the package; in a working copy beside it.
+    places = (package / "examples", package.parent / "examples") if root is None else (root,)
+    for folder in places:
+        if (folder / TRACK).is_file() and (folder / MESH).is_file():
+            return Clip(EXAMPLE, partial(load, folder / TRACK, obj=folder / MESH))
+    if root is None:
+        raise MissingAssetError(
+            f"taco: expected the example {TRACK} with {MESH} in {places[0]}, got neither; install "
+            "geneoh again, or name a copy of TACO with --root"
+        )
+    return None
+
+
+def find_taco(root: Path) -> list[SourceClip]:
+    """Every sequence of the user's copy; the paper gives no protocol for TACO."""
+    return source_named("taco").reader().find(root / "Hand_Poses")
+
+
+def cut_taco(file: SourceClip, options: ProtocolOptions) -> Iterator[Clip]:
+    """Windows of both hands, each with the object it holds and its wrist within reach."""
+    for recording in recordings_of("taco", file, options.reader_options):
+        (hand,) = recording.sequence.hands
+        near = wrist_gap(hand, recording.sequence.object) <= REACH
+        yield from excerpts("taco", file, recording, hand.side, near, options)
+
+
+GRAB = Protocol(
+    "grab", "grab/s1 to s10 and tools/object_meshes", "grab/s*/*.npz", find_grab, cut_grab
+)
+PROTOCOLS: dict[Dataset, Protocol] = {
+    "grab": GRAB,
+    "grab-beta": GRAB,
+    "hoi4d": Protocol(
+        "hoi4d",
+        "HOI4D_annotations, handpose/refinehandpose_right and HOI4D_CAD_Model_for_release",
+        "HOI4D_annotations/*/*/*/*/*/*/*/objpose",
+        find_hoi4d,
+        cut_hoi4d,
+    ),
+    "arctic": Protocol(
+        "arctic",
+        "raw_seqs/s01 and meta/object_vtemplates",
+        "raw_seqs/s01/*.mano.npy",
+        find_arctic,
+        cut_arctic,
+    ),
+    "taco": Protocol(
+        "taco",
+        "Hand_Poses, Object_Poses and Object_Models",
+        "Hand_Poses/*/*/*_hand.pkl",
+        find_taco,
+        cut_taco,
+    ),
+}
+"""Of every data set but `synthetic`."""
+
+
+def data_root(dataset: Dataset, root: Path | None) -> Path | None:
+    """The folder of the user's copy that an option or the environment names, if there is any."""
+    return PROTOCOLS[dataset].root(root) if dataset in PROTOCOLS else None
+
+
+def clips_by_file(
+    dataset: Dataset, root: Path | None, options: ProtocolOptions
+) -> Iterator[list[Clip]]:
+    """The clips of each file of a data set, in an order that mixes objects and people.
+
+    The copy is looked for at once; its files are read one by one as they are asked for. `synthetic`
+    and the example of `taco` need none.
+
+    Raises:
+        MissingAssetError: the data set is not there.
+    """
+    if dataset == "synthetic":
+        return iter([[clip] for clip in synthetic.find(options)])
+    protocol = PROTOCOLS[dataset]
+    if dataset == "taco" and (clip := example(protocol.root(root))):
+        return iter([[clip]])
+    found = protocol.find(protocol.require(root))
+    ordered = sorted(found, key=lambda file: seed_of("order", file.name))
+    return (list(protocol.cut(file, options)) for file in ordered)
+
+
+def spread_over_groups(groups: Iterable[Sequence[Item]], limit: int | None) -> list[Item]:
+    """At most `limit` items: the first of each group, then the second of each, and so on.
+
+    The items of a smaller limit are among those of a larger one, and no more groups are asked for
+    than the limit needs.
+    """
+    chosen: list[Item] = []
+    rest: list[Sequence[Item]] = []
+    for group in groups:
+        if limit is not None and len(chosen) >= limit:
+            return chosen[:limit]
+        chosen += group[:1]
+        rest.append(group[1:])
+    later = [item for layer in zip_longest(*rest) for item in layer if item is not None]
+    return [*chosen, *later][:limit]
