@@ -25,13 +25,18 @@ COMMANDS = (
 """Subcommands in the order of `--help`. Each is a function of that name in commands/NAME.py, which
 imports torch and geneoh inside the function only, so that help is shown at once."""
 
+LONGEST = 2000
+"""Characters of a message, of which a longer one keeps both ends: it may quote what was typed."""
+
 INTERRUPTED = 130
 """Exit code that shells report for a program ended by SIGINT: 128 + 2."""
 
 
 def failed(message: str, exit_code: int) -> click.exceptions.Exit:
     """Print one line on standard error; raise the return value to end the program."""
-    click.echo(f"Error: {' '.join(message.split())}", err=True)
+    said = " ".join(message.split())
+    said = said if len(said) <= LONGEST else f"{said[: LONGEST // 2]}...{said[-LONGEST // 2 :]}"
+    click.echo(f"Error: {said}", err=True)
     return click.exceptions.Exit(exit_code)
 
 
@@ -67,6 +72,8 @@ class LazyGroup(click.Group):
         except Exception as error:
             if isinstance(error, OSError) and error.errno == errno.EPIPE:
                 raise  # the reader of our output left: click ends quietly
+            if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
+                raise failed(f"{error.filename}: {error.strerror}; check the path", 2) from None
             said = f"{type(error).__name__}: {error}"
             hint = "run `geneoh --debug ...` for the traceback and report it"
             raise failed(f"unexpected {said}; {hint}", 1) from None

@@ -99,3 +99,12 @@ def test_help_comes_at_once_and_without_torch(arguments):
 
 def test_the_version_is_that_of_the_package(geneoh):
     assert geneoh("--version").stdout.rstrip().endswith("0.1.0")
+
+
+def test_what_is_typed_is_quoted_in_part_only(geneoh):
+    name = "x" * 10000
+    for arguments in (("denoise", name), ("denoise", "a.npz", "--preset", name)):
+        result = geneoh(*arguments)
+        assert result.exit_code == 2
+        assert result.output.startswith("Error: ")
+        assert len(result.output) < 2100
