@@ -36,7 +36,7 @@ def corrupt(
     import torch
 
     from geneoh.files.outputs import check_ending, check_outputs
-    from geneoh.readers.npz_files import load_sequence, save_sequence
+    from geneoh.readers.npz_files import load, save_sequence
     from geneoh.sequence.noise import corrupt_sequence
     from geneoh.sequence.object_noise import corrupt_object
 
@@ -46,7 +46,7 @@ def corrupt(
     output = output or clean.with_name(f"{clean.stem}_{name}.npz")
     check_ending(output, (".npz",))
     check_outputs([output], inputs=[clean], overwrite=overwrite)
-    noisy = load_sequence(clean, **how)
+    noisy = load(clean, **how)
     generator = torch.Generator().manual_seed(seed)
     if noise is not None:
         noisy = corrupt_sequence(noisy, noise, generator=generator)

@@ -14,7 +14,7 @@ from geneoh.evaluation.protocols.noise import check_noise, noisy_input
 from geneoh.files.atomic import write_whole
 from geneoh.files.outputs import keep_others
 from geneoh.readers.meshes import obj_text
-from geneoh.readers.npz_files import load_sequence, save_sequence
+from geneoh.readers.npz_files import load, save_sequence
 from geneoh.sequence.sequence import Sequence
 
 CaseKey = tuple[str, str, str, int]
@@ -79,7 +79,7 @@ class Case:
     def read_stored(self, path: Path) -> Sequence:
         """A version of the clip that somebody stored, with the clip's own meshes."""
         side = self.recording.hands[0].side
-        found = load_sequence(path, self.recording.object.meshes, side=side)
+        found = load(path, obj=self.recording.object.meshes, side=side)
         if found.frames != self.recording.frames:
             raise InputError(
                 f"{path}: expected the clip's {self.recording.frames} frames, got {found.frames}; "

@@ -135,9 +135,11 @@ def load_mesh(path: Path | str, unit: Unit = "m", *, tidy: bool = True) -> Mesh:
     return tidied(mesh) if tidy else mesh
 
 
-def meshes_of(
-    given: Mesh | Path | str | Iterable[Mesh | Path | str], unit: Unit = "m"
-) -> tuple[Mesh, ...]:
+MeshInput = Mesh | Path | str | Iterable[Mesh | Path | str]
+"""What callers give for an object: a mesh, its file, or one of these for each rigid part."""
+
+
+def meshes_of(given: MeshInput, unit: Unit = "m") -> tuple[Mesh, ...]:
     """Meshes of a mesh, a file, or a list of both; `unit` is that of the files.
 
     Raises:

@@ -1,9 +1,7 @@
 """Sequences from arrays in memory, by the names and with the checks of the file format."""
 
 import difflib
-from collections.abc import Iterable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,9 +9,8 @@ from torch import Tensor
 
 from geneoh.config import checked_call
 from geneoh.errors import InputError
-from geneoh.geometry.mesh import Mesh, meshes_of
+from geneoh.geometry.mesh import MeshInput, meshes_of
 from geneoh.readers.npz_files import sequence_in
-from geneoh.readers.npz_hands import HandOptions
 from geneoh.readers.npz_layouts import CAMERA_FIELDS, FORMAT, OBJECT_FIELDS, OWN_FIELDS, quoted
 from geneoh.readers.records import Record
 from geneoh.sequence.sequence import Sequence
@@ -27,7 +24,7 @@ NAMES = (*OWN_FIELDS, *OBJECT_FIELDS, *CAMERA_FIELDS, "hand_model")
 def from_arrays(
     *,
     fps: float | int,
-    meshes: Mesh | Path | str | Iterable[Mesh | Path | str] = (),
+    meshes: MeshInput = (),
     source: str = "arrays",
     **arrays: Any,
 ) -> Sequence:
@@ -66,7 +63,7 @@ def from_arrays(
             raise InputError(f"{source}: '{name}' is no field of a sequence; {cure}")
     values = {name: array_of(value) for name, value in arrays.items()}
     record = Record(source, {**values, "fps": np.array(fps)}, "reshape it")
-    sequence, notes = sequence_in(record, FORMAT, loaded, HandOptions(), None)
+    sequence, notes = sequence_in(record, FORMAT, loaded)
     sequence = replace(sequence, source="; ".join((source, *notes)))
     check_sequence(sequence, source)
     return sequence

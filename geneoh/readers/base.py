@@ -12,9 +12,10 @@ from geneoh.bundle import Bundle
 from geneoh.choices import JointOrder, Side, Translation, Unit
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import Mesh
-from geneoh.readers.mano import ManoSource, mano_of
-from geneoh.readers.records import Array, Place
-from geneoh.sequence.sequence import Sequence
+from geneoh.hand.mano import AS_SHIPPED, ManoName
+from geneoh.readers.mano import Mano, read_mano
+from geneoh.readers.records import Array, Place, Record
+from geneoh.sequence.sequence import HandTrack, Sequence
 
 
 @dataclass(frozen=True)
@@ -50,14 +51,22 @@ class ReaderOptions:
     camera: Place | None = None
     """Position of the camera in the world, metres, instead of the source's own."""
 
-    @property
-    def mano(self) -> ManoSource | None:
-        """The user's MANO files, if there are any."""
-        return mano_of(self.mano_dir)
+    def mano(self, side: Side, left_hand: ManoName = AS_SHIPPED) -> Mano | None:
+        """One side of the user's MANO, where there are files of it."""
+        return None if self.mano_dir is None else read_mano(self.mano_dir, side, left_hand)
 
     def rate(self, default: float) -> float:
         """Frames a second of a source, unless the caller knows better."""
         return default if self.fps is None else self.fps
+
+    def side_of(self, record: Record) -> Side:
+        """The hand that a file of one hand holds, by the caller or by its field 'side'."""
+        side = self.side or record.optional_text("side")
+        if side not in ("left", "right"):
+            raise InputError(
+                f"{record.where}: which hand it holds is not said; pass --side left or right"
+            )
+        return side
 
 
 @dataclass(frozen=True)
@@ -66,6 +75,47 @@ class SourceClip:
 
     name: str
     path: Path
+
+
+@dataclass(frozen=True)
+class ManoConvention:
+    """How a source uses MANO."""
+
+    translation: Translation
+    """What its translation moves: the wrist, or the origin of the model (x = LBS + t)."""
+    mean_added: bool = False
+    """Whether MANO's mean pose has to be added to its poses (flat_hand_mean=False)."""
+    left_hand: ManoName = AS_SHIPPED
+    """The left hand that its betas belong to."""
+
+
+WRIST, ORIGIN = ManoConvention("wrist"), ManoConvention("origin")
+
+
+@dataclass(frozen=True)
+class ManoParameters:
+    """One hand as a source stores it; frames that are NaN were not observed."""
+
+    side: Side
+    pose: Array
+    """(T, 48) or (T, 16, 3) axis-angle, global orientation first."""
+    translation: Array
+    """(T, 3) metres."""
+    betas: Array | None = None
+    """(10,)"""
+    joints: Array | None = None
+    """(T, 21, 3) stored keypoints in OpenPose order, in the frame of `translation`."""
+    confidence: Array | None = None
+    """(T, 21) trust in each keypoint, from 0 to 1."""
+    template: Array | None = None
+    """(778, 3) the person's own mesh in the rest pose, which replaces the betas."""
+    to_world: Array | None = None
+    """(T, 4, 4) from the frame of reference of the numbers to that of the sequence."""
+
+    @property
+    def frames(self) -> int:
+        """Number of frames T."""
+        return len(self.pose)
 
 
 @dataclass(frozen=True)
@@ -85,6 +135,40 @@ class CrossChecks(Bundle):
     """Stored points of the moved object, and the same ones from its mesh and pose."""
     contradictions: tuple[str, ...] = ()
     """Contradictions that only the reader of the source can see, as sentences."""
+
+
+@dataclass(frozen=True)
+class ClipParts:
+    """Hands and one object as a source has them: what a sequence is made from."""
+
+    source: str
+    """The source and its name of the clip, as `Sequence.source` begins."""
+    hands: list[ManoParameters] | list[HandTrack]
+    """As the source stores them; those that were not observed in any frame are left out."""
+    meshes: dict[str, Mesh] = field(default_factory=dict)
+    """One mesh in metres for each part of the object, by the name of its file."""
+    motion: Array | None = None
+    """(T, 4, 4) or (T, Q, 4, 4) object to world in metres, NaN where it is not known; None for a
+    source without an object, which takes the caller's."""
+    name: str = ""
+    """Of the recording, by default the clip's."""
+    fps: float | None = None
+    """Frames a second, where they are not those of all clips of the source."""
+    notes: tuple[str, ...] = ()
+    """What had to be assumed, in words."""
+    cross_checks: CrossChecks = field(default_factory=CrossChecks)
+    object_known: Array | None = None
+    """(T,) the frames to keep, by default those in which the motion is known."""
+    after_jump: Array | None = None
+    """(T,) frames that do not follow in time from the one before them."""
+    convention: ManoConvention | None = None
+    """How the source uses MANO, where that is not the same in all of its clips."""
+    camera: Place | None = None
+    """Position of the camera from whose images the hands were estimated, metres, where known."""
+
+
+Parts = Iterator[ClipParts]
+"""What a source gives of one clip: its interactions."""
 
 
 @dataclass(frozen=True)
@@ -124,7 +208,7 @@ def clip_name(path: Path, parts: int) -> str:
 
 def ancestor(path: Path, levels: int) -> Path:
     """The folder so many levels above a path; the topmost one where there are fewer."""
-    return path.parents[min(levels, len(path.parents)) - 1] if path.parents else path
+    return [path, *path.parents][min(levels, len(path.parents))]
 
 
 def finite_frames(values: Array) -> Array:

@@ -3,21 +3,22 @@
 Numbers stay float64 in numpy until here, so that units and frames cost no accuracy.
 """
 
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 
 import numpy as np
 import torch
 
-from geneoh.choices import Side, Translation
+from geneoh.choices import Side
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import Mesh
 from geneoh.hand.mano import AS_SHIPPED, ManoName, name_of
-from geneoh.readers.base import ReaderOptions, finite_frames
+from geneoh.readers.base import ManoConvention, ManoParameters, ReaderOptions, finite_frames
+from geneoh.readers.foreign_files import field_by_frame
 from geneoh.readers.joint_orders import ORDERS
 from geneoh.readers.mano import MEAN_OFFSET_NOTE, Mano, mean_wrist_offset
-from geneoh.readers.records import Array, float32
-from geneoh.readers.transforms import axis_angles, rotation_matrices
+from geneoh.readers.records import Array, Record, float32
+from geneoh.readers.transforms import axis_angles, axis_angles_of_wxyz, rotation_matrices
 from geneoh.sequence.gaps import fill_object
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
@@ -31,44 +32,6 @@ PINNED_NOTE = (
 )
 
 NO_MANO = "got no MANO files; pass --mano with the folder of your MANO_RIGHT.pkl and MANO_LEFT.pkl"
-
-
-@dataclass(frozen=True)
-class ManoConvention:
-    """How a source uses MANO."""
-
-    translation: Translation
-    """What its translation moves: the wrist, or the origin of the model (x = LBS + t)."""
-    mean_added: bool = False
-    """Whether MANO's mean pose has to be added to its poses (flat_hand_mean=False)."""
-    left_hand: ManoName = AS_SHIPPED
-    """The left hand that its betas belong to."""
-
-
-@dataclass(frozen=True)
-class ManoParameters:
-    """One hand as a source stores it; frames that are NaN were not observed."""
-
-    side: Side
-    pose: Array
-    """(T, 48) or (T, 16, 3) axis-angle, global orientation first."""
-    translation: Array
-    """(T, 3) metres."""
-    betas: Array | None = None
-    """(10,)"""
-    joints: Array | None = None
-    """(T, 21, 3) stored keypoints in OpenPose order, in the frame of `translation`."""
-    confidence: Array | None = None
-    """(T, 21) trust in each keypoint, from 0 to 1."""
-    template: Array | None = None
-    """(778, 3) the person's own mesh in the rest pose, which replaces the betas."""
-    to_world: Array | None = None
-    """(T, 4, 4) from the frame of reference of the numbers to that of the sequence."""
-
-    @property
-    def frames(self) -> int:
-        """Number of frames T."""
-        return len(self.pose)
 
 
 def mano_track(
@@ -86,7 +49,7 @@ def mano_track(
         InputError: the parameters cannot be read without MANO, or are not all of the same frames.
     """
     refuse_other_lengths(where, numbers)
-    mano = None if options.mano is None else options.mano(numbers.side, convention.left_hand)
+    mano = options.mano(numbers.side, convention.left_hand)
     if mano is None and convention.mean_added:
         if numbers.joints is None:
             raise InputError(f"{where}: the pose is relative to MANO's mean pose, {NO_MANO}")
@@ -139,6 +102,38 @@ def wrist_of(
     if numbers.joints is not None:
         return numbers.joints[:, 0], ()
     return numbers.translation + mean_wrist_offset(numbers.side), (MEAN_OFFSET_NOTE,)
+
+
+def hand_by_frame(
+    side: Side,
+    records: Mapping[int, Record],
+    frames: int,
+    pose: str,
+    translation: str,
+    betas: str | None = None,
+    *,
+    quaternions: bool = False,
+) -> ManoParameters:
+    """One hand out of the records of single frames, NaN in every frame that has none.
+
+    Args:
+        side: which hand.
+        records: of the frames that have it.
+        frames: their number T.
+        pose: the field of 48 numbers, or of 16 quaternions with the real part first.
+        translation: the field of 3 numbers.
+        betas: the field of 10 numbers, whose mean is taken.
+        quaternions: whether the pose is quaternions.
+    """
+    turns = field_by_frame(records, pose, frames, *((16, 4) if quaternions else (48,)))
+    places = field_by_frame(records, translation, frames, 3)
+    shapes = [record.array(betas, (10,)) for record in records.values()] if betas else []
+    return ManoParameters(
+        side,
+        axis_angles_of_wxyz(turns) if quaternions else turns,
+        places,
+        np.mean(shapes, axis=0) if shapes else None,
+    )
 
 
 def joints_if_complete(joints: Array, pose: Array) -> Array | None:

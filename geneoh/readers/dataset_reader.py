@@ -1,114 +1,63 @@
 """What all readers of data sets do alike: find clips, put sequences together, split recordings.
 
-A source in `geneoh.readers.sources` is a class with the source's units, axes, convention, frame
-rate and file names as data, and a method that gives the parts of a clip.
+A module in `geneoh.readers.sources` has a function that gives the parts of a clip, and a
+`DatasetReader` with the source's convention, frame rate and file names as data.
 """
 
-from abc import ABC, abstractmethod
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
 
 import numpy as np
 import torch
 
-from geneoh.choices import Side
 from geneoh.errors import InputError
-from geneoh.geometry.mesh import Mesh
-from geneoh.readers.base import (
-    CrossChecks,
-    ReaderOptions,
-    Recording,
-    SourceClip,
-    clip_name,
-    finite_frames,
-    paths_matching,
-    runs,
-)
-from geneoh.readers.builders import (
-    ManoConvention,
-    ManoParameters,
-    callers_object,
-    mano_track,
-    object_track,
-    part_of,
-    sequence_of,
-)
+from geneoh.readers import base, builders
+from geneoh.readers.base import ClipParts, CrossChecks, ReaderOptions, Recording, SourceClip
 from geneoh.readers.meshes import with_parts
-from geneoh.readers.records import Array, Place, Record
+from geneoh.readers.records import Array
 from geneoh.sequence.camera import seen_from
-from geneoh.sequence.sequence import HandTrack, Sequence
+from geneoh.sequence.sequence import Sequence
+
+Matches = Iterable[Path]
+"""Files and folders whose names fit."""
 
 
 @dataclass(frozen=True)
-class ClipParts:
-    """Hands and one object as a source has them: what a sequence is made from."""
+class DatasetReader:
+    """One source: what is the same in all of its clips, and the function that reads one of them."""
 
-    source: str
-    """The source and its name of the clip, as `Sequence.source` begins."""
-    hands: list[ManoParameters] | list[HandTrack]
-    """As the source stores them; those that were not observed in any frame are left out."""
-    meshes: dict[str, Mesh] = field(default_factory=dict)
-    """One mesh in metres for each part of the object, by the name of its file."""
-    motion: Array | None = None
-    """(T, 4, 4) or (T, Q, 4, 4) object to world in metres, NaN where it is not known; None for a
-    source without an object, which takes the caller's."""
-    name: str = ""
-    """Of the recording, by default the clip's."""
-    fps: float | None = None
-    """Frames a second, where they are not those of all clips of the source."""
-    notes: tuple[str, ...] = ()
-    """What had to be assumed, in words."""
-    cross_checks: CrossChecks = field(default_factory=CrossChecks)
-    object_known: Array | None = None
-    """(T,) the frames to keep, by default those in which the motion is known."""
-    after_jump: Array | None = None
-    """(T,) frames that do not follow in time from the one before them."""
-    convention: ManoConvention | None = None
-    """How the source uses MANO, where that is not the same in all of its clips."""
-    camera: Place | None = None
-    """Position of the camera from whose images the hands were estimated, metres, where known."""
-
-
-class DatasetReader(ABC):
-    """The common part of all readers; a subclass is one source."""
-
-    patterns: ClassVar[tuple[str, ...]]
+    parts: Callable[[SourceClip, ReaderOptions], Iterable[ClipParts]]
+    """The interactions of a clip, each of which becomes one recording or more."""
+    patterns: tuple[str, ...]
     """Names of the files that make a clip, or of folders, which end in "/"."""
-    clip_is_folder: ClassVar[bool] = False
+    clip_is_folder: bool = False
     """Whether the clip is the folder that holds such a file, and not the file."""
-    name_parts: ClassVar[int] = 1
+    choose: Callable[[Matches, Path], Matches] = lambda found, path: found
+    """What makes a clip, of all that fits below a path; by default all of it."""
+    any_file: bool = False
+    """Whether a file that the caller names is a clip, whatever its name."""
+    name_parts: int = 1
     """How many parts of the path a clip's name keeps."""
-    fps: ClassVar[float] = 30.0
-    fps_assumed: ClassVar[bool] = False
+    name_above: int = 0
+    """How many levels above the clip's path the name is taken."""
+    fps: float = 30.0
+    fps_assumed: bool = False
     """Whether the files do not say the frame rate, which is noted then."""
-    convention: ClassVar[ManoConvention] = ManoConvention("wrist")
+    convention: base.ManoConvention = base.WRIST
     """How the source uses MANO, where it does."""
-    content: ClassVar[str] = "a hand and an object"
+    content: str = "a hand and an object"
     """What every clip must hold, for the message where one does not."""
 
     def find(self, path: Path) -> list[SourceClip]:
-        """Every clip at or below a path."""
-        matches = (match for pattern in self.patterns for match in paths_matching(path, pattern))
-        return list(dict.fromkeys(self.clip_at(match) for match in matches if self.accepts(match)))
-
-    def accepts(self, match: Path) -> bool:
-        """Whether a file or folder with a fitting name is one of this source."""
-        return True
-
-    def clip_at(self, match: Path) -> SourceClip:
-        """The clip that a file or folder belongs to."""
-        path = match.parent if self.clip_is_folder else match
-        return SourceClip(clip_name(path, self.name_parts), path)
-
-    @abstractmethod
-    def parts(self, clip: SourceClip, options: ReaderOptions) -> Iterable[ClipParts]:
-        """The interactions of a clip, each of which becomes one recording or more.
-
-        Raises:
-            InputError: a file of it cannot be read; the message names it.
-        """
+        """Every clip at or below a path, each once."""
+        if self.any_file and path.is_file():
+            found = [path]
+        else:
+            found = [p for pattern in self.patterns for p in base.paths_matching(path, pattern)]
+            found = [p.parent if self.clip_is_folder else p for p in self.choose(found, path)]
+        named = {p: base.ancestor(p, self.name_above) for p in found}
+        return [SourceClip(base.clip_name(named[p], self.name_parts), p) for p in named]
 
     def read(self, clip: SourceClip, options: ReaderOptions) -> list[Recording]:
         """The recordings of a clip: its parts, cut where the object is not known.
@@ -117,11 +66,8 @@ class DatasetReader(ABC):
             InputError: a file of it cannot be read; the message names it.
             MissingAssetError: it needs a file that the user must supply.
         """
-        found = [
-            recording
-            for parts in self.parts(clip, options)
-            for recording in self.recordings(parts, clip, options)
-        ]
+        parts = self.parts(clip, options)
+        found = [recording for each in parts for recording in self.recordings(each, clip, options)]
         if not found:
             raise InputError(f"{clip.path}: expected {self.content}, got none; download them")
         return found
@@ -133,12 +79,12 @@ class DatasetReader(ABC):
         where, notes = str(clip.path), list(parts.notes)
         if parts.motion is None:
             frames = parts.hands[0].frames if parts.hands else 1
-            motion, about_object = callers_object(options, frames, where)
-            names = ()
-            object_known, notes = np.ones(frames, dtype=bool), [*about_object, *notes]
+            motion, about_object = builders.callers_object(options, frames, where)
+            names, object_known = (), np.ones(frames, dtype=bool)
+            notes = [*about_object, *notes]
         else:
-            motion, names = object_track(parts.meshes.values(), parts.motion), tuple(parts.meshes)
-            object_known = finite_frames(parts.motion)
+            motion = builders.object_track(parts.meshes.values(), parts.motion)
+            names, object_known = tuple(parts.meshes), base.finite_frames(parts.motion)
         motion, about_meshes = with_parts(motion)
         notes += about_meshes
         if len(names) != len(motion.meshes):
@@ -146,17 +92,15 @@ class DatasetReader(ABC):
         if self.fps_assumed and options.fps is None:
             notes.append(f"{self.fps:g} frames a second assumed; --fps says otherwise")
         hands, convention = [], parts.convention or self.convention
-        for stored in parts.hands:
-            hand, about_hand = (
-                mano_track(stored, convention, options, where)
-                if isinstance(stored, ManoParameters)
-                else (stored, ())
-            )
+        for hand in parts.hands:
+            about_hand = ()
+            if isinstance(hand, base.ManoParameters):
+                hand, about_hand = builders.mano_track(hand, convention, options, where)
             if bool(hand.valid.any()):
                 hands.append(hand)
                 notes += about_hand
         rate = options.rate(self.fps if parts.fps is None else parts.fps)
-        sequence = sequence_of(hands, motion, rate, parts.source, notes)
+        sequence = builders.sequence_of(hands, motion, rate, parts.source, notes)
         refuse_other_frames(where, sequence, parts.cross_checks)
         camera = parts.camera if options.camera is None else options.camera
         if camera is not None:
@@ -198,13 +142,13 @@ def split(whole: Recording, object_known: Array, after_jump: Array | None) -> li
     """
     if not object_known.any():
         raise InputError(f"{whole.name}: expected the object's pose in some frame, got none")
-    stretches = runs(object_known, after_jump)
+    stretches = base.runs(object_known, after_jump)
     if len(stretches) == 1 and object_known.all():
         return [whole]
     found = [
         Recording(
             f"{whole.name}_{span.start:05d}",
-            part_of(whole.sequence, span),
+            builders.part_of(whole.sequence, span),
             whole.mesh_names,
             whole.cross_checks[span],
         )
@@ -214,13 +158,3 @@ def split(whole: Recording, object_known: Array, after_jump: Array | None) -> li
     if not found:
         raise InputError(f"{whole.name}: expected a hand and the object in one frame, got none")
     return found
-
-
-def stated_side(record: Record, options: ReaderOptions) -> Side:
-    """The hand that a file of one hand holds, by the caller or by its field 'side'."""
-    side = options.side or record.optional_text("side")
-    if side not in ("left", "right"):
-        raise InputError(
-            f"{record.where}: which hand it holds is not said; pass --side left or right"
-        )
-    return side

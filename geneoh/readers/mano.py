@@ -6,7 +6,6 @@ moves the origin of the model (x = LBS + t) or the wrist; and betas belong to on
 the user's files.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -59,15 +58,6 @@ class Mano:
         rotations = axis_angle_to_matrix(torch.from_numpy(pose))
         offsets = offsets.expand(len(pose), 20, 3)
         return forward_kinematics(rotations, torch.from_numpy(wrist), offsets)[0].numpy()
-
-
-ManoSource = Callable[[Side, ManoName], Mano]
-"""Gives one side as a data set means it; `MissingAssetError` where the user has no such file."""
-
-
-def mano_of(folder: Path | None) -> ManoSource | None:
-    """The user's MANO files, read when they are first needed; None without a folder."""
-    return None if folder is None else lambda side, name: read_mano(Path(folder), side, name)
 
 
 @lru_cache(maxsize=8)

@@ -1,6 +1,6 @@
 """Object meshes of data sets: found by name, brought to metres, written beside the sequences."""
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,18 +13,19 @@ from geneoh.readers.records import Array
 from geneoh.sequence.sequence import ObjectTrack
 
 
-def find_mesh(places: Iterable[Path], what: str) -> Path:
-    """The first of some paths at which there is a mesh file.
+def find_mesh(
+    places: Sequence[Path], what: str, scale: float = 1.0, *, centred: bool = False
+) -> Mesh:
+    """The mesh at the first of some paths that is a file, see `read_mesh`.
 
     Raises:
         InputError: there is none; the message names the first path.
     """
-    tried = list(places)
-    for place in tried:
+    for place in places:
         if place.is_file():
-            return place
+            return read_mesh(place, scale, centred=centred)
     raise InputError(
-        f"{tried[0] if tried else what}: expected the mesh of {what}, got no such file; "
+        f"{places[0]}: expected the mesh of {what}, got no such file; "
         "download the data set's object models, or pass their folder with --objects"
     )
 

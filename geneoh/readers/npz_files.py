@@ -1,26 +1,24 @@
 """Sequences to and from npz files: the layouts people have are read, one layout is written."""
 
 import logging
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import torch
-from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.choices import SIDES, JointOrder, Side, Unit
 from geneoh.config import checked_call
 from geneoh.errors import ConfigError, InputError
 from geneoh.files.npz import Arrays, write_archive
-from geneoh.geometry.mesh import METRES, Mesh, meshes_of
-from geneoh.hand.library import load_hand
+from geneoh.geometry.mesh import METRES, Mesh, MeshInput, meshes_of
 from geneoh.hand.mano import AS_SHIPPED, MENDED
 from geneoh.readers.foreign_files import read_array
 from geneoh.readers.joint_orders import ORDERS, openpose_order
 from geneoh.readers.meshes import with_parts
-from geneoh.readers.npz_hands import HandOptions, WristOffset, read_hands
+from geneoh.readers.npz_hands import Notes, read_hands
 from geneoh.readers.npz_layouts import (
     CAMERA_FIELDS,
     FORMAT,
@@ -70,7 +68,7 @@ LAYOUT_NAMES: dict[Layout, str] = {
 def load(
     path: Path | str,
     *,
-    obj: Path | str | Iterable[Path | str] | None = None,
+    obj: MeshInput | None = None,
     side: Side | None = None,
     fps: float | None = None,
     mano_dir: Path | str | None = None,
@@ -80,17 +78,20 @@ def load(
     object_pose: Path | str | Array | None = None,
     camera: Place | None = None,
 ) -> Sequence:
-    """Read a sequence together with the meshes of its object.
+    """Read a sequence from an npz in any of the known layouts; `Sequence.source` says which.
+
+    It also says what had to be assumed, which is logged as a warning as well.
 
     Args:
-        path: the npz of the sequence, a npy of keypoints, or MediaPipe's landmarks as JSON or CSV.
-        obj: mesh file of the object, or one per rigid part. Without it those that the
-            file itself names, where they are still there and hold what they held; the source of
-            the sequence says so where they do not.
+        path: the npz of the sequence, which is never unpickled, a npy of keypoints, or MediaPipe's
+            landmarks as JSON or CSV.
+        obj: the object's mesh or its file, or one per rigid part. Without it those that the file
+            itself names, where they are still there and hold what they held; the source of the
+            sequence says so where they do not.
         side: which hand, where the file does not say; of two hands, the one to read.
         fps: frames a second, where the file does not say.
         mano_dir: folder of the user's MANO files, for the exact wrist of smplx translations.
-        unit: of the meshes in `obj`.
+        unit: of the mesh files in `obj`.
         joint_order: order of the keypoints, where the file holds bare `joints`.
         keypoint_unit: of the lengths in such a file and of `object_pose`, by default metres.
         object_pose: (T, 4, 4) or (T, Q, 4, 4) object to the hand's frame, or the npy file of it,
@@ -115,74 +116,15 @@ def load(
             object_pose=object_pose,
             camera=camera,
         )
-    meshes = None if obj is None else meshes_of(obj, unit) or None
-    offset = None if mano_dir is None else mano_wrist_offset(mano_dir)
+    path, meshes = Path(path), None if obj is None else meshes_of(obj, unit) or None
     if isinstance(object_pose, Path | str):
         object_pose = read_array(Path(object_pose), *POSE_SHAPES)
-    return load_sequence(
-        path,
-        meshes,
-        side=side,
-        fps=fps,
-        wrist_offset=offset,
-        joint_order=joint_order,
-        keypoint_unit=keypoint_unit,
-        object_pose=object_pose,
-        camera=camera,
-    )
-
-
-def mano_wrist_offset(mano_dir: Path | str) -> WristOffset:
-    """MANO's J0(betas) from the user's own files, which are read when it is first needed.
-
-    Of the files as smplx uses them: what smplx wrote, left hands included, was made with those.
-    """
-
-    def offset(side: Side, betas: Float[Tensor, " 10"]) -> Float[Tensor, " 3"]:
-        return load_hand(side, source=AS_SHIPPED, mano_dir=mano_dir).rest_wrist(betas)
-
-    return offset
-
-
-def load_sequence(
-    path: Path | str,
-    meshes: tuple[Mesh, ...] | None = None,
-    *,
-    side: Side | None = None,
-    fps: float | None = None,
-    wrist_offset: WristOffset | None = None,
-    joint_order: JointOrder = "openpose",
-    keypoint_unit: Unit | None = None,
-    object_pose: Array | None = None,
-    camera: Place | None = None,
-) -> Sequence:
-    """Read a sequence from an npz in any of the known layouts; `Sequence.source` says which.
-
-    It also says what had to be assumed, which is logged as a warning as well.
-
-    Args:
-        path: the file; it is never unpickled.
-        meshes: one per rigid part of the object, or none where only the tracks matter; by default
-            those that the file names.
-        side: which hand, where the file does not say; of two hands, the one to read.
-        fps: frames a second, where the file does not say.
-        wrist_offset: MANO's J0(betas), which the smplx layout needs for an exact wrist unless it
-            carries joints.
-        joint_order: order of the keypoints, where the file holds bare `joints`.
-        keypoint_unit: of the lengths in such a file and of `object_pose`, by default metres.
-        object_pose: (T, 4, 4) or (T, Q, 4, 4) object to world, where the file holds no motion.
-        camera: position of the camera in the world, metres, where the file does not say it.
-
-    Raises:
-        InputError: the file cannot be read as one interaction; the message says why.
-    """
-    path = Path(path)
     record = read_fields(path)
     layout = layout_of(record)
     record = with_object_pose(in_openpose_order(record, layout, joint_order), object_pose)
     record = with_camera(in_metres(record, layout, keypoint_unit), camera)
     meshes, mesh_notes = (meshes, ()) if meshes is not None else find_meshes(record, path.parent)
-    sequence, notes = sequence_in(record, layout, meshes, HandOptions(side, wrist_offset), fps)
+    sequence, notes = sequence_in(record, layout, meshes, side, fps, mano_dir)
     notes = (*notes, *mesh_notes)
     for note in (*notes, *misspelt(record, layout)):
         LOG.warning("%s: %s", path, note)
@@ -275,18 +217,19 @@ def sequence_in(
     record: Record,
     layout: Layout,
     meshes: tuple[Mesh, ...],
-    options: HandOptions,
-    fps: float | None,
-) -> tuple[Sequence, tuple[str, ...]]:
+    side: Side | None = None,
+    fps: float | None = None,
+    mano_dir: Path | str | None = None,
+) -> tuple[Sequence, Notes]:
     """The sequence in the fields of a layout, and what had to be assumed, in words."""
-    read = read_hands(record, layout, options)
-    motion, about_object = with_parts(read_object(record, meshes, read.hands[0].frames))
+    hands, about_hands = read_hands(record, layout, side, mano_dir)
+    motion, about_object = with_parts(read_object(record, meshes, hands[0].frames))
     rate, notes = fps_of(record, fps)
     if motion.valid is not None:
         lost = int((~motion.valid).any(1).sum())
         about_object = (*about_object, f"{lost} frames without a pose of the object were filled in")
-    sequence = with_camera_fields(record, Sequence(read.hands, motion, rate))
-    return sequence, (*read.notes, *about_object, *notes)
+    sequence = with_camera_fields(record, Sequence(hands, motion, rate))
+    return sequence, (*about_hands, *about_object, *notes)
 
 
 def with_camera_fields(record: Record, sequence: Sequence) -> Sequence:
@@ -301,7 +244,7 @@ def with_camera_fields(record: Record, sequence: Sequence) -> Sequence:
     return sequence
 
 
-def fps_of(record: Record, given: float | None) -> tuple[float, tuple[str, ...]]:
+def fps_of(record: Record, given: float | None) -> tuple[float, Notes]:
     """Frames a second: the file's, the caller's, or the assumed rate, which is noted."""
     stored = record.optional_number("fps", "save it as fps=30.0")
     if stored is not None and given is not None and stored != given:

@@ -4,8 +4,8 @@ What only the file's owner knows, such as the side of the hand, must come from t
 file leaves it open; what had to be assumed is noted.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from pathlib import Path
 
 import torch
 from jaxtyping import Bool, Float
@@ -14,106 +14,87 @@ from torch import Tensor
 from geneoh.choices import Side
 from geneoh.errors import InputError
 from geneoh.geometry.rotations import matrix_to_axis_angle
+from geneoh.hand.library import load_hand
 from geneoh.hand.mano import AS_SHIPPED, MENDED, name_of
+from geneoh.readers import npz_layouts
 from geneoh.readers.mano import mean_wrist_offset
-from geneoh.readers.npz_layouts import (
-    HAND_FIELDS,
-    JOINT_NAMES,
-    SMPLX_PARAMETERS,
-    TACO_NAMES,
-    Layout,
-    own_names,
-    quoted,
-)
+from geneoh.readers.npz_layouts import HAND_FIELDS, JOINT_NAMES, SMPLX_PARAMETERS, Layout, quoted
 from geneoh.readers.records import Record, float32
 from geneoh.sequence.camera import unit_rays
 from geneoh.sequence.sequence import HandTrack
-
-WristOffset = Callable[[Side, Float[Tensor, " 10"]], Float[Tensor, " 3"]]
-"""Where MANO puts the wrist joint of a hand of these betas before any pose: J0(betas)."""
 
 OFFSET_NOTE = (
     "the wrist was placed with the offset of MANO's mean hand, some 5 mm off for other hands; "
     "pass --mano, or add 'joints', to have it exact"
 )
 
-
-@dataclass(frozen=True)
-class HandOptions:
-    """What the caller knows of the hand and the file may leave open."""
-
-    side: Side | None = None
-    wrist_offset: WristOffset | None = None
+Notes = tuple[str, ...]
+"""What had to be assumed, in words."""
 
 
-@dataclass(frozen=True)
-class HandsRead:
-    """What was found in a file, and what had to be assumed, in words."""
+def read_hands(
+    record: Record, layout: Layout, side: Side | None = None, mano_dir: Path | str | None = None
+) -> tuple[tuple[HandTrack, ...], Notes]:
+    """The hand tracks of a file in a known layout.
 
-    hands: tuple[HandTrack, ...]
-    notes: tuple[str, ...]
-
-
-def read_hands(record: Record, layout: Layout, options: HandOptions) -> HandsRead:
-    """The hand tracks of a file in a known layout."""
+    Args:
+        record: the file.
+        layout: its layout.
+        side: which hand, where the file does not say; of two hands, the one to read.
+        mano_dir: folder of the user's MANO files, for the exact wrist of smplx translations.
+    """
     if layout == "geneoh-sequence":
-        return read_own(record, options)
-    side = side_of(record, options)
+        return read_own(record, side)
+    side = side_of(record, side)
     if layout == "smplx":
-        return read_smplx(record, side, options)
-    if layout == "taco":  # which used the official left file as it is
-        return read_track(record, side, TACO_NAMES, name_of(side, AS_SHIPPED))
-    return read_track(record, side, JOINT_NAMES)
+        hand, notes = read_smplx(record, side, mano_dir)
+    elif layout == "taco":  # which used the official left file as it is
+        hand, notes = read_track(
+            record, side, npz_layouts.TACO_NAMES, hand_model=name_of(side, AS_SHIPPED)
+        )
+    else:
+        hand, notes = read_track(record, side, JOINT_NAMES)
+    return (hand,), notes
 
 
-def side_of(record: Record, options: HandOptions) -> Side:
+def side_of(record: Record, given: Side | None) -> Side:
     """Which hand a file of one hand holds, by its field 'side' or the caller, who must agree."""
     side = record.optional_text("side")
     if side not in (None, "left", "right"):
         raise record.refuse("side", "'left' or 'right'", "correct it")
-    if side is None and options.side is None:
+    if side is None and given is None:
         raise InputError(
             f"{record.where}: a field 'side' must say which hand it holds, got none; "
             "pass --side left or --side right"
         )
-    if side is not None and options.side not in (None, side):
+    if side is not None and given not in (None, side):
         raise InputError(
-            f"{record.where}: 'side' says {side}, got --side {options.side}; drop one of the two"
+            f"{record.where}: 'side' says {side}, got --side {given}; drop one of the two"
         )
-    return options.side or ("left" if side == "left" else "right")
+    return given or ("left" if side == "left" else "right")
 
 
-def read_own(record: Record, options: HandOptions) -> HandsRead:
+def read_own(record: Record, given: Side | None) -> tuple[tuple[HandTrack, ...], Notes]:
     """Our own layout: up to two hands, each field with its side in front."""
+    names: dict[Side, dict[str, str]] = {s: npz_layouts.own_names(s) for s in ("right", "left")}
     sides: list[Side] = [
-        side
-        for side in ("right", "left")
-        if any(name in record for name in own_names(side).values())
+        side for side in names if any(name in record for name in names[side].values())
     ]
-    if not sides or options.side not in (None, *sides):
-        wanted = f"a {options.side} hand" if options.side else "at least one hand"
+    if not sides or given not in (None, *sides):
+        wanted = f"a {given} hand" if given else "at least one hand"
         raise InputError(
             f"{record.where}: expected {wanted}, got {' and '.join(sides) or 'none'}; "
-            f"add '{options.side or 'right'}_joints'"
+            f"add '{given or 'right'}_joints'"
         )
     model = record.optional_text("hand_model")
-    found = [
-        read_track(
-            record,
-            side,
-            own_names(side),
-            name_of(side, model) if model in (MENDED, AS_SHIPPED) else model,
-        )
-        for side in sides
-        if options.side in (None, side)
-    ]
-    return HandsRead(
-        tuple(hand for read in found for hand in read.hands),
-        tuple(note for read in found for note in read.notes),
-    )
+    found = []
+    for side in [given] if given else sides:
+        own = name_of(side, model) if model in (MENDED, AS_SHIPPED) else model
+        found.append(read_track(record, side, names[side], hand_model=own))
+    return tuple(hand for hand, _ in found), tuple(note for _, notes in found for note in notes)
 
 
-def read_smplx(record: Record, side: Side, options: HandOptions) -> HandsRead:
+def read_smplx(record: Record, side: Side, mano_dir: Path | str | None) -> tuple[HandTrack, Notes]:
     """The names of the smplx package: pose in two parts, translation of MANO's origin.
 
     Rotation matrices, as HaMeR and WiLoR put them out, are taken as well as axis-angle. Left betas
@@ -129,30 +110,26 @@ def read_smplx(record: Record, side: Side, options: HandOptions) -> HandsRead:
                 f"{record.where}: the smplx layout needs 'global_orient' and 'hand_pose', "
                 f"got no '{name}'; add it"
             )
-    orient, fingers = (
-        read_rotations(record, "global_orient", 1),
-        read_rotations(record, "hand_pose", 15),
-    )
+    turns = [read_rotations(record, "global_orient", 1), read_rotations(record, "hand_pose", 15)]
     record.refuse_lengths(*SMPLX_PARAMETERS)
-    pose, wrist, notes = torch.cat([orient, fingers], dim=1), None, ()
+    wrist, notes = None, ()
     transl = record.tensor("transl", ("T", 3), unit="in metres")
-    if "joints" in record:
-        joints = record.tensor("joints", ("T", 21, 3), unit="in metres")
-        wrist = None if joints is None else joints[:, 0]
+    joints = record.tensor("joints", ("T", 21, 3), unit="in metres")
+    if joints is not None:
+        wrist = joints[:, 0]
     elif transl is not None:
-        betas, _ = read_betas(record, "betas")
-        offset, notes = offset_of_wrist(side, betas, options)
+        offset, notes = offset_of_wrist(side, read_betas(record, "betas")[0], mano_dir)
         wrist = transl + offset
-    read = read_track(
+    hand, more = read_track(
         record,
         side,
         {**JOINT_NAMES, "betas": "betas"},
-        name_of(side, AS_SHIPPED),
+        hand_model=name_of(side, AS_SHIPPED),
         parameters=SMPLX_PARAMETERS,
-        pose=pose,
+        pose=torch.cat(turns, dim=1),
         wrist=wrist,
     )
-    return HandsRead(read.hands, (*notes, *read.notes))
+    return hand, (*notes, *more)
 
 
 def read_rotations(record: Record, name: str, count: int) -> Float[Tensor, "T R 3"]:
@@ -164,15 +141,19 @@ def read_rotations(record: Record, name: str, count: int) -> Float[Tensor, "T R 
 
 
 def offset_of_wrist(
-    side: Side, betas: Float[Tensor, " 10"] | None, options: HandOptions
-) -> tuple[Float[Tensor, " 3"], tuple[str, ...]]:
-    """From MANO's origin to its wrist joint: exact with the model, else that of the mean hand."""
-    if options.wrist_offset is not None:
-        return options.wrist_offset(side, torch.zeros(10) if betas is None else betas), ()
-    return float32(mean_wrist_offset(side)), (OFFSET_NOTE,)
+    side: Side, betas: Float[Tensor, " 10"] | None, mano_dir: Path | str | None
+) -> tuple[Float[Tensor, " 3"], Notes]:
+    """From MANO's origin to its wrist joint: exact with the model, else that of the mean hand.
+
+    The model is the one that smplx uses: what it wrote, left hands included, was made with that.
+    """
+    if mano_dir is None:
+        return float32(mean_wrist_offset(side)), (OFFSET_NOTE,)
+    hand = load_hand(side, source=AS_SHIPPED, mano_dir=mano_dir)
+    return hand.rest_wrist(torch.zeros(10) if betas is None else betas), ()
 
 
-def read_betas(record: Record, name: str) -> tuple[Float[Tensor, " 10"] | None, tuple[str, ...]]:
+def read_betas(record: Record, name: str) -> tuple[Float[Tensor, " 10"] | None, Notes]:
     """Shape coefficients of the sequence; one set per frame is averaged, and that is noted."""
     betas, notes = record.tensor(name, (10,), ("T", 10), unit="of shape"), ()
     if betas is not None and betas.ndim == 2:
@@ -203,12 +184,12 @@ def read_track(
     record: Record,
     side: Side,
     names: dict[str, str],
-    hand_model: str | None = None,
     *,
+    hand_model: str | None = None,
     parameters: Sequence[str] = (),
     pose: Float[Tensor, "T 16 3"] | None = None,
     wrist: Float[Tensor, "T 3"] | None = None,
-) -> HandsRead:
+) -> tuple[HandTrack, Notes]:
     """One hand from its fields, with the frames that can be used marked as valid.
 
     Args:
@@ -221,7 +202,6 @@ def read_track(
         wrist: as the pose.
     """
     field = {name: names.get(name, "") for name in HAND_FIELDS}
-    per_frame = [*parameters, *(field[name] for name in HAND_FIELDS if name != "betas")]
     joints = record.tensor(field["joints"], ("T", 21, 3), unit="in metres, in OpenPose order")
     if pose is None:
         pose = record.tensor(field["pose"], ("T", 48), ("T", 16, 3), unit="in radians")
@@ -234,6 +214,7 @@ def read_track(
     ray = record.tensor(field["camera_ray"], ("T", 3), unit="as directions")
     if ray is not None:
         ray = unit_rays(ray, len(ray), f"{record.where}: '{field['camera_ray']}'")
+    per_frame = [*parameters, *(field[name] for name in HAND_FIELDS if name != "betas")]
     there = [name for name in per_frame if name in record]
     record.refuse_lengths(*there)
     if joints is None and (pose is None or wrist is None):
@@ -245,12 +226,12 @@ def read_track(
     finite = torch.stack([all_finite(part) for part in parts]).all(0)
     valid, more = observed_frames(record, side, field["valid"], finite)
     hand = HandTrack(side, valid, joints, pose, wrist, betas, hand_model, confidence, spread, ray)
-    return HandsRead((hand,), (*notes, *more))
+    return hand, (*notes, *more)
 
 
 def observed_frames(
     record: Record, side: Side, name: str, finite: Bool[Tensor, " T"]
-) -> tuple[Bool[Tensor, " T"], tuple[str, ...]]:
+) -> tuple[Bool[Tensor, " T"], Notes]:
     """Frames that hold a hand: those of the file's mask, which must be finite, else the finite."""
     valid = record.flags(name) if name in record else finite
     if not bool(valid.any()):

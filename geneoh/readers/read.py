@@ -1,6 +1,5 @@
 """One recording of a data set or an estimator, from the files as they are distributed."""
 
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +8,7 @@ import numpy as np
 from geneoh.choices import JointOrder, Side, Translation, Unit
 from geneoh.config import checked_call
 from geneoh.errors import ConfigError
-from geneoh.geometry.mesh import METRES, meshes_of
+from geneoh.geometry.mesh import METRES, MeshInput, meshes_of
 from geneoh.readers.base import ReaderOptions
 from geneoh.readers.foreign_files import read_array
 from geneoh.readers.recordings import read_one
@@ -24,7 +23,7 @@ def read(
     path: Path | str,
     *,
     clip: str | None = None,
-    obj: Path | str | Iterable[Path | str] = (),
+    obj: MeshInput = (),
     object_pose: Path | str | Array | None = None,
     objects: Path | str | None = None,
     mano_dir: Path | str | None = None,
@@ -46,7 +45,7 @@ def read(
         source: whose files they are, such as "hoi4d" or "hamer"; `geneoh convert --help` lists all.
         path: the file or folder of the recording, as the data set unpacks.
         clip: which recording, where the path holds several.
-        obj: mesh file of the object, or one per rigid part, for sources without meshes.
+        obj: mesh of the object or its file, or one per rigid part, for sources without meshes.
         object_pose: (T, 4, 4) or (T, Q, 4, 4) object to the hand's frame, or the npy file of it,
             for sources without an object.
         objects: folder of the data set's object meshes, where they are not in their usual place.
@@ -54,7 +53,7 @@ def read(
         body: your SMPL+H model, for sources whose hands belong to a body.
         side: of two hands, the one to keep; for bare arrays, the side that they are of.
         fps: frames a second, instead of the source's own.
-        unit: of the meshes in `obj`.
+        unit: of the mesh files in `obj`.
         joint_order: order of bare keypoints.
         keypoint_unit: of bare keypoints and of `object_pose` beside them, by default metres.
         translation: what the translation of bare MANO parameters moves.
@@ -75,7 +74,7 @@ def read(
         mano_dir=as_path(mano_dir),
         body=as_path(body),
         objects=as_path(objects),
-        obj=[obj] if isinstance(obj, Path | str) else obj,
+        obj=obj,
         object_pose=object_pose,
         side=side,
         fps=fps,
@@ -95,7 +94,7 @@ def read(
 
 def options_with_files(
     *,
-    obj: Iterable[Path | str],
+    obj: MeshInput,
     object_pose: Path | str | Array | None,
     unit: Unit = "m",
     keypoint_unit: Unit | None = None,
@@ -104,9 +103,9 @@ def options_with_files(
     """Options with the files read that hold the object's meshes and poses.
 
     Args:
-        obj: mesh files of the object, one per rigid part.
+        obj: meshes of the object or their files.
         object_pose: the npy file of the object's poses, or the poses.
-        unit: of the meshes.
+        unit: of the mesh files.
         keypoint_unit: of bare keypoints and of the object's poses beside them.
         others: further fields of `ReaderOptions`.
     """
@@ -115,10 +114,8 @@ def options_with_files(
     if object_pose is not None and keypoint_unit is not None:
         object_pose = np.array(object_pose, dtype=np.float64)
         object_pose[..., :3, 3] *= METRES[keypoint_unit]
-    meshes = meshes_of(obj, unit)
-    return ReaderOptions(
-        meshes=meshes, object_pose=object_pose, keypoint_unit=keypoint_unit, **others
-    )
+    given = {"object_pose": object_pose, "keypoint_unit": keypoint_unit, **others}
+    return ReaderOptions(meshes=meshes_of(obj, unit), **given)
 
 
 def as_path(given: Path | str | None) -> Path | None:

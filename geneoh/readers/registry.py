@@ -6,24 +6,10 @@ time at `--help`.
 
 from dataclasses import dataclass
 from importlib import import_module
-from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from geneoh.readers.base import ReaderOptions, Recording, SourceClip
-
-
-@runtime_checkable
-class Reader(Protocol):
-    """What reads the files of one source: it alone knows their units, axes and conventions."""
-
-    def find(self, path: Path) -> "list[SourceClip]":
-        """Every clip at or below a path."""
-        ...
-
-    def read(self, clip: "SourceClip", options: "ReaderOptions") -> "list[Recording]":
-        """The recordings of one clip."""
-        ...
+    from geneoh.readers.dataset_reader import DatasetReader
 
 
 @dataclass(frozen=True)
@@ -38,7 +24,7 @@ class Source:
     where: str
     """Where to get it."""
 
-    def reader(self) -> Reader:
+    def reader(self) -> "DatasetReader":
         """The source's reader, which is the READER of its module."""
         return import_module(f"geneoh.readers.sources.{self.name}").READER
 

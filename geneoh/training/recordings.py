@@ -34,7 +34,7 @@ from geneoh.readers.base import (
     paths_matching,
     runs,
 )
-from geneoh.readers.npz_files import load, load_sequence
+from geneoh.readers.npz_files import load
 from geneoh.readers.recordings import find_clips, read_clip, source_named
 from geneoh.representation.region import surface_to_world
 from geneoh.sequence.normalisation import NormalisedHand, normalised_hands
@@ -116,7 +116,7 @@ def read_recordings(source: str, clip: SourceClip, options: ReaderOptions) -> li
         for recording in found:
             check_sequence(recording.sequence, recording.name)
         return found
-    sequence = load_sequence(clip.path)
+    sequence = load(clip.path)
     if not sequence.object.meshes:
         beside = [file for file in clip.path.parent.iterdir() if file.suffix.lower() in MESHES]
         if len(beside) != 1:

@@ -20,7 +20,7 @@ from geneoh.baselines.filters import (
     unwrapped,
 )
 from geneoh.geometry.rotations import axis_angle_to_matrix
-from geneoh.readers.npz_files import load_sequence
+from geneoh.readers.npz_files import load
 from tools.tune_filters import noisy_pairs, tuned
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -30,7 +30,7 @@ EVERY = pytest.mark.parametrize(("kind", "domain"), TUNED)
 
 @pytest.fixture(scope="module")
 def hand():
-    return load_sequence(EXAMPLES / "taco_clean.npz").hands[0]
+    return load(EXAMPLES / "taco_clean.npz").hands[0]
 
 
 def test_savitzky_golay_keeps_parabolas():

@@ -5,7 +5,7 @@ import pytest
 from bad_inputs import REFUSED, TOLD, write_good
 
 from geneoh.choices import NOISES
-from geneoh.readers.npz_files import load_sequence
+from geneoh.readers.npz_files import load
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -20,8 +20,8 @@ def test_noise_is_added_to_the_hand_and_the_object_is_kept(geneoh, tmp_path):
     result = geneoh("corrupt", EXAMPLES / "taco_clean.npz", "--noise", "drop", "-o", "out.npz")
     assert result.exit_code == 0, result.output
     assert result.stdout == "out.npz: 146 frames with drop noise, seed 0\n"
-    clean = load_sequence(EXAMPLES / "taco_clean.npz")
-    noisy = load_sequence(tmp_path / "out.npz")
+    clean = load(EXAMPLES / "taco_clean.npz")
+    noisy = load(tmp_path / "out.npz")
     assert noisy.object.rotation.equal(clean.object.rotation)
     assert noisy.object.translation.equal(clean.object.translation)
     assert noisy.hands[0].side == "left"
@@ -44,7 +44,7 @@ def test_the_result_stands_beside_the_input_by_default(geneoh, tmp_path):
     before = (tmp_path / "hand.npz").read_bytes()
     assert geneoh("corrupt", "hand.npz", "--noise", "bias").exit_code == 0
     assert (tmp_path / "hand.npz").read_bytes() == before
-    assert load_sequence(tmp_path / "hand_bias.npz").frames == 6
+    assert load(tmp_path / "hand_bias.npz").frames == 6
 
 
 def test_the_shipped_noisy_example_is_what_its_command_makes(geneoh, tmp_path):
@@ -52,8 +52,8 @@ def test_the_shipped_noisy_example_is_what_its_command_makes(geneoh, tmp_path):
         *("corrupt", EXAMPLES / "taco_clean.npz", "--noise", "gauss", "--seed", 0),
         *("-o", "taco_noisy.npz"),
     )
-    made = load_sequence(tmp_path / "taco_noisy.npz")
-    shipped = load_sequence(EXAMPLES / "taco_noisy.npz")
+    made = load(tmp_path / "taco_noisy.npz")
+    shipped = load(EXAMPLES / "taco_noisy.npz")
     # To a hundredth of a millimetre: another torch may round differently, and draws the same.
     np.testing.assert_allclose(made.hands[0].joints, shipped.hands[0].joints, rtol=0, atol=1e-5)
     assert made.source == shipped.source
@@ -97,5 +97,5 @@ def test_the_noise_of_a_camera_writes_its_ray(geneoh, tmp_path):
         ray = file["camera_ray"]
     assert ray.shape == (146, 3)
     np.testing.assert_allclose(np.linalg.norm(ray, axis=-1), 1, atol=1e-6)
-    noisy = load_sequence(tmp_path / "out.npz").hands[0]
+    noisy = load(tmp_path / "out.npz").hands[0]
     np.testing.assert_allclose(noisy.camera_ray, ray, atol=1e-6)

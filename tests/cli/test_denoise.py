@@ -10,7 +10,7 @@ from bad_inputs import CANARY, REFUSED, TOLD, with_arrays, write_good
 from pages import page_scene
 
 from geneoh.readers.convention_check import doubts
-from geneoh.readers.npz_files import load, load_sequence
+from geneoh.readers.npz_files import load
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 RUN = ("denoise", "hand.npz", "--obj", "object.obj", "--preset", "fast")
@@ -38,7 +38,7 @@ def test_clean_sequence_is_written_in_our_layout(report):
         assert file["left_joints"].shape == (146, 21, 3)
         assert file["left_filled"].sum() == 0
         assert json.loads(str(file["options"]))["preset"] == "fast"
-    again = load_sequence(out)
+    again = load(out)
     assert again.hands[0].hand_model == "embedded"
     assert "taco_noisy.npz" in again.source
 
@@ -70,7 +70,7 @@ def test_result_stands_beside_the_input_by_default(geneoh, tmp_path):
     write_good(tmp_path)
     result = geneoh(*RUN)
     assert result.exit_code == 0, result.output
-    assert load_sequence(tmp_path / "hand_clean.npz").frames == 6
+    assert load(tmp_path / "hand_clean.npz").frames == 6
 
 
 @pytest.mark.parametrize("moves", [True, False])
@@ -83,7 +83,7 @@ def test_a_hand_without_a_mesh_is_cleaned_alone_and_said_so(geneoh, tmp_path, mo
     assert "no object" in result.stdout
     assert "by the prior of hand motion alone" in result.stdout
     assert "n/a" in result.stdout
-    assert load_sequence(tmp_path / "hand_clean.npz").frames == 6
+    assert load(tmp_path / "hand_clean.npz").frames == 6
 
 
 def test_a_page_needs_an_object_and_says_so_before_the_work(geneoh, tmp_path):
@@ -192,7 +192,7 @@ def test_the_position_of_the_camera_is_kept_as_rays(geneoh, tmp_path, monkeypatc
     result = geneoh(*RUN, "--camera", place)
     assert result.exit_code == 0, result.output
     told = load(tmp_path / "hand.npz", obj=tmp_path / "object.obj", camera=camera).hands[0]
-    ray = load_sequence(tmp_path / "hand_clean.npz").hands[0].camera_ray
+    ray = load(tmp_path / "hand_clean.npz").hands[0].camera_ray
     np.testing.assert_allclose(ray, told.camera_ray, atol=1e-6)
 
 

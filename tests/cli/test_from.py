@@ -8,7 +8,7 @@ from bad_inputs import good_arrays, millimetre_mesh, with_arrays, write_good
 from trees import FRAMES, scene, write_mesh
 
 from geneoh.readers.joint_orders import ORDERS
-from geneoh.readers.npz_files import load_sequence
+from geneoh.readers.npz_files import load
 from geneoh.readers.read import read
 
 
@@ -23,7 +23,7 @@ def cleaned(geneoh, mano_dir, source, path, *options):
         *("-o", "clean.npz", *options),
     )
     assert result.exit_code == 0, result.output
-    return result, load_sequence("clean.npz")
+    return result, load("clean.npz")
 
 
 def test_two_hands_of_a_data_set_are_cleaned(geneoh, tmp_path, mano_dir):
@@ -97,7 +97,7 @@ def test_a_folder_given_as_a_dot_has_its_result_beside_it(geneoh, tmp_path, mano
     brought = ("--obj", "../box.obj", "--object-pose", "../poses.npy", "--side", "right")
     result = geneoh("denoise", "--from", "landmarks", ".", "--preset", "fast", *brought)
     assert result.exit_code == 0, result.output
-    assert load_sequence(tmp_path / "in_clean.npz").frames == FRAMES
+    assert load(tmp_path / "in_clean.npz").frames == FRAMES
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from bad_inputs import write_good
 
 import geneoh as geneoh_api
 from geneoh.errors import InputError
-from geneoh.readers.npz_files import load_sequence
+from geneoh.readers.npz_files import load
 
 DENOISE = ("denoise", "hand.npz", "--obj", "object.obj", "--preset", "fast")
 CORRUPT = ("corrupt", "hand.npz", "--noise", "gauss", "-o")
@@ -98,7 +98,7 @@ def test_an_output_that_would_lose_something_is_refused_before_the_work(
 
 def test_overwrite_replaces_what_others_wrote_but_no_input(geneoh, folder):
     assert geneoh(*CORRUPT, "notes.npz", "--overwrite").exit_code == 0
-    assert load_sequence(folder / "notes.npz").frames == 6
+    assert load(folder / "notes.npz").frames == 6
     before = contents(folder)
     for arguments in ((*CORRUPT, "hand.npz"), (*DENOISE, "-o", "hand.npz"), (*VIEW, "hand.npz")):
         refused = geneoh(*arguments, "--overwrite")
@@ -131,7 +131,7 @@ def test_a_link_is_followed_and_stays(geneoh, folder):
     (folder / "other.npz").symlink_to("in/target.npz")
     assert geneoh(*CORRUPT, "other.npz").exit_code == 0
     assert (folder / "other.npz").is_symlink()
-    assert load_sequence(folder / "in/target.npz").frames == 6
+    assert load(folder / "in/target.npz").frames == 6
 
 
 def test_a_converted_clip_replaces_no_file_of_others(geneoh, folder):
@@ -147,7 +147,7 @@ def test_a_converted_clip_replaces_no_file_of_others(geneoh, folder):
     assert (folder / "in/clip.npz").read_text() == "precious"
     result = geneoh(*command, "--overwrite")
     assert result.exit_code == 0, result.output
-    assert load_sequence(folder / "in/clip.npz").frames == len(track)
+    assert load(folder / "in/clip.npz").frames == len(track)
 
 
 def test_noisy_clips_are_not_written_over_those_that_are_read(geneoh, folder):

@@ -13,7 +13,7 @@ from PIL import Image
 from geneoh import load, save
 from geneoh.errors import MissingAssetError
 from geneoh.geometry.mesh import load_mesh
-from geneoh.readers.npz_files import load_sequence, save_sequence
+from geneoh.readers.npz_files import save_sequence
 from geneoh.viz.look import STRIP_CELL
 from geneoh.viz.strip import STRIP_GAP
 from geneoh.viz.video import ffmpeg_path
@@ -86,7 +86,7 @@ def test_before_stands_before_after(geneoh, folder):
 
 def test_a_result_that_knows_its_mesh_needs_no_other(geneoh, folder):
     meshes = (load_mesh(folder / "object.obj"),)
-    save_sequence(load_sequence(folder / "clean.npz", meshes), folder / "result.npz")
+    save_sequence(load(folder / "clean.npz", obj=meshes), folder / "result.npz")
     result = geneoh("view", "result.npz", "hand.npz")
     assert result.exit_code == 0, result.output
     assert (folder / "result.html").is_file()
@@ -108,7 +108,7 @@ def test_several_files_are_written_by_their_endings(geneoh, folder):
     assert result.exit_code == 0, result.output
     assert result.stdout.splitlines() == [f"wrote {name}" for name in outputs]
     assert trimesh.load_scene(folder / "clip.glb").geometry.keys() == {"right hand", "object"}
-    assert load_sequence(folder / "smplx.npz").frames == 6
+    assert load(folder / "smplx.npz").frames == 6
     assert len(list((folder / "meshes").iterdir())) == 12
 
 

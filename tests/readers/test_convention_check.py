@@ -11,7 +11,7 @@ from trees import FRAMES, scene
 from geneoh.geometry.mesh import load_mesh
 from geneoh.readers.base import ReaderOptions, Recording
 from geneoh.readers.convention_check import contradictions
-from geneoh.readers.npz_files import load_sequence
+from geneoh.readers.npz_files import load
 from geneoh.readers.recordings import read_one
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -20,7 +20,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 @pytest.mark.parametrize("name", ["taco_clean", "taco_noisy"])
 def test_a_real_recording_and_its_noisy_twin_keep_their_convention(name):
     mesh = load_mesh(EXAMPLES / "taco_object.obj")
-    sequence = load_sequence(EXAMPLES / f"{name}.npz", (mesh,))
+    sequence = load(EXAMPLES / f"{name}.npz", obj=(mesh,))
     assert contradictions(Recording(name, sequence)) == []
 
 

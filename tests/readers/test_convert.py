@@ -16,8 +16,9 @@ from geneoh.readers import recordings as recordings_module
 from geneoh.readers.base import ReaderOptions
 from geneoh.readers.convention_check import contradictions
 from geneoh.readers.convert import convert
-from geneoh.readers.npz_files import load_sequence
+from geneoh.readers.npz_files import load
 from geneoh.readers.recordings import find_clips, read_one, source_named
+from geneoh.readers.sources import landmarks
 from geneoh.sequence.sequence import Sequence
 
 EXAMPLE = "examples/taco_clean.npz"
@@ -35,7 +36,7 @@ def test_what_is_written_reads_back_with_its_meshes(tmp_path, mano_dir):
     (outcome,) = run("taco", tmp_path / "in", out, known)
     assert len(outcome.files) == 2
     for file in outcome.files:
-        sequence = load_sequence(out / file)
+        sequence = load(out / file)
         torch.testing.assert_close(
             sequence.object.meshes[0].verts, torch.from_numpy(s.verts).float(), atol=1e-7, rtol=0
         )
@@ -98,7 +99,7 @@ def test_without_mano_the_wrist_is_that_of_the_mean_hand_and_a_relative_pose_is_
 def test_the_recording_and_its_simplified_pickle_are_one_sequence(tmp_path, pytestconfig):
     root = pytestconfig.rootpath
     mesh = load_mesh(root / "examples/taco_object.obj")
-    clean = load_sequence(root / EXAMPLE, (mesh,))
+    clean = load(root / EXAMPLE, obj=(mesh,))
     hand, motion = clean.hand("left"), clean.object
     pose = torch.eye(4).repeat(clean.frames, 1, 1)
     pose[:, :3, :3], pose[:, :3, 3] = motion.rotation[:, 0], motion.translation[:, 0]
@@ -115,7 +116,7 @@ def test_the_recording_and_its_simplified_pickle_are_one_sequence(tmp_path, pyte
     arrays["obj_verts"] = (mesh.verts @ motion.rotation[:, 0].mT + motion.translation).numpy()
     arrays["obj_faces"] = mesh.faces.numpy().astype(np.int32)
     dump(tmp_path / "20231104_017.pkl", arrays)
-    from_names = load_sequence(tmp_path / "sequence.npz", (mesh,))
+    from_names = load(tmp_path / "sequence.npz", obj=(mesh,))
     recording = read_one("taco_pickle", tmp_path / "20231104_017.pkl", ReaderOptions())
     assert contradictions(recording) == []
     for sequence in (from_names, recording.sequence):
@@ -189,7 +190,7 @@ def test_other_options_are_another_conversion(tmp_path, mano_dir):
     (again,) = run("taco", tmp_path / "in", out, ReaderOptions(mano_dir=mano_dir))
     assert not again.skipped
     for file in again.files:
-        assert load_sequence(out / file).hands[0].joints is not None
+        assert load(out / file).hands[0].joints is not None
 
 
 def test_another_mesh_of_the_same_name_does_not_stand_in(tmp_path, mano_dir):
@@ -201,7 +202,7 @@ def test_another_mesh_of_the_same_name_does_not_stand_in(tmp_path, mano_dir):
     with np.load(out / "s1/mug_drink_1.npz") as arrays:
         (file,) = arrays["object_files"].tolist()
     assert file == "../objects/grab_mug_2.obj"
-    (mesh,) = load_sequence(out / "s1/mug_drink_1.npz").object.meshes
+    (mesh,) = load(out / "s1/mug_drink_1.npz").object.meshes
     torch.testing.assert_close(mesh.verts, torch.from_numpy(1.5 * s.verts).float())
     assert sorted(path.name for path in (out / "objects").iterdir()) == [
         "grab_mug.obj",
@@ -228,12 +229,11 @@ def test_a_path_without_clips_is_refused(tmp_path):
 @pytest.mark.parametrize("error", [AttributeError, KeyError, NameError, TypeError, ValueError])
 def test_a_bug_of_a_reader_is_no_damaged_file(error, tmp_path, monkeypatch):
     trees.landmarks(tmp_path, scene(), False)
-    source = source_named("landmarks")
 
     def broken(*_):
         raise error("a bug")
 
-    monkeypatch.setattr(type(source.reader()), "parts", broken)
+    monkeypatch.setattr(landmarks, "READER", replace(landmarks.READER, parts=broken))
     with pytest.raises(error, match="a bug"):
         run("landmarks", tmp_path, tmp_path / "out", ReaderOptions())
     with pytest.raises(error, match="a bug"):

@@ -10,7 +10,7 @@ from trees import CASES, scene
 
 from geneoh.readers.base import ReaderOptions
 from geneoh.readers.convert import convert
-from geneoh.readers.npz_files import load_sequence
+from geneoh.readers.npz_files import load
 from geneoh.readers.recordings import find_clips, source_named
 from geneoh.readers.registry import SOURCES
 
@@ -65,7 +65,7 @@ def assert_whole(out, files) -> None:
     assert {name for name in there if name.endswith(".npz")} == set(files)
     assert not [name for name in there if not name.endswith((".npz", ".obj", "converted.jsonl"))]
     for name in files:
-        load_sequence(out / name)
+        load(out / name)
 
 
 @pytest.mark.filterwarnings("ignore")  # numbers out of range warn before they are refused

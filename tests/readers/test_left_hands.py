@@ -9,7 +9,7 @@ import trees
 from trees import FLIP, scene
 
 from geneoh.readers.base import ReaderOptions
-from geneoh.readers.npz_files import load_sequence, save_sequence
+from geneoh.readers.npz_files import load, save_sequence
 from geneoh.readers.recordings import read_one
 
 TARGET = "_stir__spoon__bowl_/20230917_001_target"
@@ -57,6 +57,6 @@ def test_each_hands_model_comes_back_from_the_file(tmp_path, mano_dir):
     save_sequence(sequence, tmp_path / "a.npz")
     with np.load(tmp_path / "a.npz") as file:
         assert str(file["hand_model"]) == "mano-as-shipped"
-    again = load_sequence(tmp_path / "a.npz")
+    again = load(tmp_path / "a.npz")
     models = {hand.side: hand.hand_model for hand in again.hands}
     assert models == {"right": "mano", "left": "mano-as-shipped"}

@@ -7,7 +7,7 @@ from bad_inputs import FRAMES, good_arrays
 
 import geneoh
 from geneoh.errors import InputError
-from geneoh.readers.npz_files import load_sequence, save_sequence
+from geneoh.readers.npz_files import load, save_sequence
 from geneoh.sequence.camera import seen_from
 
 
@@ -23,12 +23,12 @@ def write(tmp_path):
 
 
 def test_a_file_without_a_camera_has_none(write):
-    assert load_sequence(write()).hands[0].camera_ray is None
+    assert load(write()).hands[0].camera_ray is None
 
 
 @pytest.mark.parametrize("shape", [(3,), (1, 3), (FRAMES, 3)])
 def test_a_ray_is_read_for_all_frames_or_each(write, shape):
-    ray = load_sequence(write(camera_ray=np.broadcast_to([0.0, 3.0, 4.0], shape))).hands[0]
+    ray = load(write(camera_ray=np.broadcast_to([0.0, 3.0, 4.0], shape))).hands[0]
     torch.testing.assert_close(ray.camera_ray, torch.tensor([[0, 0.6, 0.8]]).expand(FRAMES, 3))
 
 
@@ -36,9 +36,9 @@ def test_a_ray_is_read_for_all_frames_or_each(write, shape):
 def test_a_position_gives_the_rays_to_the_wrist(write, place):
     camera = (0.1, -0.2, -1.0)
     if place == "file":
-        sequence = load_sequence(write(camera_position=np.array(camera)))
+        sequence = load(write(camera_position=np.array(camera)))
     else:
-        sequence = load_sequence(write(), camera=camera)
+        sequence = load(write(), camera=camera)
     hand = sequence.hands[0]
     away = hand.joints[hand.valid, 0] - torch.tensor(camera)
     wanted = away / away.norm(dim=-1, keepdim=True)
@@ -48,10 +48,8 @@ def test_a_position_gives_the_rays_to_the_wrist(write, place):
 def test_a_position_is_in_the_unit_of_the_keypoints_of_its_file(write):
     arrays = good_arrays()
     in_mm = {name: 1000 * arrays[name] for name in ("joints", "object_translation")}
-    metres = load_sequence(write(camera_position=[0.1, 0.2, -1.0]))
-    other = load_sequence(
-        write(**in_mm, camera_position=[100.0, 200.0, -1000.0]), keypoint_unit="mm"
-    )
+    metres = load(write(camera_position=[0.1, 0.2, -1.0]))
+    other = load(write(**in_mm, camera_position=[100.0, 200.0, -1000.0]), keypoint_unit="mm")
     torch.testing.assert_close(other.hands[0].camera_ray, metres.hands[0].camera_ray)
 
 
@@ -68,20 +66,20 @@ def test_a_position_is_in_the_unit_of_the_keypoints_of_its_file(write):
 )
 def test_a_camera_that_is_none_is_refused_by_field(write, fields, message):
     with pytest.raises(InputError, match=message):
-        load_sequence(write(**fields))
+        load(write(**fields))
 
 
 def test_a_camera_is_given_once(write):
     with pytest.raises(InputError, match="got --camera and 'camera_ray'; drop the option"):
-        load_sequence(write(camera_ray=[0.0, 0, 1]), camera=(0, 0, 0))
+        load(write(camera_ray=[0.0, 0, 1]), camera=(0, 0, 0))
 
 
 def test_saved_rays_come_back_for_one_hand_and_for_two(write, tmp_path):
-    one = load_sequence(write(), camera=(0.0, 0.1, -1.0))
+    one = load(write(), camera=(0.0, 0.1, -1.0))
     save_sequence(one, tmp_path / "one.npz")
     with np.load(tmp_path / "one.npz") as file:
         assert file["camera_ray"].shape == (FRAMES, 3)
-    back = load_sequence(tmp_path / "one.npz").hands[0]
+    back = load(tmp_path / "one.npz").hands[0]
     torch.testing.assert_close(back.camera_ray, one.hands[0].camera_ray, atol=1e-6, rtol=0)
     joints = one.hands[0].joints.nan_to_num()
     both = geneoh.from_arrays(
@@ -95,10 +93,10 @@ def test_saved_rays_come_back_for_one_hand_and_for_two(write, tmp_path):
     )
     both = seen_from(both, torch.tensor([[0.0, 0.1, -1.0]]), "here")
     save_sequence(both, tmp_path / "two.npz")
-    for hand, read in zip(both.hands, load_sequence(tmp_path / "two.npz").hands, strict=True):
+    for hand, read in zip(both.hands, load(tmp_path / "two.npz").hands, strict=True):
         torch.testing.assert_close(read.camera_ray, hand.camera_ray, atol=1e-6, rtol=0)
 
 
 def test_a_misspelt_camera_is_told_of(write, caplog):
-    load_sequence(write(camera_rays=[0.0, 0, 1]))
+    load(write(camera_rays=[0.0, 0, 1]))
     assert "'camera_rays' is not read; is it 'camera_ray'?" in caplog.text

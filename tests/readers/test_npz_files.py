@@ -8,9 +8,7 @@ from bad_inputs import FRAMES, REFUSED, good_arrays, with_arrays, write_good
 
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import Mesh
-from geneoh.hand.library import load_hand
-from geneoh.readers import npz_files as files
-from geneoh.readers.npz_files import load, load_sequence, save_sequence
+from geneoh.readers.npz_files import load, save_sequence
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
 
@@ -49,7 +47,7 @@ def assert_equal_hands(a: HandTrack, b: HandTrack) -> None:
 def test_a_saved_sequence_comes_back(tmp_path, frames):
     sequence = two_hands(frames)
     save_sequence(sequence, tmp_path / "a.npz")
-    read = load_sequence(tmp_path / "a.npz")
+    read = load(tmp_path / "a.npz")
     for before, after in zip(sequence.hands, read.hands, strict=True):
         assert_equal_hands(before, after)
     assert torch.equal(read.object.rotation, sequence.object.rotation)
@@ -74,7 +72,7 @@ def test_a_file_holds_plain_arrays_under_the_names_of_the_format(tmp_path):
     assert shapes["right_pose"] == (FRAMES, 48)
     assert shapes["left_joints"] == (FRAMES, 21, 3)
     assert shapes["object_rotation"] == (FRAMES, 2, 3, 3)
-    assert load_sequence(tmp_path / "a.npz").frames == FRAMES
+    assert load(tmp_path / "a.npz").frames == FRAMES
 
 
 def test_an_extra_array_must_not_take_the_name_of_a_field(tmp_path):
@@ -85,7 +83,7 @@ def test_an_extra_array_must_not_take_the_name_of_a_field(tmp_path):
 
 def test_the_side_chooses_one_of_two_hands(tmp_path):
     save_sequence(two_hands(), tmp_path / "a.npz")
-    (hand,) = load_sequence(tmp_path / "a.npz", side="left").hands
+    (hand,) = load(tmp_path / "a.npz", side="left").hands
     assert hand.side == "left"
 
 
@@ -94,29 +92,29 @@ def test_a_missing_frame_rate_is_assumed_aloud_or_given(tmp_path, caplog):
     del arrays["fps"]
     np.savez(tmp_path / "a.npz", **arrays)
     with caplog.at_level(logging.WARNING):
-        read = load_sequence(tmp_path / "a.npz")
+        read = load(tmp_path / "a.npz")
     assert read.fps == 30
     assert "30 frames a second assumed" in read.source
     assert "30 frames a second assumed" in caplog.text
-    assert load_sequence(tmp_path / "a.npz", fps=60.0).fps == 60
+    assert load(tmp_path / "a.npz", fps=60.0).fps == 60
     write_good(tmp_path)
     with pytest.raises(InputError, match="'fps' says 30, got --fps 60"):
-        load_sequence(tmp_path / "hand.npz", fps=60.0)
+        load(tmp_path / "hand.npz", fps=60.0)
 
 
 def test_a_slip_in_a_field_name_is_told(tmp_path, caplog):
     np.savez(tmp_path / "a.npz", **good_arrays(), confidense=np.ones(FRAMES))
     with caplog.at_level(logging.WARNING):
-        load_sequence(tmp_path / "a.npz")
+        load(tmp_path / "a.npz")
     assert "'confidense' is not read; is it 'confidence'?" in caplog.text
 
 
 def test_one_mesh_belongs_to_each_part(tmp_path):
     save_sequence(two_hands(), tmp_path / "a.npz")
     mesh = Mesh(0.1 * torch.eye(3), torch.tensor([[0, 1, 2]]))
-    assert len(load_sequence(tmp_path / "a.npz", (mesh, mesh)).object.meshes) == 2
+    assert len(load(tmp_path / "a.npz", obj=(mesh, mesh)).object.meshes) == 2
     with pytest.raises(InputError, match=r"2 rigid parts, got 1 mesh;"):
-        load_sequence(tmp_path / "a.npz", (mesh,))
+        load(tmp_path / "a.npz", obj=(mesh,))
 
 
 @pytest.mark.parametrize(
@@ -128,7 +126,7 @@ def test_reading_refuses_in_one_sentence_that_helps(case, tmp_path, monkeypatch)
     case.spoil(tmp_path)
     side = case.options[1] if case.options else None
     with pytest.raises(InputError) as refusal:
-        load_sequence("hand.npz", side=side)
+        load("hand.npz", side=side)
     message = str(refusal.value)
     assert message.startswith("hand.npz: ")
     assert "\n" not in message
@@ -143,15 +141,6 @@ def test_a_sequence_is_loaded_with_its_mesh(tmp_path):
     assert len(sequence.object.meshes) == 1
     with pytest.raises(InputError, match="1 rigid part, got 2 meshes;"):
         load(tmp_path / "hand.npz", obj=[tmp_path / "object.obj"] * 2)
-
-
-def test_the_wrist_of_a_mano_hand_is_where_its_regressor_puts_it(monkeypatch):
-    hand = load_hand("right")
-    monkeypatch.setattr(files, "load_hand", lambda *_, **__: hand)
-    betas = torch.linspace(-2, 2, 10)
-    verts = hand.template + torch.einsum("vcs,s->vc", hand.shape_dirs, betas)
-    expected = (hand.joint_regressor @ verts)[0]
-    torch.testing.assert_close(files.mano_wrist_offset("anywhere")("right", betas), expected)
 
 
 def test_the_callers_poses_move_an_object_that_the_file_leaves_out(tmp_path):
@@ -184,9 +173,9 @@ def test_messages_and_sources_shorten_what_a_file_holds(tmp_path):
     long = {f"{name}{'x' * 10000}": value for name, value in good.items()}
     np.savez(tmp_path / "a.npz", **long, **{f"field{n}": 0 for n in range(1000)})
     with pytest.raises(InputError, match="and 980 more") as told:
-        load_sequence(tmp_path / "a.npz")
+        load(tmp_path / "a.npz")
     assert len(str(told.value)) < 1000
     joints = good.pop("joints")
     own = {"format": "geneoh-sequence", "version": 1, "right_joints": joints, **good}
     np.savez(tmp_path / "b.npz", **own, source="x" * 10000)
-    assert len(load_sequence(tmp_path / "b.npz").source) < 500
+    assert len(load(tmp_path / "b.npz").source) < 500

@@ -6,7 +6,9 @@ import torch
 
 from geneoh.errors import InputError
 from geneoh.geometry.rotations import axis_angle_to_matrix
-from geneoh.readers.npz_hands import HandOptions, read_hands
+from geneoh.hand.library import load_hand
+from geneoh.readers import npz_hands
+from geneoh.readers.npz_hands import read_hands
 from geneoh.readers.npz_layouts import layout_of
 from geneoh.readers.records import Record
 
@@ -31,13 +33,13 @@ TACO = {
 }
 
 
-def read(arrays, *, side=None, wrist_offset=None):
+def read(arrays, *, side=None, mano_dir=None):
     record = Record("hand.npz", arrays)
-    return read_hands(record, layout_of(record), HandOptions(side, wrist_offset))
+    return read_hands(record, layout_of(record), side, mano_dir)
 
 
 def only(reading):
-    (hand,) = reading.hands
+    ((hand,), _) = reading
     return hand
 
 
@@ -51,17 +53,17 @@ def test_taco_names_hold_pose_and_wrist():
     np.testing.assert_array_equal(hand.betas, BETAS)
 
 
-def test_smplx_translation_plus_the_models_wrist_is_the_wrist():
-    def wrist_offset(side, betas):
-        assert side == "right"
-        np.testing.assert_array_equal(betas, BETAS)
-        return torch.tensor([1.0, 2.0, 3.0])
-
-    reading = read(SMPLX, side="right", wrist_offset=wrist_offset)
+def test_smplx_translation_plus_the_models_wrist_is_the_wrist(monkeypatch):
+    model = load_hand("right")
+    verts = model.template + torch.einsum("vcs,s->vc", model.shape_dirs, torch.from_numpy(BETAS))
+    monkeypatch.setattr(npz_hands, "load_hand", lambda side, **_: {"right": model}[side])
+    reading = read(SMPLX, side="right", mano_dir="anywhere")
     hand = only(reading)
-    np.testing.assert_allclose(hand.wrist, PLACE + np.array([1, 2, 3]), rtol=1e-6)
+    torch.testing.assert_close(
+        hand.wrist, torch.from_numpy(PLACE) + model.joint_regressor[0] @ verts
+    )
     np.testing.assert_array_equal(hand.pose, POSE)
-    assert reading.notes == ()
+    assert reading[1] == ()
 
 
 @pytest.mark.parametrize(("side", "sign"), [("right", 1), ("left", -1)])
@@ -71,13 +73,13 @@ def test_smplx_without_a_model_places_the_mean_hands_wrist_and_says_so(side, sig
     torch.testing.assert_close(
         offset[0], torch.tensor([sign * 0.096, 0.006, 0.006]), rtol=0, atol=1e-6
     )
-    assert "mean hand" in reading.notes[0]
+    assert "mean hand" in reading[1][0]
 
 
 def test_smplx_joints_tell_the_wrist_exactly():
     reading = read({**SMPLX, "joints": JOINTS}, side="right")
     np.testing.assert_array_equal(only(reading).wrist, JOINTS[:, 0])
-    assert reading.notes == ()
+    assert reading[1] == ()
 
 
 def test_rotation_matrices_are_read_as_the_same_pose():
@@ -91,7 +93,7 @@ def test_rotation_matrices_are_read_as_the_same_pose():
 def test_betas_of_each_frame_are_averaged_aloud():
     reading = read({**SMPLX, "betas": np.stack([k * BETAS for k in range(T)])}, side="right")
     np.testing.assert_allclose(only(reading).betas, 2 * BETAS, rtol=1e-6)
-    assert any("averaged over 5 frames" in note for note in reading.notes)
+    assert any("averaged over 5 frames" in note for note in reading[1])
 
 
 @pytest.mark.parametrize(
@@ -133,7 +135,7 @@ def test_frames_without_numbers_count_as_not_observed_and_are_noted():
     joints[4] = np.inf
     reading = read({"joints": joints}, side="right")
     assert only(reading).valid.tolist() == [True, True, False, True, False]
-    assert reading.notes == ("2 of 5 frames hold NaN and count as not observed",)
+    assert reading[1] == ("2 of 5 frames hold NaN and count as not observed",)
 
 
 def test_frames_that_are_said_to_be_dropped_may_hold_anything():

@@ -12,8 +12,9 @@ import geneoh
 from geneoh.readers.base import ReaderOptions, Recording
 from geneoh.readers.convention_check import contradictions
 from geneoh.readers.convert import convert
+from geneoh.readers.dataset_reader import DatasetReader
 from geneoh.readers.recordings import find_clips, read_clip, source_named
-from geneoh.readers.registry import SOURCES, Reader
+from geneoh.readers.registry import SOURCES
 from geneoh.sequence.sequence import HandTrack
 
 
@@ -99,7 +100,7 @@ def test_every_source_has_a_tree():
 
 @pytest.mark.parametrize("source", SOURCES.values(), ids=lambda source: source.name)
 def test_every_source_has_a_reader(source):
-    assert isinstance(source.reader(), Reader)
+    assert isinstance(source.reader(), DatasetReader)
 
 
 @pytest.mark.parametrize("case", CASES, ids=names)

@@ -9,7 +9,7 @@ import torch
 from geneoh.choices import NOISES, Noise
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import bone_lengths, forward_kinematics, rest_offsets
-from geneoh.readers.npz_files import load_sequence
+from geneoh.readers.npz_files import load
 from geneoh.sequence.noise import SIZES, corrupt, corrupt_sequence, draw_noise, draw_ray
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
@@ -114,7 +114,7 @@ def test_short_clips_keep_at_least_one_frame(noise, frames):
 
 @pytest.fixture(scope="module")
 def recording() -> HandTrack:
-    return load_sequence(EXAMPLES / "taco_clean.npz").hands[0]
+    return load(EXAMPLES / "taco_clean.npz").hands[0]
 
 
 @pytest.mark.parametrize("noise", NOISES)

@@ -8,7 +8,7 @@ import trimesh
 
 from geneoh.errors import InputError, MissingAssetError
 from geneoh.files.outputs import is_ours
-from geneoh.readers.npz_files import load_sequence
+from geneoh.readers.npz_files import load
 from geneoh.viz import video
 from geneoh.viz.outputs import write
 from geneoh.viz.video import ffmpeg_path, film_frames
@@ -42,7 +42,7 @@ def test_a_folder_that_is_there_is_refused_and_kept(scene, tmp_path):
 
 def test_smplx_parameters_read_back_as_the_same_hand(one_hand, tmp_path):
     write(one_hand, tmp_path / "clip.npz")
-    read = load_sequence(tmp_path / "clip.npz").hands[0]
+    read = load(tmp_path / "clip.npz").hands[0]
     hand = one_hand.versions[1].hands[0]
     np.testing.assert_allclose(read.pose, hand.pose, atol=1e-5)
     np.testing.assert_allclose(read.joints, hand.joints, atol=1e-6)

@@ -7,7 +7,6 @@ has a fixed bottom and a top that turns about (0, 0, -1); the bottom comes first
 moves with it.
 """
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -15,9 +14,8 @@ import numpy as np
 from geneoh.choices import Side
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import Mesh
-from geneoh.readers.base import CrossChecks, ReaderOptions, SourceClip, ancestor
-from geneoh.readers.builders import ManoConvention, ManoParameters
-from geneoh.readers.dataset_reader import ClipParts, DatasetReader
+from geneoh.readers import base
+from geneoh.readers.dataset_reader import DatasetReader
 from geneoh.readers.foreign_files import read_array, read_json, read_record
 from geneoh.readers.meshes import find_mesh, part_of_mesh, read_mesh
 from geneoh.readers.records import Array, Record
@@ -29,44 +27,30 @@ HINGE = np.array([0.0, 0.0, -1.0])
 """Axis of the top in the canonical frame, through its origin."""
 TOP, BOTTOM = 0, 1
 """In parts.json, by the code behind the published numbers; its documentation says the opposite."""
-CONVENTION = ManoConvention("origin", mean_added=True)
+CONVENTION = base.ManoConvention("origin", mean_added=True)
 
 
-class ArcticReader(DatasetReader):
+def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Both hands and the two parts of the object."""
-
-    patterns = ("*.mano.npy",)
-    name_parts = 2
-    convention = CONVENTION
-
-    def parts(self, clip: SourceClip, options: ReaderOptions) -> Iterator[ClipParts]:
-        """The one interaction of a sequence."""
-        record = read_record(clip.path)
-        stem = clip.path.name.removesuffix(".mano.npy")
-        values = read_array(clip.path.with_name(f"{stem}.object.npy"), ("T", 7))
-        folder = options.objects or ancestor(clip.path, 3) / TEMPLATES
-        meshes, contradictions = read_parts(folder, stem.split("_")[0])
-        yield ClipParts(
-            f"ARCTIC {clip.name}",
-            [read_hand(record.record(side), side) for side in ("right", "left")],
-            meshes,
-            part_motion(values[:, 0], values[:, 1:4], values[:, 4:] * MILLIMETRES),
-            cross_checks=CrossChecks(contradictions=contradictions),
-        )
+    record = read_record(clip.path)
+    stem = clip.path.name.removesuffix(".mano.npy")
+    values = read_array(clip.path.with_name(f"{stem}.object.npy"), ("T", 7))
+    folder = options.objects or base.ancestor(clip.path, 3) / TEMPLATES
+    meshes, contradictions = read_parts(folder, stem.split("_")[0])
+    yield base.ClipParts(
+        f"ARCTIC {clip.name}",
+        [read_hand(record.record(side), side) for side in ("right", "left")],
+        meshes,
+        part_motion(values[:, 0], values[:, 1:4], values[:, 4:] * MILLIMETRES),
+        cross_checks=base.CrossChecks(contradictions=contradictions),
+    )
 
 
 def read_hand(
     record: Record, side: Side, ending: str = "", joints: Array | None = None
-) -> ManoParameters:
-    """One hand in the world.
-
-    Args:
-        record: its fields.
-        side: which hand.
-        ending: what the fields' names end in.
-        joints: (T, 21, 3) stored keypoints.
-    """
-    return ManoParameters(
+) -> base.ManoParameters:
+    """One hand in the world, with (T, 21, 3) stored keypoints; fields have an ending."""
+    return base.ManoParameters(
         side,
         record.side_by_side(**{f"rot{ending}": 3, f"pose{ending}": 45}),
         record.array(f"trans{ending}", ("T", 3)),
@@ -99,24 +83,24 @@ def part_motion(angle: Array, orient: Array, shift: Array) -> Array:
 
 def read_parts(folder: Path, name: str) -> tuple[dict[str, Mesh], tuple[str, ...]]:
     """Bottom and top in metres, and what contradicts the meaning of the parts' file."""
-    path, mesh, ids = read_template(folder, name)
-    bottom, top = (part_of_mesh(mesh, ids == part, str(path)) for part in (BOTTOM, TOP))
+    folder, mesh, ids = read_template(folder, name)
+    where = str(folder / "mesh.obj")
+    bottom, top = (part_of_mesh(mesh, ids == part, where) for part in (BOTTOM, TOP))
     meshes = {f"arctic_{name}_bottom": bottom, f"arctic_{name}_top": top}
-    return meshes, exchanged_parts(path.parent, bottom, top)
+    return meshes, exchanged_parts(folder, bottom, top)
 
 
 def read_template(folder: Path, name: str) -> tuple[Path, Mesh, Array]:
-    """The file and mesh of a whole object in metres, and (V,) the part of each vertex."""
-    path = find_mesh([folder / name / "mesh.obj"], name)
-    parts = path.with_name("parts.json")
-    mesh = read_mesh(path, MILLIMETRES)
+    """The folder and mesh of a whole object in metres, and (V,) the part of each vertex."""
+    parts = folder / name / "parts.json"
+    mesh = find_mesh([folder / name / "mesh.obj"], name, MILLIMETRES)
     ids = Record(str(parts), {"parts": read_json(parts)}).array("parts", ("V",))
     if len(ids) != len(mesh.verts):
         raise InputError(
             f"{parts}: expected one number for each of {len(mesh.verts)} vertices, got {len(ids)}; "
             "it belongs to another mesh"
         )
-    return path, mesh, ids
+    return folder / name, mesh, ids
 
 
 def exchanged_parts(folder: Path, bottom: Mesh, top: Mesh) -> tuple[str, ...]:
@@ -137,4 +121,4 @@ def middle(mesh: Mesh) -> Array:
     return ((mesh.verts.amax(0) + mesh.verts.amin(0)) / 2).double().numpy()
 
 
-READER = ArcticReader()
+READER = DatasetReader(parts, ("*.mano.npy",), name_parts=2, convention=CONVENTION)

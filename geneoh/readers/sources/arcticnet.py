@@ -5,7 +5,6 @@ left hand as shipped), pred.object.rot (T, 3), .cam_t, .radian; float16, so good
 that view's camera frame, metres. Images are numbered at 30 a second; windows are padded at the end.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,9 +13,8 @@ import numpy as np
 from geneoh.choices import Side
 from geneoh.errors import InputError
 from geneoh.files.values import read_values
-from geneoh.readers.base import CrossChecks, ReaderOptions, SourceClip
-from geneoh.readers.builders import ManoParameters
-from geneoh.readers.dataset_reader import ClipParts, DatasetReader
+from geneoh.readers import base
+from geneoh.readers.dataset_reader import DatasetReader
 from geneoh.readers.foreign_files import frame_number
 from geneoh.readers.records import Array, Record, Shape
 from geneoh.readers.sources.arctic import CONVENTION, part_motion, read_parts
@@ -26,53 +24,39 @@ ORTHOGONAL = 0.05
 """Largest entry of R^T R - I that half precision and a network's own projection leave."""
 
 
-class ArcticNetReader(DatasetReader):
+def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Both hands and the two parts of the object, one frame for each image number."""
-
-    patterns = ("preds/",)
-    clip_is_folder = True
-    convention = CONVENTION
-
-    def parts(self, clip: SourceClip, options: ReaderOptions) -> Iterator[ClipParts]:
-        """The one interaction of a folder."""
-        words = clip.path.name.split("_")
-        numbers = image_numbers(clip.path)
-        if not numbers or len(words) < 3:
-            raise InputError(
-                f"{clip.path}: expected a folder sid_object_..._view with images' names"
-            )
-        if options.objects is None:
-            raise InputError(
-                f"{clip.path}: predictions come without object meshes; pass --objects with "
-                "ARCTIC's folder meta/object_vtemplates"
-            )
-        meshes, contradictions = read_parts(options.objects, words[1])
-        images = Images(clip.path / "preds", np.array(numbers) - min(numbers))
-        motion = part_motion(
-            images.placed(images.read("object.radian", ("T",), ("T", 1)).reshape(len(numbers))),
-            images.placed(images.read("object.rot", ("T", 3))),
-            images.placed(images.read("object.cam_t", ("T", 3))),
-        )
-        yield ClipParts(
-            f"ArcticNet {clip.name}",
-            [read_hand(images, side) for side in ("right", "left")],
-            meshes,
-            motion,
-            notes=(
-                "camera frame, depth from a weak-perspective scale",
-                f"frame 0 is image {min(numbers)}, ARCTIC's own frames are those numbers less "
-                "ioi_offset",
-            ),
-            cross_checks=CrossChecks(contradictions=contradictions),
-            camera=(0.0, 0.0, 0.0),
-        )
-
-
-def image_numbers(folder: Path) -> list[int]:
-    """The number of each image that was predicted, by its name."""
-    path = folder / "meta_info/meta_info.imgname.pt"
+    words = clip.path.name.split("_")
+    path = clip.path / "meta_info/meta_info.imgname.pt"
     names = Record(str(path), {"imgname": read_values(path)}).texts("imgname")
-    return [frame_number(Path(name)) for name in names]
+    numbers = [frame_number(Path(name)) for name in names]
+    if not numbers or len(words) < 3:
+        raise InputError(f"{clip.path}: expected a folder sid_object_..._view with images' names")
+    if options.objects is None:
+        raise InputError(
+            f"{clip.path}: predictions come without object meshes; pass --objects with "
+            "ARCTIC's folder meta/object_vtemplates"
+        )
+    meshes, contradictions = read_parts(options.objects, words[1])
+    images = Images(clip.path / "preds", np.array(numbers) - min(numbers))
+    motion = part_motion(
+        images.placed(images.read("object.radian", ("T",), ("T", 1)).reshape(-1)),
+        images.placed(images.read("object.rot", ("T", 3))),
+        images.placed(images.read("object.cam_t", ("T", 3))),
+    )
+    yield base.ClipParts(
+        f"ArcticNet {clip.name}",
+        [read_hand(images, side) for side in ("right", "left")],
+        meshes,
+        motion,
+        notes=(
+            "camera frame, depth from a weak-perspective scale",
+            f"frame 0 is image {min(numbers)}, ARCTIC's own frames are those numbers less "
+            "ioi_offset",
+        ),
+        cross_checks=base.CrossChecks(contradictions=contradictions),
+        camera=(0.0, 0.0, 0.0),
+    )
 
 
 @dataclass(frozen=True)
@@ -99,12 +83,12 @@ class Images:
         return result
 
 
-def read_hand(images: Images, side: Side) -> ManoParameters:
+def read_hand(images: Images, side: Side) -> base.ManoParameters:
     """One hand in the camera's frame."""
     turns = images.read(f"mano.pose.{side[0]}", ("T", 16, 3, 3))
     error = np.abs(turns @ turns.swapaxes(-1, -2) - np.eye(3)).max((1, 2, 3))
     turns[error > ORTHOGONAL] = np.nan
-    return ManoParameters(
+    return base.ManoParameters(
         side,
         images.placed(axis_angles(turns)),
         images.placed(images.read(f"mano.cam_t.{side[0]}", ("T", 3))),
@@ -112,4 +96,4 @@ def read_hand(images: Images, side: Side) -> ManoParameters:
     )
 
 
-READER = ArcticNetReader()
+READER = DatasetReader(parts, ("preds/",), clip_is_folder=True, convention=CONVENTION)

@@ -7,16 +7,15 @@ below a confidence of 0.7 are not taken.
 """
 
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from geneoh.choices import Side
-from geneoh.readers.base import ReaderOptions, SourceClip, ancestor, clip_name
+from geneoh.readers import base
 from geneoh.readers.builders import keypoint_track
-from geneoh.readers.dataset_reader import ClipParts, DatasetReader
+from geneoh.readers.dataset_reader import DatasetReader
 from geneoh.readers.foreign_files import read_table
 from geneoh.readers.joint_orders import openpose_order
 from geneoh.readers.records import FRAME_LIMIT, Array, Record
@@ -38,36 +37,27 @@ TRAJECTORY = re.compile(r"tracking_timestamp_us|[tq][xyzw]_world_device")
 """Columns of the device's poses that are read."""
 
 
-class AriaReader(DatasetReader):
+def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Both hands at even steps of time, in the world where the trajectory is there."""
-
-    patterns = ("hand_tracking_results.csv",)
-
-    def clip_at(self, match: Path) -> SourceClip:
-        """The table, called by the recording's folder."""
-        return SourceClip(clip_name(ancestor(match, 2), 1), match)
-
-    def parts(self, clip: SourceClip, options: ReaderOptions) -> Iterator[ClipParts]:
-        """The one interaction of a recording, with the caller's object."""
-        record = read_table(clip.path, TRACKING)
-        seconds = record.array("tracking_timestamp_us", ("T",)) * MICROSECONDS
-        steps = np.diff(seconds)
-        if not np.isfinite(seconds).all() or not (steps > 0).all():
-            raise record.refuse("tracking_timestamp_us", "times that rise")
-        rate = options.rate(float(1 / np.median(steps)) if len(steps) else SINGLE_FRAME_FPS)
-        clock = np.rint((seconds - seconds[0]) * rate)
-        if not clock[-1] < FRAME_LIMIT:
-            raise record.refuse("tracking_timestamp_us", f"less than {FRAME_LIMIT} frames in all")
-        device, notes = read_device(ancestor(clip.path, 2), seconds)
-        hands = []
-        for side in ("right", "left"):
-            points, trust = read_side(record, side)
-            points = points if device is None else moved_points(points, device)
-            joints = np.full((int(clock[-1]) + 1, 21, 3), np.nan)
-            confidence = np.zeros(joints.shape[:2])
-            joints[clock.astype(int)], confidence[clock.astype(int)] = points, trust
-            hands.append(keypoint_track(side, joints, confidence))
-        yield ClipParts(f"Aria MPS {clip.name}", hands, fps=rate, notes=notes)
+    record = read_table(clip.path, TRACKING)
+    seconds = record.array("tracking_timestamp_us", ("T",)) * MICROSECONDS
+    steps = np.diff(seconds)
+    if not np.isfinite(seconds).all() or not (steps > 0).all():
+        raise record.refuse("tracking_timestamp_us", "times that rise")
+    rate = options.rate(float(1 / np.median(steps)) if len(steps) else SINGLE_FRAME_FPS)
+    clock = np.rint((seconds - seconds[0]) * rate)
+    if not clock[-1] < FRAME_LIMIT:
+        raise record.refuse("tracking_timestamp_us", f"less than {FRAME_LIMIT} frames in all")
+    device, notes = read_device(base.ancestor(clip.path, 2), seconds)
+    hands = []
+    for side in ("right", "left"):
+        points, trust = read_side(record, side)
+        points = points if device is None else moved_points(points, device)
+        joints = np.full((int(clock[-1]) + 1, 21, 3), np.nan)
+        confidence = np.zeros(joints.shape[:2])
+        joints[clock.astype(int)], confidence[clock.astype(int)] = points, trust
+        hands.append(keypoint_track(side, joints, confidence))
+    yield base.ClipParts(f"Aria MPS {clip.name}", hands, fps=rate, notes=notes)
 
 
 def read_side(record: Record, side: Side) -> tuple[Array, Array]:
@@ -105,4 +95,4 @@ def read_device(root: Path, seconds: Array) -> tuple[Array | None, tuple[str, ..
     return rigid_matrices(turn, shift), ()
 
 
-READER = AriaReader()
+READER = DatasetReader(parts, ("hand_tracking_results.csv",), name_above=2)

@@ -5,7 +5,6 @@ hand_pose (T, 30, 3) holds left, then right, absolute, relative to the wrists of
 posed first, which needs the user's SMPL+H model (--body). There is no object.
 """
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +12,9 @@ import numpy as np
 from geneoh.choices import Side
 from geneoh.errors import InputError
 from geneoh.files.values import read_values
-from geneoh.readers.base import ReaderOptions, SourceClip
+from geneoh.readers import base
 from geneoh.readers.builders import hand_track
-from geneoh.readers.dataset_reader import ClipParts, DatasetReader
+from geneoh.readers.dataset_reader import DatasetReader
 from geneoh.readers.foreign_files import read_record
 from geneoh.readers.records import Array, Record, as_record
 from geneoh.readers.transforms import axis_angles, rotation_matrices
@@ -27,34 +26,29 @@ FINGERS: dict[Side, slice] = {"left": slice(0, 15), "right": slice(15, 30)}
 BODY_JOINTS = 22
 
 
-class Both57mReader(DatasetReader):
-    """Both hands of every clip in a list."""
-
-    patterns = ("*.p", "*.pkl")
-
-    def parts(self, clip: SourceClip, options: ReaderOptions) -> Iterator[ClipParts]:
-        """One interaction for each clip of the list, with the caller's object."""
-        values = read_values(clip.path)
-        if not isinstance(values, list) or not values:
-            raise InputError(f"{clip.path}: expected a list of clips, got {type(values).__name__}")
-        if options.body is None:
-            raise InputError(
-                f"{clip.path}: the hands are posed with an SMPL+H body, got no model of it; pass "
-                "--body with your SMPL+H male model"
-            )
-        rest, parents = read_body(options.body)
-        for index, value in enumerate(values):
-            record = as_record(value, f"{clip.path} clip {index}")
-            turns, places = pose_body(record, rest, parents)
-            fingers = record.array("hand_pose", ("T", 30, 3))
-            record.refuse_lengths("hand_pose", "root_orient")
-            hands = []
-            for side, joint in WRISTS.items():
-                root = axis_angles(turns[:, joint])[:, None]
-                pose = np.concatenate([root, fingers[:, FINGERS[side]]], axis=1)
-                hands.append(hand_track(side, pose=pose, wrist=places[:, joint]))
-            name = f"{clip.name}_{index:03d}"
-            yield ClipParts(f"BOTH57M {name}", hands, name=name)
+def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
+    """Both hands of each clip in a list, with the caller's object."""
+    values = read_values(clip.path)
+    if not isinstance(values, list) or not values:
+        raise InputError(f"{clip.path}: expected a list of clips, got {type(values).__name__}")
+    if options.body is None:
+        raise InputError(
+            f"{clip.path}: the hands are posed with an SMPL+H body, got no model of it; pass "
+            "--body with your SMPL+H male model"
+        )
+    rest, parents = read_body(options.body)
+    for index, value in enumerate(values):
+        record = as_record(value, f"{clip.path} clip {index}")
+        turns, places = pose_body(record, rest, parents)
+        fingers = record.array("hand_pose", ("T", 30, 3))
+        record.refuse_lengths("hand_pose", "root_orient")
+        hands = []
+        for side, joint in WRISTS.items():
+            root = axis_angles(turns[:, joint])[:, None]
+            pose = np.concatenate([root, fingers[:, FINGERS[side]]], axis=1)
+            hands.append(hand_track(side, pose=pose, wrist=places[:, joint]))
+        name = f"{clip.name}_{index:03d}"
+        yield base.ClipParts(f"BOTH57M {name}", hands, name=name)
 
 
 def read_body(path: Path) -> tuple[Array, list[int]]:
@@ -86,4 +80,4 @@ def pose_body(record: Record, rest: Array, parents: list[int]) -> tuple[Array, A
     return np.stack(turns, axis=1), np.stack(places, axis=1)
 
 
-READER = Both57mReader()
+READER = DatasetReader(parts, ("*.p", "*.pkl"))

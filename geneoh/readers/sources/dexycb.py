@@ -6,7 +6,6 @@ mean pose, left hand as shipped). Labels of single cameras hold keypoints, -1 wh
 hand. Metres, 30 frames a second.
 """
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -14,16 +13,13 @@ from scipy.spatial.transform import Rotation
 
 from geneoh.choices import Side
 from geneoh.errors import InputError
-from geneoh.hand.mano import AS_SHIPPED
-from geneoh.readers.base import CrossChecks, ReaderOptions, SourceClip, ancestor
-from geneoh.readers.builders import ManoConvention, ManoParameters, keypoint_track
-from geneoh.readers.dataset_reader import ClipParts, DatasetReader
+from geneoh.readers import base, builders
+from geneoh.readers.dataset_reader import DatasetReader
 from geneoh.readers.foreign_files import read_record, read_text
-from geneoh.readers.mano import ManoSource, pose_of_coefficients
-from geneoh.readers.meshes import find_mesh, read_mesh
+from geneoh.readers.mano import Mano, pose_of_coefficients
+from geneoh.readers.meshes import find_mesh
 from geneoh.readers.records import Array, Record
 from geneoh.readers.transforms import rigid_matrices
-from geneoh.sequence.sequence import HandTrack
 
 YCB = (
     *("002_master_chef_can", "003_cracker_box", "004_sugar_box", "005_tomato_soup_can"),
@@ -39,69 +35,53 @@ NO_HAND = -1
 """Every coordinate of a label without a hand."""
 
 
-class DexYcbReader(DatasetReader):
+def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """The hand and the object that it grasps; the other objects on the table are left out."""
-
-    patterns = ("meta.yml",)
-    clip_is_folder = True
-    name_parts = 2
-    convention = ManoConvention("origin")  # of decoded poses, which have the mean pose in them
-
-    def parts(self, clip: SourceClip, options: ReaderOptions) -> Iterator[ClipParts]:
-        """The one interaction of a sequence."""
-        meta, poses = read_yaml(clip.path / "meta.yml"), read_record(clip.path / "pose.npz")
-        root = ancestor(clip.path, 2)
-        placed = poses.array("pose_y", ("T", "Q", 7))
-        grasped, ids = meta.integer("ycb_grasp_ind"), meta.integers("ycb_ids")
-        if not 0 <= grasped < min(len(ids), placed.shape[1]) or not 1 <= ids[grasped] <= len(YCB):
-            raise InputError(
-                f"{meta.where}: expected a grasped object of 1 to 21, got {ids}; copy it"
-            )
-        name = YCB[ids[grasped] - 1]
-        folder = options.objects or root / "models"
-        mesh = read_mesh(find_mesh([folder / name / "textured_simple.obj"], name))
-        side: Side = "left" if "left" in meta.items("mano_sides") else "right"
-        joints = read_labels(clip.path, root, meta, len(placed))
-        hands: list[ManoParameters] | list[HandTrack]
-        if options.mano is not None:
-            hands, notes = [read_pose(poses, meta, side, root, options.mano)], ()
-        elif joints is not None:
-            hands = [keypoint_track(side, joints)]
-            notes = ("keypoints of one camera only; --mano gives the pose",)
-        else:
-            raise InputError(
-                f"{clip.path}: the pose is coefficients of MANO's components, got no MANO files "
-                "and no labels with keypoints; pass --mano with the folder of your MANO files"
-            )
-        yield ClipParts(
-            f"DexYCB {clip.name}",
-            hands,
-            {f"dexycb_{name}": mesh},
-            object_motion(placed[:, grasped]),
-            notes=notes,
-            cross_checks=CrossChecks(joints={} if joints is None else {side: joints}),
+    meta, poses = read_yaml(clip.path / "meta.yml"), read_record(clip.path / "pose.npz")
+    root = base.ancestor(clip.path, 2)
+    placed = poses.array("pose_y", ("T", "Q", 7))
+    grasped, ids = meta.integer("ycb_grasp_ind"), meta.integers("ycb_ids")
+    if not 0 <= grasped < min(len(ids), placed.shape[1]) or not 1 <= ids[grasped] <= len(YCB):
+        raise InputError(f"{meta.where}: expected a grasped object of 1 to 21, got {ids}; copy it")
+    name = YCB[ids[grasped] - 1]
+    folder = options.objects or root / "models"
+    mesh = find_mesh([folder / name / "textured_simple.obj"], name)
+    side: Side = "left" if "left" in meta.items("mano_sides") else "right"
+    joints = read_labels(clip.path, root, meta, len(placed))
+    if mano := options.mano(side):
+        hands, notes = [read_pose(poses, meta, side, root, mano)], ()
+    elif joints is not None:
+        hands = [builders.keypoint_track(side, joints)]
+        notes = ("keypoints of one camera only; --mano gives the pose",)
+    else:
+        raise InputError(
+            f"{clip.path}: the pose is coefficients of MANO's components, got no MANO files "
+            "and no labels with keypoints; pass --mano with the folder of your MANO files"
         )
+    yield base.ClipParts(
+        f"DexYCB {clip.name}",
+        hands,
+        {f"dexycb_{name}": mesh},
+        object_motion(placed[:, grasped]),
+        notes=notes,
+        cross_checks=base.CrossChecks({} if joints is None else {side: joints}),
+    )
 
 
 def read_pose(
-    poses: Record, meta: Record, side: Side, root: Path, mano: ManoSource
-) -> ManoParameters:
+    poses: Record, meta: Record, side: Side, root: Path, mano: Mano
+) -> base.ManoParameters:
     """MANO parameters in the world; a frame of zeros has no hand."""
     values = poses.array("pose_m", ("T", 1, 51))[:, 0].copy()
     values[~np.abs(values).any(1)] = np.nan
-    pose = pose_of_coefficients(
-        poses, "pose_m", values[:, 3:48], mano(side, AS_SHIPPED), add_mean=True
-    )
+    pose = pose_of_coefficients(poses, "pose_m", values[:, 3:48], mano, add_mean=True)
     person = meta.texts("mano_calib")
     if not person:
         raise meta.refuse("mano_calib", "a list of one name")
     calibration = root / "calibration" / f"mano_{person[0].replace('/', '_')}" / "mano.yml"
-    return ManoParameters(
-        side,
-        np.concatenate([values[:, :3], pose], axis=1),
-        values[:, 48:],
-        read_yaml(calibration).array("betas", (10,)),
-    )
+    pose = np.concatenate([values[:, :3], pose], axis=1)
+    betas = read_yaml(calibration).array("betas", (10,))
+    return base.ManoParameters(side, pose, values[:, 48:], betas)
 
 
 def object_motion(placed: Array) -> Array:
@@ -171,4 +151,7 @@ def scalar(text: str) -> object:
         return text
 
 
-READER = DexYcbReader()
+# The poses are decoded, and have the mean pose in them.
+READER = DatasetReader(
+    parts, ("meta.yml",), clip_is_folder=True, name_parts=2, convention=base.ORIGIN
+)

@@ -6,24 +6,17 @@ millimetres; skeleton.txt keypoints in FPHAB's order, millimetres, which the cam
 takes to it. Object models are in metres. Right hands, 30 frames a second.
 """
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 from geneoh.errors import InputError
-from geneoh.readers.base import CrossChecks, ReaderOptions, SourceClip, ancestor
-from geneoh.readers.builders import ManoConvention, ManoParameters
-from geneoh.readers.dataset_reader import ClipParts, DatasetReader
-from geneoh.readers.foreign_files import (
-    by_frame,
-    field_by_frame,
-    frame_number,
-    read_numbers,
-    read_record,
-)
+from geneoh.readers import base
+from geneoh.readers.builders import hand_by_frame
+from geneoh.readers.dataset_reader import DatasetReader
+from geneoh.readers.foreign_files import by_frame, frame_number, read_numbers, read_record
 from geneoh.readers.joint_orders import ORDERS
-from geneoh.readers.meshes import find_mesh, read_mesh
+from geneoh.readers.meshes import find_mesh
 from geneoh.readers.records import FRAME_LIMIT, Array
 
 MILLIMETRES = 0.001
@@ -40,49 +33,35 @@ EXTRINSIC = np.array(
 """Depth to colour camera, millimetres, from the data set's README."""
 SENSOR_TOLERANCE = 0.04
 """Metres between the magnetic sensors' keypoints, which lie on the skin, and a fit of MANO."""
-OPENPOSE_FROM_FPHAB = list(ORDERS["fphab"].entries)
 
 
-class FphabReader(DatasetReader):
+def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """The right hand and its object, in the colour camera's frame."""
-
-    patterns = ("pkls.pkl",)
-    clip_is_folder = True
-    name_parts = 3
-    convention = ManoConvention("origin")
-
-    def parts(self, clip: SourceClip, options: ReaderOptions) -> Iterator[ClipParts]:
-        """The one interaction of a repetition."""
-        record = read_record(clip.path / "pkls.pkl")
-        fits = {frame_number(Path(str(key))): record.record(key) for key in record.values}
-        if not fits:
-            raise InputError(f"{record.where}: expected frames, got none; copy it again")
-        root, way = ancestor(clip.path, 4), Path(*clip.path.parts[-3:])
-        objects = annotation(root, "Object_6D_pose_annotation_v1", way, "object_pose.txt")
-        placed = {t: row.reshape(4, 4).T for t, row in frame_rows(objects, 16).items()}
-        frames = max(*fits, *placed) + 1
-        motion = by_frame({t: EXTRINSIC @ pose for t, pose in placed.items()}, frames, 4, 4)
-        motion[:, :3, 3] *= MILLIMETRES
-        name = next((full for part, full in OBJECTS.items() if part in clip.path.parent.name), None)
-        if name is None:
-            raise InputError(f"{clip.path}: expected an action with juice, soap, milk or salt")
-        folder = (options.objects or root / "Object_models") / f"{name}_model"
-        hand = ManoParameters(
-            "right",
-            field_by_frame(fits, "fullpose", frames, 48),
-            field_by_frame(fits, "trans", frames, 3),
-            np.mean([fit.array("shape", (10,)) for fit in fits.values()], axis=0),
-        )
-        joints = read_skeleton(root, way, frames)
-        yield ClipParts(
-            f"FPHAB {clip.name} (fits of Hasson et al.)",
-            [hand],
-            {f"fphab_{name}": read_mesh(find_mesh([folder / f"{name}_model.ply"], name))},
-            motion,
-            cross_checks=CrossChecks(
-                joints={} if joints is None else {"right": joints}, tolerance=SENSOR_TOLERANCE
-            ),
-        )
+    record = read_record(clip.path / "pkls.pkl")
+    fits = {frame_number(Path(str(key))): record.record(key) for key in record.values}
+    if not fits:
+        raise InputError(f"{record.where}: expected frames, got none; copy it again")
+    root, way = base.ancestor(clip.path, 4), Path(*clip.path.parts[-3:])
+    objects = annotation(root, "Object_6D_pose_annotation_v1", way, "object_pose.txt")
+    placed = {t: row.reshape(4, 4).T for t, row in frame_rows(objects, 16).items()}
+    frames = max(*fits, *placed) + 1
+    motion = by_frame({t: EXTRINSIC @ pose for t, pose in placed.items()}, frames, 4, 4)
+    motion[:, :3, 3] *= MILLIMETRES
+    name = next((full for part, full in OBJECTS.items() if part in clip.path.parent.name), None)
+    if name is None:
+        raise InputError(f"{clip.path}: expected an action with juice, soap, milk or salt")
+    folder = (options.objects or root / "Object_models") / f"{name}_model"
+    hand = hand_by_frame("right", fits, frames, "fullpose", "trans", "shape")
+    joints = read_skeleton(root, way, frames)
+    yield base.ClipParts(
+        f"FPHAB {clip.name} (fits of Hasson et al.)",
+        [hand],
+        {f"fphab_{name}": find_mesh([folder / f"{name}_model.ply"], name)},
+        motion,
+        cross_checks=base.CrossChecks(
+            joints={} if joints is None else {"right": joints}, tolerance=SENSOR_TOLERANCE
+        ),
+    )
 
 
 def annotation(root: Path, folder: str, way: Path, file: str) -> Path:
@@ -106,8 +85,10 @@ def read_skeleton(root: Path, way: Path, frames: int) -> Array | None:
     if not path.is_file():
         return None
     rows = {t: row.reshape(21, 3) for t, row in frame_rows(path, 63).items()}
-    joints = by_frame(rows, frames, 21, 3)[:, OPENPOSE_FROM_FPHAB]
+    joints = by_frame(rows, frames, 21, 3)[:, list(ORDERS["fphab"].entries)]
     return (joints @ EXTRINSIC[:3, :3].T + EXTRINSIC[:3, 3]) * MILLIMETRES
 
 
-READER = FphabReader()
+READER = DatasetReader(
+    parts, ("pkls.pkl",), clip_is_folder=True, name_parts=3, convention=base.ORIGIN
+)

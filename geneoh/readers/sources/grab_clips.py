@@ -10,7 +10,6 @@ in _wsubj adds betas and the place in its own frame (right hands, translation of
 f8 counts on over the frames that TOCH left out, so that jumps hide in a clip: it is cut there.
 """
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -22,11 +21,10 @@ from geneoh.files.values import read_values
 from geneoh.geometry.distance import SurfaceDistance
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.mirror import MIRROR
-from geneoh.hand.mano import AS_SHIPPED
 from geneoh.hand.model import HandModel
-from geneoh.readers.base import CrossChecks, ReaderOptions, SourceClip
+from geneoh.readers import base
 from geneoh.readers.builders import hand_track
-from geneoh.readers.dataset_reader import ClipParts, DatasetReader
+from geneoh.readers.dataset_reader import DatasetReader
 from geneoh.readers.foreign_files import read_record
 from geneoh.readers.mano import RIM, pose_of_coefficients
 from geneoh.readers.meshes import read_mesh
@@ -50,64 +48,52 @@ OTHER_FILES = ("_subj", "_meta_data")
 """Endings of the names of files that GeneOH puts beside the clips."""
 
 
-class GrabClipsReader(DatasetReader):
-    """One hand and the object, one recording for each stretch without a jump."""
-
-    patterns = ("*.npy",)
-    name_parts = 2
-
-    def accepts(self, match: Path) -> bool:
-        """Files of clips."""
-        return not match.stem.endswith(OTHER_FILES)
-
-    def parts(self, clip: SourceClip, options: ReaderOptions) -> Iterator[ClipParts]:
-        """The one interaction of a clip."""
-        record = read_fields(clip.path)
-        side = side_of(record)
-        if options.mano is None:
-            raise InputError(
-                f"{clip.path}: the pose is coefficients of MANO's components, got no MANO files; "
-                "pass --mano with the folder of your MANO_RIGHT.pkl and MANO_LEFT.pkl"
-            )
-        mano, mirror = (
-            options.mano(side, AS_SHIPPED),
-            np.array(MIRROR) if side == "left" else np.ones(3),
+def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
+    """One hand and the object, which is one recording for each stretch without a jump."""
+    record = read_fields(clip.path)
+    side = side_of(record)
+    mano = options.mano(side)
+    if mano is None:
+        raise InputError(
+            f"{clip.path}: the pose is coefficients of MANO's components, got no MANO files; "
+            "pass --mano with the folder of your MANO_RIGHT.pkl and MANO_LEFT.pkl"
         )
-        verts = record.array("f0", ("T", 3 * VERTS)).reshape(-1, VERTS, 3) * mirror
-        coefficients = record.array("f2", ("T", COEFFICIENTS))
-        fingers = pose_of_coefficients(record, "f2", coefficients, mano, add_mean=False)
-        orient = record.array("f1", ("T", 3))
-        pose = np.concatenate([orient, fingers], axis=1).reshape(-1, 16, 3)
-        subject = read_subject(clip.path, side, len(verts))
-        notes: tuple[str, ...] = ()
-        if subject is None:
-            betas, wrist = shape_and_wrist(mano.model, pose, verts, record)
-            offset = np.zeros((len(verts), 3))
-            notes = ("centred on the object in each frame: its path is not in the file",)
-        else:
-            betas = subject.array("rhand_betas", (10,))
-            wrist = subject.array("rhand_transl", ("T", 3)) + mano.wrist_offset(betas)
-            offset = (subject.array("rhand_verts", ("T", VERTS, 3)) - verts).mean(1)
-        name, mesh = read_object(record, clip.path, options)
-        # The middle of the vertices, moved, is the origin: f6 says the same, but for left hands.
-        rotation = rotation_matrices(record.array("f5", ("T", 3))).transpose(0, 2, 1)
-        middle = mesh.verts.double().numpy().mean(0)
-        motion = rigid_matrices(rotation, offset - rotation @ middle)
-        joints = mano.keypoints(pose, wrist, betas)
-        rim = verts[:, RIM].mean(1)
-        points = stored_points(record) * mirror + offset[:, None]
-        yield ClipParts(
-            f"GRAB clip {clip.name}",
-            [hand_track(side, pose=pose, wrist=wrist, joints=joints, betas=betas)],
-            {f"grab_{name}": mesh},
-            motion,
-            notes=notes,
-            after_jump=jumps(record, rim, rotation),
-            cross_checks=CrossChecks(
-                rim={side: rim + offset},
-                object_points=(points, nearest_points(points, mesh, motion)),
-            ),
-        )
+    mirror = np.array(MIRROR) if side == "left" else np.ones(3)
+    verts = record.array("f0", ("T", 3 * VERTS)).reshape(-1, VERTS, 3) * mirror
+    coefficients = record.array("f2", ("T", COEFFICIENTS))
+    fingers = pose_of_coefficients(record, "f2", coefficients, mano, add_mean=False)
+    orient = record.array("f1", ("T", 3))
+    pose = np.concatenate([orient, fingers], axis=1).reshape(-1, 16, 3)
+    subject = read_subject(clip.path, side, len(verts))
+    notes: tuple[str, ...] = ()
+    if subject is None:
+        betas, wrist = shape_and_wrist(mano.model, pose, verts, record)
+        offset = np.zeros((len(verts), 3))
+        notes = ("centred on the object in each frame: its path is not in the file",)
+    else:
+        betas = subject.array("rhand_betas", (10,))
+        wrist = subject.array("rhand_transl", ("T", 3)) + mano.wrist_offset(betas)
+        offset = (subject.array("rhand_verts", ("T", VERTS, 3)) - verts).mean(1)
+    name, mesh = read_object(record, clip.path, options)
+    # The middle of the vertices, moved, is the origin: f6 says the same, but for left hands.
+    rotation = rotation_matrices(record.array("f5", ("T", 3))).transpose(0, 2, 1)
+    middle = mesh.verts.double().numpy().mean(0)
+    motion = rigid_matrices(rotation, offset - rotation @ middle)
+    joints = mano.keypoints(pose, wrist, betas)
+    rim = verts[:, RIM].mean(1)
+    points = stored_points(record) * mirror + offset[:, None]
+    yield base.ClipParts(
+        f"GRAB clip {clip.name}",
+        [hand_track(side, pose=pose, wrist=wrist, joints=joints, betas=betas)],
+        {f"grab_{name}": mesh},
+        motion,
+        notes=notes,
+        after_jump=jumps(record, rim, rotation),
+        cross_checks=base.CrossChecks(
+            rim={side: rim + offset},
+            object_points=(points, nearest_points(points, mesh, motion)),
+        ),
+    )
 
 
 def read_fields(path: Path) -> Record:
@@ -176,7 +162,7 @@ def shape_and_wrist(
     return betas, wrist
 
 
-def read_object(record: Record, path: Path, options: ReaderOptions) -> tuple[str, Mesh]:
+def read_object(record: Record, path: Path, options: base.ReaderOptions) -> tuple[str, Mesh]:
     """Name and mesh of the object, by its number in the sorted listing of all meshes."""
     if options.meshes:
         return path.stem, options.meshes[0]
@@ -226,4 +212,9 @@ def nearest_points(points: Array, mesh: Mesh, motion: Array) -> Array:
     return moved_points(SurfaceDistance(mesh).query(local).closest.numpy(), motion)
 
 
-READER = GrabClipsReader()
+READER = DatasetReader(
+    parts,
+    ("*.npy",),
+    choose=lambda found, path: (file for file in found if not file.stem.endswith(OTHER_FILES)),
+    name_parts=2,
+)

@@ -5,18 +5,17 @@ pose and betas; hand_pose: the same hands as 21 keypoints; obj_pose_rt: class an
 camera; cam_pose: 4x4 camera to world. Metres, 30 frames a second, left hand as shipped.
 """
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 from geneoh.choices import Side
 from geneoh.errors import InputError
-from geneoh.readers.base import CrossChecks, ReaderOptions, SourceClip, ancestor, finite_frames
-from geneoh.readers.builders import ManoConvention, ManoParameters, joints_if_complete
-from geneoh.readers.dataset_reader import ClipParts, DatasetReader
+from geneoh.readers import base
+from geneoh.readers.builders import joints_if_complete
+from geneoh.readers.dataset_reader import DatasetReader
 from geneoh.readers.foreign_files import by_frame, numbered_files, read_numbers
-from geneoh.readers.meshes import find_mesh, read_mesh
+from geneoh.readers.meshes import find_mesh
 from geneoh.readers.records import Array
 from geneoh.readers.transforms import moved_points
 
@@ -31,49 +30,39 @@ FIT_TOLERANCE = 0.02
 """Metres between the annotated keypoints and the fit of MANO to them."""
 
 
-class H2oReader(DatasetReader):
-    """Both hands with each object, in the world."""
-
-    patterns = tuple(f"{name}/" for name in PARAMETER_FOLDERS)
-    clip_is_folder = True
-    name_parts = 4
-    convention = ManoConvention("origin")
-    content = "an object in some frame"
-
-    def parts(self, clip: SourceClip, options: ReaderOptions) -> Iterator[ClipParts]:
-        """One interaction for each object; it may be another one in another frame."""
-        hands = read_frames(clip.path, PARAMETER_FOLDERS, 2 * HAND)
-        objects = read_frames(clip.path, ("obj_pose_rt", "obj_pose_RT"), 17)
-        cameras = read_frames(clip.path, ("cam_pose",), 16)
-        points = read_frames(clip.path, ("hand_pose",), 2 * POINTS, missing_ok=True)
-        frames = max(*hands, *objects) + 1
-        to_world = by_frame(cameras, frames, 16).reshape(frames, 4, 4)
-        values, placed = by_frame(hands, frames, 2 * HAND), by_frame(objects, frames, 17)
-        stored = by_frame(points, frames, 2 * POINTS)
-        joints = {side: hand_of(stored, side, POINTS)[:, 1:].reshape(-1, 21, 3) for side in HANDS}
-        tracks = [
-            read_hand(hand_of(values, side, HAND), joints[side], side, to_world) for side in HANDS
-        ]
-        motion = to_world @ placed[:, 1:].reshape(frames, 4, 4)
-        root = ancestor(clip.path, 4)
-        for number in sorted({int(k) for k in placed[:, 0] if np.isfinite(k) and k >= 1}):
-            if number > len(OBJECTS):
-                raise InputError(f"{clip.path}: expected objects 1 to 8, got {number}; copy it")
-            name = OBJECTS[number - 1]
-            folder = (options.objects or root / "object") / name
-            files = [*sorted(folder.glob("*.obj")), folder / f"{name}.obj"]
-            yield ClipParts(
-                f"H2O {clip.name} {name}",
-                tracks,
-                {f"h2o_{name}": read_mesh(find_mesh(files, name))},
-                motion,
-                name=f"{clip.name}_{name}",
-                object_known=(placed[:, 0] == number) & finite_frames(motion),
-                cross_checks=CrossChecks(
-                    joints={side: moved_points(joints[side], to_world) for side in HANDS},
-                    tolerance=FIT_TOLERANCE,
-                ),
-            )
+def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
+    """Both hands with each object, in the world; it may be another object in another frame."""
+    hands = read_frames(clip.path, PARAMETER_FOLDERS, 2 * HAND)
+    objects = read_frames(clip.path, ("obj_pose_rt", "obj_pose_RT"), 17)
+    cameras = read_frames(clip.path, ("cam_pose",), 16)
+    points = read_frames(clip.path, ("hand_pose",), 2 * POINTS, missing_ok=True)
+    frames = max(*hands, *objects) + 1
+    to_world = by_frame(cameras, frames, 16).reshape(frames, 4, 4)
+    values, placed = by_frame(hands, frames, 2 * HAND), by_frame(objects, frames, 17)
+    stored = by_frame(points, frames, 2 * POINTS)
+    joints = {side: hand_of(stored, side, POINTS)[:, 1:].reshape(-1, 21, 3) for side in HANDS}
+    tracks = [read_hand(hand_of(values, s, HAND), joints[s], s, to_world) for s in HANDS]
+    motion = to_world @ placed[:, 1:].reshape(frames, 4, 4)
+    checks = base.CrossChecks(
+        joints={side: moved_points(joints[side], to_world) for side in HANDS},
+        tolerance=FIT_TOLERANCE,
+    )
+    root = base.ancestor(clip.path, 4)
+    for number in sorted({int(k) for k in placed[:, 0] if np.isfinite(k) and k >= 1}):
+        if number > len(OBJECTS):
+            raise InputError(f"{clip.path}: expected objects 1 to 8, got {number}; copy it")
+        name = OBJECTS[number - 1]
+        folder = (options.objects or root / "object") / name
+        files = [*sorted(folder.glob("*.obj")), folder / f"{name}.obj"]
+        yield base.ClipParts(
+            f"H2O {clip.name} {name}",
+            tracks,
+            {f"h2o_{name}": find_mesh(files, name)},
+            motion,
+            name=f"{clip.name}_{name}",
+            object_known=(placed[:, 0] == number) & base.finite_frames(motion),
+            cross_checks=checks,
+        )
 
 
 def read_frames(
@@ -104,10 +93,10 @@ def hand_of(rows: Array, side: Side, width: int) -> Array:
     return values
 
 
-def read_hand(values: Array, joints: Array, side: Side, to_world: Array) -> ManoParameters:
+def read_hand(values: Array, joints: Array, side: Side, to_world: Array) -> base.ManoParameters:
     """One hand in the camera's frame, with the stored keypoints where there are any."""
-    present = finite_frames(values)
-    return ManoParameters(
+    present = base.finite_frames(values)
+    return base.ManoParameters(
         side,
         values[:, 4:52],
         values[:, 1:4],
@@ -117,4 +106,11 @@ def read_hand(values: Array, joints: Array, side: Side, to_world: Array) -> Mano
     )
 
 
-READER = H2oReader()
+READER = DatasetReader(
+    parts,
+    tuple(f"{name}/" for name in PARAMETER_FOLDERS),
+    clip_is_folder=True,
+    name_parts=4,
+    convention=base.ORIGIN,
+    content="an object in some frame",
+)

@@ -8,7 +8,8 @@ in order. Both estimate right hands only: left ones were mirrored, and are here 
 Camera frame, metres; the demos' focal length puts hands much too far away: --focal.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable
+from itertools import groupby
 from pathlib import Path
 
 import numpy as np
@@ -17,9 +18,9 @@ from geneoh.choices import Side
 from geneoh.errors import InputError
 from geneoh.geometry.mirror import mirror_axis_angle, mirror_points
 from geneoh.hand.mano import MENDED
-from geneoh.readers.base import CrossChecks, ReaderOptions, SourceClip
+from geneoh.readers import base
 from geneoh.readers.builders import hand_track
-from geneoh.readers.dataset_reader import ClipParts, DatasetReader
+from geneoh.readers.dataset_reader import DatasetReader
 from geneoh.readers.foreign_files import frame_number, read_record
 from geneoh.readers.records import FRAME_LIMIT, Array, Record
 from geneoh.readers.transforms import axis_angles
@@ -32,44 +33,35 @@ FOCAL_NOTE = "the demos' focal length: much too deep, pass --focal"
 
 Detection = dict[str, Array]
 """What was estimated for one hand in one image: turns, betas, points, right, trans."""
+Found = tuple[int, Detection]
+"""A detection with its frame."""
 
 
-class HamerReader(DatasetReader):
-    """Up to two hands in the camera's frame; of several of one side, the one that goes on."""
+def dumps(found: Iterable[Path], path: Path) -> list[Path]:
+    """Every file of several frames, and every folder of one file for each frame."""
+    chosen: list[Path] = []
+    for folder, files in groupby(sorted(found, key=lambda p: (p.parent, p)), lambda p: p.parent):
+        members = list(files)
+        numbered = all(p.stem.lstrip("abcdefghijklmnopqrstuvwxyz_").isdigit() for p in members)
+        chosen += [folder] if numbered and len(members) > 1 else members
+    return chosen
 
-    patterns = tuple(f"*{ending}" for ending in ENDINGS)
-    fps_assumed = True
 
-    def find(self, path: Path) -> list[SourceClip]:
-        """Every file of several frames, and every folder of one file for each frame."""
-        if path.is_file():
-            return [self.clip_at(path)]
-        folders: dict[Path, list[Path]] = {}
-        for file in sorted(clip.path for clip in super().find(path)):
-            folders.setdefault(file.parent, []).append(file)
-        found: list[Path] = []
-        for folder, members in sorted(folders.items()):
-            numbered = all(p.stem.lstrip("abcdefghijklmnopqrstuvwxyz_").isdigit() for p in members)
-            found += [folder] if numbered and len(members) > 1 else members
-        return [self.clip_at(path) for path in found]
-
-    def parts(self, clip: SourceClip, options: ReaderOptions) -> Iterator[ClipParts]:
-        """The one interaction of a clip, with the caller's object."""
-        detections, frames = read_detections(clip.path, options)
-        hands = []
-        for side in ("right", "left"):
-            followed = FollowedHand(side, frames)
-            for frame, detection in sorted(detections, key=lambda row: row[0]):
-                followed.add(frame, detection)
-            if followed.betas:
-                hands.append(followed)
-        yield ClipParts(
-            f"HaMeR or WiLoR {clip.name}",
-            [hand.track() for hand in hands],
-            notes=() if options.focal else (FOCAL_NOTE,),
-            cross_checks=CrossChecks(joints={hand.side: hand.joints for hand in hands}),
-            camera=(0.0, 0.0, 0.0),
-        )
+def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
+    """Up to two hands in the camera's frame, with the caller's object."""
+    detections, frames = read_detections(clip.path, options)
+    hands = [FollowedHand(side, frames) for side in ("right", "left")]
+    for frame, detection in sorted(detections, key=lambda row: row[0]):
+        for hand in hands:
+            hand.add(frame, detection)
+    hands = [hand for hand in hands if hand.betas]
+    yield base.ClipParts(
+        f"HaMeR or WiLoR {clip.name}",
+        [hand.track() for hand in hands],
+        notes=() if options.focal else (FOCAL_NOTE,),
+        cross_checks=base.CrossChecks(joints={hand.side: hand.joints for hand in hands}),
+        camera=(0.0, 0.0, 0.0),
+    )
 
 
 class FollowedHand:
@@ -119,10 +111,10 @@ class FollowedHand:
         )
 
 
-def read_detections(path: Path, options: ReaderOptions) -> tuple[list[tuple[int, Detection]], int]:
+def read_detections(path: Path, options: base.ReaderOptions) -> tuple[list[Found], int]:
     """Every detection with its frame, and the number of frames."""
     files = [path] if path.is_file() else sorted(p for p in path.iterdir() if p.suffix in ENDINGS)
-    found: list[tuple[int, Detection]] = []
+    found: list[Found] = []
     for file in files:
         record = read_record(file)
         batch = read_batch(record, options)
@@ -141,7 +133,7 @@ def read_detections(path: Path, options: ReaderOptions) -> tuple[list[tuple[int,
     return [(frame - first, detection) for frame, detection in found], last - first + 1
 
 
-def read_batch(record: Record, options: ReaderOptions) -> Detection:
+def read_batch(record: Record, options: base.ReaderOptions) -> Detection:
     """Rotations, betas, keypoints, full-image translation and side of each detection."""
     params = record.record("pred_mano_params")
     orient = params.array("global_orient", ("B", 1, 3, 3))
@@ -160,7 +152,7 @@ def read_batch(record: Record, options: ReaderOptions) -> Detection:
     return batch
 
 
-def full_translation(record: Record, right: Array, options: ReaderOptions) -> Array:
+def full_translation(record: Record, right: Array, options: base.ReaderOptions) -> Array:
     """(B, 3) in the whole image's camera, from the weak-perspective camera of the crop.
 
     Source: cam_crop_to_full in HaMeR, with the true focal length where the caller knows it.
@@ -188,4 +180,6 @@ def full_translation(record: Record, right: Array, options: ReaderOptions) -> Ar
     return np.stack([across + shift[:, 0], cam[:, 2] + shift[:, 1], 2 * focal / spread], axis=1)
 
 
-READER = HamerReader()
+READER = DatasetReader(
+    parts, tuple(f"*{ending}" for ending in ENDINGS), choose=dumps, any_file=True, fps_assumed=True
+)

@@ -6,63 +6,53 @@ valid (2, T); the world of its camera tracking, metres. Left poses are a left ha
 with mirrored shape directions. Frames that HaWoR filled in are marked valid like those that it saw.
 """
 
-from collections.abc import Iterator
-from pathlib import Path
-
 import numpy as np
 
-from geneoh.choices import Side
+from geneoh.choices import SIDES
 from geneoh.errors import InputError
 from geneoh.files.values import read_values
 from geneoh.hand.mano import MENDED
-from geneoh.readers.base import ReaderOptions, SourceClip
-from geneoh.readers.builders import ManoConvention, ManoParameters
-from geneoh.readers.dataset_reader import ClipParts, DatasetReader
-from geneoh.readers.records import FRAME_LIMIT, Record
+from geneoh.readers import base
+from geneoh.readers.dataset_reader import DatasetReader
+from geneoh.readers.records import FRAME_LIMIT, Record, Shape
 
-FIELDS = ("trans", "rot", "hand_pose", "betas", "valid")
-WIDTHS = (3, 3, 45, 10)
-"""Numbers of each field but the last, which has one."""
-SIDES: tuple[Side, Side] = ("left", "right")
-
-
-class HaworReader(DatasetReader):
-    """Up to two hands in the world."""
-
-    patterns = ("world_space_res.pth",)
-    name_parts = 2
-    fps_assumed = True
-    convention = ManoConvention("origin", left_hand=MENDED)
-
-    def find(self, path: Path) -> list[SourceClip]:
-        """Every world result; a file may have any name."""
-        return [self.clip_at(path)] if path.is_file() else super().find(path)
-
-    def parts(self, clip: SourceClip, options: ReaderOptions) -> Iterator[ClipParts]:
-        """The one interaction of a video, with the caller's object."""
-        values = read_values(clip.path)
-        if not isinstance(values, list | tuple) or len(values) != len(FIELDS):
-            raise InputError(f"{clip.path}: expected the five arrays of HaWoR's world result")
-        record = Record(str(clip.path), dict(zip(FIELDS, values, strict=True)))
-        *parameters, valid = (
-            record.array(name, (2, "T", *width))
-            for name, width in zip(FIELDS, [*[(n,) for n in WIDTHS], ()], strict=True)
-        )
-        frames = valid.shape[1]
-        if frames > FRAME_LIMIT or any(array.shape[1] != frames for array in parameters):
-            raise record.refuse(
-                "valid", f"as many frames as the other arrays, {FRAME_LIMIT} at most"
-            )
-        trans, rot, fingers, betas = parameters
-        hands = []
-        for index, side in enumerate(SIDES):
-            seen = valid[index] > 0.5
-            if seen.any():
-                pose = np.concatenate([rot[index], fingers[index]], axis=1)
-                pose[~seen] = np.nan
-                hands.append(ManoParameters(side, pose, trans[index], betas[index, seen].mean(0)))
-        note = "frames that HaWoR filled in count as seen: it marks them so"
-        yield ClipParts(f"HaWoR {clip.name}", hands, notes=(note,))
+FIELDS: dict[str, Shape] = {
+    "trans": (2, "T", 3),
+    "rot": (2, "T", 3),
+    "hand_pose": (2, "T", 45),
+    "betas": (2, "T", 10),
+    "valid": (2, "T"),
+}
 
 
-READER = HaworReader()
+def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
+    """Up to two hands in the world, with the caller's object."""
+    values = read_values(clip.path)
+    if not isinstance(values, list | tuple) or len(values) != len(FIELDS):
+        raise InputError(f"{clip.path}: expected the five arrays of HaWoR's world result")
+    record = Record(str(clip.path), dict(zip(FIELDS, values, strict=True)))
+    arrays = [record.array(name, shape) for name, shape in FIELDS.items()]
+    trans, rot, fingers, betas, valid = arrays
+    frames = valid.shape[1]
+    if frames > FRAME_LIMIT or any(array.shape[1] != frames for array in arrays):
+        raise record.refuse("valid", f"as many frames as the other arrays, {FRAME_LIMIT} at most")
+    hands = []
+    for index, side in enumerate(SIDES):
+        seen = valid[index] > 0.5
+        if seen.any():
+            pose = np.concatenate([rot[index], fingers[index]], axis=1)
+            pose[~seen] = np.nan
+            shape = betas[index, seen].mean(0)
+            hands.append(base.ManoParameters(side, pose, trans[index], shape))
+    note = "frames that HaWoR filled in count as seen: it marks them so"
+    yield base.ClipParts(f"HaWoR {clip.name}", hands, notes=(note,))
+
+
+READER = DatasetReader(
+    parts,
+    ("world_space_res.pth",),
+    any_file=True,
+    name_parts=2,
+    fps_assumed=True,
+    convention=base.ManoConvention("origin", left_hand=MENDED),
+)

@@ -6,67 +6,52 @@ become OpenCV's here. None means not annotated. Objects are YCB models. 30 frame
 second.
 """
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from geneoh.errors import InputError
-from geneoh.readers.base import CrossChecks, ReaderOptions, SourceClip, ancestor
-from geneoh.readers.builders import (
-    OPENPOSE_FROM_MANO,
-    ManoConvention,
-    ManoParameters,
-    joints_if_complete,
-)
-from geneoh.readers.dataset_reader import ClipParts, DatasetReader
+from geneoh.readers import base
+from geneoh.readers.builders import OPENPOSE_FROM_MANO, joints_if_complete
+from geneoh.readers.dataset_reader import DatasetReader
 from geneoh.readers.foreign_files import by_frame, numbered_files, read_record
-from geneoh.readers.meshes import find_mesh, read_mesh
+from geneoh.readers.meshes import find_mesh
 from geneoh.readers.records import Array, Record
 from geneoh.readers.transforms import rigid_matrices, rotation_matrices
 
 OPENCV_FROM_OPENGL = np.diag([1.0, -1.0, -1.0])
 
 
-class Ho3dReader(DatasetReader):
+def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """The right hand and the object, in the camera's frame."""
-
-    patterns = ("meta/",)
-    clip_is_folder = True
-    name_parts = 2
-    convention = ManoConvention("origin")
-
-    def parts(self, clip: SourceClip, options: ReaderOptions) -> Iterator[ClipParts]:
-        """The one interaction of a sequence."""
-        files = numbered_files(clip.path / "meta", "*.pkl")
-        if not files:
-            raise InputError(f"{clip.path}: expected frames in 'meta', got none; download them")
-        records = {frame: read_record(path) for frame, path in files.items()}
-        frames = max(records) + 1
-        pose, betas = field(records, "handPose", frames, 48), field(records, "handBeta", frames, 10)
-        betas = betas[np.isfinite(betas).all(1)]
-        joints = field(records, "handJoints3D", frames, 63).reshape(frames, 21, 3)
-        joints = joints[:, OPENPOSE_FROM_MANO]
-        to_opencv = np.tile(np.eye(4), (frames, 1, 1))
-        to_opencv[:, :3, :3] = OPENCV_FROM_OPENGL
-        hand = ManoParameters(
-            "right",
-            pose,
-            field(records, "handTrans", frames, 3),
-            betas.mean(0) if len(betas) else None,
-            joints=joints_if_complete(joints, pose),
-            to_world=to_opencv,
-        )
-        turn = rotation_matrices(field(records, "objRot", frames, 3))
-        name = object_name(records)
-        folder = options.objects or ancestor(clip.path, 2) / "models"
-        mesh = read_mesh(find_mesh([folder / name / "textured_simple.obj"], name))
-        yield ClipParts(
-            f"HO-3D {clip.name}",
-            [hand],
-            {f"ho3d_{name}": mesh},
-            to_opencv @ rigid_matrices(turn, field(records, "objTrans", frames, 3)),
-            cross_checks=CrossChecks(joints={"right": joints @ OPENCV_FROM_OPENGL}),
-        )
+    files = numbered_files(clip.path / "meta", "*.pkl")
+    if not files:
+        raise InputError(f"{clip.path}: expected frames in 'meta', got none; download them")
+    records = {frame: read_record(path) for frame, path in files.items()}
+    frames = max(records) + 1
+    pose, betas = field(records, "handPose", frames, 48), field(records, "handBeta", frames, 10)
+    betas = betas[np.isfinite(betas).all(1)]
+    joints = field(records, "handJoints3D", frames, 63).reshape(frames, 21, 3)
+    joints = joints[:, OPENPOSE_FROM_MANO]
+    to_opencv = np.tile(np.eye(4), (frames, 1, 1))
+    to_opencv[:, :3, :3] = OPENCV_FROM_OPENGL
+    hand = base.ManoParameters(
+        "right",
+        pose,
+        field(records, "handTrans", frames, 3),
+        betas.mean(0) if len(betas) else None,
+        joints=joints_if_complete(joints, pose),
+        to_world=to_opencv,
+    )
+    turn = rotation_matrices(field(records, "objRot", frames, 3))
+    name = object_name(records)
+    folder = options.objects or base.ancestor(clip.path, 2) / "models"
+    mesh = find_mesh([folder / name / "textured_simple.obj"], name)
+    yield base.ClipParts(
+        f"HO-3D {clip.name}",
+        [hand],
+        {f"ho3d_{name}": mesh},
+        to_opencv @ rigid_matrices(turn, field(records, "objTrans", frames, 3)),
+        cross_checks=base.CrossChecks(joints={"right": joints @ OPENCV_FROM_OPENGL}),
+    )
 
 
 def field(records: dict[int, Record], name: str, frames: int, count: int) -> Array:
@@ -91,4 +76,4 @@ def object_name(records: dict[int, Record]) -> str:
     raise InputError(f"{next(iter(records.values())).where}: expected 'objName', got none")
 
 
-READER = Ho3dReader()
+READER = DatasetReader(parts, ("meta/",), clip_is_folder=True, name_parts=2, convention=base.ORIGIN)

@@ -7,7 +7,7 @@ metres, 15 frames a second; a missing hand file is a frame without that hand. Th
 take all to the world.
 """
 
-from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,19 +16,11 @@ from scipy.spatial.transform import Rotation
 from geneoh.choices import Side
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import Mesh
-from geneoh.readers.base import CrossChecks, ReaderOptions, SourceClip, finite_frames
-from geneoh.readers.builders import ManoConvention, ManoParameters
-from geneoh.readers.dataset_reader import ClipParts, DatasetReader
-from geneoh.readers.foreign_files import (
-    by_frame,
-    field_by_frame,
-    frame_number,
-    numbered_files,
-    read_json,
-    read_record,
-    read_text,
-)
-from geneoh.readers.meshes import find_mesh, read_mesh
+from geneoh.readers import base, foreign_files
+from geneoh.readers.builders import hand_by_frame
+from geneoh.readers.dataset_reader import DatasetReader
+from geneoh.readers.foreign_files import frame_number, numbered_files, read_record
+from geneoh.readers.meshes import find_mesh
 from geneoh.readers.records import Array, Record, as_record
 from geneoh.readers.transforms import inverse
 
@@ -50,66 +42,43 @@ CAMERA_GAIN, CAMERA_SHARE = 0.002, 0.5
 """Metres a frame, and share, by which the object moves less where camera poses are inverted."""
 
 
-class Hoi4dReader(DatasetReader):
+def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Both hands and the object's parts, in the world where the camera's poses are there."""
-
-    patterns = ("objpose/",)
-    clip_is_folder = True
-    name_parts = ID_PARTS
-    fps = 15.0
-    convention = ManoConvention("origin")
-
-    def parts(self, clip: SourceClip, options: ReaderOptions) -> Iterator[ClipParts]:
-        """The one interaction of a sequence."""
-        sequence = clip.path.parts[-ID_PARTS:]
-        if len(clip.path.parents) < ID_PARTS + 2:
-            raise InputError(f"{clip.path}: expected .../HOI4D_annotations/ZY.../H*/C*/N*/S*/s*/T*")
-        root = clip.path.parents[ID_PARTS]
-        files = numbered_files(clip.path / "objpose", "*.json")
-        hands: dict[Side, dict[int, Path]] = {
-            side: hand_files(root, side, sequence) for side in ("right", "left")
-        }
-        numbers = [frame for found in (files, *hands.values()) for frame in found]
-        if not numbers:
-            raise InputError(f"{clip.path}: expected frames in objpose, got none; download them")
-        frames = max(numbers) + 1
-        motion = read_poses(files, frames)
-        present = finite_frames(motion)
-        cameras, notes = read_cameras(clip.path / "3Dseg/output.log", frames)
-        category, meshes = read_meshes(sequence, motion.shape[1], root, options)
-        contradictions = []
-        if cameras is not None:
-            contradictions += inverted_cameras(cameras[present], motion[present], str(clip.path))
-            motion = cameras[:, None] @ motion
-        contradictions += exchanged_parts(meshes, motion[present])
-        tracks = [read_hand(found, side, frames, cameras) for side, found in hands.items() if found]
-        yield ClipParts(
-            f"HOI4D {clip.name}",
-            tracks,
-            {f"hoi4d_{category}_{sequence[3]}_{k}": mesh for k, mesh in enumerate(meshes)},
-            motion,
-            notes=notes,
-            cross_checks=CrossChecks(contradictions=tuple(contradictions)),
-        )
-
-
-def hand_files(root: Path, side: Side, sequence: tuple[str, ...]) -> dict[int, Path]:
-    """The files of one hand by frame; their numbers come with and without leading zeros."""
-    folder = root / "handpose" / f"refinehandpose_{side}" / Path(*sequence)
-    return numbered_files(folder, "*.pickle")
-
-
-def read_hand(
-    files: dict[int, Path], side: Side, frames: int, cameras: Array | None
-) -> ManoParameters:
-    """One hand in the camera's frame."""
-    records = {frame: read_record(path) for frame, path in files.items()}
-    return ManoParameters(
-        side,
-        field_by_frame(records, "poseCoeff", frames, 48),
-        field_by_frame(records, "trans", frames, 3),
-        np.mean([record.array("beta", (10,)) for record in records.values()], axis=0),
-        to_world=cameras,
+    sequence = clip.path.parts[-ID_PARTS:]
+    if len(clip.path.parents) < ID_PARTS + 2:
+        raise InputError(f"{clip.path}: expected .../HOI4D_annotations/ZY.../H*/C*/N*/S*/s*/T*")
+    root = clip.path.parents[ID_PARTS]
+    files = numbered_files(clip.path / "objpose", "*.json")
+    hands: dict[Side, dict[int, Path]] = {}
+    for side in ("right", "left"):
+        folder = root / "handpose" / f"refinehandpose_{side}" / Path(*sequence)
+        hands[side] = numbered_files(folder, "*.pickle")
+    numbers = [frame for found in (files, *hands.values()) for frame in found]
+    if not numbers:
+        raise InputError(f"{clip.path}: expected frames in objpose, got none; download them")
+    frames = max(numbers) + 1
+    motion = read_poses(files, frames)
+    present = base.finite_frames(motion)
+    cameras, notes = read_cameras(clip.path / "3Dseg/output.log", frames)
+    category, meshes = read_meshes(sequence, motion.shape[1], root, options)
+    contradictions = ()
+    if cameras is not None:
+        contradictions = inverted_cameras(cameras[present], motion[present], str(clip.path))
+        motion = cameras[:, None] @ motion
+    contradictions += exchanged_parts(meshes, motion[present])
+    tracks = []
+    for side, found in hands.items():
+        records = {frame: read_record(path) for frame, path in found.items()}
+        if records:
+            hand = hand_by_frame(side, records, frames, "poseCoeff", "trans", "beta")
+            tracks.append(replace(hand, to_world=cameras))
+    yield base.ClipParts(
+        f"HOI4D {clip.name}",
+        tracks,
+        {f"hoi4d_{category}_{sequence[3]}_{k}": mesh for k, mesh in enumerate(meshes)},
+        motion,
+        notes=notes,
+        cross_checks=base.CrossChecks(contradictions=contradictions),
     )
 
 
@@ -121,13 +90,13 @@ def read_poses(files: dict[int, Path], frames: int) -> Array:
         raise InputError("objpose: expected files with 'dataList', got none; download them")
     complete = {frame: found for frame, found in parts.items() if len(found) == count}
     poses = {frame: np.stack([part_pose(p) for p in found]) for frame, found in complete.items()}
-    return by_frame(poses, frames, count, 4, 4)
+    return foreign_files.by_frame(poses, frames, count, 4, 4)
 
 
 def pose_list(path: Path) -> list[Record]:
     """The parts in one annotation, named dataList or, in older files, objects; none where it says
     that it is not effective."""
-    record = as_record(read_json(path), str(path))
+    record = as_record(foreign_files.read_json(path), str(path))
     if "isEffective" in record and record.finite("isEffective") == 0:
         return []
     items = record.items("dataList" if "dataList" in record else "objects")
@@ -148,7 +117,7 @@ def read_cameras(path: Path, frames: int) -> tuple[Array | None, tuple[str, ...]
     """(T, 4, 4) camera to world, out of an Open3D trajectory."""
     if not path.is_file():
         return None, ("camera frame: there are no camera poses",)
-    rows = [line.split() for line in read_text(path).splitlines() if line.strip()]
+    rows = [line.split() for line in foreign_files.read_text(path).splitlines() if line.strip()]
     if len(rows) < TRAJECTORY_BLOCK * frames:
         count = len(rows) // TRAJECTORY_BLOCK
         return None, (f"camera frame: camera poses of {count} of {frames} frames",)
@@ -164,7 +133,7 @@ def read_cameras(path: Path, frames: int) -> tuple[Array | None, tuple[str, ...]
 
 
 def read_meshes(
-    sequence: tuple[str, ...], count: int, root: Path, options: ReaderOptions
+    sequence: tuple[str, ...], count: int, root: Path, options: base.ReaderOptions
 ) -> tuple[str, list[Mesh]]:
     """The category and the mesh of each pose, in the order of the poses."""
     category = CATEGORIES.get(frame_number(Path(sequence[2])), sequence[2])
@@ -172,42 +141,42 @@ def read_meshes(
     instance = f"{frame_number(Path(sequence[3])):03d}"
     if count == 1:
         rigid = [models / kind / category / f"{instance}.obj" for kind in ("rigid", ".")]
-        return category, [read_mesh(find_mesh(rigid, f"{category} {instance}"))]
+        return category, [find_mesh(rigid, f"{category} {instance}")]
     swapped = (category in SWAPPED) != options.swap_parts
     order = reversed(range(count)) if swapped else range(count)
     folder = models / "articulated" / category / instance / "objs"
-    files = [find_mesh([folder / f"new-{k}-align.obj"], f"{category} {instance}") for k in order]
-    return category, [read_mesh(file) for file in files]
+    files = [folder / f"new-{k}-align.obj" for k in order]
+    return category, [find_mesh([file], f"{category} {instance}") for file in files]
 
 
-def exchanged_parts(meshes: list[Mesh], poses: Array) -> list[str]:
+def exchanged_parts(meshes: list[Mesh], poses: Array) -> tuple[str, ...]:
     """Whether two parts come together only with their poses exchanged."""
     if len(meshes) != 2 or not len(poses):
-        return []
+        return ()
     apart, exchanged = (widest_gap(pair, poses) for pair in (meshes, meshes[::-1]))
     if apart > GAP_LIMIT and exchanged < GAP_GAIN * apart:
-        return [
+        return (
             f"parts: the two parts come {1000 * apart:.0f} mm apart, and {1000 * exchanged:.0f} mm "
             "with their poses exchanged: the order of the parts is the other one here, "
             "pass --swap-parts",
-        ]
-    return []
+        )
+    return ()
 
 
-def inverted_cameras(cameras: Array, poses: Array, where: str) -> list[str]:
+def inverted_cameras(cameras: Array, poses: Array, where: str) -> tuple[str, ...]:
     """Whether the object moves less with the camera's poses taken as world to camera."""
     if len(cameras) < 3:
-        return []
+        return ()
     read, other = (
         float(np.linalg.norm(np.diff((way @ poses[:, 0])[:, :3, 3], axis=0), axis=1).mean())
         for way in (cameras, inverse(cameras, where))
     )
     if other < CAMERA_SHARE * read and read - other > CAMERA_GAIN:
-        return [
+        return (
             f"cameras: the object moves {1000 * read:.1f} mm a frame, and {1000 * other:.1f} mm "
-            "with the camera's poses inverted: output.log holds world to camera here"
-        ]
-    return []
+            "with the camera's poses inverted: output.log holds world to camera here",
+        )
+    return ()
 
 
 def widest_gap(meshes: list[Mesh], poses: Array) -> float:
@@ -223,4 +192,6 @@ def widest_gap(meshes: list[Mesh], poses: Array) -> float:
     return float(max(gaps))
 
 
-READER = Hoi4dReader()
+READER = DatasetReader(
+    parts, ("objpose/",), clip_is_folder=True, name_parts=ID_PARTS, fps=15.0, convention=base.ORIGIN
+)

@@ -6,7 +6,7 @@ part; torch tensors, right hands, metres, the frame of a moving camera, 15 frame
 meta_data.npy names HOI4D's sequence, whose meshes are those of the data set itself.
 """
 
-from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,58 +15,36 @@ import numpy as np
 from geneoh.errors import InputError
 from geneoh.files.values import read_values
 from geneoh.geometry.mesh import Mesh
-from geneoh.readers.base import CrossChecks, ReaderOptions, SourceClip, finite_frames
-from geneoh.readers.builders import (
-    OPENPOSE_FROM_MANO,
-    ManoConvention,
-    ManoParameters,
-    joints_if_complete,
-)
-from geneoh.readers.dataset_reader import ClipParts, DatasetReader
-from geneoh.readers.foreign_files import by_frame, field_by_frame, read_record
+from geneoh.readers import base
+from geneoh.readers.builders import OPENPOSE_FROM_MANO, hand_by_frame, joints_if_complete
+from geneoh.readers.dataset_reader import DatasetReader
+from geneoh.readers.foreign_files import by_frame, read_record
 from geneoh.readers.records import FRAME_LIMIT, Array, Record, as_record
 from geneoh.readers.sources.hoi4d import ID_PARTS, exchanged_parts, read_meshes
 from geneoh.readers.transforms import rigid_matrices
 
 
-class Hoi4dCasesReader(DatasetReader):
+def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """The right hand and the object's parts, in the camera's frame."""
-
-    patterns = ("merged_data.npy",)
-    clip_is_folder = True
-    name_parts = 2
-    fps = 15.0
-    convention = ManoConvention("origin")
-
-    def parts(self, clip: SourceClip, options: ReaderOptions) -> Iterator[ClipParts]:
-        """The one interaction of a case."""
-        steps = read_steps(clip.path / "merged_data.npy")
-        frames = max(steps) + 1
-        pose = field_by_frame(steps, "theta", frames, 48)
-        joints = read_joints(steps, frames)
-        motion = read_motion(steps, frames)
-        category, meshes = meshes_of(clip.path, motion.shape[1], options)
-        hand = ManoParameters(
-            "right",
-            pose,
-            field_by_frame(steps, "trans", frames, 3),
-            np.mean([step.array("beta", (10,)) for step in steps.values()], axis=0),
-            # With the model keypoints are made from the pose; else the stored ones place the wrist.
-            joints=joints_if_complete(joints, pose) if options.mano is None else None,
-        )
-        names = [f"hoi4d_{category}_{clip.path.name}_{k}" for k in range(len(meshes))]
-        contradictions = exchanged_parts(meshes, motion[finite_frames(motion)])
-        yield ClipParts(
-            f"HOI4D {clip.name} (GeneOH)",
-            [hand],
-            dict(zip(names, meshes, strict=True)),
-            motion,
-            notes=("camera frame",),
-            cross_checks=CrossChecks(
-                joints={"right": joints} if np.isfinite(joints).any() else {},
-                contradictions=tuple(contradictions),
-            ),
-        )
+    steps = read_steps(clip.path / "merged_data.npy")
+    frames = max(steps) + 1
+    hand = hand_by_frame("right", steps, frames, "theta", "trans", "beta")
+    joints = read_joints(steps, frames)
+    motion = read_motion(steps, frames)
+    category, meshes = meshes_of(clip.path, motion.shape[1], options)
+    if options.mano_dir is None:  # with the model keypoints are made; else they place the wrist
+        hand = replace(hand, joints=joints_if_complete(joints, hand.pose))
+    yield base.ClipParts(
+        f"HOI4D {clip.name} (GeneOH)",
+        [hand],
+        {f"hoi4d_{category}_{clip.path.name}_{k}": mesh for k, mesh in enumerate(meshes)},
+        motion,
+        notes=("camera frame",),
+        cross_checks=base.CrossChecks(
+            joints={"right": joints} if np.isfinite(joints).any() else {},
+            contradictions=exchanged_parts(meshes, motion[base.finite_frames(motion)]),
+        ),
+    )
 
 
 def read_steps(path: Path) -> dict[int, Record]:
@@ -111,7 +89,7 @@ def read_motion(steps: dict[int, Record], frames: int) -> Array:
     return by_frame(complete, frames, count, 4, 4)
 
 
-def meshes_of(case: Path, count: int, options: ReaderOptions) -> tuple[str, list[Mesh]]:
+def meshes_of(case: Path, count: int, options: base.ReaderOptions) -> tuple[str, list[Mesh]]:
     """The category and the mesh of each part: the caller's, or the data set's own."""
     if options.meshes:
         return case.parent.name, list(options.meshes)
@@ -128,4 +106,6 @@ def meshes_of(case: Path, count: int, options: ReaderOptions) -> tuple[str, list
     return read_meshes(sequence, count, case.parents[1], options)
 
 
-READER = Hoi4dCasesReader()
+READER = DatasetReader(
+    parts, ("merged_data.npy",), clip_is_folder=True, name_parts=2, fps=15.0, convention=base.ORIGIN
+)

@@ -12,16 +12,14 @@ order. Sides are the subject's own. "camera", the position of the camera in that
 out.
 """
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from geneoh.choices import JointOrder, Side
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import METRES
-from geneoh.readers.base import CrossChecks, ReaderOptions, SourceClip
+from geneoh.readers import base
 from geneoh.readers.builders import keypoint_track
-from geneoh.readers.dataset_reader import ClipParts, DatasetReader, stated_side
+from geneoh.readers.dataset_reader import DatasetReader
 from geneoh.readers.foreign_files import read_json
 from geneoh.readers.joint_orders import ORDERS, openpose_order
 from geneoh.readers.mediapipe import (
@@ -38,69 +36,64 @@ from geneoh.readers.records import Array, Record, as_record
 FORMAT, VERSION = "geneoh-landmarks", 1
 
 
-class LandmarksReader(DatasetReader):
-    """Up to two hands."""
-
-    patterns = ("*.json", "*.jsonl", "*.csv")
-
-    def parts(self, clip: SourceClip, options: ReaderOptions) -> Iterator[ClipParts]:
-        """The one interaction of a file, with the caller's object."""
-        where = str(clip.path)
-        if clip.path.suffix == ".csv":
-            yield from foreign_parts(clip, read_points(clip.path, options.side), options, ())
-            return
-        value = read_json(clip.path)
-        if is_results(value):
-            tracks = read_results(value, where, options.side)
-            yield from foreign_parts(clip, tracks, options, (WORLD_NOTE, SIDE_NOTE))
-            return
-        record = as_record(value, where)
-        if "format" not in record:
-            raise InputError(
-                f"{where}: expected results of MediaPipe (hand_world_landmarks or worldLandmarks), "
-                f"or '{FORMAT}' as its format, got {quoted(record.values)}; see the page on "
-                "estimators"
-            )
-        if record.text("format") != FORMAT or record.finite("version") != VERSION:
-            raise record.refuse("format", f"'{FORMAT}' of version {VERSION}")
-        order = record.optional_text("order") or "openpose"
-        if order not in ORDERS:
-            raise record.refuse("order", f"one of {', '.join(ORDERS)}")
-        hands = record.record("hands")
-        sides: list[Side] = [side for side in ("right", "left") if side in hands]
-        frames = {side: hands.items(side) for side in sides}
-        lengths = {len(steps) for steps in frames.values()}
-        if len(lengths) != 1 or lengths == {0}:
-            raise InputError(f"{clip.path}: expected as many frames for each hand, got {lengths}")
-        read: dict[Side, tuple[Array, Array]] = {
-            side: read_frames(frames[side], order, hands.where) for side in sides
-        }
-        yield ClipParts(
-            clip.path.name,
-            [keypoint_track(side, *read[side]) for side in read],
-            fps=record.finite("fps"),
-            cross_checks=CrossChecks(joints={side: read[side][0] for side in read}),
-            camera=tuple(record.array("camera", (3,)).tolist()) if "camera" in record else None,
+def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
+    """Up to two hands, with the caller's object."""
+    where = str(clip.path)
+    if clip.path.suffix == ".csv":
+        yield from foreign_parts(clip, read_points(clip.path, options.side), options, ())
+        return
+    value = read_json(clip.path)
+    if is_results(value):
+        tracks = read_results(value, where, options.side)
+        yield from foreign_parts(clip, tracks, options, (WORLD_NOTE, SIDE_NOTE))
+        return
+    record = as_record(value, where)
+    if "format" not in record:
+        raise InputError(
+            f"{where}: expected results of MediaPipe (hand_world_landmarks or worldLandmarks), "
+            f"or '{FORMAT}' as its format, got {quoted(record.values)}; see the page on "
+            "estimators"
         )
+    if record.text("format") != FORMAT or record.finite("version") != VERSION:
+        raise record.refuse("format", f"'{FORMAT}' of version {VERSION}")
+    order = record.optional_text("order") or "openpose"
+    if order not in ORDERS:
+        raise record.refuse("order", f"one of {', '.join(ORDERS)}")
+    hands = record.record("hands")
+    sides: list[Side] = [side for side in ("right", "left") if side in hands]
+    frames = {side: hands.items(side) for side in sides}
+    lengths = {len(steps) for steps in frames.values()}
+    if len(lengths) != 1 or lengths == {0}:
+        raise InputError(f"{clip.path}: expected as many frames for each hand, got {lengths}")
+    read: dict[Side, tuple[Array, Array]] = {
+        side: read_frames(frames[side], order, hands.where) for side in sides
+    }
+    yield base.ClipParts(
+        clip.path.name,
+        [keypoint_track(side, *read[side]) for side in read],
+        fps=record.finite("fps"),
+        cross_checks=base.CrossChecks(joints={side: read[side][0] for side in read}),
+        camera=tuple(record.array("camera", (3,)).tolist()) if "camera" in record else None,
+    )
 
 
 def foreign_parts(
-    clip: SourceClip,
+    clip: base.SourceClip,
     tracks: dict[Side | None, Track],
-    options: ReaderOptions,
+    options: base.ReaderOptions,
     notes: tuple[str, ...],
-) -> Iterator[ClipParts]:
+) -> base.Parts:
     """The interaction of tracks whose file knows no rate, and perhaps no side."""
     if len(tracks) == 1:  # the label of a side is a guess: the caller's word counts
         ((label, track),) = tracks.items()
         stated = {} if label is None else {"side": label}
-        tracks = {stated_side(Record(str(clip.path), stated), options): track}
+        tracks = {options.side_of(Record(str(clip.path), stated)): track}
     elif None in tracks:
         raise InputError(f"{clip.path}: expected the side of each hand, got one without; add it")
     if options.fps is None:
         notes = (*notes, "30 frames a second assumed; --fps says otherwise")
     scale = METRES[options.keypoint_unit or "m"]
-    yield ClipParts(
+    yield base.ClipParts(
         clip.path.name,
         [
             keypoint_track(side, scale * track.points, np.tile(track.trust[:, None], 21))
@@ -127,4 +120,4 @@ def read_frames(frames: list[object], order: JointOrder, where: str) -> tuple[Ar
     return joints, trust[:, None] * there
 
 
-READER = LandmarksReader()
+READER = DatasetReader(parts, ("*.json", "*.jsonl", "*.csv"))

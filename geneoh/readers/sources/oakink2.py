@@ -6,86 +6,64 @@ raw_mano[frame] holds rh__ and lh__ pose_coeffs (1, 16, 4) quaternions with the 
 numbers are left out, time went on.
 """
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 from geneoh.choices import Side
-from geneoh.readers.base import ReaderOptions, SourceClip
-from geneoh.readers.builders import ManoConvention, ManoParameters
-from geneoh.readers.dataset_reader import ClipParts, DatasetReader
-from geneoh.readers.foreign_files import by_frame, field_by_frame, read_record
-from geneoh.readers.meshes import find_mesh, read_mesh
+from geneoh.readers import base
+from geneoh.readers.builders import hand_by_frame
+from geneoh.readers.dataset_reader import DatasetReader
+from geneoh.readers.foreign_files import by_frame, read_record
+from geneoh.readers.meshes import find_mesh
 from geneoh.readers.records import FRAME_LIMIT, Record, as_record
-from geneoh.readers.transforms import axis_angles_of_wxyz
 
 CAPTURE_FPS = 120.0
 """Of the motion capture; frames that were left out make it less."""
-PREFIX: dict[Side, str] = {"right": "rh__", "left": "lh__"}
 
 
-class OakInk2Reader(DatasetReader):
+def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Both hands with each object that moves, in the world."""
-
-    patterns = ("*.pkl",)
-    convention = ManoConvention("wrist")
-    content = "an object with poses"
-
-    def accepts(self, match: Path) -> bool:
-        """Annotations of sequences."""
-        return match.parent.name == "anno_preview"
-
-    def parts(self, clip: SourceClip, options: ReaderOptions) -> Iterator[ClipParts]:
-        """One interaction for each object."""
-        record = read_record(clip.path)
-        numbers = record.integers("mocap_frame_id_list")
-        steps = np.diff(numbers)
-        if not numbers or (steps <= 0).any() or numbers[-1] - numbers[0] > FRAME_LIMIT:
-            raise record.refuse("mocap_frame_id_list", "frame numbers that rise")
-        stride = int(np.median(steps)) if len(steps) else 1
-        # Numbers that are left out are a gap in time: they stay frames, without hand or object.
-        frames = {number: t for t, number in enumerate(range(numbers[0], numbers[-1] + 1, stride))}
-        hands = [read_hand(record.record("raw_mano"), side, frames) for side in PREFIX]
-        for item in record.texts("obj_list"):
-            places = record.record("obj_transf").record(item)
-            poses = {t: places.array(n, (4, 4)) for n, t in frames.items() if n in places}
-            motion = by_frame(poses, len(frames), 4, 4)
-            if not np.isfinite(motion).all((1, 2)).any():
-                continue
-            name = "".join(c if c.isalnum() else "_" for c in item)
-            mesh = read_mesh(find_mesh(mesh_files(item, clip.path, options), item))
-            yield ClipParts(
-                f"OakInk2 {clip.name} {item}",
-                hands,
-                {f"oakink2_{name}": mesh},
-                motion,
-                name=f"{clip.name}_{name}",
-                fps=CAPTURE_FPS / stride,
-            )
+    record = read_record(clip.path)
+    numbers = record.integers("mocap_frame_id_list")
+    steps = np.diff(numbers)
+    if not numbers or (steps <= 0).any() or numbers[-1] - numbers[0] > FRAME_LIMIT:
+        raise record.refuse("mocap_frame_id_list", "frame numbers that rise")
+    stride = int(np.median(steps)) if len(steps) else 1
+    # Numbers that are left out are a gap in time: they stay frames, without hand or object.
+    frames = {number: t for t, number in enumerate(range(numbers[0], numbers[-1] + 1, stride))}
+    hands = [read_hand(record.record("raw_mano"), side, frames) for side in ("right", "left")]
+    for item in record.texts("obj_list"):
+        places = record.record("obj_transf").record(item)
+        poses = {t: places.array(n, (4, 4)) for n, t in frames.items() if n in places}
+        motion = by_frame(poses, len(frames), 4, 4)
+        if not np.isfinite(motion).all((1, 2)).any():
+            continue
+        name = "".join(c if c.isalnum() else "_" for c in item)
+        yield base.ClipParts(
+            f"OakInk2 {clip.name} {item}",
+            hands,
+            {f"oakink2_{name}": find_mesh(mesh_files(item, clip.path, options), item)},
+            motion,
+            name=f"{clip.name}_{name}",
+            fps=CAPTURE_FPS / stride,
+        )
 
 
-def read_hand(hands: Record, side: Side, frames: dict[int, int]) -> ManoParameters:
+def read_hand(hands: Record, side: Side, frames: dict[int, int]) -> base.ManoParameters:
     """One hand; NaN in the frames that lack it."""
-    prefix = PREFIX[side]
+    prefix = f"{side[0]}h__"
     steps = {
         t: as_record(hands.values[number], f"{hands.where} {number}")
         for number, t in frames.items()
         if hands.values.get(number) is not None
     }
-    steps = {
-        t: step for t, step in steps.items() if step.values.get(f"{prefix}pose_coeffs") is not None
-    }
-    betas = [step.array(f"{prefix}betas", (10,)) for step in steps.values()]
-    return ManoParameters(
-        side,
-        axis_angles_of_wxyz(field_by_frame(steps, f"{prefix}pose_coeffs", len(frames), 16, 4)),
-        field_by_frame(steps, f"{prefix}tsl", len(frames), 3),
-        np.mean(betas, axis=0) if betas else None,
-    )
+    names = [f"{prefix}{name}" for name in ("pose_coeffs", "tsl", "betas")]
+    steps = {t: step for t, step in steps.items() if step.values.get(names[0]) is not None}
+    return hand_by_frame(side, steps, len(frames), *names, quaternions=True)
 
 
-def mesh_files(item: str, path: Path, options: ReaderOptions) -> list[Path]:
+def mesh_files(item: str, path: Path, options: base.ReaderOptions) -> list[Path]:
     """Where an object's mesh may be, which is used as it is."""
     root = path.parents[1]
     name = item.replace("..", "_").replace("/", "_")
@@ -102,4 +80,9 @@ def mesh_files(item: str, path: Path, options: ReaderOptions) -> list[Path]:
     return [*files, folders[0] / f"{name}.obj"]
 
 
-READER = OakInk2Reader()
+READER = DatasetReader(
+    parts,
+    ("*.pkl",),
+    choose=lambda found, path: (file for file in found if file.parent.name == "anno_preview"),
+    content="an object with poses",
+)

@@ -5,49 +5,38 @@ guessed (--translation wrist or origin); the pose is taken as absolute unless --
 means not observed.
 """
 
-from collections.abc import Iterator
 from pathlib import Path
 
 from geneoh.errors import InputError
 from geneoh.files.values import read_values
-from geneoh.readers.base import ReaderOptions, SourceClip
-from geneoh.readers.builders import ManoConvention, ManoParameters
-from geneoh.readers.dataset_reader import ClipParts, DatasetReader, stated_side
+from geneoh.readers import base
+from geneoh.readers.dataset_reader import DatasetReader
 from geneoh.readers.records import Record
 
 
-class ParametersReader(DatasetReader):
-    """One hand."""
-
-    patterns = ("*.npy", "*.npz", "*.pkl")
-    fps_assumed = True
-
-    def parts(self, clip: SourceClip, options: ReaderOptions) -> Iterator[ClipParts]:
-        """The one hand of a file, with the caller's object."""
-        value = read_values(clip.path)
-        record = (
-            Record(str(clip.path), value) if isinstance(value, dict) else columns(clip.path, value)
+def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
+    """The one hand of a file, with the caller's object."""
+    value = read_values(clip.path)
+    record = Record(str(clip.path), value) if isinstance(value, dict) else columns(clip.path, value)
+    side = options.side_of(record)
+    if options.translation is None:
+        raise InputError(
+            f"{clip.path}: what the translation moves is not said; pass --translation wrist, "
+            "or --translation origin for that of smplx and manopth"
         )
-        side = stated_side(record, options)
-        if options.translation is None:
-            raise InputError(
-                f"{clip.path}: what the translation moves is not said; pass --translation wrist, "
-                "or --translation origin for that of smplx and manopth"
-            )
-        betas = record.optional_array("betas", (10,), ("T", 10))
-        hand = ManoParameters(
-            side,
-            record.array("pose", ("T", 48), ("T", 16, 3)).reshape(-1, 48),
-            record.array("trans", ("T", 3)),
-            None if betas is None else betas.reshape(-1, 10).mean(0),
-        )
-        absolute = () if options.mean_pose is not None else ("the pose is taken as absolute",)
-        yield ClipParts(
-            f"{clip.path.name} (MANO parameters)",
-            [hand],
-            notes=absolute,
-            convention=ManoConvention(options.translation, mean_added=bool(options.mean_pose)),
-        )
+    betas = record.optional_array("betas", (10,), ("T", 10))
+    hand = base.ManoParameters(
+        side,
+        record.array("pose", ("T", 48), ("T", 16, 3)).reshape(-1, 48),
+        record.array("trans", ("T", 3)),
+        None if betas is None else betas.reshape(-1, 10).mean(0),
+    )
+    yield base.ClipParts(
+        f"{clip.path.name} (MANO parameters)",
+        [hand],
+        notes=() if options.mean_pose is not None else ("the pose is taken as absolute",),
+        convention=base.ManoConvention(options.translation, mean_added=bool(options.mean_pose)),
+    )
 
 
 def columns(path: Path, value: object) -> Record:
@@ -62,4 +51,4 @@ def columns(path: Path, value: object) -> Record:
     return Record(str(path), {**fields, "betas": array[:, 51:]} if array.shape[1] == 61 else fields)
 
 
-READER = ParametersReader()
+READER = DatasetReader(parts, ("*.npy", "*.npz", "*.pkl"), fps_assumed=True)

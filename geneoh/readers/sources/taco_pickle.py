@@ -6,13 +6,11 @@ obj_verts (T, V, 3), obj_faces, obj_pose (T, 4, 4); metres, absolute pose, 30 fr
 side is not stored: the published files hold left hands.
 """
 
-from collections.abc import Iterator
 from pathlib import Path
 
 from geneoh.geometry.mesh import Mesh, checked
-from geneoh.readers.base import CrossChecks, ReaderOptions, SourceClip
-from geneoh.readers.builders import ManoConvention, ManoParameters
-from geneoh.readers.dataset_reader import ClipParts, DatasetReader
+from geneoh.readers import base
+from geneoh.readers.dataset_reader import DatasetReader
 from geneoh.readers.foreign_files import read_record
 from geneoh.readers.mano import RIM
 from geneoh.readers.meshes import mesh_from, read_mesh
@@ -20,43 +18,37 @@ from geneoh.readers.records import Array, Record
 from geneoh.readers.transforms import moved_points
 
 
-class TacoPickleReader(DatasetReader):
+def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """The hand and its object."""
-
-    patterns = ("*.pkl",)
-    convention = ManoConvention("wrist")
-
-    def parts(self, clip: SourceClip, options: ReaderOptions) -> Iterator[ClipParts]:
-        """The one interaction of a pickle."""
-        record = read_record(clip.path)
-        side = options.side or "left"
-        motion = record.array("obj_pose", ("T", 4, 4))
-        stored = record.optional_array("obj_verts", (len(motion), "V", 3))
-        mesh = read_object(record, clip.path, motion, stored)
-        points = None
-        if stored is not None and stored.shape[1:] == mesh.verts.shape:
-            points = stored, moved_points(mesh.verts.double().numpy(), motion)
-        joints = record.optional_array("hand_joints", (len(motion), 21, 3))
-        verts = record.optional_array("hand_verts", (len(motion), 778, 3))
-        hand = ManoParameters(
-            side,
-            record.array("hand_pose", ("T", 48)),
-            record.array("hand_trans", ("T", 3)),
-            record.array("hand_shape", (10,)),
-            joints=joints,
-        )
-        yield ClipParts(
-            f"{clip.path.name} (simplified TACO pickle)",
-            [hand],
-            {f"taco_{clip.name}": mesh},
-            motion,
-            notes=() if options.side else ("a left hand is assumed; --side says otherwise",),
-            cross_checks=CrossChecks(
-                joints={} if joints is None else {side: joints},
-                rim={} if verts is None else {side: verts[:, RIM].mean(1)},
-                object_points=points,
-            ),
-        )
+    record = read_record(clip.path)
+    side = options.side or "left"
+    motion = record.array("obj_pose", ("T", 4, 4))
+    stored = record.optional_array("obj_verts", (len(motion), "V", 3))
+    mesh = read_object(record, clip.path, motion, stored)
+    points = None
+    if stored is not None and stored.shape[1:] == mesh.verts.shape:
+        points = stored, moved_points(mesh.verts.double().numpy(), motion)
+    joints = record.optional_array("hand_joints", (len(motion), 21, 3))
+    verts = record.optional_array("hand_verts", (len(motion), 778, 3))
+    hand = base.ManoParameters(
+        side,
+        record.array("hand_pose", ("T", 48)),
+        record.array("hand_trans", ("T", 3)),
+        record.array("hand_shape", (10,)),
+        joints=joints,
+    )
+    yield base.ClipParts(
+        f"{clip.path.name} (simplified TACO pickle)",
+        [hand],
+        {f"taco_{clip.name}": mesh},
+        motion,
+        notes=() if options.side else ("a left hand is assumed; --side says otherwise",),
+        cross_checks=base.CrossChecks(
+            joints={} if joints is None else {side: joints},
+            rim={} if verts is None else {side: verts[:, RIM].mean(1)},
+            object_points=points,
+        ),
+    )
 
 
 def read_object(record: Record, path: Path, motion: Array, stored: Array | None) -> Mesh:
@@ -67,4 +59,4 @@ def read_object(record: Record, path: Path, motion: Array, stored: Array | None)
     return checked(mesh_from(verts, record.array("obj_faces", ("F", 3))), record.where)
 
 
-READER = TacoPickleReader()
+READER = DatasetReader(parts, ("*.pkl",))
