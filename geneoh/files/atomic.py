@@ -52,8 +52,7 @@ def in_one_step(path: Path, *, folder: bool = False, parents: bool = False) -> I
 def replaceable(path: Path) -> Path:
     """The file that a write of `path` makes or replaces: what a symbolic link leads to.
 
-    Raises:
-        InputError: a folder, a device or anything else that is no regular file is there.
+    `InputError` where a folder, a device or anything else that is no regular file is there.
     """
     place = Path(os.path.realpath(path)) if path.is_symlink() else path
     if os.path.lexists(place) and not place.is_file():
@@ -84,13 +83,8 @@ def reserved_beside(path: Path, *, folder: bool) -> Path:
 def write_whole(path: Path, data: bytes | str, *, parents: bool = False) -> None:
     """Write a file in one step: `path` holds the old file or the whole new one, never a part.
 
-    Args:
-        path: where.
-        data: what; text as UTF-8, with a ? for what is none, such as an old file name.
-        parents: make the folders above it where they are missing.
-
-    Raises:
-        InputError: the place cannot be written to.
+    Text is written as UTF-8, with a ? for what is none, such as an old file name. `InputError`
+    where the place cannot be written to.
     """
     with in_one_step(path, parents=parents) as beside:
         beside.write_bytes(data.encode(errors="replace") if isinstance(data, str) else data)

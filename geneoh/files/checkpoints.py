@@ -91,11 +91,7 @@ def storage_from(loader: Loader, kind: str, raw: bytes, count: int) -> np.ndarra
 
 
 def read_zip(archive: zipfile.ZipFile, file: str) -> Any:
-    """The value in a zip checkpoint.
-
-    Raises:
-        InputError: a member is missing or does not hold what is declared.
-    """
+    """The value in a zip checkpoint; `InputError` where a member does not hold what it declares."""
     if sum(info.file_size for info in archive.infolist()) > SIZE_LIMIT:
         raise InputError(
             f"{file}: the checkpoint must unpack to at most {SIZE_LIMIT / 2**30:g} GiB; "

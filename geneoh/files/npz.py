@@ -92,11 +92,7 @@ def as_float64(archive: zipfile.ZipFile, info: zipfile.ZipInfo, file: str) -> in
 
 
 def read_header(stream: io.BufferedIOBase, what: str) -> tuple[tuple[int, ...], bool, np.dtype]:
-    """Shape, order (True: Fortran's) and dtype that a .npy declares.
-
-    Raises:
-        InputError: there is no readable header.
-    """
+    """Shape, order (True: Fortran's) and dtype that a .npy declares; `InputError` without them."""
     try:
         version = np.lib.format.read_magic(stream)
         read = {
@@ -115,13 +111,8 @@ def read_header(stream: io.BufferedIOBase, what: str) -> tuple[tuple[int, ...], 
 def decode_array(raw: bytes, what: str, objects: ObjectReader | None = None) -> Any:
     """The array in the bytes of a .npy; its header must describe exactly the bytes that follow.
 
-    Args:
-        raw: the bytes.
-        what: file and field, for the errors.
-        objects: reads the pickle of an array of Python objects, which is refused without it.
-
-    Raises:
-        InputError: damaged, or of Python objects without `objects`.
+    `what` names file and field in errors; `objects` reads the pickle of an array of Python objects,
+    which is refused without it. `InputError` for damage.
     """
     stream = io.BytesIO(raw)
     shape, fortran, dtype = read_header(stream, what)
@@ -145,8 +136,7 @@ def decode_array(raw: bytes, what: str, objects: ObjectReader | None = None) -> 
 def write_archive(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
     """Write an npz in one step; the same arrays give the same bytes.
 
-    Raises:
-        InputError: the place cannot be written to.
+    `InputError` where the place cannot be written to.
     """
     with (
         in_one_step(path) as beside,

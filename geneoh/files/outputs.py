@@ -32,11 +32,7 @@ HEAD = 4096
 
 
 def check_ending(path: Path, endings: Iterable[str]) -> None:
-    """Refuse a name whose ending is of no format that can be written.
-
-    Raises:
-        InputError: the ending is none of these.
-    """
+    """`InputError` for a name whose ending is of no format that can be written."""
     if path.suffix.lower() not in endings:
         raise InputError(f"{path}: expected {', '.join(endings)}, got {path.suffix!r}; name it so")
 
@@ -99,15 +95,7 @@ def refuse_inputs(path: Path, place: Path, inputs: Iterable[Path]) -> None:
 
 
 def keep_others(path: Path, remedy: str) -> None:
-    """Refuse to replace a file that holds anything and that geneoh did not write.
-
-    Args:
-        path: the file that would be written.
-        remedy: what to do, for the error.
-
-    Raises:
-        InputError: such a file is there.
-    """
+    """`InputError` for a file that holds anything and that geneoh did not write; with a remedy."""
     if path.exists() and path.stat().st_size and not is_ours(path):
         raise InputError(f"{path}: is there already and was not written by geneoh; {remedy}")
 

@@ -36,11 +36,7 @@ def reason(error: Exception) -> str:
 
 
 def byte_budget() -> int:
-    """Bytes of memory that reading one npz may take, as the user set them.
-
-    Raises:
-        ConfigError: the environment variable is not a whole number.
-    """
+    """Bytes of memory that reading one npz may take; `ConfigError` where the user set no number."""
     given = os.environ.get(BUDGET_VARIABLE, str(BUDGET))
     if not given.isdecimal() or len(given) > 18:
         raise ConfigError(
@@ -51,11 +47,7 @@ def byte_budget() -> int:
 
 
 def read_bytes(path: Path, limit: int = SIZE_LIMIT) -> bytes:
-    """The bytes of a file that is not too large.
-
-    Raises:
-        InputError: it cannot be read, or is larger than `limit`.
-    """
+    """The bytes of a file; `InputError` where it cannot be read, or is larger than `limit`."""
     try:
         refuse_large(path, limit)
         return path.read_bytes()
@@ -64,11 +56,7 @@ def read_bytes(path: Path, limit: int = SIZE_LIMIT) -> bytes:
 
 
 def open_text(path: Path, limit: int) -> TextIO:
-    """A text file that is not too large, to be read line by line.
-
-    Raises:
-        InputError: as `read_bytes`.
-    """
+    """A text file to be read line by line; `InputError` as `read_bytes`."""
     try:
         refuse_large(path, limit)
         return path.open(encoding="utf-8", errors="replace", newline="")

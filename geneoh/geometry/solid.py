@@ -16,15 +16,7 @@ from jaxtyping import Bool, Float, Float64, Int, Int64
 from torch import Tensor
 
 from geneoh.errors import InputError
-from geneoh.geometry.mesh import (
-    WELD_TOLERANCE,
-    Mesh,
-    checked,
-    open_edges,
-    rims,
-    thickened,
-    welded,
-)
+from geneoh.geometry.mesh import WELD_TOLERANCE, Mesh, checked, open_edges, rims, thickened, welded
 
 OPENING_SHARE = 0.05
 """A hole is an opening when its area is more than this share of its shell's area.

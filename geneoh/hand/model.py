@@ -21,12 +21,7 @@ from torch import Tensor
 
 from geneoh.bundle import Bundle
 from geneoh.choices import Side
-from geneoh.geometry.mirror import (
-    mirror_axis_angle,
-    mirror_faces,
-    mirror_points,
-    mirror_signs,
-)
+from geneoh.geometry.mirror import mirror_axis_angle, mirror_faces, mirror_points, mirror_signs
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import MANO_FROM_OPENPOSE, PARENTS, TIP_PARENTS, forward_kinematics
 

@@ -184,12 +184,8 @@ class Recording:
 def paths_matching(path: Path, pattern: str) -> Iterator[Path]:
     """What is at or below a path and matches a pattern, in the order of names.
 
-    Args:
-        path: a file or folder as the user gave it.
-        pattern: for the name of a file, such as "*.npz", or of a folder, such as "meta/".
-
-    Raises:
-        InputError: no such path.
+    The pattern is for the name of a file, such as "*.npz", or of a folder, such as "meta/".
+    `InputError` where there is no such path.
     """
     if not path.exists():
         raise InputError(f"{path}: no such file or folder; check the path")
@@ -217,12 +213,7 @@ def finite_frames(values: Array) -> Array:
 
 
 def runs(present: Array, after_jump: Array | None = None) -> list[slice]:
-    """The longest stretches of frames that are all present.
-
-    Args:
-        present: (T,) whether a frame is present.
-        after_jump: (T,) whether a frame does not follow from the one before it.
-    """
+    """The longest stretches of (T,) frames that are all `present`, cut before each jump in time."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], present, [False]])))
     jumps = np.flatnonzero(np.zeros(len(present), dtype=bool) if after_jump is None else after_jump)
     stretches = []

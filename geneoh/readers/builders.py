@@ -39,12 +39,6 @@ def mano_track(
 ) -> tuple[HandTrack, tuple[str, ...]]:
     """A track from MANO parameters, with keypoints where they can be had, and what was assumed.
 
-    Args:
-        numbers: what the source stores.
-        convention: how the source means it.
-        options: the caller's MANO files, if any.
-        where: the file, for messages.
-
     Raises:
         InputError: the parameters cannot be read without MANO, or are not all of the same frames.
     """
@@ -114,16 +108,12 @@ def hand_by_frame(
     *,
     quaternions: bool = False,
 ) -> ManoParameters:
-    """One hand out of the records of single frames, NaN in every frame that has none.
+    """One hand out of the records of the frames that have it; NaN in all others of `frames`.
 
     Args:
-        side: which hand.
-        records: of the frames that have it.
-        frames: their number T.
         pose: the field of 48 numbers, or of 16 quaternions with the real part first.
         translation: the field of 3 numbers.
         betas: the field of 10 numbers, whose mean is taken.
-        quaternions: whether the pose is quaternions.
     """
     turns = field_by_frame(records, pose, frames, *((16, 4) if quaternions else (48,)))
     places = field_by_frame(records, translation, frames, 3)
@@ -153,14 +143,8 @@ def hand_track(
 ) -> HandTrack:
     """A track of MANO's numbers, of which every frame with NaN counts as not observed.
 
-    Args:
-        side: which hand.
-        pose: (T, 16, 3) absolute.
-        wrist: (T, 3) metres.
-        joints: (T, 21, 3) metres, OpenPose order.
-        betas: (10,)
-        left_hand: the left hand that the betas belong to.
-        confidence: (T, 21)
+    The pose is (T, 16, 3) absolute, the wrist (T, 3) and the joints (T, 21, 3) in OpenPose order
+    are in metres, `left_hand` is the one that the (10,) betas belong to.
     """
     parts = [part for part in (pose, wrist, joints) if part is not None]
     valid = np.asarray(np.stack([finite_frames(part) for part in parts]).all(axis=0))
@@ -191,12 +175,7 @@ def masked(values: Array, valid: Array) -> torch.Tensor:
 
 
 def object_track(meshes: Iterable[Mesh], motion: Array) -> ObjectTrack:
-    """An object from (T, 4, 4) or (T, Q, 4, 4) matrices, object to world in metres.
-
-    Args:
-        meshes: one for each of the Q parts.
-        motion: of the parts.
-    """
+    """An object of Q parts, from (T, 4, 4) or (T, Q, 4, 4) object to world in metres."""
     parts = motion if motion.ndim == 4 else motion[:, None]
     rotation, translation = float32(parts[..., :3, :3]), float32(parts[..., :3, 3])
     return fill_object(ObjectTrack(tuple(meshes), rotation, translation))
@@ -236,8 +215,7 @@ def sequence_of(
 ) -> Sequence:
     """A sequence of the hands that were observed at all, with what was assumed in its source.
 
-    Raises:
-        InputError: no hand was observed.
+    `InputError` where no hand was observed.
     """
     observed = tuple(hand for hand in hands if bool(hand.valid.any()))
     if not observed:

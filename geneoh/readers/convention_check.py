@@ -81,12 +81,8 @@ def contradictions(recording: Recording) -> list[str]:
 def doubts(sequence: Sequence, name: str) -> Iterator[str]:
     """What is doubtful about a sequence before it is cleaned, each with the option that cures it.
 
-    Args:
-        sequence: as it was read.
-        name: its file, for messages.
-
-    Raises:
-        InputError: the keypoints are certainly in another order.
+    `InputError` where the keypoints are certainly in another order; `name` is the file, for
+    messages.
     """
     for hand in sequence.hands:
         if hand.joints is not None and (order := shorter_order(hand.joints[hand.valid])):

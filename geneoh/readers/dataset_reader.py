@@ -132,10 +132,8 @@ def refuse_other_frames(where: str, sequence: Sequence, stored: CrossChecks) -> 
 def split(whole: Recording, object_known: Array, after_jump: Array | None) -> list[Recording]:
     """One recording for each stretch of frames in which the object's place is known.
 
-    Args:
-        whole: all frames; with several stretches each is called by its first frame as well.
-        object_known: (T,) the frames that have the object's place.
-        after_jump: (T,) frames that do not follow in time from the one before them.
+    With several stretches each is called by its first frame as well. `after_jump` are the (T,)
+    frames that do not follow in time from the one before them.
 
     Raises:
         InputError: it is known in no frame, or in none with a hand.

@@ -54,16 +54,9 @@ def read_text(path: Path) -> str:
 
 
 def read_table(path: Path, wanted: re.Pattern[str]) -> Record:
-    """Columns of a CSV as arrays by name; blanks around names are dropped.
+    """The wanted columns of a CSV as arrays by name; blanks around names are dropped.
 
-    A cell that is no number comes as NaN.
-
-    Args:
-        path: the file.
-        wanted: the names of the columns to read.
-
-    Raises:
-        InputError: no table, or too large a one.
+    A cell that is no number comes as NaN. `InputError` for no table, or too large a one.
     """
     try:
         with open_text(path, TABLE_LIMIT) as file:
@@ -98,12 +91,7 @@ def number_in(text: str) -> float:
 def read_numbers(path: Path, *counts: int) -> Array:
     """The numbers of a text file with one line per row, or all of one row.
 
-    Args:
-        path: the file.
-        counts: numbers that a row may have.
-
-    Raises:
-        InputError: not numbers, or rows of other lengths.
+    `InputError` for what is no number, or rows that do not have one of the counts of numbers.
     """
     rows = [line.split() for line in read_text(path).splitlines() if line.strip()]
     try:
@@ -120,11 +108,7 @@ def read_numbers(path: Path, *counts: int) -> Array:
 
 
 def frame_number(path: Path) -> int:
-    """The number in a file's name, such as 17 in 00017.json.
-
-    Raises:
-        InputError: the name is no frame's number.
-    """
+    """The number in a file's name, 17 in 00017.json; `InputError` for names without one."""
     digits = "".join(ch for ch in path.stem if ch.isdecimal())
     if not digits or len(digits) > 9 or int(digits) > FRAME_LIMIT:
         raise InputError(f"{path}: expected a frame's number as the name; rename or remove it")

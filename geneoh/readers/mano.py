@@ -62,12 +62,7 @@ class Mano:
 
 @lru_cache(maxsize=8)
 def read_mano(folder: Path, side: Side, name: ManoName = AS_SHIPPED) -> Mano:
-    """One side of MANO from the user's files.
-
-    Raises:
-        MissingAssetError: no such file.
-        InputError: not MANO's layout.
-    """
+    """One side of MANO; `MissingAssetError` without a file, `InputError` for another layout."""
     space = load_pose_space(side, folder)
     return Mano(
         load_mano(side, folder, name=name),
@@ -79,14 +74,9 @@ def read_mano(folder: Path, side: Side, name: ManoName = AS_SHIPPED) -> Mano:
 def pose_of_coefficients(
     record: Record, name: str, coefficients: Array, mano: Mano, *, add_mean: bool
 ) -> Array:
-    """(T, 45) absolute pose from (T, C) coefficients of MANO's pose components.
+    """(T, 45) absolute pose from (T, C) coefficients of the first of MANO's pose components.
 
-    Args:
-        record: the fields that the coefficients come from.
-        name: their field, for the message.
-        coefficients: of the first components.
-        mano: whose components.
-        add_mean: whether the mean pose has to be added.
+    `name` is their field in the record, for the message; `add_mean` adds the mean pose.
     """
     count = coefficients.shape[-1]
     if count > len(mano.components):

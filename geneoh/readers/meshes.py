@@ -18,8 +18,7 @@ def find_mesh(
 ) -> Mesh:
     """The mesh at the first of some paths that is a file, see `read_mesh`.
 
-    Raises:
-        InputError: there is none; the message names the first path.
+    `InputError` where there is none; it names the first path.
     """
     for place in places:
         if place.is_file():
@@ -31,12 +30,9 @@ def find_mesh(
 
 
 def read_mesh(path: Path, scale: float = 1.0, *, centred: bool = False) -> Mesh:
-    """A mesh in metres.
+    """A mesh in metres; `scale` is metres per unit of the file.
 
-    Args:
-        path: the file.
-        scale: metres per unit of the file.
-        centred: move the middle of its bounding box to the origin.
+    With `centred` the middle of its bounding box is moved to the origin.
     """
     mesh = load_mesh(path, tidy=False)
     verts = mesh.verts.double() * scale
@@ -48,8 +44,7 @@ def read_mesh(path: Path, scale: float = 1.0, *, centred: bool = False) -> Mesh:
 def with_parts(motion: ObjectTrack) -> tuple[ObjectTrack, tuple[str, ...]]:
     """An object whose one file holds several meshes, as these where there is a pose for each.
 
-    Returns:
-        The object, and what was made of such a file, in words.
+    Also what was made of such a file, in words.
     """
     meshes = motion.meshes[0].parts if len(motion.meshes) == 1 else ()
     held = f"the object's mesh file holds {len(meshes)} separate meshes"
@@ -62,11 +57,7 @@ def with_parts(motion: ObjectTrack) -> tuple[ObjectTrack, tuple[str, ...]]:
 
 
 def part_of_mesh(mesh: Mesh, chosen: Array, name: str) -> Mesh:
-    """The faces of which all corners are chosen, with their vertices.
-
-    Raises:
-        InputError: there is no such face.
-    """
+    """The faces of which all corners are chosen, with their vertices; `InputError` for none."""
     inside = torch.from_numpy(chosen)[mesh.faces].all(-1)
     if not bool(inside.any()):
         raise InputError(f"{name}: expected a part with faces, got none; check the parts' file")

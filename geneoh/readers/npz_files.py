@@ -139,9 +139,7 @@ def load(
 def in_openpose_order(record: Record, layout: Layout, order: JointOrder) -> Record:
     """The fields with bare joints brought from the caller's order into OpenPose's.
 
-    Raises:
-        ConfigError: there is no such order.
-        InputError: the file's layout defines its own order.
+    `ConfigError` for an unknown order, `InputError` where the layout defines its own.
     """
     if order not in ORDERS:
         raise ConfigError(f"--joint-order {order}: expected {', '.join(ORDERS)}")
@@ -193,8 +191,7 @@ def with_camera(record: Record, position: Place | None) -> Record:
 def in_metres(record: Record, layout: Layout, unit: Unit | None) -> Record:
     """The fields of a file of bare joints with its lengths in metres.
 
-    Raises:
-        InputError: the file's layout defines its own unit.
+    `InputError` where the file's layout defines its own unit.
     """
     if unit is None:
         return record

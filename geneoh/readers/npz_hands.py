@@ -35,14 +35,7 @@ Notes = tuple[str, ...]
 def read_hands(
     record: Record, layout: Layout, side: Side | None = None, mano_dir: Path | str | None = None
 ) -> tuple[tuple[HandTrack, ...], Notes]:
-    """The hand tracks of a file in a known layout.
-
-    Args:
-        record: the file.
-        layout: its layout.
-        side: which hand, where the file does not say; of two hands, the one to read.
-        mano_dir: folder of the user's MANO files, for the exact wrist of smplx translations.
-    """
+    """The hand tracks of a file in a known layout, and what had to be assumed; see `load`."""
     if layout == "geneoh-sequence":
         return read_own(record, side)
     side = side_of(record, side)
@@ -197,9 +190,7 @@ def read_track(
         side: which hand.
         names: the file's name of each field of `HAND_FIELDS` that its layout has.
         hand_model: whose betas they are.
-        parameters: further fields that pose and wrist were made from.
-        pose: of the layouts that have another form of it.
-        wrist: as the pose.
+        parameters: further fields that `pose` and `wrist` were made from, where a layout does so.
     """
     field = {name: names.get(name, "") for name in HAND_FIELDS}
     joints = record.tensor(field["joints"], ("T", 21, 3), unit="in metres, in OpenPose order")

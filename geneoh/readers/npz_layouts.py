@@ -69,21 +69,13 @@ TYPO_CUTOFF = 0.85
 
 
 def read_fields(path: Path) -> Record:
-    """The fields of an npz, of which plain arrays only are read.
-
-    Raises:
-        InputError: not an npz, or one with anything but plain arrays.
-    """
+    """The fields of an npz; `InputError` for other files, and for anything but plain arrays."""
     remedy = "reshape it or export the file again"
     return Record(str(path), read_archive(path), remedy, most_frames=sys.maxsize)
 
 
 def layout_of(record: Record) -> Layout:
-    """The one layout that a file is in.
-
-    Raises:
-        InputError: none fits, or more than one does.
-    """
+    """The one layout that a file is in; `InputError` where none fits, or more than one does."""
     if "format" in record:
         refuse_other_format(record)
         return FORMAT

@@ -39,11 +39,7 @@ def seen_from(folder: Path, file: Path) -> str:
 def find_meshes(record: Record, folder: Path) -> tuple[tuple[Mesh, ...], tuple[str, ...]]:
     """The meshes that a file in a folder names, where all are there and as they were.
 
-    Returns:
-        The meshes, or none; what to know where they are named and cannot be used, in words.
-
-    Raises:
-        InputError: the names or the hashes are no lists of text.
+    Otherwise none, and in words what to know of them. `InputError` for names that are no texts.
     """
     if FILES not in record:
         return (), ()

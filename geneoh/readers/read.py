@@ -100,15 +100,7 @@ def options_with_files(
     keypoint_unit: Unit | None = None,
     **others: Any,
 ) -> ReaderOptions:
-    """Options with the files read that hold the object's meshes and poses.
-
-    Args:
-        obj: meshes of the object or their files.
-        object_pose: the npy file of the object's poses, or the poses.
-        unit: of the mesh files.
-        keypoint_unit: of bare keypoints and of the object's poses beside them.
-        others: further fields of `ReaderOptions`.
-    """
+    """Options with the files read that hold the object's meshes and poses; see `read`."""
     if isinstance(object_pose, Path | str):
         object_pose = read_array(Path(object_pose), ("T", 4, 4), ("T", "Q", 4, 4))
     if object_pose is not None and keypoint_unit is not None:

@@ -12,11 +12,7 @@ from geneoh.sequence.validation import check_distance
 
 
 def source_named(name: str) -> Source:
-    """The source of that name.
-
-    Raises:
-        ConfigError: there is none.
-    """
+    """The source of that name; `ConfigError` where there is none."""
     if name not in SOURCES:
         raise ConfigError(f"source {name}: expected one of {', '.join(SOURCES)}")
     return SOURCES[name]
@@ -25,8 +21,7 @@ def source_named(name: str) -> Source:
 def find_clips(source: Source, paths: list[Path]) -> list[SourceClip]:
     """Every clip of a source below some paths, each once.
 
-    Raises:
-        InputError: a path does not exist, or holds nothing of this source.
+    `InputError` where a path does not exist, or holds nothing of this source.
     """
     found: dict[Path, SourceClip] = {}
     for path in paths:
@@ -105,8 +100,7 @@ def without_idle_hand(recording: Recording) -> Recording:
 def with_choices(recording: Recording, clip: SourceClip, options: ReaderOptions) -> Recording:
     """The recording with the caller's choices kept.
 
-    Raises:
-        InputError: they are of another hand or object than the source has.
+    `InputError` where they are of another hand or object than the source has.
     """
     meshes = recording.sequence.object.meshes
     own = [each for mesh in options.meshes[:1] for each in (mesh, *mesh.parts)]
@@ -136,8 +130,7 @@ def with_hands(recording: Recording, sides: set[Side], *notes: str) -> Recording
 def read_one(name: str, path: Path, options: ReaderOptions, clip: str | None = None) -> Recording:
     """The one recording at a path, or the one of a name where there are several.
 
-    Raises:
-        InputError: there are several and no name chooses; the message lists them.
+    `InputError` where there are several and no name chooses; the message lists them.
     """
     source = source_named(name)
     clips = find_clips(source, [path])

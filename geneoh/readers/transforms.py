@@ -49,11 +49,7 @@ def axis_angles_of_wxyz(quaternions: Array) -> Array:
 
 
 def inverse(matrices: Array, where: str) -> Array:
-    """(..., 4, 4) inverses of (..., 4, 4) transformations.
-
-    Raises:
-        InputError: one of them has none.
-    """
+    """(..., 4, 4) inverses of (..., 4, 4) transformations; `InputError` where one has none."""
     sound = bool(np.isfinite(matrices).all())
     if not sound or (np.abs(np.linalg.det(matrices)) < SINGULAR).any():
         raise InputError(f"{where}: expected a camera's pose that can be inverted; copy it again")

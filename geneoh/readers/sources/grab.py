@@ -57,8 +57,7 @@ def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
 def touching(clip: base.SourceClip) -> dict[Side, Array]:
     """(T,) for each hand, the frames in which it touches the object, by the labels of contact.
 
-    Raises:
-        InputError: the file has no contact labels for the object's vertices.
+    `InputError` where the file has no contact labels for the object's vertices.
     """
     contact = read_record(clip.path).record("contact")
     labels = contact.values.get("object")
