@@ -26,6 +26,7 @@ def whole() -> Sequence:
         hand_model="embedded",
         confidence=every[:, None].expand(-1, 21),
         joint_spread=every[:, None].expand(-1, 21),
+        camera_ray=every[:, None].expand(-1, 3),
     )
     left = HandTrack("left", every == 0, joints=torch.zeros(FRAMES, 21, 3))
     motion = ObjectTrack((), torch.eye(3).repeat(FRAMES, 1, 1, 1), torch.zeros(FRAMES, 1, 3))
