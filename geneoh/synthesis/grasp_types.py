@@ -58,16 +58,16 @@ def _precision(
     return GraspType(f"precision {count}", share, (*fingers, 1.0, 0.0), needed, approaches=16)
 
 
-_WHOLE = (0.5, 0.8, 1.0)
+_WHOLE = (0.8, 0.95, 1.0)
 GRASP_TYPES = (
-    GraspType("power", 0.38, (0.9, 0.5, 0.95, 0.7, 0.95, 0.0), 3, _WHOLE, _WHOLE, approaches=6),
+    GraspType("power", 0.44, (0.95, 0.95, 0.85, 0.95, 0.95, 0.8), 4, _WHOLE, _WHOLE, approaches=6),
     _precision(2, 0.08, (1.0, 0.0, 0.0, 0.0), 2),
     _precision(3, 0.1, (1.0, 1.0, 0.0, 0.0), 3),
-    _precision(4, 0.09, (1.0, 1.0, 0.0, 1.0), 3),
-    _precision(5, 0.08, (1.0, 1.0, 1.0, 1.0), 4),
+    _precision(4, 0.08, (1.0, 1.0, 0.0, 1.0), 3),
+    _precision(5, 0.06, (1.0, 1.0, 1.0, 1.0), 4),
     GraspType(
         "lateral",
-        0.09,
+        0.08,
         (1.0, 0.0, 0.0, 0.0, 1.0, 0.0),
         2,
         fingers=(0.0, 0.0, 0.0),
@@ -83,7 +83,7 @@ GRASP_TYPES = (
     ),
     GraspType(
         "hook",
-        0.09,
+        0.08,
         (1.0, 1.0, 1.0, 1.0, 0.0, 0.0),
         3,
         fingers=(0.2, 1.0, 0.6),
@@ -97,7 +97,7 @@ GRASP_TYPES = (
     ),
     GraspType(
         "support",
-        0.09,
+        0.08,
         (0.9, 0.9, 0.8, 0.9, 0.0, 1.0),
         3,
         fingers=(0.7, 0.7, 0.7),

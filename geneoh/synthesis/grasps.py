@@ -7,7 +7,7 @@ passes `GraspChecks` is kept. Frames: the right hand's rest frame (fingers -x, p
 and the object's frame; metres and radians.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import torch
 from jaxtyping import Bool, Float, Int
@@ -25,6 +25,7 @@ from geneoh.synthesis.contact_pads import (
 )
 from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.grasp_types import GRASP_TYPES
+from geneoh.synthesis.holding import unheld
 from geneoh.synthesis.pose_prior import FINGER_HIGH, FINGER_LOW, FINGER_STD, beyond_range, curled
 from geneoh.synthesis.solids import Solids
 
@@ -51,6 +52,11 @@ class GraspChecks:
     """Hook and support, where weight takes the place of opposing contacts: at one touching pad the
     cosine between the surface normal and the direction that bears on the hand is above this, and
     nowhere below its negative. So the hand can lift, and no pad pushes straight down."""
+    unheld: float = 0.35
+    """Grips: most of any push against the object that friction at the touching pads does not bear,
+    as a share of the push."""
+    skin: float = 0.0035
+    """How much deeper than `depth` the skin may be, metres: spheres leave out the palm's flesh."""
 
 
 @dataclass(frozen=True)
@@ -104,6 +110,16 @@ class GraspConfig:
     """Deviation of the hand's first orientation from facing the surface, radians on each axis."""
     start_reach: tuple[float, float] = (0.75, 1.25)
     """Range of a factor on how far along the palm the surface point lies at the start."""
+    grips: int = 2
+    """Other poses that are looked for in which a hand holds the same place."""
+    grip_steps: float = 0.25
+    """Descent steps for each, as a share of `steps`."""
+    grip_turn_std: float = 0.12
+    """Deviation of a grip's turn about the pads that touch, radians on each axis, at its start."""
+    grip_shift_std: float = 0.004
+    """Deviation of its shift, metres."""
+    grip_habit_std: float = 0.25
+    """Deviation of its fingers, in deviations of each joint."""
     energy: GraspEnergy = field(default_factory=GraspEnergy)
     checks: GraspChecks = field(default_factory=GraspChecks)
 
@@ -119,6 +135,14 @@ class Grasps(Bundle):
     """Whether the grasp passes the checks."""
     types: Int[Tensor, " B"]
     """Index into GRASP_TYPES of what was tried."""
+
+
+@dataclass(frozen=True)
+class Grips(Bundle):
+    """Other poses of B hands in which they hold the same place of their object, K of each."""
+
+    pose: Float[Tensor, "B K 16 3"]
+    wrist: Float[Tensor, "B K 3"]
 
 
 @dataclass(frozen=True)
@@ -203,10 +227,12 @@ def _energy(
     joints, turns = forward_kinematics(axis_angle_to_matrix(pose), wrist, attempt.offsets)
     centers, radii = hand_spheres(joints, attempt.scale)
     pads, facing = contact_pads(joints, turns, attempt.scale)
-    distance = solids.signed_distance(torch.cat([centers, pads], 1))
+    points = torch.cat([centers, pads], 1)
+    there, slope = solids.distance_and_normal(points.detach())
+    # the same distance, whose gradient is the normal: one evaluation serves both
+    distance = there + ((points - points.detach()) * slope).sum(-1)
     depth = (radii - distance[:, : centers.shape[1]]).clamp(min=0)
-    gap = distance[:, centers.shape[1] :]
-    _, normal = solids.distance_and_normal(pads.detach())
+    gap, normal = distance[:, centers.shape[1] :], slope[:, centers.shape[1] :]
     alignment = (1 + (facing * normal).sum(-1)) * attempt.wanted
     overlap = (-finger_clearance(centers, radii)).clamp(min=0)
     unlike = (fingers - attempt.liked) / FINGER_STD
@@ -307,7 +333,8 @@ def _holds(
     lifts = (torch.where(touching, load, -1.0).amax(-1) > checks.bearing) & (
         torch.where(touching, load, 1.0).amin(-1) > -checks.bearing
     )
-    held = torch.where(bears.any(-1), lifts, opposed)
+    firm = opposed & (unheld(pads, normal, touching) < checks.unheld)
+    held = torch.where(bears.any(-1), lifts, firm)
     return held & (touches >= _of_type("needed", types) + checks.fingers)
 
 
@@ -338,6 +365,53 @@ def synthesize_grasps(
         pose = torch.cat([orient[:, None], fingers], dim=1)
         kept = _kept(solids, attempt, wrist, pose, config.checks)
         return Grasps(pose, wrist.detach(), offsets, kept, attempt.types)
+
+
+def shifted_grips(
+    solids: Solids,
+    grasps: Grasps,
+    config: GraspConfig | None = None,
+    *,
+    generator: torch.Generator,
+) -> Grips:
+    """Grips near each grasp with the same pads: what hands shift and roll their object between.
+
+    A grip that loses a pad or sinks into the object is replaced by the grasp itself.
+    """
+    config = config or GraspConfig()
+    each = torch.arange(len(grasps.pose)).repeat_interleave(config.grips)
+    solids, grasps = solids.take(each, "B"), grasps.take(each, "B")
+    draws = Draws(len(each), generator)
+    span = grasps.offsets[:, [3, 4, 5, 16]].norm(dim=-1).sum(-1, keepdim=True)
+    scale = span / MEAN_SPAN
+    turns = axis_angle_to_matrix(grasps.pose)
+    joints, world = forward_kinematics(turns, grasps.wrist, grasps.offsets)
+    pads, _ = contact_pads(joints, world, scale)
+    touching = solids.signed_distance(pads).abs() < config.checks.contact
+    weight = touching.float()[..., None]
+    pivot = (pads * weight).sum(1) / weight.sum(1).clamp(min=1)
+    turn = axis_angle_to_matrix(config.grip_turn_std * draws.normal(3))
+    wrist = pivot + (turn @ (grasps.wrist - pivot)[..., None])[..., 0]
+    wrist = wrist + config.grip_shift_std * draws.normal(3)
+    orient = matrix_to_axis_angle(turn @ turns[:, 0])
+    liked = grasps.pose[:, 1:] + config.grip_habit_std * FINGER_STD * draws.normal(15, 3)
+    fingers = liked.clone()
+    attempt = _Attempt(grasps.types, grasps.offsets, scale, liked, touching)
+    _descend(
+        solids,
+        attempt,
+        wrist,
+        orient,
+        fingers,
+        replace(config, steps=max(1, round(config.grip_steps * config.steps))),
+    )
+    with torch.no_grad():
+        pose = torch.cat([orient[:, None], fingers], dim=1)
+        kept = _kept(solids, attempt, wrist, pose, config.checks)
+        pose = torch.where(kept[:, None, None], pose, grasps.pose)
+        wrist = torch.where(kept[:, None], wrist, grasps.wrist)
+    shape = -1, config.grips
+    return Grips(pose.unflatten(0, shape), wrist.detach().unflatten(0, shape))
 
 
 def _descend(

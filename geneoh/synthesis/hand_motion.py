@@ -7,12 +7,12 @@ import math
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
-from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.synthesis.draws import Draws
-from geneoh.synthesis.grasps import Grasps
+from geneoh.synthesis.grasps import Grasps, Grips
 from geneoh.synthesis.object_motion import Standing
 from geneoh.synthesis.pose_prior import curled
 from geneoh.synthesis.schedule import Schedule, minimum_jerk
@@ -55,6 +55,17 @@ class HandMotionConfig:
     """Deviation of the small adjustments of the hand's orientation, radians."""
     turn_period: float = 15.0
     """Frames over which they change."""
+    grip_share: float = 0.6
+    """Share of the hands that shift from grip to grip while they hold."""
+    grip_frames: tuple[float, float] = (8.0, 40.0)
+    """Range of the frames that a hand takes to shift."""
+    restless_share: float = 0.5
+    """Of those that shift, the share that is between its grips all the time, as in the use of a
+    tool."""
+    restless_period: float = 10.0
+    """Frames over which their place between the grips changes."""
+    restless_size: float = 2.0
+    """How far they go from the middle: with large numbers from one grip to the next."""
     open_curl: tuple[float, float] = (0.05, 0.9)
     """Range of the curl of open fingers: people reach with their fingers more or less open."""
     curl_scatter: float = 0.3
@@ -79,6 +90,9 @@ class HandMotionConfig:
     """What is added to it while the hand is open, radians."""
     tremor_period: float = 8.0
     """Frames over which it changes."""
+    together: float = 0.6
+    """Correlation of that motion between the flexions of the four fingers, as in a minute of free
+    hand motion recorded with Leap Motion (leapjs-playback): 0.56 to 0.8."""
 
 
 @dataclass(frozen=True)
@@ -118,8 +132,59 @@ def bell(frames: Float[Tensor, "B T"], width: float) -> Float[Tensor, "B T"]:
     return torch.exp(-0.5 * (frames / width) ** 2)
 
 
-def wrist_motion(
+@dataclass(frozen=True)
+class HeldPose:
+    """The grasp of B hands in each of T frames, in the frame of the part that they hold."""
+
+    wrist: Float[Tensor, "B T 3"]
+    turn: Float[Tensor, "B T 3 3"]
+    """Global rotation."""
+    fingers: Float[Tensor, "B T 15 3"]
+
+
+def grip_motion(
     grasps: Grasps,
+    grips: Grips | None,
+    schedule: Schedule,
+    free: Bool[Tensor, " B"],
+    config: HandMotionConfig,
+    draws: Draws,
+) -> HeldPose:
+    """Hands that shift from their grasp to other grips while they hold, one after the other.
+
+    Args:
+        grasps: the first grip.
+        grips: the others; None where hands keep the first.
+        schedule: when they hold.
+        free: hands that may shift: others have another hand in their way.
+        config: how often and how fast they do.
+        draws: source of every random choice.
+    """
+    first = axis_angle_to_matrix(grasps.pose[:, 0])
+    still = torch.zeros_like(grasps.wrist)
+    start = torch.cat([grasps.wrist, still, grasps.pose[:, 1:].flatten(1)], -1)
+    path = start[:, None].expand(-1, schedule.frames, -1)
+    if grips is not None:
+        turned = matrix_to_axis_angle(first[:, None].mT @ axis_angle_to_matrix(grips.pose[:, :, 0]))
+        ends = torch.cat([grips.wrist, turned, grips.pose[:, :, 1:].flatten(2)], -1)
+        steps = torch.diff(ends, dim=1, prepend=start[:, None])
+        shifts = draws.chance(config.grip_share, 1, 1) & free[:, None, None]
+        held = (schedule.release - schedule.close)[:, None]
+        times = schedule.close[:, None] + held * draws.share(ends.shape[1]).sort(1).values
+        way = (schedule.time[:, None] - times[:, None]) / draws.uniform(config.grip_frames, 1, 1)
+        progress = minimum_jerk(way + 0.5)
+        between = draws.smooth(schedule.frames, ends.shape[1] + 1, config.restless_period)
+        between = torch.softmax(config.restless_size * between, -1).flip(-1).cumsum(-1).flip(-1)
+        restless = draws.chance(config.restless_share, 1, 1)
+        progress = torch.where(restless, between[..., 1:], progress)
+        path = path + (progress * shifts) @ steps
+    wrist, turned, fingers = path.split([3, 3, 45], -1)
+    turn = first[:, None] @ axis_angle_to_matrix(turned)
+    return HeldPose(wrist, turn, fingers.unflatten(-1, (15, 3)))
+
+
+def wrist_motion(
+    held: HeldPose,
     standing: Standing,
     phases: HandPhases,
     config: HandMotionConfig,
@@ -130,8 +195,7 @@ def wrist_motion(
     Between the two the wrist follows the grasp, but for small smooth adjustments.
     """
     frames = phases.reach.shape[1]
-    grasp = axis_angle_to_matrix(grasps.pose[:, 0])
-    back = grasp @ torch.tensor(config.away_direction)
+    back = held.turn[:, 0] @ torch.tensor(config.away_direction)
     up = standing.upright[:, 2]  # the world's vertical in the object's frame
 
     def place() -> Float[Tensor, "B 1 3"]:
@@ -147,33 +211,35 @@ def wrist_motion(
     turn = reach * config.away_turn_std * draws.normal(1, 3)
     turn = turn + leave * config.away_turn_std * draws.normal(1, 3)
     turn = turn + config.turn_noise * draws.smooth(frames, 3, config.turn_period)
-    wrist = grasps.wrist[:, None] + path + shift
-    return wrist, grasp[:, None] @ axis_angle_to_matrix(turn)
+    return held.wrist + path + shift, held.turn @ axis_angle_to_matrix(turn)
 
 
 def finger_motion(
-    grasps: Grasps, phases: HandPhases, config: HandMotionConfig, draws: Draws
+    held: HeldPose, phases: HandPhases, config: HandMotionConfig, draws: Draws
 ) -> Float[Tensor, "B T 15 3"]:
     """Finger joints: open before and after the grasp, some lifted from the object in between."""
     frames = phases.opening.shape[1]
-    fingers, opened = grasps.pose[:, None, 1:], _open_fingers(grasps, config, draws)
+    fingers, opened = held.fingers, _open_fingers(held, config, draws)
     opening = phases.opening[..., None, None] * draws.uniform(config.opening, 1, 1, 1)
     fingers = fingers + opening * (opened - fingers)
     lifted = _lifted(frames, config, draws)
     fingers = fingers + lifted[..., None] * (opened - fingers)
-    tremor = draws.smooth(frames, 45, config.tremor_period)
+    tremor = draws.smooth(frames, 46, config.tremor_period)
+    tremor, common = tremor[..., :45].unflatten(-1, (15, 3)), tremor[..., 45:]
+    own = (1 - config.together) ** 0.5 * tremor[:, :, :12, 2]
+    tremor[:, :, :12, 2] = own + config.together**0.5 * common
     size = config.tremor + config.open_tremor * opening
-    return fingers + tremor.unflatten(-1, (15, 3)) * size
+    return fingers + tremor * size
 
 
 def _open_fingers(
-    grasps: Grasps, config: HandMotionConfig, draws: Draws
+    held: HeldPose, config: HandMotionConfig, draws: Draws
 ) -> Float[Tensor, "B 1 15 3"]:
     """Open fingers, each with a curl of its own."""
     scatter = (config.curl_scatter * draws.normal(5)).exp()
     opened = curled(draws.uniform(config.open_curl, 1) * scatter)
     # never more bent than in the grasp: to open must not press a finger into the object
-    opened[:, :12, 2] = torch.minimum(opened[:, :12, 2], grasps.pose[:, 1:13, 2])
+    opened[:, :12, 2] = torch.minimum(opened[:, :12, 2], held.fingers[:, :, :12, 2].amin(1))
     return opened[:, None]
 
 

@@ -16,11 +16,12 @@ from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.hand.skeleton import forward_kinematics
 from geneoh.synthesis.bimanual import HandPairs
 from geneoh.synthesis.draws import Draws
-from geneoh.synthesis.grasps import Grasps
+from geneoh.synthesis.grasps import Grasps, Grips
 from geneoh.synthesis.hand_motion import (
     HandMotionConfig,
     draw_phases,
     finger_motion,
+    grip_motion,
     wrist_motion,
 )
 from geneoh.synthesis.object_motion import ObjectMotionConfig, carry, draw_standing, held_part
@@ -64,6 +65,7 @@ def animate(
     *,
     generator: torch.Generator,
     pairs: HandPairs | None = None,
+    grips: Grips | None = None,
 ) -> Interactions:
     """One interaction of `frames` frames per grasp.
 
@@ -79,6 +81,7 @@ def animate(
         config: how hands and objects move.
         generator: source of every random choice.
         pairs: which clips show the second hand on another clip's object; None for no clip.
+        grips: other poses to which a hand shifts while it holds; None where it keeps its grasp.
     """
     config = config or AnimationConfig()
     pairs = pairs or HandPairs.none(len(grasps.pose))
@@ -91,8 +94,9 @@ def animate(
     schedule = draw_schedule(frames, pairs, config.schedule, draws)
     rotation, translation = carry(solids, held, standing, schedule, pairs, config.object, draws)
     phases = draw_phases(schedule, config.hand, draws)
-    wrist, turn = wrist_motion(grasps, standing, phases, config.hand, draws)
-    fingers = finger_motion(grasps, phases, config.hand, draws)
+    held_in = grip_motion(grasps, grips, schedule, ~pairs.shared, config.hand, draws)
+    wrist, turn = wrist_motion(held_in, standing, phases, config.hand, draws)
+    fingers = finger_motion(held_in, phases, config.hand, draws)
 
     clip = torch.arange(len(grasps.pose))
     to_world, shift = rotation[clip, :, held.index], translation[clip, :, held.index]

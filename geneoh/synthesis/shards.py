@@ -23,7 +23,7 @@ from geneoh.synthesis.bimanual import (
     grasp_directions,
     pair_hands,
 )
-from geneoh.synthesis.grasps import GraspConfig, synthesize_grasps
+from geneoh.synthesis.grasps import GraspConfig, shifted_grips, synthesize_grasps
 from geneoh.synthesis.motion import AnimationConfig, Interactions, animate
 from geneoh.synthesis.objects import FAMILIES, draw_objects, family_named
 from geneoh.synthesis.scans import FILE, Scans, read_scans
@@ -171,8 +171,8 @@ def draw_names(
 
 
 def attempts_for(missing: int) -> int:
-    """Attempts for so many missing clips: two in five fail, but second hands are added."""
-    return missing + missing // 3 + 1
+    """Attempts for so many missing clips: more than half fail, but second hands are added."""
+    return 2 * missing + 4
 
 
 def synthesize_shard(
@@ -208,14 +208,20 @@ def interactions_of(
         generator=generator,
         toward=grasp_directions(tried.solids, shared),
     )
+    skin = tried.hands.posed(grasps.pose, grasps.wrist).verts
+    deep = -tried.solids.signed_distance(skin).amin(-1)
+    checks = config.grasps.checks
+    grasps = replace(grasps, kept=grasps.kept & (deep < checks.depth + checks.skin))
+    kept, solids = grasps.take(grasps.kept, "B"), tried.solids.take(grasps.kept, "B")
     return animate(
-        grasps.take(grasps.kept, "B"),
-        tried.solids.take(grasps.kept, "B"),
+        kept,
+        solids,
         config.frames,
         config.points,
         config.animation,
         generator=generator,
         pairs=pair_hands(grasps, shared, config.bimanual),
+        grips=shifted_grips(solids, kept, config.grasps, generator=generator),
     )
 
 

@@ -1,4 +1,4 @@
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import pytest
 import torch
@@ -9,7 +9,13 @@ from geneoh.hand.library import load_hand
 from geneoh.hand.skeleton import KEYPOINT_PARENTS, MANO_FROM_OPENPOSE, forward_kinematics
 from geneoh.synthesis.contact_pads import BONE_RADIUS, MEAN_SPAN
 from geneoh.synthesis.grasp_types import GRASP_TYPES
-from geneoh.synthesis.grasps import GraspChecks, GraspConfig, Grasps, synthesize_grasps
+from geneoh.synthesis.grasps import (
+    GraspChecks,
+    GraspConfig,
+    Grasps,
+    shifted_grips,
+    synthesize_grasps,
+)
 from geneoh.synthesis.objects import draw_objects
 from geneoh.synthesis.pose_prior import FINGER_MEAN, FINGER_STD, curled
 from geneoh.synthesis.solids import Solids
@@ -90,7 +96,9 @@ def parts(grasps: Grasps, name: str) -> list[Tensor]:
         palm = [pad(grasps, j, e, share, (0.0, -1.0, 0.0), r) for j, e, share, r in PALM]
         return fingers + ([torch.stack(palm, dim=1)] if name == "support" else [])
     if name == "power":
-        return [pads_of(grasps, digit, (0, 1, 2)) for digit in range(5)]
+        palm = [pad(grasps, j, e, share, (0.0, -1.0, 0.0), r) for j, e, share, r in PALM]
+        fingers = [pads_of(grasps, digit, (0, 1, 2)) for digit in range(5)]
+        return [*fingers, torch.stack(palm, dim=1)]
     order = (4, 0, 1, 3, 2)  # the thumb, then the neighbours from the index on
     return [pads_of(grasps, digit, (1, 2)) for digit in order[: int(name[-1])]]
 
@@ -160,7 +168,7 @@ def test_kept_grasps_are_hardly_inside_the_object(grasped):
 def test_kept_grasps_touch_with_the_digits_of_their_kind(grasped, index):
     count, _, _ = contacts(*grasped, index)
     assert len(count) > 0
-    needed = {"power": 3, "precision 2": 2, "precision 3": 3, "precision 4": 3, "precision 5": 4}
+    needed = {"power": 4, "precision 2": 2, "precision 3": 3, "precision 4": 3, "precision 5": 4}
     needed |= {"lateral": 2, "hook": 3, "support": 3}
     assert int(count.min()) >= needed[GRASP_TYPES[index].name]
 
@@ -206,6 +214,7 @@ def test_kept_grasps_bend_no_joint_beyond_its_limits(grasped):
         GraspChecks(deviations=0.1),
         GraspChecks(opposing=-2.0, bearing=1.1),
         GraspChecks(contact=0.0),
+        GraspChecks(unheld=-1.0, bearing=1.1),
     ],
 )
 def test_every_check_can_refuse(strict):
@@ -213,6 +222,26 @@ def test_every_check_can_refuse(strict):
     config = GraspConfig(steps=20, checks=strict)
     tried = synthesize_grasps(solids, offsets(8), config, generator=seeded(2))
     assert not bool(tried.kept.any())
+
+
+def test_hands_shift_to_grips_that_pass_the_checks_too(grasped):
+    grasps, solids = grasped
+    grasps, solids = grasps.take(grasps.kept, "B"), solids.take(grasps.kept, "B")
+    grips = shifted_grips(solids, grasps, GraspConfig(grips=2), generator=seeded(6))
+    assert grips.pose.shape == (len(grasps.pose), 2, 16, 3)
+    moved = (grips.wrist - grasps.wrist[:, None]).norm(dim=-1)
+    assert float((moved > 0.001).float().mean()) > 0.3, "the others are the grasp itself"
+    assert float(moved.max()) < 0.06
+    for k in range(2):
+        found = replace(grasps, pose=grips.pose[:, k], wrist=grips.wrist[:, k])
+        for index in range(len(GRASP_TYPES)):
+            before, after = (contacts(each, solids, index)[0] for each in (grasps, found))
+            assert len(before) == len(after)
+            assert int(after.min()) >= 2
+        bones, size = along_bones(found)
+        distance = solids.signed_distance(bones.flatten(1, 2)).unflatten(1, (20, 10))
+        depth = BONE_RADIUS[:, None] * size[:, None, None] - distance
+        assert float(depth.max()) < GraspChecks().depth + 0.002
 
 
 def test_a_grasp_is_a_plain_record_of_the_hand_it_was_asked_for(grasped):

@@ -9,7 +9,7 @@ from geneoh.hand.library import load_hand
 from geneoh.hand.skeleton import forward_kinematics
 from geneoh.synthesis.bimanual import HandPairs
 from geneoh.synthesis.draws import Draws
-from geneoh.synthesis.grasps import Grasps
+from geneoh.synthesis.grasps import Grasps, Grips
 from geneoh.synthesis.motion import Interactions, animate
 from geneoh.synthesis.object_motion import (
     ObjectMotionConfig,
@@ -126,6 +126,26 @@ def test_opening_fingers_never_bend_further_than_they_hold(made):
 def test_people_open_their_hands_in_their_own_ways(made):
     opened = made.pose[:, :, 1:13, 2].mean(2).amin(1)
     assert float(opened.std()) > 0.05
+
+
+def test_hands_shift_to_their_other_grips_while_they_hold():
+    """Both grips of each hand are the same one, 3 cm aside and with other fingers."""
+    grasps, solids = grasps_and_solids()
+    pose, aside = grasps.pose.clone(), torch.tensor([0.03, 0.0, 0.0])
+    pose[:, 4, 2] += 0.2
+    grips = Grips(
+        pose[:, None].expand(-1, 2, -1, -1), (grasps.wrist + aside)[:, None].expand(-1, 2, -1)
+    )
+    made = animate(
+        grasps, solids, FRAMES, POINTS, generator=torch.Generator().manual_seed(1), grips=grips
+    )
+    off = (
+        wrist_in_object(made)[:, :, None]
+        - torch.stack([grasps.wrist, grips.wrist[:, 0]], 1)[:, None]
+    )
+    near = off.norm(dim=-1) < 0.006  # but for small adjustments
+    both = near.any(1).all(-1)
+    assert 0.1 < float(both.float().mean()) < 0.9, "some shift, in others it is not seen"
 
 
 def test_hands_move_smoothly(made):

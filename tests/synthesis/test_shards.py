@@ -82,9 +82,9 @@ def test_an_interrupted_run_makes_only_what_is_missing(tmp_path, hand):
 def test_held_out_families_are_in_validation_shards_only(tmp_path, hand, monkeypatch):
     drawn, draw = [], shards.draw_objects
 
-    def listening(families, *, generator):
+    def listening(families, **rest):
         drawn.append(families)
-        return draw(families, generator=generator)
+        return draw(families, **rest)
 
     monkeypatch.setattr(shards, "draw_objects", listening)
     config = replace(TINY, count=16)
