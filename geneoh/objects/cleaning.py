@@ -56,6 +56,8 @@ class ObjectExamination(Bundle):
     """Poses whose rotation was changed by one of the mesh onto itself."""
     is_noisy: Bool[Tensor, " Q"]
     """Whether a part's track was cleaned."""
+    aligned: ObjectTrack
+    """The poses as they were given, but for symmetric ones, which are turned back."""
 
     def sentences(self) -> Iterator[str]:
         """What a user should know about the object's poses, where there is anything."""
@@ -93,6 +95,7 @@ class CleanPart:
     left_out: Bool[np.ndarray, " T"]
     symmetric: Bool[np.ndarray, " T"]
     is_noisy: bool
+    aligned: tuple[Float64[np.ndarray, "T 3 3"], Float64[np.ndarray, "T 3"]]
 
 
 def clean_object(motion: ObjectTrack, fps: float) -> tuple[ObjectTrack, ObjectExamination]:
@@ -118,6 +121,11 @@ def clean_object(motion: ObjectTrack, fps: float) -> tuple[ObjectTrack, ObjectEx
             rotation[:, index] = torch.from_numpy(part.rotation).to(rotation)
             translation[:, index] = torch.from_numpy(part.translation).to(translation)
 
+    given = [
+        torch.stack([torch.from_numpy(part.aligned[i]) for part in parts], 1).to(values)
+        for i, values in enumerate((motion.rotation, motion.translation))
+    ]
+
     def stacked(name: str, dtype: torch.dtype) -> Tensor:
         values = np.stack([np.asarray(getattr(part, name)) for part in parts], axis=-1)
         return torch.from_numpy(values).to(device, dtype)
@@ -129,6 +137,7 @@ def clean_object(motion: ObjectTrack, fps: float) -> tuple[ObjectTrack, ObjectEx
         left_out=stacked("left_out", torch.bool),
         symmetric=stacked("symmetric", torch.bool),
         is_noisy=stacked("is_noisy", torch.bool),
+        aligned=replace(motion, rotation=given[0], translation=given[1]),
     )
     if not any(part.is_noisy for part in parts):
         return motion, examined
@@ -148,7 +157,9 @@ def clean_part(
     Filled frames have no weight and no confidence.
     """
     nowhere = np.zeros(len(turns), dtype=bool)
-    exact = CleanPart(turns, places, 0.0, 0.0, seen.astype(float), nowhere, nowhere, is_noisy=False)
+    exact = CleanPart(
+        turns, places, 0.0, 0.0, seen.astype(float), nowhere, nowhere, False, (turns, places)
+    )
     if seen.sum() < SHORTEST:
         return exact
     rotations = Rotation.from_matrix(turns)
@@ -170,6 +181,7 @@ def clean_part(
     chain = longest_chain(rotations, limit, symmetry)
     chain = replace(chain, kept=chain.kept & seen)
     rotations = rotations * Rotation.from_matrix(chain.onto_itself)
+    aligned = rotations.as_matrix(), middles - rotations.apply(center)
     rotation_noise = noise_level(fourth_differences(rotations, chain.kept), 4)
     translation_noise = noise_level(np.diff(middles, n=4, axis=0)[whole], 4)
     clean, weight = smooth_stretches(rotations, chain, max(rotation_noise, EXACT_ROTATION / 4))
@@ -189,7 +201,8 @@ def clean_part(
         weight,
         ~chain.kept & seen,
         chain.kept & changed,
-        is_noisy=True,
+        True,
+        aligned,
     )
 
 

@@ -24,6 +24,7 @@ from geneoh.hand.model import ShapedHand
 from geneoh.nn.devices import named_device
 from geneoh.objects.cleaning import clean_object
 from geneoh.objects.evidence import doubt, evidence_of_nearness, evidence_of_poses
+from geneoh.objects.refine import refine_object
 from geneoh.pipeline.alone import hand_alone, measure_hand, without_jitter
 from geneoh.pipeline.context import StageContext, stage_context
 from geneoh.pipeline.inputs import as_sequence, checked_interaction, undisturbed
@@ -148,7 +149,9 @@ def clean_interaction(
             evidence=hand.frames_to_user(result.evidence),
         )
     hands = tuple(results[hand.side].track for hand in sequence.hands)
-    kept = motion if options.refine_object else sequence.object
+    kept = sequence.object
+    if options.refine_object:
+        kept = motion if examined is None else refine_object(motion, examined, hands, sequence.fps)
     clean = replace(sequence, hands=hands, object=kept)
     return Denoised(clean, results, tuple(notes), options, examined)
 

@@ -1,0 +1,288 @@
+"""Hands and object together: what lasts of the object's noise, told apart by the hands and by rest.
+
+Smoothing takes the white noise out of a track. The noise of estimators also drifts, which looks
+like motion. But an object moves for one reason only: a hand moves it. So the track and a drift of
+its observation are solved for together, by least squares over all frames: wherever drift alone may
+explain that the object does not seem to rest, in the world or in a hand, it rests there. No pose is
+taken farther from the smooth track than its noise explains.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float64, Int
+from scipy import sparse
+from scipy.ndimage import uniform_filter1d
+from scipy.sparse.linalg import spsolve
+from scipy.spatial.transform import Rotation
+
+from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.objects.cleaning import EXACT_ROTATION, EXACT_TRANSLATION, ObjectExamination
+from geneoh.objects.smoothing import FREEDOM, LEAST_ACCELERATION, WINDOW
+from geneoh.objects.symmetry import box_center
+from geneoh.sequence.sequence import HandTrack, ObjectTrack
+
+KNUCKLES = (5, 9, 13, 17)
+"""Keypoints that move with the palm, in whose frame a held object rests."""
+DRIFT_SECONDS = 0.5
+"""Correlation time of the drift."""
+LAG = 8
+"""Frames over which it is asked whether the object rests: drift alone moves it by about as much as
+the noise, motion by more."""
+MOVES = 4.0
+"""Mean squared step over that time, in units of what drift makes, from which on it is motion."""
+FREE_DRIFT = 0.3
+"""Deviation of the drift where the object neither rests nor is held, in units of the noise: nothing
+tells it from motion there."""
+RESTS, HELD = (0.006, 0.00005), (0.006, 0.0004)
+"""First and last step per frame, metres, that counts as none in the world and in a hand; in between
+it shrinks, so that what moves drops out before it can bend the rest."""
+RADIANS_PER_METRE = 6.0
+"""The same for turns: 0.35 degrees for a millimetre."""
+ROUNDS = 8
+REACH = 0.05
+"""Distance in metres between a hand's keypoints and the object's box up to which it may hold it."""
+LARGEST = 3.0
+"""Deviations of the noise by which a pose is moved from the smooth track at most."""
+
+Track = Float64[np.ndarray, "T 3"]
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What an object may rest in, the world or a hand, over T frames."""
+
+    rotation: Float64[np.ndarray, "T 3 3"]
+    origin: Track
+    near: Bool[np.ndarray, " N"]
+    """Whether the object may rest in it from each frame to the next."""
+    scale: tuple[float, float] = HELD
+
+    def step(
+        self, start: Int[np.ndarray, " N"], lag: int = 1
+    ) -> tuple[Float64[np.ndarray, "N 3 3"], Float64[np.ndarray, "N 3"]]:
+        """Its rigid motion, x -> turn @ x + shift, from start frames to `lag` frames later."""
+        turn = self.rotation[start + lag] @ self.rotation[start].swapaxes(1, 2)
+        return turn, self.origin[start + lag] - moved(turn, self.origin[start])
+
+    def left(
+        self, turns: Rotation, places: Track, start: Int[np.ndarray, " N"], lag: int = 1
+    ) -> tuple[Float64[np.ndarray, "N 3"], Float64[np.ndarray, "N 3"]]:
+        """How an object turns and moves besides, axis-angle in radians and metres."""
+        turn, shift = self.step(start, lag)
+        matrices = turns.as_matrix()
+        besides = matrices[start + lag] @ matrices[start].swapaxes(1, 2) @ turn.swapaxes(1, 2)
+        return (
+            Rotation.from_matrix(besides).as_rotvec(),
+            places[start + lag] - moved(turn, places[start]) - shift,
+        )
+
+
+def refine_object(
+    smooth: ObjectTrack, examined: ObjectExamination, hands: Sequence[HandTrack], fps: float
+) -> ObjectTrack:
+    """The track of an object that moves with its hands or not at all; exact poses stay.
+
+    Args:
+        smooth: the cleaned track (`geneoh.objects.cleaning`).
+        examined: what was found in the given one.
+        hands: clean hands with joints and pose.
+        fps: frames a second.
+    """
+    if len(smooth.rotation) <= LAG + 1:
+        return smooth
+    rotation, translation = smooth.rotation.clone(), smooth.translation.clone()
+    unsure = examined.is_noisy | (examined.confidence == 0)
+    for part in torch.nonzero(unsure.any(0))[:, 0].tolist():
+        turns, places = refine_part(smooth, examined, part, hands, fps)
+        chosen = unsure[:, part]
+        rotation[chosen, part] = torch.from_numpy(turns).to(rotation)[chosen]
+        translation[chosen, part] = torch.from_numpy(places).to(translation)[chosen]
+    return replace(smooth, rotation=rotation, translation=translation)
+
+
+def refine_part(
+    smooth: ObjectTrack,
+    examined: ObjectExamination,
+    part: int,
+    hands: Sequence[HandTrack],
+    fps: float,
+) -> tuple[Float64[np.ndarray, "T 3 3"], Track]:
+    """Rotations and translations of one part."""
+    center = box_center(smooth.meshes[part])
+
+    def poses(track: ObjectTrack) -> tuple[Rotation, Track]:
+        turns = Rotation.from_matrix(track.rotation[:, part].double().cpu().numpy())
+        return turns, turns.apply(center) + track.translation[:, part].double().cpu().numpy()
+
+    first, seen = poses(smooth), poses(examined.aligned)
+    confidence = examined.confidence[:, part].double().cpu().numpy()
+    lost = (confidence == 0) & ~examined.left_out[:, part].cpu().numpy()
+    noise = (
+        max(float(examined.rotation_noise[part]), EXACT_ROTATION / 4),
+        max(float(examined.translation_noise[part]), EXACT_TRANSLATION / 4),
+    )
+    off = np.square(seen[1] - first[1]).sum(1) / noise[1] ** 2
+    weights = confidence, ~lost * (FREEDOM + 3) / (FREEDOM + off)
+    steps = len(lost) - 1
+    world = Frame(
+        np.tile(np.eye(3), (steps + 1, 1, 1)),
+        0 * off[:, None].repeat(3, 1),
+        np.ones(steps, dtype=bool),
+        RESTS,
+    )
+    frames = [world, *(frame_of(hand, smooth, part) for hand in hands)]
+    frames = [replace(f, near=f.near & could_rest(f, *first, noise)) for f in frames]
+    turns, places = resting(frames, first, seen, weights, noise, np.exp(-1 / (DRIFT_SECONDS * fps)))
+    step = bounded((turns * first[0].inv()).as_rotvec(), noise[0], confidence > 0)
+    turns = Rotation.from_rotvec(step) * first[0]
+    places = first[1] + bounded(places - first[1], noise[1], ~lost)
+    return turns.as_matrix(), places - turns.apply(center)
+
+
+def frame_of(hand: HandTrack, motion: ObjectTrack, part: int) -> Frame:
+    """The palm of a hand, near the box of a part."""
+    assert hand.joints is not None, "clean hands have joints"
+    assert hand.pose is not None, "clean hands have a pose"
+    verts = motion.meshes[part].verts
+    local = (hand.joints - motion.translation[:, part, None]) @ motion.rotation[:, part]
+    away = (local - local.clamp(verts.amin(0), verts.amax(0))).norm(dim=-1).amin(-1)
+    return Frame(
+        axis_angle_to_matrix(hand.pose[:, 0]).double().cpu().numpy(),
+        hand.joints[:, list(KNUCKLES)].mean(1).double().cpu().numpy(),
+        (away[1:] < REACH).cpu().numpy(),
+    )
+
+
+def could_rest(
+    frame: Frame, turns: Rotation, places: Track, noise: tuple[float, float]
+) -> Bool[np.ndarray, " N"]:
+    """Whether drift alone explains how the object moves in a frame, around each step."""
+    steps = np.arange(len(places) - 1)
+    least = np.full(len(steps), np.inf)
+    for back in (0, LAG // 2, LAG - 1):
+        start = (steps - back).clip(0, len(places) - 1 - LAG)
+        found = frame.left(turns, places, start, LAG)
+        drift = np.hypot(noise, (EXACT_ROTATION, EXACT_TRANSLATION))
+        units = [np.square(x).sum(1) / 3 / d**2 for x, d in zip(found, drift, strict=True)]
+        least = np.minimum(least, sum(units))
+    return least < MOVES
+
+
+def resting(
+    frames: list[Frame],
+    first: tuple[Rotation, Track],
+    seen: tuple[Rotation, Track],
+    weights: tuple[np.ndarray, np.ndarray],
+    noise: tuple[float, float],
+    stay: float,
+) -> tuple[Rotation, Track]:
+    """The turns and places of least energy, from `first` on, with steps that count ever less."""
+    turns, places = first
+    start = np.arange(len(places) - 1)
+    bends = np.diff(path(turns), n=2, axis=0), np.diff(places, n=2, axis=0)
+    stiff = [
+        1 / (uniform_filter1d(np.square(bend).mean(1), WINDOW) + (LEAST_ACCELERATION * size) ** 2)
+        for bend, size in zip(bends, noise, strict=True)
+    ]
+    loose = ~np.any([frame.near for frame in frames], axis=0) / FREE_DRIFT**2
+    loose = np.append(loose, loose[-1])
+    for share in np.linspace(0, 1, ROUNDS):
+        left = [frame.left(turns, places, start) for frame in frames]
+        motion = [frame.step(start) for frame in frames]
+        sizes = [frame.scale[0] * (frame.scale[1] / frame.scale[0]) ** share for frame in frames]
+        still = [
+            frame.near * stillness(*step, size) / size**2
+            for frame, step, size in zip(frames, left, sizes, strict=True)
+        ]
+        moves = [(turn, shift, w) for (turn, shift), w in zip(motion, still, strict=True)]
+        places = solve(seen[1], weights[1], noise[1], stay, loose, moves, 0 * bends[1], stiff[1])
+        moves = [
+            (turn, -turned, w / RADIANS_PER_METRE**2)
+            for (turn, _), (turned, _), w in zip(motion, left, still, strict=True)
+        ]
+        gap, bend = (seen[0] * turns.inv()).as_rotvec(), np.diff(path(turns), n=2, axis=0)
+        step = solve(gap, weights[0], noise[0], stay, loose, moves, -bend, stiff[0])
+        turns = Rotation.from_rotvec(step) * turns
+    return turns, places
+
+
+def stillness(turned: np.ndarray, shifted: np.ndarray, size: float) -> Float64[np.ndarray, " N"]:
+    """1 where the steps around each one are none, in units of `size`; 0 where they are large."""
+    units = np.square(shifted).mean(1) + np.square(turned / RADIANS_PER_METRE).mean(1)
+    units = units / size**2
+    return 1 / (1 + uniform_filter1d(units, WINDOW, mode="nearest")) ** 2
+
+
+def solve(
+    seen: Track,
+    weight: np.ndarray,
+    noise: float,
+    stay: float,
+    loose: np.ndarray,
+    moves: list[tuple[np.ndarray, np.ndarray, np.ndarray]],
+    bend: np.ndarray,
+    stiff: np.ndarray,
+) -> Track:
+    """The track x of least energy beside the drift d of its observation.
+
+    Args:
+        seen: x + d + white noise.
+        weight: of the observations.
+        noise: deviation of the white noise, and of the drift.
+        stay: share of the drift that stays from frame to frame.
+        loose: how much less the drift may be, in units of its precision.
+        moves: for each frame of reference, turns (N, 3, 3) and shifts (N, 3) by which x moves from
+            one frame to the next, and the weights (N,) of that.
+        bend: second differences that x should have, with their weights `stiff`.
+    """
+    count = len(seen)
+    one = sparse.identity(count, format="csr")
+    ahead, behind = one[1:], one[:-1]
+    observed = each(weight) / noise**2
+    drift = ahead - stay * behind
+    drift = drift.T @ drift / (1 - stay**2)
+    drift = sparse.kron(drift + sparse.diags(loose) + one[:1].T @ one[:1], sparse.identity(3))
+    matrix, right = sparse.csr_matrix((3 * count, 3 * count)), np.zeros(3 * count)
+    rows = [(each(stiff), triple(one[2:] - 2 * one[1:-1] + one[:-2]), bend)]
+    for turn, shift, worth in moves:
+        back = sparse.block_diag(list(turn), format="csr") @ triple(behind)
+        rows.append((each(worth), triple(ahead) - back, shift))
+    for worth, row, goal in rows:
+        matrix = matrix + row.T @ worth @ row
+        right += row.T @ worth @ goal.ravel()
+    both = sparse.bmat(
+        [[matrix + observed, observed], [observed, drift / noise**2 + observed]], format="csc"
+    )
+    given = observed @ seen.ravel()
+    return spsolve(both, np.concatenate([right + given, given]))[: 3 * count].reshape(count, 3)
+
+
+def each(values: np.ndarray) -> sparse.spmatrix:
+    """Weights of frames as those of their three coordinates, on a diagonal."""
+    return sparse.diags(np.repeat(values, 3))
+
+
+def triple(matrix: sparse.spmatrix) -> sparse.spmatrix:
+    """A matrix over frames as one over their coordinates."""
+    return sparse.kron(matrix, sparse.identity(3), format="csr")
+
+
+def path(turns: Rotation) -> Track:
+    """The steps of a rotation in world axes, added up, radians."""
+    steps = (turns[1:] * turns[:-1].inv()).as_rotvec()
+    return np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+
+
+def moved(turn: Float64[np.ndarray, "N 3 3"], points: np.ndarray) -> Float64[np.ndarray, "N 3"]:
+    """Points, each turned by its matrix."""
+    return np.einsum("nij,nj->ni", turn, points)
+
+
+def bounded(step: Track, noise: float, seen: Bool[np.ndarray, " T"]) -> Track:
+    """A change that takes no observed frame farther than noise explains."""
+    length = np.linalg.norm(step, axis=1)
+    share = np.minimum(1, LARGEST * 3**0.5 * noise / length.clip(1e-12))
+    return np.where(seen, share, 1)[:, None] * step

@@ -1,0 +1,113 @@
+"""An object that its hands carry, or that rests, is nearer to the truth than a smooth one."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
+from geneoh.objects.cleaning import clean_object
+from geneoh.objects.refine import refine_object
+from geneoh.sequence.gaps import fill_object
+from geneoh.sequence.object_noise import draw_object_noise
+from geneoh.sequence.sequence import HandTrack, ObjectTrack
+
+FRAMES, LIFT = 150, 70
+WEDGE = Mesh(
+    0.1 * torch.tensor([[0.0, 0, 0], [1, 0, 0], [0, 0.6, 0], [0, 0, 0.4]]),
+    torch.tensor([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]),
+)
+
+
+def carried() -> tuple[torch.Tensor, torch.Tensor]:
+    """A rigid motion, rotations (T, 3, 3) and places (T, 3), that begins at `LIFT`."""
+    time = (torch.arange(FRAMES) - LIFT).clamp(min=0) / 30
+    turn = torch.stack([0.8 * torch.sin(time), 0.5 * time, 0.3 * torch.sin(2 * time)], dim=-1)
+    place = torch.stack([0.2 * torch.sin(time), 0.1 * time, 0.15 * (1 - torch.cos(time))], dim=-1)
+    return axis_angle_to_matrix(turn), place
+
+
+def scene(parts: int = 1) -> tuple[ObjectTrack, HandTrack]:
+    """A hand that comes near an object, which rests until the hand carries it."""
+    turn, place = carried()
+    track = ObjectTrack(
+        (WEDGE,) * parts,
+        turn[:, None].repeat(1, parts, 1, 1),
+        place[:, None] + 0.2 * torch.arange(parts)[:, None] * torch.eye(3)[0],
+    )
+    away = (LIFT - torch.arange(FRAMES)).clamp(min=0)[:, None] * torch.tensor([0.0, 0.0, 0.004])
+    grip = 0.05 * torch.rand(21, 3, generator=torch.Generator().manual_seed(0))
+    joints = grip @ turn.mT + (place + away)[:, None]
+    pose = torch.zeros(FRAMES, 16, 3)
+    pose[:, 0] = matrix_to_axis_angle(turn)
+    valid = torch.ones(FRAMES, dtype=torch.bool)
+    return track, HandTrack("right", valid, joints=joints, pose=pose, wrist=joints[:, 0])
+
+
+def shaken(track: ObjectTrack, noise: str, seed: int) -> ObjectTrack:
+    """The track with noise of its own on each part."""
+    generator = torch.Generator().manual_seed(seed)
+    drawn = [draw_object_noise(noise, FRAMES, generator=generator) for _ in track.meshes]
+    turns = torch.stack([axis_angle_to_matrix(turn) for turn, _ in drawn], dim=1)
+    shifts = torch.stack([shift for _, shift in drawn], dim=1)
+    moved = replace(track, rotation=track.rotation @ turns, translation=track.translation + shifts)
+    return fill_object(moved)
+
+
+def off(track: ObjectTrack, truth: ObjectTrack) -> float:
+    """Mean distance in mm of the vertices of all parts from where they are."""
+    verts = torch.stack([mesh.verts for mesh in truth.meshes])
+    places = [
+        torch.einsum("tqij,qvj->tqvi", t.rotation, verts) + t.translation[:, :, None]
+        for t in (track, truth)
+    ]
+    return 1000 * float((places[0] - places[1]).norm(dim=-1).mean())
+
+
+@pytest.mark.parametrize(("noise", "least"), [("shaky_2", 0.9), ("shaky_10", 0.9), ("flips", 1)])
+def test_a_carried_object_is_nearer_to_the_truth_than_a_smooth_one(noise, least):
+    truth, hand = scene()
+    errors = []
+    for seed in range(3):
+        given = shaken(truth, noise, seed)
+        smooth, examined = clean_object(given, 30.0)
+        refined = refine_object(smooth, examined, [hand], 30.0)
+        errors.append([off(track, truth) for track in (given, smooth, refined)])
+    given, smooth, refined = torch.tensor(errors).mean(0)
+    assert refined < least * smooth
+    assert refined < 0.66 * given
+
+
+def test_frames_without_a_pose_follow_the_hand():
+    truth, hand = scene()
+    seen = torch.ones(FRAMES, 1, dtype=torch.bool)
+    seen[100:115] = False
+    smooth, examined = clean_object(fill_object(truth, seen), 30.0)
+    refined = refine_object(smooth, examined, [hand], 30.0)
+    gap = ~seen[:, 0]
+    assert off(refined[gap], truth[gap]) < 0.5 * off(smooth[gap], truth[gap])
+    assert torch.equal(refined.rotation[~gap], truth.rotation[~gap])
+
+
+def test_each_part_follows_the_hand_that_holds_it_and_exact_ones_stay():
+    truth, hand = scene(parts=2)
+    other = replace(hand, side="left", joints=hand.joints + 0.2 * torch.eye(3)[0])
+    noisy = shaken(truth, "shaky_2", 0)
+    half = torch.stack([truth.rotation[:, 0], noisy.rotation[:, 1]], dim=1)
+    places = torch.stack([truth.translation[:, 0], noisy.translation[:, 1]], dim=1)
+    given = replace(truth, rotation=half, translation=places)
+    smooth, examined = clean_object(given, 30.0)
+    refined = refine_object(smooth, examined, [hand, other], 30.0)
+    assert torch.equal(refined.rotation[:, 0], truth.rotation[:, 0])
+    assert off(refined, truth) < off(smooth, truth)
+
+
+def test_no_pose_is_taken_farther_than_noise_explains():
+    truth, hand = scene()
+    smooth, examined = clean_object(shaken(truth, "shaky_10", 1), 30.0)
+    strange = replace(hand, joints=hand.joints + 0.01 * torch.arange(FRAMES)[:, None, None])
+    refined = refine_object(smooth, examined, [strange], 30.0)
+    center = (WEDGE.verts.amax(0) + WEDGE.verts.amin(0)) / 2
+    moved = (refined.rotation - smooth.rotation) @ center + refined.translation - smooth.translation
+    assert moved.norm(dim=-1).max() < 3.01 * 3**0.5 * float(examined.translation_noise)
