@@ -35,7 +35,10 @@ from ..options import COUNT, FILE, flag, option
     "Take the object's poses as exact. Without it, poses that shake or jump are smoothed "
     "before the hand is cleaned.",
 )
-@flag("--refine-object", "Write the smoothed poses of the object and not those of NOISY.")
+@flag(
+    "--refine-object",
+    "Write poses of the object that agree with the clean hands, and not those of NOISY.",
+)
 @options.weights
 @options.seed
 @options.side_and_fps

@@ -48,7 +48,8 @@ class Options:
     trust_object: bool = False
     """Whether the object's poses are taken as exact: they are neither examined nor cleaned."""
     refine_object: bool = False
-    """Whether the result has the cleaned poses of the object and not those of the input."""
+    """Whether the result has poses of the object that agree with the clean hands
+    (`geneoh.objects.refine`) and not those of the input."""
     device: str = "cpu"
     """Device that the networks and the fit run on, as torch names it: "cpu", "cuda", "cuda:1". The
     result is on the device of the sequence."""

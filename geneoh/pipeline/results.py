@@ -111,3 +111,9 @@ def load_samples(path: Path | str) -> dict[Side, Float[Tensor, "S N 21 3"]]:
         if drawn is not None and drawn.shape[2:] == (21, 3):
             found[side] = torch.from_numpy(drawn).float()
     return found
+
+
+def load_confidence(path: Path | str) -> Float[Tensor, "T Q"] | None:
+    """The confidence in the object's poses that a result keeps; None where it keeps none."""
+    kept = read_archive(Path(path)).get("object_confidence")
+    return None if kept is None or kept.ndim != 2 else torch.from_numpy(kept).float()

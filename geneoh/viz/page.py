@@ -125,7 +125,7 @@ def describe(scene: Scene, up: Float[np.ndarray, " 3"], packed: _Packed) -> dict
         "scales": {name: _scale(name) for name in SCALES},
         "bones": KEYPOINT_PARENTS,
         "parts": [_part(scene, part, packed) for part in range(len(scene.object.meshes))],
-        "versions": [_version(version, box, packed) for version in scene.versions],
+        "versions": [_version(version, scene, box, packed) for version in scene.versions],
         "samples": {
             side: packed.add(box.steps(drawn[:MOST_SAMPLES].transpose(0, 1)), over_frames=True)
             for side, drawn in scene.samples.items()
@@ -153,8 +153,10 @@ def _part(scene: Scene, part: int, packed: _Packed) -> dict[str, Any]:
     }
 
 
-def _version(version: Version, box: _Box, packed: _Packed) -> dict[str, Any]:
-    measures = version.measures
+def _version(version: Version, scene: Scene, box: _Box, packed: _Packed) -> dict[str, Any]:
+    measures, trust = version.measures, scene.object_confidence
+    sure = {} if trust is None else {"confidence": _rounded(100 * trust.numpy(), 0)}
+    mean = {} if trust is None else {"confidence": _rounded(100 * float(trust.mean()))}
     return {
         "title": version.title,
         "hands": [_hand(hand, box, packed) for hand in version.hands],
@@ -162,11 +164,13 @@ def _version(version: Version, box: _Box, packed: _Packed) -> dict[str, Any]:
             "penetration": _rounded(1000 * measures.depth.numpy(), 2),
             "contact": _rounded(measures.fingers.numpy(), 0),
             "acceleration": _rounded(measures.acceleration.numpy(), 2),
+            **sure,
         },
         "means": {
             "penetration": _rounded(measures.penetration_mean_mm),
             "contact": _rounded(measures.fingers_in_contact),
             "acceleration": _rounded(measures.acceleration_mm),
+            **mean,
         },
     }
 

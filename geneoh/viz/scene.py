@@ -99,6 +99,8 @@ class Scene:
     fps: float
     samples: dict[Side, Float[Tensor, "S T 21 3"]]
     """Keypoints of every sample that the cleaner drew, where the result keeps them."""
+    object_confidence: Float[Tensor, " T"] | None = None
+    """How much the object's poses agree with one another, 0 to 1; None where they all do."""
 
     @property
     def frames(self) -> int:

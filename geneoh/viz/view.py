@@ -3,6 +3,7 @@
 import tempfile
 import webbrowser
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from torch import Tensor
 from geneoh.choices import Axis, Colouring, Side
 from geneoh.config import checked_call
 from geneoh.files.atomic import write_whole
-from geneoh.pipeline.results import Denoised, load_samples
+from geneoh.pipeline.results import Denoised, load_confidence, load_samples
 from geneoh.progress import OnStep
 from geneoh.readers.npz_files import load
 from geneoh.sequence.sequence import Sequence
@@ -117,7 +118,19 @@ def open_scene(
             name = title or sequence.source or "interaction"
             longer_name = f"{name}, cleaned"
         sequences[longer_name if name in sequences else name] = sequence
-    return make_scene(sequences, title=title, samples=_samples(result), mano_dir=mano_dir)
+    scene = make_scene(sequences, title=title, samples=_samples(result), mano_dir=mano_dir)
+    return replace(scene, object_confidence=confidence_of(result))
+
+
+def confidence_of(result: Viewable) -> Float[Tensor, " T"] | None:
+    """The least confidence in the pose of any part in each frame, where there is any doubt."""
+    found = None
+    if isinstance(result, Path | str):
+        found = load_confidence(Path(result))
+    elif isinstance(result, Denoised) and result.examined is not None:
+        found = result.examined.confidence
+    least = None if found is None else found.amin(1).cpu()
+    return None if least is None or bool((least == 1).all()) else least
 
 
 def _samples(result: Viewable) -> dict[Side, Float[Tensor, "S R 21 3"]]:

@@ -1,17 +1,21 @@
 """`geneoh.view` as Python users call it."""
 
+from dataclasses import replace
 from pathlib import Path
 from urllib.parse import urlparse
 from urllib.request import url2pathname
 
 import jaxtyping
+import numpy as np
 import pytest
 from pages import page_scene
 from PIL import Image
 
 from geneoh.errors import ConfigError, InputError
+from geneoh.readers.npz_files import save_sequence
 from geneoh.viz import view as view_module
-from geneoh.viz.view import view
+from geneoh.viz.page import page_html
+from geneoh.viz.view import confidence_of, open_scene, view
 
 
 def titles(path: Path) -> list[str]:
@@ -23,6 +27,21 @@ def test_a_page_shows_the_result_beside_what_it_was_made_from(sequences, tmp_pat
     written = view(after, tmp_path / "page.html", before=before)
     assert written == tmp_path / "page.html"
     assert titles(written) == ["noisy", "clean"]
+
+
+def test_doubts_about_the_objects_poses_are_a_curve_of_the_page(sequences, tmp_path):
+    sure = np.ones((6, 2), dtype=np.float32)
+    doubtful = sure.copy()
+    doubtful[2, 1] = 0.25
+    for name, confidence in (("sure", sure), ("doubtful", doubtful)):
+        extra = {"object_confidence": confidence}
+        save_sequence(sequences[1], tmp_path / f"{name}.npz", extra=extra)
+        scene = open_scene(sequences[1])
+        scene = replace(scene, object_confidence=confidence_of(tmp_path / f"{name}.npz"))
+        (tmp_path / f"{name}.html").write_text(page_html(scene), encoding="utf-8")
+    (told,) = page_scene(tmp_path / "doubtful.html")["versions"]
+    assert told["curves"]["confidence"] == [100, 100, 25, 100, 100, 100]
+    assert "confidence" not in page_scene(tmp_path / "sure.html")["versions"][0]["curves"]
 
 
 def test_the_ending_names_the_format(sequences, tmp_path):

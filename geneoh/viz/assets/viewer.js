@@ -51,6 +51,8 @@ const ROWS = [
   { name: "contact", title: "Fingertips in contact", digits: 0, mean: "Mean over the frames with contact" },
   { name: "acceleration", title: "Acceleration, mm/frame²", digits: 1, mean: "Mean over all frames" },
 ];
+if (scene.versions[0].curves.confidence)
+  ROWS.push({ name: "confidence", title: "Confidence in the object’s poses, %", digits: 0, mean: "Mean over all frames" });
 for (const row of ROWS) {
   row.lines = scene.versions.map((version) => version.curves[row.name]);
   const all = row.lines.flat().filter((v) => v !== null).sort((a, b) => a - b);
