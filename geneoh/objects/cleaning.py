@@ -36,6 +36,8 @@ TURN_CHANGE, MOTION_LIMIT = 0.21, 5.0
 more at fewer, or by so many times its median turn."""
 SHORTEST = 16
 """Frames below which noise cannot be told from motion."""
+AGREES = 8.0
+"""Deviations of the noise up to which a part's middle counts where its rotation jumps."""
 LEAST_STRETCH = 6
 """Frames between two jumps below which a stretch is left as it is."""
 
@@ -187,7 +189,12 @@ def clean_part(
     clean, weight = smooth_stretches(rotations, chain, max(rotation_noise, EXACT_ROTATION / 4))
     if shakes:
         noise = max(translation_noise, EXACT_TRANSLATION / 4)
-        middles, sure = smooth_points(middles, seen, noise)
+        trusted = seen
+        if not chain.kept[seen].all():  # where a flip is not about the middle, that jumps as well
+            near, _ = smooth_points(middles, chain.kept, noise)
+            off = np.linalg.norm(middles - near, axis=1)
+            trusted = chain.kept | (seen & (off < AGREES * noise))
+        middles, sure = smooth_points(middles, trusted, noise)
         weight = np.minimum(weight, sure)
     else:  # frames that agree are exact
         kept = chain.kept[:, None, None]
