@@ -48,9 +48,11 @@ Dataset = Literal["synthetic", "taco", "grab", "grab-beta", "hoi4d", "arctic"]
 """Evaluation protocols, named by the data set that they score on."""
 DATASETS: tuple[Dataset, ...] = get_args(Dataset)
 
-StageName = Literal["motion", "spatial", "temporal", "trajectory", "toch", "regression"]
-"""Networks that `geneoh train` trains: the three stages; "trajectory", which is MotionDiff on
-keypoints as in the paper; and the baselines "toch" and "regression"."""
+StageName = Literal[
+    "motion", "spatial", "temporal", "trajectory", "relations", "toch", "regression"
+]
+"""Networks that `geneoh train` trains: the three stages; "trajectory" and "relations", which are
+MotionDiff and SpatialDiff in the form of the paper; and the baselines "toch" and "regression"."""
 STAGES: tuple[StageName, ...] = get_args(StageName)
 
 Noise = Literal["gauss", "gauss_strong", "beta", "bias", "drift", "burst", "drop", "camera"]

@@ -74,7 +74,7 @@ def train(
     if start is not None:
         chosen, weights = started_from(None if start == Path("shipped") else start, stage, chosen)
     place, asked = named_device(device), [parsed_source(text) for text in sources]
-    follows = stage in ("spatial", "temporal")
+    follows = stage in ("spatial", "temporal", "relations")
     with progress.progress_bars() as on_progress:
         readers = ReaderOptions(mano_dir=mano)
         data = training_data(asked, folder / "recordings", chosen, readers, on_progress=on_progress)

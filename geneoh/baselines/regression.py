@@ -13,7 +13,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from geneoh.denoisers.base import NOISE_SCALE, OBSERVATION_FEATURES, Observation
-from geneoh.denoisers.spatial import RELATION_FEATURES, relation_features
+from geneoh.denoisers.relations import RELATION_FEATURES, relation_features
 from geneoh.nn.blocks import FrameTransformer, mlp, zeroed
 from geneoh.representation.spatial import SpatialRelations
 

@@ -15,7 +15,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from geneoh.denoisers.base import HAND_SCALE, Observation
-from geneoh.denoisers.spatial import RELATION_FEATURES, relation_features
+from geneoh.denoisers.relations import RELATION_FEATURES, relation_features
 from geneoh.nn.blocks import mlp
 from geneoh.representation.spatial import SpatialRelations, decode_spatial
 

@@ -9,6 +9,7 @@ import torch
 from torch import nn
 
 from geneoh.denoisers.motion import MotionConfig, MotionDenoiser
+from geneoh.denoisers.relations import RelationConfig, RelationDenoiser
 from geneoh.denoisers.spatial import SpatialConfig, SpatialDenoiser
 from geneoh.denoisers.temporal import TemporalConfig, TemporalDenoiser
 from geneoh.denoisers.trajectory import TrajectoryConfig, TrajectoryDenoiser
@@ -19,6 +20,8 @@ SHIPPED = Path(__file__).parent / "assets"
 """Folder of the weights inside the package, STAGE.safetensors."""
 CLEANING_STAGES = ("motion", "spatial", "temporal")
 """Stages whose weights a user's folder must hold to clean with it."""
+PAPER_STAGES = ("trajectory", "relations")
+"""The first two stages in the paper's form, which only the preset `paper` needs."""
 
 NetConfig = TypeVar("NetConfig")
 Network = TypeVar("Network", bound=nn.Module)
@@ -33,17 +36,19 @@ class Denoisers:
     temporal: TemporalDenoiser
     trajectory: TrajectoryDenoiser | None
     """MotionDiff in the paper's form; None where it was not asked for."""
+    relations: RelationDenoiser | None
+    """SpatialDiff in the paper's form; None where it was not asked for."""
 
 
 def load_denoisers(
-    folder: Path | None = None, *, device: torch.device | str = "cpu", trajectory: bool = True
+    folder: Path | None = None, *, device: torch.device | str = "cpu", paper: bool = True
 ) -> Denoisers:
     """The networks of all three stages from one folder, the shipped weights by default.
 
     Args:
         folder: holds STAGE.safetensors of each stage.
         device: where the networks are put.
-        trajectory: whether MotionDiff in the paper's form is loaded as well, which only the preset
+        paper: whether the networks in the paper's form are loaded as well, which only the preset
             `paper` needs.
 
     Raises:
@@ -60,7 +65,8 @@ def load_denoisers(
         loaded("motion", MotionDenoiser, MotionConfig),
         loaded("spatial", SpatialDenoiser, SpatialConfig),
         loaded("temporal", TemporalDenoiser, TemporalConfig),
-        loaded("trajectory", TrajectoryDenoiser, TrajectoryConfig) if trajectory else None,
+        loaded("trajectory", TrajectoryDenoiser, TrajectoryConfig) if paper else None,
+        loaded("relations", RelationDenoiser, RelationConfig) if paper else None,
     )
 
 

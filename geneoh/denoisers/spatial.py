@@ -1,102 +1,281 @@
-"""SpatialDiff: the denoiser of hand-object spatial relations (paper 3.2; appendices A.2, C.4, C.5).
+"""SpatialDiff: where the hand is, asked at trial places (paper 3.2; our form of it).
 
-Every contact point o predicts the offsets of a whole hand from its position, normal and noisy
-offsets. As in the paper each point has its own noise and its own hand, and eq. (8) averages them.
-Unlike in the paper, the points of a frame exchange information through a pooled token: a finger's
-front and back can be told apart, and the cost grows with frames rather than points times frames.
+The error of a tracker lasts: along the ray of a camera it is centimetres for a whole clip. A
+network that looks at the hand in one place hardly sees such an error, because a hand beside an
+object is a natural sight. So the hand is set at many places around its own, as if noise had been
+added to it, and the network says how probable the relations to the surface are at each. Its answer
+is the logarithm of the density of the hand's shift: samples, mean and width of that density are
+those of the denoised place (`geneoh.diffusion.posterior`). The paper's own form, on the offsets
+around contact points, is `geneoh.denoisers.relations`.
 """
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor, nn
 
-from geneoh.denoisers.base import HAND_SCALE, OBSERVATION_FEATURES, Observation
-from geneoh.diffusion.precondition import preconditioned
-from geneoh.nn.blocks import FrameTransformer, mlp, zeroed
-from geneoh.representation.spatial import SpatialRelations
+from geneoh.bundle import Bundle
+from geneoh.denoisers.base import palm_axes
+from geneoh.diffusion.posterior import Posterior, importance_posterior
+from geneoh.geometry.rotations import matrix_to_axis_angle
+from geneoh.nn.blocks import mlp, zeroed
+from geneoh.progress import OnStep
+from geneoh.representation.nearest_surface import nearest_on_parts
+from geneoh.representation.parameters import UNIT, HandParameters
 
-CONTACT_SCALE = 0.02
-"""Distance over which the closeness features decay, metres."""
-RELATION_FEATURES = 6 + 63 + 42
-"""Width of `relation_features`."""
+CLOSE = 0.02
+"""Distance over which closeness to the surface decays, metres."""
+SHIFT_UNIT = 0.02
+"""Unit in which the network reads shifts, metres."""
+REACH = 0.1
+"""Shifts farther than this have no density, metres: training shows none."""
+PRIOR_RANGE = (0.0005, 0.06)
+"""Least and largest deviation of the shift before the surface is looked at, metres."""
+SPEED_FRAMES = 2
+"""Speeds are taken over so many frames before and after."""
+TRACK_CUES = 12
+"""Width of `SpatialEvidence.track`."""
+FRAME_FEATURES = 21 * 8 + 63 + 5 + 3
+"""Width of the features of one trial place in one frame."""
 
 
 @dataclass(frozen=True)
 class SpatialConfig:
-    """Size of the network; one token per frame, one small MLP per contact point."""
+    """Size of the network and how much it looks at."""
 
-    width: int = 160
-    depth: int = 4
-    heads: int = 4
-    point_width: int = 96
-
-
-def contact_features(relations: SpatialRelations) -> Float[Tensor, "B T K 42"]:
-    """Closeness of each keypoint to each point, and its signed height over the surface there."""
-    offsets = relations.offsets
-    near = torch.exp(-offsets.norm(dim=-1) / CONTACT_SCALE)
-    height = (offsets * relations.normals[..., None, :]).sum(-1) * near / 0.01
-    return torch.cat([near, height], dim=-1)
+    width: int = 192
+    frames: int = 10
+    """Frames of a window that it looks at, evenly apart."""
 
 
-def relation_features(relations: SpatialRelations) -> Float[Tensor, "B T K F"]:
-    """Each contact point's position and normal (6), then how the hand lies around it."""
-    offsets = relations.offsets.flatten(-2) / HAND_SCALE
-    place = [relations.points / HAND_SCALE, relations.normals]
-    return torch.cat([*place, offsets, contact_features(relations)], dim=-1)
+@dataclass(frozen=True)
+class SpatialEvidence(Bundle):
+    """What tells the place of B hands over T frames, world frame, metres."""
+
+    joints: Float[Tensor, "B T 21 3"]
+    """The hand after MotionDiff."""
+    points: Float[Tensor, "B P 3"]
+    """Object surface points in the frame of their part, with `normals` and `part` index."""
+    normals: Float[Tensor, "B P 3"]
+    part: Int[Tensor, "B P"]
+    rotation: Float[Tensor, "B T Q 3 3"]
+    """Of the object's parts to the world, with `translation`."""
+    translation: Float[Tensor, "B T Q 3"]
+    speeds: Float[Tensor, "B T 5"]
+    """How fast hand and object move (`relative_speeds`): an object that moves is held."""
+    ray: Float[Tensor, "B 3"]
+    """Unit direction from the camera, along which trackers err; zero where it is not known."""
+    track: Float[Tensor, "B 12"]
+    """How noisy hand and object were (`track_cues`): the width of the prior follows from it."""
+
+    @property
+    def knows_ray(self) -> Float[Tensor, " B"]:
+        """1 where the direction of the camera is known, else 0."""
+        return (self.ray.square().sum(-1) > 0.25).to(self.ray)
+
+    def axes(self) -> Float[Tensor, "B T 3 3"]:
+        """Axes of the palm in each frame as columns, in which the network works."""
+        return palm_axes(self.joints.flatten(0, 1)[:, None]).unflatten(0, self.joints.shape[:2])
+
+    def spread_over(self, frames: int, *, phase: float = 0.5) -> "SpatialEvidence":
+        """At most so many of the frames, evenly apart; `phase`, 0 to 1, is where they begin."""
+        total = self.joints.shape[1]
+        count = min(frames, total)
+        return self[((torch.arange(count) + phase) * total / count).long().clamp(max=total - 1)]
+
+
+def relative_speeds(
+    joints: Float[Tensor, "B T 21 3"],
+    rotation: Float[Tensor, "B T 3 3"],
+    translation: Float[Tensor, "B T 3"],
+) -> Float[Tensor, "B T 5"]:
+    """Logarithmic speeds per frame: of the object where the hand is, of its turn, of the hand over
+    the object, of the hand in the world, and of the keypoints around their middle.
+
+    Units are 3 mm and 0.03 rad a frame, 0.09 m/s and 0.9 rad/s at 30 frames a second.
+    """
+    frames = joints.shape[1]
+    time = torch.arange(frames, device=joints.device)
+    before = (time - SPEED_FRAMES).clamp(min=0)
+    after = (time + SPEED_FRAMES).clamp(max=frames - 1)
+    length = (after - before).clamp(min=1).to(joints)[:, None]
+    middle = joints.mean(2)
+
+    def seen_from(place: Tensor, frame: Tensor) -> Tensor:
+        """World points in the object's frame of some other frames."""
+        turned = (place - translation[:, frame])[..., None, :] @ rotation[:, frame]
+        return turned[..., 0, :]
+
+    held = (rotation[:, after] @ seen_from(middle, before)[..., None])[..., 0]
+    carried = held + translation[:, after] - middle
+    turn = matrix_to_axis_angle(rotation[:, before].mT @ rotation[:, after])
+    over = seen_from(middle[:, after], after) - seen_from(middle[:, before], before)
+    around = (joints - middle[:, :, None])[:, after] - (joints - middle[:, :, None])[:, before]
+    speeds = [
+        carried.norm(dim=-1, keepdim=True) / 0.003,
+        turn.norm(dim=-1, keepdim=True) / 0.03,
+        over.norm(dim=-1, keepdim=True) / 0.003,
+        (middle[:, after] - middle[:, before]).norm(dim=-1, keepdim=True) / 0.003,
+        around.norm(dim=-1).mean(-1, keepdim=True) / 0.003,
+    ]
+    return torch.log1p(torch.cat(speeds, dim=-1) / length)
+
+
+def track_cues(
+    observed: HandParameters,
+    change: Float[Tensor, "B T 51"],
+    trust: Float[Tensor, "B T"],
+    object_noise: Float[Tensor, "B 2"],
+) -> Float[Tensor, "B 12"]:
+    """How noisy the input was, which tells how far off a lasting error may be.
+
+    Args:
+        observed: the hand before MotionDiff.
+        change: what MotionDiff changed of it, in units of `geneoh.representation.parameters.UNIT`.
+        trust: 0 in frames that were filled in.
+        object_noise: deviation of white noise on the object's rotation (rad) and translation (m).
+    """
+    constant, varying = change.mean(1), change - change.mean(1, keepdim=True)
+    parts = [slice(0, 3), slice(3, 6), slice(6, 51)]
+    turn = observed.turn.flatten(2)
+    values = torch.cat(
+        [
+            *(constant[:, part].square().mean(-1, keepdim=True).sqrt() for part in parts),
+            *(varying[..., part].square().mean((1, 2))[:, None].sqrt() for part in parts),
+            _jitter(observed.wrist) / UNIT[0],
+            _jitter(turn) / UNIT[3],
+            _jitter(observed.fingers.flatten(2)) / UNIT[6],
+            object_noise / torch.tensor([UNIT[3], UNIT[0]]).to(object_noise),
+        ],
+        dim=-1,
+    )
+    seen = (trust > 0).to(values).mean(1, keepdim=True)
+    return torch.cat([(values + 0.01).log(), seen], dim=-1)
+
+
+def _jitter(values: Float[Tensor, "B T D"]) -> Float[Tensor, "B 1"]:
+    """Root mean square of second differences; zero where there are fewer than three frames."""
+    if values.shape[1] < 3:
+        return torch.zeros_like(values[:, 0, :1])
+    return values.diff(n=2, dim=1).square().mean((1, 2))[:, None].sqrt()
 
 
 class SpatialDenoiser(nn.Module):
-    """A network per contact point around a transformer over frames: noisy to clean offsets."""
+    """The density of a constant shift of the hand, up to a factor: a prior times what is seen."""
 
     def __init__(self, config: SpatialConfig) -> None:
-        """Build the network; its last layers start at zero, so it starts as the skip path."""
+        """Build the network; before training the density is its prior."""
         super().__init__()
         self.config = config
-        width, point = config.width, config.point_width
-        self.encode_point = mlp(RELATION_FEATURES + 42 + 63, point, point)
-        self.embed = nn.Linear(2 * point + 63 + OBSERVATION_FEATURES, width)
-        self.trunk = FrameTransformer(width, config.depth, config.heads)
-        self.decode_point = mlp(width + point, width, 63)
-        zeroed(self.decode_point[-1])
-        self.gate = zeroed(nn.Linear(width, 63))
+        width = config.width
+        self.look = mlp(FRAME_FEATURES, width, width, width)
+        self.judge = mlp(2 * width + 5 + TRACK_CUES, width, width, 1)
+        zeroed(self.judge[-1])
+        self.width = mlp(TRACK_CUES + 1, 64, 2)
+        zeroed(self.width[-1])
+        with torch.no_grad():
+            self.width[-1].bias.fill_(math.log(0.015))
+
+    def prior(self, evidence: SpatialEvidence) -> Float[Tensor, "B 2"]:
+        """Deviations of the shift along the ray and across it, metres, before the surface is seen.
+
+        They are the same where the ray is not known.
+        """
+        known = evidence.knows_ray[:, None]
+        low, high = (math.log(limit) for limit in PRIOR_RANGE)
+        both = self.width(torch.cat([evidence.track, known], dim=-1)).clamp(low, high).exp()
+        along, across = both.split(1, dim=-1)
+        return torch.cat([torch.where(known > 0, along, across), across], dim=-1)
+
+    def prior_root(
+        self, evidence: SpatialEvidence, axes: Float[Tensor, "3 3"]
+    ) -> Float[Tensor, "B 3 3"]:
+        """A square root of the prior's covariance, metres, in axes that are given as columns."""
+        along, across = self.prior(evidence)[..., None, None].unbind(1)
+        ray = evidence.ray @ axes
+        return across * torch.eye(3).to(ray) + (along - across) * ray[:, :, None] * ray[:, None]
 
     def forward(
-        self, noisy: SpatialRelations, sigma: Float[Tensor, " B"], observation: Observation
-    ) -> SpatialRelations:
-        """The clean relations of every contact point, canonical frame, metres.
+        self, shifts: Float[Tensor, "B M 3"], evidence: SpatialEvidence
+    ) -> Float[Tensor, "B M"]:
+        """Logarithm of the density at M shifts of the whole hand, world axes, metres."""
+        seen = self.look(frame_features(shifts, evidence))
+        pooled = torch.cat([seen.mean(1), seen.amax(1)], dim=-1)
+        along = (shifts * evidence.ray[:, None]).sum(-1, keepdim=True)
+        size = shifts.norm(dim=-1, keepdim=True)
+        across = (size.square() - along.square()).clamp(min=0).sqrt()
+        known = evidence.knows_ray[:, None, None].expand_as(size)
+        where = torch.cat([along, along.abs(), across, size], dim=-1) / SHIFT_UNIT
+        track = evidence.track[:, None].expand(-1, shifts.shape[1], -1)
+        likely = self.judge(torch.cat([pooled, where, known, track], dim=-1))[..., 0]
+        away = torch.cat([along, across], dim=-1) / self.prior(evidence)[:, None]
+        return likely - 0.5 * away.square().sum(-1)
 
-        Args:
-            noisy: with offsets clean + sigma * noise, where the noise may differ per point.
-            sigma: noise level in metres.
-            observation: the hand that is being cleaned, given or withheld per batch item.
+    def posterior(
+        self,
+        evidence: SpatialEvidence,
+        axes: Float[Tensor, "3 3"],
+        *,
+        rounds: int,
+        places: int,
+        generator: torch.Generator,
+        on_step: OnStep | None = None,
+    ) -> Posterior:
+        """Mean and width of the density of the shift, metres; see `importance_posterior`.
+
+        They are in `axes`, which are given as columns: places are drawn in axes that move with the
+        scene, so that the answer does.
         """
-        axes = observation.palm()
-        observation, relations = observation.turned(axes), noisy.turned(axes)
-        frame_features = observation.features()
-        observed = relations.of_hand(observation.anchor)
-        place, seen = relation_features(observed).split([6, RELATION_FEATURES - 6], dim=-1)
-        fixed = [place, seen * observation.mask, contact_features(relations)]
+        seen = evidence.spread_over(self.config.frames)
 
-        def network(scaled: Tensor, level: Tensor) -> Tensor:
-            each = self.encode_point(torch.cat([*fixed, scaled.flatten(-2)], dim=-1))
-            pooled = torch.cat([each.mean(2), each.amax(2)], dim=-1)
-            mean = scaled.mean(2).flatten(-2)
-            tokens = self.embed(torch.cat([pooled, mean, frame_features], dim=-1))
-            tokens = self.trunk(tokens, level.flatten())
-            around = tokens[:, :, None].expand(-1, -1, scaled.shape[2], -1)
-            out = self.decode_point(torch.cat([around, each], dim=-1)).unflatten(-1, (21, 3))
-            # the gate scales the sample itself: how far this input's observation is to be trusted
-            return out + self.gate(tokens).unflatten(-1, (21, 3))[:, :, None] * scaled
+        def within_reach(shifts: Tensor) -> Tensor:
+            density = self(shifts @ axes.mT, seen)
+            return density.masked_fill(shifts.norm(dim=-1) > REACH, -torch.inf)
 
-        shape = (-1, 1, 1, 1, 1)
-        clean = preconditioned(
-            network,
-            relations.hands,
-            observed.hands,
-            sigma.view(shape),
-            observation.scale.view(shape),
+        return importance_posterior(
+            within_reach,
+            self.prior_root(seen, axes),
+            rounds=rounds,
+            places=places,
+            generator=generator,
+            on_step=on_step,
         )
-        return replace(noisy, hands=clean @ axes[:, None, None].mT)
+
+
+def frame_features(
+    shifts: Float[Tensor, "B M 3"], evidence: SpatialEvidence
+) -> Float[Tensor, "B T M F"]:
+    """How the hand stands to the surface at every trial place, in axes of the palm."""
+    joints, axes = evidence.joints, evidence.axes()
+    count = shifts.shape[1]
+    placed = joints[:, :, None] + shifts[:, None, :, None]  # (B, T, M, 21, 3)
+    nearest, outward = (
+        found.unflatten(2, (count, 21))
+        for found in nearest_on_parts(
+            placed.flatten(2, 3),
+            evidence.points,
+            evidence.normals,
+            evidence.part,
+            evidence.rotation,
+            evidence.translation,
+        )
+    )
+    way = nearest - placed
+    close = torch.exp(-way.norm(dim=-1, keepdim=True) / CLOSE)
+    height = -(way * outward).sum(-1, keepdim=True)
+
+    def in_palm(vectors: Tensor) -> Tensor:
+        return (vectors.flatten(2, 3) @ axes).unflatten(2, (count, 21))
+
+    contact = [
+        (height * close / 0.01).clamp(-4, 4),
+        close,
+        in_palm(way) * close / 0.01,
+        in_palm(outward) * close,
+    ]
+    hand = ((joints - joints[:, :, :1]) @ axes / 0.06).flatten(2)
+    around = torch.cat([hand, evidence.speeds], dim=-1)[:, :, None].expand(-1, -1, count, -1)
+    place = shifts[:, None] @ axes / SHIFT_UNIT
+    return torch.cat([torch.cat(contact, dim=-1).flatten(3), around, place], dim=-1)

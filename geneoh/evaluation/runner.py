@@ -25,7 +25,7 @@ import torch
 from geneoh.baselines.library import BASELINES, baseline_weights
 from geneoh.choices import Dataset
 from geneoh.config import as_dict
-from geneoh.denoisers.library import CLEANING_STAGES, weights_of
+from geneoh.denoisers.library import CLEANING_STAGES, PAPER_STAGES, weights_of
 from geneoh.errors import ConfigError, InputError, MissingAssetError
 from geneoh.evaluation.cases import Case, find_cases
 from geneoh.evaluation.methods import Method, methods_of
@@ -122,7 +122,7 @@ def settings_of(options: EvaluationOptions) -> dict[str, Any]:
     Noises, seeds, clips and methods are part of each score and may differ from run to run.
     """
     cleaner = options.cleaner
-    files = [weights_of(name, cleaner.weights) for name in (*CLEANING_STAGES, "trajectory")]
+    files = [weights_of(name, cleaner.weights) for name in (*CLEANING_STAGES, *PAPER_STAGES)]
     files += [baseline_weights(name, cleaner.weights) for name in BASELINES]
     root, stored = data_root(options.dataset, options.root), options.noisy_inputs
     return {

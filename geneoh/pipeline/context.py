@@ -6,10 +6,12 @@ from functools import cached_property
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
+from torch.nn.functional import normalize
 
 from geneoh.bundle import Bundle
 from geneoh.denoisers.base import POINTS, Observation
 from geneoh.denoisers.motion import ObservedMotion
+from geneoh.denoisers.spatial import SpatialEvidence, relative_speeds, track_cues
 from geneoh.fitting.subject import Subject
 from geneoh.geometry.distance import MovingSurface
 from geneoh.geometry.sampling import sample_surface
@@ -40,6 +42,9 @@ class StageContext(Bundle):
     """False for the ablation whose canonical frame stands still in the world."""
     ray: Float[Tensor, "T 3"] | None = None
     """Unit direction from the camera to the hand, in the world; None where it is not known."""
+    object_noise: Float[Tensor, " 2"] | None = None
+    """Deviation of white noise on the object's rotation (rad) and translation (m) before its track
+    was cleaned; None where it was exact."""
 
     @property
     def frames(self) -> int:
@@ -104,6 +109,55 @@ class StageContext(Bundle):
         )
         return region if self.canonical else region.held_still()
 
+    def evidence(self, observed: HandParameters, hand: HandParameters) -> SpatialEvidence:
+        """What tells SpatialDiff the place of each window, from the mean of all samples of a hand.
+
+        Args:
+            observed: the hand before MotionDiff, one sample.
+            hand: the samples after it.
+        """
+        joints = self.windows(hand.joints.mean(0, keepdim=True))
+        count = len(self.starts)
+        rotation, translation = self.cut(self.rotation, 0), self.cut(self.translation, 0)
+        before = observed.map(lambda value: value.expand(len(hand.wrist), *value.shape[1:]))
+        change = self.windows(before.change_to(hand).mean(0, keepdim=True))
+        ray = self.points.new_zeros(count, 3)
+        if self.ray is not None:
+            ray = normalize(self.cut(self.ray, 0).mean(1), dim=-1)
+
+        noise = self.points.new_zeros(2)
+        if self.object_noise is not None:
+            noise = self.object_noise.to(noise)
+
+        def of_each(values: Tensor) -> Tensor:
+            return values.expand(count, *values.shape)
+
+        return SpatialEvidence(
+            joints,
+            of_each(self.points),
+            of_each(self.normals),
+            of_each(self.part),
+            rotation,
+            translation,
+            relative_speeds(joints, rotation[:, :, 0], translation[:, :, 0]),
+            ray,
+            track_cues(
+                self.hand_windows(observed),
+                change,
+                self.cut(self.trust, 0).mean(-1),
+                of_each(noise),
+            ),
+        )
+
+    def hand_windows(self, hand: HandParameters) -> HandParameters:
+        """The windows of one sample of a hand."""
+        return HandParameters(
+            self.windows(hand.wrist),
+            self.windows(hand.turn),
+            self.windows(hand.fingers),
+            hand.offsets.expand(len(self.starts), 20, 3),
+        )
+
     def observation(
         self, joints: Float[Tensor, "S T 21 3"], region: ContactRegion, given: bool
     ) -> Observation:
@@ -126,14 +180,8 @@ class StageContext(Bundle):
     def observed_motion(self, hand: HandParameters, region: ContactRegion) -> ObservedMotion:
         """Windows of a hand of the world (one sample), as MotionDiff is shown them."""
         nearest, outward = self.nearest_surface(hand.joints[0])
-        windows = HandParameters(
-            self.windows(hand.wrist),
-            self.windows(hand.turn),
-            self.windows(hand.fingers),
-            hand.offsets.expand(len(region.center), 20, 3),
-        )
         return ObservedMotion(
-            windows.to_canon(region),
+            self.hand_windows(hand).to_canon(region),
             self.cut(self.trust, 0).mean(-1),
             region.to_canon(self.cut(nearest, 0)),
             self.cut(outward, 0) @ region.rotation,

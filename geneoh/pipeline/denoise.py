@@ -22,18 +22,19 @@ from geneoh.geometry.distance import MovingSurface
 from geneoh.hand.library import hand_of_betas
 from geneoh.hand.model import ShapedHand
 from geneoh.nn.devices import named_device
-from geneoh.objects.cleaning import clean_object
+from geneoh.objects.cleaning import ObjectExamination, clean_object
 from geneoh.objects.evidence import doubt, evidence_of_nearness, evidence_of_poses
 from geneoh.objects.refine import refine_object
 from geneoh.pipeline.alone import hand_alone, measure_hand, without_jitter
 from geneoh.pipeline.context import StageContext, stage_context
 from geneoh.pipeline.inputs import as_sequence, checked_interaction, undisturbed
 from geneoh.pipeline.options import Options, with_settings
-from geneoh.pipeline.presets import Preset
+from geneoh.pipeline.presets import PlacePlan, Preset, StagePlan
 from geneoh.pipeline.results import Denoised, HandResult
 from geneoh.pipeline.spread import joint_spread
 from geneoh.pipeline.stages import (
     denoise_motion,
+    denoise_relations,
     denoise_spatial,
     denoise_temporal,
     denoise_trajectory,
@@ -110,9 +111,7 @@ def clean_interaction(
 ) -> Denoised:
     """Clean a sequence that has been checked; see `denoise`."""
     chosen = options.resolved()
-    denoisers = load_denoisers(
-        options.weights, device=options.device, trajectory=not chosen.observed
-    )
+    denoisers = load_denoisers(options.weights, device=options.device, paper=not chosen.observed)
     notes: list[str] = []
     motion, examined = sequence.object, None
     if not motion.meshes or (motion.valid is not None and not bool(motion.valid.any())):
@@ -136,7 +135,16 @@ def clean_interaction(
         subject = subject_of(moved.track, hand.right_model(model))
         relied = evidence[nearest_frames(sequence.frames, hand.track.frames)]
         relied = relied.to(options.device)
-        result = _clean(moved, subject, relied, denoisers, chosen, options.seed, on_progress)
+        result = _clean(
+            moved,
+            subject,
+            relied,
+            _white_noise(examined),
+            denoisers,
+            chosen,
+            options.seed,
+            on_progress,
+        )
         result = result.to(sequence.object.rotation.device)
         results[hand.side] = replace(
             result,
@@ -156,10 +164,18 @@ def clean_interaction(
     return Denoised(clean, results, tuple(notes), options, examined)
 
 
+def _white_noise(examined: ObjectExamination | None) -> Float[Tensor, " 2"] | None:
+    """Deviation of white noise on the worst part's rotation (rad) and translation (m)."""
+    if examined is None:
+        return None
+    return torch.stack([examined.rotation_noise.max(), examined.translation_noise.max()])
+
+
 def _clean(
     hand: NormalisedHand,
     subject: Subject,
     evidence: Float[Tensor, " N"],
+    object_noise: Float[Tensor, " 2"] | None,
     denoisers: Denoisers,
     chosen: Preset,
     seed: int,
@@ -200,7 +216,10 @@ def _clean(
         samples = None
         if surface is not None and bool((evidence > LEAST_EVIDENCE).any()):
             context = stage_context(surface, subject, hand.fps, generator=generator)
-            samples = run(replace(context, canonical=chosen.canonical, ray=ray), chosen)
+            context = replace(
+                context, canonical=chosen.canonical, ray=ray, object_noise=object_noise
+            )
+            samples = run(context, chosen)
         if samples is None or bool((evidence < 1).any()):
             free = run(replace(hand_alone(subject, hand.fps), ray=ray), chosen.alone())
             free = without_jitter(free, subject.joints, hand.fps)
@@ -246,39 +265,8 @@ def _run_stages(
     generator: torch.Generator,
 ) -> Float[Tensor, "S T 21 3"]:
     """MotionDiff, SpatialDiff and TemporalDiff in order, all samples in one batch."""
-    joints = subject.joints.expand(chosen.samples, -1, -1, -1)
-    if chosen.motion is not None and chosen.observed:
-        joints = denoise_motion(
-            denoisers.motion,
-            HandParameters(
-                given.wrist, given.rotations[..., 0, :, :], given.pose[..., 1:, :], subject.offsets
-            ),
-            context,
-            chosen.motion,
-            samples=chosen.samples,
-            generator=generator,
-            on_step=progress_of("motion"),
-        ).joints
-    elif chosen.motion is not None:
-        assert denoisers.trajectory is not None, "it was asked for"
-        joints = denoise_trajectory(
-            denoisers.trajectory,
-            joints,
-            context,
-            chosen.motion,
-            generator=generator,
-            on_step=progress_of("motion"),
-        )
-    if chosen.spatial is not None:
-        joints = denoise_spatial(
-            denoisers.spatial,
-            joints,
-            context,
-            chosen.spatial,
-            observed=chosen.observed,
-            generator=generator,
-            on_step=progress_of("spatial"),
-        )
+    denoised = _denoised_places if chosen.observed else _denoised_by_paper
+    joints = denoised(denoisers, context, subject, given, chosen, progress_of, generator=generator)
     if chosen.temporal is not None:
         joints = denoise_temporal(
             denoisers.temporal,
@@ -295,6 +283,79 @@ def _run_stages(
         raise CheckpointError(
             "expected finite keypoints from the networks, got NaN or infinity; their weights are "
             "damaged, train or download them again"
+        )
+    return joints
+
+
+def _denoised_places(
+    denoisers: Denoisers,
+    context: StageContext,
+    subject: Subject,
+    given: HandState,
+    chosen: Preset,
+    progress_of: Callable[[str], OnStep],
+    *,
+    generator: torch.Generator,
+) -> Float[Tensor, "S T 21 3"]:
+    """MotionDiff and SpatialDiff on hand parameters."""
+    observed = HandParameters(
+        given.wrist, given.rotations[..., 0, :, :], given.pose[..., 1:, :], subject.offsets
+    )
+    hand = observed.map(lambda value: value.expand(chosen.samples, *value.shape[1:]))
+    if chosen.motion is not None:
+        hand = denoise_motion(
+            denoisers.motion,
+            observed,
+            context,
+            chosen.motion,
+            samples=chosen.samples,
+            generator=generator,
+            on_step=progress_of("motion"),
+        )
+    if isinstance(chosen.spatial, PlacePlan):
+        hand = denoise_spatial(
+            denoisers.spatial,
+            observed,
+            hand,
+            context,
+            chosen.spatial,
+            generator=generator,
+            on_step=progress_of("spatial"),
+        )
+    return hand.joints
+
+
+def _denoised_by_paper(
+    denoisers: Denoisers,
+    context: StageContext,
+    subject: Subject,
+    given: HandState,
+    chosen: Preset,
+    progress_of: Callable[[str], OnStep],
+    *,
+    generator: torch.Generator,
+) -> Float[Tensor, "S T 21 3"]:
+    """MotionDiff and SpatialDiff on keypoints, in the form of the paper."""
+    joints = subject.joints.expand(chosen.samples, -1, -1, -1)
+    if chosen.motion is not None:
+        assert denoisers.trajectory is not None, "it was asked for"
+        joints = denoise_trajectory(
+            denoisers.trajectory,
+            joints,
+            context,
+            chosen.motion,
+            generator=generator,
+            on_step=progress_of("motion"),
+        )
+    if isinstance(chosen.spatial, StagePlan):
+        assert denoisers.relations is not None, "it was asked for"
+        joints = denoise_relations(
+            denoisers.relations,
+            joints,
+            context,
+            chosen.spatial,
+            generator=generator,
+            on_step=progress_of("spatial"),
         )
     return joints
 

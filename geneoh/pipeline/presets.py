@@ -24,12 +24,26 @@ class StagePlan:
 
 
 @dataclass(frozen=True)
+class PlacePlan:
+    """Settings of SpatialDiff where it asks for the place of the hand."""
+
+    places: int
+    """Trial places of each window in each round."""
+    steps: int = 4
+    """Rounds, each of which tries places where those before were probable."""
+
+
+Plan = PlacePlan | StagePlan
+
+
+@dataclass(frozen=True)
 class Preset:
     """Settings of all stages, of the selection among samples and of the fit."""
 
     motion: StagePlan | None
     """None leaves a stage out."""
-    spatial: StagePlan | None
+    spatial: Plan | None
+    """A `StagePlan` is for the paper's form, on offsets around contact points."""
     temporal: StagePlan | None
     observed: bool
     """Whether the networks are shown the input, or only start from it as in the paper."""
@@ -57,7 +71,12 @@ class Preset:
 
     def with_steps(self, steps: int) -> "Preset":
         """The preset with another number of denoiser calls per stage, never above its level."""
-        return self._with_plans(lambda plan: replace(plan, steps=min(steps, plan.level)))
+
+        def limited(plan: Plan) -> Plan:
+            most = plan.level if isinstance(plan, StagePlan) else steps
+            return replace(plan, steps=min(steps, most))
+
+        return self._with_plans(limited)
 
     def alone(self) -> "Preset":
         """The preset for a hand without an object: nothing that asks for its surface."""
@@ -73,7 +92,13 @@ class Preset:
             case "canonical":
                 return replace(self, canonical=False)
             case "diffusion":
-                return self._with_plans(lambda plan: replace(plan, sampler="direct"))
+                return self._with_plans(
+                    lambda plan: (
+                        replace(plan, sampler="direct")
+                        if isinstance(plan, StagePlan)
+                        else replace(plan, steps=1)
+                    )
+                )
             case "fit":
                 return replace(self, fit=KEYPOINTS_ALONE, contact=False)
             case "object":
@@ -85,7 +110,7 @@ class Preset:
             case _:
                 assert_never(part)
 
-    def _with_plans(self, changed: Callable[[StagePlan], StagePlan]) -> "Preset":
+    def _with_plans(self, changed: Callable[[Plan], Plan]) -> "Preset":
         plans = {"motion": self.motion, "spatial": self.spatial, "temporal": self.temporal}
         kept = {stage: changed(plan) for stage, plan in plans.items() if plan is not None}
         return replace(self, **kept)
@@ -111,7 +136,7 @@ def preset(name: PresetName) -> Preset:
             return Preset(
                 # from a lower level the input would count twice; more steps leave more of its noise
                 motion=StagePlan(650, 4),
-                spatial=StagePlan(200, 3),
+                spatial=PlacePlan(96),
                 temporal=StagePlan(100, 6),
                 observed=True,
                 samples=4,
@@ -125,6 +150,7 @@ def preset(name: PresetName) -> Preset:
             quick = preset("default").with_steps(3)
             return replace(
                 quick,
+                spatial=PlacePlan(64, 3),
                 samples=1,
                 align=AlignConfig(steps=10, rate=2e-3),
                 fit=FitConfig(iterations=5, contact_rounds=2),

@@ -5,29 +5,35 @@ denoiser call cuts the track into windows and blends their results, so that wind
 noise level and no seam forms. A rigid motion of the scene moves the result rigidly.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.denoisers.base import HAND_SCALE
+from geneoh.denoisers.base import palm_axes
 from geneoh.denoisers.motion import MotionDenoiser
+from geneoh.denoisers.relations import RelationDenoiser
 from geneoh.denoisers.spatial import SpatialDenoiser
 from geneoh.denoisers.temporal import TemporalDenoiser
 from geneoh.denoisers.trajectory import TrajectoryDenoiser
+from geneoh.diffusion.posterior import Posterior, along_a_track
 from geneoh.diffusion.samplers import denoise_via_diffusion
 from geneoh.diffusion.schedule import descending_sigmas
 from geneoh.fitting.align import AlignConfig, align_to_relations
 from geneoh.pipeline.context import StageContext
-from geneoh.pipeline.presets import StagePlan
+from geneoh.pipeline.presets import PlacePlan, StagePlan
 from geneoh.progress import OnStep
 from geneoh.representation.parameters import HandParameters, turned
-from geneoh.representation.region import ContactRegion
 from geneoh.representation.spatial import decode_spatial, encode_spatial
 from geneoh.representation.temporal import PairStatistics, encode_temporal
+from geneoh.representation.window_scale import WindowScale
 
+CONSTANT_SHARE = 0.85
+"""Correlation of the shifts of two windows far apart: most of what lasts for a window lasts for the
+whole clip, as the depth of a camera's estimates does."""
+TOGETHER = 64
+"""Windows whose shifts are found together, some half minute of them."""
 ALIGN_POINTS = 16
 """Number of contact points that keypoints are aligned to, those nearest to the hand; far ones would
 hardly count."""
@@ -75,6 +81,68 @@ def denoise_motion(
     return hand.map(lambda value: value.expand(samples, *value.shape[1:])).moved(change)
 
 
+def denoise_spatial(
+    model: SpatialDenoiser,
+    observed: HandParameters,
+    hand: HandParameters,
+    context: StageContext,
+    plan: PlacePlan,
+    *,
+    generator: torch.Generator,
+    on_step: OnStep | None = None,
+) -> HandParameters:
+    """SpatialDiff: hands of the world in places where their relations to the surface are natural.
+
+    The place is one shift per window, because the errors that it mends last. All samples ask about
+    their mean and get a shift each, drawn from its density, so that their mean is the density's.
+
+    Args:
+        model: the density of the shift.
+        observed: the observed hand, one sample, gaps filled.
+        hand: the samples of the stage before.
+        context: the object, the windows and the ray of the camera.
+        plan: how many places are tried.
+        generator: source of the places and of the samples.
+        on_step: called with (done, total) after each round.
+    """
+    evidence = context.evidence(observed, hand)
+    axes = palm_axes(hand.joints.mean(0, keepdim=True))[0]
+    each = model.posterior(
+        evidence,
+        axes,
+        rounds=plan.steps,
+        places=plan.places,
+        generator=generator,
+        on_step=on_step,
+    )
+    found = _of_all_windows(each, model.prior_root(evidence, axes), context).cautious(3)
+    shifts = found.samples(len(hand.wrist), generator=generator).view(-1, 3) @ axes.mT
+    shift = context.blend(shifts[:, None].expand(-1, context.size, -1))
+    return replace(hand, wrist=hand.wrist + shift)
+
+
+def _of_all_windows(
+    each: Posterior, prior_root: Float[Tensor, "W 3 3"], context: StageContext
+) -> Posterior:
+    """The shifts of all windows together, as one axis: lasting errors are alike in all of them."""
+    first = torch.tensor(context.starts).to(each.mean)
+    apart = (first[:, None] - first).abs() / context.size
+    agreement = CONSTANT_SHARE + (1 - CONSTANT_SHARE) * torch.exp(-apart)
+    fresh = min(1.0, context.frames / (len(first) * context.size))
+    groups = [slice(at, at + TOGETHER) for at in range(0, len(first), TOGETHER)]
+    found = [
+        along_a_track(
+            Posterior(each.mean[group], each.root[group]),
+            prior_root[group],
+            agreement[group, group],
+            fresh,
+        )
+        for group in groups
+    ]
+    mean = torch.cat([part.mean for part in found], dim=-1)
+    return Posterior(mean, torch.block_diag(*(part.root[0] for part in found))[None])
+
+
 def denoise_trajectory(
     model: TrajectoryDenoiser,
     joints: Float[Tensor, "S T 21 3"],
@@ -84,97 +152,64 @@ def denoise_trajectory(
     generator: torch.Generator,
     on_step: OnStep | None = None,
 ) -> Float[Tensor, "S T 21 3"]:
-    """MotionDiff as the paper has it: world keypoints with natural canonical trajectories."""
-    return _denoise_keypoints(
-        model,
-        joints,
-        context,
-        context.region(joints),
-        plan,
-        generator=generator,
-        on_step=on_step,
-    )
+    """MotionDiff as the paper has it: world keypoints with natural canonical trajectories.
 
-
-def _denoise_keypoints(
-    clean_windows: Callable[[Tensor, Tensor], Tensor],
-    joints: Float[Tensor, "S T 21 3"],
-    context: StageContext,
-    region: ContactRegion,
-    plan: StagePlan,
-    *,
-    generator: torch.Generator,
-    on_step: OnStep | None,
-) -> Float[Tensor, "S T 21 3"]:
-    """World keypoints denoised as one track by a denoiser of its canonical windows.
-
-    `clean_windows` maps noisy windows (B, N, 21, 3) and noise levels (B,), metres, to clean ones.
+    Every window has a chain of its own in units of its own deviation; windows are blended after.
     """
+    region = context.region(joints)
+    canon = region.to_canon(context.windows(joints))
+    scale = WindowScale.of(canon)
 
     def clean(x: Tensor, sigma: float) -> Tensor:
-        canon = region.to_canon(context.windows(context.to_world(x * HAND_SCALE)))
-        level = canon.new_full((len(canon),), sigma * HAND_SCALE)
-        world = context.blend(region.to_world(clean_windows(canon, level)))
-        return context.to_object(world) / HAND_SCALE
+        return scale.normalised(model(scale.metres(x), sigma * scale.deviation.flatten()))
 
     cleaned = denoise_via_diffusion(
         clean,
-        context.to_object(joints) / HAND_SCALE,
+        scale.normalised(canon),
         descending_sigmas(plan.level, plan.steps),
         sampler=plan.sampler,
         samples=len(joints),
         generator=generator,
         on_step=on_step,
     )
-    return context.to_world(cleaned * HAND_SCALE)
+    return context.blend(region.to_world(scale.metres(cleaned)))
 
 
-def denoise_spatial(
-    model: SpatialDenoiser,
+def denoise_relations(
+    model: RelationDenoiser,
     joints: Float[Tensor, "S T 21 3"],
     context: StageContext,
     plan: StagePlan,
     *,
-    observed: bool,
     generator: torch.Generator,
     on_step: OnStep | None = None,
 ) -> Float[Tensor, "S T 21 3"]:
-    """SpatialDiff: world keypoints with natural relations to the surface (eq. 8).
+    """SpatialDiff as the paper has it: world keypoints with natural offsets to the contact points.
 
-    With the observation all contact points share the noise of the hand and their results are
-    averaged at every step. Without it, as in the paper, each contact point has a diffusion chain of
-    its own and the average is taken at the end.
+    Each contact point has a diffusion chain of its own, in units of the window's deviation; the
+    average of the hands that they imply is taken at the end (eq. 8).
     """
     region = context.region(joints)
-    observation = context.observation(joints, region, observed)
-
-    if observed:
-
-        def clean_hand(canon: Tensor, level: Tensor) -> Tensor:
-            return decode_spatial(model(encode_spatial(canon, region), level, observation))
-
-        return _denoise_keypoints(
-            clean_hand, joints, context, region, plan, generator=generator, on_step=on_step
-        )
-
+    observation = context.observation(joints, region, False)
     start = encode_spatial(region.to_canon(context.windows(joints)), region)
+    scale = WindowScale.of(start.hands)
 
     def clean_hands(hands: Float[Tensor, "B N K 21 3"], sigma: float) -> Tensor:
-        level = hands.new_full((len(hands),), sigma * HAND_SCALE)
-        noisy = replace(start, hands=hands * HAND_SCALE)
-        return model(noisy, level, observation).hands / HAND_SCALE
+        noisy = replace(start, hands=scale.metres(hands))
+        level = sigma * scale.deviation.flatten()
+        return scale.normalised(model(noisy, level, observation).hands)
 
     hands = denoise_via_diffusion(
         clean_hands,
-        start.hands / HAND_SCALE,
+        scale.normalised(start.hands),
         descending_sigmas(plan.level, plan.steps),
         sampler=plan.sampler,
         samples=len(joints),
         generator=generator,
         on_step=on_step,
     )
-    hand = decode_spatial(replace(start, hands=hands))
-    return context.blend(region.to_world(hand * HAND_SCALE))
+    hand = decode_spatial(replace(start, hands=scale.metres(hands)))
+    return context.blend(region.to_world(hand))
 
 
 def denoise_temporal(

@@ -250,10 +250,10 @@ def check_holding(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:
     point = hand.wrist if hand.joints is None or hand.wrist is not None else hand.joints[:, 0]
     if point is None or not motion.meshes:
         return
-    wrist = point.double().numpy()
-    turn = motion.rotation[:, 0].double().numpy()
-    shift = motion.translation[:, 0].double().numpy()
-    steps = moving_steps(hand.valid.numpy(), wrist, turn, shift)
+    wrist = point.double().cpu().numpy()
+    turn = motion.rotation[:, 0].double().cpu().numpy()
+    shift = motion.translation[:, 0].double().cpu().numpy()
+    steps = moving_steps(hand.valid.cpu().numpy(), wrist, turn, shift)
     if len(steps) < HOLDING_STEPS:
         return
     j0, opengl = mean_wrist_offset(hand.side), np.array([1.0, -1.0, -1.0])
@@ -265,7 +265,7 @@ def check_holding(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:
         "the object's translation in millimetres": (wrist, turn, shift / 1000),
         "the object's translation in metres": (wrist, turn, shift * 1000),
     }
-    verts = motion.meshes[0].verts.double().numpy()
+    verts = motion.meshes[0].verts.double().cpu().numpy()
     others = {
         words: slip(*reading, steps)
         for words, reading in readings.items()

@@ -4,6 +4,9 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+CACHED = 2**20
+"""Distances that are held at once."""
+
 
 def nearest_points(
     joints: Float[Tensor, "*B N 3"],
@@ -16,7 +19,10 @@ def nearest_points(
     # |j - p|^2 - |j|^2 as one matrix product: |j|^2 is the same for every point
     right = torch.cat([-2 * around, around.square().sum(-1, keepdim=True)], dim=-1)
     left = torch.cat([apart, torch.ones_like(apart[..., :1])], dim=-1)
-    index = (left @ right.mT).min(-1).indices[..., None].expand(*joints.shape)
+    # a few joints at a time, so that their distances to all points stay in the processor's cache
+    size = max(1, CACHED * joints.shape[-2] // max(1, left[..., 0].numel() * points.shape[-2]))
+    parts = [(part @ right.mT).argmin(-1) for part in left.split(size, dim=-2)]
+    index = torch.cat(parts, dim=-1)[..., None].expand(*joints.shape)
     return points.gather(-2, index), normals.gather(-2, index)
 
 

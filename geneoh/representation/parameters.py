@@ -70,6 +70,15 @@ class HandParameters(Bundle):
             self.offsets,
         )
 
+    def to_world(self, region: ContactRegion) -> "HandParameters":
+        """Inverse of `to_canon`."""
+        return HandParameters(
+            region.to_world(self.wrist[..., None, :])[..., 0, :],
+            region.rotation @ self.turn,
+            self.fingers,
+            self.offsets,
+        )
+
     def moved(self, change: Float[Tensor, "*B T 51"]) -> "HandParameters":
         """The hands after a change in units of `UNIT`.
 

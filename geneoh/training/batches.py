@@ -9,6 +9,7 @@ from torch import Tensor
 from geneoh.bundle import Bundle
 from geneoh.denoisers.base import Observation
 from geneoh.denoisers.motion import MotionDenoiser, ObservedMotion
+from geneoh.denoisers.spatial import SpatialEvidence, track_cues
 from geneoh.diffusion.samplers import denoise_via_diffusion
 from geneoh.diffusion.schedule import descending_sigmas
 from geneoh.geometry.rotations import axis_angle_to_matrix
@@ -37,6 +38,8 @@ class Batch(Bundle):
     """The clean hand's parameters in the canonical frame of `region`."""
     motion: ObservedMotion
     """The noisy hand's parameters there, with the other inputs of MotionDiff."""
+    evidence: SpatialEvidence
+    """What tells SpatialDiff the place of the noisy hand."""
 
     @property
     def clean_canon(self) -> Float[Tensor, "B T 21 3"]:
@@ -67,6 +70,7 @@ def draw_batch(
     clean = augmented(windows.hand, config.augmentation, generator=generator)
     frames = clean.wrist.shape[1]
     noise = draw_corruption(size, frames, config.corruption, generator=generator)
+    windows = windows.shaken(noise.object_turn, noise.object_shift)
     noisy = HandParameters.of_pose(
         clean.wrist + noise.translation, clean.pose + noise.pose, clean.offsets
     )
@@ -75,14 +79,19 @@ def draw_batch(
     joints = noisy.joints + noise.jitter
     region = windows.region(joints).turned(turn)
     motion = windows.observed(noisy, noise.keep, region)
+    change, left = motion.hand.wrist.new_zeros(size, frames, 51), noisy
     if motion_denoiser is not None:
-        left = after_motion(motion, motion_denoiser, config, generator=generator)
-        joints = region.to_world(left.joints)
+        change = after_motion(motion, motion_denoiser, config, generator=generator)
+        left = motion.hand.moved(change).to_world(region)
+        joints = left.joints
         region = windows.region(joints).turned(turn)
+    cues = track_cues(motion.hand, change, motion.trust, noise.object_noise)
+    evidence = windows.evidence(left, noise.ray, cues)
     given = (torch.rand(size, generator=generator) >= config.condition_dropout).float()
     trust = noise.keep[..., None].expand(-1, -1, 21).float()
     observation = Observation(region.to_canon(joints), trust, given)
-    return Batch(clean.joints, joints, region, observation, clean.to_canon(region), motion)
+    hand = clean.to_canon(region)
+    return Batch(clean.joints, joints, region, observation, hand, motion, evidence)
 
 
 @torch.no_grad()
@@ -92,8 +101,8 @@ def after_motion(
     config: TrainConfig,
     *,
     generator: torch.Generator,
-) -> HandParameters:
-    """A quick sample of what MotionDiff leaves of the observed hand, canonical frame."""
+) -> Float[Tensor, "B T 51"]:
+    """A quick sample of the change that MotionDiff makes to the observed hand, canonical axes."""
     device = next(model.parameters()).device
     there = observed.to(device)
 
@@ -101,7 +110,7 @@ def after_motion(
         level = x.new_full((len(x),), sigma).to(device)
         return model(x.to(device), level, there).to(x)
 
-    change = denoise_via_diffusion(
+    return denoise_via_diffusion(
         clean,
         observed.hand.wrist.new_zeros(*observed.trust.shape, 51),
         descending_sigmas(config.motion_level, config.motion_steps),
@@ -109,4 +118,3 @@ def after_motion(
         samples=1,
         generator=generator,
     )
-    return observed.hand.moved(change)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from geneoh.baselines.regression import RegressionConfig
 from geneoh.baselines.toch import TochConfig
 from geneoh.denoisers.motion import MotionConfig
+from geneoh.denoisers.relations import RelationConfig
 from geneoh.denoisers.spatial import SpatialConfig
 from geneoh.denoisers.temporal import TemporalConfig
 from geneoh.denoisers.trajectory import TrajectoryConfig
@@ -61,6 +62,7 @@ class TrainConfig:
     spatial: SpatialConfig = field(default_factory=SpatialConfig)
     temporal: TemporalConfig = field(default_factory=TemporalConfig)
     trajectory: TrajectoryConfig = field(default_factory=TrajectoryConfig)
+    relations: RelationConfig = field(default_factory=RelationConfig)
     toch: TochConfig = field(default_factory=TochConfig)
     regression: RegressionConfig = field(default_factory=RegressionConfig)
     synthesis: SynthesisConfig = field(default_factory=SynthesisConfig)

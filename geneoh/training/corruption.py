@@ -59,6 +59,43 @@ class CorruptionConfig:
     """Share whose keypoints jitter independently, as those of keypoint detectors do."""
     jitter: float = 0.006
     """Largest deviation of that jitter, metres."""
+    camera_share: float = 0.4
+    """Share with the error of an estimator in one camera: its depth is off along a ray."""
+    depth: tuple[float, float] = (0.005, 0.045)
+    """Range of the deviation of the depth that lasts, metres, log-uniform."""
+    depth_drift: float = 0.8
+    """Largest deviation of the depth that drifts, relative to that."""
+    depth_frames: float = 15.0
+    """Correlation time of that drift, frames."""
+    depth_jitter: float = 0.12
+    """Deviation of the depth of single frames, relative to the one that lasts."""
+    blunder_share: float = 0.02
+    """Share of the frames of every second such window whose depth is off by a blunder."""
+    blunder: float = 0.06
+    """Size of a blunder, metres."""
+    across: float = 0.004
+    """Deviation of the lasting error across the ray, metres."""
+    ray_share: float = 0.5
+    """Share of such windows whose ray is told."""
+    other_ray_share: float = 0.1
+    """Share of the other windows that are told a ray, along which they do not err."""
+    shaky_share: float = 0.35
+    """Share whose object shakes: what is left of that after its track was smoothed."""
+    object_turn: tuple[float, float] = (0.004, 0.1)
+    """Range of the deviation of the object's rotation, radians, log-uniform."""
+    object_shift: tuple[float, float] = (0.0005, 0.012)
+    """Range of the deviation of the object's translation, metres, log-uniform."""
+    object_frames: float = 15.0
+    """Correlation time of the object's noise, frames; half of its variance is white, of which
+    smoothing leaves little."""
+    object_white_left: float = 0.15
+    """Share of the white noise's deviation that smoothing leaves."""
+    lasting_turn: float = 0.03
+    """Deviation of the object's rotation for a whole window, in all of them, radians: no recording
+    knows the pose and the shape of its object better."""
+    lasting_shift: float = 0.004
+    """The same of its translation, metres: a grasp of one recording lies deeper than one of
+    another, and networks that take millimetres for granted are misled by it."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +106,14 @@ class Corruption:
     pose: Float[Tensor, "B T 16 3"]
     keep: Bool[Tensor, "B T"]
     jitter: Float[Tensor, "B T 21 3"]
+    ray: Float[Tensor, "B 3"]
+    """Unit direction from the camera, world; zero where it is not told."""
+    object_turn: Float[Tensor, "B T 3"]
+    """Turn of the object in its own frame, axis-angle, and its shift in the world."""
+    object_shift: Float[Tensor, "B T 3"]
+    object_noise: Float[Tensor, "B 2"]
+    """Deviation of white noise on the object's rotation (rad) and translation (m) before its track
+    was smoothed."""
 
 
 def draw_corruption(
@@ -79,12 +124,63 @@ def draw_corruption(
     noise = _unit_noise(frames, config, draws) * _sizes(config, draws)[:, None]
     jitter = config.jitter * draws.share(1, 1, 1)
     jitter = jitter * draws.chance(config.jitter_share, 1, 1, 1)
+    keep, jitter = _observed(frames, config, draws), jitter * draws.normal(frames, 21, 3)
+    shift, ray = _camera(frames, config, draws)
+    turn, move, white = _object_noise(frames, config, draws)
     return Corruption(
-        translation=noise[..., :3],
+        translation=noise[..., :3] + shift,
         pose=noise[..., 3:].unflatten(-1, (16, 3)),
-        keep=_observed(frames, config, draws),
-        jitter=jitter * draws.normal(frames, 21, 3),
+        keep=keep,
+        jitter=jitter,
+        ray=ray,
+        object_turn=turn,
+        object_shift=move,
+        object_noise=white,
     )
+
+
+def _log_uniform(limits: tuple[float, float], draws: Draws, *shape: int) -> Float[Tensor, "B ..."]:
+    """Numbers whose logarithm is spread evenly between those of two limits."""
+    low, high = (math.log(limit) for limit in limits)
+    return torch.exp(draws.uniform((low, high), *shape))
+
+
+def _camera(
+    frames: int, config: CorruptionConfig, draws: Draws
+) -> tuple[Float[Tensor, "B T 3"], Float[Tensor, "B 3"]]:
+    """Errors along the ray of a camera, and the ray where it is told, else zero."""
+    ray = torch.nn.functional.normalize(draws.normal(3), dim=-1)
+    errs = draws.chance(config.camera_share, 1)
+    correlation = torch.full((draws.batch,), config.depth_frames)
+    drift = config.depth_drift * draws.share(1, 1)
+    drift = drift * _ornstein_uhlenbeck(draws.normal(frames, 1), correlation)
+    depth = draws.normal(1, 1) + drift + config.depth_jitter * draws.normal(frames, 1)
+    depth = depth * _log_uniform(config.depth, draws, 1, 1)
+    blunders = draws.chance(config.blunder_share, frames, 1) & draws.chance(0.5, 1, 1)
+    depth = depth + config.blunder * draws.normal(1, 1).sign() * blunders
+    shift = depth * ray[:, None] + config.across * draws.normal(1, 3)
+    told = torch.where(
+        errs, draws.chance(config.ray_share, 1), draws.chance(config.other_ray_share, 1)
+    )
+    return shift * errs[..., None], ray * told
+
+
+def _object_noise(
+    frames: int, config: CorruptionConfig, draws: Draws
+) -> tuple[Float[Tensor, "B T 3"], Float[Tensor, "B T 3"], Float[Tensor, "B 2"]]:
+    """Turn and shift that are left in the object's smoothed track, and its white noise before."""
+    shakes = draws.chance(config.shaky_share, 1)
+    size = torch.stack(
+        [_log_uniform(limits, draws) for limits in (config.object_turn, config.object_shift)], -1
+    )
+    size = size * shakes
+    correlation = torch.full((draws.batch,), config.object_frames)
+    slow = _ornstein_uhlenbeck(draws.normal(frames, 6), correlation)
+    unit = (slow + config.object_white_left * draws.normal(frames, 6)) / math.sqrt(2)
+    turn, move = (unit.unflatten(-1, (2, 3)) * size[:, None, :, None]).unbind(2)
+    lasting = torch.tensor([config.lasting_turn, config.lasting_shift])
+    lasting_turn, lasting_move = (draws.normal(1, 2, 3) * lasting[:, None]).unbind(2)
+    return turn + lasting_turn, move + lasting_move, size / math.sqrt(2)
 
 
 def _unit_noise(frames: int, config: CorruptionConfig, draws: Draws) -> Float[Tensor, "B T 51"]:
@@ -104,8 +200,8 @@ def _unit_noise(frames: int, config: CorruptionConfig, draws: Draws) -> Float[Te
 
 
 def _ornstein_uhlenbeck(
-    white: Float[Tensor, "B T 51"], correlation: Float[Tensor, " B"]
-) -> Float[Tensor, "B T 51"]:
+    white: Float[Tensor, "B T C"], correlation: Float[Tensor, " B"]
+) -> Float[Tensor, "B T C"]:
     """Noise of unit variance with the given correlation time in frames, from white noise."""
     stay = torch.exp(-1.0 / correlation)[:, None]
     steps, innovation = [white[:, 0]], (1 - stay**2).sqrt()

@@ -14,6 +14,7 @@ from geneoh.baselines.regression import RegressionDenoiser
 from geneoh.baselines.toch import TochAutoencoder
 from geneoh.choices import StageName
 from geneoh.denoisers.motion import MotionDenoiser
+from geneoh.denoisers.relations import RelationDenoiser
 from geneoh.denoisers.spatial import SpatialDenoiser
 from geneoh.denoisers.temporal import TemporalDenoiser
 from geneoh.denoisers.trajectory import TrajectoryDenoiser
@@ -38,6 +39,7 @@ STAGES: dict[StageName, tuple[Callable[[Any], nn.Module], Loss]] = {
     "spatial": (SpatialDenoiser, losses.spatial_loss),
     "temporal": (TemporalDenoiser, losses.temporal_loss),
     "trajectory": (TrajectoryDenoiser, losses.trajectory_loss),
+    "relations": (RelationDenoiser, losses.relation_loss),
     "toch": (TochAutoencoder, losses.keypoint_loss),
     "regression": (RegressionDenoiser, losses.keypoint_loss),
 }

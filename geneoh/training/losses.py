@@ -1,5 +1,6 @@
 """The loss of each stage, a number for a batch, and the score of a validation batch."""
 
+import math
 from dataclasses import replace
 
 import torch
@@ -10,7 +11,8 @@ from geneoh.baselines.regression import RegressionDenoiser
 from geneoh.baselines.toch import TochAutoencoder
 from geneoh.denoisers.base import HAND_SCALE, NOISE_SCALE
 from geneoh.denoisers.motion import MotionDenoiser
-from geneoh.denoisers.spatial import SpatialDenoiser
+from geneoh.denoisers.relations import RelationDenoiser
+from geneoh.denoisers.spatial import SpatialDenoiser, SpatialEvidence
 from geneoh.denoisers.temporal import LATENT_NOISE_SCALE, TemporalDenoiser
 from geneoh.denoisers.trajectory import TrajectoryDenoiser
 from geneoh.diffusion.precondition import loss_weight
@@ -34,6 +36,14 @@ FPS = 30.0
 """Frames a second of all training data."""
 KEYPOINT_UNIT = 0.02
 """Keypoint error that counts as much as a parameter error of one unit, metres."""
+TRIALS = 32
+"""Places at which SpatialDiff is asked in training, for each window."""
+TRIAL_SPREAD = ((0.0, 0.04), (0.0, 0.015), (1.0, 0.006), (1.0, 0.02))
+"""Trial places are drawn around the hand that is seen (0) or the clean one (1), with these
+deviations in metres, in equal shares."""
+SHIFT_WIDTH = 0.004
+"""Width of the density that the network is to give around the true shift, metres: clean hands are
+not known better."""
 WEIGHT_FLOOR = 0.1
 """Squared error of an input, in such units, below which windows no longer gain weight."""
 
@@ -100,8 +110,8 @@ def trajectory_loss(
     return (weight * (predicted - clean).square().mean((1, 2, 3))).mean()
 
 
-def spatial_loss(
-    model: SpatialDenoiser, batch: Batch, *, generator: torch.Generator
+def relation_loss(
+    model: RelationDenoiser, batch: Batch, *, generator: torch.Generator
 ) -> Float[Tensor, ""]:
     """Error of every contact point's hand and of their mean (eq. 8).
 
@@ -125,6 +135,41 @@ def spatial_loss(
     each = (predicted.hands - relations.hands).square().mean((1, 2, 3, 4))
     together = (decode_spatial(predicted) - clean).square().mean((1, 2, 3))
     return (weight * (0.5 * each + 0.5 * together)).mean()
+
+
+def spatial_loss(
+    model: SpatialDenoiser, batch: Batch, *, generator: torch.Generator
+) -> Float[Tensor, ""]:
+    """Relative entropy of the density of the hand's shift to a narrow one around the true shift.
+
+    Both are compared at trial places of known density, each weighed by the inverse of that.
+    """
+    evidence, shift = _spatial_question(batch)
+    evidence = evidence.spread_over(
+        model.config.frames, phase=float(torch.rand((), generator=generator))
+    )
+    spread = shift.new_tensor(TRIAL_SPREAD)
+    around, width = spread[torch.arange(TRIALS) % len(spread)].unbind(-1)
+    noise = normal_like(shift[:, None].expand(-1, TRIALS, -1), generator=generator)
+    places = around[:, None] * shift[:, None] + width[:, None] * noise
+    drawn = torch.stack(
+        [_log_normal(places, share * shift[:, None], float(std)) for share, std in spread]
+    ).logsumexp(0)
+    wanted = (_log_normal(places, shift[:, None], SHIFT_WIDTH) - drawn).softmax(1)
+    density = (model(places, evidence) - drawn).clamp(min=-1e4).log_softmax(1)
+    return (wanted * (wanted.clamp(min=1e-12).log() - density)).sum(1).mean()
+
+
+def _spatial_question(batch: Batch) -> tuple[SpatialEvidence, Float[Tensor, "B 3"]]:
+    """What SpatialDiff sees, and the shift that is right: the mean over keypoints and frames."""
+    return batch.evidence, (batch.clean - batch.evidence.joints).mean((1, 2))
+
+
+def _log_normal(
+    x: Float[Tensor, "*B 3"], mean: Float[Tensor, "*#B 3"], std: float
+) -> Float[Tensor, "*B"]:
+    """Logarithm of a normal density, without its constant."""
+    return -0.5 * ((x - mean) / std).square().sum(-1) - 3 * math.log(std)
 
 
 def reconstruction_loss(
@@ -195,7 +240,8 @@ def recovered_fraction(
 ) -> Float[Tensor, ""]:
     """Error left after one call at the default starting level, over the error of the input.
 
-    Below 1 the stage helps; measured on keypoints, or on latents (temporal).
+    Below 1 the stage helps; measured on keypoints, on shifts of the hand (spatial) or on latents
+    (temporal).
     """
     given = torch.ones_like(batch.observation.given)
     observation = replace(batch.observation, given=given)
@@ -213,6 +259,11 @@ def recovered_fraction(
             noise = SCORING_SIGMA * HAND_SCALE * normal_like(noisy, generator=generator)
             got = model(noisy + noise, sigma * HAND_SCALE)
         case SpatialDenoiser():
+            evidence, clean = _spatial_question(batch)
+            noisy = torch.zeros_like(clean)
+            axes = torch.eye(3).to(clean)
+            got = model.posterior(evidence, axes, rounds=4, places=48, generator=generator).mean
+        case RelationDenoiser():
             noise = SCORING_SIGMA * HAND_SCALE * normal_like(noisy, generator=generator)
             relations = encode_spatial(noisy + noise, batch.region)
             got = decode_spatial(model(relations, sigma * HAND_SCALE, observation))

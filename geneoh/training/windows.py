@@ -1,14 +1,16 @@
 """Random windows of synthetic interactions: clean hands, and the object that they hold."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from geneoh.bundle import Bundle
 from geneoh.denoisers.base import POINTS
 from geneoh.denoisers.motion import ObservedMotion
-from geneoh.geometry.rotations import interpolate_rotations
+from geneoh.denoisers.spatial import SpatialEvidence, relative_speeds
+from geneoh.geometry.rotations import axis_angle_to_matrix, interpolate_rotations
 from geneoh.representation.nearest_surface import nearest_on_parts
 from geneoh.representation.parameters import HandParameters
 from geneoh.representation.region import ContactRegion, contact_region
@@ -28,7 +30,7 @@ class WindowConfig:
 
 
 @dataclass(frozen=True)
-class Windows:
+class Windows(Bundle):
     """B windows of T frames, world frame, metres."""
 
     hand: HandParameters
@@ -59,6 +61,31 @@ class Windows:
             outward @ region.rotation,
             region.rotation,
             region.center,
+        )
+
+    def shaken(self, turn: Float[Tensor, "B T 3"], shift: Float[Tensor, "B T 3"]) -> "Windows":
+        """The same hand with an object whose parts are turned in their own frames and shifted."""
+        rotation = self.rotation @ axis_angle_to_matrix(turn)[:, :, None]
+        return replace(self, rotation=rotation, translation=self.translation + shift[:, :, None])
+
+    def evidence(
+        self,
+        hand: HandParameters,
+        ray: Float[Tensor, "B 3"],
+        track: Float[Tensor, "B 12"],
+    ) -> SpatialEvidence:
+        """What tells SpatialDiff the place of a hand of the world."""
+        speeds = relative_speeds(hand.joints, self.rotation[:, :, 0], self.translation[:, :, 0])
+        return SpatialEvidence(
+            hand.joints,
+            self.points,
+            self.normals,
+            self.part,
+            self.rotation,
+            self.translation,
+            speeds,
+            ray,
+            track,
         )
 
 

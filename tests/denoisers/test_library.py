@@ -3,8 +3,9 @@ from dataclasses import asdict
 import pytest
 import torch
 
-from geneoh.denoisers.library import load_denoisers
+from geneoh.denoisers.library import PAPER_STAGES, load_denoisers
 from geneoh.denoisers.motion import MotionConfig, MotionDenoiser
+from geneoh.denoisers.relations import RelationConfig, RelationDenoiser
 from geneoh.denoisers.spatial import SpatialConfig, SpatialDenoiser
 from geneoh.denoisers.temporal import TemporalConfig, TemporalDenoiser
 from geneoh.denoisers.trajectory import TrajectoryConfig, TrajectoryDenoiser
@@ -14,7 +15,8 @@ from geneoh.nn.checkpoint import Checkpoint, save_checkpoint
 NETWORKS = {
     "motion": MotionDenoiser(MotionConfig(width=16, depth=1, heads=2)),
     "trajectory": TrajectoryDenoiser(TrajectoryConfig(width=16, depth=1, heads=2)),
-    "spatial": SpatialDenoiser(SpatialConfig(width=16, depth=1, heads=2, point_width=8)),
+    "relations": RelationDenoiser(RelationConfig(width=16, depth=1, heads=2, point_width=8)),
+    "spatial": SpatialDenoiser(SpatialConfig(width=16)),
     "temporal": TemporalDenoiser(
         TemporalConfig(latent=6, point_width=8, width=16, depth=1, heads=2)
     ),
@@ -54,8 +56,11 @@ def test_a_missing_stage_is_told(folder, stage):
 
 
 def test_the_three_stages_are_enough_where_the_papers_form_is_not_asked_for(folder):
-    (folder / "trajectory.safetensors").unlink()
-    assert load_denoisers(folder, trajectory=False).trajectory is None
+    for stage in PAPER_STAGES:
+        (folder / f"{stage}.safetensors").unlink()
+    denoisers = load_denoisers(folder, paper=False)
+    assert denoisers.trajectory is None
+    assert denoisers.relations is None
 
 
 def test_weights_of_another_network_are_refused(folder):

@@ -2,21 +2,24 @@ from dataclasses import replace
 
 import pytest
 import torch
-from torch import Tensor
 
-from geneoh.denoisers.base import HAND_SCALE, NOISE_SCALE
-from geneoh.denoisers.spatial import CONTACT_SCALE, SpatialConfig, SpatialDenoiser, contact_features
+from geneoh.denoisers.spatial import (
+    PRIOR_RANGE,
+    REACH,
+    TRACK_CUES,
+    SpatialConfig,
+    SpatialDenoiser,
+    SpatialEvidence,
+    frame_features,
+    relative_speeds,
+    track_cues,
+)
 from geneoh.geometry.rotations import axis_angle_to_matrix
-from geneoh.representation.spatial import SpatialRelations
+from geneoh.representation.parameters import HandParameters
 
-TINY = SpatialConfig(width=16, depth=1, heads=2, point_width=8)
-K = 5
-NAMES = tuple(SpatialRelations.__dataclass_fields__)
-
-
-def each(relations: SpatialRelations, change) -> SpatialRelations:
-    """The same function on all tensors of the relations."""
-    return SpatialRelations(*(change(getattr(relations, name)) for name in NAMES))
+TINY = SpatialConfig(width=16, frames=4)
+TURN = axis_angle_to_matrix(torch.tensor([0.5, -1.2, 2.0]))
+SHIFT = torch.tensor([0.3, -0.7, 0.2])
 
 
 @pytest.fixture(scope="module")
@@ -24,111 +27,122 @@ def model(wake):
     return wake(SpatialDenoiser(TINY))
 
 
-@pytest.fixture(scope="module")
-def case(draw):
-    """Noisy relations and noise levels of a batch of two clips."""
-
-    def make(frames: int = 3) -> tuple[SpatialRelations, Tensor]:
-        normals = torch.nn.functional.normalize(draw(2, frames, K, 3, seed=3), dim=-1)
-        points = 0.03 * draw(2, frames, K, 3, seed=2)
-        hands = 0.1 * draw(2, frames, K, 21, 3)
-        return SpatialRelations(points, normals, hands), torch.tensor([0.02, 0.1])
-
-    return make
-
-
-@pytest.mark.parametrize("frames", [1, 2, 6])
-def test_every_contact_point_gets_a_hand(model, case, make_observation, frames):
-    noisy, sigma = case(frames)
-    got = model(noisy, sigma, make_observation(frames=frames))
-    assert got.hands.shape == noisy.hands.shape
-    assert bool(got.hands.isfinite().all())
-    assert torch.equal(got.points, noisy.points)
-    assert torch.equal(got.normals, noisy.normals)
+@pytest.fixture
+def evidence(draw) -> SpatialEvidence:
+    """Two hands near a ball of 4 cm that moves, 6 frames."""
+    normals = torch.nn.functional.normalize(draw(2, 50, 3), dim=-1)
+    rotation = axis_angle_to_matrix(0.2 * draw(2, 6, 1, 3, seed=1))
+    translation = 0.05 * draw(2, 6, 1, 3, seed=2)
+    joints = translation[:, :, 0, None] + 0.05 * draw(2, 1, 21, 3, seed=3)
+    ray = torch.nn.functional.normalize(draw(2, 3, seed=4), dim=-1)
+    return SpatialEvidence(
+        joints,
+        0.04 * normals,
+        normals,
+        torch.zeros(2, 50, dtype=torch.long),
+        rotation,
+        translation,
+        relative_speeds(joints, rotation[:, :, 0], translation[:, :, 0]),
+        ray * torch.tensor([[1.0], [0.0]]),
+        draw(2, TRACK_CUES, seed=5),
+    )
 
 
-@pytest.mark.parametrize(("given", "scale"), [(1.0, NOISE_SCALE), (0.0, HAND_SCALE)])
-def test_an_untrained_network_is_the_skip_path(case, make_observation, given, scale):
-    seen = make_observation(frames=3, given=given)
-    noisy, sigma = case()
-    with torch.no_grad():
-        got = SpatialDenoiser(TINY)(noisy, sigma, seen)
-    keep = (scale**2 / (scale**2 + sigma**2))[:, None, None, None, None]
-    anchor = given * seen.joints[:, :, None]
-    torch.testing.assert_close(got.hands, anchor + keep * (noisy.hands - anchor))
+def turned(evidence: SpatialEvidence) -> SpatialEvidence:
+    """The same scene, moved rigidly."""
+    return replace(
+        evidence,
+        joints=evidence.joints @ TURN.T + SHIFT,
+        rotation=TURN @ evidence.rotation,
+        translation=evidence.translation @ TURN.T + SHIFT,
+        ray=evidence.ray @ TURN.T,
+    )
 
 
-def test_an_almost_clean_hand_comes_back(model, case, make_observation):
-    noisy, _ = case()
-    got = model(noisy, torch.full((2,), 1e-6), make_observation(frames=3))
-    torch.testing.assert_close(got.hands, noisy.hands, atol=1e-4, rtol=0)
+def test_the_density_moves_with_a_rigid_motion_of_the_scene(model, evidence, draw):
+    shifts = 0.02 * draw(2, 5, 3, seed=6)
+    here, there = model(shifts, evidence), model(shifts @ TURN.T, turned(evidence))
+    assert here.shape == (2, 5)
+    torch.testing.assert_close(there, here, atol=2e-4, rtol=0)
 
 
-def test_a_withheld_observation_does_not_matter(model, case, make_observation):
-    def answers(given: float) -> list[Tensor]:
-        seen = (make_observation(frames=3, seed=i, given=given) for i in (1, 2))
-        return [model(*case(), one).hands for one in seen]
-
-    first, second = answers(given=1.0)
-    assert not torch.allclose(first, second, atol=1e-4)
-    first, second = answers(given=0.0)
-    assert torch.equal(first, second)
+def test_a_place_is_the_same_place_however_the_hand_came_there(model, evidence):
+    """What is seen at a trial place depends on the place alone; the rest is told beside it."""
+    aside = torch.tensor([0.01, 0.0, -0.02])
+    moved = replace(evidence, joints=evidence.joints + aside)
+    reached = frame_features(aside.expand(2, 1, 3), evidence)[..., : 21 * 8]
+    given = frame_features(torch.zeros(2, 1, 3), moved)[..., : 21 * 8]
+    torch.testing.assert_close(reached, given, atol=1e-4, rtol=0)
 
 
-def test_an_observed_hand_is_denoised_the_same_however_it_is_turned(model, case, make_observation):
-    noisy, sigma = case()
-    seen, turn = make_observation(frames=3), axis_angle_to_matrix(torch.tensor([0.5, -1.2, 2.0]))
-    turned = replace(seen, joints=seen.joints @ turn.T)
-    got = model(each(noisy, lambda values: values @ turn.T), sigma, turned).hands
-    want = model(noisy, sigma, seen).hands @ turn.T
-    torch.testing.assert_close(got, want, atol=1e-5, rtol=0)
+def test_before_training_the_density_is_the_prior(evidence, draw):
+    fresh = SpatialDenoiser(TINY)
+    shifts = 0.02 * draw(2, 7, 3, seed=6)
+    got = fresh(shifts, evidence)
+    want = -0.5 * (shifts / 0.015).square().sum(-1)
+    torch.testing.assert_close(got, want, atol=1e-4, rtol=1e-4)
 
 
-def test_the_clips_of_a_batch_do_not_influence_each_other(model, case, make_observation):
-    seen, (noisy, sigma) = make_observation(frames=3), case()
-    whole = model(noisy, sigma, seen).hands
-    for i in range(2):
-        pick = slice(i, i + 1)
-        one = replace(
-            seen, joints=seen.joints[pick], trust=seen.trust[pick], given=seen.given[pick]
+def test_the_prior_is_wider_along_a_known_ray_only(evidence, draw):
+    model = SpatialDenoiser(TINY).requires_grad_(False)
+    model.width[-1].weight.copy_(0.05 * draw(2, 64))
+    width = model.prior(evidence)
+    assert bool((width >= PRIOR_RANGE[0] - 1e-9).all())
+    assert bool((width <= PRIOR_RANGE[1] + 1e-9).all())
+    assert float(width[0, 0]) != float(width[0, 1])
+    assert float(width[1, 0]) == float(width[1, 1])
+    root = model.prior_root(evidence, TURN)
+    ray = TURN.T @ evidence.ray[0]
+    torch.testing.assert_close(root[0] @ ray, width[0, 0] * ray)
+
+
+def test_the_answer_turns_with_the_scene(model, evidence):
+    def asked(where: SpatialEvidence, axes: torch.Tensor) -> torch.Tensor:
+        generator = torch.Generator().manual_seed(0)
+        return model.posterior(where, axes, rounds=3, places=50, generator=generator).mean
+
+    here, there = asked(evidence, torch.eye(3)), asked(turned(evidence), TURN)
+    torch.testing.assert_close(here, there, atol=1e-5, rtol=0)
+
+
+def test_nothing_is_moved_beyond_the_reach_of_training(evidence):
+    class Far(SpatialDenoiser):
+        def forward(self, shifts, evidence):
+            return 1e3 * shifts[..., 0]
+
+    far, generator = Far(TINY).requires_grad_(False), torch.Generator().manual_seed(0)
+    found = far.posterior(evidence, TURN, rounds=4, places=200, generator=generator)
+    assert float(found.mean.norm(dim=-1).max()) <= REACH
+
+
+@pytest.mark.parametrize("frames", [1, 2, 3, 6])
+def test_any_number_of_frames_can_be_looked_at(model, evidence, draw, frames):
+    some = evidence[:frames].spread_over(TINY.frames)
+    assert some.joints.shape[1] == min(frames, TINY.frames)
+    assert bool(model(0.01 * draw(2, 3, 3), some).isfinite().all())
+
+
+def test_speeds_tell_a_held_object_from_one_that_is_passed():
+    frames = 12
+    rotation = torch.eye(3).expand(1, frames, 3, 3)
+    path = torch.zeros(1, frames, 3)
+    path[..., 0] = 0.006 * torch.arange(frames)
+    hand = 0.05 * torch.randn(1, 1, 21, 3, generator=torch.Generator().manual_seed(0))
+    held = relative_speeds(hand + path[:, :, None], rotation, path)
+    passed = relative_speeds(hand + path[:, :, None], rotation, torch.zeros_like(path))
+    twice_three_mm = torch.log1p(torch.tensor(2.0))
+    torch.testing.assert_close(held[0, 5], twice_three_mm * torch.tensor([1.0, 0, 0, 1, 0]))
+    torch.testing.assert_close(passed[0, 5], twice_three_mm * torch.tensor([0.0, 0, 1, 1, 0]))
+
+
+def test_cues_grow_with_the_noise_of_the_track(draw):
+    def cues(noise: float) -> torch.Tensor:
+        hand = HandParameters.of_pose(
+            noise * 0.01 * draw(1, 20, 3), noise * 0.1 * draw(1, 20, 16, 3), draw(1, 20, 3)
         )
-        alone = model(each(noisy, lambda values, pick=pick: values[pick]), sigma[pick], one)
-        torch.testing.assert_close(alone.hands, whole[pick])
+        change = noise * draw(1, 20, 51, seed=3)
+        return track_cues(hand, change, torch.ones(1, 20), noise * torch.ones(1, 2))
 
-
-def test_the_order_of_contact_points_does_not_matter(model, case, make_observation):
-    noisy, sigma = case()
-    order, seen = torch.tensor([3, 0, 4, 2, 1]), make_observation(frames=3)
-    plain = model(noisy, sigma, seen).hands
-    shuffled = model(each(noisy, lambda values: values[:, :, order]), sigma, seen).hands
-    torch.testing.assert_close(shuffled, plain[:, :, order], atol=1e-5, rtol=1e-5)
-
-
-def test_contact_points_tell_each_other_what_they_see(model, case, make_observation):
-    noisy, sigma = case()
-    seen, moved = make_observation(frames=3), noisy.points.clone()
-    moved[:, :, 0] += 0.05
-    other = replace(noisy, points=moved)
-    plain, changed = (model(one, sigma, seen).hands for one in (noisy, other))
-    assert float((plain - changed)[:, :, 1:].abs().max()) > 1e-5
-
-
-def test_the_normal_of_a_contact_point_is_used(model, case, make_observation):
-    noisy, sigma = case()
-    seen = make_observation(frames=3)
-    plain = model(noisy, sigma, seen).hands
-    other = model(replace(noisy, normals=-noisy.normals), sigma, seen).hands
-    assert not torch.allclose(other, plain, atol=1e-5)
-
-
-def test_height_is_signed_and_counts_near_the_point_only():
-    point, normal = torch.zeros(1, 1, 1, 3), torch.tensor([0.0, 0, 1]).expand(1, 1, 1, 3)
-    hand = torch.zeros(1, 1, 1, 21, 3)
-    hand[..., 0, 2], hand[..., 1, 2], hand[..., 2, 2] = 0.005, -0.005, 1.0
-    features = contact_features(SpatialRelations(point, normal, hand))
-    near, height = features.unflatten(-1, (2, 21)).unbind(-2)
-    decay = torch.exp(torch.tensor(-0.005 / CONTACT_SCALE))
-    torch.testing.assert_close(near[0, 0, 0, :2], decay.expand(2))
-    torch.testing.assert_close(height[0, 0, 0, :2], 0.5 * decay * torch.tensor([1.0, -1.0]))
-    assert float(near[0, 0, 0, 2]) < 1e-6
-    assert float(height[0, 0, 0, 2].abs()) < 1e-6
+    calm, noisy = cues(0.1), cues(1.0)
+    assert bool((noisy[:, :-1] > calm[:, :-1]).all())
+    assert float(calm[0, -1]) == 1.0, "the share of frames that were seen"

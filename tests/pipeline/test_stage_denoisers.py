@@ -9,6 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from geneoh.denoisers.motion import MotionConfig, MotionDenoiser
+from geneoh.denoisers.relations import RelationConfig, RelationDenoiser
 from geneoh.denoisers.spatial import SpatialConfig, SpatialDenoiser
 from geneoh.denoisers.temporal import TemporalConfig, TemporalDenoiser
 from geneoh.denoisers.trajectory import TrajectoryConfig, TrajectoryDenoiser
@@ -16,11 +17,12 @@ from geneoh.fitting.align import AlignConfig
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
 from geneoh.pipeline.context import StageContext
-from geneoh.pipeline.presets import StagePlan
+from geneoh.pipeline.presets import PlacePlan, StagePlan
 from geneoh.pipeline.stages import (
     ALIGN_POINTS,
     _corrected,
     denoise_motion,
+    denoise_relations,
     denoise_spatial,
     denoise_temporal,
     denoise_trajectory,
@@ -116,11 +118,11 @@ class KnownWindows(TrajectoryDenoiser):
         return self.windows
 
 
-class KnownRelations(SpatialDenoiser):
+class KnownRelations(RelationDenoiser):
     """Answers with `hand` of the noisy relations and the observation, which it keeps."""
 
     def __init__(self, hand) -> None:
-        super().__init__(SpatialConfig(width=16, depth=1, heads=2, point_width=8))
+        super().__init__(RelationConfig(width=16, depth=1, heads=2, point_width=8))
         self.hand, self.given = hand, []
 
     def forward(self, noisy, sigma, observation):
@@ -233,17 +235,51 @@ def test_windows_that_disagree_are_blended_where_they_overlap():
 # SpatialDiff
 
 
-def test_an_observed_hand_that_the_network_answers_is_left_as_it_is():
+class KnownPlace(SpatialDenoiser):
+    """The density of a shift is normal around a given one, the same for all windows."""
+
+    def __init__(self, shift: Tensor, width: float = 0.004) -> None:
+        super().__init__(SpatialConfig(width=16, frames=4))
+        self.shift, self.spread, self.seen = shift, width, []
+
+    def forward(self, shifts, evidence):
+        self.seen.append(evidence)
+        return -0.5 * ((shifts - self.shift) / self.spread).square().sum(-1)
+
+
+def test_spatial_moves_the_hand_to_the_mean_of_the_density_it_asks():
     context = scene(LONG)
-    joints = hands_at(context, 2)
-    model = KnownRelations(lambda noisy, seen: noisy.of_hand(seen.anchor))
-    got = denoise_spatial(model, joints, context, PLAN, observed=True, generator=seeded())
-    torch.testing.assert_close(got, joints, atol=1e-6, rtol=0)
-    assert all(bool((given == 1).all()) for given in model.given)
+    hand, shift = parameters_at(context), torch.tensor([0.012, -0.004, 0.006])
+    samples = hand.map(lambda value: value.expand(4, *value.shape[1:]))
+    got = denoise_spatial(
+        KnownPlace(shift).requires_grad_(False),
+        hand,
+        samples,
+        context,
+        PlacePlan(400, 3),
+        generator=seeded(),
+    )
+    moved_by = got.joints - samples.joints
+    torch.testing.assert_close(moved_by.mean((0, 1, 2)), shift, atol=5e-4, rtol=0)
+    # a sample of the density each: the deviation over samples is that of the density
+    assert 0.002 < float(moved_by.std(0).mean()) < 0.006
+    assert torch.equal(got.turn, samples.turn)
 
 
-@pytest.mark.parametrize("observed", [True, False])
-def test_spatial_averages_the_hands_of_all_contact_points(observed):
+def test_spatial_knows_the_ray_of_the_camera_and_the_noise_of_the_object():
+    ray = torch.nn.functional.normalize(torch.tensor([1.0, 2.0, -1.0]), dim=0)
+    context = replace(scene(LONG), ray=ray.expand(LONG, 3), object_noise=torch.tensor([0.1, 0.01]))
+    hand = parameters_at(context)
+    known, unknown = (where.evidence(hand, hand) for where in (context, replace(context, ray=None)))
+    torch.testing.assert_close(known.ray, ray.expand(2, 3))
+    assert known.knows_ray.tolist() == [1, 1]
+    assert unknown.knows_ray.tolist() == [0, 0]
+    still = replace(context, object_noise=None).evidence(hand, hand)
+    assert bool((known.track[:, 9:11] > still.track[:, 9:11]).all())
+    assert torch.equal(known.track[:, :9], still.track[:, :9])
+
+
+def test_spatial_averages_the_hands_of_all_contact_points():
     """Equation (8): what the points say beyond their common hand cancels in the mean."""
     context = scene(LONG)
     joints, goal = hands_at(context), hands_at(context, seed=20)
@@ -255,12 +291,12 @@ def test_spatial_averages_the_hands_of_all_contact_points(observed):
         return replace(common, hands=common.hands + 0.01 * (apart - apart.mean(0)))
 
     model = KnownRelations(answer)
-    got = denoise_spatial(model, joints, context, PLAN, observed=observed, generator=seeded())
+    got = denoise_relations(model, joints, context, PLAN, generator=seeded())
     torch.testing.assert_close(got, goal, atol=1e-5, rtol=0)
-    assert all(bool((given == float(observed)).all()) for given in model.given)
+    assert all(bool((given == 0).all()) for given in model.given)
 
 
-def test_with_the_observation_all_points_share_the_noise_and_without_each_has_its_own():
+def test_each_contact_point_has_its_own_noise():
     context = scene()
     joints, seen = hands_at(context), []
 
@@ -268,14 +304,10 @@ def test_with_the_observation_all_points_share_the_noise_and_without_each_has_it
         seen.append(noisy.hands)
         return noisy
 
-    for observed in (True, False):
-        model = KnownRelations(answer)
-        denoise_spatial(
-            model, joints, context, StagePlan(200, 1), observed=observed, generator=seeded()
-        )
-    shared, own = (hands.std(dim=2).mean() for hands in seen)
-    assert float(shared) < 1e-6
-    assert float(own) > 0.01
+    denoise_relations(
+        KnownRelations(answer), joints, context, StagePlan(200, 1), generator=seeded()
+    )
+    assert float(seen[0].std(dim=2).mean()) > 0.01
 
 
 # TemporalDiff
@@ -370,7 +402,7 @@ def random_networks() -> dict[str, nn.Module]:
     small = {"width": 16, "depth": 1, "heads": 2}
     return {
         "trajectory": networks.awake(TrajectoryDenoiser(TrajectoryConfig(**small))),
-        "spatial": networks.awake(SpatialDenoiser(SpatialConfig(**small, point_width=8))),
+        "relations": networks.awake(RelationDenoiser(RelationConfig(**small, point_width=8))),
         "temporal": networks.awake(
             TemporalDenoiser(TemporalConfig(**small, latent=6, point_width=8))
         ),
@@ -383,12 +415,10 @@ def run_stage(stage: str, joints: Tensor, context: StageContext, seed: int = 0) 
         return denoise_trajectory(model, joints, context, PLAN, generator=generator)
     if stage == "temporal":
         return run_temporal(model, joints, context, generator=generator)
-    return denoise_spatial(
-        model, joints, context, PLAN, observed=stage == "spatial", generator=generator
-    )
+    return denoise_relations(model, joints, context, PLAN, generator=generator)
 
 
-STAGES = ("trajectory", "spatial", "temporal")
+STAGES = ("trajectory", "relations", "temporal")
 
 
 @pytest.mark.parametrize("stage", STAGES)

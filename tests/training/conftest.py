@@ -8,6 +8,7 @@ import torch
 from geneoh.baselines.regression import RegressionConfig
 from geneoh.baselines.toch import TochConfig
 from geneoh.denoisers.motion import MotionConfig
+from geneoh.denoisers.relations import RelationConfig
 from geneoh.denoisers.spatial import SpatialConfig
 from geneoh.denoisers.temporal import TemporalConfig
 from geneoh.denoisers.trajectory import TrajectoryConfig
@@ -54,7 +55,8 @@ def tiny() -> TrainConfig:
         validation_batches=1,
         motion=MotionConfig(width=16, depth=1, heads=2),
         trajectory=TrajectoryConfig(width=16, depth=1, heads=2),
-        spatial=SpatialConfig(width=16, depth=1, heads=2, point_width=8),
+        spatial=SpatialConfig(width=16, frames=4),
+        relations=RelationConfig(width=16, depth=1, heads=2, point_width=8),
         temporal=TemporalConfig(latent=6, point_width=8, width=16, depth=1, heads=2),
         toch=TochConfig(point_width=8, hidden=8, latent=6),
         regression=RegressionConfig(width=16, depth=1, heads=2, point_width=8),

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from geneoh.denoisers.base import POINTS
+from geneoh.denoisers.spatial import TRACK_CUES
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import bone_lengths
 from geneoh.representation.parameters import HandParameters
@@ -137,11 +138,16 @@ def test_a_stage_that_follows_motion_sees_what_motion_leaves(interactions, tiny)
     assert torch.equal(plain.clean, after.clean)
     assert torch.equal(plain.motion.hand.wrist, after.motion.hand.wrist)
     # an untrained network is the skip path: what it leaves is the hand and the noise it was given
-    left = after_motion(plain.motion, model, tiny, generator=seeded(6)).joints
-    apart = (plain.region.to_world(left) - plain.noisy).norm(dim=-1).mean()
+    change = after_motion(plain.motion, model, tiny, generator=seeded(6))
+    left = plain.motion.hand.moved(change).to_world(plain.region).joints
+    apart = (left - plain.noisy).norm(dim=-1).mean()
     assert 0.001 < float((after.noisy - plain.noisy).norm(dim=-1).mean()) < 3 * float(apart)
     torch.testing.assert_close(after.observation.joints, after.region.to_canon(after.noisy))
     torch.testing.assert_close(bone_lengths(after.noisy), bone_lengths(after.clean))
+    assert not bool(plain.evidence.track.equal(after.evidence.track))
+    assert torch.equal(after.evidence.joints, after.noisy)
+    assert after.evidence.track.shape == (3, TRACK_CUES)
+    assert bool(after.evidence.track.isfinite().all())
 
 
 def test_one_batch_in_five_has_short_windows(interactions):

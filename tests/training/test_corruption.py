@@ -8,8 +8,11 @@ from geneoh.training.corruption import Corruption, CorruptionConfig, draw_corrup
 CONFIG = CorruptionConfig()
 
 
-def drawn(batch: int, frames: int, seed: int = 0) -> Corruption:
-    return draw_corruption(batch, frames, generator=torch.Generator().manual_seed(seed))
+STEADY = CorruptionConfig(camera_share=0.0)
+
+
+def drawn(batch: int, frames: int, seed: int = 0, config: CorruptionConfig = STEADY) -> Corruption:
+    return draw_corruption(batch, frames, config, generator=torch.Generator().manual_seed(seed))
 
 
 @pytest.fixture(scope="module")
@@ -64,10 +67,19 @@ def test_a_third_of_the_sequences_lose_frames_and_none_loses_all(many):
 
 
 def test_every_kind_of_error_can_be_left_out():
-    config = CorruptionConfig(clean_share=1.0, gap_share=0.0, jitter_share=0.0)
+    config = CorruptionConfig(
+        clean_share=1.0,
+        gap_share=0.0,
+        jitter_share=0.0,
+        camera_share=0.0,
+        shaky_share=0.0,
+        lasting_turn=0.0,
+        lasting_shift=0.0,
+    )
     none = draw_corruption(50, 9, config, generator=torch.Generator().manual_seed(0))
     assert bool(none.keep.all())
     assert not any(bool(values.any()) for values in (none.translation, none.pose, none.jitter))
+    assert not any(bool(values.any()) for values in (none.object_turn, none.object_shift))
 
 
 def test_lost_frames_come_in_runs():
@@ -94,3 +106,41 @@ def test_corruption_depends_on_the_generator_alone():
     for field in fields(Corruption):
         assert torch.equal(getattr(first, field.name), getattr(second, field.name))
     assert not torch.equal(first.pose, other.pose)
+
+
+ONLY_CAMERA = CorruptionConfig(
+    clean_share=1.0, camera_share=1.0, ray_share=1.0, blunder_share=0.0, across=0.0
+)
+
+
+def test_a_camera_errs_along_its_ray_and_the_error_lasts():
+    noise = drawn(300, 40, seed=4, config=ONLY_CAMERA)
+    along = (noise.translation * noise.ray[:, None]).sum(-1)
+    across = noise.translation - along[..., None] * noise.ray[:, None]
+    assert float(across.norm(dim=-1).max()) < 1e-6
+    lasting = along.mean(1)
+    low, high = CONFIG.depth
+    assert low < float(lasting.abs().median()) < high
+    assert float((along - lasting[:, None]).std()) < float(lasting.std())
+
+
+def test_the_ray_is_told_in_the_shares_asked_for():
+    noise = drawn(1500, 2, seed=5, config=CONFIG)
+    told = noise.ray.norm(dim=-1)
+    assert bool(((told - 1).abs() < 1e-5)[told > 0].all())
+    share = CONFIG.camera_share * CONFIG.ray_share
+    share += (1 - CONFIG.camera_share) * CONFIG.other_ray_share
+    assert float((told > 0).float().mean()) == pytest.approx(share, abs=0.05)
+
+
+def test_an_object_shakes_by_what_smoothing_leaves_of_its_noise():
+    config = CorruptionConfig(shaky_share=1.0, lasting_turn=0.0, lasting_shift=0.0)
+    noise = drawn(400, 60, seed=6, config=config)
+    white = noise.object_noise[:, 0]
+    assert config.object_turn[0] / 2 < float(white.min())
+    assert float(white.max()) < config.object_turn[1]
+    turn = noise.object_turn.flatten(1).std(1)
+    steps = noise.object_turn.diff(n=2, dim=1).flatten(1).std(1)
+    # slow: second differences are far smaller than those of white noise of the same size
+    assert float((steps / turn).median()) < 1.0
+    assert 0.4 < float((turn / white).median()) < 1.2

@@ -27,7 +27,7 @@ def _workers_pretend_too(device, monkeypatch):
 
 def trained(stage, config, clips, folder, device) -> dict[str, torch.Tensor]:
     before = build_model("motion", config).eval().requires_grad_(False).to(device)
-    before = before if stage in ("spatial", "temporal") else None
+    before = before if stage in ("spatial", "temporal", "relations") else None
     path = train(stage, config, clips, clips, folder, device=device, motion_denoiser=before)
     return load_checkpoint(path).tensors
 

@@ -23,7 +23,7 @@ from geneoh.training.optimizer import Optimizer
 from geneoh.training.resume import LogRow, TrainState
 
 CPU = torch.device("cpu")
-STAGES = ("motion", "spatial", "trajectory", "temporal")
+STAGES = ("motion", "spatial", "trajectory", "relations", "temporal")
 BASELINES = ("toch", "regression")
 
 

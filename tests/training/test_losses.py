@@ -12,6 +12,7 @@ from geneoh.training.losses import (
     motion_loss,
     reconstruction_loss,
     recovered_fraction,
+    relation_loss,
     spatial_loss,
     temporal_loss,
     trajectory_loss,
@@ -20,11 +21,12 @@ from geneoh.training.losses import (
 LOSSES = [
     ("motion", motion_loss),
     ("spatial", spatial_loss),
+    ("relations", relation_loss),
     ("temporal", reconstruction_loss),
     ("temporal", temporal_loss),
     ("trajectory", trajectory_loss),
 ]
-STAGES = ("motion", "spatial", "temporal", "trajectory")
+STAGES = ("motion", "spatial", "temporal", "trajectory", "relations")
 
 
 def seeded(seed: int = 0) -> torch.Generator:
@@ -32,8 +34,9 @@ def seeded(seed: int = 0) -> torch.Generator:
 
 
 @pytest.fixture(scope="module")
-def batch(clips):
-    drawn = draw_batch(clips, 2, generator=seeded(1))
+def batch(clips, tiny):
+    before = build_model("motion", tiny)
+    drawn = draw_batch(clips, 2, generator=seeded(1), motion_denoiser=before)
     given = torch.tensor([1.0, 0.0])  # one of each kind
     return replace(drawn, observation=replace(drawn.observation, given=given))
 
@@ -64,7 +67,8 @@ def test_the_autoencoder_is_frozen_while_its_latent_is_learned(batch, tiny):
     assert model.head.weight.grad is not None
 
 
-@pytest.mark.parametrize(("stage", "loss"), LOSSES)
+# SpatialDiff's work depends on its numbers, which the meta device has not: see test_device.py
+@pytest.mark.parametrize(("stage", "loss"), [pair for pair in LOSSES if pair[0] != "spatial"])
 def test_losses_follow_the_device_of_the_batch(batch, tiny, stage, loss):
     """The meta device computes nothing and refuses to mix, as a GPU would."""
     device = torch.device("meta")
@@ -73,7 +77,7 @@ def test_losses_follow_the_device_of_the_batch(batch, tiny, stage, loss):
     assert got.device.type == "meta"
 
 
-@pytest.mark.parametrize("stage", STAGES)
+@pytest.mark.parametrize("stage", [stage for stage in STAGES if stage != "spatial"])
 def test_validation_follows_the_device_of_the_batch(batch, tiny, stage):
     device = torch.device("meta")
     model = build_model(stage, tiny).to(device)
