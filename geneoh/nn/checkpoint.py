@@ -57,7 +57,7 @@ def load_checkpoint(
             f"{path}: expected weights there, found no file; "
             "train them with `geneoh train` or reinstall geneoh"
         ) from error
-    except (SafetensorError, KeyError, json.JSONDecodeError) as error:
+    except (SafetensorError, KeyError, ValueError) as error:
         raise CheckpointError(
             f"{path}: expected a safetensors file with a geneoh record, got {error}; {remedy}"
         ) from error

@@ -82,6 +82,13 @@ def test_a_file_without_a_record_is_refused(tmp_path, metadata):
         load_checkpoint(path)
 
 
+def test_a_record_with_a_number_too_long_to_read_is_refused(tmp_path):
+    path = tmp_path / "w.safetensors"
+    save_file(TENSORS, path, metadata={"record": f'{{"step": {"9" * 5000}}}'})
+    with pytest.raises(CheckpointError, match=r"w\.safetensors"):
+        load_checkpoint(path)
+
+
 def test_a_record_holds_what_json_holds(tmp_path):
     path = tmp_path / "w.safetensors"
     save_checkpoint(path, Checkpoint({}, RECORD))
