@@ -52,7 +52,7 @@ def trap(monkeypatch, tmp_path):
         ("socket.connect", None, ("127.0.0.1", 9)),
         ("exec", compile("1", "<string>", "exec")),
     ],
-    ids=lambda event: f"{event[0]} {event[1]}"[:40],
+    ids=lambda event: f"{event[0]} {event[1]}".partition(" at 0x")[0],
 )
 def test_what_the_command_never_does_is_trapped(trap, event):
     with pytest.raises(Trapped):
