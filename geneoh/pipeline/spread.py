@@ -6,7 +6,7 @@ from torch import Tensor
 
 from geneoh.denoisers.candidate_corrections import filter_kernels
 
-SCALE = 2.48
+SCALE = 1.43
 """Ratio of the expected error to the deviation over samples, found by `tools.calibrate_spread`. It
 is above 1 because samples differ where the network is unsure, not where all of them are wrong."""
 LASTING = 10.0

@@ -343,10 +343,13 @@ def read_shard(path: Path) -> Interactions:
         for name, tensor in found.items():
             if tensor.is_floating_point() and not bool((tensor.abs() <= LARGEST).all()):  # nor NaN
                 raise ValueError(f"numbers beyond {LARGEST:g} in '{name}'")
+        parts = found["rotation"].shape[2]
+        if not bool(((found["part"] >= 0) & (found["part"] < parts)).all()):
+            raise ValueError(f"surface points of other parts than the {parts} that move")
         if "scan" not in found:  # made before there were scanned objects
             found["scan"] = torch.full((len(found["wrist"]),), -1)
         return Interactions(**found)
-    except (SafetensorError, OSError, KeyError, TypeError, ValueError) as error:
+    except (SafetensorError, OSError, LookupError, TypeError, ValueError) as error:
         raise _broken(path, error) from error
 
 

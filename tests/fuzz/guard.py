@@ -38,12 +38,13 @@ def set_trap(read: Path, write: Path) -> None:
 
 
 def installed() -> list[str]:
-    """The folders of Python, of its packages, and of this repository's package."""
+    """The folders of Python, of its packages, of this repository's package, and of this one."""
     import geneoh
 
     known = {sys.prefix, sys.base_prefix, *sysconfig.get_paths().values()}
     known |= {str(Path(module.__file__).parents[1]) for module in geneoh_modules()}
-    return [os.path.realpath(path) for path in [*known, Path(geneoh.__file__).parent]]
+    own = [Path(geneoh.__file__).parent, Path(__file__).parent]
+    return [os.path.realpath(path) for path in [*known, *own]]
 
 
 def geneoh_modules() -> list[Any]:

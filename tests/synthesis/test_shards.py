@@ -178,6 +178,17 @@ def test_a_shard_with_numbers_that_no_hand_has_is_told_with_the_cure(tmp_path, h
         read_shards(tmp_path, "val")
 
 
+@pytest.mark.parametrize("part", [-1, 2, 2**40])
+def test_a_shard_with_points_of_parts_that_are_not_there_is_told(tmp_path, hand, part):
+    write_shards(tmp_path, TINY, hand, seed=0)
+    path = tmp_path / "val_00000.safetensors"
+    tensors, record = load_file(path), json.dumps(as_dict(ShardRecord(TINY, 0)))
+    tensors["part"][0, 0] = part
+    save_file(tensors, path, metadata={"record": record})
+    with pytest.raises(InputError, match="surface points of other parts than the 2 that move"):
+        read_shards(tmp_path, "val")
+
+
 def test_a_record_with_a_seed_that_is_no_number_is_told_with_the_cure(tmp_path):
     path = tmp_path / "train_00001.safetensors"
     record = {"record": '{"config": {}, "seed": Infinity}'}

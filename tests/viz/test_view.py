@@ -70,5 +70,5 @@ def test_an_ending_of_no_format_is_refused_before_the_work(sequences, tmp_path):
 def test_a_choice_that_does_not_exist_is_refused(sequences, tmp_path, monkeypatch, choice):
     # users have no type checks, which would refuse it before we do
     monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
-    with pytest.raises(ConfigError, match=f"{next(iter(choice))}: expected "):
+    with pytest.raises(ConfigError, match=f"'{next(iter(choice))}' must be one of"):
         view(sequences[1], tmp_path / "a.png", **choice)
