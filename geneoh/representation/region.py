@@ -147,9 +147,17 @@ def contact_region(
         count: number of contact points K (N_o of the paper).
         every: closeness is measured in every n-th frame only.
     """
-    world, normals_world = surface_to_world(points, normals, part, rotation, translation)
-    distance = distance_to_trajectory(world[..., ::every, :, :], joints[..., ::every, :, :])
+    seen = rotation[..., ::every, :, :, :], translation[..., ::every, :, :]
+    world = surface_to_world(points, normals, part, *seen)[0]
+    distance = distance_to_trajectory(world, joints[..., ::every, :, :])
     keep = select_points(distance, world[..., 0, :, :], count)
-    index = keep[..., None, :, None].expand(*keep.shape[:-1], world.shape[-3], -1, 3)
-    world, normals_world = world.gather(-2, index), normals_world.gather(-2, index)
+    # only the chosen points are moved in every frame
+    index = keep[..., None].expand(*keep.shape, 3)
+    world, normals_world = surface_to_world(
+        points.gather(-2, index),
+        normals.gather(-2, index),
+        part.gather(-1, keep),
+        rotation,
+        translation,
+    )
     return ContactRegion(world, normals_world, rotation[..., 0, :, :], world.mean(-2))
