@@ -38,3 +38,8 @@ class CheckpointError(GeneOHError):
 
     Usual causes are a file of another version of geneoh and weights of another stage.
     """
+
+
+def shortened(text: str, length: int) -> str:
+    """A text for a message, cut to a length."""
+    return text if len(text) <= length else f"{text[:length]}..."

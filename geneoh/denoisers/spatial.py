@@ -21,6 +21,7 @@ from geneoh.denoisers.base import palm_axes
 from geneoh.diffusion.posterior import Posterior, importance_posterior
 from geneoh.geometry.rotations import matrix_to_axis_angle
 from geneoh.nn.blocks import mlp, zeroed
+from geneoh.nn.checkpoint import finite_output
 from geneoh.progress import OnStep
 from geneoh.representation.nearest_surface import nearest_on_parts
 from geneoh.representation.parameters import UNIT, HandParameters
@@ -231,12 +232,12 @@ class SpatialDenoiser(nn.Module):
         seen = evidence.spread_over(self.config.frames)
 
         def within_reach(shifts: Tensor) -> Tensor:
-            density = self(shifts @ axes.mT, seen)
+            density = finite_output(self(shifts @ axes.mT, seen))
             return density.masked_fill(shifts.norm(dim=-1) > REACH, -torch.inf)
 
         return importance_posterior(
             within_reach,
-            self.prior_root(seen, axes),
+            finite_output(self.prior_root(seen, axes)),
             rounds=rounds,
             places=places,
             generator=generator,

@@ -1,17 +1,19 @@
 """Weights and the settings of their training in one safetensors file, without pickle."""
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import torch
-from safetensors import SafetensorError, safe_open
-from safetensors.torch import save
 from torch import Tensor
 
 from geneoh.errors import CheckpointError
-from geneoh.files.atomic import write_whole
+from geneoh.files.tensors import (
+    DamagedTensorsError,
+    all_tensors,
+    opened_tensors,
+    write_tensors,
+)
 
 HALVES = (torch.float16, torch.bfloat16)
 """Types that weights are stored in to save space; nothing computes with them."""
@@ -31,9 +33,7 @@ def save_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
     Raises:
         InputError: the place cannot be written to.
     """
-    tensors = {n: tensor.detach().cpu().contiguous() for n, tensor in checkpoint.tensors.items()}
-    data = save(tensors, metadata={"record": json.dumps(checkpoint.record)})
-    write_whole(path, data, parents=True)
+    write_tensors(path, checkpoint.tensors, checkpoint.record, parents=True)
 
 
 def load_checkpoint(
@@ -49,18 +49,31 @@ def load_checkpoint(
         CheckpointError: the file is missing, is not safetensors or carries no record.
     """
     try:
-        with safe_open(path, framework="pt") as file:
-            record = json.loads((file.metadata() or {})["record"])
-            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+        with opened_tensors(path) as (file, record):
+            tensors = all_tensors(file)
     except FileNotFoundError as error:
         raise CheckpointError(
             f"{path}: expected weights there, found no file; "
             "train them with `geneoh train` or reinstall geneoh"
         ) from error
-    except (SafetensorError, KeyError, ValueError) as error:
+    except DamagedTensorsError as error:
         raise CheckpointError(
             f"{path}: expected a safetensors file with a geneoh record, got {error}; {remedy}"
         ) from error
     return Checkpoint(
         {n: t.float() if t.dtype in HALVES else t for n, t in tensors.items()}, record
     )
+
+
+def finite_output(values: Tensor) -> Tensor:
+    """What a network answers, unchanged.
+
+    Raises:
+        CheckpointError: it is NaN or infinity, as of damaged weights.
+    """
+    if not bool(values.isfinite().all()):
+        raise CheckpointError(
+            "expected finite numbers from the networks, got NaN or infinity; their weights are "
+            "damaged, train or download them again"
+        )
+    return values

@@ -61,14 +61,6 @@ class StageContext(Bundle):
         """Frames of a window: a short track is one window of its own length."""
         return min(WINDOW, self.frames)
 
-    def to_object(self, world: Float[Tensor, "S T 21 3"]) -> Float[Tensor, "S T 21 3"]:
-        """Keypoints in the frame of the object's first part, frame by frame."""
-        return (world - self.translation[:, :1]) @ self.rotation[:, 0]
-
-    def to_world(self, local: Float[Tensor, "S T 21 3"]) -> Float[Tensor, "S T 21 3"]:
-        """Inverse of `to_object`."""
-        return local @ self.rotation[:, 0].transpose(-1, -2) + self.translation[:, :1]
-
     def cut(self, values: Float[Tensor, "..."], axis: int) -> Float[Tensor, "..."]:
         """Windows of a tensor whose frames lie on `axis`, a window axis W in front of it."""
         moved = values.movedim(axis, 0)

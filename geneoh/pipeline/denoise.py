@@ -2,7 +2,7 @@
 
 import logging
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,6 @@ from torch import Tensor
 
 from geneoh.choices import Selection, Side
 from geneoh.denoisers.library import Denoisers, load_denoisers
-from geneoh.errors import CheckpointError
 from geneoh.fitting.adam import AdamFitConfig, fit_with_adam
 from geneoh.fitting.fit import fit_hand, start_from_keypoints
 from geneoh.fitting.subject import Subject, subject_of
@@ -26,22 +25,15 @@ from geneoh.objects.cleaning import ObjectExamination, clean_object
 from geneoh.objects.evidence import doubt, evidence_of_nearness, evidence_of_poses
 from geneoh.objects.refine import refine_object
 from geneoh.pipeline.alone import hand_alone, measure_hand, without_jitter
-from geneoh.pipeline.context import StageContext, stage_context
+from geneoh.pipeline.context import stage_context
 from geneoh.pipeline.inputs import as_sequence, checked_interaction, undisturbed
 from geneoh.pipeline.options import Options, with_settings
-from geneoh.pipeline.presets import PlacePlan, Preset, StagePlan
+from geneoh.pipeline.presets import Preset
 from geneoh.pipeline.results import Denoised, HandResult
 from geneoh.pipeline.spread import joint_spread
-from geneoh.pipeline.stages import (
-    denoise_motion,
-    denoise_relations,
-    denoise_spatial,
-    denoise_temporal,
-    denoise_trajectory,
-)
+from geneoh.pipeline.stage_run import StageRun
 from geneoh.progress import OnProgress, OnStep
 from geneoh.readers.convention_check import doubts
-from geneoh.representation.parameters import HandParameters
 from geneoh.sequence.normalisation import NETWORK_FPS, NormalisedHand, normalised_hands
 from geneoh.sequence.resample import nearest_frames
 from geneoh.sequence.sequence import HandTrack, Sequence
@@ -208,20 +200,17 @@ def _clean(
         # MotionDiff starts from the parameters of the input, and the report measures their mesh
         given = subject.parameters()
 
-        def run(context: StageContext, plan: Preset) -> Float[Tensor, "S T 21 3"]:
-            return _run_stages(
-                denoisers, context, subject, given, plan, progress_of, generator=generator
-            )
-
+        stages = StageRun(denoisers, subject, given, progress_of, generator)
         samples = None
         if surface is not None and bool((evidence > LEAST_EVIDENCE).any()):
             context = stage_context(surface, subject, hand.fps, generator=generator)
             context = replace(
                 context, canonical=chosen.canonical, ray=ray, object_noise=object_noise
             )
-            samples = run(context, chosen)
+            samples = stages.samples(context, chosen)
         if samples is None or bool((evidence < 1).any()):
-            free = run(replace(hand_alone(subject, hand.fps), ray=ray), chosen.alone())
+            alone = replace(hand_alone(subject, hand.fps), ray=ray)
+            free = stages.samples(alone, chosen.alone())
             free = without_jitter(free, subject.joints, hand.fps)
             samples = free if samples is None else free.lerp(samples, evidence[:, None, None])
         index, target = _select(samples, subject, chosen.selection)
@@ -252,112 +241,6 @@ def _clean(
         seconds=seconds,
         notes=(*subject.notes, *(doubt(evidence) if chosen.has_object else ())),
     )
-
-
-def _run_stages(
-    denoisers: Denoisers,
-    context: StageContext,
-    subject: Subject,
-    given: HandState,
-    chosen: Preset,
-    progress_of: Callable[[str], OnStep],
-    *,
-    generator: torch.Generator,
-) -> Float[Tensor, "S T 21 3"]:
-    """MotionDiff, SpatialDiff and TemporalDiff in order, all samples in one batch."""
-    denoised = _denoised_places if chosen.observed else _denoised_by_paper
-    joints = denoised(denoisers, context, subject, given, chosen, progress_of, generator=generator)
-    if chosen.temporal is not None:
-        joints = denoise_temporal(
-            denoisers.temporal,
-            joints,
-            context,
-            chosen.temporal,
-            observed=chosen.observed,
-            correct=chosen.correct,
-            align=chosen.align,
-            generator=generator,
-            on_step=progress_of("temporal"),
-        )
-    if not bool(joints.isfinite().all()):
-        raise CheckpointError(
-            "expected finite keypoints from the networks, got NaN or infinity; their weights are "
-            "damaged, train or download them again"
-        )
-    return joints
-
-
-def _denoised_places(
-    denoisers: Denoisers,
-    context: StageContext,
-    subject: Subject,
-    given: HandState,
-    chosen: Preset,
-    progress_of: Callable[[str], OnStep],
-    *,
-    generator: torch.Generator,
-) -> Float[Tensor, "S T 21 3"]:
-    """MotionDiff and SpatialDiff on hand parameters."""
-    observed = HandParameters(
-        given.wrist, given.rotations[..., 0, :, :], given.pose[..., 1:, :], subject.offsets
-    )
-    hand = observed.map(lambda value: value.expand(chosen.samples, *value.shape[1:]))
-    if chosen.motion is not None:
-        hand = denoise_motion(
-            denoisers.motion,
-            observed,
-            context,
-            chosen.motion,
-            samples=chosen.samples,
-            generator=generator,
-            on_step=progress_of("motion"),
-        )
-    if isinstance(chosen.spatial, PlacePlan):
-        hand = denoise_spatial(
-            denoisers.spatial,
-            observed,
-            hand,
-            context,
-            chosen.spatial,
-            generator=generator,
-            on_step=progress_of("spatial"),
-        )
-    return hand.joints
-
-
-def _denoised_by_paper(
-    denoisers: Denoisers,
-    context: StageContext,
-    subject: Subject,
-    given: HandState,
-    chosen: Preset,
-    progress_of: Callable[[str], OnStep],
-    *,
-    generator: torch.Generator,
-) -> Float[Tensor, "S T 21 3"]:
-    """MotionDiff and SpatialDiff on keypoints, in the form of the paper."""
-    joints = subject.joints.expand(chosen.samples, -1, -1, -1)
-    if chosen.motion is not None:
-        assert denoisers.trajectory is not None, "it was asked for"
-        joints = denoise_trajectory(
-            denoisers.trajectory,
-            joints,
-            context,
-            chosen.motion,
-            generator=generator,
-            on_step=progress_of("motion"),
-        )
-    if isinstance(chosen.spatial, StagePlan):
-        assert denoisers.relations is not None, "it was asked for"
-        joints = denoise_relations(
-            denoisers.relations,
-            joints,
-            context,
-            chosen.spatial,
-            generator=generator,
-            on_step=progress_of("spatial"),
-        )
-    return joints
 
 
 def _select(

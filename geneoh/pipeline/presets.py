@@ -22,6 +22,14 @@ class StagePlan:
     """Denoiser calls from that level down to a clean sample."""
     sampler: SamplerName = "ddim"
 
+    def with_steps(self, steps: int) -> "StagePlan":
+        """The plan with another number of calls, never above its level."""
+        return replace(self, steps=min(steps, self.level))
+
+    def without_diffusion(self) -> "StagePlan":
+        """The plan whose one call answers at once, for an ablation."""
+        return replace(self, sampler="direct")
+
 
 @dataclass(frozen=True)
 class PlacePlan:
@@ -31,6 +39,14 @@ class PlacePlan:
     """Trial places of each window in each round."""
     steps: int = 4
     """Rounds, each of which tries places where those before were probable."""
+
+    def with_steps(self, steps: int) -> "PlacePlan":
+        """The plan with another number of rounds."""
+        return replace(self, steps=steps)
+
+    def without_diffusion(self) -> "PlacePlan":
+        """The plan whose one round answers at once, for an ablation."""
+        return replace(self, steps=1)
 
 
 Plan = PlacePlan | StagePlan
@@ -71,12 +87,7 @@ class Preset:
 
     def with_steps(self, steps: int) -> "Preset":
         """The preset with another number of denoiser calls per stage, never above its level."""
-
-        def limited(plan: Plan) -> Plan:
-            most = plan.level if isinstance(plan, StagePlan) else steps
-            return replace(plan, steps=min(steps, most))
-
-        return self._with_plans(limited)
+        return self._with_plans(lambda plan: plan.with_steps(steps))
 
     def alone(self) -> "Preset":
         """The preset for a hand without an object: nothing that asks for its surface."""
@@ -92,13 +103,7 @@ class Preset:
             case "canonical":
                 return replace(self, canonical=False)
             case "diffusion":
-                return self._with_plans(
-                    lambda plan: (
-                        replace(plan, sampler="direct")
-                        if isinstance(plan, StagePlan)
-                        else replace(plan, steps=1)
-                    )
-                )
+                return self._with_plans(lambda plan: plan.without_diffusion())
             case "fit":
                 return replace(self, fit=KEYPOINTS_ALONE, contact=False)
             case "object":

@@ -33,7 +33,7 @@ CONSTANT_SHARE = 0.85
 """Correlation of the shifts of two windows far apart: most of what lasts for a window lasts for the
 whole clip, as the depth of a camera's estimates does."""
 TOGETHER = 64
-"""Windows whose shifts are found together, some half minute of them."""
+"""Windows whose shifts are found together, a minute of them: the work grows with their cube."""
 ALIGN_POINTS = 16
 """Number of contact points that keypoints are aligned to, those nearest to the hand; far ones would
 hardly count."""
@@ -115,32 +115,27 @@ def denoise_spatial(
         generator=generator,
         on_step=on_step,
     )
-    found = _of_all_windows(each, model.prior_root(evidence, axes), context).cautious(3)
-    shifts = found.samples(len(hand.wrist), generator=generator).view(-1, 3) @ axes.mT
+    found = _of_all_windows(each, model.prior_root(evidence, axes), context)
+    drawn = [part.cautious(3).samples(len(hand.wrist), generator=generator) for part in found]
+    shifts = torch.cat(drawn, dim=-1).view(-1, 3) @ axes.mT
     shift = context.blend(shifts[:, None].expand(-1, context.size, -1))
     return replace(hand, wrist=hand.wrist + shift)
 
 
 def _of_all_windows(
     each: Posterior, prior_root: Float[Tensor, "W 3 3"], context: StageContext
-) -> Posterior:
-    """The shifts of all windows together, as one axis: lasting errors are alike in all of them."""
+) -> list[Posterior]:
+    """The shifts of `TOGETHER` windows at a time as one axis: lasting errors are alike in all."""
     first = torch.tensor(context.starts).to(each.mean)
-    apart = (first[:, None] - first).abs() / context.size
-    agreement = CONSTANT_SHARE + (1 - CONSTANT_SHARE) * torch.exp(-apart)
     fresh = min(1.0, context.frames / (len(first) * context.size))
-    groups = [slice(at, at + TOGETHER) for at in range(0, len(first), TOGETHER)]
-    found = [
-        along_a_track(
-            Posterior(each.mean[group], each.root[group]),
-            prior_root[group],
-            agreement[group, group],
-            fresh,
-        )
-        for group in groups
-    ]
-    mean = torch.cat([part.mean for part in found], dim=-1)
-    return Posterior(mean, torch.block_diag(*(part.root[0] for part in found))[None])
+    found: list[Posterior] = []
+    for at in range(0, len(first), TOGETHER):
+        group = slice(at, at + TOGETHER)
+        apart = (first[group, None] - first[group]).abs() / context.size
+        agreement = CONSTANT_SHARE + (1 - CONSTANT_SHARE) * torch.exp(-apart)
+        own = Posterior(each.mean[group], each.root[group])
+        found.append(along_a_track(own, prior_root[group], agreement, fresh))
+    return found
 
 
 def denoise_trajectory(

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from geneoh.choices import SIDES, JointOrder, Side, Unit
 from geneoh.config import checked_call
-from geneoh.errors import ConfigError, InputError
+from geneoh.errors import ConfigError, InputError, shortened
 from geneoh.files.npz import Arrays, write_archive
 from geneoh.geometry.mesh import METRES, Mesh, MeshInput, meshes_of
 from geneoh.hand.mano import AS_SHIPPED, MENDED
@@ -30,7 +30,6 @@ from geneoh.readers.npz_layouts import (
     own_names,
     quoted,
     read_fields,
-    shortened,
 )
 from geneoh.readers.npz_meshes import find_meshes, mesh_arrays
 from geneoh.readers.npz_objects import read_object

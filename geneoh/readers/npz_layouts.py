@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Literal
 
 from geneoh.choices import SIDES, Side
-from geneoh.errors import InputError
+from geneoh.errors import InputError, shortened
 from geneoh.files.npz import read_archive
 from geneoh.files.outputs import SEQUENCE_FORMAT
 from geneoh.readers.records import Record
@@ -136,8 +136,3 @@ def quoted(names: Iterable[str]) -> str:
     listed = list(names)
     more = [f"and {len(listed) - MOST_NAMES} more"] if len(listed) > MOST_NAMES else []
     return ", ".join([*(f"'{shortened(name, 40)}'" for name in listed[:MOST_NAMES]), *more])
-
-
-def shortened(text: str, length: int) -> str:
-    """A text for a message, cut to a length."""
-    return text if len(text) <= length else f"{text[:length]}..."

@@ -6,7 +6,6 @@ lie one behind the other in one tensor of half precision, so that a batch may mi
 """
 
 import hashlib
-import json
 from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import product
@@ -14,14 +13,12 @@ from pathlib import Path
 
 import torch
 from jaxtyping import Float, Float16, Int
-from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
 from torch import Tensor
 
 from geneoh.bundle import Bundle
 from geneoh.choices import Unit
 from geneoh.errors import InputError
-from geneoh.files.atomic import in_one_step
+from geneoh.files.tensors import DamagedTensorsError, opened_tensors, write_tensors
 from geneoh.geometry.distance import SurfaceDistance
 from geneoh.geometry.mesh import MESH_SUFFIXES, Mesh, load_mesh, size_warning
 from geneoh.geometry.sampling import sample_surface
@@ -296,13 +293,10 @@ WORDS = ("names", "held_out", "notice")
 
 def write_scans(path: Path, scans: Scans) -> None:
     """Keep scanned objects, with their attribution."""
-    tensors = {name: getattr(scans, name).contiguous() for name in ARRAYS}
+    tensors = {name: getattr(scans, name) for name in ARRAYS}
     for index, mesh in enumerate(scans.meshes):
         tensors |= {f"verts.{index}": mesh.verts, f"faces.{index}": mesh.faces.int()}
-    # one entry: safetensors writes several in no fixed order
-    words = json.dumps({name: getattr(scans, name) for name in WORDS})
-    with in_one_step(path) as beside:
-        save_file(tensors, beside, metadata={"record": words})
+    write_tensors(path, tensors, {name: getattr(scans, name) for name in WORDS})
 
 
 def read_scans(path: Path) -> Scans:
@@ -312,14 +306,13 @@ def read_scans(path: Path) -> Scans:
         InputError: the file is missing or broken.
     """
     try:
-        with safe_open(path, framework="pt") as kept:
-            record = json.loads(kept.metadata()["record"])
+        with opened_tensors(path) as (kept, record):
             meshes = tuple(
                 Mesh(kept.get_tensor(f"verts.{i}"), kept.get_tensor(f"faces.{i}").long())
                 for i in range(len(record["names"]))
             )
             arrays = {name: kept.get_tensor(name) for name in ARRAYS}
-    except (OSError, SafetensorError, KeyError, TypeError, ValueError) as error:
+    except (OSError, DamagedTensorsError) as error:
         raise InputError(
             f"{path}: expected the scanned objects of these shards, got {error}; "
             "delete it and run `geneoh synthesize` again with the same --objects"

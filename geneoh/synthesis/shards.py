@@ -1,20 +1,22 @@
 """Interactions on disk: seeded shards that can be made in any order and read one at a time."""
 
 import hashlib
-import json
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 
 import torch
 from jaxtyping import Int
-from safetensors import SafetensorError, safe_open
-from safetensors.torch import save
 from torch import Tensor
 
 from geneoh.bundle import concatenated
 from geneoh.config import as_dict, flat, with_table
 from geneoh.errors import ConfigError, InputError
-from geneoh.files.atomic import write_whole
+from geneoh.files.tensors import (
+    DamagedTensorsError,
+    all_tensors,
+    opened_tensors,
+    write_tensors,
+)
 from geneoh.hand.model import HandModel, ShapedHand
 from geneoh.progress import OnStep
 from geneoh.synthesis.bimanual import (
@@ -260,9 +262,8 @@ def write_shards(
                 generator=shard_generator(seed, index),
                 scans=scans,
             )
-            tensors = {f.name: getattr(part, f.name).contiguous() for f in fields(part)}
-            # one entry: safetensors writes several in no fixed order
-            write_whole(path, save(tensors, metadata={"record": json.dumps(as_dict(record))}))
+            tensors = {f.name: getattr(part, f.name) for f in fields(part)}
+            write_tensors(path, tensors, as_dict(record))
             made += 1
         if on_shard is not None:
             on_shard(index + 1, config.shards)
@@ -288,11 +289,10 @@ def shard_record(path: Path) -> ShardRecord:
         InputError: the file is no whole shard, or has settings of another version.
     """
     try:
-        with safe_open(path, framework="pt") as shard:
-            record = json.loads((shard.metadata() or {})["record"])
+        with opened_tensors(path) as (_, record):
             table, seed = dict(record["config"]), int(record["seed"])
             objects = str(record.get("objects", ""))
-    except (SafetensorError, OSError, LookupError, ArithmeticError, TypeError, ValueError) as error:
+    except (OSError, DamagedTensorsError) as error:
         raise _broken(path, error) from error
     try:
         return ShardRecord(with_table(SynthesisConfig(), table, str(path)), seed, objects)
@@ -338,18 +338,18 @@ def read_shard(path: Path) -> Interactions:
         InputError: the file is no whole shard.
     """
     try:
-        with safe_open(path, framework="pt") as shard:
-            found = {name: shard.get_tensor(name) for name in shard.keys()}  # noqa: SIM118
-        for name, tensor in found.items():
-            if tensor.is_floating_point() and not bool((tensor.abs() <= LARGEST).all()):  # nor NaN
-                raise ValueError(f"numbers beyond {LARGEST:g} in '{name}'")
-        parts = found["rotation"].shape[2]
-        if not bool(((found["part"] >= 0) & (found["part"] < parts)).all()):
-            raise ValueError(f"surface points of other parts than the {parts} that move")
-        if "scan" not in found:  # made before there were scanned objects
-            found["scan"] = torch.full((len(found["wrist"]),), -1)
-        return Interactions(**found)
-    except (SafetensorError, OSError, LookupError, TypeError, ValueError) as error:
+        with opened_tensors(path) as (shard, _):
+            found = all_tensors(shard)
+            for name, tensor in found.items():
+                if tensor.is_floating_point() and not bool((tensor.abs() <= LARGEST).all()):
+                    raise ValueError(f"numbers beyond {LARGEST:g} in '{name}'")  # or NaN
+            parts = found["rotation"].shape[2]
+            if not bool(((found["part"] >= 0) & (found["part"] < parts)).all()):
+                raise ValueError(f"surface points of other parts than the {parts} that move")
+            if "scan" not in found:  # made before there were scanned objects
+                found["scan"] = torch.full((len(found["wrist"]),), -1)
+            return Interactions(**found)
+    except (OSError, DamagedTensorsError) as error:
         raise _broken(path, error) from error
 
 

@@ -5,22 +5,18 @@ from. An interrupted run goes on behind the last whole shard; one that is made i
 """
 
 import hashlib
-import json
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import torch
 from jaxtyping import Bool, Float, Int
-from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
 from torch import Tensor
 
 from geneoh.errors import GeneOHError, InputError
-from geneoh.files.atomic import in_one_step
+from geneoh.files.tensors import DamagedTensorsError, opened_tensors, write_tensors
 from geneoh.fitting.subject import subject_of
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.sampling import sample_surface
@@ -182,10 +178,8 @@ def write_shard(
     files = {name: (file.stat().st_size, sha256(file)) for name, file in files_of(clip)}
     record = ShardRecord(config, files, tuple(cut for cut, _ in cuts), dict(left_out))
     names = cuts[0][1] if cuts else ()
-    tensors = {name: torch.stack([cut[name] for _, cut in cuts]).contiguous() for name in names}
-    shard.parent.mkdir(parents=True, exist_ok=True)
-    with in_one_step(shard) as beside:
-        save_file(tensors, beside, metadata={"record": json.dumps(asdict(record))})
+    tensors = {name: torch.stack([cut[name] for _, cut in cuts]) for name in names}
+    write_tensors(shard, tensors, asdict(record), parents=True)
 
 
 def refuse_parts(recording: Recording) -> None:
@@ -317,10 +311,9 @@ def is_fresh(shard: Path, clip: SourceClip, config: ClipConfig) -> bool:
 def shard_record(shard: Path) -> ShardRecord | None:
     """The record of a shard; None where it is not there, broken, or of another version."""
     try:
-        with safe_open(shard, framework="pt") as file:
-            found: dict[str, Any] = json.loads((file.metadata() or {})["record"])
-        clips = tuple(ClipRecord(**clip) for clip in found["clips"])
-        files = {name: (size, digest) for name, (size, digest) in found["files"].items()}
-        return ShardRecord(ClipConfig(**found["config"]), files, clips, found["left_out"])
-    except (OSError, SafetensorError, KeyError, TypeError, ValueError):
+        with opened_tensors(shard) as (_, found):
+            clips = tuple(ClipRecord(**clip) for clip in found["clips"])
+            files = {name: (size, digest) for name, (size, digest) in found["files"].items()}
+            return ShardRecord(ClipConfig(**found["config"]), files, clips, found["left_out"])
+    except (OSError, DamagedTensorsError):
         return None

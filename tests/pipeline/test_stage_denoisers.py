@@ -72,7 +72,8 @@ def hands_at(context: StageContext, samples: int = 1, seed: int = 4) -> Tensor:
     """Keypoints within a centimetre of the ball, world frame."""
     around = torch.nn.functional.normalize(normal(21, 3, seed=seed), dim=-1)
     local = 0.046 * around + 0.003 * smooth(context.frames, 21, 3, seed=seed + 1)
-    return context.to_world(local.expand(samples, -1, -1, -1))
+    world = local @ context.rotation[:, 0].mT + context.translation[:, :1]
+    return world.expand(samples, -1, -1, -1)
 
 
 def parameters_at(context: StageContext, seed: int = 6) -> HandParameters:

@@ -1,0 +1,62 @@
+"""Tensors in a safetensors file, with a JSON record in its header of how they were made."""
+
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save
+from torch import Tensor
+
+from geneoh.errors import shortened
+from geneoh.files.atomic import write_whole
+
+MESSAGE = 200
+"""Longest part of a message that may repeat what a damaged file holds, characters."""
+
+
+class DamagedTensorsError(ValueError):
+    """A file is no safetensors file with a record, or its reader does not find what it needs."""
+
+
+def write_tensors(
+    path: Path, tensors: Mapping[str, Tensor], record: Mapping[str, Any], *, parents: bool = False
+) -> None:
+    """Write a file in one step; `parents` makes its folder.
+
+    Raises:
+        InputError: the place cannot be written to.
+    """
+    held = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
+    # one entry: safetensors writes several in no fixed order
+    write_whole(path, save(held, metadata={"record": json.dumps(record)}), parents=parents)
+
+
+@contextmanager
+def opened_tensors(path: Path) -> Iterator[tuple[Any, dict[str, Any]]]:
+    """A file, of which tensors are mapped when they are asked for, and its record.
+
+    Raises:
+        DamagedTensorsError: the file is damaged, or the block finds it to be, by any error of a
+            lookup, a type or a value.
+        OSError: the file cannot be read.
+    """
+    try:
+        with safe_open(path, framework="pt") as file:
+            yield file, dict(json.loads((file.metadata() or {})["record"]))
+    except (
+        SafetensorError,
+        LookupError,
+        ArithmeticError,
+        TypeError,
+        ValueError,
+        RecursionError,  # lists in lists in lists
+    ) as error:
+        raise DamagedTensorsError(shortened(str(error), MESSAGE)) from error
+
+
+def all_tensors(file: Any) -> dict[str, Tensor]:
+    """Every tensor of an opened file."""
+    return {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118

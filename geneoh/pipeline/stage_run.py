@@ -1,0 +1,114 @@
+"""The three stages of a preset in order, on one hand."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.denoisers.library import Denoisers
+from geneoh.fitting.subject import Subject
+from geneoh.fitting.terms import HandState
+from geneoh.nn.checkpoint import finite_output
+from geneoh.pipeline.context import StageContext
+from geneoh.pipeline.presets import PlacePlan, Preset, StagePlan
+from geneoh.pipeline.stages import (
+    denoise_motion,
+    denoise_relations,
+    denoise_spatial,
+    denoise_temporal,
+    denoise_trajectory,
+)
+from geneoh.progress import OnStep
+from geneoh.representation.parameters import HandParameters
+
+
+@dataclass(frozen=True)
+class StageRun:
+    """What the stages of one hand share, whatever they see around it."""
+
+    denoisers: Denoisers
+    subject: Subject
+    given: HandState
+    """The input as hand parameters."""
+    progress_of: Callable[[str], OnStep]
+    """Progress callback of a stage, by its name."""
+    generator: torch.Generator
+    """Source of all noise."""
+
+    def samples(self, context: StageContext, preset: Preset) -> Float[Tensor, "S T 21 3"]:
+        """MotionDiff, SpatialDiff and TemporalDiff in order, all samples in one batch.
+
+        Raises:
+            CheckpointError: a network answers with NaN or infinity.
+        """
+        joints = (self._by_parameters if preset.observed else self._by_paper)(context, preset)
+        if preset.temporal is not None:
+            joints = denoise_temporal(
+                self.denoisers.temporal,
+                joints,
+                context,
+                preset.temporal,
+                observed=preset.observed,
+                correct=preset.correct,
+                align=preset.align,
+                generator=self.generator,
+                on_step=self.progress_of("temporal"),
+            )
+        return finite_output(joints)
+
+    def _by_parameters(self, context: StageContext, preset: Preset) -> Float[Tensor, "S T 21 3"]:
+        """MotionDiff and SpatialDiff on hand parameters."""
+        given = self.given
+        observed = HandParameters(
+            given.wrist, given.rotations[..., 0, :, :], given.pose[..., 1:, :], self.subject.offsets
+        )
+        hand = observed.map(lambda value: value.expand(preset.samples, *value.shape[1:]))
+        if preset.motion is not None:
+            hand = denoise_motion(
+                self.denoisers.motion,
+                observed,
+                context,
+                preset.motion,
+                samples=preset.samples,
+                generator=self.generator,
+                on_step=self.progress_of("motion"),
+            )
+            finite_output(hand.joints)
+        if isinstance(preset.spatial, PlacePlan):
+            hand = denoise_spatial(
+                self.denoisers.spatial,
+                observed,
+                hand,
+                context,
+                preset.spatial,
+                generator=self.generator,
+                on_step=self.progress_of("spatial"),
+            )
+        return hand.joints
+
+    def _by_paper(self, context: StageContext, preset: Preset) -> Float[Tensor, "S T 21 3"]:
+        """MotionDiff and SpatialDiff on keypoints, in the form of the paper."""
+        joints = self.subject.joints.expand(preset.samples, -1, -1, -1)
+        if preset.motion is not None:
+            assert self.denoisers.trajectory is not None, "it was asked for"
+            joints = denoise_trajectory(
+                self.denoisers.trajectory,
+                joints,
+                context,
+                preset.motion,
+                generator=self.generator,
+                on_step=self.progress_of("motion"),
+            )
+        if isinstance(preset.spatial, StagePlan):
+            assert self.denoisers.relations is not None, "it was asked for"
+            joints = denoise_relations(
+                self.denoisers.relations,
+                joints,
+                context,
+                preset.spatial,
+                generator=self.generator,
+                on_step=self.progress_of("spatial"),
+            )
+        return joints
