@@ -2,6 +2,7 @@
 
 import os
 import re
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -74,6 +75,14 @@ def recorded(**changes: object) -> Callable[[Path], None]:
         write_mesh(folder / "object.obj", mesh.verts.numpy(), mesh.faces.numpy())
 
     return write
+
+
+def transposed(folder: Path) -> None:
+    """The noisy example with the rotations of its object the wrong way round."""
+    arrays = dict(np.load(ROOT / "examples/taco_noisy.npz"))
+    arrays["object_rotation"] = arrays["object_rotation"].swapaxes(-1, -2)
+    np.savez(folder / "hand.npz", **arrays)
+    (folder / "object.obj").write_bytes((ROOT / "examples/taco_object.obj").read_bytes())
 
 
 def scaled_mesh(factor: float) -> Callable[[Path], None]:
@@ -271,6 +280,12 @@ SITUATIONS = [
     ),
     Situation("Rotations that mirror", "reflection", with_arrays(object_rotation=lambda r: -r)),
     Situation("Rotations that scale", "a scale", with_arrays(object_rotation=lambda r: 0.01 * r)),
+    Situation(
+        "Rotations are transposed",
+        "wanders ... with the object's rotation transposed",
+        transposed,
+        code=0,
+    ),
     Situation("The object is 3 m away", "must come near the object", bad.far_object),
     Situation(
         "The object is out of reach",
@@ -422,6 +437,16 @@ def test_ctrl_c_ends_in_one_line(folder, command, monkeypatch):
         130,
         True,
     )
+    assert sorted(path.name for path in folder.iterdir()) == ["hand.npz", "object.obj"]
+
+
+def test_a_film_without_ffmpeg_is_refused(folder, command, monkeypatch):
+    monkeypatch.setenv("PATH", str(folder))
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    result = CliRunner().invoke(
+        command, ["view", "hand.npz", "--obj", "object.obj", "-o", "film.mp4"]
+    )
+    assert (result.exit_code, "geneoh[view]" in result.output) == (2, True), result.output
     assert sorted(path.name for path in folder.iterdir()) == ["hand.npz", "object.obj"]
 
 
