@@ -1,5 +1,6 @@
 """Random numbers that synthesis and training draw."""
 
+import math
 from dataclasses import dataclass
 
 import torch
@@ -21,6 +22,11 @@ class Draws:
         """Numbers spread evenly between two limits."""
         low, high = limits
         return low + (high - low) * self.share(*shape)
+
+    def log_uniform(self, limits: tuple[float, float], *shape: int) -> Float[Tensor, "B ..."]:
+        """Numbers whose logarithm is spread evenly between those of two limits."""
+        low, high = (math.log(limit) for limit in limits)
+        return torch.exp(self.uniform((low, high), *shape))
 
     def share(self, *shape: int) -> Float[Tensor, "B ..."]:
         """Numbers spread evenly between 0 and 1."""

@@ -5,7 +5,6 @@ while it holds, shifts, and moves its fingers all the time; people, and the fits
 truth, also have finger poses of their own.
 """
 
-import math
 from dataclasses import dataclass
 
 import torch
@@ -54,8 +53,7 @@ def augmented(
     moves = draws.chance(config.share, 1, 1).float()
 
     def size(limits: tuple[float, float]) -> Float[Tensor, "B 1 1"]:
-        low, high = (math.log(limit) for limit in limits)
-        return torch.exp(draws.uniform((low, high), 1, 1)) * moves
+        return draws.log_uniform(limits, 1, 1) * moves
 
     turn = axis_angle_to_matrix(motion[..., :3] * size(config.turn))
     pivot = hand.joints[:, :, list(TIP_KEYPOINTS)].mean(2)

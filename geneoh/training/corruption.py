@@ -139,12 +139,6 @@ def draw_corruption(
     )
 
 
-def _log_uniform(limits: tuple[float, float], draws: Draws, *shape: int) -> Float[Tensor, "B ..."]:
-    """Numbers whose logarithm is spread evenly between those of two limits."""
-    low, high = (math.log(limit) for limit in limits)
-    return torch.exp(draws.uniform((low, high), *shape))
-
-
 def _camera(
     frames: int, config: CorruptionConfig, draws: Draws
 ) -> tuple[Float[Tensor, "B T 3"], Float[Tensor, "B 3"]]:
@@ -155,7 +149,7 @@ def _camera(
     drift = config.depth_drift * draws.share(1, 1)
     drift = drift * _ornstein_uhlenbeck(draws.normal(frames, 1), correlation)
     depth = draws.normal(1, 1) + drift + config.depth_jitter * draws.normal(frames, 1)
-    depth = depth * _log_uniform(config.depth, draws, 1, 1)
+    depth = depth * draws.log_uniform(config.depth, 1, 1)
     blunders = draws.chance(config.blunder_share, frames, 1) & draws.chance(0.5, 1, 1)
     depth = depth + config.blunder * draws.normal(1, 1).sign() * blunders
     shift = depth * ray[:, None] + config.across * draws.normal(1, 3)
@@ -170,10 +164,8 @@ def _object_noise(
 ) -> tuple[Float[Tensor, "B T 3"], Float[Tensor, "B T 3"], Float[Tensor, "B 2"]]:
     """Turn and shift that are left in the object's smoothed track, and its white noise before."""
     shakes = draws.chance(config.shaky_share, 1)
-    size = torch.stack(
-        [_log_uniform(limits, draws) for limits in (config.object_turn, config.object_shift)], -1
-    )
-    size = size * shakes
+    ranges = config.object_turn, config.object_shift
+    size = torch.stack([draws.log_uniform(limits) for limits in ranges], -1) * shakes
     correlation = torch.full((draws.batch,), config.object_frames)
     slow = _ornstein_uhlenbeck(draws.normal(frames, 6), correlation)
     unit = (slow + config.object_white_left * draws.normal(frames, 6)) / math.sqrt(2)

@@ -167,24 +167,25 @@ def test_a_truncated_shard_is_told_with_the_cure(tmp_path, hand, kept):
             act()
 
 
+def damaged_shard(folder, hand, name: str, at: tuple[int, ...], value: float) -> None:
+    """Shards in a folder, the one for validation with another value in one of its tensors."""
+    write_shards(folder, TINY, hand, seed=0)
+    path = folder / "val_00000.safetensors"
+    tensors, record = load_file(path), json.dumps(as_dict(ShardRecord(TINY, 0)))
+    tensors[name][at] = value
+    save_file(tensors, path, metadata={"record": record})
+
+
 @pytest.mark.parametrize("number", [1e5, float("nan"), float("-inf")])
 def test_a_shard_with_numbers_that_no_hand_has_is_told_with_the_cure(tmp_path, hand, number):
-    write_shards(tmp_path, TINY, hand, seed=0)
-    path = tmp_path / "val_00000.safetensors"
-    tensors, record = load_file(path), json.dumps(as_dict(ShardRecord(TINY, 0)))
-    tensors["wrist"][1, 3] = number
-    save_file(tensors, path, metadata={"record": record})
+    damaged_shard(tmp_path, hand, "wrist", (1, 3), number)
     with pytest.raises(InputError, match="got numbers beyond 1000 in 'wrist'; delete it"):
         read_shards(tmp_path, "val")
 
 
 @pytest.mark.parametrize("part", [-1, 2, 2**40])
 def test_a_shard_with_points_of_parts_that_are_not_there_is_told(tmp_path, hand, part):
-    write_shards(tmp_path, TINY, hand, seed=0)
-    path = tmp_path / "val_00000.safetensors"
-    tensors, record = load_file(path), json.dumps(as_dict(ShardRecord(TINY, 0)))
-    tensors["part"][0, 0] = part
-    save_file(tensors, path, metadata={"record": record})
+    damaged_shard(tmp_path, hand, "part", (0, 0), part)
     with pytest.raises(InputError, match="surface points of other parts than the 2 that move"):
         read_shards(tmp_path, "val")
 
