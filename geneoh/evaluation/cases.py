@@ -7,8 +7,8 @@ from pathlib import Path
 
 from geneoh.choices import CaseNoise, Dataset
 from geneoh.errors import InputError, MissingAssetError
-from geneoh.evaluation.options import EvaluationOptions
-from geneoh.evaluation.protocols import Clip, ProtocolOptions
+from geneoh.evaluation.options import EvaluationOptions, ProtocolOptions
+from geneoh.evaluation.protocols.clips import Clip
 from geneoh.evaluation.protocols.datasets import clips_by_file, spread_over_groups
 from geneoh.evaluation.protocols.noise import check_noise, noisy_input
 from geneoh.files.atomic import write_whole
@@ -31,7 +31,6 @@ class Case:
     seed: int
     """Seed of the noise, and of the methods that sample."""
     protocol: ProtocolOptions = field(default_factory=ProtocolOptions)
-    """How the paper's noise is drawn."""
     stored: Path | None = None
     """Folder of noisy clips that are read instead of drawing noise."""
 
@@ -47,7 +46,7 @@ class Case:
 
     @cached_property
     def recording(self) -> Sequence:
-        """The clip as it was recorded or made; kept after the first call."""
+        """The clip as it was recorded or made."""
         return self.clip.read()
 
     @property
@@ -57,7 +56,7 @@ class Case:
 
     @cached_property
     def noisy(self) -> Sequence:
-        """The clip as a method gets to see it, kept after the first call.
+        """The clip as a method gets to see it.
 
         Raises:
             MissingAssetError: the folder of noisy clips has no file for the case.
@@ -68,13 +67,13 @@ class Case:
                 self.recording, self.dataset, self.clip.name, self.noise, self.seed, self.protocol
             )
         names = (self.file_name, f"{self.noise}_{self.seed}.npz")
-        paths = [path for name in names if (path := self.stored / name).is_file()]
-        if not paths:
-            raise MissingAssetError(
-                f"{self.stored}: expected {names[0]} or {names[1]}, found neither; "
-                "`geneoh eval --inputs DIR` writes such a folder"
-            )
-        return self.read_stored(paths[0])
+        for name in names:
+            if (path := self.stored / name).is_file():
+                return self.read_stored(path)
+        raise MissingAssetError(
+            f"{self.stored}: expected {names[0]} or {names[1]}, found neither; "
+            "`geneoh eval --inputs DIR` writes such a folder"
+        )
 
     def read_stored(self, path: Path) -> Sequence:
         """A version of the clip that somebody stored, with the clip's own meshes."""

@@ -11,30 +11,22 @@ import torch
 from jaxtyping import Float
 from scipy.ndimage import gaussian_filter1d
 
-from geneoh.viz.drawn import DrawnSurface, hands_surface
 from geneoh.viz.raster import rasterise
-from geneoh.viz.scene import Scene
+from geneoh.viz.scene import DrawnSurface, Scene
 
-FIELD_OF_VIEW = np.deg2rad(28.0)
-"""Angle over the shorter side of a picture, radians."""
-TURNS = 12
-"""Directions that are tried around the up axis at each elevation."""
+FIELD_OF_VIEW = np.deg2rad(28.0)  # angle over the shorter side of a picture, radians
+TURNS = 12  # directions that are tried around the up axis at each elevation
 ELEVATIONS = (-0.5, 0.0, 0.45, 0.95)
 """Elevations of the tried directions above the horizontal, radians."""
-TRIAL_SIZE = 96
-"""Side in pixels of the pictures that directions are judged by."""
-JUDGED_FRAMES = 3
-"""Frames that directions are judged by: those with the deepest penetration."""
+TRIAL_SIZE = 96  # side in pixels of the pictures that directions are judged by
+JUDGED_FRAMES = 3  # frames that directions are judged by: those with the deepest penetration
 SMOOTHING = 0.2
 """Standard deviation in seconds of the filter on the camera's path, against a trembling hand."""
-OBJECT_PULL = 0.5
-"""How far from the hands to the object's middle the camera looks, as a share."""
-MAX_OFFSET = 0.05
-"""How far from the hands it looks at most, metres."""
+OBJECT_PULL = 0.5  # how far from the hands to the object's middle the camera looks, as a share
+MAX_OFFSET = 0.05  # how far from the hands it looks at most, metres
 WHOLE_FRAMES = 0.98
 """Share of the frames in which the hands are inside the picture, wrists included."""
-MARGIN = 1.04
-"""How much larger the picture is than what must be inside it."""
+MARGIN = 1.04  # how much larger the picture is than what must be inside it
 MAX_OBJECT = 0.12
 """Half the diagonal of the largest object that is certainly inside the picture, metres."""
 DEEP_BONUS = 25.0
@@ -47,8 +39,7 @@ Axes = Float[np.ndarray, "3 3"]
 class Camera:
     """A pinhole camera in the world frame, metres."""
 
-    axes: Axes
-    """Rows: right, up and back (from the target to the eye)."""
+    axes: Axes  # rows: right, up and back (from the target to the eye)
     target: Float[np.ndarray, " 3"]
     radius: float
     """Radius of the ball around the target that fills the shorter side of the picture, metres."""
@@ -92,13 +83,12 @@ def _best_axes(
 ) -> Axes:
     """The direction from which most of the hands is seen, and most of what is inside the object.
 
-    The object is see-through, as in the pictures; only the hands hide one another. One direction
-    for the whole clip, judged by a few frames of the first version.
+    The object is see-through, as in the pictures; a few frames of the first version are judged.
     """
     before = scene.versions[0]
     deepest = before.measures.depth.nan_to_num()
     frames = deepest.topk(min(JUDGED_FRAMES, len(deepest))).indices.tolist()
-    drawn = {frame: hands_surface(before, frame, "penetration") for frame in frames}
+    drawn = {frame: before.drawn(frame, "penetration") for frame in frames}
 
     def seen(axes: Axes) -> float:
         placed = {frame: Camera(axes, targets[frame], radius) for frame in frames}
@@ -128,19 +118,14 @@ def _seen_pixels(hands: DrawnSurface, camera: Camera) -> float:
     return len(seen) + DEEP_BONUS * float((hands.position[hands.faces[seen, 0]] > 0).sum())
 
 
-def _keypoints(scene: Scene) -> Float[torch.Tensor, "T J 3"]:
-    """Keypoints of all hands of all versions, NaN in frames without the hand."""
-    hands = [hand for version in scene.versions for hand in version.hands]
-    seen = [torch.where(hand.valid[:, None, None], hand.joints, torch.nan) for hand in hands]
-    return torch.cat(seen, dim=1)
-
-
 def _targets(scene: Scene) -> Float[np.ndarray, "T 3"]:
     """What the camera looks at: near the hands, towards the object; smooth over the frames."""
     parts = torch.stack([mesh.verts.mean(0) for mesh in scene.object.meshes])
     placed = (scene.object.rotation @ parts[None, ..., None])[..., 0] + scene.object.translation
     middle = placed.mean(1).numpy()
-    centre = _keypoints(scene).nanmean(1).numpy()
+    hands = [hand for version in scene.versions for hand in version.hands]
+    seen = [torch.where(hand.valid[:, None, None], hand.joints, torch.nan) for hand in hands]
+    centre = torch.cat(seen, dim=1).nanmean(1).numpy()
     frames, there = np.arange(scene.frames), np.isfinite(centre).all(1)
     if not there.any():
         centre = middle

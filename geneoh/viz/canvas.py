@@ -1,4 +1,4 @@
-"""A picture that is put together: drawn frames, words and the scale of the colours."""
+"""Pictures that are put together of drawn frames, words and a scale of colours: filmstrips."""
 
 import io
 
@@ -7,8 +7,10 @@ from PIL import Image, ImageDraw, ImageFont
 from PIL.PngImagePlugin import PngInfo
 
 from geneoh.choices import Colouring
-from geneoh.viz.camera import Camera
-from geneoh.viz.colours import BACKGROUND, SCALES
+from geneoh.errors import InputError
+from geneoh.progress import OnStep, steps
+from geneoh.viz.camera import Camera, cameras
+from geneoh.viz.look import BACKGROUND, SCALES, Look
 from geneoh.viz.picture import Picture, draw
 from geneoh.viz.scene import Scene
 
@@ -17,8 +19,9 @@ INK: RGB = (28, 32, 38)
 FAINT: RGB = (110, 116, 124)
 TITLE_HEIGHT, CAPTION_HEIGHT, SCALE_HEIGHT = 30, 24, 40
 """Heights of a version's title, of the caption below a picture, of the scale below all, pixels."""
-RAMP_SIZE = (120, 12)
-"""Width and height of a ramp in pixels."""
+RAMP_SIZE = (120, 12)  # width and height of a ramp in pixels
+STRIP_FRAMES = 5
+STRIP_GAP = 10  # between two pictures of a filmstrip, pixels
 
 
 class Canvas:
@@ -30,8 +33,8 @@ class Canvas:
         self._pen = ImageDraw.Draw(self._image)
 
     def write(self, text: str, left: int, top: int, *, size: int = 13, colour: RGB = INK) -> None:
-        """Write one line of text."""
-        self._pen.text((left, top), text, colour, _font(size))
+        """Write one line of text, in the font that comes with Pillow: the same everywhere."""
+        self._pen.text((left, top), text, colour, ImageFont.load_default(size))
 
     def paste(self, picture: Picture, left: int, top: int) -> None:
         """Put a picture there."""
@@ -61,7 +64,7 @@ class Canvas:
         scale, (width, height) = SCALES[colouring], RAMP_SIZE
         words = f"{scale.title}   {scale.labels[0]}"
         self.write(words, left, top)
-        start = left + int(self._pen.textlength(words, _font(13))) + 8
+        start = left + int(self._pen.textlength(words, ImageFont.load_default(13))) + 8
         colours = scale.colours(np.linspace(0, 1, width, dtype=np.float32))
         ramp = np.broadcast_to((colours * 255).astype(np.uint8), (height, width, 3))
         self.paste(np.ascontiguousarray(ramp), start, top + 3)
@@ -72,15 +75,43 @@ class Canvas:
         return np.asarray(self._image)
 
 
-def _font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
-    """The font that comes with Pillow: the same pictures everywhere."""
-    return ImageFont.load_default(size)
-
-
 def png_bytes(picture: Picture) -> bytes:
     """The picture as a PNG file."""
-    stream = io.BytesIO()
-    made_by = PngInfo()
+    stream, made_by = io.BytesIO(), PngInfo()
     made_by.add_text("Software", "geneoh")
     Image.fromarray(picture).save(stream, format="PNG", optimize=True, pnginfo=made_by)
     return stream.getvalue()
+
+
+def filmstrip(scene: Scene, look: Look | None = None, on_step: OnStep | None = None) -> Picture:
+    """A row of frames for each version, all seen from one direction, with measures below each.
+
+    Raises:
+        InputError: the look has a frame that the clip does not have.
+    """
+    look = look or Look()
+    frames = look.frames or spread_frames(scene, STRIP_FRAMES)
+    if wrong := [frame for frame in frames if not 0 <= frame < scene.frames]:
+        raise InputError(
+            f"frames must be from 0 to {scene.frames - 1}, got {', '.join(map(str, wrong))}; "
+            "leave them out or name others"
+        )
+    seen, cell = cameras(scene, look.upward), look.cell
+    row, column = TITLE_HEIGHT + cell + CAPTION_HEIGHT, cell + STRIP_GAP
+    height = row * len(scene.versions)
+    scaled = look.colouring != "plain"
+    canvas = Canvas(column * len(frames) - STRIP_GAP, height + SCALE_HEIGHT * scaled)
+    for index, version in enumerate(scene.versions):
+        canvas.write(version.title, 12, index * row + 8, size=16)
+    for index, frame in enumerate(steps(frames, on_step)):
+        corners = [(index * column, i * row + TITLE_HEIGHT) for i in range(len(scene.versions))]
+        canvas.paste_versions(scene, frame, seen[frame], corners, look.colouring, cell)
+    if scaled:
+        canvas.draw_scale(look.colouring, 12, height + 8)
+    return canvas.picture()
+
+
+def spread_frames(scene: Scene, count: int) -> tuple[int, ...]:
+    """Frames spread evenly over the clip: the middles of equal shares."""
+    count = min(count, scene.frames)
+    return tuple(int((i + 0.5) * scene.frames / count) for i in range(count))

@@ -15,8 +15,7 @@ from jaxtyping import Float, Int
 
 from geneoh.geometry.rotations import matrix_to_quat_wxyz
 from geneoh.viz.camera import axes_towards
-from geneoh.viz.colours import OBJECT_COLOUR, SKIN_COLOUR, Colour
-from geneoh.viz.look import Look
+from geneoh.viz.look import OBJECT_COLOUR, SKIN_COLOUR, Colour, Look
 from geneoh.viz.scene import PosedTrack, Scene
 from geneoh.viz.surface import vertex_normals
 
@@ -33,8 +32,7 @@ class _Document:
         self.tables: dict[str, list[Any]] = {
             name: [] for name in ("accessors", "bufferViews", "meshes", "nodes", "materials")
         }
-        self.samplers: list[Any] = []
-        self.channels: list[Any] = []
+        self.animation: dict[str, list[Any]] = {"channels": [], "samplers": []}
         self.binary = bytearray()
 
     def add(self, table: str, entry: dict[str, Any]) -> int:
@@ -65,9 +63,9 @@ class _Document:
 
     def animate(self, node: int, path: str, times: int, values: int, how: str = "LINEAR") -> None:
         """Make a property of a node follow keyframes."""
-        self.samplers.append({"input": times, "output": values, "interpolation": how})
-        target = {"node": node, "path": path}
-        self.channels.append({"sampler": len(self.samplers) - 1, "target": target})
+        channels, samplers = self.animation.values()
+        channels.append({"sampler": len(samplers), "target": {"node": node, "path": path}})
+        samplers.append({"input": times, "output": values, "interpolation": how})
 
     def to_bytes(self, scene_nodes: list[int], title: str) -> bytes:
         """The finished GLB container."""
@@ -76,14 +74,13 @@ class _Document:
             "scene": 0,
             "scenes": [{"name": title, "nodes": scene_nodes}],
             "buffers": [{"byteLength": len(self.binary)}],
-            "animations": [{"name": title, "channels": self.channels, "samplers": self.samplers}],
+            "animations": [{"name": title, **self.animation}],
             **self.tables,
         }
-        text = json.dumps(document, separators=(",", ":")).encode()
-        text += b" " * (-len(text) % 4)
-        binary = bytes(self.binary) + b"\0" * (-len(self.binary) % 4)
-        chunks = struct.pack("<I4s", len(text), b"JSON") + text
-        chunks += struct.pack("<I4s", len(binary), b"BIN\0") + binary
+        text, chunks = json.dumps(document, separators=(",", ":")).encode(), b""
+        for name, data, filler in ((b"JSON", text, b" "), (b"BIN\0", bytes(self.binary), b"\0")):
+            data += filler * (-len(data) % 4)
+            chunks += struct.pack("<I4s", len(data), name) + data
         return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
 
 
@@ -93,8 +90,7 @@ def glb_bytes(scene: Scene, look: Look | None = None) -> bytes:
     seconds = (np.arange(scene.frames) / scene.fps).astype(np.float32)
     times = document.accessor(seconds)
     children = [_add_hand(document, hand, times) for hand in version.hands]
-    parts = range(len(scene.object.meshes))
-    children += [_add_part(document, scene, part, times) for part in parts]
+    children += [_add_part(document, scene, i, times) for i in range(len(scene.object.meshes))]
     turn = upright((look or Look()).upward)
     root = document.add("nodes", {"name": "world", "rotation": turn, "children": children})
     return document.to_bytes([root], version.title)
@@ -106,14 +102,6 @@ def upright(up: Float[np.ndarray, " 3"]) -> list[float]:
     turn = axes_towards(np.cross(level, up), up)
     w, x, y, z = matrix_to_quat_wxyz(torch.from_numpy(turn).float()).tolist()
     return [x, y, z, w]
-
-
-def _material(document: _Document, name: str, colour: Colour) -> int:
-    """A matt surface; glTF expects linear colours, ours are sRGB."""
-    linear = [*(np.array(colour) ** 2.2).tolist(), 1.0]
-    surface = {"baseColorFactor": linear, "metallicFactor": 0.0, "roughnessFactor": ROUGHNESS}
-    entry = {"name": name, "pbrMetallicRoughness": surface, "doubleSided": True}
-    return document.add("materials", entry)
 
 
 def _add_mesh(
@@ -132,10 +120,14 @@ def _add_mesh(
         position = document.accessor(points, ARRAY_BUFFER)
         return {"POSITION": position, "NORMAL": document.accessor(normal, ARRAY_BUFFER)}
 
+    # a matt surface; glTF expects linear colours, ours are sRGB
+    linear = [*(np.array(colour) ** 2.2).tolist(), 1.0]
+    surface = {"baseColorFactor": linear, "metallicFactor": 0.0, "roughnessFactor": ROUGHNESS}
+    material = {"name": name, "pbrMetallicRoughness": surface, "doubleSided": True}
     primitive: dict[str, Any] = {
         "attributes": attributes(verts[0], normals[0]),
         "indices": document.accessor(faces.reshape(-1), ELEMENT_BUFFER),
-        "material": _material(document, name, colour),
+        "material": document.add("materials", material),
     }
     mesh = {"name": name, "primitives": [primitive]}
     if len(verts) > 1:

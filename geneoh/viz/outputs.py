@@ -1,22 +1,27 @@
-"""Which file formats a scene can be written as."""
+"""Which file formats a scene can be written as, and the data formats among them.
+
+Data formats are for other programs: a mesh file per frame, or parameters under the smplx names.
+"""
 
 from collections.abc import Iterable
 from pathlib import Path
 
-from geneoh.files.atomic import write_whole
+import numpy as np
+import trimesh
+
+from geneoh.errors import InputError
+from geneoh.files.atomic import in_one_step, write_whole
+from geneoh.files.npz import Arrays, write_archive
 from geneoh.files.outputs import check_ending, check_outputs
-from geneoh.progress import OnStep
-from geneoh.viz.canvas import png_bytes
-from geneoh.viz.export import write_meshes, write_smplx
+from geneoh.progress import OnStep, steps
+from geneoh.viz.canvas import filmstrip, png_bytes
 from geneoh.viz.glb import glb_bytes
 from geneoh.viz.look import Look
 from geneoh.viz.page import page_html
-from geneoh.viz.scene import Scene
-from geneoh.viz.strip import filmstrip
+from geneoh.viz.scene import PosedTrack, Scene
 from geneoh.viz.video import write_film
 
-MESHES = (".obj", ".ply")
-"""Endings of the formats that make a folder."""
+MESHES = (".obj", ".ply")  # endings of the formats that make a folder
 ENDINGS = (".html", ".png", ".mp4", ".gif", ".glb", ".npz", *MESHES)
 
 
@@ -60,8 +65,62 @@ def write(
         case ".glb":
             write_whole(path, glb_bytes(scene, look))
         case ".npz":
-            write_smplx(scene, path)
+            hands = scene.versions[-1].hands
+            if len(hands) != 1:
+                raise InputError(
+                    f"{path}: the smplx names hold one hand, got {len(hands)}; pass --side"
+                )
+            write_archive(path, smplx_arrays(scene, hands[0]))
         case ".obj" | ".ply":
             write_meshes(scene, path, on_step)
         case _:
             write_film(scene, path, look, on_step)
+
+
+def write_meshes(scene: Scene, path: Path, on_step: OnStep | None) -> None:
+    """Write the last version as a folder of meshes: SIDE_0000.ply and object_0000.ply per frame.
+
+    World frame, metres. Vertices keep their order, so that frames correspond; a hand has no file in
+    frames without it. The folder appears whole or not at all.
+    """
+    folder = path.with_suffix("")
+    if folder.exists():
+        raise InputError(f"{folder}: expected a new folder, got one that is there; remove it")
+    with in_one_step(folder, folder=True, parents=True) as beside:
+        for frame in steps(range(scene.frames), on_step):
+            surfaces = [
+                (hand.side, hand.verts[frame], hand.model.faces)
+                for hand in scene.versions[-1].hands
+                if bool(hand.valid[frame])
+            ]
+            for part, mesh in enumerate(scene.object.meshes):
+                name = scene.part_name(part).replace(" ", "")
+                surfaces.append((name, scene.object_verts(part, frame), mesh.faces))
+            for name, verts, faces in surfaces:
+                shape = trimesh.Trimesh(verts.numpy(), faces.numpy(), process=False)
+                shape.export(beside / f"{name}_{frame:04d}{path.suffix.lower()}")
+
+
+def smplx_arrays(scene: Scene, hand: PosedTrack) -> Arrays:
+    """One hand under the names of the smplx package, with the object's motion.
+
+    `global_orient` (T, 3), `hand_pose` (T, 45), `betas` and `transl` (T, 3) go into an smplx MANO
+    layer made with `use_pca=False, flat_hand_mean=True`. `transl` is the wrist minus the wrist of
+    the model at rest. The betas belong to `hand_model`; the pose holds for any model.
+    """
+    model = hand.model
+    wrist_at_rest = model.joint_regressor[0] @ (model.template + model.shape_dirs @ hand.betas)
+    return {
+        "side": np.array(hand.side),
+        "hand_model": np.array(model.name),
+        "fps": np.array(scene.fps),
+        "flat_hand_mean": np.array(True),
+        "global_orient": hand.pose[:, 0].numpy(),
+        "hand_pose": hand.pose[:, 1:].flatten(1).numpy(),
+        "betas": hand.betas.numpy(),
+        "transl": (hand.wrist - wrist_at_rest).numpy(),
+        "joints": hand.joints.numpy(),
+        "valid": hand.valid.numpy(),
+        "object_rotation": scene.object.rotation.numpy(),
+        "object_translation": scene.object.translation.numpy(),
+    }

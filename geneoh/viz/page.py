@@ -21,20 +21,15 @@ import torch
 from jaxtyping import Float, Integer
 from torch import Tensor
 
-from geneoh.choices import Colouring
 from geneoh.hand.skeleton import KEYPOINT_PARENTS
 from geneoh.viz.camera import FIELD_OF_VIEW, cameras
-from geneoh.viz.colours import OBJECT_COLOUR, SCALES, SKIN_COLOUR, ramp_position
-from geneoh.viz.look import Look
+from geneoh.viz.look import OBJECT_COLOUR, SCALES, SKIN_COLOUR, Look, ramp_position
 from geneoh.viz.scene import PosedTrack, Scene, Version
 from geneoh.viz.surface import coarser, with_sharp_edges
 
-STEPS = 65535
-"""16-bit steps over the longest side of the scene."""
-MOST_FACES = 20_000
-"""Faces of an object part beyond which a coarser mesh is drawn."""
-MOST_SAMPLES = 16
-"""Samples that a page keeps of those that were drawn."""
+STEPS = 65535  # 16-bit steps over the longest side of the scene
+MOST_FACES = 20_000  # faces of an object part beyond which a coarser mesh is drawn
+MOST_SAMPLES = 16  # samples that a page keeps of those that were drawn
 
 
 class _Packed:
@@ -47,14 +42,14 @@ class _Packed:
         self, values: Integer[np.ndarray, "..."], *, over_frames: bool = False
     ) -> dict[str, Any]:
         """Store an array; returns where it lies and how it is stored."""
-        flat = np.ascontiguousarray(values)
+        flat, at = np.ascontiguousarray(values), len(self.data)
         if over_frames:
             # differences may overflow: the viewer sums in the same width, which undoes it
             flat = np.concatenate([flat[:1], flat[1:] - flat[:-1]])
         raw = flat.reshape(-1).view(np.uint8).reshape(-1, flat.dtype.itemsize)
-        at, kind = len(self.data), flat.dtype.name
         self.data += raw.T.tobytes()
-        return {"at": at, "type": kind, "shape": list(values.shape), "delta": over_frames}
+        shape = list(values.shape)
+        return {"at": at, "type": flat.dtype.name, "shape": shape, "delta": over_frames}
 
 
 @dataclass(frozen=True)
@@ -122,7 +117,10 @@ def describe(scene: Scene, up: Float[np.ndarray, " 3"], packed: _Packed) -> dict
         },
         "skinColour": SKIN_COLOUR,
         "objectColour": OBJECT_COLOUR,
-        "scales": {name: _scale(name) for name in SCALES},
+        "scales": {
+            name: vars(scale) | {"limits": [1000 * limit for limit in scale.limits]}
+            for name, scale in SCALES.items()
+        },
         "bones": KEYPOINT_PARENTS,
         "parts": [_part(scene, part, packed) for part in range(len(scene.object.meshes))],
         "versions": [_version(version, scene, box, packed) for version in scene.versions],
@@ -131,12 +129,6 @@ def describe(scene: Scene, up: Float[np.ndarray, " 3"], packed: _Packed) -> dict
             for side, drawn in scene.samples.items()
         },
     }
-
-
-def _scale(name: Colouring) -> dict[str, Any]:
-    scale = SCALES[name]
-    limits = [1000 * limit for limit in scale.limits]
-    return {"title": scale.title, "ramp": scale.ramp, "limits": limits, "labels": scale.labels}
 
 
 def _part(scene: Scene, part: int, packed: _Packed) -> dict[str, Any]:

@@ -8,41 +8,33 @@ from scipy.ndimage import gaussian_filter
 
 from geneoh.choices import Colouring
 from geneoh.viz.camera import Camera
-from geneoh.viz.colours import BACKGROUND
-from geneoh.viz.drawn import DrawnSurface, hands_surface, object_surface
+from geneoh.viz.look import BACKGROUND
 from geneoh.viz.raster import Raster, at_pixels, rasterise
-from geneoh.viz.scene import Scene
+from geneoh.viz.scene import DrawnSurface, Scene
 from geneoh.viz.surface import vertex_normals
 
 Picture = UInt8[np.ndarray, "H W 3"]
 
-OVERLAY = 0.28
-"""Opacity of the object over a hand behind its surface."""
-OVERLAY_END = 0.12
-"""Position on the ramp from which a hand is drawn without the overlay."""
+OVERLAY = 0.28  # opacity of the object over a hand behind its surface
+OVERLAY_END = 0.12  # position on the ramp from which a hand is drawn without the overlay
 LIGHTS = (((-0.45, 0.65, 0.62), 0.62), ((0.75, 0.1, 0.4), 0.22), ((0.1, -0.8, 0.3), 0.10))
 """Direction in the camera's frame and strength of each light."""
 AMBIENT = 0.42
 SHINE = 0.10
-EDGE_SHADING = 0.5
-"""How much the far side of a step in depth is darkened, at most."""
+EDGE_SHADING = 0.5  # how much the far side of a step in depth is darkened, at most
 EDGE_WIDTH = 0.014
 """Standard deviation of that darkening across the edge, as a share of the picture's height."""
-EDGE_TRUNCATE = 2.5
-"""Standard deviations at which it ends."""
-EDGE_DEPTH = 0.02
-"""Step in depth, metres, from which it is darkest."""
+EDGE_TRUNCATE = 2.5  # standard deviations at which it ends
+EDGE_DEPTH = 0.02  # step in depth, metres, from which it is darkest
 
 
 @dataclass(frozen=True)
 class _Layer:
-    """A drawn surface: what its N covered pixels show."""
+    """A drawn surface: lit colours and positions on the colour ramp of its N covered pixels."""
 
     raster: Raster
     colours: Float[np.ndarray, "N 3"]
-    """Red, green and blue, lit."""
     position: Float[np.ndarray, " N"]
-    """Position on the colour ramp, 0 to 1."""
 
 
 def draw(
@@ -60,10 +52,10 @@ def draw(
     against jagged edges.
     """
     drawn = (size[0] * smooth, size[1] * smooth)
-    object_layer = _lit(object_surface(scene, frame), camera, drawn)
+    object_layer = _lit(scene.drawn_object(frame), camera, drawn)
     pictures = []
     for version in scene.versions:
-        hands = hands_surface(version, frame, colouring)
+        hands = version.drawn(frame, colouring)
         layers = [object_layer] if hands is None else [object_layer, _lit(hands, camera, drawn)]
         pictures.append(_reduced(_shaded(*_stacked(layers, drawn), camera), smooth))
     return pictures

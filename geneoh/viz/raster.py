@@ -9,18 +9,15 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-NOTHING = -1
-"""Face index of a pixel that no triangle covers."""
-TINY = 1e-12
-"""Twice the area in pixels up to which a triangle is left out."""
+NOTHING = -1  # face index of a pixel that no triangle covers
+TINY = 1e-12  # twice the area in pixels up to which a triangle is left out
 
 
 @dataclass(frozen=True)
 class Raster:
     """What is in front in each pixel."""
 
-    face: Int[np.ndarray, "H W"]
-    """Index of the face, or `NOTHING`."""
+    face: Int[np.ndarray, "H W"]  # index of the face, or `NOTHING`
     nearness: Float[np.ndarray, "H W"]
     """1 / depth, zero where nothing is: linear over the picture, larger is closer."""
 
@@ -33,13 +30,10 @@ class Raster:
 def rasterise(
     screen: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], size: tuple[int, int]
 ) -> Raster:
-    """The nearest face in each pixel; both sides of a face are drawn.
+    """The nearest face in each pixel of a picture of this width and height; both sides are drawn.
 
-    Args:
-        screen: pixel column, pixel row (downwards) and 1 / depth of each vertex; a face with a
-            vertex behind the eye (1 / depth not above zero) is left out.
-        faces: vertex indices.
-        size: width and height in pixels.
+    `screen` is pixel column, pixel row (downwards) and 1 / depth of each vertex; a face with a
+    vertex behind the eye (1 / depth not above zero) is left out.
     """
     width, height = size
     corner = screen[faces].astype(np.float64)

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from geneoh.bundle import Bundle
-from geneoh.choices import Side
+from geneoh.choices import Colouring, Side
 from geneoh.errors import InputError, MissingAssetError
 from geneoh.fitting.subject import subject_of
 from geneoh.geometry.distance import MovingSurface
@@ -23,12 +23,22 @@ from geneoh.hand.model import HandModel
 from geneoh.metrics.report import FrameMeasures, measure_frames
 from geneoh.sequence.resample import nearest_frames
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
+from geneoh.viz.look import OBJECT_COLOUR, ramp_colours, ramp_position
 from geneoh.viz.surface import with_sharp_edges
 
-EXACT_WITHIN = 0.03
-"""Distances of vertices are exact within this many metres of the object's box."""
-SPREAD_REACH = 0.015
-"""How far the spread of a keypoint reaches over the skin, metres."""
+EXACT_WITHIN = 0.03  # distances of vertices are exact within this many metres of the object's box
+SPREAD_REACH = 0.015  # how far the spread of a keypoint reaches over the skin, metres
+
+
+@dataclass(frozen=True)
+class DrawnSurface:
+    """A surface of one frame as it is drawn: with the colours of what it shows."""
+
+    verts: Float[np.ndarray, "V 3"]
+    faces: Int[np.ndarray, "F 3"]
+    colours: Float[np.ndarray, "V 3"]
+    position: Float[np.ndarray, " V"]
+    """Of each vertex on the colour ramp, 0 to 1; the object is never drawn over high positions."""
 
 
 @dataclass(frozen=True)
@@ -87,14 +97,25 @@ class Version:
             acceleration=torch.stack([hand.acceleration for hand in hands]).nanmean(0),
         )
 
+    def drawn(self, frame: int, colouring: Colouring) -> DrawnSurface | None:
+        """All hands of a frame as one surface; None when there are none."""
+        surfaces = []
+        for hand in self.hands:
+            if bool(hand.valid[frame]):
+                spread = None if hand.spread is None else hand.spread[frame]
+                position = ramp_position(colouring, hand.distance[frame], spread).numpy()
+                colours = ramp_colours(colouring, position)
+                verts, faces = hand.verts[frame].numpy(), hand.model.faces.numpy()
+                surfaces.append(DrawnSurface(verts, faces, colours, position))
+        return joined(surfaces) if surfaces else None
+
 
 @dataclass(frozen=True)
 class Scene:
     """Versions of one interaction around one object."""
 
     title: str
-    versions: tuple[Version, ...]
-    """Before, then after; or one alone."""
+    versions: tuple[Version, ...]  # before, then after; or one alone
     object: ObjectTrack
     fps: float
     samples: dict[Side, Float[Tensor, "S T 21 3"]]
@@ -129,6 +150,25 @@ class Scene:
         """Vertices of a part in the world."""
         return self.part_pose(part, frame).apply(self.object.meshes[part].verts)
 
+    def drawn_object(self, frame: int) -> DrawnSurface:
+        """All parts of the object in a frame as one surface of one colour."""
+        surfaces = []
+        for part, mesh in enumerate(self.sharp_parts):
+            verts = self.part_pose(part, frame).apply(mesh.verts).numpy()
+            colours = np.broadcast_to(np.array(OBJECT_COLOUR, dtype=np.float32), verts.shape)
+            position = np.zeros(len(verts), dtype=np.float32)
+            surfaces.append(DrawnSurface(verts, mesh.faces.numpy(), colours, position))
+        return joined(surfaces)
+
+
+def joined(surfaces: list[DrawnSurface]) -> DrawnSurface:
+    """Several surfaces as one."""
+    starts = np.cumsum([0] + [len(each.verts) for each in surfaces[:-1]])
+    faces = [each.faces + start for each, start in zip(surfaces, starts, strict=True)]
+    rest = zip(*((each.verts, each.colours, each.position) for each in surfaces), strict=True)
+    verts, colours, position = map(np.concatenate, rest)
+    return DrawnSurface(verts, np.concatenate(faces), colours, position)
+
 
 def make_scene(
     sequences: dict[str, Sequence],
@@ -142,11 +182,7 @@ def make_scene(
     The object is that of the last sequence. A hand that has only keypoints is fitted to them. Betas
     of MANO get MANO's mesh where the user has it, else the embedded hand with the same bones.
 
-    Args:
-        sequences: by title, in the order before, after.
-        title: of the scene; that of the last sequence when left out.
-        samples: per side, keypoints of the samples at any frame rate.
-        mano_dir: folder of the user's MANO files.
+    `sequences` are by title, in the order before, after; `samples` are at any frame rate.
 
     Raises:
         InputError: the sequences have different numbers of frames, or there is no mesh.
@@ -172,19 +208,15 @@ def make_scene(
     return Scene(title or last_title, tuple(versions), last.object, last.fps, paced)
 
 
-def _model_of(track: HandTrack, mano_dir: Path | str | None) -> HandModel:
-    """The model of a track's betas; the embedded hand where the user has no MANO."""
-    try:
-        return hand_of_betas(track.side, track.hand_model, mano_dir=mano_dir)
-    except MissingAssetError:
-        return load_hand(track.side)
-
-
 def pose_track(
     track: HandTrack, surface: MovingSurface, fps: float, mano_dir: Path | str | None = None
 ) -> PosedTrack:
-    """The mesh of one track, measured against the object."""
-    model, left = _model_of(track, mano_dir), track.side == "left"
+    """The mesh of one track, of the embedded hand where the user has no MANO, and its measures."""
+    try:
+        model = hand_of_betas(track.side, track.hand_model, mano_dir=mano_dir)
+    except MissingAssetError:
+        model = load_hand(track.side)
+    left = track.side == "left"
     right, right_model = (track.mirrored(), model.mirrored()) if left else (track, model)
     with torch.no_grad():
         subject = subject_of(right, right_model)

@@ -15,18 +15,16 @@ import numpy as np
 from geneoh.errors import MissingAssetError
 from geneoh.geometry.mesh import MESH_SUFFIXES
 from geneoh.progress import OnStep, steps
-from geneoh.viz.colours import OBJECT_COLOUR, SKIN_COLOUR
+from geneoh.viz.look import OBJECT_COLOUR, SKIN_COLOUR
 from geneoh.viz.scene import Scene, Version
 
-ADDRESS = "127.0.0.1"
-"""Reachable from this machine only."""
+ADDRESS = "127.0.0.1"  # reachable from this machine only
 SORT_MEASURES = (
     *("penetration_mean_mm", "penetration_max_mm"),
     *("fingers_in_contact", "acceleration_mm"),
 )
 """What results can be sorted by: fields of `geneoh.metrics.report.InteractionReport`."""
-VERSION_SPACING = 0.35
-"""Metres between before and after, side by side."""
+VERSION_SPACING = 0.35  # metres between before and after, side by side
 
 
 @dataclass(frozen=True)
@@ -45,16 +43,10 @@ def gallery_items(
     *,
     on_step: OnStep | None = None,
 ) -> list[GalleryItem]:
-    """Open and measure every result once.
+    """Open and measure every result once, by `geneoh.viz.view.open_scene` with arguments bound.
 
     Beside NAME_clean.npz, its input NAME.npz is shown too where it exists. Without `obj`, the mesh
     is the file NAME with the ending of a mesh, else those that the result itself names.
-
-    Args:
-        results: npz files.
-        obj: mesh files of the object of all results, one per rigid part.
-        open_scene: `geneoh.viz.view.open_scene`, with its other arguments bound.
-        on_step: called with the results done and in all.
 
     Raises:
         InputError: a result has no mesh, or cannot be opened.
@@ -64,15 +56,11 @@ def gallery_items(
         stem = path.stem.removesuffix("_clean")
         beside = path.with_name(f"{stem}.npz")
         before = beside if beside != path and beside.is_file() else None
-        opened = partial(open_scene, path, before, obj=obj or _mesh_beside(path, stem))
+        meshes = (path.with_name(stem + suffix) for suffix in MESH_SUFFIXES)
+        mesh = tuple(mesh for mesh in meshes if mesh.is_file())[:1]
+        opened = partial(open_scene, path, before, obj=obj or mesh)
         items.append(GalleryItem(path.stem, opened, measured(opened().versions[-1])))
     return items
-
-
-def _mesh_beside(path: Path, stem: str) -> tuple[Path, ...]:
-    """The mesh file that has the name of a result, if there is one."""
-    beside = (path.with_name(stem + suffix) for suffix in MESH_SUFFIXES)
-    return tuple(mesh for mesh in beside if mesh.is_file())[:1]
 
 
 def measured(version: Version) -> dict[str, float]:

@@ -21,20 +21,14 @@ from geneoh.viz.picture import Picture, draw
 from geneoh.viz.scene import PosedTrack, Scene, Version
 
 COLUMNS = 8
-SCANNED = 32
-"""Most scanned objects on the sheet, spread over their names."""
-SHEET_CELL = 200
-"""Side of one picture, pixels."""
-SHEET_GAP = 10
-"""Between two pictures, pixels."""
-TEXT_HEIGHT = 40
-"""Height of the two lines below a picture, pixels."""
+SCANNED = 32  # most scanned objects on the sheet, spread over their names
+SHEET_CELL = 200  # side of one picture, pixels
+SHEET_GAP = 10  # between two pictures, pixels
+TEXT_HEIGHT = 40  # height of the two lines below a picture, pixels
 
 
 def one_of_each(folder: Path, hand: HandModel) -> list[Replay]:
-    """The first clip of every family that a folder of shards holds, in the order of the families.
-
-    Then the first of some scanned objects, in the order of their names.
+    """The first clip of every family in a folder of shards, then of some scanned objects, by name.
 
     Shards are read until no family is missing. Held-out families are in the validation shards only,
     so one of these comes first.

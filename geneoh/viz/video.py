@@ -18,18 +18,14 @@ from geneoh.viz.look import Look
 from geneoh.viz.picture import Picture
 from geneoh.viz.scene import Scene
 
-FILM_CELL = 320
-"""Side of one picture in a film, pixels."""
-QUALITY = "20"
-"""x264's constant rate factor: losses are not visible."""
-GIF_RATE = 15.0
-"""Frames a second of a GIF; more only makes it larger."""
-BATCH = 4
-"""Pictures that each thread draws before the next are handed out."""
+FILM_CELL = 320  # side of one picture in a film, pixels
+QUALITY = "20"  # x264's constant rate factor: losses are not visible
+GIF_RATE = 15.0  # frames a second of a GIF; more only makes it larger
+BATCH = 4  # pictures that each thread draws before the next are handed out
 GIF_FILTER = "split[a][b];[a]palettegen=stats_mode=diff[p];[b][p]paletteuse=dither=bayer"
 GIF_OPTIONS = ("-filter_complex", GIF_FILTER, "-f", "gif")
-MP4_OPTIONS = ("-c:v", "libx264", "-preset", "veryfast", "-crf", QUALITY)
-MP4_OPTIONS += ("-pix_fmt", "yuv420p", "-movflags", "+faststart", "-f", "mp4")
+MP4_OPTIONS = f"-c:v libx264 -preset veryfast -crf {QUALITY} -pix_fmt yuv420p".split()
+MP4_OPTIONS += ["-movflags", "+faststart", "-f", "mp4"]
 
 
 def film_frames(
@@ -72,8 +68,7 @@ def write_film(scene: Scene, path: Path, look: Look, on_step: OnStep | None) -> 
     gif = path.suffix.lower() == ".gif"
     every = max(1, round(scene.fps / GIF_RATE)) if gif else 1
     pictures = film_frames(scene, look, every=every)
-    first = next(pictures)
-    pictures = chain([first], pictures)
+    pictures = chain([first := next(pictures)], pictures)
     with in_one_step(path) as beside:
         encoder = _ffmpeg(beside, first, scene.fps / every, gif)
         assert encoder.stdin is not None, "the pipe was asked for"

@@ -148,5 +148,4 @@ def write_report(
     noisy: Sequence, result: Denoised, path: Path, *, title: str, mano_dir: Path | None = None
 ) -> None:
     """Write the page of a result beside its input, whatever the ending of the path."""
-    scene = open_scene(result, noisy, title=title, mano_dir=mano_dir)
-    write_whole(path, page_html(scene))
+    write_whole(path, page_html(open_scene(result, noisy, title=title, mano_dir=mano_dir)))

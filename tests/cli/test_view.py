@@ -14,8 +14,8 @@ from geneoh import load, save
 from geneoh.errors import MissingAssetError
 from geneoh.geometry.mesh import load_mesh
 from geneoh.readers.npz_files import save_sequence
+from geneoh.viz.canvas import STRIP_GAP
 from geneoh.viz.look import STRIP_CELL
-from geneoh.viz.strip import STRIP_GAP
 from geneoh.viz.video import ffmpeg_path
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from geneoh.errors import InputError
 from geneoh.hand.library import load_hand
 from geneoh.sequence.sequence import HandTrack
-from geneoh.viz.colours import LARGEST_DEPTH, SKIN_COLOUR, ramp_colours, ramp_position
+from geneoh.viz.look import LARGEST_DEPTH, SKIN_COLOUR, ramp_colours, ramp_position
 from geneoh.viz.scene import make_scene
 
 

@@ -6,9 +6,15 @@ import torch
 
 from geneoh.errors import InputError
 from geneoh.viz.camera import cameras
-from geneoh.viz.canvas import CAPTION_HEIGHT, SCALE_HEIGHT, TITLE_HEIGHT
+from geneoh.viz.canvas import (
+    CAPTION_HEIGHT,
+    SCALE_HEIGHT,
+    STRIP_GAP,
+    TITLE_HEIGHT,
+    filmstrip,
+    spread_frames,
+)
 from geneoh.viz.look import Look
-from geneoh.viz.strip import STRIP_GAP, filmstrip, spread_frames
 
 UP = Look().upward
 

@@ -9,7 +9,7 @@ import torch
 from scipy.spatial import KDTree
 
 from geneoh.choices import Side
-from geneoh.evaluation.protocols.options import ProtocolOptions
+from geneoh.evaluation.options import ProtocolOptions
 from geneoh.hand.library import load_hand
 from geneoh.readers.base import ReaderOptions, Recording, SourceClip, runs
 from geneoh.readers.builders import part_of
@@ -31,8 +31,8 @@ class Clip:
     name: str
     """Name of the clip in every table, with slashes where the data set has folders."""
     read: Callable[[], Sequence]
-    """Reads the clip. It is a function of a module with its arguments (`functools.partial`), so
-    that a clip is small and can be sent to another process."""
+    """Reads the clip: a function of a module with its arguments (`functools.partial`), so that a
+    clip is small and can be sent to another process."""
 
 
 @lru_cache(maxsize=2)
@@ -50,16 +50,9 @@ def excerpts(
     options: ProtocolOptions,
     without: Array | None = None,
 ) -> list[Clip]:
-    """The clips of one hand: windows within each run of frames that are kept.
+    """The clips of one hand of a recording: windows within each run of frames that are kept.
 
-    Args:
-        source: name of the reader.
-        file: the file that holds the recording.
-        recording: one of the recordings of the file.
-        side: which hand; without it there are no clips.
-        kept: (T,) bool, frames of the recording that the protocol keeps.
-        options: which windows are taken, how long they are and how far apart.
-        without: (T,) bool, frames that rule out every window in which they are.
+    `kept` and `without` are booleans over its frames; a window with any of the latter is left out.
     """
     if side not in [hand.side for hand in recording.sequence.hands]:
         return []

@@ -17,9 +17,9 @@ import numpy as np
 
 from geneoh.choices import Dataset, Side
 from geneoh.errors import MissingAssetError
+from geneoh.evaluation.options import ProtocolOptions
 from geneoh.evaluation.protocols import synthetic
 from geneoh.evaluation.protocols.clips import Clip, excerpts, first_frame, recordings_of, wrist_gap
-from geneoh.evaluation.protocols.options import ProtocolOptions
 from geneoh.readers.base import SourceClip, clip_name
 from geneoh.readers.npz_files import load
 from geneoh.readers.recordings import source_named
@@ -148,8 +148,7 @@ def cut_arctic(file: SourceClip, options: ProtocolOptions) -> Iterator[Clip]:
     """Windows of the right hand; one with a single frame out of reach is left out."""
     reach = REACH if options.reach == "paper" else math.sqrt(REACH)
     for recording in recordings_of("arctic", file, options.reader_options):
-        every = np.ones(recording.sequence.frames, dtype=bool)
-        far = ~every
+        every, far = np.ones(recording.sequence.frames, dtype=bool), None
         for hand in recording.sequence.hands:
             if hand.side == "right" and options.windows != "whole":
                 far = wrist_gap(hand, recording.sequence.object) > reach
@@ -194,30 +193,16 @@ def cut_taco(file: SourceClip, options: ProtocolOptions) -> Iterator[Clip]:
 GRAB = Protocol(
     "grab", "grab/s1 to s10 and tools/object_meshes", "grab/s*/*.npz", find_grab, cut_grab
 )
+HOI4D_LAYOUT = "HOI4D_annotations, handpose/refinehandpose_right and HOI4D_CAD_Model_for_release"
+HOI4D_FOLDERS = "HOI4D_annotations/*/*/*/*/*/*/*/objpose"
+ARCTIC_LAYOUT, ARCTIC_FILES = "raw_seqs/s01 and meta/object_vtemplates", "raw_seqs/s01/*.mano.npy"
+TACO_LAYOUT, TACO_FILES = "Hand_Poses, Object_Poses and Object_Models", "Hand_Poses/*/*/*_hand.pkl"
 PROTOCOLS: dict[Dataset, Protocol] = {
     "grab": GRAB,
     "grab-beta": GRAB,
-    "hoi4d": Protocol(
-        "hoi4d",
-        "HOI4D_annotations, handpose/refinehandpose_right and HOI4D_CAD_Model_for_release",
-        "HOI4D_annotations/*/*/*/*/*/*/*/objpose",
-        find_hoi4d,
-        cut_hoi4d,
-    ),
-    "arctic": Protocol(
-        "arctic",
-        "raw_seqs/s01 and meta/object_vtemplates",
-        "raw_seqs/s01/*.mano.npy",
-        find_arctic,
-        cut_arctic,
-    ),
-    "taco": Protocol(
-        "taco",
-        "Hand_Poses, Object_Poses and Object_Models",
-        "Hand_Poses/*/*/*_hand.pkl",
-        find_taco,
-        cut_taco,
-    ),
+    "hoi4d": Protocol("hoi4d", HOI4D_LAYOUT, HOI4D_FOLDERS, find_hoi4d, cut_hoi4d),
+    "arctic": Protocol("arctic", ARCTIC_LAYOUT, ARCTIC_FILES, find_arctic, cut_arctic),
+    "taco": Protocol("taco", TACO_LAYOUT, TACO_FILES, find_taco, cut_taco),
 }
 """Of every data set but `synthetic`."""
 

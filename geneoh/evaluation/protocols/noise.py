@@ -14,7 +14,7 @@ from torch import Tensor
 
 from geneoh.choices import CaseNoise, Dataset, Side
 from geneoh.errors import ConfigError, MissingAssetError
-from geneoh.evaluation.protocols.options import ProtocolOptions
+from geneoh.evaluation.options import ProtocolOptions
 from geneoh.readers.mano import read_mano
 from geneoh.sequence.noise import Sizes, corrupt_sequence, draw_beta, perturbed
 from geneoh.sequence.object_noise import corrupt_object
@@ -93,19 +93,14 @@ def noisy_input(
     chosen = PAPER[dataset, options.noise_sizes]
     hands = []
     for hand in clean.hands:
-        offsets = draw_paper_noise(chosen, hand.frames, hand.side, options, generator=generator)
+        offsets = draw_paper_noise(chosen, hand.frames, hand.side, options, generator)
         hands.append(perturbed(hand, offsets, torch.ones_like(hand.valid)))
     source = f"the {options.noise_sizes}'s noise of {dataset}, seed {seed}, on {clean.source}"
     return replace(clean, hands=tuple(hands), source=source)
 
 
 def draw_paper_noise(
-    noise: PaperNoise,
-    frames: int,
-    side: Side,
-    options: ProtocolOptions,
-    *,
-    generator: torch.Generator,
+    noise: PaperNoise, frames: int, side: Side, options: ProtocolOptions, generator: torch.Generator
 ) -> Float[Tensor, "T 51"]:
     """Offsets of translation (metres), global rotation and 45 finger angles (radians)."""
     by_components = options.finger_noise == "components"

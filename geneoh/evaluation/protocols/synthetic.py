@@ -9,8 +9,8 @@ from itertools import cycle, islice
 
 import torch
 
+from geneoh.evaluation.options import ProtocolOptions
 from geneoh.evaluation.protocols.clips import Clip
-from geneoh.evaluation.protocols.options import ProtocolOptions
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
 from geneoh.hand.model import ShapedHand
