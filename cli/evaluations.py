@@ -92,8 +92,7 @@ def evaluation_options(
 ) -> "EvaluationOptions":
     """What was asked for, as the library takes it."""
     from geneoh.config import configured
-    from geneoh.evaluation.options import EvaluationOptions
-    from geneoh.evaluation.protocols import ProtocolOptions
+    from geneoh.evaluation.options import EvaluationOptions, ProtocolOptions
     from geneoh.pipeline.options import Options
 
     ours = {name: asked.pop(name) for name in ("samples", "selection", "hand", "weights")}

@@ -25,8 +25,7 @@ from geneoh.sequence.sequence import HandTrack
 FilterKind = Literal["savgol", "gaussian", "one-euro"]
 Domain = Literal["keypoints", "parameters"]
 """What is filtered: coordinates of keypoints, or wrist position and joint rotations."""
-ORDER = 2
-"""Degree of the Savitzky-Golay filter's polynomials."""
+ORDER = 2  # degree of the Savitzky-Golay filter's polynomials
 SPEED_CUTOFF = 1.0
 """Cutoff in hertz of the One-Euro filter's speed estimate, as its authors have it."""
 
@@ -39,8 +38,7 @@ class Filter:
     size: float
     """Window in frames (savgol), standard deviation in frames (gaussian), or smallest cutoff in
     hertz (one-euro)."""
-    beta: float = 0.0
-    """One-Euro: increase of the cutoff in hertz for a speed of one unit a second."""
+    beta: float = 0.0  # One-Euro: increase of the cutoff in hertz for a speed of one unit a second
 
 
 GRID: dict[FilterKind, tuple[Filter, ...]] = {
@@ -67,10 +65,7 @@ TUNED: dict[tuple[FilterKind, Domain], Filter] = {
 
 
 def smooth(values: Float[Tensor, "T ..."], chosen: Filter, fps: float) -> Float[Tensor, "T ..."]:
-    """A track with each number filtered over frames.
-
-    A Savitzky-Golay window is cut to the length of the track.
-    """
+    """A track with each number filtered over frames; a window is cut to the track's length."""
     array = values.cpu().double().numpy()
     match chosen.kind:
         case "savgol":
@@ -126,17 +121,14 @@ def filtered(
     offsets = rest_offsets(axis_angle_to_matrix(filled.pose), filled.joints, hand.valid)
     pose = smooth(unwrapped(filled.pose), chosen, fps)
     wrist = smooth(filled.joints[:, 0], chosen, fps)
-    joints, _ = forward_kinematics(
-        axis_angle_to_matrix(pose), wrist, offsets.expand(len(pose), 20, 3)
-    )
-    return joints
+    offsets = offsets.expand(len(pose), 20, 3)
+    return forward_kinematics(axis_angle_to_matrix(pose), wrist, offsets)[0]
 
 
 def unwrapped(pose: Float[Tensor, "T 16 3"]) -> Float[Tensor, "T 16 3"]:
     """The same rotations, each as the axis-angle vector nearest to that of the frame before.
 
-    An axis-angle vector that passes half a turn may continue as one of the opposite axis. A filter
-    would smooth over that jump, which is none of the hand.
+    A filter would smooth over the jump to the opposite axis at half a turn.
     """
     kept = [pose[0]]
     for now in pose[1:]:

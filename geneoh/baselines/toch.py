@@ -25,10 +25,8 @@ class TochConfig:
     """Size of the network."""
 
     point_width: int = 64
-    hidden: int = 96
-    """Width of the recurrent layer in each direction of time."""
-    latent: int = 64
-    """Numbers per frame in the bottleneck."""
+    hidden: int = 96  # width of the recurrent layer in each direction of time
+    latent: int = 64  # numbers per frame in the bottleneck
 
 
 class TochAutoencoder(nn.Module):

@@ -17,8 +17,7 @@ from geneoh.readers.meshes import obj_text
 from geneoh.readers.npz_files import load, save_sequence
 from geneoh.sequence.sequence import Sequence
 
-CaseKey = tuple[str, str, str, int]
-"""Data set, clip, noise and seed."""
+CaseKey = tuple[str, str, str, int]  # data set, clip, noise and seed
 
 
 @dataclass(frozen=True)
@@ -28,11 +27,9 @@ class Case:
     dataset: Dataset
     clip: Clip
     noise: CaseNoise
-    seed: int
-    """Seed of the noise, and of the methods that sample."""
+    seed: int  # seed of the noise, and of the methods that sample
     protocol: ProtocolOptions = field(default_factory=ProtocolOptions)
-    stored: Path | None = None
-    """Folder of noisy clips that are read instead of drawing noise."""
+    stored: Path | None = None  # folder of noisy clips that are read instead of drawing noise
 
     @property
     def key(self) -> CaseKey:

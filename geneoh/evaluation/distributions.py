@@ -18,8 +18,7 @@ ANGLES = tuple(
     for angle in ("base flexion", "middle flexion", "end flexion", "spread")
 )
 """Names of the angles of `joint_angles`, in order."""
-WRIST, INDEX, PINKY = 0, 5, 17
-"""Keypoints of the palm: the wrist and the bases of two fingers."""
+WRIST, INDEX, PINKY = 0, 5, 17  # keypoints of the palm: the wrist and the bases of two fingers
 
 
 @dataclass(frozen=True)

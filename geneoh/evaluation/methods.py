@@ -49,12 +49,9 @@ class CleanedHand:
 
     joints: Float[Tensor, "T 21 3"]
     verts: Float[Tensor, "T V 3"] | None
-    """The method's own mesh; None for a method that gives keypoints alone: a mesh is then fitted to
-    them."""
-    valid: Bool[Tensor, " T"]
-    """Frames that are scored."""
-    result: Denoised | None = None
-    """Geneoh's whole result, for the page in 3D."""
+    """The method's own mesh; where it gives none, a mesh is fitted to the keypoints."""
+    valid: Bool[Tensor, " T"]  # frames that are scored
+    result: Denoised | None = None  # geneoh's whole result, for the page in 3D
 
     @property
     def spread(self) -> Float[Tensor, "T 21"] | None:
@@ -66,13 +63,11 @@ class CleanedHand:
 class Method:
     """A way of cleaning."""
 
-    name: str
-    """Name of the method in every table."""
+    name: str  # name of the method in every table
     clean: Callable[[Case], CleanedHand | None]
-    """The cleaned hand; None if the clip lacks what the method needs. It is a function of this
-    module, some with arguments (`functools.partial`), so that it can be sent to another process."""
-    has_pages: bool = False
-    """Whether its results can be shown in 3D."""
+    """The cleaned hand; None if the clip lacks what the method needs. A function of this module,
+    some with arguments (`functools.partial`), so that it can be sent to another process."""
+    has_pages: bool = False  # whether its results can be shown in 3D
     may_change: bool = False
     """Whether the next run may find other results, so that scores are not reused."""
 
@@ -125,10 +120,7 @@ def predicted_hand(case: Case, baseline: BaselineName, weights: Path | None = No
     return in_every_frame(predicted_joints(network, case.noisy, seed=case.seed))
 
 
-@cache
-def network_of(name: BaselineName, weights: Path | None) -> Baseline:
-    """The network, read once in a process."""
-    return load_baseline(name, weights)
+network_of = cache(load_baseline)  # read once in a process
 
 
 @torch.no_grad()
@@ -170,12 +162,7 @@ def denoised_hand(case: Case, options: Options) -> CleanedHand:
 
 
 def stored_hand(case: Case, folder: Path) -> CleanedHand:
-    """The result of another method, from a folder of one file for each case (`Case.file_name`).
-
-    Raises:
-        MissingAssetError: there is no file for the case.
-        InputError: it does not fit the clip.
-    """
+    """The result of another method, from a folder of one file for each case (`Case.file_name`)."""
     path = folder / case.file_name
     if not path.is_file():
         raise MissingAssetError(

@@ -12,8 +12,7 @@ from geneoh.errors import ConfigError
 from geneoh.pipeline.options import Options
 from geneoh.readers.base import ReaderOptions
 
-SEEDS = (11, 22, 77)
-"""Seeds of the paper's Table 5."""
+SEEDS = (11, 22, 77)  # seeds of the paper's Table 5
 DEFAULT_METHODS: tuple[choices.MethodName, ...] = (
     *("input", "savgol", "best-filter", "optimisation"),
     *("toch", "regression", "geneoh"),

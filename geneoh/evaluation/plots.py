@@ -1,7 +1,4 @@
-"""The report's plots as SVG text, by matplotlib, which is an optional extra.
-
-Plain functions of scores and blocks; the same input gives the same bytes.
-"""
+"""The report's plots as SVG text, by matplotlib, which is an optional extra; always the same."""
 
 import io
 import re
@@ -12,11 +9,10 @@ from statistics import fmean
 from typing import Any, Literal
 
 from geneoh.evaluation.distributions import KEYPOINT_FINGERS
-from geneoh.evaluation.scores import MEASURES, Measure, Score
+from geneoh.evaluation.scores import MEASURES, Score
 from geneoh.evaluation.tables import Block
 
-EXTRA = 'pip install "geneoh[plots]"'
-"""Installs matplotlib."""
+EXTRA = 'pip install "geneoh[plots]"'  # installs matplotlib
 STYLE: Any = {
     "svg.fonttype": "none",  # text stays text: small, and searchable
     "svg.hashsalt": "geneoh",
@@ -27,10 +23,8 @@ STYLE: Any = {
 }
 OURS = "geneoh"
 """Beginning of the names of our methods, which are drawn in full colours, others in pale ones."""
-WIDTH = 7.6
-"""Width of every plot in inches."""
-BAR, GAP = 0.17, 0.25
-"""Height in inches of a bar and of the gap between two noises."""
+WIDTH = 7.6  # width of every plot in inches
+BAR, GAP = 0.17, 0.25  # height in inches of a bar and of the gap between two noises
 
 
 def available() -> bool:
@@ -100,19 +94,16 @@ def before_after(scores: Sequence[Score], methods: Sequence[str], key: str = "mp
         if pairs:
             before, after = zip(*pairs, strict=True)
             most = max(most, *before, *after)
-            axes.scatter(
-                before, after, s=14, color=colour(method, methods), label=method, alpha=0.8
-            )
+            style = {"color": colour(method, methods), "label": method}
+            axes.scatter(before, after, s=14, alpha=0.8, **style)
     axes.plot([0, 1.05 * most], [0, 1.05 * most], color="black", lw=0.8)
-    axes.set_xlabel(f"input, {title_of(key)}")
-    axes.set_ylabel(f"cleaned, {title_of(key)}")
+    axes.set(xlabel=f"input, {title_of(key)}", ylabel=f"cleaned, {title_of(key)}")
     return svg(figure, legend=True)
 
 
 def title_of(key: str) -> str:
     """Title of an axis: a measure with its unit."""
-    measure: Measure = next(measure for measure in MEASURES if measure.key == key)
-    return f"{measure.title}, {measure.unit}"
+    return next(f"{each.title}, {each.unit}" for each in MEASURES if each.key == key)
 
 
 def column_means(tracks: Sequence[Sequence[float | None]]) -> list[float]:

@@ -27,11 +27,10 @@ from geneoh.hand.library import load_hand
 from geneoh.hand.model import HandModel
 from geneoh.hand.skeleton import TIP_KEYPOINTS
 from geneoh.metrics.contact import TOUCH, in_contact, penetration_depth, tips_in_contact
-from geneoh.metrics.frames import valid_differences
+from geneoh.metrics.smoothness import valid_differences
 from geneoh.representation.parameters import HandParameters
 from geneoh.sequence.normalisation import normalised_hands
 from geneoh.sequence.sequence import Sequence
-from geneoh.synthesis.motion import Interactions
 from geneoh.synthesis.replay import replay_shard
 from geneoh.synthesis.shards import find_shards, seed_of
 from geneoh.training import augmentation
@@ -39,13 +38,11 @@ from geneoh.training import augmentation
 FPS = 30.0
 SHARDS, CLIPS_PER_SHARD = 8, 96
 """Training shards that are compared, spread over the folder, and clips of each."""
-MESH_EVERY = 10
-"""The mesh is measured in every tenth frame of synthetic clips, to save time."""
+MESH_EVERY = 10  # the mesh is measured in every tenth frame of synthetic clips, to save time
 NEAR = 0.025
 """Distance in metres of the nearest keypoint to the object within which a hand is at the object;
 the classifier gets snippets of both sources whose frames are all within it."""
-CONTROLS = 12
-"""Synthetic clips that are separated from the others, as a control."""
+CONTROLS = 12  # synthetic clips that are separated from the others, as a control
 TIPS = list(TIP_KEYPOINTS)
 
 
@@ -53,21 +50,14 @@ TIPS = list(TIP_KEYPOINTS)
 class HandClips:
     """B clips of right hands from one source over T frames; the mesh is measured in N frames."""
 
-    world: Float[Tensor, "B T 21 3"]
-    """Keypoints in the world frame, metres."""
-    object: Float[Tensor, "B T 21 3"]
-    """Keypoints in the frame of the object's first part, metres."""
+    world: Float[Tensor, "B T 21 3"]  # keypoints in the world frame, metres
+    object: Float[Tensor, "B T 21 3"]  # keypoints in the frame of the object's first part, metres
     valid: Bool[Tensor, "B T"]
-    near: Bool[Tensor, "B T"]
-    """Frames in which the hand is valid and at the object."""
-    area: Float[Tensor, " N"]
-    """Area of the mesh at most 5 mm from the object, square metres."""
-    fingers: Float[Tensor, " N"]
-    """Number of fingertips at most 5 mm from the object."""
-    depth: Float[Tensor, " N"]
-    """Depth of the deepest vertex in the object, metres."""
-    touching: Bool[Tensor, " N"]
-    """Whether any vertex is at most 5 mm from the object."""
+    near: Bool[Tensor, "B T"]  # frames in which the hand is valid and at the object
+    area: Float[Tensor, " N"]  # area of the mesh at most 5 mm from the object, square metres
+    fingers: Float[Tensor, " N"]  # number of fingertips at most 5 mm from the object
+    depth: Float[Tensor, " N"]  # depth of the deepest vertex in the object, metres
+    touching: Bool[Tensor, " N"]  # whether any vertex is at most 5 mm from the object
 
 
 @dataclass(frozen=True)
@@ -78,8 +68,7 @@ class Comparison:
     unit: str
     real: distributions.Quantiles
     synthetic: distributions.Quantiles
-    distance: float
-    """Kolmogorov-Smirnov statistic of the two distributions, 0 to 1."""
+    distance: float  # Kolmogorov-Smirnov statistic of the two distributions, 0 to 1
 
 
 @dataclass(frozen=True)
@@ -94,12 +83,9 @@ class RealismReport:
     """Accuracy of the classifier that separates the recording from synthetic clips, by view."""
     control: dict[str, float]
     """The same for single synthetic clips against the others, mean over clips."""
-    snippets: tuple[int, int]
-    """Number of real and of synthetic snippets that were classified."""
-    clips: int
-    """Number of synthetic clips."""
-    augmented: bool = False
-    """Whether the synthetic clips had the augmentation of training."""
+    snippets: tuple[int, int]  # number of real and of synthetic snippets that were classified
+    clips: int  # number of synthetic clips
+    augmented: bool = False  # whether the synthetic clips had the augmentation of training
 
 
 def measure_realism(recording: Sequence, folder: Path, *, augmented: bool = False) -> RealismReport:
@@ -143,11 +129,7 @@ def vertex_areas(mesh: Mesh) -> Float[Tensor, " V"]:
 
 @torch.no_grad()
 def recorded_clip(sequence: Sequence, hand: HandModel) -> HandClips:
-    """The recording's first hand as a right one at 30 frames a second, with the mesh of `hand`.
-
-    Raises:
-        InputError: the recording has no object mesh.
-    """
+    """The recording's first hand as a right one at 30 frames a second, with the mesh of `hand`."""
     if not sequence.object.meshes:
         raise InputError(f"{sequence.source}: expected an object mesh, got none; pass --obj MESH")
     normalised = normalised_hands(sequence, FPS)[0]
@@ -188,7 +170,9 @@ def shard_clips(path: Path, hand: HandModel, augmented: bool, count: int) -> Han
     if augmented:
         # The seed's name is part of published figures: another name draws another augmentation.
         generator = torch.Generator().manual_seed(seed_of("lively", path.name))
-        shard = replace(shard, clips=augmented_clips(shard.clips, generator=generator))
+        hands = HandParameters.of_pose(shard.clips.wrist, shard.clips.pose, shard.clips.offsets)
+        hands = augmentation.augmented(hands, generator=generator)
+        shard = replace(shard, clips=replace(shard.clips, wrist=hands.wrist, pose=hands.pose))
     world = shard.joints
     local = shard.in_object(world)
     every = torch.arange(world.shape[1]).expand(len(world), -1)
@@ -206,19 +190,8 @@ def shard_clips(path: Path, hand: HandModel, augmented: bool, count: int) -> Han
     )
 
 
-def augmented_clips(clips: Interactions, *, generator: torch.Generator) -> Interactions:
-    """The same clips with the augmentation that training puts on their hands."""
-    hand = HandParameters.of_pose(clips.wrist, clips.pose, clips.offsets)
-    hand = augmentation.augmented(hand, generator=generator)
-    return replace(clips, wrist=hand.wrist, pose=hand.pose)
-
-
 def compare_clips(real: HandClips, synthetic: HandClips) -> RealismReport:
-    """The report on one real clip and many synthetic ones.
-
-    Raises:
-        InputError: the recording is too short, or away from its object, for two folds.
-    """
+    """The report on one real clip and many synthetic ones."""
     blocks = block_snippets(real.object[0], real.near[0])
     others = one_snippet_each(synthetic)
     if len(blocks) < 2 or len(others) < 2 * len(blocks):
@@ -248,21 +221,17 @@ def one_snippet_each(clips: HandClips) -> Float[Tensor, "N S 21 3"]:
 
 
 def controls(clips: HandClips, others: Float[Tensor, "N S 21 3"]) -> dict[str, float]:
-    """Accuracy on single clips of a source against the rest of it, mean over clips, by view.
+    """Accuracy on single clips of a source against snippets of it, mean over clips, by view.
 
-    `others` are snippets of the same source. The clip's own snippet is among them: of hundreds, one
-    that can be classified wrong.
+    The clip's own snippet is among `others`: of hundreds, one that can be classified wrong.
     """
     each = (block_snippets(*clip) for clip in zip(clips.object, clips.near, strict=True))
     chosen = list(islice((blocks for blocks in each if len(blocks) > 1), CONTROLS))
-    return {
-        view: float(
-            torch.tensor(
-                [classifier.cross_validate(blocks, others, view, FPS).accuracy for blocks in chosen]
-            ).mean()
-        )
-        for view in VIEWS
-    }
+    found: dict[str, float] = {}
+    for view in VIEWS:
+        told = [classifier.cross_validate(blocks, others, view, FPS).accuracy for blocks in chosen]
+        found[view] = float(torch.tensor(told).mean())
+    return found
 
 
 def comparisons(real: HandClips, synthetic: HandClips) -> Iterator[Comparison]:
@@ -317,10 +286,8 @@ def table(report: RealismReport) -> list[str]:
         f"{'':<38}{'real 5%':>8}{'50%':>8}{'95%':>8}{'made 5%':>10}{'50%':>8}{'95%':>8}{'KS':>6}"
     ]
     for each in report.measures:
-        real, made = (
-            "".join(f"{value:>8.3g}" for value in asdict(side).values())
-            for side in (each.real, each.synthetic)
-        )
+        spans = (asdict(side).values() for side in (each.real, each.synthetic))
+        real, made = ("".join(f"{value:>8.3g}" for value in span) for span in spans)
         title = f"{each.name} {each.unit}".rstrip()
         lines.append(f"{title:<38}{real}  {made}{each.distance:>6.2f}")
     pairs = report.correlation

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from geneoh.evaluation import plots
-from geneoh.evaluation.scores import MEANINGS, MEASURES, Score
+from geneoh.evaluation.scores import MEASURES, Score
 from geneoh.evaluation.tables import LEVEL, Block, as_markdown, blocks_of, seed_agreement
 from geneoh.files.atomic import write_whole
 from geneoh.files.outputs import keep_others
@@ -24,13 +24,10 @@ MESH_NOTE = (
     "object; geneoh and the optimisation with their own mesh."
 )
 PAGE = Path(__file__).parent / "assets" / "report.html"
-"""The page around the report."""
-RECORD = "scores.jsonl"
-"""Name of the record of scores in the folder of an evaluation."""
+RECORD = "scores.jsonl"  # name of the record of scores in the folder of an evaluation
 REPORT_FILES = ("scores.csv", "evaluation.json", "report.md", "report.html")
 """Names of the files beside it."""
-REASONS = 3
-"""Most reasons for failing that are told of a method."""
+REASONS = 3  # most reasons for failing that are told of a method
 
 
 @dataclass(frozen=True)
@@ -71,7 +68,7 @@ class Evaluation:
         yield MESH_NOTE
         there = dict.fromkeys(measure for block in self.blocks for measure in block.measures)
         for measure in there:
-            yield f"{measure.title}: {MEANINGS[measure.key]}; {measure.better} is better."
+            yield f"{measure.title}: {measure.meaning}; {measure.better} is better."
         for method in self.methods:
             failed = [s.failed for s in self.scores if s.method == method and s.failed]
             for reason in list(dict.fromkeys(failed))[:REASONS]:
@@ -130,11 +127,10 @@ def as_report(evaluation: Evaluation) -> Iterator[str]:
     yield from as_markdown(evaluation.blocks)
     yield ""
     yield from (f"- {remark}" for remark in evaluation.remarks())
-    yield ""
     versions, weights = (evaluation.settings.get(name, {}) for name in ("versions", "weights"))
     made_with = [f"{name} {version}" for name, version in versions.items()]
     made_with += [f"{name} weights {digest}" for name, digest in weights.items()]
-    yield f"Made with {', '.join(made_with)}."
+    yield from ("", f"Made with {', '.join(made_with)}.")
 
 
 def as_page(evaluation: Evaluation) -> str:

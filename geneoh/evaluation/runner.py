@@ -152,10 +152,6 @@ def open_record(
     """The scores in a folder and the versions they were begun with; begins a record without any.
 
     A line that was cut off by a crash is dropped; with `fresh` an earlier record is thrown away.
-
-    Raises:
-        ConfigError: the folder holds scores of other settings.
-        InputError: it cannot be written to.
     """
     path = folder / RECORD
     try:
@@ -203,8 +199,7 @@ def append_scores(folder: Path, scores: Iterable[Score]) -> None:
     path = folder / RECORD
     try:
         with path.open("a", encoding="utf-8") as file:
-            for score in scores:
-                file.write(json.dumps(asdict(score)) + "\n")
+            file.writelines(json.dumps(asdict(score)) + "\n" for score in scores)
     except OSError as error:
         raise unwritable(path, error) from None
 
@@ -242,10 +237,7 @@ def run(
     jobs: int = 1,
     on_progress: OnProgress | None = None,
 ) -> list[Score]:
-    """Do all work; the record of `folder` has a case's scores as soon as they are made.
-
-    `jobs` is the number of processes, each with one thread; 1 works in this one.
-    """
+    """Do all work; the record of `folder` has a case's scores as soon as they are made."""
     total = sum(len(methods) for _, methods in work)
     scores: list[Score] = []
     score = partial(score_case, config=config, pages=pages)

@@ -20,13 +20,12 @@ from geneoh.hand.model import HandModel
 from geneoh.hand.skeleton import TIP_KEYPOINTS
 from geneoh.metrics import accuracy, contact, smoothness
 from geneoh.metrics.correspondence import contact_points, object_contact
-from geneoh.metrics.frames import mean_over_frames, valid_differences
+from geneoh.metrics.smoothness import mean_over_frames, valid_differences
 from geneoh.metrics.volume import intersection_volume
 from geneoh.sequence.sequence import HandTrack, Sequence
 from geneoh.synthesis.shards import seed_of
 
-ScoreKey = tuple[str, str, str, int, str]
-"""Data set, clip, noise, seed and method."""
+ScoreKey = tuple[str, str, str, int, str]  # data set, clip, noise, seed and method
 TIPS = list(TIP_KEYPOINTS)
 SAME_JOINTS = 1e-4
 """Largest distance in metres at which given parameters count as those of the given keypoints."""
@@ -36,53 +35,55 @@ SAME_JOINTS = 1e-4
 class Measure:
     """One number of a score, mean over the scored frames."""
 
-    key: str
-    """Name in the files."""
-    title: str
-    """Name in the tables."""
+    key: str  # name in the files
+    title: str  # name in the tables
     unit: str
-    better: Literal["less", "more"]
-    digits: int = 1
-    """Digits after the point in the tables."""
-    tabled: bool = True
-    """Whether it is a column of the tables; every measure is in the files."""
+    meaning: str = ""
+    """What a column of the tables shows, in words; measures without it are in the files alone."""
+    digits: int = 1  # digits after the point in the tables
+
+    @property
+    def better(self) -> Literal["less", "more"]:
+        """Which values are good: of shares large ones."""
+        return "more" if self.unit == "%" else "less"
 
 
 MEASURES = (
-    Measure("mpjpe_mm", "MPJPE", "mm", "less"),
-    Measure("mpvpe_mm", "MPVPE", "mm", "less"),
-    Measure("within_spread_pct", "in 90% radius", "%", "more", tabled=False),
-    Measure("contact_iou_pct", "C-IoU", "%", "more"),
-    Measure("contact_iou_verts_pct", "C-IoU by distance", "%", "more", tabled=False),
-    Measure("tips_precision_pct", "tip contact precision", "%", "more", tabled=False),
-    Measure("tips_recall_pct", "tip contact recall", "%", "more", tabled=False),
-    Measure("tips_f_pct", "tip F", "%", "more"),
-    Measure("proximity_mm", "prox.", "mm", "less"),
-    Measure("acceleration_error_mm", "acc. err.", "mm/f²", "less"),
-    Measure("volume_cm3", "IV", "cm³", "less", 2),
-    Measure("depth_mm", "depth", "mm", "less", 2),
-    Measure("consistency_mm2", "consist.", "mm²", "less"),
-    Measure("slip_mm_s", "tip slip", "mm/s", "less"),
-    Measure("acceleration_mm", "accel.", "mm/f²", "less"),
-    Measure("jerk_m_s3", "jerk", "m/s³", "less", tabled=False),
+    Measure("mpjpe_mm", "MPJPE", "mm", "mean distance of the keypoints to the truth"),
+    Measure("mpvpe_mm", "MPVPE", "mm", "mean distance of the vertices to the truth"),
+    Measure("within_spread_pct", "in 90% radius", "%"),
+    Measure(
+        *("contact_iou_pct", "C-IoU", "%"),
+        "overlap of the contact map on the object with the true one",
+    ),
+    Measure("contact_iou_verts_pct", "C-IoU by distance", "%"),
+    Measure("tips_precision_pct", "tip contact precision", "%"),
+    Measure("tips_recall_pct", "tip contact recall", "%"),
+    Measure("tips_f_pct", "tip F", "%", "F-score of which fingertips touch and when"),
+    Measure("proximity_mm", "prox.", "mm", "error of the vertices' distances to the object"),
+    Measure(
+        *("acceleration_error_mm", "acc. err.", "mm/f²"),
+        "error of the keypoints' acceleration, a frame squared",
+    ),
+    Measure("volume_cm3", "IV", "cm³", "volume that hand and object share", 2),
+    Measure("depth_mm", "depth", "mm", "depth of each frame's deepest vertex in the object", 2),
+    Measure(
+        *("consistency_mm2", "consist.", "mm²"),
+        "motion of the hand against the object where they are nearest",
+    ),
+    Measure(
+        *("slip_mm_s", "tip slip", "mm/s"),
+        "speed at which touching fingertips slide over the object",
+    ),
+    Measure(
+        *("acceleration_mm", "accel.", "mm/f²"),
+        "mean size of the keypoints' acceleration, a frame squared",
+    ),
+    Measure("jerk_m_s3", "jerk", "m/s³"),
 )
 """Definitions: `geneoh.metrics`. The measures from IV on need no ground truth."""
 
-COLUMNS = tuple(measure for measure in MEASURES if measure.tabled)
-MEANINGS = {
-    "mpjpe_mm": "mean distance of the keypoints to the truth",
-    "mpvpe_mm": "mean distance of the vertices to the truth",
-    "contact_iou_pct": "overlap of the contact map on the object with the true one",
-    "tips_f_pct": "F-score of which fingertips touch and when",
-    "proximity_mm": "error of the vertices' distances to the object",
-    "acceleration_error_mm": "error of the keypoints' acceleration, a frame squared",
-    "volume_cm3": "volume that hand and object share",
-    "depth_mm": "depth of each frame's deepest vertex in the object",
-    "consistency_mm2": "motion of the hand against the object where they are nearest",
-    "slip_mm_s": "speed at which touching fingertips slide over the object",
-    "acceleration_mm": "mean size of the keypoints' acceleration, a frame squared",
-}
-"""What each column shows, in words."""
+COLUMNS = tuple(measure for measure in MEASURES if measure.meaning)
 
 
 @dataclass(frozen=True)
@@ -97,13 +98,10 @@ class Score:
     values: dict[str, float | None] = field(default_factory=dict)
     """By the keys of the measures; None where there is nothing to measure."""
     error_by_frame_mm: list[float | None] = field(default_factory=list)
-    """Mean keypoint error of each frame; empty without ground truth."""
+    """Mean keypoint error of each frame, as by joint below; empty without ground truth."""
     error_by_joint_mm: list[float | None] = field(default_factory=list)
-    """Mean error of each keypoint; empty without ground truth."""
-    seconds: float = 0.0
-    """Processor time of the cleaning, on one core."""
-    failed: str = ""
-    """Why there are no values, in words."""
+    seconds: float = 0.0  # processor time of the cleaning, on one core
+    failed: str = ""  # why there are no values, in words
 
     @property
     def case_key(self) -> CaseKey:
@@ -128,7 +126,7 @@ class ScoringConfig:
     object, are measured: evenly spread, the same for every method."""
 
     def close(self, frames: int) -> Int[Tensor, " N"]:
-        """Those frames of a clip."""
+        """Those frames of a clip of so many."""
         count = min(frames, self.close_frames)
         return ((torch.arange(count) + 0.5) * frames / count).long()
 
@@ -142,10 +140,7 @@ class ScoringConfig:
 
 
 def fitted_verts(subject: Subject, joints: Float[Tensor, "T 21 3"]) -> Float[Tensor, "T V 3"]:
-    """The person's mesh fitted to keypoints, without use of the object, metres.
-
-    Where the person's given parameters already make these keypoints, they are used as they are.
-    """
+    """The person's mesh of given parameters where these make the keypoints, else fitted to them."""
     shaped, state = subject.shaped, subject.start
     if state is not None:
         made = shaped.joints_from_rotations(state.rotations, state.wrist)[0]
@@ -162,8 +157,7 @@ class MeasuredHand:
     joints: Float[Tensor, "T 21 3"]
     verts: Float[Tensor, "T V 3"]
     query: SurfaceQuery
-    tips: Bool[Tensor, "T 5"]
-    """Fingertips that touch the object."""
+    tips: Bool[Tensor, "T 5"]  # fingertips that touch the object
 
 
 class CaseScorer:

@@ -10,25 +10,21 @@ from scipy.stats import bootstrap, kendalltau
 
 from geneoh.evaluation.scores import COLUMNS, MEASURES, Measure, Score
 
-RESAMPLES = 2000
-"""Resamples of the bootstrap."""
-LEVEL = 0.95
-"""Confidence level of its intervals."""
+RESAMPLES = 2000  # resamples of the bootstrap
+LEVEL = 0.95  # confidence level of its intervals
 
 
 @dataclass(frozen=True)
 class Cell:
     """One measure of one method under one noise."""
 
-    mean: float
-    """Mean over clips, then over seeds."""
+    mean: float  # mean over clips, then over seeds
     deviation: float | None
     """Standard deviation over seeds of the mean over clips; None with one seed."""
     low: float | None
     """Lower end of the mean's bootstrap interval over clips, or over seeds if there is one clip."""
     high: float | None
-    count: int
-    """Number of cases with a value."""
+    count: int  # number of cases with a value
 
     def shown(self, measure: Measure) -> str:
         """Mean, and deviation over seeds if there is one, with the measure's digits."""
@@ -46,8 +42,7 @@ class Block:
     seeds: int
     cells: dict[str, dict[str, Cell]]
     """By method, then by measure; measures without any value are left out."""
-    failed: dict[str, int]
-    """Number of cases without a result, for the methods that have such cases."""
+    failed: dict[str, int]  # number of cases without a result, for the methods that have such cases
 
     @property
     def measures(self) -> tuple[Measure, ...]:

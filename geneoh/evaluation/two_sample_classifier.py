@@ -18,14 +18,11 @@ from typing_extensions import assert_never
 
 from geneoh.evaluation.distributions import WRIST, motion_size, palm_basis
 
-SNIPPET = 30
-"""Frames of a snippet: one second at 30 frames a second."""
-BLOCK = 36
-"""Frames of a block: a snippet, and a few frames in which it may start."""
+SNIPPET = 30  # frames of a snippet: one second at 30 frames a second
+BLOCK = 36  # frames of a block: a snippet, and a few frames in which it may start
 FRAME_STEP = 3
 """Every third frame of a snippet is a feature: frames beside each other are nearly the same."""
-RIDGE = 1e-3
-"""Weight of the squared coefficients in the loss, for feature vectors of unit length."""
+RIDGE = 1e-3  # weight of the squared coefficients in the loss, for feature vectors of unit length
 MOTION_FLOOR = 1e-3
 """Added to speeds (m/s) and accelerations (m/s²) before their logarithm, against log(0)."""
 
@@ -40,8 +37,7 @@ class CrossValidation:
     accuracy: float
     """Balanced accuracy: mean of the two sources' shares that are classified right; 0.5 is
     chance."""
-    snippets: tuple[int, int]
-    """Number of test snippets of either source."""
+    snippets: tuple[int, int]  # number of test snippets of either source
 
 
 def features(snippets: Float[Tensor, "N S 21 3"], view: View, fps: float) -> Float[Tensor, "N D"]:

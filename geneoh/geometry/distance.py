@@ -25,10 +25,8 @@ ON_SURFACE = 1e-7
 class SurfaceQuery:
     """Distance, closest surface point and normal for each of some points, in their frame."""
 
-    distance: Float[Tensor, "*B P"]
-    """Metres, negative inside."""
+    distance: Float[Tensor, "*B P"]  # metres, negative inside
     closest: Float[Tensor, "*B P 3"]
-    """The surface point that is nearest."""
     normal: Float[Tensor, "*B P 3"]
     """Unit gradient of the distance: away from the surface outside, towards it inside."""
 
@@ -59,13 +57,9 @@ class SurfaceDistance:
     def query(self, points: Float[Tensor, "*B P 3"], within: float | None = None) -> SurfaceQuery:
         """Signed distance, closest point and normal of each point, without gradients.
 
-        Points that are not finite get a distance that is not finite.
-
-        Args:
-            points: in the mesh's frame.
-            within: broad phase, metres. Points farther than this from the mesh's bounding box get
-                the distance, closest point and normal of the box instead, which is much cheaper;
-                that distance is above `within` and never above the true one.
+        Points that are not finite get a distance that is not finite. Points farther than `within`
+        metres from the mesh's bounding box get the distance, closest point and normal of the box,
+        which is much cheaper; that distance is above `within` and never above the true one.
         """
         flat = points.detach().reshape(-1, 3).cpu().double()
         closest = flat.clamp(self.solid.low, self.solid.high)
@@ -112,11 +106,8 @@ class SurfaceDistance:
         signed = torch.where(self.solid.contains(points), -distance, distance)
         normal = (points - closest) / signed[:, None]
         on_surface = (distance < ON_SURFACE)[:, None]
-        return (
-            signed,
-            closest,
-            torch.where(on_surface, self._normals[torch.as_tensor(face)], normal),
-        )
+        normal = torch.where(on_surface, self._normals[torch.as_tensor(face)], normal)
+        return signed, closest, normal
 
 
 def first_hit(
@@ -143,13 +134,11 @@ def signed_distance(
 class MovingSurface:
     """An object of Q moving parts over T frames, queried in the world frame."""
 
-    fields: tuple[SurfaceDistance, ...]
-    """One per part, in the part's frame."""
+    fields: tuple[SurfaceDistance, ...]  # one per part, in the part's frame
     rotation: Float[Tensor, "T Q 3 3"]
     """Part to world per frame, with `translation` in metres; on the device of the points."""
     translation: Float[Tensor, "T Q 3"]
-    within: float | None = None
-    """Broad phase of queries in metres, see `SurfaceDistance.query`."""
+    within: float | None = None  # broad phase of queries in metres, see `SurfaceDistance.query`
 
     @property
     def parts(self) -> Iterator[tuple[SurfaceDistance, Rigid]]:

@@ -34,8 +34,7 @@ LARGEST_OBJECT, SMALLEST_OBJECT = 2.0, 0.005
 """Range of the longest side of an object that a hand holds, metres; outside of it the unit is
 probably wrong."""
 
-METRES: dict[Unit, float] = {"mm": 0.001, "cm": 0.01, "m": 1.0}
-"""Length of each unit in metres."""
+METRES: dict[Unit, float] = {"mm": 0.001, "cm": 0.01, "m": 1.0}  # length of each unit in metres
 
 USUAL_OBJECT = 0.1
 """Longest side in metres of the objects that hands mostly hold, to tell which unit is likely."""
@@ -168,7 +167,7 @@ def from_trimesh(shape: trimesh.Trimesh) -> Mesh:
 
 
 def scene_parts(scene: trimesh.Scene, path: Path) -> tuple[Mesh, ...]:
-    """The meshes of a GLB file that have a surface, placed, in the file's order; none if it is one.
+    """The placed meshes of a GLB file that have a surface, in the file's order; none if it is one.
 
     A mesh of several materials is one. Meshes that stand in several places count each time.
     """
@@ -190,12 +189,7 @@ def scene_parts(scene: trimesh.Scene, path: Path) -> tuple[Mesh, ...]:
 
 
 def checked(mesh: Mesh, source: str) -> Mesh:
-    """The same mesh if it has a surface that can be measured; `source` names it in the error.
-
-    Raises:
-        InputError: no faces, values that are not finite, invalid indices, or no area that can be
-            measured.
-    """
+    """The same mesh if it has a surface that can be measured, else `InputError` about `source`."""
     verts, faces = mesh.verts, mesh.faces
     if len(faces) == 0:
         raise InputError(
@@ -231,7 +225,8 @@ def size_warning(mesh: Mesh) -> str | None:
     """A warning for the user when the mesh is far too large or small for a hand, else None."""
     size = float(mesh.extent().max())
     if size > LARGEST_OBJECT:
-        unit = likely_unit(size)
+        units: tuple[Unit, ...] = ("mm", "cm")
+        unit = min(units, key=lambda unit: abs(math.log(size * METRES[unit] / USUAL_OBJECT)))
         return (
             f"the mesh is {size:.3g} m long, too large for a hand: its unit is probably {unit}, "
             f"pass --unit {unit} or scale its vertices by {METRES[unit]:g}"
@@ -242,12 +237,6 @@ def size_warning(mesh: Mesh) -> str | None:
             "scale its vertices by 1000"
         )
     return None
-
-
-def likely_unit(size: float) -> Unit:
-    """The unit other than metres in which a length is most like that of an object to hold."""
-    units: tuple[Unit, ...] = ("mm", "cm")
-    return min(units, key=lambda unit: abs(math.log(size * METRES[unit] / USUAL_OBJECT)))
 
 
 def welded(mesh: Mesh) -> Mesh:
@@ -271,10 +260,7 @@ def repeats_a_vertex(faces: Int[Tensor, "F 3"]) -> Bool[Tensor, " F"]:
 
 
 def tidied(mesh: Mesh) -> Mesh:
-    """The same surface without the faces that repeat a vertex and the vertices of no face.
-
-    The order of the others is kept.
-    """
+    """The same surface, in order, without faces that repeat a vertex and vertices of no face."""
     kept = mesh.faces[~repeats_a_vertex(mesh.faces)]
     used, faces = torch.unique(kept, return_inverse=True)
     parts = tuple(tidied(part) for part in mesh.parts)
@@ -290,20 +276,17 @@ def open_edges(faces: Int[Tensor, "F 3"]) -> Bool[Tensor, "F 3"]:
     return count[index] == 1
 
 
-def edge_chains(edges: Int[Tensor, "E 2"]) -> Int[Tensor, " E"]:
-    """Number of the connected chain that each edge, a pair of vertices, belongs to; on the CPU."""
-    start, end = edges.cpu().unbind(-1)
-    size = int(edges.max()) + 1
-    links = coo_array((np.ones(len(edges)), (start.numpy(), end.numpy())), (size, size))
-    _, label = connected_components(links, directed=False)
-    return torch.unique(torch.from_numpy(label).long()[start], return_inverse=True)[1]
-
-
 def rims(faces: Int[Tensor, "F 3"]) -> tuple[Int[Tensor, "E 2"], Int[Tensor, " E"]]:
     """The open edges, each from its start to its end, and the number of the opening each bounds."""
     rim = open_edges(faces)
     edges = torch.stack([faces[rim], faces.roll(-1, dims=-1)[rim]], dim=-1)
-    return edges, edge_chains(edges).to(faces) if len(edges) else edges[:, 0]
+    if not len(edges):
+        return edges, edges[:, 0]
+    start, end = edges.cpu().unbind(-1)
+    size = int(edges.max()) + 1
+    links = coo_array((np.ones(len(edges)), (start.numpy(), end.numpy())), (size, size))
+    label = torch.from_numpy(connected_components(links, directed=False)[1]).long()
+    return edges, torch.unique(label[start], return_inverse=True)[1].to(faces)
 
 
 def capped(
@@ -341,11 +324,7 @@ def thickened(mesh: Mesh, thickness: float = SHEET_THICKNESS) -> Mesh:
     shift = torch.nn.functional.normalize(normals, dim=-1, eps=TINY).to(sheet.verts) * thickness / 2
     rim = open_edges(faces)
     start, end, count = faces[rim], faces.roll(-1, dims=-1)[rim], len(sheet.verts)
-    stitches = torch.cat(
-        [
-            torch.stack([end, start, start + count], -1),
-            torch.stack([end, start + count, end + count], -1),
-        ]
-    )
+    corners = (end, start, start + count), (end, start + count, end + count)
+    stitches = [torch.stack(each, -1) for each in corners]
     verts = torch.cat([sheet.verts + shift, sheet.verts - shift])
-    return Mesh(verts, torch.cat([faces, faces.flip(-1) + count, stitches]))
+    return Mesh(verts, torch.cat([faces, faces.flip(-1) + count, *stitches]))

@@ -8,8 +8,7 @@ from typing import TypeVar
 import numpy as np
 from torch import Tensor
 
-MIRROR = (-1.0, 1.0, 1.0)
-"""Signs of the coordinates of a mirrored point."""
+MIRROR = (-1.0, 1.0, 1.0)  # signs of the coordinates of a mirrored point
 
 Array = TypeVar("Array", Tensor, np.ndarray)
 

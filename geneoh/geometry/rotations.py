@@ -106,10 +106,8 @@ def kabsch(
     Never a reflection. Not for gradients: that of the SVD is infinite for symmetric point sets.
     Computed in float64, returned in the points' own dtype.
 
-    Args:
-        points_from: at least three points that do not lie on one line.
-        points_to: where each of them should go.
-        weights: not negative, with a positive sum; all equal when left out.
+    At least three of the points do not lie on one line. Weights are not negative, with a positive
+    sum, and all equal when left out.
 
     Source: Kabsch 1976, with Umeyama's sign (1991).
     """
@@ -117,10 +115,8 @@ def kabsch(
     weight = torch.ones_like(start[..., 0]) if weights is None else weights.double()
     weight = (weight / weight.sum(-1, keepdim=True))[..., None]
     start_mean, goal_mean = (weight * start).sum(-2), (weight * goal).sum(-2)
-    spread = (weight * (goal - goal_mean[..., None, :])).transpose(-1, -2) @ (
-        start - start_mean[..., None, :]
-    )
-    left, _, right = torch.linalg.svd(spread)
+    start, goal = start - start_mean[..., None, :], goal - goal_mean[..., None, :]
+    left, _, right = torch.linalg.svd((weight * goal).transpose(-1, -2) @ start)
     sign = torch.ones_like(start_mean)
     sign[..., 2] = torch.linalg.det(left @ right).sign()
     rotation = left * sign[..., None, :] @ right

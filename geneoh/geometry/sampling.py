@@ -15,8 +15,7 @@ class SurfaceSamples:
     """Points on a surface, in the mesh's frame."""
 
     points: Float[Tensor, "P 3"]
-    normals: Float[Tensor, "P 3"]
-    """Unit length, pointing out of the solid."""
+    normals: Float[Tensor, "P 3"]  # unit length, pointing out of the solid
 
 
 def sample_surface(mesh: Mesh | Solid, count: int, *, generator: torch.Generator) -> SurfaceSamples:
@@ -24,12 +23,7 @@ def sample_surface(mesh: Mesh | Solid, count: int, *, generator: torch.Generator
 
     Faces inside of overlapping shells are not drawn from; an open sheet is drawn from on both sides
     of its wall, as in `SurfaceDistance`. Stratified: each of `count` equal shares of the area, in
-    the order of the faces, holds one point.
-
-    Args:
-        mesh: a `Solid` where there is one already, which saves building it.
-        count: number of points.
-        generator: of the CPU, so that every device gets the same points.
+    the order of the faces, holds one point. A `Solid` that is there already need not be built.
     """
     surface = (mesh if isinstance(mesh, Solid) else build_solid(mesh)).surface
     draws = torch.rand(count, 3, generator=generator, dtype=torch.float64)

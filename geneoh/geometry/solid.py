@@ -34,10 +34,8 @@ SMALLEST_SHEET = 1e-3
 COARSE = 1.0
 """Accuracy of the first query: three times as fast as libigl's default of 2, and within 0.09 of it
 on a recorded hand around a tool."""
-UNSURE = 0.25
-"""Points this close to the threshold are queried again at full accuracy."""
-PROBE = 1e-5
-"""Distance in front of a face at which its winding number is queried, metres."""
+UNSURE = 0.25  # points this close to the threshold are queried again at full accuracy
+PROBE = 1e-5  # distance in front of a face at which its winding number is queried, metres
 PROBES = tuple((a / 9, b / 9, c / 9) for a, b, c in ((3, 3, 3), (7, 1, 1), (1, 7, 1), (1, 1, 7)))
 """Barycentric coordinates of these queries: the middle of the face, then towards each corner."""
 
@@ -46,13 +44,10 @@ PROBES = tuple((a / 9, b / 9, c / 9) for a, b, c in ((3, 3, 3), (7, 1, 1), (1, 7
 class Solid:
     """A mesh as a body with an inside and an outside, on the CPU."""
 
-    surface: Mesh
-    """The faces between inside and outside, all pointing outward."""
-    sheets: int
-    """How many open sheets were given a wall."""
+    surface: Mesh  # the faces between inside and outside, all pointing outward
+    sheets: int  # how many open sheets were given a wall
     low: Float64[Tensor, " 3"]
-    high: Float64[Tensor, " 3"]
-    """Corners of the surface's bounding box."""
+    high: Float64[Tensor, " 3"]  # with `low`, corners of the surface's bounding box
     winding: igl.FastWindingNumberBVH
 
     def contains(self, points: Float[Tensor, "*B 3"]) -> Bool[Tensor, "*B"]:
@@ -80,10 +75,7 @@ def winding_inside(
 def build_solid(mesh: Mesh, *, walls: bool = True) -> Solid:
     """Make a solid of a mesh: consistent faces, walls for open sheets, no interior faces.
 
-    Args:
-        mesh: in metres; holes, shells and doubled vertices are fine.
-        walls: False for a mesh known to be a solid whatever its holes, such as a hand that is open
-            at the wrist.
+    `walls` is False for a mesh known to be a solid whatever its holes, such as an open hand.
 
     Raises:
         InputError: the mesh has no surface that can be measured, or none that encloses anything.

@@ -11,9 +11,7 @@ def mpjpe(
 ) -> Float[Tensor, "*B T"]:
     """Mean per-joint position error of each frame, metres, in the world frame without alignment.
 
-    NaN in frames whose keypoints are NaN; `mean_over_frames` leaves these out.
-
-    Source: GeneOH Diffusion, C.2 (mean per-joint position error).
+    NaN in frames whose keypoints are NaN. Source: GeneOH Diffusion, C.2.
     """
     return (joints - truth).norm(dim=-1).mean(-1)
 
@@ -21,10 +19,7 @@ def mpjpe(
 def mpvpe(
     verts: Float[Tensor, "*B T V 3"], truth: Float[Tensor, "*#B T V 3"]
 ) -> Float[Tensor, "*B T"]:
-    """Mean per-vertex position error of each frame, metres; both hands have the same topology.
-
-    Source: GeneOH Diffusion, C.2 (mean per-vertex position error).
-    """
+    """Mean per-vertex position error of each frame, metres. Source: GeneOH Diffusion, C.2."""
     return (verts - truth).norm(dim=-1).mean(-1)
 
 
@@ -40,9 +35,6 @@ def within_spread(
 ) -> Float[Tensor, "*B T"]:
     """Share of each frame's keypoints whose truth lies in the 90% radius; 0.9 if calibrated.
 
-    Args:
-        joints: the estimated keypoints, metres.
-        truth: the true keypoints, metres.
-        spread: expected error of the keypoints (`HandTrack.joint_spread`), metres.
+    `spread` is the expected error of the keypoints (`HandTrack.joint_spread`); all in metres.
     """
     return ((joints - truth).norm(dim=-1) <= RADIUS_90 * spread).to(joints).mean(-1)

@@ -15,14 +15,11 @@ from geneoh.geometry.distance import MovingSurface, SurfaceQuery
 
 TOUCH = 0.005
 """Metres within which a hand point counts as touching: skin is soft, and meshes are coarse."""
-CONTACT_MAP = 0.002
-"""Metres of the paper's contact map."""
-FINGERTIP_RADIUS = 0.015
-"""Metres around a tip keypoint in which vertices belong to that fingertip."""
+CONTACT_MAP = 0.002  # metres of the paper's contact map
+FINGERTIP_RADIUS = 0.015  # metres around a tip keypoint in which vertices belong to that fingertip
 CONSISTENCY_DECAY = 100.0
 """Decay of a hand point's expected share in the object's motion with distance, 1/m (paper, C.2)."""
-MOVING = 0.0003
-"""Metres a frame from which an object counts as moving (the released code's mask)."""
+MOVING = 0.0003  # metres a frame from which an object counts as moving (the released code's mask)
 
 
 def penetration_depth(distance: Float[Tensor, "*B T V"]) -> Float[Tensor, "*B T"]:
@@ -55,24 +52,16 @@ def tips_in_contact(
 class ContactAgreement:
     """Agreement of a contact map with the true one, 0 to 1; NaN where a ratio is undefined."""
 
-    iou: Float[Tensor, "*B"]
-    """Intersection over union."""
-    precision: Float[Tensor, "*B"]
-    """Share of the found contact that is true."""
-    recall: Float[Tensor, "*B"]
-    """Share of the true contact that is found."""
-    f_score: Float[Tensor, "*B"]
-    """Harmonic mean of precision and recall."""
+    iou: Float[Tensor, "*B"]  # intersection over union
+    precision: Float[Tensor, "*B"]  # share of the found contact that is true
+    recall: Float[Tensor, "*B"]  # share of the true contact that is found
+    f_score: Float[Tensor, "*B"]  # harmonic mean of precision and recall
 
 
 def contact_agreement(
     contact: Bool[Tensor, "*B T P"], truth: Bool[Tensor, "*#B T P"]
 ) -> ContactAgreement:
-    """Agreement of two contact maps, counted over all points and frames together.
-
-    The maps may be of hand vertices, of object points (`object_contact`) or of fingertips
-    (`tips_in_contact`).
-    """
+    """Agreement of two contact maps, of any kind of points, over all points and frames together."""
     both = (contact & truth).sum((-2, -1)).double()
     found = contact.sum((-2, -1)).double() + torch.zeros_like(both)
     true = truth.sum((-2, -1)).double() + torch.zeros_like(both)
@@ -87,9 +76,8 @@ def contact_iou(
 ) -> Float[Tensor, "*B"]:
     """Intersection over union of two contact maps over all frames, 0 to 1; NaN without contact.
 
-    The simple definition: a hand vertex is in contact when it is at most 2 mm from the surface, on
-    either side. The paper's map is of object points by TOCH's ray correspondences, as in
-    `correspondence.object_contact`.
+    A hand vertex is in contact when it is at most 2 mm from the surface, on either side. The
+    paper's map is of object points by TOCH's rays, as in `correspondence.object_contact`.
     """
     return contact_agreement(distance.abs() <= threshold, truth.abs() <= threshold).iou
 
@@ -105,22 +93,15 @@ def proximity_error(
 
 
 def motion_consistency(
-    verts: Float[Tensor, "T V 3"],
-    query: SurfaceQuery,
-    surface: MovingSurface,
+    verts: Float[Tensor, "T V 3"], query: SurfaceQuery, surface: MovingSurface
 ) -> Float[Tensor, " T-1"]:
     """Hand-object motion consistency of each frame in square metres; NaN where the object rests.
 
     ||exp(-100 d) dh - do||^2 for the nearest pair of hand and object point (h, o) at distance d; dh
     and do are their steps to the next frame, where o moves with the object's part that it lies on.
-    Zero for a hand that carries what it touches.
+    Zero for a hand that carries what it touches. `query` is the surface's at `verts` in the world.
 
     Source: C.2, hand-object motion consistency.
-
-    Args:
-        verts: hand points, world frame.
-        query: the object's distance, closest point and normal for each of them.
-        surface: the object.
     """
     gap, nearest = query.distance.abs().min(-1)
     pick = nearest[:, None, None].expand(-1, 1, 3)
@@ -148,14 +129,7 @@ def fingertip_slip(
     at most 5 mm from the object in this frame and the next; its slip is the vertex's motion along
     the surface in the frame of the touched part. Mean over the fingertips that count, NaN without
     any. The counterpart of foot skate: zero for a finger that lifts off, presses, or holds still.
-
-    Args:
-        verts: hand points, world frame.
-        query: the object's distance, closest point and normal for each of them.
-        tips: keypoints of the five fingertips.
-        surface: the object.
-        fps: frames a second.
-        touch: metres within which a fingertip touches.
+    `query` is the surface's at `verts` in the world, `tips` are the keypoints of the fingertips.
     """
     apart = torch.cdist(tips, verts, compute_mode="donot_use_mm_for_euclid_dist")
     gap = torch.where(apart <= FINGERTIP_RADIUS, query.distance[:, None], torch.inf)

@@ -19,8 +19,7 @@ from geneoh.geometry.sampling import SurfaceSamples, sample_surface
 from geneoh.geometry.solid import as_arrays
 from geneoh.metrics.contact import CONTACT_MAP
 
-SAMPLES = 8000
-"""Points on an object, as in TOCH, distributed over its parts by area."""
+SAMPLES = 8000  # points on an object, as in TOCH, distributed over its parts by area
 RAY_OFFSET = 1e-4
 """Distance from a point at which its ray may first be blocked by the object (TOCH), metres."""
 
@@ -45,15 +44,8 @@ def object_contact(
 ) -> Bool[Tensor, "T P"]:
     """Whether each object point has the hand within the threshold along its ray, part after part.
 
-    A frame without a hand has no contact. `contact.contact_agreement` compares it with the map of
-    the true hand on the same points.
-
-    Args:
-        verts: hand, world frame; an opening at its wrist is closed.
-        faces: of the hand.
-        surface: the object.
-        samples: points of each part, from `contact_points`.
-        threshold: metres.
+    The hand is in the world frame, an opening at its wrist is closed, and a frame without it has no
+    contact. `samples` are the points of each part, from `contact_points`.
     """
     closed, closed_faces = capped(verts, faces)
     maps = []
@@ -70,20 +62,17 @@ def object_contact(
 def rays_meet(
     hand: Mesh, field: SurfaceDistance, samples: SurfaceSamples, threshold: float
 ) -> Bool[Tensor, " P"]:
-    """Whether each point's correspondence is within the threshold; all in the part's frame, on the
-    CPU."""
+    """Whether each point's correspondence is within the threshold; on the CPU, in part's frame."""
     verts, faces = as_arrays(hand)
     points, normals = (x.cpu().double().numpy() for x in (samples.points, samples.normals))
     met = np.zeros(len(points), dtype=bool)
     around = (points > verts.min(0) - threshold) & (points < verts.max(0) + threshold)
-    near = np.flatnonzero(around.all(-1))
-    if not len(near):
-        return torch.from_numpy(met)
-    tree = igl.AABB()
-    tree.init(verts, faces)
-    # a ray is never shorter than the distance, so only near points can be in contact
-    squared = np.asarray(tree.squared_distance(verts, faces, points[near])[0])
-    near = near[squared <= threshold**2]
+    near, tree = np.flatnonzero(around.all(-1)), igl.AABB()
+    if len(near):
+        tree.init(verts, faces)
+        # a ray is never shorter than the distance, so only near points can be in contact
+        squared = np.asarray(tree.squared_distance(verts, faces, points[near])[0])
+        near = near[squared <= threshold**2]
     if not len(near):
         return torch.from_numpy(met)
     start = points[near]

@@ -16,8 +16,12 @@ from geneoh.metrics.contact import (
     penetration_depth,
     tips_in_contact,
 )
-from geneoh.metrics.frames import mean_over_frames, valid_differences
-from geneoh.metrics.smoothness import acceleration, per_frame_squared
+from geneoh.metrics.smoothness import (
+    acceleration,
+    mean_over_frames,
+    per_frame_squared,
+    valid_differences,
+)
 
 
 @dataclass(frozen=True)
@@ -47,14 +51,10 @@ class InteractionReport:
 class FrameMeasures(Bundle):
     """What is measured in each of T frames; NaN where there is no hand."""
 
-    valid: Bool[Tensor, " T"]
-    """Frames with a hand."""
-    touching: Bool[Tensor, " T"]
-    """Frames in which a hand is at most 5 mm from the object."""
-    depth: Float[Tensor, " T"]
-    """Depth of the deepest vertex in metres, zero when none is inside."""
-    fingers: Float[Tensor, " T"]
-    """Number of fingertips at most 5 mm from the object."""
+    valid: Bool[Tensor, " T"]  # frames with a hand
+    touching: Bool[Tensor, " T"]  # frames in which a hand is at most 5 mm from the object
+    depth: Float[Tensor, " T"]  # depth of the deepest vertex in metres, zero when none is inside
+    fingers: Float[Tensor, " T"]  # number of fingertips at most 5 mm from the object
     acceleration: Float[Tensor, " T"]
     """Mean over keypoints in millimetres per frame squared, from the frame before to the one after;
     NaN where one of the three has no hand."""
@@ -80,6 +80,13 @@ class FrameMeasures(Bundle):
         return float(mean_over_frames(self.acceleration, ~self.acceleration.isnan()))
 
 
+FRAME_MEANS = (
+    *("penetration_mean_mm", "penetration_max_mm"),
+    *("fingers_in_contact", "acceleration_mm"),
+)
+"""The fields of an `InteractionReport` that `FrameMeasures` has."""
+
+
 def measure_frames(
     distance: Float[Tensor, "T V"],
     verts: Float[Tensor, "T V 3"],
@@ -87,15 +94,7 @@ def measure_frames(
     fps: float,
     valid: Bool[Tensor, " T"],
 ) -> FrameMeasures:
-    """Measure one hand in each frame.
-
-    Args:
-        distance: of the vertices to the object, metres, negative inside.
-        verts: hand, world frame.
-        joints: keypoints in OpenPose order, world frame.
-        fps: frames a second.
-        valid: frames with a hand.
-    """
+    """Measure one hand in each frame, by its vertices' distances to the object, world frame."""
     tips = joints[:, list(TIP_KEYPOINTS)]
     fingers = tips_in_contact(distance, verts, tips).sum(-1).to(distance)
     inner = torch.zeros_like(valid)
@@ -118,15 +117,7 @@ def measure(
     fps: float,
     valid: Bool[Tensor, " T"] | None = None,
 ) -> InteractionReport:
-    """The report of one hand and one object.
-
-    Args:
-        verts: hand, world frame.
-        joints: keypoints in OpenPose order, world frame.
-        surface: the object.
-        fps: frames a second.
-        valid: frames that count; all by default.
-    """
+    """The report of one hand and one object, world frame, over all frames or the valid ones."""
     if valid is None:
         valid = torch.ones(len(verts), dtype=torch.bool, device=verts.device)
     query = surface.query(verts)
@@ -134,12 +125,9 @@ def measure(
     moved = motion_consistency(verts, query, surface)
     return InteractionReport(
         frames=int(valid.sum()),
-        penetration_mean_mm=frames.penetration_mean_mm,
-        penetration_max_mm=frames.penetration_max_mm,
-        contact_fraction=float(mean_over_frames(frames.touching.to(verts), frames.valid)),
-        fingers_in_contact=frames.fingers_in_contact,
-        acceleration_mm=frames.acceleration_mm,
-        consistency_mm2=1e6 * float(mean_over_frames(moved, valid_differences(frames.valid, 1))),
+        contact_fraction=float(mean_over_frames(frames.touching.to(verts), valid)),
+        consistency_mm2=1e6 * float(mean_over_frames(moved, valid_differences(valid, 1))),
+        **{name: getattr(frames, name) for name in FRAME_MEANS},
     )
 
 

@@ -1,9 +1,10 @@
-"""Smoothness of a hand's motion: acceleration and jerk of its points by finite differences.
+"""Smoothness of a hand's motion by finite differences, and means over the frames that count.
 
 A difference of order k has L = T - k frames, at least 0; value t is made of the frames t to t + k.
 """
 
-from jaxtyping import Float
+import torch
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 
@@ -37,3 +38,17 @@ def finite_difference(points: Float[Tensor, "*B T P 3"], order: int) -> Float[Te
     if points.shape[-3] <= order:
         return points[..., :0, :, :]
     return points.diff(n=order, dim=-3)
+
+
+def mean_over_frames(
+    values: Float[Tensor, "*B T"], valid: Bool[Tensor, " T"] | None = None
+) -> Float[Tensor, "*B"]:
+    """Mean over the valid frames whose value is not NaN; NaN when there is none."""
+    if valid is not None:
+        values = values[..., valid]
+    return torch.nanmean(values, dim=-1)
+
+
+def valid_differences(valid: Bool[Tensor, " T"], order: int) -> Bool[Tensor, " L"]:
+    """Whether a finite difference of this order exists per frame: it and the next are valid."""
+    return valid.unfold(0, order + 1, 1).all(-1) if len(valid) > order else valid[:0]

@@ -18,8 +18,7 @@ from geneoh.geometry.mesh import Mesh, capped, rims
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.geometry.solid import Solid
 
-VOXEL = 0.001
-"""Side of a voxel in metres."""
+VOXEL = 0.001  # side of a voxel in metres
 BLOCKS = (16, 4)
 """Sides of the blocks in voxels, from coarse to fine; each divides the previous one."""
 ASKEW = axis_angle_to_matrix(torch.tensor([0.4, 0.9, -0.6], dtype=torch.float64))
@@ -32,9 +31,8 @@ class OpenSolid:
 
     field: SurfaceDistance
     holes: Float64[Tensor, "H 3"]
-    """Centre of a ball around the rim of each hole, metres."""
+    """Centre of a ball around the rim of each hole, with its `radius`, metres."""
     radius: Float64[Tensor, " H"]
-    """Radius of that ball, metres."""
 
     def margin(self, points: Float64[Tensor, "N 3"]) -> Float64[Tensor, " N"]:
         """Lower bound of each point's distance from the border of the inside, negative inside.
@@ -72,17 +70,11 @@ def intersection_volume(
 ) -> Float[Tensor, " T"]:
     """Volume in cubic metres shared by the hand and the object, summed over the object's parts.
 
-    NaN in frames without a hand. Voxels are fixed in the part's frame, so a rigid motion of the
-    scene changes nothing. A hand that is open at the wrist is closed there; an open sheet is the
-    wall that `SurfaceDistance` makes of it.
+    NaN in frames without a hand. Voxels, of a side in metres, are fixed in the part's frame, so a
+    rigid motion of the scene changes nothing. A hand that is open at the wrist is closed there; an
+    open sheet is the wall that `SurfaceDistance` makes of it.
 
     Source: GeneOH Diffusion, C.2 (solid intersection volume), which states no voxel size.
-
-    Args:
-        verts: hand, world frame; may be open at the wrist.
-        faces: of the hand.
-        surface: the object.
-        voxel: side of a voxel in metres.
     """
     frames = torch.nonzero(verts.isfinite().flatten(1).all(-1))[:, 0].tolist()
     closed, closed_faces = capped(verts, faces)

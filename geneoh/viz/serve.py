@@ -14,15 +14,13 @@ import numpy as np
 
 from geneoh.errors import MissingAssetError
 from geneoh.geometry.mesh import MESH_SUFFIXES
+from geneoh.metrics.report import FRAME_MEANS
 from geneoh.progress import OnStep, steps
 from geneoh.viz.look import OBJECT_COLOUR, SKIN_COLOUR
 from geneoh.viz.scene import Scene, Version
 
 ADDRESS = "127.0.0.1"  # reachable from this machine only
-SORT_MEASURES = (
-    *("penetration_mean_mm", "penetration_max_mm"),
-    *("fingers_in_contact", "acceleration_mm"),
-)
+SORT_MEASURES = FRAME_MEANS
 """What results can be sorted by: fields of `geneoh.metrics.report.InteractionReport`."""
 VERSION_SPACING = 0.35  # metres between before and after, side by side
 

@@ -7,7 +7,7 @@ import pytest
 
 import geneoh
 from geneoh.evaluation.cases import Case
-from geneoh.evaluation.protocols import Clip
+from geneoh.evaluation.protocols.clips import Clip
 from geneoh.sequence.sequence import Sequence
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

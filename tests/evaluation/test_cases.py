@@ -9,8 +9,7 @@ from watertight import is_watertight
 
 from geneoh.errors import ConfigError, MissingAssetError
 from geneoh.evaluation import cases
-from geneoh.evaluation.options import EvaluationOptions
-from geneoh.evaluation.protocols import SEEDS, ProtocolOptions
+from geneoh.evaluation.options import SEEDS, EvaluationOptions, ProtocolOptions
 from geneoh.evaluation.protocols.clips import windows_of
 from geneoh.evaluation.protocols.datasets import PROTOCOLS, spread_over_groups
 from geneoh.evaluation.protocols.synthetic import COUNT, draw_clip, mesh_of

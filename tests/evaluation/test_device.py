@@ -7,7 +7,7 @@ from pretended_device import DEVICE
 
 from geneoh.evaluation import methods
 from geneoh.evaluation.cases import Case
-from geneoh.evaluation.protocols import Clip
+from geneoh.evaluation.protocols.clips import Clip
 from geneoh.evaluation.scores import CaseScorer, ScoringConfig
 from geneoh.fitting.fit import FitConfig
 from geneoh.pipeline.options import Options

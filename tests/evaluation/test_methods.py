@@ -25,7 +25,7 @@ from geneoh.evaluation.methods import (
     unchanged,
 )
 from geneoh.evaluation.options import EvaluationOptions
-from geneoh.evaluation.protocols import Clip
+from geneoh.evaluation.protocols.clips import Clip
 from geneoh.evaluation.scores import CaseScorer, ScoringConfig
 from geneoh.hand.library import load_hand
 from geneoh.nn.checkpoint import Checkpoint, save_checkpoint

@@ -20,8 +20,8 @@ from geneoh.evaluation.methods import (
     predicted_hand,
     unchanged,
 )
-from geneoh.evaluation.options import EvaluationOptions
-from geneoh.evaluation.protocols import Clip, ProtocolOptions
+from geneoh.evaluation.options import EvaluationOptions, ProtocolOptions
+from geneoh.evaluation.protocols.clips import Clip
 from geneoh.evaluation.runner import (
     PACKAGES,
     RECORD,

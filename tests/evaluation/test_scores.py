@@ -7,7 +7,7 @@ import torch
 
 from geneoh.evaluation.cases import Case
 from geneoh.evaluation.methods import CleanedHand, in_every_frame, joints_of, unchanged
-from geneoh.evaluation.protocols import Clip
+from geneoh.evaluation.protocols.clips import Clip
 from geneoh.evaluation.scores import MEASURES, CaseScorer, ScoringConfig, rounded
 from geneoh.pipeline.results import Denoised
 

@@ -1,7 +1,7 @@
 import torch
 
 from geneoh.metrics.accuracy import mpjpe, mpvpe, within_spread
-from geneoh.metrics.frames import mean_over_frames, valid_differences
+from geneoh.metrics.smoothness import mean_over_frames, valid_differences
 
 
 def test_a_shift_is_its_own_error():

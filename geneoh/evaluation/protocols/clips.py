@@ -18,8 +18,7 @@ from geneoh.readers.records import Array
 from geneoh.sequence.gaps import fill_gaps
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
-OBSERVED_SHARE = 0.5
-"""Smallest share of a clip's frames in which its hand must have been observed."""
+OBSERVED_SHARE = 0.5  # smallest share of a clip's frames in which its hand must have been observed
 FPS = {"grab": 30.0, "hoi4d": 15.0, "arctic": 30.0, "taco": 30.0}
 """Frames a second at which a protocol counts its frames; faster recordings are thinned out."""
 
@@ -28,8 +27,7 @@ FPS = {"grab": 30.0, "hoi4d": 15.0, "arctic": 30.0, "taco": 30.0}
 class Clip:
     """One hand with keypoints and its object over some frames: what is scored."""
 
-    name: str
-    """Name of the clip in every table, with slashes where the data set has folders."""
+    name: str  # name of the clip in every table, with slashes where the data set has folders
     read: Callable[[], Sequence]
     """Reads the clip: a function of a module with its arguments (`functools.partial`), so that a
     clip is small and can be sent to another process."""

@@ -48,16 +48,11 @@ EXAMPLE, TRACK, MESH = "20231104_017", "taco_clean.npz", "taco_object.obj"
 class Protocol:
     """How the clips of a data set on disk are found."""
 
-    source: str
-    """Name of the reader."""
-    layout: str
-    """Where the files are below the root, in words."""
-    pattern: str
-    """Matches a file or folder in every complete copy."""
-    find: Callable[[Path], list[SourceClip]]
-    """The files of a copy that the protocol scores."""
-    cut: Callable[[SourceClip, ProtocolOptions], Iterator[Clip]]
-    """The clips of one file."""
+    source: str  # name of the reader
+    layout: str  # where the files are below the root, in words
+    pattern: str  # matches a file or folder in every complete copy
+    find: Callable[[Path], list[SourceClip]]  # the files of a copy that the protocol scores
+    cut: Callable[[SourceClip, ProtocolOptions], Iterator[Clip]]  # the clips of one file
 
     @property
     def variable(self) -> str:

@@ -21,22 +21,18 @@ from geneoh.sequence.object_noise import corrupt_object
 from geneoh.sequence.sequence import Sequence
 from geneoh.synthesis.shards import seed_of
 
-COMPONENTS = 24
-"""Number of pose components of GRAB's hands, and of the paper's noise."""
-Law = Literal["gauss", "beta"]
-"""Standard normal, or Beta(8, 2)."""
+COMPONENTS = 24  # number of pose components of GRAB's hands, and of the paper's noise
+Law = Literal["gauss", "beta"]  # standard normal, or Beta(8, 2)
 
 
 @dataclass(frozen=True)
 class PaperNoise:
     """Noise that is independent in every frame and parameter."""
 
-    law: Law
-    """Distribution of the draws, which are multiplied by the sizes."""
+    law: Law  # distribution of the draws, which are multiplied by the sizes
     sizes: Sizes
     """`fingers` has no unit when the noise is drawn on components: it is per coefficient."""
-    translation_law: Law | None = None
-    """Distribution for the translation, if it differs."""
+    translation_law: Law | None = None  # distribution for the translation, if it differs
 
 
 PAPER: dict[tuple[Dataset, str], PaperNoise] = {

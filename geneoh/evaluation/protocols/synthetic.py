@@ -22,11 +22,9 @@ from geneoh.synthesis.shards import SynthesisConfig, seed_of
 from geneoh.synthesis.solids import PARTS, Solids
 from geneoh.synthesis.surface import mesh_of
 
-COUNT = 100
-"""Number of clips."""
+COUNT = 100  # number of clips
 FPS = 30.0
-ATTEMPTS = 8
-"""Grasps that are tried at a time; more than half pass the checks."""
+ATTEMPTS = 8  # grasps that are tried at a time; more than half pass the checks
 
 
 def find(options: ProtocolOptions) -> list[Clip]:

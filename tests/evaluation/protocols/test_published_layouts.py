@@ -11,8 +11,7 @@ import trees
 
 from geneoh.errors import InputError
 from geneoh.evaluation.cases import find_cases
-from geneoh.evaluation.options import EvaluationOptions
-from geneoh.evaluation.protocols import ProtocolOptions
+from geneoh.evaluation.options import EvaluationOptions, ProtocolOptions
 from geneoh.evaluation.protocols.clips import recordings_of
 from geneoh.readers.mano import read_mano
 

@@ -2,8 +2,7 @@
 
 import pytest
 
-from geneoh.evaluation.options import EvaluationOptions
-from geneoh.evaluation.protocols import ProtocolOptions
+from geneoh.evaluation.options import EvaluationOptions, ProtocolOptions
 from geneoh.evaluation.runner import evaluate
 from geneoh.evaluation.tables import as_text
 
