@@ -24,11 +24,7 @@ def baseline_weights(name: BaselineName, folder: Path | None) -> Path:
 
 
 def load_baseline(name: BaselineName, folder: Path | None = None) -> Baseline:
-    """The network of a baseline that `geneoh eval` scores, the shipped one by default.
-
-    Raises:
-        CheckpointError: the file is missing or does not fit its network.
-    """
+    """The network of a baseline that `geneoh eval` scores, the shipped one by default."""
     path = (folder or SHIPPED) / f"{name}.safetensors"
     match name:
         case "toch":

@@ -53,12 +53,7 @@ class Case:
 
     @cached_property
     def noisy(self) -> Sequence:
-        """The clip as a method gets to see it.
-
-        Raises:
-            MissingAssetError: the folder of noisy clips has no file for the case.
-            InputError: the file has other frames than the clip.
-        """
+        """The clip as a method gets to see it."""
         if self.stored is None:
             return noisy_input(
                 self.recording, self.dataset, self.clip.name, self.noise, self.seed, self.protocol
@@ -85,13 +80,7 @@ class Case:
 
 
 def find_cases(options: EvaluationOptions) -> list[Case]:
-    """The cases of an evaluation by name of the clip, each clip under every noise and seed.
-
-    Raises:
-        ConfigError: the paper puts no noise on the data set, and its noise is asked for.
-        MissingAssetError: the data set, or MANO where it is needed, is not there.
-        InputError: there is no clip, or a file of the data set is damaged.
-    """
+    """The cases of an evaluation by name of the clip, each clip under every noise and seed."""
     # A missing data set is reported before anything else: without it no other choice matters.
     by_file = clips_by_file(options.dataset, options.root, options.protocol)
     noises = options.noises or options.defaults.noises
@@ -116,9 +105,6 @@ def write_inputs(cases: Iterable[Case], folder: Path) -> int:
 
     The files are named as `--predictions` and `--twins` expect them. The meshes are in `objects/`,
     one per part of each clip.
-
-    Raises:
-        InputError: the folder cannot be written to, or has a file of others of such a name.
     """
     count = 0
     for case in cases:

@@ -188,12 +188,7 @@ def joints_of(sequence: Sequence) -> Float[Tensor, "T 21 3"]:
 
 
 def methods_of(options: EvaluationOptions) -> tuple[tuple[Method, ...], tuple[str, ...]]:
-    """The methods in the order of the table, and notes on those that had to be left out.
-
-    Raises:
-        MissingAssetError: a folder of predictions is not there.
-        ConfigError: two methods have the same name.
-    """
+    """The methods in the order of the table, and notes on those that had to be left out."""
     methods: list[Method] = []
     notes: list[str] = []
     for name in options.methods or DEFAULT_METHODS:

@@ -92,9 +92,6 @@ def measure_realism(recording: Sequence, folder: Path, *, augmented: bool = Fals
     """Compare the training shards in a folder with the first hand of a clean recording.
 
     `augmented` clips have the augmentation of training, as networks see them.
-
-    Raises:
-        InputError: the recording has no object mesh, or is too short for the classifier.
     """
     hand = load_hand("right")
     real = recorded_clip(recording, hand)

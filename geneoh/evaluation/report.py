@@ -77,11 +77,7 @@ class Evaluation:
 
 
 def keep_other_reports(folder: Path) -> None:
-    """Refuse a folder without our record that has files with the names of the report's.
-
-    Raises:
-        InputError: such a file is there.
-    """
+    """Refuse a folder without our record that has files with the names of the report's."""
     if not (folder / RECORD).is_file():
         for name in REPORT_FILES:
             keep_others(folder / name, "choose another folder")

@@ -139,11 +139,7 @@ MeshInput = Mesh | Path | str | Iterable[Mesh | Path | str]
 
 
 def meshes_of(given: MeshInput, unit: Unit = "m") -> tuple[Mesh, ...]:
-    """Meshes of a mesh, a file, or a list of both; `unit` is that of the files.
-
-    Raises:
-        InputError: there is something else among them, or a file that cannot be read.
-    """
+    """Meshes of a mesh, a file, or a list of both; `unit` is that of the files."""
     listed = [given] if isinstance(given, Mesh | Path | str) else list(given)
     for mesh in listed:
         if not isinstance(mesh, Mesh | Path | str):

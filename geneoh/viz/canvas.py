@@ -84,11 +84,7 @@ def png_bytes(picture: Picture) -> bytes:
 
 
 def filmstrip(scene: Scene, look: Look | None = None, on_step: OnStep | None = None) -> Picture:
-    """A row of frames for each version, all seen from one direction, with measures below each.
-
-    Raises:
-        InputError: the look has a frame that the clip does not have.
-    """
+    """A row of frames for each version, all seen from one direction, with measures below each."""
     look = look or Look()
     frames = look.frames or spread_frames(scene, STRIP_FRAMES)
     if wrong := [frame for frame in frames if not 0 <= frame < scene.frames]:

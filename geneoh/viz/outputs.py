@@ -28,11 +28,7 @@ ENDINGS = (".html", ".png", ".mp4", ".gif", ".glb", ".npz", *MESHES)
 def check_scene_outputs(
     paths: Iterable[Path], *, inputs: Iterable[Path | None], overwrite: bool
 ) -> None:
-    """Refuse files that a scene cannot be written to; see `check_outputs`.
-
-    Raises:
-        InputError: an ending of no format, or a place that cannot be written or must be kept.
-    """
+    """Refuse files that a scene cannot be written to; see `check_outputs`."""
     files, folders = [], []
     for path in paths:
         check_ending(path, ENDINGS)
@@ -51,9 +47,6 @@ def write(
     `.html` is a page, `.png` a filmstrip, `.mp4` and `.gif` a film of all versions. `.glb`, `.npz`
     (smplx names), `.obj` and `.ply` hold the last version; the mesh formats make a folder of one
     file per frame, named without the ending.
-
-    Raises:
-        InputError: another ending, or the place cannot be written to.
     """
     look = look or Look()
     check_ending(path, ENDINGS)

@@ -183,9 +183,6 @@ def make_scene(
     of MANO get MANO's mesh where the user has it, else the embedded hand with the same bones.
 
     `sequences` are by title, in the order before, after; `samples` are at any frame rate.
-
-    Raises:
-        InputError: the sequences have different numbers of frames, or there is no mesh.
     """
     last_title, last = next(reversed(sequences.items()))
     if not last.object.meshes:

@@ -45,9 +45,6 @@ def gallery_items(
 
     Beside NAME_clean.npz, its input NAME.npz is shown too where it exists. Without `obj`, the mesh
     is the file NAME with the ending of a mesh, else those that the result itself names.
-
-    Raises:
-        InputError: a result has no mesh, or cannot be opened.
     """
     items = []
     for path in steps(list(results), on_step):

@@ -59,12 +59,7 @@ def film_frames(
 
 
 def write_film(scene: Scene, path: Path, look: Look, on_step: OnStep | None) -> None:
-    """Write an mp4 or a GIF, by the ending of the path, in one step.
-
-    Raises:
-        MissingAssetError: no ffmpeg.
-        InputError: the place cannot be written to.
-    """
+    """Write an mp4 or a GIF, by the ending of the path, in one step."""
     gif = path.suffix.lower() == ".gif"
     every = max(1, round(scene.fps / GIF_RATE)) if gif else 1
     pictures = film_frames(scene, look, every=every)
@@ -90,11 +85,7 @@ def write_film(scene: Scene, path: Path, look: Look, on_step: OnStep | None) -> 
 
 
 def ffmpeg_path() -> str:
-    """The ffmpeg on the path, or the one that the extra `view` brings.
-
-    Raises:
-        MissingAssetError: there is none.
-    """
+    """The ffmpeg on the path, or the one that the extra `view` brings."""
     if found := shutil.which("ffmpeg"):
         return found
     try:

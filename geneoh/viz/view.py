@@ -103,9 +103,6 @@ def open_scene(
 
     The arguments are those of `view`; others, such as `side`, `fps` and `unit`, are those of
     `geneoh.load`, for npz files.
-
-    Raises:
-        InputError: a file that cannot be read, no mesh, or different numbers of frames.
     """
     obj = (obj,) if isinstance(obj, Path | str) else tuple(obj)
     sequences: dict[str, Sequence] = {}

@@ -65,12 +65,7 @@ class Protocol:
         return given or (Path(named) if named else None)
 
     def require(self, given: Path | None) -> Path:
-        """The root of the user's copy.
-
-        Raises:
-            MissingAssetError: no folder is named, or it holds no copy; the message says where to
-                get the data set, how to unpack it and how to name its folder.
-        """
+        """The root of the user's copy."""
         root = self.root(given)
         if root is not None and next(root.glob(self.pattern), None) is not None:
             return root
@@ -154,9 +149,6 @@ def example(root: Path | None) -> Clip | None:
     """TACO's example recording: 146 frames of a left hand with its object (CC BY 4.0).
 
     Without `root` it is the installed one; None when `root` holds no example.
-
-    Raises:
-        MissingAssetError: the installed example is gone.
     """
     package = Path(str(files("geneoh")))
     # Installed it lies in the package; in a working copy beside it.
@@ -214,9 +206,6 @@ def clips_by_file(
 
     The copy is looked for at once; its files are read one by one as they are asked for. `synthetic`
     and the example of `taco` need none.
-
-    Raises:
-        MissingAssetError: the data set is not there.
     """
     if dataset == "synthetic":
         return iter([[clip] for clip in synthetic.find(options)])

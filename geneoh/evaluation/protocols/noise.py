@@ -47,12 +47,7 @@ PAPER: dict[tuple[Dataset, str], PaperNoise] = {
 
 
 def check_noise(dataset: Dataset, noise: CaseNoise, options: ProtocolOptions) -> None:
-    """Refuse a noise that cannot be drawn, before any clip is read.
-
-    Raises:
-        ConfigError: the paper puts no noise on this data set.
-        MissingAssetError: the noise needs MANO's components, and there are no MANO files.
-    """
+    """Refuse a noise that cannot be drawn, before any clip is read."""
     if noise != "paper":
         return
     if (dataset, options.noise_sizes) not in PAPER:
