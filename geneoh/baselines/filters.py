@@ -26,8 +26,7 @@ FilterKind = Literal["savgol", "gaussian", "one-euro"]
 Domain = Literal["keypoints", "parameters"]
 """What is filtered: coordinates of keypoints, or wrist position and joint rotations."""
 ORDER = 2  # degree of the Savitzky-Golay filter's polynomials
-SPEED_CUTOFF = 1.0
-"""Cutoff in hertz of the One-Euro filter's speed estimate, as its authors have it."""
+SPEED_CUTOFF = 1.0  # hertz, of the One-Euro filter's speed estimate (its authors')
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,7 @@ from geneoh.baselines.toch import TochAutoencoder, TochConfig
 from geneoh.choices import BaselineName
 from geneoh.denoisers.library import load_network
 
-SHIPPED = Path(__file__).parent / "assets"
-"""Folder of the baselines' weights inside the package, NAME.safetensors."""
+SHIPPED = Path(__file__).parent / "assets"  # NAME.safetensors inside the package
 BASELINES: tuple[BaselineName, ...] = get_args(BaselineName)
 
 Baseline = TochAutoencoder | RegressionDenoiser

@@ -10,8 +10,7 @@ from torch import Tensor
 
 from geneoh.metrics.smoothness import finite_difference
 
-KEYPOINT_FINGERS = ("thumb", "index", "middle", "ring", "pinky")
-"""Fingers in the order of the keypoints."""
+KEYPOINT_FINGERS = ("thumb", "index", "middle", "ring", "pinky")  # in the order of the keypoints
 ANGLES = tuple(
     f"{finger} {angle}"
     for finger in KEYPOINT_FINGERS

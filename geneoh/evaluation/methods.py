@@ -48,8 +48,7 @@ class CleanedHand:
     """What a method makes of a clip's hand, world frame, metres."""
 
     joints: Float[Tensor, "T 21 3"]
-    verts: Float[Tensor, "T V 3"] | None
-    """The method's own mesh; where it gives none, a mesh is fitted to the keypoints."""
+    verts: Float[Tensor, "T V 3"] | None  # the method's own mesh; else one is fitted to them
     valid: Bool[Tensor, " T"]  # frames that are scored
     result: Denoised | None = None  # geneoh's whole result, for the page in 3D
 
@@ -68,8 +67,7 @@ class Method:
     """The cleaned hand; None if the clip lacks what the method needs. A function of this module,
     some with arguments (`functools.partial`), so that it can be sent to another process."""
     has_pages: bool = False  # whether its results can be shown in 3D
-    may_change: bool = False
-    """Whether the next run may find other results, so that scores are not reused."""
+    may_change: bool = False  # the next run may find other results: scores are not reused
 
 
 def unchanged(case: Case) -> CleanedHand:

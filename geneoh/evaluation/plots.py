@@ -21,8 +21,7 @@ STYLE: Any = {
     "axes.spines.right": False,
     "legend.frameon": False,
 }
-OURS = "geneoh"
-"""Beginning of the names of our methods, which are drawn in full colours, others in pale ones."""
+OURS = "geneoh"  # beginning of the names of our methods, in full colours; others are pale
 WIDTH = 7.6  # width of every plot in inches
 BAR, GAP = 0.17, 0.25  # height in inches of a bar and of the gap between two noises
 

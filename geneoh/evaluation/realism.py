@@ -79,10 +79,8 @@ class RealismReport:
     correlation: dict[str, float]
     """Correlations of pairs of joint angles: their mean absolute value in either source, the mean
     absolute difference, and the correlation of one source's correlations with the other's."""
-    accuracy: dict[str, float]
-    """Accuracy of the classifier that separates the recording from synthetic clips, by view."""
-    control: dict[str, float]
-    """The same for single synthetic clips against the others, mean over clips."""
+    accuracy: dict[str, float]  # of the classifier that separates the two sources, by view
+    control: dict[str, float]  # the same for single synthetic clips against the others, mean
     snippets: tuple[int, int]  # number of real and of synthetic snippets that were classified
     clips: int  # number of synthetic clips
     augmented: bool = False  # whether the synthetic clips had the augmentation of training

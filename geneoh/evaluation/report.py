@@ -25,8 +25,7 @@ MESH_NOTE = (
 )
 PAGE = Path(__file__).parent / "assets" / "report.html"
 RECORD = "scores.jsonl"  # name of the record of scores in the folder of an evaluation
-REPORT_FILES = ("scores.csv", "evaluation.json", "report.md", "report.html")
-"""Names of the files beside it."""
+REPORT_FILES = ("scores.csv", "evaluation.json", "report.md", "report.html")  # beside it
 REASONS = 3  # most reasons for failing that are told of a method
 
 

@@ -37,14 +37,12 @@ from geneoh.files.atomic import unwritable, write_whole
 from geneoh.progress import OnProgress
 from geneoh.viz.view import write_report
 
-PACKAGES = ("geneoh", "torch", "numpy", "scipy", "libigl", "trimesh")
-"""Packages whose versions are reported."""
+PACKAGES = ("geneoh", "torch", "numpy", "scipy", "libigl", "trimesh")  # reported by version
 CASE_ERRORS = (InputError, MissingAssetError)
 """Errors of one clip, or of one method on it: they are recorded, and the others go on. Without its
 weights (`CheckpointError`) a method cannot be scored on any clip."""
 
-Work = tuple[Case, tuple[Method, ...]]
-"""A case with the methods that are still to be scored on it; sent to a worker."""
+Work = tuple[Case, tuple[Method, ...]]  # with the methods still to be scored on it
 Scoring = Callable[[Work], list[Score]]
 
 

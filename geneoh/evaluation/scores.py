@@ -27,8 +27,7 @@ from geneoh.synthesis.shards import seed_of
 
 ScoreKey = tuple[str, str, str, int, str]  # data set, clip, noise, seed and method
 TIPS = list(TIP_KEYPOINTS)
-SAME_JOINTS = 1e-4
-"""Largest distance in metres at which given parameters count as those of the given keypoints."""
+SAME_JOINTS = 1e-4  # largest metres at which given parameters count as those of given keypoints
 
 
 @dataclass(frozen=True)
@@ -38,8 +37,7 @@ class Measure:
     key: str  # name in the files
     title: str  # name in the tables
     unit: str
-    meaning: str = ""
-    """What a column of the tables shows, in words; measures without it are in the files alone."""
+    meaning: str = ""  # what a column of the tables shows; without it, the files alone have it
     digits: int = 1  # digits after the point in the tables
 
     @property
@@ -118,8 +116,7 @@ class Score:
 class ScoringConfig:
     """How cleaned hands are measured."""
 
-    source: HandSource = "embedded"
-    """Hand model whose mesh is fitted where a method gives keypoints alone."""
+    source: HandSource = "embedded"  # hand model of fitted meshes
     mano_dir: Path | None = None
     close_frames: int = 20
     """Most frames of a clip in which the expensive metrics, intersection volume and contact on the

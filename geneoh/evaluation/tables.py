@@ -19,10 +19,8 @@ class Cell:
     """One measure of one method under one noise."""
 
     mean: float  # mean over clips, then over seeds
-    deviation: float | None
-    """Standard deviation over seeds of the mean over clips; None with one seed."""
-    low: float | None
-    """Lower end of the mean's bootstrap interval over clips, or over seeds if there is one clip."""
+    deviation: float | None  # of the mean over clips, over seeds; None with one seed
+    low: float | None  # of the mean's bootstrap interval over clips, or over seeds of one clip
     high: float | None
     count: int  # number of cases with a value
 
@@ -40,8 +38,7 @@ class Block:
     noise: str
     clips: int
     seeds: int
-    cells: dict[str, dict[str, Cell]]
-    """By method, then by measure; measures without any value are left out."""
+    cells: dict[str, dict[str, Cell]]  # by method, then by measure; only with a value
     failed: dict[str, int]  # number of cases without a result, for the methods that have such cases
 
     @property

@@ -20,11 +20,9 @@ from geneoh.evaluation.distributions import WRIST, motion_size, palm_basis
 
 SNIPPET = 30  # frames of a snippet: one second at 30 frames a second
 BLOCK = 36  # frames of a block: a snippet, and a few frames in which it may start
-FRAME_STEP = 3
-"""Every third frame of a snippet is a feature: frames beside each other are nearly the same."""
+FRAME_STEP = 3  # every third frame is a feature: neighbours are nearly the same
 RIDGE = 1e-3  # weight of the squared coefficients in the loss, for feature vectors of unit length
-MOTION_FLOOR = 1e-3
-"""Added to speeds (m/s) and accelerations (m/s²) before their logarithm, against log(0)."""
+MOTION_FLOOR = 1e-3  # added to speeds (m/s) and accelerations (m/s²) against log(0)
 
 View = Literal["place", "hand", "motion"]
 VIEWS: tuple[View, ...] = ("place", "hand", "motion")
@@ -34,9 +32,7 @@ VIEWS: tuple[View, ...] = ("place", "hand", "motion")
 class CrossValidation:
     """How well the classifier does on snippets that it was not trained on."""
 
-    accuracy: float
-    """Balanced accuracy: mean of the two sources' shares that are classified right; 0.5 is
-    chance."""
+    accuracy: float  # balanced: mean of both sources' shares that are right; 0.5 is chance
     snippets: tuple[int, int]  # number of test snippets of either source
 
 

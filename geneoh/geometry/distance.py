@@ -17,8 +17,7 @@ from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.rigid import Rigid
 from geneoh.geometry.solid import as_arrays, build_solid
 
-ON_SURFACE = 1e-7
-"""Distance in metres below which the direction to the surface is noise and its normal is used."""
+ON_SURFACE = 1e-7  # metres below which the direction to the surface is noise: its normal is used
 
 
 @dataclass(frozen=True)
@@ -27,8 +26,7 @@ class SurfaceQuery:
 
     distance: Float[Tensor, "*B P"]  # metres, negative inside
     closest: Float[Tensor, "*B P 3"]
-    normal: Float[Tensor, "*B P 3"]
-    """Unit gradient of the distance: away from the surface outside, towards it inside."""
+    normal: Float[Tensor, "*B P 3"]  # unit gradient of the distance: outward
 
     def linear(self, points: Float[Tensor, "*B P 3"]) -> Float[Tensor, "*B P"]:
         """Signed distance of points close to the queried ones, to first order.

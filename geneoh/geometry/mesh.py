@@ -27,8 +27,7 @@ WELD_TOLERANCE = 1e-6
 """Side in metres of the cells within which vertices are one point of the surface. It does not grow
 with the mesh, because a single far vertex would then merge the whole object."""
 
-SHEET_THICKNESS = 0.002
-"""Wall in metres given to a one-sheet mesh; 2 mm is about the thinnest bowl a hand holds."""
+SHEET_THICKNESS = 0.002  # metres of a sheet's wall: about the thinnest bowl a hand holds
 
 LARGEST_OBJECT, SMALLEST_OBJECT = 2.0, 0.005
 """Range of the longest side of an object that a hand holds, metres; outside of it the unit is
@@ -36,8 +35,7 @@ probably wrong."""
 
 METRES: dict[Unit, float] = {"mm": 0.001, "cm": 0.01, "m": 1.0}  # length of each unit in metres
 
-USUAL_OBJECT = 0.1
-"""Longest side in metres of the objects that hands mostly hold, to tell which unit is likely."""
+USUAL_OBJECT = 0.1  # longest side in metres of most held objects, to tell a likely unit
 
 TINY = 1e-30
 """Length in float64 below which a vector has no direction; torch's own 1e-12 is a possible area."""

@@ -9,8 +9,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-SMALL_ANGLE_SQUARED = 1e-6
-"""Squared angle below which the power series is used: its next term vanishes in float32."""
+SMALL_ANGLE_SQUARED = 1e-6  # below it, the next term of the power series vanishes in float32
 
 
 def axis_angle_to_matrix(axis_angle: Float[Tensor, "*B 3"]) -> Float[Tensor, "*B 3 3"]:

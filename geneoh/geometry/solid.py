@@ -27,10 +27,8 @@ those stay holes of a solid. A scan whose whole base is missing cannot be told f
 PLUGGED_WINDING = 0.25
 """An opening is closed by other shells when their winding number next to its cap exceeds this: it
 is about a half behind a lid, one within a solid plug, and zero in free space."""
-PLUG_OFFSET = 0.05
-"""Distance from the cap of these queries, relative to the root of the opening's area."""
-SMALLEST_SHEET = 1e-3
-"""Share of the mesh's area below which an open shell is too small to need a wall."""
+PLUG_OFFSET = 0.05  # metres from the cap of these queries, per root of the opening's area
+SMALLEST_SHEET = 1e-3  # share of the mesh's area below which an open shell needs no wall
 COARSE = 1.0
 """Accuracy of the first query: three times as fast as libigl's default of 2, and within 0.09 of it
 on a recorded hand around a tool."""

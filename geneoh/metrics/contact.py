@@ -13,8 +13,7 @@ from torch import Tensor
 
 from geneoh.geometry.distance import MovingSurface, SurfaceQuery
 
-TOUCH = 0.005
-"""Metres within which a hand point counts as touching: skin is soft, and meshes are coarse."""
+TOUCH = 0.005  # metres within which a hand point touches: skin is soft, and meshes are coarse
 CONTACT_MAP = 0.002  # metres of the paper's contact map
 FINGERTIP_RADIUS = 0.015  # metres around a tip keypoint in which vertices belong to that fingertip
 CONSISTENCY_DECAY = 100.0

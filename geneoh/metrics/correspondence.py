@@ -20,8 +20,7 @@ from geneoh.geometry.solid import as_arrays
 from geneoh.metrics.contact import CONTACT_MAP
 
 SAMPLES = 8000  # points on an object, as in TOCH, distributed over its parts by area
-RAY_OFFSET = 1e-4
-"""Distance from a point at which its ray may first be blocked by the object (TOCH), metres."""
+RAY_OFFSET = 1e-4  # metres from a point at which its ray may first be blocked by the object (TOCH)
 
 
 def contact_points(

@@ -19,8 +19,7 @@ from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.geometry.solid import Solid
 
 VOXEL = 0.001  # side of a voxel in metres
-BLOCKS = (16, 4)
-"""Sides of the blocks in voxels, from coarse to fine; each divides the previous one."""
+BLOCKS = (16, 4)  # sides of the blocks in voxels; each divides the previous one
 ASKEW = axis_angle_to_matrix(torch.tensor([0.4, 0.9, -0.6], dtype=torch.float64))
 """Axes of the voxels in the part's frame, as columns."""
 
@@ -30,8 +29,7 @@ class OpenSolid:
     """A solid with the holes of its surface, where its inside may end without a surface."""
 
     field: SurfaceDistance
-    holes: Float64[Tensor, "H 3"]
-    """Centre of a ball around the rim of each hole, with its `radius`, metres."""
+    holes: Float64[Tensor, "H 3"]  # centre of a ball around the rim of each hole, metres
     radius: Float64[Tensor, " H"]
 
     def margin(self, points: Float64[Tensor, "N 3"]) -> Float64[Tensor, " N"]:

@@ -16,21 +16,16 @@ from geneoh.viz.scene import DrawnSurface, Scene
 
 FIELD_OF_VIEW = np.deg2rad(28.0)  # angle over the shorter side of a picture, radians
 TURNS = 12  # directions that are tried around the up axis at each elevation
-ELEVATIONS = (-0.5, 0.0, 0.45, 0.95)
-"""Elevations of the tried directions above the horizontal, radians."""
+ELEVATIONS = (-0.5, 0.0, 0.45, 0.95)  # of tried directions above the horizontal, radians
 TRIAL_SIZE = 96  # side in pixels of the pictures that directions are judged by
 JUDGED_FRAMES = 3  # frames that directions are judged by: those with the deepest penetration
-SMOOTHING = 0.2
-"""Standard deviation in seconds of the filter on the camera's path, against a trembling hand."""
+SMOOTHING = 0.2  # seconds of the filter on the camera's path, against a trembling hand
 OBJECT_PULL = 0.5  # how far from the hands to the object's middle the camera looks, as a share
 MAX_OFFSET = 0.05  # how far from the hands it looks at most, metres
-WHOLE_FRAMES = 0.98
-"""Share of the frames in which the hands are inside the picture, wrists included."""
+WHOLE_FRAMES = 0.98  # share of frames in which the hands are whole in the picture
 MARGIN = 1.04  # how much larger the picture is than what must be inside it
-MAX_OBJECT = 0.12
-"""Half the diagonal of the largest object that is certainly inside the picture, metres."""
-DEEP_BONUS = 25.0
-"""A pixel of skin inside the object counts this much more than another pixel of the hand."""
+MAX_OBJECT = 0.12  # half the diagonal of the largest object that is whole in it, metres
+DEEP_BONUS = 25.0  # how much more a pixel of skin inside the object counts than another
 
 Axes = Float[np.ndarray, "3 3"]
 
@@ -41,8 +36,7 @@ class Camera:
 
     axes: Axes  # rows: right, up and back (from the target to the eye)
     target: Float[np.ndarray, " 3"]
-    radius: float
-    """Radius of the ball around the target that fills the shorter side of the picture, metres."""
+    radius: float  # of the ball around the target that fills the shorter side, metres
 
     @property
     def eye(self) -> Float[np.ndarray, " 3"]:

@@ -22,8 +22,7 @@ LIGHTS = (((-0.45, 0.65, 0.62), 0.62), ((0.75, 0.1, 0.4), 0.22), ((0.1, -0.8, 0.
 AMBIENT = 0.42
 SHINE = 0.10
 EDGE_SHADING = 0.5  # how much the far side of a step in depth is darkened, at most
-EDGE_WIDTH = 0.014
-"""Standard deviation of that darkening across the edge, as a share of the picture's height."""
+EDGE_WIDTH = 0.014  # standard deviation of that across the edge, share of the picture's height
 EDGE_TRUNCATE = 2.5  # standard deviations at which it ends
 EDGE_DEPTH = 0.02  # step in depth, metres, from which it is darkest
 

@@ -18,8 +18,7 @@ class Raster:
     """What is in front in each pixel."""
 
     face: Int[np.ndarray, "H W"]  # index of the face, or `NOTHING`
-    nearness: Float[np.ndarray, "H W"]
-    """1 / depth, zero where nothing is: linear over the picture, larger is closer."""
+    nearness: Float[np.ndarray, "H W"]  # 1 / depth, zero where nothing is
 
     @property
     def covered(self) -> Bool[np.ndarray, "H W"]:

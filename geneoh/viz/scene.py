@@ -47,18 +47,14 @@ class PosedTrack(Bundle):
 
     side: Side
     model: HandModel
-    pose: Float[Tensor, "T 16 3"]
-    """Axis-angle in MANO joint order: the track's own, or fitted to its keypoints."""
+    pose: Float[Tensor, "T 16 3"]  # axis-angle, MANO joint order; given or fitted
     wrist: Float[Tensor, "T 3"]
     betas: Float[Tensor, " S"]
     verts: Float[Tensor, "T V 3"]
-    joints: Float[Tensor, "T 21 3"]
-    """The track's own keypoints where it has some, else those of the pose."""
-    distance: Float[Tensor, "T V"]
-    """From vertices to the object, metres, negative inside; beyond 3 cm only a lower bound."""
+    joints: Float[Tensor, "T 21 3"]  # the track's own, else those of the pose
+    distance: Float[Tensor, "T V"]  # metres to the object, negative inside; from 3 cm on a bound
     measures: FrameMeasures
-    joint_spread: Float[Tensor, "T 21"] | None = None
-    """Expected root-mean-square error of each keypoint, metres; see `HandTrack`."""
+    joint_spread: Float[Tensor, "T 21"] | None = None  # metres; see `HandTrack`
 
     @property
     def valid(self) -> Bool[Tensor, " T"]:
@@ -118,8 +114,7 @@ class Scene:
     versions: tuple[Version, ...]  # before, then after; or one alone
     object: ObjectTrack
     fps: float
-    samples: dict[Side, Float[Tensor, "S T 21 3"]]
-    """Keypoints of every sample that the cleaner drew, where the result keeps them."""
+    samples: dict[Side, Float[Tensor, "S T 21 3"]]  # keypoints of all samples, if kept
     object_confidence: Float[Tensor, " T"] | None = None
     """How much the object's poses agree with one another, 0 to 1; None where they all do."""
 

@@ -20,8 +20,7 @@ from geneoh.viz.look import OBJECT_COLOUR, SKIN_COLOUR
 from geneoh.viz.scene import Scene, Version
 
 ADDRESS = "127.0.0.1"  # reachable from this machine only
-SORT_MEASURES = FRAME_MEANS
-"""What results can be sorted by: fields of `geneoh.metrics.report.InteractionReport`."""
+SORT_MEASURES = FRAME_MEANS  # of `geneoh.metrics.report.InteractionReport`
 VERSION_SPACING = 0.35  # metres between before and after, side by side
 
 

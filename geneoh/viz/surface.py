@@ -8,8 +8,7 @@ from jaxtyping import Float, Int
 
 from geneoh.geometry.mesh import Mesh
 
-SHARP_ANGLE = np.deg2rad(50.0)
-"""Faces that meet at more than this angle do not share normals, radians."""
+SHARP_ANGLE = np.deg2rad(50.0)  # faces that meet at more do not share normals, radians
 
 
 def vertex_normals(

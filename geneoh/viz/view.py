@@ -22,8 +22,7 @@ from geneoh.viz.outputs import check_scene_outputs, write
 from geneoh.viz.page import page_html
 from geneoh.viz.scene import Scene, make_scene
 
-Viewable = Denoised | Sequence | Path | str
-"""A result in memory, a sequence, or the npz file of either."""
+Viewable = Denoised | Sequence | Path | str  # in memory, or an npz file
 
 
 @checked_call

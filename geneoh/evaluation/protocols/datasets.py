@@ -30,8 +30,7 @@ from geneoh.synthesis.shards import seed_of
 
 Item = TypeVar("Item")
 
-REACH = 0.15
-"""Largest distance in metres from the wrist to the object at which a hand counts as at it."""
+REACH = 0.15  # largest metres from the wrist to the object of a hand that is at it
 OTHER: dict[Side, Side] = {"right": "left", "left": "right"}
 TEST_OBJECTS = ("mug", "wineglass", "camera", "binoculars", "fryingpan", "toothpaste")
 """GRAB: objects that TOCH keeps out of training."""

@@ -30,8 +30,7 @@ class PaperNoise:
     """Noise that is independent in every frame and parameter."""
 
     law: Law  # distribution of the draws, which are multiplied by the sizes
-    sizes: Sizes
-    """`fingers` has no unit when the noise is drawn on components: it is per coefficient."""
+    sizes: Sizes  # `fingers`, drawn on components, is per coefficient and has no unit
     translation_law: Law | None = None  # distribution for the translation, if it differs
 
 
