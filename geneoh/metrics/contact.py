@@ -29,22 +29,21 @@ def penetration_depth(distance: Float[Tensor, "*B T V"]) -> Float[Tensor, "*B T"
     return (-distance).amax(-1).clamp(min=0)
 
 
-def in_contact(distance: Float[Tensor, "*B T V"], touch: float = TOUCH) -> Bool[Tensor, "*B T"]:
-    """Whether any hand vertex of a frame is inside the object or at most `touch` metres off it."""
-    return distance.amin(-1) <= touch
+def in_contact(distance: Float[Tensor, "*B T V"]) -> Bool[Tensor, "*B T"]:
+    """Whether any hand vertex of a frame is inside the object or at most 5 mm off it."""
+    return distance.amin(-1) <= TOUCH
 
 
 def tips_in_contact(
     distance: Float[Tensor, "*B T V"],
     verts: Float[Tensor, "*B T V 3"],
     tips: Float[Tensor, "*B T 5 3"],
-    touch: float = TOUCH,
 ) -> Bool[Tensor, "*B T 5"]:
     """Whether each fingertip, the vertices within 15 mm of its keypoint, touches the object."""
     # cdist's shortcut through a matrix product is off by a millimetre two metres from the origin
     apart = torch.cdist(tips, verts, compute_mode="donot_use_mm_for_euclid_dist")
     of_tip = apart <= FINGERTIP_RADIUS
-    return (of_tip & (distance <= touch)[..., None, :]).any(-1)
+    return (of_tip & (distance <= TOUCH)[..., None, :]).any(-1)
 
 
 @dataclass(frozen=True)
@@ -120,7 +119,6 @@ def fingertip_slip(
     tips: Float[Tensor, "T 5 3"],
     surface: MovingSurface,
     fps: float,
-    touch: float = TOUCH,
 ) -> Float[Tensor, " T-1"]:
     """Speed in metres per second at which touching fingertips slide over the object, per frame.
 
@@ -134,7 +132,7 @@ def fingertip_slip(
     gap = torch.where(apart <= FINGERTIP_RADIUS, query.distance[:, None], torch.inf)
     nearest, pick = gap[:-1].min(-1)
     frame = torch.arange(len(pick), device=verts.device)[:, None]
-    stays = (nearest <= touch) & (query.distance[frame + 1, pick] <= touch)
+    stays = (nearest <= TOUCH) & (query.distance[frame + 1, pick] <= TOUCH)
     now, later = verts[frame, pick], verts[frame + 1, pick]
     part = surface.at(slice(-1)).part_at(query.closest[frame, pick])
     before, after = surface.pose(frame, part), surface.pose(frame + 1, part)

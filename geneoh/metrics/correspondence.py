@@ -39,9 +39,8 @@ def object_contact(
     faces: Int[Tensor, "F 3"],
     surface: MovingSurface,
     samples: tuple[SurfaceSamples, ...],
-    threshold: float = CONTACT_MAP,
 ) -> Bool[Tensor, "T P"]:
-    """Whether each object point has the hand within the threshold along its ray, part after part.
+    """Whether each object point has the hand within 2 mm along its ray, part after part.
 
     The hand is in the world frame, an opening at its wrist is closed, and a frame without it has no
     contact. `samples` are the points of each part, from `contact_points`.
@@ -53,25 +52,23 @@ def object_contact(
         touched = torch.zeros(len(verts), len(points.points), dtype=torch.bool)
         for frame in torch.nonzero(hands.isfinite().flatten(1).all(-1))[:, 0].tolist():
             hand = Mesh(hands[frame], closed_faces)
-            touched[frame] = rays_meet(hand, field, points, threshold)
+            touched[frame] = rays_meet(hand, field, points)
         maps.append(touched)
     return torch.cat(maps, dim=-1).to(verts.device)
 
 
-def rays_meet(
-    hand: Mesh, field: SurfaceDistance, samples: SurfaceSamples, threshold: float
-) -> Bool[Tensor, " P"]:
-    """Whether each point's correspondence is within the threshold; on the CPU, in part's frame."""
+def rays_meet(hand: Mesh, field: SurfaceDistance, samples: SurfaceSamples) -> Bool[Tensor, " P"]:
+    """Whether each point's correspondence is within 2 mm; on the CPU, in the part's frame."""
     verts, faces = as_arrays(hand)
     points, normals = (x.cpu().double().numpy() for x in (samples.points, samples.normals))
     met = np.zeros(len(points), dtype=bool)
-    around = (points > verts.min(0) - threshold) & (points < verts.max(0) + threshold)
+    around = (points > verts.min(0) - CONTACT_MAP) & (points < verts.max(0) + CONTACT_MAP)
     near, tree = np.flatnonzero(around.all(-1)), igl.AABB()
     if len(near):
         tree.init(verts, faces)
         # a ray is never shorter than the distance, so only near points can be in contact
         squared = np.asarray(tree.squared_distance(verts, faces, points[near])[0])
-        near = near[squared <= threshold**2]
+        near = near[squared <= CONTACT_MAP**2]
     if not len(near):
         return torch.from_numpy(met)
     start = points[near]
@@ -79,5 +76,5 @@ def rays_meet(
     ahead = np.where(inside[:, None], -normals[near], normals[near])
     reach, _ = first_hit(tree, verts, faces, start, ahead)
     blocked = field.first_hit(start + RAY_OFFSET * ahead, ahead) + RAY_OFFSET < reach
-    met[near] = (reach <= threshold) & ~blocked
+    met[near] = (reach <= CONTACT_MAP) & ~blocked
     return torch.from_numpy(met)

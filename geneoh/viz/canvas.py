@@ -51,7 +51,7 @@ class Canvas:
         size: int = 13,
     ) -> None:
         """One frame of each version at its corner, with the time and the depth below it."""
-        pictures = draw(scene, frame, camera, (cell, cell), colouring=colouring)
+        pictures = draw(scene, frame, camera, cell, colouring)
         for version, picture, (left, top) in zip(scene.versions, pictures, corners, strict=True):
             depth = float(version.measures.depth[frame].nan_to_num())
             words = f"{1000 * depth:.1f} mm deep" if depth > 0 else "not inside"

@@ -15,6 +15,7 @@ from geneoh.viz.surface import vertex_normals
 
 Picture = UInt8[np.ndarray, "H W 3"]
 
+SMOOTH = 2  # pixels drawn per side of a pixel shown, against jagged edges
 OVERLAY = 0.28  # opacity of the object over a hand behind its surface
 OVERLAY_END = 0.12  # position on the ramp from which a hand is drawn without the overlay
 LIGHTS = (((-0.45, 0.65, 0.62), 0.62), ((0.75, 0.1, 0.4), 0.22), ((0.1, -0.8, 0.3), 0.10))
@@ -37,26 +38,16 @@ class _Layer:
 
 
 def draw(
-    scene: Scene,
-    frame: int,
-    camera: Camera,
-    size: tuple[int, int],
-    *,
-    colouring: Colouring = "penetration",
-    smooth: int = 2,
+    scene: Scene, frame: int, camera: Camera, side: int, colouring: Colouring = "penetration"
 ) -> list[Picture]:
-    """A picture of each version in one frame; the object is the same in all and drawn once.
-
-    `size` is width and height in pixels; `smooth` pixels are drawn per side of a pixel shown,
-    against jagged edges.
-    """
-    drawn = (size[0] * smooth, size[1] * smooth)
+    """A square picture of each version, of a side in pixels; the object is drawn once for all."""
+    drawn = (side * SMOOTH, side * SMOOTH)
     object_layer = _lit(scene.drawn_object(frame), camera, drawn)
     pictures = []
     for version in scene.versions:
         hands = version.drawn(frame, colouring)
         layers = [object_layer] if hands is None else [object_layer, _lit(hands, camera, drawn)]
-        pictures.append(_reduced(_shaded(*_stacked(layers, drawn), camera), smooth))
+        pictures.append(_reduced(_shaded(*_stacked(layers, drawn), camera)))
     return pictures
 
 
@@ -121,12 +112,12 @@ def _shaded(
     return picture * (1 - dark)[..., None]
 
 
-def _reduced(picture: Float[np.ndarray, "drawn_H drawn_W 3"], smooth: int) -> Picture:
-    """The mean of each block of `smooth` by `smooth` pixels, as bytes."""
-    height, width = picture.shape[0] // smooth, picture.shape[1] // smooth
-    blocks = picture.reshape(height, smooth, width, smooth, 3)
+def _reduced(picture: Float[np.ndarray, "drawn_H drawn_W 3"]) -> Picture:
+    """The mean of each block of `SMOOTH` by `SMOOTH` pixels, as bytes."""
+    height, width = picture.shape[0] // SMOOTH, picture.shape[1] // SMOOTH
+    blocks = picture.reshape(height, SMOOTH, width, SMOOTH, 3)
     # sums of slices: several times faster than a mean over two axes
     total = np.zeros((height, width, 3), dtype=np.float32)
-    for row, column in np.ndindex(smooth, smooth):
+    for row, column in np.ndindex(SMOOTH, SMOOTH):
         total += blocks[:, row, :, column]
-    return ((total / smooth**2).clip(0, 1) * 255 + 0.5).astype(np.uint8)
+    return ((total / SMOOTH**2).clip(0, 1) * 255 + 0.5).astype(np.uint8)

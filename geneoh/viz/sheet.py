@@ -83,7 +83,7 @@ def contact_sheet(
         scene = grasp_scene(clip)
         measures = scene.versions[0].measures
         left, top = index % columns * width, index // columns * height
-        (picture,) = draw(scene, 0, cameras(scene, Look().upward)[0], (cell, cell))
+        (picture,) = draw(scene, 0, cameras(scene, Look().upward)[0], cell)
         canvas.paste(picture, left, top)
         title = Path(scene.title).stem.replace("_", " ")
         canvas.write(title, left + 8, top + cell + 2)
