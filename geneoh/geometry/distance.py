@@ -160,7 +160,13 @@ class MovingSurface:
             normal = local.normal @ pose_world_part.rotation.transpose(-1, -2)
             closest = pose_world_part.apply(local.closest)
             found.append(SurfaceQuery(local.distance, closest, normal))
-        return nearest_of(found)
+        if len(found) == 1:
+            return found[0]
+        distance, nearest = torch.stack([query.distance for query in found]).min(0)
+        index = nearest[None, ..., None].expand(1, *nearest.shape, 3)
+        closest = torch.stack([query.closest for query in found]).gather(0, index)[0]
+        normal = torch.stack([query.normal for query in found]).gather(0, index)[0]
+        return SurfaceQuery(distance, closest, normal)
 
     def part_at(self, points: Float[Tensor, "T K 3"]) -> Int[Tensor, "T K"]:
         """The part on whose surface each point lies."""
@@ -190,14 +196,3 @@ class MovingSurface:
             turned = (turn @ outward[..., None])[..., 0]
             normal = torch.where(nearer[:, None], turned, normal)
         return reach, normal
-
-
-def nearest_of(found: list[SurfaceQuery]) -> SurfaceQuery:
-    """Of several surfaces, at each point that with the least signed distance."""
-    if len(found) == 1:
-        return found[0]
-    distance, part = torch.stack([query.distance for query in found]).min(0)
-    index = part[None, ..., None].expand(1, *part.shape, 3)
-    closest = torch.stack([query.closest for query in found]).gather(0, index)[0]
-    normal = torch.stack([query.normal for query in found]).gather(0, index)[0]
-    return SurfaceQuery(distance, closest, normal)

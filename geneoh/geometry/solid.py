@@ -151,7 +151,12 @@ def opening_caps(
     mesh: Mesh, patches: Int[Tensor, " F"], patch_area: Float[Tensor, " N"]
 ) -> dict[int, list[Float[Tensor, "C 3"]]]:
     """For each patch with large openings: points on both sides of each opening's cap."""
-    start, end, loops, owner = boundary_loops(mesh, patches)
+    edges, chain = rims(mesh.faces)
+    owners = patches[:, None].expand(-1, 3)[open_edges(mesh.faces)]
+    # Two patches may touch in a vertex, so loops are told apart by their patch as well.
+    names, loops = torch.unique(chain * len(patch_area) + owners, return_inverse=True)
+    start, end = mesh.verts.double()[edges].unbind(1)
+    owner = names % len(patch_area)
     caps: dict[int, list[Tensor]] = {}
     if len(owner) == 0:
         return caps
@@ -168,19 +173,6 @@ def opening_caps(
         sides = torch.cat([centre[loop] + spread + aside, centre[loop] + spread - aside])
         caps.setdefault(int(owner[loop]), []).append(sides)
     return caps
-
-
-def boundary_loops(
-    mesh: Mesh, patches: Int[Tensor, " F"]
-) -> tuple[Float64[Tensor, "E 3"], Float64[Tensor, "E 3"], Int[Tensor, " E"], Int[Tensor, " L"]]:
-    """Start and end point of each open edge, the loop it belongs to, and the patch of each loop."""
-    edges, chain = rims(mesh.faces)
-    owners = patches[:, None].expand(-1, 3)[open_edges(mesh.faces)]
-    # Two patches may touch in a vertex, so loops are told apart by their patch as well.
-    count = int(patches.max()) + 1
-    names, loops = torch.unique(chain * count + owners, return_inverse=True)
-    start, end = mesh.verts.double()[edges].unbind(1)
-    return start, end, loops, names % count
 
 
 def is_plugged(

@@ -105,7 +105,9 @@ def shared_voxels(hand: OpenSolid, part: OpenSolid, voxel: float) -> int:
         deepest = margin.amax(-1)
         count += int((deepest < -half).sum()) * size**3
         undecided = deepest.abs() <= half
-        corners = smaller_blocks(corners[undecided], size, smaller)
+        steps = torch.arange(0, size, smaller)
+        inner = torch.cartesian_prod(steps, steps, steps)
+        corners = (corners[undecided][:, None] + inner).reshape(-1, 3)
         unsure = (margin[undecided] >= -half).repeat_interleave((size // smaller) ** 3, dim=0)
     centers = centers_of(corners, 1, voxel)
     inside = torch.ones(len(centers), dtype=torch.bool)
@@ -129,9 +131,3 @@ def blocks_around(first: Solid, second: Solid, size: int, voxel: float) -> Int[T
         return torch.zeros(0, 3, dtype=torch.long)
     ends = zip(low.floor().long().tolist(), high.floor().long().tolist(), strict=True)
     return torch.cartesian_prod(*(torch.arange(a, b + 1) for a, b in ends)) * size
-
-
-def smaller_blocks(corners: Int[Tensor, "N 3"], size: int, smaller: int) -> Int[Tensor, "M 3"]:
-    """Lower corners of the smaller blocks that larger blocks are divided into."""
-    steps = torch.arange(0, size, smaller)
-    return (corners[:, None] + torch.cartesian_prod(steps, steps, steps)).reshape(-1, 3)

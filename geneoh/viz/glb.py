@@ -157,8 +157,12 @@ def _add_part(document: _Document, scene: Scene, part: int, times: int) -> int:
     mesh = scene.object.meshes[part]
     verts, faces = mesh.verts.numpy().astype(np.float32), mesh.faces.numpy()
     node = _add_mesh(document, scene.part_name(part), verts[None], faces, OBJECT_COLOUR)
-    quat_wxyz, translation = scene.part_motion(part)
-    quat_xyzw = _unbroken(quat_wxyz)[:, [1, 2, 3, 0]]
+    quat, translation = scene.part_motion(part)
+    # the same rotations, with the signs of quaternions chosen to be continuous over time
+    agrees = (quat[1:] * quat[:-1]).sum(-1) >= 0
+    quat = quat * np.cumprod(np.where(np.concatenate([[True], agrees]), 1.0, -1.0))[:, None]
+    quat = (quat / np.linalg.norm(quat, axis=-1, keepdims=True)).astype(np.float32)
+    quat_xyzw = quat[:, [1, 2, 3, 0]]
     document.tables["nodes"][node] |= {
         "rotation": quat_xyzw[0].tolist(),
         "translation": translation[0].tolist(),
@@ -166,11 +170,3 @@ def _add_part(document: _Document, scene: Scene, part: int, times: int) -> int:
     document.animate(node, "rotation", times, document.accessor(quat_xyzw))
     document.animate(node, "translation", times, document.accessor(translation))
     return node
-
-
-def _unbroken(quat: Float[np.ndarray, "T 4"]) -> Float[np.ndarray, "T 4"]:
-    """The same rotations, with the signs of quaternions chosen to be continuous over time."""
-    agrees = (quat[1:] * quat[:-1]).sum(-1) >= 0
-    sign = np.cumprod(np.where(np.concatenate([[True], agrees]), 1.0, -1.0))
-    quat = quat * sign[:, None]
-    return (quat / np.linalg.norm(quat, axis=-1, keepdims=True)).astype(np.float32)
