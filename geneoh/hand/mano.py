@@ -29,6 +29,8 @@ from geneoh.hand.model import HandModel
 from geneoh.hand.skeleton import PARENTS
 
 ENVIRONMENT = "GENEOH_MANO_DIR"
+LARGEST = 2**32
+"""No number of a MANO file is larger: the parent of the root is stored as 2**32 - 1."""
 HOME = "https://mano.is.tue.mpg.de"
 FOLDERS = ("", "models", "mano", "mano_v1_2/models")
 """Where in the given folder the files are looked for: as unpacked, or as smplx wants them."""
@@ -149,10 +151,10 @@ def _read_fields(path: Path, needed: tuple[str, ...] = FIELDS) -> dict[str, np.n
 def _array(path: Path, name: str, value: Any) -> np.ndarray:
     """One field as an array of numbers."""
     array = value if isinstance(value, np.ndarray) else np.zeros(0, dtype=object)
-    if array.dtype.kind not in "fiu" or not np.isfinite(array).all():
+    if array.dtype.kind not in "fiu" or not (np.abs(array.astype(float)) <= LARGEST).all():
         got = array.dtype if isinstance(value, np.ndarray) else type(value).__name__
         raise InputError(
-            f"{path}: '{name}' must hold finite numbers, got {got}; "
+            f"{path}: '{name}' must hold finite numbers up to {LARGEST}, got {got}; "
             f"use the official file from {HOME}"
         )
     return array
