@@ -19,7 +19,7 @@ from torch import Tensor
 from geneoh.bundle import Bundle
 from geneoh.geometry.distance import SurfaceDistance
 from geneoh.geometry.mesh import Mesh
-from geneoh.objects.consistency import Chain, longest_chain
+from geneoh.objects.consistency import Chain, longest_chain, runs
 from geneoh.objects.smoothing import increments, noise_level, smooth_points, smooth_rotations
 from geneoh.objects.symmetry import Symmetry, box_center, find_symmetry
 from geneoh.sequence.sequence import ObjectTrack
@@ -36,8 +36,9 @@ TURN_CHANGE, MOTION_LIMIT = 0.21, 5.0
 more at fewer, or by so many times its median turn."""
 SHORTEST = 16
 """Frames below which noise cannot be told from motion."""
-AGREES = 8.0
-"""Deviations of the noise up to which a part's middle counts where its rotation jumps."""
+AGREES = 30.0
+"""Second difference of a part's place, in deviations of its noise, up to which the place counts
+where the rotation jumps."""
 LEAST_STRETCH = 6
 """Frames between two jumps below which a stretch is left as it is."""
 
@@ -85,19 +86,21 @@ class ObjectExamination(Bundle):
                 )
 
 
+Poses = tuple[Float64[np.ndarray, "T 3 3"], Float64[np.ndarray, "T 3"]]
+
+
 @dataclass(frozen=True)
 class CleanPart:
-    """The clean track of one part, and what was found in it; see `ObjectExamination`."""
+    """The clean poses of one part, and what was found in it; see `ObjectExamination`."""
 
-    rotation: Float64[np.ndarray, "T 3 3"]
-    translation: Float64[np.ndarray, "T 3"]
-    rotation_noise: float
-    translation_noise: float
+    poses: Poses
+    aligned: Poses
     confidence: Float64[np.ndarray, " T"]
     left_out: Bool[np.ndarray, " T"]
     symmetric: Bool[np.ndarray, " T"]
-    is_noisy: bool
-    aligned: tuple[Float64[np.ndarray, "T 3 3"], Float64[np.ndarray, "T 3"]]
+    rotation_noise: float = 0.0
+    translation_noise: float = 0.0
+    is_noisy: bool = False
 
 
 def clean_object(motion: ObjectTrack, fps: float) -> tuple[ObjectTrack, ObjectExamination]:
@@ -105,32 +108,24 @@ def clean_object(motion: ObjectTrack, fps: float) -> tuple[ObjectTrack, ObjectEx
 
     The very same track comes back where all parts are exact. Nothing is asked of the hand.
     """
-    device = motion.rotation.device
-    seen = torch.ones_like(motion.rotation[..., 0, 0]) if motion.valid is None else motion.valid
-    rotation, translation = motion.rotation.cpu().clone(), motion.translation.cpu().clone()
+    given = (motion.rotation.double().cpu().numpy(), motion.translation.double().cpu().numpy())
+    seen = np.ones(given[0].shape[:2], dtype=bool)
+    if motion.valid is not None:
+        seen = motion.valid.cpu().bool().numpy()
     parts = [
-        clean_part(turns.double().numpy(), places.double().numpy(), mesh, fps, found)
-        for turns, places, mesh, found in zip(
-            rotation.unbind(1),
-            translation.unbind(1),
-            motion.meshes,
-            seen.cpu().bool().T.numpy(),
-            strict=True,
-        )
-    ]
-    for index, part in enumerate(parts):
-        if part.is_noisy:
-            rotation[:, index] = torch.from_numpy(part.rotation).to(rotation)
-            translation[:, index] = torch.from_numpy(part.translation).to(translation)
-
-    given = [
-        torch.stack([torch.from_numpy(part.aligned[i]) for part in parts], 1).to(values)
-        for i, values in enumerate((motion.rotation, motion.translation))
+        clean_part((given[0][:, part], given[1][:, part]), mesh, fps, seen[:, part])
+        for part, mesh in enumerate(motion.meshes)
     ]
 
     def stacked(name: str, dtype: torch.dtype) -> Tensor:
         values = np.stack([np.asarray(getattr(part, name)) for part in parts], axis=-1)
-        return torch.from_numpy(values).to(device, dtype)
+        return torch.from_numpy(values).to(motion.rotation.device, dtype)
+
+    def track(poses: list[Poses]) -> ObjectTrack:
+        turns, places = (torch.from_numpy(np.stack(v, axis=1)) for v in zip(*poses, strict=True))
+        return replace(
+            motion, rotation=turns.to(motion.rotation), translation=places.to(motion.translation)
+        )
 
     examined = ObjectExamination(
         rotation_noise=stacked("rotation_noise", torch.float32),
@@ -139,78 +134,102 @@ def clean_object(motion: ObjectTrack, fps: float) -> tuple[ObjectTrack, ObjectEx
         left_out=stacked("left_out", torch.bool),
         symmetric=stacked("symmetric", torch.bool),
         is_noisy=stacked("is_noisy", torch.bool),
-        aligned=replace(motion, rotation=given[0], translation=given[1]),
+        aligned=track([part.aligned for part in parts]),
     )
     if not any(part.is_noisy for part in parts):
         return motion, examined
-    clean = replace(motion, rotation=rotation.to(device), translation=translation.to(device))
-    return clean, examined
+    return track([part.poses for part in parts]), examined
 
 
-def clean_part(
-    turns: Float64[np.ndarray, "T 3 3"],
-    places: Float64[np.ndarray, "T 3"],
-    mesh: Mesh,
-    fps: float,
-    seen: Bool[np.ndarray, " T"],
-) -> CleanPart:
+def clean_part(poses: Poses, mesh: Mesh, fps: float, seen: Bool[np.ndarray, " T"]) -> CleanPart:
     """One part's track without its noise, and what was found in it; frames not `seen` are filled.
 
     Filled frames have no weight and no confidence.
     """
-    nowhere = np.zeros(len(turns), dtype=bool)
-    exact = CleanPart(
-        turns, places, 0.0, 0.0, seen.astype(float), nowhere, nowhere, False, (turns, places)
-    )
+    nowhere = np.zeros(len(seen), dtype=bool)
+    exact = CleanPart(poses, poses, seen.astype(float), nowhere, nowhere)
     if seen.sum() < SHORTEST:
         return exact
-    rotations = Rotation.from_matrix(turns)
-    middles = (
-        rotations.apply(box_center(mesh)) + places
-    )  # where noise of the rotation moves nothing
+    rotations, places = Rotation.from_matrix(poses[0]), poses[1]
     steps = increments(rotations)
-    fourth_turns, fourth_places = np.diff(steps, n=3, axis=0), np.diff(middles, n=4, axis=0)
-    bound, whole = max(1.0, (30 / fps) ** 2), in_a_row(seen)
-    shakes = quiet_noise(fourth_turns[whole]) > bound * EXACT_ROTATION
-    shakes |= quiet_noise(fourth_places[whole]) > bound * EXACT_TRANSLATION
+    shakes = is_shaky(steps, rotations.apply(box_center(mesh)) + places, seen, fps)
     changes = np.linalg.norm(np.diff(steps, axis=0), axis=1)
     if not shakes and changes.max() < step_limit(steps, fps):
         return exact
     symmetry = find_symmetry(SurfaceDistance(mesh))
-    center = symmetry.center  # rotations of the mesh onto itself leave it where it is
-    middles = rotations.apply(center) + places
-    limit = step_limit(least_steps(turns, symmetry), fps)
-    chain = longest_chain(rotations, limit, symmetry)
+    chain = longest_chain(rotations, step_limit(least_steps(poses[0], symmetry), fps), symmetry)
     chain = replace(chain, kept=chain.kept & seen)
+    # rotations of the mesh onto itself leave the center where it is
+    middles = rotations.apply(symmetry.center) + places
     rotations = rotations * Rotation.from_matrix(chain.onto_itself)
-    aligned = rotations.as_matrix(), middles - rotations.apply(center)
-    rotation_noise = noise_level(fourth_differences(rotations, chain.kept), 4)
-    translation_noise = noise_level(np.diff(middles, n=4, axis=0)[whole], 4)
-    clean, weight = smooth_stretches(rotations, chain, max(rotation_noise, EXACT_ROTATION / 4))
+    places = middles - rotations.apply(symmetry.center)
+    center = steadiest(rotations, places, (symmetry.center, np.zeros(3)))
+    return smoothed(rotations, places, center, chain, seen, shakes)
+
+
+def is_shaky(
+    steps: np.ndarray, middles: np.ndarray, seen: Bool[np.ndarray, " T"], fps: float
+) -> bool:
+    """Whether a part shakes, by its turns (N, 3) and by its middle, which turns do not move."""
+    bound, whole = max(1.0, (30 / fps) ** 2), in_a_row(seen)
+    turned = quiet_noise(np.diff(steps, n=3, axis=0)[whole]) > bound * EXACT_ROTATION
+    return turned or quiet_noise(np.diff(middles, n=4, axis=0)[whole]) > bound * EXACT_TRANSLATION
+
+
+def smoothed(
+    rotations: Rotation,
+    places: Float64[np.ndarray, "T 3"],
+    center: Float64[np.ndarray, " 3"],
+    chain: Chain,
+    seen: Bool[np.ndarray, " T"],
+    shakes: bool,
+) -> CleanPart:
+    """A part's track from its chain: smooth where it shakes, else as it is in kept frames."""
+    middles = rotations.apply(center) + places
+    fourth = np.diff(increments(rotations), n=3, axis=0), np.diff(middles, n=4, axis=0)
+    noise = [
+        noise_level(values[in_a_row(frames)], 4)
+        for values, frames in zip(fourth, (chain.kept, seen), strict=True)
+    ]
+    clean, weight = smooth_stretches(rotations, chain, max(noise[0], EXACT_ROTATION / 4))
     if shakes:
-        noise = max(translation_noise, EXACT_TRANSLATION / 4)
-        trusted = seen
-        if not chain.kept[seen].all():  # where a flip is not about the middle, that jumps as well
-            near, _ = smooth_points(middles, chain.kept, noise)
-            off = np.linalg.norm(middles - near, axis=1)
-            trusted = chain.kept | (seen & (off < AGREES * noise))
-        middles, sure = smooth_points(middles, trusted, noise)
+        least = max(noise[1], EXACT_TRANSLATION / 4)
+        middles, sure = smooth_points(middles, steady(middles, chain.kept, least) & seen, least)
         weight = np.minimum(weight, sure)
     else:  # frames that agree are exact
         kept = chain.kept[:, None, None]
         clean = Rotation.from_matrix(np.where(kept, rotations.as_matrix(), clean.as_matrix()))
     changed = np.abs(chain.onto_itself - np.eye(3)).max((1, 2)) > 1e-3
     return CleanPart(
-        clean.as_matrix(),
-        middles - clean.apply(center),
-        rotation_noise,
-        translation_noise,
+        (clean.as_matrix(), middles - clean.apply(center)),
+        (rotations.as_matrix(), places),
         weight,
         ~chain.kept & seen,
         chain.kept & changed,
-        True,
-        aligned,
+        *noise,
+        is_noisy=True,
     )
+
+
+def steadiest(
+    rotations: Rotation, places: Float64[np.ndarray, "T 3"], points: tuple[np.ndarray, ...]
+) -> Float64[np.ndarray, " 3"]:
+    """The point of a part about which its noise turns: of some, the one that moves most evenly."""
+    bends = [np.diff(rotations.apply(point) + places, n=2, axis=0) for point in points]
+    return points[int(np.argmin([np.linalg.norm(bend, axis=1).mean() for bend in bends]))]
+
+
+def steady(
+    places: Float64[np.ndarray, "T 3"], kept: Bool[np.ndarray, " T"], noise: float
+) -> Bool[np.ndarray, " T"]:
+    """The frames that are kept, and the runs of others into which the place does not jump."""
+    bends = np.linalg.norm(np.diff(places, n=2, axis=0), axis=1)
+    jumps = np.pad(bends > AGREES * noise, 1, mode="edge")
+    found = kept.copy()
+    for run in runs(~kept):
+        edges = np.array([run.start - 1, run.start, run.stop - 1, run.stop])
+        found[run] = not jumps[edges.clip(0, len(kept) - 1)].any()
+    return found
 
 
 def step_limit(steps: np.ndarray, fps: float) -> float:
@@ -229,11 +248,6 @@ def least_steps(turns: np.ndarray, symmetry: Symmetry) -> np.ndarray:
             for i, (a, b) in enumerate(pairwise(turns))
         ]
     )
-
-
-def fourth_differences(rotations: Rotation, kept: np.ndarray) -> np.ndarray:
-    """Fourth differences (N, 3) of a rotation where five frames in a row are kept, else all."""
-    return np.diff(increments(rotations), n=3, axis=0)[in_a_row(kept)]
 
 
 def in_a_row(kept: Bool[np.ndarray, " T"]) -> Bool[np.ndarray, " N"]:

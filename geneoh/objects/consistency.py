@@ -53,31 +53,50 @@ def longest_chain(rotations: Rotation, limit: float, symmetry: Symmetry) -> Chai
     rate = np.zeros((count, 3))
     for frame in range(1, count):
         earlier = np.arange(max(0, frame - LOOK_BACK), frame)
-        carried = onto[earlier]  # the track as it is, if the frames before needed no other change
-        apart = (frame - earlier)[:, None]
-        ahead = aligned[earlier] @ Rotation.from_rotvec(rate[earlier] * apart).as_matrix()
-        here = matrices[frame] @ carried
-        plain = np.minimum(angles(aligned[earlier], here), angles(ahead, here))
-        other, least = symmetry.nearest(matrices[frame], aligned[earlier])
-        reach = limit * np.sqrt(frame - earlier)
-        changed = (plain >= reach) & (least < reach)
-        angle = np.where(changed, least, plain)
-        worth = value[earlier] + 1 - SKIPPED * (frame - earlier - 1) - USED_SYMMETRY * changed
+        apart = frame - earlier
+        ahead = Rotation.from_rotvec(rate[earlier] * apart[:, None]).as_matrix()
+        rest = aligned[earlier]
+        # the track as it is, if the frames before needed no other change
+        reach, carried = limit * np.sqrt(apart), onto[earlier]
+        found = nearest_turn(matrices[frame], (rest, rest @ ahead), carried, reach, symmetry)
+        angle, changed, turned = found
+        worth = value[earlier] + 1 - SKIPPED * (apart - 1) - USED_SYMMETRY * changed
         worth -= np.where(angle < reach, TURNED * angle / limit, JUMPED)
         best = int(worth.argmax())
         if worth[best] > value[frame]:
             value[frame], before[frame] = worth[best], earlier[best]
             jumped[frame] = angle[best] >= reach[best]
-            onto[frame] = other[best] if changed[best] else carried[best]
+            onto[frame] = turned[best]
             aligned[frame] = matrices[frame] @ onto[frame]
-            step = Rotation.from_matrix(aligned[earlier[best]].T @ aligned[frame])
+            step = Rotation.from_matrix(rest[best].T @ aligned[frame])
             rate[frame] = 0 if jumped[frame] else step.as_rotvec() / apart[best]
     kept = np.zeros(count, dtype=bool)
     frame = int(value.argmax())
     while frame >= 0:
         kept[frame], frame = True, int(before[frame])
-    onto = onto @ commonest(onto[kept]).T
+    onto[kept] = onto[kept] @ commonest(onto[kept]).T
+    onto[~kept] = np.eye(3)
     return Chain(kept, onto, tuple(np.flatnonzero(kept & jumped).tolist()))
+
+
+def nearest_turn(
+    matrix: Float64[np.ndarray, "3 3"],
+    expected: tuple[Float64[np.ndarray, "N 3 3"], Float64[np.ndarray, "N 3 3"]],
+    carried: Float64[np.ndarray, "N 3 3"],
+    reach: Float64[np.ndarray, " N"],
+    symmetry: Symmetry,
+) -> tuple[Float64[np.ndarray, " N"], Bool[np.ndarray, " N"], Float64[np.ndarray, "N 3 3"]]:
+    """How far a rotation is from resting and from turning on, after a rotation onto itself.
+
+    Returns:
+        Radians, whether a new rotation of the mesh onto itself was needed to come within `reach`,
+        and the rotation onto itself.
+    """
+    plain = np.minimum(*(angles(turn, matrix @ carried) for turn in expected))
+    other, least = symmetry.nearest(matrix, expected[0])
+    changed = (plain >= reach) & (least < reach)
+    onto = np.where(changed[:, None, None], other, carried)
+    return np.where(changed, least, plain), changed, onto
 
 
 def angles(
@@ -93,3 +112,9 @@ def commonest(rotations: Float64[np.ndarray, "N 3 3"]) -> Float64[np.ndarray, "3
         rotations.round(3).reshape(-1, 9) + 0.0, axis=0, return_index=True, return_counts=True
     )
     return rotations[first[count.argmax()]]
+
+
+def runs(chosen: Bool[np.ndarray, " T"]) -> list[slice]:
+    """The stretches of chosen frames."""
+    edges = np.flatnonzero(np.diff(np.pad(chosen, 1).astype(int)))
+    return [slice(start, stop) for start, stop in edges.reshape(-1, 2).tolist()]

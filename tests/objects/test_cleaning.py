@@ -158,3 +158,27 @@ def test_short_tracks_are_taken_as_exact():
     motion = shaken(lifted(WEDGE), 5.0, 0.01)
     short = replace(motion, rotation=motion.rotation[:10], translation=motion.translation[:10])
     assert clean_object(short, FPS)[0] is short
+
+
+def test_the_place_is_followed_while_the_part_flips_about_another_point_than_its_middle():
+    phase = np.clip((np.arange(FRAMES) - 60) / 12, 0, 1)
+    path = np.outer((1 - np.cos(np.pi * phase)) / 2, [0.1, 0.2, 0.1])
+    motion = track_of(WEDGE, np.tile(np.eye(3), (FRAMES, 1, 1)), path)
+    noisy = shaken(motion, 1.0, 0.002)
+    rotation = noisy.rotation.clone()
+    rotation[57:75] = rotation[57:75] @ torch.tensor([[-1.0, 0, 0], [0, -1, 0], [0, 0, 1]])
+    clean, found = clean_object(replace(noisy, rotation=rotation), FPS)
+    assert found.left_out[57:75].all()
+    assert float((clean.translation - motion.translation).norm(dim=-1).max()) < 0.02
+
+
+def test_left_out_poses_are_given_as_they_were_beside_others_that_are_turned_back():
+    motion = lifted(CAN)
+    spin = np.random.default_rng(1).uniform(-np.pi, np.pi, FRAMES) * (np.arange(FRAMES) % 3 > 0)
+    onto = Rotation.from_rotvec(np.outer(spin, [0, 0, 1])).as_matrix()
+    rotation = (motion.rotation[:, 0].double().numpy() @ onto)[:, None]
+    rotation[50:54] = rotation[50:54] @ np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+    noisy = replace(motion, rotation=torch.from_numpy(rotation).float())
+    _, found = clean_object(noisy, FPS)
+    assert found.left_out[50:54].all()
+    assert torch.allclose(found.aligned.rotation[50:54], noisy.rotation[50:54], atol=1e-6)
