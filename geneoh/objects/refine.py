@@ -3,8 +3,9 @@
 Smoothing takes the white noise out of a track. The noise of estimators also drifts, which looks
 like motion. But an object moves for one reason only: a hand moves it. So the track and a drift of
 its observation are solved for together, by least squares over all frames: wherever drift alone may
-explain that the object does not seem to rest, in the world or in a hand, it rests there. No pose is
-taken farther from the smooth track than its noise explains.
+explain that the object does not seem to rest, in the world or in a hand, it rests there. A hand
+that holds it loosely has it back in the same grip, give or take what it was seen to move in the
+hand beyond its noise. No pose is taken farther from the smooth track than its noise explains.
 """
 
 from collections.abc import Sequence
@@ -20,6 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.objects.cleaning import EXACT_ROTATION, EXACT_TRANSLATION, ObjectExamination
+from geneoh.objects.consistency import runs
 from geneoh.objects.smoothing import FREEDOM, LEAST_ACCELERATION, WINDOW
 from geneoh.objects.symmetry import box_center
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
@@ -42,6 +44,18 @@ it shrinks, so that what moves drops out before it can bend the rest."""
 RADIANS_PER_METRE = 6.0
 """The same for turns: 0.35 degrees for a millimetre."""
 ROUNDS = 8
+CHI3_SHARE = 0.789
+"""Median of the mean square of three standard normal numbers."""
+LEAST_GRIP = 0.0025
+"""Deviation per axis of the object in its grip at least, metres: what clean hands are off by."""
+WELL_HELD = 0.01
+"""Deviation in its grip up to which an unseen object is taken there at first, metres."""
+GRIP_FRAMES = 6.0
+"""Frames over which that deviation lasts."""
+GRIP_OUTLIER = 4.0
+"""Squared deviations, in units of the usual ones, from which on an object is not in its grip."""
+SHORTEST_GRIP = 10
+"""Frames near a hand below which nothing is known of the grip."""
 REACH = 0.05
 """Distance in metres between a hand's keypoints and the object's box up to which it may hold it."""
 LARGEST = 3.0
@@ -78,6 +92,24 @@ class Frame:
             Rotation.from_matrix(besides).as_rotvec(),
             places[start + lag] - moved(turn, places[start]) - shift,
         )
+
+
+@dataclass(frozen=True)
+class Grip:
+    """Where an object would be if it did not move in a hand, with weights of turns and places."""
+
+    turns: Rotation
+    places: Track
+    weights: Float64[np.ndarray, "2 T"]
+    """Inverse squares of radians and metres; 0 where the object is not held."""
+
+    def taken(
+        self, start: tuple[Rotation, Track], lost: Bool[np.ndarray, " T"]
+    ) -> tuple[Rotation, Track]:
+        """A track that has this grip in lost frames in which it is held well."""
+        held = (lost & (self.weights[1] * GRIP_FRAMES > WELL_HELD**-2))[:, None]
+        turns = np.where(held[..., None], self.turns.as_matrix(), start[0].as_matrix())
+        return Rotation.from_matrix(turns), np.where(held, self.places, start[1])
 
 
 def refine_object(
@@ -133,16 +165,25 @@ def refine_part(
         np.ones(steps, dtype=bool),
         RESTS,
     )
-    frames = [world, *(frame_of(hand, smooth, part) for hand in hands)]
-    frames = [replace(f, near=f.near & could_rest(f, *first, noise)) for f in frames]
-    turns, places = resting(frames, first, seen, weights, noise, np.exp(-1 / (DRIFT_SECONDS * fps)))
-    step = bounded((turns * first[0].inv()).as_rotvec(), noise[0], confidence > 0)
+    known = confidence > 0
+    frames = [world, *(frame_of(hand, smooth, part, known) for hand in hands)]
+    grips = [grip_of(frame, first, noise, known) for frame in frames[1:]]
+    frames = [replace(f, near=f.near & could_rest(f, *first, noise, known)) for f in frames]
+    start = first
+    for grip in grips:
+        start = grip.taken(start, lost)
+    turns, places = resting(
+        frames, grips, start, seen, weights, noise, np.exp(-1 / (DRIFT_SECONDS * fps))
+    )
+    step = bounded((turns * first[0].inv()).as_rotvec(), noise[0], known)
     turns = Rotation.from_rotvec(step) * first[0]
     places = first[1] + bounded(places - first[1], noise[1], ~lost)
     return turns.as_matrix(), places - turns.apply(center)
 
 
-def frame_of(hand: HandTrack, motion: ObjectTrack, part: int) -> Frame:
+def frame_of(
+    hand: HandTrack, motion: ObjectTrack, part: int, known: Bool[np.ndarray, " T"]
+) -> Frame:
     """The palm of a hand, near the box of a part."""
     assert hand.joints is not None, "clean hands have joints"
     assert hand.pose is not None, "clean hands have a pose"
@@ -152,12 +193,63 @@ def frame_of(hand: HandTrack, motion: ObjectTrack, part: int) -> Frame:
     return Frame(
         axis_angle_to_matrix(hand.pose[:, 0]).double().cpu().numpy(),
         hand.joints[:, list(KNUCKLES)].mean(1).double().cpu().numpy(),
-        (away[1:] < REACH).cpu().numpy(),
+        bridged(away.double().cpu().numpy(), known)[1:] < REACH,
     )
 
 
+def bridged(values: np.ndarray, known: np.ndarray) -> Float64[np.ndarray, " N"]:
+    """Values of a track, unknown ones from those around them; infinite if none is known."""
+    frames = np.arange(len(values))
+    return np.interp(frames, frames[known], values[known]) if known.any() else values + np.inf
+
+
+def grip_of(
+    frame: Frame,
+    smooth: tuple[Rotation, Track],
+    noise: tuple[float, float],
+    known: Bool[np.ndarray, " T"],
+) -> Grip:
+    """The grip of a hand each time that it is near, as far as it is one."""
+    back = frame.rotation.swapaxes(1, 2)
+    turns = Rotation.from_matrix(back @ smooth[0].as_matrix())
+    places = moved(back, smooth[1] - frame.origin)
+    held, weights = places.copy(), np.zeros((2, len(places)))
+    onto = turns.as_matrix()
+    for run in runs(np.append(frame.near, frame.near[-1])):
+        if known[run].sum() >= SHORTEST_GRIP:
+            found = usual_grip(turns[run], places[run], noise, known[run])
+            onto[run], held[run], weights[:, run] = found
+    return Grip(
+        Rotation.from_matrix(frame.rotation @ onto),
+        frame.origin + moved(frame.rotation, held),
+        weights,
+    )
+
+
+def usual_grip(
+    turns: Rotation, places: Track, noise: tuple[float, float], known: Bool[np.ndarray, " T"]
+) -> tuple[Float64[np.ndarray, "3 3"], Float64[np.ndarray, " 3"], Float64[np.ndarray, "2 T"]]:
+    """The pose in the hand that most frames agree on, and the weights of turns and places by it."""
+    turn, place = turns[known].mean(), np.median(places[known], axis=0)
+    for _ in range(ROUNDS):
+        off = np.stack([(turns * turn.inv()).as_rotvec(), places - place])
+        squares = np.square(off).mean(2)
+        usual = np.maximum(np.median(squares[:, known], axis=1) / CHI3_SHARE, np.square(noise))
+        apart = (squares / usual[:, None]).mean(0) / GRIP_OUTLIER
+        weight = known * (1 + apart) ** -2
+        turn, place = turns.mean(weight), np.average(places, axis=0, weights=weight)
+    least = LEAST_GRIP * np.array([RADIANS_PER_METRE, 1])
+    beyond = np.maximum(usual - np.square(noise), least**2)
+    sure = (1 + uniform_filter1d(bridged(apart, known), WINDOW, mode="nearest")) ** -4
+    return turn.as_matrix(), place, sure / GRIP_FRAMES / beyond[:, None]
+
+
 def could_rest(
-    frame: Frame, turns: Rotation, places: Track, noise: tuple[float, float]
+    frame: Frame,
+    turns: Rotation,
+    places: Track,
+    noise: tuple[float, float],
+    known: Bool[np.ndarray, " T"],
 ) -> Bool[np.ndarray, " N"]:
     """Whether drift alone explains how the object moves in a frame, around each step."""
     steps = np.arange(len(places) - 1)
@@ -167,12 +259,13 @@ def could_rest(
         found = frame.left(turns, places, start, LAG)
         drift = np.hypot(noise, (EXACT_ROTATION, EXACT_TRANSLATION))
         units = [np.square(x).sum(1) / 3 / d**2 for x, d in zip(found, drift, strict=True)]
-        least = np.minimum(least, sum(units))
-    return least < MOVES
+        least = np.where(known[start] & known[start + LAG], np.minimum(least, sum(units)), least)
+    return bridged(least, least < np.inf) < MOVES
 
 
 def resting(
     frames: list[Frame],
+    grips: list[Grip],
     first: tuple[Rotation, Track],
     seen: tuple[Rotation, Track],
     weights: tuple[np.ndarray, np.ndarray],
@@ -198,13 +291,16 @@ def resting(
             for frame, step, size in zip(frames, left, sizes, strict=True)
         ]
         moves = [(turn, shift, w) for (turn, shift), w in zip(motion, still, strict=True)]
-        places = solve(seen[1], weights[1], noise[1], stay, loose, moves, 0 * bends[1], stiff[1])
+        held = [(grip.places, grip.weights[1]) for grip in grips]
+        bend = 0 * bends[1]
+        places = solve(seen[1], weights[1], noise[1], stay, loose, held, moves, bend, stiff[1])
         moves = [
             (turn, -turned, w / RADIANS_PER_METRE**2)
             for (turn, _), (turned, _), w in zip(motion, left, still, strict=True)
         ]
         gap, bend = (seen[0] * turns.inv()).as_rotvec(), np.diff(path(turns), n=2, axis=0)
-        step = solve(gap, weights[0], noise[0], stay, loose, moves, -bend, stiff[0])
+        held = [((grip.turns * turns.inv()).as_rotvec(), grip.weights[0]) for grip in grips]
+        step = solve(gap, weights[0], noise[0], stay, loose, held, moves, -bend, stiff[0])
         turns = Rotation.from_rotvec(step) * turns
     return turns, places
 
@@ -222,6 +318,7 @@ def solve(
     noise: float,
     stay: float,
     loose: np.ndarray,
+    held: list[tuple[np.ndarray, np.ndarray]],
     moves: list[tuple[np.ndarray, np.ndarray, np.ndarray]],
     bend: np.ndarray,
     stiff: np.ndarray,
@@ -234,6 +331,7 @@ def solve(
         noise: deviation of the white noise, and of the drift.
         stay: share of the drift that stays from frame to frame.
         loose: how much less the drift may be, in units of its precision.
+        held: for each hand, the points (T, 3) where x is by its grip, and the weights (T,) of that.
         moves: for each frame of reference, turns (N, 3, 3) and shifts (N, 3) by which x moves from
             one frame to the next, and the weights (N,) of that.
         bend: second differences that x should have, with their weights `stiff`.
@@ -247,6 +345,7 @@ def solve(
     drift = sparse.kron(drift + sparse.diags(loose) + one[:1].T @ one[:1], sparse.identity(3))
     matrix, right = sparse.csr_matrix((3 * count, 3 * count)), np.zeros(3 * count)
     rows = [(each(stiff), triple(one[2:] - 2 * one[1:-1] + one[:-2]), bend)]
+    rows += [(each(worth), triple(one), goal) for goal, worth in held]
     for turn, shift, worth in moves:
         back = sparse.block_diag(list(turn), format="csr") @ triple(behind)
         rows.append((each(worth), triple(ahead) - back, shift))

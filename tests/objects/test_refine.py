@@ -10,6 +10,7 @@ from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.objects.cleaning import clean_object
 from geneoh.objects.refine import refine_object
 from geneoh.sequence.gaps import fill_object
+from geneoh.sequence.noise import ornstein_uhlenbeck
 from geneoh.sequence.object_noise import draw_object_noise
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 
@@ -79,6 +80,21 @@ def test_a_carried_object_is_nearer_to_the_truth_than_a_smooth_one(noise, least)
     assert refined < 0.66 * given
 
 
+def test_a_hand_that_holds_an_object_loosely_tells_drift_of_many_times_its_play():
+    truth, hand = scene()
+    play = ornstein_uhlenbeck(
+        torch.randn(FRAMES, 3, generator=torch.Generator().manual_seed(3)), 4.0
+    )
+    loose = replace(hand, joints=hand.joints + 0.003 * play[:, None])
+    errors = []
+    for seed in range(3):
+        smooth, examined = clean_object(shaken(truth, "shaky_10", seed), 30.0)
+        refined = refine_object(smooth, examined, [loose], 30.0)
+        errors.append([off(smooth, truth), off(refined, truth)])
+    smooth, refined = torch.tensor(errors).mean(0)
+    assert refined < 0.75 * smooth
+
+
 def test_frames_without_a_pose_follow_the_hand():
     truth, hand = scene()
     seen = torch.ones(FRAMES, 1, dtype=torch.bool)
@@ -88,6 +104,21 @@ def test_frames_without_a_pose_follow_the_hand():
     gap = ~seen[:, 0]
     assert off(refined[gap], truth[gap]) < 0.5 * off(smooth[gap], truth[gap])
     assert torch.equal(refined.rotation[~gap], truth.rotation[~gap])
+
+
+def test_an_object_that_is_swung_unseen_is_still_held():
+    truth, hand = scene()
+    swing = 0.3 * torch.exp(-((torch.arange(FRAMES) - 107) / 3.0).square())[:, None]
+    swing = swing * torch.eye(3)[2]
+    truth = replace(truth, translation=truth.translation + swing[:, None])
+    hand = replace(hand, joints=hand.joints + swing[:, None])
+    seen = torch.ones(FRAMES, 1, dtype=torch.bool)
+    seen[101:113] = False
+    smooth, examined = clean_object(fill_object(truth, seen), 30.0)
+    refined = refine_object(smooth, examined, [hand], 30.0)
+    gap = ~seen[:, 0]
+    assert off(smooth[gap], truth[gap]) > 60
+    assert off(refined[gap], truth[gap]) < 12
 
 
 def test_each_part_follows_the_hand_that_holds_it_and_exact_ones_stay():
