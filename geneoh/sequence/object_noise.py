@@ -51,11 +51,15 @@ def corrupt_object(
 
 
 def draw_object_noise(
-    noise: ObjectNoise, frames: int, *, generator: torch.Generator
+    noise: ObjectNoise,
+    frames: int,
+    about: Float[Tensor, " 3"] | None = None,
+    *,
+    generator: torch.Generator,
 ) -> tuple[Float[Tensor, "T 3"], Float[Tensor, "T 3"]]:
     """Turns in the object's frame, axis-angle in radians, and shifts in the world, metres.
 
-    Frames without a pose hold NaN.
+    Frames without a pose hold NaN. Flips are about one axis, any unless it is given.
     """
 
     def white_and_drift(size: float) -> Float[Tensor, "T 3"]:
@@ -66,6 +70,7 @@ def draw_object_noise(
     shift = white_and_drift(METRES_PER_DEGREE * DEGREES[noise])
     if noise == "flips":
         axis = torch.nn.functional.normalize(torch.randn(3, generator=generator), dim=0)
+        axis = axis if about is None else about
         for _ in range(max(1, round(FLIP_SHARE * frames / (LONGEST_FLIP / 2)))):
             start = int(torch.randint(frames, (), generator=generator))
             length = int(torch.randint(1, LONGEST_FLIP + 1, (), generator=generator))

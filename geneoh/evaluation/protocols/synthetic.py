@@ -18,6 +18,7 @@ from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh.synthesis.grasps import Grasps, synthesize_grasps
 from geneoh.synthesis.motion import animate
 from geneoh.synthesis.objects import draw_objects
+from geneoh.synthesis.scans import Scans
 from geneoh.synthesis.shards import SynthesisConfig, seed_of
 from geneoh.synthesis.solids import PARTS, Solids
 from geneoh.synthesis.surface import mesh_of
@@ -37,12 +38,12 @@ def find(options: ProtocolOptions) -> list[Clip]:
 
 
 @lru_cache(maxsize=2)
-def draw_clip(family: str, index: int, frames: int) -> Sequence:
-    """An interaction of a right hand with one object of a family; the same at every call."""
+def draw_clip(family: str, index: int, frames: int, scans: Scans | None = None) -> Sequence:
+    """An interaction of a right hand with one object of a family or scan; always the same."""
     generator = torch.Generator().manual_seed(seed_of("evaluation", index))
     betas = SynthesisConfig().shape_std * torch.randn(10, generator=generator)
     hand = load_hand("right").shaped(betas)
-    grasp, solid = draw_grasp(hand, family, generator=generator)
+    grasp, solid = draw_grasp(hand, family, scans, generator=generator)
     moved = animate(grasp, solid, frames, 1, generator=generator)
     pose, wrist = moved.pose[0], moved.wrist[0]
     joints = hand.joints_from_rotations(axis_angle_to_matrix(pose), wrist)
@@ -56,7 +57,7 @@ def draw_clip(family: str, index: int, frames: int) -> Sequence:
 
 
 def draw_grasp(
-    hand: ShapedHand, family: str, *, generator: torch.Generator
+    hand: ShapedHand, family: str, scans: Scans | None = None, *, generator: torch.Generator
 ) -> tuple[Grasps, Solids]:
     """One grasp that passes the checks of synthesis, and its object.
 
@@ -64,7 +65,7 @@ def draw_grasp(
     several grasps the one is taken whose mesh is least deep in the object.
     """
     while True:
-        solids = draw_objects([family] * ATTEMPTS, generator=generator)
+        solids = draw_objects([family] * ATTEMPTS, generator=generator, scans=scans)
         offsets = hand.offsets.expand(ATTEMPTS, 20, 3)
         grasps = synthesize_grasps(solids, offsets, generator=generator)
         if bool(grasps.kept.any()):

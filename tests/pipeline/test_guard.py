@@ -1,0 +1,37 @@
+"""No noise of the object makes a hand worse than its input or a filter that ignores the object."""
+
+from itertools import cycle
+
+import pytest
+import torch
+
+import geneoh
+from geneoh.baselines.filters import TUNED, filtered
+from geneoh.choices import NOISES, OBJECT_NOISES
+from geneoh.sequence.gaps import fill_gaps
+from geneoh.sequence.noise import corrupt_sequence
+from geneoh.sequence.object_noise import corrupt_object
+
+
+def error_and_acceleration(joints, truth) -> tuple[float, float]:
+    """Mean keypoint error in mm, and mean acceleration in mm per frame squared."""
+    off, bends = joints - truth, joints.diff(n=2, dim=0)
+    return tuple(1000 * float(values.norm(dim=-1).mean()) for values in (off, bends))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("noise", "kind"), list(zip(NOISES, cycle(OBJECT_NOISES))))
+def test_a_noisy_object_does_no_harm(clean, noise, kind):
+    clip = clean[30:90]
+    generator = torch.Generator().manual_seed(5)
+    noisy = corrupt_sequence(clip, noise, generator=generator)
+    noisy = corrupt_object(noisy, kind, generator=generator)
+    hand, truth = noisy.hands[0], clip.hands[0].joints
+    result = geneoh.denoise(noisy, preset="fast").sequence.hands[0].joints
+    error, acceleration = error_and_acceleration(result, truth)
+    smooth = filtered(hand, TUNED["savgol", "parameters"], "parameters", noisy.fps)
+    given, filter_ = (error_and_acceleration(j, truth) for j in (fill_gaps(hand).joints, smooth))
+    assert error < 1.05 * min(given[0], filter_[0])
+    # a filter that is best over all noises smooths the motion of a quiet hand as well
+    own = error_and_acceleration(truth, truth)[1]
+    assert acceleration < 1.2 * max(filter_[1], own)

@@ -1,0 +1,1 @@
+"""Tables of docs/objects.md: what noisy objects do to hands, and how well objects are cleaned."""

@@ -1,0 +1,101 @@
+"""Clean clips, and the noise that is put on their hands and objects."""
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import torch
+
+from geneoh.evaluation.protocols.synthetic import draw_clip
+from geneoh.geometry.distance import SurfaceDistance
+from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.objects.symmetry import Symmetry, find_symmetry
+from geneoh.readers.npz_files import load
+from geneoh.sequence.noise import corrupt_sequence
+from geneoh.sequence.object_noise import corrupt_object, draw_object_noise
+from geneoh.sequence.sequence import ObjectTrack, Sequence
+from geneoh.synthesis.scans import Scans, build_scans, read_folder
+from geneoh.synthesis.shards import seed_of
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+FRAMES = 60
+RECORDING = "recording"
+MADE = ("mug", "ycb_035_power_drill.ply")
+"""A family and a scan of which nothing was trained on."""
+ROUND = ("bottle", "cylinder", "bowl", "ball")
+ROUND_SCANS = ("ycb_005_tomato_soup_can.ply", "ycb_024_bowl.ply", "ycb_056_tennis_ball.ply")
+SPINS = "spins"
+"""Noise "flips", about an axis of symmetry of the mesh."""
+
+
+@cache
+def scans() -> Scans:
+    """The scanned objects that the clips need."""
+    found = read_folder(EXAMPLES / "objects")
+    wanted = [n for n, name in enumerate(found.names) if name in (*MADE, *ROUND_SCANS)]
+    return build_scans(
+        replace(
+            found,
+            names=tuple(found.names[n] for n in wanted),
+            meshes=tuple(found.meshes[n] for n in wanted),
+        )
+    )
+
+
+@cache
+def clip_of(name: str) -> Sequence:
+    """The recording, or a made clip of a family or a scan; bottles have no cap."""
+    if name == RECORDING:
+        return load(EXAMPLES / "taco_clean.npz", obj=EXAMPLES / "taco_object.obj")
+    made = draw_clip(name, 0, FRAMES, scans() if name.endswith(".ply") else None)
+    whole = made.object
+    body = ObjectTrack(whole.meshes[:1], whole.rotation[:, :1], whole.translation[:, :1])
+    return replace(made, object=body)
+
+
+@cache
+def symmetry_of(name: str) -> Symmetry:
+    """The symmetry of a clip's object."""
+    return find_symmetry(SurfaceDistance(clip_of(name).object.meshes[0]))
+
+
+def drawn(noise: str, kind: str, *names: object) -> torch.Generator:
+    """The random numbers of one case."""
+    return torch.Generator().manual_seed(seed_of(noise, kind, *names))
+
+
+def with_noisy_hand(clean: Sequence, noise: str, seed: int) -> Sequence:
+    """A clip with a noisy hand, or as it is."""
+    if noise == "clean":
+        return clean
+    return corrupt_sequence(clean, noise, generator=drawn("hand", noise, clean.source, seed))
+
+
+def with_noisy_object(sequence: Sequence, kind: str, seed: int, symmetry: Symmetry) -> Sequence:
+    """A clip with a noisy object, or as it is."""
+    if kind == "exact":
+        return sequence
+    generator = drawn("object", kind, sequence.source, seed)
+    if kind == SPINS:
+        return with_spins(sequence, symmetry, generator)
+    return corrupt_object(sequence, kind, generator=generator)
+
+
+def with_spins(sequence: Sequence, symmetry: Symmetry, generator: torch.Generator) -> Sequence:
+    """Flips about the object's axis of symmetry, or about any axis of a ball."""
+    axis = None
+    if not symmetry.is_ball:
+        step = torch.from_numpy(symmetry.rotations[1] - symmetry.rotations[1].T).float()
+        axis = torch.nn.functional.normalize(
+            torch.stack([step[2, 1], step[0, 2], step[1, 0]]), dim=0
+        )
+    turn, shift = draw_object_noise("flips", sequence.frames, axis, generator=generator)
+    motion, center = sequence.object, torch.from_numpy(symmetry.center).float()
+    turns = axis_angle_to_matrix(turn)
+    shift = shift + (motion.rotation[:, 0] @ (center - turns @ center)[..., None])[..., 0]
+    noisy = replace(
+        motion,
+        rotation=motion.rotation @ turns[:, None],
+        translation=motion.translation + shift[:, None],
+    )
+    return replace(sequence, object=noisy)

@@ -1,0 +1,115 @@
+"""What no refining beats: solvers that are told what only the truth knows."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import torch
+from scipy.ndimage import gaussian_filter1d, uniform_filter1d
+from scipy.spatial.transform import Rotation
+
+from geneoh.objects.cleaning import clean_object
+from geneoh.objects.refine import DRIFT_SECONDS, Frame, path, refine_object, solve
+from geneoh.objects.symmetry import Symmetry
+from geneoh.sequence.object_noise import DEGREES, METRES_PER_DEGREE
+from geneoh.sequence.sequence import ObjectTrack, Sequence
+from tools.noisy_objects.cases import off
+from tools.noisy_objects.clips import MADE, RECORDING, clip_of, symmetry_of, with_noisy_object
+
+FILTERS = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0)
+"""Deviations of the Gaussian filters among which the truth chooses, frames."""
+STILL = 0.0003
+"""True step in metres up to which the object is known to rest."""
+WINDOW = 5
+"""Frames over which the true accelerations are averaged."""
+
+Poses = tuple[Rotation, np.ndarray]
+
+
+def lines_of_limits(seeds: int) -> Iterator[str]:
+    """What is left of an object's error, as a share of the input's, by each solver."""
+    names = ("smoothed", "refined with the true hand", "best filter")
+    names += ("true accelerations and rests", "true motion, one lasting error")
+    yield f"| clip | noise | input, mm | {' | '.join(names)} |"
+    yield "|---" * (3 + len(names)) + "|"
+    for name in (RECORDING, *MADE):
+        clean, symmetry = clip_of(name), symmetry_of(name)
+        for kind in ("shaky_2", "shaky_10"):
+            noisy = [with_noisy_object(clean, kind, seed, symmetry) for seed in range(seeds)]
+            found = np.mean([limits_of(clean, n.object, kind, symmetry) for n in noisy], axis=0)
+            cells = " | ".join(f"{value / found[0]:.2f}" for value in found[1:])
+            yield f"| {name} | {kind} | {found[0]:.1f} | {cells} |"
+
+
+def limits_of(clean: Sequence, given: ObjectTrack, kind: str, symmetry: Symmetry) -> list[float]:
+    """Errors in mm of a noisy track and of what each solver makes of it."""
+    smooth, examined = clean_object(given, clean.fps)
+    refined = refine_object(smooth, examined, clean.hands, clean.fps)
+    truth, seen, start = (poses_of(track) for track in (clean.object, given, smooth))
+    filtered = [track_of(given, along(start, seen, size)) for size in FILTERS]
+    lasting = (truth[0].inv() * seen[0]).as_rotvec().mean(0), (seen[1] - truth[1]).mean(0)
+    moved = truth[0] * Rotation.from_rotvec(lasting[0]), truth[1] + lasting[1]
+    told = told_motion(truth, seen, start, kind, clean.fps)
+
+    def error(track: ObjectTrack) -> float:
+        return float(off(track, clean.object, symmetry).mean())
+
+    best = min(map(error, filtered))
+    return [
+        *map(error, (given, smooth, refined)),
+        best,
+        *(error(track_of(given, poses)) for poses in (told, moved)),
+    ]
+
+
+def poses_of(track: ObjectTrack) -> Poses:
+    """Rotations and positions of the first part."""
+    turns = Rotation.from_matrix(track.rotation[:, 0].double().numpy())
+    return turns, track.translation[:, 0].double().numpy()
+
+
+def track_of(given: ObjectTrack, poses: Poses) -> ObjectTrack:
+    """A track with other poses of its one part."""
+    rotation = torch.from_numpy(poses[0].as_matrix()).to(given.rotation)[:, None]
+    return replace(
+        given, rotation=rotation, translation=torch.from_numpy(poses[1]).to(rotation)[:, None]
+    )
+
+
+def along(start: Poses, seen: Poses, size: float) -> Poses:
+    """A noisy track after a Gaussian filter, its turns along a path near to them."""
+    gap = path(start[0]) + (seen[0] * start[0].inv()).as_rotvec()
+    turned, places = (gaussian_filter1d(x, size, axis=0, mode="nearest") for x in (gap, seen[1]))
+    return Rotation.from_rotvec(turned - path(start[0])) * start[0], places
+
+
+def told_motion(truth: Poses, seen: Poses, start: Poses, kind: str, fps: float) -> Poses:
+    """The solver of `refine_object`, told the noise, the true size of accelerations, and rests."""
+    count = len(seen[1])
+    noise = np.array([np.radians(DEGREES[kind]), METRES_PER_DEGREE * DEGREES[kind]]) / 6**0.5
+    steps = np.linalg.norm(np.diff(truth[1], axis=0), axis=1)
+    steps += 0.05 * np.linalg.norm(np.diff(path(truth[0]), axis=0), axis=1)
+    rest = (steps < STILL) / (STILL / 3) ** 2
+    world = Frame(
+        np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3)), np.ones(count - 1, dtype=bool)
+    )
+    turn, shift = world.step(np.arange(count - 1))
+    bends = [np.square(np.diff(x, n=2, axis=0)).mean(1) for x in (path(truth[0]), truth[1])]
+    stiff = [
+        1 / (uniform_filter1d(b, WINDOW) + (0.02 * n) ** 2)
+        for b, n in zip(bends, noise, strict=True)
+    ]
+    stay, ones, none = np.exp(-1 / (DRIFT_SECONDS * fps)), np.ones(count), np.zeros((count - 2, 3))
+    plain = ones, 0 * ones
+    places = solve(
+        seen[1], plain[0], noise[1], stay, plain[1], [], [(turn, shift, rest)], none, stiff[1]
+    )
+    turns = start[0]
+    for _ in range(4):
+        gap, steps = (seen[0] * turns.inv()).as_rotvec(), np.diff(path(turns), axis=0)
+        moves = [(turn, -steps, rest / 36)]
+        change = solve(
+            gap, plain[0], noise[0], stay, plain[1], [], moves, -np.diff(steps, axis=0), stiff[0]
+        )
+        turns = Rotation.from_rotvec(change) * turns
+    return turns, places

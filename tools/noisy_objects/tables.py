@@ -1,0 +1,88 @@
+"""Which cases each table needs, and its lines."""
+
+from collections import defaultdict
+from collections.abc import Iterator
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+
+from geneoh.choices import NOISES, OBJECT_NOISES
+from tools.noisy_objects.cases import Case, Scores, rows
+from tools.noisy_objects.clips import MADE, RECORDING, ROUND, ROUND_SCANS, SPINS
+
+KINDS = ("exact", *OBJECT_NOISES)
+HAND = ("result", "result acceleration")
+
+
+def cases_of(table: str, seeds: int) -> list[Case]:
+    """The cases of a table, those of the first seed first."""
+    made = (RECORDING, *MADE)
+    noises = ("clean", *NOISES)
+    some = product(range(seeds), (RECORDING,), ("clean", "gauss", "camera"), KINDS)
+    match table:
+        case "hands":
+            return [Case(c, n, k, s, "default") for s, c, n, k in some]
+        case "trusted":
+            shaken = product(range(seeds), ("clean", "gauss"), ("shaky_2", "shaky_10", "flips"))
+            return [Case(RECORDING, n, k, s, "default", trusted=True) for s, n, k in shaken]
+        case "guard":
+            every = product(range(seeds), made, noises, KINDS)
+            return [Case(c, n, k, s) for s, c, n, k in every]
+        case "round":
+            spun = product(range(seeds), (*ROUND, *ROUND_SCANS), ("exact", "flips", SPINS))
+            return [Case(c, "gauss", k, s) for s, c, k in spun]
+        case "refined":
+            shaken = product(range(seeds), made, OBJECT_NOISES)
+            return [Case(c, "gauss", k, s) for s, c, k in shaken]
+        case "alone":
+            every = product(range(seeds), made[:2], noises)
+            return [Case(c, n, "exact", s, "default", alone=True) for s, c, n in every]
+    raise SystemExit(f"no table is called '{table}'; there are {', '.join(TABLES)}")
+
+
+TABLES = ("hands", "trusted", "guard", "round", "refined", "alone", "limits")
+
+
+def lines_of(table: str, seeds: int, path: Path) -> Iterator[str]:
+    """The lines of a table, after all of its cases have been measured."""
+    found: dict[tuple[str, str, str], list[Scores]] = defaultdict(list)
+    for case, scores in rows(cases_of(table, seeds), path):
+        found[case.clip, case.noise, case.kind].append(scores)
+    if table == "refined":
+        yield from lines_of_objects(found)
+        return
+    kinds = list(dict.fromkeys(kind for _, _, kind in found))
+    yield f"| clip | noise | input | filter | {' | '.join(kinds)} |"
+    yield "|---" * (4 + len(kinds)) + "|"
+    for clip, noise in dict.fromkeys(key[:2] for key in found):
+        first = found[clip, noise, kinds[0]]
+        cells = [cell(first, name, f"{name} acceleration") for name in ("input", "filter")]
+        cells += [cell(found[clip, noise, kind], *HAND) for kind in kinds]
+        yield f"| {clip} | {noise} | {' | '.join(cells)} |"
+
+
+def cell(found: list[Scores], *names: str) -> str:
+    """The means of some scores over the seeds."""
+    return " / ".join(f"{np.mean([scores[name] for scores in found]):.1f}" for name in names)
+
+
+def lines_of_objects(found: dict[tuple[str, str, str], list[Scores]]) -> Iterator[str]:
+    """How far objects are off as given, smoothed and refined, and hands from them."""
+    names = "clip hand object input smoothed refined ratio lost hand ratio"
+    yield f"| {' | '.join(names.split())} |"
+    yield "|---" * 10 + "|"
+    for (clip, noise, kind), scores in found.items():
+        names = ("object input", "object smooth", "object refined")
+        cells = [cell(scores, name) for name in names]
+        cells.append(ratio(scores, "object refined", "object input"))
+        lost = [s for s in scores if "object refined lost" in s]
+        cells.append(cell(lost, "object refined lost") if lost else "")
+        cells.append(cell(scores, "relative refined"))
+        cells.append(ratio(scores, "relative refined", "relative input"))
+        yield f"| {clip} | {noise} | {kind} | {' | '.join(cells)} |"
+
+
+def ratio(found: list[Scores], upper: str, lower: str) -> str:
+    """One mean over the other."""
+    return f"{np.mean([s[upper] for s in found]) / np.mean([s[lower] for s in found]):.2f}"
