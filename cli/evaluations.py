@@ -17,52 +17,45 @@ if TYPE_CHECKING:
     from geneoh.evaluation.options import EvaluationOptions
 
 eval_options = options.together(
-    option("--dataset", "Data set to score on.", Choice(DATASETS), required=True),
+    option("--dataset: Data set to score on.", Choice(DATASETS), required=True),
     option(
-        "--root",
-        "Your copy of the data set; or set GENEOH_DATA_GRAB, _HOI4D, _ARCTIC or _TACO.",
+        "--root: Your copy of the data set; or set GENEOH_DATA_GRAB, _HOI4D, _ARCTIC or _TACO.",
         FOLDER,
     ),
     many(
-        "--noise noises",
-        "Noise to put on the clips; may be repeated. `clean` adds none; `recorded` takes the "
-        "recording as the noisy input.  [default: the data set's own]",
+        "--noise noises: Noise to put on the clips; may be repeated. `clean` adds none; "
+        "`recorded` takes the recording as the noisy input.  [default: the data set's own]",
         Choice(CASE_NOISES),
     ),
     many(
-        "--seed seeds",
-        "Seed of the noise and of the methods; may be repeated.  [default: 11, 22 and 77; 11 "
-        "for synthetic]",
+        "--seed seeds: Seed of the noise and of the methods; may be repeated.  [default: 11, 22 "
+        "and 77; 11 for synthetic]",
         click.IntRange(min=0),
     ),
-    option("--limit", "Largest number of clips.", COUNT),
+    option("--limit: Largest number of clips.", COUNT),
     many(
-        "--method methods",
-        "Method to compare; may be repeated.  [default: all but gaussian and one-euro]",
+        "--method methods: Method to compare; may be repeated.  [default: all but gaussian and "
+        "one-euro]",
         Choice(METHODS),
     ),
-    many("--preset presets", "Preset of geneoh; may be repeated.", Choice(PRESETS), ("default",)),
+    many("--preset presets: Preset of geneoh; may be repeated.", Choice(PRESETS), ("default",)),
     many(
-        "--ablate ablations",
-        "Also score geneoh without this part; may be repeated.",
+        "--ablate ablations: Also score geneoh without this part; may be repeated.",
         Choice(ABLATIONS),
     ),
     many(
-        "--predictions",
-        "Also score the results of another method: a folder of CLIP_NOISE_SEED.npz; may be "
-        "repeated.",
+        "--predictions: Also score the results of another method: a folder of "
+        "CLIP_NOISE_SEED.npz; may be repeated.",
         FOLDER,
     ),
-    option("--inputs", "Write the noisy clips to this folder, and score nothing.", FOLDER),
+    option("--inputs: Write the noisy clips to this folder, and score nothing.", FOLDER),
     option(
-        "--twins noisy_inputs",
-        "Read the noisy clips from this folder instead of drawing noise.",
+        "--twins noisy_inputs: Read the noisy clips from this folder instead of drawing noise.",
         FOLDER,
     ),
     option(
-        "--close-frames",
-        "Frames of a clip in which intersection volume and contact on the object are "
-        "measured.  [default: 20; 5 for synthetic]",
+        "--close-frames: Frames of a clip in which intersection volume and contact on the object "
+        "are measured.  [default: 20; 5 for synthetic]",
         COUNT,
     ),
     options.samples,
@@ -71,18 +64,16 @@ eval_options = options.together(
     options.mano,
     options.weights,
     many(
-        "--set settings",
-        "Change a setting of the protocol, such as windows=whole; may be repeated.",
+        "--set settings: Change a setting of the protocol, such as windows=whole; may be repeated.",
         metavar="NAME=VALUE",
     ),
     option(
-        "-o --output folder",
-        "Folder for the scores and the report.  [default: runs/eval/DATASET]",
+        "-o --output folder: Folder for the scores and the report.  [default: runs/eval/DATASET]",
         FOLDER,
     ),
-    option("--jobs", "Number of processes.  [default: one for each core]", COUNT),
-    flag("--fresh", "Throw earlier scores in the folder away."),
-    flag("--pages", "Also write a page in 3D of every clip that geneoh cleans."),
+    option("--jobs: Number of processes.  [default: one for each core]", COUNT),
+    flag("--fresh: Throw earlier scores in the folder away."),
+    flag("--pages: Also write a page in 3D of every clip that geneoh cleans."),
 )
 """All options of `geneoh eval`."""
 

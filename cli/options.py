@@ -30,17 +30,13 @@ FOLDER = click.Path(file_okay=False, path_type=Path)
 COUNT = click.IntRange(min=1)
 
 
-def option(names: str, text: str, kind: Any = None, default: Any = None, **how: Any) -> Decorator:
-    """An option with its help.
+def option(text: str, kind: Any = None, default: Any = None, **how: Any) -> Decorator:
+    """An option by its names and, after a colon, its help; the type of its value; its default.
 
-    Args:
-        names: such as "-o --output folder"; the one without dashes is that of the parameter.
-        text: the help.
-        kind: type of the value, if it is not text.
-        default: value without the option, shown in the help.
-        how: other arguments of `click.option`.
+    Of the names, such as "-o --output folder", the one without dashes is that of the parameter.
     """
-    return click.option(*names.split(), help=text, type=kind, default=default, **how)
+    names, _, said = text.partition(": ")
+    return click.option(*names.split(), help=said, type=kind, default=default, **how)
 
 
 many = partial(option, multiple=True)
@@ -67,89 +63,80 @@ class Place(click.ParamType):
 
 
 camera = option(
-    "--camera",
-    "Position of the camera, metres, for hands that were estimated from its images; origin "
-    "where the coordinates are the camera's. Estimators err along its rays.",
+    "--camera: Position of the camera, metres, for hands that were estimated from its "
+    "images; origin where the coordinates are the camera's. Estimators err along its rays.",
     Place(),
 )
-unit = option("--unit", "Unit of the meshes of --obj, where it is not metres.", Choice(UNITS), "m")
-obj = many("--obj", OBJ_HELP, FILE, required=True)
+unit = option("--unit: Unit of the meshes of --obj, where it is not metres.", Choice(UNITS), "m")
+obj = many(f"--obj: {OBJ_HELP}", FILE, required=True)
 obj_or_source = many(
-    "--obj",
-    f"{OBJ_HELP} Not needed where the file, or the source of --from, has its own; without any "
-    "mesh nothing of contact is known.",
+    f"--obj: {OBJ_HELP} Not needed where the file, or the source of --from, has its own; without "
+    "any mesh nothing of contact is known.",
     FILE,
 )
 overwrite = flag(
-    "--overwrite", "Also replace files that geneoh did not write. Inputs are never replaced."
+    "--overwrite: Also replace files that geneoh did not write. Inputs are never replaced."
 )
 output = together(
     option(
-        "-o --output",
-        "File to write. One that geneoh wrote before is replaced when the new one is complete.",
+        "-o --output: File to write. One that geneoh wrote before is replaced when the new one "
+        "is complete.",
         FILE,
     ),
     overwrite,
 )
 preset = option(
-    "--preset",
-    "Settings to clean with: our best, the paper's, or faster ones.",
+    "--preset: Settings to clean with: our best, the paper's, or faster ones.",
     Choice(PRESETS),
     "default",
 )
 samples = option(
-    "--samples", "Number of samples that the diffusion draws.  [default: the preset's]", COUNT
+    "--samples: Number of samples that the diffusion draws.  [default: the preset's]", COUNT
 )
 selection = option(
-    "--select selection",
-    "Which sample becomes the result: the one closest to the input, or the mean of all "
-    "samples.  [default: the preset's]",
+    "--select selection: Which sample becomes the result: the one closest to the input, or "
+    "the mean of all samples.  [default: the preset's]",
     Choice(SELECTIONS),
 )
-hand = option("--hand", "Hand model of the result.", Choice(RESULT_HANDS), "embedded")
+hand = option("--hand: Hand model of the result.", Choice(RESULT_HANDS), "embedded")
 seed = option(
-    "--seed",
-    "Seed of every random draw; the same seed gives the same file.",
+    "--seed: Seed of every random draw; the same seed gives the same file.",
     click.IntRange(min=0),
     0,
 )
 side_and_fps = together(
     option(
-        "--side",
-        "Side of the hand, where the file does not say; of two hands, the one to read.",
+        "--side: Side of the hand, where the file does not say; of two hands, the one to read.",
         Choice(SIDES),
     ),
-    option("--fps", "Frames per second, where the file does not say.", float),
+    option("--fps: Frames per second, where the file does not say.", float),
 )
 mano = option(
-    "--mano",
-    "Folder that holds your MANO_RIGHT.pkl and MANO_LEFT.pkl.",
+    "--mano: Folder that holds your MANO_RIGHT.pkl and MANO_LEFT.pkl.",
     FOLDER,
     envvar="GENEOH_MANO_DIR",
     show_envvar=True,
 )
 device = option(
-    "--device", "Device to compute on: cpu, cuda, or cuda:N for GPU number N.", default="cpu"
+    "--device: Device to compute on: cpu, cuda, or cuda:N for GPU number N.", default="cpu"
 )
 weights = option(
-    "--weights",
-    "Folder of weights to use instead of the shipped ones: motion.safetensors, "
+    "--weights: Folder of weights to use instead of the shipped ones: motion.safetensors, "
     "spatial.safetensors and temporal.safetensors.",
     FOLDER,
 )
-folder = option("-o --output folder", "Folder to write to.", FOLDER, Path("runs"))
+folder = option("-o --output folder: Folder to write to.", FOLDER, Path("runs"))
 data = option(
-    "--data", "Folder of interactions that `geneoh synthesize` made.", FOLDER, Path("runs/data")
+    "--data: Folder of interactions that `geneoh synthesize` made.", FOLDER, Path("runs/data")
 )
 config_and_settings = together(
     option(
-        "--config",
-        "Configuration: the name of a shipped one, or the path of a TOML file.",
+        "--config: Configuration: the name of a shipped one, or the path of a TOML file.",
         metavar="NAME|PATH",
     ),
     many(
-        "--set settings",
-        "Change one value of the configuration, such as motion.depth=6. May be repeated.",
+        "--set settings: Change one value of the configuration, such as motion.depth=6. May be "
+        "repeated.",
         metavar="NAME=VALUE",
     ),
 )

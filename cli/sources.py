@@ -20,67 +20,49 @@ if TYPE_CHECKING:
 
 reader_options = options.together(
     option(
-        "--objects",
-        "Folder of the data set's object meshes, where they are not in their usual place.",
+        "--objects: Folder of the data set's object meshes, where they are not in their usual "
+        "place.",
         FOLDER,
     ),
-    option("--body", "Your SMPL+H model, for sources whose hands belong to a body.", FILE),
+    option("--body: Your SMPL+H model, for sources whose hands belong to a body.", FILE),
     option(
-        "--object-pose",
-        "npy file of (T, 4, 4) matrices, object's frame to hand's frame, for sources without "
-        "an object.",
+        "--object-pose: npy file of (T, 4, 4) matrices, object's frame to hand's frame, for "
+        "sources without an object.",
         FILE,
     ),
-    option("--joint-order", "Order of bare keypoints.", Choice(JOINT_ORDERS), "openpose"),
+    option("--joint-order: Order of bare keypoints.", Choice(JOINT_ORDERS), "openpose"),
     options.unit,
     option(
-        "--keypoint-unit",
-        "Unit of bare keypoints and of the object's poses beside them.  [default: m]",
+        "--keypoint-unit: Unit of bare keypoints and of the object's poses beside them.  "
+        "[default: m]",
         Choice(UNITS),
     ),
     option(
-        "--translation",
-        "Point that the translation of bare MANO parameters places.",
+        "--translation: Point that the translation of bare MANO parameters places.",
         Choice(TRANSLATIONS),
     ),
-    flag("--swap-parts", "HOI4D: the poses of the two parts are stored in exchanged order."),
+    flag("--swap-parts: HOI4D: the poses of the two parts are stored in exchanged order."),
     option(
-        "--mean-pose/--no-mean-pose",
-        "Whether bare MANO parameters are relative to MANO's mean pose.",
+        "--mean-pose/--no-mean-pose: Whether bare MANO parameters are relative to MANO's mean pose."
     ),
-    option("--focal", "Focal length of the camera in pixels, for HaMeR and WiLoR.", float),
+    option("--focal: Focal length of the camera in pixels, for HaMeR and WiLoR.", float),
     options.camera,
 )
 """Options that a source may need to be read."""
-
-BARE_OPTIONS = ("object_pose", "joint_order", "unit", "keypoint_unit", "camera")
-"""The ones that can be used for an npz that is read without --from."""
 
 NEEDS_SOURCE = ("objects", "body", "translation", "swap_parts", "mean_pose", "focal", "clip")
 """Of these and --clip, the ones that mean nothing for an npz that is read without --from."""
 
 
-def read(
-    path: Path,
-    source: str | None,
-    clip: str | None,
-    *,
-    obj: tuple[Path, ...],
-    mano: Path | None,
-    side: Any,
-    fps: float | None,
-    **others: Any,
-) -> "Sequence":
+def read(path: Path, source: str | None, *, mano: Path | None, **others: Any) -> "Sequence":
     """The sequence in a file of any layout, or the one recording of a named source."""
     import geneoh
 
-    if source is None:
-        refuse_source_options()
-        others = {name: others[name] for name in BARE_OPTIONS}
-    shared = {"obj": obj, "mano_dir": mano, "side": side, "fps": fps}
     if source is not None:
-        return geneoh.read(source, path, clip=clip, **shared, **others)
-    return geneoh.load(path, **shared, **others)
+        return geneoh.read(source, path, mano_dir=mano, **others)
+    refuse_source_options()
+    bare = {name: value for name, value in others.items() if name not in NEEDS_SOURCE}
+    return geneoh.load(path, mano_dir=mano, **bare)
 
 
 def refuse_source_options() -> None:

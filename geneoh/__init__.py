@@ -22,60 +22,43 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from geneoh import errors as errors
-    from geneoh.evaluation.options import EvaluationOptions
-    from geneoh.evaluation.runner import evaluate
-    from geneoh.geometry.mesh import Mesh, load_mesh
-    from geneoh.pipeline.denoise import denoise
-    from geneoh.pipeline.options import Options
-    from geneoh.pipeline.results import Denoised, save
-    from geneoh.pipeline.smplx_layer import to_smplx
-    from geneoh.readers.arrays import from_arrays
-    from geneoh.readers.npz_files import load
-    from geneoh.readers.read import read
-    from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
-    from geneoh.viz.view import view
+    from geneoh.evaluation.options import EvaluationOptions as EvaluationOptions
+    from geneoh.evaluation.runner import evaluate as evaluate
+    from geneoh.geometry.mesh import Mesh as Mesh
+    from geneoh.geometry.mesh import load_mesh as load_mesh
+    from geneoh.pipeline.denoise import denoise as denoise
+    from geneoh.pipeline.options import Options as Options
+    from geneoh.pipeline.results import Denoised as Denoised
+    from geneoh.pipeline.results import save as save
+    from geneoh.pipeline.smplx_layer import to_smplx as to_smplx
+    from geneoh.readers.arrays import from_arrays as from_arrays
+    from geneoh.readers.npz_files import load as load
+    from geneoh.readers.recordings import read as read
+    from geneoh.sequence.sequence import HandTrack as HandTrack
+    from geneoh.sequence.sequence import ObjectTrack as ObjectTrack
+    from geneoh.sequence.sequence import Sequence as Sequence
+    from geneoh.viz.view import view as view
 
     __version__: str
 
-__all__ = [
-    "Denoised",
-    "EvaluationOptions",
-    "HandTrack",
-    "Mesh",
-    "ObjectTrack",
-    "Options",
-    "Sequence",
-    "denoise",
-    "errors",
-    "evaluate",
-    "from_arrays",
-    "load",
-    "load_mesh",
-    "read",
-    "save",
-    "to_smplx",
-    "view",
-]
-
-_DEFINED_IN = {
-    "Denoised": "geneoh.pipeline.results",
-    "EvaluationOptions": "geneoh.evaluation.options",
-    "HandTrack": "geneoh.sequence.sequence",
-    "Mesh": "geneoh.geometry.mesh",
-    "ObjectTrack": "geneoh.sequence.sequence",
-    "Options": "geneoh.pipeline.options",
-    "Sequence": "geneoh.sequence.sequence",
-    "denoise": "geneoh.pipeline.denoise",
-    "evaluate": "geneoh.evaluation.runner",
-    "from_arrays": "geneoh.readers.arrays",
-    "load": "geneoh.readers.npz_files",
-    "load_mesh": "geneoh.geometry.mesh",
-    "read": "geneoh.readers.read",
-    "save": "geneoh.pipeline.results",
-    "to_smplx": "geneoh.pipeline.smplx_layer",
-    "view": "geneoh.viz.view",
+_MODULES = {
+    "evaluation.options": ("EvaluationOptions",),
+    "evaluation.runner": ("evaluate",),
+    "geometry.mesh": ("Mesh", "load_mesh"),
+    "pipeline.denoise": ("denoise",),
+    "pipeline.options": ("Options",),
+    "pipeline.results": ("Denoised", "save"),
+    "pipeline.smplx_layer": ("to_smplx",),
+    "readers.arrays": ("from_arrays",),
+    "readers.npz_files": ("load",),
+    "readers.recordings": ("read",),
+    "sequence.sequence": ("HandTrack", "ObjectTrack", "Sequence"),
+    "viz.view": ("view",),
 }
+_DEFINED_IN = {name: f"geneoh.{module}" for module, names in _MODULES.items() for name in names}
 """The module that defines each public name."""
+
+__all__ = sorted([*_DEFINED_IN, "errors"])  # pyright: ignore[reportUnsupportedDunderAll]
 
 
 def __getattr__(name: str) -> Any:

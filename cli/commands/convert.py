@@ -8,7 +8,7 @@ from click import Choice
 
 from geneoh.readers.registry import SOURCES
 
-from .. import options, sources
+from .. import options, progress, sources
 
 
 @click.command(epilog=sources.table())
@@ -17,12 +17,11 @@ from .. import options, sources
     "paths", type=click.Path(path_type=Path), nargs=-1, required=True, metavar="PATH..."
 )
 @options.option(
-    "-o --output folder",
-    "Folder to write to. Clips that were converted into it before are skipped.",
+    "-o --output folder: Folder to write to. Clips that were converted into it before are skipped.",
     options.FOLDER,
 )
-@options.flag("--check", "Compare the files with their convention and report contradictions.")
-@options.many("--obj", f"{options.OBJ_HELP} For sources without an object.", options.FILE)
+@options.flag("--check: Compare the files with their convention and report contradictions.")
+@options.many(f"--obj: {options.OBJ_HELP} For sources without an object.", options.FILE)
 @options.overwrite
 @options.mano
 @options.side_and_fps
@@ -42,10 +41,7 @@ def convert(
     what it could not read. A clip that fails --check is not written.
     """
     from geneoh.readers.convert import convert as converted
-    from geneoh.readers.read import options_with_files
-    from geneoh.readers.recordings import find_clips, source_named
-
-    from .. import progress
+    from geneoh.readers.recordings import find_clips, options_with_files, source_named
 
     if folder is None and not check:
         raise click.UsageError("give -o DIR to write to, or --check to look only")

@@ -13,8 +13,8 @@ from .. import options
 
 @click.command()
 @click.argument("clean", type=options.FILE)
-@options.option("--noise", "Noise on the hand.", Choice(NOISES))
-@options.option("--object-noise", "Noise on the poses of the object.", Choice(OBJECT_NOISES))
+@options.option("--noise: Noise on the hand.", Choice(NOISES))
+@options.option("--object-noise: Noise on the poses of the object.", Choice(OBJECT_NOISES))
 @options.seed
 @options.side_and_fps
 @options.output

@@ -8,7 +8,7 @@ from click import Choice
 
 from geneoh.readers.registry import SOURCES
 
-from .. import options, sources
+from .. import options, progress, sources
 from ..options import COUNT, FILE, flag, option
 
 
@@ -16,28 +16,27 @@ from ..options import COUNT, FILE, flag, option
 @click.argument("noisy", type=click.Path(path_type=Path))
 @options.obj_or_source
 @option(
-    "--from source",
-    "Read NOISY as files of this data set or estimator; `geneoh convert --help` lists them.",
+    "--from source: Read NOISY as files of this data set or estimator; `geneoh convert "
+    "--help` lists them.",
     Choice(list(SOURCES)),
     metavar="SOURCE",
 )
-@option("--clip", "With --from: name of the recording, where NOISY holds several.")
+@option("--clip: With --from: name of the recording, where NOISY holds several.")
 @options.output
 @options.preset
 @options.samples
 @options.selection
-@option("--steps", "Number of denoiser calls in each stage.  [default: the preset's]", COUNT)
+@option("--steps: Number of denoiser calls in each stage.  [default: the preset's]", COUNT)
 @options.hand
 @options.mano
-@option("--report", "HTML page to write as well: before and after in 3D, with the metrics.", FILE)
+@option("--report: HTML page to write as well: before and after in 3D, with the metrics.", FILE)
 @flag(
-    "--trust-object",
-    "Take the object's poses as exact. Without it, poses that shake or jump are smoothed "
-    "before the hand is cleaned.",
+    "--trust-object: Take the object's poses as exact. Without it, poses that shake or jump "
+    "are smoothed before the hand is cleaned."
 )
 @flag(
-    "--refine-object",
-    "Write poses of the object that agree with the clean hands, and not those of NOISY.",
+    "--refine-object: Write poses of the object that agree with the clean hands, and not "
+    "those of NOISY."
 )
 @options.weights
 @options.seed
@@ -67,7 +66,7 @@ def denoise(
     from geneoh.files.outputs import check_ending, check_outputs
     from geneoh.nn.devices import named_device
 
-    from .. import progress, reports
+    from .. import reports
 
     output = output or sources.beside(noisy)
     check_ending(output, (".npz",))

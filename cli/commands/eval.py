@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 
-from .. import evaluations
+from .. import evaluations, progress
 
 
 @click.command()
@@ -26,8 +26,6 @@ def eval(
     from geneoh.evaluation.runner import cores, evaluate
     from geneoh.evaluation.tables import as_text
     from geneoh.files.outputs import refuse_inputs
-
-    from .. import progress
 
     how = {name: asked.pop(name) for name in ("fresh", "pages")}
     chosen = evaluations.evaluation_options(**asked)

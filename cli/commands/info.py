@@ -8,7 +8,7 @@ from .. import options
 
 
 @click.command()
-@options.flag("--json as_json", "Print all details as one JSON object.")
+@options.flag("--json as_json: Print all details as one JSON object.")
 @options.mano
 def info(mano: Path | None, as_json: bool) -> None:
     """Show versions, devices, hand models and weights.

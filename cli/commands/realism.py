@@ -13,7 +13,7 @@ from .. import options
 @options.obj
 @options.data
 @options.flag(
-    "--augmented", "Compare the synthetic hands with the augmentation that training puts on them."
+    "--augmented: Compare the synthetic hands with the augmentation that training puts on them."
 )
 @options.output
 @options.side_and_fps

@@ -5,18 +5,17 @@ from typing import Any
 
 import click
 
-from .. import options
+from .. import options, progress
 
 
 @click.command()
-@options.option("-o --output data", "Folder to write to.", options.FOLDER, Path("runs/data"))
+@options.option("-o --output data: Folder to write to.", options.FOLDER, Path("runs/data"))
 @options.option(
-    "--count", "Interactions to make, 4 seconds each.", options.COUNT, show_default="20480"
+    "--count: Interactions to make, 4 seconds each.", options.COUNT, show_default="20480"
 )
 @options.option(
-    "--objects meshes",
-    "Folder of meshes to be held beside the made objects, such as scans of your own; names in "
-    "its held_out.txt are for validation alone.",
+    "--objects meshes: Folder of meshes to be held beside the made objects, such as scans of "
+    "your own; names in its held_out.txt are for validation alone.",
     options.FOLDER,
 )
 @options.unit
@@ -49,8 +48,6 @@ def synthesize(
     from geneoh.synthesis.shards import SynthesisConfig, write_shards
     from geneoh.viz.canvas import png_bytes
     from geneoh.viz.sheet import contact_sheet, one_of_each
-
-    from .. import progress
 
     path = None if config is None else options.find_config(config)
     settings = settings if count is None else (*settings, f"count={count}")

@@ -8,30 +8,29 @@ from click import Choice
 
 from geneoh.choices import STAGES
 
-from .. import options
+from .. import options, progress
 
 
 @click.command()
-@options.option("--stage", "Network to train.", Choice(STAGES), required=True)
+@options.option("--stage: Network to train.", Choice(STAGES), required=True)
 @options.many(
-    "--data sources",
-    "What to learn from; may be repeated. A folder alone holds made interactions, and they "
-    "are made where it is empty. SOURCE is one of `geneoh convert --help`, or `sequences` for npz "
-    "files; WEIGHT is its share of the windows, relative to the others.",
+    "--data sources: What to learn from; may be repeated. A folder alone holds made "
+    "interactions, and they are made where it is empty. SOURCE is one of `geneoh convert "
+    "--help`, or `sequences` for npz files; WEIGHT is its share of the windows, relative to "
+    "the others.",
     default=("runs/data",),
     metavar="[SOURCE=]PATH[:WEIGHT]",
 )
 @options.folder
 @options.config_and_settings
 @options.option(
-    "--start",
-    "Weights to go on from instead of random ones: the shipped ones, or those of a folder. "
-    "The configuration is then `finetune`, if no other is named.",
+    "--start: Weights to go on from instead of random ones: the shipped ones, or those of a "
+    "folder. The configuration is then `finetune`, if no other is named.",
     options.FOLDER,
     metavar="shipped|FOLDER",
 )
 @options.mano
-@options.option("--threads", "CPU threads; default: chosen by torch.", options.COUNT)
+@options.option("--threads: CPU threads; default: chosen by torch.", options.COUNT)
 @options.device
 def train(
     stage: Any,
@@ -64,8 +63,6 @@ def train(
     from geneoh.training.data import parsed_source, training_data
     from geneoh.training.loop import train as fit
     from geneoh.training.start import started_from
-
-    from .. import progress
 
     if threads is not None:
         torch.set_num_threads(threads)

@@ -8,39 +8,34 @@ from click import Choice
 
 from geneoh.choices import AXES, COLOURINGS
 
-from .. import options
+from .. import options, progress
 from ..options import FILE, OBJ_HELP, flag, many, option
 
 
 @click.command()
 @click.argument("files", type=FILE, nargs=-1, required=True)
 @many(
-    "--obj",
-    f"{OBJ_HELP} Without it, those that RESULT names, or "
+    f"--obj: {OBJ_HELP} Without it, those that RESULT names, or "
     "with --serve a mesh that is named like the result.",
     FILE,
 )
 @many(
-    "-o --output outputs",
-    "File to write; its ending names the format: .html page (default), .png filmstrip, .mp4 "
-    "or .gif film, .glb scene, .npz with smplx names, .obj or .ply folder of one mesh per frame. "
-    "May be repeated.",
+    "-o --output outputs: File to write; its ending names the format: .html page (default), "
+    ".png filmstrip, .mp4 or .gif film, .glb scene, .npz with smplx names, .obj or .ply "
+    "folder of one mesh per frame. May be repeated.",
     click.Path(path_type=Path),
 )
 @options.overwrite
 @option(
-    "--colour colouring",
-    "Quantity that the colour of the hand shows in pictures and films.",
+    "--colour colouring: Quantity that the colour of the hand shows in pictures and films.",
     Choice(COLOURINGS),
     "penetration",
 )
-@option("--up", "Axis of the world that points up.", Choice(AXES), "z")
-@many(
-    "--frame frames", "Frame of a filmstrip. May be repeated.  [default: five, evenly spread]", int
-)
-@option("--cell", "Side of one picture of a filmstrip, in pixels.", click.IntRange(64, 2048), 260)
-@flag("--serve", "Show many results live, sorted by a measure.")
-@option("--port", "Network port of --serve.", click.IntRange(0, 65535), 8080)
+@option("--up: Axis of the world that points up.", Choice(AXES), "z")
+@many("--frame frames: Frame of a filmstrip. May be repeated.  [default: five, evenly spread]", int)
+@option("--cell: Side of one picture of a filmstrip, in pixels.", click.IntRange(64, 2048), 260)
+@flag("--serve: Show many results live, sorted by a measure.")
+@option("--port: Network port of --serve.", click.IntRange(0, 65535), 8080)
 @options.unit
 @options.mano
 @options.side_and_fps
@@ -64,8 +59,6 @@ def view(
     from geneoh.viz.look import Look
     from geneoh.viz.outputs import check_scene_outputs, write
     from geneoh.viz.view import open_scene
-
-    from .. import progress
 
     given = {name: chosen.pop(name) for name in ("side", "fps", "unit")}
     opened = partial(open_scene, mano_dir=chosen.pop("mano"), **given)

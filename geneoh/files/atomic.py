@@ -20,15 +20,9 @@ def in_one_step(path: Path, *, folder: bool = False, parents: bool = False) -> I
     """A new file or folder that becomes `path` when the block ends without an error.
 
     It stands in the same folder as `.NAME.NUMBER.tmp` and is removed after an error. What a killed
-    process left there is removed by the next write of the same `path`, from a minute later on.
-
-    Args:
-        path: what it becomes; an old file of that name is replaced, a link is followed.
-        folder: make a folder, where no `path` may be yet.
-        parents: make the folders above it where they are missing.
-
-    Raises:
-        InputError: the place cannot be written to, or holds what is no regular file.
+    process left there is removed by the next write of the same `path`, from a minute later on. An
+    old file is replaced, a link is followed; no `folder` may be there yet. With `parents` missing
+    folders above it are made. `InputError` where the place cannot be written to.
     """
     path, beside = path if folder else replaceable(path), None
     try:
@@ -50,10 +44,7 @@ def in_one_step(path: Path, *, folder: bool = False, parents: bool = False) -> I
 
 
 def replaceable(path: Path) -> Path:
-    """The file that a write of `path` makes or replaces: what a symbolic link leads to.
-
-    `InputError` where a folder, a device or anything else that is no regular file is there.
-    """
+    """What a write of `path` makes, behind links; `InputError` where it is no regular file."""
     place = Path(os.path.realpath(path)) if path.is_symlink() else path
     if os.path.lexists(place) and not place.is_file():
         kinds = {stat.S_IFDIR: "folder", stat.S_IFCHR: "device", stat.S_IFBLK: "device"}
@@ -83,8 +74,7 @@ def reserved_beside(path: Path, *, folder: bool) -> Path:
 def write_whole(path: Path, data: bytes | str, *, parents: bool = False) -> None:
     """Write a file in one step: `path` holds the old file or the whole new one, never a part.
 
-    Text is written as UTF-8, with a ? for what is none, such as an old file name. `InputError`
-    where the place cannot be written to.
+    Text is written as UTF-8, with a ? for what is none, such as an old file name.
     """
     with in_one_step(path, parents=parents) as beside:
         beside.write_bytes(data.encode(errors="replace") if isinstance(data, str) else data)

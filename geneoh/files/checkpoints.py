@@ -20,18 +20,9 @@ from geneoh.files.reading import SIZE_LIMIT
 MAGIC = 0x1950A86A20F9469CFC6C
 """First value of the older stream."""
 
-STORAGES = {
-    "torch.DoubleStorage": "<f8",
-    "torch.FloatStorage": "<f4",
-    "torch.HalfStorage": "<f2",
-    "torch.BFloat16Storage": "<u2",
-    "torch.LongStorage": "<i8",
-    "torch.IntStorage": "<i4",
-    "torch.ShortStorage": "<i2",
-    "torch.CharStorage": "i1",
-    "torch.ByteStorage": "u1",
-    "torch.BoolStorage": "?",
-}
+KINDS = {"Double": "<f8", "Float": "<f4", "Half": "<f2", "BFloat16": "<u2", "Bool": "?"}
+KINDS |= {"Long": "<i8", "Int": "<i4", "Short": "<i2", "Char": "i1", "Byte": "u1"}
+STORAGES = {f"torch.{kind}Storage": dtype for kind, dtype in KINDS.items()}
 """How numbers are stored by the class that a checkpoint names."""
 
 
@@ -126,8 +117,7 @@ def is_stream(data: bytes) -> bool:
 
 
 def read_stream(data: bytes, file: str, known: Mapping[str, Rebuild] = KNOWN) -> Any:
-    """The value in the older form: five pickles (magic, version, system, value, keys of storages),
-    then per storage its length and its numbers."""
+    """The older form: pickles of magic, version, system, value and keys, then each storage."""
     arrays: dict[str, np.ndarray] = {}
 
     def stored(loader: Loader, call: Call) -> np.ndarray:

@@ -27,11 +27,7 @@ ObjectReader = Callable[[bytes, str], Any]
 
 
 def read_archive(path: Path) -> Arrays:
-    """Every array of an npz file by its name.
-
-    Raises:
-        InputError: not an npz, damaged, too large when unpacked, or with anything but plain arrays.
-    """
+    """Every array of an npz file by its name; `InputError` for anything but sound, plain arrays."""
     data = read_bytes(path, byte_budget())
     if not data.startswith(b"PK"):
         raise InputError(f"{path}: expected an npz archive, got {got_instead(data)}")
@@ -58,10 +54,7 @@ def got_instead(data: bytes) -> str:
 def decode_archive(
     archive: zipfile.ZipFile, file: str, objects: ObjectReader | None = None
 ) -> dict[str, Any]:
-    """Every array of an open archive by its name; see `decode_array`.
-
-    What the archive declares is held against the budget before any array is made.
-    """
+    """Every array of an open archive; what it declares is held against the budget before."""
     members = [info for info in archive.infolist() if info.filename.endswith(".npy")]
     budget, needed = byte_budget(), sum(info.file_size for info in members)
     if needed <= budget:
@@ -76,10 +69,8 @@ def decode_archive(
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
         raise InputError(f"{file}: expected each field once, got '{twice}' twice; write it again")
-    return {
-        name: decode_array(archive.read(info), f"{file}: '{name}'", objects)
-        for name, info in zip(names, members, strict=True)
-    }
+    named = zip(names, members, strict=True)
+    return {n: decode_array(archive.read(m), f"{file}: '{n}'", objects) for n, m in named}
 
 
 def as_float64(archive: zipfile.ZipFile, info: zipfile.ZipInfo, file: str) -> int:
@@ -94,12 +85,9 @@ def as_float64(archive: zipfile.ZipFile, info: zipfile.ZipInfo, file: str) -> in
 def read_header(stream: io.BufferedIOBase, what: str) -> tuple[tuple[int, ...], bool, np.dtype]:
     """Shape, order (True: Fortran's) and dtype that a .npy declares; `InputError` without them."""
     try:
-        version = np.lib.format.read_magic(stream)
-        read = {
-            (1, 0): np.lib.format.read_array_header_1_0,
-            (2, 0): np.lib.format.read_array_header_2_0,
-        }[version]
-        return read(stream)
+        form = np.lib.format
+        headers = {(1, 0): form.read_array_header_1_0, (2, 0): form.read_array_header_2_0}
+        return headers[form.read_magic(stream)](stream)
     except zipfile.BadZipFile:  # of the archive, not of the header
         raise
     except DAMAGE as error:
@@ -112,7 +100,7 @@ def decode_array(raw: bytes, what: str, objects: ObjectReader | None = None) -> 
     """The array in the bytes of a .npy; its header must describe exactly the bytes that follow.
 
     `what` names file and field in errors; `objects` reads the pickle of an array of Python objects,
-    which is refused without it. `InputError` for damage.
+    which is refused without it.
     """
     stream = io.BytesIO(raw)
     shape, fortran, dtype = read_header(stream, what)
@@ -134,14 +122,8 @@ def decode_array(raw: bytes, what: str, objects: ObjectReader | None = None) -> 
 
 
 def write_archive(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
-    """Write an npz in one step; the same arrays give the same bytes.
-
-    `InputError` where the place cannot be written to.
-    """
-    with (
-        in_one_step(path) as beside,
-        zipfile.ZipFile(beside, "w", zipfile.ZIP_DEFLATED) as archive,
-    ):
+    """Write an npz in one step; the same arrays give the same bytes."""
+    with in_one_step(path) as beside, zipfile.ZipFile(beside, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, array in arrays.items():
             archive.writestr(member(name), encode_array(array), compresslevel=6)
 

@@ -44,19 +44,13 @@ def check_outputs(
     inputs: Iterable[Path | None] = (),
     overwrite: bool = False,
 ) -> None:
-    """Refuse outputs that cannot be written, or that would replace what is not ours.
-
-    Links are followed. A file that geneoh wrote may be replaced.
+    """Refuse outputs that cannot be written, or that would replace what is not ours; follows links.
 
     Args:
         files: files to write, each in a folder that exists.
         folders: new folders to make.
         inputs: files and folders that are read; in these folders only our own files are replaced.
         overwrite: whether files of others may be replaced too; never an input.
-
-    Raises:
-        InputError: an output is an input or another output, is there and is no regular file or not
-            ours, or has a folder that is not there or cannot be written to.
     """
     read = [path for path in inputs if path is not None]
     taken: set[Path] = set()

@@ -25,10 +25,7 @@ def read_values(path: Path) -> Any:
     """What a file of any of these kinds holds, with numpy arrays for all arrays and tensors.
 
     An npz comes as a dict by name; arrays without axes that hold one object come as that object.
-
-    Raises:
-        InputError: no such file, not one of these kinds, damaged, too large, or naming what is
-            neither an array nor a tensor.
+    `InputError` for files that are damaged, too large, or name what is no array or tensor.
     """
     data = read_bytes(path)
     try:

@@ -22,11 +22,7 @@ NAMES = (*OWN_FIELDS, *OBJECT_FIELDS, *CAMERA_FIELDS, "hand_model")
 
 @checked_call
 def from_arrays(
-    *,
-    fps: float | int,
-    meshes: MeshInput = (),
-    source: str = "arrays",
-    **arrays: Any,
+    *, fps: float | int, meshes: MeshInput = (), source: str = "arrays", **arrays: Any
 ) -> Sequence:
     """A sequence from numpy arrays, torch tensors or nested lists in memory.
 

@@ -120,10 +120,7 @@ class ManoParameters:
 
 @dataclass(frozen=True)
 class CrossChecks(Bundle):
-    """What a source states a second time, in the frame of the sequence, in metres.
-
-    `convention_check` compares it with the sequence as it was read.
-    """
+    """What a source states twice, in the frame of the sequence, metres; for `convention_check`."""
 
     joints: dict[Side, Shaped[Array, "T 21 3"]] = field(default_factory=dict)
     """Stored keypoints in OpenPose order, NaN where there are none."""
@@ -135,6 +132,11 @@ class CrossChecks(Bundle):
     """Stored points of the moved object, and the same ones from its mesh and pose."""
     contradictions: tuple[str, ...] = ()
     """Contradictions that only the reader of the source can see, as sentences."""
+
+
+def stated(side: Side, points: Array | None) -> dict[Side, Array]:
+    """The stored points of one hand, where there are any."""
+    return {} if points is None else {side: points}
 
 
 @dataclass(frozen=True)
@@ -182,11 +184,7 @@ class Recording:
 
 
 def paths_matching(path: Path, pattern: str) -> Iterator[Path]:
-    """What is at or below a path and matches a pattern, in the order of names.
-
-    The pattern is for the name of a file, such as "*.npz", or of a folder, such as "meta/".
-    `InputError` where there is no such path.
-    """
+    """What is at or below a path and is named as a file ("*.npz") or a folder ("meta/"), sorted."""
     if not path.exists():
         raise InputError(f"{path}: no such file or folder; check the path")
     name, folders = pattern.rstrip("/"), pattern.endswith("/")

@@ -37,18 +37,14 @@ NO_MANO = "got no MANO files; pass --mano with the folder of your MANO_RIGHT.pkl
 def mano_track(
     numbers: ManoParameters, convention: ManoConvention, options: ReaderOptions, where: str
 ) -> tuple[HandTrack, tuple[str, ...]]:
-    """A track from MANO parameters, with keypoints where they can be had, and what was assumed.
-
-    Raises:
-        InputError: the parameters cannot be read without MANO, or are not all of the same frames.
-    """
+    """A track from MANO parameters, with keypoints where they can be had, and what was assumed."""
     refuse_other_lengths(where, numbers)
     mano = options.mano(numbers.side, convention.left_hand)
     if mano is None and convention.mean_added:
         if numbers.joints is None:
             raise InputError(f"{where}: the pose is relative to MANO's mean pose, {NO_MANO}")
         note = "the pose is relative to MANO's mean pose and was left out; pass --mano to have it"
-        return keypoint_track(numbers.side, numbers.joints, numbers.confidence), (note,)
+        return hand_track(numbers.side, numbers.joints, numbers.confidence), (note,)
     pose = numbers.pose.reshape(-1, 16, 3)
     if mano is not None and convention.mean_added:
         pose = pose + np.concatenate([np.zeros(3), mano.mean]).reshape(16, 3)
@@ -60,15 +56,8 @@ def mano_track(
     joints = numbers.joints
     if joints is None and mano is not None:
         joints = mano.keypoints(pose, wrist, betas)
-    hand = hand_track(
-        numbers.side,
-        pose=pose,
-        wrist=wrist,
-        joints=joints,
-        betas=numbers.betas,
-        left_hand=convention.left_hand,
-        confidence=numbers.confidence,
-    )
+    own = {"betas": numbers.betas, "left_hand": convention.left_hand}
+    hand = hand_track(numbers.side, joints, numbers.confidence, pose=pose, wrist=wrist, **own)
     return hand if numbers.to_world is None else hand_in_frame(hand, numbers.to_world), notes
 
 
@@ -110,20 +99,14 @@ def hand_by_frame(
 ) -> ManoParameters:
     """One hand out of the records of the frames that have it; NaN in all others of `frames`.
 
-    Args:
-        pose: the field of 48 numbers, or of 16 quaternions with the real part first.
-        translation: the field of 3 numbers.
-        betas: the field of 10 numbers, whose mean is taken.
+    The pose is a field of 48 numbers, or of 16 quaternions with the real part first; of the betas,
+    10 numbers, the mean is taken.
     """
     turns = field_by_frame(records, pose, frames, *((16, 4) if quaternions else (48,)))
     places = field_by_frame(records, translation, frames, 3)
     shapes = [record.array(betas, (10,)) for record in records.values()] if betas else []
-    return ManoParameters(
-        side,
-        axis_angles_of_wxyz(turns) if quaternions else turns,
-        places,
-        np.mean(shapes, axis=0) if shapes else None,
-    )
+    pose = axis_angles_of_wxyz(turns) if quaternions else turns
+    return ManoParameters(side, pose, places, np.mean(shapes, axis=0) if shapes else None)
 
 
 def joints_if_complete(joints: Array, pose: Array) -> Array | None:
@@ -133,15 +116,15 @@ def joints_if_complete(joints: Array, pose: Array) -> Array | None:
 
 def hand_track(
     side: Side,
-    *,
-    pose: Array,
-    wrist: Array,
     joints: Array | None = None,
+    confidence: Array | None = None,
+    *,
+    pose: Array | None = None,
+    wrist: Array | None = None,
     betas: Array | None = None,
     left_hand: ManoName = AS_SHIPPED,
-    confidence: Array | None = None,
 ) -> HandTrack:
-    """A track of MANO's numbers, of which every frame with NaN counts as not observed.
+    """A track of keypoints, of MANO's numbers, or of both; a frame with NaN was not observed.
 
     The pose is (T, 16, 3) absolute, the wrist (T, 3) and the joints (T, 21, 3) in OpenPose order
     are in metres, `left_hand` is the one that the (10,) betas belong to.
@@ -151,24 +134,19 @@ def hand_track(
     return HandTrack(
         side=side,
         valid=torch.from_numpy(valid),
-        joints=None if joints is None else masked(joints, valid),
+        joints=masked(joints, valid),
         pose=masked(pose, valid),
         wrist=masked(wrist, valid),
         betas=None if betas is None else float32(betas),
-        hand_model=name_of(side, left_hand),
+        hand_model=None if pose is None else name_of(side, left_hand),
         confidence=None if confidence is None else float32(np.nan_to_num(confidence)),
     )
 
 
-def keypoint_track(side: Side, joints: Array, confidence: Array | None = None) -> HandTrack:
-    """A track of keypoints alone, of which every frame with NaN counts as not observed."""
-    valid = finite_frames(joints)
-    trust = None if confidence is None else float32(np.nan_to_num(confidence))
-    return HandTrack(side, torch.from_numpy(valid), joints=masked(joints, valid), confidence=trust)
-
-
-def masked(values: Array, valid: Array) -> torch.Tensor:
+def masked(values: Array | None, valid: Array) -> torch.Tensor | None:
     """Values with NaN in every frame without a hand: never a zero that looks like a place."""
+    if values is None:
+        return None
     values = np.array(values, dtype=np.float64)
     values[~valid] = np.nan
     return float32(values)
@@ -213,10 +191,7 @@ def hand_in_frame(hand: HandTrack, frame: Array) -> HandTrack:
 def sequence_of(
     hands: Iterable[HandTrack], motion: ObjectTrack, fps: float, source: str, notes: Iterable[str]
 ) -> Sequence:
-    """A sequence of the hands that were observed at all, with what was assumed in its source.
-
-    `InputError` where no hand was observed.
-    """
+    """A sequence of the hands that were observed in some frame, with notes in its source."""
     observed = tuple(hand for hand in hands if bool(hand.valid.any()))
     if not observed:
         raise InputError(f"{source}: expected a hand in some frame, got none; nothing to clean")

@@ -84,8 +84,7 @@ def contradictions(recording: Recording) -> list[str]:
 def doubts(sequence: Sequence, name: str) -> Iterator[str]:
     """What is doubtful about a sequence before it is cleaned, each with the option that cures it.
 
-    `InputError` where the keypoints are certainly in another order; `name` is the file, for
-    messages.
+    `InputError` where the keypoints are certainly in another order; `name` is that of the file.
     """
     for hand in sequence.hands:
         if hand.joints is not None and (order := shorter_order(hand.joints[hand.valid])):
@@ -107,11 +106,8 @@ def doubts(sequence: Sequence, name: str) -> Iterator[str]:
 
 def shorter_order(joints: Float[Tensor, "T 21 3"]) -> JointOrder | None:
     """The order in which the keypoints have much shorter bones than in OpenPose's, if any."""
-    totals = {
-        name: bones_length(joints[:, list(order.entries)])
-        for name, order in ORDERS.items()
-        if sorted(order.entries) == list(range(21))
-    }
+    whole = [name for name, order in ORDERS.items() if sorted(order.entries) == list(range(21))]
+    totals = {name: bones_length(joints[:, list(ORDERS[name].entries)]) for name in whole}
     best = min(totals, key=totals.__getitem__)
     return best if totals[best] < SHORTER_BONES * totals["openpose"] else None
 
@@ -154,10 +150,7 @@ def wrist_contradiction(off: Array, against: str) -> str:
 
 
 def check_turning_point(hand: HandTrack, stored: CrossChecks) -> Iterator[str]:
-    """Whether the stored mesh turns about the wrist.
-
-    Fits rim - wrist = R a + b: with the wrist in its place, b is zero.
-    """
+    """Whether the stored mesh turns about the wrist: b is zero in the fit rim - wrist = R a + b."""
     rim, usable = stored.rim.get(hand.side), hand.valid.numpy()
     if rim is None or hand.pose is None or hand.wrist is None:
         return
@@ -240,10 +233,7 @@ def check_pose_against_keypoints(hand: HandTrack, stored: CrossChecks) -> Iterat
 
 
 HAND_CHECKS = (
-    check_wrist_position,
-    check_turning_point,
-    check_keypoint_order,
-    check_finger_bend,
+    *(check_wrist_position, check_turning_point, check_keypoint_order, check_finger_bend),
     check_pose_against_keypoints,
 )
 

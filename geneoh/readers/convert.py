@@ -60,18 +60,12 @@ def convert(
     check: bool = False,
     overwrite: bool = False,
 ) -> Iterator[Outcome]:
-    """Convert clips, and report on each.
+    """Convert clips to files in a folder, or to none, and report on each.
 
     A file that cannot be read is the problem of its clip. An error in geneoh's own code ends the
-    conversion with its traceback: copying the files again would not help.
-
-    Args:
-        source: whose files they are.
-        clips: as `find_clips` gives them.
-        folder: where to write; None to write nothing.
-        options: what the caller knows.
-        check: compare the files with their convention as well.
-        overwrite: replace files in the folder that geneoh did not write; never the clip's own.
+    conversion with its traceback: copying the files again would not help. With `check` the files
+    are compared with their convention as well; `overwrite` replaces files that geneoh did not
+    write, but never the clip's own.
     """
     done = {} if folder is None else read_log(folder)
     described = describe_options(options)

@@ -1,20 +1,20 @@
 """What all readers of data sets do alike: find clips, put sequences together, split recordings.
 
-A module in `geneoh.readers.sources` has a function that gives the parts of a clip, and a
-`DatasetReader` with the source's convention, frame rate and file names as data.
+A source is a function in `geneoh.readers.sources` that gives the parts of a clip; `reads` makes it
+a `DatasetReader`, with the source's convention, frame rate and file names as data.
 """
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
 
 from geneoh.errors import InputError
-from geneoh.readers import base, builders
+from geneoh.readers import base, builders, meshes
 from geneoh.readers.base import ClipParts, CrossChecks, ReaderOptions, Recording, SourceClip
-from geneoh.readers.meshes import with_parts
 from geneoh.readers.records import Array
 from geneoh.sequence.camera import seen_from
 from geneoh.sequence.sequence import Sequence
@@ -60,12 +60,7 @@ class DatasetReader:
         return [SourceClip(base.clip_name(named[p], self.name_parts), p) for p in named]
 
     def read(self, clip: SourceClip, options: ReaderOptions) -> list[Recording]:
-        """The recordings of a clip: its parts, cut where the object is not known.
-
-        Raises:
-            InputError: a file of it cannot be read; the message names it.
-            MissingAssetError: it needs a file that the user must supply.
-        """
+        """The recordings of a clip: its parts, cut where the object is not known."""
         parts = self.parts(clip, options)
         found = [recording for each in parts for recording in self.recordings(each, clip, options)]
         if not found:
@@ -85,7 +80,7 @@ class DatasetReader:
         else:
             motion = builders.object_track(parts.meshes.values(), parts.motion)
             names, object_known = tuple(parts.meshes), base.finite_frames(parts.motion)
-        motion, about_meshes = with_parts(motion)
+        motion, about_meshes = meshes.with_parts(motion)
         notes += about_meshes
         if len(names) != len(motion.meshes):
             names = tuple(f"{clip.name}_{index}" for index in range(len(motion.meshes)))
@@ -104,14 +99,18 @@ class DatasetReader:
         refuse_other_frames(where, sequence, parts.cross_checks)
         camera = parts.camera if options.camera is None else options.camera
         if camera is not None:
-            sequence = seen_from(
-                sequence,
-                torch.tensor([camera], dtype=torch.float32),
-                f"{where}: the camera's position",
-            )
+            place = torch.tensor([camera], dtype=torch.float32)
+            sequence = seen_from(sequence, place, f"{where}: the camera's position")
         whole = Recording(parts.name or clip.name, sequence, names, parts.cross_checks)
         kept = object_known if parts.object_known is None else parts.object_known
         return split(whole, kept, parts.after_jump)
+
+
+def reads(
+    *patterns: str, **how: Any
+) -> Callable[[Callable[[SourceClip, ReaderOptions], base.Parts]], DatasetReader]:
+    """Make the function below a reader; the arguments are the fields of `DatasetReader`."""
+    return lambda parts: DatasetReader(parts, patterns, **how)
 
 
 def refuse_other_frames(where: str, sequence: Sequence, stored: CrossChecks) -> None:
@@ -134,25 +133,17 @@ def split(whole: Recording, object_known: Array, after_jump: Array | None) -> li
 
     With several stretches each is called by its first frame as well. `after_jump` are the (T,)
     frames that do not follow in time from the one before them.
-
-    Raises:
-        InputError: it is known in no frame, or in none with a hand.
     """
     if not object_known.any():
         raise InputError(f"{whole.name}: expected the object's pose in some frame, got none")
     stretches = base.runs(object_known, after_jump)
     if len(stretches) == 1 and object_known.all():
         return [whole]
-    found = [
-        Recording(
-            f"{whole.name}_{span.start:05d}",
-            builders.part_of(whole.sequence, span),
-            whole.mesh_names,
-            whole.cross_checks[span],
-        )
-        for span in stretches
-        if any(bool(hand.valid[span].any()) for hand in whole.sequence.hands)
-    ]
+    found = []
+    for span in stretches:
+        if any(bool(hand.valid[span].any()) for hand in whole.sequence.hands):
+            name, part = f"{whole.name}_{span.start:05d}", builders.part_of(whole.sequence, span)
+            found.append(Recording(name, part, whole.mesh_names, whole.cross_checks[span]))
     if not found:
         raise InputError(f"{whole.name}: expected a hand and the object in one frame, got none")
     return found

@@ -54,10 +54,7 @@ def read_text(path: Path) -> str:
 
 
 def read_table(path: Path, wanted: re.Pattern[str]) -> Record:
-    """The wanted columns of a CSV as arrays by name; blanks around names are dropped.
-
-    A cell that is no number comes as NaN. `InputError` for no table, or too large a one.
-    """
+    """The wanted columns of a CSV as arrays by name; a cell that is no number comes as NaN."""
     try:
         with open_text(path, TABLE_LIMIT) as file:
             names, columns = read_columns(path, csv.reader(file), wanted)
@@ -89,10 +86,7 @@ def number_in(text: str) -> float:
 
 
 def read_numbers(path: Path, *counts: int) -> Array:
-    """The numbers of a text file with one line per row, or all of one row.
-
-    `InputError` for what is no number, or rows that do not have one of the counts of numbers.
-    """
+    """The numbers of a text, one row a line, or all of one row; a row has one of the counts."""
     rows = [line.split() for line in read_text(path).splitlines() if line.strip()]
     try:
         values = np.array([[float(word) for word in row] for row in rows])
@@ -118,6 +112,11 @@ def frame_number(path: Path) -> int:
 def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
     """The files of a folder that match a pattern, by the frame's number in their names."""
     return {frame_number(path): path for path in sorted(folder.glob(pattern))}
+
+
+def numbered_records(folder: Path, pattern: str) -> dict[int, Record]:
+    """The dicts in the files of a folder that match a pattern, by the frame's number."""
+    return {frame: read_record(path) for frame, path in numbered_files(folder, pattern).items()}
 
 
 def by_frame(values: Mapping[int, Array], frames: int, *shape: int) -> Array:

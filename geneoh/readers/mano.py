@@ -64,11 +64,8 @@ class Mano:
 def read_mano(folder: Path, side: Side, name: ManoName = AS_SHIPPED) -> Mano:
     """One side of MANO; `MissingAssetError` without a file, `InputError` for another layout."""
     space = load_pose_space(side, folder)
-    return Mano(
-        load_mano(side, folder, name=name),
-        space.mean.double().numpy(),
-        space.components.double().numpy(),
-    )
+    mean, components = space.mean.double().numpy(), space.components.double().numpy()
+    return Mano(load_mano(side, folder, name=name), mean, components)
 
 
 def pose_of_coefficients(

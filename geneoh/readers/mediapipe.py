@@ -33,11 +33,11 @@ IMAGE = ("hand_landmarks", "landmarks", "multi_hand_landmarks", "multiHandLandma
 HANDEDNESS = ("handedness", "handednesses", "multi_handedness", "multiHandedness")
 LABELS = ("category_name", "categoryName", "label", "display_name", "displayName")
 
-WORLD_NOTE = (
+NOTES = (
     "MediaPipe's world landmarks are metres about the centre of each hand: the way of the hand "
-    "through the world is not in them, and the object's poses must be about that centre too"
+    "through the world is not in them, and the object's poses must be about that centre too",
+    "MediaPipe names sides as in a mirrored picture; --side says otherwise",
 )
-SIDE_NOTE = "MediaPipe names sides as in a mirrored picture; --side says otherwise"
 
 FRAME_COLUMNS = ("frame", "frame_id", "frame_idx", "frame_index", "frame_number")
 SIDE_COLUMNS = ("side", "hand", "handedness", "label")
@@ -70,11 +70,7 @@ def frames_in(value: Any) -> list[Any]:
 
 
 def read_results(value: Any, where: str, side: Side | None) -> dict[Side | None, Track]:
-    """The hands in MediaPipe's results, by the side that it says; None where it says none.
-
-    Raises:
-        InputError: the results hold image landmarks only, or points of another shape.
-    """
+    """The hands in MediaPipe's results, by the side that it says; None where it says none."""
     frames = frames_in(value)
     found: dict[Side | None, Track] = {}
     for index, frame in enumerate(frames):
@@ -127,11 +123,7 @@ def label_of(value: Any) -> tuple[Side | None, float]:
 
 
 def read_points(path: Path, side: Side | None) -> dict[Side | None, Track]:
-    """The hands in a table of points, by the side that a column says; None without one.
-
-    Raises:
-        InputError: no table of 21 points a frame, or one of image landmarks.
-    """
+    """The hands in a table of points, by the side that a column says; None without one."""
     try:
         with open_text(path, JSON_LIMIT) as file:
             rows = csv.DictReader(file)
@@ -155,11 +147,7 @@ def read_points(path: Path, side: Side | None) -> dict[Side | None, Track]:
 
 
 def point_columns(names: Iterable[str], path: Path) -> dict[str, tuple[int | None, int]]:
-    """Point and axis of each column of coordinates; in a long table, where rows are points, None.
-
-    Raises:
-        InputError: the columns are those of neither kind of table.
-    """
+    """Point and axis of each column of coordinates; the point is None where a row is a point."""
     names = list(names)
     if {"x", "y", "z"} <= set(names) and set(names) & set(POINT_COLUMNS):
         return {axis: (None, "xyz".index(axis)) for axis in "xyz"}
@@ -194,11 +182,7 @@ def cells_of(
     side: Side | None,
     path: Path,
 ) -> Iterable[tuple[Side | None, int, int, int, float]]:
-    """Side, frame, point, axis and number of every coordinate in a table.
-
-    Raises:
-        InputError: a row does not say its frame or its landmark.
-    """
+    """Side, frame, point, axis and number of every coordinate in a table."""
     for line, row in enumerate(rows):
         told = next((row[name] for name in FRAME_COLUMNS if name in row), None)
         named = next((row[name] for name in POINT_COLUMNS if name in row), None) or ""

@@ -1,5 +1,6 @@
-"""Object meshes of data sets: found by name, brought to metres, written beside the sequences."""
+"""Object meshes: found by name, brought to metres, written beside sequences and named in them."""
 
+import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -8,18 +9,19 @@ import numpy as np
 import torch
 
 from geneoh.errors import InputError
+from geneoh.files.npz import Arrays
 from geneoh.geometry.mesh import Mesh, load_mesh
-from geneoh.readers.records import Array
+from geneoh.readers.npz_layouts import MESH_FIELDS
+from geneoh.readers.records import Array, Record
 from geneoh.sequence.sequence import ObjectTrack
+
+FILES, HASHES = MESH_FIELDS
 
 
 def find_mesh(
     places: Sequence[Path], what: str, scale: float = 1.0, *, centred: bool = False
 ) -> Mesh:
-    """The mesh at the first of some paths that is a file, see `read_mesh`.
-
-    `InputError` where there is none; it names the first path.
-    """
+    """The mesh at the first of some paths that is a file, see `read_mesh`; `InputError` if none."""
     for place in places:
         if place.is_file():
             return read_mesh(place, scale, centred=centred)
@@ -30,10 +32,7 @@ def find_mesh(
 
 
 def read_mesh(path: Path, scale: float = 1.0, *, centred: bool = False) -> Mesh:
-    """A mesh in metres; `scale` is metres per unit of the file.
-
-    With `centred` the middle of its bounding box is moved to the origin.
-    """
+    """A mesh in metres from a file in units of `scale`; if `centred`, its middle at the origin."""
     mesh = load_mesh(path, tidy=False)
     verts = mesh.verts.double() * scale
     if centred:
@@ -42,10 +41,7 @@ def read_mesh(path: Path, scale: float = 1.0, *, centred: bool = False) -> Mesh:
 
 
 def with_parts(motion: ObjectTrack) -> tuple[ObjectTrack, tuple[str, ...]]:
-    """An object whose one file holds several meshes, as these where there is a pose for each.
-
-    Also what was made of such a file, in words.
-    """
+    """An object with the separate meshes of its one file, if each has a pose, and a note on it."""
     meshes = motion.meshes[0].parts if len(motion.meshes) == 1 else ()
     held = f"the object's mesh file holds {len(meshes)} separate meshes"
     if len(meshes) == motion.rotation.shape[1]:
@@ -78,3 +74,48 @@ def obj_text(mesh: Mesh) -> str:
     verts = "".join(f"v {x:.9g} {y:.9g} {z:.9g}\n" for x, y, z in mesh.verts.tolist())
     faces = "".join(f"f {a} {b} {c}\n" for a, b, c in (mesh.faces + 1).tolist())
     return verts + faces
+
+
+def mesh_arrays(meshes: tuple[Mesh, ...], folder: Path) -> Arrays:
+    """Paths of the meshes' files as seen from a folder, and the SHA-256 of their contents."""
+    sources = [mesh.source for mesh in meshes if mesh.source is not None]
+    if not meshes or len(sources) < len(meshes):
+        return {}
+    return {
+        FILES: np.array([seen_from(folder, source) for source in sources]),
+        HASHES: np.array([mesh.sha256 for mesh in meshes]),
+    }
+
+
+def seen_from(folder: Path, file: Path) -> str:
+    """The path from a folder to a file, so that both can be moved together."""
+    try:
+        return Path(os.path.relpath(file, folder)).as_posix()
+    except ValueError:  # another drive of Windows
+        return str(file.absolute())
+
+
+def find_meshes(record: Record, folder: Path) -> tuple[tuple[Mesh, ...], tuple[str, ...]]:
+    """The meshes that a file in a folder names, where all are there and as they were.
+
+    Otherwise none, and in words what to know of them. `InputError` for names that are no texts.
+    """
+    if FILES not in record:
+        return (), ()
+    names = record.texts(FILES)
+    hashes = record.texts(HASHES) if HASHES in record else []
+    meshes: list[Mesh] = []
+    for index, name in enumerate(names):
+        path = folder / name
+        if not path.is_file():
+            return (), (f"the object's mesh {name} is not there any more",)
+        try:
+            whole = load_mesh(path)
+        except InputError as error:
+            return (), (f"the object's mesh cannot be used: {error}",)
+        kept = hashes[index : index + 1]
+        same = [mesh for mesh in (whole, *whole.parts) if not hashes or mesh.sha256 in kept]
+        if not same:
+            return (), (f"the object's mesh {name} is another one than it was",)
+        meshes.append(same[0])
+    return tuple(meshes), ()

@@ -15,25 +15,12 @@ from geneoh.errors import ConfigError, InputError, shortened
 from geneoh.files.npz import Arrays, write_archive
 from geneoh.geometry.mesh import METRES, Mesh, MeshInput, meshes_of
 from geneoh.hand.mano import AS_SHIPPED, MENDED
-from geneoh.readers.foreign_files import read_array
+from geneoh.readers import foreign_files, npz_layouts
 from geneoh.readers.joint_orders import ORDERS, openpose_order
-from geneoh.readers.meshes import with_parts
-from geneoh.readers.npz_hands import Notes, read_hands
-from geneoh.readers.npz_layouts import (
-    CAMERA_FIELDS,
-    FORMAT,
-    OBJECT_FIELDS,
-    VERSION,
-    Layout,
-    layout_of,
-    misspelt,
-    own_names,
-    quoted,
-    read_fields,
-)
-from geneoh.readers.npz_meshes import find_meshes, mesh_arrays
-from geneoh.readers.npz_objects import read_object
-from geneoh.readers.read import read
+from geneoh.readers.meshes import find_meshes, mesh_arrays, with_parts
+from geneoh.readers.npz_layouts import CAMERA_FIELDS, FORMAT, OBJECT_FIELDS, own_names, quoted
+from geneoh.readers.npz_tracks import Notes, read_hands, read_object
+from geneoh.readers.recordings import read
 from geneoh.readers.records import Array, Place, Record, float32
 from geneoh.sequence.camera import seen_from, with_rays
 from geneoh.sequence.sequence import HandTrack, Sequence
@@ -47,20 +34,22 @@ ASSUMED_FPS = 30.0
 POSE_SHAPES = (("T", 4, 4), ("T", "Q", 4, 4))
 """Shapes of the object's poses in a file of their own."""
 
-SOURCE_OF_ENDING = {
-    ".npy": "keypoints",
-    ".json": "landmarks",
-    ".jsonl": "landmarks",
-    ".csv": "landmarks",
-}
+SOURCE_OF_ENDING = {".npy": "keypoints", **dict.fromkeys((".json", ".jsonl", ".csv"), "landmarks")}
 """Endings of files other than npz that are read without the name of their source."""
 
-LAYOUT_NAMES: dict[Layout, str] = {
-    "geneoh-sequence": f"{FORMAT} version {VERSION}",
+LAYOUT_NAMES: dict[npz_layouts.Layout, str] = {
+    "geneoh-sequence": f"{FORMAT} version {npz_layouts.VERSION}",
     "smplx": "smplx names, absolute pose",
     "taco": "TACO names",
     "joints": "bare joints",
 }
+RAYS = tuple(own_names(side)["camera_ray"] for side in SIDES)
+CALLERS = {
+    "obj_pose": ("the object's motion", "--object-pose", OBJECT_FIELDS, "one of them"),
+    "camera_position": ("the camera", "--camera", (*CAMERA_FIELDS, *RAYS), "the option"),
+}
+"""Of each field that the caller may give: what it is, by which option, what says the same, and what
+to drop."""
 
 
 @checked_call
@@ -102,59 +91,43 @@ def load(
         InputError: a file cannot be read as one interaction; the message says why.
     """
     if source := SOURCE_OF_ENDING.get(Path(path).suffix.lower()):
-        return read(
-            source,
-            path,
-            obj=obj or (),
-            side=side,
-            fps=fps,
-            mano_dir=mano_dir,
-            unit=unit,
-            joint_order=joint_order,
-            keypoint_unit=keypoint_unit,
-            object_pose=object_pose,
-            camera=camera,
-        )
+        bare = {"joint_order": joint_order, "keypoint_unit": keypoint_unit, "camera": camera}
+        shared = {"side": side, "fps": fps, "mano_dir": mano_dir, "unit": unit}
+        return read(source, path, obj=obj or (), object_pose=object_pose, **shared, **bare)
     path, meshes = Path(path), None if obj is None else meshes_of(obj, unit) or None
     if isinstance(object_pose, Path | str):
-        object_pose = read_array(Path(object_pose), *POSE_SHAPES)
-    record = read_fields(path)
-    layout = layout_of(record)
-    record = with_object_pose(in_openpose_order(record, layout, joint_order), object_pose)
-    record = with_camera(in_metres(record, layout, keypoint_unit), camera)
+        object_pose = foreign_files.read_array(Path(object_pose), *POSE_SHAPES)
+    record = npz_layouts.read_fields(path)
+    layout = npz_layouts.layout_of(record)
+    record = in_openpose_order(record, layout, joint_order)
+    record = with_callers(record, "obj_pose", object_pose)
+    record = with_callers(in_metres(record, layout, keypoint_unit), "camera_position", camera)
     meshes, mesh_notes = (meshes, ()) if meshes is not None else find_meshes(record, path.parent)
     sequence, notes = sequence_in(record, layout, meshes, side, fps, mano_dir)
     notes = (*notes, *mesh_notes)
-    for note in (*notes, *misspelt(record, layout)):
+    for note in (*notes, *npz_layouts.misspelt(record, layout)):
         LOG.warning("%s: %s", path, note)
     made_from = record.optional_text("source") if layout == FORMAT else None
     source = f"{path.name} ({'; '.join((LAYOUT_NAMES[layout], *notes))})"
-    source = f"{source} made from {shortened(made_from, 300)}" if made_from else source
+    if made_from:
+        source = f"{source} made from {shortened(made_from, 300)}"
     sequence = replace(sequence, source=source)
     check_sequence(sequence, str(path))
     return sequence
 
 
-def in_openpose_order(record: Record, layout: Layout, order: JointOrder) -> Record:
-    """The fields with bare joints brought from the caller's order into OpenPose's.
-
-    `ConfigError` for an unknown order, `InputError` where the layout defines its own.
-    """
+def in_openpose_order(record: Record, layout: npz_layouts.Layout, order: JointOrder) -> Record:
+    """The fields with bare joints brought from the caller's order into OpenPose's."""
     if order not in ORDERS:
         raise ConfigError(f"--joint-order {order}: expected {', '.join(ORDERS)}")
     if order == "openpose":
         return record
-    if layout != "joints":
-        raise InputError(
-            f"{record.where}: --joint-order is for bare 'joints', got {LAYOUT_NAMES[layout]}, "
-            "which is always in OpenPose order; drop the option"
-        )
+    refuse_layout(record, layout, "--joint-order", "in OpenPose order")
     count = ORDERS[order].count
     points = record.array("joints", ("T", count, 3), unit=f"in metres, in the order {order}")
     joints, trust = openpose_order(points, order)
     given = record.optional_array("confidence", ("T", count), ("T",))
-    if given is None:
-        given = np.ones(len(points))
+    given = np.ones(len(points)) if given is None else given
     if given.ndim == 1:
         confidence = given[:, None] * trust
     else:
@@ -162,43 +135,33 @@ def in_openpose_order(record: Record, layout: Layout, order: JointOrder) -> Reco
     return replace(record, values={**record.values, "joints": joints, "confidence": confidence})
 
 
-def with_object_pose(record: Record, object_pose: Array | None) -> Record:
-    """The fields with the caller's poses of the object, which the file must not have as well."""
-    if object_pose is None:
-        return record
-    if own := [name for name in OBJECT_FIELDS if name in record]:
-        raise InputError(
-            f"{record.where}: the object's motion must be given once, got --object-pose and "
-            f"{quoted(own)}; drop one of them"
-        )
-    return replace(record, values={**record.values, "obj_pose": object_pose})
-
-
-def with_camera(record: Record, position: Place | None) -> Record:
-    """The fields with the caller's position of the camera, of which the file must say nothing."""
-    if position is None:
-        return record
-    rays = [own_names(side)["camera_ray"] for side in SIDES]
-    if own := [name for name in (*CAMERA_FIELDS, *rays) if name in record]:
-        raise InputError(
-            f"{record.where}: the camera must be given once, got --camera and {quoted(own)}; drop "
-            "the option"
-        )
-    return replace(record, values={**record.values, "camera_position": np.asarray(position)})
-
-
-def in_metres(record: Record, layout: Layout, unit: Unit | None) -> Record:
-    """The fields of a file of bare joints with its lengths in metres.
-
-    `InputError` where the file's layout defines its own unit.
-    """
-    if unit is None:
-        return record
+def refuse_layout(record: Record, layout: npz_layouts.Layout, option: str, always: str) -> None:
+    """Refuse an option for bare joints beside a layout that leaves nothing open."""
     if layout != "joints":
         raise InputError(
-            f"{record.where}: --keypoint-unit is for bare 'joints', got {LAYOUT_NAMES[layout]}, "
-            "which is always in metres; drop the option"
+            f"{record.where}: {option} is for bare 'joints', got {LAYOUT_NAMES[layout]}, which is "
+            f"always {always}; drop the option"
         )
+
+
+def with_callers(record: Record, name: str, value: Array | Place | None) -> Record:
+    """The fields with one that the caller gives, of which the file must say nothing."""
+    if value is None:
+        return record
+    what, option, names, which = CALLERS[name]
+    if own := [name for name in names if name in record]:
+        raise InputError(
+            f"{record.where}: {what} must be given once, got {option} and {quoted(own)}; "
+            f"drop {which}"
+        )
+    return replace(record, values={**record.values, name: np.asarray(value)})
+
+
+def in_metres(record: Record, layout: npz_layouts.Layout, unit: Unit | None) -> Record:
+    """The fields of a file of bare joints with its lengths in metres."""
+    if unit is None:
+        return record
+    refuse_layout(record, layout, "--keypoint-unit", "in metres")
     values = dict(record.values)
     for name in {"joints", "object_translation", "camera_position"} & values.keys():
         values[name] = METRES[unit] * record.numbers(name)
@@ -211,7 +174,7 @@ def in_metres(record: Record, layout: Layout, unit: Unit | None) -> Record:
 
 def sequence_in(
     record: Record,
-    layout: Layout,
+    layout: npz_layouts.Layout,
     meshes: tuple[Mesh, ...],
     side: Side | None = None,
     fps: float | None = None,
@@ -256,16 +219,10 @@ def fps_of(record: Record, given: float | None) -> tuple[float, Notes]:
 def save_sequence(
     sequence: Sequence, path: Path | str, *, extra: Mapping[str, np.ndarray] | None = None
 ) -> None:
-    """Write a sequence as a geneoh-sequence npz, whole or not at all.
+    """Write a sequence as a geneoh-sequence npz, whole or not at all; equal ones give equal bytes.
 
-    Of the object's meshes it keeps the paths, relative to the file, and hashes.
-
-    Equal sequences give equal bytes.
-
-    Args:
-        sequence: what to write.
-        path: where; a file that is there is replaced.
-        extra: further plain arrays by name, which reading leaves alone.
+    Of the object's meshes it keeps the paths, relative to the file, and hashes. `extra` arrays are
+    kept by name as well; reading leaves them alone.
 
     Raises:
         InputError: the place cannot be written to.
@@ -280,16 +237,12 @@ def save_sequence(
 
 def sequence_arrays(sequence: Sequence) -> Arrays:
     """The fields of the geneoh-sequence layout."""
-    arrays: Arrays = {
-        "format": np.array(FORMAT),
-        "version": np.array(VERSION),
-        "fps": np.array(sequence.fps),
-        "source": np.array(sequence.source),
-        "object_rotation": plain(sequence.object.rotation),
-        "object_translation": plain(sequence.object.translation),
-    }
-    if sequence.object.valid is not None:
-        arrays["object_valid"] = plain(sequence.object.valid)
+    motion, about = sequence.object, {"format": FORMAT, "version": npz_layouts.VERSION}
+    about |= {"fps": sequence.fps, "source": sequence.source}
+    arrays: Arrays = {name: np.array(value) for name, value in about.items()}
+    arrays |= {f"object_{n}": plain(getattr(motion, n)) for n in ("rotation", "translation")}
+    if motion.valid is not None:
+        arrays["object_valid"] = plain(motion.valid)
     models = {hand.hand_model for hand in sequence.hands if hand.hand_model is not None}
     if AS_SHIPPED in models:  # reading knows that a right hand is the same in both
         models.discard(MENDED)
@@ -309,11 +262,8 @@ def sequence_arrays(sequence: Sequence) -> Arrays:
 def hand_arrays(hand: HandTrack) -> Arrays:
     """The fields of one hand, its side in front of each name."""
     names = own_names(hand.side)
-    arrays = {
-        field: plain(getattr(hand, name))
-        for name, field in names.items()
-        if getattr(hand, name) is not None
-    }
+    known = [name for name in names if getattr(hand, name) is not None]
+    arrays = {names[name]: plain(getattr(hand, name)) for name in known}
     if hand.pose is not None:
         arrays[names["pose"]] = plain(hand.pose.reshape(-1, 48))
     return arrays

@@ -32,11 +32,8 @@ MESH_FIELDS = ("object_files", "object_hashes")
 SMPLX_PARAMETERS = ("global_orient", "hand_pose", "transl")
 JOINT_NAMES = {name: name for name in ("joints", "valid", "confidence")}
 TACO_NAMES = {
-    "pose": "hand_pose",
-    "wrist": "hand_trans",
-    "betas": "hand_shape",
-    "joints": "hand_joints",
-    "valid": "hand_valid",
+    **{"pose": "hand_pose", "wrist": "hand_trans", "betas": "hand_shape"},
+    **{"joints": "hand_joints", "valid": "hand_valid"},
 }
 """What the fields of a hand are called in the layout of bare joints and in TACO's."""
 
@@ -119,16 +116,10 @@ def misspelt(record: Record, layout: Layout) -> list[str]:
     """Unknown fields that look like a known one that the file lacks, with that one."""
     known = {*LAYOUTS[layout], *OBJECT_FIELDS, *CAMERA_FIELDS, *MESH_FIELDS}
     missing = sorted(known - set(record.values))
-    close = {
-        name: difflib.get_close_matches(name, missing, 1, TYPO_CUTOFF)
-        for name in record.values
-        if name not in known
-    }
-    return [
-        f"'{shortened(name, 40)}' is not read; is it '{match[0]}'?"
-        for name, match in close.items()
-        if match
-    ]
+    unknown = [name for name in record.values if name not in known]
+    close = [(name, difflib.get_close_matches(name, missing, 1, TYPO_CUTOFF)) for name in unknown]
+    said = "'{}' is not read; is it '{}'?"
+    return [said.format(shortened(name, 40), match[0]) for name, match in close if match]
 
 
 def quoted(names: Iterable[str]) -> str:

@@ -3,12 +3,66 @@
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, get_type_hints
 
-from geneoh.choices import Side
+import numpy as np
+
+from geneoh.choices import Side, Unit
+from geneoh.config import as_field_type, checked_call, is_plain
 from geneoh.errors import ConfigError, InputError
+from geneoh.geometry.mesh import METRES, MeshInput, meshes_of
 from geneoh.readers.base import ReaderOptions, Recording, SourceClip, clip_name
+from geneoh.readers.foreign_files import read_array
+from geneoh.readers.records import Array
 from geneoh.readers.registry import SOURCES, Source
-from geneoh.sequence.validation import check_distance
+from geneoh.sequence.sequence import Sequence
+from geneoh.sequence.validation import check_distance, check_sequence
+
+
+@checked_call
+def read(source: str, path: Path | str, *, clip: str | None = None, **options: Any) -> Sequence:
+    """Read one recording of a data set or an estimator, as `geneoh denoise --from` does.
+
+    Args:
+        source: whose files they are, such as "hoi4d" or "hamer"; `geneoh convert --help` lists all.
+        path: the file or folder of the recording, as the data set unpacks.
+        clip: which recording, where the path holds several.
+        options: what the source leaves open, by the names of `geneoh.readers.base.ReaderOptions`:
+            `mano_dir`, `side`, `fps`, `focal` and so on. In place of `meshes` it is `obj`, the mesh
+            of the object or its file, or one per rigid part, with `unit`, that of the files.
+            `object_pose` may be a npy file, in the unit that `keypoint_unit` says.
+
+    Raises:
+        ConfigError: there is no source of that name, or it holds no bare keypoints of any unit.
+        InputError: a file cannot be read, or several recordings are there and `clip` is not given.
+        MissingAssetError: a file that the user must supply is not there.
+    """
+    if options.get("keypoint_unit") is not None and source not in ("keypoints", "landmarks"):
+        raise ConfigError(f"--keypoint-unit is for bare keypoints, got {source}; drop it")
+    recording = read_one(source, Path(path), options_with_files(**options), clip)
+    check_sequence(recording.sequence, recording.name)
+    return recording.sequence
+
+
+def options_with_files(
+    *,
+    obj: MeshInput = (),
+    unit: Unit = "m",
+    object_pose: Path | str | Array | None = None,
+    **others: Any,
+) -> ReaderOptions:
+    """Options with the files read that hold the object's meshes and poses; see `read`."""
+    kinds = get_type_hints(ReaderOptions) | {"unit": Unit}
+    for name, value in {**others, "unit": unit}.items():
+        if is_plain(kinds.get(name)):
+            others[name] = as_field_type(value, kinds[name], "geneoh.read", name)
+    unit, keypoint_unit = others.pop("unit"), others.get("keypoint_unit")
+    if isinstance(object_pose, Path | str):
+        object_pose = read_array(Path(object_pose), ("T", 4, 4), ("T", "Q", 4, 4))
+    if object_pose is not None and keypoint_unit is not None:
+        object_pose = np.array(object_pose, dtype=np.float64)
+        object_pose[..., :3, 3] *= METRES[keypoint_unit]
+    return ReaderOptions(meshes=meshes_of(obj, unit), object_pose=object_pose, **others)
 
 
 def source_named(name: str) -> Source:
@@ -19,10 +73,7 @@ def source_named(name: str) -> Source:
 
 
 def find_clips(source: Source, paths: list[Path]) -> list[SourceClip]:
-    """Every clip of a source below some paths, each once.
-
-    `InputError` where a path does not exist, or holds nothing of this source.
-    """
+    """Every clip of a source below some paths, each once; `InputError` for a path without any."""
     found: dict[Path, SourceClip] = {}
     for path in paths:
         if not path.exists():
@@ -39,25 +90,16 @@ def find_clips(source: Source, paths: list[Path]) -> list[SourceClip]:
 
 def with_distinct_names(clips: list[SourceClip]) -> list[SourceClip]:
     """Clips of one name with as much of the path in front as makes their names differ."""
-    for parts in range(2, 1 + max(len(clip.path.parts) for clip in clips)):
-        same = repeated_names(clips)
-        clips = [
-            replace(clip, name=clip_name(clip.path, parts)) if clip.name in same else clip
-            for clip in clips
-        ]
-    same = repeated_names(clips)
-    clips = [
-        replace(clip, name=f"{clip.name}_{clip.path.suffix[1:]}") if clip.name in same else clip
-        for clip in clips
-    ]
-    if same := repeated_names(clips):
+    for parts in [*range(2, 1 + max(len(clip.path.parts) for clip in clips)), None]:
+        count = Counter(clip.name for clip in clips)
+        for index, clip in enumerate(clips):
+            if count[clip.name] > 1:
+                ended = f"{clip.name}_{clip.path.suffix[1:]}"
+                name = ended if parts is None else clip_name(clip.path, parts)
+                clips[index] = replace(clip, name=name)
+    if same := [n for n, count in Counter(clip.name for clip in clips).items() if count > 1]:
         raise InputError(f"{clips[0].path}: two clips are both called {min(same)}; rename one")
     return clips
-
-
-def repeated_names(clips: list[SourceClip]) -> set[str]:
-    """The names that more than one clip has."""
-    return {name for name, count in Counter(clip.name for clip in clips).items() if count > 1}
 
 
 def read_clip(source: Source, clip: SourceClip, options: ReaderOptions) -> list[Recording]:
@@ -98,10 +140,7 @@ def without_idle_hand(recording: Recording) -> Recording:
 
 
 def with_choices(recording: Recording, clip: SourceClip, options: ReaderOptions) -> Recording:
-    """The recording with the caller's choices kept.
-
-    `InputError` where they are of another hand or object than the source has.
-    """
+    """The recording with the caller's choices kept; `InputError` where they do not fit it."""
     meshes = recording.sequence.object.meshes
     own = [each for mesh in options.meshes[:1] for each in (mesh, *mesh.parts)]
     if own and not any(mesh is each for mesh in meshes for each in own):
@@ -128,21 +167,14 @@ def with_hands(recording: Recording, sides: set[Side], *notes: str) -> Recording
 
 
 def read_one(name: str, path: Path, options: ReaderOptions, clip: str | None = None) -> Recording:
-    """The one recording at a path, or the one of a name where there are several.
-
-    `InputError` where there are several and no name chooses; the message lists them.
-    """
+    """The one recording at a path, or the one of a name; `InputError` lists them if several."""
     source = source_named(name)
     clips = find_clips(source, [path])
     clips = [one for one in clips if clip is None or clip.startswith(one.name)]
     found = []
     if len(clips) == 1 or clip is not None:
-        found = [
-            recording
-            for one in clips
-            for recording in read_clip(source, one, options)
-            if clip in (None, recording.name, one.name)
-        ]
+        read_all = ((one, found) for one in clips for found in read_clip(source, one, options))
+        found = [each for one, each in read_all if clip in (None, each.name, one.name)]
         found = [one for one in found if one.name == clip] or found
     if len(found) == 1:
         return found[0]

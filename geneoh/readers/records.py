@@ -61,11 +61,8 @@ class Record:
     def array(self, name: Any, *shapes: Shape, unit: str = "", remedy: str = "") -> Array:
         """Numbers of one of some shapes, as float64; axes of one are dropped or added to fit.
 
-        Args:
-            name: the field.
-            shapes: those allowed; an axis of frames comes first and is called "T".
-            unit: what the numbers measure, as the message shows it, such as "in metres".
-            remedy: what to do about a wrong shape.
+        An axis of frames comes first and is called "T". `unit` is what the numbers measure, as the
+        message shows it, such as "in metres".
         """
         array = self.numbers(name)
         frames = len(array) if array.ndim and any(shape[:1] == ("T",) for shape in shapes) else 0

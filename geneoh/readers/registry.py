@@ -17,7 +17,7 @@ class Source:
     """A data set or an estimator whose files are read as they are distributed."""
 
     name: str
-    """On the command line; the module of its reader has the same name."""
+    """On the command line, and of its reader."""
     title: str
     holds: str
     licence: str
@@ -25,85 +25,50 @@ class Source:
     """Where to get it."""
 
     def reader(self) -> "DatasetReader":
-        """The source's reader, which is the READER of its module."""
-        return import_module(f"geneoh.readers.sources.{self.name}").READER
+        """The source's reader."""
+        module = import_module(f"geneoh.readers.sources.{IN_MODULE.get(self.name, self.name)}")
+        return getattr(module, self.name)
 
 
-NON_COMMERCIAL = "non-commercial research"
-TABLE = {
-    "grab": ("GRAB", "two hands, object", NON_COMMERCIAL, "grab.is.tue.mpg.de"),
-    "grab_clips": (
-        "GRAB in clips of TOCH and GeneOH",
-        "one hand, object",
-        NON_COMMERCIAL,
-        "github.com/kzhou23/toch, github.com/Meowuu7/GeneOH-Diffusion",
-    ),
-    "hoi4d": ("HOI4D", "hands, rigid or articulated object", "CC BY-NC 4.0", "hoi4d.github.io"),
-    "hoi4d_cases": (
-        "HOI4D in cases of GeneOH",
-        "right hand, rigid or articulated object",
-        "CC BY-NC 4.0",
-        "github.com/Meowuu7/GeneOH-Diffusion",
-    ),
-    "arctic": ("ARCTIC", "two hands, two-part object", NON_COMMERCIAL, "arctic.is.tue.mpg.de"),
-    "taco": ("TACO", "right hand with tool, left with target", "CC BY 4.0", "taco2024.github.io"),
-    "taco_pickle": (
-        "TACO, simplified pickle",
-        "one hand, object",
-        "CC BY 4.0",
-        "github.com/Meowuu7/GeneOH-Diffusion",
-    ),
-    "arctic_processed": (
-        "ARCTIC, processed",
-        "two hands, two-part object",
-        NON_COMMERCIAL,
-        "arctic.is.tue.mpg.de",
-    ),
-    "arcticnet": (
-        "ArcticNet predictions",
-        "two hands, two-part object",
-        NON_COMMERCIAL,
-        "github.com/zc-alexfan/arctic",
-    ),
-    "h2o": ("H2O", "two hands, object", NON_COMMERCIAL, "taeinkwon.com/projects/h2o"),
-    "dexycb": ("DexYCB", "one hand, object", "CC BY-NC 4.0", "dex-ycb.github.io"),
-    "ho3d": ("HO-3D v3", "right hand, object", NON_COMMERCIAL, "github.com/shreyashampali/ho3d"),
-    "oakink": ("OakInk, images", "right hand, object", NON_COMMERCIAL, "oakink.net"),
-    "oakink2": ("OakInk2", "two hands, objects", "see the site", "oakink.net/v2"),
-    "fphab": (
-        "FPHAB with Hasson's fits",
-        "right hand, object",
-        NON_COMMERCIAL,
-        "guiggh.github.io/publications/first-person-hands",
-    ),
-    "both57m": (
-        "BOTH57M",
-        "two hands on a body",
-        "CC BY-NC-SA 4.0",
-        "github.com/Godheritage/BOTH2Hands",
-    ),
-    "hamer": (
-        "HaMeR and WiLoR dumps",
-        "hands",
-        "HaMeR MIT, WiLoR CC BY-NC-ND 4.0",
-        "github.com/geopavlakos/hamer, github.com/rolpotamias/WiLoR",
-    ),
-    "hawor": ("HaWoR world results", "two hands", "CC BY-NC-ND 4.0", "github.com/ThunderVVV/HaWoR"),
-    "aria": ("Aria MPS", "hands", "your own", "facebookresearch.github.io/projectaria_tools"),
-    "landmarks": (
-        "MediaPipe, WebXR or OpenXR landmarks",
-        "hands (JSON, CSV)",
-        "your own",
-        "--side, --keypoint-unit",
-    ),
-    "keypoints": ("any keypoints", "one hand (npy, npz)", "your own", "--joint-order, --side"),
-    "parameters": (
-        "any MANO parameters",
-        "one hand (npy, npz, pkl)",
-        "your own",
-        "--translation, --side",
-    ),
+IN_MODULE = {
+    **{"grab_clips": "grab", "hoi4d_cases": "hoi4d", "taco_pickle": "taco", "oakink2": "oakink"},
+    **dict.fromkeys(("arctic_processed", "arcticnet"), "arctic"),
+    **dict.fromkeys(("keypoints", "parameters"), "bare_arrays"),
 }
-"""Of each source by name: its title, what it holds, its licence and where to get it."""
+"""The module of each source that is not in one of its own name."""
 
-SOURCES = {name: Source(name, *row) for name, row in TABLE.items()}
+TABLE = """
+grab | GRAB | two hands, object | non-commercial research | grab.is.tue.mpg.de
+grab_clips | GRAB in clips of TOCH and GeneOH | one hand, object | non-commercial research | \
+github.com/kzhou23/toch, github.com/Meowuu7/GeneOH-Diffusion
+hoi4d | HOI4D | hands, rigid or articulated object | CC BY-NC 4.0 | hoi4d.github.io
+hoi4d_cases | HOI4D in cases of GeneOH | right hand, rigid or articulated object | CC BY-NC 4.0 | \
+github.com/Meowuu7/GeneOH-Diffusion
+arctic | ARCTIC | two hands, two-part object | non-commercial research | arctic.is.tue.mpg.de
+taco | TACO | right hand with tool, left with target | CC BY 4.0 | taco2024.github.io
+taco_pickle | TACO, simplified pickle | one hand, object | CC BY 4.0 | \
+github.com/Meowuu7/GeneOH-Diffusion
+arctic_processed | ARCTIC, processed | two hands, two-part object | non-commercial research | \
+arctic.is.tue.mpg.de
+arcticnet | ArcticNet predictions | two hands, two-part object | non-commercial research | \
+github.com/zc-alexfan/arctic
+h2o | H2O | two hands, object | non-commercial research | taeinkwon.com/projects/h2o
+dexycb | DexYCB | one hand, object | CC BY-NC 4.0 | dex-ycb.github.io
+ho3d | HO-3D v3 | right hand, object | non-commercial research | github.com/shreyashampali/ho3d
+oakink | OakInk, images | right hand, object | non-commercial research | oakink.net
+oakink2 | OakInk2 | two hands, objects | see the site | oakink.net/v2
+fphab | FPHAB with Hasson's fits | right hand, object | non-commercial research | \
+guiggh.github.io/publications/first-person-hands
+both57m | BOTH57M | two hands on a body | CC BY-NC-SA 4.0 | github.com/Godheritage/BOTH2Hands
+hamer | HaMeR and WiLoR dumps | hands | HaMeR MIT, WiLoR CC BY-NC-ND 4.0 | \
+github.com/geopavlakos/hamer, github.com/rolpotamias/WiLoR
+hawor | HaWoR world results | two hands | CC BY-NC-ND 4.0 | github.com/ThunderVVV/HaWoR
+aria | Aria MPS | hands | your own | facebookresearch.github.io/projectaria_tools
+landmarks | MediaPipe, WebXR or OpenXR landmarks | hands (JSON, CSV) | your own | \
+--side, --keypoint-unit
+keypoints | any keypoints | one hand (npy, npz) | your own | --joint-order, --side
+parameters | any MANO parameters | one hand (npy, npz, pkl) | your own | --translation, --side
+"""
+"""Of each source its name, its title, what it holds, its licence and where to get it."""
+
+SOURCES = {row.split(" | ")[0]: Source(*row.split(" | ")) for row in TABLE.strip().splitlines()}

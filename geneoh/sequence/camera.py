@@ -18,13 +18,8 @@ NEAREST = 1e-6
 def with_rays(sequence: Sequence, rays: Float[Tensor, "N 3"], name: str) -> Sequence:
     """The sequence with directions from the camera, of any length, for all of its hands.
 
-    Args:
-        sequence: whatever its hands knew of a camera is replaced.
-        rays: in the world, one for each frame, or one for all.
-        name: of the sequence and of the field in messages.
-
-    Raises:
-        InputError: the number of frames is another, or a ray is not finite or has no length.
+    `rays` are in the world, one for each frame or one for all; `name` is that of the field in
+    messages. `InputError` for another number of frames, or a ray without length or not finite.
     """
     ray = unit_rays(rays, sequence.frames, name)
     return replace(sequence, hands=tuple(replace(h, camera_ray=ray) for h in sequence.hands))
@@ -33,13 +28,8 @@ def with_rays(sequence: Sequence, rays: Float[Tensor, "N 3"], name: str) -> Sequ
 def seen_from(sequence: Sequence, position: Float[Tensor, "N 3"], name: str) -> Sequence:
     """The sequence with the directions from the camera to the wrist of each hand.
 
-    Args:
-        sequence: whatever its hands knew of a camera is replaced.
-        position: of the camera in the world, metres, one for each frame, or one for all.
-        name: of the sequence and of the field in messages.
-
-    Raises:
-        InputError: the number of frames is another, a place is not finite, or it is the wrist's.
+    `position` is the camera's in the world, metres, one for each frame or one for all; `name` is
+    that of the field in messages. `InputError` as `with_rays`, and where it is the wrist's place.
     """
     place = of_each_frame(position, sequence.frames, name)
     rays = [unit_rays(wrist_of(hand) - place, sequence.frames, name) for hand in sequence.hands]

@@ -93,12 +93,8 @@ def corrupt(
     pose and the skeleton that the clean track was made with. Joints alone are turned about each
     joint by the same amounts, in world axes. Lost frames are marked and hold NaN.
 
-    Args:
-        hand: the clean track.
-        noise: kind of the noise.
-        ray: of the noise "camera", the direction from the camera, which the noisy track knows;
-            without it one is drawn.
-        generator: random numbers of the CPU.
+    `ray`, of the noise "camera", is the direction from the camera, which the noisy track knows; one
+    is drawn without it. The generator is one of the CPU.
     """
     if noise == "camera":
         ray = draw_ray(generator=generator) if ray is None else ray
@@ -110,31 +106,19 @@ def corrupt(
 def perturbed(
     hand: HandTrack, offsets: Float[Tensor, "T 51"], keep: Bool[Tensor, " T"]
 ) -> HandTrack:
-    """A track with these offsets added to its parameters; frames that are not kept are lost.
-
-    Args:
-        hand: the clean track.
-        offsets: on translation (3, metres), global rotation (3) and fingers (45, radians).
-        keep: frames that stay.
-    """
+    """A track with offsets as those of `draw_noise`; frames that are not kept are lost."""
     turn = offsets[:, 3:].unflatten(-1, (16, 3))
     pose = None if hand.pose is None else hand.pose + turn
     wrist = None if hand.wrist is None else hand.wrist + offsets[:, :3]
     joints = None if hand.joints is None else noisy_joints(hand, turn, offsets[:, :3])
-    lost = ~keep
+    lost, valid = ~keep, hand.valid & keep
 
     def blank(values: Tensor | None) -> Tensor | None:
         if values is None:
             return None
         return torch.where(lost.reshape(-1, *[1] * (values.ndim - 1)), math.nan, values)
 
-    return replace(
-        hand,
-        valid=hand.valid & keep,
-        pose=blank(pose),
-        wrist=blank(wrist),
-        joints=blank(joints),
-    )
+    return replace(hand, valid=valid, pose=blank(pose), wrist=blank(wrist), joints=blank(joints))
 
 
 def noisy_joints(
@@ -162,16 +146,9 @@ def draw_noise(
 ) -> tuple[Float[Tensor, "*B T 51"], Bool[Tensor, "*B T"]]:
     """Additive noise on the hand's parameters, and which frames are kept.
 
-    Args:
-        noise: kind of the noise.
-        frames: length of the track.
-        generator: random numbers of the CPU, so that every device gets the same noise.
-        batch: leading axes; their tracks have independent noise.
-        ray: of the noise "camera", the direction from the camera; without it one is drawn.
-
-    Returns:
-        Offsets on translation (3, metres), global rotation (3) and fingers (45, radians); the mask
-        is all true except for "drop" and "camera".
+    Offsets are on translation (3, metres), global rotation (3) and fingers (45, radians); the mask
+    is all true except for "drop" and "camera". Tracks of a batch have independent noise. `ray` is
+    for "camera", as in `corrupt`. The generator is one of the CPU: every device gets the same.
     """
     shape = (*batch, frames, 51)
     keep = torch.ones(shape[:-1], dtype=torch.bool)
@@ -237,12 +214,8 @@ def draw_runs(
 ) -> Bool[Tensor, "*B R T"]:
     """Frames within random runs, one row per run.
 
-    Args:
-        frames: length of the track.
-        starts: first frame that a run may begin at, and the one after the last.
-        runs: shape of the batch, and the number of runs.
-        lengths: shortest and longest run in frames.
-        generator: random numbers of the CPU.
+    `starts` are the first frame that a run may begin at and the one after the last, `runs` the
+    shape of the batch and the number of runs, `lengths` the shortest and longest run in frames.
     """
     start = torch.randint(*starts, (*runs, 1), generator=generator)
     length = torch.randint(lengths[0], lengths[1] + 1, (*runs, 1), generator=generator)
@@ -262,11 +235,7 @@ def draw_camera(
 
     Depth and angles are off by a constant, drift and jitter. In runs of 1 to 3 frames (about 3%)
     it blunders, and runs of 2 to 6 frames (about 5%) are missing; clips under ten frames lose none.
-
-    Args:
-        ray: unit direction from the camera, far away, to the hand.
-        frames: length of the track.
-        generator: random numbers of the CPU.
+    `ray` is the unit direction from the camera, far away, to the hand.
     """
     batch = ray.shape[:-1]
 

@@ -59,14 +59,10 @@ class NormalisedHand(Bundle):
 
 def normalised_hands(sequence: Sequence, fps: float = NETWORK_FPS) -> tuple[NormalisedHand, ...]:
     """Every hand of a sequence as the networks know hands; both share the resampled frames."""
-    paced = at_rate(sequence, fps)
-    return tuple(
-        NormalisedHand(
-            track=hand.mirrored() if hand.side == "left" else hand,
-            object=paced.object.mirrored() if hand.side == "left" else paced.object,
-            fps=paced.fps,
-            side=hand.side,
-            user_frames=sequence.frames,
-        )
-        for hand in paced.hands
-    )
+    paced, found = at_rate(sequence, fps), []
+    for hand in paced.hands:
+        left = hand.side == "left"
+        track = hand.mirrored() if left else hand
+        motion = paced.object.mirrored() if left else paced.object
+        found.append(NormalisedHand(track, motion, paced.fps, hand.side, sequence.frames))
+    return tuple(found)

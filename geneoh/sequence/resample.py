@@ -7,8 +7,7 @@ from jaxtyping import Int
 from torch import Tensor
 
 from geneoh.errors import InputError
-from geneoh.sequence.gaps import fill_gaps
-from geneoh.sequence.interpolation import FrameInterpolation
+from geneoh.sequence.gaps import FrameInterpolation, fill_gaps
 from geneoh.sequence.sequence import Sequence
 
 MOST_FRAMES = 108_000
@@ -28,10 +27,7 @@ def at_rate(sequence: Sequence, fps: float) -> Sequence:
 
     The first and the last moment stay frames, so the rate is met up to half a frame over the whole
     length; `Sequence.fps` of the result is the exact one. A clip that lasts less than a frame of
-    the new rate keeps both of its ends.
-
-    Raises:
-        InputError: it would have more than `MOST_FRAMES` frames.
+    the new rate keeps both of its ends. `InputError` for more than `MOST_FRAMES` frames.
     """
     if fps == sequence.fps or sequence.frames == 1:
         return sequence

@@ -100,12 +100,9 @@ class ObjectTrack(Bundle):
 
     def mirrored(self) -> "ObjectTrack":
         """The reflection x -> -x of the meshes and of their motion."""
-        return replace(
-            self,
-            meshes=tuple(mesh.mirrored() for mesh in self.meshes),
-            rotation=mirror_rotations(self.rotation),
-            translation=mirror_points(self.translation),
-        )
+        meshes = tuple(mesh.mirrored() for mesh in self.meshes)
+        rotation, translation = mirror_rotations(self.rotation), mirror_points(self.translation)
+        return replace(self, meshes=meshes, rotation=rotation, translation=translation)
 
     def surface(self) -> MovingSurface:
         """What tells distances to it; builds the trees of its meshes."""

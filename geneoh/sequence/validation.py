@@ -39,12 +39,8 @@ RIGID_TOLERANCE = 1e-2
 def check_sequence(sequence: Sequence, name: str = "") -> None:
     """Refuse a sequence that cannot be an interaction in metres, radians and frames a second.
 
-    Args:
-        sequence: its hands are finite wherever they are valid.
-        name: of the sequence in messages, by default its source.
-
-    Raises:
-        InputError: the first fault that is found, with its remedy.
+    `name` is that of the sequence in messages, by default its source. `InputError` tells the first
+    fault that is found, with its remedy. Hands must be finite wherever they are valid.
     """
     name = name or sequence.source or "the sequence"
     sides = [hand.side for hand in sequence.hands]
@@ -141,9 +137,8 @@ def check_object(motion: ObjectTrack, name: str) -> None:
             f"{meshes} {'mesh' if meshes == 1 else 'meshes'}; "
             "give one mesh per part, in the order of the parts"
         )
-    finite = motion.rotation.isfinite().flatten(1).all(1) & motion.translation.isfinite().flatten(
-        1
-    ).all(1)
+    both = (motion.rotation, motion.translation)
+    finite = torch.stack([part.isfinite().flatten(1).all(1) for part in both]).all(0)
     if not bool(finite.all()):
         raise InputError(
             f"{name}: the object's motion must be finite in every frame, got NaN or infinity in "

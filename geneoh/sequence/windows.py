@@ -11,10 +11,7 @@ WINDOW, STRIDE = 60, 30
 
 
 def window_starts(frames: int, size: int = WINDOW, stride: int = STRIDE) -> list[int]:
-    """First frame of each window: evenly apart, `stride` at most; the last ends with the track.
-
-    One window when the track is not longer than it.
-    """
+    """First frame of each window: evenly apart, `stride` at most; the last ends with the track."""
     last = max(frames - size, 0)
     steps = max(-(-last // stride), 1)
     return sorted({step * last // steps for step in range(steps + 1)})

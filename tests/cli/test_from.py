@@ -9,7 +9,7 @@ from trees import FRAMES, scene, write_mesh
 
 from geneoh.readers.joint_orders import ORDERS
 from geneoh.readers.npz_files import load
-from geneoh.readers.read import read
+from geneoh.readers.recordings import read
 
 
 @pytest.fixture(scope="module")

@@ -233,7 +233,7 @@ def test_a_bug_of_a_reader_is_no_damaged_file(error, tmp_path, monkeypatch):
     def broken(*_):
         raise error("a bug")
 
-    monkeypatch.setattr(landmarks, "READER", replace(landmarks.READER, parts=broken))
+    monkeypatch.setattr(landmarks, "landmarks", replace(landmarks.landmarks, parts=broken))
     with pytest.raises(error, match="a bug"):
         run("landmarks", tmp_path, tmp_path / "out", ReaderOptions())
     with pytest.raises(error, match="a bug"):

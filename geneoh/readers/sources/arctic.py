@@ -1,36 +1,53 @@
-"""ARCTIC as it is distributed: raw_seqs/{sid}/{seq}.mano.npy and .object.npy,
-meta/object_vtemplates/.
+"""ARCTIC as distributed, as its own scripts process it, and the predictions of ArcticNet.
 
-Hands: translation of MANO's origin, poses relative to MANO's mean pose, left hand as shipped. World
-frame, 30 frames a second. The object's translation and its templates are in millimetres. An object
-has a fixed bottom and a top that turns about (0, 0, -1); the bottom comes first, the whole object
-moves with it.
+Hands: translation of MANO's origin, poses relative to MANO's mean pose, left hand as shipped, 30
+frames a second. An object has a fixed bottom and a top that turns about (0, 0, -1); the bottom
+comes first, the whole object moves with it.
+
+Distributed: raw_seqs/{sid}/{seq}.mano.npy and .object.npy, meta/object_vtemplates/; world frame.
+The object's translation and its templates are in millimetres.
+
+Processed: processed(_verts)/seqs/{sid}/{seq}.npy. params holds rot_{r,l}, pose_{r,l}, trans_{r,l},
+shape_{r,l}, obj_arti, obj_rot, obj_trans as the raw files do; world_coord holds joints.{right,left}
+in MANO's order and, with vertices, verts.object in metres. GeneOH's own files of the same folder
+name hold all of this side by side in one dict.
+
+ArcticNet: {sid}_{seq}_{view}/ with preds/{key}.pt and meta_info/. pred.mano.pose.{r,l}
+(T, 16, 3, 3), .beta, .cam_t, pred.object.rot (T, 3), .cam_t, .radian; float16, so good to a
+millimetre; that view's camera frame, metres. Images are numbered at 30 a second; windows are padded
+at the end.
 """
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from geneoh.choices import Side
 from geneoh.errors import InputError
+from geneoh.files.values import read_values
 from geneoh.geometry.mesh import Mesh
-from geneoh.readers import base
-from geneoh.readers.dataset_reader import DatasetReader
-from geneoh.readers.foreign_files import read_array, read_json, read_record
+from geneoh.readers import base, builders
+from geneoh.readers.dataset_reader import reads
+from geneoh.readers.foreign_files import frame_number, read_array, read_json, read_record
 from geneoh.readers.meshes import find_mesh, part_of_mesh, read_mesh
-from geneoh.readers.records import Array, Record
-from geneoh.readers.transforms import rigid_matrices, rotation_matrices
+from geneoh.readers.records import Array, Record, Shape
+from geneoh.readers.transforms import axis_angles, rigid_matrices, rotation_matrices
 
 TEMPLATES = Path("meta/object_vtemplates")
+FOLDERS = ("seqs", "processed_seqs")
 MILLIMETRES = 0.001
 HINGE = np.array([0.0, 0.0, -1.0])
 """Axis of the top in the canonical frame, through its origin."""
 TOP, BOTTOM = 0, 1
 """In parts.json, by the code behind the published numbers; its documentation says the opposite."""
 CONVENTION = base.ManoConvention("origin", mean_added=True)
+ORTHOGONAL = 0.05
+"""Largest entry of R^T R - I that half precision and a network's own projection leave."""
 
 
-def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
+@reads("*.mano.npy", name_parts=2, convention=CONVENTION)
+def arctic(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Both hands and the two parts of the object."""
     record = read_record(clip.path)
     stem = clip.path.name.removesuffix(".mano.npy")
@@ -44,6 +61,110 @@ def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
         part_motion(values[:, 0], values[:, 1:4], values[:, 4:] * MILLIMETRES),
         cross_checks=base.CrossChecks(contradictions=contradictions),
     )
+
+
+@reads(
+    "*.npy",
+    choose=lambda found, path: (file for file in found if file.parents[1].name in FOLDERS),
+    name_parts=2,
+    convention=CONVENTION,
+)
+def arctic_processed(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
+    """Both hands and the two parts of the object, in the world."""
+    record = read_record(clip.path)
+    flat = "params" not in record and "obj_rot" in record
+    params, world = (record if flat else record.record(n) for n in ("params", "world_coord"))
+    values = params.side_by_side(obj_arti=1, obj_rot=3, obj_trans=3)
+    motion = part_motion(values[:, 0], values[:, 1:4], values[:, 4:] * MILLIMETRES)
+    name = clip.path.stem.split("_")[0]
+    folder = options.objects or templates(clip.path)
+    meshes, contradictions = read_parts(folder, name)
+    joints: dict[Side, Array] = {}
+    for side in ("right", "left"):
+        stored = world.optional_array(f"joints.{side}", (len(motion), 21, 3))
+        if stored is not None:
+            joints[side] = stored[:, builders.OPENPOSE_FROM_MANO]
+    verts = world.optional_array("verts.object", (len(motion), "V", 3))
+    moved = None
+    if verts is not None and verts.shape[1] == sum(len(m.verts) for m in meshes.values()):
+        moved = verts.mean(1, keepdims=True), mean_vertex(folder, name, motion)
+    yield base.ClipParts(
+        f"ARCTIC {clip.name} (processed)",
+        [read_hand(params, side, f"_{side[0]}", joints.get(side)) for side in ("right", "left")],
+        meshes,
+        motion,
+        cross_checks=base.CrossChecks(joints, object_points=moved, contradictions=contradictions),
+    )
+
+
+@reads("preds/", clip_is_folder=True, convention=CONVENTION)
+def arcticnet(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
+    """Both hands and the two parts of the object, one frame for each image number."""
+    words = clip.path.name.split("_")
+    path = clip.path / "meta_info/meta_info.imgname.pt"
+    names = Record(str(path), {"imgname": read_values(path)}).texts("imgname")
+    numbers = [frame_number(Path(name)) for name in names]
+    if not numbers or len(words) < 3:
+        raise InputError(f"{clip.path}: expected a folder sid_object_..._view with images' names")
+    if options.objects is None:
+        raise InputError(
+            f"{clip.path}: predictions come without object meshes; pass --objects with "
+            "ARCTIC's folder meta/object_vtemplates"
+        )
+    meshes, contradictions = read_parts(options.objects, words[1])
+    first = min(numbers)
+    images = Images(clip.path / "preds", np.array(numbers) - first)
+    motion = part_motion(
+        images.placed(images.read("object.radian", ("T",), ("T", 1)).reshape(-1)),
+        images.placed(images.read("object.rot", ("T", 3))),
+        images.placed(images.read("object.cam_t", ("T", 3))),
+    )
+    yield base.ClipParts(
+        f"ArcticNet {clip.name}",
+        [images.hand(side) for side in ("right", "left")],
+        meshes,
+        motion,
+        notes=(
+            "camera frame, depth from a weak-perspective scale",
+            f"frame 0 is image {first}, ARCTIC's own frames are those numbers less ioi_offset",
+        ),
+        cross_checks=base.CrossChecks(contradictions=contradictions),
+        camera=(0.0, 0.0, 0.0),
+    )
+
+
+@dataclass(frozen=True)
+class Images:
+    """The folder of predictions, and (N,) the frames of its images, counted from the first one."""
+
+    folder: Path
+    frames: Array
+
+    def read(self, key: str, *shapes: Shape) -> Array:
+        """(N, ...) one predicted quantity; what the last window is padded with is cut."""
+        path = self.folder / f"pred.{key}.pt"
+        values = Record(str(path), {key: read_values(path)}).array(key, *shapes)
+        if len(values) < len(self.frames):
+            raise InputError(f"{path}: expected {len(self.frames)} frames, got {len(values)}")
+        return values[: len(self.frames)]
+
+    def placed(self, values: Array) -> Array:
+        """(T, ...) values of the images at their frames, NaN in frames without an image."""
+        result = np.full((int(self.frames.max()) + 1, *values.shape[1:]), np.nan)
+        result[self.frames] = values
+        return result
+
+    def hand(self, side: Side) -> base.ManoParameters:
+        """One hand in the camera's frame."""
+        turns = self.read(f"mano.pose.{side[0]}", ("T", 16, 3, 3))
+        error = np.abs(turns @ turns.swapaxes(-1, -2) - np.eye(3)).max((1, 2, 3))
+        turns[error > ORTHOGONAL] = np.nan
+        return base.ManoParameters(
+            side,
+            self.placed(axis_angles(turns)),
+            self.placed(self.read(f"mano.cam_t.{side[0]}", ("T", 3))),
+            self.read(f"mano.beta.{side[0]}", ("T", 10)).mean(0),
+        )
 
 
 def read_hand(
@@ -83,15 +204,15 @@ def part_motion(angle: Array, orient: Array, shift: Array) -> Array:
 
 def read_parts(folder: Path, name: str) -> tuple[dict[str, Mesh], tuple[str, ...]]:
     """Bottom and top in metres, and what contradicts the meaning of the parts' file."""
-    folder, mesh, ids = read_template(folder, name)
-    where = str(folder / "mesh.obj")
+    mesh, ids = read_template(folder, name)
+    where = str(folder / name / "mesh.obj")
     bottom, top = (part_of_mesh(mesh, ids == part, where) for part in (BOTTOM, TOP))
     meshes = {f"arctic_{name}_bottom": bottom, f"arctic_{name}_top": top}
-    return meshes, exchanged_parts(folder, bottom, top)
+    return meshes, exchanged_parts(folder / name, bottom, top)
 
 
-def read_template(folder: Path, name: str) -> tuple[Path, Mesh, Array]:
-    """The folder and mesh of a whole object in metres, and (V,) the part of each vertex."""
+def read_template(folder: Path, name: str) -> tuple[Mesh, Array]:
+    """The mesh of a whole object in metres, and (V,) the part of each vertex."""
     parts = folder / name / "parts.json"
     mesh = find_mesh([folder / name / "mesh.obj"], name, MILLIMETRES)
     ids = Record(str(parts), {"parts": read_json(parts)}).array("parts", ("V",))
@@ -100,7 +221,7 @@ def read_template(folder: Path, name: str) -> tuple[Path, Mesh, Array]:
             f"{parts}: expected one number for each of {len(mesh.verts)} vertices, got {len(ids)}; "
             "it belongs to another mesh"
         )
-    return folder / name, mesh, ids
+    return mesh, ids
 
 
 def exchanged_parts(folder: Path, bottom: Mesh, top: Mesh) -> tuple[str, ...]:
@@ -121,4 +242,20 @@ def middle(mesh: Mesh) -> Array:
     return ((mesh.verts.amax(0) + mesh.verts.amin(0)) / 2).double().numpy()
 
 
-READER = DatasetReader(parts, ("*.mano.npy",), name_parts=2, convention=CONVENTION)
+def templates(path: Path) -> Path:
+    """The object models: beside the outputs, or where ARCTIC's scripts have the raw data."""
+    roots = path.parents[2:5]
+    places = [root / TEMPLATES for root in roots]
+    places += [root / "data/arctic_data/data" / TEMPLATES for root in roots]
+    return next((place for place in places if place.is_dir()), places[0])
+
+
+def mean_vertex(folder: Path, name: str, motion: Array) -> Array:
+    """(T, 1, 3) mean of the object's vertices, each moved with its part."""
+    mesh, ids = read_template(folder, name)
+    verts = mesh.verts.double().numpy()
+    total = np.zeros((len(motion), 3))
+    for index, part in enumerate((BOTTOM, TOP)):
+        own = verts[ids == part]
+        total += motion[:, index, :3, :3] @ own.sum(0) + len(own) * motion[:, index, :3, 3]
+    return (total / len(verts))[:, None]

@@ -13,13 +13,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from geneoh.choices import Side
-from geneoh.readers import base
-from geneoh.readers.builders import keypoint_track
-from geneoh.readers.dataset_reader import DatasetReader
-from geneoh.readers.foreign_files import read_table
-from geneoh.readers.joint_orders import openpose_order
+from geneoh.readers import base, builders, foreign_files, joint_orders, transforms
+from geneoh.readers.dataset_reader import reads
 from geneoh.readers.records import FRAME_LIMIT, Array, Record
-from geneoh.readers.transforms import moved_points, rigid_matrices
 
 MICROSECONDS = 1e-6
 SINGLE_FRAME_FPS = 10.0
@@ -37,9 +33,10 @@ TRAJECTORY = re.compile(r"tracking_timestamp_us|[tq][xyzw]_world_device")
 """Columns of the device's poses that are read."""
 
 
-def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
+@reads("hand_tracking_results.csv", name_above=2)
+def aria(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Both hands at even steps of time, in the world where the trajectory is there."""
-    record = read_table(clip.path, TRACKING)
+    record = foreign_files.read_table(clip.path, TRACKING)
     seconds = record.array("tracking_timestamp_us", ("T",)) * MICROSECONDS
     steps = np.diff(seconds)
     if not np.isfinite(seconds).all() or not (steps > 0).all():
@@ -52,11 +49,11 @@ def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     hands = []
     for side in ("right", "left"):
         points, trust = read_side(record, side)
-        points = points if device is None else moved_points(points, device)
+        points = points if device is None else transforms.moved_points(points, device)
         joints = np.full((int(clock[-1]) + 1, 21, 3), np.nan)
         confidence = np.zeros(joints.shape[:2])
         joints[clock.astype(int)], confidence[clock.astype(int)] = points, trust
-        hands.append(keypoint_track(side, joints, confidence))
+        hands.append(builders.hand_track(side, joints, confidence))
     yield base.ClipParts(f"Aria MPS {clip.name}", hands, fps=rate, notes=notes)
 
 
@@ -66,7 +63,7 @@ def read_side(record: Record, side: Side) -> tuple[Array, Array]:
     columns = [f"t{axis}_{side}_landmark_{k}_device" for k in range(21) for axis in "xyz"]
     points = np.stack([record.array(column, ("N",)) for column in columns], axis=-1)
     points[~(confidence >= LEAST_CONFIDENCE)] = np.nan
-    joints, there = openpose_order(points.reshape(-1, 21, 3), "aria")
+    joints, there = joint_orders.openpose_order(points.reshape(-1, 21, 3), "aria")
     return joints, np.clip(np.nan_to_num(confidence), 0, 1)[:, None] * there
 
 
@@ -75,7 +72,7 @@ def read_device(root: Path, seconds: Array) -> tuple[Array | None, tuple[str, ..
     path = root / "slam/closed_loop_trajectory.csv"
     if not path.is_file():
         return None, ("frame of the moving device: there is no closed_loop_trajectory.csv",)
-    device = read_table(path, TRAJECTORY)
+    device = foreign_files.read_table(path, TRAJECTORY)
     times = device.array("tracking_timestamp_us", ("N",)) * MICROSECONDS
     quats = np.stack([device.array(f"q{c}_world_device", ("N",)) for c in "xyzw"], axis=-1)
     places = np.stack([device.array(f"t{c}_world_device", ("N",)) for c in "xyz"], axis=-1)
@@ -92,7 +89,4 @@ def read_device(root: Path, seconds: Array) -> tuple[Array | None, tuple[str, ..
     after = np.clip(np.searchsorted(times, seconds), 1, len(times) - 1)
     nearest = np.minimum(np.abs(seconds - times[after - 1]), np.abs(times[after] - seconds))
     shift[nearest > LONGEST_WAIT] = np.nan
-    return rigid_matrices(turn, shift), ()
-
-
-READER = DatasetReader(parts, ("hand_tracking_results.csv",), name_above=2)
+    return transforms.rigid_matrices(turn, shift), ()

@@ -12,12 +12,9 @@ import numpy as np
 from geneoh.choices import Side
 from geneoh.errors import InputError
 from geneoh.files.values import read_values
-from geneoh.readers import base
-from geneoh.readers.builders import hand_track
-from geneoh.readers.dataset_reader import DatasetReader
-from geneoh.readers.foreign_files import read_record
+from geneoh.readers import base, builders, foreign_files, transforms
+from geneoh.readers.dataset_reader import reads
 from geneoh.readers.records import Array, Record, as_record
-from geneoh.readers.transforms import axis_angles, rotation_matrices
 
 WRISTS: dict[Side, int] = {"left": 20, "right": 21}
 """Joints of the body."""
@@ -26,7 +23,8 @@ FINGERS: dict[Side, slice] = {"left": slice(0, 15), "right": slice(15, 30)}
 BODY_JOINTS = 22
 
 
-def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
+@reads("*.p", "*.pkl")
+def both57m(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Both hands of each clip in a list, with the caller's object."""
     values = read_values(clip.path)
     if not isinstance(values, list) or not values:
@@ -44,16 +42,16 @@ def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
         record.refuse_lengths("hand_pose", "root_orient")
         hands = []
         for side, joint in WRISTS.items():
-            root = axis_angles(turns[:, joint])[:, None]
+            root = transforms.axis_angles(turns[:, joint])[:, None]
             pose = np.concatenate([root, fingers[:, FINGERS[side]]], axis=1)
-            hands.append(hand_track(side, pose=pose, wrist=places[:, joint]))
+            hands.append(builders.hand_track(side, pose=pose, wrist=places[:, joint]))
         name = f"{clip.name}_{index:03d}"
         yield base.ClipParts(f"BOTH57M {name}", hands, name=name)
 
 
 def read_body(path: Path) -> tuple[Array, list[int]]:
     """(22, 3) joints of the mean body and the parent of each, from the official model's file."""
-    record = read_record(path)
+    record = foreign_files.read_record(path)
     verts = record.array("v_template", ("V", 3))
     regressor = record.numbers("J_regressor")
     if regressor.ndim != 2 or regressor.shape[1] != len(verts) or len(regressor) < BODY_JOINTS:
@@ -71,13 +69,10 @@ def pose_body(record: Record, rest: Array, parents: list[int]) -> tuple[Array, A
     root, trans = record.array("root_orient", ("T", 3)), record.array("trans", ("T", 3))
     body = record.array("body_pose", ("T", 21, 3))
     record.refuse_lengths("root_orient", "body_pose", "trans")
-    local = rotation_matrices(np.concatenate([root[:, None], body], axis=1))
+    local = transforms.rotation_matrices(np.concatenate([root[:, None], body], axis=1))
     turns, places = [local[:, 0]], [rest[0] + trans]
     for joint in range(1, BODY_JOINTS):
         parent = parents[joint]
         turns.append(turns[parent] @ local[:, joint])
         places.append(places[parent] + turns[parent] @ (rest[joint] - rest[parent]))
     return np.stack(turns, axis=1), np.stack(places, axis=1)
-
-
-READER = DatasetReader(parts, ("*.p", "*.pkl"))

@@ -13,13 +13,12 @@ from scipy.spatial.transform import Rotation
 
 from geneoh.choices import Side
 from geneoh.errors import InputError
-from geneoh.readers import base, builders
-from geneoh.readers.dataset_reader import DatasetReader
+from geneoh.readers import base, builders, transforms
+from geneoh.readers.dataset_reader import reads
 from geneoh.readers.foreign_files import read_record, read_text
 from geneoh.readers.mano import Mano, pose_of_coefficients
 from geneoh.readers.meshes import find_mesh
 from geneoh.readers.records import Array, Record
-from geneoh.readers.transforms import rigid_matrices
 
 YCB = (
     *("002_master_chef_can", "003_cracker_box", "004_sugar_box", "005_tomato_soup_can"),
@@ -35,7 +34,9 @@ NO_HAND = -1
 """Every coordinate of a label without a hand."""
 
 
-def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
+# The poses are decoded, and have the mean pose in them.
+@reads("meta.yml", clip_is_folder=True, name_parts=2, convention=base.ORIGIN)
+def dexycb(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """The hand and the object that it grasps; the other objects on the table are left out."""
     meta, poses = read_yaml(clip.path / "meta.yml"), read_record(clip.path / "pose.npz")
     root = base.ancestor(clip.path, 2)
@@ -51,20 +52,17 @@ def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     if mano := options.mano(side):
         hands, notes = [read_pose(poses, meta, side, root, mano)], ()
     elif joints is not None:
-        hands = [builders.keypoint_track(side, joints)]
+        hands = [builders.hand_track(side, joints)]
         notes = ("keypoints of one camera only; --mano gives the pose",)
     else:
         raise InputError(
             f"{clip.path}: the pose is coefficients of MANO's components, got no MANO files "
             "and no labels with keypoints; pass --mano with the folder of your MANO files"
         )
+    meshes, motion = {f"dexycb_{name}": mesh}, object_motion(placed[:, grasped])
+    checks = base.CrossChecks(base.stated(side, joints))
     yield base.ClipParts(
-        f"DexYCB {clip.name}",
-        hands,
-        {f"dexycb_{name}": mesh},
-        object_motion(placed[:, grasped]),
-        notes=notes,
-        cross_checks=base.CrossChecks({} if joints is None else {side: joints}),
+        f"DexYCB {clip.name}", hands, meshes, motion, notes=notes, cross_checks=checks
     )
 
 
@@ -91,7 +89,7 @@ def object_motion(placed: Array) -> Array:
     motion = np.full((len(placed), 4, 4), np.nan)
     if present.any():
         rotation = Rotation.from_quat(placed[present, :4]).as_matrix()
-        motion[present] = rigid_matrices(rotation, placed[present, 4:])
+        motion[present] = transforms.rigid_matrices(rotation, placed[present, 4:])
     return motion
 
 
@@ -117,10 +115,7 @@ def label_joints(file: Path, to_world: Array) -> Array:
 
 
 def read_yaml(path: Path) -> Record:
-    """The little of YAML that the data set uses: names with a value or with a list, two levels.
-
-    Names below `extrinsics:` are raised to the top.
-    """
+    """Names with a value or a list, two levels of YAML; those below `extrinsics:` go to the top."""
     values: dict[str, object] = {}
     items: list[object] = []
     for line in read_text(path).splitlines():
@@ -130,28 +125,17 @@ def read_yaml(path: Path) -> Record:
         elif ":" in words:
             name, _, rest = (part.strip() for part in words.partition(":"))
             items = []
-            values[name.strip("'\"")] = listed(rest) if rest else items
+            values[name.strip("'\"")] = scalar(rest) if rest else items
     return Record(str(path), values)
 
 
-def listed(text: str) -> object:
-    """A value, or a list in brackets."""
+def scalar(text: str) -> object:
+    """A list in brackets, a number where it is one and stands without quotes, else text."""
     if text.startswith("[") and text.endswith("]"):
         return [scalar(part.strip()) for part in text[1:-1].split(",") if part.strip()]
-    return scalar(text)
-
-
-def scalar(text: str) -> object:
-    """A number where it is one and stands without quotes, else text."""
     if text[:1] in ("'", '"') and text[-1:] == text[:1]:
         return text[1:-1]
     try:
         return float(text)
     except ValueError:
         return text
-
-
-# The poses are decoded, and have the mean pose in them.
-READER = DatasetReader(
-    parts, ("meta.yml",), clip_is_folder=True, name_parts=2, convention=base.ORIGIN
-)

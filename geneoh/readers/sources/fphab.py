@@ -11,11 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from geneoh.errors import InputError
-from geneoh.readers import base
-from geneoh.readers.builders import hand_by_frame
-from geneoh.readers.dataset_reader import DatasetReader
+from geneoh.readers import base, builders, joint_orders
+from geneoh.readers.dataset_reader import reads
 from geneoh.readers.foreign_files import by_frame, frame_number, read_numbers, read_record
-from geneoh.readers.joint_orders import ORDERS
 from geneoh.readers.meshes import find_mesh
 from geneoh.readers.records import FRAME_LIMIT, Array
 
@@ -35,7 +33,8 @@ SENSOR_TOLERANCE = 0.04
 """Metres between the magnetic sensors' keypoints, which lie on the skin, and a fit of MANO."""
 
 
-def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
+@reads("pkls.pkl", clip_is_folder=True, name_parts=3, convention=base.ORIGIN)
+def fphab(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """The right hand and its object, in the colour camera's frame."""
     record = read_record(clip.path / "pkls.pkl")
     fits = {frame_number(Path(str(key))): record.record(key) for key in record.values}
@@ -51,17 +50,12 @@ def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     if name is None:
         raise InputError(f"{clip.path}: expected an action with juice, soap, milk or salt")
     folder = (options.objects or root / "Object_models") / f"{name}_model"
-    hand = hand_by_frame("right", fits, frames, "fullpose", "trans", "shape")
-    joints = read_skeleton(root, way, frames)
-    yield base.ClipParts(
-        f"FPHAB {clip.name} (fits of Hasson et al.)",
-        [hand],
-        {f"fphab_{name}": find_mesh([folder / f"{name}_model.ply"], name)},
-        motion,
-        cross_checks=base.CrossChecks(
-            joints={} if joints is None else {"right": joints}, tolerance=SENSOR_TOLERANCE
-        ),
-    )
+    hand = builders.hand_by_frame("right", fits, frames, "fullpose", "trans", "shape")
+    joints = base.stated("right", read_skeleton(root, way, frames))
+    checks = base.CrossChecks(joints, tolerance=SENSOR_TOLERANCE)
+    meshes = {f"fphab_{name}": find_mesh([folder / f"{name}_model.ply"], name)}
+    source = f"FPHAB {clip.name} (fits of Hasson et al.)"
+    yield base.ClipParts(source, [hand], meshes, motion, cross_checks=checks)
 
 
 def annotation(root: Path, folder: str, way: Path, file: str) -> Path:
@@ -85,10 +79,5 @@ def read_skeleton(root: Path, way: Path, frames: int) -> Array | None:
     if not path.is_file():
         return None
     rows = {t: row.reshape(21, 3) for t, row in frame_rows(path, 63).items()}
-    joints = by_frame(rows, frames, 21, 3)[:, list(ORDERS["fphab"].entries)]
+    joints = by_frame(rows, frames, 21, 3)[:, list(joint_orders.ORDERS["fphab"].entries)]
     return (joints @ EXTRINSIC[:3, :3].T + EXTRINSIC[:3, 3]) * MILLIMETRES
-
-
-READER = DatasetReader(
-    parts, ("pkls.pkl",), clip_is_folder=True, name_parts=3, convention=base.ORIGIN
-)

@@ -11,13 +11,11 @@ import numpy as np
 
 from geneoh.choices import Side
 from geneoh.errors import InputError
-from geneoh.readers import base
-from geneoh.readers.builders import joints_if_complete
-from geneoh.readers.dataset_reader import DatasetReader
+from geneoh.readers import base, builders, transforms
+from geneoh.readers.dataset_reader import reads
 from geneoh.readers.foreign_files import by_frame, numbered_files, read_numbers
 from geneoh.readers.meshes import find_mesh
 from geneoh.readers.records import Array
-from geneoh.readers.transforms import moved_points
 
 OBJECTS = ("book", "espresso", "lotion", "spray", "milk", "cocoa", "chips", "cappuccino")
 """Classes 1 to 8; 0 is no object."""
@@ -30,7 +28,14 @@ FIT_TOLERANCE = 0.02
 """Metres between the annotated keypoints and the fit of MANO to them."""
 
 
-def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
+@reads(
+    *(f"{name}/" for name in PARAMETER_FOLDERS),
+    clip_is_folder=True,
+    name_parts=4,
+    convention=base.ORIGIN,
+    content="an object in some frame",
+)
+def h2o(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Both hands with each object, in the world; it may be another object in another frame."""
     hands = read_frames(clip.path, PARAMETER_FOLDERS, 2 * HAND)
     objects = read_frames(clip.path, ("obj_pose_rt", "obj_pose_RT"), 17)
@@ -43,10 +48,8 @@ def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     joints = {side: hand_of(stored, side, POINTS)[:, 1:].reshape(-1, 21, 3) for side in HANDS}
     tracks = [read_hand(hand_of(values, s, HAND), joints[s], s, to_world) for s in HANDS]
     motion = to_world @ placed[:, 1:].reshape(frames, 4, 4)
-    checks = base.CrossChecks(
-        joints={side: moved_points(joints[side], to_world) for side in HANDS},
-        tolerance=FIT_TOLERANCE,
-    )
+    stated: dict[Side, Array] = {s: transforms.moved_points(joints[s], to_world) for s in HANDS}
+    checks = base.CrossChecks(stated, tolerance=FIT_TOLERANCE)
     root = base.ancestor(clip.path, 4)
     for number in sorted({int(k) for k in placed[:, 0] if np.isfinite(k) and k >= 1}):
         if number > len(OBJECTS):
@@ -54,15 +57,10 @@ def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
         name = OBJECTS[number - 1]
         folder = (options.objects or root / "object") / name
         files = [*sorted(folder.glob("*.obj")), folder / f"{name}.obj"]
-        yield base.ClipParts(
-            f"H2O {clip.name} {name}",
-            tracks,
-            {f"h2o_{name}": find_mesh(files, name)},
-            motion,
-            name=f"{clip.name}_{name}",
-            object_known=(placed[:, 0] == number) & base.finite_frames(motion),
-            cross_checks=checks,
-        )
+        meshes = {f"h2o_{name}": find_mesh(files, name)}
+        known = (placed[:, 0] == number) & base.finite_frames(motion)
+        how = {"name": f"{clip.name}_{name}", "object_known": known, "cross_checks": checks}
+        yield base.ClipParts(f"H2O {clip.name} {name}", tracks, meshes, motion, **how)
 
 
 def read_frames(
@@ -96,21 +94,7 @@ def hand_of(rows: Array, side: Side, width: int) -> Array:
 def read_hand(values: Array, joints: Array, side: Side, to_world: Array) -> base.ManoParameters:
     """One hand in the camera's frame, with the stored keypoints where there are any."""
     present = base.finite_frames(values)
-    return base.ManoParameters(
-        side,
-        values[:, 4:52],
-        values[:, 1:4],
-        values[present, 52:].mean(0) if present.any() else None,
-        joints=joints_if_complete(joints, values),
-        to_world=to_world,
-    )
-
-
-READER = DatasetReader(
-    parts,
-    tuple(f"{name}/" for name in PARAMETER_FOLDERS),
-    clip_is_folder=True,
-    name_parts=4,
-    convention=base.ORIGIN,
-    content="an object in some frame",
-)
+    betas = values[present, 52:].mean(0) if present.any() else None
+    stored = builders.joints_if_complete(joints, values)
+    places = {"translation": values[:, 1:4], "joints": stored, "to_world": to_world}
+    return base.ManoParameters(side, values[:, 4:52], betas=betas, **places)

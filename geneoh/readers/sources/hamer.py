@@ -18,12 +18,11 @@ from geneoh.choices import Side
 from geneoh.errors import InputError
 from geneoh.geometry.mirror import mirror_axis_angle, mirror_points
 from geneoh.hand.mano import MENDED
-from geneoh.readers import base
+from geneoh.readers import base, transforms
 from geneoh.readers.builders import hand_track
-from geneoh.readers.dataset_reader import DatasetReader
+from geneoh.readers.dataset_reader import reads
 from geneoh.readers.foreign_files import frame_number, read_record
 from geneoh.readers.records import FRAME_LIMIT, Array, Record
-from geneoh.readers.transforms import axis_angles
 from geneoh.sequence.sequence import HandTrack
 
 ENDINGS = (".pkl", ".pickle", ".npz", ".pt", ".pth", ".npy")
@@ -47,7 +46,8 @@ def dumps(found: Iterable[Path], path: Path) -> list[Path]:
     return chosen
 
 
-def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
+@reads(*(f"*{ending}" for ending in ENDINGS), choose=dumps, any_file=True, fps_assumed=True)
+def hamer(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Up to two hands in the camera's frame, with the caller's object."""
     detections, frames = read_detections(clip.path, options)
     hands = [FollowedHand(side, frames) for side in ("right", "left")]
@@ -78,10 +78,7 @@ class FollowedHand:
         """The wrist in the frame with a hand before that one."""
 
     def add(self, frame: int, detection: Detection) -> None:
-        """Take a detection of this side, of several in one frame the one nearest to the last.
-
-        Detections must come in the order of their frames.
-        """
+        """Take a detection of this side, of several at once the nearest to the last; in order."""
         right = detection["right"] > 0.5
         if right != (self.side == "right"):
             return
@@ -94,21 +91,16 @@ class FollowedHand:
             self.betas.pop()
         elif self.last >= 0:
             self.before = self.joints[self.last, 0].copy()
-        pose = axis_angles(detection["turns"])
+        pose = transforms.axis_angles(detection["turns"])
         self.pose[frame] = pose if right else mirror_axis_angle(pose)
         self.joints[frame], self.last = joints, frame
         self.betas.append(detection["betas"])
 
     def track(self) -> HandTrack:
         """The track; the wrist is the first keypoint."""
-        return hand_track(
-            self.side,
-            pose=self.pose,
-            wrist=self.joints[:, 0],
-            joints=self.joints,
-            betas=np.mean(self.betas, axis=0),
-            left_hand=MENDED,  # a mirrored right hand
-        )
+        betas, wrist = np.mean(self.betas, axis=0), self.joints[:, 0]
+        numbers = {"pose": self.pose, "wrist": wrist, "betas": betas}
+        return hand_track(self.side, self.joints, **numbers, left_hand=MENDED)  # right, mirrored
 
 
 def read_detections(path: Path, options: base.ReaderOptions) -> tuple[list[Found], int]:
@@ -178,8 +170,3 @@ def full_translation(record: Record, right: Array, options: base.ReaderOptions) 
         raise record.refuse("pred_cam_t", "one row for each detection")
     across = own[:, 0] * (2 * right - 1)
     return np.stack([across + shift[:, 0], cam[:, 2] + shift[:, 1], 2 * focal / spread], axis=1)
-
-
-READER = DatasetReader(
-    parts, tuple(f"*{ending}" for ending in ENDINGS), choose=dumps, any_file=True, fps_assumed=True
-)

@@ -13,19 +13,23 @@ from geneoh.errors import InputError
 from geneoh.files.values import read_values
 from geneoh.hand.mano import MENDED
 from geneoh.readers import base
-from geneoh.readers.dataset_reader import DatasetReader
+from geneoh.readers.dataset_reader import reads
 from geneoh.readers.records import FRAME_LIMIT, Record, Shape
 
 FIELDS: dict[str, Shape] = {
-    "trans": (2, "T", 3),
-    "rot": (2, "T", 3),
-    "hand_pose": (2, "T", 45),
-    "betas": (2, "T", 10),
-    "valid": (2, "T"),
+    **{"trans": (2, "T", 3), "rot": (2, "T", 3), "hand_pose": (2, "T", 45)},
+    **{"betas": (2, "T", 10), "valid": (2, "T")},
 }
 
 
-def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
+@reads(
+    "world_space_res.pth",
+    any_file=True,
+    name_parts=2,
+    fps_assumed=True,
+    convention=base.ManoConvention("origin", left_hand=MENDED),
+)
+def hawor(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Up to two hands in the world, with the caller's object."""
     values = read_values(clip.path)
     if not isinstance(values, list | tuple) or len(values) != len(FIELDS):
@@ -46,13 +50,3 @@ def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
             hands.append(base.ManoParameters(side, pose, trans[index], shape))
     note = "frames that HaWoR filled in count as seen: it marks them so"
     yield base.ClipParts(f"HaWoR {clip.name}", hands, notes=(note,))
-
-
-READER = DatasetReader(
-    parts,
-    ("world_space_res.pth",),
-    any_file=True,
-    name_parts=2,
-    fps_assumed=True,
-    convention=base.ManoConvention("origin", left_hand=MENDED),
-)

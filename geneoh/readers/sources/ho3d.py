@@ -9,49 +9,42 @@ second.
 import numpy as np
 
 from geneoh.errors import InputError
-from geneoh.readers import base
-from geneoh.readers.builders import OPENPOSE_FROM_MANO, joints_if_complete
-from geneoh.readers.dataset_reader import DatasetReader
-from geneoh.readers.foreign_files import by_frame, numbered_files, read_record
+from geneoh.readers import base, builders, foreign_files, transforms
+from geneoh.readers.dataset_reader import reads
 from geneoh.readers.meshes import find_mesh
 from geneoh.readers.records import Array, Record
-from geneoh.readers.transforms import rigid_matrices, rotation_matrices
 
 OPENCV_FROM_OPENGL = np.diag([1.0, -1.0, -1.0])
 
 
-def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
+@reads("meta/", clip_is_folder=True, name_parts=2, convention=base.ORIGIN)
+def ho3d(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """The right hand and the object, in the camera's frame."""
-    files = numbered_files(clip.path / "meta", "*.pkl")
-    if not files:
+    records = foreign_files.numbered_records(clip.path / "meta", "*.pkl")
+    if not records:
         raise InputError(f"{clip.path}: expected frames in 'meta', got none; download them")
-    records = {frame: read_record(path) for frame, path in files.items()}
     frames = max(records) + 1
     pose, betas = field(records, "handPose", frames, 48), field(records, "handBeta", frames, 10)
     betas = betas[np.isfinite(betas).all(1)]
     joints = field(records, "handJoints3D", frames, 63).reshape(frames, 21, 3)
-    joints = joints[:, OPENPOSE_FROM_MANO]
+    joints = joints[:, builders.OPENPOSE_FROM_MANO]
     to_opencv = np.tile(np.eye(4), (frames, 1, 1))
     to_opencv[:, :3, :3] = OPENCV_FROM_OPENGL
+    mean = betas.mean(0) if len(betas) else None
+    places = {"joints": builders.joints_if_complete(joints, pose), "to_world": to_opencv}
     hand = base.ManoParameters(
-        "right",
-        pose,
-        field(records, "handTrans", frames, 3),
-        betas.mean(0) if len(betas) else None,
-        joints=joints_if_complete(joints, pose),
-        to_world=to_opencv,
+        "right", pose, field(records, "handTrans", frames, 3), mean, **places
     )
-    turn = rotation_matrices(field(records, "objRot", frames, 3))
+    turn = transforms.rotation_matrices(field(records, "objRot", frames, 3))
     name = object_name(records)
     folder = options.objects or base.ancestor(clip.path, 2) / "models"
     mesh = find_mesh([folder / name / "textured_simple.obj"], name)
-    yield base.ClipParts(
-        f"HO-3D {clip.name}",
-        [hand],
+    motion = to_opencv @ transforms.rigid_matrices(turn, field(records, "objTrans", frames, 3))
+    checks, meshes = (
+        base.CrossChecks({"right": joints @ OPENCV_FROM_OPENGL}),
         {f"ho3d_{name}": mesh},
-        to_opencv @ rigid_matrices(turn, field(records, "objTrans", frames, 3)),
-        cross_checks=base.CrossChecks(joints={"right": joints @ OPENCV_FROM_OPENGL}),
     )
+    yield base.ClipParts(f"HO-3D {clip.name}", [hand], meshes, motion, cross_checks=checks)
 
 
 def field(records: dict[int, Record], name: str, frames: int, count: int) -> Array:
@@ -65,7 +58,7 @@ def field(records: dict[int, Record], name: str, frames: int, count: int) -> Arr
             found[frame] = values
         elif name != "handJoints3D" or len(values) != 3:
             raise record.refuse(name, f"{count} numbers")
-    return by_frame(found, frames, count)
+    return foreign_files.by_frame(found, frames, count)
 
 
 def object_name(records: dict[int, Record]) -> str:
@@ -74,6 +67,3 @@ def object_name(records: dict[int, Record]) -> str:
         if record.values.get("objName") is not None:
             return record.text("objName").replace("/", "_")
     raise InputError(f"{next(iter(records.values())).where}: expected 'objName', got none")
-
-
-READER = DatasetReader(parts, ("meta/",), clip_is_folder=True, name_parts=2, convention=base.ORIGIN)

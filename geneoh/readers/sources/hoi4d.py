@@ -1,28 +1,35 @@
-"""HOI4D as it is distributed, rigid and articulated: hands and object in a moving camera's frame.
+"""HOI4D as it is distributed, and as GeneOH Diffusion prepares it: rigid and articulated objects.
 
-handpose/refinehandpose_{side}/{seq}/{frame}.pickle, HOI4D_annotations/{seq}/objpose/{frame}.json
-and 3Dseg/output.log, HOI4D_CAD_Model_for_release/{rigid/{Category}/{NNN}.obj,
-articulated/{Category}/{NNN}/objs/new-{k}-align.obj}. Translation of MANO's origin, absolute pose,
-metres, 15 frames a second; a missing hand file is a frame without that hand. The camera's poses
-take all to the world.
+Both: translation of MANO's origin, absolute pose, metres, 15 frames a second, the frame of a moving
+camera.
+
+Distributed: handpose/refinehandpose_{side}/{seq}/{frame}.pickle, HOI4D_annotations/{seq}/objpose/
+{frame}.json and 3Dseg/output.log, HOI4D_CAD_Model_for_release/{rigid/{Category}/{NNN}.obj,
+articulated/{Category}/{NNN}/objs/new-{k}-align.obj}. A missing hand file is a frame without that
+hand. The camera's poses take all to the world.
+
+Prepared: {Category}/case{i}/merged_data.npy and meta_data.npy. One dict for each frame with theta
+(1, 48), beta (1, 10), trans (1, 3), joints (63,) in MANO's order, obj_rot and obj_trans, of which
+an articulated object has one for each part; torch tensors, right hands. meta_data.npy names HOI4D's
+sequence, whose meshes are those of the data set itself.
 """
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from geneoh.choices import Side
 from geneoh.errors import InputError
+from geneoh.files.values import read_values
 from geneoh.geometry.mesh import Mesh
-from geneoh.readers import base, foreign_files
-from geneoh.readers.builders import hand_by_frame
-from geneoh.readers.dataset_reader import DatasetReader
-from geneoh.readers.foreign_files import frame_number, numbered_files, read_record
+from geneoh.readers import base, builders, foreign_files, transforms
+from geneoh.readers.dataset_reader import reads
+from geneoh.readers.foreign_files import by_frame, frame_number, read_record
 from geneoh.readers.meshes import find_mesh
-from geneoh.readers.records import Array, Record, as_record
-from geneoh.readers.transforms import inverse
+from geneoh.readers.records import FRAME_LIMIT, Array, Record, as_record
 
 ID_PARTS = 7
 """Of a sequence's name: camera, person, category, instance, room, layout, task."""
@@ -42,17 +49,18 @@ CAMERA_GAIN, CAMERA_SHARE = 0.002, 0.5
 """Metres a frame, and share, by which the object moves less where camera poses are inverted."""
 
 
-def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
+@reads("objpose/", clip_is_folder=True, name_parts=ID_PARTS, fps=15.0, convention=base.ORIGIN)
+def hoi4d(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Both hands and the object's parts, in the world where the camera's poses are there."""
     sequence = clip.path.parts[-ID_PARTS:]
     if len(clip.path.parents) < ID_PARTS + 2:
         raise InputError(f"{clip.path}: expected .../HOI4D_annotations/ZY.../H*/C*/N*/S*/s*/T*")
     root = clip.path.parents[ID_PARTS]
-    files = numbered_files(clip.path / "objpose", "*.json")
+    files = foreign_files.numbered_files(clip.path / "objpose", "*.json")
     hands: dict[Side, dict[int, Path]] = {}
     for side in ("right", "left"):
         folder = root / "handpose" / f"refinehandpose_{side}" / Path(*sequence)
-        hands[side] = numbered_files(folder, "*.pickle")
+        hands[side] = foreign_files.numbered_files(folder, "*.pickle")
     numbers = [frame for found in (files, *hands.values()) for frame in found]
     if not numbers:
         raise InputError(f"{clip.path}: expected frames in objpose, got none; download them")
@@ -70,16 +78,34 @@ def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     for side, found in hands.items():
         records = {frame: read_record(path) for frame, path in found.items()}
         if records:
-            hand = hand_by_frame(side, records, frames, "poseCoeff", "trans", "beta")
+            hand = builders.hand_by_frame(side, records, frames, "poseCoeff", "trans", "beta")
             tracks.append(replace(hand, to_world=cameras))
+    named = {f"hoi4d_{category}_{sequence[3]}_{k}": mesh for k, mesh in enumerate(meshes)}
+    checks = base.CrossChecks(contradictions=contradictions)
     yield base.ClipParts(
-        f"HOI4D {clip.name}",
-        tracks,
-        {f"hoi4d_{category}_{sequence[3]}_{k}": mesh for k, mesh in enumerate(meshes)},
-        motion,
-        notes=notes,
-        cross_checks=base.CrossChecks(contradictions=contradictions),
+        f"HOI4D {clip.name}", tracks, named, motion, notes=notes, cross_checks=checks
     )
+
+
+@reads("merged_data.npy", clip_is_folder=True, name_parts=2, fps=15.0, convention=base.ORIGIN)
+def hoi4d_cases(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
+    """The right hand and the object's parts, in the camera's frame."""
+    steps = read_steps(clip.path / "merged_data.npy")
+    frames = max(steps) + 1
+    hand = builders.hand_by_frame("right", steps, frames, "theta", "trans", "beta")
+    joints = read_joints(steps, frames)
+    motion = read_motion(steps, frames)
+    category, meshes = meshes_of(clip.path, motion.shape[1], options)
+    if options.mano_dir is None:  # with the model keypoints are made; else they place the wrist
+        hand = replace(hand, joints=builders.joints_if_complete(joints, hand.pose))
+    named = {f"hoi4d_{category}_{clip.path.name}_{k}": mesh for k, mesh in enumerate(meshes)}
+    found = exchanged_parts(meshes, motion[base.finite_frames(motion)])
+    stated = base.stated("right", joints if np.isfinite(joints).any() else None)
+    how = {
+        "notes": ("camera frame",),
+        "cross_checks": base.CrossChecks(stated, contradictions=found),
+    }
+    yield base.ClipParts(f"HOI4D {clip.name} (GeneOH)", [hand], named, motion, **how)
 
 
 def read_poses(files: dict[int, Path], frames: int) -> Array:
@@ -90,12 +116,11 @@ def read_poses(files: dict[int, Path], frames: int) -> Array:
         raise InputError("objpose: expected files with 'dataList', got none; download them")
     complete = {frame: found for frame, found in parts.items() if len(found) == count}
     poses = {frame: np.stack([part_pose(p) for p in found]) for frame, found in complete.items()}
-    return foreign_files.by_frame(poses, frames, count, 4, 4)
+    return by_frame(poses, frames, count, 4, 4)
 
 
 def pose_list(path: Path) -> list[Record]:
-    """The parts in one annotation, named dataList or, in older files, objects; none where it says
-    that it is not effective."""
+    """The parts in one annotation, `dataList` or `objects`; none where it is not effective."""
     record = as_record(foreign_files.read_json(path), str(path))
     if "isEffective" in record and record.finite("isEffective") == 0:
         return []
@@ -169,7 +194,7 @@ def inverted_cameras(cameras: Array, poses: Array, where: str) -> tuple[str, ...
         return ()
     read, other = (
         float(np.linalg.norm(np.diff((way @ poses[:, 0])[:, :3, 3], axis=0), axis=1).mean())
-        for way in (cameras, inverse(cameras, where))
+        for way in (cameras, transforms.inverse(cameras, where))
     )
     if other < CAMERA_SHARE * read and read - other > CAMERA_GAIN:
         return (
@@ -192,6 +217,58 @@ def widest_gap(meshes: list[Mesh], poses: Array) -> float:
     return float(max(gaps))
 
 
-READER = DatasetReader(
-    parts, ("objpose/",), clip_is_folder=True, name_parts=ID_PARTS, fps=15.0, convention=base.ORIGIN
-)
+def read_steps(path: Path) -> dict[int, Record]:
+    """Each frame's fields; a list holds frames in order, a dict by their numbers."""
+    value: Any = read_values(path)
+    if isinstance(value, np.ndarray) and value.dtype == object:
+        value = value.tolist()
+    if isinstance(value, list):
+        value = dict(enumerate(value))
+    steps = {}
+    for key, step in value.items() if isinstance(value, dict) else ():
+        number = str(key)[:40]
+        if not number.isdecimal() or int(number) >= FRAME_LIMIT:
+            raise InputError(f"{path}: expected frames by number, got {number!r}; check it")
+        steps[int(number)] = as_record(step, f"{path} frame {number}")
+    if not steps:
+        raise InputError(f"{path}: expected frames with 'theta' and 'obj_rot', got none; check it")
+    return steps
+
+
+def read_joints(steps: dict[int, Record], frames: int) -> Array:
+    """(T, 21, 3) stored keypoints; NaN in frames without."""
+    stated = {frame: step for frame, step in steps.items() if "joints" in step}
+    shapes = (63,), (21, 3)
+    found = {t: step.array("joints", *shapes).reshape(21, 3) for t, step in stated.items()}
+    return by_frame(found, frames, 21, 3)[:, builders.OPENPOSE_FROM_MANO]
+
+
+def read_motion(steps: dict[int, Record], frames: int) -> Array:
+    """(T, Q, 4, 4) of the parts to the camera; NaN where there is no frame."""
+    poses = {}
+    for frame, step in steps.items():
+        turn = step.array("obj_rot", (3, 3), ("Q", 3, 3), ("Q", 1, 3, 3)).reshape(-1, 3, 3)
+        shift = step.array("obj_trans", (3,), ("Q", 3), ("Q", 1, 3)).reshape(-1, 3)
+        if len(turn) != len(shift):
+            raise step.refuse("obj_trans", f"one for each of {len(turn)} parts")
+        poses[frame] = transforms.rigid_matrices(turn, shift)
+    count = max(len(pose) for pose in poses.values())
+    complete = {frame: pose for frame, pose in poses.items() if len(pose) == count}
+    return by_frame(complete, frames, count, 4, 4)
+
+
+def meshes_of(case: Path, count: int, options: base.ReaderOptions) -> tuple[str, list[Mesh]]:
+    """The category and the mesh of each part: the caller's, or the data set's own."""
+    if options.meshes:
+        return case.parent.name, list(options.meshes)
+    meta = case / "meta_data.npy"
+    if not meta.is_file():
+        raise InputError(
+            f"{meta}: expected the name of HOI4D's sequence, got no such file; copy it, or pass "
+            "the object's meshes with --obj"
+        )
+    record = read_record(meta)
+    sequence = tuple(record.text("case_flag").strip("/").split("/"))[-ID_PARTS:]
+    if len(sequence) != ID_PARTS:
+        raise record.refuse("case_flag", "a sequence such as ZY20210800001/H1/C1/N1/S1/s01/T1")
+    return read_meshes(sequence, count, case.parents[1], options)

@@ -17,35 +17,25 @@ import numpy as np
 from geneoh.choices import JointOrder, Side
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import METRES
-from geneoh.readers import base
-from geneoh.readers.builders import keypoint_track
-from geneoh.readers.dataset_reader import DatasetReader
-from geneoh.readers.foreign_files import read_json
-from geneoh.readers.joint_orders import ORDERS, openpose_order
-from geneoh.readers.mediapipe import (
-    SIDE_NOTE,
-    WORLD_NOTE,
-    Track,
-    is_results,
-    read_points,
-    read_results,
-)
+from geneoh.readers import base, builders, foreign_files, joint_orders, mediapipe
+from geneoh.readers.dataset_reader import reads
 from geneoh.readers.npz_layouts import quoted
 from geneoh.readers.records import Array, Record, as_record
 
 FORMAT, VERSION = "geneoh-landmarks", 1
 
 
-def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
+@reads("*.json", "*.jsonl", "*.csv")
+def landmarks(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Up to two hands, with the caller's object."""
     where = str(clip.path)
     if clip.path.suffix == ".csv":
-        yield from foreign_parts(clip, read_points(clip.path, options.side), options, ())
+        yield from foreign_parts(clip, mediapipe.read_points(clip.path, options.side), options, ())
         return
-    value = read_json(clip.path)
-    if is_results(value):
-        tracks = read_results(value, where, options.side)
-        yield from foreign_parts(clip, tracks, options, (WORLD_NOTE, SIDE_NOTE))
+    value = foreign_files.read_json(clip.path)
+    if mediapipe.is_results(value):
+        tracks = mediapipe.read_results(value, where, options.side)
+        yield from foreign_parts(clip, tracks, options, mediapipe.NOTES)
         return
     record = as_record(value, where)
     if "format" not in record:
@@ -57,29 +47,27 @@ def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     if record.text("format") != FORMAT or record.finite("version") != VERSION:
         raise record.refuse("format", f"'{FORMAT}' of version {VERSION}")
     order = record.optional_text("order") or "openpose"
-    if order not in ORDERS:
-        raise record.refuse("order", f"one of {', '.join(ORDERS)}")
+    if order not in joint_orders.ORDERS:
+        raise record.refuse("order", f"one of {', '.join(joint_orders.ORDERS)}")
     hands = record.record("hands")
     sides: list[Side] = [side for side in ("right", "left") if side in hands]
-    frames = {side: hands.items(side) for side in sides}
-    lengths = {len(steps) for steps in frames.values()}
+    frames = [hands.items(side) for side in sides]
+    lengths = {len(steps) for steps in frames}
     if len(lengths) != 1 or lengths == {0}:
         raise InputError(f"{clip.path}: expected as many frames for each hand, got {lengths}")
-    read: dict[Side, tuple[Array, Array]] = {
-        side: read_frames(frames[side], order, hands.where) for side in sides
-    }
+    read = [read_frames(steps, order, hands.where) for steps in frames]
     yield base.ClipParts(
         clip.path.name,
-        [keypoint_track(side, *read[side]) for side in read],
+        [builders.hand_track(side, *points) for side, points in zip(sides, read, strict=True)],
         fps=record.finite("fps"),
-        cross_checks=base.CrossChecks(joints={side: read[side][0] for side in read}),
+        cross_checks=base.CrossChecks({s: p[0] for s, p in zip(sides, read, strict=True)}),
         camera=tuple(record.array("camera", (3,)).tolist()) if "camera" in record else None,
     )
 
 
 def foreign_parts(
     clip: base.SourceClip,
-    tracks: dict[Side | None, Track],
+    tracks: dict[Side | None, mediapipe.Track],
     options: base.ReaderOptions,
     notes: tuple[str, ...],
 ) -> base.Parts:
@@ -96,7 +84,7 @@ def foreign_parts(
     yield base.ClipParts(
         clip.path.name,
         [
-            keypoint_track(side, scale * track.points, np.tile(track.trust[:, None], 21))
+            builders.hand_track(side, scale * track.points, np.tile(track.trust[:, None], 21))
             for side, track in tracks.items()
             if side is not None
         ],
@@ -106,7 +94,7 @@ def foreign_parts(
 
 def read_frames(frames: list[object], order: JointOrder, where: str) -> tuple[Array, Array]:
     """(T, 21, 3) keypoints, NaN where there are none, and (T, 21) trust."""
-    count = ORDERS[order].count
+    count = joint_orders.ORDERS[order].count
     points, trust = np.full((len(frames), count, 3), np.nan), np.zeros(len(frames))
     for index, frame in enumerate(frames):
         if frame is None:
@@ -116,8 +104,5 @@ def read_frames(frames: list[object], order: JointOrder, where: str) -> tuple[Ar
         trust[index] = values.finite("confidence") if "confidence" in values else 1.0
     if ((trust < 0) | (trust > 1)).any():
         raise InputError(f"{where}: expected a confidence from 0 to 1; rescale it")
-    joints, there = openpose_order(points, order)
+    joints, there = joint_orders.openpose_order(points, order)
     return joints, trust[:, None] * there
-
-
-READER = DatasetReader(parts, ("*.json", "*.jsonl", "*.csv"))

@@ -1,10 +1,15 @@
-"""OakInk's image set as it is distributed:
-image/anno/general_info/{seq}__{ts}__{sbj}__{frame}__{cam}.
+"""OakInk's image set and OakInk2 as they are distributed.
 
-hand_anno holds hand_pose (16, 4) quaternions with the real part first, hand_shape and hand_tsl in
-the world (translation of the wrist, absolute pose); obj_anno is object to world, for the mesh with
-its bounding box centred; cam_extr is world to camera, which is the frame of hand_j. Right hands
-only, metres, 30 frames a second.
+Both: (16, 4) quaternions with the real part first, absolute pose, translation of the wrist in the
+world, metres; object poses are object to world.
+
+OakInk: image/anno/general_info/{seq}__{ts}__{sbj}__{frame}__{cam}. hand_anno holds hand_pose,
+hand_shape and hand_tsl; obj_anno is for the mesh with its bounding box centred; cam_extr is world
+to camera, which is the frame of hand_j. Right hands only, 30 frames a second.
+
+OakInk2: anno_preview/{seq}.pkl, one pickle for each sequence. raw_mano[frame] holds rh__ and lh__
+pose_coeffs, tsl and betas as torch tensors, left hand as shipped; obj_transf[object][frame]. Frames
+are numbered by the motion capture, 120 a second; where numbers are left out, time went on.
 """
 
 from collections.abc import Iterable
@@ -14,14 +19,16 @@ from pathlib import Path
 
 import numpy as np
 
+from geneoh.choices import Side
 from geneoh.errors import InputError
-from geneoh.readers import base
-from geneoh.readers.builders import hand_by_frame, joints_if_complete
-from geneoh.readers.dataset_reader import DatasetReader
+from geneoh.readers import base, builders, transforms
+from geneoh.readers.dataset_reader import reads
 from geneoh.readers.foreign_files import by_frame, field_by_frame, read_array, read_record
 from geneoh.readers.meshes import find_mesh
-from geneoh.readers.records import FRAME_LIMIT, Array, Record
-from geneoh.readers.transforms import inverse
+from geneoh.readers.records import FRAME_LIMIT, Array, Record, as_record
+
+CAPTURE_FPS = 120.0
+"""Of OakInk2's motion capture; frames that were left out make it less."""
 
 
 def sequences(found: Iterable[Path], path: Path) -> Iterable[Path]:
@@ -32,7 +39,8 @@ def sequences(found: Iterable[Path], path: Path) -> Iterable[Path]:
             yield file.with_name("__".join(words[:3]))
 
 
-def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
+@reads("*__*__*__*__*.pkl", choose=sequences)
+def oakink(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """One person's hand and the object, in the world, from whichever camera has each frame."""
     folder, name = clip.path.parent, clip.path.name
     files: dict[int, Path] = {}
@@ -45,24 +53,19 @@ def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     frames = max(files) + 1
     records = {frame: read_record(file) for frame, file in files.items()}
     hands = {frame: record.record("hand_anno") for frame, record in records.items()}
-    stored = {
-        frame: read_joints(folder.parent / "hand_j" / file.name, records[frame])
-        for frame, file in files.items()
-    }
+    places = {frame: folder.parent / "hand_j" / file.name for frame, file in files.items()}
+    stored = {frame: read_joints(file, records[frame]) for frame, file in places.items()}
     joints = by_frame(stored, frames, 21, 3)
-    hand = hand_by_frame(
-        "right", hands, frames, "hand_pose", "hand_tsl", "hand_shape", quaternions=True
-    )
+    names = ("hand_pose", "hand_tsl", "hand_shape")
+    hand = builders.hand_by_frame("right", hands, frames, *names, quaternions=True)
     item = words_of(clip.path)[0].split("_")[0]
     models = options.objects or folder.parents[1] / "obj"
-    places = [models / f"{item}{ending}" for ending in (".obj", ".ply")]
-    yield base.ClipParts(
-        f"OakInk {name}",
-        [replace(hand, joints=joints_if_complete(joints, hand.translation))],
-        {f"oakink_{item}": find_mesh(places, item, centred=True)},
-        field_by_frame(records, "obj_anno", frames, 4, 4),
-        cross_checks=base.CrossChecks(joints={"right": joints}),
-    )
+    meshes = [models / f"{item}{ending}" for ending in (".obj", ".ply")]
+    hand = replace(hand, joints=builders.joints_if_complete(joints, hand.translation))
+    named = {f"oakink_{item}": find_mesh(meshes, item, centred=True)}
+    motion = field_by_frame(records, "obj_anno", frames, 4, 4)
+    checks = base.CrossChecks({"right": joints})
+    yield base.ClipParts(f"OakInk {name}", [hand], named, motion, cross_checks=checks)
 
 
 def words_of(path: Path) -> list[str]:
@@ -75,8 +78,55 @@ def read_joints(file: Path, record: Record) -> Array:
     if not file.is_file():
         return np.full((21, 3), np.nan)
     joints = read_array(file, (21, 3))
-    to_world = inverse(record.array("cam_extr", (4, 4)), record.where)
+    to_world = transforms.inverse(record.array("cam_extr", (4, 4)), record.where)
     return joints @ to_world[:3, :3].T + to_world[:3, 3]
 
 
-READER = DatasetReader(parts, ("*__*__*__*__*.pkl",), choose=sequences)
+@reads(
+    "*.pkl",
+    choose=lambda found, path: (file for file in found if file.parent.name == "anno_preview"),
+    content="an object with poses",
+)
+def oakink2(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
+    """Both hands with each object that moves, in the world."""
+    record = read_record(clip.path)
+    numbers = record.integers("mocap_frame_id_list")
+    steps = np.diff(numbers)
+    if not numbers or (steps <= 0).any() or numbers[-1] - numbers[0] > FRAME_LIMIT:
+        raise record.refuse("mocap_frame_id_list", "frame numbers that rise")
+    stride = int(np.median(steps)) if len(steps) else 1
+    # Numbers that are left out are a gap in time: they stay frames, without hand or object.
+    frames = {number: t for t, number in enumerate(range(numbers[0], numbers[-1] + 1, stride))}
+    hands = [read_hand(record.record("raw_mano"), side, frames) for side in ("right", "left")]
+    for item in record.texts("obj_list"):
+        places = record.record("obj_transf").record(item)
+        poses = {t: places.array(n, (4, 4)) for n, t in frames.items() if n in places}
+        motion = by_frame(poses, len(frames), 4, 4)
+        if not np.isfinite(motion).all((1, 2)).any():
+            continue
+        name = "".join(c if c.isalnum() else "_" for c in item)
+        meshes = {f"oakink2_{name}": find_mesh(mesh_files(item, clip.path, options), item)}
+        how = {"name": f"{clip.name}_{name}", "fps": CAPTURE_FPS / stride}
+        yield base.ClipParts(f"OakInk2 {clip.name} {item}", hands, meshes, motion, **how)
+
+
+def read_hand(hands: Record, side: Side, frames: dict[int, int]) -> base.ManoParameters:
+    """One hand; NaN in the frames that lack it."""
+    prefix = f"{side[0]}h__"
+    there = {n: t for n, t in frames.items() if hands.values.get(n) is not None}
+    steps = {t: as_record(hands.values[n], f"{hands.where} {n}") for n, t in there.items()}
+    names = [f"{prefix}{name}" for name in ("pose_coeffs", "tsl", "betas")]
+    steps = {t: step for t, step in steps.items() if step.values.get(names[0]) is not None}
+    return builders.hand_by_frame(side, steps, len(frames), *names, quaternions=True)
+
+
+def mesh_files(item: str, path: Path, options: base.ReaderOptions) -> list[Path]:
+    """Where an object's mesh may be, which is used as it is."""
+    root = path.parents[1]
+    name = item.replace("..", "_").replace("/", "_")
+    folders = [root / kind / "align_ds" / name for kind in ("object_raw", "object_repair")]
+    if options.objects is not None:
+        folders.insert(0, options.objects / name)
+    found = [file for folder in folders if folder.is_dir() for file in sorted(folder.iterdir())]
+    meshes = [file for file in found if file.suffix in (".obj", ".ply")]
+    return [*meshes, folders[0] / f"{name}.obj"]

@@ -1,9 +1,16 @@
-"""TACO as it is distributed: the right hand with its tool, the left hand with its target.
+"""TACO as it is distributed, and in the simplified pickle of GeneOH Diffusion.
 
-Hand_Poses/{triplet}/{seq}/{side}_hand.pkl, {side}_hand_shape.pkl (torch tensors in pickles, also of
-a GPU); Object_Poses/{triplet}/{seq}/{tool|target}_{id}.npy; Object_Models/{id}_cm.obj in
-centimetres. Translation of the wrist, absolute pose, left hand as shipped, world frame with z up,
-30 frames a second.
+Both: translation of the wrist, absolute pose, left hand as shipped, metres, 30 frames a second.
+
+Distributed: the right hand with its tool, the left hand with its target. Hand_Poses/{triplet}/
+{seq}/
+{side}_hand.pkl, {side}_hand_shape.pkl (torch tensors in pickles, also of a GPU);
+Object_Poses/{triplet}/{seq}/{tool|target}_{id}.npy; Object_Models/{id}_cm.obj in centimetres; world
+frame with z up.
+
+Simplified: {seq}.pkl with one hand and its object, {seq}.obj. hand_pose (T, 48), hand_trans (T, 3),
+hand_shape (10,), hand_verts (T, 778, 3), obj_verts (T, V, 3), obj_faces, obj_pose (T, 4, 4). The
+side is not stored: the published files hold left hands.
 """
 
 from dataclasses import replace
@@ -11,18 +18,24 @@ from pathlib import Path
 
 from geneoh.choices import Side
 from geneoh.errors import InputError
-from geneoh.readers import base
-from geneoh.readers.builders import hand_by_frame
-from geneoh.readers.dataset_reader import DatasetReader
-from geneoh.readers.foreign_files import read_array, read_record
-from geneoh.readers.meshes import find_mesh
+from geneoh.geometry.mesh import Mesh, checked
+from geneoh.readers import base, builders, foreign_files, mano, transforms
+from geneoh.readers.dataset_reader import reads
+from geneoh.readers.meshes import find_mesh, mesh_from, read_mesh
+from geneoh.readers.records import Array, Record
 
 CENTIMETRES = 0.01
 HOLDS: dict[str, Side] = {"tool": "right", "target": "left"}
 """The hand that holds each object."""
 
 
-def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
+@reads(
+    "*_hand.pkl",
+    clip_is_folder=True,
+    name_parts=2,
+    content="a hand, and poses of its object in the same folder below Object_Poses",
+)
+def taco(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Each hand with what it holds, in the world."""
     root = base.ancestor(clip.path, 3)
     triplet, sequence = clip.path.parts[-2:]
@@ -32,20 +45,44 @@ def parts(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
         if not poses or not (clip.path / f"{side}_hand.pkl").is_file():
             continue
         name = poses[0].stem.removeprefix(f"{role}_")
-        motion = read_array(poses[0], ("T", 4, 4))
+        motion = foreign_files.read_array(poses[0], ("T", 4, 4))
         mesh = find_mesh([folder / f"{name}_cm.obj"], f"object {name}", CENTIMETRES)
-        yield base.ClipParts(
-            f"TACO {triplet} {sequence} {role}",
-            [read_hand(clip.path, side, len(motion))],
-            {f"taco_{name}": mesh},
-            motion,
-            name=f"{clip.name}_{role}",
-        )
+        hand, meshes = read_hand(clip.path, side, len(motion)), {f"taco_{name}": mesh}
+        source, name = f"TACO {triplet} {sequence} {role}", f"{clip.name}_{role}"
+        yield base.ClipParts(source, [hand], meshes, motion, name=name)
+
+
+@reads("*.pkl")
+def taco_pickle(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
+    """The hand and its object."""
+    record = foreign_files.read_record(clip.path)
+    side = options.side or "left"
+    motion = record.array("obj_pose", ("T", 4, 4))
+    stored = record.optional_array("obj_verts", (len(motion), "V", 3))
+    mesh = read_object(record, clip.path, motion, stored)
+    points = None
+    if stored is not None and stored.shape[1:] == mesh.verts.shape:
+        points = stored, transforms.moved_points(mesh.verts.double().numpy(), motion)
+    joints = record.optional_array("hand_joints", (len(motion), 21, 3))
+    verts = record.optional_array("hand_verts", (len(motion), 778, 3))
+    pose, wrist = record.array("hand_pose", ("T", 48)), record.array("hand_trans", ("T", 3))
+    shape = record.array("hand_shape", (10,))
+    hand = base.ManoParameters(side, pose, wrist, shape, joints=joints)
+    rim = base.stated(side, None if verts is None else verts[:, mano.RIM].mean(1))
+    checks = base.CrossChecks(base.stated(side, joints), rim, object_points=points)
+    yield base.ClipParts(
+        f"{clip.path.name} (simplified TACO pickle)",
+        [hand],
+        {f"taco_{clip.name}": mesh},
+        motion,
+        notes=() if options.side else ("a left hand is assumed; --side says otherwise",),
+        cross_checks=checks,
+    )
 
 
 def read_hand(folder: Path, side: Side, frames: int) -> base.ManoParameters:
     """One hand, in as many frames as the object has, with betas where there is a file of them."""
-    record = read_record(folder / f"{side}_hand.pkl")
+    record = foreign_files.read_record(folder / f"{side}_hand.pkl")
     keys = sorted(record.values, key=str)
     if len(keys) != frames:
         raise InputError(
@@ -53,16 +90,15 @@ def read_hand(folder: Path, side: Side, frames: int) -> base.ManoParameters:
             "the files are of different sequences or versions"
         )
     steps = {frame: record.record(key) for frame, key in enumerate(keys)}
-    hand = hand_by_frame(side, steps, frames, "hand_pose", "hand_trans")
+    hand = builders.hand_by_frame(side, steps, frames, "hand_pose", "hand_trans")
     shape = folder / f"{side}_hand_shape.pkl"
-    betas = read_record(shape).array("hand_shape", (10,)) if shape.is_file() else None
+    betas = foreign_files.read_record(shape).array("hand_shape", (10,)) if shape.is_file() else None
     return replace(hand, betas=betas)
 
 
-READER = DatasetReader(
-    parts,
-    ("*_hand.pkl",),
-    clip_is_folder=True,
-    name_parts=2,
-    content="a hand, and poses of its object in the same folder below Object_Poses",
-)
+def read_object(record: Record, path: Path, motion: Array, stored: Array | None) -> Mesh:
+    """The mesh in its own frame, from the OBJ beside the pickle, else from the moved vertices."""
+    if path.with_suffix(".obj").is_file() or stored is None:
+        return read_mesh(path.with_suffix(".obj"))
+    verts = (stored[0] - motion[0, :3, 3]) @ motion[0, :3, :3]
+    return checked(mesh_from(verts, record.array("obj_faces", ("F", 3))), record.where)

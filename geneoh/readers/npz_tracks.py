@@ -1,4 +1,4 @@
-"""Hand tracks out of the fields of an npz, in each of its layouts.
+"""Hand tracks and the object's motion out of the fields of an npz, in each of its layouts.
 
 What only the file's owner knows, such as the side of the hand, must come from the caller when the
 file leaves it open; what had to be assumed is noted.
@@ -7,25 +7,32 @@ file leaves it open; what had to be assumed is noted.
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
 from geneoh.choices import Side
 from geneoh.errors import InputError
+from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.rotations import matrix_to_axis_angle
 from geneoh.hand.library import load_hand
 from geneoh.hand.mano import AS_SHIPPED, MENDED, name_of
-from geneoh.readers import npz_layouts
-from geneoh.readers.mano import mean_wrist_offset
-from geneoh.readers.npz_layouts import HAND_FIELDS, JOINT_NAMES, SMPLX_PARAMETERS, Layout, quoted
-from geneoh.readers.records import Record, float32
+from geneoh.readers import mano, npz_layouts
+from geneoh.readers.npz_layouts import JOINT_NAMES, OBJECT_FIELDS, SMPLX_PARAMETERS, Layout, quoted
+from geneoh.readers.records import Array, Record, float32
 from geneoh.sequence.camera import unit_rays
-from geneoh.sequence.sequence import HandTrack
+from geneoh.sequence.gaps import fill_object
+from geneoh.sequence.sequence import HandTrack, ObjectTrack
 
 OFFSET_NOTE = (
     "the wrist was placed with the offset of MANO's mean hand, some 5 mm off for other hands; "
     "pass --mano, or add 'joints', to have it exact"
+)
+
+MOTION_MISSING = (
+    "neither; add them, for an object that does not move the identity and zeros in every frame, "
+    "or give --object-pose POSES.npy"
 )
 
 Notes = tuple[str, ...]
@@ -42,9 +49,8 @@ def read_hands(
     if layout == "smplx":
         hand, notes = read_smplx(record, side, mano_dir)
     elif layout == "taco":  # which used the official left file as it is
-        hand, notes = read_track(
-            record, side, npz_layouts.TACO_NAMES, hand_model=name_of(side, AS_SHIPPED)
-        )
+        shipped = name_of(side, AS_SHIPPED)
+        hand, notes = read_track(record, side, npz_layouts.TACO_NAMES, hand_model=shipped)
     else:
         hand, notes = read_track(record, side, JOINT_NAMES)
     return (hand,), notes
@@ -88,11 +94,7 @@ def read_own(record: Record, given: Side | None) -> tuple[tuple[HandTrack, ...],
 
 
 def read_smplx(record: Record, side: Side, mano_dir: Path | str | None) -> tuple[HandTrack, Notes]:
-    """The names of the smplx package: pose in two parts, translation of MANO's origin.
-
-    Rotation matrices, as HaMeR and WiLoR put them out, are taken as well as axis-angle. Left betas
-    are those of the official left file, which smplx uses as it is.
-    """
+    """The names of smplx: pose in two parts (matrices too), translation of MANO's origin."""
     if record.optional_number("flat_hand_mean") == 0:
         raise record.refuse(
             "flat_hand_mean", "true (zero is the flat hand)", "add hands_mean to 'hand_pose' first"
@@ -113,15 +115,9 @@ def read_smplx(record: Record, side: Side, mano_dir: Path | str | None) -> tuple
     elif transl is not None:
         offset, notes = offset_of_wrist(side, read_betas(record, "betas")[0], mano_dir)
         wrist = transl + offset
-    hand, more = read_track(
-        record,
-        side,
-        {**JOINT_NAMES, "betas": "betas"},
-        hand_model=name_of(side, AS_SHIPPED),
-        parameters=SMPLX_PARAMETERS,
-        pose=torch.cat(turns, dim=1),
-        wrist=wrist,
-    )
+    names, shipped = {**JOINT_NAMES, "betas": "betas"}, name_of(side, AS_SHIPPED)
+    made = {"parameters": SMPLX_PARAMETERS, "pose": torch.cat(turns, dim=1), "wrist": wrist}
+    hand, more = read_track(record, side, names, hand_model=shipped, **made)
     return hand, (*notes, *more)
 
 
@@ -136,12 +132,9 @@ def read_rotations(record: Record, name: str, count: int) -> Float[Tensor, "T R 
 def offset_of_wrist(
     side: Side, betas: Float[Tensor, " 10"] | None, mano_dir: Path | str | None
 ) -> tuple[Float[Tensor, " 3"], Notes]:
-    """From MANO's origin to its wrist joint: exact with the model, else that of the mean hand.
-
-    The model is the one that smplx uses: what it wrote, left hands included, was made with that.
-    """
+    """From MANO's origin to the wrist, with the left hand of smplx; or the mean hand's."""
     if mano_dir is None:
-        return float32(mean_wrist_offset(side)), (OFFSET_NOTE,)
+        return float32(mano.mean_wrist_offset(side)), (OFFSET_NOTE,)
     hand = load_hand(side, source=AS_SHIPPED, mano_dir=mano_dir)
     return hand.rest_wrist(torch.zeros(10) if betas is None else betas), ()
 
@@ -185,14 +178,10 @@ def read_track(
 ) -> tuple[HandTrack, Notes]:
     """One hand from its fields, with the frames that can be used marked as valid.
 
-    Args:
-        record: the file.
-        side: which hand.
-        names: the file's name of each field of `HAND_FIELDS` that its layout has.
-        hand_model: whose betas they are.
-        parameters: further fields that `pose` and `wrist` were made from, where a layout does so.
+    `names` has the file's name of each of `HAND_FIELDS` that its layout has; `parameters` are
+    further fields, from which `pose` and `wrist` were made.
     """
-    field = {name: names.get(name, "") for name in HAND_FIELDS}
+    field = {name: names.get(name, "") for name in npz_layouts.HAND_FIELDS}
     joints = record.tensor(field["joints"], ("T", 21, 3), unit="in metres, in OpenPose order")
     if pose is None:
         pose = record.tensor(field["pose"], ("T", 48), ("T", 16, 3), unit="in radians")
@@ -205,7 +194,7 @@ def read_track(
     ray = record.tensor(field["camera_ray"], ("T", 3), unit="as directions")
     if ray is not None:
         ray = unit_rays(ray, len(ray), f"{record.where}: '{field['camera_ray']}'")
-    per_frame = [*parameters, *(field[name] for name in HAND_FIELDS if name != "betas")]
+    per_frame = [*parameters, *(field[name] for name in npz_layouts.HAND_FIELDS if name != "betas")]
     there = [name for name in per_frame if name in record]
     record.refuse_lengths(*there)
     if joints is None and (pose is None or wrist is None):
@@ -245,3 +234,64 @@ def observed_frames(
 def all_finite(values: Float[Tensor, "T ..."]) -> Bool[Tensor, " T"]:
     """For each frame, whether all of its numbers are finite."""
     return values.isfinite().flatten(1).all(1) if values.ndim > 1 else values.isfinite()
+
+
+def read_object(record: Record, meshes: tuple[Mesh, ...], frames: int) -> ObjectTrack:
+    """The motion from rotation and translation or 4x4 matrices; without mesh and motion none."""
+    pair = [name for name in OBJECT_FIELDS[:2] if name in record]
+    if not (pair or meshes or "obj_pose" in record):
+        return ObjectTrack.resting((), frames)
+    if ("obj_pose" in record) == bool(pair):
+        raise InputError(
+            f"{record.where}: the object's motion must be given once, as 'object_rotation' with "
+            f"'object_translation' or as 'obj_pose', got "
+            + (f"{quoted(pair)} and 'obj_pose'; remove one of them" if pair else MOTION_MISSING)
+        )
+    if "obj_pose" in record:
+        matrix = record.array("obj_pose", ("T", 4, 4), ("T", "Q", 4, 4), unit="object to world")
+        matrix = matrix if matrix.ndim == 4 else matrix[:, None]
+        refuse_bottom_row(record, matrix)
+        rotation, translation = matrix[..., :3, :3], matrix[..., :3, 3]
+        return observed_object(record, meshes, rotation, translation)
+    if len(pair) == 1:
+        (other,) = {*OBJECT_FIELDS[:2]} - {*pair}
+        raise InputError(f"{record.where}: '{pair[0]}' needs '{other}', got none; add it")
+    cure = "turn axis-angle or quaternions into matrices"
+    shapes = (("T", "Q", 3, 3), ("T", 3, 3))
+    rotation = record.array("object_rotation", *shapes, unit="as matrices", remedy=cure)
+    translation = record.array("object_translation", ("T", "Q", 3), ("T", 3), unit="in metres")
+    record.refuse_lengths(*pair)
+    rotation = rotation if rotation.ndim == 4 else rotation[:, None]
+    translation = translation if translation.ndim == 3 else translation[:, None]
+    if rotation.shape[1] != translation.shape[1]:
+        raise InputError(
+            f"{record.where}: rotation and translation must have the same number of parts, got "
+            f"{rotation.shape[1]} in 'object_rotation' and {translation.shape[1]} in "
+            "'object_translation'; give one of each per part"
+        )
+    return observed_object(record, meshes, rotation, translation)
+
+
+def observed_object(
+    record: Record, meshes: tuple[Mesh, ...], rotation: Array, translation: Array
+) -> ObjectTrack:
+    """The track with poses that are NaN, or not in `object_valid`, marked and filled."""
+    frames, parts = translation.shape[:2]
+    seen = record.optional_array("object_valid", ("T", "Q"), ("T",))
+    if seen is not None:
+        if len(seen) != frames:
+            raise record.refuse("object_valid", f"{frames} frames", "give one for each pose")
+        seen = np.broadcast_to(seen.reshape(frames, -1) > 0, (frames, parts))
+        seen = torch.from_numpy(np.array(seen))
+    return fill_object(ObjectTrack(meshes, float32(rotation), float32(translation)), seen)
+
+
+def refuse_bottom_row(record: Record, matrix: Array) -> None:
+    """Refuse (T, Q, 4, 4) matrices that do not act on column vectors."""
+    rows = matrix[..., 3, :][~np.isnan(matrix).any((-1, -2))]
+    if not np.allclose(rows, [0.0, 0.0, 0.0, 1.0], atol=1e-4):
+        row = matrix[0, 0, 3].tolist()
+        raise InputError(
+            f"{record.where}: 'obj_pose' must have 0 0 0 1 as its last row, got {row} in the first "
+            "frame; transpose it if its translation is there"
+        )
