@@ -9,107 +9,41 @@ hand beyond its noise. No pose is taken farther from the smooth track than its n
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float64, Int
+from jaxtyping import Bool, Float64
 from scipy import sparse
 from scipy.ndimage import uniform_filter1d
 from scipy.sparse.linalg import spsolve
 from scipy.spatial.transform import Rotation
 
-from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.objects.cleaning import EXACT_ROTATION, EXACT_TRANSLATION, ObjectExamination
-from geneoh.objects.consistency import runs
+from geneoh.objects.holding import (
+    LAG,
+    RADIANS_PER_METRE,
+    RESTS,
+    ROUNDS,
+    Frame,
+    Grip,
+    PartTrack,
+    Track,
+    could_rest,
+    frame_of,
+    grip_of,
+)
 from geneoh.objects.smoothing import FREEDOM, LEAST_ACCELERATION, WINDOW
 from geneoh.objects.symmetry import box_center
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 
-KNUCKLES = (5, 9, 13, 17)
-"""Keypoints that move with the palm, in whose frame a held object rests."""
 DRIFT_SECONDS = 0.5
 """Correlation time of the drift."""
-LAG = 8
-"""Frames over which it is asked whether the object rests: drift alone moves it by about as much as
-the noise, motion by more."""
-MOVES = 4.0
-"""Mean squared step over that time, in units of what drift makes, from which on it is motion."""
 FREE_DRIFT = 0.3
 """Deviation of the drift where the object neither rests nor is held, in units of the noise: nothing
 tells it from motion there."""
-RESTS, HELD = (0.006, 0.00005), (0.006, 0.0004)
-"""First and last step per frame, metres, that counts as none in the world and in a hand; in between
-it shrinks, so that what moves drops out before it can bend the rest."""
-RADIANS_PER_METRE = 6.0
-"""The same for turns: 0.35 degrees for a millimetre."""
-ROUNDS = 8
-CHI3_SHARE = 0.789
-"""Median of the mean square of three standard normal numbers."""
-LEAST_GRIP = 0.0025
-"""Deviation per axis of the object in its grip at least, metres: what clean hands are off by."""
-WELL_HELD = 0.01
-"""Deviation in its grip up to which an unseen object is taken there at first, metres."""
-GRIP_FRAMES = 6.0
-"""Frames over which that deviation lasts."""
-GRIP_OUTLIER = 4.0
-"""Squared deviations, in units of the usual ones, from which on an object is not in its grip."""
-SHORTEST_GRIP = 10
-"""Frames near a hand below which nothing is known of the grip."""
-REACH = 0.05
-"""Distance in metres between a hand's keypoints and the object's box up to which it may hold it."""
 LARGEST = 3.0
 """Deviations of the noise by which a pose is moved from the smooth track at most."""
-
-Track = Float64[np.ndarray, "T 3"]
-
-
-@dataclass(frozen=True)
-class Frame:
-    """What an object may rest in, the world or a hand, over T frames."""
-
-    rotation: Float64[np.ndarray, "T 3 3"]
-    origin: Track
-    near: Bool[np.ndarray, " N"]
-    """Whether the object may rest in it from each frame to the next."""
-    scale: tuple[float, float] = HELD
-
-    def step(
-        self, start: Int[np.ndarray, " N"], lag: int = 1
-    ) -> tuple[Float64[np.ndarray, "N 3 3"], Float64[np.ndarray, "N 3"]]:
-        """Its rigid motion, x -> turn @ x + shift, from start frames to `lag` frames later."""
-        turn = self.rotation[start + lag] @ self.rotation[start].swapaxes(1, 2)
-        return turn, self.origin[start + lag] - moved(turn, self.origin[start])
-
-    def left(
-        self, turns: Rotation, places: Track, start: Int[np.ndarray, " N"], lag: int = 1
-    ) -> tuple[Float64[np.ndarray, "N 3"], Float64[np.ndarray, "N 3"]]:
-        """How an object turns and moves besides, axis-angle in radians and metres."""
-        turn, shift = self.step(start, lag)
-        matrices = turns.as_matrix()
-        besides = matrices[start + lag] @ matrices[start].swapaxes(1, 2) @ turn.swapaxes(1, 2)
-        return (
-            Rotation.from_matrix(besides).as_rotvec(),
-            places[start + lag] - moved(turn, places[start]) - shift,
-        )
-
-
-@dataclass(frozen=True)
-class Grip:
-    """Where an object would be if it did not move in a hand, with weights of turns and places."""
-
-    turns: Rotation
-    places: Track
-    weights: Float64[np.ndarray, "2 T"]
-    """Inverse squares of radians and metres; 0 where the object is not held."""
-
-    def taken(
-        self, start: tuple[Rotation, Track], lost: Bool[np.ndarray, " T"]
-    ) -> tuple[Rotation, Track]:
-        """A track that has this grip in lost frames in which it is held well."""
-        held = (lost & (self.weights[1] * GRIP_FRAMES > WELL_HELD**-2))[:, None]
-        turns = np.where(held[..., None], self.turns.as_matrix(), start[0].as_matrix())
-        return Rotation.from_matrix(turns), np.where(held, self.places, start[1])
 
 
 def refine_object(
@@ -165,102 +99,20 @@ def refine_part(
         np.ones(steps, dtype=bool),
         RESTS,
     )
-    known = confidence > 0
-    frames = [world, *(frame_of(hand, smooth, part, known) for hand in hands)]
-    grips = [grip_of(frame, first, noise, known) for frame in frames[1:]]
-    frames = [replace(f, near=f.near & could_rest(f, *first, noise, known)) for f in frames]
+    track = PartTrack(*first, noise, known=confidence > 0)
+    frames = [world, *(frame_of(hand, smooth, part, track.known) for hand in hands)]
+    grips = [grip_of(frame, track) for frame in frames[1:]]
+    frames = [replace(f, near=f.near & could_rest(f, track)) for f in frames]
     start = first
     for grip in grips:
         start = grip.taken(start, lost)
     turns, places = resting(
         frames, grips, start, seen, weights, noise, np.exp(-1 / (DRIFT_SECONDS * fps))
     )
-    step = bounded((turns * first[0].inv()).as_rotvec(), noise[0], known)
+    step = bounded((turns * first[0].inv()).as_rotvec(), noise[0], track.known)
     turns = Rotation.from_rotvec(step) * first[0]
     places = first[1] + bounded(places - first[1], noise[1], ~lost)
     return turns.as_matrix(), places - turns.apply(center)
-
-
-def frame_of(
-    hand: HandTrack, motion: ObjectTrack, part: int, known: Bool[np.ndarray, " T"]
-) -> Frame:
-    """The palm of a hand, near the box of a part."""
-    assert hand.joints is not None, "clean hands have joints"
-    assert hand.pose is not None, "clean hands have a pose"
-    verts = motion.meshes[part].verts
-    local = (hand.joints - motion.translation[:, part, None]) @ motion.rotation[:, part]
-    away = (local - local.clamp(verts.amin(0), verts.amax(0))).norm(dim=-1).amin(-1)
-    return Frame(
-        axis_angle_to_matrix(hand.pose[:, 0]).double().cpu().numpy(),
-        hand.joints[:, list(KNUCKLES)].mean(1).double().cpu().numpy(),
-        bridged(away.double().cpu().numpy(), known)[1:] < REACH,
-    )
-
-
-def bridged(values: np.ndarray, known: np.ndarray) -> Float64[np.ndarray, " N"]:
-    """Values of a track, unknown ones from those around them; infinite if none is known."""
-    frames = np.arange(len(values))
-    return np.interp(frames, frames[known], values[known]) if known.any() else values + np.inf
-
-
-def grip_of(
-    frame: Frame,
-    smooth: tuple[Rotation, Track],
-    noise: tuple[float, float],
-    known: Bool[np.ndarray, " T"],
-) -> Grip:
-    """The grip of a hand each time that it is near, as far as it is one."""
-    back = frame.rotation.swapaxes(1, 2)
-    turns = Rotation.from_matrix(back @ smooth[0].as_matrix())
-    places = moved(back, smooth[1] - frame.origin)
-    held, weights = places.copy(), np.zeros((2, len(places)))
-    onto = turns.as_matrix()
-    for run in runs(np.append(frame.near, frame.near[-1])):
-        if known[run].sum() >= SHORTEST_GRIP:
-            found = usual_grip(turns[run], places[run], noise, known[run])
-            onto[run], held[run], weights[:, run] = found
-    return Grip(
-        Rotation.from_matrix(frame.rotation @ onto),
-        frame.origin + moved(frame.rotation, held),
-        weights,
-    )
-
-
-def usual_grip(
-    turns: Rotation, places: Track, noise: tuple[float, float], known: Bool[np.ndarray, " T"]
-) -> tuple[Float64[np.ndarray, "3 3"], Float64[np.ndarray, " 3"], Float64[np.ndarray, "2 T"]]:
-    """The pose in the hand that most frames agree on, and the weights of turns and places by it."""
-    turn, place = turns[known].mean(), np.median(places[known], axis=0)
-    for _ in range(ROUNDS):
-        off = np.stack([(turns * turn.inv()).as_rotvec(), places - place])
-        squares = np.square(off).mean(2)
-        usual = np.maximum(np.median(squares[:, known], axis=1) / CHI3_SHARE, np.square(noise))
-        apart = (squares / usual[:, None]).mean(0) / GRIP_OUTLIER
-        weight = known * (1 + apart) ** -2
-        turn, place = turns.mean(weight), np.average(places, axis=0, weights=weight)
-    least = LEAST_GRIP * np.array([RADIANS_PER_METRE, 1])
-    beyond = np.maximum(usual - np.square(noise), least**2)
-    sure = (1 + uniform_filter1d(bridged(apart, known), WINDOW, mode="nearest")) ** -4
-    return turn.as_matrix(), place, sure / GRIP_FRAMES / beyond[:, None]
-
-
-def could_rest(
-    frame: Frame,
-    turns: Rotation,
-    places: Track,
-    noise: tuple[float, float],
-    known: Bool[np.ndarray, " T"],
-) -> Bool[np.ndarray, " N"]:
-    """Whether drift alone explains how the object moves in a frame, around each step."""
-    steps = np.arange(len(places) - 1)
-    least = np.full(len(steps), np.inf)
-    for back in (0, LAG // 2, LAG - 1):
-        start = (steps - back).clip(0, len(places) - 1 - LAG)
-        found = frame.left(turns, places, start, LAG)
-        drift = np.hypot(noise, (EXACT_ROTATION, EXACT_TRANSLATION))
-        units = [np.square(x).sum(1) / 3 / d**2 for x, d in zip(found, drift, strict=True)]
-        least = np.where(known[start] & known[start + LAG], np.minimum(least, sum(units)), least)
-    return bridged(least, least < np.inf) < MOVES
 
 
 def resting(
@@ -373,11 +225,6 @@ def path(turns: Rotation) -> Track:
     """The steps of a rotation in world axes, added up, radians."""
     steps = (turns[1:] * turns[:-1].inv()).as_rotvec()
     return np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
-
-
-def moved(turn: Float64[np.ndarray, "N 3 3"], points: np.ndarray) -> Float64[np.ndarray, "N 3"]:
-    """Points, each turned by its matrix."""
-    return np.einsum("nij,nj->ni", turn, points)
 
 
 def bounded(step: Track, noise: float, seen: Bool[np.ndarray, " T"]) -> Track:

@@ -9,7 +9,8 @@ from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 from scipy.spatial.transform import Rotation
 
 from geneoh.objects.cleaning import clean_object
-from geneoh.objects.refine import DRIFT_SECONDS, Frame, path, refine_object, solve
+from geneoh.objects.holding import Frame
+from geneoh.objects.refine import DRIFT_SECONDS, path, refine_object, solve
 from geneoh.objects.symmetry import Symmetry
 from geneoh.sequence.object_noise import DEGREES, METRES_PER_DEGREE
 from geneoh.sequence.sequence import ObjectTrack, Sequence

@@ -1,0 +1,186 @@
+"""What an object may rest in: the world, where it lies, and hands, which hold it.
+
+A hand holds an object rigidly, or loosely: then the object stays about one grip, give or take what
+it was seen to move in the hand beyond its noise.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float64, Int
+from scipy.ndimage import uniform_filter1d
+from scipy.spatial.transform import Rotation
+
+from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.objects.cleaning import EXACT_ROTATION, EXACT_TRANSLATION
+from geneoh.objects.consistency import runs
+from geneoh.objects.smoothing import WINDOW
+from geneoh.sequence.sequence import HandTrack, ObjectTrack
+
+KNUCKLES = (5, 9, 13, 17)
+"""Keypoints that move with the palm, in whose frame a held object rests."""
+REACH = 0.05
+"""Distance in metres between a hand's keypoints and the object's box up to which it may hold it."""
+LAG = 8
+"""Frames over which it is asked whether the object rests: drift alone moves it by about as much as
+the noise, motion by more."""
+MOVES = 4.0
+"""Mean squared step over that time, in units of what drift makes, from which on it is motion."""
+RESTS, HELD = (0.006, 0.00005), (0.006, 0.0004)
+"""First and last step per frame, metres, that counts as none in the world and in a hand; in between
+it shrinks, so that what moves drops out before it can bend the rest."""
+RADIANS_PER_METRE = 6.0
+"""The same for turns: 0.35 degrees for a millimetre."""
+CHI3_SHARE = 0.789
+"""Median of the mean square of three standard normal numbers."""
+LEAST_GRIP = 0.0025
+"""Deviation per axis of the object in its grip at least, metres: what clean hands are off by."""
+WELL_HELD = 0.01
+"""Deviation in its grip up to which an unseen object is taken there at first, metres."""
+GRIP_FRAMES = 6.0
+"""Frames over which that deviation lasts."""
+GRIP_OUTLIER = 4.0
+"""Squared deviations, in units of the usual ones, from which on an object is not in its grip."""
+SHORTEST_GRIP = 10
+"""Frames near a hand below which nothing is known of the grip."""
+ROUNDS = 8
+"""Rounds of reweighting."""
+
+Track = Float64[np.ndarray, "T 3"]
+
+
+@dataclass(frozen=True)
+class PartTrack:
+    """The smooth track of one part, and how sure it is."""
+
+    turns: Rotation
+    places: Track
+    noise: tuple[float, float]
+    """Deviations of the white noise per axis, radians and metres."""
+    known: Bool[np.ndarray, " T"]
+    """False in frames that are filled or left out."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What an object may rest in, the world or a hand, over T frames."""
+
+    rotation: Float64[np.ndarray, "T 3 3"]
+    origin: Track
+    near: Bool[np.ndarray, " N"]
+    """Whether the object may rest in it from each frame to the next."""
+    scale: tuple[float, float] = HELD
+
+    def step(
+        self, start: Int[np.ndarray, " N"], lag: int = 1
+    ) -> tuple[Float64[np.ndarray, "N 3 3"], Float64[np.ndarray, "N 3"]]:
+        """Its rigid motion, x -> turn @ x + shift, from start frames to `lag` frames later."""
+        turn = self.rotation[start + lag] @ self.rotation[start].swapaxes(1, 2)
+        return turn, self.origin[start + lag] - moved(turn, self.origin[start])
+
+    def left(
+        self, turns: Rotation, places: Track, start: Int[np.ndarray, " N"], lag: int = 1
+    ) -> tuple[Float64[np.ndarray, "N 3"], Float64[np.ndarray, "N 3"]]:
+        """How an object turns and moves besides, axis-angle in radians and metres."""
+        turn, shift = self.step(start, lag)
+        matrices = turns.as_matrix()
+        besides = matrices[start + lag] @ matrices[start].swapaxes(1, 2) @ turn.swapaxes(1, 2)
+        return (
+            Rotation.from_matrix(besides).as_rotvec(),
+            places[start + lag] - moved(turn, places[start]) - shift,
+        )
+
+
+@dataclass(frozen=True)
+class Grip:
+    """Where an object would be if it did not move in a hand, with weights of turns and places."""
+
+    turns: Rotation
+    places: Track
+    weights: Float64[np.ndarray, "2 T"]
+    """Inverse squares of radians and metres; 0 where the object is not held."""
+
+    def taken(
+        self, start: tuple[Rotation, Track], lost: Bool[np.ndarray, " T"]
+    ) -> tuple[Rotation, Track]:
+        """A track that has this grip in lost frames in which it is held well."""
+        held = (lost & (self.weights[1] * GRIP_FRAMES > WELL_HELD**-2))[:, None]
+        turns = np.where(held[..., None], self.turns.as_matrix(), start[0].as_matrix())
+        return Rotation.from_matrix(turns), np.where(held, self.places, start[1])
+
+
+def frame_of(
+    hand: HandTrack, motion: ObjectTrack, part: int, known: Bool[np.ndarray, " T"]
+) -> Frame:
+    """The palm of a hand, near the box of a part."""
+    assert hand.joints is not None, "clean hands have joints"
+    assert hand.pose is not None, "clean hands have a pose"
+    verts = motion.meshes[part].verts
+    local = (hand.joints - motion.translation[:, part, None]) @ motion.rotation[:, part]
+    away = (local - local.clamp(verts.amin(0), verts.amax(0))).norm(dim=-1).amin(-1)
+    return Frame(
+        axis_angle_to_matrix(hand.pose[:, 0]).double().cpu().numpy(),
+        hand.joints[:, list(KNUCKLES)].mean(1).double().cpu().numpy(),
+        bridged(away.double().cpu().numpy(), known)[1:] < REACH,
+    )
+
+
+def grip_of(frame: Frame, smooth: PartTrack) -> Grip:
+    """The grip of a hand each time that it is near, as far as it is one."""
+    back = frame.rotation.swapaxes(1, 2)
+    turns = Rotation.from_matrix(back @ smooth.turns.as_matrix())
+    places = moved(back, smooth.places - frame.origin)
+    held, weights = places.copy(), np.zeros((2, len(places)))
+    onto = turns.as_matrix()
+    for run in runs(np.append(frame.near, frame.near[-1])):
+        if smooth.known[run].sum() >= SHORTEST_GRIP:
+            found = usual_grip(turns[run], places[run], smooth.noise, smooth.known[run])
+            onto[run], held[run], weights[:, run] = found
+    return Grip(
+        Rotation.from_matrix(frame.rotation @ onto),
+        frame.origin + moved(frame.rotation, held),
+        weights,
+    )
+
+
+def usual_grip(
+    turns: Rotation, places: Track, noise: tuple[float, float], known: Bool[np.ndarray, " T"]
+) -> tuple[Float64[np.ndarray, "3 3"], Float64[np.ndarray, " 3"], Float64[np.ndarray, "2 T"]]:
+    """The pose in the hand that most frames agree on, and the weights of turns and places by it."""
+    turn, place = turns[known].mean(), np.median(places[known], axis=0)
+    for _ in range(ROUNDS):
+        off = np.stack([(turns * turn.inv()).as_rotvec(), places - place])
+        squares = np.square(off).mean(2)
+        usual = np.maximum(np.median(squares[:, known], axis=1) / CHI3_SHARE, np.square(noise))
+        apart = (squares / usual[:, None]).mean(0) / GRIP_OUTLIER
+        weight = known * (1 + apart) ** -2
+        turn, place = turns.mean(weight), np.average(places, axis=0, weights=weight)
+    least = LEAST_GRIP * np.array([RADIANS_PER_METRE, 1])
+    beyond = np.maximum(usual - np.square(noise), least**2)
+    sure = (1 + uniform_filter1d(bridged(apart, known), WINDOW, mode="nearest")) ** -4
+    return turn.as_matrix(), place, sure / GRIP_FRAMES / beyond[:, None]
+
+
+def could_rest(frame: Frame, smooth: PartTrack) -> Bool[np.ndarray, " N"]:
+    """Whether drift alone explains how the object moves in a frame, around each step."""
+    steps = np.arange(len(smooth.places) - 1)
+    least = np.full(len(steps), np.inf)
+    for back in (0, LAG // 2, LAG - 1):
+        start = (steps - back).clip(0, len(steps) - LAG)
+        found = frame.left(smooth.turns, smooth.places, start, LAG)
+        drift = np.hypot(smooth.noise, (EXACT_ROTATION, EXACT_TRANSLATION))
+        units = [np.square(x).sum(1) / 3 / d**2 for x, d in zip(found, drift, strict=True)]
+        both = smooth.known[start] & smooth.known[start + LAG]
+        least = np.where(both, np.minimum(least, sum(units)), least)
+    return bridged(least, least < np.inf) < MOVES
+
+
+def bridged(values: np.ndarray, known: np.ndarray) -> Float64[np.ndarray, " N"]:
+    """Values of a track, unknown ones from those around them; infinite if none is known."""
+    frames = np.arange(len(values))
+    return np.interp(frames, frames[known], values[known]) if known.any() else values + np.inf
+
+
+def moved(turn: Float64[np.ndarray, "N 3 3"], points: np.ndarray) -> Float64[np.ndarray, "N 3"]:
+    """Points, each turned by its matrix."""
+    return np.einsum("nij,nj->ni", turn, points)
