@@ -1,6 +1,8 @@
 """Quality report of one interaction without ground truth, and its comparison before and after."""
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from math import nan
 
 import torch
 from jaxtyping import Bool, Float
@@ -59,32 +61,17 @@ class FrameMeasures(Bundle):
     """Mean over keypoints in millimetres per frame squared, from the frame before to the one after;
     NaN where one of the three has no hand."""
 
-    @property
-    def penetration_mean_mm(self) -> float:
-        """Mean depth over the frames with a hand."""
-        return 1000 * float(mean_over_frames(self.depth, self.valid))
-
-    @property
-    def penetration_max_mm(self) -> float:
-        """Largest depth."""
-        return 1000 * float(self.depth[self.valid].max()) if self.valid.any() else float("nan")
-
-    @property
-    def fingers_in_contact(self) -> float:
-        """Mean number of touching fingertips over the frames with contact."""
-        return float(mean_over_frames(self.fingers, self.touching))
-
-    @property
-    def acceleration_mm(self) -> float:
-        """Mean acceleration of the keypoints, millimetres per frame squared."""
-        return float(mean_over_frames(self.acceleration, ~self.acceleration.isnan()))
+    def means(self) -> dict[str, float]:
+        """The fields of an `InteractionReport` that follow from the frames."""
+        return {name: mean(self) for name, mean in FRAME_MEANS.items()}
 
 
-FRAME_MEANS = (
-    *("penetration_mean_mm", "penetration_max_mm"),
-    *("fingers_in_contact", "acceleration_mm"),
-)
-"""The fields of an `InteractionReport` that `FrameMeasures` has."""
+FRAME_MEANS: dict[str, Callable[[FrameMeasures], float]] = {
+    "penetration_mean_mm": lambda m: 1000 * float(mean_over_frames(m.depth, m.valid)),
+    "penetration_max_mm": lambda m: 1000 * float(m.depth[m.valid].max()) if m.valid.any() else nan,
+    "fingers_in_contact": lambda m: float(mean_over_frames(m.fingers, m.touching)),
+    "acceleration_mm": lambda m: float(mean_over_frames(m.acceleration, ~m.acceleration.isnan())),
+}
 
 
 def measure_frames(
@@ -127,7 +114,7 @@ def measure(
         frames=int(valid.sum()),
         contact_fraction=float(mean_over_frames(frames.touching.to(verts), valid)),
         consistency_mm2=1e6 * float(mean_over_frames(moved, valid_differences(valid, 1))),
-        **{name: getattr(frames, name) for name in FRAME_MEANS},
+        **frames.means(),
     )
 
 

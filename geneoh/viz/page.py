@@ -147,24 +147,25 @@ def _part(scene: Scene, part: int, packed: _Packed) -> dict[str, Any]:
 
 def _version(version: Version, scene: Scene, box: _Box, packed: _Packed) -> dict[str, Any]:
     measures, trust = version.measures, scene.object_confidence
-    sure = {} if trust is None else {"confidence": _rounded(100 * trust.numpy(), 0)}
-    mean = {} if trust is None else {"confidence": _rounded(100 * float(trust.mean()))}
-    return {
+    means = measures.means()
+    found = {
         "title": version.title,
         "hands": [_hand(hand, box, packed) for hand in version.hands],
         "curves": {
             "penetration": _rounded(1000 * measures.depth.numpy(), 2),
             "contact": _rounded(measures.fingers.numpy(), 0),
             "acceleration": _rounded(measures.acceleration.numpy(), 2),
-            **sure,
         },
         "means": {
-            "penetration": _rounded(measures.penetration_mean_mm),
-            "contact": _rounded(measures.fingers_in_contact),
-            "acceleration": _rounded(measures.acceleration_mm),
-            **mean,
+            "penetration": _rounded(means["penetration_mean_mm"]),
+            "contact": _rounded(means["fingers_in_contact"]),
+            "acceleration": _rounded(means["acceleration_mm"]),
         },
     }
+    if trust is not None:
+        found["curves"]["confidence"] = _rounded(100 * trust.numpy(), 0)
+        found["means"]["confidence"] = _rounded(100 * float(trust.mean()))
+    return found
 
 
 def _hand(hand: PosedTrack, box: _Box, packed: _Packed) -> dict[str, Any]:

@@ -43,7 +43,10 @@ def rasterise(
     backward = turned < 0
     corner[backward] = corner[backward][:, ::-1]
     drawn, row, left, count = _runs(corner, width, height)
-    slope_x, slope_y = _slopes(corner, np.abs(turned))
+    # change of 1 / depth per pixel to the right and downwards
+    a, b = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
+    slope_x = _cross(a[:, [2, 1]], b[:, [2, 1]]) / np.abs(turned)
+    slope_y = _cross(a[:, [0, 2]], b[:, [0, 2]]) / np.abs(turned)
     level = (
         corner[drawn, 0, 2]
         + slope_x[drawn] * (left + 0.5 - corner[drawn, 0, 0])
@@ -58,14 +61,6 @@ def rasterise(
     face = np.full(height * width, NOTHING, dtype=np.int64)
     face[pixel[front]] = index[drawn[run[front]]]
     return Raster(face.reshape(height, width), buffer.reshape(height, width))
-
-
-def _slopes(
-    corner: Float[np.ndarray, "F 3 3"], area: Float[np.ndarray, " F"]
-) -> tuple[Float[np.ndarray, " F"], Float[np.ndarray, " F"]]:
-    """Change of 1 / depth per pixel to the right and downwards."""
-    a, b = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
-    return _cross(a[:, [2, 1]], b[:, [2, 1]]) / area, _cross(a[:, [0, 2]], b[:, [0, 2]]) / area
 
 
 def _counted(counts: Int[np.ndarray, " N"]) -> tuple[Int[np.ndarray, " M"], Int[np.ndarray, " M"]]:

@@ -20,7 +20,7 @@ from geneoh.viz.look import OBJECT_COLOUR, SKIN_COLOUR
 from geneoh.viz.scene import Scene, Version
 
 ADDRESS = "127.0.0.1"  # reachable from this machine only
-SORT_MEASURES = FRAME_MEANS  # of `geneoh.metrics.report.InteractionReport`
+SORT_MEASURES = tuple(FRAME_MEANS)  # of `geneoh.metrics.report.InteractionReport`
 VERSION_SPACING = 0.35  # metres between before and after, side by side
 
 
@@ -53,13 +53,8 @@ def gallery_items(
         meshes = (path.with_name(stem + suffix) for suffix in MESH_SUFFIXES)
         mesh = tuple(mesh for mesh in meshes if mesh.is_file())[:1]
         opened = partial(open_scene, path, before, obj=obj or mesh)
-        items.append(GalleryItem(path.stem, opened, measured(opened().versions[-1])))
+        items.append(GalleryItem(path.stem, opened, opened().versions[-1].measures.means()))
     return items
-
-
-def measured(version: Version) -> dict[str, float]:
-    """What results are sorted by."""
-    return {name: getattr(version.measures, name) for name in SORT_MEASURES}
 
 
 def sorted_by(items: list[GalleryItem], measure: str) -> list[GalleryItem]:

@@ -87,7 +87,8 @@ def contact_sheet(
         canvas.paste(picture, left, top)
         title = Path(scene.title).stem.replace("_", " ")
         canvas.write(title, left + 8, top + cell + 2)
-        words = f"{measures.penetration_max_mm:.1f} mm deep, {int(measures.fingers)} tips"
+        depth = measures.means()["penetration_max_mm"]
+        words = f"{depth:.1f} mm deep, {int(measures.fingers)} tips"
         canvas.write(words, left + 8, top + cell + 19, colour=FAINT)
     canvas.draw_scale("penetration", 12, height * rows + 12)
     return canvas.picture()

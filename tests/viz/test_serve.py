@@ -4,12 +4,12 @@ import warnings
 import pytest
 
 from geneoh.viz.look import Look
-from geneoh.viz.serve import SORT_MEASURES, Gallery, GalleryItem, gallery_items, measured, sorted_by
+from geneoh.viz.serve import SORT_MEASURES, Gallery, GalleryItem, gallery_items, sorted_by
 
 
 def test_the_clip_that_sinks_deepest_comes_first(scene):
     clips = [
-        GalleryItem(version.title, lambda: scene, measured(version))
+        GalleryItem(version.title, lambda: scene, version.measures.means())
         for version in reversed(scene.versions)
     ]
     assert [clip.name for clip in sorted_by(clips, "penetration_mean_mm")] == ["noisy", "clean"]
