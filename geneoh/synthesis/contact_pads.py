@@ -36,6 +36,11 @@ PAD_DIGITS = (0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3, 4, 4, 4, 0, 0, 5, 5)
 """Digit of each pad: index, middle, pinky, ring, thumb, palm."""
 
 
+def hand_scale(offsets: Float[Tensor, "B 20 3"]) -> Float[Tensor, "B 1"]:
+    """Size of each hand, 1 for a mean adult."""
+    return offsets[:, [3, 4, 5, 16]].norm(dim=-1).sum(-1, keepdim=True) / MEAN_SPAN
+
+
 def hand_spheres(
     joints: Float[Tensor, "*B 21 3"], scale: Float[Tensor, "*B 1"]
 ) -> tuple[Float[Tensor, "*B K 3"], Float[Tensor, "*B K"]]:

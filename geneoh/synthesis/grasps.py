@@ -8,6 +8,7 @@ and the object's frame; metres and radians.
 """
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import torch
 from jaxtyping import Bool, Float, Int
@@ -17,10 +18,10 @@ from geneoh.bundle import Bundle
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.hand.skeleton import forward_kinematics
 from geneoh.synthesis.contact_pads import (
-    MEAN_SPAN,
     PAD_DIGITS,
     contact_pads,
     finger_clearance,
+    hand_scale,
     hand_spheres,
 )
 from geneoh.synthesis.draws import Draws
@@ -37,24 +38,21 @@ class GraspChecks:
     depth: float = 0.003
     """No sphere of the hand is deeper in the object, metres."""
     contact: float = 0.004
-    """A pad touches whose distance to the surface is less, metres. Only pads that the type of
-    grasp may want count, here and below."""
+    """A pad that the type of grasp may want touches where it is nearer to the surface, metres."""
     fingers: int = 0
-    """Digits that touch beyond those that the type needs; if negative, contacts are not checked."""
+    """Digits that touch beyond those that the type needs; negative: contacts are not checked."""
     clearance: float = -0.004
     """Gap between spheres of different fingers, metres; less than zero because skin gives way."""
     deviations: float = 2.2
-    """How far each component of a joint rotation may be outside of the range of the pose prior, in
+    """How far a component of a joint rotation may be outside of the range of the pose prior, in
     deviations of that prior (`FINGER_STD`), as below."""
     opposing: float = -0.2
     """Grips: the least cosine between the surface normals at two touching pads is below this."""
     bearing: float = 0.5
-    """Hook and support, where weight takes the place of opposing contacts: at one touching pad the
-    cosine between the surface normal and the direction that bears on the hand is above this, and
-    nowhere below its negative. So the hand can lift, and no pad pushes straight down."""
+    """Hook and support: the cosine between the surface normal and the direction that bears on the
+    hand is above this at one touching pad, which can lift, and nowhere below its negative."""
     unheld: float = 0.35
-    """Grips: most of any push against the object that friction at the touching pads does not bear,
-    as a share of the push."""
+    """Grips: largest share of a push on the object that friction at touching pads does not bear."""
     skin: float = 0.0035
     """How much deeper than `depth` the skin may be, metres: spheres leave out the palm's flesh."""
 
@@ -98,8 +96,7 @@ class GraspConfig:
     last_rate: float = 1e-4
     """Last learning rate of all of them."""
     stop: float = 2.15
-    """Deviations outside of the range at which the descent stops the joints; less than
-    `checks.deviations`, so that the check does not refuse what was stopped."""
+    """Deviations outside of the range at which joints stop; less than `checks.deviations`."""
     curl_std: float = 0.3
     """Deviation of the logarithm of the curl from digit to digit."""
     habit_std: float = 0.6
@@ -151,17 +148,44 @@ class _Attempt(Bundle):
 
     types: Int[Tensor, " B"]
     offsets: Float[Tensor, "B 20 3"]
-    scale: Float[Tensor, "B 1"]
-    """Size of the hand, 1 for a mean adult."""
     liked: Float[Tensor, "B 15 3"]
     """The finger pose that this hand likes, this time."""
     wanted: Bool[Tensor, "B 19"]
     """Pads that should touch."""
 
+    @cached_property
+    def scale(self) -> Float[Tensor, "B 1"]:
+        """Size of the hand, 1 for a mean adult."""
+        return hand_scale(self.offsets)
+
+
+@dataclass(frozen=True)
+class _Hands(Bundle):
+    """Where B hands are on their way to a grasp, in the object's frame."""
+
+    wrist: Float[Tensor, "B 3"]
+    orient: Float[Tensor, "B 3"]
+    fingers: Float[Tensor, "B 15 3"]
+
+    @property
+    def pose(self) -> Float[Tensor, "B 16 3"]:
+        """Axis-angle of the global rotation and the finger joints."""
+        return torch.cat([self.orient[:, None], self.fingers], dim=1)
+
+    def posed(self, attempt: _Attempt) -> tuple[Tensor, Tensor]:
+        """Keypoints and the joints' global rotations."""
+        return forward_kinematics(axis_angle_to_matrix(self.pose), self.wrist, attempt.offsets)
+
 
 def _of_type(name: str, types: Int[Tensor, " B"]) -> Float[Tensor, "B ..."]:
     """A field of `GraspType` for each hand."""
     return torch.tensor([getattr(each, name) for each in GRASP_TYPES], dtype=torch.float32)[types]
+
+
+def _between(limits: Float[Tensor, "B C 2"], draws: Draws) -> Float[Tensor, "B C"]:
+    """Numbers between limits, all of a hand at the same share of the way."""
+    low, high = limits.unbind(-1)
+    return low + (high - low) * draws.share(1)
 
 
 def _draw_attempts(
@@ -170,61 +194,53 @@ def _draw_attempts(
     """Random attempts, and the fingers with which they start."""
     shares = torch.tensor([each.share for each in GRASP_TYPES])
     types = torch.multinomial(shares, draws.batch, replacement=True, generator=draws.generator)
-    low, high = torch.stack(
-        [_of_type("finger_curls", types)] * 4 + [_of_type("thumb_curls", types)], dim=1
-    ).unbind(-1)
-    curl = low + (high - low) * draws.share(1)
+    curls = [_of_type("finger_curls", types)] * 4 + [_of_type("thumb_curls", types)]
+    curl = _between(torch.stack(curls, dim=1), draws)
     curl = curl * (config.curl_std * draws.normal(5)).exp()
     habit = config.habit_std * FINGER_STD * draws.normal(15, 3)
     opposed = torch.ones(draws.batch, 15, 1)
     opposed[:, 12, 0] = _of_type("opposition", types)
-    low, high = _of_type("opened", types)[..., None].unbind(1)
-    opened = low + (high - low) * draws.share(1)
+    opened = _between(_of_type("opened", types)[:, None], draws)
     start = opposed * curled(curl * opened) + config.start_habit * habit
     joins = draws.share(6) < _of_type("digits", types)
     touches = draws.share(len(PAD_DIGITS)) < _of_type("pads", types)
-    span = offsets[:, [3, 4, 5, 16]].norm(dim=-1).sum(-1, keepdim=True)
     wanted = joins[:, list(PAD_DIGITS)] & touches
-    liked = opposed * curled(curl) + habit
-    return _Attempt(types, offsets, span / MEAN_SPAN, liked, wanted), start
+    return _Attempt(types, offsets, opposed * curled(curl) + habit, wanted), start
 
 
 def _approach(
-    solids: Solids, attempt: _Attempt, config: GraspConfig, draws: Draws
-) -> tuple[Float[Tensor, "B 3"], Float[Tensor, "B 3"]]:
-    """Wrists and their orientations (axis-angle) over a random surface point each.
+    solids: Solids,
+    attempt: _Attempt,
+    fingers: Float[Tensor, "B 15 3"],
+    config: GraspConfig,
+    draws: Draws,
+) -> _Hands:
+    """Hands over a random surface point each, which the side that their type names faces.
 
-    The side of the hand that its type names faces the surface, turned at random about the surface
-    normal.
+    They are turned at random about the surface normal.
     """
-    surface, normals = solids.places(generator=draws.generator)
+    surface, normals = solids.surface_points(1, generator=draws.generator, to_grasp=True)
     point, normal = surface[:, 0], normals[:, 0]
     across = torch.linalg.cross(normal, draws.normal(3))
     across = torch.nn.functional.normalize(across, dim=-1)
     there = torch.stack([across, -normal, torch.linalg.cross(across, -normal)], dim=-1)
     faces = _of_type("faces", attempt.types)
-    fingers = faces.new_tensor([-1.0, 0.0, 0.0]).expand_as(faces)
-    here = torch.stack([fingers, faces, torch.linalg.cross(fingers, faces)], dim=-1)
+    ahead = faces.new_tensor([-1.0, 0.0, 0.0]).expand_as(faces)
+    here = torch.stack([ahead, faces, torch.linalg.cross(ahead, faces)], dim=-1)
     rotation = there @ here.mT @ axis_angle_to_matrix(config.tilt_std * draws.normal(3))
     along, aside, below = _of_type("over", attempt.types)[..., None].unbind(1)
     reach = draws.uniform(config.start_reach, 1)
     palm = -along * reach * attempt.offsets[:, 3]
     palm = palm + torch.cat([torch.zeros_like(below), -below, aside], dim=-1)
     wrist = point - (rotation @ palm[..., None])[..., 0]
-    return wrist, matrix_to_axis_angle(rotation)
+    return _Hands(wrist, matrix_to_axis_angle(rotation), fingers)
 
 
 def _energy(
-    solids: Solids,
-    attempt: _Attempt,
-    wrist: Float[Tensor, "B 3"],
-    orient: Float[Tensor, "B 3"],
-    fingers: Float[Tensor, "B 15 3"],
-    weight: GraspEnergy,
+    solids: Solids, attempt: _Attempt, hands: _Hands, weight: GraspEnergy
 ) -> Float[Tensor, " B"]:
     """What the descent minimises."""
-    pose = torch.cat([orient[:, None], fingers], dim=1)
-    joints, turns = forward_kinematics(axis_angle_to_matrix(pose), wrist, attempt.offsets)
+    joints, turns = hands.posed(attempt)
     centers, radii = hand_spheres(joints, attempt.scale)
     pads, facing = contact_pads(joints, turns, attempt.scale)
     points = torch.cat([centers, pads], 1)
@@ -235,8 +251,8 @@ def _energy(
     gap, normal = distance[:, centers.shape[1] :], slope[:, centers.shape[1] :]
     alignment = (1 + (facing * normal).sum(-1)) * attempt.wanted
     overlap = (-finger_clearance(centers, radii)).clamp(min=0)
-    unlike = (fingers - attempt.liked) / FINGER_STD
-    beyond = (beyond_range(fingers) - weight.range).clamp(min=0)
+    unlike = (hands.fingers - attempt.liked) / FINGER_STD
+    beyond = (beyond_range(hands.fingers) - weight.range).clamp(min=0)
     missing = gap.abs() + weight.far_contact * gap.square()
     return (
         weight.depth * depth.square().sum(-1)
@@ -271,41 +287,62 @@ def _starts(
     toward: Float[Tensor, "B 3"],
     config: GraspConfig,
     draws: Draws,
-) -> tuple[Float[Tensor, "B 3"], Float[Tensor, "B 3"]]:
-    """Wrists and orientations to start from: the best of as many approaches as the type draws."""
-    wrist, orient = _approach(solids, attempt, config, draws)
+) -> _Hands:
+    """Hands to start from: the best of as many approaches as the type draws."""
+    start = _approach(solids, attempt, fingers, config, draws)
     counts = _of_type("approaches", attempt.types).long()
     (several,) = torch.nonzero(counts > 1, as_tuple=True)
     if len(several) == 0:
-        return wrist, orient
+        return start
     which = several.repeat_interleave(counts[several])
     group = torch.arange(len(several)).repeat_interleave(counts[several])
-    tried, objects = attempt.take(which, "B"), solids.take(which, "B")
-    wrists, orients = _approach(objects, tried, config, Draws(len(which), draws.generator))
-    energy = _energy(objects, tried, wrists, orients, fingers[which], config.energy)
-    behind = (wrists * toward[which]).sum(-1).clamp(max=0)
+    objects, tried = solids.take(which, "B"), attempt.take(which, "B")
+    again = Draws(len(which), draws.generator)
+    hands = _approach(objects, tried, fingers[which], config, again)
+    energy = _energy(objects, tried, hands, config.energy)
+    behind = (hands.wrist * toward[which]).sum(-1).clamp(max=0)
     energy = energy + config.energy.wrong_side * behind.square()
     mine = group == torch.arange(len(several))[:, None]
     best = torch.where(mine, energy, torch.inf).argmin(dim=1)
-    wrist[several], orient[several] = wrists[best], orients[best]
-    return wrist, orient
+    start.wrist[several], start.orient[several] = hands.wrist[best], hands.orient[best]
+    return start
+
+
+def _descend(solids: Solids, attempt: _Attempt, start: _Hands, config: GraspConfig) -> _Hands:
+    """The hands that minimise the energy."""
+    hands = start.map(lambda value: value.clone().requires_grad_(True))
+    optimizer = torch.optim.Adam(
+        [
+            {"params": hands.wrist, "lr": config.wrist_rate},
+            {"params": [hands.orient, hands.fingers], "lr": config.angle_rate},
+        ]
+    )
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(
+        optimizer, config.steps, eta_min=config.last_rate
+    )
+    low = FINGER_LOW - config.stop * FINGER_STD
+    high = FINGER_HIGH + config.stop * FINGER_STD
+    for _ in range(config.steps):
+        optimizer.zero_grad()
+        _energy(solids, attempt, hands, config.energy).sum().backward()
+        optimizer.step()
+        schedule.step()
+        with torch.no_grad():
+            hands.fingers.clamp_(low, high)
+    return hands.map(lambda value: value.detach())
 
 
 def _kept(
-    solids: Solids,
-    attempt: _Attempt,
-    wrist: Float[Tensor, "B 3"],
-    pose: Float[Tensor, "B 16 3"],
-    checks: GraspChecks,
+    solids: Solids, attempt: _Attempt, hands: _Hands, checks: GraspChecks
 ) -> Bool[Tensor, " B"]:
     """Grasps that pass every check."""
-    joints, turns = forward_kinematics(axis_angle_to_matrix(pose), wrist, attempt.offsets)
+    joints, turns = hands.posed(attempt)
     centers, radii = hand_spheres(joints, attempt.scale)
     deep = (radii - solids.signed_distance(centers)).amax(-1)
     kept = (
         (deep < checks.depth)
         & (finger_clearance(centers, radii).amin(-1) > checks.clearance)
-        & (beyond_range(pose[:, 1:]).amax((-1, -2)) < checks.deviations)
+        & (beyond_range(hands.fingers).amax((-1, -2)) < checks.deviations)
     )
     if checks.fingers < 0:
         return kept
@@ -346,25 +383,17 @@ def synthesize_grasps(
     generator: torch.Generator,
     toward: Float[Tensor, "B 3"] | None = None,
 ) -> Grasps:
-    """One grasp attempt per object; `kept` tells which ones pass the checks.
+    """One grasp attempt per object and hand; `kept` tells which ones pass the checks.
 
-    Args:
-        solids: the objects.
-        offsets: the hands' rest offsets (see `geneoh.hand.skeleton`).
-        config: how grasps are looked for, and what is kept.
-        generator: source of every random choice.
-        toward: direction from the object's centre on whose side the wrist starts; zero for any.
+    The wrist starts on the side of the object that `toward` points to; zero is for any.
     """
-    config = config or GraspConfig()
-    draws = Draws(len(offsets), generator)
+    config, draws = config or GraspConfig(), Draws(len(offsets), generator)
     attempt, fingers = _draw_attempts(offsets, config, draws)
     toward = torch.zeros(len(offsets), 3) if toward is None else toward
-    wrist, orient = _starts(solids, attempt, fingers, toward, config, draws)
-    _descend(solids, attempt, wrist, orient, fingers, config)
-    with torch.no_grad():
-        pose = torch.cat([orient[:, None], fingers], dim=1)
-        kept = _kept(solids, attempt, wrist, pose, config.checks)
-        return Grasps(pose, wrist.detach(), offsets, kept, attempt.types)
+    start = _starts(solids, attempt, fingers, toward, config, draws)
+    hands = _descend(solids, attempt, start, config)
+    kept = _kept(solids, attempt, hands, config.checks)
+    return Grasps(hands.pose, hands.wrist, offsets, kept, attempt.types)
 
 
 def shifted_grips(
@@ -381,65 +410,21 @@ def shifted_grips(
     config = config or GraspConfig()
     each = torch.arange(len(grasps.pose)).repeat_interleave(config.grips)
     solids, grasps = solids.take(each, "B"), grasps.take(each, "B")
-    draws = Draws(len(each), generator)
-    span = grasps.offsets[:, [3, 4, 5, 16]].norm(dim=-1).sum(-1, keepdim=True)
-    scale = span / MEAN_SPAN
-    turns = axis_angle_to_matrix(grasps.pose)
+    draws, turns = Draws(len(each), generator), axis_angle_to_matrix(grasps.pose)
     joints, world = forward_kinematics(turns, grasps.wrist, grasps.offsets)
-    pads, _ = contact_pads(joints, world, scale)
+    pads, _ = contact_pads(joints, world, hand_scale(grasps.offsets))
     touching = solids.signed_distance(pads).abs() < config.checks.contact
     weight = touching.float()[..., None]
     pivot = (pads * weight).sum(1) / weight.sum(1).clamp(min=1)
     turn = axis_angle_to_matrix(config.grip_turn_std * draws.normal(3))
     wrist = pivot + (turn @ (grasps.wrist - pivot)[..., None])[..., 0]
     wrist = wrist + config.grip_shift_std * draws.normal(3)
-    orient = matrix_to_axis_angle(turn @ turns[:, 0])
     liked = grasps.pose[:, 1:] + config.grip_habit_std * FINGER_STD * draws.normal(15, 3)
-    fingers = liked.clone()
-    attempt = _Attempt(grasps.types, grasps.offsets, scale, liked, touching)
-    _descend(
-        solids,
-        attempt,
-        wrist,
-        orient,
-        fingers,
-        replace(config, steps=max(1, round(config.grip_steps * config.steps))),
-    )
-    with torch.no_grad():
-        pose = torch.cat([orient[:, None], fingers], dim=1)
-        kept = _kept(solids, attempt, wrist, pose, config.checks)
-        pose = torch.where(kept[:, None, None], pose, grasps.pose)
-        wrist = torch.where(kept[:, None], wrist, grasps.wrist)
-    shape = -1, config.grips
-    return Grips(pose.unflatten(0, shape), wrist.detach().unflatten(0, shape))
-
-
-def _descend(
-    solids: Solids,
-    attempt: _Attempt,
-    wrist: Float[Tensor, "B 3"],
-    orient: Float[Tensor, "B 3"],
-    fingers: Float[Tensor, "B 15 3"],
-    config: GraspConfig,
-) -> None:
-    """Minimise the energy over wrist, orientation and fingers, in place."""
-    for parameter in (wrist, orient, fingers):
-        parameter.requires_grad_(True)
-    optimizer = torch.optim.Adam(
-        [
-            {"params": wrist, "lr": config.wrist_rate},
-            {"params": [orient, fingers], "lr": config.angle_rate},
-        ]
-    )
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(
-        optimizer, config.steps, eta_min=config.last_rate
-    )
-    low = FINGER_LOW - config.stop * FINGER_STD
-    high = FINGER_HIGH + config.stop * FINGER_STD
-    for _ in range(config.steps):
-        optimizer.zero_grad()
-        _energy(solids, attempt, wrist, orient, fingers, config.energy).sum().backward()
-        optimizer.step()
-        schedule.step()
-        with torch.no_grad():
-            fingers.clamp_(low, high)
+    start = _Hands(wrist, matrix_to_axis_angle(turn @ turns[:, 0]), liked)
+    attempt = _Attempt(grasps.types, grasps.offsets, liked, touching)
+    config = replace(config, steps=max(1, round(config.grip_steps * config.steps)))
+    hands = _descend(solids, attempt, start, config)
+    kept = _kept(solids, attempt, hands, config.checks)[:, None]
+    pose = torch.where(kept[..., None], hands.pose, grasps.pose)
+    wrist = torch.where(kept, hands.wrist, grasps.wrist)
+    return Grips(*(value.unflatten(0, (-1, config.grips)) for value in (pose, wrist)))

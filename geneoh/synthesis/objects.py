@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import torch
+from torch import Tensor
 
 from geneoh.config import closest_name
 from geneoh.errors import ConfigError
@@ -40,6 +41,14 @@ class _Solid:
     rounding: float = 0.002
     part: int = 0
 
+    @property
+    def bevel(self) -> float:
+        """The rounding that fits its size."""
+        return min(self.rounding, 0.95 * min(self.size))
+
+
+_UNUSED = _Solid(BOX, (0.01, 0.01, 0.01), (FAR, FAR, FAR), rounding=0.0)
+
 
 def _rod(radius: float, half: float, center: Vector = ORIGIN, **rest: Any) -> _Solid:
     """A cylinder along z."""
@@ -66,13 +75,9 @@ class _Joint:
     slides: bool = False
 
 
+_RIGID = _Joint((0.0, 0.0, 1.0), (0.0, 0.0))
 Drawn = list[_Solid] | tuple[list[_Solid], _Joint]
 """A rigid object, or one with a second part on a joint."""
-
-
-def _capsule(u: Draw) -> Drawn:
-    r = u(0.006, 0.025)
-    return [_rod(r, u(0.04, 0.12), rounding=0.98 * r)]
 
 
 def _mug(u: Draw) -> Drawn:
@@ -123,11 +128,6 @@ def _cluster(u: Draw) -> Drawn:
         )
         for _ in range(3)
     ]
-
-
-def _ball(u: Draw) -> Drawn:
-    r = u(0.015, 0.06)
-    return [_Solid(ELLIPSOID, (r, r, r))]
 
 
 def _bowl(u: Draw) -> Drawn:
@@ -243,52 +243,37 @@ def _spray(u: Draw) -> Drawn:
     ]
 
 
+def _named(*families: Callable[[Draw], Drawn]) -> dict[str, Callable[[Draw], Drawn]]:
+    """Families by the names of their functions."""
+    return {family.__name__.removeprefix("_"): family for family in families}
+
+
 FAMILIES: dict[str, Callable[[Draw], Drawn]] = {
     "box": lambda u: [
         _Solid(BOX, (u(0.01, 0.08), u(0.01, 0.06), u(0.01, 0.05)), rounding=u(0.001, 0.005))
     ],
     "board": lambda u: [_Solid(BOX, (u(0.05, 0.11), u(0.03, 0.08), u(0.003, 0.008)))],
     "cylinder": lambda u: [_rod(u(0.01, 0.045), u(0.02, 0.10), rounding=u(0.001, 0.005))],
-    "capsule": _capsule,
+    "capsule": lambda u: [_rod(r := u(0.006, 0.025), u(0.04, 0.12), rounding=0.98 * r)],
     "ellipsoid": lambda u: [_Solid(ELLIPSOID, (u(0.02, 0.05), u(0.02, 0.05), u(0.02, 0.06)))],
     "ring": lambda u: [_torus(u(0.02, 0.06), u(0.004, 0.014))],
-    "mug": _mug,
-    "hammer": _hammer,
-    "bottle": _bottle,
-    "pan": _pan,
-    "knife": _knife,
-    "loop_tool": _loop_tool,
-    "cluster": _cluster,
-    "ball": _ball,
+    **_named(_mug, _hammer, _bottle, _pan, _knife, _loop_tool, _cluster),
+    "ball": lambda u: [_Solid(ELLIPSOID, (u(0.015, 0.06),) * 3)],
     "coin": lambda u: [_rod(u(0.012, 0.045), u(0.0015, 0.006), rounding=0.001)],
     "phone": lambda u: [
         _Solid(BOX, (u(0.06, 0.085), u(0.03, 0.042), u(0.0035, 0.006)), rounding=0.0033)
     ],
     "pen": lambda u: [_round_rod(u(0.0035, 0.007), u(0.05, 0.09))],
     "carton": lambda u: [_Solid(BOX, (u(0.05, 0.15), u(0.04, 0.12), u(0.03, 0.1)))],
-    "bowl": _bowl,
-    "plate": _plate,
-    "spoon": _spoon,
-    "brush": _brush,
-    "screwdriver": _screwdriver,
-    "scissors": _scissors,
-    "pliers": _pliers,
-    "laptop": _laptop,
-    "chest": _chest,
-    "drawer": _drawer,
-    "kettle": _kettle,
-    "wine_glass": _wine_glass,
+    **_named(_bowl, _plate, _spoon, _brush, _screwdriver, _scissors, _pliers),
+    **_named(_laptop, _chest, _drawer, _kettle, _wine_glass),
     "mouse": lambda u: [_Solid(ELLIPSOID, (u(0.045, 0.06), u(0.025, 0.036), u(0.014, 0.024)))],
     "spray": _spray,
 }
 
 
 def family_named(name: str) -> Callable[[Draw], Drawn]:
-    """The function that draws an object of a family.
-
-    Raises:
-        ConfigError: there is no family of that name.
-    """
+    """The function that draws an object of a family; `ConfigError` if there is none."""
     if name not in FAMILIES:
         raise ConfigError(f"'{name}' is no object family; {closest_name(name, FAMILIES)}")
     return FAMILIES[name]
@@ -301,35 +286,30 @@ def draw_objects(
 
     A scanned object is drawn a little larger or smaller than it is.
     """
-    numbers = {} if scans is None else {name: n for n, name in enumerate(scans.names)}
+    numbers = {} if scans is None else {name: SCAN + n for n, name in enumerate(scans.names)}
 
     def uniform(low: float, high: float) -> float:
         return low + (high - low) * float(torch.rand((), generator=generator))
 
-    batch = len(families)
-    kind = torch.full((batch, SOLIDS), BOX)
-    size = torch.full((batch, SOLIDS, 3), 0.01)
-    rounding = torch.zeros(batch, SOLIDS)
-    center = torch.full((batch, SOLIDS, 3), FAR)
-    turn = torch.zeros(batch, SOLIDS, 3)
-    part = torch.zeros(batch, SOLIDS, dtype=torch.long)
-    axis, pivot = torch.eye(3)[2].repeat(batch, 1), torch.zeros(batch, 3)
-    slides, travel = torch.zeros(batch, dtype=torch.bool), torch.zeros(batch, 2)
-    for b, family in enumerate(families):
-        if family in numbers:
-            kind[b, 0], size[b, 0] = SCAN + numbers[family], uniform(*SCALES)
-            center[b, 0] = 0.0
-            continue
-        drawn = family_named(family)(uniform)
-        solids, joint = drawn if isinstance(drawn, tuple) else (drawn, None)
-        for s, solid in enumerate(solids):
-            kind[b, s], rounding[b, s] = solid.kind, min(solid.rounding, 0.95 * min(solid.size))
-            size[b, s] = torch.tensor(solid.size)
-            center[b, s] = torch.tensor(solid.center)
-            turn[b, s] = torch.tensor(solid.turn)
-            part[b, s] = solid.part
-        if joint is not None:
-            axis[b], pivot[b] = torch.tensor(joint.axis), torch.tensor(joint.pivot)
-            slides[b], travel[b] = joint.slides, torch.tensor(joint.travel)
-    rotation = axis_angle_to_matrix(turn)
-    return Solids(kind, size, rounding, center, rotation, part, axis, pivot, slides, travel, scans)
+    drawn = [
+        [_Solid(numbers[name], (uniform(*SCALES),) * 3, rounding=0.0)]
+        if name in numbers
+        else family_named(name)(uniform)
+        for name in families
+    ]
+    pairs = [each if isinstance(each, tuple) else (each, _RIGID) for each in drawn]
+    solids = [[*each, *[_UNUSED] * (SOLIDS - len(each))] for each, _ in pairs]
+
+    def of_solids(name: str) -> Tensor:
+        return torch.tensor([[getattr(solid, name) for solid in each] for each in solids])
+
+    def of_joints(name: str) -> Tensor:
+        return torch.tensor([getattr(joint, name) for _, joint in pairs])
+
+    return Solids(
+        *(of_solids(name) for name in ("kind", "size", "bevel", "center")),
+        axis_angle_to_matrix(of_solids("turn")),
+        of_solids("part"),
+        *(of_joints(name) for name in ("axis", "pivot", "slides", "travel")),
+        scans,
+    )

@@ -1,11 +1,10 @@
 """What a shard does not hold, drawn again from its seed: families, analytic objects, hand shapes.
 
-A shard holds what networks learn from. Objects and hands are drawn before the search for grasps,
-so that they can be drawn again without it. Every hand has bone lengths of its own, by which the
-clips that were kept are found among the attempts.
+Objects and hands are drawn before the search for grasps, and so can be drawn without it. Every hand
+has bone lengths of its own, by which the clips that were kept are found among the attempts.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import torch
@@ -14,12 +13,11 @@ from torch import Tensor
 
 from geneoh.errors import InputError
 from geneoh.geometry.rotations import axis_angle_to_matrix
-from geneoh.hand.model import HandModel, PosedHand, ShapedHand
+from geneoh.hand.model import HandModel, PosedHand
 from geneoh.hand.skeleton import forward_kinematics
 from geneoh.synthesis.motion import Interactions
 from geneoh.synthesis.shards import (
     Attempts,
-    attempts_for,
     draw_attempts,
     read_shard,
     scans_of,
@@ -46,7 +44,7 @@ class Replay:
 
     def chosen(self, which: Int[Tensor, " C"]) -> "Replay":
         """Some of the clips."""
-        return Replay(self.clips.take(which, "B"), chosen_attempts(self.made_from, which))
+        return Replay(self.clips.take(which, "B"), self.made_from.take(which))
 
     def held_frames(self) -> Int[Tensor, " B"]:
         """The frame of each clip in which the fingers are closest to the object's surface.
@@ -66,14 +64,9 @@ class Replay:
     def skin(self, frames: Int[Tensor, "B F"]) -> PosedHand:
         """Hands of some frames of each clip in the frame of the object's first part."""
         at = torch.arange(len(frames))[:, None]
-        clips, hands = self.clips, self.made_from.hands
+        clips = self.clips
         # one more axis, for the frames
-        hands = replace(
-            hands,
-            verts=hands.verts[:, None],
-            joints=hands.joints[:, None],
-            offsets=hands.offsets[:, None],
-        )
+        hands = self.made_from.hands.map(lambda value: value[:, None], "B")
         posed = hands.posed(clips.pose[at, frames], clips.wrist[at, frames])
         turn, shift = clips.rotation[at, frames, 0], clips.translation[at, frames, :1]
         return PosedHand((posed.verts - shift) @ turn, (posed.joints - shift) @ turn)
@@ -100,40 +93,20 @@ class Replay:
         return torch.minimum(first, second).unflatten(1, points.shape[1:3])
 
 
-def chosen_attempts(tried: Attempts, which: Int[Tensor, " C"]) -> Attempts:
-    """Some of the attempts."""
-    hands = tried.hands
-    return Attempts(
-        [tried.families[i] for i in which.tolist()],
-        tried.solids.take(which, "B"),
-        ShapedHand(hands.model, hands.verts[which], hands.joints[which], hands.offsets[which]),
-    )
-
-
 def replay_shard(path: Path, hand: HandModel) -> Replay:
     """The clips of a shard from its first round of grasps, which are nearly all.
 
-    Raises:
-        InputError: the file is no whole shard, or another version of geneoh made it.
+    `InputError` if the file is no whole shard, or another version of geneoh made it.
     """
     record, scans = shard_record(path), scans_of(path)
     config = record.config
     index = int(path.stem.rpartition("_")[2])
-    tried = draw_attempts(
-        config,
-        config.families_of(index, scans),
-        hand,
-        attempts_for(config.shard),
-        generator=shard_generator(record.seed, index),
-        scans=scans,
-    )
+    names, generator = config.families_of(index, scans), shard_generator(record.seed, index)
+    tried = draw_attempts(config, names, hand, config.shard, generator=generator, scans=scans)
     clips = read_shard(path)
     # the error of the faster way, by a matrix product, is larger than SAME_SKELETON
-    apart = torch.cdist(
-        clips.offsets.flatten(1),
-        tried.hands.offsets.flatten(1),
-        compute_mode="donot_use_mm_for_euclid_dist",
-    )
+    ours, theirs = clips.offsets.flatten(1), tried.hands.offsets.flatten(1)
+    apart = torch.cdist(ours, theirs, compute_mode="donot_use_mm_for_euclid_dist")
     nearest, who = apart.min(1)
     found = torch.nonzero(nearest < SAME_SKELETON)[:, 0]
     if not len(found):
@@ -141,4 +114,4 @@ def replay_shard(path: Path, hand: HandModel) -> Replay:
             f"{path}: expected the hands that its seed {record.seed} draws, got others: "
             "another version of geneoh made it; make the data again"
         )
-    return Replay(clips.take(found, "B"), chosen_attempts(tried, who[found]))
+    return Replay(clips.take(found, "B"), tried.take(who[found]))

@@ -6,7 +6,6 @@ lie one behind the other in one tensor of half precision, so that a batch may mi
 """
 
 import hashlib
-from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -35,8 +34,7 @@ MARGIN = 0.008
 NODES, FINEST = 250_000, 0.0012
 """Most nodes of a grid, about, and its least spacing in metres."""
 EXACT = 0.006
-"""Distance to the surface below which nodes hold the exact distance, metres, beyond two cells of
-the coarse grid."""
+"""Nodes hold the exact distance up to so far from the surface beyond two coarse cells, metres."""
 SKIP = 4
 """Every so manieth node of a grid belongs to the coarse grid."""
 SAMPLES = 4096
@@ -44,8 +42,10 @@ SAMPLES = 4096
 HAND_SPAN = 0.09
 """An object is grasped rather where it is thinner than this, metres."""
 WIDE_SHARE = 0.15
-"""How often a place where it is wider is taken, relative to the others: edges of large boxes, and
-what a flat hand supports."""
+"""How often a wider place is taken, relative to the others: an edge, or what a flat hand bears."""
+ARRAYS = ("half", "points", "normals", "grasped", "spacing", "shape", "start", "values")
+WORDS = ("names", "held_out", "notice")
+"""Fields of `Scans` that its file holds, as tensors and in its record."""
 TINY = 1e-9
 """Length in metres below which a vector has no direction."""
 CORNERS = torch.tensor(list(product((0, 1), repeat=3)))
@@ -53,8 +53,8 @@ CORNERS = torch.tensor(list(product((0, 1), repeat=3)))
 
 
 @dataclass(frozen=True, eq=False)
-class Scans(Bundle):
-    """N scanned objects, each in a frame at the middle of its bounding box, metres."""
+class MeshFolder(Bundle):
+    """N meshes to make objects of, each in a frame at the middle of its bounding box, metres."""
 
     names: tuple[str, ...]
     """File names of the meshes, which no family of analytic objects can have."""
@@ -63,6 +63,18 @@ class Scans(Bundle):
     notice: str
     """Attribution and licences of the meshes."""
     meshes: tuple[Mesh, ...]
+
+    @property
+    def fingerprint(self) -> str:
+        """What tells these objects from others, by meshes, names and what is held out."""
+        words = [f"{name} {m.sha256}" for name, m in zip(self.names, self.meshes, strict=True)]
+        return hashlib.sha256("\n".join([*words, *self.held_out]).encode()).hexdigest()[:16]
+
+
+@dataclass(frozen=True, eq=False)
+class Scans(MeshFolder):
+    """Scanned objects, with what grasps and batches need of them."""
+
     half: Float[Tensor, "N 3"]
     """Half sides of the bounding boxes."""
     points: Float[Tensor, "N M 3"]
@@ -77,11 +89,6 @@ class Scans(Bundle):
     """Where each grid begins in `values`."""
     values: Float16[Tensor, " C"]
     """Signed distance at the nodes of all grids."""
-
-    @property
-    def fingerprint(self) -> str:
-        """What tells these objects from others, by meshes, names and what is held out."""
-        return fingerprint(zip(self.names, self.meshes, strict=True), self.held_out)
 
     def distance(
         self, which: Int[Tensor, " B"], points: Float[Tensor, "B P 3"]
@@ -121,50 +128,29 @@ class Scans(Bundle):
         return torch.where(outside, length, distance), normal
 
     def draw_points(
-        self, which: Int[Tensor, " B"], count: int, *, generator: torch.Generator
+        self,
+        which: Int[Tensor, " B"],
+        count: int,
+        *,
+        generator: torch.Generator,
+        to_grasp: bool = False,
     ) -> tuple[Float[Tensor, "B P 3"], Float[Tensor, "B P 3"]]:
-        """Points spread over the surface of one object each, and their outward normals."""
-        return self._at(which, torch.rand(len(which), SAMPLES, generator=generator), count)
+        """Points of the surface of one object each, with their outward normals.
 
-    def draw_places(
-        self, which: Int[Tensor, " B"], *, generator: torch.Generator
-    ) -> tuple[Float[Tensor, "B 1 3"], Float[Tensor, "B 1 3"]]:
-        """A point on each object at which a hand may grasp it, and its outward normal."""
-        # the first of arrivals whose rates are the weights
-        late = torch.rand(len(which), SAMPLES, generator=generator).log().neg()
-        return self._at(which, late / self.grasped[which], 1)
-
-    def _at(
-        self, which: Int[Tensor, " B"], order: Float[Tensor, "B M"], count: int
-    ) -> tuple[Float[Tensor, "B P 3"], Float[Tensor, "B P 3"]]:
-        """The points that come first in an order of all, again from the first if there are less."""
-        chosen = order.argsort(1)[:, torch.arange(count) % SAMPLES]
+        They are spread evenly, or where a hand may start `to_grasp`.
+        """
+        order = torch.rand(len(which), SAMPLES, generator=generator)
+        if to_grasp:  # the first of arrivals whose rates are the weights
+            order = order.log().neg() / self.grasped[which]
+        chosen = order.argsort(1)[:, torch.arange(count) % SAMPLES]  # all, and then once more
         return self.points[which[:, None], chosen], self.normals[which[:, None], chosen]
-
-
-def fingerprint(meshes: Iterable[tuple[str, Mesh]], held_out: Iterable[str]) -> str:
-    """What tells a set of named meshes from others."""
-    words = [f"{name} {mesh.sha256}" for name, mesh in meshes]
-    return hashlib.sha256("\n".join([*words, *held_out]).encode()).hexdigest()[:16]
-
-
-@dataclass(frozen=True)
-class MeshFolder:
-    """Meshes to make objects of, as they lie in a folder."""
-
-    names: tuple[str, ...]
-    meshes: tuple[Mesh, ...]
-    """Each moved so that the middle of its bounding box is the origin."""
-    held_out: tuple[str, ...]
-    notice: str
 
 
 def read_folder(folder: Path, unit: Unit = "m") -> MeshFolder:
     """The meshes of a folder, in the order of their names.
 
     Raises:
-        InputError: no mesh is there, one is broken or has the wrong size for a hand, or a name that
-            is held out is no mesh.
+        InputError: no mesh, a broken one or one of the wrong size, or another name is held out.
     """
     paths = sorted(p for p in folder.glob("*") if p.suffix.lower() in MESH_SUFFIXES)
     if not paths:
@@ -190,18 +176,14 @@ def read_folder(folder: Path, unit: Unit = "m") -> MeshFolder:
     notices = sorted({path for pattern in NOTICES for path in folder.glob(pattern)})
     return MeshFolder(
         tuple(path.name for path in paths),
-        tuple(meshes),
         tuple(known[word] for word in words),
         "\n".join(path.read_text("utf-8") for path in notices),
+        tuple(meshes),
     )
 
 
 def build_scans(found: MeshFolder, *, on_mesh: OnStep | None = None) -> Scans:
-    """Grids, surface points and places to grasp of all meshes, about a second for each.
-
-    Raises:
-        InputError: a mesh encloses nothing.
-    """
+    """Grids, surface points and places to grasp; `InputError` if a mesh encloses nothing."""
     built, values = [], []
     for done, (name, mesh) in enumerate(zip(found.names, found.meshes, strict=True), 1):
         try:
@@ -219,23 +201,9 @@ def build_scans(found: MeshFolder, *, on_mesh: OnStep | None = None) -> Scans:
         if on_mesh is not None:
             on_mesh(done, len(found.names))
     sizes = torch.tensor([0, *(len(grid) for grid in values[:-1])])
-    half, points, normals, grasped, spacing, shape = (
-        torch.stack(column) for column in zip(*built, strict=True)
-    )
-    return Scans(
-        found.names,
-        found.held_out,
-        found.notice,
-        found.meshes,
-        half,
-        points,
-        normals,
-        grasped,
-        spacing,
-        shape,
-        sizes.cumsum(0),
-        torch.cat(values),
-    )
+    columns = [torch.stack(column) for column in zip(*built, strict=True)]
+    columns += [sizes.cumsum(0), torch.cat(values)]
+    return Scans(**vars(found), **dict(zip(ARRAYS, columns, strict=True)))
 
 
 def distance_grid(
@@ -274,8 +242,7 @@ def find_scans(
     found, kept = read_folder(objects, unit), data / FILE
     if kept.exists():
         scans = read_scans(kept)
-        asked = fingerprint(zip(found.names, found.meshes, strict=True), found.held_out)
-        if scans.fingerprint != asked:
+        if scans.fingerprint != found.fingerprint:
             raise InputError(
                 f"{kept}: was made of other objects than {objects} holds; "
                 "ask for the same or name another folder"
@@ -287,10 +254,6 @@ def find_scans(
     return scans
 
 
-ARRAYS = ("half", "points", "normals", "grasped", "spacing", "shape", "start", "values")
-WORDS = ("names", "held_out", "notice")
-
-
 def write_scans(path: Path, scans: Scans) -> None:
     """Keep scanned objects, with their attribution."""
     tensors = {name: getattr(scans, name) for name in ARRAYS}
@@ -300,11 +263,7 @@ def write_scans(path: Path, scans: Scans) -> None:
 
 
 def read_scans(path: Path) -> Scans:
-    """Scanned objects that were kept.
-
-    Raises:
-        InputError: the file is missing or broken.
-    """
+    """Scanned objects that were kept; `InputError` if the file is missing or broken."""
     try:
         with opened_tensors(path) as (kept, record):
             meshes = tuple(
@@ -317,6 +276,5 @@ def read_scans(path: Path) -> Scans:
             f"{path}: expected the scanned objects of these shards, got {error}; "
             "delete it and run `geneoh synthesize` again with the same --objects"
         ) from error
-    return Scans(
-        tuple(record["names"]), tuple(record["held_out"]), record["notice"], meshes, **arrays
-    )
+    names, held_out = (tuple(record[name]) for name in ("names", "held_out"))
+    return Scans(names, held_out, record["notice"], meshes, **arrays)

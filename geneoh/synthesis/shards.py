@@ -105,6 +105,14 @@ class Attempts:
     solids: Solids
     hands: ShapedHand
     """Hands with bone lengths of their own in `offsets`."""
+    shared: Int[Tensor, " C"]
+    """Attempts of the first hands on the objects of the last C, which are second hands."""
+
+    def take(self, which: Int[Tensor, " N"]) -> "Attempts":
+        """Some of the attempts, each by itself."""
+        families = [self.families[i] for i in which.tolist()]
+        solids, hands = self.solids.take(which, "B"), self.hands.take(which, "B")
+        return Attempts(families, solids, hands, self.shared[:0])
 
 
 @dataclass(frozen=True)
@@ -132,13 +140,14 @@ def draw_attempts(
     config: SynthesisConfig,
     families: list[str],
     hand: HandModel,
-    count: int,
+    missing: int,
     *,
     generator: torch.Generator,
     scans: Scans | None = None,
 ) -> Attempts:
-    """`count` first hands on objects of the families, then second hands on some of the objects."""
-    named = draw_names(config, families, count, scans, generator=generator)
+    """First hands on objects of the families, then second hands on some of the objects."""
+    count = 2 * missing + 4  # more than half fail, but second hands are added
+    named = draw_names(families, count, config.scanned, generator=generator)
     alone = draw_objects(named, generator=generator, scans=scans)
     shared = bimanual_objects(alone, count, config.bimanual)
     mirrored = alone.take(shared, "B").mirrored()
@@ -149,32 +158,22 @@ def draw_attempts(
     stretch = torch.cat([stretch, stretch[shared] * (1 + config.bimanual.bone_std * differ)])
     hands = hand.shaped(torch.cat([betas, betas[shared]]))
     named += [named[i] for i in shared.tolist()]
-    return Attempts(named, solids, replace(hands, offsets=hands.offsets * stretch))
+    return Attempts(named, solids, replace(hands, offsets=hands.offsets * stretch), shared)
 
 
 def draw_names(
-    config: SynthesisConfig,
-    families: list[str],
-    count: int,
-    scans: Scans | None,
-    *,
-    generator: torch.Generator,
+    families: list[str], count: int, scanned_share: float, *, generator: torch.Generator
 ) -> list[str]:
     """Names of families, and of scanned objects in their share, at random."""
-    simple = [name for name in families if name in FAMILIES]
-    scanned = [name for name in families if name not in FAMILIES]
-    pick = torch.randint(len(simple), (count,), generator=generator)
-    named = [simple[i] for i in pick]
-    if not scanned:
-        return named
-    take = torch.rand(count, generator=generator) < config.scanned
-    pick = torch.randint(len(scanned), (count,), generator=generator)
-    return [scanned[i] if t else name for name, t, i in zip(named, take, pick, strict=True)]
 
+    def drawn(names: list[str]) -> list[str]:
+        return [names[i] for i in torch.randint(len(names), (count,), generator=generator)]
 
-def attempts_for(missing: int) -> int:
-    """Attempts for so many missing clips: more than half fail, but second hands are added."""
-    return 2 * missing + 4
+    named = drawn([name for name in families if name in FAMILIES])
+    if scanned := [name for name in families if name not in FAMILIES]:
+        take = torch.rand(count, generator=generator) < scanned_share
+        named = [b if t else a for a, b, t in zip(named, drawn(scanned), take, strict=True)]
+    return named
 
 
 def synthesize_shard(
@@ -188,27 +187,21 @@ def synthesize_shard(
     """Interactions of the given families that passed the grasp checks, `config.shard` of them."""
     kept: list[Interactions] = []
     while (missing := config.shard - sum(len(part.wrist) for part in kept)) > 0:
-        count = attempts_for(missing)
-        tried = draw_attempts(config, families, hand, count, generator=generator, scans=scans)
-        shared = bimanual_objects(tried.solids, count, config.bimanual)
-        kept.append(interactions_of(tried, shared, config, generator=generator))
+        tried = draw_attempts(config, families, hand, missing, generator=generator, scans=scans)
+        kept.append(interactions_of(tried, config, generator=generator))
     return concatenated(kept, "B").take(slice(config.shard), "B")
 
 
 def interactions_of(
-    tried: Attempts,
-    shared: Int[Tensor, " C"],
-    config: SynthesisConfig,
-    *,
-    generator: torch.Generator,
+    tried: Attempts, config: SynthesisConfig, *, generator: torch.Generator
 ) -> Interactions:
-    """Clips of the attempts whose grasp is kept; the last C are of second hands on `shared`."""
+    """Clips of the attempts whose grasp is kept."""
     grasps = synthesize_grasps(
         tried.solids,
         tried.hands.offsets,
         config.grasps,
         generator=generator,
-        toward=grasp_directions(tried.solids, shared),
+        toward=grasp_directions(tried.solids, tried.shared),
     )
     skin = tried.hands.posed(grasps.pose, grasps.wrist).verts
     deep = -tried.solids.signed_distance(skin).amin(-1)
@@ -222,7 +215,7 @@ def interactions_of(
         config.points,
         config.animation,
         generator=generator,
-        pairs=pair_hands(grasps, shared, config.bimanual),
+        pairs=pair_hands(grasps, tried.shared, config.bimanual),
         grips=shifted_grips(solids, kept, config.grasps, generator=generator),
     )
 
@@ -236,10 +229,10 @@ def write_shards(
     scans: Scans | None = None,
     on_shard: OnStep | None = None,
 ) -> int:
-    """Make every shard that does not exist yet; returns how many were made.
+    """Make every shard (`val_00000.safetensors`, `train_00001.safetensors`) that is missing.
 
-    Shards are named `train_00000.safetensors` and `val_00000.safetensors`; each is written to
-    another name first, so that an interrupted run leaves whole files and continues with the next.
+    Each is written whole or not at all, so that an interrupted run goes on with the next one.
+    Returns how many were made.
 
     Raises:
         InputError: the folder holds shards of another config or seed, or a broken one.
@@ -255,13 +248,8 @@ def write_shards(
     for index in range(config.shards):
         path = folder / f"{config.split_of(index)}_{index:05d}.safetensors"
         if not path.exists():
-            part = synthesize_shard(
-                config,
-                config.families_of(index, scans),
-                hand,
-                generator=shard_generator(seed, index),
-                scans=scans,
-            )
+            names, generator = config.families_of(index, scans), shard_generator(seed, index)
+            part = synthesize_shard(config, names, hand, generator=generator, scans=scans)
             tensors = {f.name: getattr(part, f.name) for f in fields(part)}
             write_tensors(path, tensors, as_dict(record))
             made += 1
@@ -281,9 +269,7 @@ def differences(found: ShardRecord, asked: ShardRecord) -> str:
 
 
 def shard_record(path: Path) -> ShardRecord:
-    """The config and the seed that a shard was made with.
-
-    Settings that the shard does not name are the defaults: it was made before they could be set.
+    """What a shard was made with; a setting that it does not name has its default.
 
     Raises:
         InputError: the file is no whole shard, or has settings of another version.
@@ -334,8 +320,7 @@ def find_shards(folder: Path, split: str) -> list[Path]:
 def read_shard(path: Path) -> Interactions:
     """One shard, mapped from its file: pages are read when they are used.
 
-    Raises:
-        InputError: the file is no whole shard.
+    `InputError` if the file is no whole shard.
     """
     try:
         with opened_tensors(path) as (shard, _):
@@ -356,8 +341,7 @@ def read_shard(path: Path) -> Interactions:
 def scans_of(path: Path) -> Scans | None:
     """The scanned objects of a shard, which are in a file beside it; None where it has none.
 
-    Raises:
-        InputError: that file is missing, broken or another one.
+    `InputError` if that file is missing, broken or another one.
     """
     if not (wanted := shard_record(path).objects):
         return None
@@ -368,9 +352,5 @@ def scans_of(path: Path) -> Scans | None:
 
 
 def read_shards(folder: Path, split: str) -> Interactions:
-    """All interactions of one split ("train" or "val") in memory.
-
-    Raises:
-        InputError: no shard of that split, a broken one, or shards that do not belong together.
-    """
+    """All interactions of one split ("train" or "val") in memory; raises as `find_shards`."""
     return concatenated((read_shard(path) for path in find_shards(folder, split)), "B")

@@ -153,21 +153,12 @@ class Solids(Bundle):
         return distance.detach(), normal
 
     def surface_points(
-        self, count: int, *, generator: torch.Generator
-    ) -> tuple[Float[Tensor, "B P 3"], Float[Tensor, "B P 3"]]:
-        """Points spread over the surface with their outward normals."""
-        return self._by_kind(count, generator=generator)
-
-    def places(
-        self, *, generator: torch.Generator
-    ) -> tuple[Float[Tensor, "B 1 3"], Float[Tensor, "B 1 3"]]:
-        """A point of each surface over which a hand may start, and its outward normal."""
-        return self._by_kind(1, generator=generator, to_grasp=True)
-
-    def _by_kind(
         self, count: int, *, generator: torch.Generator, to_grasp: bool = False
     ) -> tuple[Float[Tensor, "B P 3"], Float[Tensor, "B P 3"]]:
-        """Points and normals of simple solids, which are searched, and of scans, which are kept."""
+        """Points spread over the surface with their outward normals.
+
+        Those `to_grasp` a scan at are rather where a hand may start, one point of each object.
+        """
         if self.scans is None:
             return self._projected(count, generator=generator)
         scanned = self.scan >= 0
@@ -178,10 +169,9 @@ class Solids(Bundle):
             found = simple._projected(count, generator=generator)
             points[~scanned], normals[~scanned] = found
         which, scale = self.scan[scanned], self.size[scanned, :1]
-        if to_grasp:
-            there, outward = self.scans.draw_places(which, generator=generator)
-        else:
-            there, outward = self.scans.draw_points(which, count, generator=generator)
+        there, outward = self.scans.draw_points(
+            which, count, generator=generator, to_grasp=to_grasp
+        )
         turn, center = self.rotation[scanned, 0], self.center[scanned, :1]
         points[scanned] = there * scale @ turn.mT + center
         normals[scanned] = outward * scale.sign() @ turn.mT
@@ -190,26 +180,18 @@ class Solids(Bundle):
     def _projected(
         self, count: int, *, generator: torch.Generator
     ) -> tuple[Float[Tensor, "B P 3"], Float[Tensor, "B P 3"]]:
-        """Points around simple solids, projected along the gradient of the distance.
-
-        The sharp ends of thin parts get fewer points than wide faces, about as area weighting would
-        do.
-        """
-        batch = len(self.kind)
+        """Points around simple solids, projected along the gradient of the distance."""
+        batch, ring = len(self.kind), self.kind == TORUS
         used = (self.center[..., 0] < FAR / 2).float()
-        reach = torch.where(
-            self.kind == TORUS, self.size[..., :2].sum(-1), self.size.norm(dim=-1)
-        ).clamp(min=0.01)
+        # thin parts get fewer points at sharp ends than wide faces, about as area weighting does
+        outer = self.size[..., :2].sum(-1)
+        reach = torch.where(ring, outer, self.size.norm(dim=-1)).clamp(min=0.01)
         drawn = count + count // 2  # a third is spare, for points that do not converge
         part = torch.multinomial(used * reach, drawn, replacement=True, generator=generator)
         at = torch.arange(batch)[:, None]
         ball = torch.randn(batch, drawn, 3, generator=generator)
         ball = ball / ball.norm(dim=-1, keepdim=True)
-        extent = torch.where(
-            (self.kind == TORUS)[..., None],
-            (self.size[..., :1] + self.size[..., 1:2]).expand(-1, -1, 3),
-            self.size,
-        )[at, part]
+        extent = torch.where(ring[..., None], outer[..., None], self.size)[at, part]
         local = ball * extent * 1.2
         points = self.center[at, part] + (self.rotation[at, part] @ local[..., None])[..., 0]
         for _ in range(7):

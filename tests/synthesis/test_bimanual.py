@@ -70,7 +70,7 @@ def test_a_pair_needs_both_hands_and_is_counted_among_those_kept():
 
 def test_two_hands_are_made_and_do_not_meet_in_the_world():
     families = ["hammer", "pan"]
-    tried = draw_attempts(SynthesisConfig(), families, load_hand("right"), 96, generator=seeded(3))
+    tried = draw_attempts(SynthesisConfig(), families, load_hand("right"), 46, generator=seeded(3))
     lead = bimanual_objects(tried.solids, 96, CONFIG)
     side = grasp_directions(tried.solids, lead)
     grasps = synthesize_grasps(

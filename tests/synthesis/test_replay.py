@@ -121,7 +121,7 @@ def test_distance_follows_the_part_that_has_moved():
         torch.ones(1, 64, dtype=torch.long),
         torch.tensor([-1]),
     )
-    replay = Replay(clip, Attempts(["chest"], solids, hand))
+    replay = Replay(clip, Attempts(["chest"], solids, hand, torch.zeros(0).long()))
     pulled = points[:, None] @ turn.mT + shift[:, :, None]
     every = torch.arange(3)[None]
     assert float(replay.distance(pulled, every).abs().max()) < 1e-5

@@ -144,7 +144,7 @@ def test_a_mirrored_scan_is_the_mirror_image(scans):
 def test_hands_start_where_an_object_is_thin_enough(scans):
     """A carton is 30 cm wide from rim to rim and 2 cm thick from face to face."""
     carton = draw_objects(["carton.stl"] * 400, generator=seeded(), scans=scans)
-    points, normals = carton.places(generator=seeded(1))
+    points, normals = carton.surface_points(1, generator=seeded(1), to_grasp=True)
     assert float(carton.signed_distance(points).abs().max()) < 2e-3
     rims = normals[:, 0, 2].abs() < 0.5
     thin = scans.grasped[1] == 1
