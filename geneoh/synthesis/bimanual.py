@@ -18,8 +18,7 @@ class BimanualConfig:
     """How many second hands there are, and how they differ from the first."""
 
     share: float = 0.2
-    """Second hands that are tried, as a share of the first ones; fewer are kept, and of those many
-    would touch the first hand."""
+    """Second hands that are tried, as a share of the first ones; many of them are not kept."""
     gap: float = 0.025
     """Least distance between keypoints of two hands, metres: each has skin around it."""
     bone_std: float = 0.005
@@ -64,11 +63,7 @@ def bimanual_objects(solids: Solids, count: int, config: BimanualConfig) -> Int[
 def grasp_directions(solids: Solids, shared: Int[Tensor, " C"]) -> Float[Tensor, "B 3"]:
     """Direction from the object that each hand comes from, in the object's frame; zero for any.
 
-    First and second hands come from the two ends of the longest axis.
-
-    Args:
-        solids: the objects of all attempts, the last C of them for second hands.
-        shared: the objects of their first hands.
+    First hands (`shared`) and second hands (the last C) come from the ends of the longest axis.
     """
     extents = solids.extents
     longest = torch.nn.functional.one_hot(extents.argmax(-1), 3).to(extents)
@@ -79,14 +74,9 @@ def grasp_directions(solids: Solids, shared: Int[Tensor, " C"]) -> Float[Tensor,
 
 
 def pair_hands(grasps: Grasps, shared: Int[Tensor, " C"], config: BimanualConfig) -> HandPairs:
-    """The pairs among the grasps that are kept, numbered as those are.
+    """The pairs of first hands (`shared`) and second ones (the last C) among the kept grasps.
 
     Two hands that would touch are no pair; each of them is kept as a hand of its own.
-
-    Args:
-        grasps: as tried; the last C are of second hands.
-        shared: the attempts of their first hands.
-        config: how near two hands may be.
     """
     single = len(grasps.kept) - len(shared)
     joints = forward_kinematics(axis_angle_to_matrix(grasps.pose), grasps.wrist, grasps.offsets)[0]

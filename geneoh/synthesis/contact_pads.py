@@ -17,19 +17,14 @@ SPHERES_PER_BONE = 4
 # Radius of the hand around each bone, metres, in the order of the keypoints at the bones' ends:
 # medians of an adult hand; less in the palm, where bones lie side by side.
 BONE_RADIUS = torch.tensor(
-    [0.016, 0.014, 0.0115, 0.009]
-    + [0.014, 0.011, 0.01, 0.009]
-    + [0.014, 0.011, 0.01, 0.009]
-    + [0.014, 0.01, 0.009, 0.0085]
-    + [0.014, 0.009, 0.008, 0.0075]
+    [0.016, 0.014, 0.0115, 0.009, *(0.014, 0.011, 0.01, 0.009) * 2]
+    + [0.014, 0.01, 0.009, 0.0085, 0.014, 0.009, 0.008, 0.0075]
 )
 MEAN_SPAN = 0.18
-"""Length of the bones from the wrist to the tip of the middle finger that BONE_RADIUS belongs to,
-metres."""
+"""Length from the wrist to the tip of the middle finger that BONE_RADIUS belongs to, metres."""
 PAD_JOINTS = (*range(1, 16), 2, 3, 0, 0)
 """Joints whose rotation the pads follow, in MANO order: 15 pads under the phalanges, two on the
-thumb's side of the index's middle and distal phalanx, two at the middle of the palm and below its
-fingers."""
+thumb's side of the index's outer phalanges, two at the middle of the palm and below its fingers."""
 PAD_RADII = (*(0.0105, 0.009, 0.008) * 4, 0.013, 0.011, 0.0085, 0.009, 0.0085, 0.017, 0.016)
 """Distance from the bone to the skin at each pad, metres."""
 PAD_DIGITS = (0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3, 4, 4, 4, 0, 0, 5, 5)

@@ -42,8 +42,8 @@ class GraspType:
     approaches: int = 1
     """Random starts, of which the one with the least energy is taken."""
     bears: tuple[float, float, float] | None = None
-    """Outward normal of a surface whose weight rests on the hand, in the hand's frame; None where
-    the object is held by opposing contacts instead."""
+    """Outward normal of a surface whose weight rests on the hand, in the hand's frame; None for
+    grips, which hold by opposing contacts."""
 
     @property
     def pads(self) -> tuple[float, ...]:

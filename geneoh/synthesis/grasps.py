@@ -1,10 +1,9 @@
 """Grasps by batched gradient descent of a sphere-covered skeleton against analytic objects.
 
-Each attempt is of one of `GRASP_TYPES`, which says which pads of the hand should touch and how
-curled it is. The hand starts over a random point of the surface and descends an energy of
-penetration, contact of the wanted pads, finger clearance and distance to a likely pose. What
-passes `GraspChecks` is kept. Frames: the right hand's rest frame (fingers -x, palm -y, thumb +z)
-and the object's frame; metres and radians.
+Each attempt is of one of `GRASP_TYPES`. The hand starts over a random point of the surface and
+descends an energy of penetration, contact of the wanted pads, finger clearance and distance to a
+likely pose. What passes `GraspChecks` is kept. Frames: the right hand's rest frame (fingers -x,
+palm -y, thumb +z) and the object's frame; metres and radians.
 """
 
 from dataclasses import dataclass, field, replace

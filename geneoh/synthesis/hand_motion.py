@@ -1,7 +1,4 @@
-"""How a hand moves about its grasp: it reaches, holds, adjusts, lets go and leaves.
-
-All of it in the frame of the part that the hand holds.
-"""
+"""How a hand moves about its grasp, in the frame of the part that it holds."""
 
 import math
 from dataclasses import dataclass
@@ -29,8 +26,7 @@ class HandMotionConfig:
     wrist_delay: float = 0.1
     """Time between the grasp and the motion of the wrist, as a share of the wrist's way."""
     opening_lead: float = 0.3
-    """How far the fingers are open at the time of the grasp, as a share of their way: they have to
-    be off the surface before the wrist moves."""
+    """How far the fingers are open at the grasp, as a share: off the surface before the wrist."""
     away_direction: tuple[float, float, float] = (0.6, 1.0, 0.0)
     """Where hands come from, in the hand's frame: off the palm and towards the forearm."""
     away_distance: tuple[float, float] = (0.06, 0.2)
@@ -60,8 +56,7 @@ class HandMotionConfig:
     grip_frames: tuple[float, float] = (8.0, 40.0)
     """Range of the frames that a hand takes to shift."""
     restless_share: float = 0.5
-    """Of those that shift, the share that is between its grips all the time, as in the use of a
-    tool."""
+    """Of those that shift, the share that is always between its grips, as in the use of a tool."""
     restless_period: float = 10.0
     """Frames over which their place between the grips changes."""
     restless_size: float = 2.0
@@ -91,8 +86,8 @@ class HandMotionConfig:
     tremor_period: float = 8.0
     """Frames over which it changes."""
     together: float = 0.6
-    """Correlation of that motion between the flexions of the four fingers, as in a minute of free
-    hand motion recorded with Leap Motion (leapjs-playback): 0.56 to 0.8."""
+    """Correlation of that motion between the flexions of the four fingers; recorded free motion
+    (Leap Motion, leapjs-playback): 0.56 to 0.8."""
 
 
 @dataclass(frozen=True)
@@ -152,13 +147,7 @@ def grip_motion(
 ) -> HeldPose:
     """Hands that shift from their grasp to other grips while they hold, one after the other.
 
-    Args:
-        grasps: the first grip.
-        grips: the others; None where hands keep the first.
-        schedule: when they hold.
-        free: hands that may shift: others have another hand in their way.
-        config: how often and how fast they do.
-        draws: source of every random choice.
+    Only those that are `free` do: others have another hand in their way.
     """
     first = axis_angle_to_matrix(grasps.pose[:, 0])
     still = torch.zeros_like(grasps.wrist)
@@ -190,10 +179,7 @@ def wrist_motion(
     config: HandMotionConfig,
     draws: Draws,
 ) -> tuple[Float[Tensor, "B T 3"], Float[Tensor, "B T 3 3"]]:
-    """Wrist and global rotation: from a place in front of the object to the grasp and to another.
-
-    Between the two the wrist follows the grasp, but for small smooth adjustments.
-    """
+    """Wrist and global rotation: from a place before the object to the grasp and to another."""
     frames = phases.reach.shape[1]
     back = held.turn[:, 0] @ torch.tensor(config.away_direction)
     up = standing.upright[:, 2]  # the world's vertical in the object's frame
@@ -218,8 +204,12 @@ def finger_motion(
     held: HeldPose, phases: HandPhases, config: HandMotionConfig, draws: Draws
 ) -> Float[Tensor, "B T 15 3"]:
     """Finger joints: open before and after the grasp, some lifted from the object in between."""
-    frames = phases.opening.shape[1]
-    fingers, opened = held.fingers, _open_fingers(held, config, draws)
+    frames, fingers = phases.opening.shape[1], held.fingers
+    scatter = (config.curl_scatter * draws.normal(5)).exp()
+    opened = curled(draws.uniform(config.open_curl, 1) * scatter)
+    # never more bent than in the grasp: to open must not press a finger into the object
+    opened[:, :12, 2] = torch.minimum(opened[:, :12, 2], fingers[:, :, :12, 2].amin(1))
+    opened = opened[:, None]
     opening = phases.opening[..., None, None] * draws.uniform(config.opening, 1, 1, 1)
     fingers = fingers + opening * (opened - fingers)
     lifted = _lifted(frames, config, draws)
@@ -230,17 +220,6 @@ def finger_motion(
     tremor[:, :, :12, 2] = own + config.together**0.5 * common
     size = config.tremor + config.open_tremor * opening
     return fingers + tremor * size
-
-
-def _open_fingers(
-    held: HeldPose, config: HandMotionConfig, draws: Draws
-) -> Float[Tensor, "B 1 15 3"]:
-    """Open fingers, each with a curl of its own."""
-    scatter = (config.curl_scatter * draws.normal(5)).exp()
-    opened = curled(draws.uniform(config.open_curl, 1) * scatter)
-    # never more bent than in the grasp: to open must not press a finger into the object
-    opened[:, :12, 2] = torch.minimum(opened[:, :12, 2], held.fingers[:, :, :12, 2].amin(1))
-    return opened[:, None]
 
 
 def _lifted(frames: int, config: HandMotionConfig, draws: Draws) -> Float[Tensor, "B T 15"]:

@@ -30,12 +30,9 @@ def unheld(
     normals: Float[Tensor, "B P 3"],
     touching: Bool[Tensor, "B P"],
 ) -> Float[Tensor, " B"]:
-    """The share of the worst push that pads cannot bear: 0 is a firm grip, 1 no grip at all.
+    """The share of the worst push that touching pads cannot bear: 0 is firm, 1 no grip at all.
 
-    Args:
-        pads: points of the hand.
-        normals: outward normal of the object there.
-        touching: which of them touch it.
+    `normals` are those of the object at the pads, outward.
     """
     weight = touching.float()[..., None]
     middle = (pads * weight).sum(1, keepdim=True) / weight.sum(1, keepdim=True).clamp(min=1)

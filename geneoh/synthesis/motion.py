@@ -1,8 +1,7 @@
 """From grasps to interactions at 30 frames a second: reach, hold, carry, let go, leave.
 
-Some of them have more: a table that the object is lifted from, slid on and put back on; a joint
-that the hand works, or that swings while the object is held; a second hand; a moment in which the
-hand opens and grasps again.
+Some have more: a table, a joint that the hand works, a second hand, or a moment in which the hand
+opens and grasps again.
 """
 
 from dataclasses import dataclass, field
@@ -69,9 +68,8 @@ def animate(
 ) -> Interactions:
     """One interaction of `frames` frames per grasp.
 
-    The hand follows the grasp in the frame of the part it holds. It comes from and leaves to a
-    random place in front of the part with its fingers open; small smooth adjustments and single
-    lifted fingers change the grasp meanwhile.
+    The hand comes from and leaves to a random place with its fingers open, and follows the grasp
+    in the frame of the part it holds, with small adjustments and lifted fingers.
 
     Args:
         grasps: the grasps, in the objects' frames.

@@ -24,8 +24,7 @@ class ObjectMotionConfig:
     carry_share: float = 0.85
     """Share of the objects that are moved at all."""
     move_share: float = 0.75
-    """Share of the rest points that differ from the one before; elsewhere the object stands still
-    while it is held."""
+    """Share of the rest points that differ from the one before; at others the object stands still."""
     shift_std: tuple[float, float, float] = (0.25, 0.25, 0.18)
     """Deviation of the translation between rest points, metres; the last one is vertical."""
     turn_std: float = 0.8
@@ -47,8 +46,7 @@ class ObjectMotionConfig:
     joint_share: float = 0.8
     """Share of the objects with a joint whose joint moves."""
     base_still_share: float = 0.7
-    """Of those that are held by the second part, the share whose first part stays where it is:
-    drawers are pulled, lids are opened."""
+    """Of those held by the second part, the share whose first part stays: a drawer is pulled."""
     touch: float = 0.02
     """Distance below which a keypoint counts as holding a part, metres."""
     joint_states: int = 9
@@ -73,12 +71,7 @@ def draw_standing(
 ) -> Standing:
     """Objects turned any way, or stood on a table so that the hand is above it.
 
-    Args:
-        joints: keypoints of the hand that holds, in the object's frame.
-        surface: points of the object.
-        floating: objects without a table, such as those that a second hand holds.
-        config: shares and deviations.
-        draws: source of every random choice.
+    Hands and surfaces are in the object's frame; `floating` objects have no table.
     """
     up = torch.nn.functional.normalize(draws.normal(config.table_directions, 3), dim=-1)
     room = (joints @ up.mT).amin(1) - config.skin - (surface @ up.mT).amin(1)
@@ -106,8 +99,8 @@ class HeldPart:
 
     index: Int[Tensor, " B"]
     travel: Float[Tensor, "B 2"]
-    """Range of the joint in which the other part does not run into the hand; in the unit of
-    `Solids.travel`, zero where the hand holds both parts."""
+    """Range of the joint in which the other part does not meet the hand, as `Solids.travel`; zero
+    where the hand holds both parts."""
 
 
 def held_part(
@@ -150,9 +143,8 @@ def carried_path(
     shift = shift.cumsum(1) * config.path_scale
     turn = (draws.normal(rests, 3) * config.turn_std * moves).cumsum(1) * config.path_scale
 
-    down = draws.chance(config.slide_share, 1) | (
-        torch.arange(rests) == rests - 1
-    )  # (B, K): rest points on the table
+    # (B, K): rest points on the table
+    down = draws.chance(config.slide_share, 1) | (torch.arange(rests) == rests - 1)
     raised = shift[..., 2].abs() + config.lift_height * moves[..., 0]
     above = torch.cat([shift[..., :2], torch.where(down, 0.0, raised)[..., None]], -1)
     on_table = standing.on_table[:, None, None]

@@ -1,7 +1,6 @@
 """Objects that people hold, as random `Solids`: families from coins to boxes, and scanned objects.
 
-Each family draws its sizes in metres with `u(low, high)`, uniform between two limits. Changing the
-order of the draws changes all synthetic data.
+Families draw their sizes in metres with `u(low, high)`; their order is part of all synthetic data.
 """
 
 import math

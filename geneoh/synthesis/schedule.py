@@ -15,16 +15,13 @@ class ScheduleConfig:
     """Times of the events of a clip."""
 
     close: tuple[float, float] = (-0.25, 0.55)
-    """Range of the time at which the hand has closed on the object, as a share of the clip. With a
-    negative time the clip starts in the middle of the grasp."""
+    """Range of the time at which the hand has closed, as a share of the clip; before it if < 0."""
     hold: tuple[float, float] = (0.4, 1.1)
     """Range of the duration of the grasp, as a share of the clip."""
     grip_frames: float = 4.0
-    """Frames between the closing of the hand and the first motion of the object, and between its
-    last motion and the release."""
+    """Frames from the closed hand to the object's first motion, and from its last to the release."""
     shortest_move: float = 12.0
-    """Shortest time in frames in which the object goes from one rest point to the next: faster
-    moves have accelerations that are not seen in recordings."""
+    """Fewest frames from one rest point of the object to the next, as in recordings."""
     regrasp_share: float = 0.15
     """Share of the clips whose hand opens for a moment and grasps again, the object at rest."""
     regrasp_frames: float = 16.0

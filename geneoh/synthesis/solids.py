@@ -113,8 +113,8 @@ class Solids(Bundle):
     def signed_distance(self, points: Float[Tensor, "B P 3"]) -> Float[Tensor, "B P"]:
         """Signed distance in metres, negative inside; exact outside of boxes, cylinders and tori.
 
-        Ellipsoids use the first-order bound k0 (k0 - 1) / k1; inside a union the distance is the
-        greatest depth over its solids. Both are zero on the surface with the right gradient there.
+        Ellipsoids use the first-order bound k0 (k0 - 1) / k1; a union has the least distance of its
+        solids. Both are zero on the surface with the right gradient there.
         """
         local = (points[:, None] - self.center[:, :, None]) @ self.rotation
         size, kind = self.size[:, :, None], self.kind[:, :, None]
