@@ -11,9 +11,8 @@ from geneoh.bundle import Bundle
 from geneoh.hand.skeleton import bone_lengths
 
 HAND_SCALE = 0.08
-"""Standard deviation in metres of canonical keypoints around the contact points: the unit in which
-the paper's unit-variance schedule is read. It is fixed, because bones have a length; dividing by
-each window's own deviation, as the paper does, would lose that length."""
+"""Deviation of canonical keypoints around the contact points, metres: the unit of the paper's
+unit-variance schedule. It is fixed: each window's own, as in the paper, would lose bone lengths."""
 NOISE_SCALE = 0.02
 """How far a clean keypoint typically is from its observation, metres."""
 POINTS = 32
@@ -29,8 +28,7 @@ class Observation(Bundle):
     trust: Float[Tensor, "B T 21"]
     """0 where a keypoint was filled in, else its confidence, 1 at most."""
     given: Float[Tensor, " B"]
-    """1 where the network is shown the observation, 0 where it is withheld: a batch item without
-    it is denoised as by the paper's canonical denoiser."""
+    """1 where the network is shown the observation, 0 for the paper's canonical denoiser."""
 
     @property
     def mask(self) -> Float[Tensor, "B 1 1 1"]:
@@ -50,8 +48,7 @@ class Observation(Bundle):
     def palm(self) -> Float[Tensor, "B 3 3"]:
         """Axes of the window's mean palm as columns, canonical frame; identity where withheld.
 
-        Networks work in these axes where an observation is given, so that their answer turns with
-        the hand. Without one they learn that from random turns in training (eq. 25).
+        Answers in these axes turn with the hand; elsewhere networks learn that by eq. (25).
         """
         axes = palm_axes(self.joints)
         return torch.where(self.given[:, None, None] > 0, axes, torch.eye(3).to(axes))

@@ -1,10 +1,9 @@
 """Candidate corrections of a noisy hand, which MotionDiff mixes frame by frame.
 
-They are precomputed because the network learns smoothing and surface snapping slowly. Each one is a
-change from the observed hand to a better guess in the units of `HandParameters.moved`, with the
-wrist's move in canonical axes. There are three kinds: the hand filtered over time; the hand with
-flat fingers, because a share of it shrinks a pose that is too large; and the hand whose fingertips
-touch the surface next to them, moved as a whole and bent finger by finger.
+They are precomputed because the network learns smoothing and surface snapping slowly. Each is a
+change of the observed hand in the units of `HandParameters.moved`, the wrist's in canonical axes:
+to the hand filtered over time; to flat fingers, a share of which shrinks a pose that is too large;
+and to fingertips that touch the surface, the hand moved as a whole and bent finger by finger.
 """
 
 import torch
@@ -42,25 +41,20 @@ def candidate_corrections(
     normals: Float[Tensor, "B T 21 3"],
     rotation: Float[Tensor, "B T 3 3"],
 ) -> Float[Tensor, "B T K 51"]:
-    """All candidate corrections of an observed hand, gaps filled.
+    """All candidate corrections of an observed hand in the canonical frame, gaps filled.
 
-    Args:
-        hand: the observed hand, canonical frame.
-        trust: weight of each frame in the filters, 0 to 1.
-        nearest: surface point nearest to each keypoint, with its outward `normals`.
-        rotation: of the canonical frame to the world.
+    `nearest` are surface points next to the keypoints, with their outward `normals`; `rotation` is
+    of the canonical frame to the world.
     """
-    kernels = filter_kernels(trust, (*SMOOTHING_FRAMES, FLAT_FRAMES, *CONTACT_FRAMES)).split(
-        [len(SMOOTHING_FRAMES), 1, len(CONTACT_FRAMES)], dim=1
+    smooth, flatten, touch = (
+        filter_kernels(trust, widths)
+        for widths in (SMOOTHING_FRAMES, (FLAT_FRAMES,), CONTACT_FRAMES)
     )
     flat = torch.nn.functional.pad(-hand.fingers.flatten(2) / UNIT[-1], (6, 0))
-    touching = whole_hand_to_touch(hand, nearest, normals, rotation, kernels[2])
-    touching = touching + kernels[2] @ fingers_to_touch(hand, nearest, normals)[:, None]
-    candidates = [
-        filtered_changes(hand, kernels[0]),
-        kernels[1] @ flat[:, None],
-        touching.clamp(-LARGEST_CHANGE, LARGEST_CHANGE),
-    ]
+    touching = whole_hand_to_touch(hand, nearest, normals, rotation, touch)
+    touching = touching + touch @ fingers_to_touch(hand, nearest, normals)[:, None]
+    touching = touching.clamp(-LARGEST_CHANGE, LARGEST_CHANGE)
+    candidates = [filtered_changes(hand, smooth), flatten @ flat[:, None], touching]
     return torch.cat(candidates, dim=1).transpose(1, 2)
 
 
@@ -111,9 +105,8 @@ def whole_hand_to_touch(
 ) -> Float[Tensor, "B K T 51"]:
     """Changes of the whole hand that bring fingertips onto the tangent planes next to them.
 
-    Damped least squares over all frames under a filter, for one shift in world axes, in which the
-    offset of a tracker is constant, and one turn in the hand's axes. Far tips get less weight, and
-    a tip may slide along its plane.
+    Damped least squares under a filter, for one shift in world axes, in which a tracker's offset is
+    constant, and one turn in the hand's axes. Far tips count less; a tip may slide on its plane.
     """
     tips, gap, apart = tip_gaps(hand, nearest, normals)
     outward = normals[:, :, list(TIP_KEYPOINTS)]
@@ -141,10 +134,7 @@ def fingers_to_touch(
     nearest: Float[Tensor, "B T 21 3"],
     normals: Float[Tensor, "B T 21 3"],
 ) -> Float[Tensor, "B T 51"]:
-    """Changes of each finger that bring its tip onto the surface next to it.
-
-    Damped least squares, finger by finger; far tips get less weight.
-    """
+    """Changes of each finger that bring its tip onto the surface, by damped least squares."""
     joints, turns = hand.posed
     tips, gap, apart = tip_gaps(hand, nearest, normals)
 

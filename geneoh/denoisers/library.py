@@ -35,21 +35,16 @@ class Denoisers:
     spatial: SpatialDenoiser
     temporal: TemporalDenoiser
     trajectory: TrajectoryDenoiser | None
-    """MotionDiff in the paper's form; None where it was not asked for."""
+    """MotionDiff in the paper's form, as `relations` is SpatialDiff; None where not asked for."""
     relations: RelationDenoiser | None
-    """SpatialDiff in the paper's form; None where it was not asked for."""
 
 
 def load_denoisers(
     folder: Path | None = None, *, device: torch.device | str = "cpu", paper: bool = True
 ) -> Denoisers:
-    """The networks of all three stages from one folder, the shipped weights by default.
+    """The networks of all three stages from a folder of STAGE.safetensors; None is for the shipped.
 
-    Args:
-        folder: holds STAGE.safetensors of each stage.
-        device: where the networks are put.
-        paper: whether the networks in the paper's form are loaded as well, which only the preset
-            `paper` needs.
+    `paper` asks for the networks in the paper's form as well, for the preset `paper`.
 
     Raises:
         CheckpointError: a file is missing or does not fit its network.
@@ -85,11 +80,7 @@ def load_network(
 ) -> Network:
     """A network of the saved size with the saved weights, for use without training.
 
-    Args:
-        path: file of the weights.
-        name: of the network in the file's record.
-        network: builds it from its config.
-        config: builds that from the saved values.
+    `name` is that of its config in the file's record.
 
     Raises:
         CheckpointError: the file is missing or holds another network.
@@ -108,10 +99,7 @@ def load_network(
 
 
 def weights_of(name: str, folder: Path | None) -> Path:
-    """The file of a network's weights: in the user's folder, else the shipped one.
-
-    Only the cleaning stages must be in the user's folder.
-    """
+    """The file of weights in a folder, where those of cleaning stages must be, else the shipped."""
     given = None if folder is None else folder / f"{name}.safetensors"
     if given is not None and (name in CLEANING_STAGES or given.is_file()):
         return given

@@ -22,8 +22,7 @@ from geneoh.nn.blocks import FrameTransformer, zeroed
 from geneoh.representation.parameters import UNIT, HandParameters, turned
 
 SURFACE_SCALE, CONTACT_CUE_SCALE = 0.02, 0.04
-"""Distances over which closeness to the surface decays, among the features and among the contact
-cues, metres."""
+"""Distances over which closeness to the surface decays in features and contact cues, metres."""
 CONTACT_CUES = 63 + 45
 """Width of `ObservedMotion.contact_cues`."""
 MOTION_FEATURES = 3 + 60 + 6 + 45 + 54 + 63 + 21 + 21 + 6 + 20 + 1
@@ -89,10 +88,7 @@ class ObservedMotion(Bundle):
     def features(
         self, axes: Float[Tensor, "B 3 3"], offset: Float[Tensor, "B T 21 3"]
     ) -> Float[Tensor, "B T F"]:
-        """Features per frame in the given axes (columns): hand, jitter, surface, object, trust.
-
-        `offset` is from the keypoints to the surface, in these axes, metres.
-        """
+        """Features per frame in the given axes; `offset` is from keypoints to surface, in these."""
         hand, joints = self.hand, self.joints @ axes[:, None]
         wrist, turn = joints[:, :, :1], axes[:, None].transpose(-1, -2) @ hand.turn
         six = matrix_to_rotation_6d(turn)
@@ -167,8 +163,7 @@ class MotionDenoiser(nn.Module):
     ) -> Float[Tensor, "B T 51"]:
         """The clean change in `x` = clean + sigma * noise, from the observed to the clean hand.
 
-        Units are those of `geneoh.representation.parameters.UNIT`; the wrist moves in canonical
-        axes.
+        It is in units of `UNIT`, the wrist's in canonical axes.
         """
         given = observed.network_input
         axes, candidates = given.axes, given.candidates

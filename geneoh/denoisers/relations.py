@@ -1,9 +1,8 @@
-"""SpatialDiff: the denoiser of hand-object spatial relations (paper 3.2; appendices A.2, C.4, C.5).
+"""SpatialDiff in the paper's form, on relations (3.2; appendices A.2, C.4, C.5).
 
-Every contact point o predicts the offsets of a whole hand from its position, normal and noisy
-offsets. As in the paper each point has its own noise and its own hand, and eq. (8) averages them.
-Unlike in the paper, the points of a frame exchange information through a pooled token: a finger's
-front and back can be told apart, and the cost grows with frames rather than points times frames.
+Every contact point predicts the offsets of a whole hand from its position, normal and noisy
+offsets, and eq. (8) averages them. Unlike in the paper, the points of a frame exchange information
+through a pooled token: a finger's front and back can be told apart, and frames alone cost.
 """
 
 from dataclasses import dataclass, replace
@@ -66,12 +65,9 @@ class RelationDenoiser(nn.Module):
     def forward(
         self, noisy: SpatialRelations, sigma: Float[Tensor, " B"], observation: Observation
     ) -> SpatialRelations:
-        """The clean relations of every contact point, canonical frame, metres.
+        """The clean relations in `noisy` = clean + sigma * noise, canonical frame, metres.
 
-        Args:
-            noisy: with offsets clean + sigma * noise, where the noise may differ per point.
-            sigma: noise level in metres.
-            observation: the hand that is being cleaned, given or withheld per batch item.
+        The noise may differ per point, and the observation is given or withheld per batch item.
         """
         axes = observation.palm()
         observation, relations = observation.turned(axes), noisy.turned(axes)
@@ -91,12 +87,6 @@ class RelationDenoiser(nn.Module):
             # the gate scales the sample itself: how far this input's observation is to be trusted
             return out + self.gate(tokens).unflatten(-1, (21, 3))[:, :, None] * scaled
 
-        shape = (-1, 1, 1, 1, 1)
-        clean = preconditioned(
-            network,
-            relations.hands,
-            observed.hands,
-            sigma.view(shape),
-            observation.scale.view(shape),
-        )
+        sigma, scale = (level.view(-1, 1, 1, 1, 1) for level in (sigma, observation.scale))
+        clean = preconditioned(network, relations.hands, observed.hands, sigma, scale)
         return replace(noisy, hands=clean @ axes[:, None, None].mT)

@@ -1,12 +1,10 @@
 """SpatialDiff: where the hand is, asked at trial places (paper 3.2; our form of it).
 
-The error of a tracker lasts: along the ray of a camera it is centimetres for a whole clip. A
-network that looks at the hand in one place hardly sees such an error, because a hand beside an
+A tracker errs by centimetres for a whole clip along the ray of its camera, and a hand beside an
 object is a natural sight. So the hand is set at many places around its own, as if noise had been
-added to it, and the network says how probable the relations to the surface are at each. Its answer
-is the logarithm of the density of the hand's shift: samples, mean and width of that density are
-those of the denoised place (`geneoh.diffusion.posterior`). The paper's own form, on the offsets
-around contact points, is `geneoh.denoisers.relations`.
+added, and the network says how probable its relations to the surface are at each: the logarithm of
+the density of the hand's shift, whose mean and width are those of the denoised place
+(`geneoh.diffusion.posterior`). The paper's form is `geneoh.denoisers.relations`.
 """
 
 import math
@@ -92,11 +90,8 @@ def relative_speeds(
     rotation: Float[Tensor, "B T 3 3"],
     translation: Float[Tensor, "B T 3"],
 ) -> Float[Tensor, "B T 5"]:
-    """Logarithmic speeds per frame: of the object where the hand is, of its turn, of the hand over
-    the object, of the hand in the world, and of the keypoints around their middle.
-
-    Units are 3 mm and 0.03 rad a frame, 0.09 m/s and 0.9 rad/s at 30 frames a second.
-    """
+    """Logarithmic speeds of the object where the hand is, of its turn, of the hand over the object,
+    of the hand in the world and of keypoints around their middle, in 3 mm or 0.03 rad a frame."""
     frames = joints.shape[1]
     time = torch.arange(frames, device=joints.device)
     before = (time - SPEED_FRAMES).clamp(min=0)
@@ -132,11 +127,8 @@ def track_cues(
 ) -> Float[Tensor, "B 12"]:
     """How noisy the input was, which tells how far off a lasting error may be.
 
-    Args:
-        observed: the hand before MotionDiff.
-        change: what MotionDiff changed of it, in units of `geneoh.representation.parameters.UNIT`.
-        trust: 0 in frames that were filled in.
-        object_noise: deviation of white noise on the object's rotation (rad) and translation (m).
+    It shows in what MotionDiff changed of the observed hand (`change`, in units of `UNIT`) and in
+    the white noise on the object's rotation (rad) and translation (m).
     """
     constant, varying = change.mean(1), change - change.mean(1, keepdim=True)
     parts = [slice(0, 3), slice(3, 6), slice(6, 51)]
@@ -180,10 +172,7 @@ class SpatialDenoiser(nn.Module):
             self.width[-1].bias.fill_(math.log(0.015))
 
     def prior(self, evidence: SpatialEvidence) -> Float[Tensor, "B 2"]:
-        """Deviations of the shift along the ray and across it, metres, before the surface is seen.
-
-        They are the same where the ray is not known.
-        """
+        """Deviations of the shift along the ray, where it is known, and across it, metres."""
         known = evidence.knows_ray[:, None]
         low, high = (math.log(limit) for limit in PRIOR_RANGE)
         both = self.width(torch.cat([evidence.track, known], dim=-1)).clamp(low, high).exp()
@@ -226,8 +215,7 @@ class SpatialDenoiser(nn.Module):
     ) -> Posterior:
         """Mean and width of the density of the shift, metres; see `importance_posterior`.
 
-        They are in `axes`, which are given as columns: places are drawn in axes that move with the
-        scene, so that the answer does.
+        They are in `axes` (columns) that move with the scene, so that the answer does.
         """
         seen = evidence.spread_over(self.config.frames)
 

@@ -1,8 +1,7 @@
 """TemporalDiff: an autoencoder of temporal relations and a denoiser of its latent (paper C.5).
 
-The public code does not contain this stage. As in the paper, a PointNet over the contact points of
-each frame pair and a transformer over pairs encode T, fully connected layers decode each
-statistic, and the diffusion runs on the latent, so that T needs no normalisation of its own.
+As in the paper, a PointNet over the contact points of each frame pair and a transformer over pairs
+encode T, fully connected layers decode each statistic, and the diffusion runs on the latent.
 """
 
 from dataclasses import dataclass
@@ -117,14 +116,7 @@ class TemporalDenoiser(nn.Module):
         observed: Float[Tensor, "B T Z"],
         given: Float[Tensor, " B"],
     ) -> Float[Tensor, "B T Z"]:
-        """The clean latent in `x` = clean + sigma * noise, whitened units.
-
-        Args:
-            x: noisy latent.
-            sigma: noise level.
-            observed: latent of the hand that is being cleaned.
-            given: 1 to condition on `observed`, 0 to withhold it, per batch item.
-        """
+        """The clean latent in `x` = clean + sigma * noise, whitened; sees `observed` if `given`."""
         mask = given[:, None, None]
         anchor = observed * mask
 

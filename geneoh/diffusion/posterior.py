@@ -20,9 +20,8 @@ from geneoh.progress import OnStep
 LogDensity = Callable[[Float[Tensor, "B M D"]], Float[Tensor, "B M"]]
 """From M places of each item of a batch to the logarithm of their density, up to a constant."""
 CAUTION = 0.5
-"""A density is as good as its model, and a shift within its deviation may be an error of that. On
-held-out made clips this leaves the error of the mean as it is and that of hands that are in their
-place a quarter smaller."""
+"""A shift within the deviation of its density may be an error of the model: on held-out made clips
+this makes the error of hands that are in their place a quarter smaller and leaves the mean one."""
 FLOOR = 1e-8
 """Least variance along any direction, in the square of the unit of the places."""
 WIDEN = 1.2
@@ -64,19 +63,11 @@ def along_a_track(
     agreement: Float[Tensor, "W W"],
     fresh: float,
 ) -> Posterior:
-    """The posterior of all windows of a track together, whose unknowns agree with one another.
+    """The posterior of all W windows of a track together, of W D numbers, window by window.
 
-    Each window has been asked by itself under the same prior around zero. What it says beyond the
-    prior is combined under a joint normal prior.
-
-    Args:
-        each: posteriors of the W windows.
-        prior_root: a square root of the prior's covariance of each window.
-        agreement: correlation of the unknowns of any two windows before anything is seen.
-        fresh: share of what a window says that no other window says, as windows overlap.
-
-    Returns:
-        One posterior with an axis of W D numbers, window by window.
+    What each says beyond its own prior around zero is combined under a joint normal prior, in which
+    `agreement` is the correlation of any two windows; as windows overlap, each says the share
+    `fresh` of it alone.
     """
     total = each.mean.numel()
     prior_root, agreement = prior_root.double(), agreement.double()
@@ -128,15 +119,10 @@ def importance_posterior(
     generator: torch.Generator,
     on_step: OnStep | None = None,
 ) -> Posterior:
-    """Mean and width of a density over places around zero.
+    """Mean and width of a density over places around zero, which is known up to a factor.
 
-    Args:
-        log_density: the density, up to a factor.
-        prior_root: a square root of the covariance that the first places are drawn with.
-        rounds: how often places are drawn, each time where those before were probable.
-        places: drawn in each round, for each item of the batch.
-        generator: source of the places.
-        on_step: called with (done, total) after each round.
+    In each round so many places of every item are drawn where those before were probable, the first
+    with the covariance whose square root is given.
     """
     start = torch.linalg.cholesky(prior_root @ prior_root.mT)
     zero = start.new_zeros(start.shape[:-1])

@@ -31,13 +31,7 @@ def antithetic_noise(
 ) -> Float[Tensor, "*S"]:
     """Standard normal noise whose second half of the samples is the negative of the first half.
 
-    Each sample keeps its distribution, but odd functions of the noise cancel in the mean: the mean
-    of four samples is as accurate as that of many independent ones.
-
-    Args:
-        x: gives shape, type and device; all samples lie along its first axis, of equal length.
-        samples: number of samples.
-        generator: source of the noise.
+    Odd functions of it cancel in the mean. Samples lie along the first axis of `x`.
     """
     half = normal_like(x[: len(x) // samples * ((samples + 1) // 2)], generator=generator)
     return torch.cat([half, -half])[: len(x)]

@@ -25,12 +25,9 @@ def linear_sigmas(
 
 
 def descending_sigmas(level: int, steps: int) -> Float[Tensor, " M"]:
-    """Noise levels of a sampler from `level` down to 0 in `steps` steps, for unit variance.
+    """Noise levels of a sampler from `level` (at most PAPER_STEPS) to 0 in `steps` even steps.
 
-    Args:
-        level: level of the linear schedule to start from, 1 to PAPER_STEPS.
-        steps: number of denoiser calls, evenly spaced in level; `level` of them visit every level,
-            as in the paper.
+    They are for unit variance; `level` steps visit every level, as in the paper.
     """
     sigmas = linear_sigmas()
     levels = torch.linspace(level, 0, steps + 1, dtype=torch.float64).round().long()

@@ -25,17 +25,8 @@ def adam(
 ) -> list[Tensor]:
     """Parameters after `steps` steps of Adam (Kingma and Ba 2015, algorithm 1, default betas).
 
-    Args:
-        loss: function of the list of parameters.
-        parameters: where to start.
-        steps: how many steps.
-        rate: length of a step, whatever the size of the gradient.
-        epsilon: size of the gradient below which a step shrinks with it.
-        settle: decay the rate linearly towards zero at the end.
-        on_step: called with (done, total) after each step.
-
-    Written out because `torch.optim` takes seconds to import, too long for a command that cleans
-    two seconds of motion.
+    Steps have the length `rate`, which decays to zero to `settle`, and are shorter where the
+    gradient is below `epsilon`. Written out because `torch.optim` takes seconds to import.
     """
     parameters = list(parameters)  # the caller's list stays as it is
     first = [torch.zeros_like(p) for p in parameters]
@@ -62,8 +53,7 @@ class AdamFitConfig:
     steps: int = 1000
     rate: float = 0.01
     joint_weight: float = 5000.0
-    """Weight of the squared keypoint distance in 1/m^2; without one, as in eq. (13), the other
-    terms would outweigh the keypoints."""
+    """Weight of the squared keypoint distance, 1/m^2; eq. (13) has none, and other terms win."""
     regular: float = 0.0005
     """Weight of the mean squared finger pose."""
     shape: float = 0.0002
@@ -80,9 +70,8 @@ def fit_with_adam(
     config: AdamFitConfig,
     on_step: progress.OnStep | None = None,
 ) -> tuple[HandState, Float[Tensor, "S B"]]:
-    """Hand parameters and betas by Adam from a flat hand at the wrist keypoint, in two phases.
+    """Hand parameters and betas by Adam from a flat hand: first orientation and position, then all.
 
-    First orientation and position only, then everything. The parameters of the input are not used.
     As in the public code all frames share one set of betas; eq. (12) has one set per frame.
     """
     samples, frames = target.shape[:2]

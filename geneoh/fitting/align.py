@@ -12,8 +12,7 @@ from geneoh.representation.region import ContactRegion
 from geneoh.representation.temporal import PairStatistics, encode_temporal
 
 PAIR_DECAY = 100.0
-"""Decay of a pair's weight with its target distance, 1/m: at 1 cm it is a third, so that pairs in
-contact dominate. The paper states no weights."""
+"""Decay of a pair's weight with its target distance, 1/m; the paper states no weights."""
 
 
 @dataclass(frozen=True)

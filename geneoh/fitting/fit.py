@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import torch
 from jaxtyping import Bool, Float, Int
@@ -45,18 +46,17 @@ class FitConfig:
     limit: float = 20.0
     """Weight of overshooting a joint limit, 1/rad."""
     steady_finger: float = 16.0
-    """Weight of a finger joint's change between frames, 1/rad. A quarter of it gives more jitter
-    and no higher accuracy."""
+    """Weight of a finger joint's change between frames, 1/rad."""
     steady_wrist: float = 4.0
     """Weight of the wrist's rotation between frames, 1/rad; its position has no such weight."""
     depth_std: float = 0.0015
-    """Penetration that counts as much as a keypoint error of `joint_std`, metres. Flesh is soft and
-    meshes are not: recorded hands penetrate by millimetres, and less costs accuracy."""
+    """Penetration that counts as much as a keypoint error of `joint_std`, metres: flesh is soft,
+    and recorded hands penetrate by millimetres."""
     touch: float = 0.003
     """Fingertips closer than this to the surface are attracted to it, metres."""
     touch_std: float = 0.002
     surface_verts: int = 96
-    """Number of vertices per frame, nearest to or deepest in the object, that are considered."""
+    """Vertices per frame, nearest to or deepest in the object, that are considered."""
 
 
 KEYPOINTS_ALONE = FitConfig(steady_finger=0.2, steady_wrist=0.0)
@@ -88,11 +88,11 @@ def fit_hand(
     evidence: Float[Tensor, " T"] | None = None,
     on_step: OnStep | None = None,
 ) -> HandState:
-    """Hand parameters that follow target keypoints and stay out of the object.
+    """Hand parameters that follow target keypoints of the world and stay out of the object.
 
-    Levenberg-Marquardt on all frames at once: the frames are coupled by a steadiness term, so each
-    step solves one block tridiagonal system per sample. Source: paper A.3 for what is fitted; the
-    solver, the temporal, limit and surface terms are ours.
+    Levenberg-Marquardt on all frames at once, which a steadiness term couples: each step solves one
+    block tridiagonal system per sample. Source: paper A.3 for what is fitted; the solver, the
+    temporal, limit and surface terms are ours.
 
     Args:
         target: keypoints in the world, one set per sample.
@@ -137,10 +137,7 @@ def fit_keypoints(
     shaped: ShapedHand,
     start: HandState | None = None,
 ) -> HandState:
-    """The hand of an uncleaned track, fitted to its keypoints without the object; see `fit_hand`.
-
-    `start` are the track's own parameters, where it has any.
-    """
+    """The hand of an uncleaned track, from its own parameters or none; see `fit_hand`."""
     start = start or start_from_keypoints(target, shaped)
     return fit_hand(target, trust, shaped, start, config=KEYPOINTS_ALONE)
 
@@ -170,22 +167,21 @@ def _step(
     moved = state.moved(step)
     there = equations(moved)
     after = (there.energy + steadiness(moved, weight)[0]).sum(-1, keepdim=True)
-    better = (after < before)[:, 0]
-    state = HandState(
-        _pick(better, moved.rotations, state.rotations), _pick(better, moved.wrist, state.wrist)
-    )
-    here = Equations(
-        _pick(better, there.energy, here.energy),
-        _pick(better, there.gradient, here.gradient),
-        _pick(better, there.matrix, here.matrix),
-    )
-    damping = torch.where(better[:, None], damping / 4, damping * 6).clamp(1e-6, 1e3)
-    return state, here, damping
+    better = after < before
+    damping = torch.where(better, damping / 4, damping * 6).clamp(1e-6, 1e3)
+    return _pick(better[:, 0], moved, state), _pick(better[:, 0], there, here), damping
 
 
-def _pick(better: Bool[Tensor, " S"], new: Tensor, old: Tensor) -> Tensor:
+Found = TypeVar("Found", HandState, Equations)
+
+
+def _pick(better: Bool[Tensor, " S"], new: Found, old: Found) -> Found:
     """`new` for the samples that got better, `old` for the others."""
-    return torch.where(better.view(-1, *[1] * (new.ndim - 1)), new, old)
+
+    def picked(new: Tensor, old: Tensor) -> Tensor:
+        return torch.where(better.view(-1, *[1] * (new.ndim - 1)), new, old)
+
+    return type(new)(*map(picked, vars(new).values(), vars(old).values()))
 
 
 def contact_planes(
@@ -193,16 +189,13 @@ def contact_planes(
 ) -> Planes:
     """Planes that push vertices out of the object and attract fingertips that nearly touch it.
 
-    Only the vertices nearest to the object are considered; those that are neither inside nor the
-    nearest of a fingertip's phalanx get no weight.
+    Other vertices near the object have no weight.
     """
     verts = shaped.verts_from_rotations(state.rotations, state.wrist).verts
     bone = shaped.model.skin_weights.argmax(-1)
     found = way_out(verts, bone, surface)
-    nearest = found.distance.topk(config.surface_verts, dim=-1, largest=False)
-    index = nearest.indices
+    distance, index = found.distance.topk(config.surface_verts, dim=-1, largest=False)
     points = index[..., None].expand(*index.shape, 3)
-    distance = nearest.values
     inside = (distance < 0).to(distance) / config.depth_std
     touching = torch.zeros_like(distance)
     for joint in TIP_PARENTS:
@@ -210,12 +203,8 @@ def contact_planes(
         value, at = apart.min(-1, keepdim=True)
         close = ((value > 0) & (value < config.touch)).to(distance)
         touching.scatter_add_(-1, at, close / config.touch_std)
-    return Planes(
-        index,
-        found.closest.gather(-2, points),
-        found.normal.gather(-2, points),
-        inside + touching,
-    )
+    closest, normal = found.closest.gather(-2, points), found.normal.gather(-2, points)
+    return Planes(index, closest, normal, inside + touching)
 
 
 def way_out(
@@ -223,9 +212,8 @@ def way_out(
 ) -> SurfaceQuery:
     """Distance to the object, with one direction out of it for each phalanx.
 
-    In a thin part the nearest side of a deep vertex may be the wrong one, and the vertices of a
-    phalanx would be pulled apart. A phalanx leaves towards its own outside part: vertices whose
-    nearest side lies the other way get the closest point and normal in that direction instead.
+    The nearest side of a thin part may be the wrong one for deep vertices: those get the closest
+    point and normal in the direction of their phalanx's outside part instead.
     """
     found = surface.query(verts)
     parts = torch.nn.functional.one_hot(bone).to(verts)

@@ -22,12 +22,6 @@ def _skeleton_basis(model: HandModel) -> tuple[Float[Tensor, "20 3"], Float[Tens
     return mean, (each - mean).permute(1, 2, 0)
 
 
-def _bone_order() -> list[int]:
-    """Row of the rest offsets whose bone ends in keypoint 1, 2, ... 20."""
-    # joint m of the 16 joints and 5 tips ends in offset row m - 1
-    return [mano - 1 for mano in OPENPOSE_FROM_MANO[1:]]
-
-
 def betas_from_offsets(model: HandModel, offsets: Float[Tensor, "20 3"]) -> Float[Tensor, " S"]:
     """Betas whose rest skeleton is nearest to the given one, under a standard normal prior."""
     mean, basis = _skeleton_basis(model)
@@ -43,7 +37,8 @@ def betas_from_lengths(model: HandModel, lengths: Float[Tensor, " 20"]) -> Float
     By Gauss-Newton: lengths are almost linear in the betas, so a few steps reach the optimum.
     """
     mean, basis = _skeleton_basis(model)
-    order = _bone_order()
+    # the bone in row m - 1 of the rest offsets ends in joint or tip m
+    order = [mano - 1 for mano in OPENPOSE_FROM_MANO[1:]]
     mean, basis = mean[order], basis[order]
     betas = mean.new_zeros(basis.shape[-1])
     eye = torch.eye(len(betas)).to(basis)

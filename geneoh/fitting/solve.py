@@ -12,9 +12,8 @@ def solve_coupled_frames(
 ) -> Float[Tensor, "S T U"]:
     """Solve M x = right, where frames are coupled by -diag(coupling) between neighbours.
 
-    Exact block elimination with one small Cholesky factor per frame, batched over samples. `matrix`
-    holds the diagonal blocks without the coupling, which is added here once per neighbour of a
-    frame, so that any coupling >= 0 keeps the system positive definite.
+    Exact block elimination by a Cholesky factor per frame. `matrix` holds the diagonal blocks; the
+    coupling (>= 0) is added to them once per neighbour, so that M is positive definite.
     """
     frames = matrix.shape[1]
     neighbours = torch.full((frames,), 2.0).to(matrix)

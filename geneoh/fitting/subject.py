@@ -45,11 +45,10 @@ class Subject(Bundle):
 
 
 def subject_of(track: HandTrack, model: HandModel) -> Subject:
-    """Shape, keypoints and start of a right-hand track, on its device.
+    """Shape, keypoints and start of a right-hand track, on its device; joints decide over the pose.
 
-    Where a track has joints and pose, the joints decide. Betas of `model` are used as they are;
-    otherwise the shape is fitted to the rest skeleton (of pose and joints) or to the
-    bone lengths (joints only), or it is the mean hand (pose only), which is noted.
+    Betas of `model` are used as they are; else the shape is fitted to the rest skeleton (pose and
+    joints) or to bone lengths (joints), or it is the mean hand (pose), which is noted.
     """
     notes: list[str] = []
     filled, model = fill_gaps(track), model.to(track.valid.device)

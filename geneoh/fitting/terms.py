@@ -47,11 +47,8 @@ class Equations:
 
     def __add__(self, other: "Equations") -> "Equations":
         """The equations of the sum of both terms."""
-        return Equations(
-            self.energy + other.energy,
-            self.gradient + other.gradient,
-            self.matrix + other.matrix,
-        )
+        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
+        return Equations(*(mine + theirs for mine, theirs in pairs))
 
 
 def _normal_equations(
@@ -121,11 +118,7 @@ def _kinematics(
 def pose_term(state: HandState, model: HandModel, prior: float, limit: float) -> Equations:
     """Distance to a relaxed hand in its own deviations, and overshoot of the joint limits.
 
-    Args:
-        state: the hands.
-        model: holds pose_mean, pose_std, pose_low and pose_high.
-        prior: weight of the relaxed pose, in deviations of the prior.
-        limit: weight of overshoot, 1/rad.
+    They have the weights `prior`, in deviations of the prior, and `limit`, 1/rad.
     """
     pose = state.pose[..., 1:, :]
     toward = (pose - model.pose_mean[1:]) / model.pose_std[1:] * prior
@@ -157,8 +150,7 @@ class Planes:
 def surface_term(state: HandState, shaped: ShapedHand, planes: Planes) -> Equations:
     """Signed height of the chosen vertices over their planes, which should be zero.
 
-    The derivative neglects how the pose correctives, about a millimetre, change with the pose; that
-    they turn with their bone is included.
+    The derivative neglects how the pose correctives, about a millimetre, change with the pose.
     """
     verts, normal = planes.verts, planes.normal
     _, turn, centers = _kinematics(state, shaped)
@@ -194,10 +186,9 @@ def _rest_verts(state: HandState, shaped: ShapedHand) -> Float[Tensor, "*ST V 3"
 def steadiness(
     state: HandState, weight: Float[Tensor, " 51"]
 ) -> tuple[Float[Tensor, "S T"], Float[Tensor, "S T 51"]]:
-    """Energy and half gradient of the change between neighbouring frames, per unknown.
+    """Energy and half gradient of each unknown's change between neighbouring frames.
 
-    The change of a local rotation is the axis-angle of R_t^T R_{t+1}, that of the wrist a
-    difference. The solver adds the Gauss-Newton matrix of this term, which is tridiagonal.
+    That of a local rotation is the axis-angle of R_t^T R_{t+1}; the solver adds this term's matrix.
     """
     rotations, wrist = state.rotations, state.wrist
     change = matrix_to_axis_angle(rotations[:, :-1].transpose(-1, -2) @ rotations[:, 1:])

@@ -20,8 +20,7 @@ def load_hand(
         side: "left" or "right".
         source: "embedded", our own hand; "mano", from a file the user owns, its left shapes
             mended; "mano-as-shipped", the same with the left shapes of the official file.
-        mano_dir: folder with MANO_RIGHT.pkl / MANO_LEFT.pkl; without it the environment variable
-            GENEOH_MANO_DIR says where.
+        mano_dir: folder with MANO_RIGHT.pkl / MANO_LEFT.pkl; GENEOH_MANO_DIR where it is None.
 
     Raises:
         MissingAssetError: there is no MANO file; the message says where to get it.
@@ -45,21 +44,9 @@ def hand_of_betas(
 ) -> HandModel:
     """The hand model by which a track is to be posed: the one place that decides this.
 
-    Shape coefficients mean something only to the model that they were made for, and there are two
-    left hands of MANO by the same coefficients (see `geneoh.hand.mano`).
-
-    Args:
-        side: of the track.
-        hand_model: the model that the track names for its betas, or None.
-        asked: the source that the user wants. "mano" stands for both left hands of MANO: the one
-            that the betas belong to is taken, and they are used as they are. Another source than
-            the track's is taken as asked, and a shape has to be fitted for it. Without it the
-            track's own model is taken, or the embedded hand where the track names none.
-        mano_dir: folder of the user's MANO files.
-
-    Raises:
-        MissingAssetError: the model is MANO's, and there is no MANO file.
-        InputError: the file is not a MANO file.
+    It is the source that the user asks for, else the model that the track names for its betas
+    (`hand_model`), else the embedded hand. Asked for "mano", of MANO's two left hands (see
+    `geneoh.hand.mano`) it is the one that the betas belong to. Raises as `load_hand`.
     """
     if asked == MENDED and hand_model == AS_SHIPPED:
         asked = AS_SHIPPED

@@ -4,10 +4,9 @@ Reads the official `MANO_RIGHT.pkl` and `MANO_LEFT.pkl`, and npz files with the 
 `smplx` writes them, without chumpy and without running the pickle (see `geneoh.files.pickles`).
 
 Left shapes: the official left file carries the right hand's shape directions although its template
-is mirrored, so equal betas give different hands (smplx issue 48). Work that mended the file and
-work that used it as it is mean two different left hands by the same betas, so they have two names:
-"mano" is MANO with mirrored left directions, "mano-as-shipped" is MANO with the official left file.
-The right hand is one and the same in both, and called "mano".
+is mirrored (smplx issue 48). Work that mended the file and work that did not mean two different
+left hands by the same betas: "mano" is MANO with mirrored left directions, "mano-as-shipped" with
+the official left file. The right hand of both is one, called "mano".
 """
 
 import os
@@ -62,18 +61,10 @@ class PoseSpace:
 def load_mano(
     side: Side, mano_dir: Path | str | None = None, *, name: ManoName = MENDED
 ) -> HandModel:
-    """One MANO hand.
+    """One MANO hand, of the convention `name`; see `geneoh.hand.library.load_hand`.
 
-    Args:
-        side: "left" or "right".
-        mano_dir: folder that holds MANO_RIGHT.pkl and MANO_LEFT.pkl (or .npz); without it the
-            environment variable GENEOH_MANO_DIR says where.
-        name: which left hand. A left file that was mended before is recognised if the right one
-            lies beside it, and taken back to the official one where that is asked for.
-
-    Raises:
-        MissingAssetError: there is no such file; the message says where to get it.
-        InputError: the file is not a MANO file.
+    A left file that was mended before is recognised if the right one lies beside it, and taken back
+    to the official one where that is asked for.
     """
     path = find_mano(side, mano_dir)
     fields = _read_fields(path)
@@ -83,12 +74,7 @@ def load_mano(
 
 
 def load_pose_space(side: Side, mano_dir: Path | str | None = None) -> PoseSpace:
-    """Mean pose and pose components of one MANO hand.
-
-    Raises:
-        MissingAssetError: there is no such file; the message says where to get it.
-        InputError: the file lacks them.
-    """
+    """Mean pose and pose components of one MANO hand; raises as `load_mano`."""
     path = find_mano(side, mano_dir)
     fields = _read_fields(path, ("hands_mean", "hands_components"))
     return PoseSpace(*(torch.from_numpy(fields[n].astype(np.float32)) for n in fields))
@@ -142,7 +128,7 @@ def _read_fields(path: Path, needed: tuple[str, ...] = FIELDS) -> dict[str, np.n
             f"{path}: expected a MANO file, but {', '.join(missing)} is not in it; "
             f"use the official one from {HOME}"
         )
-    optional = [name for name in ("hands_mean",) if name in raw and name not in needed]
+    optional = {"hands_mean"} & raw.keys() - set(needed)
     fields = {name: _array(path, name, raw[name]) for name in (*needed, *optional)}
     _check_shapes(path, fields)
     return fields

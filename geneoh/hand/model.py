@@ -117,21 +117,14 @@ class ShapedHand(Bundle):
     """Rest skeleton as `forward_kinematics` wants it: 15 bones, then 5 tips."""
 
     def posed(self, pose: Float[Tensor, "*#B 16 3"], wrist: Float[Tensor, "*#B 3"]) -> PosedHand:
-        """The hand in the world.
-
-        Args:
-            pose: axis-angle in MANO joint order, absolute; the wrist's row turns it in the world.
-            wrist: position of the wrist joint in the world (convention W).
-        """
+        """The hand in the world: `pose` is axis-angle, absolute; `wrist` is the joint (W)."""
         return self.verts_from_rotations(axis_angle_to_matrix(pose), wrist)
 
     def verts_from_rotations(
         self, rotations: Float[Tensor, "*#B 16 3 3"], wrist: Float[Tensor, "*#B 3"]
     ) -> PosedHand:
         """As `posed`, from local rotation matrices."""
-        batch = self._batch(rotations, wrist)
-        rotations, wrist = rotations.expand(*batch, 16, 3, 3), wrist.expand(*batch, 3)
-        joints, turn = forward_kinematics(rotations, wrist, self.offsets.expand(*batch, 20, 3))
+        rotations, joints, turn = self._kinematics(rotations, wrist)
         centre = joints[..., list(MANO_FROM_OPENPOSE[:16]), :]
         shift = centre - (turn @ self.joints[..., None])[..., 0]
         return PosedHand(self._skin(self._corrected(rotations), turn, shift), joints)
@@ -140,17 +133,15 @@ class ShapedHand(Bundle):
         self, rotations: Float[Tensor, "*#B 16 3 3"], wrist: Float[Tensor, "*#B 3"]
     ) -> Float[Tensor, "*B 21 3"]:
         """The keypoints of `verts_from_rotations` alone, many times faster: no mesh is skinned."""
-        batch = self._batch(rotations, wrist)
-        return forward_kinematics(
-            rotations.expand(*batch, 16, 3, 3),
-            wrist.expand(*batch, 3),
-            self.offsets.expand(*batch, 20, 3),
-        )[0]
+        return self._kinematics(rotations, wrist)[1]
 
-    def _batch(self, rotations: Tensor, wrist: Tensor) -> tuple[int, ...]:
-        """Common batch axes of a pose, a wrist and this shape."""
+    def _kinematics(self, rotations: Tensor, wrist: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Local rotations over all batch axes, keypoints and the joints' global rotations."""
         # torch has the same function and imports sympy on its first call, which takes seconds
-        return np.broadcast_shapes(rotations.shape[:-3], wrist.shape[:-1], self.verts.shape[:-2])
+        batch = np.broadcast_shapes(rotations.shape[:-3], wrist.shape[:-1], self.verts.shape[:-2])
+        rotations, wrist = rotations.expand(*batch, 16, 3, 3), wrist.expand(*batch, 3)
+        offsets = self.offsets.expand(*batch, 20, 3)
+        return rotations, *forward_kinematics(rotations, wrist, offsets)
 
     def _corrected(self, rotations: Float[Tensor, "*B 16 3 3"]) -> Float[Tensor, "*B2 3 V"]:
         """Rest vertices with the pose correctives, coordinates first for fast skinning."""

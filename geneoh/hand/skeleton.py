@@ -33,10 +33,7 @@ def forward_kinematics(
 ) -> tuple[Float[Tensor, "*B 21 3"], Float[Tensor, "*B 16 3 3"]]:
     """Keypoints in OpenPose order and the joints' global rotations, in the frame of `wrist`.
 
-    Args:
-        rotations: local rotation of each joint against its parent, the wrist's against the world.
-        wrist: position of the wrist joint.
-        offsets: rest offsets of the 15 bones and 5 tips, metres; broadcast against the others.
+    `rotations` are each joint's against its parent, the wrist's against the world.
     """
     glob, position = [rotations[..., 0, :, :]], [wrist]
     for joint in range(1, 16):
@@ -58,9 +55,7 @@ def rest_offsets(
 ) -> Float[Tensor, "20 3"]:
     """The skeleton that a posed track was made with: forward kinematics solved for the offsets.
 
-    Each bone, taken back to the rest frame by its parent's global rotation, must be the same in
-    every frame; the mean over the valid frames is the least-squares solution, and exact for a
-    track that one skeleton produced.
+    Each bone is taken back to the rest frame; the least-squares solution is their mean.
     """
     zero = joints.new_zeros(20, 3)
     _, glob = forward_kinematics(rotations[valid], joints[valid][:, 0], zero)

@@ -36,8 +36,7 @@ def nearest_on_parts(
 ) -> tuple[Float[Tensor, "B T N 3"], Float[Tensor, "B T N 3"]]:
     """`nearest_points` in the world, where each surface point moves with its part of the object.
 
-    Points of a part are compared in its own frame, for all frames at once, which is much faster
-    than moving all points to the world in every frame.
+    They are compared in the frame of the part, which is faster than to move all points.
     """
     found, normal = torch.zeros_like(joints), torch.zeros_like(joints)
     least = joints.new_full(joints.shape[:-1], torch.inf)

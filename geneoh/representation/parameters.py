@@ -5,7 +5,7 @@ bones. Noise of hand trackers is simple here: it is independent per parameter an
 truth, while noise on keypoints changes the lengths of bones.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import torch
@@ -63,27 +63,16 @@ class HandParameters(Bundle):
 
     def to_canon(self, region: ContactRegion) -> "HandParameters":
         """Hands of the world in the canonical frame of a region."""
-        return HandParameters(
-            region.to_canon(self.wrist[..., None, :])[..., 0, :],
-            region.rotation.mT @ self.turn,
-            self.fingers,
-            self.offsets,
-        )
+        wrist = region.to_canon(self.wrist[..., None, :])[..., 0, :]
+        return replace(self, wrist=wrist, turn=region.rotation.mT @ self.turn)
 
     def to_world(self, region: ContactRegion) -> "HandParameters":
         """Inverse of `to_canon`."""
-        return HandParameters(
-            region.to_world(self.wrist[..., None, :])[..., 0, :],
-            region.rotation @ self.turn,
-            self.fingers,
-            self.offsets,
-        )
+        wrist = region.to_world(self.wrist[..., None, :])[..., 0, :]
+        return replace(self, wrist=wrist, turn=region.rotation @ self.turn)
 
     def moved(self, change: Float[Tensor, "*B T 51"]) -> "HandParameters":
-        """The hands after a change in units of `UNIT`.
-
-        The wrist moves in canonical axes, the hand turns in its own, finger vectors add up.
-        """
+        """The hands after a change in units of `UNIT`, the wrist's in canonical axes."""
         change = change * change.new_tensor(UNIT)
         return HandParameters(
             self.wrist + change[..., :3],
@@ -103,9 +92,6 @@ class HandParameters(Bundle):
 def turned(
     change: Float[Tensor, "*B 51"], axes: Float[Tensor, "*#B 3 3"]
 ) -> Float[Tensor, "*B 51"]:
-    """The same change with the wrist's motion in other axes, given as columns.
-
-    Turn and fingers are relative to the hand and stay.
-    """
+    """The same change with the wrist's motion in other axes (columns); turn and fingers stay."""
     wrist = (change[..., None, :3] @ axes)[..., 0, :]
     return torch.cat([wrist, change[..., 3:]], dim=-1)

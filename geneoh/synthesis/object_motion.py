@@ -24,7 +24,7 @@ class ObjectMotionConfig:
     carry_share: float = 0.85
     """Share of the objects that are moved at all."""
     move_share: float = 0.75
-    """Share of the rest points that differ from the one before; at others the object stands still."""
+    """Share of the rest points that differ from the one before; at others the object is still."""
     shift_std: tuple[float, float, float] = (0.25, 0.25, 0.18)
     """Deviation of the translation between rest points, metres; the last one is vertical."""
     turn_std: float = 0.8

@@ -257,7 +257,7 @@ FAMILIES: dict[str, Callable[[Draw], Drawn]] = {
     "ellipsoid": lambda u: [_Solid(ELLIPSOID, (u(0.02, 0.05), u(0.02, 0.05), u(0.02, 0.06)))],
     "ring": lambda u: [_torus(u(0.02, 0.06), u(0.004, 0.014))],
     **_named(_mug, _hammer, _bottle, _pan, _knife, _loop_tool, _cluster),
-    "ball": lambda u: [_Solid(ELLIPSOID, (u(0.015, 0.06),) * 3)],
+    "ball": lambda u: [_Solid(ELLIPSOID, (r := u(0.015, 0.06), r, r))],
     "coin": lambda u: [_rod(u(0.012, 0.045), u(0.0015, 0.006), rounding=0.001)],
     "phone": lambda u: [
         _Solid(BOX, (u(0.06, 0.085), u(0.03, 0.042), u(0.0035, 0.006)), rounding=0.0033)
@@ -291,7 +291,7 @@ def draw_objects(
         return low + (high - low) * float(torch.rand((), generator=generator))
 
     drawn = [
-        [_Solid(numbers[name], (uniform(*SCALES),) * 3, rounding=0.0)]
+        [_Solid(numbers[name], (size := uniform(*SCALES), size, size), rounding=0.0)]
         if name in numbers
         else family_named(name)(uniform)
         for name in families
@@ -306,9 +306,9 @@ def draw_objects(
         return torch.tensor([getattr(joint, name) for _, joint in pairs])
 
     return Solids(
-        *(of_solids(name) for name in ("kind", "size", "bevel", "center")),
-        axis_angle_to_matrix(of_solids("turn")),
-        of_solids("part"),
-        *(of_joints(name) for name in ("axis", "pivot", "slides", "travel")),
-        scans,
+        **{name: of_solids(name) for name in ("kind", "size", "center", "part")},
+        rounding=of_solids("bevel"),
+        rotation=axis_angle_to_matrix(of_solids("turn")),
+        **{name: of_joints(name) for name in ("axis", "pivot", "slides", "travel")},
+        scans=scans,
     )

@@ -19,7 +19,7 @@ class ScheduleConfig:
     hold: tuple[float, float] = (0.4, 1.1)
     """Range of the duration of the grasp, as a share of the clip."""
     grip_frames: float = 4.0
-    """Frames from the closed hand to the object's first motion, and from its last to the release."""
+    """Frames from the closed hand to the object's first motion, and from its last to release."""
     shortest_move: float = 12.0
     """Fewest frames from one rest point of the object to the next, as in recordings."""
     regrasp_share: float = 0.15

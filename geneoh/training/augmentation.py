@@ -1,8 +1,7 @@
 """Augmentation of clean hands: motion that the grasps of the synthesis lack.
 
-A synthetic hand holds its object without moving. In real recordings it turns about its fingertips
-while it holds, shifts, and moves its fingers all the time; people, and the fits that make ground
-truth, also have finger poses of their own.
+Recorded hands turn about their fingertips while they hold, shift, and move their fingers all the
+time; people, and the fits that make ground truth, also have finger poses of their own.
 """
 
 from dataclasses import dataclass
@@ -25,8 +24,7 @@ class AugmentationConfig:
     share: float = 0.85
     """Share whose hand moves more than it was made to."""
     periods: tuple[float, ...] = (1.0, 2.0, 4.0, 10.0, 25.0)
-    """Frames over which such motion changes; each window has a mixture of its own. The shortest are
-    the jitter of a real ground truth."""
+    """Frames over which such motion changes; each window has a mixture of its own."""
     period_power: float = 0.3
     """Power of its period by which a motion counts in that mixture: slow motion is larger."""
     turn: tuple[float, float] = (0.02, 0.4)
@@ -38,8 +36,7 @@ class AugmentationConfig:
     style_share: float = 0.5
     """Share whose finger pose is set off as a whole."""
     style: float = 0.4
-    """Deviation of that offset, in those of the pose prior: little where joints hardly move,
-    so that a constant error of a pose can be recognised."""
+    """Deviation of that offset, in those of the pose prior: little where joints hardly move."""
     smallest_style: float = 0.04
     """Least deviation of that offset, radians."""
 

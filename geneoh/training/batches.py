@@ -57,13 +57,7 @@ def draw_batch(
 ) -> Batch:
     """A batch of `size` random windows.
 
-    Args:
-        data: the interactions to draw from.
-        size: windows.
-        config: windows, augmentation, corruption and condition dropout.
-        generator: source of every random choice.
-        motion_denoiser: MotionDiff, for a stage that follows it, whose noisy hand is what
-            MotionDiff leaves.
+    A stage that follows `motion_denoiser` is shown the hand that this leaves.
     """
     config = config or TrainConfig()
     windows = draw_windows(data, size, config.windows, generator=generator)

@@ -29,8 +29,7 @@ class TrainConfig:
     warmup: int = 200
     """Steps over which the learning rate rises linearly at the start."""
     decay: float = 0.3
-    """Share of the steps, at the end, over which the rate falls linearly to zero. It is constant
-    before, so that a run which is resumed with more steps has learned at the full rate."""
+    """Share of the steps, at the end, over which the rate falls linearly to zero."""
     weight_decay: float = 0.01
     """Decoupled weight decay, relative to the rate."""
     clip: float = 1.0
@@ -38,13 +37,11 @@ class TrainConfig:
     ema: float = 0.998
     """Decay of the averaged weights, which are the ones that are used."""
     condition_dropout: float = 0.2
-    """Share of the windows whose observation is hidden from the network, which makes it the paper's
-    canonical denoiser as well."""
+    """Share of the windows whose observation is hidden: the paper's canonical denoiser."""
     autoencoder_steps: int = 3000
     """Temporal stage only: steps spent on the autoencoder before its latent is denoised."""
     motion_level: int = 650
-    """Spatial and temporal stages: noise level from which MotionDiff denoises what they are shown,
-    that of the default preset."""
+    """Spatial and temporal stages: level from which MotionDiff denoises what they are shown."""
     motion_steps: int = 3
     """Denoising steps of that, fewer than in use: it is run anew for every batch."""
     seed: int = 0

@@ -1,8 +1,7 @@
 """Random corruption of clean windows: a mixture of the errors of real hand trackers.
 
-Offsets act on hand parameters (translation, global rotation, finger pose), as estimators err, with
-keypoint jitter on top. Sizes and correlation in time vary from window to window, from none at all
-to more than the paper's noises; the named noises of `geneoh.sequence.noise` lie within that range.
+Offsets act on hand parameters, as estimators err, with keypoint jitter on top. Sizes and
+correlation in time vary from window to window, from none at all to more than the paper's noises.
 """
 
 import math
@@ -43,8 +42,7 @@ class CorruptionConfig:
     drift_frames: tuple[float, float] = (2.0, 60.0)
     """Range of the correlation time of slow errors, frames, log-uniform."""
     right_share: float = 0.4
-    """Share of one-sided errors, a constant of which is the paper's Beta noise, with positive sign
-    in all channels."""
+    """Share of one-sided errors, positive in all channels; a constant is the paper's Beta noise."""
     left_share: float = 0.4
     """The same with the signs of a mirrored left hand; all other windows have random signs."""
     one_sided: tuple[float, float] = (0.8, 0.15)
@@ -86,16 +84,13 @@ class CorruptionConfig:
     object_shift: tuple[float, float] = (0.0005, 0.012)
     """Range of the deviation of the object's translation, metres, log-uniform."""
     object_frames: float = 15.0
-    """Correlation time of the object's noise, frames; half of its variance is white, of which
-    smoothing leaves little."""
+    """Correlation time of the object's noise, frames; half of its variance is white."""
     object_white_left: float = 0.15
     """Share of the white noise's deviation that smoothing leaves."""
     lasting_turn: float = 0.03
-    """Deviation of the object's rotation for a whole window, in all of them, radians: no recording
-    knows the pose and the shape of its object better."""
+    """Deviation of the object's rotation for a whole window, in all of them, radians."""
     lasting_shift: float = 0.004
-    """The same of its translation, metres: a grasp of one recording lies deeper than one of
-    another, and networks that take millimetres for granted are misled by it."""
+    """The same of its translation, metres: no recording knows its object better."""
 
 
 @dataclass(frozen=True)
@@ -112,8 +107,7 @@ class Corruption:
     """Turn of the object in its own frame, axis-angle, and its shift in the world."""
     object_shift: Float[Tensor, "B T 3"]
     object_noise: Float[Tensor, "B 2"]
-    """Deviation of white noise on the object's rotation (rad) and translation (m) before its track
-    was smoothed."""
+    """Deviation of white noise on the object's rotation (rad) and translation (m) as tracked."""
 
 
 def draw_corruption(
@@ -203,10 +197,7 @@ def _ornstein_uhlenbeck(
 
 
 def _one_sided(frames: int, config: CorruptionConfig, draws: Draws) -> Float[Tensor, "B T 51"]:
-    """Noise with one sign per channel: mostly a bias, as the paper's Beta noise is.
-
-    Signs are those of a right hand, of a mirrored left one, or random.
-    """
+    """Mostly a bias, with the signs of a right hand, of a mirrored left one, or random ones."""
     flip = torch.tensor(MIRROR)
     left = torch.cat([flip, -flip.repeat(16)])
     random, draw = draws.normal(51).sign(), draws.share(1)

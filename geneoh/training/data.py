@@ -104,58 +104,41 @@ def training_data(
 ) -> TrainingData:
     """Read the data of a run; what is not there yet is made first, and an interrupted one goes on.
 
-    Args:
-        sources: made interactions and recordings.
-        cache: folder of the shards that are cut out of recordings.
-        config: of the run; of it, what interactions are made and how recordings are cut.
-        options: of the readers.
-        on_progress: called with "interactions", or the name of a source, and what is done.
+    Shards that are cut out of recordings lie in the folder `cache`. `on_progress` is called with
+    "interactions", or the name of a source, and what is done.
 
     Raises:
         InputError: a source holds nothing to learn from, or its files cannot be read.
     """
-    train: list[Portion] = []
-    val: list[Portion] = []
+    portions: list[list[Portion]] = []
     made: list[dict[str, Any]] = []
     notes: list[str] = []
     for one in sources:
-        report = None if on_progress is None else partial(on_progress, one.source or "interactions")
+        report = on_progress and partial(on_progress, one.source or "interactions")
         if not one.source:
             write_missing(one.path, config.synthesis, report)
             found = [whole(read_shards(one.path, split), one.weight) for split in ("train", "val")]
             made.append(as_dict(shard_record(find_shards(one.path, "train")[0])))
         else:
-            name = f"{one.source}_{fingerprint(str(one.path.resolve()))}"
+            digest = hashlib.sha256(str(one.path.resolve()).encode()).hexdigest()[:8]
+            folder, readers = cache / f"{one.source}_{digest}", options or ReaderOptions()
             shards, problems = recordings.make_shards(
-                one.source,
-                one.path,
-                cache / name,
-                config.clips,
-                options or ReaderOptions(),
-                on_step=report,
+                one.source, one.path, folder, config.clips, readers, on_step=report
             )
             found, words = split_recordings(one, shards)
             notes += [*words, *problems]
             made.append({"source": one.source, "weight": one.weight, "clips": asdict(config.clips)})
-        train.append(found[0])
-        val.append(found[1])
+        portions.append(found)
     record = made[0] if len(made) == 1 else {"sources": made}
-    return TrainingData(mixed(train), mixed(val), record, tuple(notes))
+    training, validation = (mixed(split) for split in zip(*portions, strict=True))
+    return TrainingData(training, validation, record, tuple(notes))
 
 
 def write_missing(folder: Path, config: SynthesisConfig, on_step: Any) -> None:
-    """Make interactions where a folder has none, or not yet all that this config makes.
-
-    Shards that were made with another config or seed are taken as they are.
-    """
+    """Make what a folder lacks of this config's interactions; those of another are left alone."""
     there = sorted(folder.glob("*_*.safetensors"))
     if not there or shard_record(there[0]) == ShardRecord(config, 0):
         write_shards(folder, config, load_hand("right"), seed=0, on_shard=on_step)
-
-
-def fingerprint(text: str) -> str:
-    """Eight digits that tell a text from others."""
-    return hashlib.sha256(text.encode()).hexdigest()[:8]
 
 
 def whole(clips: Interactions, weight: float) -> Portion:
@@ -165,11 +148,7 @@ def whole(clips: Interactions, weight: float) -> Portion:
 
 
 def split_recordings(source: DataSource, shards: Iterable[Path]) -> tuple[list[Portion], list[str]]:
-    """The clips to learn from and those to validate on, and words on them.
-
-    Raises:
-        InputError: there is no clip at all.
-    """
+    """The clips to learn from and those to validate on, and words; `InputError` without any."""
     clips: list[Interactions] = []
     records: list[ClipRecord] = []
     left_out: Counter[str] = Counter()
@@ -202,8 +181,7 @@ def split_recordings(source: DataSource, shards: Iterable[Path]) -> tuple[list[P
 def held_out(records: Sequence[ClipRecord]) -> tuple[Bool[Tensor, " B"], str]:
     """Which clips are held out for validation, and by what, in words.
 
-    Whole objects; where there is one object only, whole people; of one person with one object
-    none: it is validated on what it learns.
+    Whole objects; of one object whole people; of one person with one object none.
     """
     for kind in ("object", "person"):
         of_clip = [getattr(record, kind) for record in records]
@@ -218,16 +196,12 @@ def held_out(records: Sequence[ClipRecord]) -> tuple[Bool[Tensor, " B"], str]:
         held = torch.tensor([name in chosen for name in of_clip])
         words = {"object": "object" if len(chosen) == 1 else "objects", "person": "people"}
         return held, f"{int(held.sum())} of {len(chosen)} {words[kind]} held out for validation"
-    return torch.zeros(
-        len(records), dtype=torch.bool
-    ), "validated on what is learned: there is no other object"
+    none = torch.zeros(len(records), dtype=torch.bool)
+    return none, "validated on what is learned: there is no other object"
 
 
 def mixed(portions: Sequence[Portion]) -> Interactions:
-    """All clips in one, drawn in the shares of their sources; a source alone that is whole stays.
-
-    Shorter clips are padded with their last frame, which is never drawn.
-    """
+    """All clips in one, drawn in the shares of their sources; one whole source stays as it is."""
     if len(portions) == 1 and bool((portions[0].lengths == portions[0].clips.wrist.shape[1]).all()):
         return portions[0].clips
     frames = max(portion.clips.wrist.shape[1] for portion in portions)

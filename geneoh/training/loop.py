@@ -90,12 +90,7 @@ class BatchSource:
     """MotionDiff for a stage that follows it."""
 
     def batch(self, data: Interactions, *parts: object) -> tuple[Batch, torch.Generator]:
-        """One batch and its generator: both depend on the seed and `parts` alone, so runs resume.
-
-        Args:
-            data: the interactions to draw from.
-            *parts: purpose and number of the batch.
-        """
+        """One batch and its generator, by the seed and `parts` (purpose, number) alone."""
         config = self.config
         generator = torch.Generator().manual_seed(seed_of(config.seed, *parts))
         batch = draw_batch(
@@ -161,9 +156,8 @@ def train(
     """Train one stage and return the path of its weights, `folder`/`stage`.safetensors.
 
     The run's state is saved in `folder`/`stage`_state.safetensors after every `checkpoint_every`
-    steps; an interrupted run started again with the same folder continues there. `stage`_log.csv
-    has a row per validation: step, mean training loss since the last row, error left, rate,
-    seconds.
+    steps; a run started again with the same folder continues there. `stage`_log.csv has a row per
+    validation (see `LogRow`).
 
     Args:
         stage: which network.
@@ -182,19 +176,15 @@ def train(
     """
     folder.mkdir(parents=True, exist_ok=True)
     state_path, log_path = folder / f"{stage}_state.safetensors", folder / f"{stage}_log.csv"
-    record = training_record(
-        stage,
-        config,
-        data,
-        validation,
-        device,
-        motion_denoiser,
-        data_record=data_record,
-        start=start,
-    )
+    made_from = {"motion_denoiser": motion_denoiser, "data_record": data_record, "start": start}
+    record = training_record(stage, config, data, validation, device, **made_from)
     state = first_state(stage, config, device, start)
     if state_path.exists():
-        resume(state, state_path, record)
+        saved = load_checkpoint(
+            state_path, remedy="remove it to train anew, or choose another output folder"
+        )
+        refuse_other_run(state_path, saved.record, record)
+        state.restore(saved)
         write_log(log_path, state.log)
     source = BatchSource(stage, config, device, motion_denoiser)
     upcoming = source.batches(data, state.step)
@@ -237,14 +227,6 @@ def first_state(
     return TrainState(model, average, Optimizer(model, config, precision))
 
 
-def resume(state: TrainState, path: Path, record: dict[str, Any]) -> None:
-    """Take over a saved state if it belongs to the run of this record."""
-    remedy = "remove it to train anew, or choose another output folder"
-    saved = load_checkpoint(path, remedy=remedy)
-    refuse_other_run(path, saved.record, record)
-    state.restore(saved)
-
-
 def start_latent(state: TrainState, batch: Batch) -> None:
     """Start the denoiser of the latent with the averaged weights of the trained autoencoder."""
     state.model.load_state_dict(state.average)
@@ -258,14 +240,8 @@ def update(state: TrainState, loss: Tensor, config: TrainConfig) -> None:
     loss.backward()
     nn.utils.clip_grad_norm_(state.model.parameters(), config.clip)
     state.optimizer.step(learning_rate(state.step, config))
-    update_average(state, config.ema)
+    decay = min(config.ema, (1 + state.step) / (10 + state.step))  # forgets the start
+    for name, tensor in state.model.state_dict().items():  # which are detached
+        state.average[name].lerp_(tensor, 1 - decay)
     state.step += 1
     state.recent.append(loss.item())
-
-
-@torch.no_grad()
-def update_average(state: TrainState, decay: float) -> None:
-    """Move the averaged weights towards the network's; faster at first, to forget the start."""
-    decay = min(decay, (1 + state.step) / (10 + state.step))
-    for name, tensor in state.model.state_dict().items():
-        state.average[name].lerp_(tensor, 1 - decay)

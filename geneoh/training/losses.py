@@ -27,11 +27,11 @@ SIGMA_RANGE = (0.05, 2.5)
 MOTION_SIGMA_RANGE = (0.15, 8.0)
 """The same for MotionDiff."""
 HIGH_NOISE_BIAS = 4.0
-"""Preference for high noise levels in training with the observation. There the noisy sample tells
-almost nothing, and to read the observation instead is hard to learn; low levels are easy."""
+"""Preference for high noise levels in training with the observation, which is hard to learn to read
+there; low levels are easy."""
 SCORING_SIGMA = 2.0
-"""Noise level at which a stage is scored, that of level 400 (MotionDiff: its highest). The noisy
-sample tells almost nothing there, so the score is of what the network reads in the observation."""
+"""Noise level at which a stage is scored, that of level 400 (MotionDiff: its highest): the score is
+of what the network reads in the observation, as the noisy sample tells almost nothing."""
 FPS = 30.0
 """Frames a second of all training data."""
 KEYPOINT_UNIT = 0.02
@@ -66,8 +66,7 @@ def window_weight(
 ) -> Float[Tensor, " B"]:
     """Weight of each window's squared error, about one over the deviation of its input's error.
 
-    Windows then count by the size of their input's error. Without a weight they would count by its
-    square, and what is left of the error of a good track would hardly matter.
+    Unweighted, what is left of the error of a good track would hardly matter.
     """
     given = (noisy - clean).square().mean((1, 2, 3)) / KEYPOINT_UNIT**2
     return 1 / (given + WEIGHT_FLOOR).sqrt()
@@ -78,18 +77,12 @@ def motion_loss(
 ) -> Float[Tensor, ""]:
     """Weighted squared error of the clean hand's parameters and of the keypoints they make.
 
-    All noise levels count alike, without the weight of `trajectory_loss` that grows towards the
-    lowest: an error at a high level stays to the end, while the last steps only refine the result.
+    All noise levels count alike: an error at a high level stays to the end.
     """
     seen, clean = batch.motion, batch.clean_canon
     change = seen.hand.change_to(batch.hand)
-    count = len(change)
-    sigma = draw_sigma(
-        count,
-        generator=generator,
-        limits=MOTION_SIGMA_RANGE,
-        high_noise_bias=HIGH_NOISE_BIAS,
-    ).to(change)
+    levels = {"limits": MOTION_SIGMA_RANGE, "high_noise_bias": HIGH_NOISE_BIAS}
+    sigma = draw_sigma(len(change), generator=generator, **levels).to(change)
     noise = normal_like(change, generator=generator)
     predicted = model(change + sigma[:, None, None] * noise, sigma, seen)
     parameters = (predicted - change).square().mean((1, 2))
@@ -115,9 +108,8 @@ def relation_loss(
 ) -> Float[Tensor, ""]:
     """Error of every contact point's hand and of their mean (eq. 8).
 
-    With the observation all points see the same noise on the hand, and noise levels count as for
-    MotionDiff. Where the observation is hidden each point has noise of its own, as in the paper's
-    independent chains, and levels count as the paper's.
+    With the observation all points see the same noise, and levels count as for MotionDiff. Where it
+    is hidden each point has its own noise and levels count as in the paper's independent chains.
     """
     observation, clean = batch.observation, batch.clean_canon
     given, relations = observation.given > 0, encode_spatial(clean, batch.region)
@@ -145,9 +137,8 @@ def spatial_loss(
     Both are compared at trial places of known density, each weighed by the inverse of that.
     """
     evidence, shift = _spatial_question(batch)
-    evidence = evidence.spread_over(
-        model.config.frames, phase=float(torch.rand((), generator=generator))
-    )
+    phase = float(torch.rand((), generator=generator))
+    evidence = evidence.spread_over(model.config.frames, phase=phase)
     spread = shift.new_tensor(TRIAL_SPREAD)
     around, width = spread[torch.arange(TRIALS) % len(spread)].unbind(-1)
     noise = normal_like(shift[:, None].expand(-1, TRIALS, -1), generator=generator)
@@ -177,22 +168,16 @@ def reconstruction_loss(
 ) -> Float[Tensor, ""]:
     """Reconstruction error of T of clean and noisy hands, weighted towards contact."""
     del generator  # draws nothing; the signature is shared by all losses
-    points = batch.region.points_canon[:, :-1]
-    total = batch.clean.new_zeros(())
+    points, total = batch.region.points_canon[:, :-1], batch.clean.new_zeros(())
     for joints in (batch.clean, batch.noisy):
         relations = encode_temporal(joints, batch.region, FPS)
-        latent = model.autoencoder.encode(relations, points)
-        decoded = model.autoencoder.decode(
-            latent, relations.object_velocity, relations.normals, points
-        )
+        around = relations.object_velocity, relations.normals, points
+        decoded = model.autoencoder.decode(model.autoencoder.encode(relations, points), *around)
         near = torch.exp(-0.5 * DISTANCE_DECAY * relations.distance) + 0.05
         speed = relations.velocity.norm(dim=-1) + 0.1
         total = total + (near * ((decoded.distance - relations.distance) / 0.01).square()).mean()
-        for got, want in (
-            (decoded.tangential, relations.tangential),
-            (decoded.normal, relations.normal),
-        ):
-            total = total + ((got - want).abs() / 0.05).mean()
+        total = total + ((decoded.tangential - relations.tangential).abs() / 0.05).mean()
+        total = total + ((decoded.normal - relations.normal).abs() / 0.05).mean()
         error = (decoded.velocity - relations.velocity).norm(dim=-1)
         total = total + (near * error / speed).mean()
     return total

@@ -22,12 +22,7 @@ class Muon(torch.optim.Optimizer):
     """Steepest descent in the spectral norm with Nesterov momentum, for matrices."""
 
     def __init__(
-        self,
-        matrices: Iterable[Tensor],
-        *,
-        lr: float,
-        weight_decay: float,
-        precision: torch.dtype,
+        self, matrices: Iterable[Tensor], *, lr: float, weight_decay: float, precision: torch.dtype
     ) -> None:
         """Optimise some matrices; products are taken in `precision`."""
         super().__init__(matrices, {"lr": lr, "weight_decay": weight_decay})

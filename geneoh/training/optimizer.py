@@ -13,10 +13,7 @@ from geneoh.training.muon import Muon
 class Optimizer:
     """Muon for the matrices of transformer blocks, AdamW for all other parameters, at one rate.
 
-    Args:
-        model: the network to train.
-        config: rate and weight decay.
-        precision: type of Muon's matrix products.
+    Muon's matrix products are of type `precision`.
     """
 
     def __init__(

@@ -86,12 +86,7 @@ class ShardRecord:
 
 
 def clips_of(source: str, path: Path) -> list[SourceClip]:
-    """The clips of a source below a path.
-
-    Raises:
-        ConfigError: there is no source of that name.
-        InputError: the path does not exist or holds none.
-    """
+    """The clips of a source below a path; `InputError` if it does not exist or holds none."""
     if source != SEQUENCES:
         return find_clips(source_named(source), [path])
     found = [SourceClip(clip_name(file, 2), file) for file in paths_matching(path, "*.npz")]
@@ -101,12 +96,7 @@ def clips_of(source: str, path: Path) -> list[SourceClip]:
 
 
 def read_recordings(source: str, clip: SourceClip, options: ReaderOptions) -> list[Recording]:
-    """What a clip holds, checked.
-
-    Raises:
-        InputError: it cannot be read as an interaction.
-        MissingAssetError: it needs a file that the user must supply.
-    """
+    """What a clip holds, checked to be interactions."""
     if source != SEQUENCES:
         found = read_clip(source_named(source), clip, options)
         for recording in found:
@@ -133,18 +123,9 @@ def make_shards(
     *,
     on_step: OnStep | None = None,
 ) -> tuple[list[Path], list[str]]:
-    """Make the shards of a source that are not there, or whose files changed.
+    """Make the shards of a source that are not yet in `folder`, or whose files changed.
 
-    Args:
-        source: name of a reader, or "sequences".
-        path: file or folder of the user's copy.
-        folder: where the shards are, or come to be.
-        config: how clips are cut.
-        options: of the reader.
-        on_step: called after each clip.
-
-    Returns:
-        The shards, and why a clip could not be read, in words.
+    Returns the shards, and why a clip could not be read, in words.
 
     Raises:
         InputError: no clip of the source can be read; the message is that of the first.
@@ -172,7 +153,12 @@ def write_shard(
     cuts: list[tuple[ClipRecord, dict[str, Tensor]]] = []
     left_out: Counter[str] = Counter()
     for recording in read_recordings(source, clip, options):
-        refuse_parts(recording)
+        parts = len(recording.sequence.object.meshes)
+        if not 1 <= parts <= PARTS:
+            raise InputError(
+                f"{recording.name}: expected an object of 1 to {PARTS} meshes, got {parts}; "
+                "leave it out, or give its mesh"
+            )
         for hand in normalised_hands(recording.sequence):
             cuts += cut_hand(recording, hand, config, left_out)
     files = {name: (file.stat().st_size, sha256(file)) for name, file in files_of(clip)}
@@ -180,16 +166,6 @@ def write_shard(
     names = cuts[0][1] if cuts else ()
     tensors = {name: torch.stack([cut[name] for _, cut in cuts]) for name in names}
     write_tensors(shard, tensors, asdict(record), parents=True)
-
-
-def refuse_parts(recording: Recording) -> None:
-    """Refuse a recording without a mesh, or of an object with more parts than made ones have."""
-    parts = len(recording.sequence.object.meshes)
-    if not 1 <= parts <= PARTS:
-        raise InputError(
-            f"{recording.name}: expected an object of 1 to {PARTS} meshes, got {parts}; "
-            "leave it out, or give its mesh"
-        )
 
 
 def cut_hand(
@@ -210,7 +186,8 @@ def cut_hand(
         left_out["without the object"] += int((near & seen & ~known.all(1)).sum())
         seen = seen & known.all(1)
     state = subject.parameters()
-    motion = {name: both_parts(values) for name, values in motion.items()}
+    if len(hand.object.meshes) < PARTS:  # made objects have two, which are one where they are rigid
+        motion = {name: values.repeat_interleave(PARTS, dim=1) for name, values in motion.items()}
     motion |= {"pose": state.pose[0], "wrist": state.wrist[0]}
     fixed = {"points": surface[0], "normals": surface[1], "part": surface[2]}
     fixed["offsets"] = subject.offsets[0]
@@ -257,11 +234,6 @@ def drawn_surface(
         torch.cat([getattr(one, name) for one in drawn]) for name in ("points", "normals")
     )
     return points, normals, part
-
-
-def both_parts(values: Float[Tensor, "T Q ..."]) -> Float[Tensor, "T R ..."]:
-    """Motion of the parts that made objects have; that of a rigid object is the same for both."""
-    return values if values.shape[1] == PARTS else values.repeat_interleave(PARTS, dim=1)
 
 
 def identity(betas: Float[Tensor, " S"] | None) -> str:

@@ -23,10 +23,7 @@ from geneoh.training.optimizer import Optimizer, quick_precision
 from geneoh.training.windows import WeightedInteractions
 
 MAY_CHANGE = ("steps", "checkpoint_every", "validate_every", "validation_batches")
-"""Settings whose value may change when a run is continued: of its steps they change only the
-last ones."""
-DIGITS = 16
-"""Hexadecimal digits kept of a digest."""
+"""Settings that may change when a run is continued: of its steps they change only the last ones."""
 
 
 class LogRow(NamedTuple):
@@ -64,11 +61,7 @@ class TrainState:
         return Checkpoint(tensors, record | counted | {"log": self.log})
 
     def restore(self, checkpoint: Checkpoint) -> None:
-        """Take over a saved state.
-
-        Raises:
-            CheckpointError: it belongs to a network of another size.
-        """
+        """Take over a saved state; `CheckpointError` if it is of a network of another size."""
 
         def group(prefix: str) -> dict[str, Tensor]:
             found = checkpoint.tensors.items()
@@ -110,7 +103,7 @@ def digest(tensors: Iterable[Tensor]) -> str:
     for tensor in tensors:
         found.update(str(tuple(tensor.shape)).encode())
         found.update(tensor.detach().cpu().contiguous().numpy().tobytes())
-    return found.hexdigest()[:DIGITS]
+    return found.hexdigest()[:16]
 
 
 def data_digest(data: Interactions) -> str:
@@ -150,12 +143,9 @@ def training_record(
 
 
 def refuse_other_run(path: Path, saved: Mapping[str, Any], asked: Mapping[str, Any]) -> None:
-    """Refuse to continue a state that another stage, config or data made.
+    """Refuse to continue a state that another stage, config or data made, as far as it tells.
 
-    What an older state does not tell is not compared.
-
-    Raises:
-        CheckpointError: with what differs.
+    `CheckpointError` says what differs.
     """
     compared = {
         "stage": "stage",

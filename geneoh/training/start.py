@@ -19,12 +19,8 @@ def started_from(
 ) -> tuple[TrainConfig, dict[str, Tensor]]:
     """Weights of a stage to start from, and the config with the network that they are of.
 
-    The temporal stage keeps its autoencoder: only the denoiser of its latent goes on learning.
-
-    Args:
-        folder: holds STAGE.safetensors; None for the shipped weights.
-        stage: which network.
-        config: of the run.
+    They are in STAGE.safetensors of the folder; None is for the shipped ones. The temporal stage
+    keeps its autoencoder: only the denoiser of its latent goes on learning.
 
     Raises:
         CheckpointError: there are no weights of this version of the network.

@@ -69,10 +69,7 @@ class Windows(Bundle):
         return replace(self, rotation=rotation, translation=self.translation + shift[:, :, None])
 
     def evidence(
-        self,
-        hand: HandParameters,
-        ray: Float[Tensor, "B 3"],
-        track: Float[Tensor, "B 12"],
+        self, hand: HandParameters, ray: Float[Tensor, "B 3"], track: Float[Tensor, "B 12"]
     ) -> SpatialEvidence:
         """What tells SpatialDiff the place of a hand of the world."""
         speeds = relative_speeds(hand.joints, self.rotation[:, :, 0], self.translation[:, :, 0])
@@ -110,23 +107,19 @@ def draw_windows(
     total, available = data.wrist.shape[:2]
     short = torch.rand((), generator=generator) < config.short_share
     frames = int(integers(2, config.frames, 1)) if short else config.frames
-    frames = min(available, frames)
-    pick, lengths = integers(0, total, count), None
+    pick, lengths = integers(0, total, count), torch.full((count,), available)
     if isinstance(data, WeightedInteractions):
         pick = torch.multinomial(data.weight, count, replacement=True, generator=generator)
         lengths = data.length[pick]
-        frames = min(frames, int(lengths.min()))
+    frames = min(frames, int(lengths.min()))
     fast = torch.rand((), generator=generator) < config.fast_share
-    if lengths is None:
-        stride = 2 if fast and 2 * frames <= available else 1
-        start = integers(0, available - stride * (frames - 1), count)
-    else:
-        stride = torch.where(fast & (2 * frames <= lengths), 2, 1)
-        room = lengths - stride * (frames - 1)
+    stride = torch.where(fast & (2 * frames <= lengths), 2, 1)
+    room = lengths - stride * (frames - 1)
+    if isinstance(data, WeightedInteractions):
         start = (torch.rand(count, generator=generator) * room).long()
-        stride = stride[:, None]
-    window = start[:, None] + stride * torch.arange(frames)
-    clip = pick[:, None]
+    else:
+        start = integers(0, int(room[0]), count)
+    clip, window = pick[:, None], start[:, None] + stride[:, None] * torch.arange(frames)
     return Windows(
         HandParameters.of_pose(
             data.wrist[clip, window], data.pose[clip, window], data.offsets[pick]
