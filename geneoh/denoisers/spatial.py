@@ -11,10 +11,9 @@ import math
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from torch import Tensor, nn
 
-from geneoh.bundle import Bundle
 from geneoh.denoisers.base import palm_axes
 from geneoh.diffusion.posterior import Posterior, importance_posterior
 from geneoh.geometry.rotations import matrix_to_axis_angle
@@ -23,6 +22,7 @@ from geneoh.nn.checkpoint import finite_output
 from geneoh.progress import OnStep
 from geneoh.representation.nearest_surface import nearest_on_parts
 from geneoh.representation.parameters import UNIT, HandParameters
+from geneoh.representation.region import ObjectSurface
 
 CLOSE = 0.02
 """Distance over which closeness to the surface decays, metres."""
@@ -50,18 +50,11 @@ class SpatialConfig:
 
 
 @dataclass(frozen=True)
-class SpatialEvidence(Bundle):
+class SpatialEvidence(ObjectSurface):
     """What tells the place of B hands over T frames, world frame, metres."""
 
     joints: Float[Tensor, "B T 21 3"]
     """The hand after MotionDiff."""
-    points: Float[Tensor, "B P 3"]
-    """Object surface points in the frame of their part, with `normals` and `part` index."""
-    normals: Float[Tensor, "B P 3"]
-    part: Int[Tensor, "B P"]
-    rotation: Float[Tensor, "B T Q 3 3"]
-    """Of the object's parts to the world, with `translation`."""
-    translation: Float[Tensor, "B T Q 3"]
     speeds: Float[Tensor, "B T 5"]
     """How fast hand and object move (`relative_speeds`): an object that moves is held."""
     ray: Float[Tensor, "B 3"]
@@ -242,14 +235,7 @@ def frame_features(
     placed = joints[:, :, None] + shifts[:, None, :, None]  # (B, T, M, 21, 3)
     nearest, outward = (
         found.unflatten(2, (count, 21))
-        for found in nearest_on_parts(
-            placed.flatten(2, 3),
-            evidence.points,
-            evidence.normals,
-            evidence.part,
-            evidence.rotation,
-            evidence.translation,
-        )
+        for found in nearest_on_parts(placed.flatten(2, 3), evidence)
     )
     way = nearest - placed
     close = torch.exp(-way.norm(dim=-1, keepdim=True) / CLOSE)

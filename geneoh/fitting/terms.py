@@ -156,7 +156,7 @@ def surface_term(state: HandState, shaped: ShapedHand, planes: Planes) -> Equati
     _, turn, centers = _kinematics(state, shaped)
     model = shaped.model
     shift = centers - (turn @ shaped.joints[..., None])[..., 0]
-    rest = _rest_verts(state, shaped).expand(*state.wrist.shape[:-1], -1, 3)
+    rest = shaped.corrected(state.rotations).mT.expand(*state.wrist.shape[:-1], -1, 3)
     rest = rest.gather(-2, verts[..., None].expand(*verts.shape, 3))
     skin = model.skin_weights[verts]
     each = torch.einsum("stjrc,stvc->stvjr", turn, rest) + shift[..., None, :, :]
@@ -170,17 +170,6 @@ def surface_term(state: HandState, shaped: ShapedHand, planes: Planes) -> Equati
     jacobian = torch.cat([rotate, normal], dim=-1) * planes.weight[..., None]
     height = ((placed - planes.closest) * normal).sum(-1) * planes.weight
     return _normal_equations(height, jacobian)
-
-
-def _rest_verts(state: HandState, shaped: ShapedHand) -> Float[Tensor, "*ST V 3"]:
-    """Rest vertices with the pose correctives of each frame, where the model has any."""
-    model = shaped.model
-    if not model.has_pose_dirs:
-        return shaped.verts
-    eye = torch.eye(3).to(state.rotations)
-    feature = (state.rotations[..., 1:, :, :] - eye).flatten(-3)
-    bulge = (feature @ model.pose_basis).unflatten(-1, (3, -1))
-    return shaped.verts + bulge.transpose(-1, -2)
 
 
 def steadiness(

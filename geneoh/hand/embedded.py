@@ -4,15 +4,21 @@ The asset holds the right hand in MANO's own field names as plain arrays, so tha
 it too; the left hand is its mirror image.
 """
 
+from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
 
 import numpy as np
 import torch
+from torch import Tensor
 
+from geneoh.choices import Side
 from geneoh.hand.model import HandModel
 
 ASSET = "embedded_right.npz"
+TENSORS = ("v_template", "shapedirs", "posedirs", "J_regressor", "weights")
+"""MANO's names of what a `HandModel` holds, in its order."""
+POSE = ("pose_low", "pose_high", "pose_mean", "pose_std")
 TIP_VERTS = (320, 443, 671, 554, 744)
 """Index, middle, pinky, ring, thumb: the vertices that `smplx.vertex_ids['mano']` names too."""
 
@@ -23,23 +29,23 @@ def read_arrays() -> dict[str, np.ndarray]:
         return {name: data[name] for name in data.files}
 
 
+def hand_model(
+    name: str, side: Side, fields: Mapping[str, np.ndarray], pose: Mapping[str, Tensor]
+) -> HandModel:
+    """A model of arrays by MANO's names, and of joint limits and the relaxed pose by ours."""
+    return HandModel(
+        name,
+        side,
+        *(torch.from_numpy(np.ascontiguousarray(fields[each], np.float32)) for each in TENSORS),
+        faces=torch.from_numpy(fields["f"].astype(np.int64)),
+        tip_verts=TIP_VERTS,
+        **pose,
+    )
+
+
 @cache
 def embedded_right() -> HandModel:
     """The right hand, read once."""
     arrays = read_arrays()
-    tensors = {name: torch.from_numpy(array) for name, array in arrays.items()}
-    return HandModel(
-        name="embedded",
-        side="right",
-        template=tensors["v_template"],
-        shape_dirs=tensors["shapedirs"],
-        pose_dirs=tensors["posedirs"],
-        joint_regressor=tensors["J_regressor"],
-        skin_weights=tensors["weights"],
-        faces=tensors["f"].long(),
-        tip_verts=TIP_VERTS,
-        pose_low=tensors["pose_low"],
-        pose_high=tensors["pose_high"],
-        pose_mean=tensors["pose_mean"],
-        pose_std=tensors["pose_std"],
-    )
+    pose = {name: torch.from_numpy(arrays[name]) for name in POSE}
+    return hand_model("embedded", "right", arrays, pose)

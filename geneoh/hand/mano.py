@@ -23,7 +23,7 @@ from geneoh.choices import Side
 from geneoh.errors import InputError, MissingAssetError
 from geneoh.files.values import read_values
 from geneoh.geometry.mirror import MIRROR
-from geneoh.hand.embedded import TIP_VERTS, embedded_right
+from geneoh.hand.embedded import POSE, TIP_VERTS, embedded_right, hand_model
 from geneoh.hand.model import HandModel
 from geneoh.hand.skeleton import PARENTS
 
@@ -194,26 +194,8 @@ def _is_as_shipped(left: dict[str, np.ndarray], path: Path) -> bool:
 def _model(side: Side, fields: dict[str, np.ndarray], name: ManoName) -> HandModel:
     """The fields as a model; joint limits are the embedded hand's, whose frame is the same."""
     limits = embedded_right() if side == "right" else embedded_right().mirrored()
-    tensors = {
-        field: torch.from_numpy(np.ascontiguousarray(array, dtype=np.float32))
-        for field, array in fields.items()
-        if field not in ("f", "kintree_table")
-    }
-    mean = limits.pose_mean
-    if "hands_mean" in tensors:
-        mean = torch.cat([torch.zeros(1, 3), tensors["hands_mean"].reshape(15, 3)])
-    return HandModel(
-        name=name,
-        side=side,
-        template=tensors["v_template"],
-        shape_dirs=tensors["shapedirs"][..., :BETAS].contiguous(),
-        pose_dirs=tensors["posedirs"],
-        joint_regressor=tensors["J_regressor"],
-        skin_weights=tensors["weights"],
-        faces=torch.from_numpy(fields["f"].astype(np.int64)),
-        tip_verts=TIP_VERTS,
-        pose_low=limits.pose_low,
-        pose_high=limits.pose_high,
-        pose_mean=mean,
-        pose_std=limits.pose_std,
-    )
+    pose = {name: getattr(limits, name) for name in POSE}
+    if "hands_mean" in fields:
+        mean = torch.from_numpy(fields["hands_mean"].astype(np.float32)).reshape(15, 3)
+        pose["pose_mean"] = torch.cat([torch.zeros(1, 3), mean])
+    return hand_model(name, side, fields | {"shapedirs": fields["shapedirs"][..., :BETAS]}, pose)

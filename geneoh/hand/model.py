@@ -127,7 +127,7 @@ class ShapedHand(Bundle):
         rotations, joints, turn = self._kinematics(rotations, wrist)
         centre = joints[..., list(MANO_FROM_OPENPOSE[:16]), :]
         shift = centre - (turn @ self.joints[..., None])[..., 0]
-        return PosedHand(self._skin(self._corrected(rotations), turn, shift), joints)
+        return PosedHand(self._skin(self.corrected(rotations), turn, shift), joints)
 
     def joints_from_rotations(
         self, rotations: Float[Tensor, "*#B 16 3 3"], wrist: Float[Tensor, "*#B 3"]
@@ -143,7 +143,7 @@ class ShapedHand(Bundle):
         offsets = self.offsets.expand(*batch, 20, 3)
         return rotations, *forward_kinematics(rotations, wrist, offsets)
 
-    def _corrected(self, rotations: Float[Tensor, "*B 16 3 3"]) -> Float[Tensor, "*B2 3 V"]:
+    def corrected(self, rotations: Float[Tensor, "*B 16 3 3"]) -> Float[Tensor, "*B2 3 V"]:
         """Rest vertices with the pose correctives, coordinates first for fast skinning."""
         rest = self.verts.transpose(-1, -2)
         if not self.model.has_pose_dirs:

@@ -4,11 +4,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from torch import Tensor
 from torch.nn.functional import normalize
 
-from geneoh.bundle import Bundle
 from geneoh.denoisers.base import POINTS, Observation
 from geneoh.denoisers.motion import ObservedMotion
 from geneoh.denoisers.spatial import SpatialEvidence, relative_speeds, track_cues
@@ -17,7 +16,7 @@ from geneoh.geometry.distance import MovingSurface
 from geneoh.geometry.sampling import sample_surface
 from geneoh.representation.nearest_surface import nearest_points
 from geneoh.representation.parameters import HandParameters
-from geneoh.representation.region import ContactRegion, contact_region, surface_to_world
+from geneoh.representation.region import ContactRegion, ObjectSurface, contact_region
 from geneoh.sequence.windows import WINDOW, fold, unfold, window_starts
 
 SURFACE_POINTS = 1024
@@ -27,15 +26,9 @@ SELECT_EVERY = 4
 
 
 @dataclass(frozen=True)
-class StageContext(Bundle):
+class StageContext(ObjectSurface):
     """What the stages know besides the hand: the object's surface and motion, and trust."""
 
-    points: Float[Tensor, "P 3"]
-    """Object surface points in the frame of their part, with `normals` and `part` index."""
-    normals: Float[Tensor, "P 3"]
-    part: Int[Tensor, " P"]
-    rotation: Float[Tensor, "T Q 3 3"]
-    translation: Float[Tensor, "T Q 3"]
     trust: Float[Tensor, "T 21"]
     fps: float
     canonical: bool = True
@@ -79,27 +72,20 @@ class StageContext(Bundle):
 
     def region(self, joints: Float[Tensor, "S T 21 3"]) -> ContactRegion:
         """Contact points of each window of each sample, from that sample's own hand."""
-        windows = self.windows(joints)
-        batch, samples = len(windows), len(joints)
+        surface = self.surface_windows(len(joints))
+        region = contact_region(self.windows(joints), surface, count=POINTS, every=SELECT_EVERY)
+        return region if self.canonical else region.held_still()
 
-        def of_each(values: Tensor) -> Tensor:
-            return values.expand(batch, *values.shape)
+    def surface_windows(self, samples: int = 1) -> ObjectSurface:
+        """The object in each window of each sample, samples outermost."""
+        batch = samples * len(self.starts)
 
         def in_windows(values: Tensor) -> Tensor:
             cut = self.cut(values, 0)
             return cut.expand(samples, *cut.shape).flatten(0, 1)
 
-        region = contact_region(
-            windows,
-            of_each(self.points),
-            of_each(self.normals),
-            of_each(self.part),
-            in_windows(self.rotation),
-            in_windows(self.translation),
-            count=POINTS,
-            every=SELECT_EVERY,
-        )
-        return region if self.canonical else region.held_still()
+        fixed = (each.expand(batch, *each.shape) for each in (self.points, self.normals, self.part))
+        return ObjectSurface(*fixed, in_windows(self.rotation), in_windows(self.translation))
 
     def evidence(self, observed: HandParameters, hand: HandParameters) -> SpatialEvidence:
         """What tells SpatialDiff the place of each window, from the mean of all samples of a hand.
@@ -109,8 +95,7 @@ class StageContext(Bundle):
             hand: the samples after it.
         """
         joints = self.windows(hand.joints.mean(0, keepdim=True))
-        count = len(self.starts)
-        rotation, translation = self.cut(self.rotation, 0), self.cut(self.translation, 0)
+        count, surface = len(self.starts), self.surface_windows()
         before = observed.map(lambda value: value.expand(len(hand.wrist), *value.shape[1:]))
         change = self.windows(before.change_to(hand).mean(0, keepdim=True))
         ray = self.points.new_zeros(count, 3)
@@ -121,24 +106,13 @@ class StageContext(Bundle):
         if self.object_noise is not None:
             noise = self.object_noise.to(noise)
 
-        def of_each(values: Tensor) -> Tensor:
-            return values.expand(count, *values.shape)
-
+        trust = self.cut(self.trust, 0).mean(-1)
         return SpatialEvidence(
-            joints,
-            of_each(self.points),
-            of_each(self.normals),
-            of_each(self.part),
-            rotation,
-            translation,
-            relative_speeds(joints, rotation[:, :, 0], translation[:, :, 0]),
-            ray,
-            track_cues(
-                self.hand_windows(observed),
-                change,
-                self.cut(self.trust, 0).mean(-1),
-                of_each(noise),
-            ),
+            **vars(surface),
+            joints=joints,
+            speeds=relative_speeds(joints, surface.rotation[:, :, 0], surface.translation[:, :, 0]),
+            ray=ray,
+            track=track_cues(self.hand_windows(observed), change, trust, noise.expand(count, 2)),
         )
 
     def hand_windows(self, hand: HandParameters) -> HandParameters:
@@ -164,10 +138,7 @@ class StageContext(Bundle):
         self, joints: Float[Tensor, "T 21 3"]
     ) -> tuple[Float[Tensor, "T 21 3"], Float[Tensor, "T 21 3"]]:
         """The surface point nearest to each keypoint and its outward normal, world frame."""
-        world, normals = surface_to_world(
-            self.points, self.normals, self.part, self.rotation, self.translation
-        )
-        return nearest_points(joints, world, normals)
+        return nearest_points(joints, *self.in_world())
 
     def observed_motion(self, hand: HandParameters, region: ContactRegion) -> ObservedMotion:
         """Windows of a hand of the world (one sample), as MotionDiff is shown them."""

@@ -1,8 +1,10 @@
 """The surface point nearest to each keypoint: where the hand touches or enters the object."""
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from torch import Tensor
+
+from geneoh.representation.region import ObjectSurface
 
 CACHED = 2**20
 """Distances that are held at once."""
@@ -27,12 +29,7 @@ def nearest_points(
 
 
 def nearest_on_parts(
-    joints: Float[Tensor, "B T N 3"],
-    points: Float[Tensor, "B P 3"],
-    normals: Float[Tensor, "B P 3"],
-    part: Int[Tensor, "B P"],
-    rotation: Float[Tensor, "B T Q 3 3"],
-    translation: Float[Tensor, "B T Q 3"],
+    joints: Float[Tensor, "B T N 3"], surface: ObjectSurface
 ) -> tuple[Float[Tensor, "B T N 3"], Float[Tensor, "B T N 3"]]:
     """`nearest_points` in the world, where each surface point moves with its part of the object.
 
@@ -40,19 +37,20 @@ def nearest_on_parts(
     """
     found, normal = torch.zeros_like(joints), torch.zeros_like(joints)
     least = joints.new_full(joints.shape[:-1], torch.inf)
-    for index in range(rotation.shape[2]):
-        own = part == index
+    for index in range(surface.rotation.shape[2]):
+        own = surface.part == index
         some = own.any(1)
         if not some.any():
             continue
-        turn, shift = rotation[some, :, index], translation[some, :, index, None]
+        turn = surface.rotation[some, :, index]
+        shift = surface.translation[some, :, index, None]
         # entries of other parts are replaced by a point of this part
-        pick = torch.where(own, torch.arange(own.shape[1]).to(part), own.int().argmax(1)[:, None])
-        pick = pick[some, :, None].expand(-1, -1, 3)
+        pick = torch.arange(own.shape[1]).to(surface.part)
+        pick = torch.where(own, pick, own.int().argmax(1)[:, None])[some, :, None].expand(-1, -1, 3)
         near, outward = nearest_points(
             ((joints[some] - shift) @ turn).flatten(1, 2),
-            points[some].gather(1, pick),
-            normals[some].gather(1, pick),
+            surface.points[some].gather(1, pick),
+            surface.normals[some].gather(1, pick),
         )
         near = near.unflatten(1, joints.shape[1:3]) @ turn.mT + shift
         outward = outward.unflatten(1, joints.shape[1:3]) @ turn.mT

@@ -69,23 +69,29 @@ class ContactRegion(Bundle):
         return ContactRegion(points, normals, self.rotation, self.center)
 
 
-def surface_to_world(
-    points: Float[Tensor, "*B P 3"],
-    normals: Float[Tensor, "*B P 3"],
-    part: Int[Tensor, "*B P"],
-    rotation: Float[Tensor, "*B T Q 3 3"],
-    translation: Float[Tensor, "*B T Q 3"],
-) -> tuple[Float[Tensor, "*B T P 3"], Float[Tensor, "*B T P 3"]]:
-    """Surface points and normals, each carried by its part, in the world over T frames."""
-    frames = rotation.shape[-4]
-    index = part[..., None, :, None].expand(*part.shape[:-1], frames, -1, 3)
-    shift = translation.gather(-2, index)
-    if rotation.shape[-3] == 1:
-        turn = rotation[..., 0, :, :].transpose(-1, -2)
-        return points[..., None, :, :] @ turn + shift, normals[..., None, :, :] @ turn
-    turns = rotation.gather(-3, index[..., None].expand(*index.shape, 3))
-    world = (turns @ points[..., None, :, :, None])[..., 0] + shift
-    return world, (turns @ normals[..., None, :, :, None])[..., 0]
+@dataclass(frozen=True)
+class ObjectSurface(Bundle):
+    """P surface points of an object whose Q parts move over T frames."""
+
+    points: Float[Tensor, "*B P 3"]
+    """In the frame of their part, metres, with outward `normals` and the index of the part."""
+    normals: Float[Tensor, "*B P 3"]
+    part: Int[Tensor, "*B P"]
+    rotation: Float[Tensor, "*B T Q 3 3"]
+    """Of the parts to the world, with `translation`."""
+    translation: Float[Tensor, "*B T Q 3"]
+
+    def in_world(self) -> tuple[Float[Tensor, "*B T P 3"], Float[Tensor, "*B T P 3"]]:
+        """Points and normals, each carried by its part."""
+        points, normals = self.points[..., None, :, :], self.normals[..., None, :, :]
+        frames = self.rotation.shape[-4]
+        index = self.part[..., None, :, None].expand(*self.part.shape[:-1], frames, -1, 3)
+        shift = self.translation.gather(-2, index)
+        if self.rotation.shape[-3] == 1:
+            turn = self.rotation[..., 0, :, :].transpose(-1, -2)
+            return points @ turn + shift, normals @ turn
+        turns = self.rotation.gather(-3, index[..., None].expand(*index.shape, 3))
+        return (turns @ points[..., None])[..., 0] + shift, (turns @ normals[..., None])[..., 0]
 
 
 def distance_to_trajectory(
@@ -128,36 +134,20 @@ def _farthest_points(
 
 
 def contact_region(
-    joints: Float[Tensor, "*B T 21 3"],
-    points: Float[Tensor, "*B P 3"],
-    normals: Float[Tensor, "*B P 3"],
-    part: Int[Tensor, "*B P"],
-    rotation: Float[Tensor, "*B T Q 3 3"],
-    translation: Float[Tensor, "*B T Q 3"],
-    *,
-    count: int,
-    every: int = 1,
+    joints: Float[Tensor, "*B T 21 3"], surface: ObjectSurface, *, count: int, every: int = 1
 ) -> ContactRegion:
-    """Contact points near the given hand, which is never the ground truth, and their frame.
+    """K = `count` contact points (N_o of the paper) near a hand of the world, and their frame.
 
-    Args:
-        joints: the hand's keypoints, world.
-        points: object surface points in the frame of their part, with `normals` and `part` index.
-        rotation: part to world, with `translation`.
-        count: number of contact points K (N_o of the paper).
-        every: closeness is measured in every n-th frame only.
+    The hand is never the ground truth. Closeness is measured in every n-th frame only.
     """
+    points, normals, part = surface.points, surface.normals, surface.part
+    rotation, translation = surface.rotation, surface.translation
     seen = rotation[..., ::every, :, :, :], translation[..., ::every, :, :]
-    world = surface_to_world(points, normals, part, *seen)[0]
+    world, _ = ObjectSurface(points, normals, part, *seen).in_world()
     distance = distance_to_trajectory(world, joints[..., ::every, :, :])
     keep = select_points(distance, world[..., 0, :, :], count)
     # only the chosen points are moved in every frame
     index = keep[..., None].expand(*keep.shape, 3)
-    world, normals_world = surface_to_world(
-        points.gather(-2, index),
-        normals.gather(-2, index),
-        part.gather(-1, keep),
-        rotation,
-        translation,
-    )
+    chosen = points.gather(-2, index), normals.gather(-2, index), part.gather(-1, keep)
+    world, normals_world = ObjectSurface(*chosen, rotation, translation).in_world()
     return ContactRegion(world, normals_world, rotation[..., 0, :, :], world.mean(-2))

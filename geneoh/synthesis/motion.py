@@ -10,9 +10,9 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from geneoh.bundle import Bundle
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.hand.skeleton import forward_kinematics
+from geneoh.representation.region import ObjectSurface
 from geneoh.synthesis.bimanual import HandPairs
 from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.grasps import Grasps, Grips
@@ -38,19 +38,15 @@ class AnimationConfig:
 
 
 @dataclass(frozen=True)
-class Interactions(Bundle):
-    """B right-hand interactions of T frames in the world frame, with their skeletons."""
+class Interactions(ObjectSurface):
+    """B right-hand interactions of T frames in the world frame, with their skeletons.
+
+    The object has two parts; those of a rigid one move alike.
+    """
 
     pose: Float[Tensor, "B T 16 3"]
     wrist: Float[Tensor, "B T 3"]
     offsets: Float[Tensor, "B 20 3"]
-    rotation: Float[Tensor, "B T Q 3 3"]
-    """Of the object's two parts to the world, with `translation`; a rigid object's are the same."""
-    translation: Float[Tensor, "B T Q 3"]
-    points: Float[Tensor, "B P 3"]
-    """Object surface points in the frame of their part, with `normals` and `part` index."""
-    normals: Float[Tensor, "B P 3"]
-    part: Int[Tensor, "B P"]
     scan: Int[Tensor, " B"]
     """Number of the scanned object that is held; negative for one of a family."""
 

@@ -32,7 +32,7 @@ from geneoh.readers.base import (
 )
 from geneoh.readers.npz_files import load
 from geneoh.readers.recordings import find_clips, read_clip, source_named
-from geneoh.representation.region import surface_to_world
+from geneoh.representation.region import ObjectSurface
 from geneoh.sequence.normalisation import NormalisedHand, normalised_hands
 from geneoh.sequence.validation import check_sequence
 from geneoh.synthesis.shards import seed_of
@@ -177,7 +177,7 @@ def cut_hand(
     surface = drawn_surface(hand.object.meshes, config.points, generator=generator)
     subject = subject_of(hand.track, load_hand("right"))
     motion = {"rotation": hand.object.rotation, "translation": hand.object.translation}
-    world, _ = surface_to_world(*surface, *motion.values())
+    world, _ = ObjectSurface(*surface, **motion).in_world()
     near = torch.cdist(subject.joints[:, :1], world).amin((1, 2)) <= config.reach
     seen = hand.track.valid
     left_out["far from the object"] += int((~near).sum())

@@ -1,19 +1,18 @@
 """Random windows of synthetic interactions: clean hands, and the object that they hold."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from geneoh.bundle import Bundle
 from geneoh.denoisers.base import POINTS
 from geneoh.denoisers.motion import ObservedMotion
 from geneoh.denoisers.spatial import SpatialEvidence, relative_speeds
 from geneoh.geometry.rotations import axis_angle_to_matrix, interpolate_rotations
 from geneoh.representation.nearest_surface import nearest_on_parts
 from geneoh.representation.parameters import HandParameters
-from geneoh.representation.region import ContactRegion, contact_region
+from geneoh.representation.region import ContactRegion, ObjectSurface, contact_region
 from geneoh.synthesis.motion import Interactions
 
 
@@ -30,30 +29,20 @@ class WindowConfig:
 
 
 @dataclass(frozen=True)
-class Windows(Bundle):
+class Windows(ObjectSurface):
     """B windows of T frames, world frame, metres."""
 
     hand: HandParameters
-    rotation: Float[Tensor, "B T Q 3 3"]
-    """Of the object's parts to the world, with `translation`."""
-    translation: Float[Tensor, "B T Q 3"]
-    points: Float[Tensor, "B P 3"]
-    """Object surface points in the frame of their part, with `normals` and `part` index."""
-    normals: Float[Tensor, "B P 3"]
-    part: Int[Tensor, "B P"]
 
     def region(self, joints: Float[Tensor, "B T 21 3"]) -> ContactRegion:
         """Generalised contact points of a hand and their canonical frame."""
-        surface = self.points, self.normals, self.part, self.rotation, self.translation
-        return contact_region(joints, *surface, count=POINTS, every=4)
+        return contact_region(joints, self, count=POINTS, every=4)
 
     def observed(
         self, noisy: HandParameters, keep: Bool[Tensor, "B T"], region: ContactRegion
     ) -> ObservedMotion:
         """What MotionDiff is shown of a noisy hand, in the canonical frame of a region."""
-        nearest, outward = nearest_on_parts(
-            noisy.joints, self.points, self.normals, self.part, self.rotation, self.translation
-        )
+        nearest, outward = nearest_on_parts(noisy.joints, self)
         return ObservedMotion(
             noisy.to_canon(region),
             keep.float(),
@@ -73,17 +62,8 @@ class Windows(Bundle):
     ) -> SpatialEvidence:
         """What tells SpatialDiff the place of a hand of the world."""
         speeds = relative_speeds(hand.joints, self.rotation[:, :, 0], self.translation[:, :, 0])
-        return SpatialEvidence(
-            hand.joints,
-            self.points,
-            self.normals,
-            self.part,
-            self.rotation,
-            self.translation,
-            speeds,
-            ray,
-            track,
-        )
+        surface = {f.name: getattr(self, f.name) for f in fields(ObjectSurface)}
+        return SpatialEvidence(**surface, joints=hand.joints, speeds=speeds, ray=ray, track=track)
 
 
 @dataclass(frozen=True)
@@ -120,16 +100,10 @@ def draw_windows(
     else:
         start = integers(0, int(room[0]), count)
     clip, window = pick[:, None], start[:, None] + stride[:, None] * torch.arange(frames)
-    return Windows(
-        HandParameters.of_pose(
-            data.wrist[clip, window], data.pose[clip, window], data.offsets[pick]
-        ),
-        data.rotation[clip, window],
-        data.translation[clip, window],
-        data.points[pick],
-        data.normals[pick],
-        data.part[pick],
-    )
+    fixed = data.points[pick], data.normals[pick], data.part[pick]
+    motion = data.rotation[clip, window], data.translation[clip, window]
+    hand = data.wrist[clip, window], data.pose[clip, window], data.offsets[pick]
+    return Windows(*fixed, *motion, HandParameters.of_pose(*hand))
 
 
 def filled(hand: HandParameters, keep: Bool[Tensor, "B T"]) -> HandParameters:

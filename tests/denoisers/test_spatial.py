@@ -36,12 +36,12 @@ def evidence(draw) -> SpatialEvidence:
     joints = translation[:, :, 0, None] + 0.05 * draw(2, 1, 21, 3, seed=3)
     ray = torch.nn.functional.normalize(draw(2, 3, seed=4), dim=-1)
     return SpatialEvidence(
-        joints,
         0.04 * normals,
         normals,
         torch.zeros(2, 50, dtype=torch.long),
         rotation,
         translation,
+        joints,
         relative_speeds(joints, rotation[:, :, 0], translation[:, :, 0]),
         ray * torch.tensor([[1.0], [0.0]]),
         draw(2, TRACK_CUES, seed=5),

@@ -8,34 +8,20 @@ from torch import Tensor
 
 from geneoh.geometry.rigid import Rigid
 from geneoh.geometry.rotations import axis_angle_to_matrix
-from geneoh.representation.region import ContactRegion, contact_region
+from geneoh.representation.region import ContactRegion, ObjectSurface, contact_region
 
 FRAMES, POINTS, COUNT = 5, 80, 12
 
 
 @dataclass(frozen=True)
-class Scene:
+class Scene(ObjectSurface):
     """World keypoints and what `contact_region` wants of the object."""
 
     joints: Tensor
-    points: Tensor
-    normals: Tensor
-    part: Tensor
-    rotation: Tensor
-    translation: Tensor
 
     def region(self, count: int = COUNT, every: int = 1) -> ContactRegion:
         """Contact points of this scene's hand."""
-        return contact_region(
-            self.joints,
-            self.points,
-            self.normals,
-            self.part,
-            self.rotation,
-            self.translation,
-            count=count,
-            every=every,
-        )
+        return contact_region(self.joints, self, count=count, every=every)
 
     def moved(self, motion: Rigid) -> "Scene":
         """The whole scene, hand and object, taken elsewhere."""

@@ -3,7 +3,7 @@ import torch
 
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.representation.nearest_surface import nearest_on_parts, nearest_points
-from geneoh.representation.region import surface_to_world
+from geneoh.representation.region import ObjectSurface
 
 
 def draw(*shape: int, seed: int = 0) -> torch.Tensor:
@@ -31,8 +31,9 @@ def test_on_parts_it_is_the_nearest_of_all_points_placed_in_the_world():
     part[1, 15:], part[2] = 1, 1
     rotation = axis_angle_to_matrix(draw(3, frames, 2, 3, seed=3))
     translation = 0.05 * draw(3, frames, 2, 3, seed=4)
-    nearest, outward = nearest_on_parts(joints, points, normals, part, rotation, translation)
-    world, facing = surface_to_world(points, normals, part, rotation, translation)
+    surface = ObjectSurface(points, normals, part, rotation, translation)
+    nearest, outward = nearest_on_parts(joints, surface)
+    world, facing = surface.in_world()
     at = torch.cdist(joints, world).argmin(-1)[..., None].expand(-1, -1, -1, 3)
     torch.testing.assert_close(nearest, world.gather(2, at), atol=1e-5, rtol=0)
     torch.testing.assert_close(outward, facing.gather(2, at), atol=1e-5, rtol=0)

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
-from geneoh.representation.region import CONTACT_RADIUS, ContactRegion, surface_to_world
+from geneoh.representation.region import CONTACT_RADIUS, ContactRegion
 
 seeds = st.integers(0, 1000)
 few = settings(max_examples=10)  # every one of them a whole scene, or two
@@ -70,9 +70,7 @@ def test_contact_points_of_a_rigid_object_stand_still_in_the_canonical_frame(mak
 @PARTS
 def test_surface_points_are_carried_by_their_part(make_scene, parts):
     scene = make_scene(5, parts)
-    points, normals = surface_to_world(
-        scene.points, scene.normals, scene.part, scene.rotation, scene.translation
-    )
+    points, normals = scene.in_world()
     torch.testing.assert_close(points, world_of(scene))
     turned = replace(scene, points=scene.normals, translation=0 * scene.translation)
     torch.testing.assert_close(normals, world_of(turned))

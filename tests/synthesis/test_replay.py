@@ -111,14 +111,14 @@ def test_distance_follows_the_part_that_has_moved():
     translation = torch.stack([torch.ones(1, 3, 3), 1 + shift @ world.T], dim=2)
     hand = load_hand("right").shaped(torch.zeros(1, 10))
     clip = Interactions(
-        torch.zeros(1, 3, 16, 3),
-        torch.zeros(1, 3, 3),
-        hand.offsets,
-        rotation,
-        translation,
         points,
         points,
         torch.ones(1, 64, dtype=torch.long),
+        rotation,
+        translation,
+        torch.zeros(1, 3, 16, 3),
+        torch.zeros(1, 3, 3),
+        hand.offsets,
         torch.tensor([-1]),
     )
     replay = Replay(clip, Attempts(["chest"], solids, hand, torch.zeros(0).long()))
