@@ -84,8 +84,9 @@ class StageContext(ObjectSurface):
             cut = self.cut(values, 0)
             return cut.expand(samples, *cut.shape).flatten(0, 1)
 
-        fixed = (each.expand(batch, *each.shape) for each in (self.points, self.normals, self.part))
-        return ObjectSurface(*fixed, in_windows(self.rotation), in_windows(self.translation))
+        rotation, translation = in_windows(self.rotation), in_windows(self.translation)
+        points, normals = (each.expand(batch, -1, 3) for each in (self.points, self.normals))
+        return ObjectSurface(points, normals, self.part.expand(batch, -1), rotation, translation)
 
     def evidence(self, observed: HandParameters, hand: HandParameters) -> SpatialEvidence:
         """What tells SpatialDiff the place of each window, from the mean of all samples of a hand.
