@@ -94,15 +94,8 @@ def fit_hand(
     block tridiagonal system per sample. Source: paper A.3 for what is fitted; the solver, the
     temporal, limit and surface terms are ours.
 
-    Args:
-        target: keypoints in the world, one set per sample.
-        trust: weight 0 to 1 per keypoint; one without is determined by the other terms.
-        shaped: the hand of the subject.
-        start: initial parameters (see `start_from_keypoints`).
-        config: weights and iterations.
-        surface: the object; None fits to the keypoints alone.
-        evidence: how much the object counts in each frame, 0 to 1; fully without it.
-        on_step: called with (done, total) after each iteration.
+    `trust` is the weight of each keypoint, 0 to 1; one without is determined by the other terms.
+    `evidence` is how much the object counts in each frame, 0 to 1; fully without it.
     """
     weight = trust.sqrt() / config.joint_std
     steady = steadiness_weight(config).to(target)

@@ -17,8 +17,7 @@ from geneoh.sequence.gaps import fill_gaps
 from geneoh.sequence.sequence import HandTrack
 
 POSE_MISFIT = 0.015
-"""Mean distance in metres between given joints and the given pose's own beyond which the pose is
-taken to be of another convention and the joints alone are used."""
+"""Mean distance of given joints to the given pose's own beyond which this is not used, metres."""
 
 
 @dataclass(frozen=True)

@@ -62,20 +62,11 @@ def animate(
     pairs: HandPairs | None = None,
     grips: Grips | None = None,
 ) -> Interactions:
-    """One interaction of `frames` frames per grasp.
+    """One interaction of `frames` frames per grasp, with so many surface points of the object.
 
     The hand comes from and leaves to a random place with its fingers open, and follows the grasp
-    in the frame of the part it holds, with small adjustments and lifted fingers.
-
-    Args:
-        grasps: the grasps, in the objects' frames.
-        solids: the objects.
-        frames: length of every clip.
-        points: surface points kept of each object.
-        config: how hands and objects move.
-        generator: source of every random choice.
-        pairs: which clips show the second hand on another clip's object; None for no clip.
-        grips: other poses to which a hand shifts while it holds; None where it keeps its grasp.
+    in the frame of the part it holds. Without `pairs` no clip is of a second hand; without `grips`
+    hands keep their grasp.
     """
     config = config or AnimationConfig()
     pairs = pairs or HandPairs.none(len(grasps.pose))

@@ -10,8 +10,7 @@ from geneoh.synthesis.solids import FAR, TORUS, Solids
 SPACING = 0.002
 """Distance of the grid points of marching cubes, metres; the thinnest parts are 3 mm thick."""
 COARSEST, THICKNESS_SHARE = 0.004, 0.6
-"""Spacing for pictures: at most so many metres, and this share of the thickness of the thinnest
-solid."""
+"""Spacing for pictures: at most so many metres, and this share of the thinnest thickness."""
 MARGIN = 0.005
 """Width of the grid around an object, metres."""
 
@@ -19,9 +18,7 @@ MARGIN = 0.005
 def mesh_of(solid: Solids, spacing: float = SPACING) -> Mesh:
     """The surface of one object as a closed mesh, by marching cubes on its signed distance.
 
-    A scanned object has a mesh of its own.
-
-    Vertices are projected onto the surface, so that only edges are rounded, by about the spacing.
+    Only edges are rounded, by about the spacing; a scanned object has a mesh of its own.
     """
     centre, size, turn = solid.center[0], solid.size[0], solid.rotation[0]
     if solid.scans is not None and int(solid.scan) >= 0:

@@ -157,19 +157,8 @@ def train(
 
     The run's state is saved in `folder`/`stage`_state.safetensors after every `checkpoint_every`
     steps; a run started again with the same folder continues there. `stage`_log.csv has a row per
-    validation (see `LogRow`).
-
-    Args:
-        stage: which network.
-        config: of the run.
-        data: interactions to learn from.
-        validation: interactions to validate on.
-        folder: where the files are written.
-        device: where the network is trained.
-        motion_denoiser: MotionDiff, for a stage that follows it.
-        data_record: config and seed of the data, for the record.
-        start: weights to start from instead of random ones; see `geneoh.training.start`.
-        on_step: called after each step.
+    validation (see `LogRow`). A stage that follows MotionDiff needs `motion_denoiser`; the record
+    of the weights holds `data_record`; `start` takes the place of random first weights.
 
     Raises:
         CheckpointError: the folder holds a run of another network, config or data.
@@ -191,7 +180,10 @@ def train(
     while state.step < config.steps:
         began = time.monotonic()
         if stage == "temporal" and state.step == config.autoencoder_steps:
-            start_latent(state, source.batch(data, "latent")[0])
+            # the denoiser of the latent starts with the averaged weights of the autoencoder
+            state.model.load_state_dict(state.average)
+            set_latent_statistics(state.model, source.batch(data, "latent")[0])
+            state.average = {n: t.clone() for n, t in state.model.state_dict().items()}
         batch, generator = next(upcoming)
         loss = loss_of(stage, state.step, config)(state.model, batch, generator=generator)
         update(state, loss, config)
@@ -225,13 +217,6 @@ def first_state(
     multiply_in(model, precision)
     average = {n: t.clone() for n, t in model.state_dict().items()}
     return TrainState(model, average, Optimizer(model, config, precision))
-
-
-def start_latent(state: TrainState, batch: Batch) -> None:
-    """Start the denoiser of the latent with the averaged weights of the trained autoencoder."""
-    state.model.load_state_dict(state.average)
-    set_latent_statistics(state.model, batch)
-    state.average = {n: t.clone() for n, t in state.model.state_dict().items()}
 
 
 def update(state: TrainState, loss: Tensor, config: TrainConfig) -> None:

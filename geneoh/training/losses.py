@@ -39,11 +39,9 @@ KEYPOINT_UNIT = 0.02
 TRIALS = 32
 """Places at which SpatialDiff is asked in training, for each window."""
 TRIAL_SPREAD = ((0.0, 0.04), (0.0, 0.015), (1.0, 0.006), (1.0, 0.02))
-"""Trial places are drawn around the hand that is seen (0) or the clean one (1), with these
-deviations in metres, in equal shares."""
+"""Trial places are around the hand that is seen (0) or the clean one (1): deviations in metres."""
 SHIFT_WIDTH = 0.004
-"""Width of the density that the network is to give around the true shift, metres: clean hands are
-not known better."""
+"""Width of the density around the true shift, metres: clean hands are not known better."""
 WEIGHT_FLOOR = 0.1
 """Squared error of an input, in such units, below which windows no longer gain weight."""
 
@@ -225,8 +223,7 @@ def recovered_fraction(
 ) -> Float[Tensor, ""]:
     """Error left after one call at the default starting level, over the error of the input.
 
-    Below 1 the stage helps; measured on keypoints, on shifts of the hand (spatial) or on latents
-    (temporal).
+    It is of keypoints, of shifts of the hand (spatial) or of latents (temporal).
     """
     given = torch.ones_like(batch.observation.given)
     observation = replace(batch.observation, given=given)
