@@ -15,7 +15,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.diffusion.samplers import normal_like
-from geneoh.progress import OnStep
+from geneoh.progress import OnStep, steps
 
 LogDensity = Callable[[Float[Tensor, "B M D"]], Float[Tensor, "B M"]]
 """From M places of each item of a batch to the logarithm of their density, up to a constant."""
@@ -133,7 +133,7 @@ def importance_posterior(
     used: list[Proposal] = []
     drawn, asked = zero[:, None, :][:, :0], zero[:, :0]
     found = Posterior(zero, start)
-    for index in range(rounds):
+    for index in steps(range(rounds), on_step):
         new = torch.cat([proposal.draw(generator) for proposal in upcoming], dim=1)
         drawn = torch.cat([drawn, new], dim=1)
         asked = torch.cat([asked, log_density(new)], dim=1)
@@ -142,8 +142,6 @@ def importance_posterior(
         share = (index + 1) / rounds  # a flatter density first: its few best places may mislead
         found = _weighed(drawn, (share * asked - mixture).softmax(1))
         upcoming = [Proposal(found.mean, WIDEN * found.root, places)]
-        if on_step is not None:
-            on_step(index + 1, rounds)
     return found
 
 

@@ -13,7 +13,7 @@ from jaxtyping import Float
 from torch import Tensor
 from typing_extensions import assert_never
 
-from geneoh.progress import OnStep
+from geneoh.progress import OnStep, steps
 
 Model = Callable[[Tensor, float], Tensor]
 """From a noisy sample and its noise level to the clean sample."""
@@ -50,15 +50,12 @@ def sample_ancestral(
     In the scaled form x_n / sqrt(abar_n) the posterior mean is x0 + (s'/s)^2 (x - x0) and the
     variance beta_n becomes (s^2 - s'^2) (1 + s'^2) / (1 + s^2); no noise is added in the last step.
     """
-    levels = sigmas.double().tolist()
-    for i, (sigma, after) in enumerate(itertools.pairwise(levels)):
+    for sigma, after in steps([*itertools.pairwise(sigmas.double().tolist())], on_step):
         clean = model(x, sigma)
         x = clean + (after / sigma) ** 2 * (x - clean)
         if after > 0:
             spread = ((sigma**2 - after**2) * (1 + after**2) / (1 + sigma**2)) ** 0.5
             x = x + spread * normal_like(x, generator=generator)
-        if on_step is not None:
-            on_step(i + 1, len(levels) - 1)
     return x
 
 
@@ -72,12 +69,9 @@ def sample_ddim(
 ) -> Float[Tensor, "*S"]:
     """Deterministic DDIM (Song et al. 2021, eq. 12 with eta 0), the Euler method of the flow."""
     del generator  # takes no noise; the signature is shared by all samplers
-    levels = sigmas.double().tolist()
-    for i, (sigma, after) in enumerate(itertools.pairwise(levels)):
+    for sigma, after in steps([*itertools.pairwise(sigmas.double().tolist())], on_step):
         clean = model(x, sigma)
         x = clean + after / sigma * (x - clean)
-        if on_step is not None:
-            on_step(i + 1, len(levels) - 1)
     return x
 
 

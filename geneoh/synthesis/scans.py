@@ -21,7 +21,7 @@ from geneoh.files.tensors import DamagedTensorsError, opened_tensors, write_tens
 from geneoh.geometry.distance import SurfaceDistance
 from geneoh.geometry.mesh import MESH_SUFFIXES, Mesh, load_mesh, size_warning
 from geneoh.geometry.sampling import sample_surface
-from geneoh.progress import OnStep
+from geneoh.progress import OnStep, steps
 
 FILE = "scans.safetensors"
 """Name of the file in a folder of shards that holds the scanned objects of its clips."""
@@ -185,7 +185,7 @@ def read_folder(folder: Path, unit: Unit = "m") -> MeshFolder:
 def build_scans(found: MeshFolder, *, on_mesh: OnStep | None = None) -> Scans:
     """Grids, surface points and places to grasp; `InputError` if a mesh encloses nothing."""
     built, values = [], []
-    for done, (name, mesh) in enumerate(zip(found.names, found.meshes, strict=True), 1):
+    for name, mesh in steps([*zip(found.names, found.meshes, strict=True)], on_mesh):
         try:
             field = SurfaceDistance(mesh)
         except InputError as error:
@@ -198,8 +198,6 @@ def build_scans(found: MeshFolder, *, on_mesh: OnStep | None = None) -> Scans:
         grasped = torch.where(thickness < HAND_SPAN, 1.0, WIDE_SHARE)
         built.append((half, surface.points, surface.normals, grasped, spacing, shape))
         values.append(grid.flatten().half())
-        if on_mesh is not None:
-            on_mesh(done, len(found.names))
     sizes = torch.tensor([0, *(len(grid) for grid in values[:-1])])
     columns = [torch.stack(column) for column in zip(*built, strict=True)]
     columns += [sizes.cumsum(0), torch.cat(values)]

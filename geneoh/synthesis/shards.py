@@ -18,7 +18,7 @@ from geneoh.files.tensors import (
     write_tensors,
 )
 from geneoh.hand.model import HandModel, ShapedHand
-from geneoh.progress import OnStep
+from geneoh.progress import OnStep, steps
 from geneoh.synthesis.bimanual import (
     BimanualConfig,
     bimanual_objects,
@@ -245,7 +245,7 @@ def write_shards(
                 f"{path}: was made with {differs}; ask for the same or name another folder"
             )
     made = 0
-    for index in range(config.shards):
+    for index in steps(range(config.shards), on_shard):
         path = folder / f"{config.split_of(index)}_{index:05d}.safetensors"
         if not path.exists():
             names, generator = config.families_of(index, scans), shard_generator(seed, index)
@@ -253,8 +253,6 @@ def write_shards(
             tensors = {f.name: getattr(part, f.name) for f in fields(part)}
             write_tensors(path, tensors, as_dict(record))
             made += 1
-        if on_shard is not None:
-            on_shard(index + 1, config.shards)
     return made
 
 

@@ -21,7 +21,7 @@ from geneoh.fitting.subject import subject_of
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.sampling import sample_surface
 from geneoh.hand.library import load_hand
-from geneoh.progress import OnStep
+from geneoh.progress import OnStep, steps
 from geneoh.readers.base import (
     ReaderOptions,
     Recording,
@@ -131,7 +131,7 @@ def make_shards(
         InputError: no clip of the source can be read; the message is that of the first.
     """
     clips, shards, problems = clips_of(source, path), [], []
-    for index, clip in enumerate(clips):
+    for clip in steps(clips, on_step):
         shard = folder / f"{clip.name.replace('/', '_')}.safetensors"
         try:
             if not is_fresh(shard, clip, config):
@@ -139,8 +139,6 @@ def make_shards(
             shards.append(shard)
         except GeneOHError as error:
             problems.append(f"{clip.name}: not read, {error}")
-        if on_step is not None:
-            on_step(index + 1, len(clips))
     if not shards:
         raise InputError(problems[0])
     return shards, problems
