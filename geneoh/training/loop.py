@@ -225,8 +225,14 @@ def update(state: TrainState, loss: Tensor, config: TrainConfig) -> None:
     loss.backward()
     nn.utils.clip_grad_norm_(state.model.parameters(), config.clip)
     state.optimizer.step(learning_rate(state.step, config))
-    decay = min(config.ema, (1 + state.step) / (10 + state.step))  # forgets the start
-    for name, tensor in state.model.state_dict().items():  # which are detached
-        state.average[name].lerp_(tensor, 1 - decay)
+    update_average(state, config.ema)
     state.step += 1
     state.recent.append(loss.item())
+
+
+@torch.no_grad()
+def update_average(state: TrainState, decay: float) -> None:
+    """Move the averaged weights towards the network's; faster at first, to forget the start."""
+    decay = min(decay, (1 + state.step) / (10 + state.step))
+    for name, tensor in state.model.state_dict().items():
+        state.average[name].lerp_(tensor, 1 - decay)
