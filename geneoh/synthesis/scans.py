@@ -135,14 +135,16 @@ class Scans(MeshFolder):
         generator: torch.Generator,
         to_grasp: bool = False,
     ) -> tuple[Float[Tensor, "B P 3"], Float[Tensor, "B P 3"]]:
-        """Points of the surface of one object each, with their outward normals.
+        """Points of the surface of one object each, spread evenly, with their outward normals.
 
-        They are spread evenly, or where a hand may start `to_grasp`.
+        To grasp, they are at random where a hand may start.
         """
         order = torch.rand(len(which), SAMPLES, generator=generator)
         if to_grasp:  # the first of arrivals whose rates are the weights
             order = order.log().neg() / self.grasped[which]
-        chosen = order.argsort(1)[:, torch.arange(count) % SAMPLES]  # all, and then once more
+        chosen = order.argsort(1)[
+            :, torch.arange(count) % SAMPLES
+        ]  # again from the first where there are fewer
         return self.points[which[:, None], chosen], self.normals[which[:, None], chosen]
 
 
@@ -150,7 +152,8 @@ def read_folder(folder: Path, unit: Unit = "m") -> MeshFolder:
     """The meshes of a folder, in the order of their names.
 
     Raises:
-        InputError: no mesh, a broken one or one of the wrong size, or another name is held out.
+        InputError: no mesh is there, one is broken or of the wrong size for a hand, or a name that
+            is held out is no mesh.
     """
     paths = sorted(p for p in folder.glob("*") if p.suffix.lower() in MESH_SUFFIXES)
     if not paths:

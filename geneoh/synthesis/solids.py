@@ -157,7 +157,7 @@ class Solids(Bundle):
     ) -> tuple[Float[Tensor, "B P 3"], Float[Tensor, "B P 3"]]:
         """Points spread over the surface with their outward normals.
 
-        Those `to_grasp` a scan at are rather where a hand may start, one point of each object.
+        To grasp, those of scans are at random where a hand may start.
         """
         if self.scans is None:
             return self._projected(count, generator=generator)
