@@ -13,18 +13,15 @@ from geneoh.hand.skeleton import bone_lengths
 HAND_SCALE = 0.08
 """Deviation of canonical keypoints around the contact points, metres: the unit of the paper's
 unit-variance schedule. It is fixed: each window's own, as in the paper, would lose bone lengths."""
-NOISE_SCALE = 0.02
-"""How far a clean keypoint typically is from its observation, metres."""
-POINTS = 32
-"""Contact points K the networks are trained with."""
+NOISE_SCALE = 0.02  # how far a clean keypoint typically is from its observation, metres
+POINTS = 32  # contact points K the networks are trained with
 
 
 @dataclass(frozen=True)
 class Observation(Bundle):
     """The noisy hand as a condition for a network."""
 
-    joints: Float[Tensor, "B T 21 3"]
-    """Keypoints in the canonical frame, metres, gaps filled."""
+    joints: Float[Tensor, "B T 21 3"]  # keypoints in the canonical frame, metres, gaps filled
     trust: Float[Tensor, "B T 21"]
     """0 where a keypoint was filled in, else its confidence, 1 at most."""
     given: Float[Tensor, " B"]
@@ -84,5 +81,4 @@ def palm_axes(joints: Float[Tensor, "B T 21 3"]) -> Float[Tensor, "B 3 3"]:
     return torch.stack([first, second, torch.linalg.cross(first, second)], dim=-1)
 
 
-OBSERVATION_FEATURES = 63 + 60 + 63 + 21 + 20 + 1
-"""Width of `Observation.features`."""
+OBSERVATION_FEATURES = 63 + 60 + 63 + 21 + 20 + 1  # width of `Observation.features`

@@ -23,8 +23,7 @@ from geneoh.representation.parameters import UNIT, HandParameters, turned
 
 SURFACE_SCALE, CONTACT_CUE_SCALE = 0.02, 0.04
 """Distances over which closeness to the surface decays in features and contact cues, metres."""
-CONTACT_CUES = 63 + 45
-"""Width of `ObservedMotion.contact_cues`."""
+CONTACT_CUES = 63 + 45  # width of `ObservedMotion.contact_cues`
 MOTION_FEATURES = 3 + 60 + 6 + 45 + 54 + 63 + 21 + 21 + 6 + 20 + 1
 """Width of `ObservedMotion.features`."""
 
@@ -36,16 +35,14 @@ class MotionConfig:
     width: int = 160
     depth: int = 6
     heads: int = 4
-    rank: int = 96
-    """Channels of the linear map from candidates and contact cues to a change."""
+    rank: int = 96  # channels of the linear map from candidates and contact cues to a change
 
 
 @dataclass(frozen=True)
 class NetworkInput:
     """What the network reads of an observation, all of it in the axes of the palm."""
 
-    axes: Float[Tensor, "B 3 3"]
-    """Axes of the palm as columns, canonical frame."""
+    axes: Float[Tensor, "B 3 3"]  # axes of the palm as columns, canonical frame
     candidates: Float[Tensor, "B T K 51"]
     contact_cues: Float[Tensor, "B T C"]
     features: Float[Tensor, "B T F"]
@@ -55,14 +52,12 @@ class NetworkInput:
 class ObservedMotion(Bundle):
     """MotionDiff's condition: the noisy hand, the surface near it and the object's motion."""
 
-    hand: HandParameters
-    """Canonical frame, gaps filled."""
+    hand: HandParameters  # canonical frame, gaps filled
     trust: Float[Tensor, "B T"]
     """0 where a frame was filled in, else its mean confidence, 1 at most."""
     nearest: Float[Tensor, "B T 21 3"]
     """The object's surface point nearest to each observed keypoint, canonical frame."""
-    normals: Float[Tensor, "B T 21 3"]
-    """Outward normals there."""
+    normals: Float[Tensor, "B T 21 3"]  # outward normals there
     rotation: Float[Tensor, "B T 3 3"]
     """R_k, canonical to world; with the centres `center` it tells how the object moves."""
     center: Float[Tensor, "B T 3"]

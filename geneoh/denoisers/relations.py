@@ -16,10 +16,8 @@ from geneoh.diffusion.precondition import preconditioned
 from geneoh.nn.blocks import FrameTransformer, mlp, zeroed
 from geneoh.representation.spatial import SpatialRelations
 
-CONTACT_SCALE = 0.02
-"""Distance over which the closeness features decay, metres."""
-RELATION_FEATURES = 6 + 63 + 42
-"""Width of `relation_features`."""
+CONTACT_SCALE = 0.02  # distance over which the closeness features decay, metres
+RELATION_FEATURES = 6 + 63 + 42  # width of `relation_features`
 
 
 @dataclass(frozen=True)

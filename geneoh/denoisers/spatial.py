@@ -24,20 +24,14 @@ from geneoh.representation.nearest_surface import nearest_on_parts
 from geneoh.representation.parameters import UNIT, HandParameters
 from geneoh.representation.region import ObjectSurface
 
-CLOSE = 0.02
-"""Distance over which closeness to the surface decays, metres."""
-SHIFT_UNIT = 0.02
-"""Unit in which the network reads shifts, metres."""
-REACH = 0.1
-"""Shifts farther than this have no density, metres: training shows none."""
+CLOSE = 0.02  # distance over which closeness to the surface decays, metres
+SHIFT_UNIT = 0.02  # unit in which the network reads shifts, metres
+REACH = 0.1  # shifts farther than this have no density, metres: training shows none
 PRIOR_RANGE = (0.0005, 0.06)
 """Least and largest deviation of the shift before the surface is looked at, metres."""
-SPEED_FRAMES = 2
-"""Speeds are taken over so many frames before and after."""
-TRACK_CUES = 12
-"""Width of `SpatialEvidence.track`."""
-FRAME_FEATURES = 21 * 8 + 63 + 5 + 3
-"""Width of the features of one trial place in one frame."""
+SPEED_FRAMES = 2  # speeds are taken over so many frames before and after
+TRACK_CUES = 12  # width of `SpatialEvidence.track`
+FRAME_FEATURES = 21 * 8 + 63 + 5 + 3  # width of the features of one trial place in one frame
 
 
 @dataclass(frozen=True)
@@ -45,16 +39,14 @@ class SpatialConfig:
     """Size of the network and how much it looks at."""
 
     width: int = 192
-    frames: int = 10
-    """Frames of a window that it looks at, evenly apart."""
+    frames: int = 10  # frames of a window that it looks at, evenly apart
 
 
 @dataclass(frozen=True)
 class SpatialEvidence(ObjectSurface):
     """What tells the place of B hands over T frames, world frame, metres."""
 
-    joints: Float[Tensor, "B T 21 3"]
-    """The hand after MotionDiff."""
+    joints: Float[Tensor, "B T 21 3"]  # the hand after MotionDiff
     speeds: Float[Tensor, "B T 5"]
     """How fast hand and object move (`relative_speeds`): an object that moves is held."""
     ray: Float[Tensor, "B 3"]

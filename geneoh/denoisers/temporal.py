@@ -15,8 +15,7 @@ from geneoh.diffusion.precondition import preconditioned
 from geneoh.nn.blocks import FrameTransformer, mlp, zeroed
 from geneoh.representation.temporal import PairStatistics, TemporalRelations
 
-SPEED_SCALE = 0.2
-"""Typical relative speed near contact, m/s."""
+SPEED_SCALE = 0.2  # typical relative speed near contact, m/s
 LATENT_NOISE_SCALE = 0.5
 """Deviation of a clean latent from the observed one, relative to the latent's own deviation."""
 

@@ -31,10 +31,8 @@ class Subject(Bundle):
     joints: Float[Tensor, "T 21 3"]
     trust: Float[Tensor, "T 21"]
     """Weight of each keypoint: 0 in frames that were filled, elsewhere the confidence, or 1."""
-    start: HandState | None
-    """Parameters of the input, one sample; None where it has no usable ones."""
-    notes: tuple[str, ...]
-    """What had to be assumed, in words."""
+    start: HandState | None  # parameters of the input, one sample; None where it has no usable ones
+    notes: tuple[str, ...]  # what had to be assumed, in words
 
     def parameters(self) -> HandState:
         """Parameters of the input, one sample; fitted to its keypoints where it has none."""

@@ -138,13 +138,11 @@ def pose_term(state: HandState, model: HandModel, prior: float, limit: float) ->
 class Planes:
     """Tangent planes of the object that some vertices should reach, per sample and frame."""
 
-    verts: Int[Tensor, "S T K"]
-    """Indices of the vertices."""
+    verts: Int[Tensor, "S T K"]  # indices of the vertices
     closest: Float[Tensor, "S T K 3"]
     """A point of the plane in the world; `normal` is its unit normal."""
     normal: Float[Tensor, "S T K 3"]
-    weight: Float[Tensor, "S T K"]
-    """1 / deviation in 1/m; 0 ignores a vertex."""
+    weight: Float[Tensor, "S T K"]  # 1 / deviation in 1/m; 0 ignores a vertex
 
 
 def surface_term(state: HandState, shaped: ShapedHand, planes: Planes) -> Equations:

@@ -28,8 +28,7 @@ from geneoh.hand.model import HandModel
 from geneoh.hand.skeleton import PARENTS
 
 ENVIRONMENT = "GENEOH_MANO_DIR"
-LARGEST = 2**32
-"""No number of a MANO file is larger: the parent of the root is stored as 2**32 - 1."""
+LARGEST = 2**32  # no number of a MANO file is larger: the parent of the root is stored as 2**32 - 1
 HOME = "https://mano.is.tue.mpg.de"
 FOLDERS = ("", "models", "mano", "mano_v1_2/models")
 """Where in the given folder the files are looked for: as unpacked, or as smplx wants them."""
@@ -52,10 +51,8 @@ def name_of(side: Side, name: ManoName) -> ManoName:
 class PoseSpace:
     """What MANO's own way of writing a pose needs: its mean, and coefficients of components."""
 
-    mean: Float[Tensor, " 45"]
-    """What flat_hand_mean=False adds to a pose, radians."""
-    components: Float[Tensor, "45 45"]
-    """Rows of the pose components; not of unit length."""
+    mean: Float[Tensor, " 45"]  # what flat_hand_mean=False adds to a pose, radians
+    components: Float[Tensor, "45 45"]  # rows of the pose components; not of unit length
 
 
 def load_mano(

@@ -6,8 +6,7 @@ from torch import Tensor
 
 from geneoh.representation.region import ObjectSurface
 
-CACHED = 2**20
-"""Distances that are held at once."""
+CACHED = 2**20  # distances that are held at once
 
 
 def nearest_points(

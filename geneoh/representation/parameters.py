@@ -26,12 +26,9 @@ class HandParameters(Bundle):
     """Right hands over T frames in a canonical frame, metres and radians."""
 
     wrist: Float[Tensor, "*B T 3"]
-    turn: Float[Tensor, "*B T 3 3"]
-    """Global rotation, hand to canonical."""
-    fingers: Float[Tensor, "*B T 15 3"]
-    """Axis-angle of the finger joints in MANO order."""
-    offsets: Float[Tensor, "*B 20 3"]
-    """The person's skeleton (see `geneoh.hand.skeleton`)."""
+    turn: Float[Tensor, "*B T 3 3"]  # global rotation, hand to canonical
+    fingers: Float[Tensor, "*B T 15 3"]  # axis-angle of the finger joints in MANO order
+    offsets: Float[Tensor, "*B 20 3"]  # the person's skeleton (see `geneoh.hand.skeleton`)
 
     @classmethod
     def of_pose(

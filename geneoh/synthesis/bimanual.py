@@ -21,8 +21,7 @@ class BimanualConfig:
     """Second hands that are tried, as a share of the first ones; many of them are not kept."""
     gap: float = 0.025
     """Least distance between keypoints of two hands, metres: each has skin around it."""
-    bone_std: float = 0.005
-    """Relative deviation of bone lengths between the two hands of a person."""
+    bone_std: float = 0.005  # relative deviation of bone lengths between the two hands of a person
 
 
 @dataclass(frozen=True)

@@ -13,22 +13,17 @@ class GraspType:
     """What makes one type of grasp differ from the others; ranges are of one draw per grasp."""
 
     name: str
-    share: float
-    """Share of the attempts."""
+    share: float  # share of the attempts
     digits: tuple[float, float, float, float, float, float]
     """Probability that each takes part: index, middle, pinky, ring, thumb, palm."""
-    needed: int
-    """Digits that must touch with pads of this type."""
+    needed: int  # digits that must touch with pads of this type
     fingers: tuple[float, float, float] = (0.0, 0.1, 1.0)
     """Probability that the base, middle and distal pad of a finger that takes part should touch."""
-    thumb: tuple[float, float, float] = (0.0, 0.1, 1.0)
-    """The same for the thumb."""
+    thumb: tuple[float, float, float] = (0.0, 0.1, 1.0)  # the same for the thumb
     side: tuple[float, float] = (0.0, 0.0)
     """The same for the index's middle and distal phalanx on the side of the thumb."""
-    finger_curls: tuple[float, float] = CURLS
-    """Range of the curl of the fingers."""
-    thumb_curls: tuple[float, float] = CURLS
-    """Range of the curl of the thumb."""
+    finger_curls: tuple[float, float] = CURLS  # range of the curl of the fingers
+    thumb_curls: tuple[float, float] = CURLS  # range of the curl of the thumb
     opposition: float = 1.0
     """How far the thumb turns under the palm: 0 beside the index, 1 across from the fingers."""
     opened: tuple[float, float] = (0.0, 0.8)
@@ -36,10 +31,8 @@ class GraspType:
     over: tuple[float, float, float] = (-1.0, 0.0, 0.045)
     """Point of the hand that starts over the surface: along the palm in lengths of the palm,
     towards the thumb and below the palm in metres."""
-    faces: tuple[float, float, float] = PAD_OF_PALM
-    """Direction of the hand that faces the surface."""
-    approaches: int = 1
-    """Random starts, of which the one with the least energy is taken."""
+    faces: tuple[float, float, float] = PAD_OF_PALM  # direction of the hand that faces the surface
+    approaches: int = 1  # random starts, of which the one with the least energy is taken
     bears: tuple[float, float, float] | None = None
     """Outward normal of a surface whose weight rests on the hand, in the hand's frame; None for
     grips, which hold by opposing contacts."""

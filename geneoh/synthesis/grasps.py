@@ -34,8 +34,7 @@ from geneoh.synthesis.solids import Solids
 class GraspChecks:
     """What a kept grasp must pass."""
 
-    depth: float = 0.003
-    """No sphere of the hand is deeper in the object, metres."""
+    depth: float = 0.003  # no sphere of the hand is deeper in the object, metres
     contact: float = 0.004
     """A pad that the type of grasp may want touches where it is nearer to the surface, metres."""
     fingers: int = 0
@@ -60,62 +59,46 @@ class GraspChecks:
 class GraspEnergy:
     """Weights of the terms of the energy that the descent minimises."""
 
-    depth: float = 4e4
-    """Of squared penetration of the hand's spheres, 1/m^2."""
-    contact: float = 60.0
-    """Of the distance of wanted pads to the surface, 1/m."""
+    depth: float = 4e4  # of squared penetration of the hand's spheres, 1/m^2
+    contact: float = 60.0  # of the distance of wanted pads to the surface, 1/m
     far_contact: float = 30.0
     """Of its square over the distance itself, 1/m: pads far from the surface are drawn faster."""
     facing: float = 0.25
     """Of 1 plus the cosine between a wanted pad's direction and the surface normal."""
-    opposition: float = 3.0
-    """Of what wanted pads of thumb and fingers lack to `opposed`, in grips."""
+    opposition: float = 3.0  # of what wanted pads of thumb and fingers lack to `opposed`, in grips
     opposed: float = 1.0
     """Agreement (up to 2) of two pads on either side of an object beyond which no more is asked."""
-    clearance: float = 2e4
-    """Of squared overlap of different fingers, 1/m^2."""
+    clearance: float = 2e4  # of squared overlap of different fingers, 1/m^2
     liked: float = 0.12
     """Of the squared distance to the pose that was drawn for this hand, in deviations."""
-    range: float = 2.0
-    """Deviations outside of the range from which squares count in full."""
-    wrong_side: float = 1e5
-    """Of starting on the other side of an object than is asked for, 1/m^2."""
+    range: float = 2.0  # deviations outside of the range from which squares count in full
+    wrong_side: float = 1e5  # of starting on the other side of an object than is asked for, 1/m^2
 
 
 @dataclass(frozen=True)
 class GraspConfig:
     """How grasps are looked for."""
 
-    steps: int = 140
-    """Descent steps of Adam with a cosine rate."""
-    wrist_rate: float = 0.004
-    """First learning rate of the wrist's position, metres."""
-    angle_rate: float = 0.03
-    """First learning rate of orientation and finger joints, radians."""
-    last_rate: float = 1e-4
-    """Last learning rate of all of them."""
+    steps: int = 140  # descent steps of Adam with a cosine rate
+    wrist_rate: float = 0.004  # first learning rate of the wrist's position, metres
+    angle_rate: float = 0.03  # first learning rate of orientation and finger joints, radians
+    last_rate: float = 1e-4  # last learning rate of all of them
     stop: float = 2.15
     """Deviations outside of the range at which joints stop; less than `checks.deviations`."""
-    curl_std: float = 0.3
-    """Deviation of the logarithm of the curl from digit to digit."""
+    curl_std: float = 0.3  # deviation of the logarithm of the curl from digit to digit
     habit_std: float = 0.6
     """Deviation of the pose that is drawn for a hand, in deviations of each joint."""
-    start_habit: float = 0.5
-    """Share of that deviation with which the hand starts."""
+    start_habit: float = 0.5  # share of that deviation with which the hand starts
     tilt_std: float = 0.25
     """Deviation of the hand's first orientation from facing the surface, radians on each axis."""
     start_reach: tuple[float, float] = (0.75, 1.25)
     """Range of a factor on how far along the palm the surface point lies at the start."""
-    grips: int = 2
-    """Other poses that are looked for in which a hand holds the same place."""
-    grip_steps: float = 0.25
-    """Descent steps for each, as a share of `steps`."""
+    grips: int = 2  # other poses that are looked for in which a hand holds the same place
+    grip_steps: float = 0.25  # descent steps for each, as a share of `steps`
     grip_turn_std: float = 0.12
     """Deviation of a grip's turn about the pads that touch, radians on each axis, at its start."""
-    grip_shift_std: float = 0.004
-    """Deviation of its shift, metres."""
-    grip_habit_std: float = 0.25
-    """Deviation of its fingers, in deviations of each joint."""
+    grip_shift_std: float = 0.004  # deviation of its shift, metres
+    grip_habit_std: float = 0.25  # deviation of its fingers, in deviations of each joint
     energy: GraspEnergy = field(default_factory=GraspEnergy)
     checks: GraspChecks = field(default_factory=GraspChecks)
 
@@ -127,10 +110,8 @@ class Grasps(Bundle):
     pose: Float[Tensor, "B 16 3"]
     wrist: Float[Tensor, "B 3"]
     offsets: Float[Tensor, "B 20 3"]
-    kept: Bool[Tensor, " B"]
-    """Whether the grasp passes the checks."""
-    types: Int[Tensor, " B"]
-    """Index into GRASP_TYPES of what was tried."""
+    kept: Bool[Tensor, " B"]  # whether the grasp passes the checks
+    types: Int[Tensor, " B"]  # index into GRASP_TYPES of what was tried
 
 
 @dataclass(frozen=True)
@@ -147,10 +128,8 @@ class _Attempt(Bundle):
 
     types: Int[Tensor, " B"]
     offsets: Float[Tensor, "B 20 3"]
-    liked: Float[Tensor, "B 15 3"]
-    """The finger pose that this hand likes, this time."""
-    wanted: Bool[Tensor, "B 19"]
-    """Pads that should touch."""
+    liked: Float[Tensor, "B 15 3"]  # the finger pose that this hand likes, this time
+    wanted: Bool[Tensor, "B 19"]  # pads that should touch
 
     @cached_property
     def scale(self) -> Float[Tensor, "B 1"]:

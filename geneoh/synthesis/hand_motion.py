@@ -31,8 +31,7 @@ class HandMotionConfig:
     """Where hands come from, in the hand's frame: off the palm and towards the forearm."""
     away_distance: tuple[float, float] = (0.06, 0.2)
     """Range of the distance from there to the grasp, in lengths of `away_direction`, metres."""
-    away_std: float = 0.05
-    """Deviation of that place on each axis, metres."""
+    away_std: float = 0.05  # deviation of that place on each axis, metres
     table_height: float = 0.04
     """Least height of that place over the grasp where there is a table, metres."""
     away_turn_std: float = 0.4
@@ -41,24 +40,17 @@ class HandMotionConfig:
     """Half duration of a moment without the grasp, frames (deviation of a bell curve)."""
     regrasp_distance: float = 0.3
     """How far the wrist goes in that moment, as a share of its way from the object."""
-    regrasp_opening: float = 0.7
-    """How far the fingers open in that moment, as a share."""
-    shift_noise: float = 0.001
-    """Deviation of the wrist's small adjustments while it holds, metres."""
-    shift_period: float = 12.0
-    """Frames over which they change."""
+    regrasp_opening: float = 0.7  # how far the fingers open in that moment, as a share
+    shift_noise: float = 0.001  # deviation of the wrist's small adjustments while it holds, metres
+    shift_period: float = 12.0  # frames over which they change
     turn_noise: float = 0.01
     """Deviation of the small adjustments of the hand's orientation, radians."""
-    turn_period: float = 15.0
-    """Frames over which they change."""
-    grip_share: float = 0.6
-    """Share of the hands that shift from grip to grip while they hold."""
-    grip_frames: tuple[float, float] = (8.0, 40.0)
-    """Range of the frames that a hand takes to shift."""
+    turn_period: float = 15.0  # frames over which they change
+    grip_share: float = 0.6  # share of the hands that shift from grip to grip while they hold
+    grip_frames: tuple[float, float] = (8.0, 40.0)  # range of the frames that a hand takes to shift
     restless_share: float = 0.5
     """Of those that shift, the share that is always between its grips, as in the use of a tool."""
-    restless_period: float = 10.0
-    """Frames over which their place between the grips changes."""
+    restless_period: float = 10.0  # frames over which their place between the grips changes
     restless_size: float = 2.0
     """How far they go from the middle: with large numbers from one grip to the next."""
     open_curl: tuple[float, float] = (0.05, 0.9)
@@ -71,8 +63,7 @@ class HandMotionConfig:
     """Share of the fingers that are lifted from the object while the hand holds."""
     lift_time: tuple[float, float] = (0.2, 0.8)
     """Range of the time at which they are, as a share of the clip."""
-    lift_width: float = 7.0
-    """Half duration of it, frames (deviation of a bell curve)."""
+    lift_width: float = 7.0  # half duration of it, frames (deviation of a bell curve)
     lift_height: tuple[float, float] = (0.2, 0.6)
     """Range of how far they open, as a share of the way to the open fingers."""
     repeat_share: float = 0.2
@@ -81,10 +72,8 @@ class HandMotionConfig:
     """Range of the frames from one time to the next."""
     tremor: float = 0.004
     """Deviation of the finger joints' small motion while the hand holds, radians."""
-    open_tremor: float = 0.04
-    """What is added to it while the hand is open, radians."""
-    tremor_period: float = 8.0
-    """Frames over which it changes."""
+    open_tremor: float = 0.04  # what is added to it while the hand is open, radians
+    tremor_period: float = 8.0  # frames over which it changes
     together: float = 0.6
     """Correlation of that motion between the flexions of the four fingers; recorded free motion
     (Leap Motion, leapjs-playback): 0.56 to 0.8."""
@@ -94,14 +83,10 @@ class HandMotionConfig:
 class HandPhases:
     """How far hands are from their grasp in each frame: 0 in the grasp, 1 away from it."""
 
-    reach: Float[Tensor, "B T"]
-    """Of the wrist, before the grasp."""
-    leave: Float[Tensor, "B T"]
-    """Of the wrist, after it."""
-    opening: Float[Tensor, "B T"]
-    """Of the fingers."""
-    regrasp: Float[Tensor, "B T"]
-    """Of a moment without the grasp."""
+    reach: Float[Tensor, "B T"]  # of the wrist, before the grasp
+    leave: Float[Tensor, "B T"]  # of the wrist, after it
+    opening: Float[Tensor, "B T"]  # of the fingers
+    regrasp: Float[Tensor, "B T"]  # of a moment without the grasp
 
 
 def draw_phases(schedule: Schedule, config: HandMotionConfig, draws: Draws) -> HandPhases:
@@ -132,8 +117,7 @@ class HeldPose:
     """The grasp of B hands in each of T frames, in the frame of the part that they hold."""
 
     wrist: Float[Tensor, "B T 3"]
-    turn: Float[Tensor, "B T 3 3"]
-    """Global rotation."""
+    turn: Float[Tensor, "B T 3 3"]  # global rotation
     fingers: Float[Tensor, "B T 15 3"]
 
 

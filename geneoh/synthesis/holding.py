@@ -7,20 +7,15 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-FRICTION = 1.0
-"""Coefficient of friction of skin on an object, which is moist and soft."""
+FRICTION = 1.0  # coefficient of friction of skin on an object, which is moist and soft
 PATCH = 0.01
 """Torque about the normal that a pad bears per newton of its pressure, metres: pads are soft."""
-EDGES = 6
-"""Forces that span a friction cone."""
+EDGES = 6  # forces that span a friction cone
 PUSHES = torch.tensor(list(product((-1.0, 1.0), repeat=3))) / math.sqrt(3)
 """Directions in which the object is pushed."""
-LEVER = 0.02
-"""Distance from the middle of the pads at which it is pushed, metres."""
-LENGTH = 0.03
-"""Torques are divided by this length to count as forces, metres."""
-STEPS = 100
-"""Of projected gradient descent on the forces."""
+LEVER = 0.02  # distance from the middle of the pads at which it is pushed, metres
+LENGTH = 0.03  # torques are divided by this length to count as forces, metres
+STEPS = 100  # of projected gradient descent on the forces
 PRESSURE_COST = 1e-3
 """Of the squared forces, against the squared push that they leave: bounds what pads can press."""
 

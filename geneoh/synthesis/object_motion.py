@@ -19,36 +19,29 @@ from geneoh.synthesis.solids import Solids
 class ObjectMotionConfig:
     """How far, how often and about what objects move while they are held."""
 
-    rest_points: int = 5
-    """Poses at which the object stops on its way, the last one included."""
-    carry_share: float = 0.85
-    """Share of the objects that are moved at all."""
+    rest_points: int = 5  # poses at which the object stops on its way, the last one included
+    carry_share: float = 0.85  # share of the objects that are moved at all
     move_share: float = 0.75
     """Share of the rest points that differ from the one before; at others the object is still."""
     shift_std: tuple[float, float, float] = (0.25, 0.25, 0.18)
     """Deviation of the translation between rest points, metres; the last one is vertical."""
-    turn_std: float = 0.8
-    """Deviation of the rotation between rest points, radians on each axis."""
+    turn_std: float = 0.8  # deviation of the rotation between rest points, radians on each axis
     path_scale: float = 0.7
     """Factor on the sums of these steps, which keeps the object within reach of an arm."""
     orientation_std: float = 2.0
     """Deviation of the first orientation of an object without a table, radians on each axis."""
-    table_share: float = 0.6
-    """Share of the clips with a table, where the hand has room above it."""
+    table_share: float = 0.6  # share of the clips with a table, where the hand has room above it
     slide_share: float = 0.25
     """Of those, the share whose object is slid over the table and never lifted."""
     table_directions: int = 16
     """Directions in which an object is tried to stand, of which one that leaves room is taken."""
     lift_height: float = 0.03
     """Height at which an object is carried over the table, metres, in addition to its path."""
-    skin: float = 0.012
-    """Distance from a keypoint to the skin around it, metres."""
-    joint_share: float = 0.8
-    """Share of the objects with a joint whose joint moves."""
+    skin: float = 0.012  # distance from a keypoint to the skin around it, metres
+    joint_share: float = 0.8  # share of the objects with a joint whose joint moves
     base_still_share: float = 0.7
     """Of those held by the second part, the share whose first part stays: a drawer is pulled."""
-    touch: float = 0.02
-    """Distance below which a keypoint counts as holding a part, metres."""
+    touch: float = 0.02  # distance below which a keypoint counts as holding a part, metres
     joint_states: int = 9
     """States of the joint at which room for the hand is looked for; odd, the middle is at rest."""
 
@@ -57,8 +50,7 @@ class ObjectMotionConfig:
 class Standing:
     """How B objects stand before they are lifted."""
 
-    upright: Float[Tensor, "B 3 3"]
-    """Rotation from the object to the world, whose z axis points up."""
+    upright: Float[Tensor, "B 3 3"]  # rotation from the object to the world, whose z axis points up
     on_table: Bool[Tensor, " B"]
 
 

@@ -17,8 +17,7 @@ from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.synthesis.scans import Scans
 from geneoh.synthesis.solids import BOX, CYLINDER, ELLIPSOID, FAR, SCAN, SOLIDS, TORUS, Solids
 
-SCALES = (0.9, 1.1)
-"""Range of the sizes in which a scanned object is drawn, relative to its own."""
+SCALES = (0.9, 1.1)  # range of the sizes in which a scanned object is drawn, relative to its own
 
 Draw = Callable[[float, float], float]
 Vector = tuple[float, float, float]
@@ -35,8 +34,7 @@ class _Solid:
     kind: int
     size: Vector
     center: Vector = ORIGIN
-    turn: Vector = ORIGIN
-    """Axis-angle, radians."""
+    turn: Vector = ORIGIN  # axis-angle, radians
     rounding: float = 0.002
     part: int = 0
 

@@ -29,25 +29,19 @@ HELD_OUT_FILE = "held_out.txt"
 """File beside the meshes that names those for validation, one a line, with or without ending."""
 NOTICES = ("ATTRIBUTION*", "LICENSE*", "README*")
 """Files beside the meshes whose text goes where copies of the meshes go."""
-MARGIN = 0.008
-"""Width of a grid around the bounding box, metres."""
-NODES, FINEST = 250_000, 0.0012
-"""Most nodes of a grid, about, and its least spacing in metres."""
+MARGIN = 0.008  # width of a grid around the bounding box, metres
+NODES, FINEST = 250_000, 0.0012  # most nodes of a grid, about, and its least spacing in metres
 EXACT = 0.006
 """Nodes hold the exact distance up to so far from the surface beyond two coarse cells, metres."""
-SKIP = 4
-"""Every so manieth node of a grid belongs to the coarse grid."""
-SAMPLES = 4096
-"""Surface points kept of each object."""
-HAND_SPAN = 0.09
-"""An object is grasped rather where it is thinner than this, metres."""
+SKIP = 4  # every so manieth node of a grid belongs to the coarse grid
+SAMPLES = 4096  # surface points kept of each object
+HAND_SPAN = 0.09  # an object is grasped rather where it is thinner than this, metres
 WIDE_SHARE = 0.15
 """How often a wider place is taken, relative to the others: an edge, or what a flat hand bears."""
 ARRAYS = ("half", "points", "normals", "grasped", "spacing", "shape", "start", "values")
 WORDS = ("names", "held_out", "notice")
 """Fields of `Scans` that its file holds, as tensors and in its record."""
-TINY = 1e-9
-"""Length in metres below which a vector has no direction."""
+TINY = 1e-9  # length in metres below which a vector has no direction
 CORNERS = torch.tensor(list(product((0, 1), repeat=3)))
 """The nodes of a cell, the last axis fastest."""
 
@@ -56,12 +50,9 @@ CORNERS = torch.tensor(list(product((0, 1), repeat=3)))
 class MeshFolder(Bundle):
     """N meshes to make objects of, each in a frame at the middle of its bounding box, metres."""
 
-    names: tuple[str, ...]
-    """File names of the meshes, which no family of analytic objects can have."""
-    held_out: tuple[str, ...]
-    """Those that are for validation alone."""
-    notice: str
-    """Attribution and licences of the meshes."""
+    names: tuple[str, ...]  # file names of the meshes, which no family of analytic objects can have
+    held_out: tuple[str, ...]  # those that are for validation alone
+    notice: str  # attribution and licences of the meshes
     meshes: tuple[Mesh, ...]
 
     @property
@@ -75,8 +66,7 @@ class MeshFolder(Bundle):
 class Scans(MeshFolder):
     """Scanned objects, with what grasps and batches need of them."""
 
-    half: Float[Tensor, "N 3"]
-    """Half sides of the bounding boxes."""
+    half: Float[Tensor, "N 3"]  # half sides of the bounding boxes
     points: Float[Tensor, "N M 3"]
     """Points spread evenly over the surfaces, with their outward normals."""
     normals: Float[Tensor, "N M 3"]
@@ -85,10 +75,8 @@ class Scans(MeshFolder):
     spacing: Float[Tensor, " N"]
     """Between nodes of the grids; the first node is a margin off the bounding box."""
     shape: Int[Tensor, "N 3"]
-    start: Int[Tensor, " N"]
-    """Where each grid begins in `values`."""
-    values: Float16[Tensor, " C"]
-    """Signed distance at the nodes of all grids."""
+    start: Int[Tensor, " N"]  # where each grid begins in `values`
+    values: Float16[Tensor, " C"]  # signed distance at the nodes of all grids
 
     def distance(
         self, which: Int[Tensor, " B"], points: Float[Tensor, "B P 3"]

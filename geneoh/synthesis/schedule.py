@@ -24,8 +24,7 @@ class ScheduleConfig:
     """Fewest frames from one rest point of the object to the next, as in recordings."""
     regrasp_share: float = 0.15
     """Share of the clips whose hand opens for a moment and grasps again, the object at rest."""
-    regrasp_frames: float = 16.0
-    """Frames from that moment to the release."""
+    regrasp_frames: float = 16.0  # frames from that moment to the release
     regrasp_rest: float = 8.0
     """Frames that the object already rests before that moment, in addition to `grip_frames`."""
     regrasp_hold: float = 64.0
@@ -36,18 +35,13 @@ class ScheduleConfig:
 class Schedule:
     """Times of the events of B clips, in frames; outside of the clip for what is not seen."""
 
-    frames: int
-    """Length of every clip."""
-    close: Float[Tensor, " B"]
-    """The hand has closed on the object."""
-    release: Float[Tensor, " B"]
-    """The hand starts to open."""
+    frames: int  # length of every clip
+    close: Float[Tensor, " B"]  # the hand has closed on the object
+    release: Float[Tensor, " B"]  # the hand starts to open
     lift: Float[Tensor, " B"]
     """The object starts to move; earlier than this hand closes, where another one has it."""
-    put_down: Float[Tensor, " B"]
-    """The object is at rest from here on."""
-    regrasp: Float[Tensor, " B"]
-    """The hand is open for a moment, where `regrasps`."""
+    put_down: Float[Tensor, " B"]  # the object is at rest from here on
+    regrasp: Float[Tensor, " B"]  # the hand is open for a moment, where `regrasps`
     regrasps: Bool[Tensor, " B"]
     shortest_move: float
 

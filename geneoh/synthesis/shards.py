@@ -39,24 +39,18 @@ LARGEST = 1000.0
 class SynthesisConfig:
     """What a synthetic data set is made of; saved in every shard."""
 
-    count: int = 20480
-    """Interactions in all; rounded up to whole shards."""
-    frames: int = 120
-    """Length of each, at 30 frames a second."""
-    points: int = 512
-    """Surface points kept of each object."""
-    shard: int = 256
-    """Interactions per file."""
-    shape_std: float = 0.8
-    """Deviation of the hands' shape coefficients."""
+    count: int = 20480  # interactions in all; rounded up to whole shards
+    frames: int = 120  # length of each, at 30 frames a second
+    points: int = 512  # surface points kept of each object
+    shard: int = 256  # interactions per file
+    shape_std: float = 0.8  # deviation of the hands' shape coefficients
     bone_std: float = 0.04
     """Relative deviation of each bone's length beyond what the shape coefficients can make."""
     held_out: tuple[str, ...] = ("mug", "loop_tool", "spoon", "kettle", "drawer")
     """Families that appear in validation shards only."""
     validation: float = 0.03
     """Share of the shards that hold the held-out families and scanned objects."""
-    scanned: float = 0.5
-    """Share of the attempts on scanned objects, where there are any."""
+    scanned: float = 0.5  # share of the attempts on scanned objects, where there are any
     grasps: GraspConfig = field(default_factory=GraspConfig)
     bimanual: BimanualConfig = field(default_factory=BimanualConfig)
     animation: AnimationConfig = field(default_factory=AnimationConfig)
@@ -103,8 +97,7 @@ class Attempts:
 
     families: list[str]
     solids: Solids
-    hands: ShapedHand
-    """Hands with bone lengths of their own in `offsets`."""
+    hands: ShapedHand  # hands with bone lengths of their own in `offsets`
     shared: Int[Tensor, " C"]
     """Attempts of the first hands on the objects of the last C, which are second hands."""
 
@@ -121,8 +114,7 @@ class ShardRecord:
 
     config: SynthesisConfig
     seed: int
-    objects: str = ""
-    """Fingerprint of the scanned objects; empty without them."""
+    objects: str = ""  # fingerprint of the scanned objects; empty without them
 
 
 def seed_of(*parts: object) -> int:

@@ -16,16 +16,12 @@ from geneoh.geometry.mirror import mirror_points, mirror_rotations, mirror_signs
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.synthesis.scans import Scans
 
-SOLIDS = 4
-"""Most solids of an object."""
-PARTS = 2
-"""Rigid parts of an object: the first, and one on a joint."""
-BOX, CYLINDER, ELLIPSOID, TORUS, SCAN = range(5)
-"""Kinds of solids; SCAN + n is scanned object n."""
+SOLIDS = 4  # most solids of an object
+PARTS = 2  # rigid parts of an object: the first, and one on a joint
+BOX, CYLINDER, ELLIPSOID, TORUS, SCAN = range(5)  # kinds of solids; SCAN + n is scanned object n
 SURFACE_ERROR = 1e-5
 """Distance from the surface beyond which a projected point has not converged, metres."""
-FAR = 10.0
-"""Coordinate of the centres of unused solids, metres, too far away to be near anything."""
+FAR = 10.0  # coordinate of the centres of unused solids, metres, too far away to be near anything
 
 
 @dataclass(frozen=True)
@@ -40,8 +36,7 @@ class Solids(Bundle):
     rounding: Float[Tensor, "B S"]
     center: Float[Tensor, "B S 3"]
     rotation: Float[Tensor, "B S 3 3"]
-    part: Int[Tensor, "B S"]
-    """Which part each solid belongs to, 0 or 1."""
+    part: Int[Tensor, "B S"]  # which part each solid belongs to, 0 or 1
     axis: Float[Tensor, "B 3"]
     """Axis of the second part's joint, a unit vector; it goes through `pivot`."""
     pivot: Float[Tensor, "B 3"]
@@ -49,8 +44,7 @@ class Solids(Bundle):
     """Whether the second part slides along the axis (metres) or turns about it (radians)."""
     travel: Float[Tensor, "B 2"]
     """Range of the joint from the drawn state, in metres or radians; zero for rigid objects."""
-    scans: Scans | None = None
-    """The scanned objects that kinds from SCAN on mean."""
+    scans: Scans | None = None  # the scanned objects that kinds from SCAN on mean
 
     @property
     def jointed(self) -> Bool[Tensor, " B"]:

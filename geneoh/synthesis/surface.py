@@ -11,8 +11,7 @@ SPACING = 0.002
 """Distance of the grid points of marching cubes, metres; the thinnest parts are 3 mm thick."""
 COARSEST, THICKNESS_SHARE = 0.004, 0.6
 """Spacing for pictures: at most so many metres, and this share of the thinnest thickness."""
-MARGIN = 0.005
-"""Width of the grid around an object, metres."""
+MARGIN = 0.005  # width of the grid around an object, metres
 
 
 def mesh_of(solid: Solids, spacing: float = SPACING) -> Mesh:

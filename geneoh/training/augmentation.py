@@ -21,8 +21,7 @@ from geneoh.synthesis.pose_prior import FINGER_STD
 class AugmentationConfig:
     """How much hands move beyond what was synthesized. A share is of the windows."""
 
-    share: float = 0.85
-    """Share whose hand moves more than it was made to."""
+    share: float = 0.85  # share whose hand moves more than it was made to
     periods: tuple[float, ...] = (1.0, 2.0, 4.0, 10.0, 25.0)
     """Frames over which such motion changes; each window has a mixture of its own."""
     period_power: float = 0.3
@@ -33,12 +32,10 @@ class AugmentationConfig:
     """Range of the deviation of the shift, metres, log-uniform."""
     fingers: tuple[float, float] = (0.05, 0.8)
     """Range of the deviation of the finger joints, in those of the pose prior, log-uniform."""
-    style_share: float = 0.5
-    """Share whose finger pose is set off as a whole."""
+    style_share: float = 0.5  # share whose finger pose is set off as a whole
     style: float = 0.4
     """Deviation of that offset, in those of the pose prior: little where joints hardly move."""
-    smallest_style: float = 0.04
-    """Least deviation of that offset, radians."""
+    smallest_style: float = 0.04  # least deviation of that offset, radians
 
 
 def augmented(

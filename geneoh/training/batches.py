@@ -26,20 +26,14 @@ from geneoh.training.windows import draw_windows, filled
 class Batch(Bundle):
     """Clean and noisy hands of one window length around the noisy hand's contact points."""
 
-    clean: Float[Tensor, "B T 21 3"]
-    """World frame, metres."""
-    noisy: Float[Tensor, "B T 21 3"]
-    """World frame, gaps filled linearly."""
+    clean: Float[Tensor, "B T 21 3"]  # world frame, metres
+    noisy: Float[Tensor, "B T 21 3"]  # world frame, gaps filled linearly
     region: ContactRegion
-    observation: Observation
-    """The noisy hand in the canonical frame of `region`."""
+    observation: Observation  # the noisy hand in the canonical frame of `region`
 
-    hand: HandParameters
-    """The clean hand's parameters in the canonical frame of `region`."""
-    motion: ObservedMotion
-    """The noisy hand's parameters there, with the other inputs of MotionDiff."""
-    evidence: SpatialEvidence
-    """What tells SpatialDiff the place of the noisy hand."""
+    hand: HandParameters  # the clean hand's parameters in the canonical frame of `region`
+    motion: ObservedMotion  # the noisy hand's parameters there, with the other inputs of MotionDiff
+    evidence: SpatialEvidence  # what tells SpatialDiff the place of the noisy hand
 
     @property
     def clean_canon(self) -> Float[Tensor, "B T 21 3"]:

@@ -20,22 +20,14 @@ from geneoh.training.windows import WindowConfig
 class TrainConfig:
     """The training of one stage; every value is saved with the weights."""
 
-    steps: int = 8000
-    """Optimiser steps in all, a batch each."""
-    batch: int = 32
-    """Windows in a batch."""
-    rate: float = 6e-4
-    """Peak learning rate."""
-    warmup: int = 200
-    """Steps over which the learning rate rises linearly at the start."""
-    decay: float = 0.3
-    """Share of the steps, at the end, over which the rate falls linearly to zero."""
-    weight_decay: float = 0.01
-    """Decoupled weight decay, relative to the rate."""
-    clip: float = 1.0
-    """Largest norm of the gradient."""
-    ema: float = 0.998
-    """Decay of the averaged weights, which are the ones that are used."""
+    steps: int = 8000  # optimiser steps in all, a batch each
+    batch: int = 32  # windows in a batch
+    rate: float = 6e-4  # peak learning rate
+    warmup: int = 200  # steps over which the learning rate rises linearly at the start
+    decay: float = 0.3  # share of the steps, at the end, over which the rate falls linearly to zero
+    weight_decay: float = 0.01  # decoupled weight decay, relative to the rate
+    clip: float = 1.0  # largest norm of the gradient
+    ema: float = 0.998  # decay of the averaged weights, which are the ones that are used
     condition_dropout: float = 0.2
     """Share of the windows whose observation is hidden: the paper's canonical denoiser."""
     autoencoder_steps: int = 3000
@@ -44,14 +36,10 @@ class TrainConfig:
     """Spatial and temporal stages: level from which MotionDiff denoises what they are shown."""
     motion_steps: int = 3
     """Denoising steps of that, fewer than in use: it is run anew for every batch."""
-    seed: int = 0
-    """Of the first weights and of every batch."""
-    checkpoint_every: int = 250
-    """Steps between two saved states of the run."""
-    validate_every: int = 250
-    """Steps between two validations."""
-    validation_batches: int = 8
-    """Batches of each validation, the same ones every time."""
+    seed: int = 0  # of the first weights and of every batch
+    checkpoint_every: int = 250  # steps between two saved states of the run
+    validate_every: int = 250  # steps between two validations
+    validation_batches: int = 8  # batches of each validation, the same ones every time
     windows: WindowConfig = field(default_factory=WindowConfig)
     augmentation: AugmentationConfig = field(default_factory=AugmentationConfig)
     corruption: CorruptionConfig = field(default_factory=CorruptionConfig)
@@ -64,5 +52,4 @@ class TrainConfig:
     regression: RegressionConfig = field(default_factory=RegressionConfig)
     synthesis: SynthesisConfig = field(default_factory=SynthesisConfig)
     """Of the interactions that are made where the run's folder of them is empty."""
-    clips: ClipConfig = field(default_factory=ClipConfig)
-    """How clips are cut out of recordings."""
+    clips: ClipConfig = field(default_factory=ClipConfig)  # how clips are cut out of recordings

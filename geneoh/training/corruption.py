@@ -31,14 +31,11 @@ class CorruptionConfig:
     """How much the three sizes agree, 0 to 1: a bad track is bad in all of them."""
     joint_scatter: float = 0.6
     """Deviation of the logarithm of the size from finger joint to finger joint."""
-    largest_joint: float = 1.5
-    """Largest factor that this makes."""
+    largest_joint: float = 1.5  # largest factor that this makes
     burst_share: float = 0.3
     """Share in which some frames have larger independent errors than the others."""
-    burst_frames: float = 0.1
-    """Largest share of such frames."""
-    burst_factor: tuple[float, float] = (3.0, 9.0)
-    """Range of how many times larger they are."""
+    burst_frames: float = 0.1  # largest share of such frames
+    burst_factor: tuple[float, float] = (3.0, 9.0)  # range of how many times larger they are
     drift_frames: tuple[float, float] = (2.0, 60.0)
     """Range of the correlation time of slow errors, frames, log-uniform."""
     right_share: float = 0.4
@@ -47,34 +44,25 @@ class CorruptionConfig:
     """The same with the signs of a mirrored left hand; all other windows have random signs."""
     one_sided: tuple[float, float] = (0.8, 0.15)
     """Mean and deviation over time of one-sided errors, relative to their size."""
-    gap_share: float = 0.33
-    """Share that loses frames."""
-    gaps: int = 3
-    """Most runs of lost frames."""
-    gap_frames: tuple[int, int] = (2, 10)
-    """Shortest and longest run."""
+    gap_share: float = 0.33  # share that loses frames
+    gaps: int = 3  # most runs of lost frames
+    gap_frames: tuple[int, int] = (2, 10)  # shortest and longest run
     jitter_share: float = 0.25
     """Share whose keypoints jitter independently, as those of keypoint detectors do."""
-    jitter: float = 0.006
-    """Largest deviation of that jitter, metres."""
+    jitter: float = 0.006  # largest deviation of that jitter, metres
     camera_share: float = 0.4
     """Share with the error of an estimator in one camera: its depth is off along a ray."""
     depth: tuple[float, float] = (0.005, 0.045)
     """Range of the deviation of the depth that lasts, metres, log-uniform."""
-    depth_drift: float = 0.8
-    """Largest deviation of the depth that drifts, relative to that."""
-    depth_frames: float = 15.0
-    """Correlation time of that drift, frames."""
+    depth_drift: float = 0.8  # largest deviation of the depth that drifts, relative to that
+    depth_frames: float = 15.0  # correlation time of that drift, frames
     depth_jitter: float = 0.12
     """Deviation of the depth of single frames, relative to the one that lasts."""
     blunder_share: float = 0.02
     """Share of the frames of every second such window whose depth is off by a blunder."""
-    blunder: float = 0.06
-    """Size of a blunder, metres."""
-    across: float = 0.004
-    """Deviation of the lasting error across the ray, metres."""
-    ray_share: float = 0.5
-    """Share of such windows whose ray is told."""
+    blunder: float = 0.06  # size of a blunder, metres
+    across: float = 0.004  # deviation of the lasting error across the ray, metres
+    ray_share: float = 0.5  # share of such windows whose ray is told
     other_ray_share: float = 0.1
     """Share of the other windows that are told a ray, along which they do not err."""
     shaky_share: float = 0.35
@@ -85,8 +73,7 @@ class CorruptionConfig:
     """Range of the deviation of the object's translation, metres, log-uniform."""
     object_frames: float = 15.0
     """Correlation time of the object's noise, frames; half of its variance is white."""
-    object_white_left: float = 0.15
-    """Share of the white noise's deviation that smoothing leaves."""
+    object_white_left: float = 0.15  # share of the white noise's deviation that smoothing leaves
     lasting_turn: float = 0.03
     """Deviation of the object's rotation for a whole window, in all of them, radians."""
     lasting_shift: float = 0.004
@@ -101,8 +88,7 @@ class Corruption:
     pose: Float[Tensor, "B T 16 3"]
     keep: Bool[Tensor, "B T"]
     jitter: Float[Tensor, "B T 21 3"]
-    ray: Float[Tensor, "B 3"]
-    """Unit direction from the camera, world; zero where it is not told."""
+    ray: Float[Tensor, "B 3"]  # unit direction from the camera, world; zero where it is not told
     object_turn: Float[Tensor, "B T 3"]
     """Turn of the object in its own frame, axis-angle, and its shift in the world."""
     object_shift: Float[Tensor, "B T 3"]

@@ -38,8 +38,7 @@ from geneoh.training.config import TrainConfig
 from geneoh.training.recordings import SEQUENCES, ClipRecord
 from geneoh.training.windows import WeightedInteractions
 
-HELD_OUT = 0.1
-"""Share of a source's clips that is held out for validation, in whole objects."""
+HELD_OUT = 0.1  # share of a source's clips that is held out for validation, in whole objects
 
 
 @dataclass(frozen=True)
@@ -47,10 +46,8 @@ class DataSource:
     """A folder that a network learns from."""
 
     path: Path
-    source: str = ""
-    """Name of a reader, or "sequences"; empty for made interactions."""
-    weight: float = 1.0
-    """Share of the windows, relative to the other sources."""
+    source: str = ""  # name of a reader, or "sequences"; empty for made interactions
+    weight: float = 1.0  # share of the windows, relative to the other sources
 
 
 @dataclass(frozen=True)
@@ -59,10 +56,8 @@ class TrainingData:
 
     training: Interactions
     validation: Interactions
-    record: dict[str, Any]
-    """How the data was made, for the record of the weights."""
-    notes: tuple[str, ...]
-    """What was found and what was left out, for people."""
+    record: dict[str, Any]  # how the data was made, for the record of the weights
+    notes: tuple[str, ...]  # what was found and what was left out, for people
 
 
 @dataclass(frozen=True)

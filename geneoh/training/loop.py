@@ -86,8 +86,7 @@ class BatchSource:
     stage: StageName
     config: TrainConfig
     device: torch.device
-    motion_denoiser: MotionDenoiser | None
-    """MotionDiff for a stage that follows it."""
+    motion_denoiser: MotionDenoiser | None  # MotionDiff for a stage that follows it
 
     def batch(self, data: Interactions, *parts: object) -> tuple[Batch, torch.Generator]:
         """One batch and its generator, by the seed and `parts` (purpose, number) alone."""

@@ -24,20 +24,16 @@ from geneoh.training.batches import Batch
 SIGMA_RANGE = (0.05, 2.5)
 """Range of the noise levels, in units of the data's deviation: the paper starts its stages at 2.0
 (step 400), 0.7 (step 200) and 0.34 (step 100)."""
-MOTION_SIGMA_RANGE = (0.15, 8.0)
-"""The same for MotionDiff."""
+MOTION_SIGMA_RANGE = (0.15, 8.0)  # the same for MotionDiff
 HIGH_NOISE_BIAS = 4.0
 """Preference for high noise levels in training with the observation, which is hard to learn to read
 there; low levels are easy."""
 SCORING_SIGMA = 2.0
 """Noise level at which a stage is scored, that of level 400 (MotionDiff: its highest): the score is
 of what the network reads in the observation, as the noisy sample tells almost nothing."""
-FPS = 30.0
-"""Frames a second of all training data."""
-KEYPOINT_UNIT = 0.02
-"""Keypoint error that counts as much as a parameter error of one unit, metres."""
-TRIALS = 32
-"""Places at which SpatialDiff is asked in training, for each window."""
+FPS = 30.0  # frames a second of all training data
+KEYPOINT_UNIT = 0.02  # keypoint error that counts as much as a parameter error of one unit, metres
+TRIALS = 32  # places at which SpatialDiff is asked in training, for each window
 TRIAL_SPREAD = ((0.0, 0.04), (0.0, 0.015), (1.0, 0.006), (1.0, 0.02))
 """Trial places are around the hand that is seen (0) or the clean one (1): deviations in metres."""
 SHIFT_WIDTH = 0.004

@@ -52,12 +52,9 @@ class ClipConfig:
 
     shortest: int = 60
     """Frames, at 30 a second, of the shortest stretch that is kept: those of a window."""
-    longest: int = 120
-    """Frames of the longest clip; longer stretches are cut into equal ones."""
-    points: int = 512
-    """Surface points kept of each object."""
-    reach: float = 0.15
-    """Largest distance from the wrist to the object, metres."""
+    longest: int = 120  # frames of the longest clip; longer stretches are cut into equal ones
+    points: int = 512  # surface points kept of each object
+    reach: float = 0.15  # largest distance from the wrist to the object, metres
 
 
 @dataclass(frozen=True)
@@ -65,12 +62,9 @@ class ClipRecord:
     """Where a clip is from, to split clips and to tell them apart."""
 
     name: str
-    object: str
-    """Fingerprint of the mesh."""
-    person: str
-    """Fingerprint of the betas; empty where the source has none."""
-    length: int
-    """Frames; those that follow up to the longest clip repeat the last one."""
+    object: str  # fingerprint of the mesh
+    person: str  # fingerprint of the betas; empty where the source has none
+    length: int  # frames; those that follow up to the longest clip repeat the last one
 
 
 @dataclass(frozen=True)
@@ -81,8 +75,7 @@ class ShardRecord:
     files: dict[str, tuple[int, str]]
     """Size and SHA-256 of each file of the clip, by its name below the clip's folder."""
     clips: tuple[ClipRecord, ...]
-    left_out: dict[str, int]
-    """Frames that no clip holds, by the reason."""
+    left_out: dict[str, int]  # frames that no clip holds, by the reason
 
 
 def clips_of(source: str, path: Path) -> list[SourceClip]:

@@ -30,12 +30,10 @@ class LogRow(NamedTuple):
     """A row of the log of a run: the state at a validation."""
 
     step: int
-    loss: float
-    """Mean training loss since the row before."""
+    loss: float  # mean training loss since the row before
     error_left: float
     rate: float
-    seconds: float
-    """Time spent on training in all."""
+    seconds: float  # time spent on training in all
 
 
 @dataclass
@@ -43,13 +41,11 @@ class TrainState:
     """Everything that a run needs to continue."""
 
     model: nn.Module
-    average: dict[str, Tensor]
-    """Moving average of the weights."""
+    average: dict[str, Tensor]  # moving average of the weights
     optimizer: Optimizer
     step: int = 0
     seconds: float = 0.0
-    recent: list[float] = field(default_factory=list)
-    """Losses since the last row of the log."""
+    recent: list[float] = field(default_factory=list)  # losses since the last row of the log
     log: list[LogRow] = field(default_factory=list)
 
     def to_checkpoint(self, record: dict[str, Any]) -> Checkpoint:

@@ -24,8 +24,7 @@ class WindowConfig:
     """Length of a window (paper: 60 at 30 frames a second); of a whole clip where that is less."""
     short_share: float = 0.2
     """Share of the batches with a random shorter length, so that short clips are nothing new."""
-    fast_share: float = 0.25
-    """Share of the batches that play at twice the speed."""
+    fast_share: float = 0.25  # share of the batches that play at twice the speed
 
 
 @dataclass(frozen=True)
@@ -70,10 +69,8 @@ class Windows(ObjectSurface):
 class WeightedInteractions(Interactions):
     """Interactions of which some are drawn more often, and some are shorter than their tensors."""
 
-    length: Int[Tensor, " B"]
-    """Frames that may be drawn."""
-    weight: Float[Tensor, " B"]
-    """How often a clip is drawn, relative to the others."""
+    length: Int[Tensor, " B"]  # frames that may be drawn
+    weight: Float[Tensor, " B"]  # how often a clip is drawn, relative to the others
 
 
 def draw_windows(
