@@ -22,8 +22,7 @@ class Observation(Bundle):
     """The noisy hand as a condition for a network."""
 
     joints: Float[Tensor, "B T 21 3"]  # keypoints in the canonical frame, metres, gaps filled
-    trust: Float[Tensor, "B T 21"]
-    """0 where a keypoint was filled in, else its confidence, 1 at most."""
+    trust: Float[Tensor, "B T 21"]  # 0 where a keypoint was filled in, else its confidence, <= 1
     given: Float[Tensor, " B"]
     """1 where the network is shown the observation, 0 for the paper's canonical denoiser."""
 

@@ -16,8 +16,7 @@ from geneoh.representation.parameters import UNIT, HandParameters
 
 SMOOTHING_FRAMES = (1.5, 4.0, 10.0, 25.0)
 """Deviations in frames of the Gaussian filters that smooth the observed hand."""
-FLAT_FRAMES = 10.0
-"""The same for the pose that flat fingers undo, so that the noise of single frames is left out."""
+FLAT_FRAMES = 10.0  # the same for the pose that flat fingers undo, without the noise of frames
 CONTACT_FRAMES = (4.0, 25.0)
 """The same for the changes that bring fingertips to the surface, which single frames show badly."""
 CANDIDATES = len(SMOOTHING_FRAMES) + 1 + len(CONTACT_FRAMES)  # number of candidate corrections
@@ -25,8 +24,7 @@ PAD_DEPTH = 0.008  # distance from a fingertip's keypoint to the skin of its pad
 HAND_REACH, FINGER_REACH = 0.03, 0.05
 """Gaps over which a tip's weight decays, for moving the whole hand and for bending, metres."""
 SLIDING = 0.1  # weight of a gap along the surface, relative to one across it
-DAMPING = 0.02
-"""Lever in metres below which a joint is not used to close a gap: it would turn too far."""
+DAMPING = 0.02  # lever in metres below which a joint closes no gap: it would turn too far
 LARGEST_CHANGE = 6.0  # bound of the changes that bring fingertips to the surface, in units
 
 

@@ -16,8 +16,7 @@ from geneoh.denoisers.trajectory import TrajectoryConfig, TrajectoryDenoiser
 from geneoh.errors import CheckpointError
 from geneoh.nn.checkpoint import load_checkpoint
 
-SHIPPED = Path(__file__).parent / "assets"
-"""Folder of the weights inside the package, STAGE.safetensors."""
+SHIPPED = Path(__file__).parent / "assets"  # the weights in the package, STAGE.safetensors
 CLEANING_STAGES = ("motion", "spatial", "temporal")
 """Stages whose weights a user's folder must hold to clean with it."""
 PAPER_STAGES = ("trajectory", "relations")

@@ -53,8 +53,7 @@ class ObservedMotion(Bundle):
     """MotionDiff's condition: the noisy hand, the surface near it and the object's motion."""
 
     hand: HandParameters  # canonical frame, gaps filled
-    trust: Float[Tensor, "B T"]
-    """0 where a frame was filled in, else its mean confidence, 1 at most."""
+    trust: Float[Tensor, "B T"]  # 0 where a frame was filled in, else its mean confidence, <= 1
     nearest: Float[Tensor, "B T 21 3"]
     """The object's surface point nearest to each observed keypoint, canonical frame."""
     normals: Float[Tensor, "B T 21 3"]  # outward normals there

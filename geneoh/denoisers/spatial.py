@@ -27,8 +27,7 @@ from geneoh.representation.region import ObjectSurface
 CLOSE = 0.02  # distance over which closeness to the surface decays, metres
 SHIFT_UNIT = 0.02  # unit in which the network reads shifts, metres
 REACH = 0.1  # shifts farther than this have no density, metres: training shows none
-PRIOR_RANGE = (0.0005, 0.06)
-"""Least and largest deviation of the shift before the surface is looked at, metres."""
+PRIOR_RANGE = (0.0005, 0.06)  # of the shift's deviation before the surface is looked at, metres
 SPEED_FRAMES = 2  # speeds are taken over so many frames before and after
 TRACK_CUES = 12  # width of `SpatialEvidence.track`
 FRAME_FEATURES = 21 * 8 + 63 + 5 + 3  # width of the features of one trial place in one frame

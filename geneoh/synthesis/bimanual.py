@@ -19,8 +19,7 @@ class BimanualConfig:
 
     share: float = 0.2
     """Second hands that are tried, as a share of the first ones; many of them are not kept."""
-    gap: float = 0.025
-    """Least distance between keypoints of two hands, metres: each has skin around it."""
+    gap: float = 0.025  # least distance between keypoints of two hands, metres: they have skin
     bone_std: float = 0.005  # relative deviation of bone lengths between the two hands of a person
 
 

@@ -20,8 +20,7 @@ BONE_RADIUS = torch.tensor(
     [0.016, 0.014, 0.0115, 0.009, *(0.014, 0.011, 0.01, 0.009) * 2]
     + [0.014, 0.01, 0.009, 0.0085, 0.014, 0.009, 0.008, 0.0075]
 )
-MEAN_SPAN = 0.18
-"""Length from the wrist to the tip of the middle finger that BONE_RADIUS belongs to, metres."""
+MEAN_SPAN = 0.18  # length from wrist to the tip of the middle finger that BONE_RADIUS is of, metres
 PAD_JOINTS = (*range(1, 16), 2, 3, 0, 0)
 """Joints whose rotation the pads follow, in MANO order: 15 pads under the phalanges, two on the
 thumb's side of the index's outer phalanges, two at the middle of the palm and below its fingers."""

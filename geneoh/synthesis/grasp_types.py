@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 from geneoh.synthesis.contact_pads import PAD_OF_PALM
 
-CURLS = (0.2, 2.5)
-"""Range of the curl of a grasp (see `curled`), from person to person and grasp to grasp."""
+CURLS = (0.2, 2.5)  # range of the curl (see `curled`) from person to person and grasp to grasp
 
 
 @dataclass(frozen=True)

@@ -63,14 +63,12 @@ class GraspEnergy:
     contact: float = 60.0  # of the distance of wanted pads to the surface, 1/m
     far_contact: float = 30.0
     """Of its square over the distance itself, 1/m: pads far from the surface are drawn faster."""
-    facing: float = 0.25
-    """Of 1 plus the cosine between a wanted pad's direction and the surface normal."""
+    facing: float = 0.25  # of 1 plus the cosine between a wanted pad's direction and the normal
     opposition: float = 3.0  # of what wanted pads of thumb and fingers lack to `opposed`, in grips
     opposed: float = 1.0
     """Agreement (up to 2) of two pads on either side of an object beyond which no more is asked."""
     clearance: float = 2e4  # of squared overlap of different fingers, 1/m^2
-    liked: float = 0.12
-    """Of the squared distance to the pose that was drawn for this hand, in deviations."""
+    liked: float = 0.12  # of the squared distance to the pose drawn for this hand, in deviations
     range: float = 2.0  # deviations outside of the range from which squares count in full
     wrong_side: float = 1e5  # of starting on the other side of an object than is asked for, 1/m^2
 
@@ -83,11 +81,9 @@ class GraspConfig:
     wrist_rate: float = 0.004  # first learning rate of the wrist's position, metres
     angle_rate: float = 0.03  # first learning rate of orientation and finger joints, radians
     last_rate: float = 1e-4  # last learning rate of all of them
-    stop: float = 2.15
-    """Deviations outside of the range at which joints stop; less than `checks.deviations`."""
+    stop: float = 2.15  # deviations out of the range at which joints stop; < `checks.deviations`
     curl_std: float = 0.3  # deviation of the logarithm of the curl from digit to digit
-    habit_std: float = 0.6
-    """Deviation of the pose that is drawn for a hand, in deviations of each joint."""
+    habit_std: float = 0.6  # deviation of the pose drawn for a hand, in deviations of each joint
     start_habit: float = 0.5  # share of that deviation with which the hand starts
     tilt_std: float = 0.25
     """Deviation of the hand's first orientation from facing the surface, radians on each axis."""

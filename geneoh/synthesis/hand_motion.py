@@ -23,8 +23,7 @@ class HandMotionConfig:
     """Range of the frames that the wrist takes to come, and to leave."""
     opening_frames: tuple[float, float] = (8.0, 16.0)
     """Range of the frames that the fingers take to close, and to open."""
-    wrist_delay: float = 0.1
-    """Time between the grasp and the motion of the wrist, as a share of the wrist's way."""
+    wrist_delay: float = 0.1  # time from the grasp to the wrist's motion, as a share of its way
     opening_lead: float = 0.3
     """How far the fingers are open at the grasp, as a share: off the surface before the wrist."""
     away_direction: tuple[float, float, float] = (0.6, 1.0, 0.0)
@@ -32,19 +31,16 @@ class HandMotionConfig:
     away_distance: tuple[float, float] = (0.06, 0.2)
     """Range of the distance from there to the grasp, in lengths of `away_direction`, metres."""
     away_std: float = 0.05  # deviation of that place on each axis, metres
-    table_height: float = 0.04
-    """Least height of that place over the grasp where there is a table, metres."""
+    table_height: float = 0.04  # least height of that place over the grasp above a table, metres
     away_turn_std: float = 0.4
     """Deviation of the hand's orientation there from that of the grasp, radians on each axis."""
-    regrasp_width: float = 4.0
-    """Half duration of a moment without the grasp, frames (deviation of a bell curve)."""
+    regrasp_width: float = 4.0  # half duration of a moment without the grasp, frames (bell curve)
     regrasp_distance: float = 0.3
     """How far the wrist goes in that moment, as a share of its way from the object."""
     regrasp_opening: float = 0.7  # how far the fingers open in that moment, as a share
     shift_noise: float = 0.001  # deviation of the wrist's small adjustments while it holds, metres
     shift_period: float = 12.0  # frames over which they change
-    turn_noise: float = 0.01
-    """Deviation of the small adjustments of the hand's orientation, radians."""
+    turn_noise: float = 0.01  # deviation of small adjustments of the hand's orientation, radians
     turn_period: float = 15.0  # frames over which they change
     grip_share: float = 0.6  # share of the hands that shift from grip to grip while they hold
     grip_frames: tuple[float, float] = (8.0, 40.0)  # range of the frames that a hand takes to shift
@@ -55,23 +51,18 @@ class HandMotionConfig:
     """How far they go from the middle: with large numbers from one grip to the next."""
     open_curl: tuple[float, float] = (0.05, 0.9)
     """Range of the curl of open fingers: people reach with their fingers more or less open."""
-    curl_scatter: float = 0.3
-    """Deviation of the logarithm of the curl from finger to finger: no two are alike."""
+    curl_scatter: float = 0.3  # deviation of the logarithm of the curl from finger to finger
     opening: tuple[float, float] = (0.5, 1.0)
     """Range of the share of the way to the open fingers that a hand goes."""
-    lift_share: float = 0.15
-    """Share of the fingers that are lifted from the object while the hand holds."""
-    lift_time: tuple[float, float] = (0.2, 0.8)
-    """Range of the time at which they are, as a share of the clip."""
+    lift_share: float = 0.15  # share of the fingers that are lifted while the hand holds
+    lift_time: tuple[float, float] = (0.2, 0.8)  # range of the time of that, as a share of the clip
     lift_width: float = 7.0  # half duration of it, frames (deviation of a bell curve)
     lift_height: tuple[float, float] = (0.2, 0.6)
     """Range of how far they open, as a share of the way to the open fingers."""
     repeat_share: float = 0.2
     """Share of the hands that lift the same fingers again and again, as with a tool in use."""
-    repeat_period: tuple[float, float] = (12.0, 40.0)
-    """Range of the frames from one time to the next."""
-    tremor: float = 0.004
-    """Deviation of the finger joints' small motion while the hand holds, radians."""
+    repeat_period: tuple[float, float] = (12.0, 40.0)  # range of frames from one time to the next
+    tremor: float = 0.004  # deviation of the finger joints' motion while the hand holds, radians
     open_tremor: float = 0.04  # what is added to it while the hand is open, radians
     tremor_period: float = 8.0  # frames over which it changes
     together: float = 0.6

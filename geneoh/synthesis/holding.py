@@ -8,8 +8,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 FRICTION = 1.0  # coefficient of friction of skin on an object, which is moist and soft
-PATCH = 0.01
-"""Torque about the normal that a pad bears per newton of its pressure, metres: pads are soft."""
+PATCH = 0.01  # torque about the normal per newton of a pad's pressure, metres: pads are soft
 EDGES = 6  # forces that span a friction cone
 PUSHES = torch.tensor(list(product((-1.0, 1.0), repeat=3))) / math.sqrt(3)
 """Directions in which the object is pushed."""

@@ -47,8 +47,7 @@ class Interactions(ObjectSurface):
     pose: Float[Tensor, "B T 16 3"]
     wrist: Float[Tensor, "B T 3"]
     offsets: Float[Tensor, "B 20 3"]
-    scan: Int[Tensor, " B"]
-    """Number of the scanned object that is held; negative for one of a family."""
+    scan: Int[Tensor, " B"]  # number of the scanned object that is held; negative for a family
 
 
 def animate(

@@ -26,13 +26,11 @@ class ObjectMotionConfig:
     shift_std: tuple[float, float, float] = (0.25, 0.25, 0.18)
     """Deviation of the translation between rest points, metres; the last one is vertical."""
     turn_std: float = 0.8  # deviation of the rotation between rest points, radians on each axis
-    path_scale: float = 0.7
-    """Factor on the sums of these steps, which keeps the object within reach of an arm."""
+    path_scale: float = 0.7  # factor on the sums of these steps: the object stays in an arm's reach
     orientation_std: float = 2.0
     """Deviation of the first orientation of an object without a table, radians on each axis."""
     table_share: float = 0.6  # share of the clips with a table, where the hand has room above it
-    slide_share: float = 0.25
-    """Of those, the share whose object is slid over the table and never lifted."""
+    slide_share: float = 0.25  # of those, the share that is slid over the table and never lifted
     table_directions: int = 16
     """Directions in which an object is tried to stand, of which one that leaves room is taken."""
     lift_height: float = 0.03

@@ -25,8 +25,7 @@ from geneoh.synthesis.shards import (
     shard_record,
 )
 
-SAME_SKELETON = 1e-5
-"""Distance over all bones, metres, below which two skeletons are of the same hand."""
+SAME_SKELETON = 1e-5  # distance over all bones below which skeletons are of one hand, metres
 
 
 @dataclass(frozen=True)

@@ -23,27 +23,23 @@ from geneoh.geometry.mesh import MESH_SUFFIXES, Mesh, load_mesh, size_warning
 from geneoh.geometry.sampling import sample_surface
 from geneoh.progress import OnStep, steps
 
-FILE = "scans.safetensors"
-"""Name of the file in a folder of shards that holds the scanned objects of its clips."""
+FILE = "scans.safetensors"  # holds the scanned objects of the clips of its folder
 HELD_OUT_FILE = "held_out.txt"
 """File beside the meshes that names those for validation, one a line, with or without ending."""
 NOTICES = ("ATTRIBUTION*", "LICENSE*", "README*")
 """Files beside the meshes whose text goes where copies of the meshes go."""
 MARGIN = 0.008  # width of a grid around the bounding box, metres
 NODES, FINEST = 250_000, 0.0012  # most nodes of a grid, about, and its least spacing in metres
-EXACT = 0.006
-"""Nodes hold the exact distance up to so far from the surface beyond two coarse cells, metres."""
+EXACT = 0.006  # nodes are exact up to so far from the surface beyond two coarse cells, metres
 SKIP = 4  # every so manieth node of a grid belongs to the coarse grid
 SAMPLES = 4096  # surface points kept of each object
 HAND_SPAN = 0.09  # an object is grasped rather where it is thinner than this, metres
 WIDE_SHARE = 0.15
 """How often a wider place is taken, relative to the others: an edge, or what a flat hand bears."""
 ARRAYS = ("half", "points", "normals", "grasped", "spacing", "shape", "start", "values")
-WORDS = ("names", "held_out", "notice")
-"""Fields of `Scans` that its file holds, as tensors and in its record."""
+WORDS = ("names", "held_out", "notice")  # fields in the file, as tensors and in its record
 TINY = 1e-9  # length in metres below which a vector has no direction
-CORNERS = torch.tensor(list(product((0, 1), repeat=3)))
-"""The nodes of a cell, the last axis fastest."""
+CORNERS = torch.tensor(list(product((0, 1), repeat=3)))  # nodes of a cell, the last axis fastest
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,13 +63,10 @@ class Scans(MeshFolder):
     """Scanned objects, with what grasps and batches need of them."""
 
     half: Float[Tensor, "N 3"]  # half sides of the bounding boxes
-    points: Float[Tensor, "N M 3"]
-    """Points spread evenly over the surfaces, with their outward normals."""
+    points: Float[Tensor, "N M 3"]  # spread evenly over the surfaces, with their outward normals
     normals: Float[Tensor, "N M 3"]
-    grasped: Float[Tensor, "N M"]
-    """How likely a hand grasps at each of these points, relative to the others."""
-    spacing: Float[Tensor, " N"]
-    """Between nodes of the grids; the first node is a margin off the bounding box."""
+    grasped: Float[Tensor, "N M"]  # how likely a hand grasps at each of these points, relatively
+    spacing: Float[Tensor, " N"]  # between nodes; the first is a margin off the bounding box
     shape: Int[Tensor, "N 3"]
     start: Int[Tensor, " N"]  # where each grid begins in `values`
     values: Float16[Tensor, " C"]  # signed distance at the nodes of all grids

@@ -16,12 +16,10 @@ class ScheduleConfig:
 
     close: tuple[float, float] = (-0.25, 0.55)
     """Range of the time at which the hand has closed, as a share of the clip; before it if < 0."""
-    hold: tuple[float, float] = (0.4, 1.1)
-    """Range of the duration of the grasp, as a share of the clip."""
+    hold: tuple[float, float] = (0.4, 1.1)  # range of the grasp's duration, as a share of the clip
     grip_frames: float = 4.0
     """Frames from the closed hand to the object's first motion, and from its last to release."""
-    shortest_move: float = 12.0
-    """Fewest frames from one rest point of the object to the next, as in recordings."""
+    shortest_move: float = 12.0  # fewest frames between rest points of the object, as recorded
     regrasp_share: float = 0.15
     """Share of the clips whose hand opens for a moment and grasps again, the object at rest."""
     regrasp_frames: float = 16.0  # frames from that moment to the release

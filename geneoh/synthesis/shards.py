@@ -31,8 +31,7 @@ from geneoh.synthesis.objects import FAMILIES, draw_objects, family_named
 from geneoh.synthesis.scans import FILE, Scans, read_scans
 from geneoh.synthesis.solids import Solids
 
-LARGEST = 1000.0
-"""Largest number that a shard may hold, in metres or radians; larger ones are damage."""
+LARGEST = 1000.0  # largest number in a shard, in metres or radians; larger ones are damage
 
 
 @dataclass(frozen=True)
@@ -44,12 +43,10 @@ class SynthesisConfig:
     points: int = 512  # surface points kept of each object
     shard: int = 256  # interactions per file
     shape_std: float = 0.8  # deviation of the hands' shape coefficients
-    bone_std: float = 0.04
-    """Relative deviation of each bone's length beyond what the shape coefficients can make."""
+    bone_std: float = 0.04  # relative deviation of bone lengths beyond what shape coefficients make
     held_out: tuple[str, ...] = ("mug", "loop_tool", "spoon", "kettle", "drawer")
     """Families that appear in validation shards only."""
-    validation: float = 0.03
-    """Share of the shards that hold the held-out families and scanned objects."""
+    validation: float = 0.03  # share of the shards of held-out families and scanned objects
     scanned: float = 0.5  # share of the attempts on scanned objects, where there are any
     grasps: GraspConfig = field(default_factory=GraspConfig)
     bimanual: BimanualConfig = field(default_factory=BimanualConfig)
@@ -98,8 +95,7 @@ class Attempts:
     families: list[str]
     solids: Solids
     hands: ShapedHand  # hands with bone lengths of their own in `offsets`
-    shared: Int[Tensor, " C"]
-    """Attempts of the first hands on the objects of the last C, which are second hands."""
+    shared: Int[Tensor, " C"]  # first hands on the objects of the last C attempts, the second hands
 
     def take(self, which: Int[Tensor, " N"]) -> "Attempts":
         """Some of the attempts, each by itself."""

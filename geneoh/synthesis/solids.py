@@ -19,8 +19,7 @@ from geneoh.synthesis.scans import Scans
 SOLIDS = 4  # most solids of an object
 PARTS = 2  # rigid parts of an object: the first, and one on a joint
 BOX, CYLINDER, ELLIPSOID, TORUS, SCAN = range(5)  # kinds of solids; SCAN + n is scanned object n
-SURFACE_ERROR = 1e-5
-"""Distance from the surface beyond which a projected point has not converged, metres."""
+SURFACE_ERROR = 1e-5  # a projected point that is farther from the surface did not converge, metres
 FAR = 10.0  # coordinate of the centres of unused solids, metres, too far away to be near anything
 
 
@@ -37,8 +36,7 @@ class Solids(Bundle):
     center: Float[Tensor, "B S 3"]
     rotation: Float[Tensor, "B S 3 3"]
     part: Int[Tensor, "B S"]  # which part each solid belongs to, 0 or 1
-    axis: Float[Tensor, "B 3"]
-    """Axis of the second part's joint, a unit vector; it goes through `pivot`."""
+    axis: Float[Tensor, "B 3"]  # of the second part's joint, through `pivot`; a unit vector
     pivot: Float[Tensor, "B 3"]
     slides: Bool[Tensor, " B"]
     """Whether the second part slides along the axis (metres) or turns about it (radians)."""

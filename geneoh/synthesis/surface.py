@@ -7,8 +7,7 @@ import torch
 from geneoh.geometry.mesh import Mesh
 from geneoh.synthesis.solids import FAR, TORUS, Solids
 
-SPACING = 0.002
-"""Distance of the grid points of marching cubes, metres; the thinnest parts are 3 mm thick."""
+SPACING = 0.002  # between grid points of marching cubes, metres; the thinnest parts are 3 mm thick
 COARSEST, THICKNESS_SHARE = 0.004, 0.6
 """Spacing for pictures: at most so many metres, and this share of the thinnest thickness."""
 MARGIN = 0.005  # width of the grid around an object, metres

@@ -28,8 +28,7 @@ class AugmentationConfig:
     """Power of its period by which a motion counts in that mixture: slow motion is larger."""
     turn: tuple[float, float] = (0.02, 0.4)
     """Range of the deviation of the turn about the fingertips, radians, log-uniform."""
-    shift: tuple[float, float] = (0.0006, 0.02)
-    """Range of the deviation of the shift, metres, log-uniform."""
+    shift: tuple[float, float] = (0.0006, 0.02)  # range of the shift's deviation, m, log-uniform
     fingers: tuple[float, float] = (0.05, 0.8)
     """Range of the deviation of the finger joints, in those of the pose prior, log-uniform."""
     style_share: float = 0.5  # share whose finger pose is set off as a whole

@@ -34,8 +34,7 @@ class TrainConfig:
     """Temporal stage only: steps spent on the autoencoder before its latent is denoised."""
     motion_level: int = 650
     """Spatial and temporal stages: level from which MotionDiff denoises what they are shown."""
-    motion_steps: int = 3
-    """Denoising steps of that, fewer than in use: it is run anew for every batch."""
+    motion_steps: int = 3  # denoising steps of that, fewer than in use: it is run for every batch
     seed: int = 0  # of the first weights and of every batch
     checkpoint_every: int = 250  # steps between two saved states of the run
     validate_every: int = 250  # steps between two validations

@@ -19,21 +19,17 @@ from geneoh.synthesis.draws import Draws
 class CorruptionConfig:
     """How large the errors are, and how they change over time. A share is of the windows."""
 
-    clean_share: float = 0.1
-    """Share whose parameters are left as they are: clean hands must stay clean."""
+    clean_share: float = 0.1  # share whose parameters are left: clean hands must stay clean
     translation: tuple[float, float] = (0.0005, 0.014)
     """Range of the deviation of the translation, metres, log-uniform."""
     rotation: tuple[float, float] = (0.004, 0.13)
     """Range of the deviation of the global rotation, radians, log-uniform."""
     fingers: tuple[float, float] = (0.02, 0.6)
     """Range of the deviation of the finger joints, radians, log-uniform."""
-    common_size: float = 0.7
-    """How much the three sizes agree, 0 to 1: a bad track is bad in all of them."""
-    joint_scatter: float = 0.6
-    """Deviation of the logarithm of the size from finger joint to finger joint."""
+    common_size: float = 0.7  # how much the three sizes agree, 0 to 1: bad tracks are bad in all
+    joint_scatter: float = 0.6  # deviation of the logarithm of the size from joint to joint
     largest_joint: float = 1.5  # largest factor that this makes
-    burst_share: float = 0.3
-    """Share in which some frames have larger independent errors than the others."""
+    burst_share: float = 0.3  # share with frames of larger independent errors than the others
     burst_frames: float = 0.1  # largest share of such frames
     burst_factor: tuple[float, float] = (3.0, 9.0)  # range of how many times larger they are
     drift_frames: tuple[float, float] = (2.0, 60.0)
@@ -47,37 +43,28 @@ class CorruptionConfig:
     gap_share: float = 0.33  # share that loses frames
     gaps: int = 3  # most runs of lost frames
     gap_frames: tuple[int, int] = (2, 10)  # shortest and longest run
-    jitter_share: float = 0.25
-    """Share whose keypoints jitter independently, as those of keypoint detectors do."""
+    jitter_share: float = 0.25  # share whose keypoints jitter independently, as detectors' do
     jitter: float = 0.006  # largest deviation of that jitter, metres
-    camera_share: float = 0.4
-    """Share with the error of an estimator in one camera: its depth is off along a ray."""
+    camera_share: float = 0.4  # share with the error of one camera: depth is off along a ray
     depth: tuple[float, float] = (0.005, 0.045)
     """Range of the deviation of the depth that lasts, metres, log-uniform."""
     depth_drift: float = 0.8  # largest deviation of the depth that drifts, relative to that
     depth_frames: float = 15.0  # correlation time of that drift, frames
-    depth_jitter: float = 0.12
-    """Deviation of the depth of single frames, relative to the one that lasts."""
-    blunder_share: float = 0.02
-    """Share of the frames of every second such window whose depth is off by a blunder."""
+    depth_jitter: float = 0.12  # deviation of single frames' depth, relative to what lasts
+    blunder_share: float = 0.02  # share of the frames of every second such window with a blunder
     blunder: float = 0.06  # size of a blunder, metres
     across: float = 0.004  # deviation of the lasting error across the ray, metres
     ray_share: float = 0.5  # share of such windows whose ray is told
-    other_ray_share: float = 0.1
-    """Share of the other windows that are told a ray, along which they do not err."""
-    shaky_share: float = 0.35
-    """Share whose object shakes: what is left of that after its track was smoothed."""
+    other_ray_share: float = 0.1  # share of the others told a ray, along which they do not err
+    shaky_share: float = 0.35  # share whose object shakes, as is left when its track was smoothed
     object_turn: tuple[float, float] = (0.004, 0.1)
     """Range of the deviation of the object's rotation, radians, log-uniform."""
     object_shift: tuple[float, float] = (0.0005, 0.012)
     """Range of the deviation of the object's translation, metres, log-uniform."""
-    object_frames: float = 15.0
-    """Correlation time of the object's noise, frames; half of its variance is white."""
+    object_frames: float = 15.0  # correlation time of its noise, frames; half of it is white
     object_white_left: float = 0.15  # share of the white noise's deviation that smoothing leaves
-    lasting_turn: float = 0.03
-    """Deviation of the object's rotation for a whole window, in all of them, radians."""
-    lasting_shift: float = 0.004
-    """The same of its translation, metres: no recording knows its object better."""
+    lasting_turn: float = 0.03  # deviation of its rotation for a whole window, in all, radians
+    lasting_shift: float = 0.004  # of its translation, metres: no recording knows its object better
 
 
 @dataclass(frozen=True)

@@ -36,10 +36,8 @@ KEYPOINT_UNIT = 0.02  # keypoint error that counts as much as a parameter error 
 TRIALS = 32  # places at which SpatialDiff is asked in training, for each window
 TRIAL_SPREAD = ((0.0, 0.04), (0.0, 0.015), (1.0, 0.006), (1.0, 0.02))
 """Trial places are around the hand that is seen (0) or the clean one (1): deviations in metres."""
-SHIFT_WIDTH = 0.004
-"""Width of the density around the true shift, metres: clean hands are not known better."""
-WEIGHT_FLOOR = 0.1
-"""Squared error of an input, in such units, below which windows no longer gain weight."""
+SHIFT_WIDTH = 0.004  # width of the density around the true shift, metres: that is not known better
+WEIGHT_FLOOR = 0.1  # squared error of an input, in such units, below which weights stay
 
 
 def draw_sigma(

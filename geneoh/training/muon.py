@@ -14,8 +14,7 @@ QUINTIC = (3.4445, -4.7750, 2.0315)
 """Coefficients of the odd polynomial whose iteration brings singular values to about one."""
 ITERATIONS = 5
 MOMENTUM = 0.95
-UPDATE_RMS = 0.2
-"""Root mean square of an update at rate 1, about that of AdamW, so that one rate serves both."""
+UPDATE_RMS = 0.2  # of an update at rate 1, about that of AdamW, so that one rate serves both
 
 
 class Muon(torch.optim.Optimizer):

@@ -38,8 +38,7 @@ from geneoh.sequence.validation import check_sequence
 from geneoh.synthesis.shards import seed_of
 from geneoh.synthesis.solids import PARTS
 
-SEQUENCES = "sequences"
-"""Name of the source that is a folder of npz files, as `geneoh convert` writes them."""
+SEQUENCES = "sequences"  # the source that is a folder of npz files, as `geneoh convert` writes
 MESHES = (".obj", ".ply", ".stl", ".off", ".glb")
 """Endings of the one file beside an npz that names no mesh itself."""
 PICTURES = (".jpg", ".jpeg", ".png", ".mp4", ".avi", ".mkv")
@@ -50,8 +49,7 @@ PICTURES = (".jpg", ".jpeg", ".png", ".mp4", ".avi", ".mkv")
 class ClipConfig:
     """How clips are cut out of recordings; saved in every shard."""
 
-    shortest: int = 60
-    """Frames, at 30 a second, of the shortest stretch that is kept: those of a window."""
+    shortest: int = 60  # frames, at 30 a second, of the shortest stretch kept: those of a window
     longest: int = 120  # frames of the longest clip; longer stretches are cut into equal ones
     points: int = 512  # surface points kept of each object
     reach: float = 0.15  # largest distance from the wrist to the object, metres

@@ -20,8 +20,7 @@ from geneoh.synthesis.motion import Interactions
 class WindowConfig:
     """Length and speed of the windows that networks learn from."""
 
-    frames: int = 60
-    """Length of a window (paper: 60 at 30 frames a second); of a whole clip where that is less."""
+    frames: int = 60  # of a window (paper: 60 at 30 a second); of a whole clip where that is less
     short_share: float = 0.2
     """Share of the batches with a random shorter length, so that short clips are nothing new."""
     fast_share: float = 0.25  # share of the batches that play at twice the speed
