@@ -8,6 +8,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.denoisers.library import Denoisers
+from geneoh.errors import CheckpointError
 from geneoh.fitting.subject import Subject
 from geneoh.fitting.terms import HandState
 from geneoh.nn.checkpoint import finite_output
@@ -22,6 +23,9 @@ from geneoh.pipeline.stages import (
 )
 from geneoh.progress import OnStep
 from geneoh.representation.parameters import HandParameters
+
+FARTHEST = 10.0
+"""Metres from the input that no sound network moves a keypoint."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +45,7 @@ class StageRun:
         """MotionDiff, SpatialDiff and TemporalDiff in order, all samples in one batch.
 
         Raises:
-            CheckpointError: a network answers with NaN or infinity.
+            CheckpointError: a network answers with NaN or infinity, or with a hand far away.
         """
         joints = (self._by_parameters if preset.observed else self._by_paper)(context, preset)
         if preset.temporal is not None:
@@ -56,7 +60,13 @@ class StageRun:
                 generator=self.generator,
                 on_step=self.progress_of("temporal"),
             )
-        return finite_output(joints)
+        apart = (finite_output(joints) - self.subject.joints).abs().max()
+        if apart > FARTHEST:
+            raise CheckpointError(
+                f"expected keypoints near the input from the networks, got some {apart:.0f} m "
+                "away; their weights are damaged, train or download them again"
+            )
+        return joints
 
     def _by_parameters(self, context: StageContext, preset: Preset) -> Float[Tensor, "S T 21 3"]:
         """MotionDiff and SpatialDiff on hand parameters."""

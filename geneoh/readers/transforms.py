@@ -9,6 +9,8 @@ from geneoh.readers.records import Array
 SINGULAR = 1e-12
 """Determinant below which a matrix counts as one that cannot be inverted."""
 
+LARGEST_QUATERNION = 1e6  # sum of absolute values beyond which it is no rotation
+
 
 def rigid_matrices(rotation: Array, translation: Array) -> Array:
     """(T, 4, 4) from (T, 3, 3) and (T, 3)."""
@@ -39,9 +41,10 @@ def axis_angles(rotations: Array) -> Array:
 
 
 def axis_angles_of_wxyz(quaternions: Array) -> Array:
-    """(..., 3) axis-angle vectors of (..., 4) quaternions, real part first; NaN for zeros."""
+    """(..., 3) axis-angle vectors of (..., 4) quaternions, real part first; NaN for none."""
     flat = quaternions.reshape(-1, 4)
-    sound = np.isfinite(flat).all(-1) & (np.abs(flat).sum(-1) > 0.1)
+    size = np.abs(flat).sum(-1)
+    sound = (size > 0.1) & (size < LARGEST_QUATERNION)
     result = np.full((len(flat), 3), np.nan)
     if sound.any():
         result[sound] = Rotation.from_quat(flat[sound][:, [1, 2, 3, 0]]).as_rotvec()

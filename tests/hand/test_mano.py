@@ -331,6 +331,14 @@ def test_npz_with_objects_is_refused(tmp_path):
         load_mano("right", tmp_path)
 
 
+def test_numbers_that_no_hand_has_are_refused(tmp_path):
+    arrays = plain_arrays()
+    arrays["posedirs"] = np.full_like(arrays["posedirs"], 1e300, dtype=np.float64)
+    np.savez(tmp_path / "MANO_RIGHT.npz", **arrays)
+    with pytest.raises(InputError, match="'posedirs' must hold finite numbers"):
+        load_mano("right", tmp_path)
+
+
 def test_pose_space_is_that_of_the_file(tmp_path, chumpy):
     arrays = plain_arrays() | {"hands_components": np.arange(2025.0).reshape(45, 45)}
     write(tmp_path, arrays=arrays)

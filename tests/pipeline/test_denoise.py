@@ -1,5 +1,6 @@
 """The whole way of the data, on the example recording with the shipped weights."""
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -212,11 +213,16 @@ def test_numbers_out_of_range_are_refused(noisy, wrong):
         denoise(noisy, wrong)
 
 
-def test_weights_that_give_no_numbers_are_named_as_damaged(noisy, tmp_path):
+@pytest.mark.parametrize(
+    ("damaged", "number"),
+    [("motion", math.nan), ("spatial", math.nan), ("temporal", math.nan), ("motion", 1e5)],
+)
+def test_weights_that_give_no_hand_are_named_as_damaged(noisy, tmp_path, damaged, number):
     for stage in ("motion", "spatial", "temporal"):
         saved = load_checkpoint(SHIPPED / f"{stage}.safetensors")
-        if stage == "temporal":
-            next(iter(saved.tensors.values())).fill_(float("nan"))
+        if stage == damaged:
+            for tensor in saved.tensors.values():
+                tensor.fill_(number)
         save_checkpoint(tmp_path / f"{stage}.safetensors", saved)
     with pytest.raises(CheckpointError, match="their weights are damaged"):
         denoise(noisy, Options(preset="fast", weights=tmp_path))

@@ -1,4 +1,4 @@
-"""What no refining beats: solvers that are told what only the truth knows."""
+"""How near solvers come to the true track that are told what only the truth knows."""
 
 from collections.abc import Iterator
 from dataclasses import replace

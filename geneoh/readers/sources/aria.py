@@ -79,7 +79,8 @@ def read_device(root: Path, seconds: Array) -> tuple[Array | None, tuple[str, ..
     if len(times) < 2 or not (np.diff(times) > 0).all():
         raise device.refuse("tracking_timestamp_us", "two times or more that rise")
     sound = np.isfinite(quats).all(1) & np.isfinite(places).all(1) & np.isfinite(times)
-    sound &= np.abs(quats).sum(1) > 0.5
+    size = np.abs(quats).sum(1)  # 1 to 2 for a rotation
+    sound &= (size > 0.5) & (size < 4)
     times, quats, places = times[sound], quats[sound], places[sound]
     if len(times) < 2:
         raise device.refuse("qw_world_device", "two poses of the device or more")
