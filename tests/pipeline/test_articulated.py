@@ -4,7 +4,7 @@ import pytest
 import torch
 import trees
 
-from geneoh.pipeline import denoise as module
+from geneoh.pipeline import stage_run
 from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.options import Options
 
@@ -12,14 +12,14 @@ from geneoh.pipeline.options import Options
 @pytest.fixture(scope="module")
 def regions(arctic):
     """The contact points of each hand as the first stage sees them, the left one mirrored."""
-    found, real = [], module.denoise_motion
+    found, real = [], stage_run.denoise_motion
 
     def spy(denoiser, hand, context, *rest, **options):
         found.append(context.region(hand.joints))
         return real(denoiser, hand, context, *rest, **options)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "denoise_motion", spy)
+        patch.setattr(stage_run, "denoise_motion", spy)
         denoise(arctic, Options(preset="fast"))
     moving = [arctic.object.mirrored() if h.side == "left" else arctic.object for h in arctic.hands]
     return list(zip(found, moving, strict=True))

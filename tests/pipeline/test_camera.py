@@ -9,6 +9,7 @@ import torch
 
 from geneoh.geometry.mirror import mirror_points
 from geneoh.pipeline.options import Options
+from geneoh.pipeline.stage_run import StageRun
 from geneoh.sequence.camera import seen_from
 
 pipeline = importlib.import_module("geneoh.pipeline.denoise")
@@ -19,13 +20,13 @@ FAST = Options(preset="fast")
 def contexts(monkeypatch) -> list:
     """What the stages of each run knew."""
     quick_presets.use(monkeypatch)
-    known, run = [], pipeline._run_stages
+    known, run = [], StageRun.samples
 
-    def noted(denoisers, context, *others, **named):
+    def noted(stages, context, preset):
         known.append(context)
-        return run(denoisers, context, *others, **named)
+        return run(stages, context, preset)
 
-    monkeypatch.setattr(pipeline, "_run_stages", noted)
+    monkeypatch.setattr(StageRun, "samples", noted)
     return known
 
 
