@@ -15,6 +15,7 @@ HAND_SCALE = 0.08
 unit-variance schedule. It is fixed: each window's own, as in the paper, would lose bone lengths."""
 NOISE_SCALE = 0.02  # how far a clean keypoint typically is from its observation, metres
 POINTS = 32  # contact points K the networks are trained with
+SELECT_EVERY = 4  # frames of which one decides which points these are
 
 
 @dataclass(frozen=True)

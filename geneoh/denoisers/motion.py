@@ -20,6 +20,7 @@ from geneoh.geometry.rotations import matrix_to_axis_angle, matrix_to_rotation_6
 from geneoh.hand.skeleton import bone_lengths
 from geneoh.nn.blocks import FrameTransformer, zeroed
 from geneoh.representation.parameters import UNIT, HandParameters, turned
+from geneoh.representation.region import ContactRegion
 
 SURFACE_SCALE, CONTACT_CUE_SCALE = 0.02, 0.04
 """Distances over which closeness to the surface decays in features and contact cues, metres."""
@@ -60,6 +61,19 @@ class ObservedMotion(Bundle):
     rotation: Float[Tensor, "B T 3 3"]
     """R_k, canonical to world; with the centres `center` it tells how the object moves."""
     center: Float[Tensor, "B T 3"]
+
+    @classmethod
+    def of(
+        cls,
+        hand: HandParameters,
+        trust: Float[Tensor, "B T"],
+        nearest: Float[Tensor, "B T 21 3"],
+        normals: Float[Tensor, "B T 21 3"],
+        region: ContactRegion,
+    ) -> "ObservedMotion":
+        """A hand and the surface near it, all given in the world, in the frame of a region."""
+        near = region.to_canon(nearest), normals @ region.rotation
+        return cls(hand.to_canon(region), trust, *near, region.rotation, region.center)
 
     def repeated(self, times: int) -> "ObservedMotion":
         """The same batch several times over, for as many samples."""

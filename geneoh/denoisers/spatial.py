@@ -8,7 +8,7 @@ the density of the hand's shift, whose mean and width are those of the denoised 
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import torch
 from jaxtyping import Float
@@ -52,6 +52,19 @@ class SpatialEvidence(ObjectSurface):
     """Unit direction from the camera, along which trackers err; zero where it is not known."""
     track: Float[Tensor, "B 12"]
     """How noisy hand and object were (`track_cues`): the width of the prior follows from it."""
+
+    @classmethod
+    def around(
+        cls,
+        surface: ObjectSurface,
+        joints: Float[Tensor, "B T 21 3"],
+        ray: Float[Tensor, "B 3"],
+        track: Float[Tensor, "B 12"],
+    ) -> "SpatialEvidence":
+        """The evidence of hands at an object, whose first part tells how fast they move."""
+        moving = {f.name: getattr(surface, f.name) for f in fields(ObjectSurface)}
+        speeds = relative_speeds(joints, surface.rotation[:, :, 0], surface.translation[:, :, 0])
+        return cls(**moving, joints=joints, speeds=speeds, ray=ray, track=track)
 
     @property
     def knows_ray(self) -> Float[Tensor, " B"]:

@@ -8,9 +8,9 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn.functional import normalize
 
-from geneoh.denoisers.base import POINTS, Observation
+from geneoh.denoisers.base import POINTS, SELECT_EVERY, Observation
 from geneoh.denoisers.motion import ObservedMotion
-from geneoh.denoisers.spatial import SpatialEvidence, relative_speeds, track_cues
+from geneoh.denoisers.spatial import SpatialEvidence, track_cues
 from geneoh.fitting.subject import Subject
 from geneoh.geometry.distance import MovingSurface
 from geneoh.geometry.sampling import sample_surface
@@ -21,8 +21,6 @@ from geneoh.sequence.windows import WINDOW, fold, unfold, window_starts
 
 SURFACE_POINTS = 1024
 """Points drawn on the surface of the object, all parts together."""
-SELECT_EVERY = 4
-"""Contact points are chosen by every fourth frame, as in training."""
 
 
 @dataclass(frozen=True)
@@ -108,13 +106,8 @@ class StageContext(ObjectSurface):
             noise = self.object_noise.to(noise)
 
         trust = self.cut(self.trust, 0).mean(-1)
-        return SpatialEvidence(
-            **vars(surface),
-            joints=joints,
-            speeds=relative_speeds(joints, surface.rotation[:, :, 0], surface.translation[:, :, 0]),
-            ray=ray,
-            track=track_cues(self.hand_windows(observed), change, trust, noise.expand(count, 2)),
-        )
+        track = track_cues(self.hand_windows(observed), change, trust, noise.expand(count, 2))
+        return SpatialEvidence.around(surface, joints, ray, track)
 
     def hand_windows(self, hand: HandParameters) -> HandParameters:
         """The windows of one sample of a hand."""
@@ -144,14 +137,9 @@ class StageContext(ObjectSurface):
     def observed_motion(self, hand: HandParameters, region: ContactRegion) -> ObservedMotion:
         """Windows of a hand of the world (one sample), as MotionDiff is shown them."""
         nearest, outward = self.nearest_surface(hand.joints[0])
-        return ObservedMotion(
-            self.hand_windows(hand).to_canon(region),
-            self.cut(self.trust, 0).mean(-1),
-            region.to_canon(self.cut(nearest, 0)),
-            self.cut(outward, 0) @ region.rotation,
-            region.rotation,
-            region.center,
-        )
+        surface = self.cut(nearest, 0), self.cut(outward, 0)
+        trust = self.cut(self.trust, 0).mean(-1)
+        return ObservedMotion.of(self.hand_windows(hand), trust, *surface, region)
 
 
 def stage_context(

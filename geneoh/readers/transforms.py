@@ -8,7 +8,6 @@ from geneoh.readers.records import Array
 
 SINGULAR = 1e-12
 """Determinant below which a matrix counts as one that cannot be inverted."""
-
 LARGEST_QUATERNION = 1e6  # sum of absolute values beyond which it is no rotation
 
 
@@ -40,11 +39,16 @@ def axis_angles(rotations: Array) -> Array:
     return result.reshape(*rotations.shape[:-2], 3)
 
 
+def are_rotations(quaternions: Array) -> Array:
+    """(...) whether (..., 4) quaternions, of any length and order, are neither zero nor endless."""
+    size = np.abs(quaternions).sum(-1)
+    return (size > 0.1) & (size < LARGEST_QUATERNION)
+
+
 def axis_angles_of_wxyz(quaternions: Array) -> Array:
     """(..., 3) axis-angle vectors of (..., 4) quaternions, real part first; NaN for none."""
     flat = quaternions.reshape(-1, 4)
-    size = np.abs(flat).sum(-1)
-    sound = (size > 0.1) & (size < LARGEST_QUATERNION)
+    sound = are_rotations(flat)
     result = np.full((len(flat), 3), np.nan)
     if sound.any():
         result[sound] = Rotation.from_quat(flat[sound][:, [1, 2, 3, 0]]).as_rotvec()

@@ -1,14 +1,14 @@
 """Random windows of synthetic interactions: clean hands, and the object that they hold."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from geneoh.denoisers.base import POINTS
+from geneoh.denoisers.base import POINTS, SELECT_EVERY
 from geneoh.denoisers.motion import ObservedMotion
-from geneoh.denoisers.spatial import SpatialEvidence, relative_speeds
+from geneoh.denoisers.spatial import SpatialEvidence
 from geneoh.geometry.rotations import axis_angle_to_matrix, interpolate_rotations
 from geneoh.representation.nearest_surface import nearest_on_parts
 from geneoh.representation.parameters import HandParameters
@@ -34,21 +34,14 @@ class Windows(ObjectSurface):
 
     def region(self, joints: Float[Tensor, "B T 21 3"]) -> ContactRegion:
         """Generalised contact points of a hand and their canonical frame."""
-        return contact_region(joints, self, count=POINTS, every=4)
+        return contact_region(joints, self, count=POINTS, every=SELECT_EVERY)
 
     def observed(
         self, noisy: HandParameters, keep: Bool[Tensor, "B T"], region: ContactRegion
     ) -> ObservedMotion:
         """What MotionDiff is shown of a noisy hand, in the canonical frame of a region."""
         nearest, outward = nearest_on_parts(noisy.joints, self)
-        return ObservedMotion(
-            noisy.to_canon(region),
-            keep.float(),
-            region.to_canon(nearest),
-            outward @ region.rotation,
-            region.rotation,
-            region.center,
-        )
+        return ObservedMotion.of(noisy, keep.float(), nearest, outward, region)
 
     def shaken(self, turn: Float[Tensor, "B T 3"], shift: Float[Tensor, "B T 3"]) -> "Windows":
         """The same hand with an object whose parts are turned in their own frames and shifted."""
@@ -59,9 +52,7 @@ class Windows(ObjectSurface):
         self, hand: HandParameters, ray: Float[Tensor, "B 3"], track: Float[Tensor, "B 12"]
     ) -> SpatialEvidence:
         """What tells SpatialDiff the place of a hand of the world."""
-        speeds = relative_speeds(hand.joints, self.rotation[:, :, 0], self.translation[:, :, 0])
-        surface = {f.name: getattr(self, f.name) for f in fields(ObjectSurface)}
-        return SpatialEvidence(**surface, joints=hand.joints, speeds=speeds, ray=ray, track=track)
+        return SpatialEvidence.around(self, hand.joints, ray, track)
 
 
 @dataclass(frozen=True)

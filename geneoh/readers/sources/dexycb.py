@@ -85,8 +85,7 @@ def read_pose(
 def object_motion(placed: Array) -> Array:
     """(T, 4, 4) of the object to the world; NaN in frames in which it was not found."""
     present = np.isfinite(placed).all(1) & (np.abs(placed - NO_OBJECT).max(1) > 0)
-    size = np.abs(placed[:, :4]).sum(1)
-    present &= (size > 0.1) & (size < transforms.LARGEST_QUATERNION)  # else it is no rotation
+    present &= transforms.are_rotations(placed[:, :4])
     motion = np.full((len(placed), 4, 4), np.nan)
     if present.any():
         rotation = Rotation.from_quat(placed[present, :4]).as_matrix()
