@@ -41,4 +41,6 @@ def eval(
         made = evaluate(chosen, folder, on_progress=on_progress, **how)
     for line in [*as_text(made.blocks), *(f"note: {remark}" for remark in made.remarks())]:
         click.echo(line)
+    if made.reused:
+        click.echo(f"note: {made.reused} of {len(made.scores)} scores were there already")
     click.echo(f"wrote {', '.join(str(path) for path in write_report(made, folder))}")

@@ -43,6 +43,9 @@ class Evaluation:
     notes: tuple[str, ...] = ()
     pages: tuple[tuple[str, str], ...] = ()
     """Title and file, beside the report, of pages in 3D."""
+    reused: int = 0
+    """How many scores the record held already; a run that was stopped and one that was not give
+    the same report, so it is not in the files."""
 
     @property
     def blocks(self) -> list[Block]:

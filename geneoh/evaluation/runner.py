@@ -95,11 +95,10 @@ def evaluate(
     made = run(work, folder, config, pages=pages_folder, jobs=jobs, on_progress=on_progress)
     by_key = {score.key: score for score in [*done, *made]}
     wanted = [(*case.key, method.name) for case in cases for method in methods]
-    if reused := len(wanted) - len(made):
-        notes = (*notes, f"{reused} of {len(wanted)} scores were there already")
-        if earlier != versions:
-            words = ", ".join(f"{name} {version}" for name, version in earlier.items())
-            notes = (*notes, f"the record was begun with {words}")
+    reused = len(wanted) - len(made)
+    if reused and earlier != versions:
+        words = ", ".join(f"{name} {version}" for name, version in earlier.items())
+        notes = (*notes, f"the record was begun with {words}")
     return Evaluation(
         settings={**settings, "versions": versions},
         command=command,
@@ -111,6 +110,7 @@ def evaluate(
             for key in wanted
             if pages_folder is not None and (page := page_of(pages_folder, key)).is_file()
         ),
+        reused=reused,
     )
 
 

@@ -11,6 +11,7 @@ import torch
 import geneoh
 from geneoh.denoisers.library import weights_of
 from geneoh.errors import CheckpointError, ConfigError, InputError
+from geneoh.evaluation import report
 from geneoh.evaluation.cases import Case, find_cases, write_inputs
 from geneoh.evaluation.methods import (
     Method,
@@ -226,7 +227,10 @@ def test_an_evaluation_goes_on_and_says_so(tmp_path):
     assert [score.method for score in first.scores] == list(first.methods)
     again = evaluate(replace(SMALL, methods=("input",)), tmp_path)
     assert again.scores == first.scores[:1]
-    assert "1 of 1 scores were there already" in again.notes
+    assert (first.reused, again.reused) == (0, 1)
+    for name in ("as_csv", "as_json", "as_page"):
+        written = getattr(report, name)
+        assert written(replace(first, reused=3)) == written(first)  # as if it had never stopped
 
 
 def test_an_edited_docstring_does_not_end_an_evaluation(tmp_path, monkeypatch):

@@ -19,8 +19,8 @@ SMALL = ("shard=2", "points=64", "frames=62", "grasps.steps=1")
 ANYTHING = ("grasps.checks.fingers=-1", "grasps.checks.depth=1", "grasps.checks.clearance=-1")
 STEPS = ("steps=3", "checkpoint_every=1", "validate_every=1", "validation_batches=1", "batch=2")
 EVAL = ("--dataset", "synthetic", "--limit", "1", "--noise", "gauss", "--set", "frames=6")
-TIMES = re.compile(rb'"(?:seconds|time)[a-z_]*": [^,}\n]*|,[0-9.e+-]+$', re.MULTILINE)
-"""What differs from run to run: seconds in JSON, and the last column of a log."""
+TIMES = re.compile(rb'"(?:seconds|time)[a-z_]*": [^,}\n]*|,[0-9.e+-]+,?$', re.MULTILINE)
+"""What differs from run to run: seconds in JSON, and the last number in a line of CSV."""
 
 
 def settings(*given: str) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ import sys
 import time
 import webbrowser  # noqa: F401 before `become_nobody`, who may not read Python's files
 from collections.abc import Callable
+from concurrent.futures import process  # noqa: F401 as well
 from dataclasses import dataclass
 from pathlib import Path
 
