@@ -39,8 +39,10 @@ camera is withheld.
 ABLATIONS: tuple[Ablation, ...] = get_args(Ablation)
 
 BaselineName = Literal["toch", "regression"]
-FilterName = Literal["savgol", "gaussian", "one-euro", "best-filter"]
-MethodName = Literal["input", FilterName, "optimisation", "toch", "regression", "geneoh"]
+FilterName = Literal["savgol", "gaussian", "one-euro", "centroid", "best-filter", "best-offset"]
+MethodName = Literal[
+    "input", FilterName, "optimisation", "toch", "regression", "one-call", "geneoh"
+]
 """Methods that `geneoh eval` compares, besides users' own predictions."""
 METHODS: tuple[MethodName, ...] = get_args(MethodName)
 

@@ -16,10 +16,11 @@ def eval(
 ) -> None:
     """Score methods of cleaning on noisy clips.
 
-    Methods: the input; low-pass filters tuned once, and the best of all filters chosen with the
-    ground truth, which no user has; optimisation without learning; a TOCH-style autoencoder and a
-    regression trained on our data; geneoh. Prints tables and writes scores.csv, evaluation.json,
-    report.md and report.html. An interrupted run goes on when it is started again.
+    Methods: the input; low-pass filters tuned once, and the best of all filters, alone and with the
+    best offset, chosen with the ground truth, which no user has; optimisation without learning; a
+    TOCH-style autoencoder and a regression trained on our data; MotionDiff in one call; geneoh.
+    Prints tables and writes scores.csv, evaluation.json, report.md and report.html. An interrupted
+    run goes on when it is started again.
     """
     from geneoh.evaluation.cases import find_cases, write_inputs
     from geneoh.evaluation.report import keep_other_reports, write_report

@@ -25,6 +25,7 @@ from geneoh.sequence.sequence import HandTrack
 FilterKind = Literal["savgol", "gaussian", "one-euro"]
 Domain = Literal["keypoints", "parameters"]
 """What is filtered: coordinates of keypoints, or wrist position and joint rotations."""
+CENTROID_FRAMES = 5.0  # deviation of the Gaussian in `smoothed_centroid`, frames
 ORDER = 2  # degree of the Savitzky-Golay filter's polynomials
 SPEED_CUTOFF = 1.0  # hertz, of the One-Euro filter's speed estimate (its authors')
 
@@ -122,6 +123,18 @@ def filtered(
     wrist = smooth(filled.joints[:, 0], chosen, fps)
     offsets = offsets.expand(len(pose), 20, 3)
     return forward_kinematics(axis_angle_to_matrix(pose), wrist, offsets)[0]
+
+
+def smoothed_centroid(hand: HandTrack, fps: float) -> Float[Tensor, "T 21 3"]:
+    """Keypoints that follow the smoothed middle of the hand, whose shape is left as it is.
+
+    A Gaussian filter on the middle alone, after gaps were filled linearly. Source: the smoothing of
+    hands in NVIDIA's video_to_data (`hand_alignment`), with its size.
+    """
+    joints = fill_gaps(hand).joints
+    assert joints is not None, "the filters need keypoints"
+    middle = joints.mean(1, keepdim=True)
+    return joints + smooth(middle, Filter("gaussian", CENTROID_FRAMES), fps) - middle
 
 
 def unwrapped(pose: Float[Tensor, "T 16 3"]) -> Float[Tensor, "T 16 3"]:

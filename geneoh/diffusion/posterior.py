@@ -19,9 +19,10 @@ from geneoh.progress import OnStep, steps
 
 LogDensity = Callable[[Float[Tensor, "B M D"]], Float[Tensor, "B M"]]
 """From M places of each item of a batch to the logarithm of their density, up to a constant."""
-CAUTION = 0.5
-"""A shift within the deviation of its density may be an error of the model: on held-out made clips
-this makes the error of hands that are in their place a quarter smaller and leaves the mean one."""
+CAUTION = 0.05
+"""A shift within the deviation of its density may be an error of the model. On held-out made clips
+this halves what clean hands are moved by; ten times as much takes back half of what is won under
+lasting errors."""
 FLOOR = 1e-8
 """Least variance along any direction, in the square of the unit of the places."""
 WIDEN = 1.2

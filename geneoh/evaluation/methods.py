@@ -13,9 +13,17 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 from typing_extensions import assert_never
 
-from geneoh.baselines.filters import TUNED, Domain, FilterKind, best_filtered, domains_of, filtered
+from geneoh.baselines.filters import (
+    TUNED,
+    Domain,
+    FilterKind,
+    best_filtered,
+    domains_of,
+    filtered,
+    smoothed_centroid,
+)
 from geneoh.baselines.library import BASELINES, Baseline, baseline_weights, load_baseline
-from geneoh.choices import BaselineName, HandSource, MethodName
+from geneoh.choices import Ablation, BaselineName, HandSource, MethodName
 from geneoh.errors import ConfigError, MissingAssetError
 from geneoh.evaluation.cases import Case
 from geneoh.evaluation.options import DEFAULT_METHODS, EvaluationOptions
@@ -40,6 +48,7 @@ TITLES = {
     "regression": "w/o diffusion (regression)",
 }
 """Names of filters and baselines in the tables."""
+ALL_BUT_MOTION: tuple[Ablation, ...] = ("diffusion", "spatial", "temporal", "fit")
 DOMAINS: tuple[Domain, ...] = ("keypoints", "parameters")
 
 
@@ -89,6 +98,20 @@ def best_filtered_hand(case: Case, domain: Domain) -> CleanedHand | None:
     if case.clean is None or domain not in domains_of(hand):
         return None
     return in_every_frame(best_filtered(hand, joints_of(case.clean), domain, case.noisy.fps))
+
+
+def centroid_hand(case: Case) -> CleanedHand:
+    """The hand moved with its smoothed middle, as another pipeline does."""
+    return in_every_frame(smoothed_centroid(case.noisy.hands[0], case.noisy.fps))
+
+
+def best_offset_hand(case: Case) -> CleanedHand | None:
+    """The best filter of the clip and one offset for all frames, chosen with the ground truth."""
+    filtered = best_filtered_hand(case, domains_of(case.noisy.hands[0])[-1])
+    if filtered is None or case.clean is None:
+        return None
+    offset = (joints_of(case.clean) - filtered.joints).mean((0, 1))
+    return in_every_frame(filtered.joints + offset)
 
 
 def optimised_hand(
@@ -228,12 +251,19 @@ def methods_named(name: MethodName, options: EvaluationOptions) -> Iterator[Meth
             for domain in DOMAINS:
                 title = f"best filter on {domain}, told the truth †"
                 yield Method(title, partial(best_filtered_hand, domain=domain))
+        case "centroid":
+            yield Method("Gaussian on the hand's middle", centroid_hand)
+        case "best-offset":
+            yield Method("best filter and best offset, told the truth †", best_offset_hand)
         case "optimisation":
             clean = partial(optimised_hand, source=cleaner.hand, mano_dir=cleaner.mano_dir)
             yield Method("optimisation only", clean)
         case "toch" | "regression":
             weights = baseline_weights(name, cleaner.weights).parent
             yield Method(TITLES[name], partial(predicted_hand, baseline=name, weights=weights))
+        case "one-call":
+            alone = replace(cleaner, samples=1, without=ALL_BUT_MOTION)
+            yield Method("MotionDiff in one call", partial(denoised_hand, options=alone))
         case "geneoh":
             for preset in options.presets:
                 yield geneoh_method(replace(cleaner, preset=preset))

@@ -14,10 +14,10 @@ from geneoh.readers.base import ReaderOptions
 
 SEEDS = (11, 22, 77)  # seeds of the paper's Table 5
 DEFAULT_METHODS: tuple[choices.MethodName, ...] = (
-    *("input", "savgol", "best-filter", "optimisation"),
-    *("toch", "regression", "geneoh"),
+    *("input", "savgol", "centroid", "best-filter", "best-offset", "optimisation"),
+    *("toch", "regression", "one-call", "geneoh"),
 )
-"""One kind of filter is enough here: the other kinds are candidates of the best filter."""
+"""The Gaussian and the One-Euro filter are left out: they are candidates of the best filter."""
 
 
 @dataclass(frozen=True)

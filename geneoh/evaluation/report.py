@@ -16,8 +16,8 @@ from geneoh.files.atomic import write_whole
 from geneoh.files.outputs import keep_others
 
 BEST_FILTER_NOTE = (
-    "† The filter and size that are best on the very clip, chosen with the ground truth: better "
-    "than any user can choose."
+    "† The filter and size, or offset, that are best on the very clip, chosen with the ground "
+    "truth: better than any user can choose."
 )
 MESH_NOTE = (
     "Methods that give keypoints are measured with our hand fitted to them without use of the "

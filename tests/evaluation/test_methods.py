@@ -14,6 +14,8 @@ from geneoh.evaluation import methods as methods_module
 from geneoh.evaluation.cases import Case
 from geneoh.evaluation.methods import (
     best_filtered_hand,
+    best_offset_hand,
+    centroid_hand,
     denoised_hand,
     filtered_hand,
     geneoh_method,
@@ -36,6 +38,8 @@ from geneoh.training.config import TrainConfig
 from geneoh.training.loop import build_model
 
 ALL = EvaluationOptions("synthetic")
+TRUTHFUL = ("best-filter", "best-offset")
+OURS = ("one-call", "geneoh")
 
 
 def error(cleaned, case) -> float:
@@ -81,6 +85,23 @@ def test_the_best_filter_beats_every_tuned_one_and_needs_the_truth(noisy_case, d
     tuned = [filtered_hand(noisy_case, kind, what) for kind, what in TUNED if what == domain]
     assert best <= min(error(each, noisy_case) for each in tuned)
     assert best_filtered_hand(replace(noisy_case, noise="recorded"), domain) is None
+
+
+def test_the_best_offset_leaves_no_mean_error_and_needs_the_truth(noisy_case):
+    best = best_offset_hand(noisy_case)
+    apart = (best.joints - joints_of(noisy_case.clean)).mean((0, 1))
+    torch.testing.assert_close(apart, torch.zeros(3), atol=1e-6, rtol=0)
+    moved = best.joints - best_filtered_hand(noisy_case, "parameters").joints
+    torch.testing.assert_close(moved, moved[:1, :1].expand_as(moved), atol=1e-6, rtol=0)
+    assert best_offset_hand(replace(noisy_case, noise="recorded")) is None
+
+
+def test_the_middle_of_the_hand_is_smoothed_and_its_shape_is_kept(noisy_case):
+    given, made = joints_of(noisy_case.noisy), centroid_hand(noisy_case).joints
+    shapes = [joints - joints.mean(1, keepdim=True) for joints in (made, given)]
+    torch.testing.assert_close(*shapes)
+    rough = [joints.mean(1).diff(n=2, dim=0).norm(dim=-1).mean() for joints in (made, given)]
+    assert rough[0] < 0.2 * rough[1]
 
 
 def test_optimisation_alone_takes_noise_and_depth_away(noisy_case):
@@ -173,11 +194,18 @@ def test_a_prediction_that_is_missing_or_of_other_length_is_told(tmp_path, noisy
         stored_hand(noisy_case, tmp_path)
 
 
+def test_motion_diff_in_one_call_is_a_method_of_its_own(noisy_case):
+    (method,), _ = methods_of(replace(ALL, methods=("one-call",)))
+    options = method.clean.keywords["options"]
+    assert options.without == ("diffusion", "spatial", "temporal", "fit")
+    assert error(method.clean(noisy_case), noisy_case) < error(unchanged(noisy_case), noisy_case)
+
+
 def test_every_method_of_the_paper_and_of_a_sceptic_can_be_asked_for():
     methods, _ = methods_of(
         EvaluationOptions(
             "synthetic",
-            methods=("input", "gaussian", "best-filter", "optimisation", "geneoh"),
+            methods=("input", "gaussian", *TRUTHFUL, "centroid", "optimisation", *OURS),
             presets=("default", "fast"),
             ablations=("motion", "fit", "camera"),
         )
@@ -188,7 +216,10 @@ def test_every_method_of_the_paper_and_of_a_sceptic_can_be_asked_for():
         "Gaussian on parameters",
         "best filter on keypoints, told the truth †",
         "best filter on parameters, told the truth †",
+        "best filter and best offset, told the truth †",
+        "Gaussian on the hand's middle",
         "optimisation only",
+        "MotionDiff in one call",
         "geneoh default",
         "geneoh fast",
         "geneoh default, w/o motion",
@@ -201,7 +232,7 @@ def test_baselines_without_weights_are_left_out_and_told(monkeypatch, tmp_path):
     monkeypatch.setattr("geneoh.baselines.library.SHIPPED", tmp_path)
     methods, notes = methods_of(ALL)
     assert [method.name for method in methods][-1] == "geneoh default"
-    assert len(methods) == 7
+    assert len(methods) == 10
     assert [note.split(" is left out")[0] for note in notes] == ["toch", "regression"]
     assert "geneoh train --stage toch" in notes[0]
     # asked for by name, the method must fail
