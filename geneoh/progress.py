@@ -1,6 +1,7 @@
 """How work in progress is told: the two kinds of callback that functions take."""
 
 from collections.abc import Callable, Iterator, Sequence
+from itertools import count
 from typing import TypeVar
 
 Item = TypeVar("Item")
@@ -20,3 +21,16 @@ def steps(items: Sequence[Item], on_step: OnStep | None) -> Iterator[Item]:
         yield item
         if on_step is not None:
             on_step(done, len(items))
+
+
+def counted(on_step: OnStep | None, total: int) -> Callable[[], None]:
+    """What is called without arguments after each of so many steps, to tell `on_step`."""
+    done = count(1)
+    return lambda: None if on_step is None else on_step(next(done), total)
+
+
+def part_of(on_step: OnStep | None, index: int, pieces: int) -> OnStep | None:
+    """Progress of one of `pieces` pieces of work of equal size, told as that of all of them."""
+    if on_step is None:
+        return None
+    return lambda done, total: on_step(index * total + done, pieces * total)

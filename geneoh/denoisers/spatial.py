@@ -29,6 +29,7 @@ SHIFT_UNIT = 0.02  # unit in which the network reads shifts, metres
 REACH = 0.1  # shifts farther than this have no density, metres: training shows none
 PRIOR_RANGE = (0.0005, 0.06)  # of the shift's deviation before the surface is looked at, metres
 SPEED_FRAMES = 2  # speeds are taken over so many frames before and after
+HANDS_AT_ONCE = 10  # hands whose trial places are judged at once: memory does not grow with them
 TRACK_CUES = 12  # width of `SpatialEvidence.track`
 FRAME_FEATURES = 21 * 8 + 63 + 5 + 3  # width of the features of one trial place in one frame
 
@@ -217,7 +218,9 @@ class SpatialDenoiser(nn.Module):
         seen = evidence.spread_over(self.config.frames)
 
         def within_reach(shifts: Tensor) -> Tensor:
-            density = finite_output(self(shifts @ axes.mT, seen))
+            groups = [slice(at, at + HANDS_AT_ONCE) for at in range(0, len(shifts), HANDS_AT_ONCE)]
+            asked = [self(shifts[own] @ axes.mT, seen.take(own, "B")) for own in groups]
+            density = finite_output(torch.cat(asked))
             return density.masked_fill(shifts.norm(dim=-1) > REACH, -torch.inf)
 
         return importance_posterior(

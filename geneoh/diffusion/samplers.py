@@ -83,19 +83,23 @@ def denoise_via_diffusion(
     sampler: SamplerName,
     samples: int,
     generator: torch.Generator,
+    noise: Float[Tensor, "*S"] | None = None,
     on_step: OnStep | None = None,
 ) -> Float[Tensor, "*S"]:
     """Algorithm 1 of the paper: add noise of level sigmas[0], then run the reverse process.
 
-    Samples lie along the first axis and start from antithetic noise (see `antithetic_noise`). The
-    ablation "direct" is the model's answer to the input itself, given the level sigmas[0].
+    Samples lie along the first axis and start from antithetic noise (see `antithetic_noise`), or
+    from the standard normal `noise` that is given. The ablation "direct" is the model's answer to
+    the input itself, given the level sigmas[0].
     """
     if sampler == "direct":
         clean = model(x, float(sigmas[0]))
         if on_step is not None:
             on_step(1, 1)
         return clean
-    noised = x + sigmas[0] * antithetic_noise(x, samples=samples, generator=generator)
+    if noise is None:
+        noise = antithetic_noise(x, samples=samples, generator=generator)
+    noised = x + sigmas[0] * noise
     match sampler:
         case "ancestral":
             return sample_ancestral(model, noised, sigmas, generator=generator, on_step=on_step)

@@ -8,6 +8,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from geneoh.bundle import concatenated
 from geneoh.fitting.solve import solve_coupled_frames
 from geneoh.fitting.terms import (
     UNKNOWNS,
@@ -23,8 +24,12 @@ from geneoh.geometry.distance import MovingSurface, SurfaceQuery
 from geneoh.geometry.rotations import axis_angle_to_matrix, kabsch
 from geneoh.hand.model import ShapedHand
 from geneoh.hand.skeleton import TIP_PARENTS
-from geneoh.progress import OnStep
+from geneoh.progress import OnStep, part_of
+from geneoh.sequence.windows import blocks, widened
 
+OVERLAP = 60
+"""Frames that a block of a long track is solved beyond its own on either side. Terms couple only
+neighbours, but turns that no keypoint shows are felt over some thirty frames."""
 LONGEST_EXIT = 0.02
 """Longest way out of the object for a vertex, metres; no phalanx is thicker."""
 PALM = (0, 1, 5, 9, 13, 17)
@@ -91,12 +96,41 @@ def fit_hand(
     """Hand parameters that follow target keypoints of the world and stay out of the object.
 
     Levenberg-Marquardt on all frames at once, which a steadiness term couples: each step solves one
-    block tridiagonal system per sample. Source: paper A.3 for what is fitted; the solver, the
-    temporal, limit and surface terms are ours.
+    block tridiagonal system per sample. Long tracks are solved in overlapping blocks. Source: paper
+    A.3 for what is fitted; the solver, the temporal, limit and surface terms are ours.
 
     `trust` is the weight of each keypoint, 0 to 1; one without is determined by the other terms.
     `evidence` is how much the object counts in each frame, 0 to 1; fully without it.
     """
+    frames, found = target.shape[1], []
+    for index, block in enumerate(parts := blocks(frames)):
+        wide, inner = widened(block, OVERLAP, frames)
+        state = _fit_frames(
+            target[:, wide],
+            trust[:, wide],
+            shaped,
+            start[wide],
+            config=config,
+            surface=None if surface is None else surface.at(wide),
+            evidence=None if evidence is None else evidence[wide],
+            on_step=part_of(on_step, index, len(parts)),
+        )
+        found.append(state[inner])
+    return concatenated(found)
+
+
+def _fit_frames(
+    target: Float[Tensor, "S T 21 3"],
+    trust: Float[Tensor, "S T 21"],
+    shaped: ShapedHand,
+    start: HandState,
+    *,
+    config: FitConfig,
+    surface: MovingSurface | None,
+    evidence: Float[Tensor, " T"] | None,
+    on_step: OnStep | None,
+) -> HandState:
+    """`fit_hand` on all frames at once."""
     weight = trust.sqrt() / config.joint_std
     steady = steadiness_weight(config).to(target)
     rounds = config.contact_rounds if surface is not None else 0

@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from geneoh.bundle import Bundle
+from geneoh.bundle import Bundle, concatenated
 from geneoh.geometry.distance import MovingSurface
 from geneoh.hand.skeleton import TIP_KEYPOINTS
 from geneoh.metrics.contact import (
@@ -24,6 +24,7 @@ from geneoh.metrics.smoothness import (
     per_frame_squared,
     valid_differences,
 )
+from geneoh.sequence.windows import blocks, widened
 
 
 @dataclass(frozen=True)
@@ -105,14 +106,31 @@ def measure(
     valid: Bool[Tensor, " T"] | None = None,
 ) -> InteractionReport:
     """The report of one hand and one object, world frame, over all frames or the valid ones."""
+    return measure_posed(lambda frames: verts[frames], joints, surface, fps, valid)
+
+
+def measure_posed(
+    verts_of: Callable[[slice], Float[Tensor, "N V 3"]],
+    joints: Float[Tensor, "T 21 3"],
+    surface: MovingSurface,
+    fps: float,
+    valid: Bool[Tensor, " T"] | None = None,
+) -> InteractionReport:
+    """`measure` of vertices that are made for some frames at a time, so that none are kept."""
     if valid is None:
-        valid = torch.ones(len(verts), dtype=torch.bool, device=verts.device)
-    query = surface.query(verts)
-    frames = measure_frames(query.distance, verts, joints, fps, valid)
-    moved = motion_consistency(verts, query, surface)
+        valid = torch.ones(len(joints), dtype=torch.bool, device=joints.device)
+    measured, moves = [], []
+    for block in blocks(len(joints)):
+        wide, inner = widened(block, 1, len(joints))  # differences reach one frame to either side
+        verts, moving = verts_of(wide), surface.at(wide)
+        query = moving.query(verts)
+        found = measure_frames(query.distance, verts, joints[wide], fps, valid[wide])
+        measured.append(found[inner])
+        moves.append(motion_consistency(verts, query, moving)[inner])
+    frames, moved = concatenated(measured), torch.cat(moves)
     return InteractionReport(
         frames=int(valid.sum()),
-        contact_fraction=float(mean_over_frames(frames.touching.to(verts), valid)),
+        contact_fraction=float(mean_over_frames(frames.touching.to(joints), valid)),
         consistency_mm2=1e6 * float(mean_over_frames(moved, valid_differences(valid, 1))),
         **frames.means(),
     )

@@ -4,6 +4,7 @@ Cleaning takes the white noise out of the object's poses, and not what lasts: no
 drifts by as much as it shakes. A pose that is off by more than contact says nothing about contact.
 """
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -16,6 +17,7 @@ from torch import Tensor
 from geneoh.geometry.distance import MovingSurface
 from geneoh.geometry.mesh import Mesh
 from geneoh.objects.cleaning import ObjectExamination
+from geneoh.sequence.windows import blocks
 
 TOLERATED = 0.012
 """Noise of the object's surface at which it counts half, metres."""
@@ -60,8 +62,10 @@ def radius(mesh: Mesh) -> float:
 
 def evidence_of_nearness(joints: Float[Tensor, "T 21 3"], surface: MovingSurface) -> float:
     """1 where a hand comes near its object in some frame, 0 where it never does."""
-    distance = replace(surface, within=AWAY).query(joints).distance
-    nearest = float(distance[distance.isfinite()].min())
+    surface, nearest = replace(surface, within=AWAY), math.inf
+    for frames in blocks(len(joints)):
+        distance = surface.at(frames).query(joints[frames]).distance
+        nearest = min([nearest, *distance[distance.isfinite()].tolist()])
     return min(max((AWAY - nearest) / (AWAY - NEAR), 0.0), 1.0)
 
 

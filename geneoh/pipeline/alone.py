@@ -16,9 +16,11 @@ from torch import Tensor
 from geneoh.baselines.filters import Filter, smooth
 from geneoh.denoisers.base import palm_axes
 from geneoh.fitting.subject import Subject
+from geneoh.fitting.terms import HandState
 from geneoh.geometry.distance import MovingSurface
+from geneoh.hand.model import ShapedHand
 from geneoh.hand.skeleton import TIP_KEYPOINTS
-from geneoh.metrics.report import InteractionReport, measure
+from geneoh.metrics.report import InteractionReport, measure_posed
 from geneoh.metrics.smoothness import acceleration, per_frame_squared
 from geneoh.objects.smoothing import noise_level
 from geneoh.pipeline.context import StageContext
@@ -89,14 +91,19 @@ def without_jitter(
 
 
 def measure_hand(
-    verts: Float[Tensor, "T V 3"],
+    state: HandState,
+    shaped: ShapedHand,
     joints: Float[Tensor, "T 21 3"],
     surface: MovingSurface | None,
     fps: float,
 ) -> InteractionReport:
     """The report of a hand and its object; without one NaN for all but frames and acceleration."""
+
+    def verts_of(frames: slice) -> Float[Tensor, "N V 3"]:
+        return shaped.verts_from_rotations(state.rotations[0, frames], state.wrist[0, frames]).verts
+
     if surface is not None:
-        return measure(verts, joints, surface, fps)
+        return measure_posed(verts_of, joints, surface, fps)
     bends = per_frame_squared(acceleration(joints, fps), fps)
     nothing = {
         field.name: math.nan for field in fields(InteractionReport) if field.name != "frames"

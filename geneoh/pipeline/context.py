@@ -1,7 +1,9 @@
 """The object, the windows and the canonical frames that all stages share."""
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import torch
 from jaxtyping import Float
@@ -21,6 +23,9 @@ from geneoh.sequence.windows import WINDOW, fold, unfold, window_starts
 
 SURFACE_POINTS = 1024
 """Points drawn on the surface of the object, all parts together."""
+WINDOWS_AT_ONCE = 20
+"""Windows of all samples together that the networks see at once: memory does not grow with the
+track."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +41,8 @@ class StageContext(ObjectSurface):
     object_noise: Float[Tensor, " 2"] | None = None
     """Deviation of white noise on the object's rotation (rad) and translation (m) before its track
     was cleaned; None where it was exact."""
+    chosen: tuple[int, ...] | None = None
+    """First frame of each window; None for windows evenly apart over all frames."""
 
     @property
     def frames(self) -> int:
@@ -45,7 +52,7 @@ class StageContext(ObjectSurface):
     @cached_property
     def starts(self) -> list[int]:
         """First frame of each window."""
-        return window_starts(self.frames)
+        return window_starts(self.frames) if self.chosen is None else list(self.chosen)
 
     @property
     def size(self) -> int:
@@ -67,6 +74,24 @@ class StageContext(ObjectSurface):
         """Inverse of `windows`: overlapping windows cross smoothly."""
         parted = windows.flatten(2).unflatten(0, (-1, len(self.starts)))
         return fold(parted, self.starts, self.frames).unflatten(-1, windows.shape[2:])
+
+    def pieces(self, samples: int) -> "list[Piece]":
+        """All windows of a track, so many at a time that memory does not grow with it."""
+        size, found = max(1, WINDOWS_AT_ONCE // samples), []
+        for at in range(0, len(self.starts), size):
+            starts = self.starts[at : at + size]
+            frames = slice(starts[0], starts[-1] + self.size)
+            own = tuple(start - starts[0] for start in starts)
+            windows = slice(at, at + len(starts))
+            found.append(Piece(windows, frames, replace(self[frames], chosen=own)))
+        return found
+
+    def joined(
+        self, parts: Iterable[Float[Tensor, "B N ..."]], samples: int
+    ) -> Float[Tensor, "S T ..."]:
+        """The windows of all pieces, blended."""
+        each = [part.unflatten(0, (samples, -1)) for part in parts]
+        return self.blend(torch.cat(each, dim=1).flatten(0, 1))
 
     def region(self, joints: Float[Tensor, "S T 21 3"]) -> ContactRegion:
         """Contact points of each window of each sample, from that sample's own hand."""
@@ -140,6 +165,17 @@ class StageContext(ObjectSurface):
         surface = self.cut(nearest, 0), self.cut(outward, 0)
         trust = self.cut(self.trust, 0).mean(-1)
         return ObservedMotion.of(self.hand_windows(hand), trust, *surface, region)
+
+
+class Piece(NamedTuple):
+    """Some neighbouring windows of a track."""
+
+    windows: slice
+    """Which of the windows of the track."""
+    frames: slice
+    """The frames that they cover."""
+    context: StageContext
+    """What the stages know of these frames, cut into these windows."""
 
 
 def stage_context(

@@ -215,12 +215,11 @@ def _clean(
             samples = free if samples is None else free.lerp(samples, evidence[:, None, None])
         index, target = _select(samples, subject, chosen.selection)
         state, shaped, betas = _fit(target, subject, chosen, surface, evidence, progress_of("fit"))
-        posed = shaped.verts_from_rotations(state.rotations, state.wrist)
-        raw = subject.shaped.verts_from_rotations(given.rotations, given.wrist)
+        joints = shaped.joints_from_rotations(state.rotations, state.wrist)[0]
     clean = HandTrack(
         side="right",
         valid=torch.ones_like(hand.track.valid),
-        joints=posed.joints[0],
+        joints=joints,
         pose=state.pose[0],
         wrist=state.wrist[0],
         betas=betas,
@@ -233,9 +232,9 @@ def _clean(
         filled=~hand.track.valid,
         samples=samples,
         chosen=index,
-        before=measure_hand(raw.verts[0], subject.joints, surface, hand.fps),
-        after=measure_hand(posed.verts[0], posed.joints[0], surface, hand.fps),
-        moved=float((posed.joints[0] - subject.joints).norm(dim=-1)[seen].mean()),
+        before=measure_hand(given, subject.shaped, subject.joints, surface, hand.fps),
+        after=measure_hand(state, shaped, joints, surface, hand.fps),
+        moved=float((joints - subject.joints).norm(dim=-1)[seen].mean()),
         windows=len(window_starts(subject.joints.shape[0])),
         evidence=evidence,
         seconds=seconds,

@@ -22,6 +22,11 @@ class StagePlan:
     """Denoiser calls from that level down to a clean sample."""
     sampler: SamplerName = "ddim"
 
+    @property
+    def calls(self) -> int:
+        """Denoiser calls that the sampler makes."""
+        return 1 if self.sampler == "direct" else self.steps
+
     def with_steps(self, steps: int) -> "StagePlan":
         """The plan with another number of calls, never above its level."""
         return replace(self, steps=min(steps, self.level))

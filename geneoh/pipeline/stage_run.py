@@ -23,6 +23,7 @@ from geneoh.pipeline.stages import (
 )
 from geneoh.progress import OnStep
 from geneoh.representation.parameters import HandParameters
+from geneoh.sequence.windows import blocks
 
 FARTHEST = 10.0
 """Metres from the input that no sound network moves a keypoint."""
@@ -85,7 +86,7 @@ class StageRun:
                 generator=self.generator,
                 on_step=self.progress_of("motion"),
             )
-            finite_output(hand.joints)
+            hand.map(finite_output)
         if isinstance(preset.spatial, PlacePlan):
             hand = denoise_spatial(
                 self.denoisers.spatial,
@@ -96,7 +97,8 @@ class StageRun:
                 generator=self.generator,
                 on_step=self.progress_of("spatial"),
             )
-        return hand.joints
+        parts = [hand[frames].joints for frames in blocks(context.frames)]
+        return torch.cat(parts, dim=1)
 
     def _by_paper(self, context: StageContext, preset: Preset) -> Float[Tensor, "S T 21 3"]:
         """MotionDiff and SpatialDiff on keypoints, in the form of the paper."""

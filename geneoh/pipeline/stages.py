@@ -1,33 +1,38 @@
 """The three stages on world keypoints: window, canonicalise, denoise via diffusion, blend back.
 
-Windows and samples share one batch. Diffusion runs on the whole track in the object's frame: each
-denoiser call cuts the track into windows and blends their results, so that windows agree at every
-noise level and no seam forms. A rigid motion of the scene moves the result rigidly.
+Windows and samples share one batch, as many as `StageContext.pieces` has at a time. Diffusion runs
+on the whole track in the object's frame: each denoiser call cuts the track into windows and blends
+their results, so that windows agree at every noise level and no seam forms. A rigid motion of the
+scene moves the result rigidly.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import lru_cache
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from geneoh.bundle import concatenated
 from geneoh.denoisers.base import palm_axes
-from geneoh.denoisers.motion import MotionDenoiser
+from geneoh.denoisers.motion import MotionDenoiser, ObservedMotion
 from geneoh.denoisers.relations import RelationDenoiser
 from geneoh.denoisers.spatial import SpatialDenoiser
 from geneoh.denoisers.temporal import TemporalDenoiser
 from geneoh.denoisers.trajectory import TrajectoryDenoiser
 from geneoh.diffusion.posterior import Posterior, along_a_track
-from geneoh.diffusion.samplers import denoise_via_diffusion
+from geneoh.diffusion.samplers import antithetic_noise, denoise_via_diffusion
 from geneoh.diffusion.schedule import descending_sigmas
 from geneoh.fitting.align import AlignConfig, align_to_relations
-from geneoh.pipeline.context import StageContext
+from geneoh.pipeline.context import Piece, StageContext
 from geneoh.pipeline.presets import PlacePlan, StagePlan
-from geneoh.progress import OnStep
+from geneoh.progress import OnStep, counted, part_of
 from geneoh.representation.parameters import HandParameters, turned
 from geneoh.representation.spatial import decode_spatial, encode_spatial
 from geneoh.representation.temporal import PairStatistics, encode_temporal
 from geneoh.representation.window_scale import WindowScale
+from geneoh.sequence.windows import blocks
 
 CONSTANT_SHARE = 0.85
 """Correlation of the shifts of two windows far apart: most of what lasts for a window lasts for the
@@ -60,12 +65,24 @@ def denoise_motion(
         generator: source of the noise.
         on_step: called with (done, total) after each denoiser call.
     """
-    seen = context.observed_motion(hand, context.region(hand.joints))
-    seen = seen.repeated(samples)
+    pieces = context.pieces(samples)
+    advance = counted(on_step, plan.calls * len(pieces))
+
+    @lru_cache(maxsize=1)  # on short tracks all that is seen is kept, on long ones made anew
+    def seen(index: int) -> ObservedMotion:
+        _, frames, piece = pieces[index]
+        own = hand[frames]
+        return piece.observed_motion(own, piece.region(own.joints)).repeated(samples)
 
     def clean(x: Tensor, sigma: float) -> Tensor:
-        windows = context.windows(x)
-        return context.blend(model(windows, windows.new_full((len(windows),), sigma), seen))
+        def answer(index: int) -> Tensor:
+            _, frames, piece = pieces[index]
+            windows = piece.windows(x[:, frames])
+            found = model(windows, windows.new_full((len(windows),), sigma), seen(index))
+            advance()
+            return found
+
+        return context.joined(map(answer, range(len(pieces))), samples)
 
     change = denoise_via_diffusion(
         clean,
@@ -74,7 +91,6 @@ def denoise_motion(
         sampler=plan.sampler,
         samples=samples,
         generator=generator,
-        on_step=on_step,
     )
     if context.canonical:  # the wrist moves in the axes of the object's first part
         change = turned(change, context.rotation[:, 0].mT)
@@ -105,8 +121,15 @@ def denoise_spatial(
         generator: source of the places and of the samples.
         on_step: called with (done, total) after each round.
     """
-    evidence = context.evidence(observed, hand)
-    axes = palm_axes(hand.joints.mean(0, keepdim=True))[0]
+    evidence = concatenated(
+        [
+            piece.evidence(observed[frames], hand[frames]).spread_over(model.config.frames)
+            for _, frames, piece in context.pieces(len(hand.wrist))
+        ],
+        "B",
+    )
+    middle = [hand[frames].joints.mean(0, keepdim=True) for frames in blocks(context.frames)]
+    axes = palm_axes(torch.cat(middle, dim=1))[0]
     each = model.posterior(
         evidence,
         axes,
@@ -140,7 +163,7 @@ def _of_all_windows(
 
 def denoise_trajectory(
     model: TrajectoryDenoiser,
-    joints: Float[Tensor, "S T 21 3"],
+    whole: Float[Tensor, "S T 21 3"],
     context: StageContext,
     plan: StagePlan,
     *,
@@ -151,28 +174,33 @@ def denoise_trajectory(
 
     Every window has a chain of its own in units of its own deviation; windows are blended after.
     """
-    region = context.region(joints)
-    canon = region.to_canon(context.windows(joints))
-    scale = WindowScale.of(canon)
 
-    def clean(x: Tensor, sigma: float) -> Tensor:
-        return scale.normalised(model(scale.metres(x), sigma * scale.deviation.flatten()))
+    def one_piece(piece: Piece, on_step: OnStep | None) -> Tensor:
+        context, joints = piece.context, whole[:, piece.frames]
+        region = context.region(joints)
+        canon = region.to_canon(context.windows(joints))
+        scale = WindowScale.of(canon)
 
-    cleaned = denoise_via_diffusion(
-        clean,
-        scale.normalised(canon),
-        descending_sigmas(plan.level, plan.steps),
-        sampler=plan.sampler,
-        samples=len(joints),
-        generator=generator,
-        on_step=on_step,
-    )
-    return context.blend(region.to_world(scale.metres(cleaned)))
+        def clean(x: Tensor, sigma: float) -> Tensor:
+            return scale.normalised(model(scale.metres(x), sigma * scale.deviation.flatten()))
+
+        cleaned = denoise_via_diffusion(
+            clean,
+            scale.normalised(canon),
+            descending_sigmas(plan.level, plan.steps),
+            sampler=plan.sampler,
+            samples=len(joints),
+            generator=generator,
+            on_step=on_step,
+        )
+        return region.to_world(scale.metres(cleaned))
+
+    return _piece_by_piece(one_piece, whole, context, on_step)
 
 
 def denoise_relations(
     model: RelationDenoiser,
-    joints: Float[Tensor, "S T 21 3"],
+    whole: Float[Tensor, "S T 21 3"],
     context: StageContext,
     plan: StagePlan,
     *,
@@ -184,32 +212,37 @@ def denoise_relations(
     Each contact point has a diffusion chain of its own, in units of the window's deviation; the
     average of the hands that they imply is taken at the end (eq. 8).
     """
-    region = context.region(joints)
-    observation = context.observation(joints, region, False)
-    start = encode_spatial(region.to_canon(context.windows(joints)), region)
-    scale = WindowScale.of(start.hands)
 
-    def clean_hands(hands: Float[Tensor, "B N K 21 3"], sigma: float) -> Tensor:
-        noisy = replace(start, hands=scale.metres(hands))
-        level = sigma * scale.deviation.flatten()
-        return scale.normalised(model(noisy, level, observation).hands)
+    def one_piece(piece: Piece, on_step: OnStep | None) -> Tensor:
+        context, joints = piece.context, whole[:, piece.frames]
+        region = context.region(joints)
+        observation = context.observation(joints, region, False)
+        start = encode_spatial(region.to_canon(context.windows(joints)), region)
+        scale = WindowScale.of(start.hands)
 
-    hands = denoise_via_diffusion(
-        clean_hands,
-        scale.normalised(start.hands),
-        descending_sigmas(plan.level, plan.steps),
-        sampler=plan.sampler,
-        samples=len(joints),
-        generator=generator,
-        on_step=on_step,
-    )
-    hand = decode_spatial(replace(start, hands=scale.metres(hands)))
-    return context.blend(region.to_world(hand))
+        def clean_hands(hands: Float[Tensor, "B N K 21 3"], sigma: float) -> Tensor:
+            noisy = replace(start, hands=scale.metres(hands))
+            level = sigma * scale.deviation.flatten()
+            return scale.normalised(model(noisy, level, observation).hands)
+
+        hands = denoise_via_diffusion(
+            clean_hands,
+            scale.normalised(start.hands),
+            descending_sigmas(plan.level, plan.steps),
+            sampler=plan.sampler,
+            samples=len(joints),
+            generator=generator,
+            on_step=on_step,
+        )
+        hand = decode_spatial(replace(start, hands=scale.metres(hands)))
+        return region.to_world(hand)
+
+    return _piece_by_piece(one_piece, whole, context, on_step)
 
 
 def denoise_temporal(
     model: TemporalDenoiser,
-    joints: Float[Tensor, "S T 21 3"],
+    whole: Float[Tensor, "S T 21 3"],
     context: StageContext,
     plan: StagePlan,
     *,
@@ -223,11 +256,11 @@ def denoise_temporal(
 
     Args:
         model: autoencoder and latent denoiser.
-        joints: the hand after the stage before.
+        whole: the hand after the stage before.
         context: the object and the windows.
         plan: settings of the diffusion of the latent.
-        observed: whether the denoiser is shown the latent of `joints`.
-        correct: aim at the relations of `joints` plus the change that denoising makes to the
+        observed: whether the denoiser is shown the latent of `whole`.
+        correct: aim at the relations of `whole` plus the change that denoising makes to the
             decoded ones, so that what the autoencoder cannot represent is not lost; False aims at
             the decoded ones themselves, as in the paper.
         align: settings of the optimisation of the keypoints.
@@ -235,37 +268,62 @@ def denoise_temporal(
         on_step: called with (done, total) after each denoiser call.
     """
     if context.frames < 2:
-        return joints
-    region = context.region(joints)
-    windows = context.windows(joints)
-    relations = encode_temporal(windows, region, context.fps)
-    latent = model.autoencoder.encode(relations, region.points_canon[:, :-1])
-    given = latent.new_full((len(latent),), float(observed))
+        return whole
+    noise = None
+    if plan.sampler != "direct":  # for the whole track, so that it does not depend on the pieces
+        pairs = (len(whole) * len(context.starts), context.size - 1, model.config.latent)
+        noise = antithetic_noise(whole.new_empty(pairs), samples=len(whole), generator=generator)
+        noise = noise.unflatten(0, (len(whole), -1))
 
-    def clean(x: Tensor, sigma: float) -> Tensor:
-        return model(x, x.new_full((len(x),), sigma), latent, given)
+    def one_piece(piece: Piece, on_step: OnStep | None) -> Tensor:
+        context, joints = piece.context, whole[:, piece.frames]
+        region = context.region(joints)
+        windows = context.windows(joints)
+        relations = encode_temporal(windows, region, context.fps)
+        latent = model.autoencoder.encode(relations, region.points_canon[:, :-1])
+        given = latent.new_full((len(latent),), float(observed))
 
-    cleaned = denoise_via_diffusion(
-        clean,
-        latent,
-        descending_sigmas(plan.level, plan.steps),
-        sampler=plan.sampler,
-        samples=len(joints),
-        generator=generator,
-        on_step=on_step,
-    )
+        def clean(x: Tensor, sigma: float) -> Tensor:
+            return model(x, x.new_full((len(x),), sigma), latent, given)
 
-    near = region.nearest(windows, ALIGN_POINTS)
-    relations = encode_temporal(windows, near, context.fps)
-    points = near.points_canon[:, :-1]
+        cleaned = denoise_via_diffusion(
+            clean,
+            latent,
+            descending_sigmas(plan.level, plan.steps),
+            sampler=plan.sampler,
+            samples=len(joints),
+            generator=generator,
+            noise=None if noise is None else noise[:, piece.windows].flatten(0, 1),
+            on_step=on_step,
+        )
 
-    def decoded(code: Tensor) -> PairStatistics:
-        return model.autoencoder.decode(code, relations.object_velocity, relations.normals, points)
+        near = region.nearest(windows, ALIGN_POINTS)
+        relations = encode_temporal(windows, near, context.fps)
+        points = near.points_canon[:, :-1]
 
-    target = decoded(cleaned)
-    if correct:
-        target = _corrected(relations, target, decoded(latent))
-    return context.blend(align_to_relations(windows, near, target, context.fps, config=align))
+        def decoded(code: Tensor) -> PairStatistics:
+            return model.autoencoder.decode(
+                code, relations.object_velocity, relations.normals, points
+            )
+
+        target = decoded(cleaned)
+        if correct:
+            target = _corrected(relations, target, decoded(latent))
+        return align_to_relations(windows, near, target, context.fps, config=align)
+
+    return _piece_by_piece(one_piece, whole, context, on_step)
+
+
+def _piece_by_piece(
+    work: Callable[[Piece, OnStep | None], Tensor],
+    joints: Float[Tensor, "S T 21 3"],
+    context: StageContext,
+    on_step: OnStep | None,
+) -> Float[Tensor, "S T 21 3"]:
+    """The windows that `work` makes of each piece, blended; all windows are independent."""
+    pieces = context.pieces(len(joints))
+    made = (work(piece, part_of(on_step, index, len(pieces))) for index, piece in enumerate(pieces))
+    return context.joined(made, len(joints))
 
 
 def _corrected(now: PairStatistics, clean: PairStatistics, noisy: PairStatistics) -> PairStatistics:

@@ -22,8 +22,12 @@ def nearest_points(
     left = torch.cat([apart, torch.ones_like(apart[..., :1])], dim=-1)
     # a few joints at a time, so that their distances to all points stay in the processor's cache
     size = max(1, CACHED * joints.shape[-2] // max(1, left[..., 0].numel() * points.shape[-2]))
-    parts = [(part @ right.mT).argmin(-1) for part in left.split(size, dim=-2)]
-    index = torch.cat(parts, dim=-1)[..., None].expand(*joints.shape)
+    found = torch.empty(joints.shape[:-1], dtype=torch.long, device=joints.device)
+    # written in place: results of their own would lie where the distances were, which then need
+    # new memory for each few joints
+    for part, into in zip(left.split(size, dim=-2), found.split(size, dim=-1), strict=True):
+        into.copy_((part @ right.mT).argmin(-1))
+    index = found[..., None].expand(*joints.shape)
     return points.gather(-2, index), normals.gather(-2, index)
 
 

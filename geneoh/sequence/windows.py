@@ -10,6 +10,22 @@ WINDOW, STRIDE = 60, 30
 """Frames: the paper's window of two seconds, and half of it, so that every frame is seen twice."""
 
 
+BLOCK = 600
+"""Frames worked on at once where frames are independent, so that memory does not grow with the
+track."""
+
+
+def blocks(frames: int) -> list[slice]:
+    """The frames of a track, `BLOCK` at a time."""
+    return [slice(at, min(at + BLOCK, frames)) for at in range(0, frames, BLOCK)]
+
+
+def widened(block: slice, by: int, frames: int) -> tuple[slice, slice]:
+    """A block with so many frames more on either side, as far as there are; its place in that."""
+    wide = slice(max(block.start - by, 0), min(block.stop + by, frames))
+    return wide, slice(block.start - wide.start, block.stop - wide.start)
+
+
 def window_starts(frames: int, size: int = WINDOW, stride: int = STRIDE) -> list[int]:
     """First frame of each window: evenly apart, `stride` at most; the last ends with the track."""
     last = max(frames - size, 0)

@@ -19,6 +19,7 @@ from geneoh.geometry.distance import MovingSurface, SurfaceDistance
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.hand.model import ShapedHand
+from geneoh.sequence import windows
 
 FRAMES = 4
 
@@ -281,3 +282,34 @@ def test_the_wrist_position_is_left_to_the_keypoints():
     weight = steadiness_weight(FitConfig(steady_finger=2.0, steady_wrist=0.5))
     assert weight.tolist() == [0.5] * 3 + [2.0] * 45 + [0.0] * 3
     assert math.isclose(float(weight.sum()), 91.5)
+
+
+def noisy_target(shaped: ShapedHand, make_state, frames: int) -> tuple[Tensor, HandState]:
+    """Keypoints with 5 mm of noise, and a start from them."""
+    state = make_state(frames=frames, spread=0.1)
+    target = joints_of(state, shaped)
+    target = target + 0.005 * torch.randn(target.shape, generator=torch.Generator().manual_seed(3))
+    return target, start_from_keypoints(target, shaped)
+
+
+def test_a_long_track_is_fitted_in_blocks_as_in_one(shaped, make_state, monkeypatch):
+    target, start = noisy_target(shaped, make_state, 150)
+    config = FitConfig(iterations=5)
+    whole = fit_hand(target, ones(target), shaped, start, config=config)
+    heard: list[tuple[int, int]] = []
+    monkeypatch.setattr(windows, "BLOCK", 50)
+    parts = fit_hand(
+        *(target, ones(target), shaped, start), config=config, on_step=lambda *at: heard.append(at)
+    )
+    apart = (joints_of(parts, shaped) - joints_of(whole, shaped)).norm(dim=-1)
+    assert float(apart.max()) < 0.0005
+    assert heard == [(i, 15) for i in range(1, 16)]
+
+
+def test_the_blocks_of_a_fit_leave_no_seam(shaped, make_state, monkeypatch):
+    target, start = noisy_target(shaped, make_state, 150)
+    monkeypatch.setattr(windows, "BLOCK", 50)
+    fitted = fit_hand(target, ones(target), shaped, start, config=FitConfig(iterations=5))
+    bends = joints_of(fitted, shaped)[0].diff(n=2, dim=0).norm(dim=-1).mean(-1)
+    for cut in (50, 100):  # a value is made of its frame and the two after it
+        assert bends[cut - 2 : cut].mean() < 1.5 * bends.mean()

@@ -9,6 +9,7 @@ import trimesh
 from geneoh.geometry.distance import MovingSurface, SurfaceDistance
 from geneoh.geometry.mesh import Mesh
 from geneoh.metrics.report import before_and_after, measure
+from geneoh.sequence import windows
 
 
 def mesh_of(shape: trimesh.Trimesh) -> Mesh:
@@ -99,3 +100,13 @@ def test_a_report_is_plain_numbers():
     verts, joints = hand(torch.full((FRAMES,), 0.045))
     fields = measure(verts, joints, STILL, fps=30.0).as_dict()
     assert all(type(value) in (int, float) for value in fields.values())
+
+
+def test_a_long_track_is_measured_in_blocks_as_in_one(monkeypatch):
+    verts, joints = hand(0.052 - 0.001 * torch.arange(FRAMES))
+    path = torch.zeros(FRAMES, 1, 3)
+    path[:, 0, 0] = 0.003 * torch.arange(FRAMES) ** 2
+    moving = replace(STILL, translation=path)
+    whole = measure(verts, joints + path, moving, fps=30.0)
+    monkeypatch.setattr(windows, "BLOCK", 4)
+    assert str(measure(verts, joints + path, moving, fps=30.0)) == str(whole)

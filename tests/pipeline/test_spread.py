@@ -1,6 +1,7 @@
 import torch
 
 from geneoh.pipeline.spread import LASTING, SCALE, joint_spread
+from geneoh.sequence import windows
 
 
 def normal(*shape: int) -> torch.Tensor:
@@ -33,3 +34,11 @@ def test_disagreement_that_comes_and_goes_hardly_counts():
     torch.testing.assert_close(
         shaking, torch.tensor(SCALE * 0.004 * 3**0.5 * left), atol=0, rtol=0.1
     )
+
+
+def test_blocks_of_a_long_track_have_the_spread_of_the_whole(monkeypatch):
+    samples = 0.004 * normal(4, 700, 21, 3)
+    monkeypatch.setattr(windows, "BLOCK", 700)
+    whole = joint_spread(samples)
+    monkeypatch.setattr(windows, "BLOCK", 200)
+    torch.testing.assert_close(joint_spread(samples), whole, atol=1e-7, rtol=0)

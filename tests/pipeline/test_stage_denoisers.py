@@ -440,3 +440,52 @@ def test_a_seed_fixes_the_answer_of_a_stage(stage):
     assert torch.equal(first, again)
     assert not torch.equal(first, other)
     assert math.isfinite(float(first.sum()))
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_a_stage_answers_window_by_window_as_on_all_at_once(stage, monkeypatch):
+    context = scene(LONG + 40)
+    joints = hands_at(context, 2)
+    model = random_networks()[stage]
+    plan = StagePlan(100, 2)  # its noise is drawn before, or there is none to draw
+
+    def answer() -> Tensor:
+        if stage == "temporal":
+            return run_temporal(model, joints, context)
+        # each chain starts at the input itself, which has the same noise in any order
+        run = denoise_trajectory if stage == "trajectory" else denoise_relations
+        return run(model, joints, context, replace(plan, sampler="direct"), generator=seeded())
+
+    whole = answer()
+    monkeypatch.setattr("geneoh.pipeline.context.WINDOWS_AT_ONCE", 2)
+    assert len(context.pieces(2)) > 2
+    torch.testing.assert_close(answer(), whole, atol=1e-6, rtol=0)
+
+
+def test_motion_answers_window_by_window_as_on_all_at_once(monkeypatch):
+    context, heard = scene(LONG + 40), []
+    model = networks.awake(MotionDenoiser(MotionConfig(width=16, depth=1, heads=2)))
+    given = (model, parameters_at(context), context, PLAN)
+    whole = denoise_motion(*given, samples=2, generator=seeded())
+    monkeypatch.setattr("geneoh.pipeline.context.WINDOWS_AT_ONCE", 2)
+    parts = denoise_motion(
+        *given, samples=2, generator=seeded(), on_step=lambda *at: heard.append(at)
+    )
+    torch.testing.assert_close(parts.joints, whole.joints, atol=1e-5, rtol=0)
+    total = PLAN.steps * len(context.starts)
+    assert heard == [(done, total) for done in range(1, total + 1)]
+
+
+def test_places_are_asked_a_few_windows_at_a_time_as_all_at_once(monkeypatch):
+    context = scene(LONG + 40)
+    hand = parameters_at(context)
+    model = networks.awake(SpatialDenoiser(SpatialConfig(width=16, frames=4)))
+
+    def answer() -> Tensor:
+        plan = PlacePlan(40, 2)
+        return denoise_spatial(model, hand, hand, context, plan, generator=seeded()).wrist
+
+    whole = answer()
+    monkeypatch.setattr("geneoh.pipeline.context.WINDOWS_AT_ONCE", 1)
+    monkeypatch.setattr("geneoh.denoisers.spatial.HANDS_AT_ONCE", 1)
+    torch.testing.assert_close(answer(), whole, atol=1e-5, rtol=0)
