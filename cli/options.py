@@ -117,6 +117,16 @@ mano = option(
     envvar="GENEOH_MANO_DIR",
     show_envvar=True,
 )
+trust_and_refine = together(
+    flag(
+        "--trust-object: Take the object's poses as exact. Without it, poses that shake or jump "
+        "are smoothed before the hand is cleaned."
+    ),
+    flag(
+        "--refine-object: Write poses of the object that agree with the clean hands, and not "
+        "those of the input."
+    ),
+)
 device = option(
     "--device: Device to compute on: cpu, cuda, or cuda:N for GPU number N.", default="cpu"
 )
@@ -125,6 +135,12 @@ weights = option(
     "spatial.safetensors and temporal.safetensors.",
     FOLDER,
 )
+steps = option("--steps: Number of denoiser calls in each stage.  [default: the preset's]", COUNT)
+cleaning = together(
+    *(preset, samples, selection, steps, hand, mano, trust_and_refine, weights, seed),
+    *(side_and_fps, device),
+)
+"""How hands are cleaned: the fields of `geneoh.Options`, and what files may leave open."""
 folder = option("-o --output folder: Folder to write to.", FOLDER, Path("runs"))
 data = option(
     "--data: Folder of interactions that `geneoh synthesize` made.", FOLDER, Path("runs/data")

@@ -214,3 +214,13 @@ def flat(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
         )
         found |= nested
     return found
+
+
+def setting_differences(found: Mapping[str, Any], asked: Mapping[str, Any]) -> str:
+    """What differs in what is asked for from nested settings found, in words; empty if nothing."""
+    was, wanted = flat(found), flat(asked)
+    return ", ".join(
+        f"{name} {was.get(name)} where {value} is asked for"
+        for name, value in wanted.items()
+        if name not in was or was[name] != value
+    )

@@ -9,7 +9,7 @@ from click import Choice
 from geneoh.readers.registry import SOURCES
 
 from .. import options, progress, sources
-from ..options import COUNT, FILE, flag, option
+from ..options import FILE, option
 
 
 @click.command()
@@ -23,25 +23,8 @@ from ..options import COUNT, FILE, flag, option
 )
 @option("--clip: With --from: name of the recording, where NOISY holds several.")
 @options.output
-@options.preset
-@options.samples
-@options.selection
-@option("--steps: Number of denoiser calls in each stage.  [default: the preset's]", COUNT)
-@options.hand
-@options.mano
 @option("--report: HTML page to write as well: before and after in 3D, with the metrics.", FILE)
-@flag(
-    "--trust-object: Take the object's poses as exact. Without it, poses that shake or jump "
-    "are smoothed before the hand is cleaned."
-)
-@flag(
-    "--refine-object: Write poses of the object that agree with the clean hands, and not "
-    "those of NOISY."
-)
-@options.weights
-@options.seed
-@options.side_and_fps
-@options.device
+@options.cleaning
 @sources.reader_options
 def denoise(
     noisy: Path,

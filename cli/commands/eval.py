@@ -24,9 +24,10 @@ def eval(
     """
     from geneoh.evaluation.cases import find_cases, write_inputs
     from geneoh.evaluation.report import keep_other_reports, write_report
-    from geneoh.evaluation.runner import cores, evaluate
+    from geneoh.evaluation.runner import evaluate
     from geneoh.evaluation.tables import as_text
     from geneoh.files.outputs import refuse_inputs
+    from geneoh.workers.pool import cores
 
     how = {name: asked.pop(name) for name in ("fresh", "pages")}
     chosen = evaluations.evaluation_options(**asked)

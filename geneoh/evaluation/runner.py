@@ -5,22 +5,14 @@ identified by its settings, its weights and its data; a record of another run is
 versions of packages are reported, but a new version does not throw scores away.
 """
 
-import json
-import os
 import re
-import signal
 import time
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Iterable
 from dataclasses import asdict, fields, replace
 from functools import partial
-from hashlib import sha256
 from importlib import metadata
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
-
-import torch
 
 from geneoh.baselines.library import BASELINES, baseline_weights
 from geneoh.choices import Dataset
@@ -33,9 +25,16 @@ from geneoh.evaluation.options import EvaluationOptions
 from geneoh.evaluation.protocols.datasets import data_root
 from geneoh.evaluation.report import RECORD, Evaluation
 from geneoh.evaluation.scores import CaseScorer, Score, ScoreKey, ScoringConfig
-from geneoh.files.atomic import unwritable, write_whole
+from geneoh.files.journal import (
+    append_journal,
+    begin_journal,
+    digest,
+    only_run_in,
+    read_journal,
+)
 from geneoh.progress import OnProgress
 from geneoh.viz.view import write_report
+from geneoh.workers.pool import results_of
 
 PACKAGES = ("geneoh", "torch", "numpy", "scipy", "libigl", "trimesh")  # reported by version
 CASE_ERRORS = (InputError, MissingAssetError)
@@ -43,7 +42,6 @@ CASE_ERRORS = (InputError, MissingAssetError)
 weights (`CheckpointError`) a method cannot be scored on any clip."""
 
 Work = tuple[Case, tuple[Method, ...]]  # with the methods still to be scored on it
-Scoring = Callable[[Work], list[Score]]
 
 
 def evaluate(
@@ -86,13 +84,14 @@ def evaluate(
     methods, notes = methods_of(options)
     settings = settings_of(options)
     versions = {name: metadata.version(name) for name in PACKAGES}
-    done, earlier = open_record(folder, settings, versions, fresh=fresh)
     cleaner = options.cleaner
     config = ScoringConfig(cleaner.hand, cleaner.mano_dir, settings["close_frames"])
     pages_folder = folder / "pages" if pages else None
-    work = work_left(cases, methods, done, pages_folder)
-    jobs = max(1, min(jobs, len(work)))
-    made = run(work, folder, config, pages=pages_folder, jobs=jobs, on_progress=on_progress)
+    with only_run_in(folder):
+        done, earlier = open_record(folder, settings, versions, fresh=fresh)
+        work = work_left(cases, methods, done, pages_folder)
+        jobs = max(1, min(jobs, len(work)))
+        made = run(work, folder, config, pages=pages_folder, jobs=jobs, on_progress=on_progress)
     by_key = {score.key: score for score in [*done, *made]}
     wanted = [(*case.key, method.name) for case in cases for method in methods]
     reused = len(wanted) - len(made)
@@ -135,15 +134,6 @@ def settings_of(options: EvaluationOptions) -> dict[str, Any]:
     }
 
 
-def digest(paths: Iterable[Path]) -> str:
-    """SHA-256 of files' names and contents in the order of their names, first sixteen digits."""
-    found = sha256()
-    for path in sorted(paths):
-        found.update(path.name.encode())
-        found.update(path.read_bytes())
-    return found.hexdigest()[:16]
-
-
 def open_record(
     folder: Path, settings: dict[str, Any], versions: dict[str, str], *, fresh: bool = False
 ) -> tuple[list[Score], dict[str, str]]:
@@ -152,27 +142,21 @@ def open_record(
     A line that was cut off by a crash is dropped; with `fresh` an earlier record is thrown away.
     """
     path = folder / RECORD
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        lines = path.read_text("utf-8").splitlines() if path.is_file() and not fresh else []
-    except OSError as error:
-        raise unwritable(path, error) from None
+    records = [] if fresh else read_journal(path)
     head = {"settings": settings, "versions": versions}
-    if lines:
-        head = read_head(lines[0], path, settings)
-    scores = [score for line in lines[1:] if (score := read_score(line)) is not None]
-    text = [head, *map(asdict, scores)]
-    write_whole(path, "".join(json.dumps(line) + "\n" for line in text))
+    if records:
+        head = read_head(records[0], path, settings)
+    scores = [score for record in records[1:] if (score := read_score(record)) is not None]
+    begin_journal(path, [head, *map(asdict, scores)])
     return scores, head["versions"]
 
 
-def read_head(line: str, path: Path, settings: dict[str, Any]) -> dict[str, Any]:
+def read_head(head: dict[str, Any], path: Path, settings: dict[str, Any]) -> dict[str, Any]:
     """The first line of a record of these settings; `ConfigError` for another one."""
     try:
-        head = json.loads(line)
         held, versions = head["settings"], head["versions"]
         names = sorted(name for name in settings if held.get(name) != settings[name])
-    except (ValueError, KeyError, TypeError, AttributeError):
+    except (KeyError, TypeError, AttributeError):
         held, versions, names = None, {}, []
     if held == settings:
         return {"settings": held, "versions": versions}
@@ -183,23 +167,12 @@ def read_head(line: str, path: Path, settings: dict[str, Any]) -> dict[str, Any]
     )
 
 
-def read_score(line: str) -> Score | None:
+def read_score(found: dict[str, Any]) -> Score | None:
     """The score in one line; None for a line that holds none."""
     try:
-        found = json.loads(line)
         return Score(**{field.name: found[field.name] for field in fields(Score)})
-    except (ValueError, KeyError, TypeError):
+    except (KeyError, TypeError):
         return None
-
-
-def append_scores(folder: Path, scores: Iterable[Score]) -> None:
-    """Add scores to the record."""
-    path = folder / RECORD
-    try:
-        with path.open("a", encoding="utf-8") as file:
-            file.writelines(json.dumps(asdict(score)) + "\n" for score in scores)
-    except OSError as error:
-        raise unwritable(path, error) from None
 
 
 def work_left(
@@ -239,39 +212,18 @@ def run(
     total = sum(len(methods) for _, methods in work)
     scores: list[Score] = []
     score = partial(score_case, config=config, pages=pages)
-    for made in in_turn(work, score) if jobs == 1 else in_processes(work, score, jobs):
-        append_scores(folder, made)
+    for made in results_of(work, score, jobs=jobs, lost=lost):
+        append_journal(folder / RECORD, map(asdict, made))
         scores += made
         if on_progress is not None:
             on_progress("eval", len(scores), total)
     return scores
 
 
-def in_turn(work: list[Work], score: Scoring) -> Iterator[list[Score]]:
-    """One case after the other here; with one thread as in workers, for the same numbers."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield from map(score, work)
-    finally:
-        torch.set_num_threads(before)
-
-
-def in_processes(work: list[Work], score: Scoring, jobs: int) -> Iterator[list[Score]]:
-    """Cases as they finish in new processes; after a stop, those not begun are dropped."""
-    pool = ProcessPoolExecutor(jobs, get_context("spawn"), initializer=start_worker)
-    try:
-        for future in as_completed([pool.submit(score, each) for each in work]):
-            yield future.result()
-    finally:
-        pool.shutdown(cancel_futures=True)
-
-
-def start_worker() -> None:
-    """One thread for each worker, since there are as many as cores; Ctrl-C stops the parent."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
-    torch.set_num_threads(1)
+def lost(work: Work, why: str) -> list[Score]:
+    """The scores of a case that killed its workers."""
+    case, methods = work
+    return [Score(*case.key, method.name, failed=why) for method in methods]
 
 
 def score_case(work: Work, config: ScoringConfig, pages: Path | None) -> list[Score]:
@@ -301,8 +253,3 @@ def score_method(scorer: CaseScorer, method: Method, pages: Path | None) -> Scor
         return score
     except CASE_ERRORS as error:
         return Score(*case.key, method.name, failed=str(error))
-
-
-def cores() -> int:
-    """Number of processor cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -9,7 +9,7 @@ from jaxtyping import Int
 from torch import Tensor
 
 from geneoh.bundle import concatenated
-from geneoh.config import as_dict, flat, with_table
+from geneoh.config import as_dict, setting_differences, with_table
 from geneoh.errors import ConfigError, InputError
 from geneoh.files.tensors import (
     DamagedTensorsError,
@@ -246,12 +246,8 @@ def write_shards(
 
 def differences(found: ShardRecord, asked: ShardRecord) -> str:
     """What differs between two records of how shards were made, in words; empty when nothing."""
-    was, wanted = (flat(as_dict(record)) for record in (found, asked))
-    return ", ".join(
-        f"{name.removeprefix('config.')} {was[name]} where {wanted[name]} is asked for"
-        for name in wanted
-        if was[name] != wanted[name]
-    )
+    was, wanted = (as_dict(record) for record in (found, asked))
+    return setting_differences(was.pop("config") | was, wanted.pop("config") | wanted)
 
 
 def shard_record(path: Path) -> ShardRecord:

@@ -2,7 +2,7 @@
 
 import importlib
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import partial
 
 import pytest
@@ -26,9 +26,6 @@ from geneoh.evaluation.protocols.clips import Clip
 from geneoh.evaluation.runner import (
     PACKAGES,
     RECORD,
-    append_scores,
-    cores,
-    digest,
     evaluate,
     open_record,
     page_of,
@@ -37,6 +34,7 @@ from geneoh.evaluation.runner import (
     work_left,
 )
 from geneoh.evaluation.scores import Score, ScoringConfig
+from geneoh.files.journal import append_journal
 from geneoh.pipeline.options import Options
 
 CONFIG = ScoringConfig(close_frames=2)
@@ -166,16 +164,16 @@ def test_the_callers_threads_stay_as_they_were(damaged_case, folder):
 
 def test_half_a_line_counts_for_nothing(folder):
     scores = [Score("taco", "a", "gauss", seed, "input", {"mpjpe_mm": 1.0}) for seed in (1, 2)]
-    append_scores(folder, scores)
+    append_journal(folder / RECORD, map(asdict, scores))
     path = folder / RECORD
     path.write_text(path.read_text()[:-30])
     assert open_record(folder, SETTINGS, VERSIONS)[0] == scores[:1]
-    append_scores(folder, scores[1:])
+    append_journal(folder / RECORD, map(asdict, scores[1:]))
     assert open_record(folder, SETTINGS, VERSIONS)[0] == scores
 
 
 def test_scores_of_other_settings_are_refused_until_thrown_away(folder):
-    append_scores(folder, [Score("taco", "a", "gauss", 1, "input")])
+    append_journal(folder / RECORD, map(asdict, [Score("taco", "a", "gauss", 1, "input")]))
     other = {**SETTINGS, "data": "/elsewhere"}
     with pytest.raises(ConfigError, match=r"other settings \(data\).*--fresh"):
         open_record(folder, other, VERSIONS)
@@ -192,16 +190,6 @@ def test_a_place_that_cannot_be_written_to_is_told(tmp_path):
     (tmp_path / "taken").write_text("")
     with pytest.raises(InputError, match="cannot be written"):
         open_record(tmp_path / "taken", SETTINGS, VERSIONS)
-
-
-def test_a_digest_tells_contents_and_not_order(tmp_path):
-    for name, text in (("a", "1"), ("b", "2")):
-        (tmp_path / name).write_text(text)
-    paths = [tmp_path / "a", tmp_path / "b"]
-    first = digest(paths)
-    assert digest(reversed(paths)) == first
-    (tmp_path / "b").write_text("3")
-    assert digest(paths) != first
 
 
 def test_settings_change_with_all_that_changes_scores(tmp_path):
@@ -288,7 +276,3 @@ def test_the_name_of_a_data_set_alone_means_its_defaults(tmp_path, monkeypatch):
     )
     evaluate("synthetic", str(tmp_path))
     assert asked == [EvaluationOptions("synthetic")]
-
-
-def test_there_is_a_core_to_work_on():
-    assert cores() >= 1

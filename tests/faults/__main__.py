@@ -23,6 +23,8 @@ from tests.faults.trials import (
 )
 
 KINDS = ("disk full", "no permission", "interrupted")
+CLEANING = ("denoise", "batch")
+"""Commands for which a hand is cleaned once."""
 COLUMNS = ("failing writes", "kills", "read-only folders", "two at once", "problems")
 
 
@@ -47,7 +49,7 @@ def main() -> int:
 
 def faults_of(name: str, folder: Path, given: argparse.Namespace) -> int:
     """All faults on one command, a row of the table; the number of problems."""
-    cleaned = cleaned_before(folder / "cleaned") if name == "denoise" else None
+    cleaned = cleaned_before(folder / f"cleaned_{name}") if name in CLEANING else None
     bench, draw = Bench(folder / name, name, cleaned), random.Random(given.seed)
     made = (
         failing_writes(bench, tuple(given.kind or KINDS), given.every),

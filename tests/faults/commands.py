@@ -33,6 +33,7 @@ COMMANDS: dict[str, tuple[str, ...]] = {
         *("denoise", *HAND, "--preset", "fast", "--samples", "1", "--steps", "1"),
         *("-o", "out/clean.npz", "--report", "out/clean.html"),
     ),
+    "batch": ("batch", *HAND, "--preset", "fast", "--jobs", "1", "-o", "out"),
     "convert": ("convert", "landmarks", "hands.json", "-o", "out"),
     "corrupt": ("corrupt", *HAND[:1], "--noise", "gauss", "-o", "out/noisy.npz"),
     "view": ("view", *HAND, "-o", "out/page.html", "-o", "out/scene.glb", "-o", "out/all.npz"),

@@ -1,0 +1,84 @@
+"""`geneoh batch`: many clips cleaned, whatever becomes of single ones."""
+
+from pathlib import Path
+from typing import Any
+
+import click
+from click import Choice
+
+from geneoh.readers.registry import SOURCES
+
+from .. import options, progress, sources
+from ..options import FOLDER, option
+
+TOLD = 5
+"""Clips whose failure is printed; the summary has all of them."""
+
+
+@click.command()
+@click.argument("inputs", type=click.Path(path_type=Path), nargs=-1, required=True)
+@option(
+    "-o --out folder: Folder for the results, the journal and the summary.", FOLDER, required=True
+)
+@option(
+    "--from source: Read INPUTS as files of this data set or estimator; `geneoh convert "
+    "--help` lists them.",
+    Choice(list(SOURCES)),
+    metavar="SOURCE",
+)
+@options.many(
+    f"--obj: {options.OBJ_HELP} By default the mesh beside a file with its name, else those "
+    "that the file names.",
+    options.FILE,
+)
+@option("--jobs: Number of processes.  [default: one for each core]", options.COUNT)
+@option("--ray: Work on a Ray cluster instead: its address, auto, or local.", metavar="ADDRESS")
+@options.cleaning
+@sources.reader_options
+def batch(
+    inputs: tuple[Path, ...],
+    folder: Path,
+    source: str | None,
+    obj: tuple[Path, ...],
+    jobs: int | None,
+    ray: str | None,
+    mano: Path | None,
+    **chosen: Any,
+) -> None:
+    """Clean many clips, each into an npz of its name in the folder --out.
+
+    INPUTS are npz files, folders of them, patterns such as 'data/*/*.npz', or manifests: CSV files
+    with the columns input, name, meshes, source and options, of which only input is needed. A clip
+    that fails is told and stops no other. Started again with the same folder, the command does what
+    is left. It keeps journal.jsonl, and at the end writes summary.csv and summary.html, with what
+    changed most first. Exit code 2 says that some clips failed.
+    """
+    from dataclasses import fields
+
+    import geneoh
+    from geneoh.batch.cleaning import Batch
+    from geneoh.batch.clips import find_clips
+    from geneoh.batch.run import clean_batch
+    from geneoh.nn.devices import named_device
+    from geneoh.workers.pool import cores
+
+    named_device(chosen["device"])
+    names = [field.name for field in fields(geneoh.Options) if field.name in chosen]
+    settings = geneoh.Options(mano_dir=mano, **{name: chosen.pop(name) for name in names})
+    clips = find_clips(inputs, source, folder, obj)
+    if all(clip.source is None for clip in clips):
+        sources.refuse_source_options()
+    with progress.progress_bars() as on_progress:
+        wanted = Batch(folder, settings, chosen)
+        made = clean_batch(clips, wanted, jobs=jobs or cores(), ray=ray, on_progress=on_progress)
+    for outcome in made.failed[:TOLD]:
+        click.echo(f"{outcome.clip}: failed, {outcome.failed}", err=True)
+    if (more := len(made.failed) - TOLD) > 0:
+        click.echo(f"and {more} more, see {folder / 'summary.csv'}", err=True)
+    done = len(clips) - len(made.failed)
+    click.echo(
+        f"{done} clips done, {made.before} of them before, {len(made.failed)} failed; "
+        f"wrote {folder / 'summary.html'}"
+    )
+    if made.failed:
+        raise click.exceptions.Exit(2)

@@ -1,0 +1,160 @@
+"""One clip of a batch, in whatever process: files in, clean files out, and what became of it."""
+
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import geneoh
+from geneoh.batch.clips import FOR_NPZ, Clip
+from geneoh.errors import CheckpointError, GeneOHError
+from geneoh.files.atomic import unwritable
+from geneoh.files.outputs import keep_others, refuse_inputs
+from geneoh.files.reading import read_bytes
+from geneoh.pipeline.options import Options, with_settings
+from geneoh.pipeline.results import Denoised
+from geneoh.readers.base import SourceClip
+from geneoh.readers.recordings import options_with_files, read_clip, source_named
+from geneoh.sequence.sequence import Sequence
+from geneoh.sequence.validation import check_sequence
+
+LOG = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Batch:
+    """What is asked for every clip."""
+
+    folder: Path
+    """Of the results."""
+    options: Options = field(default_factory=Options)
+    reading: dict[str, Any] = field(default_factory=dict)
+    """Options of `geneoh.read` by name."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a clip."""
+
+    clip: str
+    failed: str = ""
+    """Why it has no result, in one sentence; empty where it has."""
+    inputs: dict[str, str] = field(default_factory=dict)
+    """Fingerprint of each file that was read, by its path."""
+    files: dict[str, str] = field(default_factory=dict)
+    """Fingerprint of each file that was written, by its path below the folder of results."""
+    hands: list[dict[str, Any]] = field(default_factory=list)
+    """A summary of each clean hand."""
+
+
+def clean_clip(clip: Clip, batch: Batch) -> Outcome:
+    """Clean a clip and write its results; a clip that cannot be cleaned fails in a sentence.
+
+    Raises:
+        InputError: a result cannot be written, as on a full disk; neither could those of others.
+        CheckpointError: weights are missing or damaged, for all clips.
+    """
+    with told_in_results():
+        try:
+            inputs = {str(clip.path): fingerprint(clip.path)} if not clip.problem else {}
+            made = list(cleaned(clip, batch))
+        except CheckpointError:
+            raise
+        except GeneOHError as error:
+            return Outcome(clip.name, str(error))
+        except Exception as error:  # a defect of ours on one clip is no reason to stop the others
+            LOG.debug("%s", clip.path, exc_info=True)
+            return Outcome(clip.name, f"{clip.path}: unexpected {type(error).__name__}: {error}")
+    for _, result in made:
+        meshes = [mesh.source for mesh in result.sequence.object.meshes if mesh.source is not None]
+        inputs |= {str(mesh): fingerprint(mesh) for mesh in meshes if mesh.is_file()}
+    files = {name: written(result, batch.folder / name) for name, result in made}
+    hands = [row for name, result in made for row in rows_of(name, result)]
+    return Outcome(clip.name, "", inputs, files, hands)
+
+
+@contextmanager
+def told_in_results() -> Iterator[None]:
+    """Keep warnings about single clips out of the log: the summary tells them."""
+    log = logging.getLogger("geneoh")
+    before = log.level
+    log.setLevel(max(before, logging.ERROR) if log.getEffectiveLevel() > logging.DEBUG else before)
+    try:
+        yield
+    finally:
+        log.setLevel(before)
+
+
+def cleaned(clip: Clip, batch: Batch) -> Iterator[tuple[str, Denoised]]:
+    """Each clean recording of a clip with the name of its file."""
+    for name, sequence in sequences_of(clip, batch):
+        place = batch.folder / f"{name}.npz"
+        refuse_inputs(place, place.resolve(), [clip.path])
+        keep_others(place, "choose another folder")
+        options = with_settings(batch.options, clip.settings)
+        yield f"{name}.npz", geneoh.denoise(sequence, options)
+
+
+def sequences_of(clip: Clip, batch: Batch) -> list[tuple[str, Sequence]]:
+    """The recordings of a clip with their names; most have one."""
+    if clip.problem:
+        raise GeneOHError(clip.problem)
+    given: dict[str, Any] = {**batch.reading, **clip.reading}
+    mano_dir = with_settings(batch.options, clip.settings).mano_dir
+    if clip.source is None:
+        bare = {name: value for name, value in given.items() if name in FOR_NPZ}
+        obj = clip.meshes or None
+        return [(clip.name, geneoh.load(clip.path, obj=obj, mano_dir=mano_dir, **bare))]
+    options = options_with_files(obj=clip.meshes, mano_dir=mano_dir, **given)
+    source_clip = SourceClip(clip.name, clip.path)
+    recordings = read_clip(source_named(clip.source), source_clip, options)
+    for recording in recordings:
+        check_sequence(recording.sequence, recording.name)
+    return [(recording.name, recording.sequence) for recording in recordings]
+
+
+def written(result: Denoised, place: Path) -> str:
+    """Write a result; returns the fingerprint of its file."""
+    try:
+        place.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise unwritable(place, error) from None
+    geneoh.save(result, place)
+    return fingerprint(place)
+
+
+def fingerprint(path: Path) -> str:
+    """Size and SHA-256 of a file; of a folder, of the names, sizes and times of what is in it."""
+    if path.is_dir():
+        files = sorted(each for each in path.rglob("*") if each.is_file())
+        stats = [(str(each.relative_to(path)), each.stat()) for each in files]
+        data = repr([(name, stat.st_size, stat.st_mtime_ns) for name, stat in stats]).encode()
+    else:
+        data = read_bytes(path)
+    return f"{len(data)} {sha256(data).hexdigest()}"
+
+
+def is_unchanged(fingerprints: dict[str, str], base: Path) -> bool:
+    """Whether all of these files, relative to a folder, are there and as they were."""
+    try:
+        return all(fingerprint(base / path) == known for path, known in fingerprints.items())
+    except GeneOHError:
+        return False
+
+
+def rows_of(file: str, result: Denoised) -> Iterator[dict[str, Any]]:
+    """A summary of each hand of a result, as JSON can hold it."""
+    for side, hand in result.hands.items():
+        yield {
+            "file": file,
+            "side": side,
+            "frames": result.sequence.frames,
+            "filled": int(hand.filled.sum()),
+            "moved_mm": 1000 * hand.moved,
+            "before": hand.before.as_dict(),
+            "after": hand.after.as_dict(),
+            "notes": list(dict.fromkeys((*result.doubts, *result.notes, *hand.notes))),
+        }

@@ -1,0 +1,201 @@
+"""The clips of a batch: files, folders, globs, manifests, and copies of data sets.
+
+A manifest is a CSV with the column `input` and, where they are wanted, `name`, `meshes`, `source`
+and `options`. Its paths are relative to its folder. Several meshes or options are separated by
+semicolons: `preset=fast; side=left`.
+"""
+
+import csv
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict, dataclass, field, fields, replace
+from glob import glob, has_magic
+from pathlib import Path
+from typing import Any
+
+from geneoh.config import closest_name, parse_setting
+from geneoh.errors import ConfigError, InputError
+from geneoh.files.reading import open_text
+from geneoh.geometry.mesh import MESH_SUFFIXES
+from geneoh.pipeline.options import Options
+from geneoh.readers.base import SourceClip
+from geneoh.readers.recordings import find_clips as find_source_clips
+from geneoh.readers.recordings import source_named, with_distinct_names
+
+COLUMNS = ("input", "name", "meshes", "source", "options")
+MANIFEST_LIMIT = 2**26
+"""Bytes of a manifest."""
+SETTINGS = tuple(field.name for field in fields(Options))
+FOR_NPZ = ("side", "fps", "unit", "joint_order", "keypoint_unit", "object_pose", "camera")
+READING = (*(*FOR_NPZ, "objects", "body", "translation", "swap_parts", "mean_pose", "focal"),)
+"""Names of the options of `geneoh.read`; the first are those of `geneoh.load` too."""
+PATHS = ("object_pose", "objects", "body", "weights", "mano_dir")
+
+
+@dataclass(frozen=True)
+class Clip:
+    """One input, and what is asked for it beyond what is asked for the whole batch."""
+
+    name: str
+    """Of its result, below the folder of results and without ending; unique in a batch."""
+    path: Path
+    source: str | None = None
+    """Whose files they are; None for files that `geneoh.load` reads."""
+    meshes: tuple[Path, ...] = ()
+    settings: dict[str, Any] = field(default_factory=dict)
+    """Fields of `geneoh.Options` by name."""
+    reading: dict[str, Any] = field(default_factory=dict)
+    """Options of `geneoh.read` by name."""
+    problem: str = ""
+    """Why there is nothing to read, in one sentence."""
+
+    def described(self) -> dict[str, Any]:
+        """The clip as JSON can hold it; with another description it is other work."""
+        plain = asdict(self) | {"path": str(self.path), "meshes": list(map(str, self.meshes))}
+        for name in ("settings", "reading"):
+            plain[name] = {key: str(value) for key, value in plain[name].items()}
+        return plain
+
+
+def find_clips(
+    inputs: Iterable[Path], source: str | None, folder: Path, meshes: tuple[Path, ...] = ()
+) -> list[Clip]:
+    """Every clip of the inputs.
+
+    Args:
+        inputs: files, folders, globs and manifests; with a source, its files and folders.
+        source: whose files they are, where they are not npz files.
+        folder: of the results, which are no inputs.
+        meshes: of the object in all clips; without them, the mesh beside a clip that has its name.
+
+    Raises:
+        InputError: an input is not there or holds no clip, a manifest cannot be read, two clips
+            have one name, or a result would replace an input.
+        ConfigError: a manifest names an option or a source that does not exist.
+    """
+    found: list[Clip] = []
+    for path in (path for given in inputs for path in expanded(given)):
+        if source is None and is_manifest(path):
+            found += clips_of_manifest(path, folder)
+        else:
+            found += clips_of(path, source, folder)
+    once: dict[str, Clip] = {}
+    for clip in found:
+        once.setdefault(repr(replace(clip, name="")), clip)
+    named = with_distinct_names([SourceClip(clip.name, clip.path) for clip in once.values()])
+    clips = [
+        replace(clip, name=new.name, meshes=clip.meshes or meshes or mesh_beside(clip))
+        for clip, new in zip(once.values(), named, strict=True)
+    ]
+    check_places(clips, folder)
+    return clips
+
+
+def expanded(path: Path) -> list[Path]:
+    """What a glob names, absolute; a path that is there stands for itself."""
+    if path.exists() or not has_magic(str(path)):
+        return [path.absolute()]
+    found = sorted(Path(each).absolute() for each in glob(str(path), recursive=True))
+    if not found:
+        raise InputError(f"{path}: no file or folder has such a name; check the pattern")
+    return found
+
+
+def clips_of(path: Path, source: str | None, folder: Path) -> list[Clip]:
+    """The clips at or below one path; `InputError` where there is none."""
+    if source is not None:
+        clips = find_source_clips(source_named(source), [path])
+        return [Clip(clip.name, clip.path, source) for clip in clips]
+    if path.is_dir():
+        below = (each for each in sorted(path.rglob("*.npz")) if each.is_file())
+        found = [each for each in below if not each.is_relative_to(folder.absolute())]
+        if not found:
+            raise InputError(
+                f"{path}: expected npz files at or below it, found none; name the source of other "
+                "files with --from, or list them in a manifest"
+            )
+        return [Clip(each.relative_to(path).with_suffix("").as_posix(), each) for each in found]
+    if not path.exists():
+        raise InputError(f"{path}: no such file or folder; check the path")
+    return [Clip(path.stem, path)]
+
+
+def is_manifest(path: Path) -> bool:
+    """Whether a file is a CSV whose first column is called `input`."""
+    if path.suffix.lower() != ".csv" or not path.is_file():
+        return False
+    with open_text(path, MANIFEST_LIMIT) as file:
+        return file.readline().lstrip("\ufeff").split(",")[0].strip() == COLUMNS[0]
+
+
+def clips_of_manifest(path: Path, folder: Path) -> Iterator[Clip]:
+    """The clips of all rows; one whose files are not there keeps the reason as its problem."""
+    with open_text(path, MANIFEST_LIMIT) as file:
+        rows = csv.reader(file, skipinitialspace=True)
+        names = [name.strip().lstrip("\ufeff") for name in next(rows)]
+        if unknown := [name for name in names if name not in COLUMNS]:
+            hint = closest_name(unknown[0], COLUMNS)
+            raise InputError(f"{path}: '{unknown[0]}' is no column of a manifest; {hint}")
+        for row in filter(None, rows):
+            where = f"{path}, line {rows.line_num}"
+            if len(row) != len(names) or not (cells := dict(zip(names, row, strict=True)))["input"]:
+                raise InputError(
+                    f"{where}: expected {len(names)} values ({', '.join(names)}), of which 'input' "
+                    f"is not empty, got {len(row)}; correct the line"
+                )
+            yield from clips_of_row(cells, where, path.parent, folder)
+
+
+def clips_of_row(cells: dict[str, str], where: str, base: Path, folder: Path) -> Iterator[Clip]:
+    """The clip, or the clips of a source, that one row of a manifest names."""
+    path, name = base / cells["input"].strip(), cells.get("name", "").strip()
+    source = cells.get("source", "").strip() or None
+    meshes = tuple(base / each for each in listed(cells.get("meshes", "")))
+    settings, reading = options_of(cells.get("options", ""), where, base)
+    if source is not None:
+        source_named(source)
+    try:
+        clips = clips_of(path, source, folder)
+    except InputError as error:
+        clips = [Clip(path.stem, path, source, problem=str(error))]
+    if name and len(clips) > 1:
+        raise InputError(f"{where}: 'name' is for one clip, got {len(clips)}; leave it empty")
+    for clip in clips:
+        asked = replace(clip, meshes=meshes, settings=settings, reading=reading)
+        yield replace(asked, name=name) if name else asked
+
+
+def listed(text: str) -> list[str]:
+    """The parts of a cell between semicolons."""
+    return [part.strip() for part in text.split(";") if part.strip()]
+
+
+def options_of(text: str, where: str, base: Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The options in a cell: those of cleaning, and those of reading."""
+    settings, reading = {}, {}
+    for part in listed(text):
+        ((name, value),) = parse_setting(part).items()
+        if name not in (*SETTINGS, *READING):
+            hint = closest_name(name, (*SETTINGS, *READING))
+            raise ConfigError(f"{where}: '{name}' is no option; {hint}")
+        value = base / str(value) if name in PATHS else value
+        (settings if name in SETTINGS else reading)[name] = value
+    return settings, reading
+
+
+def mesh_beside(clip: Clip) -> tuple[Path, ...]:
+    """The mesh file beside a clip's file that has its name, where there is one."""
+    if clip.source is not None:
+        return ()
+    meshes = (clip.path.with_suffix(suffix) for suffix in MESH_SUFFIXES)
+    return tuple(mesh for mesh in meshes if mesh.is_file())[:1]
+
+
+def check_places(clips: list[Clip], folder: Path) -> None:
+    """Refuse results outside of their folder, and results that would replace an input."""
+    inputs = {clip.path.resolve() for clip in clips}
+    for clip in clips:
+        place = (folder / f"{clip.name}.npz").resolve()
+        if not place.is_relative_to(folder.resolve()):
+            raise InputError(f"'{clip.name}': expected a name within {folder}; choose another one")
+        if place in inputs:
+            raise InputError(f"{place}: is an input and never replaced; choose another folder")

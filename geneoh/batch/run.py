@@ -1,0 +1,162 @@
+"""Many clips: those that are left are cleaned, and a journal says what became of each.
+
+The journal's first line holds the settings of the run, every other one a clip that is `done`,
+`failed` or `left`; the last line of a clip counts. Started again, a run does what is left, what
+failed, and what has another input or no result any more.
+"""
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, fields
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from geneoh.batch.cleaning import Batch, Outcome, clean_clip, is_unchanged
+from geneoh.batch.clips import Clip
+from geneoh.batch.summary import SUMMARY_FILES, write_summary
+from geneoh.config import as_dict, setting_differences
+from geneoh.denoisers.library import CLEANING_STAGES, PAPER_STAGES, weights_of
+from geneoh.errors import ConfigError
+from geneoh.files.journal import (
+    Record,
+    append_journal,
+    begin_journal,
+    digest,
+    only_run_in,
+    read_journal,
+)
+from geneoh.files.outputs import keep_others
+from geneoh.progress import OnProgress
+from geneoh.workers.cluster import on_cluster
+from geneoh.workers.pool import results_of
+
+JOURNAL = "journal.jsonl"
+
+
+@dataclass(frozen=True)
+class Cleaned:
+    """What became of all clips of a batch."""
+
+    outcomes: tuple[Outcome, ...]
+    """Of each clip, in the order of the clips."""
+    before: int
+    """How many of them were done by an earlier run."""
+
+    @property
+    def failed(self) -> list[Outcome]:
+        """The clips without a result."""
+        return [outcome for outcome in self.outcomes if outcome.failed]
+
+
+def clean_batch(
+    clips: list[Clip],
+    batch: Batch,
+    *,
+    jobs: int = 1,
+    ray: str | None = None,
+    on_progress: OnProgress | None = None,
+) -> Cleaned:
+    """Clean all clips that are not done yet into the folder of a batch, with journal and summary.
+
+    Args:
+        clips: see `geneoh.batch.clips.find_clips`.
+        batch: the folder of results and what is asked for all clips.
+        jobs: number of processes; 1 works in this one.
+        ray: address of a Ray cluster to work on instead; "local" starts one on this machine.
+        on_progress: called with "clips", the clips that are done and all of them.
+
+    Raises:
+        ConfigError: the folder holds results of other settings.
+        InputError: another run works in the folder, or it cannot be written to.
+    """
+    batch.options.resolved()
+    path, settings = batch.folder / JOURNAL, settings_of(batch)
+    with only_run_in(batch.folder):
+        records = records_before(clips, batch, settings)
+        begin_journal(path, [settings, *records.values()])
+        left = [clip for clip in clips if records[clip.name]["state"] == "left"]
+        before = done = len(clips) - len(left)
+        for outcome in outcomes_of(left, batch, jobs, ray):
+            record = record_of(outcome, records[outcome.clip]["asked"])
+            records[outcome.clip] = record
+            append_journal(path, [record])
+            done += 1
+            if on_progress is not None:
+                on_progress("clips", done, len(clips))
+        begin_journal(path, [settings, *records.values()])  # without what was left in between
+        outcomes = tuple(outcome_in(records[clip.name]) for clip in clips)
+        write_summary(outcomes, batch.folder)
+    return Cleaned(outcomes, before)
+
+
+def outcomes_of(left: list[Clip], batch: Batch, jobs: int, ray: str | None) -> Iterator[Outcome]:
+    """Clean some clips, in the order in which they are ready."""
+    clean = partial(clean_clip, batch=batch)
+    if ray is not None and left:
+        return on_cluster(left, clean, address=ray, lost=lost)
+    return results_of(left, clean, jobs=max(1, min(jobs, len(left))), lost=lost)
+
+
+def lost(clip: Clip, why: str) -> Outcome:
+    """The outcome of a clip that killed its workers."""
+    return Outcome(clip.name, f"{clip.path}: {why}")
+
+
+def records_before(
+    clips: list[Clip], batch: Batch, settings: dict[str, Any]
+) -> dict[str, dict[str, Any]]:
+    """What the journal holds of each clip, of clips of earlier runs too; what is to do is left."""
+    path = batch.folder / JOURNAL
+    records = read_journal(path)
+    if records:
+        refuse_other_settings(records[0], settings, path)
+    else:
+        for name in SUMMARY_FILES:
+            keep_others(batch.folder / name, "choose another folder")
+    known = {record["clip"]: record for record in records[1:] if "clip" in record}
+    for clip in clips:
+        asked = clip.described()
+        record = known.pop(clip.name, {})
+        if not is_done(record, asked, batch.folder):
+            record = {"clip": clip.name, "state": "left", "asked": asked}
+        known[clip.name] = record  # in the order of the clips, behind those of other runs
+    return known
+
+
+def is_done(record: dict[str, Any], asked: dict[str, Any], folder: Path) -> bool:
+    """Whether a journal calls a clip done, and all its files are as they were."""
+    if record.get("state") != "done" or record.get("asked") != asked:
+        return False
+    known = outcome_in(record)
+    return is_unchanged(known.inputs, folder) and is_unchanged(known.files, folder)
+
+
+def record_of(outcome: Outcome, asked: dict[str, Any]) -> dict[str, Any]:
+    """The line of a journal that says what became of a clip."""
+    state = "failed" if outcome.failed else "done"
+    return {"clip": outcome.clip, "state": state, "asked": asked, **asdict(outcome)}
+
+
+def outcome_in(record: dict[str, Any]) -> Outcome:
+    """The outcome in a line of a journal."""
+    return Outcome(**{field.name: record[field.name] for field in fields(Outcome)})
+
+
+def settings_of(batch: Batch) -> dict[str, Any]:
+    """What the results of all clips depend on: it identifies a run."""
+    options = batch.options
+    files = [weights_of(name, options.weights) for name in (*CLEANING_STAGES, *PAPER_STAGES)]
+    return {
+        "options": as_dict(options),
+        "reading": {name: str(value) for name, value in batch.reading.items()},
+        "weights": {path.stem: digest([path]) for path in files if path.is_file()},
+    }
+
+
+def refuse_other_settings(held: Record, settings: dict[str, Any], path: Path) -> None:
+    """`ConfigError` where a journal was begun with other settings."""
+    if differ := setting_differences(held, settings):
+        raise ConfigError(
+            f"{path.parent}: holds results of other settings ({differ}); "
+            "ask for the same, or name another folder"
+        )

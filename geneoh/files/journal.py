@@ -1,0 +1,99 @@
+"""The journal of a run, one JSON object a line, and the lock that keeps other runs out."""
+
+import json
+import os
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from geneoh.errors import InputError
+from geneoh.files.atomic import unwritable, write_whole
+
+LOCK = ".geneoh.lock"
+Record = Mapping[str, Any]
+
+
+def read_journal(path: Path) -> list[dict[str, Any]]:
+    """The records of a journal, none where there is no file; a line that was cut off is dropped."""
+    try:
+        lines = path.read_bytes().splitlines() if path.is_file() else []
+    except OSError as error:
+        raise unwritable(path, error) from None
+    found = []
+    for line in lines:
+        try:
+            found.append(json.loads(line))
+        except ValueError:
+            continue
+    return [record for record in found if isinstance(record, dict)]
+
+
+def begin_journal(path: Path, records: Iterable[Record]) -> None:
+    """Write a journal anew in one step; makes its folder."""
+    write_whole(path, "".join(json.dumps(record) + "\n" for record in records), parents=True)
+
+
+def append_journal(path: Path, records: Iterable[Record]) -> None:
+    """Add records, which are on the disk when this returns."""
+    try:
+        with path.open("a", encoding="utf-8") as file:
+            file.writelines(json.dumps(record) + "\n" for record in records)
+            file.flush()
+            os.fsync(file.fileno())
+    except OSError as error:
+        raise unwritable(path, error) from None
+
+
+@contextmanager
+def only_run_in(folder: Path) -> Iterator[None]:
+    """Make a folder and keep other runs out of it; the system lets go of it when a process dies.
+
+    Raises:
+        InputError: another run is working in it, or it cannot be written to.
+    """
+    path = folder / LOCK
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+    except OSError as error:
+        raise unwritable(folder, error) from None
+    try:
+        lock(descriptor, folder)
+        try:
+            yield
+        finally:
+            with suppress(OSError):  # as of a system that keeps open files
+                path.unlink()
+    finally:
+        os.close(descriptor)
+
+
+def lock(descriptor: int, folder: Path) -> None:
+    """Take the lock of an open file of a folder, on file systems that have locks."""
+    if sys.platform == "win32":
+        return
+    import fcntl
+
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        free = os.fstat(descriptor).st_nlink > 0  # else a run that ended just now removed it
+    except BlockingIOError:
+        free = False
+    except OSError:
+        free = True
+    if not free:
+        raise InputError(
+            f"{folder}: another run is working in it; wait for its end, or name another folder"
+        )
+
+
+def digest(paths: Iterable[Path]) -> str:
+    """SHA-256 of files' names and contents in the order of their names, first sixteen digits."""
+    found = sha256()
+    for path in sorted(paths):
+        found.update(path.name.encode())
+        found.update(path.read_bytes())
+    return found.hexdigest()[:16]

@@ -1,0 +1,34 @@
+"""Small clips, and batches of them that are cleaned by a fake."""
+
+import fake_cleaning
+import pytest
+
+from geneoh.batch import run
+from geneoh.batch.cleaning import Batch
+from geneoh.batch.clips import find_clips
+from geneoh.pipeline.options import Options
+
+
+@pytest.fixture
+def faked(monkeypatch):
+    """Have every clip cleaned by the fake, in workers too."""
+    monkeypatch.setattr(run, "clean_clip", fake_cleaning.clean_clip)
+    monkeypatch.setattr("geneoh.denoise", fake_cleaning.denoise, raising=False)
+
+
+@pytest.fixture
+def clips(tmp_path):
+    """A folder of four clips with their meshes."""
+    fake_cleaning.write_clips(tmp_path / "in", 4)
+    return tmp_path / "in"
+
+
+@pytest.fixture
+def clean(tmp_path, faked):
+    """Clean what is in a folder into the folder out."""
+
+    def cleaned(folder, out="out", options=None, reading=None, **how):
+        batch = Batch(tmp_path / out, options or Options(), reading or {})
+        return run.clean_batch(find_clips([folder], None, batch.folder), batch, **how)
+
+    return cleaned

@@ -1,0 +1,123 @@
+"""Which clips a batch has: files, folders, globs, manifests, sources."""
+
+import json
+
+import fake_cleaning
+import pytest
+from bad_inputs import good_arrays
+
+from geneoh.batch.cleaning import Batch, clean_clip
+from geneoh.batch.clips import find_clips
+from geneoh.errors import ConfigError, InputError
+
+
+@pytest.fixture
+def found(tmp_path, monkeypatch):
+    """Names and paths of the clips of some inputs."""
+    monkeypatch.chdir(tmp_path)
+    fake_cleaning.write_clips(tmp_path / "in", 2)
+    fake_cleaning.write_clips(tmp_path / "in/more", 1)
+
+    def names(*inputs, source=None, meshes=()):
+        clips = find_clips([tmp_path / each for each in inputs], source, tmp_path / "out", meshes)
+        return {clip.name: clip for clip in clips}
+
+    return names
+
+
+def manifest(folder, *lines):
+    """A manifest in a folder."""
+    (folder / "list.csv").write_text("\n".join(lines) + "\n")
+    return "list.csv"
+
+
+def test_a_folder_a_glob_and_files_name_the_same_clips_once(found, tmp_path):
+    assert list(found("in")) == ["clip0", "clip1", "more/clip0"]
+    assert list(found("in/*.npz")) == ["clip0", "clip1"]
+    assert list(found("in/**/clip0.npz")) == ["in/clip0", "more/clip0"]
+    assert list(found("in", "in/clip1.npz")) == ["clip0", "clip1", "more/clip0"]
+    assert list(found("in/clip1.npz", "in/more/clip0.npz")) == ["clip1", "clip0"]
+
+
+def test_results_are_no_inputs(found, tmp_path):
+    fake_cleaning.write_clips(tmp_path / "out", 3)
+    assert list(found(".")) == ["in/clip0", "in/clip1", "in/more/clip0"]
+
+
+def test_the_mesh_of_a_clip_is_the_one_asked_for_else_the_one_beside_it(found, tmp_path):
+    mesh = tmp_path / "in" / "clip1.obj"
+    assert found("in")["clip1"].meshes == (mesh,)
+    assert found("in", meshes=(tmp_path / "all.ply",))["clip0"].meshes == (tmp_path / "all.ply",)
+    mesh.unlink()
+    assert found("in")["clip1"].meshes == ()
+
+
+def test_inputs_that_hold_no_clip_are_refused(found, tmp_path):
+    (tmp_path / "empty").mkdir()
+    for given, words in (
+        ("nothing.npz", "no such file"),
+        ("no*.npz", "no file or folder has such a name"),
+        ("empty", "found none; name the source"),
+    ):
+        with pytest.raises(InputError, match=words):
+            found(given)
+
+
+def test_a_manifest_says_of_each_clip_what_differs(found, tmp_path):
+    rows = (
+        "input, name, meshes, source, options",
+        "in/clip0.npz,,,,",
+        "in/clip0.npz, again, in/clip1.obj; in/clip0.obj,, seed=3; preset=fast; side=left",
+        'in/more/clip0.npz,third,,,"camera=[0, 0, 1]"',
+    )
+    first, again, third = found(manifest(tmp_path, *rows)).values()
+    assert (first.name, first.meshes) == ("clip0", (tmp_path / "in/clip0.obj",))
+    assert again.meshes == (tmp_path / "in/clip1.obj", tmp_path / "in/clip0.obj")
+    assert (again.settings, again.reading) == ({"seed": 3, "preset": "fast"}, {"side": "left"})
+    assert (third.name, third.reading) == ("third", {"camera": [0, 0, 1]})
+    assert all(json.loads(json.dumps(c.described())) == c.described() for c in (first, again))
+
+
+def test_a_manifest_that_cannot_be_meant_is_refused(found, tmp_path):
+    for rows, words in (
+        (("input,mesh", "in/clip0.npz,"), "'mesh' is no column.*did you mean 'meshes'"),
+        (
+            ("input,options", "in/clip0.npz,presett=fast"),
+            "line 2: 'presett' is no option.*'preset'",
+        ),
+        (("input,options", "in/clip0.npz,seed"), "expected NAME=VALUE"),
+        (("input,name", "in/clip0.npz"), r"line 2: expected 2 values .* got 1"),
+        (("input,source", "in/clip0.npz,grob"), "source grob: expected one of"),
+        (("input,name", "in/clip0.npz,../../x"), "expected a name within"),
+        (("input,name", "in,one"), "'name' is for one clip, got 3"),
+        (("input,options", "in/clip0.npz,seed=1", "in/clip0.npz,seed=2"), "both called"),
+    ):
+        with pytest.raises((InputError, ConfigError), match=words):
+            found(manifest(tmp_path, *rows))
+
+
+def test_a_file_of_a_manifest_that_is_missing_fails_as_a_clip(found, tmp_path):
+    rows = ("input", "in/clip0.npz", "in/gone.npz")
+    there, gone = found(manifest(tmp_path, *rows)).values()
+    assert there.problem == ""
+    outcome = clean_clip(gone, Batch(tmp_path / "out"))
+    assert outcome.clip == "gone"
+    assert outcome.failed == f"{tmp_path / 'in/gone.npz'}: no such file or folder; check the path"
+
+
+def test_the_clips_of_a_source_are_found_and_read(found, tmp_path, monkeypatch):
+    (tmp_path / "hands").mkdir()
+    frames = [{"points": points} for points in good_arrays()["joints"].tolist()]
+    value = {"format": "geneoh-landmarks", "version": 1, "order": "openpose", "fps": 30}
+    for name in ("a", "b"):
+        text = json.dumps({**value, "hands": {"right": frames}})
+        (tmp_path / "hands" / f"{name}.json").write_text(text)
+    rows = ("input,source", "hands,landmarks")
+    for clips in (found("hands", source="landmarks"), found(manifest(tmp_path, *rows))):
+        assert list(clips) == ["a", "b"]
+        assert {clip.source for clip in clips.values()} == {"landmarks"}
+    monkeypatch.setattr("geneoh.denoise", fake_cleaning.denoise, raising=False)
+    outcome = clean_clip(clips["b"], Batch(tmp_path / "out"))
+    assert outcome.failed == ""
+    assert list(outcome.files) == ["b.npz"]
+    assert (tmp_path / "out" / "b.npz").is_file()

@@ -1,0 +1,209 @@
+"""Batches: going on after any kind of stop, and what never stops them."""
+
+import errno
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import fake_cleaning
+import pytest
+
+from geneoh.batch.run import JOURNAL
+from geneoh.errors import CheckpointError, ConfigError, InputError
+from geneoh.files import atomic
+from geneoh.files.journal import only_run_in
+from geneoh.pipeline.options import Options
+
+RUN = """
+import sys
+from pathlib import Path
+import fake_cleaning
+from geneoh.batch import run
+from geneoh.batch.cleaning import Batch
+from geneoh.batch.clips import find_clips
+
+if __name__ == "__main__":
+    run.clean_clip = fake_cleaning.clean_clip
+    batch = Batch(Path(sys.argv[2]))
+    clips = find_clips([Path(sys.argv[1])], None, batch.folder)
+    run.clean_batch(clips, batch, jobs=2)
+"""
+
+
+def results(folder):
+    """The bytes of all results and summaries."""
+    paths = [*folder.rglob("*.npz"), *folder.glob("summary.*")]
+    return {str(path.relative_to(folder)): path.read_bytes() for path in paths}
+
+
+def states(folder):
+    """What the journal says of each clip."""
+    lines = [json.loads(line) for line in (folder / JOURNAL).read_text().splitlines()[1:]]
+    return {line["clip"]: line["state"] for line in lines}
+
+
+def test_every_clip_has_a_result_and_a_second_run_does_nothing(clips, clean, tmp_path):
+    heard = []
+    made = clean(clips, on_progress=lambda *now: heard.append(now))
+    assert made.before == 0
+    assert made.failed == []
+    assert heard == [("clips", done, 4) for done in (1, 2, 3, 4)]
+    assert states(tmp_path / "out") == dict.fromkeys(("clip0", "clip1", "clip2", "clip3"), "done")
+    first = results(tmp_path / "out")
+    assert len(first) == 6
+    times = {path: path.stat().st_mtime_ns for path in (tmp_path / "out").glob("*.npz")}
+    assert clean(clips).before == 4
+    assert results(tmp_path / "out") == first
+    assert {path: path.stat().st_mtime_ns for path in times} == times
+
+
+def test_processes_give_the_bits_of_one_and_survive_a_killed_one(clips, clean, tmp_path):
+    clean(clips, "one")
+    (clips / "clip2.kill").touch()
+    made = clean(clips, "two", jobs=2)
+    (lost,) = made.failed
+    assert lost.clip == "clip2"
+    assert "ended by SIGKILL" in lost.failed
+    assert states(tmp_path / "two")["clip2"] == "failed"
+    (clips / "clip2.kill").unlink()
+    made = clean(clips, "two", jobs=2)
+    assert (made.before, made.failed) == (3, [])
+    assert results(tmp_path / "two") == results(tmp_path / "one")
+
+
+def test_a_bad_clip_is_told_and_the_others_go_on(clips, clean, monkeypatch, tmp_path):
+    (clips / "clip0.npz").write_bytes(b"PK nothing")
+
+    denoise = fake_cleaning.denoise
+
+    def broken(sequence, options):
+        if "clip1" in sequence.source:
+            raise ZeroDivisionError("a defect")
+        return denoise(sequence, options)
+
+    monkeypatch.setattr(fake_cleaning, "denoise", broken)
+    bad, defect = clean(clips).failed
+    assert bad.failed.startswith(f"{clips / 'clip0.npz'}: ")
+    assert defect.failed == f"{clips / 'clip1.npz'}: unexpected ZeroDivisionError: a defect"
+    assert sorted(path.name for path in (tmp_path / "out").glob("*.npz")) == [
+        *("clip2.npz", "clip3.npz")
+    ]
+
+
+def test_weights_that_are_missing_end_the_run(clips, clean, monkeypatch):
+    def without(sequence, options):
+        raise CheckpointError("motion.safetensors: missing")
+
+    monkeypatch.setattr(fake_cleaning, "denoise", without)
+    with pytest.raises(CheckpointError):
+        clean(clips)
+
+
+def test_what_changed_and_what_is_missing_is_done_again(clips, clean, tmp_path):
+    clean(clips)
+    whole = results(tmp_path / "out")
+    (tmp_path / "out" / "clip1.npz").unlink()
+    (tmp_path / "out" / "clip2.npz").write_bytes(whole["clip3.npz"])
+    os.utime(clips / "clip0.npz")  # the same bytes at another time
+    assert clean(clips).before == 2
+    assert results(tmp_path / "out") == whole
+    fake_cleaning.write_clips(clips / "new", 2)
+    (clips / "new" / "clip1.npz").replace(clips / "clip0.npz")
+    (clips / "clip3.obj").write_text((clips / "clip3.obj").read_text().replace("0.03", "0.031"))
+    for path in (clips / "new").iterdir():
+        path.unlink()
+    assert clean(clips).before == 2
+    changed = results(tmp_path / "out")
+    assert {name for name in whole if whole[name] != changed[name]} >= {"clip0.npz", "clip3.npz"}
+    assert changed["clip1.npz"] == whole["clip1.npz"]
+
+
+def test_other_settings_are_refused_with_what_differs(clips, clean, tmp_path):
+    clean(clips)
+    before = results(tmp_path / "out")
+    with pytest.raises(ConfigError, match=r"options\.seed 0 where 3 is asked for"):
+        clean(clips, options=Options(seed=3))
+    with pytest.raises(ConfigError, match=r"reading\.fps None where 60\.0 is asked for"):
+        clean(clips, reading={"fps": 60.0})
+    assert results(tmp_path / "out") == before
+    assert clean(clips).before == 4
+
+
+def test_a_second_run_in_a_folder_is_refused(clips, clean, tmp_path):
+    with only_run_in(tmp_path / "out"), pytest.raises(InputError, match="another run is working"):
+        clean(clips)
+
+
+def test_files_of_others_and_inputs_are_kept(clips, clean, tmp_path):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "clip1.npz").write_bytes(b"mine")
+    (failed,) = clean(clips).failed
+    assert "was not written by geneoh" in failed.failed
+    assert (tmp_path / "out" / "clip1.npz").read_bytes() == b"mine"
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "summary.csv").write_text("mine")
+    with pytest.raises(InputError, match="was not written by geneoh"):
+        clean(clips, "other")
+    with pytest.raises(InputError, match="is an input and never replaced"):
+        clean(clips / "clip1.npz", "in")
+
+
+def test_a_full_disk_ends_the_run_in_a_sentence_and_it_goes_on(clips, clean, monkeypatch, tmp_path):
+    clean(clips, "whole")
+    write, calls = os.fsync, []
+
+    def full(descriptor):
+        calls.append(descriptor)
+        if len(calls) == 4:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        write(descriptor)
+
+    monkeypatch.setattr(atomic.os, "fsync", full)
+    with pytest.raises(InputError, match=r"cannot be written \(No space left on device\)"):
+        clean(clips)
+    monkeypatch.undo()
+    done = [name for name, state in states(tmp_path / "out").items() if state == "done"]
+    assert len(done) == 1
+    assert not list((tmp_path / "out").glob(".*.tmp"))
+    monkeypatch.setattr("geneoh.denoise", fake_cleaning.denoise, raising=False)
+    assert clean(clips).before == 1
+    assert results(tmp_path / "out") == results(tmp_path / "whole")
+
+
+def test_a_folder_that_cannot_be_made_is_told(clips, clean, tmp_path):
+    (tmp_path / "taken").write_text("")
+    with pytest.raises(InputError, match=r"taken: cannot be written"):
+        clean(clips, "taken")
+
+
+@pytest.mark.slow
+def test_a_batch_killed_at_any_moment_loses_nothing_that_was_done(clips, clean, tmp_path):
+    fake_cleaning.write_clips(clips, 12)
+    clean(clips, "whole")
+    whole, out = results(tmp_path / "whole"), tmp_path / "out"
+    for pause, after in (("0.5", 1), ("0.2", 3), ("0.1", 8)):
+        killed_when_done(clips, out, after, pause)
+        done = [name for name, state in states(out).items() if state == "done"]
+        assert len(done) >= after
+        assert all((out / f"{name}.npz").read_bytes() == whole[f"{name}.npz"] for name in done)
+    assert clean(clips).before >= 8
+    assert results(out) == whole
+
+
+def killed_when_done(clips, out, count, pause):
+    """Run a batch in two workers and kill it when the journal says that so many clips are done."""
+    support = Path(fake_cleaning.__file__).parent
+    script = out.parent / "run.py"
+    script.write_text(RUN)
+    environment = {**os.environ, "PYTHONPATH": str(support), fake_cleaning.PAUSE: pause}
+    with subprocess.Popen([sys.executable, script, clips, out], env=environment) as process:
+        end = time.monotonic() + 120
+        while not ((out / JOURNAL).exists() and list(states(out).values()).count("done") >= count):
+            assert time.monotonic() < end
+            assert process.poll() is None
+            time.sleep(0.01)
+        process.send_signal(signal.SIGKILL)

@@ -1,0 +1,68 @@
+"""Journals: records that are on the disk, half lines, and the lock of a folder."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from geneoh.errors import InputError
+from geneoh.files.journal import append_journal, begin_journal, digest, only_run_in, read_journal
+
+
+def test_records_come_back_and_half_a_line_counts_for_nothing(tmp_path):
+    path = tmp_path / "new" / "journal.jsonl"
+    assert read_journal(path) == []
+    begin_journal(path, [{"head": 1}])
+    append_journal(path, [{"clip": "a"}, {"clip": "b"}])
+    whole = path.read_bytes()
+    assert read_journal(path) == [{"head": 1}, {"clip": "a"}, {"clip": "b"}]
+    for cut in range(1, len(json.dumps({"clip": "b"})) + 1):
+        path.write_bytes(whole[: -1 - cut])
+        assert read_journal(path) == [{"head": 1}, {"clip": "a"}]
+
+
+def test_what_is_no_record_is_dropped(tmp_path):
+    path = tmp_path / "journal.jsonl"
+    path.write_bytes(b'{"head": 1}\n7\n\xff\xfe\n{"clip": "a"}\n')
+    assert read_journal(path) == [{"head": 1}, {"clip": "a"}]
+
+
+def test_a_journal_that_cannot_be_written_is_told(tmp_path):
+    (tmp_path / "taken").write_text("")
+    with pytest.raises(InputError, match="cannot be written"):
+        begin_journal(tmp_path / "taken" / "journal.jsonl", [])
+    with pytest.raises(InputError, match="cannot be written"):
+        append_journal(tmp_path, [{}])
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such locks")
+def test_a_second_run_is_kept_out_until_the_first_one_ends_or_dies(tmp_path):
+    refused = pytest.raises(InputError, match="out: another run is working in it")
+    with only_run_in(tmp_path / "out"), refused, only_run_in(tmp_path / "out"):
+        pass
+    code = "import sys, pathlib, time, geneoh.files.journal as j\n"
+    code += "with j.only_run_in(pathlib.Path(sys.argv[1])): print('in', flush=True); time.sleep(60)"
+    other = subprocess.Popen(
+        [sys.executable, "-c", code, tmp_path / "out"], stdout=subprocess.PIPE, text=True
+    )
+    with other:
+        assert other.stdout is not None
+        assert other.stdout.readline() == "in\n"
+        with refused, only_run_in(tmp_path / "out"):
+            pass
+        other.kill()
+    assert list((tmp_path / "out").iterdir()) != []
+    with only_run_in(tmp_path / "out"):
+        pass
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_a_digest_tells_contents_and_not_order(tmp_path):
+    for name, text in (("a", "1"), ("b", "2")):
+        (tmp_path / name).write_text(text)
+    paths = [tmp_path / "a", tmp_path / "b"]
+    first = digest(paths)
+    assert digest(reversed(paths)) == first
+    (tmp_path / "b").write_text("3")
+    assert digest(paths) != first
