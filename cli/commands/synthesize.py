@@ -19,6 +19,9 @@ from .. import options, progress
     options.FOLDER,
 )
 @options.unit
+@options.option(
+    "--jobs: Number of processes; with 1, this one with all its threads.", options.COUNT, 1
+)
 @options.config_and_settings
 @options.seed
 def synthesize(
@@ -26,6 +29,7 @@ def synthesize(
     count: int | None,
     meshes: Path | None,
     unit: Any,
+    jobs: int,
     config: str | None,
     settings: tuple[str, ...],
     seed: int,
@@ -57,7 +61,9 @@ def synthesize(
     with progress.progress_bars() as on_progress:
         scans = find_scans(data, meshes, unit, on_mesh=partial(on_progress, "objects"))
         on_shard = partial(on_progress, "shards")
-        made = write_shards(data, chosen, hand, seed=seed, scans=scans, on_shard=on_shard)
+        made = write_shards(
+            data, chosen, hand, seed=seed, scans=scans, jobs=jobs, on_shard=on_shard
+        )
         if made or not sheet.exists():
             picture = contact_sheet(one_of_each(data, hand), on_step=partial(on_progress, "sheet"))
             write_whole(sheet, png_bytes(picture))

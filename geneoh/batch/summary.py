@@ -57,7 +57,10 @@ def as_page(rows: list[dict[str, Any]]) -> str:
     there = [row for row in rows if "failed" not in row]
     hands = f"{len(there)} hand{'s' * (len(there) != 1)}"
     clips = len({row["clip"] for row in there})
-    parts = [f"<p>{clips} clips cleaned ({hands}), {len(failed)} failed.</p>"]
+    parts = [
+        f"<p>{clips} clips cleaned ({hands}), {len(failed)} failed. "
+        "Each measure stands before and after cleaning.</p>"
+    ]
     if failed:
         lines = [
             f"<tr><th>{html.escape(row['clip'])}<td>{html.escape(row['failed'])}" for row in failed
@@ -71,7 +74,7 @@ def as_page(rows: list[dict[str, Any]]) -> str:
 def as_table(rows: list[dict[str, Any]]) -> str:
     """The clean hands; a bar shows how far each moved, relative to the one that moved most."""
     heads = "".join(f"<th colspan=2>{name}{f', {unit}' * bool(unit)}" for _, name, unit in LINES)
-    lines = [f"<tr><th>clip<th>hand<th>frames<th colspan=2>moved, mm{heads}<th>notes"]
+    lines = [f"<tr><th>clip<th>hand<th>frames<th colspan=2>moved, mm{heads}<th class=words>notes"]
     most = max((row["moved_mm"] for row in rows if isfinite(row["moved_mm"])), default=0.0)
     for row in rows:
         moved = row["moved_mm"]

@@ -2,6 +2,7 @@
 
 import hashlib
 from dataclasses import dataclass, field, fields, replace
+from functools import partial
 from pathlib import Path
 
 import torch
@@ -18,7 +19,7 @@ from geneoh.files.tensors import (
     write_tensors,
 )
 from geneoh.hand.model import HandModel, ShapedHand
-from geneoh.progress import OnStep, steps
+from geneoh.progress import OnStep
 from geneoh.synthesis.bimanual import (
     BimanualConfig,
     bimanual_objects,
@@ -30,6 +31,7 @@ from geneoh.synthesis.motion import AnimationConfig, Interactions, animate
 from geneoh.synthesis.objects import FAMILIES, draw_objects, family_named
 from geneoh.synthesis.scans import FILE, Scans, read_scans
 from geneoh.synthesis.solids import Solids
+from geneoh.workers.pool import in_processes
 
 LARGEST = 1000.0  # largest number in a shard, in metres or radians; larger ones are damage
 
@@ -215,12 +217,13 @@ def write_shards(
     *,
     seed: int,
     scans: Scans | None = None,
+    jobs: int = 1,
     on_shard: OnStep | None = None,
 ) -> int:
     """Make every shard (`val_00000.safetensors`, `train_00001.safetensors`) that is missing.
 
     Each is written whole or not at all, so that an interrupted run goes on with the next one.
-    Returns how many were made.
+    Several processes (`jobs`) write the same bytes as this one alone. Returns how many were made.
 
     Raises:
         InputError: the folder holds shards of another config or seed, or a broken one.
@@ -232,16 +235,30 @@ def write_shards(
             raise InputError(
                 f"{path}: was made with {differs}; ask for the same or name another folder"
             )
-    made = 0
-    for index in steps(range(config.shards), on_shard):
-        path = folder / f"{config.split_of(index)}_{index:05d}.safetensors"
-        if not path.exists():
-            names, generator = config.families_of(index, scans), shard_generator(seed, index)
-            part = synthesize_shard(config, names, hand, generator=generator, scans=scans)
-            tensors = {f.name: getattr(part, f.name) for f in fields(part)}
-            write_tensors(path, tensors, as_dict(record))
-            made += 1
-    return made
+    named = {i: folder / f"{config.split_of(i)}_{i:05d}.safetensors" for i in range(config.shards)}
+    missing = [(index, path) for index, path in named.items() if not path.exists()]
+    make = partial(make_shard, record=record, hand=hand, scans=scans)
+    # Alone, this process makes use of all its threads; workers have one each.
+    making = map(make, missing) if jobs == 1 else in_processes(missing, make, jobs, lost)
+    for done, _ in enumerate(making, config.shards - len(missing) + 1):
+        if on_shard is not None:
+            on_shard(done, config.shards)
+    return len(missing)
+
+
+def make_shard(
+    place: tuple[int, Path], record: ShardRecord, hand: HandModel, scans: Scans | None
+) -> None:
+    """Make the shard of a number and write it to its path."""
+    index, path = place
+    generator, names = shard_generator(record.seed, index), record.config.families_of(index, scans)
+    part = synthesize_shard(record.config, names, hand, generator=generator, scans=scans)
+    write_tensors(path, {f.name: getattr(part, f.name) for f in fields(part)}, as_dict(record))
+
+
+def lost(place: tuple[int, Path], why: str) -> None:
+    """A shard that killed its workers ends the run."""
+    raise InputError(f"{place[1]}: {why}")
 
 
 def differences(found: ShardRecord, asked: ShardRecord) -> str:

@@ -153,7 +153,7 @@ def cause_of_death(process: BaseProcess) -> str:
     name = "no signal" if code is None else signal.Signals(-code).name
     return (
         f"{TRIES} worker processes that began it were ended by {name}, as happens where memory "
-        "runs out; run it alone, with --jobs 1, or cut it into shorter ones"
+        "runs out; cut it into shorter ones, or run it with --jobs 1"
     )
 
 

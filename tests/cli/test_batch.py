@@ -73,7 +73,6 @@ def test_options_that_are_no_use_are_refused(geneoh, tmp_path):
     for given, words in (
         (("--focal", "500"), "--focal needs --from"),
         (("--device", "nothing"), "nothing"),
-        (("--ray", "256.0.0.1:1"), "--ray"),
     ):
         result = geneoh("batch", "clip0.npz", "-o", "out", *given)
         assert result.exit_code == 2, result.output

@@ -65,6 +65,17 @@ def test_equal_seeds_give_equal_bytes(tmp_path, hand):
     assert all(other[name] != data for name, data in contents(tmp_path / "a").items())
 
 
+def test_several_processes_write_the_bytes_of_one(tmp_path, hand):
+    heard = []
+    for name, jobs in (("one", 1), ("two", 2)):
+        write_shards(
+            tmp_path / name, TINY, hand, seed=0, jobs=jobs, on_shard=lambda *at: heard.append(at)
+        )
+    assert contents(tmp_path / "one") == contents(tmp_path / "two")
+    assert heard == [(1, 3), (2, 3), (3, 3)] * 2
+    assert write_shards(tmp_path / "two", TINY, hand, seed=0, jobs=2) == 0
+
+
 def test_an_interrupted_run_makes_only_what_is_missing(tmp_path, hand):
     write_shards(tmp_path, TINY, hand, seed=0)
     whole = contents(tmp_path)
