@@ -2,6 +2,7 @@
 
 import logging
 import pickle
+import socket
 from collections.abc import Iterable, Iterator
 from functools import partial
 from itertools import islice
@@ -19,6 +20,8 @@ from geneoh.workers.pool import (
     use_one_thread,
 )
 
+ANSWER = 10.0
+"""Seconds in which a cluster must answer."""
 WAITING = 1000
 """Items that the cluster knows of at a time."""
 
@@ -64,9 +67,12 @@ def connected(address: str) -> Any:
             "--ray needs Ray, which is not installed; run pip install 'geneoh[cluster]', "
             "or leave --ray out to use this machine's cores"
         ) from None
+    host, _, port = address.rpartition("://")[2].rpartition(":")
     try:
+        if port.isdecimal():  # Ray itself would try for minutes, and then end this process
+            socket.create_connection((host, int(port)), ANSWER).close()
         ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR)
-    except (ConnectionError, ValueError, RuntimeError) as error:
+    except (OSError, OverflowError, ValueError, RuntimeError) as error:
         said = " ".join(str(error).split())[:200]
         raise ConfigError(
             f"--ray {address}: no cluster answers ({said}); start one with `ray start --head`, "

@@ -43,6 +43,14 @@ def test_without_ray_a_sentence_says_how_to_get_it(monkeypatch):
         next(on_cluster([1], chores.doubled, address="local", lost=lost))
 
 
+@needs_ray
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("address", ["127.0.0.1:1", "ray://127.0.0.1:1", "127.0.0.1:99999"])
+def test_an_address_without_a_cluster_is_told(address):
+    with pytest.raises(ConfigError, match=f"--ray {address}: no cluster answers"):
+        next(on_cluster([1], chores.doubled, address=address, lost=lost))
+
+
 class TestCluster:
     pytestmark = with_ray
 
