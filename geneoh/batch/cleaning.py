@@ -8,15 +8,16 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-import geneoh
 from geneoh.batch.clips import FOR_NPZ, Clip
 from geneoh.errors import CheckpointError, GeneOHError
 from geneoh.files.atomic import unwritable
 from geneoh.files.outputs import keep_others, refuse_inputs
 from geneoh.files.reading import read_bytes
+from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.options import Options, with_settings
-from geneoh.pipeline.results import Denoised
+from geneoh.pipeline.results import Denoised, save
 from geneoh.readers.base import SourceClip
+from geneoh.readers.npz_files import load
 from geneoh.readers.recordings import options_with_files, read_clip, source_named
 from geneoh.sequence.sequence import Sequence
 from geneoh.sequence.validation import check_sequence
@@ -95,7 +96,7 @@ def cleaned(clip: Clip, batch: Batch) -> Iterator[tuple[str, Denoised]]:
         refuse_inputs(place, place.resolve(), [clip.path])
         keep_others(place, "choose another folder")
         options = with_settings(batch.options, clip.settings)
-        yield f"{name}.npz", geneoh.denoise(sequence, options)
+        yield f"{name}.npz", denoise(sequence, options)
 
 
 def sequences_of(clip: Clip, batch: Batch) -> list[tuple[str, Sequence]]:
@@ -107,7 +108,7 @@ def sequences_of(clip: Clip, batch: Batch) -> list[tuple[str, Sequence]]:
     if clip.source is None:
         bare = {name: value for name, value in given.items() if name in FOR_NPZ}
         obj = clip.meshes or None
-        return [(clip.name, geneoh.load(clip.path, obj=obj, mano_dir=mano_dir, **bare))]
+        return [(clip.name, load(clip.path, obj=obj, mano_dir=mano_dir, **bare))]
     options = options_with_files(obj=clip.meshes, mano_dir=mano_dir, **given)
     source_clip = SourceClip(clip.name, clip.path)
     recordings = read_clip(source_named(clip.source), source_clip, options)
@@ -122,7 +123,7 @@ def written(result: Denoised, place: Path) -> str:
         place.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise unwritable(place, error) from None
-    geneoh.save(result, place)
+    save(result, place)
     return fingerprint(place)
 
 

@@ -13,7 +13,7 @@ from geneoh.pipeline.options import Options
 def faked(monkeypatch):
     """Have every clip cleaned by the fake, in workers too."""
     monkeypatch.setattr(run, "clean_clip", fake_cleaning.clean_clip)
-    monkeypatch.setattr("geneoh.denoise", fake_cleaning.denoise, raising=False)
+    monkeypatch.setattr("geneoh.batch.cleaning.denoise", fake_cleaning.denoise)
 
 
 @pytest.fixture

@@ -116,7 +116,7 @@ def test_the_clips_of_a_source_are_found_and_read(found, tmp_path, monkeypatch):
     for clips in (found("hands", source="landmarks"), found(manifest(tmp_path, *rows))):
         assert list(clips) == ["a", "b"]
         assert {clip.source for clip in clips.values()} == {"landmarks"}
-    monkeypatch.setattr("geneoh.denoise", fake_cleaning.denoise, raising=False)
+    monkeypatch.setattr("geneoh.batch.cleaning.denoise", fake_cleaning.denoise)
     outcome = clean_clip(clips["b"], Batch(tmp_path / "out"))
     assert outcome.failed == ""
     assert list(outcome.files) == ["b.npz"]

@@ -169,7 +169,7 @@ def test_a_full_disk_ends_the_run_in_a_sentence_and_it_goes_on(clips, clean, mon
     done = [name for name, state in states(tmp_path / "out").items() if state == "done"]
     assert len(done) == 1
     assert not list((tmp_path / "out").glob(".*.tmp"))
-    monkeypatch.setattr("geneoh.denoise", fake_cleaning.denoise, raising=False)
+    monkeypatch.setattr("geneoh.batch.cleaning.denoise", fake_cleaning.denoise)
     assert clean(clips).before == 1
     assert results(tmp_path / "out") == results(tmp_path / "whole")
 

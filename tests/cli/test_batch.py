@@ -20,7 +20,7 @@ QUICK = ("--preset", "fast", "--samples", "1", "--steps", "1")
 @pytest.fixture
 def faked(monkeypatch):
     monkeypatch.setattr(run, "clean_clip", fake_cleaning.clean_clip)
-    monkeypatch.setattr("geneoh.denoise", fake_cleaning.denoise, raising=False)
+    monkeypatch.setattr("geneoh.batch.cleaning.denoise", fake_cleaning.denoise)
 
 
 @pytest.mark.slow

@@ -106,9 +106,10 @@ def run_of(name: str, cleaned: Callable[..., object] | None) -> Callable[[], Non
         from geneoh_cli.main import cli
 
         import geneoh
+        from geneoh.batch import cleaning
 
         if cleaned is not None:
-            geneoh.denoise = cleaned
+            geneoh.denoise = cleaning.denoise = cleaned
         cli.main(list(COMMANDS[name]), prog_name="geneoh")
 
     return run

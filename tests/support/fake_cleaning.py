@@ -59,7 +59,7 @@ def denoise(sequence: Sequence, options: geneoh.Options) -> Denoised:
 
 def clean_clip(clip: Clip, batch: Batch) -> Outcome:
     """As the real one, in a worker too; a clip beside which there is a file NAME.kill kills it."""
-    geneoh.denoise = denoise
+    cleaning.denoise = denoise
     if clip.path.with_suffix(".kill").exists():
         os.kill(os.getpid(), signal.SIGKILL)
     return cleaning.clean_clip(clip, batch)

@@ -74,7 +74,7 @@ class TestCluster:
     def test_a_batch_on_a_cluster_has_the_bits_of_one_process(self, cluster, tmp_path, monkeypatch):
         fake_cleaning.write_clips(tmp_path / "in", 6)
         monkeypatch.setattr(run, "clean_clip", fake_cleaning.clean_clip)
-        monkeypatch.setattr("geneoh.denoise", fake_cleaning.denoise, raising=False)
+        monkeypatch.setattr("geneoh.batch.cleaning.denoise", fake_cleaning.denoise)
         began, found = time.monotonic(), {}
         for name, address in (("here", None), ("there", cluster.address)):
             batch = Batch(tmp_path / name)
