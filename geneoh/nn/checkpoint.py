@@ -46,7 +46,7 @@ def load_checkpoint(
         remedy: what the user can do about a damaged file.
 
     Raises:
-        CheckpointError: the file is missing, is not safetensors or carries no record.
+        CheckpointError: the file cannot be read, is not safetensors or carries no record.
     """
     try:
         with opened_tensors(path) as (file, record):
@@ -59,6 +59,11 @@ def load_checkpoint(
     except DamagedTensorsError as error:
         raise CheckpointError(
             f"{path}: expected a safetensors file with a geneoh record, got {error}; {remedy}"
+        ) from error
+    except OSError as error:
+        raise CheckpointError(
+            f"{path}: expected a file of weights that you may read, got '{error}'; check that it "
+            "is no folder, and its permissions"
         ) from error
     return Checkpoint(
         {n: t.float() if t.dtype in HALVES else t for n, t in tensors.items()}, record

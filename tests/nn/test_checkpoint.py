@@ -65,6 +65,11 @@ def test_a_missing_file_is_told_with_its_path(tmp_path):
         load_checkpoint(tmp_path / "no.safetensors")
 
 
+def test_a_folder_in_place_of_a_file_is_refused(tmp_path):
+    with pytest.raises(CheckpointError, match="expected a file of weights that you may read"):
+        load_checkpoint(tmp_path)
+
+
 @pytest.mark.parametrize("kept", [0, 5, 100, -1])
 def test_a_truncated_file_is_refused(tmp_path, kept):
     path = tmp_path / "w.safetensors"
