@@ -8,6 +8,7 @@ from typing import TypeVar
 import torch
 from torch import nn
 
+from geneoh.config import with_table
 from geneoh.denoisers.motion import MotionConfig, MotionDenoiser
 from geneoh.denoisers.relations import RelationConfig, RelationDenoiser
 from geneoh.denoisers.spatial import SpatialConfig, SpatialDenoiser
@@ -87,9 +88,10 @@ def load_network(
     saved = load_checkpoint(path)
     try:
         with torch.device("meta"):  # draws no random numbers, and takes the type of the weights
-            built = network(config(**saved.record["config"][name]))
+            size = dict(saved.record["config"][name])
+            built = network(with_table(config(), size, str(path)))
         built.load_state_dict(saved.tensors, assign=True)
-    except (RuntimeError, KeyError, TypeError) as error:
+    except (RuntimeError, KeyError, TypeError, ValueError) as error:
         raise CheckpointError(
             f"{path}: expected weights of this version's {name} "
             f"network, got others ({str(error).splitlines()[-1].strip()}); train them again"

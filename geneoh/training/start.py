@@ -7,6 +7,7 @@ from torch import Tensor
 
 from geneoh.baselines.library import baseline_weights
 from geneoh.choices import StageName
+from geneoh.config import with_table
 from geneoh.denoisers.library import weights_of
 from geneoh.errors import CheckpointError
 from geneoh.nn.checkpoint import load_checkpoint
@@ -31,10 +32,11 @@ def started_from(
         path = weights_of(stage, folder)
     saved = load_checkpoint(path)
     try:
-        network = type(getattr(config, stage))(**saved.record["config"][stage])
+        size = dict(saved.record["config"][stage])
+        network = with_table(type(getattr(config, stage))(), size, str(path))
         config = replace(config, autoencoder_steps=0, **{stage: network})
         build_model(stage, config).load_state_dict(saved.tensors)
-    except (KeyError, TypeError, RuntimeError) as error:
+    except (KeyError, TypeError, ValueError, RuntimeError) as error:
         raise CheckpointError(
             f"{path}: expected weights of this version's {stage} network, got others "
             f"({str(error).splitlines()[-1].strip()}); start without them"

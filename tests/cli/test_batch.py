@@ -80,6 +80,11 @@ def test_options_that_are_no_use_are_refused(geneoh, tmp_path):
     assert not list(tmp_path.glob("out/*.npz"))
 
 
+def heeds_ctrl_c() -> None:
+    """Undo what a shell does to what it starts in the background, such as these tests."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows sends no such signal")
 def test_ctrl_c_ends_the_workers_and_keeps_what_is_done(geneoh, tmp_path):
@@ -88,7 +93,13 @@ def test_ctrl_c_ends_the_workers_and_keeps_what_is_done(geneoh, tmp_path):
     code = f"from {script.module} import cli\nif __name__ == '__main__':\n    cli()\n"
     (tmp_path / "run.py").write_text(code)
     command = [sys.executable, "run.py", "batch", "in", "-o", "out", "--jobs", "2", *QUICK]
-    with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(
+        command,
+        cwd=tmp_path,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=heeds_ctrl_c,
+    ) as process:
         end = time.monotonic() + 200
         while not list(tmp_path.glob("out/*.npz")):
             assert time.monotonic() < end

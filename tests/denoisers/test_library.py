@@ -73,7 +73,14 @@ def test_weights_of_another_network_are_refused(folder):
 
 
 @pytest.mark.parametrize(
-    "record", [{}, {"config": {}}, {"config": {"motion": {"width": 16, "rooms": 3}}}]
+    "record",
+    [
+        {},
+        {"config": {}},
+        {"config": {"motion": "wide"}},
+        {"config": {"motion": {"width": 16, "rooms": 3}}},
+        {"config": {"motion": {"width": 16, "depth": 1, "heads": 2.0}}},
+    ],
 )
 def test_weights_whose_record_does_not_fit_are_refused(folder, record):
     tensors = saved(NETWORKS["motion"], "motion").tensors
