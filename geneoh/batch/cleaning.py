@@ -60,7 +60,9 @@ def clean_clip(clip: Clip, batch: Batch) -> Outcome:
     """
     with told_in_results():
         try:
-            inputs = {str(clip.path): fingerprint(clip.path)} if not clip.problem else {}
+            if clip.problem:
+                raise GeneOHError(clip.problem)
+            inputs = {str(clip.path): fingerprint(clip.path)}
             made = list(cleaned(clip, batch))
         except CheckpointError:
             raise
@@ -91,20 +93,19 @@ def told_in_results() -> Iterator[None]:
 
 def cleaned(clip: Clip, batch: Batch) -> Iterator[tuple[str, Denoised]]:
     """Each clean recording of a clip with the name of its file."""
-    for name, sequence in sequences_of(clip, batch):
+    options = with_settings(batch.options, clip.settings)
+    for name, sequence in sequences_of(clip, batch.reading, options.mano_dir):
         place = batch.folder / f"{name}.npz"
         refuse_inputs(place, place.resolve(), [clip.path])
         keep_others(place, "choose another folder")
-        options = with_settings(batch.options, clip.settings)
         yield f"{name}.npz", denoise(sequence, options)
 
 
-def sequences_of(clip: Clip, batch: Batch) -> list[tuple[str, Sequence]]:
+def sequences_of(
+    clip: Clip, reading: dict[str, Any], mano_dir: Path | None
+) -> list[tuple[str, Sequence]]:
     """The recordings of a clip with their names; most have one."""
-    if clip.problem:
-        raise GeneOHError(clip.problem)
-    given: dict[str, Any] = {**batch.reading, **clip.reading}
-    mano_dir = with_settings(batch.options, clip.settings).mano_dir
+    given = {**reading, **clip.reading}
     if clip.source is None:
         bare = {name: value for name, value in given.items() if name in FOR_NPZ}
         obj = clip.meshes or None

@@ -15,13 +15,13 @@ from geneoh.batch.cleaning import Batch, Outcome, clean_clip, is_unchanged
 from geneoh.batch.clips import Clip
 from geneoh.batch.summary import SUMMARY_FILES, write_summary
 from geneoh.config import as_dict, setting_differences
-from geneoh.denoisers.library import CLEANING_STAGES, PAPER_STAGES, weights_of
+from geneoh.denoisers.library import all_weights
 from geneoh.errors import ConfigError
 from geneoh.files.journal import (
     Record,
     append_journal,
     begin_journal,
-    digest,
+    digests,
     only_run_in,
     read_journal,
 )
@@ -144,12 +144,10 @@ def outcome_in(record: dict[str, Any]) -> Outcome:
 
 def settings_of(batch: Batch) -> dict[str, Any]:
     """What the results of all clips depend on: it identifies a run."""
-    options = batch.options
-    files = [weights_of(name, options.weights) for name in (*CLEANING_STAGES, *PAPER_STAGES)]
     return {
-        "options": as_dict(options),
+        "options": as_dict(batch.options),
         "reading": {name: str(value) for name, value in batch.reading.items()},
-        "weights": {path.stem: digest([path]) for path in files if path.is_file()},
+        "weights": digests(all_weights(batch.options.weights)),
     }
 
 

@@ -105,3 +105,8 @@ def weights_of(name: str, folder: Path | None) -> Path:
     if given is not None and (name in CLEANING_STAGES or given.is_file()):
         return given
     return SHIPPED / f"{name}.safetensors"
+
+
+def all_weights(folder: Path | None) -> list[Path]:
+    """The files of weights that cleaning may read, of all stages."""
+    return [weights_of(name, folder) for name in (*CLEANING_STAGES, *PAPER_STAGES)]

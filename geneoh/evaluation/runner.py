@@ -17,7 +17,7 @@ from typing import Any
 from geneoh.baselines.library import BASELINES, baseline_weights
 from geneoh.choices import Dataset
 from geneoh.config import as_dict
-from geneoh.denoisers.library import CLEANING_STAGES, PAPER_STAGES, weights_of
+from geneoh.denoisers.library import all_weights
 from geneoh.errors import ConfigError, InputError, MissingAssetError
 from geneoh.evaluation.cases import Case, find_cases
 from geneoh.evaluation.methods import Method, methods_of
@@ -29,6 +29,7 @@ from geneoh.files.journal import (
     append_journal,
     begin_journal,
     digest,
+    digests,
     only_run_in,
     read_journal,
 )
@@ -119,11 +120,10 @@ def settings_of(options: EvaluationOptions) -> dict[str, Any]:
     Noises, seeds, clips and methods are part of each score and may differ from run to run.
     """
     cleaner = options.cleaner
-    files = [weights_of(name, cleaner.weights) for name in (*CLEANING_STAGES, *PAPER_STAGES)]
-    files += [baseline_weights(name, cleaner.weights) for name in BASELINES]
+    baselines = [baseline_weights(name, cleaner.weights) for name in BASELINES]
     root, stored = data_root(options.dataset, options.root), options.noisy_inputs
     return {
-        "weights": {path.stem: digest([path]) for path in files if path.is_file()},
+        "weights": digests([*all_weights(cleaner.weights), *baselines]),
         "data": None if root is None else str(root.resolve()),
         "noisy_inputs": None if stored is None else digest(stored.rglob("*.npz")),
         "protocol": as_dict(options.protocol),

@@ -90,6 +90,11 @@ def lock(descriptor: int, folder: Path) -> None:
         )
 
 
+def digests(paths: Iterable[Path]) -> dict[str, str]:
+    """A digest of each of these files that exists, by its name without its ending."""
+    return {path.stem: digest([path]) for path in paths if path.is_file()}
+
+
 def digest(paths: Iterable[Path]) -> str:
     """SHA-256 of files' names and contents in the order of their names, first sixteen digits."""
     found = sha256()

@@ -65,7 +65,7 @@ def evidence_of_nearness(joints: Float[Tensor, "T 21 3"], surface: MovingSurface
     surface, nearest = replace(surface, within=AWAY), math.inf
     for frames in blocks(len(joints)):
         distance = surface.at(frames).query(joints[frames]).distance
-        nearest = min([nearest, *distance[distance.isfinite()].tolist()])
+        nearest = min(nearest, float(distance.nan_to_num(math.inf).min()))
     return min(max((AWAY - nearest) / (AWAY - NEAR), 0.0), 1.0)
 
 
