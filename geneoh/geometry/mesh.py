@@ -178,7 +178,7 @@ def scene_parts(scene: trimesh.Scene, path: Path) -> tuple[Mesh, ...]:
         material = above != scene.graph.base_frame and name[:-6] == f"{above}_"
         nodes.setdefault(str(above) if material else name, []).append(shape)
     joined = [from_trimesh(trimesh.Scene(shapes).to_mesh()) for shapes in nodes.values()]
-    parts = [replace(part, source=path) for part in joined if bool(part.face_vectors().any())]
+    parts = [replace(part, source=path) for part in joined if has_surface(part)]
     return tuple(parts) if len(parts) > 1 else ()
 
 
@@ -207,7 +207,7 @@ def checked(mesh: Mesh, source: str) -> Mesh:
             f"{source}: vertices must be in metres, got {float(verts.abs().max()):.3g}; "
             "scale the mesh or remove the far vertices in a mesh editor"
         )
-    if not bool((mesh.face_vectors() != 0).any()):
+    if not has_surface(mesh):
         raise InputError(
             f"{source}: expected a surface, got no area in all of its faces, {len(faces)}; "
             "check the mesh and its scale"
@@ -251,6 +251,11 @@ def welded(mesh: Mesh) -> Mesh:
 def repeats_a_vertex(faces: Int[Tensor, "F 3"]) -> Bool[Tensor, " F"]:
     """Whether a face has the same vertex at two of its corners."""
     return (faces == faces.roll(-1, dims=-1)).any(-1)
+
+
+def has_surface(mesh: Mesh) -> bool:
+    """Whether some face has an area; a face that repeats a vertex has at most a rounding error."""
+    return bool(mesh.face_vectors()[~repeats_a_vertex(mesh.faces)].any())
 
 
 def tidied(mesh: Mesh) -> Mesh:

@@ -124,6 +124,7 @@ VERTS = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
         ),
         ("nan.obj", VERTS.replace("1", "nan", 1) + "f 1 2 3\n", "got NaN or infinity in 1 of 3"),
         ("flat.obj", VERTS + "f 1 2 2\n", "got no area in all of its faces, 1"),
+        ("folded.obj", "v 0.1 0.7 0.3\nv 0.37 0.11 0.9\nf 1 2 2\nf 2 1 2\nf 2 2 1\n", "got no area"),
         ("cloud.obj", VERTS, "got 3 points and no face"),
         ("huge.obj", VERTS.replace("1", "3e38") + "f 1 2 3\n", "in metres, got 3e+38"),
         ("model.fbx", "", "expected a mesh file"),
