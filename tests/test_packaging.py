@@ -56,6 +56,43 @@ def test_public_names_are_there_and_come_without_torch_until_used():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
+def test_cleaning_imports_nothing_slow_that_it_does_not_use():
+    slow = ["trimesh", "networkx", "scipy.optimize", "scipy.signal", "scipy.stats"]
+    slow += ["matplotlib", "smplx", "ray"]
+    code = (
+        "import sys, geneoh\n"
+        "geneoh.denoise, geneoh.save\n"
+        f"geneoh.load({str(ROOT / 'examples/taco_noisy.npz')!r}, "
+        f"obj={str(ROOT / 'examples/taco_object.obj')!r})\n"
+        f"found = [name for name in {slow} if name in sys.modules]\n"
+        "assert not found, found\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["--help"],
+        ["denoise", "--help"],
+        ["denoise", "a.npz", "--steps", "no"],
+        ["denoise", "a.npz", "-o", "a.txt"],
+    ],
+)
+def test_help_and_refused_arguments_come_without_torch(arguments):
+    code = (
+        "import sys\n"
+        "from geneoh_cli.main import cli\n"
+        "try:\n"
+        f"    cli({arguments})\n"
+        "except SystemExit:\n"
+        "    assert 'torch' not in sys.modules\n"
+        "else:\n"
+        "    raise AssertionError('the command must end')\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)
+
+
 def test_dir_lists_every_public_name_and_no_private_one():
     listed = dir(geneoh)
     assert set(geneoh.__all__) <= set(listed)

@@ -47,9 +47,6 @@ def denoise(
 
     import geneoh
     from geneoh.files.outputs import check_ending, check_outputs
-    from geneoh.nn.devices import named_device
-
-    from .. import reports
 
     output = output or sources.beside(noisy)
     check_ending(output, (".npz",))
@@ -58,6 +55,11 @@ def denoise(
     outputs = [output] if report is None else [output, report]
     read = [noisy, *obj, mano, *(value for value in chosen.values() if isinstance(value, Path))]
     check_outputs(outputs, inputs=read, overwrite=overwrite)
+
+    from geneoh.nn.devices import named_device  # torch, which takes seconds
+
+    from .. import reports
+
     named_device(chosen["device"])
     names = [field.name for field in fields(geneoh.Options) if field.name in chosen]
     settings = geneoh.Options(mano_dir=mano, **{name: chosen.pop(name) for name in names})

@@ -13,7 +13,6 @@ import numpy as np
 import torch
 from jaxtyping import Float
 from scipy.ndimage import gaussian_filter1d
-from scipy.signal import savgol_filter
 from torch import Tensor
 from typing_extensions import assert_never
 
@@ -69,6 +68,8 @@ def smooth(values: Float[Tensor, "T ..."], chosen: Filter, fps: float) -> Float[
     array = values.cpu().double().numpy()
     match chosen.kind:
         case "savgol":
+            from scipy.signal import savgol_filter  # slow to import, and cleaning needs it not
+
             longest = len(array) - (len(array) + 1) % 2  # windows are odd
             window = min(round(chosen.size), longest)
             done = array if window <= ORDER else savgol_filter(array, window, ORDER, axis=0)

@@ -6,10 +6,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
-import trimesh
 from jaxtyping import Bool, Float, Float64, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
@@ -20,6 +20,9 @@ from geneoh.choices import Unit
 from geneoh.config import checked_call
 from geneoh.errors import InputError
 from geneoh.geometry.mirror import mirror_faces, mirror_points
+
+if TYPE_CHECKING:
+    import trimesh
 
 MESH_SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb")
 
@@ -112,6 +115,41 @@ def load_mesh(path: Path | str, unit: Unit = "m", *, tidy: bool = True) -> Mesh:
         )
     if not path.is_file():
         raise InputError(f"{path}: no such mesh file; check the path")
+    mesh = plain_obj(path) or by_trimesh(path)
+    mesh = checked(mesh if unit == "m" else scaled(mesh, METRES[unit]), str(path))
+    return tidied(mesh) if tidy else mesh
+
+
+def plain_obj(path: Path) -> Mesh | None:
+    """What trimesh makes of an OBJ file of comments, points and triangles; None for other files.
+
+    To import trimesh takes more time than to read the file, which is most often such a one.
+    """
+    if path.suffix.lower() != ".obj":
+        return None
+    try:
+        lines = path.read_bytes().split(b"\n")
+        lines = [line for line in lines if line.strip() and not line.startswith(b"#")]
+        points, corners = (
+            [ln.split() for ln in lines if ln[:2] == kind] for kind in (b"v ", b"f ")
+        )
+        if len(points) + len(corners) < len(lines):
+            return None
+        verts = np.array(points)[:, 1:].astype(np.float64).astype(np.float32)
+        faces = np.array(corners)[:, 1:].astype(np.int64) - 1
+    except (OSError, ValueError, IndexError, OverflowError):
+        return None  # trimesh says what is wrong
+    # trimesh leaves out vertices without a face
+    every = np.array_equal(np.unique(faces), np.arange(len(verts)))
+    if not every or verts.shape[1:] != (3,) or faces.shape[1:] != (3,):
+        return None
+    return Mesh(torch.from_numpy(verts), torch.from_numpy(faces), source=path)
+
+
+def by_trimesh(path: Path) -> Mesh:
+    """The mesh of a file of any format; see `load_mesh`."""
+    import trimesh
+
     try:
         scene = trimesh.load_scene(path, process=False)
         joined = from_trimesh(scene.to_mesh())
@@ -128,8 +166,7 @@ def load_mesh(path: Path | str, unit: Unit = "m", *, tidy: bool = True) -> Mesh:
             f"{path}: expected a mesh with triangles, got {points} points and no face; "
             "export it with its faces, or make a surface of a point cloud in a mesh editor"
         )
-    mesh = checked(mesh if unit == "m" else scaled(mesh, METRES[unit]), str(path))
-    return tidied(mesh) if tidy else mesh
+    return mesh
 
 
 MeshInput = Mesh | Path | str | Iterable[Mesh | Path | str]
@@ -154,17 +191,19 @@ def scaled(mesh: Mesh, factor: float) -> Mesh:
     return Mesh(factor * mesh.verts, mesh.faces, parts=parts)
 
 
-def from_trimesh(shape: trimesh.Trimesh) -> Mesh:
+def from_trimesh(shape: "trimesh.Trimesh") -> Mesh:
     """Vertices and faces of a mesh that trimesh has read."""
     verts = torch.from_numpy(np.array(shape.vertices, dtype=np.float32).reshape(-1, 3))
     return Mesh(verts, torch.from_numpy(np.array(shape.faces, dtype=np.int64).reshape(-1, 3)))
 
 
-def scene_parts(scene: trimesh.Scene, path: Path) -> tuple[Mesh, ...]:
+def scene_parts(scene: "trimesh.Scene", path: Path) -> tuple[Mesh, ...]:
     """The placed meshes of a GLB file that have a surface, in the file's order; none if it is one.
 
     A mesh of several materials is one. Meshes that stand in several places count each time.
     """
+    import trimesh
+
     if path.suffix.lower() != ".glb":
         return ()
     order = {name: index for index, name in enumerate(scene.geometry)}

@@ -9,9 +9,11 @@ from watertight import is_watertight
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import (
     Mesh,
+    by_trimesh,
     checked,
     load_mesh,
     open_edges,
+    plain_obj,
     size_warning,
     thickened,
     welded,
@@ -109,6 +111,48 @@ def test_vertices_without_a_face_are_left_out_unless_they_are_counted(tmp_path):
 VERTS = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 
 
+TRIANGLES = b"v 0 0 0\nv 1e-3 0.1 -2.5E2\nv 0.12345678901 1 0\nv 7 7 7\nf 1 2 3\nf 2 3 4"
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        TRIANGLES,
+        b"# \xff by a tool\n\n" + TRIANGLES.replace(b"\n", b" \r\n") + b"\nf 1 1 2\n",
+        TRIANGLES.replace(b"v 7 7 7", b"v 0.12345678901 1 0"),
+    ],
+)
+def test_plain_obj_is_read_as_trimesh_reads_it(content, tmp_path):
+    path = tmp_path / "plain.obj"
+    path.write_bytes(content)
+    read, twin = plain_obj(path), by_trimesh(path)
+    assert read is not None
+    assert torch.equal(read.verts, twin.verts)
+    assert torch.equal(read.faces, twin.faces)
+    assert read.source == twin.source == path
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        TRIANGLES + b" 1",  # a face of four corners
+        TRIANGLES + b"\nv 3 3 3",  # a vertex without a face
+        TRIANGLES + b"\nf 1 2 5",
+        TRIANGLES + b"\nf -1 1 2",
+        TRIANGLES + b"\nf 1/1 2/2 3/3",
+        TRIANGLES + b"\n f 1 2 3",
+        TRIANGLES + b"\nvn 0 0 1",
+        TRIANGLES.replace(b"7 7 7", b"7 7 seven"),
+        TRIANGLES.replace(b"7 7 7", b"7 7 7 1 0 0"),
+        TRIANGLES.replace(b"\n", b"\r"),
+        b"# nothing",
+    ],
+)
+def test_all_other_obj_files_are_left_to_trimesh(content, tmp_path):
+    (tmp_path / "other.obj").write_bytes(content)
+    assert plain_obj(tmp_path / "other.obj") is None
+
+
 @pytest.mark.parametrize(
     ("name", "content", "said"),
     [
@@ -124,7 +168,7 @@ VERTS = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
         ),
         ("nan.obj", VERTS.replace("1", "nan", 1) + "f 1 2 3\n", "got NaN or infinity in 1 of 3"),
         ("flat.obj", VERTS + "f 1 2 2\n", "got no area in all of its faces, 1"),
-        ("folded.obj", "v 0.1 0.7 0.3\nv 0.37 0.11 0.9\nf 1 2 2\nf 2 1 2\nf 2 2 1\n", "got no area"),
+        ("folded.obj", "v 0.1 0.7 0.3\nv 0.37 0.1 0.9\nf 1 2 2\nf 2 1 2\nf 2 2 1\n", "got no area"),
         ("cloud.obj", VERTS, "got 3 points and no face"),
         ("huge.obj", VERTS.replace("1", "3e38") + "f 1 2 3\n", "in metres, got 3e+38"),
         ("model.fbx", "", "expected a mesh file"),
