@@ -40,9 +40,9 @@ PALM = (0, 1, 5, 9, 13, 17)
 class FitConfig:
     """Numbers of steps, and the deviations and weights of the energy terms."""
 
-    iterations: int = 8
+    iterations: int = 4
     """Steps on keypoints alone."""
-    contact_rounds: int = 8
+    contact_rounds: int = 4
     """Rounds of two steps with the surface; each round queries the distances anew."""
     joint_std: float = 0.003
     """Deviation of fitted keypoints from trusted targets, metres."""
@@ -137,10 +137,11 @@ def _fit_frames(
     total = config.iterations + 2 * rounds
     damping = target.new_full((len(target), 1), 1e-2)
     state, done = start, 0
+    near = None if surface is None else Nearby(surface, config.touch)
     for around in range(rounds + 1):
         planes = None
-        if around and surface is not None:
-            planes = contact_planes(state, shaped, surface, config)
+        if around and near is not None:
+            planes = contact_planes(state, shaped, near, config)
             if evidence is not None:
                 planes = replace(planes, weight=planes.weight * evidence[:, None])
 
@@ -211,16 +212,46 @@ def _pick(better: Bool[Tensor, " S"], new: Found, old: Found) -> Found:
     return type(new)(*map(picked, vars(new).values(), vars(old).values()))
 
 
-def contact_planes(
-    state: HandState, shaped: ShapedHand, surface: MovingSurface, config: FitConfig
-) -> Planes:
+class Nearby:
+    """The surface around a hand that moves little from query to query.
+
+    Vertices that cannot have come nearer than `reach` since they were last asked for, metres, are
+    not asked for again: they stay where they were in all that is answered.
+    """
+
+    def __init__(self, surface: MovingSurface, reach: float) -> None:
+        """No vertex is known yet."""
+        self.surface, self.reach = surface, reach
+        self._known: tuple[Tensor, SurfaceQuery] | None = None
+
+    def query(self, verts: Float[Tensor, "S T V 3"]) -> SurfaceQuery:
+        """Distance, closest point and normal of each vertex; those out of reach are older."""
+        if self._known is None:
+            found = self.surface.query(verts)
+        else:
+            before, found = self._known
+            least = found.distance - (verts - before).norm(dim=-1)
+            asked = least <= self.reach
+            # a point that is not finite is not looked for
+            new = self.surface.query(verts.masked_fill(~asked[..., None], torch.nan))
+            found = SurfaceQuery(
+                torch.where(asked, new.distance, found.distance),
+                torch.where(asked[..., None], new.closest, found.closest),
+                torch.where(asked[..., None], new.normal, found.normal),
+            )
+            verts = torch.where(asked[..., None], verts, before)
+        self._known = verts, found
+        return found
+
+
+def contact_planes(state: HandState, shaped: ShapedHand, near: Nearby, config: FitConfig) -> Planes:
     """Planes that push vertices out of the object and attract fingertips that nearly touch it.
 
     Other vertices near the object have no weight.
     """
     verts = shaped.verts_from_rotations(state.rotations, state.wrist).verts
     bone = shaped.model.skin_weights.argmax(-1)
-    found = way_out(verts, bone, surface)
+    found = way_out(verts, bone, near.surface, near.query(verts))
     distance, index = found.distance.topk(config.surface_verts, dim=-1, largest=False)
     points = index[..., None].expand(*index.shape, 3)
     inside = (distance < 0).to(distance) / config.depth_std
@@ -235,14 +266,16 @@ def contact_planes(
 
 
 def way_out(
-    verts: Float[Tensor, "S T V 3"], bone: Int[Tensor, " V"], surface: MovingSurface
+    verts: Float[Tensor, "S T V 3"],
+    bone: Int[Tensor, " V"],
+    surface: MovingSurface,
+    found: SurfaceQuery,
 ) -> SurfaceQuery:
     """Distance to the object, with one direction out of it for each phalanx.
 
     The nearest side of a thin part may be the wrong one for deep vertices: those get the closest
     point and normal in the direction of their phalanx's outside part instead.
     """
-    found = surface.query(verts)
     parts = torch.nn.functional.one_hot(bone).to(verts)
     inside = (found.distance < 0).to(verts)
     middles = []

@@ -153,21 +153,21 @@ def surface_term(state: HandState, shaped: ShapedHand, planes: Planes) -> Equati
     verts, normal = planes.verts, planes.normal
     _, turn, centers = _kinematics(state, shaped)
     model = shaped.model
+    frames = state.wrist.shape[:-1]
+    rest = shaped.corrected(state.rotations).expand(*frames, 3, -1)
+    rest = rest.gather(-1, verts[..., None, :].expand(*frames, 3, -1))
+    skin = model.skin_weights.T[:, verts].movedim(0, -2)[..., None, :]  # (S, T, joint, 1, vertex)
     shift = centers - (turn @ shaped.joints[..., None])[..., 0]
-    rest = shaped.corrected(state.rotations).mT.expand(*state.wrist.shape[:-1], -1, 3)
-    rest = rest.gather(-2, verts[..., None].expand(*verts.shape, 3))
-    skin = model.skin_weights[verts]
-    each = torch.einsum("stjrc,stvc->stvjr", turn, rest) + shift[..., None, :, :]
-    placed = (skin[..., None] * each).sum(-2)
+    each = skin * (turn @ rest[..., None, :, :] + shift[..., None])  # (S, T, joint, xyz, vertex)
     below = BELOW.to(skin)
-    carried = torch.einsum("aj,stvj,stvjr->stvar", below, skin, each)
-    share = torch.einsum("aj,stvj->stva", below, skin)
-    arm = carried - share[..., None] * centers[..., None, :, :]
-    torque = torch.linalg.cross(arm, normal[..., None, :].expand_as(arm), dim=-1)
-    rotate = torch.einsum("stjrc,stvjr->stvjc", turn, torque).flatten(-2)
-    jacobian = torch.cat([rotate, normal], dim=-1) * planes.weight[..., None]
-    height = ((placed - planes.closest) * normal).sum(-1) * planes.weight
-    return _normal_equations(height, jacobian)
+    carried = (below @ each.flatten(-2)).unflatten(-1, (3, -1))
+    share = below @ skin[..., 0, :]
+    arm = carried - share[..., None, :] * centers[..., None]
+    across = torch.linalg.cross(arm, normal.mT[..., None, :, :].expand_as(arm), dim=-2)
+    rotate = (turn.mT @ across).flatten(-3, -2)
+    jacobian = torch.cat([rotate, normal.mT], dim=-2) * planes.weight[..., None, :]
+    height = ((each.sum(-3).mT - planes.closest) * normal).sum(-1) * planes.weight
+    return _normal_equations(height, jacobian.mT)
 
 
 def steadiness(

@@ -151,7 +151,7 @@ def preset(name: PresetName) -> Preset:
                 observed=True,
                 samples=4,
                 selection="mean",
-                align=AlignConfig(),
+                align=AlignConfig(steps=10, rate=2e-3),
                 correct=True,
                 fit=FitConfig(),
                 contact=True,
@@ -162,8 +162,7 @@ def preset(name: PresetName) -> Preset:
                 quick,
                 spatial=PlacePlan(64, 3),
                 samples=1,
-                align=AlignConfig(steps=10, rate=2e-3),
-                fit=FitConfig(iterations=5, contact_rounds=2),
+                fit=FitConfig(contact_rounds=2),
             )
         case _:
             assert_never(name)

@@ -8,6 +8,7 @@ from torch import Tensor
 
 from geneoh.fitting.fit import (
     FitConfig,
+    Nearby,
     contact_planes,
     fit_hand,
     start_from_keypoints,
@@ -213,7 +214,7 @@ def test_a_surface_out_of_reach_changes_nothing(shaped, make_state, ball):
 def test_planes_stand_where_the_hand_is_inside_or_a_tip_nearly_touches(shaped, make_state, ball):
     state, center = sunk(shaped, make_state)
     config, surface = FitConfig(), surface_of(ball, center)
-    planes = contact_planes(state, shaped, surface, config)
+    planes = contact_planes(state, shaped, Nearby(surface, config.touch), config)
     verts = shaped.verts_from_rotations(state.rotations, state.wrist).verts
     distance = surface.query(verts).distance
     inside = (distance < 0).sum(-1)
@@ -241,6 +242,28 @@ def test_a_tip_that_nearly_touches_is_drawn_towards_the_surface(shaped, make_sta
     assert abs(float(surface.query(moved).distance.min())) < 0.8 * gap
 
 
+def test_only_vertices_that_may_have_come_near_are_asked_for_again(shaped, make_state, ball):
+    state, center = sunk(shaped, make_state)
+    surface, asked = surface_of(ball, center), []
+
+    class Counted(MovingSurface):
+        def query(self, points):
+            asked.append(int(points.isfinite().all(-1).sum()))
+            return super().query(points)
+
+    near = Nearby(Counted(surface.fields, surface.rotation, surface.translation), 0.003)
+    verts = shaped.verts_from_rotations(state.rotations, state.wrist).verts
+    for step in range(6):
+        moved = verts + 0.002 * step * torch.tensor([0.6, 0.0, 0.8])
+        got, want = near.query(moved), surface.query(moved)
+        within = want.distance <= 0.003
+        assert bool(within.any())
+        torch.testing.assert_close(got.distance[within], want.distance[within])
+        torch.testing.assert_close(got.closest[within], want.closest[within])
+        assert bool((got.distance[~within] > 0.003).all())
+    assert max(asked[1:]) < 0.6 * asked[0]
+
+
 def test_a_phalanx_leaves_a_thin_plate_on_one_side(shaped, make_state):
     plate = field_of(trimesh.creation.box((0.2, 0.2, 0.006)))
     state = make_state(frames=1, seed=5)
@@ -253,7 +276,7 @@ def test_a_phalanx_leaves_a_thin_plate_on_one_side(shaped, make_state):
     inside = (nearest.distance[0, 0] < 0) & (bone == 3)
     sides = nearest.normal[0, 0, inside, 2]
     assert sides.min() < 0 < sides.max(), "torn apart by the nearest side"
-    found = way_out(verts, bone, surface)
+    found = way_out(verts, bone, surface, nearest)
     assert bool((found.normal[0, 0, inside, 2] > 0.99).all())
     height = found.closest[0, 0, inside, 2] - center[2]
     torch.testing.assert_close(height, torch.full_like(height, 0.003), atol=1e-5, rtol=0)
