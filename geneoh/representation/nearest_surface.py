@@ -1,12 +1,13 @@
 """The surface point nearest to each keypoint: where the hand touches or enters the object."""
 
+import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from geneoh.representation.region import ObjectSurface
 
-CACHED = 2**20  # distances that are held at once
+CACHED = 2**18  # distances that are held at once
 
 
 def nearest_points(
@@ -26,9 +27,16 @@ def nearest_points(
     # written in place: results of their own would lie where the distances were, which then need
     # new memory for each few joints
     for part, into in zip(left.split(size, dim=-2), found.split(size, dim=-1), strict=True):
-        into.copy_((part @ right.mT).argmin(-1))
+        into.copy_(index_of_least(part @ right.mT))
     index = found[..., None].expand(*joints.shape)
     return points.gather(-2, index), normals.gather(-2, index)
+
+
+def index_of_least(values: Float[Tensor, "*B P"]) -> Int[Tensor, "*B"]:
+    """Index of the least of the last axis; on a CPU by numpy, which takes a tenth of the time."""
+    if values.device.type != "cpu":
+        return values.argmin(-1)
+    return torch.from_numpy(np.asarray(values.detach().numpy().argmin(-1)))
 
 
 def nearest_on_parts(
