@@ -20,7 +20,7 @@ os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 COMMANDS = (
     *("denoise", "batch", "eval", "train", "synthesize", "realism", "corrupt"),
-    *("convert", "view", "info"),
+    *("convert", "view", "bench", "info"),
 )
 """Subcommands in the order of `--help`. Each is a function of that name in commands/NAME.py, which
 imports torch and geneoh inside the function only, so that help is shown at once."""

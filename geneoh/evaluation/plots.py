@@ -124,7 +124,7 @@ def colour(method: str, methods: Sequence[str]) -> Any:
     return matplotlib.colormaps["Set2"](others.index(method) % 8)
 
 
-def canvas(height: float) -> tuple[Any, Any]:
+def canvas(height: float, rows: int = 1, columns: int = 1) -> tuple[Any, Any]:
     """A figure of this height in inches, which needs no window system, and its axes."""
     import matplotlib
     from matplotlib.backends.backend_svg import FigureCanvasSVG
@@ -133,7 +133,7 @@ def canvas(height: float) -> tuple[Any, Any]:
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(WIDTH, height), layout="constrained")
         FigureCanvasSVG(figure)
-        return figure, figure.add_subplot()
+        return figure, figure.subplots(rows, columns)
 
 
 def svg(figure: Any, *, legend: bool = False) -> str:

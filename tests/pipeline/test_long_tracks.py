@@ -3,7 +3,6 @@
 import json
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -63,9 +62,7 @@ def peaks(lengths: tuple[int, int]) -> list[float]:
     code = f"""
 import json, resource, sys
 from importlib import import_module
-from pathlib import Path
-sys.path.insert(0, {str(Path(__file__).parents[2])!r})
-from tools.track_lengths import example
+from geneoh.bench.measure import example
 import geneoh
 for name, size in {(SMALL | {"geneoh.fitting.fit.OVERLAP": 10})!r}.items():
     module, _, constant = name.rpartition(".")

@@ -1,0 +1,183 @@
+"""The benchmark: a grid around one point, each point measured in a process of its own.
+
+What is measured is kept in a JSON file point by point; a run that is started again does the rest.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+from geneoh.bench import measure
+from geneoh.bench.measure import Found, Tell
+from geneoh.choices import PresetName
+from geneoh.config import setting_differences
+from geneoh.errors import ConfigError, GeneOHError, InputError
+from geneoh.files.atomic import write_whole
+from geneoh.files.reading import read_bytes
+from geneoh.progress import OnProgress
+
+GENERATOR = "geneoh bench"
+TRIANGLES = 2000
+"""Those of the example's mesh."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """What one process measures."""
+
+    samples: int
+    preset: PresetName
+    device: str
+    threads: int
+    frames: int = 180
+    triangles: int = TRIANGLES
+    clips: int = 1
+    networks: Literal["ours", "paper"] = "ours"
+    version: str = ""
+    """Name of the folder of another version's checkout; empty for the one that runs."""
+
+    def __str__(self) -> str:
+        """The point in a few words."""
+        if self.networks == "paper":
+            return "networks of the paper's sizes"
+        said = [f"{name} {getattr(self, name):,}" for name in QUICK]
+        return ", ".join([*said, self.version] if self.version else said)
+
+
+Axes = Mapping[str, tuple[int, ...]]
+"""The values along each axis, by the name of a field of `Point`."""
+QUICK: Axes = {
+    **{"frames": (60, 180, 600), "samples": (1, 4, 8)},
+    **{"triangles": (TRIANGLES, 20_000, 100_000), "clips": (1, 4)},
+}
+FULL: Axes = {
+    **{"frames": (60, 180, 600, 6_000, 54_000), "samples": (1, 4, 10, 30, 100)},
+    **{"triangles": (TRIANGLES, 8_000, 32_000, 128_000, 500_000), "clips": (1, 10, 100)},
+}
+
+
+@dataclass(frozen=True)
+class Bench:
+    """A grid: points that differ from one in one axis at a time."""
+
+    base: Point
+    axes: Axes
+    paper: bool = True
+    """Whether networks of the paper's sizes are timed beside ours on one window."""
+    tree: Path | None = None
+    """Checkout of another version to measure before this one at each point."""
+
+    def along(self, axis: str) -> list[Point]:
+        """The points of an axis, of both versions."""
+        versions = ["" if self.tree is None else self.tree.resolve().name, ""]
+        values = sorted(set(self.axes[axis]))
+        points = [replace(self.base, version=v, **{axis: x}) for x in values for v in versions]
+        return list(dict.fromkeys(points))
+
+    def side_by_side(self) -> tuple[Point, Point]:
+        """One window with the preset, and with networks of the paper's sizes."""
+        ours = replace(self.base, frames=60)
+        return ours, replace(ours, samples=1, preset="paper", networks="paper")
+
+    def points(self) -> list[Point]:
+        """Each point once, in the order of the work."""
+        points = [point for axis in self.axes for point in self.along(axis)]
+        return list(dict.fromkeys([*points, *(self.side_by_side() if self.paper else ())]))
+
+
+def run_bench(
+    bench: Bench,
+    environment: dict[str, Any],
+    output: Path,
+    *,
+    fresh: bool = False,
+    on_progress: OnProgress | None = None,
+) -> dict[Point, Found]:
+    """Measure all points that a JSON file does not have, and write it after each.
+
+    Args:
+        bench: the grid.
+        environment: facts of this machine and installation, as JSON can hold them.
+        output: the file.
+        fresh: whether to measure anew what the file has.
+        on_progress: called with the point and its stage, the steps done and those in all.
+
+    Raises:
+        InputError: the file is none of ours, or there is no other version in `Bench.tree`.
+        ConfigError: the file was measured in another environment.
+        GeneOHError: a process failed; the points before it are in the file.
+    """
+    if bench.tree is not None and not (bench.tree / "geneoh" / "__init__.py").is_file():
+        raise InputError(f"{bench.tree}: expected a checkout with a folder geneoh; check --tree")
+    records = [] if fresh else records_in(output, environment)
+    kept = {json.dumps(record["asked"]): record["found"] for record in records}
+    points, found = bench.points(), {}
+    for number, point in enumerate(points, 1):
+
+        def tell(stage: str, done: int, total: int, about: str = f"{number}: {point}") -> None:
+            if on_progress is not None:
+                on_progress(f"{len(points)} points, {about}; {stage}", done, total)
+
+        asked = asdict(point)
+        if (key := json.dumps(asked)) not in kept:
+            tell("start", 0, 1)
+            kept[key] = measured_apart(point, bench.tree if point.version else None, tell)
+            load = round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else None
+            records.append({"asked": asked, "load": load, "found": kept[key]})
+            held = {"generator": GENERATOR, "environment": environment, "points": records}
+            write_whole(output, json.dumps(held, indent=1) + "\n")
+        found[point] = kept[key]
+    return found
+
+
+def records_in(path: Path, environment: dict[str, Any]) -> list[dict[str, Any]]:
+    """The records of a file that `run_bench` wrote here; none where there is no file."""
+    if not path.exists() or not (data := read_bytes(path)):
+        return []
+    try:
+        held = json.loads(data)
+        records, before = held["points"], dict(held["environment"])
+        sound = held["generator"] == GENERATOR and all(
+            {"asked", "found"} <= set(record) for record in records
+        )
+    except (ValueError, TypeError, LookupError):
+        sound, records, before = False, [], {}
+    remedy = "pass --fresh to measure anew, or choose another name"
+    if not sound:
+        raise InputError(f"{path}: expected a file of `{GENERATOR}`, got something else; {remedy}")
+    if differ := setting_differences(before, environment):
+        raise ConfigError(f"{path}: was measured on another installation ({differ}); {remedy}")
+    return records
+
+
+def measured_apart(point: Point, tree: Path | None, tell: Tell) -> Found:
+    """What a new process finds at a point; its lines but the last one tell progress."""
+    command = [sys.executable, measure.__file__, json.dumps(asdict(point))]
+    with tempfile.TemporaryDirectory() as folder, open(Path(folder, "said"), "w+") as said:
+        environment = {**os.environ, "OMP_NUM_THREADS": str(point.threads), "TMPDIR": folder}
+        if tree is not None:
+            environment["PYTHONPATH"] = str(tree.resolve())
+        how: Any = {"env": environment, "stdout": subprocess.PIPE, "stderr": said, "text": True}
+        found: Found = {}
+        with subprocess.Popen(command, **how) as process:
+            try:
+                for held in map(json.loads, process.stdout or ()):
+                    found = held if isinstance(held, dict) else found
+                    if isinstance(held, list):
+                        tell(*held)
+            except BaseException:
+                process.kill()
+                raise
+        if process.returncode == 0 and found:
+            return found
+        said.seek(0)
+        why = said.read().strip().rpartition("\n")[2] or "no result"
+        if process.returncode < 0:
+            why = f"ended by signal {-process.returncode}, as happens where memory runs out"
+        raise GeneOHError(f"{point}: could not be measured ({why}); ask for less there")
