@@ -12,7 +12,7 @@ from typing import Any
 
 import click
 
-from geneoh.errors import GeneOHError
+from geneoh.errors import EndedElsewhereError, GeneOHError
 
 # Threads that wait for work sleep rather than spin. Our steps are small: where the cores are shared
 # spinning made a command three times as slow (32 s against 12 s). Read when torch is imported.
@@ -67,6 +67,8 @@ class LazyGroup(click.Group):
             raise
         except KeyboardInterrupt:
             raise failed("stopped; nothing half-written was left", INTERRUPTED) from None
+        except EndedElsewhereError as error:
+            raise click.exceptions.Exit(error.exit_code) from None
         except GeneOHError as error:
             raise failed(str(error), 2) from None
         except Exception as error:

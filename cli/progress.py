@@ -11,8 +11,8 @@ PATIENCE = 2.0
 
 
 @contextmanager
-def progress_bars() -> Iterator[OnProgress]:
-    """Progress bars on standard error, one stage at a time, while the block runs."""
+def progress_bars(shown: bool = True) -> Iterator[OnProgress]:
+    """Progress bars on standard error, one stage at a time, while the block runs; or none."""
     from tqdm import tqdm
 
     began = time.monotonic()
@@ -29,7 +29,7 @@ def progress_bars() -> Iterator[OnProgress]:
         bar.update(done - bar.n)
 
     try:
-        yield on_progress
+        yield on_progress if shown else lambda *_: None
     finally:
         if bar is not None:
             bar.close()

@@ -40,6 +40,15 @@ class CheckpointError(GeneOHError):
     """
 
 
+class EndedElsewhereError(GeneOHError):
+    """Another of several processes has ended a run, and says why: this one has nothing to add."""
+
+    def __init__(self, exit_code: int) -> None:
+        """The exit code that this process ends with."""
+        super().__init__("another process of the run has ended it")
+        self.exit_code = exit_code
+
+
 def shortened(text: str, length: int) -> str:
     """A text for a message, cut to a length."""
     return text if len(text) <= length else f"{text[:length]}..."

@@ -10,6 +10,9 @@ from geneoh.choices import STAGES
 
 from .. import options, progress
 
+FOLLOWS = ("spatial", "temporal", "relations")
+"""Stages that learn on the output of MotionDiff."""
+
 
 @click.command()
 @options.option("--stage: Network to train.", Choice(STAGES), required=True)
@@ -52,6 +55,10 @@ def train(
     in the folder, else of the shipped one. Toch and regression are the baselines of `geneoh eval`.
     Without --config the shipped configuration of the stage is used. Settings are those of
     TrainConfig, such as steps=1000, corruption.gap_share=0.5 or synthesis.count=2048.
+
+    Several processes share each batch, on one machine or on many, and take the same steps as one:
+    torchrun --nproc-per-node 2 --no-python geneoh train --stage motion. With --device cuda each
+    has a GPU.
     """
     import torch
 
@@ -62,32 +69,37 @@ def train(
     from geneoh.training.config import TrainConfig
     from geneoh.training.data import parsed_source, training_data
     from geneoh.training.loop import train as fit
+    from geneoh.training.processes import joined
     from geneoh.training.start import started_from
 
     if threads is not None:
         torch.set_num_threads(threads)
-    named = config or ("finetune" if start else stage)
-    chosen, weights = configured(TrainConfig(), options.find_config(named), settings), None
-    if start is not None:
-        chosen, weights = started_from(None if start == Path("shipped") else start, stage, chosen)
-    place, asked = named_device(device), [parsed_source(text) for text in sources]
-    follows = stage in ("spatial", "temporal", "relations")
-    with progress.progress_bars() as on_progress:
-        readers = ReaderOptions(mano_dir=mano)
-        data = training_data(asked, folder / "recordings", chosen, readers, on_progress=on_progress)
-    for note in data.notes:
-        click.echo(note)
-    with progress.progress_bars() as on_progress:
-        path = fit(
-            stage,
-            chosen,
-            data.training,
-            data.validation,
-            folder,
-            device=place,
-            motion_denoiser=load_motion(folder).to(place) if follows else None,
-            data_record=data.record,
-            start=weights,
-            on_step=lambda now: on_progress(stage, now.step, now.steps),
-        )
-    click.echo(f"wrote {path}")
+    with joined(named_device(device)) as (team, place):
+        named = config or ("finetune" if start else stage)
+        chosen, weights = configured(TrainConfig(), options.find_config(named), settings), None
+        if start is not None:
+            chosen, weights = started_from(
+                None if start == Path("shipped") else start, stage, chosen
+            )
+        asked, follows = [parsed_source(text) for text in sources], stage in FOLLOWS
+        say = click.echo if not team.rank else lambda words: None
+        readers, cache = ReaderOptions(mano_dir=mano), folder / "recordings"
+        with team.first_alone(), progress.progress_bars(not team.rank) as on_progress:
+            data = training_data(asked, cache, chosen, readers, on_progress=on_progress)
+        for note in data.notes:
+            say(note)
+        with progress.progress_bars(not team.rank) as on_progress:
+            path = fit(
+                stage,
+                chosen,
+                data.training,
+                data.validation,
+                folder,
+                device=place,
+                motion_denoiser=load_motion(folder).to(place) if follows else None,
+                data_record=data.record,
+                start=weights,
+                on_step=lambda now: on_progress(stage, now.step, now.steps),
+                team=team,
+            )
+        say(f"wrote {path}")

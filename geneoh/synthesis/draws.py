@@ -2,10 +2,29 @@
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
+
+
+@dataclass(frozen=True)
+class Part:
+    """Some items of a batch that is drawn as a whole, so that they are the same in any division."""
+
+    first: int
+    count: int
+    total: int  # items of the whole batch
+
+    def of(self, drawn: Tensor) -> Tensor:
+        """The rows of these items."""
+        return drawn[self.first : self.first + self.count]
+
+    def divided(self, number: int) -> list["Part"]:
+        """As many parts, whose sizes differ by at most one item."""
+        ends = [self.first + self.count * index // number for index in range(number + 1)]
+        return [Part(a, b - a, self.total) for a, b in pairwise(ends)]
 
 
 @dataclass(frozen=True)
@@ -17,6 +36,7 @@ class Draws:
 
     batch: int
     generator: torch.Generator
+    part: Part | None = None  # which items of a larger batch they are; None for all
 
     def uniform(self, limits: tuple[float, float], *shape: int) -> Float[Tensor, "B ..."]:
         """Numbers spread evenly between two limits."""
@@ -30,11 +50,11 @@ class Draws:
 
     def share(self, *shape: int) -> Float[Tensor, "B ..."]:
         """Numbers spread evenly between 0 and 1."""
-        return torch.rand(self.batch, *shape, generator=self.generator)
+        return self._own(torch.rand(self._total, *shape, generator=self.generator))
 
     def normal(self, *shape: int) -> Float[Tensor, "B ..."]:
         """Normal numbers of unit variance."""
-        return torch.randn(self.batch, *shape, generator=self.generator)
+        return self._own(torch.randn(self._total, *shape, generator=self.generator))
 
     def chance(self, share: float, *shape: int) -> Bool[Tensor, "B ..."]:
         """True in so large a share."""
@@ -42,14 +62,20 @@ class Draws:
 
     def integers(self, low: int, high: int, *shape: int) -> Tensor:
         """Whole numbers from `low` to `high` - 1."""
-        return torch.randint(low, high, (self.batch, *shape), generator=self.generator)
+        return self._own(torch.randint(low, high, (self._total, *shape), generator=self.generator))
 
     def smooth(self, frames: int, channels: int, period: float) -> Float[Tensor, "B T C"]:
         """Smooth noise of unit variance that changes over about `period` frames."""
         time = torch.arange(-3 * int(period), 3 * int(period) + 1, dtype=torch.float32)
         kernel = torch.exp(-0.5 * (time / period) ** 2)
         kernel = kernel / kernel.square().sum().sqrt()
-        shape = self.batch * channels, 1, frames + len(kernel) - 1
-        white = torch.randn(shape, generator=self.generator)
+        white = self.normal(channels, frames + len(kernel) - 1).flatten(0, 1)[:, None]
         smooth = torch.nn.functional.conv1d(white, kernel[None, None])
         return smooth.reshape(self.batch, channels, frames).transpose(1, 2)
+
+    @property
+    def _total(self) -> int:
+        return self.batch if self.part is None else self.part.total
+
+    def _own(self, drawn: Tensor) -> Tensor:
+        return drawn if self.part is None else self.part.of(drawn)

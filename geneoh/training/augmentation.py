@@ -13,7 +13,7 @@ from torch import Tensor
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import TIP_KEYPOINTS
 from geneoh.representation.parameters import HandParameters
-from geneoh.synthesis.draws import Draws
+from geneoh.synthesis.draws import Draws, Part
 from geneoh.synthesis.pose_prior import FINGER_STD
 
 
@@ -38,10 +38,14 @@ class AugmentationConfig:
 
 
 def augmented(
-    hand: HandParameters, config: AugmentationConfig | None = None, *, generator: torch.Generator
+    hand: HandParameters,
+    config: AugmentationConfig | None = None,
+    *,
+    generator: torch.Generator,
+    part: Part | None = None,
 ) -> HandParameters:
     """The same windows with hands that move more; world frame in and out, smooth over time."""
-    config, draws = config or AugmentationConfig(), Draws(len(hand.wrist), generator)
+    config, draws = config or AugmentationConfig(), Draws(len(hand.wrist), generator, part)
     motion = _mixed_motion(hand.wrist.shape[1], config, draws)
     moves = draws.chance(config.share, 1, 1).float()
 

@@ -1,6 +1,7 @@
 """Training batches: random windows of synthetic interactions, corrupted and made canonical."""
 
 from dataclasses import dataclass
+from typing import TypedDict
 
 import torch
 from jaxtyping import Float
@@ -15,11 +16,19 @@ from geneoh.diffusion.schedule import descending_sigmas
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.representation.parameters import HandParameters
 from geneoh.representation.region import ContactRegion
+from geneoh.synthesis.draws import Draws, Part
 from geneoh.synthesis.motion import Interactions
 from geneoh.training.augmentation import augmented
 from geneoh.training.config import TrainConfig
 from geneoh.training.corruption import draw_corruption
 from geneoh.training.windows import draw_windows, filled
+
+
+class Drawn(TypedDict):
+    """Where random numbers come from, and which of those that are drawn are kept."""
+
+    generator: torch.Generator
+    part: Part | None
 
 
 @dataclass(frozen=True)
@@ -48,34 +57,37 @@ def draw_batch(
     *,
     generator: torch.Generator,
     motion_denoiser: MotionDenoiser | None = None,
+    part: Part | None = None,
 ) -> Batch:
-    """A batch of `size` random windows.
+    """A batch of `size` random windows, or a part of it.
 
     A stage that follows `motion_denoiser` is shown the hand that this leaves.
     """
-    config = config or TrainConfig()
-    windows = draw_windows(data, size, config.windows, generator=generator)
-    clean = augmented(windows.hand, config.augmentation, generator=generator)
+    config, count = config or TrainConfig(), size if part is None else part.count
+    drawn: Drawn = {"generator": generator, "part": part}
+    windows = draw_windows(data, size, config.windows, **drawn)
+    clean = augmented(windows.hand, config.augmentation, **drawn)
     frames = clean.wrist.shape[1]
-    noise = draw_corruption(size, frames, config.corruption, generator=generator)
+    noise = draw_corruption(count, frames, config.corruption, **drawn)
     windows = windows.shaken(noise.object_turn, noise.object_shift)
     noisy = HandParameters.of_pose(
         clean.wrist + noise.translation, clean.pose + noise.pose, clean.offsets
     )
     noisy = filled(noisy, noise.keep)
-    turn = axis_angle_to_matrix(3.0 * torch.randn(size, 3, generator=generator))
+    draws = Draws(count, **drawn)
+    turn = axis_angle_to_matrix(3.0 * draws.normal(3))
     joints = noisy.joints + noise.jitter
     region = windows.region(joints).turned(turn)
     motion = windows.observed(noisy, noise.keep, region)
-    change, left = motion.hand.wrist.new_zeros(size, frames, 51), noisy
+    change, left = motion.hand.wrist.new_zeros(count, frames, 51), noisy
     if motion_denoiser is not None:
-        change = after_motion(motion, motion_denoiser, config, generator=generator)
+        change = after_motion(motion, motion_denoiser, config, **drawn)
         left = motion.hand.moved(change).to_world(region)
         joints = left.joints
         region = windows.region(joints).turned(turn)
     cues = track_cues(motion.hand, change, motion.trust, noise.object_noise)
     evidence = windows.evidence(left, noise.ray, cues)
-    given = (torch.rand(size, generator=generator) >= config.condition_dropout).float()
+    given = (draws.share() >= config.condition_dropout).float()
     trust = noise.keep[..., None].expand(-1, -1, 21).float()
     observation = Observation(region.to_canon(joints), trust, given)
     hand = clean.to_canon(region)
@@ -89,6 +101,7 @@ def after_motion(
     config: TrainConfig,
     *,
     generator: torch.Generator,
+    part: Part | None = None,
 ) -> Float[Tensor, "B T 51"]:
     """A quick sample of the change that MotionDiff makes to the observed hand, canonical axes."""
     device = next(model.parameters()).device
@@ -98,11 +111,14 @@ def after_motion(
         level = x.new_full((len(x),), sigma).to(device)
         return model(x.to(device), level, there).to(x)
 
+    given = observed.hand.wrist.new_zeros(*observed.trust.shape, 51)
+    noise = Draws(len(given), generator, part).normal(*given.shape[1:]).to(given)
     return denoise_via_diffusion(
         clean,
-        observed.hand.wrist.new_zeros(*observed.trust.shape, 51),
+        given,
         descending_sigmas(config.motion_level, config.motion_steps),
         sampler="ddim",
         samples=1,
         generator=generator,
+        noise=noise,
     )

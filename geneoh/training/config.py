@@ -21,7 +21,10 @@ class TrainConfig:
     """The training of one stage; every value is saved with the weights."""
 
     steps: int = 8000  # optimiser steps in all, a batch each
-    batch: int = 32  # windows in a batch
+    batch: int = 32  # windows in a batch, of all processes together
+    accumulate: int = 1
+    """Pieces that a process works off its part of a batch in, which takes less memory; the steps
+    stay the same."""
     rate: float = 6e-4  # peak learning rate
     warmup: int = 200  # steps over which the learning rate rises linearly at the start
     decay: float = 0.3  # share of the steps, at the end, over which the rate falls linearly to zero

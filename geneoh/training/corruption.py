@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from geneoh.geometry.mirror import MIRROR
-from geneoh.synthesis.draws import Draws
+from geneoh.synthesis.draws import Draws, Part
 
 
 @dataclass(frozen=True)
@@ -84,10 +84,15 @@ class Corruption:
 
 
 def draw_corruption(
-    batch: int, frames: int, config: CorruptionConfig | None = None, *, generator: torch.Generator
+    batch: int,
+    frames: int,
+    config: CorruptionConfig | None = None,
+    *,
+    generator: torch.Generator,
+    part: Part | None = None,
 ) -> Corruption:
     """Corruption of B windows of T frames."""
-    config, draws = config or CorruptionConfig(), Draws(batch, generator)
+    config, draws = config or CorruptionConfig(), Draws(batch, generator, part)
     noise = _unit_noise(frames, config, draws) * _sizes(config, draws)[:, None]
     jitter = config.jitter * draws.share(1, 1, 1)
     jitter = jitter * draws.chance(config.jitter_share, 1, 1, 1)

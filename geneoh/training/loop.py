@@ -1,9 +1,9 @@
 """The training loop of all stages: visible, resumable, the same on CPU and GPU."""
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -18,13 +18,16 @@ from geneoh.denoisers.relations import RelationDenoiser
 from geneoh.denoisers.spatial import SpatialDenoiser
 from geneoh.denoisers.temporal import TemporalDenoiser
 from geneoh.denoisers.trajectory import TrajectoryDenoiser
+from geneoh.errors import ConfigError
 from geneoh.nn.checkpoint import load_checkpoint, save_checkpoint
+from geneoh.synthesis.draws import Part
 from geneoh.synthesis.motion import Interactions
 from geneoh.synthesis.shards import seed_of
 from geneoh.training import losses
 from geneoh.training.batches import Batch, draw_batch
 from geneoh.training.config import TrainConfig
 from geneoh.training.optimizer import Optimizer, multiply_in, quick_precision
+from geneoh.training.processes import Team, noted_interrupts
 from geneoh.training.resume import (
     TrainState,
     refuse_other_run,
@@ -80,6 +83,20 @@ def learning_rate(step: int, config: TrainConfig) -> float:
 
 
 @dataclass(frozen=True)
+class Piece:
+    """Windows of a batch on which the loss is taken at once."""
+
+    batch: Batch
+    generator: torch.Generator
+    part: Part  # which windows of the batch they are
+
+    def loss(self, of: Loss, model: nn.Module) -> Tensor:
+        """What the windows add to the loss of the batch."""
+        share = self.part.count / self.part.total
+        return share * of(model, self.batch, generator=self.generator, part=self.part)
+
+
+@dataclass(frozen=True)
 class BatchSource:
     """Where the batches of a run come from."""
 
@@ -87,25 +104,45 @@ class BatchSource:
     config: TrainConfig
     device: torch.device
     motion_denoiser: MotionDenoiser | None  # MotionDiff for a stage that follows it
+    team: Team = field(default_factory=Team)
 
-    def batch(self, data: Interactions, *parts: object) -> tuple[Batch, torch.Generator]:
-        """One batch and its generator, by the seed and `parts` (purpose, number) alone."""
+    def batch(
+        self, data: Interactions, *parts: object, part: Part | None = None
+    ) -> tuple[Batch, torch.Generator]:
+        """A batch, or part of it, with its generator, by seed and `parts` (purpose, number)."""
         config = self.config
         generator = torch.Generator().manual_seed(seed_of(config.seed, *parts))
         batch = draw_batch(
-            data, config.batch, config, generator=generator, motion_denoiser=self.motion_denoiser
+            data,
+            config.batch,
+            config,
+            generator=generator,
+            motion_denoiser=self.motion_denoiser,
+            part=part,
         )
-        batch = batch.to(self.device)
-        if self.stage == "motion":
-            _ = batch.motion.network_input  # made and kept here, in parallel to the step before
-        return batch, generator
+        return batch.to(self.device), generator
 
-    def batches(self, data: Interactions, first: int) -> Iterator[tuple[Batch, torch.Generator]]:
+    def pieces(self, data: Interactions, step: int) -> list[Piece]:
+        """This process's part of the batch of a step, in the pieces that are worked off in turn."""
+        whole = Part(0, self.config.batch, self.config.batch)
+        own = whole.divided(self.team.size)[self.team.rank]
+        batch, generator = self.batch(data, "step", step, part=own)
+        pieces = []
+        for part in own.divided(self.config.accumulate):
+            rows = slice(part.first - own.first, part.first - own.first + part.count)
+            piece = batch.take(rows, "B")
+            if self.stage == "motion":
+                _ = piece.motion.network_input  # made and kept here, in parallel to the step before
+            again = torch.Generator().set_state(generator.get_state())
+            pieces.append(Piece(piece, again, part))
+        return pieces
+
+    def batches(self, data: Interactions, first: int) -> Iterator[list[Piece]]:
         """The batches of the steps from `first` on, each made while the one before is learned."""
         with ThreadPoolExecutor(max_workers=1) as worker:
 
-            def prepared(step: int) -> Future[tuple[Batch, torch.Generator]]:
-                return worker.submit(self.batch, data, "step", step)
+            def prepared(step: int) -> Future[list[Piece]]:
+                return worker.submit(self.pieces, data, step)
 
             ready = prepared(first)
             for step in range(first, self.config.steps):
@@ -131,12 +168,14 @@ def validate(state: TrainState, data: Interactions, source: BatchSource) -> floa
     """Mean `recovered_fraction` of the averaged weights over fixed validation batches."""
     kept = {n: t.clone() for n, t in state.model.state_dict().items()}
     state.model.load_state_dict(state.average)
-    total, count = 0.0, source.config.validation_batches
-    for index in range(count):
+    team, count = source.team, source.config.validation_batches
+    left = torch.zeros(count, dtype=torch.float64, device=source.device)
+    for index in range(team.rank, count, team.size):
         batch, generator = source.batch(data, "validation", index)
-        total += float(losses.recovered_fraction(state.model, batch, generator=generator))
+        left[index] = losses.recovered_fraction(state.model, batch, generator=generator)
     state.model.load_state_dict(kept)
-    return total / count
+    team.add_up([left])
+    return sum(left.tolist()) / count
 
 
 def train(
@@ -151,21 +190,28 @@ def train(
     data_record: Mapping[str, Any] | None = None,
     start: Mapping[str, Tensor] | None = None,
     on_step: Callable[[Progress], None] | None = None,
+    team: Team | None = None,
 ) -> Path:
     """Train one stage and return the path of its weights, `folder`/`stage`.safetensors.
 
     The run's state is saved in `folder`/`stage`_state.safetensors after every `checkpoint_every`
     steps; a run started again with the same folder continues there. `stage`_log.csv has a row per
-    validation (see `LogRow`). A stage that follows MotionDiff needs `motion_denoiser`; the record
-    of the weights holds `data_record`; `start` takes the place of random first weights.
+    validation (see `LogRow`). Ctrl-C ends a run after its step, with the state saved. A stage that
+    follows MotionDiff needs `motion_denoiser`; the record of the weights holds `data_record`;
+    `start` takes the place of random first weights. Of several processes the first writes the
+    files; all have the same result.
 
     Raises:
         CheckpointError: the folder holds a run of another network, config or data.
+        ConfigError: there are fewer windows in a batch than pieces to divide it into.
     """
+    team = team or Team()
+    check_division(config, team)
     folder.mkdir(parents=True, exist_ok=True)
     state_path, log_path = folder / f"{stage}_state.safetensors", folder / f"{stage}_log.csv"
     made_from = {"motion_denoiser": motion_denoiser, "data_record": data_record, "start": start}
     record = training_record(stage, config, data, validation, device, **made_from)
+    record["processes"] = team.size
     state = first_state(stage, config, device, start)
     if state_path.exists():
         saved = load_checkpoint(
@@ -173,33 +219,50 @@ def train(
         )
         refuse_other_run(state_path, saved.record, record)
         state.restore(saved)
-        write_log(log_path, state.log)
-    source = BatchSource(stage, config, device, motion_denoiser)
-    upcoming = source.batches(data, state.step)
-    while state.step < config.steps:
-        began = time.monotonic()
-        if stage == "temporal" and state.step == config.autoencoder_steps:
-            # the denoiser of the latent starts with the averaged weights of the autoencoder
-            state.model.load_state_dict(state.average)
-            set_latent_statistics(state.model, source.batch(data, "latent")[0])
-            state.average = {n: t.clone() for n, t in state.model.state_dict().items()}
-        batch, generator = next(upcoming)
-        loss = loss_of(stage, state.step, config)(state.model, batch, generator=generator)
-        update(state, loss, config)
-        last = state.step == config.steps
-        validates = last or state.step % config.validate_every == 0
-        left = validate(state, validation, source) if validates else None
-        state.seconds += time.monotonic() - began
-        if left is not None:
-            state.note_validation(left, learning_rate(state.step, config))
+        if not team.rank:
             write_log(log_path, state.log)
-        if last or state.step % config.checkpoint_every == 0:
-            save_checkpoint(state_path, state.to_checkpoint(record))
-        if on_step is not None:
-            on_step(Progress(state.step, config.steps, loss.item(), left))
+    source = BatchSource(stage, config, device, motion_denoiser, team)
+    upcoming = source.batches(data, state.step)
+    with noted_interrupts() as interrupted:
+        while state.step < config.steps:
+            began = time.monotonic()
+            if stage == "temporal" and state.step == config.autoencoder_steps:
+                # the denoiser of the latent starts with the averaged weights of the autoencoder
+                state.model.load_state_dict(state.average)
+                set_latent_statistics(state.model, source.batch(data, "latent")[0])
+                state.average = {n: t.clone() for n, t in state.model.state_dict().items()}
+            loss = loss_of(stage, state.step, config)
+            taken, stopped = update(state, next(upcoming), loss, config, team, interrupted)
+            last = state.step == config.steps
+            validates = last or state.step % config.validate_every == 0
+            left = validate(state, validation, source) if validates else None
+            state.seconds += time.monotonic() - began
+            if left is not None:
+                state.note_validation(left, learning_rate(state.step, config))
+                if not team.rank:
+                    write_log(log_path, state.log)
+            saves = last or stopped or state.step % config.checkpoint_every == 0
+            if saves and not team.rank:
+                save_checkpoint(state_path, state.to_checkpoint(record))
+            if on_step is not None:
+                on_step(Progress(state.step, config.steps, taken, left))
+            if stopped and not last:
+                raise KeyboardInterrupt
     path = folder / f"{stage}.safetensors"
-    save_checkpoint(path, state.weights(record))
+    if not team.rank:
+        save_checkpoint(path, state.weights(record))
     return path
+
+
+def check_division(config: TrainConfig, team: Team) -> None:
+    """Refuse to divide a batch into more pieces than it has windows."""
+    pieces = team.size * config.accumulate
+    if not 0 < pieces <= config.batch:
+        raise ConfigError(
+            f"accumulate: expected 1 to {config.batch // team.size} pieces of each process's part "
+            f"of a batch of {config.batch} windows, got {config.accumulate} in "
+            f"{team.size} processes; raise batch or change accumulate"
+        )
 
 
 def first_state(
@@ -218,15 +281,33 @@ def first_state(
     return TrainState(model, average, Optimizer(model, config, precision))
 
 
-def update(state: TrainState, loss: Tensor, config: TrainConfig) -> None:
-    """One step of the optimiser and of the averaged weights."""
+def update(
+    state: TrainState,
+    pieces: Iterable[Piece],
+    loss: Loss,
+    config: TrainConfig,
+    team: Team,
+    interrupted: Callable[[], bool],
+) -> tuple[float, bool]:
+    """One step of the optimiser and of the averaged weights.
+
+    Returns the loss of the batch, and whether any process was interrupted.
+    """
     state.optimizer.zero_grad()
-    loss.backward()
+    parts = []
+    for piece in pieces:
+        part = piece.loss(loss, state.model)
+        part.backward()
+        parts.append(part.detach())
+    taken = torch.stack(parts).sum()
+    stop = taken.new_tensor(float(interrupted()))
+    team.add_up([*(p.grad for p in state.model.parameters() if p.grad is not None), taken, stop])
     nn.utils.clip_grad_norm_(state.model.parameters(), config.clip)
     state.optimizer.step(learning_rate(state.step, config))
     update_average(state, config.ema)
     state.step += 1
-    state.recent.append(loss.item())
+    state.recent.append(taken.item())
+    return taken.item(), bool(stop)
 
 
 @torch.no_grad()

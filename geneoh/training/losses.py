@@ -19,6 +19,7 @@ from geneoh.diffusion.precondition import loss_weight
 from geneoh.diffusion.samplers import normal_like
 from geneoh.representation.spatial import decode_spatial, encode_spatial
 from geneoh.representation.temporal import DISTANCE_DECAY, encode_temporal
+from geneoh.synthesis.draws import Draws, Part
 from geneoh.training.batches import Batch
 
 SIGMA_RANGE = (0.05, 2.5)
@@ -44,13 +45,19 @@ def draw_sigma(
     count: int,
     *,
     generator: torch.Generator,
+    part: Part | None = None,
     limits: tuple[float, float] = SIGMA_RANGE,
     high_noise_bias: float = 1.0,
 ) -> Float[Tensor, " B"]:
     """Noise levels in units of the data's deviation: log-uniform for a bias of 1, else higher."""
     low, high = (torch.tensor(x).log() for x in limits)
-    share = torch.rand(count, generator=generator) ** (1 / high_noise_bias)
+    share = Draws(count, generator, part).share() ** (1 / high_noise_bias)
     return torch.exp(low + (high - low) * share)
+
+
+def _noise_of(x: Tensor, generator: torch.Generator, part: Part | None) -> Tensor:
+    """Standard normal noise of the shape, type and device of `x`, drawn on the CPU."""
+    return Draws(len(x), generator, part).normal(*x.shape[1:]).to(x)
 
 
 def window_weight(
@@ -65,7 +72,7 @@ def window_weight(
 
 
 def motion_loss(
-    model: MotionDenoiser, batch: Batch, *, generator: torch.Generator
+    model: MotionDenoiser, batch: Batch, *, generator: torch.Generator, part: Part | None = None
 ) -> Float[Tensor, ""]:
     """Weighted squared error of the clean hand's parameters and of the keypoints they make.
 
@@ -74,8 +81,8 @@ def motion_loss(
     seen, clean = batch.motion, batch.clean_canon
     change = seen.hand.change_to(batch.hand)
     levels = {"limits": MOTION_SIGMA_RANGE, "high_noise_bias": HIGH_NOISE_BIAS}
-    sigma = draw_sigma(len(change), generator=generator, **levels).to(change)
-    noise = normal_like(change, generator=generator)
+    sigma = draw_sigma(len(change), generator=generator, part=part, **levels).to(change)
+    noise = _noise_of(change, generator, part)
     predicted = model(change + sigma[:, None, None] * noise, sigma, seen)
     parameters = (predicted - change).square().mean((1, 2))
     off = seen.hand.moved(predicted).joints - clean
@@ -84,19 +91,19 @@ def motion_loss(
 
 
 def trajectory_loss(
-    model: TrajectoryDenoiser, batch: Batch, *, generator: torch.Generator
+    model: TrajectoryDenoiser, batch: Batch, *, generator: torch.Generator, part: Part | None = None
 ) -> Float[Tensor, ""]:
     """Weighted squared error of clean canonical keypoints (paper C.4; x0 form of its eps loss)."""
     clean = batch.clean_canon
-    sigma = draw_sigma(len(clean), generator=generator).to(clean) * HAND_SCALE
-    noise = normal_like(clean, generator=generator)
+    sigma = draw_sigma(len(clean), generator=generator, part=part).to(clean) * HAND_SCALE
+    noise = _noise_of(clean, generator, part)
     predicted = model(clean + sigma[:, None, None, None] * noise, sigma)
     weight = loss_weight(sigma, torch.full_like(sigma, HAND_SCALE))
     return (weight * (predicted - clean).square().mean((1, 2, 3))).mean()
 
 
 def relation_loss(
-    model: RelationDenoiser, batch: Batch, *, generator: torch.Generator
+    model: RelationDenoiser, batch: Batch, *, generator: torch.Generator, part: Part | None = None
 ) -> Float[Tensor, ""]:
     """Error of every contact point's hand and of their mean (eq. 8).
 
@@ -106,11 +113,11 @@ def relation_loss(
     observation, clean = batch.observation, batch.clean_canon
     given, relations = observation.given > 0, encode_spatial(clean, batch.region)
     even, high = (
-        draw_sigma(len(clean), generator=generator, high_noise_bias=bias).to(clean)
+        draw_sigma(len(clean), generator=generator, part=part, high_noise_bias=bias).to(clean)
         for bias in (1.0, HIGH_NOISE_BIAS)
     )
     sigma = torch.where(given, high, even) * HAND_SCALE
-    own = normal_like(relations.hands, generator=generator)
+    own = _noise_of(relations.hands, generator, part)
     noise = torch.where(observation.mask[..., None] > 0, own[:, :, :1].expand_as(own), own)
     hands = relations.hands + sigma[:, None, None, None, None] * noise
     predicted = model(replace(relations, hands=hands), sigma, observation)
@@ -122,7 +129,7 @@ def relation_loss(
 
 
 def spatial_loss(
-    model: SpatialDenoiser, batch: Batch, *, generator: torch.Generator
+    model: SpatialDenoiser, batch: Batch, *, generator: torch.Generator, part: Part | None = None
 ) -> Float[Tensor, ""]:
     """Relative entropy of the density of the hand's shift to a narrow one around the true shift.
 
@@ -133,7 +140,7 @@ def spatial_loss(
     evidence = evidence.spread_over(model.config.frames, phase=phase)
     spread = shift.new_tensor(TRIAL_SPREAD)
     around, width = spread[torch.arange(TRIALS) % len(spread)].unbind(-1)
-    noise = normal_like(shift[:, None].expand(-1, TRIALS, -1), generator=generator)
+    noise = _noise_of(shift[:, None].expand(-1, TRIALS, -1), generator, part)
     places = around[:, None] * shift[:, None] + width[:, None] * noise
     drawn = torch.stack(
         [_log_normal(places, share * shift[:, None], float(std)) for share, std in spread]
@@ -156,10 +163,10 @@ def _log_normal(
 
 
 def reconstruction_loss(
-    model: TemporalDenoiser, batch: Batch, *, generator: torch.Generator
+    model: TemporalDenoiser, batch: Batch, *, generator: torch.Generator, part: Part | None = None
 ) -> Float[Tensor, ""]:
     """Reconstruction error of T of clean and noisy hands, weighted towards contact."""
-    del generator  # draws nothing; the signature is shared by all losses
+    del generator, part  # draws nothing; the signature is shared by all losses
     points, total = batch.region.points_canon[:, :-1], batch.clean.new_zeros(())
     for joints in (batch.clean, batch.noisy):
         relations = encode_temporal(joints, batch.region, FPS)
@@ -176,12 +183,12 @@ def reconstruction_loss(
 
 
 def temporal_loss(
-    model: TemporalDenoiser, batch: Batch, *, generator: torch.Generator
+    model: TemporalDenoiser, batch: Batch, *, generator: torch.Generator, part: Part | None = None
 ) -> Float[Tensor, ""]:
     """Weighted squared error of the clean latent; the autoencoder is frozen."""
     clean, observed = temporal_latents(model, batch)
-    sigma = draw_sigma(len(clean), generator=generator).to(clean)
-    noise = normal_like(clean, generator=generator)
+    sigma = draw_sigma(len(clean), generator=generator, part=part).to(clean)
+    noise = _noise_of(clean, generator, part)
     given = batch.observation.given
     predicted = model(clean + sigma[:, None, None] * noise, sigma, observed, given)
     weight = loss_weight(sigma, torch.where(given > 0, LATENT_NOISE_SCALE, 1.0))
@@ -202,10 +209,14 @@ def temporal_latents(
 
 
 def keypoint_loss(
-    model: TochAutoencoder | RegressionDenoiser, batch: Batch, *, generator: torch.Generator
+    model: TochAutoencoder | RegressionDenoiser,
+    batch: Batch,
+    *,
+    generator: torch.Generator,
+    part: Part | None = None,
 ) -> Float[Tensor, ""]:
     """Mean distance of the predicted keypoints to the clean ones: plain regression."""
-    del generator  # draws nothing; the signature is shared by all losses
+    del generator, part  # draws nothing; the signature is shared by all losses
     observation = batch.observation
     predicted = model(observation, encode_spatial(observation.joints, batch.region))
     return (predicted - batch.clean_canon).norm(dim=-1).mean() / NOISE_SCALE

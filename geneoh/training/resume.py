@@ -22,8 +22,9 @@ from geneoh.training.config import TrainConfig
 from geneoh.training.optimizer import Optimizer, quick_precision
 from geneoh.training.windows import WeightedInteractions
 
-MAY_CHANGE = ("steps", "checkpoint_every", "validate_every", "validation_batches")
-"""Settings that may change when a run is continued: of its steps they change only the last ones."""
+MAY_CHANGE = ("steps", "checkpoint_every", "validate_every", "validation_batches", "accumulate")
+"""Settings that may change when a run is continued: of its steps they change only the last ones,
+and by rounding."""
 
 
 class LogRow(NamedTuple):

@@ -13,6 +13,7 @@ from geneoh.geometry.rotations import axis_angle_to_matrix, interpolate_rotation
 from geneoh.representation.nearest_surface import nearest_on_parts
 from geneoh.representation.parameters import HandParameters
 from geneoh.representation.region import ContactRegion, ObjectSurface, contact_region
+from geneoh.synthesis.draws import Part
 from geneoh.synthesis.motion import Interactions
 
 
@@ -64,9 +65,14 @@ class WeightedInteractions(Interactions):
 
 
 def draw_windows(
-    data: Interactions, count: int, config: WindowConfig, *, generator: torch.Generator
+    data: Interactions,
+    count: int,
+    config: WindowConfig,
+    *,
+    generator: torch.Generator,
+    part: Part | None = None,
 ) -> Windows:
-    """Random windows, all of one length and speed."""
+    """Random windows, all of one length; of `count` that are drawn those of a part."""
 
     def integers(low: int, high: int, count: int) -> Tensor:
         return torch.randint(low, high, (count,), generator=generator)
@@ -86,6 +92,8 @@ def draw_windows(
         start = (torch.rand(count, generator=generator) * room).long()
     else:
         start = integers(0, int(room[0]), count)
+    if part is not None:
+        pick, start, stride = part.of(pick), part.of(start), part.of(stride)
     clip, window = pick[:, None], start[:, None] + stride[:, None] * torch.arange(frames)
     fixed = data.points[pick], data.normals[pick], data.part[pick]
     motion = data.rotation[clip, window], data.translation[clip, window]

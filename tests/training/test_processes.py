@@ -1,0 +1,192 @@
+"""Runs in several processes, as torchrun starts them, on the CPU."""
+
+import multiprocessing
+import os
+import signal
+import socket
+from dataclasses import replace
+
+import pytest
+import torch
+
+from geneoh.errors import ConfigError
+from geneoh.nn.checkpoint import load_checkpoint
+from geneoh.training.loop import train
+from geneoh.training.processes import Team, joined
+
+CPU = torch.device("cpu")
+NO_GRADIENT = "judge.4.bias"
+"""A softmax takes this bias of SpatialDiff out, so that its gradient is rounding alone."""
+
+
+def free_port() -> int:
+    with socket.socket() as listening:
+        listening.bind(("127.0.0.1", 0))
+        return listening.getsockname()[1]
+
+
+def started(rank, count, port, task, arguments, ended):
+    """Run a task in a process of a team, and tell its result or its error."""
+    os.environ.update(
+        RANK=str(rank),
+        LOCAL_RANK=str(rank),
+        WORLD_SIZE=str(count),
+        MASTER_ADDR="127.0.0.1",
+        MASTER_PORT=str(port),
+    )
+    try:
+        with joined(CPU) as (team, _):
+            told = task(team, *arguments)
+    except (Exception, KeyboardInterrupt) as error:
+        told = (type(error).__name__, str(error), getattr(error, "exit_code", None))
+    ended.put((rank, told))
+
+
+def together(count, task, *arguments) -> list:
+    """What a task returns or raises in each process of a team."""
+    context, port = multiprocessing.get_context("fork"), free_port()
+    ended = context.Queue()
+    processes = [
+        context.Process(target=started, args=(rank, count, port, task, arguments, ended))
+        for rank in range(count)
+    ]
+    for process in processes:
+        process.start()
+    told = dict(ended.get(timeout=60) for _ in processes)
+    for process in processes:
+        process.join(10)
+    return [told[rank] for rank in range(count)]
+
+
+def run(team, stage, config, clips, folder, stop_after=None) -> list[float]:
+    """Train, and the losses of the steps; Ctrl-C in the last process after a step, if asked for."""
+    losses = []
+
+    def listen(progress):
+        losses.append(progress.loss)
+        if progress.step == stop_after and team.rank == team.size - 1:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    train(stage, config, clips, clips, folder, device=CPU, on_step=listen, team=team)
+    return losses
+
+
+def assert_alike(first, second, stage):
+    """The files of two runs: state, weights and log."""
+    for name in (f"{stage}_state.safetensors", f"{stage}.safetensors"):
+        a, b = (load_checkpoint(folder / name) for folder in (first, second))
+        assert a.tensors.keys() == b.tensors.keys()
+        for key, tensor in a.tensors.items():
+            if NO_GRADIENT not in key:
+                torch.testing.assert_close(tensor, b.tensors[key], rtol=1e-5, atol=1e-5)
+        assert a.record["step"] == b.record["step"]
+
+
+@pytest.mark.parametrize("stage", ["motion", "spatial", "temporal"])
+def test_two_processes_take_the_steps_of_one(tmp_path, clips, tiny, stage):
+    """Each has half of the windows: one process with twice the batch of a process."""
+    config = replace(tiny, batch=4, validation_batches=3)
+    alone = run(Team(), stage, config, clips, tmp_path / "one")
+    first, second = together(2, run, stage, config, clips, tmp_path / "two")
+    assert first == second == pytest.approx(alone, rel=1e-5)
+    assert_alike(tmp_path / "one", tmp_path / "two", stage)
+
+
+@pytest.mark.parametrize("stage", ["spatial", "relations", "toch"])
+def test_pieces_of_a_batch_make_the_step_of_the_whole(tmp_path, clips, tiny, stage):
+    config = replace(tiny, batch=5)
+    whole = run(Team(), stage, config, clips, tmp_path / "whole")
+    pieces = run(Team(), stage, replace(config, accumulate=3), clips, tmp_path / "pieces")
+    assert pieces == pytest.approx(whole, rel=1e-5)
+    assert_alike(tmp_path / "whole", tmp_path / "pieces", stage)
+
+
+def test_a_run_goes_on_in_another_number_of_processes(tmp_path, clips, tiny):
+    config = replace(tiny, batch=3)
+    whole = run(Team(), "motion", config, clips, tmp_path / "whole")
+    stopped = together(2, run, "motion", config, clips, tmp_path / "cut", 1)
+    # The step after the signal still counts: processes agree on the last one.
+    assert sorted((name, code) for name, _, code in stopped) == [
+        ("EndedElsewhereError", 130),
+        ("KeyboardInterrupt", None),
+    ]
+    state = load_checkpoint(tmp_path / "cut" / "motion_state.safetensors").record
+    assert state["step"] == 2
+    assert not (tmp_path / "cut" / "motion.safetensors").exists()
+    assert run(Team(), "motion", config, clips, tmp_path / "cut") == pytest.approx(
+        whole[2:], rel=1e-5
+    )
+    assert_alike(tmp_path / "whole", tmp_path / "cut", "motion")
+
+
+def test_ctrl_c_saves_the_step_that_is_under_way(tmp_path, clips, tiny):
+    rare = replace(tiny, checkpoint_every=100)
+    with pytest.raises(KeyboardInterrupt):
+        run(Team(), "motion", rare, clips, tmp_path, stop_after=1)
+    assert load_checkpoint(tmp_path / "motion_state.safetensors").record["step"] == 2
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def failing(team, ranks):
+    """An error in some processes while the others wait for them."""
+    if team.rank in ranks:
+        raise ConfigError("the sentence")
+    team.add_up([torch.zeros(3)])
+
+
+@pytest.mark.parametrize("ranks", [(0,), (1,), (0, 1)])
+def test_an_error_ends_all_and_is_told_once(ranks):
+    told = together(2, failing, ranks)
+    assert sorted((name, code) for name, _, code in told) == [
+        ("ConfigError", None),
+        ("EndedElsewhereError", 2),
+    ]
+
+
+def leaving(team):
+    if team.rank:
+        os._exit(9)
+    team.add_up([torch.zeros(3)])
+
+
+def test_a_process_that_is_killed_is_told_of(monkeypatch):
+    context, port = multiprocessing.get_context("fork"), free_port()
+    ended = context.Queue()
+    both = [
+        context.Process(target=started, args=(rank, 2, port, leaving, (), ended))
+        for rank in range(2)
+    ]
+    for process in both:
+        process.start()
+    rank, (name, words, _) = ended.get(timeout=60)
+    for process in both:
+        process.join(10)
+    assert (rank, name) == (0, "GeneOHError")
+    assert "gone without a word" in words
+
+
+def turns(team, folder):
+    """The first process writes, and the other finds what it wrote."""
+    with team.first_alone():
+        there = (folder / "made").exists()
+        (folder / "made").touch()
+    return there
+
+
+def test_the_first_process_makes_the_data_of_all(tmp_path):
+    assert together(2, turns, tmp_path) == [False, True]
+
+
+def test_one_process_needs_no_environment_and_several_all_of_it(monkeypatch):
+    monkeypatch.delenv("WORLD_SIZE", raising=False)
+    with joined(CPU) as (team, device):
+        assert (team.size, device) == (1, CPU)
+    monkeypatch.setenv("WORLD_SIZE", "2")
+    monkeypatch.delenv("RANK", raising=False)
+    with pytest.raises(ConfigError, match=r"expected RANK.*torchrun"), joined(CPU):
+        pass
+
+
+def test_a_batch_is_not_divided_into_more_pieces_than_windows(tmp_path, clips, tiny):
+    with pytest.raises(ConfigError, match=r"1 to 2 pieces .* got 3 in 1 processes"):
+        run(Team(), "motion", replace(tiny, accumulate=3), clips, tmp_path)
