@@ -223,7 +223,7 @@ def train(
             write_log(log_path, state.log)
     source = BatchSource(stage, config, device, motion_denoiser, team)
     upcoming = source.batches(data, state.step)
-    with noted_interrupts() as interrupted:
+    with noted_interrupts(team) as interrupted:
         while state.step < config.steps:
             began = time.monotonic()
             if stage == "temporal" and state.step == config.autoencoder_steps:
@@ -256,12 +256,15 @@ def train(
 
 def check_division(config: TrainConfig, team: Team) -> None:
     """Refuse to divide a batch into more pieces than it has windows."""
-    pieces = team.size * config.accumulate
-    if not 0 < pieces <= config.batch:
+    if config.accumulate < 1:
         raise ConfigError(
-            f"accumulate: expected 1 to {config.batch // team.size} pieces of each process's part "
-            f"of a batch of {config.batch} windows, got {config.accumulate} in "
-            f"{team.size} processes; raise batch or change accumulate"
+            f"accumulate: expected 1 piece or more, got {config.accumulate}; raise it"
+        )
+    pieces = team.size * config.accumulate
+    if pieces > config.batch:
+        raise ConfigError(
+            f"batch: expected {pieces} windows or more for accumulate={config.accumulate} in "
+            f"{team.size} processes, got {config.batch}; raise it or lower accumulate"
         )
 
 

@@ -122,13 +122,16 @@ def _losses_of_others() -> Iterator[None]:
 
 
 @contextmanager
-def noted_interrupts() -> Iterator[Callable[[], bool]]:
-    """Whether Ctrl-C was pressed while the block runs, which it does not stop; twice stops it."""
+def noted_interrupts(team: Team) -> Iterator[Callable[[], bool]]:
+    """Whether Ctrl-C was pressed while the block runs, which it does not stop.
+
+    Pressed twice it stops one process. Each of several may get it twice, as torchrun sends it too.
+    """
     pressed = False
 
     def note(*_: Any) -> None:
         nonlocal pressed
-        if pressed:
+        if pressed and team.size == 1:
             raise KeyboardInterrupt
         pressed = True
 

@@ -188,5 +188,7 @@ def test_one_process_needs_no_environment_and_several_all_of_it(monkeypatch):
 
 
 def test_a_batch_is_not_divided_into_more_pieces_than_windows(tmp_path, clips, tiny):
-    with pytest.raises(ConfigError, match=r"1 to 2 pieces .* got 3 in 1 processes"):
+    with pytest.raises(ConfigError, match=r"expected 3 windows or more .* got 2"):
         run(Team(), "motion", replace(tiny, accumulate=3), clips, tmp_path)
+    with pytest.raises(ConfigError, match="expected 1 piece or more, got 0"):
+        run(Team(), "motion", replace(tiny, accumulate=0), clips, tmp_path)
