@@ -52,7 +52,7 @@ def together(count, task, *arguments) -> list:
     ]
     for process in processes:
         process.start()
-    told = dict(ended.get(timeout=60) for _ in processes)
+    told = dict(ended.get(timeout=300) for _ in processes)
     for process in processes:
         process.join(10)
     return [told[rank] for rank in range(count)]
@@ -82,6 +82,7 @@ def assert_alike(first, second, stage):
         assert a.record["step"] == b.record["step"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stage", ["motion", "spatial", "temporal"])
 def test_two_processes_take_the_steps_of_one(tmp_path, clips, tiny, stage):
     """Each has half of the windows: one process with twice the batch of a process."""
@@ -149,7 +150,7 @@ def leaving(team):
     team.add_up([torch.zeros(3)])
 
 
-def test_a_process_that_is_killed_is_told_of(monkeypatch):
+def test_a_process_that_is_killed_is_told_of():
     context, port = multiprocessing.get_context("fork"), free_port()
     ended = context.Queue()
     both = [
@@ -158,7 +159,7 @@ def test_a_process_that_is_killed_is_told_of(monkeypatch):
     ]
     for process in both:
         process.start()
-    rank, (name, words, _) = ended.get(timeout=60)
+    rank, (name, words, _) = ended.get(timeout=300)
     for process in both:
         process.join(10)
     assert (rank, name) == (0, "GeneOHError")
