@@ -8,8 +8,9 @@
 
 Reading and writing: `load` (npz files), `read` (files of data sets and estimators), `from_arrays`
 (arrays in memory), `load_mesh`, `save`, `to_smplx`. Cleaning: `denoise` with `Options`, which
-returns a `Denoised`. Looking: `view`. Scoring: `evaluate` with `EvaluationOptions`. Data:
-`Sequence`, made of `HandTrack`, `ObjectTrack` and `Mesh`. Errors: `geneoh.errors`.
+returns a `Denoised`; `Stream`, frame by frame. Looking: `view`. Scoring: `evaluate` with
+`EvaluationOptions`. Data: `Sequence`, made of `HandTrack`, `ObjectTrack` and `Mesh`. Errors:
+`geneoh.errors`.
 
 Units are metres, radians and seconds. A public name is imported when it is first used, so that
 `import geneoh` and `geneoh --help` do not wait for torch.
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from geneoh.pipeline.results import Denoised as Denoised
     from geneoh.pipeline.results import save as save
     from geneoh.pipeline.smplx_layer import to_smplx as to_smplx
+    from geneoh.pipeline.stream import Stream as Stream
     from geneoh.readers.arrays import from_arrays as from_arrays
     from geneoh.readers.npz_files import load as load
     from geneoh.readers.recordings import read as read
@@ -49,6 +51,7 @@ _MODULES = {
     "pipeline.options": ("Options",),
     "pipeline.results": ("Denoised", "save"),
     "pipeline.smplx_layer": ("to_smplx",),
+    "pipeline.stream": ("Stream",),
     "readers.arrays": ("from_arrays",),
     "readers.npz_files": ("load",),
     "readers.recordings": ("read",),

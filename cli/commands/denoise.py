@@ -13,7 +13,7 @@ from ..options import FILE, option
 
 
 @click.command()
-@click.argument("noisy", type=click.Path(path_type=Path))
+@click.argument("noisy", type=click.Path(path_type=Path), required=False)
 @options.obj_or_source
 @option(
     "--from source: Read NOISY as files of this data set or estimator; `geneoh convert "
@@ -24,15 +24,25 @@ from ..options import FILE, option
 @option("--clip: With --from: name of the recording, where NOISY holds several.")
 @options.output
 @option("--report: HTML page to write as well: before and after in 3D, with the metrics.", FILE)
+@option(
+    "--stream: Clean frames as they come: read them from standard input, one JSON object a line, "
+    "and write them to standard output. One hand a side, preset fast, 2 samples.",
+    is_flag=True,
+)
+@option(
+    "--lag: With --stream: seconds from a frame to its clean twin.", click.FloatRange(0, 1), 0.3
+)
 @options.cleaning
 @sources.reader_options
 def denoise(
-    noisy: Path,
+    noisy: Path | None,
     obj: tuple[Path, ...],
     output: Path | None,
     mano: Path | None,
     report: Path | None,
     overwrite: bool,
+    stream: bool,
+    lag: float,
     **chosen: Any,
 ) -> None:
     """Clean the hand-object interaction in NOISY.
@@ -42,7 +52,15 @@ def denoise(
     prior of hand motion alone. The clean sequence is written beside it,
     with `_clean` added to the name, unless -o names another file. The command prints what it read,
     the time of each stage, and penetration, contact and acceleration before and after.
+
+    With --stream there is no NOISY: a tracker is piped through, frame by frame.
     """
+    if stream:
+        from ..streaming import run
+
+        return run(obj, mano, lag, chosen)
+    if noisy is None:
+        raise click.UsageError("Missing argument 'NOISY'.", click.get_current_context())
     from dataclasses import fields
 
     import geneoh

@@ -8,6 +8,7 @@ found exact is returned as it is.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -156,7 +157,7 @@ def clean_part(poses: Poses, mesh: Mesh, fps: float, seen: Bool[np.ndarray, " T"
     changes = np.linalg.norm(np.diff(steps, axis=0), axis=1)
     if not shakes and changes.max() < step_limit(steps, fps):
         return exact
-    symmetry = find_symmetry(SurfaceDistance(mesh))
+    symmetry = symmetry_of(mesh)
     chain = longest_chain(rotations, step_limit(least_steps(poses[0], symmetry), fps), symmetry)
     chain = replace(chain, kept=chain.kept & seen)
     # rotations of the mesh onto itself leave the center where it is
@@ -165,6 +166,12 @@ def clean_part(poses: Poses, mesh: Mesh, fps: float, seen: Bool[np.ndarray, " T"
     places = middles - rotations.apply(symmetry.center)
     center = steadiest(rotations, places, (symmetry.center, np.zeros(3)))
     return smoothed(rotations, places, center, chain, seen, shakes)
+
+
+@lru_cache(maxsize=8)
+def symmetry_of(mesh: Mesh) -> Symmetry:
+    """The rotations of a mesh onto itself, kept because a stream asks for them again and again."""
+    return find_symmetry(SurfaceDistance(mesh))
 
 
 def is_shaky(

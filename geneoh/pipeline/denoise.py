@@ -24,8 +24,7 @@ from geneoh.nn.devices import named_device
 from geneoh.objects.cleaning import ObjectExamination, clean_object
 from geneoh.objects.evidence import doubt, evidence_of_nearness, evidence_of_poses
 from geneoh.objects.refine import refine_object
-from geneoh.pipeline.alone import hand_alone, measure_hand, without_jitter
-from geneoh.pipeline.context import stage_context
+from geneoh.pipeline.alone import measure_hand
 from geneoh.pipeline.inputs import as_sequence, checked_interaction, undisturbed
 from geneoh.pipeline.options import Options, with_settings
 from geneoh.pipeline.presets import Preset
@@ -45,8 +44,6 @@ NO_OBJECT = (
     "no mesh or no pose of an object was given: the hand was cleaned by the prior of hand motion "
     "alone, and nothing is known of contact; --obj MESH names a mesh"
 )
-LEAST_EVIDENCE = 0.02
-"""Reliance on the object's poses below which the stages that look at it are not run at all."""
 NEAR = 0.02
 """Vertices farther than this from the object's box need no exact distance in the fit, metres."""
 
@@ -201,18 +198,9 @@ def _clean(
         given = subject.parameters()
 
         stages = StageRun(denoisers, subject, given, progress_of, generator)
-        samples = None
-        if surface is not None and bool((evidence > LEAST_EVIDENCE).any()):
-            context = stage_context(surface, subject, hand.fps, generator=generator)
-            context = replace(
-                context, canonical=chosen.canonical, ray=ray, object_noise=object_noise
-            )
-            samples = stages.samples(context, chosen)
-        if samples is None or bool((evidence < 1).any()):
-            alone = replace(hand_alone(subject, hand.fps), ray=ray)
-            free = stages.samples(alone, chosen.alone())
-            free = without_jitter(free, subject.joints, hand.fps)
-            samples = free if samples is None else free.lerp(samples, evidence[:, None, None])
+        samples = stages.relied_on(
+            surface, evidence, chosen, hand.fps, ray=ray, object_noise=object_noise
+        )
         index, target = _select(samples, subject, chosen.selection)
         state, shaped, betas = _fit(target, subject, chosen, surface, evidence, progress_of("fit"))
         joints = shaped.joints_from_rotations(state.rotations, state.wrist)[0]

@@ -1,7 +1,7 @@
 """The three stages of a preset in order, on one hand."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Float
@@ -11,8 +11,10 @@ from geneoh.denoisers.library import Denoisers
 from geneoh.errors import CheckpointError
 from geneoh.fitting.subject import Subject
 from geneoh.fitting.terms import HandState
+from geneoh.geometry.distance import MovingSurface
 from geneoh.nn.checkpoint import finite_output
-from geneoh.pipeline.context import StageContext
+from geneoh.pipeline.alone import hand_alone, without_jitter
+from geneoh.pipeline.context import StageContext, stage_context
 from geneoh.pipeline.presets import PlacePlan, Preset, StagePlan
 from geneoh.pipeline.stages import (
     denoise_motion,
@@ -25,6 +27,8 @@ from geneoh.progress import OnStep
 from geneoh.representation.parameters import HandParameters
 from geneoh.sequence.windows import blocks
 
+LEAST_EVIDENCE = 0.02
+"""Reliance on the object's poses below which the stages that look at it are not run at all."""
 FARTHEST = 10.0
 """Metres from the input that no sound network moves a keypoint."""
 
@@ -41,6 +45,31 @@ class StageRun:
     """Progress callback of a stage, by its name."""
     generator: torch.Generator
     """Source of all noise."""
+
+    def relied_on(
+        self,
+        surface: MovingSurface | None,
+        evidence: Float[Tensor, " T"],
+        chosen: Preset,
+        fps: float,
+        *,
+        ray: Float[Tensor, "T 3"] | None = None,
+        object_noise: Float[Tensor, " 2"] | None = None,
+    ) -> Float[Tensor, "S T 21 3"]:
+        """Samples against the object, and by as much as `evidence` is below 1 of the hand alone."""
+        samples = None
+        if surface is not None and bool((evidence > LEAST_EVIDENCE).any()):
+            context = stage_context(surface, self.subject, fps, generator=self.generator)
+            context = replace(
+                context, canonical=chosen.canonical, ray=ray, object_noise=object_noise
+            )
+            samples = self.samples(context, chosen)
+        if samples is None or bool((evidence < 1).any()):
+            alone = replace(hand_alone(self.subject, fps), ray=ray)
+            free = self.samples(alone, chosen.alone())
+            free = without_jitter(free, self.subject.joints, fps)
+            samples = free if samples is None else free.lerp(samples, evidence[:, None, None])
+        return samples
 
     def samples(self, context: StageContext, preset: Preset) -> Float[Tensor, "S T 21 3"]:
         """MotionDiff, SpatialDiff and TemporalDiff in order, all samples in one batch.
@@ -88,17 +117,27 @@ class StageRun:
             )
             hand.map(finite_output)
         if isinstance(preset.spatial, PlacePlan):
-            hand = denoise_spatial(
-                self.denoisers.spatial,
-                observed,
-                hand,
-                context,
-                preset.spatial,
-                generator=self.generator,
-                on_step=self.progress_of("spatial"),
-            )
+            hand = self.placed(observed, hand, context, preset.spatial)
         parts = [hand[frames].joints for frames in blocks(context.frames)]
         return torch.cat(parts, dim=1)
+
+    def placed(
+        self,
+        observed: HandParameters,
+        hand: HandParameters,
+        context: StageContext,
+        plan: PlacePlan,
+    ) -> HandParameters:
+        """SpatialDiff."""
+        return denoise_spatial(
+            self.denoisers.spatial,
+            observed,
+            hand,
+            context,
+            plan,
+            generator=self.generator,
+            on_step=self.progress_of("spatial"),
+        )
 
     def _by_paper(self, context: StageContext, preset: Preset) -> Float[Tensor, "S T 21 3"]:
         """MotionDiff and SpatialDiff on keypoints, in the form of the paper."""

@@ -1,0 +1,181 @@
+"""`geneoh denoise --stream`: frames as lines of JSON in, clean ones out, as they come."""
+
+import dataclasses
+import json
+from collections import deque
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import click
+import numpy as np
+from click.core import ParameterSource
+
+from geneoh.choices import SIDES, Side
+from geneoh.errors import InputError
+from geneoh.geometry.mesh import load_mesh
+from geneoh.pipeline.options import Options
+from geneoh.pipeline.stream import CleanFrame, Stream
+from geneoh.readers.npz_files import hand_arrays
+from geneoh.readers.npz_layouts import HAND_FIELDS, own_names
+
+LONGEST = 2**20
+"""Bytes of a line, so that input without an end of line fills no memory."""
+DECIMALS = 6
+"""Of the numbers that are written: micrometres and microradians."""
+
+Fields = dict[str, Any]
+DEFAULTS = {"preset": "fast", "samples": 2, "fps": 30.0}
+"""Settings of a stream, where the user chooses none."""
+
+
+def run(obj: tuple[Path, ...], mano: Path | None, lag: float, chosen: dict[str, Any]) -> None:
+    """`geneoh denoise --stream` with the options of the command.
+
+    Raises:
+        UsageError: an option is given that a stream does not have.
+    """
+    context = click.get_current_context()
+    given = {
+        name
+        for name in context.params
+        if context.get_parameter_source(name) is ParameterSource.COMMANDLINE
+    }
+    settings = {field.name for field in dataclasses.fields(Options)}
+    if wrong := sorted(given - settings - {"stream", "obj", "mano", "lag", "fps", "side"}):
+        named = ("NOISY" if n == "noisy" else f"--{n.replace('_', '-')}" for n in wrong)
+        raise click.UsageError(
+            f"--stream reads standard input and writes standard output; drop {', '.join(named)}"
+        )
+    chosen = {**chosen, **{name: value for name, value in DEFAULTS.items() if name not in given}}
+    meshes, fps = tuple(map(load_mesh, obj)), chosen["fps"]
+    kept = {name: value for name, value in chosen.items() if name in settings}
+
+    def begin(**about: Any) -> Stream:
+        return Stream(meshes, fps, lag, mano_dir=mano, **about, **kept)
+
+    source, sink = click.get_binary_stream("stdin"), click.get_binary_stream("stdout")
+    clean_lines(source, sink, begin, chosen["side"])
+
+
+def clean_lines(
+    source: BinaryIO, sink: BinaryIO, begin: Callable[..., Stream], side: Side | None
+) -> None:
+    """Clean the frames of `source` and write each to `sink` when it is known.
+
+    Args:
+        source: one JSON object a line, with the fields of the file format of one frame.
+        sink: takes the same kind of lines, each at once.
+        begin: makes the stream of one hand, from `side`, `betas` and `hand_model`.
+        side: the hand to clean; None for those that the first line names.
+
+    Raises:
+        InputError: a line is no frame; the message says which line.
+    """
+    streams: dict[Side, Stream] = {}
+    poses: deque[Fields] = deque()
+
+    def write(frames: dict[Side, CleanFrame]) -> None:
+        line = json.dumps(line_of(frames, poses.popleft()), separators=(",", ":"))
+        sink.write(line.encode() + b"\n")
+        sink.flush()
+
+    for where, fields in frames_in(source):
+        if not streams:
+            streams = {
+                side: begin(
+                    side=side,
+                    betas=fields.get(f"{side}_betas"),
+                    hand_model=fields.get("hand_model"),
+                    source=where.rsplit(",", 1)[0],
+                )
+                for side in sides_in(fields, side, where)
+            }
+        poses.append({name: value for name, value in fields.items() if name in POSE_FIELDS})
+        made: dict[Side, CleanFrame] = {}
+        for each, stream in streams.items():
+            frame = stream.push(hand_in(fields, each), pose_in(fields, where), where=where)
+            if frame is not None:
+                made[each] = frame
+        if made:
+            write(made)
+    for left in zip(*(stream.flush() for stream in streams.values()), strict=True):
+        write(dict(zip(streams, left, strict=True)))
+
+
+POSE_FIELDS = ("object_rotation", "object_translation", "obj_pose")
+"""The object's pose in a line: the first two, or the third."""
+
+
+def frames_in(source: BinaryIO) -> Iterator[tuple[str, Fields]]:
+    """The fields of each line, with what messages call it; blank lines are passed over."""
+    number = 0
+    while line := source.readline(LONGEST + 1):
+        number += 1
+        where = f"standard input, line {number}"
+        if len(line) > LONGEST:
+            raise InputError(
+                f"{where}: expected one frame of at most {LONGEST} bytes, got a longer line; write "
+                "one JSON object for each frame, with an end of line after it"
+            )
+        if not line.strip():
+            continue
+        try:
+            fields = json.loads(line)
+        except (ValueError, RecursionError):
+            fields = None
+        if not isinstance(fields, dict):
+            raise InputError(
+                f"{where}: expected a frame as a JSON object in one line, such as "
+                f'{{"right_joints": [[x, y, z], ...]}}, got {line[:40]!r}; correct it'
+            )
+        yield where, fields
+
+
+def sides_in(fields: Fields, asked: Side | None, where: str) -> list[Side]:
+    """The hands that the first line names, those that are null there included, or the asked one."""
+    found = [side for side in SIDES if any(n in fields for n in own_names(side).values())]
+    if asked is not None:
+        return [asked]
+    if not found:
+        raise InputError(
+            f"{where}: the first frame must name its hands by fields such as 'right_joints', null "
+            f"where a hand is lost, got {', '.join(map(repr, [*fields][:10])) or 'none'}; add one"
+        )
+    return found
+
+
+def hand_in(fields: Fields, side: Side) -> Fields | None:
+    """The fields of a hand without its side; None where the line has no hand of it."""
+    names = {name: fields.get(f"{side}_{name}") for name in HAND_FIELDS if name != "betas"}
+    found = {name: value for name, value in names.items() if value is not None}
+    return found or None
+
+
+def pose_in(fields: Fields, where: str) -> Any:
+    """The object's pose as a stream takes it; None where it is lost."""
+    if fields.get("obj_pose") is not None:
+        return fields["obj_pose"]
+    rotation, translation = (fields.get(name) for name in POSE_FIELDS[:2])
+    if (rotation is None) != (translation is None):
+        raise InputError(
+            f"{where}: expected 'object_rotation' together with 'object_translation', got one of "
+            "the two; add the other, or leave both out where the object is lost"
+        )
+    return None if rotation is None else (rotation, translation)
+
+
+def line_of(frames: dict[Side, CleanFrame], poses: Fields) -> Fields:
+    """The fields of one clean frame: its hands, null where one is lost, and the pose as it came."""
+    found: Fields = {"frame": next(iter(frames.values())).index}
+    for side, frame in frames.items():
+        found[f"{side}_filled"] = frame.filled
+        if frame.hand is None:
+            found[f"{side}_joints"] = None
+            continue
+        for name, values in hand_arrays(frame.hand).items():
+            shared = name.endswith("_betas")
+            found[name] = np.round(values if shared else values[0], DECIMALS).tolist()
+        found["hand_model"] = frame.hand.hand_model
+        del found[f"{side}_valid"]
+    return {**found, **poses}

@@ -1,0 +1,53 @@
+"""One frame of a stream as it is known, and what lies between two of them."""
+
+from dataclasses import dataclass, replace
+
+import torch
+
+from geneoh.bundle import concatenated
+from geneoh.sequence.gaps import FrameInterpolation
+from geneoh.sequence.sequence import HandTrack, ObjectTrack
+
+DIGITS = 9
+"""Decimals kept of places between frames, so that frames which coincide are found."""
+
+
+@dataclass(frozen=True)
+class Observed:
+    """What is known of one frame: a hand, or None where it was lost, and the object's motion."""
+
+    hand: HandTrack | None
+    object: ObjectTrack
+
+
+def between(before: Observed, after: Observed, fraction: float) -> Observed:
+    """What lies between two neighbouring frames; what one of them lacks is that of the nearer."""
+    fraction = round(fraction, DIGITS)
+    motion = (before if fraction < 0.5 else after).object
+    if fraction not in (0.0, 1.0):
+        both, at = concatenated([before.object, after.object]), instant(fraction)
+        turn, place = at.rotations(both.rotation), at.points(both.translation)
+        lost = place.isnan().any(-1, keepdim=True)
+        motion = replace(
+            motion,
+            rotation=torch.where(lost[..., None], motion.rotation, turn),
+            translation=torch.where(lost, motion.translation, place),
+        )
+    return Observed(hand_between(before.hand, after.hand, fraction), motion)
+
+
+def hand_between(
+    before: HandTrack | None, after: HandTrack | None, fraction: float
+) -> HandTrack | None:
+    """The hand between two neighbouring frames; where one has none, what the nearer has."""
+    fraction = round(fraction, DIGITS)
+    near = before if fraction < 0.5 else after
+    if before is None or after is None or near is None or fraction in (0.0, 1.0):
+        return near
+    return instant(fraction).hand(concatenated([before, after]), near.valid)
+
+
+def instant(fraction: float) -> FrameInterpolation:
+    """One instant between the first and the second of two frames."""
+    place = torch.tensor([fraction], dtype=torch.float64)
+    return FrameInterpolation(torch.tensor([0]), torch.tensor([1]), place)

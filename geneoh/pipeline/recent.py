@@ -1,0 +1,333 @@
+"""A right hand at 30 frames a second that is cleaned as it comes, from its last two seconds.
+
+Every few frames the three stages see one window of the networks, which ends with the newest frame.
+Where two windows overlap, the targets of the fit are blended; the fit of new frames holds on to the
+frames that are out already, so that no seam shows.
+"""
+
+from collections import deque
+from dataclasses import dataclass, replace
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.bundle import concatenated
+from geneoh.denoisers.library import Denoisers
+from geneoh.fitting.fit import FitConfig, fit_hand, fit_keypoints, start_from_keypoints
+from geneoh.fitting.subject import Subject, subject_of
+from geneoh.fitting.terms import HandState
+from geneoh.geometry.distance import MovingSurface
+from geneoh.hand.model import HandModel
+from geneoh.objects.cleaning import clean_object
+from geneoh.objects.evidence import evidence_of_nearness, evidence_of_poses
+from geneoh.pipeline.context import StageContext
+from geneoh.pipeline.denoise import NEAR
+from geneoh.pipeline.observed import Observed
+from geneoh.pipeline.presets import PlacePlan, Preset
+from geneoh.pipeline.spread import joint_spread
+from geneoh.pipeline.stage_run import StageRun
+from geneoh.progress import OnStep
+from geneoh.representation.parameters import HandParameters
+from geneoh.sequence.gaps import fill_object
+from geneoh.sequence.normalisation import NETWORK_FPS
+from geneoh.sequence.sequence import HandTrack, ObjectTrack
+from geneoh.sequence.windows import WINDOW
+
+HOP = 7
+"""Frames between two runs of the stages, at most. The last of them has so many frames less after it
+than the lag."""
+PLACE_EVERY = 15
+"""Frames between two runs of SpatialDiff, over which its shift changes: what it mends lasts."""
+LEAST_PLACED = WINDOW // 2
+"""Frames below which SpatialDiff is not asked. Of 10 frames of the example with noise "gauss" it
+makes 15.3 mm where MotionDiff alone leaves 9.2; of 30 frames 10.8 and 10.2."""
+PLACE_BLEND = 0.6
+"""Share of a new shift of SpatialDiff beside those before."""
+FIRST_SHARE = 0.7
+"""Share of a newer window in the target of the first frame that an older one has seen too; it grows
+to all of it over `HOP` frames."""
+HELD, HOLD = 2, 30.0
+"""Frames already out that the fit holds on to, and their weight beside that of new ones."""
+AHEAD = 2
+"""Frames after those that are asked for which the fit sees as well."""
+SETTLED = WINDOW
+"""Observed frames after which the shape of the hand is kept."""
+
+
+@dataclass
+class Place:
+    """The shift of SpatialDiff, of each sample: it changes slowly from one answer to the next."""
+
+    before: Float[Tensor, "S 1 3"]
+    after: Float[Tensor, "S 1 3"]
+    since: int = -PLACE_EVERY
+    """Frame from which on it changes, over `PLACE_EVERY` frames."""
+
+    def at(self, frames: Float[Tensor, " T"]) -> Float[Tensor, "S T 3"]:
+        """The shift in some frames."""
+        share = ((frames - self.since) / PLACE_EVERY).clamp(0, 1)[:, None]
+        return self.before + share * (self.after - self.before)
+
+    def learn(self, shift: Float[Tensor, "S 1 3"], now: int) -> None:
+        """Take a new answer, which counts from a frame on."""
+        self.before = self.at(shift.new_tensor([float(now)]))
+        self.after = self.after + PLACE_BLEND * (shift - self.after)
+        self.since = now
+
+
+@dataclass(frozen=True)
+class RecentRun(StageRun):
+    """The stages of one window, which ask SpatialDiff now and then only."""
+
+    place: Place
+    first: int
+    """Frame that the window begins with."""
+    done: int
+    """Frame that is to be made next."""
+
+    def placed(
+        self,
+        observed: HandParameters,
+        hand: HandParameters,
+        context: StageContext,
+        plan: PlacePlan,
+    ) -> HandParameters:
+        """The samples moved by the shift of SpatialDiff, which is asked where it has not been."""
+        enough = context.frames >= LEAST_PLACED
+        if enough and self.done - self.place.since >= PLACE_EVERY:
+            moved = super().placed(observed, hand, context, plan)
+            # the shift is the same in all frames of one window
+            self.place.learn((moved.wrist - hand.wrist)[:, :1], self.done)
+        frames = torch.arange(context.frames) + self.first
+        return replace(hand, wrist=hand.wrist + self.place.at(frames.to(hand.wrist)))
+
+
+class RecentHand:
+    """The last two seconds of one hand and its object, and the frames that wait to be taken."""
+
+    def __init__(
+        self,
+        motion: ObjectTrack,
+        surface: MovingSurface | None,
+        model: HandModel,
+        denoisers: Denoisers,
+        chosen: Preset,
+        *,
+        lag: int,
+        seed: int,
+    ) -> None:
+        """Begin without frames.
+
+        Args:
+            motion: the object, of whose frames none is read.
+            surface: the same with its search trees; None without a mesh.
+            model: the right hand.
+            denoisers: the networks.
+            chosen: settings; the fit is by least squares.
+            lag: frames after which a frame is cleaned.
+            seed: of all noise.
+        """
+        self._meshes, self._surface, self._model = motion.meshes, surface, model
+        self._denoisers, self._chosen, self._lag = denoisers, chosen, lag
+        self._generator = torch.Generator().manual_seed(seed)
+        self._new: list[Observed] = []
+        self._track: HandTrack | None = None
+        self._motion: ObjectTrack | None = None
+        still = model.template.new_zeros(chosen.samples, 1, 3)
+        self._place = Place(still, still)
+        self._ready: deque[HandTrack | None] = deque()
+        self._pushed = self._done = self._observed = 0
+        self._shape: Subject | None = None
+        self._out: HandState | None = None
+        self._given: tuple[int, HandState] | None = None
+        self._target: tuple[int, Tensor] | None = None
+
+    def push(self, frame: Observed) -> HandTrack | None:
+        """Take the next frame and give the one that is `lag` older.
+
+        None where there is none yet, or no hand was seen in the two seconds before.
+        """
+        self._new.append(frame)
+        self._pushed += 1
+        self._observed += frame.hand is not None
+        due = self._pushed - self._lag
+        if due > self._done:
+            self._clean(min(self._done + HOP, self._pushed))
+        return self._ready.popleft() if due > 0 else None
+
+    def flush(self) -> list[HandTrack | None]:
+        """All frames that are still to come."""
+        if self._pushed > self._done:
+            self._clean(self._pushed)
+        left = list(self._ready)
+        self._ready.clear()
+        return left
+
+    def _clean(self, stop: int) -> None:
+        """Make frames ready, from the first that is not done up to `stop`."""
+        track, motion = self._window()
+        if track is None:
+            self._ready.extend([None] * (stop - self._done))
+            self._done, self._out, self._target = stop, None, None
+            return
+        first = self._pushed - track.frames
+        subject = self._subject(track)
+        given = self._parameters(subject, track, first)
+        surface, evidence, noise = self._object(fill_object(motion), subject)
+        stages = RecentRun(
+            self._denoisers,
+            subject,
+            given,
+            _silent,
+            self._generator,
+            place=self._place,
+            first=first,
+            done=self._done,
+        )
+        samples = stages.relied_on(
+            surface,
+            evidence,
+            self._chosen if surface is not None else self._chosen.alone(),
+            NETWORK_FPS,
+            ray=track.camera_ray if self._chosen.camera else None,
+            object_noise=noise,
+        )
+        target = self._blended(samples.mean(0), first)
+        state, joints = self._fitted(subject, given, target, surface, evidence, first, stop)
+        new = slice(self._done - first, stop - first)
+        spread = joint_spread(samples)[new] if len(samples) > 1 else None
+        made = HandTrack(
+            side="right",
+            valid=torch.ones_like(track.valid[new]),
+            joints=joints,
+            pose=state.pose[0],
+            wrist=state.wrist[0],
+            betas=subject.betas,
+            hand_model=self._model.name,
+            joint_spread=spread,
+        )
+        self._ready.extend(made[frame : frame + 1] for frame in range(stop - self._done))
+        self._done = stop
+
+    def _window(self) -> tuple[HandTrack | None, ObjectTrack]:
+        """The last two seconds with what is new; no hand where none was seen in them."""
+        new, self._new = self._new, []
+        motion = [frame.object for frame in new]
+        motion = concatenated([self._motion, *motion] if self._motion is not None else motion)
+        self._motion = motion[-WINDOW:]
+        known = self._track or next((frame.hand for frame in new if frame.hand is not None), None)
+        if known is not None:
+            lost = known[:1].map(lambda values: torch.full_like(values, torch.nan), "T")
+            lost = replace(lost, valid=torch.zeros_like(lost.valid))
+            before = (
+                self._track or lost[torch.zeros(len(motion.rotation) - len(new), dtype=torch.long)]
+            )
+            known = concatenated([before, *(frame.hand or lost for frame in new)])[-WINDOW:]
+        self._track = known if known is not None and bool(known.valid.any()) else None
+        return self._track, replace(self._motion, meshes=self._meshes)
+
+    def _subject(self, track: HandTrack) -> Subject:
+        """The hand of the window, whose shape is kept when enough was seen of it."""
+        subject = subject_of(track, self._model)
+        if self._shape is not None:
+            kept = self._shape
+            return replace(subject, shaped=kept.shaped, betas=kept.betas, offsets=kept.offsets)
+        if self._observed >= SETTLED:
+            self._shape = subject
+        return subject
+
+    def _parameters(self, subject: Subject, track: HandTrack, first: int) -> HandState:
+        """Parameters of the input; where it has none, only frames new since then are fitted."""
+        if subject.start is not None:
+            return subject.start
+        since = 0
+        if self._given is not None:
+            since = max(self._given[0] + self._given[1].wrist.shape[1] - first - HELD, 0)
+        new = slice(since, None)
+        start = start_from_keypoints(subject.joints[None, new], subject.shaped)
+        if since and self._given is not None:
+            before = self._given[1][first - self._given[0] :]
+            start = concatenated([before[since:], start[HELD:]])
+        found = fit_keypoints(
+            subject.joints[None, new], subject.trust[None, new], subject.shaped, start
+        )
+        if since and self._given is not None:
+            found = concatenated([self._given[1][first - self._given[0] :][:since], found])
+        observed = int(track.valid.nonzero()[-1]) + 1  # what is filled after it may change
+        self._given = first, found[:observed]
+        return found
+
+    def _object(
+        self, motion: ObjectTrack, subject: Subject
+    ) -> tuple[MovingSurface | None, Float[Tensor, " T"], Float[Tensor, " 2"] | None]:
+        """The object without its noise, how far it is relied on, and the noise; None without it."""
+        evidence, noise = torch.ones(len(subject.joints)), None
+        seen = motion.valid is None or bool(motion.valid.any())
+        if self._surface is None or not seen or not self._chosen.has_object:
+            return None, torch.zeros_like(evidence), None
+        if self._chosen.clean_object:
+            motion, examined = clean_object(motion, NETWORK_FPS)
+            evidence = evidence_of_poses(examined, motion.meshes, NETWORK_FPS)
+            noise = torch.stack([examined.rotation_noise.max(), examined.translation_noise.max()])
+        surface = replace(self._surface, rotation=motion.rotation, translation=motion.translation)
+        if self._chosen.clean_object:
+            evidence = evidence * evidence_of_nearness(subject.joints, surface)
+        return surface, evidence, noise
+
+    def _blended(self, target: Float[Tensor, "T 21 3"], first: int) -> Float[Tensor, "T 21 3"]:
+        """The target of a window, to which that of the windows before crosses where they overlap.
+
+        The new one counts more from frame to frame, so that what is out goes on without a jump.
+        """
+        if self._target is not None:
+            begin, before = self._target
+            before = before[max(first - begin, 0) :]
+            after = torch.arange(len(before)) + first - self._done
+            share = FIRST_SHARE + (1 - FIRST_SHARE) * after.to(target).clamp(0) / HOP
+            both = before.lerp(target[: len(before)], share.clamp(max=1)[:, None, None])
+            target = torch.cat([both, target[len(before) :]])
+        self._target = first, target
+        return target
+
+    def _fitted(
+        self,
+        subject: Subject,
+        given: HandState,
+        target: Float[Tensor, "T 21 3"],
+        surface: MovingSurface | None,
+        evidence: Float[Tensor, " T"],
+        first: int,
+        stop: int,
+    ) -> tuple[HandState, Float[Tensor, "N 21 3"]]:
+        """Parameters and keypoints of the new frames, continued from those that are out."""
+        held = 0 if self._out is None else self._out.wrist.shape[1]
+        cut = slice(self._done - held - first, min(stop + AHEAD, self._pushed) - first)
+        start, wanted = given[cut], target[None, cut].clone()
+        trust = torch.ones_like(wanted[..., 0])
+        if self._out is not None:
+            start = concatenated([self._out, start[held:]])
+            wanted[:, :held] = _joints(subject, self._out)
+            trust[:, :held] = HOLD
+        assert isinstance(self._chosen.fit, FitConfig), "Stream refuses others"
+        state = fit_hand(
+            wanted,
+            trust,
+            subject.shaped,
+            start,
+            config=self._chosen.fit,
+            surface=None if surface is None else replace(surface.at(cut), within=NEAR),
+            evidence=evidence[cut],
+        )
+        state = state[held : held + stop - self._done]
+        self._out = (state if self._out is None else concatenated([self._out, state]))[-HELD:]
+        return state, _joints(subject, state)[0]
+
+
+def _joints(subject: Subject, state: HandState) -> Float[Tensor, "S T 21 3"]:
+    return subject.shaped.joints_from_rotations(state.rotations, state.wrist)
+
+
+def _silent(stage: str) -> OnStep:
+    """Progress that nobody is told."""
+    return lambda done, total: None

@@ -1,0 +1,285 @@
+"""A stream: frames in as a tracker makes them, clean frames out a fixed time later."""
+
+import math
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import torch
+
+from geneoh.choices import Side
+from geneoh.config import as_field_type
+from geneoh.denoisers.library import load_denoisers
+from geneoh.errors import ConfigError, InputError
+from geneoh.fitting.fit import FitConfig
+from geneoh.geometry.mesh import MeshInput, checked, meshes_of, size_warning
+from geneoh.hand.library import hand_of_betas
+from geneoh.nn.devices import named_device
+from geneoh.pipeline.inputs import undisturbed
+from geneoh.pipeline.observed import DIGITS, Observed, between, hand_between
+from geneoh.pipeline.options import Options, with_settings
+from geneoh.pipeline.recent import RecentHand
+from geneoh.readers.arrays import array_of
+from geneoh.readers.npz_files import hand_arrays
+from geneoh.readers.npz_tracks import read_object, read_own
+from geneoh.readers.records import Record
+from geneoh.sequence.normalisation import NETWORK_FPS
+from geneoh.sequence.sequence import HandTrack, ObjectTrack
+from geneoh.sequence.validation import LARGEST_FPS, SMALLEST_FPS, check_hand, check_object
+
+LONGEST_LAG = 1.0
+"""Seconds; with a longer lag a frame would have less than a second before it."""
+FIT_STEPS = {"iterations": 4, "contact_rounds": 1}
+"""Fewer than a whole track gets: the fit goes on from frames that are out already."""
+POSES = ("joints", "pose", "wrist")
+"""Fields of a hand without which, or with NaN in which, it counts as lost."""
+
+
+@dataclass(frozen=True)
+class CleanFrame:
+    """One frame that comes out of a stream."""
+
+    index: int
+    """Which of the frames that were pushed, from 0."""
+    hand: HandTrack | None
+    """The clean hand as a track of one frame, with its `joint_spread`; None where no hand was seen
+    in the two seconds before."""
+    filled: bool
+    """Whether the input had no hand in this frame."""
+
+
+class Stream:
+    """Cleans one hand frame by frame, at a fixed lag and with bounded memory.
+
+        stream = geneoh.Stream("mug.obj", fps=30, lag=0.3)
+        for joints, pose in tracker:  # (21, 3), and (4, 4) or None
+            if clean := stream.push(joints, pose):
+                use(clean.hand.joints[0], clean.hand.joint_spread[0])
+        last = stream.flush()
+
+    Each `push` gives the frame that is `lag` older, in order and without a hole, and None before
+    there is one; `flush` gives the rest. Two hands are two streams. The same frames, settings and
+    seed give the same result, whenever they are pushed.
+    """
+
+    def __init__(
+        self,
+        meshes: MeshInput = (),
+        fps: float | int = 30.0,
+        lag: float | int = 0.3,
+        *,
+        side: Side = "right",
+        betas: Any = None,
+        hand_model: str | None = None,
+        source: str = "the stream",
+        **settings: Any,
+    ) -> None:
+        """Load the networks and the object.
+
+        Args:
+            meshes: of the object, one per rigid part, in metres: a mesh, its file, or a list of
+                them; none for a hand without an object.
+            fps: frames a second.
+            lag: seconds from a frame to its clean twin, 0 to 1; rounded to whole frames.
+            side: of the hand.
+            betas: (10,) shape of the hand, of the model `hand_model`; without them it is estimated
+                from the first two seconds.
+            hand_model: whose betas they are, "embedded" or "mano".
+            source: what messages call the stream.
+            settings: fields of `Options`; by default preset="fast" and samples=2. TemporalDiff is
+                left out, for speed.
+
+        Raises:
+            InputError: a mesh has no surface or another unit.
+            ConfigError: a setting is out of range, or is none of a stream.
+            MissingAssetError: a MANO hand is asked for and there is no MANO file.
+        """
+        asked = {"side": (side, Side), "fps": (fps, float), "lag": (lag, float)}
+        for name, (value, kind) in asked.items():
+            as_field_type(value, kind, "geneoh.Stream", name)
+        options = with_settings(Options(preset="fast", samples=2), settings)
+        named_device(options.device)
+        chosen = options.resolved()
+        if not isinstance(chosen.fit, FitConfig) or options.refine_object:
+            raise ConfigError(
+                "a stream has the presets 'default' and 'fast' and gives no poses of the object, "
+                f"got preset {options.preset!r} and refine_object={options.refine_object}; "
+                "use geneoh.denoise for these"
+            )
+        chosen = replace(chosen, temporal=None, fit=replace(chosen.fit, **FIT_STEPS))
+        if not SMALLEST_FPS <= fps <= LARGEST_FPS or not 0 <= lag <= LONGEST_LAG:
+            raise ConfigError(
+                f"a stream has fps from {SMALLEST_FPS:g} to {LARGEST_FPS:g} and a lag from 0 to "
+                f"{LONGEST_LAG:g} seconds, got fps {fps:g} and lag {lag:g}; correct them"
+            )
+        self._source, self._side, self._rate = source, side, NETWORK_FPS / fps
+        self._shape = {} if betas is None else {f"{side}_betas": framed(betas)}
+        self._shape |= {} if hand_model is None else {"hand_model": np.array(hand_model)}
+        self._meshes = meshes_of(meshes)
+        for mesh in self._meshes:
+            if warning := size_warning(checked(mesh, str(mesh.source or "the mesh"))):
+                raise InputError(f"{mesh.source or 'the mesh'}: {warning}")
+        self._lag, within = round(lag * fps), round(lag * fps)
+        if self._rate != 1:  # a frame between two of the networks needs both
+            self._lag = max(self._lag, math.ceil(fps / NETWORK_FPS))
+            within = math.floor(round(self._lag * self._rate, DIGITS)) - 1
+        model = hand_of_betas(side, hand_model, asked=options.hand, mano_dir=options.mano_dir)
+        motion = ObjectTrack.resting(self._meshes, 1)
+        motion = motion.mirrored() if side == "left" else motion
+        surface = motion.surface() if self._meshes else None
+        denoisers = load_denoisers(options.weights, device=options.device, paper=False)
+        self._device, self._within = options.device, within
+        model = (model.mirrored() if side == "left" else model).to(options.device)
+
+        def begin() -> RecentHand:
+            return RecentHand(
+                motion, surface, model, denoisers, chosen, lag=within, seed=options.seed
+            )
+
+        self._begin = begin
+        self._reset()
+
+    @property
+    def lag(self) -> int:
+        """Frames from one that is pushed to the one that `push` gives."""
+        return self._lag
+
+    def push(self, hand: Any, object_pose: Any = None, *, where: str = "") -> CleanFrame | None:
+        """Take the next frame, and give the one that is `lag` older; None before there is one.
+
+        Args:
+            hand: (21, 3) keypoints in OpenPose order, world frame, metres; or a dict of the fields
+                of the file format without their side, of one frame: `joints` (21, 3), or `pose`
+                (16, 3), axis-angle in radians, with `wrist` (3,), and `confidence` (21,); or a
+                track of one frame. None, or NaN, where the hand was lost.
+            object_pose: (4, 4) matrix from the object to the world, or rotation matrix (3, 3) and
+                translation (3,) in metres as a pair, with an axis of parts in front where there are
+                several; None, or NaN, where the object was lost.
+            where: what messages call the frame; by default the stream's source and its number.
+
+        Raises:
+            InputError: the numbers have another shape, or can be no hand or pose in metres. The
+                frame is not taken: the next one is pushed in its place.
+        """
+        where = where or f"{self._source}, frame {self._count}"
+        with undisturbed():
+            now = Observed(self._hand(hand, where), self._object(object_pose, where))
+            self._lost.append(now.hand is None)
+            for frame in self._paced(now):
+                made = self._recent.push(frame)
+                self._taken += 1
+                if self._taken > self._within:
+                    self._clean.append(made)
+            self._count += 1
+            return self._next() if self._count > self._lag else None
+
+    def flush(self) -> list[CleanFrame]:
+        """The frames that are still to come, in order; the next `push` begins another recording."""
+        with undisturbed():
+            self._clean.extend(self._recent.flush())
+            left = [self._next() for _ in range(min(self._lag, self._count))]
+        self._reset()
+        return left
+
+    def _reset(self) -> None:
+        self._recent = self._begin()
+        self._before: Observed | None = None
+        self._known: tuple[str, ...] = ()
+        self._lost: deque[bool] = deque()
+        self._clean: deque[HandTrack | None] = deque()
+        self._count = self._taken = self._given = self._dropped = 0
+
+    def _hand(self, given: Any, where: str) -> HandTrack | None:
+        """The hand of one frame, as a right one on the device; None where it is lost."""
+        if given is None:
+            return None
+        if isinstance(given, HandTrack):
+            if given.side != self._side or given.frames != 1:
+                raise InputError(
+                    f"{where}: expected one frame of a {self._side} hand, got {given.frames} of a "
+                    f"{given.side} one; two hands are two streams"
+                )
+            fields = hand_arrays(given)
+        else:
+            fields = given if isinstance(given, Mapping) else {"joints": given}
+            fields = {
+                f"{self._side}_{name}": framed(value)
+                for name, value in fields.items()
+                if value is not None
+            }
+        record = Record(where, {**fields, **self._shape}, "correct it")
+        valid = f"{self._side}_valid"
+        for name in (f"{self._side}_{name}" for name in POSES):
+            if name in record and not np.isfinite(record.numbers(name)).all():
+                return None
+        if valid in record and not record.flags(valid).all():
+            return None
+        (hand,), _ = read_own(record, self._side)
+        check_hand(hand, where)
+        known = tuple(sorted(name for name, value in vars(hand).items() if value is not None))
+        self._known = self._known or known
+        if known != self._known:
+            raise InputError(
+                f"{where}: the hand must have the same fields in every frame, got "
+                f"{', '.join(known)} after {', '.join(self._known)}; give the same ones, or None "
+                "where the hand is lost"
+            )
+        return (hand.mirrored() if self._side == "left" else hand).to(self._device)
+
+    def _object(self, given: Any, where: str) -> ObjectTrack:
+        """The pose of the object in one frame, NaN where it is lost, beside a right hand."""
+        resting = ObjectTrack.resting((), 1)
+        if not self._meshes:
+            return resting.to(self._device)
+        parts = len(self._meshes)
+        rotation, translation = torch.eye(3).expand(1, parts, 3, 3), torch.zeros(1, parts, 3)
+        lost = torch.ones(1, parts, dtype=torch.bool)
+        if given is not None:
+            pair = isinstance(given, tuple) and len(given) == 2
+            names = ("object_rotation", "object_translation") if pair else ("obj_pose",)
+            values = map(framed, given if pair else (given,))
+            record = Record(where, dict(zip(names, values, strict=True)), "correct it")
+            motion = read_object(record, self._meshes, 1)
+            check_object(motion, where)
+            rotation, translation = motion.rotation, motion.translation
+            lost = torch.zeros_like(lost) if motion.valid is None else ~motion.valid
+        motion = ObjectTrack(
+            (),
+            rotation.masked_fill(lost[..., None, None], torch.nan),
+            translation.masked_fill(lost[..., None], torch.nan),
+        )
+        return (motion.mirrored() if self._side == "left" else motion).to(self._device)
+
+    def _paced(self, now: Observed) -> list[Observed]:
+        """The frames of the networks that lie after the frame before and not after this one."""
+        before, self._before = self._before or now, now
+        first = (self._count - 1) * self._rate
+        last = math.floor(round(self._count * self._rate, DIGITS))
+        return [
+            between(before, now, (frame - first) / self._rate)
+            for frame in range(self._taken, last + 1)
+        ]
+
+    def _next(self) -> CleanFrame:
+        """The next clean frame of the stream, between two of the networks."""
+        place = round(self._given * self._rate, DIGITS)
+        while self._dropped < math.floor(place) and len(self._clean) > 1:
+            self._clean.popleft()
+            self._dropped += 1
+        after = self._clean[min(1, len(self._clean) - 1)]
+        hand = hand_between(self._clean[0], after, min(place - self._dropped, 1.0))
+        frame = CleanFrame(self._given, self._to_user(hand), self._lost.popleft())
+        self._given += 1
+        return frame
+
+    def _to_user(self, hand: HandTrack | None) -> HandTrack | None:
+        if hand is None:
+            return None
+        return (hand.mirrored() if self._side == "left" else hand).to("cpu")
+
+
+def framed(value: Any) -> Any:
+    """A value of one frame with an axis of frames; lists stay lists, which may be ragged."""
+    return array_of(value)[None] if isinstance(value, torch.Tensor | np.ndarray) else [value]

@@ -1,0 +1,203 @@
+"""`geneoh denoise --stream` as a tracker pipes into it: lines, bad lines, a reader that leaves."""
+
+import errno
+import io
+import json
+
+import click
+import numpy as np
+import pytest
+import torch
+from bad_inputs import BOX_CORNERS, good_arrays, write_mesh
+from click.testing import CliRunner
+
+from geneoh.denoisers.library import Denoisers
+from geneoh.pipeline import recent
+from geneoh.pipeline import stream as stream_module
+from geneoh.pipeline.stream import Stream
+from geneoh.readers.npz_files import hand_arrays
+
+RUN = ("denoise", "--stream", "--lag", "0.1")
+
+
+@pytest.fixture(autouse=True)
+def unmoved(monkeypatch):
+    """Stages and a fit that leave the hand as it is: what a stream is worth is tested elsewhere."""
+
+    def same(run, surface, evidence, chosen, fps, **more):
+        noise = torch.randn(2, *run.subject.joints.shape, generator=run.generator)
+        return run.subject.joints + 0.001 * noise
+
+    none = object.__new__(Denoisers)
+    monkeypatch.setattr(stream_module, "load_denoisers", lambda *given, **more: none)
+    monkeypatch.setattr(recent.RecentRun, "relied_on", same)
+    monkeypatch.setattr(recent, "fit_hand", lambda target, trust, shaped, start, **more: start)
+
+
+@pytest.fixture
+def lines(tmp_path) -> list[dict]:
+    """Frames of a hand at a box, whose mesh is in `object.obj`."""
+    write_mesh(tmp_path / "object.obj", BOX_CORNERS)
+    arrays = good_arrays()
+    rows = [
+        {
+            "right_joints": arrays["joints"][frame].tolist(),
+            "object_rotation": arrays["object_rotation"][frame].tolist(),
+            "object_translation": arrays["object_translation"][frame].tolist(),
+        }
+        for frame in range(len(arrays["joints"]))
+    ]
+    return (rows * 8)[:12]
+
+
+@pytest.fixture
+def stream(command, tmp_path, monkeypatch):
+    """Run `geneoh denoise --stream ARGUMENTS` on lines of text."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(given: list, *arguments: str):
+        text = "".join(
+            (line if isinstance(line, str) else json.dumps(line)) + "\n" for line in given
+        )
+        return CliRunner().invoke(command, [*RUN, *arguments], input=text)
+
+    return run
+
+
+def test_every_line_comes_out_once_with_its_pose(stream, lines):
+    result = stream(lines, "--obj", "object.obj")
+    assert result.exit_code == 0, result.output
+    found = [json.loads(line) for line in result.stdout.splitlines()]
+    assert [line["frame"] for line in found] == list(range(12))
+    for line, given in zip(found, lines, strict=True):
+        assert line["object_rotation"] == given["object_rotation"]
+        assert np.shape(line["right_joints"]) == (21, 3)
+        assert np.shape(line["right_joint_spread"]) == (21,)
+        assert line["right_filled"] is False
+
+
+def test_the_command_gives_what_python_gives(stream, lines):
+    result = stream(lines, "--obj", "object.obj", "--seed", "3")
+    python, found = Stream("object.obj", lag=0.1, seed=3), []
+    for line in lines:
+        pose = (line["object_rotation"], line["object_translation"])
+        found.append(python.push(line["right_joints"], pose))
+    found = [frame for frame in found if frame] + python.flush()
+    for line, frame in zip(map(json.loads, result.stdout.splitlines()), found, strict=True):
+        for name, values in hand_arrays(frame.hand).items():
+            if name in line:
+                np.testing.assert_allclose(line[name], np.squeeze(values), atol=1e-6)
+
+
+def test_what_comes_out_can_be_piped_in_again(stream, lines):
+    once = stream(lines, "--obj", "object.obj").stdout.splitlines()
+    again = stream(once, "--obj", "object.obj")
+    assert again.exit_code == 0, again.output
+    assert len(again.stdout.splitlines()) == 12
+
+
+def test_both_hands_and_lost_ones_are_cleaned(stream, lines):
+    for line in lines:
+        line["left_joints"] = (np.array(line["right_joints"]) * [-1, 1, 1]).tolist()
+    lines[0]["left_joints"] = None
+    del lines[5]["right_joints"]
+    lines[6]["object_rotation"] = lines[6]["object_translation"] = None
+    found = [json.loads(line) for line in stream(lines, "--obj", "object.obj").stdout.splitlines()]
+    assert [line["frame"] for line in found if line["right_filled"]] == [5]
+    assert [line["frame"] for line in found if line["left_filled"]] == [0]
+    assert all(np.isfinite(line["left_joints"]).all() for line in found)
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("no json", "line 5: expected a frame as a JSON object"),
+        ("[1, 2]", "line 5: expected a frame as a JSON object"),
+        ("[" * 100_000, "line 5: expected a frame as a JSON object"),
+        ('{"right_joints": [1, 2]}', "line 5: 'right_joints' must be numbers of shape"),
+        ('{"right_joints": "far away"}', "line 5: 'right_joints' must be an array of numbers"),
+        ('{"object_rotation": [[1]]}', "line 5: expected 'object_rotation' together with"),
+        ('{"x": "' + "y" * 2**20 + '"}', "line 5: expected one frame of at most"),
+    ],
+)
+def test_a_bad_line_is_one_sentence_and_those_before_it_are_out(stream, lines, line, words):
+    result = stream([*lines[:4], line, *lines], "--obj", "object.obj")
+    assert result.exit_code == 2
+    (said,) = result.stderr.splitlines()
+    assert said.startswith("Error: standard input, " + words), said
+    assert [json.loads(line)["frame"] for line in result.stdout.splitlines()] == [0]
+
+
+def test_a_first_line_without_a_hand_is_refused(stream):
+    result = stream(['{"joints": null}'])
+    assert result.exit_code == 2
+    assert "line 1: the first frame must name its hands" in result.stderr
+
+
+def test_no_line_at_all_gives_none(stream):
+    result = stream([])
+    assert (result.exit_code, result.output) == (0, "")
+
+
+def test_files_and_a_stream_exclude_each_other(stream, lines):
+    result = stream(lines, "hand.npz", "--report", "page.html")
+    assert result.exit_code == 2
+    assert "drop NOISY, --report" in result.stderr
+
+
+class Sink(io.BytesIO):
+    """Standard output that counts what was flushed, and may be closed by its reader."""
+
+    def __init__(self, most: int = 1000) -> None:
+        """Take `most` lines."""
+        super().__init__()
+        self.most, self.flushed = most, []
+
+    def flush(self) -> None:
+        """Note how many lines are out."""
+        self.flushed.append(self.getvalue().count(b"\n"))
+        if len(self.flushed) > self.most:
+            raise BrokenPipeError(errno.EPIPE, "Broken pipe")
+
+
+class Typed(io.BytesIO):
+    """Standard input that ends with Ctrl-C."""
+
+    def readline(self, size: int | None = -1, /) -> bytes:
+        """The next line, or the interruption."""
+        if line := super().readline(size):
+            return line
+        raise KeyboardInterrupt
+
+
+@pytest.fixture
+def pipes(monkeypatch, lines):
+    """Standard input with the lines, and standard output."""
+
+    def use(source: type[io.BytesIO], sink: Sink) -> Sink:
+        given = source("".join(json.dumps(line) + "\n" for line in lines).encode())
+        ends = {"stdin": given, "stdout": sink}
+        monkeypatch.setattr(click, "get_binary_stream", ends.__getitem__)
+        return sink
+
+    return use
+
+
+def test_each_line_is_flushed(stream, pipes):
+    sink = pipes(io.BytesIO, Sink())
+    assert stream([], "--obj", "object.obj").exit_code == 0
+    assert sink.flushed == list(range(1, 13))
+
+
+def test_a_reader_that_leaves_ends_it_quietly(stream, pipes):
+    pipes(io.BytesIO, Sink(most=2))
+    result = stream([], "--obj", "object.obj")
+    assert (result.exit_code, result.output) == (1, "")
+
+
+def test_ctrl_c_ends_it_in_one_line(stream, pipes):
+    sink = pipes(Typed, Sink())
+    result = stream([], "--obj", "object.obj")
+    assert result.exit_code == 130
+    assert len(result.stderr.splitlines()) == 1
+    assert sink.flushed == list(range(1, 10))

@@ -1,0 +1,210 @@
+"""A stream: order, lag, gaps, bounded state, the same result each time, and what it is worth."""
+
+import math
+from collections import deque
+from dataclasses import is_dataclass, replace
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+import geneoh
+from geneoh.bundle import concatenated
+from geneoh.denoisers.library import Denoisers
+from geneoh.errors import ConfigError, InputError
+from geneoh.pipeline import recent
+from geneoh.pipeline import stream as stream_module
+from geneoh.pipeline.recent import RecentHand, RecentRun
+from geneoh.pipeline.stream import CleanFrame, Stream
+from geneoh.sequence.sequence import Sequence
+
+
+@pytest.fixture
+def unmoved(monkeypatch):
+    """Stages and a fit that leave the hand as it is, so that only the stream is tested."""
+
+    def same(run, surface, evidence, chosen, fps, **more):
+        return run.subject.joints.expand(2, -1, -1, -1)
+
+    none = object.__new__(Denoisers)
+    monkeypatch.setattr(stream_module, "load_denoisers", lambda *given, **more: none)
+    monkeypatch.setattr(RecentRun, "relied_on", same)
+    monkeypatch.setattr(recent, "fit_hand", lambda target, trust, shaped, start, **more: start)
+
+
+def pushed(stream: Stream, sequence: Sequence, lost: tuple[int, ...] = ()) -> list[CleanFrame]:
+    """All that comes out of a stream for a sequence, some of whose hands are lost."""
+    hand, motion, found = sequence.hands[0], sequence.object, []
+    for frame in range(sequence.frames):
+        pose = motion.rotation[frame], motion.translation[frame]
+        given = None if frame in lost else hand[frame : frame + 1]
+        if clean := stream.push(given, pose):
+            found.append(clean)
+    return found + stream.flush()
+
+
+def joints_of(frames: list[CleanFrame]) -> torch.Tensor:
+    return torch.cat([frame.hand.joints for frame in frames])
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.1, 0.3, 1.0])
+def test_every_frame_comes_out_once_in_order_and_by_the_lag_later(noisy, unmoved, lag):
+    stream = Stream((), 30, lag, side="left")
+    track = noisy[:40].hands[0]
+    for frame in range(40):
+        clean = stream.push(track[frame : frame + 1])
+        wanted = frame - round(30 * lag)
+        assert (clean.index if clean else None) == (wanted if wanted >= 0 else None)
+    assert [clean.index for clean in stream.flush()] == list(range(40 - round(30 * lag), 40))
+    assert stream.flush() == []
+
+
+def test_unmoved_hands_come_out_where_they_went_in(noisy, unmoved):
+    clip = noisy[:40]
+    found = pushed(Stream(noisy.object.meshes, side="left"), clip)
+    apart = joints_of(found) - clip.hands[0].joints
+    assert float(apart.norm(dim=-1).mean()) < 0.004  # the embedded hand has other bones
+    assert {frame.hand.side for frame in found} == {"left"}
+
+
+@pytest.mark.parametrize("fps", [24.0, 60.0])
+def test_other_rates_keep_frames_and_place(noisy, unmoved, fps):
+    clip = geneoh.Sequence(noisy.hands, noisy.object, fps)[:60]
+    found = pushed(Stream((), fps, side="left"), clip)
+    assert [frame.index for frame in found] == list(range(60))
+    inner = (joints_of(found) - clip.hands[0].joints)[2:-2]
+    assert float(inner.norm(dim=-1).mean()) < 0.02  # the noise of frames between is lost at 60
+
+
+def test_lost_hands_are_filled_and_marked(noisy, unmoved):
+    found = pushed(Stream((), side="left"), noisy[:40], lost=(0, 1, 20, 21, 22))
+    assert [frame.index for frame in found if frame.filled] == [0, 1, 20, 21, 22]
+    assert bool(joints_of(found).isfinite().all())
+
+
+def test_a_hand_that_stays_away_is_none_and_comes_back(noisy, unmoved):
+    stream, track = Stream((), side="left"), noisy.hands[0]
+    found = []
+    for frame in range(120):
+        seen = frame < 5 or frame >= 100
+        found.append(stream.push(track[frame : frame + 1] if seen else None))
+    hands = [clean.hand is not None for clean in found if clean]
+    assert hands[:5] == [True] * 5
+    assert hands[-3:] == [True] * 3
+    assert False in hands
+
+
+def test_a_stream_without_any_hand_gives_frames_without_one(unmoved):
+    stream = Stream(lag=0.1)
+    found = [stream.push(None) for _ in range(10)]
+    assert [clean and clean.index for clean in found] == [None] * 3 + list(range(7))
+    assert all(clean.hand is None and clean.filled for clean in found[3:] + stream.flush())
+
+
+def numbers_in(value: Any, seen: set[int]) -> int:
+    """Numbers that are reachable from a value, networks and hand models apart."""
+    if id(value) in seen or isinstance(value, torch.nn.Module):
+        return 0
+    seen.add(id(value))
+    if isinstance(value, torch.Tensor):
+        return value.untyped_storage().nbytes()
+    if isinstance(value, np.ndarray):
+        return value.nbytes
+    if isinstance(value, dict):
+        return sum(numbers_in(each, seen) for each in value.values())
+    if isinstance(value, list | tuple | deque):
+        return 8 * len(value) + sum(numbers_in(each, seen) for each in value)
+    if is_dataclass(value):
+        return numbers_in(vars(value), seen)
+    return numbers_in(vars(value), seen) if isinstance(value, Stream | RecentHand) else 0
+
+
+@pytest.mark.slow
+def test_the_state_does_not_grow_over_ten_thousand_frames(noisy, unmoved, monkeypatch):
+    monkeypatch.setattr(recent, "HOP", 30)  # as few runs as the lag allows
+    stream, track = Stream((), lag=1.0, side="left"), noisy.hands[0]
+    sizes = {}
+    for frame in range(10_000):
+        place = frame % 146
+        stream.push(track[place : place + 1])
+        if frame in (299, 9_999):
+            sizes[frame] = numbers_in(stream, set())
+    assert 0 < sizes[9_999] <= 1.1 * sizes[299]
+
+
+@pytest.mark.parametrize(
+    ("hand", "pose", "words"),
+    [
+        (np.zeros((20, 3)), None, "'right_joints' must be numbers of shape"),
+        (np.random.default_rng(0).normal(size=(21, 3)) * 90, None, "must be in metres"),
+        ({"pose": np.zeros((16, 3))}, None, "add the rest"),
+        (None, np.eye(3), "'obj_pose' must be numbers of shape"),
+        (None, (2 * np.eye(3), np.zeros(3)), "a scale belongs to the mesh"),
+    ],
+)
+def test_a_frame_that_can_be_none_is_refused_and_not_taken(noisy, unmoved, hand, pose, words):
+    stream = Stream(noisy.object.meshes, lag=0.0, source="the tracker")
+    with pytest.raises(InputError, match="the tracker, frame 0: .*" + words.replace("(", r"\(")):
+        stream.push(hand, pose)
+    assert stream.push(None).index == 0
+
+
+def test_fields_of_a_hand_stay_the_same(noisy, unmoved):
+    stream, track = Stream(side="left"), noisy.hands[0]
+    stream.push(track[:1])
+    with pytest.raises(InputError, match="frame 1: the hand must have the same fields"):
+        stream.push(track.joints[1])
+
+
+@pytest.mark.parametrize(
+    "settings", [{"lag": 2.0}, {"lag": math.nan}, {"fps": 0.0}, {"preset": "paper"}]
+)
+def test_settings_that_no_stream_has_are_refused(settings):
+    with pytest.raises(ConfigError, match="a stream has"):
+        Stream(**settings)
+
+
+@pytest.fixture(scope="module")
+def cleaned(noisy, clean) -> tuple[Sequence, list[CleanFrame]]:
+    """A short clip of the recording and what a stream makes of it, with all stages."""
+    clip = noisy[40:80]
+    return clip, pushed(Stream(clip.object.meshes, side="left"), clip)
+
+
+@pytest.mark.slow
+def test_a_stream_is_nearer_to_the_truth_than_its_input(cleaned, clean):
+    clip, found = cleaned
+    truth = clean.hands[0].joints[40:80]
+    before, after = (
+        float((joints - truth).norm(dim=-1).mean())
+        for joints in (clip.hands[0].joints, joints_of(found))
+    )
+    assert after < 0.7 * before
+    assert all(bool((frame.hand.joint_spread > 0).all()) for frame in found)
+
+
+@pytest.mark.slow
+def test_the_same_frames_and_seed_give_the_same_result(cleaned):
+    clip, found = cleaned
+    stream = Stream(clip.object.meshes, side="left")
+    assert torch.equal(joints_of(pushed(stream, clip)), joints_of(found))
+    again = joints_of(pushed(stream, clip[:20]))  # after flush it begins anew
+    assert torch.equal(again[:5], joints_of(found)[:5])
+
+
+@pytest.mark.slow
+def test_keypoints_alone_and_lost_objects_are_cleaned(noisy, clean):
+    clip = noisy[40:75]
+    stream = Stream(clip.object.meshes, side="left")
+    found = []
+    for frame in range(35):
+        motion = clip.object.rotation[frame], clip.object.translation[frame]
+        found.append(stream.push(clip.hands[0].joints[frame], None if 10 <= frame < 14 else motion))
+    found = [frame for frame in found if frame] + stream.flush()
+    truth = clean.hands[0].joints[40:75]
+    apart = float((joints_of(found) - truth).norm(dim=-1).mean())
+    assert apart < float((clip.hands[0].joints - truth).norm(dim=-1).mean())
+    joined = concatenated([frame.hand for frame in found])
+    assert joined.frames == 35
+    assert replace(clip, hands=(joined,)).frames == 35
