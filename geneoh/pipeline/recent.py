@@ -29,7 +29,7 @@ from geneoh.pipeline.spread import joint_spread
 from geneoh.pipeline.stage_run import StageRun
 from geneoh.progress import OnStep
 from geneoh.representation.parameters import HandParameters
-from geneoh.sequence.gaps import fill_object
+from geneoh.sequence.gaps import fill_gaps, fill_object
 from geneoh.sequence.normalisation import NETWORK_FPS
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 from geneoh.sequence.windows import WINDOW
@@ -190,7 +190,7 @@ class RecentHand:
             evidence,
             self._chosen if surface is not None else self._chosen.alone(),
             NETWORK_FPS,
-            ray=track.camera_ray if self._chosen.camera else None,
+            ray=fill_gaps(track).camera_ray if self._chosen.camera else None,
             object_noise=noise,
         )
         target = self._blended(samples.mean(0), first)
