@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import sys
 from collections import deque
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -54,8 +55,12 @@ def run(obj: tuple[Path, ...], mano: Path | None, lag: float, chosen: dict[str, 
     def begin(**about: Any) -> Stream:
         return Stream(meshes, fps, lag, mano_dir=mano, **about, **kept)
 
-    source, sink = click.get_binary_stream("stdin"), click.get_binary_stream("stdout")
-    clean_lines(source, sink, begin, chosen["side"])
+    clean_lines(*ends(), begin, chosen["side"])
+
+
+def ends() -> tuple[BinaryIO, BinaryIO]:
+    """Where lines come from and go to."""
+    return sys.stdin.buffer, sys.stdout.buffer
 
 
 def clean_lines(

@@ -3,8 +3,8 @@
 import errno
 import io
 import json
+from importlib import import_module
 
-import click
 import numpy as np
 import pytest
 import torch
@@ -176,8 +176,7 @@ def pipes(monkeypatch, lines):
 
     def use(source: type[io.BytesIO], sink: Sink) -> Sink:
         given = source("".join(json.dumps(line) + "\n" for line in lines).encode())
-        ends = {"stdin": given, "stdout": sink}
-        monkeypatch.setattr(click, "get_binary_stream", ends.__getitem__)
+        monkeypatch.setattr(import_module("geneoh_cli.streaming"), "ends", lambda: (given, sink))
         return sink
 
     return use
