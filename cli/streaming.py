@@ -178,9 +178,10 @@ def line_of(frames: dict[Side, CleanFrame], poses: Fields) -> Fields:
         if frame.hand is None:
             found[f"{side}_joints"] = None
             continue
-        for name, values in hand_arrays(frame.hand).items():
+        arrays = hand_arrays(frame.hand)
+        del arrays[f"{side}_valid"]
+        for name, values in arrays.items():
             shared = name.endswith("_betas")
             found[name] = np.round(values if shared else values[0], DECIMALS).tolist()
         found["hand_model"] = frame.hand.hand_model
-        del found[f"{side}_valid"]
     return {**found, **poses}
