@@ -182,6 +182,6 @@ def line_of(frames: dict[Side, CleanFrame], poses: Fields) -> Fields:
         del arrays[f"{side}_valid"]
         for name, values in arrays.items():
             shared = name.endswith("_betas")
-            found[name] = np.round(values if shared else values[0], DECIMALS).tolist()
+            found[name] = np.round(np.float64(values if shared else values[0]), DECIMALS).tolist()
         found["hand_model"] = frame.hand.hand_model
     return {**found, **poses}
