@@ -47,7 +47,7 @@ def lines(tmp_path) -> list[dict]:
         }
         for frame in range(len(arrays["joints"]))
     ]
-    return (rows * 8)[:12]
+    return [dict(rows[frame % len(rows)]) for frame in range(12)]
 
 
 @pytest.fixture
