@@ -64,7 +64,7 @@ class FitConfig:
     """Vertices per frame, nearest to or deepest in the object, that are considered."""
 
 
-KEYPOINTS_ALONE = FitConfig(steady_finger=0.2, steady_wrist=0.0)
+KEYPOINTS_ALONE = FitConfig(iterations=8, steady_finger=0.2, steady_wrist=0.0)
 """Settings for the mesh of an uncleaned track: close to its keypoints, jitter included."""
 
 
