@@ -1,6 +1,9 @@
 """An object whose poses shake or flip must not shake the hand."""
 
+import importlib
+import itertools
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -65,6 +68,18 @@ def test_the_noise_of_the_object_is_told(cleaned, shaking):
     trusting = geneoh.denoise(shaking[:20], replace(FAST, trust_object=True))
     assert trusting.examined is None
     assert not any("shakes" in note for note in trusting.notes)
+
+
+def test_the_time_of_a_stage_that_runs_twice_is_the_sum(shaking, monkeypatch):
+    ticks, heard = itertools.count(), []
+    clock = SimpleNamespace(monotonic=lambda: next(ticks))
+    monkeypatch.setattr(importlib.import_module("geneoh.pipeline.denoise"), "time", clock)
+    result = geneoh.denoise(
+        shaking[:20], FAST, on_progress=lambda stage, done, total: heard.append((stage, done))
+    )
+    (hand,) = result.hands.values()
+    assert heard.count(("motion", 1)) == 2
+    assert hand.seconds["motion"] == sum(stage == "motion" for stage, _ in heard)
 
 
 def test_the_object_of_the_input_is_kept_unless_a_cleaned_one_is_asked_for(cleaned, shaking):
