@@ -30,7 +30,8 @@ from ..options import FILE, option
     is_flag=True,
 )
 @option(
-    "--lag: With --stream: seconds from a frame to its clean twin.", click.FloatRange(0, 1), 0.3
+    "--lag: With --stream: seconds from a frame to its clean twin.  [default: 0.3]",
+    click.FloatRange(0, 1),
 )
 @options.cleaning
 @sources.reader_options
@@ -42,7 +43,7 @@ def denoise(
     report: Path | None,
     overwrite: bool,
     stream: bool,
-    lag: float,
+    lag: float | None,
     **chosen: Any,
 ) -> None:
     """Clean the hand-object interaction in NOISY.
@@ -58,7 +59,9 @@ def denoise(
     if stream:
         from ..streaming import run
 
-        return run(obj, mano, lag, chosen)
+        return run(obj, mano, 0.3 if lag is None else lag, chosen)
+    if lag is not None:
+        raise click.UsageError("--lag is the lag of --stream; give both, or neither")
     if noisy is None:
         raise click.UsageError("Missing argument 'NOISY'.", click.get_current_context())
     from dataclasses import fields

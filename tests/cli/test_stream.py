@@ -145,6 +145,12 @@ def test_files_and_a_stream_exclude_each_other(stream, lines):
     assert "drop NOISY, --report" in result.stderr
 
 
+def test_a_lag_without_a_stream_is_refused(command):
+    result = CliRunner().invoke(command, ["denoise", "hand.npz", "--lag", "0.1"])
+    assert result.exit_code == 2
+    assert "--lag is the lag of --stream" in result.stderr
+
+
 class Sink(io.BytesIO):
     """Standard output that counts what was flushed, and may be closed by its reader."""
 
