@@ -26,11 +26,9 @@ DECIMALS = 6
 """Of the numbers that are written: micrometres and microradians."""
 
 Fields = dict[str, Any]
-DEFAULTS = {"preset": "fast", "samples": 2, "fps": 30.0}
-"""Settings of a stream, where the user chooses none."""
 
 
-def run(obj: tuple[Path, ...], mano: Path | None, lag: float, chosen: dict[str, Any]) -> None:
+def run(obj: tuple[Path, ...], mano: Path | None, chosen: dict[str, Any]) -> None:
     """`geneoh denoise --stream` with the options of the command.
 
     Raises:
@@ -42,18 +40,17 @@ def run(obj: tuple[Path, ...], mano: Path | None, lag: float, chosen: dict[str, 
         for name in context.params
         if context.get_parameter_source(name) is ParameterSource.COMMANDLINE
     }
-    settings = {field.name for field in dataclasses.fields(Options)}
-    if wrong := sorted(given - settings - {"stream", "obj", "mano", "lag", "fps", "side"}):
+    settings = {field.name for field in dataclasses.fields(Options)} | {"lag", "fps"}
+    if wrong := sorted(given - settings - {"stream", "obj", "mano", "side"}):
         named = ("NOISY" if n == "noisy" else f"--{n.replace('_', '-')}" for n in wrong)
         raise click.UsageError(
             f"--stream reads standard input and writes standard output; drop {', '.join(named)}"
         )
-    chosen = {**chosen, **{name: value for name, value in DEFAULTS.items() if name not in given}}
-    meshes, fps = tuple(map(load_mesh, obj)), chosen["fps"]
-    kept = {name: value for name, value in chosen.items() if name in settings}
+    meshes = tuple(map(load_mesh, obj))
+    kept = {name: chosen[name] for name in given & settings}  # the rest is as a stream has it
 
     def begin(**about: Any) -> Stream:
-        return Stream(meshes, fps, lag, mano_dir=mano, **about, **kept)
+        return Stream(meshes, mano_dir=mano, **about, **kept)
 
     clean_lines(*ends(), begin, chosen["side"])
 

@@ -59,7 +59,7 @@ def denoise(
     if stream:
         from ..streaming import run
 
-        return run(obj, mano, 0.3 if lag is None else lag, chosen)
+        return run(obj, mano, {**chosen, "lag": lag})
     if lag is not None:
         raise click.UsageError("--lag is the lag of --stream; give both, or neither")
     if noisy is None:

@@ -63,6 +63,11 @@ class ObjectExamination(Bundle):
     aligned: ObjectTrack
     """The poses as they were given, but for symmetric ones, which are turned back."""
 
+    @property
+    def white_noise(self) -> Float[Tensor, " 2"]:
+        """Deviation of white noise on the worst part's rotation (rad) and translation (m)."""
+        return torch.stack([self.rotation_noise.max(), self.translation_noise.max()])
+
     def sentences(self) -> Iterator[str]:
         """What a user should know about the object's poses, where there is anything."""
         lost = (self.confidence == 0) & ~self.left_out

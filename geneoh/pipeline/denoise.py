@@ -21,7 +21,7 @@ from geneoh.geometry.distance import MovingSurface
 from geneoh.hand.library import hand_of_betas
 from geneoh.hand.model import ShapedHand
 from geneoh.nn.devices import named_device
-from geneoh.objects.cleaning import ObjectExamination, clean_object
+from geneoh.objects.cleaning import clean_object
 from geneoh.objects.evidence import doubt, evidence_of_nearness, evidence_of_poses
 from geneoh.objects.refine import refine_object
 from geneoh.pipeline.alone import measure_hand
@@ -103,7 +103,7 @@ def clean_interaction(
     denoisers = load_denoisers(options.weights, device=options.device, paper=not chosen.observed)
     notes: list[str] = []
     motion, examined = sequence.object, None
-    if not motion.meshes or (motion.valid is not None and not bool(motion.valid.any())):
+    if not motion.meshes or not motion.is_seen:
         motion = replace(motion, meshes=())
         chosen = chosen.alone()
         notes.append(NO_OBJECT)
@@ -128,7 +128,7 @@ def clean_interaction(
             moved,
             subject,
             relied,
-            _white_noise(examined),
+            None if examined is None else examined.white_noise,
             denoisers,
             chosen,
             options.seed,
@@ -151,13 +151,6 @@ def clean_interaction(
         kept = motion if examined is None else refine_object(motion, examined, hands, sequence.fps)
     clean = replace(sequence, hands=hands, object=kept)
     return Denoised(clean, results, tuple(notes), options, examined)
-
-
-def _white_noise(examined: ObjectExamination | None) -> Float[Tensor, " 2"] | None:
-    """Deviation of white noise on the worst part's rotation (rad) and translation (m)."""
-    if examined is None:
-        return None
-    return torch.stack([examined.rotation_noise.max(), examined.translation_noise.max()])
 
 
 def _clean(

@@ -263,13 +263,12 @@ class RecentHand:
     ) -> tuple[MovingSurface | None, Float[Tensor, " T"], Float[Tensor, " 2"] | None]:
         """The object without its noise, how far it is relied on, and the noise; None without it."""
         evidence, noise = torch.ones(len(subject.joints)), None
-        seen = motion.valid is None or bool(motion.valid.any())
-        if self._surface is None or not seen or not self._chosen.has_object:
+        if self._surface is None or not motion.is_seen or not self._chosen.has_object:
             return None, torch.zeros_like(evidence), None
         if self._chosen.clean_object:
             motion, examined = clean_object(motion, NETWORK_FPS)
             evidence = evidence_of_poses(examined, motion.meshes, NETWORK_FPS)
-            noise = torch.stack([examined.rotation_noise.max(), examined.translation_noise.max()])
+            noise = examined.white_noise
         surface = replace(self._surface, rotation=motion.rotation, translation=motion.translation)
         if self._chosen.clean_object:
             evidence = evidence * evidence_of_nearness(subject.joints, surface)

@@ -98,6 +98,11 @@ class ObjectTrack(Bundle):
                 object.__setattr__(self, name, motion[:, None])
         conform(self, "the object")
 
+    @property
+    def is_seen(self) -> bool:
+        """Whether a pose was observed in some frame."""
+        return self.valid is None or bool(self.valid.any())
+
     def mirrored(self) -> "ObjectTrack":
         """The reflection x -> -x of the meshes and of their motion."""
         meshes = tuple(mesh.mirrored() for mesh in self.meshes)
