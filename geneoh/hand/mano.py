@@ -25,7 +25,7 @@ from geneoh.files.values import read_values
 from geneoh.geometry.mirror import MIRROR
 from geneoh.hand.embedded import POSE, TIP_VERTS, embedded_right, hand_model
 from geneoh.hand.model import HandModel
-from geneoh.hand.skeleton import PARENTS
+from geneoh.hand.skeleton import LARGEST_HAND, PARENTS, SMALLEST_HAND
 
 ENVIRONMENT = "GENEOH_MANO_DIR"
 LARGEST = 2**32  # no number of a MANO file is larger: the parent of the root is stored as 2**32 - 1
@@ -174,6 +174,23 @@ def _check_shapes(path: Path, fields: dict[str, np.ndarray]) -> None:
     # The root's parent is -1, stored as 2**32 - 1.
     if tuple(fields["kintree_table"][0, 1:].astype(int)) != PARENTS[1:]:
         raise InputError(f"{path}: 'kintree_table' is not MANO's tree of 16 joints")
+    _check_size(path, fields)
+
+
+def _check_size(path: Path, fields: dict[str, np.ndarray]) -> None:
+    """Refuse a hand that is not as large as a hand, at rest or by its shapes and poses."""
+    verts = fields["v_template"].astype(float)
+    points = np.concatenate([fields["J_regressor"].astype(float) @ verts, verts[list(TIP_VERTS)]])
+    for name, least, found in (
+        ("v_template", SMALLEST_HAND, np.ptp(points, axis=0).max()),
+        ("shapedirs", 0.0, np.abs(fields["shapedirs"]).max()),
+        ("posedirs", 0.0, np.abs(fields["posedirs"]).max()),
+    ):
+        if not least <= found <= LARGEST_HAND:
+            raise InputError(
+                f"{path}: '{name}' must be in metres and span {least:g} to {LARGEST_HAND:g}, "
+                f"got {found:.3g}; use the official file from {HOME}"
+            )
 
 
 def _is_as_shipped(left: dict[str, np.ndarray], path: Path) -> bool:

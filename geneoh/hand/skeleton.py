@@ -25,6 +25,10 @@ KEYPOINT_PARENTS = tuple(
 """Keypoint that the bone ending in keypoint i starts from; -1 for the wrist."""
 TIP_KEYPOINTS = tuple(OPENPOSE_FROM_MANO.index(16 + i) for i in range(5))
 
+SMALLEST_HAND, LARGEST_HAND = 0.03, 1.0
+"""Limits in metres of the distance between the keypoints that are farthest apart. A child's fist
+has 0.06, a spread adult hand 0.25, and the largest noise in use adds centimetres."""
+
 
 def forward_kinematics(
     rotations: Float[Tensor, "*#B 16 3 3"],

@@ -9,11 +9,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.errors import InputError
+from geneoh.hand.skeleton import LARGEST_HAND, SMALLEST_HAND
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
-
-SMALLEST_HAND, LARGEST_HAND = 0.03, 1.0
-"""Limits in metres of the distance between the keypoints that are farthest apart. A child's fist
-has 0.06, a spread adult hand 0.25, and the largest noise in use adds centimetres."""
 
 LARGEST_ANGLE = 4 * torch.pi
 """Largest length of an axis-angle vector, radians. Half a turn describes every rotation; vectors in

@@ -339,6 +339,18 @@ def test_numbers_that_no_hand_has_are_refused(tmp_path):
         load_mano("right", tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("name", "factor"),
+    [("v_template", 0.0), ("v_template", 1000.0), ("shapedirs", 1e4), ("posedirs", 1e4)],
+)
+def test_a_hand_of_another_size_is_refused(tmp_path, name, factor):
+    arrays = plain_arrays()
+    arrays[name] = (arrays[name] + 0.001 * (factor > 1)) * factor
+    np.savez(tmp_path / "MANO_RIGHT.npz", **arrays)
+    with pytest.raises(InputError, match=f"'{name}' must be in metres"):
+        load_mano("right", tmp_path)
+
+
 def test_pose_space_is_that_of_the_file(tmp_path, chumpy):
     arrays = plain_arrays() | {"hands_components": np.arange(2025.0).reshape(45, 45)}
     write(tmp_path, arrays=arrays)
