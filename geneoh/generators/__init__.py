@@ -1,0 +1,1 @@
+"""Networks that make interactions instead of cleaning them."""

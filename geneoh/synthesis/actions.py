@@ -1,0 +1,78 @@
+"""Actions: interactions of one or two hands that do what a verb says, with the verb told."""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from geneoh.bundle import Bundle
+from geneoh.geometry.rotations import axis_angle_to_matrix
+
+NEAR = 0.02
+"""Distance from a keypoint within which a point of the object counts as touched, metres (paper)."""
+FPS = 30.0
+"""Frames a second of all actions."""
+LONGEST = 150
+"""Most frames of an action (paper: 5 s)."""
+
+VERBS = (
+    "lift",
+    "put down",
+    "carry",
+    "slide",
+    "rotate",
+    "pour",
+    "tilt",
+    "shake",
+    "inspect",
+    "press",
+    "open",
+    "close",
+    "pass",
+)
+"""What hands do to objects; `Actions.verb` is an index into them."""
+
+
+@dataclass(frozen=True)
+class Actions(Bundle):
+    """B actions of at most T frames in the world frame, whose z axis points up, at 30 frames a
+    second.
+
+    Every object stands as its own frame has it: z up, its lowest point at z = 0 and the middle of
+    its surface points above the origin, so that a pose of no rotation and no translation puts it
+    upright on the table. Hands are of the mean shape. Frames from `length` on repeat the last one;
+    a hand that takes no part is zero.
+    """
+
+    verb: Int[Tensor, " B"]
+    name: Int[Tensor, " B"]
+    """Which object: an index into the families and scanned objects of the record."""
+    hands: Bool[Tensor, "B 2"]  # whether the left, and whether the right hand takes part
+    length: Int[Tensor, " B"]
+    pose: Float[Tensor, "B 2 T 16 3"]  # left, then right; each in its own side's MANO axes
+    wrist: Float[Tensor, "B 2 T 3"]  # position of the wrist joint (convention W), metres
+    rotation: Float[Tensor, "B T 3 3"]  # of the object's first part, object to world
+    translation: Float[Tensor, "B T 3"]
+    joint: Float[Tensor, "B T"]  # state of the second part's joint, radians or metres
+    points: Float[Tensor, "B P 3"]  # of the surface, in the object's frame, with the joint at 0
+    normals: Float[Tensor, "B P 3"]  # outward
+    part: Int[Tensor, "B P"]  # of each point: 0 first, 1 on the joint
+    axis: Float[Tensor, "B 3"]  # of the joint, a unit vector through `pivot`; zero for rigid ones
+    pivot: Float[Tensor, "B 3"]
+    slides: Bool[Tensor, " B"]  # whether the joint slides along the axis (metres) or turns about it
+
+    @property
+    def valid(self) -> Bool[Tensor, "B T"]:
+        """Frames before the end of each action."""
+        return torch.arange(self.joint.shape[1], device=self.length.device) < self.length[:, None]
+
+    def posed_points(self) -> Float[Tensor, "B T P 3"]:
+        """Surface points in the object's frame, moved by the joint."""
+        along = self.joint[:, :, None] * self.axis[:, None]
+        slides = self.slides[:, None, None]
+        turn = axis_angle_to_matrix(torch.where(slides, 0.0, along))
+        pivot = self.pivot[:, None, None]
+        moved = (self.points[:, None] - pivot) @ turn.mT + pivot
+        moved = moved + torch.where(slides, along, 0.0)[:, :, None]
+        return torch.where((self.part > 0)[:, None, :, None], moved, self.points[:, None])
