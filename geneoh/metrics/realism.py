@@ -1,0 +1,188 @@
+"""Physical realism: whether what touches an object can hold it and move it as it moves.
+
+A frame is realistic if its object rests on the table, or if hands touch it and forces within the
+friction cones of its contacts, none of them negative, add up to the wrench that its motion asks for
+against gravity. Text2HOI reports a score of this name after ManipNet, but states no mass, friction,
+contact distance or solver, and released no code for it. Ours is therefore a definition of our own,
+whose numbers must not be compared with the paper's:
+
+- the mass, whose size cancels, is spread evenly over the surface of all parts, so that the measured
+  motion of the surface points alone gives force and torque;
+- a hand touches where its skin is inside the object or at most 5 mm off it, with friction 0.8;
+- the table, the plane z = 0, bears what stands on it, without friction while the object moves;
+- at most a tenth of the weight may be left over, and very hard presses count as too hard
+  (`geneoh.geometry.forces.PRESSURE_COST`).
+
+Points and skin are in the world frame, whose z axis points up, in metres.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Int
+from scipy.spatial import KDTree
+from torch import Tensor
+
+from geneoh.bundle import Bundle
+from geneoh.geometry.forces import EDGES, friction_cones, wrench_left
+from geneoh.metrics.contact import MOVING, TOUCH
+
+GRAVITY = 9.81  # m/s²
+FRICTION = 0.8
+LEFT = 0.1  # largest rest of the wrench of a realistic frame, in units of the weight
+ASIDE = 0.01  # farthest touched point from the skin, metres: points lie some 6 mm apart
+NEAR = 0.02  # distance of a keypoint from the object within which a hand is at it, metres (paper)
+SPAN = 2  # frames to either side of which an acceleration is made: neighbours alone show noise
+SPREAD = 32  # most contacts of a frame that forces act through, spread over all of them
+STEPS = 200  # of the search for forces
+FAR = 1e3  # coordinate of the skin of absent hands, metres
+
+
+@dataclass(frozen=True)
+class SurfaceMotion(Bundle):
+    """Surface points of B objects over T frames in the world."""
+
+    points: Float[Tensor, "B T P 3"]
+    normals: Float[Tensor, "B T P 3"]  # outward
+    length: Int[Tensor, " B"]  # number of frames that count
+
+    @property
+    def valid(self) -> Bool[Tensor, "B T"]:
+        """Frames that count."""
+        frames = torch.arange(self.points.shape[1], device=self.length.device)
+        return frames < self.length[:, None]
+
+    @property
+    def moves(self) -> Bool[Tensor, "B T"]:
+        """Whether any point moves at least 0.3 mm to the next frame; false in the last one."""
+        step = self.points.diff(dim=1).norm(dim=-1).amax(-1)
+        last = torch.zeros_like(self.valid[:, :1])
+        return torch.cat([(step >= MOVING) & self.valid[:, 1:], last], 1)
+
+
+def realism(
+    skin: Float[Tensor, "B T V 3"], surface: SurfaceMotion, fps: float, friction: float = FRICTION
+) -> Float[Tensor, " B"]:
+    """Share of each clip's frames that are realistic, 0 to 1.
+
+    `skin` are vertices of both hands, NaN for an absent hand.
+    """
+    return realistic_frames(skin, surface, fps, friction).sum(1) / surface.length
+
+
+def moved_alone(joints: Float[Tensor, "B T K 3"], surface: SurfaceMotion) -> Float[Tensor, " B"]:
+    """Motion without contact: the share of the frames in which an object moves that have no
+    keypoint within 2 cm of its points, 0 to 1.
+
+    NaN for an object that never moves. `joints` are the keypoints of both hands, NaN for an absent
+    hand.
+    """
+    shares = []
+    for clip, moves in enumerate(surface.moves):
+        # the shortcut through a matrix product is off by a millimetre far from the origin
+        apart = torch.cdist(
+            joints[clip, moves],
+            surface.points[clip, moves],
+            compute_mode="donot_use_mm_for_euclid_dist",
+        )
+        shares.append((~(apart <= NEAR).flatten(1).any(1)).to(joints).mean())
+    return torch.stack(shares)
+
+
+def realistic_frames(
+    skin: Float[Tensor, "B T V 3"], surface: SurfaceMotion, fps: float, friction: float = FRICTION
+) -> Bool[Tensor, "B T"]:
+    """Whether each frame is realistic; see the module."""
+    stands = surface.points[..., 2] <= TOUCH
+    still = ~(surface.moves | surface.moves.roll(1, 1))  # no last frame moves on
+    passed = still & stands.any(-1) & surface.valid
+    asked = ~passed & surface.valid
+    touched = torch.zeros_like(stands)
+    touched[asked] = touched_points(skin[asked], surface.points[asked], surface.normals[asked])
+    asked &= touched.any(-1)
+    if not bool(asked.any()):
+        return passed
+    wanted, centre, size = wanted_wrench(surface, fps)
+    arms = (surface.points - centre[:, :, None])[asked]
+    down = arms.new_tensor([0.0, 0.0, -1.0]).expand_as(arms)
+    hands = _cones(arms, surface.normals[asked], touched[asked], friction)
+    spanned = torch.cat([hands, _cones(arms, down, stands[asked], 0.0)], 1)
+    # torques count as the forces that they are at the radius of gyration
+    scale = torch.cat([torch.ones_like(arms[:, :1]), size[asked][:, None].expand(-1, 1, 3)], -1)
+    left = wrench_left(spanned / scale, wanted[asked][:, None] / scale, steps=STEPS)
+    passed[asked] = left[:, 0].norm(dim=-1) <= LEFT
+    return passed
+
+
+def wanted_wrench(
+    surface: SurfaceMotion, fps: float
+) -> tuple[Float[Tensor, "B T 6"], Float[Tensor, "B T 3"], Float[Tensor, "B T 1"]]:
+    """The wrench that the motion asks for per unit of weight, about the centre of mass; that centre
+    and the radius of gyration, metres.
+
+    Each point is an equal share of the mass. Accelerations are made of frames two apart, and the
+    first and last ones of a clip are those of the frames next to them.
+    """
+    points, frames = surface.points, torch.arange(surface.points.shape[1])
+    last = surface.length[:, None] - 1
+    middle = torch.minimum(frames.to(last).clamp(min=SPAN), last - SPAN).clamp(min=0)
+    clip = torch.arange(len(points))[:, None]
+    before, after = (middle - SPAN).clamp(min=0), torch.minimum(middle + SPAN, last)
+    bend = points[clip, before] - 2 * points[clip, middle] + points[clip, after]
+    pull = bend * (fps / SPAN) ** 2 / GRAVITY
+    centre = points.mean(2)
+    arms = points - centre[:, :, None]
+    force = pull.mean(2) + points.new_tensor([0.0, 0.0, 1.0])
+    torque = torch.linalg.cross(arms, pull).mean(2)
+    size = arms.square().sum(-1).mean(-1, keepdim=True).sqrt()
+    return torch.cat([force, torque], -1), centre, size
+
+
+def touched_points(
+    skin: Float[Tensor, "N V 3"], points: Float[Tensor, "N P 3"], normals: Float[Tensor, "N P 3"]
+) -> Bool[Tensor, "N P"]:
+    """Which surface points are touched: nearest to a vertex that is inside or at most 5 mm off.
+
+    Found on the CPU, by a tree of each frame's points.
+    """
+    touched = torch.zeros(points.shape[:2], dtype=torch.bool)
+    # a tree refuses NaN
+    there = skin.nan_to_num(nan=FAR).numpy(force=True)
+    for frame, tree in enumerate(map(KDTree, points.numpy(force=True))):
+        apart, nearest = tree.query(there[frame], distance_upper_bound=ASIDE)
+        near = np.flatnonzero(np.isfinite(apart))
+        at = torch.from_numpy(nearest[near])
+        off = skin[frame, torch.from_numpy(near)] - points[frame, at]
+        touched[frame, at[(off * normals[frame, at]).sum(-1).cpu() <= TOUCH]] = True
+    return touched.to(points.device)
+
+
+def _cones(
+    arms: Float[Tensor, "N P 3"],
+    normals: Float[Tensor, "N P 3"],
+    chosen: Bool[Tensor, "N P"],
+    friction: float,
+) -> Float[Tensor, "N K 6"]:
+    """Wrenches that span the friction cones at some chosen points; zero where fewer are chosen."""
+    at, there = spread_out(arms, chosen)
+    row = torch.arange(len(arms), device=arms.device)[:, None]
+    edges = EDGES if friction else 1
+    cones = friction_cones(arms[row, at], normals[row, at], friction, edges=edges)
+    return (cones * there[..., None, None]).flatten(1, 2)
+
+
+def spread_out(
+    points: Float[Tensor, "N P 3"], chosen: Bool[Tensor, "N P"]
+) -> tuple[Int[Tensor, "N C"], Bool[Tensor, "N C"]]:
+    """At most 32 chosen points, each the farthest from those before it, and which entries are."""
+    count = min(SPREAD, int(chosen.sum(1).max()))
+    far = torch.where(chosen, torch.inf, -1.0).to(points)
+    at, row = [], torch.arange(len(points), device=points.device)
+    for _ in range(count):
+        at.append(far.argmax(1))
+        apart = (points - points[row, at[-1]][:, None]).norm(dim=-1)
+        far = torch.minimum(far, torch.where(chosen, apart, -1.0))
+    index = torch.stack(at, 1) if at else row[:, None][:, :0]
+    order = torch.arange(count, device=points.device)
+    return index, order < chosen.sum(1, keepdim=True)
