@@ -8,6 +8,10 @@ from typing import Literal, get_args
 Side = Literal["left", "right"]
 SIDES: tuple[Side, ...] = get_args(Side)
 
+HandsName = Literal["left hand", "right hand", "both hands"]
+"""Hands that a sentence asks for."""
+HANDS: tuple[HandsName, ...] = get_args(HandsName)
+
 Unit = Literal["mm", "cm", "m"]
 """Units of length that a file may be in; everything in memory is in metres."""
 UNITS: tuple[Unit, ...] = get_args(Unit)

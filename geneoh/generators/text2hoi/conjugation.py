@@ -1,0 +1,93 @@
+"""Forms of English verbs, of phrasal verbs such as "put down" too."""
+
+from itertools import pairwise
+
+_VOWELS = "aeiou"
+_DOUBLED = frozenset({"transfer", "uncap", "unplug", "unzip"})
+"""Verbs of two syllables that double their last letter, as those of one do."""
+_PARTICIPLES = {
+    "break": "broken",
+    "bring": "brought",
+    "cut": "cut",
+    "draw": "drawn",
+    "drink": "drunk",
+    "eat": "eaten",
+    "feel": "felt",
+    "fly": "flown",
+    "give": "given",
+    "grind": "ground",
+    "hold": "held",
+    "lay": "laid",
+    "make": "made",
+    "put": "put",
+    "read": "read",
+    "see": "seen",
+    "set": "set",
+    "shake": "shaken",
+    "shut": "shut",
+    "slide": "slid",
+    "spin": "spun",
+    "sweep": "swept",
+    "swing": "swung",
+    "take": "taken",
+    "tie": "tied",
+    "wear": "worn",
+    "wind": "wound",
+    "write": "written",
+}
+"""Past participles that no rule gives."""
+
+
+def gerund(verb: str) -> str:
+    """The form in -ing: "putting down" of "put down"."""
+    word, rest = _split(verb)
+    if word.endswith("ie"):
+        return f"{word[:-2]}ying{rest}"
+    if word.endswith("e") and not word.endswith(("ee", "oe", "ye")):
+        return f"{word[:-1]}ing{rest}"
+    return f"{_stem(word)}ing{rest}"
+
+
+def third_person(verb: str) -> str:
+    """The form after one hand: "carries" of "carry"."""
+    word, rest = _split(verb)
+    if _ends_in_y(word):
+        return f"{word[:-1]}ies{rest}"
+    return f"{word}{'es' if word.endswith(('s', 'x', 'z', 'ch', 'sh', 'o')) else 's'}{rest}"
+
+
+def participle(verb: str) -> str:
+    """The past participle: "picked up" of "pick up", "shaken" of "shake"."""
+    word, rest = _split(verb)
+    if word in _PARTICIPLES:
+        return f"{_PARTICIPLES[word]}{rest}"
+    if _ends_in_y(word):
+        return f"{word[:-1]}ied{rest}"
+    return f"{word}d{rest}" if word.endswith("e") else f"{_stem(word)}ed{rest}"
+
+
+def forms(verb: str) -> tuple[str, str, str, str]:
+    """The verb itself, third person, gerund and past participle."""
+    return verb, third_person(verb), gerund(verb), participle(verb)
+
+
+def _split(verb: str) -> tuple[str, str]:
+    """The word that is inflected, and what follows it with the space before."""
+    word, space, rest = verb.partition(" ")
+    return word, space + rest
+
+
+def _ends_in_y(word: str) -> bool:
+    return word.endswith("y") and word[-2:-1] not in _VOWELS
+
+
+def _stem(word: str) -> str:
+    """The word, with its last letter doubled where the ending needs it."""
+    syllables = sum(a in _VOWELS and b not in _VOWELS for a, b in pairwise(word))
+    closed = (
+        len(word) > 2
+        and word[-1] not in f"{_VOWELS}wxy"
+        and word[-2] in _VOWELS
+        and word[-3] not in _VOWELS
+    )
+    return word + word[-1] if word in _DOUBLED or (closed and syllables == 1) else word

@@ -1,0 +1,127 @@
+"""Words for what hands do and for what they hold."""
+
+import re
+
+VERB_WORDS: dict[str, tuple[str, ...]] = {
+    "lift": (
+        "lift",
+        "pick up",
+        "raise",
+        "lift up",
+        "take up",
+        "hoist",
+        "elevate",
+        "grab",
+        "hold up",
+    ),
+    "put down": ("put down", "set down", "place", "lay down", "lower", "put back", "deposit"),
+    "carry": ("carry", "move", "bring", "transport", "take", "convey", "relocate", "carry away"),
+    "slide": ("slide", "push", "drag", "pull", "shove", "glide", "slide over", "push along"),
+    "rotate": ("rotate", "turn", "spin", "twist", "turn around", "swivel", "revolve", "pivot"),
+    "pour": ("pour from", "empty", "pour out of", "tip out", "decant", "serve from", "drain"),
+    "tilt": ("tilt", "tip", "lean", "incline", "slant", "tilt over", "angle", "cant"),
+    "shake": ("shake", "rattle", "jiggle", "wiggle", "shake up", "agitate", "swing", "wobble"),
+    "inspect": ("inspect", "look at", "examine", "check", "study", "view", "observe", "scan"),
+    "press": ("press", "push down", "press on", "tap", "touch", "press down", "poke", "squeeze"),
+    "open": ("open", "open up", "uncover", "unfold", "pull open", "unclose", "unlock", "uncap"),
+    "close": ("close", "shut", "fold", "close up", "push shut", "cover", "lock", "fold up"),
+    "pass": ("pass", "hand over", "transfer", "pass over", "switch", "swap", "hand", "give"),
+}
+"""Verbs and verbal phrases for each verb of made actions; the first is the paper's phrasing."""
+
+PARTICLES = frozenset({"up", "down", "over", "out", "around", "back", "open", "shut", "away"})
+"""Last words of phrasal verbs that may follow the object: "pick the mug up"."""
+
+NOUN_WORDS: dict[str, tuple[str, ...]] = {
+    "apple": ("apple", "fruit"),
+    "ball": ("ball", "sphere", "toy ball"),
+    "bar": ("bar", "rod", "stick"),
+    "block": ("block", "wooden block", "toy block"),
+    "board": ("board", "panel", "tile", "slab"),
+    "bottle": ("bottle", "flask", "water bottle"),
+    "bowl": ("bowl", "dish", "basin"),
+    "box": ("box", "case", "packet", "package"),
+    "brush": ("brush", "toothbrush", "hairbrush"),
+    "can": ("can", "tin", "soda can"),
+    "carton": ("carton", "box", "cardboard box", "parcel"),
+    "chest": ("chest", "box with a lid", "treasure chest", "lidded box"),
+    "clamp": ("clamp", "clip"),
+    "coin": ("coin", "token", "disc"),
+    "cup": ("cup", "beaker", "mug"),
+    "cylinder": ("cylinder", "can", "tube", "roll"),
+    "drawer": ("drawer", "drawer unit", "cabinet"),
+    "drill": ("drill", "power tool"),
+    "egg": ("egg", "stone", "pebble", "lemon"),
+    "figure": ("figure", "figurine", "statue", "toy"),
+    "flashlight": ("flashlight", "torch", "lamp"),
+    "hammer": ("hammer", "mallet"),
+    "kettle": ("kettle", "teapot", "tea kettle", "jug"),
+    "knife": ("knife", "kitchen knife", "blade"),
+    "laptop": ("laptop", "notebook", "computer", "notebook computer"),
+    "mouse": ("mouse", "computer mouse"),
+    "mug": ("mug", "cup", "coffee mug"),
+    "pan": ("pan", "frying pan", "saucepan", "skillet"),
+    "pen": ("pen", "pencil", "marker"),
+    "phone": ("phone", "smartphone", "mobile", "cellphone"),
+    "plate": ("plate", "dish", "saucer"),
+    "pliers": ("pliers", "tongs", "pincers"),
+    "ring": ("ring", "hoop", "bracelet", "donut"),
+    "scissors": ("scissors", "shears"),
+    "screwdriver": ("screwdriver", "tool"),
+    "shears": ("shears", "scissors", "tool"),
+    "spoon": ("spoon", "tablespoon", "ladle"),
+    "spray bottle": ("spray bottle", "spray", "sprayer"),
+    "stick": ("stick", "rod", "candle", "tube"),
+    "toy": ("toy", "object", "thing", "gadget"),
+    "wine glass": ("wine glass", "glass", "goblet"),
+}
+"""Other words for what is held; nouns that are not listed stand for themselves."""
+
+PLURAL = frozenset(
+    {"scissors", "shears", "pliers", "tongs", "pincers", "eyeglasses", "glasses", "binoculars"}
+    | {"headphones", "grapes"}
+)
+"""Nouns that take no "a", and "are" in the passive."""
+
+_NOUNS = {
+    "bleach_cleanser": "bottle",
+    "butterfinger_chocolate": "bar",
+    "c_clamp": "clamp",
+    "capsule": "stick",
+    "cluster": "toy",
+    "colored_wood_blocks": "block",
+    "ellipsoid": "egg",
+    "foam_brick": "block",
+    "hard_drive": "hard drive",
+    "lego_duplo": "block",
+    "loop_tool": "shears",
+    "magnifying_glass": "magnifying glass",
+    "can_opener": "can opener",
+    "nine_hole_peg_test": "board",
+    "nintendo_3ds": "game console",
+    "skillet": "pan",
+    "skillet_lid": "lid",
+    "spatula_with_purple_head": "spatula",
+    "spray": "spray bottle",
+    "toy_airplane": "toy airplane",
+    "toy_school_bus": "toy bus",
+    "toy_train": "toy train",
+    "windex_bottle": "spray bottle",
+    "wine_glass": "wine glass",
+}
+"""Nouns of names whose last word is none."""
+_SINGULAR = {"cups": "cup", "baseball": "ball", "softball": "ball", "racquetball": "ball"}
+
+
+def noun_of(name: str) -> str:
+    """The noun for an object family ("wine_glass") or a scanned object ("gso_black_razer_mouse").
+
+    The source and number in front are left out; of names that are not in the table the last word
+    is taken.
+    """
+    plain = re.sub(r"^(gso|ycb)_", "", name.lower())
+    plain = re.sub(r"^\d+(-[a-z])?_", "", plain)
+    if plain in _NOUNS:
+        return _NOUNS[plain]
+    last = plain.split("_")[-1]
+    return _SINGULAR.get(last, last)
