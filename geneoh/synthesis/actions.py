@@ -1,12 +1,13 @@
 """Actions: interactions of one or two hands that do what a verb says, with the verb told."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from geneoh.bundle import Bundle
+from geneoh.geometry.mirror import mirror_axis_angle, mirror_points, mirror_rotations
 from geneoh.geometry.rotations import axis_angle_to_matrix
 
 NEAR = 0.02
@@ -76,3 +77,41 @@ class Actions(Bundle):
         moved = (self.points[:, None] - pivot) @ turn.mT + pivot
         moved = moved + torch.where(slides, along, 0.0)[:, :, None]
         return torch.where((self.part > 0)[:, None, :, None], moved, self.points[:, None])
+
+    def ended(self) -> "Actions":
+        """The same actions with every frame after the end a copy of the last one before it."""
+        frames = self.joint.shape[1]
+        at = torch.arange(frames).to(self.length).minimum(self.length[:, None] - 1)
+        rows = torch.arange(len(at), device=at.device)[:, None]
+        return replace(
+            self,
+            pose=self.pose.transpose(1, 2)[rows, at].transpose(1, 2),
+            wrist=self.wrist.transpose(1, 2)[rows, at].transpose(1, 2),
+            rotation=self.rotation[rows, at],
+            translation=self.translation[rows, at],
+            joint=self.joint[rows, at],
+        )
+
+    def mirrored(self, chosen: Bool[Tensor, " B"] | None = None) -> "Actions":
+        """The mirror images at x = 0, in which left hands are right ones, of the chosen actions."""
+        flip = torch.ones_like(self.slides) if chosen is None else chosen
+        axis = mirror_points(self.axis)
+        image = replace(
+            self,
+            hands=self.hands.flip(1),
+            pose=mirror_axis_angle(self.pose.flip(1)),
+            wrist=mirror_points(self.wrist.flip(1)),
+            rotation=mirror_rotations(self.rotation),
+            translation=mirror_points(self.translation),
+            points=mirror_points(self.points),
+            normals=mirror_points(self.normals),
+            # turning about an axis and its mirror image are opposite; sliding along them is not
+            axis=torch.where(self.slides[:, None], axis, -axis),
+            pivot=mirror_points(self.pivot),
+        )
+
+        def selected(own: Tensor, other: Tensor) -> Tensor:
+            return torch.where(flip.view(-1, *[1] * (own.ndim - 1)), other, own)
+
+        names = [each.name for each in fields(self)]
+        return Actions(**{n: selected(getattr(self, n), getattr(image, n)) for n in names})

@@ -58,12 +58,17 @@ def bimanual_objects(solids: Solids, count: int, config: BimanualConfig) -> Int[
     return solids.extents[:count].amax(-1).topk(int(config.share * count)).indices
 
 
-def grasp_directions(solids: Solids, shared: Int[Tensor, " C"]) -> Float[Tensor, "B 3"]:
+def grasp_directions(
+    solids: Solids, shared: Int[Tensor, " C"], standing: Bool[Tensor, " B"] | None = None
+) -> Float[Tensor, "B 3"]:
     """Direction from the object that each hand comes from, in the object's frame; zero for any.
 
-    First hands (`shared`) and second hands (the last C) come from the ends of the longest axis.
+    First hands (`shared`) and second hands (the last C) come from the ends of the longest axis,
+    which is not the z axis of objects that are `standing` on a table.
     """
     extents = solids.extents
+    if standing is not None:
+        extents = extents * torch.where(standing[:, None], 1 - torch.eye(3)[2], 1.0)
     longest = torch.nn.functional.one_hot(extents.argmax(-1), 3).to(extents)
     direction = torch.zeros_like(longest)
     direction[shared] = longest[shared]

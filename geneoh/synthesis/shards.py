@@ -1,12 +1,14 @@
 """Interactions on disk: seeded shards that can be made in any order and read one at a time."""
 
 import hashlib
+from collections.abc import Callable
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import torch
-from jaxtyping import Int
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from geneoh.bundle import concatenated
@@ -26,7 +28,7 @@ from geneoh.synthesis.bimanual import (
     grasp_directions,
     pair_hands,
 )
-from geneoh.synthesis.grasps import GraspConfig, shifted_grips, synthesize_grasps
+from geneoh.synthesis.grasps import GraspConfig, Grasps, shifted_grips, synthesize_grasps
 from geneoh.synthesis.motion import AnimationConfig, Interactions, animate
 from geneoh.synthesis.objects import FAMILIES, draw_objects, family_named
 from geneoh.synthesis.scans import FILE, Scans, read_scans
@@ -186,17 +188,7 @@ def interactions_of(
     tried: Attempts, config: SynthesisConfig, *, generator: torch.Generator
 ) -> Interactions:
     """Clips of the attempts whose grasp is kept."""
-    grasps = synthesize_grasps(
-        tried.solids,
-        tried.hands.offsets,
-        config.grasps,
-        generator=generator,
-        toward=grasp_directions(tried.solids, tried.shared),
-    )
-    skin = tried.hands.posed(grasps.pose, grasps.wrist).verts
-    deep = -tried.solids.signed_distance(skin).amin(-1)
-    checks = config.grasps.checks
-    grasps = replace(grasps, kept=grasps.kept & (deep < checks.depth + checks.skin))
+    grasps = tried_grasps(tried, config, grasp_directions(tried.solids, tried.shared), generator)
     kept, solids = grasps.take(grasps.kept, "B"), tried.solids.take(grasps.kept, "B")
     return animate(
         kept,
@@ -210,6 +202,21 @@ def interactions_of(
     )
 
 
+def tried_grasps(
+    tried: Attempts,
+    config: SynthesisConfig,
+    toward: Float[Tensor, "B 3"],
+    generator: torch.Generator,
+) -> Grasps:
+    """A grasp of every attempt; those in which the skin is too deep are not kept either."""
+    solids, offsets = tried.solids, tried.hands.offsets
+    grasps = synthesize_grasps(solids, offsets, config.grasps, generator=generator, toward=toward)
+    skin = tried.hands.posed(grasps.pose, grasps.wrist).verts
+    deep = -solids.signed_distance(skin).amin(-1)
+    checks = config.grasps.checks
+    return replace(grasps, kept=grasps.kept & (deep < checks.depth + checks.skin))
+
+
 def write_shards(
     folder: Path,
     config: SynthesisConfig,
@@ -219,11 +226,13 @@ def write_shards(
     scans: Scans | None = None,
     jobs: int = 1,
     on_shard: OnStep | None = None,
+    synthesize: Callable[..., Any] = synthesize_shard,
 ) -> int:
     """Make every shard (`val_00000.safetensors`, `train_00001.safetensors`) that is missing.
 
     Each is written whole or not at all, so that an interrupted run goes on with the next one.
     Several processes (`jobs`) write the same bytes as this one alone. Returns how many were made.
+    What is in them is what `synthesize` makes, with the arguments of `synthesize_shard`.
 
     Raises:
         InputError: the folder holds shards of another config or seed, or a broken one.
@@ -231,13 +240,13 @@ def write_shards(
     folder.mkdir(parents=True, exist_ok=True)
     record = ShardRecord(config, seed, "" if scans is None else scans.fingerprint)
     for path in sorted(folder.glob("*_*.safetensors")):
-        if differs := differences(shard_record(path), record):
+        if differs := differences(shard_record(path, config), record):
             raise InputError(
                 f"{path}: was made with {differs}; ask for the same or name another folder"
             )
     named = {i: folder / f"{config.split_of(i)}_{i:05d}.safetensors" for i in range(config.shards)}
     missing = [(index, path) for index, path in named.items() if not path.exists()]
-    make = partial(make_shard, record=record, hand=hand, scans=scans)
+    make = partial(make_shard, record=record, hand=hand, scans=scans, synthesize=synthesize)
     # Alone, this process makes use of all its threads; workers have one each.
     making = map(make, missing) if jobs == 1 else in_processes(missing, make, jobs, lost)
     for done, _ in enumerate(making, config.shards - len(missing) + 1):
@@ -247,12 +256,16 @@ def write_shards(
 
 
 def make_shard(
-    place: tuple[int, Path], record: ShardRecord, hand: HandModel, scans: Scans | None
+    place: tuple[int, Path],
+    record: ShardRecord,
+    hand: HandModel,
+    scans: Scans | None,
+    synthesize: Callable[..., Any],
 ) -> None:
     """Make the shard of a number and write it to its path."""
     index, path = place
     generator, names = shard_generator(record.seed, index), record.config.families_of(index, scans)
-    part = synthesize_shard(record.config, names, hand, generator=generator, scans=scans)
+    part = synthesize(record.config, names, hand, generator=generator, scans=scans)
     write_tensors(path, {f.name: getattr(part, f.name) for f in fields(part)}, as_dict(record))
 
 
@@ -267,7 +280,7 @@ def differences(found: ShardRecord, asked: ShardRecord) -> str:
     return setting_differences(was.pop("config") | was, wanted.pop("config") | wanted)
 
 
-def shard_record(path: Path) -> ShardRecord:
+def shard_record(path: Path, defaults: SynthesisConfig = SynthesisConfig()) -> ShardRecord:
     """What a shard was made with; a setting that it does not name has its default.
 
     Raises:
@@ -280,7 +293,7 @@ def shard_record(path: Path) -> ShardRecord:
     except (OSError, DamagedTensorsError) as error:
         raise _broken(path, error) from error
     try:
-        return ShardRecord(with_table(SynthesisConfig(), table, str(path)), seed, objects)
+        return ShardRecord(with_table(defaults, table, str(path)), seed, objects)
     except ConfigError as error:
         raise InputError(
             f"{path}: was made by another version of geneoh ({error}); make the data again"
@@ -294,7 +307,9 @@ def _broken(path: Path, error: Exception) -> InputError:
     )
 
 
-def find_shards(folder: Path, split: str) -> list[Path]:
+def find_shards(
+    folder: Path, split: str, defaults: SynthesisConfig = SynthesisConfig()
+) -> list[Path]:
     """The files of one split in the order of their numbers.
 
     Raises:
@@ -306,9 +321,9 @@ def find_shards(folder: Path, split: str) -> list[Path]:
             f"{folder}: expected {split}_*.safetensors, found none; "
             f"make some with `geneoh synthesize -o {folder}`"
         )
-    first = shard_record(paths[0])
+    first = shard_record(paths[0], defaults)
     for path in paths[1:]:
-        if differs := differences(shard_record(path), first):
+        if differs := differences(shard_record(path, defaults), first):
             raise InputError(
                 f"{path}: was made with {differs} as in {paths[0].name}; "
                 "keep the shards of one run in a folder"
@@ -337,12 +352,12 @@ def read_shard(path: Path) -> Interactions:
         raise _broken(path, error) from error
 
 
-def scans_of(path: Path) -> Scans | None:
+def scans_of(path: Path, defaults: SynthesisConfig = SynthesisConfig()) -> Scans | None:
     """The scanned objects of a shard, which are in a file beside it; None where it has none.
 
     `InputError` if that file is missing, broken or another one.
     """
-    if not (wanted := shard_record(path).objects):
+    if not (wanted := shard_record(path, defaults).objects):
         return None
     scans = read_scans(path.parent / FILE)
     if scans.fingerprint != wanted:

@@ -1,0 +1,398 @@
+"""From grasps to actions: one or two hands do with the object they hold what a verb says."""
+
+import math
+from dataclasses import dataclass, field
+
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from geneoh.bundle import Bundle
+from geneoh.geometry.mirror import mirror_axis_angle, mirror_points, mirror_rotations
+from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
+from geneoh.hand.skeleton import forward_kinematics
+from geneoh.synthesis.actions import LONGEST, VERBS, Actions
+from geneoh.synthesis.bimanual import HandPairs
+from geneoh.synthesis.draws import Draws
+from geneoh.synthesis.grasp_types import GRASP_TYPES
+from geneoh.synthesis.grasps import Grasps
+from geneoh.synthesis.hand_motion import (
+    HandMotionConfig,
+    HeldPose,
+    draw_phases,
+    finger_motion,
+    wrist_motion,
+)
+from geneoh.synthesis.object_motion import HeldPart, ObjectMotionConfig, Standing, held_part
+from geneoh.synthesis.schedule import Schedule
+from geneoh.synthesis.solids import Solids
+from geneoh.synthesis.verbs import Moves, VerbConfig, moves_of
+
+CONTAINERS = ("mug", "bottle", "bowl", "kettle", "wine_glass", "pan", "spray")
+CONTAINER_WORDS = ("mug", "cup", "can", "bottle", "bowl", "cleanser", "skillet")
+"""Words in the names of scanned objects that things are poured from."""
+LYING = ("hammer", "pen", "screwdriver", "capsule")
+"""Families along their z axis that lie on the table; the others stand with z up."""
+ANY_SIDE = ("box", "carton", "cylinder", "ellipsoid", "cluster", "ball")
+"""Families that stand on any side."""
+UPWARD = torch.cat([torch.eye(3), -torch.eye(3)])
+"""Axes of an object's frame that may point up."""
+_QUARTER = math.pi / 2
+UPRIGHT = axis_angle_to_matrix(
+    torch.tensor(
+        [
+            [0.0, -_QUARTER, 0.0],
+            [_QUARTER, 0.0, 0.0],
+            [0.0, 0.0, 0.0],
+            [0.0, _QUARTER, 0.0],
+            [-_QUARTER, 0.0, 0.0],
+            [math.pi, 0.0, 0.0],
+        ]
+    )
+)
+"""The rotation by which each of them does."""
+IMAGES = axis_angle_to_matrix(math.pi * torch.tensor([[0.0, 0, 0], [0, 0, 1], [0, 1, 0]]))
+"""Rotations by which the mirror at x = 0 becomes the one at x = 0, y = 0 and z = 0."""
+RARE = {"pour": 3.0}
+"""Weight of verbs that few objects allow, against 1 of the others that an object allows."""
+LASTING = 1000.0  # a time that lies outside of every action, frames
+
+
+@dataclass(frozen=True)
+class ActingConfig:
+    """How hands do what verbs say."""
+
+    verbs: VerbConfig = field(default_factory=VerbConfig)
+    hand: HandMotionConfig = field(
+        default_factory=lambda: HandMotionConfig(
+            reach_frames=(14.0, 22.0),
+            opening_frames=(8.0, 14.0),
+            wrist_delay=0.05,
+            lift_share=0.0,
+            repeat_share=0.0,
+            tremor=0.002,
+            open_tremor=0.01,
+            shift_noise=0.0005,
+            turn_noise=0.004,
+        )
+    )
+    reach: tuple[float, float] = (25.0, 31.0)  # range of the frames until the hand has closed
+    leave: float = 26.0  # frames after the release
+    grip: float = 4.0  # frames from the closed hand to the first move, and from the last to release
+    held: tuple[float, float] = (8.0, 24.0)  # range of frames in which a lifted object is held up
+    image_share: float = 1.0
+    """Of the hands that are alone on an object with a plane of symmetry, the share whose mirror
+    image is the other hand."""
+    symmetric: float = 0.003  # largest distance of the mirrored surface from the surface, metres
+    gap: float = 0.03  # least distance between keypoints of a hand and its image, metres
+    offset: float = 3.0  # range of the frames between two hands that grasp together
+    under_table: float = 0.012
+    """How deep keypoints may be under the table in the grasp, metres: fingers reach under edges."""
+    under_table_both: float = 0.035  # the same for two hands on one object
+    parts: ObjectMotionConfig = field(
+        default_factory=lambda: ObjectMotionConfig(touch=0.013, skin=0.006)
+    )
+    """Which part of an object counts as held, and how near the other part may come to the hand."""
+    joint_travel: float = 0.03
+    """Least travel of a joint that is opened or closed, radians or metres."""
+    left: float = 0.45  # share of the one-handed actions of the left hand
+    both: float = 0.7
+    """Of the pairs of hands on one object, the share that moves it together; others pass it."""
+
+
+@dataclass(frozen=True)
+class Cast(Bundle):
+    """N actions among H hands: who holds what, and how it stands."""
+
+    first: Int[Tensor, " N"]  # the hand that holds the object, as a right hand
+    second: Int[Tensor, " N"]  # the other hand, right on the mirrored object; -1 for none
+    image: Float[Tensor, "N 3 3"]
+    """Rotation of the mirror image of that hand: by it a mirror at x = 0 becomes another one."""
+    standing: Float[Tensor, "N 3 3"]  # rotation from the object's own frame to the upright one
+    possible: Bool[Tensor, "N V"]  # which verbs it can do
+
+    @property
+    def paired(self) -> Bool[Tensor, " N"]:
+        """Whether there are two hands."""
+        return self.second >= 0
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Times of N actions, in frames from their start; columns are of the first and second hand."""
+
+    close: Float[Tensor, "N 2"]  # the hand has closed
+    release: Float[Tensor, "N 2"]  # it starts to open
+    start: Float[Tensor, " N"]  # the first move begins
+    length: Float[Tensor, " N"]
+
+    def schedule(self, hand: int) -> Schedule:
+        """The events of one of the hands."""
+        never = torch.zeros(len(self.start), dtype=torch.bool)
+        close, release = self.close[:, hand], self.release[:, hand]
+        return Schedule(LONGEST, close, release, close, release, release, never, 1.0)
+
+
+@dataclass(frozen=True)
+class HandPath:
+    """N right hands over T frames, in the frame of the object that they hold."""
+
+    wrist: Float[Tensor, "N T 3"]
+    turn: Float[Tensor, "N T 3 3"]
+    fingers: Float[Tensor, "N T 15 3"]
+
+    def mirrored(self) -> "HandPath":
+        """The left hands on the mirror images."""
+        turn, fingers = mirror_rotations(self.turn), mirror_axis_angle(self.fingers)
+        return HandPath(mirror_points(self.wrist), turn, fingers)
+
+    def moved(
+        self, rotation: Float[Tensor, "N T 3 3"], shift: Float[Tensor, "N T 3"]
+    ) -> "HandPath":
+        """The same hands in another frame."""
+        wrist = (rotation @ self.wrist[..., None])[..., 0] + shift
+        return HandPath(wrist, rotation @ self.turn, self.fingers)
+
+    @property
+    def pose(self) -> Float[Tensor, "N T 16 3"]:
+        """Axis-angles of all joints."""
+        return torch.cat([matrix_to_axis_angle(self.turn)[:, :, None], self.fingers], 2)
+
+
+def act(
+    grasps: Grasps,
+    solids: Solids,
+    families: list[str],
+    numbers: dict[str, int],
+    points: int,
+    config: ActingConfig | None = None,
+    *,
+    generator: torch.Generator,
+    pairs: HandPairs | None = None,
+) -> Actions:
+    """An action for every grasp, or pair of grasps, that is possible on a table.
+
+    `families` names the family or scan of each grasp's object; `numbers` is what it is called in
+    the result.
+    """
+    config = config or ActingConfig()
+    pairs = pairs or HandPairs.none(len(grasps.pose))
+    surface, normals = solids.surface_points(points, generator=generator)
+    joints = forward_kinematics(axis_angle_to_matrix(grasps.pose), grasps.wrist, grasps.offsets)[0]
+    held = held_part(solids, joints, config.parts)
+    cast = draw_cast(grasps, joints, surface, families, pairs, held, solids, config, generator)
+    first, draws = cast.first, Draws(len(cast.first), generator)
+    weight = cast.possible * torch.tensor([RARE.get(name, 1.0) for name in VERBS])
+    verb = torch.multinomial(weight, 1, generator=generator)[:, 0]
+
+    stood = surface[first] @ cast.standing.mT
+    ground = torch.cat([stood[..., :2].mean(1), stood[..., 2].amin(1, keepdim=True)], -1)
+    stood, solids = stood - ground[:, None], solids.take(first, "B")
+    middle = stood.mean(1) * torch.eye(3)[2]
+    radius = (stood - middle[:, None]).norm(dim=-1).amax(1)
+    moves, timing = draw_timing(verb, cast.paired, radius, config, draws)
+    shift, turn, opened = moves.path(timing.start, LONGEST).split([3, 3, 1], -1)
+    rotation = axis_angle_to_matrix(turn)
+    translation = shift + middle[:, None] - (rotation @ middle[:, None, :, None])[..., 0]
+    works = (verb == VERBS.index("open")) | (verb == VERBS.index("close"))
+    travel = held.travel[first] * works[:, None]
+    joint = torch.lerp(travel[:, :1], travel[:, 1:], opened[..., 0])
+
+    right = hand_path(grasps.take(first, "B"), cast.standing, timing.schedule(0), config, draws)
+    bent, along = solids.joint_pose(joint * (held.index[first] == 1)[:, None])
+    right = right.moved(bent, along)
+    other = grasps.take(cast.second.clamp(min=0), "B")
+    upright = mirror_rotations(cast.standing @ cast.image)
+    left = hand_path(other, upright, timing.schedule(1), config, draws).mirrored()
+    left = left.moved(cast.image[:, None], torch.zeros_like(translation))
+    down = -ground[:, None].expand_as(translation)
+    hands = [
+        hand.moved(cast.standing[:, None], down).moved(rotation, translation)
+        for hand in (left, right)
+    ]
+    present = torch.stack([cast.paired, torch.ones_like(works)], 1)
+    jointed = solids.jointed
+    actions = Actions(
+        verb=verb,
+        name=torch.tensor([numbers[families[i]] for i in first.tolist()], dtype=torch.long),
+        hands=present,
+        length=timing.length.round().long().clamp(max=LONGEST),
+        pose=torch.stack([hand.pose for hand in hands], 1) * present[:, :, None, None, None],
+        wrist=torch.stack([hand.wrist for hand in hands], 1) * present[:, :, None, None],
+        rotation=rotation,
+        translation=translation,
+        joint=joint,
+        points=stood,
+        normals=normals[first] @ cast.standing.mT,
+        part=solids.nearest_part(surface[first]) * jointed[:, None],
+        axis=(cast.standing @ solids.axis[..., None])[..., 0] * jointed[:, None],
+        pivot=((cast.standing @ solids.pivot[..., None])[..., 0] - ground) * jointed[:, None],
+        slides=solids.slides,
+    ).ended()
+    return actions.mirrored(draws.chance(config.left))
+
+
+def draw_cast(
+    grasps: Grasps,
+    joints: Float[Tensor, "H 21 3"],
+    surface: Float[Tensor, "H P 3"],
+    families: list[str],
+    pairs: HandPairs,
+    held: HeldPart,
+    solids: Solids,
+    config: ActingConfig,
+    generator: torch.Generator,
+) -> Cast:
+    """Who acts: hands whose object can stand on a table with them above it, and do something."""
+    first, second, image = _partners(joints, surface, pairs, solids, config, generator)
+    mirrored = mirror_points(joints[second]) @ image.mT
+    other = torch.where((second >= 0)[:, None, None], mirrored, joints[first])
+    keypoints = torch.cat([joints[first], other], 1)
+    room = (keypoints @ UPWARD.mT).amin(1) - (surface[first] @ UPWARD.mT).amin(1)
+    under = torch.where(second >= 0, config.under_table_both, config.under_table)
+    stands = torch.stack([_may_stand(families[i]) for i in first.tolist()])
+    stands = stands & (room > -under[:, None])
+    draws = Draws(len(first), generator)
+    side = torch.where(stands, draws.share(len(UPWARD)), -1.0).argmax(1)
+    around = axis_angle_to_matrix(2 * math.pi * draws.share(1) * torch.eye(3)[2])
+    possible = _possible(first, second >= 0, grasps, held, families, config, draws)
+    cast = Cast(first, second, image, around @ UPRIGHT[side], possible)
+    return cast.take(stands.any(1) & possible.any(1), "N")
+
+
+def _partners(
+    joints: Float[Tensor, "H 21 3"],
+    surface: Float[Tensor, "H P 3"],
+    pairs: HandPairs,
+    solids: Solids,
+    config: ActingConfig,
+    generator: torch.Generator,
+) -> tuple[Int[Tensor, " N"], Int[Tensor, " N"], Float[Tensor, "N 3 3"]]:
+    """First hands, second hands (-1 for none), and the rotation of the second ones' images.
+
+    A second hand is one that was found for the object or, on a symmetric object, the mirror image
+    of the first one.
+    """
+    first = torch.nonzero(~pairs.second)[:, 0]
+    second = torch.full((len(joints),), -1)
+    second[pairs.first[pairs.second]] = torch.nonzero(pairs.second)[:, 0]
+    second, choice = second[first], torch.zeros_like(first)
+    draws = Draws(len(first), generator)
+    wanted = draws.chance(config.image_share) & (second < 0)
+    objects, hand = solids.take(first, "B"), joints[first]
+    for index, turn in enumerate(IMAGES):
+        image = mirror_points(surface[first][:, ::8]) @ turn.mT
+        alike = objects.signed_distance(image).abs().amax(1) < config.symmetric
+        gap = torch.cdist(hand, mirror_points(hand) @ turn.mT).amin((1, 2))
+        found = wanted & alike & (gap > config.gap)
+        second, choice = torch.where(found, first, second), torch.where(found, index, choice)
+        wanted = wanted & ~found
+    return first, second, IMAGES[choice]
+
+
+def stands_upright(family: str) -> bool:
+    """Whether objects of this family or scan stand with the z axis of their frame up."""
+    return family not in ANY_SIDE and family not in LYING
+
+
+def _may_stand(family: str) -> Bool[Tensor, " 6"]:
+    """Which axes of an object's frame may point up when it stands on a table, as in `UPWARD`."""
+    upright = torch.tensor([False, False, True, False, False, False])
+    if family in ANY_SIDE:
+        return torch.ones_like(upright)
+    return UPWARD[:, 2] == 0 if family in LYING else upright
+
+
+def _possible(
+    first: Int[Tensor, " N"],
+    paired: Bool[Tensor, " N"],
+    grasps: Grasps,
+    held: HeldPart,
+    families: list[str],
+    config: ActingConfig,
+    draws: Draws,
+) -> Bool[Tensor, "N V"]:
+    """Which verbs each first hand can do with its object, a second hand helping where there is one.
+
+    A flat hand on top presses; a hand on the part that a joint moves opens and closes it; what two
+    hands hold is passed or moved by both.
+    """
+    flat = grasps.types[first] == [each.name for each in GRASP_TYPES].index("support")
+    travel = (held.travel[first, 1] - held.travel[first, 0]).abs()
+    opens = (held.index[first] == 1) & (travel > config.joint_travel) & ~paired
+    holds = torch.tensor([is_container(families[i]) for i in first.tolist()])
+    together = draws.chance(config.both)
+    moves = ~flat & ~opens & (~paired | together)
+    able = {"press": flat & ~paired, "open": opens, "close": opens}
+    able |= {"pour": moves & holds, "pass": paired & ~together & ~flat}
+    return torch.stack([able.get(verb, moves) for verb in VERBS], 1)
+
+
+def is_container(family: str) -> bool:
+    """Whether something may be poured from an object of this family or scan."""
+    words = family.replace("_", " ").split()
+    return family in CONTAINERS or any(word.rstrip("s") in CONTAINER_WORDS for word in words)
+
+
+def draw_timing(
+    verb: Int[Tensor, " N"],
+    paired: Bool[Tensor, " N"],
+    radius: Float[Tensor, " N"],
+    config: ActingConfig,
+    draws: Draws,
+) -> tuple[Moves, Timing]:
+    """The moves of the objects and the times of the hands; long actions are made quicker."""
+    moves = moves_of(verb, radius, config.verbs, draws)
+    close = draws.uniform(config.reach, 1) + config.offset * draws.share(2)
+    close = torch.where((verb == VERBS.index("put down"))[:, None], -LASTING, close)
+    held = draws.uniform(config.held)
+    timing = _timing(verb, paired, moves, close, held, config)
+    too_long = (timing.length - LONGEST).clamp(min=0)
+    factor = 1 - too_long / moves.duration.clamp(min=1)
+    moves = moves.quicker(factor)
+    return moves, _timing(verb, paired, moves, close, held, config)
+
+
+def _timing(
+    verb: Int[Tensor, " N"],
+    paired: Bool[Tensor, " N"],
+    moves: Moves,
+    close: Float[Tensor, "N 2"],
+    held: Float[Tensor, " N"],
+    config: ActingConfig,
+) -> Timing:
+    """When hands close and open around the moves."""
+    passed, lifted = (verb == VERBS.index(name) for name in ("pass", "lift"))
+    last = torch.where(paired & ~passed, close.amax(1), close[:, 0])
+    start = last.clamp(min=0) + config.grip
+    end = start + moves.duration
+    meet = start + moves.frames[:, 1]  # the object has come to where it is passed
+    close = torch.where(
+        passed[:, None], torch.stack([close[:, 0], meet + 0.3 * moves.rest[:, 2]], 1), close
+    )
+    let_go = torch.where(passed, meet + 0.7 * moves.rest[:, 2], end + config.grip)
+    release = torch.stack([let_go, end + config.grip], 1)
+    release = torch.where(lifted[:, None], LASTING, release)
+    length = torch.where(lifted, end + held, end + config.grip + config.leave)
+    return Timing(close, release, start, length)
+
+
+def hand_path(
+    grasps: Grasps,
+    standing: Float[Tensor, "N 3 3"],
+    schedule: Schedule,
+    config: ActingConfig,
+    draws: Draws,
+) -> HandPath:
+    """Hands that come, hold their grasp and leave, in the frame of their object."""
+    shape = (len(standing), schedule.frames)
+    turn = axis_angle_to_matrix(grasps.pose[:, 0])
+    held = HeldPose(
+        grasps.wrist[:, None].expand(*shape, 3),
+        turn[:, None].expand(*shape, 3, 3),
+        grasps.pose[:, None, 1:].expand(*shape, 15, 3),
+    )
+    phases = draw_phases(schedule, config.hand, draws)
+    upright = Standing(standing, torch.ones(len(standing), dtype=torch.bool))
+    wrist, turn = wrist_motion(held, upright, phases, config.hand, draws)
+    return HandPath(wrist, turn, finger_motion(held, phases, config.hand, draws))

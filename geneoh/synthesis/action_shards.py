@@ -1,0 +1,112 @@
+"""Actions on disk, in the shards of `geneoh.synthesis.shards`."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import torch
+
+from geneoh.bundle import concatenated
+from geneoh.errors import InputError
+from geneoh.files.tensors import DamagedTensorsError, all_tensors, opened_tensors
+from geneoh.hand.model import HandModel
+from geneoh.synthesis.acting import ActingConfig, act, stands_upright
+from geneoh.synthesis.actions import LONGEST, Actions
+from geneoh.synthesis.bimanual import BimanualConfig, grasp_directions, pair_hands
+from geneoh.synthesis.objects import FAMILIES
+from geneoh.synthesis.scans import Scans
+from geneoh.synthesis.shards import (
+    SynthesisConfig,
+    draw_attempts,
+    find_shards,
+    scans_of,
+    tried_grasps,
+)
+
+
+@dataclass(frozen=True)
+class ActionSynthesisConfig(SynthesisConfig):
+    """What a data set of actions is made of: hands of the mean shape on more surface points."""
+
+    count: int = 8192
+    frames: int = LONGEST
+    points: int = 1024
+    shard: int = 128
+    shape_std: float = 0.0
+    bone_std: float = 0.0
+    bimanual: BimanualConfig = field(
+        default_factory=lambda: BimanualConfig(share=0.2, bone_std=0.0)
+    )
+    acting: ActingConfig = field(default_factory=ActingConfig)
+    favoured: int = 5
+    """How often objects with a joint, and large ones, are tried, against once for the others: few
+    of their grasps are of the part that moves, or leave room for a second hand."""
+
+
+DEFAULTS = ActionSynthesisConfig()
+JOINTED = ("bottle", "scissors", "pliers", "laptop", "chest", "drawer")
+"""Families whose objects have a part on a joint."""
+LARGE = ("carton", "board", "pan", "bowl", "plate", "box")
+"""Families with room for two hands on a table."""
+
+
+def names_of(scans: Scans | None) -> list[str]:
+    """All families and scanned objects; `Actions.name` is an index into them."""
+    return [*FAMILIES, *(() if scans is None else scans.names)]
+
+
+def synthesize_actions(
+    config: ActionSynthesisConfig,
+    families: list[str],
+    hand: HandModel,
+    *,
+    generator: torch.Generator,
+    scans: Scans | None = None,
+) -> Actions:
+    """Actions with objects of the given families, `config.shard` of them."""
+    numbers = {name: index for index, name in enumerate(names_of(scans))}
+    drawn = families + [n for n in families if n in JOINTED + LARGE] * (config.favoured - 1)
+    kept: list[Actions] = []
+    while (missing := config.shard - sum(len(part.verb) for part in kept)) > 0:
+        tried = draw_attempts(config, drawn, hand, missing, generator=generator, scans=scans)
+        standing = torch.tensor([stands_upright(name) for name in tried.families])
+        toward = grasp_directions(tried.solids, tried.shared, standing)
+        grasps = tried_grasps(tried, config, toward, generator)
+        pairs = pair_hands(grasps, tried.shared, config.bimanual)
+        which = torch.nonzero(grasps.kept)[:, 0]
+        kept.append(
+            act(
+                grasps.take(which, "B"),
+                tried.solids.take(which, "B"),
+                [tried.families[i] for i in which.tolist()],
+                numbers,
+                config.points,
+                config.acting,
+                generator=generator,
+                pairs=pairs,
+            )
+        )
+    return concatenated(kept, "B").take(slice(config.shard), "B")
+
+
+def action_shards(folder: Path, split: str) -> Iterator[Actions]:
+    """The shards of one split ("train" or "val"), one after the other.
+
+    Raises:
+        InputError: the folder holds none, or files that are no whole shards of actions.
+    """
+    for path in find_shards(folder, split, DEFAULTS):
+        try:
+            with opened_tensors(path) as (shard, _):
+                yield Actions(**all_tensors(shard))
+        except (OSError, TypeError, DamagedTensorsError) as error:
+            raise InputError(
+                f"{path}: expected a whole shard of actions, got {error}; delete it and run "
+                "`geneoh synthesize --actions` again, which makes what is missing"
+            ) from error
+
+
+def read_actions(folder: Path, split: str) -> tuple[Actions, list[str]]:
+    """All actions of one split and the names of objects; raises as `action_shards`."""
+    names = names_of(scans_of(find_shards(folder, split, DEFAULTS)[0], DEFAULTS))
+    return concatenated(action_shards(folder, split), "B"), names
