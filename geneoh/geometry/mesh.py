@@ -18,7 +18,7 @@ from torch import Tensor
 from geneoh.bundle import Bundle, conform
 from geneoh.choices import Unit
 from geneoh.config import checked_call
-from geneoh.errors import InputError
+from geneoh.errors import InputError, shortened
 from geneoh.geometry.mirror import mirror_faces, mirror_points
 
 if TYPE_CHECKING:
@@ -155,7 +155,7 @@ def by_trimesh(path: Path) -> Mesh:
         joined = from_trimesh(scene.to_mesh())
         mesh = replace(joined, source=path, parts=scene_parts(scene, path))
     except Exception as error:  # trimesh's readers raise whatever a broken file makes them raise
-        reason = " ".join(str(error).split())
+        reason = shortened(" ".join(str(error).split()), 200)
         raise InputError(
             f"{path}: cannot be read as {path.suffix[1:].upper()} "
             f"({type(error).__name__}: {reason}); open it in a mesh editor and save it again"

@@ -1,7 +1,7 @@
 """Interactions on disk: seeded shards that can be made in any order and read one at a time."""
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from pathlib import Path
@@ -21,6 +21,7 @@ from geneoh.files.tensors import (
     write_tensors,
 )
 from geneoh.hand.model import HandModel, ShapedHand
+from geneoh.hand.skeleton import LARGEST_HAND
 from geneoh.progress import OnStep
 from geneoh.synthesis.bimanual import (
     BimanualConfig,
@@ -342,6 +343,7 @@ def read_shard(path: Path) -> Interactions:
             for name, tensor in found.items():
                 if tensor.is_floating_point() and not bool((tensor.abs() <= LARGEST).all()):
                     raise ValueError(f"numbers beyond {LARGEST:g} in '{name}'")  # or NaN
+            _check_hands_and_motion(found)
             parts = found["rotation"].shape[2]
             if not bool(((found["part"] >= 0) & (found["part"] < parts)).all()):
                 raise ValueError(f"surface points of other parts than the {parts} that move")
@@ -350,6 +352,15 @@ def read_shard(path: Path) -> Interactions:
             return Interactions(**found)
     except (OSError, DamagedTensorsError) as error:
         raise _broken(path, error) from error
+
+
+def _check_hands_and_motion(found: Mapping[str, Tensor]) -> None:
+    """Refuse bones and rotations of impossible lengths, which damage makes of them."""
+    axes, bones = found["rotation"].norm(dim=-1), found["offsets"].norm(dim=-1)
+    if not bool(((axes - 1).abs() < 1e-2).all()):
+        raise ValueError("rotations whose rows are not of length 1")
+    if not bool(((bones > 1e-4) & (bones < LARGEST_HAND)).all()):
+        raise ValueError(f"bones of {float(bones.min()):.3g} to {float(bones.max()):.3g} metres")
 
 
 def scans_of(path: Path, defaults: SynthesisConfig = SynthesisConfig()) -> Scans | None:

@@ -194,6 +194,13 @@ def test_a_shard_with_numbers_that_no_hand_has_is_told_with_the_cure(tmp_path, h
         read_shards(tmp_path, "val")
 
 
+@pytest.mark.parametrize(("name", "at"), [("offsets", (1, 4)), ("rotation", (0, 3, 0))])
+def test_a_shard_without_bones_or_with_rotations_that_are_none_is_told(tmp_path, hand, name, at):
+    damaged_shard(tmp_path, hand, name, at, 0.0)
+    with pytest.raises(InputError, match=r"got (bones of 0|rotations whose rows)"):
+        read_shards(tmp_path, "val")
+
+
 @pytest.mark.parametrize("part", [-1, 2, 2**40])
 def test_a_shard_with_points_of_parts_that_are_not_there_is_told(tmp_path, hand, part):
     damaged_shard(tmp_path, hand, "part", (0, 0), part)
