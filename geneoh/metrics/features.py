@@ -1,0 +1,83 @@
+"""Scores of sets of feature vectors, by which generated clips are compared with real ones.
+
+Features are what a classifier of actions makes of clips, N vectors of D numbers, and labels are its
+classes. All sums are of double precision.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+PAIRS = 200  # random pairs of the diversity (MDM, Tevet et al. 2023)
+LABEL_PAIRS = 20  # random pairs of each label of the multimodality (Action2Motion, Guo et al. 2020)
+NORMAL_95 = 1.96  # standard errors to either side of a mean that hold it in 95% of cases
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A mean over repetitions with its 95% interval, mean ± half."""
+
+    mean: float
+    half: float
+
+
+def interval(values: Float[Tensor, " R"]) -> Interval:
+    """Mean over R repetitions, and 1.96 standard errors; NaN of fewer than two."""
+    half = NORMAL_95 * values.double().std() / len(values) ** 0.5 if len(values) > 1 else torch.nan
+    return Interval(float(values.double().mean()), float(half))
+
+
+def frechet_distance(real: Float[Tensor, "N D"], made: Float[Tensor, "M D"]) -> float:
+    """Fréchet distance of the normal distributions of two sets: zero for equal ones.
+
+    The squared difference of their means plus tr(A + B - 2 (AB)^½) of their covariances. Small sets
+    make it larger; compare it with that of two sets of real clips of the same sizes.
+
+    Source: Heusel et al., GANs Trained by a Two Time-Scale Update Rule, 2017, equation (6).
+    """
+    if min(len(real), len(made)) < 2:
+        return float("nan")
+    a, b = (x.double().T.cov().reshape(x.shape[1], x.shape[1]) for x in (real, made))
+    values, axes = torch.linalg.eigh(a)
+    root = axes * values.clamp(min=0).sqrt() @ axes.T
+    # (AB)^½ and (A^½ B A^½)^½ have the same trace, and the second is symmetric
+    shared = torch.linalg.eigvalsh(root @ b @ root).clamp(min=0).sqrt().sum()
+    apart = (real.double().mean(0) - made.double().mean(0)).square().sum()
+    return float((apart + a.trace() + b.trace() - 2 * shared).clamp(min=0))
+
+
+def diversity(
+    features: Float[Tensor, "N D"], *, generator: torch.Generator, pairs: int = PAIRS
+) -> float:
+    """Mean distance of random pairs of two different clips; NaN of fewer than two clips."""
+    count = len(features)
+    if count < 2:
+        return float("nan")
+    first = torch.randint(count, (pairs,), generator=generator)
+    second = first + torch.randint(1, count, (pairs,), generator=generator)
+    one, other = (features[at.to(features.device) % count] for at in (first, second))
+    return float((one - other).double().norm(dim=-1).mean())
+
+
+def multimodality(
+    features: Float[Tensor, "N D"],
+    labels: Int[Tensor, " N"],
+    *,
+    generator: torch.Generator,
+    pairs: int = LABEL_PAIRS,
+) -> float:
+    """Mean over labels of the mean distance of random pairs with the label.
+
+    Labels of a single clip do not count; NaN where there is no other.
+    """
+    groups = [features[labels == label] for label in labels.unique()]
+    found = [diversity(each, generator=generator, pairs=pairs) for each in groups if len(each) > 1]
+    return float(torch.tensor(found, dtype=torch.float64).mean())
+
+
+def top_accuracy(scores: Float[Tensor, "N C"], labels: Int[Tensor, " N"], count: int) -> float:
+    """Share of the clips whose label is among the `count` classes of the highest scores."""
+    best = scores.topk(min(count, scores.shape[1]), dim=-1).indices
+    return float((best == labels[:, None]).any(-1).double().mean())
