@@ -18,14 +18,13 @@ Points and skin are in the world frame, whose z axis points up, in metres.
 
 from dataclasses import dataclass
 
-import numpy as np
 import torch
 from jaxtyping import Bool, Float, Int
-from scipy.spatial import KDTree
 from torch import Tensor
 
 from geneoh.bundle import Bundle
 from geneoh.geometry.forces import EDGES, friction_cones, wrench_left
+from geneoh.geometry.oriented_points import signed_to_points
 from geneoh.metrics.contact import MOVING, TOUCH
 
 GRAVITY = 9.81  # m/s²
@@ -36,7 +35,6 @@ NEAR = 0.02  # distance of a keypoint from the object within which a hand is at 
 SPAN = 2  # frames to either side of which an acceleration is made: neighbours alone show noise
 SPREAD = 32  # most contacts of a frame that forces act through, spread over all of them
 STEPS = 200  # of the search for forces
-FAR = 1e3  # coordinate of the skin of absent hands, metres
 
 
 @dataclass(frozen=True)
@@ -142,20 +140,12 @@ def wanted_wrench(
 def touched_points(
     skin: Float[Tensor, "N V 3"], points: Float[Tensor, "N P 3"], normals: Float[Tensor, "N P 3"]
 ) -> Bool[Tensor, "N P"]:
-    """Which surface points are touched: nearest to a vertex that is inside or at most 5 mm off.
-
-    Found on the CPU, by a tree of each frame's points.
-    """
-    touched = torch.zeros(points.shape[:2], dtype=torch.bool)
-    # a tree refuses NaN
-    there = skin.nan_to_num(nan=FAR).numpy(force=True)
-    for frame, tree in enumerate(map(KDTree, points.numpy(force=True))):
-        apart, nearest = tree.query(there[frame], distance_upper_bound=ASIDE)
-        near = np.flatnonzero(np.isfinite(apart))
-        at = torch.from_numpy(nearest[near])
-        off = skin[frame, torch.from_numpy(near)] - points[frame, at]
-        touched[frame, at[(off * normals[frame, at]).sum(-1).cpu() <= TOUCH]] = True
-    return touched.to(points.device)
+    """Which surface points are touched: nearest to a vertex that is inside or at most 5 mm off."""
+    distance, index = signed_to_points(skin, points, normals, within=ASIDE)
+    frame, vertex = torch.nonzero(distance <= TOUCH, as_tuple=True)
+    touched = torch.zeros_like(points[..., 0], dtype=torch.bool)
+    touched[frame, index[frame, vertex]] = True
+    return touched
 
 
 def _cones(

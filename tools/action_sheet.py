@@ -1,0 +1,166 @@
+"""A contact sheet of made actions: six frames of one clip per verb, seen from one place.
+
+python -m tools.action_sheet DATA OUT.png [--split val] [--clip N]
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.choices import SIDES
+from geneoh.evaluation.generation.posed import (
+    PosedActions,
+    joint_pose,
+    mean_hands,
+    posed_actions,
+)
+from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.oriented_points import signed_to_points
+from geneoh.metrics.report import measure_frames
+from geneoh.sequence.sequence import ObjectTrack
+from geneoh.synthesis.actions import FPS, VERBS, Actions
+from geneoh.viz.camera import Camera, axes_towards
+from geneoh.viz.canvas import CAPTION_HEIGHT, FAINT, Canvas, png_bytes
+from geneoh.viz.picture import Picture
+from geneoh.viz.scene import PosedTrack, Scene, Version
+
+FRAMES = 6  # of a clip, the first and the last among them
+CELL = 230  # side of one picture, pixels
+WORDS = 130  # width of the words before the pictures, pixels
+ELEVATION = 0.45  # of the camera above the table, radians
+SPACING, WIDTH, LINES = 0.05, 0.0015, 8
+"""Of the lines on the table: between two, their width, metres; how many to either side."""
+WITHIN = 0.03  # distance from the object beyond which it is not measured, metres
+CORNERS = 6  # of the plate that is drawn at each point of a surface
+
+
+def contact_sheet(actions: Actions, names: list[str]) -> Picture:
+    """A row of frames for each action, with its verb, its object and its hands before them."""
+    row = CELL + CAPTION_HEIGHT
+    canvas = Canvas(WORDS + CELL * FRAMES, row * len(actions.verb))
+    for index in range(len(actions.verb)):
+        clip = actions.take(slice(index, index + 1), "B")
+        hands = [side for side, there in zip(SIDES, clip.hands[0], strict=True) if there]
+        name = names[int(clip.name)].replace("_", " ")
+        words = (VERBS[int(clip.verb)], name, " and ".join(hands), f"{int(clip.length)} frames")
+        for line, text in enumerate(words):
+            colour = {} if line == 0 else {"colour": FAINT}
+            canvas.write(
+                text[:20], 8, index * row + 20 + 22 * line, size=15 - 2 * (line > 0), **colour
+            )
+        scene, camera = action_scene(clip), fixed_camera(clip)
+        for column in range(FRAMES):
+            frame = round(column * (int(clip.length) - 1) / (FRAMES - 1))
+            corner = (WORDS + CELL * column, index * row)
+            canvas.paste_versions(scene, frame, camera, [corner], "penetration", CELL)
+    return canvas.picture()
+
+
+def action_scene(clip: Actions) -> Scene:
+    """One action on a table with lines; its object is drawn as a plate at each of its points."""
+    posed = posed_actions(clip)
+    turn, shift = joint_pose(clip)
+    rotation = torch.stack(
+        [clip.rotation[0], clip.rotation[0] @ turn[0], torch.eye(3).expand_as(turn[0])], 1
+    )
+    moved = (clip.rotation[0] @ shift[0, ..., None])[..., 0] + clip.translation[0]
+    translation = torch.stack([clip.translation[0], moved, torch.zeros_like(moved)], 1)
+    parts = [clip.part[0] == part for part in range(2)]
+    meshes = [plates(clip.points[0, part], clip.normals[0, part]) for part in parts]
+    there = [index for index, part in enumerate(parts) if part.any()] + [2]
+    meshes = (*(meshes[index] for index in there[:-1]), table())
+    track = ObjectTrack(meshes, rotation[:, there], translation[:, there])
+    hands = tuple(posed_track(clip, posed, side) for side in range(2) if clip.hands[0, side])
+    return Scene("", (Version("", hands),), track, FPS, {})
+
+
+def posed_track(clip: Actions, posed: PosedActions, side: int) -> PosedTrack:
+    """One hand with its distance to the points of the object."""
+    skin, joints, surface = posed.skin[0, side], posed.joints[0, side], posed.surface
+    distance, _ = signed_to_points(skin, surface.points[0], surface.normals[0], within=WITHIN)
+    distance = distance.clamp(max=WITHIN)
+    measures = measure_frames(
+        distance, skin, joints, FPS, torch.ones_like(skin[:, 0, 0], dtype=torch.bool)
+    )
+    model = mean_hands()[side].model
+    pose, wrist = clip.pose[0, side], clip.wrist[0, side]
+    return PosedTrack(
+        SIDES[side], model, pose, wrist, torch.zeros(10), skin, joints, distance, measures
+    )
+
+
+def plates(points: Float[Tensor, "P 3"], normals: Float[Tensor, "P 3"]) -> Mesh:
+    """A surface of small plates, one at each point, as large as the points are apart."""
+    if len(points) < 2:
+        return Mesh(points, torch.zeros(0, 3, dtype=torch.long))
+    nearest = torch.cdist(points, points).topk(min(5, len(points)), largest=False).values[:, -1]
+    least = torch.nn.functional.one_hot(normals.abs().argmin(-1), 3).to(normals)
+    aside = torch.nn.functional.normalize(torch.linalg.cross(normals, least), dim=-1)
+    across = torch.linalg.cross(normals, aside)
+    angle = 2 * torch.pi * torch.arange(CORNERS) / CORNERS
+    rim = aside[:, None] * angle.cos()[:, None] + across[:, None] * angle.sin()[:, None]
+    verts = points[:, None] + nearest[:, None, None] * rim
+    fan = torch.tensor([[0, k, k + 1] for k in range(1, CORNERS - 1)])
+    faces = fan + CORNERS * torch.arange(len(points))[:, None, None]
+    return Mesh(verts.flatten(0, 1), faces.flatten(0, 1))
+
+
+def table() -> Mesh:
+    """Lines in both directions at z = 0."""
+    reach = LINES * SPACING
+    corners = torch.tensor([[-reach, -WIDTH], [reach, -WIDTH], [reach, WIDTH], [-reach, WIDTH]])
+    aside = SPACING * torch.arange(-LINES, LINES + 1)[:, None, None] * torch.tensor([0.0, 1.0])
+    along = corners + aside
+    verts = torch.cat([along, along.flip(-1)]).flatten(0, 1)
+    faces = torch.tensor([[0, 1, 2], [0, 2, 3]]) + 4 * torch.arange(2 * len(along))[:, None, None]
+    return Mesh(torch.cat([verts, torch.zeros_like(verts[:, :1])], -1), faces.flatten(0, 1))
+
+
+def fixed_camera(clip: Actions) -> Camera:
+    """A camera that does not move, across the object's way, with the object and hands in sight."""
+    frames = slice(int(clip.length))
+    posed = posed_actions(clip)
+    seen = [posed.surface.points[0, frames].flatten(0, 1)]
+    seen += [
+        posed.joints[0, side, frames].flatten(0, 1) for side in range(2) if clip.hands[0, side]
+    ]
+    points = torch.cat(seen).numpy()
+    way = (clip.translation[0, frames] - clip.translation[0, 0]).numpy()
+    along = way[np.linalg.norm(way[:, :2], axis=-1).argmax(), :2]
+    level = np.array([along[1], -along[0]]) if np.linalg.norm(along) > 0.02 else np.array([0.4, -1])
+    level = level / np.linalg.norm(level)
+    back = np.array([*(np.cos(ELEVATION) * level), np.sin(ELEVATION)])
+    target = (points.min(0) + points.max(0)) / 2
+    radius = float(np.linalg.norm(points - target, axis=-1).max())
+    return Camera(axes_towards(back, np.array([0.0, 0.0, 1.0])), target, radius)
+
+
+def one_per_verb(actions: Actions, which: int) -> Actions:
+    """The clip of this number of each verb, or its last one; verbs without any are left out."""
+    found = [torch.nonzero(actions.verb == verb)[:, 0] for verb in range(len(VERBS))]
+    chosen = [int(each[min(which, len(each) - 1)]) for each in found if len(each)]
+    return actions.take(torch.tensor(chosen), "B")
+
+
+def main() -> None:
+    """Read the shards, draw the sheet, say what it shows."""
+    from geneoh.synthesis.action_shards import read_actions
+
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("data", type=Path)
+    parser.add_argument("output", type=Path)
+    parser.add_argument("--split", default="train")
+    parser.add_argument("--clip", type=int, default=0)
+    asked = parser.parse_args()
+    actions, names = read_actions(asked.data, asked.split)
+    chosen = one_per_verb(actions, asked.clip)
+    asked.output.write_bytes(png_bytes(contact_sheet(chosen, names)))
+    print(f"wrote {len(chosen.verb)} of {len(VERBS)} verbs to {asked.output}")
+
+
+if __name__ == "__main__":
+    main()
