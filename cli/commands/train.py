@@ -70,6 +70,7 @@ def train(
     from geneoh.training.data import parsed_source, training_data
     from geneoh.training.loop import train as fit
     from geneoh.training.processes import joined
+    from geneoh.training.stages import StageTask
     from geneoh.training.start import started_from
 
     if threads is not None:
@@ -90,14 +91,16 @@ def train(
             say(note)
         with progress.progress_bars(not team.rank) as on_progress:
             path = fit(
-                stage,
-                chosen,
-                data.training,
-                data.validation,
+                StageTask(
+                    stage,
+                    chosen,
+                    data.training,
+                    data.validation,
+                    load_motion(folder).to(place) if follows else None,
+                    data.record,
+                ),
                 folder,
                 device=place,
-                motion_denoiser=load_motion(folder).to(place) if follows else None,
-                data_record=data.record,
                 start=weights,
                 on_step=lambda now: on_progress(stage, now.step, now.steps),
                 team=team,

@@ -6,8 +6,8 @@ import torch
 from torch import Tensor, nn
 
 from geneoh.nn.blocks import Block, FrameTransformer
-from geneoh.training.config import TrainConfig
 from geneoh.training.muon import Muon
+from geneoh.training.run_config import RunConfig
 
 
 class Optimizer:
@@ -17,7 +17,7 @@ class Optimizer:
     """
 
     def __init__(
-        self, model: nn.Module, config: TrainConfig, precision: torch.dtype = torch.float32
+        self, model: nn.Module, config: RunConfig, precision: torch.dtype = torch.float32
     ) -> None:
         """Assign each parameter to an optimiser; the rate is given with each step."""
         blocks = [module for module in model.modules() if isinstance(module, Block)]

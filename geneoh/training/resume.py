@@ -12,19 +12,23 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor, nn
 
-from geneoh.choices import StageName
-from geneoh.config import as_dict, flat
+from geneoh.config import flat
 from geneoh.errors import CheckpointError
 from geneoh.files.atomic import write_whole
 from geneoh.nn.checkpoint import Checkpoint
-from geneoh.synthesis.motion import Interactions
-from geneoh.training.config import TrainConfig
 from geneoh.training.optimizer import Optimizer, quick_precision
-from geneoh.training.windows import WeightedInteractions
 
 MAY_CHANGE = ("steps", "checkpoint_every", "validate_every", "validation_batches", "accumulate")
 """Settings that may change when a run is continued: of its steps they change only the last ones,
 and by rounding."""
+COMPARED = {
+    "stage": "stage",
+    "data": "training data (fingerprint)",
+    "validation": "validation data (fingerprint)",
+    "before": "MotionDiff (fingerprint)",
+    "start": "first weights (fingerprint)",
+}
+"""What else a run that is continued has in common with the saved one, and its name in words."""
 
 
 class LogRow(NamedTuple):
@@ -32,7 +36,7 @@ class LogRow(NamedTuple):
 
     step: int
     loss: float  # mean training loss since the row before
-    error_left: float
+    error_left: float  # what the task measures on its validation data
     rate: float
     seconds: float  # time spent on training in all
 
@@ -103,39 +107,22 @@ def digest(tensors: Iterable[Tensor]) -> str:
     return found.hexdigest()[:16]
 
 
-def data_digest(data: Interactions) -> str:
-    """A fingerprint of interactions by their people and the last place of each wrist."""
-    shares = [data.weight] if isinstance(data, WeightedInteractions) else []
-    return digest([data.offsets, data.wrist[:, -1], *shares])
-
-
-def training_record(
-    stage: StageName,
-    config: TrainConfig,
-    data: Interactions,
-    validation: Interactions,
+def run_record(
+    task: Mapping[str, Any],
     device: torch.device,
-    motion_denoiser: nn.Module | None = None,
-    *,
-    data_record: Mapping[str, Any] | None = None,
-    start: Mapping[str, Tensor] | None = None,
+    start: Mapping[str, Tensor] | None,
+    processes: int,
 ) -> dict[str, Any]:
-    """What a checkpoint tells about how it was made; the arguments are those of `train`."""
-    before = None if motion_denoiser is None else digest(motion_denoiser.state_dict().values())
+    """What a checkpoint tells about how it was made: what the task tells, and where it ran."""
     return {
-        "stage": stage,
-        "config": as_dict(config),
-        "sequences": len(data.wrist),
-        "data": data_digest(data),
-        "validation": data_digest(validation),
-        "before": before,
+        **task,
         "start": None if start is None else digest(start.values()),
-        "made": None if data_record is None else dict(data_record),
         "device": torch.cuda.get_device_name(device) if device.type == "cuda" else device.type,
         "precision": str(quick_precision(device)).removeprefix("torch."),
         "threads": torch.get_num_threads(),
         "cores": os.cpu_count(),
         "torch": torch.__version__,
+        "processes": processes,
     }
 
 
@@ -144,16 +131,9 @@ def refuse_other_run(path: Path, saved: Mapping[str, Any], asked: Mapping[str, A
 
     `CheckpointError` says what differs.
     """
-    compared = {
-        "stage": "stage",
-        "data": "training data (fingerprint)",
-        "validation": "validation data (fingerprint)",
-        "before": "MotionDiff (fingerprint)",
-        "start": "first weights (fingerprint)",
-    }
     differs = [
         f"{words} {saved[name]} where {asked[name]} is asked for"
-        for name, words in compared.items()
+        for name, words in COMPARED.items()
         if name in saved and saved[name] != asked[name]
     ]
     old, new = (flat(record["config"]) for record in (saved, asked))

@@ -12,7 +12,7 @@ from geneoh.denoisers.library import weights_of
 from geneoh.errors import CheckpointError
 from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.training.config import TrainConfig
-from geneoh.training.loop import build_model
+from geneoh.training.stages import build_model
 
 
 def started_from(

@@ -35,7 +35,7 @@ from geneoh.pipeline.options import Options
 from geneoh.pipeline.results import Denoised
 from geneoh.readers.npz_files import save_sequence
 from geneoh.training.config import TrainConfig
-from geneoh.training.loop import build_model
+from geneoh.training.stages import build_model
 
 ALL = EvaluationOptions("synthetic")
 TRUTHFUL = ("best-filter", "best-offset")

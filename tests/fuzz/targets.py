@@ -25,7 +25,7 @@ from geneoh.readers.recordings import find_clips, read_clip, source_named
 from geneoh.synthesis.grasps import GraspChecks, GraspConfig
 from geneoh.synthesis.shards import SynthesisConfig, write_shards
 from geneoh.training.config import TrainConfig
-from geneoh.training.loop import build_model
+from geneoh.training.stages import build_model
 
 QUICK = ("--preset", "fast", "--samples", "1", "--steps", "1", "-o", "{out}/clean.npz")
 MESHES = (".obj", ".ply", ".stl", ".glb", ".off")

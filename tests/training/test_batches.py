@@ -14,7 +14,7 @@ from geneoh.sequence.gaps import observed_around
 from geneoh.training.augmentation import AugmentationConfig
 from geneoh.training.batches import Batch, after_motion, draw_batch
 from geneoh.training.config import TrainConfig
-from geneoh.training.loop import build_model
+from geneoh.training.stages import build_model
 from geneoh.training.windows import WindowConfig, filled
 
 WINDOW = WindowConfig().frames

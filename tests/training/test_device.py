@@ -8,11 +8,12 @@ from typing import get_args
 import pytest
 import torch
 from pretended_device import DEVICE, PretendedDevice
+from stage_runs import train_stage
 
 from geneoh.choices import StageName
 from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.training import loop
-from geneoh.training.loop import build_model, train
+from geneoh.training.stages import build_model
 
 CPU = torch.device("cpu")
 
@@ -28,7 +29,7 @@ def _workers_pretend_too(device, monkeypatch):
 def trained(stage, config, clips, folder, device) -> dict[str, torch.Tensor]:
     before = build_model("motion", config).eval().requires_grad_(False).to(device)
     before = before if stage in ("spatial", "temporal", "relations") else None
-    path = train(stage, config, clips, clips, folder, device=device, motion_denoiser=before)
+    path = train_stage(stage, config, clips, clips, folder, device=device, motion_denoiser=before)
     return load_checkpoint(path).tensors
 
 

@@ -3,6 +3,7 @@ from dataclasses import replace
 
 import pytest
 import torch
+from stage_runs import train_stage
 
 from geneoh.baselines.library import load_baseline
 from geneoh.denoisers.library import load_denoisers
@@ -10,17 +11,11 @@ from geneoh.errors import CheckpointError
 from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.training.batches import draw_batch
 from geneoh.training.config import TrainConfig
-from geneoh.training.loop import (
-    build_model,
-    learning_rate,
-    loss_of,
-    set_latent_statistics,
-    train,
-    update_average,
-)
+from geneoh.training.loop import learning_rate, update_average
 from geneoh.training.losses import motion_loss, reconstruction_loss, temporal_latents, temporal_loss
 from geneoh.training.optimizer import Optimizer
 from geneoh.training.resume import LogRow, TrainState
+from geneoh.training.stages import build_model, loss_of, set_latent_statistics
 
 CPU = torch.device("cpu")
 STAGES = ("motion", "spatial", "trajectory", "relations", "temporal")
@@ -54,11 +49,11 @@ def logged(path) -> list[list[str]]:
 def test_a_resumed_run_is_the_run_that_was_not_interrupted(tmp_path, clips, tiny, stage):
     """The temporal one is interrupted where it turns from the autoencoder to the latent."""
     rest = (clips, clips)
-    whole = train(stage, tiny, *rest, tmp_path / "whole", device=CPU)
+    whole = train_stage(stage, tiny, *rest, tmp_path / "whole", device=CPU)
     for step in (2, 3):  # at a checkpoint, and after the next step, which is taken again
         with pytest.raises(Interrupted):
-            train(stage, tiny, *rest, tmp_path / "cut", device=CPU, on_step=stop_after(step))
-    resumed = train(stage, tiny, *rest, tmp_path / "cut", device=CPU)
+            train_stage(stage, tiny, *rest, tmp_path / "cut", device=CPU, on_step=stop_after(step))
+    resumed = train_stage(stage, tiny, *rest, tmp_path / "cut", device=CPU)
     assert same(whole, resumed)
     state, log = f"{stage}_state.safetensors", f"{stage}_log.csv"
     assert same(whole.with_name(state), resumed.with_name(state))
@@ -68,18 +63,18 @@ def test_a_resumed_run_is_the_run_that_was_not_interrupted(tmp_path, clips, tiny
 def test_rows_of_steps_that_are_taken_again_are_not_logged_twice(tmp_path, clips, tiny):
     often = replace(tiny, checkpoint_every=2, validate_every=1)
     with pytest.raises(Interrupted):
-        train("motion", often, clips, clips, tmp_path, device=CPU, on_step=stop_after(3))
+        train_stage("motion", often, clips, clips, tmp_path, device=CPU, on_step=stop_after(3))
     assert [row[0] for row in logged(tmp_path / "motion_log.csv")] == ["step", "1", "2", "3"]
     resumed = replace(often, steps=3, validate_every=3)
-    train("motion", resumed, clips, clips, tmp_path, device=CPU)
+    train_stage("motion", resumed, clips, clips, tmp_path, device=CPU)
     assert [row[0] for row in logged(tmp_path / "motion_log.csv")] == ["step", "1", "2", "3"]
 
 
 def test_a_finished_run_is_left_as_it_is(tmp_path, clips, tiny):
     rest, heard = (clips, clips, tmp_path), []
-    first = train("motion", tiny, *rest, device=CPU)
+    first = train_stage("motion", tiny, *rest, device=CPU)
     weights = load_checkpoint(first).tensors
-    train("motion", tiny, *rest, device=CPU, on_step=heard.append)
+    train_stage("motion", tiny, *rest, device=CPU, on_step=heard.append)
     assert heard == []
     again = load_checkpoint(first).tensors
     assert all(torch.equal(again[name], weights[name]) for name in weights)
@@ -88,7 +83,7 @@ def test_a_finished_run_is_left_as_it_is(tmp_path, clips, tiny):
 def test_trained_weights_of_all_stages_can_be_loaded(tmp_path, clips, tiny):
     short = replace(tiny, steps=1)
     for stage in STAGES:
-        path = train(stage, short, clips, clips, tmp_path, device=CPU)
+        path = train_stage(stage, short, clips, clips, tmp_path, device=CPU)
         assert path == tmp_path / f"{stage}.safetensors"
     denoisers = load_denoisers(tmp_path)
     assert denoisers.motion.config == tiny.motion
@@ -104,7 +99,7 @@ def test_trained_weights_of_all_stages_can_be_loaded(tmp_path, clips, tiny):
 @pytest.mark.parametrize("name", BASELINES)
 def test_trained_weights_of_a_baseline_can_be_loaded(tmp_path, clips, tiny, name):
     short = replace(tiny, steps=1)
-    train(name, short, clips, clips, tmp_path, device=CPU)
+    train_stage(name, short, clips, clips, tmp_path, device=CPU)
     network = load_baseline(name, tmp_path)
     assert network.config == getattr(tiny, name)
     assert not any(p.requires_grad for p in network.parameters())
@@ -112,7 +107,7 @@ def test_trained_weights_of_a_baseline_can_be_loaded(tmp_path, clips, tiny, name
 
 def test_the_log_has_a_row_per_validation(tmp_path, clips, tiny):
     heard = []
-    train("motion", tiny, clips, clips, tmp_path, device=CPU, on_step=heard.append)
+    train_stage("motion", tiny, clips, clips, tmp_path, device=CPU, on_step=heard.append)
     with (tmp_path / "motion_log.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert list(rows[0]) == ["step", "loss", "error_left", "rate", "seconds"]

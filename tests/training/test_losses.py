@@ -5,7 +5,6 @@ import torch
 
 from geneoh.baselines.regression import RegressionDenoiser
 from geneoh.training.batches import draw_batch
-from geneoh.training.loop import build_model
 from geneoh.training.losses import (
     SIGMA_RANGE,
     draw_sigma,
@@ -17,6 +16,7 @@ from geneoh.training.losses import (
     temporal_loss,
     trajectory_loss,
 )
+from geneoh.training.stages import build_model
 
 LOSSES = [
     ("motion", motion_loss),

@@ -5,8 +5,8 @@ import torch
 from torch import nn
 
 from geneoh.nn.blocks import FrameTransformer
-from geneoh.training.loop import build_model
 from geneoh.training.optimizer import Optimizer, multiply_in, quick_precision
+from geneoh.training.stages import build_model
 
 
 def transformer(seed: int = 0) -> FrameTransformer:

@@ -8,10 +8,10 @@ from dataclasses import replace
 
 import pytest
 import torch
+from stage_runs import train_stage
 
 from geneoh.errors import ConfigError
 from geneoh.nn.checkpoint import load_checkpoint
-from geneoh.training.loop import train
 from geneoh.training.processes import Team, joined
 
 CPU = torch.device("cpu")
@@ -67,7 +67,7 @@ def run(team, stage, config, clips, folder, stop_after=None) -> list[float]:
         if progress.step == stop_after and team.rank == team.size - 1:
             os.kill(os.getpid(), signal.SIGINT)
 
-    train(stage, config, clips, clips, folder, device=CPU, on_step=listen, team=team)
+    train_stage(stage, config, clips, clips, folder, device=CPU, on_step=listen, team=team)
     return losses
 
 

@@ -3,63 +3,59 @@ from pathlib import Path
 
 import pytest
 import torch
+from stage_runs import train_stage
 
 from geneoh.errors import CheckpointError
 from geneoh.nn.checkpoint import load_checkpoint
-from geneoh.training.loop import build_model, train
-from geneoh.training.resume import (
-    data_digest,
-    digest,
-    refuse_other_run,
-    training_record,
-)
+from geneoh.training.resume import digest, refuse_other_run
+from geneoh.training.stages import StageTask, build_model, data_digest
 
 CPU = torch.device("cpu")
 
 
 def test_a_run_of_another_seed_or_network_is_not_continued(tmp_path, clips, tiny):
-    train("motion", replace(tiny, steps=2), clips, clips, tmp_path, device=CPU)
+    train_stage("motion", replace(tiny, steps=2), clips, clips, tmp_path, device=CPU)
     before = (tmp_path / "motion_state.safetensors").read_bytes()
     other = replace(tiny, seed=1, motion=replace(tiny.motion, width=32))
     told = r"motion_state\.safetensors: the saved run has .*motion\.width 16 where 32 .*another out"
     with pytest.raises(CheckpointError, match=told):
-        train("motion", other, clips, clips, tmp_path, device=CPU)
+        train_stage("motion", other, clips, clips, tmp_path, device=CPU)
     with pytest.raises(CheckpointError, match="seed 0 where 1 is asked for"):
-        train("motion", replace(tiny, seed=1), clips, clips, tmp_path, device=CPU)
+        train_stage("motion", replace(tiny, seed=1), clips, clips, tmp_path, device=CPU)
     assert (tmp_path / "motion_state.safetensors").read_bytes() == before
 
 
 def test_a_run_is_continued_with_more_steps(tmp_path, clips, tiny):
-    train("motion", replace(tiny, steps=2), clips, clips, tmp_path, device=CPU)
+    train_stage("motion", replace(tiny, steps=2), clips, clips, tmp_path, device=CPU)
     longer = replace(tiny, steps=3, checkpoint_every=1, validate_every=1)
-    train("motion", longer, clips, clips, tmp_path, device=CPU)
+    train_stage("motion", longer, clips, clips, tmp_path, device=CPU)
     assert load_checkpoint(tmp_path / "motion_state.safetensors").record["step"] == 3
 
 
 def test_a_damaged_state_is_told_as_that_of_a_run_and_not_as_weights(tmp_path, clips, tiny):
-    train("motion", replace(tiny, steps=2), clips, clips, tmp_path, device=CPU)
+    train_stage("motion", replace(tiny, steps=2), clips, clips, tmp_path, device=CPU)
     state = tmp_path / "motion_state.safetensors"
     state.write_bytes(state.read_bytes()[:100])
     with pytest.raises(CheckpointError, match="to train anew, or choose another output folder"):
-        train("motion", tiny, clips, clips, tmp_path, device=CPU)
+        train_stage("motion", tiny, clips, clips, tmp_path, device=CPU)
     assert len(state.read_bytes()) == 100
 
 
 @pytest.mark.parametrize("part", ["data", "validation"])
 def test_a_run_on_other_data_is_not_continued(tmp_path, clips, tiny, part):
     given = {"data": clips, "validation": clips}
-    train("motion", tiny, folder=tmp_path, device=CPU, **given)
+    train_stage("motion", tiny, folder=tmp_path, device=CPU, **given)
     given[part] = replace(clips, wrist=clips.wrist + 1e-3)
     words = {"data": "training", "validation": "validation"}[part]
     with pytest.raises(CheckpointError, match=f"the saved run has {words} data"):
-        train("motion", tiny, folder=tmp_path, device=CPU, **given)
+        train_stage("motion", tiny, folder=tmp_path, device=CPU, **given)
 
 
 def test_a_stage_behind_another_motion_network_is_another_run(clips, tiny):
     records = [
-        training_record(
-            "spatial", tiny, clips, clips, CPU, build_model("motion", replace(tiny, seed=s))
-        )
+        StageTask(
+            "spatial", tiny, clips, clips, build_model("motion", replace(tiny, seed=s))
+        ).record()
         for s in (0, 0, 1)
     ]
     refuse_other_run(Path("run"), records[0], records[1])
@@ -69,7 +65,7 @@ def test_a_stage_behind_another_motion_network_is_another_run(clips, tiny):
 
 def test_a_record_tells_how_the_data_was_made(clips, tiny):
     made = {"config": {"count": 4}, "seed": 7}
-    record = training_record("motion", tiny, clips, clips, CPU, data_record=made)
+    record = StageTask("motion", tiny, clips, clips, made=made).record()
     assert record["made"] == made
     assert record["sequences"] == 4
     assert record["config"]["motion"]["width"] == 16

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 import torch
+from stage_runs import train_stage
 
 from geneoh.baselines.library import SHIPPED as BASELINE_WEIGHTS
 from geneoh.choices import STAGES
@@ -13,8 +14,9 @@ from geneoh.errors import CheckpointError
 from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.training.config import TrainConfig
 from geneoh.training.data import DataSource, training_data
-from geneoh.training.loop import first_state, train
+from geneoh.training.loop import first_state
 from geneoh.training.recordings import ClipConfig
+from geneoh.training.stages import StageTask
 from geneoh.training.start import started_from
 from geneoh.training.windows import WindowConfig
 
@@ -23,11 +25,11 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 @pytest.mark.parametrize("stage", STAGES)
-def test_every_stage_starts_from_its_shipped_weights(stage):
+def test_every_stage_starts_from_its_shipped_weights(stage, clips):
     folder = BASELINE_WEIGHTS if stage in ("toch", "regression") else SHIPPED
     shipped = load_checkpoint(folder / f"{stage}.safetensors").tensors
     config, weights = started_from(None, stage, TrainConfig())
-    state = first_state(stage, config, CPU, weights)
+    state = first_state(StageTask(stage, config, clips, clips), CPU, weights)
     assert state.step == 0
     for name, tensor in state.model.state_dict().items():
         assert tensor.equal(shipped[name].to(tensor.dtype)), name
@@ -36,18 +38,18 @@ def test_every_stage_starts_from_its_shipped_weights(stage):
 
 
 def test_weights_of_a_folder_bring_their_network_and_go_on_learning(clips, tiny, tmp_path):
-    train("motion", tiny, clips, clips, tmp_path / "first", device=CPU)
+    train_stage("motion", tiny, clips, clips, tmp_path / "first", device=CPU)
     config, weights = started_from(tmp_path / "first", "motion", replace(TrainConfig(), batch=2))
     assert config.motion == tiny.motion
     config = replace(config, steps=1, validation_batches=1, warmup=1, rate=1e-6)
     out = tmp_path / "second"
-    train("motion", config, clips, clips, out, device=CPU, start=weights)
+    train_stage("motion", config, clips, clips, out, device=CPU, start=weights)
     after = load_checkpoint(out / "motion.safetensors").tensors
     for name, tensor in weights.items():
         if tensor.is_floating_point():
             torch.testing.assert_close(after[name], tensor, atol=2e-3, rtol=2e-3)
     with pytest.raises(CheckpointError, match=r"first weights \(fingerprint\)"):
-        train("motion", config, clips, clips, out, device=CPU)
+        train_stage("motion", config, clips, clips, out, device=CPU)
 
 
 def test_weights_of_another_network_are_refused(tmp_path):
@@ -69,7 +71,7 @@ def test_one_recording_can_be_learned_by_heart(tiny, tmp_path):
     )
     source = DataSource(EXAMPLES / "taco_clean.npz", "sequences")
     data = training_data([source], tmp_path / "cache", config)
-    train("motion", config, data.training, data.validation, tmp_path, device=CPU)
+    train_stage("motion", config, data.training, data.validation, tmp_path, device=CPU)
     rows = (tmp_path / "motion_log.csv").read_text().splitlines()[1:]
     losses = [float(row.split(",")[1]) for row in rows]
     assert losses[2] < 0.8 * losses[0]

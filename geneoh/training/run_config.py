@@ -1,0 +1,24 @@
+"""Settings that every training run has, of whichever network."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class RunConfig:
+    """Steps, rate and averaging of a run; every value is saved with the weights."""
+
+    steps: int = 8000  # optimiser steps in all, a batch each
+    batch: int = 32  # samples in a batch, of all processes together
+    accumulate: int = 1
+    """Pieces that a process works off its part of a batch in, which takes less memory; the steps
+    stay the same."""
+    rate: float = 6e-4  # peak learning rate
+    warmup: int = 200  # steps over which the learning rate rises linearly at the start
+    decay: float = 0.3  # share of the steps, at the end, over which the rate falls linearly to zero
+    weight_decay: float = 0.01  # decoupled weight decay, relative to the rate
+    clip: float = 1.0  # largest norm of the gradient
+    ema: float = 0.998  # decay of the averaged weights, which are the ones that are used
+    seed: int = 0  # of the first weights and of every batch
+    checkpoint_every: int = 250  # steps between two saved states of the run
+    validate_every: int = 250  # steps between two validations
+    validation_batches: int = 8  # batches of each validation, the same ones every time

@@ -1,0 +1,165 @@
+"""The stages of the cleaner, and its baselines, as tasks of the training loop."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from geneoh.baselines.regression import RegressionDenoiser
+from geneoh.baselines.toch import TochAutoencoder
+from geneoh.choices import StageName
+from geneoh.config import as_dict
+from geneoh.denoisers.motion import MotionDenoiser
+from geneoh.denoisers.relations import RelationDenoiser
+from geneoh.denoisers.spatial import SpatialDenoiser
+from geneoh.denoisers.temporal import TemporalDenoiser
+from geneoh.denoisers.trajectory import TrajectoryDenoiser
+from geneoh.synthesis.draws import Part
+from geneoh.synthesis.motion import Interactions
+from geneoh.synthesis.shards import seed_of
+from geneoh.training import losses
+from geneoh.training.batches import Batch, draw_batch
+from geneoh.training.config import TrainConfig
+from geneoh.training.processes import Team
+from geneoh.training.resume import TrainState, digest
+from geneoh.training.windows import WeightedInteractions
+
+Loss = Callable[..., Tensor]
+
+STAGES: dict[StageName, tuple[Callable[[Any], nn.Module], Loss]] = {
+    "motion": (MotionDenoiser, losses.motion_loss),
+    "spatial": (SpatialDenoiser, losses.spatial_loss),
+    "temporal": (TemporalDenoiser, losses.temporal_loss),
+    "trajectory": (TrajectoryDenoiser, losses.trajectory_loss),
+    "relations": (RelationDenoiser, losses.relation_loss),
+    "toch": (TochAutoencoder, losses.keypoint_loss),
+    "regression": (RegressionDenoiser, losses.keypoint_loss),
+}
+"""Network and loss of each stage."""
+
+
+def build_model(stage: StageName, config: TrainConfig) -> nn.Module:
+    """A fresh network of the stage, initialised from the config's seed."""
+    network, _ = STAGES[stage]
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed_of(config.seed, stage, "weights"))
+        return network(getattr(config, stage))
+
+
+def loss_of(stage: StageName, step: int, config: TrainConfig) -> Loss:
+    """The loss to take at a step; the temporal stage learns its autoencoder first."""
+    if stage == "temporal" and step < config.autoencoder_steps:
+        return losses.reconstruction_loss
+    return STAGES[stage][1]
+
+
+@dataclass(frozen=True)
+class StagePiece:
+    """Windows of a batch on which the loss is taken at once."""
+
+    batch: Batch
+    generator: torch.Generator
+    part: Part  # which windows of the batch they are
+    of: Loss
+
+    def loss(self, model: nn.Module) -> Tensor:
+        """What the windows add to the loss of the batch."""
+        share = self.part.count / self.part.total
+        return share * self.of(model, self.batch, generator=self.generator, part=self.part)
+
+
+@dataclass(frozen=True)
+class StageTask:
+    """One stage, learned from interactions; a `loop.Task`."""
+
+    name: StageName
+    config: TrainConfig
+    data: Interactions
+    validation: Interactions
+    motion_denoiser: MotionDenoiser | None = None  # MotionDiff for a stage that follows it
+    made: Mapping[str, Any] | None = None  # how the data was made, for the record
+
+    def network(self) -> nn.Module:
+        """A fresh network of the stage."""
+        return build_model(self.name, self.config)
+
+    def batch(
+        self, data: Interactions, *parts: object, device: torch.device, part: Part | None = None
+    ) -> tuple[Batch, torch.Generator]:
+        """A batch, or part of it, with its generator, by seed and `parts` (purpose, number)."""
+        config = self.config
+        generator = torch.Generator().manual_seed(seed_of(config.seed, *parts))
+        batch = draw_batch(
+            data,
+            config.batch,
+            config,
+            generator=generator,
+            motion_denoiser=self.motion_denoiser,
+            part=part,
+        )
+        return batch.to(device), generator
+
+    def pieces(self, step: int, team: Team, device: torch.device) -> list[StagePiece]:
+        """This process's part of the batch of a step, in the pieces that are worked off in turn."""
+        own = Part(0, self.config.batch, self.config.batch).divided(team.size)[team.rank]
+        batch, generator = self.batch(self.data, "step", step, device=device, part=own)
+        pieces, loss = [], loss_of(self.name, step, self.config)
+        for part in own.divided(self.config.accumulate):
+            rows = slice(part.first - own.first, part.first - own.first + part.count)
+            piece = batch.take(rows, "B")
+            if self.name == "motion":
+                _ = piece.motion.network_input  # made and kept here, in parallel to the step before
+            again = torch.Generator().set_state(generator.get_state())
+            pieces.append(StagePiece(piece, again, part, loss))
+        return pieces
+
+    def before_step(self, state: TrainState) -> None:
+        """Turn the temporal stage from its autoencoder to the denoiser of the latent.
+
+        The denoiser starts with the averaged weights of the autoencoder.
+        """
+        if self.name == "temporal" and state.step == self.config.autoencoder_steps:
+            state.model.load_state_dict(state.average)
+            device = next(state.model.parameters()).device
+            set_latent_statistics(state.model, self.batch(self.data, "latent", device=device)[0])
+            state.average = {n: t.clone() for n, t in state.model.state_dict().items()}
+
+    def validate(self, model: nn.Module, index: int) -> Float[Tensor, ""]:
+        """`recovered_fraction` of a validation batch: error left over the input's error."""
+        device = next(model.parameters()).device
+        batch, generator = self.batch(self.validation, "validation", index, device=device)
+        return losses.recovered_fraction(model, batch, generator=generator)
+
+    def record(self) -> dict[str, Any]:
+        """Stage, config, fingerprints of what it learns from, and how that was made."""
+        motion = self.motion_denoiser
+        return {
+            "stage": self.name,
+            "config": as_dict(self.config),
+            "sequences": len(self.data.wrist),
+            "data": data_digest(self.data),
+            "validation": data_digest(self.validation),
+            "before": None if motion is None else digest(motion.state_dict().values()),
+            "made": None if self.made is None else dict(self.made),
+        }
+
+
+@torch.no_grad()
+def set_latent_statistics(model: nn.Module, batch: Batch) -> None:
+    """Whiten the latent of a trained autoencoder (paper C.5 avoids a normalisation of T itself)."""
+    assert isinstance(model, TemporalDenoiser), "only the temporal stage has a latent"
+    encoder = model.autoencoder
+    encoder.latent_mean.zero_()
+    encoder.latent_std.fill_(1.0)
+    latent, _ = losses.temporal_latents(model, batch)
+    encoder.latent_mean.copy_(latent.mean((0, 1)))
+    encoder.latent_std.copy_(latent.std((0, 1)).clamp(min=1e-3))
+
+
+def data_digest(data: Interactions) -> str:
+    """A fingerprint of interactions by their people and the last place of each wrist."""
+    shares = [data.weight] if isinstance(data, WeightedInteractions) else []
+    return digest([data.offsets, data.wrist[:, -1], *shares])
