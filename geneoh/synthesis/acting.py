@@ -183,7 +183,7 @@ def act(
     cast = draw_cast(grasps, joints, surface, families, pairs, held, solids, config, generator)
     first, draws = cast.first, Draws(len(cast.first), generator)
     weight = cast.possible * torch.tensor([RARE.get(name, 1.0) for name in VERBS])
-    verb = torch.multinomial(weight, 1, generator=generator)[:, 0]
+    verb = (weight / -draws.share(len(VERBS)).clamp(min=1e-9).log()).argmax(1)  # one by weight
 
     stood = surface[first] @ cast.standing.mT
     ground = torch.cat([stood[..., :2].mean(1), stood[..., 2].amin(1, keepdim=True)], -1)
@@ -250,7 +250,8 @@ def draw_cast(
     keypoints = torch.cat([joints[first], other], 1)
     room = (keypoints @ UPWARD.mT).amin(1) - (surface[first] @ UPWARD.mT).amin(1)
     under = torch.where(second >= 0, config.under_table_both, config.under_table)
-    stands = torch.stack([_may_stand(families[i]) for i in first.tolist()])
+    stands = [_may_stand(families[i]) for i in first.tolist()]
+    stands = torch.tensor(stands, dtype=torch.bool).reshape(-1, len(UPWARD))
     stands = stands & (room > -under[:, None])
     draws = Draws(len(first), generator)
     side = torch.where(stands, draws.share(len(UPWARD)), -1.0).argmax(1)
@@ -295,12 +296,12 @@ def stands_upright(family: str) -> bool:
     return family not in ANY_SIDE and family not in LYING
 
 
-def _may_stand(family: str) -> Bool[Tensor, " 6"]:
+def _may_stand(family: str) -> list[bool]:
     """Which axes of an object's frame may point up when it stands on a table, as in `UPWARD`."""
-    upright = torch.tensor([False, False, True, False, False, False])
     if family in ANY_SIDE:
-        return torch.ones_like(upright)
-    return UPWARD[:, 2] == 0 if family in LYING else upright
+        return [True] * 6
+    lies = family in LYING
+    return [lies, lies, not lies, lies, lies, False]
 
 
 def _possible(
@@ -320,7 +321,7 @@ def _possible(
     flat = grasps.types[first] == [each.name for each in GRASP_TYPES].index("support")
     travel = (held.travel[first, 1] - held.travel[first, 0]).abs()
     opens = (held.index[first] == 1) & (travel > config.joint_travel) & ~paired
-    holds = torch.tensor([is_container(families[i]) for i in first.tolist()])
+    holds = torch.tensor([is_container(families[i]) for i in first.tolist()], dtype=torch.bool)
     together = draws.chance(config.both)
     moves = ~flat & ~opens & (~paired | together)
     able = {"press": flat & ~paired, "open": opens, "close": opens}

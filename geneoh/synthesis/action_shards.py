@@ -44,6 +44,7 @@ class ActionSynthesisConfig(SynthesisConfig):
 
 
 DEFAULTS = ActionSynthesisConfig()
+FEWEST = 32  # actions for which grasps are tried at once; fewer take nearly as long
 JOINTED = ("bottle", "scissors", "pliers", "laptop", "chest", "drawer")
 """Families whose objects have a part on a joint."""
 LARGE = ("carton", "board", "pan", "bowl", "plate", "box")
@@ -68,7 +69,8 @@ def synthesize_actions(
     drawn = families + [n for n in families if n in JOINTED + LARGE] * (config.favoured - 1)
     kept: list[Actions] = []
     while (missing := config.shard - sum(len(part.verb) for part in kept)) > 0:
-        tried = draw_attempts(config, drawn, hand, missing, generator=generator, scans=scans)
+        wanted = max(missing, FEWEST)
+        tried = draw_attempts(config, drawn, hand, wanted, generator=generator, scans=scans)
         standing = torch.tensor([stands_upright(name) for name in tried.families])
         toward = grasp_directions(tried.solids, tried.shared, standing)
         grasps = tried_grasps(tried, config, toward, generator)
