@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import torch
 from jaxtyping import Bool, Float, Int
@@ -30,7 +31,7 @@ from geneoh.synthesis.verbs import Moves, VerbConfig, moves_of
 
 CONTAINERS = ("mug", "bottle", "bowl", "kettle", "wine_glass", "pan", "spray")
 CONTAINER_WORDS = ("mug", "cup", "can", "bottle", "bowl", "cleanser", "skillet")
-"""Words in the names of scanned objects that things are poured from."""
+"""Last words of the names of scanned objects that things are poured from."""
 LYING = ("hammer", "pen", "screwdriver", "capsule")
 """Families along their z axis that lie on the table; the others stand with z up."""
 ANY_SIDE = ("box", "carton", "cylinder", "ellipsoid", "cluster", "ball")
@@ -204,8 +205,8 @@ def act(
     other = grasps.take(cast.second.clamp(min=0), "B")
     upright = mirror_rotations(cast.standing @ cast.image)
     left = hand_path(other, upright, timing.schedule(1), config, draws).mirrored()
-    left = left.moved(cast.image[:, None], torch.zeros_like(translation))
-    down = -ground[:, None].expand_as(translation)
+    left = left.moved(cast.image[:, None], torch.zeros_like(ground)[:, None])
+    down = -ground[:, None]
     hands = [
         hand.moved(cast.standing[:, None], down).moved(rotation, translation)
         for hand in (left, right)
@@ -331,8 +332,8 @@ def _possible(
 
 def is_container(family: str) -> bool:
     """Whether something may be poured from an object of this family or scan."""
-    words = family.replace("_", " ").split()
-    return family in CONTAINERS or any(word.rstrip("s") in CONTAINER_WORDS for word in words)
+    last = Path(family).stem.replace("_", " ").split()[-1]
+    return family in CONTAINERS or last.rstrip("s") in CONTAINER_WORDS
 
 
 def draw_timing(

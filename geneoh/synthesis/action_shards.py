@@ -109,6 +109,6 @@ def action_shards(folder: Path, split: str) -> Iterator[Actions]:
 
 
 def read_actions(folder: Path, split: str) -> tuple[Actions, list[str]]:
-    """All actions of one split and the names of objects; raises as `action_shards`."""
+    """All actions of one split, and the names of objects without endings; raises as above."""
     names = names_of(scans_of(find_shards(folder, split, DEFAULTS)[0], DEFAULTS))
-    return concatenated(action_shards(folder, split), "B"), names
+    return concatenated(action_shards(folder, split), "B"), [Path(name).stem for name in names]

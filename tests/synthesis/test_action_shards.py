@@ -1,0 +1,51 @@
+from dataclasses import replace
+
+import pytest
+import torch
+
+from geneoh.errors import InputError
+from geneoh.hand.library import load_hand
+from geneoh.synthesis.action_shards import DEFAULTS, read_actions, synthesize_actions
+from geneoh.synthesis.grasps import GraspChecks, GraspConfig
+from geneoh.synthesis.objects import FAMILIES
+from geneoh.synthesis.shards import SynthesisConfig, write_shards
+
+ANY_GRASP = GraspConfig(steps=2, checks=GraspChecks(depth=1.0, fingers=-1, clearance=-1.0))
+TINY = replace(DEFAULTS, count=4, shard=2, points=16, grasps=ANY_GRASP)
+
+
+def test_shards_read_back_with_the_names_of_their_objects(tmp_path):
+    made = write_shards(tmp_path, TINY, load_hand("right"), seed=0, synthesize=synthesize_actions)
+    assert made == 2
+    actions, names = read_actions(tmp_path, "train")
+    assert len(actions.verb) == 2
+    assert names == list(FAMILIES)
+    assert {names[i] for i in actions.name.tolist()}.isdisjoint(TINY.held_out)
+    held_out, _ = read_actions(tmp_path, "val")
+    assert {names[i] for i in held_out.name.tolist()} <= set(TINY.held_out)
+
+
+def test_the_same_seed_makes_the_same_actions(tmp_path):
+    for folder in ("one", "other"):
+        write_shards(
+            tmp_path / folder, TINY, load_hand("right"), seed=3, synthesize=synthesize_actions
+        )
+    one, other = ((tmp_path / f / "train_00001.safetensors").read_bytes() for f in ("one", "other"))
+    assert one == other
+
+
+def test_hands_have_the_mean_shape_and_absent_ones_are_zero(tmp_path):
+    write_shards(tmp_path, TINY, load_hand("right"), seed=0, synthesize=synthesize_actions)
+    actions, _ = read_actions(tmp_path, "train")
+    absent = ~actions.hands
+    assert (actions.wrist[absent] == 0).all()
+    assert (actions.pose[absent] == 0).all()
+    assert (actions.wrist[actions.hands].abs().amax((-1, -2)) > 0).all()
+    assert torch.isfinite(actions.pose).all()
+
+
+def test_shards_to_clean_are_no_actions(tmp_path):
+    config = SynthesisConfig(count=2, shard=1, frames=20, points=8, grasps=ANY_GRASP)
+    write_shards(tmp_path, config, load_hand("right"), seed=0)
+    with pytest.raises(InputError, match="whole shard of actions"):
+        read_actions(tmp_path, "train")
