@@ -7,8 +7,11 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from geneoh.bundle import Bundle
+from geneoh.choices import SIDES
 from geneoh.geometry.mirror import mirror_axis_angle, mirror_points, mirror_rotations
 from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.hand.library import load_hand
+from geneoh.hand.skeleton import forward_kinematics
 
 NEAR = 0.02
 """Distance from a keypoint within which a point of the object counts as touched, metres (paper)."""
@@ -68,15 +71,40 @@ class Actions(Bundle):
         """Frames before the end of each action."""
         return torch.arange(self.joint.shape[1], device=self.length.device) < self.length[:, None]
 
-    def posed_points(self) -> Float[Tensor, "B T P 3"]:
-        """Surface points in the object's frame, moved by the joint."""
-        along = self.joint[:, :, None] * self.axis[:, None]
+    def joint_poses(self) -> tuple[Float[Tensor, "B T 3 3"], Float[Tensor, "B T 3"]]:
+        """Rotation and translation of the second part in the frame of the first one."""
+        along = self.joint[..., None] * self.axis[:, None]
         slides = self.slides[:, None, None]
         turn = axis_angle_to_matrix(torch.where(slides, 0.0, along))
-        pivot = self.pivot[:, None, None]
-        moved = (self.points[:, None] - pivot) @ turn.mT + pivot
-        moved = moved + torch.where(slides, along, 0.0)[:, :, None]
+        pivot = self.pivot[:, None]
+        return turn, torch.where(slides, along, pivot - (turn @ pivot[..., None])[..., 0])
+
+    def part_poses(self) -> tuple[Float[Tensor, "B T 2 3 3"], Float[Tensor, "B T 2 3"]]:
+        """Rotation and translation of both parts, object to world; alike for a rigid one."""
+        turn, shift = self.joint_poses()
+        moved = (self.rotation @ shift[..., None])[..., 0] + self.translation
+        return (
+            torch.stack([self.rotation, self.rotation @ turn], 2),
+            torch.stack([self.translation, moved], 2),
+        )
+
+    def posed_points(self) -> Float[Tensor, "B T P 3"]:
+        """Surface points in the object's frame, moved by the joint."""
+        turn, shift = self.joint_poses()
+        moved = self.points[:, None] @ turn.mT + shift[:, :, None]
         return torch.where((self.part > 0)[:, None, :, None], moved, self.points[:, None])
+
+    def keypoints(self) -> Float[Tensor, "B 2 T 21 3"]:
+        """Keypoints of the left and the right hand in the world; of absent ones without meaning."""
+        sides = [
+            forward_kinematics(
+                axis_angle_to_matrix(self.pose[:, number]),
+                self.wrist[:, number],
+                load_hand(side).shaped(self.wrist.new_zeros(1, 1, 10)).offsets,
+            )[0]
+            for number, side in enumerate(SIDES)
+        ]
+        return torch.stack(sides, 1)
 
     def ended(self) -> "Actions":
         """The same actions with every frame after the end a copy of the last one before it."""

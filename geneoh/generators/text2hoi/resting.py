@@ -1,0 +1,97 @@
+"""Objects that rest unless a hand touches them, as physics asks of what a network draws."""
+
+from dataclasses import replace
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
+from geneoh.synthesis.actions import NEAR, Actions
+
+UPRIGHT_TURN = 0.5
+"""Turn from how an object stands below which it is taken as standing, radians."""
+ON_TABLE = 0.04
+"""Height of an object over the table below which it is taken as standing on it, metres."""
+
+
+def touched_frames(actions: Actions, within: float = NEAR) -> Bool[Tensor, "B T"]:
+    """Frames in which a keypoint of some hand is so near to a point of the object, metres."""
+    joints = actions.keypoints()
+    rotation, translation = actions.part_poses()
+    touched = torch.zeros_like(actions.valid)
+    for clip, frames in enumerate(actions.length.tolist()):
+        part = actions.part[clip]
+        posed = rotation[clip, :frames, part] @ actions.points[clip, :, :, None]
+        posed = posed[..., 0] + translation[clip, :frames, part]
+        hands = joints[clip, actions.hands[clip], :frames].transpose(0, 1).flatten(1, 2)
+        touched[clip, :frames] = (torch.cdist(hands, posed) < within).flatten(1).any(1)
+    return touched
+
+
+def moved_by_hands(actions: Actions) -> Actions:
+    """The same actions with objects that move only while a hand touches them.
+
+    Every step of the object between two touched frames is kept, every other one is left out; hands
+    stay where they are at the object. An object that nearly stands on the table at the start or at
+    the end does: what is left over is spread over its motion.
+    """
+    touched = touched_frames(actions)
+    moves = (touched[:, 1:] & touched[:, :-1]).to(actions.translation)
+    start = _standing(actions.rotation[:, 0], actions.translation[:, 0])
+    rotation, translation = [start[0]], [start[1]]
+    step_turn = actions.rotation[:, :-1].mT @ actions.rotation[:, 1:]
+    step_turn = matrix_to_axis_angle(step_turn) * moves[..., None]
+    step = (actions.translation[:, 1:] - actions.translation[:, :-1]) * moves[..., None]
+    for frame in range(moves.shape[1]):
+        rotation.append(rotation[-1] @ axis_angle_to_matrix(step_turn[:, frame]))
+        translation.append(translation[-1] + step[:, frame])
+    turned, shifted = torch.stack(rotation, 1), torch.stack(translation, 1)
+    way = step.norm(dim=-1) + 0.1 * step_turn.norm(dim=-1)
+    progress = torch.nn.functional.pad(way.cumsum(1), (1, 0)) / way.sum(1).clamp(min=1e-9)[:, None]
+    end = _standing(turned[:, -1], shifted[:, -1])
+    left_turn = matrix_to_axis_angle(end[0] @ turned[:, -1].mT)[:, None] * progress[..., None]
+    turned = axis_angle_to_matrix(left_turn) @ turned
+    shifted = shifted + (end[1] - shifted[:, -1])[:, None] * progress[..., None]
+    joint = actions.joint[:, :1] + torch.nn.functional.pad(
+        (actions.joint.diff(dim=1) * moves).cumsum(1), (1, 0)
+    )
+    return with_object_motion(actions, turned, shifted, joint)
+
+
+def _standing(
+    rotation: Float[Tensor, "B 3 3"], translation: Float[Tensor, "B 3"]
+) -> tuple[Float[Tensor, "B 3 3"], Float[Tensor, "B 3"]]:
+    """The pose on the table that is next to one that is nearly there; others as they are."""
+    yaw = torch.atan2(rotation[:, 1, 0] - rotation[:, 0, 1], rotation[:, 0, 0] + rotation[:, 1, 1])
+    upright = axis_angle_to_matrix(yaw[:, None] * torch.eye(3)[2].to(rotation))
+    tilt = matrix_to_axis_angle(rotation @ upright.mT).norm(dim=-1)
+    stands = (tilt < UPRIGHT_TURN) & (translation[:, 2].abs() < ON_TABLE)
+    ground = translation * translation.new_tensor([1.0, 1.0, 0.0])
+    return (
+        torch.where(stands[:, None, None], upright, rotation),
+        torch.where(stands[:, None], ground, translation),
+    )
+
+
+def with_object_motion(
+    actions: Actions,
+    rotation: Float[Tensor, "B T 3 3"],
+    translation: Float[Tensor, "B T 3"],
+    joint: Float[Tensor, "B T"],
+) -> Actions:
+    """The same actions with another motion of the object, which the hands go along with."""
+    change = rotation @ actions.rotation.mT
+    apart = actions.wrist - actions.translation[:, None]
+    wrist = (change[:, None] @ apart[..., None])[..., 0] + translation[:, None]
+    turn = change[:, None] @ axis_angle_to_matrix(actions.pose[..., 0, :])
+    pose = torch.cat([matrix_to_axis_angle(turn)[..., None, :], actions.pose[..., 1:, :]], -2)
+    there = actions.hands[:, :, None, None]
+    return replace(
+        actions,
+        rotation=rotation,
+        translation=translation,
+        joint=joint,
+        wrist=wrist * there,
+        pose=pose * there[..., None],
+    ).ended()

@@ -1,0 +1,66 @@
+from dataclasses import replace
+
+import torch
+from actions import made_actions
+
+from geneoh.generators.text2hoi.resting import moved_by_hands, touched_frames
+from geneoh.geometry.rotations import axis_angle_to_matrix
+
+
+def held_box():
+    """A box that rises by 10 to 20 cm in a hand that is at its side."""
+    actions = made_actions(["lift", "lift"], frames=30)
+    near = actions.points[:, :1].mean(1)
+    wrist = (actions.rotation @ near[:, None, :, None])[..., 0] + actions.translation
+    return replace(actions, wrist=torch.stack([torch.zeros_like(wrist), wrist], 1))
+
+
+def far_hand(actions):
+    """The same object with its hand a metre away."""
+    away = torch.tensor([1.0, 0.0, 0.0]) * actions.hands[:, :, None, None]
+    return replace(actions, wrist=actions.wrist + away)
+
+
+def test_a_hand_on_the_surface_touches_and_one_a_metre_away_does_not():
+    assert touched_frames(held_box()).all()
+    assert not touched_frames(far_hand(held_box())).any()
+
+
+def test_what_is_held_moves_as_before():
+    actions = held_box()
+    moved = moved_by_hands(actions)
+    assert torch.allclose(moved.translation, actions.translation, atol=1e-5)
+    assert torch.allclose(moved.rotation, actions.rotation, atol=1e-5)
+    assert torch.allclose(moved.wrist, actions.wrist, atol=1e-5)
+
+
+def test_what_no_hand_touches_rests():
+    moved = moved_by_hands(far_hand(held_box()))
+    assert (moved.translation == moved.translation[:, :1]).all()
+    assert (moved.rotation == moved.rotation[:, :1]).all()
+
+
+def test_hands_stay_where_they_are_at_the_object():
+    actions = far_hand(held_box())
+    places = [
+        (each.rotation.mT @ (each.wrist[:, 1] - each.translation)[..., None])[..., 0]
+        for each in (actions, moved_by_hands(actions))
+    ]
+    assert torch.allclose(*places, atol=1e-5)
+
+
+def test_an_object_that_nearly_stands_on_the_table_does_at_the_start_and_at_the_end():
+    actions = held_box()
+    lean = axis_angle_to_matrix(torch.tensor([0.1, 0.0, 0.0])).expand_as(actions.rotation)
+    floating = replace(
+        actions,
+        rotation=lean,
+        translation=0.0 * actions.translation + torch.tensor([0.05, 0.0, 0.02]),
+        joint=actions.joint,
+    )
+    wrist = (lean @ actions.points[:, :1].mean(1)[:, None, :, None])[..., 0]
+    there = torch.stack([torch.zeros_like(wrist), wrist + floating.translation], 1)
+    moved = moved_by_hands(replace(floating, wrist=there))
+    for frame in (0, -1):
+        assert moved.translation[:, frame, 2].abs().amax() < 1e-6
+        assert torch.allclose(moved.rotation[:, frame], torch.eye(3).expand(2, 3, 3), atol=1e-5)
