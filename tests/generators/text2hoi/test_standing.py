@@ -1,0 +1,84 @@
+import numpy as np
+import pytest
+import torch
+import trimesh
+
+from geneoh.errors import InputError
+from geneoh.generators.text2hoi.standing import POINTS, TURNS, stand
+from geneoh.geometry.mesh import Mesh
+from geneoh.synthesis.actions import Actions
+
+
+def box(sides=(0.06, 0.08, 0.2), shift=(0.3, -0.2, 0.5)) -> Mesh:
+    """A box away from the origin."""
+    made = trimesh.creation.box(sides)
+    verts = np.asarray(made.vertices) + shift
+    return Mesh(torch.tensor(verts, dtype=torch.float32), torch.tensor(np.asarray(made.faces)))
+
+
+def stood(up="z"):
+    """The box with an axis of its frame up."""
+    return stand(box(), up, generator=torch.Generator().manual_seed(0))
+
+
+@pytest.mark.parametrize("up", sorted(TURNS))
+def test_each_axis_comes_to_point_up(up):
+    rotation = torch.tensor(TURNS[up])
+    axis = torch.eye(3)["xyz".index(up[-1])] * (-1 if up.startswith("-") else 1)
+    assert torch.equal(rotation @ axis, torch.eye(3)[2])
+    assert torch.allclose(rotation @ rotation.T, torch.eye(3))
+    assert torch.linalg.det(rotation) == pytest.approx(1)
+
+
+def test_the_object_stands_on_the_table_over_the_origin():
+    found = stood("x")
+    assert found.points.shape == (POINTS, 3)
+    assert found.points[:, 2].amin() > -1e-6
+    assert found.points[:, 2].amax() == pytest.approx(0.06, abs=1e-3)
+    assert found.points[:, :2].mean(0).abs().amax() < 1e-6
+    verts = found.mesh.verts @ found.rotation.T + found.shift
+    assert verts[:, 2].amin() == pytest.approx(0, abs=1e-6)
+
+
+def test_poses_of_the_object_are_poses_of_the_mesh_as_its_file_has_it():
+    found = stood("y")
+    still = torch.eye(3).expand(1, 4, 3, 3)
+    lifted = torch.tensor([0.0, 0.0, 0.1]).expand(1, 4, 3)
+    zero = torch.zeros(1, dtype=torch.long)
+    actions = Actions(
+        verb=zero,
+        name=zero,
+        hands=torch.ones(1, 2, dtype=torch.bool),
+        length=zero + 4,
+        pose=torch.zeros(1, 2, 4, 16, 3),
+        wrist=torch.zeros(1, 2, 4, 3),
+        rotation=still,
+        translation=lifted,
+        joint=torch.zeros(1, 4),
+        points=found.points[None],
+        normals=found.normals[None],
+        part=torch.zeros(1, POINTS, dtype=torch.long),
+        axis=torch.zeros(1, 3),
+        pivot=torch.zeros(1, 3),
+        slides=torch.zeros(1, dtype=torch.bool),
+    )
+    rotation, translation = found.poses(actions)
+    world = found.mesh.verts @ rotation[0].T + translation[0]
+    assert world[:, 2].amin() == pytest.approx(0.1, abs=1e-6)
+
+
+def test_values_at_points_come_to_the_vertices_nearby():
+    found = stood()
+    high = (found.points[:, 2] > 0.1).float()
+    at = found.on_vertices(high)
+    verts = found.mesh.verts @ found.rotation.T + found.shift
+    assert torch.equal(at > 0.5, verts[:, 2] > 0.1)
+
+
+@pytest.mark.parametrize(("factor", "said"), [(1000.0, "--unit mm"), (0.001, "--unit m")])
+def test_objects_that_are_not_for_hands_are_refused_with_the_cure(factor, said):
+    mesh = box()
+    with pytest.raises(InputError, match=said):
+        stand(
+            Mesh(mesh.verts * factor, mesh.faces), "z", generator=torch.Generator().manual_seed(0)
+        )
