@@ -1,4 +1,4 @@
-"""`geneoh denoise --stream`: frames as lines of JSON in, clean ones out, as they come."""
+"""`geneoh denoise --stream`: frames as JSON lines or msgpack in, clean ones out, as they come."""
 
 import dataclasses
 import json
@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import click
+import msgpack
 import numpy as np
 from click.core import ParameterSource
 
@@ -21,7 +22,9 @@ from geneoh.readers.npz_files import hand_arrays
 from geneoh.readers.npz_layouts import HAND_FIELDS, own_names
 
 LONGEST = 2**20
-"""Bytes of a line, so that input without an end of line fills no memory."""
+"""Bytes of a frame, so that input without an end of line fills no memory."""
+MSGPACK_MAPS = (*range(0x80, 0x90), 0xDE, 0xDF)
+"""First bytes of a msgpack map, with none of which JSON begins."""
 DECIMALS = 6
 """Of the numbers that are written: micrometres and microradians."""
 
@@ -52,37 +55,40 @@ def run(obj: tuple[Path, ...], mano: Path | None, chosen: dict[str, Any]) -> Non
     def begin(**about: Any) -> Stream:
         return Stream(meshes, mano_dir=mano, **about, **kept)
 
-    clean_lines(*ends(), begin, chosen["side"])
+    clean_frames(*ends(), begin, chosen["side"])
 
 
 def ends() -> tuple[BinaryIO, BinaryIO]:
-    """Where lines come from and go to."""
+    """Where frames come from and go to."""
     return sys.stdin.buffer, sys.stdout.buffer
 
 
-def clean_lines(
+def clean_frames(
     source: BinaryIO, sink: BinaryIO, begin: Callable[..., Stream], side: Side | None
 ) -> None:
     """Clean the frames of `source` and write each to `sink` when it is known.
 
     Args:
-        source: one JSON object a line, with the fields of the file format of one frame.
-        sink: takes the same kind of lines, each at once.
+        source: one JSON object a line, or one msgpack map after the other, with the fields of the
+            file format of one frame.
+        sink: takes the same kind of frames, each at once.
         begin: makes the stream of one hand, from `side`, `betas` and `hand_model`.
-        side: the hand to clean; None for those that the first line names.
+        side: the hand to clean; None for those that the first frame names.
 
     Raises:
-        InputError: a line is no frame; the message says which line.
+        InputError: something is no frame; the message says which one.
     """
     streams: dict[Side, Stream] = {}
     poses: deque[Fields] = deque()
+    packed, frames = frames_in(source)
 
     def write(frames: dict[Side, CleanFrame]) -> None:
-        line = json.dumps(line_of(frames, poses.popleft()), separators=(",", ":"))
-        sink.write(line.encode() + b"\n")
+        fields = fields_of(frames, poses.popleft())
+        line = json.dumps(fields, separators=(",", ":")).encode() + b"\n"
+        sink.write(msgpack.packb(fields) if packed else line)
         sink.flush()
 
-    for where, fields in frames_in(source):
+    for where, fields in frames:
         if not streams:
             streams = {
                 side: begin(
@@ -109,10 +115,49 @@ POSE_FIELDS = ("object_rotation", "object_translation", "obj_pose")
 """The object's pose in a line: the first two, or the third."""
 
 
-def frames_in(source: BinaryIO) -> Iterator[tuple[str, Fields]]:
-    """The fields of each line, with what messages call it; blank lines are passed over."""
+def frames_in(source: BinaryIO) -> tuple[bool, Iterator[tuple[str, Fields]]]:
+    """Whether frames come as msgpack, and their fields with what messages call each of them."""
+    first = source.read(1)
+    packed = bool(first) and first[0] in MSGPACK_MAPS
+    return packed, (packed_frames if packed else line_frames)(first, source)
+
+
+def packed_frames(first: bytes, source: BinaryIO) -> Iterator[tuple[str, Fields]]:
+    """Frames as msgpack maps, of which the first byte is read."""
+    unpacker = msgpack.Unpacker(max_buffer_size=LONGEST)
+    number, given, taken = 1, 0, 0  # the next frame; bytes
+    while first or (first := source.read1(LONGEST // 2)):  # pyright: ignore[reportAttributeAccessIssue]
+        given += len(first)
+        while True:
+            where = f"standard input, frame {number}"
+            try:
+                unpacker.feed(first)
+                first = b""
+                fields = unpacker.unpack()
+            except msgpack.OutOfData:
+                break
+            except (msgpack.UnpackException, msgpack.BufferFull, ValueError) as error:
+                raise _no_map(where, type(error).__name__) from error
+            if not isinstance(fields, dict):
+                raise _no_map(where, f"{fields!r:.40}")
+            number, taken = number + 1, unpacker.tell()
+            yield where, fields
+    if taken < given:
+        raise _no_map(f"standard input, frame {number}", "the beginning of one")
+
+
+def _no_map(where: str, found: str) -> InputError:
+    return InputError(
+        f"{where}: expected a frame as a msgpack map of at most {LONGEST} bytes with names as its "
+        f"keys, got {found}; correct it"
+    )
+
+
+def line_frames(first: bytes, source: BinaryIO) -> Iterator[tuple[str, Fields]]:
+    """Frames as lines of JSON, of which the first byte is read; blank lines are passed over."""
     number = 0
-    while line := source.readline(LONGEST + 1):
+    while line := first + (b"" if first == b"\n" else source.readline(LONGEST + 1)):
+        first = b""
         number += 1
         where = f"standard input, line {number}"
         if len(line) > LONGEST:
@@ -167,7 +212,7 @@ def pose_in(fields: Fields, where: str) -> Any:
     return None if rotation is None else (rotation, translation)
 
 
-def line_of(frames: dict[Side, CleanFrame], poses: Fields) -> Fields:
+def fields_of(frames: dict[Side, CleanFrame], poses: Fields) -> Fields:
     """The fields of one clean frame: its hands, null where one is lost, and the pose as it came."""
     found: Fields = {"frame": next(iter(frames.values())).index}
     for side, frame in frames.items():

@@ -3,8 +3,10 @@
 import errno
 import io
 import json
+import re
 from importlib import import_module
 
+import msgpack
 import numpy as np
 import pytest
 import torch
@@ -55,10 +57,12 @@ def stream(command, tmp_path, monkeypatch):
     """Run `geneoh denoise --stream ARGUMENTS` on lines of text."""
     monkeypatch.chdir(tmp_path)
 
-    def run(given: list, *arguments: str):
-        text = "".join(
-            (line if isinstance(line, str) else json.dumps(line)) + "\n" for line in given
-        )
+    def run(given: list | bytes, *arguments: str):
+        text = given
+        if not isinstance(given, bytes):
+            text = "".join(
+                (line if isinstance(line, str) else json.dumps(line)) + "\n" for line in given
+            )
         return CliRunner().invoke(command, [*RUN, *arguments], input=text)
 
     return run
@@ -87,6 +91,30 @@ def test_the_command_gives_what_python_gives(stream, lines):
         for name, values in hand_arrays(frame.hand).items():
             if name in line:
                 np.testing.assert_allclose(line[name], np.squeeze(values), atol=1e-6)
+
+
+def test_msgpack_in_gives_the_same_frames_as_msgpack(stream, lines):
+    packed = b"".join(map(msgpack.packb, lines))
+    result = stream(packed, "--obj", "object.obj")
+    assert result.exit_code == 0, result.output
+    asked = [json.loads(line) for line in stream(lines, "--obj", "object.obj").stdout.splitlines()]
+    assert list(msgpack.Unpacker(io.BytesIO(result.stdout_bytes))) == asked
+
+
+@pytest.mark.parametrize(
+    ("bad", "said"),
+    [
+        (b"\x81\xc1", "frame 13: expected a frame as a msgpack map"),
+        (b"\x05", "frame 13: expected a frame as a msgpack map.*got 5"),
+        (b"\x81\x01\x02", "frame 13: .*with names as its keys"),
+        (b"\x82\xa1a", "frame 13: .*got the beginning of one"),
+        (b"\x81\xa1a\xdb\x7f\xff\xff\xff", "frame 13: .*got the beginning of one"),
+    ],
+)
+def test_what_is_no_msgpack_frame_is_told_with_its_number(stream, lines, bad, said):
+    result = stream(b"".join(map(msgpack.packb, lines)) + bad, "--obj", "object.obj")
+    assert result.exit_code == 2
+    assert re.search(said, result.stderr), result.stderr
 
 
 def test_what_comes_out_can_be_piped_in_again(stream, lines):
