@@ -61,6 +61,10 @@ StageName = Literal[
 MotionDiff and SpatialDiff in the form of the paper; and the baselines "toch" and "regression"."""
 STAGES: tuple[StageName, ...] = get_args(StageName)
 
+GeneratorStage = Literal["text"]
+"""Networks of the generator Text2HOI that `geneoh train` trains."""
+GENERATOR_STAGES: tuple[GeneratorStage, ...] = get_args(GeneratorStage)
+
 Noise = Literal["gauss", "gauss_strong", "beta", "bias", "drift", "burst", "drop", "camera"]
 """Kinds of noise that `geneoh corrupt` adds; `geneoh.sequence.noise` defines each."""
 NOISES: tuple[Noise, ...] = get_args(Noise)

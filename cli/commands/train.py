@@ -6,7 +6,8 @@ from typing import Any
 import click
 from click import Choice
 
-from geneoh.choices import STAGES
+from geneoh.choices import GENERATOR_STAGES, STAGES
+from geneoh.errors import ConfigError
 
 from .. import options, progress
 
@@ -15,13 +16,13 @@ FOLLOWS = ("spatial", "temporal", "relations")
 
 
 @click.command()
-@options.option("--stage: Network to train.", Choice(STAGES), required=True)
+@options.option("--stage: Network to train.", Choice((*STAGES, *GENERATOR_STAGES)), required=True)
 @options.many(
     "--data sources: What to learn from; may be repeated. A folder alone holds made "
     "interactions, and they are made where it is empty. SOURCE is one of `geneoh convert "
     "--help`, or `sequences` for npz files; WEIGHT is its share of the windows, relative to "
     "the others.",
-    default=("runs/data",),
+    show_default="runs/data",
     metavar="[SOURCE=]PATH[:WEIGHT]",
 )
 @options.folder
@@ -62,43 +63,27 @@ def train(
     """
     import torch
 
-    from geneoh.config import configured
-    from geneoh.denoisers.library import load_motion
     from geneoh.nn.devices import named_device
-    from geneoh.readers.base import ReaderOptions
-    from geneoh.training.config import TrainConfig
-    from geneoh.training.data import parsed_source, training_data
     from geneoh.training.loop import train as fit
     from geneoh.training.processes import joined
-    from geneoh.training.stages import StageTask
-    from geneoh.training.start import started_from
 
     if threads is not None:
         torch.set_num_threads(threads)
     with joined(named_device(device)) as (team, place):
-        named = config or ("finetune" if start else stage)
-        chosen, weights = configured(TrainConfig(), options.find_config(named), settings), None
-        if start is not None:
-            chosen, weights = started_from(
-                None if start == Path("shipped") else start, stage, chosen
-            )
-        asked, follows = [parsed_source(text) for text in sources], stage in FOLLOWS
         say = click.echo if not team.rank else lambda words: None
-        readers, cache = ReaderOptions(mano_dir=mano), folder / "recordings"
         with team.first_alone(), progress.progress_bars(not team.rank) as on_progress:
-            data = training_data(asked, cache, chosen, readers, on_progress=on_progress)
-        for note in data.notes:
+            if stage in GENERATOR_STAGES:
+                refuse_unused(stage, data=sources, start=start, mano=mano)
+                task, weights, notes = generator_task(stage, config, settings), None, ()
+            else:
+                named = config or ("finetune" if start else stage)
+                asked = named, settings, sources or ("runs/data",), folder, start, mano
+                task, weights, notes = cleaner_task(stage, *asked, place, on_progress)
+        for note in notes:
             say(note)
         with progress.progress_bars(not team.rank) as on_progress:
             path = fit(
-                StageTask(
-                    stage,
-                    chosen,
-                    data.training,
-                    data.validation,
-                    load_motion(folder).to(place) if follows else None,
-                    data.record,
-                ),
+                task,
                 folder,
                 device=place,
                 start=weights,
@@ -106,3 +91,50 @@ def train(
                 team=team,
             )
         say(f"wrote {path}")
+
+
+def cleaner_task(
+    stage: Any,
+    config: str,
+    settings: tuple[str, ...],
+    sources: tuple[str, ...],
+    folder: Path,
+    start: Path | None,
+    mano: Path | None,
+    place: Any,
+    on_progress: Any,
+) -> Any:
+    """A stage of the cleaner to learn, the weights to start from, and words on its data."""
+    from geneoh.config import configured
+    from geneoh.denoisers.library import load_motion
+    from geneoh.readers.base import ReaderOptions
+    from geneoh.training.config import TrainConfig
+    from geneoh.training.data import parsed_source, training_data
+    from geneoh.training.stages import StageTask
+    from geneoh.training.start import started_from
+
+    chosen, weights = configured(TrainConfig(), options.find_config(config), settings), None
+    if start is not None:
+        chosen, weights = started_from(None if start == Path("shipped") else start, stage, chosen)
+    asked, readers = [parsed_source(text) for text in sources], ReaderOptions(mano_dir=mano)
+    data = training_data(asked, folder / "recordings", chosen, readers, on_progress=on_progress)
+    motion = load_motion(folder).to(place) if stage in FOLLOWS else None
+    task = StageTask(stage, chosen, data.training, data.validation, motion, data.record)
+    return task, weights, data.notes
+
+
+def generator_task(stage: Any, config: str | None, settings: tuple[str, ...]) -> Any:
+    """A network of the generator to learn."""
+    from geneoh.generators.text2hoi.stages import generator_task as task
+
+    return task(stage, options.find_config(config or stage), settings)
+
+
+def refuse_unused(stage: Any, **given: Any) -> None:
+    """Refuse options that a stage makes no use of."""
+    for name, value in given.items():
+        if value:
+            raise ConfigError(
+                f"--{name}: expected none with --stage {stage}, which takes nothing from it; "
+                "leave it out"
+            )

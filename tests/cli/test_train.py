@@ -105,3 +105,14 @@ def test_eval_of_a_missing_recording_says_where_it_looked(geneoh):
     result = geneoh("eval", "--dataset", "taco", "--root", "nowhere")
     assert result.exit_code == 2
     assert "nowhere" in result.stderr
+
+
+def test_the_text_encoder_is_trained_without_data(geneoh, tmp_path):
+    few = ("steps=1", "batch=2", "validation_batches=1")
+    settings = [word for setting in few for word in ("--set", setting)]
+    refused = geneoh("train", "--stage", "text", "--data", "runs/data")
+    assert refused.exit_code == 2
+    assert "--data: expected none with --stage text" in refused.stderr
+    trained = geneoh("train", "--stage", "text", *settings)
+    assert trained.exit_code == 0, trained.output
+    assert (tmp_path / "runs" / "text.safetensors").exists()

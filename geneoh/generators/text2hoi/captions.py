@@ -5,7 +5,7 @@ Source: Text2HOI, supplement, "Text prompt annotation". The phrasings are "{acti
 as in the paper's examples.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TypeVar
 
 import torch
@@ -17,7 +17,7 @@ from geneoh.generators.text2hoi.vocabulary import noun_of as noun_of
 
 Choice = TypeVar("Choice")
 
-_ADJECTIVES = ("small", "big", "red", "blue", "green", "black", "white", "old", "heavy", "light")
+ADJECTIVES = ("small", "big", "red", "blue", "green", "black", "white", "old", "heavy", "light")
 _ADVERBS = ("slowly", "carefully", "quickly", "gently", "firmly", "briefly", "once", "again")
 _PEOPLE = ("someone", "a person", "the person", "she", "he", "the user", "a man", "a woman")
 _FROM_HAND_TO_HAND = (
@@ -65,22 +65,22 @@ def caption(
     hands: HandsName | None,
     *,
     generator: torch.Generator,
-    words: Mapping[str, Sequence[str]] = VERB_WORDS,
+    synonyms: Sequence[str] | None = None,
 ) -> str:
     """A random sentence for the action: half of them the paper's, the others freer.
 
-    Hands of None are not named. `words` are the verbs to choose among; a verb that is not in them
-    stands for itself, as every noun does that `NOUN_WORDS` does not list.
+    Hands of None are not named. Words that `VERB_WORDS` and `NOUN_WORDS` do not list stand for
+    themselves. `synonyms` for the verb take the place of the listed ones, in all phrasings.
     """
-    if hands is not None and _chance(0.5, generator):
-        return _one_of(captions(verb, noun, hands), generator)
-    said = _one_of(words.get(verb, (verb,)), generator)
-    held = _one_of(NOUN_WORDS.get(noun, (noun,)), generator)
+    said = one_of(synonyms or VERB_WORDS.get(verb, (verb,)), generator)
+    if hands is not None and chance(0.5, generator):
+        return one_of(captions(said if synonyms else verb, noun, hands), generator)
+    held = one_of(NOUN_WORDS.get(noun, (noun,)), generator)
     sentence = _phrased(said, held, hands, _tail(verb, hands, generator), generator)
-    if _chance(0.1, generator):
+    if chance(0.1, generator):
         sentence = f"please {sentence}" if sentence.startswith(said.split()[0]) else sentence
-    sentence = _sentence(sentence) if _chance(0.7, generator) else sentence
-    return sentence if _chance(0.7, generator) else sentence.rstrip(".")
+    sentence = _sentence(sentence) if chance(0.7, generator) else sentence
+    return sentence if chance(0.7, generator) else sentence.rstrip(".")
 
 
 def _phrased(
@@ -90,15 +90,15 @@ def _phrased(
     base, third, ing, past = forms(verb)
     thing = _described(noun, generator)
     told = "" if hands is None else _told(hands, generator)
-    with_hand = f" {_one_of(('with', 'with', 'using'), generator)} {told}" if told else ""
+    with_hand = f" {one_of(('with', 'with', 'using'), generator)} {told}" if told else ""
     if not told:
-        told = _one_of(_PEOPLE, generator)
+        told = one_of(_PEOPLE, generator)
     several = hands == "both hands"
     form = int(torch.randint(7, (), generator=generator))
     if form == 0:
-        return f"{_one_of(_PEOPLE, generator)} {_over(third, thing, generator)}{tail}{with_hand}"
+        return f"{one_of(_PEOPLE, generator)} {_over(third, thing, generator)}{tail}{with_hand}"
     if form == 1:
-        by_hand = f" by {told}" if with_hand and _chance(0.7, generator) else with_hand
+        by_hand = f" by {told}" if with_hand and chance(0.7, generator) else with_hand
         return f"{thing} {_be(noun)} {past}{tail}{by_hand}"
     if form == 2:
         return f"{told} {_over(base if several else third, thing, generator)}{tail}"
@@ -114,15 +114,15 @@ def _phrased(
 def _over(verb: str, thing: str, generator: torch.Generator) -> str:
     """Verb and object; a particle may follow the object."""
     word, _, rest = verb.partition(" ")
-    moved = rest in PARTICLES and _chance(0.4, generator)
+    moved = rest in PARTICLES and chance(0.4, generator)
     return f"{word} {thing} {rest}" if moved else f"{verb} {thing}"
 
 
 def _described(noun: str, generator: torch.Generator) -> str:
     """The noun with a random article and at times an adjective."""
-    if _chance(0.25, generator):
-        noun = f"{_one_of(_ADJECTIVES, generator)} {noun}"
-    article = _one_of(("a", "a", "the", "the", "this", "my", ""), generator)
+    if chance(0.25, generator):
+        noun = f"{one_of(ADJECTIVES, generator)} {noun}"
+    article = one_of(("a", "a", "the", "the", "this", "my", ""), generator)
     plural = noun.split()[-1] in PLURAL
     if article == "a" or (plural and article == "this"):
         return _with_article(noun)
@@ -132,18 +132,18 @@ def _described(noun: str, generator: torch.Generator) -> str:
 def _told(hands: HandsName, generator: torch.Generator) -> str:
     """Words for the hands."""
     if hands == "both hands":
-        return _one_of(("both hands", "both hands", "two hands", "the two hands"), generator)
-    whose = _one_of(("the ", "the ", "", "your ", "my ", "her ", "his ", "one's "), generator)
+        return one_of(("both hands", "both hands", "two hands", "the two hands"), generator)
+    whose = one_of(("the ", "the ", "", "your ", "my ", "her ", "his ", "one's "), generator)
     return f"{whose}{hands}"
 
 
 def _tail(verb: str, hands: HandsName | None, generator: torch.Generator) -> str:
     """How or where, with the space before it; often nothing."""
-    if verb == "pass" and hands == "both hands" and _chance(0.6, generator):
-        return f" {_one_of(_FROM_HAND_TO_HAND, generator)}"
-    if _chance(0.6, generator):
+    if verb == "pass" and hands == "both hands" and chance(0.6, generator):
+        return f" {one_of(_FROM_HAND_TO_HAND, generator)}"
+    if chance(0.6, generator):
         return ""
-    return f" {_one_of((*_ADVERBS[:6], *_PLACES.get(verb, _ADVERBS)), generator)}"
+    return f" {one_of((*_ADVERBS[:6], *_PLACES.get(verb, _ADVERBS)), generator)}"
 
 
 def _with_article(noun: str) -> str:
@@ -166,9 +166,11 @@ def _sentence(words: str) -> str:
     return f"{words[0].upper()}{words[1:]}."
 
 
-def _one_of(options: Sequence[Choice], generator: torch.Generator) -> Choice:
+def one_of(options: Sequence[Choice], generator: torch.Generator) -> Choice:
+    """One of the options, all equally likely."""
     return options[int(torch.randint(len(options), (), generator=generator))]
 
 
-def _chance(share: float, generator: torch.Generator) -> bool:
+def chance(share: float, generator: torch.Generator) -> bool:
+    """True in a share of all draws."""
     return float(torch.rand((), generator=generator)) < share

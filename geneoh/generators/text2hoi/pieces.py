@@ -1,0 +1,54 @@
+"""Sentences to pieces of words: byte-pair encoding learned on our own captions and word lists.
+
+Words outside them, and misspelt ones, fall into several pieces.
+"""
+
+import re
+from collections.abc import Iterable, Sequence
+
+import torch
+from jaxtyping import Int
+from tokenizers import Tokenizer
+from tokenizers.models import BPE
+from tokenizers.pre_tokenizers import WhitespaceSplit
+from tokenizers.trainers import BpeTrainer
+from torch import Tensor
+
+from geneoh.generators.text2hoi.text_network import PAD
+
+_UNKNOWN = "?"
+_START = "_"  # in front of the first piece of every word
+
+
+def words_of(sentence: str) -> list[str]:
+    """The words of a sentence in lower case, without punctuation."""
+    return re.findall(r"[^\W_]+(?:'[^\W_]+)?", sentence.lower())
+
+
+def learned_pieces(sentences: Iterable[str], count: int) -> Tokenizer:
+    """A vocabulary of at most `count` pieces, of which number 0 is the padding."""
+    tokenizer = Tokenizer(BPE(unk_token=_UNKNOWN, fuse_unk=True))
+    tokenizer.pre_tokenizer = WhitespaceSplit()
+    trainer = BpeTrainer(
+        vocab_size=count, special_tokens=["", _UNKNOWN], min_frequency=2, show_progress=False
+    )
+    tokenizer.train_from_iterator((marked(words_of(each)) for each in sentences), trainer)
+    return tokenizer
+
+
+def marked(words: Sequence[str]) -> str:
+    """Words with the sign of their start, as the tokenizer reads them."""
+    return " ".join(_START + word for word in words)
+
+
+def piece_numbers(
+    tokenizer: Tokenizer, marked_sentences: Sequence[str], longest: int
+) -> Int[Tensor, "B N"]:
+    """Numbers of the pieces of marked sentences, filled up with `PAD` to the longest one."""
+    unknown = tokenizer.token_to_id(_UNKNOWN)
+    rows = [
+        (encoding.ids or [unknown])[:longest]
+        for encoding in tokenizer.encode_batch(list(marked_sentences))
+    ]
+    most = max(map(len, rows), default=0)
+    return torch.tensor([row + [PAD] * (most - len(row)) for row in rows])

@@ -1,0 +1,75 @@
+"""The text encoder's network: a small transformer over the pieces of words."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor, nn
+
+PAD = 0  # the piece that fills up short sentences
+
+
+@dataclass(frozen=True)
+class TextConfig:
+    """Size of the network."""
+
+    pieces: int = 2048  # of the vocabulary
+    piece_width: int = 64  # features of a piece, fewer than `width` because there are many pieces
+    width: int = 128  # features of a sentence
+    depth: int = 1
+    heads: int = 4
+    longest: int = 40  # pieces of a sentence; what comes after them is not read
+    verbs: int = 1  # classes of the three heads
+    hands: int = 1
+    nouns: int = 1
+
+
+class Reading(NamedTuple):
+    """A sentence as the heads read it: scores before the softmax."""
+
+    verbs: Float[Tensor, "B V"]
+    hands: Float[Tensor, "B H"]
+    nouns: Float[Tensor, "B N"]
+
+
+class TextNetwork(nn.Module):
+    """Pieces of words to one vector a sentence, with a mean of about 0 and a variance of about 1
+    over its features."""
+
+    def __init__(self, config: TextConfig) -> None:
+        """Build the network with random weights."""
+        super().__init__()
+        self.config = config
+        width = config.width
+        self.pieces = nn.Embedding(config.pieces, config.piece_width)
+        self.widen = nn.Linear(config.piece_width, width)
+        self.places = nn.Parameter(0.02 * torch.randn(config.longest, width))
+        layer = nn.TransformerEncoderLayer(
+            width,
+            config.heads,
+            2 * width,
+            0.0,
+            "gelu",
+            batch_first=True,
+            norm_first=True,
+        )
+        self.layers = nn.TransformerEncoder(layer, config.depth, enable_nested_tensor=False)
+        self.weight = nn.Linear(width, 1)
+        self.norm = nn.LayerNorm(width)
+        self.verbs = nn.Linear(width, config.verbs)
+        self.hands = nn.Linear(width, config.hands)
+        self.nouns = nn.Linear(width, config.nouns)
+
+    def forward(self, pieces: Int[Tensor, "B N"]) -> Float[Tensor, "B W"]:
+        """A vector for each sentence; rows end in `PAD`, and hold one piece or more."""
+        pieces = pieces[:, : self.config.longest]
+        padded = pieces == PAD
+        tokens = self.widen(self.pieces(pieces)) + self.places[: pieces.shape[1]]
+        tokens = self.layers(tokens, src_key_padding_mask=padded)
+        weight = self.weight(tokens)[..., 0].masked_fill(padded, -torch.inf).softmax(-1)
+        return self.norm((weight[..., None] * tokens).sum(1))
+
+    def read(self, sentence: Float[Tensor, "B W"]) -> Reading:
+        """What the heads make of the vectors of sentences."""
+        return Reading(self.verbs(sentence), self.hands(sentence), self.nouns(sentence))

@@ -1,0 +1,179 @@
+import json
+import sys
+
+import pytest
+import torch
+
+from geneoh.errors import CheckpointError, ConfigError, InputError
+from geneoh.generators.text2hoi.text import (
+    SHIPPED,
+    TextEncoder,
+    load_text_encoder,
+    load_text_model,
+)
+from geneoh.generators.text2hoi.text_training import accuracy
+from geneoh.nn.checkpoint import Checkpoint, save_checkpoint
+
+
+@pytest.fixture(scope="module")
+def shipped():
+    return load_text_model()
+
+
+def test_a_sentence_is_embedded_once_and_kept():
+    asked = []
+
+    def embed(sentences):
+        asked.extend(sentences)
+        return torch.arange(len(sentences) * 2.0).view(-1, 2)
+
+    encoder = TextEncoder(2, embed)
+    first = encoder.encode(["b", "a", "b"])
+    assert first.tolist() == [[0.0, 1.0], [2.0, 3.0], [0.0, 1.0]]
+    assert torch.equal(encoder.encode(["a"]), first[1:2])
+    assert asked == ["b", "a"]
+    assert encoder.encode([]).shape == (0, 2)
+
+
+def test_shipped_encoder_is_small_and_of_width_128():
+    assert SHIPPED.stat().st_size < 1_000_000
+    encoder = load_text_encoder()
+    assert encoder.width == 128
+    vectors = encoder.encode(["Lift a mug with both hands.", "Pour from the kettle."])
+    assert vectors.shape == (2, 128)
+    assert not vectors.requires_grad
+
+
+@pytest.mark.parametrize(
+    ("kind", "verbs", "hands"),
+    [
+        ("seen words", 0.98, 0.99),
+        ("unseen phrasings", 0.8, 0.97),
+        ("misspellings", 0.9, 0.97),
+        ("unseen synonyms", 0.9, 0.99),  # the shipped weights know them
+    ],
+)
+def test_shipped_encoder_reads_verb_and_hands(shipped, kind, verbs, hands):
+    generator = torch.Generator().manual_seed(99)
+    right = accuracy(shipped.network, shipped.tokenizer, kind, generator=generator)
+    assert right[0] >= verbs
+    assert right[1] >= hands
+
+
+def test_phrasings_of_a_meaning_are_closer_than_other_meanings(shipped):
+    own, other, wrong = torch.nn.functional.normalize(
+        shipped.vectors(
+            [
+                "Lift a mug with the left hand.",
+                "the coffee mug is picked up by my left hand",
+                "Close a laptop with both hands.",
+            ]
+        ),
+        dim=-1,
+    )
+    assert float(own @ other) > float(own @ wrong) + 0.3
+
+
+def test_padding_by_longer_sentences_changes_no_vector(shipped):
+    alone = shipped.vectors(["open"])
+    torch.testing.assert_close(
+        shipped.vectors(["open", "put down the big red box slowly with both hands"])[:1],
+        alone,
+        atol=1e-4,
+        rtol=1e-4,
+    )
+
+
+def test_weights_of_another_network_are_refused(tmp_path):
+    path = tmp_path / "text.safetensors"
+    save_checkpoint(path, Checkpoint({"a": torch.zeros(2)}, {"config": {"text": {}}}))
+    with pytest.raises(CheckpointError, match="expected weights of this version's text encoder"):
+        load_text_encoder(tmp_path)
+
+
+def test_missing_folders_and_folders_without_a_model_are_refused(tmp_path):
+    with pytest.raises(InputError, match=r"found no folder; name the folder that holds"):
+        load_text_encoder(tmp_path / "none")
+    with pytest.raises(InputError, match=r"found a folder without config\.json"):
+        load_text_encoder(tmp_path)
+    (tmp_path / "config.json").write_text("{")
+    with pytest.raises(InputError, match="found a damaged file"):
+        load_text_encoder(tmp_path)
+
+
+def test_a_foreign_folder_without_the_library_says_how_to_install_it(tmp_path, monkeypatch):
+    (tmp_path / "config.json").write_text(json.dumps({"model_type": "clip"}))
+    monkeypatch.setitem(sys.modules, "transformers", None)
+    with pytest.raises(ConfigError, match=r'pip install "geneoh\[text\]"'):
+        load_text_encoder(tmp_path)
+
+
+def word_tokenizer(folder):
+    """The tokenizer of a tiny model, saved as the library saves it."""
+    from tokenizers import Tokenizer, models, pre_tokenizers, processors
+    from transformers import PreTrainedTokenizerFast
+
+    words = ["<pad>", "<unk>", "<s>", "</s>", "lift", "open", "the", "mug"]
+    tokenizer = Tokenizer(models.WordLevel({w: n for n, w in enumerate(words)}, unk_token="<unk>"))
+    tokenizer.pre_tokenizer = pre_tokenizers.Whitespace()
+    tokenizer.post_processor = processors.TemplateProcessing(
+        single="<s> $A </s>", special_tokens=[("<s>", 2), ("</s>", 3)]
+    )
+    PreTrainedTokenizerFast(
+        tokenizer_object=tokenizer, pad_token="<pad>", unk_token="<unk>", model_max_length=16
+    ).save_pretrained(folder)
+
+
+@pytest.mark.filterwarnings("ignore")  # of the library
+def test_a_clip_folder_gives_unit_vectors_of_its_own_width(tmp_path):
+    transformers = pytest.importorskip("transformers")
+    config = transformers.CLIPTextConfig(
+        vocab_size=8,
+        hidden_size=16,
+        intermediate_size=16,
+        projection_dim=12,
+        num_hidden_layers=1,
+        num_attention_heads=2,
+        max_position_embeddings=16,
+        pad_token_id=0,
+        bos_token_id=2,
+        eos_token_id=3,
+    )
+    transformers.CLIPTextModelWithProjection(config).save_pretrained(tmp_path)
+    word_tokenizer(tmp_path)
+    encoder = load_text_encoder(tmp_path)
+    vectors = encoder.encode(["lift the mug", "open the mug", "lift"])
+    assert encoder.width == 12
+    assert vectors.shape == (3, 12)
+    torch.testing.assert_close(vectors.norm(dim=-1), torch.ones(3))
+    assert not torch.allclose(vectors[0], vectors[1], atol=1e-4)
+
+
+@pytest.mark.filterwarnings("ignore")  # of the library
+def test_a_sentence_transformers_folder_gives_the_mean_of_its_states(tmp_path):
+    transformers = pytest.importorskip("transformers")
+    config = transformers.BertConfig(
+        vocab_size=8,
+        hidden_size=16,
+        intermediate_size=16,
+        num_hidden_layers=1,
+        num_attention_heads=2,
+        max_position_embeddings=16,
+        pad_token_id=0,
+    )
+    transformers.BertModel(config).save_pretrained(tmp_path)
+    word_tokenizer(tmp_path)
+    encoder = load_text_encoder(tmp_path)
+    assert encoder.width == 16
+    vectors = encoder.encode(["lift the mug", "open"])
+    torch.testing.assert_close(vectors.norm(dim=-1), torch.ones(2))
+    # padding beside a longer sentence must not count
+    torch.testing.assert_close(vectors[1], load_text_encoder(tmp_path).encode(["open"])[0])
+
+
+@pytest.mark.filterwarnings("ignore")  # of the library
+def test_a_folder_without_weights_is_refused(tmp_path):
+    pytest.importorskip("transformers")
+    (tmp_path / "config.json").write_text(json.dumps({"model_type": "bert"}))
+    with pytest.raises(InputError, match="expected a whole CLIP or sentence-transformers model"):
+        load_text_encoder(tmp_path)

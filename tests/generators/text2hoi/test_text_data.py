@@ -1,0 +1,89 @@
+import difflib
+
+import pytest
+import torch
+
+from geneoh.generators.text2hoi import text_data
+from geneoh.generators.text2hoi.english import OTHER_VERBS
+from geneoh.generators.text2hoi.text_data import (
+    HANDS_CLASSES,
+    NOUN_CLASSES,
+    VERB_CLASSES,
+    disturbed,
+    draw_sentences,
+    misspelt,
+    vocabulary,
+)
+from geneoh.generators.text2hoi.vocabulary import VERB_WORDS
+from geneoh.synthesis.actions import VERBS
+
+
+def seeded(seed=0):
+    return torch.Generator().manual_seed(seed)
+
+
+def test_every_verb_of_the_engine_has_a_withheld_synonym_and_others_to_learn_from():
+    for verb in VERBS:
+        assert len(text_data.UNSEEN[verb]) == 1
+        assert len(text_data.SEEN[verb]) >= 5
+    listed = {word for words in VERB_WORDS.values() for word in words}
+    assert listed >= text_data.WITHHELD
+
+
+def test_no_word_belongs_to_two_verbs():
+    words = [word for several in text_data.WORDS.values() for word in several]
+    assert sorted(words) == sorted(set(words))
+
+
+def test_other_verbs_name_a_verb_of_the_engine_as_the_nearest():
+    assert {words[0] for words in OTHER_VERBS.values()} <= set(VERBS)
+
+
+def test_a_misspelling_changes_one_long_word_by_one_typing_error():
+    said = ["the", "right", "hand", "lifts", "a", "mug"]
+    for seed in range(50):
+        wrong = misspelt(said, generator=seeded(seed))
+        assert len(wrong) == len(said)
+        changed = [(a, b) for a, b in zip(said, wrong, strict=True) if a != b]
+        assert len(changed) <= 1
+        for before, after in changed:
+            assert len(before) >= 4
+            assert abs(len(before) - len(after)) <= 1
+            assert difflib.SequenceMatcher(None, before, after).ratio() >= 0.6
+
+
+def test_short_words_are_never_misspelt():
+    assert misspelt(["a", "mug", "is"], generator=seeded()) == ["a", "mug", "is"]
+
+
+def test_disturbed_sentences_lose_small_words_but_none_that_names_hands():
+    said = "the cup is by the two or the left or on both"
+    lost = set()
+    for seed in range(80):
+        words = disturbed(said, generator=seeded(seed)).replace(" ", "").replace("_", " ").split()
+        lost |= set(said.split()) - set(words)
+        assert {"cup", "two"} <= set(words)
+    assert {"the", "or", "by"} & lost
+
+
+@pytest.fixture(scope="module")
+def tokenizer():
+    return vocabulary(600, generator=seeded())
+
+
+def test_drawn_sentences_hold_two_phrasings_of_each_meaning(tokenizer):
+    drawn = draw_sentences(tokenizer, 40, 30, text_data.SEEN, generator=seeded(1))
+    assert drawn.pieces.shape[:2] == (40, 2)
+    assert drawn.pieces.shape[2] <= 30
+    assert bool((drawn.pieces[:, :, 0] > 0).all())
+    assert int(drawn.verb.max()) < len(VERB_CLASSES)
+    assert int(drawn.hands.max()) < len(HANDS_CLASSES)
+    assert int(drawn.noun.max()) < len(NOUN_CLASSES)
+    assert bool((drawn.pieces[:, 0] != drawn.pieces[:, 1]).any(-1).float().mean() > 0.7)
+    again = draw_sentences(tokenizer, 40, 30, text_data.SEEN, generator=seeded(1))
+    assert torch.equal(drawn.pieces, again.pieces)
+
+
+def test_the_vocabulary_is_that_of_its_seed(tokenizer):
+    assert vocabulary(600, generator=seeded()).to_str() == tokenizer.to_str()
+    assert tokenizer.get_vocab_size() == 600

@@ -1,0 +1,99 @@
+import math
+from dataclasses import replace
+
+import pytest
+import torch
+
+from geneoh.generators.text2hoi.stages import generator_task
+from geneoh.generators.text2hoi.text import load_text_encoder, load_text_model
+from geneoh.generators.text2hoi.text_data import Sentences
+from geneoh.generators.text2hoi.text_network import Reading, TextConfig, TextNetwork
+from geneoh.generators.text2hoi.text_training import KINDS, TextTask, TextTrainConfig, text_loss
+from geneoh.training.loop import train
+from geneoh.training.processes import Team
+
+CPU = torch.device("cpu")
+SMALL = TextTrainConfig(steps=2, batch=4, warmup=1, validation_batches=2)
+
+
+class Said(TextNetwork):
+    """A network whose vectors are given and whose heads are certain of nothing."""
+
+    def __init__(self, vectors):
+        super().__init__(TextConfig(pieces=2, piece_width=2, width=4, heads=1))
+        self.given = vectors
+
+    def forward(self, pieces):
+        return self.given
+
+    def read(self, sentence):
+        return Reading(*(torch.zeros(len(sentence), n) for n in (5, 4, 3)))
+
+
+def sentences(verb):
+    zeros = torch.zeros(len(verb), dtype=torch.long)
+    return Sentences(
+        torch.ones(len(verb), 2, 1, dtype=torch.long), torch.tensor(verb), zeros, zeros
+    )
+
+
+def loss(vectors, verb, **settings):
+    return float(text_loss(Said(vectors), sentences(verb), replace(SMALL, **settings)))
+
+
+def test_heads_that_know_nothing_cost_the_logarithm_of_the_classes():
+    found = loss(torch.eye(4), [0, 1], contrast=0.0, nouns=1.0)
+    assert found == pytest.approx(math.log(5) + math.log(4) + math.log(3), abs=1e-5)
+
+
+def test_contrast_of_phrasings_that_agree_with_their_own_only():
+    alike = torch.tensor([[1.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])
+    rest = loss(alike, [0, 1], contrast=0.0)
+    # own phrasing at cosine 1, the other meaning at 0, each over a temperature of 1
+    expected = math.log(1 + math.exp(-1.0))
+    assert loss(alike, [0, 1], contrast=1.0, temperature=1.0) - rest == pytest.approx(expected)
+
+
+def test_contrast_does_not_push_equal_meanings_apart():
+    same = torch.ones(4, 2)
+    assert loss(same, [3, 3], contrast=1.0) == pytest.approx(loss(same, [3, 3], contrast=0.0))
+
+
+def test_a_step_is_the_same_for_the_same_seed_and_divided_among_processes():
+    task = TextTask(SMALL)
+    first, again = (task.pieces(5, Team(), CPU)[0].batch for _ in range(2))
+    assert torch.equal(first.pieces, again.pieces)
+    assert len(first.verb) == 4
+    divided = TextTask(replace(SMALL, accumulate=2)).pieces(5, Team(), CPU)
+    assert [len(piece.batch.verb) for piece in divided] == [2, 2]
+    assert sum(piece.share for piece in divided) == 1
+
+
+def test_withheld_synonyms_are_only_learned_when_asked_for():
+    assert TextTrainConfig().withhold
+    assert len(KINDS) == TextTrainConfig().validation_batches
+
+
+def test_trained_weights_are_a_whole_encoder(tmp_path):
+    path = train(generator_task("text", settings=["steps=2", "batch=4"]), tmp_path, device=CPU)
+    model = load_text_model(path)
+    assert model.verbs[:2] == ["lift", "put down"]
+    assert model.hands == ["left hand", "right hand", "both hands", None]
+    encoder = load_text_encoder(tmp_path)
+    vectors = encoder.encode(["Lift a mug with the left hand.", "open"])
+    assert vectors.shape == (2, encoder.width)
+    torch.testing.assert_close(vectors[1], model.vectors(["open"])[0], atol=1e-5, rtol=1e-4)
+
+
+def test_a_run_that_is_interrupted_goes_on_to_the_same_weights(tmp_path):
+    task = TextTask(replace(SMALL, checkpoint_every=1))
+    whole = load_text_model(train(task, tmp_path / "a", device=CPU))
+
+    def stop(now):
+        if now.step == 1:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        train(task, tmp_path / "b", device=CPU, on_step=stop)
+    resumed = load_text_model(train(task, tmp_path / "b", device=CPU))
+    torch.testing.assert_close(whole.vectors(["shake it"]), resumed.vectors(["shake it"]))
