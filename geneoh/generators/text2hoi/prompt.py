@@ -1,0 +1,211 @@
+"""What a user's sentence asks for: the hands, and the verb as far as it is known."""
+
+import difflib
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from geneoh.choices import HandsName
+from geneoh.errors import InputError, shortened
+from geneoh.files.reading import read_bytes
+from geneoh.generators.text2hoi.captions import ADJECTIVES
+from geneoh.generators.text2hoi.conjugation import forms
+from geneoh.generators.text2hoi.english import OTHER_VERBS, SMALL_WORDS, THINGS
+from geneoh.generators.text2hoi.pieces import words_of
+from geneoh.generators.text2hoi.text import TextModel, load_text_model
+from geneoh.generators.text2hoi.text_data import WORDS
+from geneoh.generators.text2hoi.vocabulary import NOUN_WORDS, PARTICLES
+from geneoh.synthesis.actions import VERBS
+
+LONGEST = 60  # words; a sentence of the paper has 8
+ENGLISH = 0.4  # least share of words that must be known for a sentence to count as English
+ALIKE = 0.8  # least likeness of a misspelt word and the word that is meant
+FILE_LIMIT = 100_000  # bytes of a file with a prompt
+EXAMPLE = '"pour from the kettle with the right hand"'
+
+_MY = r"(the |my |your |his |her |one's )?"
+_SIDES = rf"{_MY}(left|right)( hand)?"
+_BOTH = re.compile(
+    rf"\b(both|two|each)( \w+)? hands?\b|\b(both|two) handed|\bbimanual|\bhand to hand\b"
+    rf"|\bboth\b(?! \w+s\b)|\b(with|using|by|between) {_MY}hands\b|\b(in)?to the other hand\b"
+    rf"|{_SIDES} and {_SIDES}\b|(left|right) hand\b.*\b(and|while)\b.*(left|right) hand\b"
+    rf"|\bfrom {_MY}(left|right|one) hand\b.*\b(in)?to\b|\bfrom {_SIDES} (in)?to {_MY}\w+ hand\b"
+)
+_ONE: dict[HandsName, re.Pattern[str]] = {
+    hands: re.compile(
+        rf"\b{side}( \w+)? hand(ed|er|edly)?\b|\b{side}handed\b|\b(with|using|by) {_MY}{side}\b"
+    )
+    for hands, side in (("left hand", "left"), ("right hand", "right"))
+}
+_NO_VERB_AFTER = frozenset(
+    ("a", "an", "the", "this", "my", "your", "with", "by", "using", "left", "right", "both", "two")
+)
+"""Words that no verb follows: what looks like one is a noun there."""
+
+
+@dataclass(frozen=True)
+class Prompt:
+    """A sentence, and what it asks for."""
+
+    sentence: str
+    hands: HandsName
+    verb: str  # of `geneoh.synthesis.actions.VERBS`: the one that is named, or the nearest
+    known: bool  # whether made actions show the verb that the sentence names
+    notes: tuple[str, ...]  # what was assumed, a sentence each, for the user
+
+
+def prompt_text(argument: str) -> str:
+    """The sentence of a command line: itself, or that in a file, as `@FILE` or as a path.
+
+    Raises:
+        InputError: the file cannot be read as one line of text.
+    """
+    path = Path(argument.removeprefix("@").strip())
+    try:
+        in_file = argument.startswith("@") or (argument.strip() != "" and path.is_file())
+    except OSError:  # too long for the name of a file
+        in_file = False
+    if not in_file:
+        return argument
+    try:
+        lines = read_bytes(path, FILE_LIMIT).decode("utf-8-sig").split("\n")
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"{path}: expected one English sentence in UTF-8, found other bytes; save it as text"
+        ) from error
+    said = [line.strip() for line in lines if line.strip()]
+    if len(said) > 1:
+        raise InputError(
+            f"{path}: expected one sentence, found {len(said)} lines; keep one in the file"
+        )
+    return said[0] if said else ""
+
+
+def read_prompt(text: str, model: TextModel | None = None) -> Prompt:
+    """What a sentence asks for, by its words first and then by our text encoder.
+
+    A verb that no made action shows is replaced by the nearest one, and a sentence that names no
+    hand gets the right one, or both to pass something; `notes` say so.
+
+    Raises:
+        InputError: the text is empty, too long or not English, or contradicts itself in the hands.
+    """
+    sentence = " ".join(text.split())
+    words = words_of(sentence)
+    check_english(sentence, words)
+    model = model or load_text_model()
+    verb, known, verb_notes = asked_verb(sentence, words, model)
+    hands, hand_notes = asked_hands(sentence, words, verb, model)
+    return Prompt(sentence, hands, verb, known, (*verb_notes, *hand_notes))
+
+
+def check_english(sentence: str, words: Sequence[str]) -> None:
+    """Refuse a text without words, with too many, or with too few that are known."""
+    shown, remedy = f"prompt '{shortened(sentence, 60)}'", f"write one such as {EXAMPLE}"
+    if not words:
+        raise InputError(f"{shown}: expected an English sentence, found no words; {remedy}")
+    if len(words) > LONGEST:
+        raise InputError(
+            f"{shown}: expected one sentence of at most {LONGEST} words, found {len(words)}; "
+            "say it shorter"
+        )
+    understood = sum(nearest_word(word) is not None for word in words)
+    if understood < ENGLISH * len(words):
+        raise InputError(
+            f"{shown}: expected an English sentence on hands and an object, found {understood} "
+            f"known words among {len(words)}; {remedy}"
+        )
+
+
+def asked_verb(
+    sentence: str, words: Sequence[str], model: TextModel
+) -> tuple[str, bool, tuple[str, ...]]:
+    """The verb of made actions, whether the sentence names it, and notes."""
+    named = named_verbs(words) or named_verbs([nearest_word(word) or word for word in words])
+    scores = dict(zip(model.verbs, model.read(sentence).verbs[0].tolist(), strict=True))
+    if not named:
+        nearest = max(VERBS, key=lambda verb: scores[verb])
+        return nearest, False, (f"no verb of the sentence is known; the nearest is '{nearest}'",)
+    said = max(named, key=lambda verb: scores[verb])
+    if said in VERBS:
+        return said, True, ()
+    nearest = OTHER_VERBS[said][0]
+    return nearest, False, (f"'{named[said]}' was never learned; the nearest verb is '{nearest}'",)
+
+
+def named_verbs(words: Sequence[str]) -> dict[str, str]:
+    """Verbs of `text_data.WORDS` that words name, with the words that name them.
+
+    A longer phrase hides a shorter one in it: "put in" is no "put". The particle of a phrase may
+    follow later in the sentence.
+    """
+    found: dict[str, str] = {}
+    for start, word in enumerate(words):
+        if start and words[start - 1] in _NO_VERB_AFTER:
+            continue
+        for phrase, verb in _phrases().get(word, ()):
+            rest = phrase.split()[1:]
+            after = list(words[start + 1 :])
+            later = len(rest) == 1 and rest[0] in PARTICLES and rest[0] in after
+            if after[: len(rest)] == rest or later:
+                found.setdefault(verb, phrase)
+                break
+    return found
+
+
+def asked_hands(
+    sentence: str, words: Sequence[str], verb: str, model: TextModel
+) -> tuple[HandsName, tuple[str, ...]]:
+    """The hands that a sentence asks for: by its words, else as our encoder reads it."""
+    said = " ".join(words)
+    if _BOTH.search(said):
+        return "both hands", ()
+    one = [hands for hands, pattern in _ONE.items() if pattern.search(said)]
+    if len(one) == 2:
+        raise InputError(
+            f"prompt '{shortened(sentence, 60)}': expected one choice of hands, found the left "
+            "hand and the right hand; write 'both hands', 'from the left hand to the right hand', "
+            "or name one of them"
+        )
+    if one:
+        return one[0], ()
+    read = model.hands[int(model.read(sentence).hands[0].argmax())]
+    if read == "left hand" or read == "right hand" or read == "both hands":
+        return read, (f"the sentence names no hand plainly; it is read as '{read}'",)
+    hands: HandsName = "both hands" if verb == "pass" else "right hand"
+    return hands, (f"the sentence names no hand; '{hands}' is taken",)
+
+
+def nearest_word(word: str) -> str | None:
+    """A known English word with the same first letter that equals or resembles the word."""
+    known = _known_words()
+    if word in known or word.removesuffix("s") in known:
+        return word
+    if len(word) < 4:
+        return None
+    same = [each for each in known if each[0] == word[0] and abs(len(each) - len(word)) <= 1]
+    swapped = [each for each in same if sorted(each) == sorted(word)]
+    near = swapped or difflib.get_close_matches(word, same, 1, ALIKE)
+    return near[0] if near else None
+
+
+@cache
+def _phrases() -> dict[str, tuple[tuple[str, str], ...]]:
+    """All forms of all words of verbs by their first word, longest first, each with its verb."""
+    found: dict[str, list[tuple[str, str]]] = {}
+    for verb, words in WORDS.items():
+        for phrase in (form for word in words for form in forms(word)):
+            if phrase not in ("hand", "hands"):  # the hand that acts, nearly always
+                found.setdefault(phrase.split()[0], []).append((phrase, verb))
+    return {first: tuple(sorted(f, key=lambda each: -len(each[0]))) for first, f in found.items()}
+
+
+@cache
+def _known_words() -> frozenset[str]:
+    """All words of our lists."""
+    verbs = [form for words in WORDS.values() for word in words for form in forms(word)]
+    nouns = [noun for words in NOUN_WORDS.values() for noun in words]
+    listed = " ".join([*verbs, *nouns, *NOUN_WORDS, *THINGS, *ADJECTIVES])
+    return frozenset(listed.split()) | SMALL_WORDS

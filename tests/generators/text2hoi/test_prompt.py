@@ -1,0 +1,146 @@
+import pytest
+
+from geneoh.errors import InputError
+from geneoh.generators.text2hoi.prompt import named_verbs, nearest_word, prompt_text, read_prompt
+from geneoh.generators.text2hoi.text import load_text_model
+
+
+@pytest.fixture(scope="module")
+def model():
+    return load_text_model()
+
+
+@pytest.mark.parametrize(
+    ("sentence", "verb", "hands"),
+    [
+        ("Pour from the kettle with the right hand.", "pour", "right hand"),
+        ("Both hands lift a box.", "lift", "both hands"),
+        ("A lock is opened by the left hand.", "open", "left hand"),
+        ("pick the mug up with your left hand", "lift", "left hand"),
+        ("use the left hand to slide the plate to the right", "slide", "left hand"),
+        ("left-handed, put the cup down", "put down", "left hand"),
+        ("Pass the cup from the left hand to the right hand.", "pass", "both hands"),
+        ("hand over the phone from one hand to the other", "pass", "both hands"),
+        ("Look at the can opener with the left hand and the right hand", "inspect", "both hands"),
+        ("slide the book from the left to the right with the right hand", "slide", "right hand"),
+        ("shake the bottle with two hands", "shake", "both hands"),
+        ("inspect the toy from both sides with the left hand", "inspect", "left hand"),
+        ("the left hand holds the jar while the right hand opens it", "open", "both hands"),
+    ],
+)
+def test_verb_and_hands_of_plain_sentences(model, sentence, verb, hands):
+    prompt = read_prompt(sentence, model)
+    assert (prompt.verb, prompt.hands, prompt.known) == (verb, hands, True)
+    assert prompt.notes == ()
+
+
+@pytest.mark.parametrize(
+    ("sentence", "verb", "hands"),
+    [
+        ("Lfit the mug wiht the rihgt hand", "lift", "right hand"),
+        ("shkae the bottle with boht hands", "shake", "both hands"),
+        ("opne the laptop with the letf hand", "open", "left hand"),
+    ],
+)
+def test_misspelt_sentences_are_read(model, sentence, verb, hands):
+    prompt = read_prompt(sentence, model)
+    assert (prompt.verb, prompt.hands) == (verb, hands)
+
+
+def test_a_verb_that_was_never_made_gives_the_nearest_and_says_so(model):
+    prompt = read_prompt("Drink from the mug with the right hand.", model)
+    assert (prompt.verb, prompt.known) == ("tilt", False)
+    assert prompt.notes == ("'drink from' was never learned; the nearest verb is 'tilt'",)
+
+
+def test_an_unknown_verb_gives_some_verb_and_says_so(model):
+    prompt = read_prompt("Yodel the mug with the right hand.", model)
+    assert not prompt.known
+    assert prompt.notes[0].startswith("no verb of the sentence is known; the nearest is '")
+
+
+def test_an_unknown_noun_is_fine(model):
+    prompt = read_prompt("Lift the flurble with the right hand.", model)
+    assert prompt.known
+    assert prompt.notes == ()
+
+
+def test_a_sentence_without_hands_gets_the_right_one_or_both_to_pass(model):
+    one = read_prompt("Lift the mug.", model)
+    assert one.hands == "right hand"
+    assert one.notes == ("the sentence names no hand; 'right hand' is taken",)
+    assert read_prompt("Pass the mug.", model).hands == "both hands"
+
+
+def test_two_hands_that_contradict_each_other_are_refused(model):
+    with pytest.raises(InputError, match=r"found the left hand and the right hand; write 'both"):
+        read_prompt("With the left hand lift the mug with the right hand.", model)
+
+
+@pytest.mark.parametrize("sentence", ["", "   ", "...", "\n\t"])
+def test_an_empty_sentence_is_refused(model, sentence):
+    with pytest.raises(InputError, match=r"found no words; write one such as"):
+        read_prompt(sentence, model)
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    [
+        "Hebe die Tasse mit der rechten Hand.",
+        "Soulevez la tasse avec la main droite.",
+        "Levanta la taza con la mano derecha.",
+        "右手でカップを持ち上げる",
+        "Поднимите чашку правой рукой",
+        "sdkjf weoiru xcvm qwpoei",
+    ],
+)
+def test_a_sentence_that_is_not_english_is_refused(model, sentence):
+    with pytest.raises(InputError, match="expected an English sentence"):
+        read_prompt(sentence, model)
+
+
+def test_a_whole_page_is_refused(model):
+    with pytest.raises(InputError, match="at most 60 words, found 80"):
+        read_prompt("lift the mug up now with it please " * 10, model)
+
+
+def test_white_space_in_a_sentence_is_one_space(model):
+    assert read_prompt(" Lift\nthe  mug ", model).sentence == "Lift the mug"
+
+
+def test_a_prompt_may_stand_in_a_file(tmp_path):
+    file = tmp_path / "prompt.txt"
+    file.write_bytes(b"\xef\xbb\xbfLift the mug with the left hand.\r\n\n")
+    assert prompt_text(f"@{file}") == "Lift the mug with the left hand."
+    assert prompt_text(str(file)) == "Lift the mug with the left hand."
+    assert prompt_text("Lift the mug") == "Lift the mug"
+    assert prompt_text("word " * 200) == "word " * 200
+    assert prompt_text("") == ""
+    file.write_text("")
+    assert prompt_text(f"@{file}") == ""
+
+
+def test_files_without_one_sentence_are_refused(tmp_path):
+    file = tmp_path / "prompt.txt"
+    with pytest.raises(InputError, match=r"prompt\.txt"):
+        prompt_text(f"@{file}")
+    file.write_text("Lift the mug.\nOpen the box.\n")
+    with pytest.raises(InputError, match="expected one sentence, found 2 lines"):
+        prompt_text(f"@{file}")
+    file.write_bytes(b"\x89PNG\r\n\xff\xfe")
+    with pytest.raises(InputError, match="found other bytes"):
+        prompt_text(f"@{file}")
+
+
+def test_a_longer_verb_hides_a_shorter_one_in_it():
+    assert list(named_verbs(["push", "down", "the", "lid"])) == ["press"]
+    assert list(named_verbs(["push", "the", "lid"])) == ["slide"]
+    assert list(named_verbs(["pull", "open", "the", "drawer"])) == ["open"]
+    assert named_verbs(["the", "lock", "and", "a", "place"]) == {}
+
+
+def test_words_are_matched_over_one_typing_error():
+    assert nearest_word("lfit") == "lift"
+    assert nearest_word("shaek") == "shake"
+    assert nearest_word("flurble") is None
+    assert nearest_word("mugs") == "mugs"
