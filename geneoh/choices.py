@@ -61,7 +61,10 @@ StageName = Literal[
 MotionDiff and SpatialDiff in the form of the paper; and the baselines "toch" and "regression"."""
 STAGES: tuple[StageName, ...] = get_args(StageName)
 
-GeneratorStage = Literal["text"]
+ActionStage = Literal["contact", "interaction"]
+"""Networks of the generator Text2HOI that learn from actions."""
+ACTION_STAGES: tuple[ActionStage, ...] = get_args(ActionStage)
+GeneratorStage = Literal["text", ActionStage]
 """Networks of the generator Text2HOI that `geneoh train` trains."""
 GENERATOR_STAGES: tuple[GeneratorStage, ...] = get_args(GeneratorStage)
 

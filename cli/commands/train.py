@@ -6,13 +6,15 @@ from typing import Any
 import click
 from click import Choice
 
-from geneoh.choices import GENERATOR_STAGES, STAGES
+from geneoh.choices import ACTION_STAGES, GENERATOR_STAGES, STAGES
 from geneoh.errors import ConfigError
 
 from .. import options, progress
 
 FOLLOWS = ("spatial", "temporal", "relations")
 """Stages that learn on the output of MotionDiff."""
+ACTIONS = Path("runs/actions")
+"""Folder of the actions that the generator learns from, where no other is named."""
 
 
 @click.command()
@@ -22,7 +24,7 @@ FOLLOWS = ("spatial", "temporal", "relations")
     "interactions, and they are made where it is empty. SOURCE is one of `geneoh convert "
     "--help`, or `sequences` for npz files; WEIGHT is its share of the windows, relative to "
     "the others.",
-    show_default="runs/data",
+    show_default="runs/data; runs/actions for the generator",
     metavar="[SOURCE=]PATH[:WEIGHT]",
 )
 @options.folder
@@ -34,6 +36,11 @@ FOLLOWS = ("spatial", "temporal", "relations")
     metavar="shipped|FOLDER",
 )
 @options.mano
+@options.option(
+    "--text-encoder: Folder of a CLIP or sentence-transformers model that networks of the "
+    "generator are to be told sentences by; default: ours.",
+    options.FOLDER,
+)
 @options.option("--threads: CPU threads; default: chosen by torch.", options.COUNT)
 @options.device
 def train(
@@ -44,6 +51,7 @@ def train(
     settings: tuple[str, ...],
     start: Path | None,
     mano: Path | None,
+    text_encoder: Path | None,
     threads: int | None,
     device: str,
 ) -> None:
@@ -56,6 +64,10 @@ def train(
     in the folder, else of the shipped one. Toch and regression are the baselines of `geneoh eval`.
     Without --config the shipped configuration of the stage is used. Settings are those of
     TrainConfig, such as steps=1000, corruption.gap_share=0.5 or synthesis.count=2048.
+
+    Text, contact and interaction are networks of the generator. The last two learn from one folder
+    of `geneoh synthesize --actions`, each with those before it that are in the output folder, or
+    the shipped ones; their settings are those of Text2HoiConfig.
 
     Several processes share each batch, on one machine or on many, and take the same steps as one:
     torchrun --nproc-per-node 2 --no-python geneoh train --stage motion. With --device cuda each
@@ -73,9 +85,11 @@ def train(
         say = click.echo if not team.rank else lambda words: None
         with team.first_alone(), progress.progress_bars(not team.rank) as on_progress:
             if stage in GENERATOR_STAGES:
-                refuse_unused(stage, data=sources, start=start, mano=mano)
-                task, weights, notes = generator_task(stage, config, settings), None, ()
+                refuse_unused(stage, start=start, mano=mano)
+                asked = config, settings, sources, folder, text_encoder
+                task, weights, notes = generator_task(stage, *asked), None, ()
             else:
+                refuse_unused(stage, text_encoder=text_encoder)
                 named = config or ("finetune" if start else stage)
                 asked = named, settings, sources or ("runs/data",), folder, start, mano
                 task, weights, notes = cleaner_task(stage, *asked, place, on_progress)
@@ -123,18 +137,35 @@ def cleaner_task(
     return task, weights, data.notes
 
 
-def generator_task(stage: Any, config: str | None, settings: tuple[str, ...]) -> Any:
+def generator_task(
+    stage: Any,
+    config: str | None,
+    settings: tuple[str, ...],
+    sources: tuple[str, ...],
+    folder: Path,
+    text_encoder: Path | None,
+) -> Any:
     """A network of the generator to learn."""
     from geneoh.generators.text2hoi.stages import generator_task as task
 
-    return task(stage, options.find_config(config or stage), settings)
+    if stage not in ACTION_STAGES:
+        refuse_unused(stage, data=sources, text_encoder=text_encoder)
+    if len(sources) > 1:
+        raise ConfigError(
+            f"--data: expected one folder of actions with --stage {stage}, got {len(sources)}; "
+            "keep one"
+        )
+    data = Path(sources[0]) if sources else ACTIONS
+    named = options.find_config(config or stage)
+    return task(stage, named, settings, data, folder, text_encoder)
 
 
 def refuse_unused(stage: Any, **given: Any) -> None:
     """Refuse options that a stage makes no use of."""
     for name, value in given.items():
         if value:
+            option = f"--{name.replace('_', '-')}"
             raise ConfigError(
-                f"--{name}: expected none with --stage {stage}, which takes nothing from it; "
+                f"{option}: expected none with --stage {stage}, which takes nothing from it; "
                 "leave it out"
             )

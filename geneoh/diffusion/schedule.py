@@ -24,11 +24,26 @@ def linear_sigmas(
     return ((1 - signal) / signal).sqrt()
 
 
-def descending_sigmas(level: int, steps: int) -> Float[Tensor, " M"]:
+def cosine_sigmas(steps: int = PAPER_STEPS, offset: float = 0.008) -> Float[Tensor, " N"]:
+    """The same under the cosine schedule, with betas of at most 0.999.
+
+    Source: Nichol and Dhariwal 2021, eq. (17); Text2HOI diffuses with it.
+    """
+    time = torch.linspace(0, 1, steps + 1, dtype=torch.float64)
+    signal = torch.cos((time + offset) / (1 + offset) * torch.pi / 2).square()
+    kept = (signal[1:] / signal[:-1]).clamp(min=1e-3).cumprod(0)
+    signal = torch.cat([torch.ones(1, dtype=torch.float64), kept])
+    return ((1 - signal) / signal).sqrt()
+
+
+def descending_sigmas(
+    level: int, steps: int, sigmas: Float[Tensor, " N"] | None = None
+) -> Float[Tensor, " M"]:
     """Noise levels of a sampler from `level` (at most PAPER_STEPS) to 0 in `steps` even steps.
 
-    They are for unit variance; `level` steps visit every level, as in the paper.
+    They are for unit variance; `level` steps visit every level, as in the paper. `sigmas` are those
+    of all levels, `linear_sigmas` where they are not given.
     """
-    sigmas = linear_sigmas()
+    sigmas = linear_sigmas() if sigmas is None else sigmas
     levels = torch.linspace(level, 0, steps + 1, dtype=torch.float64).round().long()
     return sigmas[levels].to(torch.float32)

@@ -5,7 +5,7 @@ import math
 from contextlib import AbstractContextManager, nullcontext
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
 
@@ -24,11 +24,18 @@ def zeroed(layer: nn.Module) -> nn.Module:
     return layer
 
 
-def rotary(x: Float[Tensor, "B H T D"]) -> Float[Tensor, "B H T D"]:
-    """Rotary position embedding: attention depends on distances in frames, not on positions."""
+def rotary(
+    x: Float[Tensor, "B H T D"], position: Float[Tensor, " T"] | None = None
+) -> Float[Tensor, "B H T D"]:
+    """Rotary position embedding: attention depends on distances in frames, not on positions.
+
+    The position of a token is its number where it is not given.
+    """
     half = x.shape[-1] // 2
     frequency = torch.exp(-math.log(1000.0) * torch.arange(half, device=x.device) / half)
-    angle = torch.arange(x.shape[-2], device=x.device)[:, None] * frequency
+    if position is None:
+        position = torch.arange(x.shape[-2], device=x.device)
+    angle = position[:, None] * frequency
     cos, sin = angle.cos().to(x.dtype), angle.sin().to(x.dtype)
     a, b = x[..., :half], x[..., half:]
     return torch.cat([a * cos - b * sin, a * sin + b * cos], dim=-1)
@@ -54,14 +61,23 @@ class Block(nn.Module):
         return [layer.weight for layer in layers if isinstance(layer, nn.Linear)]
 
     def forward(
-        self, tokens: Float[Tensor, "B T D"], level: Float[Tensor, "B D"]
+        self,
+        tokens: Float[Tensor, "B T D"],
+        level: Float[Tensor, "B D"],
+        position: Float[Tensor, " T"] | None = None,
+        seen: Bool[Tensor, "B T"] | None = None,
     ) -> Float[Tensor, "B T D"]:
-        """One residual update of the tokens; `level` embeds the noise level."""
+        """One residual update of the tokens; `level` embeds the noise level.
+
+        Attention is to the tokens that are `seen`, at least one of each item; None is all of them.
+        """
         gain_attention, gain_forward = (1 + self.gain(level))[:, None].chunk(2, dim=-1)
         q, k, v = self.qkv(self.norm_attention(tokens) * gain_attention).chunk(3, dim=-1)
         q, k, v = (x.unflatten(-1, (self.heads, -1)).transpose(1, 2) for x in (q, k, v))
         # written out: for windows this short it is faster than torch's fused attention
-        score = rotary(q) @ rotary(k).mT * q.shape[-1] ** -0.5
+        score = rotary(q, position) @ rotary(k, position).mT * q.shape[-1] ** -0.5
+        if seen is not None:
+            score = score.masked_fill(~seen[:, None, None], -torch.inf)
         attended = score.softmax(-1).to(v.dtype) @ v
         tokens = tokens + self.project(attended.transpose(1, 2).flatten(-2))
         return tokens + self.forward_layers(self.norm_forward(tokens) * gain_forward)
@@ -80,13 +96,20 @@ class FrameTransformer(nn.Module):
         self.norm = nn.LayerNorm(width)
 
     def forward(
-        self, tokens: Float[Tensor, "B T D"], level: Float[Tensor, " B"]
+        self,
+        tokens: Float[Tensor, "B T D"],
+        level: Float[Tensor, " B"],
+        position: Float[Tensor, " T"] | None = None,
+        seen: Bool[Tensor, "B T"] | None = None,
     ) -> Float[Tensor, "B T D"]:
-        """Tokens after all blocks; `level` is the noise level as `Scaling.level` states it."""
+        """Tokens after all blocks; `level` is the noise level as `Scaling.level` states it.
+
+        `position` and `seen` are those of `Block`.
+        """
         embedded = self.level(fourier(level, tokens.shape[-1]))
         with self._products(tokens.device.type):
             for block in self.blocks:
-                tokens = block(tokens + embedded[:, None], embedded)
+                tokens = block(tokens + embedded[:, None], embedded, position, seen)
         return self.norm(tokens)
 
     def _products(self, device: str) -> AbstractContextManager:

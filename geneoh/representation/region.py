@@ -115,15 +115,16 @@ def select_points(
     """
     threshold = distance.kthvalue(min(count, distance.shape[-1]), dim=-1).values
     near = distance <= threshold.clamp(min=CONTACT_RADIUS)[..., None]
-    return _farthest_points(points, near, distance.argmin(-1), count)
+    return farthest_points(points, near, distance.argmin(-1), count)
 
 
-def _farthest_points(
+def farthest_points(
     points: Float[Tensor, "*B P 3"],
     allowed: Bool[Tensor, "*B P"],
     first: Int[Tensor, "*B"],
     count: int,
 ) -> Int[Tensor, "*B K"]:
+    """Farthest-point sampling of `count` points among those allowed, from a first one on."""
     chosen = [first]
     remaining = points.new_full(points.shape[:-1], torch.inf)
     for _ in range(count - 1):

@@ -26,6 +26,8 @@ COMPARED = {
     "data": "training data (fingerprint)",
     "validation": "validation data (fingerprint)",
     "before": "MotionDiff (fingerprint)",
+    "text": "text encoder (fingerprint)",
+    "contact": "contact network (fingerprint)",
     "start": "first weights (fingerprint)",
 }
 """What else a run that is continued has in common with the saved one, and its name in words."""

@@ -3,7 +3,10 @@
 from pathlib import Path
 
 import pytest
+from made_actions import write_actions
 
+from geneoh.generators.text2hoi.library import load_networks
+from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.synthesis.shards import read_shards, shard_record
 
 SHARDS = ("--count", 4, "--set", "shard=2", "--set", "points=64")
@@ -116,3 +119,35 @@ def test_the_text_encoder_is_trained_without_data(geneoh, tmp_path):
     trained = geneoh("train", "--stage", "text", *settings)
     assert trained.exit_code == 0, trained.output
     assert (tmp_path / "runs" / "text.safetensors").exists()
+
+
+def test_the_networks_of_the_generator_are_trained_one_after_the_other(geneoh, tmp_path):
+    write_actions(tmp_path / "actions")
+    run = ("--data", "actions", "-o", "run", "--threads", "1")
+    settings = ("steps=1", "batch=3", "validation_batches=1", "interaction.width=32")
+    settings += ("interaction.heads=2", "interaction.depth=1")
+    for stage in ("contact", "interaction"):
+        chosen = [word for setting in settings for word in ("--set", setting)]
+        trained = geneoh("train", "--stage", stage, *run, *chosen)
+        assert trained.exit_code == 0, trained.output
+    records = [
+        load_checkpoint(tmp_path / "run" / f"{stage}.safetensors").record
+        for stage in ("contact", "interaction")
+    ]
+    assert records[0]["contact"] is None
+    assert records[1]["contact"] is not None
+    assert records[1]["config"]["interaction"]["text"] == 128
+    networks = load_networks(tmp_path / "run")
+    assert networks.interaction.config.width == 32
+
+
+def test_networks_of_the_generator_need_a_folder_of_actions(geneoh, tmp_path):
+    missing = geneoh("train", "--stage", "contact", "-o", "run")
+    assert missing.exit_code == 2
+    assert "expected train_*.safetensors" in missing.stderr
+    two = geneoh("train", "--stage", "contact", "--data", "a", "--data", "b", "-o", "run")
+    assert "--data: expected one folder of actions with --stage contact, got 2" in two.stderr
+    text = geneoh("train", "--stage", "text", "--text-encoder", "clip", "-o", "run")
+    assert "--text-encoder: expected none with --stage text" in text.stderr
+    cleaner = geneoh("train", "--stage", "motion", "--text-encoder", "clip", "-o", "run")
+    assert "--text-encoder: expected none with --stage motion" in cleaner.stderr

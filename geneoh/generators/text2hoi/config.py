@@ -1,0 +1,26 @@
+"""Settings of the training of the networks of Text2HOI."""
+
+from dataclasses import dataclass, field
+
+from geneoh.generators.text2hoi.contact import ContactConfig
+from geneoh.generators.text2hoi.interaction import InteractionConfig
+from geneoh.generators.text2hoi.losses import LossWeights
+from geneoh.training.run_config import RunConfig
+
+
+@dataclass(frozen=True)
+class Text2HoiConfig(RunConfig):
+    """The training of one network; every value is saved with the weights."""
+
+    balance: float = 0.5
+    """Power of how rare a verb with its hands is by which its clips are drawn more often (paper: 1
+    of a sentence)."""
+    mirrored: float = 0.5  # share of the clips that are seen in a mirror, left hands as right ones
+    text_dropout: float = 0.1  # share of the clips whose sentence is not told
+    object_dropout: float = 0.1  # share of the clips whose object is not told, independently
+    estimated: float = 0.5
+    """Share of the clips with an estimated contact map in the place of the true one (paper: 0)."""
+    divergence: float = 0.005  # weight of the divergence of the latent of contact maps
+    contact: ContactConfig = field(default_factory=ContactConfig)
+    interaction: InteractionConfig = field(default_factory=InteractionConfig)
+    losses: LossWeights = field(default_factory=LossWeights)

@@ -1,0 +1,76 @@
+"""The trained networks of Text2HOI: where weights are, and how networks are rebuilt from them."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+
+from geneoh.denoisers.library import load_network
+from geneoh.errors import ConfigError
+from geneoh.generators.text2hoi.contact import ContactConfig, ContactNetwork
+from geneoh.generators.text2hoi.interaction import InteractionConfig, InteractionNetwork
+from geneoh.generators.text2hoi.samples import Encoder
+from geneoh.generators.text2hoi.text import load_text_encoder
+
+SHIPPED = Path(__file__).parent / "weights"  # the weights in the package, STAGE.safetensors
+
+
+@dataclass(frozen=True)
+class Networks:
+    """All that makes an interaction of a sentence and an object."""
+
+    text: Encoder
+    contact: ContactNetwork
+    interaction: InteractionNetwork
+
+
+def load_networks(
+    folder: Path | None = None,
+    *,
+    text_encoder: Path | None = None,
+    device: torch.device | str = "cpu",
+) -> Networks:
+    """The networks of a folder of STAGE.safetensors; what it lacks, or all for None, is as shipped.
+
+    Args:
+        folder: of `geneoh train`.
+        text_encoder: of another text encoder, with which the networks were trained.
+        device: where the networks are to be.
+
+    Raises:
+        CheckpointError: a file is missing or does not fit its network.
+        ConfigError: the networks were trained with another text encoder.
+    """
+    text = encoder_of(folder, text_encoder)
+    contact = load_network(weights_of("contact", folder), "contact", ContactNetwork, ContactConfig)
+    interaction = load_network(
+        weights_of("interaction", folder), "interaction", InteractionNetwork, InteractionConfig
+    )
+    for name, network in (("contact", contact), ("interaction", interaction)):
+        if network.config.text != text.width:
+            raise ConfigError(
+                f"{weights_of(name, folder)}: expected a text encoder of {network.config.text} "
+                f"features, got one of {text.width}; name the one that it was trained with"
+            )
+    return Networks(text, contact.to(device), interaction.to(device))
+
+
+def encoder_of(folder: Path | None, text_encoder: Path | None = None) -> Encoder:
+    """The text encoder that is named, else that of a folder, else the shipped one."""
+    if text_encoder is None and folder is not None and (folder / "text.safetensors").is_file():
+        text_encoder = folder
+    return load_text_encoder(text_encoder)
+
+
+def weights_of(name: str, folder: Path | None) -> Path:
+    """The file of weights in a folder, else the shipped one."""
+    given = None if folder is None else folder / f"{name}.safetensors"
+    return given if given is not None and given.is_file() else SHIPPED / f"{name}.safetensors"
+
+
+def contact_network(folder: Path) -> ContactNetwork | None:
+    """The contact network that later ones learn with: of the folder, else shipped, else none."""
+    path = weights_of("contact", folder)
+    if not path.is_file():
+        return None
+    return load_network(path, "contact", ContactNetwork, ContactConfig)

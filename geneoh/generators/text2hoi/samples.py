@@ -1,0 +1,142 @@
+"""What the networks of Text2HOI learn from: actions with sentences and contact maps, in batches."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol, runtime_checkable
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from geneoh.bundle import Bundle
+from geneoh.choices import HandsName
+from geneoh.generators.text2hoi.captions import caption, noun_of
+from geneoh.generators.text2hoi.config import Text2HoiConfig
+from geneoh.generators.text2hoi.contact import ContactNetwork
+from geneoh.generators.text2hoi.objects import Objects, contact_maps
+from geneoh.synthesis.actions import VERBS, Actions
+from geneoh.synthesis.draws import Draws
+
+BLUR = 0.015  # metres over which a contact map is blurred that stands for an estimated one
+PLACES = 64  # places on an object by which it is blurred
+LOST = 0.3  # largest share of its points that are then lost
+
+
+@runtime_checkable
+class Encoder(Protocol):
+    """A text encoder."""
+
+    width: int
+
+    def encode(self, sentences: Sequence[str]) -> Float[Tensor, "B W"]:
+        """Features of sentences."""
+        ...
+
+
+@dataclass(frozen=True)
+class ActionData:
+    """Actions with their contact maps, and the names of objects."""
+
+    actions: Actions
+    names: tuple[str, ...]
+
+    @cached_property
+    def contact(self) -> Bool[Tensor, "B P"]:
+        """Points that are touched."""
+        return contact_maps(self.actions)
+
+    @cached_property
+    def kind(self) -> Tensor:
+        """A number for each verb with its hands."""
+        hands = self.actions.hands.long() @ torch.tensor([1, 2])
+        return 4 * self.actions.verb + hands
+
+
+@dataclass(frozen=True)
+class Samples(Bundle):
+    """A batch of actions with what tells of them."""
+
+    actions: Actions
+    touched: Float[Tensor, "B P"]  # the true contact map
+    contact: Float[Tensor, "B P"]  # the one that is told
+    text: Float[Tensor, "B W"]
+
+    @property
+    def objects(self) -> Objects:
+        """The objects of the actions."""
+        return Objects.of(self.actions)
+
+
+@torch.no_grad()
+def draw_samples(
+    data: ActionData,
+    config: Text2HoiConfig,
+    encoder: Encoder,
+    draws: Draws,
+    network: ContactNetwork | None = None,
+    *,
+    estimated: float = 0.0,
+) -> Samples:
+    """Random actions with a random sentence each, some of them in a mirror.
+
+    A share `estimated` of them is told contact maps of the network, or blurred true ones without.
+    """
+    counts = torch.bincount(data.kind).double()
+    weight = counts[data.kind] ** -config.balance
+    edges = weight.cumsum(0) / weight.sum()
+    pick = torch.searchsorted(edges, draws.share().double()).clamp(max=len(edges) - 1)
+    chosen, touched = data.actions.take(pick, "B"), data.contact[pick].float()
+    chosen = chosen.mirrored(draws.chance(config.mirrored))
+    chosen = chosen.take(slice(int(chosen.length.max())), "T")
+    text = encoder.encode(sentences(chosen, data.names, draws))
+    told = draws.chance(estimated, 1)
+    loss = draws.share(1) * LOST
+    kept = draws.share(touched.shape[1]) > loss
+    latent = draws.normal(1 if network is None else network.config.latent)
+    contact = touched
+    if bool(told.any()):
+        objects = Objects.of(chosen)
+        if network is None:
+            guess = blurred(objects, touched * kept)
+        else:
+            guess = network.decode(latent, objects, text).sigmoid()
+        contact = torch.where(told, guess, touched)
+    return Samples(chosen, touched, contact, text)
+
+
+def sentences(actions: Actions, names: Sequence[str], draws: Draws) -> list[str]:
+    """A random sentence for each action, each by a seed of its own."""
+    seeds = draws.integers(0, 2**31).tolist()
+    rows = zip(actions.verb.tolist(), actions.name.tolist(), hands_of(actions), seeds, strict=True)
+    return [
+        caption(
+            VERBS[verb],
+            noun_of(str(names[name])),
+            hands,
+            generator=torch.Generator().manual_seed(seed),
+        )
+        for verb, name, hands, seed in rows
+    ]
+
+
+def hands_of(actions: Actions) -> list[HandsName]:
+    """The hands of each action in words."""
+    words: dict[tuple[bool, bool], HandsName] = {
+        (True, False): "left hand",
+        (False, True): "right hand",
+        (True, True): "both hands",
+    }
+    return [words[left, right] for left, right in actions.hands.tolist()]
+
+
+def blurred(objects: Objects, contact: Float[Tensor, "B P"]) -> Float[Tensor, "B P"]:
+    """Contact maps blurred over the surface, at most 1.
+
+    Points tell `PLACES` of them how much they are touched, and these tell all points.
+    """
+    places = objects.points[:, :: max(1, contact.shape[1] // PLACES)]
+    near = torch.exp(-0.5 * (torch.cdist(places, objects.points) / BLUR) ** 2)
+    told = (near @ contact[..., None])[..., 0] / near.sum(-1)
+    spread = (near.mT @ told[..., None])[..., 0] / near.sum(1).clamp(min=1e-6)
+    return spread / spread.amax(1, keepdim=True).clamp(min=0.5)

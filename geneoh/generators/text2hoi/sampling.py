@@ -1,0 +1,162 @@
+"""From sentences and objects to actions: contact maps, then a reverse process over all numbers."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from geneoh.choices import HandsName
+from geneoh.diffusion.samplers import normal_like, sample_ancestral, sample_ddim
+from geneoh.diffusion.schedule import PAPER_STEPS, descending_sigmas
+from geneoh.generators.text2hoi.condition import Condition
+from geneoh.generators.text2hoi.interaction import InteractionNetwork
+from geneoh.generators.text2hoi.library import Networks
+from geneoh.generators.text2hoi.objects import Objects
+from geneoh.generators.text2hoi.tokens import NUMBERS, Tokens, actions_of
+from geneoh.nn.checkpoint import finite_output
+from geneoh.progress import OnStep
+from geneoh.synthesis.actions import Actions
+
+UNKNOWN = -1
+"""Verb and name of actions that are made for a sentence."""
+
+
+@dataclass(frozen=True)
+class SamplingConfig:
+    """How actions are drawn from the networks."""
+
+    sampler: Literal["ddim", "ancestral"] = "ddim"
+    steps: int = 25  # of the noise levels 1,000 to 0 (paper: 1,000 ancestral ones)
+    guidance: float = 1.0
+    """How far answers are moved from the one without a sentence to the one with it: 1 is the answer
+    with it (paper), and more than 1 goes beyond it, at twice the time."""
+
+
+PAPER = SamplingConfig("ancestral", PAPER_STEPS)
+
+
+@torch.no_grad()
+def sample(
+    networks: Networks,
+    objects: Objects,
+    sentences: Sequence[str],
+    hands: Sequence[HandsName],
+    lengths: Int[Tensor, " B"],
+    config: SamplingConfig | None = None,
+    *,
+    generator: torch.Generator,
+    contact: Float[Tensor, "B P"] | None = None,
+    on_step: OnStep | None = None,
+) -> Actions:
+    """An action for each sentence with its object, its hands and its number of frames.
+
+    Contact maps are drawn from `contact_of` unless they are given. Verbs and names are `UNKNOWN`.
+
+    Raises:
+        CheckpointError: the networks answer with NaN, as of damaged weights.
+    """
+    config, network = config or SamplingConfig(), networks.interaction
+    device = objects.points.device
+    if contact is None:
+        contact = contact_of(networks, objects, sentences, generator=generator)
+    condition = condition_of(networks, objects, sentences, hands, lengths.to(device), contact)
+    numbers = drawn_numbers(network, condition, config, generator=generator, on_step=on_step)
+    jointed, valid = objects.jointed, condition.valid
+    empty = torch.zeros(*valid.shape, NUMBERS, device=device)
+    blank = Tokens(
+        empty[..., :198].unflatten(-1, (2, 99)).transpose(1, 2),
+        empty[..., 198:],
+        valid,
+        condition.present,
+        jointed,
+        network.config.frame,
+    )
+    tokens = blank.with_flat(network.denormalise(finite_output(numbers)))
+    return actions_of(tokens, still(objects, valid.shape[1]))
+
+
+def contact_of(
+    networks: Networks, objects: Objects, sentences: Sequence[str], *, generator: torch.Generator
+) -> Float[Tensor, "B P"]:
+    """Random contact maps for sentences and objects, as probabilities."""
+    text = networks.text.encode(sentences).to(objects.points)
+    return networks.contact.sample(objects, text, generator=generator)
+
+
+def condition_of(
+    networks: Networks,
+    objects: Objects,
+    sentences: Sequence[str],
+    hands: Sequence[HandsName],
+    lengths: Int[Tensor, " B"],
+    contact: Float[Tensor, "B P"],
+) -> Condition:
+    """What the interaction network is told; contact maps are made binary for the paper's form."""
+    device = objects.points.device
+    told = torch.ones(len(sentences), dtype=torch.bool, device=device)
+    paper = networks.interaction.config.form == "paper"
+    sides = [(h != "right hand", h != "left hand") for h in hands]
+    return Condition(
+        networks.text.encode(sentences).to(objects.points),
+        objects,
+        (contact > 0.5).to(contact) if paper else contact,
+        torch.tensor(sides, device=device),
+        torch.arange(int(lengths.max()), device=device) < lengths[:, None],
+        told,
+        told,
+    )
+
+
+def drawn_numbers(
+    network: InteractionNetwork,
+    condition: Condition,
+    config: SamplingConfig,
+    *,
+    generator: torch.Generator,
+    on_step: OnStep | None = None,
+) -> Float[Tensor, "B T 208"]:
+    """Normalised numbers by the reverse process."""
+    told, guided = network.told(condition), config.guidance != 1
+    untold = network.told(condition.without_text()) if guided else told
+    levels = network.sigmas
+
+    def clean(x: Tensor, sigma: float) -> Tensor:
+        level = (levels - sigma).abs().argmin().float().expand(len(x))
+        found = network.denoised(x, level, told)
+        if guided:
+            without = network.denoised(x, level, untold)
+            found = without + config.guidance * (found - without)
+        return found
+
+    sigmas = descending_sigmas(PAPER_STEPS, config.steps, levels.double().cpu())
+    noise = torch.zeros(*condition.valid.shape, NUMBERS, device=levels.device)
+    start = sigmas[0] * normal_like(noise, generator=generator)
+    run = sample_ddim if config.sampler == "ddim" else sample_ancestral
+    return run(clean, start, sigmas, generator=generator, on_step=on_step)
+
+
+def still(objects: Objects, frames: int) -> Actions:
+    """Actions in which nothing happens, with given objects."""
+    points = objects.points
+    count = len(points)
+    unknown = torch.full((count,), UNKNOWN, device=points.device)
+    return Actions(
+        verb=unknown,
+        name=unknown,
+        hands=torch.zeros(count, 2, dtype=torch.bool, device=points.device),
+        length=torch.full_like(unknown, frames),
+        pose=points.new_zeros(count, 2, frames, 16, 3),
+        wrist=points.new_zeros(count, 2, frames, 3),
+        rotation=torch.eye(3).to(points).expand(count, frames, 3, 3),
+        translation=points.new_zeros(count, frames, 3),
+        joint=points.new_zeros(count, frames),
+        points=points,
+        normals=objects.normals,
+        part=objects.part,
+        axis=objects.axis,
+        pivot=objects.pivot,
+        slides=objects.slides,
+    )

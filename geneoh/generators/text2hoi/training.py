@@ -1,0 +1,189 @@
+"""The networks of Text2HOI as tasks of the training loop."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from geneoh.choices import ActionStage
+from geneoh.config import as_dict
+from geneoh.generators.text2hoi.condition import Condition
+from geneoh.generators.text2hoi.config import Text2HoiConfig
+from geneoh.generators.text2hoi.contact import ContactNetwork, contact_loss
+from geneoh.generators.text2hoi.interaction import LEAST_DEVIATION, InteractionNetwork
+from geneoh.generators.text2hoi.losses import geometric_loss, simple_loss
+from geneoh.generators.text2hoi.samples import ActionData, Encoder, Samples, draw_samples
+from geneoh.generators.text2hoi.tokens import tokens_of
+from geneoh.synthesis.draws import Draws, Part
+from geneoh.synthesis.shards import seed_of
+from geneoh.training.processes import Team
+from geneoh.training.resume import TrainState, digest
+
+Loss = Callable[[Any, Samples, Text2HoiConfig, Draws], Tensor]
+MOST = 512  # clips of which means and deviations are taken
+
+
+@dataclass(frozen=True)
+class SamplesPiece:
+    """Samples of a batch on which the loss is taken at once."""
+
+    samples: Samples
+    config: Text2HoiConfig
+    generator: torch.Generator
+    part: Part
+    of: Loss
+
+    def loss(self, model: nn.Module) -> Tensor:
+        """What the samples add to the loss of the batch."""
+        draws = Draws(self.part.count, self.generator, self.part)
+        share = self.part.count / self.part.total
+        return share * self.of(model, self.samples, self.config, draws)
+
+
+@dataclass(frozen=True)
+class ActionTask:
+    """One network of Text2HOI, learned from actions; a `geneoh.training.loop.Task`."""
+
+    name: ActionStage
+    config: Text2HoiConfig
+    data: ActionData
+    validation: ActionData
+    encoder: Encoder
+    contact: ContactNetwork | None = None  # of which later networks are told estimated maps
+    made: Mapping[str, Any] | None = None  # how the data was made, for the record
+
+    def network(self) -> nn.Module:
+        """A fresh network, made for the text encoder and with the scales of the data."""
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(seed_of(self.config.seed, self.name, "weights"))
+            if self.name == "contact":
+                return ContactNetwork(self.config.contact)
+            network = InteractionNetwork(self.config.interaction)
+        if self.config.interaction.normalised:
+            set_statistics(network, self.data)
+        if self.config.interaction.form == "paper" and self.contact is not None:
+            network.object.points.load_state_dict(self.contact.points.state_dict())
+            network.object.points.requires_grad_(False)
+        return network
+
+    def drawn(
+        self, data: ActionData, *parts: object, part: Part
+    ) -> tuple[Samples, torch.Generator]:
+        """A batch, or part of it, with its generator, by seed and `parts` (purpose, number)."""
+        generator = torch.Generator().manual_seed(seed_of(self.config.seed, *parts))
+        share = 0.0 if self.name == "contact" else self.config.estimated
+        draws = Draws(part.count, generator, part)
+        return draw_samples(
+            data, self.config, self.encoder, draws, self.contact, estimated=share
+        ), generator
+
+    def pieces(self, step: int, team: Team, device: torch.device) -> list[SamplesPiece]:
+        """This process's part of the batch of a step, in the pieces that are worked off in turn."""
+        own = Part(0, self.config.batch, self.config.batch).divided(team.size)[team.rank]
+        samples, generator = self.drawn(self.data, "step", step, part=own)
+        pieces = []
+        for part in own.divided(self.config.accumulate):
+            rows = slice(part.first - own.first, part.first - own.first + part.count)
+            again = torch.Generator().set_state(generator.get_state())
+            some = samples.take(rows, "B").to(device)
+            pieces.append(SamplesPiece(some, self.config, again, part, LOSSES[self.name]))
+        return pieces
+
+    def before_step(self, state: TrainState) -> None:
+        """Nothing: a run has one phase."""
+
+    @torch.no_grad()
+    def validate(self, model: nn.Module, index: int) -> Float[Tensor, ""]:
+        """The loss on a fixed batch of validation clips."""
+        whole = Part(0, self.config.batch, self.config.batch)
+        samples, generator = self.drawn(self.validation, "validation", index, part=whole)
+        samples = samples.to(next(model.parameters()).device)
+        piece = SamplesPiece(samples, self.config, generator, whole, LOSSES[self.name])
+        return piece.loss(model)
+
+    def record(self) -> dict[str, Any]:
+        """Network, config, fingerprints of what it learns from, and how that was made."""
+        contact = self.contact
+        return {
+            "stage": self.name,
+            "config": as_dict(self.config),
+            "sequences": len(self.data.actions.verb),
+            "data": data_digest(self.data),
+            "validation": data_digest(self.validation),
+            "text": text_digest(self.encoder),
+            "contact": None if contact is None else digest(contact.state_dict().values()),
+            "made": None if self.made is None else dict(self.made),
+        }
+
+
+def contact_task_loss(
+    network: ContactNetwork, samples: Samples, config: Text2HoiConfig, draws: Draws
+) -> Float[Tensor, ""]:
+    """The loss of the contact network."""
+    return contact_loss(
+        network,
+        samples.objects,
+        samples.touched,
+        samples.text,
+        divergence=config.divergence,
+        noise=draws.normal(network.config.latent).to(samples.text),
+    )
+
+
+def interaction_loss(
+    network: InteractionNetwork, samples: Samples, config: Text2HoiConfig, draws: Draws
+) -> Float[Tensor, ""]:
+    """The loss of the interaction network at random levels of noise."""
+    tokens = tokens_of(samples.actions, network.config.frame)
+    condition = Condition(
+        samples.text,
+        samples.objects,
+        samples.contact,
+        tokens.present,
+        tokens.valid,
+        ~draws.chance(config.text_dropout).to(tokens.present.device),
+        ~draws.chance(config.object_dropout).to(tokens.present.device),
+    )
+    level = draws.integers(1, len(network.sigmas)).to(tokens.present.device)
+    clean = network.normalise(tokens.flat) * tokens.told
+    noise = draws.normal(*clean.shape[1:]).to(clean)
+    x = clean + network.sigmas[level][:, None, None] * noise
+    found = network.denoised(x, level.float(), network.told(condition))
+    guess = tokens.with_flat(network.denormalise(found))
+    return simple_loss(found, clean, tokens.told) + geometric_loss(
+        guess, tokens, samples.actions, samples.touched, config.losses, draws
+    )
+
+
+LOSSES: dict[ActionStage, Loss] = {"contact": contact_task_loss, "interaction": interaction_loss}
+"""Loss of each network."""
+
+
+@torch.no_grad()
+def set_statistics(network: InteractionNetwork, data: ActionData) -> None:
+    """Set the mean and deviation of each number, over what is shown of clips and mirror images."""
+    some = data.actions.take(slice(None, None, -(-len(data.actions.verb) // MOST)), "B")
+    total, square, count = (torch.zeros(len(network.mean), dtype=torch.float64) for _ in range(3))
+    for actions in (some, some.mirrored()):
+        tokens = tokens_of(actions, network.config.frame)
+        numbers = (tokens.flat * tokens.told).double()
+        total += numbers.sum((0, 1))
+        square += numbers.square().sum((0, 1))
+        count += tokens.told.sum((0, 1))
+    mean = total / count.clamp(min=1)
+    std = (square / count.clamp(min=1) - mean.square()).clamp(min=0).sqrt()
+    network.mean.copy_(mean)
+    network.std.copy_(std.clamp(min=LEAST_DEVIATION))
+
+
+def data_digest(data: ActionData) -> str:
+    """A fingerprint of actions by their lengths and the last place of each wrist."""
+    return digest([data.actions.length, data.actions.wrist[:, :, -1]])
+
+
+def text_digest(encoder: Encoder) -> str:
+    """A fingerprint of a text encoder, by a sentence in half precision."""
+    return digest([encoder.encode(["Lift a mug with the right hand."]).half()])

@@ -1,0 +1,179 @@
+from dataclasses import replace
+
+import pytest
+import torch
+from made_actions import NAMES, WordEncoder, made_actions
+from made_networks import TINY, in_paper_form
+
+from geneoh.diffusion.schedule import cosine_sigmas
+from geneoh.errors import CheckpointError, ConfigError
+from geneoh.generators.text2hoi import library
+from geneoh.generators.text2hoi.contact import ContactNetwork
+from geneoh.generators.text2hoi.interaction import InteractionNetwork
+from geneoh.generators.text2hoi.library import Networks, load_networks
+from geneoh.generators.text2hoi.objects import Objects
+from geneoh.generators.text2hoi.sampling import (
+    PAPER,
+    UNKNOWN,
+    SamplingConfig,
+    condition_of,
+    contact_of,
+    drawn_numbers,
+    sample,
+)
+from geneoh.nn.checkpoint import Checkpoint, save_checkpoint
+
+HANDS = ["right hand", "left hand", "both hands"]
+SAID = ["Lift a mug with the right hand.", "Push the drawer.", "Carry the mouse."]
+LENGTHS = torch.tensor([12, 7, 2])
+
+
+@pytest.fixture(scope="module")
+def networks() -> Networks:
+    torch.manual_seed(0)
+    contact, interaction = ContactNetwork(TINY.contact), InteractionNetwork(TINY.interaction)
+    return Networks(WordEncoder(), contact.eval(), interaction.eval())
+
+
+@pytest.fixture(scope="module")
+def objects() -> Objects:
+    return Objects.of(made_actions(count=3))
+
+
+def drawn(networks, objects, seed=0):
+    generator, config = torch.Generator().manual_seed(seed), SamplingConfig(steps=4)
+    return sample(networks, objects, SAID, HANDS, LENGTHS, config, generator=generator)
+
+
+def test_two_seeds_make_two_clips_and_one_seed_one(networks, objects):
+    first, again, other = (drawn(networks, objects, seed) for seed in (0, 0, 1))
+    assert first.wrist.equal(again.wrist)
+    assert first.pose.equal(again.pose)
+    assert (first.translation - other.translation).abs().amax((1, 2)).min() > 1e-4
+
+
+def test_a_sample_has_the_hands_the_lengths_and_the_objects_that_were_asked_for(networks, objects):
+    actions = drawn(networks, objects)
+    assert actions.hands.tolist() == [[False, True], [True, False], [True, True]]
+    assert actions.length.tolist() == LENGTHS.tolist()
+    assert actions.joint.shape == (3, 12)
+    assert actions.points.equal(objects.points)
+    assert not actions.wrist[0, 0].any()
+    assert not actions.pose[1, 1].any()
+    assert not actions.joint[:2].any()  # rigid
+    assert actions.joint[2].any()
+    assert actions.translation[1, 6:].diff(dim=0).abs().max() == 0  # held after its end
+    eye = torch.eye(3).expand(3, 12, 3, 3)
+    torch.testing.assert_close(actions.rotation @ actions.rotation.mT, eye, atol=1e-5, rtol=0)
+    assert actions.verb.tolist() == actions.name.tolist() == [UNKNOWN] * 3
+    assert len(NAMES) == 3
+
+
+def perfect(networks, clean):
+    """The networks with one that always knows the clean numbers."""
+    interaction = InteractionNetwork(TINY.interaction)
+    interaction.denoised = lambda x, level, told: clean * told.shown
+    return replace(networks, interaction=interaction)
+
+
+@pytest.mark.parametrize("sampler", ["ddim", "ancestral"])
+def test_a_network_that_knows_the_clean_numbers_is_followed(networks, objects, sampler):
+    clean = torch.randn(3, 12, 208, generator=torch.Generator().manual_seed(5))
+    told = condition_of(networks, objects, SAID, HANDS, LENGTHS, torch.zeros(3, 48))
+    found = drawn_numbers(
+        perfect(networks, clean).interaction,
+        told,
+        SamplingConfig(sampler, 7),
+        generator=torch.Generator().manual_seed(0),
+    )
+    torch.testing.assert_close(found[told.shown], clean[told.shown], atol=1e-4, rtol=0)
+
+
+def test_the_network_is_told_the_number_of_each_level(networks, objects):
+    heard = []
+    interaction = InteractionNetwork(TINY.interaction)
+    interaction.denoised = lambda x, level, told: (heard.append(level.unique().item()), 0 * x)[1]
+    told = condition_of(networks, objects, SAID, HANDS, LENGTHS, torch.zeros(3, 48))
+    generator = torch.Generator().manual_seed(0)
+    drawn_numbers(interaction, told, SamplingConfig(steps=4), generator=generator)
+    assert heard == [1000, 750, 500, 250]
+    heard.clear()
+    drawn_numbers(interaction, told, PAPER, generator=generator)
+    assert heard == list(range(1000, 0, -1))
+
+
+def test_guidance_goes_beyond_the_answer_without_the_sentence(networks, objects):
+    """Answers of 1 with a sentence and 3 without: at guidance 2 the answer is -1."""
+    interaction = InteractionNetwork(TINY.interaction)
+    told_of = interaction.told
+    given = {}
+
+    def told(condition):
+        found = told_of(condition)
+        given[id(found)] = 1.0 if condition.text_given.all() else 3.0
+        return found
+
+    interaction.told = told
+    interaction.denoised = lambda x, level, told: torch.full_like(x, given[id(told)])
+    condition = condition_of(networks, objects, SAID, HANDS, LENGTHS, torch.zeros(3, 48))
+    for guidance, expected in ((1.0, 1.0), (2.0, -1.0), (0.0, 3.0)):
+        config = SamplingConfig(steps=2, guidance=guidance)
+        generator = torch.Generator().manual_seed(0)
+        found = drawn_numbers(interaction, condition, config, generator=generator)
+        torch.testing.assert_close(found, torch.full_like(found, expected))
+
+
+def test_the_paper_s_form_is_told_a_contact_map_of_zeros_and_ones(networks, objects):
+    paper = InteractionNetwork(in_paper_form(TINY.interaction))
+    generator = torch.Generator().manual_seed(0)
+    contact = contact_of(networks, objects, SAID, generator=generator)
+    for network, values in ((networks.interaction, contact), (paper, (contact > 0.5).float())):
+        told = condition_of(
+            replace(networks, interaction=network), objects, SAID, HANDS, LENGTHS, contact
+        )
+        assert told.contact.equal(values)
+
+
+def test_cosine_levels_are_the_squared_cosine_but_for_the_last():
+    sigmas = cosine_sigmas()
+    time = torch.tensor(500 / 1000, dtype=torch.float64)
+    angle = (torch.stack([time, 0 * time]) + 0.008) / 1.008 * torch.pi / 2
+    kept = angle.cos().square()
+    kept = kept[0] / kept[1]
+    torch.testing.assert_close(sigmas[500], ((1 - kept) / kept).sqrt())
+    assert sigmas[0] == 0
+    assert (sigmas.diff() > 0).all()
+    last = (1 + sigmas[999] ** 2) / (1 + sigmas[1000] ** 2)
+    assert last == pytest.approx(1e-3)  # beta is at most 0.999
+
+
+def saved(folder, networks):
+    for name in ("contact", "interaction"):
+        network = getattr(networks, name)
+        size = {k: v for k, v in vars(network.config).items() if k != "points"}
+        size["points"] = vars(network.config.points)
+        record = {"config": {name: size}}
+        save_checkpoint(folder / f"{name}.safetensors", Checkpoint(network.state_dict(), record))
+
+
+def test_networks_of_a_folder_make_the_same_clips(networks, objects, tmp_path, monkeypatch):
+    saved(tmp_path, networks)
+    monkeypatch.setattr(library, "load_text_encoder", lambda folder: WordEncoder())
+    loaded = load_networks(tmp_path)
+    assert loaded.interaction.config == TINY.interaction
+    torch.testing.assert_close(drawn(loaded, objects).wrist, drawn(networks, objects).wrist)
+
+
+def test_networks_of_another_text_encoder_are_refused(networks, tmp_path, monkeypatch):
+    saved(tmp_path, networks)
+    monkeypatch.setattr(WordEncoder, "width", 9)
+    monkeypatch.setattr(library, "load_text_encoder", lambda folder: WordEncoder())
+    with pytest.raises(ConfigError, match="expected a text encoder of 8 features, got one of 9"):
+        load_networks(tmp_path)
+
+
+def test_damaged_weights_are_told_of(networks, objects):
+    broken = InteractionNetwork(TINY.interaction)
+    torch.nn.init.constant_(broken.text.bias, torch.nan)
+    with pytest.raises(CheckpointError, match="damaged"):
+        drawn(replace(networks, interaction=broken), objects)

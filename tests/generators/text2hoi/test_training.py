@@ -1,0 +1,162 @@
+"""Training of the networks that learn from actions."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+from made_actions import NAMES, WordEncoder, made_actions
+from made_networks import TINY, in_paper_form, tiny_data, tiny_task
+
+from geneoh.choices import ACTION_STAGES
+from geneoh.errors import CheckpointError
+from geneoh.generators.text2hoi.contact import ContactNetwork
+from geneoh.generators.text2hoi.interaction import LEAST_DEVIATION
+from geneoh.generators.text2hoi.objects import Objects
+from geneoh.generators.text2hoi.samples import ActionData, blurred, draw_samples, sentences
+from geneoh.generators.text2hoi.tokens import tokens_of
+from geneoh.nn.checkpoint import load_checkpoint
+from geneoh.synthesis.draws import Draws
+from geneoh.training.loop import train
+from geneoh.training.processes import Team
+
+CPU = torch.device("cpu")
+
+
+class Interrupted(Exception):
+    pass
+
+
+def stop_after(step):
+    def listen(progress):
+        if progress.step == step:
+            raise Interrupted
+
+    return listen
+
+
+def draws(count: int = 64) -> Draws:
+    return Draws(count, torch.Generator().manual_seed(0))
+
+
+@pytest.mark.parametrize("stage", ACTION_STAGES)
+def test_a_resumed_run_is_the_run_that_was_not_interrupted(tmp_path, stage):
+    whole = load_checkpoint(train(tiny_task(stage), tmp_path / "whole", device=CPU))
+    with pytest.raises(Interrupted):
+        train(tiny_task(stage), tmp_path / "cut", device=CPU, on_step=stop_after(3))
+    resumed = load_checkpoint(train(tiny_task(stage), tmp_path / "cut", device=CPU))
+    assert whole.tensors.keys() == resumed.tensors.keys()
+    assert all(torch.equal(t, resumed.tensors[n]) for n, t in whole.tensors.items())
+    assert whole.record["stage"] == stage
+    assert whole.record["sequences"] == 6
+    assert whole.record["config"]["interaction"]["width"] == 16
+
+
+@pytest.mark.parametrize(("stage", "share"), [("contact", 0.95), ("interaction", 0.8)])
+def test_the_loss_falls(tmp_path, stage, share):
+    config = replace(TINY, steps=40, rate=1e-2, validate_every=10, checkpoint_every=40)
+    heard = []
+    train(tiny_task(stage, config), tmp_path, device=CPU, on_step=heard.append)
+    left = [p.error_left for p in heard if p.error_left is not None]
+    assert left[-1] < share * left[0]
+
+
+def test_the_paper_s_form_learns_too_and_keeps_the_points_of_the_contact_network(tmp_path):
+    points = replace(TINY.contact.points, turned=True)
+    contact = ContactNetwork(replace(TINY.contact, points=points, places_alone=True))
+    form = replace(in_paper_form(TINY.interaction), points=points)
+    config = replace(TINY, steps=2, interaction=form, estimated=0.0)
+    path = train(tiny_task("interaction", config, contact=contact), tmp_path, device=CPU)
+    saved = load_checkpoint(path).tensors
+    for name, tensor in contact.points.state_dict().items():
+        torch.testing.assert_close(saved[f"object.points.{name}"], tensor, atol=1e-3, rtol=1e-3)
+    assert saved["std"].eq(1).all()
+
+
+@pytest.mark.parametrize("given", [{"encoder": 0}, {"contact": 1}])
+def test_a_run_with_other_networks_before_it_is_not_continued(tmp_path, given):
+    train(tiny_task("interaction", replace(TINY, steps=1)), tmp_path, device=CPU)
+    task = tiny_task("interaction", replace(TINY, steps=2))
+    if "contact" in given:
+        task = replace(task, contact=ContactNetwork(TINY.contact))
+        words = "contact network"
+    else:
+        other = WordEncoder()
+        other.encode = lambda sentences: torch.ones(len(sentences), 8)
+        task, words = replace(task, encoder=other), "text encoder"
+    with pytest.raises(CheckpointError, match=f"the saved run has .*{words}"):
+        train(task, tmp_path, device=CPU)
+
+
+def test_numbers_have_mean_zero_and_unit_variance_on_the_data():
+    task = tiny_task("interaction")
+    network = task.network()
+    actions = task.data.actions
+    both = [tokens_of(a) for a in (actions, actions.mirrored())]
+    told = torch.cat([t.told for t in both])
+    found = torch.cat([network.normalise(t.flat) for t in both])
+    count = told.sum((0, 1))
+    mean = (found * told).sum((0, 1)) / count
+    square = (found.square() * told).sum((0, 1)) / count
+    torch.testing.assert_close(mean, torch.zeros(208), atol=1e-4, rtol=0)
+    wide = network.std > LEAST_DEVIATION
+    assert 20 < wide.sum() < 208
+    torch.testing.assert_close(square[wide], torch.ones(int(wide.sum())), atol=1e-3, rtol=0)
+    assert square.max() < 1.001
+
+
+def test_sentences_name_the_hand_that_is_seen_also_in_the_mirror():
+    data = tiny_data(count=3)
+    every = replace(TINY, mirrored=1.0)
+    drawn = draw_samples(data, every, WordEncoder(), draws())
+    right_then_left = drawn.actions.hands.float().mean(0)
+    assert drawn.actions.hands.any(1).all()
+    one = ActionData(data.actions.take(slice(1), "B"), NAMES)  # of a right hand
+    drawn = draw_samples(one, every, WordEncoder(), draws(20))
+    assert drawn.actions.hands.tolist() == [[True, False]] * 20
+    said = " ".join(sentences(drawn.actions, NAMES, draws(20))).lower()
+    assert "left hand" in said
+    assert "right hand" not in said
+    assert right_then_left.min() > 0
+
+
+def test_rare_verbs_are_drawn_more_often_than_their_clips():
+    actions = made_actions(count=20)
+    rare = torch.zeros(20, dtype=torch.long)
+    rare[0] = 1
+    hands = torch.tensor([False, True]).expand(20, 2)
+    data = ActionData(replace(actions, verb=rare, hands=hands), NAMES)
+    for balance, share in ((0.0, 1 / 20), (1.0, 1 / 2), (0.5, 1 / (1 + 19**0.5))):
+        config = replace(TINY, balance=balance, mirrored=0.0)
+        drawn = draw_samples(data, config, WordEncoder(), draws(600))
+        assert drawn.actions.verb.float().mean() == pytest.approx(share, abs=0.06)
+
+
+def test_true_maps_are_told_in_part_and_otherwise_those_of_the_contact_network():
+    data, network = tiny_data(), ContactNetwork(TINY.contact).eval()
+    for share in (0.0, 0.5, 1.0):
+        drawn = draw_samples(data, TINY, WordEncoder(), draws(), network, estimated=share)
+        same = (drawn.contact == drawn.touched).all(1).float().mean()
+        assert same == pytest.approx(1 - share, abs=0.15)
+        assert drawn.touched.unique().tolist() == [0, 1]
+
+
+def test_a_blurred_map_is_a_share_that_is_large_where_the_object_is_touched():
+    objects = Objects.of(made_actions(points=200))
+    contact = (objects.points[..., 2] > 0.05).float()
+    told = blurred(objects, contact)
+    assert told.min() >= 0
+    assert told.max() <= 1 + 1e-6
+    assert told[contact > 0].mean() > 2 * told[contact == 0].mean()
+    assert not blurred(objects, 0 * contact).any()
+
+
+def test_pieces_of_a_batch_are_the_batch():
+    task = tiny_task("interaction", replace(TINY, accumulate=2))
+    whole = tiny_task("interaction").pieces(0, Team(), CPU)[0].samples
+    first, second = (piece.samples for piece in task.pieces(0, Team(), CPU))
+    assert len(first.text) == len(second.text) == 3
+    for name in ("text", "touched"):
+        both = torch.cat([getattr(first, name), getattr(second, name)])
+        torch.testing.assert_close(both, getattr(whole, name))
+    halves = [task.pieces(0, Team(rank, 2), CPU)[0].samples.text for rank in (0, 1)]
+    assert not halves[0].equal(halves[1])

@@ -1,0 +1,54 @@
+"""The smallest networks of Text2HOI, and runs of their training."""
+
+from dataclasses import replace
+
+from made_actions import NAMES, WordEncoder, made_actions
+
+from geneoh.generators.text2hoi.config import Text2HoiConfig
+from geneoh.generators.text2hoi.contact import ContactConfig
+from geneoh.generators.text2hoi.interaction import InteractionConfig
+from geneoh.generators.text2hoi.losses import LossWeights
+from geneoh.generators.text2hoi.pointnet import PointConfig
+from geneoh.generators.text2hoi.samples import ActionData
+from geneoh.generators.text2hoi.training import ActionTask
+
+POINTS = PointConfig(near=6, middle=8, whole=12)
+TINY = Text2HoiConfig(
+    steps=4,
+    batch=6,
+    warmup=1,
+    checkpoint_every=2,
+    validate_every=2,
+    validation_batches=1,
+    contact=ContactConfig(latent=3, hidden=12, text=WordEncoder.width, points=POINTS),
+    interaction=InteractionConfig(
+        width=16,
+        depth=2,
+        heads=2,
+        frames_per_token=4,
+        text=WordEncoder.width,
+        object_points=24,
+        object_tokens=5,
+        points=POINTS,
+    ),
+    losses=LossWeights(frames=8, points=12),
+)
+"""A run of four steps that saves and validates after the second and the last."""
+
+
+def in_paper_form(config: InteractionConfig) -> InteractionConfig:
+    """The same size in the form of the paper."""
+    return replace(
+        config, form="paper", frames_per_token=1, frame="world", normalised=False, object_tokens=0
+    )
+
+
+def tiny_data(**changes) -> ActionData:
+    """A few made actions."""
+    return ActionData(made_actions(**changes), NAMES)
+
+
+def tiny_task(stage, config: Text2HoiConfig = TINY, **given) -> ActionTask:
+    """A stage that learns from a few made actions."""
+    data = tiny_data()
+    return ActionTask(stage, config, data, data, WordEncoder(), **given)
