@@ -402,3 +402,26 @@ def shifted_grips(
     pose = torch.where(kept[..., None], hands.pose, grasps.pose)
     wrist = torch.where(kept, hands.wrist, grasps.wrist)
     return Grips(*(value.unflatten(0, (-1, config.grips)) for value in (pose, wrist)))
+
+
+def settled_grasps(
+    solids: Solids, grasps: Grasps, config: GraspConfig | None = None, *, reach: float
+) -> Grasps:
+    """The grasps next to given ones in which nothing sinks in and what is near touches.
+
+    Pads within `reach` (metres) of the surface are drawn to it, or those that are next to it where
+    none is. `kept` tells which grasps are no deeper in their object than the checks allow.
+    """
+    config = config or GraspConfig()
+    scale = hand_scale(grasps.offsets)
+    joints, turns = forward_kinematics(
+        axis_angle_to_matrix(grasps.pose), grasps.wrist, grasps.offsets
+    )
+    gap = solids.signed_distance(contact_pads(joints, turns, scale)[0])
+    wanted = gap < (gap.amin(1, keepdim=True) + reach / 2).clamp(min=reach)
+    fingers = grasps.pose[:, 1:]
+    attempt = _Attempt(grasps.types, grasps.offsets, fingers, wanted)
+    hands = _descend(solids, attempt, _Hands(grasps.wrist, grasps.pose[:, 0], fingers), config)
+    centers, radii = hand_spheres(hands.posed(attempt)[0], scale)
+    depth = (radii - solids.signed_distance(centers)).amax(1)
+    return replace(grasps, pose=hands.pose, wrist=hands.wrist, kept=depth < config.checks.depth)

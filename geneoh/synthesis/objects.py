@@ -294,6 +294,16 @@ def draw_objects(
         else family_named(name)(uniform)
         for name in families
     ]
+    return _solids_of(drawn, scans)
+
+
+def scanned_object(scans: Scans) -> Solids:
+    """The first scanned object as it is, in the frame at the middle of its bounding box."""
+    return _solids_of([[_Solid(SCAN, (1.0, 1.0, 1.0), rounding=0.0)]], scans)
+
+
+def _solids_of(drawn: list[Drawn], scans: Scans | None) -> Solids:
+    """Objects of solids, and of a joint where they have one."""
     pairs = [each if isinstance(each, tuple) else (each, _RIGID) for each in drawn]
     solids = [[*each, *[_UNUSED] * (SOLIDS - len(each))] for each, _ in pairs]
 

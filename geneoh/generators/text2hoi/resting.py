@@ -15,18 +15,19 @@ ON_TABLE = 0.04
 """Height of an object over the table below which it is taken as standing on it, metres."""
 
 
-def touched_frames(actions: Actions, within: float = NEAR) -> Bool[Tensor, "B T"]:
-    """Frames in which a keypoint of some hand is so near to a point of the object, metres."""
+def touching_hands(actions: Actions, within: float = NEAR) -> Bool[Tensor, "B 2 T"]:
+    """Frames in which a keypoint of each hand is so near to a point of the object, metres."""
     joints = actions.keypoints()
     rotation, translation = actions.part_poses()
-    touched = torch.zeros_like(actions.valid)
+    touching = torch.zeros(actions.wrist.shape[:3], dtype=torch.bool)
     for clip, frames in enumerate(actions.length.tolist()):
         part = actions.part[clip]
         posed = rotation[clip, :frames, part] @ actions.points[clip, :, :, None]
         posed = posed[..., 0] + translation[clip, :frames, part]
-        hands = joints[clip, actions.hands[clip], :frames].transpose(0, 1).flatten(1, 2)
-        touched[clip, :frames] = (torch.cdist(hands, posed) < within).flatten(1).any(1)
-    return touched
+        for hand in torch.nonzero(actions.hands[clip])[:, 0].tolist():
+            near = torch.cdist(joints[clip, hand, :frames], posed) < within
+            touching[clip, hand, :frames] = near.flatten(1).any(1)
+    return touching
 
 
 def moved_by_hands(actions: Actions) -> Actions:
@@ -36,7 +37,7 @@ def moved_by_hands(actions: Actions) -> Actions:
     stay where they are at the object. An object that nearly stands on the table at the start or at
     the end does: what is left over is spread over its motion.
     """
-    touched = touched_frames(actions)
+    touched = touching_hands(actions).any(1)
     moves = (touched[:, 1:] & touched[:, :-1]).to(actions.translation)
     start = _standing(actions.rotation[:, 0], actions.translation[:, 0])
     rotation, translation = [start[0]], [start[1]]

@@ -3,7 +3,7 @@ from dataclasses import replace
 import torch
 from actions import made_actions
 
-from geneoh.generators.text2hoi.resting import moved_by_hands, touched_frames
+from geneoh.generators.text2hoi.resting import moved_by_hands, touching_hands
 from geneoh.geometry.rotations import axis_angle_to_matrix
 
 
@@ -22,8 +22,9 @@ def far_hand(actions):
 
 
 def test_a_hand_on_the_surface_touches_and_one_a_metre_away_does_not():
-    assert touched_frames(held_box()).all()
-    assert not touched_frames(far_hand(held_box())).any()
+    assert touching_hands(held_box())[:, 1].all()
+    assert not touching_hands(held_box())[:, 0].any()
+    assert not touching_hands(far_hand(held_box())).any()
 
 
 def test_what_is_held_moves_as_before():
