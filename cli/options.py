@@ -36,7 +36,9 @@ def option(text: str, kind: Any = None, default: Any = None, **how: Any) -> Deco
     Of the names, such as "-o --output folder", the one without dashes is that of the parameter.
     """
     names, _, said = text.partition(": ")
-    return click.option(*names.split(), help=said, type=kind, default=default, **how)
+    if not how.get("required"):  # click takes a default, even None, for a value that is given
+        how["default"] = default
+    return click.option(*names.split(), help=said, type=kind, **how)
 
 
 many = partial(option, multiple=True)

@@ -59,6 +59,9 @@ def test_debug_lets_the_traceback_through(geneoh, failing):
     [
         (["denois"], "No such command 'denois'"),
         (["corrupt", "a.npz"], "Missing option '--noise'"),
+        (["train"], "Missing option '--stage'"),
+        (["eval"], "Missing option '--dataset'"),
+        (["batch", "a.npz"], "Missing option '-o'"),
         (["corrupt", "a.npz", "--noise", "pink"], "'gauss'"),
         (["corrupt", "a.npz", "--noise", "gauss", "--seed", "-1"], "--seed"),
         (["corrupt"], "Missing argument 'CLEAN'"),
