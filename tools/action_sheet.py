@@ -121,21 +121,25 @@ def table() -> Mesh:
 
 
 def fixed_camera(clip: Actions) -> Camera:
-    """A camera that does not move, across the object's way, with the object and hands in sight."""
+    """A camera on one action, with the object and hands in sight."""
     frames = slice(int(clip.length))
     posed = posed_actions(clip)
     seen = [posed.surface.points[0, frames].flatten(0, 1)]
     seen += [
         posed.joints[0, side, frames].flatten(0, 1) for side in range(2) if clip.hands[0, side]
     ]
-    points = torch.cat(seen).numpy()
-    way = (clip.translation[0, frames] - clip.translation[0, 0]).numpy()
+    return camera_on(torch.cat(seen), clip.translation[0, frames])
+
+
+def camera_on(points: Float[Tensor, "N 3"], path: Float[Tensor, "T 3"]) -> Camera:
+    """A camera that does not move, across the path of the object, with all points in sight."""
+    seen, way = points.numpy(), (path - path[0]).numpy()
     along = way[np.linalg.norm(way[:, :2], axis=-1).argmax(), :2]
     level = np.array([along[1], -along[0]]) if np.linalg.norm(along) > 0.02 else np.array([0.4, -1])
     level = level / np.linalg.norm(level)
     back = np.array([*(np.cos(ELEVATION) * level), np.sin(ELEVATION)])
-    target = (points.min(0) + points.max(0)) / 2
-    radius = float(np.linalg.norm(points - target, axis=-1).max())
+    target = (seen.min(0) + seen.max(0)) / 2
+    radius = float(np.linalg.norm(seen - target, axis=-1).max())
     return Camera(axes_towards(back, np.array([0.0, 0.0, 1.0])), target, radius)
 
 
