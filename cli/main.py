@@ -19,7 +19,7 @@ from geneoh.errors import EndedElsewhereError, GeneOHError
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 COMMANDS = (
-    *("denoise", "batch", "eval", "train", "synthesize", "realism", "corrupt"),
+    *("denoise", "batch", "generate", "eval", "train", "synthesize", "realism", "corrupt"),
     *("convert", "view", "bench", "info"),
 )
 """Subcommands in the order of `--help`. Each is a function of that name in commands/NAME.py, which

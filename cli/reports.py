@@ -2,10 +2,14 @@
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from geneoh.metrics.report import before_and_after
 from geneoh.pipeline.results import Denoised, HandResult
 from geneoh.sequence.sequence import Sequence
+
+if TYPE_CHECKING:
+    from geneoh.generators.text2hoi.generate import Generated
 
 
 def denoised(sequence: Sequence, result: Denoised, output: Path) -> Iterator[str]:
@@ -27,6 +31,21 @@ def denoised(sequence: Sequence, result: Denoised, output: Path) -> Iterator[str
             yield f"  note: {note}"
     for note in result.notes:
         yield f"note: {note}"
+    yield f"wrote {output}"
+
+
+def generated(made: "Generated", output: Path) -> Iterator[str]:
+    """What was understood, what was made, and what the cleaner says of it."""
+    sequence, prompt = made.sequence, made.prompt
+    for note in prompt.notes:
+        yield f"note: {note}"
+    hands = " and ".join(hand.side for hand in sequence.hands)
+    seconds = sequence.frames / sequence.fps
+    yield f"{prompt.verb} with the {hands} hand: {sequence.frames} frames, {seconds:.1f} s"
+    for side, hand in ({} if made.refined is None else made.refined.hands).items():
+        yield f"{side} hand:"
+        for line in before_and_after(hand.before, hand.after):
+            yield f"  {line}"
     yield f"wrote {output}"
 
 

@@ -8,9 +8,9 @@
 
 Reading and writing: `load` (npz files), `read` (files of data sets and estimators), `from_arrays`
 (arrays in memory), `load_mesh`, `save`, `to_smplx`. Cleaning: `denoise` with `Options`, which
-returns a `Denoised`; `Stream`, frame by frame. Looking: `view`. Scoring: `evaluate` with
-`EvaluationOptions`. Data: `Sequence`, made of `HandTrack`, `ObjectTrack` and `Mesh`. Errors:
-`geneoh.errors`.
+returns a `Denoised`; `Stream`, frame by frame. Making: `generate` with `GenerateOptions`, which
+returns a `Generated`. Looking: `view`. Scoring: `evaluate` with `EvaluationOptions`. Data:
+`Sequence`, made of `HandTrack`, `ObjectTrack` and `Mesh`. Errors: `geneoh.errors`.
 
 Units are metres, radians and seconds. A public name is imported when it is first used, so that
 `import geneoh` and `geneoh --help` do not wait for torch.
@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from geneoh import errors as errors
     from geneoh.evaluation.options import EvaluationOptions as EvaluationOptions
     from geneoh.evaluation.runner import evaluate as evaluate
+    from geneoh.generators.text2hoi.generate import Generated as Generated
+    from geneoh.generators.text2hoi.generate import GenerateOptions as GenerateOptions
+    from geneoh.generators.text2hoi.generate import generate as generate
     from geneoh.geometry.mesh import Mesh as Mesh
     from geneoh.geometry.mesh import load_mesh as load_mesh
     from geneoh.pipeline.denoise import denoise as denoise
@@ -46,6 +49,7 @@ if TYPE_CHECKING:
 _MODULES = {
     "evaluation.options": ("EvaluationOptions",),
     "evaluation.runner": ("evaluate",),
+    "generators.text2hoi.generate": ("GenerateOptions", "Generated", "generate"),
     "geometry.mesh": ("Mesh", "load_mesh"),
     "pipeline.denoise": ("denoise",),
     "pipeline.options": ("Options",),

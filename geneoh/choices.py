@@ -95,6 +95,10 @@ Colouring = Literal["penetration", "contact", "spread", "plain"]
 """The quantity that the colour of a hand shows in pictures and films."""
 COLOURINGS: tuple[Colouring, ...] = get_args(Colouring)
 
+Refiner = Literal["geneoh", "none"]
+"""What mends the hands of a generated interaction: the cleaner of `geneoh denoise`, or nothing."""
+REFINERS: tuple[Refiner, ...] = get_args(Refiner)
+
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 AXES: tuple[Axis, ...] = get_args(Axis)
 """Signed axes of the world, to say which one points up."""

@@ -1,0 +1,174 @@
+"""From a sentence and a mesh to an interaction: Text2HOI as a whole (paper, figure 2)."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.choices import Axis, Refiner
+from geneoh.generators.text2hoi.interaction_file import sequence_of
+from geneoh.generators.text2hoi.library import Networks, load_networks
+from geneoh.generators.text2hoi.objects import Objects
+from geneoh.generators.text2hoi.prompt import Prompt, read_prompt
+from geneoh.generators.text2hoi.resting import moved_by_hands
+from geneoh.generators.text2hoi.sampling import SamplingConfig, contact_of, sample
+from geneoh.generators.text2hoi.settling import settled
+from geneoh.generators.text2hoi.standing import StandingObject, stand
+from geneoh.geometry.mesh import Mesh, load_mesh
+from geneoh.pipeline.denoise import denoise
+from geneoh.pipeline.options import Options
+from geneoh.pipeline.results import Denoised
+from geneoh.progress import OnProgress
+from geneoh.readers.npz_files import save_sequence
+from geneoh.sequence.sequence import Sequence
+from geneoh.synthesis.actions import Actions
+from geneoh.synthesis.shards import seed_of
+
+
+@dataclass(frozen=True)
+class GenerateOptions:
+    """The settings of `geneoh.generate`; the defaults are those of `geneoh generate`."""
+
+    up: Axis = "z"
+    """Axis of the mesh's frame that points up when the object stands on the table."""
+    frames: int | None = None
+    """Length at 30 frames a second, 2 to 150; None draws one that suits the sentence."""
+    steps: int = 25
+    """Denoising steps (paper: 1,000 ancestral ones)."""
+    guidance: float = 1.0
+    """How far answers go beyond those without the sentence; 1 is plain, and others take twice the
+    time."""
+    refine: Refiner = "geneoh"
+    """What mends the hands: "geneoh" brings them to the surface that they hold and cleans them with
+    `geneoh.denoise`; "none"."""
+    weights: Path | None = None
+    """Folder of networks, as `geneoh train` writes it; what it lacks is as shipped."""
+    text_encoder: Path | None = None
+    """Folder of a CLIP or sentence-transformers model, for networks that were trained with it."""
+    seed: int = 0
+    """Seed of all random numbers; another one makes another interaction."""
+
+
+@dataclass(frozen=True)
+class Generated:
+    """An interaction that was made for a sentence."""
+
+    sequence: Sequence
+    """Hands and object, world frame with z up, the table at z = 0, 30 frames a second."""
+    contact: Float[Tensor, " V"]
+    """Probability that hands touch each vertex of the mesh, which hands were made for."""
+    prompt: Prompt
+    refined: Denoised | None
+    """What the cleaner did; None without it."""
+
+
+def generate(
+    sentence: str,
+    mesh: Mesh | Path | str,
+    options: GenerateOptions | None = None,
+    *,
+    on_progress: OnProgress | None = None,
+) -> Generated:
+    """Make hands do with an object what a sentence says.
+
+        made = geneoh.generate("lift the mug with the left hand", "mug.obj")
+        geneoh.view(made.sequence)
+
+    Args:
+        sentence: such as "pour from the kettle with the right hand"; English, of one action.
+        mesh: the object or its file, metres.
+        options: see `GenerateOptions`.
+        on_progress: told of the stages "motion" and those of the cleaner.
+
+    Raises:
+        InputError: the sentence is empty, not English or contradicts itself, or the object is too
+            large or too small for hands.
+        CheckpointError: weights are missing or damaged.
+    """
+    options = options or GenerateOptions()
+    prompt = read_prompt(sentence)
+    networks = load_networks(options.weights, text_encoder=options.text_encoder)
+    mesh = mesh if isinstance(mesh, Mesh) else load_mesh(mesh)
+    stood = stand(mesh, options.up, generator=_generator(options, "points"))
+    objects = objects_of(stood)
+    contact = contact_of(
+        networks, objects, [prompt.sentence], generator=_generator(options, "contact")
+    )
+    frames = options.frames or length_of(networks, prompt, options)
+    actions = sample(
+        networks,
+        objects,
+        [prompt.sentence],
+        [prompt.hands],
+        torch.tensor([frames]),
+        SamplingConfig(steps=options.steps, guidance=options.guidance),
+        generator=_generator(options, "motion"),
+        contact=contact,
+        on_step=None if on_progress is None else lambda done, of: on_progress("motion", done, of),
+    )
+    actions, refined = moved_by_hands(actions), None
+    if options.refine == "geneoh":
+        actions = settled(actions, stood)
+    sequence = placed(actions, stood, prompt.sentence)
+    if options.refine == "geneoh":
+        refined = denoise(
+            sequence, Options(trust_object=True, seed=options.seed), on_progress=on_progress
+        )
+        sequence = replace(refined.sequence, source=sequence.source)
+    return Generated(sequence, stood.on_vertices(contact[0]), prompt, refined)
+
+
+def length_of(networks: Networks, prompt: Prompt, options: GenerateOptions) -> int:
+    """A random number of frames that suits the sentence."""
+    text = networks.text.encode([prompt.sentence])
+    return int(networks.length.sample(text, generator=_generator(options, "length")))
+
+
+def objects_of(stood: StandingObject) -> Objects:
+    """A batch of one rigid object, as the networks take it."""
+    none = torch.zeros(1, 3)
+    return Objects(
+        points=stood.points[None],
+        normals=stood.normals[None],
+        part=torch.zeros(1, len(stood.points), dtype=torch.long),
+        axis=none,
+        pivot=none,
+        slides=torch.zeros(1, dtype=torch.bool),
+    )
+
+
+def placed(actions: Actions, stood: StandingObject, sentence: str) -> Sequence:
+    """The first action as a sequence, with the poses of the mesh as its file has it."""
+    sequence = sequence_of(actions, 0, (stood.mesh,), f"generated: {sentence}")
+    rotation, translation = stood.poses(actions)
+    frames = sequence.frames
+    motion = replace(
+        sequence.object,
+        rotation=rotation[:frames, None],
+        translation=translation[:frames, None],
+    )
+    return replace(sequence, object=motion)
+
+
+def save_generated(made: Generated, path: Path | str) -> None:
+    """Write an interaction as a geneoh-sequence npz, whole or not at all.
+
+    Beside the fields of a sequence it keeps `contact` (V,), `prompt` and `verb`.
+
+    Raises:
+        InputError: the place cannot be written to.
+    """
+    extra = {
+        "contact": made.contact.numpy(),
+        "prompt": np.array(made.prompt.sentence),
+        "verb": np.array(made.prompt.verb),
+    }
+    save_sequence(made.sequence, path, extra=extra)
+
+
+def _generator(options: GenerateOptions, use: str) -> torch.Generator:
+    """Random numbers for one use, so that a change of one part leaves the others as they are."""
+    return torch.Generator().manual_seed(seed_of(options.seed, use))

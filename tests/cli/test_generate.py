@@ -1,0 +1,91 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+from click.testing import CliRunner
+
+from geneoh.generators.text2hoi import generate as module
+from geneoh.generators.text2hoi.generate import Generated
+from geneoh.generators.text2hoi.prompt import read_prompt
+from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
+
+SENTENCE = "lift the box with the left hand"
+
+
+@pytest.fixture
+def made(monkeypatch) -> list:
+    """What `geneoh generate` asks for; the networks are tested elsewhere."""
+    asked = []
+
+    def pretended(sentence, mesh, options, *, on_progress=None):
+        prompt = read_prompt(sentence)
+        asked.append((sentence, options))
+        hand = HandTrack("left", torch.ones(4, dtype=torch.bool), joints=torch.rand(4, 21, 3))
+        sequence = Sequence((hand,), ObjectTrack.resting((mesh,), 4), 30.0)
+        return Generated(sequence, torch.zeros(len(mesh.verts)), prompt, None)
+
+    monkeypatch.setattr(module, "generate", pretended)
+    return asked
+
+
+@pytest.fixture
+def generate(command, tmp_path, monkeypatch):
+    """Run `geneoh generate ARGUMENTS` beside box.obj."""
+    monkeypatch.chdir(tmp_path)
+    trimesh.creation.box((0.05, 0.06, 0.1)).export("box.obj")
+    return lambda *arguments: CliRunner().invoke(command, ["generate", *arguments])
+
+
+def test_the_clip_is_written_beside_the_mesh_and_told(generate, made):
+    result = generate(SENTENCE, "--obj", "box.obj", "--frames", "40", "--seed", "3")
+    assert result.exit_code == 0, result.output
+    assert "lift with the left hand: 4 frames" in result.output
+    with np.load("box_generated.npz") as arrays:
+        assert str(arrays["prompt"]) == SENTENCE
+    ((_, options),) = made
+    assert (options.frames, options.seed, options.refine) == (40, 3, "geneoh")
+
+
+def test_a_verb_that_was_never_learned_is_told_with_the_nearest(generate, made):
+    result = generate("brush the box with the left hand", "--obj", "box.obj")
+    assert result.exit_code == 0, result.output
+    assert "note: 'brush' was never learned; the nearest verb is" in result.output
+
+
+def test_a_sentence_may_be_in_a_file(generate, made):
+    Path("prompt.txt").write_text(SENTENCE + "\n")
+    assert generate("@prompt.txt", "--obj", "box.obj").exit_code == 0
+    assert made[0][0] == SENTENCE
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["", "--obj", "box.obj"], "expected an English sentence"),
+        (["heb die Tasse hoch", "--obj", "box.obj"], "expected an English sentence"),
+        (["the left hand and a right hand box", "--obj", "none.obj"], "no such mesh file"),
+        ([SENTENCE], "Missing option '--obj'"),
+        ([SENTENCE, "--obj", "box.obj", "--frames", "1"], "2<=x<=150"),
+        ([SENTENCE, "--obj", "box.obj", "-o", "clip.mp4"], ".npz"),
+        ([SENTENCE, "--obj", "box.obj", "-o", "box.obj"], "box.obj"),
+        ([SENTENCE, "--obj", "box.obj", "--up", "w"], "--up"),
+    ],
+)
+def test_bad_input_ends_in_a_sentence_and_exit_code_2(generate, made, arguments, said):
+    before = None
+    result = generate(*arguments)
+    before = Path("box.obj").read_bytes()
+    assert result.exit_code == 2, result.output
+    assert said in result.output
+    assert Path("box.obj").read_bytes() == before
+    assert not list(Path().glob("*.npz"))
+
+
+def test_files_that_geneoh_did_not_write_stay(generate, made):
+    Path("clip.npz").write_bytes(b"mine")
+    result = generate(SENTENCE, "--obj", "box.obj", "-o", "clip.npz")
+    assert result.exit_code == 2
+    assert "--overwrite" in result.output
+    assert Path("clip.npz").read_bytes() == b"mine"

@@ -1,0 +1,147 @@
+"""Filmstrips and measures of what `geneoh generate` makes of eight sentences, on unseen meshes.
+
+python -m tools.prompt_sheet OUT.png [--seed 0] [--refine geneoh] [--weights FOLDER] [--objects DIR]
+
+The sentences and meshes were chosen before any of them was looked at; the meshes are those that the
+networks never learned from.
+"""
+
+import argparse
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from geneoh.generators.text2hoi.generate import Generated, GenerateOptions, generate
+from geneoh.geometry.mesh import load_mesh
+from geneoh.metrics.realism import SurfaceMotion, moved_alone
+from geneoh.sequence.sequence import Sequence
+from geneoh.viz.canvas import CAPTION_HEIGHT, FAINT, Canvas, png_bytes
+from geneoh.viz.scene import Scene, make_scene
+from tools.action_sheet import CELL, FRAMES, WORDS, camera_on, table
+
+PROMPTS = (
+    ("lift the mug with the left hand", "ycb_025_mug"),
+    ("pour from the bottle with the right hand", "ycb_022_windex_bottle"),
+    ("carry the banana with the right hand", "ycb_011_banana"),
+    ("shake the toy train with the left hand", "gso_toy_train"),
+    ("inspect the dinosaur with both hands", "gso_dinosaur_figure"),
+    ("rotate the bowl with both hands", "ycb_024_bowl"),
+    ("press the mouse with the right hand", "gso_black_razer_mouse"),
+    ("pass the flashlight from the right hand to the left hand", "gso_red_and_white_flashlight"),
+)
+"""Sentences with the meshes in examples/objects that they are for."""
+LINES = "sentence | seconds | frames | depth, mm | deepest, mm | moved alone, % | at rest, mm/frame"
+
+
+@dataclass(frozen=True)
+class Row:
+    """One sentence and what was made of it."""
+
+    sentence: str
+    made: Generated
+    seconds: float  # from sentence and mesh in memory to the interaction
+
+    @property
+    def sequence(self) -> Sequence:
+        """The interaction."""
+        return self.made.sequence
+
+
+def measured(row: Row, scene: Scene) -> str:
+    """The measures of a row as a line of a table, in the order of `LINES`.
+
+    Depth is the mean over frames and hands of that of the deepest vertex; "moved alone" is the
+    share of the object's moving frames in which no keypoint is within 2 cm of it; "at rest" is the
+    largest speed of wrists and object in the first and the last frame.
+    """
+    sequence, hands = row.sequence, scene.versions[0].hands
+    depth = torch.stack([hand.measures.depth.clamp(min=0) for hand in hands])
+    motion = sequence.object
+    verts = motion.meshes[0].verts[:: max(1, len(motion.meshes[0].verts) // 2048)]
+    points = verts @ motion.rotation[:, 0].mT + motion.translation[:, 0, None]
+    surface = SurfaceMotion(
+        points[None], torch.zeros_like(points)[None], torch.tensor([sequence.frames])
+    )
+    joints = torch.cat([hand.joints for hand in hands], 1)[None]
+    alone = float(moved_alone(joints, surface).nan_to_num())
+    paths = [hand.joints[:, 0] for hand in hands] + [motion.translation[:, 0]]
+    speeds = [path[[1, -1]] - path[[0, -2]] for path in paths]
+    rest = float(torch.stack(speeds).norm(dim=-1).max())
+    cells = (
+        row.sentence,
+        f"{row.seconds:.1f}",
+        f"{sequence.frames}",
+        f"{1000 * float(depth.mean()):.1f}",
+        f"{1000 * float(depth.max()):.1f}",
+        f"{100 * alone:.0f}",
+        f"{1000 * rest:.1f}",
+    )
+    return " | ".join(cells)
+
+
+def with_table(scene: Scene) -> Scene:
+    """The same scene on a table with lines."""
+    motion, lines = scene.object, table()
+    still = torch.eye(3).expand(scene.frames, 1, 3, 3)
+    track = replace(
+        motion,
+        meshes=(*motion.meshes, lines),
+        rotation=torch.cat([motion.rotation, still], 1),
+        translation=torch.cat([motion.translation, torch.zeros(scene.frames, 1, 3)], 1),
+    )
+    return replace(scene, object=track)
+
+
+def prompt_sheet(rows: list[tuple[Row, Scene]]) -> np.ndarray:
+    """A row of frames for each sentence, with it before them."""
+    height = CELL + CAPTION_HEIGHT
+    canvas = Canvas(WORDS + CELL * FRAMES, height * len(rows))
+    for index, (row, scene) in enumerate(rows):
+        words, line = row.sentence.split(), 0
+        while words:
+            said = [words.pop(0)]
+            while words and len(" ".join([*said, words[0]])) <= 16:
+                said.append(words.pop(0))
+            canvas.write(" ".join(said), 8, index * height + 20 + 20 * line, size=14)
+            line += 1
+        seconds = f"{row.sequence.frames / row.sequence.fps:.1f} s"
+        canvas.write(seconds, 8, index * height + 26 + 20 * line, size=13, colour=FAINT)
+        motion = scene.object
+        verts = motion.meshes[0].verts[::4]
+        points = [(verts @ motion.rotation[:, 0].mT + motion.translation[:, 0, None]).flatten(0, 1)]
+        points += [hand.joints.flatten(0, 1) for hand in scene.versions[0].hands]
+        camera, drawn = camera_on(torch.cat(points), motion.translation[:, 0]), with_table(scene)
+        for column in range(FRAMES):
+            frame = round(column * (scene.frames - 1) / (FRAMES - 1))
+            corner = (WORDS + CELL * column, index * height)
+            canvas.paste_versions(drawn, frame, camera, [corner], "penetration", CELL)
+    return canvas.picture()
+
+
+def main() -> None:
+    """Make the clips, print their measures, draw the sheet."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("output", type=Path)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--refine", default="geneoh")
+    parser.add_argument("--weights", type=Path)
+    parser.add_argument("--objects", type=Path, default=Path("examples/objects"))
+    asked = parser.parse_args()
+    options = GenerateOptions(seed=asked.seed, refine=asked.refine, weights=asked.weights)
+    rows = []
+    print(LINES)
+    for sentence, name in PROMPTS:
+        mesh = load_mesh(asked.objects / f"{name}.ply")
+        began = time.monotonic()
+        row = Row(sentence, generate(sentence, mesh, options), time.monotonic() - began)
+        scene = make_scene({sentence: row.sequence})
+        print(measured(row, scene), flush=True)
+        rows.append((row, scene))
+    asked.output.write_bytes(png_bytes(prompt_sheet(rows)))
+
+
+if __name__ == "__main__":
+    main()
