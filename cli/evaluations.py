@@ -8,7 +8,7 @@ import click
 from click import Choice
 from click.core import ParameterSource
 
-from geneoh.choices import ABLATIONS, CASE_NOISES, DATASETS, METHODS, PRESETS
+from geneoh.choices import ABLATIONS, CASE_NOISES, DATASETS, GENERATORS, METHODS, PRESETS, REFINERS
 
 from . import options
 from .options import COUNT, FOLDER, flag, many, option
@@ -18,6 +18,18 @@ if TYPE_CHECKING:
 
 eval_options = options.together(
     option("--dataset: Data set to score on.", Choice(DATASETS), required=True),
+    option(
+        "--generator: Score what this generator makes of sentences, instead of methods of "
+        "cleaning, on the held-out objects of shards in --root that `geneoh synthesize --actions` "
+        "made. --refine, --limit, --seed, --weights, --set and -o go with it.",
+        Choice(GENERATORS),
+    ),
+    option(
+        "--refine: Also score the generator's clips with hands mended by the cleaner, which takes "
+        "several seconds a clip.",
+        Choice(REFINERS),
+        "none",
+    ),
     option(
         "--root: Your copy of the data set; or set GENEOH_DATA_GRAB, _HOI4D, _ARCTIC or _TACO.",
         FOLDER,

@@ -14,7 +14,6 @@ from torch import Tensor
 from geneoh.choices import SIDES
 from geneoh.evaluation.generation.posed import (
     PosedActions,
-    joint_pose,
     mean_hands,
     posed_actions,
 )
@@ -22,6 +21,7 @@ from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.oriented_points import signed_to_points
 from geneoh.metrics.report import measure_frames
 from geneoh.sequence.sequence import ObjectTrack
+from geneoh.synthesis.action_shards import read_actions
 from geneoh.synthesis.actions import FPS, VERBS, Actions
 from geneoh.viz.camera import Camera, axes_towards
 from geneoh.viz.canvas import CAPTION_HEIGHT, FAINT, Canvas, png_bytes
@@ -63,12 +63,10 @@ def contact_sheet(actions: Actions, names: list[str]) -> Picture:
 def action_scene(clip: Actions) -> Scene:
     """One action on a table with lines; its object is drawn as a plate at each of its points."""
     posed = posed_actions(clip)
-    turn, shift = joint_pose(clip)
-    rotation = torch.stack(
-        [clip.rotation[0], clip.rotation[0] @ turn[0], torch.eye(3).expand_as(turn[0])], 1
-    )
-    moved = (clip.rotation[0] @ shift[0, ..., None])[..., 0] + clip.translation[0]
-    translation = torch.stack([clip.translation[0], moved, torch.zeros_like(moved)], 1)
+    rotation, translation = clip.part_poses()
+    still = torch.eye(3).expand_as(rotation[0, :, :1]), torch.zeros_like(translation[0, :, :1])
+    rotation = torch.cat([rotation[0], still[0]], 1)
+    translation = torch.cat([translation[0], still[1]], 1)
     parts = [clip.part[0] == part for part in range(2)]
     meshes = [plates(clip.points[0, part], clip.normals[0, part]) for part in parts]
     there = [index for index, part in enumerate(parts) if part.any()] + [2]
@@ -152,8 +150,6 @@ def one_per_verb(actions: Actions, which: int) -> Actions:
 
 def main() -> None:
     """Read the shards, draw the sheet, say what it shows."""
-    from geneoh.synthesis.action_shards import read_actions
-
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("data", type=Path)
     parser.add_argument("output", type=Path)

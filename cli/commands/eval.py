@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 
-from .. import evaluations, progress
+from .. import evaluations, generations, progress
 
 
 @click.command()
@@ -14,13 +14,17 @@ from .. import evaluations, progress
 def eval(
     ctx: click.Context, folder: Path | None, inputs: Path | None, jobs: int | None, **asked: Any
 ) -> None:
-    """Score methods of cleaning on noisy clips.
+    """Score methods of cleaning on noisy clips, or a generator of interactions.
 
     Methods: the input; low-pass filters tuned once, and the best of all filters, alone and with the
     best offset, chosen with the ground truth, which no user has; optimisation without learning; a
     TOCH-style autoencoder and a regression trained on our data; MotionDiff in one call; geneoh.
     Prints tables and writes scores.csv, evaluation.json, report.md and report.html. An interrupted
     run goes on when it is started again.
+
+    With --generator: prints how near its clips are to real ones, by accuracy and features of a
+    classifier of verbs, and how physical they are, beside real clips, random verbs and the nearest
+    training clips; and writes generation.json, generation.csv and generation.md.
     """
     from geneoh.evaluation.cases import find_cases, write_inputs
     from geneoh.evaluation.report import keep_other_reports, write_report
@@ -29,6 +33,8 @@ def eval(
     from geneoh.files.outputs import refuse_inputs
     from geneoh.workers.pool import cores
 
+    if (asked.pop("generator"), asked.pop("refine"))[0] is not None:
+        return generations.score_generator(ctx)
     how = {name: asked.pop(name) for name in ("fresh", "pages")}
     chosen = evaluations.evaluation_options(**asked)
     if inputs is not None:

@@ -24,13 +24,11 @@ from torch import Tensor
 
 from geneoh.bundle import Bundle
 from geneoh.geometry.forces import EDGES, friction_cones, wrench_left
-from geneoh.geometry.oriented_points import signed_to_points
 from geneoh.metrics.contact import MOVING, TOUCH
 
 GRAVITY = 9.81  # m/s²
 FRICTION = 0.8
 LEFT = 0.1  # largest rest of the wrench of a realistic frame, in units of the weight
-ASIDE = 0.01  # farthest touched point from the skin, metres: points lie some 6 mm apart
 NEAR = 0.02  # distance of a keypoint from the object within which a hand is at it, metres (paper)
 SPAN = 2  # frames to either side of which an acceleration is made: neighbours alone show noise
 SPREAD = 32  # most contacts of a frame that forces act through, spread over all of them
@@ -60,13 +58,10 @@ class SurfaceMotion(Bundle):
 
 
 def realism(
-    skin: Float[Tensor, "B T V 3"], surface: SurfaceMotion, fps: float, friction: float = FRICTION
+    touched: Bool[Tensor, "B T P"], surface: SurfaceMotion, fps: float, friction: float = FRICTION
 ) -> Float[Tensor, " B"]:
-    """Share of each clip's frames that are realistic, 0 to 1.
-
-    `skin` are vertices of both hands, NaN for an absent hand.
-    """
-    return realistic_frames(skin, surface, fps, friction).sum(1) / surface.length
+    """Share of each clip's frames that are realistic, 0 to 1, by the points that hands touch."""
+    return realistic_frames(touched, surface, fps, friction).sum(1) / surface.length
 
 
 def moved_alone(joints: Float[Tensor, "B T K 3"], surface: SurfaceMotion) -> Float[Tensor, " B"]:
@@ -89,16 +84,13 @@ def moved_alone(joints: Float[Tensor, "B T K 3"], surface: SurfaceMotion) -> Flo
 
 
 def realistic_frames(
-    skin: Float[Tensor, "B T V 3"], surface: SurfaceMotion, fps: float, friction: float = FRICTION
+    touched: Bool[Tensor, "B T P"], surface: SurfaceMotion, fps: float, friction: float = FRICTION
 ) -> Bool[Tensor, "B T"]:
     """Whether each frame is realistic; see the module."""
     stands = surface.points[..., 2] <= TOUCH
     still = ~(surface.moves | surface.moves.roll(1, 1))  # no last frame moves on
     passed = still & stands.any(-1) & surface.valid
-    asked = ~passed & surface.valid
-    touched = torch.zeros_like(stands)
-    touched[asked] = touched_points(skin[asked], surface.points[asked], surface.normals[asked])
-    asked &= touched.any(-1)
+    asked = ~passed & surface.valid & touched.any(-1)
     if not bool(asked.any()):
         return passed
     wanted, centre, size = wanted_wrench(surface, fps)
@@ -138,14 +130,15 @@ def wanted_wrench(
 
 
 def touched_points(
-    skin: Float[Tensor, "N V 3"], points: Float[Tensor, "N P 3"], normals: Float[Tensor, "N P 3"]
-) -> Bool[Tensor, "N P"]:
-    """Which surface points are touched: nearest to a vertex that is inside or at most 5 mm off."""
-    distance, index = signed_to_points(skin, points, normals, within=ASIDE)
-    frame, vertex = torch.nonzero(distance <= TOUCH, as_tuple=True)
-    touched = torch.zeros_like(points[..., 0], dtype=torch.bool)
-    touched[frame, index[frame, vertex]] = True
-    return touched
+    distance: Float[Tensor, "*B V"], index: Int[Tensor, "*B V"], count: int
+) -> Bool[Tensor, "*B P"]:
+    """Which of `count` surface points are touched, by the distance of the skin and its points.
+
+    A point is touched that tells the distance of a vertex inside or at most 5 mm off; both are as
+    `geneoh.geometry.oriented_points.signed_to_points` makes them.
+    """
+    hits = (distance <= TOUCH).to(index)
+    return hits.new_zeros(*index.shape[:-1], count).scatter_add(-1, index, hits) > 0
 
 
 def _cones(

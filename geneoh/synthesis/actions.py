@@ -108,16 +108,19 @@ class Actions(Bundle):
 
     def ended(self) -> "Actions":
         """The same actions with every frame after the end a copy of the last one before it."""
-        frames = self.joint.shape[1]
-        at = torch.arange(frames).to(self.length).minimum(self.length[:, None] - 1)
-        rows = torch.arange(len(at), device=at.device)[:, None]
+        frames = torch.arange(self.joint.shape[1]).to(self.length)
+        return self.at_frames(frames.minimum(self.length[:, None] - 1))
+
+    def at_frames(self, frames: Int[Tensor, "B S"]) -> "Actions":
+        """The same actions at some of their frames; `length` is not changed."""
+        rows = torch.arange(len(frames), device=frames.device)[:, None]
         return replace(
             self,
-            pose=self.pose.transpose(1, 2)[rows, at].transpose(1, 2),
-            wrist=self.wrist.transpose(1, 2)[rows, at].transpose(1, 2),
-            rotation=self.rotation[rows, at],
-            translation=self.translation[rows, at],
-            joint=self.joint[rows, at],
+            pose=self.pose.transpose(1, 2)[rows, frames].transpose(1, 2),
+            wrist=self.wrist.transpose(1, 2)[rows, frames].transpose(1, 2),
+            rotation=self.rotation[rows, frames],
+            translation=self.translation[rows, frames],
+            joint=self.joint[rows, frames],
         )
 
     def mirrored(self, chosen: Bool[Tensor, " B"] | None = None) -> "Actions":

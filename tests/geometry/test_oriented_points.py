@@ -41,6 +41,19 @@ def test_other_side_of_a_thin_wall_says_nothing(height: float):
     assert (normals[index[0], 2] == 1).all()
 
 
+def test_beside_the_edge_of_a_thin_plate_is_outside():
+    points, normals = sheet(0.002)
+    query = torch.tensor([[0.05, 0.0, -0.001], [0.05, 0.0, 0.001], [0.0, 0.0, -0.001]])
+    found, _ = signed_to_points(query[None], points[None], normals[None], within=0.03)
+    assert found[0].tolist() == pytest.approx([0.017, 0.02, -0.001], abs=1e-3)
+
+
+def test_deep_inside_is_as_deep_as_the_nearest_side():
+    points, normals = sphere()
+    found, _ = signed_to_points(torch.zeros(1, 1, 3), points[None], normals[None], within=0.06)
+    assert found.item() == pytest.approx(-0.05, abs=1e-4)
+
+
 def test_far_queries_and_absent_ones_are_infinitely_far():
     points, normals = sphere()
     query = torch.tensor([[0.0, 0.0, 0.08], [torch.nan, 0.0, 0.0]])

@@ -1,9 +1,16 @@
 """Small made-up actions: a box that hands hold while it rises from the table and turns."""
 
+from dataclasses import fields
+from pathlib import Path
+
 import torch
 
+from geneoh.config import as_dict
+from geneoh.files.tensors import write_tensors
 from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.synthesis.action_shards import DEFAULTS
 from geneoh.synthesis.actions import VERBS, Actions
+from geneoh.synthesis.shards import ShardRecord
 
 HALF = torch.tensor([0.03, 0.04, 0.05])
 """Half extents of the box without a change of size, metres."""
@@ -61,3 +68,13 @@ def made_actions(
         pivot=half[:, 0] * torch.tensor([0.0, 1.0, 1.0]) * jointed,
         slides=torch.zeros(batch, dtype=torch.bool),
     )
+
+
+def write_action_shards(folder: Path, **splits: Actions) -> None:
+    """A folder as `geneoh synthesize --actions` writes it, with one shard of each split."""
+    record = as_dict(ShardRecord(DEFAULTS, 0))
+    folder.mkdir()
+    for number, (split, actions) in enumerate(splits.items()):
+        tensors = {field.name: getattr(actions, field.name) for field in fields(actions)}
+        tensors = {name: tensor.contiguous() for name, tensor in tensors.items()}
+        write_tensors(folder / f"{split}_{number:05d}.safetensors", tensors, record)

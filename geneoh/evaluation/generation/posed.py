@@ -8,7 +8,6 @@ from torch import Tensor
 
 from geneoh.bundle import Bundle
 from geneoh.choices import SIDES
-from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
 from geneoh.hand.model import ShapedHand
 from geneoh.metrics.realism import SurfaceMotion
@@ -38,34 +37,14 @@ def posed_actions(actions: Actions) -> PosedActions:
     return PosedActions(joints, skin, surface_motion(actions))
 
 
-def keypoints(actions: Actions) -> Float[Tensor, "B 2 T 21 3"]:
-    """The keypoints of both hands in the world, left first; absent hands are NaN."""
-    turns = axis_angle_to_matrix(actions.pose)
-    made = [
-        shaped.joints_from_rotations(turns[:, side], actions.wrist[:, side])
-        for side, shaped in enumerate(mean_hands())
-    ]
-    return torch.stack(made, 1).masked_fill(~actions.hands[:, :, None, None, None], torch.nan)
-
-
 def surface_motion(actions: Actions) -> SurfaceMotion:
     """The points of the objects in the world, their parts moved by the joint."""
-    turned, _ = joint_pose(actions)
+    turned, _ = actions.joint_poses()
     local = actions.normals[:, None]
     on_joint = (actions.part > 0)[:, None, :, None]
     normals = torch.where(on_joint, local @ turned.mT, local)
     points = actions.posed_points() @ actions.rotation.mT + actions.translation[:, :, None]
     return SurfaceMotion(points, normals @ actions.rotation.mT, actions.length)
-
-
-def joint_pose(actions: Actions) -> tuple[Float[Tensor, "B T 3 3"], Float[Tensor, "B T 3"]]:
-    """Rotation and translation of the second part in the object's frame."""
-    along = actions.joint[..., None] * actions.axis[:, None]
-    slides = actions.slides[:, None, None]
-    turn = axis_angle_to_matrix(torch.where(slides, 0.0, along))
-    pivot = actions.pivot[:, None]
-    turned = pivot - (turn @ pivot[..., None])[..., 0]
-    return turn, torch.where(slides, along, turned)
 
 
 def mean_hands() -> tuple[ShapedHand, ...]:

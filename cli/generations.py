@@ -1,0 +1,63 @@
+"""`geneoh eval --generator`: what a generator makes of sentences, scored."""
+
+from pathlib import Path
+
+import click
+from click.core import ParameterSource
+
+from geneoh.errors import ConfigError
+
+from . import evaluations, progress
+
+GO_WITH_IT = (
+    *("generator", "dataset", "root", "refine", "limit", "seeds", "weights", "settings", "folder"),
+)
+"""Parameters of `geneoh eval` that mean something for a generator."""
+
+
+def score_generator(ctx: click.Context) -> None:
+    """Score the generator that the command line names, write the report and print it."""
+    from geneoh.config import configured
+    from geneoh.evaluation.generation.report import as_text, keep_other_reports, write_report
+    from geneoh.evaluation.generation.runner import GenerationOptions, evaluate_generator
+
+    check_parameters(ctx)
+    asked = ctx.params
+    given = {"limit": asked["limit"], "seed": next(iter(asked["seeds"]), None)}
+    chosen = {name: value for name, value in given.items() if value is not None}
+    options = GenerationOptions(
+        asked["root"], refine=asked["refine"], weights=asked["weights"], **chosen
+    )
+    options = configured(options, settings=asked["settings"])
+    folder = asked["folder"] or Path("runs", "eval", f"{asked['generator']}-{asked['dataset']}")
+    keep_other_reports(folder)
+    command = evaluations.command_line(ctx)
+    with progress.progress_bars() as on_progress:
+        made = evaluate_generator(options, folder, command=command, on_progress=on_progress)
+    for line in [*as_text(made), *(f"note: {remark}" for remark in made.remarks())]:
+        click.echo(line)
+    click.echo(f"wrote {', '.join(str(path) for path in write_report(made, folder))}")
+
+
+def check_parameters(ctx: click.Context) -> None:
+    """`ConfigError` for a data set without actions, for none at all, and for other options."""
+    given = [
+        max(parameter.opts, key=len)
+        for parameter in ctx.command.params
+        if parameter.name not in GO_WITH_IT
+        and ctx.get_parameter_source(parameter.name or "") is ParameterSource.COMMANDLINE
+    ]
+    if given:
+        raise ConfigError(f"--generator: expected no {given[0]} with it, got one; leave it out")
+    if ctx.params["dataset"] != "synthetic":
+        raise ConfigError(
+            f"--dataset: expected synthetic with --generator, got {ctx.params['dataset']}; "
+            "make actions with `geneoh synthesize --actions`"
+        )
+    if ctx.params["root"] is None:
+        raise ConfigError(
+            "--root: expected a folder of actions with --generator, got none; "
+            "make one with `geneoh synthesize --actions -o FOLDER`"
+        )
+    if len(ctx.params["seeds"]) > 1:
+        raise ConfigError("--seed: expected one with --generator, got several; name one")

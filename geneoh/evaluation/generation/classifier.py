@@ -1,0 +1,206 @@
+"""The classifier of actions whose features and answers generated clips are scored by.
+
+None was ever released with Text2HOI, so scores under ours cannot be compared with the paper's. Ours
+sees 15 frames spread over a clip (paper): both hands' keypoints in the world and in the object's
+frame, and where the object is; it is trained on made clips of objects that no scored clip has.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor, nn
+
+from geneoh.config import as_dict
+from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.nn.checkpoint import load_checkpoint
+from geneoh.synthesis.actions import VERBS, Actions
+from geneoh.synthesis.shards import seed_of
+from geneoh.training.loop import train
+from geneoh.training.processes import Team
+from geneoh.training.resume import TrainState, digest
+from geneoh.training.run_config import RunConfig
+
+SEEN = 15  # frames of a clip (paper)
+SCALE = 5.0  # positions in the scene times this are numbers of about one, 1/m
+POINTS = 2 * 2 * 21 + 3  # keypoints in both frames, the object's place, two of its axes
+INPUTS = 3 * POINTS + 3  # numbers of a frame; the last are the joint and which hands there are
+SMOOTHING = 0.1  # of the labels, so that answers stay bounded
+VALIDATED = 256  # clips that training is validated on
+
+
+@dataclass(frozen=True)
+class ClassifierConfig(RunConfig):
+    """The recipe of the classifier; saved with it."""
+
+    steps: int = 1200
+    batch: int = 64
+    rate: float = 1e-3
+    warmup: int = 50
+    decay: float = 0.5
+    ema: float = 0.99
+    validate_every: int = 400
+    checkpoint_every: int = 400
+    validation_batches: int = 1
+    width: int = 128
+    features: int = 32  # length of a clip's feature vector
+
+
+class ActionClassifier(nn.Module):
+    """Convolutions over time, their mean and maximum, a feature vector, and a score per verb."""
+
+    def __init__(self, config: ClassifierConfig):
+        super().__init__()
+        width = config.width
+        self.enter = nn.Sequential(nn.Linear(INPUTS, width), nn.LayerNorm(width), nn.GELU())
+        self.mix = nn.ModuleList(nn.Conv1d(width, width, 3, padding=1) for _ in range(3))
+        # features of one length on average, so that distances do not grow with the training
+        length = nn.LayerNorm(config.features, elementwise_affine=False)
+        self.feature = nn.Sequential(nn.Linear(2 * width, config.features), length)
+        self.answer = nn.Linear(config.features, len(VERBS))
+
+    def features(self, inputs: Float[Tensor, "B S D"]) -> Float[Tensor, "B F"]:
+        """Feature vectors of clips."""
+        mixed = self.enter(inputs).mT
+        for layer in self.mix:
+            mixed = mixed + nn.functional.gelu(layer(mixed))
+        pooled = torch.cat([mixed.mean(-1), mixed.amax(-1)], -1)
+        return self.feature(pooled)
+
+    def forward(self, inputs: Float[Tensor, "B S D"]) -> Float[Tensor, "B C"]:
+        """A score for each verb."""
+        return self.answer_to(self.features(inputs))
+
+    def answer_to(self, features: Float[Tensor, "B F"]) -> Float[Tensor, "B C"]:
+        """A score for each verb by the features."""
+        return self.answer(nn.functional.gelu(features))
+
+
+@dataclass(frozen=True)
+class LabelledClips:
+    """A batch of the classifier; a piece of the training loop."""
+
+    inputs: Float[Tensor, "B S D"]
+    verb: Int[Tensor, " B"]
+
+    def loss(self, model: ActionClassifier) -> Tensor:
+        """Cross entropy with smoothed labels."""
+        return nn.functional.cross_entropy(model(self.inputs), self.verb, label_smoothing=SMOOTHING)
+
+
+@dataclass(frozen=True)
+class ClassifierTask:
+    """Learning verbs from real clips; a `training.loop.Task`."""
+
+    config: ClassifierConfig
+    clips: Actions
+    validation: Actions
+    name: str = "actions"
+
+    def network(self) -> nn.Module:
+        """A fresh network from the config's seed."""
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(seed_of(self.config.seed, self.name, "weights"))
+            return ActionClassifier(self.config)
+
+    def pieces(self, step: int, team: Team, device: torch.device) -> Sequence[LabelledClips]:
+        """Random clips, each turned about the vertical, at a random frame of each of 15 groups."""
+        generator = torch.Generator().manual_seed(seed_of(self.config.seed, "step", step))
+        count = self.config.batch
+        chosen = torch.randint(len(self.clips.verb), (count,), generator=generator)
+        clips = self.clips.take(chosen, "B")
+        share = torch.rand(count, SEEN, generator=generator)
+        angle = 2 * math.pi * torch.rand(count, generator=generator)
+        turn = axis_angle_to_matrix(angle[:, None] * torch.eye(3)[2])
+        inputs = inputs_of(clips, frames_within(clips.length, share), turn)
+        return [LabelledClips(inputs.to(device), clips.verb.to(device))]
+
+    def before_step(self, state: TrainState) -> None:
+        """Nothing changes between the steps."""
+
+    @torch.no_grad()
+    def validate(self, model: ActionClassifier, index: int) -> Float[Tensor, ""]:
+        """Share of clips of objects that it never saw that it takes for another verb."""
+        clips = self.validation.take(slice(VALIDATED), "B")
+        wrong = model(clip_inputs(clips)).argmax(-1) != clips.verb
+        return wrong.double().mean()
+
+    def record(self) -> dict[str, Any]:
+        """The recipe and fingerprints of the clips."""
+        data, validation = (
+            digest([c.verb, c.wrist[:, :, 0]]) for c in (self.clips, self.validation)
+        )
+        clips = len(self.clips.verb)
+        config = as_dict(self.config)
+        return {
+            "stage": self.name,
+            "config": config,
+            "clips": clips,
+            "data": data,
+            "validation": validation,
+        }
+
+
+@dataclass(frozen=True)
+class Classified:
+    """What the classifier makes of clips."""
+
+    features: Float[Tensor, "N F"]
+    scores: Float[Tensor, "N C"]
+
+
+def trained_classifier(task: ClassifierTask, folder: Path, **how: Any) -> ActionClassifier:
+    """The classifier in a folder, trained there first where it is not; `how` as `training.train`.
+
+    Raises:
+        CheckpointError: the folder holds one of other clips or another recipe.
+    """
+    path = train(task, folder, device=torch.device("cpu"), **how)
+    model = ActionClassifier(task.config)
+    model.load_state_dict(load_checkpoint(path).tensors)
+    return model
+
+
+@torch.no_grad()
+def classified(model: ActionClassifier, clips: Actions) -> Classified:
+    """Features of clips and a score for each verb."""
+    features = model.features(clip_inputs(clips))
+    return Classified(features, model.answer_to(features))
+
+
+def clip_inputs(clips: Actions) -> Float[Tensor, "B S D"]:
+    """What the classifier sees of whole clips: evenly spaced frames from the first to the last."""
+    even = torch.arange(SEEN) / (SEEN - 1)
+    frames = (even * (clips.length[:, None] - 1)).round().long()
+    return inputs_of(clips, frames)
+
+
+def frames_within(length: Int[Tensor, " B"], share: Float[Tensor, "B S"]) -> Int[Tensor, "B S"]:
+    """A frame in each of as many equal groups of a clip's frames, at a share of the group."""
+    groups = torch.arange(share.shape[1]) + share
+    return (groups / share.shape[1] * length[:, None]).long()
+
+
+def inputs_of(
+    clips: Actions, frames: Int[Tensor, "B S"], turn: Float[Tensor, "B 3 3"] | None = None
+) -> Float[Tensor, "B S D"]:
+    """What the classifier sees of some frames: positions are from where the object is in the first
+    of them on the table. Absent hands are zero. `turn` rotates the world about the vertical.
+    """
+    clips = clips.at_frames(frames)
+    start = clips.translation[:, :1] * torch.tensor([1.0, 1.0, 0.0])
+    joints = clips.keypoints().transpose(1, 2).flatten(2, 3)
+    local = (joints - clips.translation[:, :, None]) @ clips.rotation
+    axes = clips.rotation.mT[:, :, :2] / SCALE
+    world = torch.cat([joints, clips.translation[:, :, None]], 2) - start[:, :, None]
+    if turn is not None:
+        world, axes = world @ turn[:, None].mT, axes @ turn[:, None].mT
+    absent = ~clips.hands.repeat_interleave(21, 1)[:, None, :, None]
+    hands = [each.masked_fill(absent, 0.0) for each in (world[:, :, :-1], local)]
+    points = SCALE * torch.cat([*hands, world[:, :, -1:], axes], 2).flatten(2)
+    seen = clips.hands[:, None].expand(-1, frames.shape[1], -1).to(points)
+    return torch.cat([points, clips.joint[..., None], seen], -1)

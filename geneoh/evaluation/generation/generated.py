@@ -1,0 +1,51 @@
+"""Rows of generated clips: what the networks make of the sentences and objects of real clips."""
+
+from dataclasses import replace
+
+import torch
+
+from geneoh.bundle import concatenated
+from geneoh.generators.text2hoi.library import Networks
+from geneoh.generators.text2hoi.objects import Objects
+from geneoh.generators.text2hoi.resting import moved_by_hands
+from geneoh.generators.text2hoi.samples import hands_of, sentences
+from geneoh.generators.text2hoi.sampling import sample
+from geneoh.progress import OnStep, steps
+from geneoh.synthesis.actions import LONGEST, Actions
+from geneoh.synthesis.draws import Draws
+
+AT_ONCE = 16  # clips that are drawn together
+
+
+def generated(
+    networks: Networks,
+    real: Actions,
+    names: list[str],
+    *,
+    generator: torch.Generator,
+    contact: bool = True,
+    on_step: OnStep | None = None,
+) -> Actions:
+    """A clip for a random sentence on each real clip, with its object, hands and length.
+
+    Objects rest where no hand touches them, as in `geneoh generate`. Without `contact` the networks
+    are told that no point of the object is touched.
+    """
+    said = sentences(real, names, Draws(len(real.verb), generator))
+    parts = []
+    for start in steps(range(0, len(said), AT_ONCE), on_step):
+        some = real.take(slice(start, start + AT_ONCE), "B")
+        objects = Objects.of(some)
+        made = sample(
+            networks,
+            objects,
+            said[start : start + AT_ONCE],
+            hands_of(some),
+            some.length,
+            generator=generator,
+            contact=None if contact else torch.zeros_like(objects.points[..., 0]),
+        )
+        made = moved_by_hands(replace(made, verb=some.verb, name=some.name))
+        frames = torch.arange(LONGEST).minimum(made.length[:, None] - 1)
+        parts.append(made.at_frames(frames))
+    return concatenated(parts, "B")

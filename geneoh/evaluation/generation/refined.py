@@ -1,0 +1,57 @@
+"""Generated clips with the hands that the cleaner makes of theirs."""
+
+from dataclasses import replace
+
+import torch
+
+from geneoh.bundle import concatenated
+from geneoh.choices import SIDES
+from geneoh.generators.text2hoi.interaction_file import sequence_of
+from geneoh.generators.text2hoi.settling import settled
+from geneoh.generators.text2hoi.standing import StandingObject
+from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.reconstruction import mesh_of_points
+from geneoh.pipeline.denoise import denoise
+from geneoh.pipeline.options import Options
+from geneoh.progress import OnStep, steps
+from geneoh.synthesis.actions import Actions
+
+
+def refined(actions: Actions, *, seed: int, on_step: OnStep | None = None) -> Actions:
+    """The same clips with hands mended as `geneoh generate --refine geneoh` mends them.
+
+    Objects have the meshes that follow from their points. Hands at an object with a joint go
+    through the cleaner alone, because a mesh that `geneoh generate` is given is rigid.
+    """
+    clips = range(len(actions.verb))
+    return concatenated(
+        [
+            refined_clip(actions.take(slice(clip, clip + 1), "B"), seed)
+            for clip in steps(clips, on_step)
+        ],
+        "B",
+    )
+
+
+def refined_clip(clip: Actions, seed: int) -> Actions:
+    """A batch of one clip, refined."""
+    meshes = part_meshes(clip)
+    if len(meshes) == 1:
+        still = torch.eye(3), torch.zeros(3)
+        clip = settled(clip, StandingObject(meshes[0], *still, clip.points[0], clip.normals[0]))
+    sequence = sequence_of(clip, 0, meshes)
+    clean = denoise(sequence, Options(trust_object=True, seed=seed)).sequence
+    pose, wrist = clip.pose.clone(), clip.wrist.clone()
+    for track in clean.hands:
+        side, frames = SIDES.index(track.side), slice(track.frames)
+        assert track.pose is not None, "the cleaner fits a hand model"
+        assert track.wrist is not None, "the cleaner fits a hand model"
+        pose[0, side, frames], wrist[0, side, frames] = track.pose, track.wrist
+    return replace(clip, pose=pose, wrist=wrist).ended()
+
+
+def part_meshes(clip: Actions) -> tuple[Mesh, ...]:
+    """A mesh for each part of the object of a batch of one clip."""
+    points, normals, part = clip.points[0], clip.normals[0], clip.part[0]
+    which = [part == number for number in part.unique().tolist()]
+    return tuple(mesh_of_points(points[own], normals[own]) for own in which)

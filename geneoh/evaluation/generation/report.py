@@ -1,0 +1,122 @@
+"""The files of an evaluation of generated clips: a table in Markdown, a CSV and a JSON."""
+
+import csv
+import io
+import json
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from geneoh.evaluation.generation.scores import MEASURES, Measure, RowScores
+from geneoh.files.atomic import write_whole
+from geneoh.files.outputs import is_ours, keep_others
+from geneoh.metrics.features import Interval
+
+FILES = ("generation.json", "generation.csv", "generation.md")
+
+
+@dataclass(frozen=True)
+class GenerationReport:
+    """All scores of a run, and what they depend on."""
+
+    settings: dict[str, Any]
+    """Settings, clips, weights, the classifier's recipe and hash, and versions of the packages."""
+    command: str
+    rows: dict[str, RowScores]
+    notes: tuple[str, ...] = ()
+
+    def remarks(self) -> Iterator[str]:
+        """What a reader of the table must know."""
+        classifier, clips = self.settings["classifier"], self.settings["clips"]
+        times = self.settings["repetitions"]
+        yield (
+            f"{clips} clips of held-out objects; means ± 95% intervals over {times} repetitions, "
+            "each with a random half of them as conditions; FID is that to the other half."
+        )
+        yield (
+            f"The classifier is ours (seed {classifier['config']['seed']}, "
+            f"{classifier['clips']} clips, hash {classifier['hash']}): scores under another one, "
+            "such as the paper's, cannot be compared. Realism is a definition of our own, too."
+        )
+        for measure in MEASURES:
+            yield f"{measure.title}: {measure.meaning}; {measure.better} is better."
+        yield from self.notes
+
+
+def keep_other_reports(folder: Path) -> None:
+    """Refuse a folder that has files with the names of the report's which geneoh did not write."""
+    if not is_ours(folder / FILES[0]):
+        for name in FILES:
+            keep_others(folder / name, "choose another folder")
+
+
+def write_report(report: GenerationReport, folder: Path) -> list[Path]:
+    """Write generation.json, generation.csv and generation.md; returns their paths."""
+    texts = (as_json(report), as_csv(report), as_markdown(report))
+    for name, text in zip(FILES, texts, strict=True):
+        write_whole(folder / name, text, parents=True)
+    return [folder / name for name in FILES]
+
+
+def as_json(report: GenerationReport) -> str:
+    """Everything that is needed to repeat the evaluation, and every score of every repetition."""
+    whole = {
+        "generator": "geneoh eval",
+        "command": report.command,
+        "settings": report.settings,
+        "remarks": list(report.remarks()),
+        "measures": [asdict(measure) for measure in MEASURES],
+        "table": {
+            name: {key: asdict(cell) for key, cell in row.cells.items()}
+            for name, row in report.rows.items()
+        },
+        "repetitions": {name: row.values for name, row in report.rows.items()},
+    }
+    return json.dumps(whole, indent=1) + "\n"
+
+
+def as_csv(report: GenerationReport) -> str:
+    """A line for each row and repetition, with all measures."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    keys = [measure.key for measure in MEASURES]
+    writer.writerow(["row", "repetition", *keys])
+    for name, row in report.rows.items():
+        for number, values in enumerate(zip(*(row.values[key] for key in keys), strict=True)):
+            writer.writerow([name, number, *values])
+    return stream.getvalue()
+
+
+def as_markdown(report: GenerationReport) -> str:
+    """The table, with what made it."""
+    heads = [f"{m.title} {m.unit}".strip() for m in MEASURES]
+    lines = ["# geneoh eval", "", f"`{report.command}`", ""]
+    lines += [f"| | {' | '.join(heads)} |", "|---|" + "---:|" * len(heads)]
+    lines += [f"| {name} | {' | '.join(texts)} |" for name, texts in table(report)]
+    lines += ["", *(f"- {remark}" for remark in report.remarks()), ""]
+    versions = [f"{name} {version}" for name, version in report.settings["versions"].items()]
+    weights = [f"{name} weights {mark}" for name, mark in report.settings["weights"].items()]
+    return "\n".join([*lines, f"Made with {', '.join([*versions, *weights])}.", ""])
+
+
+def as_text(report: GenerationReport) -> Iterator[str]:
+    """The table as lines of text."""
+    yield f"{'':<24}" + "".join(f"{f'{m.title} {m.unit}'.strip():>16}" for m in MEASURES)
+    for name, texts in table(report):
+        yield f"{name:<24}" + "".join(f"{text:>16}" for text in texts)
+
+
+def table(report: GenerationReport) -> Iterator[tuple[str, list[str]]]:
+    """The name and the texts of each row."""
+    for name, row in report.rows.items():
+        cells = row.cells
+        yield name, [shown(cells[measure.key], measure) for measure in MEASURES]
+
+
+def shown(cell: Interval, measure: Measure) -> str:
+    """Mean and half interval with the measure's digits; n/a for NaN."""
+    if cell.mean != cell.mean:
+        return "n/a"
+    mean = f"{cell.mean:.{measure.digits}f}"
+    return mean if cell.half != cell.half else f"{mean}±{cell.half:.{measure.digits}f}"

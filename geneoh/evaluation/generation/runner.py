@@ -1,0 +1,158 @@
+"""Scoring a generator of actions on objects that no training saw, beside what it must beat."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import partial
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from geneoh.bundle import concatenated
+from geneoh.choices import Refiner
+from geneoh.evaluation.generation.classifier import (
+    ClassifierConfig,
+    ClassifierTask,
+    trained_classifier,
+)
+from geneoh.evaluation.generation.generated import generated
+from geneoh.evaluation.generation.nearest import SHAPE_POINTS, nearest_training
+from geneoh.evaluation.generation.refined import refined
+from geneoh.evaluation.generation.report import GenerationReport
+from geneoh.evaluation.generation.scores import REPETITIONS, ScoredClips, repeat, score_clips
+from geneoh.evaluation.runner import PACKAGES
+from geneoh.files.journal import digest, digests
+from geneoh.generators.text2hoi.library import Networks, load_networks, weights_of
+from geneoh.progress import OnProgress, OnStep, part_of
+from geneoh.synthesis.action_shards import action_shards, read_actions
+from geneoh.synthesis.actions import Actions
+from geneoh.synthesis.shards import seed_of
+from geneoh.training.loop import Progress
+
+CLIPS = 256  # held-out clips that are scored unless the user limits them
+REAL = "real"  # name of the row of real clips
+NETWORKS = ("text", "contact", "interaction")
+FOLDER = "classifier"  # of the classifier, in that of the evaluation
+
+
+@dataclass(frozen=True)
+class GenerationOptions:
+    """Which clips a generator is scored on, and how often."""
+
+    data: Path
+    """Folder of shards of actions, made by `geneoh synthesize --actions`: the classifier is trained
+    on its training clips, and its validation clips, of held-out objects, are the conditions."""
+    limit: int = CLIPS
+    """Most validation clips, spread over all of them."""
+    refine: Refiner = "none"
+    """What also mends the hands of the generator's clips, in a row of its own."""
+    weights: Path | None = None
+    """Folder of the generator's weights, as `geneoh train` writes it; what it lacks is shipped."""
+    seed: int = 0
+    repetitions: int = REPETITIONS
+    classifier: ClassifierConfig = field(default_factory=ClassifierConfig)
+
+
+Row = Callable[[OnStep | None], Actions]
+"""Makes the clips of a row, telling its progress."""
+
+
+def evaluate_generator(
+    options: GenerationOptions,
+    folder: Path,
+    *,
+    command: str = "",
+    on_progress: OnProgress | None = None,
+) -> GenerationReport:
+    """Score every row; the classifier is kept in a folder in `folder`, for the next time.
+
+    Raises:
+        InputError: the data is not there, or no whole shards of actions.
+        CheckpointError: weights are missing, or the folder holds a classifier of other data.
+    """
+    networks = load_networks(options.weights)
+    held_out, names = read_actions(options.data, "val")
+    training = training_clips(options.data)
+    task = ClassifierTask(options.classifier, training, held_out)
+    model = trained_classifier(task, folder / FOLDER, on_step=_told(on_progress))
+    count = min(options.limit, len(held_out.verb))
+    spread = torch.linspace(0, len(held_out.verb) - 1, count).round().long()
+    real = held_out.take(spread, "B")
+    rows: dict[str, Row] = {
+        REAL: lambda _: real,
+        "nearest training clip": lambda _: nearest_training(real, training),
+    }
+    rows |= network_rows(networks, real, names, options)
+    scored = {}
+    for name, clips in rows.items():
+        told = None if on_progress is None else partial(on_progress, name)
+        scored[name] = score_clips(model, clips(part_of(told, 0, 2)), part_of(told, 1, 2))
+    scored = with_random_verbs(scored, options.seed)
+    found = repeat(scored[REAL], scored, seed=options.seed, repetitions=options.repetitions)
+    return GenerationReport(settings_of(options, task, folder, count), command, found)
+
+
+def network_rows(
+    networks: Networks, real: Actions, names: list[str], options: GenerationOptions
+) -> dict[str, Row]:
+    """What the networks make, with and without their parts; all draw the same noise."""
+    whole = partial(generated, networks, real, names)
+
+    def make(on_step: OnStep | None, **without: bool) -> Actions:
+        return whole(generator=drawn(options.seed, "text2hoi"), on_step=on_step, **without)
+
+    def mended(on_step: OnStep | None) -> Actions:
+        return refined(make(None), seed=options.seed, on_step=on_step)
+
+    rows: dict[str, Row] = {
+        "text2hoi, no contact map": partial(make, contact=False),
+        "text2hoi": make,
+    }
+    return rows | ({"text2hoi, refined": mended} if options.refine == "geneoh" else {})
+
+
+def with_random_verbs(scored: dict[str, ScoredClips], seed: int) -> dict[str, ScoredClips]:
+    """The rows with one more after the first: real clips, with one another's verbs."""
+    real, (_, *rest) = scored[REAL], scored.items()
+    order = torch.randperm(len(real.verb), generator=drawn(seed, "random verbs"))
+    return {REAL: real, "random verbs": replace(real, verb=real.verb[order]), **dict(rest)}
+
+
+def drawn(seed: int, row: str) -> torch.Generator:
+    """What draws a row."""
+    return torch.Generator().manual_seed(seed_of(seed, "row", row))
+
+
+def training_clips(data: Path) -> Actions:
+    """All training clips, with few points of their objects: a data set is large."""
+
+    def thinned(shard: Actions) -> Actions:
+        count = shard.points.shape[1]
+        return shard.take(torch.arange(0, count, max(1, count // SHAPE_POINTS)), "P")
+
+    return concatenated(map(thinned, action_shards(data, "train")), "B")
+
+
+def settings_of(
+    options: GenerationOptions, task: ClassifierTask, folder: Path, clips: int
+) -> dict[str, Any]:
+    """What the scores depend on."""
+    made = digest([folder / FOLDER / f"{task.name}.safetensors"])
+    return {
+        "data": str(options.data.resolve()),
+        "clips": clips,
+        "seed": options.seed,
+        "refine": options.refine,
+        "repetitions": options.repetitions,
+        "classifier": {**task.record(), "hash": made},
+        "weights": digests(weights_of(name, options.weights) for name in NETWORKS),
+        "versions": {name: metadata.version(name) for name in PACKAGES},
+    }
+
+
+def _told(on_progress: OnProgress | None) -> Callable[[Progress], None] | None:
+    """Training told as the progress of a part of the work."""
+    if on_progress is None:
+        return None
+    return lambda done: on_progress("classifier", done.step, done.steps)

@@ -1,0 +1,138 @@
+"""Scores of rows of clips over repetitions: by the classifier's features, and by measures of clips.
+
+Each repetition divides the real clips in two at random: a row is scored by its clips for one half
+of the conditions, and the Fréchet distance is that to the real clips of the other half. So the real
+clips have a distance too, that of one half to the other, which is as near as any row can come.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from geneoh.bundle import Bundle
+from geneoh.evaluation.generation.classifier import ActionClassifier, classified
+from geneoh.evaluation.generation.measures import ClipMeasures, measure_clips
+from geneoh.metrics.features import (
+    Interval,
+    diversity,
+    frechet_distance,
+    interval,
+    multimodality,
+    top_accuracy,
+)
+from geneoh.progress import OnStep
+from geneoh.synthesis.actions import Actions
+from geneoh.synthesis.shards import seed_of
+
+TOP = 3  # classes among which the right one must be (paper)
+REPETITIONS = 20  # (paper)
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A column of the tables."""
+
+    key: str  # name in the files
+    title: str
+    unit: str
+    better: Literal["more", "less", "as real"]
+    meaning: str
+    digits: int = 2
+
+
+MEASURES = (
+    Measure(
+        "accuracy", "top-3", "%", "more", "clips whose verb is among the classifier's best 3", 1
+    ),
+    Measure("fid", "FID", "", "less", "Fréchet distance of the features to those of real clips", 3),
+    Measure("diversity", "div.", "", "as real", "mean distance of 200 random pairs of features"),
+    Measure("multimodality", "mm.", "", "as real", "the same of 20 pairs with each verb"),
+    Measure("realism", "realism", "%", "more", "frames in which contacts can carry the object", 1),
+    Measure("moved_alone", "alone", "%", "less", "moving frames with no keypoint within 2 cm", 1),
+    Measure("depth_mm", "depth", "mm", "less", "depth of each frame's deepest vertex, mean"),
+    Measure("deepest_mm", "deepest", "mm", "less", "the same, largest of a clip", 1),
+    Measure(
+        "contact", "contact", "%", "as real", "frames with skin at most 5 mm off the object", 1
+    ),
+    Measure("acceleration_mm", "accel.", "mm/f²", "as real", "mean acceleration of the keypoints"),
+)
+
+
+@dataclass(frozen=True)
+class ScoredClips(Bundle):
+    """What is known of each of B clips of a row."""
+
+    verb: Int[Tensor, " B"]  # that was asked for
+    features: Float[Tensor, "B F"]
+    scores: Float[Tensor, "B C"]
+    measures: ClipMeasures
+
+
+@dataclass(frozen=True)
+class RowScores:
+    """A row of the table: every measure in every repetition."""
+
+    values: dict[str, list[float]]
+
+    @property
+    def cells(self) -> dict[str, Interval]:
+        """Mean and 95% interval over the repetitions."""
+        return {key: interval(torch.tensor(values)) for key, values in self.values.items()}
+
+
+def score_clips(
+    model: ActionClassifier, clips: Actions, on_step: OnStep | None = None
+) -> ScoredClips:
+    """Classify and measure every clip."""
+    found = classified(model, clips)
+    return ScoredClips(clips.verb, found.features, found.scores, measure_clips(clips, on_step))
+
+
+def repeat(
+    real: ScoredClips, rows: Mapping[str, ScoredClips], *, seed: int, repetitions: int
+) -> dict[str, RowScores]:
+    """The scores of all rows, which have a clip for each of the real ones' conditions."""
+    values = {name: {measure.key: [] for measure in MEASURES} for name in rows}
+    for number in range(repetitions):
+        order = torch.randperm(len(real.verb), generator=_drawn(seed, number))
+        other, asked = order.tensor_split(2)
+        for name, row in rows.items():
+            part = row.take(asked, "B")
+            for measure, score in SCORES.items():
+                value = score(part, real.take(other, "B"), _drawn(seed, number, measure))
+                values[name][measure].append(value)
+    return {name: RowScores(found) for name, found in values.items()}
+
+
+def _drawn(*parts: object) -> torch.Generator:
+    return torch.Generator().manual_seed(seed_of("generation", *parts))
+
+
+Score = Callable[[ScoredClips, ScoredClips, torch.Generator], float]
+"""A score of some clips, given other real ones, and what draws pairs."""
+
+
+def _mean(key: str, scale: float = 1.0) -> Score:
+    """The mean of a measure over the clips that have it."""
+    return lambda part, _, __: scale * float(getattr(part.measures, key).nanmean())
+
+
+SCORES: dict[str, Score] = {
+    "accuracy": lambda part, _, __: 100 * top_accuracy(part.scores, part.verb, TOP),
+    "fid": lambda part, other, _: frechet_distance(other.features, part.features),
+    "diversity": lambda part, _, drawn: diversity(part.features, generator=drawn),
+    "multimodality": lambda part, _, drawn: multimodality(
+        part.features, part.verb, generator=drawn
+    ),
+    "realism": _mean("realism", 100.0),
+    "moved_alone": _mean("moved_alone", 100.0),
+    "depth_mm": _mean("depth_mm"),
+    "deepest_mm": _mean("deepest_mm"),
+    "contact": _mean("contact", 100.0),
+    "acceleration_mm": _mean("acceleration_mm"),
+}
+"""How each measure of the table is made, by its key."""

@@ -1,0 +1,108 @@
+"""`geneoh eval --generator` on a very small scale, and its refusals."""
+
+import csv
+import json
+from dataclasses import replace
+
+import pytest
+import torch
+from actions import made_actions, write_action_shards
+from made_networks import TINY
+
+from geneoh.config import as_dict
+from geneoh.evaluation.generation.scores import MEASURES
+from geneoh.generators.text2hoi.contact import ContactNetwork
+from geneoh.generators.text2hoi.interaction import InteractionNetwork
+from geneoh.nn.checkpoint import Checkpoint, save_checkpoint
+
+SMALL = (
+    *("--generator", "text2hoi", "--dataset", "synthetic", "--root", "data"),
+    *(
+        "--weights",
+        "weights",
+        "--set",
+        "repetitions=2",
+        "--set",
+        "classifier.steps=2",
+        "--set",
+        "classifier.width=8",
+    ),
+)
+VERBS = ["lift", "pour", "press"]
+
+
+@pytest.fixture
+def data(tmp_path):
+    """Six training and six validation clips."""
+    made = {"frames": 12, "points": 64}
+    train, val = (made_actions(2 * VERBS, seed=seed, **made) for seed in (0, 1))
+    write_action_shards(tmp_path / "data", val=val, train=train)
+    write_tiny_weights(tmp_path / "weights")
+    return tmp_path / "data"
+
+
+def write_tiny_weights(folder):
+    """Networks that learned nothing, for the shipped text encoder."""
+    for name, network in (("contact", ContactNetwork), ("interaction", InteractionNetwork)):
+        config = replace(getattr(TINY, name), text=128)
+        with torch.random.fork_rng():
+            torch.manual_seed(0)
+            tensors = network(config).state_dict()
+        record = {"config": {name: as_dict(config)}}
+        save_checkpoint(folder / f"{name}.safetensors", Checkpoint(tensors, record))
+
+
+def test_rows_are_printed_and_everything_is_written(geneoh, tmp_path, data):
+    done = geneoh("eval", *SMALL, "-o", "out")
+    assert done.exit_code == 0, done.output
+    out = tmp_path / "out"
+    whole = json.loads((out / "generation.json").read_text())
+    rows = list(whole["table"])
+    assert rows[:3] == ["real", "random verbs", "nearest training clip"]
+    assert rows[3:] == ["text2hoi, no contact map", "text2hoi"]
+    assert all(row in done.stdout for row in rows)
+    assert whole["command"].startswith("geneoh eval --dataset synthetic --generator text2hoi")
+    assert whole["settings"]["classifier"]["hash"] in (out / "generation.md").read_text()
+    with (out / "generation.csv").open() as file:
+        lines = list(csv.DictReader(file))
+    assert len(lines) == 2 * len(rows)
+    assert set(lines[0]) == {"row", "repetition", *(measure.key for measure in MEASURES)}
+    # a second run takes the classifier that is there, and replaces the report
+    again = geneoh("eval", *SMALL, "-o", "out")
+    assert again.exit_code == 0, again.output
+    assert json.loads((out / "generation.json").read_text()) == whole
+
+
+def test_other_files_are_kept(geneoh, tmp_path, data):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "generation.md").write_text("mine")
+    done = geneoh("eval", *SMALL, "-o", "out")
+    assert done.exit_code == 2
+    assert "generation.md" in done.stderr
+    assert (tmp_path / "out" / "generation.md").read_text() == "mine"
+
+
+def test_missing_weights_are_told(geneoh, tmp_path, data):
+    (tmp_path / "weights" / "interaction.safetensors").write_bytes(b"")
+    done = geneoh("eval", *SMALL, "-o", "out")
+    assert done.exit_code == 2
+    assert "interaction.safetensors" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("asked", "word"),
+    [
+        (("--dataset", "taco"), "--dataset"),
+        (("--dataset", "synthetic"), "--root"),
+        (("--dataset", "synthetic", "--root", "nowhere", "--weights", "weights"), "nowhere"),
+        (("--dataset", "synthetic", "--root", ".", "--method", "geneoh"), "--method"),
+        (("--dataset", "synthetic", "--root", ".", "--seed", 1, "--seed", 2), "--seed"),
+    ],
+)
+def test_what_does_not_go_with_a_generator_is_one_sentence(geneoh, tmp_path, asked, word):
+    write_tiny_weights(tmp_path / "weights")
+    done = geneoh("eval", "--generator", "text2hoi", *asked)
+    assert done.exit_code == 2
+    assert done.stdout == ""
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert word in done.stderr

@@ -1,0 +1,29 @@
+from dataclasses import replace
+
+import pytest
+import torch
+from actions import made_actions
+
+from geneoh.evaluation.generation.measures import measure_clip
+from geneoh.evaluation.generation.refined import part_meshes, refined
+
+
+def test_parts_have_closed_meshes_as_large_as_their_points():
+    actions = made_actions(["open"], frames=4, points=1024, jointed=True)
+    meshes = part_meshes(actions)
+    assert len(meshes) == 2
+    whole = torch.cat([mesh.verts for mesh in meshes])
+    size = actions.points[0].amax(0) - actions.points[0].amin(0)
+    assert torch.allclose(whole.amax(0) - whole.amin(0), size, atol=0.01)
+
+
+@pytest.mark.slow
+def test_refined_hands_are_less_deep_and_the_object_moves_as_before():
+    actions = made_actions(["lift"], frames=16, length=12, points=1024)
+    shift = torch.tensor([0.07, 0.0, 0.0])
+    actions = replace(actions, wrist=actions.wrist + shift * actions.hands[:, :, None, None])
+    found = refined(actions, seed=0)
+    assert measure_clip(found).depth_mm < 0.8 * measure_clip(actions).depth_mm
+    assert torch.equal(found.translation, actions.translation)
+    assert torch.equal(found.wrist[:, 1, 11], found.wrist[:, 1, 15]), "the last frame is repeated"
+    assert (found.wrist[:, 0] == 0).all()
