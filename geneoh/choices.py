@@ -68,7 +68,7 @@ STAGES: tuple[StageName, ...] = get_args(StageName)
 ActionStage = Literal["contact", "interaction"]
 """Networks of the generator Text2HOI that learn from actions."""
 ACTION_STAGES: tuple[ActionStage, ...] = get_args(ActionStage)
-GeneratorStage = Literal["text", ActionStage]
+GeneratorStage = Literal["text", "length", ActionStage]
 """Networks of the generator Text2HOI that `geneoh train` trains."""
 GENERATOR_STAGES: tuple[GeneratorStage, ...] = get_args(GeneratorStage)
 

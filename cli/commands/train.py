@@ -6,14 +6,14 @@ from typing import Any
 import click
 from click import Choice
 
-from geneoh.choices import ACTION_STAGES, GENERATOR_STAGES, STAGES
+from geneoh.choices import GENERATOR_STAGES, STAGES
 from geneoh.errors import ConfigError
 
 from .. import options, progress
 
 FOLLOWS = ("spatial", "temporal", "relations")
 """Stages that learn on the output of MotionDiff."""
-ACTIONS = Path("runs/actions")
+ACTIONS = "runs/actions"
 """Folder of the actions that the generator learns from, where no other is named."""
 
 
@@ -65,9 +65,10 @@ def train(
     Without --config the shipped configuration of the stage is used. Settings are those of
     TrainConfig, such as steps=1000, corruption.gap_share=0.5 or synthesis.count=2048.
 
-    Text, contact and interaction are networks of the generator. The last two learn from one folder
-    of `geneoh synthesize --actions`, each with those before it that are in the output folder, or
-    the shipped ones; their settings are those of Text2HoiConfig.
+    Text, length, contact and interaction are networks of the generator. All but the first learn
+    from one folder of `geneoh synthesize --actions`, or from recordings of h2o=, grab= or arctic=,
+    each with those before it that are in the output folder, or the shipped ones; their settings
+    are those of Text2HoiConfig.
 
     Several processes share each batch, on one machine or on many, and take the same steps as one:
     torchrun --nproc-per-node 2 --no-python geneoh train --stage motion. With --device cuda each
@@ -85,9 +86,9 @@ def train(
         say = click.echo if not team.rank else lambda words: None
         with team.first_alone(), progress.progress_bars(not team.rank) as on_progress:
             if stage in GENERATOR_STAGES:
-                refuse_unused(stage, start=start, mano=mano)
-                asked = config, settings, sources, folder, text_encoder
-                task, weights, notes = generator_task(stage, *asked), None, ()
+                refuse_unused(stage, start=start)
+                asked = config, settings, sources, folder, text_encoder, mano
+                (task, notes), weights = generator_task(stage, *asked, on_progress), None
             else:
                 refuse_unused(stage, text_encoder=text_encoder)
                 named = config or ("finetune" if start else stage)
@@ -144,20 +145,26 @@ def generator_task(
     sources: tuple[str, ...],
     folder: Path,
     text_encoder: Path | None,
+    mano: Path | None,
+    on_progress: Any,
 ) -> Any:
-    """A network of the generator to learn."""
+    """A network of the generator to learn, and words on its data."""
+    from geneoh.generators.text2hoi.stages import Learned
     from geneoh.generators.text2hoi.stages import generator_task as task
+    from geneoh.readers.base import ReaderOptions
+    from geneoh.training.data import parsed_source
 
-    if stage not in ACTION_STAGES:
-        refuse_unused(stage, data=sources, text_encoder=text_encoder)
+    if stage == "text":
+        refuse_unused(stage, data=sources, text_encoder=text_encoder, mano=mano)
     if len(sources) > 1:
         raise ConfigError(
-            f"--data: expected one folder of actions with --stage {stage}, got {len(sources)}; "
+            f"--data: expected one source of actions with --stage {stage}, got {len(sources)}; "
             "keep one"
         )
-    data = Path(sources[0]) if sources else ACTIONS
+    data = parsed_source(sources[0] if sources else ACTIONS)
+    learned = Learned(data, folder, text_encoder, ReaderOptions(mano_dir=mano))
     named = options.find_config(config or stage)
-    return task(stage, named, settings, data, folder, text_encoder)
+    return task(stage, named, settings, learned, on_progress)
 
 
 def refuse_unused(stage: Any, **given: Any) -> None:

@@ -70,16 +70,25 @@ class DatasetReader:
     def recordings(
         self, parts: ClipParts, clip: SourceClip, options: ReaderOptions
     ) -> list[Recording]:
-        """The recordings of one interaction."""
+        """The recordings of one interaction: stretches in which the object's place is known."""
+        whole = self.whole(parts, clip, options)
+        known = np.ones(whole.sequence.frames, dtype=bool)
+        if parts.motion is not None:
+            known = base.finite_frames(parts.motion)
+        kept = known if parts.object_known is None else parts.object_known
+        return split(whole, kept, parts.after_jump)
+
+    def whole(self, parts: ClipParts, clip: SourceClip, options: ReaderOptions) -> Recording:
+        """One interaction with all of its frames, as labels of frames count them."""
         where, notes = str(clip.path), list(parts.notes)
         if parts.motion is None:
             frames = parts.hands[0].frames if parts.hands else 1
             motion, about_object = builders.callers_object(options, frames, where)
-            names, object_known = (), np.ones(frames, dtype=bool)
+            names = ()
             notes = [*about_object, *notes]
         else:
             motion = builders.object_track(parts.meshes.values(), parts.motion)
-            names, object_known = tuple(parts.meshes), base.finite_frames(parts.motion)
+            names = tuple(parts.meshes)
         motion, about_meshes = meshes.with_parts(motion)
         notes += about_meshes
         if len(names) != len(motion.meshes):
@@ -101,9 +110,7 @@ class DatasetReader:
         if camera is not None:
             place = torch.tensor([camera], dtype=torch.float32)
             sequence = seen_from(sequence, place, f"{where}: the camera's position")
-        whole = Recording(parts.name or clip.name, sequence, names, parts.cross_checks)
-        kept = object_known if parts.object_known is None else parts.object_known
-        return split(whole, kept, parts.after_jump)
+        return Recording(parts.name or clip.name, sequence, names, parts.cross_checks)
 
 
 def reads(

@@ -6,7 +6,7 @@ from. An interrupted run goes on behind the last whole shard; one that is made i
 
 import hashlib
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -150,8 +150,9 @@ def write_shard(
             )
         for hand in normalised_hands(recording.sequence):
             cuts += cut_hand(recording, hand, config, left_out)
-    files = {name: (file.stat().st_size, sha256(file)) for name, file in files_of(clip)}
-    record = ShardRecord(config, files, tuple(cut for cut, _ in cuts), dict(left_out))
+    record = ShardRecord(
+        config, fingerprints(files_of(clip)), tuple(cut for cut, _ in cuts), dict(left_out)
+    )
     names = cuts[0][1] if cuts else ()
     tensors = {name: torch.stack([cut[name] for _, cut in cuts]) for name in names}
     write_tensors(shard, tensors, asdict(record), parents=True)
@@ -258,15 +259,27 @@ def is_fresh(shard: Path, clip: SourceClip, config: ClipConfig) -> bool:
     """
     if (record := shard_record(shard)) is None or record.config != config:
         return False
-    files, made = files_of(clip), shard.stat().st_mtime
-    if {name for name, _ in files} != set(record.files):
+    return unchanged(files_of(clip), record.files, shard)
+
+
+def unchanged(
+    files: Sequence[tuple[str, Path]], made_from: Mapping[str, tuple[int, str]], shard: Path
+) -> bool:
+    """Whether files, by name, are those with the size and SHA-256 that a shard was made from."""
+    made = shard.stat().st_mtime
+    if {name for name, _ in files} != set(made_from):
         return False
     for name, file in files:
-        size, content = record.files[name]
+        size, content = made_from[name]
         stat = file.stat()
         if stat.st_size != size or (stat.st_mtime > made and sha256(file) != content):
             return False
     return True
+
+
+def fingerprints(files: Iterable[tuple[str, Path]]) -> dict[str, tuple[int, str]]:
+    """Size and SHA-256 of files by name."""
+    return {name: (file.stat().st_size, sha256(file)) for name, file in files}
 
 
 def shard_record(shard: Path) -> ShardRecord | None:

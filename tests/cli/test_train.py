@@ -1,9 +1,12 @@
 """`geneoh synthesize`, `realism` and `train` on a very small scale, and refusals of `eval`."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from made_actions import write_actions
+from trees import scene, write_mano
+from trees.videos import h2o
 
 from geneoh.generators.text2hoi.library import load_networks
 from geneoh.nn.checkpoint import load_checkpoint
@@ -146,8 +149,35 @@ def test_networks_of_the_generator_need_a_folder_of_actions(geneoh, tmp_path):
     assert missing.exit_code == 2
     assert "expected train_*.safetensors" in missing.stderr
     two = geneoh("train", "--stage", "contact", "--data", "a", "--data", "b", "-o", "run")
-    assert "--data: expected one folder of actions with --stage contact, got 2" in two.stderr
+    assert "--data: expected one source of actions with --stage contact, got 2" in two.stderr
     text = geneoh("train", "--stage", "text", "--text-encoder", "clip", "-o", "run")
     assert "--text-encoder: expected none with --stage text" in text.stderr
     cleaner = geneoh("train", "--stage", "motion", "--text-encoder", "clip", "-o", "run")
     assert "--text-encoder: expected none with --stage motion" in cleaner.stderr
+
+
+def test_the_generator_learns_lengths_and_contact_from_recordings_of_a_data_set(geneoh, tmp_path):
+    s = scene(frames=30)
+    move = s.rotation @ [0.03, 0.0, 0.0] + s.shift - s.joints["right"][:, 8]
+    s = replace(s, wrist={**s.wrist, "right": s.wrist["right"] + move})
+    s = replace(s, joints={**s.joints, "right": s.joints["right"] + move[:, None]})
+    h2o(tmp_path / "h2o", s, False)
+    labels = tmp_path / "h2o/subject1/h1/0/cam4/action_label"
+    labels.mkdir()
+    for frame in range(30):
+        (labels / f"{frame:06d}.txt").write_text("23")
+    mano = write_mano(tmp_path / "mano")
+    few = ("steps=1", "batch=2", "validation_batches=1", "recorded.points=64")
+    settings = [word for setting in few for word in ("--set", setting)]
+    for stage in ("length", "contact"):
+        run = ("--stage", stage, "--data", "h2o=h2o", "--mano", mano, *settings)
+        trained = geneoh("train", *run)
+        assert trained.exit_code == 0, trained.output
+        assert trained.stdout.startswith(
+            "h2o: 1 actions of 1 objects, validated on what is learned"
+        )
+        record = load_checkpoint(tmp_path / "runs" / f"{stage}.safetensors").record
+        assert record["made"]["source"] == "h2o"
+    refused = geneoh("train", "--stage", "length", "--data", "dexycb=h2o")
+    assert refused.exit_code == 2
+    assert "expected h2o, grab, arctic, whose recordings come with labels" in refused.stderr

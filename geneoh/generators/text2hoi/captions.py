@@ -12,7 +12,7 @@ import torch
 
 from geneoh.choices import HandsName
 from geneoh.generators.text2hoi.conjugation import forms, gerund, participle, third_person
-from geneoh.generators.text2hoi.vocabulary import NOUN_WORDS, PARTICLES, PLURAL, VERB_WORDS
+from geneoh.generators.text2hoi.vocabulary import MASS, NOUN_WORDS, PARTICLES, PLURAL, VERB_WORDS
 from geneoh.generators.text2hoi.vocabulary import noun_of as noun_of
 
 Choice = TypeVar("Choice")
@@ -147,8 +147,8 @@ def _tail(verb: str, hands: HandsName | None, generator: torch.Generator) -> str
 
 
 def _with_article(noun: str) -> str:
-    """ "a mug", "an apple", "scissors"."""
-    if noun.split()[-1] in PLURAL:
+    """ "a mug", "an apple", "scissors", "milk"."""
+    if noun.split()[-1] in PLURAL | MASS:
         return noun
     return f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}"
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from geneoh.generators.text2hoi.contact import ContactConfig
 from geneoh.generators.text2hoi.interaction import InteractionConfig
 from geneoh.generators.text2hoi.losses import LossWeights
+from geneoh.generators.text2hoi.recorded import RecordedConfig
 from geneoh.training.run_config import RunConfig
 
 
@@ -24,3 +25,5 @@ class Text2HoiConfig(RunConfig):
     contact: ContactConfig = field(default_factory=ContactConfig)
     interaction: InteractionConfig = field(default_factory=InteractionConfig)
     losses: LossWeights = field(default_factory=LossWeights)
+    recorded: RecordedConfig = field(default_factory=RecordedConfig)
+    """How recordings of the user become actions."""

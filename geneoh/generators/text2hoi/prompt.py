@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from geneoh.choices import HandsName
+from geneoh.choices import HANDS, SIDES, HandsName
 from geneoh.errors import InputError, shortened
 from geneoh.files.reading import read_bytes
 from geneoh.generators.text2hoi.captions import ADJECTIVES
@@ -37,7 +37,7 @@ _ONE: dict[HandsName, re.Pattern[str]] = {
     hands: re.compile(
         rf"\b{side}( \w+)? hand(ed|er|edly)?\b|\b{side}handed\b|\b(with|using|by) {_MY}{side}\b"
     )
-    for hands, side in (("left hand", "left"), ("right hand", "right"))
+    for hands, side in zip(HANDS, SIDES, strict=False)
 }
 _NO_VERB_AFTER = frozenset(
     ("a", "an", "the", "this", "my", "your", "with", "by", "using", "left", "right", "both", "two")
@@ -162,7 +162,7 @@ def asked_hands(
     said = " ".join(words)
     if _BOTH.search(said):
         return "both hands", ()
-    one = [hands for hands, pattern in _ONE.items() if pattern.search(said)]
+    one: list[HandsName] = [hands for hands, pattern in _ONE.items() if pattern.search(said)]
     if len(one) == 2:
         raise InputError(
             f"prompt '{shortened(sentence, 60)}': expected one choice of hands, found the left "

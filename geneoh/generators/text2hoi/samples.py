@@ -40,6 +40,9 @@ class ActionData:
 
     actions: Actions
     names: tuple[str, ...]
+    verbs: tuple[str, ...] | None = None
+    """The verbs of recordings, whose sentences keep them; None for made actions, whose verbs are
+    `VERBS` with their synonyms."""
 
     @cached_property
     def contact(self) -> Bool[Tensor, "B P"]:
@@ -89,7 +92,7 @@ def draw_samples(
     chosen, touched = data.actions.take(pick, "B"), data.contact[pick].float()
     chosen = chosen.mirrored(draws.chance(config.mirrored))
     chosen = chosen.take(slice(int(chosen.length.max())), "T")
-    text = encoder.encode(sentences(chosen, data.names, draws))
+    text = encoder.encode(sentences(chosen, data, draws))
     told = draws.chance(estimated, 1)
     loss = draws.share(1) * LOST
     kept = draws.share(touched.shape[1]) > loss
@@ -105,16 +108,18 @@ def draw_samples(
     return Samples(chosen, touched, contact, text)
 
 
-def sentences(actions: Actions, names: Sequence[str], draws: Draws) -> list[str]:
-    """A random sentence for each action, each by a seed of its own."""
+def sentences(actions: Actions, data: ActionData, draws: Draws) -> list[str]:
+    """A random sentence for each of some actions of the data, each by a seed of its own."""
     seeds = draws.integers(0, 2**31).tolist()
     rows = zip(actions.verb.tolist(), actions.name.tolist(), hands_of(actions), seeds, strict=True)
+    verbs = data.verbs or VERBS
     return [
         caption(
-            VERBS[verb],
-            noun_of(str(names[name])),
+            verbs[verb],
+            noun_of(str(data.names[name])),
             hands,
             generator=torch.Generator().manual_seed(seed),
+            synonyms=None if data.verbs is None else (verbs[verb],),
         )
         for verb, name, hands, seed in rows
     ]

@@ -1,70 +1,92 @@
 """The networks of Text2HOI by the names of their stages, as `geneoh train` learns them."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from geneoh.choices import ActionStage, GeneratorStage
-from geneoh.config import as_dict, configured
+from geneoh.config import configured
 from geneoh.errors import ConfigError
+from geneoh.generators.text2hoi.action_data import SplitActions, action_data
 from geneoh.generators.text2hoi.config import Text2HoiConfig
+from geneoh.generators.text2hoi.length_training import LengthTask, LengthTrainConfig
 from geneoh.generators.text2hoi.library import contact_network, encoder_of
-from geneoh.generators.text2hoi.samples import ActionData
+from geneoh.generators.text2hoi.recorded import RecordedConfig
+from geneoh.generators.text2hoi.samples import Encoder
 from geneoh.generators.text2hoi.text_training import TextTask, TextTrainConfig
 from geneoh.generators.text2hoi.training import ActionTask
-from geneoh.synthesis.action_shards import DEFAULTS, read_actions
-from geneoh.synthesis.shards import find_shards, shard_record
+from geneoh.progress import OnProgress
+from geneoh.readers.base import ReaderOptions
+from geneoh.training.data import DataSource
 from geneoh.training.loop import Task
+
+
+@dataclass(frozen=True)
+class Learned:
+    """What networks of the generator learn from, and where they lie."""
+
+    data: DataSource  # a folder of made actions, or recordings with labels
+    folder: Path  # of the networks before, and of what is made out of recordings
+    text_encoder: Path | None = None  # another one than that of the folder, or the shipped
+    readers: ReaderOptions = field(default_factory=ReaderOptions)
+
+    def encoder(self) -> Encoder:
+        """The text encoder."""
+        return encoder_of(self.folder, self.text_encoder)
+
+    def actions(self, config: RecordedConfig, on_progress: OnProgress | None) -> SplitActions:
+        """The actions."""
+        cache = self.folder / "recordings"
+        return action_data(self.data, config, cache, self.readers, on_progress)
 
 
 def generator_task(
     stage: GeneratorStage,
     config: Path | None,
     settings: Sequence[str],
-    data: Path,
-    folder: Path,
-    text_encoder: Path | None = None,
-) -> Task:
+    learned: Learned,
+    on_progress: OnProgress | None = None,
+) -> tuple[Task, tuple[str, ...]]:
     """What `geneoh train --stage` learns, with the settings of a file and then of `a.b=c` texts.
 
-    All but the text encoder learn from actions of the folder `data`, with the networks before them
-    that are in `folder`, or the shipped ones.
+    All but the text encoder learn from actions, with the networks before them that are in the
+    folder, or the shipped ones. Returns notes on the data as well.
 
     Raises:
-        InputError: `data` holds no actions.
-        CheckpointError: weights in `folder` do not fit their network.
+        InputError: there are no actions.
+        CheckpointError: weights in the folder do not fit their network.
         ConfigError: the file cannot be read, or a setting is unknown or of the wrong type.
     """
     if stage == "text":
-        return TextTask(configured(TextTrainConfig(), config, settings))
-    return action_task(stage, config, settings, data, folder, text_encoder)
+        return TextTask(configured(TextTrainConfig(), config, settings)), ()
+    if stage == "length":
+        chosen, encoder = configured(LengthTrainConfig(), config, settings), learned.encoder()
+        chosen = replace(chosen, length=replace(chosen.length, text=encoder.width))
+        data = learned.actions(chosen.recorded, on_progress)
+        return LengthTask(chosen, data, encoder), data.notes
+    return action_task(stage, config, settings, learned, on_progress)
 
 
 def action_task(
     stage: ActionStage,
     config: Path | None,
     settings: Sequence[str],
-    data: Path,
-    folder: Path,
-    text_encoder: Path | None,
-) -> ActionTask:
+    learned: Learned,
+    on_progress: OnProgress | None = None,
+) -> tuple[ActionTask, tuple[str, ...]]:
     """What a stage learns from actions; arguments and errors are those of `generator_task`."""
-    chosen = configured(Text2HoiConfig(), config, settings)
-    encoder = encoder_of(folder, text_encoder)
+    chosen, encoder = configured(Text2HoiConfig(), config, settings), learned.encoder()
     chosen = replace(
         chosen,
         contact=replace(chosen.contact, text=encoder.width),
         interaction=replace(chosen.interaction, text=encoder.width),
     )
-    contact = None if stage == "contact" else contact_network(folder)
+    contact = None if stage == "contact" else contact_network(learned.folder)
     if contact is not None and contact.config.text != encoder.width:
         raise ConfigError(
-            f"{folder}: the contact network was trained with a text encoder of "
+            f"{learned.folder}: the contact network was trained with a text encoder of "
             f"{contact.config.text} features, got one of {encoder.width}; train it again"
         )
-    training, validation = (
-        ActionData(actions, tuple(names))
-        for actions, names in (read_actions(data, split) for split in ("train", "val"))
-    )
-    made = as_dict(shard_record(find_shards(data, "train", DEFAULTS)[0], DEFAULTS))
-    return ActionTask(stage, chosen, training, validation, encoder, contact, made)
+    data = learned.actions(chosen.recorded, on_progress)
+    task = ActionTask(stage, chosen, data.training, data.validation, encoder, contact, data.made)
+    return task, data.notes

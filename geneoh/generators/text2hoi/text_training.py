@@ -11,7 +11,7 @@ from tokenizers import Tokenizer
 from torch import Tensor
 from torch.nn import functional
 
-from geneoh.choices import HANDS
+from geneoh.choices import HANDS, HandsName
 from geneoh.config import as_dict
 from geneoh.generators.text2hoi import text_data
 from geneoh.generators.text2hoi.captions import caption, one_of
@@ -162,7 +162,7 @@ def accuracy(
     count: int = 512,
 ) -> tuple[float, float]:
     """Shares of right verbs and right hands on random sentences of a kind about made actions."""
-    chosen = [
+    chosen: list[tuple[str, str, HandsName]] = [
         (one_of(VERBS, generator), one_of(tuple(NOUN_WORDS), generator), one_of(HANDS, generator))
         for _ in range(count)
     ]

@@ -79,9 +79,11 @@ NOUN_WORDS: dict[str, tuple[str, ...]] = {
 
 PLURAL = frozenset(
     {"scissors", "shears", "pliers", "tongs", "pincers", "eyeglasses", "glasses", "binoculars"}
-    | {"headphones", "grapes"}
+    | {"headphones", "grapes", "chips"}
 )
 """Nouns that take no "a", and "are" in the passive."""
+MASS = frozenset({"milk", "cocoa", "lotion", "ketchup", "toothpaste"})
+"""Nouns of what is not counted, which take no "a" either."""
 
 _NOUNS = {
     "bleach_cleanser": "bottle",

@@ -4,11 +4,12 @@ from dataclasses import replace
 import pytest
 import torch
 
-from geneoh.generators.text2hoi.stages import generator_task
+from geneoh.generators.text2hoi.stages import Learned, generator_task
 from geneoh.generators.text2hoi.text import load_text_encoder, load_text_model
 from geneoh.generators.text2hoi.text_data import Sentences
 from geneoh.generators.text2hoi.text_network import Reading, TextConfig, TextNetwork
 from geneoh.generators.text2hoi.text_training import KINDS, TextTask, TextTrainConfig, text_loss
+from geneoh.training.data import DataSource
 from geneoh.training.loop import train
 from geneoh.training.processes import Team
 
@@ -75,7 +76,10 @@ def test_withheld_synonyms_are_only_learned_when_asked_for():
 
 
 def test_trained_weights_are_a_whole_encoder(tmp_path):
-    path = train(generator_task("text", settings=["steps=2", "batch=4"]), tmp_path, device=CPU)
+    learned = Learned(DataSource(tmp_path), tmp_path)
+    task, notes = generator_task("text", None, ["steps=2", "batch=4"], learned)
+    assert notes == ()
+    path = train(task, tmp_path, device=CPU)
     model = load_text_model(path)
     assert model.verbs[:2] == ["lift", "put down"]
     assert model.hands == ["left hand", "right hand", "both hands", None]

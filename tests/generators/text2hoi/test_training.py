@@ -113,7 +113,7 @@ def test_sentences_name_the_hand_that_is_seen_also_in_the_mirror():
     one = ActionData(data.actions.take(slice(1), "B"), NAMES)  # of a right hand
     drawn = draw_samples(one, every, WordEncoder(), draws(20))
     assert drawn.actions.hands.tolist() == [[True, False]] * 20
-    said = " ".join(sentences(drawn.actions, NAMES, draws(20))).lower()
+    said = " ".join(sentences(drawn.actions, one, draws(20))).lower()
     assert "left hand" in said
     assert "right hand" not in said
     assert right_then_left.min() > 0

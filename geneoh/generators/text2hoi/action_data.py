@@ -1,0 +1,71 @@
+"""What the networks of the generator learn from: made actions, or recordings of the user's."""
+
+import hashlib
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, get_args
+
+from geneoh.config import as_dict
+from geneoh.errors import ConfigError
+from geneoh.generators.text2hoi.annotation import AnnotatedSource
+from geneoh.generators.text2hoi.recorded import RecordedConfig
+from geneoh.generators.text2hoi.recorded_data import asked_record, recorded_actions
+from geneoh.generators.text2hoi.samples import ActionData
+from geneoh.progress import OnProgress
+from geneoh.readers.base import ReaderOptions
+from geneoh.synthesis.action_shards import DEFAULTS, read_actions
+from geneoh.synthesis.shards import find_shards, shard_record
+from geneoh.training.data import DataSource
+
+ANNOTATED: tuple[AnnotatedSource, ...] = get_args(AnnotatedSource)
+
+
+@dataclass(frozen=True)
+class SplitActions:
+    """What a run learns from and is validated on."""
+
+    training: ActionData
+    validation: ActionData
+    made: dict[str, Any]  # how the data was made, for the record of the weights
+    notes: tuple[str, ...] = ()  # what was found and what was left out, for people
+
+
+def action_data(
+    data: DataSource,
+    config: RecordedConfig,
+    cache: Path,
+    options: ReaderOptions,
+    on_progress: OnProgress | None = None,
+) -> SplitActions:
+    """Made actions of a folder, or those of recordings, whose shards lie in the folder `cache`.
+
+    Raises:
+        InputError: there are no actions, or files cannot be read.
+        ConfigError: the source is none with labels of actions.
+    """
+    if not data.source:
+        training, validation = (
+            ActionData(actions, tuple(names))
+            for actions, names in (read_actions(data.path, split) for split in ("train", "val"))
+        )
+        made = as_dict(shard_record(find_shards(data.path, "train", DEFAULTS)[0], DEFAULTS))
+        return SplitActions(training, validation, made)
+    if data.source not in ANNOTATED:
+        raise ConfigError(
+            f"--data {data.source}=...: expected {', '.join(ANNOTATED)}, whose recordings come "
+            "with labels of actions, or a folder alone; choose one of them"
+        )
+    source = ANNOTATED[ANNOTATED.index(data.source)]
+    digest = hashlib.sha256(str(data.path.resolve()).encode()).hexdigest()[:8]
+    *found, notes = recorded_actions(
+        source,
+        data.path,
+        cache / f"actions_{source}_{digest}",
+        config,
+        options,
+        on_step=on_progress and partial(on_progress, source),
+    )
+    training, validation = (ActionData(each.actions, each.names, each.verbs) for each in found)
+    made = asked_record(config) | {"source": source, "held_out": config.held_out}
+    return SplitActions(training, validation, made, tuple(notes))

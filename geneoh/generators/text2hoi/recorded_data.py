@@ -1,0 +1,222 @@
+"""Recorded actions on disk, one shard for each recording, and their split by subject."""
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from geneoh.bundle import concatenated
+from geneoh.errors import ConfigError, GeneOHError, InputError
+from geneoh.files.tensors import DamagedTensorsError, all_tensors, opened_tensors, write_tensors
+from geneoh.generators.text2hoi.annotation import (
+    AnnotatedSource,
+    has_labels,
+    label_files,
+    labels_of,
+)
+from geneoh.generators.text2hoi.recorded import RecordedConfig, Surface, action_of
+from geneoh.progress import OnStep, steps
+from geneoh.readers.base import ReaderOptions, SourceClip, finite_frames
+from geneoh.readers.recordings import find_clips, source_named
+from geneoh.synthesis.actions import Actions
+from geneoh.training.recordings import files_of, fingerprints, unchanged
+
+FORMAT = 1  # of the shards; raised where the same files give other actions
+
+
+@dataclass(frozen=True)
+class RecordedActions:
+    """Actions of one split; `Actions.verb` and `Actions.name` are indices into the words."""
+
+    actions: Actions
+    verbs: tuple[str, ...]
+    names: tuple[str, ...]
+
+
+def recorded_actions(
+    source: AnnotatedSource,
+    path: Path,
+    folder: Path,
+    config: RecordedConfig,
+    options: ReaderOptions,
+    *,
+    on_step: OnStep | None = None,
+) -> tuple[RecordedActions, RecordedActions, list[str]]:
+    """The labelled actions of a data set below a path: to learn from, and to validate on.
+
+    A recording becomes a shard in `folder`, which is read at once as long as its files stay the
+    same. Returns notes as well: what was found, left out, and could not be read.
+
+    Raises:
+        InputError: no recording can be read, or none holds a labelled action.
+        ConfigError: the subject to hold out has no clips.
+    """
+    shards, notes = made_shards(source, path, folder, config, options, on_step=on_step)
+    labels: list[dict[str, str]] = []
+    found: list[Actions] = []
+    left_out: Counter[str] = Counter()
+    for shard in shards:
+        with opened_tensors(shard) as (file, record):
+            left_out.update(record["left_out"])
+            if record["labels"]:
+                labels += record["labels"]
+                found.append(Actions(**all_tensors(file)))
+    reasons = ", ".join(f"{count} {reason}" for reason, count in left_out.items())
+    if not found:
+        raise InputError(
+            f"{path}: expected labelled actions of {source}, found none "
+            f"({reasons or 'no labels'}); check that the data set is whole"
+        )
+    verbs, names = (sorted({label[key] for label in labels}) for key in ("verb", "noun"))
+    together = concatenated(found, "B")
+    verb, name = (
+        torch.tensor([words.index(label[key]) for label in labels])
+        for words, key in ((verbs, "verb"), (names, "noun"))
+    )
+    together = Actions(**{**vars(together), "verb": verb, "name": name})
+    held, words = held_out([label["subject"] for label in labels], config.held_out)
+    parts = [
+        RecordedActions(together.take(kept, "B"), tuple(verbs), tuple(names))
+        for kept in ((~held, held) if bool(held.any()) else (~held, ~held))
+    ]
+    about = f"{source}: {len(labels)} actions of {len(names)} objects, {words}"
+    return parts[0], parts[1], [f"{about}; actions left out: {reasons or 'none'}", *notes]
+
+
+def held_out(subjects: list[str], chosen: str) -> tuple[Tensor, str]:
+    """Which actions are of the subject that is held out, and words on that."""
+    known = sorted(set(subjects), key=lambda name: (len(name), name))
+    if chosen and chosen not in known:
+        raise ConfigError(
+            f"recorded.held_out: expected one of {', '.join(known)}, got '{chosen}'; name another"
+        )
+    if len(known) < 2:
+        none = torch.zeros(len(subjects), dtype=torch.bool)
+        return none, "validated on what is learned: there is no other subject"
+    subject = chosen or known[-1]
+    held = torch.tensor([name == subject for name in subjects])
+    return held, f"{int(held.sum())} of {subject} held out for validation"
+
+
+def made_shards(
+    source: AnnotatedSource,
+    path: Path,
+    folder: Path,
+    config: RecordedConfig,
+    options: ReaderOptions,
+    *,
+    on_step: OnStep | None = None,
+) -> tuple[list[Path], list[str]]:
+    """The shards of all recordings, made where they are not there, and why some cannot be."""
+    shards: list[Path] = []
+    problems: list[str] = []
+    surfaces: dict[tuple[str, ...], Surface] = {}
+    clips = find_clips(source_named(source), [path])
+    labelled = [clip for clip in clips if has_labels(source, clip)]
+    if not labelled:
+        raise InputError(
+            f"{path}: expected labels of actions in action_label of camera 4, found none among "
+            f"{len(clips)} clips; download the labels of all views"
+        )
+    for clip in steps(labelled, on_step):
+        shard = folder / f"{clip.name.replace('/', '_')}.safetensors"
+        try:
+            if not is_fresh(shard, source, clip, config):
+                write_shard(shard, source, clip, config, options, surfaces)
+            shards.append(shard)
+        except GeneOHError as error:
+            problems.append(f"{clip.name}: not read, {error}")
+    if not shards:
+        raise InputError(problems[0])
+    return shards, problems
+
+
+def write_shard(
+    shard: Path,
+    source: AnnotatedSource,
+    clip: SourceClip,
+    config: RecordedConfig,
+    options: ReaderOptions,
+    surfaces: dict[tuple[str, ...], Surface],
+) -> None:
+    """The labelled actions of one recording, written whole or not at all.
+
+    `surfaces` keeps the points of objects, which are the same in all recordings.
+    """
+    found: list[Actions] = []
+    labels: list[dict[str, str]] = []
+    left_out: Counter[str] = Counter()
+    for action, label in cut(source, clip, config, options, surfaces):
+        if isinstance(action, str):
+            left_out[action] += 1
+        else:
+            found.append(action)
+            labels.append(label)
+    tensors = vars(concatenated(found, "B")) if found else {}
+    record = asked_record(config) | {
+        "files": fingerprints(all_files(source, clip)),
+        "labels": labels,
+        "left_out": dict(left_out),
+    }
+    write_tensors(shard, {n: t.contiguous() for n, t in tensors.items()}, record, parents=True)
+
+
+def cut(
+    source: AnnotatedSource,
+    clip: SourceClip,
+    config: RecordedConfig,
+    options: ReaderOptions,
+    surfaces: dict[tuple[str, ...], Surface],
+) -> Iterator[tuple[Actions | str, dict[str, str]]]:
+    """Each labelled stretch of a recording as an action, or why it is none."""
+    labels = labels_of(source, clip)
+    if not labels:
+        return
+    reader = source_named(source).reader()
+    for parts in reader.parts(clip, options):
+        of_object = [
+            label
+            for label in labels
+            if any(name.split("_")[1] == label.object for name in parts.meshes)
+        ]
+        if not of_object or parts.motion is None:
+            continue
+        sequence = reader.whole(parts, clip, options).sequence
+        key = tuple(mesh.sha256 for mesh in sequence.object.meshes)
+        if key not in surfaces:
+            surfaces[key] = Surface.of(sequence.object.meshes, config.points)
+        known = finite_frames(parts.motion) if parts.object_known is None else parts.object_known
+        for label in of_object:
+            words = {"verb": label.verb, "noun": label.noun, "subject": label.subject}
+            seen = torch.from_numpy(known)
+            yield action_of(sequence, label, surfaces[key], config.up, seen), words
+
+
+def all_files(source: AnnotatedSource, clip: SourceClip) -> list[tuple[str, Path]]:
+    """The files that the actions of a recording are made from, by name."""
+    return [*files_of(clip), *((path.name, path) for path in label_files(source, clip))]
+
+
+def asked_record(config: RecordedConfig) -> dict[str, Any]:
+    """What of the settings a shard depends on; who is held out changes none."""
+    asked = asdict(config)
+    del asked["held_out"]
+    return {"format": FORMAT, "recorded": asked}
+
+
+def is_fresh(
+    shard: Path, source: AnnotatedSource, clip: SourceClip, config: RecordedConfig
+) -> bool:
+    """Whether a shard is there, whole, made as asked, and from the files as they are."""
+    try:
+        with opened_tensors(shard) as (_, record):
+            if any(record.get(name) != value for name, value in asked_record(config).items()):
+                return False
+            files = {name: (size, content) for name, (size, content) in record["files"].items()}
+            return unchanged(all_files(source, clip), files, shard)
+    except (OSError, DamagedTensorsError):
+        return False
