@@ -3,7 +3,7 @@ from dataclasses import replace
 import pytest
 import torch
 from made_actions import NAMES, WordEncoder, made_actions
-from made_networks import TINY, in_paper_form
+from made_networks import TINY, answering, in_paper_form
 
 from geneoh.diffusion.schedule import cosine_sigmas
 from geneoh.errors import CheckpointError, ConfigError
@@ -30,9 +30,8 @@ LENGTHS = torch.tensor([12, 7, 2])
 
 @pytest.fixture(scope="module")
 def networks() -> Networks:
-    torch.manual_seed(0)
-    contact, interaction = ContactNetwork(TINY.contact), InteractionNetwork(TINY.interaction)
-    return Networks(WordEncoder(), contact.eval(), interaction.eval())
+    interaction = answering(TINY.interaction)
+    return Networks(WordEncoder(), ContactNetwork(TINY.contact).eval(), interaction)
 
 
 @pytest.fixture(scope="module")
