@@ -52,6 +52,7 @@ def write_tiny_weights(folder):
         save_checkpoint(folder / f"{name}.safetensors", Checkpoint(tensors, record))
 
 
+@pytest.mark.slow
 def test_rows_are_printed_and_everything_is_written(geneoh, tmp_path, data):
     done = geneoh("eval", *SMALL, "-o", "out")
     assert done.exit_code == 0, done.output
