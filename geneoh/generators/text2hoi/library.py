@@ -9,6 +9,7 @@ from geneoh.denoisers.library import load_network
 from geneoh.errors import ConfigError
 from geneoh.generators.text2hoi.contact import ContactConfig, ContactNetwork
 from geneoh.generators.text2hoi.interaction import InteractionConfig, InteractionNetwork
+from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork
 from geneoh.generators.text2hoi.samples import Encoder
 from geneoh.generators.text2hoi.text import load_text_encoder
 
@@ -22,6 +23,7 @@ class Networks:
     text: Encoder
     contact: ContactNetwork
     interaction: InteractionNetwork
+    length: LengthNetwork
 
 
 def load_networks(
@@ -46,13 +48,15 @@ def load_networks(
     interaction = load_network(
         weights_of("interaction", folder), "interaction", InteractionNetwork, InteractionConfig
     )
-    for name, network in (("contact", contact), ("interaction", interaction)):
+    length = load_network(weights_of("length", folder), "length", LengthNetwork, LengthConfig)
+    trained = (("contact", contact), ("interaction", interaction), ("length", length))
+    for name, network in trained:
         if network.config.text != text.width:
             raise ConfigError(
                 f"{weights_of(name, folder)}: expected a text encoder of {network.config.text} "
                 f"features, got one of {text.width}; name the one that it was trained with"
             )
-    return Networks(text, contact.to(device), interaction.to(device))
+    return Networks(text, contact.to(device), interaction.to(device), length)
 
 
 def encoder_of(folder: Path | None, text_encoder: Path | None = None) -> Encoder:

@@ -5,11 +5,13 @@ import torch
 from made_actions import NAMES, WordEncoder, made_actions
 from made_networks import TINY, answering, in_paper_form
 
+from geneoh.config import as_dict
 from geneoh.diffusion.schedule import cosine_sigmas
 from geneoh.errors import CheckpointError, ConfigError
 from geneoh.generators.text2hoi import library
 from geneoh.generators.text2hoi.contact import ContactNetwork
 from geneoh.generators.text2hoi.interaction import InteractionNetwork
+from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork
 from geneoh.generators.text2hoi.library import Networks, load_networks
 from geneoh.generators.text2hoi.objects import Objects
 from geneoh.generators.text2hoi.sampling import (
@@ -30,8 +32,9 @@ LENGTHS = torch.tensor([12, 7, 2])
 
 @pytest.fixture(scope="module")
 def networks() -> Networks:
-    interaction = answering(TINY.interaction)
-    return Networks(WordEncoder(), ContactNetwork(TINY.contact).eval(), interaction)
+    length = LengthNetwork(LengthConfig(text=WordEncoder.width)).eval()
+    contact = ContactNetwork(TINY.contact).eval()
+    return Networks(WordEncoder(), contact, answering(TINY.interaction), length)
 
 
 @pytest.fixture(scope="module")
@@ -147,11 +150,9 @@ def test_cosine_levels_are_the_squared_cosine_but_for_the_last():
 
 
 def saved(folder, networks):
-    for name in ("contact", "interaction"):
+    for name in ("contact", "interaction", "length"):
         network = getattr(networks, name)
-        size = {k: v for k, v in vars(network.config).items() if k != "points"}
-        size["points"] = vars(network.config.points)
-        record = {"config": {name: size}}
+        record = {"config": {name: as_dict(network.config)}}
         save_checkpoint(folder / f"{name}.safetensors", Checkpoint(network.state_dict(), record))
 
 
