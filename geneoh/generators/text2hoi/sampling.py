@@ -78,6 +78,7 @@ def sample(
     return actions_of(tokens, still(objects, valid.shape[1]))
 
 
+@torch.no_grad()
 def contact_of(
     networks: Networks, objects: Objects, sentences: Sequence[str], *, generator: torch.Generator
 ) -> Float[Tensor, "B P"]:

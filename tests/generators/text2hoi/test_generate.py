@@ -1,0 +1,143 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork
+from made_actions import WordEncoder
+from made_networks import TINY
+
+import geneoh
+from geneoh.generators.text2hoi import generate as module
+from geneoh.generators.text2hoi.contact import ContactNetwork
+from geneoh.generators.text2hoi.generate import GenerateOptions, generate, save_generated
+from geneoh.generators.text2hoi.interaction import InteractionNetwork
+from geneoh.generators.text2hoi.library import Networks
+from geneoh.generators.text2hoi.resting import touching_hands
+from geneoh.geometry.mesh import Mesh
+from geneoh.pipeline.results import Denoised
+
+PLAIN = GenerateOptions(refine="none", frames=20, steps=3)
+
+
+@pytest.fixture(autouse=True)
+def small_networks(monkeypatch):
+    """Networks that have learned nothing: what they make is no motion, but is a clip."""
+    torch.manual_seed(0)
+    contact, interaction = ContactNetwork(TINY.contact), InteractionNetwork(TINY.interaction)
+    encoder = WordEncoder()
+    length = LengthNetwork(LengthConfig(text=encoder.width))
+    made = Networks(encoder, contact.eval(), interaction.eval(), length.eval())
+    monkeypatch.setattr(module, "load_networks", lambda *folder, **more: made)
+
+
+@pytest.fixture(scope="module")
+def mug(tmp_path_factory):
+    """The file of a cylinder away from the origin, along the y axis."""
+    path = tmp_path_factory.mktemp("mug") / "mug.obj"
+    made = trimesh.creation.cylinder(0.04, 0.1, sections=24)
+    made.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [1, 0, 0]))
+    made.apply_translation([0.2, 0.3, -0.1])
+    made.export(path)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("sentence", "sides"),
+    [
+        ("Lift the mug with the left hand.", ["left"]),
+        ("The right hand shakes a mug.", ["right"]),
+        ("Carry the mug with both hands.", ["left", "right"]),
+    ],
+)
+def test_the_hands_that_were_asked_for_take_part(mug, sentence, sides):
+    made = generate(sentence, mug, PLAIN)
+    assert sorted(hand.side for hand in made.sequence.hands) == sides
+    assert made.sequence.frames == 20
+    assert made.sequence.fps == 30
+
+
+def test_one_seed_makes_one_file_and_another_seed_another(mug, tmp_path):
+    for name, seed in (("a", 0), ("b", 0), ("c", 1)):
+        made = generate("Lift the mug with the left hand.", mug, replace(PLAIN, seed=seed))
+        save_generated(made, tmp_path / f"{name}.npz")
+    first, again, other = ((tmp_path / f"{name}.npz").read_bytes() for name in "abc")
+    assert first == again
+    assert first != other
+
+
+def test_the_file_is_a_sequence_with_contact_at_the_vertices_and_the_sentence(mug, tmp_path):
+    made = generate("Lift the mug with the left hand.", mug, PLAIN)
+    save_generated(made, tmp_path / "made.npz")
+    found = geneoh.load(tmp_path / "made.npz")
+    assert [hand.side for hand in found.hands] == ["left"]
+    assert torch.allclose(found.object.rotation, made.sequence.object.rotation)
+    with np.load(tmp_path / "made.npz") as arrays:
+        assert arrays["contact"].shape == (len(made.sequence.object.meshes[0].verts),)
+        assert ((arrays["contact"] >= 0) & (arrays["contact"] <= 1)).all()
+        assert str(arrays["prompt"]) == "Lift the mug with the left hand."
+        assert str(arrays["verb"]) == "lift"
+
+
+def test_the_object_stands_on_the_table_as_it_was_asked_to(mug, monkeypatch):
+    monkeypatch.setattr(module, "moved_by_hands", lambda actions: still_actions(actions))
+    made = generate("Lift the mug.", mug, replace(PLAIN, up="y"))
+    motion = made.sequence.object
+    world = motion.meshes[0].verts @ motion.rotation[0, 0].T + motion.translation[0, 0]
+    size = world.amax(0) - world.amin(0)
+    assert world[:, 2].amin() == pytest.approx(0, abs=1e-5)
+    assert size[2] == pytest.approx(0.1, abs=1e-3)
+
+
+def still_actions(actions):
+    """The same actions with an object that stands where it is put."""
+    still = torch.eye(3).expand_as(actions.rotation)
+    return replace(actions, rotation=still, translation=torch.zeros_like(actions.translation))
+
+
+def test_objects_rest_where_no_hand_touches_them(mug, monkeypatch):
+    kept = []
+    monkeypatch.setattr(module, "placed", lambda actions, *more: kept.append(actions) or 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        generate("Shake the mug.", mug, PLAIN)
+    (actions,) = kept
+    touching = touching_hands(actions).any(1)[0]
+    still = ~(touching[1:] & touching[:-1])
+    step = actions.translation[0].diff(dim=0).norm(dim=-1)
+    turn = actions.rotation[0].diff(dim=0).flatten(1).norm(dim=-1)
+    assert (step[still] < 1e-5).all()
+    assert (turn[still] < 1e-5).all()
+
+
+def test_the_cleaner_mends_hands_that_were_brought_to_the_surface(mug, monkeypatch):
+    order = []
+
+    def cleaned(sequence, options, **more):
+        order.append("cleaned")
+        assert options.trust_object
+        return Denoised(sequence, {}, ())
+
+    def brought(actions, stood):
+        order.append("settled")
+        return actions
+
+    monkeypatch.setattr(module, "denoise", cleaned)
+    monkeypatch.setattr(module, "settled", brought)
+    made = generate("Lift the mug.", mug, replace(PLAIN, refine="geneoh"))
+    assert order == ["settled", "cleaned"]
+    assert made.refined is not None
+
+
+def test_length_comes_from_the_sentence_where_none_is_asked_for(mug):
+    made = generate("Lift the mug.", mug, replace(PLAIN, frames=None))
+    assert 2 <= made.sequence.frames <= 150
+
+
+def test_a_mesh_in_memory_will_do():
+    made = trimesh.creation.box((0.05, 0.06, 0.1))
+    mesh = Mesh(
+        torch.tensor(np.asarray(made.vertices), dtype=torch.float32),
+        torch.tensor(np.asarray(made.faces)),
+    )
+    assert generate("Lift the box.", mesh, PLAIN).sequence.frames == 20
