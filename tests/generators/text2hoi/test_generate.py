@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 import torch
 import trimesh
-from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork
 from made_actions import WordEncoder
 from made_networks import TINY
 
@@ -13,6 +12,7 @@ from geneoh.generators.text2hoi import generate as module
 from geneoh.generators.text2hoi.contact import ContactNetwork
 from geneoh.generators.text2hoi.generate import GenerateOptions, generate, save_generated
 from geneoh.generators.text2hoi.interaction import InteractionNetwork
+from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork
 from geneoh.generators.text2hoi.library import Networks
 from geneoh.generators.text2hoi.resting import touching_hands
 from geneoh.geometry.mesh import Mesh
