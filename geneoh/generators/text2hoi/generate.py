@@ -13,7 +13,7 @@ from geneoh.generators.text2hoi.interaction_file import sequence_of
 from geneoh.generators.text2hoi.library import Networks, load_networks
 from geneoh.generators.text2hoi.objects import Objects
 from geneoh.generators.text2hoi.prompt import Prompt, read_prompt
-from geneoh.generators.text2hoi.resting import moved_by_hands
+from geneoh.generators.text2hoi.resting import eased, moved_by_hands
 from geneoh.generators.text2hoi.sampling import SamplingConfig, contact_of, sample
 from geneoh.generators.text2hoi.settling import settled
 from geneoh.generators.text2hoi.standing import StandingObject, stand
@@ -109,9 +109,9 @@ def generate(
         contact=contact,
         on_step=None if on_progress is None else lambda done, of: on_progress("motion", done, of),
     )
-    actions, refined = moved_by_hands(actions), None
+    actions, refined = moved_by_hands(eased(actions)), None
     if options.refine == "geneoh":
-        actions = settled(actions, stood)
+        actions = moved_by_hands(settled(actions, stood))
     sequence = placed(actions, stood, prompt.sentence)
     if options.refine == "geneoh":
         refined = denoise(

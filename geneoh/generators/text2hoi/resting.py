@@ -11,6 +11,7 @@ from geneoh.synthesis.actions import NEAR, Actions
 
 UPRIGHT_TURN = 0.5
 """Turn from how an object stands below which it is taken as standing, radians."""
+EASE = 12  # frames at either end of a clip in which its time runs slower
 ON_TABLE = 0.04
 """Height of an object over the table below which it is taken as standing on it, metres."""
 
@@ -28,6 +29,45 @@ def touching_hands(actions: Actions, within: float = NEAR) -> Bool[Tensor, "B 2 
             near = torch.cdist(joints[clip, hand, :frames], posed) < within
             touching[clip, hand, :frames] = near.flatten(1).any(1)
     return touching
+
+
+def eased(actions: Actions, frames: int = EASE) -> Actions:
+    """The same actions in a time that begins and ends slowly, so that all starts and ends at rest.
+
+    In so many frames at either end time runs as 2 u^2 - u^3, from a stand to its own speed.
+    """
+    last = (actions.length - 1)[:, None].to(actions.joint)
+    ends = (last / 3).clamp(min=1.0, max=frames)
+    time = torch.arange(actions.joint.shape[1]).to(last).minimum(last)
+
+    def begun(since: Float[Tensor, "B T"]) -> Float[Tensor, "B T"]:
+        share = (since / ends).clamp(max=1)
+        return torch.where(since < ends, ends * (2 * share**2 - share**3), since)
+
+    time = torch.where(time < last / 2, begun(time), last - begun(last - time))
+    before = time.floor().long()
+    after = torch.minimum(before + 1, last.long())
+    rows, share = torch.arange(len(time))[:, None], time - before
+
+    def between(values: Float[Tensor, "B T ..."]) -> Float[Tensor, "B T ..."]:
+        part = share.view(*share.shape, *[1] * (values.ndim - 2))
+        return torch.lerp(values[rows, before], values[rows, after], part)
+
+    def turned(rotation: Float[Tensor, "B T *N 3 3"]) -> Float[Tensor, "B T *N 3 3"]:
+        start, end = rotation[rows, before], rotation[rows, after]
+        part = share.view(*share.shape, *[1] * (rotation.ndim - 3))
+        turn = matrix_to_axis_angle(start.mT @ end)
+        return start @ axis_angle_to_matrix(part * turn)
+
+    pose = axis_angle_to_matrix(actions.pose.transpose(1, 2))
+    return replace(
+        actions,
+        pose=matrix_to_axis_angle(turned(pose)).transpose(1, 2),
+        wrist=between(actions.wrist.transpose(1, 2)).transpose(1, 2),
+        rotation=turned(actions.rotation),
+        translation=between(actions.translation),
+        joint=between(actions.joint),
+    )
 
 
 def moved_by_hands(actions: Actions) -> Actions:

@@ -3,7 +3,7 @@ from dataclasses import replace
 import torch
 from actions import made_actions
 
-from geneoh.generators.text2hoi.resting import moved_by_hands, touching_hands
+from geneoh.generators.text2hoi.resting import eased, moved_by_hands, touching_hands
 from geneoh.geometry.rotations import axis_angle_to_matrix
 
 
@@ -65,3 +65,22 @@ def test_an_object_that_nearly_stands_on_the_table_does_at_the_start_and_at_the_
     for frame in (0, -1):
         assert moved.translation[:, frame, 2].abs().amax() < 1e-6
         assert torch.allclose(moved.rotation[:, frame], torch.eye(3).expand(2, 3, 3), atol=1e-5)
+
+
+def test_a_clip_that_begins_and_ends_in_motion_does_so_from_rest():
+    actions = made_actions(["lift", "lift"], frames=40)
+    time = torch.arange(40.0)[None, :, None]
+    speed = torch.tensor([0.01, 0.0, 0.0])
+    going = replace(
+        actions,
+        translation=(time * speed).expand(2, -1, -1).clone(),
+        rotation=axis_angle_to_matrix(0.05 * time * torch.eye(3)[2]).expand(2, -1, -1, -1).clone(),
+        wrist=(time * speed)[:, None].expand(2, 2, -1, -1).clone(),
+    )
+    found = eased(going)
+    for path in (found.translation, found.wrist[:, 1]):
+        step = path.diff(dim=1).norm(dim=-1)
+        assert (step[:, [0, -1]] < 2e-3).all()
+        assert torch.allclose(step[:, 19], torch.tensor(0.01), atol=1e-4)
+        assert torch.allclose(path[:, [0, -1]], going.translation[:, [0, -1]], atol=1e-5)
+    assert torch.allclose(found.rotation[:, [0, -1]], going.rotation[:, [0, -1]], atol=1e-4)
