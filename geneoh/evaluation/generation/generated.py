@@ -7,8 +7,8 @@ import torch
 from geneoh.bundle import concatenated
 from geneoh.generators.text2hoi.library import Networks
 from geneoh.generators.text2hoi.objects import Objects
-from geneoh.generators.text2hoi.resting import moved_by_hands
-from geneoh.generators.text2hoi.samples import hands_of, sentences
+from geneoh.generators.text2hoi.resting import eased, moved_by_hands
+from geneoh.generators.text2hoi.samples import ActionData, hands_of, sentences
 from geneoh.generators.text2hoi.sampling import sample
 from geneoh.progress import OnStep, steps
 from geneoh.synthesis.actions import LONGEST, Actions
@@ -28,10 +28,12 @@ def generated(
 ) -> Actions:
     """A clip for a random sentence on each real clip, with its object, hands and length.
 
-    Objects rest where no hand touches them, as in `geneoh generate`. Without `contact` the networks
+    Clips start and end at rest, and objects rest where no hand touches them, as in `geneoh
+    generate`. Without `contact` the networks
     are told that no point of the object is touched.
     """
-    said = sentences(real, names, Draws(len(real.verb), generator))
+    data = ActionData(real, tuple(names))
+    said = sentences(real, data, Draws(len(real.verb), generator))
     parts = []
     for start in steps(range(0, len(said), AT_ONCE), on_step):
         some = real.take(slice(start, start + AT_ONCE), "B")
@@ -45,7 +47,7 @@ def generated(
             generator=generator,
             contact=None if contact else torch.zeros_like(objects.points[..., 0]),
         )
-        made = moved_by_hands(replace(made, verb=some.verb, name=some.name))
+        made = moved_by_hands(eased(replace(made, verb=some.verb, name=some.name)))
         frames = torch.arange(LONGEST).minimum(made.length[:, None] - 1)
         parts.append(made.at_frames(frames))
     return concatenated(parts, "B")

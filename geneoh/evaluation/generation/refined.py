@@ -7,6 +7,7 @@ import torch
 from geneoh.bundle import concatenated
 from geneoh.choices import SIDES
 from geneoh.generators.text2hoi.interaction_file import sequence_of
+from geneoh.generators.text2hoi.resting import moved_by_hands
 from geneoh.generators.text2hoi.settling import settled
 from geneoh.generators.text2hoi.standing import StandingObject
 from geneoh.geometry.mesh import Mesh
@@ -38,7 +39,8 @@ def refined_clip(clip: Actions, seed: int) -> Actions:
     meshes = part_meshes(clip)
     if len(meshes) == 1:
         still = torch.eye(3), torch.zeros(3)
-        clip = settled(clip, StandingObject(meshes[0], *still, clip.points[0], clip.normals[0]))
+        stood = StandingObject(meshes[0], *still, clip.points[0], clip.normals[0])
+        clip = moved_by_hands(settled(clip, stood))
     sequence = sequence_of(clip, 0, meshes)
     clean = denoise(sequence, Options(trust_object=True, seed=seed)).sequence
     pose, wrist = clip.pose.clone(), clip.wrist.clone()
