@@ -6,9 +6,10 @@ skeleton is 20 rest offsets in the flat hand's frame: 15 bones (parent joint to 
 (distal joint to fingertip) in the order index, middle, pinky, ring, thumb.
 """
 
-import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
+
+from geneoh.geometry import kinematics
 
 PARENTS = (-1, 0, 1, 2, 0, 4, 5, 0, 7, 8, 0, 10, 11, 0, 13, 14)
 TIP_PARENTS = (3, 6, 9, 12, 15)
@@ -39,17 +40,10 @@ def forward_kinematics(
 
     `rotations` are each joint's against its parent, the wrist's against the world.
     """
-    glob, position = [rotations[..., 0, :, :]], [wrist]
-    for joint in range(1, 16):
-        parent = PARENTS[joint]
-        step = glob[parent] @ offsets[..., joint - 1, :, None]
-        position.append(position[parent] + step[..., 0])
-        glob.append(glob[parent] @ rotations[..., joint, :, :])
-    for tip, joint in enumerate(TIP_PARENTS):
-        step = glob[joint] @ offsets[..., 15 + tip, :, None]
-        position.append(position[joint] + step[..., 0])
-    keypoints = torch.stack([position[i] for i in OPENPOSE_FROM_MANO], dim=-2)
-    return keypoints, torch.stack(glob, dim=-3)
+    points, glob = kinematics.forward_kinematics(
+        rotations, wrist, offsets, (*PARENTS, *TIP_PARENTS)
+    )
+    return points[..., list(OPENPOSE_FROM_MANO), :], glob
 
 
 def rest_offsets(

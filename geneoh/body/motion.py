@@ -1,0 +1,46 @@
+"""Motion of a body with fingers: rotations to positions and back."""
+
+from dataclasses import dataclass
+
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.body.skeleton import PARENTS, Skeleton
+from geneoh.bundle import Bundle
+from geneoh.geometry import kinematics
+
+
+@dataclass(frozen=True)
+class BodyMotion(Bundle):
+    """T frames of one body, whatever its skeleton; world frame with y up."""
+
+    root: Float[Tensor, "*B T 3"]
+    """Position of the pelvis in the world, metres."""
+    rotations: Float[Tensor, "*B T 52 3 3"]
+    """Each joint's in its parent's frame, the root's in the world; the identity in the T-pose with
+    flat hands."""
+
+
+@dataclass(frozen=True)
+class PosedBody(Bundle):
+    """The joints of a body in the world frame, y up."""
+
+    positions: Float[Tensor, "*B T 52 3"]
+    """Metres."""
+    rotations: Float[Tensor, "*B T 52 3 3"]
+    """Each joint's against the world."""
+
+
+def pose(skeleton: Skeleton, motion: BodyMotion) -> PosedBody:
+    """The joints of a skeleton that moves; batch axes broadcast."""
+    offsets = skeleton.offsets[..., None, 1:, :]
+    return PosedBody(
+        *kinematics.forward_kinematics(motion.rotations, motion.root, offsets, PARENTS)
+    )
+
+
+def local_rotations(
+    rotations: Float[Tensor, "*B T 52 3 3"],
+) -> Float[Tensor, "*B T 52 3 3"]:
+    """A body's rotations in the parents' frames from those in the world; inverse of `pose`."""
+    return kinematics.local_rotations(rotations, PARENTS)

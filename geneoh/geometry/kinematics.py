@@ -1,0 +1,40 @@
+"""Forward kinematics of any tree of joints, and back: a hand's skeleton and a body's share it."""
+
+from collections.abc import Sequence
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+
+def forward_kinematics(
+    rotations: Float[Tensor, "*#B J 3 3"],
+    root: Float[Tensor, "*#B 3"],
+    offsets: Float[Tensor, "*#B M 3"],
+    parents: Sequence[int],
+) -> tuple[Float[Tensor, "*B N 3"], Float[Tensor, "*B J 3 3"]]:
+    """Positions of N points and the global rotations of the J joints among them, world frame.
+
+    Args:
+        rotations: each joint's against its parent, the root's against the world.
+        root: position of the root in the world, metres.
+        offsets: M = N - 1, each point but the root from its parent in the rest pose, metres.
+        parents: N indices, each lower than its own, -1 for the root, which is first. Points
+            beyond the J joints are ends of bones, such as fingertips.
+    """
+    turned, position = [rotations[..., 0, :, :]], [root]
+    for point in range(1, len(parents)):
+        parent = parents[point]
+        step = turned[parent] @ offsets[..., point - 1, :, None]
+        position.append(position[parent] + step[..., 0])
+        if point < rotations.shape[-3]:
+            turned.append(turned[parent] @ rotations[..., point, :, :])
+    return torch.stack(torch.broadcast_tensors(*position), dim=-2), torch.stack(turned, dim=-3)
+
+
+def local_rotations(
+    rotations: Float[Tensor, "*B J 3 3"], parents: Sequence[int]
+) -> Float[Tensor, "*B J 3 3"]:
+    """Rotations against the parents, from those against the world: the way back."""
+    above = rotations[..., list(parents[1:]), :, :].transpose(-1, -2)
+    return torch.cat([rotations[..., :1, :, :], above @ rotations[..., 1:, :, :]], dim=-3)
