@@ -6,16 +6,14 @@ as in the paper's examples.
 """
 
 from collections.abc import Sequence
-from typing import TypeVar
 
 import torch
 
 from geneoh.choices import HandsName
-from geneoh.generators.text2hoi.conjugation import forms, gerund, participle, third_person
-from geneoh.generators.text2hoi.vocabulary import MASS, NOUN_WORDS, PARTICLES, PLURAL, VERB_WORDS
-from geneoh.generators.text2hoi.vocabulary import noun_of as noun_of
-
-Choice = TypeVar("Choice")
+from geneoh.language.conjugation import forms, gerund, participle, third_person
+from geneoh.language.vocabulary import MASS, NOUN_WORDS, PARTICLES, PLURAL, VERB_WORDS
+from geneoh.language.vocabulary import noun_of as noun_of
+from geneoh.language.wording import chance, one_of
 
 ADJECTIVES = ("small", "big", "red", "blue", "green", "black", "white", "old", "heavy", "light")
 _ADVERBS = ("slowly", "carefully", "quickly", "gently", "firmly", "briefly", "once", "again")
@@ -164,13 +162,3 @@ def _the(hands: HandsName) -> str:
 def _sentence(words: str) -> str:
     """With a capital and a full stop."""
     return f"{words[0].upper()}{words[1:]}."
-
-
-def one_of(options: Sequence[Choice], generator: torch.Generator) -> Choice:
-    """One of the options, all equally likely."""
-    return options[int(torch.randint(len(options), (), generator=generator))]
-
-
-def chance(share: float, generator: torch.Generator) -> bool:
-    """True in a share of all draws."""
-    return float(torch.rand((), generator=generator)) < share

@@ -11,12 +11,12 @@ from geneoh.choices import HANDS, SIDES, HandsName
 from geneoh.errors import InputError, shortened
 from geneoh.files.reading import read_bytes
 from geneoh.generators.text2hoi.captions import ADJECTIVES
-from geneoh.generators.text2hoi.conjugation import forms
 from geneoh.generators.text2hoi.english import OTHER_VERBS, SMALL_WORDS, THINGS
 from geneoh.generators.text2hoi.pieces import words_of
 from geneoh.generators.text2hoi.text import TextModel, load_text_model
 from geneoh.generators.text2hoi.text_data import WORDS
-from geneoh.generators.text2hoi.vocabulary import NOUN_WORDS, PARTICLES
+from geneoh.language.conjugation import forms
+from geneoh.language.vocabulary import NOUN_WORDS, PARTICLES
 from geneoh.synthesis.actions import VERBS
 
 LONGEST = 60  # words; a sentence of the paper has 8

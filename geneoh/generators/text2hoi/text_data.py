@@ -10,11 +10,12 @@ from torch import Tensor
 
 from geneoh.bundle import Bundle
 from geneoh.choices import HANDS, HandsName
-from geneoh.generators.text2hoi.captions import caption, chance, one_of
-from geneoh.generators.text2hoi.conjugation import forms
+from geneoh.generators.text2hoi.captions import caption
 from geneoh.generators.text2hoi.english import OTHER_VERBS, SMALL_WORDS, THINGS
 from geneoh.generators.text2hoi.pieces import learned_pieces, marked, piece_numbers, words_of
-from geneoh.generators.text2hoi.vocabulary import NOUN_WORDS, VERB_WORDS
+from geneoh.language.conjugation import forms
+from geneoh.language.vocabulary import NOUN_WORDS, VERB_WORDS
+from geneoh.language.wording import chance, misspelt, one_of
 from geneoh.synthesis.actions import VERBS
 
 VERB_CLASSES: tuple[str, ...] = (*VERBS, *OTHER_VERBS)
@@ -112,27 +113,6 @@ def disturbed(sentence: str, *, generator: torch.Generator) -> str:
         apart = cut < len(word) and chance(0.08, generator)
         pieces += [word[:cut], word[cut:]] if apart else [word]
     return " ".join(pieces)
-
-
-def misspelt(words: Sequence[str], *, generator: torch.Generator) -> list[str]:
-    """The words with one typing error in one word of four letters or more, if there is one."""
-    long = [n for n, word in enumerate(words) if len(word) >= 4]
-    if not long:
-        return list(words)
-    chosen = one_of(long, generator)
-    word = words[chosen]
-    at = 1 + int(torch.randint(len(word) - 2, (), generator=generator))
-    letter = one_of("abcdefghijklmnopqrstuvwxyz", generator)
-    error = one_of(
-        (
-            word[:at] + word[at + 1] + word[at] + word[at + 2 :],  # two letters change places
-            word[:at] + word[at + 1 :],
-            word[:at] + word[at] + word[at:],
-            word[:at] + letter + word[at + 1 :],
-        ),
-        generator,
-    )
-    return [*words[:chosen], error, *words[chosen + 1 :]]
 
 
 def unseen_phrasing(verb: str, noun: str, hands: HandsName, *, generator: torch.Generator) -> str:

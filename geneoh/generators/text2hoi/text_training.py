@@ -14,11 +14,12 @@ from torch.nn import functional
 from geneoh.choices import HANDS, HandsName
 from geneoh.config import as_dict
 from geneoh.generators.text2hoi import text_data
-from geneoh.generators.text2hoi.captions import caption, one_of
+from geneoh.generators.text2hoi.captions import caption
 from geneoh.generators.text2hoi.pieces import marked, piece_numbers, words_of
 from geneoh.generators.text2hoi.text_data import Sentences, draw_sentences
 from geneoh.generators.text2hoi.text_network import TextConfig, TextNetwork
-from geneoh.generators.text2hoi.vocabulary import NOUN_WORDS
+from geneoh.language.vocabulary import NOUN_WORDS
+from geneoh.language.wording import misspelt, one_of
 from geneoh.synthesis.actions import VERBS
 from geneoh.synthesis.draws import Part
 from geneoh.synthesis.shards import seed_of
@@ -175,7 +176,7 @@ def accuracy(
             sentence = caption(verb, noun, hands, generator=generator, synonyms=words[verb])
         split = words_of(sentence)
         wrong = kind == "misspellings"
-        said.append(marked(text_data.misspelt(split, generator=generator) if wrong else split))
+        said.append(marked(misspelt(split, generator=generator) if wrong else split))
     was_training = network.training
     device = next(network.parameters()).device
     pieces = piece_numbers(tokenizer, said, network.config.longest).to(device)

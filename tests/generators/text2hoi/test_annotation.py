@@ -12,7 +12,7 @@ from geneoh.generators.text2hoi.annotation import (
     labels_of,
 )
 from geneoh.generators.text2hoi.captions import captions
-from geneoh.generators.text2hoi.conjugation import forms
+from geneoh.language.conjugation import forms
 from geneoh.readers.base import SourceClip
 
 

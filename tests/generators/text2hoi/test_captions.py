@@ -5,8 +5,8 @@ import torch
 
 from geneoh.choices import HANDS
 from geneoh.generators.text2hoi.captions import caption, captions, noun_of
-from geneoh.generators.text2hoi.conjugation import forms
-from geneoh.generators.text2hoi.vocabulary import NOUN_WORDS, VERB_WORDS
+from geneoh.language.conjugation import forms
+from geneoh.language.vocabulary import NOUN_WORDS, VERB_WORDS
 from geneoh.synthesis.actions import VERBS
 from geneoh.synthesis.objects import FAMILIES
 

@@ -1,5 +1,3 @@
-import difflib
-
 import pytest
 import torch
 
@@ -11,10 +9,9 @@ from geneoh.generators.text2hoi.text_data import (
     VERB_CLASSES,
     disturbed,
     draw_sentences,
-    misspelt,
     vocabulary,
 )
-from geneoh.generators.text2hoi.vocabulary import VERB_WORDS
+from geneoh.language.vocabulary import VERB_WORDS
 from geneoh.synthesis.actions import VERBS
 
 
@@ -37,23 +34,6 @@ def test_no_word_belongs_to_two_verbs():
 
 def test_other_verbs_name_a_verb_of_the_engine_as_the_nearest():
     assert {words[0] for words in OTHER_VERBS.values()} <= set(VERBS)
-
-
-def test_a_misspelling_changes_one_long_word_by_one_typing_error():
-    said = ["the", "right", "hand", "lifts", "a", "mug"]
-    for seed in range(50):
-        wrong = misspelt(said, generator=seeded(seed))
-        assert len(wrong) == len(said)
-        changed = [(a, b) for a, b in zip(said, wrong, strict=True) if a != b]
-        assert len(changed) <= 1
-        for before, after in changed:
-            assert len(before) >= 4
-            assert abs(len(before) - len(after)) <= 1
-            assert difflib.SequenceMatcher(None, before, after).ratio() >= 0.6
-
-
-def test_short_words_are_never_misspelt():
-    assert misspelt(["a", "mug", "is"], generator=seeded()) == ["a", "mug", "is"]
 
 
 def test_disturbed_sentences_lose_small_words_but_none_that_names_hands():
