@@ -10,9 +10,9 @@ from pathlib import Path
 from geneoh.choices import HANDS, SIDES, HandsName
 from geneoh.errors import InputError, shortened
 from geneoh.files.reading import read_bytes
+from geneoh.generators.pieces import words_of
 from geneoh.generators.text2hoi.captions import ADJECTIVES
 from geneoh.generators.text2hoi.english import OTHER_VERBS, SMALL_WORDS, THINGS
-from geneoh.generators.text2hoi.pieces import words_of
 from geneoh.generators.text2hoi.text import TextModel, load_text_model
 from geneoh.generators.text2hoi.text_data import WORDS
 from geneoh.language.conjugation import forms

@@ -1,7 +1,6 @@
-"""Sentences to vectors: our own small encoder, or a CLIP or sentence-transformers folder."""
+"""Sentences to vectors by the encoder of Text2HOI, or by one that the user has."""
 
-import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,29 +10,13 @@ from tokenizers import Tokenizer
 from torch import Tensor
 
 from geneoh.config import with_table
-from geneoh.errors import CheckpointError, ConfigError, InputError
-from geneoh.generators.text2hoi.pieces import marked, piece_numbers, words_of
-from geneoh.generators.text2hoi.text_network import Reading, TextConfig, TextNetwork
+from geneoh.errors import CheckpointError
+from geneoh.generators.pieces import marked, piece_numbers, words_of
+from geneoh.generators.text import TextEncoder, foreign_encoder
+from geneoh.generators.text_network import Reading, TextConfig, TextNetwork
 from geneoh.nn.checkpoint import Checkpoint, load_checkpoint
 
 SHIPPED = Path(__file__).parent / "weights" / "text.safetensors"
-
-
-class TextEncoder:
-    """Sentences to vectors of `width` features, each sentence only once."""
-
-    def __init__(self, width: int, embed: Callable[[list[str]], Tensor]) -> None:
-        """`embed` gives the vectors of sentences, without gradient."""
-        self.width = width
-        self._embed = embed
-        self._known: dict[str, Tensor] = {}
-
-    def encode(self, sentences: Sequence[str]) -> Float[Tensor, "B W"]:
-        """The vectors of sentences, on the CPU."""
-        if new := [s for s in dict.fromkeys(sentences) if s not in self._known]:
-            self._known |= zip(new, self._embed(new), strict=True)
-        found = [self._known[sentence] for sentence in sentences]
-        return torch.stack(found) if found else torch.zeros(0, self.width)
 
 
 class TextModel:
@@ -102,52 +85,4 @@ def load_text_encoder(folder: Path | None = None) -> TextEncoder:
         return load_text_model().encoder()
     if (ours := folder / "text.safetensors").is_file():
         return load_text_model(ours).encoder()
-    return _foreign_encoder(folder)
-
-
-def _foreign_encoder(folder: Path) -> TextEncoder:
-    """The text side of a CLIP model, or the mean of the last states of another one (as
-    sentence-transformers does), scaled to the length 1 in both cases."""
-    kind = _model_type(folder)
-    try:
-        from transformers import AutoModel, AutoTokenizer, CLIPTextModelWithProjection
-    except ImportError as error:
-        raise ConfigError(
-            f"{folder}: a text encoder of this kind needs the library transformers, which is not "
-            'installed; run `pip install "geneoh[text]"`, or leave the option out to use ours'
-        ) from error
-    try:
-        network = CLIPTextModelWithProjection if kind.startswith("clip") else AutoModel
-        tokenizer = AutoTokenizer.from_pretrained(str(folder), local_files_only=True)
-        model = network.from_pretrained(str(folder), local_files_only=True).eval()
-    except (OSError, ValueError, KeyError, ImportError, RuntimeError) as error:
-        raise InputError(
-            f"{folder}: expected a whole CLIP or sentence-transformers model, with its weights and "
-            f"tokenizer, got '{str(error).splitlines()[0]}'; download it again"
-        ) from error
-
-    @torch.no_grad()
-    def embed(sentences: list[str]) -> Tensor:
-        inputs = tokenizer(sentences, padding=True, truncation=True, return_tensors="pt")
-        made = model(**inputs)
-        if kind.startswith("clip"):
-            return torch.nn.functional.normalize(made.text_embeds.float(), dim=-1)
-        real = inputs["attention_mask"][..., None].float()
-        mean = (real * made.last_hidden_state.float()).sum(1) / real.sum(1)
-        return torch.nn.functional.normalize(mean, dim=-1)
-
-    return TextEncoder(embed([""]).shape[-1], embed)
-
-
-def _model_type(folder: Path) -> str:
-    """The kind of network in a folder, as its config.json names it."""
-    expected = "expected a folder with a CLIP or sentence-transformers model, or text.safetensors"
-    remedy = "name the folder that holds config.json"
-    config = folder / "config.json"
-    if not config.is_file():
-        found = "a folder without config.json" if folder.is_dir() else "no folder"
-        raise InputError(f"{folder}: {expected}, found {found}; {remedy}")
-    try:
-        return str(json.loads(config.read_text(encoding="utf-8"))["model_type"])
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{config}: {expected}, found a damaged file; {remedy}") from error
+    return foreign_encoder(folder)

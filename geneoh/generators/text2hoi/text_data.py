@@ -10,9 +10,9 @@ from torch import Tensor
 
 from geneoh.bundle import Bundle
 from geneoh.choices import HANDS, HandsName
+from geneoh.generators.pieces import learned_pieces, marked, piece_numbers, words_of
 from geneoh.generators.text2hoi.captions import caption
 from geneoh.generators.text2hoi.english import OTHER_VERBS, SMALL_WORDS, THINGS
-from geneoh.generators.text2hoi.pieces import learned_pieces, marked, piece_numbers, words_of
 from geneoh.language.conjugation import forms
 from geneoh.language.vocabulary import NOUN_WORDS, VERB_WORDS
 from geneoh.language.wording import chance, misspelt, one_of

@@ -13,11 +13,11 @@ from torch.nn import functional
 
 from geneoh.choices import HANDS, HandsName
 from geneoh.config import as_dict
+from geneoh.generators.pieces import marked, piece_numbers, words_of
 from geneoh.generators.text2hoi import text_data
 from geneoh.generators.text2hoi.captions import caption
-from geneoh.generators.text2hoi.pieces import marked, piece_numbers, words_of
 from geneoh.generators.text2hoi.text_data import Sentences, draw_sentences
-from geneoh.generators.text2hoi.text_network import TextConfig, TextNetwork
+from geneoh.generators.text_network import TextConfig, TextNetwork
 from geneoh.language.vocabulary import NOUN_WORDS
 from geneoh.language.wording import misspelt, one_of
 from geneoh.synthesis.actions import VERBS

@@ -7,8 +7,8 @@ import torch
 from geneoh.generators.text2hoi.stages import Learned, generator_task
 from geneoh.generators.text2hoi.text import load_text_encoder, load_text_model
 from geneoh.generators.text2hoi.text_data import Sentences
-from geneoh.generators.text2hoi.text_network import Reading, TextConfig, TextNetwork
 from geneoh.generators.text2hoi.text_training import KINDS, TextTask, TextTrainConfig, text_loss
+from geneoh.generators.text_network import Reading, TextConfig, TextNetwork
 from geneoh.training.data import DataSource
 from geneoh.training.loop import train
 from geneoh.training.processes import Team

@@ -1,6 +1,6 @@
 import torch
 
-from geneoh.generators.text2hoi.text_network import PAD, TextConfig, TextNetwork
+from geneoh.generators.text_network import PAD, TextConfig, TextNetwork
 
 SMALL = TextConfig(pieces=30, piece_width=8, width=16, heads=2, verbs=5, hands=4, nouns=3)
 

@@ -14,7 +14,7 @@ from tokenizers.pre_tokenizers import WhitespaceSplit
 from tokenizers.trainers import BpeTrainer
 from torch import Tensor
 
-from geneoh.generators.text2hoi.text_network import PAD
+from geneoh.generators.text_network import PAD
 
 _UNKNOWN = "?"
 _START = "_"  # in front of the first piece of every word

@@ -1,17 +1,17 @@
-"""The text encoder's network: a small transformer over the pieces of words."""
+"""The network of a text encoder: a small transformer over the pieces of words."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 
 PAD = 0  # the piece that fills up short sentences
 
 
 @dataclass(frozen=True)
-class TextConfig:
+class SentenceConfig:
     """Size of the network."""
 
     pieces: int = 2048  # of the vocabulary
@@ -20,6 +20,12 @@ class TextConfig:
     depth: int = 1
     heads: int = 4
     longest: int = 40  # pieces of a sentence; what comes after them is not read
+
+
+@dataclass(frozen=True)
+class TextConfig(SentenceConfig):
+    """Size of the network with the heads of Text2HOI."""
+
     verbs: int = 1  # classes of the three heads
     hands: int = 1
     nouns: int = 1
@@ -33,11 +39,11 @@ class Reading(NamedTuple):
     nouns: Float[Tensor, "B N"]
 
 
-class TextNetwork(nn.Module):
+class SentenceNetwork(nn.Module):
     """Pieces of words to one vector a sentence, with a mean of about 0 and a variance of about 1
     over its features."""
 
-    def __init__(self, config: TextConfig) -> None:
+    def __init__(self, config: SentenceConfig) -> None:
         """Build the network with random weights."""
         super().__init__()
         self.config = config
@@ -57,18 +63,34 @@ class TextNetwork(nn.Module):
         self.layers = nn.TransformerEncoder(layer, config.depth, enable_nested_tensor=False)
         self.weight = nn.Linear(width, 1)
         self.norm = nn.LayerNorm(width)
-        self.verbs = nn.Linear(width, config.verbs)
-        self.hands = nn.Linear(width, config.hands)
-        self.nouns = nn.Linear(width, config.nouns)
 
     def forward(self, pieces: Int[Tensor, "B N"]) -> Float[Tensor, "B W"]:
         """A vector for each sentence; rows end in `PAD`, and hold one piece or more."""
+        return self.read_pieces(pieces)[0]
+
+    def read_pieces(
+        self, pieces: Int[Tensor, "B N"]
+    ) -> tuple[Float[Tensor, "B W"], Float[Tensor, "B M W"], Bool[Tensor, "B M"]]:
+        """The vectors of sentences, those of the pieces that are read, and which of these are."""
         pieces = pieces[:, : self.config.longest]
         padded = pieces == PAD
         tokens = self.widen(self.pieces(pieces)) + self.places[: pieces.shape[1]]
         tokens = self.layers(tokens, src_key_padding_mask=padded)
         weight = self.weight(tokens)[..., 0].masked_fill(padded, -torch.inf).softmax(-1)
-        return self.norm((weight[..., None] * tokens).sum(1))
+        return self.norm((weight[..., None] * tokens).sum(1)), tokens, ~padded
+
+
+class TextNetwork(SentenceNetwork):
+    """The network of Text2HOI, whose heads name what a sentence says."""
+
+    config: TextConfig
+
+    def __init__(self, config: TextConfig) -> None:
+        """Build the network with random weights."""
+        super().__init__(config)
+        self.verbs = nn.Linear(config.width, config.verbs)
+        self.hands = nn.Linear(config.width, config.hands)
+        self.nouns = nn.Linear(config.width, config.nouns)
 
     def read(self, sentence: Float[Tensor, "B W"]) -> Reading:
         """What the heads make of the vectors of sentences."""
