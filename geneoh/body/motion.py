@@ -44,3 +44,10 @@ def local_rotations(
 ) -> Float[Tensor, "*B T 52 3 3"]:
     """A body's rotations in the parents' frames from those in the world; inverse of `pose`."""
     return kinematics.local_rotations(rotations, PARENTS)
+
+
+def turned(motion: BodyMotion, world: Float[Tensor, "3 3"]) -> BodyMotion:
+    """The same motion seen in a world that is turned: p_new = world @ p."""
+    rotations = motion.rotations.clone()
+    rotations[..., 0, :, :] = world @ motion.rotations[..., 0, :, :]
+    return BodyMotion(motion.root @ world.T, rotations)

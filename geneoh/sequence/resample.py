@@ -41,6 +41,15 @@ def at_rate(sequence: Sequence, fps: float) -> Sequence:
     return over_frames(sequence, max(1, round(steps)) + 1)
 
 
+def evenly(before: int, after: int, device: torch.device | str = "cpu") -> FrameInterpolation:
+    """`after` instants, two or more, spread evenly over the time of `before` frames."""
+    last = before - 1
+    # In float64 and by one division, so that instants which fall on a frame do so exactly.
+    place = torch.arange(after, dtype=torch.float64, device=device) * last / (after - 1)
+    start = place.floor().long().clamp(max=last)
+    return FrameInterpolation(start, (start + 1).clamp(max=last), place - start)
+
+
 def over_frames(sequence: Sequence, frames: int) -> Sequence:
     """The same motion, over the same time, in another number of frames.
 
@@ -56,12 +65,8 @@ def over_frames(sequence: Sequence, frames: int) -> Sequence:
             f"sides, got {sequence.frames} to {frames}; keep the single frame as it is"
         )
     last = sequence.frames - 1
-    # In float64 and by one division, so that instants which fall on a frame do so exactly.
-    device = sequence.object.rotation.device
-    place = torch.arange(frames, dtype=torch.float64, device=device) * last / (frames - 1)
-    before = place.floor().long().clamp(max=last)
-    between = FrameInterpolation(before, (before + 1).clamp(max=last), place - before)
-    nearest = (place + 0.5).floor().long()
+    between = evenly(sequence.frames, frames, sequence.object.rotation.device)
+    nearest = between.before + (between.fraction >= 0.5)
     motion = replace(
         sequence.object,
         rotation=between.rotations(sequence.object.rotation),

@@ -15,7 +15,8 @@ from torch import Tensor
 
 from geneoh.choices import SIDES, Axis, HandsName
 from geneoh.generators.text2hoi.annotation import SHORTEST, Label
-from geneoh.generators.text2hoi.standing import POINTS, TURNS
+from geneoh.generators.text2hoi.standing import POINTS
+from geneoh.geometry.axes import turn_up
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.readers.sources.arctic import HINGE
@@ -72,7 +73,7 @@ class Place:
     def of(cls, recording: Sequence, start: int, first: int, surface: Surface, up: Axis) -> "Place":
         """The object is upright as in the frame `first`, when its lowest point is on the table,
         and above the origin in the frame `start`."""
-        turn, track = torch.tensor(TURNS[up]), recording.object
+        turn, track = turn_up(up), recording.object
         upright = turn @ track.rotation[first, 0]
         points = surface.points @ upright.T
         shift = torch.cat([points.mean(0)[:2], points.amin(0)[2:]])

@@ -8,6 +8,7 @@ from torch import Tensor
 
 from geneoh.choices import Axis
 from geneoh.errors import InputError
+from geneoh.geometry.axes import turn_up
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.sampling import sample_surface
 from geneoh.synthesis.actions import Actions
@@ -19,16 +20,6 @@ LARGEST = 2.0
 SMALLEST = 0.004
 """Smallest of its largest sides, metres."""
 NEAREST = 3  # points from which a vertex takes its contact
-
-TURNS = {
-    "x": ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)),
-    "y": ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
-    "z": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
-    "-x": ((0.0, 1.0, 0.0), (0.0, 0.0, -1.0), (-1.0, 0.0, 0.0)),
-    "-y": ((0.0, 0.0, -1.0), (1.0, 0.0, 0.0), (0.0, -1.0, 0.0)),
-    "-z": ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, -1.0)),
-}
-"""Rotations by which each axis comes to point up."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +65,7 @@ def stand(mesh: Mesh, up: Axis = "z", *, generator: torch.Generator) -> Standing
             f"{name}: expected an object of {SMALLEST:g} to {LARGEST:g} m for hands, got "
             f"{size:.3g} m; pass{unit}, or scale it"
         )
-    rotation = torch.tensor(TURNS[up])
+    rotation = turn_up(up)
     found = sample_surface(mesh, POINTS, generator=generator)
     points = found.points @ rotation.T
     low = (mesh.verts @ rotation.T)[:, 2].amin()

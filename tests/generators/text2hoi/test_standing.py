@@ -3,8 +3,10 @@ import pytest
 import torch
 import trimesh
 
+from geneoh.choices import AXES
 from geneoh.errors import InputError
-from geneoh.generators.text2hoi.standing import POINTS, TURNS, stand
+from geneoh.generators.text2hoi.standing import POINTS, stand
+from geneoh.geometry.axes import turn_up
 from geneoh.geometry.mesh import Mesh
 from geneoh.synthesis.actions import Actions
 
@@ -21,9 +23,9 @@ def stood(up="z"):
     return stand(box(), up, generator=torch.Generator().manual_seed(0))
 
 
-@pytest.mark.parametrize("up", sorted(TURNS))
+@pytest.mark.parametrize("up", AXES)
 def test_each_axis_comes_to_point_up(up):
-    rotation = torch.tensor(TURNS[up])
+    rotation = turn_up(up)
     axis = torch.eye(3)["xyz".index(up[-1])] * (-1 if up.startswith("-") else 1)
     assert torch.equal(rotation @ axis, torch.eye(3)[2])
     assert torch.allclose(rotation @ rotation.T, torch.eye(3))

@@ -224,7 +224,9 @@ def both57m(root: Path, s: Scene, wrong: bool) -> None:
         places[joint] = (s.wrist[side][0] - s.shift[0]) @ s.rotation[0]
         body[:, joint - 1] = vectors(s.rotation[0].T @ turns(s.pose[side][:1, 0]))
     parents = [2**32 - 1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19]
-    parents += [20, 22, 23] * 5 + [21, 37, 38] * 5
+    for wrist, first in ((20, 22), (21, 37)):
+        for base in range(first, first + 15, 3):
+            parents += [wrist, base, base + 1]
     fields = {
         "v_template": places,
         "J_regressor": scipy.sparse.csc_matrix(np.eye(52)),

@@ -1,0 +1,140 @@
+"""What every reader of a body's motion gives: one recording, in a world with y up."""
+
+from dataclasses import dataclass, replace
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.body.motion import BodyMotion, pose, turned
+from geneoh.body.skeleton import JOINT_NAMES, Skeleton
+from geneoh.bundle import Bundle
+from geneoh.choices import Axis
+from geneoh.errors import InputError
+from geneoh.geometry.axes import nearest_axis, turn_up
+from geneoh.sequence.resample import MOST_FRAMES, evenly
+from geneoh.sequence.validation import LARGEST_FPS, SMALLEST_FPS, check_place
+
+ASSUMED_FPS = 30.0
+"""Frames a second of files that do not say."""
+SMALLEST_BODY, LARGEST_BODY = 0.3, 3.0
+"""Limits in metres of the height of the head above the lower foot in the rest pose."""
+
+
+@dataclass(frozen=True)
+class BodyRecording(Bundle):
+    """One body over T frames, as a file has it, but in metres and in a world with y up."""
+
+    motion: BodyMotion
+    """With the fingers of the file where it has them (`has_fingers`), else flat hands."""
+    skeleton: Skeleton
+    rest_root: Float[Tensor, " 3"]
+    """The pelvis of the body model at rest, metres: what SMPL's translation lacks of the pelvis.
+    Zero where the model is not known."""
+    fps: float
+    source: str
+    """The file and its layout, in words."""
+    up: Axis = "y"
+    """Axis of the file's world that points up."""
+    has_fingers: bool = False
+    betas: Float[Tensor, " S"] | None = None
+    """SMPL's shape coefficients, as the file has them."""
+    gender: str = "neutral"
+    sentences: tuple[str, ...] = ()
+    """What the file says that the hands do, in any of several wordings."""
+    notes: tuple[str, ...] = ()
+    """What had to be assumed, in words."""
+
+    @property
+    def frames(self) -> int:
+        """Number of frames T."""
+        return len(self.motion.root)
+
+    @property
+    def file_motion(self) -> BodyMotion:
+        """The motion in the world of the file, where `up` points up."""
+        return turned(self.motion, turn_up("y", self.up).to(self.motion.root))
+
+
+def upright(
+    motion: BodyMotion, skeleton: Skeleton, given: Axis | None
+) -> tuple[BodyMotion, Axis, tuple[str, ...]]:
+    """A motion in the world of a file with y up instead; the axis that was up; what was assumed.
+
+    Where nobody says which one that is, it is the one along which the spine points on average.
+    """
+    if given is not None:
+        return turned(motion, turn_up(given, "y").to(motion.root)), given, ()
+    posed = pose(skeleton, motion).positions
+    spine = posed[:, JOINT_NAMES.index("neck")] - posed[:, 0]
+    up = nearest_axis(spine.mean(0))
+    note = f"{up} is taken to point up, as the body stands; --up says otherwise"
+    return turned(motion, turn_up(up, "y").to(motion.root)), up, (note,)
+
+
+def at_rate(recording: BodyRecording, fps: float) -> BodyRecording:
+    """The same motion at about `fps` frames a second; the first and last moment stay frames."""
+    steps = (recording.frames - 1) * fps / recording.fps
+    if not steps < MOST_FRAMES:
+        raise InputError(
+            f"{recording.source}: must last at most {MOST_FRAMES} frames at {fps:g} frames a "
+            f"second, got {steps:.6g}; cut it into shorter ones, or correct its frame rate"
+        )
+    frames = max(1, round(steps)) + 1 if recording.frames > 1 else 1
+    motion = over_frames(recording.motion, frames)
+    last = max(1, recording.frames - 1)
+    rate = recording.fps * (frames - 1) / last if frames > 1 else recording.fps
+    return replace(recording, motion=motion, fps=rate)
+
+
+def over_frames(motion: BodyMotion, frames: int) -> BodyMotion:
+    """The same motion over the same time in another number of frames; the way back of `at_rate`."""
+    before = len(motion.root)
+    if frames == before:
+        return motion
+    between = evenly(before, frames, motion.root.device)
+    return BodyMotion(between.points(motion.root), between.rotations(motion.rotations))
+
+
+def checked(recording: BodyRecording) -> BodyRecording:
+    """The recording, unless it can be no body in metres, radians and frames a second."""
+    name = recording.source
+    if not SMALLEST_FPS <= recording.fps <= LARGEST_FPS:
+        raise InputError(
+            f"{name}: the frame rate must be {SMALLEST_FPS:g} to {LARGEST_FPS:g} frames a second, "
+            f"got {recording.fps:g}; correct it in the file"
+        )
+    finite = recording.motion.rotations.flatten(1).isfinite().all(1)
+    finite &= recording.motion.root.isfinite().all(1)
+    if not bool(finite.all()):
+        raise InputError(
+            f"{name}: every frame must hold the body in finite numbers, got NaN or infinity in "
+            f"{int((~finite).sum())}, the first is {int((~finite).nonzero()[0])}; cut or fill them"
+        )
+    check_place(recording.motion.root, "the body", name)
+    rest = pose(recording.skeleton, resting(1)).positions[0]
+    height = float(rest[JOINT_NAMES.index("head"), 1] - rest[:, 1].min())
+    if not SMALLEST_BODY <= height <= LARGEST_BODY:
+        raise InputError(
+            f"{name}: the body must be {SMALLEST_BODY:g} to {LARGEST_BODY:g} m high from foot to "
+            f"head, got {height:.3g} m; check its unit and its skeleton"
+        )
+    return recording
+
+
+def resting(frames: int) -> BodyMotion:
+    """A body in the T-pose at the origin."""
+    upright = torch.eye(3).expand(frames, len(JOINT_NAMES), 3, 3).clone()
+    return BodyMotion(torch.zeros(frames, 3), upright)
+
+
+def rate_of(stored: float | None, given: float | None, where: str) -> tuple[float, tuple[str, ...]]:
+    """Frames a second: the file's, else the caller's, else the assumed rate, which is noted."""
+    if stored is not None and given is not None and stored != given:
+        raise InputError(
+            f"{where}: the file says {stored:g} frames a second, got --fps {given:g}; drop --fps"
+        )
+    rate = stored if given is None else given
+    if rate is not None:
+        return rate, ()
+    return ASSUMED_FPS, (f"{ASSUMED_FPS:g} frames a second assumed; --fps says otherwise",)

@@ -1,0 +1,246 @@
+"""BVH of any program as a body of 52 joints, and such a body as a BVH.
+
+A BVH's rest pose, its joints' frames, unit and axes are its own. Each joint of ours gets the frame
+in which it is at rest in our T-pose: R_ours = R_bvh @ D, where D turns our bone at rest into the
+BVH's. The skeleton is the BVH's, so that all joints which it has stay exactly where they are, but
+for motion of joints of the spine that ours does not have.
+"""
+
+import io
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from scipy.spatial.transform import Rotation
+from torch import Tensor
+from torch.nn.functional import normalize
+
+from geneoh.body.motion import BodyMotion, local_rotations
+from geneoh.body.skeleton import JOINT_NAMES, PARENTS, WRISTS, Skeleton, embedded_skeleton
+from geneoh.choices import SIDES, Axis
+from geneoh.errors import InputError
+from geneoh.files.atomic import write_whole
+from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.readers.bodies.base import BodyRecording, checked, rate_of, upright
+from geneoh.readers.bodies.bvh_file import BvhFile, read_bvh_file
+from geneoh.readers.bodies.bvh_names import FINGER_WORDS, NEEDED, match_joints
+from geneoh.readers.npz_layouts import quoted
+from geneoh.sequence.body_hands import hand_offsets
+
+UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inches": 0.0254, "CMU's unit": 0.056444}
+"""Metres of the units that programs write; CMU's skeletons are in inches / 0.45."""
+TYPICAL_LEG = 0.85  # metres from hip to ankle; of arms, where there are no legs, 0.55
+TYPICAL_ARM = 0.55
+SNAP = 0.8  # cosine above which a direction of the rest pose counts as that of an axis
+DIRECTED = {
+    **{f"{s}_{a}": f"{s}_{b}" for s in SIDES for a, b in (("hip", "knee"), ("knee", "ankle"))},
+    **{
+        f"{s}_{a}": f"{s}_{b}"
+        for s in SIDES
+        for a, b in (("ankle", "foot"), ("collar", "shoulder"))
+    },
+    **{
+        f"{s}_{a}": f"{s}_{b}"
+        for s in SIDES
+        for a, b in (("shoulder", "elbow"), ("elbow", "wrist"))
+    },
+    **{f"{s}_wrist": f"{s}_middle1" for s in SIDES},
+}
+"""The joint towards which the bone of another one points."""
+CM = 100.0
+ROOT_CHANNELS = "CHANNELS 6 Xposition Yposition Zposition Zrotation Yrotation Xrotation"
+TURN_CHANNELS = "CHANNELS 3 Zrotation Yrotation Xrotation"
+
+
+def read_bvh(path: Path, *, fps: float | None = None, up: Axis | None = None) -> BodyRecording:
+    """The body in a BVH, by the names of its joints.
+
+    Raises:
+        InputError: the file is no BVH, or has no arms with hands.
+    """
+    file = read_bvh_file(path)
+    names = [joint.name for joint in file.joints]
+    found = match_joints(names, file.parents)
+    if missing := [name for name in NEEDED if name not in found]:
+        raise InputError(
+            f"{path}: expected a body with arms and hands, by names such as 'LeftArm', "
+            f"'LeftForeArm' and 'LeftHand', got none for {', '.join(missing)} among "
+            f"{quoted(names)}; rename the joints"
+        )
+    skeleton, motion, unit = as_body(file, found)
+    motion, up, notes = upright(motion, skeleton, up)
+    rate, _ = rate_of(
+        file.fps, fps if fps is None or abs(fps - file.fps) > 0.05 else file.fps, str(path)
+    )
+    notes = (*notes, f"lengths are taken as {unit}")
+    fingers = all(f"{side}_{finger}1" in found for side in SIDES for finger in FINGER_WORDS)
+    return checked(
+        BodyRecording(
+            motion, skeleton, torch.zeros(3), rate, f"{path} (BVH)", up, fingers, notes=notes
+        )
+    )
+
+
+def as_body(file: BvhFile, found: dict[str, int]) -> tuple[Skeleton, BodyMotion, str]:
+    """The skeleton in metres, the motion in the file's world, and the name of the file's unit."""
+    unit, metres = unit_of(file.rest(), found)
+    rest = {name: metres * file.rest()[index] for name, index in found.items()}
+    turns = rest_turns(rest)
+    offsets, kept = torch.zeros(len(JOINT_NAMES), 3), dict(rest)
+    for joint, name in enumerate(JOINT_NAMES[1:], 1):
+        above = JOINT_NAMES[PARENTS[joint]]
+        if name not in kept:
+            placed = between(joint, kept)
+            own = turns[above] @ embedded_skeleton().offsets[joint]
+            kept[name] = kept[above] + own if placed is None else placed
+            turns[name] = turns[above]
+        offsets[joint] = turns[above].T @ (kept[name] - kept[above])
+    places, rotations = file.posed()
+    world: list[Tensor] = []
+    for joint, name in enumerate(JOINT_NAMES):
+        index = found.get(name)
+        # a joint that the file lacks moves as the one that it hangs on
+        turn = world[PARENTS[joint]] if index is None else rotations[:, index] @ turns[name]
+        world.append(turn)
+    root = metres * places[:, found["pelvis"]]
+    return Skeleton(offsets), BodyMotion(root, local_rotations(torch.stack(world, dim=1))), unit
+
+
+def unit_of(rest: Float[Tensor, "J 3"], found: dict[str, int]) -> tuple[str, float]:
+    """The unit in which legs, or else arms, are nearest to as long as an adult's."""
+    for names, typical in ((("hip", "knee", "ankle"), TYPICAL_LEG), (NEEDED[:3], TYPICAL_ARM)):
+        chain = [name if "_" in name else f"left_{name}" for name in names]
+        if all(name in found for name in chain):
+            points = rest[[found[name] for name in chain]]
+            length = float((points[1:] - points[:-1]).norm(dim=-1).sum())
+            if length > 0:
+                off = {unit: abs(np.log(length * m / typical)) for unit, m in UNITS.items()}
+                unit = min(off, key=lambda name: off[name])
+                return unit, UNITS[unit]
+    return "m", 1.0
+
+
+def rest_turns(rest: dict[str, Float[Tensor, " 3"]]) -> dict[str, Float[Tensor, "3 3"]]:
+    """D of every joint that the file has: from our T-pose to its rest pose."""
+    facing = facing_of(rest)
+    ours = embedded_skeleton().offsets
+    turns: dict[str, Tensor] = {}
+    for joint, name in enumerate(JOINT_NAMES):
+        limb = joint > 0 and name.startswith(SIDES)
+        turn = turns[JOINT_NAMES[PARENTS[joint]]] if limb else facing
+        towards = DIRECTED.get(name) or next_finger(joint)
+        if towards in rest and name in rest and bool((rest[towards] - rest[name]).any()):
+            bone = turn @ ours[JOINT_NAMES.index(towards)]
+            turn = shortest_turn(bone, rest[towards] - rest[name]) @ turn
+        turns[name] = turn
+    return turns
+
+
+def next_finger(joint: int) -> str:
+    """The finger joint that hangs on a finger joint; empty for others."""
+    after = children_of(joint) if joint > max(WRISTS.values()) else []
+    return JOINT_NAMES[after[0]] if after else ""
+
+
+def facing_of(rest: dict[str, Float[Tensor, " 3"]]) -> Float[Tensor, "3 3"]:
+    """The turn from our T-pose to the way in which a rest pose stands and faces.
+
+    Up and the left side are taken as axes of the file where they nearly are.
+    """
+    left = rest["left_shoulder"] - rest["right_shoulder"]
+    middle = (rest["left_shoulder"] + rest["right_shoulder"]) / 2
+    up = snapped(middle - rest["pelvis"])
+    left = snapped(left - (left @ up) * up)
+    left = normalize(left - (left @ up) * up, dim=0)
+    return torch.stack([left, up, torch.linalg.cross(left, up)], dim=1)
+
+
+def snapped(direction: Float[Tensor, " 3"]) -> Float[Tensor, " 3"]:
+    """The unit vector of a direction, or of the axis that it nearly is."""
+    unit = normalize(direction, dim=0)
+    size, index = unit.abs().max(dim=0)
+    return torch.eye(3)[index] * unit[index].sign() if size > SNAP else unit
+
+
+def shortest_turn(start: Float[Tensor, " 3"], end: Float[Tensor, " 3"]) -> Float[Tensor, "3 3"]:
+    """The smallest rotation that takes one direction to another."""
+    start, end = normalize(start, dim=0), normalize(end, dim=0)
+    across = torch.linalg.cross(start, end)
+    sine = across.norm()
+    if sine < 1e-6 and start @ end < 0:
+        across = torch.linalg.cross(start, torch.eye(3)[start.abs().argmin()])
+    angle = torch.atan2(sine, start @ end)
+    return axis_angle_to_matrix(angle * normalize(across, dim=0))
+
+
+def between(joint: int, places: dict[str, Float[Tensor, " 3"]]) -> Float[Tensor, " 3"] | None:
+    """Where a joint that a file lacks stands on the straight way to one that hangs on it."""
+    level, steps = children_of(joint), 1
+    while level and not any(JOINT_NAMES[child] in places for child in level):
+        level, steps = [deeper for child in level for deeper in children_of(child)], steps + 1
+    known = [child for child in level if JOINT_NAMES[child] in places]
+    if not known:
+        return None
+    start, end = places[JOINT_NAMES[PARENTS[joint]]], places[JOINT_NAMES[known[0]]]
+    return start + (end - start) / (steps + 1)
+
+
+def bvh_text(skeleton: Skeleton, motion: BodyMotion, fps: float) -> str:
+    """A body with its fingers as a BVH: SMPL-H's names, centimetres, y up, at rest our T-pose."""
+    lines = ["HIERARCHY", *hierarchy(skeleton, 0, 0)]
+    lines += ["MOTION", f"Frames: {len(motion.root)}", f"Frame Time: {1 / fps:.9g}"]
+    order = written_order()
+    turns = motion.rotations[:, order].double().numpy()
+    angles = Rotation.from_matrix(turns.reshape(-1, 3, 3)).as_euler("ZYX", degrees=True)
+    values = [CM * motion.root.double().numpy(), angles.reshape(len(turns), -1)]
+    rows = io.StringIO()
+    np.savetxt(rows, np.concatenate(values, axis=1), fmt="%.6f")
+    return "\n".join([*lines, rows.getvalue()])
+
+
+def write_bvh(skeleton: Skeleton, motion: BodyMotion, fps: float, path: Path) -> None:
+    """Write a body with its fingers as a BVH, whole or not at all; see `bvh_text`.
+
+    Raises:
+        InputError: the place cannot be written to.
+    """
+    write_whole(path, bvh_text(skeleton, motion, fps))
+
+
+def children_of(joint: int) -> list[int]:
+    """The joints that hang on a joint."""
+    return [child for child, parent in enumerate(PARENTS) if parent == joint]
+
+
+def written_order(joint: int = 0) -> list[int]:
+    """The joints in the order of a hierarchy: each with all that hangs on it."""
+    return [joint, *(each for child in children_of(joint) for each in written_order(child))]
+
+
+def hierarchy(skeleton: Skeleton, joint: int, depth: int) -> list[str]:
+    """The lines of a joint and of all that hangs on it."""
+    tab, below = "\t" * depth, children_of(joint)
+    lines = [f"{tab}{'JOINT' if joint else 'ROOT'} {JOINT_NAMES[joint]}", f"{tab}{{"]
+    lines += [f"{tab}\tOFFSET {centimetres(skeleton.offsets[joint])}"]
+    lines += [f"{tab}\t{TURN_CHANNELS if joint else ROOT_CHANNELS}"]
+    for child in below:
+        lines += hierarchy(skeleton, child, depth + 1)
+    if not below:
+        end = centimetres(end_of(skeleton, joint))
+        lines += [f"{tab}\tEnd Site", f"{tab}\t{{", f"{tab}\t\tOFFSET {end}", f"{tab}\t}}"]
+    return [*lines, f"{tab}}}"]
+
+
+def end_of(skeleton: Skeleton, joint: int) -> Float[Tensor, " 3"]:
+    """The end of a chain: a fingertip, or for head and toes as much again as their bone."""
+    for side in SIDES:
+        if joint > WRISTS["right"] and JOINT_NAMES[joint].startswith(side):
+            finger = (joint - JOINT_NAMES.index(f"{side}_index1")) // 3
+            return hand_offsets(skeleton, side)[15 + finger]
+    return skeleton.offsets[joint]
+
+
+def centimetres(point: Float[Tensor, " 3"]) -> str:
+    """Three numbers of a BVH."""
+    return " ".join(f"{value:.6f}" for value in (CM * point).tolist())

@@ -1,0 +1,199 @@
+"""Bodies as SMPL parameters: smplx names, AMASS, BOTH57M, Motion-X, and what geneoh wrote itself.
+
+All hold the axis-angle of 22 body joints and a translation; they differ in names, in what stands
+beside the body, and in the axis that points up. Fingers are absolute (zero: the flat hand).
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.body.motion import BodyMotion
+from geneoh.body.skeleton import BODY_JOINTS, JOINT_NAMES, Skeleton
+from geneoh.choices import AXES, Axis
+from geneoh.errors import InputError
+from geneoh.files.values import read_values
+from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.readers.bodies.base import BodyRecording, checked, rate_of, upright
+from geneoh.readers.bodies.model import RestBody, embedded_body, read_model
+from geneoh.readers.npz_layouts import quoted
+from geneoh.readers.records import Array, Record, as_record, float32
+from geneoh.sequence.validation import LARGEST_ANGLE
+
+RATES = ("fps", "mocap_frame_rate", "mocap_framerate")
+OFFSETS = "body_offsets"
+"""In our own files: the (52, 3) rest offsets of the skeleton, the first that of the pelvis."""
+FINGERS = 30
+MOTION_X = 322
+"""Numbers of a frame of Motion-X: root 3, body 63, hands 90, jaw 3, face 50 and 100, translation 3,
+betas 10."""
+EXPECTED = (
+    "a body as 'global_orient', 'body_pose' and 'transl' (smplx), as 'root_orient', 'pose_body' "
+    "and 'trans' or 'poses' and 'trans' (AMASS), or a BVH"
+)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The names under which one kind of file has a body."""
+
+    title: str
+    root: str
+    body: str
+    translation: str
+    hands: tuple[str, ...]
+    up: Axis | None = None
+    """Axis that points up in all such files; None where it differs."""
+    fps: float | None = None
+    """Frames a second of all such files."""
+
+
+LAYOUTS = (
+    Layout(
+        "smplx names", "global_orient", "body_pose", "transl", ("left_hand_pose", "right_hand_pose")
+    ),
+    Layout("BOTH57M or Motion-X", "root_orient", "body_pose", "trans", ("hand_pose",), "y", 30.0),
+    Layout("AMASS", "root_orient", "pose_body", "trans", ("pose_hand",), "z"),
+    Layout("AMASS", "poses", "poses", "trans", (), "z"),
+)
+HANDS_IN_POSES = {156: 66, 165: 75}
+"""First number of the hands in AMASS's `poses` of SMPL-H, and of SMPL-X with jaw and eyes."""
+
+
+def read_smpl(
+    path: Path, *, fps: float | None = None, up: Axis | None = None, model: Path | None = None
+) -> Iterator[BodyRecording]:
+    """The bodies in an npz, npy, pickle or joblib file; one, but for the lists of BOTH57M.
+
+    Raises:
+        InputError: the file holds no such body, or one that cannot be one.
+    """
+    values = read_values(path)
+    if isinstance(values, np.ndarray):
+        values = motion_x(values, path)
+    clips = values if isinstance(values, list) and values else [values]
+    for index, value in enumerate(clips):
+        where = f"{path} clip {index}" if len(clips) > 1 else str(path)
+        yield read_clip(as_record(value, where), fps, up, model)
+
+
+def read_clip(
+    record: Record, fps: float | None, up: Axis | None, model: Path | None
+) -> BodyRecording:
+    """The body in one dict of fields."""
+    layout = layout_of(record)
+    turns, has_fingers = rotations_of(record, layout)
+    transl = record.array(layout.translation, ("T", 3), unit="in metres")
+    record.refuse_lengths(layout.root, layout.body, layout.translation)
+    betas = betas_of(record)
+    rest = rest_body(record, betas, model)
+    stored = [record.number(name) for name in RATES if name in record]
+    rate, notes = rate_of(stored[0] if stored else layout.fps, fps, record.where)
+    motion = BodyMotion(float32(transl) + rest.rest_root, turns)
+    motion, up, more = upright(motion, rest.skeleton, up or own_axis(record) or layout.up)
+    return checked(
+        BodyRecording(
+            motion,
+            rest.skeleton,
+            rest.rest_root,
+            rate,
+            f"{record.where} ({layout.title})",
+            up,
+            has_fingers,
+            betas,
+            record.optional_text("gender") or "neutral",
+            tuple(record.texts("hand_cond")) if "hand_cond" in record else (),
+            (*notes, *more),
+        )
+    )
+
+
+def layout_of(record: Record) -> Layout:
+    """The layout whose fields are all there; `InputError` where there is none."""
+    for layout in LAYOUTS:
+        if all(name in record for name in (layout.root, layout.body, layout.translation)):
+            return layout
+    raise InputError(
+        f"{record.where}: expected {EXPECTED}, got {quoted(record.values) or 'no field at all'}; "
+        "rename the fields or export the body again"
+    )
+
+
+def rotations_of(record: Record, layout: Layout) -> tuple[Float[Tensor, "T 52 3 3"], bool]:
+    """Rotations of all joints, and whether the fingers are the file's."""
+    if layout.root == layout.body:
+        width = record.numbers(layout.body).shape[-1]
+        if width < 3 * BODY_JOINTS:
+            raise record.refuse(layout.body, f"(T, {3 * BODY_JOINTS}) or more numbers in radians")
+        poses = record.array(layout.body, ("T", "N"), unit="in radians")
+        start = HANDS_IN_POSES.get(width)
+        fingers = None if start is None else poses[:, start : start + 3 * FINGERS]
+        body = poses[:, : 3 * BODY_JOINTS]
+    else:
+        root = record.array(layout.root, ("T", 3), unit="in radians")
+        posed = record.array(layout.body, ("T", 63), ("T", 69), ("T", 21, 3), ("T", 23, 3))
+        record.refuse_lengths(layout.root, layout.body)
+        body = np.concatenate([root, posed.reshape(len(posed), -1)[:, :63]], axis=1)
+        fingers = fingers_of(record, layout, len(body))
+    flat = np.zeros((len(body), 3 * FINGERS)) if fingers is None else fingers
+    vectors = np.concatenate([body, flat], axis=1).reshape(-1, len(JOINT_NAMES), 3)
+    if np.nanmax(np.linalg.norm(vectors, axis=-1)) > LARGEST_ANGLE:
+        raise record.refuse(layout.body, "axis-angle in radians", "convert degrees to radians")
+    return axis_angle_to_matrix(float32(vectors)), fingers is not None
+
+
+def fingers_of(record: Record, layout: Layout, frames: int) -> Array | None:
+    """(T, 90) axis-angle of all fingers; None where the file has none, or PCA coefficients."""
+    if not layout.hands or any(name not in record for name in layout.hands):
+        return None
+    parts = [record.numbers(name) for name in layout.hands]
+    if any(len(part) != frames for part in parts if part.ndim):
+        record.refuse_lengths(layout.root, *layout.hands)
+    whole = [part.reshape(frames, -1) for part in parts if part.ndim and part.size]
+    found = np.concatenate(whole, axis=1) if whole else np.zeros((frames, 0))
+    return found if found.shape[1] == 3 * FINGERS else None
+
+
+def betas_of(record: Record) -> Float[Tensor, " S"] | None:
+    """The shape coefficients; of one set per frame the mean."""
+    betas = record.tensor("betas", ("S",), ("T", "S"))
+    return betas if betas is None or betas.ndim == 1 else betas.mean(0)
+
+
+def rest_body(record: Record, betas: Float[Tensor, " S"] | None, model: Path | None) -> RestBody:
+    """The person's joints at rest: by the user's model, by our own file, else the embedded ones."""
+    if model is not None:
+        return read_model(model, betas)
+    offsets = record.tensor(OFFSETS, (len(JOINT_NAMES), 3), unit="in metres")
+    if offsets is None:
+        return embedded_body()
+    bones = torch.cat([torch.zeros(1, 3), offsets[1:]])
+    return RestBody(Skeleton(bones), offsets[0])
+
+
+def own_axis(record: Record) -> Axis | None:
+    """The axis that our own files name as the one that points up."""
+    said = record.optional_text("body_up")
+    return next((axis for axis in AXES if axis == said), None)
+
+
+def motion_x(values: Any, path: Path) -> dict[str, Array]:
+    """The fields of a (T, 322) array of Motion-X, by the names of AMASS."""
+    if values.ndim != 2 or values.shape[1] != MOTION_X or values.dtype.kind != "f":
+        raise InputError(
+            f"{path}: expected a (T, {MOTION_X}) array of Motion-X or {EXPECTED}, got an array of "
+            f"{values.shape}; export the body again"
+        )
+    return {
+        "root_orient": values[:, :3],
+        "body_pose": values[:, 3:66],
+        "hand_pose": values[:, 66:156],
+        "trans": values[:, 309:312],
+        "betas": values[:, 312:],
+    }

@@ -1,0 +1,40 @@
+from dataclasses import replace
+
+import bodies
+import pytest
+import torch
+
+from geneoh.body.skeleton import Skeleton
+from geneoh.errors import InputError
+from geneoh.readers.bodies.base import at_rate, checked, over_frames
+from geneoh.readers.bodies.read import read_body
+
+
+@pytest.fixture
+def body(tmp_path):
+    return read_body(bodies.amass(tmp_path / "a.npz", bodies.swaying(41), 120.0))
+
+
+def test_a_body_comes_to_thirty_frames_a_second_and_back(body):
+    slower = at_rate(body, 30.0)
+    assert (slower.frames, slower.fps) == (11, 30.0)
+    assert torch.equal(slower.motion.rotations, body.motion.rotations[::4])
+    again = over_frames(slower.motion, 41)
+    torch.testing.assert_close(again.rotations, body.motion.rotations, atol=5e-3, rtol=0)
+    torch.testing.assert_close(again.root, body.motion.root, atol=1e-5, rtol=0)
+
+
+def test_a_single_frame_stays_one(body):
+    single = replace(body, motion=body.motion[:1])
+    assert at_rate(single, 30.0).frames == 1
+
+
+def test_a_body_that_lasts_too_long_is_refused(body):
+    with pytest.raises(InputError, match="must last at most 108000 frames"):
+        at_rate(replace(body, fps=1e-3), 30.0)
+
+
+def test_a_skeleton_in_other_units_is_refused(body):
+    giant = replace(body, skeleton=Skeleton(100 * body.skeleton.offsets))
+    with pytest.raises(InputError, match=r"must be 0.3 to 3 m high"):
+        checked(giant)

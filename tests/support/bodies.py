@@ -1,0 +1,88 @@
+"""Bodies for tests: a motion that uses every joint, and files of each layout that hold it."""
+
+from pathlib import Path
+
+import numpy as np
+import torch
+from trees.writers import dump_joblib
+
+from geneoh.body.motion import BodyMotion
+from geneoh.geometry.axes import turn_up
+from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
+
+
+def swaying(frames: int = 8, joints: int = 52, seed: int = 0) -> BodyMotion:
+    """A person who stands, y up, and moves all joints a little; the root walks."""
+    generator = torch.Generator().manual_seed(seed)
+    phase = 6 * torch.rand(joints, 3, generator=generator)
+    time = torch.linspace(0, 2, frames)[:, None, None]
+    turn = torch.zeros(frames, 52, 3)
+    turn[:, :joints] = 0.3 * torch.sin(time + phase)
+    turn[:, 0] *= torch.tensor([0.2, 1.0, 0.2])
+    walk = torch.tensor([0.3, 0.02, 1.0]) * torch.linspace(0, 1, frames)[:, None]
+    return BodyMotion(walk + torch.tensor([0.1, 0.95, 0.0]), axis_angle_to_matrix(turn))
+
+
+def in_world(motion: BodyMotion, up: str) -> tuple[np.ndarray, np.ndarray]:
+    """Axis-angle (T, 52, 3) and places of the pelvis, in a world with another axis up."""
+    world = turn_up("y", up)  # pyright: ignore
+    turns = motion.rotations.clone()
+    turns[:, 0] = world @ turns[:, 0]
+    return matrix_to_axis_angle(turns).numpy(), (motion.root @ world.T).numpy()
+
+
+def smplx_names(path: Path, motion: BodyMotion, up: str = "y", **more) -> Path:
+    """The names of the smplx package."""
+    turns, root = in_world(motion, up)
+    flat = turns.reshape(len(turns), -1)
+    fields = {"global_orient": flat[:, :3], "body_pose": flat[:, 3:66], "transl": root}
+    fields |= {"left_hand_pose": flat[:, 66:111], "right_hand_pose": flat[:, 111:]}
+    np.savez(path, **fields, **{"fps": 30.0, "betas": np.zeros(10), **more})
+    return path
+
+
+def amass(path: Path, motion: BodyMotion, rate: float = 120.0, split: bool = False) -> Path:
+    """AMASS: poses of SMPL-H, or its newer files of SMPL-X in parts; z up."""
+    turns, root = in_world(motion, "z")
+    flat = turns.reshape(len(turns), -1).astype(np.float64)
+    fields = {"trans": root, "gender": np.array("female"), "betas": np.zeros(16)}
+    if split:
+        fields |= {
+            "root_orient": flat[:, :3],
+            "pose_body": flat[:, 3:66],
+            "pose_hand": flat[:, 66:],
+        }
+        fields |= {"mocap_frame_rate": np.array(rate), "pose_jaw": np.zeros((len(flat), 3))}
+    else:
+        fields |= {"poses": flat, "dmpls": np.zeros((len(flat), 8)), "mocap_framerate": rate}
+    np.savez(path, **fields)
+    return path
+
+
+def both57m(path: Path, *motions: BodyMotion) -> Path:
+    """BOTH57M: a joblib list of dicts; y up, 30 frames a second."""
+    clips = []
+    for motion in motions:
+        turns, root = in_world(motion, "y")
+        clips.append(
+            {
+                "trans": root.astype(np.float64),
+                "root_orient": turns[:, 0].astype(np.float64),
+                "body_pose": turns[:, 1:22].astype(np.float64),
+                "hand_pose": turns[:, 22:].astype(np.float64),
+                "seq_len": len(turns),
+                "data_path": "somewhere",
+                "body_cond": ["the person greets", "an arm is raised", "a greeting"],
+                "hand_cond": ["the right hand waves", "fingers spread", "all fingers are straight"],
+            }
+        )
+    dump_joblib(path, clips)
+    return path
+
+
+def motion_x(path: Path, motion: BodyMotion) -> Path:
+    """Motion-X: one array of 322 numbers a frame; y up."""
+    turns, root = in_world(motion, "y")
+    flat, rest = turns.reshape(len(turns), -1), np.zeros((len(turns), 153))
+    np.save(path, np.concatenate([flat, rest, root, np.zeros((len(turns), 10))], axis=1))
+    return path
