@@ -1,10 +1,10 @@
 """The transformer of the paper: post-norm layers over tokens with sinusoidal positions."""
 
-import math
-
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
+
+from geneoh.nn.blocks import sinusoid
 
 
 class PostNormTransformer(nn.Module):
@@ -38,10 +38,3 @@ class PostNormTransformer(nn.Module):
         for layer in self.layers:
             tokens = layer(tokens, src_key_padding_mask=~seen)
         return tokens
-
-
-def sinusoid(position: Float[Tensor, " N"], width: int) -> Float[Tensor, "N D"]:
-    """Sines and cosines in turn, of wavelengths from 2 pi to 20,000 pi (Vaswani et al. 2017)."""
-    half = torch.arange(0, width, 2, device=position.device)
-    angle = position[:, None] * torch.exp(-math.log(10000.0) * half / width)
-    return torch.stack([angle.sin(), angle.cos()], dim=-1).flatten(-2)

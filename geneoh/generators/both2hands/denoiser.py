@@ -1,0 +1,183 @@
+"""The two networks that denoise hands: one is told the body's motion, the other one a sentence.
+
+Source: BOTH2Hands, sections 4.1 and 4.2. Both predict the clean sample. Ours (`form="ours"`):
+a token for each hand of several frames, pre-norm blocks with rotary positions, and tokens of the
+words beside that of the sentence, so that each hand can look up what is said of it.
+`form="paper"` has a token a frame and one of the condition.
+"""
+
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Literal
+
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor, nn
+
+from geneoh.bundle import Bundle
+from geneoh.diffusion.schedule import cosine_sigmas
+from geneoh.generators.both2hands.features import BODY, HANDS, HandsFrame
+from geneoh.generators.both2hands.paper_layers import PaperTransformer
+from geneoh.generators.both2hands.scale import Scale, Scaling
+from geneoh.generators.text_network import SentenceConfig, SentenceNetwork
+from geneoh.nn.blocks import FrameTransformer
+
+Form = Literal["ours", "paper"]
+
+
+@dataclass(frozen=True)
+class HandsConfig:
+    """Size and form of a network; the paper's are `configs/body_hands_paper.toml`."""
+
+    form: Form = "ours"
+    width: int = 128  # features of a token
+    depth: int = 4  # transformer blocks
+    heads: int = 4
+    head_width: int = 256  # features of each head of the paper's form; ours divides the width
+    frames_per_token: int = 5  # frames of a hand in one token (paper: 1, of both hands)
+    frame: HandsFrame = "wrist"  # axes that hands are told in (paper: the world, with a body)
+    scaling: Scaling = "deviation"  # of features (paper: range)
+
+
+@dataclass(frozen=True)
+class TextHandsConfig(HandsConfig):
+    """The same of the network that is told a sentence."""
+
+    text: int = 0
+    """Features of a sentence by a text encoder that is given, such as CLIP's; 0: the network reads
+    words itself, and learns to."""
+    words: SentenceConfig = field(default_factory=SentenceConfig)
+
+
+@dataclass(frozen=True)
+class Told(Bundle):
+    """A condition as a network holds it, the same at all noise levels."""
+
+    tokens: Float[Tensor, "B K D"]  # of the condition as a whole, then of words
+    seen: Bool[Tensor, "B K"]
+    added: Float[Tensor, "B N D"] | None = None  # what is added to the tokens of hands
+
+
+class HandsDenoiser(nn.Module):
+    """From noisy numbers of hands to the clean ones."""
+
+    def __init__(self, config: HandsConfig) -> None:
+        """Build the network with random weights."""
+        super().__init__()
+        self.config = config
+        width, frames, self.parts = config.width, config.frames_per_token, 1
+        self.scale = Scale(HANDS)
+        if config.form == "ours":
+            self.parts = 2  # tokens of a step: left hand, right hand
+            self.trunk = FrameTransformer(width, config.depth, config.heads)
+        else:
+            self.trunk = PaperTransformer(width, config.depth, config.heads, config.head_width)
+        size = frames * HANDS // self.parts
+        self.inputs = nn.ModuleList(nn.Linear(size, width) for _ in range(self.parts))
+        self.outputs = nn.ModuleList(nn.Linear(width, size) for _ in range(self.parts))
+
+    @property
+    def sigmas(self) -> Float[Tensor, " N"]:
+        """Noise of each level, in units of the numbers."""
+        return _sigmas(self.scale.size.device)
+
+    def denoised(
+        self, x: Float[Tensor, "B T 270"], level: Float[Tensor, " B"], told: Told
+    ) -> Float[Tensor, "B T 270"]:
+        """The clean numbers in `x` = clean + sigma * noise.
+
+        `level` is the number of the noise level, 0 to 1,000 (see `cosine_sigmas`).
+        """
+        sigma = self.sigmas[level.long()]
+        steps = self.steps(x / (1 + sigma.square()).sqrt()[:, None, None])
+        tokens = torch.stack(
+            [layer(part) for layer, part in zip(self.inputs, steps.unbind(2), strict=True)], 2
+        ).flatten(1, 2)
+        tokens = tokens if told.added is None else tokens + told.added
+        first = told.tokens.shape[1]
+        tokens = torch.cat([told.tokens, tokens], dim=1)
+        if isinstance(self.trunk, PaperTransformer):
+            tokens = self.trunk(tokens, level)
+        else:
+            step = torch.arange(1, steps.shape[1] + 1, device=x.device).repeat_interleave(2)
+            place = torch.cat([step.new_zeros(first), step]).to(x)
+            seen = nn.functional.pad(told.seen, (0, len(step)), value=True)
+            tokens = self.trunk(tokens, 0.25 * sigma.clamp(min=1e-4).log(), place, seen)
+        after = tokens[:, first:].unflatten(1, (-1, self.parts)).unbind(2)
+        found = torch.stack(
+            [layer(part) for layer, part in zip(self.outputs, after, strict=True)], 2
+        )
+        return self.frames_of(found)[:, : x.shape[1]]
+
+    def steps(self, x: Float[Tensor, "B T 270"]) -> Float[Tensor, "B S P N"]:
+        """Numbers by step and hand: of each frame of the step the positions, then the rotations."""
+        x = nn.functional.pad(x, (0, 0, 0, -x.shape[1] % self.config.frames_per_token))
+        hands = torch.cat(
+            [
+                part.unflatten(-1, (self.parts, -1))
+                for part in x.split([HANDS // 3, 2 * HANDS // 3], dim=-1)
+            ],
+            dim=-1,
+        )
+        return hands.unflatten(1, (-1, self.config.frames_per_token)).transpose(2, 3).flatten(-2)
+
+    def frames_of(self, steps: Float[Tensor, "B S P N"]) -> Float[Tensor, "B T 270"]:
+        """Inverse of `steps`."""
+        hands = steps.unflatten(-1, (self.config.frames_per_token, -1)).transpose(2, 3)
+        size = HANDS // 3 // self.parts
+        return torch.cat(
+            [part.flatten(-2) for part in hands.flatten(1, 2).split([size, 2 * size], dim=-1)], -1
+        )
+
+
+class BodyHands(HandsDenoiser):
+    """Hands that fit a body's motion."""
+
+    def __init__(self, config: HandsConfig) -> None:
+        """Build the network with random weights."""
+        super().__init__(config)
+        self.body_scale = Scale(BODY)
+        size = config.frames_per_token * BODY
+        self.body = nn.Linear(size, self.parts * config.width, bias=False)
+
+    def told(self, body: Float[Tensor, "B T 198"]) -> Told:
+        """Features of a body made ready for `denoised`."""
+        body, frames = self.body_scale.normalise(body), self.config.frames_per_token
+        body = nn.functional.pad(body, (0, 0, 0, -body.shape[1] % frames))
+        steps = self.body(body.unflatten(1, (-1, frames)).flatten(-2))
+        tokens = steps.new_zeros(len(steps), 1, self.config.width)
+        seen = torch.ones(tokens.shape[:2], dtype=torch.bool, device=tokens.device)
+        return Told(tokens, seen, steps.unflatten(-1, (self.parts, -1)).flatten(1, 2))
+
+
+class TextHands(HandsDenoiser):
+    """Hands that do what a sentence says, in the axes of their wrists."""
+
+    config: TextHandsConfig
+
+    def __init__(self, config: TextHandsConfig) -> None:
+        """Build the network with random weights."""
+        super().__init__(config)
+        self.words = None if config.text else SentenceNetwork(config.words)
+        self.text = nn.Linear(config.text or config.words.width, config.width)
+        ours = config.form == "ours" and not config.text
+        self.each = nn.Linear(config.words.width, config.width) if ours else None
+
+    def told(self, said: Int[Tensor, "B N"] | Float[Tensor, "B W"]) -> Told:
+        """Sentences made ready for `denoised`: their pieces, or their vectors by an encoder."""
+        if self.words is None:
+            whole = self.text(said)[:, None]
+            return Told(whole, torch.ones(whole.shape[:2], dtype=torch.bool, device=whole.device))
+        vector, states, real = self.words.read_pieces(said)
+        whole = self.text(vector)[:, None]
+        if self.each is None:
+            return Told(whole, torch.ones_like(real[:, :1]))
+        return Told(
+            torch.cat([whole, self.each(states)], dim=1),
+            nn.functional.pad(real, (1, 0), value=True),
+        )
+
+
+@cache
+def _sigmas(device: torch.device) -> Float[Tensor, " N"]:
+    return cosine_sigmas().float().to(device)

@@ -1,0 +1,112 @@
+"""A posed body as the numbers that the networks see: 198 of the body, 270 of the fingers.
+
+Each set holds all positions first, then all rotations as two columns of their matrices (the paper's
+code takes rows). The fingers' joints are those of the left hand, then those of the right one.
+
+Source: BOTH2Hands, section 4.1 (positions and rotations in the world) and 4.2 (hands by
+themselves). In the frame "wrist", which is ours for the hands of both branches, a finger's position
+and rotation are told in the axes of its wrist, as in section 4.2, and a body in those of its
+pelvis' heading: a hand's shape then stays the same wherever the body goes.
+"""
+
+from typing import Literal
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.body.motion import BodyMotion, PosedBody, local_rotations, pose
+from geneoh.body.skeleton import BODY_JOINTS, FINGER_JOINTS, JOINT_NAMES, WRISTS, Skeleton
+from geneoh.choices import SIDES
+from geneoh.geometry.rotations import matrix_to_rotation_6d, rotation_6d_to_matrix
+
+HandsFrame = Literal["wrist", "world"]
+"""Axes that fingers are told in: each wrist's, or the world's."""
+BODY = 9 * BODY_JOINTS
+FINGERS = len(JOINT_NAMES) - BODY_JOINTS
+HANDS = 9 * FINGERS
+WRIST_OF = tuple(WRISTS[side] for side in SIDES for _ in FINGER_JOINTS[side])
+"""The wrist of each finger joint."""
+
+
+def placed(motion: BodyMotion, frame: HandsFrame) -> BodyMotion:
+    """The motion with its pelvis above the origin and facing +z: in the first frame for "world", as
+    the paper's clips begin, in every frame for "wrist"."""
+    forward = motion.rotations[..., 0, :, 2]
+    root = motion.root * motion.root.new_tensor([1.0, 0.0, 1.0])
+    if frame == "world":
+        forward, root = forward[..., :1, :], root[..., :1, :]
+    away = heading(forward).mT
+    turned = torch.cat(
+        [away[..., None, :, :] @ motion.rotations[..., :1, :, :], motion.rotations[..., 1:, :, :]],
+        dim=-3,
+    )
+    return BodyMotion((away @ (motion.root - root)[..., None])[..., 0], turned)
+
+
+def heading(forward: Float[Tensor, "*B 3"]) -> Float[Tensor, "*B 3 3"]:
+    """The rotation about y that turns +z to the horizontal direction of a vector."""
+    angle = torch.atan2(forward[..., 0], forward[..., 2])
+    sine, cosine, zero = angle.sin(), angle.cos(), torch.zeros_like(angle)
+    rows = [cosine, zero, sine, zero, zero + 1, zero, -sine, zero, cosine]
+    return torch.stack(rows, dim=-1).unflatten(-1, (3, 3))
+
+
+def body_features(posed: PosedBody) -> Float[Tensor, "*B T 198"]:
+    """The body's joints without the fingers."""
+    return _flat(posed.positions[..., :BODY_JOINTS, :], posed.rotations[..., :BODY_JOINTS, :, :])
+
+
+def hand_features(posed: PosedBody, frame: HandsFrame) -> Float[Tensor, "*B T 270"]:
+    """The joints of the fingers."""
+    places, turned = posed.positions[..., BODY_JOINTS:, :], posed.rotations[..., BODY_JOINTS:, :, :]
+    if frame == "wrist":
+        away = posed.rotations[..., WRIST_OF, :, :].mT
+        places = (away @ (places - posed.positions[..., WRIST_OF, :])[..., None])[..., 0]
+        turned = away @ turned
+    return _flat(places, turned)
+
+
+def with_fingers(
+    motion: BodyMotion,
+    posed: PosedBody,
+    features: Float[Tensor, "*B T 270"],
+    frame: HandsFrame,
+) -> BodyMotion:
+    """The motion with the fingers' rotations out of features; their positions follow from these.
+
+    Args:
+        motion: its fingers do not matter.
+        posed: the motion's joints, whose wrists the features of the frame "world" were made with.
+        features: of `hand_features`, or a network's answer, whose rotations may be inexact.
+        frame: that of the features.
+    """
+    turned = rotation_6d_to_matrix(features[..., 3 * FINGERS :].unflatten(-1, (FINGERS, 6)))
+    if frame == "wrist":
+        turned = posed.rotations[..., WRIST_OF, :, :] @ turned
+    whole = torch.cat([posed.rotations[..., :BODY_JOINTS, :, :], turned], dim=-3)
+    fingers = local_rotations(whole)[..., BODY_JOINTS:, :, :]
+    return BodyMotion(
+        motion.root, torch.cat([motion.rotations[..., :BODY_JOINTS, :, :], fingers], dim=-3)
+    )
+
+
+def projected(
+    skeleton: Skeleton,
+    motion: BodyMotion,
+    posed: PosedBody,
+    local: Float[Tensor, "*B T 270"],
+    frame: HandsFrame,
+) -> Float[Tensor, "*B T 270"]:
+    """Hands in the axes of their wrists, brought onto a body (paper, equation 8).
+
+    The body's rotations with the fingers' go through forward kinematics, from the root's place in
+    the world, which the paper's code leaves out.
+    """
+    return hand_features(pose(skeleton, with_fingers(motion, posed, local, "wrist")), frame)
+
+
+def _flat(
+    positions: Float[Tensor, "*B J 3"], rotations: Float[Tensor, "*B J 3 3"]
+) -> Float[Tensor, "*B N"]:
+    return torch.cat([positions.flatten(-2), matrix_to_rotation_6d(rotations).flatten(-2)], dim=-1)

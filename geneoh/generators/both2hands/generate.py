@@ -1,0 +1,66 @@
+"""From a moving body and a sentence to two hands: BOTH2Hands as a whole (paper, figure 3)."""
+
+import torch
+
+from geneoh.body.motion import BodyMotion
+from geneoh.body.skeleton import Skeleton
+from geneoh.errors import InputError, shortened
+from geneoh.generators.both2hands.library import Networks, load_networks
+from geneoh.generators.both2hands.sampling import Branch, SamplingConfig, sample
+from geneoh.generators.pieces import words_of
+from geneoh.progress import OnStep
+
+LONGEST = 60  # words; a description of the paper's data has 14 to 33
+EXAMPLE = '"the right hand waves, the left rests"'
+
+
+def generate_hands(
+    motion: BodyMotion,
+    skeleton: Skeleton,
+    sentence: str,
+    *,
+    steps: int = 25,
+    branch: Branch = "blended",
+    generator: torch.Generator,
+    networks: Networks | None = None,
+    on_step: OnStep | None = None,
+) -> BodyMotion:
+    """A body with fingers that fit its motion and a sentence.
+
+    Args:
+        motion: T frames of one body at 30 frames a second, any T; its fingers do not matter.
+        skeleton: of the body.
+        sentence: such as "the right hand waves, the left rests"; English.
+        steps: denoising steps (paper: 1,000).
+        branch: whose hands are wanted: of the body and the sentence, or of one of them.
+        generator: of the noise; another one makes other hands.
+        networks: None for the shipped ones.
+        on_step: told of the steps.
+
+    Raises:
+        InputError: the sentence has no words, or too many.
+        CheckpointError: weights are missing or damaged.
+    """
+    check_sentence(sentence)
+    made = sample(
+        networks or load_networks(device=motion.root.device),
+        BodyMotion(motion.root[None], motion.rotations[None]),
+        skeleton,
+        [sentence],
+        SamplingConfig(steps=steps, branch=branch),
+        generator=generator,
+        on_step=on_step,
+    )
+    return BodyMotion(made.root[0], made.rotations[0])
+
+
+def check_sentence(sentence: str) -> None:
+    """Refuse a text without words, or with too many."""
+    words = words_of(sentence)
+    if 0 < len(words) <= LONGEST:
+        return
+    found = f"{len(words)} words" if words else "no words"
+    raise InputError(
+        f"prompt '{shortened(sentence, 60)}': expected an English sentence on what hands do, of at "
+        f"most {LONGEST} words, found {found}; write one such as {EXAMPLE}"
+    )

@@ -1,0 +1,128 @@
+"""The trained networks of BOTH2Hands: where weights are, and how networks are rebuilt from them."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from tokenizers import Tokenizer
+from torch import Tensor
+
+from geneoh.denoisers.library import load_network
+from geneoh.errors import CheckpointError, ConfigError
+from geneoh.generators.both2hands.blend import BlendConfig, Blender
+from geneoh.generators.both2hands.denoiser import (
+    BodyHands,
+    HandsConfig,
+    TextHands,
+    TextHandsConfig,
+)
+from geneoh.generators.pieces import marked, piece_numbers, words_of
+from geneoh.generators.text import foreign_encoder
+from geneoh.nn.checkpoint import load_checkpoint
+
+SHIPPED = Path(__file__).parent / "weights"  # the weights in the package, STAGE.safetensors
+
+Speech = Callable[[Sequence[str]], Tensor]
+"""From sentences to what the network of text is told: numbers of pieces, or vectors."""
+
+
+@dataclass(frozen=True)
+class Branches:
+    """The two networks that are blended, and how sentences reach the second."""
+
+    body: BodyHands
+    text: TextHands
+    speech: Speech
+
+
+@dataclass(frozen=True)
+class Networks(Branches):
+    """All that makes hands of a body and a sentence."""
+
+    blend: Blender
+
+
+def load_networks(
+    folder: Path | None = None,
+    *,
+    text_encoder: Path | None = None,
+    device: torch.device | str = "cpu",
+) -> Networks:
+    """The networks of a folder of STAGE.safetensors; what it lacks, or all for None, is as shipped.
+
+    Args:
+        folder: of `geneoh train`.
+        text_encoder: folder of the CLIP or sentence-transformers model that networks were trained
+            with; None for networks that read words themselves.
+        device: where the networks are to be.
+
+    Raises:
+        CheckpointError: a file is missing or does not fit its network.
+        ConfigError: the networks were trained with another text encoder, or on other data than each
+            other.
+    """
+    branches = load_branches(folder, text_encoder=text_encoder)
+    blend = load_network(weights_of("blend", folder), "blend", Blender, BlendConfig)
+    if blend.config.form == "ours":
+        refuse_strangers(branches, folder)
+    body, text = branches.body.to(device), branches.text.to(device)
+    return Networks(body, text, branches.speech, blend.to(device))
+
+
+def load_branches(folder: Path | None, *, text_encoder: Path | None = None) -> Branches:
+    """The two networks that are blended; arguments and errors are those of `load_networks`."""
+    body = load_network(weights_of("body_hands", folder), "body_hands", BodyHands, HandsConfig)
+    path = weights_of("text_hands", folder)
+    text = load_network(path, "text_hands", TextHands, TextHandsConfig)
+    encoder = None if text_encoder is None else foreign_encoder(text_encoder)
+    if text.config.text != (encoder.width if encoder else 0):
+        wanted = f"a text encoder of {text.config.text} features" if text.config.text else "none"
+        raise ConfigError(
+            f"{path}: expected {wanted}, with which the network was trained, got "
+            f"{f'one of {encoder.width}' if encoder else 'none'}; change --text-encoder"
+        )
+    return Branches(body, text, encoder.encode if encoder else read_pieces_of(path, text))
+
+
+def refuse_strangers(branches: Branches, folder: Path | None) -> None:
+    """Refuse networks whose noisy hands cannot be the same ones."""
+    body, text = branches.body, branches.text
+    scales = zip(body.scale.state_dict().values(), text.scale.state_dict().values(), strict=True)
+    if body.config.frame != "wrist" or not all(torch.equal(a, b) for a, b in scales):
+        raise ConfigError(
+            f"{folder or SHIPPED}: expected body_hands and text_hands that were trained on the "
+            "same data in the frame 'wrist', which one process needs, got others; train both "
+            "again, or blend.form=paper"
+        )
+
+
+def read_pieces_of(path: Path, text: TextHands) -> Speech:
+    """How a network that reads words itself is told sentences, by the vocabulary in its file.
+
+    Raises:
+        CheckpointError: the file holds no vocabulary.
+    """
+    record: dict[str, Any] = load_checkpoint(path).record
+    try:
+        tokenizer = Tokenizer.from_str(record["tokenizer"])
+    except Exception as error:  # the library tokenizers raises plain ones
+        raise CheckpointError(
+            f"{path}: expected weights with their vocabulary, got others "
+            f"({str(error).splitlines()[-1].strip()}); train them again"
+        ) from error
+    return reader_of(tokenizer, text.config)
+
+
+def reader_of(tokenizer: Tokenizer, config: TextHandsConfig) -> Speech:
+    """Sentences as numbers of their pieces."""
+    return lambda sentences: piece_numbers(
+        tokenizer, [marked(words_of(each)) for each in sentences], config.words.longest
+    )
+
+
+def weights_of(name: str, folder: Path | None) -> Path:
+    """The file of weights in a folder, else the shipped one."""
+    given = None if folder is None else folder / f"{name}.safetensors"
+    return given if given is not None and given.is_file() else SHIPPED / f"{name}.safetensors"

@@ -1,0 +1,152 @@
+"""From bodies and sentences to hands: the reverse process of both networks, blended."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.body.motion import BodyMotion, pose
+from geneoh.body.skeleton import BODY_JOINTS, Skeleton
+from geneoh.diffusion.samplers import normal_like, sample_ancestral, sample_ddim
+from geneoh.diffusion.schedule import PAPER_STEPS, descending_sigmas
+from geneoh.generators.both2hands.denoiser import HandsDenoiser, Told
+from geneoh.generators.both2hands.features import HANDS, placed, with_fingers
+from geneoh.generators.both2hands.library import Networks
+from geneoh.generators.both2hands.scene import Scene, both_answers, hands_of_text
+from geneoh.generators.both2hands.windows import FRAMES, Windows
+from geneoh.nn.checkpoint import finite_output
+from geneoh.progress import OnStep
+
+Branch = Literal["blended", "body", "text"]
+"""Whose hands are wanted: of both networks, or of one alone, to compare with."""
+Answer = Callable[[Tensor, Tensor], Tensor]
+"""From noisy windows and the number of their noise level to clean ones."""
+
+
+@dataclass(frozen=True)
+class SamplingConfig:
+    """How hands are drawn from the networks."""
+
+    sampler: Literal["ddim", "ancestral"] = "ddim"
+    steps: int = 25  # of the noise levels 1,000 to 0 (paper: 1,000 ancestral ones)
+    branch: Branch = "blended"
+
+
+PAPER = SamplingConfig("ancestral", PAPER_STEPS)
+
+
+@dataclass(frozen=True)
+class Process:
+    """The reverse process over windows of clips."""
+
+    networks: Networks
+    windows: Windows
+    scene: Scene
+    told: tuple[Told, Told]
+    config: SamplingConfig
+    generator: torch.Generator
+    on_step: OnStep | None
+
+    def hands(self) -> Float[Tensor, "B T 270"]:
+        """Hands on the bodies, as numbers of the body's network."""
+        if self.config.branch == "body":
+            return self.of_body()
+        if self.config.branch == "text":
+            return self.of_text()
+        blend = self.networks.blend
+        if blend.config.form == "ours":
+            return self.run(self.networks.body, self.blended)
+        found, other = self.of_body(), self.windows.cut(self.of_text())
+        for _ in range(blend.config.repeats):
+            before = self.windows.cut(found)
+            found = self.windows.join(blend(before, other, before.new_zeros(len(before))))
+        return found
+
+    def of_body(self) -> Float[Tensor, "B T 270"]:
+        """Hands that the network of the body makes alone."""
+        network = self.networks.body
+        return self.run(network, lambda x, level: network.denoised(x, level, self.told[0]))
+
+    def of_text(self) -> Float[Tensor, "B T 270"]:
+        """Hands that the network of the sentence makes alone, brought onto the bodies."""
+        network = self.networks.text
+        found = self.run(network, lambda x, level: network.denoised(x, level, self.told[1]))
+        found = hands_of_text(self.networks.body, network, self.windows.cut(found), self.scene)
+        return self.windows.join(found)
+
+    def blended(
+        self, x: Float[Tensor, "W F 270"], level: Float[Tensor, " W"]
+    ) -> Float[Tensor, "W F 270"]:
+        """The answers of both networks to the same noisy hands, blended."""
+        body, text, blend = self.networks.body, self.networks.text, self.networks.blend
+        answers = both_answers(body, text, (x, x), level, self.told, self.scene)
+        return blend(*answers, level)
+
+    def run(self, network: HandsDenoiser, answer: Answer) -> Float[Tensor, "B T 270"]:
+        """Hands from noise, by the answers of one network or of several."""
+        levels = network.sigmas
+
+        def clean(x: Tensor, sigma: float) -> Tensor:
+            noisy = self.windows.cut(x)
+            found = answer(noisy, (levels - sigma).abs().argmin().float().expand(len(noisy)))
+            if network.config.scaling == "range":  # as the paper's code does
+                found = found.clamp(-1, 1)
+            return self.windows.join(found)
+
+        sigmas = descending_sigmas(PAPER_STEPS, self.config.steps, levels.double().cpu())
+        count = len(self.scene.motion.root) // len(self.windows.starts)
+        noise = torch.zeros(count, self.windows.frames, HANDS, device=levels.device)
+        start = sigmas[0] * normal_like(noise, generator=self.generator)
+        sampler = sample_ddim if self.config.sampler == "ddim" else sample_ancestral
+        return sampler(clean, start, sigmas, generator=self.generator, on_step=self.on_step)
+
+
+@torch.no_grad()
+def sample(
+    networks: Networks,
+    motion: BodyMotion,
+    skeleton: Skeleton,
+    sentences: Sequence[str],
+    config: SamplingConfig | None = None,
+    *,
+    generator: torch.Generator,
+    on_step: OnStep | None = None,
+) -> BodyMotion:
+    """B bodies with fingers that fit their motion and a sentence each.
+
+    Args:
+        networks: on the device of the motion.
+        motion: B bodies over T frames at 30 frames a second, any T; their fingers do not matter.
+        skeleton: one of all bodies, or one each.
+        sentences: B of them.
+        config: see `SamplingConfig`.
+        generator: of the noise.
+        on_step: told of the steps of each process.
+
+    Raises:
+        CheckpointError: the networks answer with NaN, as of damaged weights.
+    """
+    count, frames = motion.root.shape[:2]
+    body, device = networks.body, motion.root.device
+    moved = placed(motion.map(_at_least_a_window, "T"), body.config.frame)
+    windows = Windows.of(moved.root.shape[1])
+    skeletons = Skeleton(skeleton.offsets.expand(count, -1, -1))
+    scene = Scene.of(skeletons.map(windows.repeat), moved.map(windows.cut))
+    said = windows.repeat(networks.speech(sentences).to(device))
+    told = body.told(scene.body), networks.text.told(said)
+    process = Process(
+        networks, windows, scene, told, config or SamplingConfig(), generator, on_step
+    )
+    features = body.scale.denormalise(finite_output(process.hands()))
+    made = with_fingers(moved, pose(skeletons, moved), features, body.config.frame)
+    fingers = made.rotations[:, :frames, BODY_JOINTS:]
+    return BodyMotion(motion.root, torch.cat([motion.rotations[:, :, :BODY_JOINTS], fingers], 2))
+
+
+def _at_least_a_window(clips: Float[Tensor, "B T *N"]) -> Float[Tensor, "B F *N"]:
+    """Clips whose last frame is held until they are as long as a window."""
+    missing = max(0, FRAMES - clips.shape[1])
+    return torch.cat([clips, clips[:, -1:].expand(-1, missing, *clips.shape[2:])], dim=1)

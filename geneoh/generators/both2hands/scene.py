@@ -1,0 +1,63 @@
+"""What hands are made for: a body, its skeleton and its features, and one step of both networks."""
+
+from dataclasses import dataclass
+
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.body.motion import BodyMotion, PosedBody, pose
+from geneoh.body.skeleton import Skeleton
+from geneoh.bundle import Bundle
+from geneoh.generators.both2hands.denoiser import BodyHands, TextHands, Told
+from geneoh.generators.both2hands.features import body_features, projected
+
+
+@dataclass(frozen=True)
+class Scene(Bundle):
+    """B windows of bodies, placed as the networks see them."""
+
+    skeleton: Skeleton
+    motion: BodyMotion
+    posed: PosedBody
+
+    @staticmethod
+    def of(skeleton: Skeleton, motion: BodyMotion) -> "Scene":
+        """A scene of bodies that are `placed`, each with its own skeleton."""
+        return Scene(skeleton, motion, pose(skeleton, motion))
+
+    @property
+    def body(self) -> Float[Tensor, "B T 198"]:
+        """Features of the bodies."""
+        return body_features(self.posed)
+
+
+def hands_of_text(
+    body: BodyHands, text: TextHands, answer: Float[Tensor, "B T 270"], scene: Scene
+) -> Float[Tensor, "B T 270"]:
+    """An answer of the network of text, on the bodies and in the numbers of the other network."""
+    local = text.scale.denormalise(answer)
+    onto = scene.skeleton, scene.motion, scene.posed
+    return body.scale.normalise(projected(*onto, local, body.config.frame))
+
+
+def both_answers(
+    body: BodyHands,
+    text: TextHands,
+    noisy: tuple[Float[Tensor, "B T 270"], Float[Tensor, "B T 270"]],
+    level: Float[Tensor, " B"],
+    told: tuple[Told, Told],
+    scene: Scene,
+) -> tuple[Float[Tensor, "B T 270"], Float[Tensor, "B T 270"]]:
+    """The clean hands of the body and of the sentence, both in the numbers of the body's network.
+
+    Args:
+        body: the network that is told the body.
+        text: the network that is told a sentence.
+        noisy: hands with noise, as numbers of each network; the same ones where the process is one.
+        level: number of the noise level of both.
+        told: what each network is told.
+        scene: the bodies.
+    """
+    of_body = body.denoised(noisy[0], level, told[0])
+    of_text = text.denoised(noisy[1], level, told[1])
+    return of_body, hands_of_text(body, text, of_text, scene)
