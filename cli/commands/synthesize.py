@@ -14,8 +14,16 @@ from .. import options, progress
     "--actions: Make actions with a verb, one or two hands and up to 5 seconds, from which "
     "`geneoh generate` is learned, instead of interactions to clean."
 )
+@options.flag(
+    "--bodies: Make bodies that gesture, with fingers and sentences for either hand, from which "
+    "`geneoh generate --body` is learned."
+)
 @options.option(
-    "--count: Interactions to make.", options.COUNT, show_default="20480, or 8192 actions"
+    "--with-actions holding: With --bodies: folder of --actions; a quarter of the bodies do these.",
+    options.FOLDER,
+)
+@options.option(
+    "--count: Clips to make.", options.COUNT, show_default="20480, 8192 actions or 4096 bodies"
 )
 @options.option(
     "--objects meshes: Folder of meshes to be held beside the made objects, such as scans of "
@@ -31,6 +39,8 @@ from .. import options, progress
 def synthesize(
     data: Path,
     actions: bool,
+    bodies: bool,
+    holding: Path | None,
     count: int | None,
     meshes: Path | None,
     unit: Any,
@@ -45,7 +55,8 @@ def synthesize(
     Some object families are held out for the validation shards. The file sheet.png in the folder
     shows a grasp of each family and of some meshes, and how deep its skin is in the object; there
     is none of actions. Settings are those of SynthesisConfig, such as grasps.steps=200 or
-    animation.object.table_share=0.8, and of ActionSynthesisConfig, such as acting.left=0.5.
+    animation.object.table_share=0.8, of ActionSynthesisConfig, such as acting.left=0.5, and of
+    GestureConfig, such as body.cast.walking=0.3.
     """
     from functools import partial
 
@@ -53,25 +64,24 @@ def synthesize(
     from geneoh.files.atomic import write_whole
     from geneoh.files.outputs import keep_others
     from geneoh.hand.library import load_hand
-    from geneoh.synthesis.action_shards import DEFAULTS, synthesize_actions
-    from geneoh.synthesis.scans import find_scans
-    from geneoh.synthesis.shards import SynthesisConfig, synthesize_shard, write_shards
+    from geneoh.synthesis.kinds import kind_of_data
+    from geneoh.synthesis.shards import write_shards
     from geneoh.viz.canvas import png_bytes
     from geneoh.viz.sheet import contact_sheet, one_of_each
 
     path = None if config is None else options.find_config(config)
     settings = settings if count is None else (*settings, f"count={count}")
-    chosen = configured(DEFAULTS if actions else SynthesisConfig(), path, settings)
-    make = synthesize_actions if actions else synthesize_shard
+    kind = kind_of_data(actions, bodies, meshes, holding)
+    chosen = configured(kind.defaults, path, settings)
     hand, sheet = load_hand("right"), data / "sheet.png"
     keep_others(sheet, "choose another folder")
     with progress.progress_bars() as on_progress:
-        scans = find_scans(data, meshes, unit, on_mesh=partial(on_progress, "objects"))
+        source = kind.source(data, unit, partial(on_progress, "objects"))
         on_shard = partial(on_progress, "shards")
-        how = {"scans": scans, "jobs": jobs, "on_shard": on_shard, "synthesize": make}
+        how = {"scans": source, "jobs": jobs, "on_shard": on_shard, "synthesize": kind.synthesize}
         made = write_shards(data, chosen, hand, seed=seed, **how)
-        if not actions and (made or not sheet.exists()):
+        if kind.name == "interactions" and (made or not sheet.exists()):
             picture = contact_sheet(one_of_each(data, hand), on_step=partial(on_progress, "sheet"))
             write_whole(sheet, png_bytes(picture))
-    kind = "actions each" if actions else f"interactions each; see {sheet}"
-    click.echo(f"{data}: {made} shards made, of {chosen.shard} {kind}")
+    seen = f"; see {sheet}" if sheet.exists() else ""
+    click.echo(f"{data}: {made} shards made, of {chosen.shard} {kind.name} each{seen}")

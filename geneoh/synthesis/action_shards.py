@@ -98,17 +98,27 @@ def action_shards(folder: Path, split: str) -> Iterator[Actions]:
         InputError: the folder holds none, or files that are no whole shards of actions.
     """
     for path in find_shards(folder, split, DEFAULTS):
-        try:
-            with opened_tensors(path) as (shard, _):
-                yield Actions(**all_tensors(shard))
-        except (OSError, TypeError, DamagedTensorsError) as error:
-            raise InputError(
-                f"{path}: expected a whole shard of actions, got {error}; delete it and run "
-                "`geneoh synthesize --actions` again, which makes what is missing"
-            ) from error
+        yield action_shard(path)
+
+
+def action_shard(path: Path) -> Actions:
+    """One shard; `InputError` if the file is no whole shard of actions."""
+    try:
+        with opened_tensors(path) as (shard, _):
+            return Actions(**all_tensors(shard))
+    except (OSError, TypeError, DamagedTensorsError) as error:
+        raise InputError(
+            f"{path}: expected a whole shard of actions, got {error}; delete it and run "
+            "`geneoh synthesize --actions` again, which makes what is missing"
+        ) from error
+
+
+def names_of_shard(path: Path) -> list[str]:
+    """Names of the objects of the actions in a shard, without endings, by `Actions.name`."""
+    return [Path(name).stem for name in names_of(scans_of(path, DEFAULTS))]
 
 
 def read_actions(folder: Path, split: str) -> tuple[Actions, list[str]]:
     """All actions of one split, and the names of objects without endings; raises as above."""
-    names = names_of(scans_of(find_shards(folder, split, DEFAULTS)[0], DEFAULTS))
-    return concatenated(action_shards(folder, split), "B"), [Path(name).stem for name in names]
+    names = names_of_shard(find_shards(folder, split, DEFAULTS)[0])
+    return concatenated(action_shards(folder, split), "B"), names

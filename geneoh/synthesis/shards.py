@@ -5,8 +5,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
+import numpy as np
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
@@ -39,14 +40,53 @@ from geneoh.workers.pool import in_processes
 LARGEST = 1000.0  # largest number in a shard, in metres or radians; larger ones are damage
 
 
-@dataclass(frozen=True)
-class SynthesisConfig:
-    """What a synthetic data set is made of; saved in every shard."""
+@runtime_checkable
+class Source(Protocol):
+    """What shards are made of beside their config, such as scanned objects."""
 
-    count: int = 20480  # interactions in all; rounded up to whole shards
-    frames: int = 120  # length of each, at 30 frames a second
+    @property
+    def fingerprint(self) -> str:
+        """What tells it from others."""
+        ...
+
+
+@dataclass(frozen=True)
+class ShardConfig:
+    """How many clips a data set has, in which files; saved in every shard."""
+
+    count: int = 4096  # clips in all; rounded up to whole shards
+    frames: int = 150  # length of each, at 30 frames a second
+    shard: int = 128  # clips per file
+    validation: float = 0.05  # share of the shards that are for validation
+
+    def __post_init__(self) -> None:
+        """Refuse sizes below one."""
+        for name in ("count", "frames", "shard"):
+            if getattr(self, name) < 1:
+                raise ConfigError(f"{name} must be 1 or more, got {getattr(self, name)}; raise it")
+
+    @property
+    def shards(self) -> int:
+        """Files in all, those for validation first."""
+        return max(2, -(-self.count // self.shard))
+
+    def split_of(self, index: int) -> str:
+        """What the shard of this number is for: "val" or "train"."""
+        return "val" if index < max(1, round(self.validation * self.shards)) else "train"
+
+    def families_of(self, index: int, scans: Any = None) -> list[str]:
+        """Names of what the shard of this number may show."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class SynthesisConfig(ShardConfig):
+    """What a synthetic data set of interactions is made of."""
+
+    count: int = 20480
+    frames: int = 120
+    shard: int = 256
     points: int = 512  # surface points kept of each object
-    shard: int = 256  # interactions per file
     shape_std: float = 0.8  # deviation of the hands' shape coefficients
     bone_std: float = 0.04  # relative deviation of bone lengths beyond what shape coefficients make
     held_out: tuple[str, ...] = ("mug", "loop_tool", "spoon", "kettle", "drawer")
@@ -59,9 +99,9 @@ class SynthesisConfig:
 
     def __post_init__(self) -> None:
         """Refuse sizes below one, and held-out families that are unknown, none or all."""
-        for name in ("count", "frames", "points", "shard"):
-            if getattr(self, name) < 1:
-                raise ConfigError(f"{name} must be 1 or more, got {getattr(self, name)}; raise it")
+        super().__post_init__()
+        if self.points < 1:
+            raise ConfigError(f"points must be 1 or more, got {self.points}; raise it")
         for family in self.held_out:
             family_named(family)
         if not self.held_out or not self.common:
@@ -74,15 +114,6 @@ class SynthesisConfig:
     def common(self) -> list[str]:
         """Families of the training shards."""
         return [name for name in FAMILIES if name not in self.held_out]
-
-    @property
-    def shards(self) -> int:
-        """Files in all, those for validation first."""
-        return max(2, -(-self.count // self.shard))
-
-    def split_of(self, index: int) -> str:
-        """What the shard of this number is for: "val" or "train"."""
-        return "val" if index < max(1, round(self.validation * self.shards)) else "train"
 
     def families_of(self, index: int, scans: Scans | None = None) -> list[str]:
         """Object families of the shard of this number, then the names of its scanned objects."""
@@ -113,7 +144,7 @@ class Attempts:
 class ShardRecord:
     """What a shard was made with; saved in it."""
 
-    config: SynthesisConfig
+    config: ShardConfig
     seed: int
     objects: str = ""  # fingerprint of the scanned objects; empty without them
 
@@ -220,11 +251,11 @@ def tried_grasps(
 
 def write_shards(
     folder: Path,
-    config: SynthesisConfig,
+    config: ShardConfig,
     hand: HandModel,
     *,
     seed: int,
-    scans: Scans | None = None,
+    scans: Source | None = None,
     jobs: int = 1,
     on_shard: OnStep | None = None,
     synthesize: Callable[..., Any] = synthesize_shard,
@@ -260,14 +291,17 @@ def make_shard(
     place: tuple[int, Path],
     record: ShardRecord,
     hand: HandModel,
-    scans: Scans | None,
+    scans: Source | None,
     synthesize: Callable[..., Any],
 ) -> None:
     """Make the shard of a number and write it to its path."""
     index, path = place
     generator, names = shard_generator(record.seed, index), record.config.families_of(index, scans)
     part = synthesize(record.config, names, hand, generator=generator, scans=scans)
-    write_tensors(path, {f.name: getattr(part, f.name) for f in fields(part)}, as_dict(record))
+    held = {f.name: getattr(part, f.name) for f in fields(part)}
+    texts = {name: value.tolist() for name, value in held.items() if isinstance(value, np.ndarray)}
+    tensors = {name: value for name, value in held.items() if name not in texts}
+    write_tensors(path, tensors, as_dict(record) | texts)
 
 
 def lost(place: tuple[int, Path], why: str) -> None:
@@ -281,7 +315,7 @@ def differences(found: ShardRecord, asked: ShardRecord) -> str:
     return setting_differences(was.pop("config") | was, wanted.pop("config") | wanted)
 
 
-def shard_record(path: Path, defaults: SynthesisConfig = SynthesisConfig()) -> ShardRecord:
+def shard_record(path: Path, defaults: ShardConfig = SynthesisConfig()) -> ShardRecord:
     """What a shard was made with; a setting that it does not name has its default.
 
     Raises:
@@ -308,9 +342,7 @@ def _broken(path: Path, error: Exception) -> InputError:
     )
 
 
-def find_shards(
-    folder: Path, split: str, defaults: SynthesisConfig = SynthesisConfig()
-) -> list[Path]:
+def find_shards(folder: Path, split: str, defaults: ShardConfig = SynthesisConfig()) -> list[Path]:
     """The files of one split in the order of their numbers.
 
     Raises:

@@ -1,0 +1,193 @@
+"""Who does what in a clip, and the hands' motion that follows."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.bundle import Bundle
+from geneoh.choices import SIDES
+from geneoh.geometry.mirror import mirror_axis_angle, mirror_points, mirror_rotations
+from geneoh.synthesis.draws import Draws
+from geneoh.synthesis.gestures.clips import REST
+from geneoh.synthesis.gestures.hands import (
+    HandMotion,
+    HandSettings,
+    Manner,
+    Timing,
+    draw_timing,
+    perform,
+    resting,
+    stroke,
+    variant_manner,
+)
+from geneoh.synthesis.gestures.repertoire import (
+    MIRRORED,
+    ONE_HANDED,
+    REST_SAYS,
+    RESTS,
+    TWO_HANDED,
+    Cast,
+    Gesture,
+    PairGesture,
+)
+from geneoh.synthesis.gestures.sentences import Doing
+
+
+@dataclass(frozen=True)
+class Role:
+    """What one hand does."""
+
+    name: str
+    variant: int = -1
+    gesture: Gesture | None = None  # None for rest
+
+    @property
+    def doing(self) -> Doing:
+        """What is said of it."""
+        if self.gesture is None:
+            return Doing(REST_SAYS, rests=True)
+        return Doing(self.gesture.says)
+
+
+@dataclass(frozen=True)
+class Roles:
+    """What the left and the right hand do; a pair when they do it together."""
+
+    left: Role
+    right: Role
+    pair: PairGesture | None = None
+    mirrored: bool = False
+
+    @property
+    def together(self) -> bool:
+        """Whether both hands keep one time."""
+        return self.pair is not None or self.mirrored
+
+    @property
+    def doings(self) -> tuple[Doing, Doing]:
+        """What is said of the left and the right hand together; equal for one gesture."""
+        if self.pair is not None:
+            return Doing(self.pair.said), Doing(self.pair.said)
+        return self.left.doing, self.right.doing
+
+
+@dataclass(frozen=True)
+class TwoHands(Bundle):
+    """Both hands of a clip, each seen from its shoulder in the body's axes; left, then right."""
+
+    place: Float[Tensor, "*B T 2 3"]  # metres of an arm of the embedded skeleton
+    turn: Float[Tensor, "*B T 2 3 3"]
+    fingers: Float[Tensor, "*B T 2 15 3"]
+    active: Float[Tensor, "*B T 2"]  # 0 at rest, 1 in the gesture
+    stroke: Float[Tensor, "*B T 2"]  # 0 to 1 of the way to the other end
+    swivel: Float[Tensor, "*B T 2"]  # of the elbow, radians
+
+
+def draw_roles(variants: Sequence[tuple[str, int]], cast: Cast, draws: Draws) -> Roles:
+    """Random roles of two hands; `variants` are the gestures' that there are."""
+
+    def drawn(names: Sequence[str]) -> tuple[str, int]:
+        own = [each for each in variants if each[0] in names]
+        return own[int(draws.integers(0, len(own)))]
+
+    def alone(names: Sequence[str]) -> Role:
+        name, variant = drawn(names)
+        return Role(name, variant, ONE_HANDED[name])
+
+    kind = draws.share().item()
+    if kind < cast.together:
+        name, variant = drawn(tuple(TWO_HANDED))
+        pair = TWO_HANDED[name]
+        left = pair.left or pair.right
+        return Roles(Role(name, variant, left), Role(name, variant, pair.right), pair)
+    if kind < cast.together + cast.mirrored:
+        role = alone(MIRRORED)
+        return Roles(role, role, mirrored=True)
+    if bool(draws.chance(cast.idle)):
+        return Roles(Role(REST), Role(REST))
+    one = alone(tuple(ONE_HANDED))
+    other = alone(tuple(ONE_HANDED)) if bool(draws.chance(cast.both)) else Role(REST)
+    if one.name == other.name:  # the same at different times has no sentence
+        other = Role(REST)
+    return Roles(one, other) if bool(draws.chance(0.5)) else Roles(other, one)
+
+
+def draw_seated(roles: Roles, cast: Cast, draws: Draws) -> bool:
+    """Whether a person sits."""
+    share = cast.seated if roles.pair is None else roles.pair.seated
+    return bool(draws.chance(share))
+
+
+def act_out(
+    roles: Roles,
+    seated: bool,
+    swing: Float[Tensor, "T 2"],
+    settings: HandSettings,
+    draws: Draws,
+) -> TwoHands:
+    """The hands' motion; `swing` is how far forward each hand swings with its steps, metres."""
+    frames = len(swing)
+    rest = _rest_name(roles, seated, draws)
+    shared = Manner.drawn(draws, settings, 0.5)
+    timings: list[Timing] = []
+    hands: list[HandMotion] = []
+    for index, role in enumerate((roles.left, roles.right)):
+        at_rest = resting(RESTS[rest[index]], frames, swing[:, index], settings, draws)
+        if role.gesture is None:
+            timings.append(Timing(torch.zeros(frames), torch.zeros(frames)))
+            hands.append(at_rest)
+            continue
+        own = shared if roles.together else Manner.drawn(draws, settings, 0.5)
+        manner = variant_manner(role.name, role.variant, settings).and_then(own)
+        if roles.pair is not None and roles.pair.touches:
+            manner = manner.where_palms_meet()
+        if index and roles.together:
+            timing = timings[0]
+        else:
+            timing = draw_timing(role.gesture, manner.tempo, frames, settings, draws)
+        timings.append(timing)
+        hands.append(
+            perform(role.gesture, manner, _own_time(timing, roles, index), at_rest, settings, draws)
+        )
+    return _both(roles, hands, timings, draws)
+
+
+def _rest_name(roles: Roles, seated: bool, draws: Draws) -> tuple[str, str]:
+    """Where the left and the right hand rest; two that are idle do so alike."""
+    if seated:
+        return "lap", "lap"
+    places = ["side"] * 5 + ["belly", "hip"]
+    one, other = (places[int(draws.integers(0, len(places)))] for _ in SIDES)
+    return (one, one) if roles.together else (one, other)
+
+
+def _own_time(timing: Timing, roles: Roles, index: int) -> Timing:
+    """The time of a hand: the left one's strokes may come after the right one's."""
+    later = roles.pair.apart if roles.pair is not None and index == 0 else 0.0
+    return replace(timing, phase=timing.phase + later)
+
+
+def _both(roles: Roles, hands: list[HandMotion], timings: list[Timing], draws: Draws) -> TwoHands:
+    left, right = hands
+    place = mirror_points(left.place)
+    if roles.pair is not None and roles.pair.cross:
+        nearer = torch.tensor([0.0, -roles.pair.cross, -0.5 * roles.pair.cross])
+        place = place + timings[0].active[:, None] * nearer
+    swivel = 0.08 * draws.smooth(len(place), 2, 25.0)[0]
+    course, turned = [], []
+    for index, (role, timing) in enumerate(zip((roles.left, roles.right), timings, strict=True)):
+        gesture = role.gesture
+        own = _own_time(timing, roles, index).phase
+        course.append(stroke("still" if gesture is None else gesture.course, own) * timing.active)
+        turned.append((0.0 if gesture is None else gesture.swivel) * timing.active)
+    return TwoHands(
+        torch.stack([place, right.place], 1),
+        torch.stack([mirror_rotations(left.turn), right.turn], 1),
+        torch.stack([mirror_axis_angle(left.fingers), right.fingers], 1),
+        torch.stack([timing.active for timing in timings], 1),
+        torch.stack(course, 1),
+        swivel + torch.stack(turned, 1),
+    )

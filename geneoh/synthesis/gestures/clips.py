@@ -1,0 +1,48 @@
+"""Clips of bodies with hands and sentences, of which the generator BOTH2Hands is learned."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int, Shaped
+from torch import Tensor
+
+from geneoh.body.motion import BodyMotion
+from geneoh.body.skeleton import Skeleton
+from geneoh.bundle import Bundle
+from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.synthesis.actions import VERBS
+from geneoh.synthesis.gestures.repertoire import ONE_HANDED, TWO_HANDED
+
+REST = "rest"
+NAMES: tuple[str, ...] = (REST, *ONE_HANDED, *TWO_HANDED, *VERBS)
+"""What a hand does; `Gestures.gesture` is an index into it."""
+
+
+@dataclass(frozen=True)
+class Gestures(Bundle):
+    """B clips of T frames of a body with fingers, at 30 frames a second; y up.
+
+    The pelvis is above the origin in the first frame, and the body faces +z. Frames from `length`
+    on repeat the last one.
+    """
+
+    gesture: Int[Tensor, "B 2"]  # of the left and the right hand; two equal ones are made together
+    variant: Int[Tensor, "B 2"]  # of the gesture; -1 where there is none
+    body: Int[Tensor, " B"]  # number of the proportions
+    length: Int[Tensor, " B"]
+    root: Float[Tensor, "B T 3"]  # position of the pelvis, metres
+    pose: Float[Tensor, "B T 52 3"]  # axis-angle of each joint in its parent's frame, radians
+    offsets: Float[Tensor, "B 52 3"]  # of the skeleton, metres
+    left: Shaped[np.ndarray, " B"]  # a sentence about the left hand
+    right: Shaped[np.ndarray, " B"]
+    joined: Shaped[np.ndarray, "B S"]  # sentences about both hands, the plainest first
+
+    @property
+    def motion(self) -> BodyMotion:
+        """Rotations of all joints as matrices."""
+        return BodyMotion(self.root, axis_angle_to_matrix(self.pose))
+
+    @property
+    def skeleton(self) -> Skeleton:
+        """The body of each clip."""
+        return Skeleton(self.offsets)

@@ -1,0 +1,265 @@
+"""What a hand does over time in a gesture: its place, its rotation and its fingers."""
+
+import math
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+from torch.nn.functional import normalize
+
+from geneoh.bundle import Bundle
+from geneoh.geometry.rotations import axis_angle_to_matrix, interpolate_rotations
+from geneoh.synthesis.draws import Draws
+from geneoh.synthesis.gestures.repertoire import Gesture, HandPose
+from geneoh.synthesis.gestures.shapes import SHAPES
+from geneoh.synthesis.schedule import minimum_jerk
+from geneoh.synthesis.shards import seed_of
+
+FPS = 30.0
+VARIANTS = 10
+"""Ways of making each gesture, which differ in place, direction, size, tempo and shape."""
+OUTWARD = (-1.0, 1.0, 1.0)
+"""From outward, upward, forward of the right hand to the body's x (to its left), y and z."""
+FLEXED = (0, 3, 6, 9)  # knuckles of index, middle, pinky and ring
+
+
+@dataclass(frozen=True)
+class HandSettings:
+    """How much hands vary; deviations are those of variants, and half of it of single clips."""
+
+    place: float = 0.03  # of a place on each axis, metres
+    turn: float = 0.12  # of a hand's rotation on each axis, radians
+    tempo: float = 0.15  # of the logarithm of the period
+    size: float = 0.18  # of the logarithm of a stroke's length
+    curl: float = 0.1  # of the logarithm of each finger's curl
+    early: float = 0.35  # share of the gestures that are under way when the clip begins
+    late: float = 0.45  # share of those that go on beyond its end
+    begin: tuple[float, float] = (0.1, 1.1)  # range of the time at which a hand sets out, seconds
+    end: tuple[float, float] = (3.7, 4.7)  # range of the time at which it goes back
+    way: tuple[float, float] = (0.5, 0.95)  # range of the time of the way there, and back
+    bulge: float = 0.07  # how far forward of a straight way hands go, metres
+    unsteady: float = 0.08  # deviation of the tempo and the size from stroke to stroke
+    sway: float = 0.006  # deviation of slow motion of the place, metres
+    tremble: float = 0.035  # deviation of the fingers' own motion, radians
+    together: float = 0.6
+    """Correlation of that between the four fingers; recorded free motion has 0.56 to 0.8."""
+    tap: float = 0.45  # how far a finger that taps bends at the knuckle, radians
+
+
+@dataclass(frozen=True)
+class Timing(Bundle):
+    """When a gesture happens, for the hands that make it together."""
+
+    phase: Float[Tensor, " T"]  # strokes since it began; not above zero before
+    active: Float[Tensor, " T"]  # from 0, at rest, to 1, in the gesture
+
+
+@dataclass(frozen=True)
+class HandMotion(Bundle):
+    """A right hand over T frames from its shoulder: x to the body's left, y up, z forward."""
+
+    place: Float[Tensor, "T 3"]  # of the wrist, metres of an arm of the embedded skeleton
+    turn: Float[Tensor, "T 3 3"]  # rotation of the wrist against the chest
+    fingers: Float[Tensor, "T 15 3"]
+
+
+@dataclass(frozen=True)
+class Manner(Bundle):
+    """How a variant, or a single clip, makes a gesture unlike the others."""
+
+    place: Float[Tensor, " 3"]
+    turn: Float[Tensor, " 3"]
+    tempo: float  # factor of the period
+    size: float  # factor of the stroke
+    curl: Float[Tensor, " 5"]  # factor of each finger's curl
+
+    @staticmethod
+    def drawn(draws: Draws, settings: HandSettings, share: float = 1.0) -> "Manner":
+        """Random, with a share of the deviations."""
+        tempo, size = (share * draws.normal()[0]).item(), (share * draws.normal()[0]).item()
+        return Manner(
+            share * settings.place * draws.normal(3)[0],
+            share * settings.turn * draws.normal(3)[0],
+            math.exp(settings.tempo * tempo),
+            math.exp(settings.size * size),
+            torch.exp(share * settings.curl * draws.normal(5)[0]),
+        )
+
+    def where_palms_meet(self) -> "Manner":
+        """Without what would take the palms of both hands through each other or apart."""
+        sideways = torch.tensor([0.0, 1.0, 1.0])
+        return replace(self, place=self.place * sideways, turn=0.2 * self.turn, size=1.0)
+
+    def and_then(self, other: "Manner") -> "Manner":
+        """Both together."""
+        return Manner(
+            self.place + other.place,
+            self.turn + other.turn,
+            self.tempo * other.tempo,
+            self.size * other.size,
+            self.curl * other.curl,
+        )
+
+
+def variant_manner(name: str, variant: int, settings: HandSettings) -> Manner:
+    """How a variant of a gesture is made: the same for every clip of it."""
+    generator = torch.Generator().manual_seed(seed_of("variant", name, variant))
+    return Manner.drawn(Draws(1, generator), settings)
+
+
+def draw_timing(
+    gesture: Gesture, tempo: float, frames: int, settings: HandSettings, draws: Draws
+) -> Timing:
+    """When the gesture begins, how fast its strokes are, and when it ends."""
+    time = torch.arange(frames) / FPS
+    early, late = bool(draws.chance(settings.early)), bool(draws.chance(settings.late))
+    begin, end, go, back = (
+        draws.uniform(limits).item()
+        for limits in (settings.begin, settings.end, settings.way, settings.way)
+    )
+    period = tempo * draws.log_uniform(gesture.period).item()
+    if gesture.course == "once":
+        end = max(end, begin + go + period)
+    begin = -go - 2.0 * draws.share().item() if early and gesture.course != "once" else begin
+    active = minimum_jerk((time - begin) / go)
+    if not late:
+        active = active - minimum_jerk((time - end) / back)
+    speed = 1 + settings.unsteady * draws.smooth(frames, 1, 20.0)[0, :, 0]
+    # strokes begin while the hand arrives
+    since = (time - begin - 0.7 * go) * speed.cumsum(0) / torch.arange(1, frames + 1)
+    return Timing(since / period, active)
+
+
+def stroke(course: str, phase: Float[Tensor, " T"]) -> Float[Tensor, " T"]:
+    """How far a stroke is on its way to the other end, from 0 to 1."""
+    if course == "once":
+        return minimum_jerk(phase / 0.35) - minimum_jerk((phase - 0.65) / 0.35)
+    wave = 0.5 - 0.5 * torch.cos(2 * math.pi * phase.clamp(min=0))
+    return {"still": torch.zeros_like(phase), "swing": wave, "strike": wave**2.2}[course]
+
+
+def perform(
+    gesture: Gesture,
+    manner: Manner,
+    timing: Timing,
+    rest: HandMotion,
+    settings: HandSettings,
+    draws: Draws,
+) -> HandMotion:
+    """A right hand that goes from its rest to the gesture, makes its strokes and goes back."""
+    frames = len(timing.phase)
+    course = stroke(gesture.course, timing.phase)
+    course = course * (1 + settings.unsteady * draws.smooth(frames, 1, 15.0)[0, :, 0])
+    if gesture.course == "strike":
+        course = course.clamp(max=1.0)  # a blow ends at what it meets
+    start, end = gesture.start, gesture.end or gesture.start
+    first, last = (place_of(each) for each in (start, end))
+    place = first + manner.size * course[:, None] * (last - first) + manner.place
+    place = place + settings.sway * draws.smooth(frames, 3, 14.0)[0]
+    turn = interpolate_rotations(turn_of(start), turn_of(end), course.clamp(0, 1.2))
+    fingers = finger_course(gesture, manner, timing, course, settings, draws)
+    active = timing.active[:, None]
+    bulge = settings.bulge * torch.sin(math.pi * active) * torch.tensor([0.0, 0.0, 1.0])
+    fingers_active = _later(timing.active, -3)[:, None, None]  # a hand forms while it is moved
+    return HandMotion(
+        rest.place + active * (place - rest.place) + bulge,
+        interpolate_rotations(rest.turn, turn @ axis_angle_to_matrix(manner.turn), timing.active),
+        rest.fingers + fingers_active * (fingers - rest.fingers),
+    )
+
+
+def finger_course(
+    gesture: Gesture,
+    manner: Manner,
+    timing: Timing,
+    course: Float[Tensor, " T"],
+    settings: HandSettings,
+    draws: Draws,
+) -> Float[Tensor, "T 15 3"]:
+    """Fingers of a right hand in the gesture."""
+    frames, phase = len(course), timing.phase
+    start = shaped(gesture.start, manner)
+    end = shaped(gesture.end or gesture.start, manner)
+    lag = int(draws.integers(0, 4))
+    moved = _later(course, lag).clamp(0, 1.2)
+    if gesture.fingers == "grasp":
+        moved = minimum_jerk((phase - 0.25) / 0.15) - minimum_jerk((phase - 0.85) / 0.12)
+    elif gesture.fingers == "throw":
+        moved = minimum_jerk((phase - 0.2) / 0.12)
+    fingers = start + moved[:, None, None] * (end - start)
+    if gesture.steps:
+        shapes = [shaped(replace(gesture.start, shape=name), manner) for name in gesture.steps]
+        fingers = shapes[0].expand(frames, -1, -1)
+        for number, (one, other) in enumerate(pairwise(shapes)):
+            fingers = fingers + minimum_jerk((phase - number) / 0.3)[:, None, None] * (other - one)
+    bent = torch.zeros(frames, 15)
+    if gesture.fingers in ("taps", "ripple"):
+        bent[:, FLEXED] = settings.tap * taps(gesture.fingers, phase, draws)
+    noise = draws.smooth(frames, 46, 9.0)[0]
+    own, common = noise[:, :45].unflatten(-1, (15, 3)), noise[:, 45]
+    tremble = settings.tremble * (1 - settings.together) ** 0.5 * own
+    bent = bent + settings.tremble * settings.together**0.5 * common[:, None]
+    bent[:, 12:] = 0
+    return fingers + tremble + bent[..., None] * torch.tensor([0.0, 0.0, 1.0])
+
+
+def taps(kind: str, phase: Float[Tensor, " T"], draws: Draws) -> Float[Tensor, "T 4"]:
+    """How far the knuckles of index, middle, pinky and ring are bent by taps, from 0 to 1.
+
+    Fingers that ripple tap once in each stroke, the pinky first; others tap at a stroke's turn, or
+    not, at random.
+    """
+    order = torch.tensor([0.6, 0.4, 0.0, 0.2])
+    if kind == "ripple":
+        at = phase[:, None] - order
+        return (0.5 + 0.5 * torch.cos(2 * math.pi * at)) ** 4
+    at = phase[:, None] - 0.5
+    number = at.round()
+    which = draws.share(64, 4)[0].argsort(1) < 1 + draws.integers(0, 2, 64, 1)[0]
+    chosen = which[number[:, 0].long() % 64].float()
+    return chosen * torch.exp(-0.5 * ((at - number) / 0.16) ** 2)
+
+
+def resting(
+    pose: HandPose, frames: int, swing: Float[Tensor, " T"], settings: HandSettings, draws: Draws
+) -> HandMotion:
+    """A right hand at rest, which swings forward with the steps of a person who walks, metres."""
+    manner = Manner.drawn(draws, settings, 0.7)
+    place = place_of(pose) + manner.place + swing[:, None] * torch.tensor([0.0, 0.0, 1.0])
+    turn = turn_of(pose) @ axis_angle_to_matrix(manner.turn)
+    still = replace(_STILL, start=pose)
+    timing = Timing(torch.zeros(frames), torch.ones(frames))
+    fingers = finger_course(still, manner, timing, timing.phase, settings, draws)
+    place = place + settings.sway * draws.smooth(frames, 3, 25.0)[0]
+    return HandMotion(place, turn.expand(frames, 3, 3), fingers)
+
+
+def place_of(pose: HandPose) -> Float[Tensor, " 3"]:
+    """The place of a right wrist from its shoulder, in the body's axes."""
+    return torch.tensor(pose.place) * torch.tensor(OUTWARD)
+
+
+def turn_of(pose: HandPose) -> Float[Tensor, "3 3"]:
+    """The rotation of a right wrist: fingers of a flat hand are along its -x, the palm its -y."""
+    along, palm = (torch.tensor(v) * torch.tensor(OUTWARD) for v in (pose.along, pose.palm))
+    along = normalize(along, dim=0)
+    palm = normalize(palm - (palm @ along) * along, dim=0)
+    return torch.stack([-along, -palm, torch.linalg.cross(along, palm)], dim=1)
+
+
+def shaped(pose: HandPose, manner: Manner) -> Float[Tensor, "15 3"]:
+    """The fingers of a pose, with the curls of a manner."""
+    shape = SHAPES[pose.shape]
+    curl = tuple((torch.tensor(shape.curl) * manner.curl).clamp(max=2.25).tolist())
+    return replace(shape, curl=curl).fingers()
+
+
+def _later(values: Float[Tensor, " T"], frames: int) -> Float[Tensor, " T"]:
+    """The values some frames later; the first and the last stay."""
+    at = (torch.arange(len(values)) - frames).clamp(0, len(values) - 1)
+    return values[at]
+
+
+_STILL = Gesture(("rest",), HandPose((0.0, -0.5, 0.0), (0.0, -1.0, 0.0), (-1.0, 0.0, 0.0)))

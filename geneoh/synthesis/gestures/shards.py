@@ -1,0 +1,113 @@
+"""Clips of bodies with hands and sentences on disk, in the shards of `geneoh.synthesis.shards`."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from geneoh.bundle import concatenated
+from geneoh.errors import ConfigError, InputError
+from geneoh.files.tensors import DamagedTensorsError, all_tensors, opened_tensors
+from geneoh.hand.model import HandModel
+from geneoh.synthesis.gestures.clips import Gestures
+from geneoh.synthesis.gestures.hands import VARIANTS
+from geneoh.synthesis.gestures.manipulation import ActionSource
+from geneoh.synthesis.gestures.repertoire import ONE_HANDED, TWO_HANDED
+from geneoh.synthesis.gestures.stance import BODIES
+from geneoh.synthesis.gestures.synthesis import BodyConfig, gesturing, handling
+from geneoh.synthesis.shards import ShardConfig, find_shards
+
+TEXTS = ("left", "right", "joined")
+"""Fields of `Gestures` that are text, which the record of a shard holds."""
+
+
+@dataclass(frozen=True)
+class GestureConfig(ShardConfig):
+    """What a data set of bodies with hands and sentences is made of."""
+
+    held_out: int = 2
+    """Of the ten variants of each gesture, those that validation shards alone have."""
+    held_out_bodies: int = 40
+    """Of the 400 bodies, those that validation shards alone have."""
+    handling: float = 0.25
+    """Share of the clips with hands that hold an object, where there are actions."""
+    body: BodyConfig = field(default_factory=BodyConfig)
+
+    def __post_init__(self) -> None:
+        """Refuse sizes below one, and variants or bodies held out of which none or all are left."""
+        super().__post_init__()
+        for name, most in (("held_out", VARIANTS), ("held_out_bodies", BODIES)):
+            if not 0 < getattr(self, name) < most:
+                raise ConfigError(
+                    f"{name} must be from 1 to {most - 1}, got {getattr(self, name)}; change it"
+                )
+
+    def families_of(self, index: int, scans: Any = None) -> list[str]:
+        """Variants of gestures, such as "wave 3", of the shard of this number."""
+        first = VARIANTS - self.held_out
+        numbers = range(first, VARIANTS) if self.split_of(index) == "val" else range(first)
+        return [f"{name} {n}" for name in (*ONE_HANDED, *TWO_HANDED) for n in numbers]
+
+    def bodies(self, split: str) -> range:
+        """Numbers of the bodies of a split."""
+        first = BODIES - self.held_out_bodies
+        return range(first, BODIES) if split == "val" else range(first)
+
+
+DEFAULTS = GestureConfig()
+
+
+def synthesize_gestures(
+    config: GestureConfig,
+    variants: list[str],
+    hand: HandModel,
+    *,
+    generator: torch.Generator,
+    scans: ActionSource | None = None,
+) -> Gestures:
+    """`config.shard` clips of the given variants of gestures; some of actions, where there are any.
+
+    `hand` is not used: bodies have the embedded skeleton's hands.
+    """
+    known = [(name, int(n)) for name, _, n in (each.rpartition(" ") for each in variants)]
+    split = "val" if known[0][1] >= VARIANTS - config.held_out else "train"
+    bodies = config.bodies(split)
+    held = 0 if scans is None else round(config.handling * config.shard)
+
+    def people(count: int) -> list[int]:
+        return [bodies[i] for i in torch.randint(len(bodies), (count,), generator=generator)]
+
+    drawn = people(config.shard - held)
+    parts = [gesturing(known, drawn, config.frames, config.body, generator=generator)]
+    while scans is not None and (missing := config.shard - sum(len(p.body) for p in parts)) > 0:
+        actions, names = scans.drawn(split, 2 * missing, generator=generator)
+        drawn = people(len(actions.verb))
+        made = handling(actions, names, drawn, config.frames, config.body, generator=generator)
+        parts.append(made.take(slice(missing), "B"))
+    return concatenated(parts, "B")
+
+
+def gesture_shards(folder: Path, split: str) -> Iterator[Gestures]:
+    """The shards of one split ("train" or "val"), one after the other.
+
+    Raises:
+        InputError: the folder holds none, or files that are no whole shards of bodies.
+    """
+    for path in find_shards(folder, split, DEFAULTS):
+        try:
+            with opened_tensors(path) as (shard, record):
+                texts = {name: np.array(record[name]) for name in TEXTS}
+                yield Gestures(**all_tensors(shard), **texts)
+        except (OSError, TypeError, DamagedTensorsError) as error:
+            raise InputError(
+                f"{path}: expected a whole shard of bodies, got {error}; delete it and run "
+                "`geneoh synthesize --bodies` again, which makes what is missing"
+            ) from error
+
+
+def read_gestures(folder: Path, split: str) -> Gestures:
+    """All clips of one split; raises as above."""
+    return concatenated(gesture_shards(folder, split), "B")

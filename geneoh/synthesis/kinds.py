@@ -1,0 +1,55 @@
+"""The kinds of data that `geneoh synthesize` makes."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from geneoh.choices import Unit
+from geneoh.errors import ConfigError
+from geneoh.progress import OnStep
+from geneoh.synthesis import action_shards
+from geneoh.synthesis.gestures import shards as gesture_shards
+from geneoh.synthesis.gestures.manipulation import ActionSource
+from geneoh.synthesis.scans import find_scans
+from geneoh.synthesis.shards import ShardConfig, Source, SynthesisConfig, synthesize_shard
+
+
+@dataclass(frozen=True)
+class DataKind:
+    """What a data set shows, and what makes it."""
+
+    name: str
+    defaults: ShardConfig
+    synthesize: Callable[..., Any]
+    source: Callable[[Path, Unit, OnStep], Source | None]
+    """What is given beside the config, for a folder to write to and the unit of meshes."""
+
+
+def kind_of_data(
+    actions: bool, bodies: bool, meshes: Path | None, holding: Path | None
+) -> DataKind:
+    """The kind of data that options ask for.
+
+    Raises:
+        ConfigError: they ask for two kinds, or for what the kind has no use for.
+        InputError: there are no shards of actions in `holding`.
+    """
+    if actions and bodies:
+        raise ConfigError("--bodies: expected no --actions with it, got both; leave one out")
+    if meshes is not None and bodies:
+        raise ConfigError("--objects: expected none with --bodies, got one; leave it out")
+    if holding is not None and not bodies:
+        raise ConfigError("--with-actions: expected --bodies with it, got none; add it")
+    if bodies:
+        held = None if holding is None else ActionSource(holding)
+        made = gesture_shards.synthesize_gestures
+        return DataKind("bodies", gesture_shards.DEFAULTS, made, lambda *_: held)
+
+    def scans(folder: Path, unit: Unit, on_mesh: OnStep) -> Source | None:
+        return find_scans(folder, meshes, unit, on_mesh=on_mesh)
+
+    if actions:
+        made = action_shards.synthesize_actions
+        return DataKind("actions", action_shards.DEFAULTS, made, scans)
+    return DataKind("interactions", SynthesisConfig(), synthesize_shard, scans)

@@ -1,0 +1,51 @@
+import torch
+
+from geneoh.synthesis.gestures import sentences
+from geneoh.synthesis.gestures.repertoire import ONE_HANDED, REST_SAYS, TWO_HANDED
+from geneoh.synthesis.gestures.sentences import (
+    JOINED,
+    Doing,
+    gerund,
+    hand_sentence,
+    joined_sentences,
+    third_person,
+)
+
+REST, WAVE = Doing(REST_SAYS, rests=True), Doing(("wave",))
+
+
+def seeded(seed: int = 0) -> torch.Generator:
+    return torch.Generator().manual_seed(seed)
+
+
+def test_the_first_sentence_names_both_hands_plainly():
+    said = joined_sentences(REST, WAVE, generator=seeded())
+    assert said[0] == "the right hand waves, the left hand rests"
+    assert len(said) == JOINED
+    clap = Doing(TWO_HANDED["clap"].said)
+    assert joined_sentences(clap, clap, generator=seeded())[0] == "both hands clap"
+
+
+def test_every_free_sentence_tells_which_hand_waves(monkeypatch):
+    monkeypatch.setattr(sentences, "MISSPELT", 0.0)
+    for seed in range(40):
+        for sentence in joined_sentences(REST, WAVE, generator=seeded(seed))[1:]:
+            assert "right" in sentence.lower()
+            assert "wav" in sentence.lower()
+
+
+def test_a_sentence_of_one_hand_names_it():
+    for seed in range(20):
+        said = hand_sentence("left", WAVE, generator=seeded(seed)).lower()
+        assert "left hand" in said
+        assert "wav" in said
+
+
+def test_both_verbs_of_a_phrase_are_inflected():
+    assert third_person("open and close") == "opens and closes"
+    assert gerund("grasp and release") == "grasping and releasing"
+
+
+def test_no_two_gestures_are_said_alike():
+    plain = [g.says[0] for g in ONE_HANDED.values()] + [p.said[0] for p in TWO_HANDED.values()]
+    assert len(set(plain)) == len(plain)
