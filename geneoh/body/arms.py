@@ -58,18 +58,34 @@ def reach(
         collar = posed.positions[..., arm[0], :]
         bones = [skeleton.offsets[..., None, joint, :] for joint in arm[1:]]
         angle = 0.0 if swivel is None else swivel[..., index]
-        turned = _solve(
-            side,
-            turn,
-            positions[..., index, :] - collar,
-            rotations[..., index, :, :],
-            bones,
-            angle,
-        )
+        target, hand = positions[..., index, :] - collar, rotations[..., index, :, :]
+        turned = _with_hand(_solve(side, turn, target, bones, angle), hand, bones[-1])
         above = [turn, *turned[:-1]]
         for joint, parent, each in zip(arm, above, turned, strict=True):
             local[..., joint, :, :] = parent.transpose(-1, -2) @ each
     return replace(motion, rotations=local)
+
+
+def forearm(
+    skeleton: Skeleton,
+    side: Side,
+    place: Float[Tensor, "*B 3"],
+    swivel: Float[Tensor, "*#B"] | float = 0.0,
+) -> Float[Tensor, "*B 3 3"]:
+    """Rotation against the chest of a forearm that is not twisted, for a wrist at a place.
+
+    Turns of the hand against it stay in the range of a person's where they are interpolated; those
+    against the chest do not.
+
+    Args:
+        skeleton: one person's.
+        side: of the arm.
+        place: of the wrist from where the shoulder is in the T-pose, in the chest's frame, metres.
+        swivel: as `reach` takes it.
+    """
+    bones = [skeleton.offsets[joint] for joint in _arm(side)[1:]]
+    chest = torch.eye(3).to(place).expand(*place.shape[:-1], 3, 3)
+    return _solve(side, chest, place + bones[0], bones, swivel)[-1]
 
 
 def _arm(side: Side) -> list[int]:
@@ -84,11 +100,11 @@ def _solve(
     side: Side,
     chest: Float[Tensor, "*B 3 3"],
     target: Float[Tensor, "*B 3"],
-    hand: Float[Tensor, "*B 3 3"],
     bones: list[Tensor],
     swivel: Tensor | float,
 ) -> list[Tensor]:
-    """Global rotations of collar, shoulder, elbow and wrist; `target` is seen from the collar."""
+    """Global rotations of collar, shoulder and a forearm without twist; `target` is the wrist's
+    place from the collar."""
     to_shoulder, upper, fore = (bone.expand_as(target) for bone in bones)
     collar = chest @ _collar(upper, (chest.transpose(-1, -2) @ target[..., None])[..., 0])
     target = target - (collar @ to_shoulder[..., None])[..., 0]
@@ -104,9 +120,16 @@ def _solve(
     rest_hinge = upper.new_tensor((0.0, -1.0 if side == "left" else 1.0, 0.0)).expand_as(upper)
     shoulder = _aligned(upper, rest_hinge, elbow, hinge)
     straight = _aligned(fore, rest_hinge, distance[..., None] * along - elbow, hinge)
+    return [collar, shoulder, straight]
+
+
+def _with_hand(
+    solved: list[Tensor], hand: Float[Tensor, "*B 3 3"], fore: Float[Tensor, "*#B 3"]
+) -> list[Tensor]:
+    """Global rotations of collar, shoulder, elbow and wrist: the forearm follows a turned hand."""
+    collar, shoulder, straight = solved
     twist = _twist(straight.transpose(-1, -2) @ hand, normalize(fore, dim=-1))
-    forearm = straight @ axis_angle_to_matrix(FOREARM_TWIST * twist)
-    return [collar, shoulder, forearm, hand]
+    return [collar, shoulder, straight @ axis_angle_to_matrix(FOREARM_TWIST * twist), hand]
 
 
 def _collar(upper: Float[Tensor, "*B 3"], target: Float[Tensor, "*B 3"]) -> Float[Tensor, "*B 3 3"]:

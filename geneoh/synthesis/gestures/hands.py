@@ -9,6 +9,8 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn.functional import normalize
 
+from geneoh.body.arms import forearm
+from geneoh.body.skeleton import embedded_skeleton
 from geneoh.bundle import Bundle
 from geneoh.geometry.rotations import axis_angle_to_matrix, interpolate_rotations
 from geneoh.synthesis.draws import Draws
@@ -158,16 +160,34 @@ def perform(
     first, last = (place_of(each) for each in (start, end))
     place = first + manner.size * course[:, None] * (last - first) + manner.place
     place = place + settings.sway * draws.smooth(frames, 3, 14.0)[0]
-    turn = interpolate_rotations(turn_of(start), turn_of(end), course.clamp(0, 1.2))
     fingers = finger_course(gesture, manner, timing, course, settings, draws)
     active = timing.active[:, None]
     bulge = settings.bulge * torch.sin(math.pi * active) * torch.tensor([0.0, 0.0, 1.0])
+    place = rest.place + active * (place - rest.place) + bulge
+    # turns against the forearm, between which no way leads through a twist that no person makes
+    ends = [against_forearm(turn_of(each), place_of(each), gesture.swivel) for each in (start, end)]
+    turn = interpolate_rotations(*ends, course.clamp(0, 1.2)) @ axis_angle_to_matrix(manner.turn)
+    at_rest = against_forearm(rest.turn, rest.place, 0.0)
+    turn = interpolate_rotations(at_rest, turn, timing.active)
     fingers_active = _later(timing.active, -3)[:, None, None]  # a hand forms while it is moved
     return HandMotion(
-        rest.place + active * (place - rest.place) + bulge,
-        interpolate_rotations(rest.turn, turn @ axis_angle_to_matrix(manner.turn), timing.active),
+        place,
+        _forearm(place, gesture.swivel * timing.active) @ turn,
         rest.fingers + fingers_active * (fingers - rest.fingers),
     )
+
+
+def against_forearm(
+    turn: Float[Tensor, "*B 3 3"], place: Float[Tensor, "*B 3"], swivel: float
+) -> Float[Tensor, "*B 3 3"]:
+    """The turn of a right hand at a place against its forearm, from that against the chest."""
+    return _forearm(place, swivel).mT @ turn
+
+
+def _forearm(
+    place: Float[Tensor, "*B 3"], swivel: Float[Tensor, "*B"] | float
+) -> Float[Tensor, "*B 3 3"]:
+    return forearm(embedded_skeleton(), "right", place, swivel)
 
 
 def finger_course(

@@ -5,7 +5,7 @@ of the body, upward, forward; those of left hands are mirrored. Lengths are of a
 0.545 m from shoulder to wrist, and follow other arms.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 from geneoh.synthesis.gestures.shapes import SHAPES
@@ -160,11 +160,11 @@ ONE_HANDED: dict[str, Gesture] = {
     ),
     "thumb down": Gesture(
         ("give a thumbs down", "show a thumb down", "lower the thumb", "disapprove"),
-        HandPose((0.08, -0.18, 0.34), (-0.6, -0.1, 0.8), (0.8, 0.2, 0.6), "thumb"),
-        HandPose((0.08, -0.22, 0.35), (-0.6, -0.2, 0.8), (0.8, 0.1, 0.6), "thumb"),
+        HandPose((0.02, -0.14, 0.34), (-0.9, -0.05, 0.45), (0.45, 0.1, 0.9), "thumb"),
+        HandPose((0.02, -0.19, 0.35), (-0.9, -0.15, 0.45), (0.45, 0.0, 0.9), "thumb"),
         "swing",
         (0.8, 1.8),
-        swivel=0.8,
+        swivel=1.2,
     ),
     "clench": Gesture(
         ("open and close", "clench and open", "squeeze the air", "make a fist repeatedly"),
@@ -275,7 +275,7 @@ ONE_HANDED: dict[str, Gesture] = {
             "listen to a phone",
         ),
         _READY,
-        HandPose((0.0, 0.1, 0.13), (-0.35, 0.2, 0.7), (-0.9, 0.0, -0.45), "phone"),
+        HandPose((0.0, 0.1, 0.13), (-0.35, 0.3, 0.6), (-0.9, 0.1, 0.1), "phone"),
         "once",
         swivel=0.4,
     ),
@@ -530,4 +530,3 @@ class Cast:
     idle: float = 0.04  # of the other clips: both hands rest
     walking: float = 0.15  # of the people who do not sit
     seated: float = 0.25  # of the people whose gesture does not say
-    lengths: tuple[float, float] = field(default=(100.0, 150.0))
