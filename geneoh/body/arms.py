@@ -128,7 +128,8 @@ def _with_hand(
 ) -> list[Tensor]:
     """Global rotations of collar, shoulder, elbow and wrist: the forearm follows a turned hand."""
     collar, shoulder, straight = solved
-    twist = _twist(straight.transpose(-1, -2) @ hand, normalize(fore, dim=-1))
+    axis = normalize(fore, dim=-1).expand_as(hand[..., 0])
+    twist = _twist(straight.transpose(-1, -2) @ hand, axis)
     return [collar, shoulder, straight @ axis_angle_to_matrix(FOREARM_TWIST * twist), hand]
 
 

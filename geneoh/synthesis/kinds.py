@@ -42,7 +42,7 @@ def kind_of_data(
     if holding is not None and not bodies:
         raise ConfigError("--with-actions: expected --bodies with it, got none; add it")
     if bodies:
-        held = None if holding is None else ActionSource(holding)
+        held = None if holding is None else ActionSource.of(holding)
         made = gesture_shards.synthesize_gestures
         return DataKind("bodies", gesture_shards.DEFAULTS, made, lambda *_: held)
 

@@ -10,6 +10,7 @@ from trees.videos import h2o
 
 from geneoh.generators.text2hoi.library import load_networks
 from geneoh.nn.checkpoint import load_checkpoint
+from geneoh.synthesis.gestures.shards import read_gestures
 from geneoh.synthesis.shards import read_shards, shard_record
 
 SHARDS = ("--count", 4, "--set", "shard=2", "--set", "points=64")
@@ -181,3 +182,20 @@ def test_the_generator_learns_lengths_and_contact_from_recordings_of_a_data_set(
     refused = geneoh("train", "--stage", "length", "--data", "dexycb=h2o")
     assert refused.exit_code == 2
     assert "expected h2o, grab, arctic, whose recordings come with labels" in refused.stderr
+
+
+def test_bodies_with_sentences_are_made_and_other_kinds_of_data_are_told_apart(geneoh, tmp_path):
+    small = ("--count", 4, "--set", "shard=2", "--set", "frames=20")
+    made = geneoh("synthesize", "--bodies", *small, "-o", "bodies")
+    assert made.exit_code == 0, made.output
+    assert "2 shards made, of 2 bodies each" in made.stdout
+    assert len(read_gestures(tmp_path / "bodies", "train").body) == 2
+    for wrong, told in (
+        (("--bodies", "--actions"), "--bodies: expected no --actions with it"),
+        (("--bodies", "--objects", "."), "--objects: expected none with --bodies"),
+        (("--with-actions", "bodies"), "--with-actions: expected --bodies with it"),
+        (("--bodies", "--with-actions", "none"), "none: expected val_"),
+    ):
+        refused = geneoh("synthesize", *wrong, "-o", "other")
+        assert refused.exit_code == 2
+        assert told in refused.stderr

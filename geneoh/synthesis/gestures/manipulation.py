@@ -35,14 +35,13 @@ class ActionSource:
     """Shards of actions that `geneoh synthesize --actions` made."""
 
     folder: Path
+    fingerprint: str  # what tells these shards from others
 
-    @property
-    def fingerprint(self) -> str:
-        """What tells these shards from others."""
-        paths = [
-            path for split in ("val", "train") for path in find_shards(self.folder, split, DEFAULTS)
-        ]
-        return digest(paths)
+    @staticmethod
+    def of(folder: Path) -> "ActionSource":
+        """The shards of a folder; `InputError` if it holds none of both splits."""
+        splits = (find_shards(folder, split, DEFAULTS) for split in ("val", "train"))
+        return ActionSource(folder, digest(path for paths in splits for path in paths))
 
     def drawn(
         self, split: str, count: int, *, generator: torch.Generator

@@ -326,7 +326,7 @@ TWO_HANDED: dict[str, PairGesture] = {
         Gesture(
             ("clap", "applaud", "clap along", "give applause", "slap the palms together"),
             HandPose((-0.03, -0.2, 0.32), (-0.1, 0.55, 0.85), (-1.0, 0.0, 0.0), "flat"),
-            HandPose((-0.157, -0.2, 0.32), (-0.08, 0.55, 0.85), (-1.0, 0.0, 0.0), "flat"),
+            HandPose((-0.157, -0.2, 0.32), (-0.02, 0.55, 0.85), (-1.0, 0.0, 0.0), "flat"),
             "strike",
             (0.3, 0.65),
         ),

@@ -51,7 +51,7 @@ def test_validation_has_variants_and_bodies_that_training_never_has(tmp_path):
 
 def test_some_bodies_do_what_the_hands_of_actions_do(tmp_path):
     write_actions(tmp_path / "actions")
-    source = ActionSource(tmp_path / "actions")
+    source = ActionSource.of(tmp_path / "actions")
     made(tmp_path / "bodies", scans=source)
     clips = read_gestures(tmp_path / "bodies", "train")
     held = clips.take((clips.gesture >= NAMES.index("lift")).any(1), "B")

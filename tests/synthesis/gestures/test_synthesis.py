@@ -39,7 +39,7 @@ def clips_of(names, monkeypatch, walking=0.0, frames=90):
 @pytest.fixture(scope="module")
 def random_clips():
     variants = [(name, n) for name in (*ONE_HANDED, *TWO_HANDED) for n in range(3)]
-    return gesturing(variants, list(range(24)), 120, BodyConfig(), generator=seeded(3))
+    return gesturing(variants, list(range(8)), 90, BodyConfig(), generator=seeded(3))
 
 
 def test_hands_move_smoothly_and_no_faster_than_people(random_clips):
@@ -65,7 +65,7 @@ def test_the_palms_of_a_clap_meet_and_part(monkeypatch):
     clip = clips_of(["clap"], monkeypatch)
     posed = pose(clip.skeleton, clip.motion)
     middles = [posed.positions[0, :, FINGER_JOINTS[side][3]] for side in ("left", "right")]
-    apart = (middles[0] - middles[1]).norm(dim=-1)[45:75]
+    apart = (middles[0] - middles[1]).norm(dim=-1)[40:75]
     assert 0.02 < apart.min() < 0.09
     assert apart.max() > 0.14
 
