@@ -21,8 +21,8 @@ from ..options import FILE, OBJ_HELP, flag, many, option
 )
 @many(
     "-o --output outputs: File to write; its ending names the format: .html page (default), "
-    ".png filmstrip, .mp4 or .gif film, .glb scene, .npz with smplx names, .obj or .ply "
-    "folder of one mesh per frame. May be repeated.",
+    ".png filmstrip, .mp4 or .gif film, .glb scene, .npz with smplx names, .bvh body, .obj or "
+    ".ply folder of one mesh per frame. May be repeated.",
     click.Path(path_type=Path),
 )
 @options.overwrite
@@ -31,7 +31,10 @@ from ..options import FILE, OBJ_HELP, flag, many, option
     Choice(COLOURINGS),
     "penetration",
 )
-@option("--up: Axis of the world that points up.", Choice(AXES), "z")
+@option(
+    "--up: Axis of the world that points up.  [default: that of the body in the file, else z]",
+    Choice(AXES),
+)
 @many("--frame frames: Frame of a filmstrip. May be repeated.  [default: five, evenly spread]", int)
 @option("--cell: Side of one picture of a filmstrip, in pixels.", click.IntRange(64, 2048), 260)
 @flag("--serve: Show many results live, sorted by a measure.")
@@ -53,6 +56,7 @@ def view(
     FILES are RESULT [BEFORE], in any layout that geneoh reads. Writes RESULT.html unless -o names
     other files. With --serve, FILES are results, and NAME.npz beside NAME_clean.npz is its input.
     """
+    from dataclasses import replace
     from functools import partial
 
     from geneoh.errors import InputError
@@ -62,7 +66,8 @@ def view(
 
     given = {name: chosen.pop(name) for name in ("side", "fps", "unit")}
     opened = partial(open_scene, mano_dir=chosen.pop("mano"), **given)
-    look = Look(**chosen)
+    up = chosen.pop("up")
+    look = Look(up=up or "z", **chosen)
     if serve:
         from geneoh.viz.serve import Gallery, gallery_items
 
@@ -77,6 +82,7 @@ def view(
         raise InputError(f"expected RESULT [BEFORE], got {len(files)} files; --serve takes many")
     check_scene_outputs(outputs, inputs=[*files, *obj], overwrite=overwrite)
     scene = opened(*files, obj=obj)
+    look = replace(look, up=up or scene.up)
     meshes = [mesh.source for mesh in scene.object.meshes]
     check_scene_outputs(outputs, inputs=meshes, overwrite=overwrite)
     for output in outputs:

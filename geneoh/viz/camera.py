@@ -11,6 +11,9 @@ import torch
 from jaxtyping import Float
 from scipy.ndimage import gaussian_filter1d
 
+from geneoh.body.motion import pose
+from geneoh.body.skeleton import JOINT_NAMES
+from geneoh.readers.bodies.base import BodyRecording
 from geneoh.viz.raster import rasterise
 from geneoh.viz.scene import DrawnSurface, Scene
 
@@ -25,6 +28,11 @@ MAX_OFFSET = 0.05  # how far from the hands it looks at most, metres
 WHOLE_FRAMES = 0.98  # share of frames in which the hands are whole in the picture
 MARGIN = 1.04  # how much larger the picture is than what must be inside it
 MAX_OBJECT = 0.12  # half the diagonal of the largest object that is whole in it, metres
+BODY_SEEN = ("head", "left_wrist", "right_wrist", "left_shoulder", "right_shoulder", "spine2")
+"""Joints of a body that are in the picture."""
+BODY_TURN, BODY_ABOVE = 0.45, 0.15  # radians aside of the front; above the horizontal
+BODY_SMOOTHING = 1.0  # seconds of the filter on the path of a camera that follows a body
+HAND_ROOM = 0.22  # room around wrists and head for hands and skull, metres
 DEEP_BONUS = 25.0  # how much more a pixel of skin inside the object counts than another
 
 Axes = Float[np.ndarray, "3 3"]
@@ -66,10 +74,37 @@ def axes_towards(back: Float[np.ndarray, " 3"], up: Float[np.ndarray, " 3"]) -> 
 
 def cameras(scene: Scene, up: Float[np.ndarray, " 3"]) -> list[Camera]:
     """One camera for each frame: the same direction and size in all, so that frames compare."""
+    if scene.body is not None:
+        return _body_cameras(scene, scene.body, up)
     targets = _targets(scene)
     axes = _best_axes(scene, up, targets, _radius(scene, targets, np.eye(3)))
     radius = _radius(scene, targets, axes)
     return [Camera(axes, target, radius) for target in targets]
+
+
+def _body_cameras(scene: Scene, body: BodyRecording, up: Float[np.ndarray, " 3"]) -> list[Camera]:
+    """Cameras in front of a body, a little aside, that see it from the hands to the head."""
+    posed = pose(body.skeleton, body.file_motion)
+    seen = posed.positions[:, [JOINT_NAMES.index(name) for name in BODY_SEEN]].numpy()
+    front = posed.rotations[:, JOINT_NAMES.index("spine3"), :, 2].mean(0).numpy()
+    front = front - (front @ up) * up
+    if np.linalg.norm(front) < 0.1:  # one who turns all around, or lies
+        front = np.cross(np.eye(3)[np.abs(up).argmin()], up)
+    front /= np.linalg.norm(front)
+    aside = np.cross(up, front)
+    back = np.cos(BODY_TURN) * front + np.sin(BODY_TURN) * aside + BODY_ABOVE * up
+    axes = axes_towards(back, up)
+    middle = (seen.max(1) + seen.min(1)) / 2
+    targets = gaussian_filter1d(middle, BODY_SMOOTHING * scene.fps, 0, mode="nearest")
+    return [Camera(axes, target, _body_radius(seen, targets, axes)) for target in targets]
+
+
+def _body_radius(
+    seen: Float[np.ndarray, "T K 3"], targets: Float[np.ndarray, "T 3"], axes: Axes
+) -> float:
+    """Radius with which the joints are in the picture, and the hands around them."""
+    aside = (seen - targets[:, None]) @ axes.T
+    return float(np.abs(aside[..., :2]).max(-1).max(-1).max()) + HAND_ROOM
 
 
 def _best_axes(

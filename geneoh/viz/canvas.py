@@ -55,7 +55,7 @@ class Canvas:
         for version, picture, (left, top) in zip(scene.versions, pictures, corners, strict=True):
             depth = float(version.measures.depth[frame].nan_to_num())
             words = f"{1000 * depth:.1f} mm deep" if depth > 0 else "not inside"
-            words = f"{frame / scene.fps:.1f} s   {words}"
+            words = f"{frame / scene.fps:.1f} s   {words if scene.has_object else ''}"
             self.paste(picture, left, top)
             self.write(words, left + 12, top + cell + 2, size=size, colour=FAINT)
 
@@ -95,7 +95,7 @@ def filmstrip(scene: Scene, look: Look | None = None, on_step: OnStep | None = N
     seen, cell = cameras(scene, look.upward), look.cell
     row, column = TITLE_HEIGHT + cell + CAPTION_HEIGHT, cell + STRIP_GAP
     height = row * len(scene.versions)
-    scaled = look.colouring != "plain"
+    scaled = look.colouring != "plain" and scene.has_object
     canvas = Canvas(column * len(frames) - STRIP_GAP, height + SCALE_HEIGHT * scaled)
     for index, version in enumerate(scene.versions):
         canvas.write(version.title, 12, index * row + 8, size=16)

@@ -14,6 +14,8 @@ from geneoh.files.atomic import in_one_step, write_whole
 from geneoh.files.npz import Arrays, write_archive
 from geneoh.files.outputs import check_ending, check_outputs
 from geneoh.progress import OnStep, steps
+from geneoh.readers.bodies.bvh import write_bvh
+from geneoh.readers.bodies.fields import body_fields
 from geneoh.viz.canvas import filmstrip, png_bytes
 from geneoh.viz.glb import glb_bytes
 from geneoh.viz.look import Look
@@ -22,7 +24,7 @@ from geneoh.viz.scene import PosedTrack, Scene
 from geneoh.viz.video import write_film
 
 MESHES = (".obj", ".ply")  # endings of the formats that make a folder
-ENDINGS = (".html", ".png", ".mp4", ".gif", ".glb", ".npz", *MESHES)
+ENDINGS = (".html", ".png", ".mp4", ".gif", ".glb", ".bvh", ".npz", *MESHES)
 
 
 def check_scene_outputs(
@@ -45,8 +47,8 @@ def write(
     """Write a scene in the format that the ending of the path names.
 
     `.html` is a page, `.png` a filmstrip, `.mp4` and `.gif` a film of all versions. `.glb`, `.npz`
-    (smplx names), `.obj` and `.ply` hold the last version; the mesh formats make a folder of one
-    file per frame, named without the ending.
+    (smplx names), `.bvh` (a body), `.obj` and `.ply` hold the last version; the mesh formats make a
+    folder of one file per frame, named without the ending.
     """
     look = look or Look()
     check_ending(path, ENDINGS)
@@ -59,11 +61,21 @@ def write(
             write_whole(path, glb_bytes(scene, look))
         case ".npz":
             hands = scene.versions[-1].hands
-            if len(hands) != 1:
+            if scene.body is not None:
+                write_archive(path, body_fields(scene.body))
+            elif len(hands) != 1:
                 raise InputError(
                     f"{path}: the smplx names hold one hand, got {len(hands)}; pass --side"
                 )
-            write_archive(path, smplx_arrays(scene, hands[0]))
+            else:
+                write_archive(path, smplx_arrays(scene, hands[0]))
+        case ".bvh":
+            if scene.body is None:
+                raise InputError(
+                    f"{path}: a BVH holds a body, got hands alone; view what `geneoh generate "
+                    "--body` wrote"
+                )
+            write_bvh(scene.body.skeleton, scene.body.motion, scene.fps, path)
         case ".obj" | ".ply":
             write_meshes(scene, path, on_step)
         case _:

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from geneoh.bundle import Bundle
-from geneoh.choices import Colouring, Side
+from geneoh.choices import Axis, Colouring, Side
 from geneoh.errors import InputError, MissingAssetError
 from geneoh.fitting.subject import subject_of
 from geneoh.geometry.distance import MovingSurface
@@ -21,12 +21,15 @@ from geneoh.geometry.rotations import matrix_to_quat_wxyz
 from geneoh.hand.library import hand_of_betas, load_hand
 from geneoh.hand.model import HandModel
 from geneoh.metrics.report import FrameMeasures, measure_frames
+from geneoh.readers.bodies.base import BodyRecording
 from geneoh.sequence.resample import nearest_frames
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh.viz.look import OBJECT_COLOUR, ramp_colours, ramp_position
+from geneoh.viz.mannequin import mannequin
 from geneoh.viz.surface import with_sharp_edges
 
 EXACT_WITHIN = 0.03  # distances of vertices are exact within this many metres of the object's box
+NO_OBJECT = 10.0  # distance of all vertices where there is no object, metres
 SPREAD_REACH = 0.015  # how far the spread of a keypoint reaches over the skin, metres
 
 
@@ -117,6 +120,10 @@ class Scene:
     samples: dict[Side, Float[Tensor, "S T 21 3"]]  # keypoints of all samples, if kept
     object_confidence: Float[Tensor, " T"] | None = None
     """How much the object's poses agree with one another, 0 to 1; None where they all do."""
+    body: BodyRecording | None = None
+    """Whose hands they are, where that is known; `object` then has its limbs as its last parts."""
+    limbs: int = 0
+    """How many parts of `object` are limbs of the body; nothing is measured against them."""
 
     @property
     def frames(self) -> int:
@@ -138,8 +145,21 @@ class Scene:
         return quat_wxyz.numpy(), self.object.translation[:, part].numpy()
 
     def part_name(self, part: int) -> str:
-        """ "object", or "object 1", "object 2" where there are several parts."""
-        return f"object {part + 1}" if len(self.object.meshes) > 1 else "object"
+        """ "object", or "object 1", "object 2" where there are several parts; "body 1" of limbs."""
+        own = len(self.object.meshes) - self.limbs
+        if part >= own:
+            return f"body {part - own + 1}"
+        return f"object {part + 1}" if own > 1 else "object"
+
+    @property
+    def up(self) -> Axis:
+        """Axis of the world that points up, as far as is known: that of the body, else z."""
+        return "z" if self.body is None else self.body.up
+
+    @property
+    def has_object(self) -> bool:
+        """Whether hands are measured against anything."""
+        return len(self.object.meshes) > self.limbs
 
     def object_verts(self, part: int, frame: int) -> Float[Tensor, "V 3"]:
         """Vertices of a part in the world."""
@@ -171,16 +191,18 @@ def make_scene(
     title: str | None = None,
     samples: dict[Side, Float[Tensor, "S R 21 3"]] | None = None,
     mano_dir: Path | str | None = None,
+    body: BodyRecording | None = None,
 ) -> Scene:
     """Pose and measure every hand of one or two versions of an interaction.
 
-    The object is that of the last sequence. A hand that has only keypoints is fitted to them. Betas
-    of MANO get MANO's mesh where the user has it, else the embedded hand with the same bones.
+    The object is that of the last sequence; with a body there need be none. A hand that has only
+    keypoints is fitted to them. Betas of MANO get MANO's mesh where the user has it, else the
+    embedded hand with the same bones.
 
     `sequences` are by title, in the order before, after; `samples` are at any frame rate.
     """
     last_title, last = next(reversed(sequences.items()))
-    if not last.object.meshes:
+    if not last.object.meshes and body is None:
         raise InputError(f"{last.source}: expected an object mesh, got none; pass --obj MESH")
     for sequence in sequences.values():
         if sequence.frames != last.frames:
@@ -188,7 +210,7 @@ def make_scene(
                 f"{sequence.source}: both must have the same frames, got {sequence.frames} "
                 f"against {last.frames}; cut them to the same frames"
             )
-    surface = replace(last.object.surface(), within=EXACT_WITHIN)
+    surface = replace(last.object.surface(), within=EXACT_WITHIN) if last.object.meshes else None
     versions = []
     for name, sequence in sequences.items():
         hands = [pose_track(hand, surface, sequence.fps, mano_dir) for hand in sequence.hands]
@@ -197,11 +219,28 @@ def make_scene(
         side: drawn[:, nearest_frames(drawn.shape[1], last.frames)]
         for side, drawn in (samples or {}).items()
     }
-    return Scene(title or last_title, tuple(versions), last.object, last.fps, paced)
+    scene = Scene(title or last_title, tuple(versions), last.object, last.fps, paced)
+    return scene if body is None else with_body(scene, body)
+
+
+def with_body(scene: Scene, body: BodyRecording) -> Scene:
+    """The scene with the limbs of a body of as many frames as parts to draw."""
+    if body.frames != scene.frames:
+        raise InputError(
+            f"{body.source}: body and hands must have the same frames, got {body.frames} against "
+            f"{scene.frames}; cut them to the same frames"
+        )
+    limbs, own = mannequin(body), scene.object
+    shown = ObjectTrack(
+        (*own.meshes, *limbs.meshes),
+        torch.cat([own.rotation[:, : len(own.meshes)], limbs.rotation], dim=1),
+        torch.cat([own.translation[:, : len(own.meshes)], limbs.translation], dim=1),
+    )
+    return replace(scene, object=shown, body=body, limbs=len(limbs.meshes))
 
 
 def pose_track(
-    track: HandTrack, surface: MovingSurface, fps: float, mano_dir: Path | str | None = None
+    track: HandTrack, surface: MovingSurface | None, fps: float, mano_dir: Path | str | None = None
 ) -> PosedTrack:
     """The mesh of one track, of the embedded hand where the user has no MANO, and its measures."""
     try:
@@ -218,7 +257,8 @@ def pose_track(
         if left:
             verts, joints, wrist = (mirror_points(points) for points in (verts, joints, wrist))
             pose = mirror_axis_angle(pose)
-        distance = surface.query(verts).distance
+        far = torch.full_like(verts[..., 0], NO_OBJECT)
+        distance = far if surface is None else surface.query(verts).distance
         measures = measure_frames(distance, verts, joints, fps, track.valid)
         measured = (verts, joints, distance, measures, track.joint_spread)
         return PosedTrack(track.side, model, pose, wrist, subject.betas, *measured)

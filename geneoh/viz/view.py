@@ -15,6 +15,7 @@ from geneoh.config import checked_call
 from geneoh.files.atomic import write_whole
 from geneoh.pipeline.results import Denoised, load_confidence, load_samples
 from geneoh.progress import OnStep
+from geneoh.readers.bodies.fields import own_body
 from geneoh.readers.npz_files import load
 from geneoh.sequence.sequence import Sequence
 from geneoh.viz.look import STRIP_CELL, Look
@@ -34,7 +35,7 @@ def view(
     obj: Path | str | Iterable[Path | str] = (),
     title: str | None = None,
     colouring: Colouring = "penetration",
-    up: Axis = "z",
+    up: Axis | None = None,
     frames: Iterable[int] = (),
     cell: int = STRIP_CELL,
     mano_dir: Path | str | None = None,
@@ -48,7 +49,8 @@ def view(
 
     The ending of the path names the format: `.html` a page that plays in any browser; `.png` a
     filmstrip; `.mp4` or `.gif` a film; and of the result alone `.glb` an animated scene, `.npz` the
-    parameters under smplx names, `.obj` or `.ply` a folder of one mesh per frame.
+    parameters under smplx names, `.bvh` a body with its fingers, `.obj` or `.ply` a folder of one
+    mesh per frame.
 
     Args:
         result: what `denoise` returned, a sequence, or the npz file of either.
@@ -58,7 +60,7 @@ def view(
             those that the npz file names, where they are still there.
         title: of the page; the name of the file or the source of the sequence when left out.
         colouring: what the hands' colours show in pictures and films.
-        up: axis of the world that points up.
+        up: axis of the world that points up; that of the body in the file, else z.
         frames: frames of a filmstrip; evenly spread ones when empty.
         cell: side of one picture of a filmstrip in pixels.
         mano_dir: folder of the user's MANO files, for results with MANO's hand.
@@ -73,12 +75,13 @@ def view(
         ConfigError: a colouring or an axis that does not exist.
         MissingAssetError: a film without ffmpeg.
     """
-    look = Look(colouring=colouring, up=up, frames=tuple(frames), cell=cell)
+    look = Look(colouring=colouring, up=up or "z", frames=tuple(frames), cell=cell)
     obj = (obj,) if isinstance(obj, Path | str) else tuple(obj)
     if path is not None:
         read = [Path(given) for given in (result, before, *obj) if isinstance(given, Path | str)]
         check_scene_outputs([Path(path)], inputs=read, overwrite=True)
     scene = open_scene(result, before, obj=obj, title=title, mano_dir=mano_dir)
+    look = replace(look, up=up or scene.up)
     if path is not None:
         write(scene, Path(path), look, on_step=on_step)
         return Path(path)
@@ -114,7 +117,10 @@ def open_scene(
             name = title or sequence.source or "interaction"
             longer_name = f"{name}, cleaned"
         sequences[longer_name if name in sequences else name] = sequence
-    scene = make_scene(sequences, title=title, samples=_samples(result), mano_dir=mano_dir)
+    body = own_body(Path(result)) if isinstance(result, Path | str) else None
+    scene = make_scene(
+        sequences, title=title, samples=_samples(result), mano_dir=mano_dir, body=body
+    )
     return replace(scene, object_confidence=confidence_of(result))
 
 

@@ -7,8 +7,14 @@ import torch
 from trees.writers import dump_joblib
 
 from geneoh.body.motion import BodyMotion
+from geneoh.body.skeleton import embedded_skeleton
 from geneoh.geometry.axes import turn_up
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
+from geneoh.readers.bodies.base import BodyRecording
+from geneoh.readers.bodies.fields import body_fields
+from geneoh.readers.npz_files import save_sequence
+from geneoh.sequence.body_hands import hand_tracks
+from geneoh.sequence.sequence import ObjectTrack, Sequence
 
 
 def swaying(frames: int = 8, joints: int = 52, seed: int = 0) -> BodyMotion:
@@ -85,4 +91,18 @@ def motion_x(path: Path, motion: BodyMotion) -> Path:
     turns, root = in_world(motion, "y")
     flat, rest = turns.reshape(len(turns), -1), np.zeros((len(turns), 153))
     np.save(path, np.concatenate([flat, rest, root, np.zeros((len(turns), 10))], axis=1))
+    return path
+
+
+def recording(frames: int = 6, up: str = "y") -> BodyRecording:
+    """A body of the embedded skeleton, in a world with that axis up."""
+    motion = swaying(frames)
+    return BodyRecording(motion, embedded_skeleton(), torch.zeros(3), 30.0, "a body", up)  # pyright: ignore
+
+
+def hands_file(path: Path, body: BodyRecording) -> Path:
+    """The hands of a body, and the body beside them, as `geneoh generate --body` writes them."""
+    hands = hand_tracks(body.skeleton, body.file_motion)
+    sequence = Sequence(hands, ObjectTrack.resting((), body.frames), body.fps, "made")
+    save_sequence(sequence, path, extra=body_fields(body))
     return path

@@ -29,6 +29,8 @@ from geneoh.sequence.validation import LARGEST_ANGLE
 RATES = ("fps", "mocap_frame_rate", "mocap_framerate")
 OFFSETS = "body_offsets"
 """In our own files: the (52, 3) rest offsets of the skeleton, the first that of the pelvis."""
+UP = "body_up"
+"""In our own files: the axis of their world that points up."""
 FINGERS = 30
 MOTION_X = 322
 """Numbers of a frame of Motion-X: root 3, body 63, hands 90, jaw 3, face 50 and 100, translation 3,
@@ -179,7 +181,7 @@ def rest_body(record: Record, betas: Float[Tensor, " S"] | None, model: Path | N
 
 def own_axis(record: Record) -> Axis | None:
     """The axis that our own files name as the one that points up."""
-    said = record.optional_text("body_up")
+    said = record.optional_text(UP)
     return next((axis for axis in AXES if axis == said), None)
 
 

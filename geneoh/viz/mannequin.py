@@ -1,0 +1,63 @@
+"""A body as rigid parts that can be drawn: one rounded bone for each joint, and a head."""
+
+import numpy as np
+import torch
+import trimesh
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.body.motion import pose
+from geneoh.body.skeleton import BODY_JOINTS, JOINT_NAMES, PARENTS
+from geneoh.geometry.mesh import Mesh
+from geneoh.readers.bodies.base import BodyRecording
+from geneoh.sequence.sequence import ObjectTrack
+
+RADII = {
+    **{"spine": 0.1, "neck": 0.06, "head": 0.05, "hip": 0.08, "knee": 0.065, "ankle": 0.05},
+    **{"foot": 0.04, "collar": 0.07, "shoulder": 0.06, "elbow": 0.042, "wrist": 0.032},
+}
+"""Metres, of the bone that ends in a joint."""
+HEAD, HEAD_ABOVE = (0.075, 0.11, 0.09), (0.0, 0.09, 0.02)
+"""Half axes of the head and its middle, seen from its joint, metres."""
+ROUND = 10  # points around a bone
+
+
+def mannequin(body: BodyRecording) -> ObjectTrack:
+    """The parts of a body in the world of its file, without hands; each moves as one bone does."""
+    motion = body.file_motion
+    posed = pose(body.skeleton, motion)
+    bones = [
+        (PARENTS[joint], bone(JOINT_NAMES[joint], body.skeleton.offsets[joint]))
+        for joint in range(1, BODY_JOINTS)
+        if bool(body.skeleton.offsets[joint].norm() > 1e-3)
+    ]
+    bones.append((JOINT_NAMES.index("head"), head()))
+    moved_by = [joint for joint, _ in bones]
+    meshes = tuple(mesh for _, mesh in bones)
+    return ObjectTrack(meshes, posed.rotations[:, moved_by], posed.positions[:, moved_by])
+
+
+def bone(name: str, offset: Float[Tensor, " 3"]) -> Mesh:
+    """A capsule from a joint at the origin to the one that hangs on it."""
+    radius = RADII[name.split("_")[-1].rstrip("123")]
+    length = float(offset.norm())
+    shape = trimesh.creation.capsule(length, radius, count=(ROUND, ROUND))
+    shape.apply_translation((0, 0, length / 2 - shape.bounds[:, 2].mean()))
+    turn = trimesh.geometry.align_vectors((0, 0, 1), (offset / length).numpy())
+    assert turn is not None, "two directions of three numbers"
+    shape.apply_transform(turn)
+    return mesh_of(shape)
+
+
+def head() -> Mesh:
+    """An ellipsoid above the joint of the head."""
+    shape = trimesh.creation.icosphere(2)
+    shape.apply_scale(HEAD)
+    shape.apply_translation(HEAD_ABOVE)
+    return mesh_of(shape)
+
+
+def mesh_of(shape: trimesh.Trimesh) -> Mesh:
+    """A shape as a mesh of ours."""
+    verts = torch.from_numpy(np.asarray(shape.vertices, dtype=np.float32))
+    return Mesh(verts, torch.from_numpy(np.asarray(shape.faces, dtype=np.int64)))
