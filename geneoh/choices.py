@@ -71,6 +71,9 @@ ACTION_STAGES: tuple[ActionStage, ...] = get_args(ActionStage)
 GeneratorStage = Literal["text", "length", ActionStage]
 """Networks of the generator Text2HOI that `geneoh train` trains."""
 GENERATOR_STAGES: tuple[GeneratorStage, ...] = get_args(GeneratorStage)
+BodyStage = Literal["body_hands", "text_hands", "blend"]
+"""Networks of the generator BOTH2Hands that `geneoh train` trains."""
+BODY_STAGES: tuple[BodyStage, ...] = get_args(BodyStage)
 
 Noise = Literal["gauss", "gauss_strong", "beta", "bias", "drift", "burst", "drop", "camera"]
 """Kinds of noise that `geneoh corrupt` adds; `geneoh.sequence.noise` defines each."""

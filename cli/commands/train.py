@@ -6,7 +6,7 @@ from typing import Any
 import click
 from click import Choice
 
-from geneoh.choices import GENERATOR_STAGES, STAGES
+from geneoh.choices import BODY_STAGES, GENERATOR_STAGES, STAGES
 from geneoh.errors import ConfigError
 
 from .. import options, progress
@@ -15,16 +15,22 @@ FOLLOWS = ("spatial", "temporal", "relations")
 """Stages that learn on the output of MotionDiff."""
 ACTIONS = "runs/actions"
 """Folder of the actions that the generator learns from, where no other is named."""
+BODIES = "runs/bodies"
+"""Folder of the bodies that the generator of hands learns from, where no other is named."""
 
 
 @click.command()
-@options.option("--stage: Network to train.", Choice((*STAGES, *GENERATOR_STAGES)), required=True)
+@options.option(
+    "--stage: Network to train.",
+    Choice((*STAGES, *GENERATOR_STAGES, *BODY_STAGES)),
+    required=True,
+)
 @options.many(
     "--data sources: What to learn from; may be repeated. A folder alone holds made "
     "interactions, and they are made where it is empty. SOURCE is one of `geneoh convert "
     "--help`, or `sequences` for npz files; WEIGHT is its share of the windows, relative to "
     "the others.",
-    show_default="runs/data; runs/actions for the generator",
+    show_default="runs/data; runs/actions and runs/bodies for the generators",
     metavar="[SOURCE=]PATH[:WEIGHT]",
 )
 @options.folder
@@ -70,6 +76,10 @@ def train(
     each with those before it that are in the output folder, or the shipped ones; their settings
     are those of Text2HoiConfig.
 
+    Body_hands, text_hands and blend are networks of the generator of hands for a body. They learn
+    from one folder of `geneoh synthesize --bodies`, the blend with the other two, which are in the
+    output folder, or the shipped ones; their settings are those of Both2HandsConfig.
+
     Several processes share each batch, on one machine or on many, and take the same steps as one:
     torchrun --nproc-per-node 2 --no-python geneoh train --stage motion. With --device cuda each
     has a GPU.
@@ -85,7 +95,11 @@ def train(
     with joined(named_device(device)) as (team, place):
         say = click.echo if not team.rank else lambda words: None
         with team.first_alone(), progress.progress_bars(not team.rank) as on_progress:
-            if stage in GENERATOR_STAGES:
+            if stage in BODY_STAGES:
+                refuse_unused(stage, start=start, mano=mano)
+                asked = config, settings, sources, folder, text_encoder
+                task, notes, weights = body_task(stage, *asked), (), None
+            elif stage in GENERATOR_STAGES:
                 refuse_unused(stage, start=start)
                 asked = config, settings, sources, folder, text_encoder, mano
                 (task, notes), weights = generator_task(stage, *asked, on_progress), None
@@ -156,15 +170,37 @@ def generator_task(
 
     if stage == "text":
         refuse_unused(stage, data=sources, text_encoder=text_encoder, mano=mano)
-    if len(sources) > 1:
-        raise ConfigError(
-            f"--data: expected one source of actions with --stage {stage}, got {len(sources)}; "
-            "keep one"
-        )
-    data = parsed_source(sources[0] if sources else ACTIONS)
+    data = parsed_source(only_source(stage, sources, ACTIONS))
     learned = Learned(data, folder, text_encoder, ReaderOptions(mano_dir=mano))
     named = options.find_config(config or stage)
     return task(stage, named, settings, learned, on_progress)
+
+
+def body_task(
+    stage: Any,
+    config: str | None,
+    settings: tuple[str, ...],
+    sources: tuple[str, ...],
+    folder: Path,
+    text_encoder: Path | None,
+) -> Any:
+    """A network of the generator of hands for a body to learn."""
+    from geneoh.generators.both2hands.stages import body_task as task
+
+    if stage == "body_hands":
+        refuse_unused(stage, text_encoder=text_encoder)
+    data = Path(only_source(stage, sources, BODIES))
+    named = options.find_config(config or stage)
+    return task(stage, named, settings, data, folder, text_encoder)
+
+
+def only_source(stage: Any, sources: tuple[str, ...], default: str) -> str:
+    """What a generator learns from, which is one source."""
+    if len(sources) > 1:
+        raise ConfigError(
+            f"--data: expected one source with --stage {stage}, got {len(sources)}; keep one"
+        )
+    return sources[0] if sources else default
 
 
 def refuse_unused(stage: Any, **given: Any) -> None:

@@ -28,6 +28,7 @@ COMPARED = {
     "before": "MotionDiff (fingerprint)",
     "text": "text encoder (fingerprint)",
     "contact": "contact network (fingerprint)",
+    "branches": "networks that are blended (fingerprint)",
     "start": "first weights (fingerprint)",
 }
 """What else a run that is continued has in common with the saved one, and its name in words."""

@@ -150,7 +150,7 @@ def test_networks_of_the_generator_need_a_folder_of_actions(geneoh, tmp_path):
     assert missing.exit_code == 2
     assert "expected train_*.safetensors" in missing.stderr
     two = geneoh("train", "--stage", "contact", "--data", "a", "--data", "b", "-o", "run")
-    assert "--data: expected one source of actions with --stage contact, got 2" in two.stderr
+    assert "--data: expected one source with --stage contact, got 2" in two.stderr
     text = geneoh("train", "--stage", "text", "--text-encoder", "clip", "-o", "run")
     assert "--text-encoder: expected none with --stage text" in text.stderr
     cleaner = geneoh("train", "--stage", "motion", "--text-encoder", "clip", "-o", "run")

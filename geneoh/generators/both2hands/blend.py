@@ -28,7 +28,7 @@ class BlendConfig:
     depth: int = 4
     heads: int = 4
     head_width: int = 32
-    frames_per_token: int = 5  # (paper: 1)
+    frames_per_token: int = 6  # (paper: 1)
     body_weight: float = 0.8  # w_B, of the body's hands in the weighted mean
     text_weight: float = 0.2  # w_T, of the sentence's
     repeats: int = 3

@@ -14,8 +14,9 @@ class Both2HandsConfig(RunConfig):
 
     steps: int = 800
     rate: float = 1e-3
-    warmup: int = 50
+    warmup: int = 30
     decay: float = 0.6
+    ema: float = 0.995
     error: Literal["squared", "absolute"] = "squared"
     """What is averaged over numbers: squared errors, whose best answer is the mean; or absolute
     ones (paper)."""

@@ -34,7 +34,7 @@ class HandsConfig:
     depth: int = 4  # transformer blocks
     heads: int = 4
     head_width: int = 256  # features of each head of the paper's form; ours divides the width
-    frames_per_token: int = 5  # frames of a hand in one token (paper: 1, of both hands)
+    frames_per_token: int = 6  # frames of a hand in one token (paper: 1, of both hands)
     frame: HandsFrame = "wrist"  # axes that hands are told in (paper: the world, with a body)
     scaling: Scaling = "deviation"  # of features (paper: range)
 
@@ -46,7 +46,7 @@ class TextHandsConfig(HandsConfig):
     text: int = 0
     """Features of a sentence by a text encoder that is given, such as CLIP's; 0: the network reads
     words itself, and learns to."""
-    words: SentenceConfig = field(default_factory=SentenceConfig)
+    words: SentenceConfig = field(default_factory=lambda: SentenceConfig(pieces=1024))
 
 
 @dataclass(frozen=True)

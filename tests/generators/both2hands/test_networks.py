@@ -67,7 +67,7 @@ def test_hands_depend_on_the_sentence_and_not_on_its_padding(form):
 
 
 def test_steps_of_hands_come_back_as_frames():
-    network = BodyHands(HandsConfig(**SMALL))
+    network = BodyHands(HandsConfig(**SMALL, frames_per_token=5))
     made = hands(3)
     steps = network.steps(made)
     assert steps.shape == (2, 4, 2, 5 * 135)

@@ -1,0 +1,69 @@
+"""The networks of BOTH2Hands by the names of their stages, as `geneoh train` learns them."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import cast
+
+import torch
+from tokenizers import Tokenizer
+
+from geneoh.choices import BodyStage
+from geneoh.config import as_dict, configured
+from geneoh.generators.both2hands.config import Both2HandsConfig
+from geneoh.generators.both2hands.library import Speech, load_branches, reader_of, refuse_strangers
+from geneoh.generators.both2hands.training import HandsTask
+from geneoh.generators.pieces import learned_pieces
+from geneoh.generators.text import foreign_encoder
+from geneoh.synthesis.gestures.clips import Gestures
+from geneoh.synthesis.gestures.shards import DEFAULTS, read_gestures
+from geneoh.synthesis.shards import find_shards, shard_record
+
+
+def body_task(
+    stage: BodyStage,
+    config: Path | None,
+    settings: Sequence[str],
+    data: Path,
+    folder: Path,
+    text_encoder: Path | None = None,
+) -> HandsTask:
+    """What `geneoh train --stage` learns, with the settings of a file and then of `a.b=c` texts.
+
+    The blend learns with the two networks in `folder`, or the shipped ones.
+
+    Raises:
+        InputError: there are no clips.
+        CheckpointError: weights in the folder do not fit their network.
+        ConfigError: the file cannot be read, or a setting is unknown or of the wrong type.
+    """
+    chosen = configured(Both2HandsConfig(), config, settings)
+    training, validation = (read_gestures(data, split) for split in ("train", "val"))
+    made = as_dict(shard_record(find_shards(data, "train", DEFAULTS)[0], DEFAULTS))
+    tokenizer, branches = None, None
+    if stage == "body_hands":
+        speech = _silence
+    elif stage == "blend":
+        branches = load_branches(folder, text_encoder=text_encoder)
+        speech = branches.speech
+        if chosen.blend.form == "ours":
+            refuse_strangers(branches, folder)
+    elif text_encoder is not None:
+        encoder = foreign_encoder(text_encoder)
+        speech = cast(Speech, encoder.encode)
+        chosen = replace(chosen, text_hands=replace(chosen.text_hands, text=encoder.width))
+    else:
+        tokenizer = vocabulary(training, chosen.text_hands.words.pieces)
+        speech = reader_of(tokenizer, chosen.text_hands)
+    return HandsTask(stage, chosen, training, validation, speech, tokenizer, branches, made)
+
+
+def vocabulary(clips: Gestures, pieces: int) -> Tokenizer:
+    """At most `pieces` pieces of words, learned on all sentences of clips."""
+    said = [clips.left, clips.right, clips.joined.ravel()]
+    return learned_pieces((str(each) for some in said for each in some), pieces)
+
+
+def _silence(sentences: Sequence[str]) -> torch.Tensor:
+    """What a network is told that is told no sentence."""
+    return torch.zeros(len(sentences), 0)

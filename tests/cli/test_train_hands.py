@@ -1,0 +1,49 @@
+"""Training of the networks that make hands of a moving body and a sentence."""
+
+import torch
+from made_bodies import SKELETON, made_motion
+from made_gestures import made_gestures, write_gesture_shards
+
+from geneoh.body.motion import BodyMotion
+from geneoh.choices import BODY_STAGES
+from geneoh.generators.both2hands.generate import generate_hands
+from geneoh.generators.both2hands.library import load_networks
+
+FEW = ("steps=1", "batch=3", "validation_batches=1", "text_hands.words.pieces=60")
+SMALL = tuple(
+    f"{stage}.{name}={size}"
+    for stage in BODY_STAGES
+    for name, size in (("width", 16), ("depth", 1), ("heads", 2))
+)
+
+
+def test_the_networks_of_hands_are_trained_one_after_the_other_and_used(geneoh, tmp_path):
+    write_gesture_shards(tmp_path / "bodies", val=made_gestures(4, seed=1), train=made_gestures(6))
+    settings = [word for setting in (*FEW, *SMALL) for word in ("--set", setting)]
+    run = ("--data", "bodies", "-o", "run", "--threads", "1", *settings)
+    for stage in BODY_STAGES:
+        trained = geneoh("train", "--stage", stage, *run)
+        assert trained.exit_code == 0, trained.output
+    networks, motion = load_networks(tmp_path / "run"), made_motion(bodies=1, frames=5)
+    assert networks.blend.config.width == 16
+    made = generate_hands(
+        BodyMotion(motion.root[0], motion.rotations[0]),
+        SKELETON,
+        "the left hand waves",
+        steps=1,
+        generator=torch.Generator().manual_seed(0),
+        networks=networks,
+    )
+    assert made.rotations.shape == (5, 52, 3, 3)
+
+
+def test_networks_of_hands_need_one_folder_of_bodies_and_no_other_options(geneoh, tmp_path):
+    def refused(*words):
+        ended = geneoh("train", "--stage", "body_hands", "-o", "run", *words)
+        assert ended.exit_code == 2
+        return ended.stderr
+
+    assert "expected train_*.safetensors" in refused()
+    assert "--data: expected one source" in refused("--data", "a", "--data", "b")
+    assert "--text-encoder: expected none" in refused("--text-encoder", "clip")
+    assert "--start: expected none" in refused("--start", "shipped")

@@ -1,0 +1,125 @@
+from dataclasses import replace
+
+import pytest
+import torch
+from made_bodies import speech, tiny_networks
+from made_gestures import TINY, made_gestures, tiny_task
+
+from geneoh.choices import BODY_STAGES
+from geneoh.errors import CheckpointError
+from geneoh.generators.both2hands.training import blended, hands_loss
+from geneoh.nn.checkpoint import load_checkpoint
+from geneoh.synthesis.draws import Draws, Part
+from geneoh.training.loop import train
+from geneoh.training.processes import Team
+
+CPU = torch.device("cpu")
+WHOLE = Part(0, TINY.batch, TINY.batch)
+
+
+class Interrupted(Exception):
+    pass
+
+
+def stop(progress):
+    if progress.step == 3:
+        raise Interrupted
+
+
+@pytest.mark.parametrize("stage", BODY_STAGES)
+def test_a_resumed_run_is_the_run_that_was_not_interrupted(tmp_path, stage):
+    whole = load_checkpoint(train(tiny_task(stage), tmp_path / "whole", device=CPU))
+    with pytest.raises(Interrupted):
+        train(tiny_task(stage), tmp_path / "cut", device=CPU, on_step=stop)
+    resumed = load_checkpoint(train(tiny_task(stage), tmp_path / "cut", device=CPU))
+    assert all(torch.equal(t, resumed.tensors[n]) for n, t in whole.tensors.items())
+    assert whole.record["stage"] == stage
+    assert whole.record["sequences"] == 6
+
+
+@pytest.mark.parametrize("stage", BODY_STAGES)
+def test_the_loss_falls(tmp_path, stage):
+    heard = []
+    config = replace(TINY, steps=20, validate_every=5, checkpoint_every=20)
+    train(tiny_task(stage, config), tmp_path, device=CPU, on_step=heard.append)
+    left = [p.error_left for p in heard if p.error_left is not None]
+    assert left[-1] < (0.95 if stage == "blend" else 0.8) * left[0]
+
+
+@pytest.mark.parametrize("stage", ["body_hands", "text_hands"])
+def test_the_scale_of_the_data_lies_in_the_weights(tmp_path, stage):
+    task = tiny_task(stage, replace(TINY, steps=1))
+    saved = load_checkpoint(train(task, tmp_path, device=CPU)).tensors
+    scale = task.network().scale
+    torch.testing.assert_close(saved["scale.middle"], scale.middle, atol=1e-3, rtol=1e-3)
+    assert saved["scale.size"].max() < 1
+    assert saved["scale.size"].min() > 0
+
+
+def test_the_sentence_counts_in_the_loss_of_the_blend():
+    task = tiny_task("blend")
+    samples, generator = task.drawn(True, "step", 0, part=WHOLE)
+    state = generator.get_state()
+
+    def loss(said):
+        draws = Draws(WHOLE.count, torch.Generator().set_state(state))
+        other = replace(samples, said=said)
+        found, clean = blended(task.network(), task.branches, other, TINY, draws)
+        return hands_loss(found, clean, samples.real, TINY)
+
+    assert (loss(samples.said) - loss(speech(["other words"] * 4))).abs() > 1e-5
+
+
+def test_a_clip_is_learned_with_a_sentence_of_its_own():
+    task, heard = tiny_task("blend"), []
+
+    def listen(sentences):
+        heard.extend(sentences)
+        return speech(sentences)
+
+    samples, _ = replace(task, speech=listen).drawn(True, "step", 0, part=WHOLE)
+    rests = samples.scene.motion.rotations[:, 0, 22:37].flatten(1)
+    for row, sentence in enumerate(heard):
+        own = [n for n, said in enumerate(task.data.joined) if sentence in said]
+        true = task.data.motion.rotations[own, 0, 22:37].flatten(1)
+        assert (true - rests[row]).abs().amax(1).min() < 1e-6
+
+
+def test_the_paper_s_target_is_the_weighted_mean_of_both_answers():
+    config = replace(TINY, target="mean")
+    task = tiny_task("blend", config)
+    samples, generator = task.drawn(True, "step", 0, part=WHOLE)
+    draws = Draws(WHOLE.count, generator)
+    found, target = blended(task.network(), task.branches, samples, config, draws)
+    torch.testing.assert_close(found, target)  # ours begins with that mean
+
+
+def test_frames_after_the_end_of_a_clip_do_not_count():
+    found, clean = torch.zeros(1, 4, 270), torch.zeros(1, 4, 270)
+    clean[:, 2:] = 9.0
+    real = torch.tensor([[True, True, False, False]])
+    for error in ("squared", "absolute"):
+        assert hands_loss(found, clean, real, replace(TINY, error=error)) == 0
+    still = replace(TINY, velocity=0.0)
+    assert hands_loss(found, clean, real.flip(1), still) == 81.0
+
+
+def test_pieces_of_a_batch_have_the_loss_of_the_whole():
+    whole = tiny_task("body_hands").pieces(0, Team(), CPU)
+    divided = tiny_task("body_hands", replace(TINY, accumulate=2)).pieces(0, Team(), CPU)
+    model = tiny_networks().body
+    total = sum(piece.loss(model) for piece in divided)
+    torch.testing.assert_close(total, whole[0].loss(model), rtol=0.1, atol=0)
+
+
+def test_a_blend_of_other_networks_is_not_continued(tmp_path):
+    train(tiny_task("blend", replace(TINY, steps=1)), tmp_path, device=CPU)
+    other = tiny_task("blend", replace(TINY, steps=2), tiny_networks(seed=5))
+    with pytest.raises(CheckpointError, match="networks that are blended"):
+        train(other, tmp_path, device=CPU)
+
+
+def test_made_clips_have_the_fields_of_the_engine():
+    clips = made_gestures()
+    assert clips.motion.rotations.shape == (6, 20, 52, 3, 3)
+    assert clips.take(slice(2), "B").joined.shape == (2, 2)
