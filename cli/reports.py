@@ -1,6 +1,6 @@
 """Results as lines of text."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,6 +9,7 @@ from geneoh.pipeline.results import Denoised, HandResult
 from geneoh.sequence.sequence import Sequence
 
 if TYPE_CHECKING:
+    from geneoh.generators.both2hands.on_body import BodyWithHands
     from geneoh.generators.text2hoi.generate import Generated
 
 
@@ -47,6 +48,20 @@ def generated(made: "Generated", output: Path) -> Iterator[str]:
         for line in before_and_after(hand.before, hand.after):
             yield f"  {line}"
     yield f"wrote {output}"
+
+
+def hands_on_body(made: "BodyWithHands", outputs: Iterable[Path]) -> Iterator[str]:
+    """What was read, what was assumed, what the cleaner says, and what was written."""
+    body = made.body
+    yield f"read {body.source}: {body.frames} frames at {body.fps:g} frames a second"
+    for note in body.notes:
+        yield f"note: {note}"
+    for side, hand in ({} if made.refined is None else made.refined.hands).items():
+        yield f"{side} hand:"
+        for line in before_and_after(hand.before, hand.after):
+            yield f"  {line}"
+    for output in outputs:
+        yield f"wrote {output}"
 
 
 def counted(number: int, noun: str) -> str:

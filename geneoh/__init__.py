@@ -9,7 +9,8 @@
 Reading and writing: `load` (npz files), `read` (files of data sets and estimators), `from_arrays`
 (arrays in memory), `load_mesh`, `save`, `to_smplx`. Cleaning: `denoise` with `Options`, which
 returns a `Denoised`; `Stream`, frame by frame. Making: `generate` with `GenerateOptions`, which
-returns a `Generated`. Looking: `view`. Scoring: `evaluate` with `EvaluationOptions`. Data:
+returns a `Generated`; `generate_on_body` with `BodyOptions`, which returns a `BodyWithHands`.
+Looking: `view`. Scoring: `evaluate` with `EvaluationOptions`. Data:
 `Sequence`, made of `HandTrack`, `ObjectTrack` and `Mesh`. Errors: `geneoh.errors`.
 
 Units are metres, radians and seconds. A public name is imported when it is first used, so that
@@ -25,6 +26,9 @@ if TYPE_CHECKING:
     from geneoh import errors as errors
     from geneoh.evaluation.options import EvaluationOptions as EvaluationOptions
     from geneoh.evaluation.runner import evaluate as evaluate
+    from geneoh.generators.both2hands.on_body import BodyOptions as BodyOptions
+    from geneoh.generators.both2hands.on_body import BodyWithHands as BodyWithHands
+    from geneoh.generators.both2hands.on_body import generate_on_body as generate_on_body
     from geneoh.generators.text2hoi.generate import Generated as Generated
     from geneoh.generators.text2hoi.generate import GenerateOptions as GenerateOptions
     from geneoh.generators.text2hoi.generate import generate as generate
@@ -49,6 +53,7 @@ if TYPE_CHECKING:
 _MODULES = {
     "evaluation.options": ("EvaluationOptions",),
     "evaluation.runner": ("evaluate",),
+    "generators.both2hands.on_body": ("BodyOptions", "BodyWithHands", "generate_on_body"),
     "generators.text2hoi.generate": ("GenerateOptions", "Generated", "generate"),
     "geometry.mesh": ("Mesh", "load_mesh"),
     "pipeline.denoise": ("denoise",),

@@ -1,4 +1,4 @@
-"""`geneoh generate`: a sentence and a mesh become two hands and a moving object."""
+"""`geneoh generate`: a sentence and a mesh, or a body, become hands that do what it says."""
 
 from pathlib import Path
 from typing import Any
@@ -8,14 +8,27 @@ from click import Choice
 
 from geneoh.choices import AXES, REFINERS
 
-from .. import options, progress
+from .. import bodies, options, progress
 
 
 @click.command()
 @click.argument("sentence")
-@options.option("--obj: Mesh file of the object.", options.FILE, required=True)
-@options.output
-@options.option("--up: Axis of the mesh that points up when it stands.", Choice(AXES), "z")
+@options.option("--obj: Mesh file of the object.", options.FILE)
+@options.option(
+    "--body: Moving body to give hands: npz by smplx names or of AMASS, BVH, BOTH57M, Motion-X.",
+    options.FILE,
+)
+@options.many(
+    "-o --output outputs: File to write, .npz; with --body also .bvh and .glb, and may be "
+    "repeated. One that geneoh wrote before is replaced when the new one is complete.",
+    options.FILE,
+)
+@options.overwrite
+@options.option(
+    "--up: Axis that points up: of the mesh when it stands, by default z; of the body's world, by "
+    "default as its file or its spine says.",
+    Choice(AXES),
+)
 @options.unit
 @options.option(
     "--frames: Length at 30 frames a second.  [default: as the sentence says]",
@@ -28,8 +41,8 @@ from .. import options, progress
     1.0,
 )
 @options.option(
-    "--refine: What mends the hands: geneoh brings them to the surface and cleans them as `geneoh "
-    "denoise` does; none leaves them as the network made them.",
+    "--refine: What mends hands that hold an object: geneoh brings them to the surface and cleans "
+    "them as `geneoh denoise` does; none leaves them as the network made them.",
     Choice(REFINERS),
     "geneoh",
 )
@@ -42,21 +55,44 @@ from .. import options, progress
     "that were trained with it.",
     options.FOLDER,
 )
+@bodies.reading_options
 @options.seed
 def generate(
-    sentence: str, obj: Path, output: Path | None, overwrite: bool, unit: Any, **chosen: Any
+    sentence: str,
+    obj: Path | None,
+    body: Path | None,
+    outputs: tuple[Path, ...],
+    overwrite: bool,
+    unit: Any,
+    **chosen: Any,
 ) -> None:
-    """Make hands do with an object what SENTENCE says, such as "lift the mug with the left hand".
+    """Make hands that do what SENTENCE says, with an object (--obj) or on a body (--body).
 
-    Writes a sequence that `geneoh view` shows and `geneoh denoise` takes: hands, the poses of the
-    object, `contact`, the probability that each vertex of the mesh is touched, and `prompt`.
-    Without -o it is written beside the mesh, with `_generated` added to its name. SENTENCE may also
-    be a text file, as @FILE. Known verbs: lift, put down, carry, slide, rotate, pour, tilt, shake,
-    inspect, press, pass; sentences with others are taken for the nearest one.
+    With --obj, such as "lift the mug with the left hand": writes hands, the poses of the object,
+    `contact`, the probability that each vertex of the mesh is touched, and `prompt`. Known verbs:
+    lift, put down, carry, slide, rotate, pour, tilt, shake, inspect, press, pass; sentences with
+    others are taken for the nearest one.
+
+    With --body, such as "the right hand waves, the left rests": writes both hands of the body, and
+    the body with its fingers under smplx names. An object that the body's file holds, or --obj with
+    --object-pose, makes the hands go through the cleaner.
+
+    `geneoh view` shows both, and `geneoh denoise` takes them. Without -o the file stands beside the
+    mesh, with `_generated` added to its name, or beside the body, with `_hands`. SENTENCE may also
+    be a text file, as @FILE.
     """
+    bodies.refuse_others(body, obj)
+    files = {"obj": obj, "outputs": outputs, "overwrite": overwrite, "unit": unit}
+    if body is not None:
+        bodies.make_hands(sentence, body, **files, **chosen)
+        return
+    assert obj is not None, "refused before"
+    from geneoh.errors import InputError
     from geneoh.files.outputs import check_ending, check_outputs
 
-    output = output or obj.with_name(f"{obj.stem}_generated.npz")
+    output, *more = outputs or (obj.with_name(f"{obj.stem}_generated.npz"),)
+    if more:
+        raise InputError(f"{more[0]}: expected one file with --obj, got {len(outputs)}; name one")
     check_ending(output, (".npz",))
     check_outputs([output], inputs=[obj], overwrite=overwrite)
 
@@ -67,10 +103,9 @@ def generate(
     from .. import reports
 
     mesh = load_mesh(obj, unit=unit)
+    asked = GenerateOptions(up=chosen.pop("up") or "z", **bodies.without_reading(chosen))
     with progress.progress_bars() as on_progress:
-        made = generate(
-            prompt_text(sentence), mesh, GenerateOptions(**chosen), on_progress=on_progress
-        )
+        made = generate(prompt_text(sentence), mesh, asked, on_progress=on_progress)
     save_generated(made, output)
     for line in reports.generated(made, output):
         click.echo(line)

@@ -61,7 +61,9 @@ def check_sequence(sequence: Sequence, name: str = "") -> None:
                 f"for the {hand.side} hand and {sequence.frames} for the object; "
                 "cut them to the same frames"
             )
-        check_distance(hand, sequence.object, name)
+    # The other hand of one who holds something may hang far away from it.
+    nearest = min(sequence.hands, key=lambda hand: least_distance(hand, sequence.object))
+    check_distance(nearest, sequence.object, name)
 
 
 def check_hand(hand: HandTrack, name: str) -> None:
@@ -171,13 +173,18 @@ def describe_matrix(rotation: Float[Tensor, "Q 3 3"]) -> str:
 
 def check_distance(hand: HandTrack, motion: ObjectTrack, name: str) -> None:
     """Refuse a hand that never comes near its object: other units, another frame, other object."""
-    nearest = float(distance_to_object(hand, motion)[hand.valid].min())
+    nearest = least_distance(hand, motion)
     if nearest > FARTHEST_HAND:
         raise InputError(
             f"{name}: the {hand.side} hand must come near the object, got a wrist that stays "
             f"{nearest:.3g} m away from it; check that both are in metres and in the same frame, "
             "and that the object's poses are given (--object-pose)"
         )
+
+
+def least_distance(hand: HandTrack, motion: ObjectTrack) -> float:
+    """Metres from the wrist to its object in the frame in which they are nearest."""
+    return float(distance_to_object(hand, motion)[hand.valid].min())
 
 
 def distance_to_object(hand: HandTrack, motion: ObjectTrack) -> Float[Tensor, " T"]:

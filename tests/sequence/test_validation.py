@@ -64,3 +64,10 @@ def test_ball_distance_moves_with_the_object():
     verts = torch.tensor([[2.0, -1, 0], [2.0, 1, 0]])  # a ball of radius 1 around (2, 0, 0)
     distance = ball_distance(torch.zeros(1, 3), verts, turn, torch.tensor([[0.0, 3, 0]]))
     torch.testing.assert_close(distance, torch.tensor([4.0]))
+
+
+def test_one_hand_may_hang_far_from_what_the_other_holds():
+    away = replace(HAND, side="left", joints=HAND.joints + 2)
+    check_sequence(replace(GOOD, hands=(HAND, away)))
+    with pytest.raises(InputError, match="near the object"):
+        check_sequence(replace(GOOD, hands=(replace(HAND, joints=HAND.joints - 3), away)))

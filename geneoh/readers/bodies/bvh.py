@@ -68,7 +68,7 @@ def read_bvh(path: Path, *, fps: float | None = None, up: Axis | None = None) ->
             f"'LeftForeArm' and 'LeftHand', got none for {', '.join(missing)} among "
             f"{quoted(names)}; rename the joints"
         )
-    skeleton, motion, unit = as_body(file, found)
+    skeleton, motion, unit = as_body(file, found, path)
     motion, up, notes = upright(motion, skeleton, up)
     rate, _ = rate_of(
         file.fps, fps if fps is None or abs(fps - file.fps) > 0.05 else file.fps, str(path)
@@ -82,11 +82,16 @@ def read_bvh(path: Path, *, fps: float | None = None, up: Axis | None = None) ->
     )
 
 
-def as_body(file: BvhFile, found: dict[str, int]) -> tuple[Skeleton, BodyMotion, str]:
+def as_body(file: BvhFile, found: dict[str, int], path: Path) -> tuple[Skeleton, BodyMotion, str]:
     """The skeleton in metres, the motion in the file's world, and the name of the file's unit."""
     unit, metres = unit_of(file.rest(), found)
     rest = {name: metres * file.rest()[index] for name, index in found.items()}
     turns = rest_turns(rest)
+    if not torch.linalg.det(turns["pelvis"]) > 0.5:
+        raise InputError(
+            f"{path}: expected shoulders above the pelvis and apart at rest, got a rest pose that "
+            "shows no front; export it in a T-pose"
+        )
     offsets, kept = torch.zeros(len(JOINT_NAMES), 3), dict(rest)
     for joint, name in enumerate(JOINT_NAMES[1:], 1):
         above = JOINT_NAMES[PARENTS[joint]]

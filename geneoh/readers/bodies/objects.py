@@ -8,7 +8,6 @@ from geneoh.geometry.mesh import meshes_of
 from geneoh.readers import foreign_files
 from geneoh.readers.meshes import find_meshes
 from geneoh.readers.npz_files import POSE_SHAPES, with_callers
-from geneoh.readers.npz_layouts import read_fields
 from geneoh.readers.npz_tracks import read_object
 from geneoh.readers.records import Record
 from geneoh.sequence.sequence import ObjectTrack
@@ -36,7 +35,7 @@ def object_of_body(
         InputError: a mesh without poses or the reverse, or poses of another number of frames.
     """
     own = path.suffix.lower() == ".npz"
-    record = read_fields(path) if own else Record(str(path), {})
+    record = foreign_files.read_record(path) if own else Record(str(path), {})
     given = None
     if object_pose is not None:
         given = foreign_files.read_array(object_pose, *POSE_SHAPES)

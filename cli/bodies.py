@@ -1,0 +1,109 @@
+"""`geneoh generate --body`: hands for a moving body."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+from click.core import ParameterSource
+
+from . import options, progress
+
+if TYPE_CHECKING:
+    from geneoh.generators.both2hands.on_body import BodyWithHands
+
+ENDINGS = (".npz", ".bvh", ".glb")
+reading_options = options.together(
+    options.option(
+        "--skeleton: Your SMPL-H or SMPL-X model, for the exact bones of the body; without it "
+        "those of its file, else of a typical adult.",
+        options.FILE,
+    ),
+    options.option("--fps: Frames a second of the body, where its file does not say.", float),
+    options.option(
+        "--clip: Which body of a file with several, from 0.  [default: the first]",
+        click.IntRange(min=0),
+    ),
+    options.option(
+        "--object-pose: npy file of (T, 4, 4) matrices, object to the body's world, for --obj with "
+        "--body.",
+        options.FILE,
+    ),
+)
+FOR_OBJECTS = ("frames", "guidance")
+FOR_BODIES = ("skeleton", "clip", "fps", "object_pose")
+"""Parameters of `geneoh generate` that mean something only without --body, and only with it."""
+
+
+def refuse_others(body: Path | None, obj: Path | None) -> None:
+    """Refuse, by name, options that would be ignored, and a command without anything to move."""
+    context = click.get_current_context()
+    if body is None and obj is None:
+        raise click.UsageError("Missing option '--obj' or '--body'")
+    for parameter in context.command.params:
+        name = parameter.name or ""
+        given = context.get_parameter_source(name) is ParameterSource.COMMANDLINE
+        if given and name in (FOR_OBJECTS if body else FOR_BODIES):
+            where = "has no meaning with" if body else "needs"
+            raise click.UsageError(f"{parameter.opts[0]} {where} --body")
+
+
+def without_reading(chosen: dict[str, Any]) -> dict[str, Any]:
+    """The parameters that do not say how a body is read."""
+    return {name: value for name, value in chosen.items() if name not in FOR_BODIES}
+
+
+def make_hands(
+    sentence: str,
+    body: Path,
+    *,
+    obj: Path | None,
+    outputs: tuple[Path, ...],
+    overwrite: bool,
+    unit: Any,
+    object_pose: Path | None,
+    **chosen: Any,
+) -> None:
+    """Give the body of a file hands, write it in each of the formats, and tell what was done."""
+    from geneoh.files.outputs import check_ending, check_outputs
+
+    outputs = outputs or (body.with_name(f"{body.stem}_hands.npz"),)
+    for output in outputs:
+        check_ending(output, ENDINGS)
+    reading = {name: chosen.pop(name) for name in ("clip", "fps", "up")}
+    reading["model"] = chosen.pop("skeleton")
+    read = [body, obj, object_pose, reading["model"]]
+    check_outputs(outputs, inputs=read, overwrite=overwrite)
+
+    from geneoh.generators.both2hands.on_body import BodyOptions, generate_on_body
+    from geneoh.generators.text2hoi.prompt import prompt_text
+    from geneoh.readers.bodies.objects import object_of_body
+    from geneoh.readers.bodies.read import read_body
+
+    from . import reports
+
+    given = read_body(body, **reading)
+    meshes = () if obj is None else (obj,)
+    held = object_of_body(body, given.frames, obj=meshes, object_pose=object_pose, unit=unit)
+    asked = BodyOptions(**{n: v for n, v in chosen.items() if n not in FOR_OBJECTS})
+    with progress.progress_bars() as on_progress:
+        made = generate_on_body(
+            prompt_text(sentence), given, asked, held=held, on_progress=on_progress
+        )
+    for output in outputs:
+        write_on_body(made, output)
+    for line in reports.hands_on_body(made, outputs):
+        click.echo(line)
+
+
+def write_on_body(made: "BodyWithHands", output: Path) -> None:
+    """Write a body with its hands in the format that the ending of the path names."""
+    from geneoh.generators.both2hands.on_body import save_on_body
+    from geneoh.viz.look import Look
+    from geneoh.viz.outputs import write
+    from geneoh.viz.scene import make_scene
+
+    if output.suffix.lower() == ".npz":
+        save_on_body(made, output)
+    else:
+        scene = make_scene({output.stem: made.sequence}, body=made.body)
+        write(scene, output, Look(up=scene.up))

@@ -1,0 +1,146 @@
+"""From a moving body and a sentence to hands on it, at any frame rate and in any world."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from geneoh.body.motion import BodyMotion, pose, turned
+from geneoh.body.skeleton import BODY_JOINTS, FINGER_JOINTS, PARENTS, WRISTS
+from geneoh.choices import Refiner
+from geneoh.generators.both2hands.generate import check_sentence, generate_hands
+from geneoh.generators.both2hands.library import load_networks
+from geneoh.geometry.axes import turn_up
+from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.pipeline.denoise import denoise
+from geneoh.pipeline.options import Options
+from geneoh.pipeline.results import Denoised
+from geneoh.progress import OnProgress
+from geneoh.readers.bodies.base import BodyRecording, at_rate, over_frames
+from geneoh.readers.bodies.fields import body_fields
+from geneoh.readers.bodies.read import read_body
+from geneoh.readers.npz_files import save_sequence
+from geneoh.sequence.body_hands import hand_tracks
+from geneoh.sequence.sequence import ObjectTrack, Sequence
+
+NETWORK_FPS = 30.0
+"""Frames a second that the networks know."""
+
+
+@dataclass(frozen=True)
+class BodyOptions:
+    """The settings of `geneoh.generate_on_body`; the defaults are those of the command."""
+
+    steps: int = 25
+    """Denoising steps (paper: 1,000 ancestral ones)."""
+    refine: Refiner = "geneoh"
+    """What mends hands that hold an object: "geneoh", `geneoh.denoise`; "none"."""
+    weights: Path | None = None
+    """Folder of networks, as `geneoh train` writes it; what it lacks is as shipped."""
+    text_encoder: Path | None = None
+    """Folder of a CLIP or sentence-transformers model, for networks that were trained with it."""
+    seed: int = 0
+    """Seed of all random numbers; another one makes other hands."""
+
+
+@dataclass(frozen=True)
+class BodyWithHands:
+    """A body whose fingers were made for a sentence."""
+
+    body: BodyRecording
+    """The body that was given, with fingers; everything else of it is unchanged, but for the turn
+    of wrists that `denoise` has mended."""
+    sequence: Sequence
+    """Both hands, and the object where one was given, in the world of the body's file."""
+    sentence: str
+    refined: Denoised | None
+    """What the cleaner did; None without an object."""
+
+
+def generate_on_body(
+    sentence: str,
+    body: BodyRecording | Path | str,
+    options: BodyOptions | None = None,
+    *,
+    held: ObjectTrack | None = None,
+    on_progress: OnProgress | None = None,
+) -> BodyWithHands:
+    """Give a moving body hands that fit its motion and a sentence.
+
+        made = geneoh.generate_on_body("the right hand waves, the left rests", "walk.npz")
+
+    Args:
+        sentence: such as "the right hand waves, the left rests"; English.
+        body: or its file, see `geneoh.readers.bodies.read.read_body`. Its fingers do not matter.
+        options: see `BodyOptions`.
+        held: an object with meshes in the world of the body's file, over its frames. The hands then
+            go through `geneoh.denoise`.
+        on_progress: told of the stage "hands" and of those of the cleaner.
+
+    Raises:
+        InputError: the sentence has no words or too many, or the file holds no body.
+        CheckpointError: weights are missing or damaged.
+    """
+    options, sentence = options or BodyOptions(), " ".join(sentence.split())
+    check_sentence(sentence)
+    body = body if isinstance(body, BodyRecording) else read_body(body)
+    paced = at_rate(body, NETWORK_FPS)
+    made = generate_hands(
+        paced.motion,
+        paced.skeleton,
+        sentence,
+        steps=options.steps,
+        generator=torch.Generator().manual_seed(options.seed),
+        networks=load_networks(options.weights, text_encoder=options.text_encoder),
+        on_step=None if on_progress is None else lambda done, of: on_progress("hands", done, of),
+    )
+    body = with_fingers(body, over_frames(made, body.frames))
+    sequence = Sequence(
+        hand_tracks(body.skeleton, body.file_motion),
+        held or ObjectTrack.resting((), body.frames),
+        body.fps,
+        f"generated: {sentence}",
+    )
+    if held is None or not held.meshes or options.refine == "none":
+        return BodyWithHands(body, sequence, sentence, None)
+    refined = denoise(sequence, Options(seed=options.seed), on_progress=on_progress)
+    sequence = replace(refined.sequence, source=sequence.source)
+    return BodyWithHands(with_hands(body, sequence), sequence, sentence, refined)
+
+
+def with_fingers(body: BodyRecording, made: BodyMotion) -> BodyRecording:
+    """The body with the fingers of another motion of as many frames."""
+    parts = (body.motion.rotations[:, :BODY_JOINTS], made.rotations[:, BODY_JOINTS:])
+    motion = BodyMotion(body.motion.root, torch.cat(parts, dim=1))
+    return replace(body, motion=motion, has_fingers=True)
+
+
+def with_hands(body: BodyRecording, sequence: Sequence) -> BodyRecording:
+    """The body with fingers and wrists turned as those of a sequence in its file's world.
+
+    The arms stay, so that a wrist may be some millimetres off that of the sequence.
+    """
+    motion = body.file_motion
+    above = pose(body.skeleton, motion).rotations
+    turns = motion.rotations.clone()
+    for hand in sequence.hands:
+        if hand.pose is not None:
+            own, wrist = axis_angle_to_matrix(hand.pose), WRISTS[hand.side]
+            turns[:, wrist] = above[:, PARENTS[wrist]].transpose(-1, -2) @ own[:, 0]
+            turns[:, list(FINGER_JOINTS[hand.side])] = own[:, 1:]
+    motion = BodyMotion(motion.root, turns)
+    return replace(body, motion=turned(motion, turn_up(body.up, "y").to(turns)))
+
+
+def save_on_body(made: BodyWithHands, path: Path | str) -> None:
+    """Write hands and body as a geneoh-sequence npz, whole or not at all.
+
+    Beside the fields of a sequence it keeps those of `geneoh.readers.bodies.fields.body_fields`,
+    and `prompt`.
+
+    Raises:
+        InputError: the place cannot be written to.
+    """
+    extra = body_fields(made.body) | {"prompt": np.array(made.sentence)}
+    save_sequence(made.sequence, path, extra=extra)

@@ -1,0 +1,109 @@
+"""Hands for bodies of any rate and world; the networks themselves are tested elsewhere."""
+
+from dataclasses import replace
+
+import bodies
+import numpy as np
+import pytest
+import torch
+
+from geneoh.body.motion import BodyMotion, pose
+from geneoh.errors import InputError
+from geneoh.generators.both2hands import on_body
+from geneoh.generators.both2hands.on_body import (
+    BodyOptions,
+    generate_on_body,
+    save_on_body,
+    with_hands,
+)
+from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
+from geneoh.readers.bodies.fields import own_body
+from geneoh.readers.bodies.read import read_body
+from geneoh.readers.npz_files import load
+
+
+@pytest.fixture
+def asked(monkeypatch) -> list:
+    """What the networks are asked; they curl all fingers more and more."""
+    calls = []
+
+    def curling(motion, skeleton, sentence, **settings):
+        calls.append((motion, sentence, settings))
+        curl = torch.zeros(len(motion.root), 30, 3)
+        curl[..., 2] = torch.linspace(0, 1, len(motion.root))[:, None]
+        turns = motion.rotations.clone()
+        turns[:, 22:] = axis_angle_to_matrix(curl)
+        return BodyMotion(motion.root, turns)
+
+    monkeypatch.setattr(on_body, "generate_hands", curling)
+    monkeypatch.setattr(
+        on_body, "load_networks", lambda folder, text_encoder: (folder, text_encoder)
+    )
+    return calls
+
+
+def test_networks_see_thirty_frames_and_y_up_and_files_their_own(asked, tmp_path):
+    motion = bodies.swaying(41)
+    path = bodies.amass(tmp_path / "a.npz", motion, 120.0)
+    made = generate_on_body("the  right hand waves", path, BodyOptions(seed=3, steps=7))
+    ((seen, sentence, settings),) = asked
+    assert (len(seen.root), sentence, settings["steps"]) == (11, "the right hand waves", 7)
+    assert settings["generator"].initial_seed() == 3
+    torch.testing.assert_close(seen.rotations[0], motion.rotations[0], atol=1e-4, rtol=0)
+    assert (made.sequence.frames, made.sequence.fps) == (41, 120.0)
+    body = made.body.motion
+    torch.testing.assert_close(body.rotations[:, :22], motion.rotations[:, :22], atol=1e-4, rtol=0)
+    curl = matrix_to_axis_angle(body.rotations[:, 22:])[..., 2]
+    torch.testing.assert_close(curl[:, 5], torch.linspace(0, 1, 41), atol=1e-3, rtol=0)
+    wrist = pose(made.body.skeleton, made.body.file_motion).positions[:, 21]
+    torch.testing.assert_close(made.sequence.hand("right").wrist, wrist)
+    assert made.refined is None
+
+
+def test_a_file_holds_hands_and_body_and_can_be_given_again(asked, tmp_path):
+    body = bodies.recording(up="z")
+    made = generate_on_body("both hands close", body)
+    save_on_body(made, tmp_path / "hands.npz")
+    sequence, again = load(tmp_path / "hands.npz"), own_body(tmp_path / "hands.npz")
+    assert [hand.side for hand in sequence.hands] == ["right", "left"]
+    assert not sequence.object.meshes
+    np.testing.assert_allclose(
+        sequence.hand("left").joints, made.sequence.hand("left").joints, atol=1e-6
+    )
+    assert again is not None
+    assert again.up == "z"
+    torch.testing.assert_close(
+        again.motion.rotations, made.body.motion.rotations, atol=1e-4, rtol=0
+    )
+    with np.load(tmp_path / "hands.npz") as data:
+        assert str(data["prompt"]) == "both hands close"
+    other = generate_on_body("both hands open", tmp_path / "hands.npz")
+    torch.testing.assert_close(other.body.motion.root, body.motion.root, atol=1e-5, rtol=0)
+
+
+def test_cleaned_hands_come_back_to_the_body(asked):
+    made = generate_on_body("both hands close", bodies.recording(up="z"))
+    hands = []
+    for hand in made.sequence.hands:
+        turned = hand.pose.clone()
+        turned[:, 3] += 0.1
+        hands.append(replace(hand, pose=turned))
+    body = with_hands(made.body, replace(made.sequence, hands=tuple(hands)))
+    joints = body.motion.rotations[:, [24, 39]]
+    wanted = axis_angle_to_matrix(torch.stack([hand.pose[:, 3] for hand in hands], dim=1))
+    torch.testing.assert_close(joints, wanted, atol=1e-4, rtol=0)
+    same = [joint for joint in range(52) if joint not in (24, 39)]
+    kept, before = body.motion.rotations[:, same], made.body.motion.rotations[:, same]
+    torch.testing.assert_close(kept, before, atol=1e-4, rtol=0)
+
+
+@pytest.mark.parametrize("sentence", ["", "  ", "...", "wave " * 61])
+def test_a_sentence_without_words_or_with_too_many_is_refused(asked, sentence):
+    with pytest.raises(InputError, match="expected an English sentence on what hands do"):
+        generate_on_body(sentence, bodies.recording())
+    assert not asked
+
+
+def test_a_single_frame_gets_hands_too(asked, tmp_path):
+    path = bodies.smplx_names(tmp_path / "a.npz", bodies.swaying(1))
+    assert generate_on_body("rest", read_body(path)).sequence.frames == 1

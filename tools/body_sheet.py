@@ -1,0 +1,93 @@
+"""Filmstrips of hands that `geneoh generate --body` makes for three bodies it has not seen.
+
+python -m tools.body_sheet OUT.png [--seed 0] [--weights FOLDER]
+
+Gestures and sentences were chosen before any of them was looked at; the variants of the gestures
+and the proportions of the bodies are those that the networks never learned from.
+"""
+
+import argparse
+import time
+from pathlib import Path
+
+import numpy as np
+import torch
+from PIL import Image
+
+from geneoh.generators.both2hands.on_body import BodyOptions, BodyWithHands, generate_on_body
+from geneoh.readers.bodies.base import BodyRecording
+from geneoh.synthesis.gestures.shards import GestureConfig
+from geneoh.synthesis.gestures.synthesis import BodyConfig, gesturing
+from geneoh.viz.camera import Camera, cameras
+from geneoh.viz.canvas import FAINT, Canvas
+from geneoh.viz.look import Look
+from geneoh.viz.picture import draw
+from geneoh.viz.scene import Scene, make_scene
+
+CHOSEN = (
+    ("wave", "the right hand waves, the left hand rests"),
+    ("count", "the fingers count one after the other"),
+    ("type", "both hands type on a keyboard"),
+)
+"""Gestures that bodies make, and what is said of their hands."""
+FRAMES, CELL, CLOSE, WORDS = 5, 260, 130, 30
+CLOSE_RADIUS = 0.13  # of a picture of one hand, metres
+
+
+def body_of(gesture: str, seed: int) -> BodyRecording:
+    """A held-out body that makes the last held-out variant of a gesture."""
+    config = GestureConfig()
+    variant = int(config.families_of(0)[-1].rpartition(" ")[2])
+    clips = gesturing(
+        [(gesture, variant)],
+        [config.bodies("val")[seed]],
+        config.frames,
+        BodyConfig(),
+        generator=torch.Generator().manual_seed(seed),
+    )
+    motion = clips.take(slice(0, 1), "B")
+    length = int(motion.length)
+    return BodyRecording(
+        motion.motion.take(0, "B")[:length], motion.skeleton, torch.zeros(3), 30.0, gesture
+    )
+
+
+def row_of(canvas: Canvas, top: int, scene: Scene, made: BodyWithHands, seconds: float) -> None:
+    """A sentence, frames of the body, and its hands from near below each."""
+    words = f"{seconds:.1f} s for {scene.frames} frames"
+    canvas.write(made.sentence, 12, top + 6, size=16)
+    canvas.write(words, CELL * FRAMES - 190, top + 8, colour=FAINT)
+    seen = cameras(scene, Look(up=scene.up).upward)
+    for column in range(FRAMES):
+        frame = int((column + 0.5) * scene.frames / FRAMES)
+        (picture,) = draw(scene, frame, seen[frame], CELL, "plain")
+        canvas.paste(picture, column * CELL, top + WORDS)
+        for place, side in enumerate(("right", "left")):  # as seen from the front
+            centre = made.sequence.hand(side).joints[frame].mean(0).numpy()
+            near = Camera(seen[frame].axes, centre, CLOSE_RADIUS)
+            (picture,) = draw(scene, frame, near, CLOSE, "plain")
+            canvas.paste(picture, column * CELL + place * CLOSE, top + WORDS + CELL)
+
+
+def main() -> None:
+    """Make the hands, draw them, and print how long each took."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--weights", type=Path)
+    asked = parser.parse_args()
+    height = WORDS + CELL + CLOSE
+    canvas = Canvas(CELL * FRAMES, height * len(CHOSEN))
+    for index, (gesture, sentence) in enumerate(CHOSEN):
+        body = body_of(gesture, asked.seed + index)
+        start = time.perf_counter()
+        made = generate_on_body(sentence, body, BodyOptions(weights=asked.weights, seed=asked.seed))
+        seconds = time.perf_counter() - start
+        scene = make_scene({sentence: made.sequence}, body=made.body)
+        row_of(canvas, index * height, scene, made, seconds)
+        print(f"{sentence}: {body.frames} frames in {seconds:.1f} s")
+    Image.fromarray(np.ascontiguousarray(canvas.picture())).save(asked.out, optimize=True)
+
+
+if __name__ == "__main__":
+    main()
