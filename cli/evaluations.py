@@ -20,8 +20,9 @@ eval_options = options.together(
     option("--dataset: Data set to score on.", Choice(DATASETS), required=True),
     option(
         "--generator: Score what this generator makes of sentences, instead of methods of "
-        "cleaning, on the held-out objects of shards in --root that `geneoh synthesize --actions` "
-        "made. --refine, --limit, --seed, --weights, --set and -o go with it.",
+        "cleaning, on the held-out clips of shards in --root that `geneoh synthesize --actions` "
+        "(text2hoi) or --bodies (both2hands) made. --refine, --limit, --seed, --weights, --set and "
+        "-o go with it.",
         Choice(GENERATORS),
     ),
     option(

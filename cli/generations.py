@@ -20,27 +20,32 @@ def score_generator(ctx: click.Context) -> None:
     from geneoh.config import configured
     from geneoh.evaluation.generation.report import as_text, keep_other_reports, write_report
     from geneoh.evaluation.generation.runner import GenerationOptions, evaluate_generator
+    from geneoh.evaluation.gestures.runner import GestureOptions, evaluate_gestures
 
     check_parameters(ctx)
     asked = ctx.params
     given = {"limit": asked["limit"], "seed": next(iter(asked["seeds"]), None)}
     chosen = {name: value for name, value in given.items() if value is not None}
-    options = GenerationOptions(
-        asked["root"], refine=asked["refine"], weights=asked["weights"], **chosen
-    )
+    chosen["weights"] = asked["weights"]
+    if asked["generator"] == "both2hands":
+        evaluate, options = evaluate_gestures, GestureOptions(asked["root"], **chosen)
+    else:
+        evaluate = evaluate_generator
+        options = GenerationOptions(asked["root"], refine=asked["refine"], **chosen)
     options = configured(options, settings=asked["settings"])
     folder = asked["folder"] or Path("runs", "eval", f"{asked['generator']}-{asked['dataset']}")
     keep_other_reports(folder)
     command = evaluations.command_line(ctx)
     with progress.progress_bars() as on_progress:
-        made = evaluate_generator(options, folder, command=command, on_progress=on_progress)
+        made = evaluate(options, folder, command=command, on_progress=on_progress)
     for line in [*as_text(made), *(f"note: {remark}" for remark in made.remarks())]:
         click.echo(line)
     click.echo(f"wrote {', '.join(str(path) for path in write_report(made, folder))}")
 
 
 def check_parameters(ctx: click.Context) -> None:
-    """`ConfigError` for a data set without actions, for none at all, and for other options."""
+    """`ConfigError` for a data set of another kind, for none at all, and for other options."""
+    kind = {"text2hoi": "actions", "both2hands": "bodies"}[ctx.params["generator"]]
     given = [
         max(parameter.opts, key=len)
         for parameter in ctx.command.params
@@ -52,12 +57,17 @@ def check_parameters(ctx: click.Context) -> None:
     if ctx.params["dataset"] != "synthetic":
         raise ConfigError(
             f"--dataset: expected synthetic with --generator, got {ctx.params['dataset']}; "
-            "make actions with `geneoh synthesize --actions`"
+            f"make {kind} with `geneoh synthesize --{kind}`"
         )
     if ctx.params["root"] is None:
         raise ConfigError(
-            "--root: expected a folder of actions with --generator, got none; "
-            "make one with `geneoh synthesize --actions -o FOLDER`"
+            f"--root: expected a folder of {kind} with --generator, got none; "
+            f"make one with `geneoh synthesize --{kind} -o FOLDER`"
+        )
+    if kind == "bodies" and ctx.params["refine"] != "none":
+        raise ConfigError(
+            "--refine: expected none with --generator both2hands, whose hands hold nothing, got "
+            f"{ctx.params['refine']}; leave it out"
         )
     if len(ctx.params["seeds"]) > 1:
         raise ConfigError("--seed: expected one with --generator, got several; name one")

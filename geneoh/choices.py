@@ -54,7 +54,7 @@ Dataset = Literal["synthetic", "taco", "grab", "grab-beta", "hoi4d", "arctic"]
 """Evaluation protocols, named by the data set that they score on."""
 DATASETS: tuple[Dataset, ...] = get_args(Dataset)
 
-GeneratorName = Literal["text2hoi"]
+GeneratorName = Literal["text2hoi", "both2hands"]
 """Generators that `geneoh eval` scores."""
 GENERATORS: tuple[GeneratorName, ...] = get_args(GeneratorName)
 

@@ -81,3 +81,27 @@ def top_accuracy(scores: Float[Tensor, "N C"], labels: Int[Tensor, " N"], count:
     """Share of the clips whose label is among the `count` classes of the highest scores."""
     best = scores.topk(min(count, scores.shape[1]), dim=-1).indices
     return float((best == labels[:, None]).any(-1).double().mean())
+
+
+def retrieval(
+    told: Float[Tensor, "N D"],
+    features: Float[Tensor, "N D"],
+    count: int,
+    *,
+    pool: int,
+    generator: torch.Generator,
+) -> float:
+    """R-precision: share of sentences whose clip is among the `count` nearest of a pool of clips.
+
+    Clips are divided at random into pools of `pool`; the last ones that fill none are left out. NaN
+    of fewer clips than a pool. By chance it is `count` / `pool`.
+
+    Source: Guo et al., Generating Diverse and Natural 3D Human Motions from Text, 2022.
+    """
+    pools = len(told) // pool
+    order = torch.randperm(len(told), generator=generator)[: pools * pool].view(pools, pool)
+    if not pools:
+        return float("nan")
+    apart = torch.cdist(told[order].double(), features[order].double())
+    right = torch.arange(pool).repeat(pools)
+    return top_accuracy(-apart.flatten(0, 1), right, count)

@@ -24,24 +24,14 @@ class GenerationReport:
     """Settings, clips, weights, the classifier's recipe and hash, and versions of the packages."""
     command: str
     rows: dict[str, RowScores]
-    notes: tuple[str, ...] = ()
+    about: tuple[str, ...]  # what a reader of the table must know
+    measures: tuple[Measure, ...] = MEASURES
 
     def remarks(self) -> Iterator[str]:
-        """What a reader of the table must know."""
-        classifier, clips = self.settings["classifier"], self.settings["clips"]
-        times = self.settings["repetitions"]
-        yield (
-            f"{clips} clips of held-out objects; means ± 95% intervals over {times} repetitions, "
-            "each with a random half of them as conditions; FID is that to the other half."
-        )
-        yield (
-            f"The classifier is ours (seed {classifier['config']['seed']}, "
-            f"{classifier['clips']} clips, hash {classifier['hash']}): scores under another one, "
-            "such as the paper's, cannot be compared. Realism is a definition of our own, too."
-        )
-        for measure in MEASURES:
+        """What a reader of the table must know, and what each column means."""
+        yield from self.about
+        for measure in self.measures:
             yield f"{measure.title}: {measure.meaning}; {measure.better} is better."
-        yield from self.notes
 
 
 def keep_other_reports(folder: Path) -> None:
@@ -66,7 +56,7 @@ def as_json(report: GenerationReport) -> str:
         "command": report.command,
         "settings": report.settings,
         "remarks": list(report.remarks()),
-        "measures": [asdict(measure) for measure in MEASURES],
+        "measures": [asdict(measure) for measure in report.measures],
         "table": {
             name: {key: asdict(cell) for key, cell in row.cells.items()}
             for name, row in report.rows.items()
@@ -80,7 +70,7 @@ def as_csv(report: GenerationReport) -> str:
     """A line for each row and repetition, with all measures."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
-    keys = [measure.key for measure in MEASURES]
+    keys = [measure.key for measure in report.measures]
     writer.writerow(["row", "repetition", *keys])
     for name, row in report.rows.items():
         for number, values in enumerate(zip(*(row.values[key] for key in keys), strict=True)):
@@ -90,7 +80,7 @@ def as_csv(report: GenerationReport) -> str:
 
 def as_markdown(report: GenerationReport) -> str:
     """The table, with what made it."""
-    heads = [f"{m.title} {m.unit}".strip() for m in MEASURES]
+    heads = [f"{m.title} {m.unit}".strip() for m in report.measures]
     lines = ["# geneoh eval", "", f"`{report.command}`", ""]
     lines += [f"| | {' | '.join(heads)} |", "|---|" + "---:|" * len(heads)]
     lines += [f"| {name} | {' | '.join(texts)} |" for name, texts in table(report)]
@@ -102,7 +92,7 @@ def as_markdown(report: GenerationReport) -> str:
 
 def as_text(report: GenerationReport) -> Iterator[str]:
     """The table as lines of text."""
-    yield f"{'':<24}" + "".join(f"{f'{m.title} {m.unit}'.strip():>16}" for m in MEASURES)
+    yield f"{'':<24}" + "".join(f"{f'{m.title} {m.unit}'.strip():>16}" for m in report.measures)
     for name, texts in table(report):
         yield f"{name:<24}" + "".join(f"{text:>16}" for text in texts)
 
@@ -111,7 +101,7 @@ def table(report: GenerationReport) -> Iterator[tuple[str, list[str]]]:
     """The name and the texts of each row."""
     for name, row in report.rows.items():
         cells = row.cells
-        yield name, [shown(cells[measure.key], measure) for measure in MEASURES]
+        yield name, [shown(cells[measure.key], measure) for measure in report.measures]
 
 
 def shown(cell: Interval, measure: Measure) -> str:

@@ -75,7 +75,7 @@ def evaluate_generator(
     held_out, names = read_actions(options.data, "val")
     training = training_clips(options.data)
     task = ClassifierTask(options.classifier, training, held_out)
-    model = trained_classifier(task, folder / FOLDER, on_step=_told(on_progress))
+    model = trained_classifier(task, folder / FOLDER, on_step=told_training(on_progress, FOLDER))
     count = min(options.limit, len(held_out.verb))
     spread = torch.linspace(0, len(held_out.verb) - 1, count).round().long()
     real = held_out.take(spread, "B")
@@ -90,7 +90,8 @@ def evaluate_generator(
         scored[name] = score_clips(model, clips(part_of(told, 0, 2)), part_of(told, 1, 2))
     scored = with_random_verbs(scored, options.seed)
     found = repeat(scored[REAL], scored, seed=options.seed, repetitions=options.repetitions)
-    return GenerationReport(settings_of(options, task, folder, count), command, found)
+    settings = settings_of(options, task, folder, count)
+    return GenerationReport(settings, command, found, about_run(settings))
 
 
 def network_rows(
@@ -151,8 +152,21 @@ def settings_of(
     }
 
 
-def _told(on_progress: OnProgress | None) -> Callable[[Progress], None] | None:
+def about_run(settings: dict[str, Any]) -> tuple[str, ...]:
+    """What a reader of the table must know."""
+    classifier = settings["classifier"]
+    return (
+        f"{settings['clips']} clips of held-out objects; means ± 95% intervals over "
+        f"{settings['repetitions']} repetitions, each with a random half of them as conditions; "
+        "FID is that to the other half.",
+        f"The classifier is ours (seed {classifier['config']['seed']}, "
+        f"{classifier['clips']} clips, hash {classifier['hash']}): scores under another one, "
+        "such as the paper's, cannot be compared. Realism is a definition of our own, too.",
+    )
+
+
+def told_training(on_progress: OnProgress | None, name: str) -> Callable[[Progress], None] | None:
     """Training told as the progress of a part of the work."""
     if on_progress is None:
         return None
-    return lambda done: on_progress("classifier", done.step, done.steps)
+    return lambda done: on_progress(name, done.step, done.steps)

@@ -7,7 +7,7 @@ clips have a distance too, that of one half to the other, which is as near as an
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal, Protocol, TypeVar, runtime_checkable
 
 import torch
 from jaxtyping import Float, Int
@@ -84,6 +84,23 @@ class RowScores:
         return {key: interval(torch.tensor(values)) for key, values in self.values.items()}
 
 
+@runtime_checkable
+class Encoded(Protocol):
+    """Clips of a row whose features are known."""
+
+    @property
+    def features(self) -> Tensor:
+        """A vector of each."""
+        ...
+
+    def take(self, index: Any, axis: str) -> Any:
+        """Some of the clips."""
+        ...
+
+
+Scored = TypeVar("Scored", bound=Encoded)
+
+
 def score_clips(
     model: ActionClassifier, clips: Actions, on_step: OnStep | None = None
 ) -> ScoredClips:
@@ -93,16 +110,25 @@ def score_clips(
 
 
 def repeat(
-    real: ScoredClips, rows: Mapping[str, ScoredClips], *, seed: int, repetitions: int
+    real: Scored,
+    rows: Mapping[str, Scored],
+    *,
+    seed: int,
+    repetitions: int,
+    scores: Mapping[str, Callable[[Scored, Scored, torch.Generator], float]] | None = None,
 ) -> dict[str, RowScores]:
-    """The scores of all rows, which have a clip for each of the real ones' conditions."""
-    values = {name: {measure.key: [] for measure in MEASURES} for name in rows}
+    """The scores of all rows, which have a clip for each of the real ones' conditions.
+
+    Without `scores` they are `SCORES`, of clips with objects.
+    """
+    chosen: Mapping[str, Callable[..., float]] = scores or SCORES
+    values = {name: {key: [] for key in chosen} for name in rows}
     for number in range(repetitions):
-        order = torch.randperm(len(real.verb), generator=_drawn(seed, number))
+        order = torch.randperm(len(real.features), generator=_drawn(seed, number))
         other, asked = order.tensor_split(2)
         for name, row in rows.items():
             part = row.take(asked, "B")
-            for measure, score in SCORES.items():
+            for measure, score in chosen.items():
                 value = score(part, real.take(other, "B"), _drawn(seed, number, measure))
                 values[name][measure].append(value)
     return {name: RowScores(found) for name, found in values.items()}

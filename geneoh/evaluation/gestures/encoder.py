@@ -1,0 +1,147 @@
+"""The encoder of motions and sentences by which generated hands are scored.
+
+None was released with BOTH2Hands, and under the one of its code real clips score as chance does:
+the token that gathers a clip is drawn anew each time, and dropout stays on. Ours is trained with
+its token and its temperature, and has no dropout. True clips are told from clips with another clip's
+hands as well as from other clips, so that hands count where the body already tells much.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor, nn
+from torch.nn.functional import cross_entropy, normalize
+
+from geneoh.body.motion import BodyMotion, pose
+from geneoh.body.skeleton import Skeleton
+from geneoh.bundle import Bundle, concatenated
+from geneoh.generators.both2hands.features import BODY, HANDS, body_features, hand_features, placed
+from geneoh.generators.text_network import SentenceConfig, SentenceNetwork
+from geneoh.nn.blocks import sinusoid
+from geneoh.training.run_config import RunConfig
+
+SEEN = 30  # frames of a clip, from its first to its last
+AT_ONCE = 64  # clips whose features are made together
+COLDEST = 100.0  # largest inverse temperature
+
+
+@dataclass(frozen=True)
+class EncoderConfig(RunConfig):
+    """The recipe of the encoder; saved with it."""
+
+    steps: int = 600
+    batch: int = 48
+    rate: float = 1.5e-3
+    warmup: int = 40
+    decay: float = 0.6
+    ema: float = 0.98
+    validate_every: int = 200
+    checkpoint_every: int = 200
+    validation_batches: int = 1
+    width: int = 96
+    depth: int = 2
+    heads: int = 4
+    features: int = 32  # length of the vectors of motions and sentences
+    hidden: float = 0.3  # share of the clips in training whose body is not seen
+    text: SentenceConfig = field(
+        default_factory=lambda: SentenceConfig(pieces=1024, piece_width=48, width=96)
+    )
+
+
+@dataclass(frozen=True)
+class Seen(Bundle):
+    """What the encoder sees of B clips: S frames of the body and of the fingers."""
+
+    body: Float[Tensor, "B S 198"]
+    hands: Float[Tensor, "B S 270"]  # in the axes of the wrists
+
+    @staticmethod
+    def of(motion: BodyMotion, skeleton: Skeleton, length: Int[Tensor, " B"]) -> "Seen":
+        """Evenly spaced frames of clips, up to their ends."""
+        clips = [slice(n, n + AT_ONCE) for n in range(0, len(length), AT_ONCE)]
+        return concatenated(
+            [
+                _seen(motion.take(some, "B"), skeleton.take(some, "B"), length[some])
+                for some in clips
+            ],
+            "B",
+        )
+
+
+def _seen(motion: BodyMotion, skeleton: Skeleton, length: Int[Tensor, " B"]) -> Seen:
+    share = torch.arange(SEEN) / (SEEN - 1)
+    frames = (share * (length[:, None] - 1)).round().long()
+    rows = torch.arange(len(length))[:, None]
+    some = placed(BodyMotion(motion.root[rows, frames], motion.rotations[rows, frames]), "world")
+    posed = pose(skeleton, some)
+    return Seen(body_features(posed), hand_features(posed, "wrist"))
+
+
+class GestureEncoder(nn.Module):
+    """Clips and sentences to unit vectors that are near each other where they belong together."""
+
+    mean: Tensor
+    std: Tensor
+
+    def __init__(self, config: EncoderConfig):
+        super().__init__()
+        width = config.width
+        self.register_buffer("mean", torch.zeros(BODY + HANDS))
+        self.register_buffer("std", torch.ones(BODY + HANDS))
+        self.enter = nn.Sequential(nn.Linear(BODY + HANDS, width), nn.GELU())
+        self.token = nn.Parameter(0.02 * torch.randn(width))
+        layer = nn.TransformerEncoderLayer(
+            width, config.heads, 2 * width, 0.0, "gelu", batch_first=True, norm_first=True
+        )
+        self.layers = nn.TransformerEncoder(layer, config.depth, enable_nested_tensor=False)
+        self.leave = nn.Sequential(nn.LayerNorm(width), nn.Linear(width, config.features))
+        self.text = SentenceNetwork(config.text)
+        self.read = nn.Linear(config.text.width, config.features)
+        self.cold = nn.Parameter(torch.tensor(math.log(10.0)))
+
+    def set_scale(self, clips: Seen) -> None:
+        """Take mean and deviation of what is seen from clips."""
+        whole = torch.cat([clips.body, clips.hands], -1).flatten(0, 1)
+        self.mean.copy_(whole.mean(0))
+        self.std.copy_(whole.std(0).clamp(min=1e-3))
+
+    def motions(
+        self, clips: Seen, hidden: Bool[Tensor, " B"] | None = None
+    ) -> Float[Tensor, "B F"]:
+        """Unit vectors of clips; the bodies of hidden ones are not seen."""
+        whole = (torch.cat([clips.body, clips.hands], -1) - self.mean) / self.std
+        if hidden is not None:
+            body = whole[..., :BODY].masked_fill(hidden[:, None, None], 0.0)
+            whole = torch.cat([body, whole[..., BODY:]], -1)
+        tokens = self.enter(whole)
+        position = torch.arange(tokens.shape[1], device=tokens.device).float()
+        tokens = tokens + sinusoid(position, tokens.shape[-1])
+        token = self.token.expand(len(tokens), 1, -1)
+        return normalize(self.leave(self.layers(torch.cat([token, tokens], 1))[:, 0]), dim=-1)
+
+    def sentences(self, pieces: Int[Tensor, "B N"]) -> Float[Tensor, "B F"]:
+        """Unit vectors of sentences, by the numbers of their pieces."""
+        return normalize(self.read(self.text(pieces)), dim=-1)
+
+
+@dataclass(frozen=True)
+class ToldClips(Bundle):
+    """A batch of the encoder; a piece of the training loop."""
+
+    clips: Seen
+    other: Float[Tensor, "B S 270"]  # hands of other clips
+    pieces: Int[Tensor, "B N"]
+    hidden: Bool[Tensor, " B"]  # whose bodies are not seen
+
+    def loss(self, model: GestureEncoder) -> Tensor:
+        """Cross entropies of the right clip for each sentence, among those with wrong hands too,
+        and of the right sentence for each clip."""
+        wrong = Seen(self.clips.body, self.other)
+        motions = model.motions(concatenated([self.clips, wrong], "B"), self.hidden.repeat(2))
+        told = model.sentences(self.pieces)
+        alike = model.cold.exp().clamp(max=COLDEST) * told @ motions.T
+        right = torch.arange(len(told), device=told.device)
+        back = alike[:, : len(told)].T
+        return 0.5 * (cross_entropy(alike, right) + cross_entropy(back, right))

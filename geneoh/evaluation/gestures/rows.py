@@ -1,0 +1,76 @@
+"""Hands that a generator must beat, and those that networks make, on the bodies of real clips."""
+
+from collections.abc import Sequence
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from geneoh.body.motion import BodyMotion
+from geneoh.body.skeleton import BODY_JOINTS
+from geneoh.bundle import concatenated
+from geneoh.evaluation.gestures.encoder import Seen
+from geneoh.generators.both2hands.library import Networks
+from geneoh.generators.both2hands.sampling import Branch, SamplingConfig, sample
+from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.progress import OnStep, steps
+from geneoh.synthesis.gestures.clips import Gestures
+
+AT_ONCE = 16  # clips that are drawn together
+
+
+def with_hands(motion: BodyMotion, fingers: Float[Tensor, "B T 30 3 3"]) -> BodyMotion:
+    """The bodies with other fingers."""
+    body = motion.rotations[:, :, :BODY_JOINTS]
+    return BodyMotion(motion.root, torch.cat([body, fingers], 2))
+
+
+def shuffled(real: Gestures, *, generator: torch.Generator) -> BodyMotion:
+    """Every body with the hands of another clip."""
+    order = torch.randperm(len(real.body), generator=generator)
+    other = torch.empty_like(order)
+    other[order] = order.roll(1)
+    return hands_of(real, real, other)
+
+
+def mean_pose(real: Gestures, training: Gestures) -> BodyMotion:
+    """Every body with the mean finger pose of the training clips, which never moves."""
+    mean = training.pose[:, :, BODY_JOINTS:].mean((0, 1))
+    fingers = axis_angle_to_matrix(mean).expand(*real.pose.shape[:2], -1, -1, -1)
+    return with_hands(real.motion, fingers)
+
+
+def nearest_body(real: Gestures, training: Gestures, seen: tuple[Seen, Seen]) -> BodyMotion:
+    """Every body with the hands of the training clip whose body moves most alike.
+
+    `seen` are the bodies of both, of which all numbers count by their deviation.
+    """
+    scale = seen[1].body.flatten(0, 1).std(0).clamp(min=1e-3)
+    own, known = ((each.body / scale).flatten(1) for each in seen)
+    return hands_of(real, training, torch.cdist(own, known).argmin(1))
+
+
+def hands_of(real: Gestures, source: Gestures, which: Int[Tensor, " B"]) -> BodyMotion:
+    """The real bodies with the fingers of clips of the source."""
+    return with_hands(real.motion, axis_angle_to_matrix(source.pose[which][:, :, BODY_JOINTS:]))
+
+
+def made_by_networks(
+    networks: Networks,
+    real: Gestures,
+    sentences: Sequence[str],
+    branch: Branch,
+    sampling_steps: int,
+    *,
+    generator: torch.Generator,
+    on_step: OnStep | None = None,
+) -> BodyMotion:
+    """What the networks make of the real bodies and a sentence each."""
+    config = SamplingConfig(steps=sampling_steps, branch=branch)
+    parts = []
+    for start in steps(range(0, len(sentences), AT_ONCE), on_step):
+        some = real.take(slice(start, start + AT_ONCE), "B")
+        said = sentences[start : start + AT_ONCE]
+        skeleton = some.skeleton
+        parts.append(sample(networks, some.motion, skeleton, said, config, generator=generator))
+    return concatenated(parts, "B")

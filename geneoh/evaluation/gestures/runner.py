@@ -1,0 +1,192 @@
+"""Scoring a generator of hands on bodies and sentences that no training saw."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.body.motion import BodyMotion
+from geneoh.evaluation.generation.report import GenerationReport
+from geneoh.evaluation.generation.runner import drawn, told_training
+from geneoh.evaluation.generation.scores import REPETITIONS, repeat
+from geneoh.evaluation.gestures.encoder import EncoderConfig, GestureEncoder, Seen
+from geneoh.evaluation.gestures.learning import POOL, EncoderTask, trained_encoder
+from geneoh.evaluation.gestures.rows import (
+    made_by_networks,
+    mean_pose,
+    nearest_body,
+    shuffled,
+)
+from geneoh.evaluation.gestures.scores import (
+    MEASURES,
+    SCORES,
+    FingerRange,
+    ScoredHands,
+    features_of,
+    score_hands,
+)
+from geneoh.evaluation.runner import PACKAGES
+from geneoh.files.journal import digest, digests
+from geneoh.generators.both2hands.library import Networks, load_networks, weights_of
+from geneoh.generators.both2hands.sampling import Branch
+from geneoh.progress import OnProgress, OnStep
+from geneoh.synthesis.gestures.clips import Gestures
+from geneoh.synthesis.gestures.shards import read_gestures
+
+CLIPS = 256  # held-out clips that are scored unless the user limits them
+REAL, SHUFFLED = "real", "shuffled hands"
+NETWORKS = ("body_hands", "text_hands", "blend")
+BRANCHES: dict[str, Branch] = {"body only": "body", "text only": "text", "blended": "blended"}
+FOLDER = "encoder"  # of the encoder, in that of the evaluation
+
+
+@dataclass(frozen=True)
+class GestureOptions:
+    """Which clips a generator of hands is scored on, and how often."""
+
+    data: Path
+    """Folder of shards of bodies, made by `geneoh synthesize --bodies`: the encoder is trained on
+    its training clips; the conditions are its validation clips, of held-out bodies and ways of
+    making gestures."""
+    limit: int = CLIPS
+    """Most validation clips, spread over all of them."""
+    weights: Path | None = None
+    """Folder of the generator's weights, as `geneoh train` writes it; what it lacks is shipped."""
+    seed: int = 0
+    repetitions: int = REPETITIONS
+    steps: int = 25  # denoising steps
+    prompts: int = 16  # bodies and sentences for which several hands are made (multimodality)
+    answers: int = 6  # of these for each
+    encoder: EncoderConfig = field(default_factory=EncoderConfig)
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """The real clips, a sentence of each, and what is learned from the training clips."""
+
+    real: Gestures
+    sentences: list[str]
+    told: Float[Tensor, "B F"]
+    model: GestureEncoder
+    fingers: FingerRange
+
+    def scored(
+        self, motion: BodyMotion, several: Float[Tensor, "P S F"] | None = None
+    ) -> ScoredHands:
+        """The scores of hands for these conditions."""
+        return score_hands(self.model, self.real, motion, self.told, self.fingers, several)
+
+
+def evaluate_gestures(
+    options: GestureOptions,
+    folder: Path,
+    *,
+    command: str = "",
+    on_progress: OnProgress | None = None,
+) -> GenerationReport:
+    """Score every row; the encoder is kept in a folder in `folder`, for the next time.
+
+    Raises:
+        InputError: the data is not there, or no whole shards of bodies.
+        CheckpointError: weights are missing, or the folder holds an encoder of other data.
+    """
+    networks = load_networks(options.weights)
+    training, held_out = (read_gestures(options.data, split) for split in ("train", "val"))
+    task = EncoderTask(options.encoder, training, held_out)
+    model = trained_encoder(task, folder / FOLDER, on_step=told_training(on_progress, FOLDER))
+    asked = conditions(options, task, model)
+    real = asked.real
+    seen = Seen.of(real.motion, real.skeleton, real.length), task.seen
+    wrong = shuffled(real, generator=drawn(options.seed, "shuffled"))
+    scored = {
+        REAL: asked.scored(real.motion),
+        SHUFFLED: asked.scored(wrong),
+        "mean pose": asked.scored(mean_pose(real, training)),
+        "nearest training body": asked.scored(nearest_body(real, training, seen)),
+    }
+    for name, branch in BRANCHES.items():
+        told = None if on_progress is None else partial(on_progress, name)
+        scored[name] = network_row(networks, asked, branch, options, told)
+    rows = repeat(
+        scored[REAL], scored, seed=options.seed, repetitions=options.repetitions, scores=SCORES
+    )
+    settings = settings_of(options, task, folder, len(real.body))
+    about = about_run(settings, told_apart(scored[REAL], scored[SHUFFLED]))
+    return GenerationReport(settings, command, rows, measures=MEASURES, about=about)
+
+
+def conditions(options: GestureOptions, task: EncoderTask, model: GestureEncoder) -> Conditions:
+    """Validation clips spread over all, with a random sentence each."""
+    held_out = task.validation
+    count = min(options.limit, len(held_out.body))
+    real = held_out.take(torch.linspace(0, len(held_out.body) - 1, count).round().long(), "B")
+    generator = drawn(options.seed, "sentences")
+    which = torch.randint(real.joined.shape[1], (count,), generator=generator).tolist()
+    said = [str(each[n]) for each, n in zip(real.joined, which, strict=True)]
+    told = model.sentences(task.numbers(said))
+    return Conditions(real, said, told, model, FingerRange.of(task.clips))
+
+
+def network_row(
+    networks: Networks,
+    asked: Conditions,
+    branch: Branch,
+    options: GestureOptions,
+    on_step: OnStep | None,
+) -> ScoredHands:
+    """What the networks make, once of every condition and several times of some."""
+    generator = drawn(options.seed, "both2hands")
+    make: Callable[..., BodyMotion] = partial(
+        made_by_networks, networks, branch=branch, sampling_steps=options.steps, generator=generator
+    )
+    motion = make(asked.real, asked.sentences, on_step=on_step)
+    prompts = min(options.prompts, len(asked.sentences))
+    some = torch.arange(prompts).repeat_interleave(options.answers)
+    again = asked.real.take(some, "B")
+    made = make(again, [asked.sentences[n] for n in some.tolist()])
+    several = features_of(asked.model, again, made).unflatten(0, (prompts, options.answers))
+    return asked.scored(motion, several)
+
+
+def told_apart(real: ScoredHands, wrong: ScoredHands) -> float:
+    """Share of the sentences that are nearer to the real clip than to it with another's hands."""
+    apart, other = ((each.told - each.features).norm(dim=-1) for each in (real, wrong))
+    return float((apart < other).float().mean())
+
+
+def settings_of(
+    options: GestureOptions, task: EncoderTask, folder: Path, clips: int
+) -> dict[str, Any]:
+    """What the scores depend on."""
+    made = digest([folder / FOLDER / f"{task.name}.safetensors"])
+    record = {name: value for name, value in task.record().items() if name != "tokenizer"}
+    return {
+        "data": str(options.data.resolve()),
+        "clips": clips,
+        "seed": options.seed,
+        "steps": options.steps,
+        "repetitions": options.repetitions,
+        "encoder": {**record, "hash": made},
+        "weights": digests(weights_of(name, options.weights) for name in NETWORKS),
+        "versions": {name: metadata.version(name) for name in PACKAGES},
+    }
+
+
+def about_run(settings: dict[str, Any], apart: float) -> tuple[str, ...]:
+    """What a reader of the table must know."""
+    encoder = settings["encoder"]
+    chance = " / ".join(f"{100 * n / POOL:.1f}" for n in (1, 2, 3))
+    return (
+        f"{settings['clips']} clips of held-out bodies and ways of making gestures; means ± 95% "
+        f"intervals over {settings['repetitions']} repetitions, each with a random half of them as "
+        f"conditions; FID is that to the other half. By chance R@1, 2, 3 are {chance}%.",
+        f"The encoder is ours (seed {encoder['config']['seed']}, {encoder['clips']} clips, hash "
+        f"{encoder['hash']}): scores under another one, such as the paper's, cannot be compared. "
+        f"It tells {100 * apart:.1f}% of the real clips from the same bodies with others' hands.",
+    )

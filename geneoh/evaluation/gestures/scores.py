@@ -1,0 +1,120 @@
+"""Scores of hands on bodies: by the encoder of motions and sentences, and by how fingers move."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.body.motion import BodyMotion, pose
+from geneoh.body.skeleton import BODY_JOINTS
+from geneoh.bundle import Bundle
+from geneoh.evaluation.generation.scores import Measure
+from geneoh.evaluation.gestures.encoder import GestureEncoder, Seen
+from geneoh.evaluation.gestures.learning import POOL
+from geneoh.geometry.rotations import matrix_to_axis_angle
+from geneoh.metrics.features import diversity, frechet_distance, multimodality, retrieval
+from geneoh.metrics.smoothness import acceleration, per_frame_squared
+from geneoh.synthesis.gestures.clips import Gestures
+from geneoh.synthesis.gestures.hands import FPS
+
+BEYOND = 0.1  # radians beyond the range of the training clips from which a joint counts
+
+MEASURES = (
+    Measure("top1", "R@1", "%", "more", f"sentences that find their clip among {POOL}", 1),
+    Measure("top2", "R@2", "%", "more", "the same among the best 2", 1),
+    Measure("top3", "R@3", "%", "more", "the same among the best 3", 1),
+    Measure("fid", "FID", "", "less", "Fréchet distance of the features to those of real clips", 3),
+    Measure("mm_distance", "MM-dist.", "", "less", "mean distance of a sentence to its clip"),
+    Measure("diversity", "div.", "", "as real", "mean distance of 200 random pairs of features"),
+    Measure("multimodality", "MMod.", "", "more", "the same of pairs with one body and sentence"),
+    Measure("acceleration_mm", "accel.", "mm/f²", "as real", "mean acceleration of finger joints"),
+    Measure("beyond", "beyond", "%", "less", "finger joints beyond the range of training", 2),
+)
+
+
+@dataclass(frozen=True)
+class FingerRange(Bundle):
+    """Least and largest rotation of each finger joint, radians on each axis."""
+
+    low: Float[Tensor, "30 3"]
+    high: Float[Tensor, "30 3"]
+
+    @staticmethod
+    def of(clips: Gestures) -> "FingerRange":
+        """The range of all clips."""
+        fingers = clips.pose[:, :, BODY_JOINTS:]
+        return FingerRange(fingers.amin((0, 1)), fingers.amax((0, 1)))
+
+    def beyond(self, motion: BodyMotion) -> Float[Tensor, " B"]:
+        """Share of the joints of all frames that are beyond the range by more than `BEYOND`."""
+        fingers = matrix_to_axis_angle(motion.rotations[:, :, BODY_JOINTS:])
+        out = torch.maximum(self.low - fingers, fingers - self.high).amax(-1) > BEYOND
+        return out.float().mean((1, 2))
+
+
+@dataclass(frozen=True)
+class ScoredHands(Bundle):
+    """What is known of each of B clips of a row."""
+
+    told: Float[Tensor, "B F"]  # of the sentence that was asked for
+    features: Float[Tensor, "B F"]
+    acceleration_mm: Float[Tensor, " B"]
+    beyond: Float[Tensor, " B"]
+    several: Float[Tensor, "P S F"]  # features of S hands for each of P bodies and sentences
+
+
+def score_hands(
+    model: GestureEncoder,
+    real: Gestures,
+    motion: BodyMotion,
+    told: Float[Tensor, "B F"],
+    fingers: FingerRange,
+    several: Float[Tensor, "P S F"] | None = None,
+) -> ScoredHands:
+    """Encode and measure every clip of a row; without `several` the row has one answer to each."""
+    joints = pose(real.skeleton, motion).positions[:, :, BODY_JOINTS:]
+    moved = per_frame_squared(acceleration(joints, FPS), FPS)
+    return ScoredHands(
+        told,
+        features_of(model, real, motion),
+        moved.mean(1),
+        fingers.beyond(motion),
+        told.new_zeros(0, 0, told.shape[1]) if several is None else several,
+    )
+
+
+def features_of(model: GestureEncoder, real: Gestures, motion: BodyMotion) -> Float[Tensor, "B F"]:
+    """Unit vectors of clips on the bodies of real ones."""
+    return model.motions(Seen.of(motion, real.skeleton, real.length))
+
+
+Score = Callable[[ScoredHands, ScoredHands, torch.Generator], float]
+"""A score of some clips, given other real ones, and what draws pools and pairs."""
+
+
+def _retrieved(count: int) -> Score:
+    return lambda part, _, drawn: (
+        100 * retrieval(part.told, part.features, count, pool=POOL, generator=drawn)
+    )
+
+
+def _several(part: ScoredHands, _: ScoredHands, drawn: torch.Generator) -> float:
+    """Distance of pairs of hands for one body and sentence; NaN where each has one answer."""
+    labels = torch.arange(part.several.shape[0]).repeat_interleave(part.several.shape[1])
+    return multimodality(part.several.flatten(0, 1), labels, generator=drawn)
+
+
+SCORES: dict[str, Score] = {
+    "top1": _retrieved(1),
+    "top2": _retrieved(2),
+    "top3": _retrieved(3),
+    "fid": lambda part, other, _: frechet_distance(other.features, part.features),
+    "mm_distance": lambda part, _, __: float((part.told - part.features).norm(dim=-1).mean()),
+    "diversity": lambda part, _, drawn: diversity(part.features, generator=drawn),
+    "multimodality": _several,
+    "acceleration_mm": lambda part, _, __: float(part.acceleration_mm.mean()),
+    "beyond": lambda part, _, __: 100 * float(part.beyond.mean()),
+}
+"""How each measure of the table is made, by its key."""
