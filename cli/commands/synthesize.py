@@ -52,11 +52,12 @@ def synthesize(
     """Make synthetic hand-object interactions, in shards that `geneoh train` reads.
 
     An interrupted run continues when it is started again with the same folder, settings and seed.
-    Some object families are held out for the validation shards. The file sheet.png in the folder
-    shows a grasp of each family and of some meshes, and how deep its skin is in the object; there
-    is none of actions. Settings are those of SynthesisConfig, such as grasps.steps=200 or
-    animation.object.table_share=0.8, of ActionSynthesisConfig, such as acting.left=0.5, and of
-    GestureConfig, such as body.cast.walking=0.3.
+    Some object families, and some ways of making gestures, are held out for the validation shards.
+    The file sheet.png in the folder shows a grasp of each family and of some meshes, and how deep
+    its skin is in the object, or a body that makes each gesture; there is none of actions. Settings
+    are those of SynthesisConfig, such as grasps.steps=200 or animation.object.table_share=0.8, of
+    ActionSynthesisConfig, such as acting.left=0.5, and of GestureConfig, such as
+    body.cast.walking=0.3.
     """
     from functools import partial
 
@@ -67,7 +68,7 @@ def synthesize(
     from geneoh.synthesis.kinds import kind_of_data
     from geneoh.synthesis.shards import write_shards
     from geneoh.viz.canvas import png_bytes
-    from geneoh.viz.sheet import contact_sheet, one_of_each
+    from geneoh.viz.gesture_sheet import sheet_of
 
     path = None if config is None else options.find_config(config)
     settings = settings if count is None else (*settings, f"count={count}")
@@ -80,8 +81,8 @@ def synthesize(
         on_shard = partial(on_progress, "shards")
         how = {"scans": source, "jobs": jobs, "on_shard": on_shard, "synthesize": kind.synthesize}
         made = write_shards(data, chosen, hand, seed=seed, **how)
-        if kind.name == "interactions" and (made or not sheet.exists()):
-            picture = contact_sheet(one_of_each(data, hand), on_step=partial(on_progress, "sheet"))
+        if (made or not sheet.exists()) and kind.name != "actions":
+            picture = sheet_of(kind.name, data, hand, partial(on_progress, "sheet"))
             write_whole(sheet, png_bytes(picture))
     seen = f"; see {sheet}" if sheet.exists() else ""
     click.echo(f"{data}: {made} shards made, of {chosen.shard} {kind.name} each{seen}")

@@ -184,6 +184,7 @@ def test_the_generator_learns_lengths_and_contact_from_recordings_of_a_data_set(
     assert "expected h2o, grab, arctic, whose recordings come with labels" in refused.stderr
 
 
+@pytest.mark.slow
 def test_bodies_with_sentences_are_made_and_other_kinds_of_data_are_told_apart(geneoh, tmp_path):
     small = ("--count", 4, "--set", "shard=2", "--set", "frames=20")
     made = geneoh("synthesize", "--bodies", *small, "-o", "bodies")

@@ -2,11 +2,12 @@
 
 None was released with BOTH2Hands, and under the one of its code real clips score as chance does:
 the token that gathers a clip is drawn anew each time, and dropout stays on. Ours is trained with
-its token and its temperature, and has no dropout. True clips are told from clips with another clip's
+its token and its temperature, and has no dropout. True clips are told from clips with another's
 hands as well as from other clips, so that hands count where the body already tells much.
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import torch
@@ -15,11 +16,11 @@ from torch import Tensor, nn
 from torch.nn.functional import cross_entropy, normalize
 
 from geneoh.body.motion import BodyMotion, pose
-from geneoh.body.skeleton import Skeleton
 from geneoh.bundle import Bundle, concatenated
 from geneoh.generators.both2hands.features import BODY, HANDS, body_features, hand_features, placed
 from geneoh.generators.text_network import SentenceConfig, SentenceNetwork
 from geneoh.nn.blocks import sinusoid
+from geneoh.synthesis.gestures.clips import Gestures
 from geneoh.training.run_config import RunConfig
 
 SEEN = 30  # frames of a clip, from its first to its last
@@ -58,24 +59,28 @@ class Seen(Bundle):
     hands: Float[Tensor, "B S 270"]  # in the axes of the wrists
 
     @staticmethod
-    def of(motion: BodyMotion, skeleton: Skeleton, length: Int[Tensor, " B"]) -> "Seen":
+    def of(clips: Gestures) -> "Seen":
         """Evenly spaced frames of clips, up to their ends."""
-        clips = [slice(n, n + AT_ONCE) for n in range(0, len(length), AT_ONCE)]
-        return concatenated(
-            [
-                _seen(motion.take(some, "B"), skeleton.take(some, "B"), length[some])
-                for some in clips
-            ],
-            "B",
-        )
+        return concatenated((_seen(part, part.motion) for part in _parts(clips)), "B")
+
+    @staticmethod
+    def moved(clips: Gestures, motion: BodyMotion) -> "Seen":
+        """The same of clips that move otherwise."""
+        return _seen(clips, motion)
 
 
-def _seen(motion: BodyMotion, skeleton: Skeleton, length: Int[Tensor, " B"]) -> Seen:
+def _parts(clips: Gestures) -> Iterator[Gestures]:
+    """Some clips after the other, because the matrices of all take much memory."""
+    for first in range(0, len(clips.body), AT_ONCE):
+        yield clips.take(slice(first, first + AT_ONCE), "B")
+
+
+def _seen(clips: Gestures, motion: BodyMotion) -> Seen:
     share = torch.arange(SEEN) / (SEEN - 1)
-    frames = (share * (length[:, None] - 1)).round().long()
-    rows = torch.arange(len(length))[:, None]
+    frames = (share * (clips.length[:, None] - 1)).round().long()
+    rows = torch.arange(len(frames))[:, None]
     some = placed(BodyMotion(motion.root[rows, frames], motion.rotations[rows, frames]), "world")
-    posed = pose(skeleton, some)
+    posed = pose(clips.skeleton, some)
     return Seen(body_features(posed), hand_features(posed, "wrist"))
 
 

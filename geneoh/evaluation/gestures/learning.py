@@ -43,7 +43,7 @@ class EncoderTask:
     @cached_property
     def seen(self) -> Seen:
         """What is seen of the training clips."""
-        return Seen.of(self.clips.motion, self.clips.skeleton, self.clips.length)
+        return Seen.of(self.clips)
 
     @cached_property
     def pieces_of_clips(self) -> Int[Tensor, "B K N"]:
@@ -83,7 +83,7 @@ class EncoderTask:
     def validate(self, model: GestureEncoder, index: int) -> Float[Tensor, ""]:
         """Share of sentences of held-out clips that find another clip among 32."""
         clips = self.validation.take(slice(VALIDATED), "B")
-        seen = Seen.of(clips.motion, clips.skeleton, clips.length)
+        seen = Seen.of(clips)
         told = model.sentences(self.numbers(clips.joined[:, 0].tolist()))
         generator = torch.Generator().manual_seed(seed_of("validation"))
         found = retrieval(told, model.motions(seen), 1, pool=POOL, generator=generator)

@@ -102,7 +102,7 @@ def evaluate_gestures(
     model = trained_encoder(task, folder / FOLDER, on_step=told_training(on_progress, FOLDER))
     asked = conditions(options, task, model)
     real = asked.real
-    seen = Seen.of(real.motion, real.skeleton, real.length), task.seen
+    seen = Seen.of(real), task.seen
     wrong = shuffled(real, generator=drawn(options.seed, "shuffled"))
     scored = {
         REAL: asked.scored(real.motion),

@@ -87,7 +87,7 @@ def score_hands(
 
 def features_of(model: GestureEncoder, real: Gestures, motion: BodyMotion) -> Float[Tensor, "B F"]:
     """Unit vectors of clips on the bodies of real ones."""
-    return model.motions(Seen.of(motion, real.skeleton, real.length))
+    return model.motions(Seen.moved(real, motion))
 
 
 Score = Callable[[ScoredHands, ScoredHands, torch.Generator], float]

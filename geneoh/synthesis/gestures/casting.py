@@ -1,6 +1,6 @@
 """Who does what in a clip, and the hands' motion that follows."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import torch
@@ -89,27 +89,24 @@ class TwoHands(Bundle):
 def draw_roles(variants: Sequence[tuple[str, int]], cast: Cast, draws: Draws) -> Roles:
     """Random roles of two hands; `variants` are the gestures' that there are."""
 
-    def drawn(names: Sequence[str]) -> tuple[str, int]:
+    def drawn(names: Collection[str]) -> Role:
         own = [each for each in variants if each[0] in names]
-        return own[int(draws.integers(0, len(own)))]
+        name, variant = own[int(draws.integers(0, len(own)))]
+        return Role(name, variant, ONE_HANDED.get(name))
 
-    def alone(names: Sequence[str]) -> Role:
-        name, variant = drawn(names)
-        return Role(name, variant, ONE_HANDED[name])
-
-    kind = draws.share().item()
-    if kind < cast.together:
-        name, variant = drawn(tuple(TWO_HANDED))
-        pair = TWO_HANDED[name]
-        left = pair.left or pair.right
-        return Roles(Role(name, variant, left), Role(name, variant, pair.right), pair)
-    if kind < cast.together + cast.mirrored:
-        role = alone(MIRRORED)
+    kind, known = draws.share().item(), {name for name, _ in variants}
+    if known.isdisjoint(ONE_HANDED) or (kind < cast.together and not known.isdisjoint(TWO_HANDED)):
+        role = drawn(TWO_HANDED)
+        pair = TWO_HANDED[role.name]
+        left = replace(role, gesture=pair.left or pair.right)
+        return Roles(left, replace(role, gesture=pair.right), pair)
+    if cast.together <= kind < cast.together + cast.mirrored and not known.isdisjoint(MIRRORED):
+        role = drawn(MIRRORED)
         return Roles(role, role, mirrored=True)
     if bool(draws.chance(cast.idle)):
         return Roles(Role(REST), Role(REST))
-    one = alone(tuple(ONE_HANDED))
-    other = alone(tuple(ONE_HANDED)) if bool(draws.chance(cast.both)) else Role(REST)
+    one = drawn(ONE_HANDED)
+    other = drawn(ONE_HANDED) if bool(draws.chance(cast.both)) else Role(REST)
     if one.name == other.name:  # the same at different times has no sentence
         other = Role(REST)
     return Roles(one, other) if bool(draws.chance(0.5)) else Roles(other, one)

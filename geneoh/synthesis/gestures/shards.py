@@ -97,15 +97,20 @@ def gesture_shards(folder: Path, split: str) -> Iterator[Gestures]:
         InputError: the folder holds none, or files that are no whole shards of bodies.
     """
     for path in find_shards(folder, split, DEFAULTS):
-        try:
-            with opened_tensors(path) as (shard, record):
-                texts = {name: np.array(record[name]) for name in TEXTS}
-                yield Gestures(**all_tensors(shard), **texts)
-        except (OSError, TypeError, DamagedTensorsError) as error:
-            raise InputError(
-                f"{path}: expected a whole shard of bodies, got {error}; delete it and run "
-                "`geneoh synthesize --bodies` again, which makes what is missing"
-            ) from error
+        yield gesture_shard(path)
+
+
+def gesture_shard(path: Path) -> Gestures:
+    """One shard; `InputError` if the file is no whole shard of bodies."""
+    try:
+        with opened_tensors(path) as (shard, record):
+            texts = {name: np.array(record[name]) for name in TEXTS}
+            return Gestures(**all_tensors(shard), **texts)
+    except (OSError, TypeError, DamagedTensorsError) as error:
+        raise InputError(
+            f"{path}: expected a whole shard of bodies, got {error}; delete it and run "
+            "`geneoh synthesize --bodies` again, which makes what is missing"
+        ) from error
 
 
 def read_gestures(folder: Path, split: str) -> Gestures:

@@ -7,7 +7,7 @@ from geneoh.body.motion import pose
 from geneoh.body.skeleton import FINGER_JOINTS, JOINT_NAMES, WRISTS
 from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.gestures import synthesis
-from geneoh.synthesis.gestures.casting import Role, Roles
+from geneoh.synthesis.gestures.casting import Role, Roles, draw_roles
 from geneoh.synthesis.gestures.clips import REST
 from geneoh.synthesis.gestures.hands import HandSettings, Manner, stroke, taps
 from geneoh.synthesis.gestures.repertoire import ONE_HANDED, TWO_HANDED, Cast
@@ -119,3 +119,11 @@ def test_palms_that_meet_do_not_vary_sideways():
     assert manner.place[0] != 0
     assert meeting.place[0] == 0
     assert meeting.size == 1.0
+
+
+def test_roles_are_drawn_of_one_gesture_alone():
+    for name in ("wave", "clap"):
+        roles = [draw_roles([(name, 2)], Cast(), Draws(1, seeded(seed))) for seed in range(12)]
+        named = {role.name for each in roles for role in (each.left, each.right)}
+        assert named <= {name, REST}
+        assert name in named

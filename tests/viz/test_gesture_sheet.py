@@ -1,0 +1,43 @@
+from dataclasses import replace
+
+import pytest
+
+from geneoh.hand.library import load_hand
+from geneoh.synthesis.gestures.shards import DEFAULTS, synthesize_gestures
+from geneoh.synthesis.shards import write_shards
+from geneoh.viz.gesture_sheet import (
+    CELL,
+    TEXT_HEIGHT,
+    gesture_scene,
+    gesture_sheet,
+    one_of_each_gesture,
+)
+
+TINY = replace(DEFAULTS, count=6, shard=3, frames=20)
+
+
+@pytest.fixture(scope="module")
+def clips(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("data")
+    write_shards(folder, TINY, load_hand("right"), seed=0, synthesize=synthesize_gestures)
+    return one_of_each_gesture(folder)
+
+
+def test_each_gesture_is_shown_once_in_the_order_of_their_names(clips):
+    numbers = [int(clip.gesture.max()) for clip in clips]
+    assert numbers == sorted(set(numbers))
+    assert 1 <= len(numbers) <= 6
+
+
+def test_a_scene_shows_both_hands_and_the_limbs_of_the_middle_frame(clips):
+    scene = gesture_scene(clips[0])
+    assert [hand.side for hand in scene.versions[0].hands] == ["left", "right"]
+    assert scene.frames == 1
+    assert scene.limbs > 15
+
+
+def test_the_sheet_has_a_cell_for_each_clip(clips):
+    picture = gesture_sheet(clips[:2])
+    assert picture.shape[0] == CELL + TEXT_HEIGHT
+    assert picture.shape[1] > 2 * CELL
+    assert picture[:CELL, :CELL].std() > 5  # a body is drawn
