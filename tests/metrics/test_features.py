@@ -8,6 +8,7 @@ from geneoh.metrics.features import (
     frechet_distance,
     interval,
     multimodality,
+    retrieval,
     top_accuracy,
 )
 
@@ -106,3 +107,13 @@ def test_one_seed_draws_the_same_pairs_and_two_others():
         lambda seed: multimodality(features, labels, generator=seeded(seed)),
     ):
         assert draw(3) == draw(3) != draw(4)
+
+
+def test_sentences_find_their_own_clip_in_a_pool_and_by_chance_where_nothing_is_told():
+    own = whitened(96, 8)
+    assert retrieval(own, own, 1, pool=32, generator=seeded()) == 1.0
+    told = torch.zeros(96 * 20, 8, dtype=torch.float64)
+    random = torch.randn(96 * 20, 8, generator=seeded(), dtype=torch.float64)
+    found = retrieval(told, random, 3, pool=32, generator=seeded())
+    assert found == pytest.approx(3 / 32, abs=0.03)
+    assert math.isnan(retrieval(own[:31], own[:31], 1, pool=32, generator=seeded()))

@@ -96,8 +96,8 @@ def evaluate_gestures(
         InputError: the data is not there, or no whole shards of bodies.
         CheckpointError: weights are missing, or the folder holds an encoder of other data.
     """
-    networks = load_networks(options.weights)
     training, held_out = (read_gestures(options.data, split) for split in ("train", "val"))
+    networks = load_networks(options.weights)
     task = EncoderTask(options.encoder, training, held_out)
     model = trained_encoder(task, folder / FOLDER, on_step=told_training(on_progress, FOLDER))
     asked = conditions(options, task, model)

@@ -1,0 +1,59 @@
+import pytest
+import torch
+from made_gestures import made_gestures
+
+from geneoh.evaluation.generation.scores import repeat
+from geneoh.evaluation.gestures.scores import MEASURES, SCORES, FingerRange, ScoredHands
+
+
+def scored(features: torch.Tensor, told: torch.Tensor | None = None, several: int = 0):
+    count, width = features.shape
+    generator = torch.Generator().manual_seed(1)
+    return ScoredHands(
+        features if told is None else told,
+        features,
+        torch.full((count,), 2.0),
+        torch.full((count,), 0.25),
+        torch.randn(several, 3, width, generator=generator),
+    )
+
+
+def drawn(count: int = 128) -> torch.Tensor:
+    features = torch.randn(count, 6, generator=torch.Generator().manual_seed(0))
+    return torch.nn.functional.normalize(features, dim=-1)
+
+
+def test_every_measure_has_a_score():
+    assert [measure.key for measure in MEASURES] == list(SCORES)
+
+
+def test_sentences_that_are_their_clips_find_them_and_shuffled_ones_do_not():
+    real = scored(drawn())
+    wrong = scored(drawn().roll(1, 0), told=drawn())
+    rows = repeat(real, {"real": real, "wrong": wrong}, seed=0, repetitions=4, scores=SCORES)
+    right, chance = rows["real"].cells, rows["wrong"].cells
+    assert right["top1"].mean == 100
+    assert right["mm_distance"].mean == pytest.approx(0, abs=1e-3)
+    assert chance["top1"].mean < 15
+    assert chance["mm_distance"].mean > 1
+    assert right["fid"].mean < 0.3
+    assert right["acceleration_mm"].mean == 2.0
+    assert right["beyond"].mean == 25.0
+
+
+def test_multimodality_is_of_answers_to_one_question_and_else_none():
+    real = scored(drawn())
+    several = scored(drawn(), several=4)
+    rows = repeat(real, {"a": real, "b": several}, seed=0, repetitions=2, scores=SCORES)
+    assert torch.tensor(rows["a"].values["multimodality"]).isnan().all()
+    assert rows["b"].cells["multimodality"].mean > 1
+
+
+def test_joints_beyond_the_range_of_training_are_counted():
+    clips = made_gestures(3)
+    limits = FingerRange.of(clips)
+    assert limits.beyond(clips.motion).max() == 0
+    bent = clips.motion
+    clips.pose[:, :, 22, 2] += 2.0  # one of 30 joints
+    torch.testing.assert_close(limits.beyond(clips.motion), torch.full((3,), 1 / 30))
+    assert limits.beyond(bent).max() == 0
