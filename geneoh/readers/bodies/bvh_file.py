@@ -195,6 +195,6 @@ def posed_channels(
                 offsets[:, index, "XYZ".index(name[0])] = own[:, at]
         if turning:
             axes = "".join(joint.channels[at][0] for at in turning)
-            angles = own[:, turning] if np.isfinite(own).all() else np.full_like(own, np.nan)
-            turns[:, index] = Rotation.from_euler(axes, angles, degrees=True).as_matrix()
+            turned = Rotation.from_euler(axes, own[:, turning], degrees=True).as_matrix()
+            turns[:, index] = turned
     return float32(turns), float32(offsets)

@@ -144,10 +144,10 @@ def rotations_of(record: Record, layout: Layout) -> tuple[Float[Tensor, "T 52 3 
         body = np.concatenate([root, posed.reshape(len(posed), -1)[:, :63]], axis=1)
         fingers = fingers_of(record, layout, len(body))
     flat = np.zeros((len(body), 3 * FINGERS)) if fingers is None else fingers
-    vectors = np.concatenate([body, flat], axis=1).reshape(-1, len(JOINT_NAMES), 3)
-    if np.nanmax(np.linalg.norm(vectors, axis=-1)) > LARGEST_ANGLE:
+    vectors = float32(np.concatenate([body, flat], axis=1)).reshape(-1, len(JOINT_NAMES), 3)
+    if bool((vectors.norm(dim=-1) > LARGEST_ANGLE).any()):
         raise record.refuse(layout.body, "axis-angle in radians", "convert degrees to radians")
-    return axis_angle_to_matrix(float32(vectors)), fingers is not None
+    return axis_angle_to_matrix(vectors), fingers is not None
 
 
 def fingers_of(record: Record, layout: Layout, frames: int) -> Array | None:
