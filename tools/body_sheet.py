@@ -8,16 +8,21 @@ and the proportions of the bodies are those that the networks never learned from
 
 import argparse
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import torch
 from PIL import Image
 
+from geneoh.body.motion import BodyMotion
+from geneoh.body.skeleton import Skeleton
 from geneoh.generators.both2hands.on_body import BodyOptions, BodyWithHands, generate_on_body
 from geneoh.readers.bodies.base import BodyRecording
+from geneoh.synthesis.gestures.clips import NAMES
+from geneoh.synthesis.gestures.hands import VARIANTS
 from geneoh.synthesis.gestures.shards import GestureConfig
-from geneoh.synthesis.gestures.synthesis import BodyConfig, gesturing
+from geneoh.synthesis.gestures.synthesis import gesturing
 from geneoh.viz.camera import Camera, cameras
 from geneoh.viz.canvas import FAINT, Canvas
 from geneoh.viz.look import Look
@@ -25,30 +30,34 @@ from geneoh.viz.picture import draw
 from geneoh.viz.scene import Scene, make_scene
 
 CHOSEN = (
-    ("wave", "the right hand waves, the left hand rests"),
-    ("count", "the fingers count one after the other"),
-    ("type", "both hands type on a keyboard"),
+    ("rest", "wave", "the right hand waves, the left hand rests"),
+    ("clap", "clap", "both hands clap"),
+    ("type", "type", "both hands type on a keyboard"),
 )
-"""Gestures that bodies make, and what is said of their hands."""
+"""What the left and the right hand of a body do, and what is said of them."""
 FRAMES, CELL, CLOSE, WORDS = 5, 260, 130, 30
 CLOSE_RADIUS = 0.13  # of a picture of one hand, metres
 
 
-def body_of(gesture: str, seed: int) -> BodyRecording:
-    """A held-out body that makes the last held-out variant of a gesture."""
-    config = GestureConfig()
-    variant = int(config.families_of(0)[-1].rpartition(" ")[2])
-    clips = gesturing(
-        [(gesture, variant)],
-        [config.bodies("val")[seed]],
-        config.frames,
-        BodyConfig(),
-        generator=torch.Generator().manual_seed(seed),
-    )
-    motion = clips.take(slice(0, 1), "B")
-    length = int(motion.length)
+def body_of(left: str, right: str, seed: int) -> BodyRecording:
+    """A held-out body whose hands make held-out variants of gestures."""
+    config, generator = GestureConfig(), torch.Generator().manual_seed(seed)
+    variants = [(right, n) for n in range(VARIANTS - config.held_out, VARIANTS)]
+    together = 1.0 if left == right else 0.0
+    cast = replace(config.body.cast, together=together, mirrored=0.0, idle=0.0, both=0.0)
+    setting, person = replace(config.body, cast=cast), config.bodies("val")[seed]
+    wanted = [NAMES.index(left), NAMES.index(right)]
+    while True:  # until the right one of both hands makes the gesture
+        clips = gesturing(variants, [person], config.frames, setting, generator=generator)
+        if clips.gesture[0].tolist() == wanted:
+            break
+    length, motion = int(clips.length[0]), clips.motion
     return BodyRecording(
-        motion.motion.take(0, "B")[:length], motion.skeleton, torch.zeros(3), 30.0, gesture
+        BodyMotion(motion.root[0, :length], motion.rotations[0, :length]),
+        Skeleton(clips.offsets[0]),
+        torch.zeros(3),
+        30.0,
+        right,
     )
 
 
@@ -78,8 +87,8 @@ def main() -> None:
     asked = parser.parse_args()
     height = WORDS + CELL + CLOSE
     canvas = Canvas(CELL * FRAMES, height * len(CHOSEN))
-    for index, (gesture, sentence) in enumerate(CHOSEN):
-        body = body_of(gesture, asked.seed + index)
+    for index, (left, right, sentence) in enumerate(CHOSEN):
+        body = body_of(left, right, asked.seed + index)
         start = time.perf_counter()
         made = generate_on_body(sentence, body, BodyOptions(weights=asked.weights, seed=asked.seed))
         seconds = time.perf_counter() - start

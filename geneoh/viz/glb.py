@@ -15,7 +15,7 @@ from jaxtyping import Float, Int
 
 from geneoh.geometry.rotations import matrix_to_quat_wxyz
 from geneoh.viz.camera import axes_towards
-from geneoh.viz.look import OBJECT_COLOUR, SKIN_COLOUR, Colour, Look
+from geneoh.viz.look import SKIN_COLOUR, Colour, Look
 from geneoh.viz.scene import PosedTrack, Scene
 from geneoh.viz.surface import vertex_normals
 
@@ -156,7 +156,7 @@ def _add_part(document: _Document, scene: Scene, part: int, times: int) -> int:
     """A part of the object that moves as it does in the world."""
     mesh = scene.object.meshes[part]
     verts, faces = mesh.verts.numpy().astype(np.float32), mesh.faces.numpy()
-    node = _add_mesh(document, scene.part_name(part), verts[None], faces, OBJECT_COLOUR)
+    node = _add_mesh(document, scene.part_name(part), verts[None], faces, scene.part_colour(part))
     quat, translation = scene.part_motion(part)
     # the same rotations, with the signs of quaternions chosen to be continuous over time
     agrees = (quat[1:] * quat[:-1]).sum(-1) >= 0

@@ -14,6 +14,7 @@ Colour = tuple[float, float, float]  # red, green and blue in sRGB, 0 to 1
 
 BACKGROUND: Colour = (0.985, 0.985, 0.98)
 SKIN_COLOUR: Colour = (0.86, 0.69, 0.59)
+BODY_COLOUR: Colour = (0.78, 0.8, 0.83)
 OBJECT_COLOUR: Colour = (0.55, 0.63, 0.73)
 LARGEST_DEPTH = 0.006  # penetration in metres at which its ramp ends
 LARGEST_SPREAD = 0.02  # spread in metres at which its ramp ends

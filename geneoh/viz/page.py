@@ -23,7 +23,7 @@ from torch import Tensor
 
 from geneoh.hand.skeleton import KEYPOINT_PARENTS
 from geneoh.viz.camera import FIELD_OF_VIEW, cameras
-from geneoh.viz.look import OBJECT_COLOUR, SCALES, SKIN_COLOUR, Look, ramp_position
+from geneoh.viz.look import SCALES, SKIN_COLOUR, Look, ramp_position
 from geneoh.viz.scene import PosedTrack, Scene, Version
 from geneoh.viz.surface import coarser, with_sharp_edges
 
@@ -116,7 +116,7 @@ def describe(scene: Scene, up: Float[np.ndarray, " 3"], packed: _Packed) -> dict
             "targets": _rounded(np.stack([camera.target for camera in seen])),
         },
         "skinColour": SKIN_COLOUR,
-        "objectColour": OBJECT_COLOUR,
+        "objectColour": scene.part_colour(0),
         "scales": {
             name: vars(scale) | {"limits": [1000 * limit for limit in scale.limits]}
             for name, scale in SCALES.items()

@@ -24,7 +24,7 @@ from geneoh.metrics.report import FrameMeasures, measure_frames
 from geneoh.readers.bodies.base import BodyRecording
 from geneoh.sequence.resample import nearest_frames
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
-from geneoh.viz.look import OBJECT_COLOUR, ramp_colours, ramp_position
+from geneoh.viz.look import BODY_COLOUR, OBJECT_COLOUR, Colour, ramp_colours, ramp_position
 from geneoh.viz.mannequin import mannequin
 from geneoh.viz.surface import with_sharp_edges
 
@@ -151,6 +151,10 @@ class Scene:
             return f"body {part - own + 1}"
         return f"object {part + 1}" if own > 1 else "object"
 
+    def part_colour(self, part: int) -> Colour:
+        """The colour of a part of the object, or of a limb."""
+        return BODY_COLOUR if part >= len(self.object.meshes) - self.limbs else OBJECT_COLOUR
+
     @property
     def up(self) -> Axis:
         """Axis of the world that points up, as far as is known: that of the body, else z."""
@@ -170,7 +174,7 @@ class Scene:
         surfaces = []
         for part, mesh in enumerate(self.sharp_parts):
             verts = self.part_pose(part, frame).apply(mesh.verts).numpy()
-            colours = np.broadcast_to(np.array(OBJECT_COLOUR, dtype=np.float32), verts.shape)
+            colours = np.broadcast_to(np.float32(self.part_colour(part)), verts.shape)
             position = np.zeros(len(verts), dtype=np.float32)
             surfaces.append(DrawnSurface(verts, mesh.faces.numpy(), colours, position))
         return joined(surfaces)

@@ -16,6 +16,7 @@ from geneoh.errors import InputError
 from geneoh.readers.bodies.read import read_body
 from geneoh.readers.npz_files import load
 from geneoh.viz.camera import cameras
+from geneoh.viz.look import BODY_COLOUR
 from geneoh.viz.mannequin import mannequin
 from geneoh.viz.outputs import write
 from geneoh.viz.scene import with_body
@@ -51,6 +52,7 @@ def test_bones_reach_from_joint_to_joint_in_the_world_of_the_file(body):
 def test_the_camera_sees_head_and_hands_upright_from_the_front(body, file):
     scene = open_scene(file)
     assert (scene.up, scene.has_object) == ("z", False)
+    assert scene.part_colour(0) == BODY_COLOUR
     joints = pose(body.skeleton, body.file_motion).positions.numpy()
     for frame, camera in enumerate(cameras(scene, np.array([0.0, 0.0, 1.0]))):
         seen = camera.project(joints[frame, [15, 20, 21]], (100, 100))
