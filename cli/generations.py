@@ -17,6 +17,8 @@ GO_WITH_IT = (
 
 def score_generator(ctx: click.Context) -> None:
     """Score the generator that the command line names, write the report and print it."""
+    from functools import partial
+
     from geneoh.config import configured
     from geneoh.evaluation.generation.report import as_text, keep_other_reports, write_report
     from geneoh.evaluation.generation.runner import GenerationOptions, evaluate_generator
@@ -27,17 +29,18 @@ def score_generator(ctx: click.Context) -> None:
     given = {"limit": asked["limit"], "seed": next(iter(asked["seeds"]), None)}
     chosen = {name: value for name, value in given.items() if value is not None}
     chosen["weights"] = asked["weights"]
+    root, settings = asked["root"], asked["settings"]
     if asked["generator"] == "both2hands":
-        evaluate, options = evaluate_gestures, GestureOptions(asked["root"], **chosen)
+        hands = configured(GestureOptions(root, **chosen), settings=settings)
+        evaluate = partial(evaluate_gestures, hands)
     else:
-        evaluate = evaluate_generator
-        options = GenerationOptions(asked["root"], refine=asked["refine"], **chosen)
-    options = configured(options, settings=asked["settings"])
+        actions = GenerationOptions(root, refine=asked["refine"], **chosen)
+        evaluate = partial(evaluate_generator, configured(actions, settings=settings))
     folder = asked["folder"] or Path("runs", "eval", f"{asked['generator']}-{asked['dataset']}")
     keep_other_reports(folder)
     command = evaluations.command_line(ctx)
     with progress.progress_bars() as on_progress:
-        made = evaluate(options, folder, command=command, on_progress=on_progress)
+        made = evaluate(folder, command=command, on_progress=on_progress)
     for line in [*as_text(made), *(f"note: {remark}" for remark in made.remarks())]:
         click.echo(line)
     click.echo(f"wrote {', '.join(str(path) for path in write_report(made, folder))}")

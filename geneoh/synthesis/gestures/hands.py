@@ -165,8 +165,11 @@ def perform(
     bulge = settings.bulge * torch.sin(math.pi * active) * torch.tensor([0.0, 0.0, 1.0])
     place = rest.place + active * (place - rest.place) + bulge
     # turns against the forearm, between which no way leads through a twist that no person makes
-    ends = [against_forearm(turn_of(each), place_of(each), gesture.swivel) for each in (start, end)]
-    turn = interpolate_rotations(*ends, course.clamp(0, 1.2)) @ axis_angle_to_matrix(manner.turn)
+    one, other = (
+        against_forearm(turn_of(each), place_of(each), gesture.swivel) for each in (start, end)
+    )
+    turn = interpolate_rotations(one, other, course.clamp(0, 1.2))
+    turn = turn @ axis_angle_to_matrix(manner.turn)
     at_rest = against_forearm(rest.turn, rest.place, 0.0)
     turn = interpolate_rotations(at_rest, turn, timing.active)
     fingers_active = _later(timing.active, -3)[:, None, None]  # a hand forms while it is moved

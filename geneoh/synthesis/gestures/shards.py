@@ -104,8 +104,8 @@ def gesture_shard(path: Path) -> Gestures:
     """One shard; `InputError` if the file is no whole shard of bodies."""
     try:
         with opened_tensors(path) as (shard, record):
-            texts = {name: np.array(record[name]) for name in TEXTS}
-            return Gestures(**all_tensors(shard), **texts)
+            held: dict[str, Any] = dict(all_tensors(shard))
+            return Gestures(**held | {name: np.array(record[name]) for name in TEXTS})
     except (OSError, TypeError, DamagedTensorsError) as error:
         raise InputError(
             f"{path}: expected a whole shard of bodies, got {error}; delete it and run "
