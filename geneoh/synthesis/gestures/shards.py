@@ -105,7 +105,8 @@ def gesture_shard(path: Path) -> Gestures:
     try:
         with opened_tensors(path) as (shard, record):
             held: dict[str, Any] = dict(all_tensors(shard))
-            return Gestures(**held | {name: np.array(record[name]) for name in TEXTS})
+            held |= {name: np.array(record[name]) for name in TEXTS}
+            return Gestures(**held)
     except (OSError, TypeError, DamagedTensorsError) as error:
         raise InputError(
             f"{path}: expected a whole shard of bodies, got {error}; delete it and run "
