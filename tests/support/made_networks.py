@@ -2,11 +2,12 @@
 
 from dataclasses import replace
 
+import torch
 from made_actions import NAMES, WordEncoder, made_actions
 
 from geneoh.generators.text2hoi.config import Text2HoiConfig
 from geneoh.generators.text2hoi.contact import ContactConfig
-from geneoh.generators.text2hoi.interaction import InteractionConfig
+from geneoh.generators.text2hoi.interaction import InteractionConfig, InteractionNetwork
 from geneoh.generators.text2hoi.losses import LossWeights
 from geneoh.generators.text2hoi.pointnet import PointConfig
 from geneoh.generators.text2hoi.samples import ActionData
@@ -41,6 +42,18 @@ def in_paper_form(config: InteractionConfig) -> InteractionConfig:
     return replace(
         config, form="paper", frames_per_token=1, frame="world", normalised=False, object_tokens=0
     )
+
+
+def answering(config: InteractionConfig, seed: int = 0) -> InteractionNetwork:
+    """A network with random answers: in our form an untrained one has none of its own."""
+    torch.manual_seed(seed)
+    network = InteractionNetwork(config).eval()
+    for layer in network.outputs:
+        torch.nn.init.normal_(layer.weight, std=0.1)
+        torch.nn.init.normal_(layer.bias, std=0.1)
+    for codec in network.codecs:
+        torch.nn.init.orthogonal_(codec.axes)
+    return network
 
 
 def tiny_data(**changes) -> ActionData:

@@ -2,10 +2,11 @@
 
 Source: Text2HOI, section 3.4 and supplement: a transformer over tokens of the left hand, the right
 hand and the object of each frame, behind a token of the condition. It predicts the clean sample.
-Ours (`form="ours"`): several frames to a token, pre-norm blocks with rotary positions, tokens of
-places on the object beside that of the condition, so that attention can place hands by geometry,
-numbers of unit variance. `form="paper"` is the paper's; without its dropout, because all random
-numbers of a run come from its own generator.
+Ours (`form="ours"`): several frames to a token, along their principal axes; pre-norm blocks with
+rotary positions, whose answer counts the more the noisier the tokens are (Karras et al. 2022);
+tokens of places on the object beside that of the condition, so that attention can place hands by
+geometry; numbers of unit variance. `form="paper"` is the paper's; without its dropout, because all
+random numbers of a run come from its own generator.
 """
 
 from dataclasses import dataclass, field
@@ -13,7 +14,7 @@ from functools import cache
 from typing import Literal
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Shaped
 from torch import Tensor, nn
 
 from geneoh.bundle import Bundle
@@ -23,10 +24,8 @@ from geneoh.generators.text2hoi.object_tokens import ObjectTokens, WholeObject
 from geneoh.generators.text2hoi.pointnet import PointConfig
 from geneoh.generators.text2hoi.post_norm import PostNormTransformer, sinusoid
 from geneoh.generators.text2hoi.tokens import HAND, NUMBERS, OBJECT, HandFrame
-from geneoh.nn.blocks import FrameTransformer
+from geneoh.nn.blocks import FrameTransformer, zeroed
 
-LEAST_DEVIATION = 0.02
-"""Deviations of numbers below this one (m, dm, entries of rotations) count as this large."""
 AGENT_ROWS = (1, 1666, 3333)
 """Rows of the paper's sinusoid table that tell the left hand, the right hand and the object."""
 
@@ -72,13 +71,19 @@ class InteractionNetwork(nn.Module):
         width, frames, ours = config.width, config.frames_per_token, config.form == "ours"
         self.register_buffer("mean", torch.zeros(NUMBERS))
         self.register_buffer("std", torch.ones(NUMBERS))
-        self.inputs = nn.ModuleList(nn.Linear(frames * n, width) for n in (HAND, HAND, OBJECT))
+        numbers = [frames * n for n in (HAND, HAND, OBJECT)]
+        self.axes = nn.ModuleList(PrincipalAxes(n, width) for n in numbers if ours)
+        sizes = [width] * 3 if ours else numbers
+        self.inputs = nn.ModuleList(nn.Linear(n, width) for n in sizes)
         self.outputs = nn.ModuleList(
-            nn.Linear(k * width, frames * n) for k, n in ((2, HAND), (2, HAND), (1, OBJECT))
+            nn.Linear(k * width, n) for k, n in zip((2, 2, 1), sizes, strict=True)
         )
+        if ours:
+            for layer in self.outputs:
+                zeroed(layer)
         self.text = nn.Linear(config.text, width)
-        sizes = (config.points, width, config.object_points)
-        self.object = ObjectTokens(*sizes, config.object_tokens) if ours else WholeObject(*sizes)
+        seen = (config.points, width, config.object_points)
+        self.object = ObjectTokens(*seen, config.object_tokens) if ours else WholeObject(*seen)
         self.time = nn.Linear(5, width) if ours else None
         self.agents = nn.Parameter(0.1 * torch.randn(3, width)) if ours else None
         if ours:
@@ -91,6 +96,11 @@ class InteractionNetwork(nn.Module):
         """Noise of each level, in units of the deviation of numbers."""
         return _sigmas(self.mean.device)
 
+    @property
+    def codecs(self) -> list["PrincipalAxes"]:
+        """The axes of left hand, right hand and object; none in the paper's form."""
+        return [axes for axes in self.axes if isinstance(axes, PrincipalAxes)]
+
     def normalise(self, numbers: Float[Tensor, "B T 208"]) -> Float[Tensor, "B T 208"]:
         """Numbers in units of their deviation."""
         return (numbers - self.mean) / self.std
@@ -101,7 +111,7 @@ class InteractionNetwork(nn.Module):
 
     def told(self, condition: Condition) -> Told:
         """A condition made ready for `denoised`."""
-        steps = _steps(condition.valid, self.config.frames_per_token)
+        steps = in_steps(condition.valid, self.config.frames_per_token)
         whole, places = self.object(condition.objects, condition.contact)
         given = condition.object_given[:, None]
         text = self.text(condition.text * condition.text_given[:, None])
@@ -123,40 +133,44 @@ class InteractionNetwork(nn.Module):
         shown is zero, and what stands there in `x` has no effect.
         """
         sigma = self.sigmas[level.long()]
-        scaled = x * told.shown / (1 + sigma.square()).sqrt()[:, None, None]
-        tokens, position = self.sequence(scaled, told)
+        steps = in_steps(x * told.shown, self.config.frames_per_token)
+        given = [agent.flatten(-2) for agent in steps.split([HAND, HAND, OBJECT], dim=-1)]
+        codecs = self.codecs
+        if codecs:
+            own = [axes.into(n, sigma) for axes, n in zip(codecs, given, strict=True)]
+        else:
+            own = [agent / (1 + sigma.square()).sqrt()[:, None, None] for agent in given]
+        tokens, position = self.sequence(own, told)
         seen = torch.cat([told.seen, told.step_seen.flatten(1)], dim=1)
         quarter = 0.25 * sigma.clamp(min=1e-4).log() if self.time is not None else level
         after = self.trunk(tokens, quarter, position, seen)[:, told.tokens.shape[1] :]
         left, right, thing = after.unflatten(1, (-1, 3)).unbind(2)
         read = (torch.cat([left, thing], -1), torch.cat([right, thing], -1), thing)
-        frames = self.config.frames_per_token
-        found = [
-            out(r).unflatten(-1, (frames, -1)).flatten(1, 2)
-            for out, r in zip(self.outputs, read, strict=True)
-        ]
-        return torch.cat(found, dim=-1)[:, : x.shape[1]] * told.shown
+        found = [write(r) for write, r in zip(self.outputs, read, strict=True)]
+        if codecs:
+            found = [
+                axes.back(n, answer, sigma)
+                for axes, n, answer in zip(codecs, own, found, strict=True)
+            ]
+        frames = [f.unflatten(-1, (self.config.frames_per_token, -1)).flatten(1, 2) for f in found]
+        return torch.cat(frames, dim=-1)[:, : x.shape[1]] * told.shown
 
     def sequence(
-        self, scaled: Float[Tensor, "B T 208"], told: Told
+        self, own: list[Float[Tensor, "B S _"]], told: Told
     ) -> tuple[Float[Tensor, "B N D"], Float[Tensor, " N"]]:
         """All tokens and their positions: the condition's, then left, right, object step by step.
 
-        The condition has position 0 and step s position s, counted from 1 (paper: s is a frame).
+        `own` are the numbers of each agent in each step. The condition has position 0 and step s
+        position s, counted from 1 (paper: s is a frame).
         """
-        short = -scaled.shape[1] % self.config.frames_per_token
-        steps = nn.functional.pad(scaled, (0, 0, 0, short)).unflatten(
-            1, (-1, self.config.frames_per_token)
-        )
-        agents = steps.split([HAND, HAND, OBJECT], dim=-1)
-        tokens = torch.stack(
-            [read(agent.flatten(-2)) for read, agent in zip(self.inputs, agents, strict=True)], 2
-        )
-        tokens = tokens + told.time[:, :, None] + self._agents(tokens)
+        read = [layer(agent) for layer, agent in zip(self.inputs, own, strict=True)]
+        tokens = torch.stack(read, dim=2) + told.time[:, :, None]
+        tokens = tokens + self._agents(tokens)
+        steps = tokens.shape[1]
         tokens = torch.cat([told.tokens, tokens.flatten(1, 2)], dim=1)
-        numbers = torch.arange(1, steps.shape[1] + 1, device=scaled.device)
+        numbers = torch.arange(1, steps + 1, device=tokens.device)
         condition = numbers.new_zeros(told.tokens.shape[1])
-        return tokens, torch.cat([condition, numbers.repeat_interleave(3)]).to(scaled)
+        return tokens, torch.cat([condition, numbers.repeat_interleave(3)]).to(tokens)
 
     def _agents(self, tokens: Tensor) -> Float[Tensor, "3 D"]:
         if self.agents is not None:
@@ -164,14 +178,51 @@ class InteractionNetwork(nn.Module):
         return sinusoid(torch.tensor(AGENT_ROWS).to(tokens), tokens.shape[-1])
 
 
+class PrincipalAxes(nn.Module):
+    """Fixed axes along which the numbers of a step vary most; see `scales.set_axes`.
+
+    Along each the network is preconditioned as by Karras et al. 2022, so that it begins with the
+    best answer that is linear, reads unit variance, and is asked for unit variance.
+    """
+
+    axes: Tensor
+    variance: Tensor
+
+    def __init__(self, numbers: int, count: int) -> None:
+        """Space for `count` axes; those that there are no numbers for stay zero."""
+        super().__init__()
+        self.register_buffer("axes", torch.eye(count, numbers))
+        self.register_buffer("variance", torch.ones(count))
+
+    def into(
+        self, noisy: Float[Tensor, "B S N"], sigma: Float[Tensor, " B"]
+    ) -> Float[Tensor, "B S D"]:
+        """Places along the axes, of unit variance together with their noise."""
+        total = self.variance + sigma[:, None, None].square()
+        return noisy @ self.axes.T / total.sqrt()
+
+    def back(
+        self,
+        own: Float[Tensor, "B S D"],
+        answer: Float[Tensor, "B S D"],
+        sigma: Float[Tensor, " B"],
+    ) -> Float[Tensor, "B S N"]:
+        """Clean numbers by what `into` gave and by the network's answer of unit variance."""
+        noise = sigma[:, None, None]
+        total = (self.variance + noise.square()).sqrt()
+        places = self.variance / total * own + noise * self.variance.sqrt() / total * answer
+        return places @ self.axes
+
+
 @cache
 def _sigmas(device: torch.device) -> Float[Tensor, " N"]:
     return cosine_sigmas().float().to(device)
 
 
-def _steps(valid: Bool[Tensor, "B T"], frames: int) -> Bool[Tensor, "B S F"]:
-    """Frames before the end, by the token that they are in."""
-    return nn.functional.pad(valid, (0, -valid.shape[1] % frames)).unflatten(1, (-1, frames))
+def in_steps(values: Shaped[Tensor, "B T *N"], frames: int) -> Shaped[Tensor, "B S F *N"]:
+    """Values of frames by the token that they are in; the last one is filled with zeros."""
+    short = values.new_zeros(len(values), -values.shape[1] % frames, *values.shape[2:])
+    return torch.cat([values, short], dim=1).unflatten(1, (-1, frames))
 
 
 def moments(steps: Bool[Tensor, "B S F"]) -> Float[Tensor, "B S 5"]:

@@ -15,9 +15,9 @@ from geneoh.generators.text2hoi.tokens import HAND, Tokens
 from geneoh.synthesis.actions import NEAR, Actions
 from geneoh.synthesis.draws import Draws
 
-UNIT = 0.02
+UNIT = 0.1
 """Errors of keypoints and distances are in this unit, metres, so that they are of order one."""
-STEP = 0.005
+STEP = 0.02
 """Errors of velocities are in this unit, metres from frame to frame."""
 ARM = 0.1  # metres from the object's origin at which its velocity is compared
 
@@ -31,12 +31,24 @@ class LossWeights:
     keypoints: float = 0.5
     velocity: float = 0.5
     frames: int = 30  # frames in a row, at a random place, that all but the simple loss see
+    sharp: bool = True
+    """Whether they count less the less of the sample is left in its noise, by the share of the
+    signal's variance: what can only be guessed has no sharp geometry (paper: no)."""
     points: int = 64  # points of an object that are compared, the touched ones first (paper: all)
 
 
-def masked_mean(values: Float[Tensor, "*S"], mask: Bool[Tensor, "*#S"]) -> Float[Tensor, ""]:
-    """Mean where the mask is true, over what it broadcasts to; zero where it is true nowhere."""
+def masked_mean(
+    values: Float[Tensor, "*S"],
+    mask: Bool[Tensor, "*#S"],
+    share: Float[Tensor, " B"] | None = None,
+) -> Float[Tensor, ""]:
+    """Mean where the mask is true, over what it broadcasts to; zero where it is true nowhere.
+
+    `share` is how much the values of each item of a batch count.
+    """
     mask = mask.expand_as(values)
+    if share is not None:
+        values = values * share.view(-1, *[1] * (values.ndim - 1))
     return torch.where(mask, values, 0.0).sum() / mask.sum().clamp(min=1)
 
 
@@ -58,26 +70,32 @@ def geometric_loss(
     contact: Float[Tensor, "B P"],
     weights: LossWeights,
     draws: Draws,
+    share: Float[Tensor, " B"],
 ) -> Float[Tensor, ""]:
-    """All losses but the simple one, weighted and added; `actions` are the clean ones."""
+    """All losses but the simple one, weighted and added; `actions` are the clean ones.
+
+    `share` is how much each clip counts.
+    """
     start = draws.integers(0, max(1, clean.valid.shape[1] - weights.frames + 1))[0]
     some = slice(int(start), int(start) + weights.frames)
     found, clean, actions = found.take(some, "T"), clean.take(some, "T"), actions.take(some, "T")
     shown = clean.shown[:, :2]
     joints, true = found.joints_on_object(), clean.joints_on_object()
     apart = (joints - true).square().sum(-1) / UNIT**2
-    total = weights.keypoints * masked_mean(apart, shown[..., None])
-    total = total + weights.orientation * orientation_loss(found, clean)
-    total = total + weights.velocity * velocity_loss(found, clean, joints, true)
+    total = weights.keypoints * masked_mean(apart, shown[..., None], share)
+    total = total + weights.orientation * orientation_loss(found, clean, share)
+    total = total + weights.velocity * velocity_loss(found, clean, joints, true, share)
     return total + weights.distance * distance_loss(
-        joints, true, actions, contact, shown, weights, draws
+        joints, true, actions, contact, shown, weights, draws, share
     )
 
 
-def orientation_loss(found: Tokens, clean: Tokens) -> Float[Tensor, ""]:
+def orientation_loss(
+    found: Tokens, clean: Tokens, share: Float[Tensor, " B"] | None = None
+) -> Float[Tensor, ""]:
     """Squared error of the rotations of hands relative to the object, where they are shown."""
     apart = (found.turns_on_object() - clean.turns_on_object()).square().mean((-1, -2))
-    return masked_mean(apart, clean.shown[:, :2])
+    return masked_mean(apart, clean.shown[:, :2], share)
 
 
 def velocity_loss(
@@ -85,6 +103,7 @@ def velocity_loss(
     clean: Tokens,
     joints: Float[Tensor, "B 2 T 21 3"],
     true: Float[Tensor, "B 2 T 21 3"],
+    share: Float[Tensor, " B"] | None = None,
 ) -> Float[Tensor, ""]:
     """Squared error of the velocities of keypoints on the object, and of the object in the world.
 
@@ -94,9 +113,8 @@ def velocity_loss(
     hands = (joints - true).diff(dim=2).square().sum(-1) / STEP**2
     apart = object_places(found) - object_places(clean)
     thing = apart.diff(dim=1).square().sum(-1) / STEP**2
-    return masked_mean(hands, (shown[..., 1:] & shown[..., :-1])[..., None]) + masked_mean(
-        thing, (valid[:, 1:] & valid[:, :-1])[..., None]
-    )
+    of_hands = masked_mean(hands, (shown[..., 1:] & shown[..., :-1])[..., None], share)
+    return of_hands + masked_mean(thing, (valid[:, 1:] & valid[:, :-1])[..., None], share)
 
 
 def object_places(tokens: Tokens) -> Float[Tensor, "B T 4 3"]:
@@ -113,6 +131,7 @@ def distance_loss(
     shown: Bool[Tensor, "B 2 T"],
     weights: LossWeights,
     draws: Draws,
+    share: Float[Tensor, " B"] | None = None,
 ) -> Float[Tensor, ""]:
     """Squared error of distances from points of the object to keypoints, on the object.
 
@@ -124,7 +143,7 @@ def distance_loss(
     points = points[:, None].expand(-1, 2, -1, -1, -1)
     apart, wanted = (torch.cdist(points, places) for places in (joints, true))
     near = (wanted < NEAR) & shown[..., None, None]
-    return masked_mean((apart - wanted).square() / UNIT**2, near)
+    return masked_mean((apart - wanted).square() / UNIT**2, near, share)
 
 
 def drawn_points(contact: Float[Tensor, "B P"], count: int, draws: Draws) -> Int[Tensor, "B C"]:

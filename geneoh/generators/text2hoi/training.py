@@ -13,9 +13,10 @@ from geneoh.config import as_dict
 from geneoh.generators.text2hoi.condition import Condition
 from geneoh.generators.text2hoi.config import Text2HoiConfig
 from geneoh.generators.text2hoi.contact import ContactNetwork, contact_loss
-from geneoh.generators.text2hoi.interaction import LEAST_DEVIATION, InteractionNetwork
+from geneoh.generators.text2hoi.interaction import InteractionNetwork
 from geneoh.generators.text2hoi.losses import geometric_loss, simple_loss
 from geneoh.generators.text2hoi.samples import ActionData, Encoder, Samples, draw_samples
+from geneoh.generators.text2hoi.scales import set_statistics
 from geneoh.generators.text2hoi.tokens import tokens_of
 from geneoh.synthesis.draws import Draws, Part
 from geneoh.synthesis.shards import seed_of
@@ -23,7 +24,6 @@ from geneoh.training.processes import Team
 from geneoh.training.resume import TrainState, digest
 
 Loss = Callable[[Any, Samples, Text2HoiConfig, Draws], Tensor]
-MOST = 512  # clips of which means and deviations are taken
 
 
 @dataclass(frozen=True)
@@ -62,9 +62,9 @@ class ActionTask:
             if self.name == "contact":
                 return ContactNetwork(self.config.contact)
             network = InteractionNetwork(self.config.interaction)
-        if self.config.interaction.normalised:
-            set_statistics(network, self.data)
-        if self.config.interaction.form == "paper" and self.contact is not None:
+        if network.config.normalised:
+            set_statistics(network, self.data.actions)
+        if network.config.form == "paper" and self.contact is not None:
             network.object.points.load_state_dict(self.contact.points.state_dict())
             network.object.points.requires_grad_(False)
         return network
@@ -150,33 +150,18 @@ def interaction_loss(
     level = draws.integers(1, len(network.sigmas)).to(tokens.present.device)
     clean = network.normalise(tokens.flat) * tokens.told
     noise = draws.normal(*clean.shape[1:]).to(clean)
-    x = clean + network.sigmas[level][:, None, None] * noise
+    sigma = network.sigmas[level]
+    x = clean + sigma[:, None, None] * noise
     found = network.denoised(x, level.float(), network.told(condition))
     guess = tokens.with_flat(network.denormalise(found))
+    share = 1 / (1 + sigma.square()) if config.losses.sharp else torch.ones_like(sigma)
     return simple_loss(found, clean, tokens.told) + geometric_loss(
-        guess, tokens, samples.actions, samples.touched, config.losses, draws
+        guess, tokens, samples.actions, samples.touched, config.losses, draws, share
     )
 
 
 LOSSES: dict[ActionStage, Loss] = {"contact": contact_task_loss, "interaction": interaction_loss}
 """Loss of each network."""
-
-
-@torch.no_grad()
-def set_statistics(network: InteractionNetwork, data: ActionData) -> None:
-    """Set the mean and deviation of each number, over what is shown of clips and mirror images."""
-    some = data.actions.take(slice(None, None, -(-len(data.actions.verb) // MOST)), "B")
-    total, square, count = (torch.zeros(len(network.mean), dtype=torch.float64) for _ in range(3))
-    for actions in (some, some.mirrored()):
-        tokens = tokens_of(actions, network.config.frame)
-        numbers = (tokens.flat * tokens.told).double()
-        total += numbers.sum((0, 1))
-        square += numbers.square().sum((0, 1))
-        count += tokens.told.sum((0, 1))
-    mean = total / count.clamp(min=1)
-    std = (square / count.clamp(min=1) - mean.square()).clamp(min=0).sqrt()
-    network.mean.copy_(mean)
-    network.std.copy_(std.clamp(min=LEAST_DEVIATION))
 
 
 def data_digest(data: ActionData) -> str:

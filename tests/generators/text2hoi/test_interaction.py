@@ -3,12 +3,14 @@ from dataclasses import replace
 import pytest
 import torch
 from made_actions import made_actions
-from made_networks import TINY, in_paper_form
+from made_networks import TINY, answering, in_paper_form
 
 from geneoh.generators.text2hoi.condition import Condition
 from geneoh.generators.text2hoi.interaction import (
     InteractionConfig,
     InteractionNetwork,
+    PrincipalAxes,
+    in_steps,
     moments,
 )
 from geneoh.generators.text2hoi.objects import Objects
@@ -20,8 +22,7 @@ FORMS = {"ours": TINY.interaction, "paper": in_paper_form(TINY.interaction)}
 
 
 def network_of(form: str) -> InteractionNetwork:
-    torch.manual_seed(0)
-    return InteractionNetwork(FORMS[form]).eval()
+    return answering(FORMS[form])
 
 
 def condition_of(seed: int = 1) -> Condition:
@@ -36,6 +37,15 @@ def condition_of(seed: int = 1) -> Condition:
 def answer(network: InteractionNetwork, x: torch.Tensor, condition: Condition) -> torch.Tensor:
     with torch.no_grad():
         return network.denoised(x, torch.full((6,), 300.0), network.told(condition))
+
+
+def own_of(network: InteractionNetwork, x: torch.Tensor) -> list[torch.Tensor]:
+    """The numbers of each agent in each step, as the network embeds them."""
+    steps = in_steps(x, network.config.frames_per_token).split([99, 99, 10], dim=-1)
+    own = [agent.flatten(-2) for agent in steps]
+    if not network.codecs:
+        return own
+    return [axes.into(n, torch.ones(6)) for axes, n in zip(network.codecs, own, strict=True)]
 
 
 def noise(seed: int = 0) -> torch.Tensor:
@@ -97,7 +107,7 @@ def test_tokens_are_the_condition_then_left_right_and_object_step_by_step():
     for value, layer in enumerate(network.inputs, 1):
         torch.nn.init.constant_(layer.bias, float(value))
     told = network.told(condition)
-    tokens, position = network.sequence(noise(), told)
+    tokens, position = network.sequence(own_of(network, noise()), told)
     assert tokens.shape == (6, 1 + 3 * 20, 16)
     assert position.tolist() == [0.0] + [s for s in range(1, 21) for _ in range(3)]
     agents = sinusoid(torch.tensor([1.0, 1666.0, 3333.0]), 16)
@@ -111,12 +121,12 @@ def test_several_frames_of_an_agent_make_one_token():
     network, condition = network_of("ours"), condition_of()
     told = network.told(condition)
     assert told.tokens.shape == (6, 1 + 5, 16)
-    tokens, position = network.sequence(noise(), told)
+    tokens, position = network.sequence(own_of(network, noise()), told)
     assert tokens.shape == (6, 6 + 3 * 5, 16)
     assert position.tolist() == [0.0] * 6 + [s for s in range(1, 6) for _ in range(3)]
     changed = noise()
     changed[:, 4:8, 100] += 1  # the right hand in the second token
-    moved = (network.sequence(changed, told)[0] - tokens).abs().amax((0, 2)) > 0
+    moved = (network.sequence(own_of(network, changed), told)[0] - tokens).abs().amax((0, 2)) > 0
     assert moved.nonzero().flatten().tolist() == [6 + 3 + 1]
 
 
@@ -164,3 +174,19 @@ def test_sinusoids_are_sines_and_cosines_in_turn():
     expected = [three.sin(), three.cos(), (three / 100).sin(), (three / 100).cos()]
     torch.testing.assert_close(found[1], torch.stack(expected))
     assert found[0].tolist() == [0, 1, 0, 1]
+
+
+def test_an_answer_along_axes_is_the_clean_numbers_where_the_network_is_right():
+    """Preconditioning: what is asked of the network, for a signal of variance 4."""
+    axes = PrincipalAxes(3, 3)
+    axes.variance.fill_(4.0)
+    draw = torch.Generator().manual_seed(0)
+    clean, noise = (torch.randn(2, 5, 3, generator=draw) for _ in range(2))
+    sigma = torch.tensor([0.1, 7.0])
+    noisy = clean + sigma[:, None, None] * noise
+    total = 4 + sigma[:, None, None].square()
+    wanted = (clean - 4 / total * noisy) / (sigma[:, None, None] * 2 / total.sqrt())
+    own = axes.into(noisy, sigma)
+    torch.testing.assert_close(own, noisy / total.sqrt())
+    torch.testing.assert_close(axes.back(own, wanted, sigma), clean, atol=1e-5, rtol=1e-4)
+    torch.testing.assert_close(axes.back(own, 0 * own, sigma), 4 / total * noisy)

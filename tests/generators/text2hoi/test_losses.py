@@ -32,6 +32,12 @@ def test_a_masked_mean_is_over_what_is_true_and_zero_where_nothing_is():
     assert masked_mean(values, torch.zeros(2, 1, dtype=torch.bool)) == 0
 
 
+def test_items_of_a_batch_count_by_their_share():
+    values = torch.tensor([[1.0, 3.0], [5.0, 7.0]])
+    everywhere = torch.ones(2, 2, dtype=torch.bool)
+    assert masked_mean(values, everywhere, torch.tensor([1.0, 0.5])) == (4 + 6) / 4
+
+
 def test_the_simple_loss_adds_the_mean_of_each_agent():
     tokens = tokens_of(made_actions())
     clean = tokens.flat
@@ -123,9 +129,10 @@ def test_a_batch_without_a_hand_has_finite_losses_and_gradients(hands):
     actions = replace(made_actions(), hands=torch.tensor(hands).expand(6, 2))
     clean = tokens_of(actions)
     flat = (clean.flat + 0.1).requires_grad_()
-    found = clean.with_flat(flat)
+    found, contact = clean.with_flat(flat), torch.ones(6, 48)
+    weights, share = LossWeights(frames=8, points=12), torch.ones(6)
     loss = simple_loss(flat, clean.flat, clean.told) + geometric_loss(
-        found, clean, actions, torch.ones(6, 48), LossWeights(frames=8, points=12), draws()
+        found, clean, actions, contact, weights, draws(), share
     )
     loss.backward()
     assert loss.isfinite()
@@ -137,5 +144,7 @@ def test_the_truth_costs_nothing():
     actions = made_actions()
     clean = tokens_of(actions)
     weights = LossWeights(frames=150, points=48)
-    found = geometric_loss(clean, clean, actions, torch.ones(6, 48), weights, draws())
+    found = geometric_loss(
+        clean, clean, actions, torch.ones(6, 48), weights, draws(), torch.ones(6)
+    )
     assert found == pytest.approx(0, abs=1e-9)

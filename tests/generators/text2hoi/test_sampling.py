@@ -3,7 +3,7 @@ from dataclasses import replace
 import pytest
 import torch
 from made_actions import NAMES, WordEncoder, made_actions
-from made_networks import TINY, in_paper_form
+from made_networks import TINY, answering, in_paper_form
 
 from geneoh.config import as_dict
 from geneoh.diffusion.schedule import cosine_sigmas
@@ -32,10 +32,9 @@ LENGTHS = torch.tensor([12, 7, 2])
 
 @pytest.fixture(scope="module")
 def networks() -> Networks:
-    torch.manual_seed(0)
-    contact, interaction = ContactNetwork(TINY.contact), InteractionNetwork(TINY.interaction)
     length = LengthNetwork(LengthConfig(text=WordEncoder.width)).eval()
-    return Networks(WordEncoder(), contact.eval(), interaction.eval(), length)
+    contact = ContactNetwork(TINY.contact).eval()
+    return Networks(WordEncoder(), contact, answering(TINY.interaction), length)
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,62 @@
+"""Scales and principal axes of the numbers of actions, that networks begin with (ours)."""
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.generators.text2hoi.interaction import InteractionNetwork, in_steps
+from geneoh.generators.text2hoi.tokens import HAND, OBJECT, Tokens, tokens_of
+from geneoh.synthesis.actions import Actions
+
+LEAST_DEVIATION = 0.02
+"""Deviations of numbers below this one (m, dm, entries of rotations) count as this large."""
+LEAST_VARIANCE = 1e-3  # of an axis, in units of the numbers' own variance
+MOST = 512  # clips that are looked at
+
+
+@torch.no_grad()
+def set_statistics(network: InteractionNetwork, actions: Actions) -> None:
+    """Set what a network that normalises knows of its numbers, from clips and mirror images.
+
+    That is their means and deviations and, in our form, the axes along which they vary most.
+    """
+    some = actions.take(slice(None, None, -(-len(actions.verb) // MOST)), "B")
+    both = [tokens_of(each, network.config.frame) for each in (some, some.mirrored())]
+    total, square, count = (torch.zeros(len(network.mean), dtype=torch.float64) for _ in range(3))
+    for tokens in both:
+        numbers = (tokens.flat * tokens.told).double()
+        total += numbers.sum((0, 1))
+        square += numbers.square().sum((0, 1))
+        count += tokens.told.sum((0, 1))
+    mean = total / count.clamp(min=1)
+    std = (square / count.clamp(min=1) - mean.square()).clamp(min=0).sqrt()
+    network.mean.copy_(mean)
+    network.std.copy_(std.clamp(min=LEAST_DEVIATION))
+    if network.config.form == "ours":
+        set_axes(network, both)
+
+
+@torch.no_grad()
+def set_axes(network: InteractionNetwork, clips: list[Tokens]) -> None:
+    """Set the axes along which whole steps vary most, and how much they do."""
+    frames = network.config.frames_per_token
+    steps = [in_steps(network.normalise(t.flat) * t.told, frames).flatten(0, 1) for t in clips]
+    whole = [in_steps(t.shown.transpose(1, 2), frames).all(2).flatten(0, 1) for t in clips]
+    agents = torch.cat(steps).split([HAND, HAND, OBJECT], dim=-1)
+    for index, codec in enumerate(network.codecs):
+        axes, variance = principal_axes(agents[index][torch.cat(whole)[:, index]].flatten(1))
+        count = min(len(axes), len(codec.axes))
+        codec.axes.zero_()
+        codec.variance.fill_(LEAST_VARIANCE)
+        codec.axes[:count] = axes[:count]
+        codec.variance[:count] = variance[:count].clamp(min=LEAST_VARIANCE)
+
+
+def principal_axes(
+    values: Float[Tensor, "N D"],
+) -> tuple[Float[Tensor, "D D"], Float[Tensor, " D"]]:
+    """Unit axes by falling variance, as rows, and the variance around zero along each."""
+    covariance = values.double().T @ values.double() / max(1, len(values))
+    variance, axes = torch.linalg.eigh(covariance)
+    order = variance.argsort(descending=True)
+    return axes.T[order].to(values), variance[order].to(values)
