@@ -2,11 +2,11 @@
 
 Source: Text2HOI, section 3.4 and supplement: a transformer over tokens of the left hand, the right
 hand and the object of each frame, behind a token of the condition. It predicts the clean sample.
-Ours (`form="ours"`): several frames to a token, along their principal axes; pre-norm blocks with
-rotary positions, whose answer counts the more the noisier the tokens are (Karras et al. 2022);
-tokens of places on the object beside that of the condition, so that attention can place hands by
-geometry; numbers of unit variance. `form="paper"` is the paper's; without its dropout, because all
-random numbers of a run come from its own generator.
+Ours (`form="ours"`): several frames to a token, along their principal axes, with the best linear
+answer beside them; pre-norm blocks with rotary positions, whose answer counts the more the noisier
+the tokens are (Karras et al. 2022); tokens of places on the object beside that of the condition, so
+that attention can place hands by geometry; numbers of unit variance. `form="paper"` is the paper's;
+without its dropout, because all random numbers of a run come from its own generator.
 """
 
 from dataclasses import dataclass, field
@@ -23,8 +23,10 @@ from geneoh.generators.text2hoi.condition import Condition
 from geneoh.generators.text2hoi.object_tokens import ObjectTokens, WholeObject
 from geneoh.generators.text2hoi.pointnet import PointConfig
 from geneoh.generators.text2hoi.post_norm import PostNormTransformer, sinusoid
+from geneoh.generators.text2hoi.principal_axes import PrincipalAxes, Waves
 from geneoh.generators.text2hoi.tokens import HAND, NUMBERS, OBJECT, HandFrame
 from geneoh.nn.blocks import FrameTransformer, zeroed
+from geneoh.synthesis.actions import LONGEST
 
 AGENT_ROWS = (1, 1666, 3333)
 """Rows of the paper's sinusoid table that tell the left hand, the right hand and the object."""
@@ -72,9 +74,10 @@ class InteractionNetwork(nn.Module):
         self.register_buffer("mean", torch.zeros(NUMBERS))
         self.register_buffer("std", torch.ones(NUMBERS))
         numbers = [frames * n for n in (HAND, HAND, OBJECT)]
-        self.axes = nn.ModuleList(PrincipalAxes(n, width) for n in numbers if ours)
+        axes = (PrincipalAxes(n, width, -(-LONGEST // frames)) for n in numbers if ours)
+        self.axes = nn.ModuleList(axes)
         sizes = [width] * 3 if ours else numbers
-        self.inputs = nn.ModuleList(nn.Linear(n, width) for n in sizes)
+        self.inputs = nn.ModuleList(nn.Linear(2 * n if ours else n, width) for n in sizes)
         self.outputs = nn.ModuleList(
             nn.Linear(k * width, n) for k, n in zip((2, 2, 1), sizes, strict=True)
         )
@@ -135,9 +138,11 @@ class InteractionNetwork(nn.Module):
         sigma = self.sigmas[level.long()]
         steps = in_steps(x * told.shown, self.config.frames_per_token)
         given = [agent.flatten(-2) for agent in steps.split([HAND, HAND, OBJECT], dim=-1)]
-        codecs = self.codecs
+        codecs, waves, linear = self.codecs, None, []
         if codecs:
-            own = [axes.into(n, sigma) for axes, n in zip(codecs, given, strict=True)]
+            waves = Waves.of(told.step_seen[..., 2], len(codecs[0].covariance))
+            both = [axes.read(n, sigma, waves) for axes, n in zip(codecs, given, strict=True)]
+            own, linear = [torch.cat(pair, dim=-1) for pair in both], [pair[1] for pair in both]
         else:
             own = [agent / (1 + sigma.square()).sqrt()[:, None, None] for agent in given]
         tokens, position = self.sequence(own, told)
@@ -147,10 +152,10 @@ class InteractionNetwork(nn.Module):
         left, right, thing = after.unflatten(1, (-1, 3)).unbind(2)
         read = (torch.cat([left, thing], -1), torch.cat([right, thing], -1), thing)
         found = [write(r) for write, r in zip(self.outputs, read, strict=True)]
-        if codecs:
+        if waves is not None:
             found = [
-                axes.back(n, answer, sigma)
-                for axes, n, answer in zip(codecs, own, found, strict=True)
+                axes.write(guess, answer, sigma, waves)
+                for axes, guess, answer in zip(codecs, linear, found, strict=True)
             ]
         frames = [f.unflatten(-1, (self.config.frames_per_token, -1)).flatten(1, 2) for f in found]
         return torch.cat(frames, dim=-1)[:, : x.shape[1]] * told.shown
@@ -176,42 +181,6 @@ class InteractionNetwork(nn.Module):
         if self.agents is not None:
             return self.agents
         return sinusoid(torch.tensor(AGENT_ROWS).to(tokens), tokens.shape[-1])
-
-
-class PrincipalAxes(nn.Module):
-    """Fixed axes along which the numbers of a step vary most; see `scales.set_axes`.
-
-    Along each the network is preconditioned as by Karras et al. 2022, so that it begins with the
-    best answer that is linear, reads unit variance, and is asked for unit variance.
-    """
-
-    axes: Tensor
-    variance: Tensor
-
-    def __init__(self, numbers: int, count: int) -> None:
-        """Space for `count` axes; those that there are no numbers for stay zero."""
-        super().__init__()
-        self.register_buffer("axes", torch.eye(count, numbers))
-        self.register_buffer("variance", torch.ones(count))
-
-    def into(
-        self, noisy: Float[Tensor, "B S N"], sigma: Float[Tensor, " B"]
-    ) -> Float[Tensor, "B S D"]:
-        """Places along the axes, of unit variance together with their noise."""
-        total = self.variance + sigma[:, None, None].square()
-        return noisy @ self.axes.T / total.sqrt()
-
-    def back(
-        self,
-        own: Float[Tensor, "B S D"],
-        answer: Float[Tensor, "B S D"],
-        sigma: Float[Tensor, " B"],
-    ) -> Float[Tensor, "B S N"]:
-        """Clean numbers by what `into` gave and by the network's answer of unit variance."""
-        noise = sigma[:, None, None]
-        total = (self.variance + noise.square()).sqrt()
-        places = self.variance / total * own + noise * self.variance.sqrt() / total * answer
-        return places @ self.axes
 
 
 @cache

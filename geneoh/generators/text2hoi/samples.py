@@ -103,7 +103,11 @@ def draw_samples(
         if network is None:
             guess = blurred(objects, touched * kept)
         else:
-            guess = network.decode(latent, objects, text).sigmoid()
+            some = told[:, 0]
+            guess = touched.clone()
+            guess[some] = network.decode(
+                latent[some], objects.take(some, "B"), text[some]
+            ).sigmoid()
         contact = torch.where(told, guess, touched)
     return Samples(chosen, touched, contact, text)
 

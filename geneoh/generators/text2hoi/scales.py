@@ -10,7 +10,6 @@ from geneoh.synthesis.actions import Actions
 
 LEAST_DEVIATION = 0.02
 """Deviations of numbers below this one (m, dm, entries of rotations) count as this large."""
-LEAST_VARIANCE = 1e-3  # of an axis, in units of the numbers' own variance
 MOST = 512  # clips that are looked at
 
 
@@ -38,25 +37,25 @@ def set_statistics(network: InteractionNetwork, actions: Actions) -> None:
 
 @torch.no_grad()
 def set_axes(network: InteractionNetwork, clips: list[Tokens]) -> None:
-    """Set the axes along which whole steps vary most, and how much they do."""
+    """Set the axes along which whole tokens vary most, and their covariance over tokens."""
     frames = network.config.frames_per_token
-    steps = [in_steps(network.normalise(t.flat) * t.told, frames).flatten(0, 1) for t in clips]
-    whole = [in_steps(t.shown.transpose(1, 2), frames).all(2).flatten(0, 1) for t in clips]
+    steps = [in_steps(network.normalise(t.flat) * t.told, frames) for t in clips]
+    whole = [in_steps(t.shown.transpose(1, 2), frames).all(2) for t in clips]
     agents = torch.cat(steps).split([HAND, HAND, OBJECT], dim=-1)
     for index, codec in enumerate(network.codecs):
-        axes, variance = principal_axes(agents[index][torch.cat(whole)[:, index]].flatten(1))
-        count = min(len(axes), len(codec.axes))
+        numbers, there = agents[index].flatten(2), torch.cat(whole)[..., index]
+        axes = principal_axes(numbers[there])[: len(codec.axes)]
         codec.axes.zero_()
-        codec.variance.fill_(LEAST_VARIANCE)
-        codec.axes[:count] = axes[:count]
-        codec.variance[:count] = variance[:count].clamp(min=LEAST_VARIANCE)
+        codec.axes[: len(axes)] = axes
+        places = numbers @ codec.axes.T
+        codec.covariance.zero_()
+        for lag in range(min(len(codec.covariance), there.shape[1])):
+            both = there[:, lag:] & there[:, : there.shape[1] - lag]
+            product = (places[:, lag:] * places[:, : places.shape[1] - lag])[both]
+            codec.covariance[lag] = product.sum(0) / max(1, len(product))
 
 
-def principal_axes(
-    values: Float[Tensor, "N D"],
-) -> tuple[Float[Tensor, "D D"], Float[Tensor, " D"]]:
-    """Unit axes by falling variance, as rows, and the variance around zero along each."""
-    covariance = values.double().T @ values.double() / max(1, len(values))
-    variance, axes = torch.linalg.eigh(covariance)
-    order = variance.argsort(descending=True)
-    return axes.T[order].to(values), variance[order].to(values)
+def principal_axes(values: Float[Tensor, "N D"]) -> Float[Tensor, "D D"]:
+    """Unit axes along which values vary around zero, as rows, by falling variance."""
+    _, axes = torch.linalg.eigh(values.double().T @ values.double())
+    return axes.T.flip(0).to(values)

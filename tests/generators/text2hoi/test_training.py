@@ -13,7 +13,7 @@ from geneoh.generators.text2hoi.condition import Condition
 from geneoh.generators.text2hoi.contact import ContactNetwork
 from geneoh.generators.text2hoi.objects import Objects
 from geneoh.generators.text2hoi.samples import ActionData, blurred, draw_samples, sentences
-from geneoh.generators.text2hoi.scales import LEAST_DEVIATION, principal_axes
+from geneoh.generators.text2hoi.scales import LEAST_DEVIATION
 from geneoh.generators.text2hoi.tokens import tokens_of
 from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.synthesis.draws import Draws
@@ -52,13 +52,14 @@ def test_a_resumed_run_is_the_run_that_was_not_interrupted(tmp_path, stage):
     assert whole.record["config"]["interaction"]["width"] == 16
 
 
-@pytest.mark.parametrize(("stage", "share"), [("contact", 0.95), ("interaction", 0.95)])
+@pytest.mark.parametrize(("stage", "share"), [("contact", 0.95), ("interaction", 0.9)])
 def test_the_loss_falls(tmp_path, stage, share):
-    config = replace(TINY, steps=40, rate=1e-2, validate_every=10, checkpoint_every=40)
-    heard = []
-    train(tiny_task(stage, config), tmp_path, device=CPU, on_step=heard.append)
-    left = [p.error_left for p in heard if p.error_left is not None]
-    assert left[-1] < share * left[0]
+    config = replace(TINY, steps=40, rate=1e-2, validate_every=40, checkpoint_every=40)
+    task, heard = tiny_task(stage, config), []
+    untrained = task.network().eval()
+    before = sum(task.validate(untrained, i).item() for i in range(config.validation_batches))
+    train(task, tmp_path, device=CPU, on_step=heard.append)
+    assert heard[-1].error_left < share * before / config.validation_batches
 
 
 def test_the_paper_s_form_learns_too_and_keeps_the_points_of_the_contact_network(tmp_path):
@@ -161,14 +162,6 @@ def test_pieces_of_a_batch_are_the_batch():
         torch.testing.assert_close(both, getattr(whole, name))
     halves = [task.pieces(0, Team(rank, 2), CPU)[0].samples.text for rank in (0, 1)]
     assert not halves[0].equal(halves[1])
-
-
-def test_principal_axes_fall_in_variance_and_are_of_unit_length():
-    draw = torch.Generator().manual_seed(0)
-    values = torch.randn(20000, 3, generator=draw) * torch.tensor([1.0, 3.0, 2.0])
-    axes, variance = principal_axes(values)
-    torch.testing.assert_close(axes.abs(), torch.eye(3)[[1, 2, 0]], atol=0.05, rtol=0)
-    torch.testing.assert_close(variance, torch.tensor([9.0, 4.0, 1.0]), atol=0.2, rtol=0)
 
 
 def test_an_untrained_network_leaves_motion_of_little_noise_as_it_is():

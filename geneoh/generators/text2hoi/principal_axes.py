@@ -1,0 +1,88 @@
+"""The best linear answer to noisy tokens, which the interaction network begins with (ours)."""
+
+from dataclasses import dataclass
+from functools import cache
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor, nn
+
+LEAST_VARIANCE = 1e-3  # of an axis or a wave, in units of the numbers' own variance
+
+
+@dataclass(frozen=True)
+class Waves:
+    """Cosine waves over the tokens of each clip of a batch."""
+
+    basis: Float[Tensor, "B K S"]  # orthonormal over the clip's tokens, zero behind them
+    shares: Float[Tensor, "B K L"]  # by which covariances by lag give the variance of each wave
+
+    @staticmethod
+    def of(valid: Bool[Tensor, "B S"], lags: int) -> "Waves":
+        """Those over the tokens of each clip that are before its end, at most as many as lags."""
+        basis, shares = cosine_waves(lags, valid.device)
+        count, steps = valid.sum(1), valid.shape[1]
+        return Waves(basis[count, :steps, :steps], shares[count, :steps])
+
+
+class PrincipalAxes(nn.Module):
+    """Fixed axes along which the numbers of a token vary most, and how they vary over tokens.
+
+    Along each axis and wave the network is preconditioned as by Karras et al. 2022: it begins with
+    the best linear answer (Wiener 1949, tokens of a clip as a stationary sequence), and is asked
+    for unit variance. See `scales.set_axes`.
+    """
+
+    axes: Tensor
+    covariance: Tensor
+
+    def __init__(self, numbers: int, count: int, lags: int) -> None:
+        """Space for `count` axes; those that there are no numbers for stay zero."""
+        super().__init__()
+        self.register_buffer("axes", torch.eye(count, numbers))
+        self.register_buffer("covariance", torch.eye(lags)[:, :1].repeat(1, count))
+
+    def read(
+        self, noisy: Float[Tensor, "B S N"], sigma: Float[Tensor, " B"], waves: Waves
+    ) -> tuple[Float[Tensor, "B S C"], Float[Tensor, "B S C"]]:
+        """Places along the axes with their noise, and the best linear answer; unit variance."""
+        noise, variance = sigma[:, None, None].square(), self.covariance[0].clamp(LEAST_VARIANCE)
+        places = noisy @ self.axes.T
+        own = self._spectrum(waves)
+        linear = waves.basis.mT @ (own / (own + noise) * (waves.basis @ places))
+        return places / (variance + noise).sqrt(), linear / variance.sqrt()
+
+    def write(
+        self,
+        linear: Float[Tensor, "B S C"],
+        answer: Float[Tensor, "B S C"],
+        sigma: Float[Tensor, " B"],
+        waves: Waves,
+    ) -> Float[Tensor, "B S N"]:
+        """Clean numbers by what `read` gave and by the network's answer of unit variance."""
+        noise, own = sigma[:, None, None], self._spectrum(waves)
+        left = noise * (own / (own + noise.square())).sqrt()
+        more = waves.basis.mT @ (left * (waves.basis @ answer))
+        return (linear * self.covariance[0].clamp(LEAST_VARIANCE).sqrt() + more) @ self.axes
+
+    def _spectrum(self, waves: Waves) -> Float[Tensor, "B K C"]:
+        return (waves.shares @ self.covariance).clamp(LEAST_VARIANCE)
+
+
+@cache
+def cosine_waves(
+    most: int, device: torch.device
+) -> tuple[Float[Tensor, "N most most"], Float[Tensor, "N most most"]]:
+    """For 0 to `most` tokens: orthonormal cosine waves, and how covariances by lag make variances.
+
+    The variance of a wave is the sum of its `shares` times the covariances at lags 0, 1, ...
+    """
+    place = torch.arange(most, dtype=torch.float64, device=device)
+    count = torch.arange(most + 1, dtype=torch.float64, device=device)[:, None, None]
+    waves = torch.cos(torch.pi / count.clamp(min=1) * (place + 0.5) * place[:, None])
+    waves = torch.where((place < count) & (place[:, None] < count), waves, 0.0)
+    basis = waves / waves.norm(dim=-1, keepdim=True).clamp(min=1e-9)
+    power = torch.fft.rfft(basis, 2 * most).abs().square()
+    shares = torch.fft.irfft(power, 2 * most)[..., :most]  # the correlation of a wave with itself
+    shares[..., 1:] *= 2
+    return basis.float(), shares.float()
