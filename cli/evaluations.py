@@ -8,7 +8,7 @@ import click
 from click import Choice
 from click.core import ParameterSource
 
-from geneoh.choices import ABLATIONS, CASE_NOISES, DATASETS, GENERATORS, METHODS, PRESETS, REFINERS
+from geneoh.choices import ABLATIONS, CASE_NOISES, DATASETS, GENERATORS, METHODS, PRESETS
 
 from . import options
 from .options import COUNT, FOLDER, flag, many, option
@@ -26,9 +26,9 @@ eval_options = options.together(
         Choice(GENERATORS),
     ),
     option(
-        "--refine: Also score the generator's clips with hands mended by the cleaner, which takes "
-        "several seconds a clip.",
-        Choice(REFINERS),
+        "--refine: geneoh also scores the generator's clips with hands mended by the cleaner, "
+        "which takes several seconds a clip.",
+        Choice(("geneoh", "none")),
         "none",
     ),
     option(

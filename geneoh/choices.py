@@ -65,7 +65,7 @@ StageName = Literal[
 MotionDiff and SpatialDiff in the form of the paper; and the baselines "toch" and "regression"."""
 STAGES: tuple[StageName, ...] = get_args(StageName)
 
-ActionStage = Literal["contact", "interaction"]
+ActionStage = Literal["contact", "interaction", "refiner"]
 """Networks of the generator Text2HOI that learn from actions."""
 ACTION_STAGES: tuple[ActionStage, ...] = get_args(ActionStage)
 GeneratorStage = Literal["text", "length", ActionStage]
@@ -102,8 +102,9 @@ Colouring = Literal["penetration", "contact", "spread", "plain"]
 """The quantity that the colour of a hand shows in pictures and films."""
 COLOURINGS: tuple[Colouring, ...] = get_args(Colouring)
 
-Refiner = Literal["geneoh", "none"]
-"""What mends the hands of a generated interaction: the cleaner of `geneoh denoise`, or nothing."""
+Refiner = Literal["geneoh", "paper", "none"]
+"""What mends the hands of a generated interaction: the cleaner of `geneoh denoise`, the refiner of
+Text2HOI, or nothing."""
 REFINERS: tuple[Refiner, ...] = get_args(Refiner)
 
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]

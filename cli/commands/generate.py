@@ -42,7 +42,8 @@ from .. import bodies, options, progress
 )
 @options.option(
     "--refine: What mends hands that hold an object: geneoh brings them to the surface and cleans "
-    "them as `geneoh denoise` does; none leaves them as the network made them.",
+    "them as `geneoh denoise` does; paper is the refiner of Text2HOI; none leaves them as the "
+    "network made them.",
     Choice(REFINERS),
     "geneoh",
 )

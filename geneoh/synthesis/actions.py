@@ -94,6 +94,12 @@ class Actions(Bundle):
         moved = self.points[:, None] @ turn.mT + shift[:, :, None]
         return torch.where((self.part > 0)[:, None, :, None], moved, self.points[:, None])
 
+    def posed_normals(self) -> Float[Tensor, "B T P 3"]:
+        """Normals of the surface points in the object's frame, turned by the joint."""
+        turned = self.normals[:, None] @ self.joint_poses()[0].mT
+        moved = (self.part > 0)[:, None, :, None]
+        return torch.where(moved, turned, self.normals[:, None])
+
     def keypoints(self) -> Float[Tensor, "B 2 T 21 3"]:
         """Keypoints of the left and the right hand in the world; of absent ones without meaning."""
         sides = [

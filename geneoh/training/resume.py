@@ -29,6 +29,7 @@ COMPARED = {
     "text": "text encoder (fingerprint)",
     "contact": "contact network (fingerprint)",
     "branches": "networks that are blended (fingerprint)",
+    "interaction": "interaction network (fingerprint)",
     "start": "first weights (fingerprint)",
 }
 """What else a run that is continued has in common with the saved one, and its name in words."""

@@ -9,10 +9,12 @@ import torch
 from actions import made_actions, write_action_shards
 from made_networks import TINY
 
+from geneoh.choices import ACTION_STAGES
 from geneoh.config import as_dict
 from geneoh.evaluation.generation.scores import MEASURES
 from geneoh.generators.text2hoi.contact import ContactNetwork
 from geneoh.generators.text2hoi.interaction import InteractionNetwork
+from geneoh.generators.text2hoi.refiner import RefinerNetwork
 from geneoh.nn.checkpoint import Checkpoint, save_checkpoint
 
 SMALL = (
@@ -43,8 +45,10 @@ def data(tmp_path):
 
 def write_tiny_weights(folder):
     """Networks that learned nothing, for the shipped text encoder."""
-    for name, network in (("contact", ContactNetwork), ("interaction", InteractionNetwork)):
-        config = replace(getattr(TINY, name), text=128)
+    networks = (ContactNetwork, InteractionNetwork, RefinerNetwork)
+    for name, network in zip(ACTION_STAGES, networks, strict=True):
+        config = getattr(TINY, name)
+        config = config if name == "refiner" else replace(config, text=128)
         with torch.random.fork_rng():
             torch.manual_seed(0)
             tensors = network(config).state_dict()
@@ -60,7 +64,7 @@ def test_rows_are_printed_and_everything_is_written(geneoh, tmp_path, data):
     whole = json.loads((out / "generation.json").read_text())
     rows = list(whole["table"])
     assert rows[:3] == ["real", "random verbs", "nearest training clip"]
-    assert rows[3:] == ["text2hoi, no contact map", "text2hoi"]
+    assert rows[3:] == ["text2hoi, no contact map", "text2hoi, not refined", "text2hoi"]
     assert all(row in done.stdout for row in rows)
     assert whole["command"].startswith("geneoh eval --dataset synthetic --generator text2hoi")
     assert whole["settings"]["classifier"]["hash"] in (out / "generation.md").read_text()

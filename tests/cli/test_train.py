@@ -8,6 +8,7 @@ from made_actions import write_actions
 from trees import scene, write_mano
 from trees.videos import h2o
 
+from geneoh.choices import ACTION_STAGES
 from geneoh.generators.text2hoi.library import load_networks
 from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.synthesis.gestures.shards import read_gestures
@@ -129,18 +130,18 @@ def test_the_networks_of_the_generator_are_trained_one_after_the_other(geneoh, t
     write_actions(tmp_path / "actions")
     run = ("--data", "actions", "-o", "run", "--threads", "1")
     settings = ("steps=1", "batch=3", "validation_batches=1", "interaction.width=32")
-    settings += ("interaction.heads=2", "interaction.depth=1")
-    for stage in ("contact", "interaction"):
+    settings += ("interaction.heads=2", "interaction.depth=1", "refiner.depth=1")
+    for stage in ACTION_STAGES:
         chosen = [word for setting in settings for word in ("--set", setting)]
         trained = geneoh("train", "--stage", stage, *run, *chosen)
         assert trained.exit_code == 0, trained.output
     records = [
-        load_checkpoint(tmp_path / "run" / f"{stage}.safetensors").record
-        for stage in ("contact", "interaction")
+        load_checkpoint(tmp_path / "run" / f"{stage}.safetensors").record for stage in ACTION_STAGES
     ]
     assert records[0]["contact"] is None
     assert records[1]["contact"] is not None
     assert records[1]["config"]["interaction"]["text"] == 128
+    assert [record["interaction"] is None for record in records] == [True, True, False]
     networks = load_networks(tmp_path / "run")
     assert networks.interaction.config.width == 32
 

@@ -10,6 +10,8 @@ from geneoh.generators.text2hoi.contact import ContactConfig
 from geneoh.generators.text2hoi.interaction import InteractionConfig, InteractionNetwork
 from geneoh.generators.text2hoi.losses import LossWeights
 from geneoh.generators.text2hoi.pointnet import PointConfig
+from geneoh.generators.text2hoi.refiner import RefinerConfig
+from geneoh.generators.text2hoi.refiner_losses import RefinerWeights
 from geneoh.generators.text2hoi.samples import ActionData
 from geneoh.generators.text2hoi.training import ActionTask
 
@@ -33,6 +35,8 @@ TINY = Text2HoiConfig(
         points=POINTS,
     ),
     losses=LossWeights(frames=8, points=12),
+    refiner=RefinerConfig(width=16, depth=2, heads=2, frames_per_token=4, points=24),
+    refining=RefinerWeights(frames=2),
 )
 """A run of four steps that saves and validates after the second and the last."""
 
@@ -64,4 +68,6 @@ def tiny_data(**changes) -> ActionData:
 def tiny_task(stage, config: Text2HoiConfig = TINY, **given) -> ActionTask:
     """A stage that learns from a few made actions."""
     data = tiny_data()
+    if stage == "refiner":
+        given = {"interaction": answering(config.interaction)} | given
     return ActionTask(stage, config, data, data, WordEncoder(), **given)

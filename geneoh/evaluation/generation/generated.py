@@ -7,9 +7,10 @@ import torch
 from geneoh.bundle import concatenated
 from geneoh.generators.text2hoi.library import Networks
 from geneoh.generators.text2hoi.objects import Objects
+from geneoh.generators.text2hoi.refiner import RefinerNetwork, refined_by
 from geneoh.generators.text2hoi.resting import eased, moved_by_hands
 from geneoh.generators.text2hoi.samples import ActionData, hands_of, sentences
-from geneoh.generators.text2hoi.sampling import sample
+from geneoh.generators.text2hoi.sampling import contact_of, sample
 from geneoh.progress import OnStep, steps
 from geneoh.synthesis.actions import LONGEST, Actions
 from geneoh.synthesis.draws import Draws
@@ -24,13 +25,13 @@ def generated(
     *,
     generator: torch.Generator,
     contact: bool = True,
+    refiner: RefinerNetwork | None = None,
     on_step: OnStep | None = None,
 ) -> Actions:
     """A clip for a random sentence on each real clip, with its object, hands and length.
 
     Clips start and end at rest, and objects rest where no hand touches them, as in `geneoh
-    generate`. Without `contact` the networks
-    are told that no point of the object is touched.
+    generate`. Without `contact` the networks are told that no point of the object is touched.
     """
     data = ActionData(real, tuple(names))
     said = sentences(real, data, Draws(len(real.verb), generator))
@@ -38,15 +39,13 @@ def generated(
     for start in steps(range(0, len(said), AT_ONCE), on_step):
         some = real.take(slice(start, start + AT_ONCE), "B")
         objects = Objects.of(some)
-        made = sample(
-            networks,
-            objects,
-            said[start : start + AT_ONCE],
-            hands_of(some),
-            some.length,
-            generator=generator,
-            contact=None if contact else torch.zeros_like(objects.points[..., 0]),
-        )
+        given, drawn = said[start : start + AT_ONCE], torch.zeros_like(objects.points[..., 0])
+        if contact:
+            drawn = contact_of(networks, objects, given, generator=generator)
+        lengths, hands = some.length, hands_of(some)
+        made = sample(networks, objects, given, hands, lengths, generator=generator, contact=drawn)
+        if refiner is not None:
+            made = refined_by(refiner, made, drawn)
         made = moved_by_hands(eased(replace(made, verb=some.verb, name=some.name)))
         frames = torch.arange(LONGEST).minimum(made.length[:, None] - 1)
         parts.append(made.at_frames(frames))

@@ -23,7 +23,7 @@ from geneoh.evaluation.generation.report import GenerationReport
 from geneoh.evaluation.generation.scores import REPETITIONS, ScoredClips, repeat, score_clips
 from geneoh.evaluation.runner import PACKAGES
 from geneoh.files.journal import digest, digests
-from geneoh.generators.text2hoi.library import Networks, load_networks, weights_of
+from geneoh.generators.text2hoi.library import Networks, load_networks, load_refiner, weights_of
 from geneoh.progress import OnProgress, OnStep, part_of
 from geneoh.synthesis.action_shards import action_shards, read_actions
 from geneoh.synthesis.actions import Actions
@@ -32,7 +32,7 @@ from geneoh.training.loop import Progress
 
 CLIPS = 256  # held-out clips that are scored unless the user limits them
 REAL = "real"  # name of the row of real clips
-NETWORKS = ("text", "contact", "interaction")
+NETWORKS = ("text", "contact", "interaction", "refiner")
 FOLDER = "classifier"  # of the classifier, in that of the evaluation
 
 
@@ -46,7 +46,7 @@ class GenerationOptions:
     limit: int = CLIPS
     """Most validation clips, spread over all of them."""
     refine: Refiner = "none"
-    """What also mends the hands of the generator's clips, in a row of its own."""
+    """ "geneoh" for a row whose hands the cleaner mends, in the place of the refiner."""
     weights: Path | None = None
     """Folder of the generator's weights, as `geneoh train` writes it; what it lacks is shipped."""
     seed: int = 0
@@ -100,17 +100,18 @@ def network_rows(
     """What the networks make, with and without their parts; all draw the same noise."""
     whole = partial(generated, networks, real, names)
 
-    def make(on_step: OnStep | None, **without: bool) -> Actions:
-        return whole(generator=drawn(options.seed, "text2hoi"), on_step=on_step, **without)
+    def make(on_step: OnStep | None, **changed: Any) -> Actions:
+        return whole(generator=drawn(options.seed, "text2hoi"), on_step=on_step, **changed)
 
     def mended(on_step: OnStep | None) -> Actions:
         return refined(make(None), seed=options.seed, on_step=on_step)
 
     rows: dict[str, Row] = {
         "text2hoi, no contact map": partial(make, contact=False),
-        "text2hoi": make,
+        "text2hoi, not refined": make,
+        "text2hoi": partial(make, refiner=load_refiner(options.weights)),
     }
-    return rows | ({"text2hoi, refined": mended} if options.refine == "geneoh" else {})
+    return rows | ({"text2hoi, cleaned": mended} if options.refine == "geneoh" else {})
 
 
 def with_random_verbs(scored: dict[str, ScoredClips], seed: int) -> dict[str, ScoredClips]:

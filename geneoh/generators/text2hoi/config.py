@@ -6,6 +6,8 @@ from geneoh.generators.text2hoi.contact import ContactConfig
 from geneoh.generators.text2hoi.interaction import InteractionConfig
 from geneoh.generators.text2hoi.losses import LossWeights
 from geneoh.generators.text2hoi.recorded import RecordedConfig
+from geneoh.generators.text2hoi.refiner import RefinerConfig
+from geneoh.generators.text2hoi.refiner_losses import RefinerWeights
 from geneoh.training.run_config import RunConfig
 
 
@@ -25,5 +27,7 @@ class Text2HoiConfig(RunConfig):
     contact: ContactConfig = field(default_factory=ContactConfig)
     interaction: InteractionConfig = field(default_factory=InteractionConfig)
     losses: LossWeights = field(default_factory=LossWeights)
+    refiner: RefinerConfig = field(default_factory=RefinerConfig)
+    refining: RefinerWeights = field(default_factory=RefinerWeights)
     recorded: RecordedConfig = field(default_factory=RecordedConfig)
     """How recordings of the user become actions."""

@@ -10,9 +10,10 @@ from torch import Tensor
 
 from geneoh.choices import Axis, Refiner
 from geneoh.generators.text2hoi.interaction_file import sequence_of
-from geneoh.generators.text2hoi.library import Networks, load_networks
+from geneoh.generators.text2hoi.library import Networks, load_networks, load_refiner
 from geneoh.generators.text2hoi.objects import Objects
 from geneoh.generators.text2hoi.prompt import Prompt, read_prompt
+from geneoh.generators.text2hoi.refiner import refined_by
 from geneoh.generators.text2hoi.resting import eased, moved_by_hands
 from geneoh.generators.text2hoi.sampling import SamplingConfig, contact_of, sample
 from geneoh.generators.text2hoi.settling import settled
@@ -43,7 +44,7 @@ class GenerateOptions:
     time."""
     refine: Refiner = "geneoh"
     """What mends the hands: "geneoh" brings them to the surface that they hold and cleans them with
-    `geneoh.denoise`; "none"."""
+    `geneoh.denoise`; "paper" is the refiner of Text2HOI, one pass of a network; "none"."""
     weights: Path | None = None
     """Folder of networks, as `geneoh train` writes it; what it lacks is as shipped."""
     text_encoder: Path | None = None
@@ -109,6 +110,8 @@ def generate(
         contact=contact,
         on_step=None if on_progress is None else lambda done, of: on_progress("motion", done, of),
     )
+    if options.refine == "paper":
+        actions = refined_by(load_refiner(options.weights), actions, contact)
     actions, refined = moved_by_hands(eased(actions)), None
     if options.refine == "geneoh":
         actions = moved_by_hands(settled(actions, stood))

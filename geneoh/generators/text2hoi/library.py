@@ -10,6 +10,7 @@ from geneoh.errors import ConfigError
 from geneoh.generators.text2hoi.contact import ContactConfig, ContactNetwork
 from geneoh.generators.text2hoi.interaction import InteractionConfig, InteractionNetwork
 from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork
+from geneoh.generators.text2hoi.refiner import RefinerConfig, RefinerNetwork
 from geneoh.generators.text2hoi.samples import Encoder
 from geneoh.generators.text2hoi.text import load_text_encoder
 
@@ -59,6 +60,15 @@ def load_networks(
     return Networks(text, contact.to(device), interaction.to(device), length)
 
 
+def load_refiner(folder: Path | None = None) -> RefinerNetwork:
+    """The refiner of a folder, else the shipped one.
+
+    Raises:
+        CheckpointError: the file is missing or does not fit.
+    """
+    return load_network(weights_of("refiner", folder), "refiner", RefinerNetwork, RefinerConfig)
+
+
 def encoder_of(folder: Path | None, text_encoder: Path | None = None) -> Encoder:
     """The text encoder that is named, else that of a folder, else the shipped one."""
     if text_encoder is None and folder is not None and (folder / "text.safetensors").is_file():
@@ -70,6 +80,16 @@ def weights_of(name: str, folder: Path | None) -> Path:
     """The file of weights in a folder, else the shipped one."""
     given = None if folder is None else folder / f"{name}.safetensors"
     return given if given is not None and given.is_file() else SHIPPED / f"{name}.safetensors"
+
+
+def interaction_network(folder: Path) -> InteractionNetwork:
+    """The interaction network whose clips the refiner learns to refine: of the folder, or shipped.
+
+    Raises:
+        CheckpointError: the file is missing or does not fit.
+    """
+    path = weights_of("interaction", folder)
+    return load_network(path, "interaction", InteractionNetwork, InteractionConfig)
 
 
 def contact_network(folder: Path) -> ContactNetwork | None:

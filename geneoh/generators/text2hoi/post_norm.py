@@ -13,10 +13,14 @@ class PostNormTransformer(nn.Module):
     Source: Text2HOI, supplement; Vaswani et al. 2017.
     """
 
-    def __init__(self, width: int, depth: int, heads: int) -> None:
-        """Build `depth` layers of `width` features, with feed-forward layers twice as wide."""
+    def __init__(self, width: int, depth: int, heads: int, *, levels: bool = True) -> None:
+        """Build `depth` layers of `width` features, with feed-forward layers twice as wide.
+
+        Without `levels` no noise level is told.
+        """
         super().__init__()
-        self.level = nn.Sequential(nn.Linear(width, width), nn.SiLU(), nn.Linear(width, width))
+        steps = (nn.Linear(width, width), nn.SiLU(), nn.Linear(width, width))
+        self.level = nn.Sequential(*steps) if levels else None
         self.layers = nn.ModuleList(
             nn.TransformerEncoderLayer(
                 width, heads, 2 * width, dropout=0.0, activation="gelu", batch_first=True
@@ -27,14 +31,16 @@ class PostNormTransformer(nn.Module):
     def forward(
         self,
         tokens: Float[Tensor, "B N D"],
-        level: Float[Tensor, " B"],
+        level: Float[Tensor, " B"] | None,
         position: Float[Tensor, " N"],
         seen: Bool[Tensor, "B N"],
     ) -> Float[Tensor, "B N D"]:
         """Tokens after all layers; attention is to those that are seen."""
         width = tokens.shape[-1]
-        first = tokens[:, :1] + self.level(sinusoid(level, width))[:, None]
-        tokens = torch.cat([first, tokens[:, 1:]], dim=1) + sinusoid(position, width)
+        if self.level is not None and level is not None:
+            first = tokens[:, :1] + self.level(sinusoid(level, width))[:, None]
+            tokens = torch.cat([first, tokens[:, 1:]], dim=1)
+        tokens = tokens + sinusoid(position, width)
         for layer in self.layers:
             tokens = layer(tokens, src_key_padding_mask=~seen)
         return tokens

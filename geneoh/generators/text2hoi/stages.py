@@ -10,7 +10,7 @@ from geneoh.errors import ConfigError
 from geneoh.generators.text2hoi.action_data import SplitActions, action_data
 from geneoh.generators.text2hoi.config import Text2HoiConfig
 from geneoh.generators.text2hoi.length_training import LengthTask, LengthTrainConfig
-from geneoh.generators.text2hoi.library import contact_network, encoder_of
+from geneoh.generators.text2hoi.library import contact_network, encoder_of, interaction_network
 from geneoh.generators.text2hoi.recorded import RecordedConfig
 from geneoh.generators.text2hoi.samples import Encoder
 from geneoh.generators.text2hoi.text_training import TextTask, TextTrainConfig
@@ -88,5 +88,8 @@ def action_task(
             f"{contact.config.text} features, got one of {encoder.width}; train it again"
         )
     data = learned.actions(chosen.recorded, on_progress)
-    task = ActionTask(stage, chosen, data.training, data.validation, encoder, contact, data.made)
+    interaction = interaction_network(learned.folder) if stage == "refiner" else None
+    task = ActionTask(
+        stage, chosen, data.training, data.validation, encoder, contact, interaction, data.made
+    )
     return task, data.notes

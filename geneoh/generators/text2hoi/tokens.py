@@ -66,6 +66,10 @@ class Tokens(Bundle):
         left, right, thing = flat.split([HAND, HAND, OBJECT], dim=-1)
         return replace(self, hands=torch.stack([left, right], dim=1), object=thing).masked()
 
+    def with_hands(self, hands: Float[Tensor, "B 2 T 99"]) -> "Tokens":
+        """The same with other hands."""
+        return replace(self, hands=hands).masked()
+
     def masked(self) -> "Tokens":
         """The same with zeros where nothing is shown."""
         hands = self.hands * self.shown[:, :2, :, None]

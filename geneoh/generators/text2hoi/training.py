@@ -1,7 +1,8 @@
 """The networks of Text2HOI as tasks of the training loop."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import torch
@@ -10,20 +11,22 @@ from torch import Tensor, nn
 
 from geneoh.choices import ActionStage
 from geneoh.config import as_dict
-from geneoh.generators.text2hoi.condition import Condition
 from geneoh.generators.text2hoi.config import Text2HoiConfig
-from geneoh.generators.text2hoi.contact import ContactNetwork, contact_loss
+from geneoh.generators.text2hoi.contact import ContactNetwork
 from geneoh.generators.text2hoi.interaction import InteractionNetwork
-from geneoh.generators.text2hoi.losses import geometric_loss, simple_loss
+from geneoh.generators.text2hoi.refiner import RefinerNetwork
 from geneoh.generators.text2hoi.samples import ActionData, Encoder, Samples, draw_samples
 from geneoh.generators.text2hoi.scales import set_statistics
-from geneoh.generators.text2hoi.tokens import tokens_of
+from geneoh.generators.text2hoi.task_losses import (
+    Loss,
+    contact_task_loss,
+    interaction_loss,
+    refiner_task_loss,
+)
 from geneoh.synthesis.draws import Draws, Part
 from geneoh.synthesis.shards import seed_of
 from geneoh.training.processes import Team
 from geneoh.training.resume import TrainState, digest
-
-Loss = Callable[[Any, Samples, Text2HoiConfig, Draws], Tensor]
 
 
 @dataclass(frozen=True)
@@ -53,7 +56,17 @@ class ActionTask:
     validation: ActionData
     encoder: Encoder
     contact: ContactNetwork | None = None  # of which later networks are told estimated maps
+    interaction: InteractionNetwork | None = None  # whose clips the refiner learns to refine
     made: Mapping[str, Any] | None = None  # how the data was made, for the record
+
+    @property
+    def loss(self) -> Loss:
+        """The loss of the network."""
+        if self.name == "contact":
+            return contact_task_loss
+        if self.interaction is not None:
+            return partial(refiner_task_loss, self.interaction)
+        return interaction_loss
 
     def network(self) -> nn.Module:
         """A fresh network, made for the text encoder and with the scales of the data."""
@@ -61,6 +74,8 @@ class ActionTask:
             torch.manual_seed(seed_of(self.config.seed, self.name, "weights"))
             if self.name == "contact":
                 return ContactNetwork(self.config.contact)
+            if self.name == "refiner":
+                return RefinerNetwork(self.config.refiner)
             network = InteractionNetwork(self.config.interaction)
         if network.config.normalised:
             set_statistics(network, self.data.actions)
@@ -89,7 +104,7 @@ class ActionTask:
             rows = slice(part.first - own.first, part.first - own.first + part.count)
             again = torch.Generator().set_state(generator.get_state())
             some = samples.take(rows, "B").to(device)
-            pieces.append(SamplesPiece(some, self.config, again, part, LOSSES[self.name]))
+            pieces.append(SamplesPiece(some, self.config, again, part, self.loss))
         return pieces
 
     def before_step(self, state: TrainState) -> None:
@@ -101,12 +116,12 @@ class ActionTask:
         whole = Part(0, self.config.batch, self.config.batch)
         samples, generator = self.drawn(self.validation, "validation", index, part=whole)
         samples = samples.to(next(model.parameters()).device)
-        piece = SamplesPiece(samples, self.config, generator, whole, LOSSES[self.name])
+        piece = SamplesPiece(samples, self.config, generator, whole, self.loss)
         return piece.loss(model)
 
     def record(self) -> dict[str, Any]:
         """Network, config, fingerprints of what it learns from, and how that was made."""
-        contact = self.contact
+        before = {"contact": self.contact, "interaction": self.interaction}
         return {
             "stage": self.name,
             "config": as_dict(self.config),
@@ -114,54 +129,9 @@ class ActionTask:
             "data": data_digest(self.data),
             "validation": data_digest(self.validation),
             "text": text_digest(self.encoder),
-            "contact": None if contact is None else digest(contact.state_dict().values()),
+            **{name: each and digest(each.state_dict().values()) for name, each in before.items()},
             "made": None if self.made is None else dict(self.made),
         }
-
-
-def contact_task_loss(
-    network: ContactNetwork, samples: Samples, config: Text2HoiConfig, draws: Draws
-) -> Float[Tensor, ""]:
-    """The loss of the contact network."""
-    return contact_loss(
-        network,
-        samples.objects,
-        samples.touched,
-        samples.text,
-        divergence=config.divergence,
-        noise=draws.normal(network.config.latent).to(samples.text),
-    )
-
-
-def interaction_loss(
-    network: InteractionNetwork, samples: Samples, config: Text2HoiConfig, draws: Draws
-) -> Float[Tensor, ""]:
-    """The loss of the interaction network at random levels of noise."""
-    tokens = tokens_of(samples.actions, network.config.frame)
-    condition = Condition(
-        samples.text,
-        samples.objects,
-        samples.contact,
-        tokens.present,
-        tokens.valid,
-        ~draws.chance(config.text_dropout).to(tokens.present.device),
-        ~draws.chance(config.object_dropout).to(tokens.present.device),
-    )
-    level = draws.integers(1, len(network.sigmas)).to(tokens.present.device)
-    clean = network.normalise(tokens.flat) * tokens.told
-    noise = draws.normal(*clean.shape[1:]).to(clean)
-    sigma = network.sigmas[level]
-    x = clean + sigma[:, None, None] * noise
-    found = network.denoised(x, level.float(), network.told(condition))
-    guess = tokens.with_flat(network.denormalise(found))
-    share = 1 / (1 + sigma.square()) if config.losses.sharp else torch.ones_like(sigma)
-    return simple_loss(found, clean, tokens.told) + geometric_loss(
-        guess, tokens, samples.actions, samples.touched, config.losses, draws, share
-    )
-
-
-LOSSES: dict[ActionStage, Loss] = {"contact": contact_task_loss, "interaction": interaction_loss}
-"""Loss of each network."""
 
 
 def data_digest(data: ActionData) -> str:
