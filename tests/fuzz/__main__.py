@@ -18,7 +18,8 @@ from forked import forked
 
 from tests.fuzz.corpus import keep, kept
 from tests.fuzz.table import Tally
-from tests.fuzz.targets import Target, write_targets
+from tests.fuzz.target import Target
+from tests.fuzz.targets import write_targets
 from tests.fuzz.trial import Case, draw_case, run_case, run_command
 
 SHARE = 0.1

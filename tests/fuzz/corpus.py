@@ -7,7 +7,7 @@ import zlib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from tests.fuzz.targets import Target
+from tests.fuzz.target import Target
 from tests.fuzz.trial import Case, Outcome
 
 CORPUS = Path(__file__).parent / "corpus"

@@ -5,7 +5,7 @@ command that cleans it. Data sets and estimators come from tests/support/trees.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +27,9 @@ from geneoh.synthesis.shards import SynthesisConfig, write_shards
 from geneoh.training.config import TrainConfig
 from geneoh.training.stages import build_model
 
+from .generators import generator_targets
+from .target import Target
+
 QUICK = ("--preset", "fast", "--samples", "1", "--steps", "1", "-o", "{out}/clean.npz")
 MESHES = (".obj", ".ply", ".stl", ".glb", ".off")
 TINY_TRAINING = TrainConfig(
@@ -35,27 +38,6 @@ TINY_TRAINING = TrainConfig(
     temporal=TemporalConfig(latent=6, point_width=8, width=16, depth=1, heads=2),
 )
 ONE_STEP = ("steps=1", "batch=2", "warmup=1", "validation_batches=1", "motion.width=16")
-
-
-@dataclass(frozen=True)
-class Target:
-    """A folder of sound files, of which one is changed at a time."""
-
-    name: str
-    kind: str
-    """Of the files that are changed, as the table calls it."""
-    root: Path
-    """Folder of all files."""
-    changed: tuple[str, ...]
-    """The files that may be changed, relative to the folder."""
-    command: tuple[str, ...]
-    """`geneoh denoise` or another one; {in} and {out} stand for the folders."""
-    others: tuple[tuple[str, ...], ...] = ()
-    """Other commands that read the files."""
-
-    def ready(self, command: tuple[str, ...], out: Path) -> list[str]:
-        """A command with its folders."""
-        return [word.replace("{in}", str(self.root)).replace("{out}", str(out)) for word in command]
 
 
 def kind_of(name: str) -> str:
@@ -72,7 +54,7 @@ def write_targets(folder: Path) -> list[Target]:
     """Every target, with its files written."""
     mano = trees.write_mano(folder / "mano")
     made = [*own_layouts(folder), *mesh_files(folder), weights(folder), shards(folder)]
-    made += [with_mano(folder)]
+    made += [with_mano(folder), *generator_targets(folder)]
     for case in trees.CASES:
         made += tree_target(case, folder / case.build.__name__, mano)
     return made

@@ -12,7 +12,7 @@ from forked import Ended, forked
 
 from tests.fuzz.guard import TRAPPED, set_trap
 from tests.fuzz.mutate import mutated
-from tests.fuzz.targets import Target
+from tests.fuzz.target import Target
 
 WRONG_RESULT = 98
 """Exit code of a child whose result cannot be read, or is not finite."""
@@ -124,7 +124,16 @@ def sound_result(path: Path) -> bool:
 def misplaced(case: Case, ended: Ended, out: Path, old: bytes) -> str | None:
     """What is wrong with the files or with the words, where the exit code is right."""
     there = {path.name for path in out.iterdir()}
-    known = {"notes.txt", "clean.npz", "clean.html", "page.html", "scene.glb", "all", "run"}
+    known = {
+        "notes.txt",
+        "clean.npz",
+        "clean.html",
+        "page.html",
+        "scene.glb",
+        "all",
+        "run",
+        "clip.npz",
+    }
     if (out / "notes.txt").read_bytes() != b"not ours":
         return "a file of others was changed"
     if left := sorted(there - known):
