@@ -1,23 +1,22 @@
 """Hands brought to the surface they hold: penetration and gaps that a network leaves are undone.
 
-Ours. The pose in the middle of a hold descends the energy by which the training data were grasped
-(`geneoh.synthesis.grasps`), and the change goes to the whole hold, and fades out on the ways to it
-and from it.
+Ours. Some poses of a hold descend the energy by which the training data were grasped
+(`geneoh.synthesis.grasps`), and the best is kept. While the object moves the hand stays in this
+pose at it, so that contact holds; where the object rests, the change goes to the whole touch. It
+fades out on the ways to the object and from it, on which hands are taken out of the object.
 """
 
 from dataclasses import replace
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
-from geneoh.choices import SIDES
+from geneoh.generators.text2hoi.held_hands import HeldHands, mean_offsets, moving
 from geneoh.generators.text2hoi.resting import touching_hands
 from geneoh.generators.text2hoi.standing import StandingObject
 from geneoh.geometry.mesh import Mesh
-from geneoh.geometry.mirror import mirror_axis_angle, mirror_points
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
-from geneoh.hand.library import load_hand
 from geneoh.synthesis.actions import Actions
 from geneoh.synthesis.grasps import GraspConfig, GraspEnergy, Grasps, settled_grasps
 from geneoh.synthesis.objects import scanned_object
@@ -27,7 +26,11 @@ from geneoh.synthesis.solids import Solids
 
 REACH = 0.012
 """Distance from the surface within which a pad of the hand is brought to it, metres."""
-FADE = 10.0  # frames over which the change fades out
+TRIES = 5  # poses of a hold of which the one that settles best is taken
+TOUCH = 0.003  # distance from the surface at which a pad touches, metres
+FADE = 15.0  # frames over which the change fades out
+ROUNDS = 12  # in which a hand is taken out of what it is in
+SMOOTH = 2.0  # deviation in frames over which ways out of the object are smoothed
 SETTLING = GraspConfig(
     steps=80,
     wrist_rate=0.003,
@@ -50,63 +53,122 @@ def solid_of(stood: StandingObject) -> tuple[Solids, Float[Tensor, " 3"]]:
 
 
 def settled(actions: Actions, stood: StandingObject, config: GraspConfig = SETTLING) -> Actions:
-    """The first action with hands that touch their object and do not sink into it."""
+    """The first action with hands that touch its object and sink into nothing.
+
+    The hand that carries the object longer keeps its place, and the other one makes way for it.
+    """
     solids, middle = solid_of(stood)
-    for number, side in enumerate(SIDES):
-        touching = touching_hands(actions)[0, number]
-        if bool(touching.any()):
-            mirrored = side == "left"
-            own = solids.mirrored() if mirrored else solids
-            actions = _settled_hand(actions, number, touching, own, middle, mirrored, config)
+    touching, moves = touching_hands(actions)[0], moving(actions)
+    before: HeldHands | None = None
+    for number in (touching & moves).sum(1).argsort(descending=True).tolist():
+        if not bool(touching[number].any()):
+            continue
+        own = solids if number else solids.mirrored()
+        carrying = touching[number] & moves
+        hold = torch.nonzero(carrying if bool(carrying.any()) else touching[number])[:, 0]
+        hand = HeldHands.of(actions, number, middle)
+        held, frame = settled_pose(own, hand, hold, before, config)
+        frames = hold if bool(carrying.any()) else frame.expand(1)
+        hand = kept_pose(own, hand, held, frames, hold)
+        actions = hand.into(actions, number, middle)
+        before = held.on_side(0)  # as the other hand sees it
     return actions
 
 
-def _settled_hand(
-    actions: Actions,
-    number: int,
-    touching: Bool[Tensor, " T"],
+def settled_pose(
     solids: Solids,
-    middle: Float[Tensor, " 3"],
-    mirrored: bool,
+    hand: HeldHands,
+    hold: Int[Tensor, " N"],
+    before: HeldHands | None,
     config: GraspConfig,
-) -> Actions:
-    """One hand of the first action settled, as a right hand on the mirror image if it is left."""
-    frames = torch.nonzero(touching)[:, 0]
-    turn = actions.rotation[0].mT @ axis_angle_to_matrix(actions.pose[0, number, :, 0])
-    apart = actions.wrist[0, number] - actions.translation[0]
-    wrist = (actions.rotation[0].mT @ apart[..., None])[..., 0] - middle
-    pose = torch.cat([matrix_to_axis_angle(turn)[:, None], actions.pose[0, number, :, 1:]], 1)
-    if mirrored:
-        wrist, pose = mirror_points(wrist), mirror_axis_angle(pose)
-    held = frames[len(frames) // 2]
-    grasp = Grasps(
-        pose=pose[held][None],
-        wrist=wrist[held][None],
-        offsets=load_hand("right").shaped(torch.zeros(1, 10)).offsets,
-        kept=torch.ones(1, dtype=torch.bool),
-        types=torch.zeros(1, dtype=torch.long),
+) -> tuple[HeldHands, Int[Tensor, ""]]:
+    """The best of some poses of a hold, each brought to the surface, and the frame of it.
+
+    Best is who touches with most pads, less what sinks in, beside the hand `before`.
+    """
+    tried = hold[torch.linspace(0, len(hold) - 1, 2 * TRIES + 1).long()[1::2]]
+    start = hand.take(tried, "N")
+    if before is not None:
+        start = beside(start, before)
+    grasps = Grasps(
+        pose=start.pose,
+        wrist=start.wrist,
+        offsets=mean_offsets().expand(TRIES, -1, -1),
+        kept=torch.ones(TRIES, dtype=torch.bool),
+        types=torch.zeros(TRIES, dtype=torch.long),
     )
-    after = settled_grasps(solids, grasp, config, reach=REACH)
-    share = _fading(touching)[:, None]
-    bend = axis_angle_to_matrix(after.pose[0, 0]) @ axis_angle_to_matrix(pose[held, 0]).mT
-    turned = axis_angle_to_matrix(share * matrix_to_axis_angle(bend))
-    wrist = wrist + share * (after.wrist[0] - wrist[held])
-    fingers = pose[:, 1:] + share[..., None] * (after.pose[0, 1:] - pose[held, 1:])
-    turn = matrix_to_axis_angle(turned @ axis_angle_to_matrix(pose[:, 0]))
-    pose = torch.cat([turn[:, None], fingers], 1)
-    if mirrored:
-        wrist, pose = mirror_points(wrist), mirror_axis_angle(pose)
-    world = actions.rotation[0] @ axis_angle_to_matrix(pose[:, 0])
-    place = (actions.rotation[0] @ (wrist + middle)[..., None])[..., 0] + actions.translation[0]
-    poses, wrists = actions.pose.clone(), actions.wrist.clone()
-    poses[0, number] = torch.cat([matrix_to_axis_angle(world)[:, None], pose[:, 1:]], 1)
-    wrists[0, number] = place
-    return replace(actions, pose=poses, wrist=wrists)
+    solids = solids.take(torch.zeros(TRIES, dtype=torch.long), "B")
+    after = settled_grasps(solids, grasps, config, reach=REACH)
+    found = HeldHands(after.pose, after.wrist)
+    centers, radii = found.spheres
+    depth = (radii - solids.signed_distance(centers)).clamp(min=0).amax(1)
+    if before is not None:
+        depth = depth + overlap(found, before).clamp(min=0).amax((1, 2))
+    touching = (solids.signed_distance(found.pads).abs() < TOUCH).sum(1)
+    best = (touching - depth / TOUCH).argmax()
+    return found.take(best[None], "N"), tried[best]
 
 
-def _fading(touching: Bool[Tensor, " T"]) -> Float[Tensor, " T"]:
-    """1 from the first to the last frame in which a hand touches, falling to 0 beside them."""
-    frames = torch.nonzero(touching)[:, 0]
-    time = torch.arange(len(touching), dtype=torch.float32)
+def overlap(hands: HeldHands, other: HeldHands) -> Float[Tensor, "N K K"]:
+    """How deep the spheres of hands are in those of another one, metres."""
+    (centers, radii), (places, sizes) = hands.spheres, other.spheres
+    return radii[:, :, None] + sizes[0] - torch.cdist(centers, places.expand(len(centers), -1, -1))
+
+
+def beside(hands: HeldHands, other: HeldHands) -> HeldHands:
+    """Hands shifted until they are out of another one."""
+    rows, count = torch.arange(len(hands.wrist)), other.spheres[1].shape[1]
+    for _ in range(ROUNDS):
+        depth, deepest = overlap(hands, other).flatten(1).max(1)
+        own, others = deepest // count, deepest % count
+        way = hands.spheres[0][rows, own] - other.spheres[0][0, others]
+        shift = depth.clamp(min=0)[:, None] * torch.nn.functional.normalize(way, dim=-1)
+        hands = replace(hands, wrist=hands.wrist + shift)
+    return hands
+
+
+def kept_pose(
+    solids: Solids,
+    hand: HeldHands,
+    held: HeldHands,
+    frames: Int[Tensor, " N"],
+    hold: Int[Tensor, " M"],
+) -> HeldHands:
+    """A hand that is in the pose `held` from the first to the last of some frames.
+
+    Where the hold is longer, the change at these frames goes to all of it. It fades out on the ways
+    to the hold and from it, on which the hand is taken out of the object.
+    """
+    share = _fading(hold, len(hand.wrist))[:, None]
+    end = torch.arange(len(hand.wrist)).clamp(frames[0], frames[-1])
+    changed = hand.take(end, "N")
+    bend = axis_angle_to_matrix(held.pose[:, 0]) @ axis_angle_to_matrix(changed.pose[:, 0]).mT
+    bend = axis_angle_to_matrix(share * matrix_to_axis_angle(bend))
+    turn = matrix_to_axis_angle(bend @ axis_angle_to_matrix(hand.pose[:, 0]))
+    fingers = hand.pose[:, 1:] + share[..., None] * (held.pose[:, 1:] - changed.pose[:, 1:])
+    wrist = hand.wrist + share * (held.wrist - changed.wrist)
+    found = HeldHands(torch.cat([turn[:, None], fingers], 1), wrist)
+    return replace(found, wrist=wrist + (1 - share) * way_out(solids, found))
+
+
+def way_out(solids: Solids, hand: HeldHands) -> Float[Tensor, "T 3"]:
+    """Shifts that take a hand out of its object, smooth over the frames, metres.
+
+    The deepest part of the hand moves along the normal of the surface until none is inside.
+    """
+    start, frames = hand.wrist, torch.arange(len(hand.wrist))
+    for _ in range(ROUNDS):
+        centers, radii = hand.spheres
+        distance, normal = solids.distance_and_normal(centers.flatten(0, 1)[None])
+        depth, deepest = (radii - distance.view(radii.shape)).clamp(min=0).max(1)
+        shift = depth[:, None] * normal.view(centers.shape)[frames, deepest]
+        hand = replace(hand, wrist=hand.wrist + shift)
+    kernel = torch.exp(-0.5 * ((frames - frames[:, None]) / SMOOTH) ** 2)
+    return kernel / kernel.sum(1, keepdim=True) @ (hand.wrist - start)
+
+
+def _fading(frames: Int[Tensor, " N"], count: int) -> Float[Tensor, " T"]:
+    """1 from the first to the last of some frames, falling to 0 beside them."""
+    time = torch.arange(count, dtype=torch.float32)
     off = torch.maximum(frames[0] - time, time - frames[-1]).clamp(min=0)
     return 1 - minimum_jerk(off / FADE)

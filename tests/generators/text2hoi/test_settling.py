@@ -6,10 +6,12 @@ import torch
 import trimesh
 from actions import made_actions
 
-from geneoh.generators.text2hoi.settling import settled, solid_of
+from geneoh.generators.text2hoi.held_hands import HeldHands, moving
+from geneoh.generators.text2hoi.settling import beside, overlap, settled, solid_of, way_out
 from geneoh.generators.text2hoi.standing import stand
 from geneoh.geometry.distance import SurfaceDistance
 from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.synthesis.pose_prior import FINGER_MEAN
 
 RADIUS, HEIGHT = 0.03, 0.16
@@ -81,3 +83,61 @@ def test_a_hand_that_never_touches_stays_as_it_is(rod):
     actions = sunk(rod, 1)
     away = replace(actions, wrist=actions.wrist + torch.tensor([0.5, 0.0, 0.0]))
     assert torch.equal(settled(away, rod).pose, away.pose)
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_a_hand_that_slides_on_what_it_carries_keeps_its_place(rod, side):
+    before = sunk(rod, side)
+    slide = torch.linspace(-0.02, 0.02, 24)[:, None] * torch.tensor([0.0, 0, 1])
+    before = replace(before, wrist=before.wrist + slide * before.hands[:, :, None, None])
+    after = settled(before, rod)
+    apart = (after.keypoints()[0, side] - after.translation[0, :, None])[:24]
+    assert (apart - apart[12]).abs().amax() < 1e-4
+    assert depth_of(after, rod, side) < 0
+
+
+def test_a_hand_at_an_object_goes_back_to_where_it_was(rod):
+    actions, middle = sunk(rod, 0), torch.tensor([0.1, 0.2, 0.3])
+    turn = axis_angle_to_matrix(torch.tensor([[0.3, -0.5, 0.2]])).expand(1, 24, 3, 3)
+    actions = replace(actions, rotation=turn)
+    back = HeldHands.of(actions, 0, middle).into(actions, 0, middle)
+    torch.testing.assert_close(back.pose, actions.pose, atol=1e-5, rtol=1e-4)
+    torch.testing.assert_close(back.wrist, actions.wrist, atol=1e-6, rtol=1e-4)
+
+
+def test_an_object_moves_before_and_after_its_steps_and_turns():
+    actions = made_actions(["lift"], frames=10)
+    shift, turn = torch.zeros(1, 10, 3), torch.zeros(10, 3)
+    shift[:, 3:], turn[7:, 2] = 0.01, 0.1
+    still = replace(actions, translation=shift, rotation=axis_angle_to_matrix(turn)[None])
+    assert torch.nonzero(moving(still))[:, 0].tolist() == [2, 3, 6, 7]
+
+
+def flat_hands(*places: tuple[float, float, float]) -> HeldHands:
+    return HeldHands(torch.zeros(len(places), 16, 3), torch.tensor(places))
+
+
+def test_a_hand_in_another_one_makes_way_by_no_more_than_it_needs():
+    other, hands = flat_hands((0.0, 0.0, 0.0)), flat_hands((0.0, 0.012, 0.0), (0.0, 0.5, 0.0))
+    assert overlap(hands, other)[0].max() > 0.01
+    found = beside(hands, other)
+    assert overlap(found, other).max() < 0.002
+    assert (found.wrist[0] - hands.wrist[0]).norm() < 0.06
+    assert found.wrist[1].equal(hands.wrist[1])
+
+
+def test_the_way_out_is_as_long_as_the_hand_is_deep_and_nothing_outside(rod):
+    solids, middle = solid_of(rod)
+    inside = HeldHands.of(sunk(rod, 1), 1, middle)
+    far = replace(inside, wrist=inside.wrist + torch.tensor([0.0, 0.3, 0.0]))
+    assert not way_out(solids, far).any()
+    found = replace(inside, wrist=inside.wrist + way_out(solids, inside))
+    assert depth_in(solids, inside) > 0.01
+    assert depth_in(solids, found) < 0.004
+
+
+def depth_in(solids, hands: HeldHands) -> float:
+    """How deep the spheres of hands are in an object, metres."""
+    centers, radii = hands.spheres
+    distance = solids.signed_distance(centers.flatten(0, 1)[None]).view(radii.shape)
+    return float((radii - distance).max())

@@ -1,0 +1,82 @@
+"""One hand of an action in the frame of its object, as the right hand that it or its mirror is."""
+
+from dataclasses import dataclass, replace
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from geneoh.bundle import Bundle
+from geneoh.choices import SIDES
+from geneoh.geometry.mirror import mirror_axis_angle, mirror_points
+from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
+from geneoh.hand.library import load_hand
+from geneoh.hand.skeleton import forward_kinematics
+from geneoh.synthesis.actions import Actions
+from geneoh.synthesis.contact_pads import contact_pads, hand_scale, hand_spheres
+
+STILL = 1e-5  # metres in a frame below which an object rests
+ARM = 0.01  # metres at which a turn counts as motion
+
+
+@dataclass(frozen=True)
+class HeldHands(Bundle):
+    """Mean right hands at an object, or mirror images of left ones, in the object's frame."""
+
+    pose: Float[Tensor, "N 16 3"]
+    wrist: Float[Tensor, "N 3"]  # metres
+
+    @classmethod
+    def of(cls, actions: Actions, number: int, middle: Float[Tensor, " 3"]) -> "HeldHands":
+        """A hand of the first action in all frames, from the middle of its object."""
+        axes = actions.rotation[0].mT
+        turn = axes @ axis_angle_to_matrix(actions.pose[0, number, :, 0])
+        apart = actions.wrist[0, number] - actions.translation[0]
+        wrist = (axes @ apart[..., None])[..., 0] - middle
+        pose = [matrix_to_axis_angle(turn)[:, None], actions.pose[0, number, :, 1:]]
+        return cls(torch.cat(pose, 1), wrist).on_side(number)
+
+    def on_side(self, number: int) -> "HeldHands":
+        """Mirror images where the hand is a left one."""
+        if SIDES[number] == "right":
+            return self
+        return HeldHands(mirror_axis_angle(self.pose), mirror_points(self.wrist))
+
+    def into(self, actions: Actions, number: int, middle: Float[Tensor, " 3"]) -> Actions:
+        """The actions whose first one has this hand; the inverse of `of`."""
+        hand, turn, shift = self.on_side(number), actions.rotation[0], actions.translation[0]
+        world = turn @ axis_angle_to_matrix(hand.pose[:, 0])
+        place = (turn @ (hand.wrist + middle)[..., None])[..., 0] + shift
+        poses, wrists = actions.pose.clone(), actions.wrist.clone()
+        poses[0, number] = torch.cat([matrix_to_axis_angle(world)[:, None], hand.pose[:, 1:]], 1)
+        wrists[0, number] = place
+        return replace(actions, pose=poses, wrist=wrists)
+
+    @property
+    def spheres(self) -> tuple[Float[Tensor, "N K 3"], Float[Tensor, "N K"]]:
+        """Centres and radii of the spheres that fill the hands."""
+        return hand_spheres(self._posed()[0], self._scale())
+
+    @property
+    def pads(self) -> Float[Tensor, "N 19 3"]:
+        """Points of the skin that touch objects."""
+        return contact_pads(*self._posed(), self._scale())[0]
+
+    def _posed(self) -> tuple[Float[Tensor, "N 21 3"], Float[Tensor, "N 16 3 3"]]:
+        return forward_kinematics(axis_angle_to_matrix(self.pose), self.wrist, mean_offsets())
+
+    def _scale(self) -> Float[Tensor, "N 1"]:
+        return hand_scale(mean_offsets()).expand(len(self.pose), 1)
+
+
+def mean_offsets() -> Float[Tensor, "1 20 3"]:
+    """Skeleton of the mean right hand."""
+    return load_hand("right").shaped(torch.zeros(1, 10)).offsets
+
+
+def moving(actions: Actions) -> Bool[Tensor, " T"]:
+    """Frames before which or after which the object of the first action moves."""
+    shift = actions.translation[0].diff(dim=0).norm(dim=-1)
+    turn = matrix_to_axis_angle(actions.rotation[0, :-1].mT @ actions.rotation[0, 1:])
+    moves = shift + ARM * turn.norm(dim=-1) > STILL
+    return torch.nn.functional.pad(moves, (1, 0)) | torch.nn.functional.pad(moves, (0, 1))
