@@ -28,7 +28,7 @@ class RefinerWeights:
     penetration: float = 1.0
     contact: float = 5.0
     keypoints: float = 1.0  # squared error of keypoints in units of a decimetre (ours)
-    frames: int = 4  # frames of a clip whose penetration is looked at (paper: all)
+    frames: int = 4  # frames of a clip whose contact and penetration are looked at (paper: all)
 
 
 def refiner_loss(
@@ -46,11 +46,12 @@ def refiner_loss(
     if weights.keypoints:
         apart = (joints - clean.joints()).square().sum(-1) / UNIT**2
         total = total + weights.keypoints * masked_mean(apart, shown[..., None])
-    total = total + weights.contact * contact_loss(joints, coarse.joints(), points, shown)
     every = torch.linspace(0, points.shape[1] - 1, weights.frames).round().long().unique()
-    some = found.take(every, "T")
-    inside = penetration_loss(some, points[:, every], normals[:, every])
-    return total + weights.penetration * inside
+    some, points, normals = found.take(every, "T"), points[:, every], normals[:, every]
+    before = coarse.take(every, "T").joints()
+    touch = contact_loss(joints[:, :, every], before, points, shown[:, :, every])
+    inside = penetration_loss(some, points, normals)
+    return total + weights.contact * touch + weights.penetration * inside
 
 
 def contact_loss(
