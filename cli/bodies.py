@@ -45,6 +45,8 @@ def refuse_others(body: Path | None, obj: Path | None) -> None:
         if given and name in (FOR_OBJECTS if body else FOR_BODIES):
             where = "has no meaning with" if body else "needs"
             raise click.UsageError(f"{parameter.opts[0]} {where} --body")
+    if body and context.params["refine"] == "paper":
+        raise click.UsageError("--refine paper has no meaning with --body")
 
 
 def without_reading(chosen: dict[str, Any]) -> dict[str, Any]:

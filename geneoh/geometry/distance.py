@@ -1,11 +1,14 @@
 """Signed distance to meshes: exact on the triangles, signed by the winding number, in batches.
 
 Search trees and their answers are libigl's, on the CPU in float64; queries take points of any
-device and answer in their type and on their device.
+device and answer in their type and on their device. Points on a GPU are searched there, in float32,
+where NVIDIA Warp is installed (extra `gpu`).
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from importlib.util import find_spec
+from typing import Any
 
 import igl
 import numpy as np
@@ -18,6 +21,8 @@ from geneoh.geometry.rigid import Rigid
 from geneoh.geometry.solid import as_arrays, build_solid
 
 ON_SURFACE = 1e-7  # metres below which the direction to the surface is noise: its normal is used
+NEARLY_ON = 1e-5  # the same in float32
+WARP = find_spec("warp") is not None  # whether a GPU can search surfaces
 
 
 @dataclass(frozen=True)
@@ -49,6 +54,7 @@ class SurfaceDistance:
         self.solid = build_solid(mesh)
         self._verts, self._faces = as_arrays(self.solid.surface)
         self._normals = self.solid.surface.face_normals()
+        self._on_devices: dict[torch.device, Any] = {}
         self._tree = igl.AABB()
         self._tree.init(self._verts, self._faces)
 
@@ -59,6 +65,8 @@ class SurfaceDistance:
         metres from the mesh's bounding box get the distance, closest point and normal of the box,
         which is much cheaper; that distance is above `within` and never above the true one.
         """
+        if points.is_cuda and WARP:
+            return self.query_on(points.device, points)
         flat = points.detach().reshape(-1, 3).cpu().double()
         closest = flat.clamp(self.solid.low, self.solid.high)
         normal = flat - closest
@@ -72,6 +80,26 @@ class SurfaceDistance:
             distance[chosen], closest[chosen], normal[chosen] = self._exact(flat[chosen])
         return SurfaceQuery(
             distance.to(points).reshape(points.shape[:-1]),
+            closest.to(points).reshape(points.shape),
+            normal.to(points).reshape(points.shape),
+        )
+
+    def query_on(self, device: torch.device, points: Float[Tensor, "*B P 3"]) -> SurfaceQuery:
+        """As `query`, searched on a device by NVIDIA Warp, in float32, wherever points are."""
+        from geneoh.geometry.warp_distance import WarpField  # seconds to import
+
+        if device not in self._on_devices:
+            self._on_devices[device] = WarpField(self.solid, device)
+        flat = points.detach().reshape(-1, 3)
+        finite = flat.isfinite().all(-1, keepdim=True)
+        closest, face, inside = self._on_devices[device].nearest(torch.where(finite, flat, 0.0))
+        apart = flat.to(closest) - closest
+        distance = apart.norm(dim=-1)
+        signed = torch.where(inside, -distance, distance)
+        normals = self._normals.to(closest)[face]
+        normal = torch.where((distance < NEARLY_ON)[:, None], normals, apart / signed[:, None])
+        return SurfaceQuery(
+            signed.to(points).reshape(points.shape[:-1]),
             closest.to(points).reshape(points.shape),
             normal.to(points).reshape(points.shape),
         )

@@ -43,6 +43,7 @@ class Solid:
     """A mesh as a body with an inside and an outside, on the CPU."""
 
     surface: Mesh  # the faces between inside and outside, all pointing outward
+    body: Mesh  # the faces whose winding number tells the inside; each shell points either way
     sheets: int  # how many open sheets were given a wall
     low: Float64[Tensor, " 3"]
     high: Float64[Tensor, " 3"]  # with `low`, corners of the surface's bounding box
@@ -99,7 +100,7 @@ def build_solid(mesh: Mesh, *, walls: bool = True) -> Solid:
             "faces that enclose nothing; check the mesh and its scale"
         )
     corners = surface.corners().reshape(-1, 3).double()
-    return Solid(surface, sheets, corners.amin(0), corners.amax(0), winding)
+    return Solid(surface, body, sheets, corners.amin(0), corners.amax(0), winding)
 
 
 def as_arrays(mesh: Mesh) -> tuple[Float64[np.ndarray, "V 3"], Int64[np.ndarray, "F 3"]]:
