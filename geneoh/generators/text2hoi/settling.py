@@ -98,7 +98,9 @@ def settled_pose(
         types=torch.zeros(TRIES, dtype=torch.long),
     )
     solids = solids.take(torch.zeros(TRIES, dtype=torch.long), "B")
-    after = settled_grasps(solids, grasps, config, reach=REACH)
+    out = settled_grasps(solids, grasps, config, reach=REACH)
+    # a hand that comes out of the object from deep inside is drawn back to what is then next to it
+    after = settled_grasps(solids, out, config, reach=REACH)
     found = HeldHands(after.pose, after.wrist)
     centers, radii = found.spheres
     depth = (radii - solids.signed_distance(centers)).clamp(min=0).amax(1)
