@@ -48,9 +48,11 @@ class SentenceNetwork(nn.Module):
         super().__init__()
         self.config = config
         width = config.width
-        self.pieces = nn.Embedding(config.pieces, config.piece_width)
+        # not torch.randn, which imports a compiler for two seconds where weights are to be loaded
+        pieces = torch.normal(0.0, 1.0, (config.pieces, config.piece_width))
+        self.pieces = nn.Embedding.from_pretrained(pieces, freeze=False)
         self.widen = nn.Linear(config.piece_width, width)
-        self.places = nn.Parameter(0.02 * torch.randn(config.longest, width))
+        self.places = nn.Parameter(torch.normal(0.0, 0.02, (config.longest, width)))
         layer = nn.TransformerEncoderLayer(
             width,
             config.heads,

@@ -57,6 +57,7 @@ def answering(config: InteractionConfig, seed: int = 0) -> InteractionNetwork:
         torch.nn.init.normal_(layer.bias, std=0.1)
     for codec in network.codecs:
         torch.nn.init.orthogonal_(codec.axes)
+        codec.covariance[0] = 1.0
     return network
 
 

@@ -88,7 +88,7 @@ class InteractionNetwork(nn.Module):
         seen = (config.points, width, config.object_points)
         self.object = ObjectTokens(*seen, config.object_tokens) if ours else WholeObject(*seen)
         self.time = nn.Linear(5, width) if ours else None
-        self.agents = nn.Parameter(0.1 * torch.randn(3, width)) if ours else None
+        self.agents = nn.Parameter(torch.normal(0.0, 0.1, (3, width))) if ours else None
         if ours:
             self.trunk = FrameTransformer(width, config.depth, config.heads)
         else:

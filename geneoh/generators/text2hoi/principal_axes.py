@@ -39,8 +39,8 @@ class PrincipalAxes(nn.Module):
     def __init__(self, numbers: int, count: int, lags: int) -> None:
         """Space for `count` axes; those that there are no numbers for stay zero."""
         super().__init__()
-        self.register_buffer("axes", torch.eye(count, numbers))
-        self.register_buffer("covariance", torch.eye(lags)[:, :1].repeat(1, count))
+        self.register_buffer("axes", torch.zeros(count, numbers))
+        self.register_buffer("covariance", torch.zeros(lags, count))
 
     def read(
         self, noisy: Float[Tensor, "B S N"], sigma: Float[Tensor, " B"], waves: Waves
