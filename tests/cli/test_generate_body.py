@@ -82,6 +82,7 @@ def test_hands_with_an_object_go_through_the_cleaner(geneoh, folder, monkeypatch
         (["--body", "walk.npz", SENTENCE, "--fps", "60"], "says 30 frames a second, got --fps 60"),
         (["--body", "handless.bvh", SENTENCE], "expected a body with arms and hands"),
         (["--body", "walk.npz", SENTENCE, "--frames", "40"], "--frames has no meaning with --body"),
+        (["--body", "walk.npz", SENTENCE, "--refine", "paper"], "--refine paper has no meaning"),
         (["--body", "walk.npz", SENTENCE, "-o", "a.mp4"], "expected .npz, .bvh, .glb"),
         (["--body", "walk.npz", SENTENCE, "-o", "walk.npz"], "is an input and never replaced"),
         (["--body", "walk.npz", SENTENCE, "--clip", "3"], "lower --clip"),

@@ -2,13 +2,13 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import torch
 
 from geneoh.body.motion import BodyMotion, pose, turned
 from geneoh.body.skeleton import BODY_JOINTS, FINGER_JOINTS, PARENTS, WRISTS
-from geneoh.choices import Refiner
 from geneoh.generators.both2hands.generate import check_sentence, generate_hands
 from geneoh.generators.both2hands.library import load_networks
 from geneoh.geometry.axes import turn_up
@@ -34,7 +34,7 @@ class BodyOptions:
 
     steps: int = 25
     """Denoising steps (paper: 1,000 ancestral ones)."""
-    refine: Refiner = "geneoh"
+    refine: Literal["geneoh", "none"] = "geneoh"
     """What mends hands that hold an object: "geneoh", `geneoh.denoise`; "none"."""
     weights: Path | None = None
     """Folder of networks, as `geneoh train` writes it; what it lacks is as shipped."""
