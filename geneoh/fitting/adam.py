@@ -1,6 +1,5 @@
-"""Adam, and the paper's hand fit with it: keypoint and regularisation losses (eq. 11 to 13)."""
+"""The paper's hand fit by Adam: keypoint and regularisation losses (eq. 11 to 13)."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
@@ -11,37 +10,7 @@ from geneoh import progress
 from geneoh.fitting.terms import HandState
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.model import HandModel
-
-
-def adam(
-    loss: Callable[[list[Tensor]], Tensor],
-    parameters: list[Tensor],
-    *,
-    steps: int,
-    rate: float,
-    epsilon: float = 1e-8,
-    settle: bool = False,
-    on_step: progress.OnStep | None = None,
-) -> list[Tensor]:
-    """Parameters after `steps` steps of Adam (Kingma and Ba 2015, algorithm 1, default betas).
-
-    Steps have the length `rate`, which decays to zero to `settle`, and are shorter where the
-    gradient is below `epsilon`. Written out because `torch.optim` takes seconds to import.
-    """
-    parameters = list(parameters)  # the caller's list stays as it is
-    first = [torch.zeros_like(p) for p in parameters]
-    second = [torch.zeros_like(p) for p in parameters]
-    for step in progress.steps(range(1, steps + 1), on_step):
-        length = rate * (steps + 1 - step) / steps if settle else rate
-        with torch.enable_grad():
-            leaves = [p.detach().requires_grad_(True) for p in parameters]
-            gradients = torch.autograd.grad(loss(leaves), leaves)
-        for i, gradient in enumerate(gradients):
-            first[i] = 0.9 * first[i] + 0.1 * gradient
-            second[i] = 0.999 * second[i] + 0.001 * gradient.square()
-            mean, square = first[i] / (1 - 0.9**step), second[i] / (1 - 0.999**step)
-            parameters[i] = leaves[i].detach() - length * mean / (square.sqrt() + epsilon)
-    return parameters
+from geneoh.nn.adam import adam
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.fitting.adam import adam
+from geneoh.nn.adam import adam
 from geneoh.progress import OnStep
 from geneoh.representation.region import ContactRegion
 from geneoh.representation.temporal import PairStatistics, encode_temporal
@@ -65,9 +65,8 @@ def align_to_relations(
         loss,
         [start],
         steps=config.steps,
-        rate=config.rate,
+        rate=lambda done: [config.rate * (1 - done / config.steps)],
         epsilon=floor,
-        settle=True,
         on_step=on_step,
     )
     return region.to_world(moved)

@@ -6,6 +6,7 @@ likely pose. What passes `GraspChecks` is kept. Frames: the right hand's rest fr
 palm -y, thumb +z) and the object's frame; metres and radians.
 """
 
+import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -16,6 +17,7 @@ from torch import Tensor
 from geneoh.bundle import Bundle
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.hand.skeleton import forward_kinematics
+from geneoh.nn.adam import adam
 from geneoh.synthesis.contact_pads import (
     PAD_DIGITS,
     contact_pads,
@@ -284,26 +286,22 @@ def _starts(
 
 def _descend(solids: Solids, attempt: _Attempt, start: _Hands, config: GraspConfig) -> _Hands:
     """The hands that minimise the energy."""
-    hands = start.map(lambda value: value.clone().requires_grad_(True))
-    optimizer = torch.optim.Adam(
-        [
-            {"params": hands.wrist, "lr": config.wrist_rate},
-            {"params": [hands.orient, hands.fingers], "lr": config.angle_rate},
-        ]
-    )
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(
-        optimizer, config.steps, eta_min=config.last_rate
-    )
     low = FINGER_LOW - config.stop * FINGER_STD
     high = FINGER_HIGH + config.stop * FINGER_STD
-    for _ in range(config.steps):
-        optimizer.zero_grad()
-        _energy(solids, attempt, hands, config.energy).sum().backward()
-        optimizer.step()
-        schedule.step()
-        with torch.no_grad():
-            hands.fingers.clamp_(low, high)
-    return hands.map(lambda value: value.detach())
+
+    def rates(done: int) -> list[float]:
+        fall = 0.5 + 0.5 * math.cos(math.pi * done / config.steps)
+        firsts = (config.wrist_rate, config.angle_rate, config.angle_rate)
+        return [config.last_rate + fall * (first - config.last_rate) for first in firsts]
+
+    found = adam(
+        lambda now: _energy(solids, attempt, _Hands(*now), config.energy).sum(),
+        [start.wrist, start.orient, start.fingers],
+        steps=config.steps,
+        rate=rates,
+        bounded=lambda now: [*now[:2], now[2].clamp(low, high)],
+    )
+    return _Hands(*found)
 
 
 def _kept(
