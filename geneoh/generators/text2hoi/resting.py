@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
@@ -45,15 +45,27 @@ def eased(actions: Actions, frames: int = EASE) -> Actions:
         return torch.where(since < ends, ends * (2 * share**2 - share**3), since)
 
     time = torch.where(time < last / 2, begun(time), last - begun(last - time))
-    before = time.floor().long()
-    after = torch.minimum(before + 1, last.long())
-    rows, share = torch.arange(len(time))[:, None], time - before
+    return at_times(actions, time)
 
-    def between(values: Float[Tensor, "B T ..."]) -> Float[Tensor, "B T ..."]:
+
+def retimed(actions: Actions, lengths: Int[Tensor, " B"]) -> Actions:
+    """The same actions in other numbers of frames, two or more, from their starts to their ends."""
+    pace = (actions.length - 1) / (lengths - 1)
+    frames = torch.arange(int(lengths.max()), device=pace.device).minimum(lengths[:, None] - 1)
+    return replace(at_times(actions, frames * pace[:, None]), length=lengths)
+
+
+def at_times(actions: Actions, time: Float[Tensor, "B S"]) -> Actions:
+    """The same actions at times in frames from their starts, between frames by interpolation."""
+    before = time.floor().long()
+    after = torch.minimum(before + 1, actions.length[:, None] - 1)
+    rows, share = torch.arange(len(time), device=time.device)[:, None], time - before
+
+    def between(values: Float[Tensor, "B T ..."]) -> Float[Tensor, "B S ..."]:
         part = share.view(*share.shape, *[1] * (values.ndim - 2))
         return torch.lerp(values[rows, before], values[rows, after], part)
 
-    def turned(rotation: Float[Tensor, "B T *N 3 3"]) -> Float[Tensor, "B T *N 3 3"]:
+    def turned(rotation: Float[Tensor, "B T *N 3 3"]) -> Float[Tensor, "B S *N 3 3"]:
         start, end = rotation[rows, before], rotation[rows, after]
         part = share.view(*share.shape, *[1] * (rotation.ndim - 3))
         turn = matrix_to_axis_angle(start.mT @ end)

@@ -15,6 +15,7 @@ from geneoh.generators.text2hoi.condition import Condition
 from geneoh.generators.text2hoi.interaction import InteractionNetwork
 from geneoh.generators.text2hoi.library import Networks
 from geneoh.generators.text2hoi.objects import Objects
+from geneoh.generators.text2hoi.resting import retimed
 from geneoh.generators.text2hoi.tokens import NUMBERS, Tokens, actions_of
 from geneoh.nn.checkpoint import finite_output
 from geneoh.progress import OnStep
@@ -54,6 +55,8 @@ def sample(
     """An action for each sentence with its object, its hands and its number of frames.
 
     Contact maps are drawn from `contact_of` unless they are given. Verbs and names are `UNKNOWN`.
+    Clips are drawn with whole tokens, because axes that frames of a token share fit no parts of
+    one, and then take the time that is asked for.
 
     Raises:
         CheckpointError: the networks answer with NaN, as of damaged weights.
@@ -62,7 +65,9 @@ def sample(
     device = objects.points.device
     if contact is None:
         contact = contact_of(networks, objects, sentences, generator=generator)
-    condition = condition_of(networks, objects, sentences, hands, lengths.to(device), contact)
+    lengths, each = lengths.to(device), network.config.frames_per_token
+    whole = (lengths + each - 1) // each * each
+    condition = condition_of(networks, objects, sentences, hands, whole, contact)
     numbers = drawn_numbers(network, condition, config, generator=generator, on_step=on_step)
     jointed, valid = objects.jointed, condition.valid
     empty = torch.zeros(*valid.shape, NUMBERS, device=device)
@@ -75,7 +80,7 @@ def sample(
         network.config.frame,
     )
     tokens = blank.with_flat(network.denormalise(finite_output(numbers)))
-    return actions_of(tokens, still(objects, valid.shape[1]))
+    return retimed(actions_of(tokens, still(objects, valid.shape[1])), lengths)
 
 
 @torch.no_grad()

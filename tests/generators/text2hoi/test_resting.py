@@ -3,7 +3,7 @@ from dataclasses import replace
 import torch
 from actions import made_actions
 
-from geneoh.generators.text2hoi.resting import eased, moved_by_hands, touching_hands
+from geneoh.generators.text2hoi.resting import eased, moved_by_hands, retimed, touching_hands
 from geneoh.geometry.rotations import axis_angle_to_matrix
 
 
@@ -84,3 +84,23 @@ def test_a_clip_that_begins_and_ends_in_motion_does_so_from_rest():
         assert torch.allclose(step[:, 19], torch.tensor(0.01), atol=1e-4)
         assert torch.allclose(path[:, [0, -1]], going.translation[:, [0, -1]], atol=1e-5)
     assert torch.allclose(found.rotation[:, [0, -1]], going.rotation[:, [0, -1]], atol=1e-4)
+
+
+def test_an_action_in_another_time_runs_from_the_same_start_to_the_same_end():
+    actions = made_actions(["lift", "pour"], frames=21)
+    lengths = torch.tensor([11, 31])
+    found = retimed(actions, lengths)
+    assert found.length.equal(lengths)
+    torch.testing.assert_close(found.translation[0, :11], actions.translation[0, ::2])
+    torch.testing.assert_close(found.translation[0, 11:], actions.translation[0, -1:].expand(20, 3))
+    torch.testing.assert_close(found.wrist[1, 1, ::3], actions.wrist[1, 1, ::2])
+    torch.testing.assert_close(found.rotation[1, 30], actions.rotation[1, 20])
+    half = found.translation[1, 1]
+    torch.testing.assert_close(half, torch.lerp(*actions.translation[1, :2], 2 / 3))
+
+
+def test_the_same_number_of_frames_is_the_same_action():
+    actions = made_actions(["lift", "pour"], frames=21)
+    found = retimed(actions, actions.length)
+    torch.testing.assert_close(found.wrist, actions.wrist)
+    torch.testing.assert_close(found.rotation, actions.rotation, atol=1e-5, rtol=0)
