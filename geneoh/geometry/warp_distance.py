@@ -4,6 +4,8 @@ The same answers as libigl's in `distance.py`, to rounding, without a copy of th
 Warp runs on a CPU as well, where the tests compare the two.
 """
 
+# pyright: reportAttributeAccessIssue=false  # what a kernel says is Warp's language, not Python
+
 import inspect
 from typing import Any
 
@@ -40,7 +42,7 @@ def _nearest(surface, body, turned, low, high, points, closest, face, inside):
     inside[number] = here
 
 
-def _kernel() -> wp.Kernel:
+def _kernel() -> Any:
     """`_nearest` for Warp, which reads the types of a kernel from its annotations.
 
     They are not those of Python, so tools that check the types of arguments must not see them.
