@@ -4,7 +4,8 @@ The same answers as libigl's in `distance.py`, to rounding, without a copy of th
 Warp runs on a CPU as well, where the tests compare the two.
 """
 
-# pyright: reportAttributeAccessIssue=false  # what a kernel says is Warp's language, not Python
+# what a kernel says is in the language of Warp, not of Python
+# pyright: reportAttributeAccessIssue=false
 
 import inspect
 from typing import Any
