@@ -18,8 +18,8 @@ def read_bodies(
     fps: float | None = None,
     up: Axis | None = None,
     model: Path | None = None,
-) -> list[BodyRecording]:
-    """All bodies in a file, metres, y up, at its own frame rate: one, but for lists of BOTH57M.
+) -> Iterator[BodyRecording]:
+    """The bodies in a file, metres, y up, at its own frame rate: one, but for lists of BOTH57M.
 
     Args:
         path: npz by smplx names or of AMASS, npy of Motion-X, joblib list of BOTH57M, BVH, or what
@@ -31,7 +31,10 @@ def read_bodies(
     Raises:
         InputError: the file holds no body that can be read; the message says why.
     """
-    return list(_bodies(Path(path), fps, up, model))
+    path = Path(path)
+    if path.suffix.lower() == ".bvh":
+        return iter((read_bvh(path, fps=fps, up=up),))
+    return read_smpl(path, fps=fps, up=up, model=model)
 
 
 def read_body(
@@ -46,8 +49,8 @@ def read_body(
 
     `clip` is its place in the list of a file with several, from 0; without it the first, noted.
     """
-    path, index = Path(path), clip or 0
-    bodies = list(islice(_bodies(path, fps, up, model), index, index + 2))
+    index = clip or 0
+    bodies = list(islice(read_bodies(path, fps=fps, up=up, model=model), index, index + 2))
     if not bodies:
         raise InputError(f"{path}: expected a clip number {index}, got fewer; lower --clip")
     body = bodies[0]
@@ -55,11 +58,3 @@ def read_body(
         note = "the first of several clips; --clip takes another"
         return replace(body, notes=(*body.notes, note))
     return body
-
-
-def _bodies(
-    path: Path, fps: float | None, up: Axis | None, model: Path | None
-) -> Iterator[BodyRecording]:
-    if path.suffix.lower() == ".bvh":
-        return iter((read_bvh(path, fps=fps, up=up),))
-    return read_smpl(path, fps=fps, up=up, model=model)
