@@ -23,17 +23,10 @@ from geneoh.synthesis.gestures.hands import (
     stroke,
     variant_manner,
 )
-from geneoh.synthesis.gestures.repertoire import (
-    MIRRORED,
-    ONE_HANDED,
-    REST_SAYS,
-    RESTS,
-    TWO_HANDED,
-    Cast,
-    Gesture,
-    PairGesture,
-)
+from geneoh.synthesis.gestures.one_handed import MIRRORED, ONE_HANDED
+from geneoh.synthesis.gestures.repertoire import REST_SAYS, RESTS, Cast, Gesture, PairGesture
 from geneoh.synthesis.gestures.sentences import Doing
+from geneoh.synthesis.gestures.two_handed import TWO_HANDED
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,8 @@ from geneoh.body.skeleton import Skeleton
 from geneoh.bundle import Bundle
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.synthesis.actions import VERBS
-from geneoh.synthesis.gestures.repertoire import ONE_HANDED, TWO_HANDED
+from geneoh.synthesis.gestures.one_handed import ONE_HANDED
+from geneoh.synthesis.gestures.two_handed import TWO_HANDED
 
 REST = "rest"
 NAMES: tuple[str, ...] = (REST, *ONE_HANDED, *TWO_HANDED, *VERBS)

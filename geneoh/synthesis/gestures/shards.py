@@ -15,9 +15,10 @@ from geneoh.hand.model import HandModel
 from geneoh.synthesis.gestures.clips import Gestures
 from geneoh.synthesis.gestures.hands import VARIANTS
 from geneoh.synthesis.gestures.manipulation import ActionSource
-from geneoh.synthesis.gestures.repertoire import ONE_HANDED, TWO_HANDED
+from geneoh.synthesis.gestures.one_handed import ONE_HANDED
 from geneoh.synthesis.gestures.stance import BODIES
 from geneoh.synthesis.gestures.synthesis import BodyConfig, gesturing, handling
+from geneoh.synthesis.gestures.two_handed import TWO_HANDED
 from geneoh.synthesis.shards import ShardConfig, find_shards
 
 TEXTS = ("left", "right", "joined")

@@ -1,7 +1,8 @@
 import torch
 
 from geneoh.synthesis.gestures import sentences
-from geneoh.synthesis.gestures.repertoire import ONE_HANDED, REST_SAYS, TWO_HANDED
+from geneoh.synthesis.gestures.one_handed import ONE_HANDED
+from geneoh.synthesis.gestures.repertoire import REST_SAYS
 from geneoh.synthesis.gestures.sentences import (
     JOINED,
     Doing,
@@ -10,6 +11,7 @@ from geneoh.synthesis.gestures.sentences import (
     joined_sentences,
     third_person,
 )
+from geneoh.synthesis.gestures.two_handed import TWO_HANDED
 
 REST, WAVE = Doing(REST_SAYS, rests=True), Doing(("wave",))
 

@@ -10,9 +10,11 @@ from geneoh.synthesis.gestures import synthesis
 from geneoh.synthesis.gestures.casting import Role, Roles, draw_roles
 from geneoh.synthesis.gestures.clips import REST
 from geneoh.synthesis.gestures.hands import HandSettings, Manner, stroke, taps
-from geneoh.synthesis.gestures.repertoire import ONE_HANDED, TWO_HANDED, Cast
+from geneoh.synthesis.gestures.one_handed import ONE_HANDED
+from geneoh.synthesis.gestures.repertoire import Cast
 from geneoh.synthesis.gestures.shapes import SHAPES
 from geneoh.synthesis.gestures.synthesis import BodyConfig, gesturing
+from geneoh.synthesis.gestures.two_handed import TWO_HANDED
 
 
 def seeded(seed: int = 0) -> torch.Generator:
