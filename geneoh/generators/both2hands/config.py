@@ -13,7 +13,8 @@ class Both2HandsConfig(RunConfig):
     """The training of one network; every value is saved with the weights."""
 
     steps: int = 800
-    rate: float = 1e-3
+    batch: int = 16
+    rate: float = 2e-3
     warmup: int = 30
     decay: float = 0.6
     ema: float = 0.995

@@ -37,6 +37,10 @@ class HandsConfig:
     frames_per_token: int = 6  # frames of a hand in one token (paper: 1, of both hands)
     frame: HandsFrame = "wrist"  # axes that hands are told in (paper: the world, with a body)
     scaling: Scaling = "deviation"  # of features (paper: range)
+    noise: float = 10.0
+    """Noise of all levels, relative to the schedule of the paper (1). The numbers of a clip tell much
+    the same over and over, so that what the hands do shows through noise of up to 100 deviations;
+    most levels must have so much for the condition to count (Hoogeboom et al. 2023)."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +83,7 @@ class HandsDenoiser(nn.Module):
     @property
     def sigmas(self) -> Float[Tensor, " N"]:
         """Noise of each level, in units of the numbers."""
-        return _sigmas(self.scale.size.device)
+        return self.config.noise * _sigmas(self.scale.size.device)
 
     def denoised(
         self, x: Float[Tensor, "B T 270"], level: Float[Tensor, " B"], told: Told

@@ -90,11 +90,12 @@ def refuse_strangers(branches: Branches, folder: Path | None) -> None:
     """Refuse networks whose noisy hands cannot be the same ones."""
     body, text = branches.body, branches.text
     scales = zip(body.scale.state_dict().values(), text.scale.state_dict().values(), strict=True)
-    if body.config.frame != "wrist" or not all(torch.equal(a, b) for a, b in scales):
+    alike = all(torch.equal(a, b) for a, b in scales) and body.config.noise == text.config.noise
+    if body.config.frame != "wrist" or not alike:
         raise ConfigError(
             f"{folder or SHIPPED}: expected body_hands and text_hands that were trained on the "
-            "same data in the frame 'wrist', which one process needs, got others; train both "
-            "again, or blend.form=paper"
+            "same data and noise in the frame 'wrist', which one process needs, got others; train "
+            "both again, or the blend with blend.form=paper"
         )
 
 
