@@ -22,6 +22,9 @@ class Both2HandsConfig(RunConfig):
     """What is averaged over numbers: squared errors, whose best answer is the mean; or absolute
     ones (paper)."""
     velocity: float = 1.0  # weight of the same of differences between frames (paper: 0)
+    gestures: float = 0.3
+    """Weight of naming what each hand does, from which words are learned sooner than from hands
+    (paper: 0); only clips that are labelled count."""
     target: Literal["hands", "mean"] = "hands"
     """What blended hands are to be: the true ones, so that the sentence counts wherever it tells
     more than the body; or the weighted mean of both answers (paper)."""

@@ -21,6 +21,7 @@ from geneoh.generators.both2hands.paper_layers import PaperTransformer
 from geneoh.generators.both2hands.scale import Scale, Scaling
 from geneoh.generators.text_network import SentenceConfig, SentenceNetwork
 from geneoh.nn.blocks import FrameTransformer
+from geneoh.synthesis.gestures.clips import NAMES
 
 Form = Literal["ours", "paper"]
 
@@ -38,9 +39,9 @@ class HandsConfig:
     frame: HandsFrame = "wrist"  # axes that hands are told in (paper: the world, with a body)
     scaling: Scaling = "deviation"  # of features (paper: range)
     noise: float = 10.0
-    """Noise of all levels, relative to the schedule of the paper (1). The numbers of a clip tell much
-    the same over and over, so that what the hands do shows through noise of up to 100 deviations;
-    most levels must have so much for the condition to count (Hoogeboom et al. 2023)."""
+    """Noise of all levels, relative to the schedule of the paper (1). The numbers of a clip tell
+    much the same over and over, so that what the hands do shows through noise of up to 100
+    deviations; many levels must have more for the condition to count (Hoogeboom et al. 2023)."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,8 @@ class TextHandsConfig(HandsConfig):
     text: int = 0
     """Features of a sentence by a text encoder that is given, such as CLIP's; 0: the network reads
     words itself, and learns to."""
+    gestures: int = len(NAMES)
+    """Names of what a hand does, which our form learns to tell of each hand out of a sentence."""
     words: SentenceConfig = field(default_factory=lambda: SentenceConfig(pieces=1024))
 
 
@@ -164,8 +167,9 @@ class TextHands(HandsDenoiser):
         super().__init__(config)
         self.words = None if config.text else SentenceNetwork(config.words)
         self.text = nn.Linear(config.text or config.words.width, config.width)
-        ours = config.form == "ours" and not config.text
-        self.each = nn.Linear(config.words.width, config.width) if ours else None
+        ours = config.form == "ours"
+        self.each = nn.Linear(config.words.width, config.width) if ours and self.words else None
+        self.named = nn.Linear(config.width, 2 * config.gestures) if ours else None
 
     def told(self, said: Int[Tensor, "B N"] | Float[Tensor, "B W"]) -> Told:
         """Sentences made ready for `denoised`: their pieces, or their vectors by an encoder."""
@@ -180,6 +184,11 @@ class TextHands(HandsDenoiser):
             torch.cat([whole, self.each(states)], dim=1),
             nn.functional.pad(real, (1, 0), value=True),
         )
+
+    def gestures(self, told: Told) -> Float[Tensor, "B 2 G"]:
+        """Scores of what the left and the right hand do by a sentence, before the softmax."""
+        assert self.named is not None, "the paper's form names no gestures"
+        return self.named(told.tokens[:, 0]).unflatten(-1, (2, -1))
 
 
 @cache

@@ -6,9 +6,10 @@ from functools import cached_property
 from typing import Any
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from tokenizers import Tokenizer
 from torch import Tensor, nn
+from torch.nn import functional
 
 from geneoh.bundle import Bundle, concatenated
 from geneoh.choices import BodyStage
@@ -51,6 +52,7 @@ class Samples(Bundle):
     features: Features
     real: Bool[Tensor, "B T"]  # frames before the end of the clip
     said: Tensor  # numbers of pieces (B, N), or vectors (B, W)
+    gesture: Int[Tensor, "B 2"]  # of the left and the right hand; -1: unknown
     scene: Scene | None = None  # of networks that are blended
 
 
@@ -72,8 +74,10 @@ class HandsPiece:
             found, clean = blended(model, self.branches, self.samples, self.config, draws)
         else:
             found, clean = denoised(model, self.samples, draws)
-        share = self.part.count / self.part.total
-        return share * hands_loss(found, clean, self.samples.real, self.config)
+        loss = hands_loss(found, clean, self.samples.real, self.config)
+        if isinstance(model, TextHands) and model.named is not None and self.config.gestures:
+            loss = loss + self.config.gestures * naming_loss(model, self.samples)
+        return self.part.count / self.part.total * loss
 
 
 @dataclass(frozen=True)
@@ -129,10 +133,11 @@ class HandsTask:
         real = torch.arange(data.root.shape[1]) < data.length[pick, None]
         if self.name == "blend":
             scene = scene_of(data.take(pick, "B"), self.frame)
-            return Samples(Features.of(scene, self.frame), real, said, scene), generator
+            features = Features.of(scene, self.frame)
+            return Samples(features, real, said, data.gesture[pick], scene), generator
         kept = self.kept if training else self.kept_validation
         features = kept.take(pick, "B").map(Tensor.float)
-        return Samples(features, real, said), generator
+        return Samples(features, real, said, data.gesture[pick]), generator
 
     def pieces(self, step: int, team: Team, device: torch.device) -> list[HandsPiece]:
         """This process's part of the batch of a step, in the pieces that are worked off in turn."""
@@ -233,6 +238,14 @@ def hands_loss(
     if config.velocity:
         loss = loss + config.velocity * mean(error.diff(dim=1), real[:, 1:])
     return loss
+
+
+def naming_loss(network: TextHands, samples: Samples) -> Float[Tensor, ""]:
+    """Cross-entropy of what each hand does, by the sentence alone."""
+    scores = network.gestures(network.told(samples.said)).flatten(0, 1)
+    known = samples.gesture.flatten() >= 0
+    taken = functional.cross_entropy(scores[known], samples.gesture.flatten()[known])
+    return taken if bool(known.any()) else scores.sum() * 0
 
 
 def scene_of(clips: Gestures, frame: HandsFrame) -> Scene:

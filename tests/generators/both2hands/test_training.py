@@ -7,7 +7,7 @@ from made_gestures import TINY, made_gestures, tiny_task
 
 from geneoh.choices import BODY_STAGES
 from geneoh.errors import CheckpointError
-from geneoh.generators.both2hands.training import blended, hands_loss
+from geneoh.generators.both2hands.training import blended, hands_loss, naming_loss
 from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.synthesis.draws import Draws, Part
 from geneoh.training.loop import train
@@ -92,6 +92,17 @@ def test_the_paper_s_target_is_the_weighted_mean_of_both_answers():
     draws = Draws(WHOLE.count, generator)
     found, target = blended(task.network(), task.branches, samples, config, draws)
     torch.testing.assert_close(found, target)  # ours begins with that mean
+
+
+def test_what_hands_do_is_learned_out_of_sentences_where_it_is_known():
+    task, network = tiny_task("text_hands"), tiny_networks().text.requires_grad_(True)
+    samples, _ = task.drawn(True, "step", 0, part=WHOLE)
+    chance = torch.tensor(float(network.config.gestures)).log()
+    assert (naming_loss(network, samples) - chance).abs() < 1
+    naming_loss(network, samples).backward()
+    assert network.words.pieces.weight.grad.any()
+    unknown = replace(samples, gesture=samples.gesture - 1)
+    assert naming_loss(network, unknown) == 0
 
 
 def test_frames_after_the_end_of_a_clip_do_not_count():
