@@ -68,6 +68,16 @@ def test_equal_seeds_make_equal_hands_and_others_other_ones():
     assert not torch.allclose(first, other, atol=1e-4)
 
 
+def test_smoothing_takes_away_what_shakes():
+    motion, networks = made_motion(bodies=1, frames=20), tiny_networks()
+    shaking, smooth = (
+        drawn(networks, motion, SENTENCES[:1], replace(FEW, smoothing=frames)).rotations
+        for frames in (0.0, 1.5)
+    )
+    one, other = (x[:, :, BODY_JOINTS:].diff(n=2, dim=1).abs().mean() for x in (shaking, smooth))
+    assert other < 0.5 * one
+
+
 def test_the_paper_s_sampler_takes_a_thousand_steps_with_noise():
     assert (PAPER.sampler, PAPER.steps) == ("ancestral", 1000)
     motion = made_motion(bodies=1, frames=4)
