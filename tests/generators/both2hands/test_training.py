@@ -37,13 +37,16 @@ def test_a_resumed_run_is_the_run_that_was_not_interrupted(tmp_path, stage):
     assert whole.record["sequences"] == 6
 
 
-@pytest.mark.parametrize("stage", BODY_STAGES)
-def test_the_loss_falls(tmp_path, stage):
-    heard = []
-    config = replace(TINY, steps=20, validate_every=5, checkpoint_every=20)
-    train(tiny_task(stage, config), tmp_path, device=CPU, on_step=heard.append)
-    left = [p.error_left for p in heard if p.error_left is not None]
-    assert left[-1] < (0.95 if stage == "blend" else 0.8) * left[0]
+@pytest.mark.parametrize(
+    ("stage", "share"), [("body_hands", 0.9), ("text_hands", 0.9), ("blend", 0.95)]
+)
+def test_the_loss_falls(tmp_path, stage, share):
+    config = replace(TINY, steps=40, validate_every=40, checkpoint_every=40)
+    task, heard = tiny_task(stage, config), []
+    untrained, count = task.network().eval(), config.validation_batches
+    before = sum(float(task.validate(untrained, index)) for index in range(count)) / count
+    train(task, tmp_path, device=CPU, on_step=heard.append)
+    assert heard[-1].error_left < share * before
 
 
 @pytest.mark.parametrize("stage", ["body_hands", "text_hands"])
