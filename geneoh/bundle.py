@@ -72,9 +72,13 @@ class Bundle:
                 f"got {index!r}; one entry n is n : n + 1"
             )
 
+        # numpy takes a tensor of one entry for a number, which would remove the axis
+        of_array = index.cpu().numpy() if isinstance(index, Tensor) else index
+
         def cut(value: Leaf, axes: Axes) -> Any:
             place = position(axis, axes, value.ndim)
-            return value if place is None else value[(slice(None),) * place + (index,)]
+            own = index if isinstance(value, Tensor) else of_array
+            return value if place is None else value[(slice(None),) * place + (own,)]
 
         return self._changed(cut)
 

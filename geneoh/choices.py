@@ -74,6 +74,9 @@ GENERATOR_STAGES: tuple[GeneratorStage, ...] = get_args(GeneratorStage)
 BodyStage = Literal["body_hands", "text_hands", "blend"]
 """Networks of the generator BOTH2Hands that `geneoh train` trains."""
 BODY_STAGES: tuple[BodyStage, ...] = get_args(BodyStage)
+BodySource = Literal["both57m", "motionx", "amass"]
+"""Data sets of recorded bodies with fingers that these networks learn from."""
+BODY_SOURCES: tuple[BodySource, ...] = get_args(BodySource)
 
 Noise = Literal["gauss", "gauss_strong", "beta", "bias", "drift", "burst", "drop", "camera"]
 """Kinds of noise that `geneoh corrupt` adds; `geneoh.sequence.noise` defines each."""

@@ -51,6 +51,11 @@ def test_a_mask_and_indices_choose_frames_too(outer):
         assert torch.equal(outer[index].inner[0].moving, outer.inner[0].moving[:, [0, 3, 5]])
 
 
+@pytest.mark.parametrize("index", [torch.tensor([4]), torch.arange(T) == 4])
+def test_arrays_keep_the_axis_of_which_one_entry_is_chosen(outer, index):
+    assert outer[index].stored["right"].shape == (1, 3)
+
+
 def test_a_single_frame_number_is_refused_because_it_would_remove_the_axis(outer):
     with pytest.raises(TypeError, match="slice"):
         outer[2]

@@ -6,7 +6,7 @@ from typing import Any
 import click
 from click import Choice
 
-from geneoh.choices import BODY_STAGES, GENERATOR_STAGES, STAGES
+from geneoh.choices import BODY_SOURCES, BODY_STAGES, GENERATOR_STAGES, STAGES
 from geneoh.errors import ConfigError
 
 from .. import options, progress
@@ -47,6 +47,11 @@ BODIES = "runs/bodies"
     "generator are to be told sentences by; default: ours.",
     options.FOLDER,
 )
+@options.option(
+    "--skeleton: Your SMPL-H or SMPL-X model, for the exact bones of recorded bodies; without it "
+    "those of a typical adult.",
+    options.FILE,
+)
 @options.option("--threads: CPU threads; default: chosen by torch.", options.COUNT)
 @options.device
 def train(
@@ -58,6 +63,7 @@ def train(
     start: Path | None,
     mano: Path | None,
     text_encoder: Path | None,
+    skeleton: Path | None,
     threads: int | None,
     device: str,
 ) -> None:
@@ -77,8 +83,9 @@ def train(
     are those of Text2HoiConfig.
 
     Body_hands, text_hands and blend are networks of the generator of hands for a body. They learn
-    from one folder of `geneoh synthesize --bodies`, the blend with the other two, which are in the
-    output folder, or the shipped ones; their settings are those of Both2HandsConfig.
+    from one folder of `geneoh synthesize --bodies`, or from recordings of both57m=, motionx= or
+    amass= (bodies alone), the blend with the other two, which are in the output folder, or the
+    shipped ones; their settings are those of Both2HandsConfig.
 
     Several processes share each batch, on one machine or on many, and take the same steps as one:
     torchrun --nproc-per-node 2 --no-python geneoh train --stage motion. With --device cuda each
@@ -97,14 +104,14 @@ def train(
         with team.first_alone(), progress.progress_bars(not team.rank) as on_progress:
             if stage in BODY_STAGES:
                 refuse_unused(stage, start=start, mano=mano)
-                asked = config, settings, sources, folder, text_encoder
-                task, notes, weights = body_task(stage, *asked), (), None
+                asked = config, settings, sources, folder, text_encoder, skeleton
+                (task, notes), weights = body_task(stage, *asked, on_progress), None
             elif stage in GENERATOR_STAGES:
-                refuse_unused(stage, start=start)
+                refuse_unused(stage, start=start, skeleton=skeleton)
                 asked = config, settings, sources, folder, text_encoder, mano
                 (task, notes), weights = generator_task(stage, *asked, on_progress), None
             else:
-                refuse_unused(stage, text_encoder=text_encoder)
+                refuse_unused(stage, text_encoder=text_encoder, skeleton=skeleton)
                 named = config or ("finetune" if start else stage)
                 asked = named, settings, sources or ("runs/data",), folder, start, mano
                 task, weights, notes = cleaner_task(stage, *asked, place, on_progress)
@@ -183,15 +190,22 @@ def body_task(
     sources: tuple[str, ...],
     folder: Path,
     text_encoder: Path | None,
+    skeleton: Path | None,
+    on_progress: Any,
 ) -> Any:
-    """A network of the generator of hands for a body to learn."""
+    """A network of the generator of hands for a body to learn, and words on its data."""
+    from geneoh.generators.both2hands.stages import LearnedBodies
     from geneoh.generators.both2hands.stages import body_task as task
+    from geneoh.training.data import parsed_source
 
     if stage == "body_hands":
         refuse_unused(stage, text_encoder=text_encoder)
-    data = Path(only_source(stage, sources, BODIES))
+    data = parsed_source(only_source(stage, sources, BODIES), BODY_SOURCES)
+    if not data.source:
+        refuse_unused(f"{stage} and made bodies", skeleton=skeleton)
+    learned = LearnedBodies(data, folder, text_encoder, skeleton)
     named = options.find_config(config or stage)
-    return task(stage, named, settings, data, folder, text_encoder)
+    return task(stage, named, settings, learned, on_progress)
 
 
 def only_source(stage: Any, sources: tuple[str, ...], default: str) -> str:

@@ -5,9 +5,12 @@ from dataclasses import dataclass
 from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.body.skeleton import PARENTS, Skeleton
+from geneoh.body.skeleton import PARENTS, REST_BODY, Skeleton
 from geneoh.bundle import Bundle
 from geneoh.geometry import kinematics
+
+FOOT_HEIGHT = REST_BODY["left_foot"][1]
+"""Of the lowest joint of a body that stands on the ground, metres."""
 
 
 @dataclass(frozen=True)
@@ -51,3 +54,14 @@ def turned(motion: BodyMotion, world: Float[Tensor, "3 3"]) -> BodyMotion:
     rotations = motion.rotations.clone()
     rotations[..., 0, :, :] = world @ motion.rotations[..., 0, :, :]
     return BodyMotion(motion.root @ world.T, rotations)
+
+
+def grounded(skeleton: Skeleton, motion: BodyMotion) -> BodyMotion:
+    """The same motion over a ground at y = 0, on which the lowest joint of all frames stands.
+
+    SMPL's translation lacks the height of the pelvis where the body model is not known, and BOTH57M
+    begins every clip at the origin.
+    """
+    lowest = pose(skeleton, motion).positions[..., 1].amin((-2, -1))[..., None, None]
+    up = motion.root.new_tensor((0.0, 1.0, 0.0))
+    return BodyMotion(motion.root + (FOOT_HEIGHT - lowest) * up, motion.rotations)

@@ -69,8 +69,12 @@ class Portion:
     weight: float
 
 
-def parsed_source(text: str) -> DataSource:
+def parsed_source(text: str, known: Sequence[str] = (SEQUENCES, *SOURCES)) -> DataSource:
     """A source as it is written on the command line: `[SOURCE=]PATH[:WEIGHT]`.
+
+    Args:
+        text: that a user wrote.
+        known: names that a source may have.
 
     Raises:
         ConfigError: the source is unknown, or the weight is not above zero.
@@ -81,9 +85,9 @@ def parsed_source(text: str) -> DataSource:
         number = float(weight) if path else 1.0
     except ValueError:  # the colon belongs to the path
         path, number = rest, 1.0
-    if source and source not in (SEQUENCES, *SOURCES):
-        known = ", ".join((SEQUENCES, *SOURCES))
-        raise ConfigError(f"--data {text}: expected one of {known} before '=', got {source}")
+    if source and source not in known:
+        names = ", ".join(known)
+        raise ConfigError(f"--data {text}: expected one of {names} before '=', got {source}")
     if not 0 < number < float("inf"):
         raise ConfigError(f"--data {text}: the weight must be above 0, got {number:g}; raise it")
     return DataSource(Path(path or rest), source, number)
@@ -179,20 +183,26 @@ def held_out(records: Sequence[ClipRecord]) -> tuple[Bool[Tensor, " B"], str]:
     Whole objects; of one object whole people; of one person with one object none.
     """
     for kind in ("object", "person"):
-        of_clip = [getattr(record, kind) for record in records]
-        counts = Counter(of_clip)
-        if len(counts) < 2:
+        held, chosen = held_groups([getattr(record, kind) for record in records])
+        if not chosen:
             continue
-        chosen: set[str] = set()
-        for name in sorted(counts, key=lambda name: seed_of("held out", name))[:-1]:
-            chosen.add(name)
-            if sum(counts[one] for one in chosen) >= HELD_OUT * len(records):
-                break
-        held = torch.tensor([name in chosen for name in of_clip])
-        words = {"object": "object" if len(chosen) == 1 else "objects", "person": "people"}
-        return held, f"{int(held.sum())} of {len(chosen)} {words[kind]} held out for validation"
+        words = {"object": "object" if chosen == 1 else "objects", "person": "people"}
+        return held, f"{int(held.sum())} of {chosen} {words[kind]} held out for validation"
     none = torch.zeros(len(records), dtype=torch.bool)
     return none, "validated on what is learned: there is no other object"
+
+
+def held_groups(of_clip: Sequence[str]) -> tuple[Bool[Tensor, " B"], int]:
+    """Which clips are of random whole groups that hold a tenth of all, and how many groups.
+
+    One group more stays to learn from; where there is only one, none is held out.
+    """
+    counts, chosen = Counter(of_clip), set[str]()
+    for name in sorted(counts, key=lambda name: seed_of("held out", name))[:-1]:
+        chosen.add(name)
+        if sum(counts[one] for one in chosen) >= HELD_OUT * len(of_clip):
+            break
+    return torch.tensor([name in chosen for name in of_clip]), len(chosen)
 
 
 def mixed(portions: Sequence[Portion]) -> Interactions:

@@ -1,6 +1,6 @@
 import torch
 
-from geneoh.body.motion import BodyMotion, local_rotations, pose
+from geneoh.body.motion import BodyMotion, grounded, local_rotations, pose
 from geneoh.body.skeleton import PARENTS, Skeleton, embedded_skeleton
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
@@ -49,3 +49,14 @@ def test_fingers_of_the_body_are_where_the_embedded_hand_has_them():
         hand = shaped.joints_from_rotations(turn, posed.positions[:, wrist])
         mano = hand[:, [5, 6, 7, 9, 10, 11, 17, 18, 19, 13, 14, 15, 1, 2, 3]]
         torch.testing.assert_close(posed.positions[:, joints], mano, atol=1e-5, rtol=0)
+
+
+def test_a_body_stands_on_the_ground_wherever_its_file_has_it():
+    motion = wild_motion(5)
+    moved = BodyMotion(motion.root - torch.tensor([1.0, 7.0, 2.0]), motion.rotations)
+    found = [grounded(embedded_skeleton(), each) for each in (motion, moved)]
+    for each in found:
+        lowest = pose(embedded_skeleton(), each).positions[..., 1].amin()
+        assert abs(float(lowest) - 0.02) < 1e-5
+    torch.testing.assert_close(found[1].root[:, 1], found[0].root[:, 1])
+    assert torch.equal(found[1].root[:, ::2], moved.root[:, ::2])

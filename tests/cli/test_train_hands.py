@@ -1,5 +1,6 @@
 """Training of the networks that make hands of a moving body and a sentence."""
 
+import bodies
 import torch
 from made_bodies import SKELETON, made_motion
 from made_gestures import made_gestures, write_gesture_shards
@@ -8,6 +9,7 @@ from geneoh.body.motion import BodyMotion
 from geneoh.choices import BODY_STAGES
 from geneoh.generators.both2hands.generate import generate_hands
 from geneoh.generators.both2hands.library import load_networks
+from geneoh.nn.checkpoint import load_checkpoint
 
 FEW = ("steps=1", "batch=3", "validation_batches=1", "text_hands.words.pieces=60")
 SMALL = tuple(
@@ -35,6 +37,40 @@ def test_the_networks_of_hands_are_trained_one_after_the_other_and_used(geneoh, 
         networks=networks,
     )
     assert made.rotations.shape == (5, 52, 3, 3)
+
+
+def test_networks_of_hands_learn_from_recordings_of_the_user(geneoh, tmp_path):
+    (tmp_path / "data").mkdir()
+    bodies.both57m(tmp_path / "data" / "a.p", bodies.swaying(40), bodies.swaying(35, seed=1))
+    settings = [word for setting in (*FEW, *SMALL) for word in ("--set", setting)]
+    run = ("--data", "both57m=data", "-o", "run", *settings)
+    for stage in BODY_STAGES:
+        trained = geneoh("train", "--stage", stage, *run)
+        assert trained.exit_code == 0, trained.output
+        assert "both57m: 2 clips, 1 of 1 recordings or people held out" in trained.output
+    record = load_checkpoint(tmp_path / "run" / "blend.safetensors").record
+    assert record["made"] == {"source": "both57m", "clips": 2, "skeleton": False}
+    networks = load_networks(tmp_path / "run")
+    assert networks.speech(["fingers spread"]).shape[0] == 1
+
+
+def test_data_sets_without_what_a_stage_learns_from_are_refused(geneoh, tmp_path):
+    bodies.amass(tmp_path / "walk_poses.npz", bodies.swaying(140))
+
+    def refused(stage, *words):
+        ended = geneoh("train", "--stage", stage, "-o", "run", *words)
+        assert ended.exit_code == 2
+        return ended.stderr
+
+    assert "got none (1 without sentences)" in refused("text_hands", "--data", "amass=.")
+    assert "expected one of both57m, motionx, amass before '='" in refused(
+        "blend", "--data", "grab=."
+    )
+    assert "--skeleton: expected none" in refused("blend", "--skeleton", "walk_poses.npz")
+    assert "v_template" in refused(
+        "body_hands", "--data", "amass=.", "--skeleton", "walk_poses.npz"
+    )
+    assert not (tmp_path / "run").exists()
 
 
 def test_networks_of_hands_need_one_folder_of_bodies_and_no_other_options(geneoh, tmp_path):

@@ -1,5 +1,6 @@
 """Bodies for tests: a motion that uses every joint, and files of each layout that hold it."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -92,6 +93,24 @@ def motion_x(path: Path, motion: BodyMotion) -> Path:
     flat, rest = turns.reshape(len(turns), -1), np.zeros((len(turns), 153))
     np.save(path, np.concatenate([flat, rest, root, np.zeros((len(turns), 10))], axis=1))
     return path
+
+
+def motion_x_tree(root: Path, **motions: BodyMotion) -> Path:
+    """Motion-X's folders, by names such as "idea400__wave_clip_1": bodies, faces and texts."""
+    for key, motion in motions.items():
+        name = key.replace("__", "/")
+        for folder in ("motion_data", "face_motion_data"):
+            path = root / folder / "smplx_322" / f"{name}.npy"
+            path.parent.mkdir(parents=True, exist_ok=True)
+            motion_x(path, motion)
+        labels = root / "texts" / "semantic_labels" / f"{name}.txt"
+        labels.parent.mkdir(parents=True, exist_ok=True)
+        labels.write_text(f"A person does {name}.#a/DET person/NOUN#0.0#0.0\n\n")
+        hands = root / "texts" / "hand_texts" / f"{name}.json"
+        hands.parent.mkdir(parents=True, exist_ok=True)
+        frames = {str(n): f"the fingers are bent {n} times" for n in range(len(motion.root))}
+        hands.write_text(json.dumps(frames))
+    return root
 
 
 def recording(frames: int = 6, up: str = "y") -> BodyRecording:

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 import torch
 
-from geneoh.body.motion import BodyMotion, pose, turned
+from geneoh.body.motion import BodyMotion, grounded, pose, turned
 from geneoh.body.skeleton import BODY_JOINTS, FINGER_JOINTS, PARENTS, WRISTS
 from geneoh.generators.both2hands.generate import check_sentence, generate_hands
 from geneoh.generators.both2hands.library import load_networks
@@ -87,7 +87,7 @@ def generate_on_body(
     body = body if isinstance(body, BodyRecording) else read_body(body)
     paced = at_rate(body, NETWORK_FPS)
     made = generate_hands(
-        paced.motion,
+        grounded(paced.skeleton, paced.motion),
         paced.skeleton,
         sentence,
         steps=options.steps,

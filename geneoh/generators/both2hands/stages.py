@@ -1,36 +1,65 @@
 """The networks of BOTH2Hands by the names of their stages, as `geneoh train` learns them."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import cast
 
 import torch
 from tokenizers import Tokenizer
 
-from geneoh.choices import BodyStage
+from geneoh.choices import BodySource, BodyStage
 from geneoh.config import as_dict, configured
 from geneoh.generators.both2hands.config import Both2HandsConfig
 from geneoh.generators.both2hands.library import Speech, load_branches, reader_of, refuse_strangers
+from geneoh.generators.both2hands.recorded import SplitGestures, recorded_gestures
 from geneoh.generators.both2hands.training import HandsTask
 from geneoh.generators.pieces import learned_pieces
 from geneoh.generators.text import foreign_encoder
+from geneoh.progress import OnProgress
 from geneoh.synthesis.gestures.clips import Gestures
 from geneoh.synthesis.gestures.shards import DEFAULTS, read_gestures
 from geneoh.synthesis.shards import find_shards, shard_record
+from geneoh.training.data import DataSource
+
+
+@dataclass(frozen=True)
+class LearnedBodies:
+    """What networks of the generator learn from, and where they lie."""
+
+    data: DataSource  # a folder of made bodies, or recordings
+    folder: Path  # of the networks before
+    text_encoder: Path | None = None  # of the network of text, instead of words that it learns
+    skeleton: Path | None = None  # SMPL-H or SMPL-X model of recorded bodies
+
+    def gestures(self, stage: BodyStage, on_progress: OnProgress | None) -> SplitGestures:
+        """The clips; those of recordings have sentences where the stage learns from them."""
+        source, path = self.data.source, self.data.path
+        if source:
+            return recorded_gestures(
+                cast(BodySource, source),
+                path,
+                model=self.skeleton,
+                told=stage != "body_hands",
+                on_step=on_progress and partial(on_progress, source),
+            )
+        training, validation = (read_gestures(path, split) for split in ("train", "val"))
+        made = as_dict(shard_record(find_shards(path, "train", DEFAULTS)[0], DEFAULTS))
+        return SplitGestures(training, validation, made)
 
 
 def body_task(
     stage: BodyStage,
     config: Path | None,
     settings: Sequence[str],
-    data: Path,
-    folder: Path,
-    text_encoder: Path | None = None,
-) -> HandsTask:
+    learned: LearnedBodies,
+    on_progress: OnProgress | None = None,
+) -> tuple[HandsTask, tuple[str, ...]]:
     """What `geneoh train --stage` learns, with the settings of a file and then of `a.b=c` texts.
 
-    The blend learns with the two networks in `folder`, or the shipped ones.
+    The blend learns with the two networks in the folder, or the shipped ones. Returns notes on the
+    data as well.
 
     Raises:
         InputError: there are no clips.
@@ -38,8 +67,8 @@ def body_task(
         ConfigError: the file cannot be read, or a setting is unknown or of the wrong type.
     """
     chosen = configured(Both2HandsConfig(), config, settings)
-    training, validation = (read_gestures(data, split) for split in ("train", "val"))
-    made = as_dict(shard_record(find_shards(data, "train", DEFAULTS)[0], DEFAULTS))
+    data = learned.gestures(stage, on_progress)
+    folder, text_encoder = learned.folder, learned.text_encoder
     tokenizer, branches = None, None
     if stage == "body_hands":
         speech = _silence
@@ -53,9 +82,10 @@ def body_task(
         speech = cast(Speech, encoder.encode)
         chosen = replace(chosen, text_hands=replace(chosen.text_hands, text=encoder.width))
     else:
-        tokenizer = vocabulary(training, chosen.text_hands.words.pieces)
+        tokenizer = vocabulary(data.training, chosen.text_hands.words.pieces)
         speech = reader_of(tokenizer, chosen.text_hands)
-    return HandsTask(stage, chosen, training, validation, speech, tokenizer, branches, made)
+    clips = data.training, data.validation
+    return HandsTask(stage, chosen, *clips, speech, tokenizer, branches, data.made), data.notes
 
 
 def vocabulary(clips: Gestures, pieces: int) -> Tokenizer:

@@ -60,6 +60,16 @@ def test_networks_see_thirty_frames_and_y_up_and_files_their_own(asked, tmp_path
     assert made.refined is None
 
 
+def test_networks_see_a_body_on_the_ground_and_the_file_keeps_its_own_height(asked):
+    body = bodies.recording()
+    low = replace(body, motion=BodyMotion(body.motion.root - 0.95, body.motion.rotations))
+    made = generate_on_body("the right hand waves", low)
+    ((seen, *_),) = asked
+    lowest = pose(body.skeleton, seen).positions[..., 1].amin()
+    assert float(lowest) == pytest.approx(0.02, abs=1e-4)
+    assert torch.equal(made.body.motion.root, low.motion.root)
+
+
 def test_a_file_holds_hands_and_body_and_can_be_given_again(asked, tmp_path):
     body = bodies.recording(up="z")
     made = generate_on_body("both hands close", body)

@@ -1,0 +1,168 @@
+"""Clips to learn from out of the user's recordings of bodies: windows with the sentences on them.
+
+Source: BOTH2Hands, section 5: 30 frames a second, windows of 150. Ours: every window of a recording
+and not the first alone, shorter recordings too, and whole recordings held out.
+"""
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.body.motion import BodyMotion, grounded
+from geneoh.body.skeleton import BODY_JOINTS
+from geneoh.bundle import concatenated
+from geneoh.choices import BodySource
+from geneoh.errors import GeneOHError, InputError
+from geneoh.generators.both2hands.features import placed
+from geneoh.generators.both2hands.windows import FRAMES, Windows
+from geneoh.generators.pieces import words_of
+from geneoh.geometry.rotations import matrix_to_axis_angle
+from geneoh.progress import OnStep, steps
+from geneoh.readers.bodies.base import BodyRecording, at_rate
+from geneoh.readers.bodies.data_sets import SourceBody, body_files, read_source_bodies
+from geneoh.synthesis.gestures.clips import Gestures
+from geneoh.synthesis.gestures.hands import FPS
+from geneoh.training.data import held_groups
+
+SHORTEST = 30
+"""Frames of the shortest recording that is learned from."""
+STILL = 1e-3
+"""Change of a rotation's entries up to which fingers were not recorded, but left in one pose."""
+
+
+@dataclass(frozen=True)
+class SplitGestures:
+    """What a run learns from and is validated on."""
+
+    training: Gestures
+    validation: Gestures
+    made: dict[str, Any]  # how the data was made, for the record of the weights
+    notes: tuple[str, ...] = ()  # what was found and what was left out, for people
+
+
+@dataclass(frozen=True)
+class Window:
+    """One clip, with what is said of it."""
+
+    clip: Gestures  # of one, whose sentences are not told yet
+    sentences: tuple[str, ...]
+    group: str
+
+
+def recorded_gestures(
+    source: BodySource,
+    path: Path,
+    *,
+    model: Path | None = None,
+    told: bool = True,
+    on_step: OnStep | None = None,
+) -> SplitGestures:
+    """The clips of a data set of bodies below a path.
+
+    Args:
+        source: the data set.
+        path: its folder, one in it, or a file.
+        model: the user's SMPL-H or SMPL-X model, for the bones; else those of a typical adult.
+        told: leave out clips without sentences.
+        on_step: told of the files.
+
+    Raises:
+        InputError: no file can be read, or none holds a clip to learn from.
+    """
+    left_out: Counter[str] = Counter()
+    windows: list[Window] = []
+    problems: list[str] = []
+    for file in steps(body_files(source, path), on_step):
+        try:
+            for each in read_source_bodies(source, file, model):
+                windows += windows_of(each, told, left_out)
+        except GeneOHError as error:
+            problems.append(f"not read, {error}")
+    reasons = ", ".join(f"{count} {reason}" for reason, count in left_out.items())
+    if not windows:
+        if problems and not left_out:
+            raise InputError(problems[0].removeprefix("not read, "))
+        wanted = "fingers and sentences on them" if told else "fingers"
+        raise InputError(
+            f"{path}: expected recordings of {source} with {wanted}, got none ({reasons}); check "
+            "that the data set is whole"
+        )
+    held, groups = held_groups([window.group for window in windows])
+    clips = joined(windows)
+    parts = [clips.take(kept, "B") for kept in ((~held, held) if groups else (~held, ~held))]
+    split = (
+        f"{int(held.sum())} of {groups} recordings or people held out for validation"
+        if groups
+        else "validated on what is learned: there is no other recording"
+    )
+    about = f"{source}: {len(windows)} clips, {split}; recordings left out: {reasons or 'none'}"
+    made = {"source": source, "clips": len(windows), "skeleton": model is not None}
+    return SplitGestures(parts[0], parts[1], made, (about, *problems))
+
+
+def windows_of(each: SourceBody, told: bool, left_out: Counter[str]) -> list[Window]:
+    """The windows of a recording, which is counted by the reason where it has none."""
+    paced = at_rate(each.body, FPS)
+    reason = reason_against(paced)
+    found = [] if reason else list(cut(each, paced, told))
+    if not found:
+        left_out[reason or "without sentences"] += 1
+    return found
+
+
+def reason_against(body: BodyRecording) -> str:
+    """Why nothing can be learned from a recording, in words; empty where something can."""
+    fingers = body.motion.rotations[:, BODY_JOINTS:]
+    if not body.has_fingers:
+        return "without fingers"
+    if bool((fingers - fingers[:1]).abs().max() < STILL):
+        return "whose fingers never move"
+    return "" if body.frames >= SHORTEST else f"of fewer than {SHORTEST} frames"
+
+
+def cut(each: SourceBody, paced: BodyRecording, told: bool) -> Iterator[Window]:
+    """The windows of a recording at 30 frames a second, each with what is said of all of it and of
+    its first, middle and last frame."""
+    motion, count = grounded(paced.skeleton, paced.motion), min(paced.frames, FRAMES)
+    for start in Windows.of(max(paced.frames, FRAMES)).starts:
+        at = [round((start + share * (count - 1)) * each.body.fps / FPS) for share in (0, 0.5, 1)]
+        shown = (each.by_frame.get(frame, "") for frame in at)
+        said = dict.fromkeys((*each.body.sentences, *shown))
+        sentences = tuple(sentence for sentence in said if words_of(sentence))
+        if sentences or not told:
+            clip = clip_of(paced.skeleton.offsets, motion[start : start + count])
+            yield Window(clip, sentences, each.group)
+
+
+def clip_of(offsets: Float[Tensor, "52 3"], motion: BodyMotion) -> Gestures:
+    """A stretch of up to `FRAMES` frames as one clip, of which no gesture is known."""
+    motion, frames = placed(motion, "world"), torch.arange(FRAMES).clamp(max=len(motion.root) - 1)
+    unknown = torch.full((1, 2), -1)
+    return Gestures(
+        gesture=unknown,
+        variant=unknown,
+        body=unknown[:, 0],
+        length=torch.tensor([len(motion.root)]),
+        root=motion.root[None, frames],
+        pose=matrix_to_axis_angle(motion.rotations)[None, frames],
+        offsets=offsets[None],
+        left=np.array([""]),
+        right=np.array([""]),
+        joined=np.array([[""]]),
+    )
+
+
+def joined(windows: Sequence[Window]) -> Gestures:
+    """All clips in one, each with as many sentences as the one of which most is said."""
+    most = max(1, *(len(window.sentences) for window in windows))
+    said = [window.sentences or ("",) for window in windows]
+    rows = [[each[n % len(each)] for n in range(most)] for each in said]
+    clips = concatenated((window.clip for window in windows), "B")
+    return Gestures(**{**vars(clips), "joined": np.array(rows)})

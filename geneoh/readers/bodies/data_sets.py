@@ -1,0 +1,111 @@
+"""Data sets of bodies with fingers: where their recordings are, and what is said of the hands.
+
+BOTH57M: files of clips, each with sentences on its hands. Motion-X: `motion_data/smplx_322` with
+`texts/semantic_labels` (of a recording) and `texts/hand_texts` (of each frame). AMASS: no
+sentences.
+"""
+
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from itertools import chain
+from pathlib import Path
+
+from geneoh.choices import BodySource
+from geneoh.errors import InputError
+from geneoh.readers.base import paths_matching
+from geneoh.readers.bodies.base import BodyRecording
+from geneoh.readers.bodies.read import read_bodies, read_body
+from geneoh.readers.foreign_files import read_json, read_text
+from geneoh.readers.records import as_record
+
+FILES: dict[BodySource, tuple[str, ...]] = {
+    "both57m": ("*.p", "*.pkl"),
+    "motionx": ("*.npy",),
+    "amass": ("*_poses.npz", "*_stageii.npz"),
+}
+"""Names of the files that hold bodies."""
+MOTION_DATA = ("motion_data", "smplx_322")
+"""Folders of Motion-X's bodies; the arrays in `face_motion_data` are none."""
+SAME_RECORDING = (r"subset_\d+/", r"(?i:_clip_?\d+)+$", r"(?<=/)M(?=\d{6}$)")
+"""Parts of Motion-X's names in which clips of one recording, or one and its mirror, differ."""
+
+
+@dataclass(frozen=True)
+class SourceBody:
+    """One clip of a data set."""
+
+    body: BodyRecording
+    """Its `sentences` hold for all frames."""
+    group: str
+    """The recording or the person; clips of one group are much alike."""
+    by_frame: Mapping[int, str] = field(default_factory=dict)
+    """What is said of the hands in a single frame."""
+
+
+def body_files(source: BodySource, path: Path) -> list[Path]:
+    """The files of bodies at or below a path.
+
+    Raises:
+        InputError: the path does not exist, or holds none.
+    """
+    found = sorted(chain.from_iterable(paths_matching(path, name) for name in FILES[source]))
+    expected = " or ".join(FILES[source])
+    if source == "motionx":
+        found = [file for file in found if MOTION_DATA in parents_of(file)]
+        expected += f" below {'/'.join(MOTION_DATA)}"
+    if not found:
+        raise InputError(
+            f"{path}: expected {expected}, as in the data set {source}, got none; check the path"
+        )
+    return found
+
+
+def read_source_bodies(
+    source: BodySource, file: Path, model: Path | None = None
+) -> Iterator[SourceBody]:
+    """The clips in one of the files; `model` is the user's SMPL-H or SMPL-X.
+
+    Raises:
+        InputError: the file holds no body that can be read; the message says why.
+    """
+    read: dict[BodySource, Callable[[Path, Path | None], Iterator[SourceBody]]] = {
+        "both57m": both57m,
+        "motionx": motion_x,
+        "amass": amass,
+    }
+    return read[source](file, model)
+
+
+def both57m(file: Path, model: Path | None) -> Iterator[SourceBody]:
+    """The clips of a list; the files do not say which of them are of one person."""
+    for number, body in enumerate(read_bodies(file, model=model)):
+        yield SourceBody(body, f"{file} {number}")
+
+
+def motion_x(file: Path, model: Path | None) -> Iterator[SourceBody]:
+    """One recording, with its texts where they are downloaded."""
+    root = next(p for p in file.resolve().parents if (p.parent.name, p.name) == MOTION_DATA)
+    name = file.resolve().relative_to(root).with_suffix("").as_posix()
+    texts, group = root.parents[1] / "texts", f"/{name}"
+    for part in SAME_RECORDING:
+        group = re.sub(part, "", group)
+    body = read_body(file, model=model)
+    labels, by_frame = texts / "semantic_labels" / f"{name}.txt", {}
+    if labels.exists():  # HumanML3D's lines have the words' kinds after a #
+        said = (line.partition("#")[0].strip() for line in read_text(labels).splitlines())
+        body = replace(body, sentences=tuple(line for line in said if line))
+    if (hands := texts / "hand_texts" / f"{name}.json").exists():
+        record = as_record(read_json(hands), str(hands))
+        by_frame = {int(frame): record.text(frame) for frame in record.values if frame.isdecimal()}
+    yield SourceBody(body, group, by_frame)
+
+
+def amass(file: Path, model: Path | None) -> Iterator[SourceBody]:
+    """One recording; those of a person are in one folder."""
+    yield SourceBody(read_body(file, model=model), str(file.resolve().parent))
+
+
+def parents_of(file: Path) -> set[tuple[str, str]]:
+    """Each two folders, one in the other, that a file is in."""
+    return {(folder.parent.name, folder.name) for folder in file.resolve().parents}
