@@ -84,8 +84,10 @@ def clean_frames(
 
     def write(frames: dict[Side, CleanFrame]) -> None:
         fields = fields_of(frames, poses.popleft())
-        line = json.dumps(fields, separators=(",", ":")).encode() + b"\n"
-        sink.write(msgpack.packb(fields) if packed else line)
+        if packed:
+            msgpack.pack(fields, sink)
+        else:
+            sink.write(json.dumps(fields, separators=(",", ":")).encode() + b"\n")
         sink.flush()
 
     for where, fields in frames:
@@ -181,9 +183,9 @@ def line_frames(first: bytes, source: BinaryIO) -> Iterator[tuple[str, Fields]]:
 
 def sides_in(fields: Fields, asked: Side | None, where: str) -> list[Side]:
     """The hands that the first line names, those that are null there included, or the asked one."""
-    found = [side for side in SIDES if any(n in fields for n in own_names(side).values())]
     if asked is not None:
         return [asked]
+    found: list[Side] = [s for s in SIDES if any(n in fields for n in own_names(s).values())]
     if not found:
         raise InputError(
             f"{where}: the first frame must name its hands by fields such as 'right_joints', null "

@@ -25,7 +25,8 @@ else:
     import tomli as tomllib  # pyright: ignore[reportMissingImports]  # of Python 3.10 alone
 
 Config = TypeVar("Config")
-Parameters, Result = ParamSpec("Parameters"), TypeVar("Result")
+Parameters = ParamSpec("Parameters")
+Result = TypeVar("Result")
 
 NONE_WORDS = ("none", "null")
 """Words for None in `a.b=c`; TOML has none."""

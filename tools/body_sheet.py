@@ -72,8 +72,9 @@ def row_of(canvas: Canvas, top: int, scene: Scene, made: BodyWithHands, seconds:
         (picture,) = draw(scene, frame, seen[frame], CELL, "plain")
         canvas.paste(picture, column * CELL, top + WORDS)
         for place, side in enumerate(("right", "left")):  # as seen from the front
-            centre = made.sequence.hand(side).joints[frame].mean(0).numpy()
-            near = Camera(seen[frame].axes, centre, CLOSE_RADIUS)
+            joints = made.sequence.hand(side).joints
+            assert joints is not None, "generated hands have keypoints"
+            near = Camera(seen[frame].axes, joints[frame].mean(0).numpy(), CLOSE_RADIUS)
             (picture,) = draw(scene, frame, near, CLOSE, "plain")
             canvas.paste(picture, column * CELL + place * CLOSE, top + WORDS + CELL)
 

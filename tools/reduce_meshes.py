@@ -33,7 +33,7 @@ def reduced(mesh: Mesh) -> Mesh:
     whole = tidied(welded(mesh))
     if len(whole.faces) <= FACES:
         return whole
-    verts, faces, *_ = igl.qslim(*as_arrays(whole), FACES)
+    verts, faces = map(np.asarray, igl.qslim(*as_arrays(whole), FACES)[:2])
     if not len(faces):
         return whole
     return Mesh(torch.from_numpy(verts).float(), torch.from_numpy(faces.astype(np.int64)))

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 import geneoh
-from geneoh.baselines.filters import TUNED, filtered
+from geneoh.baselines.filters import TUNED, Domain, FilterKind, filtered
 from geneoh.bundle import concatenated
 from geneoh.evaluation.protocols.synthetic import draw_clip
 from geneoh.metrics.accuracy import RADIUS_90
@@ -25,7 +25,11 @@ from geneoh.sequence.sequence import HandTrack, Sequence
 from geneoh.synthesis.shards import SynthesisConfig
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
-FILTERS = (("savgol", "keypoints"), ("savgol", "parameters"), ("one-euro", "keypoints"))
+FILTERS: tuple[tuple[FilterKind, Domain], ...] = (
+    ("savgol", "keypoints"),
+    ("savgol", "parameters"),
+    ("one-euro", "keypoints"),
+)
 SEEN = 60
 """Frames that a filter sees, as many as the stream."""
 Row = dict[str, float]
@@ -33,7 +37,7 @@ Row = dict[str, float]
 
 def main() -> None:
     """Print one table for the recording and one for made clips, a line for each lag."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--lags", type=float, nargs="+", default=[0.1, 0.2, 0.3, 0.5, 1.0])
     parser.add_argument("--noises", nargs="+", default=["gauss", "drop", "camera"])
     parser.add_argument("--seeds", type=int, default=2)
@@ -95,7 +99,7 @@ def streamed(truth: HandTrack, noisy: Sequence, lag: float, seed: int) -> Row:
     spent = time.process_time() - began
     clean = concatenated(frames)
     assert clean.joint_spread is not None, "a stream draws two samples"
-    apart = (clean.joints - truth.joints[-len(frames) :]).norm(dim=-1)
+    apart = distances(clean.joints, truth[-len(frames) :])
     return {
         "stream": 1000 * float(apart.mean()),
         "inside": float((apart <= RADIUS_90 * clean.joint_spread).float().mean()),
@@ -105,7 +109,7 @@ def streamed(truth: HandTrack, noisy: Sequence, lag: float, seed: int) -> Row:
 
 
 def lagged_filter(
-    hand: HandTrack, lag: int, fps: float, kind: str, domain: str
+    hand: HandTrack, lag: int, fps: float, kind: FilterKind, domain: Domain
 ) -> Float[Tensor, "T 21 3"]:
     """Keypoints of a filter that gives a frame when it has seen `lag` more."""
     hand, found = fill_gaps(hand), []
@@ -117,9 +121,16 @@ def lagged_filter(
     return torch.stack(found)
 
 
-def error(joints: Float[Tensor, "T 21 3"], truth: HandTrack) -> float:
+def error(joints: Float[Tensor, "T 21 3"] | None, truth: HandTrack) -> float:
     """Mean distance to the truth, millimetres."""
-    return 1000 * float((joints - truth.joints).norm(dim=-1).mean())
+    return 1000 * float(distances(joints, truth).mean())
+
+
+def distances(joints: Float[Tensor, "T 21 3"] | None, truth: HandTrack) -> Float[Tensor, "T 21"]:
+    """Distance of each keypoint to the truth, metres."""
+    assert joints is not None, "clean hands have keypoints"
+    assert truth.joints is not None, "so has the truth"
+    return (joints - truth.joints).norm(dim=-1)
 
 
 def report(title: str, rows: dict[float, list[Row]]) -> None:

@@ -82,7 +82,7 @@ def refined(mesh: Any, triangles: int) -> Any:
     if len(faces) + 2 > triangles:
         return mesh
     while 4 * len(faces) <= triangles:
-        verts, faces = trimesh.remesh.subdivide(verts, faces)
+        verts, faces = trimesh.remesh.subdivide(verts, faces)[:2]
     while (splits := (triangles - len(faces)) // 2) > 0:
         a, b, c = np.moveaxis(verts[faces], 1, 0)
         largest = np.argsort(-np.linalg.norm(np.cross(b - a, c - a), axis=-1), kind="stable")

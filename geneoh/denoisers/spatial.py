@@ -166,8 +166,7 @@ class SpatialDenoiser(nn.Module):
         zeroed(self.judge[-1])
         self.width = mlp(TRACK_CUES + 1, 64, 2)
         zeroed(self.width[-1])
-        with torch.no_grad():
-            self.width[-1].bias.fill_(math.log(0.015))
+        nn.init.constant_(self.width[-1].get_parameter("bias"), math.log(0.015))
 
     def prior(self, evidence: SpatialEvidence) -> Float[Tensor, "B 2"]:
         """Deviations of the shift along the ray, where it is known, and across it, metres."""

@@ -10,7 +10,7 @@ import math
 import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
@@ -82,7 +82,9 @@ def as_float64(archive: zipfile.ZipFile, info: zipfile.ZipInfo, file: str) -> in
     return 8 * count if held and dtype.kind in "biuf" else 0
 
 
-def read_header(stream: io.BufferedIOBase, what: str) -> tuple[tuple[int, ...], bool, np.dtype]:
+def read_header(
+    stream: io.BufferedIOBase | IO[bytes], what: str
+) -> tuple[tuple[int, ...], bool, np.dtype]:
     """Shape, order (True: Fortran's) and dtype that a .npy declares; `InputError` without them."""
     try:
         form = np.lib.format

@@ -147,7 +147,9 @@ def usual_grip(
     turns: Rotation, places: Track, noise: tuple[float, float], known: Bool[np.ndarray, " T"]
 ) -> tuple[Float64[np.ndarray, "3 3"], Float64[np.ndarray, " 3"], Float64[np.ndarray, "2 T"]]:
     """The pose in the hand that most frames agree on, and the weights of turns and places by it."""
-    turn, place = turns[known].mean(), np.median(places[known], axis=0)
+    sound = turns[known]  # pyright: ignore[reportArgumentType]  # arrays lack in scipy's stubs
+    turn, place = sound.mean(), np.median(places[known], axis=0)
+    usual, apart = np.square(noise), np.zeros(len(places))
     for _ in range(ROUNDS):
         off = np.stack([(turns * turn.inv()).as_rotvec(), places - place])
         squares = np.square(off).mean(2)

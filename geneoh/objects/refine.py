@@ -189,7 +189,7 @@ def solve(
         bend: second differences that x should have, with their weights `stiff`.
     """
     count = len(seen)
-    one = sparse.identity(count, format="csr")
+    one = sparse.csr_matrix(sparse.identity(count))
     ahead, behind = one[1:], one[:-1]
     observed = each(weight) / noise**2
     drift = ahead - stay * behind
@@ -199,7 +199,7 @@ def solve(
     rows = [(each(stiff), triple(one[2:] - 2 * one[1:-1] + one[:-2]), bend)]
     rows += [(each(worth), triple(one), goal) for goal, worth in held]
     for turn, shift, worth in moves:
-        back = sparse.block_diag(list(turn), format="csr") @ triple(behind)
+        back = sparse.csr_matrix(sparse.block_diag(list(turn))) @ triple(behind)
         rows.append((each(worth), triple(ahead) - back, shift))
     for worth, row, goal in rows:
         matrix = matrix + row.T @ worth @ row
@@ -208,17 +208,18 @@ def solve(
         [[matrix + observed, observed], [observed, drift / noise**2 + observed]], format="csc"
     )
     given = observed @ seen.ravel()
-    return spsolve(both, np.concatenate([right + given, given]))[: 3 * count].reshape(count, 3)
+    found = np.asarray(spsolve(both, np.concatenate([right + given, given])))
+    return found[: 3 * count].reshape(count, 3)
 
 
-def each(values: np.ndarray) -> sparse.spmatrix:
+def each(values: np.ndarray) -> sparse.csr_matrix:
     """Weights of frames as those of their three coordinates, on a diagonal."""
-    return sparse.diags(np.repeat(values, 3))
+    return sparse.csr_matrix(sparse.diags(np.repeat(values, 3)))
 
 
-def triple(matrix: sparse.spmatrix) -> sparse.spmatrix:
+def triple(matrix: sparse.csr_matrix) -> sparse.csr_matrix:
     """A matrix over frames as one over their coordinates."""
-    return sparse.kron(matrix, sparse.identity(3), format="csr")
+    return sparse.csr_matrix(sparse.kron(matrix, sparse.identity(3)))
 
 
 def path(turns: Rotation) -> Track:

@@ -104,7 +104,8 @@ def smooth_rotations(
     """
     index = np.flatnonzero(trusted)
     times = np.arange(len(trusted)).clip(index[0], index[-1])
-    track = Slerp(index, observed[index])(times)
+    seen = observed[index]  # pyright: ignore[reportArgumentType]  # arrays lack in scipy's stubs
+    track = Slerp(index, seen)(times)
     weight = trusted.astype(float)
     for _ in range(ROTATION_ROUNDS):
         path = np.concatenate([np.zeros((1, 3)), np.cumsum(increments(track), axis=0)])

@@ -82,7 +82,8 @@ class Options:
                 )
         if self.steps is not None:
             chosen = chosen.with_steps(self.steps)
-        for part in (*self.without, *(("object",) if self.trust_object else ())):
+        trusted: tuple[Ablation, ...] = ("object",) if self.trust_object else ()
+        for part in (*self.without, *trusted):
             chosen = chosen.without(part)
         return replace(
             chosen,

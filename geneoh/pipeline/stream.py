@@ -114,7 +114,8 @@ class Stream:
                 f"a stream has fps from {SMALLEST_FPS:g} to {LARGEST_FPS:g} and a lag from 0 to "
                 f"{LONGEST_LAG:g} seconds, got fps {fps:g} and lag {lag:g}; correct them"
             )
-        self._source, self._side, self._rate = source, side, NETWORK_FPS / fps
+        self._source, self._rate = source, NETWORK_FPS / fps
+        self._side: Side = side
         self._shape = {} if betas is None else {f"{side}_betas": framed(betas)}
         self._shape |= {} if hand_model is None else {"hand_model": np.array(hand_model)}
         self._meshes = meshes_of(meshes)

@@ -105,8 +105,8 @@ def hand_by_frame(
     turns = field_by_frame(records, pose, frames, *((16, 4) if quaternions else (48,)))
     places = field_by_frame(records, translation, frames, 3)
     shapes = [record.array(betas, (10,)) for record in records.values()] if betas else []
-    pose = axis_angles_of_wxyz(turns) if quaternions else turns
-    return ManoParameters(side, pose, places, np.mean(shapes, axis=0) if shapes else None)
+    angles = axis_angles_of_wxyz(turns) if quaternions else turns
+    return ManoParameters(side, angles, places, np.mean(shapes, axis=0) if shapes else None)
 
 
 def joints_if_complete(joints: Array, pose: Array) -> Array | None:

@@ -106,8 +106,11 @@ def doubts(sequence: Sequence, name: str) -> Iterator[str]:
 
 def shorter_order(joints: Float[Tensor, "T 21 3"]) -> JointOrder | None:
     """The order in which the keypoints have much shorter bones than in OpenPose's, if any."""
-    whole = [name for name, order in ORDERS.items() if sorted(order.entries) == list(range(21))]
-    totals = {name: bones_length(joints[:, list(ORDERS[name].entries)]) for name in whole}
+    totals: dict[JointOrder, float] = {
+        name: bones_length(joints[:, list(order.entries)])
+        for name, order in ORDERS.items()
+        if sorted(order.entries) == list(range(21))
+    }
     best = min(totals, key=totals.__getitem__)
     return best if totals[best] < SHORTER_BONES * totals["openpose"] else None
 

@@ -188,7 +188,9 @@ def cells_of(
         named = next((row[name] for name in POINT_COLUMNS if name in row), None) or ""
         long = next(iter(columns.values()))[0] is None
         frame = float(line) if told is None and not long else number_in(told or "")
-        label = next((label_of(row[name])[0] for name in SIDE_COLUMNS if name in row), None)
+        told_side: Side | None = next(
+            (label_of(row[name])[0] for name in SIDE_COLUMNS if name in row), None
+        )
         for name, (fixed, axis) in columns.items():
             point = point_number(named) if fixed is None else fixed
             if point is None or not abs(frame) < 1e9:
@@ -196,7 +198,7 @@ def cells_of(
                     f"{path}: line {line + 2} must have the number of its frame and a landmark "
                     f"from 0 to 20 or by name, got {told!r:.40} and {named!r:.40}; correct it"
                 )
-            yield label or side, int(frame), point, axis, number_in(row[name] or "")
+            yield told_side or side, int(frame), point, axis, number_in(row[name] or "")
 
 
 def refuse_image_landmarks(points: Array, where: str) -> None:

@@ -87,7 +87,9 @@ def read_own(record: Record, given: Side | None) -> tuple[tuple[HandTrack, ...],
         )
     model = record.optional_text("hand_model")
     found = []
-    for side in [given] if given else sides:
+    if given:
+        sides = [given]
+    for side in sides:
         own = name_of(side, model) if model in (MENDED, AS_SHIPPED) else model
         found.append(read_track(record, side, names[side], hand_model=own))
     return tuple(hand for hand, _ in found), tuple(note for _, notes in found for note in notes)

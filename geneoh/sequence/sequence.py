@@ -147,7 +147,7 @@ class Sequence(Bundle):
         source = self.source if len(self.source) <= 60 else f"{self.source[:60]}..."
         return f"Sequence({hands} hand, {self.frames} frames, {self.fps:g} fps, source={source!r})"
 
-    def __eq__(self, other: object) -> bool:
+    def __eq__(self, other: Any) -> bool:
         """Whether all fields are equal, and all tensors bit by bit; NaN equals nothing."""
         if not isinstance(other, Sequence):
             return NotImplemented

@@ -18,6 +18,7 @@ from geneoh.hand.skeleton import forward_kinematics
 from geneoh.synthesis.motion import Interactions
 from geneoh.synthesis.shards import (
     Attempts,
+    SynthesisConfig,
     draw_attempts,
     read_shard,
     scans_of,
@@ -99,6 +100,7 @@ def replay_shard(path: Path, hand: HandModel) -> Replay:
     """
     record, scans = shard_record(path), scans_of(path)
     config = record.config
+    assert isinstance(config, SynthesisConfig), "the settings of a shard of interactions"
     index = int(path.stem.rpartition("_")[2])
     names, generator = config.families_of(index, scans), shard_generator(record.seed, index)
     tried = draw_attempts(config, names, hand, config.shard, generator=generator, scans=scans)

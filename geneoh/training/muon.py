@@ -5,6 +5,7 @@ machine, which takes longer than the rest of a step on processors without units 
 """
 
 from collections.abc import Iterable
+from typing import Any
 
 import torch
 from jaxtyping import Float
@@ -28,7 +29,7 @@ class Muon(torch.optim.Optimizer):
         self.precision = precision
 
     @torch.no_grad()
-    def step(self, closure: None = None) -> None:
+    def step(self, closure: Any = None) -> Any:
         """Update every matrix that has a gradient."""
         assert closure is None, "the loss is not evaluated again"
         for group in self.param_groups:

@@ -96,7 +96,8 @@ def _body_cameras(scene: Scene, body: BodyRecording, up: Float[np.ndarray, " 3"]
     axes = axes_towards(back, up)
     middle = (seen.max(1) + seen.min(1)) / 2
     targets = gaussian_filter1d(middle, BODY_SMOOTHING * scene.fps, 0, mode="nearest")
-    return [Camera(axes, target, _body_radius(seen, targets, axes)) for target in targets]
+    radius = _body_radius(seen, targets, axes)
+    return [Camera(axes, np.asarray(target), radius) for target in targets]
 
 
 def _body_radius(

@@ -174,7 +174,9 @@ class Scene:
         surfaces = []
         for part, mesh in enumerate(self.sharp_parts):
             verts = self.part_pose(part, frame).apply(mesh.verts).numpy()
-            colours = np.broadcast_to(np.float32(self.part_colour(part)), verts.shape)
+            colours = np.broadcast_to(
+                np.array(self.part_colour(part), dtype=np.float32), verts.shape
+            )
             position = np.zeros(len(verts), dtype=np.float32)
             surfaces.append(DrawnSurface(verts, mesh.faces.numpy(), colours, position))
         return joined(surfaces)

@@ -61,7 +61,7 @@ def on_cluster(
 def connected(address: str) -> Any:
     """The module ray, connected to a cluster."""
     try:
-        import ray
+        import ray  # pyright: ignore[reportMissingImports]  # the extra cluster
     except ImportError:
         raise ConfigError(
             "--ray needs Ray, which is not installed; run pip install 'geneoh[cluster]', "

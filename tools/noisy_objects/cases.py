@@ -22,7 +22,14 @@ from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.options import Options
 from geneoh.sequence.gaps import fill_gaps
 from geneoh.sequence.sequence import ObjectTrack, Sequence
-from tools.noisy_objects.clips import clip_of, symmetry_of, with_noisy_hand, with_noisy_object
+from tools.noisy_objects.clips import (
+    HandNoise,
+    ObjectKind,
+    clip_of,
+    symmetry_of,
+    with_noisy_hand,
+    with_noisy_object,
+)
 
 Scores = dict[str, float]
 
@@ -32,8 +39,8 @@ class Case:
     """What is cleaned, and how."""
 
     clip: str
-    noise: str
-    kind: str
+    noise: HandNoise
+    kind: ObjectKind
     seed: int
     preset: PresetName = "fast"
     trusted: bool = False

@@ -3,9 +3,11 @@
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Literal
 
 import torch
 
+from geneoh.choices import Noise, ObjectNoise
 from geneoh.evaluation.protocols.synthetic import draw_clip
 from geneoh.geometry.distance import SurfaceDistance
 from geneoh.geometry.rotations import axis_angle_to_matrix
@@ -26,6 +28,8 @@ ROUND = ("bottle", "cylinder", "bowl", "ball")
 ROUND_SCANS = ("ycb_005_tomato_soup_can.ply", "ycb_024_bowl.ply", "ycb_056_tennis_ball.ply")
 SPINS = "spins"
 """Noise "flips", about an axis of symmetry of the mesh."""
+HandNoise = Literal[Noise, "clean"]
+ObjectKind = Literal[ObjectNoise, "exact", "spins"]
 
 
 @cache
@@ -64,14 +68,16 @@ def drawn(noise: str, kind: str, *names: object) -> torch.Generator:
     return torch.Generator().manual_seed(seed_of(noise, kind, *names))
 
 
-def with_noisy_hand(clean: Sequence, noise: str, seed: int) -> Sequence:
+def with_noisy_hand(clean: Sequence, noise: HandNoise, seed: int) -> Sequence:
     """A clip with a noisy hand, or as it is."""
     if noise == "clean":
         return clean
     return corrupt_sequence(clean, noise, generator=drawn("hand", noise, clean.source, seed))
 
 
-def with_noisy_object(sequence: Sequence, kind: str, seed: int, symmetry: Symmetry) -> Sequence:
+def with_noisy_object(
+    sequence: Sequence, kind: ObjectKind, seed: int, symmetry: Symmetry
+) -> Sequence:
     """A clip with a noisy object, or as it is."""
     if kind == "exact":
         return sequence

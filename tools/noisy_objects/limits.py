@@ -8,6 +8,7 @@ import torch
 from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 from scipy.spatial.transform import Rotation
 
+from geneoh.choices import ObjectNoise
 from geneoh.objects.cleaning import clean_object
 from geneoh.objects.holding import Frame
 from geneoh.objects.refine import DRIFT_SECONDS, path, refine_object, solve
@@ -25,6 +26,7 @@ WINDOW = 5
 """Frames over which the true accelerations are averaged."""
 
 Poses = tuple[Rotation, np.ndarray]
+SHAKY: tuple[ObjectNoise, ...] = ("shaky_2", "shaky_10")
 
 
 def lines_of_limits(seeds: int) -> Iterator[str]:
@@ -35,14 +37,16 @@ def lines_of_limits(seeds: int) -> Iterator[str]:
     yield "|---" * (3 + len(names)) + "|"
     for name in (RECORDING, *MADE):
         clean, symmetry = clip_of(name), symmetry_of(name)
-        for kind in ("shaky_2", "shaky_10"):
+        for kind in SHAKY:
             noisy = [with_noisy_object(clean, kind, seed, symmetry) for seed in range(seeds)]
             found = np.mean([limits_of(clean, n.object, kind, symmetry) for n in noisy], axis=0)
             cells = " | ".join(f"{value / found[0]:.2f}" for value in found[1:])
             yield f"| {name} | {kind} | {found[0]:.1f} | {cells} |"
 
 
-def limits_of(clean: Sequence, given: ObjectTrack, kind: str, symmetry: Symmetry) -> list[float]:
+def limits_of(
+    clean: Sequence, given: ObjectTrack, kind: ObjectNoise, symmetry: Symmetry
+) -> list[float]:
     """Errors in mm of a noisy track and of what each solver makes of it."""
     smooth, examined = clean_object(given, clean.fps)
     refined = refine_object(smooth, examined, clean.hands, clean.fps)
@@ -84,7 +88,7 @@ def along(start: Poses, seen: Poses, size: float) -> Poses:
     return Rotation.from_rotvec(turned - path(start[0])) * start[0], places
 
 
-def told_motion(truth: Poses, seen: Poses, start: Poses, kind: str, fps: float) -> Poses:
+def told_motion(truth: Poses, seen: Poses, start: Poses, kind: ObjectNoise, fps: float) -> Poses:
     """The solver of `refine_object`, told the noise, the true size of accelerations, and rests."""
     count = len(seen[1])
     noise = np.array([np.radians(DEGREES[kind]), METRES_PER_DEGREE * DEGREES[kind]]) / 6**0.5
