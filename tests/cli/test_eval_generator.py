@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 import torch
-from actions import made_actions, write_action_shards
+from made_actions import box_actions, write_action_shards
 from made_networks import TINY
 
 from geneoh.choices import ACTION_STAGES
@@ -37,7 +37,7 @@ VERBS = ["lift", "pour", "press"]
 def data(tmp_path):
     """Six training and six validation clips."""
     made = {"frames": 12, "points": 64}
-    train, val = (made_actions(2 * VERBS, seed=seed, **made) for seed in (0, 1))
+    train, val = (box_actions(2 * VERBS, seed=seed, **made) for seed in (0, 1))
     write_action_shards(tmp_path / "data", val=val, train=train)
     write_tiny_weights(tmp_path / "weights")
     return tmp_path / "data"

@@ -1,4 +1,7 @@
-"""Actions without any search for grasps, and an encoder of sentences that learns nothing."""
+"""Small made-up actions: spheres or boxes that hands hold while they rise from the table.
+
+They are made without any search for grasps. Also an encoder of sentences that learns nothing.
+"""
 
 from dataclasses import fields
 from pathlib import Path
@@ -7,11 +10,14 @@ import torch
 
 from geneoh.config import as_dict
 from geneoh.files.tensors import write_tensors
+from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.synthesis.action_shards import DEFAULTS
 from geneoh.synthesis.actions import VERBS, Actions
 from geneoh.synthesis.shards import ShardRecord
 
 NAMES = ("mug", "drawer", "gso_black_razer_mouse")
+HALF = torch.tensor([0.03, 0.04, 0.05])
+"""Half extents of the box without a change of size, metres."""
 
 
 class WordEncoder:
@@ -72,11 +78,70 @@ def made_actions(count: int = 6, frames: int = 20, points: int = 48, seed: int =
     ).ended()
 
 
-def write_actions(folder: Path) -> None:
-    """A shard of each split, as `geneoh synthesize --actions` writes them."""
-    folder.mkdir(parents=True)
+def box_actions(
+    verbs: list[str],
+    *,
+    frames: int = 20,
+    length: int | None = None,
+    points: int = 64,
+    hands: tuple[bool, bool] = (False, True),
+    jointed: bool = False,
+    seed: int = 0,
+) -> Actions:
+    """One action per verb, each at another place, with another size of box, height and hand.
+
+    A jointed box opens its upper half about a hinge. Hands are beside the box, bent as at random.
+    """
+    batch, generator = len(verbs), torch.Generator().manual_seed(seed)
+    length = frames if length is None else length
+
+    def drawn(*shape: int, low: float = 0.0, high: float = 1.0) -> torch.Tensor:
+        return low + (high - low) * torch.rand(*shape, generator=generator)
+
+    normals = torch.nn.functional.one_hot(torch.arange(points) % 3, 3).float()
+    normals = normals * (1 - 2 * (torch.arange(points) // 3 % 2))[:, None]
+    flat = 2 * drawn(batch, points, 3) - 1
+    half = HALF * drawn(batch, 1, 1, low=0.8, high=1.2)
+    surface = torch.where(normals != 0, normals, flat) * half + half * torch.tensor([0.0, 0, 1])
+    part = (surface[..., 2] > half[..., 2]).long() * jointed
+    time = (torch.arange(frames) / (length - 1)).clamp(max=1)
+    progress = time**2 * (3 - 2 * time)
+    turn = progress[:, None] * drawn(batch, 1, low=-1.0)[..., None] * torch.eye(3)[2]
+    rise = progress[:, None] * drawn(batch, 1, 1, low=0.1, high=0.2) * torch.eye(3)[2]
+    taking = torch.tensor([hands]).expand(batch, 2)
+    pose = drawn(batch, 2, 1, 16, 3, low=-0.3, high=0.3).expand(-1, -1, frames, -1, -1)
+    side = torch.tensor([[-1.0, 0, 0], [1.0, 0, 0]])[None, :, None]
+    wrist = rise[:, None] + side * 0.1 + torch.tensor([0.0, 0.0, 0.05])
+    there = taking[:, :, None, None]
+    return Actions(
+        verb=torch.tensor([VERBS.index(verb) for verb in verbs]),
+        name=torch.arange(batch),
+        hands=taking.clone(),
+        length=torch.full((batch,), length),
+        pose=pose * there[..., None],
+        wrist=wrist * there,
+        rotation=axis_angle_to_matrix(turn),
+        translation=rise,
+        joint=progress.expand(batch, frames) * jointed,
+        points=surface,
+        normals=normals.expand_as(surface).clone(),
+        part=part,
+        axis=torch.eye(3)[0].expand(batch, 3) * jointed,
+        pivot=half[:, 0] * torch.tensor([0.0, 1.0, 1.0]) * jointed,
+        slides=torch.zeros(batch, dtype=torch.bool),
+    )
+
+
+def write_action_shards(folder: Path, **splits: Actions) -> None:
+    """A folder as `geneoh synthesize --actions` writes it, with one shard of each split."""
     record = as_dict(ShardRecord(DEFAULTS, 0))
-    for seed, name in enumerate(("train_00001", "val_00000")):
-        actions = made_actions(seed=seed)
-        tensors = {each.name: getattr(actions, each.name) for each in fields(actions)}
-        write_tensors(folder / f"{name}.safetensors", tensors, record)
+    folder.mkdir(parents=True)
+    for number, (split, actions) in enumerate(splits.items()):
+        tensors = {field.name: getattr(actions, field.name) for field in fields(actions)}
+        tensors = {name: tensor.contiguous() for name, tensor in tensors.items()}
+        write_tensors(folder / f"{split}_{number:05d}.safetensors", tensors, record)
+
+
+def write_actions(folder: Path) -> None:
+    """A shard of each split, of spheres."""
+    write_action_shards(folder, val=made_actions(seed=1), train=made_actions(seed=0))

@@ -3,7 +3,7 @@ from dataclasses import replace
 
 import pytest
 import torch
-from actions import made_actions
+from made_actions import box_actions
 
 from geneoh.errors import CheckpointError
 from geneoh.evaluation.generation.classifier import (
@@ -28,7 +28,7 @@ QUICK = ClassifierConfig(
 
 def mixed(count: int, seed: int = 0):
     """Half of the boxes rise, the others, with another verb, sink from there."""
-    actions = made_actions(["lift", "put down"] * count, frames=16, points=4, seed=seed)
+    actions = box_actions(["lift", "put down"] * count, frames=16, points=4, seed=seed)
     back = torch.where(
         actions.verb == 0, torch.arange(16)[:, None], torch.arange(16).flip(0)[:, None]
     )
@@ -42,21 +42,21 @@ def mixed(count: int, seed: int = 0):
 
 
 def test_inputs_are_a_vector_for_each_of_15_frames():
-    inputs = clip_inputs(made_actions(["lift", "pass"], frames=20, hands=(True, True)))
+    inputs = clip_inputs(box_actions(["lift", "pass"], frames=20, hands=(True, True)))
     assert inputs.shape == (2, SEEN, INPUTS)
     assert inputs.isfinite().all()
 
 
 def test_inputs_of_an_absent_hand_are_zero():
-    one = clip_inputs(made_actions(["lift"], frames=20, hands=(False, True)))
-    both = clip_inputs(made_actions(["lift"], frames=20, hands=(True, True)))
+    one = clip_inputs(box_actions(["lift"], frames=20, hands=(False, True)))
+    both = clip_inputs(box_actions(["lift"], frames=20, hands=(True, True)))
     differ = one != both
     assert differ.sum() > 0.95 * SEEN * (2 * 63 + 1)
     assert (one[differ] == 0).all()
 
 
 def test_first_and_last_frame_are_seen_and_nothing_after_the_end():
-    actions = made_actions(["lift"], frames=30, length=20)
+    actions = box_actions(["lift"], frames=30, length=20)
     after = replace(actions, translation=actions.translation.clone())
     after.translation[:, 20:] = 9
     assert torch.equal(clip_inputs(actions), clip_inputs(after))
@@ -65,7 +65,7 @@ def test_first_and_last_frame_are_seen_and_nothing_after_the_end():
 
 
 def test_place_on_the_table_does_not_matter_and_height_does():
-    actions = made_actions(["lift"], frames=20)
+    actions = box_actions(["lift"], frames=20)
 
     def moved(by: list[float]) -> torch.Tensor:
         shift = torch.tensor(by)
@@ -79,7 +79,7 @@ def test_place_on_the_table_does_not_matter_and_height_does():
 
 
 def test_turned_inputs_are_those_of_the_turned_clip():
-    actions = made_actions(["lift"], frames=SEEN, hands=(True, True))
+    actions = box_actions(["lift"], frames=SEEN, hands=(True, True))
     turn = axis_angle_to_matrix(torch.tensor([[0.0, 0.0, 0.7]]))
     frames = torch.arange(SEEN)[None]
     pose = actions.pose.clone()

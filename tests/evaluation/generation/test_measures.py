@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import pytest
 import torch
-from actions import HALF, made_actions
+from made_actions import HALF, box_actions
 
 from geneoh.evaluation.generation.measures import measure_clip, measure_clips
 
@@ -13,7 +13,7 @@ def far(actions):
 
 
 def test_box_that_rises_without_a_hand_is_moved_alone_and_unrealistic():
-    found = measure_clip(far(made_actions(["lift"], points=512)))
+    found = measure_clip(far(box_actions(["lift"], points=512)))
     assert found.moved_alone.item() == 1
     assert found.realism.item() < 0.2
     assert found.contact.item() == 0
@@ -21,7 +21,7 @@ def test_box_that_rises_without_a_hand_is_moved_alone_and_unrealistic():
 
 
 def test_hand_in_the_middle_of_a_box_is_nearly_half_its_least_side_deep():
-    actions = made_actions(["lift"], points=2048)
+    actions = box_actions(["lift"], points=2048)
     size = actions.points.amax(1) - actions.points.amin(1)
     inside = actions.translation + torch.tensor([0.0, 0.0, float(HALF[2])])
     found = measure_clip(replace(actions, wrist=inside[:, None].expand(-1, 2, -1, -1).clone()))
@@ -31,7 +31,7 @@ def test_hand_in_the_middle_of_a_box_is_nearly_half_its_least_side_deep():
 
 
 def test_frames_after_the_end_do_not_count():
-    actions = made_actions(["lift"], frames=12, length=8, points=128)
+    actions = box_actions(["lift"], frames=12, length=8, points=128)
     after = replace(actions, wrist=actions.wrist.clone())
     after.wrist[:, :, 8:] += 3
     first, second = measure_clip(actions), measure_clip(after)
@@ -40,7 +40,7 @@ def test_frames_after_the_end_do_not_count():
 
 
 def test_acceleration_is_in_millimetres_per_frame_squared():
-    actions = made_actions(["lift"], frames=8, points=64)
+    actions = box_actions(["lift"], frames=8, points=64)
     time = torch.arange(8)[:, None]
     still = torch.zeros_like(actions.wrist)
     still[:, 1] = 0.002 * time**2 / 2 * torch.tensor([1.0, 0.0, 0.0])
@@ -51,7 +51,7 @@ def test_acceleration_is_in_millimetres_per_frame_squared():
 
 
 def test_each_clip_of_a_set_has_its_own_measures():
-    near = made_actions(["lift", "carry"], points=128, frames=6)
+    near = box_actions(["lift", "carry"], points=128, frames=6)
     both = measure_clips(near)
     assert both.realism.shape == (2,)
     second = measure_clip(near.take(slice(1, 2), "B"))

@@ -2,14 +2,14 @@ from dataclasses import replace
 
 import pytest
 import torch
-from actions import made_actions
+from made_actions import box_actions
 
 from geneoh.evaluation.generation.nearest import chamfer, nearest_training
 
 
 def test_nearest_training_clip_has_the_verb_and_hands_and_the_nearest_object():
-    real = made_actions(["lift"], hands=(True, False))
-    training = made_actions(["lift", "pour", "lift", "lift"], hands=(True, False), seed=1)
+    real = box_actions(["lift"], hands=(True, False))
+    training = box_actions(["lift", "pour", "lift", "lift"], hands=(True, False), seed=1)
     training.hands[3] = torch.tensor([True, True])
     training.points[:] = real.points * torch.tensor([1.5, 1.0, 1.1, 1.0])[:, None, None]
     made = nearest_training(real, training)
@@ -20,8 +20,8 @@ def test_nearest_training_clip_has_the_verb_and_hands_and_the_nearest_object():
 
 
 def test_without_a_training_clip_of_the_verb_those_of_the_hands_are_searched():
-    real = made_actions(["press"], hands=(True, False))
-    training = made_actions(["lift", "pour"], hands=(True, False), seed=1)
+    real = box_actions(["press"], hands=(True, False))
+    training = box_actions(["lift", "pour"], hands=(True, False), seed=1)
     training.hands[0] = torch.tensor([True, True])
     assert torch.equal(nearest_training(real, training).wrist, training.wrist[1:])
     neither = replace(training, hands=torch.ones_like(training.hands))

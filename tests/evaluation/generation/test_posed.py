@@ -1,22 +1,22 @@
 import torch
-from actions import made_actions
+from made_actions import box_actions
 
 from geneoh.evaluation.generation.posed import posed_actions
 
 
 def test_absent_hands_are_nan_and_the_other_is_there():
-    posed = posed_actions(made_actions(["lift"], frames=4, hands=(True, False)))
+    posed = posed_actions(box_actions(["lift"], frames=4, hands=(True, False)))
     assert posed.joints[0, 0].isfinite().all()
     assert posed.skin[0, 1].isnan().all()
 
 
 def test_keypoints_are_those_of_the_skinned_hands():
-    actions = made_actions(["lift", "pass"], frames=4, hands=(True, True))
+    actions = box_actions(["lift", "pass"], frames=4, hands=(True, True))
     assert torch.allclose(actions.keypoints(), posed_actions(actions).joints, atol=1e-6)
 
 
 def test_points_and_normals_move_with_the_object_and_its_joint():
-    actions = made_actions(["open"], frames=6, jointed=True)
+    actions = box_actions(["open"], frames=6, jointed=True)
     surface = posed_actions(actions).surface
     turn, shift = actions.joint_poses()
     on_joint = actions.part[0] > 0

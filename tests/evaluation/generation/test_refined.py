@@ -2,14 +2,14 @@ from dataclasses import replace
 
 import pytest
 import torch
-from actions import made_actions
+from made_actions import box_actions
 
 from geneoh.evaluation.generation.measures import measure_clip
 from geneoh.evaluation.generation.refined import part_meshes, refined
 
 
 def test_parts_have_closed_meshes_as_large_as_their_points():
-    actions = made_actions(["open"], frames=4, points=1024, jointed=True)
+    actions = box_actions(["open"], frames=4, points=1024, jointed=True)
     meshes = part_meshes(actions)
     assert len(meshes) == 2
     whole = torch.cat([mesh.verts for mesh in meshes])
@@ -19,7 +19,7 @@ def test_parts_have_closed_meshes_as_large_as_their_points():
 
 @pytest.mark.slow
 def test_refined_hands_are_less_deep_and_the_object_moves_as_before():
-    actions = made_actions(["lift"], frames=16, length=12, points=1024)
+    actions = box_actions(["lift"], frames=16, length=12, points=1024)
     shift = torch.tensor([0.07, 0.0, 0.0])
     actions = replace(actions, wrist=actions.wrist + shift * actions.hands[:, :, None, None])
     found = refined(actions, seed=0)

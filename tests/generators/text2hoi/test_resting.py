@@ -1,7 +1,7 @@
 from dataclasses import replace
 
 import torch
-from actions import made_actions
+from made_actions import box_actions
 
 from geneoh.generators.text2hoi.resting import eased, moved_by_hands, retimed, touching_hands
 from geneoh.geometry.rotations import axis_angle_to_matrix
@@ -9,7 +9,7 @@ from geneoh.geometry.rotations import axis_angle_to_matrix
 
 def held_box():
     """A box that rises by 10 to 20 cm in a hand that is at its side."""
-    actions = made_actions(["lift", "lift"], frames=30)
+    actions = box_actions(["lift", "lift"], frames=30)
     near = actions.points[:, :1].mean(1)
     wrist = (actions.rotation @ near[:, None, :, None])[..., 0] + actions.translation
     return replace(actions, wrist=torch.stack([torch.zeros_like(wrist), wrist], 1))
@@ -68,7 +68,7 @@ def test_an_object_that_nearly_stands_on_the_table_does_at_the_start_and_at_the_
 
 
 def test_a_clip_that_begins_and_ends_in_motion_does_so_from_rest():
-    actions = made_actions(["lift", "lift"], frames=40)
+    actions = box_actions(["lift", "lift"], frames=40)
     time = torch.arange(40.0)[None, :, None]
     speed = torch.tensor([0.01, 0.0, 0.0])
     going = replace(
@@ -87,7 +87,7 @@ def test_a_clip_that_begins_and_ends_in_motion_does_so_from_rest():
 
 
 def test_an_action_in_another_time_runs_from_the_same_start_to_the_same_end():
-    actions = made_actions(["lift", "pour"], frames=21)
+    actions = box_actions(["lift", "pour"], frames=21)
     lengths = torch.tensor([11, 31])
     found = retimed(actions, lengths)
     assert found.length.equal(lengths)
@@ -100,7 +100,7 @@ def test_an_action_in_another_time_runs_from_the_same_start_to_the_same_end():
 
 
 def test_the_same_number_of_frames_is_the_same_action():
-    actions = made_actions(["lift", "pour"], frames=21)
+    actions = box_actions(["lift", "pour"], frames=21)
     found = retimed(actions, actions.length)
     torch.testing.assert_close(found.wrist, actions.wrist)
     torch.testing.assert_close(found.rotation, actions.rotation, atol=1e-5, rtol=0)

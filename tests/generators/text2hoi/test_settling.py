@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 import trimesh
-from actions import made_actions
+from made_actions import box_actions
 
 from geneoh.generators.text2hoi.held_hands import HeldHands, moving
 from geneoh.generators.text2hoi.settling import beside, overlap, settled, solid_of, way_out
@@ -30,7 +30,7 @@ def rod():
 
 def sunk(rod, side: int):
     """An action whose hand goes around the rod, 12 mm too deep, and rises with it."""
-    actions = made_actions(["lift"], frames=24, hands=(side == 0, side == 1))
+    actions = box_actions(["lift"], frames=24, hands=(side == 0, side == 1))
     actions = replace(
         actions,
         points=rod.points[None],
@@ -106,7 +106,7 @@ def test_a_hand_at_an_object_goes_back_to_where_it_was(rod):
 
 
 def test_an_object_moves_before_and_after_its_steps_and_turns():
-    actions = made_actions(["lift"], frames=10)
+    actions = box_actions(["lift"], frames=10)
     shift, turn = torch.zeros(1, 10, 3), torch.zeros(10, 3)
     shift[:, 3:], turn[7:, 2] = 0.01, 0.1
     still = replace(actions, translation=shift, rotation=axis_angle_to_matrix(turn)[None])
