@@ -149,13 +149,6 @@ def first_hit(
     return np.where(face < 0, np.inf, reach), face
 
 
-def signed_distance(
-    field: SurfaceDistance, points: Float[Tensor, "*B P 3"], within: float | None = None
-) -> Float[Tensor, "*B P"]:
-    """Signed distance of points in the mesh's frame, metres; differentiable once in the points."""
-    return field.query(points, within).linear(points)
-
-
 @dataclass(frozen=True)
 class MovingSurface:
     """An object of Q moving parts over T frames, queried in the world frame."""

@@ -98,17 +98,10 @@ def find_mano(side: Side, mano_dir: Path | str | None = None) -> Path:
     raise MissingAssetError(f"{root / name}: expected this file and found none; {advice}")
 
 
-def wrist_from_translation(
-    model: HandModel, betas: Float[Tensor, "*#B S"], transl: Float[Tensor, "*#B 3"]
-) -> Float[Tensor, "*B 3"]:
-    """Wrist position (convention W) of smplx's translation (convention O): t_W = t_O + J0(beta)."""
-    return transl + model.rest_wrist(betas)
-
-
 def translation_from_wrist(
     model: HandModel, betas: Float[Tensor, "*#B S"], wrist: Float[Tensor, "*#B 3"]
 ) -> Float[Tensor, "*B 3"]:
-    """The inverse of `wrist_from_translation`."""
+    """smplx's translation (convention O) of a wrist (convention W): t_O = t_W - J0(beta)."""
     return wrist - model.rest_wrist(betas)
 
 

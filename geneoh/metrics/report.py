@@ -98,17 +98,6 @@ def measure_frames(
     )
 
 
-def measure(
-    verts: Float[Tensor, "T V 3"],
-    joints: Float[Tensor, "T 21 3"],
-    surface: MovingSurface,
-    fps: float,
-    valid: Bool[Tensor, " T"] | None = None,
-) -> InteractionReport:
-    """The report of one hand and one object, world frame, over all frames or the valid ones."""
-    return measure_posed(lambda frames: verts[frames], joints, surface, fps, valid)
-
-
 def measure_posed(
     verts_of: Callable[[slice], Float[Tensor, "N V 3"]],
     joints: Float[Tensor, "T 21 3"],
@@ -116,7 +105,10 @@ def measure_posed(
     fps: float,
     valid: Bool[Tensor, " T"] | None = None,
 ) -> InteractionReport:
-    """`measure` of vertices that are made for some frames at a time, so that none are kept."""
+    """The report of one hand and one object, world frame, over all frames or the valid ones.
+
+    `verts_of` gives the vertices of some frames at a time, so that not all are kept.
+    """
     if valid is None:
         valid = torch.ones(len(joints), dtype=torch.bool, device=joints.device)
     measured, moves = [], []

@@ -25,7 +25,6 @@ from geneoh.hand.mano import (
     load_mano,
     load_pose_space,
     translation_from_wrist,
-    wrist_from_translation,
 )
 
 
@@ -170,7 +169,7 @@ def test_smplx_agrees_on_the_arrays_that_were_read(tmp_path, chumpy):
     out = theirs(
         betas=betas, global_orient=pose[:, 0], hand_pose=pose[:, 1:].flatten(1), transl=transl
     )
-    wrist = wrist_from_translation(model, betas, transl)
+    wrist = transl + model.rest_wrist(betas)
     assert (model.shaped(betas).posed(pose, wrist).verts - out.vertices).abs().max() < 1e-5
     torch.testing.assert_close(translation_from_wrist(model, betas, wrist), transl)
 
@@ -180,7 +179,7 @@ def test_wrist_is_the_translation_plus_the_rest_wrist():
     betas, transl = torch.randn(5, 10), torch.randn(5, 3)
     verts = model.template + torch.einsum("vcs,bs->bvc", model.shape_dirs, betas)
     expected = transl + torch.einsum("v,bvc->bc", model.joint_regressor[0], verts)
-    torch.testing.assert_close(wrist_from_translation(model, betas, transl), expected)
+    torch.testing.assert_close(transl + model.rest_wrist(betas), expected)
 
 
 def test_left_shape_directions_are_mirrored_unless_asked_otherwise(tmp_path, chumpy):

@@ -8,7 +8,6 @@ from scipy.spatial.transform import Rotation
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import (
     FINGERS,
-    JOINT_NAMES,
     KEYPOINT_PARENTS,
     MANO_FROM_OPENPOSE,
     OPENPOSE_FROM_MANO,
@@ -98,8 +97,8 @@ def test_keypoint_orders_are_inverse_and_chains_end_in_tips():
     assert dict(zip(FINGERS, TIP_KEYPOINTS, strict=True)) == {
         "index": 8, "middle": 12, "pinky": 20, "ring": 16, "thumb": 4,
     }  # fmt: skip
-    assert JOINT_NAMES[7] == "pinky1"
-    assert len(JOINT_NAMES) == 16
+    assert FINGERS[(7 - 1) // 3] == "pinky"
+    assert len(PARENTS) == 16
 
 
 def test_recorded_keypoints_follow_from_recorded_pose_and_measured_bones():
