@@ -1,6 +1,7 @@
 """Settings of every test run, and the devices that tests of devices run on."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 import torch
@@ -13,6 +14,14 @@ torch.set_num_threads(1)
 # The same examples in every run, and no deadline: the first call of a function pays its imports.
 settings.register_profile("geneoh", derandomize=True, deadline=None, max_examples=30)
 settings.load_profile("geneoh")
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Give each file to one worker, so that what its tests share is made once."""
+    from xdist.scheduler import LoadFileScheduling
+
+    return LoadFileScheduling(config, log)
 
 
 @pytest.fixture(params=["pretended", pytest.param("cuda", marks=pytest.mark.gpu)])

@@ -35,18 +35,18 @@ import multiprocessing, sys
 from concurrent.futures import ThreadPoolExecutor
 import geneoh
 
-sequence = geneoh.load(sys.argv[1], obj=sys.argv[2])[:20]
+sequence = geneoh.load(sys.argv[1], obj=sys.argv[2])[:8]
 
 def clean(seed):
     result = geneoh.denoise(sequence, preset="fast", steps=1, samples=2, seed=seed)
     hand = result.sequence.hands[0]
     return hand.joints.numpy().tobytes(), hand.joint_spread.numpy().tobytes()
 
-seeds = [0, 1, 2, 3]
+seeds = [0, 1, 2]
 serial = [clean(seed) for seed in seeds]
 assert len(set(serial)) == len(seeds), "seeds differ"
 if sys.argv[3] == "threads":
-    with ThreadPoolExecutor(4) as pool:
+    with ThreadPoolExecutor(3) as pool:
         assert list(pool.map(clean, seeds)) == serial
 else:
     with multiprocessing.get_context("fork").Pool(2) as pool:

@@ -104,15 +104,15 @@ def test_msgpack_in_gives_the_same_frames_as_msgpack(stream, lines):
 @pytest.mark.parametrize(
     ("bad", "said"),
     [
-        (b"\x81\xc1", "frame 13: expected a frame as a msgpack map"),
-        (b"\x05", "frame 13: expected a frame as a msgpack map.*got 5"),
-        (b"\x81\x01\x02", "frame 13: .*with names as its keys"),
-        (b"\x82\xa1a", "frame 13: .*got the beginning of one"),
-        (b"\x81\xa1a\xdb\x7f\xff\xff\xff", "frame 13: .*got the beginning of one"),
+        (b"\x81\xc1", "frame 3: expected a frame as a msgpack map"),
+        (b"\x05", "frame 3: expected a frame as a msgpack map.*got 5"),
+        (b"\x81\x01\x02", "frame 3: .*with names as its keys"),
+        (b"\x82\xa1a", "frame 3: .*got the beginning of one"),
+        (b"\x81\xa1a\xdb\x7f\xff\xff\xff", "frame 3: .*got the beginning of one"),
     ],
 )
 def test_what_is_no_msgpack_frame_is_told_with_its_number(stream, lines, bad, said):
-    result = stream(b"".join(map(msgpack.packb, lines)) + bad, "--obj", "object.obj")
+    result = stream(b"".join(map(msgpack.packb, lines[:2])) + bad, "--obj", "object.obj")
     assert result.exit_code == 2
     assert re.search(said, result.stderr), result.stderr
 

@@ -1,33 +1,23 @@
 """Short clips of the example recording as cases."""
 
-from dataclasses import replace
-from pathlib import Path
-
 import pytest
+from short_clips import example, short_clip
 
-import geneoh
 from geneoh.evaluation.cases import Case
 from geneoh.evaluation.protocols.clips import Clip
 from geneoh.sequence.sequence import Sequence
-
-EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 @pytest.fixture(scope="session")
 def recording() -> Sequence:
     """146 frames of a left hand that uses a tool."""
-    return geneoh.load(EXAMPLES / "taco_clean.npz", obj=EXAMPLES / "taco_object.obj")
+    return example()
 
 
 @pytest.fixture(scope="session")
-def short(recording) -> Sequence:
+def short() -> Sequence:
     """Ten frames in which the tool is held and moved."""
-    span = slice(60, 70)
-    hand, moving = recording.hands[0], recording.object
-    names = ("valid", "joints", "pose", "wrist")
-    cut = replace(hand, **{name: getattr(hand, name)[span] for name in names})
-    moved = replace(moving, rotation=moving.rotation[span], translation=moving.translation[span])
-    return replace(recording, hands=(cut,), object=moved)
+    return short_clip()
 
 
 @pytest.fixture(scope="session")

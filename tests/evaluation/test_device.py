@@ -25,18 +25,33 @@ METHODS = {
 QUICK = FitConfig(iterations=2, contact_rounds=1)
 
 
+@pytest.fixture
+def on_both(short, device):
+    """The places of a case of four frames, and the case there."""
+    places = (torch.device("cpu"), device)
+    return [
+        (place, Case("taco", Clip("short", lambda to=place: short[:4].to(to)), "gauss", 11))
+        for place in places
+    ]
+
+
 @pytest.mark.parametrize("name", METHODS)
-def test_a_case_is_scored_alike_on_every_device(name, short, device, monkeypatch):
+def test_a_method_cleans_alike_on_every_device(name, on_both, monkeypatch):
     quick_presets.use(monkeypatch)
     monkeypatch.setattr(methods, "FitConfig", lambda: QUICK)
-    few = short[:4]
-    found = []
-    for place in (torch.device("cpu"), device):
-        case = Case("taco", Clip("short", lambda place=place: few.to(place)), "gauss", 11)
-        cleaned = METHODS[name](case, place)
-        assert cleaned.joints.device.type == place.type
-        found.append(CaseScorer(case, ScoringConfig(close_frames=1)).score(name, cleaned, 0.0))
-    here, there = found
+    here, there = (METHODS[name](case, place).joints for place, case in on_both)
+    assert (here.device.type, there.device.type) == tuple(place.type for place, _ in on_both)
+    apart = (there.cpu() - here).norm(dim=-1)
+    if there.device == DEVICE:
+        assert float(apart.max()) == 0
+    assert float(apart.mean()) < 1e-4
+
+
+def test_a_case_is_scored_alike_on_every_device(on_both, device):
+    here, there = (
+        CaseScorer(case, ScoringConfig(close_frames=1)).score("input", methods.unchanged(case), 0.0)
+        for _, case in on_both
+    )
     if device == DEVICE:
         assert there == here
     assert there.values["mpjpe_mm"] == pytest.approx(here.values["mpjpe_mm"], abs=0.1)

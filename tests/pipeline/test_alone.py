@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import quick_presets
 import torch
 
 import geneoh
@@ -81,7 +82,8 @@ def test_a_file_of_keypoints_alone_is_cleaned_and_read_again(noisy, tmp_path):
 
 
 @pytest.mark.slow
-def test_the_papers_preset_cleans_a_hand_alone(noisy):
+def test_the_papers_preset_cleans_a_hand_alone(noisy, monkeypatch):
+    quick_presets.use(monkeypatch)
     options = geneoh.Options(preset="paper", steps=3)
     cleaned = geneoh.denoise(alone(noisy)[50:54], options)
     assert cleaned.sequence.hands[0].joints.isfinite().all()

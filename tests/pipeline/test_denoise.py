@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 
 import pytest
+import quick_presets
 import torch
 
 from geneoh.denoisers.library import SHIPPED
@@ -202,7 +203,8 @@ def test_paper_preset_has_the_papers_schedule_and_no_observation():
 
 
 @pytest.mark.slow
-def test_paper_preset_runs(noisy):
+def test_paper_preset_runs(noisy, monkeypatch):
+    quick_presets.use(monkeypatch)
     result = denoise(noisy[50:52], Options(preset="paper", steps=3))
     assert torch.isfinite(joints_of(result)).all()
     assert result.sequence.hands[0].joint_spread is None

@@ -80,6 +80,6 @@ for frames in {lengths!r}:
 @pytest.mark.slow
 def test_memory_hardly_grows_with_the_track():
     """A frame once cost 1.8 MB; its parameters and keypoints, which are kept, are kilobytes."""
-    lengths = (60, 360)
+    lengths = (60, 200)
     short, long = peaks(lengths)
     assert long - short < 0.1 * (lengths[1] - lengths[0])

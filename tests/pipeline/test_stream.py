@@ -125,7 +125,7 @@ def test_the_state_does_not_grow(noisy, unmoved, monkeypatch):
     monkeypatch.setattr(recent, "HOP", 30)  # as few runs as the lag allows
     stream, track = Stream((), lag=1.0, side="left"), noisy.hands[0]
     sizes = []
-    for frame in range(600):
+    for frame in range(240):
         place = frame % 146
         stream.push(track[place : place + 1])
         if frame % 30 == 29:  # as many frames wait for the next run each time
