@@ -1,9 +1,9 @@
 """The trained denoisers: where the shipped weights are and how networks are rebuilt from files."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import torch
 from torch import nn
@@ -89,6 +89,7 @@ def load_network(
     try:
         with torch.device("meta"):  # draws no random numbers, and takes the type of the weights
             size = dict(saved.record["config"][name])
+            refuse_depths(size, len(saved.tensors))
             built = network(with_table(config(), size, str(path)))
         built.load_state_dict(saved.tensors, assign=True)
     except (RuntimeError, KeyError, TypeError, ValueError) as error:
@@ -97,6 +98,15 @@ def load_network(
             f"network, got others ({str(error).splitlines()[-1].strip()}); train them again"
         ) from error
     return built.eval().requires_grad_(False)
+
+
+def refuse_depths(size: Mapping[str, Any], most: int) -> None:
+    """`ValueError` for more blocks than a file has tensors, which would not end being built."""
+    for name, value in size.items():
+        if isinstance(value, Mapping):
+            refuse_depths(value, most)
+        elif name.endswith("depth") and isinstance(value, int) and value > most:
+            raise ValueError(f"{name} must be at most {most}, got {value}")
 
 
 def weights_of(name: str, folder: Path | None) -> Path:

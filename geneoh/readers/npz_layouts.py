@@ -119,11 +119,11 @@ def misspelt(record: Record, layout: Layout) -> list[str]:
     unknown = [name for name in record.values if name not in known]
     close = [(name, difflib.get_close_matches(name, missing, 1, TYPO_CUTOFF)) for name in unknown]
     said = "'{}' is not read; is it '{}'?"
-    return [said.format(shortened(name, 40), match[0]) for name, match in close if match]
+    return [said.format(shortened(str(name), 40), match[0]) for name, match in close if match]
 
 
-def quoted(names: Iterable[str]) -> str:
+def quoted(names: Iterable[object]) -> str:
     """Field names for a message, the first `MOST_NAMES` of them."""
     listed = list(names)
     more = [f"and {len(listed) - MOST_NAMES} more"] if len(listed) > MOST_NAMES else []
-    return ", ".join([*(f"'{shortened(name, 40)}'" for name in listed[:MOST_NAMES]), *more])
+    return ", ".join([*(f"'{shortened(str(name), 40)}'" for name in listed[:MOST_NAMES]), *more])

@@ -80,6 +80,7 @@ def test_weights_of_another_network_are_refused(folder):
         {"config": {"motion": "wide"}},
         {"config": {"motion": {"width": 16, "rooms": 3}}},
         {"config": {"motion": {"width": 16, "depth": 1, "heads": 2.0}}},
+        {"config": {"motion": {"width": 16, "depth": 10**30, "heads": 2}}},
     ],
 )
 def test_weights_whose_record_does_not_fit_are_refused(folder, record):

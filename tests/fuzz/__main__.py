@@ -4,6 +4,7 @@ import argparse
 import gc
 import os
 import random
+import shutil
 import sys
 import tempfile
 import time
@@ -11,6 +12,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}  # before numpy is imported
+os.environ["TOKENIZERS_PARALLELISM"] = "false"  # a vocabulary that is learned starts no threads
 sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 
 import torch
@@ -82,7 +84,8 @@ def warm(targets: list[Target], folder: Path) -> bytes:
     for target in once.values():
         for command in (target.command, *target.others):
             out = folder / "out"
-            out.mkdir(exist_ok=True)
+            shutil.rmtree(out, ignore_errors=True)
+            out.mkdir()
             whole = command == target.command and target.name in WARMED
             case = Case(target, "", b"", command, whole)
             report = folder / "modules.txt"

@@ -46,6 +46,13 @@ LINES = (
     *("# " + "x" * 100_000, "\\", "curv 0 1 1 2", "p 1", "f " + " ".join(map(str, range(1, 2000)))),
 )
 """Lines for files that are read line by line."""
+BVH_LINES = (
+    *("}", "{", "End Site", "JOINT LeftArm", "ROOT Hips", "JOINT", "MOTION", "OFFSET 1e30 0 0"),
+    *("CHANNELS 3 Zrotation Zrotation Zrotation", "CHANNELS 1 Xscale", "CHANNELS 9999999999"),
+    *("CHANNELS 3 Zrotation Yrotation Xrotation", "CHANNELS 0", "Frames: 0", "Frames: 99999999"),
+    *("Frame Time: 0", "Frame Time: -1", "Frame Time: 1e-300", "Frame Time: 1e300", "OFFSET 0 0"),
+)
+"""Lines for a BVH."""
 PLACES = (
     "/etc/passwd",
     "../../../../etc/passwd",
@@ -103,6 +110,21 @@ def change_word(line: str, draw: random.Random) -> str:
     words = re.split(r"([\s,]+)", line)
     words[draw.randrange(0, len(words), 2)] = draw.choice(NUMBERS)
     return "".join(words)
+
+
+def change_bvh(data: bytes, draw: random.Random) -> bytes:
+    """A BVH with another line in its hierarchy, a number of its motion, or as any text."""
+    lines = data.decode().split("\n")
+    motion = lines.index("MOTION")
+    chance = draw.random()
+    if chance < 0.3:
+        return change_words(data, draw)
+    at = draw.randrange(motion + 3) if chance < 0.8 else draw.randrange(motion, len(lines))
+    if chance < 0.6:
+        lines[at] = draw.choice(BVH_LINES)
+    else:
+        lines[at] = change_word(lines[at], draw)
+    return "\n".join(lines).encode("utf-8", "surrogateescape")
 
 
 def change_numbers(data: bytes, draw: random.Random, start: int, kind: str = "<f4") -> bytes:
@@ -305,6 +327,7 @@ def change_safetensors(data: bytes, draw: random.Random) -> bytes:
 CHANGES: dict[str, Change] = {
     **{".npz": change_npz, ".npy": change_npy, ".json": change_json, ".glb": change_glb},
     **{".ply": change_ply, ".stl": change_stl, ".safetensors": change_safetensors},
+    **{".bvh": change_bvh},
     **{".pkl": change_pickle, ".pickle": change_pickle, ".p": change_pickle},
     **{".pt": change_checkpoint, ".pth": change_checkpoint},
 }

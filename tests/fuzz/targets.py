@@ -27,6 +27,7 @@ from geneoh.synthesis.shards import SynthesisConfig, write_shards
 from geneoh.training.config import TrainConfig
 from geneoh.training.stages import build_model
 
+from .bodies_and_hands import body_targets
 from .generators import generator_targets
 from .target import Target
 
@@ -54,7 +55,7 @@ def write_targets(folder: Path) -> list[Target]:
     """Every target, with its files written."""
     mano = trees.write_mano(folder / "mano")
     made = [*own_layouts(folder), *mesh_files(folder), weights(folder), shards(folder)]
-    made += [with_mano(folder), *generator_targets(folder)]
+    made += [with_mano(folder), *generator_targets(folder), *body_targets(folder)]
     for case in trees.CASES:
         made += tree_target(case, folder / case.build.__name__, mano)
     return made

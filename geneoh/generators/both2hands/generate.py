@@ -3,9 +3,10 @@
 import torch
 
 from geneoh.body.motion import BodyMotion
-from geneoh.body.skeleton import Skeleton
+from geneoh.body.skeleton import BODY_JOINTS, Skeleton
 from geneoh.errors import InputError, shortened
 from geneoh.generators.both2hands.library import Networks, load_networks
+from geneoh.generators.both2hands.limits import within_limits
 from geneoh.generators.both2hands.sampling import Branch, SamplingConfig, sample
 from geneoh.generators.pieces import words_of
 from geneoh.progress import OnStep
@@ -25,7 +26,7 @@ def generate_hands(
     networks: Networks | None = None,
     on_step: OnStep | None = None,
 ) -> BodyMotion:
-    """A body with fingers that fit its motion and a sentence.
+    """A body with fingers that fit its motion and a sentence, inside the limits of a hand.
 
     Args:
         motion: T frames of one body at 30 frames a second, any T; its fingers do not matter.
@@ -51,7 +52,8 @@ def generate_hands(
         generator=generator,
         on_step=on_step,
     )
-    return BodyMotion(made.root[0], made.rotations[0])
+    body, fingers = made.rotations[0].tensor_split([BODY_JOINTS], dim=1)
+    return BodyMotion(made.root[0], torch.cat([body, within_limits(fingers)], dim=1))
 
 
 def check_sentence(sentence: str) -> None:

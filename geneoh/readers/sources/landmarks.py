@@ -41,7 +41,7 @@ def landmarks(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     if "format" not in record:
         raise InputError(
             f"{where}: expected results of MediaPipe (hand_world_landmarks or worldLandmarks), "
-            f"or '{FORMAT}' as its format, got {quoted(map(str, record.values))}; see the page on "
+            f"or '{FORMAT}' as its format, got {quoted(record.values)}; see the page on "
             "estimators"
         )
     if record.text("format") != FORMAT or record.finite("version") != VERSION:

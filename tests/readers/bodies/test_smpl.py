@@ -2,6 +2,7 @@ import bodies
 import numpy as np
 import pytest
 import torch
+from trees.writers import dump_joblib
 
 from geneoh.body.motion import BodyMotion
 from geneoh.body.skeleton import PARENTS, embedded_skeleton
@@ -74,6 +75,12 @@ def test_clips_of_both57m_are_read_with_what_their_hands_do(tmp_path):
     assert "first of several clips" in " ".join(read_body(path).notes)
     with pytest.raises(InputError, match="lower --clip"):
         read_body(path, clip=2)
+
+
+def test_fields_whose_names_are_no_text_are_refused_in_a_sentence(tmp_path):
+    dump_joblib(tmp_path / "a.p", [{None: 1, 7: "seven"}])
+    with pytest.raises(InputError, match="got 'None', '7'; rename the fields"):
+        read_body(tmp_path / "a.p")
 
 
 def test_motion_x_is_read_from_its_322_numbers(tmp_path):
