@@ -9,8 +9,8 @@ from geneoh.progress import OnStep, steps
 from geneoh.readers.bodies.base import BodyRecording
 from geneoh.sequence.body_hands import hand_tracks
 from geneoh.sequence.sequence import ObjectTrack, Sequence
+from geneoh.synthesis.actions import FPS
 from geneoh.synthesis.gestures.clips import NAMES, Gestures
-from geneoh.synthesis.gestures.hands import FPS
 from geneoh.synthesis.gestures.shards import DEFAULTS, gesture_shard
 from geneoh.synthesis.shards import find_shards
 from geneoh.viz.camera import Camera, cameras

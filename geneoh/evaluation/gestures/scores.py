@@ -16,8 +16,8 @@ from geneoh.evaluation.gestures.learning import POOL
 from geneoh.geometry.rotations import matrix_to_axis_angle
 from geneoh.metrics.features import diversity, frechet_distance, multimodality, retrieval
 from geneoh.metrics.smoothness import acceleration, per_frame_squared
+from geneoh.synthesis.actions import FPS
 from geneoh.synthesis.gestures.clips import Gestures
-from geneoh.synthesis.gestures.hands import FPS
 
 BEYOND = 0.1  # radians beyond the range of the training clips from which a joint counts
 

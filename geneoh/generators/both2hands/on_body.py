@@ -23,9 +23,7 @@ from geneoh.readers.bodies.read import read_body
 from geneoh.readers.npz_files import save_sequence
 from geneoh.sequence.body_hands import hand_tracks
 from geneoh.sequence.sequence import ObjectTrack, Sequence
-
-NETWORK_FPS = 30.0
-"""Frames a second that the networks know."""
+from geneoh.synthesis.actions import FPS
 
 
 @dataclass(frozen=True)
@@ -85,7 +83,7 @@ def generate_on_body(
     options, sentence = options or BodyOptions(), " ".join(sentence.split())
     check_sentence(sentence)
     body = body if isinstance(body, BodyRecording) else read_body(body)
-    paced = at_rate(body, NETWORK_FPS)
+    paced = at_rate(body, FPS)
     made = generate_hands(
         grounded(paced.skeleton, paced.motion),
         paced.skeleton,

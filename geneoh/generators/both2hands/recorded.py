@@ -27,8 +27,8 @@ from geneoh.geometry.rotations import matrix_to_axis_angle
 from geneoh.progress import OnStep, steps
 from geneoh.readers.bodies.base import BodyRecording, at_rate
 from geneoh.readers.bodies.data_sets import SourceBody, body_files, read_source_bodies
+from geneoh.synthesis.actions import FPS
 from geneoh.synthesis.gestures.clips import Gestures
-from geneoh.synthesis.gestures.hands import FPS
 from geneoh.training.data import held_groups
 
 SHORTEST = 30

@@ -27,8 +27,6 @@ from geneoh.training.processes import Team
 from geneoh.training.resume import TrainState, digest
 
 MOST = 256  # clips of which the scale of features is taken
-
-
 CHUNK = 64  # clips whose features are made at once
 
 

@@ -12,11 +12,10 @@ from geneoh.bundle import Bundle
 from geneoh.choices import Axis
 from geneoh.errors import InputError
 from geneoh.geometry.axes import nearest_axis, turn_up
+from geneoh.readers.npz_files import ASSUMED_FPS
 from geneoh.sequence.resample import MOST_FRAMES, evenly
 from geneoh.sequence.validation import LARGEST_FPS, SMALLEST_FPS, check_place
 
-ASSUMED_FPS = 30.0
-"""Frames a second of files that do not say."""
 SMALLEST_BODY, LARGEST_BODY = 0.3, 3.0
 """Limits in metres of the height of the head above the lower foot in the rest pose."""
 

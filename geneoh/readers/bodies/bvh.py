@@ -7,6 +7,7 @@ for motion of joints of the spine that ours does not have.
 """
 
 import io
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -33,19 +34,12 @@ UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inches": 0.0254, "CMU's unit": 0.05
 TYPICAL_LEG = 0.85  # metres from hip to ankle; of arms, where there are no legs, 0.55
 TYPICAL_ARM = 0.55
 SNAP = 0.8  # cosine above which a direction of the rest pose counts as that of an axis
+LIMBS = (("hip", "knee", "ankle", "foot"), ("collar", "shoulder", "elbow", "wrist", "middle1"))
 DIRECTED = {
-    **{f"{s}_{a}": f"{s}_{b}" for s in SIDES for a, b in (("hip", "knee"), ("knee", "ankle"))},
-    **{
-        f"{s}_{a}": f"{s}_{b}"
-        for s in SIDES
-        for a, b in (("ankle", "foot"), ("collar", "shoulder"))
-    },
-    **{
-        f"{s}_{a}": f"{s}_{b}"
-        for s in SIDES
-        for a, b in (("shoulder", "elbow"), ("elbow", "wrist"))
-    },
-    **{f"{s}_wrist": f"{s}_middle1" for s in SIDES},
+    f"{side}_{joint}": f"{side}_{after}"
+    for side in SIDES
+    for limb in LIMBS
+    for joint, after in pairwise(limb)
 }
 """The joint towards which the bone of another one points."""
 CM = 100.0

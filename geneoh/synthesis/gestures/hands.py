@@ -13,13 +13,13 @@ from geneoh.body.arms import forearm
 from geneoh.body.skeleton import embedded_skeleton
 from geneoh.bundle import Bundle
 from geneoh.geometry.rotations import axis_angle_to_matrix, interpolate_rotations
+from geneoh.synthesis.actions import FPS
 from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.gestures.repertoire import Gesture, HandPose
 from geneoh.synthesis.gestures.shapes import SHAPES
 from geneoh.synthesis.schedule import minimum_jerk
 from geneoh.synthesis.shards import seed_of
 
-FPS = 30.0
 VARIANTS = 10
 """Ways of making each gesture, which differ in place, direction, size, tempo and shape."""
 OUTWARD = (-1.0, 1.0, 1.0)

@@ -1,13 +1,9 @@
 """Gestures of one hand; see `geneoh.synthesis.gestures.repertoire` for the axes of places."""
 
-from geneoh.synthesis.gestures.repertoire import (
-    DOWN,
-    FORWARD,
-    READY,
-    UP,
-    Gesture,
-    HandPose,
-)
+from dataclasses import replace
+from typing import Any
+
+from geneoh.synthesis.gestures.repertoire import DOWN, FORWARD, READY, UP, Gesture, HandPose
 
 _WAVING = (
     HandPose((0.12, 0.0, 0.22), (-0.4, 1.0, 0.1), (0.0, 0.0, 1.0), "loose"),
@@ -16,12 +12,11 @@ _WAVING = (
 _TABLE = HandPose((0.0, -0.36, 0.34), (-0.15, 0.0, 1.0), DOWN, "keys")
 
 
-def _raised(shape: str, *says: str, **more: object) -> Gesture:
+def _raised(shape: str, *says: str, **more: Any) -> Gesture:
     """A hand that is held up before the shoulder and shows its shape."""
     pose = HandPose((0.06, -0.12, 0.3), (0.0, 1.0, 0.1), (-0.1, 0.0, 1.0), shape)
     bob = HandPose((0.06, -0.08, 0.31), (0.0, 1.0, 0.2), (-0.1, 0.0, 1.0), shape)
-    chosen = {"course": "swing", "period": (0.9, 2.0)} | more
-    return Gesture(says, pose, bob, **chosen)  # pyright: ignore
+    return replace(Gesture(says, pose, bob, "swing", (0.9, 2.0)), **more)
 
 
 ONE_HANDED: dict[str, Gesture] = {

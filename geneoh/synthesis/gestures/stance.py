@@ -10,10 +10,10 @@ from torch import Tensor
 from geneoh.body.motion import BodyMotion, pose
 from geneoh.body.skeleton import BODY_PARENTS, JOINT_NAMES, Skeleton, embedded_skeleton
 from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.synthesis.actions import FPS
 from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.shards import seed_of
 
-FPS = 30.0
 ANKLE_HEIGHT = 0.075  # of the embedded skeleton over the ground, metres
 BODIES = 400
 """Bodies of different proportions; `Gestures.body` is one of their numbers."""
