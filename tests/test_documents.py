@@ -12,6 +12,7 @@ from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
 
+import bodies
 import click
 import numpy as np
 import pytest
@@ -64,7 +65,7 @@ def of_pages(language: str, *, runs: bool) -> list:
 
 @pytest.fixture(scope="session")
 def short_track(tmp_path_factory):
-    """The first frames of the example under the names that the pages use."""
+    """The first frames of the example, and bodies, under the names that the pages use."""
     folder = tmp_path_factory.mktemp("pages")
     noisy = dict(np.load(ROOT / "examples" / "taco_noisy.npz"))
     frames = len(noisy["object_rotation"])
@@ -73,6 +74,9 @@ def short_track(tmp_path_factory):
         **{name: v[:FRAMES] if v.shape[:1] == (frames,) else v for name, v in noisy.items()},
     )
     shutil.copy(ROOT / "examples" / "taco_object.obj", folder / "mesh.obj")
+    for name in ("walk.npz", "lift.npz"):
+        bodies.smplx_names(folder / name, bodies.swaying(FRAMES))
+    bodies.held_cylinder(folder, bodies.swaying(FRAMES))
     return folder
 
 

@@ -8,8 +8,6 @@ import pytest
 import torch
 import trimesh
 
-from geneoh.body.motion import pose
-from geneoh.body.skeleton import embedded_skeleton
 from geneoh.generators.both2hands import on_body
 from geneoh.pipeline.options import Options
 from geneoh.pipeline.results import Denoised
@@ -56,17 +54,15 @@ def test_hands_with_an_object_go_through_the_cleaner(geneoh, folder, monkeypatch
         return Denoised(sequence, {}, ())
 
     monkeypatch.setattr(on_body, "denoise", cleaned)
-    trimesh.creation.box((0.05, 0.06, 0.1)).export(folder / "box.obj")
-    poses = np.tile(np.eye(4), (6, 1, 1))
-    motion = bodies.swaying(6)
-    poses[:, :3, 3] = pose(embedded_skeleton(), motion).positions[:, 21]
-    np.save(folder / "poses.npy", poses)
-    held = ("--obj", "box.obj", "--object-pose", "poses.npy")
+    bodies.held_cylinder(folder, bodies.swaying(6))
+    held = ("--obj", "mug.obj", "--object-pose", "poses.npy")
     result = geneoh("generate", "--body", "walk.npz", SENTENCE, *held, "--seed", 4)
     assert result.exit_code == 0, result.output
     ((sequence, options),) = seen
     assert options == Options(seed=4)
+    poses = np.load(folder / "poses.npy")
     np.testing.assert_allclose(sequence.object.translation[:, 0], poses[:, :3, 3], atol=1e-6)
+    assert [hand.side for hand in sequence.hands] == ["right"]
     assert len(load(folder / "walk_hands.npz").object.meshes) == 1
     result = geneoh("generate", "--body", "walk.npz", SENTENCE, *held, "--refine", "none")
     assert result.exit_code == 0, result.output

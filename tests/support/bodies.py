@@ -5,9 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import torch
+import trimesh
 from trees.writers import dump_joblib
 
-from geneoh.body.motion import BodyMotion
+from geneoh.body.motion import BodyMotion, pose
 from geneoh.body.skeleton import embedded_skeleton
 from geneoh.geometry.axes import turn_up
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
@@ -117,6 +118,17 @@ def recording(frames: int = 6, up: str = "y") -> BodyRecording:
     """A body of the embedded skeleton, in a world with that axis up."""
     motion = swaying(frames)
     return BodyRecording(motion, embedded_skeleton(), torch.zeros(3), 30.0, "a body", up)  # pyright: ignore
+
+
+def held_cylinder(folder: Path, motion: BodyMotion) -> None:
+    """mug.obj, a cylinder too deep in the right hand of a body, and poses.npy, where it moves."""
+    posed = pose(embedded_skeleton(), motion)
+    wrist, turn = posed.positions[:, 21].double(), posed.rotations[:, 21].double()
+    trimesh.creation.cylinder(0.035, 0.1, sections=24).export(folder / "mug.obj")
+    poses = torch.eye(4, dtype=torch.float64).repeat(len(wrist), 1, 1)
+    poses[:, :3, :3] = turn
+    poses[:, :3, 3] = wrist + turn @ torch.tensor([-0.09, -0.045, 0.0], dtype=torch.float64)
+    np.save(folder / "poses.npy", poses.numpy())
 
 
 def hands_file(path: Path, body: BodyRecording) -> Path:

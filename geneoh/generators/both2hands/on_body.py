@@ -20,9 +20,11 @@ from geneoh.progress import OnProgress
 from geneoh.readers.bodies.base import BodyRecording, at_rate, over_frames
 from geneoh.readers.bodies.fields import body_fields
 from geneoh.readers.bodies.read import read_body
+from geneoh.readers.convention_check import TOUCHING_REACH
 from geneoh.readers.npz_files import save_sequence
 from geneoh.sequence.body_hands import hand_tracks
 from geneoh.sequence.sequence import ObjectTrack, Sequence
+from geneoh.sequence.validation import distance_to_object
 from geneoh.synthesis.actions import FPS
 
 
@@ -72,8 +74,8 @@ def generate_on_body(
         sentence: such as "the right hand waves, the left rests"; English.
         body: or its file, see `geneoh.readers.bodies.read.read_body`. Its fingers do not matter.
         options: see `BodyOptions`.
-        held: an object with meshes in the world of the body's file, over its frames. The hands then
-            go through `geneoh.denoise`.
+        held: an object with meshes in the world of the body's file, over its frames. Hands near it
+            then go through `geneoh.denoise`.
         on_progress: told of the stage "hands" and of those of the cleaner.
 
     Raises:
@@ -102,9 +104,27 @@ def generate_on_body(
     )
     if held is None or not held.meshes or options.refine == "none":
         return BodyWithHands(body, sequence, sentence, None)
-    refined = denoise(sequence, Options(seed=options.seed), on_progress=on_progress)
-    sequence = replace(refined.sequence, source=sequence.source)
+    sequence, refined = cleaned(sequence, Options(seed=options.seed), on_progress)
     return BodyWithHands(with_hands(body, sequence), sequence, sentence, refined)
+
+
+def cleaned(
+    sequence: Sequence, options: Options, on_progress: OnProgress | None
+) -> tuple[Sequence, Denoised]:
+    """The sequence with clean hands, but for one that never comes near the object.
+
+    Where neither does, both are given to the cleaner, which says so.
+    """
+    near = [
+        hand
+        for hand in sequence.hands
+        if bool((distance_to_object(hand, sequence.object) < TOUCHING_REACH).any())
+    ]
+    given = replace(sequence, hands=tuple(near) or sequence.hands)
+    refined = denoise(given, options, on_progress=on_progress)
+    hands = {hand.side: hand for hand in (*sequence.hands, *refined.sequence.hands)}
+    whole = replace(refined.sequence, hands=tuple(hands.values()), source=sequence.source)
+    return whole, refined
 
 
 def with_fingers(body: BodyRecording, made: BodyMotion) -> BodyRecording:

@@ -18,8 +18,10 @@ from geneoh.generators.both2hands.on_body import (
 )
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.readers.bodies.fields import own_body
+from geneoh.readers.bodies.objects import object_of_body
 from geneoh.readers.bodies.read import read_body
 from geneoh.readers.npz_files import load
+from geneoh.sequence.sequence import ObjectTrack
 
 
 @pytest.fixture
@@ -105,6 +107,31 @@ def test_cleaned_hands_come_back_to_the_body(asked):
     same = [joint for joint in range(52) if joint not in (24, 39)]
     kept, before = body.motion.rotations[:, same], made.body.motion.rotations[:, same]
     torch.testing.assert_close(kept, before, atol=1e-4, rtol=0)
+
+
+@pytest.fixture
+def held(tmp_path) -> ObjectTrack:
+    """A cylinder in the right hand of `bodies.recording`."""
+    bodies.held_cylinder(tmp_path, bodies.swaying(6))
+    path = bodies.smplx_names(tmp_path / "lift.npz", bodies.swaying(6))
+    how = {"obj": (tmp_path / "mug.obj",), "object_pose": tmp_path / "poses.npy"}
+    return object_of_body(path, 6, **how)
+
+
+@pytest.mark.slow
+def test_a_hand_in_the_object_comes_out_of_it_and_the_free_hand_stays(asked, held):
+    body, options = bodies.recording(), BodyOptions(refine="none")
+    raw = generate_on_body("the right hand grips the mug", body, options, held=held)
+    made = generate_on_body("the right hand grips the mug", body, held=held)
+    assert list(made.refined.hands) == ["right"]
+    result = made.refined.hands["right"]
+    assert result.after.penetration_mean_mm < 0.5 * result.before.penetration_mean_mm
+    assert made.sequence.object.meshes == held.meshes
+    assert torch.equal(made.sequence.hand("left").pose, raw.sequence.hand("left").pose)
+    turns = [each.body.motion.rotations for each in (raw, made)]
+    torch.testing.assert_close(turns[1][:, :20], turns[0][:, :20])
+    own = axis_angle_to_matrix(made.sequence.hand("right").pose[:, 1:])
+    torch.testing.assert_close(turns[1][:, 37:], own, atol=1e-4, rtol=0)
 
 
 @pytest.mark.parametrize("sentence", ["", "  ", "...", "wave " * 61])

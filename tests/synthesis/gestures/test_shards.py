@@ -21,9 +21,16 @@ def made(folder, **how):
     return write_shards(folder, TINY, hand, seed=0, synthesize=synthesize_gestures, **how)
 
 
-def test_shards_read_back_with_their_sentences(tmp_path):
-    assert made(tmp_path) == 2
-    clips = read_gestures(tmp_path, "train")
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A training and a validation shard."""
+    folder = tmp_path_factory.mktemp("bodies")
+    assert made(folder) == 2
+    return folder
+
+
+def test_shards_read_back_with_their_sentences(folder):
+    clips = read_gestures(folder, "train")
     assert clips.pose.shape == (4, 30, 52, 3)
     assert clips.motion.rotations.shape == (4, 30, 52, 3, 3)
     assert clips.joined.shape == (4, 4)
@@ -32,16 +39,14 @@ def test_shards_read_back_with_their_sentences(tmp_path):
         assert "right hand" in clips.right[clip].lower()
 
 
-def test_the_same_seed_makes_the_same_bodies(tmp_path):
-    made(tmp_path / "one")
-    made(tmp_path / "other")
-    one, other = ((tmp_path / f / "train_00001.safetensors").read_bytes() for f in ("one", "other"))
+def test_the_same_seed_makes_the_same_bodies(folder, tmp_path):
+    made(tmp_path)
+    one, other = ((f / "train_00001.safetensors").read_bytes() for f in (folder, tmp_path))
     assert one == other
 
 
-def test_validation_has_variants_and_bodies_that_training_never_has(tmp_path):
-    made(tmp_path)
-    seen, held_out = (read_gestures(tmp_path, split) for split in ("train", "val"))
+def test_validation_has_variants_and_bodies_that_training_never_has(folder):
+    seen, held_out = (read_gestures(folder, split) for split in ("train", "val"))
     first, body = 10 - TINY.held_out, 400 - TINY.held_out_bodies
     assert seen.variant.max() < first
     assert held_out.variant.max() >= first
