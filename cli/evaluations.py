@@ -8,7 +8,15 @@ import click
 from click import Choice
 from click.core import ParameterSource
 
-from geneoh.choices import ABLATIONS, CASE_NOISES, DATASETS, GENERATORS, METHODS, PRESETS
+from geneoh.choices import (
+    ABLATIONS,
+    ACTION_DATASETS,
+    CASE_NOISES,
+    DATASETS,
+    GENERATORS,
+    METHODS,
+    PRESETS,
+)
 
 from . import options
 from .options import COUNT, FOLDER, flag, many, option
@@ -17,12 +25,16 @@ if TYPE_CHECKING:
     from geneoh.evaluation.options import EvaluationOptions
 
 eval_options = options.together(
-    option("--dataset: Data set to score on.", Choice(DATASETS), required=True),
+    option(
+        "--dataset: Data set to score on; h2o goes with a generator alone.",
+        Choice(tuple(dict.fromkeys((*DATASETS, *ACTION_DATASETS)))),
+        required=True,
+    ),
     option(
         "--generator: Score what this generator makes of sentences, instead of methods of "
         "cleaning, on the held-out clips of shards in --root that `geneoh synthesize --actions` "
-        "(text2hoi) or --bodies (both2hands) made. --refine, --limit, --seed, --weights, --set and "
-        "-o go with it.",
+        "(text2hoi) or --bodies (both2hands) made; text2hoi also on h2o, grab and arctic. "
+        "--refine, --limit, --seed, --mano, --weights, --set and -o go with it.",
         Choice(GENERATORS),
     ),
     option(

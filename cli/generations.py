@@ -5,12 +5,14 @@ from pathlib import Path
 import click
 from click.core import ParameterSource
 
+from geneoh.choices import ACTION_DATASETS
 from geneoh.errors import ConfigError
 
 from . import evaluations, progress
 
 GO_WITH_IT = (
-    *("generator", "dataset", "root", "refine", "limit", "seeds", "weights", "settings", "folder"),
+    *("generator", "dataset", "root", "refine", "limit", "seeds", "mano", "weights", "settings"),
+    "folder",
 )
 """Parameters of `geneoh eval` that mean something for a generator."""
 
@@ -34,7 +36,8 @@ def score_generator(ctx: click.Context) -> None:
         hands = configured(GestureOptions(root, **chosen), settings=settings)
         evaluate = partial(evaluate_gestures, hands)
     else:
-        actions = GenerationOptions(root, refine=asked["refine"], **chosen)
+        data = {name: asked[name] for name in ("dataset", "refine", "mano")}
+        actions = GenerationOptions(root, **data, **chosen)
         evaluate = partial(evaluate_generator, configured(actions, settings=settings))
     folder = asked["folder"] or Path("runs", "eval", f"{asked['generator']}-{asked['dataset']}")
     keep_other_reports(folder)
@@ -49,6 +52,7 @@ def score_generator(ctx: click.Context) -> None:
 def check_parameters(ctx: click.Context) -> None:
     """`ConfigError` for a data set of another kind, for none at all, and for other options."""
     kind = {"text2hoi": "actions", "both2hands": "bodies"}[ctx.params["generator"]]
+    known = ACTION_DATASETS if kind == "actions" else ("synthetic",)
     given = [
         max(parameter.opts, key=len)
         for parameter in ctx.command.params
@@ -57,15 +61,16 @@ def check_parameters(ctx: click.Context) -> None:
     ]
     if given:
         raise ConfigError(f"--generator: expected no {given[0]} with it, got one; leave it out")
-    if ctx.params["dataset"] != "synthetic":
+    if ctx.params["dataset"] not in known:
         raise ConfigError(
-            f"--dataset: expected synthetic with --generator, got {ctx.params['dataset']}; "
-            f"make {kind} with `geneoh synthesize --{kind}`"
+            f"--dataset: expected {', '.join(known)} with --generator {ctx.params['generator']}, "
+            f"got {ctx.params['dataset']}; choose one, and make the {kind} of synthetic with "
+            f"`geneoh synthesize --{kind}`"
         )
     if ctx.params["root"] is None:
         raise ConfigError(
             f"--root: expected a folder of {kind} with --generator, got none; "
-            f"make one with `geneoh synthesize --{kind} -o FOLDER`"
+            f"make one with `geneoh synthesize --{kind} -o FOLDER`, or name your copy of a data set"
         )
     if kind == "bodies" and ctx.params["refine"] != "none":
         raise ConfigError(

@@ -54,6 +54,14 @@ Dataset = Literal["synthetic", "taco", "grab", "grab-beta", "hoi4d", "arctic"]
 """Evaluation protocols, named by the data set that they score on."""
 DATASETS: tuple[Dataset, ...] = get_args(Dataset)
 
+AnnotatedSource = Literal["h2o", "grab", "arctic"]
+"""Data sets whose recordings come with labels of actions."""
+ANNOTATED: tuple[AnnotatedSource, ...] = get_args(AnnotatedSource)
+
+ActionDataset = Literal["synthetic", AnnotatedSource]
+"""Where the actions come from on which a generator of interactions is scored."""
+ACTION_DATASETS: tuple[ActionDataset, ...] = get_args(ActionDataset)
+
 GeneratorName = Literal["text2hoi", "both2hands"]
 """Generators that `geneoh eval` scores."""
 GENERATORS: tuple[GeneratorName, ...] = get_args(GeneratorName)

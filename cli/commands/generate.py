@@ -38,7 +38,7 @@ from .. import bodies, options, progress
 @options.option(
     "--guidance: How much more the sentence counts than it was learned to; 1 is plain.",
     click.FloatRange(0, 10),
-    1.0,
+    2.0,
 )
 @options.option(
     "--refine: What mends hands that hold an object: geneoh brings them to the surface and cleans "

@@ -8,6 +8,8 @@ import pytest
 import torch
 from made_actions import box_actions, write_action_shards
 from made_networks import TINY
+from trees import write_mano
+from trees.labelled import GRAB_MILK, POUR_MILK, labelled_h2o
 
 from geneoh.choices import ACTION_STAGES
 from geneoh.config import as_dict
@@ -31,6 +33,7 @@ SMALL = (
     ),
 )
 VERBS = ["lift", "pour", "press"]
+PARTS = ["no contact map", "not refined", "paper's refiner"]
 
 
 @pytest.fixture
@@ -64,7 +67,7 @@ def test_rows_are_printed_and_everything_is_written(geneoh, tmp_path, data):
     whole = json.loads((out / "generation.json").read_text())
     rows = list(whole["table"])
     assert rows[:3] == ["real", "random verbs", "nearest training clip"]
-    assert rows[3:] == ["text2hoi, no contact map", "text2hoi, not refined", "text2hoi"]
+    assert rows[3:] == [f"text2hoi, {part}" for part in PARTS]
     assert all(row in done.stdout for row in rows)
     assert whole["command"].startswith("geneoh eval --dataset synthetic --generator text2hoi")
     assert whole["settings"]["classifier"]["hash"] in (out / "generation.md").read_text()
@@ -76,6 +79,20 @@ def test_rows_are_printed_and_everything_is_written(geneoh, tmp_path, data):
     again = geneoh("eval", *SMALL, "-o", "out")
     assert again.exit_code == 0, again.output
     assert json.loads((out / "generation.json").read_text()) == whole
+
+
+@pytest.mark.slow
+def test_actions_of_a_data_set_are_scored(geneoh, tmp_path):
+    labelled_h2o(tmp_path / "h2o", GRAB_MILK, POUR_MILK)
+    write_tiny_weights(tmp_path / "weights")
+    source = ("--dataset", "h2o", "--root", "h2o", "--mano", write_mano(tmp_path / "mano"))
+    few = ("--set", "recorded.points=64", "--set", "repetitions=1")
+    done = geneoh("eval", *SMALL[:2], *source, *SMALL[6:], *few, "-o", "out")
+    assert done.exit_code == 0, done.output
+    assert "note: h2o: 2 actions of 1 objects, validated on what is learned" in done.stdout
+    table = json.loads((tmp_path / "out" / "generation.json").read_text())["table"]
+    # both splits are the same clips, so that the nearest training clips are the real ones
+    assert table["nearest training clip"]["depth_mm"] == table["real"]["depth_mm"]
 
 
 def test_other_files_are_kept(geneoh, tmp_path, data):

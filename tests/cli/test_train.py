@@ -1,12 +1,11 @@
 """`geneoh synthesize`, `realism` and `train` on a very small scale, and refusals of `eval`."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from made_actions import write_actions
-from trees import scene, write_mano
-from trees.videos import h2o
+from trees import write_mano
+from trees.labelled import POUR_MILK, labelled_h2o
 
 from geneoh.choices import ACTION_STAGES
 from geneoh.generators.text2hoi.library import load_networks
@@ -163,15 +162,7 @@ def test_networks_of_the_generator_need_a_folder_of_actions(geneoh, tmp_path):
 
 
 def test_the_generator_learns_lengths_and_contact_from_recordings_of_a_data_set(geneoh, tmp_path):
-    s = scene(frames=30)
-    move = s.rotation @ [0.03, 0.0, 0.0] + s.shift - s.joints["right"][:, 8]
-    s = replace(s, wrist={**s.wrist, "right": s.wrist["right"] + move})
-    s = replace(s, joints={**s.joints, "right": s.joints["right"] + move[:, None]})
-    h2o(tmp_path / "h2o", s, False)
-    labels = tmp_path / "h2o/subject1/h1/0/cam4/action_label"
-    labels.mkdir()
-    for frame in range(30):
-        (labels / f"{frame:06d}.txt").write_text("23")
+    labelled_h2o(tmp_path / "h2o", POUR_MILK)
     mano = write_mano(tmp_path / "mano")
     few = ("steps=1", "batch=2", "validation_batches=1", "recorded.points=64")
     settings = [word for setting in few for word in ("--set", setting)]

@@ -2,7 +2,7 @@
 
 None was ever released with Text2HOI, so scores under ours cannot be compared with the paper's. Ours
 sees 15 frames spread over a clip (paper): both hands' keypoints in the world and in the object's
-frame, and where the object is; it is trained on made clips of objects that no scored clip has.
+frame, and where the object is; it is trained on real clips that are not scored.
 """
 
 import math
@@ -53,7 +53,7 @@ class ClassifierConfig(RunConfig):
 class ActionClassifier(nn.Module):
     """Convolutions over time, their mean and maximum, a feature vector, and a score per verb."""
 
-    def __init__(self, config: ClassifierConfig):
+    def __init__(self, config: ClassifierConfig, verbs: int = len(VERBS)):
         super().__init__()
         width = config.width
         self.enter = nn.Sequential(nn.Linear(INPUTS, width), nn.LayerNorm(width), nn.GELU())
@@ -61,7 +61,7 @@ class ActionClassifier(nn.Module):
         # features of one length on average, so that distances do not grow with the training
         length = nn.LayerNorm(config.features, elementwise_affine=False)
         self.feature = nn.Sequential(nn.Linear(2 * width, config.features), length)
-        self.answer = nn.Linear(config.features, len(VERBS))
+        self.answer = nn.Linear(config.features, verbs)
 
     def features(self, inputs: Float[Tensor, "B S D"]) -> Float[Tensor, "B F"]:
         """Feature vectors of clips."""
@@ -99,13 +99,14 @@ class ClassifierTask:
     config: ClassifierConfig
     clips: Actions
     validation: Actions
+    verbs: int = len(VERBS)  # which there are
     name: str = "actions"
 
     def network(self) -> nn.Module:
         """A fresh network from the config's seed."""
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed_of(self.config.seed, self.name, "weights"))
-            return ActionClassifier(self.config)
+            return ActionClassifier(self.config, self.verbs)
 
     def pieces(self, step: int, team: Team, device: torch.device) -> Sequence[LabelledClips]:
         """Random clips, each turned about the vertical, at a random frame of each of 15 groups."""
@@ -160,7 +161,7 @@ def trained_classifier(task: ClassifierTask, folder: Path, **how: Any) -> Action
         CheckpointError: the folder holds one of other clips or another recipe.
     """
     path = train(task, folder, device=torch.device("cpu"), **how)
-    model = ActionClassifier(task.config)
+    model = ActionClassifier(task.config, task.verbs)
     model.load_state_dict(load_checkpoint(path).tensors)
     return model
 

@@ -20,8 +20,7 @@ AT_ONCE = 16  # clips that are drawn together
 
 def generated(
     networks: Networks,
-    real: Actions,
-    names: list[str],
+    data: ActionData,
     *,
     generator: torch.Generator,
     contact: bool = True,
@@ -33,7 +32,7 @@ def generated(
     Clips start and end at rest, and objects rest where no hand touches them, as in `geneoh
     generate`. Without `contact` the networks are told that no point of the object is touched.
     """
-    data = ActionData(real, tuple(names))
+    real = data.actions
     said = sentences(real, data, Draws(len(real.verb), generator))
     parts = []
     for start in steps(range(0, len(said), AT_ONCE), on_step):

@@ -10,7 +10,7 @@ from typing import Any
 import torch
 
 from geneoh.bundle import concatenated
-from geneoh.choices import Refiner
+from geneoh.choices import ActionDataset, Refiner
 from geneoh.evaluation.generation.classifier import (
     ClassifierConfig,
     ClassifierTask,
@@ -23,11 +23,16 @@ from geneoh.evaluation.generation.report import GenerationReport
 from geneoh.evaluation.generation.scores import REPETITIONS, ScoredClips, repeat, score_clips
 from geneoh.evaluation.runner import PACKAGES
 from geneoh.files.journal import digest, digests
+from geneoh.generators.text2hoi.action_data import action_data
 from geneoh.generators.text2hoi.library import Networks, load_networks, load_refiner, weights_of
+from geneoh.generators.text2hoi.recorded import RecordedConfig
+from geneoh.generators.text2hoi.samples import ActionData
 from geneoh.progress import OnProgress, OnStep, part_of
+from geneoh.readers.base import ReaderOptions
 from geneoh.synthesis.action_shards import action_shards, read_actions
-from geneoh.synthesis.actions import Actions
+from geneoh.synthesis.actions import VERBS, Actions
 from geneoh.synthesis.shards import seed_of
+from geneoh.training.data import DataSource
 from geneoh.training.loop import Progress
 
 CLIPS = 256  # held-out clips that are scored unless the user limits them
@@ -41,16 +46,24 @@ class GenerationOptions:
     """Which clips a generator is scored on, and how often."""
 
     data: Path
-    """Folder of shards of actions, made by `geneoh synthesize --actions`: the classifier is trained
-    on its training clips, and its validation clips, of held-out objects, are the conditions."""
+    """Folder of actions: the classifier is trained on its training clips, and its validation clips
+    are the conditions."""
+    dataset: ActionDataset = "synthetic"
+    """What the folder holds: shards of `geneoh synthesize --actions`, whose validation clips are of
+    held-out objects; or a data set with labels of actions, of which a subject is held out."""
     limit: int = CLIPS
     """Most validation clips, spread over all of them."""
     refine: Refiner = "none"
-    """ "geneoh" for a row whose hands the cleaner mends, in the place of the refiner."""
+    """ "geneoh" for a row of what `geneoh generate` makes, whose hands are brought to the object and
+    go through the cleaner, several seconds a clip."""
     weights: Path | None = None
     """Folder of the generator's weights, as `geneoh train` writes it; what it lacks is shipped."""
     seed: int = 0
     repetitions: int = REPETITIONS
+    mano: Path | None = None
+    """Folder of the user's MANO, for data sets that need it."""
+    recorded: RecordedConfig = field(default_factory=RecordedConfig)
+    """How actions are cut out of recordings."""
     classifier: ClassifierConfig = field(default_factory=ClassifierConfig)
 
 
@@ -68,22 +81,21 @@ def evaluate_generator(
     """Score every row; the classifier is kept in a folder in `folder`, for the next time.
 
     Raises:
-        InputError: the data is not there, or no whole shards of actions.
+        InputError: the data is not there, or holds no actions.
         CheckpointError: weights are missing, or the folder holds a classifier of other data.
     """
     networks = load_networks(options.weights)
-    held_out, names = read_actions(options.data, "val")
-    training = training_clips(options.data)
-    task = ClassifierTask(options.classifier, training, held_out)
+    training, held_out, notes = split_clips(options, folder, on_progress)
+    task = ClassifierTask(options.classifier, training, held_out.actions, verb_count(held_out))
     model = trained_classifier(task, folder / FOLDER, on_step=told_training(on_progress, FOLDER))
-    count = min(options.limit, len(held_out.verb))
-    spread = torch.linspace(0, len(held_out.verb) - 1, count).round().long()
-    real = held_out.take(spread, "B")
+    count = min(options.limit, len(held_out.actions.verb))
+    spread = torch.linspace(0, len(held_out.actions.verb) - 1, count).round().long()
+    real = held_out.actions.take(spread, "B")
     rows: dict[str, Row] = {
         REAL: lambda _: real,
         "nearest training clip": lambda _: nearest_training(real, training),
     }
-    rows |= network_rows(networks, real, names, options)
+    rows |= network_rows(networks, replace(held_out, actions=real), options)
     scored = {}
     for name, clips in rows.items():
         told = None if on_progress is None else partial(on_progress, name)
@@ -91,14 +103,14 @@ def evaluate_generator(
     scored = with_random_verbs(scored, options.seed)
     found = repeat(scored[REAL], scored, seed=options.seed, repetitions=options.repetitions)
     settings = settings_of(options, task, folder, count)
-    return GenerationReport(settings, command, found, about_run(settings))
+    return GenerationReport(settings, command, found, (*about_run(settings), *notes))
 
 
 def network_rows(
-    networks: Networks, real: Actions, names: list[str], options: GenerationOptions
+    networks: Networks, real: ActionData, options: GenerationOptions
 ) -> dict[str, Row]:
     """What the networks make, with and without their parts; all draw the same noise."""
-    whole = partial(generated, networks, real, names)
+    whole = partial(generated, networks, real)
 
     def make(on_step: OnStep | None, **changed: Any) -> Actions:
         return whole(generator=drawn(options.seed, "text2hoi"), on_step=on_step, **changed)
@@ -109,9 +121,9 @@ def network_rows(
     rows: dict[str, Row] = {
         "text2hoi, no contact map": partial(make, contact=False),
         "text2hoi, not refined": make,
-        "text2hoi": partial(make, refiner=load_refiner(options.weights)),
+        "text2hoi, paper's refiner": partial(make, refiner=load_refiner(options.weights)),
     }
-    return rows | ({"text2hoi, cleaned": mended} if options.refine == "geneoh" else {})
+    return rows | ({"text2hoi": mended} if options.refine == "geneoh" else {})
 
 
 def with_random_verbs(scored: dict[str, ScoredClips], seed: int) -> dict[str, ScoredClips]:
@@ -126,14 +138,32 @@ def drawn(seed: int, row: str) -> torch.Generator:
     return torch.Generator().manual_seed(seed_of(seed, "row", row))
 
 
-def training_clips(data: Path) -> Actions:
-    """All training clips, with few points of their objects: a data set is large."""
+def split_clips(
+    options: GenerationOptions, folder: Path, on_progress: OnProgress | None
+) -> tuple[Actions, ActionData, tuple[str, ...]]:
+    """All training clips, with few points of their objects; those to score on; and notes on both.
 
-    def thinned(shard: Actions) -> Actions:
-        count = shard.points.shape[1]
-        return shard.take(torch.arange(0, count, max(1, count // SHAPE_POINTS)), "P")
+    What is cut out of recordings is kept in the folder.
+    """
+    if options.dataset == "synthetic":
+        actions, names = read_actions(options.data, "val")
+        shards = map(thinned, action_shards(options.data, "train"))
+        return concatenated(shards, "B"), ActionData(actions, tuple(names)), ()
+    source = DataSource(options.data, options.dataset)
+    readers = ReaderOptions(mano_dir=options.mano)
+    split = action_data(source, options.recorded, folder / "recordings", readers, on_progress)
+    return thinned(split.training.actions), split.validation, split.notes
 
-    return concatenated(map(thinned, action_shards(data, "train")), "B")
+
+def thinned(clips: Actions) -> Actions:
+    """Clips with few points of their objects, because a data set is large."""
+    count = clips.points.shape[1]
+    return clips.take(torch.arange(0, count, max(1, count // SHAPE_POINTS)), "P")
+
+
+def verb_count(data: ActionData) -> int:
+    """How many verbs there are."""
+    return len(data.verbs or VERBS)
 
 
 def settings_of(
@@ -143,6 +173,7 @@ def settings_of(
     made = digest([folder / FOLDER / f"{task.name}.safetensors"])
     return {
         "data": str(options.data.resolve()),
+        "dataset": options.dataset,
         "clips": clips,
         "seed": options.seed,
         "refine": options.refine,
@@ -157,7 +188,7 @@ def about_run(settings: dict[str, Any]) -> tuple[str, ...]:
     """What a reader of the table must know."""
     classifier = settings["classifier"]
     return (
-        f"{settings['clips']} clips of held-out objects; means ± 95% intervals over "
+        f"{settings['clips']} held-out clips; means ± 95% intervals over "
         f"{settings['repetitions']} repetitions, each with a random half of them as conditions; "
         "FID is that to the other half.",
         f"The classifier is ours (seed {classifier['config']['seed']}, "

@@ -6,7 +6,6 @@ from typing import Literal
 
 import torch
 from jaxtyping import Float
-from scipy.ndimage import gaussian_filter1d
 from torch import Tensor
 
 from geneoh.body.motion import BodyMotion, pose
@@ -18,6 +17,7 @@ from geneoh.generators.both2hands.features import HANDS, placed, with_fingers
 from geneoh.generators.both2hands.library import Networks
 from geneoh.generators.both2hands.scene import Scene, both_answers, hands_of_text
 from geneoh.generators.both2hands.windows import FRAMES, Windows
+from geneoh.generators.smoothing import smoothed
 from geneoh.nn.checkpoint import finite_output
 from geneoh.progress import OnStep
 
@@ -144,17 +144,11 @@ def sample(
     config = config or SamplingConfig()
     process = Process(networks, windows, scene, told, config, generator, on_step)
     features = body.scale.denormalise(finite_output(process.hands()))
-    if config.smoothing and body.config.frame == "wrist":
-        features = _smoothed(features, config.smoothing)
+    if body.config.frame == "wrist":
+        features = smoothed(features, config.smoothing)
     made = with_fingers(moved, pose(skeletons, moved), features, body.config.frame)
     fingers = made.rotations[:, :frames, BODY_JOINTS:]
     return BodyMotion(motion.root, torch.cat([motion.rotations[:, :, :BODY_JOINTS], fingers], 2))
-
-
-def _smoothed(clips: Float[Tensor, "B T N"], deviation: float) -> Float[Tensor, "B T N"]:
-    """Clips with a Gaussian over their frames; the first and the last frame go on beyond."""
-    smooth = gaussian_filter1d(clips.cpu().numpy(), deviation, axis=1, mode="nearest")
-    return torch.from_numpy(smooth).to(clips)
 
 
 def _at_least_a_window(clips: Float[Tensor, "B T *N"]) -> Float[Tensor, "B F *N"]:

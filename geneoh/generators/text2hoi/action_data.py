@@ -4,11 +4,11 @@ import hashlib
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
+from geneoh.choices import ANNOTATED
 from geneoh.config import as_dict
 from geneoh.errors import ConfigError
-from geneoh.generators.text2hoi.annotation import AnnotatedSource
 from geneoh.generators.text2hoi.recorded import RecordedConfig
 from geneoh.generators.text2hoi.recorded_data import asked_record, recorded_actions
 from geneoh.generators.text2hoi.samples import ActionData
@@ -17,8 +17,6 @@ from geneoh.readers.base import ReaderOptions
 from geneoh.synthesis.action_shards import DEFAULTS, read_actions
 from geneoh.synthesis.shards import find_shards, shard_record
 from geneoh.training.data import DataSource
-
-ANNOTATED: tuple[AnnotatedSource, ...] = get_args(AnnotatedSource)
 
 
 @dataclass(frozen=True)

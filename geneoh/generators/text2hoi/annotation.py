@@ -10,17 +10,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
-from geneoh.choices import HANDS, HandsName
+from geneoh.choices import HANDS, AnnotatedSource, HandsName
 from geneoh.errors import InputError
 from geneoh.readers.base import SourceClip, ancestor
 from geneoh.readers.foreign_files import numbered_files, read_numbers, read_record, read_text
-
-AnnotatedSource = Literal["h2o", "grab", "arctic"]
-"""Data sets whose recordings come with labels."""
 
 SHORTEST = 20
 """Frames, at 30 a second, of the shortest clip (paper)."""

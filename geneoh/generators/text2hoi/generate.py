@@ -39,9 +39,9 @@ class GenerateOptions:
     """Length at 30 frames a second, 2 to 150; None draws one that suits the sentence."""
     steps: int = 25
     """Denoising steps (paper: 1,000 ancestral ones)."""
-    guidance: float = 1.0
-    """How far answers go beyond those without the sentence; 1 is plain, and others take twice the
-    time."""
+    guidance: float = 2.0
+    """How far answers go beyond those without the sentence; 1 is plain, and takes half the time to
+    draw."""
     refine: Refiner = "geneoh"
     """What mends the hands: "geneoh" brings them to the surface that they hold and cleans them with
     `geneoh.denoise`; "paper" is the refiner of Text2HOI, one pass of a network; "none"."""

@@ -10,14 +10,10 @@ import torch
 from torch import Tensor
 
 from geneoh.bundle import concatenated
+from geneoh.choices import AnnotatedSource
 from geneoh.errors import ConfigError, GeneOHError, InputError
 from geneoh.files.tensors import DamagedTensorsError, all_tensors, opened_tensors, write_tensors
-from geneoh.generators.text2hoi.annotation import (
-    AnnotatedSource,
-    has_labels,
-    label_files,
-    labels_of,
-)
+from geneoh.generators.text2hoi.annotation import has_labels, label_files, labels_of
 from geneoh.generators.text2hoi.recorded import RecordedConfig, Surface, action_of
 from geneoh.progress import OnStep, steps
 from geneoh.readers.base import ReaderOptions, SourceClip, finite_frames

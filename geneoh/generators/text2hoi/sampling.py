@@ -11,6 +11,7 @@ from torch import Tensor
 from geneoh.choices import HandsName
 from geneoh.diffusion.samplers import normal_like, sample_ancestral, sample_ddim
 from geneoh.diffusion.schedule import PAPER_STEPS, descending_sigmas
+from geneoh.generators.smoothing import smoothed
 from geneoh.generators.text2hoi.condition import Condition
 from geneoh.generators.text2hoi.interaction import InteractionNetwork
 from geneoh.generators.text2hoi.library import Networks
@@ -31,12 +32,14 @@ class SamplingConfig:
 
     sampler: Literal["ddim", "ancestral"] = "ddim"
     steps: int = 25  # of the noise levels 1,000 to 0 (paper: 1,000 ancestral ones)
-    guidance: float = 1.0
+    guidance: float = 2.0
     """How far answers are moved from the one without a sentence to the one with it: 1 is the answer
     with it (paper), and more than 1 goes beyond it, at twice the time."""
+    smoothing: float = 2.0
+    """Deviation in frames of the Gaussian over the numbers at last; 0 for none (paper)."""
 
 
-PAPER = SamplingConfig("ancestral", PAPER_STEPS)
+PAPER = SamplingConfig("ancestral", PAPER_STEPS, guidance=1.0, smoothing=0.0)
 
 
 @torch.no_grad()
@@ -69,6 +72,7 @@ def sample(
     whole = (lengths + each - 1) // each * each
     condition = condition_of(networks, objects, sentences, hands, whole, contact)
     numbers = drawn_numbers(network, condition, config, generator=generator, on_step=on_step)
+    numbers = smoothed(finite_output(numbers), config.smoothing, whole)
     jointed, valid = objects.jointed, condition.valid
     empty = torch.zeros(*valid.shape, NUMBERS, device=device)
     blank = Tokens(
@@ -79,7 +83,7 @@ def sample(
         jointed,
         network.config.frame,
     )
-    tokens = blank.with_flat(network.denormalise(finite_output(numbers)))
+    tokens = blank.with_flat(network.denormalise(numbers))
     return retimed(actions_of(tokens, still(objects, valid.shape[1])), lengths)
 
 

@@ -85,7 +85,7 @@ def test_a_network_that_knows_the_clean_numbers_is_followed(networks, objects, s
     found = drawn_numbers(
         perfect(networks, clean).interaction,
         told,
-        SamplingConfig(sampler, 7),
+        SamplingConfig(sampler, 7, guidance=1.0),
         generator=torch.Generator().manual_seed(0),
     )
     torch.testing.assert_close(found[told.shown], clean[told.shown], atol=1e-4, rtol=0)
@@ -97,7 +97,7 @@ def test_the_network_is_told_the_number_of_each_level(networks, objects):
     interaction.denoised = lambda x, level, told: (heard.append(level.unique().item()), 0 * x)[1]
     told = condition_of(networks, objects, SAID, HANDS, LENGTHS, torch.zeros(3, 48))
     generator = torch.Generator().manual_seed(0)
-    drawn_numbers(interaction, told, SamplingConfig(steps=4), generator=generator)
+    drawn_numbers(interaction, told, SamplingConfig(steps=4, guidance=1.0), generator=generator)
     assert heard == [1000, 750, 500, 250]
     heard.clear()
     drawn_numbers(interaction, told, PAPER, generator=generator)

@@ -1,0 +1,24 @@
+"""A Gaussian over the frames of generated clips, which takes away what shakes."""
+
+import torch
+from jaxtyping import Float, Int
+from scipy.ndimage import gaussian_filter1d
+from torch import Tensor
+
+
+def smoothed(
+    clips: Float[Tensor, "B T N"], deviation: float, lengths: Int[Tensor, " B"] | None = None
+) -> Float[Tensor, "B T N"]:
+    """Clips with a Gaussian of a deviation in frames over each of their numbers; 0 is for none.
+
+    Beyond its ends a clip stays as in its first and last frame; frames after its length are the
+    last.
+    """
+    if not deviation:
+        return clips
+    if lengths is not None:
+        frames = torch.arange(clips.shape[1], device=clips.device)
+        frames = frames.minimum(lengths[:, None] - 1)
+        clips = clips[torch.arange(len(clips), device=clips.device)[:, None], frames]
+    smooth = gaussian_filter1d(clips.cpu().numpy(), deviation, axis=1, mode="nearest")
+    return torch.from_numpy(smooth).to(clips)
