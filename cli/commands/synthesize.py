@@ -23,7 +23,7 @@ from .. import options, progress
     options.FOLDER,
 )
 @options.option(
-    "--count: Clips to make.", options.COUNT, show_default="20480, 8192 actions or 4096 bodies"
+    "--count: Clips to make.", options.COUNT, show_default="20480, 8192 actions or 16384 bodies"
 )
 @options.option(
     "--objects meshes: Folder of meshes to be held beside the made objects, such as scans of "

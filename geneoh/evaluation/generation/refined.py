@@ -40,7 +40,8 @@ def refined_clip(clip: Actions, seed: int) -> Actions:
     if len(meshes) == 1:
         still = torch.eye(3), torch.zeros(3)
         stood = StandingObject(meshes[0], *still, clip.points[0], clip.normals[0])
-        clip = moved_by_hands(settled(clip, stood))
+        generator = torch.Generator().manual_seed(seed)
+        clip = moved_by_hands(settled(clip, stood, generator=generator))
     sequence = sequence_of(clip, 0, meshes)
     clean = denoise(sequence, Options(trust_object=True, seed=seed)).sequence
     pose, wrist = clip.pose.clone(), clip.wrist.clone()

@@ -54,8 +54,8 @@ class GenerationOptions:
     limit: int = CLIPS
     """Most validation clips, spread over all of them."""
     refine: Refiner = "none"
-    """ "geneoh" for a row of what `geneoh generate` makes, whose hands are brought to the object and
-    go through the cleaner, several seconds a clip."""
+    """ "geneoh" for a row of what `geneoh generate` makes: hands are brought to the object and go
+    through the cleaner, several seconds a clip."""
     weights: Path | None = None
     """Folder of the generator's weights, as `geneoh train` writes it; what it lacks is shipped."""
     seed: int = 0

@@ -114,7 +114,7 @@ def generate(
         actions = refined_by(load_refiner(options.weights), actions, contact)
     actions, refined = moved_by_hands(actions), None
     if options.refine == "geneoh":
-        actions = settled(actions, stood)
+        actions = settled(actions, stood, generator=_generator(options, "hold"))
     actions = moved_by_hands(eased(actions))
     sequence = placed(actions, stood, prompt.sentence)
     if options.refine == "geneoh":

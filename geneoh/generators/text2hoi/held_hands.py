@@ -69,6 +69,12 @@ class HeldHands(Bundle):
         return hand_scale(mean_offsets()).expand(len(self.pose), 1)
 
 
+def overlap(hands: HeldHands, other: HeldHands) -> Float[Tensor, "N K K"]:
+    """How deep the spheres of hands are in those of another one, metres."""
+    (centers, radii), (places, sizes) = hands.spheres, other.spheres
+    return radii[:, :, None] + sizes[0] - torch.cdist(centers, places.expand(len(centers), -1, -1))
+
+
 def mean_offsets() -> Float[Tensor, "1 20 3"]:
     """Skeleton of the mean right hand."""
     return load_hand("right").shaped(torch.zeros(1, 10)).offsets

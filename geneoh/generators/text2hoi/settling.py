@@ -12,7 +12,8 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from geneoh.generators.text2hoi.held_hands import HeldHands, mean_offsets, moving
+from geneoh.generators.text2hoi.held_hands import HeldHands, mean_offsets, moving, overlap
+from geneoh.generators.text2hoi.new_holds import FIRM, TOUCH, Holding, new_hold
 from geneoh.generators.text2hoi.resting import touching_hands
 from geneoh.generators.text2hoi.standing import StandingObject
 from geneoh.geometry.mesh import Mesh
@@ -27,7 +28,8 @@ from geneoh.synthesis.solids import Solids
 REACH = 0.012
 """Distance from the surface within which a pad of the hand is brought to it, metres."""
 TRIES = 5  # poses of a hold of which the one that settles best is taken
-TOUCH = 0.003  # distance from the surface at which a pad touches, metres
+LOOSE = 20.0
+"""Pads that a hold is worth which bears pushes from all sides, against one that bears none."""
 FADE = 15.0  # frames over which the change fades out
 ROUNDS = 12  # in which a hand is taken out of what it is in
 SMOOTH = 2.0  # deviation in frames over which ways out of the object are smoothed
@@ -52,10 +54,17 @@ def solid_of(stood: StandingObject) -> tuple[Solids, Float[Tensor, " 3"]]:
     return scanned_object(build_scans(found)), middle
 
 
-def settled(actions: Actions, stood: StandingObject, config: GraspConfig = SETTLING) -> Actions:
+def settled(
+    actions: Actions,
+    stood: StandingObject,
+    config: GraspConfig = SETTLING,
+    *,
+    generator: torch.Generator,
+) -> Actions:
     """The first action with hands that touch its object and sink into nothing.
 
     The hand that carries the object longer keeps its place, and the other one makes way for it.
+    Where no drawn pose can hold what it carries, the hand takes the nearest grasp that can.
     """
     solids, middle = solid_of(stood)
     touching, moves = touching_hands(actions)[0], moving(actions)
@@ -67,8 +76,10 @@ def settled(actions: Actions, stood: StandingObject, config: GraspConfig = SETTL
         carrying = touching[number] & moves
         hold = torch.nonzero(carrying if bool(carrying.any()) else touching[number])[:, 0]
         hand = HeldHands.of(actions, number, middle)
-        held, frame = settled_pose(own, hand, hold, before, config)
+        held, frame, firm = settled_pose(own, hand, hold, before, config)
         frames = hold if bool(carrying.any()) else frame.expand(1)
+        if bool(carrying.any()) and not firm:
+            held = new_hold(own, hand.take(frame[None], "N"), before, generator) or held
         hand = kept_pose(own, hand, held, frames, hold)
         actions = hand.into(actions, number, middle)
         before = held.on_side(0)  # as the other hand sees it
@@ -81,10 +92,11 @@ def settled_pose(
     hold: Int[Tensor, " N"],
     before: HeldHands | None,
     config: GraspConfig,
-) -> tuple[HeldHands, Int[Tensor, ""]]:
-    """The best of some poses of a hold, each brought to the surface, and the frame of it.
+) -> tuple[HeldHands, Int[Tensor, ""], bool]:
+    """The best of some poses of a hold, each brought to the surface, its frame, and if it is firm.
 
-    Best is who touches with most pads, less what sinks in, beside the hand `before`.
+    Best is who holds the object firmly against pushes and touches with most pads, less what sinks
+    in, beside the hand `before`.
     """
     tried = hold[torch.linspace(0, len(hold) - 1, 2 * TRIES + 1).long()[1::2]]
     start = hand.take(tried, "N")
@@ -106,15 +118,9 @@ def settled_pose(
     depth = (radii - solids.signed_distance(centers)).clamp(min=0).amax(1)
     if before is not None:
         depth = depth + overlap(found, before).clamp(min=0).amax((1, 2))
-    touching = (solids.signed_distance(found.pads).abs() < TOUCH).sum(1)
-    best = (touching - depth / TOUCH).argmax()
-    return found.take(best[None], "N"), tried[best]
-
-
-def overlap(hands: HeldHands, other: HeldHands) -> Float[Tensor, "N K K"]:
-    """How deep the spheres of hands are in those of another one, metres."""
-    (centers, radii), (places, sizes) = hands.spheres, other.spheres
-    return radii[:, :, None] + sizes[0] - torch.cdist(centers, places.expand(len(centers), -1, -1))
+    holding = Holding.of(solids, found)
+    best = (holding.touching - depth / TOUCH - LOOSE * holding.loose).argmax()
+    return found.take(best[None], "N"), tried[best], bool(holding.loose[best] < FIRM)
 
 
 def beside(hands: HeldHands, other: HeldHands) -> HeldHands:

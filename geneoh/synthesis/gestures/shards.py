@@ -29,6 +29,7 @@ TEXTS = ("left", "right", "joined")
 class GestureConfig(ShardConfig):
     """What a data set of bodies with hands and sentences is made of."""
 
+    count: int = 16384
     held_out: int = 2
     """Of the ten variants of each gesture, those that validation shards alone have."""
     held_out_bodies: int = 40

@@ -6,8 +6,8 @@ import torch
 import trimesh
 from made_actions import box_actions
 
-from geneoh.generators.text2hoi.held_hands import HeldHands, moving
-from geneoh.generators.text2hoi.settling import beside, overlap, settled, solid_of, way_out
+from geneoh.generators.text2hoi.held_hands import HeldHands, moving, overlap
+from geneoh.generators.text2hoi.settling import beside, settled, solid_of, way_out
 from geneoh.generators.text2hoi.standing import stand
 from geneoh.geometry.distance import SurfaceDistance
 from geneoh.geometry.mesh import Mesh
@@ -50,6 +50,10 @@ def sunk(rod, side: int):
     return replace(actions, wrist=wrist, pose=poses)
 
 
+def seeded():
+    return torch.Generator().manual_seed(0)
+
+
 def depth_of(actions, rod, side: int) -> float:
     """Depth of the deepest keypoint, metres, over all frames."""
     apart = actions.keypoints()[0, side] - actions.translation[0, :, None]
@@ -68,7 +72,7 @@ def test_the_grid_is_the_standing_object(rod):
 @pytest.mark.parametrize("side", [0, 1])
 def test_a_hand_that_sinks_in_comes_out_and_holds(rod, side):
     before = sunk(rod, side)
-    after = settled(before, rod)
+    after = settled(before, rod, generator=seeded())
     assert depth_of(before, rod, side) > 0
     assert depth_of(after, rod, side) < 0
     apart = after.keypoints()[0, side] - after.translation[0, :, None]
@@ -82,7 +86,7 @@ def test_a_hand_that_sinks_in_comes_out_and_holds(rod, side):
 def test_a_hand_that_never_touches_stays_as_it_is(rod):
     actions = sunk(rod, 1)
     away = replace(actions, wrist=actions.wrist + torch.tensor([0.5, 0.0, 0.0]))
-    assert torch.equal(settled(away, rod).pose, away.pose)
+    assert torch.equal(settled(away, rod, generator=seeded()).pose, away.pose)
 
 
 @pytest.mark.parametrize("side", [0, 1])
@@ -90,7 +94,7 @@ def test_a_hand_that_slides_on_what_it_carries_keeps_its_place(rod, side):
     before = sunk(rod, side)
     slide = torch.linspace(-0.02, 0.02, 24)[:, None] * torch.tensor([0.0, 0, 1])
     before = replace(before, wrist=before.wrist + slide * before.hands[:, :, None, None])
-    after = settled(before, rod)
+    after = settled(before, rod, generator=seeded())
     apart = (after.keypoints()[0, side] - after.translation[0, :, None])[:24]
     assert (apart - apart[12]).abs().amax() < 1e-4
     assert depth_of(after, rod, side) < 0

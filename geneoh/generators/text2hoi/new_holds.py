@@ -1,0 +1,58 @@
+"""A new hold for a hand that carries its object, where none of the drawn poses can hold it."""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.generators.text2hoi.held_hands import HeldHands, mean_offsets, overlap
+from geneoh.synthesis.grasps import GraspConfig, synthesize_grasps
+from geneoh.synthesis.holding import unheld
+from geneoh.synthesis.solids import Solids
+
+TRIES = 12  # grasps that are looked for at once
+TOUCH = 0.003  # distance from the surface at which a pad touches, metres
+FIRM = 0.5
+"""Share of a push from the worst side that a hold may leave unheld (`geneoh.synthesis.holding`)."""
+MIXED = 10.0  # a metre of overlap with the other hand is as bad as so many of distance
+GRASPS = GraspConfig(grips=0)
+
+
+@dataclass(frozen=True)
+class Holding:
+    """What hands at an object touch, and how firmly."""
+
+    touching: Float[Tensor, " N"]  # number of pads
+    loose: Float[Tensor, " N"]  # share of the worst push that is not held, 0 to 1
+
+    @classmethod
+    def of(cls, solids: Solids, hands: HeldHands) -> "Holding":
+        """The holding of N hands at N objects."""
+        pads = hands.pads
+        gap, normal = solids.distance_and_normal(pads)
+        touching = gap.abs() < TOUCH
+        return cls(touching.sum(1).to(gap), unheld(pads, normal, touching))
+
+
+def new_hold(
+    solids: Solids, drawn: HeldHands, before: HeldHands | None, generator: torch.Generator
+) -> HeldHands | None:
+    """The firm grasp that is nearest to a drawn hand, as the training data were grasped.
+
+    It is looked for from the drawn hand's side of the object, and keeps out of the hand `before`.
+    None where no grasp is found that passes the checks of the training data.
+    """
+    solids = solids.take(torch.zeros(TRIES, dtype=torch.long), "B")
+    toward = torch.nn.functional.normalize(drawn.wrist, dim=-1).expand(TRIES, -1)
+    offsets = mean_offsets().expand(TRIES, -1, -1)
+    grasps = synthesize_grasps(solids, offsets, GRASPS, generator=generator, toward=toward)
+    found = HeldHands(grasps.pose, grasps.wrist)
+    firm = grasps.kept & (Holding.of(solids, found).loose < FIRM)
+    if not bool(firm.any()):
+        return None
+    away = (found.spheres[0] - drawn.spheres[0]).norm(dim=-1).mean(1)
+    if before is not None:
+        away = away + MIXED * overlap(found, before).clamp(min=0).amax((1, 2))
+    nearest = away.masked_fill(~firm, torch.inf).argmin()
+    return found.take(nearest[None], "N")

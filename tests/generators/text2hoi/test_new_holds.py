@@ -1,0 +1,81 @@
+"""Holds that are looked for anew, on a ball that a drawn hand is stuck in."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+from actions import made_actions
+
+from geneoh.generators.text2hoi.held_hands import HeldHands, overlap
+from geneoh.generators.text2hoi.new_holds import FIRM, Holding, new_hold
+from geneoh.generators.text2hoi.settling import settled, solid_of
+from geneoh.generators.text2hoi.standing import stand
+from geneoh.geometry.mesh import Mesh
+from geneoh.synthesis.pose_prior import FINGER_MEAN
+
+RADIUS = 0.035
+
+
+@pytest.fixture(scope="module")
+def ball():
+    made = trimesh.creation.icosphere(4, RADIUS)
+    mesh = Mesh(torch.tensor(made.vertices.astype(np.float32)), torch.tensor(made.faces))
+    return stand(mesh, generator=seeded())
+
+
+@pytest.fixture(scope="module")
+def stuck():
+    """A hand whose palm is in the middle of the ball, with its fingers beyond it."""
+    pose = torch.cat([torch.zeros(1, 3), FINGER_MEAN])[None]
+    return HeldHands(pose, torch.tensor([[0.09, 0.0, 0.0]]))
+
+
+def seeded():
+    return torch.Generator().manual_seed(0)
+
+
+def test_a_new_hold_is_firm_and_on_the_side_of_the_drawn_hand(ball, stuck):
+    solids = solid_of(ball)[0]
+    assert Holding.of(solids, stuck).loose > FIRM
+    found = new_hold(solids, stuck, None, seeded())
+    assert Holding.of(solids, found).loose < FIRM
+    centers, radii = found.spheres
+    assert (radii - solids.signed_distance(centers)).max() < 0.004
+    toward = torch.nn.functional.cosine_similarity(found.wrist, stuck.wrist)
+    assert toward > 0
+    again = new_hold(solids, stuck, None, seeded())
+    assert torch.equal(again.pose, found.pose)
+
+
+def test_a_new_hold_keeps_out_of_the_other_hand(ball, stuck):
+    solids = solid_of(ball)[0]
+    alone = new_hold(solids, stuck, None, seeded())
+    aside = new_hold(solids, stuck, alone, seeded())
+    assert overlap(aside, alone).max() < overlap(alone, alone).max()
+
+
+def test_an_object_that_no_hand_can_hold_gets_no_new_hold(stuck):
+    made = trimesh.creation.icosphere(3, 0.9)
+    mesh = Mesh(torch.tensor(made.vertices.astype(np.float32)), torch.tensor(made.faces))
+    solids = solid_of(stand(mesh, generator=seeded()))[0]
+    assert new_hold(solids, stuck, None, seeded()) is None
+
+
+def test_a_hand_that_is_stuck_in_what_it_carries_holds_it(ball):
+    before = made_actions(["lift"], frames=24, hands=(False, True))
+    before = replace(
+        before,
+        points=ball.points[None],
+        normals=ball.normals[None],
+        part=torch.zeros(1, len(ball.points), dtype=torch.long),
+        rotation=torch.eye(3).expand(1, 24, 3, 3),
+    )
+    pose, wrist = torch.zeros(1, 2, 24, 16, 3), torch.zeros(1, 2, 24, 3)
+    pose[:, 1, :, 1:] = FINGER_MEAN
+    wrist[:, 1] = torch.tensor([0.09, 0.0, RADIUS]) + before.translation
+    after = settled(replace(before, pose=pose, wrist=wrist), ball, generator=seeded())
+    solids, middle = solid_of(ball)
+    hand = HeldHands.of(after, 1, middle).take(slice(12, 13), "N")
+    assert Holding.of(solids, hand).loose < FIRM
