@@ -17,6 +17,7 @@ from geneoh.synthesis.contact_pads import contact_pads, hand_scale, hand_spheres
 
 STILL = 1e-5  # metres in a frame below which an object rests
 ARM = 0.01  # metres at which a turn counts as motion
+LIFTED = 0.01  # metres by which an object is off the height at which it rests
 
 
 @dataclass(frozen=True)
@@ -86,3 +87,9 @@ def moving(actions: Actions) -> Bool[Tensor, " T"]:
     turn = matrix_to_axis_angle(actions.rotation[0, :-1].mT @ actions.rotation[0, 1:])
     moves = shift + ARM * turn.norm(dim=-1) > STILL
     return torch.nn.functional.pad(moves, (1, 0)) | torch.nn.functional.pad(moves, (0, 1))
+
+
+def lifted(actions: Actions, frames: Bool[Tensor, " T"]) -> bool:
+    """Whether the object of the first action is off its first height in some frames."""
+    height = actions.translation[0, :, 2]
+    return bool(((height - height[0]).abs() > LIFTED)[frames].any())

@@ -12,7 +12,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from geneoh.generators.text2hoi.held_hands import HeldHands, mean_offsets, moving, overlap
+from geneoh.generators.text2hoi.held_hands import HeldHands, lifted, mean_offsets, moving, overlap
 from geneoh.generators.text2hoi.new_holds import FIRM, TOUCH, Holding, new_hold
 from geneoh.generators.text2hoi.resting import touching_hands
 from geneoh.generators.text2hoi.standing import StandingObject
@@ -64,7 +64,7 @@ def settled(
     """The first action with hands that touch its object and sink into nothing.
 
     The hand that carries the object longer keeps its place, and the other one makes way for it.
-    Where no drawn pose can hold what it carries, the hand takes the nearest grasp that can.
+    Where no drawn pose can hold what it lifts, the hand takes the nearest grasp that can.
     """
     solids, middle = solid_of(stood)
     touching, moves = touching_hands(actions)[0], moving(actions)
@@ -78,7 +78,7 @@ def settled(
         hand = HeldHands.of(actions, number, middle)
         held, frame, firm = settled_pose(own, hand, hold, before, config)
         frames = hold if bool(carrying.any()) else frame.expand(1)
-        if bool(carrying.any()) and not firm:
+        if not firm and lifted(actions, carrying):
             held = new_hold(own, hand.take(frame[None], "N"), before, generator) or held
         hand = kept_pose(own, hand, held, frames, hold)
         actions = hand.into(actions, number, middle)

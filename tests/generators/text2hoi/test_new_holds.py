@@ -8,7 +8,7 @@ import torch
 import trimesh
 from actions import made_actions
 
-from geneoh.generators.text2hoi.held_hands import HeldHands, overlap
+from geneoh.generators.text2hoi.held_hands import HeldHands, lifted, overlap
 from geneoh.generators.text2hoi.new_holds import FIRM, Holding, new_hold
 from geneoh.generators.text2hoi.settling import settled, solid_of
 from geneoh.generators.text2hoi.standing import stand
@@ -63,7 +63,7 @@ def test_an_object_that_no_hand_can_hold_gets_no_new_hold(stuck):
     assert new_hold(solids, stuck, None, seeded()) is None
 
 
-def test_a_hand_that_is_stuck_in_what_it_carries_holds_it(ball):
+def test_a_hand_that_is_stuck_in_what_it_lifts_holds_it(ball):
     before = made_actions(["lift"], frames=24, hands=(False, True))
     before = replace(
         before,
@@ -75,7 +75,11 @@ def test_a_hand_that_is_stuck_in_what_it_carries_holds_it(ball):
     pose, wrist = torch.zeros(1, 2, 24, 16, 3), torch.zeros(1, 2, 24, 3)
     pose[:, 1, :, 1:] = FINGER_MEAN
     wrist[:, 1] = torch.tensor([0.09, 0.0, RADIUS]) + before.translation
-    after = settled(replace(before, pose=pose, wrist=wrist), ball, generator=seeded())
-    solids, middle = solid_of(ball)
+    before, (solids, middle) = replace(before, pose=pose, wrist=wrist), solid_of(ball)
+    after = settled(before, ball, generator=seeded())
     hand = HeldHands.of(after, 1, middle).take(slice(12, 13), "N")
     assert Holding.of(solids, hand).loose < FIRM
+    assert lifted(before, torch.ones(24, dtype=torch.bool))
+    # an object that stays at its height is pushed, which needs no hold
+    pushed = before.translation.flip(-1)
+    assert not lifted(replace(before, translation=pushed), torch.ones(24, dtype=torch.bool))
