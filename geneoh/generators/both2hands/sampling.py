@@ -34,12 +34,15 @@ class SamplingConfig:
     sampler: Literal["ddim", "ancestral"] = "ddim"
     steps: int = 25  # of the noise levels 1,000 to 0 (paper: 1,000 ancestral ones)
     branch: Branch = "blended"
+    guidance: float = 2.5
+    """How far blended answers go beyond those of the body alone, in every step: 1 is plain (paper),
+    with more the sentence counts more."""
     smoothing: float = 1.5
     """Deviation in frames of the Gaussian that hands of the frame "wrist" are smoothed by at last;
     0 for none (paper). It takes away what shakes, and of a clap or a wave next to nothing."""
 
 
-PAPER = SamplingConfig("ancestral", PAPER_STEPS, smoothing=0.0)
+PAPER = SamplingConfig("ancestral", PAPER_STEPS, guidance=1.0, smoothing=0.0)
 
 
 @dataclass(frozen=True)
@@ -84,10 +87,10 @@ class Process:
     def blended(
         self, x: Float[Tensor, "W F 270"], level: Float[Tensor, " W"]
     ) -> Float[Tensor, "W F 270"]:
-        """The answers of both networks to the same noisy hands, blended."""
+        """The answers of both networks to the same noisy hands, blended and guided."""
         body, text, blend = self.networks.body, self.networks.text, self.networks.blend
-        answers = both_answers(body, text, (x, x), level, self.told, self.scene)
-        return blend(*answers, level)
+        of_body, of_text = both_answers(body, text, (x, x), level, self.told, self.scene)
+        return torch.lerp(of_body, blend(of_body, of_text, level), self.config.guidance)
 
     def run(self, network: HandsDenoiser, answer: Answer) -> Float[Tensor, "B T 270"]:
         """Hands from noise, by the answers of one network or of several."""
