@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 import trimesh
-from actions import made_actions
+from made_actions import made_actions
 
 from geneoh.generators.text2hoi.held_hands import HeldHands, lifted, overlap
 from geneoh.generators.text2hoi.new_holds import FIRM, Holding, new_hold
