@@ -61,6 +61,7 @@ def test_every_clip_has_a_result_and_a_second_run_does_nothing(clips, clean, tmp
     assert {path: path.stat().st_mtime_ns for path in times} == times
 
 
+@pytest.mark.slow
 def test_processes_give_the_bits_of_one_and_survive_a_killed_one(clips, clean, tmp_path):
     clean(clips, "one")
     (clips / "clip2.kill").touch()

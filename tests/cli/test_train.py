@@ -46,7 +46,6 @@ def test_synthesized_data_trains_every_stage_and_denoise_takes_the_weights(geneo
         assert len(log) == 2
 
 
-@pytest.mark.slow
 def test_training_on_a_fresh_machine_makes_its_data_first(geneoh, tmp_path):
     few = ("count=2", "shard=1", "points=64", *ANYTHING)
     few = tuple(f"synthesis.{setting}" for setting in few)

@@ -144,6 +144,7 @@ def test_weights_that_are_missing_stop_the_run(noisy_case, folder):
         run(work_left([noisy_case], methods, []), folder, CONFIG)
 
 
+@pytest.mark.slow
 def test_several_processes_give_the_scores_of_one(tmp_path):
     clip = Clip("short", short_clip)
     cases = [Case("taco", clip, noise, 1) for noise in ("gauss", "drift")]

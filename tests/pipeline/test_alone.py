@@ -81,7 +81,6 @@ def test_a_file_of_keypoints_alone_is_cleaned_and_read_again(noisy, tmp_path):
     torch.testing.assert_close(again.hands[0].joints, result.sequence.hands[0].joints)
 
 
-@pytest.mark.slow
 def test_the_papers_preset_cleans_a_hand_alone(noisy, monkeypatch):
     quick_presets.use(monkeypatch)
     options = geneoh.Options(preset="paper", steps=3)

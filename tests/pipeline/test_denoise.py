@@ -202,7 +202,6 @@ def test_paper_preset_has_the_papers_schedule_and_no_observation():
     assert not chosen.observed
 
 
-@pytest.mark.slow
 def test_paper_preset_runs(noisy, monkeypatch):
     quick_presets.use(monkeypatch)
     result = denoise(noisy[50:52], Options(preset="paper", steps=3))

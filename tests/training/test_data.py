@@ -120,7 +120,6 @@ def made(tmp_path_factory) -> Path:
     return folder
 
 
-@pytest.mark.slow
 def test_an_empty_folder_is_filled_first_and_an_interrupted_one_completed(made, tmp_path, tiny):
     config, told = replace(tiny, synthesis=FEW), []
     data = training_data(
@@ -137,7 +136,6 @@ def test_an_empty_folder_is_filled_first_and_an_interrupted_one_completed(made, 
     assert again.training.wrist.equal(data.training.wrist)
 
 
-@pytest.mark.slow
 def test_interactions_of_other_settings_are_taken_as_they_are(made, tmp_path, tiny):
     before = sorted(path.stat().st_mtime_ns for path in made.iterdir())
     data = training_data([DataSource(made)], tmp_path, tiny)
