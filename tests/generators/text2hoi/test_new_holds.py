@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 import trimesh
-from made_actions import made_actions
+from made_actions import box_actions
 
 from geneoh.generators.text2hoi.held_hands import HeldHands, lifted, overlap
 from geneoh.generators.text2hoi.new_holds import FIRM, Holding, new_hold
@@ -64,7 +64,7 @@ def test_an_object_that_no_hand_can_hold_gets_no_new_hold(stuck):
 
 
 def test_a_hand_that_is_stuck_in_what_it_lifts_holds_it(ball):
-    before = made_actions(["lift"], frames=24, hands=(False, True))
+    before = box_actions(["lift"], frames=24, hands=(False, True))
     before = replace(
         before,
         points=ball.points[None],
