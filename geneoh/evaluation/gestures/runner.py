@@ -26,14 +26,15 @@ from geneoh.evaluation.gestures.rows import (
 from geneoh.evaluation.gestures.scores import (
     MEASURES,
     SCORES,
-    FingerRange,
     ScoredHands,
     features_of,
+    range_of,
     score_hands,
 )
 from geneoh.evaluation.runner import PACKAGES
 from geneoh.files.journal import digest, digests
 from geneoh.generators.both2hands.library import Networks, load_networks, weights_of
+from geneoh.generators.both2hands.limits import FingerRange
 from geneoh.generators.both2hands.sampling import Branch
 from geneoh.progress import OnProgress, OnStep
 from geneoh.synthesis.gestures.clips import Gestures
@@ -130,7 +131,7 @@ def conditions(options: GestureOptions, task: EncoderTask, model: GestureEncoder
     which = torch.randint(real.joined.shape[1], (count,), generator=generator).tolist()
     said = [str(each[n]) for each, n in zip(real.joined, which, strict=True)]
     told = model.sentences(task.numbers(said))
-    return Conditions(real, said, told, model, FingerRange.of(task.clips))
+    return Conditions(real, said, told, model, range_of(task.clips))
 
 
 def network_row(

@@ -13,13 +13,12 @@ from geneoh.bundle import Bundle
 from geneoh.evaluation.generation.scores import Measure
 from geneoh.evaluation.gestures.encoder import GestureEncoder, Seen
 from geneoh.evaluation.gestures.learning import POOL
+from geneoh.generators.both2hands.limits import ALLOWED, FingerRange
 from geneoh.geometry.rotations import matrix_to_axis_angle
 from geneoh.metrics.features import diversity, frechet_distance, multimodality, retrieval
 from geneoh.metrics.smoothness import acceleration, per_frame_squared
 from geneoh.synthesis.actions import FPS
 from geneoh.synthesis.gestures.clips import Gestures
-
-BEYOND = 0.1  # radians beyond the range of the training clips from which a joint counts
 
 MEASURES = (
     Measure("top1", "R@1", "%", "more", f"sentences that find their clip among {POOL}", 1),
@@ -34,24 +33,16 @@ MEASURES = (
 )
 
 
-@dataclass(frozen=True)
-class FingerRange(Bundle):
-    """Least and largest rotation of each finger joint, radians on each axis."""
+def range_of(clips: Gestures) -> FingerRange:
+    """The range of the finger joints of all clips."""
+    fingers = clips.pose[:, :, BODY_JOINTS:]
+    return FingerRange(fingers.amin((0, 1)), fingers.amax((0, 1)))
 
-    low: Float[Tensor, "30 3"]
-    high: Float[Tensor, "30 3"]
 
-    @staticmethod
-    def of(clips: Gestures) -> "FingerRange":
-        """The range of all clips."""
-        fingers = clips.pose[:, :, BODY_JOINTS:]
-        return FingerRange(fingers.amin((0, 1)), fingers.amax((0, 1)))
-
-    def beyond(self, motion: BodyMotion) -> Float[Tensor, " B"]:
-        """Share of the joints of all frames that are beyond the range by more than `BEYOND`."""
-        fingers = matrix_to_axis_angle(motion.rotations[:, :, BODY_JOINTS:])
-        out = torch.maximum(self.low - fingers, fingers - self.high).amax(-1) > BEYOND
-        return out.float().mean((1, 2))
+def share_beyond(fingers: FingerRange, motion: BodyMotion) -> Float[Tensor, " B"]:
+    """Share of the joints of all frames that are beyond a range by more than `ALLOWED`."""
+    turned = matrix_to_axis_angle(motion.rotations[:, :, BODY_JOINTS:])
+    return (fingers.beyond(turned) > ALLOWED).float().mean((1, 2))
 
 
 @dataclass(frozen=True)
@@ -80,7 +71,7 @@ def score_hands(
         told,
         features_of(model, real, motion),
         moved.mean(1),
-        fingers.beyond(motion),
+        share_beyond(fingers, motion),
         told.new_zeros(0, 0, told.shape[1]) if several is None else several,
     )
 

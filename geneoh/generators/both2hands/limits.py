@@ -6,41 +6,53 @@ round, through the back of the hand.
 """
 
 import math
+from dataclasses import dataclass
 
 import torch
 from jaxtyping import Float
-from scipy.ndimage import gaussian_filter1d
 from torch import Tensor
 
+from geneoh.bundle import Bundle
 from geneoh.choices import SIDES
+from geneoh.generators.smoothing import smoothed
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.hand.library import load_hand
 
 ALLOWED = 0.1
-"""Radians beyond a limit, on each axis, from which on a joint is brought back."""
+"""Radians beyond a limit, on one axis, up to which a joint counts as inside."""
 DEVIATION = 3.0
 """Of the Gaussian over time, in frames, that a joint is smoothed by which is brought back."""
 
 
+@dataclass(frozen=True)
+class FingerRange(Bundle):
+    """Least and largest rotation of each finger joint, radians on each axis."""
+
+    low: Float[Tensor, "30 3"]
+    high: Float[Tensor, "30 3"]
+
+    @staticmethod
+    def of_hands() -> "FingerRange":
+        """What a left and a right hand can do."""
+        hands = [load_hand(side) for side in SIDES]
+        low, high = ([getattr(h, name)[1:] for h in hands] for name in ("pose_low", "pose_high"))
+        return FingerRange(torch.cat(low), torch.cat(high))
+
+    def beyond(self, vectors: Float[Tensor, "*B 30 3"]) -> Float[Tensor, "*B 30"]:
+        """How far joints are beyond the range on their worst axis; below zero inside."""
+        return torch.maximum(self.low - vectors, vectors - self.high).amax(-1)
+
+
 def within_limits(fingers: Float[Tensor, "T 30 3 3"]) -> Float[Tensor, "T 30 3 3"]:
-    """The rotations of the joints of both hands, of which none is beyond the limits for long.
+    """The rotations of the joints of both hands, of which none is beyond the limits.
 
-    Joints that always are inside the limits stay exactly as they are.
+    Joints that are inside in all frames stay exactly as they are.
     """
-    low, high = (
-        torch.cat([getattr(load_hand(side), name)[1:] for side in SIDES]).to(fingers)
-        for name in ("pose_low", "pose_high")
-    )
-
-    def beyond(vectors: Tensor) -> Tensor:
-        return torch.maximum(low - vectors, vectors - high).amax(-1, keepdim=True)
-
-    turned = matrix_to_axis_angle(fingers)
+    limits, turned = FingerRange.of_hands().to(fingers.device), matrix_to_axis_angle(fingers)
     angle = turned.norm(dim=-1, keepdim=True).clamp(min=1e-6)
     other_way = turned * (1 - 2 * math.pi / angle)
-    held = torch.where(beyond(other_way) < beyond(turned), other_way, turned)
-    held = held.clamp(low, high)
-    smooth = gaussian_filter1d(held.cpu().numpy(), DEVIATION, axis=0, mode="nearest")
-    mended = axis_angle_to_matrix(torch.from_numpy(smooth).to(fingers))
-    ill = (beyond(turned) > ALLOWED).any(0)[..., None]
-    return torch.where(ill, mended, fingers)
+    nearer = limits.beyond(other_way) < limits.beyond(turned)
+    held = torch.where(nearer[..., None], other_way, turned).clamp(limits.low, limits.high)
+    held = smoothed(held.flatten(1)[None], DEVIATION)[0].reshape_as(held)
+    ill = (limits.beyond(turned) > ALLOWED).any(0)
+    return torch.where(ill[:, None, None], axis_angle_to_matrix(held), fingers)

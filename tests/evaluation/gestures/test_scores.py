@@ -3,7 +3,7 @@ import torch
 from made_gestures import made_gestures
 
 from geneoh.evaluation.generation.scores import repeat
-from geneoh.evaluation.gestures.scores import MEASURES, SCORES, FingerRange, ScoredHands
+from geneoh.evaluation.gestures.scores import MEASURES, SCORES, ScoredHands, range_of, share_beyond
 
 
 def scored(features: torch.Tensor, told: torch.Tensor | None = None, several: int = 0):
@@ -51,9 +51,9 @@ def test_multimodality_is_of_answers_to_one_question_and_else_none():
 
 def test_joints_beyond_the_range_of_training_are_counted():
     clips = made_gestures(3)
-    limits = FingerRange.of(clips)
-    assert limits.beyond(clips.motion).max() == 0
+    limits = range_of(clips)
+    assert share_beyond(limits, clips.motion).max() == 0
     bent = clips.motion
     clips.pose[:, :, 22, 2] += 2.0  # one of 30 joints
-    torch.testing.assert_close(limits.beyond(clips.motion), torch.full((3,), 1 / 30))
-    assert limits.beyond(bent).max() == 0
+    torch.testing.assert_close(share_beyond(limits, clips.motion), torch.full((3,), 1 / 30))
+    assert share_beyond(limits, bent).max() == 0

@@ -9,14 +9,12 @@ import torch
 
 from geneoh.body.motion import BodyMotion, pose
 from geneoh.body.skeleton import BODY_JOINTS, embedded_skeleton
-from geneoh.choices import SIDES
 from geneoh.generators.both2hands.generate import generate_hands
 from geneoh.generators.both2hands.library import SHIPPED, load_networks
-from geneoh.generators.both2hands.limits import ALLOWED
+from geneoh.generators.both2hands.limits import ALLOWED, FingerRange
 from geneoh.generators.both2hands.on_body import BodyOptions, generate_on_body, save_on_body
 from geneoh.generators.both2hands.sampling import SamplingConfig, sample
 from geneoh.geometry.rotations import matrix_to_axis_angle
-from geneoh.hand.library import load_hand
 from geneoh.metrics.smoothness import acceleration, per_frame_squared
 from geneoh.readers.bodies.base import BodyRecording, resting
 from geneoh.synthesis.gestures.synthesis import BodyConfig, gesturing
@@ -59,10 +57,7 @@ def shaking(fingers) -> float:
 
 def beyond(fingers):
     """How far each joint is beyond the limits of a hand, radians."""
-    hands = [load_hand(side) for side in SIDES]
-    low, high = (torch.cat([getattr(h, n)[1:] for h in hands]) for n in ("pose_low", "pose_high"))
-    turned = matrix_to_axis_angle(fingers)
-    return torch.maximum(low - turned, turned - high).amax(-1)
+    return FingerRange.of_hands().beyond(matrix_to_axis_angle(fingers))
 
 
 def test_the_weights_of_all_networks_take_less_than_ten_megabytes():
