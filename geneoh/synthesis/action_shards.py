@@ -11,8 +11,9 @@ from geneoh.errors import InputError
 from geneoh.files.tensors import DamagedTensorsError, all_tensors, opened_tensors
 from geneoh.hand.model import HandModel
 from geneoh.synthesis.acting import ActingConfig, act, stands_upright
-from geneoh.synthesis.actions import LONGEST, Actions
+from geneoh.synthesis.actions import LONGEST, VERBS, Actions
 from geneoh.synthesis.bimanual import BimanualConfig, grasp_directions, pair_hands
+from geneoh.synthesis.damage import refuse_damage
 from geneoh.synthesis.objects import FAMILIES
 from geneoh.synthesis.scans import Scans
 from geneoh.synthesis.shards import (
@@ -45,6 +46,7 @@ class ActionSynthesisConfig(SynthesisConfig):
 
 DEFAULTS = ActionSynthesisConfig()
 FEWEST = 32  # actions for which grasps are tried at once; fewer take nearly as long
+MOST_NAMES = 100_000  # no data set has more objects
 JOINTED = ("bottle", "scissors", "pliers", "laptop", "chest", "drawer")
 """Families whose objects have a part on a joint."""
 LARGE = ("carton", "board", "pan", "bowl", "plate", "box")
@@ -105,7 +107,11 @@ def action_shard(path: Path) -> Actions:
     """One shard; `InputError` if the file is no whole shard of actions."""
     try:
         with opened_tensors(path) as (shard, _):
-            return Actions(**all_tensors(shard))
+            actions = Actions(**all_tensors(shard))
+            ranges = {"verb": len(VERBS), "name": MOST_NAMES, "part": 2}
+            frames = actions.joint.shape[1]
+            refuse_damage(actions, ranges, length=actions.length, frames=frames)
+            return actions
     except (OSError, TypeError, DamagedTensorsError) as error:
         raise InputError(
             f"{path}: expected a whole shard of actions, got {error}; delete it and run "
@@ -120,5 +126,11 @@ def names_of_shard(path: Path) -> list[str]:
 
 def read_actions(folder: Path, split: str) -> tuple[Actions, list[str]]:
     """All actions of one split, and the names of objects without endings; raises as above."""
-    names = names_of_shard(find_shards(folder, split, DEFAULTS)[0])
-    return concatenated(action_shards(folder, split), "B"), names
+    first = find_shards(folder, split, DEFAULTS)[0]
+    names, actions = names_of_shard(first), concatenated(action_shards(folder, split), "B")
+    if int(actions.name.max()) >= len(names):
+        raise InputError(
+            f"{first}: expected names of {len(names)} objects, got number "
+            f"{int(actions.name.max())}; make the folder again"
+        )
+    return actions, names

@@ -30,14 +30,13 @@ from geneoh.synthesis.bimanual import (
     grasp_directions,
     pair_hands,
 )
+from geneoh.synthesis.damage import LARGEST
 from geneoh.synthesis.grasps import GraspConfig, Grasps, shifted_grips, synthesize_grasps
 from geneoh.synthesis.motion import AnimationConfig, Interactions, animate
 from geneoh.synthesis.objects import FAMILIES, draw_objects, family_named
 from geneoh.synthesis.scans import FILE, Scans, read_scans
 from geneoh.synthesis.solids import Solids
 from geneoh.workers.pool import in_processes
-
-LARGEST = 1000.0  # largest number in a shard, in metres or radians; larger ones are damage
 
 
 @runtime_checkable

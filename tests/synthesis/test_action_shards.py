@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import pytest
 import torch
+from made_actions import made_actions, write_action_shards
 
 from geneoh.errors import InputError
 from geneoh.hand.library import load_hand
@@ -49,3 +50,24 @@ def test_shards_to_clean_are_no_actions(tmp_path):
     write_shards(tmp_path, config, load_hand("right"), seed=0)
     with pytest.raises(InputError, match="whole shard of actions"):
         read_actions(tmp_path, "train")
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"verb": torch.full((6,), 10**9)}, "'verb'"),
+        ({"length": torch.full((6,), 10**10)}, "'length'"),
+        ({"part": torch.full((6, 48), 2)}, "'part'"),
+        ({"wrist": torch.full((6, 2, 20, 3), torch.nan)}, "'wrist'"),
+    ],
+)
+def test_damaged_numbers_are_refused(tmp_path, changed, words):
+    write_action_shards(tmp_path / "data", train=replace(made_actions(), **changed))
+    with pytest.raises(InputError, match=words):
+        read_actions(tmp_path / "data", "train")
+
+
+def test_actions_without_points_are_refused(tmp_path):
+    write_action_shards(tmp_path / "data", train=made_actions().take(slice(0), "P"))
+    with pytest.raises(InputError, match="nothing in 'points'"):
+        read_actions(tmp_path / "data", "train")

@@ -12,7 +12,8 @@ from geneoh.bundle import concatenated
 from geneoh.errors import ConfigError, InputError
 from geneoh.files.tensors import DamagedTensorsError, all_tensors, opened_tensors
 from geneoh.hand.model import HandModel
-from geneoh.synthesis.gestures.clips import Gestures
+from geneoh.synthesis.damage import refuse_damage
+from geneoh.synthesis.gestures.clips import NAMES, Gestures
 from geneoh.synthesis.gestures.hands import VARIANTS
 from geneoh.synthesis.gestures.manipulation import ActionSource
 from geneoh.synthesis.gestures.one_handed import ONE_HANDED
@@ -108,7 +109,10 @@ def gesture_shard(path: Path) -> Gestures:
         with opened_tensors(path) as (shard, record):
             held: dict[str, Any] = dict(all_tensors(shard))
             held |= {name: np.array(record[name]) for name in TEXTS}
-            return Gestures(**held)
+            clips = Gestures(**held)
+            ranges = {"gesture": len(NAMES)}
+            refuse_damage(clips, ranges, length=clips.length, frames=clips.root.shape[1])
+            return clips
     except (OSError, TypeError, DamagedTensorsError) as error:
         raise InputError(
             f"{path}: expected a whole shard of bodies, got {error}; delete it and run "

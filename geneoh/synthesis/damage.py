@@ -1,0 +1,27 @@
+"""What only damage makes of the numbers in shards."""
+
+from collections.abc import Mapping
+
+from torch import Tensor
+
+from geneoh.bundle import Bundle
+
+LARGEST = 1000.0  # largest number in a shard, in metres or radians; larger ones are damage
+
+
+def refuse_damage(clips: Bundle, ranges: Mapping[str, int], *, length: Tensor, frames: int) -> None:
+    """Refuse what only damage makes: no clips or points, numbers that are no index, NaN, lengths.
+
+    `ranges` has the number of things that a field of indices is about.
+    """
+    for name, value in vars(clips).items():
+        if not isinstance(value, Tensor):
+            continue
+        if not value.numel():
+            raise ValueError(f"nothing in '{name}'")
+        if value.is_floating_point() and not bool((value.abs() <= LARGEST).all()):
+            raise ValueError(f"numbers beyond {LARGEST:g} in '{name}'")  # or NaN
+        if name in ranges and not bool(((value >= 0) & (value < ranges[name])).all()):
+            raise ValueError(f"numbers in '{name}' that are not from 0 to {ranges[name] - 1}")
+    if not bool(((length >= 2) & (length <= frames)).all()):
+        raise ValueError(f"numbers in 'length' that are not from 2 to {frames}")
