@@ -118,7 +118,7 @@ def test_the_cleaner_mends_hands_that_were_brought_to_the_surface(mug, monkeypat
         assert options.trust_object
         return Denoised(sequence, {}, ())
 
-    def brought(actions, stood):
+    def brought(actions, stood, *, generator):
         order.append("settled")
         return actions
 
