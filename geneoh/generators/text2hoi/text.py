@@ -10,6 +10,7 @@ from tokenizers import Tokenizer
 from torch import Tensor
 
 from geneoh.config import with_table
+from geneoh.denoisers.library import refuse_depths
 from geneoh.errors import CheckpointError
 from geneoh.generators.pieces import marked, piece_numbers, words_of
 from geneoh.generators.text import TextEncoder, foreign_encoder
@@ -30,7 +31,9 @@ class TextModel:
         """
         record: dict[str, Any] = checkpoint.record
         try:
-            config = with_table(TextConfig(), dict(record["config"]["text"]), file)
+            size = dict(record["config"]["text"])
+            refuse_depths(size, len(checkpoint.tensors))
+            config = with_table(TextConfig(), size, file)
             with torch.device("meta"):
                 network = TextNetwork(config)
             network.load_state_dict(checkpoint.tensors, assign=True)

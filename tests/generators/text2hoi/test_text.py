@@ -89,6 +89,10 @@ def test_weights_of_another_network_are_refused(tmp_path):
     save_checkpoint(path, Checkpoint({"a": torch.zeros(2)}, {"config": {"text": {}}}))
     with pytest.raises(CheckpointError, match="expected weights of this version's text encoder"):
         load_text_encoder(tmp_path)
+    endless = {"config": {"text": {"depth": 10**9}}}  # would not end being built
+    save_checkpoint(path, Checkpoint({"a": torch.zeros(2)}, endless))
+    with pytest.raises(CheckpointError, match="depth must be at most 1"):
+        load_text_encoder(tmp_path)
 
 
 def test_missing_folders_and_folders_without_a_model_are_refused(tmp_path):
