@@ -26,34 +26,37 @@ def ball():
 
 
 @pytest.fixture(scope="module")
+def solids(ball):
+    return solid_of(ball)[0]
+
+
+@pytest.fixture(scope="module")
 def stuck():
     """A hand whose palm is in the middle of the ball, with its fingers beyond it."""
     pose = torch.cat([torch.zeros(1, 3), FINGER_MEAN])[None]
     return HeldHands(pose, torch.tensor([[0.09, 0.0, 0.0]]))
 
 
+@pytest.fixture(scope="module")
+def found(solids, stuck):
+    return new_hold(solids, stuck, None, seeded())
+
+
 def seeded():
     return torch.Generator().manual_seed(0)
 
 
-def test_a_new_hold_is_firm_and_on_the_side_of_the_drawn_hand(ball, stuck):
-    solids = solid_of(ball)[0]
+def test_a_new_hold_is_firm_and_on_the_side_of_the_drawn_hand(solids, stuck, found):
     assert Holding.of(solids, stuck).loose > FIRM
-    found = new_hold(solids, stuck, None, seeded())
     assert Holding.of(solids, found).loose < FIRM
     centers, radii = found.spheres
     assert (radii - solids.signed_distance(centers)).max() < 0.004
-    toward = torch.nn.functional.cosine_similarity(found.wrist, stuck.wrist)
-    assert toward > 0
-    again = new_hold(solids, stuck, None, seeded())
-    assert torch.equal(again.pose, found.pose)
+    assert torch.nn.functional.cosine_similarity(found.wrist, stuck.wrist) > 0
 
 
-def test_a_new_hold_keeps_out_of_the_other_hand(ball, stuck):
-    solids = solid_of(ball)[0]
-    alone = new_hold(solids, stuck, None, seeded())
-    aside = new_hold(solids, stuck, alone, seeded())
-    assert overlap(aside, alone).max() < overlap(alone, alone).max()
+def test_a_new_hold_keeps_out_of_the_other_hand(solids, stuck, found):
+    aside = new_hold(solids, stuck, found, seeded())
+    assert overlap(aside, found).max() < overlap(found, found).max()
 
 
 def test_an_object_that_no_hand_can_hold_gets_no_new_hold(stuck):
