@@ -156,7 +156,8 @@ def kept_pose(
     fingers = hand.pose[:, 1:] + share[..., None] * (held.pose[:, 1:] - changed.pose[:, 1:])
     wrist = hand.wrist + share * (held.wrist - changed.wrist)
     found = HeldHands(torch.cat([turn[:, None], fingers], 1), wrist)
-    return replace(found, wrist=wrist + (1 - share) * way_out(solids, found))
+    # the held pose itself needs no way out, and one next to it only what is left of the change
+    return replace(found, wrist=wrist + (1 - share**4) * way_out(solids, found))
 
 
 def way_out(solids: Solids, hand: HeldHands) -> Float[Tensor, "T 3"]:
