@@ -13,7 +13,7 @@ from geneoh.hand.model import HandModel
 from geneoh.synthesis.acting import ActingConfig, act, stands_upright
 from geneoh.synthesis.actions import LONGEST, VERBS, Actions
 from geneoh.synthesis.bimanual import BimanualConfig, grasp_directions, pair_hands
-from geneoh.synthesis.damage import refuse_damage
+from geneoh.synthesis.damage import refuse_damage, refuse_lengths
 from geneoh.synthesis.objects import FAMILIES
 from geneoh.synthesis.scans import Scans
 from geneoh.synthesis.shards import (
@@ -109,8 +109,8 @@ def action_shard(path: Path) -> Actions:
         with opened_tensors(path) as (shard, _):
             actions = Actions(**all_tensors(shard))
             ranges = {"verb": len(VERBS), "name": MOST_NAMES, "part": 2}
-            frames = actions.joint.shape[1]
-            refuse_damage(actions, ranges, length=actions.length, frames=frames)
+            refuse_damage(actions, ranges)
+            refuse_lengths(actions.length, actions.joint.shape[1])
             return actions
     except (OSError, TypeError, DamagedTensorsError) as error:
         raise InputError(

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, fields
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import torch
 from jaxtyping import Bool, Int
@@ -38,6 +38,8 @@ from geneoh.training.config import TrainConfig
 from geneoh.training.recordings import SEQUENCES, ClipRecord
 from geneoh.training.windows import WeightedInteractions
 
+Clips = TypeVar("Clips")
+
 HELD_OUT = 0.1  # share of a source's clips that is held out for validation, in whole objects
 
 
@@ -51,13 +53,13 @@ class DataSource:
 
 
 @dataclass(frozen=True)
-class TrainingData:
+class TrainingData(Generic[Clips]):
     """What a run learns from and is validated on."""
 
-    training: Interactions
-    validation: Interactions
+    training: Clips
+    validation: Clips
     record: dict[str, Any]  # how the data was made, for the record of the weights
-    notes: tuple[str, ...]  # what was found and what was left out, for people
+    notes: tuple[str, ...] = ()  # what was found and what was left out, for people
 
 
 @dataclass(frozen=True)
@@ -100,7 +102,7 @@ def training_data(
     options: ReaderOptions | None = None,
     *,
     on_progress: OnProgress | None = None,
-) -> TrainingData:
+) -> TrainingData[Interactions]:
     """Read the data of a run; what is not there yet is made first, and an interrupted one goes on.
 
     Shards that are cut out of recordings lie in the folder `cache`. `on_progress` is called with

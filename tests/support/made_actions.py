@@ -3,13 +3,14 @@
 They are made without any search for grasps. Also an encoder of sentences that learns nothing.
 """
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import torch
 
 from geneoh.config import as_dict
 from geneoh.files.tensors import write_tensors
+from geneoh.generators.text2hoi.standing import StandingObject
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.synthesis.action_shards import DEFAULTS
 from geneoh.synthesis.actions import VERBS, Actions
@@ -129,6 +130,18 @@ def box_actions(
         axis=torch.eye(3)[0].expand(batch, 3) * jointed,
         pivot=half[:, 0] * torch.tensor([0.0, 1.0, 1.0]) * jointed,
         slides=torch.zeros(batch, dtype=torch.bool),
+    )
+
+
+def on_object(actions: Actions, stood: StandingObject) -> Actions:
+    """One action whose object is another one, which does not turn."""
+    frames = actions.rotation.shape[1]
+    return replace(
+        actions,
+        points=stood.points[None],
+        normals=stood.normals[None],
+        part=torch.zeros(1, len(stood.points), dtype=torch.long),
+        rotation=torch.eye(3).expand(1, frames, 3, 3),
     )
 
 

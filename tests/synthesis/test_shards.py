@@ -204,7 +204,7 @@ def test_a_shard_without_bones_or_with_rotations_that_are_none_is_told(tmp_path,
 @pytest.mark.parametrize("part", [-1, 2, 2**40])
 def test_a_shard_with_points_of_parts_that_are_not_there_is_told(tmp_path, hand, part):
     damaged_shard(tmp_path, hand, "part", (0, 0), part)
-    with pytest.raises(InputError, match="surface points of other parts than the 2 that move"):
+    with pytest.raises(InputError, match="numbers in 'part' that are not from 0 to 1"):
         read_shards(tmp_path, "val")
 
 

@@ -8,7 +8,6 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
@@ -29,22 +28,12 @@ from geneoh.readers.bodies.base import BodyRecording, at_rate
 from geneoh.readers.bodies.data_sets import SourceBody, body_files, read_source_bodies
 from geneoh.synthesis.actions import FPS
 from geneoh.synthesis.gestures.clips import Gestures
-from geneoh.training.data import held_groups
+from geneoh.training.data import TrainingData, held_groups
 
 SHORTEST = 30
 """Frames of the shortest recording that is learned from."""
 STILL = 1e-3
 """Change of a rotation's entries up to which fingers were not recorded, but left in one pose."""
-
-
-@dataclass(frozen=True)
-class SplitGestures:
-    """What a run learns from and is validated on."""
-
-    training: Gestures
-    validation: Gestures
-    made: dict[str, Any]  # how the data was made, for the record of the weights
-    notes: tuple[str, ...] = ()  # what was found and what was left out, for people
 
 
 @dataclass(frozen=True)
@@ -63,7 +52,7 @@ def recorded_gestures(
     model: Path | None = None,
     told: bool = True,
     on_step: OnStep | None = None,
-) -> SplitGestures:
+) -> TrainingData[Gestures]:
     """The clips of a data set of bodies below a path.
 
     Args:
@@ -104,7 +93,7 @@ def recorded_gestures(
     )
     about = f"{source}: {len(windows)} clips, {split}; recordings left out: {reasons or 'none'}"
     made = {"source": source, "clips": len(windows), "skeleton": model is not None}
-    return SplitGestures(parts[0], parts[1], made, (about, *problems))
+    return TrainingData(parts[0], parts[1], made, (about, *problems))
 
 
 def windows_of(each: SourceBody, told: bool, left_out: Counter[str]) -> list[Window]:

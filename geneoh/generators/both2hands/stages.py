@@ -13,7 +13,7 @@ from geneoh.choices import BodySource, BodyStage
 from geneoh.config import as_dict, configured
 from geneoh.generators.both2hands.config import Both2HandsConfig
 from geneoh.generators.both2hands.library import Speech, load_branches, reader_of, refuse_strangers
-from geneoh.generators.both2hands.recorded import SplitGestures, recorded_gestures
+from geneoh.generators.both2hands.recorded import recorded_gestures
 from geneoh.generators.both2hands.training import HandsTask
 from geneoh.generators.pieces import learned_pieces
 from geneoh.generators.text import foreign_encoder
@@ -21,7 +21,7 @@ from geneoh.progress import OnProgress
 from geneoh.synthesis.gestures.clips import Gestures
 from geneoh.synthesis.gestures.shards import DEFAULTS, read_gestures
 from geneoh.synthesis.shards import find_shards, shard_record
-from geneoh.training.data import DataSource
+from geneoh.training.data import DataSource, TrainingData
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class LearnedBodies:
     text_encoder: Path | None = None  # of the network of text, instead of words that it learns
     skeleton: Path | None = None  # SMPL-H or SMPL-X model of recorded bodies
 
-    def gestures(self, stage: BodyStage, on_progress: OnProgress | None) -> SplitGestures:
+    def gestures(self, stage: BodyStage, on_progress: OnProgress | None) -> TrainingData[Gestures]:
         """The clips; those of recordings have sentences where the stage learns from them."""
         source, path = self.data.source, self.data.path
         if source:
@@ -46,7 +46,7 @@ class LearnedBodies:
             )
         training, validation = (read_gestures(path, split) for split in ("train", "val"))
         made = as_dict(shard_record(find_shards(path, "train", DEFAULTS)[0], DEFAULTS))
-        return SplitGestures(training, validation, made)
+        return TrainingData(training, validation, made)
 
 
 def body_task(
@@ -85,7 +85,7 @@ def body_task(
         tokenizer = vocabulary(data.training, chosen.text_hands.words.pieces)
         speech = reader_of(tokenizer, chosen.text_hands)
     clips = data.training, data.validation
-    return HandsTask(stage, chosen, *clips, speech, tokenizer, branches, data.made), data.notes
+    return HandsTask(stage, chosen, *clips, speech, tokenizer, branches, data.record), data.notes
 
 
 def vocabulary(clips: Gestures, pieces: int) -> Tokenizer:

@@ -1,10 +1,8 @@
 """What the networks of the generator learn from: made actions, or recordings of the user's."""
 
 import hashlib
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from geneoh.choices import ANNOTATED
 from geneoh.config import as_dict
@@ -16,17 +14,7 @@ from geneoh.progress import OnProgress
 from geneoh.readers.base import ReaderOptions
 from geneoh.synthesis.action_shards import DEFAULTS, read_actions
 from geneoh.synthesis.shards import find_shards, shard_record
-from geneoh.training.data import DataSource
-
-
-@dataclass(frozen=True)
-class SplitActions:
-    """What a run learns from and is validated on."""
-
-    training: ActionData
-    validation: ActionData
-    made: dict[str, Any]  # how the data was made, for the record of the weights
-    notes: tuple[str, ...] = ()  # what was found and what was left out, for people
+from geneoh.training.data import DataSource, TrainingData
 
 
 def action_data(
@@ -35,7 +23,7 @@ def action_data(
     cache: Path,
     options: ReaderOptions,
     on_progress: OnProgress | None = None,
-) -> SplitActions:
+) -> TrainingData[ActionData]:
     """Made actions of a folder, or those of recordings, whose shards lie in the folder `cache`.
 
     Raises:
@@ -48,7 +36,7 @@ def action_data(
             for actions, names in (read_actions(data.path, split) for split in ("train", "val"))
         )
         made = as_dict(shard_record(find_shards(data.path, "train", DEFAULTS)[0], DEFAULTS))
-        return SplitActions(training, validation, made)
+        return TrainingData(training, validation, made)
     if data.source not in ANNOTATED:
         raise ConfigError(
             f"--data {data.source}=...: expected {', '.join(ANNOTATED)}, whose recordings come "
@@ -66,4 +54,4 @@ def action_data(
     )
     training, validation = (ActionData(each.actions, each.names, each.verbs) for each in found)
     made = asked_record(config) | {"source": source, "held_out": config.held_out}
-    return SplitActions(training, validation, made, tuple(notes))
+    return TrainingData(training, validation, made, tuple(notes))

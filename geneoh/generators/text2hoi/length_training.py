@@ -8,13 +8,13 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from geneoh.config import as_dict
-from geneoh.generators.text2hoi.action_data import SplitActions
 from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork, length_loss
 from geneoh.generators.text2hoi.recorded import RecordedConfig
 from geneoh.generators.text2hoi.samples import ActionData, Encoder, sentences
 from geneoh.generators.text2hoi.training import data_digest, text_digest
 from geneoh.synthesis.draws import Draws, Part
 from geneoh.synthesis.shards import seed_of
+from geneoh.training.data import TrainingData
 from geneoh.training.processes import Team
 from geneoh.training.resume import TrainState
 from geneoh.training.run_config import RunConfig
@@ -55,7 +55,7 @@ class LengthTask:
     """The length network, learned from sentences for actions; a `geneoh.training.loop.Task`."""
 
     config: LengthTrainConfig
-    data: SplitActions
+    data: TrainingData[ActionData]
     encoder: Encoder
     name: str = "length"
 
@@ -110,5 +110,5 @@ class LengthTask:
             "data": data_digest(self.data.training),
             "validation": data_digest(self.data.validation),
             "text": text_digest(self.encoder),
-            "made": self.data.made,
+            "made": self.data.record,
         }

@@ -7,17 +7,17 @@ from pathlib import Path
 from geneoh.choices import ActionStage, GeneratorStage
 from geneoh.config import configured
 from geneoh.errors import ConfigError
-from geneoh.generators.text2hoi.action_data import SplitActions, action_data
+from geneoh.generators.text2hoi.action_data import action_data
 from geneoh.generators.text2hoi.config import Text2HoiConfig
 from geneoh.generators.text2hoi.length_training import LengthTask, LengthTrainConfig
 from geneoh.generators.text2hoi.library import contact_network, encoder_of, interaction_network
 from geneoh.generators.text2hoi.recorded import RecordedConfig
-from geneoh.generators.text2hoi.samples import Encoder
+from geneoh.generators.text2hoi.samples import ActionData, Encoder
 from geneoh.generators.text2hoi.text_training import TextTask, TextTrainConfig
 from geneoh.generators.text2hoi.training import ActionTask
 from geneoh.progress import OnProgress
 from geneoh.readers.base import ReaderOptions
-from geneoh.training.data import DataSource
+from geneoh.training.data import DataSource, TrainingData
 from geneoh.training.loop import Task
 
 
@@ -34,7 +34,9 @@ class Learned:
         """The text encoder."""
         return encoder_of(self.folder, self.text_encoder)
 
-    def actions(self, config: RecordedConfig, on_progress: OnProgress | None) -> SplitActions:
+    def actions(
+        self, config: RecordedConfig, on_progress: OnProgress | None
+    ) -> TrainingData[ActionData]:
         """The actions."""
         cache = self.folder / "recordings"
         return action_data(self.data, config, cache, self.readers, on_progress)
@@ -90,6 +92,6 @@ def action_task(
     data = learned.actions(chosen.recorded, on_progress)
     interaction = interaction_network(learned.folder) if stage == "refiner" else None
     task = ActionTask(
-        stage, chosen, data.training, data.validation, encoder, contact, interaction, data.made
+        stage, chosen, data.training, data.validation, encoder, contact, interaction, data.record
     )
     return task, data.notes

@@ -12,7 +12,7 @@ from geneoh.bundle import concatenated
 from geneoh.errors import ConfigError, InputError
 from geneoh.files.tensors import DamagedTensorsError, all_tensors, opened_tensors
 from geneoh.hand.model import HandModel
-from geneoh.synthesis.damage import refuse_damage
+from geneoh.synthesis.damage import refuse_damage, refuse_lengths
 from geneoh.synthesis.gestures.clips import NAMES, Gestures
 from geneoh.synthesis.gestures.hands import VARIANTS
 from geneoh.synthesis.gestures.manipulation import ActionSource
@@ -110,8 +110,8 @@ def gesture_shard(path: Path) -> Gestures:
             held: dict[str, Any] = dict(all_tensors(shard))
             held |= {name: np.array(record[name]) for name in TEXTS}
             clips = Gestures(**held)
-            ranges = {"gesture": len(NAMES)}
-            refuse_damage(clips, ranges, length=clips.length, frames=clips.root.shape[1])
+            refuse_damage(clips, {"gesture": len(NAMES)})
+            refuse_lengths(clips.length, clips.root.shape[1])
             return clips
     except (OSError, TypeError, DamagedTensorsError) as error:
         raise InputError(

@@ -5,12 +5,12 @@ import torch
 from made_actions import NAMES, WordEncoder, made_actions
 
 from geneoh.denoisers.library import load_network
-from geneoh.generators.text2hoi.action_data import SplitActions
 from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork
 from geneoh.generators.text2hoi.length_training import LengthTask, LengthTrainConfig
 from geneoh.generators.text2hoi.samples import ActionData
 from geneoh.generators.text2hoi.text import load_text_encoder
 from geneoh.synthesis.actions import VERBS
+from geneoh.training.data import TrainingData
 from geneoh.training.loop import train
 from geneoh.training.processes import Team
 
@@ -27,7 +27,7 @@ TINY = LengthTrainConfig(
 
 def task(config=TINY, data=None):
     data = data or ActionData(made_actions(12), NAMES)
-    return LengthTask(config, SplitActions(data, data, {"source": "test"}), WordEncoder())
+    return LengthTask(config, TrainingData(data, data, {"source": "test"}), WordEncoder())
 
 
 def test_batches_hold_lengths_and_sentences_of_the_same_actions():
@@ -78,7 +78,7 @@ def test_lengths_that_differ_by_verb_are_learned_from_sentences(tmp_path):
         length=LengthConfig(latent=2, hidden=32),
     )
     data, encoder = ActionData(actions, NAMES), load_text_encoder()
-    learned = LengthTask(config, SplitActions(data, data, {}), encoder)
+    learned = LengthTask(config, TrainingData(data, data, {}), encoder)
     network = load(train(learned, tmp_path, device=CPU))
     generator = torch.Generator().manual_seed(0)
     said = ["Lift a mug with the left hand.", "Shake a mug with the left hand."]

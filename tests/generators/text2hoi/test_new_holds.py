@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 import trimesh
-from made_actions import box_actions
+from made_actions import box_actions, on_object
 
 from geneoh.generators.text2hoi.held_hands import HeldHands, lifted, overlap
 from geneoh.generators.text2hoi.new_holds import FIRM, Holding, new_hold
@@ -67,14 +67,7 @@ def test_an_object_that_no_hand_can_hold_gets_no_new_hold(stuck):
 
 
 def test_a_hand_that_is_stuck_in_what_it_lifts_holds_it(ball):
-    before = box_actions(["lift"], frames=24, hands=(False, True))
-    before = replace(
-        before,
-        points=ball.points[None],
-        normals=ball.normals[None],
-        part=torch.zeros(1, len(ball.points), dtype=torch.long),
-        rotation=torch.eye(3).expand(1, 24, 3, 3),
-    )
+    before = on_object(box_actions(["lift"], frames=24, hands=(False, True)), ball)
     pose, wrist = torch.zeros(1, 2, 24, 16, 3), torch.zeros(1, 2, 24, 3)
     pose[:, 1, :, 1:] = FINGER_MEAN
     wrist[:, 1] = torch.tensor([0.09, 0.0, RADIUS]) + before.translation

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 import trimesh
-from made_actions import box_actions
+from made_actions import box_actions, on_object
 
 from geneoh.generators.text2hoi.held_hands import HeldHands, moving, overlap
 from geneoh.generators.text2hoi.settling import beside, settled, solid_of, way_out
@@ -30,14 +30,7 @@ def rod():
 
 def sunk(rod, side: int):
     """An action whose hand goes around the rod, 12 mm too deep, and rises with it."""
-    actions = box_actions(["lift"], frames=24, hands=(side == 0, side == 1))
-    actions = replace(
-        actions,
-        points=rod.points[None],
-        normals=rod.normals[None],
-        part=torch.zeros(1, len(rod.points), dtype=torch.long),
-        rotation=torch.eye(3).expand(1, 24, 3, 3),
-    )
+    actions = on_object(box_actions(["lift"], frames=24, hands=(side == 0, side == 1)), rod)
     # the right hand's fingers point along -x and its palm to -y: the rod is below the palm
     place = torch.tensor([0.08, RADIUS + 0.006, 0.09])
     pose = torch.cat([torch.zeros(1, 3), FINGER_MEAN])
