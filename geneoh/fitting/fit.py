@@ -262,7 +262,14 @@ def contact_planes(state: HandState, shaped: ShapedHand, near: Nearby, config: F
         close = ((value > 0) & (value < config.touch)).to(distance)
         touching.scatter_add_(-1, at, close / config.touch_std)
     closest, normal = found.closest.gather(-2, points), found.normal.gather(-2, points)
-    return Planes(index, closest, normal, inside + touching)
+    # only vertices with a weight count, and there are fewer of these than are considered
+    weight, order = (inside + touching).sort(dim=-1, descending=True, stable=True)
+    used = slice(max(1, int((weight > 0).sum(-1).max())))
+    weight, order = weight[..., used], order[..., used]
+    points = order[..., None].expand(*order.shape, 3)
+    return Planes(
+        index.gather(-1, order), closest.gather(-2, points), normal.gather(-2, points), weight
+    )
 
 
 def way_out(

@@ -88,13 +88,12 @@ def keypoint_term(
     """Squared distance to target keypoints; `weight` is 1 / deviation in 1/m."""
     joints, turn, centers = _kinematics(state, shaped)
     mano = joints[..., list(MANO_FROM_OPENPOSE), :]
-    arm = mano[..., :, None, :] - centers[..., None, :, :]
-    arm = arm * MOVES_KEYPOINT.to(arm)[:, :, None]
-    axes = turn.transpose(-1, -2)  # row c of joint j: the world direction of its local axis c
-    columns = torch.linalg.cross(
-        axes[..., None, :, :, :].expand(*arm.shape[:-1], 3, 3),
-        arm[..., None, :].expand(*arm.shape[:-1], 3, 3),
-        dim=-1,
+    moved, by = MOVES_KEYPOINT.nonzero().to(mano.device).unbind(1)
+    arm = mano[..., moved, :] - centers[..., by, :]
+    axes = turn[..., by, :, :].mT  # row c: the world direction of the joint's local axis c
+    columns = mano.new_zeros(*mano.shape[:-1], 16, 3, 3)  # (S, T, 21, joint, axis, xyz)
+    columns[..., moved, by, :, :] = torch.linalg.cross(
+        axes, arm[..., None, :].expand_as(axes), dim=-1
     )
     rotate = columns.permute(0, 1, 2, 5, 3, 4).flatten(-2)  # (S, T, 21, xyz, 16 * 3)
     eye = torch.eye(3).to(arm).expand(*rotate.shape[:-1], 3)

@@ -13,9 +13,10 @@ from typing import Any
 import igl
 import numpy as np
 import torch
-from jaxtyping import Float, Float64, Int, Int64
+from jaxtyping import Bool, Float, Float64, Int, Int64
 from torch import Tensor
 
+from geneoh.geometry.coarse_distance import CELLS, CoarseDistance
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.rigid import Rigid
 from geneoh.geometry.solid import as_arrays, build_solid
@@ -57,13 +58,15 @@ class SurfaceDistance:
         self._on_devices: dict[torch.device, Any] = {}
         self._tree = igl.AABB()
         self._tree.init(self._verts, self._faces)
+        self._coarse: CoarseDistance | None = None
+        self._asked = 0  # points so far for which a grid would have been of use
 
     def query(self, points: Float[Tensor, "*B P 3"], within: float | None = None) -> SurfaceQuery:
         """Signed distance, closest point and normal of each point, without gradients.
 
-        Points that are not finite get a distance that is not finite. Points farther than `within`
-        metres from the mesh's bounding box get the distance, closest point and normal of the box,
-        which is much cheaper; that distance is above `within` and never above the true one.
+        Points that are not finite get a distance that is not finite. Points that are easily seen to
+        be farther than `within` metres outside of the mesh get a distance above `within` that is
+        never above the true one, and a closest point and a normal that are roughly right.
         """
         if points.is_cuda and WARP:
             return self.query_on(points.device, points)
@@ -76,6 +79,12 @@ class SurfaceDistance:
             exact &= distance <= within
         chosen = torch.nonzero(exact)[:, 0]
         normal /= distance[:, None]
+        if within is not None and (coarse := self._coarse_distance(len(chosen))):
+            least, *found = coarse.at_least(flat[chosen])
+            far = least > within
+            apart = chosen[far]
+            distance[apart], chosen = least[far], chosen[~far]
+            closest[apart], normal[apart] = (value[far] for value in found)
         if len(chosen):
             distance[chosen], closest[chosen], normal[chosen] = self._exact(flat[chosen])
         return SurfaceQuery(
@@ -122,6 +131,16 @@ class SurfaceDistance:
         normal = self._normals[torch.from_numpy(face).clamp(min=0)]
         return torch.from_numpy(reach).to(points), normal.to(points)
 
+    def _coarse_distance(self, asked: int) -> CoarseDistance | None:
+        """The grid of coarse distances, which is made when it will be worth its time.
+
+        None for a mesh with holes, in which the sign changes away from the surface.
+        """
+        self._asked += asked
+        if self._coarse is None and self._asked > CELLS and self.solid.closed:
+            self._coarse = CoarseDistance.around(self.solid.low, self.solid.high, self._exact)
+        return self._coarse
+
     def _exact(
         self, points: Float[Tensor, "N 3"]
     ) -> tuple[Float[Tensor, " N"], Float[Tensor, "N 3"], Float[Tensor, "N 3"]]:
@@ -129,11 +148,22 @@ class SurfaceDistance:
             self._verts, self._faces, np.ascontiguousarray(points.numpy())
         )
         distance, closest = torch.from_numpy(squared).sqrt(), torch.from_numpy(closest)
-        signed = torch.where(self.solid.contains(points), -distance, distance)
+        signed = torch.where(self._contains(points, distance), -distance, distance)
         normal = (points - closest) / signed[:, None]
         on_surface = (distance < ON_SURFACE)[:, None]
         normal = torch.where(on_surface, self._normals[torch.as_tensor(face)], normal)
         return signed, closest, normal
+
+    def _contains(
+        self, points: Float[Tensor, "N 3"], distance: Float[Tensor, " N"]
+    ) -> Bool[Tensor, " N"]:
+        """Whether points at some distances from the surface are inside."""
+        if self._coarse is None:
+            return self.solid.contains(points)
+        inside, sure = self._coarse.is_inside(points, distance)
+        unsure = torch.nonzero(~sure)[:, 0]
+        inside[unsure] = self.solid.contains(points[unsure])
+        return inside
 
 
 def first_hit(

@@ -45,6 +45,7 @@ class Solid:
     surface: Mesh  # the faces between inside and outside, all pointing outward
     body: Mesh  # the faces whose winding number tells the inside; each shell points either way
     sheets: int  # how many open sheets were given a wall
+    closed: bool  # whether the body has no open edge: only its surface parts inside and outside
     low: Float64[Tensor, " 3"]
     high: Float64[Tensor, " 3"]  # with `low`, corners of the surface's bounding box
     winding: igl.FastWindingNumberBVH
@@ -91,8 +92,12 @@ def build_solid(mesh: Mesh, *, walls: bool = True) -> Solid:
     body, sheets = with_walls(body, patches) if walls else (body, 0)
     winding = igl.FastWindingNumberBVH()
     winding.init(*as_arrays(body))
-    one_closed_shell = int(patches.max()) == 0 and not bool(open_edges(body.faces).any())
-    surface = outward_by_volume(body) if one_closed_shell else outward_by_winding(body, winding)
+    closed = not bool(open_edges(body.faces).any())
+    surface = (
+        outward_by_volume(body)
+        if closed and int(patches.max()) == 0
+        else outward_by_winding(body, winding)
+    )
     surface = Mesh(surface.verts, surface.faces[(surface.face_normals() != 0).any(-1)])
     if not len(surface.faces):
         raise InputError(
@@ -100,7 +105,7 @@ def build_solid(mesh: Mesh, *, walls: bool = True) -> Solid:
             "faces that enclose nothing; check the mesh and its scale"
         )
     corners = surface.corners().reshape(-1, 3).double()
-    return Solid(surface, body, sheets, corners.amin(0), corners.amax(0), winding)
+    return Solid(surface, body, sheets, closed, corners.amin(0), corners.amax(0), winding)
 
 
 def as_arrays(mesh: Mesh) -> tuple[Float64[np.ndarray, "V 3"], Int64[np.ndarray, "F 3"]]:

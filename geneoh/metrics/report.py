@@ -1,7 +1,7 @@
 """Quality report of one interaction without ground truth, and its comparison before and after."""
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from math import nan
 
 import torch
@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from geneoh.bundle import Bundle, concatenated
-from geneoh.geometry.distance import MovingSurface
+from geneoh.geometry.distance import MovingSurface, SurfaceQuery
 from geneoh.hand.skeleton import TIP_KEYPOINTS
 from geneoh.metrics.contact import (
     TOUCH,
@@ -25,6 +25,8 @@ from geneoh.metrics.smoothness import (
     valid_differences,
 )
 from geneoh.sequence.windows import blocks, widened
+
+FARTHEST = 10.0  # metres beyond which the distance of a hand need not be exact
 
 
 @dataclass(frozen=True)
@@ -98,6 +100,22 @@ def measure_frames(
     )
 
 
+def near_hand(surface: MovingSurface, verts: Float[Tensor, "T V 3"]) -> SurfaceQuery:
+    """The surface at the vertices of a hand: exact for those that touch the object, are in it or
+    are the nearest of their frame."""
+    within = TOUCH
+    found = replace(surface, within=within).query(verts)
+    while within < FARTHEST:
+        away = torch.nonzero(~(found.distance.abs() <= within).any(-1))[:, 0]
+        if not len(away):
+            break
+        within *= 2
+        again = replace(surface.at(away), within=within).query(verts[away])
+        pairs = zip(vars(found).values(), vars(again).values(), strict=True)
+        found = SurfaceQuery(*(old.index_copy(0, away, new) for old, new in pairs))
+    return found
+
+
 def measure_posed(
     verts_of: Callable[[slice], Float[Tensor, "N V 3"]],
     joints: Float[Tensor, "T 21 3"],
@@ -115,7 +133,7 @@ def measure_posed(
     for block in blocks(len(joints)):
         wide, inner = widened(block, 1, len(joints))  # differences reach one frame to either side
         verts, moving = verts_of(wide), surface.at(wide)
-        query = moving.query(verts)
+        query = near_hand(moving, verts)
         found = measure_frames(query.distance, verts, joints[wide], fps, valid[wide])
         measured.append(found[inner])
         moves.append(motion_consistency(verts, query, moving)[inner])

@@ -16,7 +16,7 @@ from geneoh.denoisers.spatial import SpatialEvidence, track_cues
 from geneoh.fitting.subject import Subject
 from geneoh.geometry.distance import MovingSurface
 from geneoh.geometry.sampling import sample_surface
-from geneoh.representation.nearest_surface import nearest_points
+from geneoh.representation.nearest_surface import nearest_on_parts
 from geneoh.representation.parameters import HandParameters
 from geneoh.representation.region import ContactRegion, ObjectSurface, contact_region
 from geneoh.sequence.windows import WINDOW, fold, unfold, window_starts
@@ -157,7 +157,9 @@ class StageContext(ObjectSurface):
         self, joints: Float[Tensor, "T 21 3"]
     ) -> tuple[Float[Tensor, "T 21 3"], Float[Tensor, "T 21 3"]]:
         """The surface point nearest to each keypoint and its outward normal, world frame."""
-        return nearest_points(joints, *self.in_world())
+        own = (self.points, self.normals, self.part, self.rotation, self.translation)
+        nearest, outward = nearest_on_parts(joints[None], ObjectSurface(*(v[None] for v in own)))
+        return nearest[0], outward[0]
 
     def observed_motion(self, hand: HandParameters, region: ContactRegion) -> ObservedMotion:
         """Windows of a hand of the world (one sample), as MotionDiff is shown them."""

@@ -44,8 +44,8 @@ NO_OBJECT = (
     "no mesh or no pose of an object was given: the hand was cleaned by the prior of hand motion "
     "alone, and nothing is known of contact; --obj MESH names a mesh"
 )
-NEAR = 0.02
-"""Vertices farther than this from the object's box need no exact distance in the fit, metres."""
+NEAR = 0.005
+"""Vertices farther than this from the object need no exact distance in the fit, metres."""
 
 
 def denoise(

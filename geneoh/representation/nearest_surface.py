@@ -1,13 +1,16 @@
 """The surface point nearest to each keypoint: where the hand touches or enters the object."""
 
+from functools import partial
+
 import numpy as np
 import torch
 from jaxtyping import Float, Int
+from scipy.spatial import KDTree
 from torch import Tensor
 
 from geneoh.representation.region import ObjectSurface
 
-CACHED = 2**18  # distances that are held at once
+AT_ONCE = 2**24  # distances that are held at once where there is no search tree
 
 
 def nearest_points(
@@ -16,27 +19,35 @@ def nearest_points(
     normals: Float[Tensor, "*B P 3"],
 ) -> tuple[Float[Tensor, "*B N 3"], Float[Tensor, "*B N 3"]]:
     """The nearest of the surface points to each keypoint and its outward normal, same frame."""
-    center = points.mean(-2, keepdim=True)  # squares lose digits far from the origin
-    around, apart = points - center, joints - center
-    # |j - p|^2 - |j|^2 as one matrix product: |j|^2 is the same for every point
-    right = torch.cat([-2 * around, around.square().sum(-1, keepdim=True)], dim=-1)
-    left = torch.cat([apart, torch.ones_like(apart[..., :1])], dim=-1)
-    # a few joints at a time, so that their distances to all points stay in the processor's cache
-    size = max(1, CACHED * joints.shape[-2] // max(1, left[..., 0].numel() * points.shape[-2]))
-    found = torch.empty(joints.shape[:-1], dtype=torch.long, device=joints.device)
-    # written in place: results of their own would lie where the distances were, which then need
-    # new memory for each few joints
-    for part, into in zip(left.split(size, dim=-2), found.split(size, dim=-1), strict=True):
-        into.copy_(index_of_least(part @ right.mT))
-    index = found[..., None].expand(*joints.shape)
+    nearest = nearest_in_tree if joints.device.type == "cpu" else nearest_of_all
+    index = nearest(joints.detach(), points.detach())[..., None].expand(*joints.shape)
     return points.gather(-2, index), normals.gather(-2, index)
 
 
-def index_of_least(values: Float[Tensor, "*B P"]) -> Int[Tensor, "*B"]:
-    """Index of the least of the last axis; on a CPU by numpy, which takes a tenth of the time."""
-    if values.device.type != "cpu":
-        return values.argmin(-1)
-    return torch.from_numpy(np.asarray(values.detach().numpy().argmin(-1)))
+def nearest_in_tree(
+    joints: Float[Tensor, "*B N 3"], points: Float[Tensor, "*B P 3"]
+) -> Int[Tensor, "*B N"]:
+    """Index of the point that is nearest to each joint, by a search tree for each set of points."""
+    asked = joints.nan_to_num().reshape(-1, *joints.shape[-2:]).numpy()
+    sets = zip(asked, points.reshape(-1, *points.shape[-2:]).numpy(), strict=True)
+    found = [
+        # quick to build; a tree of few points answers as fast unbalanced
+        KDTree(own, balanced_tree=False, compact_nodes=False).query(
+            some, workers=torch.get_num_threads()
+        )[1]
+        for some, own in sets
+    ]
+    return torch.from_numpy(np.stack(found)).reshape(joints.shape[:-1])
+
+
+def nearest_of_all(
+    joints: Float[Tensor, "*B N 3"], points: Float[Tensor, "*B P 3"]
+) -> Int[Tensor, "*B N"]:
+    """As `nearest_in_tree`, by all distances, on any device."""
+    size = max(1, AT_ONCE // max(1, joints[..., :1, 0].numel() * points.shape[-2]))
+    # the matrix product that cdist takes by default is off by a millimetre two metres away
+    exact = partial(torch.cdist, compute_mode="donot_use_mm_for_euclid_dist")
+    return torch.cat([exact(some, points).argmin(-1) for some in joints.split(size, -2)], dim=-1)
 
 
 def nearest_on_parts(

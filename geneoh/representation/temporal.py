@@ -49,18 +49,35 @@ def encode_temporal(
     object_velocity = (region.points.diff(dim=-3) * fps) @ turn
     joint_velocity = (joints.diff(dim=-3) * fps) @ turn
     normals = region.normals[..., :-1, :, :] @ turn
-    offsets = joints[..., :-1, None, :, :] - region.points[..., :-1, :, None, :]
-    distance = offsets.norm(dim=-1)
-    velocity = joint_velocity[..., None, :, :] - object_velocity[..., :, None, :]
-    along = (velocity * normals[..., :, None, :]).sum(-1)
-    # max(.,0) and the floor keep the root's gradient finite where a keypoint moves with the point
-    across = (velocity.square().sum(-1) - along.square()).clamp(min=1e-12).sqrt()
+    apart = differences(joints[..., :-1, :, :], region.points[..., :-1, :, :])
+    # the floor keeps the root's gradient finite where a keypoint is on the point
+    distance = squared(apart).clamp(min=1e-18).sqrt()
+    velocity = differences(joint_velocity, object_velocity)
+    x, y, z = (v * n[..., None] for v, n in zip(velocity, normals.unbind(-1), strict=True))
+    along = x + y + z
+    # the same where a keypoint moves with the point
+    across = (squared(velocity) - along.square()).clamp(min=1e-12).sqrt()
     near = torch.exp(-DISTANCE_DECAY * distance)
     return TemporalRelations(
         object_velocity=object_velocity,
         normals=normals,
         distance=distance,
-        velocity=velocity,
+        velocity=torch.stack(velocity, dim=-1),
         tangential=near * TANGENTIAL_GAIN * across,
         normal=near * NORMAL_GAIN * along.abs(),
     )
+
+
+def differences(
+    joints: Float[Tensor, "*B 21 3"], points: Float[Tensor, "*B K 3"]
+) -> list[Float[Tensor, "*B K 21"]]:
+    """From each point to each joint, one tensor for each axis: sums over them are much faster than
+    over a last axis of three."""
+    pairs = zip(joints.unbind(-1), points.unbind(-1), strict=True)
+    return [joint[..., None, :] - point[..., None] for joint, point in pairs]
+
+
+def squared(axes: list[Float[Tensor, "*B"]]) -> Float[Tensor, "*B"]:
+    """Squared length of vectors of which the three coordinates are given."""
+    x, y, z = axes
+    return x.square() + y.square() + z.square()

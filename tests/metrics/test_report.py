@@ -8,7 +8,8 @@ import trimesh
 
 from geneoh.geometry.distance import MovingSurface, SurfaceDistance
 from geneoh.geometry.mesh import Mesh
-from geneoh.metrics.report import before_and_after, measure_posed
+from geneoh.metrics.contact import TOUCH
+from geneoh.metrics.report import before_and_after, measure_posed, near_hand
 from geneoh.sequence import windows
 
 
@@ -102,6 +103,24 @@ def test_a_report_is_plain_numbers():
     verts, joints = hand(torch.full((FRAMES,), 0.045))
     fields = measure_posed(verts.__getitem__, joints, STILL, fps=30.0).as_dict()
     assert all(type(value) in (int, float) for value in fields.values())
+
+
+@pytest.mark.parametrize("gap", [-0.02, -0.001, 0.004, 0.03, 0.4, 5.0])
+def test_the_nearest_vertex_is_exact_however_far_the_hand_is(gap):
+    ball = SurfaceDistance(mesh_of(trimesh.creation.icosphere(3, 0.05)))
+    surface = replace(STILL, fields=(ball,))
+    aside = torch.nn.functional.normalize(
+        torch.tensor([[1.0, 1, 1], [1, 1, 0.5], [1, 0, 0]]), dim=1
+    )
+    verts = aside * (0.05 + gap + torch.tensor([0.0, 0.005, 0.01]))[:, None]
+    verts = verts.expand(FRAMES, 3, 3)
+    found, exact = near_hand(surface, verts), surface.query(verts)
+    least, index = exact.distance.abs().min(-1)
+    torch.testing.assert_close(found.distance.abs().min(-1).values, least)
+    assert torch.equal(found.distance.abs().argmin(-1), index)
+    at = index[:, None, None].expand(-1, 1, 3)
+    torch.testing.assert_close(found.closest.gather(1, at), exact.closest.gather(1, at))
+    assert torch.equal(found.distance <= TOUCH, exact.distance <= TOUCH)
 
 
 def test_a_long_track_is_measured_in_blocks_as_in_one(monkeypatch):
