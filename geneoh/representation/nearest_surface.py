@@ -28,14 +28,16 @@ def nearest_in_tree(
     joints: Float[Tensor, "*B N 3"], points: Float[Tensor, "*B P 3"]
 ) -> Int[Tensor, "*B N"]:
     """Index of the point that is nearest to each joint, by a search tree for each set of points."""
-    asked = joints.nan_to_num().reshape(-1, *joints.shape[-2:]).numpy()
-    sets = zip(asked, points.reshape(-1, *points.shape[-2:]).numpy(), strict=True)
+    sets = points.reshape(-1, *points.shape[-2:])
+    if bool((sets == sets[:1]).all()):  # as those of the windows of one track are
+        sets = sets[:1]
+    asked = joints.nan_to_num().reshape(len(sets), -1, 3)
     found = [
         # quick to build; a tree of few points answers as fast unbalanced
         KDTree(own, balanced_tree=False, compact_nodes=False).query(
             some, workers=torch.get_num_threads()
         )[1]
-        for some, own in sets
+        for some, own in zip(asked.numpy(), sets.numpy(), strict=True)
     ]
     return torch.from_numpy(np.stack(found)).reshape(joints.shape[:-1])
 
