@@ -5,14 +5,15 @@ cut and joined with the others by construction: `Float[Tensor, "T 21 3"]` has it
 `Float[Tensor, "*B T 3"]` has them second to last, `Float[Tensor, " 10"]` has none.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cache
+from itertools import count
 from typing import Any, TypeVar, get_args, get_type_hints
 
 import numpy as np
 import torch
-from jaxtyping import AbstractArray
+from jaxtyping import AbstractArray, Int
 from torch import Tensor
 
 from geneoh.errors import InputError
@@ -142,6 +143,23 @@ def concatenated(parts: Iterable[AnyBundle], axis: str = FRAMES) -> AnyBundle:
         return torch.cat(joined, dim=place)  # pyright: ignore
 
     return first._changed(join)
+
+
+def gathered(parts: Sequence[AnyBundle], places: Int[Tensor, "N 2"]) -> AnyBundle:
+    """Copies of entries of bundles of one type, all of whose fields have the same first axis.
+
+    Of each entry the place is the number of its bundle, and where it is along that axis.
+    """
+    chosen = places.tolist()
+    leaves = {number: _leaves(parts[number]) for number, _ in chosen}
+    counted = count()
+
+    def gather(value: Leaf, _: Axes) -> Leaf:
+        index = next(counted)
+        rows = [leaves[number][index][row] for number, row in chosen]
+        return np.stack(rows) if isinstance(value, np.ndarray) else torch.stack(rows)
+
+    return parts[chosen[0][0]]._changed(gather)
 
 
 def position(axis: str, axes: Axes, ndim: int) -> int | None:
