@@ -24,6 +24,7 @@ from geneoh.files.tensors import (
 from geneoh.hand.model import HandModel, ShapedHand
 from geneoh.hand.skeleton import LARGEST_HAND
 from geneoh.progress import OnStep
+from geneoh.streamed import Streamed
 from geneoh.synthesis.bimanual import (
     BimanualConfig,
     bimanual_objects,
@@ -403,6 +404,6 @@ def scans_of(path: Path, defaults: SynthesisConfig = SynthesisConfig()) -> Scans
     return scans
 
 
-def read_shards(folder: Path, split: str) -> Interactions:
-    """All interactions of one split ("train" or "val") in memory; raises as `find_shards`."""
-    return concatenated((read_shard(path) for path in find_shards(folder, split)), "B")
+def read_shards(folder: Path, split: str) -> Streamed[Interactions]:
+    """The interactions of one split ("train" or "val"), mapped from files; as `find_shards`."""
+    return Streamed.of_files(find_shards(folder, split), read_shard)

@@ -16,6 +16,7 @@ from geneoh.diffusion.schedule import descending_sigmas
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.representation.parameters import HandParameters
 from geneoh.representation.region import ContactRegion
+from geneoh.streamed import Streamed
 from geneoh.synthesis.draws import Draws, Part
 from geneoh.synthesis.motion import Interactions
 from geneoh.training.augmentation import augmented
@@ -51,7 +52,7 @@ class Batch(Bundle):
 
 
 def draw_batch(
-    data: Interactions,
+    data: Streamed[Interactions],
     size: int,
     config: TrainConfig | None = None,
     *,

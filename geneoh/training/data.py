@@ -6,7 +6,7 @@ Recordings are split by whole objects, so that validation sees none that a netwo
 import hashlib
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -15,13 +15,13 @@ import torch
 from jaxtyping import Bool, Int
 from torch import Tensor
 
-from geneoh.bundle import concatenated
 from geneoh.config import as_dict
 from geneoh.errors import ConfigError, InputError
 from geneoh.hand.library import load_hand
 from geneoh.progress import OnProgress
 from geneoh.readers.base import ReaderOptions
 from geneoh.readers.registry import SOURCES
+from geneoh.streamed import Streamed
 from geneoh.synthesis.motion import Interactions
 from geneoh.synthesis.shards import (
     ShardRecord,
@@ -66,7 +66,7 @@ class TrainingData(Generic[Clips]):
 class Portion:
     """Clips of one source in one split, and how many frames of each are real."""
 
-    clips: Interactions
+    clips: Streamed[Interactions]
     lengths: Int[Tensor, " B"]
     weight: float
 
@@ -102,7 +102,7 @@ def training_data(
     options: ReaderOptions | None = None,
     *,
     on_progress: OnProgress | None = None,
-) -> TrainingData[Interactions]:
+) -> TrainingData[Streamed[Interactions]]:
     """Read the data of a run; what is not there yet is made first, and an interrupted one goes on.
 
     Shards that are cut out of recordings lie in the folder `cache`. `on_progress` is called with
@@ -142,10 +142,9 @@ def write_missing(folder: Path, config: SynthesisConfig, on_step: Any) -> None:
         write_shards(folder, config, load_hand("right"), seed=0, on_shard=on_step)
 
 
-def whole(clips: Interactions, weight: float) -> Portion:
+def whole(clips: Streamed[Interactions], weight: float) -> Portion:
     """Made clips, all of whose frames are real."""
-    count, frames = clips.wrist.shape[:2]
-    return Portion(clips, torch.full((count,), frames), weight)
+    return Portion(clips, torch.full((len(clips),), clips.shards[0].wrist.shape[1]), weight)
 
 
 def split_recordings(source: DataSource, shards: Iterable[Path]) -> tuple[list[Portion], list[str]]:
@@ -167,10 +166,10 @@ def split_recordings(source: DataSource, shards: Iterable[Path]) -> tuple[list[P
             f"other, got none ({reasons or 'no frames'}); a shorter windows.frames keeps more"
         )
     held, by = held_out(records)
-    together = concatenated(clips, "B")
+    together = Streamed.of(clips)
     lengths = torch.tensor([record.length for record in records])
     parts = [
-        Portion(together.take(kept, "B"), lengths[kept], source.weight)
+        Portion(together.only(kept), lengths[kept], source.weight)
         for kept in ((~held, held) if bool(held.any()) else (~held, ~held))
     ]
     objects = len({record.object for record in records})
@@ -207,15 +206,17 @@ def held_groups(of_clip: Sequence[str]) -> tuple[Bool[Tensor, " B"], int]:
     return torch.tensor([name in chosen for name in of_clip]), len(chosen)
 
 
-def mixed(portions: Sequence[Portion]) -> Interactions:
+def mixed(portions: Sequence[Portion]) -> Streamed[Interactions]:
     """All clips in one, drawn in the shares of their sources; one whole source stays as it is."""
-    if len(portions) == 1 and bool((portions[0].lengths == portions[0].clips.wrist.shape[1]).all()):
+    together = Streamed.joined(portion.clips for portion in portions)
+    shapes = {(shard.wrist.shape[1], shard.points.shape[1]) for shard in together.shards}
+    frames, points = max(shape[0] for shape in shapes), min(shape[1] for shape in shapes)
+    if len(portions) == 1 and bool((portions[0].lengths == frames).all()):
         return portions[0].clips
-    frames = max(portion.clips.wrist.shape[1] for portion in portions)
-    points = min(portion.clips.points.shape[1] for portion in portions)
-    together = concatenated((evened(p.clips, frames, points) for p in portions), "B")
     return WeightedInteractions(
-        **{field.name: getattr(together, field.name) for field in fields(Interactions)},
+        together.shards,
+        together.places,
+        partial(evened, frames=frames, points=points) if len(shapes) > 1 else None,
         length=torch.cat([portion.lengths for portion in portions]),
         weight=torch.cat([p.weight * p.lengths / p.lengths.sum() for p in portions]),
     )

@@ -17,6 +17,7 @@ from geneoh.denoisers.relations import RelationDenoiser
 from geneoh.denoisers.spatial import SpatialDenoiser
 from geneoh.denoisers.temporal import TemporalDenoiser
 from geneoh.denoisers.trajectory import TrajectoryDenoiser
+from geneoh.streamed import Streamed
 from geneoh.synthesis.draws import Part
 from geneoh.synthesis.motion import Interactions
 from geneoh.synthesis.shards import seed_of
@@ -77,8 +78,8 @@ class StageTask:
 
     name: StageName
     config: TrainConfig
-    data: Interactions
-    validation: Interactions
+    data: Streamed[Interactions]
+    validation: Streamed[Interactions]
     motion_denoiser: MotionDenoiser | None = None  # MotionDiff for a stage that follows it
     made: Mapping[str, Any] | None = None  # how the data was made, for the record
 
@@ -87,7 +88,11 @@ class StageTask:
         return build_model(self.name, self.config)
 
     def batch(
-        self, data: Interactions, *parts: object, device: torch.device, part: Part | None = None
+        self,
+        data: Streamed[Interactions],
+        *parts: object,
+        device: torch.device,
+        part: Part | None = None,
     ) -> tuple[Batch, torch.Generator]:
         """A batch, or part of it, with its generator, by seed and `parts` (purpose, number)."""
         config = self.config
@@ -139,7 +144,7 @@ class StageTask:
         return {
             "stage": self.name,
             "config": as_dict(self.config),
-            "sequences": len(self.data.wrist),
+            "sequences": len(self.data),
             "data": data_digest(self.data),
             "validation": data_digest(self.validation),
             "before": None if motion is None else digest(motion.state_dict().values()),
@@ -159,7 +164,8 @@ def set_latent_statistics(model: nn.Module, batch: Batch) -> None:
     encoder.latent_std.copy_(latent.std((0, 1)).clamp(min=1e-3))
 
 
-def data_digest(data: Interactions) -> str:
+def data_digest(data: Streamed[Interactions]) -> str:
     """A fingerprint of interactions by their people and the last place of each wrist."""
     shares = [data.weight] if isinstance(data, WeightedInteractions) else []
-    return digest([data.offsets, data.wrist[:, -1], *shares])
+    people = data.each(lambda clips: clips.offsets)
+    return digest([people, data.each(lambda clips: clips.wrist[:, -1]), *shares])

@@ -13,6 +13,7 @@ from geneoh.geometry.rotations import axis_angle_to_matrix, interpolate_rotation
 from geneoh.representation.nearest_surface import nearest_on_parts
 from geneoh.representation.parameters import HandParameters
 from geneoh.representation.region import ContactRegion, ObjectSurface, contact_region
+from geneoh.streamed import Streamed
 from geneoh.synthesis.draws import Part
 from geneoh.synthesis.motion import Interactions
 
@@ -56,8 +57,8 @@ class Windows(ObjectSurface):
         return SpatialEvidence.around(self, hand.joints, ray, track)
 
 
-@dataclass(frozen=True)
-class WeightedInteractions(Interactions):
+@dataclass(frozen=True, eq=False, kw_only=True)
+class WeightedInteractions(Streamed[Interactions]):
     """Interactions of which some are drawn more often, and some are shorter than their tensors."""
 
     length: Int[Tensor, " B"]  # frames that may be drawn
@@ -65,7 +66,7 @@ class WeightedInteractions(Interactions):
 
 
 def draw_windows(
-    data: Interactions,
+    data: Streamed[Interactions],
     count: int,
     config: WindowConfig,
     *,
@@ -77,10 +78,10 @@ def draw_windows(
     def integers(low: int, high: int, count: int) -> Tensor:
         return torch.randint(low, high, (count,), generator=generator)
 
-    total, available = data.wrist.shape[:2]
     short = torch.rand((), generator=generator) < config.short_share
     frames = int(integers(2, config.frames, 1)) if short else config.frames
-    pick, lengths = integers(0, total, count), torch.full((count,), available)
+    pick = integers(0, len(data), count)
+    lengths = torch.full((count,), data.shards[0].wrist.shape[1])
     if isinstance(data, WeightedInteractions):
         pick = torch.multinomial(data.weight, count, replacement=True, generator=generator)
         lengths = data.length[pick]
@@ -94,10 +95,11 @@ def draw_windows(
         start = integers(0, int(room[0]), count)
     if part is not None:
         pick, start, stride = part.of(pick), part.of(start), part.of(stride)
-    clip, window = pick[:, None], start[:, None] + stride[:, None] * torch.arange(frames)
-    fixed = data.points[pick], data.normals[pick], data.part[pick]
-    motion = data.rotation[clip, window], data.translation[clip, window]
-    hand = data.wrist[clip, window], data.pose[clip, window], data.offsets[pick]
+    clips, row = data.take(pick), torch.arange(len(pick))[:, None]
+    window = start[:, None] + stride[:, None] * torch.arange(frames)
+    fixed = clips.points, clips.normals, clips.part
+    motion = clips.rotation[row, window], clips.translation[row, window]
+    hand = clips.wrist[row, window], clips.pose[row, window], clips.offsets
     return Windows(*fixed, *motion, HandParameters.of_pose(*hand))
 
 

@@ -176,7 +176,7 @@ def data(tmp_path_factory, scans):
 
 
 def test_held_out_scans_are_in_validation_shards_only(data, scans):
-    train, val = (read_shards(data, split) for split in ("train", "val"))
+    train, val = (read_shards(data, split).take(slice(None)) for split in ("train", "val"))
     assert set(train.scan.tolist()) == {-1, 0, 1}
     assert set(val.scan.tolist()) == {-1, 2}
     assert float((train.scan >= 0).float().mean()) == pytest.approx(0.5, abs=0.3)
@@ -226,7 +226,7 @@ def test_shards_from_before_there_were_scans_are_read(data, tmp_path):
     record = {"config": {"shard": 8}, "seed": 0}
     save_file(tensors, tmp_path / path.name, metadata={"record": json.dumps(record)})
     assert shard_record(tmp_path / path.name).objects == ""
-    assert read_shards(tmp_path, "train").scan.tolist() == [-1] * 8
+    assert read_shards(tmp_path, "train").take(slice(None)).scan.tolist() == [-1] * 8
 
 
 @pytest.mark.parametrize(

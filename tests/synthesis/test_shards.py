@@ -125,7 +125,7 @@ def test_a_shard_is_filled_from_the_grasps_that_were_kept(hand, monkeypatch):
 
 def test_a_split_is_read_as_it_was_made(tmp_path, hand):
     write_shards(tmp_path, TINY, hand, seed=0)
-    train, val = (read_shards(tmp_path, split) for split in ("train", "val"))
+    train, val = (read_shards(tmp_path, split).take(slice(None)) for split in ("train", "val"))
     assert train.pose.shape == (4, 8, 16, 3)
     assert val.points.shape == (2, 8, 3)
     assert float(train.offsets.norm(dim=-1).std(0).min()) > 0, "people differ in size"
@@ -161,7 +161,7 @@ def test_shards_that_do_not_belong_together_are_not_read(tmp_path, hand):
     (tmp_path / "other" / name).replace(tmp_path / name)
     with pytest.raises(InputError, match=f"{name}: was made with seed 1 where 0"):
         read_shards(tmp_path, "train")
-    assert len(read_shards(tmp_path, "val").wrist) == 2
+    assert len(read_shards(tmp_path, "val")) == 2
 
 
 @pytest.mark.parametrize("kept", [0, 5, 200, -1])

@@ -13,6 +13,7 @@ from geneoh.denoisers.spatial import SpatialConfig
 from geneoh.denoisers.temporal import TemporalConfig
 from geneoh.denoisers.trajectory import TrajectoryConfig
 from geneoh.hand.library import load_hand
+from geneoh.streamed import Streamed
 from geneoh.synthesis.grasps import Grasps
 from geneoh.synthesis.motion import Interactions, animate
 from geneoh.synthesis.objects import draw_objects
@@ -36,10 +37,11 @@ def interactions() -> Interactions:
 
 
 @pytest.fixture(scope="session")
-def clips(interactions) -> Interactions:
+def clips(interactions) -> Streamed[Interactions]:
     """The same, cut to 14 frames: what costs time only does so once per frame."""
     moving = ("pose", "wrist", "rotation", "translation")
-    return replace(interactions, **{name: getattr(interactions, name)[:, 20:34] for name in moving})
+    cut = {name: getattr(interactions, name)[:, 20:34] for name in moving}
+    return Streamed.of([replace(interactions, **cut)])
 
 
 @pytest.fixture(scope="session")

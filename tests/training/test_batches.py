@@ -11,6 +11,8 @@ from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import bone_lengths
 from geneoh.representation.parameters import HandParameters
 from geneoh.sequence.gaps import observed_around
+from geneoh.streamed import Streamed
+from geneoh.synthesis.motion import Interactions
 from geneoh.training.augmentation import AugmentationConfig
 from geneoh.training.batches import Batch, after_motion, draw_batch
 from geneoh.training.config import TrainConfig
@@ -22,6 +24,11 @@ WINDOW = WindowConfig().frames
 
 def seeded(seed: int = 0) -> torch.Generator:
     return torch.Generator().manual_seed(seed)
+
+
+def drawn(interactions: Interactions, *arguments, **how) -> Batch:
+    """A batch of one shard."""
+    return draw_batch(Streamed.of([interactions]), *arguments, **how)
 
 
 def tensors(batch: Batch) -> list[torch.Tensor]:
@@ -61,7 +68,7 @@ def test_gaps_are_filled_as_a_sequences_gaps_are(first, second):
 @pytest.fixture(scope="module")
 def batch(interactions) -> Batch:
     """One with full windows."""
-    made = (draw_batch(interactions, 3, generator=seeded(i)) for i in range(20))
+    made = (drawn(interactions, 3, generator=seeded(i)) for i in range(20))
     return next(b for b in made if b.clean.shape[1] == WINDOW)
 
 
@@ -81,7 +88,7 @@ def test_clean_hands_have_the_skeletons_of_the_data(batch, interactions):
 
 def test_without_augmentation_clean_hands_are_those_of_the_data(interactions):
     config = TrainConfig(augmentation=AugmentationConfig(share=0.0, style_share=0.0))
-    batch = draw_batch(interactions, 3, config, generator=seeded())
+    batch = drawn(interactions, 3, config, generator=seeded())
     wrists = interactions.wrist.flatten(0, 1)
     apart = (batch.clean[:, :, 0].flatten(0, 1)[:, None] - wrists).norm(dim=-1).amin(1)
     assert float(apart.max()) < 1e-5
@@ -105,7 +112,7 @@ def test_motion_sees_the_same_hands_as_parameters(batch):
 
 
 def test_wrists_of_frames_without_trust_lie_on_straight_lines(interactions):
-    made = [draw_batch(interactions, 3, generator=seeded(i)) for i in range(6)]
+    made = [drawn(interactions, 3, generator=seeded(i)) for i in range(6)]
     inside = 0
     for b in made:
         trust = b.motion.trust
@@ -118,21 +125,21 @@ def test_wrists_of_frames_without_trust_lie_on_straight_lines(interactions):
 
 
 def test_equal_generators_draw_equal_batches(interactions):
-    first, second, other = (draw_batch(interactions, 2, generator=seeded(s)) for s in (3, 3, 4))
+    first, second, other = (drawn(interactions, 2, generator=seeded(s)) for s in (3, 3, 4))
     assert all(torch.equal(a, b) for a, b in zip(tensors(first), tensors(second), strict=True))
     assert first.clean.shape != other.clean.shape or not torch.equal(first.clean, other.clean)
 
 
 @pytest.mark.parametrize(("share", "given_to"), [(0.0, 1.0), (1.0, 0.0)])
 def test_the_observation_is_hidden_in_the_share_asked_for(interactions, share, given_to):
-    b = draw_batch(interactions, 4, TrainConfig(condition_dropout=share), generator=seeded())
+    b = drawn(interactions, 4, TrainConfig(condition_dropout=share), generator=seeded())
     assert torch.equal(b.observation.given, torch.full((4,), given_to))
 
 
 def test_a_stage_that_follows_motion_sees_what_motion_leaves(interactions, tiny):
     model = build_model("motion", tiny)
     plain, after = (
-        draw_batch(interactions, 3, generator=seeded(5), motion_denoiser=before)
+        drawn(interactions, 3, generator=seeded(5), motion_denoiser=before)
         for before in (None, model)
     )
     assert torch.equal(plain.clean, after.clean)
@@ -153,7 +160,7 @@ def test_a_stage_that_follows_motion_sees_what_motion_leaves(interactions, tiny)
 def test_one_batch_in_five_has_short_windows(interactions):
     surface = ("points", "normals", "part")
     few = replace(interactions, **{name: getattr(interactions, name)[:, :8] for name in surface})
-    frames = [draw_batch(few, 1, generator=seeded(s)).clean.shape[1] for s in range(16)]
+    frames = [drawn(few, 1, generator=seeded(s)).clean.shape[1] for s in range(16)]
     short = [f for f in frames if f < WINDOW]
     assert 1 <= len(short) <= 9
     assert min(short) >= 2

@@ -8,6 +8,7 @@ import torch
 
 from geneoh.errors import ConfigError, InputError
 from geneoh.hand.library import load_hand
+from geneoh.streamed import Streamed
 from geneoh.synthesis.grasps import GraspChecks, GraspConfig
 from geneoh.synthesis.motion import Interactions
 from geneoh.synthesis.shards import SynthesisConfig, shard_record, write_shards
@@ -84,14 +85,14 @@ def portion(clips: Interactions, number: float, lengths: list[int], weight: floa
     wrist = torch.full_like(clips.wrist, number)
     for one, length in zip(wrist, lengths, strict=True):
         one[length:] = torch.nan
-    return Portion(replace(clips, wrist=wrist), torch.tensor(lengths), weight)
+    return Portion(Streamed.of([replace(clips, wrist=wrist)]), torch.tensor(lengths), weight)
 
 
 def test_windows_are_drawn_in_the_shares_asked_for_and_never_of_the_padding(clips):
-    some = clips.take(slice(3), "B")
-    frames = clips.wrist.shape[1]
+    some = clips.take(slice(3))
+    frames = some.wrist.shape[1]
     longer = portion(some, 1.0, [frames] * 3, 3.0)
-    shorter = portion(clips.take(slice(1), "B"), 2.0, [6], 1.0)
+    shorter = portion(clips.take(slice(1)), 2.0, [6], 1.0)
     both = mixed([longer, shorter])
     assert isinstance(both, WeightedInteractions)
     generator = torch.Generator().manual_seed(0)
@@ -103,9 +104,10 @@ def test_windows_are_drawn_in_the_shares_asked_for_and_never_of_the_padding(clip
 
 
 def test_clips_of_other_lengths_and_numbers_of_points_fit_together(clips):
-    short = clips.take(torch.arange(5), "T").take(torch.arange(20), "P")
-    both = mixed([whole(clips, 1.0), whole(short, 1.0)])
-    assert both.wrist.shape == (8, clips.wrist.shape[1], 3)
+    (shard,) = clips.shards
+    short = shard.take(torch.arange(5), "T").take(torch.arange(20), "P")
+    both = mixed([whole(clips, 1.0), whole(Streamed.of([short]), 1.0)]).take(slice(None))
+    assert both.wrist.shape == (8, shard.wrist.shape[1], 3)
     assert both.points.shape == (8, 20, 3)
     assert both.wrist[4:, 5:].equal(short.wrist[:, 4:5].expand(4, both.wrist.shape[1] - 5, 3))
     for field in fields(Interactions):
@@ -128,12 +130,13 @@ def test_an_empty_folder_is_filled_first_and_an_interrupted_one_completed(made, 
     names = sorted(path.name for path in made.iterdir())
     assert sorted(path.name for path in (tmp_path / "new").iterdir()) == names
     assert told == [("interactions", 1, 2), ("interactions", 2, 2)]
-    assert data.training.wrist.shape == (1, 8, 3)
+    (clip,) = data.training.take(slice(None)).wrist
+    assert clip.shape == (8, 3)
     whole_one = (made / names[0]).read_bytes()
     (tmp_path / "new" / names[0]).unlink()
     again = training_data([DataSource(tmp_path / "new")], tmp_path, config)
     assert (tmp_path / "new" / names[0]).read_bytes() == whole_one
-    assert again.training.wrist.equal(data.training.wrist)
+    assert again.training.take(slice(None)).wrist[0].equal(clip)
 
 
 def test_interactions_of_other_settings_are_taken_as_they_are(made, tmp_path, tiny):

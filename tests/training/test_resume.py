@@ -7,6 +7,7 @@ from stage_runs import train_stage
 
 from geneoh.errors import CheckpointError
 from geneoh.nn.checkpoint import load_checkpoint
+from geneoh.streamed import Streamed
 from geneoh.training.resume import digest, refuse_other_run
 from geneoh.training.stages import StageTask, build_model, data_digest
 
@@ -45,7 +46,8 @@ def test_a_damaged_state_is_told_as_that_of_a_run_and_not_as_weights(tmp_path, c
 def test_a_run_on_other_data_is_not_continued(tmp_path, clips, tiny, part):
     given = {"data": clips, "validation": clips}
     train_stage("motion", tiny, folder=tmp_path, device=CPU, **given)
-    given[part] = replace(clips, wrist=clips.wrist + 1e-3)
+    (shard,) = clips.shards
+    given[part] = Streamed.of([replace(shard, wrist=shard.wrist + 1e-3)])
     words = {"data": "training", "validation": "validation"}[part]
     with pytest.raises(CheckpointError, match=f"the saved run has {words} data"):
         train_stage("motion", tiny, folder=tmp_path, device=CPU, **given)
@@ -75,5 +77,6 @@ def test_a_digest_is_of_values_and_shapes(clips):
     some = torch.arange(6.0)
     assert digest([some]) == digest([some.clone()])
     assert len({digest([some]), digest([some.view(2, 3)]), digest([some + 1]), digest([])}) == 4
-    for changed in ({"wrist": clips.wrist + 1e-3}, {"offsets": 1.01 * clips.offsets}):
-        assert data_digest(replace(clips, **changed)) != data_digest(clips)
+    (shard,) = clips.shards
+    for changed in ({"wrist": shard.wrist + 1e-3}, {"offsets": 1.01 * shard.offsets}):
+        assert data_digest(Streamed.of([replace(shard, **changed)])) != data_digest(clips)
