@@ -21,6 +21,7 @@ from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.oriented_points import signed_to_points
 from geneoh.metrics.report import measure_frames
 from geneoh.sequence.sequence import ObjectTrack
+from geneoh.streamed import Streamed
 from geneoh.synthesis.action_shards import read_actions
 from geneoh.synthesis.actions import FPS, VERBS, Actions
 from geneoh.viz.camera import Camera, axes_towards
@@ -141,11 +142,12 @@ def camera_on(points: Float[Tensor, "N 3"], path: Float[Tensor, "T 3"]) -> Camer
     return Camera(axes_towards(back, np.array([0.0, 0.0, 1.0])), target, radius)
 
 
-def one_per_verb(actions: Actions, which: int) -> Actions:
+def one_per_verb(actions: Streamed[Actions], which: int) -> Actions:
     """The clip of this number of each verb, or its last one; verbs without any are left out."""
-    found = [torch.nonzero(actions.verb == verb)[:, 0] for verb in range(len(VERBS))]
+    verbs = actions.each(lambda shard: shard.verb)
+    found = [torch.nonzero(verbs == verb)[:, 0] for verb in range(len(VERBS))]
     chosen = [int(each[min(which, len(each) - 1)]) for each in found if len(each)]
-    return actions.take(torch.tensor(chosen), "B")
+    return actions.take(torch.tensor(chosen))
 
 
 def main() -> None:

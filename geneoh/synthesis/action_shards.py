@@ -10,6 +10,7 @@ from geneoh.bundle import concatenated
 from geneoh.errors import InputError
 from geneoh.files.tensors import DamagedTensorsError, all_tensors, opened_tensors
 from geneoh.hand.model import HandModel
+from geneoh.streamed import Streamed
 from geneoh.synthesis.acting import ActingConfig, act, stands_upright
 from geneoh.synthesis.actions import LONGEST, VERBS, Actions
 from geneoh.synthesis.bimanual import BimanualConfig, grasp_directions, pair_hands
@@ -124,13 +125,13 @@ def names_of_shard(path: Path) -> list[str]:
     return [Path(name).stem for name in names_of(scans_of(path, DEFAULTS))]
 
 
-def read_actions(folder: Path, split: str) -> tuple[Actions, list[str]]:
-    """All actions of one split, and the names of objects without endings; raises as above."""
-    first = find_shards(folder, split, DEFAULTS)[0]
-    names, actions = names_of_shard(first), concatenated(action_shards(folder, split), "B")
-    if int(actions.name.max()) >= len(names):
+def read_actions(folder: Path, split: str) -> tuple[Streamed[Actions], list[str]]:
+    """The actions of one split, and the names of objects without endings; raises as above."""
+    paths = find_shards(folder, split, DEFAULTS)
+    names, actions = names_of_shard(paths[0]), Streamed.of_files(paths, action_shard)
+    if (last := int(actions.each(lambda shard: shard.name).max())) >= len(names):
         raise InputError(
-            f"{first}: expected names of {len(names)} objects, got number "
-            f"{int(actions.name.max())}; make the folder again"
+            f"{paths[0]}: expected names of {len(names)} objects, got number {last}; "
+            "make the folder again"
         )
     return actions, names

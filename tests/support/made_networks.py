@@ -14,6 +14,7 @@ from geneoh.generators.text2hoi.refiner import RefinerConfig
 from geneoh.generators.text2hoi.refiner_losses import RefinerWeights
 from geneoh.generators.text2hoi.samples import ActionData
 from geneoh.generators.text2hoi.training import ActionTask
+from geneoh.streamed import Streamed
 
 POINTS = PointConfig(near=6, middle=8, whole=12)
 TINY = Text2HoiConfig(
@@ -63,7 +64,7 @@ def answering(config: InteractionConfig, seed: int = 0) -> InteractionNetwork:
 
 def tiny_data(**changes) -> ActionData:
     """A few made actions."""
-    return ActionData(made_actions(**changes), NAMES)
+    return ActionData(Streamed.of([made_actions(**changes)]), NAMES)
 
 
 def tiny_task(stage, config: Text2HoiConfig = TINY, **given) -> ActionTask:

@@ -29,6 +29,7 @@ from geneoh.generators.text2hoi.recorded import RecordedConfig
 from geneoh.generators.text2hoi.samples import ActionData
 from geneoh.progress import OnProgress, OnStep, part_of
 from geneoh.readers.base import ReaderOptions
+from geneoh.streamed import Streamed
 from geneoh.synthesis.action_shards import action_shards, read_actions
 from geneoh.synthesis.actions import VERBS, Actions
 from geneoh.synthesis.shards import seed_of
@@ -86,16 +87,17 @@ def evaluate_generator(
     """
     networks = load_networks(options.weights)
     training, held_out, notes = split_clips(options, folder, on_progress)
-    task = ClassifierTask(options.classifier, training, held_out.actions, verb_count(held_out))
+    validation = held_out.actions.take(slice(None))
+    task = ClassifierTask(options.classifier, training, validation, verb_count(held_out))
     model = trained_classifier(task, folder / FOLDER, on_step=told_training(on_progress, FOLDER))
-    count = min(options.limit, len(held_out.actions.verb))
-    spread = torch.linspace(0, len(held_out.actions.verb) - 1, count).round().long()
-    real = held_out.actions.take(spread, "B")
+    count = min(options.limit, len(validation.verb))
+    spread = torch.linspace(0, len(validation.verb) - 1, count).round().long()
+    real = validation.take(spread, "B")
     rows: dict[str, Row] = {
         REAL: lambda _: real,
         "nearest training clip": lambda _: nearest_training(real, training),
     }
-    rows |= network_rows(networks, replace(held_out, actions=real), options)
+    rows |= network_rows(networks, replace(held_out, actions=Streamed.of([real])), options)
     scored = {}
     for name, clips in rows.items():
         told = None if on_progress is None else partial(on_progress, name)
@@ -152,7 +154,7 @@ def split_clips(
     source = DataSource(options.data, options.dataset)
     readers = ReaderOptions(mano_dir=options.mano)
     split = action_data(source, options.recorded, folder / "recordings", readers, on_progress)
-    return thinned(split.training.actions), split.validation, split.notes
+    return thinned(split.training.actions.take(slice(None))), split.validation, split.notes
 
 
 def thinned(clips: Actions) -> Actions:

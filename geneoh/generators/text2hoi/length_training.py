@@ -71,7 +71,7 @@ class LengthTask:
         """Random actions with a random sentence each, by seed and `parts` (purpose, number)."""
         generator = torch.Generator().manual_seed(seed_of(self.config.seed, self.name, *parts))
         draws = Draws(part.count, generator, part)
-        chosen = data.actions.take(draws.integers(0, len(data.actions.verb)), "B")
+        chosen = data.actions.take(draws.integers(0, len(data.actions)))
         text = self.encoder.encode(sentences(chosen, data, draws))
         noise = draws.normal(self.config.length.latent)
         return LengthPiece(
@@ -106,7 +106,7 @@ class LengthTask:
         return {
             "stage": self.name,
             "config": as_dict(self.config),
-            "sequences": len(self.data.training.actions.verb),
+            "sequences": len(self.data.training.actions),
             "data": data_digest(self.data.training),
             "validation": data_digest(self.data.validation),
             "text": text_digest(self.encoder),

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from geneoh.generators.text2hoi.recorded import RecordedConfig, Surface, action_
 from geneoh.progress import OnStep, steps
 from geneoh.readers.base import ReaderOptions, SourceClip, finite_frames
 from geneoh.readers.recordings import find_clips, source_named
+from geneoh.streamed import Streamed
 from geneoh.synthesis.actions import Actions
 from geneoh.training.recordings import files_of, fingerprints, unchanged
 
@@ -28,7 +29,7 @@ FORMAT = 1  # of the shards; raised where the same files give other actions
 class RecordedActions:
     """Actions of one split; `Actions.verb` and `Actions.name` are indices into the words."""
 
-    actions: Actions
+    actions: Streamed[Actions]
     verbs: tuple[str, ...]
     names: tuple[str, ...]
 
@@ -68,15 +69,18 @@ def recorded_actions(
             f"({reasons or 'no labels'}); check that the data set is whole"
         )
     verbs, names = (sorted({label[key] for label in labels}) for key in ("verb", "noun"))
-    together = concatenated(found, "B")
     verb, name = (
-        torch.tensor([words.index(label[key]) for label in labels])
+        torch.tensor([words.index(label[key]) for label in labels]).split(
+            [len(actions.verb) for actions in found]
+        )
         for words, key in ((verbs, "verb"), (names, "noun"))
     )
-    together = Actions(**{**vars(together), "verb": verb, "name": name})
+    together = Streamed.of(
+        replace(actions, verb=v, name=n) for actions, v, n in zip(found, verb, name, strict=True)
+    )
     held, words = held_out([label["subject"] for label in labels], config.held_out)
     parts = [
-        RecordedActions(together.take(kept, "B"), tuple(verbs), tuple(names))
+        RecordedActions(together.only(kept), tuple(verbs), tuple(names))
         for kept in ((~held, held) if bool(held.any()) else (~held, ~held))
     ]
     about = f"{source}: {len(labels)} actions of {len(names)} objects, {words}"

@@ -15,6 +15,7 @@ from geneoh.generators.text2hoi.captions import caption, noun_of
 from geneoh.generators.text2hoi.config import Text2HoiConfig
 from geneoh.generators.text2hoi.contact import ContactNetwork
 from geneoh.generators.text2hoi.objects import Objects, contact_maps
+from geneoh.streamed import Streamed
 from geneoh.synthesis.actions import VERBS, Actions
 from geneoh.synthesis.draws import Draws
 
@@ -38,7 +39,7 @@ class Encoder(Protocol):
 class ActionData:
     """Actions with their contact maps, and the names of objects."""
 
-    actions: Actions
+    actions: Streamed[Actions]
     names: tuple[str, ...]
     verbs: tuple[str, ...] | None = None
     """The verbs of recordings, whose sentences keep them; None for made actions, whose verbs are
@@ -47,13 +48,13 @@ class ActionData:
     @cached_property
     def contact(self) -> Bool[Tensor, "B P"]:
         """Points that are touched."""
-        return contact_maps(self.actions)
+        return self.actions.each(contact_maps)
 
     @cached_property
     def kind(self) -> Tensor:
         """A number for each verb with its hands."""
-        hands = self.actions.hands.long() @ torch.tensor([1, 2])
-        return 4 * self.actions.verb + hands
+        both = torch.tensor([1, 2])
+        return self.actions.each(lambda actions: 4 * actions.verb + actions.hands.long() @ both)
 
 
 @dataclass(frozen=True)
@@ -89,7 +90,7 @@ def draw_samples(
     weight = counts[data.kind] ** -config.balance
     edges = weight.cumsum(0) / weight.sum()
     pick = torch.searchsorted(edges, draws.share().double()).clamp(max=len(edges) - 1)
-    chosen, touched = data.actions.take(pick, "B"), data.contact[pick].float()
+    chosen, touched = data.actions.take(pick), data.contact[pick].float()
     chosen = chosen.mirrored(draws.chance(config.mirrored))
     chosen = chosen.take(slice(int(chosen.length.max())), "T")
     text = encoder.encode(sentences(chosen, data, draws))

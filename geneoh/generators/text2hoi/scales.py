@@ -6,6 +6,7 @@ from torch import Tensor
 
 from geneoh.generators.text2hoi.interaction import InteractionNetwork, in_steps
 from geneoh.generators.text2hoi.tokens import HAND, OBJECT, Tokens, tokens_of
+from geneoh.streamed import Streamed
 from geneoh.synthesis.actions import Actions
 
 LEAST_DEVIATION = 0.02
@@ -14,12 +15,12 @@ MOST = 512  # clips that are looked at
 
 
 @torch.no_grad()
-def set_statistics(network: InteractionNetwork, actions: Actions) -> None:
+def set_statistics(network: InteractionNetwork, actions: Streamed[Actions]) -> None:
     """Set what a network that normalises knows of its numbers, from clips and mirror images.
 
     That is their means and deviations and, in our form, the axes along which they vary most.
     """
-    some = actions.take(slice(None, None, -(-len(actions.verb) // MOST)), "B")
+    some = actions.take(slice(None, None, -(-len(actions) // MOST)))
     both = [tokens_of(each, network.config.frame) for each in (some, some.mirrored())]
     total, square, count = (torch.zeros(len(network.mean), dtype=torch.float64) for _ in range(3))
     for tokens in both:

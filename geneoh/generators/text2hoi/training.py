@@ -125,7 +125,7 @@ class ActionTask:
         return {
             "stage": self.name,
             "config": as_dict(self.config),
-            "sequences": len(self.data.actions.verb),
+            "sequences": len(self.data.actions),
             "data": data_digest(self.data),
             "validation": data_digest(self.validation),
             "text": text_digest(self.encoder),
@@ -136,7 +136,8 @@ class ActionTask:
 
 def data_digest(data: ActionData) -> str:
     """A fingerprint of actions by their lengths and the last place of each wrist."""
-    return digest([data.actions.length, data.actions.wrist[:, :, -1]])
+    lengths = data.actions.each(lambda actions: actions.length)
+    return digest([lengths, data.actions.each(lambda actions: actions.wrist[:, :, -1])])
 
 
 def text_digest(encoder: Encoder) -> str:

@@ -9,6 +9,7 @@ from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork
 from geneoh.generators.text2hoi.length_training import LengthTask, LengthTrainConfig
 from geneoh.generators.text2hoi.samples import ActionData
 from geneoh.generators.text2hoi.text import load_text_encoder
+from geneoh.streamed import Streamed
 from geneoh.synthesis.actions import VERBS
 from geneoh.training.data import TrainingData
 from geneoh.training.loop import train
@@ -26,7 +27,7 @@ TINY = LengthTrainConfig(
 
 
 def task(config=TINY, data=None):
-    data = data or ActionData(made_actions(12), NAMES)
+    data = data or ActionData(Streamed.of([made_actions(12)]), NAMES)
     return LengthTask(config, TrainingData(data, data, {"source": "test"}), WordEncoder())
 
 
@@ -34,7 +35,7 @@ def test_batches_hold_lengths_and_sentences_of_the_same_actions():
     actions = made_actions(26)
     # the length says which verb it is, so a sentence of another action would show
     actions = replace(actions, verb=torch.arange(26) % 13, length=10 + torch.arange(26) % 13)
-    (piece,) = task(data=ActionData(actions, NAMES)).pieces(0, Team(), CPU)
+    (piece,) = task(data=ActionData(Streamed.of([actions]), NAMES)).pieces(0, Team(), CPU)
     assert piece.text.shape == (8, WordEncoder.width)
     assert set(piece.length.tolist()) <= set(range(10, 10 + len(VERBS)))
     assert piece.share == 1.0
@@ -77,7 +78,7 @@ def test_lengths_that_differ_by_verb_are_learned_from_sentences(tmp_path):
         checkpoint_every=100,
         length=LengthConfig(latent=2, hidden=32),
     )
-    data, encoder = ActionData(actions, NAMES), load_text_encoder()
+    data, encoder = ActionData(Streamed.of([actions]), NAMES), load_text_encoder()
     learned = LengthTask(config, TrainingData(data, data, {}), encoder)
     network = load(train(learned, tmp_path, device=CPU))
     generator = torch.Generator().manual_seed(0)

@@ -79,13 +79,13 @@ def read(source, root, tmp_path, mano, config=CONFIG):
 
 
 def made(source, tmp_path, mano, *sides, **how):
-    """The only action of a tree of a data set, with the recording's scene."""
+    """The only action of a tree of a data set, the data and the recording's scene."""
     build, frames = TREES[source]
     s = touched(scene(frames=frames), *sides)
     root = tmp_path / "data"
     build(root, s, **how)
     found, _, _ = read(source, root, tmp_path, mano)
-    return found, s
+    return found.actions.take(slice(None)), found, s
 
 
 def frames_of(source, s):
@@ -96,27 +96,27 @@ def frames_of(source, s):
 
 @pytest.mark.parametrize("source", TREES)
 def test_verb_object_hands_and_length_are_those_of_the_data_set(source, tmp_path, mano):
-    found, s = made(source, tmp_path, mano, "left", "right")
+    actions, found, s = made(source, tmp_path, mano, "left", "right")
     words = {"grab": ("lift", "mug"), "h2o": ("pour", "milk"), "arctic": ("open", "box")}
     assert (found.verbs[0], found.names[0]) == words[source]
-    assert found.actions.hands.tolist() == [[True, True]]
-    assert found.actions.length.tolist() == [len(frames_of(source, s))]
+    assert actions.hands.tolist() == [[True, True]]
+    assert actions.length.tolist() == [len(frames_of(source, s))]
 
 
 @pytest.mark.parametrize("source", TREES)
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_a_hand_that_stays_away_takes_no_part(source, side, tmp_path, mano):
     how = {"hands": side} if source == "arctic" else {}
-    found, _ = made(source, tmp_path, mano, side, **how)
-    assert found.actions.hands.tolist() == [[side == "left", side == "right"]]
+    actions, _, _ = made(source, tmp_path, mano, side, **how)
+    assert actions.hands.tolist() == [[side == "left", side == "right"]]
     absent = 1 if side == "left" else 0
-    assert not found.actions.wrist[0, absent].any()
-    assert not found.actions.pose[0, absent].any()
+    assert not actions.wrist[0, absent].any()
+    assert not actions.pose[0, absent].any()
 
 
 def test_arctic_leaves_out_a_hand_that_its_label_does_not_name(tmp_path, mano):
-    found, _ = made("arctic", tmp_path, mano, "left", "right", hands="right")
-    assert found.actions.hands.tolist() == [[False, True]]
+    actions, _, _ = made("arctic", tmp_path, mano, "left", "right", hands="right")
+    assert actions.hands.tolist() == [[False, True]]
 
 
 def recorded_points(source, root, s, frames):
@@ -136,8 +136,8 @@ def recorded_points(source, root, s, frames):
 
 @pytest.mark.parametrize("source", TREES)
 def test_hands_and_object_move_as_they_did_up_to_the_place_of_the_table(source, tmp_path, mano):
-    found, s = made(source, tmp_path, mano, "left", "right")
-    actions, frames = found.actions, frames_of(source, s)
+    actions, _, s = made(source, tmp_path, mano, "left", "right")
+    frames = frames_of(source, s)
     count = len(frames)
     world = actions.posed_points()[0, :count] @ actions.rotation[0, :count].mT
     world = world + actions.translation[0, :count, None]
@@ -152,10 +152,10 @@ def test_hands_and_object_move_as_they_did_up_to_the_place_of_the_table(source, 
 
 @pytest.mark.parametrize("source", TREES)
 def test_keypoints_are_the_recorded_ones_up_to_the_shape_of_the_hand(source, tmp_path, mano):
-    found, s = made(source, tmp_path, mano, "left", "right")
+    actions, _, s = made(source, tmp_path, mano, "left", "right")
     frames, count = frames_of(source, s), len(frames_of(source, s))
-    local = (found.actions.keypoints()[0, 1] - found.actions.translation[0, :, None])[:count]
-    local = local @ found.actions.rotation[0, :count]
+    local = (actions.keypoints()[0, 1] - actions.translation[0, :, None])[:count]
+    local = local @ actions.rotation[0, :count]
     recorded = (s.joints["right"][frames] - s.shift[frames, None]) @ s.rotation[frames]
     upright = torch.tensor(recorded @ s.rotation[0].T).float()
     spread = (local - upright).reshape(-1, 3)
@@ -164,10 +164,10 @@ def test_keypoints_are_the_recorded_ones_up_to_the_shape_of_the_hand(source, tmp
 
 @pytest.mark.parametrize("source", TREES)
 def test_the_object_stands_upright_on_the_table_as_it_did_at_first(source, tmp_path, mano):
-    found, s = made(
+    actions, _, s = made(
         source, tmp_path, mano, "right", **({"hands": "right"} if source == "arctic" else {})
     )
-    actions, first = found.actions, frames_of(source, s)[0]
+    first = frames_of(source, s)[0]
     assert float(actions.points[0, :, 2].min()) == pytest.approx(0.0, abs=1e-6)
     turned = torch.tensor(s.rotation[first] @ s.rotation[0].T).float()
     torch.testing.assert_close(actions.rotation[0, 0], turned, atol=1e-5, rtol=1e-4)
@@ -175,8 +175,8 @@ def test_the_object_stands_upright_on_the_table_as_it_did_at_first(source, tmp_p
 
 
 def test_arctic_lids_open_by_the_recorded_angle_about_the_hinge(tmp_path, mano):
-    found, s = made("arctic", tmp_path, mano, "left", "right")
-    actions, frames = found.actions, frames_of("arctic", s)
+    actions, _, s = made("arctic", tmp_path, mano, "left", "right")
+    frames = frames_of("arctic", s)
     count = len(frames)
     torch.testing.assert_close(
         actions.joint[0, :count], torch.tensor(s.angle[frames]).float(), atol=1e-5, rtol=1e-4
@@ -185,10 +185,10 @@ def test_arctic_lids_open_by_the_recorded_angle_about_the_hinge(tmp_path, mano):
 
 
 def test_rigid_objects_have_no_joint(tmp_path, mano):
-    found, _ = made("grab", tmp_path, mano, "right")
-    assert not found.actions.axis.any()
-    assert not found.actions.joint.any()
-    assert not found.actions.part.any()
+    actions, _, _ = made("grab", tmp_path, mano, "right")
+    assert not actions.axis.any()
+    assert not actions.joint.any()
+    assert not actions.part.any()
 
 
 def test_another_axis_may_point_up(tmp_path, mano):
@@ -197,9 +197,10 @@ def test_another_axis_may_point_up(tmp_path, mano):
     build(tmp_path / "data", s)
     config = RecordedConfig(points=POINTS, up="x")
     found, _, _ = read("grab", tmp_path / "data", tmp_path, mano, config)
+    actions = found.actions.take(slice(None))
     recorded = recorded_points("grab", tmp_path / "data", s, frames_of("grab", s))
-    world = found.actions.points[0] @ found.actions.rotation[0].mT
-    world = world + found.actions.translation[0, :, None]
+    world = actions.points[0] @ actions.rotation[0].mT
+    world = world + actions.translation[0, :, None]
     risen = (world - world[:1])[: len(recorded), :, 2]
     expected = torch.tensor(recorded - recorded[:1])[..., 0].float()
     torch.testing.assert_close(risen, expected, atol=3e-5, rtol=0)
@@ -219,7 +220,7 @@ def test_validation_is_on_a_subject_of_its_own(source, tmp_path, mano):
     if source == "arctic":
         shutil.copytree(root / "description/s01", root / "description/s02")
     training, validation, notes = read(source, root, tmp_path, mano)
-    assert (len(training.actions.verb), len(validation.actions.verb)) == (1, 1)
+    assert (len(training.actions), len(validation.actions)) == (1, 1)
     assert f"1 of {other} held out for validation" in notes[0]
     named = RecordedConfig(points=POINTS, held_out=one)
     assert f"1 of {one} held out" in read(source, root, tmp_path, mano, named)[2][0]
@@ -236,7 +237,8 @@ def test_what_was_made_is_kept_until_its_files_change(tmp_path, mano):
     before = shard.stat().st_mtime_ns
     again = read("arctic", root, tmp_path, mano)[0]
     assert shard.stat().st_mtime_ns == before
-    assert torch.equal(first.actions.wrist, again.actions.wrist)
+    one, two = (found.actions.take(slice(None)) for found in (first, again))
+    assert torch.equal(one.wrist, two.wrist)
     file = root / "description/s01/box_grab_01/description.txt"
     file.write_text(file.read_text().replace("open", "close"))
     assert read("arctic", root, tmp_path, mano)[0].verbs == ("close",)
