@@ -29,7 +29,7 @@ reading_options = options.together(
         options.FILE,
     ),
 )
-FOR_OBJECTS = ("frames", "guidance")
+FOR_OBJECTS = ("frames", "guidance", "draws")
 FOR_BODIES = ("skeleton", "clip", "fps", "object_pose")
 """Parameters of `geneoh generate` that mean something only without --body, and only with it."""
 

@@ -41,9 +41,14 @@ from .. import bodies, options, progress
     2.0,
 )
 @options.option(
-    "--refine: What mends hands that hold an object: geneoh brings them to the surface and cleans "
-    "them as `geneoh denoise` does; paper is the refiner of Text2HOI; none leaves them as the "
-    "network made them.",
+    "--draws: Motions to draw, of which the one that is most like the others is kept.",
+    click.IntRange(1, 64),
+    4,
+)
+@options.option(
+    "--refine: What mends hands that hold an object: paper is the refiner of Text2HOI; after it "
+    "geneoh brings them to the surface and cleans them as `geneoh denoise` does; none leaves them "
+    "as the network made them.",
     Choice(REFINERS),
     "geneoh",
 )

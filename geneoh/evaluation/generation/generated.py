@@ -10,7 +10,7 @@ from geneoh.generators.text2hoi.objects import Objects
 from geneoh.generators.text2hoi.refiner import RefinerNetwork, refined_by
 from geneoh.generators.text2hoi.resting import eased, moved_by_hands
 from geneoh.generators.text2hoi.samples import ActionData, hands_of, sentences
-from geneoh.generators.text2hoi.sampling import contact_of, sample
+from geneoh.generators.text2hoi.sampling import sample
 from geneoh.progress import OnStep, steps
 from geneoh.synthesis.actions import LONGEST, Actions
 from geneoh.synthesis.draws import Draws
@@ -38,13 +38,11 @@ def generated(
     for start in steps(range(0, len(said), AT_ONCE), on_step):
         some = real.take(slice(start, start + AT_ONCE), "B")
         objects = Objects.of(some)
-        given, drawn = said[start : start + AT_ONCE], torch.zeros_like(objects.points[..., 0])
-        if contact:
-            drawn = contact_of(networks, objects, given, generator=generator)
-        lengths, hands = some.length, hands_of(some)
-        made = sample(networks, objects, given, hands, lengths, generator=generator, contact=drawn)
+        asked = objects, said[start : start + AT_ONCE], hands_of(some), some.length
+        given = None if contact else torch.zeros_like(objects.points[..., 0])
+        made, touched = sample(networks, *asked, generator=generator, contact=given)
         if refiner is not None:
-            made = refined_by(refiner, made, drawn)
+            made = refined_by(refiner, made, touched)
         made = moved_by_hands(eased(replace(made, verb=some.verb, name=some.name)))
         frames = torch.arange(LONGEST).minimum(made.length[:, None] - 1)
         parts.append(made.at_frames(frames))

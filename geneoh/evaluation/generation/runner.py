@@ -117,13 +117,15 @@ def network_rows(
     def make(on_step: OnStep | None, **changed: Any) -> Actions:
         return whole(generator=drawn(options.seed, "text2hoi"), on_step=on_step, **changed)
 
+    refiner = load_refiner(options.weights)
+
     def mended(on_step: OnStep | None) -> Actions:
-        return refined(make(None), seed=options.seed, on_step=on_step)
+        return refined(make(None, refiner=refiner), seed=options.seed, on_step=on_step)
 
     rows: dict[str, Row] = {
         "text2hoi, no contact map": partial(make, contact=False),
         "text2hoi, not refined": make,
-        "text2hoi, paper's refiner": partial(make, refiner=load_refiner(options.weights)),
+        "text2hoi, paper's refiner": partial(make, refiner=refiner),
     }
     return rows | ({"text2hoi": mended} if options.refine == "geneoh" else {})
 

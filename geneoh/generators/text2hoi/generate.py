@@ -15,7 +15,7 @@ from geneoh.generators.text2hoi.objects import Objects
 from geneoh.generators.text2hoi.prompt import Prompt, read_prompt
 from geneoh.generators.text2hoi.refiner import refined_by
 from geneoh.generators.text2hoi.resting import eased, moved_by_hands
-from geneoh.generators.text2hoi.sampling import SamplingConfig, contact_of, sample
+from geneoh.generators.text2hoi.sampling import SamplingConfig, sample
 from geneoh.generators.text2hoi.settling import settled
 from geneoh.generators.text2hoi.standing import StandingObject, stand
 from geneoh.geometry.mesh import Mesh, load_mesh
@@ -42,9 +42,12 @@ class GenerateOptions:
     guidance: float = 2.0
     """How far answers go beyond those without the sentence; 1 is plain, and takes half the time to
     draw."""
+    draws: int = 4
+    """Motions that are drawn, of which the one that is most like the others is kept."""
     refine: Refiner = "geneoh"
-    """What mends the hands: "geneoh" brings them to the surface that they hold and cleans them with
-    `geneoh.denoise`; "paper" is the refiner of Text2HOI, one pass of a network; "none"."""
+    """What mends the hands: "paper" is the refiner of Text2HOI, one pass of a network; after it
+    "geneoh" brings hands to the surface that they hold and cleans them with `geneoh.denoise`;
+    "none"."""
     weights: Path | None = None
     """Folder of networks, as `geneoh train` writes it; what it lacks is as shipped."""
     text_encoder: Path | None = None
@@ -95,22 +98,18 @@ def generate(
     mesh = mesh if isinstance(mesh, Mesh) else load_mesh(mesh)
     stood = stand(mesh, options.up, generator=_generator(options, "points"))
     objects = objects_of(stood)
-    contact = contact_of(
-        networks, objects, [prompt.sentence], generator=_generator(options, "contact")
-    )
     frames = options.frames or length_of(networks, prompt, options)
-    actions = sample(
+    actions, contact = sample(
         networks,
         objects,
         [prompt.sentence],
         [prompt.hands],
         torch.tensor([frames]),
-        SamplingConfig(steps=options.steps, guidance=options.guidance),
+        SamplingConfig(steps=options.steps, guidance=options.guidance, draws=options.draws),
         generator=_generator(options, "motion"),
-        contact=contact,
         on_step=None if on_progress is None else lambda done, of: on_progress("motion", done, of),
     )
-    if options.refine == "paper":
+    if options.refine != "none":
         actions = refined_by(load_refiner(options.weights), actions, contact)
     actions, refined = moved_by_hands(actions), None
     if options.refine == "geneoh":

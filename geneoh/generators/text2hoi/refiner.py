@@ -12,6 +12,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from geneoh.generators.smoothing import smoothed
 from geneoh.generators.text2hoi.interaction import in_steps
 from geneoh.generators.text2hoi.post_norm import PostNormTransformer
 from geneoh.generators.text2hoi.tokens import HAND, HandFrame, Tokens, actions_of, tokens_of
@@ -22,6 +23,7 @@ AGENT_ROWS = (0, 1666)
 """Rows of the paper's sinusoid table that tell the left and the right hand."""
 JOINTS = 63  # numbers of the keypoints of a hand
 REACH = 0.05  # offsets to the object beyond it are cut, metres
+SMOOTHING = 2.0  # deviation of the Gaussian over the change of hands, in frames
 WRIST, TURN = 0.02, 0.1
 """Changes of the wrist (metres) and of entries of rotations that an answer of 1 is in our form."""
 
@@ -129,7 +131,15 @@ def points_of(
 
 @torch.no_grad()
 def refined_by(network: RefinerNetwork, actions: Actions, contact: Float[Tensor, "B P"]) -> Actions:
-    """The same clips with the hands that the refiner makes of theirs."""
+    """The same clips with the hands that the refiner makes of theirs.
+
+    In our form the change is smoothed, because each token tells its own frames alone.
+    """
     tokens = tokens_of(actions, network.config.frame)
     points, touched, _ = points_of(actions, tokens, contact, network.config.points)
-    return actions_of(network(tokens, points, touched), actions)
+    hands = network(tokens, points, touched).hands
+    if network.config.form == "ours":
+        change = (hands - tokens.hands).transpose(1, 2)
+        change = smoothed(change.flatten(2), SMOOTHING, actions.length).view_as(change)
+        hands = tokens.hands + change.transpose(1, 2)
+    return actions_of(tokens.with_hands(hands), actions)

@@ -18,6 +18,7 @@ from geneoh.generators.text2hoi.library import Networks
 from geneoh.generators.text2hoi.objects import Objects
 from geneoh.generators.text2hoi.resting import retimed
 from geneoh.generators.text2hoi.tokens import NUMBERS, Tokens, actions_of
+from geneoh.generators.text2hoi.typical import most_typical
 from geneoh.nn.checkpoint import finite_output
 from geneoh.progress import OnStep
 from geneoh.synthesis.actions import Actions
@@ -37,9 +38,11 @@ class SamplingConfig:
     with it (paper), and more than 1 goes beyond it, at twice the time."""
     smoothing: float = 2.0
     """Deviation in frames of the Gaussian over the numbers at last; 0 for none (paper)."""
+    draws: int = 4
+    """Actions that are drawn for each that is kept, the most typical of them (paper: 1)."""
 
 
-PAPER = SamplingConfig("ancestral", PAPER_STEPS, guidance=1.0, smoothing=0.0)
+PAPER = SamplingConfig("ancestral", PAPER_STEPS, guidance=1.0, smoothing=0.0, draws=1)
 
 
 @torch.no_grad()
@@ -54,21 +57,58 @@ def sample(
     generator: torch.Generator,
     contact: Float[Tensor, "B P"] | None = None,
     on_step: OnStep | None = None,
-) -> Actions:
-    """An action for each sentence with its object, its hands and its number of frames.
+) -> tuple[Actions, Float[Tensor, "B P"]]:
+    """An action for each sentence with its object, its hands and its number of frames; and the
+    contact map that it was made for.
 
-    Contact maps are drawn from `contact_of` unless they are given. Verbs and names are `UNKNOWN`.
-    Clips are drawn with whole tokens, because axes that frames of a token share fit no parts of
-    one, and then take the time that is asked for.
+    Of `config.draws` actions for a sentence the most typical one is kept. Each of them has a
+    contact map of its own from `contact_of`, unless those of the sentences are given. Verbs and
+    names are `UNKNOWN`. Clips are drawn with whole tokens, because axes that frames of a token
+    share fit no parts of one, and then take the time that is asked for.
 
     Raises:
         CheckpointError: the networks answer with NaN, as of damaged weights.
     """
-    config, network = config or SamplingConfig(), networks.interaction
-    device = objects.points.device
+    config, device = config or SamplingConfig(), objects.points.device
+    clips = torch.arange(len(sentences), device=device).repeat_interleave(config.draws)
+    objects, lengths = objects.take(clips, "B"), lengths.to(device)[clips]
+    sentences, hands = [sentences[clip] for clip in clips], [hands[clip] for clip in clips]
     if contact is None:
         contact = contact_of(networks, objects, sentences, generator=generator)
-    lengths, each = lengths.to(device), network.config.frames_per_token
+    else:
+        contact = contact[clips]
+    drawn = drawn_actions(
+        networks,
+        objects,
+        sentences,
+        hands,
+        lengths,
+        config,
+        generator=generator,
+        contact=contact,
+        on_step=on_step,
+    )
+    if config.draws == 1:
+        return drawn, contact
+    kept = most_typical(drawn, config.draws)
+    return drawn.take(kept, "B"), contact[kept]
+
+
+def drawn_actions(
+    networks: Networks,
+    objects: Objects,
+    sentences: Sequence[str],
+    hands: Sequence[HandsName],
+    lengths: Int[Tensor, " B"],
+    config: SamplingConfig,
+    *,
+    generator: torch.Generator,
+    contact: Float[Tensor, "B P"],
+    on_step: OnStep | None = None,
+) -> Actions:
+    """One action for each sentence; see `sample`."""
+    network, device = networks.interaction, objects.points.device
+    each = network.config.frames_per_token
     whole = (lengths + each - 1) // each * each
     condition = condition_of(networks, objects, sentences, hands, whole, contact)
     numbers = drawn_numbers(network, condition, config, generator=generator, on_step=on_step)

@@ -61,6 +61,23 @@ def test_hands_change_and_nothing_else_does(form):
     assert found.length.equal(actions.length)
 
 
+@pytest.mark.parametrize(("form", "share"), [("ours", 0.1), ("paper", 1.0)])
+def test_the_change_of_our_form_is_smooth(form, share):
+    network, actions = network_of(form), made_actions()
+    tokens = tokens_of(actions, network.config.frame)
+    points, contact, _ = points_of(actions, tokens, SOMEWHERE, network.config.points)
+    with torch.no_grad():
+        change = network(tokens, points, contact).hands - tokens.hands
+    found = tokens_of(refined_by(network, actions, SOMEWHERE), network.config.frame)
+    kept = found.hands - tokens.hands
+
+    def bends(values):
+        return values[..., :3].diff(n=2, dim=2)[:, :, : int(actions.length.min()) - 2].norm()
+
+    assert bends(change) > 0
+    assert bends(kept) <= 1.01 * share * bends(change)
+
+
 @pytest.mark.parametrize("form", FORMS)
 def test_what_stands_in_padded_frames_and_in_absent_hands_changes_nothing(form):
     network, actions = network_of(form), made_actions()

@@ -23,6 +23,7 @@ from geneoh.generators.text2hoi.sampling import (
     drawn_numbers,
     sample,
 )
+from geneoh.generators.text2hoi.typical import most_typical
 from geneoh.nn.checkpoint import Checkpoint, save_checkpoint
 
 HANDS = ["right hand", "left hand", "both hands"]
@@ -44,7 +45,7 @@ def objects() -> Objects:
 
 def drawn(networks, objects, seed=0):
     generator, config = torch.Generator().manual_seed(seed), SamplingConfig(steps=4)
-    return sample(networks, objects, SAID, HANDS, LENGTHS, config, generator=generator)
+    return sample(networks, objects, SAID, HANDS, LENGTHS, config, generator=generator)[0]
 
 
 def test_two_seeds_make_two_clips_and_one_seed_one(networks, objects):
@@ -52,6 +53,32 @@ def test_two_seeds_make_two_clips_and_one_seed_one(networks, objects):
     assert first.wrist.equal(again.wrist)
     assert first.pose.equal(again.pose)
     assert (first.translation - other.translation).abs().amax((1, 2)).min() > 1e-4
+
+
+def test_the_most_typical_of_several_draws_is_kept_for_each_clip(networks, objects):
+    def of(draws):
+        config = SamplingConfig(steps=4, draws=draws)
+        generator = torch.Generator().manual_seed(0)
+        return sample(networks, objects, SAID, HANDS, LENGTHS, config, generator=generator)
+
+    several, touched = of(4)
+    every = torch.arange(3).repeat_interleave(4)
+    alone, maps = sample(
+        networks,
+        objects.take(every, "B"),
+        [SAID[clip] for clip in every],
+        [HANDS[clip] for clip in every],
+        LENGTHS[every],
+        SamplingConfig(steps=4, draws=1),
+        generator=torch.Generator().manual_seed(0),
+    )
+    kept = most_typical(alone, 4)
+    assert several.wrist.equal(alone.wrist[kept])
+    assert touched.equal(maps[kept])
+    assert (maps[0] - maps[1]).abs().max() > 0
+    assert (kept // 4).tolist() == [0, 1, 2]
+    assert several.length.tolist() == LENGTHS.tolist()
+    assert not of(1)[0].wrist.equal(several.wrist)
 
 
 def test_a_sample_has_the_hands_the_lengths_and_the_objects_that_were_asked_for(networks, objects):
