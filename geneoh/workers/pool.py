@@ -90,7 +90,7 @@ def in_processes(
         """Give a worker, or a new one, the next item; items that lost a worker come last."""
         task = next(fresh, None) or (again.popleft() if again else None)
         if task is not None:
-            worker = worker or started(do, crew)
+            worker = worker or Worker(*started(crew, serve, do))
             busy[worker.pipe] = worker
             worker.begin(*task)
 
@@ -116,16 +116,21 @@ def in_processes(
         end(crew)
 
 
-def started(do: Do[Item, Result], crew: list[BaseProcess]) -> Worker:
-    """A new worker, which is added to the crew."""
+def started(
+    crew: list[BaseProcess], target: Callable[..., None], *args: Any
+) -> tuple[BaseProcess, Connection]:
+    """A new process, which is added to the crew, and the pipe to it.
+
+    It calls `target` with its end of the pipe and the arguments.
+    """
     context = get_context("spawn")
     pipe, far = context.Pipe()
-    process = context.Process(target=serve, args=(far, do), daemon=True)
+    process = context.Process(target=target, args=(far, *args), daemon=True)
     with interrupts_held():
         process.start()
-    far.close()  # so that the pipe ends when the worker does
+    far.close()  # so that the pipe ends when the process does
     crew.append(process)
-    return Worker(process, pipe)
+    return process, pipe
 
 
 @contextmanager
@@ -169,8 +174,7 @@ def end(crew: Iterable[BaseProcess]) -> None:
 
 def serve(pipe: Connection, do: Do[Any, Any]) -> None:
     """What a worker does: items come and answers go through the pipe, until it closes."""
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit())  # tidies up, as `sys.exit` does
-    threading.Thread(target=end_with_parent, daemon=True).start()
+    obey_parent()
     use_one_thread()
     try:
         while True:
@@ -180,6 +184,12 @@ def serve(pipe: Connection, do: Do[Any, Any]) -> None:
     except SystemExit:  # end by the signal that asked for it
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
         os.kill(os.getpid(), signal.SIGTERM)
+
+
+def obey_parent() -> None:
+    """Tidy up and end when the parent asks for it, or was killed."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit())  # tidies up, as `sys.exit` does
+    threading.Thread(target=end_with_parent, daemon=True).start()
 
 
 def end_with_parent() -> None:
