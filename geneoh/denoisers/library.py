@@ -16,6 +16,7 @@ from geneoh.denoisers.temporal import TemporalConfig, TemporalDenoiser
 from geneoh.denoisers.trajectory import TrajectoryConfig, TrajectoryDenoiser
 from geneoh.errors import CheckpointError
 from geneoh.nn.checkpoint import load_checkpoint
+from geneoh.nn.precision import cleaning_precision, multiply_in
 
 SHIPPED = Path(__file__).parent / "assets"  # the weights in the package, STAGE.safetensors
 CLEANING_STAGES = ("motion", "spatial", "temporal")
@@ -54,7 +55,9 @@ def load_denoisers(
         stage: str, network: Callable[[NetConfig], Network], config: Callable[..., NetConfig]
     ) -> Network:
         path = (folder or SHIPPED) / f"{stage}.safetensors"
-        return load_network(path, stage, network, config).to(device)
+        made = load_network(path, stage, network, config).to(device)
+        multiply_in(made, cleaning_precision(torch.device(device)))
+        return made
 
     return Denoisers(
         loaded("motion", MotionDenoiser, MotionConfig),

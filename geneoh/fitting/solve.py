@@ -15,15 +15,32 @@ def solve_coupled_frames(
     """Solve M x = right, where frames are coupled by -diag(coupling) between neighbours.
 
     `matrix` holds the diagonal blocks; the coupling (>= 0) is added to them once per neighbour, so
-    that M is positive definite. No entry of M is farther than U from its diagonal: LAPACK's banded
-    Cholesky factor, on the CPU, takes a third of the time of one factor per frame.
+    that M is positive definite.
     """
     frames, size = right.shape[1:]
     springs = coupling.expand(frames, size).clone()
     springs[1:-1] *= 2
     if frames == 1:
         springs.zero_()
-    blocks = (matrix + torch.diag_embed(springs)).cpu().numpy()
+    blocks = matrix + torch.diag_embed(springs)
+    if right.is_cuda:
+        beside = -torch.diag(coupling).expand(len(right), frames - 1, size, size)
+        return solve_by_halves(blocks, beside, right)
+    return solve_as_band(blocks, coupling, right)
+
+
+def solve_as_band(
+    diagonal: Float[Tensor, "S T U U"],
+    coupling: Float[Tensor, " U"],
+    right: Float[Tensor, "S T U"],
+) -> Float[Tensor, "S T U"]:
+    """Solve M x = right on the CPU, where M has the blocks -diag(coupling) beside its diagonal.
+
+    No entry of M is farther than U from its diagonal: LAPACK's banded Cholesky factor takes a third
+    of the time of one factor per frame.
+    """
+    frames, size = right.shape[1:]
+    blocks = diagonal.cpu().numpy()
     band = np.zeros((len(blocks), size + 1, frames, size), blocks.dtype)
     for column in range(size):  # row d holds the entries d below the diagonal
         band[:, : size - column, :, column] = blocks[..., column:, column].swapaxes(1, 2)
@@ -34,3 +51,37 @@ def solve_coupled_frames(
         for one, side in zip(band, sides, strict=True)
     ]
     return torch.from_numpy(np.stack(solved)).to(right).unflatten(1, (frames, size))
+
+
+def solve_by_halves(
+    diagonal: Float[Tensor, "S T U U"],
+    beside: Float[Tensor, "S T-1 U U"],
+    right: Float[Tensor, "S T U"],
+) -> Float[Tensor, "S T U"]:
+    """Solve M x = right where x is, by batches of blocks: quick where frames are worked on at once.
+
+    M is positive definite; its rows of frame t+1 hold `beside[t]` in the columns of frame t. Every
+    second frame is eliminated, with one factor each, and the system of the others, half as long,
+    is of the same form (cyclic reduction; Golub and Van Loan, Matrix Computations, 3rd
+    edition, 4.5.4).
+    """
+    odd, size = right.shape[1] // 2, right.shape[2]
+    factor = torch.linalg.cholesky_ex(diagonal[:, 1::2] if odd else diagonal)[0]
+    if not odd:
+        return torch.cholesky_solve(right[..., None], factor)[..., 0]
+    left, ahead = beside[:, ::2], beside[:, 1::2]  # couplings of odd frames to those around
+    inner = ahead.shape[1]  # odd frames that have one behind
+    behind = torch.nn.functional.pad(ahead.mT, (0, 0, 0, 0, 0, odd - inner))
+    columns = torch.cat([left, behind, right[:, 1::2, :, None]], dim=-1)
+    to_left, to_ahead, alone = torch.cholesky_solve(columns, factor).split((size, size, 1), dim=-1)
+    kept, sides = diagonal[:, ::2].clone(), right[:, ::2, :, None].clone()
+    kept[:, :odd] -= left.mT @ to_left
+    sides[:, :odd] -= left.mT @ alone
+    kept[:, 1:] -= ahead @ to_ahead[:, :inner]
+    sides[:, 1:] -= ahead @ alone[:, :inner]
+    even = solve_by_halves(kept, -ahead @ to_left[:, :inner], sides[..., 0])
+    after = torch.nn.functional.pad(even[:, 1:], (0, 0, 0, odd - inner))
+    moved = to_left @ even[:, :odd, :, None] + to_ahead @ after[..., None]
+    found = torch.empty_like(right)
+    found[:, ::2], found[:, 1::2] = even, (alone - moved)[..., 0]
+    return found

@@ -90,7 +90,7 @@ class FrameTransformer(nn.Module):
         """Build `depth` blocks of `width` features."""
         super().__init__()
         self.precision = torch.float32
-        """Type of the matrix products; training may use a smaller one."""
+        """Type of the matrix products, see `geneoh.nn.precision`."""
         self.level = mlp(width, width, width)
         self.blocks = nn.ModuleList(Block(width, heads) for _ in range(depth))
         self.norm = nn.LayerNorm(width)

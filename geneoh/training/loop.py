@@ -13,7 +13,8 @@ from torch import Tensor, nn
 
 from geneoh.errors import ConfigError
 from geneoh.nn.checkpoint import load_checkpoint, save_checkpoint
-from geneoh.training.optimizer import Optimizer, multiply_in, quick_precision
+from geneoh.nn.precision import multiply_in, quick_precision
+from geneoh.training.optimizer import Optimizer
 from geneoh.training.processes import Team, noted_interrupts
 from geneoh.training.resume import TrainState, refuse_other_run, run_record, write_log
 from geneoh.training.run_config import RunConfig

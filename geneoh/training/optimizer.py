@@ -1,11 +1,11 @@
-"""The optimiser of the weights, and the precision of matrix products in training."""
+"""The optimiser of the weights."""
 
 from collections.abc import Mapping
 
 import torch
 from torch import Tensor, nn
 
-from geneoh.nn.blocks import Block, FrameTransformer
+from geneoh.nn.blocks import Block
 from geneoh.training.muon import Muon
 from geneoh.training.run_config import RunConfig
 
@@ -64,22 +64,3 @@ class Optimizer:
                     moments.setdefault(int(index), {})[key] = tensor
             groups = part.state_dict()["param_groups"]
             part.load_state_dict({"state": moments, "param_groups": groups})
-
-
-def quick_precision(device: torch.device) -> torch.dtype:
-    """Type of matrix products in transformer blocks: bfloat16 where hardware has units for it."""
-    if device.type == "cuda":
-        native = torch.cuda.is_bf16_supported(including_emulation=False)
-    else:
-        # older versions of torch do not have this function
-        able = getattr(torch.cpu, "get_capabilities", dict)()
-        units = any(able.get(name) for name in ("amx_bf16", "avx512_bf16"))
-        native = device.type == "cpu" and units
-    return torch.bfloat16 if native else torch.float32
-
-
-def multiply_in(model: nn.Module, precision: torch.dtype) -> None:
-    """Set the type of matrix products in all transformers of a model; sums stay in float32."""
-    for module in model.modules():
-        if isinstance(module, FrameTransformer):
-            module.precision = precision

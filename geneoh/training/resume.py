@@ -16,7 +16,8 @@ from geneoh.config import flat
 from geneoh.errors import CheckpointError
 from geneoh.files.atomic import write_whole
 from geneoh.nn.checkpoint import Checkpoint
-from geneoh.training.optimizer import Optimizer, quick_precision
+from geneoh.nn.precision import quick_precision
+from geneoh.training.optimizer import Optimizer
 
 MAY_CHANGE = ("steps", "checkpoint_every", "validate_every", "validation_batches", "accumulate")
 """Settings that may change when a run is continued: of its steps they change only the last ones,

@@ -1,8 +1,11 @@
+import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pretended_device import PretendedDevice
 
-from geneoh.fitting.solve import solve_coupled_frames
+from geneoh.fitting import solve
+from geneoh.fitting.solve import solve_by_halves, solve_coupled_frames
 
 
 def system(samples: int, frames: int, size: int, seed: int):
@@ -35,6 +38,54 @@ def test_the_solution_is_that_of_the_whole_matrix(samples, frames, size, seed):
     got = solve_coupled_frames(matrix, right, coupling)
     want = solve_densely(matrix, right, coupling)
     torch.testing.assert_close(got, want, rtol=1e-8, atol=1e-8)
+
+
+def with_blocks_beside(matrix, coupling):
+    """The blocks on the diagonal, and those beside it."""
+    kept = {}
+
+    def noted(diagonal, coupling, right):
+        kept["diagonal"] = diagonal
+        return right
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(solve, "solve_as_band", noted)
+        solve_coupled_frames(matrix, matrix[..., 0], coupling)
+    samples, frames, size = matrix.shape[:3]
+    return kept["diagonal"], -torch.diag(coupling).expand(samples, frames - 1, size, size)
+
+
+@pytest.mark.parametrize("frames", [*range(1, 10), 60])
+def test_halves_give_the_solution_of_the_band(frames):
+    matrix, right, coupling = system(2, frames, 7, frames)
+    want = solve_coupled_frames(matrix, right, coupling)
+    with PretendedDevice() as device:  # nothing of it is on the CPU
+        given = [x.to(device) for x in (*with_blocks_beside(matrix, coupling), right)]
+        got = solve_by_halves(*given)
+        assert got.device == device
+        got = got.to("cpu")
+    assert float((got - want).abs().max() / want.abs().max()) < 1e-9
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e6])
+def test_halves_are_as_exact_in_float32_as_the_band(scale):
+    matrix, right, coupling = system(4, 60, 51, 3)
+    matrix = matrix + torch.eye(51, dtype=torch.float64)
+    matrix, coupling = scale * matrix, scale * coupling
+    want = solve_coupled_frames(matrix, right, coupling)
+    got = solve_by_halves(*with_blocks_beside(matrix.float(), coupling.float()), right.float())
+    assert float((got - want).norm() / want.norm()) < 1e-5
+
+
+@pytest.mark.gpu
+def test_frames_on_a_gpu_are_solved_there():
+    if not torch.cuda.is_available():
+        pytest.skip("needs a CUDA device")
+    matrix, right, coupling = system(3, 61, 51, 5)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(solve, "solve_as_band", None)
+        got = solve_coupled_frames(matrix.cuda(), right.cuda(), coupling.cuda())
+    torch.testing.assert_close(got.cpu(), solve_coupled_frames(matrix, right, coupling))
 
 
 def test_without_coupling_frames_are_solved_one_by_one():

@@ -1,5 +1,6 @@
 """The whole way on another device: a pretended one, and CUDA where there is a GPU."""
 
+import time
 from dataclasses import fields, replace
 from typing import get_args
 
@@ -13,6 +14,7 @@ from torch import Tensor
 import geneoh
 from geneoh.bundle import Bundle
 from geneoh.choices import PresetName
+from geneoh.denoisers import library
 from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.options import Options
 from geneoh.pipeline.results import Denoised, save
@@ -24,9 +26,21 @@ else in the mean. Where the object is thin, rounding may decide on which side of
 fitted, so that single frames differ by more. The pretended device gives the numbers of the CPU."""
 
 
+MEAN_CHANGE = 5e-4
+"""Metres by which a keypoint differs in the mean where networks multiply in bfloat16."""
+A_WINDOW_WITHIN = 1.0
+"""Seconds in which a GPU cleans 60 frames with 100 samples."""
+
+
+def multiply_in(precision: torch.dtype, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have the networks multiply matrices in this type on every device."""
+    monkeypatch.setattr(library, "cleaning_precision", lambda device: precision)
+
+
 @pytest.fixture(autouse=True)
-def _few_steps(monkeypatch):
+def _few_steps_in_full(monkeypatch):
     quick_presets.use(monkeypatch)
+    multiply_in(torch.float32, monkeypatch)
 
 
 @pytest.fixture(scope="module")
@@ -121,5 +135,33 @@ def test_cuda_and_the_cpu_agree_on_the_whole_recording(noisy, monkeypatch):
     if not torch.cuda.is_available():
         pytest.skip("needs a CUDA device")
     monkeypatch.undo()
+    multiply_in(torch.float32, monkeypatch)
     here, there = (denoise(noisy, Options(device=name)) for name in ("cpu", "cuda"))
     assert_same(here, there, exact=False)
+
+
+@pytest.mark.slow
+def test_products_in_bfloat16_change_a_clean_hand_little(noisy, monkeypatch):
+    monkeypatch.undo()
+    found = {}
+    for precision in (torch.float32, torch.bfloat16):
+        multiply_in(precision, monkeypatch)
+        found[precision] = tensors_of(denoise(noisy, Options(preset="fast")))
+    plain, less = found.values()
+    for name, tensor in less.items():
+        assert tensor.dtype == plain[name].dtype, name
+        assert tensor.isfinite().all(), name
+    apart = (less["left joints"] - plain["left joints"]).norm(dim=-1)
+    assert 0 < float(apart.mean()) < MEAN_CHANGE
+
+
+@pytest.mark.gpu
+def test_cuda_cleans_a_window_of_many_samples_within_a_second(noisy, monkeypatch):
+    if not torch.cuda.is_available():
+        pytest.skip("needs a CUDA device")
+    monkeypatch.undo()
+    options = Options(device="cuda", samples=100)
+    denoise(noisy[:60], options)  # kernels are loaded, and compiled where need be
+    began = time.perf_counter()
+    denoise(noisy[:60], options)
+    assert time.perf_counter() - began < A_WINDOW_WITHIN

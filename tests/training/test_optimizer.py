@@ -5,7 +5,7 @@ import torch
 from torch import nn
 
 from geneoh.nn.blocks import FrameTransformer
-from geneoh.training.optimizer import Optimizer, multiply_in, quick_precision
+from geneoh.training.optimizer import Optimizer
 from geneoh.training.stages import build_model
 
 
@@ -72,34 +72,3 @@ def test_what_is_remembered_can_be_given_to_another(tiny):
         move(model, optimizer, 2)
     for p, q in zip(first.parameters(), second.parameters(), strict=True):
         torch.testing.assert_close(p, q)
-
-
-def test_less_precise_products_change_little_and_leave_the_type():
-    model, x = transformer(), torch.randn(2, 5, 16, generator=torch.Generator().manual_seed(1))
-    level = torch.tensor([0.1, -0.3])
-    with torch.no_grad():
-        plain = model(x, level)
-        multiply_in(model, torch.bfloat16)
-        less = model(x, level)
-    assert less.dtype == torch.float32
-    assert not torch.equal(less, plain)
-    torch.testing.assert_close(less, plain, atol=0.05, rtol=0)
-
-
-@pytest.mark.parametrize(
-    ("units", "found"),
-    [
-        ({"amx_bf16": True}, torch.bfloat16),
-        ({"amx_bf16": False, "avx512_bf16": True}, torch.bfloat16),
-        ({"amx_bf16": False, "avx2": True}, torch.float32),
-    ],
-)
-def test_products_are_quick_where_the_processor_has_units_for_them(monkeypatch, units, found):
-    monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: units, raising=False)
-    assert quick_precision(torch.device("cpu")) == found
-
-
-def test_a_torch_that_cannot_tell_multiplies_in_full(monkeypatch):
-    monkeypatch.delattr(torch.cpu, "get_capabilities", raising=False)
-    assert quick_precision(torch.device("cpu")) == torch.float32
-    assert quick_precision(torch.device("meta")) == torch.float32

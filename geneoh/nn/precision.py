@@ -1,0 +1,30 @@
+"""The type of the matrix products in transformer blocks; sums, norms and results are float32."""
+
+import torch
+from torch import nn
+
+from geneoh.nn.blocks import FrameTransformer
+
+
+def quick_precision(device: torch.device) -> torch.dtype:
+    """Type of matrix products in transformer blocks: bfloat16 where hardware has units for it."""
+    if device.type == "cuda":
+        native = torch.cuda.is_bf16_supported(including_emulation=False)
+    else:
+        # older versions of torch do not have this function
+        able = getattr(torch.cpu, "get_capabilities", dict)()
+        units = any(able.get(name) for name in ("amx_bf16", "avx512_bf16"))
+        native = device.type == "cpu" and units
+    return torch.bfloat16 if native else torch.float32
+
+
+def cleaning_precision(device: torch.device) -> torch.dtype:
+    """Type of those products while tracks are cleaned: on a CPU float32, for equal bits on all."""
+    return torch.float32 if device.type == "cpu" else quick_precision(device)
+
+
+def multiply_in(model: nn.Module, precision: torch.dtype) -> None:
+    """Set the type of matrix products in all transformers of a model; sums stay in float32."""
+    for module in model.modules():
+        if isinstance(module, FrameTransformer):
+            module.precision = precision
