@@ -2,6 +2,7 @@ import torch
 from made_actions import box_actions
 
 from geneoh.evaluation.generation.posed import posed_actions
+from geneoh.streamed import Streamed
 from geneoh.synthesis.actions import VERBS
 from tools.action_sheet import (
     CELL,
@@ -24,7 +25,7 @@ def test_sheet_has_a_row_of_frames_for_each_action():
 
 def test_one_clip_of_each_verb_is_chosen_and_its_last_where_there_are_fewer():
     actions = box_actions(["pass", "lift", "lift", "pass", "lift"], frames=4)
-    chosen = one_per_verb(actions, 2)
+    chosen = one_per_verb(Streamed.of([actions]), 2)
     assert [VERBS[int(verb)] for verb in chosen.verb] == ["lift", "pass"]
     assert chosen.name.tolist() == [4, 3]
 
