@@ -12,6 +12,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from geneoh.errors import ConfigError
+from geneoh.files.atomic import unwritable
 from geneoh.nn.checkpoint import load_checkpoint, save_checkpoint
 from geneoh.nn.precision import multiply_in, quick_precision
 from geneoh.training.optimizer import Optimizer
@@ -130,10 +131,14 @@ def train(
     Raises:
         CheckpointError: the folder holds a run of another network, config or data.
         ConfigError: there are fewer samples in a batch than pieces to divide it into.
+        InputError: the folder cannot be made.
     """
     team, config = team or Team(), task.config
     check_division(config, team)
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise unwritable(folder, error) from None
     state_path, log_path = (
         folder / f"{task.name}_{what}" for what in ("state.safetensors", "log.csv")
     )

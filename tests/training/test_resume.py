@@ -5,7 +5,7 @@ import pytest
 import torch
 from stage_runs import train_stage
 
-from geneoh.errors import CheckpointError
+from geneoh.errors import CheckpointError, InputError
 from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.streamed import Streamed
 from geneoh.training.resume import digest, refuse_other_run
@@ -80,3 +80,9 @@ def test_a_digest_is_of_values_and_shapes(clips):
     (shard,) = clips.shards
     for changed in ({"wrist": shard.wrist + 1e-3}, {"offsets": 1.01 * shard.offsets}):
         assert data_digest(Streamed.of([replace(shard, **changed)])) != data_digest(clips)
+
+
+def test_a_folder_that_cannot_be_made_is_told(tmp_path, clips, tiny):
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match="cannot be written"):
+        train_stage("motion", tiny, clips, clips, tmp_path / "file" / "run", device=CPU)
