@@ -87,6 +87,14 @@ def remove(path: Path) -> None:
     path.unlink(missing_ok=True)
 
 
+def make_folder(folder: Path) -> None:
+    """Make a folder, and those that it is in; `InputError` where it cannot be made."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise unwritable(folder, error) from None
+
+
 def unwritable(path: Path, error: OSError) -> InputError:
     """The error for a place that cannot be written to."""
     return InputError(f"{path}: cannot be written ({error.strerror}); choose another place")

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from geneoh.errors import InputError
-from geneoh.files.atomic import unwritable, write_whole
+from geneoh.files.atomic import make_folder, unwritable, write_whole
 
 LOCK = ".geneoh.lock"
 Record = Mapping[str, Any]
@@ -55,8 +55,8 @@ def only_run_in(folder: Path) -> Iterator[None]:
         InputError: another run is working in it, or it cannot be written to.
     """
     path = folder / LOCK
+    make_folder(folder)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
     except OSError as error:
         raise unwritable(folder, error) from None

@@ -253,7 +253,6 @@ def contact_planes(state: HandState, shaped: ShapedHand, near: Nearby, config: F
     bone = shaped.model.skin_weights.argmax(-1)
     found = way_out(verts, bone, near.surface, near.query(verts))
     distance, index = found.distance.topk(config.surface_verts, dim=-1, largest=False)
-    points = index[..., None].expand(*index.shape, 3)
     inside = (distance < 0).to(distance) / config.depth_std
     touching = torch.zeros_like(distance)
     for joint in TIP_PARENTS:
@@ -261,15 +260,13 @@ def contact_planes(state: HandState, shaped: ShapedHand, near: Nearby, config: F
         value, at = apart.min(-1, keepdim=True)
         close = ((value > 0) & (value < config.touch)).to(distance)
         touching.scatter_add_(-1, at, close / config.touch_std)
-    closest, normal = found.closest.gather(-2, points), found.normal.gather(-2, points)
     # only vertices with a weight count, and there are fewer of these than are considered
     weight, order = (inside + touching).sort(dim=-1, descending=True, stable=True)
     used = slice(max(1, int((weight > 0).sum(-1).max())))
-    weight, order = weight[..., used], order[..., used]
-    points = order[..., None].expand(*order.shape, 3)
-    return Planes(
-        index.gather(-1, order), closest.gather(-2, points), normal.gather(-2, points), weight
-    )
+    index = index.gather(-1, order[..., used])
+    points = index[..., None].expand(*index.shape, 3)
+    closest, normal = found.closest.gather(-2, points), found.normal.gather(-2, points)
+    return Planes(index, closest, normal, weight[..., used])
 
 
 def way_out(

@@ -75,8 +75,8 @@ def _below() -> Float[Tensor, "16 16"]:
 BELOW = _below()
 MOVES_KEYPOINT = torch.cat(
     [BELOW.T - torch.eye(16, dtype=torch.float32), BELOW.T[list(TIP_PARENTS)]]
-)
-"""1 at (m, j) where turning joint j moves entry m of the 16 joints followed by the 5 tips."""
+).nonzero()
+"""Pairs (m, j): turning joint j moves entry m of the 16 joints followed by the 5 tips."""
 
 
 def keypoint_term(
@@ -88,7 +88,7 @@ def keypoint_term(
     """Squared distance to target keypoints; `weight` is 1 / deviation in 1/m."""
     joints, turn, centers = _kinematics(state, shaped)
     mano = joints[..., list(MANO_FROM_OPENPOSE), :]
-    moved, by = MOVES_KEYPOINT.nonzero().to(mano.device).unbind(1)
+    moved, by = MOVES_KEYPOINT.to(mano.device).unbind(1)
     arm = mano[..., moved, :] - centers[..., by, :]
     axes = turn[..., by, :, :].mT  # row c: the world direction of the joint's local axis c
     columns = mano.new_zeros(*mano.shape[:-1], 16, 3, 3)  # (S, T, 21, joint, axis, xyz)

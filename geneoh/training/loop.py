@@ -12,7 +12,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from geneoh.errors import ConfigError
-from geneoh.files.atomic import unwritable
+from geneoh.files.atomic import make_folder
 from geneoh.nn.checkpoint import load_checkpoint, save_checkpoint
 from geneoh.nn.precision import multiply_in, quick_precision
 from geneoh.training.optimizer import Optimizer
@@ -135,10 +135,7 @@ def train(
     """
     team, config = team or Team(), task.config
     check_division(config, team)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise unwritable(folder, error) from None
+    make_folder(folder)
     state_path, log_path = (
         folder / f"{task.name}_{what}" for what in ("state.safetensors", "log.csv")
     )
