@@ -67,10 +67,11 @@ GeneratorName = Literal["text2hoi", "both2hands"]
 GENERATORS: tuple[GeneratorName, ...] = get_args(GeneratorName)
 
 StageName = Literal[
-    "motion", "spatial", "temporal", "trajectory", "relations", "toch", "regression"
+    "motion", "spatial", "temporal", "trajectory", "relations", "latent", "toch", "regression"
 ]
-"""Networks that `geneoh train` trains: the three stages; "trajectory" and "relations", which are
-MotionDiff and SpatialDiff in the form of the paper; and the baselines "toch" and "regression"."""
+"""Networks that `geneoh train` trains: the three stages; "trajectory", "relations" and "latent",
+which are MotionDiff, SpatialDiff and TemporalDiff in the form of the paper; and the baselines
+"toch" and "regression"."""
 STAGES: tuple[StageName, ...] = get_args(StageName)
 
 ActionStage = Literal["contact", "interaction", "refiner"]

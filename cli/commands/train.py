@@ -11,7 +11,7 @@ from geneoh.errors import ConfigError
 
 from .. import options, progress
 
-FOLLOWS = ("spatial", "temporal", "relations")
+FOLLOWS = ("spatial", "temporal", "relations", "latent")
 """Stages that learn on the output of MotionDiff."""
 ACTIONS = "runs/actions"
 """Folder of the actions that the generator learns from, where no other is named."""
@@ -73,7 +73,8 @@ def train(
     objects, rate, seconds) to the output folder, and the clips that are cut out of recordings to
     its subfolder recordings/. Once motion, spatial and temporal are there, `geneoh denoise
     --weights FOLDER` uses them. Spatial and temporal learn on the output of MotionDiff: of the one
-    in the folder, else of the shipped one. Toch and regression are the baselines of `geneoh eval`.
+    in the folder, else of the shipped one. Trajectory, relations and latent are the stages in the
+    paper's form, for the preset `paper`. Toch and regression are the baselines of `geneoh eval`.
     Without --config the shipped configuration of the stage is used. Settings are those of
     TrainConfig, such as steps=1000, corruption.gap_share=0.5 or synthesis.count=2048.
 

@@ -9,6 +9,7 @@ import torch
 from torch import nn
 
 from geneoh.config import with_table
+from geneoh.denoisers.latent import LatentConfig, LatentDenoiser
 from geneoh.denoisers.motion import MotionConfig, MotionDenoiser
 from geneoh.denoisers.relations import RelationConfig, RelationDenoiser
 from geneoh.denoisers.spatial import SpatialConfig, SpatialDenoiser
@@ -21,8 +22,8 @@ from geneoh.nn.precision import cleaning_precision, multiply_in
 SHIPPED = Path(__file__).parent / "assets"  # the weights in the package, STAGE.safetensors
 CLEANING_STAGES = ("motion", "spatial", "temporal")
 """Stages whose weights a user's folder must hold to clean with it."""
-PAPER_STAGES = ("trajectory", "relations")
-"""The first two stages in the paper's form, which only the preset `paper` needs."""
+PAPER_STAGES = ("trajectory", "relations", "latent")
+"""The three stages in the paper's form, which only the preset `paper` needs."""
 
 NetConfig = TypeVar("NetConfig")
 Network = TypeVar("Network", bound=nn.Module)
@@ -36,8 +37,10 @@ class Denoisers:
     spatial: SpatialDenoiser
     temporal: TemporalDenoiser
     trajectory: TrajectoryDenoiser | None
-    """MotionDiff in the paper's form, as `relations` is SpatialDiff; None where not asked for."""
+    """MotionDiff in the paper's form, as `relations` is SpatialDiff and `latent` TemporalDiff; None
+    where they are not asked for."""
     relations: RelationDenoiser | None
+    latent: LatentDenoiser | None
 
 
 def load_denoisers(
@@ -65,6 +68,7 @@ def load_denoisers(
         loaded("temporal", TemporalDenoiser, TemporalConfig),
         loaded("trajectory", TrajectoryDenoiser, TrajectoryConfig) if paper else None,
         loaded("relations", RelationDenoiser, RelationConfig) if paper else None,
+        loaded("latent", LatentDenoiser, LatentConfig) if paper else None,
     )
 
 

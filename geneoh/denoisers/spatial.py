@@ -239,10 +239,8 @@ def frame_features(
     joints, axes = evidence.joints, evidence.axes()
     count = shifts.shape[1]
     placed = joints[:, :, None] + shifts[:, None, :, None]  # (B, T, M, 21, 3)
-    nearest, outward = (
-        found.unflatten(2, (count, 21))
-        for found in nearest_on_parts(placed.flatten(2, 3), evidence)
-    )
+    near = nearest_on_parts(placed.flatten(2, 3), evidence)
+    nearest, outward = (found.unflatten(2, (count, 21)) for found in (near.points, near.normals))
     way = nearest - placed
     close = torch.exp(-way.norm(dim=-1, keepdim=True) / CLOSE)
     height = -(way * outward).sum(-1, keepdim=True)

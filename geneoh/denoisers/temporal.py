@@ -1,7 +1,10 @@
-"""TemporalDiff: an autoencoder of temporal relations and a denoiser of its latent (paper C.5).
+"""TemporalDiff: how the hand moves over the object (paper 3.2; our form of it).
 
-As in the paper, a PointNet over the contact points of each frame pair and a transformer over pairs
-encode T, fully connected layers decode each statistic, and the diffusion runs on the latent.
+The denoiser is shown the temporal relations of the hand that SpatialDiff leaves, beside those of
+the input, and answers with the clean step of every keypoint over the surface near it, and with how
+sure it is of each step and of each place. `geneoh.fitting.align` finds the hand that agrees with
+both. One call is used: chains of noise came no nearer to the truth. The paper's form, a latent of
+all relations, is `geneoh.denoisers.latent`.
 """
 
 from dataclasses import dataclass
@@ -9,121 +12,148 @@ from dataclasses import dataclass
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
+from torch.nn.functional import pad
 
-from geneoh.denoisers.base import HAND_SCALE
-from geneoh.diffusion.precondition import preconditioned
-from geneoh.nn.blocks import FrameTransformer, mlp, zeroed
-from geneoh.representation.temporal import PairStatistics, TemporalRelations
+from geneoh.bundle import Bundle
+from geneoh.denoisers.base import palm_axes
+from geneoh.geometry.rotations import matrix_to_axis_angle
+from geneoh.nn.blocks import FrameTransformer, zeroed
+from geneoh.representation.region import ObjectSurface
+from geneoh.representation.steps import SurfaceMotion
 
-SPEED_SCALE = 0.2  # typical relative speed near contact, m/s
-LATENT_NOISE_SCALE = 0.5
-"""Deviation of a clean latent from the observed one, relative to the latent's own deviation."""
+STEP_UNIT = 0.003  # typical step of a keypoint over the surface between frames, metres
+CLOSE = 0.02  # distance over which closeness to the surface decays, metres
+SMOOTHING = (1.0, 2.5, 6.0)  # deviations in frames of the Gaussians whose smoothed steps are read
+TEMPORAL_FEATURES = 3 + 60 + 5 * 63 + 2 * 21 + 6 + 1
+"""Width of `TemporalEvidence.features`."""
+CANDIDATES = 2 + len(SMOOTHING)  # changes of each step that the network mixes
+ANSWERS = 21 * (CANDIDATES + 3 + 2)
+"""Numbers that the network answers per frame."""
+SHAKING = 0.008  # deviation of an input whose places are not relied on, metres
+LEAST_NOISE = 0.05  # least share of that
+SURENESS = 6.0  # largest size of the logarithm of a weight
 
 
 @dataclass(frozen=True)
 class TemporalConfig:
-    """Size of the autoencoder and of the latent denoiser."""
+    """Size of the network; one token per frame."""
 
-    latent: int = 96
-    point_width: int = 96
-    encoder_depth: int = 1
     width: int = 160
     depth: int = 4
     heads: int = 4
 
 
-class TemporalAutoencoder(nn.Module):
-    """Encodes T to one latent per frame pair and decodes it around any contact points."""
+@dataclass(frozen=True)
+class TemporalEvidence(SurfaceMotion):
+    """What TemporalDiff sees, in the frame of the object's first part."""
 
-    def __init__(self, config: TemporalConfig) -> None:
-        """Build encoder and decoder; latent statistics are buffers set after training."""
-        super().__init__()
-        self.config = config
-        point, width = config.point_width, config.width
-        self.encode_point = mlp(3 + 6 + 21 * 7, point, point)
-        self.embed = nn.Linear(2 * point, width)
-        self.trunk = FrameTransformer(width, config.encoder_depth, config.heads)
-        self.to_latent = nn.Linear(width, config.latent)
-        self.decode_point = mlp(config.latent + 9, width, width, 21 * 6)
-        self.latent_mean: Tensor
-        self.latent_std: Tensor
-        self.register_buffer("latent_mean", torch.zeros(config.latent))
-        self.register_buffer("latent_std", torch.ones(config.latent))
+    observed: Float[Tensor, "B T 21 3"]  # the input, gaps filled
+    trust: Float[Tensor, "B T"]  # 0 where a frame was filled in, else its mean confidence, <= 1
 
-    def encode(
-        self, relations: TemporalRelations, points: Float[Tensor, "B T K 3"]
-    ) -> Float[Tensor, "B T Z"]:
-        """Whitened latent of each frame pair; `points` are the canonical contact points."""
-        near = torch.exp(-relations.distance / HAND_SCALE)
-        features = torch.cat(
-            [
-                self._place(relations.object_velocity, relations.normals, points),
-                relations.distance / HAND_SCALE,
-                near,
-                relations.tangential / SPEED_SCALE,
-                relations.normal / SPEED_SCALE,
-                (relations.velocity / SPEED_SCALE).flatten(-2),
-            ],
-            dim=-1,
-        )
-        each = self.encode_point(features)
-        pooled = torch.cat([each.mean(2), each.amax(2)], dim=-1)
-        tokens = self.trunk(self.embed(pooled), features.new_zeros(len(features)))
-        return (self.to_latent(tokens) - self.latent_mean) / self.latent_std
+    @classmethod
+    def at(
+        cls,
+        surface: ObjectSurface,
+        joints: Float[Tensor, "B T 21 3"],
+        observed: Float[Tensor, "B T 21 3"],
+        trust: Float[Tensor, "B T"],
+    ) -> "TemporalEvidence":
+        """The evidence of hands of the world, after SpatialDiff and as they were observed."""
+        motion = SurfaceMotion.of(joints, surface)
+        return cls(**vars(motion), observed=motion.from_world(observed), trust=trust)
 
-    def decode(
-        self,
-        latent: Float[Tensor, "B T Z"],
-        object_velocity: Float[Tensor, "B T K 3"],
-        normals: Float[Tensor, "B T K 3"],
-        points: Float[Tensor, "B T K 3"],
-    ) -> PairStatistics:
-        """Statistics around contact points of known velocity, normal and position."""
-        latent = latent * self.latent_std + self.latent_mean
-        place = self._place(object_velocity, normals, points)
-        around = latent[:, :, None].expand(-1, -1, points.shape[2], -1)
-        out = self.decode_point(torch.cat([around, place], dim=-1)).unflatten(-1, (21, 6))
-        return PairStatistics(
-            distance=out[..., 0] * HAND_SCALE,
-            velocity=out[..., 3:] * SPEED_SCALE,
-            tangential=out[..., 1] * SPEED_SCALE,
-            normal=out[..., 2] * SPEED_SCALE,
-        )
+    def noisiness(self) -> Float[Tensor, " B"]:
+        """How far the input shook around the hand that MotionDiff left, in `SHAKING`, at most 1."""
+        off = self.observed - self.joints
+        shaking = (off - off.mean(1, keepdim=True)).square().sum(-1).mean((1, 2)).sqrt()
+        return (shaking / SHAKING).clamp(LEAST_NOISE, 1.0)
 
-    @staticmethod
-    def _place(velocity: Tensor, normals: Tensor, points: Tensor) -> Tensor:
-        return torch.cat([velocity / SPEED_SCALE, normals, points / HAND_SCALE], dim=-1)
+    def features(self, axes: Float[Tensor, "B 3 3"]) -> Float[Tensor, "B T F"]:
+        """What the network reads of each frame, in the given axes."""
+        turn = axes[:, None]
+        joints, wrist = self.joints, self.joints[:, :, :1]
+        offset = (self.nearest - joints) @ turn
+        close = torch.exp(-offset.norm(dim=-1) / CLOSE)
+        height = -(offset * (self.normals @ turn)).sum(-1)
+        steps = self.steps @ turn / STEP_UNIT
+        before = pad(steps[:, :-1], (0, 0, 0, 0, 1, 0))
+        noise = (self.observed - joints) @ turn / 0.02
+        jitter = pad(noise.diff(dim=1), (0, 0, 0, 0, 0, 1))
+        drift = (wrist - wrist.mean(1, keepdim=True)) @ turn
+        parts = [
+            drift.flatten(2) / 0.03,
+            ((joints - wrist)[:, :, 1:] @ turn / 0.06).flatten(2),
+            (offset * close[..., None] / 0.01).flatten(2),
+            close,
+            (height * close / 0.01).clamp(-3, 3),
+            steps.flatten(2).clamp(-10, 10),
+            before.flatten(2).clamp(-10, 10),
+            noise.flatten(2).clamp(-10, 10),
+            jitter.flatten(2).clamp(-10, 10),
+            self._object_motion(axes),
+            self.trust[..., None],
+        ]
+        return torch.cat(parts, dim=-1)
+
+    def _object_motion(self, axes: Float[Tensor, "B 3 3"]) -> Float[Tensor, "B T 6"]:
+        """Step and turn of the first part to the next frame, at the hand, in 3 mm and 0.03 rad."""
+        turn = self.rotation[:, :-1].mT @ self.rotation[:, 1:]
+        middle = self.joints[:, :-1].mean(2)
+        shift = self.translation.diff(dim=1)[..., None, :] @ self.rotation[:, :-1]
+        move = (turn @ middle[..., None])[..., 0] - middle + shift[..., 0, :]
+        both = [move @ axes / 0.003, matrix_to_axis_angle(turn) @ axes / 0.03]
+        return pad(torch.cat(both, dim=-1), (0, 0, 0, 1)).clamp(-10, 10)
+
+
+@dataclass(frozen=True)
+class StepCorrection(Bundle):
+    """What TemporalDiff answers: clean steps over the surface, and how sure it is of what."""
+
+    change: Float[Tensor, "B T 21 3"]
+    """From each step to the clean one, metres, in the frame of the first part; the last frame,
+    which has no next one, repeats the one before."""
+    steps: Float[Tensor, "B T 21"]
+    """Logarithm of the weight of each step, relative to the usual one."""
+    places: Float[Tensor, "B T 21"]
+    """The same of each place: that the keypoint stays where it is."""
 
 
 class TemporalDenoiser(nn.Module):
-    """The autoencoder with a transformer over frame pairs that denoises its latent."""
+    """A transformer over frames that maps the steps of a hand to the clean ones."""
 
     def __init__(self, config: TemporalConfig) -> None:
-        """Build autoencoder and latent denoiser; the denoiser's last layers start at zero."""
+        """Build the network; its last layer starts at zero, so it starts by changing nothing."""
         super().__init__()
         self.config = config
-        self.autoencoder = TemporalAutoencoder(config)
-        self.embed = nn.Linear(2 * config.latent + 1, config.width)
+        self.embed = nn.Linear(TEMPORAL_FEATURES, config.width)
         self.trunk = FrameTransformer(config.width, config.depth, config.heads)
-        self.head = zeroed(nn.Linear(config.width, config.latent))
-        self.gate = zeroed(nn.Linear(config.width, config.latent))
+        self.head = zeroed(nn.Linear(config.width, ANSWERS))
 
-    def forward(
-        self,
-        x: Float[Tensor, "B T Z"],
-        sigma: Float[Tensor, " B"],
-        observed: Float[Tensor, "B T Z"],
-        given: Float[Tensor, " B"],
-    ) -> Float[Tensor, "B T Z"]:
-        """The clean latent in `x` = clean + sigma * noise, whitened; sees `observed` if `given`."""
-        mask = given[:, None, None]
-        anchor = observed * mask
+    def forward(self, evidence: TemporalEvidence) -> StepCorrection:
+        """The correction of the steps of B hands over at least two frames."""
+        axes = palm_axes(evidence.joints)  # so that the answer turns with the hand
+        tokens = self.embed(evidence.features(axes))
+        tokens = self.trunk(tokens, tokens.new_zeros(len(tokens)))
+        # the last frame has no step
+        answer = self.head(tokens[:, :-1]).unflatten(-1, (21, -1))
+        mix, offset, sure = answer.split((CANDIDATES, 3, 2), dim=-1)
+        steps = evidence.steps[:, :-1]
+        # toward no motion over the surface, the observed steps, and smoother ones
+        observed = (evidence.observed - evidence.joints).diff(dim=1)
+        smoother = (smoothed(steps, deviation) - steps for deviation in SMOOTHING)
+        candidates = torch.stack([-steps, observed, *smoother], dim=-1)
+        change = (candidates * mix[..., None, :]).sum(-1)
+        change = change + STEP_UNIT * offset @ axes[:, None].mT
+        sure = SURENESS * torch.tanh(sure / SURENESS)
+        # a hand that MotionDiff hardly changed needs no other places
+        places = sure[..., 1] - 2 * evidence.noisiness().log()[:, None, None]
+        own = StepCorrection(change, sure[..., 0], places)
+        return own.map(lambda values: torch.cat([values, values[:, -1:]], dim=1))
 
-        def network(scaled: Tensor, level: Tensor) -> Tensor:
-            shown = mask.expand(-1, x.shape[1], 1)
-            tokens = self.embed(torch.cat([scaled, anchor, shown], dim=-1))
-            tokens = self.trunk(tokens, level.flatten())
-            return self.head(tokens) + self.gate(tokens) * scaled
 
-        scale = torch.where(mask > 0, LATENT_NOISE_SCALE, 1.0)
-        return preconditioned(network, x, anchor, sigma[:, None, None], scale)
+def smoothed(values: Float[Tensor, "B T 21 3"], deviation: float) -> Float[Tensor, "B T 21 3"]:
+    """Means over the frames with Gaussian weights; `deviation` is in frames."""
+    time = torch.arange(values.shape[1], device=values.device)
+    weight = torch.exp(-0.5 * ((time[:, None] - time) / deviation).square())
+    weight = (weight / weight.sum(1, keepdim=True)).to(values)
+    return torch.einsum("ts,bsjc->btjc", weight, values)

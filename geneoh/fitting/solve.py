@@ -1,4 +1,4 @@
-"""The linear algebra of the fit: symmetric block tridiagonal systems with diagonal coupling."""
+"""The linear algebra of the fits: symmetric systems that couple each frame to its neighbours."""
 
 import numpy as np
 import torch
@@ -85,3 +85,36 @@ def solve_by_halves(
     found = torch.empty_like(right)
     found[:, ::2], found[:, 1::2] = even, (alone - moved)[..., 0]
     return found
+
+
+def solve_chains(
+    diagonal: Float[Tensor, "*B T"],
+    beside: Float[Tensor, "*B T-1"],
+    right: Float[Tensor, "*B T D"],
+) -> Float[Tensor, "*B T D"]:
+    """Solve M x = right for symmetric tridiagonal M that are diagonally dominant, on any device.
+
+    `beside` is beside the diagonal. Each row is freed of its neighbours at once, then of those two,
+    four, ... frames away (parallel cyclic reduction; Hockney and Jesshope, Parallel Computers 2,
+    5.4.2). It can be differentiated.
+    """
+
+    def at(values: Tensor, step: int, filled: float) -> Tensor:
+        """The values `step` frames later; `filled` where there are none."""
+        step = max(-frames, min(frames, step))
+        kept = values[..., step:] if step > 0 else values[..., : frames + step]
+        ends = (0, step) if step > 0 else (-step, 0)
+        return torch.nn.functional.pad(kept, ends, value=filled)
+
+    frames, step = diagonal.shape[-1], 1
+    middle, sides = diagonal, right.movedim(-1, 0)
+    before = torch.nn.functional.pad(beside, (1, 0))
+    after = torch.nn.functional.pad(beside, (0, 1))
+    while step < frames:
+        back = -before / at(middle, -step, 1.0)
+        on = -after / at(middle, step, 1.0)
+        sides = sides + back * at(sides, -step, 0.0) + on * at(sides, step, 0.0)
+        middle = middle + back * at(after, -step, 0.0) + on * at(before, step, 0.0)
+        before, after = back * at(before, -step, 0.0), on * at(after, step, 0.0)
+        step *= 2
+    return (sides / middle).movedim(0, -1)

@@ -13,6 +13,7 @@ from torch.nn.functional import normalize
 from geneoh.denoisers.base import POINTS, SELECT_EVERY, Observation
 from geneoh.denoisers.motion import ObservedMotion
 from geneoh.denoisers.spatial import SpatialEvidence, track_cues
+from geneoh.denoisers.temporal import TemporalEvidence
 from geneoh.fitting.subject import Subject
 from geneoh.geometry.distance import MovingSurface
 from geneoh.geometry.sampling import sample_surface
@@ -158,8 +159,8 @@ class StageContext(ObjectSurface):
     ) -> tuple[Float[Tensor, "T 21 3"], Float[Tensor, "T 21 3"]]:
         """The surface point nearest to each keypoint and its outward normal, world frame."""
         own = (self.points, self.normals, self.part, self.rotation, self.translation)
-        nearest, outward = nearest_on_parts(joints[None], ObjectSurface(*(v[None] for v in own)))
-        return nearest[0], outward[0]
+        near = nearest_on_parts(joints[None], ObjectSurface(*(v[None] for v in own)))
+        return near.points[0], near.normals[0]
 
     def observed_motion(self, hand: HandParameters, region: ContactRegion) -> ObservedMotion:
         """Windows of a hand of the world (one sample), as MotionDiff is shown them."""
@@ -178,6 +179,23 @@ class Piece(NamedTuple):
     """The frames that they cover."""
     context: StageContext
     """What the stages know of these frames, cut into these windows."""
+
+    def steps(
+        self, observed: Float[Tensor, "1 F 21 3"], joints: Float[Tensor, "1 F 21 3"]
+    ) -> TemporalEvidence:
+        """What tells TemporalDiff how a hand moves over the surface, in each window.
+
+        Args:
+            observed: the hand before MotionDiff, in the frames of the piece.
+            joints: the hand that is to be corrected.
+        """
+        context = self.context
+        whole = (context.points, context.normals, context.part)
+        surface = ObjectSurface(
+            *(own[None] for own in (*whole, context.rotation, context.translation))
+        )
+        trust = context.trust.mean(-1)[None]
+        return TemporalEvidence.at(surface, joints, observed, trust).map(context.windows)
 
 
 def stage_context(

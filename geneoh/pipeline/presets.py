@@ -8,7 +8,6 @@ from typing_extensions import assert_never
 from geneoh.choices import Ablation, PresetName, Selection
 from geneoh.diffusion.samplers import SamplerName
 from geneoh.fitting.adam import AdamFitConfig
-from geneoh.fitting.align import AlignConfig
 from geneoh.fitting.fit import KEYPOINTS_ALONE, FitConfig
 
 
@@ -54,7 +53,20 @@ class PlacePlan:
         return replace(self, steps=1)
 
 
-Plan = PlacePlan | StagePlan
+@dataclass(frozen=True)
+class DirectPlan:
+    """A stage that answers in one call: it has nothing to choose."""
+
+    def with_steps(self, steps: int) -> "DirectPlan":
+        """The same plan."""
+        return self
+
+    def without_diffusion(self) -> "DirectPlan":
+        """The same plan."""
+        return self
+
+
+Plan = PlacePlan | StagePlan | DirectPlan
 
 
 @dataclass(frozen=True)
@@ -63,9 +75,10 @@ class Preset:
 
     motion: StagePlan | None
     """None leaves a stage out."""
-    spatial: Plan | None
+    spatial: PlacePlan | StagePlan | None
     """A `StagePlan` is for the paper's form, on offsets around contact points."""
-    temporal: StagePlan | None
+    temporal: StagePlan | DirectPlan | None
+    """A `StagePlan` is for the paper's form, on a latent of all relations."""
     observed: bool
     """Whether the networks are shown the input, or only start from it as in the paper."""
     samples: int
@@ -73,10 +86,6 @@ class Preset:
     selection: Selection
     """Which sample is kept. The paper keeps the one closest to the input; the mean of a few samples
     is nearer to the truth than any one of them."""
-    align: AlignConfig
-    correct: bool
-    """Target of the temporal stage: the relations of the input plus the change that denoising makes
-    to the decoded ones (True), or the decoded relations themselves as in the paper (False)."""
     fit: FitConfig | AdamFitConfig
     contact: bool
     """Whether the fit keeps the mesh out of the object."""
@@ -137,8 +146,6 @@ def preset(name: PresetName) -> Preset:
                 observed=False,
                 samples=1,
                 selection="closest",
-                align=AlignConfig(steps=100),
-                correct=False,
                 fit=AdamFitConfig(),
                 contact=False,
             )
@@ -147,12 +154,10 @@ def preset(name: PresetName) -> Preset:
                 # from a lower level the input would count twice; more steps leave more of its noise
                 motion=StagePlan(650, 4),
                 spatial=PlacePlan(96),
-                temporal=StagePlan(100, 6),
+                temporal=DirectPlan(),
                 observed=True,
                 samples=4,
                 selection="mean",
-                align=AlignConfig(steps=10, rate=2e-3),
-                correct=True,
                 fit=FitConfig(),
                 contact=True,
             )

@@ -15,8 +15,9 @@ from geneoh.geometry.distance import MovingSurface
 from geneoh.nn.checkpoint import finite_output
 from geneoh.pipeline.alone import hand_alone, without_jitter
 from geneoh.pipeline.context import StageContext, stage_context
-from geneoh.pipeline.presets import PlacePlan, Preset, StagePlan
+from geneoh.pipeline.presets import DirectPlan, PlacePlan, Preset, StagePlan
 from geneoh.pipeline.stages import (
+    denoise_latent,
     denoise_motion,
     denoise_relations,
     denoise_spatial,
@@ -78,16 +79,12 @@ class StageRun:
             CheckpointError: a network answers with NaN or infinity, or with a hand far away.
         """
         joints = (self._by_parameters if preset.observed else self._by_paper)(context, preset)
-        if preset.temporal is not None:
+        if isinstance(preset.temporal, DirectPlan):
             joints = denoise_temporal(
                 self.denoisers.temporal,
+                self.subject.joints[None],
                 joints,
                 context,
-                preset.temporal,
-                observed=preset.observed,
-                correct=preset.correct,
-                align=preset.align,
-                generator=self.generator,
                 on_step=self.progress_of("temporal"),
             )
         apart = (finite_output(joints) - self.subject.joints).abs().max()
@@ -140,7 +137,7 @@ class StageRun:
         )
 
     def _by_paper(self, context: StageContext, preset: Preset) -> Float[Tensor, "S T 21 3"]:
-        """MotionDiff and SpatialDiff on keypoints, in the form of the paper."""
+        """All three stages on keypoints, in the form of the paper."""
         joints = self.subject.joints.expand(preset.samples, -1, -1, -1)
         if preset.motion is not None:
             assert self.denoisers.trajectory is not None, "it was asked for"
@@ -161,5 +158,15 @@ class StageRun:
                 preset.spatial,
                 generator=self.generator,
                 on_step=self.progress_of("spatial"),
+            )
+        if isinstance(preset.temporal, StagePlan):
+            assert self.denoisers.latent is not None, "it was asked for"
+            joints = denoise_latent(
+                self.denoisers.latent,
+                joints,
+                context,
+                preset.temporal,
+                generator=self.generator,
+                on_step=self.progress_of("temporal"),
             )
         return joints

@@ -16,21 +16,22 @@ from torch import Tensor
 
 from geneoh.bundle import concatenated
 from geneoh.denoisers.base import palm_axes
+from geneoh.denoisers.latent import LatentDenoiser
 from geneoh.denoisers.motion import MotionDenoiser, ObservedMotion
 from geneoh.denoisers.relations import RelationDenoiser
 from geneoh.denoisers.spatial import SpatialDenoiser
-from geneoh.denoisers.temporal import TemporalDenoiser
+from geneoh.denoisers.temporal import StepCorrection, TemporalDenoiser
 from geneoh.denoisers.trajectory import TrajectoryDenoiser
 from geneoh.diffusion.posterior import Posterior, along_a_track
 from geneoh.diffusion.samplers import antithetic_noise, denoise_via_diffusion
 from geneoh.diffusion.schedule import descending_sigmas
-from geneoh.fitting.align import AlignConfig, align_to_relations
+from geneoh.fitting.align import AlignConfig, align_to_relations, align_to_steps
 from geneoh.pipeline.context import Piece, StageContext
 from geneoh.pipeline.presets import PlacePlan, StagePlan
 from geneoh.progress import OnStep, counted, part_of
 from geneoh.representation.parameters import HandParameters, turned
 from geneoh.representation.spatial import decode_spatial, encode_spatial
-from geneoh.representation.temporal import PairStatistics, encode_temporal
+from geneoh.representation.temporal import encode_temporal
 from geneoh.representation.window_scale import WindowScale
 from geneoh.sequence.windows import blocks
 
@@ -242,34 +243,65 @@ def denoise_relations(
 
 def denoise_temporal(
     model: TemporalDenoiser,
+    observed: Float[Tensor, "1 T 21 3"],
+    whole: Float[Tensor, "S T 21 3"],
+    context: StageContext,
+    *,
+    on_step: OnStep | None = None,
+) -> Float[Tensor, "S T 21 3"]:
+    """TemporalDiff: world keypoints whose steps over the object are natural; needs two frames.
+
+    All samples ask about their mean, and are moved by the same shift: what they differ in stays.
+
+    Args:
+        model: the denoiser of steps.
+        observed: the hand before MotionDiff, gaps filled.
+        whole: the samples after the stage before.
+        context: the object and the windows.
+        on_step: called with (done, total) after each denoiser call.
+    """
+    if context.frames < 2:
+        return whole
+    pieces = context.pieces(1)
+    advance = counted(on_step, len(pieces))
+    middle = whole.mean(0, keepdim=True)
+
+    def answer(piece: Piece) -> StepCorrection:
+        found = model(piece.steps(observed[:, piece.frames], middle[:, piece.frames]))
+        advance()
+        return found
+
+    found = concatenated([answer(piece) for piece in pieces], "B").map(context.blend)
+    shift = align_to_steps(found.change, found.steps, found.places)
+    return whole + shift @ context.rotation[:, 0].mT
+
+
+def denoise_latent(
+    model: LatentDenoiser,
     whole: Float[Tensor, "S T 21 3"],
     context: StageContext,
     plan: StagePlan,
     *,
-    observed: bool,
-    correct: bool,
-    align: AlignConfig,
+    align: AlignConfig | None = None,
     generator: torch.Generator,
     on_step: OnStep | None = None,
 ) -> Float[Tensor, "S T 21 3"]:
-    """TemporalDiff: world keypoints whose relative motion is natural (eq. 9); needs two frames.
+    """TemporalDiff as the paper has it: world keypoints near decoded relations (eq. 9).
+
+    It needs two frames.
 
     Args:
         model: autoencoder and latent denoiser.
         whole: the hand after the stage before.
         context: the object and the windows.
         plan: settings of the diffusion of the latent.
-        observed: whether the denoiser is shown the latent of `whole`.
-        correct: aim at the relations of `whole` plus the change that denoising makes to the
-            decoded ones, so that what the autoencoder cannot represent is not lost; False aims at
-            the decoded ones themselves, as in the paper.
         align: settings of the optimisation of the keypoints.
         generator: source of the noise.
         on_step: called with (done, total) after each denoiser call.
     """
     if context.frames < 2:
         return whole
-    noise = None
+    align, noise = align or AlignConfig(), None
     if plan.sampler != "direct":  # for the whole track, so that it does not depend on the pieces
         pairs = (len(whole) * len(context.starts), context.size - 1, model.config.latent)
         noise = antithetic_noise(whole.new_empty(pairs), samples=len(whole), generator=generator)
@@ -281,10 +313,10 @@ def denoise_temporal(
         windows = context.windows(joints)
         relations = encode_temporal(windows, region, context.fps)
         latent = model.autoencoder.encode(relations, region.points_canon[:, :-1])
-        given = latent.new_full((len(latent),), float(observed))
+        hidden = latent.new_zeros(len(latent))
 
         def clean(x: Tensor, sigma: float) -> Tensor:
-            return model(x, x.new_full((len(x),), sigma), latent, given)
+            return model(x, x.new_full((len(x),), sigma), latent, hidden)
 
         cleaned = denoise_via_diffusion(
             clean,
@@ -299,16 +331,8 @@ def denoise_temporal(
 
         near = region.nearest(windows, ALIGN_POINTS)
         relations = encode_temporal(windows, near, context.fps)
-        points = near.points_canon[:, :-1]
-
-        def decoded(code: Tensor) -> PairStatistics:
-            return model.autoencoder.decode(
-                code, relations.object_velocity, relations.normals, points
-            )
-
-        target = decoded(cleaned)
-        if correct:
-            target = _corrected(relations, target, decoded(latent))
+        around = relations.object_velocity, relations.normals, near.points_canon[:, :-1]
+        target = model.autoencoder.decode(cleaned, *around)
         return align_to_relations(windows, near, target, context.fps, config=align)
 
     return _piece_by_piece(one_piece, whole, context, on_step)
@@ -324,13 +348,3 @@ def _piece_by_piece(
     pieces = context.pieces(len(joints))
     made = (work(piece, part_of(on_step, index, len(pieces))) for index, piece in enumerate(pieces))
     return context.joined(made, len(joints))
-
-
-def _corrected(now: PairStatistics, clean: PairStatistics, noisy: PairStatistics) -> PairStatistics:
-    """The relations `now` plus the difference of two decoded ones; lengths stay non-negative."""
-    return PairStatistics(
-        distance=(now.distance + clean.distance - noisy.distance).clamp(min=0),
-        velocity=now.velocity + clean.velocity - noisy.velocity,
-        tangential=(now.tangential + clean.tangential - noisy.tangential).clamp(min=0),
-        normal=(now.normal + clean.normal - noisy.normal).clamp(min=0),
-    )

@@ -1,6 +1,7 @@
 """The surface point nearest to each keypoint: where the hand touches or enters the object."""
 
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -52,15 +53,24 @@ def nearest_of_all(
     return torch.cat([exact(some, points).argmin(-1) for some in joints.split(size, -2)], dim=-1)
 
 
-def nearest_on_parts(
-    joints: Float[Tensor, "B T N 3"], surface: ObjectSurface
-) -> tuple[Float[Tensor, "B T N 3"], Float[Tensor, "B T N 3"]]:
+class Nearest(NamedTuple):
+    """Surface points nearest to N keypoints of T frames, world frame, metres."""
+
+    points: Float[Tensor, "B T N 3"]
+    normals: Float[Tensor, "B T N 3"]
+    """Outward normals there."""
+    part: Int[Tensor, "B T N"]
+    """The part of the object that they are on."""
+
+
+def nearest_on_parts(joints: Float[Tensor, "B T N 3"], surface: ObjectSurface) -> Nearest:
     """`nearest_points` in the world, where each surface point moves with its part of the object.
 
     They are compared in the frame of the part, which is faster than to move all points.
     """
     found, normal = torch.zeros_like(joints), torch.zeros_like(joints)
     least = joints.new_full(joints.shape[:-1], torch.inf)
+    part = torch.zeros_like(least, dtype=torch.long)
     for index in range(surface.rotation.shape[2]):
         own = surface.part == index
         some = own.any(1)
@@ -79,8 +89,9 @@ def nearest_on_parts(
         near = near.unflatten(1, joints.shape[1:3]) @ turn.mT + shift
         outward = outward.unflatten(1, joints.shape[1:3]) @ turn.mT
         apart = (near - joints[some]).norm(dim=-1)
-        nearer = (apart < least[some])[..., None]
-        found[some] = torch.where(nearer, near, found[some])
-        normal[some] = torch.where(nearer, outward, normal[some])
+        nearer = apart < least[some]
+        found[some] = torch.where(nearer[..., None], near, found[some])
+        normal[some] = torch.where(nearer[..., None], outward, normal[some])
+        part[some] = torch.where(nearer, index, part[some])
         least[some] = torch.minimum(apart, least[some])
-    return found, normal
+    return Nearest(found, normal, part)

@@ -11,6 +11,7 @@ from geneoh.bundle import Bundle
 from geneoh.denoisers.base import Observation
 from geneoh.denoisers.motion import MotionDenoiser, ObservedMotion
 from geneoh.denoisers.spatial import SpatialEvidence, track_cues
+from geneoh.denoisers.temporal import TemporalEvidence
 from geneoh.diffusion.samplers import denoise_via_diffusion
 from geneoh.diffusion.schedule import descending_sigmas
 from geneoh.geometry.rotations import axis_angle_to_matrix
@@ -37,7 +38,8 @@ class Batch(Bundle):
     """Clean and noisy hands of one window length around the noisy hand's contact points."""
 
     clean: Float[Tensor, "B T 21 3"]  # world frame, metres
-    noisy: Float[Tensor, "B T 21 3"]  # world frame, gaps filled linearly
+    noisy: Float[Tensor, "B T 21 3"]  # world frame, gaps filled linearly, after MotionDiff or not
+    observed: Float[Tensor, "B T 21 3"]  # the same before MotionDiff
     region: ContactRegion
     observation: Observation  # the noisy hand in the canonical frame of `region`
 
@@ -49,6 +51,13 @@ class Batch(Bundle):
     def clean_canon(self) -> Float[Tensor, "B T 21 3"]:
         """Clean keypoints in the canonical frame."""
         return self.region.to_canon(self.clean)
+
+    @property
+    def steps(self) -> TemporalEvidence:
+        """What tells TemporalDiff how the noisy hand moves over the surface."""
+        return TemporalEvidence.at(
+            self.evidence, self.noisy, self.observed, self.observation.trust.mean(-1)
+        )
 
 
 def draw_batch(
@@ -77,7 +86,7 @@ def draw_batch(
     noisy = filled(noisy, noise.keep)
     draws = Draws(count, **drawn)
     turn = axis_angle_to_matrix(3.0 * draws.normal(3))
-    joints = noisy.joints + noise.jitter
+    observed = joints = noisy.joints + noise.jitter
     region = windows.region(joints).turned(turn)
     motion = windows.observed(noisy, noise.keep, region)
     change, left = motion.hand.wrist.new_zeros(count, frames, 51), noisy
@@ -92,7 +101,7 @@ def draw_batch(
     trust = noise.keep[..., None].expand(-1, -1, 21).float()
     observation = Observation(region.to_canon(joints), trust, given)
     hand = clean.to_canon(region)
-    return Batch(clean.joints, joints, region, observation, hand, motion, evidence)
+    return Batch(clean.joints, joints, observed, region, observation, hand, motion, evidence)
 
 
 @torch.no_grad()

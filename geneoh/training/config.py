@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 from geneoh.baselines.regression import RegressionConfig
 from geneoh.baselines.toch import TochConfig
+from geneoh.denoisers.latent import LatentConfig
 from geneoh.denoisers.motion import MotionConfig
 from geneoh.denoisers.relations import RelationConfig
 from geneoh.denoisers.spatial import SpatialConfig
@@ -24,7 +25,7 @@ class TrainConfig(RunConfig):
     condition_dropout: float = 0.2
     """Share of the windows whose observation is hidden: the paper's canonical denoiser."""
     autoencoder_steps: int = 3000
-    """Temporal stage only: steps spent on the autoencoder before its latent is denoised."""
+    """Latent stage only: steps spent on the autoencoder before its latent is denoised."""
     motion_level: int = 650
     """Spatial and temporal stages: level from which MotionDiff denoises what they are shown."""
     motion_steps: int = 3  # denoising steps of that, fewer than in use: it is run for every batch
@@ -36,6 +37,7 @@ class TrainConfig(RunConfig):
     temporal: TemporalConfig = field(default_factory=TemporalConfig)
     trajectory: TrajectoryConfig = field(default_factory=TrajectoryConfig)
     relations: RelationConfig = field(default_factory=RelationConfig)
+    latent: LatentConfig = field(default_factory=LatentConfig)
     toch: TochConfig = field(default_factory=TochConfig)
     regression: RegressionConfig = field(default_factory=RegressionConfig)
     synthesis: SynthesisConfig = field(default_factory=SynthesisConfig)

@@ -10,13 +10,15 @@ from torch import Tensor, nn
 from geneoh.baselines.regression import RegressionDenoiser
 from geneoh.baselines.toch import TochAutoencoder
 from geneoh.denoisers.base import HAND_SCALE, NOISE_SCALE
+from geneoh.denoisers.latent import LATENT_NOISE_SCALE, LatentDenoiser
 from geneoh.denoisers.motion import MotionDenoiser
 from geneoh.denoisers.relations import RelationDenoiser
 from geneoh.denoisers.spatial import SpatialDenoiser, SpatialEvidence
-from geneoh.denoisers.temporal import LATENT_NOISE_SCALE, TemporalDenoiser
+from geneoh.denoisers.temporal import TemporalDenoiser, TemporalEvidence
 from geneoh.denoisers.trajectory import TrajectoryDenoiser
 from geneoh.diffusion.precondition import loss_weight
 from geneoh.diffusion.samplers import normal_like
+from geneoh.fitting.align import align_to_steps
 from geneoh.representation.spatial import decode_spatial, encode_spatial
 from geneoh.representation.temporal import DISTANCE_DECAY, encode_temporal
 from geneoh.synthesis.draws import Draws, Part
@@ -38,6 +40,9 @@ TRIALS = 32  # places at which SpatialDiff is asked in training, for each window
 TRIAL_SPREAD = ((0.0, 0.04), (0.0, 0.015), (1.0, 0.006), (1.0, 0.02))
 """Trial places are around the hand that is seen (0) or the clean one (1): deviations in metres."""
 SHIFT_WIDTH = 0.004  # width of the density around the true shift, metres: that is not known better
+PLACE_ERROR, STEP_ERROR = 0.01, 0.002
+"""Errors of a keypoint's place and of its step between frames that count alike, metres."""
+CONTACT_DECAY = 0.01  # distance from the surface over which steps lose weight, metres
 WEIGHT_FLOOR = 0.1  # squared error of an input, in such units, below which weights stay
 
 
@@ -162,8 +167,35 @@ def _log_normal(
     return -0.5 * ((x - mean) / std).square().sum(-1) - 3 * math.log(std)
 
 
-def reconstruction_loss(
+def temporal_loss(
     model: TemporalDenoiser, batch: Batch, *, generator: torch.Generator, part: Part | None = None
+) -> Float[Tensor, ""]:
+    """Error of the aligned hand's steps, most of all near the surface, and of its places.
+
+    A shift of the whole window, which SpatialDiff mends, does not count. Errors are not squared:
+    where a finger may hold or slide, the more probable is right, not the mean of both.
+    """
+    del generator, part  # draws nothing; the signature is shared by all losses
+    seen, clean, moved = _temporal_question(model, batch)
+    off = moved - clean
+    steps = off.diff(dim=1).norm(dim=-1) / STEP_ERROR
+    near = torch.exp(-(seen.nearest - seen.joints).norm(dim=-1) / CONTACT_DECAY)[:, 1:]
+    places = (off - off.mean((1, 2), keepdim=True)).norm(dim=-1) / PLACE_ERROR
+    return ((0.5 + near) * steps).mean() + places.mean()
+
+
+def _temporal_question(
+    model: TemporalDenoiser, batch: Batch
+) -> tuple[TemporalEvidence, Float[Tensor, "B T 21 3"], Float[Tensor, "B T 21 3"]]:
+    """What TemporalDiff sees, and the clean and the aligned hand, in the object's frame."""
+    seen = batch.steps
+    answer = model(seen)
+    shift = align_to_steps(answer.change, answer.steps, answer.places)
+    return seen, seen.from_world(batch.clean), seen.joints + shift
+
+
+def reconstruction_loss(
+    model: LatentDenoiser, batch: Batch, *, generator: torch.Generator, part: Part | None = None
 ) -> Float[Tensor, ""]:
     """Reconstruction error of T of clean and noisy hands, weighted towards contact."""
     del generator, part  # draws nothing; the signature is shared by all losses
@@ -182,8 +214,8 @@ def reconstruction_loss(
     return total
 
 
-def temporal_loss(
-    model: TemporalDenoiser, batch: Batch, *, generator: torch.Generator, part: Part | None = None
+def latent_loss(
+    model: LatentDenoiser, batch: Batch, *, generator: torch.Generator, part: Part | None = None
 ) -> Float[Tensor, ""]:
     """Weighted squared error of the clean latent; the autoencoder is frozen."""
     clean, observed = temporal_latents(model, batch)
@@ -197,7 +229,7 @@ def temporal_loss(
 
 @torch.no_grad()
 def temporal_latents(
-    model: TemporalDenoiser, batch: Batch
+    model: LatentDenoiser, batch: Batch
 ) -> tuple[Float[Tensor, "B T1 Z"], Float[Tensor, "B T1 Z"]]:
     """Latents of the clean and of the noisy hand."""
     points = batch.region.points_canon[:, :-1]
@@ -228,7 +260,7 @@ def recovered_fraction(
 ) -> Float[Tensor, ""]:
     """Error left after one call at the default starting level, over the error of the input.
 
-    It is of keypoints, of shifts of the hand (spatial) or of latents (temporal).
+    It is of keypoints, of shifts of the hand (spatial), of its steps (temporal) or of latents.
     """
     given = torch.ones_like(batch.observation.given)
     observation = replace(batch.observation, given=given)
@@ -255,6 +287,9 @@ def recovered_fraction(
             relations = encode_spatial(noisy + noise, batch.region)
             got = decode_spatial(model(relations, sigma * HAND_SCALE, observation))
         case TemporalDenoiser():
+            seen, clean, got = _temporal_question(model, batch)
+            clean, got, noisy = (hand.diff(dim=1) for hand in (clean, got, seen.joints))
+        case LatentDenoiser():
             clean, noisy = temporal_latents(model, batch)
             noise = SCORING_SIGMA * normal_like(noisy, generator=generator)
             got = model(noisy + noise, sigma, noisy, given)

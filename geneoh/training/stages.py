@@ -12,6 +12,7 @@ from geneoh.baselines.regression import RegressionDenoiser
 from geneoh.baselines.toch import TochAutoencoder
 from geneoh.choices import StageName
 from geneoh.config import as_dict
+from geneoh.denoisers.latent import LatentDenoiser
 from geneoh.denoisers.motion import MotionDenoiser
 from geneoh.denoisers.relations import RelationDenoiser
 from geneoh.denoisers.spatial import SpatialDenoiser
@@ -36,6 +37,7 @@ STAGES: dict[StageName, tuple[Callable[[Any], nn.Module], Loss]] = {
     "temporal": (TemporalDenoiser, losses.temporal_loss),
     "trajectory": (TrajectoryDenoiser, losses.trajectory_loss),
     "relations": (RelationDenoiser, losses.relation_loss),
+    "latent": (LatentDenoiser, losses.latent_loss),
     "toch": (TochAutoencoder, losses.keypoint_loss),
     "regression": (RegressionDenoiser, losses.keypoint_loss),
 }
@@ -51,8 +53,8 @@ def build_model(stage: StageName, config: TrainConfig) -> nn.Module:
 
 
 def loss_of(stage: StageName, step: int, config: TrainConfig) -> Loss:
-    """The loss to take at a step; the temporal stage learns its autoencoder first."""
-    if stage == "temporal" and step < config.autoencoder_steps:
+    """The loss to take at a step; the latent stage learns its autoencoder first."""
+    if stage == "latent" and step < config.autoencoder_steps:
         return losses.reconstruction_loss
     return STAGES[stage][1]
 
@@ -122,11 +124,11 @@ class StageTask:
         return pieces
 
     def before_step(self, state: TrainState) -> None:
-        """Turn the temporal stage from its autoencoder to the denoiser of the latent.
+        """Turn the latent stage from its autoencoder to the denoiser of the latent.
 
         The denoiser starts with the averaged weights of the autoencoder.
         """
-        if self.name == "temporal" and state.step == self.config.autoencoder_steps:
+        if self.name == "latent" and state.step == self.config.autoencoder_steps:
             state.model.load_state_dict(state.average)
             device = next(state.model.parameters()).device
             set_latent_statistics(state.model, self.batch(self.data, "latent", device=device)[0])
@@ -155,7 +157,7 @@ class StageTask:
 @torch.no_grad()
 def set_latent_statistics(model: nn.Module, batch: Batch) -> None:
     """Whiten the latent of a trained autoencoder (paper C.5 avoids a normalisation of T itself)."""
-    assert isinstance(model, TemporalDenoiser), "only the temporal stage has a latent"
+    assert isinstance(model, LatentDenoiser), "only the latent stage has one"
     encoder = model.autoencoder
     encoder.latent_mean.zero_()
     encoder.latent_std.fill_(1.0)

@@ -20,7 +20,7 @@ def started_from(
 ) -> tuple[TrainConfig, dict[str, Tensor]]:
     """Weights of a stage to start from, and the config with the network that they are of.
 
-    They are in STAGE.safetensors of the folder; None is for the shipped ones. The temporal stage
+    They are in STAGE.safetensors of the folder; None is for the shipped ones. The latent stage
     keeps its autoencoder: only the denoiser of its latent goes on learning.
 
     Raises:

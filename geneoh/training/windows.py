@@ -42,8 +42,8 @@ class Windows(ObjectSurface):
         self, noisy: HandParameters, keep: Bool[Tensor, "B T"], region: ContactRegion
     ) -> ObservedMotion:
         """What MotionDiff is shown of a noisy hand, in the canonical frame of a region."""
-        nearest, outward = nearest_on_parts(noisy.joints, self)
-        return ObservedMotion.of(noisy, keep.float(), nearest, outward, region)
+        near = nearest_on_parts(noisy.joints, self)
+        return ObservedMotion.of(noisy, keep.float(), near.points, near.normals, region)
 
     def shaken(self, turn: Float[Tensor, "B T 3"], shift: Float[Tensor, "B T 3"]) -> "Windows":
         """The same hand with an object whose parts are turned in their own frames and shifted."""

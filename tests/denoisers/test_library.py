@@ -3,6 +3,7 @@ from dataclasses import asdict
 import pytest
 import torch
 
+from geneoh.denoisers.latent import LatentConfig, LatentDenoiser
 from geneoh.denoisers.library import PAPER_STAGES, load_denoisers
 from geneoh.denoisers.motion import MotionConfig, MotionDenoiser
 from geneoh.denoisers.relations import RelationConfig, RelationDenoiser
@@ -17,9 +18,8 @@ NETWORKS = {
     "trajectory": TrajectoryDenoiser(TrajectoryConfig(width=16, depth=1, heads=2)),
     "relations": RelationDenoiser(RelationConfig(width=16, depth=1, heads=2, point_width=8)),
     "spatial": SpatialDenoiser(SpatialConfig(width=16)),
-    "temporal": TemporalDenoiser(
-        TemporalConfig(latent=6, point_width=8, width=16, depth=1, heads=2)
-    ),
+    "temporal": TemporalDenoiser(TemporalConfig(width=16, depth=1, heads=2)),
+    "latent": LatentDenoiser(LatentConfig(latent=6, point_width=8, width=16, depth=1, heads=2)),
 }
 
 

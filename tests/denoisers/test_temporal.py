@@ -1,19 +1,34 @@
-from dataclasses import fields
-
 import pytest
 import torch
+from networks import normal
 
 from geneoh.denoisers.temporal import (
-    LATENT_NOISE_SCALE,
-    TemporalAutoencoder,
+    TEMPORAL_FEATURES,
     TemporalConfig,
     TemporalDenoiser,
+    TemporalEvidence,
+    smoothed,
 )
-from geneoh.representation.region import ContactRegion
-from geneoh.representation.temporal import TemporalRelations, encode_temporal
+from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.representation.region import ObjectSurface
 
-TINY = TemporalConfig(latent=6, point_width=8, width=16, depth=1, heads=2)
-K = 5
+TINY = TemporalConfig(width=16, depth=1, heads=2)
+
+
+def evidence(frames: int = 5, turn: torch.Tensor | None = None) -> TemporalEvidence:
+    """Two hands near a ball; `turn` chooses other axes for the ball's own frame."""
+    normals = torch.nn.functional.normalize(normal(2, 60, 3), dim=-1)
+    rotation = axis_angle_to_matrix(0.3 * normal(2, frames, 1, 3, seed=1))
+    translation = 0.05 * normal(2, frames, 1, 3, seed=2)
+    joints = 0.06 * normal(2, 1, 21, 3, seed=3) + 0.004 * normal(2, frames, 21, 3, seed=4)
+    joints = joints @ rotation[:, :, 0].mT + translation
+    if turn is not None:
+        normals, rotation = normals @ turn, rotation @ turn
+    surface = ObjectSurface(
+        0.04 * normals, normals, torch.zeros(2, 60, dtype=torch.long), rotation, translation
+    )
+    observed = joints + 0.01 * normal(*joints.shape, seed=5)
+    return TemporalEvidence.at(surface, joints, observed, torch.ones(2, frames))
 
 
 @pytest.fixture(scope="module")
@@ -21,121 +36,63 @@ def model(wake):
     return wake(TemporalDenoiser(TINY))
 
 
-@pytest.fixture(scope="module")
-def relate(draw):
-    """Temporal relations of a batch of two clips and their canonical contact points."""
-
-    def make(frames: int, order: list[int] | None = None):
-        pick = order or list(range(K))
-        normals = torch.nn.functional.normalize(draw(2, 1, K, 3, seed=3), dim=-1)
-        points = 0.03 * draw(2, 1, K, 3, seed=2) + 0.01 * draw(2, frames, 1, 3, seed=4)
-        region = ContactRegion(
-            points[:, :, pick],
-            normals.expand(-1, frames, -1, -1)[:, :, pick],
-            torch.eye(3).expand(2, frames, 3, 3),
-            points.mean(2),
-        )
-        joints = 0.06 * draw(2, 1, 21, 3, seed=5) + 0.01 * draw(2, frames, 1, 3, seed=6)
-        return encode_temporal(joints, region, 30.0), region.points_canon[:, :-1]
-
-    return make
-
-
 @pytest.mark.parametrize("frames", [2, 3, 7])
-def test_a_latent_per_frame_pair_goes_in_and_statistics_come_out(model, relate, frames):
-    relations, points = relate(frames)
-    encoder = model.autoencoder
-    latent = encoder.encode(relations, points)
-    assert latent.shape == (2, frames - 1, 6)
-    decoded = encoder.decode(latent, relations.object_velocity, relations.normals, points)
-    for field in fields(decoded):
-        assert getattr(decoded, field.name).shape == getattr(relations, field.name).shape
-        assert bool(getattr(decoded, field.name).isfinite().all())
+def test_a_correction_per_frame_and_keypoint_comes_out(model, frames):
+    seen = evidence(frames)
+    assert seen.features(torch.eye(3).expand(2, 3, 3)).shape == (2, frames, TEMPORAL_FEATURES)
+    answer = model(seen)
+    assert answer.change.shape == (2, frames, 21, 3)
+    assert answer.steps.shape == answer.places.shape == (2, frames, 21)
+    assert bool(answer.change.isfinite().all())
+    for of_frames in (answer.change, answer.steps, answer.places):
+        assert torch.equal(of_frames[:, -1], of_frames[:, -2])
 
 
-def test_the_latent_does_not_depend_on_the_order_of_contact_points(model, relate):
-    order = [3, 0, 4, 2, 1]
-    plain, shuffled = (model.autoencoder.encode(*relate(4, o)) for o in (None, order))
-    torch.testing.assert_close(plain, shuffled, atol=1e-5, rtol=1e-5)
+def test_an_untrained_network_changes_nothing():
+    answer = TemporalDenoiser(TINY)(evidence())
+    assert float(answer.change.detach().abs().max()) == 0
+    assert float(answer.steps.detach().abs().max()) == 0
 
 
-def test_decoded_statistics_follow_the_order_of_contact_points(model, relate, draw):
-    order, latent = [3, 0, 4, 2, 1], draw(2, 3, 6)
-    relations, points = relate(4)
-    plain = model.autoencoder.decode(latent, relations.object_velocity, relations.normals, points)
-    shuffled = model.autoencoder.decode(
-        latent,
-        relations.object_velocity[:, :, order],
-        relations.normals[:, :, order],
-        points[:, :, order],
-    )
-    torch.testing.assert_close(shuffled.velocity, plain.velocity[:, :, order])
-    torch.testing.assert_close(shuffled.distance, plain.distance[:, :, order])
+def test_an_untrained_network_holds_on_to_a_hand_that_motiondiff_hardly_changed():
+    """Places weigh as much as usual where the input shook by 8 mm, and more where it did not."""
+    seen = evidence()
+    for shaking, weight in ((0.05, 1.0), (0.002, 16.0), (0.0, 400.0)):
+        sway = torch.tensor([1.0, -1.0, 0.0, 1.0, -1.0])[:, None, None] * torch.tensor([1.0, 0, 0])
+        off = 0.03 + shaking * (5 / 4) ** 0.5 * sway  # a lasting offset does not count
+        given = TemporalEvidence(**(vars(seen) | {"observed": seen.joints + off}))
+        with torch.no_grad():
+            places = TemporalDenoiser(TINY)(given).places
+        torch.testing.assert_close(places.exp(), torch.full_like(places, weight), rtol=1e-3, atol=0)
 
 
-def test_the_latent_sees_every_statistic_it_is_said_to(model, relate):
-    relations, points = relate(4)
-    plain = model.autoencoder.encode(relations, points)
-    for field in fields(TemporalRelations):
-        values = {f.name: getattr(relations, f.name) for f in fields(TemporalRelations)}
-        values[field.name] = values[field.name] + 0.1
-        other = model.autoencoder.encode(TemporalRelations(**values), points)
-        assert not torch.allclose(other, plain, atol=1e-5), field.name
+def test_the_answer_turns_with_the_axes_of_the_object(model):
+    turn = axis_angle_to_matrix(torch.tensor([0.4, -0.9, 0.2]))
+    plain, turned = model(evidence()), model(evidence(turn=turn))
+    assert float(plain.change.abs().max()) > 1e-4
+    torch.testing.assert_close(turned.change, plain.change @ turn, atol=1e-5, rtol=0)
+    torch.testing.assert_close(turned.steps, plain.steps, atol=1e-4, rtol=0)
 
 
-def test_whitening_moves_the_latent_and_not_what_it_decodes_to(wake, relate):
-    plain, white = (wake(TemporalAutoencoder(TINY)) for _ in range(2))
-    white.latent_mean.fill_(0.7)
-    white.latent_std.fill_(2.0)
-    relations, points = relate(4)
-    known = (relations.object_velocity, relations.normals, points)
-    latents = [m.encode(relations, points) for m in (plain, white)]
-    torch.testing.assert_close(latents[1], (latents[0] - 0.7) / 2)
-    decoded = [m.decode(z, *known).velocity for m, z in zip((plain, white), latents, strict=True)]
-    torch.testing.assert_close(*decoded)
+@pytest.mark.parametrize("name", ["joints", "nearest", "normals", "carried", "observed", "trust"])
+def test_the_network_sees_every_field(model, name):
+    seen = evidence()
+    values = dict(vars(seen)) | {name: getattr(seen, name) + 0.01 * normal(1, 5, 1, 1).squeeze(0)}
+    if name == "trust":
+        values[name] = torch.tensor([[1.0, 0.0, 1.0, 1.0, 1.0]]).expand(2, 5)
+    other = model(TemporalEvidence(**values))
+    assert not torch.allclose(other.change, model(seen).change, atol=1e-6)
 
 
-@pytest.mark.parametrize("pairs", [1, 2, 6])
-def test_a_clean_latent_has_the_shape_of_the_noisy_one(model, draw, pairs):
-    x = draw(2, pairs, 6)
-    got = model(x, torch.tensor([0.1, 1.0]), draw(2, pairs, 6, seed=1), torch.ones(2))
-    assert got.shape == x.shape
+def test_the_clips_of_a_batch_do_not_influence_each_other(model):
+    seen = evidence()
+    whole, alone = model(seen), model(seen.take(slice(1, 2), "B"))
+    torch.testing.assert_close(alone.change, whole.change[1:], atol=1e-6, rtol=0)
 
 
-@pytest.mark.parametrize(("given", "scale"), [(1.0, LATENT_NOISE_SCALE), (0.0, 1.0)])
-def test_an_untrained_network_is_the_skip_path(draw, given, scale):
-    x, observed, sigma = draw(2, 3, 6), draw(2, 3, 6, seed=1), torch.tensor([0.3, 2.0])
-    with torch.no_grad():
-        got = TemporalDenoiser(TINY)(x, sigma, observed, torch.full((2,), given))
-    keep = (scale**2 / (scale**2 + sigma**2))[:, None, None]
-    torch.testing.assert_close(got, given * observed + keep * (x - given * observed))
-
-
-def test_an_almost_clean_latent_comes_back(model, draw):
-    x = draw(2, 3, 6)
-    got = model(x, torch.full((2,), 1e-6), draw(2, 3, 6, seed=1), torch.ones(2))
-    torch.testing.assert_close(got, x, atol=1e-4, rtol=0)
-
-
-def test_a_withheld_observation_does_not_matter(model, draw):
-    x, sigma = draw(2, 3, 6), torch.full((2,), 0.5)
-    first, second = draw(2, 3, 6, seed=1), draw(2, 3, 6, seed=2)
-    given, withheld = torch.ones(2), torch.zeros(2)
-    assert not torch.allclose(model(x, sigma, first, given), model(x, sigma, second, given))
-    assert torch.equal(model(x, sigma, first, withheld), model(x, sigma, second, withheld))
-
-
-def test_the_clips_of_a_batch_do_not_influence_each_other(model, draw, relate):
-    x, observed = draw(2, 3, 6), draw(2, 3, 6, seed=1)
-    sigma, given = torch.tensor([0.2, 1.0]), torch.tensor([1.0, 0.0])
-    whole = model(x, sigma, observed, given)
-    for i in range(2):
-        pick = slice(i, i + 1)
-        alone = model(x[pick], sigma[pick], observed[pick], given[pick])
-        torch.testing.assert_close(alone, whole[pick])
-    relations, points = relate(4)
-    latent = model.autoencoder.encode(relations, points)
-    alone = TemporalRelations(
-        **{f.name: getattr(relations, f.name)[1:] for f in fields(TemporalRelations)}
-    )
-    torch.testing.assert_close(model.autoencoder.encode(alone, points[1:]), latent[1:])
+def test_smoothing_keeps_what_is_constant_and_the_mean_of_many_is_even():
+    constant = normal(1, 1, 21, 3).expand(2, 9, 21, 3)
+    torch.testing.assert_close(smoothed(constant, 2.5), constant)
+    rough = normal(1, 9, 21, 3)
+    torch.testing.assert_close(smoothed(rough, 1e4), rough.mean(1, keepdim=True).expand_as(rough))
+    assert float(smoothed(rough, 1.0).std()) < 0.7 * float(rough.std())

@@ -2,7 +2,13 @@ import pytest
 import torch
 from torch import Tensor
 
-from geneoh.fitting.align import AlignConfig, align_to_relations
+from geneoh.fitting.align import (
+    PLACE_STD,
+    STEP_STD,
+    AlignConfig,
+    align_to_relations,
+    align_to_steps,
+)
 from geneoh.representation.region import ContactRegion
 from geneoh.representation.temporal import PairStatistics, TemporalRelations, encode_temporal
 
@@ -40,7 +46,7 @@ def disagreement(joints: Tensor, region: ContactRegion, target: PairStatistics) 
     return float((near * miss).sum() / near.sum())
 
 
-@pytest.mark.parametrize("config", [AlignConfig(), AlignConfig(steps=10, rate=2e-3)])
+@pytest.mark.parametrize("config", [AlignConfig(steps=20), AlignConfig(steps=10, rate=2e-3)])
 @pytest.mark.parametrize("away", [0.0, 0.1])
 def test_keypoints_that_agree_hardly_move(scene, config, away):
     """Not in contact, and not where no pair weighs anything: rounding is no reason to step."""
@@ -57,7 +63,7 @@ def test_keypoints_that_disagree_come_nearer_to_agreement_and_to_the_truth(scene
     joints, region = scene
     target = relations_of(joints, region)
     noisy = joints + 0.003 * normal(2, FRAMES, 21, 3, seed=2)
-    moved = align_to_relations(noisy, region, target, FPS, config=AlignConfig())
+    moved = align_to_relations(noisy, region, target, FPS, config=AlignConfig(steps=20))
     assert disagreement(moved, region, target) < 0.6 * disagreement(noisy, region, target)
     before, after = ((x - joints).norm(dim=-1).mean() for x in (noisy, moved))
     assert float(after) < 0.9 * float(before)
@@ -107,5 +113,31 @@ def test_far_pairs_weigh_next_to_nothing(scene):
     velocity = target.velocity.clone()
     velocity[:, :, 0] += 1.0
     wrong = PairStatistics(target.distance, velocity, target.tangential, target.normal)
-    moved = align_to_relations(joints, region, wrong, FPS, config=AlignConfig())
+    moved = align_to_relations(joints, region, wrong, FPS, config=AlignConfig(steps=20))
     assert float((moved - joints).norm(dim=-1).max()) < 1e-3
+
+
+def test_aligned_steps_are_the_least_squares_of_steps_and_places():
+    change, steps, places = normal(7, 21, 3), normal(7, 21, seed=1), normal(7, 21, seed=2)
+    change, steps, places = change.double(), steps.double(), places.double()
+    shift = align_to_steps(change, steps, places).requires_grad_()
+    miss = (shift.diff(dim=0) - change[:-1]) / STEP_STD
+    energy = (steps[:-1].exp() * miss.square().sum(-1)).sum()
+    energy = energy + (places.exp() * (shift / PLACE_STD).square().sum(-1)).sum()
+    (slope,) = torch.autograd.grad(energy, shift)
+    one_term = 2 * places.exp() * shift.detach().abs().amax(-1) / PLACE_STD**2
+    assert float(slope.abs().max()) < 1e-9 * float(one_term.max())
+    assert float(shift.detach().abs().max()) > 0.01
+
+
+def test_steps_that_are_not_to_change_leave_every_place():
+    weights = normal(2, 7, 21, seed=1)
+    shift = align_to_steps(torch.zeros(2, 7, 21, 3), weights, -weights)
+    assert torch.equal(shift, torch.zeros(2, 7, 21, 3))
+
+
+def test_a_long_track_is_aligned_some_keypoints_at_a_time(monkeypatch):
+    given = normal(7, 21, 3), normal(7, 21, seed=1), normal(7, 21, seed=2)
+    whole = align_to_steps(*given)
+    monkeypatch.setattr("geneoh.fitting.align.AT_ONCE", 28)
+    assert torch.equal(align_to_steps(*given), whole)

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from pretended_device import PretendedDevice
 
 from geneoh.fitting import solve
-from geneoh.fitting.solve import solve_by_halves, solve_coupled_frames
+from geneoh.fitting.solve import solve_by_halves, solve_chains, solve_coupled_frames
 
 
 def system(samples: int, frames: int, size: int, seed: int):
@@ -108,3 +108,17 @@ def test_stiff_coupling_makes_all_frames_the_same():
     got = solve_coupled_frames(matrix, right, torch.full((3,), 1e4, dtype=torch.float64))
     rigid = torch.linalg.solve(matrix.sum(1), right.sum(1))
     torch.testing.assert_close(got, rigid[:, None].expand_as(got), rtol=0, atol=0.02)
+
+
+@pytest.mark.parametrize("frames", [1, 2, 3, 8, 61])
+def test_chains_are_solved_as_whole_matrices(frames):
+    generator = torch.Generator().manual_seed(frames)
+    beside = -torch.rand(5, frames - 1, generator=generator, dtype=torch.float64)
+    diagonal = 2.2 + torch.rand(5, frames, generator=generator, dtype=torch.float64)
+    right = torch.randn(5, frames, 3, generator=generator, dtype=torch.float64)
+    whole = torch.diag_embed(diagonal)
+    if frames > 1:
+        whole = whole + torch.diag_embed(beside, 1) + torch.diag_embed(beside, -1)
+    torch.testing.assert_close(
+        solve_chains(diagonal, beside, right), torch.linalg.solve(whole, right), atol=1e-12, rtol=0
+    )

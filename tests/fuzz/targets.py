@@ -36,7 +36,7 @@ MESHES = (".obj", ".ply", ".stl", ".glb", ".off")
 TINY_TRAINING = TrainConfig(
     motion=MotionConfig(width=16, depth=1, heads=2),
     spatial=SpatialConfig(width=16, frames=4),
-    temporal=TemporalConfig(latent=6, point_width=8, width=16, depth=1, heads=2),
+    temporal=TemporalConfig(width=16, depth=1, heads=2),
 )
 ONE_STEP = ("steps=1", "batch=2", "warmup=1", "validation_batches=1", "motion.width=16")
 

@@ -8,10 +8,11 @@ import pytest
 import torch
 from torch import Tensor, nn
 
+from geneoh.denoisers.latent import LatentConfig, LatentDenoiser
 from geneoh.denoisers.motion import MotionConfig, MotionDenoiser
 from geneoh.denoisers.relations import RelationConfig, RelationDenoiser
 from geneoh.denoisers.spatial import SpatialConfig, SpatialDenoiser
-from geneoh.denoisers.temporal import TemporalConfig, TemporalDenoiser
+from geneoh.denoisers.temporal import StepCorrection, TemporalConfig, TemporalDenoiser
 from geneoh.denoisers.trajectory import TrajectoryConfig, TrajectoryDenoiser
 from geneoh.fitting.align import AlignConfig
 from geneoh.geometry.rotations import axis_angle_to_matrix
@@ -20,7 +21,7 @@ from geneoh.pipeline.context import StageContext
 from geneoh.pipeline.presets import PlacePlan, StagePlan
 from geneoh.pipeline.stages import (
     ALIGN_POINTS,
-    _corrected,
+    denoise_latent,
     denoise_motion,
     denoise_relations,
     denoise_spatial,
@@ -32,7 +33,7 @@ from geneoh.representation.spatial import SpatialRelations
 from geneoh.representation.temporal import PairStatistics, encode_temporal
 
 PLAN = StagePlan(400, 3)
-ALIGN = AlignConfig()
+ALIGN = AlignConfig(steps=20)
 LEFT = 5e-4
 """Metres that the alignment may move a hand whose relations agree: Adam enlarges rounding."""
 LONG = 90
@@ -132,30 +133,30 @@ class KnownRelations(RelationDenoiser):
 
 
 class TableAutoencoder(nn.Module):
-    """Decodes the latents 0 and 1 to two given sets of statistics."""
+    """Decodes every latent to the same statistics."""
 
-    def __init__(self, noisy: PairStatistics, clean: PairStatistics) -> None:
+    def __init__(self, statistics: PairStatistics) -> None:
         super().__init__()
-        self.noisy, self.clean = noisy, clean
+        self.statistics = statistics
 
     def encode(self, relations, points):
         return points.new_zeros(*points.shape[:2], 6)
 
     def decode(self, latent, object_velocity, normals, points):
-        return self.clean if bool((latent == 1).all()) else self.noisy
+        return self.statistics
 
 
-class KnownLatent(TemporalDenoiser):
-    """Answers with a latent of ones, or with the observed one."""
+class KnownLatent(LatentDenoiser):
+    """Answers with a latent of ones, which is decoded to given statistics."""
 
-    def __init__(self, noisy: PairStatistics, clean: PairStatistics, change: bool = True) -> None:
-        super().__init__(TemporalConfig(latent=6, point_width=8, width=16, depth=1, heads=2))
-        self.autoencoder = TableAutoencoder(noisy, clean)
-        self.change, self.given = change, []
+    def __init__(self, statistics: PairStatistics) -> None:
+        super().__init__(LatentConfig(latent=6, point_width=8, width=16, depth=1, heads=2))
+        self.autoencoder = TableAutoencoder(statistics)
+        self.given = []
 
     def forward(self, x, sigma, observed, given):
         self.given.append(given)
-        return torch.ones_like(x) if self.change else observed
+        return torch.ones_like(x)
 
 
 def canonical(context: StageContext, joints: Tensor, goal: Tensor) -> Tensor:
@@ -314,6 +315,59 @@ def test_each_contact_point_has_its_own_noise():
 # TemporalDiff
 
 
+class KnownSteps(TemporalDenoiser):
+    """Answers that the keypoints stand still over the surface near them, and is sure of it."""
+
+    def __init__(self, sure: float = 6.0) -> None:
+        super().__init__(TemporalConfig(width=16, depth=1, heads=2))
+        self.sure, self.seen = sure, []
+
+    def forward(self, evidence):
+        self.seen.append(evidence)
+        steps = torch.cat([evidence.steps[:, :-1], evidence.steps[:, -2:-1]], dim=1)
+        weight = steps.new_full(steps.shape[:-1], self.sure)
+        return StepCorrection(-steps, weight, -weight)
+
+
+@pytest.mark.parametrize("frames", [12, LONG])
+def test_a_hand_that_is_to_stand_still_over_the_object_does(frames):
+    context = scene(frames, parts=1)
+    joints = hands_at(context) + 0.002 * normal(2, frames, 21, 3, seed=50)
+    got = denoise_temporal(KnownSteps(), joints[:1], joints, context)
+    before, after = (
+        ((hand - context.translation[:, :1]) @ context.rotation[:, 0]).mean(0)
+        for hand in (joints, got)
+    )
+    assert float(after.diff(dim=0).norm(dim=-1).max()) < 1e-5
+    # in the middle of where it was, and the samples differ as before
+    torch.testing.assert_close(after.mean(0), before.mean(0), atol=1e-5, rtol=0)
+    torch.testing.assert_close(got[0] - got[1], joints[0] - joints[1], atol=1e-6, rtol=0)
+
+
+def test_a_finger_holds_on_to_the_part_that_it_touches():
+    context = scene(12, parts=2)
+    turn, shift = context.rotation, context.translation
+    other = replace(context, rotation=turn.flip(1), translation=shift.flip(1))
+    touches = torch.arange(21) % 2  # the part that each keypoint is at
+    joints = torch.where(touches[:, None] == 0, hands_at(context), hands_at(other))
+    joints = joints + 0.002 * normal(*joints.shape, seed=50)
+    got = denoise_temporal(KnownSteps(), joints, joints, context)
+    for part in (0, 1):
+        before, after = (
+            ((hand[0] - shift[:, None, part]) @ turn[:, part])[:, touches == part].diff(dim=0)
+            for hand in (joints, got)
+        )
+        assert float(after.norm(dim=-1).max()) < 0.1 * float(before.norm(dim=-1).max())
+
+
+def test_steps_that_are_right_leave_the_hand():
+    context = scene(LONG)
+    joints = hands_at(context, 2)
+    model = TemporalDenoiser(TemporalConfig(width=16, depth=1, heads=2)).requires_grad_(False)
+    got = denoise_temporal(model, joints[:1], joints, context)
+    torch.testing.assert_close(got, joints, atol=1e-6, rtol=0)
+
+
 def random_statistics(like: PairStatistics, seed: int) -> PairStatistics:
     names = PairStatistics.__dataclass_fields__
     values = {
@@ -323,38 +377,25 @@ def random_statistics(like: PairStatistics, seed: int) -> PairStatistics:
     return PairStatistics(**values)
 
 
-def run_temporal(model, joints: Tensor, context: StageContext, **options) -> Tensor:
-    chosen = {"observed": True, "correct": True, "align": ALIGN, "generator": seeded()} | options
-    return denoise_temporal(model, joints, context, PLAN, **chosen)
-
-
-@pytest.mark.parametrize("observed", [True, False])
-def test_a_latent_that_is_left_as_it_is_leaves_the_hand(observed):
-    """Also where the autoencoder decodes nonsense, as only the difference is applied."""
-    context = scene(LONG)
-    joints = hands_at(context)
-    own = relations_of(context, joints, joints)
-    model = KnownLatent(random_statistics(own, 30), random_statistics(own, 40), change=False)
-    got = run_temporal(model, joints, context, observed=observed)
-    assert float((got - joints).norm(dim=-1).max()) < LEFT
-    assert all(bool((given == float(observed)).all()) for given in model.given)
+def run_latent(model, joints: Tensor, context: StageContext, seed: int = 0) -> Tensor:
+    return denoise_latent(model, joints, context, PLAN, align=ALIGN, generator=seeded(seed))
 
 
 def test_decoded_relations_of_the_hand_itself_leave_it():
     context = scene()
     joints = hands_at(context)
-    own = relations_of(context, joints, joints)
-    got = run_temporal(KnownLatent(own, own), joints, context, correct=False)
+    model = KnownLatent(relations_of(context, joints, joints))
+    got = run_latent(model, joints, context)
     assert float((got - joints).norm(dim=-1).max()) < LEFT
+    assert all(bool((given == 0).all()) for given in model.given)
 
 
-@pytest.mark.parametrize("correct", [True, False])
-def test_the_hand_moves_to_the_relations_that_are_decoded(correct):
+def test_the_hand_moves_to_the_relations_that_are_decoded():
     context = scene()
     goal = hands_at(context)
     joints = goal + 0.002 * normal(*goal.shape, seed=50)
-    noisy, clean = (relations_of(context, joints, hand) for hand in (joints, goal))
-    got = run_temporal(KnownLatent(noisy, clean), joints, context, correct=correct)
+    clean = relations_of(context, joints, goal)
+    got = run_latent(KnownLatent(clean), joints, context)
 
     def unlike(hand: Tensor) -> float:
         now = relations_of(context, joints, hand)
@@ -363,37 +404,20 @@ def test_the_hand_moves_to_the_relations_that_are_decoded(correct):
     assert unlike(got) < 0.6 * unlike(joints)
 
 
-def test_without_the_correction_nonsense_of_the_decoder_reaches_the_hand():
+def test_nonsense_of_the_decoder_reaches_the_hand():
     context = scene()
     joints = hands_at(context)
     nonsense = random_statistics(relations_of(context, joints, joints), 30)
-    got = run_temporal(KnownLatent(nonsense, nonsense), joints, context, correct=False)
+    got = run_latent(KnownLatent(nonsense), joints, context)
     assert float((got - joints).norm(dim=-1).max()) > 4 * LEFT
 
 
 def test_a_single_frame_has_no_motion_to_denoise():
     context = scene(1)
     joints = hands_at(context)
-    model = TemporalDenoiser(TemporalConfig(latent=6, point_width=8, width=16, depth=1, heads=2))
-    assert run_temporal(model, joints, context) is joints
-
-
-def test_the_correction_adds_the_difference_exactly_and_keeps_lengths_non_negative():
-    shape = (2, 3, 4, 21)
-
-    def drawn(seed: int) -> PairStatistics:
-        values = [normal(*shape, seed=seed + i) for i in range(3)]
-        return PairStatistics(
-            values[0].abs(), normal(*shape, 3, seed=seed + 9), values[1].abs(), values[2].abs()
-        )
-
-    now, clean, noisy = drawn(0), drawn(20), drawn(40)
-    got = _corrected(now, clean, noisy)
-    assert torch.equal(got.velocity, now.velocity + clean.velocity - noisy.velocity)
-    for name in ("distance", "tangential", "normal"):
-        want = getattr(now, name) + getattr(clean, name) - getattr(noisy, name)
-        assert bool((want < 0).any())
-        assert torch.equal(getattr(got, name), want.clamp(min=0))
+    models = random_networks()
+    assert run_latent(models["latent"], joints, context) is joints
+    assert denoise_temporal(models["temporal"], joints, joints, context) is joints
 
 
 # all stages
@@ -404,9 +428,8 @@ def random_networks() -> dict[str, nn.Module]:
     return {
         "trajectory": networks.awake(TrajectoryDenoiser(TrajectoryConfig(**small))),
         "relations": networks.awake(RelationDenoiser(RelationConfig(**small, point_width=8))),
-        "temporal": networks.awake(
-            TemporalDenoiser(TemporalConfig(**small, latent=6, point_width=8))
-        ),
+        "temporal": networks.awake(TemporalDenoiser(TemporalConfig(**small))),
+        "latent": networks.awake(LatentDenoiser(LatentConfig(**small, latent=6, point_width=8))),
     }
 
 
@@ -415,11 +438,13 @@ def run_stage(stage: str, joints: Tensor, context: StageContext, seed: int = 0) 
     if stage == "trajectory":
         return denoise_trajectory(model, joints, context, PLAN, generator=generator)
     if stage == "temporal":
-        return run_temporal(model, joints, context, generator=generator)
+        return denoise_temporal(model, joints[:1], joints, context)
+    if stage == "latent":
+        return run_latent(model, joints, context, seed)
     return denoise_relations(model, joints, context, PLAN, generator=generator)
 
 
-STAGES = ("trajectory", "relations", "temporal")
+STAGES = ("trajectory", "relations", "temporal", "latent")
 
 
 @pytest.mark.parametrize("stage", STAGES)
@@ -438,7 +463,7 @@ def test_a_seed_fixes_the_answer_of_a_stage(stage):
     joints = hands_at(context, 2)
     first, again, other = (run_stage(stage, joints, context, seed) for seed in (0, 0, 1))
     assert torch.equal(first, again)
-    assert not torch.equal(first, other)
+    assert torch.equal(first, other) == (stage == "temporal")  # which draws nothing
     assert math.isfinite(float(first.sum()))
 
 
@@ -450,8 +475,8 @@ def test_a_stage_answers_window_by_window_as_on_all_at_once(stage, monkeypatch):
     plan = StagePlan(100, 2)  # its noise is drawn before, or there is none to draw
 
     def answer() -> Tensor:
-        if stage == "temporal":
-            return run_temporal(model, joints, context)
+        if stage in ("temporal", "latent"):
+            return run_stage(stage, joints, context)
         # each chain starts at the input itself, which has the same noise in any order
         run = denoise_trajectory if stage == "trajectory" else denoise_relations
         return run(model, joints, context, replace(plan, sampler="direct"), generator=seeded())

@@ -32,7 +32,7 @@ def test_on_parts_it_is_the_nearest_of_all_points_placed_in_the_world():
     rotation = axis_angle_to_matrix(draw(3, frames, 2, 3, seed=3))
     translation = 0.05 * draw(3, frames, 2, 3, seed=4)
     surface = ObjectSurface(points, normals, part, rotation, translation)
-    nearest, outward = nearest_on_parts(joints, surface)
+    nearest, outward, part = nearest_on_parts(joints, surface)
     world, facing = surface.in_world()
     at = torch.cdist(joints, world).argmin(-1)[..., None].expand(-1, -1, -1, 3)
     torch.testing.assert_close(nearest, world.gather(2, at), atol=1e-5, rtol=0)

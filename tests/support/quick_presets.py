@@ -5,7 +5,6 @@ from dataclasses import replace
 import pytest
 
 from geneoh.fitting.adam import AdamFitConfig
-from geneoh.fitting.align import AlignConfig
 from geneoh.fitting.fit import FitConfig
 from geneoh.pipeline import options
 from geneoh.pipeline.presets import Preset, preset
@@ -22,4 +21,4 @@ def quick(name: str) -> Preset:
     fit = FitConfig(iterations=2, contact_rounds=1)
     if isinstance(chosen.fit, AdamFitConfig):
         fit = AdamFitConfig(rigid_steps=2, steps=2)
-    return replace(chosen.with_steps(2), align=AlignConfig(steps=2), fit=fit)
+    return replace(chosen.with_steps(2), fit=fit)

@@ -7,6 +7,7 @@ import torch
 
 from geneoh.baselines.regression import RegressionConfig
 from geneoh.baselines.toch import TochConfig
+from geneoh.denoisers.latent import LatentConfig
 from geneoh.denoisers.motion import MotionConfig
 from geneoh.denoisers.relations import RelationConfig
 from geneoh.denoisers.spatial import SpatialConfig
@@ -59,7 +60,8 @@ def tiny() -> TrainConfig:
         trajectory=TrajectoryConfig(width=16, depth=1, heads=2),
         spatial=SpatialConfig(width=16, frames=4),
         relations=RelationConfig(width=16, depth=1, heads=2, point_width=8),
-        temporal=TemporalConfig(latent=6, point_width=8, width=16, depth=1, heads=2),
+        temporal=TemporalConfig(width=16, depth=1, heads=2),
+        latent=LatentConfig(latent=6, point_width=8, width=16, depth=1, heads=2),
         toch=TochConfig(point_width=8, hidden=8, latent=6),
         regression=RegressionConfig(width=16, depth=1, heads=2, point_width=8),
     )

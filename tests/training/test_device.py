@@ -28,7 +28,7 @@ def _workers_pretend_too(device, monkeypatch):
 
 def trained(stage, config, clips, folder, device) -> dict[str, torch.Tensor]:
     before = build_model("motion", config).eval().requires_grad_(False).to(device)
-    before = before if stage in ("spatial", "temporal", "relations") else None
+    before = before if stage in ("spatial", "temporal", "relations", "latent") else None
     path = train_stage(stage, config, clips, clips, folder, device=device, motion_denoiser=before)
     return load_checkpoint(path).tensors
 
@@ -37,7 +37,7 @@ def trained(stage, config, clips, folder, device) -> dict[str, torch.Tensor]:
 def test_a_stage_learns_and_is_validated_alike_on_every_device(
     stage, clips, tiny, device, tmp_path
 ):
-    steps = 4 if stage == "temporal" else 2
+    steps = 4 if stage == "latent" else 2
     config = replace(tiny, steps=steps, validate_every=steps)
     here = trained(stage, config, clips, tmp_path / "cpu", CPU)
     there = trained(stage, config, clips, tmp_path / "there", device)

@@ -12,13 +12,13 @@ from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.training.batches import draw_batch
 from geneoh.training.config import TrainConfig
 from geneoh.training.loop import learning_rate, update_average
-from geneoh.training.losses import motion_loss, reconstruction_loss, temporal_latents, temporal_loss
+from geneoh.training.losses import latent_loss, motion_loss, reconstruction_loss, temporal_latents
 from geneoh.training.optimizer import Optimizer
 from geneoh.training.resume import LogRow, TrainState
 from geneoh.training.stages import build_model, loss_of, set_latent_statistics
 
 CPU = torch.device("cpu")
-STAGES = ("motion", "spatial", "trajectory", "relations", "temporal")
+STAGES = ("motion", "spatial", "trajectory", "relations", "temporal", "latent")
 BASELINES = ("toch", "regression")
 
 
@@ -47,7 +47,7 @@ def logged(path) -> list[list[str]]:
 
 @pytest.mark.parametrize("stage", [*STAGES, *BASELINES])
 def test_a_resumed_run_is_the_run_that_was_not_interrupted(tmp_path, clips, tiny, stage):
-    """The temporal one is interrupted where it turns from the autoencoder to the latent."""
+    """The latent one is interrupted where it turns from the autoencoder to the latent."""
     rest = (clips, clips)
     whole = train_stage(stage, tiny, *rest, tmp_path / "whole", device=CPU)
     for step in (2, 3):  # at a checkpoint, and after the next step, which is taken again
@@ -210,14 +210,14 @@ def test_fresh_weights_follow_the_seed_and_leave_the_global_generator_alone(tiny
     assert any(not torch.equal(first[name], other[name]) for name in first)
 
 
-def test_the_temporal_stage_learns_its_autoencoder_first(tiny):
-    assert loss_of("temporal", 1, tiny) is reconstruction_loss
-    assert loss_of("temporal", 2, tiny) is temporal_loss
+def test_the_latent_stage_learns_its_autoencoder_first(tiny):
+    assert loss_of("latent", 1, tiny) is reconstruction_loss
+    assert loss_of("latent", 2, tiny) is latent_loss
     assert loss_of("motion", 0, tiny) is motion_loss
 
 
 def test_the_latent_is_white_once_its_statistics_are_set(clips, tiny):
-    model = build_model("temporal", tiny)
+    model = build_model("latent", tiny)
     batch = draw_batch(clips, 2, generator=torch.Generator().manual_seed(0))
     for _ in range(2):  # what was set before does not matter
         set_latent_statistics(model, batch)

@@ -8,6 +8,7 @@ from geneoh.training.batches import draw_batch
 from geneoh.training.losses import (
     SIGMA_RANGE,
     draw_sigma,
+    latent_loss,
     motion_loss,
     reconstruction_loss,
     recovered_fraction,
@@ -22,11 +23,12 @@ LOSSES = [
     ("motion", motion_loss),
     ("spatial", spatial_loss),
     ("relations", relation_loss),
-    ("temporal", reconstruction_loss),
+    ("latent", reconstruction_loss),
+    ("latent", latent_loss),
     ("temporal", temporal_loss),
     ("trajectory", trajectory_loss),
 ]
-STAGES = ("motion", "spatial", "temporal", "trajectory", "relations")
+STAGES = ("motion", "spatial", "temporal", "trajectory", "relations", "latent")
 
 
 def seeded(seed: int = 0) -> torch.Generator:
@@ -61,14 +63,31 @@ def test_a_loss_teaches_the_network(batch, tiny, stage, loss):
 
 
 def test_the_autoencoder_is_frozen_while_its_latent_is_learned(batch, tiny):
-    model = build_model("temporal", tiny)
-    temporal_loss(model, batch, generator=seeded()).backward()
+    model = build_model("latent", tiny)
+    latent_loss(model, batch, generator=seeded()).backward()
     assert all(p.grad is None for p in model.autoencoder.parameters())
     assert model.head.weight.grad is not None
 
 
-# SpatialDiff's work depends on its numbers, which the meta device has not: see test_device.py
-@pytest.mark.parametrize(("stage", "loss"), [pair for pair in LOSSES if pair[0] != "spatial"])
+def test_the_loss_of_steps_does_not_count_a_shift_of_the_window(batch, tiny):
+    model = build_model("temporal", tiny)  # answers that every step is right
+
+    def loss_of(hand: torch.Tensor) -> float:
+        with torch.no_grad():
+            return float(temporal_loss(model, replace(batch, noisy=hand), generator=seeded()))
+
+    still = batch.evidence.rotation[:, :1].expand_as(batch.evidence.rotation)
+    batch = replace(batch, evidence=replace(batch.evidence, rotation=still))
+    shifted = batch.clean + torch.tensor([0.02, -0.01, 0.03])
+    jitter = 0.003 * torch.randn(batch.clean.shape, generator=seeded(5))
+    assert loss_of(shifted) < 1e-3 < 0.5 < loss_of(shifted + jitter)
+
+
+# what SpatialDiff and TemporalDiff look at depends on numbers, which the meta device has not: see
+# test_device.py
+@pytest.mark.parametrize(
+    ("stage", "loss"), [pair for pair in LOSSES if pair[0] not in ("spatial", "temporal")]
+)
 def test_losses_follow_the_device_of_the_batch(batch, tiny, stage, loss):
     """The meta device computes nothing and refuses to mix, as a GPU would."""
     device = torch.device("meta")
@@ -77,7 +96,9 @@ def test_losses_follow_the_device_of_the_batch(batch, tiny, stage, loss):
     assert got.device.type == "meta"
 
 
-@pytest.mark.parametrize("stage", [stage for stage in STAGES if stage != "spatial"])
+@pytest.mark.parametrize(
+    "stage", [stage for stage in STAGES if stage not in ("spatial", "temporal")]
+)
 def test_validation_follows_the_device_of_the_batch(batch, tiny, stage):
     device = torch.device("meta")
     model = build_model(stage, tiny).to(device)

@@ -16,7 +16,7 @@ def transformer(seed: int = 0) -> FrameTransformer:
 
 
 def test_every_parameter_is_moved_by_one_part_only(tiny):
-    for stage in ("motion", "relations", "temporal", "toch"):
+    for stage in ("motion", "relations", "temporal", "latent", "toch"):
         model = build_model(stage, tiny)
         parts = Optimizer(model, tiny).parts.values()
         moved = [id(p) for part in parts for group in part.param_groups for p in group["params"]]

@@ -83,7 +83,7 @@ def assert_alike(first, second, stage):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("stage", ["motion", "spatial", "temporal"])
+@pytest.mark.parametrize("stage", ["motion", "spatial", "temporal", "latent"])
 def test_two_processes_take_the_steps_of_one(tmp_path, clips, tiny, stage):
     """Each has half of the windows: one process with twice the batch of a process."""
     config = replace(tiny, batch=4, validation_batches=3)
