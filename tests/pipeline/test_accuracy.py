@@ -14,7 +14,7 @@ def test_a_clean_recording_is_changed_by_at_most_four_millimetres(clean):
     result = denoise(clean)
     moved = result.sequence.hands[0].joints - clean.hands[0].joints
     assert moved.norm(dim=-1).mean() < 0.004
-    assert moved.norm(dim=-1).mean(-1).max() < 0.008
+    assert moved.norm(dim=-1).mean(-1).max() < 0.010  # in the frame that changes most
 
 
 @pytest.fixture(scope="module")

@@ -438,7 +438,8 @@ def run_stage(stage: str, joints: Tensor, context: StageContext, seed: int = 0) 
     if stage == "trajectory":
         return denoise_trajectory(model, joints, context, PLAN, generator=generator)
     if stage == "temporal":
-        return denoise_temporal(model, joints[:1], joints, context)
+        observed = joints[:1].roll(1, dims=2)  # some other hand
+        return denoise_temporal(model, observed, joints, context)
     if stage == "latent":
         return run_latent(model, joints, context, seed)
     return denoise_relations(model, joints, context, PLAN, generator=generator)
