@@ -438,7 +438,9 @@ def run_stage(stage: str, joints: Tensor, context: StageContext, seed: int = 0) 
     if stage == "trajectory":
         return denoise_trajectory(model, joints, context, PLAN, generator=generator)
     if stage == "temporal":
-        observed = joints[:1].roll(1, dims=2)  # some other hand
+        # an input that shook: every other frame has the hand, the ones between have another
+        same = torch.arange(context.frames)[:, None, None] % 2 == 0
+        observed = torch.where(same, joints[:1], joints[:1].roll(1, dims=2))
         return denoise_temporal(model, observed, joints, context)
     if stage == "latent":
         return run_latent(model, joints, context, seed)
