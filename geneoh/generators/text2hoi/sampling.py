@@ -72,7 +72,8 @@ def sample(
     config, device = config or SamplingConfig(), objects.points.device
     clips = torch.arange(len(sentences), device=device).repeat_interleave(config.draws)
     objects, lengths = objects.take(clips, "B"), lengths.to(device)[clips]
-    sentences, hands = [sentences[clip] for clip in clips], [hands[clip] for clip in clips]
+    sentences = [sentences[int(clip)] for clip in clips]
+    hands = [hands[int(clip)] for clip in clips]
     if contact is None:
         contact = contact_of(networks, objects, sentences, generator=generator)
     else:
