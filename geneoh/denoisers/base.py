@@ -8,6 +8,7 @@ from torch import Tensor
 from torch.nn.functional import normalize
 
 from geneoh.bundle import Bundle
+from geneoh.geometry.rotations import matrix_to_axis_angle
 from geneoh.hand.skeleton import bone_lengths
 
 HAND_SCALE = 0.08
@@ -79,6 +80,17 @@ def palm_axes(joints: Float[Tensor, "B T 21 3"]) -> Float[Tensor, "B 3 3"]:
     across = index - pinky
     second = normalize(across - (across * first).sum(-1, keepdim=True) * first, dim=-1)
     return torch.stack([first, second, torch.linalg.cross(first, second)], dim=-1)
+
+
+def object_rates(
+    move: Float[Tensor, "B N 3"], turn: Float[Tensor, "B N 3 3"], axes: Float[Tensor, "B 3 3"]
+) -> Float[Tensor, "B N+1 6"]:
+    """Steps (m) and turns of the object to the next frame as features, in the given axes.
+
+    They are in 3 mm and 0.03 rad, at most ten of these, and zero in the last frame.
+    """
+    rates = torch.cat([move @ axes / 0.003, matrix_to_axis_angle(turn) @ axes / 0.03], dim=-1)
+    return torch.nn.functional.pad(rates, (0, 0, 0, 1)).clamp(-10, 10)
 
 
 OBSERVATION_FEATURES = 63 + 60 + 63 + 21 + 20 + 1  # width of `Observation.features`

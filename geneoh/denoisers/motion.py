@@ -13,10 +13,10 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from geneoh.bundle import Bundle
-from geneoh.denoisers.base import HAND_SCALE, palm_axes
+from geneoh.denoisers.base import HAND_SCALE, object_rates, palm_axes
 from geneoh.denoisers.candidate_corrections import CANDIDATES, candidate_corrections
 from geneoh.diffusion.precondition import preconditioned
-from geneoh.geometry.rotations import matrix_to_axis_angle, matrix_to_rotation_6d
+from geneoh.geometry.rotations import matrix_to_rotation_6d
 from geneoh.hand.skeleton import bone_lengths
 from geneoh.nn.blocks import FrameTransformer, zeroed
 from geneoh.representation.parameters import UNIT, HandParameters, turned
@@ -137,8 +137,7 @@ class ObservedMotion(Bundle):
         rotation, center = self.rotation, self.center
         turn = rotation[:, :-1].transpose(-1, -2) @ rotation[:, 1:]
         move = (center.diff(dim=1)[..., None, :] @ rotation[:, :-1])[..., 0, :]
-        rate = torch.cat([move @ axes / 0.003, matrix_to_axis_angle(turn) @ axes / 0.03], -1)
-        return torch.nn.functional.pad(rate, (0, 0, 0, 1)).clamp(-10, 10)
+        return object_rates(move, turn, axes)
 
 
 def _jitter(values: Float[Tensor, "B T D"]) -> Float[Tensor, "B T D"]:

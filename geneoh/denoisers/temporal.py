@@ -3,8 +3,8 @@
 The denoiser is shown the temporal relations of the hand that SpatialDiff leaves, beside those of
 the input, and answers with the clean step of every keypoint over the surface near it, and with how
 sure it is of each step and of each place. `geneoh.fitting.align` finds the hand that agrees with
-both. One call is used: chains of noise came no nearer to the truth. The paper's form, a latent of
-all relations, is `geneoh.denoisers.latent`.
+both. It answers in one call, without a diffusion. The paper's form, a latent of all relations, is
+`geneoh.denoisers.latent`.
 """
 
 from dataclasses import dataclass
@@ -15,8 +15,7 @@ from torch import Tensor, nn
 from torch.nn.functional import pad
 
 from geneoh.bundle import Bundle
-from geneoh.denoisers.base import palm_axes
-from geneoh.geometry.rotations import matrix_to_axis_angle
+from geneoh.denoisers.base import object_rates, palm_axes
 from geneoh.nn.blocks import FrameTransformer, zeroed
 from geneoh.representation.region import ObjectSurface
 from geneoh.representation.steps import SurfaceMotion
@@ -101,8 +100,7 @@ class TemporalEvidence(SurfaceMotion):
         middle = self.joints[:, :-1].mean(2)
         shift = self.translation.diff(dim=1)[..., None, :] @ self.rotation[:, :-1]
         move = (turn @ middle[..., None])[..., 0] - middle + shift[..., 0, :]
-        both = [move @ axes / 0.003, matrix_to_axis_angle(turn) @ axes / 0.03]
-        return pad(torch.cat(both, dim=-1), (0, 0, 0, 1)).clamp(-10, 10)
+        return object_rates(move, turn, axes)
 
 
 @dataclass(frozen=True)

@@ -100,6 +100,12 @@ class StageContext(ObjectSurface):
         region = contact_region(self.windows(joints), surface, count=POINTS, every=SELECT_EVERY)
         return region if self.canonical else region.held_still()
 
+    @property
+    def surface(self) -> ObjectSurface:
+        """The object in all frames, as a batch of one."""
+        own = (self.points, self.normals, self.part, self.rotation, self.translation)
+        return ObjectSurface(*(values[None] for values in own))
+
     def surface_windows(self, samples: int = 1) -> ObjectSurface:
         """The object in each window of each sample, samples outermost."""
         batch = samples * len(self.starts)
@@ -158,8 +164,7 @@ class StageContext(ObjectSurface):
         self, joints: Float[Tensor, "T 21 3"]
     ) -> tuple[Float[Tensor, "T 21 3"], Float[Tensor, "T 21 3"]]:
         """The surface point nearest to each keypoint and its outward normal, world frame."""
-        own = (self.points, self.normals, self.part, self.rotation, self.translation)
-        near = nearest_on_parts(joints[None], ObjectSurface(*(v[None] for v in own)))
+        near = nearest_on_parts(joints[None], self.surface)
         return near.points[0], near.normals[0]
 
     def observed_motion(self, hand: HandParameters, region: ContactRegion) -> ObservedMotion:
@@ -189,13 +194,9 @@ class Piece(NamedTuple):
             observed: the hand before MotionDiff, in the frames of the piece.
             joints: the hand that is to be corrected.
         """
-        context = self.context
-        whole = (context.points, context.normals, context.part)
-        surface = ObjectSurface(
-            *(own[None] for own in (*whole, context.rotation, context.translation))
-        )
-        trust = context.trust.mean(-1)[None]
-        return TemporalEvidence.at(surface, joints, observed, trust).map(context.windows)
+        trust = self.context.trust.mean(-1)[None]
+        evidence = TemporalEvidence.at(self.context.surface, joints, observed, trust)
+        return evidence.map(self.context.windows)
 
 
 def stage_context(
