@@ -1,0 +1,116 @@
+"""SpatialDiff and its form of the paper with stand-in networks, whose right answers are known."""
+
+from dataclasses import replace
+
+import networks
+import torch
+from ball_scenes import LONG, PLAN, canonical, hands_at, normal, parameters_at, scene, seeded
+from torch import Tensor
+
+from geneoh.denoisers.relations import RelationConfig, RelationDenoiser
+from geneoh.denoisers.spatial import SpatialConfig, SpatialDenoiser
+from geneoh.pipeline.presets import PlacePlan, StagePlan
+from geneoh.pipeline.stages import denoise_relations, denoise_spatial
+from geneoh.representation.spatial import SpatialRelations
+
+
+class KnownPlace(SpatialDenoiser):
+    """The density of a shift is normal around a given one, the same for all windows."""
+
+    def __init__(self, shift: Tensor, width: float = 0.004) -> None:
+        super().__init__(SpatialConfig(width=16, frames=4))
+        self.shift, self.spread, self.seen = shift, width, []
+
+    def forward(self, shifts, evidence):
+        self.seen.append(evidence)
+        return -0.5 * ((shifts - self.shift) / self.spread).square().sum(-1)
+
+
+class KnownRelations(RelationDenoiser):
+    """Answers with `hand` of the noisy relations and the observation, which it keeps."""
+
+    def __init__(self, hand) -> None:
+        super().__init__(RelationConfig(width=16, depth=1, heads=2, point_width=8))
+        self.hand, self.given = hand, []
+
+    def forward(self, noisy, sigma, observation):
+        self.given.append(observation.given)
+        return self.hand(noisy, observation)
+
+
+def test_spatial_moves_the_hand_to_the_mean_of_the_density_it_asks():
+    context = scene(LONG)
+    hand, shift = parameters_at(context), torch.tensor([0.012, -0.004, 0.006])
+    samples = hand.map(lambda value: value.expand(4, *value.shape[1:]))
+    got = denoise_spatial(
+        KnownPlace(shift).requires_grad_(False),
+        hand,
+        samples,
+        context,
+        PlacePlan(400, 3),
+        generator=seeded(),
+    )
+    moved_by = got.joints - samples.joints
+    torch.testing.assert_close(moved_by.mean((0, 1, 2)), shift, atol=5e-4, rtol=0)
+    # a sample of the density each: the deviation over samples is that of the density
+    assert 0.002 < float(moved_by.std(0).mean()) < 0.006
+    assert torch.equal(got.turn, samples.turn)
+
+
+def test_spatial_knows_the_ray_of_the_camera_and_the_noise_of_the_object():
+    ray = torch.nn.functional.normalize(torch.tensor([1.0, 2.0, -1.0]), dim=0)
+    context = replace(scene(LONG), ray=ray.expand(LONG, 3), object_noise=torch.tensor([0.1, 0.01]))
+    hand = parameters_at(context)
+    known, unknown = (where.evidence(hand, hand) for where in (context, replace(context, ray=None)))
+    torch.testing.assert_close(known.ray, ray.expand(2, 3))
+    assert known.knows_ray.tolist() == [1, 1]
+    assert unknown.knows_ray.tolist() == [0, 0]
+    still = replace(context, object_noise=None).evidence(hand, hand)
+    assert bool((known.track[:, 9:11] > still.track[:, 9:11]).all())
+    assert torch.equal(known.track[:, :9], still.track[:, :9])
+
+
+def test_places_are_asked_a_few_windows_at_a_time_as_all_at_once(monkeypatch):
+    context = scene(LONG + 40)
+    hand = parameters_at(context)
+    model = networks.awake(SpatialDenoiser(SpatialConfig(width=16, frames=4)))
+
+    def answer() -> Tensor:
+        plan = PlacePlan(40, 2)
+        return denoise_spatial(model, hand, hand, context, plan, generator=seeded()).wrist
+
+    whole = answer()
+    monkeypatch.setattr("geneoh.pipeline.context.WINDOWS_AT_ONCE", 1)
+    monkeypatch.setattr("geneoh.denoisers.spatial.HANDS_AT_ONCE", 1)
+    torch.testing.assert_close(answer(), whole, atol=1e-5, rtol=0)
+
+
+def test_spatial_averages_the_hands_of_all_contact_points():
+    """Equation (8): what the points say beyond their common hand cancels in the mean."""
+    context = scene(LONG)
+    joints, goal = hands_at(context), hands_at(context, seed=20)
+    windows = canonical(context, joints, goal)
+
+    def answer(noisy: SpatialRelations, seen) -> SpatialRelations:
+        apart = normal(noisy.hands.shape[2], 21, 3, seed=9)
+        common = noisy.of_hand(windows)
+        return replace(common, hands=common.hands + 0.01 * (apart - apart.mean(0)))
+
+    model = KnownRelations(answer)
+    got = denoise_relations(model, joints, context, PLAN, generator=seeded())
+    torch.testing.assert_close(got, goal, atol=1e-5, rtol=0)
+    assert all(bool((given == 0).all()) for given in model.given)
+
+
+def test_each_contact_point_has_its_own_noise():
+    context = scene()
+    joints, seen = hands_at(context), []
+
+    def answer(noisy: SpatialRelations, _) -> SpatialRelations:
+        seen.append(noisy.hands)
+        return noisy
+
+    denoise_relations(
+        KnownRelations(answer), joints, context, StagePlan(200, 1), generator=seeded()
+    )
+    assert float(seen[0].std(dim=2).mean()) > 0.01
