@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -54,14 +55,35 @@ def load_denoisers(
         CheckpointError: a file is missing or does not fit its network.
     """
 
+    names = (*CLEANING_STAGES, *(PAPER_STAGES if paper else ()))
+    paths = [(folder or SHIPPED) / f"{name}.safetensors" for name in names]
+    return kept_denoisers(tuple((path, version_of(path)) for path in paths), torch.device(device))
+
+
+def version_of(path: Path) -> tuple[int, int]:
+    """Time of change and size of a file, which tell that it is another one; zeros without it."""
+    try:
+        found = path.stat()
+    except OSError:
+        return 0, 0
+    return found.st_mtime_ns, found.st_size
+
+
+@lru_cache(maxsize=2)
+def kept_denoisers(
+    files: tuple[tuple[Path, tuple[int, int]], ...], device: torch.device
+) -> Denoisers:
+    """The networks of some files, kept for the next clips: they are read in a tenth of a second."""
+    paths = {path.stem: path for path, _ in files}
+
     def loaded(
         stage: str, network: Callable[[NetConfig], Network], config: Callable[..., NetConfig]
     ) -> Network:
-        path = (folder or SHIPPED) / f"{stage}.safetensors"
-        made = load_network(path, stage, network, config).to(device)
-        multiply_in(made, cleaning_precision(torch.device(device)))
+        made = load_network(paths[stage], stage, network, config).to(device)
+        multiply_in(made, cleaning_precision(device))
         return made
 
+    paper = "trajectory" in paths
     return Denoisers(
         loaded("motion", MotionDenoiser, MotionConfig),
         loaded("spatial", SpatialDenoiser, SpatialConfig),

@@ -280,12 +280,12 @@ def way_out(
     The nearest side of a thin part may be the wrong one for deep vertices: those get the closest
     point and normal in the direction of their phalanx's outside part instead.
     """
-    parts = torch.nn.functional.one_hot(bone).to(verts)
+    parts = torch.nn.functional.one_hot(bone).to(verts).T
+    counted = torch.cat([verts, torch.ones_like(verts[..., :1])], dim=-1)
     inside = (found.distance < 0).to(verts)
-    middles = []
-    for chosen in (inside, 1 - inside):
-        sums = torch.einsum("...v,vb,...vc->...bc", chosen, parts, verts)
-        middles.append(sums / torch.einsum("...v,vb->...b", chosen, parts)[..., None])
+    within = parts @ (inside[..., None] * counted)  # sums over the vertices of each phalanx
+    outside = parts @ counted - within
+    middles = [sums[..., :3] / sums[..., 3:] for sums in (within, outside)]
     ahead = torch.nn.functional.normalize(middles[1] - middles[0], dim=-1)[..., bone, :]
     # the direction of a phalanx that is wholly inside or outside is nan, which is never below 0
     wrong = (inside > 0) & ((found.normal * ahead).sum(-1) < 0)

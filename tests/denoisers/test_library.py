@@ -48,6 +48,15 @@ def test_networks_are_rebuilt_from_their_files(folder):
             assert torch.equal(got, tensor.half().float())
 
 
+def test_networks_are_kept_until_a_file_of_theirs_changes(folder):
+    first = load_denoisers(folder)
+    assert load_denoisers(folder) is first
+    assert load_denoisers(folder, paper=False) is not first
+    other = SpatialDenoiser(SpatialConfig(width=24))
+    save_checkpoint(folder / "spatial.safetensors", saved(other, "spatial"))
+    assert load_denoisers(folder).spatial.config.width == 24
+
+
 @pytest.mark.parametrize("stage", NETWORKS)
 def test_a_missing_stage_is_told(folder, stage):
     (folder / f"{stage}.safetensors").unlink()
