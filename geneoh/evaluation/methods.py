@@ -31,7 +31,7 @@ from geneoh.fitting.fit import FitConfig, fit_hand, start_from_keypoints
 from geneoh.fitting.subject import subject_of
 from geneoh.hand.library import hand_of_betas, load_hand
 from geneoh.pipeline.context import stage_context
-from geneoh.pipeline.denoise import NEAR, clean_interaction
+from geneoh.pipeline.denoise import clean_interaction
 from geneoh.pipeline.inputs import checked_interaction
 from geneoh.pipeline.options import Options
 from geneoh.pipeline.results import Denoised
@@ -129,7 +129,7 @@ def optimised_hand(
         subject.shaped,
         subject.start or start_from_keypoints(target, subject.shaped),
         config=FitConfig(),
-        surface=replace(motion.surface(), within=NEAR),
+        surface=motion.surface(),
     )
     posed = subject.shaped.verts_from_rotations(state.rotations, state.wrist)
     return in_every_frame(posed.joints[0], posed.verts[0])

@@ -216,12 +216,13 @@ class Nearby:
     """The surface around a hand that moves little from query to query.
 
     Vertices that cannot have come nearer than `reach` since they were last asked for, metres, are
-    not asked for again: they stay where they were in all that is answered.
+    not asked for again: they stay where they were in all that is answered. Nor are those asked for
+    exactly that are easily seen to be farther.
     """
 
     def __init__(self, surface: MovingSurface, reach: float) -> None:
         """No vertex is known yet."""
-        self.surface, self.reach = surface, reach
+        self.surface, self.reach = replace(surface, within=reach), reach
         self._known: tuple[Tensor, SurfaceQuery] | None = None
 
     def query(self, verts: Float[Tensor, "S T V 3"]) -> SurfaceQuery:

@@ -74,9 +74,7 @@ class SurfaceDistance:
         closest = flat.clamp(self.solid.low, self.solid.high)
         normal = flat - closest
         distance = normal.norm(dim=-1)
-        exact = flat.isfinite().all(-1)
-        if within is not None:
-            exact &= distance <= within
+        exact = flat.isfinite().all(-1) if within is None else distance <= within
         chosen = torch.nonzero(exact)[:, 0]
         normal /= distance[:, None]
         if within is not None and (coarse := self._coarse_distance(len(chosen))):

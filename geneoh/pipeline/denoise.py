@@ -44,8 +44,6 @@ NO_OBJECT = (
     "no mesh or no pose of an object was given: the hand was cleaned by the prior of hand motion "
     "alone, and nothing is known of contact; --obj MESH names a mesh"
 )
-NEAR = 0.005
-"""Vertices farther than this from the object need no exact distance in the fit, metres."""
 
 
 def denoise(
@@ -259,7 +257,7 @@ def _fit(
         subject.shaped,
         start,
         config=chosen.fit,
-        surface=replace(surface, within=NEAR) if surface and chosen.contact else None,
+        surface=surface if chosen.contact else None,
         evidence=evidence,
         on_step=on_step,
     )

@@ -22,7 +22,6 @@ from geneoh.hand.model import HandModel
 from geneoh.objects.cleaning import clean_object
 from geneoh.objects.evidence import evidence_of_nearness, evidence_of_poses
 from geneoh.pipeline.context import StageContext
-from geneoh.pipeline.denoise import NEAR
 from geneoh.pipeline.observed import Observed
 from geneoh.pipeline.presets import PlacePlan, Preset
 from geneoh.pipeline.spread import joint_spread
@@ -315,7 +314,7 @@ class RecentHand:
             subject.shaped,
             start,
             config=self._chosen.fit,
-            surface=None if surface is None else replace(surface.at(cut), within=NEAR),
+            surface=None if surface is None else surface.at(cut),
             evidence=evidence[cut],
         )
         state = state[held : held + stop - self._done]
