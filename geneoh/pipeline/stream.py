@@ -88,8 +88,7 @@ class Stream:
                 from the first two seconds.
             hand_model: whose betas they are, "embedded" or "mano".
             source: what messages call the stream.
-            settings: fields of `Options`; by default preset="fast" and samples=2. TemporalDiff is
-                left out, for speed.
+            settings: fields of `Options`; by default preset="fast" and samples=2.
 
         Raises:
             InputError: a mesh has no surface or another unit.
@@ -108,7 +107,7 @@ class Stream:
                 f"got preset {options.preset!r} and refine_object={options.refine_object}; "
                 "use geneoh.denoise for these"
             )
-        chosen = replace(chosen, temporal=None, fit=replace(chosen.fit, **FIT_STEPS))
+        chosen = replace(chosen, fit=replace(chosen.fit, **FIT_STEPS))
         if not SMALLEST_FPS <= fps <= LARGEST_FPS or not 0 <= lag <= LONGEST_LAG:
             raise ConfigError(
                 f"a stream has fps from {SMALLEST_FPS:g} to {LARGEST_FPS:g} and a lag from 0 to "
