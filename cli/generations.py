@@ -12,7 +12,7 @@ from . import evaluations, progress
 
 GO_WITH_IT = (
     *("generator", "dataset", "root", "refine", "limit", "seeds", "mano", "weights", "settings"),
-    "folder",
+    *("folder", "jobs"),
 )
 """Parameters of `geneoh eval` that mean something for a generator."""
 
@@ -25,6 +25,7 @@ def score_generator(ctx: click.Context) -> None:
     from geneoh.evaluation.generation.report import as_text, keep_other_reports, write_report
     from geneoh.evaluation.generation.runner import GenerationOptions, evaluate_generator
     from geneoh.evaluation.gestures.runner import GestureOptions, evaluate_gestures
+    from geneoh.workers.pool import cores
 
     check_parameters(ctx)
     asked = ctx.params
@@ -38,7 +39,8 @@ def score_generator(ctx: click.Context) -> None:
     else:
         data = {name: asked[name] for name in ("dataset", "refine", "mano")}
         actions = GenerationOptions(root, **data, **chosen)
-        evaluate = partial(evaluate_generator, configured(actions, settings=settings))
+        scored = configured(actions, settings=settings)
+        evaluate = partial(evaluate_generator, scored, jobs=asked["jobs"] or cores())
     folder = asked["folder"] or Path("runs", "eval", f"{asked['generator']}-{asked['dataset']}")
     keep_other_reports(folder)
     command = evaluations.command_line(ctx)
@@ -76,6 +78,11 @@ def check_parameters(ctx: click.Context) -> None:
         raise ConfigError(
             "--refine: expected none with --generator both2hands, whose hands hold nothing, got "
             f"{ctx.params['refine']}; leave it out"
+        )
+    if kind == "bodies" and ctx.params["jobs"] is not None:
+        raise ConfigError(
+            "--jobs: expected none with --generator both2hands, which works in one process, got "
+            f"{ctx.params['jobs']}; leave it out"
         )
     if len(ctx.params["seeds"]) > 1:
         raise ConfigError("--seed: expected one with --generator, got several; name one")

@@ -97,25 +97,28 @@ def train(
     from geneoh.nn.devices import named_device
     from geneoh.training.loop import train as fit
     from geneoh.training.processes import joined
+    from geneoh.training.start import weights_for
 
     if threads is not None:
         torch.set_num_threads(threads)
+    named, weights = config or ("finetune" if start else stage), None
     with joined(named_device(device)) as (team, place):
         say = click.echo if not team.rank else lambda words: None
         with team.first_alone(), progress.progress_bars(not team.rank) as on_progress:
             if stage in BODY_STAGES:
-                refuse_unused(stage, start=start, mano=mano)
-                asked = config, settings, sources, folder, text_encoder, skeleton
-                (task, notes), weights = body_task(stage, *asked, on_progress), None
+                refuse_unused(stage, mano=mano)
+                asked = named, settings, sources, folder, text_encoder, skeleton
+                task, notes = body_task(stage, *asked, on_progress)
             elif stage in GENERATOR_STAGES:
-                refuse_unused(stage, start=start, skeleton=skeleton)
-                asked = config, settings, sources, folder, text_encoder, mano
-                (task, notes), weights = generator_task(stage, *asked, on_progress), None
+                refuse_unused(stage, skeleton=skeleton)
+                asked = named, settings, sources, folder, text_encoder, mano
+                task, notes = generator_task(stage, *asked, on_progress)
             else:
                 refuse_unused(stage, text_encoder=text_encoder, skeleton=skeleton)
-                named = config or ("finetune" if start else stage)
                 asked = named, settings, sources or ("runs/data",), folder, start, mano
                 task, weights, notes = cleaner_task(stage, *asked, place, on_progress)
+            if start is not None and stage not in STAGES:
+                weights = weights_for(task, start_of(stage, start))
         for note in notes:
             say(note)
         with progress.progress_bars(not team.rank) as on_progress:
@@ -162,7 +165,7 @@ def cleaner_task(
 
 def generator_task(
     stage: Any,
-    config: str | None,
+    config: str,
     settings: tuple[str, ...],
     sources: tuple[str, ...],
     folder: Path,
@@ -180,13 +183,12 @@ def generator_task(
         refuse_unused(stage, data=sources, text_encoder=text_encoder, mano=mano)
     data = parsed_source(only_source(stage, sources, ACTIONS))
     learned = Learned(data, folder, text_encoder, ReaderOptions(mano_dir=mano))
-    named = options.find_config(config or stage)
-    return task(stage, named, settings, learned, on_progress)
+    return task(stage, options.find_config(config), settings, learned, on_progress)
 
 
 def body_task(
     stage: Any,
-    config: str | None,
+    config: str,
     settings: tuple[str, ...],
     sources: tuple[str, ...],
     folder: Path,
@@ -205,8 +207,17 @@ def body_task(
     if not data.source:
         refuse_unused(f"{stage} and made bodies", skeleton=skeleton)
     learned = LearnedBodies(data, folder, text_encoder, skeleton)
-    named = options.find_config(config or stage)
-    return task(stage, named, settings, learned, on_progress)
+    return task(stage, options.find_config(config), settings, learned, on_progress)
+
+
+def start_of(stage: Any, start: Path) -> Path:
+    """The file of weights that a stage of a generator starts from."""
+    from geneoh.generators.both2hands import library as both2hands
+    from geneoh.generators.text2hoi import library as text2hoi
+
+    library = both2hands if stage in BODY_STAGES else text2hoi
+    folder = library.SHIPPED if start == Path("shipped") else start
+    return folder / f"{stage}.safetensors"
 
 
 def only_source(stage: Any, sources: tuple[str, ...], default: str) -> str:

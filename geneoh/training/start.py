@@ -12,6 +12,7 @@ from geneoh.denoisers.library import weights_of
 from geneoh.errors import CheckpointError
 from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.training.config import TrainConfig
+from geneoh.training.loop import Task
 from geneoh.training.stages import build_model
 
 
@@ -42,3 +43,21 @@ def started_from(
             f"({str(error).splitlines()[-1].strip()}); start without them"
         ) from error
     return config, saved.tensors
+
+
+def weights_for(task: Task, path: Path) -> dict[str, Tensor]:
+    """Weights of a file that the network of a task starts from.
+
+    Raises:
+        CheckpointError: the file is missing, or holds another network than the task's.
+    """
+    saved = load_checkpoint(path)
+    try:
+        task.network().load_state_dict(saved.tensors)
+    except RuntimeError as error:
+        raise CheckpointError(
+            f"{path}: expected weights of the {task.name} network that is asked for, got others "
+            f"({str(error).splitlines()[-1].strip()}); name the --config that they were trained "
+            "with, or start without them"
+        ) from error
+    return saved.tensors

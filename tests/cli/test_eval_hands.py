@@ -50,6 +50,7 @@ def test_rows_are_printed_and_everything_is_written(geneoh, tmp_path):
 def test_what_does_not_go_with_the_generator_of_hands_is_refused(geneoh):
     for words, told in (
         ((*EVAL, "--refine", "geneoh"), "--refine: expected none with --generator both2hands"),
+        ((*EVAL, "--jobs", 2), "--jobs: expected none with --generator both2hands"),
         (EVAL, "data: expected train_*.safetensors, found none"),
         (EVAL[:-2], "make one with `geneoh synthesize --bodies -o FOLDER`"),
     ):

@@ -3,12 +3,13 @@
 from pathlib import Path
 
 import pytest
+import torch
 from made_actions import write_actions
 from trees import write_mano
 from trees.labelled import POUR_MILK, labelled_h2o
 
 from geneoh.choices import ACTION_STAGES
-from geneoh.generators.text2hoi.library import load_networks
+from geneoh.generators.text2hoi.library import SHIPPED, load_networks
 from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.synthesis.gestures.shards import read_gestures
 from geneoh.synthesis.shards import read_shards, shard_record
@@ -174,6 +175,19 @@ def test_the_generator_learns_lengths_and_contact_from_recordings_of_a_data_set(
         )
         record = load_checkpoint(tmp_path / "runs" / f"{stage}.safetensors").record
         assert record["made"]["source"] == "h2o"
+    tuned = ("train", *run[2:], "--stage", "length", "--set", "rate=1e-6", "-o", "tuned")
+    started = geneoh(*tuned, "--start", "shipped")
+    assert started.exit_code == 0, started.output
+    after = load_checkpoint(tmp_path / "tuned" / "length.safetensors").tensors
+    for name, before in load_checkpoint(SHIPPED / "length.safetensors").tensors.items():
+        torch.testing.assert_close(after[name], before, atol=2e-3, rtol=2e-3)
+    absent = geneoh(*tuned, "--start", "tuned/nothing")
+    assert absent.exit_code == 2
+    other = geneoh(*tuned, "--set", "length.hidden=24", "--start", "shipped")
+    assert other.exit_code == 2
+    assert "length.safetensors: expected weights of the length network that is asked for" in (
+        other.stderr
+    )
     refused = geneoh("train", "--stage", "length", "--data", "dexycb=h2o")
     assert refused.exit_code == 2
     assert "expected h2o, grab, arctic, whose recordings come with labels" in refused.stderr

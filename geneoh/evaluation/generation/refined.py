@@ -1,11 +1,14 @@
 """Generated clips with the hands that the cleaner makes of theirs."""
 
+import pickle
 from dataclasses import replace
+from functools import partial
 
 import torch
 
 from geneoh.bundle import concatenated
 from geneoh.choices import SIDES
+from geneoh.errors import GeneOHError
 from geneoh.generators.text2hoi.interaction_file import sequence_of
 from geneoh.generators.text2hoi.resting import moved_by_hands
 from geneoh.generators.text2hoi.settling import settled
@@ -14,24 +17,42 @@ from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.reconstruction import mesh_of_points
 from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.options import Options
-from geneoh.progress import OnStep, steps
+from geneoh.progress import OnStep
 from geneoh.synthesis.actions import Actions
+from geneoh.workers.pool import results_of
 
 
-def refined(actions: Actions, *, seed: int, on_step: OnStep | None = None) -> Actions:
+def refined(
+    actions: Actions, *, seed: int, jobs: int = 1, on_step: OnStep | None = None
+) -> Actions:
     """The same clips with hands mended as `geneoh generate --refine geneoh` mends them.
 
     Objects have the meshes that follow from their points. Hands at an object with a joint go
-    through the cleaner alone, because a mesh that `geneoh generate` is given is rigid.
+    through the cleaner alone, because a mesh that `geneoh generate` is given is rigid. `jobs`
+    processes share the clips, each with one thread, and give the bits of one.
+
+    Raises:
+        GeneOHError: a clip ended its workers, as where memory runs out.
     """
-    clips = range(len(actions.verb))
-    return concatenated(
-        [
-            refined_clip(actions.take(slice(clip, clip + 1), "B"), seed)
-            for clip in steps(clips, on_step)
-        ],
-        "B",
-    )
+    count, made = len(actions.verb), {}
+    # as bytes: tensors would go to other processes through files that are opened for each
+    clips = (pickle.dumps((n, actions.take(slice(n, n + 1), "B"))) for n in range(count))
+    for number, clip in results_of(clips, partial(numbered, seed=seed), jobs=jobs, lost=lost):
+        made[number] = clip
+        if on_step is not None:
+            on_step(len(made), count)
+    return concatenated([made[number] for number in range(count)], "B")
+
+
+def numbered(pickled: bytes, seed: int) -> tuple[int, Actions]:
+    """The number of a clip, and it refined."""
+    number, clip = pickle.loads(pickled)
+    return number, refined_clip(clip, seed)
+
+
+def lost(pickled: bytes, why: str) -> tuple[int, Actions]:
+    """A clip that ended its workers ends the evaluation."""
+    raise GeneOHError(f"clip {pickle.loads(pickled)[0]} of those that are refined: {why}")
 
 
 def refined_clip(clip: Actions, seed: int) -> Actions:

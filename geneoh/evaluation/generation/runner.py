@@ -77,9 +77,12 @@ def evaluate_generator(
     folder: Path,
     *,
     command: str = "",
+    jobs: int = 1,
     on_progress: OnProgress | None = None,
 ) -> GenerationReport:
     """Score every row; the classifier is kept in a folder in `folder`, for the next time.
+
+    `jobs` processes share the clips that go through the cleaner; all else is done by this one.
 
     Raises:
         InputError: the data is not there, or holds no actions.
@@ -97,7 +100,8 @@ def evaluate_generator(
         REAL: lambda _: real,
         "nearest training clip": lambda _: nearest_training(real, training),
     }
-    rows |= network_rows(networks, replace(held_out, actions=Streamed.of([real])), options)
+    alone = replace(held_out, actions=Streamed.of([real]))
+    rows |= network_rows(networks, alone, options, jobs)
     scored = {}
     for name, clips in rows.items():
         told = None if on_progress is None else partial(on_progress, name)
@@ -109,7 +113,7 @@ def evaluate_generator(
 
 
 def network_rows(
-    networks: Networks, real: ActionData, options: GenerationOptions
+    networks: Networks, real: ActionData, options: GenerationOptions, jobs: int
 ) -> dict[str, Row]:
     """What the networks make, with and without their parts; all draw the same noise."""
     whole = partial(generated, networks, real)
@@ -120,7 +124,8 @@ def network_rows(
     refiner = load_refiner(options.weights)
 
     def mended(on_step: OnStep | None) -> Actions:
-        return refined(make(None, refiner=refiner), seed=options.seed, on_step=on_step)
+        clips = make(None, refiner=refiner)
+        return refined(clips, seed=options.seed, jobs=jobs, on_step=on_step)
 
     rows: dict[str, Row] = {
         "text2hoi, no contact map": partial(make, contact=False),
