@@ -48,7 +48,7 @@ class ActionSynthesisConfig(SynthesisConfig):
 DEFAULTS = ActionSynthesisConfig()
 FEWEST = 32  # actions for which grasps are tried at once; fewer take nearly as long
 MOST_NAMES = 100_000  # no data set has more objects
-JOINTED = ("bottle", "scissors", "pliers", "laptop", "chest", "drawer")
+JOINTED = ("bottle", "scissors", "pliers", "laptop", "chest", "drawer", "matchbox", "plunger")
 """Families whose objects have a part on a joint."""
 LARGE = ("carton", "board", "pan", "bowl", "plate", "box")
 """Families with room for two hands on a table."""

@@ -217,6 +217,26 @@ def _drawer(u: Draw) -> Drawn:
     return solids, _Joint((1.0, 0.0, 0.0), (-opened, 0.09 - opened), slides=True)
 
 
+def _matchbox(u: Draw) -> Drawn:
+    deep, wide, high = u(0.03, 0.06), u(0.025, 0.045), u(0.01, 0.025)
+    opened, out = u(0.0, 0.05), u(0.012, 0.03)
+    tray = _Solid(BOX, (deep, wide - 0.003, high - 0.003), (opened + out, 0.0, 0.0), part=1)
+    pulled = _Joint((1.0, 0.0, 0.0), (-opened, 0.07 - opened), slides=True)
+    return [_Solid(BOX, (deep, wide, high), rounding=0.001), tray], pulled
+
+
+def _plunger(u: Draw) -> Drawn:
+    r, h, knob = u(0.03, 0.05), u(0.05, 0.08), u(0.012, 0.025)
+    opened, size = u(0.0, 0.06), u(0.014, 0.03)
+    top = h + opened + knob
+    solids = [
+        _rod(r, h, rounding=0.003),
+        _rod(0.004, 0.04, (0.0, 0.0, top - knob - 0.04), part=1),
+        _rod(size, knob, (0.0, 0.0, top), rounding=0.5 * min(size, knob), part=1),
+    ]
+    return solids, _Joint((0.0, 0.0, 1.0), (-opened, 0.08 - opened), slides=True)
+
+
 def _kettle(u: Draw) -> Drawn:
     r, h, ring = u(0.045, 0.07), u(0.04, 0.06), u(0.03, 0.045)
     handle = _torus(ring, u(0.006, 0.01), (0.0, 0.0, h + 0.5 * ring), turn=STANDING)
@@ -265,7 +285,7 @@ FAMILIES: dict[str, Callable[[Draw], Drawn]] = {
     **_named(_bowl, _plate, _spoon, _brush, _screwdriver, _scissors, _pliers),
     **_named(_laptop, _chest, _drawer, _kettle, _wine_glass),
     "mouse": lambda u: [_Solid(ELLIPSOID, (u(0.045, 0.06), u(0.025, 0.036), u(0.014, 0.024)))],
-    "spray": _spray,
+    **_named(_spray, _matchbox, _plunger),
 }
 
 

@@ -181,7 +181,7 @@ def test_objects_and_points_depend_on_the_generator_alone():
     assert not torch.equal(points[0], points[2])
 
 
-JOINTED = ("bottle", "scissors", "pliers", "laptop", "chest", "drawer")
+JOINTED = ("bottle", "scissors", "pliers", "laptop", "chest", "drawer", "matchbox", "plunger")
 
 
 def test_jointed_families_have_a_second_part_and_others_none():
