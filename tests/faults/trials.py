@@ -127,7 +127,8 @@ def read_only(bench: Bench) -> list[str | None]:
     """A folder on a read-only disk, and for root's tests one that the user may not write to."""
     problems = []
     ways = [Faults(EVERY, ERRORS["read-only"], bench.report).install]
-    if os.getuid() != 0 or all(may_enter(path) for path in Path(sys.prefix, "lib").parents):
+    libraries = [Path(prefix, "lib") for prefix in (sys.prefix, sys.base_prefix)]
+    if os.getuid() != 0 or all(may_enter(at) for library in libraries for at in library.parents):
         ways.append(become_nobody)  # who needs Python's own files
     for before in ways:
         bench.fresh()
