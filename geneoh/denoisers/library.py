@@ -57,7 +57,9 @@ def load_denoisers(
 
     names = (*CLEANING_STAGES, *(PAPER_STAGES if paper else ()))
     paths = [(folder or SHIPPED) / f"{name}.safetensors" for name in names]
-    return kept_denoisers(tuple((path, version_of(path)) for path in paths), torch.device(device))
+    place = torch.device(device)
+    files = tuple((path, version_of(path)) for path in paths)
+    return kept_denoisers(files, place, cleaning_precision(place))
 
 
 def version_of(path: Path) -> tuple[int, int]:
@@ -71,7 +73,7 @@ def version_of(path: Path) -> tuple[int, int]:
 
 @lru_cache(maxsize=2)
 def kept_denoisers(
-    files: tuple[tuple[Path, tuple[int, int]], ...], device: torch.device
+    files: tuple[tuple[Path, tuple[int, int]], ...], device: torch.device, precision: torch.dtype
 ) -> Denoisers:
     """The networks of some files, kept for the next clips: they are read in a tenth of a second."""
     paths = {path.stem: path for path, _ in files}
@@ -80,7 +82,7 @@ def kept_denoisers(
         stage: str, network: Callable[[NetConfig], Network], config: Callable[..., NetConfig]
     ) -> Network:
         made = load_network(paths[stage], stage, network, config).to(device)
-        multiply_in(made, cleaning_precision(device))
+        multiply_in(made, precision)
         return made
 
     paper = "trajectory" in paths

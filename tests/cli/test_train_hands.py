@@ -82,4 +82,4 @@ def test_networks_of_hands_need_one_folder_of_bodies_and_no_other_options(geneoh
     assert "expected train_*.safetensors" in refused()
     assert "--data: expected one source" in refused("--data", "a", "--data", "b")
     assert "--text-encoder: expected none" in refused("--text-encoder", "clip")
-    assert "--start: expected none" in refused("--start", "shipped")
+    assert "--mano: expected none" in refused("--mano", str(tmp_path))
