@@ -22,6 +22,7 @@ from geneoh.synthesis.shards import (
     draw_attempts,
     find_shards,
     scans_of,
+    shard_record,
     tried_grasps,
 )
 
@@ -122,7 +123,9 @@ def action_shard(path: Path) -> Actions:
 
 def names_of_shard(path: Path) -> list[str]:
     """Names of the objects of the actions in a shard, without endings, by `Actions.name`."""
-    return [Path(name).stem for name in names_of(scans_of(path, DEFAULTS))]
+    families, scans = shard_record(path, DEFAULTS).families, scans_of(path, DEFAULTS)
+    names = [*list(FAMILIES)[:families], *(() if scans is None else scans.names)]
+    return [Path(name).stem for name in names]
 
 
 def read_actions(folder: Path, split: str) -> tuple[Streamed[Actions], list[str]]:

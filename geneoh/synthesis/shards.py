@@ -140,6 +140,9 @@ class Attempts:
         return Attempts(families, solids, hands, self.shared[:0])
 
 
+FORMER_FAMILIES = 32  # of shards that do not say how many there were
+
+
 @dataclass(frozen=True)
 class ShardRecord:
     """What a shard was made with; saved in it."""
@@ -147,6 +150,7 @@ class ShardRecord:
     config: ShardConfig
     seed: int
     objects: str = ""  # fingerprint of the scanned objects; empty without them
+    families: int = len(FAMILIES)  # how many there were; scanned objects are numbered after them
 
 
 def seed_of(*parts: object) -> int:
@@ -325,10 +329,11 @@ def shard_record(path: Path, defaults: ShardConfig = SynthesisConfig()) -> Shard
         with opened_tensors(path) as (_, record):
             table, seed = dict(record["config"]), int(record["seed"])
             objects = str(record.get("objects", ""))
+            families = int(record.get("families", FORMER_FAMILIES))
     except (OSError, DamagedTensorsError) as error:
         raise _broken(path, error) from error
     try:
-        return ShardRecord(with_table(defaults, table, str(path)), seed, objects)
+        return ShardRecord(with_table(defaults, table, str(path)), seed, objects, families)
     except ConfigError as error:
         raise InputError(
             f"{path}: was made by another version of geneoh ({error}); make the data again"

@@ -5,9 +5,15 @@ import torch
 from made_actions import made_actions, write_action_shards
 
 from geneoh.errors import InputError
+from geneoh.files.tensors import all_tensors, opened_tensors, write_tensors
 from geneoh.hand.library import load_hand
 from geneoh.streamed import Streamed
-from geneoh.synthesis.action_shards import DEFAULTS, read_actions, synthesize_actions
+from geneoh.synthesis.action_shards import (
+    DEFAULTS,
+    names_of_shard,
+    read_actions,
+    synthesize_actions,
+)
 from geneoh.synthesis.actions import Actions
 from geneoh.synthesis.grasps import GraspChecks, GraspConfig
 from geneoh.synthesis.objects import FAMILIES
@@ -31,6 +37,17 @@ def test_shards_read_back_with_the_names_of_their_objects(tmp_path):
     assert {names[i] for i in numbers(actions)}.isdisjoint(TINY.held_out)
     held_out, _ = read_actions(tmp_path, "val")
     assert {names[i] for i in numbers(held_out)} <= set(TINY.held_out)
+
+
+def test_shards_that_do_not_say_how_many_families_there_were_have_the_former_names(tmp_path):
+    write_action_shards(tmp_path / "data", train=made_actions(seed=0))
+    path = tmp_path / "data" / "train_00000.safetensors"
+    with opened_tensors(path) as (shard, record):
+        tensors, former = all_tensors(shard), {k: v for k, v in record.items() if k != "families"}
+    write_tensors(path, tensors, former)
+    assert names_of_shard(path) == list(FAMILIES)[:32]
+    write_tensors(path, tensors, former | {"families": len(FAMILIES)})
+    assert names_of_shard(path) == list(FAMILIES)
 
 
 def test_the_same_seed_makes_the_same_actions(tmp_path):
