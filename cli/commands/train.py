@@ -110,7 +110,8 @@ def train(
                 asked = named, settings, sources, folder, text_encoder, skeleton
                 task, notes = body_task(stage, *asked, on_progress)
             elif stage in GENERATOR_STAGES:
-                refuse_unused(stage, skeleton=skeleton)
+                # pieces of words are learned anew, and weights mean nothing with other pieces
+                refuse_unused(stage, skeleton=skeleton, start=stage == "text" and start)
                 asked = named, settings, sources, folder, text_encoder, mano
                 task, notes = generator_task(stage, *asked, on_progress)
             else:

@@ -157,6 +157,9 @@ def test_networks_of_the_generator_need_a_folder_of_actions(geneoh, tmp_path):
     assert "--data: expected one source with --stage contact, got 2" in two.stderr
     text = geneoh("train", "--stage", "text", "--text-encoder", "clip", "-o", "run")
     assert "--text-encoder: expected none with --stage text" in text.stderr
+    started = geneoh("train", "--stage", "text", "--start", "shipped", "-o", "run")
+    assert started.exit_code == 2
+    assert "--start: expected none with --stage text" in started.stderr
     cleaner = geneoh("train", "--stage", "motion", "--text-encoder", "clip", "-o", "run")
     assert "--text-encoder: expected none with --stage motion" in cleaner.stderr
 
