@@ -15,6 +15,8 @@ GO_WITH_IT = (
     *("folder", "jobs"),
 )
 """Parameters of `geneoh eval` that mean something for a generator."""
+NOT_FOR_BODIES = {"refine": "whose hands hold nothing", "jobs": "which works in one process"}
+"""Those of them that mean nothing for hands of a body, and why."""
 
 
 def score_generator(ctx: click.Context) -> None:
@@ -74,15 +76,11 @@ def check_parameters(ctx: click.Context) -> None:
             f"--root: expected a folder of {kind} with --generator, got none; "
             f"make one with `geneoh synthesize --{kind} -o FOLDER`, or name your copy of a data set"
         )
-    if kind == "bodies" and ctx.params["refine"] != "none":
-        raise ConfigError(
-            "--refine: expected none with --generator both2hands, whose hands hold nothing, got "
-            f"{ctx.params['refine']}; leave it out"
-        )
-    if kind == "bodies" and ctx.params["jobs"] is not None:
-        raise ConfigError(
-            "--jobs: expected none with --generator both2hands, which works in one process, got "
-            f"{ctx.params['jobs']}; leave it out"
-        )
+    for name, why in NOT_FOR_BODIES.items() if kind == "bodies" else ():
+        if (value := ctx.params[name]) not in (None, "none"):
+            raise ConfigError(
+                f"--{name}: expected none with --generator both2hands, {why}, got {value}; "
+                "leave it out"
+            )
     if len(ctx.params["seeds"]) > 1:
         raise ConfigError("--seed: expected one with --generator, got several; name one")

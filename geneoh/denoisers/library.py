@@ -54,7 +54,6 @@ def load_denoisers(
     Raises:
         CheckpointError: a file is missing or does not fit its network.
     """
-
     names = (*CLEANING_STAGES, *(PAPER_STAGES if paper else ()))
     paths = [(folder or SHIPPED) / f"{name}.safetensors" for name in names]
     place = torch.device(device)

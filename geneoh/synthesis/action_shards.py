@@ -55,9 +55,9 @@ LARGE = ("carton", "board", "pan", "bowl", "plate", "box")
 """Families with room for two hands on a table."""
 
 
-def names_of(scans: Scans | None) -> list[str]:
-    """All families and scanned objects; `Actions.name` is an index into them."""
-    return [*FAMILIES, *(() if scans is None else scans.names)]
+def names_of(scans: Scans | None, families: int = len(FAMILIES)) -> list[str]:
+    """The first families and then scanned objects; `Actions.name` is an index into them."""
+    return [*list(FAMILIES)[:families], *(() if scans is None else scans.names)]
 
 
 def synthesize_actions(
@@ -123,9 +123,8 @@ def action_shard(path: Path) -> Actions:
 
 def names_of_shard(path: Path) -> list[str]:
     """Names of the objects of the actions in a shard, without endings, by `Actions.name`."""
-    families, scans = shard_record(path, DEFAULTS).families, scans_of(path, DEFAULTS)
-    names = [*list(FAMILIES)[:families], *(() if scans is None else scans.names)]
-    return [Path(name).stem for name in names]
+    families = shard_record(path, DEFAULTS).families
+    return [Path(name).stem for name in names_of(scans_of(path, DEFAULTS), families)]
 
 
 def read_actions(folder: Path, split: str) -> tuple[Streamed[Actions], list[str]]:

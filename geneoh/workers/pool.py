@@ -75,7 +75,8 @@ class Worker:
         """Give it an item; where it is dead, the answer will say so."""
         self.item, self.tries = item, tries
         with suppress(OSError):
-            self.pipe.send(item)
+            # as bytes of its own: tensors would be sent as files that are opened for each
+            self.pipe.send_bytes(pickle.dumps(item))
 
 
 def in_processes(

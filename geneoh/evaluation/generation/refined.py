@@ -1,6 +1,5 @@
 """Generated clips with the hands that the cleaner makes of theirs."""
 
-import pickle
 from dataclasses import replace
 from functools import partial
 
@@ -35,24 +34,24 @@ def refined(
         GeneOHError: a clip ended its workers, as where memory runs out.
     """
     count, made = len(actions.verb), {}
-    # as bytes: tensors would go to other processes through files that are opened for each
-    clips = (pickle.dumps((n, actions.take(slice(n, n + 1), "B"))) for n in range(count))
-    for number, clip in results_of(clips, partial(numbered, seed=seed), jobs=jobs, lost=lost):
+    clips = ((n, actions.take(slice(n, n + 1), "B")) for n in range(count))
+    refine = partial(refined_with_number, seed=seed)
+    for number, clip in results_of(clips, refine, jobs=jobs, lost=lost):
         made[number] = clip
         if on_step is not None:
             on_step(len(made), count)
     return concatenated([made[number] for number in range(count)], "B")
 
 
-def numbered(pickled: bytes, seed: int) -> tuple[int, Actions]:
-    """The number of a clip, and it refined."""
-    number, clip = pickle.loads(pickled)
+def refined_with_number(numbered: tuple[int, Actions], seed: int) -> tuple[int, Actions]:
+    """A clip refined, with its number, because processes end in any order."""
+    number, clip = numbered
     return number, refined_clip(clip, seed)
 
 
-def lost(pickled: bytes, why: str) -> tuple[int, Actions]:
+def lost(numbered: tuple[int, Actions], why: str) -> tuple[int, Actions]:
     """A clip that ended its workers ends the evaluation."""
-    raise GeneOHError(f"clip {pickle.loads(pickled)[0]} of those that are refined: {why}")
+    raise GeneOHError(f"clip {numbered[0]} of those that are refined: {why}")
 
 
 def refined_clip(clip: Actions, seed: int) -> Actions:
