@@ -7,6 +7,7 @@ import pytest
 import torch
 from hypothesis import settings
 from pretended_device import PretendedDevice
+from shape_checks import begin_test
 
 # The tests' tensors are small: more threads only wait for each other.
 torch.set_num_threads(1)
@@ -14,6 +15,12 @@ torch.set_num_threads(1)
 # The same examples in every run, and no deadline: the first call of a function pays its imports.
 settings.register_profile("geneoh", derandomize=True, deadline=None, max_examples=30)
 settings.load_profile("geneoh")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup() -> None:
+    """Check the first calls of every function in each test, fixtures included."""
+    begin_test()
 
 
 @pytest.hookimpl(optionalhook=True)

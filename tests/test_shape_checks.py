@@ -1,0 +1,31 @@
+"""The first calls of each function in each test are checked, and no others."""
+
+import pytest
+import torch
+from jaxtyping import Float, TypeCheckError, jaxtyped
+from shape_checks import CALLS, first_calls
+from torch import Tensor
+
+from geneoh.geometry.rotations import axis_angle_to_matrix
+
+
+@jaxtyped(typechecker=first_calls)
+def length(vector: Float[Tensor, " 3"]) -> Float[Tensor, ""]:
+    """The length of a vector of space."""
+    return vector.norm()
+
+
+@pytest.mark.parametrize("test", ["first", "second"])
+def test_a_wrong_shape_fails_in_every_test(test: str) -> None:
+    with pytest.raises(TypeCheckError):
+        axis_angle_to_matrix(torch.zeros(4, 2))
+    with pytest.raises(TypeCheckError):
+        length(torch.zeros(2))
+
+
+def test_later_calls_are_not_checked_and_those_of_other_functions_are() -> None:
+    for _ in range(CALLS):
+        length(torch.zeros(3))
+    assert length(torch.zeros(2)) == 0
+    with pytest.raises(TypeCheckError):
+        axis_angle_to_matrix(torch.zeros(4, 2))
