@@ -167,7 +167,7 @@ def preset(name: PresetName) -> Preset:
                 quick,
                 spatial=PlacePlan(64, 3),
                 samples=1,
-                fit=FitConfig(contact_rounds=2),
+                fit=FitConfig(iterations=3, contact_rounds=2),
             )
         case _:
             assert_never(name)
