@@ -43,6 +43,8 @@ class PlacePlan:
     """Trial places of each window in each round."""
     steps: int = 4
     """Rounds, each of which tries places where those before were probable."""
+    frames: int | None = None
+    """Frames of each window that are looked at; None for as many as in training."""
 
     def with_steps(self, steps: int) -> "PlacePlan":
         """The plan with another number of rounds."""
@@ -165,7 +167,7 @@ def preset(name: PresetName) -> Preset:
             quick = preset("default").with_steps(3)
             return replace(
                 quick,
-                spatial=PlacePlan(64, 3),
+                spatial=PlacePlan(64, steps=3, frames=6),
                 samples=1,
                 fit=FitConfig(iterations=3, contact_rounds=2),
             )

@@ -118,13 +118,14 @@ def denoise_spatial(
         observed: the observed hand, one sample, gaps filled.
         hand: the samples of the stage before.
         context: the object, the windows and the ray of the camera.
-        plan: how many places are tried.
+        plan: how many places are tried, and in how many frames.
         generator: source of the places and of the samples.
         on_step: called with (done, total) after each round.
     """
+    count = plan.frames or model.config.frames
     evidence = concatenated(
         [
-            piece.evidence(observed[frames], hand[frames]).spread_over(model.config.frames)
+            piece.evidence(observed[frames], hand[frames]).spread_over(count)
             for _, frames, piece in context.pieces(len(hand.wrist))
         ],
         "B",
