@@ -1,10 +1,12 @@
 """Rows of generated clips: what the networks make of the sentences and objects of real clips."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import torch
+from jaxtyping import Float
+from torch import Tensor
 
-from geneoh.bundle import concatenated
+from geneoh.bundle import Bundle, concatenated
 from geneoh.generators.text2hoi.library import Networks
 from geneoh.generators.text2hoi.objects import Objects
 from geneoh.generators.text2hoi.refiner import RefinerNetwork, refined_by
@@ -18,19 +20,25 @@ from geneoh.synthesis.draws import Draws
 AT_ONCE = 16  # clips that are drawn together
 
 
-def generated(
+@dataclass(frozen=True)
+class Drawn(Bundle):
+    """Actions as they were drawn, with the contact maps that they were made for."""
+
+    actions: Actions
+    touched: Float[Tensor, "B P"]
+
+
+def draw_clips(
     networks: Networks,
     data: ActionData,
     *,
     generator: torch.Generator,
     contact: bool = True,
-    refiner: RefinerNetwork | None = None,
     on_step: OnStep | None = None,
-) -> Actions:
-    """A clip for a random sentence on each real clip, with its object, hands and length.
+) -> Drawn:
+    """An action for a random sentence on each real clip, with its object, hands and length.
 
-    Clips start and end at rest, and objects rest where no hand touches them, as in `geneoh
-    generate`. Without `contact` the networks are told that no point of the object is touched.
+    Without `contact` the networks are told that no point of the object is touched.
     """
     real = data.actions.take(slice(None))
     said = sentences(real, data, Draws(len(real.verb), generator))
@@ -41,9 +49,22 @@ def generated(
         asked = objects, said[start : start + AT_ONCE], hands_of(some), some.length
         given = None if contact else torch.zeros_like(objects.points[..., 0])
         made, touched = sample(networks, *asked, generator=generator, contact=given)
+        parts.append(Drawn(replace(made, verb=some.verb, name=some.name), touched))
+    return concatenated(parts, "B")
+
+
+def finished(drawn: Drawn, refiner: RefinerNetwork | None = None) -> Actions:
+    """The clips of drawn actions, after the refiner or without one.
+
+    They start and end at rest, and objects rest where no hand touches them, as in `geneoh
+    generate`.
+    """
+    parts = []
+    for start in range(0, len(drawn.touched), AT_ONCE):
+        some = drawn.take(slice(start, start + AT_ONCE), "B")
+        made = some.actions
         if refiner is not None:
-            made = refined_by(refiner, made, touched)
-        made = moved_by_hands(eased(replace(made, verb=some.verb, name=some.name)))
-        frames = torch.arange(LONGEST).minimum(made.length[:, None] - 1)
-        parts.append(made.at_frames(frames))
+            made = refined_by(refiner, made, some.touched)
+        made = moved_by_hands(eased(made))
+        parts.append(made.at_frames(torch.arange(LONGEST).minimum(made.length[:, None] - 1)))
     return concatenated(parts, "B")

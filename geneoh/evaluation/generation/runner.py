@@ -16,7 +16,7 @@ from geneoh.evaluation.generation.classifier import (
     ClassifierTask,
     trained_classifier,
 )
-from geneoh.evaluation.generation.generated import generated
+from geneoh.evaluation.generation.generated import Drawn, draw_clips, finished
 from geneoh.evaluation.generation.nearest import SHAPE_POINTS, nearest_training
 from geneoh.evaluation.generation.refined import refined
 from geneoh.evaluation.generation.report import GenerationReport
@@ -26,6 +26,7 @@ from geneoh.files.journal import digest, digests
 from geneoh.generators.text2hoi.action_data import action_data
 from geneoh.generators.text2hoi.library import Networks, load_networks, load_refiner, weights_of
 from geneoh.generators.text2hoi.recorded import RecordedConfig
+from geneoh.generators.text2hoi.refiner import RefinerNetwork
 from geneoh.generators.text2hoi.samples import ActionData
 from geneoh.progress import OnProgress, OnStep, part_of
 from geneoh.readers.base import ReaderOptions
@@ -116,10 +117,17 @@ def network_rows(
     networks: Networks, real: ActionData, options: GenerationOptions, jobs: int
 ) -> dict[str, Row]:
     """What the networks make, with and without their parts; all draw the same noise."""
-    whole = partial(generated, networks, real)
+    made: dict[bool, Drawn] = {}
 
-    def make(on_step: OnStep | None, **changed: Any) -> Actions:
-        return whole(generator=drawn(options.seed, "text2hoi"), on_step=on_step, **changed)
+    def make(
+        on_step: OnStep | None, contact: bool = True, refiner: RefinerNetwork | None = None
+    ) -> Actions:
+        if contact not in made:  # rows differ in what is done with the same actions
+            generator = drawn(options.seed, "text2hoi")
+            made[contact] = draw_clips(
+                networks, real, generator=generator, contact=contact, on_step=on_step
+            )
+        return finished(made[contact], refiner)
 
     refiner = load_refiner(options.weights)
 
