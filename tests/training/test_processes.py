@@ -15,8 +15,13 @@ from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.training.processes import Team, joined
 
 CPU = torch.device("cpu")
+CLEAN = multiprocessing.get_context("forkserver")
+"""Starts processes from one that has never computed, as torchrun does: a fork of this one, in whose
+threads batches are made, may hang in linear algebra."""
+CLEAN.set_forkserver_preload(["geneoh.training.loop", "geneoh.training.stages", "stage_runs"])
 NO_GRADIENT = "judge.4.bias"
 """A softmax takes this bias of SpatialDiff out, so that its gradient is rounding alone."""
+ROUNDING = 1e-8  # of moments that are zero but for it
 
 
 def free_port() -> int:
@@ -44,10 +49,9 @@ def started(rank, count, port, task, arguments, ended):
 
 def together(count, task, *arguments) -> list:
     """What a task returns or raises in each process of a team."""
-    context, port = multiprocessing.get_context("fork"), free_port()
-    ended = context.Queue()
+    ended, port = CLEAN.Queue(), free_port()
     processes = [
-        context.Process(target=started, args=(rank, count, port, task, arguments, ended))
+        CLEAN.Process(target=started, args=(rank, count, port, task, arguments, ended))
         for rank in range(count)
     ]
     for process in processes:
@@ -72,13 +76,19 @@ def run(team, stage, config, clips, folder, stop_after=None) -> list[float]:
 
 
 def assert_alike(first, second, stage):
-    """The files of two runs: state, weights and log."""
+    """The files of two runs, state and weights, differ by rounding alone.
+
+    Each tensor as a whole: Adam takes steps of full length along single gradients that are hardly
+    more than rounding.
+    """
     for name in (f"{stage}_state.safetensors", f"{stage}.safetensors"):
         a, b = (load_checkpoint(folder / name) for folder in (first, second))
         assert a.tensors.keys() == b.tensors.keys()
         for key, tensor in a.tensors.items():
-            if NO_GRADIENT not in key:
-                torch.testing.assert_close(tensor, b.tensors[key], rtol=1e-5, atol=1e-5)
+            if NO_GRADIENT in key:
+                continue
+            size, apart = tensor.double().norm(), (tensor.double() - b.tensors[key]).norm()
+            assert apart <= 1e-4 * size + ROUNDING * tensor.numel() ** 0.5, key
         assert a.record["step"] == b.record["step"]
 
 
@@ -151,11 +161,9 @@ def leaving(team):
 
 
 def test_a_process_that_is_killed_is_told_of():
-    context, port = multiprocessing.get_context("fork"), free_port()
-    ended = context.Queue()
+    ended, port = CLEAN.Queue(), free_port()
     both = [
-        context.Process(target=started, args=(rank, 2, port, leaving, (), ended))
-        for rank in range(2)
+        CLEAN.Process(target=started, args=(rank, 2, port, leaving, (), ended)) for rank in range(2)
     ]
     for process in both:
         process.start()
