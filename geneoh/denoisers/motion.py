@@ -40,13 +40,17 @@ class MotionConfig:
 
 
 @dataclass(frozen=True)
-class NetworkInput:
+class NetworkInput(Bundle):
     """What the network reads of an observation, all of it in the axes of the palm."""
 
     axes: Float[Tensor, "B 3 3"]  # axes of the palm as columns, canonical frame
     candidates: Float[Tensor, "B T K 51"]
     contact_cues: Float[Tensor, "B T C"]
     features: Float[Tensor, "B T F"]
+
+    def repeated(self, times: int) -> "NetworkInput":
+        """The same batch several times over, for as many samples."""
+        return self.map(lambda value: value.repeat(times, *[1] * (value.ndim - 1)))
 
 
 @dataclass(frozen=True)
@@ -74,10 +78,6 @@ class ObservedMotion(Bundle):
         """A hand and the surface near it, all given in the world, in the frame of a region."""
         near = region.to_canon(nearest), normals @ region.rotation
         return cls(hand.to_canon(region), trust, *near, region.rotation, region.center)
-
-    def repeated(self, times: int) -> "ObservedMotion":
-        """The same batch several times over, for as many samples."""
-        return self.map(lambda value: value.repeat(times, *[1] * (value.ndim - 1)))
 
     @property
     def joints(self) -> Float[Tensor, "B T 21 3"]:
@@ -170,9 +170,10 @@ class MotionDenoiser(nn.Module):
     ) -> Float[Tensor, "B T 51"]:
         """The clean change in `x` = clean + sigma * noise, from the observed to the clean hand.
 
-        It is in units of `UNIT`, the wrist's in canonical axes.
+        It is in units of `UNIT`, the wrist's in canonical axes. `x` may hold several samples of
+        each observed window, samples outermost.
         """
-        given = observed.network_input
+        given = observed.network_input.repeated(len(x) // len(observed.trust))
         axes, candidates = given.axes, given.candidates
         features = torch.cat([candidates.flatten(2), given.features], dim=-1)
         channels = self.read(torch.cat([candidates.flatten(2), given.contact_cues], dim=-1))

@@ -8,7 +8,6 @@ scene moves the result rigidly.
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import lru_cache
 
 import torch
 from jaxtyping import Float
@@ -69,17 +68,18 @@ def denoise_motion(
     pieces = context.pieces(samples)
     advance = counted(on_step, plan.calls * len(pieces))
 
-    @lru_cache(maxsize=1)  # on short tracks all that is seen is kept, on long ones made anew
-    def seen(index: int) -> ObservedMotion:
-        _, frames, piece = pieces[index]
+    def observed(frames: slice, piece: StageContext) -> ObservedMotion:
         own = hand[frames]
-        return piece.observed_motion(own, piece.region(own.joints)).repeated(samples)
+        return piece.observed_motion(own, piece.region(own.joints))
+
+    seen = [observed(frames, piece) for _, frames, piece in pieces]
 
     def clean(x: Tensor, sigma: float) -> Tensor:
         def answer(index: int) -> Tensor:
             _, frames, piece = pieces[index]
             windows = piece.windows(x[:, frames])
-            found = model(windows, windows.new_full((len(windows),), sigma), seen(index))
+            # a copy, so that what the network reads is not kept: on long tracks it is too much
+            found = model(windows, windows.new_full((len(windows),), sigma), replace(seen[index]))
             advance()
             return found
 

@@ -99,7 +99,6 @@ def test_what_stands_near_the_hand_and_how_the_object_moves_is_seen(model, draw,
 
 def test_the_clips_of_a_batch_do_not_influence_each_other(model, draw, observed):
     x, sigma, seen = draw(2, 4, 51), torch.tensor([0.2, 1.0]), observed()
-    twice = seen.repeated(2)
-    whole = model(x.repeat(2, 1, 1), sigma.repeat(2), twice)
+    whole = model(x.repeat(2, 1, 1), sigma.repeat(2), seen)
     torch.testing.assert_close(whole[2:], whole[:2])
     torch.testing.assert_close(model(x, sigma, seen), whole[:2])

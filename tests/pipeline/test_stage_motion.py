@@ -21,9 +21,7 @@ class KnownChange(MotionDenoiser):
         self.goal = goal
 
     def forward(self, x, sigma, observed):
-        times = len(x) // len(self.goal.wrist)
-        goal = self.goal.map(lambda v: v.repeat(times, *[1] * (v.ndim - 1)))
-        return observed.hand.change_to(goal)
+        return observed.hand.change_to(self.goal).repeat(len(x) // len(observed.trust), 1, 1)
 
 
 class KnownWindows(TrajectoryDenoiser):
