@@ -1,3 +1,4 @@
+import os
 import subprocess
 import sys
 
@@ -111,3 +112,15 @@ def test_what_is_typed_is_quoted_in_part_only(geneoh):
         assert result.exit_code == 2
         assert result.output.startswith("Error: ")
         assert len(result.output) < 2100
+
+
+@pytest.mark.parametrize(
+    ("said", "expected"), [({}, "PASSIVE 5000"), ({"OMP_WAIT_POLICY": "ACTIVE"}, "ACTIVE None")]
+)
+def test_waiting_threads_sleep_unless_the_user_says_how_they_wait(said, expected):
+    names = ("OMP_WAIT_POLICY", "GOMP_SPINCOUNT")
+    script = f"import cli.main, os; print(*map(os.environ.get, {names}))"
+    environment = {name: value for name, value in os.environ.items() if name not in names} | said
+    command = [sys.executable, "-c", script]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == expected
