@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import torch
-from jaxtyping import Int
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from geneoh.errors import InputError
@@ -64,9 +64,21 @@ def over_frames(sequence: Sequence, frames: int) -> Sequence:
             f"{sequence.source or 'the sequence'}: resampling needs two frames or more on both "
             f"sides, got {sequence.frames} to {frames}; keep the single frame as it is"
         )
-    last = sequence.frames - 1
     between = evenly(sequence.frames, frames, sequence.object.rotation.device)
-    nearest = between.before + (between.fraction >= 0.5)
+    fps = round(sequence.fps * (frames - 1) / (sequence.frames - 1), FPS_DIGITS)
+    return replace(interpolated(sequence, between), fps=fps)
+
+
+def at_times(sequence: Sequence, time: Float[Tensor, " N"]) -> Sequence:
+    """The same motion at times in frames from its start, one for each frame of the result."""
+    start = time.floor().long().clamp(0, sequence.frames - 1)
+    after = (start + 1).clamp(max=sequence.frames - 1)
+    return interpolated(sequence, FrameInterpolation(start, after, time - start))
+
+
+def interpolated(sequence: Sequence, between: FrameInterpolation) -> Sequence:
+    """A sequence at instants between its frames; see `over_frames`."""
+    nearest = torch.where(between.fraction >= 0.5, between.after, between.before)
     motion = replace(
         sequence.object,
         rotation=between.rotations(sequence.object.rotation),
@@ -74,5 +86,4 @@ def over_frames(sequence: Sequence, frames: int) -> Sequence:
         valid=None if sequence.object.valid is None else sequence.object.valid[nearest],
     )
     hands = tuple(between.hand(fill_gaps(hand), hand.valid[nearest]) for hand in sequence.hands)
-    fps = round(sequence.fps * (frames - 1) / last, FPS_DIGITS)
-    return replace(sequence, hands=hands, object=motion, fps=fps)
+    return replace(sequence, hands=hands, object=motion)

@@ -14,7 +14,7 @@ from geneoh.generators.text2hoi.library import Networks, load_networks, load_ref
 from geneoh.generators.text2hoi.objects import Objects
 from geneoh.generators.text2hoi.prompt import Prompt, read_prompt
 from geneoh.generators.text2hoi.refiner import refined_by
-from geneoh.generators.text2hoi.resting import eased, moved_by_hands
+from geneoh.generators.text2hoi.resting import eased, eased_time, moved_by_hands
 from geneoh.generators.text2hoi.sampling import SamplingConfig, sample
 from geneoh.generators.text2hoi.settling import settled
 from geneoh.generators.text2hoi.standing import StandingObject, stand
@@ -24,6 +24,7 @@ from geneoh.pipeline.options import Options
 from geneoh.pipeline.results import Denoised
 from geneoh.progress import OnProgress
 from geneoh.readers.npz_files import save_sequence
+from geneoh.sequence.resample import at_times
 from geneoh.sequence.sequence import Sequence
 from geneoh.synthesis.actions import Actions
 from geneoh.synthesis.shards import seed_of
@@ -120,7 +121,9 @@ def generate(
         refined = denoise(
             sequence, Options(trust_object=True, seed=options.seed), on_progress=on_progress
         )
-        sequence = replace(refined.sequence, source=sequence.source)
+        # the cleaner may leave a hand that is on its way at either end
+        time = eased_time(frames, torch.tensor([[frames - 1.0]]))[0]
+        sequence = replace(at_times(refined.sequence, time), source=sequence.source)
     return Generated(sequence, stood.on_vertices(contact[0]), prompt, refined)
 
 

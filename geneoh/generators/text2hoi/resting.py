@@ -37,15 +37,21 @@ def eased(actions: Actions, frames: int = EASE) -> Actions:
     In so many frames at either end time runs as 2 u^2 - u^3, from a stand to its own speed.
     """
     last = (actions.length - 1)[:, None].to(actions.joint)
+    return at_times(actions, eased_time(actions.joint.shape[1], last, frames))
+
+
+def eased_time(
+    count: int, last: Float[Tensor, "B 1"], frames: int = EASE
+) -> Float[Tensor, "B {count}"]:
+    """The times of `eased` at `count` frames, of clips whose last frames are `last`."""
     ends = (last / 3).clamp(min=1.0, max=frames)
-    time = torch.arange(actions.joint.shape[1]).to(last).minimum(last)
+    time = torch.arange(count).to(last).minimum(last)
 
     def begun(since: Float[Tensor, "B T"]) -> Float[Tensor, "B T"]:
         share = (since / ends).clamp(max=1)
         return torch.where(since < ends, ends * (2 * share**2 - share**3), since)
 
-    time = torch.where(time < last / 2, begun(time), last - begun(last - time))
-    return at_times(actions, time)
+    return torch.where(time < last / 2, begun(time), last - begun(last - time))
 
 
 def retimed(actions: Actions, lengths: Int[Tensor, " B"]) -> Actions:

@@ -27,6 +27,8 @@ from geneoh.synthesis.solids import Solids
 
 REACH = 0.012
 """Distance from the surface within which a pad of the hand is brought to it, metres."""
+DEEP = 0.004
+"""Depth of a hold from which another one is looked for, metres."""
 TRIES = 5  # poses of a hold of which the one that settles best is taken
 LOOSE = 20.0
 """Pads that a hold is worth which bears pushes from all sides, against one that bears none."""
@@ -76,9 +78,9 @@ def settled(
         carrying = touching[number] & moves
         hold = torch.nonzero(carrying if bool(carrying.any()) else touching[number])[:, 0]
         hand = HeldHands.of(actions, number, middle)
-        held, frame, firm = settled_pose(own, hand, hold, before, config)
+        held, frame, fits = settled_pose(own, hand, hold, before, config)
         frames = hold if bool(carrying.any()) else frame.expand(1)
-        if not firm and lifted(actions, carrying):
+        if not fits and lifted(actions, carrying):
             held = new_hold(own, hand.take(frame[None], "N"), before, generator) or held
         hand = kept_pose(own, hand, held, frames, hold)
         actions = hand.into(actions, number, middle)
@@ -120,7 +122,8 @@ def settled_pose(
         depth = depth + overlap(found, before).clamp(min=0).amax((1, 2))
     holding = Holding.of(solids, found)
     best = (holding.touching - depth / TOUCH - LOOSE * holding.loose).argmax()
-    return found.take(best[None], "N"), tried[best], bool(holding.loose[best] < FIRM)
+    fits = (holding.loose[best] < FIRM) & (depth[best] < DEEP)
+    return found.take(best[None], "N"), tried[best], bool(fits)
 
 
 def beside(hands: HeldHands, other: HeldHands) -> HeldHands:
