@@ -10,26 +10,29 @@ from typing import Any
 import jaxtyping
 from beartype import beartype
 
-CALLS = 3  # of each function in each test that are checked
-ALL_CALLS = 20_000  # of a test after which nothing is checked: to ask whether takes time as well
+CALLS = 3  # calls of each function that are checked in each test
+LIMIT = 20_000
+"""Calls and results of a test after which jaxtyping is switched off until the next test: it takes
+time at every call, whether shapes are then checked or not."""
 
 
 class _Test:
-    """The test that runs."""
+    """The test that runs: its number, and how many calls and results it has had."""
 
-    number, calls = 0, 0
+    number, seen = 0, 0
 
 
 def begin_test() -> None:
     """Check the next calls of every function again."""
-    _Test.number, _Test.calls = _Test.number + 1, 0
+    _Test.number, _Test.seen = _Test.number + 1, 0
     jaxtyping.config.update("jaxtyping_disable", False)
 
 
 def first_calls(function: Callable[..., Any]) -> Callable[..., Any]:
-    """A checker of types for jaxtyping, whose functions have checks for a body.
+    """A type checker for jaxtyping, which calls what this returns to check a call or its result.
 
-    Checks are compiled when a function is first called: most functions no worker of a run calls.
+    It is beartype's check of `function`, made at the first call: making it takes milliseconds, and
+    a process that runs tests calls few of all functions.
     """
     check: Callable[..., Any] | None = None
     test, calls = 0, 0
@@ -39,8 +42,8 @@ def first_calls(function: Callable[..., Any]) -> Callable[..., Any]:
         if test != _Test.number:
             test, calls = _Test.number, 0
         calls += 1
-        _Test.calls += 1
-        if _Test.calls > ALL_CALLS:
+        _Test.seen += 1
+        if _Test.seen > LIMIT:
             jaxtyping.config.update("jaxtyping_disable", True)
         if calls > CALLS:
             return None
