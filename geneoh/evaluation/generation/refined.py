@@ -9,7 +9,7 @@ from geneoh.bundle import concatenated
 from geneoh.choices import SIDES
 from geneoh.errors import GeneOHError
 from geneoh.generators.text2hoi.interaction_file import sequence_of
-from geneoh.generators.text2hoi.resting import moved_by_hands
+from geneoh.generators.text2hoi.resting import eased, moved_by_hands
 from geneoh.generators.text2hoi.settling import settled
 from geneoh.generators.text2hoi.standing import StandingObject
 from geneoh.geometry.mesh import Mesh
@@ -55,7 +55,7 @@ def lost(numbered: tuple[int, Actions], why: str) -> tuple[int, Actions]:
 
 
 def refined_clip(clip: Actions, seed: int) -> Actions:
-    """A batch of one clip, refined."""
+    """A batch of one clip, refined, and at rest at either end, which the cleaner does not know."""
     meshes = part_meshes(clip)
     if len(meshes) == 1:
         still = torch.eye(3), torch.zeros(3)
@@ -70,7 +70,7 @@ def refined_clip(clip: Actions, seed: int) -> Actions:
         assert track.pose is not None, "the cleaner fits a hand model"
         assert track.wrist is not None, "the cleaner fits a hand model"
         pose[0, side, frames], wrist[0, side, frames] = track.pose, track.wrist
-    return replace(clip, pose=pose, wrist=wrist).ended()
+    return eased(replace(clip, pose=pose, wrist=wrist).ended())
 
 
 def part_meshes(clip: Actions) -> tuple[Mesh, ...]:
