@@ -7,6 +7,7 @@ drifts by as much as it shakes. A pose that is off by more than contact says not
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import torch
@@ -28,6 +29,10 @@ BRIDGED = 8.0
 """Frames at 30 a second from the nearest pose that agrees, over which the others are relied on."""
 FADE = 3.0
 """Deviation in frames of the filter by which reliance changes."""
+LASTING = 30.0
+"""Deviation in frames at 30 a second of the Gaussian over which a shift of the hand lasts."""
+DRIFT = 15.0
+"""Frames at 30 a second after which the noise of poses is another one."""
 NEAR, AWAY = 0.05, 0.09
 """Distance in metres between keypoints and surface in the nearest frame: up to the first the hand
 is taken to deal with the object, from the second on not. Keypoints lie 10 mm inside the hand."""
@@ -70,6 +75,38 @@ def evidence_of_nearness(joints: Float[Tensor, "T 21 3"], surface: MovingSurface
         distance = surface.at(frames).query(joints[frames]).distance
         nearest = min(nearest, float(distance.nan_to_num(math.inf).min()))
     return min(max((AWAY - nearest) / (AWAY - NEAR), 0.0), 1.0)
+
+
+def blended(
+    alone: Float[Tensor, "S T 21 3"],
+    held: Float[Tensor, "S T 21 3"],
+    poses: Float[Tensor, " T"],
+    near: float,
+    fps: float,
+) -> Float[Tensor, "S T 21 3"]:
+    """Samples that were cleaned against the object, as far as it is relied on, else those without.
+
+    What lasts of the shift between them is known better than one frame tells, because the noise of
+    poses averages out over seconds: it counts by its own size beside the error of that average.
+
+    Args:
+        alone: samples of the hand alone, metres.
+        held: the same samples, cleaned against the object.
+        poses: how far each frame's poses are relied on, 0 to 1.
+        near: how far the hand is taken to deal with the object, 0 to 1.
+        fps: frames per second.
+    """
+    shift = (held - alone).mean((0, 2)).cpu().double().numpy()
+    relied, wide = poses.cpu().double().numpy(), LASTING * fps / 30
+    around = partial(gaussian_filter1d, sigma=wide, axis=0, mode="constant")
+    mean = around(relied[:, None] * shift) / around(relied).clip(1e-9)[:, None]
+    # a frame that counts e has noise of variance (1 / e - 1) TOLERATED^2, see `evidence_of_poses`
+    frames = (2 * math.pi) ** 0.5 * wide / (DRIFT * fps / 30)
+    precision = frames * around(relied / (1 - relied).clip(1e-3))
+    signal = (mean**2).sum(1) * precision / TOLERATED**2
+    more = (signal / (1 + signal) - relied).clip(0)
+    lasting = torch.from_numpy(near * more[:, None] * mean).to(alone)
+    return alone.lerp(held, near * poses[:, None, None]) + lasting[:, None]
 
 
 def doubt(evidence: Float[Tensor, " T"]) -> Iterator[str]:

@@ -154,7 +154,7 @@ def clean_interaction(
 def _clean(
     hand: NormalisedHand,
     subject: Subject,
-    evidence: Float[Tensor, " N"],
+    poses: Float[Tensor, " N"],
     object_noise: Float[Tensor, " 2"] | None,
     denoisers: Denoisers,
     chosen: Preset,
@@ -163,14 +163,16 @@ def _clean(
 ) -> HandResult:
     """One normalised hand: three stages, selection, fit, measurement.
 
-    Frames fall back to the hand alone by as much as `evidence` is below 1.
+    Frames fall back to the hand alone by as much as `poses`, how far the object's poses are relied
+    on, is below 1.
     """
     generator = torch.Generator().manual_seed(seed)
-    surface = hand.object.surface() if hand.object.meshes else None
+    surface, near = hand.object.surface() if hand.object.meshes else None, 1.0
     if surface is None or not chosen.has_object:
-        evidence = torch.zeros_like(evidence)
+        near = 0.0
     elif chosen.clean_object:
-        evidence = evidence * evidence_of_nearness(subject.joints, surface)
+        near = evidence_of_nearness(subject.joints, surface)
+    evidence = near * poses
     ray = hand.track.camera_ray if chosen.camera else None
     seconds: dict[str, float] = {}
 
@@ -191,7 +193,7 @@ def _clean(
 
         stages = StageRun(denoisers, subject, given, progress_of, generator)
         samples = stages.relied_on(
-            surface, evidence, chosen, hand.fps, ray=ray, object_noise=object_noise
+            surface, poses, near, chosen, hand.fps, ray=ray, object_noise=object_noise
         )
         index, target = _select(samples, subject, chosen.selection)
         state, shaped, betas = _fit(target, subject, chosen, surface, evidence, progress_of("fit"))

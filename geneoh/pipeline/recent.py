@@ -173,7 +173,7 @@ class RecentHand:
         first = self._pushed - track.frames
         subject = self._subject(track)
         given = self._parameters(subject, track, first)
-        surface, evidence, noise = self._object(fill_object(motion), subject)
+        surface, poses, near, noise = self._object(fill_object(motion), subject)
         stages = RecentRun(
             self._denoisers,
             subject,
@@ -186,13 +186,15 @@ class RecentHand:
         )
         samples = stages.relied_on(
             surface,
-            evidence,
+            poses,
+            near,
             self._chosen if surface is not None else self._chosen.alone(),
             NETWORK_FPS,
             ray=fill_gaps(track).camera_ray if self._chosen.camera else None,
             object_noise=noise,
         )
         target = self._blended(samples.mean(0), first)
+        evidence = near * poses
         state, joints = self._fitted(subject, given, target, surface, evidence, first, stop)
         new = slice(self._done - first, stop - first)
         spread = joint_spread(samples)[new] if len(samples) > 1 else None
@@ -259,19 +261,21 @@ class RecentHand:
 
     def _object(
         self, motion: ObjectTrack, subject: Subject
-    ) -> tuple[MovingSurface | None, Float[Tensor, " T"], Float[Tensor, " 2"] | None]:
-        """The object without its noise, how far it is relied on, and the noise; None without it."""
-        evidence, noise = torch.ones(len(subject.joints)), None
+    ) -> tuple[MovingSurface | None, Float[Tensor, " T"], float, Float[Tensor, " 2"] | None]:
+        """The object without its noise, None without an object; how far its poses are relied on;
+        how far the hand is taken to deal with it; and the noise.
+        """
+        poses, near, noise = torch.ones(len(subject.joints)), 1.0, None
         if self._surface is None or not motion.is_seen or not self._chosen.has_object:
-            return None, torch.zeros_like(evidence), None
+            return None, poses, 0.0, None
         if self._chosen.clean_object:
             motion, examined = clean_object(motion, NETWORK_FPS)
-            evidence = evidence_of_poses(examined, motion.meshes, NETWORK_FPS)
+            poses = evidence_of_poses(examined, motion.meshes, NETWORK_FPS)
             noise = examined.white_noise
         surface = replace(self._surface, rotation=motion.rotation, translation=motion.translation)
         if self._chosen.clean_object:
-            evidence = evidence * evidence_of_nearness(subject.joints, surface)
-        return surface, evidence, noise
+            near = evidence_of_nearness(subject.joints, surface)
+        return surface, poses, near, noise
 
     def _blended(self, target: Float[Tensor, "T 21 3"], first: int) -> Float[Tensor, "T 21 3"]:
         """The target of a window, to which that of the windows before crosses where they overlap.

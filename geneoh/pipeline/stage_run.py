@@ -13,6 +13,7 @@ from geneoh.fitting.subject import Subject
 from geneoh.fitting.terms import HandState
 from geneoh.geometry.distance import MovingSurface
 from geneoh.nn.checkpoint import finite_output
+from geneoh.objects.evidence import blended
 from geneoh.pipeline.alone import hand_alone, without_jitter
 from geneoh.pipeline.context import StageContext, stage_context
 from geneoh.pipeline.presets import DirectPlan, PlacePlan, Preset, StagePlan
@@ -50,15 +51,19 @@ class StageRun:
     def relied_on(
         self,
         surface: MovingSurface | None,
-        evidence: Float[Tensor, " T"],
+        poses: Float[Tensor, " T"],
+        near: float,
         chosen: Preset,
         fps: float,
         *,
         ray: Float[Tensor, "T 3"] | None = None,
         object_noise: Float[Tensor, " 2"] | None = None,
     ) -> Float[Tensor, "S T 21 3"]:
-        """Samples against the object, and by as much as `evidence` is below 1 of the hand alone."""
-        samples = None
+        """Samples against the object as far as it is relied on, else of the hand alone.
+
+        `poses` and `near` are the arguments of `geneoh.objects.evidence.blended`.
+        """
+        samples, evidence = None, near * poses
         if surface is not None and bool((evidence > LEAST_EVIDENCE).any()):
             context = stage_context(surface, self.subject, fps, generator=self.generator)
             context = replace(
@@ -69,7 +74,7 @@ class StageRun:
             alone = replace(hand_alone(self.subject, fps), ray=ray)
             free = self.samples(alone, chosen.alone())
             free = without_jitter(free, self.subject.joints, fps)
-            samples = free if samples is None else free.lerp(samples, evidence[:, None, None])
+            samples = free if samples is None else blended(free, samples, poses, near, fps)
         return samples
 
     def samples(self, context: StageContext, preset: Preset) -> Float[Tensor, "S T 21 3"]:
