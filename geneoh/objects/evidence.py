@@ -11,13 +11,14 @@ from functools import partial
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Float64
 from scipy.ndimage import distance_transform_edt, gaussian_filter1d
 from torch import Tensor
 
 from geneoh.geometry.distance import MovingSurface
 from geneoh.geometry.mesh import Mesh
 from geneoh.objects.cleaning import ObjectExamination
+from geneoh.sequence.sequence import ObjectTrack
 from geneoh.sequence.windows import blocks
 
 TOLERATED = 0.012
@@ -27,6 +28,8 @@ FEW, ENOUGH = 0.3, 0.6
 second is as good as all."""
 BRIDGED = 8.0
 """Frames at 30 a second from the nearest pose that agrees, over which the others are relied on."""
+AROUND = 4.0
+"""Deviation in frames at 30 a second of the Gaussian over the seen frames around an unseen one."""
 FADE = 3.0
 """Deviation in frames of the filter by which reliance changes."""
 LASTING = 30.0
@@ -39,25 +42,54 @@ is taken to deal with the object, from the second on not. Keypoints lie 10 mm in
 
 
 def evidence_of_poses(
-    examined: ObjectExamination, meshes: tuple[Mesh, ...], fps: float
+    examined: ObjectExamination, motion: ObjectTrack, fps: float
 ) -> Float[Tensor, " T"]:
     """Share, 0 to 1, by which each frame of an examined track is relied on; 1 where it is exact.
 
     The least of all parts counts: which of them the hand deals with is not asked.
+
+    Args:
+        examined: what was found in the given track.
+        motion: the track after cleaning.
+        fps: frames per second.
     """
     found = torch.ones(len(examined.confidence), device=examined.confidence.device)
     doubtful = examined.is_noisy | (examined.confidence == 0).any(0)
     for part in torch.nonzero(doubtful)[:, 0].tolist():
         size = 3**0.5 * float(
-            examined.translation_noise[part] + examined.rotation_noise[part] * radius(meshes[part])
+            examined.translation_noise[part]
+            + examined.rotation_noise[part] * radius(motion.meshes[part])
         )
         kept = examined.confidence[:, part].cpu().numpy() > 0
-        away = np.asarray(distance_transform_edt(~kept)) * 30 / fps  # with none kept, `share` is 0
+        away = np.asarray(distance_transform_edt(~kept))  # with none kept, `share` is 0
+        # a bridge over unseen frames misses what the object accelerated by there
+        missed = 0.5 * acceleration_around(motion, part, kept, fps) * np.square(away)
         share = min(max((kept.mean() - FEW) / (ENOUGH - FEW), 0.0), 1.0)
-        relied = share / (1 + (size / TOLERATED) ** 2) * np.exp(-np.square(away / BRIDGED))
+        relied = share / (1 + (size**2 + np.square(missed)) / TOLERATED**2)
+        relied = relied * np.exp(-np.square(away * 30 / fps / BRIDGED))
         relied = gaussian_filter1d(relied, FADE * fps / 30, mode="nearest")
         found = torch.minimum(found, torch.from_numpy(relied).to(found))
     return found
+
+
+def acceleration_around(
+    motion: ObjectTrack, part: int, kept: Bool[np.ndarray, " T"], fps: float
+) -> Float64[np.ndarray, " T"]:
+    """How much a part's surface accelerates in the seen frames around each one, metres per frame².
+
+    The root mean square over some of its vertices and the frames, weighed by a Gaussian.
+    """
+    verts = motion.meshes[part].verts
+    verts = verts[:: max(1, len(verts) // 16)].double()
+    rotation, translation = motion.rotation[:, part].double(), motion.translation[:, part].double()
+    placed = (verts @ rotation.mT + translation[:, None]).cpu().numpy()
+    squares = np.zeros(len(kept))
+    squares[1:-1] = np.square(np.diff(placed, n=2, axis=0)).sum(-1).mean(1)
+    seen = kept.copy()
+    seen[[0, -1]] = False
+    seen[1:-1] &= kept[:-2] & kept[2:]
+    around = partial(gaussian_filter1d, sigma=AROUND * fps / 30, mode="constant")
+    return np.sqrt(around(seen * squares) / around(seen.astype(float)).clip(1e-9))
 
 
 def radius(mesh: Mesh) -> float:

@@ -109,7 +109,7 @@ def clean_interaction(
     if chosen.clean_object:
         motion, examined = clean_object(sequence.object, sequence.fps)
         notes += examined.sentences()
-        evidence = evidence_of_poses(examined, motion.meshes, sequence.fps)
+        evidence = evidence_of_poses(examined, motion, sequence.fps)
     normalised = normalised_hands(replace(sequence, object=motion))
     if normalised[0].track.frames != sequence.frames:
         notes.append(f"resampled from {sequence.fps:g} to {NETWORK_FPS:g} frames a second and back")

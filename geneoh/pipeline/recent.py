@@ -270,7 +270,7 @@ class RecentHand:
             return None, poses, 0.0, None
         if self._chosen.clean_object:
             motion, examined = clean_object(motion, NETWORK_FPS)
-            poses = evidence_of_poses(examined, motion.meshes, NETWORK_FPS)
+            poses = evidence_of_poses(examined, motion, NETWORK_FPS)
             noise = examined.white_noise
         surface = replace(self._surface, rotation=motion.rotation, translation=motion.translation)
         if self._chosen.clean_object:

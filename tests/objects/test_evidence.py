@@ -3,7 +3,10 @@
 import pytest
 import torch
 
-from geneoh.objects.evidence import blended
+from geneoh.geometry.mesh import Mesh
+from geneoh.objects.cleaning import clean_object
+from geneoh.objects.evidence import blended, evidence_of_poses
+from geneoh.sequence.sequence import ObjectTrack
 
 FRAMES = 90
 
@@ -62,3 +65,24 @@ def test_time_is_in_seconds():
         60.0,
     )
     torch.testing.assert_close(fast[:, ::2], slow, atol=2e-4, rtol=0)
+
+
+def track_with_a_gap(bend: float) -> ObjectTrack:
+    """A box that accelerates by `bend`, metres per frame², unseen in frames 40 to 49."""
+    corners = torch.tensor([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+    box = Mesh(0.05 * corners.float(), torch.tensor([[0, 1, 2]]))
+    time = torch.arange(FRAMES, dtype=torch.float32)
+    translation = torch.stack([0.5 * bend * time**2, 0 * time, 0 * time], -1)[:, None]
+    seen = torch.ones(FRAMES, 1, dtype=torch.bool)
+    seen[40:50] = False
+    return ObjectTrack((box,), torch.eye(3).expand(FRAMES, 1, 3, 3), translation, seen)
+
+
+def test_poses_over_a_gap_count_less_the_more_the_object_accelerates():
+    def least(bend):
+        motion, examined = clean_object(track_with_a_gap(bend), 30.0)
+        return float(evidence_of_poses(examined, motion, 30.0)[40:50].min())
+
+    assert least(0.0) > 0.6
+    assert least(0.0) == pytest.approx(least(1e-5), rel=0.01)
+    assert least(0.005) < 0.5 * least(0.0)
