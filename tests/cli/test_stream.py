@@ -26,7 +26,7 @@ RUN = ("denoise", "--stream", "--lag", "0.1")
 def unmoved(monkeypatch):
     """Stages and a fit that leave the hand as it is: what a stream is worth is tested elsewhere."""
 
-    def same(run, surface, evidence, chosen, fps, **more):
+    def same(run, surface, poses, near, chosen, fps, **more):
         noise = torch.randn(2, *run.subject.joints.shape, generator=run.generator)
         return run.subject.joints + 0.001 * noise
 

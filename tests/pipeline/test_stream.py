@@ -24,7 +24,7 @@ from geneoh.sequence.sequence import Sequence
 def unmoved(monkeypatch):
     """Stages and a fit that leave the hand as it is, so that only the stream is tested."""
 
-    def same(run, surface, evidence, chosen, fps, **more):
+    def same(run, surface, poses, near, chosen, fps, **more):
         return run.subject.joints.expand(2, -1, -1, -1)
 
     none = object.__new__(Denoisers)
