@@ -203,6 +203,7 @@ def end_with_parent() -> None:
 def use_one_thread() -> None:
     """One thread for each worker, since there are as many as cores; those that wait sleep."""
     os.environ |= {"OMP_NUM_THREADS": "1", "OMP_WAIT_POLICY": "PASSIVE"}  # read by torch's import
+    os.environ["IGL_NUM_THREADS"] = "1"  # read by libigl at its first query of a distance
     if "torch" in sys.modules:
         sys.modules["torch"].set_num_threads(1)
 

@@ -55,11 +55,11 @@ def tidied(folder: str) -> None:
         Path(folder, f"tidied_{os.getpid()}").touch()
 
 
-def threads(item: int) -> tuple[int, str]:
-    """Threads of torch in this process."""
+def threads(item: int) -> tuple[int, str, str]:
+    """Threads of torch in this process, and what OpenMP and libigl are told."""
     import torch
 
-    return torch.get_num_threads(), os.environ["OMP_NUM_THREADS"]
+    return torch.get_num_threads(), os.environ["OMP_NUM_THREADS"], os.environ["IGL_NUM_THREADS"]
 
 
 def slowly_doubled(item: int) -> int:

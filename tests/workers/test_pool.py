@@ -114,7 +114,7 @@ def wait_for(there, seconds=60.0):
 
 def test_workers_have_one_thread_and_the_caller_keeps_its_own():
     before = torch.get_num_threads()
-    assert list(results_of([1], chores.threads, jobs=2, lost=lost)) == [(1, "1")]
+    assert list(results_of([1], chores.threads, jobs=2, lost=lost)) == [(1, "1", "1")]
     assert next(results_of([1], chores.doubled, jobs=1, lost=lost)) == 2
     assert torch.get_num_threads() == before
 
