@@ -21,16 +21,8 @@ from geneoh.nn.checkpoint import Checkpoint, save_checkpoint
 
 SMALL = (
     *("--generator", "text2hoi", "--dataset", "synthetic", "--root", "data"),
-    *(
-        "--weights",
-        "weights",
-        "--set",
-        "repetitions=2",
-        "--set",
-        "classifier.steps=2",
-        "--set",
-        "classifier.width=8",
-    ),
+    *("--weights", "weights", "--set", "repetitions=2", "--set", "classifiers=2"),
+    *("--set", "classifier.steps=2", "--set", "classifier.width=8"),
 )
 VERBS = ["lift", "pour", "press"]
 PARTS = ["no contact map", "not refined", "paper's refiner"]
@@ -70,12 +62,14 @@ def test_rows_are_printed_and_everything_is_written(geneoh, tmp_path, data):
     assert rows[3:] == [f"text2hoi, {part}" for part in PARTS]
     assert all(row in done.stdout for row in rows)
     assert whole["command"].startswith("geneoh eval --dataset synthetic --generator text2hoi")
-    assert whole["settings"]["classifier"]["hash"] in (out / "generation.md").read_text()
+    hashes = whole["settings"]["classifier"]["hashes"]
+    assert list(hashes) == ["0", "1"]
+    assert all(f"{n} {mark}" in (out / "generation.md").read_text() for n, mark in hashes.items())
     with (out / "generation.csv").open() as file:
         lines = list(csv.DictReader(file))
     assert len(lines) == 2 * len(rows)
     assert set(lines[0]) == {"row", "repetition", *(measure.key for measure in MEASURES)}
-    # a second run takes the classifier that is there, and replaces the report
+    # a second run takes the classifiers that are there, and replaces the report
     again = geneoh("eval", *SMALL, "-o", "out")
     assert again.exit_code == 0, again.output
     assert json.loads((out / "generation.json").read_text()) == whole
@@ -119,6 +113,7 @@ def test_missing_weights_are_told(geneoh, tmp_path, data):
         (("--dataset", "synthetic", "--root", "nowhere", "--weights", "weights"), "nowhere"),
         (("--dataset", "synthetic", "--root", ".", "--method", "geneoh"), "--method"),
         (("--dataset", "synthetic", "--root", ".", "--seed", 1, "--seed", 2), "--seed"),
+        (("--dataset", "synthetic", "--root", ".", "--set", "classifiers=0"), "classifiers"),
     ],
 )
 def test_what_does_not_go_with_a_generator_is_one_sentence(geneoh, tmp_path, asked, word):

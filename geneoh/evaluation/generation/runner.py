@@ -1,6 +1,6 @@
 """Scoring a generator of actions on objects that no training saw, beside what it must beat."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib import metadata
@@ -11,16 +11,27 @@ import torch
 
 from geneoh.bundle import concatenated
 from geneoh.choices import ActionDataset, Refiner
+from geneoh.errors import ConfigError
 from geneoh.evaluation.generation.classifier import (
+    ActionClassifier,
     ClassifierConfig,
     ClassifierTask,
     trained_classifier,
 )
 from geneoh.evaluation.generation.generated import Drawn, draw_clips, finished
+from geneoh.evaluation.generation.measures import measure_clips
 from geneoh.evaluation.generation.nearest import SHAPE_POINTS, nearest_training
 from geneoh.evaluation.generation.refined import refined
 from geneoh.evaluation.generation.report import GenerationReport
-from geneoh.evaluation.generation.scores import REPETITIONS, ScoredClips, repeat, score_clips
+from geneoh.evaluation.generation.scores import (
+    REPETITIONS,
+    MeasuredClips,
+    RowScores,
+    ScoredClips,
+    mean_scores,
+    repeat,
+    scored_by,
+)
 from geneoh.evaluation.runner import PACKAGES
 from geneoh.files.journal import digest, digests
 from geneoh.generators.text2hoi.action_data import action_data
@@ -40,7 +51,8 @@ from geneoh.training.loop import Progress
 CLIPS = 256  # held-out clips that are scored unless the user limits them
 REAL = "real"  # name of the row of real clips
 NETWORKS = ("text", "contact", "interaction", "refiner")
-FOLDER = "classifier"  # of the classifier, in that of the evaluation
+CLASSIFIERS = 5  # that differ in their seeds; a small difference under one may be its own
+FOLDER = "classifier"  # of each classifier, before its seed, in the folder of the evaluation
 
 
 @dataclass(frozen=True)
@@ -67,6 +79,15 @@ class GenerationOptions:
     recorded: RecordedConfig = field(default_factory=RecordedConfig)
     """How actions are cut out of recordings."""
     classifier: ClassifierConfig = field(default_factory=ClassifierConfig)
+    """The recipe of the first classifier; the others have the seeds that follow."""
+    classifiers: int = CLASSIFIERS
+    """Classifiers whose mean scores are reported."""
+
+    def __post_init__(self) -> None:
+        if self.classifiers < 1:
+            raise ConfigError(
+                f"classifiers: expected at least 1, got {self.classifiers}; scores need one"
+            )
 
 
 Row = Callable[[OnStep | None], Actions]
@@ -81,7 +102,7 @@ def evaluate_generator(
     jobs: int = 1,
     on_progress: OnProgress | None = None,
 ) -> GenerationReport:
-    """Score every row; the classifier is kept in a folder in `folder`, for the next time.
+    """Score every row under every classifier; these are kept in `folder`, for the next time.
 
     `jobs` processes share the clips that go through the cleaner; all else is done by this one.
 
@@ -92,8 +113,8 @@ def evaluate_generator(
     networks = load_networks(options.weights)
     training, held_out, notes = split_clips(options, folder, on_progress)
     validation = held_out.actions.take(slice(None))
-    task = ClassifierTask(options.classifier, training, validation, verb_count(held_out))
-    model = trained_classifier(task, folder / FOLDER, on_step=told_training(on_progress, FOLDER))
+    tasks = classifier_tasks(options, training, validation, verb_count(held_out))
+    models = [trained(task, folder, on_progress) for task in tasks]
     count = min(options.limit, len(validation.verb))
     spread = torch.linspace(0, len(validation.verb) - 1, count).round().long()
     real = validation.take(spread, "B")
@@ -103,14 +124,43 @@ def evaluate_generator(
     }
     alone = replace(held_out, actions=Streamed.of([real]))
     rows |= network_rows(networks, alone, options, jobs)
-    scored = {}
+    measured = {}
     for name, clips in rows.items():
         told = None if on_progress is None else partial(on_progress, name)
-        scored[name] = score_clips(model, clips(part_of(told, 0, 2)), part_of(told, 1, 2))
-    scored = with_random_verbs(scored, options.seed)
-    found = repeat(scored[REAL], scored, seed=options.seed, repetitions=options.repetitions)
-    settings = settings_of(options, task, folder, count)
+        made = clips(part_of(told, 0, 2))
+        measured[name] = MeasuredClips(made, measure_clips(made, part_of(told, 1, 2)))
+    found = mean_scores([scores_under(model, measured, options) for model in models])
+    settings = settings_of(options, tasks, folder, count)
     return GenerationReport(settings, command, found, (*about_run(settings), *notes))
+
+
+def classifier_tasks(
+    options: GenerationOptions, training: Actions, validation: Actions, verbs: int
+) -> list[ClassifierTask]:
+    """The same training with as many seeds as there are classifiers."""
+    first = options.classifier
+    seeds = range(first.seed, first.seed + options.classifiers)
+    return [ClassifierTask(replace(first, seed=n), training, validation, verbs) for n in seeds]
+
+
+def trained(task: ClassifierTask, folder: Path, on_progress: OnProgress | None) -> ActionClassifier:
+    """The classifier of a task, kept in a folder of its seed."""
+    name = folder_of(task)
+    return trained_classifier(task, folder / name, on_step=told_training(on_progress, name))
+
+
+def folder_of(task: ClassifierTask) -> str:
+    """The folder of a classifier, in that of the evaluation."""
+    return f"{FOLDER}_{task.config.seed}"
+
+
+def scores_under(
+    model: ActionClassifier, rows: Mapping[str, MeasuredClips], options: GenerationOptions
+) -> dict[str, RowScores]:
+    """The scores of all rows under one classifier."""
+    scored = {name: scored_by(model, row) for name, row in rows.items()}
+    scored = with_random_verbs(scored, options.seed)
+    return repeat(scored[REAL], scored, seed=options.seed, repetitions=options.repetitions)
 
 
 def network_rows(
@@ -184,10 +234,14 @@ def verb_count(data: ActionData) -> int:
 
 
 def settings_of(
-    options: GenerationOptions, task: ClassifierTask, folder: Path, clips: int
+    options: GenerationOptions, tasks: list[ClassifierTask], folder: Path, clips: int
 ) -> dict[str, Any]:
     """What the scores depend on."""
-    made = digest([folder / FOLDER / f"{task.name}.safetensors"])
+    first = tasks[0]
+    hashes = {
+        str(task.config.seed): digest([folder / folder_of(task) / f"{task.name}.safetensors"])
+        for task in tasks
+    }
     return {
         "data": str(options.data.resolve()),
         "dataset": options.dataset,
@@ -195,7 +249,7 @@ def settings_of(
         "seed": options.seed,
         "refine": options.refine,
         "repetitions": options.repetitions,
-        "classifier": {**task.record(), "hash": made},
+        "classifier": {**first.record(), "hashes": hashes},
         "weights": digests(weights_of(name, options.weights) for name in NETWORKS),
         "versions": {name: metadata.version(name) for name in PACKAGES},
     }
@@ -204,13 +258,15 @@ def settings_of(
 def about_run(settings: dict[str, Any]) -> tuple[str, ...]:
     """What a reader of the table must know."""
     classifier = settings["classifier"]
+    hashes = classifier["hashes"]
+    named = ", ".join(f"{seed} {mark}" for seed, mark in hashes.items())
     return (
         f"{settings['clips']} held-out clips; means ± 95% intervals over "
         f"{settings['repetitions']} repetitions, each with a random half of them as conditions; "
         "FID is that to the other half.",
-        f"The classifier is ours (seed {classifier['config']['seed']}, "
-        f"{classifier['clips']} clips, hash {classifier['hash']}): scores under another one, "
-        "such as the paper's, cannot be compared. Realism is a definition of our own, too.",
+        f"Means under {len(hashes)} classifiers of our own, trained alike on "
+        f"{classifier['clips']} clips (seed and hash: {named}): scores under another one, such as "
+        "the paper's, cannot be compared. Realism is a definition of our own, too.",
     )
 
 

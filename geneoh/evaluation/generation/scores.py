@@ -5,7 +5,7 @@ of the conditions, and the Fréchet distance is that to the real clips of the ot
 clips have a distance too, that of one half to the other, which is as near as any row can come.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol, TypeVar, runtime_checkable
 
@@ -15,7 +15,7 @@ from torch import Tensor
 
 from geneoh.bundle import Bundle
 from geneoh.evaluation.generation.classifier import ActionClassifier, classified
-from geneoh.evaluation.generation.measures import ClipMeasures, measure_clips
+from geneoh.evaluation.generation.measures import ClipMeasures
 from geneoh.metrics.features import (
     Interval,
     diversity,
@@ -24,7 +24,6 @@ from geneoh.metrics.features import (
     multimodality,
     top_accuracy,
 )
-from geneoh.progress import OnStep
 from geneoh.synthesis.actions import Actions
 from geneoh.synthesis.shards import seed_of
 
@@ -101,12 +100,18 @@ class Encoded(Protocol):
 Scored = TypeVar("Scored", bound=Encoded)
 
 
-def score_clips(
-    model: ActionClassifier, clips: Actions, on_step: OnStep | None = None
-) -> ScoredClips:
-    """Classify and measure every clip."""
-    found = classified(model, clips)
-    return ScoredClips(clips.verb, found.features, found.scores, measure_clips(clips, on_step))
+@dataclass(frozen=True)
+class MeasuredClips:
+    """The clips of a row and what is measured on them without a classifier."""
+
+    clips: Actions
+    measures: ClipMeasures
+
+
+def scored_by(model: ActionClassifier, row: MeasuredClips) -> ScoredClips:
+    """What is known of each clip of a row under a classifier."""
+    found = classified(model, row.clips)
+    return ScoredClips(row.clips.verb, found.features, found.scores, row.measures)
 
 
 def repeat(
@@ -132,6 +137,19 @@ def repeat(
                 value = score(part, real.take(other, "B"), _drawn(seed, number, measure))
                 values[name][measure].append(value)
     return {name: RowScores(found) for name, found in values.items()}
+
+
+def mean_scores(tables: Sequence[Mapping[str, RowScores]]) -> dict[str, RowScores]:
+    """The mean of tables of the same rows and repetitions, each under another classifier."""
+
+    def mean(name: str, key: str) -> list[float]:
+        found = [table[name].values[key] for table in tables]
+        return torch.tensor(found, dtype=torch.float64).mean(0).tolist()
+
+    return {
+        name: RowScores({key: mean(name, key) for key in row.values})
+        for name, row in tables[0].items()
+    }
 
 
 def _drawn(*parts: object) -> torch.Generator:

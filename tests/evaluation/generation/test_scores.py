@@ -5,7 +5,14 @@ import pytest
 import torch
 
 from geneoh.evaluation.generation.measures import ClipMeasures
-from geneoh.evaluation.generation.scores import MEASURES, SCORES, ScoredClips, repeat
+from geneoh.evaluation.generation.scores import (
+    MEASURES,
+    SCORES,
+    RowScores,
+    ScoredClips,
+    mean_scores,
+    repeat,
+)
 
 
 def scored(features: torch.Tensor, verb: torch.Tensor, **measures: float) -> ScoredClips:
@@ -51,6 +58,11 @@ def test_one_seed_gives_the_same_scores_and_another_seed_others():
         return repeat(real, {"real": real}, seed=seed, repetitions=2)["real"].values["diversity"]
 
     assert once(1) == once(1) != once(2)
+
+
+def test_scores_under_several_classifiers_are_averaged_within_each_repetition():
+    under = [{"a": RowScores({"fid": values})} for values in ([1.0, 2.0], [3.0, 8.0])]
+    assert mean_scores(under)["a"].values == {"fid": [2.0, 5.0]}
 
 
 def test_multimodality_is_less_than_diversity_where_verbs_differ():
