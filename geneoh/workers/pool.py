@@ -202,8 +202,8 @@ def end_with_parent() -> None:
 
 def use_one_thread() -> None:
     """One thread for each worker, since there are as many as cores; those that wait sleep."""
-    os.environ |= {"OMP_NUM_THREADS": "1", "OMP_WAIT_POLICY": "PASSIVE"}  # read by torch's import
-    os.environ["IGL_NUM_THREADS"] = "1"  # read by libigl at its first query of a distance
+    # read by torch's import, and by libigl at its first query of a distance
+    os.environ |= {"OMP_NUM_THREADS": "1", "OMP_WAIT_POLICY": "PASSIVE", "IGL_NUM_THREADS": "1"}
     if "torch" in sys.modules:
         sys.modules["torch"].set_num_threads(1)
 

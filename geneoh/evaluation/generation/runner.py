@@ -51,7 +51,7 @@ from geneoh.training.loop import Progress
 CLIPS = 256  # held-out clips that are scored unless the user limits them
 REAL = "real"  # name of the row of real clips
 NETWORKS = ("text", "contact", "interaction", "refiner")
-CLASSIFIERS = 5  # that differ in their seeds; a small difference under one may be its own
+CLASSIFIERS = 5  # with seeds of their own: under a single one small differences may be accidents
 FOLDER = "classifier"  # of each classifier, before its seed, in the folder of the evaluation
 
 
