@@ -17,6 +17,8 @@ NEAR = 0.02
 """Distance from a keypoint within which a point of the object counts as touched, metres (paper)."""
 FPS = 30.0
 """Frames a second of all actions."""
+DECIMETRES = 10.0
+"""Of a metre."""
 LONGEST = 150
 """Most frames of an action (paper: 5 s)."""
 
@@ -65,6 +67,13 @@ class Actions(Bundle):
     axis: Float[Tensor, "B 3"]  # of the joint, a unit vector through `pivot`; zero for rigid ones
     pivot: Float[Tensor, "B 3"]
     slides: Bool[Tensor, " B"]  # whether the joint slides along the axis (metres) or turns about it
+
+    @property
+    def joint_units(self) -> Float[Tensor, "B 1"]:
+        """What states of the joint are multiplied with before a network reads them: slides are told
+        in decimetres, because in metres they are much smaller than turns in radians.
+        """
+        return torch.where(self.slides, DECIMETRES, 1.0)[:, None]
 
     @property
     def valid(self) -> Bool[Tensor, "B T"]:

@@ -204,4 +204,5 @@ def inputs_of(
     hands = [each.masked_fill(absent, 0.0) for each in (world[:, :, :-1], local)]
     points = SCALE * torch.cat([*hands, world[:, :, -1:], axes], 2).flatten(2)
     seen = clips.hands[:, None].expand(-1, frames.shape[1], -1).to(points)
-    return torch.cat([points, clips.joint[..., None], seen], -1)
+    joint = clips.joint * clips.joint_units
+    return torch.cat([points, joint[..., None], seen], -1)

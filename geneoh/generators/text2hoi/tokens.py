@@ -24,8 +24,6 @@ HAND, OBJECT = 99, 10
 """Numbers of a hand and of the object in a frame."""
 NUMBERS = 2 * HAND + OBJECT
 """Numbers of a frame: left hand, right hand, object."""
-SLIDE = 10.0
-"""A joint that slides is written in decimetres, so that both kinds are about as large (ours)."""
 
 HandFrame = Literal["object", "world"]
 """Axes that hands are written in: those of the object's first part in the same frame (ours), in
@@ -39,7 +37,8 @@ class Tokens(Bundle):
     hands: Float[Tensor, "B 2 T 99"]
     """Left and right: position of the wrist (m), then 16 rotations, the global one first."""
     object: Float[Tensor, "B T 10"]
-    """Of the first part in the world: translation (m), rotation, state of the joint."""
+    """Of the first part in the world: translation (m), rotation, state of the joint
+    (rad, or dm where it slides: ours)."""
     valid: Bool[Tensor, "B T"]  # frames before the end
     present: Bool[Tensor, "B 2"]  # hands that take part
     jointed: Bool[Tensor, " B"]  # objects with a joint
@@ -140,7 +139,7 @@ def tokens_of(actions: Actions, frame: HandFrame = "object") -> Tokens:
     rotations = torch.cat([turn[..., None, :, :], rotations[..., 1:, :, :]], dim=-3)
     hands = torch.cat([wrist, columns(rotations).flatten(-2)], dim=-1)
     jointed = (actions.part > 0).any(1)
-    joint = actions.joint * torch.where(actions.slides, SLIDE, 1.0)[:, None] * jointed[:, None]
+    joint = actions.joint * actions.joint_units * jointed[:, None]
     object = torch.cat([actions.translation, columns(actions.rotation), joint[..., None]], dim=-1)
     return Tokens(hands, object, actions.valid, actions.hands, jointed, frame).masked()
 
@@ -156,7 +155,7 @@ def actions_of(tokens: Tokens, like: Actions) -> Actions:
         turn = axes @ turn
     rotations = torch.cat([turn[..., None, :, :], rotations[..., 1:, :, :]], dim=-3)
     there = tokens.present[:, :, None, None]
-    joint = tokens.object[..., 9] / torch.where(like.slides, SLIDE, 1.0)[:, None]
+    joint = tokens.object[..., 9] / like.joint_units
     return replace(
         like,
         hands=tokens.present,

@@ -64,6 +64,15 @@ def test_first_and_last_frame_are_seen_and_nothing_after_the_end():
     assert not torch.equal(clip_inputs(actions), clip_inputs(after))
 
 
+def test_a_drawer_is_seen_to_move_as_far_as_a_lid_that_turns():
+    still = box_actions(["open"], frames=20)
+    moved = torch.linspace(0, 0.05, 20)[None]  # metres: too little to be seen as it is
+    lid = replace(still, joint=10 * moved)  # radians
+    drawer = replace(still, joint=moved, slides=~still.slides)
+    torch.testing.assert_close(clip_inputs(drawer), clip_inputs(lid))
+    assert (clip_inputs(lid) - clip_inputs(still)).abs().max() == 0.5
+
+
 def test_place_on_the_table_does_not_matter_and_height_does():
     actions = box_actions(["lift"], frames=20)
 

@@ -5,7 +5,6 @@ import torch
 from made_actions import made_actions
 
 from geneoh.generators.text2hoi.tokens import (
-    SLIDE,
     actions_of,
     columns,
     from_columns,
@@ -93,4 +92,4 @@ def test_a_sliding_joint_is_in_decimetres_and_a_turning_one_in_radians():
     actions = turned()
     joint = tokens_of(actions).object[..., 9]
     torch.testing.assert_close(joint[2], actions.joint[2])
-    torch.testing.assert_close(joint[5, :15], SLIDE * actions.joint[5, :15])
+    torch.testing.assert_close(joint[5, :15], 10 * actions.joint[5, :15])
