@@ -89,7 +89,7 @@ def train(
     shipped ones; their settings are those of Both2HandsConfig.
 
     Several processes share each batch, on one machine or on many, and take the same steps as one:
-    torchrun --nproc-per-node 2 --no-python geneoh train --stage motion. With --device cuda each
+    torchrun --nproc-per-node 2 --no-python -- geneoh train --stage motion. With --device cuda each
     has a GPU.
     """
     import torch

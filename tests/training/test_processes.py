@@ -8,7 +8,9 @@ from dataclasses import replace
 
 import pytest
 import torch
+from geneoh_cli.commands.train import train
 from stage_runs import train_stage
+from torch.distributed.run import parse_args as torchrun
 
 from geneoh.errors import ConfigError
 from geneoh.nn.checkpoint import load_checkpoint
@@ -22,6 +24,14 @@ CLEAN.set_forkserver_preload(["geneoh.training.loop", "geneoh.training.stages", 
 NO_GRADIENT = "judge.4.bias"
 """A softmax takes this bias of SpatialDiff out, so that its gradient is rounding alone."""
 ROUNDING = 1e-8  # of moments that are zero but for it
+
+
+def test_torchrun_leaves_every_option_of_train_alone():
+    ours = [name for option in train.params for name in option.opts]
+    given = ["--nproc-per-node", "2", "--no-python", "--", "geneoh", "train", *ours]
+    asked = torchrun(given)
+    assert (asked.training_script, asked.training_script_args) == ("geneoh", ["train", *ours])
+    assert f"torchrun {' '.join(given[:6])}" in " ".join(train.help.split())
 
 
 def free_port() -> int:
