@@ -74,10 +74,9 @@ def sample(
     objects, lengths = objects.take(clips, "B"), lengths.to(device)[clips]
     sentences = [sentences[int(clip)] for clip in clips]
     hands = [hands[int(clip)] for clip in clips]
-    if contact is None:
-        contact = contact_of(networks, objects, sentences, generator=generator)
-    else:
-        contact = contact[clips]
+    # maps are drawn where they are given, too, so that the noise of the actions is the same
+    maps = contact_of(networks, objects, sentences, generator=generator)
+    contact = maps if contact is None else contact[clips]
     drawn = drawn_actions(
         networks,
         objects,

@@ -55,6 +55,17 @@ def test_two_seeds_make_two_clips_and_one_seed_one(networks, objects):
     assert (first.translation - other.translation).abs().amax((1, 2)).min() > 1e-4
 
 
+def test_a_given_contact_map_leaves_the_noise_as_it_is(networks, objects):
+    def of(contact):
+        config = SamplingConfig(steps=4, draws=1)
+        asked = networks, objects, SAID, HANDS, LENGTHS, config
+        return sample(*asked, generator=torch.Generator().manual_seed(0), contact=contact)
+
+    actions, maps = of(None)
+    assert of(maps)[0].translation.equal(actions.translation)
+    assert not of(torch.zeros_like(maps))[1].any()
+
+
 def test_the_most_typical_of_several_draws_is_kept_for_each_clip(networks, objects):
     def of(draws):
         config = SamplingConfig(steps=4, draws=draws)
