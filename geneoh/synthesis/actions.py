@@ -18,7 +18,7 @@ NEAR = 0.02
 FPS = 30.0
 """Frames a second of all actions."""
 DECIMETRES = 10.0
-"""Of a metre."""
+"""In a metre."""
 LONGEST = 150
 """Most frames of an action (paper: 5 s)."""
 
