@@ -8,6 +8,7 @@ gradients everywhere unless they say otherwise.
 import torch
 from jaxtyping import Float
 from torch import Tensor
+from torch.nn.functional import normalize
 
 SMALL_ANGLE_SQUARED = 1e-6  # below it, the next term of the power series vanishes in float32
 
@@ -24,6 +25,24 @@ def axis_angle_to_matrix(axis_angle: Float[Tensor, "*B 3"]) -> Float[Tensor, "*B
     cross = skew(axis_angle)
     eye = torch.eye(3, dtype=axis_angle.dtype, device=axis_angle.device)
     return eye + sine * cross + cosine * (cross @ cross)
+
+
+def shortest_turn(
+    start: Float[Tensor, "*#B 3"], end: Float[Tensor, "*#B 3"]
+) -> Float[Tensor, "*B 3 3"]:
+    """The smallest rotation that takes one direction to another, of any length but zero.
+
+    Of those between opposite directions it is one. It has no gradient at equal directions.
+    """
+    # in double precision, because near opposite directions the axis is the difference of two
+    pair = torch.broadcast_tensors(start, end)
+    before, after = (normalize(each.double(), dim=-1) for each in pair)
+    across, cosine = torch.linalg.cross(before, after), (before * after).sum(-1)
+    sine = across.norm(dim=-1)
+    other = torch.linalg.cross(before, torch.eye(3).to(before)[before.abs().argmin(-1)])
+    opposite = (sine < 1e-12) & (cosine < 0)
+    axis = normalize(torch.where(opposite[..., None], other, across), dim=-1)
+    return axis_angle_to_matrix(torch.atan2(sine, cosine)[..., None] * axis).to(start)
 
 
 def skew(vector: Float[Tensor, "*B 3"]) -> Float[Tensor, "*B 3 3"]:
@@ -50,7 +69,7 @@ def matrix_to_quat_wxyz(rotation: Float[Tensor, "*B 3 3"]) -> Float[Tensor, "*B 
     outer = torch.stack([torch.stack(row, dim=-1) for row in rows], dim=-2)
     best = outer.diagonal(dim1=-2, dim2=-1).argmax(-1)[..., None, None]
     quat = outer.gather(-2, best.expand(*best.shape[:-1], 4))[..., 0, :]
-    quat = torch.nn.functional.normalize(quat, dim=-1)
+    quat = normalize(quat, dim=-1)
     return torch.where(quat[..., :1] < 0, -quat, quat)
 
 
@@ -80,8 +99,8 @@ def matrix_to_rotation_6d(rotation: Float[Tensor, "*B 3 3"]) -> Float[Tensor, "*
 def rotation_6d_to_matrix(rotation_6d: Float[Tensor, "*B 6"]) -> Float[Tensor, "*B 3 3"]:
     """Rotation matrix by Gram-Schmidt from two columns, which must not be parallel."""
     first, second = rotation_6d.unflatten(-1, (2, 3)).unbind(-2)
-    x = torch.nn.functional.normalize(first, dim=-1)
-    y = torch.nn.functional.normalize(second - (x * second).sum(-1, keepdim=True) * x, dim=-1)
+    x = normalize(first, dim=-1)
+    y = normalize(second - (x * second).sum(-1, keepdim=True) * x, dim=-1)
     return torch.stack([x, y, torch.linalg.cross(x, y)], dim=-1)
 
 

@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from geneoh.geometry.mirror import mirror_points, mirror_rotations
-from geneoh.geometry.rotations import axis_angle_to_matrix, skew
+from geneoh.geometry.rotations import axis_angle_to_matrix, shortest_turn
 from geneoh.synthesis.bimanual import HandPairs
 from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.schedule import Schedule
@@ -69,18 +69,10 @@ def draw_standing(
     clip = torch.arange(len(joints))
     on_table = (room[clip, side] > 0) & draws.chance(config.table_share) & ~floating
     around = 2 * math.pi * draws.share(1) * torch.eye(3)[2]
-    standing = axis_angle_to_matrix(around) @ _turn_up(up[clip, side])
+    standing = axis_angle_to_matrix(around) @ shortest_turn(up[clip, side], torch.eye(3)[2])
     orientation = config.orientation_std * draws.normal(3)
     upright = torch.where(on_table[:, None, None], standing, axis_angle_to_matrix(orientation))
     return Standing(upright, on_table)
-
-
-def _turn_up(direction: Float[Tensor, "B 3"]) -> Float[Tensor, "B 3 3"]:
-    """The shortest rotation that brings a direction to the z axis."""
-    vertical = torch.eye(3)[2].expand_as(direction)
-    cosine = (direction * vertical).sum(-1)
-    bend = skew(torch.linalg.cross(direction, vertical))
-    return torch.eye(3) + bend + bend @ bend / (1 + cosine).clamp(min=1e-4)[:, None, None]
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from geneoh.geometry.rotations import (
     matrix_to_quat_wxyz,
     matrix_to_rotation_6d,
     rotation_6d_to_matrix,
+    shortest_turn,
     skew,
 )
 
@@ -140,3 +141,16 @@ def test_kabsch_fits_flat_points():
     turn = axis_angle_to_matrix(torch.tensor([1.0, 0.4, -0.3]))
     rotation, _ = kabsch(flat, flat @ turn.T)
     torch.testing.assert_close(rotation, turn, atol=FLOAT32, rtol=0)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-3, 1.0, *(math.pi - x for x in (1e-2, 1e-4, 1e-6, 0.0))])
+def test_the_shortest_turn_takes_one_direction_to_another_however_opposite(angle):
+    start, axis = random_axes(50, dtype=torch.float32), random_axes(50, seed=1).float()
+    across = torch.nn.functional.normalize(torch.linalg.cross(start, axis), dim=-1)
+    end = (axis_angle_to_matrix(angle * across) @ start[..., None])[..., 0]
+    turn = shortest_turn(2 * start, 0.5 * end)
+    torch.testing.assert_close((turn @ start[..., None])[..., 0], end, atol=FLOAT32, rtol=0)
+    square = turn @ turn.mT
+    torch.testing.assert_close(square, torch.eye(3).expand_as(square), atol=FLOAT32, rtol=0)
+    found = matrix_to_axis_angle(turn.double()).norm(dim=-1)
+    torch.testing.assert_close(found, torch.full_like(found, angle), atol=1e-3, rtol=0)

@@ -22,7 +22,7 @@ from geneoh.body.skeleton import JOINT_NAMES, PARENTS, WRISTS, Skeleton, embedde
 from geneoh.choices import SIDES, Axis
 from geneoh.errors import InputError
 from geneoh.files.atomic import write_whole
-from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.geometry.rotations import shortest_turn
 from geneoh.readers.bodies.base import BodyRecording, checked, rate_of, upright
 from geneoh.readers.bodies.bvh_file import BvhFile, read_bvh_file
 from geneoh.readers.bodies.bvh_names import FINGER_WORDS, NEEDED, match_joints
@@ -160,17 +160,6 @@ def snapped(direction: Float[Tensor, " 3"]) -> Float[Tensor, " 3"]:
     unit = normalize(direction, dim=0)
     size, index = unit.abs().max(dim=0)
     return torch.eye(3)[index] * unit[index].sign() if size > SNAP else unit
-
-
-def shortest_turn(start: Float[Tensor, " 3"], end: Float[Tensor, " 3"]) -> Float[Tensor, "3 3"]:
-    """The smallest rotation that takes one direction to another."""
-    start, end = normalize(start, dim=0), normalize(end, dim=0)
-    across = torch.linalg.cross(start, end)
-    sine = across.norm()
-    if sine < 1e-6 and start @ end < 0:
-        across = torch.linalg.cross(start, torch.eye(3)[start.abs().argmin()])
-    angle = torch.atan2(sine, start @ end)
-    return axis_angle_to_matrix(angle * normalize(across, dim=0))
 
 
 def between(joint: int, places: dict[str, Float[Tensor, " 3"]]) -> Float[Tensor, " 3"] | None:
