@@ -11,7 +11,7 @@ from geneoh.errors import ConfigError
 
 from .. import options, progress
 
-FOLLOWS = ("spatial", "temporal", "relations", "latent")
+FOLLOWS = ("spatial", "temporal", "relations")
 """Stages that learn on the output of MotionDiff."""
 ACTIONS = "runs/actions"
 """Folder of the actions that the generator learns from, where no other is named."""

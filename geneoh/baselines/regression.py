@@ -12,8 +12,13 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from geneoh.denoisers.base import NOISE_SCALE, OBSERVATION_FEATURES, Observation
-from geneoh.denoisers.relations import RELATION_FEATURES, relation_features
+from geneoh.baselines.features import (
+    OBSERVATION_FEATURES,
+    RELATION_FEATURES,
+    Observation,
+    relation_features,
+)
+from geneoh.denoisers.base import NOISE_SCALE, palm_axes
 from geneoh.nn.blocks import FrameTransformer, mlp, zeroed
 from geneoh.representation.spatial import SpatialRelations
 
@@ -43,8 +48,8 @@ class RegressionDenoiser(nn.Module):
     def forward(
         self, observation: Observation, relations: SpatialRelations
     ) -> Float[Tensor, "B T 21 3"]:
-        """The clean keypoints behind an observation (never withheld), canonical frame, metres."""
-        axes = observation.palm()
+        """The clean keypoints behind an observation, canonical frame, metres."""
+        axes = palm_axes(observation.joints)
         turned = observation.turned(axes)
         each = self.encode_point(relation_features(relations.turned(axes)))
         pooled = torch.cat([each.mean(2), each.amax(2)], dim=-1)

@@ -14,8 +14,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from geneoh.denoisers.base import HAND_SCALE, Observation
-from geneoh.denoisers.relations import RELATION_FEATURES, relation_features
+from geneoh.baselines.features import RELATION_FEATURES, Observation, relation_features
+from geneoh.denoisers.base import HAND_SCALE, palm_axes
 from geneoh.nn.blocks import mlp
 from geneoh.representation.spatial import SpatialRelations, decode_spatial
 
@@ -49,7 +49,7 @@ class TochAutoencoder(nn.Module):
 
         Of the observation only the mean direction of the palm is used.
         """
-        axes = observation.palm()
+        axes = palm_axes(observation.joints)
         relations = relations.turned(axes)
         features = relation_features(relations)
         each = self.encode_point(features)

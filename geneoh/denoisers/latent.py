@@ -1,7 +1,10 @@
 """TemporalDiff in the paper's form: a denoiser of the latent of temporal relations (paper C.5).
 
 As in the paper, a PointNet over the contact points of each frame pair and a transformer over pairs
-encode T, fully connected layers decode each statistic, and the diffusion runs on the latent.
+encode T, a fully connected layer decodes it, and the diffusion runs on the latent. Ours: the layer
+decodes keypoints and their velocities, so that all statistics agree with each other. The latent
+starts as the places that the distances tell of keypoints, and their velocities, to which the
+network adds.
 """
 
 from dataclasses import dataclass
@@ -13,18 +16,23 @@ from torch import Tensor, nn
 from geneoh.denoisers.base import HAND_SCALE
 from geneoh.diffusion.precondition import preconditioned
 from geneoh.nn.blocks import FrameTransformer, mlp, zeroed
-from geneoh.representation.temporal import PairStatistics, TemporalRelations
+from geneoh.representation.temporal import (
+    PairStatistics,
+    TemporalRelations,
+    differences,
+    pair_statistics,
+    places_by_distance,
+)
 
 SPEED_SCALE = 0.2  # typical relative speed near contact, m/s
-LATENT_NOISE_SCALE = 0.5
-"""Deviation of a clean latent from the observed one, relative to the latent's own deviation."""
+HAND_NUMBERS = 2 * 63  # places and velocities of keypoints
 
 
 @dataclass(frozen=True)
 class LatentConfig:
     """Size of the autoencoder and of the latent denoiser."""
 
-    latent: int = 96
+    latent: int = 128  # at least `HAND_NUMBERS`
     point_width: int = 96
     encoder_depth: int = 1
     width: int = 160
@@ -41,10 +49,14 @@ class TemporalAutoencoder(nn.Module):
         self.config = config
         point, width = config.point_width, config.width
         self.encode_point = mlp(3 + 6 + 21 * 7, point, point)
-        self.embed = nn.Linear(2 * point, width)
+        self.embed = nn.Linear(2 * point + HAND_NUMBERS, width)
         self.trunk = FrameTransformer(width, config.encoder_depth, config.heads)
-        self.to_latent = nn.Linear(width, config.latent)
-        self.decode_point = mlp(config.latent + 9, width, width, 21 * 6)
+        self.to_latent = zeroed(nn.Linear(width, config.latent))
+        self.from_hand = nn.Linear(HAND_NUMBERS, config.latent)
+        self.to_hand = nn.Linear(config.latent, HAND_NUMBERS)
+        for layer in (self.from_hand, self.to_hand):  # the identity before training
+            nn.init.eye_(layer.weight)
+            nn.init.zeros_(layer.bias)
         self.latent_mean: Tensor
         self.latent_std: Tensor
         self.register_buffer("latent_mean", torch.zeros(config.latent))
@@ -67,9 +79,13 @@ class TemporalAutoencoder(nn.Module):
             dim=-1,
         )
         each = self.encode_point(features)
-        pooled = torch.cat([each.mean(2), each.amax(2)], dim=-1)
+        places = places_by_distance(relations.distance, points) / HAND_SCALE
+        moving = (relations.velocity + relations.object_velocity[..., None, :]).mean(2)
+        hand = torch.cat([places.flatten(-2), moving.flatten(-2) / SPEED_SCALE], dim=-1)
+        pooled = torch.cat([each.mean(2), each.amax(2), hand], dim=-1)
         tokens = self.trunk(self.embed(pooled), features.new_zeros(len(features)))
-        return (self.to_latent(tokens) - self.latent_mean) / self.latent_std
+        latent = self.from_hand(hand) + self.to_latent(tokens)
+        return (latent - self.latent_mean) / self.latent_std
 
     def decode(
         self,
@@ -80,14 +96,11 @@ class TemporalAutoencoder(nn.Module):
     ) -> PairStatistics:
         """Statistics around contact points of known velocity, normal and position."""
         latent = latent * self.latent_std + self.latent_mean
-        place = self._place(object_velocity, normals, points)
-        around = latent[:, :, None].expand(-1, -1, points.shape[2], -1)
-        out = self.decode_point(torch.cat([around, place], dim=-1)).unflatten(-1, (21, 6))
-        return PairStatistics(
-            distance=out[..., 0] * HAND_SCALE,
-            velocity=out[..., 3:] * SPEED_SCALE,
-            tangential=out[..., 1] * SPEED_SCALE,
-            normal=out[..., 2] * SPEED_SCALE,
+        places, velocity = self.to_hand(latent).unflatten(-1, (2, 21, 3)).unbind(-3)
+        return pair_statistics(
+            differences(places * HAND_SCALE, points),
+            differences(velocity * SPEED_SCALE, object_velocity),
+            normals,
         )
 
     @staticmethod
@@ -103,27 +116,19 @@ class LatentDenoiser(nn.Module):
         super().__init__()
         self.config = config
         self.autoencoder = TemporalAutoencoder(config)
-        self.embed = nn.Linear(2 * config.latent + 1, config.width)
+        self.embed = nn.Linear(config.latent, config.width)
         self.trunk = FrameTransformer(config.width, config.depth, config.heads)
         self.head = zeroed(nn.Linear(config.width, config.latent))
         self.gate = zeroed(nn.Linear(config.width, config.latent))
 
     def forward(
-        self,
-        x: Float[Tensor, "B T Z"],
-        sigma: Float[Tensor, " B"],
-        observed: Float[Tensor, "B T Z"],
-        given: Float[Tensor, " B"],
+        self, x: Float[Tensor, "B T Z"], sigma: Float[Tensor, " B"]
     ) -> Float[Tensor, "B T Z"]:
-        """The clean latent in `x` = clean + sigma * noise, whitened; sees `observed` if `given`."""
-        mask = given[:, None, None]
-        anchor = observed * mask
+        """The clean latent in `x` = clean + sigma * noise, whitened."""
 
         def network(scaled: Tensor, level: Tensor) -> Tensor:
-            shown = mask.expand(-1, x.shape[1], 1)
-            tokens = self.embed(torch.cat([scaled, anchor, shown], dim=-1))
-            tokens = self.trunk(tokens, level.flatten())
+            tokens = self.trunk(self.embed(scaled), level.flatten())
             return self.head(tokens) + self.gate(tokens) * scaled
 
-        scale = torch.where(mask > 0, LATENT_NOISE_SCALE, 1.0)
-        return preconditioned(network, x, anchor, sigma[:, None, None], scale)
+        sigma = sigma[:, None, None]
+        return preconditioned(network, x, torch.zeros_like(x), sigma, torch.ones_like(sigma))

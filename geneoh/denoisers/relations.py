@@ -2,7 +2,8 @@
 
 Every contact point predicts the offsets of a whole hand from its position, normal and noisy
 offsets, and eq. (8) averages them. Unlike in the paper, the points of a frame exchange information
-through a pooled token: a finger's front and back can be told apart, and frames alone cost.
+through the mean of their hands and a pooled token: a finger's front and back can be told apart, and
+frames alone cost.
 """
 
 from dataclasses import dataclass, replace
@@ -11,13 +12,15 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from geneoh.denoisers.base import HAND_SCALE, OBSERVATION_FEATURES, Observation
+from geneoh.denoisers.base import HAND_SCALE, palm_axes
+from geneoh.denoisers.candidate_corrections import SMOOTHING_FRAMES, filter_kernels
+from geneoh.denoisers.trajectory import TYPICAL_DEVIATION
 from geneoh.diffusion.precondition import preconditioned
 from geneoh.nn.blocks import FrameTransformer, mlp, zeroed
-from geneoh.representation.spatial import SpatialRelations
+from geneoh.representation.spatial import SpatialRelations, decode_spatial
+from geneoh.representation.window_scale import WindowScale
 
 CONTACT_SCALE = 0.02  # distance over which the closeness features decay, metres
-RELATION_FEATURES = 6 + 63 + 42  # width of `relation_features`
 
 
 @dataclass(frozen=True)
@@ -38,13 +41,6 @@ def contact_features(relations: SpatialRelations) -> Float[Tensor, "B T K 42"]:
     return torch.cat([near, height], dim=-1)
 
 
-def relation_features(relations: SpatialRelations) -> Float[Tensor, "B T K F"]:
-    """Each contact point's position and normal (6), then how the hand lies around it."""
-    offsets = relations.offsets.flatten(-2) / HAND_SCALE
-    place = [relations.points / HAND_SCALE, relations.normals]
-    return torch.cat([*place, offsets, contact_features(relations)], dim=-1)
-
-
 class RelationDenoiser(nn.Module):
     """A network per contact point around a transformer over frames: noisy to clean offsets."""
 
@@ -52,39 +48,47 @@ class RelationDenoiser(nn.Module):
         """Build the network; its last layers start at zero, so it starts as the skip path."""
         super().__init__()
         self.config = config
-        width, point = config.width, config.point_width
-        self.encode_point = mlp(RELATION_FEATURES + 42 + 63, point, point)
-        self.embed = nn.Linear(2 * point + 63 + OBSERVATION_FEATURES, width)
+        width, point, means = config.width, config.point_width, 1 + len(SMOOTHING_FRAMES)
+        self.encode_point = mlp(6 + 2 * 42 + 63, point, point)
+        self.embed = nn.Linear(2 * point + 63 * means + 1, width)
         self.trunk = FrameTransformer(width, config.depth, config.heads)
         self.decode_point = mlp(width + point, width, 63)
         zeroed(self.decode_point[-1])
         self.gate = zeroed(nn.Linear(width, 63))
+        self.mix = zeroed(nn.Linear(width, 63 * means))
 
     def forward(
-        self, noisy: SpatialRelations, sigma: Float[Tensor, " B"], observation: Observation
+        self, noisy: SpatialRelations, sigma: Float[Tensor, " B"], scale: WindowScale
     ) -> SpatialRelations:
-        """The clean relations in `noisy` = clean + sigma * noise, canonical frame, metres.
+        """The clean relations in `noisy` = clean + sigma * noise.
 
-        The noise may differ per point, and the observation is given or withheld per batch item.
+        The canonical frame, in metres; `sigma` is in units of the window, whose `scale` is told.
+        The noise may differ per point.
         """
-        axes = observation.palm()
-        observation, relations = observation.turned(axes), noisy.turned(axes)
-        frame_features = observation.features()
-        observed = relations.of_hand(observation.anchor)
-        place, seen = relation_features(observed).split([6, RELATION_FEATURES - 6], dim=-1)
-        fixed = [place, seen * observation.mask, contact_features(relations)]
+        middle = decode_spatial(noisy)
+        axes = palm_axes(middle)  # so that the answer turns with the hand
+        turned = axes[:, None, None]
+        relations, mean = noisy.turned(axes), scale.mean @ turned
+        place = [(relations.points - mean[..., 0, :]) / HAND_SCALE, relations.normals]
+        together = contact_features(relations.of_hand(middle @ axes[:, None]))
+        fixed = torch.cat([*place, together, contact_features(relations)], dim=-1)
+        kernels = filter_kernels(torch.ones_like(middle[:, :, 0, 0]), SMOOTHING_FRAMES)
+        size = (scale.deviation / TYPICAL_DEVIATION).log().flatten(2)
+        size = size.expand(-1, middle.shape[1], -1)
 
         def network(scaled: Tensor, level: Tensor) -> Tensor:
-            each = self.encode_point(torch.cat([*fixed, scaled.flatten(-2)], dim=-1))
+            each = self.encode_point(torch.cat([fixed, scaled.flatten(-2)], dim=-1))
             pooled = torch.cat([each.mean(2), each.amax(2)], dim=-1)
-            mean = scaled.mean(2).flatten(-2)
-            tokens = self.embed(torch.cat([pooled, mean, frame_features], dim=-1))
+            hand = scaled.mean(2).flatten(-2)
+            means = torch.cat([hand[:, None], kernels @ hand[:, None]], dim=1).transpose(1, 2)
+            tokens = self.embed(torch.cat([pooled, means.flatten(2), size], dim=-1))
             tokens = self.trunk(tokens, level.flatten())
             around = tokens[:, :, None].expand(-1, -1, scaled.shape[2], -1)
-            out = self.decode_point(torch.cat([around, each], dim=-1)).unflatten(-1, (21, 3))
-            # the gate scales the sample itself: how far this input's observation is to be trusted
-            return out + self.gate(tokens).unflatten(-1, (21, 3))[:, :, None] * scaled
+            own = self.decode_point(torch.cat([around, each], dim=-1)).unflatten(-1, (21, 3))
+            gate = self.gate(tokens).unflatten(-1, (21, 3))[:, :, None]
+            mixed = (self.mix(tokens).unflatten(-1, means.shape[2:]) * means).sum(2)
+            return own + gate * scaled + mixed.unflatten(-1, (21, 3))[:, :, None]
 
-        sigma, scale = (level.view(-1, 1, 1, 1, 1) for level in (sigma, observation.scale))
-        clean = preconditioned(network, relations.hands, observed.hands, sigma, scale)
-        return replace(noisy, hands=clean @ axes[:, None, None].mT)
+        sigma = sigma.view(-1, 1, 1, 1, 1) * scale.deviation
+        clean = preconditioned(network, relations.hands, mean, sigma, scale.deviation)
+        return replace(noisy, hands=clean @ turned.mT)

@@ -6,10 +6,13 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from geneoh.denoisers.base import HAND_SCALE, palm_axes
+from geneoh.denoisers.base import palm_axes
 from geneoh.denoisers.candidate_corrections import SMOOTHING_FRAMES, filter_kernels
 from geneoh.diffusion.precondition import preconditioned
 from geneoh.nn.blocks import FrameTransformer, zeroed
+
+TYPICAL_DEVIATION = 0.035
+"""Deviation of the keypoints of a window of a real hand in the middle, metres."""
 
 
 @dataclass(frozen=True)
@@ -24,8 +27,10 @@ class TrajectoryConfig:
 class TrajectoryDenoiser(nn.Module):
     """A transformer over frames that maps noisy canonical keypoints to clean ones.
 
-    It has no other input. Like `MotionDenoiser` it mixes the noisy sample with low-pass filtered
-    ones, frame by frame and coordinate by coordinate.
+    Keypoints are in units of their window (`WindowScale`), as in the paper. Ours: the network is
+    told the window's deviation, without which it could not know how long bones are. Like
+    `MotionDenoiser` it mixes the noisy sample with low-pass filtered ones, frame by frame and
+    coordinate by coordinate.
     """
 
     def __init__(self, config: TrajectoryConfig) -> None:
@@ -33,26 +38,40 @@ class TrajectoryDenoiser(nn.Module):
         super().__init__()
         self.config = config
         count = 1 + len(SMOOTHING_FRAMES)
-        self.embed = nn.Linear(63 * count, config.width)
+        self.embed = nn.Linear(63 * count + 1, config.width)
         self.trunk = FrameTransformer(config.width, config.depth, config.heads)
         self.head = zeroed(nn.Linear(config.width, 63))
         self.mix = zeroed(nn.Linear(config.width, 63 * count))
 
     def forward(
-        self, x: Float[Tensor, "B T 21 3"], sigma: Float[Tensor, " B"]
+        self,
+        x: Float[Tensor, "B T 21 3"],
+        sigma: Float[Tensor, " B"],
+        deviation: Float[Tensor, " B"],
     ) -> Float[Tensor, "B T 21 3"]:
-        """The clean canonical keypoints in `x` = clean + sigma * noise, metres."""
+        """The clean keypoints in `x` = clean + sigma * noise, in units of their window.
+
+        `deviation` is that of the window, metres. The mean of the clean keypoints is zero in these
+        units, and so is that of the answer.
+        """
+        x = centred(x)
         axes = palm_axes(x)[:, None]  # so that the answer turns with the hand
         kernels = filter_kernels(torch.ones_like(x[:, :, 0, 0]), SMOOTHING_FRAMES)
+        size = (deviation / TYPICAL_DEVIATION).log()[:, None, None].expand(-1, x.shape[1], 1)
 
         def network(scaled: Tensor, level: Tensor) -> Tensor:
             flat = scaled.flatten(2)
             mixed = torch.cat([flat[:, None], kernels @ flat[:, None]], dim=1).transpose(1, 2)
-            tokens = self.trunk(self.embed(mixed.flatten(2)), level.flatten())
+            tokens = self.embed(torch.cat([mixed.flatten(2), size], dim=-1))
+            tokens = self.trunk(tokens, level.flatten())
             mix = self.mix(tokens).unflatten(-1, mixed.shape[2:])
             return (self.head(tokens) + (mix * mixed).sum(2)).unflatten(-1, (21, 3))
 
-        sigma = sigma[:, None, None, None]
-        scale = torch.full_like(sigma, HAND_SCALE)
-        clean = preconditioned(network, x @ axes, torch.zeros_like(x), sigma, scale)
-        return clean @ axes.mT
+        sigma, one = sigma[:, None, None, None], x.new_ones(len(x), 1, 1, 1)
+        clean = preconditioned(network, x @ axes, torch.zeros_like(x), sigma, one)
+        return centred(clean @ axes.mT)
+
+
+def centred(windows: Float[Tensor, "B T 21 3"]) -> Float[Tensor, "B T 21 3"]:
+    """Windows with mean zero over frames and keypoints."""
+    return windows - windows.mean((1, 2), keepdim=True)

@@ -34,7 +34,7 @@ class Scaling:
 def preconditioned(
     network: Callable[[Tensor, Tensor], Tensor],
     x: Float[Tensor, "*S"],
-    anchor: Float[Tensor, "*S"],
+    anchor: Float[Tensor, "*#S"],
     sigma: Float[Tensor, "*N"],
     scale: Float[Tensor, "*N"],
 ) -> Float[Tensor, "*S"]:

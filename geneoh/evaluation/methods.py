@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 from typing_extensions import assert_never
 
+from geneoh.baselines.features import Observation
 from geneoh.baselines.filters import (
     TUNED,
     Domain,
@@ -159,7 +160,8 @@ def predicted_joints(
     context = stage_context(hand.object.surface(), subject, hand.fps, generator=generator)
     joints = subject.joints[None]
     region = context.region(joints)
-    observation = context.observation(joints, region, given=True)
+    windows, trust = context.windows(joints), context.cut(context.trust, 0)
+    observation = Observation(region.to_canon(windows), trust)
     relations = encode_spatial(observation.joints, region)
     predicted = network.to(joints.device)(observation, relations)
     world = context.blend(region.to_world(predicted))[0]

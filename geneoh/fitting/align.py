@@ -59,9 +59,10 @@ class AlignConfig:
     steps: int = 100
     rate: float = 1.5e-3
     """Length of Adam's first step in metres; it decays to zero."""
-    distance_std: float = 0.003
-    speed_std: float = 0.03
-    """m/s: one millimetre a frame at 30 frames a second."""
+    distance_std: float = 0.005
+    """Deviation of decoded distances from true ones near contact, on made clips, metres."""
+    speed_std: float = 0.1
+    """The same of decoded velocities, m/s."""
     stay_std: float = 0.003
     """Deviation of keypoints from the previous stage's, metres."""
 

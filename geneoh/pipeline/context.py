@@ -10,7 +10,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn.functional import normalize
 
-from geneoh.denoisers.base import POINTS, SELECT_EVERY, Observation
+from geneoh.denoisers.base import POINTS, SELECT_EVERY
 from geneoh.denoisers.motion import ObservedMotion
 from geneoh.denoisers.spatial import SpatialEvidence, track_cues
 from geneoh.denoisers.temporal import TemporalEvidence
@@ -148,16 +148,6 @@ class StageContext(ObjectSurface):
             self.windows(hand.turn),
             self.windows(hand.fingers),
             hand.offsets.expand(len(self.starts), 20, 3),
-        )
-
-    def observation(
-        self, joints: Float[Tensor, "S T 21 3"], region: ContactRegion, given: bool
-    ) -> Observation:
-        """The hand that a stage starts from, as the networks' condition."""
-        windows = self.windows(joints)
-        trust = self.cut(self.trust, 0).repeat(len(joints), 1, 1)
-        return Observation(
-            region.to_canon(windows), trust, torch.full((len(windows),), float(given)).to(joints)
         )
 
     def nearest_surface(

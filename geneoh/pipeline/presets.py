@@ -20,6 +20,9 @@ class StagePlan:
     steps: int
     """Denoiser calls from that level down to a clean sample."""
     sampler: SamplerName = "ddim"
+    chains: int = 1
+    """MotionDiff in the paper's form: chains of each window, of which the closest to the input is
+    kept."""
 
     @property
     def calls(self) -> int:
@@ -142,7 +145,7 @@ def preset(name: PresetName) -> Preset:
     match name:
         case "paper":
             return Preset(
-                motion=StagePlan(400, 400, "ancestral"),
+                motion=StagePlan(400, 400, "ancestral", chains=8),
                 spatial=StagePlan(200, 200, "ancestral"),
                 temporal=StagePlan(100, 100, "ancestral"),
                 observed=False,

@@ -148,9 +148,10 @@ class StageRun:
             assert self.denoisers.trajectory is not None, "it was asked for"
             joints = denoise_trajectory(
                 self.denoisers.trajectory,
-                joints,
+                joints[:1],
                 context,
                 preset.motion,
+                samples=preset.samples,
                 generator=self.generator,
                 on_step=self.progress_of("motion"),
             )

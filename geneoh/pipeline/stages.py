@@ -165,39 +165,54 @@ def _of_all_windows(
 
 def denoise_trajectory(
     model: TrajectoryDenoiser,
-    whole: Float[Tensor, "S T 21 3"],
+    observed: Float[Tensor, "1 T 21 3"],
     context: StageContext,
     plan: StagePlan,
     *,
+    samples: int,
     generator: torch.Generator,
     on_step: OnStep | None = None,
 ) -> Float[Tensor, "S T 21 3"]:
     """MotionDiff as the paper has it: world keypoints with natural canonical trajectories.
 
-    Every window has a chain of its own in units of its own deviation; windows are blended after.
+    Every window has `plan.chains` of its own, or as many as `samples` if these are more, in units
+    of its own deviation; those that end closest to the input are kept, the closest first, and
+    windows are blended after. The paper chooses after the last stage: the later ones change less.
     """
+    chains = max(samples, plan.chains)
 
     def one_piece(piece: Piece, on_step: OnStep | None) -> Tensor:
-        context, joints = piece.context, whole[:, piece.frames]
+        context, joints = piece.context, observed[:, piece.frames]
         region = context.region(joints)
         canon = region.to_canon(context.windows(joints))
         scale = WindowScale.of(canon)
+        deviation = scale.deviation.flatten().repeat(chains)
 
         def clean(x: Tensor, sigma: float) -> Tensor:
-            return scale.normalised(model(scale.metres(x), sigma * scale.deviation.flatten()))
+            return model(x, x.new_full((len(x),), sigma), deviation)
 
         cleaned = denoise_via_diffusion(
             clean,
-            scale.normalised(canon),
+            scale.normalised(canon).repeat(chains, 1, 1, 1),
             descending_sigmas(plan.level, plan.steps),
             sampler=plan.sampler,
-            samples=len(joints),
+            samples=chains,
             generator=generator,
             on_step=on_step,
         )
-        return region.to_world(scale.metres(cleaned))
+        each = torch.stack([scale.metres(one) for one in cleaned.unflatten(0, (chains, -1))])
+        kept = _closest(each, canon, samples)
+        return torch.cat([region.to_world(one) for one in kept])
 
-    return _piece_by_piece(one_piece, whole, context, on_step)
+    return _piece_by_piece(one_piece, context, on_step, samples, at_once=chains)
+
+
+def _closest(
+    each: Float[Tensor, "C W T 21 3"], given: Float[Tensor, "W T 21 3"], count: int
+) -> Float[Tensor, "S W T 21 3"]:
+    """The chains of each window that ended closest to the input, the closest first."""
+    order = (each - given).norm(dim=-1).mean((2, 3)).argsort(0)[:count]
+    return each[order, torch.arange(each.shape[1], device=each.device)]
 
 
 def denoise_relations(
@@ -218,14 +233,13 @@ def denoise_relations(
     def one_piece(piece: Piece, on_step: OnStep | None) -> Tensor:
         context, joints = piece.context, whole[:, piece.frames]
         region = context.region(joints)
-        observation = context.observation(joints, region, False)
         start = encode_spatial(region.to_canon(context.windows(joints)), region)
         scale = WindowScale.of(start.hands)
 
         def clean_hands(hands: Float[Tensor, "B N K 21 3"], sigma: float) -> Tensor:
             noisy = replace(start, hands=scale.metres(hands))
-            level = sigma * scale.deviation.flatten()
-            return scale.normalised(model(noisy, level, observation).hands)
+            level = hands.new_full((len(hands),), sigma)
+            return scale.normalised(model(noisy, level, scale).hands)
 
         hands = denoise_via_diffusion(
             clean_hands,
@@ -239,7 +253,7 @@ def denoise_relations(
         hand = decode_spatial(replace(start, hands=scale.metres(hands)))
         return region.to_world(hand)
 
-    return _piece_by_piece(one_piece, whole, context, on_step)
+    return _piece_by_piece(one_piece, context, on_step, len(whole))
 
 
 def denoise_temporal(
@@ -314,10 +328,9 @@ def denoise_latent(
         windows = context.windows(joints)
         relations = encode_temporal(windows, region, context.fps)
         latent = model.autoencoder.encode(relations, region.points_canon[:, :-1])
-        hidden = latent.new_zeros(len(latent))
 
         def clean(x: Tensor, sigma: float) -> Tensor:
-            return model(x, x.new_full((len(x),), sigma), latent, hidden)
+            return model(x, x.new_full((len(x),), sigma))
 
         cleaned = denoise_via_diffusion(
             clean,
@@ -336,16 +349,21 @@ def denoise_latent(
         target = model.autoencoder.decode(cleaned, *around)
         return align_to_relations(windows, near, target, context.fps, config=align)
 
-    return _piece_by_piece(one_piece, whole, context, on_step)
+    return _piece_by_piece(one_piece, context, on_step, len(whole))
 
 
 def _piece_by_piece(
     work: Callable[[Piece, OnStep | None], Tensor],
-    joints: Float[Tensor, "S T 21 3"],
     context: StageContext,
     on_step: OnStep | None,
+    samples: int,
+    *,
+    at_once: int | None = None,
 ) -> Float[Tensor, "S T 21 3"]:
-    """The windows that `work` makes of each piece, blended; all windows are independent."""
-    pieces = context.pieces(len(joints))
+    """The windows that `work` makes of each piece, blended; all windows are independent.
+
+    `at_once` is how many times a window is worked on together, where that is not `samples`.
+    """
+    pieces = context.pieces(at_once or samples)
     made = (work(piece, part_of(on_step, index, len(pieces))) for index, piece in enumerate(pieces))
-    return context.joined(made, len(joints))
+    return context.joined(made, samples)

@@ -1,6 +1,6 @@
 """T: hand-object temporal relations of every contact point and frame pair (paper 3.1, eq. 1)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import torch
 from jaxtyping import Float
@@ -15,6 +15,8 @@ no value; the public code's 1/m hardly decays over a hand."""
 TANGENTIAL_GAIN = 1.0
 NORMAL_GAIN = 1.0
 """k_a and k_b of the paper, dimensionless."""
+FLATNESS = 5e-4
+"""Deviation of points from a plane, metres, below which places across it are not known."""
 
 
 @dataclass(frozen=True)
@@ -49,23 +51,54 @@ def encode_temporal(
     object_velocity = (region.points.diff(dim=-3) * fps) @ turn
     joint_velocity = (joints.diff(dim=-3) * fps) @ turn
     normals = region.normals[..., :-1, :, :] @ turn
-    apart = differences(joints[..., :-1, :, :], region.points[..., :-1, :, :])
+    found = pair_statistics(
+        differences(joints[..., :-1, :, :], region.points[..., :-1, :, :]),
+        differences(joint_velocity, object_velocity),
+        normals,
+    )
+    return TemporalRelations(
+        **{f.name: getattr(found, f.name) for f in fields(found)},
+        object_velocity=object_velocity,
+        normals=normals,
+    )
+
+
+def pair_statistics(
+    apart: list[Float[Tensor, "*B T1 K 21"]],
+    velocity: list[Float[Tensor, "*B T1 K 21"]],
+    normals: Float[Tensor, "*B T1 K 3"],
+) -> PairStatistics:
+    """Statistics of the way from each contact point to each keypoint and of its relative velocity.
+
+    Both are one tensor for each axis (`differences`); the frame of the way does not matter.
+    """
     # the floor keeps the root's gradient finite where a keypoint is on the point
     distance = squared(apart).clamp(min=1e-18).sqrt()
-    velocity = differences(joint_velocity, object_velocity)
     x, y, z = (v * n[..., None] for v, n in zip(velocity, normals.unbind(-1), strict=True))
     along = x + y + z
     # the same where a keypoint moves with the point
     across = (squared(velocity) - along.square()).clamp(min=1e-12).sqrt()
     near = torch.exp(-DISTANCE_DECAY * distance)
-    return TemporalRelations(
-        object_velocity=object_velocity,
-        normals=normals,
+    return PairStatistics(
         distance=distance,
         velocity=torch.stack(velocity, dim=-1),
         tangential=near * TANGENTIAL_GAIN * across,
         normal=near * NORMAL_GAIN * along.abs(),
     )
+
+
+def places_by_distance(
+    distance: Float[Tensor, "*B K 21"], points: Float[Tensor, "*B K 3"]
+) -> Float[Tensor, "*B 21 3"]:
+    """Keypoints by their distances from points, metres: least squares of the squared distances.
+
+    Across points that lie in a plane a place is not known, and is set to the plane.
+    """
+    centre = points.mean(-2, keepdim=True)
+    arm = points - centre
+    squares = distance.square() - arm.square().sum(-1, keepdim=True)
+    small = points.shape[-2] * FLATNESS**2 * torch.eye(3).to(points)
+    return centre - 0.5 * torch.linalg.solve(arm.mT @ arm + small, arm.mT @ squares).mT
 
 
 def differences(

@@ -7,8 +7,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from geneoh.baselines.features import Observation
 from geneoh.bundle import Bundle
-from geneoh.denoisers.base import Observation
 from geneoh.denoisers.motion import MotionDenoiser, ObservedMotion
 from geneoh.denoisers.spatial import SpatialEvidence, track_cues
 from geneoh.denoisers.temporal import TemporalEvidence
@@ -97,9 +97,8 @@ def draw_batch(
         region = windows.region(joints).turned(turn)
     cues = track_cues(motion.hand, change, motion.trust, noise.object_noise)
     evidence = windows.evidence(left, noise.ray, cues)
-    given = (draws.share() >= config.condition_dropout).float()
     trust = noise.keep[..., None].expand(-1, -1, 21).float()
-    observation = Observation(region.to_canon(joints), trust, given)
+    observation = Observation(region.to_canon(joints), trust)
     hand = clean.to_canon(region)
     return Batch(clean.joints, joints, observed, region, observation, hand, motion, evidence)
 

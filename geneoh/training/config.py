@@ -22,8 +22,6 @@ from geneoh.training.windows import WindowConfig
 class TrainConfig(RunConfig):
     """The training of one stage of the cleaner; every value is saved with the weights."""
 
-    condition_dropout: float = 0.2
-    """Share of the windows whose observation is hidden: the paper's canonical denoiser."""
     autoencoder_steps: int = 3000
     """Latent stage only: steps spent on the autoencoder before its latent is denoised."""
     motion_level: int = 650

@@ -9,8 +9,8 @@ from torch import Tensor, nn
 
 from geneoh.baselines.regression import RegressionDenoiser
 from geneoh.baselines.toch import TochAutoencoder
-from geneoh.denoisers.base import HAND_SCALE, NOISE_SCALE
-from geneoh.denoisers.latent import LATENT_NOISE_SCALE, LatentDenoiser
+from geneoh.denoisers.base import NOISE_SCALE
+from geneoh.denoisers.latent import LatentDenoiser
 from geneoh.denoisers.motion import MotionDenoiser
 from geneoh.denoisers.relations import RelationDenoiser
 from geneoh.denoisers.spatial import SpatialDenoiser, SpatialEvidence
@@ -21,19 +21,20 @@ from geneoh.diffusion.samplers import normal_like
 from geneoh.fitting.align import align_to_steps
 from geneoh.representation.spatial import decode_spatial, encode_spatial
 from geneoh.representation.temporal import DISTANCE_DECAY, encode_temporal
+from geneoh.representation.window_scale import WindowScale
 from geneoh.synthesis.draws import Draws, Part
 from geneoh.training.batches import Batch
 
-SIGMA_RANGE = (0.05, 2.5)
-"""Range of the noise levels, in units of the data's deviation: the paper starts its stages at 2.0
-(step 400), 0.7 (step 200) and 0.34 (step 100)."""
-MOTION_SIGMA_RANGE = (0.15, 8.0)  # the same for MotionDiff
+MOTION_SIGMAS = (0.15, 8.0)
+"""Range of the noise levels that MotionDiff learns, in units of the data's deviation."""
+TRAJECTORY_SIGMAS, RELATION_SIGMAS, LATENT_SIGMAS = (0.05, 2.5), (0.04, 0.9), (0.02, 0.5)
+"""The same for the stages in the paper's form, which start at 2.0 (level 400), 0.7 (200) and 0.34
+(100)."""
+TRAJECTORY_START, RELATION_START, LATENT_START = 2.0, 0.7, 0.34
+"""Noise levels at which they are scored."""
 HIGH_NOISE_BIAS = 4.0
-"""Preference for high noise levels in training with the observation, which is hard to learn to read
-there; low levels are easy."""
-SCORING_SIGMA = 2.0
-"""Noise level at which a stage is scored, that of level 400 (MotionDiff: its highest): the score is
-of what the network reads in the observation, as the noisy sample tells almost nothing."""
+"""Preference for high noise levels in the training of MotionDiff: to read the observation there is
+hard to learn, and low levels are easy."""
 FPS = 30.0  # frames a second of all training data
 KEYPOINT_UNIT = 0.02  # keypoint error that counts as much as a parameter error of one unit, metres
 TRIALS = 32  # places at which SpatialDiff is asked in training, for each window
@@ -51,7 +52,7 @@ def draw_sigma(
     *,
     generator: torch.Generator,
     part: Part | None = None,
-    limits: tuple[float, float] = SIGMA_RANGE,
+    limits: tuple[float, float],
     high_noise_bias: float = 1.0,
 ) -> Float[Tensor, " B"]:
     """Noise levels in units of the data's deviation: log-uniform for a bias of 1, else higher."""
@@ -85,8 +86,13 @@ def motion_loss(
     """
     seen, clean = batch.motion, batch.clean_canon
     change = seen.hand.change_to(batch.hand)
-    levels = {"limits": MOTION_SIGMA_RANGE, "high_noise_bias": HIGH_NOISE_BIAS}
-    sigma = draw_sigma(len(change), generator=generator, part=part, **levels).to(change)
+    sigma = draw_sigma(
+        len(change),
+        generator=generator,
+        part=part,
+        limits=MOTION_SIGMAS,
+        high_noise_bias=HIGH_NOISE_BIAS,
+    ).to(change)
     noise = _noise_of(change, generator, part)
     predicted = model(change + sigma[:, None, None] * noise, sigma, seen)
     parameters = (predicted - change).square().mean((1, 2))
@@ -98,12 +104,21 @@ def motion_loss(
 def trajectory_loss(
     model: TrajectoryDenoiser, batch: Batch, *, generator: torch.Generator, part: Part | None = None
 ) -> Float[Tensor, ""]:
-    """Weighted squared error of clean canonical keypoints (paper C.4; x0 form of its eps loss)."""
-    clean = batch.clean_canon
-    sigma = draw_sigma(len(clean), generator=generator, part=part).to(clean) * HAND_SCALE
-    noise = _noise_of(clean, generator, part)
-    predicted = model(clean + sigma[:, None, None, None] * noise, sigma)
-    weight = loss_weight(sigma, torch.full_like(sigma, HAND_SCALE))
+    """Weighted squared error of clean canonical keypoints (paper C.4; x0 form of its eps loss).
+
+    The unit is the deviation of the noisy window, by which it is read in use. The mean is that of
+    the clean window, as in the paper: what lasts of an error is not seen here. High noise levels
+    are preferred, because what is lost there stays to the end of a chain.
+    """
+    deviation = WindowScale.of(batch.observation.joints).deviation
+    scale = WindowScale(WindowScale.of(batch.clean_canon).mean, deviation)
+    clean = scale.normalised(batch.clean_canon)
+    drawn = {"generator": generator, "part": part}
+    sigma = draw_sigma(len(clean), limits=TRAJECTORY_SIGMAS, high_noise_bias=2.0, **drawn).to(clean)
+    noise = _noise_of(clean, **drawn)
+    noisy = clean + sigma[:, None, None, None] * noise
+    predicted = model(noisy, sigma, scale.deviation.flatten())
+    weight = loss_weight(sigma, torch.ones_like(sigma))
     return (weight * (predicted - clean).square().mean((1, 2, 3))).mean()
 
 
@@ -112,24 +127,18 @@ def relation_loss(
 ) -> Float[Tensor, ""]:
     """Error of every contact point's hand and of their mean (eq. 8).
 
-    With the observation all points see the same noise, and levels count as for MotionDiff. Where it
-    is hidden each point has its own noise and levels count as in the paper's independent chains.
+    Each point has its own noise, in units of the window as it is read in use.
     """
-    observation, clean = batch.observation, batch.clean_canon
-    given, relations = observation.given > 0, encode_spatial(clean, batch.region)
-    even, high = (
-        draw_sigma(len(clean), generator=generator, part=part, high_noise_bias=bias).to(clean)
-        for bias in (1.0, HIGH_NOISE_BIAS)
-    )
-    sigma = torch.where(given, high, even) * HAND_SCALE
-    own = _noise_of(relations.hands, generator, part)
-    noise = torch.where(observation.mask[..., None] > 0, own[:, :, :1].expand_as(own), own)
-    hands = relations.hands + sigma[:, None, None, None, None] * noise
-    predicted = model(replace(relations, hands=hands), sigma, observation)
-    alike = window_weight(observation.joints, clean) / KEYPOINT_UNIT**2
-    weight = torch.where(given, alike, loss_weight(sigma, observation.scale))
+    drawn = {"generator": generator, "part": part}
+    scale = WindowScale.of(batch.observation.joints[:, :, None])
+    relations = encode_spatial(batch.clean_canon, batch.region)
+    sigma = draw_sigma(len(relations.hands), limits=RELATION_SIGMAS, **drawn).to(relations.hands)
+    noise = _noise_of(relations.hands, **drawn)
+    noise = noise * (sigma[:, None, None, None, None] * scale.deviation)
+    predicted = model(replace(relations, hands=relations.hands + noise), sigma, scale)
+    weight = loss_weight(sigma, torch.ones_like(sigma)) / scale.deviation.flatten().square()
     each = (predicted.hands - relations.hands).square().mean((1, 2, 3, 4))
-    together = (decode_spatial(predicted) - clean).square().mean((1, 2, 3))
+    together = (decode_spatial(predicted) - batch.clean_canon).square().mean((1, 2, 3))
     return (weight * (0.5 * each + 0.5 * together)).mean()
 
 
@@ -218,12 +227,12 @@ def latent_loss(
     model: LatentDenoiser, batch: Batch, *, generator: torch.Generator, part: Part | None = None
 ) -> Float[Tensor, ""]:
     """Weighted squared error of the clean latent; the autoencoder is frozen."""
-    clean, observed = temporal_latents(model, batch)
-    sigma = draw_sigma(len(clean), generator=generator, part=part).to(clean)
-    noise = _noise_of(clean, generator, part)
-    given = batch.observation.given
-    predicted = model(clean + sigma[:, None, None] * noise, sigma, observed, given)
-    weight = loss_weight(sigma, torch.where(given > 0, LATENT_NOISE_SCALE, 1.0))
+    clean, _ = temporal_latents(model, batch)
+    drawn = {"generator": generator, "part": part}
+    sigma = draw_sigma(len(clean), limits=LATENT_SIGMAS, **drawn).to(clean)
+    noise = _noise_of(clean, **drawn)
+    predicted = model(clean + sigma[:, None, None] * noise, sigma)
+    weight = loss_weight(sigma, torch.ones_like(sigma))
     return (weight * (predicted - clean).square().mean((1, 2))).mean()
 
 
@@ -262,39 +271,42 @@ def recovered_fraction(
 
     It is of keypoints, of shifts of the hand (spatial), of its steps (temporal) or of latents.
     """
-    given = torch.ones_like(batch.observation.given)
-    observation = replace(batch.observation, given=given)
-    noisy, clean = observation.joints, batch.clean_canon
-    sigma = given * SCORING_SIGMA
+    noisy, clean = batch.observation.joints, batch.clean_canon
+    one = noisy.new_ones(len(noisy))
     match model:
         case MotionDenoiser():
             hand = batch.motion.hand
             change = torch.zeros_like(hand.change_to(hand))
-            start = MOTION_SIGMA_RANGE[1]
+            start = MOTION_SIGMAS[1]
             noise = start * normal_like(change, generator=generator)
-            got = hand.moved(model(change + noise, start * given, batch.motion)).joints
+            got = hand.moved(model(change + noise, start * one, batch.motion)).joints
             noisy = hand.joints
         case TrajectoryDenoiser():
-            noise = SCORING_SIGMA * HAND_SCALE * normal_like(noisy, generator=generator)
-            got = model(noisy + noise, sigma * HAND_SCALE)
+            scale, start = WindowScale.of(noisy), TRAJECTORY_START
+            noise = start * normal_like(noisy, generator=generator)
+            given = scale.normalised(noisy) + noise
+            got = scale.metres(model(given, start * one, scale.deviation.flatten()))
         case SpatialDenoiser():
             evidence, clean = _spatial_question(batch)
             noisy = torch.zeros_like(clean)
             axes = torch.eye(3).to(clean)
             got = model.posterior(evidence, axes, rounds=4, places=48, generator=generator).mean
         case RelationDenoiser():
-            noise = SCORING_SIGMA * HAND_SCALE * normal_like(noisy, generator=generator)
-            relations = encode_spatial(noisy + noise, batch.region)
-            got = decode_spatial(model(relations, sigma * HAND_SCALE, observation))
+            relations = encode_spatial(noisy, batch.region)
+            scale = WindowScale.of(relations.hands)
+            noise = RELATION_START * scale.deviation
+            noise = noise * normal_like(relations.hands, generator=generator)
+            hands = replace(relations, hands=relations.hands + noise)
+            got = decode_spatial(model(hands, RELATION_START * one, scale))
         case TemporalDenoiser():
             seen, clean, got = _temporal_question(model, batch)
             clean, got, noisy = (hand.diff(dim=1) for hand in (clean, got, seen.joints))
         case LatentDenoiser():
             clean, noisy = temporal_latents(model, batch)
-            noise = SCORING_SIGMA * normal_like(noisy, generator=generator)
-            got = model(noisy + noise, sigma, noisy, given)
+            noise = LATENT_START * normal_like(noisy, generator=generator)
+            got = model(noisy + noise, LATENT_START * one)
         case TochAutoencoder() | RegressionDenoiser():
-            got = model(observation, encode_spatial(noisy, batch.region))
+            got = model(batch.observation, encode_spatial(noisy, batch.region))
         case _:
             raise AssertionError(f"no denoiser: {type(model).__name__}")
     return (got - clean).norm(dim=-1).mean() / (noisy - clean).norm(dim=-1).mean()

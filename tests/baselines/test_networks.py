@@ -45,7 +45,7 @@ def test_answers_turn_with_the_scene(network, wake, make_observation, relate):
 def test_the_autoencoder_knows_nothing_of_trust(wake, make_observation, relate):
     network, observation = wake(TochAutoencoder(TOCH)), make_observation()
     relations = relate(observation)
-    doubtful = type(observation)(observation.joints, 0 * observation.trust, observation.given)
+    doubtful = type(observation)(observation.joints, 0 * observation.trust)
     got = network(observation, relations)
     assert torch.equal(network(doubtful, relations), got)
 

@@ -1,5 +1,5 @@
 """Small networks with random weights, and observations to show them."""
 
-from networks import draw, make_observation, wake
+from networks import draw, wake
 
-__all__ = ["draw", "make_observation", "wake"]
+__all__ = ["draw", "wake"]

@@ -1,5 +1,7 @@
 """MotionDiff and its form of the paper with stand-in networks, whose right answers are known."""
 
+from dataclasses import replace
+
 import networks
 import pytest
 import torch
@@ -11,6 +13,7 @@ from geneoh.denoisers.trajectory import TrajectoryConfig, TrajectoryDenoiser
 from geneoh.pipeline.presets import StagePlan
 from geneoh.pipeline.stages import denoise_motion, denoise_trajectory
 from geneoh.representation.parameters import HandParameters
+from geneoh.representation.window_scale import WindowScale
 
 
 class KnownChange(MotionDenoiser):
@@ -25,13 +28,14 @@ class KnownChange(MotionDenoiser):
 
 
 class KnownWindows(TrajectoryDenoiser):
-    """Answers with the same canonical windows whatever the input."""
+    """Answers with the windows of hands, in units of those of the input, whatever it is asked."""
 
-    def __init__(self, windows: Tensor) -> None:
+    def __init__(self, context, joints: Tensor, goal: Tensor) -> None:
         super().__init__(TrajectoryConfig(width=16, depth=1, heads=2))
-        self.windows = windows
+        scale = WindowScale.of(canonical(context, joints, joints))
+        self.windows = torch.cat([scale.normalised(one) for one in goal.split(len(scale.mean))])
 
-    def forward(self, x, sigma):
+    def forward(self, x, sigma, deviation):
         return self.windows
 
 
@@ -75,9 +79,9 @@ def test_motion_answers_window_by_window_as_on_all_at_once(monkeypatch):
 
 def test_trajectory_gives_the_hand_that_the_network_answers():
     context = scene(LONG)
-    joints, goal = hands_at(context, 2), hands_at(context, 2, seed=20)
-    model = KnownWindows(canonical(context, joints, goal))
-    got = denoise_trajectory(model, joints, context, PLAN, generator=seeded())
+    joints, goal = hands_at(context), hands_at(context, seed=20)
+    model = KnownWindows(context, joints, canonical(context, joints, goal))
+    got = denoise_trajectory(model, joints, context, PLAN, samples=1, generator=seeded())
     torch.testing.assert_close(got, goal, atol=1e-6, rtol=0)
 
 
@@ -85,9 +89,9 @@ def test_trajectory_gives_the_hand_that_the_network_answers():
 def test_a_network_that_answers_the_input_changes_nothing(sampler):
     context = scene(LONG)
     joints = hands_at(context)
-    model = KnownWindows(canonical(context, joints, joints))
+    model = KnownWindows(context, joints, canonical(context, joints, joints))
     plan = StagePlan(400, 3, sampler)
-    got = denoise_trajectory(model, joints, context, plan, generator=seeded())
+    got = denoise_trajectory(model, joints, context, plan, samples=1, generator=seeded())
     torch.testing.assert_close(got, joints, atol=1e-6, rtol=0)
 
 
@@ -97,11 +101,25 @@ def test_windows_that_disagree_are_blended_where_they_overlap():
     region = context.region(joints)
     other = context.windows(joints).clone()
     other[1] += aside
-    got = denoise_trajectory(
-        KnownWindows(region.to_canon(other)), joints, context, PLAN, generator=seeded()
-    )
+    model = KnownWindows(context, joints, region.to_canon(other))
+    got = denoise_trajectory(model, joints, context, PLAN, samples=1, generator=seeded())
     step = (got - joints)[0, :, 0, 0] / aside[0]
     torch.testing.assert_close(step[:30], torch.zeros(30), atol=1e-4, rtol=0)
     torch.testing.assert_close(step[60:], torch.ones(30), atol=1e-4, rtol=0)
     assert bool((step[29:61].diff() > -1e-4).all())
     assert 0.4 < float(step[44:46].mean()) < 0.6
+
+
+@pytest.mark.parametrize("samples", [1, 2, 3])
+def test_of_the_chains_of_each_window_those_closest_to_the_input_are_kept(samples):
+    context = scene(LONG)
+    joints = hands_at(context)
+    region, windows = context.region(joints), context.windows(joints)
+    away = torch.tensor([[3.0, 1.0], [1.0, 2.0], [2.0, 3.0]])  # cm, of two windows in three chains
+    moved = [windows + 0.01 * one[:, None, None, None] * torch.eye(3)[0] for one in away]
+    model = KnownWindows(context, joints, torch.cat([region.to_canon(one) for one in moved]))
+    plan = replace(PLAN, chains=3)
+    got = denoise_trajectory(model, joints, context, plan, samples=samples, generator=seeded())
+    apart = (got - joints)[..., 0].mean(-1)
+    wanted = 0.01 * torch.arange(1.0, 1 + samples)[:, None].expand(-1, LONG)
+    torch.testing.assert_close(apart, wanted, atol=1e-5, rtol=0)

@@ -13,6 +13,7 @@ from geneoh.representation.temporal import (
     TANGENTIAL_GAIN,
     TemporalRelations,
     encode_temporal,
+    places_by_distance,
 )
 
 FPS = 30.0
@@ -160,3 +161,16 @@ def test_gradients_stay_finite_where_nothing_moves(make_scene):
     relations = encode_temporal(joints, scene.region(), FPS)
     sum(getattr(relations, n).sum() for n in TemporalRelations.__dataclass_fields__).backward()
     assert bool(joints.grad.isfinite().all())
+
+
+def test_distances_from_a_few_points_tell_where_keypoints_are():
+    draw = torch.Generator().manual_seed(0)
+    points = 0.02 * torch.randn(4, 12, 3, generator=draw)
+    joints = 0.05 * torch.randn(4, 21, 3, generator=draw) + torch.tensor([0.3, 0.0, -0.1])
+    distance = (joints[:, None] - points[:, :, None]).norm(dim=-1)
+    torch.testing.assert_close(places_by_distance(distance, points), joints, atol=1e-3, rtol=0)
+    # points of a plane know the place along it, and set it to the plane
+    flat = points * torch.tensor([1.0, 1.0, 0.0])
+    distance = (joints[:, None] - flat[:, :, None]).norm(dim=-1)
+    wanted = joints * torch.tensor([1.0, 1.0, 0.0])
+    torch.testing.assert_close(places_by_distance(distance, flat), wanted, atol=1e-3, rtol=0)

@@ -4,7 +4,7 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from geneoh.denoisers.base import Observation
+from geneoh.baselines.features import Observation
 
 
 def normal(*shape: int, seed: int = 0) -> Tensor:
@@ -12,12 +12,11 @@ def normal(*shape: int, seed: int = 0) -> Tensor:
     return torch.randn(*shape, generator=torch.Generator().manual_seed(seed))
 
 
-def observation(batch: int = 2, frames: int = 4, seed: int = 0, given: float = 1.0) -> Observation:
+def observation(batch: int = 2, frames: int = 4, seed: int = 0) -> Observation:
     """Keypoints within some 8 cm of the contact points."""
     return Observation(
         joints=0.08 * normal(batch, frames, 21, 3, seed=seed),
         trust=torch.ones(batch, frames, 21),
-        given=torch.full((batch,), given),
     )
 
 

@@ -130,12 +130,6 @@ def test_equal_generators_draw_equal_batches(interactions):
     assert first.clean.shape != other.clean.shape or not torch.equal(first.clean, other.clean)
 
 
-@pytest.mark.parametrize(("share", "given_to"), [(0.0, 1.0), (1.0, 0.0)])
-def test_the_observation_is_hidden_in_the_share_asked_for(interactions, share, given_to):
-    b = drawn(interactions, 4, TrainConfig(condition_dropout=share), generator=seeded())
-    assert torch.equal(b.observation.given, torch.full((4,), given_to))
-
-
 def test_a_stage_that_follows_motion_sees_what_motion_leaves(interactions, tiny):
     model = build_model("motion", tiny)
     plain, after = (

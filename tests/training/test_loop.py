@@ -124,7 +124,7 @@ def test_the_loss_falls(clips, tiny):
     batch = draw_batch(
         clips,
         4,
-        replace(tiny, condition_dropout=0.0),
+        tiny,
         generator=torch.Generator().manual_seed(0),
     )
     model = build_model("motion", tiny)

@@ -64,7 +64,6 @@ def test_one_recording_can_be_learned_by_heart(tiny, tmp_path):
         tiny,
         **{"steps": 60, "batch": 8, "rate": 5e-3, "warmup": 5, "checkpoint_every": 60},
         validate_every=20,
-        condition_dropout=0.0,
         windows=WindowConfig(frames=16, short_share=0.0, fast_share=0.0),
         clips=ClipConfig(shortest=16, longest=32, points=48),
         augmentation=replace(tiny.augmentation, share=0.0, style_share=0.0),
