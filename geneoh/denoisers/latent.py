@@ -32,7 +32,7 @@ HAND_NUMBERS = 2 * 63  # places and velocities of keypoints
 class LatentConfig:
     """Size of the autoencoder and of the latent denoiser."""
 
-    latent: int = 128  # at least `HAND_NUMBERS`
+    latent: int = 128  # from `HAND_NUMBERS` on, the untrained autoencoder is exact
     point_width: int = 96
     encoder_depth: int = 1
     width: int = 160

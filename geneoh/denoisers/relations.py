@@ -13,8 +13,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from geneoh.denoisers.base import HAND_SCALE, palm_axes
-from geneoh.denoisers.candidate_corrections import SMOOTHING_FRAMES, filter_kernels
-from geneoh.denoisers.trajectory import TYPICAL_DEVIATION
+from geneoh.denoisers.window_features import VERSIONS, window_size, with_low_passed
 from geneoh.diffusion.precondition import preconditioned
 from geneoh.nn.blocks import FrameTransformer, mlp, zeroed
 from geneoh.representation.spatial import SpatialRelations, decode_spatial
@@ -48,14 +47,14 @@ class RelationDenoiser(nn.Module):
         """Build the network; its last layers start at zero, so it starts as the skip path."""
         super().__init__()
         self.config = config
-        width, point, means = config.width, config.point_width, 1 + len(SMOOTHING_FRAMES)
+        width, point = config.width, config.point_width
         self.encode_point = mlp(6 + 2 * 42 + 63, point, point)
-        self.embed = nn.Linear(2 * point + 63 * means + 1, width)
+        self.embed = nn.Linear(2 * point + 63 * VERSIONS + 1, width)
         self.trunk = FrameTransformer(width, config.depth, config.heads)
         self.decode_point = mlp(width + point, width, 63)
         zeroed(self.decode_point[-1])
         self.gate = zeroed(nn.Linear(width, 63))
-        self.mix = zeroed(nn.Linear(width, 63 * means))
+        self.mix = zeroed(nn.Linear(width, 63 * VERSIONS))
 
     def forward(
         self, noisy: SpatialRelations, sigma: Float[Tensor, " B"], scale: WindowScale
@@ -72,15 +71,12 @@ class RelationDenoiser(nn.Module):
         place = [(relations.points - mean[..., 0, :]) / HAND_SCALE, relations.normals]
         together = contact_features(relations.of_hand(middle @ axes[:, None]))
         fixed = torch.cat([*place, together, contact_features(relations)], dim=-1)
-        kernels = filter_kernels(torch.ones_like(middle[:, :, 0, 0]), SMOOTHING_FRAMES)
-        size = (scale.deviation / TYPICAL_DEVIATION).log().flatten(2)
-        size = size.expand(-1, middle.shape[1], -1)
+        size = window_size(scale.deviation.flatten(), middle.shape[1])
 
         def network(scaled: Tensor, level: Tensor) -> Tensor:
             each = self.encode_point(torch.cat([fixed, scaled.flatten(-2)], dim=-1))
             pooled = torch.cat([each.mean(2), each.amax(2)], dim=-1)
-            hand = scaled.mean(2).flatten(-2)
-            means = torch.cat([hand[:, None], kernels @ hand[:, None]], dim=1).transpose(1, 2)
+            means = with_low_passed(scaled.mean(2).flatten(-2))
             tokens = self.embed(torch.cat([pooled, means.flatten(2), size], dim=-1))
             tokens = self.trunk(tokens, level.flatten())
             around = tokens[:, :, None].expand(-1, -1, scaled.shape[2], -1)

@@ -7,12 +7,9 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from geneoh.denoisers.base import palm_axes
-from geneoh.denoisers.candidate_corrections import SMOOTHING_FRAMES, filter_kernels
+from geneoh.denoisers.window_features import VERSIONS, window_size, with_low_passed
 from geneoh.diffusion.precondition import preconditioned
 from geneoh.nn.blocks import FrameTransformer, zeroed
-
-TYPICAL_DEVIATION = 0.035
-"""Deviation of the keypoints of a window of a real hand in the middle, metres."""
 
 
 @dataclass(frozen=True)
@@ -37,11 +34,10 @@ class TrajectoryDenoiser(nn.Module):
         """Build the network; its last layers start at zero, so it starts as the skip path."""
         super().__init__()
         self.config = config
-        count = 1 + len(SMOOTHING_FRAMES)
-        self.embed = nn.Linear(63 * count + 1, config.width)
+        self.embed = nn.Linear(63 * VERSIONS + 1, config.width)
         self.trunk = FrameTransformer(config.width, config.depth, config.heads)
         self.head = zeroed(nn.Linear(config.width, 63))
-        self.mix = zeroed(nn.Linear(config.width, 63 * count))
+        self.mix = zeroed(nn.Linear(config.width, 63 * VERSIONS))
 
     def forward(
         self,
@@ -56,12 +52,10 @@ class TrajectoryDenoiser(nn.Module):
         """
         x = centred(x)
         axes = palm_axes(x)[:, None]  # so that the answer turns with the hand
-        kernels = filter_kernels(torch.ones_like(x[:, :, 0, 0]), SMOOTHING_FRAMES)
-        size = (deviation / TYPICAL_DEVIATION).log()[:, None, None].expand(-1, x.shape[1], 1)
+        size = window_size(deviation, x.shape[1])
 
         def network(scaled: Tensor, level: Tensor) -> Tensor:
-            flat = scaled.flatten(2)
-            mixed = torch.cat([flat[:, None], kernels @ flat[:, None]], dim=1).transpose(1, 2)
+            mixed = with_low_passed(scaled.flatten(2))
             tokens = self.embed(torch.cat([mixed.flatten(2), size], dim=-1))
             tokens = self.trunk(tokens, level.flatten())
             mix = self.mix(tokens).unflatten(-1, mixed.shape[2:])

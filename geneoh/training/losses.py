@@ -23,7 +23,7 @@ from geneoh.representation.spatial import decode_spatial, encode_spatial
 from geneoh.representation.temporal import DISTANCE_DECAY, encode_temporal
 from geneoh.representation.window_scale import WindowScale
 from geneoh.synthesis.draws import Draws, Part
-from geneoh.training.batches import Batch
+from geneoh.training.batches import Batch, Drawn
 
 MOTION_SIGMAS = (0.15, 8.0)
 """Range of the noise levels that MotionDiff learns, in units of the data's deviation."""
@@ -32,9 +32,9 @@ TRAJECTORY_SIGMAS, RELATION_SIGMAS, LATENT_SIGMAS = (0.05, 2.5), (0.04, 0.9), (0
 (100)."""
 TRAJECTORY_START, RELATION_START, LATENT_START = 2.0, 0.7, 0.34
 """Noise levels at which they are scored."""
-HIGH_NOISE_BIAS = 4.0
-"""Preference for high noise levels in the training of MotionDiff: to read the observation there is
-hard to learn, and low levels are easy."""
+HIGH_NOISE_BIAS, TRAJECTORY_HIGH_NOISE_BIAS = 4.0, 2.0
+"""Preference for high noise levels in the training of MotionDiff, where the observation is hard to
+learn to read, and of its form of the paper."""
 FPS = 30.0  # frames a second of all training data
 KEYPOINT_UNIT = 0.02  # keypoint error that counts as much as a parameter error of one unit, metres
 TRIALS = 32  # places at which SpatialDiff is asked in training, for each window
@@ -86,14 +86,10 @@ def motion_loss(
     """
     seen, clean = batch.motion, batch.clean_canon
     change = seen.hand.change_to(batch.hand)
-    sigma = draw_sigma(
-        len(change),
-        generator=generator,
-        part=part,
-        limits=MOTION_SIGMAS,
-        high_noise_bias=HIGH_NOISE_BIAS,
-    ).to(change)
-    noise = _noise_of(change, generator, part)
+    drawn: Drawn = {"generator": generator, "part": part}
+    limits, bias = MOTION_SIGMAS, HIGH_NOISE_BIAS
+    sigma = draw_sigma(len(change), limits=limits, high_noise_bias=bias, **drawn).to(change)
+    noise = _noise_of(change, **drawn)
     predicted = model(change + sigma[:, None, None] * noise, sigma, seen)
     parameters = (predicted - change).square().mean((1, 2))
     off = seen.hand.moved(predicted).joints - clean
@@ -113,8 +109,9 @@ def trajectory_loss(
     deviation = WindowScale.of(batch.observation.joints).deviation
     scale = WindowScale(WindowScale.of(batch.clean_canon).mean, deviation)
     clean = scale.normalised(batch.clean_canon)
-    drawn = {"generator": generator, "part": part}
-    sigma = draw_sigma(len(clean), limits=TRAJECTORY_SIGMAS, high_noise_bias=2.0, **drawn).to(clean)
+    drawn: Drawn = {"generator": generator, "part": part}
+    limits, bias = TRAJECTORY_SIGMAS, TRAJECTORY_HIGH_NOISE_BIAS
+    sigma = draw_sigma(len(clean), limits=limits, high_noise_bias=bias, **drawn).to(clean)
     noise = _noise_of(clean, **drawn)
     noisy = clean + sigma[:, None, None, None] * noise
     predicted = model(noisy, sigma, scale.deviation.flatten())
@@ -129,7 +126,7 @@ def relation_loss(
 
     Each point has its own noise, in units of the window as it is read in use.
     """
-    drawn = {"generator": generator, "part": part}
+    drawn: Drawn = {"generator": generator, "part": part}
     scale = WindowScale.of(batch.observation.joints[:, :, None])
     relations = encode_spatial(batch.clean_canon, batch.region)
     sigma = draw_sigma(len(relations.hands), limits=RELATION_SIGMAS, **drawn).to(relations.hands)
@@ -227,8 +224,8 @@ def latent_loss(
     model: LatentDenoiser, batch: Batch, *, generator: torch.Generator, part: Part | None = None
 ) -> Float[Tensor, ""]:
     """Weighted squared error of the clean latent; the autoencoder is frozen."""
-    clean, _ = temporal_latents(model, batch)
-    drawn = {"generator": generator, "part": part}
+    clean = temporal_latent(model, batch, batch.clean)
+    drawn: Drawn = {"generator": generator, "part": part}
     sigma = draw_sigma(len(clean), limits=LATENT_SIGMAS, **drawn).to(clean)
     noise = _noise_of(clean, **drawn)
     predicted = model(clean + sigma[:, None, None] * noise, sigma)
@@ -237,16 +234,12 @@ def latent_loss(
 
 
 @torch.no_grad()
-def temporal_latents(
-    model: LatentDenoiser, batch: Batch
-) -> tuple[Float[Tensor, "B T1 Z"], Float[Tensor, "B T1 Z"]]:
-    """Latents of the clean and of the noisy hand."""
+def temporal_latent(
+    model: LatentDenoiser, batch: Batch, joints: Float[Tensor, "B T 21 3"]
+) -> Float[Tensor, "B T1 Z"]:
+    """The latent of a hand of the world around the contact points of a batch."""
     points = batch.region.points_canon[:, :-1]
-    clean, noisy = (
-        model.autoencoder.encode(encode_temporal(joints, batch.region, FPS), points)
-        for joints in (batch.clean, batch.noisy)
-    )
-    return clean, noisy
+    return model.autoencoder.encode(encode_temporal(joints, batch.region, FPS), points)
 
 
 def keypoint_loss(
@@ -302,7 +295,9 @@ def recovered_fraction(
             seen, clean, got = _temporal_question(model, batch)
             clean, got, noisy = (hand.diff(dim=1) for hand in (clean, got, seen.joints))
         case LatentDenoiser():
-            clean, noisy = temporal_latents(model, batch)
+            clean, noisy = (
+                temporal_latent(model, batch, hand) for hand in (batch.clean, batch.noisy)
+            )
             noise = LATENT_START * normal_like(noisy, generator=generator)
             got = model(noisy + noise, LATENT_START * one)
         case TochAutoencoder() | RegressionDenoiser():

@@ -161,7 +161,7 @@ def set_latent_statistics(model: nn.Module, batch: Batch) -> None:
     encoder = model.autoencoder
     encoder.latent_mean.zero_()
     encoder.latent_std.fill_(1.0)
-    latent, _ = losses.temporal_latents(model, batch)
+    latent = losses.temporal_latent(model, batch, batch.clean)
     encoder.latent_mean.copy_(latent.mean((0, 1)))
     encoder.latent_std.copy_(latent.std((0, 1)).clamp(min=1e-3))
 

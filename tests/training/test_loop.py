@@ -12,7 +12,7 @@ from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.training.batches import draw_batch
 from geneoh.training.config import TrainConfig
 from geneoh.training.loop import learning_rate, update_average
-from geneoh.training.losses import latent_loss, motion_loss, reconstruction_loss, temporal_latents
+from geneoh.training.losses import latent_loss, motion_loss, reconstruction_loss, temporal_latent
 from geneoh.training.optimizer import Optimizer
 from geneoh.training.resume import LogRow, TrainState
 from geneoh.training.stages import build_model, loss_of, set_latent_statistics
@@ -221,6 +221,6 @@ def test_the_latent_is_white_once_its_statistics_are_set(clips, tiny):
     batch = draw_batch(clips, 2, generator=torch.Generator().manual_seed(0))
     for _ in range(2):  # what was set before does not matter
         set_latent_statistics(model, batch)
-        latent, _ = temporal_latents(model, batch)
+        latent = temporal_latent(model, batch, batch.clean)
         torch.testing.assert_close(latent.mean((0, 1)), torch.zeros(6), atol=1e-4, rtol=0)
         torch.testing.assert_close(latent.std((0, 1)), torch.ones(6), atol=1e-3, rtol=0)
