@@ -14,6 +14,7 @@ from torch.distributed.run import parse_args as torchrun
 
 from geneoh.errors import ConfigError
 from geneoh.nn.checkpoint import load_checkpoint
+from geneoh.training import loop, resume
 from geneoh.training.processes import Team, joined
 
 CPU = torch.device("cpu")
@@ -24,6 +25,17 @@ CLEAN.set_forkserver_preload(["geneoh.training.loop", "geneoh.training.stages", 
 NO_GRADIENT = "judge.4.bias"
 """A softmax takes this bias of SpatialDiff out, so that its gradient is rounding alone."""
 ROUNDING = 1e-8  # of moments that are zero but for it
+
+
+def multiply_in_float32(set_attribute=setattr) -> None:
+    """As on machines without units for bfloat16, whose rounding depends on the size of a batch."""
+    for module in (loop, resume):
+        set_attribute(module, "quick_precision", lambda device: torch.float32)
+
+
+@pytest.fixture(autouse=True)
+def _products_in_float32(monkeypatch):
+    multiply_in_float32(monkeypatch.setattr)
 
 
 def test_torchrun_leaves_every_option_of_train_alone():
@@ -42,6 +54,7 @@ def free_port() -> int:
 
 def started(rank, count, port, task, arguments, ended):
     """Run a task in a process of a team, and tell its result or its error."""
+    multiply_in_float32()
     os.environ.update(
         RANK=str(rank),
         LOCAL_RANK=str(rank),
