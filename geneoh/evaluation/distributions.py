@@ -8,9 +8,9 @@ from jaxtyping import Float
 from scipy.stats import ks_2samp
 from torch import Tensor
 
+from geneoh.hand.skeleton import KEYPOINT_FINGERS
 from geneoh.metrics.smoothness import finite_difference
 
-KEYPOINT_FINGERS = ("thumb", "index", "middle", "ring", "pinky")  # in the order of the keypoints
 ANGLES = tuple(
     f"{finger} {angle}"
     for finger in KEYPOINT_FINGERS

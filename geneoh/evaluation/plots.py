@@ -8,9 +8,9 @@ from itertools import zip_longest
 from statistics import fmean
 from typing import Any, Literal
 
-from geneoh.evaluation.distributions import KEYPOINT_FINGERS
 from geneoh.evaluation.scores import MEASURES, Score
 from geneoh.evaluation.tables import Block
+from geneoh.hand.skeleton import KEYPOINT_FINGERS
 
 EXTRA = 'pip install "geneoh[plots]"'  # installs matplotlib
 STYLE: Any = {

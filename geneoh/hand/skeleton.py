@@ -14,6 +14,9 @@ from geneoh.geometry import kinematics
 PARENTS = (-1, 0, 1, 2, 0, 4, 5, 0, 7, 8, 0, 10, 11, 0, 13, 14)
 TIP_PARENTS = (3, 6, 9, 12, 15)
 FINGERS = ("index", "middle", "pinky", "ring", "thumb")
+"""Fingers in the order of the joints."""
+KEYPOINT_FINGERS = ("thumb", "index", "middle", "ring", "pinky")
+"""Fingers in the order of the keypoints."""
 
 OPENPOSE_FROM_MANO = (0, 13, 14, 15, 20, 1, 2, 3, 16, 4, 5, 6, 17, 10, 11, 12, 19, 7, 8, 9, 18)
 """Keypoint i is entry OPENPOSE_FROM_MANO[i] of the 16 MANO joints followed by the 5 tips."""

@@ -1,11 +1,11 @@
 """Quality report of one interaction without ground truth, and its comparison before and after."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from math import nan
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from geneoh.bundle import Bundle, concatenated
@@ -100,10 +100,11 @@ def measure_frames(
     )
 
 
-def near_hand(surface: MovingSurface, verts: Float[Tensor, "T V 3"]) -> SurfaceQuery:
-    """The surface at the vertices of a hand: exact for those that touch the object, are in it or
-    are the nearest of their frame."""
-    within = TOUCH
+def near_hand(
+    surface: MovingSurface, verts: Float[Tensor, "T V 3"], within: float = TOUCH
+) -> SurfaceQuery:
+    """The surface at the vertices of a hand: exact for those within some metres of the object, in
+    it or the nearest of their frame."""
     found = replace(surface, within=within).query(verts)
     while within < FARTHEST:
         away = torch.nonzero(~(found.distance.abs() <= within).any(-1))[:, 0]
@@ -127,23 +128,43 @@ def measure_posed(
 
     `verts_of` gives the vertices of some frames at a time, so that not all are kept.
     """
+    return measure_with_groups(verts_of, joints, surface, fps, valid, groups=())[0]
+
+
+def measure_with_groups(
+    verts_of: Callable[[slice], Float[Tensor, "N V 3"]],
+    joints: Float[Tensor, "T 21 3"],
+    surface: MovingSurface,
+    fps: float,
+    valid: Bool[Tensor, " T"] | None = None,
+    *,
+    groups: Sequence[Int[Tensor, " _"]],
+    within: float = TOUCH,
+) -> tuple[InteractionReport, Float[Tensor, "T G"]]:
+    """`measure_posed`, and how far groups of vertices are off the object.
+
+    That is the signed distance of the nearest vertex of each, metres, exact up to `within`.
+    """
     if valid is None:
         valid = torch.ones(len(joints), dtype=torch.bool, device=joints.device)
-    measured, moves = [], []
+    measured, moves, apart = [], [], []
     for block in blocks(len(joints)):
         wide, inner = widened(block, 1, len(joints))  # differences reach one frame to either side
         verts, moving = verts_of(wide), surface.at(wide)
-        query = near_hand(moving, verts)
+        query = near_hand(moving, verts, within)
         found = measure_frames(query.distance, verts, joints[wide], fps, valid[wide])
         measured.append(found[inner])
         moves.append(motion_consistency(verts, query, moving)[inner])
+        nearest = [query.distance[inner, group].amin(-1, keepdim=True) for group in groups]
+        apart.append(torch.cat([query.distance[inner, :0], *nearest], dim=-1))
     frames, moved = concatenated(measured), torch.cat(moves)
-    return InteractionReport(
+    report = InteractionReport(
         frames=int(valid.sum()),
         contact_fraction=float(mean_over_frames(frames.touching.to(joints), valid)),
         consistency_mm2=1e6 * float(mean_over_frames(moved, valid_differences(valid, 1))),
         **frames.means(),
     )
+    return report, torch.cat(apart)
 
 
 LINES = (

@@ -20,10 +20,12 @@ from geneoh.fitting.terms import HandState
 from geneoh.geometry.distance import MovingSurface
 from geneoh.hand.model import ShapedHand
 from geneoh.hand.skeleton import TIP_KEYPOINTS
-from geneoh.metrics.report import InteractionReport, measure_posed
+from geneoh.metrics.contact import TOUCH
+from geneoh.metrics.report import InteractionReport, measure_with_groups
 from geneoh.metrics.smoothness import acceleration, per_frame_squared
 from geneoh.objects.smoothing import noise_level
 from geneoh.pipeline.context import StageContext
+from geneoh.pipeline.touch import verts_of_fingers
 from geneoh.representation.region import ContactRegion
 
 FAR = 1.0
@@ -96,17 +98,23 @@ def measure_hand(
     joints: Float[Tensor, "T 21 3"],
     surface: MovingSurface | None,
     fps: float,
-) -> InteractionReport:
-    """The report of a hand and its object; without one NaN for all but frames and acceleration."""
+    within: float = TOUCH,
+) -> tuple[InteractionReport, Float[Tensor, "T 5"] | None]:
+    """The report of a hand and its object, and how far each finger's skin is off, metres.
+
+    Distances are exact up to `within`. Without an object the report has NaN for all but frames and
+    acceleration.
+    """
 
     def verts_of(frames: slice) -> Float[Tensor, "N V 3"]:
         return shaped.verts_from_rotations(state.rotations[0, frames], state.wrist[0, frames]).verts
 
     if surface is not None:
-        return measure_posed(verts_of, joints, surface, fps)
+        fingers = verts_of_fingers(shaped.model)
+        return measure_with_groups(verts_of, joints, surface, fps, groups=fingers, within=within)
     bends = per_frame_squared(acceleration(joints, fps), fps)
     nothing = {
         field.name: math.nan for field in fields(InteractionReport) if field.name != "frames"
     }
     known = {**nothing, "acceleration_mm": float(bends.mean())}
-    return InteractionReport(len(joints), **known)
+    return InteractionReport(len(joints), **known), None

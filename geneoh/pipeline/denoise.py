@@ -31,6 +31,7 @@ from geneoh.pipeline.presets import Preset
 from geneoh.pipeline.results import Denoised, HandResult
 from geneoh.pipeline.spread import joint_spread
 from geneoh.pipeline.stage_run import StageRun
+from geneoh.pipeline.touch import REACH, finger_contact
 from geneoh.progress import OnProgress, OnStep
 from geneoh.readers.convention_check import doubts
 from geneoh.sequence.normalisation import NETWORK_FPS, NormalisedHand, normalised_hands
@@ -141,6 +142,7 @@ def clean_interaction(
             ),
             filled=hand.frames_to_user(result.filled),
             samples=hand.points_to_user(result.samples),
+            contact=None if result.contact is None else hand.frames_to_user(result.contact),
             evidence=hand.frames_to_user(result.evidence),
         )
     hands = tuple(results[hand.side].track for hand in sequence.hands)
@@ -198,6 +200,9 @@ def _clean(
         index, target = _select(samples, subject, chosen.selection)
         state, shaped, betas = _fit(target, subject, chosen, surface, evidence, progress_of("fit"))
         joints = shaped.joints_from_rotations(state.rotations, state.wrist)[0]
+    spread = joint_spread(samples) if len(samples) > 1 else None
+    before, _ = measure_hand(given, subject.shaped, subject.joints, surface, hand.fps)
+    after, apart = measure_hand(state, shaped, joints, surface, hand.fps, within=REACH)
     clean = HandTrack(
         side="right",
         valid=torch.ones_like(hand.track.valid),
@@ -206,7 +211,7 @@ def _clean(
         wrist=state.wrist[0],
         betas=betas,
         hand_model=shaped.model.name,
-        joint_spread=joint_spread(samples) if len(samples) > 1 else None,
+        joint_spread=spread,
     )
     seen = subject.trust > 0
     return HandResult(
@@ -214,10 +219,11 @@ def _clean(
         filled=~hand.track.valid,
         samples=samples,
         chosen=index,
-        before=measure_hand(given, subject.shaped, subject.joints, surface, hand.fps),
-        after=measure_hand(state, shaped, joints, surface, hand.fps),
+        before=before,
+        after=after,
         moved=float((joints - subject.joints).norm(dim=-1)[seen].mean()),
         windows=len(window_starts(subject.joints.shape[0])),
+        contact=None if apart is None else finger_contact(apart, spread, evidence),
         evidence=evidence,
         seconds=seconds,
         notes=(*subject.notes, *(doubt(evidence) if chosen.has_object else ())),

@@ -47,6 +47,9 @@ class HandResult(Bundle):
     """Time that each stage took."""
     notes: tuple[str, ...]
     """What had to be assumed about the hand, in words."""
+    contact: Float[Tensor, "T 5"] | None
+    """Probability that each finger touches the object, from the thumb to the little finger; see
+    `geneoh.pipeline.touch`. None without an object."""
     evidence: Float[Tensor, " T"]
     """Share of each frame, 0 to 1, that was cleaned against the object; the rest, where the object
     cannot be relied on, by the prior of hand motion alone."""
@@ -76,8 +79,9 @@ def save(result: Denoised | Sequence, path: Path | str) -> None:
     """Write a result, or any sequence, as a geneoh-sequence npz, whole or not at all.
 
     A result keeps beside the fields of its sequence: per side `filled` (T,), frames that the input
-    did not hold, and, where several samples were drawn, `samples` (S, N, 21, 3), their keypoints in
-    metres at 30 frames a second before selection and fit; `object_confidence` (T, Q), how much the
+    did not hold; `finger_contact` (T, 5), the probability that each finger touches the object; and,
+    where several samples were drawn, `samples` (S, N, 21, 3), their keypoints in metres at 30
+    frames a second before selection and fit; `object_confidence` (T, Q), how much the
     object's poses agree with one another; `options`, the settings as JSON.
 
     Raises:
@@ -97,6 +101,8 @@ def save(result: Denoised | Sequence, path: Path | str) -> None:
         extra["object_confidence"] = result.examined.confidence.cpu().numpy()
     for side, hand in result.hands.items():
         extra[f"{side}_filled"] = hand.filled.cpu().numpy()
+        if hand.contact is not None:
+            extra[f"{side}_finger_contact"] = hand.contact.cpu().numpy()
         if len(hand.samples) > 1:
             extra[f"{side}_samples"] = hand.samples.cpu().numpy()
     save_sequence(result.sequence, path, extra=extra)

@@ -51,6 +51,7 @@ def denoise(sequence: Sequence, options: geneoh.Options) -> Denoised:
         windows=1,
         seconds={},
         notes=("a <note>",),
+        contact=None,
         evidence=frames + 1,
     )
     clean = replace(sequence, hands=(track,))

@@ -1,0 +1,47 @@
+"""Which fingers touch the object, as a probability: how far they are off, and how sure that is."""
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from geneoh.hand.model import HandModel
+from geneoh.hand.skeleton import FINGERS, KEYPOINT_FINGERS, TIP_KEYPOINTS
+from geneoh.metrics.contact import TOUCH
+
+REACH = 0.015
+"""Distance from the object up to which that of a finger must be exact, metres."""
+NEARER = 0.0025
+"""Metres by which fingers are nearer to the object in truth than in results that nearly touch."""
+SPREAD_SHARE, LEAST_SPREAD = 0.12, 0.0032
+"""Deviation of a finger's distance from the true one: the share of the expected error of its tip
+that points along the surface's normal and is not mended by the fit, and metres that always stay."""
+USUAL_SPREAD = 0.02
+"""Expected error of a fingertip where there is one sample, which does not tell, metres."""
+
+
+def finger_contact(
+    distance: Float[Tensor, "T 5"],
+    spread: Float[Tensor, "T 21"] | None,
+    evidence: Float[Tensor, " T"],
+) -> Float[Tensor, "T 5"]:
+    """Probability that each finger touches the object, in the order of the keypoints.
+
+    A finger touches where its skin is in the object or at most 5 mm off it. The constants were
+    found by `python -m tools.finger_contact calibrate`.
+
+    Args:
+        distance: distance of each finger's nearest skin to the object, metres, negative inside.
+        spread: `HandTrack.joint_spread` of the hand; None where it is not known.
+        evidence: how far the poses of the object are relied on, 0 to 1; where they say nothing the
+            probability is 0.5.
+    """
+    tips = USUAL_SPREAD if spread is None else spread[:, sorted(TIP_KEYPOINTS)]
+    width = torch.as_tensor((SPREAD_SHARE * tips) ** 2 + LEAST_SPREAD**2).sqrt().to(distance)
+    touching = torch.special.ndtr((TOUCH + NEARER - distance) / width)
+    return 0.5 + evidence[:, None] * (touching - 0.5)
+
+
+def verts_of_fingers(model: HandModel) -> list[Int[Tensor, " _"]]:
+    """Vertices of each finger beyond its base, in the order of the keypoints."""
+    finger = (model.skin_weights.argmax(-1) - 1).div(3, rounding_mode="floor")  # -1 is the palm
+    return [torch.nonzero(finger == FINGERS.index(name))[:, 0] for name in KEYPOINT_FINGERS]
