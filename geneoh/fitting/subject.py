@@ -13,7 +13,7 @@ from geneoh.fitting.terms import HandState
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.model import HandModel, ShapedHand
 from geneoh.hand.skeleton import bone_lengths, forward_kinematics, rest_offsets
-from geneoh.sequence.gaps import fill_gaps_on_curves
+from geneoh.sequence.gaps import fill_gaps
 from geneoh.sequence.sequence import HandTrack
 
 POSE_MISFIT = 0.015
@@ -48,7 +48,7 @@ def subject_of(track: HandTrack, model: HandModel) -> Subject:
     joints) or to bone lengths (joints), or it is the mean hand (pose), which is noted.
     """
     notes: list[str] = []
-    filled, model = fill_gaps_on_curves(track), model.to(track.valid.device)
+    filled, model = fill_gaps(track), model.to(track.valid.device)
     known = track.betas if track.hand_model == model.name else None
     rotations = None if filled.pose is None else axis_angle_to_matrix(filled.pose)
     if filled.joints is None:

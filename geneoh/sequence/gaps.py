@@ -1,4 +1,4 @@
-"""Frames between observed ones: on straight lines and shorter arcs, or on curves."""
+"""Frames between observed ones: points on straight lines, rotations on the shorter arc."""
 
 from dataclasses import dataclass, replace
 
@@ -11,13 +11,6 @@ from geneoh.bundle import FRAMES
 from geneoh.geometry.rotations import axis_angle_to_matrix as matrices
 from geneoh.geometry.rotations import interpolate_rotations, matrix_to_axis_angle
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
-
-CURVED = 0.5
-"""Share of the bend that the speeds around a gap ask for."""
-SPEED_FRAMES = 2
-"""Frames over which these speeds are taken."""
-LONGEST_CURVE = 12
-"""Frames of a gap up to which it bends as they ask: what a hand does later they do not tell."""
 
 
 @dataclass(frozen=True)
@@ -70,91 +63,6 @@ def fill_gaps(hand: HandTrack) -> HandTrack:
     if bool(hand.valid.all()):
         return hand
     return observed_around(hand.valid).hand(hand, hand.valid)
-
-
-def fill_gaps_on_curves(hand: HandTrack) -> HandTrack:
-    """`fill_gaps` on curves that leave and reach a gap as the hand moves around it.
-
-    A hand goes on as it went: on straight lines it would stop and start at once. The curves are
-    cubic, and halfway between the straight line and the one with the speeds of the two frames
-    before and after the gap, because these are as noisy as the track.
-    """
-    filled = fill_gaps(hand)
-    if filled is hand:
-        return hand
-    between = observed_around(hand.valid)
-    inside = ~hand.valid & (between.after > between.before)
-    gap = FrameInterpolation(
-        between.before[inside], between.after[inside], between.fraction[inside]
-    )
-    own, curves = _SpeedsAround.of(gap, hand.valid), {}
-    for name in ("joints", "wrist"):
-        values = getattr(filled, name)
-        if values is not None:
-            curves[name] = values.clone()
-            curves[name][inside] += own.bend(values)
-    if filled.pose is not None:
-        start = matrices(filled.pose)[gap.before]
-        curves["pose"] = filled.pose.clone()
-        curves["pose"][inside] = own.turned(start, matrices(filled.pose))
-    return replace(filled, **curves)
-
-
-@dataclass(frozen=True)
-class _SpeedsAround:
-    """Frames that tell how a hand moves before and after each of N lost frames."""
-
-    gap: FrameInterpolation
-    earlier: Int[Tensor, " N"]  # observed frame up to two before the gap's first neighbour
-    later: Int[Tensor, " N"]  # the same after its last neighbour
-
-    @classmethod
-    def of(cls, gap: FrameInterpolation, valid: Bool[Tensor, " T"]) -> "_SpeedsAround":
-        """Neighbours at most `SPEED_FRAMES` away without a lost frame between; or the ends."""
-        earlier, later, last = gap.before, gap.after, len(valid) - 1
-        for _ in range(SPEED_FRAMES):
-            one, two = (earlier - 1).clamp(min=0), (later + 1).clamp(max=last)
-            earlier = torch.where(valid[one], one, earlier)
-            later = torch.where(valid[two], two, later)
-        return cls(gap, earlier, later)
-
-    def bend(self, values: Float[Tensor, "T ..."]) -> Float[Tensor, "N ..."]:
-        """How far the curve is off the straight line in each lost frame."""
-        before, after = self.gap.before, self.gap.after
-        return self._bend(*(values[at] for at in (self.earlier, before, after, self.later)))
-
-    def turned(
-        self, start: Float[Tensor, "N K 3 3"], rotation: Float[Tensor, "T K 3 3"]
-    ) -> Float[Tensor, "N K 3"]:
-        """Axis-angle of rotations on the curve, by their turns from the last one before the gap."""
-        frames = (self.earlier, self.gap.before, self.gap.after, self.later)
-        turns = [matrix_to_axis_angle(start.mT @ rotation[at]) for at in frames]
-        turn = self.gap.fraction[:, None, None] * turns[2] + self._bend(*turns)
-        return matrix_to_axis_angle(start @ matrices(turn))
-
-    def _bend(
-        self,
-        earlier: Float[Tensor, "N ..."],
-        start: Float[Tensor, "N ..."],
-        end: Float[Tensor, "N ..."],
-        later: Float[Tensor, "N ..."],
-    ) -> Float[Tensor, "N ..."]:
-        before, after = self.gap.before, self.gap.after
-
-        def each(numbers: Tensor) -> Tensor:
-            return numbers.to(start).reshape(-1, *[1] * (start.ndim - 1))
-
-        def speed(first: Tensor, last: Tensor, frames: Tensor) -> Tensor:
-            # without a second frame that of the straight line, which bends nothing
-            known = (last - first) / each(frames.clamp(min=1))
-            return torch.where(each(frames) > 0, known, straight)
-
-        straight = (end - start) / each(after - before)
-        away = speed(earlier, start, before - self.earlier) - straight
-        there = speed(end, later, self.later - after) - straight
-        share, length = self.gap.fraction, (after - before).clamp(max=LONGEST_CURVE)
-        leaving, reaching = share * (1 - share) ** 2, share**2 * (share - 1)
-        return CURVED * each(length) * (each(leaving) * away + each(reaching) * there)
 
 
 def observed_around(valid: Bool[Tensor, " T"]) -> FrameInterpolation:
