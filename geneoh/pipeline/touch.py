@@ -35,10 +35,24 @@ def finger_contact(
         evidence: how far the poses of the object are relied on, 0 to 1; where they say nothing the
             probability is 0.5.
     """
-    tips = USUAL_SPREAD if spread is None else spread[:, sorted(TIP_KEYPOINTS)]
-    width = torch.as_tensor((SPREAD_SHARE * tips) ** 2 + LEAST_SPREAD**2).sqrt().to(distance)
-    touching = torch.special.ndtr((TOUCH + NEARER - distance) / width)
-    return 0.5 + evidence[:, None] * (touching - 0.5)
+    usual = torch.full_like(distance, USUAL_SPREAD)
+    tips = usual if spread is None else spread[:, sorted(TIP_KEYPOINTS)]
+    return 0.5 + evidence[:, None] * (touching(distance, tips) - 0.5)
+
+
+def touching(
+    distance: Float[Tensor, "T 5"],
+    tips: Float[Tensor, "T 5"],
+    share: float = SPREAD_SHARE,
+    least: float = LEAST_SPREAD,
+    nearer: float = NEARER,
+) -> Float[Tensor, "T 5"]:
+    """`finger_contact` from the expected errors of the fingertips, where poses can be relied on.
+
+    The last three stand in place of the constants of their names, while these are calibrated.
+    """
+    width = ((share * tips) ** 2 + least**2).sqrt()
+    return torch.special.ndtr((TOUCH + nearer - distance) / width)
 
 
 def verts_of_fingers(model: HandModel) -> list[Int[Tensor, " _"]]:
