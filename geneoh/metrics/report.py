@@ -123,27 +123,23 @@ def measure_posed(
     surface: MovingSurface,
     fps: float,
     valid: Bool[Tensor, " T"] | None = None,
-) -> InteractionReport:
-    """The report of one hand and one object, world frame, over all frames or the valid ones.
-
-    `verts_of` gives the vertices of some frames at a time, so that not all are kept.
-    """
-    return measure_with_groups(verts_of, joints, surface, fps, valid, groups=())[0]
-
-
-def measure_with_groups(
-    verts_of: Callable[[slice], Float[Tensor, "N V 3"]],
-    joints: Float[Tensor, "T 21 3"],
-    surface: MovingSurface,
-    fps: float,
-    valid: Bool[Tensor, " T"] | None = None,
     *,
-    groups: Sequence[Int[Tensor, " _"]],
+    groups: Sequence[Int[Tensor, " _"]] = (),
     within: float = TOUCH,
 ) -> tuple[InteractionReport, Float[Tensor, "T G"]]:
-    """`measure_posed`, and how far groups of vertices are off the object.
+    """The report of one hand and one object, world frame, and how far parts of the hand are off it.
 
-    That is the signed distance of the nearest vertex of each, metres, exact up to `within`.
+    Args:
+        verts_of: vertices of the hand in some frames, asked for a few at a time.
+        joints: keypoints of the hand.
+        surface: the object.
+        fps: frames a second.
+        valid: frames that the report is about; None for all.
+        groups: vertices of each part of the hand.
+        within: distance up to which that of a part must be exact, metres.
+
+    Returns:
+        The report, and the signed distance of each part's nearest vertex, metres, negative inside.
     """
     if valid is None:
         valid = torch.ones(len(joints), dtype=torch.bool, device=joints.device)

@@ -21,7 +21,7 @@ from geneoh.geometry.distance import MovingSurface
 from geneoh.hand.model import ShapedHand
 from geneoh.hand.skeleton import TIP_KEYPOINTS
 from geneoh.metrics.contact import TOUCH
-from geneoh.metrics.report import InteractionReport, measure_with_groups
+from geneoh.metrics.report import InteractionReport, measure_posed
 from geneoh.metrics.smoothness import acceleration, per_frame_squared
 from geneoh.objects.smoothing import noise_level
 from geneoh.pipeline.context import StageContext
@@ -111,7 +111,7 @@ def measure_hand(
 
     if surface is not None:
         fingers = verts_of_fingers(shaped.model)
-        return measure_with_groups(verts_of, joints, surface, fps, groups=fingers, within=within)
+        return measure_posed(verts_of, joints, surface, fps, groups=fingers, within=within)
     bends = per_frame_squared(acceleration(joints, fps), fps)
     nothing = {
         field.name: math.nan for field in fields(InteractionReport) if field.name != "frames"

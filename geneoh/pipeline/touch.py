@@ -11,7 +11,7 @@ from geneoh.metrics.contact import TOUCH
 REACH = 0.015
 """Distance from the object up to which that of a finger must be exact, metres."""
 NEARER = 0.0027
-"""Metres by which fingers are nearer to the object in truth than in results that nearly touch."""
+"""Results leave fingers that touch a little off the object: by this much in the mean, metres."""
 SPREAD_SHARE, LEAST_SPREAD = 0.13, 0.0033
 """Deviation of a finger's distance from the true one: the share of the expected error of its tip
 that points along the surface's normal and is not mended by the fit, and metres that always stay."""
