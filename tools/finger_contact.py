@@ -74,9 +74,8 @@ def finger_distances(sequence: Sequence) -> Float[Tensor, "T 5"]:
     (hand,) = normalised_hands(sequence)
     subject, surface = subject_of(hand.track, load_hand("right")), hand.object.surface()
     state = subject.parameters()
-    _, apart = measure_hand(
-        state, subject.shaped, subject.joints, surface, hand.fps, within=touch.REACH
-    )
+    given = state, subject.shaped, subject.joints, surface, hand.fps, hand.track.observed
+    _, apart = measure_hand(*given, within=touch.REACH)
     assert apart is not None, "there is an object"
     return apart
 

@@ -119,7 +119,7 @@ def filtered(
     if domain == "keypoints":
         return smooth(filled.joints, chosen, fps)
     assert filled.pose is not None, "the filter on parameters needs a pose"
-    offsets = rest_offsets(axis_angle_to_matrix(filled.pose), filled.joints, hand.valid)
+    offsets = rest_offsets(axis_angle_to_matrix(filled.pose), filled.joints, hand.trust)
     pose = smooth(unwrapped(filled.pose), chosen, fps)
     wrist = smooth(filled.joints[:, 0], chosen, fps)
     offsets = offsets.expand(len(pose), 20, 3)

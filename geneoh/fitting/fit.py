@@ -34,6 +34,8 @@ LONGEST_EXIT = 0.02
 """Longest way out of the object for a vertex, metres; no phalanx is thicker."""
 PALM = (0, 1, 5, 9, 13, 17)
 """Keypoints that are rigid when the fingers bend: wrist, thumb base and the four knuckles."""
+LEAST_TRUST = 1e-3
+"""Weight of palm keypoints without trust, so that some orientation is found without any."""
 
 
 @dataclass(frozen=True)
@@ -68,18 +70,27 @@ KEYPOINTS_ALONE = FitConfig(iterations=8, steady_finger=0.2, steady_wrist=0.0)
 """Settings for the mesh of an uncleaned track: close to its keypoints, jitter included."""
 
 
-def start_from_keypoints(joints: Float[Tensor, "S T 21 3"], shaped: ShapedHand) -> HandState:
-    """Initial parameters where none are known: palm aligned to its keypoints, fingers relaxed."""
+def start_from_keypoints(
+    joints: Float[Tensor, "S T 21 3"],
+    shaped: ShapedHand,
+    trust: Float[Tensor, "S T 21"] | None = None,
+) -> HandState:
+    """Initial parameters where none are known: palm aligned to its keypoints, fingers relaxed.
+
+    The wrist is given, or that of the aligned palm where it has no trust.
+    """
+    trust = torch.ones_like(joints[..., 0]) if trust is None else trust
     model = shaped.model
     rotations = axis_angle_to_matrix(model.pose_mean.clone()).expand(*joints.shape[:2], 16, 3, 3)
     rest = shaped.joints_from_rotations(
         torch.eye(3).to(joints).expand(16, 3, 3), joints.new_zeros(3)
     )
     palm = list(PALM)
-    weights = joints.new_ones(len(palm))
-    turn, _ = kabsch(rest[palm].expand_as(joints[..., palm, :]), joints[..., palm, :], weights)
+    weights = trust[..., palm].clamp(min=LEAST_TRUST)
+    turn, origin = kabsch(rest[palm].expand_as(joints[..., palm, :]), joints[..., palm, :], weights)
+    wrist = torch.where(trust[..., :1] > 0, joints[..., 0, :], origin)
     rotations = torch.cat([turn[..., None, :, :], rotations[..., 1:, :, :]], dim=-3)
-    return HandState(rotations, joints[..., 0, :])
+    return HandState(rotations, wrist)
 
 
 def fit_hand(
@@ -166,7 +177,7 @@ def fit_keypoints(
     start: HandState | None = None,
 ) -> HandState:
     """The hand of an uncleaned track, from its own parameters or none; see `fit_hand`."""
-    start = start or start_from_keypoints(target, shaped)
+    start = start or start_from_keypoints(target, shaped, trust)
     return fit_hand(target, trust, shaped, start, config=KEYPOINTS_ALONE)
 
 

@@ -1,9 +1,9 @@
 """The subject of a track: the hand's shape, its keypoints, and parameters to start from."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.bundle import Bundle
@@ -12,7 +12,12 @@ from geneoh.fitting.shape import betas_from_lengths, betas_from_offsets
 from geneoh.fitting.terms import HandState
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.model import HandModel, ShapedHand
-from geneoh.hand.skeleton import bone_lengths, forward_kinematics, rest_offsets
+from geneoh.hand.skeleton import (
+    KEYPOINT_PARENTS,
+    bone_lengths,
+    forward_kinematics,
+    rest_offsets,
+)
 from geneoh.sequence.gaps import fill_gaps
 from geneoh.sequence.sequence import HandTrack
 
@@ -30,7 +35,7 @@ class Subject(Bundle):
     """The subject's own skeleton: exact where pose and joints are given, else that of `shaped`."""
     joints: Float[Tensor, "T 21 3"]
     trust: Float[Tensor, "T 21"]
-    """Weight of each keypoint: 0 in frames that were filled, elsewhere the confidence, or 1."""
+    """`HandTrack.trust`: 0 in frames that were filled."""
     start: HandState | None  # parameters of the input, one sample; None where it has no usable ones
     notes: tuple[str, ...]  # what had to be assumed, in words
 
@@ -38,17 +43,35 @@ class Subject(Bundle):
         """Parameters of the input, one sample; fitted to its keypoints where it has none."""
         if self.start is not None:
             return self.start
-        return fit_keypoints(self.joints[None], self.trust[None], self.shaped)
+        return fit_keypoints(self.joints[None], self.fit_trust[None], self.shaped)
+
+    @property
+    def fit_trust(self) -> Float[Tensor, "T 21"]:
+        """Weight of each keypoint in a fit of the track: filled frames count, so that their hand is
+        that of the interpolated keypoints instead of a relaxed one.
+        """
+        return torch.where(self.trust.amax(-1, keepdim=True) > 0, self.trust, 1.0)
+
+    def completed(self, given: HandState) -> "Subject":
+        """The subject whose keypoints without confidence are those of `parameters`.
+
+        Frames that were filled stay as they are.
+        """
+        useless = (self.trust == 0) & (self.trust.amax(-1, keepdim=True) > 0)
+        made, _ = forward_kinematics(given.rotations[0], given.wrist[0], self.offsets)
+        return replace(self, joints=torch.where(useless[..., None], made, self.joints))
 
 
 def subject_of(track: HandTrack, model: HandModel) -> Subject:
     """Shape, keypoints and start of a right-hand track, on its device; joints decide over the pose.
 
-    Betas of `model` are used as they are; else the shape is fitted to the rest skeleton (pose and
-    joints) or to bone lengths (joints), or it is the mean hand (pose), which is noted.
+    Frames without any confidence are gaps. Betas of `model` are used as they are; else the shape is
+    fitted to the rest skeleton (pose and joints) or to bone lengths (joints), or it is the mean
+    hand (pose), which is noted.
     """
     notes: list[str] = []
-    filled, model = fill_gaps(track), model.to(track.valid.device)
+    trust, model = track.trust, model.to(track.valid.device)
+    filled = fill_gaps(replace(track, valid=track.observed))
     known = track.betas if track.hand_model == model.name else None
     rotations = None if filled.pose is None else axis_angle_to_matrix(filled.pose)
     if filled.joints is None:
@@ -60,38 +83,47 @@ def subject_of(track: HandTrack, model: HandModel) -> Subject:
                 "the pose comes without joints and its betas belong to another hand model: "
                 "the mean hand is used"
             )
-        joints = model.shaped(known).joints_from_rotations(rotations, filled.wrist)
+        joints = posed = model.shaped(known).joints_from_rotations(rotations, filled.wrist)
     else:
-        joints = filled.joints
-        if rotations is not None and _misfit(rotations, joints, track.valid) > POSE_MISFIT:
-            notes.append("the given pose does not reach the given joints: the joints are used")
-            rotations = None
+        joints = posed = filled.joints
+        if rotations is not None:
+            posed = _posed(rotations, joints, trust)
+            misfit = (trust * (posed - joints).norm(dim=-1)).sum() / trust.sum()
+            if misfit > POSE_MISFIT:
+                notes.append("the given pose does not reach the given joints: the joints are used")
+                rotations = None
     if known is not None:
         betas = known
     elif rotations is not None:
-        betas = betas_from_offsets(model, rest_offsets(rotations, joints, track.valid))
+        betas = betas_from_offsets(model, rest_offsets(rotations, joints, trust))
     else:
-        lengths = bone_lengths(joints[track.valid]).median(0).values
-        betas = betas_from_lengths(model, lengths)
-    trust = torch.ones_like(joints[..., 0]) if filled.confidence is None else filled.confidence
-    trust = trust.clamp(0, 1) * track.valid[:, None]
-    start = None if rotations is None else HandState(rotations[None], joints[None, :, 0])
+        betas = betas_from_lengths(model, _lengths(joints, trust))
     shaped = model.shaped(betas)
-    if rotations is None or filled.joints is None:
-        offsets = shaped.offsets
-    else:
-        offsets = rest_offsets(rotations, joints, track.valid)
+    offsets, start = shaped.offsets, None
+    if rotations is not None:
+        start = HandState(rotations[None], posed[None, :, 0])
+        if filled.joints is not None:
+            offsets = rest_offsets(rotations, joints, trust)
     return Subject(shaped, betas, offsets[None], joints, trust, start, tuple(notes))
 
 
-def _misfit(
+def _posed(
     rotations: Float[Tensor, "T 16 3 3"],
     joints: Float[Tensor, "T 21 3"],
-    valid: Bool[Tensor, " T"],
-) -> float:
-    """Mean distance in metres of joints to those of the pose with the best constant skeleton."""
-    offsets = rest_offsets(rotations, joints, valid)
-    made, _ = forward_kinematics(
-        rotations[valid], joints[valid][:, 0], offsets.expand(int(valid.sum()), 20, 3)
-    )
-    return float((made - joints[valid]).norm(dim=-1).mean())
+    trust: Float[Tensor, "T 21"],
+) -> Float[Tensor, "T 21 3"]:
+    """Keypoints of a pose with the best constant skeleton, at the given wrist.
+
+    Where the wrist is not trusted the hand is where the trusted keypoints have it.
+    """
+    offsets = rest_offsets(rotations, joints, trust).expand(len(joints), 20, 3)
+    made, _ = forward_kinematics(rotations, joints[:, 0], offsets)
+    share = trust / trust.sum(-1, keepdim=True).clamp(min=1e-6)
+    off = (share[..., None] * (joints - made)).sum(1)
+    return made + torch.where(trust[:, :1] > 0, 0.0, off)[:, None]
+
+
+def _lengths(joints: Float[Tensor, "T 21 3"], trust: Float[Tensor, "T 21"]) -> Float[Tensor, " 20"]:
+    """Median `bone_lengths` over the frames in which both ends are trusted; NaN where none is."""
+    ends = (trust[:, 1:] > 0) & (trust[:, list(KEYPOINT_PARENTS[1:])] > 0)
+    return bone_lengths(joints).masked_fill(~ends, torch.nan).nanmedian(0).values

@@ -6,7 +6,8 @@ skeleton is 20 rest offsets in the flat hand's frame: 15 bones (parent joint to 
 (distal joint to fingertip) in the order index, middle, pinky, ring, thumb.
 """
 
-from jaxtyping import Bool, Float
+import torch
+from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.geometry import kinematics
@@ -51,18 +52,25 @@ def forward_kinematics(
 def rest_offsets(
     rotations: Float[Tensor, "T 16 3 3"],
     joints: Float[Tensor, "T 21 3"],
-    valid: Bool[Tensor, " T"],
+    trust: Float[Tensor, "T 21"],
 ) -> Float[Tensor, "20 3"]:
     """The skeleton that a posed track was made with: forward kinematics solved for the offsets.
 
-    Each bone is taken back to the rest frame; the least-squares solution is their mean.
+    Each bone is taken back to the rest frame; the least-squares solution is their mean, weighted by
+    the trust in the keypoints at both ends. A bone that is trusted in no frame is the plain mean
+    over the frames in which any keypoint is.
     """
+    seen = trust.amax(-1) > 0
     zero = joints.new_zeros(20, 3)
-    _, glob = forward_kinematics(rotations[valid], joints[valid][:, 0], zero)
-    mano = joints[valid][:, list(MANO_FROM_OPENPOSE)]
+    _, glob = forward_kinematics(rotations[seen], joints[seen][:, 0], zero)
+    order = list(MANO_FROM_OPENPOSE)
+    mano, sure = joints[seen][:, order], trust[seen][:, order].to(joints)
     parents = [*PARENTS[1:], *TIP_PARENTS]
     bones = mano[:, 1:] - mano[:, parents]
-    return (glob[:, parents].transpose(-1, -2) @ bones[..., None])[..., 0].mean(0)
+    weight = (sure[:, 1:] * sure[:, parents])[..., None]
+    weight = torch.where(weight.sum(0) > 0, weight, 1.0)
+    at_rest = (glob[:, parents].transpose(-1, -2) @ bones[..., None])[..., 0]
+    return (weight * at_rest).sum(0) / weight.sum(0)
 
 
 def bone_lengths(joints: Float[Tensor, "*B 21 3"]) -> Float[Tensor, "*B 20"]:

@@ -111,16 +111,17 @@ def wanted_wrench(
     """The wrench that the motion asks for per unit of weight, about the centre of mass; that centre
     and the radius of gyration, metres.
 
-    Each point is an equal share of the mass. Accelerations are made of frames two apart, and the
-    first and last ones of a clip are those of the frames next to them.
+    Each point is an equal share of the mass. Accelerations are made of frames two apart, or one in
+    clips of three or four frames, and the first and last ones of a clip are those of the frames
+    next to them; shorter clips have none.
     """
     points, frames = surface.points, torch.arange(surface.points.shape[1])
     last = surface.length[:, None] - 1
-    middle = torch.minimum(frames.to(last).clamp(min=SPAN), last - SPAN).clamp(min=0)
+    span = (last // 2).clamp(max=SPAN)
+    middle = torch.minimum(frames.to(last).maximum(span), last - span)
     clip = torch.arange(len(points))[:, None]
-    before, after = (middle - SPAN).clamp(min=0), torch.minimum(middle + SPAN, last)
-    bend = points[clip, before] - 2 * points[clip, middle] + points[clip, after]
-    pull = bend * (fps / SPAN) ** 2 / GRAVITY
+    bend = points[clip, middle - span] - 2 * points[clip, middle] + points[clip, middle + span]
+    pull = bend * ((fps / span.clamp(min=1)) ** 2 / GRAVITY)[..., None, None]
     centre = points.mean(2)
     arms = points - centre[:, :, None]
     force = pull.mean(2) + points.new_tensor([0.0, 0.0, 1.0])

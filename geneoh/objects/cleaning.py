@@ -163,7 +163,8 @@ def clean_part(poses: Poses, mesh: Mesh, fps: float, seen: Bool[np.ndarray, " T"
     if not shakes and changes.max() < step_limit(steps, fps):
         return exact
     symmetry = symmetry_of(mesh)
-    chain = longest_chain(rotations, step_limit(least_steps(poses[0], symmetry), fps), symmetry)
+    limit = step_limit(least_steps(poses[0], symmetry), fps)
+    chain = longest_chain(rotations, limit, symmetry, fps)
     chain = replace(chain, kept=chain.kept & seen)
     # rotations of the mesh onto itself leave the center where it is
     middles = rotations.apply(symmetry.center) + places

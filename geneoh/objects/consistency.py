@@ -9,12 +9,14 @@ from scipy.spatial.transform import Rotation
 
 from geneoh.objects.symmetry import Symmetry
 
-LOOK_BACK = 20
-"""Frames before a frame from which it may be reached."""
-SKIPPED, TURNED, USED_SYMMETRY, JUMPED = 0.02, 0.3, 0.25, 10.0
-"""What a chain pays for each frame that it skips, for a turn as large as the limit, for each change
-of the rotation of the mesh onto itself, and for each jump; each frame that it keeps is worth one.
-So an orientation that lasts for more than 20 frames is kept, a shorter one is left out."""
+LOOK_BACK = 2 / 3
+"""Seconds before a frame from which it may be reached."""
+SKIPPED, TURNED, USED_SYMMETRY = 0.02, 0.3, 0.25
+"""What a chain pays for each frame that it skips, for a turn as large as the limit, and for each
+change of the rotation of the mesh onto itself; each frame that it keeps is worth one."""
+JUMPED = 1 / 3
+"""What it pays for each jump: as much as the frames of so many seconds are worth. So an orientation
+that lasts for more than two thirds of a second is kept, a shorter one is left out."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +35,7 @@ class Chain:
         return [slice(start, stop) for start, stop in pairwise(edges)]
 
 
-def longest_chain(rotations: Rotation, limit: float, symmetry: Symmetry) -> Chain:
+def longest_chain(rotations: Rotation, limit: float, symmetry: Symmetry, fps: float) -> Chain:
     """The chain of frames that keeps most of them and jumps least, by dynamic programming.
 
     From one frame of the chain to the next the part rests or keeps turning as before, each up to
@@ -44,15 +46,16 @@ def longest_chain(rotations: Rotation, limit: float, symmetry: Symmetry) -> Chai
         rotations: of the part, in every frame.
         limit: radians by which a turn from one frame to the next may differ from the one before.
         symmetry: of the part's mesh.
+        fps: frames a second.
     """
     matrices = rotations.as_matrix()
-    count = len(matrices)
+    count, furthest = len(matrices), max(1, round(LOOK_BACK * fps))
     value, before = np.zeros(count), np.full(count, -1)
     jumped = np.zeros(count, dtype=bool)
     onto, aligned = np.tile(np.eye(3), (count, 1, 1)), matrices.copy()
     rate = np.zeros((count, 3))
     for frame in range(1, count):
-        earlier = np.arange(max(0, frame - LOOK_BACK), frame)
+        earlier = np.arange(max(0, frame - furthest), frame)
         apart = frame - earlier
         ahead = Rotation.from_rotvec(rate[earlier] * apart[:, None]).as_matrix()
         rest = aligned[earlier]
@@ -61,7 +64,7 @@ def longest_chain(rotations: Rotation, limit: float, symmetry: Symmetry) -> Chai
         found = nearest_turn(matrices[frame], (rest, rest @ ahead), carried, reach, symmetry)
         angle, changed, turned = found
         worth = value[earlier] + 1 - SKIPPED * (apart - 1) - USED_SYMMETRY * changed
-        worth -= np.where(angle < reach, TURNED * angle / limit, JUMPED)
+        worth -= np.where(angle < reach, TURNED * angle / limit, JUMPED * fps)
         best = int(worth.argmax())
         if worth[best] > value[frame]:
             value[frame], before[frame] = worth[best], earlier[best]

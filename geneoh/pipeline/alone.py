@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from geneoh.baselines.filters import Filter, smooth
@@ -22,7 +22,12 @@ from geneoh.hand.model import ShapedHand
 from geneoh.hand.skeleton import TIP_KEYPOINTS
 from geneoh.metrics.contact import TOUCH
 from geneoh.metrics.report import InteractionReport, measure_posed
-from geneoh.metrics.smoothness import acceleration, per_frame_squared
+from geneoh.metrics.smoothness import (
+    acceleration,
+    mean_over_frames,
+    per_frame_squared,
+    valid_differences,
+)
 from geneoh.objects.smoothing import noise_level
 from geneoh.pipeline.context import StageContext
 from geneoh.pipeline.touch import verts_of_fingers
@@ -98,9 +103,12 @@ def measure_hand(
     joints: Float[Tensor, "T 21 3"],
     surface: MovingSurface | None,
     fps: float,
+    valid: Bool[Tensor, " T"],
+    *,
     within: float = TOUCH,
 ) -> tuple[InteractionReport, Float[Tensor, "T 5"] | None]:
-    """The report of a hand and its object, and how far each finger's skin is off, metres.
+    """The report of a hand and its object over the valid frames, and how far each finger's skin is
+    off in all frames, metres.
 
     Distances are exact up to `within`. Without an object the report has NaN for all but frames and
     acceleration.
@@ -111,10 +119,10 @@ def measure_hand(
 
     if surface is not None:
         fingers = verts_of_fingers(shaped.model)
-        return measure_posed(verts_of, joints, surface, fps, groups=fingers, within=within)
+        return measure_posed(verts_of, joints, surface, fps, valid, groups=fingers, within=within)
     bends = per_frame_squared(acceleration(joints, fps), fps)
     nothing = {
         field.name: math.nan for field in fields(InteractionReport) if field.name != "frames"
     }
-    known = {**nothing, "acceleration_mm": float(bends.mean())}
-    return InteractionReport(len(joints), **known), None
+    mean = float(mean_over_frames(bends, valid_differences(valid, 2)))
+    return InteractionReport(int(valid.sum()), **{**nothing, "acceleration_mm": mean}), None

@@ -140,7 +140,7 @@ def clean_interaction(
                 hand.track_to_user(result.track),
                 camera_ray=sequence.hand(hand.side).camera_ray,
             ),
-            filled=hand.frames_to_user(result.filled),
+            filled=~sequence.hand(hand.side).observed,
             samples=hand.points_to_user(result.samples),
             contact=None if result.contact is None else hand.frames_to_user(result.contact),
             evidence=hand.frames_to_user(result.evidence),
@@ -169,6 +169,10 @@ def _clean(
     on, is below 1.
     """
     generator = torch.Generator().manual_seed(seed)
+    # MotionDiff starts from the parameters of the input, and the report measures their mesh
+    with torch.no_grad():
+        given = subject.parameters()
+    subject = subject.completed(given)
     surface, near = hand.object.surface() if hand.object.meshes else None, 1.0
     if surface is None or not chosen.has_object:
         near = 0.0
@@ -190,9 +194,6 @@ def _clean(
         return step
 
     with torch.no_grad():
-        # MotionDiff starts from the parameters of the input, and the report measures their mesh
-        given = subject.parameters()
-
         stages = StageRun(denoisers, subject, given, progress_of, generator)
         samples = stages.relied_on(
             surface, poses, near, chosen, hand.fps, ray=ray, object_noise=object_noise
@@ -201,8 +202,9 @@ def _clean(
         state, shaped, betas = _fit(target, subject, chosen, surface, evidence, progress_of("fit"))
         joints = shaped.joints_from_rotations(state.rotations, state.wrist)[0]
     spread = joint_spread(samples) if len(samples) > 1 else None
-    before, _ = measure_hand(given, subject.shaped, subject.joints, surface, hand.fps)
-    after, apart = measure_hand(state, shaped, joints, surface, hand.fps, within=REACH)
+    observed = hand.track.observed  # the report compares the same frames before and after
+    before, _ = measure_hand(given, subject.shaped, subject.joints, surface, hand.fps, observed)
+    after, apart = measure_hand(state, shaped, joints, surface, hand.fps, observed, within=REACH)
     clean = HandTrack(
         side="right",
         valid=torch.ones_like(hand.track.valid),
@@ -216,7 +218,7 @@ def _clean(
     seen = subject.trust > 0
     return HandResult(
         track=clean,
-        filled=~hand.track.valid,
+        filled=~observed,
         samples=samples,
         chosen=index,
         before=before,

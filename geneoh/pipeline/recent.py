@@ -173,6 +173,7 @@ class RecentHand:
         first = self._pushed - track.frames
         subject = self._subject(track)
         given = self._parameters(subject, track, first)
+        subject = subject.completed(given)
         surface, poses, near, noise = self._object(fill_object(motion), subject)
         stages = RecentRun(
             self._denoisers,
@@ -246,13 +247,12 @@ class RecentHand:
         if self._given is not None:
             since = max(self._given[0] + self._given[1].wrist.shape[1] - first - HELD, 0)
         new = slice(since, None)
-        start = start_from_keypoints(subject.joints[None, new], subject.shaped)
+        joints, trust = subject.joints[None, new], subject.fit_trust[None, new]
+        start = start_from_keypoints(joints, subject.shaped, trust)
         if since and self._given is not None:
             before = self._given[1][first - self._given[0] :]
             start = concatenated([before[since:], start[HELD:]])
-        found = fit_keypoints(
-            subject.joints[None, new], subject.trust[None, new], subject.shaped, start
-        )
+        found = fit_keypoints(joints, trust, subject.shaped, start)
         if since and self._given is not None:
             found = concatenated([self._given[1][first - self._given[0] :][:since], found])
         observed = int(track.valid.nonzero()[-1]) + 1  # what is filled after it may change
@@ -265,7 +265,7 @@ class RecentHand:
         """The object without its noise, None without an object; how far its poses are relied on;
         how far the hand is taken to deal with it; and the noise.
         """
-        poses, near, noise = torch.ones(len(subject.joints)), 1.0, None
+        poses, near, noise = subject.joints.new_ones(len(subject.joints)), 1.0, None
         if self._surface is None or not motion.is_seen or not self._chosen.has_object:
             return None, poses, 0.0, None
         if self._chosen.clean_object:

@@ -201,17 +201,21 @@ def denoise_trajectory(
             on_step=on_step,
         )
         each = torch.stack([scale.metres(one) for one in cleaned.unflatten(0, (chains, -1))])
-        kept = _closest(each, canon, samples)
+        kept = _closest(each, canon, context.cut(context.trust, 0), samples)
         return torch.cat([region.to_world(one) for one in kept])
 
     return _piece_by_piece(one_piece, context, on_step, samples, at_once=chains)
 
 
 def _closest(
-    each: Float[Tensor, "C W T 21 3"], given: Float[Tensor, "W T 21 3"], count: int
+    each: Float[Tensor, "C W T 21 3"],
+    given: Float[Tensor, "W T 21 3"],
+    trust: Float[Tensor, "W T 21"],
+    count: int,
 ) -> Float[Tensor, "S W T 21 3"]:
-    """The chains of each window that ended closest to the input, the closest first."""
-    order = (each - given).norm(dim=-1).mean((2, 3)).argsort(0)[:count]
+    """The chains of each window that ended closest to the keypoints that were seen, the closest
+    first."""
+    order = (trust * (each - given).norm(dim=-1)).mean((2, 3)).argsort(0)[:count]
     return each[order, torch.arange(each.shape[1], device=each.device)]
 
 

@@ -224,8 +224,7 @@ def check_pose_against_keypoints(hand: HandTrack, stored: CrossChecks) -> Iterat
     joints, valid = found
     turn = axis_angle_to_matrix(hand.pose[torch.from_numpy(valid)].double())
     wanted = torch.from_numpy(joints[valid])
-    everywhere = torch.ones(len(turn), dtype=torch.bool)
-    offsets = rest_offsets(turn, wanted, everywhere).expand(len(turn), 20, 3)
+    offsets = rest_offsets(turn, wanted, wanted.new_ones(len(turn), 21)).expand(len(turn), 20, 3)
     made = forward_kinematics(turn, wanted[:, 0], offsets)[0]
     misfit = float((made - wanted).norm(dim=-1).mean())
     if misfit > max(POSE_LIMIT, stored.tolerance):

@@ -25,7 +25,7 @@ class SurfaceMotion(Bundle):
     normals: Float[Tensor, "B T 21 3"]  # outward, there
     carried: Float[Tensor, "B T 21 3"]
     """Step to the next frame of a point at the keypoint that moves with the part of the surface
-    nearest to it; zero on the first part, and in the last frame."""
+    nearest to it; zero on the first part. That of the last frame does not count."""
     rotation: Float[Tensor, "B T 3 3"]  # of the first part to the world
     translation: Float[Tensor, "B T 3"]
 
@@ -55,8 +55,8 @@ class SurfaceMotion(Bundle):
     @property
     def steps(self) -> Float[Tensor, "B T 21 3"]:
         """Step of each keypoint to the next frame over the surface, metres; 0 in the last frame."""
-        own = torch.nn.functional.pad(self.joints.diff(dim=1), (0, 0, 0, 0, 0, 1))
-        return own - self.carried
+        over = self.joints.diff(dim=1) - self.carried[:, :-1]
+        return torch.nn.functional.pad(over, (0, 0, 0, 0, 0, 1))
 
     def from_world(self, joints: Float[Tensor, "B T 21 3"]) -> Float[Tensor, "B T 21 3"]:
         """Other keypoints of the world in the frame of the first part."""

@@ -38,7 +38,7 @@ class FrameInterpolation:
     def pose(self, pose: Float[Tensor, "T K 3"]) -> Float[Tensor, "N K 3"]:
         """Axis-angle vectors, interpolated as rotations."""
         turned = matrix_to_axis_angle(self.rotations(matrices(pose)))
-        return torch.where((self.fraction == 0)[:, None, None], pose[self.before], turned)
+        return torch.where((self.fraction.to(pose) == 0)[:, None, None], pose[self.before], turned)
 
     def hand(self, hand: HandTrack, valid: Bool[Tensor, " N"]) -> HandTrack:
         """The hand at these instants; `valid` marks those that count as observed."""

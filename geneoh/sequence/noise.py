@@ -132,7 +132,7 @@ def noisy_joints(
         mano = hand.joints[:, list(MANO_FROM_OPENPOSE)]
         bones = mano[:, 1:] - mano[:, [*PARENTS[1:], *TIP_PARENTS]]
         return forward_kinematics(axis_angle_to_matrix(turn), wrist, bones)[0]
-    skeleton = rest_offsets(axis_angle_to_matrix(hand.pose), hand.joints, hand.valid)
+    skeleton = rest_offsets(axis_angle_to_matrix(hand.pose), hand.joints, hand.trust)
     return forward_kinematics(axis_angle_to_matrix(hand.pose + turn), wrist, skeleton)[0]
 
 

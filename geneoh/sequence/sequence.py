@@ -57,6 +57,23 @@ class HandTrack(Bundle):
             )
 
     @property
+    def trust(self) -> Float[Tensor, "T 21"]:
+        """Weight of each keypoint: 0 in frames without the hand, else its confidence, or 1.
+
+        A confidence of zero everywhere tells nothing, and is left out.
+        """
+        there = self.valid[:, None].float().expand(-1, 21)
+        if self.confidence is None:
+            return there
+        trust = torch.where(self.valid[:, None], self.confidence.clamp(0, 1), 0.0)
+        return trust if bool(trust.any()) else there
+
+    @property
+    def observed(self) -> Bool[Tensor, " T"]:
+        """Frames in which some keypoint is trusted."""
+        return self.trust.amax(-1) > 0
+
+    @property
     def frames(self) -> int:
         """Number of frames T."""
         return len(self.valid)

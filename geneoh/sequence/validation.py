@@ -194,13 +194,13 @@ def distance_to_object(hand: HandTrack, motion: ObjectTrack) -> Float[Tensor, " 
     """
     wrist = hand.wrist if hand.joints is None else hand.joints[:, 0]
     if not motion.meshes or wrist is None:
-        return torch.zeros(hand.frames)
+        return torch.zeros(hand.frames, device=hand.valid.device)
     gaps = [
         ball_distance(wrist, mesh.verts, motion.rotation[:, part], motion.translation[:, part])
         for part, mesh in enumerate(motion.meshes)
         if motion.valid is None or bool(motion.valid[:, part].any())
     ]
-    return torch.stack(gaps).amin(0) if gaps else torch.zeros(hand.frames)
+    return torch.stack(gaps).amin(0) if gaps else wrist.new_zeros(hand.frames)
 
 
 def ball_distance(

@@ -63,3 +63,83 @@ def test_trust_is_confidence_where_observed_and_zero_elsewhere():
     subject = subject_of(replace(track, valid=valid, confidence=torch.full((8, 21), 0.5)), MODEL)
     assert subject.trust[2].eq(0).all()
     assert subject.trust[0].eq(0.5).all()
+
+
+def doubted(track: HandTrack, keypoints: torch.Tensor) -> HandTrack:
+    """The track with some keypoints far off, which no one relies on."""
+    assert track.joints is not None
+    off = track.joints + 0.3 * torch.randn(8, 21, 3, generator=torch.Generator().manual_seed(1))
+    joints = torch.where(keypoints[..., None], off, track.joints)
+    return replace(track, joints=joints, confidence=(~keypoints).float())
+
+
+def some_keypoints(share: float = 0.1) -> torch.Tensor:
+    return torch.rand(8, 21, generator=torch.Generator().manual_seed(2)) < share
+
+
+def test_keypoints_without_confidence_change_neither_skeleton_nor_pose():
+    track = track_of(torch.linspace(-1.5, 1.5, 10))
+    exact = subject_of(track, MODEL)
+    found = subject_of(doubted(track, some_keypoints()), MODEL)
+    assert found.start is not None
+    torch.testing.assert_close(found.offsets, exact.offsets, atol=1e-5, rtol=0)
+    torch.testing.assert_close(found.betas, exact.betas, atol=1e-2, rtol=0)
+    whole = found.completed(found.parameters()).joints
+    torch.testing.assert_close(whole, track.joints, atol=1e-5, rtol=0)
+
+
+def test_a_wrist_without_confidence_is_where_the_other_keypoints_have_it():
+    track = track_of(torch.zeros(10))
+    wrists = torch.zeros(8, 21, dtype=torch.bool)
+    wrists[2:4, 0] = True
+    for given in (track, replace(track, pose=None, wrist=None)):
+        found = subject_of(doubted(given, wrists), MODEL)
+        off = (found.parameters().wrist[0] - track.joints[:, 0]).norm(dim=-1)
+        assert off.max() < 3e-3
+
+
+def test_keypoints_alone_without_confidence_are_those_of_the_fit():
+    track = replace(track_of(torch.zeros(10)), pose=None, wrist=None)
+    given = doubted(track, some_keypoints())
+    found = subject_of(given, MODEL)
+    whole = found.completed(found.parameters())
+    before = (given.joints - track.joints).norm(dim=-1)[some_keypoints()].mean()
+    after = (whole.joints - track.joints).norm(dim=-1)[some_keypoints()].mean()
+    assert after < 0.05 * before
+    assert torch.equal(whole.joints[~some_keypoints()], track.joints[~some_keypoints()])
+
+
+def test_a_keypoint_that_is_never_relied_on_tells_no_bone_length():
+    track = replace(track_of(torch.zeros(10)), pose=None, wrist=None)
+    thumb = torch.zeros(8, 21, dtype=torch.bool)
+    thumb[:, 1] = True
+    exact, found = subject_of(track, MODEL), subject_of(doubted(track, thumb), MODEL)
+    lengths = [each.offsets.norm(dim=-1) for each in (exact, found)]
+    assert (lengths[1] - lengths[0]).abs().max() < 1e-3
+
+
+def test_a_frame_without_any_confidence_is_a_gap():
+    track = track_of(torch.zeros(10))
+    lost = torch.zeros(8, 21, dtype=torch.bool)
+    lost[3] = True
+    found = subject_of(doubted(track, lost), MODEL)
+    torch.testing.assert_close(found.joints[3], track.joints[[2, 4]].mean(0))
+    assert found.trust[3].eq(0).all()
+
+
+def test_a_confidence_of_zero_everywhere_is_left_out():
+    track = track_of(torch.zeros(10))
+    found = subject_of(replace(track, confidence=torch.zeros(8, 21)), MODEL)
+    assert torch.equal(found.joints, track.joints)
+    assert found.trust.eq(1).all()
+
+
+def test_a_gap_in_keypoints_alone_holds_the_hand_that_is_around_it():
+    fist = MODEL.pose_mean.clone()
+    fist[1:, 2] += 0.9
+    joints = MODEL.shaped(torch.zeros(10)).posed(fist.expand(12, 16, 3), torch.zeros(12, 3)).joints
+    valid = (torch.arange(12) < 4) | (torch.arange(12) > 7)
+    track = HandTrack("right", valid, joints=joints.masked_fill(~valid[:, None, None], torch.nan))
+    given = subject_of(track, MODEL).parameters()
+    made = subject_of(track, MODEL).shaped.joints_from_rotations(given.rotations, given.wrist)[0]
+    assert (made - joints).norm(dim=-1).max() < 5e-3

@@ -68,8 +68,8 @@ def test_rest_offsets_invert_forward_kinematics(seed):
     rotations, wrist, offsets = random_skeleton(7, seed)
     joints, _ = forward_kinematics(rotations, wrist, offsets.expand(7, 20, 3))
     joints[2] = torch.nan  # what an unseen frame holds must not matter
-    valid = torch.arange(7) != 2
-    torch.testing.assert_close(rest_offsets(rotations, joints, valid), offsets)
+    trust = (torch.arange(7) != 2).float()[:, None].expand(7, 21)
+    torch.testing.assert_close(rest_offsets(rotations, joints, trust), offsets)
 
 
 def test_rest_offsets_of_noisy_joints_are_the_mean_over_frames():
@@ -77,7 +77,7 @@ def test_rest_offsets_of_noisy_joints_are_the_mean_over_frames():
     joints, _ = forward_kinematics(rotations, wrist, offsets.expand(400, 20, 3))
     generator = torch.Generator().manual_seed(1)
     noisy = joints + 0.001 * torch.randn(joints.shape, generator=generator, dtype=joints.dtype)
-    found = rest_offsets(rotations, noisy, torch.ones(400, dtype=torch.bool))
+    found = rest_offsets(rotations, noisy, torch.ones(400, 21))
     # Each offset is the mean of 400 differences of two points with 1 mm of noise each.
     assert (found - offsets).abs().max() < 5 * 0.001 * 2**0.5 / 400**0.5
 

@@ -204,3 +204,11 @@ def test_motion_without_contact_counts_moving_frames_without_a_keypoint_nearby()
 def test_motion_without_contact_is_undefined_for_an_object_that_rests():
     surface = moving(at_height(0.0))
     assert moved_alone(surface.points[:, :, :1], surface).isnan().item()
+
+
+@pytest.mark.parametrize("frames", [1, 2, 3, 4, 5])
+def test_short_clips_that_move_evenly_ask_for_their_weight(frames: int):
+    path = torch.arange(FRAMES)[:, None] * torch.tensor([0.0, 0.0, 0.02])
+    clip = replace(moving(path), length=torch.tensor([frames]))
+    force = wanted_wrench(clip, FPS)[0][0, :frames, :3]
+    torch.testing.assert_close(force, torch.tensor([[0.0, 0.0, 1.0]]).expand(frames, 3))

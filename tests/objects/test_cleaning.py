@@ -182,3 +182,14 @@ def test_left_out_poses_are_given_as_they_were_beside_others_that_are_turned_bac
     _, found = clean_object(noisy, FPS)
     assert found.left_out[50:54].all()
     assert torch.allclose(found.aligned.rotation[50:54], noisy.rotation[50:54], atol=1e-6)
+
+
+@pytest.mark.parametrize("fps", [60.0, 120.0])
+def test_flips_of_a_third_of_a_second_are_left_out_at_any_frame_rate(fps):
+    still = np.tile(np.eye(3), (round(3 * fps), 1, 1))
+    rotation, flipped = still.copy(), slice(round(fps), round(fps) + round(fps / 3))
+    rotation[flipped] = Rotation.from_rotvec([0.0, 0.0, 2.0]).as_matrix()
+    place = np.zeros((len(still), 3))
+    clean, found = clean_object(track_of(WEDGE, rotation, place), fps)
+    assert found.left_out[flipped].all()
+    assert angles(track_of(WEDGE, still, place), clean).max() < 1

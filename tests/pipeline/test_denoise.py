@@ -9,6 +9,7 @@ import torch
 
 from geneoh.denoisers.library import SHIPPED
 from geneoh.errors import CheckpointError, ConfigError
+from geneoh.metrics.smoothness import finite_difference, valid_differences
 from geneoh.nn.checkpoint import load_checkpoint, save_checkpoint
 from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.options import Options
@@ -228,3 +229,23 @@ def test_weights_that_give_no_hand_are_named_as_damaged(noisy, tmp_path, damaged
         save_checkpoint(tmp_path / f"{stage}.safetensors", saved)
     with pytest.raises(CheckpointError, match="their weights are damaged"):
         denoise(noisy, Options(preset="fast", weights=tmp_path))
+
+
+def test_lost_frames_at_60_frames_a_second_are_marked_one_by_one(noisy):
+    short = replace(noisy[40:70], fps=60.0)
+    hand = short.hands[0]
+    valid = ~torch.isin(torch.arange(30), torch.tensor([7, 14, 15, 22]))
+    joints = hand.joints.masked_fill(~valid[:, None, None], torch.nan)
+    track = HandTrack(hand.side, valid, joints=joints)
+    (found,) = denoise(replace(short, hands=(track,)), FAST).hands.values()
+    assert found.filled.tolist() == (~valid).tolist()
+
+
+def test_the_report_is_about_the_frames_that_the_input_has(noisy):
+    short = noisy[40:70]
+    hand = short.hands[0]
+    valid = (torch.arange(30) < 10) | (torch.arange(30) >= 20)
+    (found,) = denoise(replace(short, hands=(replace(hand, valid=valid),)), FAST).hands.values()
+    assert found.before.frames == found.after.frames == 20
+    shaken = finite_difference(hand.joints, 2).norm(dim=-1).mean(-1)[valid_differences(valid, 2)]
+    assert found.before.acceleration_mm == pytest.approx(1000 * float(shaken.mean()), rel=1e-3)

@@ -108,6 +108,28 @@ def test_another_frame_rate_is_resampled_on_the_device_of_the_sequence(short, de
     assert_same(here, replace(there, hands=moved), exact=device == DEVICE)
 
 
+@pytest.mark.parametrize("change", [{"meshes": ()}, {"valid": torch.zeros(8, 1).bool()}])
+def test_a_sequence_of_the_device_without_a_usable_object_is_cleaned_alike(short, device, change):
+    bare = replace(short, object=replace(short.object, **change))
+    here = denoise(bare, Options(preset="fast"))
+    there = denoise(bare.to(device), Options(preset="fast", device=str(device)))
+    moved = {side: hand.to("cpu") for side, hand in there.hands.items()}
+    assert_same(here, replace(there, hands=moved), exact=device == DEVICE)
+
+
+@pytest.mark.parametrize("setting", [{"fps": 60.0}, {"trust_object": True}])
+def test_a_stream_works_on_the_device(short, device, setting):
+    hand, motion = short.hands[0], short.object
+    stream = geneoh.Stream(motion.meshes[0], side=hand.side, lag=0.1, device=str(device), **setting)
+    made = [
+        stream.push(hand.joints[t], (motion.rotation[t, 0], motion.translation[t, 0]))
+        for t in range(8)
+    ]
+    frames = [*filter(None, made), *stream.flush()]
+    assert len(frames) == 8
+    assert all(frame.hand.joints.isfinite().all() for frame in frames)
+
+
 @pytest.mark.parametrize("at_work", ["cpu", "there"])
 def test_results_are_on_the_device_of_the_sequence_and_can_be_saved(
     short, device, at_work, tmp_path

@@ -3,6 +3,7 @@
 import torch
 
 from geneoh.pipeline.context import StageContext
+from geneoh.pipeline.stages import _closest
 
 
 def scene_of(frames: int, parts: int = 2) -> StageContext:
@@ -43,3 +44,11 @@ def test_each_sample_has_contact_points_of_its_own_hand():
     assert region.points.shape[0] == 2
     assert torch.equal(region.points[1], alone.points[0])
     assert not torch.equal(region.points[0], region.points[1])
+
+
+def test_the_closest_chain_is_that_where_the_hand_was_seen():
+    given, chains = torch.zeros(1, 6, 21, 3), torch.zeros(2, 1, 6, 21, 3)
+    chains[0, 0, :4] = 0.02  # off where the hand was seen
+    chains[1, 0, 4:] = 0.06  # off the straight line through a gap
+    trust = (torch.arange(6) < 4).float()[None, :, None].expand(1, 6, 21)
+    assert torch.equal(_closest(chains, given, trust, 1)[0], chains[1])

@@ -66,7 +66,8 @@ def true_contact(sequence: Sequence) -> torch.Tensor:
     (hand,) = normalised_hands(sequence)
     subject = subject_of(hand.track, load_hand("right"))
     state, surface = subject.parameters(), hand.object.surface()
-    return measure_hand(state, subject.shaped, subject.joints, surface, 30.0)[1] <= TOUCH
+    given = state, subject.shaped, subject.joints, surface, 30.0, hand.track.observed
+    return measure_hand(*given)[1] <= TOUCH
 
 
 def test_a_noisy_hand_touches_where_the_true_one_does():

@@ -65,3 +65,10 @@ def test_it_does_not_depend_on_where_the_scene_is():
     for name in ("joints", "nearest", "normals", "carried"):
         torch.testing.assert_close(getattr(other, name), getattr(here, name), atol=1e-5, rtol=0)
     torch.testing.assert_close(other.from_world(joints @ turn.mT + shift), here.joints)
+
+
+def test_the_last_frame_of_a_window_has_no_step_on_a_part_that_moves():
+    whole = SurfaceMotion.of(held_by(1), surface())
+    window = whole.map(lambda values: values[:, :3])
+    assert bool((window.steps[:, -1] == 0).all())
+    torch.testing.assert_close(window.steps[:, :-1], whole.steps[:, :2])

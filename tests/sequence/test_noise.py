@@ -137,7 +137,7 @@ def test_joints_follow_from_the_noisy_pose_and_the_persons_own_bones(recording):
     torch.testing.assert_close(
         bone_lengths(noisy.joints), bone_lengths(recording.joints), rtol=0, atol=2e-3
     )
-    skeleton = rest_offsets(axis_angle_to_matrix(noisy.pose), noisy.joints, noisy.valid)
+    skeleton = rest_offsets(axis_angle_to_matrix(noisy.pose), noisy.joints, noisy.trust)
     again, _ = forward_kinematics(axis_angle_to_matrix(noisy.pose), noisy.joints[:, 0], skeleton)
     torch.testing.assert_close(again, noisy.joints, rtol=0, atol=1e-5)
 
