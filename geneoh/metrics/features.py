@@ -17,15 +17,20 @@ NORMAL_95 = 1.96  # standard errors to either side of a mean that hold it in 95%
 
 @dataclass(frozen=True)
 class Interval:
-    """A mean over repetitions with its 95% interval, mean ± half."""
+    """The mean of a score with its 95% interval, mean ± half."""
 
     mean: float
     half: float
 
 
 def interval(values: Float[Tensor, " R"]) -> Interval:
-    """Mean over R repetitions, and 1.96 standard errors; NaN of fewer than two."""
-    half = NORMAL_95 * values.double().std() / len(values) ** 0.5 if len(values) > 1 else torch.nan
+    """Mean of a score over R random halves of the same clips, and 1.96 standard errors of what it
+    would be over other clips; NaN of fewer than two.
+
+    The deviation over halves is that standard error: a half has twice the variance of the whole,
+    and half of it is due to which of the clips were drawn. More halves do not make it smaller.
+    """
+    half = NORMAL_95 * values.double().std() if len(values) > 1 else torch.nan
     return Interval(float(values.double().mean()), float(half))
 
 

@@ -261,9 +261,9 @@ def about_run(settings: dict[str, Any]) -> tuple[str, ...]:
     hashes = classifier["hashes"]
     named = ", ".join(f"{seed} {mark}" for seed, mark in hashes.items())
     return (
-        f"{settings['clips']} held-out clips; means ± 95% intervals over "
-        f"{settings['repetitions']} repetitions, each with a random half of them as conditions; "
-        "FID is that to the other half.",
+        f"{settings['clips']} held-out clips; means over "
+        f"{settings['repetitions']} repetitions, each with a random half of them as conditions, ± "
+        "95% intervals over other clips like these; FID is that to the other half.",
         f"Means under {len(hashes)} classifiers of our own, trained alike on "
         f"{classifier['clips']} clips (seed and hash: {named}): scores under another one, such as "
         "the paper's, cannot be compared. Realism is a definition of our own, too.",

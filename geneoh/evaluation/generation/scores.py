@@ -79,7 +79,7 @@ class RowScores:
 
     @property
     def cells(self) -> dict[str, Interval]:
-        """Mean and 95% interval over the repetitions."""
+        """Mean over the repetitions, and the 95% interval over other clips like these."""
         return {key: interval(torch.tensor(values)) for key, values in self.values.items()}
 
 

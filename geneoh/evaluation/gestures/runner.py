@@ -184,9 +184,10 @@ def about_run(settings: dict[str, Any], apart: float) -> tuple[str, ...]:
     encoder = settings["encoder"]
     chance = " / ".join(f"{100 * n / POOL:.1f}" for n in (1, 2, 3))
     return (
-        f"{settings['clips']} clips of held-out bodies and ways of making gestures; means ± 95% "
-        f"intervals over {settings['repetitions']} repetitions, each with a random half of them as "
-        f"conditions; FID is that to the other half. By chance R@1, 2, 3 are {chance}%.",
+        f"{settings['clips']} clips of held-out bodies and ways of making gestures; means "
+        f"over {settings['repetitions']} repetitions, each with a random half of them as "
+        "conditions, ± 95% intervals over other clips like these; FID is that to the other half. "
+        f"By chance R@1, 2, 3 are {chance}%.",
         f"The encoder is ours (seed {encoder['config']['seed']}, {encoder['clips']} clips, hash "
         f"{encoder['hash']}): scores under another one, such as the paper's, cannot be compared. "
         f"It tells {100 * apart:.1f}% of the real clips from the same bodies with others' hands.",

@@ -112,10 +112,9 @@ def generate(
     )
     if options.refine != "none":
         actions = refined_by(load_refiner(options.weights), actions, contact)
-    actions, refined = moved_by_hands(actions), None
+    actions, refined = moved_by_hands(eased(actions)), None
     if options.refine == "geneoh":
-        actions = settled(actions, stood, generator=_generator(options, "hold"))
-    actions = moved_by_hands(eased(actions))
+        actions = moved_by_hands(settled(actions, stood, generator=_generator(options, "hold")))
     sequence = placed(actions, stood, prompt.sentence)
     if options.refine == "geneoh":
         refined = denoise(
