@@ -12,7 +12,7 @@ HAND_SCALE = 0.08
 read of them. It is fixed: each window's own, as in the paper, would lose bone lengths."""
 NOISE_SCALE = 0.02  # how far a clean keypoint typically is from its observation, metres
 POINTS = 32  # contact points K the networks are trained with
-SELECT_EVERY = 4  # frames of which one decides which points these are
+SELECT_EVERY = 4  # contact points are chosen from every fourth frame
 
 
 def palm_axes(joints: Float[Tensor, "B T 21 3"]) -> Float[Tensor, "B 3 3"]:

@@ -159,8 +159,8 @@ class MotionDenoiser(nn.Module):
         self.head = zeroed(nn.Linear(config.width, 51))
         self.gate = zeroed(nn.Linear(config.width, 51))
         self.mix = zeroed(nn.Linear(config.width, 51 * CANDIDATES))
-        # a linear map of low rank, its channels gated by the tokens: no single candidate or cue
-        # tells what they tell together
+        # a linear map of low rank: the tokens decide in each frame how much each channel counts,
+        # because candidates and cues must be read together
         self.read = nn.Linear(51 * CANDIDATES + CONTACT_CUES, config.rank)
         self.open = zeroed(nn.Linear(config.width, config.rank))
         self.write = nn.Linear(config.rank, 51, bias=False)

@@ -62,7 +62,8 @@ class TemporalEvidence(SurfaceMotion):
         return cls(**vars(motion), observed=motion.from_world(observed), trust=trust)
 
     def noisiness(self) -> Float[Tensor, " B"]:
-        """How far the input shook around the hand that MotionDiff left, in `SHAKING`, at most 1."""
+        """How far the input shakes around the hand that SpatialDiff leaves, in `SHAKING`, at most
+        1."""
         off = self.observed - self.joints
         shaking = (off - off.mean(1, keepdim=True)).square().sum(-1).mean((1, 2)).sqrt()
         return (shaking / SHAKING).clamp(LEAST_NOISE, 1.0)

@@ -20,9 +20,9 @@ from geneoh.progress import OnStep, steps
 LogDensity = Callable[[Float[Tensor, "B M D"]], Float[Tensor, "B M"]]
 """From M places of each item of a batch to the logarithm of their density, up to a constant."""
 CAUTION = 0.05
-"""A shift within the deviation of its density may be an error of the model. On held-out made clips
-this halves what clean hands are moved by; ten times as much takes back half of what is won under
-lasting errors."""
+"""How strongly shifts that are smaller than their own uncertainty are drawn to zero: they may be no
+errors of the hand. On held-out made clips this halves what clean hands are moved by; ten times as
+much takes back half of what is won under lasting errors."""
 FLOOR = 1e-8
 """Least variance along any direction, in the square of the unit of the places."""
 WIDEN = 1.2
@@ -66,9 +66,9 @@ def along_a_track(
 ) -> Posterior:
     """The posterior of all W windows of a track together, of W D numbers, window by window.
 
-    What each says beyond its own prior around zero is combined under a joint normal prior, in which
-    `agreement` is the correlation of any two windows; as windows overlap, each says the share
-    `fresh` of it alone.
+    Each window was judged with its own prior around zero included. This is taken out of each; what
+    is left is scaled by `fresh`, because overlapping windows see the same frames; and one normal
+    prior for all windows, in which any two correlate by `agreement`, is put back.
     """
     total = each.mean.numel()
     prior_root, agreement = prior_root.double(), agreement.double()

@@ -1,7 +1,8 @@
 """Samplers: functions `(model, x, sigmas, *, generator) -> x` of a model from (x, sigma) to clean.
 
-They work on any tensors and know nothing of hands. Samples and noise levels are in units of the
-data's standard deviation. Noise is drawn on the CPU and moved, so it is the same on every device.
+They work on any tensors and know nothing of hands. Samples and noise levels are in the same unit,
+which the caller chooses so that the data are of size one. Noise is drawn on the CPU and moved, so
+it is the same on every device.
 """
 
 import itertools

@@ -15,7 +15,9 @@ from geneoh.nn.adam import adam
 
 @dataclass(frozen=True)
 class AdamFitConfig:
-    """Schedule and weights of the public code; the paper states none."""
+    """Schedule and weights after the public code, with a third of its steps; the paper states none.
+
+    The weight of the keypoints is that of its second phase in both."""
 
     rigid_steps: int = 200
     rigid_rate: float = 0.1

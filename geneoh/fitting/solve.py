@@ -58,7 +58,8 @@ def solve_by_halves(
     beside: Float[Tensor, "S T-1 U U"],
     right: Float[Tensor, "S T U"],
 ) -> Float[Tensor, "S T U"]:
-    """Solve M x = right where x is, by batches of blocks: quick where frames are worked on at once.
+    """Solve M x = right on the device of the tensors; fast on a GPU, which works on many frames at
+    once.
 
     M is positive definite; its rows of frame t+1 hold `beside[t]` in the columns of frame t. Every
     second frame is eliminated, with one factor each, and the system of the others, half as long,

@@ -40,7 +40,8 @@ class CoarseDistance:
         return cls(low, cell, distance.reshape(middles.shape[:-1]), closest.reshape(middles.shape))
 
     def at_least(self, points: Float64[Tensor, "N 3"]) -> Found:
-        """What the signed distance of finite points is at least, and towards where.
+        """A lower bound of the signed distance of finite points, and about where the surface is
+        closest and the normal there.
 
         The distance changes by no more than the way from the middle of the nearest cell. Closest
         point and normal are those of that middle, seen from the point.

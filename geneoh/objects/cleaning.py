@@ -20,7 +20,7 @@ from torch import Tensor
 from geneoh.bundle import Bundle
 from geneoh.geometry.distance import SurfaceDistance
 from geneoh.geometry.mesh import Mesh
-from geneoh.objects.consistency import Chain, longest_chain, runs
+from geneoh.objects.consistency import Chain, longest_chain, possible_places, runs
 from geneoh.objects.smoothing import increments, noise_level, smooth_points, smooth_rotations
 from geneoh.objects.symmetry import Symmetry, box_center, find_symmetry
 from geneoh.sequence.sequence import ObjectTrack
@@ -32,9 +32,9 @@ noise, with the square of the time between frames, and the bounds grow with it."
 QUIET_FRAMES, QUIET_SHARE = 15, 0.1
 """A track is as noisy as in the calmest tenth of its stretches of so many frames: an exact one
 rests there, one that shakes does so always."""
-TURN_CHANGE, MOTION_LIMIT = 0.21, 5.0
-"""From one frame to the next the turn of a part may change by 12 degrees at 30 frames a second,
-more at fewer, or by so many times its median turn."""
+TURN_CHANGE, PLACE_CHANGE, MOTION_LIMIT = 0.21, 0.06, 5.0
+"""From one frame to the next the turn of a part may change by 12 degrees and its step by 6 cm at 30
+frames a second, more at fewer, or by so many times its median turn or step."""
 SHORTEST = 16
 """Frames below which noise cannot be told from motion."""
 AGREES = 30.0
@@ -55,7 +55,7 @@ class ObjectExamination(Bundle):
     confidence: Float[Tensor, "T Q"]
     """How much each pose agrees with the others of its part, from 0 (left out) to 1."""
     left_out: Bool[Tensor, "T Q"]
-    """Poses whose rotation no possible motion reaches."""
+    """Poses whose rotation or place no possible motion reaches."""
     symmetric: Bool[Tensor, "T Q"]
     """Poses whose rotation was changed by one of the mesh onto itself."""
     is_noisy: Bool[Tensor, " Q"]
@@ -77,13 +77,14 @@ class ObjectExamination(Bundle):
                 yield f"{count} frames without a pose of {name} were filled from those around them"
             if not self.is_noisy[part]:
                 continue
-            degrees = np.degrees(float(self.rotation_noise[part]))
-            yield (
-                f"the pose of {name} shakes by {degrees:.1f} degrees and "
-                f"{1000 * float(self.translation_noise[part]):.1f} mm per axis: the hand was "
-                "cleaned against a smooth track of it; --refine-object writes that track, "
-                "--trust-object keeps to the given one"
-            )
+            turns, shifts = float(self.rotation_noise[part]), float(self.translation_noise[part])
+            if turns > EXACT_ROTATION or shifts > EXACT_TRANSLATION:
+                yield (
+                    f"the pose of {name} shakes by {np.degrees(turns):.1f} degrees and "
+                    f"{1000 * shifts:.1f} mm per axis: the hand was cleaned against a smooth track "
+                    "of it; --refine-object writes that track, --trust-object keeps to the given "
+                    "one"
+                )
             if count := int(self.left_out[:, part].sum()):
                 yield f"{count} frames in which the pose of {name} jumps were left out"
             if count := int(self.symmetric[:, part].sum()):
@@ -157,13 +158,14 @@ def clean_part(poses: Poses, mesh: Mesh, fps: float, seen: Bool[np.ndarray, " T"
     if seen.sum() < SHORTEST:
         return exact
     rotations, places = Rotation.from_matrix(poses[0]), poses[1]
-    steps = increments(rotations)
-    shakes = is_shaky(steps, rotations.apply(box_center(mesh)) + places, seen, fps)
+    steps, middles = increments(rotations), rotations.apply(box_center(mesh)) + places
+    shakes = is_shaky(steps, middles, seen, fps)
     changes = np.linalg.norm(np.diff(steps, axis=0), axis=1)
-    if not shakes and changes.max() < step_limit(steps, fps):
+    turns_agree = changes.max() < step_limit(steps, TURN_CHANGE, fps)
+    if not shakes and turns_agree and steady_places(middles, fps).all():
         return exact
     symmetry = symmetry_of(mesh)
-    limit = step_limit(least_steps(poses[0], symmetry), fps)
+    limit = step_limit(least_steps(poses[0], symmetry), TURN_CHANGE, fps)
     chain = longest_chain(rotations, limit, symmetry, fps)
     chain = replace(chain, kept=chain.kept & seen)
     # rotations of the mesh onto itself leave the center where it is
@@ -171,7 +173,7 @@ def clean_part(poses: Poses, mesh: Mesh, fps: float, seen: Bool[np.ndarray, " T"
     rotations = rotations * Rotation.from_matrix(chain.onto_itself)
     places = middles - rotations.apply(symmetry.center)
     center = steadiest(rotations, places, (symmetry.center, np.zeros(3)))
-    return smoothed(rotations, places, center, chain, seen, shakes)
+    return smoothed(rotations, places, center, chain, seen, shakes, fps)
 
 
 @lru_cache(maxsize=8)
@@ -196,9 +198,11 @@ def smoothed(
     chain: Chain,
     seen: Bool[np.ndarray, " T"],
     shakes: bool,
+    fps: float,
 ) -> CleanPart:
     """A part's track from its chain: smooth where it shakes, else as it is in kept frames."""
     middles = rotations.apply(center) + places
+    there = steady_places(middles, fps) & seen
     fourth = np.diff(increments(rotations), n=3, axis=0), np.diff(middles, n=4, axis=0)
     noise = [
         noise_level(values[in_a_row(frames)], 4)
@@ -207,17 +211,19 @@ def smoothed(
     clean, weight = smooth_stretches(rotations, chain, max(noise[0], EXACT_ROTATION / 4))
     if shakes:
         least = max(noise[1], EXACT_TRANSLATION / 4)
-        middles, sure = smooth_points(middles, steady(middles, chain.kept, least) & seen, least)
+        middles, sure = smooth_points(middles, steady(middles, chain.kept, least) & there, least)
         weight = np.minimum(weight, sure)
     else:  # frames that agree are exact
-        kept = chain.kept[:, None, None]
+        kept, weight = chain.kept[:, None, None], weight * there
+        frames, known = np.arange(len(there)), np.flatnonzero(there)
+        middles = np.stack([np.interp(frames, known, x[known]) for x in middles.T], axis=1)
         clean = Rotation.from_matrix(np.where(kept, rotations.as_matrix(), clean.as_matrix()))
     changed = np.abs(chain.onto_itself - np.eye(3)).max((1, 2)) > 1e-3
     return CleanPart(
         (clean.as_matrix(), middles - clean.apply(center)),
         (rotations.as_matrix(), places),
         weight,
-        ~chain.kept & seen,
+        ~(chain.kept & there) & seen,
         chain.kept & changed,
         *noise,
         is_noisy=True,
@@ -245,11 +251,17 @@ def steady(
     return found
 
 
-def step_limit(steps: np.ndarray, fps: float) -> float:
-    """Radians by which a turn may differ from the one before, by a part's own steps (N, 3)."""
-    return max(
-        TURN_CHANGE * 30 / fps, MOTION_LIMIT * float(np.median(np.linalg.norm(steps, axis=1)))
-    )
+def steady_places(middles: Float64[np.ndarray, "T 3"], fps: float) -> Bool[np.ndarray, " T"]:
+    """The frames in which a part's middle is where possible motion brings it."""
+    limit = step_limit(np.diff(middles, axis=0), PLACE_CHANGE, fps)
+    return possible_places(middles, limit, fps)
+
+
+def step_limit(steps: np.ndarray, change: float, fps: float) -> float:
+    """How much a step may differ from the one before: `change` at 30 frames a second, or more by a
+    part's own steps (N, 3), radians or metres.
+    """
+    return max(change * 30 / fps, MOTION_LIMIT * float(np.median(np.linalg.norm(steps, axis=1))))
 
 
 def least_steps(turns: np.ndarray, symmetry: Symmetry) -> np.ndarray:

@@ -18,6 +18,9 @@ JUMPED = 1 / 3
 """What it pays for each jump: as much as the frames of so many seconds are worth. So an orientation
 that lasts for more than two thirds of a second is kept, a shorter one is left out."""
 
+START_SPEED = 4.0
+"""Speed up to which a track may begin in the middle of a motion, metres per second."""
+
 
 @dataclass(frozen=True)
 class Chain:
@@ -40,7 +43,8 @@ def longest_chain(rotations: Rotation, limit: float, symmetry: Symmetry, fps: fl
 
     From one frame of the chain to the next the part rests or keeps turning as before, each up to
     `limit` times the root of their distance, if need be after a rotation of the mesh onto itself;
-    any other step is a jump. So fast motion is none, as long as it gathers speed over frames.
+    any other step is a jump. Fast motion is therefore no jump, as long as its speed grows over
+    several frames.
 
     Args:
         rotations: of the part, in every frame.
@@ -73,13 +77,48 @@ def longest_chain(rotations: Rotation, limit: float, symmetry: Symmetry, fps: fl
             aligned[frame] = matrices[frame] @ onto[frame]
             step = Rotation.from_matrix(rest[best].T @ aligned[frame])
             rate[frame] = 0 if jumped[frame] else step.as_rotvec() / apart[best]
-    kept = np.zeros(count, dtype=bool)
-    frame = int(value.argmax())
-    while frame >= 0:
-        kept[frame], frame = True, int(before[frame])
+    kept = traced(value, before)
     onto[kept] = onto[kept] @ commonest(onto[kept]).T
     onto[~kept] = np.eye(3)
     return Chain(kept, onto, tuple(np.flatnonzero(kept & jumped).tolist()))
+
+
+def possible_places(
+    places: Float64[np.ndarray, "T 3"], limit: float, fps: float
+) -> Bool[np.ndarray, " T"]:
+    """The frames of the `longest_chain` of a point's places, metres.
+
+    From one frame to the next the point rests or moves on as before, each up to `limit` times the
+    root of their distance; at the start of the chain, where nothing tells how it moved before, it
+    may have any speed up to `START_SPEED`.
+    """
+    count, furthest = len(places), max(1, round(LOOK_BACK * fps))
+    value, before, rate = np.zeros(count), np.full(count, -1), np.zeros((count, 3))
+    for frame in range(1, count):
+        earlier = np.arange(max(0, frame - furthest), frame)
+        apart = frame - earlier
+        moved = places[frame] - places[earlier]
+        ahead = moved - rate[earlier] * apart[:, None]
+        off = np.minimum(np.linalg.norm(moved, axis=1), np.linalg.norm(ahead, axis=1))
+        begins = before[earlier] < 0
+        reach = np.where(begins, max(limit, START_SPEED / fps), limit)
+        possible = off < reach * np.sqrt(apart)
+        worth = value[earlier] + 1 - SKIPPED * (apart - 1)
+        worth -= np.where(possible, TURNED * off / limit, JUMPED * fps)
+        best = int(worth.argmax())
+        if worth[best] > value[frame]:
+            value[frame], before[frame] = worth[best], earlier[best]
+            rate[frame] = moved[best] / apart[best] if possible[best] else 0
+    return traced(value, before)
+
+
+def traced(value: np.ndarray, before: np.ndarray) -> Bool[np.ndarray, " T"]:
+    """The frames of the best chain, by the worth of each frame and the frame before it, or -1."""
+    kept = np.zeros(len(value), dtype=bool)
+    frame = int(value.argmax())
+    while frame >= 0:
+        kept[frame], frame = True, int(before[frame])
+    return kept
 
 
 def nearest_turn(

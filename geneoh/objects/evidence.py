@@ -31,7 +31,7 @@ BRIDGED = 8.0
 AROUND = 4.0
 """Deviation in frames at 30 a second of the Gaussian over the seen frames around an unseen one."""
 FADE = 3.0
-"""Deviation in frames of the filter by which reliance changes."""
+"""Deviation in frames at 30 a second of the filter by which reliance changes."""
 LASTING = 30.0
 """Deviation in frames at 30 a second of the Gaussian over which a shift of the hand lasts."""
 DRIFT = 15.0

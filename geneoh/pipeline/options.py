@@ -28,9 +28,10 @@ class Options:
     """Seed of all random numbers. The same seed, input and settings give the same result; each hand
     of a sequence is cleaned with it anew."""
     steps: int | None = None
-    """Denoiser calls of each stage, 1 or more; a stage takes at most as many as its noise level
-    (default 650, 200, 100; paper 400, 200, 100). None leaves it to the preset: 4, 3 and 6 by
-    default, 400, 200 and 100 for the paper's, 3 each for the fast one."""
+    """Denoiser calls of MotionDiff, 1 or more and at most its noise level (650), and rounds of
+    SpatialDiff; TemporalDiff always makes one call. In the preset "paper" calls of every stage, at
+    most their noise levels. None leaves it to the preset: 4 by default, 3 for the fast one, 400,
+    200 and 100 for the paper's."""
     selection: Selection | None = None
     """Which sample is kept: "closest", the one nearest to the input, or "mean", the mean of all.
     None leaves it to the preset: the mean, for the paper's the closest."""

@@ -1,9 +1,10 @@
 """The three stages on world keypoints: window, canonicalise, denoise via diffusion, blend back.
 
-Windows and samples share one batch, as many as `StageContext.pieces` has at a time. Diffusion runs
-on the whole track in the object's frame: each denoiser call cuts the track into windows and blends
-their results, so that windows agree at every noise level and no seam forms. A rigid motion of the
-scene moves the result rigidly.
+Windows and samples share one batch, as many as `StageContext.pieces` has at a time. In
+`denoise_motion` the whole track is diffused in the object's frame: each denoiser call cuts the
+track into windows and blends their results, so that windows agree at every noise level and no seam
+forms. The stages in the paper's form diffuse each window alone, and windows are blended at the end.
+A rigid motion of the scene moves the result rigidly.
 """
 
 from collections.abc import Callable

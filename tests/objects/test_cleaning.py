@@ -193,3 +193,39 @@ def test_flips_of_a_third_of_a_second_are_left_out_at_any_frame_rate(fps):
     clean, found = clean_object(track_of(WEDGE, rotation, place), fps)
     assert found.left_out[flipped].all()
     assert angles(track_of(WEDGE, still, place), clean).max() < 1
+
+
+@pytest.mark.parametrize("frames", [1, 5, 15])
+@pytest.mark.parametrize("shake", [0.0, 0.004])
+def test_places_that_no_motion_reaches_are_left_out(frames, shake):
+    motion = lifted(WEDGE)
+    given = shaken(motion, 10 * shake / 0.04, shake) if shake else motion
+    translation = given.translation.clone()
+    translation[70 : 70 + frames] += torch.tensor([0.3, 0.0, 0.0])
+    clean, found = clean_object(replace(given, translation=translation), FPS)
+    assert np.flatnonzero(found.left_out[:, 0].numpy()).tolist() == [*range(70, 70 + frames)]
+    assert found.confidence[70 : 70 + frames].max() == 0
+    off = (clean.translation - motion.translation).norm(dim=-1)
+    assert off[70 : 70 + frames].max() < 0.03
+    assert not shake or "shakes" in next(found.sentences())
+    assert any(f"{frames} frames in which" in sentence for sentence in found.sentences())
+
+
+def test_a_place_that_lasts_is_believed():
+    motion = lifted(WEDGE)
+    translation = motion.translation.clone()
+    translation[60:100] += torch.tensor([0.3, 0.0, 0.0])
+    clean, found = clean_object(replace(motion, translation=translation), FPS)
+    assert not found.left_out.any()
+    torch.testing.assert_close(clean.translation, translation)
+
+
+def test_an_object_that_is_thrown_and_one_that_is_stopped_do_not_jump():
+    time = np.arange(FRAMES) / FPS
+    flying = np.stack([3.0 * time, 0 * time, 2.0 * time - 4.9 * time**2], 1)
+    struck = np.minimum(3.5 * time, 5.0)[:, None] * np.array([1.0, 0.0, 0.0])
+    for place in (flying, struck):
+        motion = track_of(WEDGE, np.tile(np.eye(3), (FRAMES, 1, 1)), place)
+        clean, found = clean_object(motion, FPS)
+        assert clean is motion
+        assert not found.left_out.any()
