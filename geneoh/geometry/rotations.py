@@ -114,6 +114,17 @@ def interpolate_rotations(
     return start @ axis_angle_to_matrix(fraction[..., None] * turn)
 
 
+def nearest_rotations(matrices: Float[Tensor, "*B 3 3"]) -> Float[Tensor, "*B 3 3"]:
+    """The rotation nearest to each matrix by the sum of squared differences, never a reflection.
+
+    That of the mean of rotations is their mean (Moakher 2002). Computed in float64.
+    """
+    left, _, right = torch.linalg.svd(matrices.double())
+    sign = torch.ones_like(left[..., 0])
+    sign[..., 2] = torch.linalg.det(left @ right).sign()
+    return (left * sign[..., None, :] @ right).to(matrices.dtype)
+
+
 def kabsch(
     points_from: Float[Tensor, "*#B P 3"],
     points_to: Float[Tensor, "*#B P 3"],
@@ -134,9 +145,6 @@ def kabsch(
     weight = (weight / weight.sum(-1, keepdim=True))[..., None]
     start_mean, goal_mean = (weight * start).sum(-2), (weight * goal).sum(-2)
     start, goal = start - start_mean[..., None, :], goal - goal_mean[..., None, :]
-    left, _, right = torch.linalg.svd((weight * goal).transpose(-1, -2) @ start)
-    sign = torch.ones_like(start_mean)
-    sign[..., 2] = torch.linalg.det(left @ right).sign()
-    rotation = left * sign[..., None, :] @ right
+    rotation = nearest_rotations((weight * goal).transpose(-1, -2) @ start)
     translation = goal_mean - (rotation @ start_mean[..., None])[..., 0]
     return rotation.to(points_from.dtype), translation.to(points_from.dtype)

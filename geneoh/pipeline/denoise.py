@@ -25,7 +25,12 @@ from geneoh.objects.cleaning import clean_object
 from geneoh.objects.evidence import doubt, evidence_of_nearness, evidence_of_poses
 from geneoh.objects.refine import refine_object
 from geneoh.pipeline.alone import measure_hand
-from geneoh.pipeline.inputs import as_sequence, checked_interaction, undisturbed
+from geneoh.pipeline.inputs import (
+    as_sequence,
+    checked_interaction,
+    collapsed_sentences,
+    undisturbed,
+)
 from geneoh.pipeline.options import Options, with_settings
 from geneoh.pipeline.presets import Preset
 from geneoh.pipeline.results import Denoised, HandResult
@@ -86,9 +91,10 @@ def denoise(
     options = with_settings(options, settings)
     named_device(options.device)
     with undisturbed():
-        sequence = checked_interaction(as_sequence(sequence, obj))
+        given = as_sequence(sequence, obj)
+        sequence = checked_interaction(given)
         name = sequence.source.partition(" (")[0] or "the sequence"
-        doubtful = tuple(doubts(sequence, name))
+        doubtful = (*collapsed_sentences(given), *doubts(sequence, name))
         for words in doubtful:
             LOG.warning("%s: %s", name, words)
         return replace(clean_interaction(sequence, options, on_progress), doubts=doubtful)

@@ -12,8 +12,8 @@ from geneoh.errors import InputError
 from geneoh.geometry.mesh import checked, meshes_of, size_warning
 from geneoh.readers.npz_files import load
 from geneoh.sequence.gaps import fill_object
-from geneoh.sequence.sequence import Sequence
-from geneoh.sequence.validation import check_sequence
+from geneoh.sequence.sequence import HandTrack, Sequence
+from geneoh.sequence.validation import check_sequence, collapsed
 
 
 def as_sequence(
@@ -48,7 +48,8 @@ def own(values: Tensor, found: list[bool]) -> Tensor:
 
 
 def checked_interaction(sequence: Sequence) -> Sequence:
-    """The sequence with frames filled in which the object's pose is missing.
+    """The sequence with frames filled in which the object's pose is missing, and without hands that
+    are collapsed to a point.
 
     Raises:
         InputError: a mesh without a surface or of another unit, or numbers that can be no
@@ -58,9 +59,26 @@ def checked_interaction(sequence: Sequence) -> Sequence:
         name = str(mesh.source or sequence.source or "the mesh")
         if warning := size_warning(checked(mesh, name)):
             raise InputError(f"{name}: {warning}")
-    sequence = replace(sequence, object=fill_object(sequence.object))
+    hands = tuple(map(without_collapsed, sequence.hands))
+    sequence = replace(sequence, hands=hands, object=fill_object(sequence.object))
     check_sequence(sequence, sequence.source)
     return sequence
+
+
+def without_collapsed(hand: HandTrack) -> HandTrack:
+    """The track whose collapsed frames count as missing, unless all of them are."""
+    lost = collapsed(hand)
+    return replace(hand, valid=hand.valid & ~lost) if bool((hand.valid & ~lost).any()) else hand
+
+
+def collapsed_sentences(sequence: Sequence) -> Iterator[str]:
+    """What a user should know about hands that are collapsed to a point."""
+    for hand in sequence.hands:
+        if count := int(collapsed(hand).sum()):
+            yield (
+                f"{count} frames in which all keypoints of the {hand.side} hand are in one place "
+                "were taken as missing; mark them by NaN or 'valid'"
+            )
 
 
 @contextmanager

@@ -27,7 +27,13 @@ from geneoh.readers.npz_tracks import read_object, read_own
 from geneoh.readers.records import Record
 from geneoh.sequence.normalisation import NETWORK_FPS
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
-from geneoh.sequence.validation import LARGEST_FPS, SMALLEST_FPS, check_hand, check_object
+from geneoh.sequence.validation import (
+    LARGEST_FPS,
+    SMALLEST_FPS,
+    check_hand,
+    check_object,
+    collapsed,
+)
 
 LONGEST_LAG = 1.0
 """Seconds; with a longer lag a frame would have less than a second before it."""
@@ -217,6 +223,8 @@ class Stream:
         if valid in record and not record.flags(valid).all():
             return None
         (hand,), _ = read_own(record, self._side)
+        if bool(collapsed(hand).all()):
+            return None
         check_hand(hand, where)
         known = tuple(sorted(name for name, value in vars(hand).items() if value is not None))
         self._known = self._known or known

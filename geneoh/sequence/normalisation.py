@@ -9,6 +9,7 @@ from geneoh.bundle import Bundle
 from geneoh.choices import Side
 from geneoh.geometry.mirror import mirror_points
 from geneoh.hand.model import HandModel
+from geneoh.sequence.averaging import averaged
 from geneoh.sequence.resample import at_rate, nearest_frames, over_frames
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
@@ -58,8 +59,11 @@ class NormalisedHand(Bundle):
 
 
 def normalised_hands(sequence: Sequence, fps: float = NETWORK_FPS) -> tuple[NormalisedHand, ...]:
-    """Every hand of a sequence as the networks know hands; both share the resampled frames."""
-    paced, found = at_rate(sequence, fps), []
+    """Every hand of a sequence as the networks know hands; both share the resampled frames.
+
+    Of a higher rate every frame has a say: those of the networks are means.
+    """
+    paced, found = at_rate(averaged(sequence, fps), fps), []
     for hand in paced.hands:
         left = hand.side == "left"
         track = hand.mirrored() if left else hand

@@ -5,7 +5,7 @@ The limits lie far outside of what a hand does, so that noise does not reach the
 """
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from geneoh.errors import InputError
@@ -31,6 +31,19 @@ UNIT_TOLERANCE = 1e-3
 
 RIGID_TOLERANCE = 1e-2
 """Largest entry of R^T R - I; rotations stored in half precision have 1e-3."""
+
+
+COLLAPSED = 0.01
+"""Metres within which all keypoints of a frame lie that holds no hand: some trackers write zeros
+where they found none."""
+
+
+def collapsed(hand: HandTrack) -> Bool[Tensor, " T"]:
+    """Observed frames in which all keypoints are in one place."""
+    if hand.joints is None:
+        return torch.zeros_like(hand.valid)
+    extent = (hand.joints.amax(1) - hand.joints.amin(1)).amax(-1)
+    return hand.valid & (extent < COLLAPSED)
 
 
 def check_sequence(sequence: Sequence, name: str = "") -> None:

@@ -15,6 +15,7 @@ from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.options import Options
 from geneoh.pipeline.presets import preset
 from geneoh.pipeline.results import Denoised
+from geneoh.sequence.resample import at_rate
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 from geneoh.sequence.windows import WINDOW, window_starts
 
@@ -249,3 +250,31 @@ def test_the_report_is_about_the_frames_that_the_input_has(noisy):
     assert found.before.frames == found.after.frames == 20
     shaken = finite_difference(hand.joints, 2).norm(dim=-1).mean(-1)[valid_differences(valid, 2)]
     assert found.before.acceleration_mm == pytest.approx(1000 * float(shaken.mean()), rel=1e-3)
+
+
+def test_frames_of_a_higher_rate_all_count(clean):
+    """White noise at 120 frames a second is averaged, not left out with three of four frames."""
+    truth = at_rate(clean[50:80], 120.0)
+    noise = 0.012 * torch.randn(truth.frames, 21, 3, generator=torch.Generator().manual_seed(0))
+    hand = truth.hands[0]
+    noisy = HandTrack(hand.side, hand.valid, joints=hand.joints + noise)
+    lost = replace(truth[::4], hands=(noisy[::4],), fps=30.0)
+    full, every = (
+        joints_of(denoise(case, FAST)) for case in (replace(truth, hands=(noisy,)), lost)
+    )
+    errors = [(full[::4] - hand.joints[::4]), every - hand.joints[::4]]
+    all_frames, few = (float(error.norm(dim=-1).mean()) for error in errors)
+    assert all_frames < 0.85 * few
+
+
+def test_hands_in_one_point_count_as_missing(noisy):
+    short = noisy[40:70]
+    hand = short.hands[0]
+    lost = (torch.arange(30) > 9) & (torch.arange(30) < 15)
+    keys = HandTrack(hand.side, hand.valid, hand.joints)
+    zeros = replace(keys, joints=hand.joints.masked_fill(lost[:, None, None], 0.0))
+    found = denoise(replace(short, hands=(zeros,)), FAST)
+    wanted = denoise(replace(short, hands=(replace(keys, valid=~lost),)), FAST)
+    assert found.hands["left"].filled.tolist() == lost.tolist()
+    assert torch.equal(joints_of(found), joints_of(wanted))
+    assert "5 frames" in found.doubts[0]

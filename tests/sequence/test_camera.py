@@ -60,7 +60,10 @@ def test_the_networks_get_mirrored_rays_at_their_own_rate():
         there = hand.track.valid  # rays of lost frames are filled as their hands are
         assert hand.track.frames == 31
         torch.testing.assert_close(
-            hand.track.camera_ray[there], wanted[::2][there], atol=1e-6, rtol=0
+            hand.track.camera_ray[there],
+            wanted[::2][there],
+            atol=2e-4,
+            rtol=0,  # of means
         )
 
 

@@ -1,0 +1,71 @@
+"""Means over the time of one frame at a lower rate, so that resampling to it wastes no frame."""
+
+from dataclasses import dataclass, replace
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+from torch.nn.functional import normalize
+
+from geneoh.bundle import FRAMES
+from geneoh.geometry.rotations import (
+    axis_angle_to_matrix,
+    matrix_to_axis_angle,
+    nearest_rotations,
+)
+from geneoh.sequence.gaps import fill_gaps
+from geneoh.sequence.sequence import HandTrack, Sequence
+
+
+def averaged(sequence: Sequence, fps: float) -> Sequence:
+    """The sequence with every frame the mean over 1 / `fps` seconds around it, gaps filled before.
+
+    White noise of q frames a frame of the lower rate falls by the root of q. The sequence itself
+    where it has no higher rate. Towards both ends means are over less, as much to either side.
+    """
+    if sequence.fps <= fps:
+        return sequence
+    mean = FrameMean(sequence.frames, sequence.fps / fps)
+    motion = replace(
+        sequence.object,
+        rotation=mean.rotations(sequence.object.rotation),
+        translation=mean.points(sequence.object.translation),
+    )
+    hands = tuple(mean.hand(fill_gaps(hand)) for hand in sequence.hands)
+    return replace(sequence, hands=hands, object=motion)
+
+
+@dataclass(frozen=True)
+class FrameMean:
+    """Means over a time of `width` frames, more than one, around each of some frames."""
+
+    frames: int
+    width: float
+
+    def points(self, values: Float[Tensor, "T ..."]) -> Float[Tensor, "T ..."]:
+        """The means of values."""
+        frames = torch.arange(self.frames, device=values.device)
+        to_ends = torch.minimum(frames, frames.flip(0)) + 0.5
+        half = to_ends.clamp(max=self.width / 2)
+        total = torch.zeros_like(values)
+        reach = int(self.width / 2 + 0.5)
+        for offset in range(-reach, reach + 1):
+            share = (half - abs(offset) + 0.5).clamp(0, 1) / (2 * half)
+            there = values[(frames + offset).clamp(0, self.frames - 1)]
+            total += share.to(values).view(-1, *[1] * (values.ndim - 1)) * there
+        return total
+
+    def rotations(self, rotation: Float[Tensor, "T *N 3 3"]) -> Float[Tensor, "T *N 3 3"]:
+        """The rotations that are nearest to the means of matrices."""
+        return nearest_rotations(self.points(rotation))
+
+    def hand(self, hand: HandTrack) -> HandTrack:
+        """The means of all that a track has in each frame."""
+        moved = hand.map(
+            lambda values: self.points(values) if values.is_floating_point() else values, FRAMES
+        )
+        pose = hand.pose
+        if pose is not None:
+            pose = matrix_to_axis_angle(self.rotations(axis_angle_to_matrix(pose)))
+        ray = None if moved.camera_ray is None else normalize(moved.camera_ray, dim=-1)
+        return replace(moved, pose=pose, camera_ray=ray)
