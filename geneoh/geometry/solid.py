@@ -72,10 +72,8 @@ def winding_inside(
     return number > 0.5
 
 
-def build_solid(mesh: Mesh, *, walls: bool = True) -> Solid:
+def build_solid(mesh: Mesh) -> Solid:
     """Make a solid of a mesh: consistent faces, walls for open sheets, no interior faces.
-
-    `walls` is False for a mesh known to be a solid whatever its holes, such as an open hand.
 
     Raises:
         InputError: the mesh has no surface that can be measured, or none that encloses anything.
@@ -89,7 +87,7 @@ def build_solid(mesh: Mesh, *, walls: bool = True) -> Solid:
             f"{float(mesh.extent().max()):.3g} m long; scale it to metres"
         )
     body, patches = agreeing(whole)
-    body, sheets = with_walls(body, patches) if walls else (body, 0)
+    body, sheets = with_walls(body, patches)
     winding = igl.FastWindingNumberBVH()
     winding.init(*as_arrays(body))
     closed = not bool(open_edges(body.faces).any())
