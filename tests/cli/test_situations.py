@@ -247,6 +247,12 @@ SITUATIONS = [
         "must be finite ... mark them as not valid",
         with_arrays(joints=bad.with_nan_in(3), valid=np.ones(FRAMES, bool)),
     ),
+    Situation(
+        "Zeros in a frame",
+        "1 frames in which ... in one place",
+        with_arrays(joints=bad.with_nan_in(3, 0.0)),
+        code=0,
+    ),
     Situation("NaN everywhere", "at least one frame", with_arrays(joints=lambda j: j * np.nan)),
     Situation("Every frame is invalid", "at least one", with_arrays(valid=np.zeros(FRAMES, bool))),
     Situation(
