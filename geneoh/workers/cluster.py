@@ -85,7 +85,7 @@ def told_by(process: BaseProcess, pipe: Connection, address: str) -> tuple[int, 
     """The number of an item, and its answer or why it is lost; None at the end of the work."""
     try:
         told = pipe.recv()
-    except (EOFError, ConnectionError):
+    except (EOFError, OSError):  # what it tells may end in its middle
         process.join(PATIENCE)
         code = process.exitcode
         if code == HEAD_LOST:

@@ -104,7 +104,7 @@ def in_processes(
                 item, tries = worker.item, worker.tries
                 try:
                     answer = worker.pipe.recv()
-                except (EOFError, ConnectionError):
+                except (EOFError, OSError):  # an answer may end in its middle
                     why = cause_of_death(worker.process)
                     if tries < TRIES:
                         again.append((item, tries + 1))
@@ -180,7 +180,7 @@ def serve(pipe: Connection, do: Do[Any, Any]) -> None:
     try:
         while True:
             pipe.send_bytes(answered(do, pipe.recv()))
-    except (EOFError, ConnectionError):  # the parent has no more work, or is gone
+    except (EOFError, OSError):  # the parent has no more work, or is gone
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
     except SystemExit:  # end by the signal that asked for it
         signal.signal(signal.SIGTERM, signal.SIG_DFL)

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import threading
 import time
 from pathlib import Path
 
@@ -38,6 +39,21 @@ def doubled_or_killed(item: tuple[int, str]) -> int:
         Path(file).write_text(left[1:])
         if left:
             os.kill(os.getpid(), signal.SIGKILL)
+    return 2 * number
+
+
+def killed_while_it_sends(item: tuple[int, str]) -> int | bytes:
+    """Twice a number; where a folder is named, first an answer too long for the pipe.
+
+    It is made when the folder holds "go", and the process is killed while it waits to send it.
+    """
+    number, folder = item
+    if folder and not Path(folder, "begun").exists():
+        Path(folder, "begun").touch()
+        while not Path(folder, "go").exists():
+            time.sleep(0.05)
+        threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGKILL)).start()
+        return bytes(2**23)
     return 2 * number
 
 

@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 from importlib.util import find_spec
+from multiprocessing import Pipe, get_context
 from pathlib import Path
 
 import chores
@@ -18,7 +19,7 @@ from geneoh.batch import run
 from geneoh.batch.cleaning import Batch
 from geneoh.batch.clips import find_clips
 from geneoh.batch.run import JOURNAL
-from geneoh.errors import ConfigError
+from geneoh.errors import ConfigError, GeneOHError
 from geneoh.workers import cluster as cluster_module
 from geneoh.workers.cluster import on_cluster
 
@@ -61,6 +62,16 @@ def test_without_ray_a_sentence_says_how_to_get_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(ConfigError, match=r"pip install 'geneoh\[cluster\]'"):
         next(on_cluster([1], chores.doubled, address="local", lost=lost))
+
+
+def test_a_process_that_ends_while_it_tells_is_told():
+    pipe, far = Pipe()
+    os.write(far.fileno(), b"\0\0\0\x09half")  # of 9 bytes
+    far.close()
+    process = get_context("spawn").Process(target=os.getpid)
+    process.start()
+    with pytest.raises(GeneOHError, match=r"ended with exit code 0; run the same again"):
+        cluster_module.told_by(process, pipe, "local")
 
 
 @needs_ray

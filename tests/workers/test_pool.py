@@ -56,6 +56,15 @@ def test_an_item_whose_worker_is_killed_is_tried_once_more(tmp_path):
     assert active_children() == []
 
 
+def test_an_item_whose_worker_is_killed_while_it_sends_is_tried_once_more(tmp_path):
+    work = [(1, ""), (2, str(tmp_path))]
+    made = results_of(work, chores.killed_while_it_sends, jobs=2, lost=lost)
+    assert next(made) == 2
+    (tmp_path / "go").touch()
+    wait_for(lambda: len(active_children()) == 1)  # nobody reads until then
+    assert list(made) == [4]
+
+
 def test_a_worker_that_cannot_work_ends_the_run():
     with pytest.raises(GeneOHError, match=r"exit code 3.*--jobs 1"):
         list(results_of([1], chores.ended_by_itself, jobs=2, lost=lost))
