@@ -183,7 +183,8 @@ def clip_inputs(clips: Actions) -> Float[Tensor, "B S D"]:
 def frames_within(length: Int[Tensor, " B"], share: Float[Tensor, "B S"]) -> Int[Tensor, "B S"]:
     """A frame in each of as many equal groups of a clip's frames, at a share of the group."""
     groups = torch.arange(share.shape[1]) + share
-    return (groups / share.shape[1] * length[:, None]).long()
+    frames = (groups / share.shape[1] * length[:, None]).long()
+    return frames.minimum(length[:, None] - 1)  # a share just below one rounds to the next group
 
 
 def inputs_of(

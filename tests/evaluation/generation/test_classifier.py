@@ -110,6 +110,11 @@ def test_random_frames_are_one_of_each_group():
     assert torch.equal(frames // 4, torch.arange(SEEN).expand(50, -1))
 
 
+def test_random_frames_are_never_behind_the_end():
+    last = torch.full((1, SEEN), 1 - 2**-24)  # the largest share that is drawn
+    assert int(frames_within(torch.tensor([60]), last).max()) == 59
+
+
 def test_classifier_learns_verbs_that_differ_and_is_the_same_again(tmp_path):
     task = ClassifierTask(QUICK, mixed(20), mixed(10, seed=1))
     model = trained_classifier(task, tmp_path / "one")
