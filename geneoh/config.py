@@ -105,6 +105,28 @@ def with_table(base: Config, table: Mapping[str, Any], origin: str, prefix: str 
     return replace(base, **changes)  # type: ignore[type-var]  # any dataclass
 
 
+def check_fields(options: Any, limits: Mapping[str, tuple[int, int]]) -> None:
+    """Check the fields of a new frozen dataclass that a user fills in.
+
+    Numbers of numpy become plain ones, and text becomes a path where one is meant. `limits` are the
+    least and the largest value of numbers by the names of their fields.
+
+    Raises:
+        ConfigError: a value is not of its field's type, or outside of its limits.
+    """
+    origin = type(options).__name__
+    for name, kind in get_type_hints(type(options)).items():
+        value = getattr(options, name)
+        value = value.item() if hasattr(value, "item") else value
+        value = as_field_type(value, kind, origin, name)
+        low, high = limits.get(name, (None, None))
+        if low is not None and value is not None and not low <= value <= high:  # NaN is outside
+            raise ConfigError(
+                f"{origin}: '{name}' must be {low} to {high}, got {value}; correct the value"
+            )
+        object.__setattr__(options, name, value)
+
+
 def checked_call(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
     """A public function that refuses arguments of another kind than their annotations.
 

@@ -6,7 +6,7 @@ from typing import Any
 import click
 from click import Choice
 
-from geneoh.choices import AXES, REFINERS
+from geneoh.choices import AXES, GENERATION, REFINERS
 
 from .. import bodies, options, progress
 
@@ -32,17 +32,17 @@ from .. import bodies, options, progress
 @options.unit
 @options.option(
     "--frames: Length at 30 frames a second.  [default: as the sentence says]",
-    click.IntRange(2, 150),
+    click.IntRange(*GENERATION["frames"]),
 )
-@options.option("--steps: Denoising steps; 1000 are the paper's.", click.IntRange(1, 1000), 25)
+@options.option("--steps: Denoising steps (DDIM).", click.IntRange(*GENERATION["steps"]), 25)
 @options.option(
     "--guidance: How much more the sentence counts than it was learned to; 1 is plain.",
-    click.FloatRange(0, 10),
+    click.FloatRange(*GENERATION["guidance"]),
     2.0,
 )
 @options.option(
     "--draws: Motions to draw, of which the one that is most like the others is kept.",
-    click.IntRange(1, 64),
+    click.IntRange(*GENERATION["draws"]),
     4,
 )
 @options.option(

@@ -9,6 +9,8 @@ import torch
 
 from geneoh.body.motion import BodyMotion, grounded, pose, turned
 from geneoh.body.skeleton import BODY_JOINTS, FINGER_JOINTS, PARENTS, WRISTS
+from geneoh.choices import GENERATION
+from geneoh.config import check_fields
 from geneoh.generators.both2hands.generate import check_sentence, generate_hands
 from geneoh.generators.both2hands.library import load_networks
 from geneoh.geometry.axes import turn_up
@@ -33,7 +35,7 @@ class BodyOptions:
     """The settings of `geneoh.generate_on_body`; the defaults are those of the command."""
 
     steps: int = 25
-    """Denoising steps (paper: 1,000 ancestral ones)."""
+    """Denoising steps (DDIM), 1 to 1,000."""
     refine: Literal["geneoh", "none"] = "geneoh"
     """What mends hands that hold an object: "geneoh", `geneoh.denoise`; "none"."""
     weights: Path | None = None
@@ -42,6 +44,14 @@ class BodyOptions:
     """Folder of a CLIP or sentence-transformers model, for networks that were trained with it."""
     seed: int = 0
     """Seed of all random numbers; another one makes other hands."""
+
+    def __post_init__(self) -> None:
+        """Take paths given as text, and refuse values that no setting has.
+
+        Raises:
+            ConfigError: a value is of another type than its field's, or outside of its limits.
+        """
+        check_fields(self, GENERATION)
 
 
 @dataclass(frozen=True)

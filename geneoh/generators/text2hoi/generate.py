@@ -8,7 +8,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.choices import Axis, Refiner
+from geneoh.choices import GENERATION, Axis, Refiner
+from geneoh.config import check_fields
 from geneoh.generators.text2hoi.interaction_file import sequence_of
 from geneoh.generators.text2hoi.library import Networks, load_networks, load_refiner
 from geneoh.generators.text2hoi.objects import Objects
@@ -39,12 +40,12 @@ class GenerateOptions:
     frames: int | None = None
     """Length at 30 frames a second, 2 to 150; None draws one that suits the sentence."""
     steps: int = 25
-    """Denoising steps (paper: 1,000 ancestral ones)."""
+    """Denoising steps (DDIM), 1 to 1,000."""
     guidance: float = 2.0
-    """How far answers go beyond those without the sentence; 1 is plain, and takes half the time to
-    draw."""
+    """How far answers go beyond those without the sentence, 0 to 10; 1 is plain, and takes half the
+    time to draw."""
     draws: int = 4
-    """Motions that are drawn, of which the one that is most like the others is kept."""
+    """Motions that are drawn, 1 to 64, of which the one that is most like the others is kept."""
     refine: Refiner = "geneoh"
     """What mends the hands: "paper" is the refiner of Text2HOI, one pass of a network; after it
     "geneoh" brings hands to the surface that they hold and cleans them with `geneoh.denoise`;
@@ -55,6 +56,14 @@ class GenerateOptions:
     """Folder of a CLIP or sentence-transformers model, for networks that were trained with it."""
     seed: int = 0
     """Seed of all random numbers; another one makes another interaction."""
+
+    def __post_init__(self) -> None:
+        """Take paths given as text, and refuse values that no setting has.
+
+        Raises:
+            ConfigError: a value is of another type than its field's, or outside of its limits.
+        """
+        check_fields(self, GENERATION)
 
 
 @dataclass(frozen=True)

@@ -3,12 +3,13 @@
 from dataclasses import replace
 
 import bodies
+import jaxtyping
 import numpy as np
 import pytest
 import torch
 
 from geneoh.body.motion import BodyMotion, pose
-from geneoh.errors import InputError
+from geneoh.errors import ConfigError, InputError
 from geneoh.generators.both2hands import on_body
 from geneoh.generators.both2hands.on_body import (
     BodyOptions,
@@ -42,6 +43,14 @@ def asked(monkeypatch) -> list:
         on_body, "load_networks", lambda folder, text_encoder: (folder, text_encoder)
     )
     return calls
+
+
+@pytest.mark.parametrize("wrong", [{"steps": 0}, {"seed": -1}, {"refine": "paper"}])
+def test_values_that_no_setting_has_are_refused(wrong, monkeypatch):
+    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)  # as for users
+    (name,) = wrong
+    with pytest.raises(ConfigError, match=f"BodyOptions: '{name}' must be "):
+        BodyOptions(**wrong)
 
 
 def test_networks_see_thirty_frames_and_y_up_and_files_their_own(asked, tmp_path):

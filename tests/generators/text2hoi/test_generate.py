@@ -1,5 +1,7 @@
 from dataclasses import replace
+from pathlib import Path
 
+import jaxtyping
 import numpy as np
 import pytest
 import torch
@@ -8,6 +10,7 @@ from made_actions import WordEncoder
 from made_networks import TINY
 
 import geneoh
+from geneoh.errors import ConfigError
 from geneoh.generators.text2hoi import generate as module
 from geneoh.generators.text2hoi.contact import ContactNetwork
 from geneoh.generators.text2hoi.generate import GenerateOptions, generate, save_generated
@@ -41,6 +44,26 @@ def mug(tmp_path_factory):
     made.apply_translation([0.2, 0.3, -0.1])
     made.export(path)
     return path
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        *({"frames": 1}, {"frames": 300}, {"steps": 0}, {"steps": 2000}, {"draws": 0}),
+        *({"guidance": -1.0}, {"guidance": float("nan")}, {"seed": -1}, {"refine": "all"}),
+    ],
+)
+def test_values_that_no_setting_has_are_refused(wrong, monkeypatch):
+    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)  # as for users
+    (name,) = wrong
+    with pytest.raises(ConfigError, match=f"GenerateOptions: '{name}' must be "):
+        GenerateOptions(**wrong)
+
+
+def test_settings_take_folders_as_text_and_numbers_of_numpy(monkeypatch):
+    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
+    made = GenerateOptions(weights="runs", seed=np.int64(3), guidance=np.float32(2))
+    assert made == GenerateOptions(weights=Path("runs"), seed=3, guidance=2.0)
 
 
 @pytest.mark.parametrize(
