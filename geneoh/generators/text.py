@@ -10,9 +10,12 @@ from torch import Tensor
 
 from geneoh.errors import ConfigError, InputError
 
+KEPT = 4096
+"""Sentences whose vectors are kept, the latest: training tells new ones in every step."""
+
 
 class TextEncoder:
-    """Sentences to vectors of `width` features, each sentence only once."""
+    """Sentences to vectors of `width` features, each of the latest sentences only once."""
 
     def __init__(self, width: int, embed: Callable[[list[str]], Tensor]) -> None:
         """`embed` gives the vectors of sentences, without gradient."""
@@ -25,6 +28,8 @@ class TextEncoder:
         if new := [s for s in dict.fromkeys(sentences) if s not in self._known]:
             self._known |= zip(new, self._embed(new), strict=True)
         found = [self._known[sentence] for sentence in sentences]
+        for old in list(self._known)[:-KEPT]:
+            del self._known[old]
         return torch.stack(found) if found else torch.zeros(0, self.width)
 
 

@@ -35,6 +35,17 @@ def test_a_sentence_is_embedded_once_and_kept():
     assert encoder.encode([]).shape == (0, 2)
 
 
+def test_only_the_latest_sentences_are_kept(monkeypatch):
+    asked = []
+    monkeypatch.setattr("geneoh.generators.text.KEPT", 2)
+    encoder = TextEncoder(1, lambda said: asked.extend(said) or torch.ones(len(said), 1))
+    assert encoder.encode(["a", "b", "c"]).shape == (3, 1)
+    encoder.encode(["c", "b"])
+    assert asked == ["a", "b", "c"]
+    encoder.encode(["a"])
+    assert asked == ["a", "b", "c", "a"]
+
+
 def test_shipped_encoder_is_small_and_of_width_128():
     assert SHIPPED.stat().st_size < 1_000_000
     encoder = load_text_encoder()
