@@ -21,6 +21,7 @@ from geneoh.generators.both2hands.denoiser import (
 from geneoh.generators.pieces import marked, piece_numbers, words_of
 from geneoh.generators.text import foreign_encoder
 from geneoh.nn.checkpoint import load_checkpoint
+from geneoh.training.resume import digest
 
 SHIPPED = Path(__file__).parent / "weights"  # the weights in the package, STAGE.safetensors
 
@@ -35,6 +36,11 @@ class Branches:
     body: BodyHands
     text: TextHands
     speech: Speech
+
+    @property
+    def fingerprint(self) -> str:
+        """A fingerprint of the weights of both."""
+        return digest(t for n in (self.body, self.text) for t in n.state_dict().values())
 
 
 @dataclass(frozen=True)
@@ -60,13 +66,14 @@ def load_networks(
 
     Raises:
         CheckpointError: a file is missing or does not fit its network.
-        ConfigError: the networks were trained with another text encoder, or on other data than each
-            other.
+        ConfigError: the networks were trained with another text encoder, on other data than each
+            other, or the blend with other networks.
     """
     branches = load_branches(folder, text_encoder=text_encoder)
     blend = load_network(weights_of("blend", folder), "blend", Blender, BlendConfig)
     if blend.config.form == "ours":
         refuse_strangers(branches, folder)
+    refuse_other_branches(weights_of("blend", folder), branches)
     body, text = branches.body.to(device), branches.text.to(device)
     return Networks(body, text, branches.speech, blend.to(device))
 
@@ -96,6 +103,17 @@ def refuse_strangers(branches: Branches, folder: Path | None) -> None:
             f"{folder or SHIPPED}: expected body_hands and text_hands that were trained on the "
             "same data and noise in the frame 'wrist', which one process needs, got others; train "
             "both again, or the blend with blend.form=paper"
+        )
+
+
+def refuse_other_branches(path: Path, branches: Branches) -> None:
+    """Refuse a blend that was trained with other networks than those that it is to blend."""
+    known = load_checkpoint(path).record.get("branches")
+    if known is not None and known != branches.fingerprint:
+        raise ConfigError(
+            f"{path}: expected the networks body_hands and text_hands that it was trained with, "
+            "got others; train it again with `geneoh train --stage blend` in the folder that holds "
+            "those"
         )
 
 

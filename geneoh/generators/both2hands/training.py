@@ -163,16 +163,13 @@ class HandsTask:
 
     def record(self) -> dict[str, Any]:
         """Network, config, fingerprints of what it learns from, and how that was made."""
-        branches = self.branches and [
-            t for n in (self.branches.body, self.branches.text) for t in n.state_dict().values()
-        ]
         return {
             "stage": self.name,
             "config": as_dict(self.config),
             "sequences": len(self.data.length),
             "data": data_digest(self.data),
             "validation": data_digest(self.validation),
-            "branches": None if branches is None else digest(branches),
+            "branches": None if self.branches is None else self.branches.fingerprint,
             "tokenizer": None if self.tokenizer is None else self.tokenizer.to_str(),
             "made": None if self.made is None else dict(self.made),
         }

@@ -7,7 +7,7 @@ from made_gestures import TINY, made_gestures, tiny_task
 
 from geneoh.config import as_dict
 from geneoh.errors import CheckpointError, ConfigError
-from geneoh.generators.both2hands.library import load_networks, reader_of
+from geneoh.generators.both2hands.library import load_branches, load_networks, reader_of
 from geneoh.generators.both2hands.sampling import SamplingConfig, sample
 from geneoh.generators.both2hands.stages import vocabulary
 from geneoh.nn.checkpoint import load_checkpoint, save_checkpoint
@@ -24,8 +24,9 @@ def folder(tmp_path_factory):
     task = tiny_task("text_hands", config)
     reader = reader_of(tokenizer, config.text_hands)
     train(replace(task, speech=reader, tokenizer=tokenizer), made, device=CPU)
-    for stage in ("body_hands", "blend"):
-        train(tiny_task(stage, config), made, device=CPU)
+    train(tiny_task("body_hands", config), made, device=CPU)
+    branches = load_branches(made)
+    train(replace(tiny_task("blend", config), branches=branches), made, device=CPU)
     return made
 
 
@@ -61,6 +62,14 @@ def test_networks_of_other_data_are_not_blended_in_one_process(folder, tmp_path)
     tensors["scale.middle"] += 1
     other = copied(folder, tmp_path, "text_hands", tensors=tensors)
     with pytest.raises(ConfigError, match="trained on the same data"):
+        load_networks(other)
+
+
+def test_a_blend_of_other_networks_is_refused(folder, tmp_path):
+    tensors = load_checkpoint(folder / "body_hands.safetensors").tensors
+    tensors["body_scale.middle"] += 1
+    other = copied(folder, tmp_path, "body_hands", tensors=tensors)
+    with pytest.raises(ConfigError, match=r"blend.safetensors: .* train it again"):
         load_networks(other)
 
 
