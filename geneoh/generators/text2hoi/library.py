@@ -1,20 +1,28 @@
 """The trained networks of Text2HOI: where weights are, and how networks are rebuilt from them."""
 
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import torch
+from jaxtyping import Float
+from torch import Tensor
 
 from geneoh.denoisers.library import load_network
-from geneoh.errors import ConfigError
+from geneoh.errors import CheckpointError, ConfigError
 from geneoh.generators.text2hoi.contact import ContactConfig, ContactNetwork
 from geneoh.generators.text2hoi.interaction import InteractionConfig, InteractionNetwork
 from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork
 from geneoh.generators.text2hoi.refiner import RefinerConfig, RefinerNetwork
 from geneoh.generators.text2hoi.samples import Encoder
-from geneoh.generators.text2hoi.text import load_text_encoder
+from geneoh.generators.text2hoi.text import ASKED, load_text_encoder
+from geneoh.nn.checkpoint import load_checkpoint
 
 SHIPPED = Path(__file__).parent / "weights"  # the weights in the package, STAGE.safetensors
+ALIKE = 0.1
+"""Two vectors of a sentence are of one encoder whose distance is at most this share of their
+length: machines and precisions round by a hundredth at most, and trainings have nothing in common.
+"""
 
 
 @dataclass(frozen=True)
@@ -52,12 +60,53 @@ def load_networks(
     length = load_network(weights_of("length", folder), "length", LengthNetwork, LengthConfig)
     trained = (("contact", contact), ("interaction", interaction), ("length", length))
     for name, network in trained:
-        if network.config.text != text.width:
-            raise ConfigError(
-                f"{weights_of(name, folder)}: expected a text encoder of {network.config.text} "
-                f"features, got one of {text.width}; name the one that it was trained with"
-            )
+        refuse_other_encoder(weights_of(name, folder), network.config.text, text)
     return Networks(text, contact.to(device), interaction.to(device), length)
+
+
+def refuse_other_encoder(path: Path, width: int, text: Encoder) -> None:
+    """Refuse weights for vectors of a width that were trained with another text encoder.
+
+    Raises:
+        CheckpointError: the file is damaged.
+        ConfigError: the encoder is another one, as far as the weights tell of theirs.
+    """
+    if width != text.width:
+        raise ConfigError(
+            f"{path}: expected a text encoder of {width} features, got one of {text.width}; name "
+            "the one that it was trained with"
+        )
+    learned, asked = vector_of_training(path, width), text.encode([ASKED])[0]
+    if learned is not None and float((asked - learned).norm()) > ALIKE * float(learned.norm()):
+        raise ConfigError(
+            f"{path}: expected the text encoder that it was trained with, got another one of as "
+            "many features; name that one, or train it again with `geneoh train --stage "
+            f"{path.stem}`"
+        )
+
+
+def vector_of_training(path: Path, width: int) -> Float[Tensor, " W"] | None:
+    """The vector of `ASKED` by the encoder that weights were trained with; None where unknown.
+
+    Older weights tell a fingerprint of it alone. It is known where the shipped ones have the same.
+    """
+    record = load_checkpoint(path).record
+    if "text_vector" not in record:
+        shipped = record if path.parent == SHIPPED else load_checkpoint(SHIPPED / path.name).record
+        return shipped_vector() if record.get("text") == shipped.get("text") else None
+    try:
+        return torch.tensor(record["text_vector"], dtype=torch.float32).view(width)
+    except (TypeError, ValueError, RuntimeError) as error:
+        raise CheckpointError(
+            f"{path}: expected a record with the vector of a sentence, got another one; train it "
+            "again or download it again"
+        ) from error
+
+
+@cache
+def shipped_vector() -> Float[Tensor, " W"]:
+    """The vector of `ASKED` by the shipped text encoder."""
+    return load_text_encoder().encode([ASKED])[0]
 
 
 def load_refiner(folder: Path | None = None) -> RefinerNetwork:

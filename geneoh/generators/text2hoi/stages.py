@@ -6,11 +6,16 @@ from pathlib import Path
 
 from geneoh.choices import ActionStage, GeneratorStage
 from geneoh.config import configured
-from geneoh.errors import ConfigError
 from geneoh.generators.text2hoi.action_data import action_data
 from geneoh.generators.text2hoi.config import Text2HoiConfig
 from geneoh.generators.text2hoi.length_training import LengthTask, LengthTrainConfig
-from geneoh.generators.text2hoi.library import contact_network, encoder_of, interaction_network
+from geneoh.generators.text2hoi.library import (
+    contact_network,
+    encoder_of,
+    interaction_network,
+    refuse_other_encoder,
+    weights_of,
+)
 from geneoh.generators.text2hoi.recorded import RecordedConfig
 from geneoh.generators.text2hoi.samples import ActionData, Encoder
 from geneoh.generators.text2hoi.text_training import TextTask, TextTrainConfig
@@ -57,7 +62,8 @@ def generator_task(
     Raises:
         InputError: there are no actions.
         CheckpointError: weights in the folder do not fit their network.
-        ConfigError: the file cannot be read, or a setting is unknown or of the wrong type.
+        ConfigError: the file cannot be read, a setting is unknown or of the wrong type, or networks
+            before were trained with another text encoder.
     """
     if stage == "text":
         return TextTask(configured(TextTrainConfig(), config, settings)), ()
@@ -84,13 +90,12 @@ def action_task(
         interaction=replace(chosen.interaction, text=encoder.width),
     )
     contact = None if stage == "contact" else contact_network(learned.folder)
-    if contact is not None and contact.config.text != encoder.width:
-        raise ConfigError(
-            f"{learned.folder}: the contact network was trained with a text encoder of "
-            f"{contact.config.text} features, got one of {encoder.width}; train it again"
-        )
-    data = learned.actions(chosen.recorded, on_progress)
     interaction = interaction_network(learned.folder) if stage == "refiner" else None
+    for name, network in (("contact", contact), ("interaction", interaction)):
+        if network is not None:
+            path = weights_of(name, learned.folder)
+            refuse_other_encoder(path, network.config.text, encoder)
+    data = learned.actions(chosen.recorded, on_progress)
     task = ActionTask(
         stage, chosen, data.training, data.validation, encoder, contact, interaction, data.record
     )

@@ -18,6 +18,8 @@ from geneoh.generators.text_network import Reading, TextConfig, TextNetwork
 from geneoh.nn.checkpoint import Checkpoint, load_checkpoint
 
 SHIPPED = Path(__file__).parent / "weights" / "text.safetensors"
+ASKED = "Lift a mug with the right hand."
+"""The sentence by whose vector an encoder is known again."""
 
 
 class TextModel:

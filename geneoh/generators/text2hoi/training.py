@@ -23,6 +23,7 @@ from geneoh.generators.text2hoi.task_losses import (
     interaction_loss,
     refiner_task_loss,
 )
+from geneoh.generators.text2hoi.text import ASKED
 from geneoh.synthesis.draws import Draws, Part
 from geneoh.synthesis.shards import seed_of
 from geneoh.training.processes import Team
@@ -128,7 +129,7 @@ class ActionTask:
             "sequences": len(self.data.actions),
             "data": data_digest(self.data),
             "validation": data_digest(self.validation),
-            "text": text_digest(self.encoder),
+            **text_record(self.encoder),
             **{name: each and digest(each.state_dict().values()) for name, each in before.items()},
             "made": None if self.made is None else dict(self.made),
         }
@@ -140,6 +141,11 @@ def data_digest(data: ActionData) -> str:
     return digest([lengths, data.actions.each(lambda actions: actions.wrist[:, :, -1])])
 
 
-def text_digest(encoder: Encoder) -> str:
-    """A fingerprint of a text encoder, by a sentence in half precision."""
-    return digest([encoder.encode(["Lift a mug with the right hand."]).half()])
+def text_record(encoder: Encoder) -> dict[str, Any]:
+    """What weights tell of the text encoder that they were trained with, by the vector of `ASKED`.
+
+    A fingerprint of it in half precision, by which runs are continued; and its numbers, because
+    machines round a vector apart.
+    """
+    vector = encoder.encode([ASKED])
+    return {"text": digest([vector.half()]), "text_vector": vector[0].tolist()}

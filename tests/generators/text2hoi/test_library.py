@@ -2,9 +2,18 @@ import pytest
 import torch
 
 from geneoh.denoisers.library import load_network
+from geneoh.errors import CheckpointError, ConfigError
+from geneoh.generators.text import TextEncoder
 from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork
-from geneoh.generators.text2hoi.library import SHIPPED, weights_of
+from geneoh.generators.text2hoi.library import (
+    SHIPPED,
+    load_networks,
+    refuse_other_encoder,
+    weights_of,
+)
 from geneoh.generators.text2hoi.text import load_text_encoder
+from geneoh.generators.text2hoi.training import text_record
+from geneoh.nn.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
 
 
 @pytest.fixture(scope="module")
@@ -33,6 +42,47 @@ def frames():
 )
 def test_shipped_lengths_are_those_of_the_verb(frames, sentence, expected):
     assert frames(sentence) == pytest.approx(expected, abs=12)
+
+
+def with_encoder(folder, seed: int):
+    """A folder with a text encoder of the shipped one's size that was trained otherwise."""
+    saved = load_checkpoint(SHIPPED / "text.safetensors")
+    generator = torch.Generator().manual_seed(seed)
+    tensors = {
+        name: tensor[:, torch.randperm(tensor.shape[1], generator=generator)]
+        if tensor.ndim > 1
+        else tensor
+        for name, tensor in saved.tensors.items()
+    }
+    save_checkpoint(folder / "text.safetensors", Checkpoint(tensors, saved.record))
+    return folder
+
+
+def test_the_shipped_networks_are_refused_with_another_text_encoder(tmp_path):
+    with pytest.raises(ConfigError, match=r"contact.safetensors: .* train it again"):
+        load_networks(with_encoder(tmp_path, 0))
+    assert load_networks().text.width == 128
+
+
+def test_weights_know_the_encoder_that_they_were_trained_with(tmp_path):
+    (tmp_path / "other").mkdir()
+    own, other = (
+        load_text_encoder(with_encoder(folder, seed))
+        for seed, folder in enumerate((tmp_path, tmp_path / "other"))
+    )
+    path, record = tmp_path / "length.safetensors", text_record(own)
+    save_checkpoint(path, Checkpoint({"x": torch.zeros(1)}, record))
+    refuse_other_encoder(path, 128, own)
+    rounded = TextEncoder(128, lambda said: own.encode(said).bfloat16().float())
+    refuse_other_encoder(path, 128, rounded)  # of another machine
+    with pytest.raises(ConfigError, match="expected the text encoder that it was trained with"):
+        refuse_other_encoder(path, 128, other)
+    record = {"text": record["text"]}  # as older weights tell it
+    save_checkpoint(path, Checkpoint({"x": torch.zeros(1)}, record))
+    refuse_other_encoder(path, 128, other)
+    save_checkpoint(path, Checkpoint({"x": torch.zeros(1)}, {"text_vector": ["?"]}))
+    with pytest.raises(CheckpointError, match="expected a record with the vector"):
+        refuse_other_encoder(path, 128, own)
 
 
 def test_what_a_folder_lacks_is_as_shipped(tmp_path):
