@@ -107,7 +107,7 @@ def train(
         with team.first_alone(), progress.progress_bars(not team.rank) as on_progress:
             if stage in BODY_STAGES:
                 refuse_unused(stage, mano=mano)
-                asked = named, settings, sources, folder, text_encoder, skeleton
+                asked = named, settings, sources, folder, start, text_encoder, skeleton
                 task, notes = body_task(stage, *asked, on_progress)
             elif stage in GENERATOR_STAGES:
                 # pieces of words are learned anew, and weights mean nothing with other pieces
@@ -193,6 +193,7 @@ def body_task(
     settings: tuple[str, ...],
     sources: tuple[str, ...],
     folder: Path,
+    start: Path | None,
     text_encoder: Path | None,
     skeleton: Path | None,
     on_progress: Any,
@@ -207,7 +208,8 @@ def body_task(
     data = parsed_source(only_source(stage, sources, BODIES), BODY_SOURCES)
     if not data.source:
         refuse_unused(f"{stage} and made bodies", skeleton=skeleton)
-    learned = LearnedBodies(data, folder, text_encoder, skeleton)
+    begun = start and start_of(stage, start)
+    learned = LearnedBodies(data, folder, text_encoder, skeleton, begun)
     return task(stage, options.find_config(config), settings, learned, on_progress)
 
 

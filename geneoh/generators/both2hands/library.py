@@ -90,7 +90,8 @@ def load_branches(folder: Path | None, *, text_encoder: Path | None = None) -> B
             f"{path}: expected {wanted}, with which the network was trained, got "
             f"{f'one of {encoder.width}' if encoder else 'none'}; change --text-encoder"
         )
-    return Branches(body, text, encoder.encode if encoder else read_pieces_of(path, text))
+    speech = encoder.encode if encoder else reader_of(vocabulary_of(path), text.config)
+    return Branches(body, text, speech)
 
 
 def refuse_strangers(branches: Branches, folder: Path | None) -> None:
@@ -117,21 +118,20 @@ def refuse_other_branches(path: Path, branches: Branches) -> None:
         )
 
 
-def read_pieces_of(path: Path, text: TextHands) -> Speech:
-    """How a network that reads words itself is told sentences, by the vocabulary in its file.
+def vocabulary_of(path: Path) -> Tokenizer:
+    """The vocabulary in the weights of a network that reads words itself.
 
     Raises:
         CheckpointError: the file holds no vocabulary.
     """
     record: dict[str, Any] = load_checkpoint(path).record
     try:
-        tokenizer = Tokenizer.from_str(record["tokenizer"])
+        return Tokenizer.from_str(record["tokenizer"])
     except Exception as error:  # the library tokenizers raises plain ones
         raise CheckpointError(
             f"{path}: expected weights with their vocabulary, got others "
             f"({str(error).splitlines()[-1].strip()}); train them again"
         ) from error
-    return reader_of(tokenizer, text.config)
 
 
 def reader_of(tokenizer: Tokenizer, config: TextHandsConfig) -> Speech:

@@ -12,7 +12,13 @@ from tokenizers import Tokenizer
 from geneoh.choices import BodySource, BodyStage
 from geneoh.config import as_dict, configured
 from geneoh.generators.both2hands.config import Both2HandsConfig
-from geneoh.generators.both2hands.library import Speech, load_branches, reader_of, refuse_strangers
+from geneoh.generators.both2hands.library import (
+    Speech,
+    load_branches,
+    reader_of,
+    refuse_strangers,
+    vocabulary_of,
+)
 from geneoh.generators.both2hands.recorded import recorded_gestures
 from geneoh.generators.both2hands.training import HandsTask
 from geneoh.generators.pieces import learned_pieces
@@ -32,6 +38,7 @@ class LearnedBodies:
     folder: Path  # of the networks before
     text_encoder: Path | None = None  # of the network of text, instead of words that it learns
     skeleton: Path | None = None  # SMPL-H or SMPL-X model of recorded bodies
+    start: Path | None = None  # file of weights to go on from, which mean nothing with other words
 
     def gestures(self, stage: BodyStage, on_progress: OnProgress | None) -> TrainingData[Gestures]:
         """The clips; those of recordings have sentences where the stage learns from them."""
@@ -82,7 +89,8 @@ def body_task(
         speech = cast(Speech, encoder.encode)
         chosen = replace(chosen, text_hands=replace(chosen.text_hands, text=encoder.width))
     else:
-        tokenizer = vocabulary(data.training, chosen.text_hands.words.pieces)
+        pieces, start = chosen.text_hands.words.pieces, learned.start
+        tokenizer = vocabulary_of(start) if start else vocabulary(data.training, pieces)
         speech = reader_of(tokenizer, chosen.text_hands)
     clips = data.training, data.validation
     return HandsTask(stage, chosen, *clips, speech, tokenizer, branches, data.record), data.notes
