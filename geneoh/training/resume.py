@@ -26,6 +26,8 @@ COMPARED = {
     "stage": "stage",
     "data": "training data (fingerprint)",
     "validation": "validation data (fingerprint)",
+    "words": "words of the data (fingerprint)",
+    "tokenizer": "vocabulary (fingerprint)",
     "before": "MotionDiff (fingerprint)",
     "text": "text encoder (fingerprint)",
     "contact": "contact network (fingerprint)",
@@ -103,12 +105,15 @@ class TrainState:
         return Checkpoint(half, final)
 
 
-def digest(tensors: Iterable[Tensor]) -> str:
-    """A fingerprint of tensors, the same on every machine."""
+def digest(parts: Iterable[Tensor | str]) -> str:
+    """A fingerprint of tensors and texts, the same on every machine."""
     found = hashlib.sha256()
-    for tensor in tensors:
-        found.update(str(tuple(tensor.shape)).encode())
-        found.update(tensor.detach().cpu().contiguous().numpy().tobytes())
+    for part in parts:
+        if isinstance(part, str):
+            found.update(f"{part}\0".encode())
+        else:
+            found.update(str(tuple(part.shape)).encode())
+            found.update(part.detach().cpu().contiguous().numpy().tobytes())
     return found.hexdigest()[:16]
 
 
@@ -137,9 +142,9 @@ def refuse_other_run(path: Path, saved: Mapping[str, Any], asked: Mapping[str, A
     `CheckpointError` says what differs.
     """
     differs = [
-        f"{words} {saved[name]} where {asked[name]} is asked for"
+        f"{words} {_shown(saved[name])} where {_shown(asked.get(name))} is asked for"
         for name, words in COMPARED.items()
-        if name in saved and saved[name] != asked[name]
+        if name in saved and saved[name] != asked.get(name)
     ]
     old, new = (flat(record["config"]) for record in (saved, asked))
     differs += [
@@ -152,6 +157,11 @@ def refuse_other_run(path: Path, saved: Mapping[str, Any], asked: Mapping[str, A
             f"{path}: the saved run has {', '.join(differs)}; "
             "continue it as it was begun, or choose another output folder"
         )
+
+
+def _shown(value: Any) -> Any:
+    """A value in a message: a long text, such as a vocabulary, by its fingerprint."""
+    return digest([value]) if isinstance(value, str) and len(value) > 60 else value
 
 
 def write_log(path: Path, rows: Iterable[LogRow]) -> None:

@@ -169,6 +169,7 @@ class HandsTask:
             "sequences": len(self.data.length),
             "data": data_digest(self.data),
             "validation": data_digest(self.validation),
+            "words": words_digest(self.data, self.validation),
             "branches": None if self.branches is None else self.branches.fingerprint,
             "tokenizer": None if self.tokenizer is None else self.tokenizer.to_str(),
             "made": None if self.made is None else dict(self.made),
@@ -270,6 +271,12 @@ def set_scales(network: HandsDenoiser, data: Gestures, kept: Features) -> None:
 def data_digest(data: Gestures) -> str:
     """A fingerprint of clips by their lengths and last poses."""
     return digest([data.length, data.pose[:, -1]])
+
+
+def words_digest(*several: Gestures) -> str:
+    """A fingerprint of what is said of clips, and of the gestures that it names."""
+    told = ((clips.gesture, *map(str, clips.joined.ravel())) for clips in several)
+    return digest(part for parts in told for part in parts)
 
 
 def _noisy(

@@ -11,7 +11,7 @@ from geneoh.config import as_dict
 from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork, length_loss
 from geneoh.generators.text2hoi.recorded import RecordedConfig
 from geneoh.generators.text2hoi.samples import ActionData, Encoder, sentences
-from geneoh.generators.text2hoi.training import data_digest, text_record
+from geneoh.generators.text2hoi.training import data_digest, text_record, words_digest
 from geneoh.synthesis.draws import Draws, Part
 from geneoh.synthesis.shards import seed_of
 from geneoh.training.data import TrainingData
@@ -109,6 +109,7 @@ class LengthTask:
             "sequences": len(self.data.training.actions),
             "data": data_digest(self.data.training),
             "validation": data_digest(self.data.validation),
+            "words": words_digest(self.data.training, self.data.validation),
             **text_record(self.encoder),
             "made": self.data.record,
         }

@@ -1,6 +1,6 @@
 """The networks of Text2HOI as tasks of the training loop."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -24,6 +24,7 @@ from geneoh.generators.text2hoi.task_losses import (
     refiner_task_loss,
 )
 from geneoh.generators.text2hoi.text import ASKED
+from geneoh.synthesis.actions import VERBS
 from geneoh.synthesis.draws import Draws, Part
 from geneoh.synthesis.shards import seed_of
 from geneoh.training.processes import Team
@@ -129,6 +130,7 @@ class ActionTask:
             "sequences": len(self.data.actions),
             "data": data_digest(self.data),
             "validation": data_digest(self.validation),
+            "words": words_digest(self.data, self.validation),
             **text_record(self.encoder),
             **{name: each and digest(each.state_dict().values()) for name, each in before.items()},
             "made": None if self.made is None else dict(self.made),
@@ -139,6 +141,16 @@ def data_digest(data: ActionData) -> str:
     """A fingerprint of actions by their lengths and the last place of each wrist."""
     lengths = data.actions.each(lambda actions: actions.length)
     return digest([lengths, data.actions.each(lambda actions: actions.wrist[:, :, -1])])
+
+
+def words_digest(*several: ActionData) -> str:
+    """A fingerprint of what sentences for actions are made of: their verbs and objects."""
+
+    def parts(data: ActionData) -> Iterator[Tensor | str]:
+        yield data.actions.each(lambda actions: torch.stack([actions.verb, actions.name], dim=1))
+        yield from (*data.names, *(data.verbs or VERBS))
+
+    return digest(part for data in several for part in parts(data))
 
 
 def text_record(encoder: Encoder) -> dict[str, Any]:

@@ -1,5 +1,6 @@
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 from made_bodies import speech, tiny_networks
@@ -7,6 +8,7 @@ from made_gestures import TINY, made_gestures, tiny_task
 
 from geneoh.choices import BODY_STAGES
 from geneoh.errors import CheckpointError
+from geneoh.generators.both2hands.stages import vocabulary
 from geneoh.generators.both2hands.training import blended, hands_loss, naming_loss
 from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.synthesis.draws import Draws, Part
@@ -130,6 +132,27 @@ def test_a_blend_of_other_networks_is_not_continued(tmp_path):
     train(tiny_task("blend", replace(TINY, steps=1)), tmp_path, device=CPU)
     other = tiny_task("blend", replace(TINY, steps=2), tiny_networks(seed=5))
     with pytest.raises(CheckpointError, match="networks that are blended"):
+        train(other, tmp_path, device=CPU)
+
+
+def told_otherwise(task, steps: int):
+    """The task with other words for the same clips and a vocabulary of them, for more steps."""
+    words = np.char.replace(task.data.joined, "hand", "palm")
+    data = replace(task.data, joined=words)
+    config = replace(task.config, steps=steps)
+    return replace(task, config=config, data=data, tokenizer=vocabulary(data, 40))
+
+
+@pytest.mark.parametrize(
+    ("name", "words"), [("data", "words of the data"), ("tokenizer", "vocabulary")]
+)
+def test_a_run_that_was_told_other_words_is_not_continued(tmp_path, name, words):
+    task = tiny_task("text_hands", replace(TINY, steps=1))
+    task = replace(task, tokenizer=vocabulary(task.data, 40))
+    train(task, tmp_path, device=CPU)
+    other = told_otherwise(task, 2)
+    other = replace(task, config=other.config, **{name: getattr(other, name)})
+    with pytest.raises(CheckpointError, match=rf"the saved run has {words} .{{40,99}};"):
         train(other, tmp_path, device=CPU)
 
 

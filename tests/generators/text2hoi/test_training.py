@@ -90,6 +90,14 @@ def test_a_run_with_other_networks_before_it_is_not_continued(tmp_path, given):
         train(task, tmp_path, device=CPU)
 
 
+def test_a_run_whose_objects_had_other_names_is_not_continued(tmp_path):
+    train(tiny_task("contact", replace(TINY, steps=1)), tmp_path, device=CPU)
+    task = tiny_task("contact", replace(TINY, steps=2))
+    task = replace(task, data=replace(task.data, names=("cup", *NAMES[1:])))
+    with pytest.raises(CheckpointError, match="the saved run has words of the data"):
+        train(task, tmp_path, device=CPU)
+
+
 def test_numbers_have_mean_zero_and_unit_variance_on_the_data():
     task = tiny_task("interaction")
     network = task.network()
