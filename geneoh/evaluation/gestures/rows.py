@@ -35,7 +35,7 @@ def shuffled(real: Gestures, *, generator: torch.Generator) -> BodyMotion:
 
 def mean_pose(real: Gestures, training: Gestures) -> BodyMotion:
     """Every body with the mean finger pose of the training clips, which never moves."""
-    mean = training.pose[:, :, BODY_JOINTS:].mean((0, 1))
+    mean = training.pose[training.before_end][:, BODY_JOINTS:].mean(0)
     fingers = axis_angle_to_matrix(mean).expand(*real.pose.shape[:2], -1, -1, -1)
     return with_hands(real.motion, fingers)
 

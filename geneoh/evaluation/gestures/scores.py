@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from geneoh.body.motion import BodyMotion, pose
@@ -39,10 +39,19 @@ def range_of(clips: Gestures) -> FingerRange:
     return FingerRange(fingers.amin((0, 1)), fingers.amax((0, 1)))
 
 
-def share_beyond(fingers: FingerRange, motion: BodyMotion) -> Float[Tensor, " B"]:
-    """Share of the joints of all frames that are beyond a range by more than `ALLOWED`."""
+def share_beyond(
+    fingers: FingerRange, motion: BodyMotion, counted: Bool[Tensor, "B T"]
+) -> Float[Tensor, " B"]:
+    """Share of the joints of the counted frames that are beyond a range by more than `ALLOWED`."""
     turned = matrix_to_axis_angle(motion.rotations[:, :, BODY_JOINTS:])
-    return (fingers.beyond(turned) > ALLOWED).float().mean((1, 2))
+    return mean_of_counted((fingers.beyond(turned) > ALLOWED).float().mean(2), counted)
+
+
+def mean_of_counted(
+    values: Float[Tensor, "B T"], counted: Bool[Tensor, "B T"]
+) -> Float[Tensor, " B"]:
+    """Mean over the frames of each clip that count; zero where none does."""
+    return (values * counted).sum(1) / counted.sum(1).clamp(min=1)
 
 
 @dataclass(frozen=True)
@@ -64,14 +73,17 @@ def score_hands(
     fingers: FingerRange,
     several: Float[Tensor, "P S F"] | None = None,
 ) -> ScoredHands:
-    """Encode and measure every clip of a row; without `several` the row has one answer to each."""
+    """Encode and measure every clip of a row; without `several` the row has one answer to each.
+
+    Frames behind the end of a real clip do not count: there real hands rest, and no others.
+    """
     joints = pose(real.skeleton, motion).positions[:, :, BODY_JOINTS:]
     moved = per_frame_squared(acceleration(joints, FPS), FPS)
     return ScoredHands(
         told,
         features_of(model, real, motion),
-        moved.mean(1),
-        share_beyond(fingers, motion),
+        mean_of_counted(moved, real.before_end[:, 2:]),  # value t is made of frames up to t + 2
+        share_beyond(fingers, motion, real.before_end),
         told.new_zeros(0, 0, told.shape[1]) if several is None else several,
     )
 

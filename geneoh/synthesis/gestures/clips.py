@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int, Shaped
+import torch
+from jaxtyping import Bool, Float, Int, Shaped
 from torch import Tensor
 
 from geneoh.body.motion import BodyMotion
@@ -42,6 +43,12 @@ class Gestures(Bundle):
     def motion(self) -> BodyMotion:
         """Rotations of all joints as matrices."""
         return BodyMotion(self.root, axis_angle_to_matrix(self.pose))
+
+    @property
+    def before_end(self) -> Bool[Tensor, "B T"]:
+        """Whether each frame is of its clip, and none that repeats the last."""
+        frames = torch.arange(self.root.shape[1], device=self.length.device)
+        return frames < self.length[:, None]
 
     @property
     def skeleton(self) -> Skeleton:

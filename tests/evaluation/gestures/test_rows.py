@@ -37,6 +37,8 @@ def test_the_mean_pose_never_moves_and_is_that_of_training():
     real, training = made_gestures(2), made_gestures(6, seed=1)
     made = mean_pose(real, training).rotations[:, :, 22:]
     assert (made - made[:1, :1]).abs().max() < 1e-6
+    training.pose[1, 15:] += 1.0  # behind the end of the second clip
+    torch.testing.assert_close(mean_pose(real, training).rotations[:, :, 22:], made)
 
 
 def test_the_nearest_body_of_a_training_clip_is_its_own():

@@ -1,9 +1,20 @@
+from dataclasses import replace
+
 import pytest
 import torch
 from made_gestures import made_gestures
 
 from geneoh.evaluation.generation.scores import repeat
-from geneoh.evaluation.gestures.scores import MEASURES, SCORES, ScoredHands, range_of, share_beyond
+from geneoh.evaluation.gestures.encoder import EncoderConfig, GestureEncoder
+from geneoh.evaluation.gestures.scores import (
+    MEASURES,
+    SCORES,
+    ScoredHands,
+    range_of,
+    score_hands,
+    share_beyond,
+)
+from geneoh.geometry.rotations import axis_angle_to_matrix
 
 
 def scored(features: torch.Tensor, told: torch.Tensor | None = None, several: int = 0):
@@ -52,8 +63,27 @@ def test_multimodality_is_of_answers_to_one_question_and_else_none():
 def test_joints_beyond_the_range_of_training_are_counted():
     clips = made_gestures(3)
     limits = range_of(clips)
-    assert share_beyond(limits, clips.motion).max() == 0
+    assert share_beyond(limits, clips.motion, clips.before_end).max() == 0
     bent = clips.motion
     clips.pose[:, :, 22, 2] += 2.0  # one of 30 joints
-    torch.testing.assert_close(share_beyond(limits, clips.motion), torch.full((3,), 1 / 30))
-    assert share_beyond(limits, bent).max() == 0
+    torch.testing.assert_close(
+        share_beyond(limits, clips.motion, clips.before_end), torch.full((3,), 1 / 30)
+    )
+    assert share_beyond(limits, bent, clips.before_end).max() == 0
+
+
+def test_frames_behind_the_end_of_a_clip_do_not_count():
+    clips = replace(made_gestures(3), length=torch.full((3,), 12))
+    model = GestureEncoder(EncoderConfig()).eval().requires_grad_(False)
+    limits, told = range_of(clips), torch.zeros(3, 32)
+
+    def measured(last: int):
+        frames = torch.arange(20).clamp(max=last)
+        motion = clips.motion.map(lambda x: x[:, frames], "T")
+        motion.rotations[:, 12:, 30] = axis_angle_to_matrix(torch.tensor([3.0, 0.0, 0.0]))
+        return score_hands(model, clips, motion, told, limits)
+
+    rests, moves = measured(11), measured(19)
+    assert torch.equal(rests.acceleration_mm, moves.acceleration_mm)
+    assert rests.acceleration_mm.min() > 0
+    assert moves.beyond.max() == 0
