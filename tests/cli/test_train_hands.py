@@ -72,6 +72,24 @@ def test_networks_of_hands_learn_from_recordings_of_the_user(geneoh, tmp_path):
     assert networks.speech(["fingers spread"]).shape[0] == 1
 
 
+def test_networks_of_hands_are_blended_where_recordings_lack_a_text(geneoh, tmp_path):
+    names = [f"idea400__subset_0001__wave{n}_clip_1" for n in range(6)]
+    motions = {name: bodies.swaying(40, seed=n) for n, name in enumerate(names)}
+    tree = bodies.motion_x_tree(tmp_path / "data", **motions)
+    for file in (tree / "texts").rglob("wave3_clip_1.*"):
+        file.unlink()
+    settings = [word for setting in (*FEW, *SMALL) for word in ("--set", setting)]
+    for stage in BODY_STAGES:
+        trained = geneoh(
+            "train", "--stage", stage, "--data", "motionx=data", "-o", "run", *settings
+        )
+        assert trained.exit_code == 0, trained.output
+        assert ("are those of run/body_hands.safetensors" in trained.output) == (
+            stage == "text_hands"
+        )
+    assert load_networks(tmp_path / "run").body.config.width == 16
+
+
 def test_data_sets_without_what_a_stage_learns_from_are_refused(geneoh, tmp_path):
     bodies.amass(tmp_path / "walk_poses.npz", bodies.swaying(140))
 

@@ -75,7 +75,7 @@ def recorded_gestures(
         except GeneOHError as error:
             problems.append(f"not read, {error}")
     reasons = ", ".join(f"{count} {reason}" for reason, count in left_out.items())
-    if not windows:
+    if not any(window.sentences or not told for window in windows):
         if problems and not left_out:
             raise InputError(problems[0].removeprefix("not read, "))
         wanted = "fingers and sentences on them" if told else "fingers"
@@ -84,11 +84,13 @@ def recorded_gestures(
             "that the data set is whole"
         )
     held, groups = held_groups([window.group for window in windows])
-    clips = joined(windows)
-    parts = [clips.take(kept, "B") for kept in ((~held, held) if groups else (~held, ~held))]
+    kept = [n for n, window in enumerate(windows) if window.sentences or not told]
+    windows, held = [windows[n] for n in kept], held[kept]
+    clips, divided = joined(windows), bool(held.any() and not held.all())
+    parts = [clips.take(some, "B") for some in ((~held, held) if divided else (slice(None),) * 2)]
     split = (
         f"{int(held.sum())} of {groups} recordings or people held out for validation"
-        if groups
+        if divided
         else "validated on what is learned: there is no other recording"
     )
     about = f"{source}: {len(windows)} clips, {split}; recordings left out: {reasons or 'none'}"
@@ -97,12 +99,18 @@ def recorded_gestures(
 
 
 def windows_of(each: SourceBody, told: bool, left_out: Counter[str]) -> list[Window]:
-    """The windows of a recording, which is counted by the reason where it has none."""
+    """The windows of a recording, which is counted by the reason where nothing is learned from it.
+
+    Those without sentences are among them, so that the same recordings are held out with and
+    without them.
+    """
     paced = at_rate(each.body, FPS)
     reason = reason_against(paced)
-    found = [] if reason else list(cut(each, paced, told))
-    if not found:
-        left_out[reason or "without sentences"] += 1
+    found = [] if reason else list(cut(each, paced))
+    if told and found and not any(window.sentences for window in found):
+        reason = "without sentences"
+    if reason:
+        left_out[reason] += 1
     return found
 
 
@@ -116,7 +124,7 @@ def reason_against(body: BodyRecording) -> str:
     return "" if body.frames >= SHORTEST else f"of fewer than {SHORTEST} frames"
 
 
-def cut(each: SourceBody, paced: BodyRecording, told: bool) -> Iterator[Window]:
+def cut(each: SourceBody, paced: BodyRecording) -> Iterator[Window]:
     """The windows of a recording at 30 frames a second, each with what is said of all of it and of
     its first, middle and last frame."""
     motion, count = grounded(paced.skeleton, paced.motion), min(paced.frames, FRAMES)
@@ -125,9 +133,8 @@ def cut(each: SourceBody, paced: BodyRecording, told: bool) -> Iterator[Window]:
         shown = (each.by_frame.get(frame, "") for frame in at)
         said = dict.fromkeys((*each.body.sentences, *shown))
         sentences = tuple(sentence for sentence in said if words_of(sentence))
-        if sentences or not told:
-            clip = clip_of(paced.skeleton.offsets, motion[start : start + count])
-            yield Window(clip, sentences, each.group)
+        clip = clip_of(paced.skeleton.offsets, motion[start : start + count])
+        yield Window(clip, sentences, each.group)
 
 
 def clip_of(offsets: Float[Tensor, "52 3"], motion: BodyMotion) -> Gestures:

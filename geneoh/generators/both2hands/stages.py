@@ -11,7 +11,9 @@ from tokenizers import Tokenizer
 
 from geneoh.choices import BodySource, BodyStage
 from geneoh.config import as_dict, configured
+from geneoh.denoisers.library import load_network
 from geneoh.generators.both2hands.config import Both2HandsConfig
+from geneoh.generators.both2hands.denoiser import BodyHands, HandsConfig
 from geneoh.generators.both2hands.library import (
     Speech,
     load_branches,
@@ -65,8 +67,9 @@ def body_task(
 ) -> tuple[HandsTask, tuple[str, ...]]:
     """What `geneoh train --stage` learns, with the settings of a file and then of `a.b=c` texts.
 
-    The blend learns with the two networks in the folder, or the shipped ones. Returns notes on the
-    data as well.
+    The blend learns with the two networks in the folder, or the shipped ones; the network of text
+    with the scale and the noise of the one of the body in the folder, as one process needs. Returns
+    notes on the data as well.
 
     Raises:
         InputError: there are no clips.
@@ -93,7 +96,26 @@ def body_task(
         tokenizer = vocabulary_of(start) if start else vocabulary(data.training, pieces)
         speech = reader_of(tokenizer, chosen.text_hands)
     clips = data.training, data.validation
-    return HandsTask(stage, chosen, *clips, speech, tokenizer, branches, data.record), data.notes
+    task = HandsTask(stage, chosen, *clips, speech, tokenizer, branches, data.record)
+    if stage == "text_hands" and (path := folder / "body_hands.safetensors").is_file():
+        return scaled_as(path, task, data.notes)
+    return task, data.notes
+
+
+def scaled_as(
+    path: Path, task: HandsTask, notes: tuple[str, ...]
+) -> tuple[HandsTask, tuple[str, ...]]:
+    """The task with the scale and the noise of a network of the body, and a note that says so.
+
+    Networks that tell hands in other axes, or scale them in another way, are not blended in one
+    process: then the task stays as it is.
+    """
+    body, own = load_network(path, "body_hands", BodyHands, HandsConfig), task.config.text_hands
+    if (body.config.frame, body.config.scaling) != (task.frame, own.scaling):
+        return task, notes
+    config = replace(task.config, text_hands=replace(own, noise=body.config.noise))
+    note = f"scale and noise of hands are those of {path}, for the blend of both"
+    return replace(task, config=config, scale=body.scale), (*notes, note)
 
 
 def vocabulary(clips: Gestures, pieces: int) -> Tokenizer:

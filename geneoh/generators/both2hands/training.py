@@ -19,6 +19,7 @@ from geneoh.generators.both2hands.config import Both2HandsConfig
 from geneoh.generators.both2hands.denoiser import BodyHands, HandsDenoiser, TextHands
 from geneoh.generators.both2hands.features import HandsFrame, hand_features, placed
 from geneoh.generators.both2hands.library import Branches, Speech
+from geneoh.generators.both2hands.scale import Scale
 from geneoh.generators.both2hands.scene import Scene, both_answers
 from geneoh.synthesis.draws import Draws, Part
 from geneoh.synthesis.gestures.clips import Gestures
@@ -90,9 +91,10 @@ class HandsTask:
     tokenizer: Tokenizer | None = None  # of a network that reads words itself
     branches: Branches | None = None  # the networks that are blended
     made: Mapping[str, Any] | None = None  # how the data was made, for the record
+    scale: Scale | None = None  # of hands, instead of that of the data
 
     def network(self) -> nn.Module:
-        """A fresh network with the scales of the data."""
+        """A fresh network with the scales of the data, or with the one that is given."""
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed_of(self.config.seed, self.name, "weights"))
             if self.name == "blend":
@@ -102,6 +104,8 @@ class HandsTask:
             else:
                 network = TextHands(self.config.text_hands)
         set_scales(network, self.data, self.kept)
+        if self.scale is not None:
+            network.scale.load_state_dict(self.scale.state_dict())
         return network
 
     @cached_property

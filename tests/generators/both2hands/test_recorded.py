@@ -81,6 +81,23 @@ def test_clips_of_one_recording_are_never_on_both_sides(tmp_path):
     assert [len(each.length) for each in (training, validation)] == [6, 2]
 
 
+def test_the_same_recordings_are_held_out_where_texts_are_missing(tmp_path):
+    names = [f"idea400__subset_0001__wave{n}_clip_1" for n in range(24)]
+    motions = {name: bodies.swaying(31, seed=n) for n, name in enumerate(names)}
+    tree = bodies.motion_x_tree(tmp_path, **motions)
+    every = recorded_gestures("motionx", tree, told=False)
+    (held, *_), (learned, *_) = (each.joined[:, 0] for each in (every.validation, every.training))
+    for said in (held, learned):  # "A person does SET/SUBSET/CLIP."
+        clip = said.rstrip(".").split("/")[-1]
+        for file in (tree / "texts").rglob(f"{clip}.*"):
+            file.unlink()
+    some = recorded_gestures("motionx", tree)
+    for whole, part in ((every.training, some.training), (every.validation, some.validation)):
+        assert len(part.length) == len(whole.length) - 1
+        apart = (whole.pose[None] - part.pose[:, None]).abs().flatten(2).amax(-1)
+        assert (apart.amin(1) == 0).all()
+
+
 def flat(frames):
     """A body whose fingers never move."""
     return bodies.swaying(frames, joints=22)
