@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import torch
 
-from geneoh.choices import HandsName
+from geneoh.choices import HandsName, Side
 from geneoh.language.conjugation import forms, gerund, participle, third_person
 from geneoh.language.vocabulary import MASS, NOUN_WORDS, PARTICLES, PLURAL, VERB_WORDS
 from geneoh.language.vocabulary import noun_of as noun_of
@@ -18,11 +18,14 @@ from geneoh.language.wording import chance, one_of
 ADJECTIVES = ("small", "big", "red", "blue", "green", "black", "white", "old", "heavy", "light")
 _ADVERBS = ("slowly", "carefully", "quickly", "gently", "firmly", "briefly", "once", "again")
 _PEOPLE = ("someone", "a person", "the person", "she", "he", "the user", "a man", "a woman")
+_FROM: dict[Side, str] = {
+    "left": "from the left hand to the right hand",
+    "right": "from the right hand to the left hand",
+}
 _FROM_HAND_TO_HAND = (
     "from hand to hand",
     "from one hand to the other",
-    "from the left hand to the right hand",
-    "from the right hand to the left hand",
+    *_FROM.values(),
     "to the other hand",
 )
 _PLACES: dict[str, tuple[str, ...]] = {
@@ -64,17 +67,19 @@ def caption(
     *,
     generator: torch.Generator,
     synonyms: Sequence[str] | None = None,
+    giver: Side | None = None,
 ) -> str:
     """A random sentence for the action: half of them the paper's, the others freer.
 
-    Hands of None are not named. Words that `VERB_WORDS` and `NOUN_WORDS` do not list stand for
+    Hands of None are not named. Of an object that is passed by a hand that is unknown any direction
+    is told. Words that `VERB_WORDS` and `NOUN_WORDS` do not list stand for
     themselves. `synonyms` for the verb take the place of the listed ones, in all phrasings.
     """
     said = one_of(synonyms or VERB_WORDS.get(verb, (verb,)), generator)
     if hands is not None and chance(0.5, generator):
         return one_of(captions(said if synonyms else verb, noun, hands), generator)
     held = one_of(NOUN_WORDS.get(noun, (noun,)), generator)
-    sentence = _phrased(said, held, hands, _tail(verb, hands, generator), generator)
+    sentence = _phrased(said, held, hands, _tail(verb, hands, giver, generator), generator)
     if chance(0.1, generator):
         sentence = f"please {sentence}" if sentence.startswith(said.split()[0]) else sentence
     sentence = _sentence(sentence) if chance(0.7, generator) else sentence
@@ -135,10 +140,13 @@ def _told(hands: HandsName, generator: torch.Generator) -> str:
     return f"{whose}{hands}"
 
 
-def _tail(verb: str, hands: HandsName | None, generator: torch.Generator) -> str:
+def _tail(
+    verb: str, hands: HandsName | None, giver: Side | None, generator: torch.Generator
+) -> str:
     """How or where, with the space before it; often nothing."""
     if verb == "pass" and hands == "both hands" and chance(0.6, generator):
-        return f" {one_of(_FROM_HAND_TO_HAND, generator)}"
+        said = one_of(_FROM_HAND_TO_HAND, generator)
+        return f" {_FROM[giver] if giver and said in _FROM.values() else said}"
     if chance(0.6, generator):
         return ""
     return f" {one_of((*_ADVERBS[:6], *_PLACES.get(verb, _ADVERBS)), generator)}"

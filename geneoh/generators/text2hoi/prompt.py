@@ -33,6 +33,7 @@ _BOTH = re.compile(
     rf"|{_SIDES} and {_SIDES}\b|(left|right) hand\b.*\b(and|while)\b.*(left|right) hand\b"
     rf"|\bfrom {_MY}(left|right|one) hand\b.*\b(in)?to\b|\bfrom {_SIDES} (in)?to {_MY}\w+ hand\b"
 )
+_DIRECTION = re.compile(rf"\bfrom {_MY}(left|right)\b.*\b(in)?to\b")
 _ONE: dict[HandsName, re.Pattern[str]] = {
     hands: re.compile(
         rf"\b{side}( \w+)? hand(ed|er|edly)?\b|\b{side}handed\b|\b(with|using|by) {_MY}{side}\b"
@@ -87,7 +88,8 @@ def read_prompt(text: str, model: TextModel | None = None) -> Prompt:
     """What a sentence asks for, by its words first and then by our text encoder.
 
     A verb that no made action shows is replaced by the nearest one, and a sentence that names no
-    hand gets the right one, or both to pass something; `notes` say so.
+    hand gets the right one, or both to pass something; `notes` say so, and that the direction in
+    which an object is passed is not followed.
 
     Raises:
         InputError: the text is empty, too long or not English, or contradicts itself in the hands.
@@ -98,7 +100,11 @@ def read_prompt(text: str, model: TextModel | None = None) -> Prompt:
     model = model or load_text_model()
     verb, known, verb_notes = asked_verb(sentence, words, model)
     hands, hand_notes = asked_hands(sentence, words, verb, model)
-    return Prompt(sentence, hands, verb, known, (*verb_notes, *hand_notes))
+    notes = (*verb_notes, *hand_notes)
+    # the shipped networks have learned with sentences that told any direction
+    if verb == "pass" and _DIRECTION.search(" ".join(words)):
+        notes += ("which hand passes the object to the other is not followed; it may be either",)
+    return Prompt(sentence, hands, verb, known, notes)
 
 
 def check_english(sentence: str, words: Sequence[str]) -> None:
@@ -166,8 +172,7 @@ def asked_hands(
     if len(one) == 2:
         raise InputError(
             f"prompt '{shortened(sentence, 60)}': expected one choice of hands, found the left "
-            "hand and the right hand; write 'both hands', 'from the left hand to the right hand', "
-            "or name one of them"
+            "hand and the right hand; write 'both hands', or name one of them"
         )
     if one:
         return one[0], ()

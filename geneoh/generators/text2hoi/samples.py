@@ -10,11 +10,12 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from geneoh.bundle import Bundle
-from geneoh.choices import HandsName
+from geneoh.choices import SIDES, HandsName, Side
 from geneoh.generators.text2hoi.captions import caption, noun_of
 from geneoh.generators.text2hoi.config import Text2HoiConfig
 from geneoh.generators.text2hoi.contact import ContactNetwork
 from geneoh.generators.text2hoi.objects import Objects, contact_maps
+from geneoh.generators.text2hoi.resting import touching_hands
 from geneoh.streamed import Streamed
 from geneoh.synthesis.actions import VERBS, Actions
 from geneoh.synthesis.draws import Draws
@@ -116,18 +117,37 @@ def draw_samples(
 def sentences(actions: Actions, data: ActionData, draws: Draws) -> list[str]:
     """A random sentence for each of some actions of the data, each by a seed of its own."""
     seeds = draws.integers(0, 2**31).tolist()
-    rows = zip(actions.verb.tolist(), actions.name.tolist(), hands_of(actions), seeds, strict=True)
     verbs = data.verbs or VERBS
+    said = [verbs[verb] for verb in actions.verb.tolist()]
+    rows = zip(
+        said, actions.name.tolist(), hands_of(actions), givers(actions, said), seeds, strict=True
+    )
     return [
         caption(
-            verbs[verb],
+            verb,
             noun_of(str(data.names[name])),
             hands,
             generator=torch.Generator().manual_seed(seed),
-            synonyms=None if data.verbs is None else (verbs[verb],),
+            synonyms=None if data.verbs is None else (verb,),
+            giver=giver,
         )
-        for verb, name, hands, seed in rows
+        for verb, name, hands, giver, seed in rows
     ]
+
+
+def givers(actions: Actions, verbs: Sequence[str]) -> list[Side | None]:
+    """The hand that touches the object first in each action that passes it, else None.
+
+    None also where neither hand is first.
+    """
+    found: list[Side | None] = [None] * len(verbs)
+    passed = [n for n, verb in enumerate(verbs) if verb == "pass"]
+    touching = touching_hands(actions.take(torch.tensor(passed, dtype=torch.long), "B"))
+    for n, each in zip(passed, touching, strict=True):
+        left, right = (hand.nonzero()[:1].flatten().tolist() or [len(hand)] for hand in each)
+        if left != right:
+            found[n] = SIDES[int(right < left)]
+    return found
 
 
 def hands_of(actions: Actions) -> list[HandsName]:

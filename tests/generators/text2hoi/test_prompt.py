@@ -19,7 +19,6 @@ def model():
         ("pick the mug up with your left hand", "lift", "left hand"),
         ("use the left hand to slide the plate to the right", "slide", "left hand"),
         ("left-handed, put the cup down", "put down", "left hand"),
-        ("Pass the cup from the left hand to the right hand.", "pass", "both hands"),
         ("hand over the phone from one hand to the other", "pass", "both hands"),
         ("Look at the can opener with the left hand and the right hand", "inspect", "both hands"),
         ("slide the book from the left to the right with the right hand", "slide", "right hand"),
@@ -72,8 +71,16 @@ def test_a_sentence_without_hands_gets_the_right_one_or_both_to_pass(model):
     assert read_prompt("Pass the mug.", model).hands == "both hands"
 
 
+@pytest.mark.parametrize(("start", "end"), [("left", "right"), ("right", "left")])
+def test_a_direction_of_passing_is_read_and_told_not_to_be_followed(model, start, end):
+    prompt = read_prompt(f"Pass the cup from the {start} hand to the {end} hand.", model)
+    assert (prompt.verb, prompt.hands, prompt.known) == ("pass", "both hands", True)
+    (note,) = prompt.notes
+    assert "is not followed" in note
+
+
 def test_two_hands_that_contradict_each_other_are_refused(model):
-    with pytest.raises(InputError, match=r"found the left hand and the right hand; write 'both"):
+    with pytest.raises(InputError, match=r"write 'both hands', or name one"):
         read_prompt("With the left hand lift the mug with the right hand.", model)
 
 
