@@ -88,9 +88,9 @@ def train(
     amass= (bodies alone), the blend with the other two, which are in the output folder, or the
     shipped ones; their settings are those of Both2HandsConfig.
 
-    Several processes share each batch, on one machine or on many, and take the same steps as one:
-    torchrun --nproc-per-node 2 --no-python -- geneoh train --stage motion. With --device cuda each
-    has a GPU.
+    Several processes share each batch, on one machine or on many, and take the same steps as one,
+    those of the generators nearly the same: torchrun --nproc-per-node 2 --no-python -- geneoh train
+    --stage motion. With --device cuda each has a GPU.
     """
     import torch
 

@@ -38,6 +38,11 @@ class Draws:
     generator: torch.Generator
     part: Part | None = None  # which items of a larger batch they are; None for all
 
+    @property
+    def whole(self) -> "Draws":
+        """Draws for all items of the batch that these are a part of."""
+        return Draws(self._total, self.generator)
+
     def uniform(self, limits: tuple[float, float], *shape: int) -> Float[Tensor, "B ..."]:
         """Numbers spread evenly between two limits."""
         low, high = limits
@@ -50,11 +55,11 @@ class Draws:
 
     def share(self, *shape: int) -> Float[Tensor, "B ..."]:
         """Numbers spread evenly between 0 and 1."""
-        return self._own(torch.rand(self._total, *shape, generator=self.generator))
+        return self.own(torch.rand(self._total, *shape, generator=self.generator))
 
     def normal(self, *shape: int) -> Float[Tensor, "B ..."]:
         """Normal numbers of unit variance."""
-        return self._own(torch.randn(self._total, *shape, generator=self.generator))
+        return self.own(torch.randn(self._total, *shape, generator=self.generator))
 
     def chance(self, share: float, *shape: int) -> Bool[Tensor, "B ..."]:
         """True in so large a share."""
@@ -62,7 +67,7 @@ class Draws:
 
     def integers(self, low: int, high: int, *shape: int) -> Tensor:
         """Whole numbers from `low` to `high` - 1."""
-        return self._own(torch.randint(low, high, (self._total, *shape), generator=self.generator))
+        return self.own(torch.randint(low, high, (self._total, *shape), generator=self.generator))
 
     def smooth(self, frames: int, channels: int, period: float) -> Float[Tensor, "B T C"]:
         """Smooth noise of unit variance that changes over about `period` frames."""
@@ -73,9 +78,10 @@ class Draws:
         smooth = torch.nn.functional.conv1d(white, kernel[None, None])
         return smooth.reshape(self.batch, channels, frames).transpose(1, 2)
 
+    def own(self, drawn: Tensor) -> Tensor:
+        """The rows of these items in what was drawn for all."""
+        return drawn if self.part is None else self.part.of(drawn)
+
     @property
     def _total(self) -> int:
         return self.batch if self.part is None else self.part.total
-
-    def _own(self, drawn: Tensor) -> Tensor:
-        return drawn if self.part is None else self.part.of(drawn)

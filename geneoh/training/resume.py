@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor, nn
 
+from geneoh.choices import STAGES
 from geneoh.config import flat
 from geneoh.errors import CheckpointError
 from geneoh.files.atomic import write_whole
@@ -19,9 +20,8 @@ from geneoh.nn.checkpoint import Checkpoint
 from geneoh.nn.precision import quick_precision
 from geneoh.training.optimizer import Optimizer
 
-MAY_CHANGE = ("steps", "checkpoint_every", "validate_every", "validation_batches", "accumulate")
-"""Settings that may change when a run is continued: of its steps they change only the last ones,
-and by rounding."""
+MAY_CHANGE = ("steps", "checkpoint_every", "validate_every", "validation_batches")
+"""Settings that may change when a run is continued: of its steps they change only the last ones."""
 COMPARED = {
     "stage": "stage",
     "data": "training data (fingerprint)",
@@ -146,11 +146,13 @@ def refuse_other_run(path: Path, saved: Mapping[str, Any], asked: Mapping[str, A
         for name, words in COMPARED.items()
         if name in saved and saved[name] != asked.get(name)
     ]
+    # pieces of a batch change the steps of the cleaner by rounding, those of others by more
+    may_change = (*MAY_CHANGE, *(("accumulate",) if saved.get("stage") in STAGES else ()))
     old, new = (flat(record["config"]) for record in (saved, asked))
     differs += [
         f"{name} {old[name]} where {new[name]} is asked for"
         for name in old
-        if name in new and name not in MAY_CHANGE and old[name] != new[name]
+        if name in new and name not in may_change and old[name] != new[name]
     ]
     if differs:
         raise CheckpointError(

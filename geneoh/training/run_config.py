@@ -11,7 +11,7 @@ class RunConfig:
     batch: int = 32  # samples in a batch, of all processes together
     accumulate: int = 1
     """Pieces that a process works off its part of a batch in, which takes less memory; the steps
-    stay the same."""
+    of the cleaner's stages stay the same, those of the generators nearly."""
     rate: float = 6e-4  # peak learning rate
     warmup: int = 200  # steps over which the learning rate rises linearly at the start
     decay: float = 0.3  # share of the steps, at the end, over which the rate falls linearly to zero

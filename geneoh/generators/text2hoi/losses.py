@@ -76,7 +76,7 @@ def geometric_loss(
 
     `share` is how much each clip counts.
     """
-    start = draws.integers(0, max(1, clean.valid.shape[1] - weights.frames + 1))[0]
+    start = draws.whole.integers(0, max(1, clean.valid.shape[1] - weights.frames + 1))[0]
     some = slice(int(start), int(start) + weights.frames)
     found, clean, actions = found.take(some, "T"), clean.take(some, "T"), actions.take(some, "T")
     shown = clean.shown[:, :2]

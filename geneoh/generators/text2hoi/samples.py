@@ -6,7 +6,7 @@ from functools import cached_property
 from typing import Protocol, runtime_checkable
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from geneoh.bundle import Bundle
@@ -52,6 +52,11 @@ class ActionData:
         return self.actions.each(contact_maps)
 
     @cached_property
+    def lengths(self) -> Int[Tensor, " B"]:
+        """Frames of each action."""
+        return self.actions.each(lambda actions: actions.length)
+
+    @cached_property
     def kind(self) -> Tensor:
         """A number for each verb with its hands."""
         both = torch.tensor([1, 2])
@@ -85,15 +90,17 @@ def draw_samples(
 ) -> Samples:
     """Random actions with a random sentence each, some of them in a mirror.
 
-    A share `estimated` of them is told contact maps of the network, or blurred true ones without.
+    Clips are cut to the longest one of the whole batch, of which `draws` may be for a part. A share
+    `estimated` of them is told contact maps of the network, or blurred true ones without.
     """
     counts = torch.bincount(data.kind).double()
     weight = counts[data.kind] ** -config.balance
     edges = weight.cumsum(0) / weight.sum()
-    pick = torch.searchsorted(edges, draws.share().double()).clamp(max=len(edges) - 1)
+    every = torch.searchsorted(edges, draws.whole.share().double()).clamp(max=len(edges) - 1)
+    pick = draws.own(every)
     chosen, touched = data.actions.take(pick), data.contact[pick].float()
     chosen = chosen.mirrored(draws.chance(config.mirrored))
-    chosen = chosen.take(slice(int(chosen.length.max())), "T")
+    chosen = chosen.take(slice(int(data.lengths[every].max())), "T")
     text = encoder.encode(sentences(chosen, data, draws))
     told = draws.chance(estimated, 1)
     loss = draws.share(1) * LOST

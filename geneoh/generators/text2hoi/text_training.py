@@ -115,19 +115,23 @@ class TextTask:
         """This process's part of the batch of a step."""
         config = self.config
         words = text_data.SEEN if config.withhold else text_data.WORDS
+        seed = seed_of(config.seed, "text", "step", step, 0)
+        drawn = draw_sentences(
+            self.tokenizer,
+            config.batch,
+            config.text.longest,
+            words,
+            generator=torch.Generator().manual_seed(seed),
+        )
         own = Part(0, config.batch, config.batch).divided(team.size)[team.rank]
-        pieces = []
-        for part in own.divided(config.accumulate):
-            seed = seed_of(config.seed, "text", "step", step, part.first)
-            drawn = draw_sentences(
-                self.tokenizer,
-                part.count,
-                config.text.longest,
-                words,
-                generator=torch.Generator().manual_seed(seed),
+        return [
+            TextPiece(
+                drawn.take(slice(part.first, part.first + part.count), "B").to(device),
+                part.count / part.total,
+                config,
             )
-            pieces.append(TextPiece(drawn.to(device), part.count / part.total, config))
-        return pieces
+            for part in own.divided(config.accumulate)
+        ]
 
     def before_step(self, state: TrainState) -> None:
         """A run has one phase."""

@@ -19,7 +19,7 @@ from geneoh.generators.text2hoi.losses import (
 )
 from geneoh.generators.text2hoi.tokens import columns, tokens_of
 from geneoh.geometry.rotations import axis_angle_to_matrix
-from geneoh.synthesis.draws import Draws
+from geneoh.synthesis.draws import Draws, Part
 
 
 def draws(count: int = 6) -> Draws:
@@ -148,3 +148,21 @@ def test_the_truth_costs_nothing():
         clean, clean, actions, torch.ones(6, 48), weights, draws(), torch.ones(6)
     )
     assert found == pytest.approx(0, abs=1e-9)
+
+
+def test_all_parts_of_a_batch_see_the_same_frames():
+    actions = made_actions(count=1).take(torch.zeros(6, dtype=torch.long), "B")
+    clean = tokens_of(actions)
+    moved = clean.flat + torch.randn(20, 1, generator=torch.Generator().manual_seed(1))
+    found, contact = clean.with_flat(moved), torch.zeros(6, 48)
+    weights = LossWeights(frames=4, points=48)
+
+    def loss(part: Part):
+        some = slice(part.first, part.first + part.count)
+        few = [each.take(some, "B") for each in (found, clean, actions)]
+        drawn = Draws(part.count, torch.Generator().manual_seed(0), part)
+        return geometric_loss(*few, contact[some], weights, drawn, torch.ones(part.count))
+
+    whole = loss(Part(0, 6, 6))
+    for part in Part(0, 6, 6).divided(3):
+        torch.testing.assert_close(loss(part), whole)

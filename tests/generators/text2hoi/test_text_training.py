@@ -68,6 +68,7 @@ def test_a_step_is_the_same_for_the_same_seed_and_divided_among_processes():
     divided = TextTask(replace(SMALL, accumulate=2)).pieces(5, Team(), CPU)
     assert [len(piece.batch.verb) for piece in divided] == [2, 2]
     assert sum(piece.share for piece in divided) == 1
+    assert torch.equal(torch.cat([piece.batch.pieces for piece in divided]), first.pieces)
 
 
 def test_withheld_synonyms_are_only_learned_when_asked_for():

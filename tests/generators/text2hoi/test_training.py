@@ -191,6 +191,20 @@ def test_pieces_of_a_batch_are_the_batch():
     assert not halves[0].equal(halves[1])
 
 
+def test_clips_of_all_parts_of_a_batch_have_its_longest_ones_frames():
+    task = tiny_task("interaction")  # of clips of 15 and 20 frames
+    lone = [task.pieces(0, Team(rank, 6), CPU)[0].samples.actions for rank in range(6)]
+    assert {int(clip.length) for clip in lone} == {15, 20}
+    assert {clip.joint.shape[1] for clip in lone} == {20}
+
+
+def test_a_generator_s_run_goes_on_with_as_many_pieces_of_a_batch(tmp_path):
+    train(tiny_task("contact", replace(TINY, steps=1)), tmp_path, device=CPU)
+    other = tiny_task("contact", replace(TINY, steps=2, accumulate=2))
+    with pytest.raises(CheckpointError, match="the saved run has accumulate 1 where 2"):
+        train(other, tmp_path, device=CPU)
+
+
 def test_an_untrained_network_leaves_motion_of_little_noise_as_it_is():
     """The clips vary along fewer axes than a token has features."""
     task = tiny_task("interaction", replace(TINY, interaction=replace(TINY.interaction, width=96)))
