@@ -65,7 +65,7 @@ def test_networks_of_hands_learn_from_recordings_of_the_user(geneoh, tmp_path):
     for stage in BODY_STAGES:
         trained = geneoh("train", "--stage", stage, *run)
         assert trained.exit_code == 0, trained.output
-        assert "both57m: 2 clips, 1 of 1 recordings or people held out" in trained.output
+        assert "both57m: 2 clips; 1 clip, of 1 recording or person, held out" in trained.output
     record = load_checkpoint(tmp_path / "run" / "blend.safetensors").record
     assert record["made"] == {"source": "both57m", "clips": 2, "skeleton": False}
     networks = load_networks(tmp_path / "run")

@@ -83,19 +83,24 @@ def recorded_gestures(
             f"{path}: expected recordings of {source} with {wanted}, got none ({reasons}); check "
             "that the data set is whole"
         )
-    held, groups = held_groups([window.group for window in windows])
+    held, _ = held_groups([window.group for window in windows])
     kept = [n for n, window in enumerate(windows) if window.sentences or not told]
     windows, held = [windows[n] for n in kept], held[kept]
     clips, divided = joined(windows), bool(held.any() and not held.all())
     parts = [clips.take(some, "B") for some in ((~held, held) if divided else (slice(None),) * 2)]
-    split = (
-        f"{int(held.sum())} of {groups} recordings or people held out for validation"
-        if divided
-        else "validated on what is learned: there is no other recording"
-    )
-    about = f"{source}: {len(windows)} clips, {split}; recordings left out: {reasons or 'none'}"
+    split = "validated on what is learned: there is no other recording"
+    if divided:
+        groups = len({window.group for window, out in zip(windows, held, strict=True) if out})
+        split = f"{held_in_words(int(held.sum()), groups)} held out for validation"
+    about = f"{source}: {len(windows)} clips; {split}; recordings left out: {reasons or 'none'}"
     made = {"source": source, "clips": len(windows), "skeleton": model is not None}
     return TrainingData(parts[0], parts[1], made, (about, *problems))
+
+
+def held_in_words(clips: int, groups: int) -> str:
+    """How many clips of how many recordings or people."""
+    of = "1 recording or person" if groups == 1 else f"{groups} recordings or people"
+    return f"{clips} {'clip' if clips == 1 else 'clips'}, of {of},"
 
 
 def windows_of(each: SourceBody, told: bool, left_out: Counter[str]) -> list[Window]:

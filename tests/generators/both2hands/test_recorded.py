@@ -25,7 +25,7 @@ def test_windows_hold_the_motion_on_the_ground_from_the_origin_on(tmp_path):
     bodies.both57m(tmp_path / "a.p", low, low)
     training, validation, (note,) = clips("both57m", tmp_path)
     assert training.length.tolist() == validation.length.tolist() == [150, 150]
-    assert note.startswith("both57m: 4 clips, 2 of 1 recordings or people held out")
+    assert note.startswith("both57m: 4 clips; 2 clips, of 1 recording or person, held out")
     torch.testing.assert_close(training.root[:, 0, ::2], torch.zeros(2, 2), atol=1e-6, rtol=0)
     facing = training.motion.rotations[:, 0, 0, :, 2]
     assert facing[:, 0].abs().max() < 1e-5
