@@ -16,8 +16,8 @@ class Text2HoiConfig(RunConfig):
     """The training of one network; every value is saved with the weights."""
 
     balance: float = 0.5
-    """Power of how rare a verb with its hands is by which its clips are drawn more often (paper: 1
-    of a sentence)."""
+    """A clip is drawn with the weight n^-balance, where n is the number of clips with its verb and
+    hands: 0 is evenly, 1 every verb with its hands equally often (paper: 1, of sentences)."""
     mirrored: float = 0.5  # share of the clips that are seen in a mirror, left hands as right ones
     text_dropout: float = 0.1  # share of the clips whose sentence is not told
     object_dropout: float = 0.1  # share of the clips whose object is not told, independently

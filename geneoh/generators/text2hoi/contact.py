@@ -17,7 +17,7 @@ from geneoh.generators.text2hoi.pointnet import PointConfig, PointNet, layer
 
 @dataclass(frozen=True)
 class ContactConfig:
-    """Size of the network; the paper's is `configs/text2hoi_contact_paper.toml`."""
+    """Size of the network; the paper's is `configs/contact_paper.toml`."""
 
     latent: int = 16  # numbers that tell one way to touch from another (paper: 64)
     hidden: int = 128  # features of the first layer of the decoder (paper: 512)

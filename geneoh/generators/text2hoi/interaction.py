@@ -34,7 +34,7 @@ AGENT_ROWS = (1, 1666, 3333)
 
 @dataclass(frozen=True)
 class InteractionConfig:
-    """Size and form of the network; the paper's are `configs/text2hoi_paper.toml`."""
+    """Size and form of the network; the paper's are `configs/interaction_paper.toml`."""
 
     form: Literal["ours", "paper"] = "ours"
     width: int = 160  # features of a token

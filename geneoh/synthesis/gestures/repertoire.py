@@ -91,11 +91,11 @@ REST_SAYS = (
 
 @dataclass(frozen=True)
 class Cast:
-    """How often bodies do what; shares of all clips."""
+    """How often bodies do what, as shares of all clips or of those that are left."""
 
     together: float = 0.35  # both hands in one gesture
     mirrored: float = 0.07  # both hands in the same gesture of one hand
-    both: float = 0.25  # of the other clips: each hand in a gesture of its own; else one rests
-    idle: float = 0.04  # of the other clips: both hands rest
+    both: float = 0.25  # of the clips of none of these three: each hand in a gesture of its own
+    idle: float = 0.04  # of the clips that are not together or mirrored: both hands rest
     walking: float = 0.15  # of the people who do not sit
     seated: float = 0.25  # of the people whose gesture does not say

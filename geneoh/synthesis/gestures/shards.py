@@ -32,9 +32,9 @@ class GestureConfig(ShardConfig):
 
     count: int = 16384
     held_out: int = 2
-    """Of the ten variants of each gesture, those that validation shards alone have."""
+    """How many of the ten variants of each gesture validation shards alone have."""
     held_out_bodies: int = 40
-    """Of the 400 bodies, those that validation shards alone have."""
+    """How many of the 400 bodies validation shards alone have."""
     handling: float = 0.25
     """Share of the clips with hands that hold an object, where there are actions."""
     body: BodyConfig = field(default_factory=BodyConfig)
