@@ -2,8 +2,25 @@
 
 from dataclasses import dataclass
 
-from jaxtyping import Float
+import torch
+from jaxtyping import Bool, Float
 from torch import Tensor
+
+from geneoh.geometry.rotations import axis_angle_to_matrix
+
+
+def joint_poses(
+    state: Float[Tensor, "B T"],
+    axis: Float[Tensor, "B 3"],
+    pivot: Float[Tensor, "B 3"],
+    slides: Bool[Tensor, " B"],
+) -> tuple[Float[Tensor, "B T 3 3"], Float[Tensor, "B T 3"]]:
+    """Rotation and translation of a part that turns about an axis through a pivot by a state in
+    radians, or slides along the axis by a state in metres."""
+    along = state[..., None] * axis[:, None]
+    slide, pivot = slides[:, None, None], pivot[:, None]
+    turn = axis_angle_to_matrix(torch.where(slide, 0.0, along))
+    return turn, torch.where(slide, along, pivot - (turn @ pivot[..., None])[..., 0])
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from torch import Tensor
 from geneoh.bundle import Bundle
 from geneoh.choices import SIDES
 from geneoh.geometry.mirror import mirror_axis_angle, mirror_points, mirror_rotations
+from geneoh.geometry.rigid import joint_poses
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
 from geneoh.hand.skeleton import forward_kinematics
@@ -82,11 +83,7 @@ class Actions(Bundle):
 
     def joint_poses(self) -> tuple[Float[Tensor, "B T 3 3"], Float[Tensor, "B T 3"]]:
         """Rotation and translation of the second part in the frame of the first one."""
-        along = self.joint[..., None] * self.axis[:, None]
-        slides = self.slides[:, None, None]
-        turn = axis_angle_to_matrix(torch.where(slides, 0.0, along))
-        pivot = self.pivot[:, None]
-        return turn, torch.where(slides, along, pivot - (turn @ pivot[..., None])[..., 0])
+        return joint_poses(self.joint, self.axis, self.pivot, self.slides)
 
     def part_poses(self) -> tuple[Float[Tensor, "B T 2 3 3"], Float[Tensor, "B T 2 3"]]:
         """Rotation and translation of both parts, object to world; alike for a rigid one."""

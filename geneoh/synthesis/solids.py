@@ -13,7 +13,7 @@ from torch import Tensor
 
 from geneoh.bundle import Bundle
 from geneoh.geometry.mirror import mirror_points, mirror_rotations, mirror_signs
-from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.geometry.rigid import joint_poses
 from geneoh.synthesis.scans import Scans
 
 SOLIDS = 4  # most solids of an object
@@ -90,12 +90,7 @@ class Solids(Bundle):
         self, travelled: Float[Tensor, "B T"]
     ) -> tuple[Float[Tensor, "B T 3 3"], Float[Tensor, "B T 3"]]:
         """Rotation and translation of the second part for states of its joint."""
-        along = travelled[..., None] * self.axis[:, None]
-        slides = self.slides[:, None, None]
-        turn = axis_angle_to_matrix(torch.where(slides, 0.0, along))
-        pivot = self.pivot[:, None]
-        turned = pivot - (turn @ pivot[..., None])[..., 0]
-        return turn, torch.where(slides, along, turned)
+        return joint_poses(travelled, self.axis, self.pivot, self.slides)
 
     def nearest_part(self, points: Float[Tensor, "B P 3"]) -> Int[Tensor, "B P"]:
         """The part that each point is nearest to."""
