@@ -5,6 +5,8 @@ eq. (6) of the paper divided by its signal scale, so sigma has the unit of the d
 to data of unit variance here: sigma_n = sqrt((1 - abar_n) / abar_n).
 """
 
+from functools import cache
+
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -34,6 +36,12 @@ def cosine_sigmas(steps: int = PAPER_STEPS, offset: float = 0.008) -> Float[Tens
     kept = (signal[1:] / signal[:-1]).clamp(min=1e-3).cumprod(0)
     signal = torch.cat([torch.ones(1, dtype=torch.float64), kept])
     return ((1 - signal) / signal).sqrt()
+
+
+@cache
+def cosine_levels(device: torch.device) -> Float[Tensor, " N"]:
+    """`cosine_sigmas` of all levels in single precision, kept on a device."""
+    return cosine_sigmas().float().to(device)
 
 
 def descending_sigmas(

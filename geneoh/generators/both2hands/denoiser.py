@@ -7,7 +7,6 @@ words beside that of the sentence, so that each hand can look up what is said of
 """
 
 from dataclasses import dataclass, field
-from functools import cache
 from typing import Literal
 
 import torch
@@ -15,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 
 from geneoh.bundle import Bundle
-from geneoh.diffusion.schedule import cosine_sigmas
+from geneoh.diffusion.schedule import cosine_levels
 from geneoh.generators.both2hands.features import BODY, HANDS, HandsFrame
 from geneoh.generators.both2hands.paper_layers import PaperTransformer
 from geneoh.generators.both2hands.scale import Scale, Scaling
@@ -86,7 +85,7 @@ class HandsDenoiser(nn.Module):
     @property
     def sigmas(self) -> Float[Tensor, " N"]:
         """Noise of each level, in units of the numbers."""
-        return self.config.noise * _sigmas(self.scale.size.device)
+        return self.config.noise * cosine_levels(self.scale.size.device)
 
     def denoised(
         self, x: Float[Tensor, "B T 270"], level: Float[Tensor, " B"], told: Told
@@ -189,8 +188,3 @@ class TextHands(HandsDenoiser):
         """Scores of what the left and the right hand do by a sentence, before the softmax."""
         assert self.named is not None, "the paper's form names no gestures"
         return self.named(told.tokens[:, 0]).unflatten(-1, (2, -1))
-
-
-@cache
-def _sigmas(device: torch.device) -> Float[Tensor, " N"]:
-    return cosine_sigmas().float().to(device)

@@ -10,7 +10,6 @@ without its dropout, because all random numbers of a run come from its own gener
 """
 
 from dataclasses import dataclass, field
-from functools import cache
 from typing import Literal
 
 import torch
@@ -18,7 +17,7 @@ from jaxtyping import Bool, Float, Shaped
 from torch import Tensor, nn
 
 from geneoh.bundle import Bundle
-from geneoh.diffusion.schedule import cosine_sigmas
+from geneoh.diffusion.schedule import cosine_levels
 from geneoh.generators.text2hoi.condition import Condition
 from geneoh.generators.text2hoi.object_tokens import ObjectTokens, WholeObject
 from geneoh.generators.text2hoi.pointnet import PointConfig
@@ -97,7 +96,7 @@ class InteractionNetwork(nn.Module):
     @property
     def sigmas(self) -> Float[Tensor, " N"]:
         """Noise of each level, in units of the deviation of numbers."""
-        return _sigmas(self.mean.device)
+        return cosine_levels(self.mean.device)
 
     @property
     def codecs(self) -> list["PrincipalAxes"]:
@@ -181,11 +180,6 @@ class InteractionNetwork(nn.Module):
         if self.agents is not None:
             return self.agents
         return sinusoid(torch.tensor(AGENT_ROWS).to(tokens), tokens.shape[-1])
-
-
-@cache
-def _sigmas(device: torch.device) -> Float[Tensor, " N"]:
-    return cosine_sigmas().float().to(device)
 
 
 def in_steps(values: Shaped[Tensor, "B T *N"], frames: int) -> Shaped[Tensor, "B S F *N"]:
