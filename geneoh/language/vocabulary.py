@@ -129,3 +129,10 @@ def noun_of(name: str) -> str:
         return _NOUNS[plain]
     last = plain.split("_")[-1]
     return _SINGULAR.get(last, last)
+
+
+def with_article(noun: str) -> str:
+    """ "a mug", "an apple", "scissors", "milk"."""
+    if noun.split()[-1] in PLURAL | MASS:
+        return noun
+    return f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}"

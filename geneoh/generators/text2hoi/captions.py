@@ -11,7 +11,7 @@ import torch
 
 from geneoh.choices import HandsName, Side
 from geneoh.language.conjugation import forms, gerund, participle, third_person
-from geneoh.language.vocabulary import MASS, NOUN_WORDS, PARTICLES, PLURAL, VERB_WORDS
+from geneoh.language.vocabulary import NOUN_WORDS, PARTICLES, PLURAL, VERB_WORDS, with_article
 from geneoh.language.vocabulary import noun_of as noun_of
 from geneoh.language.wording import chance, one_of
 
@@ -50,7 +50,7 @@ def captions(verb: str, noun: str, hands: HandsName) -> list[str]:
     goes with its article.
     """
     verb = VERB_WORDS.get(verb, (verb,))[0]
-    thing, hand = _with_article(noun), _the(hands)
+    thing, hand = with_article(noun), _the(hands)
     does = verb if hands == "both hands" else third_person(verb)
     return [
         _sentence(f"{verb} {thing} with {hand}"),
@@ -128,7 +128,7 @@ def _described(noun: str, generator: torch.Generator) -> str:
     article = one_of(("a", "a", "the", "the", "this", "my", ""), generator)
     plural = noun.split()[-1] in PLURAL
     if article == "a" or (plural and article == "this"):
-        return _with_article(noun)
+        return with_article(noun)
     return f"{article} {noun}".strip()
 
 
@@ -150,13 +150,6 @@ def _tail(
     if chance(0.6, generator):
         return ""
     return f" {one_of((*_ADVERBS[:6], *_PLACES.get(verb, _ADVERBS)), generator)}"
-
-
-def _with_article(noun: str) -> str:
-    """ "a mug", "an apple", "scissors", "milk"."""
-    if noun.split()[-1] in PLURAL | MASS:
-        return noun
-    return f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}"
 
 
 def _be(noun: str) -> str:

@@ -14,7 +14,7 @@ from geneoh.body.skeleton import JOINT_NAMES, WRISTS, Skeleton
 from geneoh.choices import SIDES
 from geneoh.files.journal import digest
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
-from geneoh.language.vocabulary import MASS, PLURAL, VERB_WORDS, noun_of
+from geneoh.language.vocabulary import VERB_WORDS, noun_of, with_article
 from geneoh.synthesis.action_shards import DEFAULTS, action_shard, names_of_shard
 from geneoh.synthesis.actions import VERBS, Actions
 from geneoh.synthesis.gestures.sentences import Doing
@@ -107,12 +107,7 @@ def doings(actions: Actions, names: list[str], rest: Doing) -> list[tuple[Doing,
     """What is said of the left and the right hand of each action."""
     said = []
     for verb, name, hands in zip(actions.verb, actions.name, actions.hands.tolist(), strict=True):
-        noun = noun_of(names[int(name)])
-        thing = (
-            noun
-            if noun.split()[-1] in PLURAL | MASS
-            else f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}"
-        )
+        thing = with_article(noun_of(names[int(name)]))
         words = VERB_WORDS[VERBS[int(verb)]]
         doing = Doing(tuple(f"{word} {thing}" for word in words))
         said.append(tuple(doing if part else rest for part in hands))
