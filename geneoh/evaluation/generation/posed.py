@@ -39,12 +39,9 @@ def posed_actions(actions: Actions) -> PosedActions:
 
 def surface_motion(actions: Actions) -> SurfaceMotion:
     """The points of the objects in the world, their parts moved by the joint."""
-    turned, _ = actions.joint_poses()
-    local = actions.normals[:, None]
-    on_joint = (actions.part > 0)[:, None, :, None]
-    normals = torch.where(on_joint, local @ turned.mT, local)
     points = actions.posed_points() @ actions.rotation.mT + actions.translation[:, :, None]
-    return SurfaceMotion(points, normals @ actions.rotation.mT, actions.length)
+    normals = actions.posed_normals() @ actions.rotation.mT
+    return SurfaceMotion(points, normals, actions.length)
 
 
 def mean_hands() -> tuple[ShapedHand, ...]:
