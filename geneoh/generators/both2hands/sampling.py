@@ -42,9 +42,6 @@ class SamplingConfig:
     0 for none (paper). It takes away what shakes, and of a clap or a wave next to nothing."""
 
 
-PAPER = SamplingConfig("ancestral", PAPER_STEPS, guidance=1.0, smoothing=0.0)
-
-
 @dataclass(frozen=True)
 class Process:
     """The reverse process over windows of clips."""

@@ -42,9 +42,6 @@ class SamplingConfig:
     """Actions that are drawn for each that is kept, the most typical of them (paper: 1)."""
 
 
-PAPER = SamplingConfig("ancestral", PAPER_STEPS, guidance=1.0, smoothing=0.0, draws=1)
-
-
 @torch.no_grad()
 def sample(
     networks: Networks,

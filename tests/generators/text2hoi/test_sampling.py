@@ -15,7 +15,6 @@ from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork
 from geneoh.generators.text2hoi.library import Networks, load_networks
 from geneoh.generators.text2hoi.objects import Objects
 from geneoh.generators.text2hoi.sampling import (
-    PAPER,
     UNKNOWN,
     SamplingConfig,
     condition_of,
@@ -138,7 +137,8 @@ def test_the_network_is_told_the_number_of_each_level(networks, objects):
     drawn_numbers(interaction, told, SamplingConfig(steps=4, guidance=1.0), generator=generator)
     assert heard == [1000, 750, 500, 250]
     heard.clear()
-    drawn_numbers(interaction, told, PAPER, generator=generator)
+    paper = SamplingConfig("ancestral", steps=1000, guidance=1.0)
+    drawn_numbers(interaction, told, paper, generator=generator)
     assert heard == list(range(1000, 0, -1))
 
 
