@@ -10,6 +10,7 @@ import torch
 
 from geneoh.config import as_dict
 from geneoh.files.tensors import write_tensors
+from geneoh.generators.text import TextEncoder
 from geneoh.generators.text2hoi.standing import StandingObject
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.synthesis.action_shards import DEFAULTS
@@ -21,10 +22,13 @@ HALF = torch.tensor([0.03, 0.04, 0.05])
 """Half extents of the box without a change of size, metres."""
 
 
-class WordEncoder:
+class WordEncoder(TextEncoder):
     """The words of a sentence, each a random vector of its own, added up."""
 
     width = 8
+
+    def __init__(self) -> None:
+        """Learn nothing."""
 
     def encode(self, sentences) -> torch.Tensor:
         def vector(word: str) -> torch.Tensor:

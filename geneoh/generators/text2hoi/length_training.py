@@ -8,9 +8,10 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from geneoh.config import as_dict
+from geneoh.generators.text import TextEncoder
 from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork, length_loss
 from geneoh.generators.text2hoi.recorded import RecordedConfig
-from geneoh.generators.text2hoi.samples import ActionData, Encoder, sentences
+from geneoh.generators.text2hoi.samples import ActionData, sentences
 from geneoh.generators.text2hoi.training import data_digest, text_record, words_digest
 from geneoh.synthesis.draws import Draws, Part
 from geneoh.synthesis.shards import seed_of
@@ -56,7 +57,7 @@ class LengthTask:
 
     config: LengthTrainConfig
     data: TrainingData[ActionData]
-    encoder: Encoder
+    encoder: TextEncoder
     name: str = "length"
 
     def network(self) -> LengthNetwork:

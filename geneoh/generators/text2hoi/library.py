@@ -10,11 +10,11 @@ from torch import Tensor
 
 from geneoh.denoisers.library import load_network
 from geneoh.errors import CheckpointError, ConfigError
+from geneoh.generators.text import TextEncoder
 from geneoh.generators.text2hoi.contact import ContactConfig, ContactNetwork
 from geneoh.generators.text2hoi.interaction import InteractionConfig, InteractionNetwork
 from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork
 from geneoh.generators.text2hoi.refiner import RefinerConfig, RefinerNetwork
-from geneoh.generators.text2hoi.samples import Encoder
 from geneoh.generators.text2hoi.text import ASKED, load_text_encoder
 from geneoh.nn.checkpoint import load_checkpoint
 
@@ -29,7 +29,7 @@ length: machines and precisions round by a hundredth at most, and trainings have
 class Networks:
     """All that makes an interaction of a sentence and an object."""
 
-    text: Encoder
+    text: TextEncoder
     contact: ContactNetwork
     interaction: InteractionNetwork
     length: LengthNetwork
@@ -53,10 +53,7 @@ def load_networks(
         ConfigError: the networks were trained with another text encoder.
     """
     text = encoder_of(folder, text_encoder)
-    contact = load_network(weights_of("contact", folder), "contact", ContactNetwork, ContactConfig)
-    interaction = load_network(
-        weights_of("interaction", folder), "interaction", InteractionNetwork, InteractionConfig
-    )
+    contact, interaction = contact_network(folder), interaction_network(folder)
     length = load_network(weights_of("length", folder), "length", LengthNetwork, LengthConfig)
     trained = (("contact", contact), ("interaction", interaction), ("length", length))
     for name, network in trained:
@@ -64,7 +61,7 @@ def load_networks(
     return Networks(text, contact.to(device), interaction.to(device), length)
 
 
-def refuse_other_encoder(path: Path, width: int, text: Encoder) -> None:
+def refuse_other_encoder(path: Path, width: int, text: TextEncoder) -> None:
     """Refuse weights for vectors of a width that were trained with another text encoder.
 
     Raises:
@@ -118,7 +115,7 @@ def load_refiner(folder: Path | None = None) -> RefinerNetwork:
     return load_network(weights_of("refiner", folder), "refiner", RefinerNetwork, RefinerConfig)
 
 
-def encoder_of(folder: Path | None, text_encoder: Path | None = None) -> Encoder:
+def encoder_of(folder: Path | None, text_encoder: Path | None = None) -> TextEncoder:
     """The text encoder that is named, else that of a folder, else the shipped one."""
     if text_encoder is None and folder is not None and (folder / "text.safetensors").is_file():
         text_encoder = folder
@@ -131,8 +128,8 @@ def weights_of(name: str, folder: Path | None) -> Path:
     return given if given is not None and given.is_file() else SHIPPED / f"{name}.safetensors"
 
 
-def interaction_network(folder: Path) -> InteractionNetwork:
-    """The interaction network whose clips the refiner learns to refine: of the folder, or shipped.
+def interaction_network(folder: Path | None) -> InteractionNetwork:
+    """The interaction network of a folder, else the shipped one.
 
     Raises:
         CheckpointError: the file is missing or does not fit.
@@ -141,9 +138,6 @@ def interaction_network(folder: Path) -> InteractionNetwork:
     return load_network(path, "interaction", InteractionNetwork, InteractionConfig)
 
 
-def contact_network(folder: Path) -> ContactNetwork | None:
-    """The contact network that later ones learn with: of the folder, else shipped, else none."""
-    path = weights_of("contact", folder)
-    if not path.is_file():
-        return None
-    return load_network(path, "contact", ContactNetwork, ContactConfig)
+def contact_network(folder: Path | None) -> ContactNetwork:
+    """The contact network of a folder, else the shipped one; raises as above."""
+    return load_network(weights_of("contact", folder), "contact", ContactNetwork, ContactConfig)

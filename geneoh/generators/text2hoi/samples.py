@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol, runtime_checkable
 
 import torch
 from jaxtyping import Bool, Float, Int
@@ -11,6 +10,7 @@ from torch import Tensor
 
 from geneoh.bundle import Bundle
 from geneoh.choices import SIDES, HandsName, Side
+from geneoh.generators.text import TextEncoder
 from geneoh.generators.text2hoi.captions import caption, noun_of
 from geneoh.generators.text2hoi.config import Text2HoiConfig
 from geneoh.generators.text2hoi.contact import ContactNetwork
@@ -23,17 +23,6 @@ from geneoh.synthesis.draws import Draws
 BLUR = 0.015  # metres over which a contact map is blurred that stands for an estimated one
 PLACES = 64  # places on an object by which it is blurred
 LOST = 0.3  # largest share of its points that are then lost
-
-
-@runtime_checkable
-class Encoder(Protocol):
-    """A text encoder."""
-
-    width: int
-
-    def encode(self, sentences: Sequence[str]) -> Float[Tensor, "B W"]:
-        """Features of sentences."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -82,7 +71,7 @@ class Samples(Bundle):
 def draw_samples(
     data: ActionData,
     config: Text2HoiConfig,
-    encoder: Encoder,
+    encoder: TextEncoder,
     draws: Draws,
     network: ContactNetwork | None = None,
     *,

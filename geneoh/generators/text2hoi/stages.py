@@ -6,6 +6,7 @@ from pathlib import Path
 
 from geneoh.choices import ActionStage, GeneratorStage
 from geneoh.config import configured
+from geneoh.generators.text import TextEncoder
 from geneoh.generators.text2hoi.action_data import action_data
 from geneoh.generators.text2hoi.config import Text2HoiConfig
 from geneoh.generators.text2hoi.length_training import LengthTask, LengthTrainConfig
@@ -17,7 +18,7 @@ from geneoh.generators.text2hoi.library import (
     weights_of,
 )
 from geneoh.generators.text2hoi.recorded import RecordedConfig
-from geneoh.generators.text2hoi.samples import ActionData, Encoder
+from geneoh.generators.text2hoi.samples import ActionData
 from geneoh.generators.text2hoi.text_training import TextTask, TextTrainConfig
 from geneoh.generators.text2hoi.training import ActionTask
 from geneoh.progress import OnProgress
@@ -35,7 +36,7 @@ class Learned:
     text_encoder: Path | None = None  # another one than that of the folder, or the shipped
     readers: ReaderOptions = field(default_factory=ReaderOptions)
 
-    def encoder(self) -> Encoder:
+    def encoder(self) -> TextEncoder:
         """The text encoder."""
         return encoder_of(self.folder, self.text_encoder)
 

@@ -11,11 +11,12 @@ from torch import Tensor, nn
 
 from geneoh.choices import ActionStage
 from geneoh.config import as_dict
+from geneoh.generators.text import TextEncoder
 from geneoh.generators.text2hoi.config import Text2HoiConfig
 from geneoh.generators.text2hoi.contact import ContactNetwork
 from geneoh.generators.text2hoi.interaction import InteractionNetwork
 from geneoh.generators.text2hoi.refiner import RefinerNetwork
-from geneoh.generators.text2hoi.samples import ActionData, Encoder, Samples, draw_samples
+from geneoh.generators.text2hoi.samples import ActionData, Samples, draw_samples
 from geneoh.generators.text2hoi.scales import set_statistics
 from geneoh.generators.text2hoi.task_losses import (
     Loss,
@@ -56,7 +57,7 @@ class ActionTask:
     config: Text2HoiConfig
     data: ActionData
     validation: ActionData
-    encoder: Encoder
+    encoder: TextEncoder
     contact: ContactNetwork | None = None  # of which later networks are told estimated maps
     interaction: InteractionNetwork | None = None  # whose clips the refiner learns to refine
     made: Mapping[str, Any] | None = None  # how the data was made, for the record
@@ -153,7 +154,7 @@ def words_digest(*several: ActionData) -> str:
     return digest(part for data in several for part in parts(data))
 
 
-def text_record(encoder: Encoder) -> dict[str, Any]:
+def text_record(encoder: TextEncoder) -> dict[str, Any]:
     """What weights tell of the text encoder that they were trained with, by the vector of `ASKED`.
 
     A fingerprint of it in half precision, by which runs are continued; and its numbers, because
