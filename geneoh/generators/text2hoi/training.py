@@ -140,8 +140,7 @@ class ActionTask:
 
 def data_digest(data: ActionData) -> str:
     """A fingerprint of actions by their lengths and the last place of each wrist."""
-    lengths = data.actions.each(lambda actions: actions.length)
-    return digest([lengths, data.actions.each(lambda actions: actions.wrist[:, :, -1])])
+    return digest([data.lengths, data.actions.each(lambda actions: actions.wrist[:, :, -1])])
 
 
 def words_digest(*several: ActionData) -> str:
