@@ -93,7 +93,7 @@ def vector_of_training(path: Path, width: int) -> Float[Tensor, " W"] | None:
         return shipped_vector() if record.get("text") == shipped.get("text") else None
     try:
         return torch.tensor(record["text_vector"], dtype=torch.float32).view(width)
-    except (TypeError, ValueError, RuntimeError) as error:
+    except (ArithmeticError, TypeError, ValueError, RuntimeError) as error:
         raise CheckpointError(
             f"{path}: expected a record with the vector of a sentence, got another one; train it "
             "again or download it again"

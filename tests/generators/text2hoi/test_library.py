@@ -80,9 +80,10 @@ def test_weights_know_the_encoder_that_they_were_trained_with(tmp_path):
     record = {"text": record["text"]}  # as older weights tell it
     save_checkpoint(path, Checkpoint({"x": torch.zeros(1)}, record))
     refuse_other_encoder(path, 128, other)
-    save_checkpoint(path, Checkpoint({"x": torch.zeros(1)}, {"text_vector": ["?"]}))
-    with pytest.raises(CheckpointError, match="expected a record with the vector"):
-        refuse_other_encoder(path, 128, own)
+    for damaged in (["?"], [1.0], [10**400] * 128, None):
+        save_checkpoint(path, Checkpoint({"x": torch.zeros(1)}, {"text_vector": damaged}))
+        with pytest.raises(CheckpointError, match="expected a record with the vector"):
+            refuse_other_encoder(path, 128, own)
 
 
 def test_what_a_folder_lacks_is_as_shipped(tmp_path):
