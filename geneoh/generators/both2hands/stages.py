@@ -68,8 +68,8 @@ def body_task(
     """What `geneoh train --stage` learns, with the settings of a file and then of `a.b=c` texts.
 
     The blend learns with the two networks in the folder, or the shipped ones; the network of text
-    with the scale and the noise of the one of the body in the folder, as one process needs. Returns
-    notes on the data as well.
+    with the scale and the noise of the one of the body in the folder, as one process needs, unless
+    it goes on from weights that have a scale. Returns notes on the data as well.
 
     Raises:
         InputError: there are no clips.
@@ -97,7 +97,8 @@ def body_task(
         speech = reader_of(tokenizer, chosen.text_hands)
     clips = data.training, data.validation
     task = HandsTask(stage, chosen, *clips, speech, tokenizer, branches, data.record)
-    if stage == "text_hands" and (path := folder / "body_hands.safetensors").is_file():
+    path = folder / "body_hands.safetensors"
+    if stage == "text_hands" and learned.start is None and path.is_file():
         return scaled_as(path, task, data.notes)
     return task, data.notes
 
