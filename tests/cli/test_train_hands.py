@@ -42,19 +42,27 @@ def test_the_networks_of_hands_are_trained_one_after_the_other_and_used(geneoh, 
     assert made.rotations.shape == (5, 52, 3, 3)
 
 
-def test_a_network_that_goes_on_keeps_the_words_that_it_reads(geneoh, tmp_path):
+def test_a_network_that_goes_on_keeps_its_words_and_its_scale(geneoh, tmp_path):
     write_gesture_shards(tmp_path / "bodies", val=made_gestures(4, seed=1), train=made_gestures(6))
     said = np.array([["fingers spread", "a fist"]] * 6)
     other = replace(made_gestures(6), joined=said)
     write_gesture_shards(tmp_path / "other", val=other, train=other)
     settings = [word for setting in (*FEW, *SMALL) for word in ("--set", setting)]
-    run = ("train", "--stage", "text_hands", "--threads", "1", *settings)
-    for words in (("--data", "bodies", "-o", "a"), ("--data", "other", "-o", "b", "--start", "a")):
+    run = ("train", "--threads", "1", *settings, "--set", "rate=1e-9")
+    text, first = ("--stage", "text_hands"), ("--data", "bodies", "-o", "a")
+    second = ("--data", "other", "-o", "b")
+    for words in (
+        (*text, *first),
+        ("--stage", "body_hands", *second),
+        (*text, *second, "--start", "a"),
+    ):
         trained = geneoh(*run, *words)
         assert trained.exit_code == 0, trained.output
-    one, two = (load_checkpoint(tmp_path / n / "text_hands.safetensors").record for n in "ab")
-    assert one["tokenizer"] == two["tokenizer"]
-    assert one["words"] != two["words"]
+    one, two = (load_checkpoint(tmp_path / n / "text_hands.safetensors") for n in "ab")
+    assert one.record["tokenizer"] == two.record["tokenizer"]
+    assert one.record["words"] != two.record["words"]
+    assert one.tensors["scale.size"].equal(two.tensors["scale.size"])
+    assert "scale and noise" not in trained.output
 
 
 def test_networks_of_hands_learn_from_recordings_of_the_user(geneoh, tmp_path):
