@@ -119,7 +119,8 @@ def clean_interaction(
         evidence = evidence_of_poses(examined, motion, sequence.fps)
     normalised = normalised_hands(replace(sequence, object=motion))
     if normalised[0].track.frames != sequence.frames:
-        notes.append(f"resampled from {sequence.fps:g} to {NETWORK_FPS:g} frames a second and back")
+        how = "averaged" if sequence.fps > NETWORK_FPS else "resampled"
+        notes.append(f"{how} from {sequence.fps:g} to {NETWORK_FPS:g} frames a second and back")
     results: dict[Side, HandResult] = {}
     for hand in normalised:
         model = hand_of_betas(
