@@ -9,7 +9,7 @@ from functools import cache, partial
 from pathlib import Path
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from torch import Tensor
 from typing_extensions import assert_never
 
@@ -25,7 +25,7 @@ from geneoh.baselines.filters import (
 )
 from geneoh.baselines.library import BASELINES, Baseline, baseline_weights, load_baseline
 from geneoh.choices import Ablation, BaselineName, HandSource, MethodName
-from geneoh.errors import ConfigError, MissingAssetError
+from geneoh.errors import ConfigError, InputError, MissingAssetError
 from geneoh.evaluation.cases import Case
 from geneoh.evaluation.options import DEFAULT_METHODS, EvaluationOptions
 from geneoh.fitting.fit import FitConfig, fit_hand, start_from_keypoints
@@ -55,11 +55,10 @@ DOMAINS: tuple[Domain, ...] = ("keypoints", "parameters")
 
 @dataclass(frozen=True)
 class CleanedHand:
-    """What a method makes of a clip's hand, world frame, metres."""
+    """What a method makes of a clip's hand, world frame, metres; every frame of it is scored."""
 
     joints: Float[Tensor, "T 21 3"]
-    verts: Float[Tensor, "T V 3"] | None  # the method's own mesh; else one is fitted to them
-    valid: Bool[Tensor, " T"]  # frames that are scored
+    verts: Float[Tensor, "T V 3"] | None = None  # the method's own mesh; else one is fitted to them
     result: Denoised | None = None  # geneoh's whole result, for the page in 3D
 
     @property
@@ -81,8 +80,8 @@ class Method:
 
 
 def unchanged(case: Case) -> CleanedHand:
-    """The noisy hand itself, of which only the observed frames are scored."""
-    return CleanedHand(joints_of(case.noisy), None, case.noisy.hands[0].valid)
+    """The noisy hand itself, its gaps filled on straight lines."""
+    return CleanedHand(joints_of(case.noisy))
 
 
 def filtered_hand(case: Case, kind: FilterKind, domain: Domain) -> CleanedHand | None:
@@ -90,7 +89,7 @@ def filtered_hand(case: Case, kind: FilterKind, domain: Domain) -> CleanedHand |
     hand = case.noisy.hands[0]
     if domain not in domains_of(hand):
         return None
-    return in_every_frame(filtered(hand, TUNED[kind, domain], domain, case.noisy.fps))
+    return CleanedHand(filtered(hand, TUNED[kind, domain], domain, case.noisy.fps))
 
 
 def best_filtered_hand(case: Case, domain: Domain) -> CleanedHand | None:
@@ -98,12 +97,12 @@ def best_filtered_hand(case: Case, domain: Domain) -> CleanedHand | None:
     hand = case.noisy.hands[0]
     if case.clean is None or domain not in domains_of(hand):
         return None
-    return in_every_frame(best_filtered(hand, joints_of(case.clean), domain, case.noisy.fps))
+    return CleanedHand(best_filtered(hand, joints_of(case.clean), domain, case.noisy.fps))
 
 
 def centroid_hand(case: Case) -> CleanedHand:
     """The hand moved with its smoothed middle, as another pipeline does."""
-    return in_every_frame(smoothed_centroid(case.noisy.hands[0], case.noisy.fps))
+    return CleanedHand(smoothed_centroid(case.noisy.hands[0], case.noisy.fps))
 
 
 def best_offset_hand(case: Case) -> CleanedHand | None:
@@ -112,7 +111,7 @@ def best_offset_hand(case: Case) -> CleanedHand | None:
     if filtered is None or case.clean is None:
         return None
     offset = (joints_of(case.clean) - filtered.joints).mean((0, 1))
-    return in_every_frame(filtered.joints + offset)
+    return CleanedHand(filtered.joints + offset)
 
 
 def optimised_hand(
@@ -133,13 +132,13 @@ def optimised_hand(
         surface=motion.surface(),
     )
     posed = subject.shaped.verts_from_rotations(state.rotations, state.wrist)
-    return in_every_frame(posed.joints[0], posed.verts[0])
+    return CleanedHand(posed.joints[0], posed.verts[0])
 
 
 def predicted_hand(case: Case, baseline: BaselineName, weights: Path | None = None) -> CleanedHand:
     """The prediction of a network, in one call, that was trained on the cleaner's own data."""
     network = network_of(baseline, weights)
-    return in_every_frame(predicted_joints(network, case.noisy, seed=case.seed))
+    return CleanedHand(predicted_joints(network, case.noisy, seed=case.seed))
 
 
 network_of = cache(load_baseline)  # read once in a process
@@ -181,11 +180,16 @@ def denoised_hand(case: Case, options: Options) -> CleanedHand:
     assert hand.betas is not None, "results carry betas"
     model = hand_of_betas(hand.side, hand.hand_model, mano_dir=options.mano_dir)
     verts = model.to(hand.betas.device).shaped(hand.betas).posed(hand.pose, hand.wrist).verts
-    return replace(in_every_frame(joints_of(result.sequence), verts), result=result)
+    return CleanedHand(joints_of(result.sequence), verts, result)
 
 
 def stored_hand(case: Case, folder: Path) -> CleanedHand:
-    """The result of another method, from a folder of one file for each case (`Case.file_name`)."""
+    """The result of another method, from a folder of one file for each case (`Case.file_name`).
+
+    Raises:
+        InputError: it cannot be read, or lacks frames in which the input was observed: a method
+            could otherwise leave out those that it is bad at.
+    """
     path = folder / case.file_name
     if not path.is_file():
         raise MissingAssetError(
@@ -193,14 +197,13 @@ def stored_hand(case: Case, folder: Path) -> CleanedHand:
             f"{case.seed}, found no file; --inputs writes what it is to be made from"
         )
     sequence = case.read_stored(path)
-    return CleanedHand(joints_of(sequence), None, sequence.hands[0].valid)
-
-
-def in_every_frame(
-    joints: Float[Tensor, "T 21 3"], verts: Float[Tensor, "T V 3"] | None = None
-) -> CleanedHand:
-    """A result that is scored in every frame, whether the input observed it or not."""
-    return CleanedHand(joints, verts, joints.new_ones(len(joints), dtype=torch.bool))
+    lost = int((case.noisy.hands[0].valid & ~sequence.hands[0].valid).sum())
+    if lost:
+        raise InputError(
+            f"{path}: expected a hand in every frame in which the input was observed, got none in "
+            f"{lost} of them by 'valid'; store a result for these frames too"
+        )
+    return CleanedHand(joints_of(sequence))
 
 
 def joints_of(sequence: Sequence) -> Float[Tensor, "T 21 3"]:

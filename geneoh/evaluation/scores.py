@@ -20,7 +20,7 @@ from geneoh.hand.model import HandModel
 from geneoh.hand.skeleton import TIP_KEYPOINTS
 from geneoh.metrics import accuracy, contact, smoothness
 from geneoh.metrics.correspondence import contact_points, object_contact
-from geneoh.metrics.smoothness import mean_over_frames, valid_differences
+from geneoh.metrics.smoothness import mean_over_frames
 from geneoh.metrics.volume import intersection_volume
 from geneoh.sequence.sequence import HandTrack, Sequence
 from geneoh.synthesis.shards import seed_of
@@ -32,7 +32,7 @@ SAME_JOINTS = 1e-4  # largest metres at which given parameters count as those of
 
 @dataclass(frozen=True)
 class Measure:
-    """One number of a score, mean over the scored frames."""
+    """One number of a score, mean over the frames."""
 
     key: str  # name in the files
     title: str  # name in the tables
@@ -205,20 +205,19 @@ class CaseScorer:
 
     def score(self, method: str, cleaned: CleanedHand, seconds: float) -> Score:
         """All measures of what a method made in some seconds."""
-        verts, valid, truth = cleaned.verts, cleaned.valid, self.truth
+        verts, truth = cleaned.verts, self.truth
         if verts is None:
             verts = fitted_verts(self.subject, cleaned.joints)
         hand = self.measured(cleaned.joints, verts)
-        values = self._plausibility(hand, valid)
+        values = self._plausibility(hand)
         by_frame, by_joint = [], []
         if truth is not None:
-            values |= self._accuracy(hand, truth, valid)
+            values |= self._accuracy(hand, truth)
             if cleaned.spread is not None:
                 inside = accuracy.within_spread(hand.joints, truth.joints, cleaned.spread)
-                values["within_spread_pct"] = 100 * mean(inside, valid)
+                values["within_spread_pct"] = 100 * mean(inside)
             error = 1000 * (hand.joints - truth.joints).norm(dim=-1)
-            error[~valid] = torch.nan
-            by_frame, by_joint = error.mean(-1).tolist(), error.nanmean(0).tolist()
+            by_frame, by_joint = error.mean(-1).tolist(), error.mean(0).tolist()
         return Score(
             *self.case.key,
             method,
@@ -228,7 +227,7 @@ class CaseScorer:
             seconds=round(seconds, 3),
         )
 
-    def _plausibility(self, hand: MeasuredHand, valid: Bool[Tensor, " T"]) -> dict[str, float]:
+    def _plausibility(self, hand: MeasuredHand) -> dict[str, float]:
         """The measures that need no ground truth."""
         joints, verts, query, fps = hand.joints, hand.verts, hand.query, self.fps
         near = self.surface.at(self.close)
@@ -236,42 +235,38 @@ class CaseScorer:
         slip = contact.fingertip_slip(verts, query, joints[:, TIPS], self.surface, fps)
         consistency = contact.motion_consistency(verts, query, self.surface)
         accelerated = smoothness.per_frame_squared(smoothness.acceleration(joints, fps), fps)
-        pairs = valid_differences(valid, 1)
         return {
-            "volume_cm3": 1e6 * mean(volume, valid[self.close]),
-            "depth_mm": 1000 * mean(contact.penetration_depth(query.distance), valid),
-            "consistency_mm2": 1e6 * mean(consistency, pairs),
-            "slip_mm_s": 1000 * mean(slip, pairs),
-            "acceleration_mm": mean(accelerated, valid_differences(valid, 2)),
-            "jerk_m_s3": mean(smoothness.jerk(joints, fps), valid_differences(valid, 3)),
+            "volume_cm3": 1e6 * mean(volume),
+            "depth_mm": 1000 * mean(contact.penetration_depth(query.distance)),
+            "consistency_mm2": 1e6 * mean(consistency),
+            "slip_mm_s": 1000 * mean(slip),
+            "acceleration_mm": mean(accelerated),
+            "jerk_m_s3": mean(smoothness.jerk(joints, fps)),
         }
 
-    def _accuracy(
-        self, hand: MeasuredHand, truth: MeasuredHand, valid: Bool[Tensor, " T"]
-    ) -> dict[str, float]:
+    def _accuracy(self, hand: MeasuredHand, truth: MeasuredHand) -> dict[str, float]:
         """How far the hand is from the ground truth."""
-        close = valid[self.close]
-        tips = contact.contact_agreement(hand.tips[valid], truth.tips[valid])
-        touched = self.touched(hand.verts)[close], self.truly_touched[close]
+        tips = contact.contact_agreement(hand.tips, truth.tips)
+        touched = self.touched(hand.verts), self.truly_touched
         distance, true = hand.query.distance, truth.query.distance
         off = smoothness.acceleration_error(hand.joints, truth.joints, self.fps)
         off = smoothness.per_frame_squared(off, self.fps)
         return {
-            "mpjpe_mm": 1000 * mean(accuracy.mpjpe(hand.joints, truth.joints), valid),
-            "mpvpe_mm": 1000 * mean(accuracy.mpvpe(hand.verts, truth.verts), valid),
+            "mpjpe_mm": 1000 * mean(accuracy.mpjpe(hand.joints, truth.joints)),
+            "mpvpe_mm": 1000 * mean(accuracy.mpvpe(hand.verts, truth.verts)),
             "contact_iou_pct": 100 * float(contact.contact_agreement(*touched).iou),
-            "contact_iou_verts_pct": 100 * float(contact.contact_iou(distance[valid], true[valid])),
+            "contact_iou_verts_pct": 100 * float(contact.contact_iou(distance, true)),
             "tips_precision_pct": 100 * float(tips.precision),
             "tips_recall_pct": 100 * float(tips.recall),
             "tips_f_pct": 100 * float(tips.f_score),
-            "proximity_mm": 1000 * mean(contact.proximity_error(distance, true), valid),
-            "acceleration_error_mm": mean(off, valid_differences(valid, 2)),
+            "proximity_mm": 1000 * mean(contact.proximity_error(distance, true)),
+            "acceleration_error_mm": mean(off),
         }
 
 
-def mean(values: Float[Tensor, " T"], valid: Bool[Tensor, " T"]) -> float:
-    """Mean over the scored frames that have a value."""
-    return float(mean_over_frames(values, valid))
+def mean(values: Float[Tensor, " T"]) -> float:
+    """Mean over the frames that have a value."""
+    return float(mean_over_frames(values))
 
 
 def rounded(value: float, digits: int = 2) -> float | None:

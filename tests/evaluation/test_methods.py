@@ -53,13 +53,20 @@ def changed(case: Case, **changes) -> Case:
     return replace(case, clip=Clip("changed", lambda: sequence), noise="recorded")
 
 
-def test_the_input_is_scored_where_it_was_seen(noisy_case):
-    hand = noisy_case.noisy.hands[0]
-    valid = hand.valid.clone()
-    valid[3] = False
-    cleaned = unchanged(changed(noisy_case, valid=valid))
-    assert torch.equal(cleaned.valid, valid)
-    assert torch.equal(cleaned.joints[valid], hand.joints[valid])
+def without_frame(case: Case, frame: int) -> torch.Tensor:
+    """(T,) the frames in which the case's noisy hand is seen, but for one."""
+    valid = case.noisy.hands[0].valid.clone()
+    valid[frame] = False
+    return valid
+
+
+def test_a_frame_that_the_input_lacks_is_scored_between_its_neighbours(noisy_case):
+    case = changed(noisy_case, valid=without_frame(noisy_case, 3))
+    cleaned, given = unchanged(case), noisy_case.noisy.hands[0].joints
+    torch.testing.assert_close(cleaned.joints[3], (given[2] + given[4]) / 2)
+    assert torch.equal(cleaned.joints[4:], given[4:])
+    score = CaseScorer(replace(case, noise="clean"), ScoringConfig(close_frames=1)).score
+    assert None not in score("input", cleaned, 0.0).error_by_frame_mm
 
 
 @pytest.mark.parametrize(("kind", "domain"), TUNED)
@@ -192,6 +199,16 @@ def test_a_prediction_that_is_missing_or_of_other_length_is_told(tmp_path, noisy
     save_sequence(recording, tmp_path / "short_gauss_11.npz")
     with pytest.raises(InputError, match="expected the clip's 10 frames, got 146"):
         stored_hand(noisy_case, tmp_path)
+
+
+def test_a_prediction_without_a_frame_that_the_input_has_is_refused(tmp_path, noisy_case):
+    case = changed(noisy_case, valid=without_frame(noisy_case, 7))
+    path = tmp_path / case.file_name
+    save_sequence(case.noisy, path)
+    assert stored_hand(case, tmp_path).joints.isfinite().all()
+    save_sequence(changed(noisy_case, valid=without_frame(noisy_case, 3)).noisy, path)
+    with pytest.raises(InputError, match="which the input was observed, got none in 1 of them"):
+        stored_hand(case, tmp_path)
 
 
 def test_motion_diff_in_one_call_is_a_method_of_its_own(noisy_case):

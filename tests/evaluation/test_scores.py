@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from geneoh.evaluation.cases import Case
-from geneoh.evaluation.methods import CleanedHand, in_every_frame, joints_of, unchanged
+from geneoh.evaluation.methods import CleanedHand, joints_of, unchanged
 from geneoh.evaluation.protocols.clips import Clip
 from geneoh.evaluation.scores import MEASURES, CaseScorer, ScoringConfig, rounded
 from geneoh.pipeline.results import Denoised
@@ -39,24 +39,13 @@ def test_the_recording_has_its_own_plausibility(recording):
 
 def test_a_hand_moved_by_a_centimetre_is_a_centimetre_off(scorer, clean_case):
     shift = torch.tensor([0.006, 0.0, 0.008])
-    score = scorer.score("moved", in_every_frame(joints_of(clean_case.clean) + shift), 1.5)
+    score = scorer.score("moved", CleanedHand(joints_of(clean_case.clean) + shift), 1.5)
     assert score.values["mpjpe_mm"] == pytest.approx(10, abs=1e-3)
     assert score.values["mpvpe_mm"] == pytest.approx(10, abs=0.5)
     assert score.values["acceleration_error_mm"] == pytest.approx(0, abs=1e-3)
     assert score.values["contact_iou_pct"] < 60
     assert score.error_by_frame_mm == pytest.approx([10] * 10)
     assert score.seconds == 1.5
-
-
-def test_frames_that_are_not_valid_count_for_nothing(scorer, clean_case):
-    joints = joints_of(clean_case.clean).clone()
-    joints[4] += 0.05
-    valid = torch.ones(10, dtype=torch.bool)
-    valid[4] = False
-    score = scorer.score("gap", CleanedHand(joints, None, valid), 0.0)
-    assert score.values["mpjpe_mm"] == 0
-    assert score.values["acceleration_error_mm"] == 0
-    assert score.error_by_frame_mm[4] is None
 
 
 def test_without_ground_truth_only_plausibility_is_measured(noisy_case):
