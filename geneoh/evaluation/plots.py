@@ -32,7 +32,7 @@ def available() -> bool:
 
 
 def bars(blocks: Sequence[Block], key: str) -> str:
-    """One measure of every method under every noise, with its 95% interval."""
+    """One measure of every method under every noise, with its interval, else its deviation."""
     methods = list(dict.fromkeys(method for block in blocks for method in block.cells))
     figure, axes = canvas(0.9 + BAR * len(methods) * len(blocks) + GAP * len(blocks))
     place, ticks, names = 0.0, [], []
@@ -42,8 +42,9 @@ def bars(blocks: Sequence[Block], key: str) -> str:
             if cell is None:
                 continue
             axes.barh(place, cell.mean, color=colour(method, methods), height=0.8)
-            if cell.low is not None and cell.high is not None:
-                axes.plot([cell.low, cell.high], [place, place], color="black", lw=1)
+            off = cell.deviation if cell.high is None else cell.high - cell.mean
+            if off is not None:
+                axes.plot([cell.mean - off, cell.mean + off], [place] * 2, color="black", lw=1)
             ticks.append(place)
             names.append(f"{block.noise}: {method}")
             place += 1

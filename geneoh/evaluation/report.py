@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from geneoh.evaluation import plots
+from geneoh.evaluation.protocols.clips import recording_of
 from geneoh.evaluation.scores import MEASURES, Score
-from geneoh.evaluation.tables import LEVEL, Block, as_markdown, blocks_of, seed_agreement
+from geneoh.evaluation.tables import FEWEST, LEVEL, Block, as_markdown, blocks_of, seed_agreement
 from geneoh.files.atomic import write_whole
 from geneoh.files.outputs import keep_others
 
@@ -52,10 +53,18 @@ class Evaluation:
         """The tables, one for each noise."""
         return blocks_of(self.scores, self.methods)
 
+    @property
+    def bar_lines(self) -> str:
+        """What the lines in the bars are, in words."""
+        recordings = len({recording_of(score.clip) for score in self.scores})
+        if recordings >= FEWEST:
+            return f"{LEVEL:.0%} intervals over {recordings} recordings"
+        few = f"{recordings} recording{'s' * (recordings != 1)}, too few for intervals"
+        return f"the standard deviation over seeds of the mean over {few}"
+
     def remarks(self) -> Iterator[str]:
         """What a reader of the tables must know."""
         seeds = len({score.seed for score in self.scores})
-        clips = len({score.clip for score in self.scores})
         if seeds > 1:
             yield f"Mean ± standard deviation over {seeds} seeds of the mean over clips."
         if (tau := seed_agreement(self.scores)) is not None:
@@ -63,8 +72,7 @@ class Evaluation:
                 "Kendall's tau of the ranks by MPJPE, least over pairs of seeds: "
                 f"{tau:.2f} (1: the same order for every seed)."
             )
-        over = "clips" if clips > 1 else "seeds"
-        yield f"Intervals in the report: {LEVEL:.0%}, bootstrap over {over}."
+        yield f"Black lines in the report's bars: {self.bar_lines}."
         if any("†" in method for method in self.methods):
             yield BEST_FILTER_NOTE
         yield MESH_NOTE
@@ -169,7 +177,7 @@ def plots_of(evaluation: Evaluation, blocks: list[Block]) -> Iterator[str]:
     there = {key for block in blocks for cells in block.cells.values() for key in cells}
     for key in ("mpjpe_mm", "depth_mm"):
         if key in there:
-            yield "<h2>All methods, with 95% intervals</h2>" + plots.bars(blocks, key)
+            yield f"<h2>All methods, with {evaluation.bar_lines}</h2>{plots.bars(blocks, key)}"
     if "mpjpe_mm" not in there:
         return
     for block in blocks:

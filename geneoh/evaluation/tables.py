@@ -3,15 +3,16 @@
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from math import sqrt
 from statistics import fmean, stdev
 
-import numpy as np
-from scipy.stats import bootstrap, kendalltau
+from scipy.stats import kendalltau, t
 
+from geneoh.evaluation.protocols.clips import recording_of
 from geneoh.evaluation.scores import COLUMNS, MEASURES, Measure, Score
 
-RESAMPLES = 2000  # resamples of the bootstrap
-LEVEL = 0.95  # confidence level of its intervals
+LEVEL = 0.95  # confidence level of intervals
+FEWEST = 8  # recordings below which there is no interval: too few to tell how they scatter
 
 
 @dataclass(frozen=True)
@@ -20,7 +21,7 @@ class Cell:
 
     mean: float  # mean over clips, then over seeds
     deviation: float | None  # of the mean over clips, over seeds; None with one seed
-    low: float | None  # of the mean's bootstrap interval over clips, or over seeds of one clip
+    low: float | None  # of the mean's 95% interval over recordings; None with fewer than `FEWEST`
     high: float | None
     count: int  # number of cases with a value
 
@@ -106,34 +107,35 @@ def cell_of(scores: list[Score], key: str) -> Cell | None:
     ]
     if not values:
         return None
-    by_clip = group_means((clip, value) for clip, _, value in values)
-    by_seed = group_means((seed, value) for _, seed, value in values)
-    low, high = interval(by_clip if len(by_clip) > 1 else by_seed)
+    by_recording = grouped((recording_of(clip), value) for clip, _, value in values)
+    by_seed = [fmean(group) for group in grouped((seed, value) for _, seed, value in values)]
+    low, high = interval(by_recording)
     deviation = stdev(by_seed) if len(by_seed) > 1 else None
     return Cell(fmean(by_seed), deviation, low, high, count=len(values))
 
 
-def group_means(values: Iterable[tuple[object, float]]) -> list[float]:
-    """Mean of the values of each group, groups in the order in which they appear."""
+def grouped(values: Iterable[tuple[object, float]]) -> list[list[float]]:
+    """The values of each group, groups in the order in which they appear."""
     groups: dict[object, list[float]] = {}
     for group, value in values:
         groups.setdefault(group, []).append(value)
-    return [fmean(group) for group in groups.values()]
+    return list(groups.values())
 
 
-def interval(values: Sequence[float]) -> tuple[float | None, float | None]:
-    """Bootstrap percentile interval of a mean, the same at every call; None for a single value."""
-    if len(values) < 2:
+def interval(recordings: Sequence[Sequence[float]]) -> tuple[float | None, float | None]:
+    """Interval of the mean of all values, by how recordings as a whole scatter about it.
+
+    Values of one recording, its windows and seeds, are not independent. A mean of groups is a ratio
+    of two sums, so its error is that of the sums' differences from it, by Student's t. None with
+    fewer recordings than `FEWEST`.
+    """
+    count, size = len(recordings), sum(map(len, recordings))
+    if count < FEWEST:
         return None, None
-    found = bootstrap(
-        (values,),
-        np.mean,
-        n_resamples=RESAMPLES,
-        confidence_level=LEVEL,
-        method="percentile",
-        random_state=np.random.default_rng(0),  # pyright: ignore[reportCallIssue]  # `rng` is of scipy 1.15 on
-    ).confidence_interval
-    return float(found.low), float(found.high)
+    mean = sum(map(sum, recordings)) / size
+    squares = sum((sum(values) - mean * len(values)) ** 2 for values in recordings)
+    half = float(t.ppf((1 + LEVEL) / 2, count - 1)) * sqrt(squares * count / (count - 1)) / size
+    return mean - half, mean + half
 
 
 def seed_agreement(scores: Iterable[Score], key: str = "mpjpe_mm") -> float | None:

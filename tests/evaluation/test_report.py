@@ -2,10 +2,11 @@
 
 import csv
 import json
+from dataclasses import replace
 
 import pytest
 
-from geneoh.evaluation import plots
+from geneoh.evaluation import plots, report
 from geneoh.evaluation.report import Evaluation, write_report
 from geneoh.evaluation.scores import COLUMNS, MEASURES, Score
 
@@ -85,6 +86,21 @@ def test_the_page_stands_alone_and_has_every_plot(folder):
     assert "c.npz: damaged &lt;again&gt;" in text
     assert '<a href="pages/a.html">clip a</a>' in text
     assert "above the line" in text
+
+
+def test_few_recordings_get_no_intervals_and_many_do():
+    few, many = made(), [score for number in range(8) for score in renamed(f"clip_{number}")]
+    assert "over seeds of the mean over 3 recordings, too few for intervals" in words_of(few)
+    assert "95%" not in words_of(few) + report.as_page(few)
+    assert "95% intervals over 8 recordings" in words_of(made(scores=tuple(many)))
+
+
+def renamed(clip: str) -> list[Score]:
+    return [replace(score, clip=clip) for score in made().scores if score.clip == "a"]
+
+
+def words_of(evaluation: Evaluation) -> str:
+    return " ".join(evaluation.remarks())
 
 
 def test_equal_scores_give_equal_files(folder, tmp_path):

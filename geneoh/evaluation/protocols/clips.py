@@ -1,5 +1,6 @@
 """Clips of one hand and its object: cut out of recordings, known by name, read when needed."""
 
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
@@ -21,6 +22,9 @@ from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 OBSERVED_SHARE = 0.5  # smallest share of a clip's frames in which its hand must have been observed
 FPS = {"grab": 30.0, "hoi4d": 15.0, "arctic": 30.0, "taco": 30.0}
 """Frames a second at which a protocol counts its frames; faster recordings are thinned out."""
+
+CUT = re.compile(r"(_\d{5})?_(left|right)_\d{5}$")
+"""What `excerpts` adds to the name of a recording's file: first frames, and the hand."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +71,14 @@ def excerpts(
                 read = partial(read_excerpt, source, file, recording.name, side, span, known)
                 found.append(Clip(f"{recording.name}_{side}_{span.start:05d}", read))
     return found
+
+
+def recording_of(clip: str) -> str:
+    """Name of the recording that a clip was cut out of; clips of one say less than as many alone.
+
+    A clip that was not cut out of any is a recording of its own.
+    """
+    return CUT.sub("", clip)
 
 
 def windows_of(frames: int, options: ProtocolOptions) -> Iterator[tuple[int, int]]:
