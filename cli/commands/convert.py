@@ -17,7 +17,8 @@ from .. import options, progress, sources
     "paths", type=click.Path(path_type=Path), nargs=-1, required=True, metavar="PATH..."
 )
 @options.option(
-    "-o --output folder: Folder to write to. Clips that were converted into it before are skipped.",
+    "-o --output folder: Folder to write to. Clips that were converted into it before, from the "
+    "same files and with the same options, are skipped.",
     options.FOLDER,
 )
 @options.flag("--check: Compare the files with their convention and report contradictions.")

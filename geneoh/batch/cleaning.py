@@ -4,15 +4,14 @@ import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 from geneoh.batch.clips import FOR_NPZ, Clip
 from geneoh.errors import CheckpointError, GeneOHError
 from geneoh.files.atomic import unwritable
+from geneoh.files.fingerprints import fingerprint
 from geneoh.files.outputs import keep_others, refuse_inputs
-from geneoh.files.reading import read_bytes
 from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.options import Options, with_settings
 from geneoh.pipeline.results import Denoised, save
@@ -126,25 +125,6 @@ def written(result: Denoised, place: Path) -> str:
         raise unwritable(place, error) from None
     save(result, place)
     return fingerprint(place)
-
-
-def fingerprint(path: Path) -> str:
-    """Size and SHA-256 of a file; of a folder, of the names, sizes and times of what is in it."""
-    if path.is_dir():
-        files = sorted(each for each in path.rglob("*") if each.is_file())
-        stats = [(str(each.relative_to(path)), each.stat()) for each in files]
-        data = repr([(name, stat.st_size, stat.st_mtime_ns) for name, stat in stats]).encode()
-    else:
-        data = read_bytes(path)
-    return f"{len(data)} {sha256(data).hexdigest()}"
-
-
-def is_unchanged(fingerprints: dict[str, str], base: Path) -> bool:
-    """Whether all of these files, relative to a folder, are there and as they were."""
-    try:
-        return all(fingerprint(base / path) == known for path, known in fingerprints.items())
-    except GeneOHError:
-        return False
 
 
 def rows_of(file: str, result: Denoised) -> Iterator[dict[str, Any]]:

@@ -11,12 +11,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from geneoh.batch.cleaning import Batch, Outcome, clean_clip, is_unchanged
+from geneoh.batch.cleaning import Batch, Outcome, clean_clip
 from geneoh.batch.clips import Clip
 from geneoh.batch.summary import SUMMARY_FILES, write_summary
 from geneoh.config import as_dict, setting_differences
 from geneoh.denoisers.library import all_weights
 from geneoh.errors import ConfigError
+from geneoh.files.fingerprints import is_unchanged
 from geneoh.files.journal import (
     Record,
     append_journal,

@@ -1,11 +1,11 @@
 """From a source's files to sequences, one clip after the other; what cannot be read is reported.
 
-A clip is done when a line of `converted.jsonl` says so and its files are there: started again, the
-conversion goes on behind the last whole clip.
+A clip is done when its last line in `converted.jsonl` is of the same options, and the files that it
+names, read and written, are as they were: started again, a conversion does what is left.
 """
 
-import json
 from collections.abc import Iterator
+from contextlib import nullcontext
 from dataclasses import dataclass, fields, replace
 from hashlib import sha256
 from itertools import count
@@ -16,6 +16,8 @@ import numpy as np
 
 from geneoh.errors import GeneOHError
 from geneoh.files.atomic import unwritable, write_whole
+from geneoh.files.fingerprints import fingerprint, is_unchanged
+from geneoh.files.journal import append_journal, begin_journal, only_run_in, read_journal
 from geneoh.files.outputs import check_outputs
 from geneoh.geometry.mesh import Mesh
 from geneoh.readers.base import ReaderOptions, Recording, SourceClip
@@ -26,7 +28,7 @@ from geneoh.readers.recordings import read_clip
 from geneoh.readers.registry import Source
 from geneoh.sequence.validation import check_sequence
 
-LOG = "converted.jsonl"
+JOURNAL = "converted.jsonl"
 
 
 @dataclass(frozen=True)
@@ -67,34 +69,40 @@ def convert(
     are compared with their convention as well; `overwrite` replaces files that geneoh did not
     write, but never the clip's own.
     """
-    done = {} if folder is None else read_log(folder)
-    described = describe_options(options)
-    for clip in clips:
-        entry = f"{source.name} {clip.path} {described}"
-        files = done.get(entry)
-        if folder and files and not check and all((folder / file).is_file() for file in files):
-            yield Outcome(clip, tuple(files), skipped=True)
-            continue
-        try:
-            yield convert_clip(
-                source, clip, folder, options, entry, check=check, overwrite=overwrite
-            )
-        except GeneOHError as error:
-            yield Outcome(clip, problem=str(error))
+    with nullcontext() if folder is None else only_run_in(folder):
+        known = {} if folder is None else records_before(folder)
+        for clip in clips:
+            asked = described(source, clip, options)
+            record = known.get(clip.name, {})
+            if folder and not check and is_done(record, asked, folder):
+                yield Outcome(clip, tuple(record["files"]), skipped=True)
+                continue
+            try:
+                yield convert_clip(
+                    source, clip, folder, options, asked, check=check, overwrite=overwrite
+                )
+            except GeneOHError as error:
+                yield Outcome(clip, problem=str(error))
 
 
-def describe_options(options: ReaderOptions) -> str:
-    """The options as text for the log: with other options a clip is another conversion."""
-    described = {}
-    for option in fields(options):
-        value = getattr(options, option.name)
-        if option.name == "meshes":
-            value = [sha256(obj_text(mesh).encode()).hexdigest() for mesh in value]
-        elif isinstance(value, np.ndarray):
-            value = sha256(value.tobytes()).hexdigest()
-        if value not in (None, False, []):
-            described[option.name] = str(value)
-    return json.dumps(described, sort_keys=True)
+def described(source: Source, clip: SourceClip, options: ReaderOptions) -> dict[str, Any]:
+    """What is asked for a clip as JSON can hold it: with another description it is other work."""
+    return {
+        "source": source.name,
+        "path": str(clip.path),
+        **{field.name: as_json(getattr(options, field.name)) for field in fields(options)},
+    }
+
+
+def as_json(value: Any) -> Any:
+    """The value of an option; of arrays and meshes a digest."""
+    if isinstance(value, np.ndarray):
+        return f"{value.shape} {sha256(value.tobytes()).hexdigest()}"
+    if isinstance(value, Mesh):
+        return sha256(obj_text(value).encode()).hexdigest()
+    if isinstance(value, Path):
+        return str(value.resolve())
+    return [as_json(part) for part in value] if isinstance(value, tuple) else value
 
 
 def convert_clip(
@@ -102,12 +110,13 @@ def convert_clip(
     clip: SourceClip,
     folder: Path | None,
     options: ReaderOptions,
-    entry: str,
+    asked: dict[str, Any],
     *,
     check: bool,
     overwrite: bool,
 ) -> Outcome:
-    """One clip, all of its recordings or none; `entry` is its name in the log."""
+    """One clip, all of its recordings or none; `asked` is its description in the journal."""
+    inputs = {} if folder is None else {str(clip.path): fingerprint(clip.path)}
     recordings = read_clip(source, clip, options)
     found: list[str] = []
     for recording in recordings:
@@ -120,7 +129,10 @@ def convert_clip(
         return Outcome(clip, contradictions=tuple(found), notes=notes)
     check_places(recordings, folder, clip, overwrite=overwrite)
     files = tuple(write_recording(recording, folder) for recording in recordings)
-    append_log(folder, {"clip": entry, "files": files})
+    inputs |= {str(mesh): fingerprint(mesh) for mesh in mesh_files(recordings)}
+    made = {file: fingerprint(folder / file) for file in files}
+    record = {"clip": clip.name, "asked": asked, "inputs": inputs, "files": made}
+    append_journal(folder / JOURNAL, [record])
     return Outcome(clip, files, notes=notes)
 
 
@@ -164,24 +176,27 @@ def write_mesh(mesh: Mesh, folder: Path, name: str) -> str:
     raise AssertionError("numbers do not end")
 
 
-def read_log(folder: Path) -> dict[str, list[str]]:
-    """The files of each clip that is done; half a line, after a crash, counts for nothing."""
-    path = folder / LOG
-    lines = path.read_text(errors="replace").splitlines() if path.is_file() else []
-    done: dict[str, list[str]] = {}
-    for line in lines:
-        try:
-            entry = json.loads(line)
-            done[entry["clip"]] = [str(file) for file in entry["files"]]
-        except (ValueError, KeyError, TypeError):
-            continue
-    return done
+def mesh_files(recordings: list[Recording]) -> set[Path]:
+    """The files from which the meshes of recordings were read."""
+    meshes = (mesh for recording in recordings for mesh in recording.sequence.object.meshes)
+    sources = (mesh.source for mesh in meshes if mesh.source is not None)
+    return {source.resolve() for source in sources if source.is_file()}
 
 
-def append_log(folder: Path, entry: dict[str, Any]) -> None:
-    """Note that a clip is done."""
-    try:
-        with (folder / LOG).open("a") as file:
-            file.write(json.dumps(entry) + "\n")
-    except OSError as error:
-        raise unwritable(folder / LOG, error) from None
+def records_before(folder: Path) -> dict[str, dict[str, Any]]:
+    """The last record of each clip in a folder's journal, which is written anew without halves."""
+    path = folder / JOURNAL
+    records = {str(record.get("clip")): record for record in read_journal(path)}
+    if path.is_file():
+        begin_journal(path, records.values())
+    return records
+
+
+def is_done(record: dict[str, Any], asked: dict[str, Any], folder: Path) -> bool:
+    """Whether a record is of the same work, and the files that it read and wrote are as they were.
+
+    So the last entry of each output file counts: where a clip of another name replaced a file, it
+    is not as it was.
+    """
+    same = record.get("asked") == asked
+    return same and all(is_unchanged(record.get(name, {}), folder) for name in ("inputs", "files"))

@@ -9,6 +9,7 @@ import trees
 from trees import FRAMES, dump, grab, hoi4d, scene, taco
 
 from geneoh.errors import InputError
+from geneoh.files.journal import only_run_in
 from geneoh.geometry.mesh import load_mesh
 from geneoh.hand.library import load_hand
 from geneoh.readers import convert as convert_module
@@ -68,7 +69,7 @@ def test_a_clip_that_contradicts_its_convention_is_not_written_when_checked(tmp_
         "grab", tmp_path / "in/grab", tmp_path / "out", ReaderOptions(mano_dir=mano_dir), check=True
     )
     assert outcome.contradictions
-    assert not (tmp_path / "out").exists()
+    assert not list((tmp_path / "out").rglob("*.npz"))
 
 
 def test_missing_files_become_masks_and_splits_and_never_zeros(tmp_path, mano_dir):
@@ -191,6 +192,52 @@ def test_other_options_are_another_conversion(tmp_path, mano_dir):
     assert not again.skipped
     for file in again.files:
         assert load(out / file).hands[0].joints is not None
+
+
+def keypoints(folder, **options) -> bool:
+    """Convert the keypoints in a folder; whether they were done before."""
+    known = ReaderOptions(**{"side": "right", "fps": 30.0, **options})
+    (outcome,) = run("keypoints", folder / "hand.npy", folder / "out", known)
+    assert not outcome.failed
+    return outcome.skipped
+
+
+def rate(folder) -> float:
+    return load(folder / "out/hand.npz").fps
+
+
+@pytest.fixture
+def in_folder(tmp_path):
+    """A folder with bare keypoints."""
+    np.save(tmp_path / "hand.npy", scene().joints["right"])
+    return tmp_path
+
+
+def test_a_file_that_another_run_replaced_is_made_again(in_folder):
+    assert not keypoints(in_folder)
+    assert not keypoints(in_folder, fps=60.0)
+    assert not keypoints(in_folder)
+    assert rate(in_folder) == 30
+    assert keypoints(in_folder)
+
+
+def test_a_changed_input_is_another_conversion(in_folder):
+    keypoints(in_folder)
+    np.save(in_folder / "hand.npy", scene().joints["right"] + 0.1)
+    assert not keypoints(in_folder)
+    assert keypoints(in_folder)
+
+
+def test_half_a_line_of_a_crash_is_no_hindrance(in_folder):
+    (in_folder / "out").mkdir()
+    (in_folder / "out/converted.jsonl").write_text('{"clip": "ha')
+    assert not keypoints(in_folder)
+    assert keypoints(in_folder)
+
+
+def test_two_conversions_do_not_share_a_folder(in_folder):
+    with only_run_in(in_folder / "out"), pytest.raises(InputError, match="another run is working"):
+        keypoints(in_folder)
 
 
 def test_another_mesh_of_the_same_name_does_not_stand_in(tmp_path, mano_dir):

@@ -8,6 +8,7 @@ import pytest
 from damage import changed_value, damaged, forbid
 from trees import CASES, scene
 
+from geneoh.files.journal import LOCK
 from geneoh.readers.base import ReaderOptions
 from geneoh.readers.convert import convert
 from geneoh.readers.npz_files import load
@@ -63,7 +64,8 @@ def assert_whole(out, files) -> None:
     """What was written is what was told, and nothing of it is half a file."""
     there = {str(path.relative_to(out)) for path in out.rglob("*") if path.is_file()}
     assert {name for name in there if name.endswith(".npz")} == set(files)
-    assert not [name for name in there if not name.endswith((".npz", ".obj", "converted.jsonl"))]
+    known = (".npz", ".obj", "converted.jsonl", LOCK)
+    assert not [name for name in there if not name.endswith(known)]
     for name in files:
         load(out / name)
 

@@ -1,0 +1,23 @@
+"""Whether files are as they were."""
+
+import pytest
+
+from geneoh.errors import InputError
+from geneoh.files.fingerprints import fingerprint, is_unchanged
+
+
+@pytest.mark.parametrize("clip", ["seq/a__0.pkl", "seq", "seq/a"])
+def test_a_file_a_folder_and_a_beginning_of_names_tell_what_changed(tmp_path, clip):
+    (tmp_path / "seq").mkdir()
+    for name in ("a__0.pkl", "a__1.pkl"):
+        (tmp_path / "seq" / name).write_text(name)
+    known = {clip: fingerprint(tmp_path / clip)}
+    assert is_unchanged(known, tmp_path)
+    (tmp_path / "seq/a__0.pkl").write_text("something else")
+    assert not is_unchanged(known, tmp_path)
+
+
+def test_what_is_not_there_has_no_fingerprint(tmp_path):
+    with pytest.raises(InputError, match="no such file"):
+        fingerprint(tmp_path / "nothing")
+    assert not is_unchanged({"nothing": "0 0"}, tmp_path)
