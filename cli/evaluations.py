@@ -97,7 +97,7 @@ eval_options = options.together(
         FOLDER,
     ),
     option("--jobs: Number of processes.  [default: one for each core]", COUNT),
-    flag("--fresh: Throw earlier scores in the folder away."),
+    flag("--fresh: Throw earlier scores and pages in the folder away."),
     flag("--pages: Also write a page in 3D of every clip that geneoh cleans."),
 )
 """All options of `geneoh eval`."""

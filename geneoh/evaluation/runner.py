@@ -33,6 +33,7 @@ from geneoh.files.journal import (
     only_run_in,
     read_journal,
 )
+from geneoh.files.outputs import is_ours
 from geneoh.progress import OnProgress
 from geneoh.viz.view import write_report
 from geneoh.workers.pool import results_of
@@ -41,6 +42,10 @@ PACKAGES = ("geneoh", "torch", "numpy", "scipy", "libigl", "trimesh")  # reporte
 CASE_ERRORS = (InputError, MissingAssetError)
 """Errors of one clip, or of one method on it: they are recorded, and the others go on. Without its
 weights (`CheckpointError`) a method cannot be scored on any clip."""
+
+IN_SCORES = ("preset", "without", "seed", "weights")
+"""Options of the cleaner that identify no run: names of methods tell the first two, each score has
+its seed, and of weights the contents count."""
 
 Work = tuple[Case, tuple[Method, ...]]  # with the methods still to be scored on it
 
@@ -65,7 +70,7 @@ def evaluate(
         options: what is scored; the name of a data set alone means its defaults.
         folder: of the record and, with `pages`, of pages in 3D.
         jobs: number of processes; 1 works in this one.
-        fresh: throw the record in `folder` away.
+        fresh: throw the record and the pages in `folder` away.
         pages: whether each clip that geneoh cleans gets a page in 3D.
         command: the command that asked for this, for the report.
         on_progress: called with "eval", the scores made by this call, and those it will make.
@@ -89,6 +94,8 @@ def evaluate(
     config = ScoringConfig(cleaner.hand, cleaner.mano_dir, settings["close_frames"])
     pages_folder = folder / "pages" if pages else None
     with only_run_in(folder):
+        if fresh:
+            remove_pages(folder / "pages")
         done, earlier = open_record(folder, settings, versions, fresh=fresh)
         work = work_left(cases, methods, done, pages_folder)
         jobs = max(1, min(jobs, len(work)))
@@ -129,7 +136,7 @@ def settings_of(options: EvaluationOptions) -> dict[str, Any]:
         "protocol": as_dict(options.protocol),
         "close_frames": options.close_frames or options.defaults.close_frames,
         "cleaner": {
-            name: getattr(cleaner, name) for name in ("samples", "selection", "steps", "hand")
+            name: value for name, value in as_dict(cleaner).items() if name not in IN_SCORES
         },
     }
 
@@ -146,7 +153,8 @@ def open_record(
     head = {"settings": settings, "versions": versions}
     if records:
         head = read_head(records[0], path, settings)
-    scores = [score for record in records[1:] if (score := read_score(record)) is not None]
+    found = [score for record in records[1:] if (score := read_score(record)) is not None]
+    scores = list({score.key: score for score in found}.values())  # the last of each counts
     begin_journal(path, [head, *map(asdict, scores)])
     return scores, head["versions"]
 
@@ -181,8 +189,11 @@ def work_left(
     done: Iterable[Score],
     pages: Path | None = None,
 ) -> list[Work]:
-    """Every method on every case, without those that have a score, and a page, already."""
-    there = {score.key for score in done}
+    """Every method on every case, without those that have a score, and a page, already.
+
+    What failed is left: its cause may have been mended.
+    """
+    there = {score.key for score in done if not score.failed}
 
     def is_left(case: Case, method: Method) -> bool:
         key = (*case.key, method.name)
@@ -197,6 +208,13 @@ def page_of(pages: Path, key: ScoreKey) -> Path:
     """File of the page in 3D of one result of geneoh."""
     name = re.sub(r"[^A-Za-z0-9.-]+", "_", "_".join(map(str, key[1:])))
     return pages / f"{name}.html"
+
+
+def remove_pages(folder: Path) -> None:
+    """Remove the pages of earlier runs; what geneoh did not write stays."""
+    for page in folder.glob("*.html"):
+        if is_ours(page):
+            page.unlink()
 
 
 def run(

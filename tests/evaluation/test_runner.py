@@ -96,6 +96,24 @@ def test_what_has_a_score_is_not_done_again(scores, noisy_case):
     assert work_left([other], METHODS, made)[0][1] == METHODS
 
 
+def test_what_failed_is_tried_again_and_its_last_score_counts(noisy_case, folder):
+    failed = Score("taco", "short", "gauss", 11, "input", failed="MANO is missing")
+    assert work_left([noisy_case], (INPUT,), [failed]) == [(noisy_case, (INPUT,))]
+    mended = replace(failed, failed="", values={"mpjpe_mm": 1.0})
+    append_journal(folder / RECORD, map(asdict, [failed, mended]))
+    assert open_record(folder, SETTINGS, VERSIONS)[0] == [mended]
+
+
+def test_a_fresh_start_leaves_no_page_of_other_settings(tmp_path):
+    page, note = (tmp_path / "pages" / name for name in ("clip_gauss_11_geneoh.html", "own.html"))
+    page.parent.mkdir()
+    page.write_text('<!doctype html><meta name="generator" content="geneoh">')
+    note.write_text("what a user wrote")
+    evaluate(replace(SMALL, methods=("input",)), tmp_path, fresh=True)
+    assert not page.exists()
+    assert note.exists()
+
+
 def test_a_case_holds_no_data_after_it_was_scored(damaged_case, noisy_case, folder):
     case = replace(noisy_case)
     run(work_left([case], (INPUT,), []), folder, CONFIG)
@@ -197,12 +215,17 @@ def test_a_place_that_cannot_be_written_to_is_told(tmp_path):
 def test_settings_change_with_all_that_changes_scores(tmp_path):
     first = settings_of(SMALL)
     assert settings_of(replace(SMALL, limit=5, methods=())) == first
+    assert settings_of(replace(SMALL, cleaner=Options(preset="fast", seed=3))) == first
     weights = weights_of("motion", None)
     (tmp_path / weights.name).write_bytes(weights.read_bytes() + b" ")
     for other in (
         replace(SMALL, close_frames=3),
         replace(SMALL, protocol=ProtocolOptions(frames=7)),
         replace(SMALL, cleaner=Options(samples=2)),
+        replace(SMALL, cleaner=Options(trust_object=True)),
+        replace(SMALL, cleaner=Options(refine_object=True)),
+        replace(SMALL, cleaner=Options(mano_dir=tmp_path)),
+        replace(SMALL, cleaner=Options(device="cuda")),
         replace(SMALL, cleaner=Options(weights=tmp_path)),
         replace(SMALL, noisy_inputs=tmp_path),
         replace(SMALL, dataset="grab", noises=(), root=tmp_path),
