@@ -17,6 +17,9 @@ from geneoh.readers.mano import Mano, read_mano
 from geneoh.readers.records import Array, Place, Record
 from geneoh.sequence.sequence import HandTrack, Sequence
 
+ASSUMED_FPS = 30.0
+"""Frame rate of a file that says none, the commonest; it is always noted."""
+
 
 @dataclass(frozen=True)
 class ReaderOptions:
@@ -181,6 +184,19 @@ class Recording:
     sequence: Sequence
     mesh_names: tuple[str, ...] = ()
     cross_checks: CrossChecks = field(default_factory=CrossChecks)
+
+
+def rate_of(stored: float | None, given: float | None, where: str) -> tuple[float, tuple[str, ...]]:
+    """Frames a second: the file's, else the caller's, else the assumed rate, which is noted."""
+    if stored is not None and given is not None and stored != given:
+        raise InputError(
+            f"{where}: the file says {stored:g} frames a second, got --fps {given:g}; drop one of "
+            "the two"
+        )
+    rate = stored if given is None else given
+    if rate is not None:
+        return rate, ()
+    return ASSUMED_FPS, (f"{ASSUMED_FPS:g} frames a second assumed; --fps says otherwise",)
 
 
 def paths_matching(path: Path, pattern: str) -> Iterator[Path]:

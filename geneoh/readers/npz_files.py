@@ -16,6 +16,7 @@ from geneoh.files.npz import Arrays, write_archive
 from geneoh.geometry.mesh import METRES, Mesh, MeshInput, meshes_of
 from geneoh.hand.mano import AS_SHIPPED, MENDED
 from geneoh.readers import foreign_files, npz_layouts
+from geneoh.readers.base import rate_of
 from geneoh.readers.joint_orders import ORDERS, openpose_order
 from geneoh.readers.meshes import find_meshes, mesh_arrays, with_parts
 from geneoh.readers.npz_layouts import CAMERA_FIELDS, FORMAT, OBJECT_FIELDS, own_names, quoted
@@ -27,9 +28,6 @@ from geneoh.sequence.sequence import HandTrack, Sequence
 from geneoh.sequence.validation import check_sequence
 
 LOG = logging.getLogger(__name__)
-
-ASSUMED_FPS = 30.0
-"""Frame rate of a file that says none, the commonest; it is always noted."""
 
 POSE_SHAPES = (("T", 4, 4), ("T", "Q", 4, 4))
 """Shapes of the object's poses in a file of their own."""
@@ -183,7 +181,8 @@ def sequence_in(
     """The sequence in the fields of a layout, and what had to be assumed, in words."""
     hands, about_hands = read_hands(record, layout, side, mano_dir)
     motion, about_object = with_parts(read_object(record, meshes, hands[0].frames))
-    rate, notes = fps_of(record, fps)
+    stored = record.optional_number("fps", "save it as fps=30.0")
+    rate, notes = rate_of(stored, fps, record.where)
     if motion.valid is not None:
         lost = int((~motion.valid).any(1).sum())
         about_object = (*about_object, f"{lost} frames without a pose of the object were filled in")
@@ -201,19 +200,6 @@ def with_camera_fields(record: Record, sequence: Sequence) -> Sequence:
         values = float32(record.array(name, (3,), ("T", 3)).reshape(-1, 3))
         sequence = known[name](sequence, values, f"{record.where}: '{name}'")
     return sequence
-
-
-def fps_of(record: Record, given: float | None) -> tuple[float, Notes]:
-    """Frames a second: the file's, the caller's, or the assumed rate, which is noted."""
-    stored = record.optional_number("fps", "save it as fps=30.0")
-    if stored is not None and given is not None and stored != given:
-        raise InputError(
-            f"{record.where}: 'fps' says {stored:g}, got --fps {given:g}; drop one of the two"
-        )
-    rate = stored if given is None else given
-    if rate is not None:
-        return rate, ()
-    return ASSUMED_FPS, (f"{ASSUMED_FPS:g} frames a second assumed; 'fps' or --fps says otherwise",)
 
 
 def save_sequence(

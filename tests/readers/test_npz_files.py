@@ -98,7 +98,7 @@ def test_a_missing_frame_rate_is_assumed_aloud_or_given(tmp_path, caplog):
     assert "30 frames a second assumed" in caplog.text
     assert load(tmp_path / "a.npz", fps=60.0).fps == 60
     write_good(tmp_path)
-    with pytest.raises(InputError, match="'fps' says 30, got --fps 60"):
+    with pytest.raises(InputError, match="the file says 30 frames a second, got --fps 60"):
         load(tmp_path / "hand.npz", fps=60.0)
 
 

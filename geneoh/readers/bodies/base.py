@@ -12,7 +12,6 @@ from geneoh.bundle import Bundle
 from geneoh.choices import Axis
 from geneoh.errors import InputError
 from geneoh.geometry.axes import nearest_axis, turn_up
-from geneoh.readers.npz_files import ASSUMED_FPS
 from geneoh.sequence.resample import MOST_FRAMES, evenly
 from geneoh.sequence.validation import LARGEST_FPS, SMALLEST_FPS, check_place
 
@@ -125,15 +124,3 @@ def resting(frames: int) -> BodyMotion:
     """A body in the T-pose at the origin."""
     upright = torch.eye(3).expand(frames, len(JOINT_NAMES), 3, 3).clone()
     return BodyMotion(torch.zeros(frames, 3), upright)
-
-
-def rate_of(stored: float | None, given: float | None, where: str) -> tuple[float, tuple[str, ...]]:
-    """Frames a second: the file's, else the caller's, else the assumed rate, which is noted."""
-    if stored is not None and given is not None and stored != given:
-        raise InputError(
-            f"{where}: the file says {stored:g} frames a second, got --fps {given:g}; drop --fps"
-        )
-    rate = stored if given is None else given
-    if rate is not None:
-        return rate, ()
-    return ASSUMED_FPS, (f"{ASSUMED_FPS:g} frames a second assumed; --fps says otherwise",)

@@ -23,7 +23,8 @@ from geneoh.choices import SIDES, Axis
 from geneoh.errors import InputError
 from geneoh.files.atomic import write_whole
 from geneoh.geometry.rotations import shortest_turn
-from geneoh.readers.bodies.base import BodyRecording, checked, rate_of, upright
+from geneoh.readers.base import rate_of
+from geneoh.readers.bodies.base import BodyRecording, checked, upright
 from geneoh.readers.bodies.bvh_file import BvhFile, read_bvh_file
 from geneoh.readers.bodies.bvh_names import FINGER_WORDS, NEEDED, match_joints
 from geneoh.readers.npz_layouts import quoted
