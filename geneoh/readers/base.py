@@ -14,7 +14,7 @@ from geneoh.errors import InputError
 from geneoh.geometry.mesh import Mesh
 from geneoh.hand.mano import AS_SHIPPED, ManoName
 from geneoh.readers.mano import Mano, read_mano
-from geneoh.readers.records import Array, Place, Record
+from geneoh.readers.records import Array, Place
 from geneoh.sequence.sequence import HandTrack, Sequence
 
 ASSUMED_FPS = 30.0
@@ -36,7 +36,7 @@ class ReaderOptions:
     object_pose: Array | None = None
     """(T, 4, 4) object to the hand's frame, for sources without any."""
     side: Side | None = None
-    """The hand to read; for sources that do not say it, the hand that they hold."""
+    """The hand to read; for files that do not say it, the hand that they hold."""
     fps: float | None = None
     """Frames a second, instead of the source's own."""
     joint_order: JointOrder = "openpose"
@@ -61,15 +61,6 @@ class ReaderOptions:
     def rate(self, default: float) -> float:
         """Frames a second of a source, unless the caller knows better."""
         return default if self.fps is None else self.fps
-
-    def side_of(self, record: Record) -> Side:
-        """The hand that a file of one hand holds, by the caller or by its field 'side'."""
-        side = self.side or record.optional_text("side")
-        if side not in ("left", "right"):
-            raise InputError(
-                f"{record.where}: which hand it holds is not said; pass --side left or right"
-            )
-        return side
 
 
 @dataclass(frozen=True)

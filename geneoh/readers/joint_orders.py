@@ -1,11 +1,11 @@
 """Orders of hand keypoints, and how each becomes OpenPose's."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from geneoh.choices import JointOrder
-from geneoh.readers.records import Array
+from geneoh.readers.records import Array, Record
 
 
 @dataclass(frozen=True)
@@ -43,3 +43,18 @@ def openpose_order(points: Array, order: JointOrder) -> tuple[Array, Array]:
         way = joints[:, THUMB_NEXT] - joints[:, 0]
         joints[:, THUMB_BASE] = joints[:, 0] + THUMB_BASE_SHARE * way
     return joints, (entries >= 0).astype(np.float64)
+
+
+def in_openpose_order(record: Record, points: Array, order: JointOrder) -> Record:
+    """The fields with (T, N, 3) `points` in OpenPose's order as 'joints', and 'confidence' too."""
+    joints, trust = openpose_order(points, order)
+    given = record.optional_array("confidence", ("T", ORDERS[order].count), ("T",))
+    values = {**record.values, "joints": joints}
+    if given is None and trust.all():
+        return replace(record, values=values)
+    given = np.ones(len(points)) if given is None else given
+    if given.ndim == 1:
+        given = given[:, None]
+    else:
+        given = openpose_order(given[..., None], order)[0][..., 0]
+    return replace(record, values={**values, "confidence": given * trust})

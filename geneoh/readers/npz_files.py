@@ -17,7 +17,7 @@ from geneoh.geometry.mesh import METRES, Mesh, MeshInput, meshes_of
 from geneoh.hand.mano import AS_SHIPPED, MENDED
 from geneoh.readers import foreign_files, npz_layouts
 from geneoh.readers.base import rate_of
-from geneoh.readers.joint_orders import ORDERS, openpose_order
+from geneoh.readers.joint_orders import ORDERS, in_openpose_order
 from geneoh.readers.meshes import find_meshes, mesh_arrays, with_parts
 from geneoh.readers.npz_layouts import CAMERA_FIELDS, FORMAT, OBJECT_FIELDS, own_names, quoted
 from geneoh.readers.npz_tracks import Notes, read_hands, read_object
@@ -97,7 +97,7 @@ def load(
         object_pose = foreign_files.read_array(Path(object_pose), *POSE_SHAPES)
     record = npz_layouts.read_fields(path)
     layout = npz_layouts.layout_of(record)
-    record = in_openpose_order(record, layout, joint_order)
+    record = with_joint_order(record, layout, joint_order)
     record = with_callers(record, "obj_pose", object_pose)
     record = with_callers(in_metres(record, layout, keypoint_unit), "camera_position", camera)
     meshes, mesh_notes = (meshes, ()) if meshes is not None else find_meshes(record, path.parent)
@@ -114,23 +114,16 @@ def load(
     return sequence
 
 
-def in_openpose_order(record: Record, layout: npz_layouts.Layout, order: JointOrder) -> Record:
+def with_joint_order(record: Record, layout: npz_layouts.Layout, order: JointOrder) -> Record:
     """The fields with bare joints brought from the caller's order into OpenPose's."""
     if order not in ORDERS:
         raise ConfigError(f"--joint-order {order}: expected {', '.join(ORDERS)}")
     if order == "openpose":
         return record
     refuse_layout(record, layout, "--joint-order", "in OpenPose order")
-    count = ORDERS[order].count
-    points = record.array("joints", ("T", count, 3), unit=f"in metres, in the order {order}")
-    joints, trust = openpose_order(points, order)
-    given = record.optional_array("confidence", ("T", count), ("T",))
-    given = np.ones(len(points)) if given is None else given
-    if given.ndim == 1:
-        confidence = given[:, None] * trust
-    else:
-        confidence = openpose_order(given[..., None], order)[0][..., 0] * trust
-    return replace(record, values={**record.values, "joints": joints, "confidence": confidence})
+    shape = ("T", ORDERS[order].count, 3)
+    points = record.array("joints", shape, unit=f"in metres, in the order {order}")
+    return in_openpose_order(record, points, order)
 
 
 def refuse_layout(record: Record, layout: npz_layouts.Layout, option: str, always: str) -> None:

@@ -68,3 +68,55 @@ def test_an_unknown_source_is_answered_with_those_there_are(estimated):
 def test_what_the_file_leaves_open_is_asked_for(estimated):
     with pytest.raises(geneoh.errors.InputError, match="--side"):
         geneoh.read("keypoints", estimated[1])
+
+
+@pytest.fixture
+def masked(estimated):
+    """What a file may say beside its hand: the first five frames were seen, at 60 a second."""
+    joints = estimated[0].hand("left").joints.numpy()[:12].copy()
+    joints[5:] = 0.0
+    trust = np.full((12, 21), 0.5)
+    return {"joints": joints, "valid": np.arange(12) < 5, "confidence": trust, "fps": 60.0}
+
+
+def test_bare_keypoints_are_read_with_what_their_file_says_beside_them(masked, tmp_path):
+    """A file means the same whether its source is named or not."""
+    np.savez(tmp_path / "hand.npz", side="left", **masked)
+    found = geneoh.read("keypoints", tmp_path / "hand.npz")
+    (hand,), (known,) = found.hands, geneoh.load(tmp_path / "hand.npz").hands
+    assert (found.fps, hand.side) == (60.0, "left")
+    assert hand.valid.tolist() == known.valid.tolist() == [True] * 5 + [False] * 7
+    assert hand.confidence.equal(known.confidence)
+    assert hand.joints[:5].equal(known.joints[:5])
+
+
+def test_bare_parameters_are_read_with_what_their_file_says_beside_them(
+    estimated, masked, tmp_path
+):
+    hand = estimated[0].hand("left")
+    fields = {"pose": hand.pose[:12].reshape(12, 48).numpy(), "trans": hand.wrist[:12].numpy()}
+    del masked["joints"]
+    np.savez(tmp_path / "hand.npz", side="left", **fields, **masked)
+    found = geneoh.read("parameters", tmp_path / "hand.npz", translation="wrist")
+    assert found.fps == 60
+    assert found.hands[0].valid.sum() == 5
+    assert found.hands[0].confidence.unique().tolist() == [0.5]
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"side": "right"}, "'side' says left, got --side right"),
+        ({"fps": 30.0}, "says 60 frames a second, got --fps 30"),
+    ],
+)
+def test_what_contradicts_a_file_of_bare_keypoints_is_refused(masked, tmp_path, given, said):
+    np.savez(tmp_path / "hand.npz", side="left", **masked)
+    with pytest.raises(geneoh.errors.InputError, match=said):
+        geneoh.read("keypoints", tmp_path / "hand.npz", **given)
+
+
+def test_a_mask_of_other_frames_is_refused(masked, tmp_path):
+    np.savez(tmp_path / "hand.npz", side="left", **masked | {"valid": np.ones(11, bool)})
+    with pytest.raises(geneoh.errors.InputError, match="'joints' with 12, 'valid' with 11"):
+        geneoh.read("keypoints", tmp_path / "hand.npz")

@@ -1,5 +1,8 @@
 """Any array of keypoints, or of MANO parameters. NaN means not observed.
 
+A file with fields may say more: 'side', 'fps', 'valid' (T) and 'confidence' (T) or (T, N), with the
+meaning that they have in npz files that need no source.
+
 Keypoints: (T, 21, 3) in a npy, or 'joints' in an npz, in a named order (--joint-order); the orders
 of WebXR and OpenXR have 25 and 26 points. Metres unless --keypoint-unit says otherwise. --side says
 which hand, --obj and --object-pose add the object.
@@ -12,16 +15,20 @@ wrist or origin); the pose is taken as absolute unless --mean-pose.
 from pathlib import Path
 
 import numpy as np
+import torch
 
+from geneoh.choices import Side
 from geneoh.errors import ConfigError, InputError
 from geneoh.files.values import read_values
 from geneoh.geometry.mesh import METRES
 from geneoh.readers import base, builders, joint_orders
 from geneoh.readers.dataset_reader import reads
-from geneoh.readers.records import Record
+from geneoh.readers.joint_orders import in_openpose_order
+from geneoh.readers.npz_tracks import Notes, observed_frames, read_confidence, side_of
+from geneoh.readers.records import Array, Record
 
 
-@reads("*.npy", "*.npz", fps_assumed=True)
+@reads("*.npy", "*.npz")
 def keypoints(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """The one hand of a file, with the caller's object."""
     order = options.joint_order
@@ -29,35 +36,54 @@ def keypoints(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
         raise ConfigError(f"--joint-order {order}: expected {', '.join(joint_orders.ORDERS)}")
     value = read_values(clip.path)
     record = Record(str(clip.path), value if isinstance(value, dict) else {"joints": value})
-    side = options.side_of(record)
+    side = side_of(record, options.side)
     count = joint_orders.ORDERS[order].count
     points = record.array("joints", ("T", count, 3), ("T", 3 * count), (count, 3))
     points = METRES[options.keypoint_unit or "m"] * points.reshape(-1, count, 3)
-    joints, trust = joint_orders.openpose_order(points, order)
-    confidence = None if trust.all() else np.tile(trust, (len(joints), 1))
-    hand, checks = builders.hand_track(side, joints, confidence), base.CrossChecks({side: joints})
+    record = in_openpose_order(record, points, order)
+    record.refuse_lengths("joints", "valid", "confidence")
+    joints, notes = observed(record, side, record.array("joints", ("T", 21, 3)))
+    confidence = read_confidence(record, "confidence")
+    hand = builders.hand_track(side, joints, None if confidence is None else confidence.numpy())
+    rate, more = base.rate_of(record.optional_number("fps"), options.fps, record.where)
     source = f"{clip.path.name} (keypoints in the order {order})"
-    yield base.ClipParts(source, [hand], cross_checks=checks)
+    checks = base.CrossChecks({side: joints})
+    yield base.ClipParts(source, [hand], fps=rate, notes=(*notes, *more), cross_checks=checks)
 
 
-@reads("*.npy", "*.npz", "*.pkl", fps_assumed=True)
+@reads("*.npy", "*.npz", "*.pkl")
 def parameters(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """The one hand of a file, with the caller's object."""
     value = read_values(clip.path)
     record = Record(str(clip.path), value) if isinstance(value, dict) else columns(clip.path, value)
-    side = options.side_of(record)
+    side = side_of(record, options.side)
     if options.translation is None:
         raise InputError(
             f"{clip.path}: what the translation moves is not said; pass --translation wrist, "
             "or --translation origin for that of smplx and manopth"
         )
     betas = record.optional_array("betas", (10,), ("T", 10))
-    pose = record.array("pose", ("T", 48), ("T", 16, 3)).reshape(-1, 48)
     betas = None if betas is None else betas.reshape(-1, 10).mean(0)
-    hand = base.ManoParameters(side, pose, record.array("trans", ("T", 3)), betas)
-    notes = () if options.mean_pose is not None else ("the pose is taken as absolute",)
+    pose = record.array("pose", ("T", 48), ("T", 16, 3)).reshape(-1, 48)
+    record.refuse_lengths("pose", "trans", "valid", "confidence")
+    pose, notes = observed(record, side, pose)
+    confidence = read_confidence(record, "confidence")
+    trust = None if confidence is None else confidence.numpy()
+    place = record.array("trans", ("T", 3))
+    hand = base.ManoParameters(side, pose, place, betas, confidence=trust)
+    if options.mean_pose is None:
+        notes = (*notes, "the pose is taken as absolute")
+    rate, more = base.rate_of(record.optional_number("fps"), options.fps, record.where)
     use = base.ManoConvention(options.translation, mean_added=bool(options.mean_pose))
-    yield base.ClipParts(f"{clip.path.name} (MANO parameters)", [hand], notes=notes, convention=use)
+    source = f"{clip.path.name} (MANO parameters)"
+    yield base.ClipParts(source, [hand], fps=rate, notes=(*notes, *more), convention=use)
+
+
+def observed(record: Record, side: Side, values: Array) -> tuple[Array, Notes]:
+    """(T, ...) values of a hand with NaN in the frames that are not observed, and notes."""
+    finite = torch.from_numpy(base.finite_frames(values))
+    valid, notes = observed_frames(record, side, "valid", finite)
+    return np.where(valid.numpy().reshape(-1, *[1] * (values.ndim - 1)), values, np.nan), notes
 
 
 def columns(path: Path, value: object) -> Record:

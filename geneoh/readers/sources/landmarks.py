@@ -20,6 +20,7 @@ from geneoh.geometry.mesh import METRES
 from geneoh.readers import base, builders, foreign_files, joint_orders, mediapipe
 from geneoh.readers.dataset_reader import reads
 from geneoh.readers.npz_layouts import quoted
+from geneoh.readers.npz_tracks import side_of
 from geneoh.readers.records import Array, Record, as_record
 
 FORMAT, VERSION = "geneoh-landmarks", 1
@@ -74,8 +75,8 @@ def foreign_parts(
     """The interaction of tracks whose file knows no rate, and perhaps no side."""
     if len(tracks) == 1:  # the label of a side is a guess: the caller's word counts
         ((label, track),) = tracks.items()
-        stated = {} if label is None else {"side": label}
-        tracks = {options.side_of(Record(str(clip.path), stated)): track}
+        side = options.side or label or side_of(Record(str(clip.path), {}), None)
+        tracks = {side: track}
     elif None in tracks:
         raise InputError(f"{clip.path}: expected the side of each hand, got one without; add it")
     if options.fps is None:
