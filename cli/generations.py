@@ -3,17 +3,16 @@
 from pathlib import Path
 
 import click
-from click.core import ParameterSource
 
 from geneoh.choices import ACTION_DATASETS
 from geneoh.errors import ConfigError
 
-from . import evaluations, progress
+from . import evaluations, options, progress
 
-GO_WITH_IT = (
+GO_WITH_IT = {
     *("generator", "dataset", "root", "refine", "limit", "seeds", "mano", "weights", "settings"),
     *("folder", "jobs"),
-)
+}
 """Parameters of `geneoh eval` that mean something for a generator."""
 NOT_FOR_BODIES = {"refine": "whose hands hold nothing", "jobs": "which works in one process"}
 """Those of them that mean nothing for hands of a body, and why."""
@@ -57,12 +56,7 @@ def check_parameters(ctx: click.Context) -> None:
     """`ConfigError` for a data set of another kind, for none at all, and for other options."""
     kind = {"text2hoi": "actions", "both2hands": "bodies"}[ctx.params["generator"]]
     known = ACTION_DATASETS if kind == "actions" else ("synthetic",)
-    given = [
-        max(parameter.opts, key=len)
-        for parameter in ctx.command.params
-        if parameter.name not in GO_WITH_IT
-        and ctx.get_parameter_source(parameter.name or "") is ParameterSource.COMMANDLINE
-    ]
+    given = options.on_command_line(ctx.params.keys() - GO_WITH_IT)
     if given:
         raise ConfigError(f"--generator: expected no {given[0]} with it, got one; leave it out")
     if ctx.params["dataset"] not in known:

@@ -1,6 +1,6 @@
 """Options that several commands share, each with one meaning and one help text."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial, reduce
 from importlib.resources import files
 from pathlib import Path
@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 from click import Choice
+from click.core import ParameterSource
 
 from geneoh.choices import PRESETS, RESULT_HANDS, SELECTIONS, SIDES, UNITS
 from geneoh.errors import ConfigError
@@ -22,6 +23,20 @@ def together(*decorators: Decorator) -> Decorator:
         return reduce(lambda made, decorator: decorator(made), reversed(decorators), command)
 
     return add
+
+
+def on_command_line(names: Iterable[str]) -> list[str]:
+    """The options of some parameters that stand on the command line.
+
+    The environment counts for nothing: its variables are set for all commands.
+    """
+    context, wanted = click.get_current_context(), set(names)
+    return [
+        max(parameter.opts, key=len)
+        for parameter in context.command.params
+        if parameter.name in wanted
+        and context.get_parameter_source(parameter.name) is ParameterSource.COMMANDLINE
+    ]
 
 
 FILE = click.Path(dir_okay=False, path_type=Path)

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 from click import Choice
-from click.core import ParameterSource
 
 from geneoh.choices import JOINT_ORDERS, TRANSLATIONS, UNITS
 from geneoh.readers.registry import SOURCES
@@ -67,11 +66,8 @@ def read(path: Path, source: str | None, *, mano: Path | None, **others: Any) ->
 
 def refuse_source_options() -> None:
     """Refuse, by name, options that are given without --from and would be ignored."""
-    context = click.get_current_context()
-    for parameter in context.command.params:
-        given = context.get_parameter_source(parameter.name or "")
-        if parameter.name in NEEDS_SOURCE and given is ParameterSource.COMMANDLINE:
-            raise click.UsageError(f"{parameter.opts[0]} needs --from SOURCE, got none")
+    for given in options.on_command_line(NEEDS_SOURCE):
+        raise click.UsageError(f"{given} needs --from SOURCE, got none")
 
 
 def beside(noisy: Path) -> Path:

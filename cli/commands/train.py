@@ -106,16 +106,16 @@ def train(
         say = click.echo if not team.rank else lambda words: None
         with team.first_alone(), progress.progress_bars(not team.rank) as on_progress:
             if stage in BODY_STAGES:
-                refuse_unused(stage, mano=mano)
+                refuse_unused(stage, "mano")
                 asked = named, settings, sources, folder, start, text_encoder, skeleton
                 task, notes = body_task(stage, *asked, on_progress)
             elif stage in GENERATOR_STAGES:
                 # pieces of words are learned anew, and weights mean nothing with other pieces
-                refuse_unused(stage, skeleton=skeleton, start=stage == "text" and start)
+                refuse_unused(stage, "skeleton", *(["start"] if stage == "text" else []))
                 asked = named, settings, sources, folder, text_encoder, mano
                 task, notes = generator_task(stage, *asked, on_progress)
             else:
-                refuse_unused(stage, text_encoder=text_encoder, skeleton=skeleton)
+                refuse_unused(stage, "text_encoder", "skeleton")
                 asked = named, settings, sources or ("runs/data",), folder, start, mano
                 task, weights, notes = cleaner_task(stage, *asked, place, on_progress)
             if start is not None and stage not in STAGES:
@@ -181,7 +181,7 @@ def generator_task(
     from geneoh.training.data import parsed_source
 
     if stage == "text":
-        refuse_unused(stage, data=sources, text_encoder=text_encoder, mano=mano)
+        refuse_unused(stage, "sources", "text_encoder", "mano")
     data = parsed_source(only_source(stage, sources, ACTIONS))
     learned = Learned(data, folder, text_encoder, ReaderOptions(mano_dir=mano))
     return task(stage, options.find_config(config), settings, learned, on_progress)
@@ -204,10 +204,10 @@ def body_task(
     from geneoh.training.data import parsed_source
 
     if stage == "body_hands":
-        refuse_unused(stage, text_encoder=text_encoder)
+        refuse_unused(stage, "text_encoder")
     data = parsed_source(only_source(stage, sources, BODIES), BODY_SOURCES)
     if not data.source:
-        refuse_unused(f"{stage} and made bodies", skeleton=skeleton)
+        refuse_unused(f"{stage} and made bodies", "skeleton")
     begun = start and start_of(stage, start)
     learned = LearnedBodies(data, folder, text_encoder, skeleton, begun)
     return task(stage, options.find_config(config), settings, learned, on_progress)
@@ -232,12 +232,10 @@ def only_source(stage: Any, sources: tuple[str, ...], default: str) -> str:
     return sources[0] if sources else default
 
 
-def refuse_unused(stage: Any, **given: Any) -> None:
-    """Refuse options that a stage makes no use of."""
-    for name, value in given.items():
-        if value:
-            option = f"--{name.replace('_', '-')}"
-            raise ConfigError(
-                f"{option}: expected none with --stage {stage}, which takes nothing from it; "
-                "leave it out"
-            )
+def refuse_unused(stage: Any, *names: str) -> None:
+    """Refuse options that are given and of which a stage makes no use."""
+    for option in options.on_command_line(names):
+        raise ConfigError(
+            f"{option}: expected none with --stage {stage}, which takes nothing from it; "
+            "leave it out"
+        )

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import bodies
 import numpy as np
+import pytest
 import torch
 from made_bodies import SKELETON, made_motion
 from made_gestures import made_gestures, write_gesture_shards
@@ -127,3 +128,11 @@ def test_networks_of_hands_need_one_folder_of_bodies_and_no_other_options(geneoh
     assert "--data: expected one source" in refused("--data", "a", "--data", "b")
     assert "--text-encoder: expected none" in refused("--text-encoder", "clip")
     assert "--mano: expected none" in refused("--mano", str(tmp_path))
+
+
+@pytest.mark.parametrize("stage", ["text", "body_hands", "text_hands", "blend"])
+def test_a_variable_for_all_commands_is_no_option_that_a_stage_refuses(geneoh, monkeypatch, stage):
+    monkeypatch.setenv("GENEOH_MANO_DIR", "mano")
+    ended = geneoh("train", "--stage", stage, "--set", "nothing=1")
+    assert ended.exit_code == 2
+    assert "'nothing'" in ended.stderr
