@@ -45,7 +45,8 @@ def smplx_names(path: Path, motion: BodyMotion, up: str = "y", **more) -> Path:
     flat = turns.reshape(len(turns), -1)
     fields = {"global_orient": flat[:, :3], "body_pose": flat[:, 3:66], "transl": root}
     fields |= {"left_hand_pose": flat[:, 66:111], "right_hand_pose": flat[:, 111:]}
-    np.savez(path, **fields, **{"fps": 30.0, "betas": np.zeros(10), **more})
+    fields |= {"fps": 30.0, "betas": np.zeros(10), "flat_hand_mean": True}
+    np.savez(path, **fields | more)
     return path
 
 

@@ -1,7 +1,8 @@
 """Bodies as SMPL parameters: smplx names, AMASS, BOTH57M, Motion-X, and what geneoh wrote itself.
 
 All hold the axis-angle of 22 body joints and a translation; they differ in names, in what stands
-beside the body, and in the axis that points up. Fingers are absolute (zero: the flat hand).
+beside the body, and in the axis that points up. Fingers are absolute (zero: the flat hand); others
+are left out.
 """
 
 from collections.abc import Iterator
@@ -57,10 +58,9 @@ class Layout:
     """Frames a second of all such files."""
 
 
+SMPLX = "smplx names"
 LAYOUTS = (
-    Layout(
-        "smplx names", "global_orient", "body_pose", "transl", ("left_hand_pose", "right_hand_pose")
-    ),
+    Layout(SMPLX, "global_orient", "body_pose", "transl", ("left_hand_pose", "right_hand_pose")),
     Layout("BOTH57M or Motion-X", "root_orient", "body_pose", "trans", ("hand_pose",), "y", 30.0),
     Layout("AMASS", "root_orient", "pose_body", "trans", ("pose_hand",), "z"),
     Layout("AMASS", "poses", "poses", "trans", (), "z"),
@@ -91,7 +91,7 @@ def read_clip(
 ) -> BodyRecording:
     """The body in one dict of fields."""
     layout = layout_of(record)
-    turns, has_fingers = rotations_of(record, layout)
+    turns, has_fingers, about_fingers = rotations_of(record, layout)
     transl = record.array(layout.translation, ("T", 3), unit="in metres")
     record.refuse_lengths(layout.root, layout.body, layout.translation)
     betas = betas_of(record)
@@ -112,7 +112,7 @@ def read_clip(
             betas,
             record.optional_text("gender") or "neutral",
             tuple(record.texts("hand_cond")) if "hand_cond" in record else (),
-            (*notes, *more),
+            (*notes, *more, *about_fingers),
         )
     )
 
@@ -128,8 +128,10 @@ def layout_of(record: Record) -> Layout:
     )
 
 
-def rotations_of(record: Record, layout: Layout) -> tuple[Float[Tensor, "T 52 3 3"], bool]:
-    """Rotations of all joints, and whether the fingers are the file's."""
+def rotations_of(
+    record: Record, layout: Layout
+) -> tuple[Float[Tensor, "T 52 3 3"], bool, tuple[str, ...]]:
+    """Rotations of all joints, whether the fingers are the file's, and what was assumed of them."""
     if layout.root == layout.body:
         width = record.numbers(layout.body).shape[-1]
         if width < 3 * BODY_JOINTS:
@@ -144,11 +146,12 @@ def rotations_of(record: Record, layout: Layout) -> tuple[Float[Tensor, "T 52 3 
         record.refuse_lengths(layout.root, layout.body)
         body = np.concatenate([root, posed.reshape(len(posed), -1)[:, :63]], axis=1)
         fingers = fingers_of(record, layout, len(body))
+    fingers, notes = absolute(record, layout, fingers)
     flat = np.zeros((len(body), 3 * FINGERS)) if fingers is None else fingers
     vectors = float32(np.concatenate([body, flat], axis=1)).reshape(-1, len(JOINT_NAMES), 3)
     if bool((vectors.norm(dim=-1) > LARGEST_ANGLE).any()):
         raise record.refuse(layout.body, "axis-angle in radians", "convert degrees to radians")
-    return axis_angle_to_matrix(vectors), fingers is not None
+    return axis_angle_to_matrix(vectors), fingers is not None, notes
 
 
 def fingers_of(record: Record, layout: Layout, frames: int) -> Array | None:
@@ -161,6 +164,25 @@ def fingers_of(record: Record, layout: Layout, frames: int) -> Array | None:
     whole = [part.reshape(frames, -1) for part in parts if part.ndim and part.size]
     found = np.concatenate(whole, axis=1) if whole else np.zeros((frames, 0))
     return found if found.shape[1] == 3 * FINGERS else None
+
+
+def absolute(
+    record: Record, layout: Layout, fingers: Array | None
+) -> tuple[Array | None, tuple[str, ...]]:
+    """(T, 90) fingers, unless the file calls them relative to a mean pose; what was assumed.
+
+    smplx makes bodies with fingers relative to it (`flat_hand_mean=False`) where nobody asks for
+    other ones, so that a file by its names which does not say what they are gets a note.
+    """
+    said = record.optional_number("flat_hand_mean")
+    if fingers is None or said or (said is None and layout.title != SMPLX):
+        return fingers, ()
+    if said is None:
+        return fingers, ("the fingers are taken as absolute; 'flat_hand_mean' says otherwise",)
+    return None, (
+        "the fingers are relative to a mean pose (flat_hand_mean=False) and were left out; "
+        "add hands_mean to them and save flat_hand_mean=True",
+    )
 
 
 def betas_of(record: Record) -> Float[Tensor, " S"] | None:

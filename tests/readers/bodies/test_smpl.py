@@ -33,6 +33,22 @@ def test_smplx_names_are_read_in_any_world(tmp_path, up):
     torch.testing.assert_close(body.file_motion.root, torch.from_numpy(root), atol=1e-5, rtol=0)
 
 
+@pytest.mark.parametrize(
+    ("flat", "said", "kept"), [(True, None, True), (None, "absolute", True), (False, "left", False)]
+)
+def test_fingers_relative_to_a_mean_pose_are_left_out(tmp_path, flat, said, kept):
+    path = bodies.smplx_names(tmp_path / "a.npz", SWAYING, "y")
+    with np.load(path) as arrays:
+        fields = {**arrays, "flat_hand_mean": np.array(flat)}
+    np.savez(path, **{name: value for name, value in fields.items() if value.dtype != object})
+    body = read_body(path)
+    assert_same(body.motion, SWAYING, fingers=kept)
+    assert body.has_fingers == kept
+    notes = [note for note in body.notes if "fingers" in note]
+    assert len(notes) == (said is not None)
+    assert all(said in note for note in notes)
+
+
 def test_the_caller_may_say_what_is_up(tmp_path):
     path = bodies.smplx_names(tmp_path / "a.npz", SWAYING, "z")
     body = read_body(path, up="z")
