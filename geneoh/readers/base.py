@@ -63,6 +63,12 @@ class ReaderOptions:
         return default if self.fps is None else self.fps
 
 
+OF_SOME = ("body", "objects", "object_pose", "joint_order", "keypoint_unit", "translation") + (
+    *("swap_parts", "mean_pose", "focal"),
+)
+"""Options that mean something for some sources only; each reader says which it takes."""
+
+
 @dataclass(frozen=True)
 class SourceClip:
     """One clip that was found: a name for what is made from it, and its file or folder."""

@@ -24,7 +24,7 @@ from geneoh.readers.base import ReaderOptions, Recording, SourceClip
 from geneoh.readers.convention_check import contradictions
 from geneoh.readers.meshes import obj_text
 from geneoh.readers.npz_files import save_sequence
-from geneoh.readers.recordings import read_clip
+from geneoh.readers.recordings import read_clip, refuse_unused
 from geneoh.readers.registry import Source
 from geneoh.sequence.validation import check_sequence
 
@@ -69,6 +69,7 @@ def convert(
     are compared with their convention as well; `overwrite` replaces files that geneoh did not
     write, but never the clip's own.
     """
+    refuse_unused(source, options)
     with nullcontext() if folder is None else only_run_in(folder):
         known = {} if folder is None else records_before(folder)
         for clip in clips:

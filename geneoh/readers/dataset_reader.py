@@ -46,6 +46,8 @@ class DatasetReader:
     """Whether the files do not say the frame rate, which is noted then."""
     convention: base.ManoConvention = base.WRIST
     """How the source uses MANO, where it does."""
+    takes: tuple[str, ...] = ()
+    """Which of the options in `geneoh.readers.base.OF_SOME` its function makes use of."""
     content: str = "a hand and an object"
     """What every clip must hold, for the message where one does not."""
 

@@ -11,7 +11,7 @@ from geneoh.choices import Side, Unit
 from geneoh.config import as_field_type, checked_call, is_plain
 from geneoh.errors import ConfigError, InputError
 from geneoh.geometry.mesh import METRES, MeshInput, meshes_of
-from geneoh.readers.base import ReaderOptions, Recording, SourceClip, clip_name
+from geneoh.readers.base import OF_SOME, ReaderOptions, Recording, SourceClip, clip_name
 from geneoh.readers.foreign_files import read_array
 from geneoh.readers.records import Array
 from geneoh.readers.registry import SOURCES, Source
@@ -33,12 +33,10 @@ def read(source: str, path: Path | str, *, clip: str | None = None, **options: A
             `object_pose` may be a npy file, in the unit that `keypoint_unit` says.
 
     Raises:
-        ConfigError: there is no source of that name, or it holds no bare keypoints of any unit.
+        ConfigError: there is no source of that name, or it makes no use of one of the options.
         InputError: a file cannot be read, or several recordings are there and `clip` is not given.
         MissingAssetError: a file that the user must supply is not there.
     """
-    if options.get("keypoint_unit") is not None and source not in ("keypoints", "landmarks"):
-        raise ConfigError(f"--keypoint-unit is for bare keypoints, got {source}; drop it")
     recording = read_one(source, Path(path), options_with_files(**options), clip)
     check_sequence(recording.sequence, recording.name)
     return recording.sequence
@@ -106,12 +104,24 @@ def read_clip(source: Source, clip: SourceClip, options: ReaderOptions) -> list[
     """The recordings of one clip.
 
     Raises:
+        ConfigError: the source makes no use of one of the options.
         InputError: a file of it cannot be read; the message names it.
         MissingAssetError: it needs a file that the user must supply.
     """
+    refuse_unused(source, options)
     recordings = source.reader().read(clip, options)
     refuse_betas(recordings, clip)
     return [with_choices(without_idle_hand(recording), clip, options) for recording in recordings]
+
+
+def refuse_unused(source: Source, options: ReaderOptions) -> None:
+    """Raise `ConfigError` where an option is given that the source makes no use of."""
+    plain, takes = ReaderOptions(), source.reader().takes
+    for name in OF_SOME:
+        given = getattr(options, name)
+        if name not in takes and (isinstance(given, Array) or given != getattr(plain, name)):
+            option = name.replace("_", "-")
+            raise ConfigError(f"--{option}: {source.title} makes no use of it, got one; drop it")
 
 
 def refuse_betas(recordings: list[Recording], clip: SourceClip) -> None:

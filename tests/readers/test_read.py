@@ -4,9 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trees
 import trimesh
 
 import geneoh
+from geneoh.readers.base import OF_SOME
+from geneoh.readers.registry import SOURCES
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -120,3 +123,28 @@ def test_a_mask_of_other_frames_is_refused(masked, tmp_path):
     np.savez(tmp_path / "hand.npz", side="left", **masked | {"valid": np.ones(11, bool)})
     with pytest.raises(geneoh.errors.InputError, match="'joints' with 12, 'valid' with 11"):
         geneoh.read("keypoints", tmp_path / "hand.npz")
+
+
+UNUSED = {
+    "body": Path("body.npz"),
+    "objects": Path("nowhere"),
+    "focal": 500.0,
+    "translation": "origin",
+    "joint_order": "aria",
+    "keypoint_unit": "mm",
+    "mean_pose": False,
+    "swap_parts": True,
+    "object_pose": np.tile(np.eye(4), (9, 1, 1)),
+}
+
+
+@pytest.mark.parametrize("name", UNUSED)
+def test_an_option_that_a_source_makes_no_use_of_is_refused(tmp_path, name):
+    trees.taco_pickle(tmp_path, trees.scene(), False)
+    with pytest.raises(geneoh.errors.ConfigError, match=f"--{name.replace('_', '-')}: TACO, simp"):
+        geneoh.read("taco_pickle", tmp_path, **{name: UNUSED[name]})
+
+
+def test_every_option_of_some_sources_is_taken_by_one_and_named_rightly():
+    taken = {name for source in SOURCES.values() for name in source.reader().takes}
+    assert taken == set(OF_SOME) == set(UNUSED)

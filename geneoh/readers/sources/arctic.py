@@ -46,7 +46,7 @@ ORTHOGONAL = 0.05
 """Largest entry of R^T R - I that half precision and a network's own projection leave."""
 
 
-@reads("*.mano.npy", name_parts=2, convention=CONVENTION)
+@reads("*.mano.npy", name_parts=2, convention=CONVENTION, takes=("objects",))
 def arctic(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Both hands and the two parts of the object."""
     record = read_record(clip.path)
@@ -68,6 +68,7 @@ def arctic(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     choose=lambda found, path: (file for file in found if file.parents[1].name in FOLDERS),
     name_parts=2,
     convention=CONVENTION,
+    takes=("objects",),
 )
 def arctic_processed(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Both hands and the two parts of the object, in the world."""
@@ -97,7 +98,7 @@ def arctic_processed(clip: base.SourceClip, options: base.ReaderOptions) -> base
     )
 
 
-@reads("preds/", clip_is_folder=True, convention=CONVENTION)
+@reads("preds/", clip_is_folder=True, convention=CONVENTION, takes=("objects",))
 def arcticnet(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Both hands and the two parts of the object, one frame for each image number."""
     words = clip.path.name.split("_")

@@ -33,7 +33,7 @@ TRAJECTORY = re.compile(r"tracking_timestamp_us|[tq][xyzw]_world_device")
 """Columns of the device's poses that are read."""
 
 
-@reads("hand_tracking_results.csv", name_above=2)
+@reads("hand_tracking_results.csv", name_above=2, takes=("object_pose",))
 def aria(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Both hands at even steps of time, in the world where the trajectory is there."""
     record = foreign_files.read_table(clip.path, TRACKING)

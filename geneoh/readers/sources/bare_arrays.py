@@ -28,7 +28,7 @@ from geneoh.readers.npz_tracks import Notes, observed_frames, read_confidence, s
 from geneoh.readers.records import Array, Record
 
 
-@reads("*.npy", "*.npz")
+@reads("*.npy", "*.npz", takes=("joint_order", "keypoint_unit", "object_pose"))
 def keypoints(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """The one hand of a file, with the caller's object."""
     order = options.joint_order
@@ -51,7 +51,7 @@ def keypoints(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     yield base.ClipParts(source, [hand], fps=rate, notes=(*notes, *more), cross_checks=checks)
 
 
-@reads("*.npy", "*.npz", "*.pkl")
+@reads("*.npy", "*.npz", "*.pkl", takes=("translation", "mean_pose", "object_pose"))
 def parameters(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """The one hand of a file, with the caller's object."""
     value = read_values(clip.path)

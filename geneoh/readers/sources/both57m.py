@@ -22,7 +22,7 @@ CHAINS: dict[Side, slice] = {"left": slice(0, 15), "right": slice(15, 30)}
 """Joints of hand_pose."""
 
 
-@reads("*.p", "*.pkl")
+@reads("*.p", "*.pkl", takes=("body", "object_pose"))
 def both57m(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Both hands of each clip in a list, with the caller's object."""
     values = read_values(clip.path)

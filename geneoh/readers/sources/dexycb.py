@@ -35,7 +35,7 @@ NO_HAND = -1
 
 
 # The poses are decoded, and have the mean pose in them.
-@reads("meta.yml", clip_is_folder=True, name_parts=2, convention=base.ORIGIN)
+@reads("meta.yml", clip_is_folder=True, name_parts=2, convention=base.ORIGIN, takes=("objects",))
 def dexycb(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """The hand and the object that it grasps; the other objects on the table are left out."""
     meta, poses = read_yaml(clip.path / "meta.yml"), read_record(clip.path / "pose.npz")

@@ -33,7 +33,7 @@ SENSOR_TOLERANCE = 0.04
 """Metres between the magnetic sensors' keypoints, which lie on the skin, and a fit of MANO."""
 
 
-@reads("pkls.pkl", clip_is_folder=True, name_parts=3, convention=base.ORIGIN)
+@reads("pkls.pkl", clip_is_folder=True, name_parts=3, convention=base.ORIGIN, takes=("objects",))
 def fphab(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """The right hand and its object, in the colour camera's frame."""
     record = read_record(clip.path / "pkls.pkl")

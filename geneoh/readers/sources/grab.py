@@ -65,7 +65,9 @@ def sequences(found: Iterable[Path], path: Path) -> list[Path]:
     return [file for file in found if "tools" not in file.relative_to(root).parts[:-1]]
 
 
-@reads("*.npz", choose=sequences, name_parts=2, fps=120.0, convention=base.ORIGIN)
+@reads(
+    "*.npz", choose=sequences, name_parts=2, fps=120.0, convention=base.ORIGIN, takes=("objects",)
+)
 def grab(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Both hands and the object they use; the table is left out."""
     record = foreign_files.read_record(clip.path)
@@ -127,6 +129,7 @@ def inside(root: Path, relative: str) -> Path:
     "*.npy",
     choose=lambda found, path: (file for file in found if not file.stem.endswith(OTHER_FILES)),
     name_parts=2,
+    takes=("objects",),
 )
 def grab_clips(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """One hand and the object, which is one recording for each stretch without a jump."""

@@ -34,6 +34,7 @@ FIT_TOLERANCE = 0.02
     name_parts=4,
     convention=base.ORIGIN,
     content="an object in some frame",
+    takes=("objects",),
 )
 def h2o(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Both hands with each object, in the world; it may be another object in another frame."""

@@ -46,7 +46,13 @@ def dumps(found: Iterable[Path], path: Path) -> list[Path]:
     return chosen
 
 
-@reads(*(f"*{ending}" for ending in ENDINGS), choose=dumps, any_file=True, fps_assumed=True)
+@reads(
+    *(f"*{ending}" for ending in ENDINGS),
+    choose=dumps,
+    any_file=True,
+    fps_assumed=True,
+    takes=("focal", "object_pose"),
+)
 def hamer(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Up to two hands in the camera's frame, with the caller's object."""
     detections, frames = read_detections(clip.path, options)

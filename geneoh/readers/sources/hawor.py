@@ -28,6 +28,7 @@ FIELDS: dict[str, Shape] = {
     name_parts=2,
     fps_assumed=True,
     convention=base.ManoConvention("origin", left_hand=MENDED),
+    takes=("object_pose",),
 )
 def hawor(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Up to two hands in the world, with the caller's object."""

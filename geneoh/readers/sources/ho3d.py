@@ -17,7 +17,7 @@ from geneoh.readers.records import Array, Record
 OPENCV_FROM_OPENGL = np.diag([1.0, -1.0, -1.0])
 
 
-@reads("meta/", clip_is_folder=True, name_parts=2, convention=base.ORIGIN)
+@reads("meta/", clip_is_folder=True, name_parts=2, convention=base.ORIGIN, takes=("objects",))
 def ho3d(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """The right hand and the object, in the camera's frame."""
     records = foreign_files.numbered_records(clip.path / "meta", "*.pkl")

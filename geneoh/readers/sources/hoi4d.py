@@ -49,7 +49,14 @@ CAMERA_GAIN, CAMERA_SHARE = 0.002, 0.5
 """Metres a frame, and share, by which the object moves less where camera poses are inverted."""
 
 
-@reads("objpose/", clip_is_folder=True, name_parts=ID_PARTS, fps=15.0, convention=base.ORIGIN)
+@reads(
+    "objpose/",
+    clip_is_folder=True,
+    name_parts=ID_PARTS,
+    fps=15.0,
+    convention=base.ORIGIN,
+    takes=("objects", "swap_parts"),
+)
 def hoi4d(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Both hands and the object's parts, in the world where the camera's poses are there."""
     sequence = clip.path.parts[-ID_PARTS:]
@@ -87,7 +94,14 @@ def hoi4d(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     )
 
 
-@reads("merged_data.npy", clip_is_folder=True, name_parts=2, fps=15.0, convention=base.ORIGIN)
+@reads(
+    "merged_data.npy",
+    clip_is_folder=True,
+    name_parts=2,
+    fps=15.0,
+    convention=base.ORIGIN,
+    takes=("objects", "swap_parts"),
+)
 def hoi4d_cases(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """The right hand and the object's parts, in the camera's frame."""
     steps = read_steps(clip.path / "merged_data.npy")

@@ -26,7 +26,7 @@ from geneoh.readers.records import Array, Record, as_record
 FORMAT, VERSION = "geneoh-landmarks", 1
 
 
-@reads("*.json", "*.jsonl", "*.csv")
+@reads("*.json", "*.jsonl", "*.csv", takes=("keypoint_unit", "object_pose"))
 def landmarks(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Up to two hands, with the caller's object."""
     where = str(clip.path)

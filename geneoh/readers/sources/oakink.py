@@ -39,7 +39,7 @@ def sequences(found: Iterable[Path], path: Path) -> Iterable[Path]:
             yield file.with_name("__".join(words[:3]))
 
 
-@reads("*__*__*__*__*.pkl", choose=sequences)
+@reads("*__*__*__*__*.pkl", choose=sequences, takes=("objects",))
 def oakink(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """One person's hand and the object, in the world, from whichever camera has each frame."""
     folder, name = clip.path.parent, clip.path.name
@@ -86,6 +86,7 @@ def read_joints(file: Path, record: Record) -> Array:
     "*.pkl",
     choose=lambda found, path: (file for file in found if file.parent.name == "anno_preview"),
     content="an object with poses",
+    takes=("objects",),
 )
 def oakink2(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Both hands with each object that moves, in the world."""

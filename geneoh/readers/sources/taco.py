@@ -34,6 +34,7 @@ HOLDS: dict[str, Side] = {"tool": "right", "target": "left"}
     clip_is_folder=True,
     name_parts=2,
     content="a hand, and poses of its object in the same folder below Object_Poses",
+    takes=("objects",),
 )
 def taco(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Each hand with what it holds, in the world."""
