@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-from click.core import ParameterSource
 
 from . import options, progress
 
@@ -36,16 +35,13 @@ FOR_BODIES = ("skeleton", "clip", "fps", "object_pose")
 
 def refuse_others(body: Path | None, obj: Path | None) -> None:
     """Refuse, by name, options that would be ignored, and a command without anything to move."""
-    context = click.get_current_context()
     if body is None and obj is None:
         raise click.UsageError("Missing option '--obj' or '--body'")
-    for parameter in context.command.params:
-        name = parameter.name or ""
-        given = context.get_parameter_source(name) is ParameterSource.COMMANDLINE
-        if given and name in (FOR_OBJECTS if body else FOR_BODIES):
-            where = "has no meaning with" if body else "needs"
-            raise click.UsageError(f"{parameter.opts[0]} {where} --body")
-    if body and context.params["refine"] == "paper":
+    if body is None:
+        options.refuse(FOR_BODIES, "needs --body")
+    else:
+        options.refuse(FOR_OBJECTS, "has no meaning with --body")
+    if body and click.get_current_context().params["refine"] == "paper":
         raise click.UsageError("--refine paper has no meaning with --body")
 
 

@@ -102,6 +102,24 @@ eval_options = options.together(
 )
 """All options of `geneoh eval`."""
 
+OF_GENEOH = ("presets", "ablations", "samples", "selection", "pages")
+OF_SCORES = (
+    *OF_GENEOH,
+    *("methods", "predictions", "close_frames", "hand", "weights", "folder", "jobs", "fresh"),
+)
+"""Parameters that mean something only where geneoh is scored, and only where anything is."""
+
+
+def refuse_unused(asked: dict[str, Any], inputs: Path | None) -> None:
+    """Refuse, by name, options that would be ignored."""
+    options.refuse(["refine"], "needs --generator")
+    if inputs is not None:
+        options.refuse(OF_SCORES, "has no meaning with --inputs, which scores nothing")
+    if asked["methods"] and "geneoh" not in asked["methods"]:
+        options.refuse(OF_GENEOH, "needs --method geneoh too")
+    if asked["dataset"] == "synthetic":
+        options.refuse(["root"], "has no meaning with --dataset synthetic, which needs no copy")
+
 
 def evaluation_options(
     *, mano: Path | None, settings: tuple[str, ...], **asked: Any

@@ -39,6 +39,12 @@ def on_command_line(names: Iterable[str]) -> list[str]:
     ]
 
 
+def refuse(names: Iterable[str], why: str) -> None:
+    """Refuse options of some parameters, which would be ignored, that the command line has."""
+    for given in on_command_line(names):
+        raise click.UsageError(f"{given} {why}; leave it out")
+
+
 FILE = click.Path(dir_okay=False, path_type=Path)
 """A file to read or to write. Reading checks that it exists, because its error says more."""
 FOLDER = click.Path(file_okay=False, path_type=Path)

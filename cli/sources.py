@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import click
 from click import Choice
 
 from geneoh.choices import JOINT_ORDERS, TRANSLATIONS, UNITS
@@ -59,15 +58,9 @@ def read(path: Path, source: str | None, *, mano: Path | None, **others: Any) ->
 
     if source is not None:
         return geneoh.read(source, path, mano_dir=mano, **others)
-    refuse_source_options()
+    options.refuse(NEEDS_SOURCE, "needs --from SOURCE, got none")
     bare = {name: value for name, value in others.items() if name not in NEEDS_SOURCE}
     return geneoh.load(path, mano_dir=mano, **bare)
-
-
-def refuse_source_options() -> None:
-    """Refuse, by name, options that are given without --from and would be ignored."""
-    for given in options.on_command_line(NEEDS_SOURCE):
-        raise click.UsageError(f"{given} needs --from SOURCE, got none")
 
 
 def beside(noisy: Path) -> Path:

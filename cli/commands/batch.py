@@ -67,7 +67,7 @@ def batch(
     settings = geneoh.Options(mano_dir=mano, **{name: chosen.pop(name) for name in names})
     clips = find_clips(inputs, source, folder, obj)
     if all(clip.source is None for clip in clips):
-        sources.refuse_source_options()
+        options.refuse(sources.NEEDS_SOURCE, "needs --from SOURCE, got none")
     with progress.progress_bars() as on_progress:
         wanted = Batch(folder, settings, chosen)
         made = clean_batch(clips, wanted, jobs=jobs or cores(), ray=ray, on_progress=on_progress)

@@ -64,6 +64,8 @@ def view(
     from geneoh.viz.outputs import check_scene_outputs, write
     from geneoh.viz.view import open_scene
 
+    outputs = outputs or (files[0].with_suffix(".html"),)
+    refuse_unused(outputs, serve=serve)
     given = {name: chosen.pop(name) for name in ("side", "fps", "unit")}
     opened = partial(open_scene, mano_dir=chosen.pop("mano"), **given)
     up = chosen.pop("up")
@@ -77,7 +79,6 @@ def view(
         click.echo(f"{len(items)} results at {gallery.address}, Ctrl-C ends")
         gallery.run()
         return
-    outputs = outputs or (files[0].with_suffix(".html"),)
     if len(files) > 2:
         raise InputError(f"expected RESULT [BEFORE], got {len(files)} files; --serve takes many")
     check_scene_outputs(outputs, inputs=[*files, *obj], overwrite=overwrite)
@@ -89,3 +90,17 @@ def view(
         with progress.progress_bars() as on_progress:
             write(scene, output, look, on_step=partial(on_progress, output.name))
         click.echo(f"wrote {output}")
+
+
+def refuse_unused(outputs: tuple[Path, ...], *, serve: bool) -> None:
+    """Refuse, by name, options that would be ignored."""
+    if serve:
+        shown = ("outputs", "overwrite", "colouring", "frames", "cell")
+        options.refuse(shown, "has no meaning with --serve, which writes no file")
+        return
+    options.refuse(["port"], "needs --serve")
+    endings = {output.suffix.lower() for output in outputs}
+    if ".png" not in endings:
+        options.refuse(["frames", "cell"], "needs a filmstrip, -o NAME.png")
+    if not endings & {".png", ".mp4", ".gif"}:
+        options.refuse(["colouring"], "needs a picture or a film, -o NAME.png, .mp4 or .gif")

@@ -43,7 +43,10 @@ DEFAULTS: dict[choices.Dataset, DatasetDefaults] = {
 
 @dataclass(frozen=True)
 class ProtocolOptions:
-    """How the clips of a data set are cut and how the paper's noise is drawn."""
+    """How the clips of a data set are cut and how the paper's noise is drawn.
+
+    The example of `taco` is always whole; synthetic clips have `frames` frames and no windows.
+    """
 
     windows: Literal["all", "first", "whole"] = "all"
     """Windows of `frames` every `stride` frames (paper); only the first window of each recording

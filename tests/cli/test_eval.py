@@ -4,10 +4,8 @@ import json
 
 import pytest
 
-SMALL = (
-    *("--dataset", "synthetic", "--limit", 1, "--noise", "gauss", "--jobs", 1),
-    *("--set", "frames=6", "--close-frames", 2),
-)
+CLIPS = ("--dataset", "synthetic", "--limit", 1, "--noise", "gauss", "--set", "frames=6")
+SMALL = (*CLIPS, "--close-frames", 2, "--jobs", 1)
 
 
 @pytest.mark.slow
@@ -29,7 +27,7 @@ def test_a_table_is_printed_and_everything_is_written(geneoh, tmp_path):
 
 
 def test_inputs_are_written_for_others(geneoh, tmp_path):
-    done = geneoh("eval", *SMALL, "--inputs", "inputs")
+    done = geneoh("eval", *CLIPS, "--inputs", "inputs")
     assert done.exit_code == 0, done.output
     assert "wrote 1 clips to inputs" in done.stdout
     assert len(list((tmp_path / "inputs").glob("*_gauss_11.npz"))) == 1
@@ -57,3 +55,21 @@ def test_a_misspelt_choice_of_the_protocol_is_told(geneoh):
     done = geneoh("eval", "--dataset", "taco", "--set", "window=all")
     assert done.exit_code == 2
     assert "did you mean 'windows'" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ((*CLIPS, "--inputs", "in", "--fresh"), "--fresh has no meaning with --inputs"),
+        ((*CLIPS, "--method", "input", "--pages"), "--pages needs --method geneoh too"),
+        ((*CLIPS, "--refine", "geneoh"), "--refine needs --generator"),
+        ((*CLIPS, "--root", "."), "--root has no meaning with --dataset synthetic"),
+        ((*CLIPS, "--set", "windows=whole"), "--set windows: expected none with synthetic"),
+        (("--dataset", "taco", "--set", "frames=30"), "with the example of taco"),
+    ],
+)
+def test_an_option_that_would_be_ignored_is_refused(geneoh, monkeypatch, words, said):
+    monkeypatch.delenv("GENEOH_DATA_TACO", raising=False)
+    done = geneoh("eval", *words)
+    assert done.exit_code == 2
+    assert said in done.stderr

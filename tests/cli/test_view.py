@@ -189,3 +189,19 @@ def test_bad_input_ends_with_one_sentence_and_leaves_nothing(geneoh, folder, cas
     for word in words:
         assert word in last
     assert sorted(folder.iterdir()) == there
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--port", 80), "--port needs --serve"),
+        (("--serve", "-o", "a.png"), "--output has no meaning with --serve"),
+        (("--frame", 1), "--frame needs a filmstrip"),
+        (("-o", "a.mp4", "--cell", 64), "--cell needs a filmstrip"),
+        (("-o", "a.glb", "--colour", "contact"), "--colour needs a picture or a film"),
+    ],
+)
+def test_an_option_that_would_be_ignored_is_refused(geneoh, folder, words, said):
+    done = geneoh(*VIEW, *words)
+    assert done.exit_code == 2
+    assert said in done.stderr

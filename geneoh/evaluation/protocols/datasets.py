@@ -16,7 +16,7 @@ from typing import TypeVar
 import numpy as np
 
 from geneoh.choices import Dataset, Side
-from geneoh.errors import MissingAssetError
+from geneoh.errors import ConfigError, MissingAssetError
 from geneoh.evaluation.options import ProtocolOptions
 from geneoh.evaluation.protocols import synthetic
 from geneoh.evaluation.protocols.clips import Clip, excerpts, first_frame, recordings_of, wrist_gap
@@ -198,19 +198,45 @@ def data_root(dataset: Dataset, root: Path | None) -> Path | None:
     return PROTOCOLS[dataset].root(root) if dataset in PROTOCOLS else None
 
 
+ON_DISK = ("grab", "grab-beta", "hoi4d", "arctic", "taco")
+USES: dict[str, tuple[str, ...]] = {
+    "windows": ON_DISK,
+    "stride": ON_DISK,
+    "objects": ON_DISK,
+    "frames": (*ON_DISK, "synthetic"),
+    "start_frames": ("hoi4d",),
+    "reach": ("arctic",),
+}
+"""Which data sets make use of a setting of how clips are cut."""
+
+
+def refuse_unused(name: str, options: ProtocolOptions) -> None:
+    """Raise `ConfigError` for a setting that clips of that name are not cut by."""
+    plain = ProtocolOptions()
+    for setting, used_by in USES.items():
+        if name not in used_by and getattr(options, setting) != getattr(plain, setting):
+            raise ConfigError(
+                f"--set {setting}: expected none with {name}, whose clips are not cut by it, got "
+                f"{getattr(options, setting)}; leave it out"
+            )
+
+
 def clips_by_file(
     dataset: Dataset, root: Path | None, options: ProtocolOptions
 ) -> Iterator[list[Clip]]:
     """The clips of each file of a data set, in an order that mixes objects and people.
 
     The copy is looked for at once; its files are read one by one as they are asked for. `synthetic`
-    and the example of `taco` need none.
+    and the example of `taco` need none. `ConfigError` for settings that it makes no use of.
     """
     if dataset == "synthetic":
+        refuse_unused(dataset, options)
         return iter([[clip] for clip in synthetic.find(options)])
     protocol = PROTOCOLS[dataset]
     if dataset == "taco" and (clip := example(protocol.root(root))):
+        refuse_unused("the example of taco", options)
         return iter([[clip]])
+    refuse_unused(dataset, options)
     found = protocol.find(protocol.require(root))
     ordered = sorted(found, key=lambda file: seed_of("order", file.name))
     return (list(protocol.cut(file, options)) for file in ordered)
