@@ -315,3 +315,31 @@ def test_nothing_at_all_is_refused(tmp_path, mano_dir):
         path.unlink()
     with pytest.raises(InputError, match="expected a hand in some frame, got none"):
         read("hoi4d", tmp_path, mano_dir)
+
+
+def renumber_oakink2(root: Path, step: int) -> None:
+    """OakInk2's tree with the frames from LOST on `step` numbers of the motion capture later."""
+    next(case for case in CASES if case.source == "oakink2").build(root, scene(), False)
+
+    def change(fields) -> None:
+        old = fields["mocap_frame_id_list"]
+        later = {number: number + step * (place >= LOST) for place, number in enumerate(old)}
+        fields["mocap_frame_id_list"] = list(later.values())
+        for name in ("raw_mano", *fields["obj_list"]):
+            place = fields if name in fields else fields["obj_transf"]
+            place[name] = {later[number]: value for number, value in place[name].items()}
+
+    repickle(next(root.rglob("anno_preview/*.pkl")), change)
+
+
+def test_frames_of_oakink2_behind_an_uneven_step_are_kept(tmp_path, mano_dir):
+    renumber_oakink2(tmp_path, 1)
+    (recording,) = read("oakink2", tmp_path, mano_dir)
+    assert recording.sequence.frames == FRAMES
+    assert all(bool(hand.valid.all()) for hand in recording.sequence.hands)
+
+
+def test_frames_of_oakink2_that_would_be_lost_are_told(tmp_path, mano_dir):
+    renumber_oakink2(tmp_path, -3)
+    with pytest.raises(InputError, match="'mocap_frame_id_list' must be frame numbers about 4"):
+        read("oakink2", tmp_path, mano_dir)

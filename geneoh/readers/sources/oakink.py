@@ -96,13 +96,15 @@ def oakink2(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     if not numbers or (steps <= 0).any() or numbers[-1] - numbers[0] > FRAME_LIMIT:
         raise record.refuse("mocap_frame_id_list", "frame numbers that rise")
     stride = int(np.median(steps)) if len(steps) else 1
-    # Numbers that are left out are a gap in time: they stay frames, without hand or object.
-    frames = {number: t for t, number in enumerate(range(numbers[0], numbers[-1] + 1, stride))}
-    hands = [read_hand(record.record("raw_mano"), side, frames) for side in ("right", "left")]
+    frames = nearest_frames(record, numbers, stride)
+    count = max(frames.values()) + 1
+    hands = [
+        read_hand(record.record("raw_mano"), side, frames, count) for side in ("right", "left")
+    ]
     for item in record.texts("obj_list"):
         places = record.record("obj_transf").record(item)
         poses = {t: places.array(n, (4, 4)) for n, t in frames.items() if n in places}
-        motion = by_frame(poses, len(frames), 4, 4)
+        motion = by_frame(poses, count, 4, 4)
         if not np.isfinite(motion).all((1, 2)).any():
             continue
         name = "".join(c if c.isalnum() else "_" for c in item)
@@ -111,14 +113,25 @@ def oakink2(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
         yield base.ClipParts(f"OakInk2 {clip.name} {item}", hands, meshes, motion, **how)
 
 
-def read_hand(hands: Record, side: Side, frames: dict[int, int]) -> base.ManoParameters:
-    """One hand; NaN in the frames that lack it."""
+def nearest_frames(record: Record, numbers: list[int], stride: int) -> dict[int, int]:
+    """The frame, `stride` numbers after the one before it, that each number is nearest to.
+
+    Numbers that are left out are a gap in time: they stay frames, without hand or object.
+    """
+    frames = {number: round((number - numbers[0]) / stride) for number in numbers}
+    if len(set(frames.values())) < len(frames):
+        raise record.refuse("mocap_frame_id_list", f"frame numbers about {stride} apart")
+    return frames
+
+
+def read_hand(hands: Record, side: Side, frames: dict[int, int], count: int) -> base.ManoParameters:
+    """One hand in `count` frames; NaN in those that lack it."""
     prefix = f"{side[0]}h__"
     there = {n: t for n, t in frames.items() if hands.values.get(n) is not None}
     steps = {t: as_record(hands.values[n], f"{hands.where} {n}") for n, t in there.items()}
     names = [f"{prefix}{name}" for name in ("pose_coeffs", "tsl", "betas")]
     steps = {t: step for t, step in steps.items() if step.values.get(names[0]) is not None}
-    return builders.hand_by_frame(side, steps, len(frames), *names, quaternions=True)
+    return builders.hand_by_frame(side, steps, count, *names, quaternions=True)
 
 
 def mesh_files(item: str, path: Path, options: base.ReaderOptions) -> list[Path]:
