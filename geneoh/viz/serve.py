@@ -16,6 +16,8 @@ from geneoh.errors import MissingAssetError
 from geneoh.geometry.mesh import MESH_SUFFIXES
 from geneoh.metrics.report import FRAME_MEANS
 from geneoh.progress import OnStep, steps
+from geneoh.readers.base import SourceClip
+from geneoh.readers.recordings import with_distinct_names
 from geneoh.viz.look import OBJECT_COLOUR, SKIN_COLOUR
 from geneoh.viz.scene import Scene, Version
 
@@ -43,17 +45,21 @@ def gallery_items(
     """Open and measure every result once, by `geneoh.viz.view.open_scene` with arguments bound.
 
     Beside NAME_clean.npz, its input NAME.npz is shown too where it exists. Without `obj`, the mesh
-    is the file NAME with the ending of a mesh, else those that the result itself names.
+    is the file NAME with the ending of a mesh, else those that the result itself names. Results of
+    one name have as much of their path in front as tells them apart.
     """
+    paths = dict.fromkeys(path.absolute() for path in results)
+    clips = with_distinct_names([SourceClip(path.stem, path) for path in paths])
     items = []
-    for path in steps(list(results), on_step):
+    for clip in steps(clips, on_step):
+        path = clip.path
         stem = path.stem.removesuffix("_clean")
         beside = path.with_name(f"{stem}.npz")
         before = beside if beside != path and beside.is_file() else None
         meshes = (path.with_name(stem + suffix) for suffix in MESH_SUFFIXES)
         mesh = tuple(mesh for mesh in meshes if mesh.is_file())[:1]
         opened = partial(open_scene, path, before, obj=obj or mesh)
-        items.append(GalleryItem(path.stem, opened, opened().versions[-1].measures.means()))
+        items.append(GalleryItem(clip.name, opened, opened().versions[-1].measures.means()))
     return items
 
 

@@ -38,6 +38,13 @@ def test_the_input_and_the_mesh_are_found_beside_a_result(scene, tmp_path):
     assert asked == [expected]
 
 
+def test_results_of_one_name_are_told_apart(scene, tmp_path):
+    """Equal lines of the list would both show the first."""
+    paths = [tmp_path / folder / "clip_clean.npz" for folder in ("first", "second", "first")]
+    items = gallery_items(paths, (), lambda *_, **__: scene)
+    assert [item.name for item in items] == ["first/clip_clean", "second/clip_clean"]
+
+
 def test_without_a_mesh_beside_it_a_result_is_opened_with_the_meshes_that_it_names(scene, tmp_path):
     asked = []
 
