@@ -31,12 +31,12 @@ def realism(
     penetration, and the accuracy of a classifier that separates them on snippets of one second; -o
     writes it as JSON.
     """
-    import json
     from dataclasses import asdict
 
     import geneoh
     from geneoh.evaluation.realism import measure_realism, table
     from geneoh.files.atomic import write_whole
+    from geneoh.files.json_text import json_text
     from geneoh.files.outputs import check_ending, check_outputs
 
     if output is not None:
@@ -48,5 +48,5 @@ def realism(
         click.echo(line)
     if output is not None:
         whole = {"generator": "geneoh realism", **asdict(report)}
-        write_whole(output, json.dumps(whole, indent=2) + "\n")
+        write_whole(output, json_text(whole, indent=2) + "\n")
         click.echo(f"wrote {output}")

@@ -3,7 +3,6 @@
 import csv
 import html
 import io
-import json
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -14,6 +13,7 @@ from geneoh.evaluation.protocols.clips import recording_of
 from geneoh.evaluation.scores import MEASURES, Score
 from geneoh.evaluation.tables import FEWEST, LEVEL, Block, as_markdown, blocks_of, seed_agreement
 from geneoh.files.atomic import write_whole
+from geneoh.files.json_text import json_text
 from geneoh.files.outputs import keep_others
 
 BEST_FILTER_NOTE = (
@@ -124,7 +124,7 @@ def as_json(evaluation: Evaluation) -> str:
         "tables": [asdict(block) for block in evaluation.blocks],
         "scores": [asdict(score) for score in evaluation.scores],
     }
-    return json.dumps(whole, indent=1)
+    return json_text(whole, indent=1)
 
 
 def as_report(evaluation: Evaluation) -> Iterator[str]:
@@ -157,7 +157,7 @@ def as_page(evaluation: Evaluation) -> str:
             for title, file in evaluation.pages
         )
         parts.append(f"<h2>Clips in 3D</h2><ul>{links}</ul>")
-    settings = html.escape(json.dumps(evaluation.settings, indent=1))
+    settings = html.escape(json_text(evaluation.settings, indent=1))
     parts.append(f"<details><summary>settings</summary><pre>{settings}</pre></details>")
     return PAGE.read_text("utf-8").replace("<!-- body -->", "\n".join(parts))
 

@@ -2,7 +2,6 @@
 
 import csv
 import io
-import json
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Any
 
 from geneoh.evaluation.generation.scores import MEASURES, Measure, RowScores
 from geneoh.files.atomic import write_whole
+from geneoh.files.json_text import json_text
 from geneoh.files.outputs import is_ours, keep_others
 from geneoh.metrics.features import Interval
 
@@ -50,7 +50,10 @@ def write_report(report: GenerationReport, folder: Path) -> list[Path]:
 
 
 def as_json(report: GenerationReport) -> str:
-    """Everything that is needed to repeat the evaluation, and every score of every repetition."""
+    """Everything that is needed to repeat the evaluation, and every score of every repetition.
+
+    What cannot be measured, such as the multimodality of one clip, is null.
+    """
     whole = {
         "generator": "geneoh eval",
         "command": report.command,
@@ -63,7 +66,7 @@ def as_json(report: GenerationReport) -> str:
         },
         "repetitions": {name: row.values for name, row in report.rows.items()},
     }
-    return json.dumps(whole, indent=1) + "\n"
+    return json_text(whole, indent=1) + "\n"
 
 
 def as_csv(report: GenerationReport) -> str:
