@@ -308,6 +308,16 @@ def test_of_two_detections_the_one_that_goes_on_is_taken(tmp_path):
     torch.testing.assert_close(recording.sequence.hand("right").wrist, wanted, atol=1e-5, rtol=0)
 
 
+def test_hands_of_both_sides_need_the_numbers_of_their_images(tmp_path):
+    case = next(case for case in CASES if case.source == "hamer")
+    case.build(tmp_path, scene(case.left), False)
+    value = torch.load(tmp_path / "video.pt")
+    del value["frame"]
+    torch.save(value, tmp_path / "video.pt")
+    with pytest.raises(InputError, match="'frame' must be the number of each row's image"):
+        read("hamer", tmp_path, None)
+
+
 def test_nothing_at_all_is_refused(tmp_path, mano_dir):
     case = next(case for case in CASES if case.source == "hoi4d")
     case.build(tmp_path, scene(), False)

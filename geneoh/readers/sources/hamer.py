@@ -3,9 +3,10 @@ image.
 
 pred_mano_params {global_orient (B, 1, 3, 3), hand_pose (B, 15, 3, 3), betas}, pred_keypoints_3d
 (B, 21, 3), pred_cam (B, 3), with box_center, box_size, img_size and right from the batch, or what
-the demos make of those: pred_cam_t_full and scaled_focal_length; 'frame' where rows are not frames
-in order. Both estimate right hands only: left ones were mirrored, and are here mirrored back.
-Camera frame, metres; the demos' focal length puts hands much too far away: --focal.
+the demos make of those: pred_cam_t_full and scaled_focal_length; 'frame', the image number of each
+row; needed wherever an image may have two hands or none. Both estimate right hands only: left ones
+were mirrored, and are here mirrored back. Camera frame, metres; the demos' focal length puts hands
+much too far away: --focal.
 """
 
 from collections.abc import Iterable
@@ -119,8 +120,11 @@ def read_detections(path: Path, options: base.ReaderOptions) -> tuple[list[Found
         count = len(batch["right"])
         if "frame" in record:
             frames = record.integers("frame")
+        elif path.is_file():
+            refuse_pairs(record, batch["right"])
+            frames = list(range(count))
         else:
-            frames = list(range(count)) if path.is_file() else [frame_number(file)] * count
+            frames = [frame_number(file)] * count
         if len(frames) != count or min(frames) < 0 or max(frames) > FRAME_LIMIT:
             raise record.refuse("frame", f"one frame number for each of {count} detections")
         for index, frame in enumerate(frames):
@@ -129,6 +133,13 @@ def read_detections(path: Path, options: base.ReaderOptions) -> tuple[list[Found
         raise InputError(f"{path}: expected detections, got none; check the dump")
     first, last = min(frame for frame, _ in found), max(frame for frame, _ in found)
     return [(frame - first, detection) for frame, detection in found], last - first + 1
+
+
+def refuse_pairs(record: Record, right: Array) -> None:
+    """Refuse hands of both sides that do not say which of them are of one image."""
+    if len(np.unique(right > 0.5)) > 1:
+        expected = "the number of each row's image, where a file has hands of both sides"
+        raise record.refuse("frame", expected, "dump it too, or each hand to its own file")
 
 
 def read_batch(record: Record, options: base.ReaderOptions) -> Detection:
