@@ -69,6 +69,11 @@ def frames_in(value: Any) -> list[Any]:
     return value if isinstance(value, list) else []
 
 
+def fps_in(value: Any, where: str) -> float | None:
+    """Frames a second, where a JSON value has them beside its results."""
+    return Record(where, value).optional_number("fps") if isinstance(value, dict) else None
+
+
 def read_results(value: Any, where: str, side: Side | None) -> dict[Side | None, Track]:
     """The hands in MediaPipe's results, by the side that it says; None where it says none."""
     frames = frames_in(value)

@@ -83,6 +83,16 @@ def test_results_in_lines_and_under_frames_are_read(tmp_path):
         assert "30 frames a second assumed" in sequence.source
 
 
+def test_the_rate_beside_results_is_read_and_another_one_refused(tmp_path):
+    path = tmp_path / "hand.json"
+    path.write_text(json.dumps({"fps": 60, "frames": [python_task(points) for points in POINTS]}))
+    sequence = geneoh.load(path, object_pose=POSES)
+    assert sequence.fps == 60
+    assert "assumed" not in sequence.source
+    with pytest.raises(InputError, match="says 60 frames a second, got --fps 30"):
+        geneoh.load(path, object_pose=POSES, fps=30.0)
+
+
 def test_two_hands_come_by_their_sides_and_the_caller_corrects_one(tmp_path):
     frame = javascript_task(HAND)
     frame["handednesses"].append([{"score": 0.8, "categoryName": "Left"}])

@@ -31,12 +31,16 @@ def landmarks(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Up to two hands, with the caller's object."""
     where = str(clip.path)
     if clip.path.suffix == ".csv":
-        yield from foreign_parts(clip, mediapipe.read_points(clip.path, options.side), options, ())
+        yield from foreign_parts(
+            clip, mediapipe.read_points(clip.path, options.side), options, None, ()
+        )
         return
     value = foreign_files.read_json(clip.path)
     if mediapipe.is_results(value):
         tracks = mediapipe.read_results(value, where, options.side)
-        yield from foreign_parts(clip, tracks, options, mediapipe.NOTES)
+        yield from foreign_parts(
+            clip, tracks, options, mediapipe.fps_in(value, where), mediapipe.NOTES
+        )
         return
     record = as_record(value, where)
     if "format" not in record:
@@ -70,17 +74,17 @@ def foreign_parts(
     clip: base.SourceClip,
     tracks: dict[Side | None, mediapipe.Track],
     options: base.ReaderOptions,
-    notes: tuple[str, ...],
+    stored: float | None = None,
+    notes: tuple[str, ...] = (),
 ) -> base.Parts:
-    """The interaction of tracks whose file knows no rate, and perhaps no side."""
+    """The interaction of tracks whose file says its rate, where it does, and perhaps no side."""
     if len(tracks) == 1:  # the label of a side is a guess: the caller's word counts
         ((label, track),) = tracks.items()
         side = options.side or label or side_of(Record(str(clip.path), {}), None)
         tracks = {side: track}
     elif None in tracks:
         raise InputError(f"{clip.path}: expected the side of each hand, got one without; add it")
-    if options.fps is None:
-        notes = (*notes, "30 frames a second assumed; --fps says otherwise")
+    rate, about_rate = base.rate_of(stored, options.fps, str(clip.path))
     scale = METRES[options.keypoint_unit or "m"]
     yield base.ClipParts(
         clip.path.name,
@@ -89,7 +93,8 @@ def foreign_parts(
             for side, track in tracks.items()
             if side is not None
         ],
-        notes=notes,
+        fps=rate,
+        notes=(*notes, *about_rate),
     )
 
 
