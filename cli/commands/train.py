@@ -78,10 +78,10 @@ def train(
     Without --config the shipped configuration of the stage is used. Settings are those of
     TrainConfig, such as steps=1000, corruption.gap_share=0.5 or synthesis.count=2048.
 
-    Text, length, contact and interaction are networks of the generator. All but the first learn
-    from one folder of `geneoh synthesize --actions`, or from recordings of h2o=, grab= or arctic=,
-    each with those before it that are in the output folder, or the shipped ones; their settings
-    are those of Text2HoiConfig.
+    Text, length, contact, interaction and refiner are networks of the generator. All but the first
+    learn from one folder of `geneoh synthesize --actions`, or from recordings of h2o=, grab= or
+    arctic=, each with those before it that are in the output folder, or the shipped ones; their
+    settings are those of Text2HoiConfig.
 
     Body_hands, text_hands and blend are networks of the generator of hands for a body. They learn
     from one folder of `geneoh synthesize --bodies`, or from recordings of both57m=, motionx= or

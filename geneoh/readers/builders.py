@@ -23,8 +23,8 @@ from geneoh.sequence.gaps import fill_object
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
 OPENPOSE_FROM_MANO = ORDERS["mano"].entries
-"""Keypoint i is entry i of this among 16 MANO joints and the tips of thumb, index, middle, ring,
-pinky: the order of ARCTIC and HO-3D."""
+"""OpenPose's keypoint i is number OPENPOSE_FROM_MANO[i] of a list of MANO's 16 joints followed by
+the tips of thumb, index, middle, ring and pinky: the order of ARCTIC and HO-3D."""
 
 PINNED_NOTE = (
     "the object's poses are not given: it stands still at the origin of the hand's frame; "

@@ -64,10 +64,12 @@ hamer | HaMeR and WiLoR dumps | hands | HaMeR MIT, WiLoR CC BY-NC-ND 4.0 | \
 github.com/geopavlakos/hamer, github.com/rolpotamias/WiLoR
 hawor | HaWoR world results | two hands | CC BY-NC-ND 4.0 | github.com/ThunderVVV/HaWoR
 aria | Aria MPS | hands | your own | facebookresearch.github.io/projectaria_tools
-landmarks | MediaPipe, WebXR or OpenXR landmarks | hands (JSON, CSV) | your own | \
---side, --keypoint-unit
-keypoints | any keypoints | one hand (npy, npz) | your own | --joint-order, --side
-parameters | any MANO parameters | one hand (npy, npz, pkl) | your own | --translation, --side
+landmarks | MediaPipe, WebXR or OpenXR landmarks | hands (JSON, CSV; --side, --keypoint-unit) | \
+your own | any program that writes them
+keypoints | any keypoints | one hand (npy, npz; --side, --joint-order) | your own | \
+any program that writes them
+parameters | any MANO parameters | one hand (npy, npz, pkl; --side, --translation) | your own | \
+any program that writes them
 """
 """Of each source its name, its title, what it holds, its licence and where to get it."""
 

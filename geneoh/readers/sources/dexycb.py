@@ -34,7 +34,7 @@ NO_HAND = -1
 """Every coordinate of a label without a hand."""
 
 
-# The poses are decoded, and have the mean pose in them.
+# `mean_added` stays False: `pose_of_coefficients` has added the mean pose already.
 @reads("meta.yml", clip_is_folder=True, name_parts=2, convention=base.ORIGIN, takes=("objects",))
 def dexycb(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """The hand and the object that it grasps; the other objects on the table are left out."""

@@ -2,11 +2,10 @@
 
 Both: translation of the wrist, absolute pose, left hand as shipped, metres, 30 frames a second.
 
-Distributed: the right hand with its tool, the left hand with its target. Hand_Poses/{triplet}/
-{seq}/
-{side}_hand.pkl, {side}_hand_shape.pkl (torch tensors in pickles, also of a GPU);
-Object_Poses/{triplet}/{seq}/{tool|target}_{id}.npy; Object_Models/{id}_cm.obj in centimetres; world
-frame with z up.
+Distributed: the right hand with its tool, the left hand with its target, in a world frame with z
+up. Torch tensors in pickles, also of a GPU: Hand_Poses/{triplet}/{seq}/{side}_hand.pkl and
+{side}_hand_shape.pkl beside it. The object: Object_Poses/{triplet}/{seq}/{tool|target}_{id}.npy and
+Object_Models/{id}_cm.obj in centimetres.
 
 Simplified: {seq}.pkl with one hand and its object, {seq}.obj. hand_pose (T, 48), hand_trans (T, 3),
 hand_shape (10,), hand_verts (T, 778, 3), obj_verts (T, V, 3), obj_faces, obj_pose (T, 4, 4). The

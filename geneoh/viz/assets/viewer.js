@@ -47,9 +47,9 @@ const sampleCount = Math.max(0, ...Object.values(scene.samples).map((s) => s.cou
 const names = scene.versions.length > 1 ? ["before", "after"] : ["after"];
 
 const ROWS = [
-  { name: "penetration", title: "Deepest penetration, mm", digits: 1, mean: "Mean over all frames" },
+  { name: "penetration", title: "Deepest penetration, mm", digits: 1, mean: "Mean over the frames with a hand" },
   { name: "contact", title: "Fingertips in contact", digits: 0, mean: "Mean over the frames with contact" },
-  { name: "acceleration", title: "Acceleration, mm/frame²", digits: 1, mean: "Mean over all frames" },
+  { name: "acceleration", title: "Acceleration, mm/frame²", digits: 1, mean: "Mean over the frames with a hand" },
 ];
 if (scene.versions[0].curves.confidence)
   ROWS.push({ name: "confidence", title: "Confidence in the object’s poses, %", digits: 0, mean: "Mean over all frames" });
