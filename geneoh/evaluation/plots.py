@@ -78,8 +78,9 @@ def mean_errors(
     return svg(figure, legend=True)
 
 
-def before_after(scores: Sequence[Score], methods: Sequence[str], key: str = "mpjpe_mm") -> str:
+def before_after(scores: Sequence[Score], methods: Sequence[str]) -> str:
     """Each case: its input's error and its error after cleaning; above the line it grew."""
+    key = "mpjpe_mm"
     measured = [score for score in scores if score.values.get(key) is not None]
     inputs = {score.case_key: score.values[key] for score in measured if score.method == "input"}
     figure, axes = canvas(4.4)

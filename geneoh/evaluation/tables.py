@@ -138,14 +138,15 @@ def interval(recordings: Sequence[Sequence[float]]) -> tuple[float | None, float
     return mean - half, mean + half
 
 
-def seed_agreement(scores: Iterable[Score], key: str = "mpjpe_mm") -> float | None:
-    """Kendall's tau of how two seeds rank the methods: the least over pairs of seeds, 1 if alike.
+def seed_agreement(scores: Iterable[Score]) -> float | None:
+    """Kendall's tau of how two seeds rank the methods by MPJPE: the least over pairs of seeds.
 
-    None with fewer than two seeds or methods that have the measure, or if a seed ranks all alike.
+    1 means the same order. None with fewer than two seeds or methods that have the measure, or if a
+    seed ranks all alike.
     """
     by_seed: dict[int, dict[str, list[float]]] = {}
     for score in scores:
-        if (value := score.values.get(key)) is not None:
+        if (value := score.values.get("mpjpe_mm")) is not None:
             by_seed.setdefault(score.seed, {}).setdefault(score.method, []).append(value)
     taus = []
     for first, second in combinations(by_seed.values(), 2):

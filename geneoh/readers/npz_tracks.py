@@ -25,11 +25,6 @@ from geneoh.sequence.camera import unit_rays
 from geneoh.sequence.gaps import fill_object
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 
-OFFSET_NOTE = (
-    "the wrist was placed with the offset of MANO's mean hand, some 5 mm off for other hands; "
-    "pass --mano, or add 'joints', to have it exact"
-)
-
 MOTION_MISSING = (
     "neither; add them, for an object that does not move the identity and zeros in every frame, "
     "or give --object-pose POSES.npy"
@@ -136,7 +131,7 @@ def offset_of_wrist(
 ) -> tuple[Float[Tensor, " 3"], Notes]:
     """From MANO's origin to the wrist, with the left hand of smplx; or the mean hand's."""
     if mano_dir is None:
-        return float32(mano.mean_wrist_offset(side)), (OFFSET_NOTE,)
+        return float32(mano.mean_wrist_offset(side)), (mano.MEAN_OFFSET_NOTE,)
     hand = load_hand(side, source=AS_SHIPPED, mano_dir=mano_dir)
     return hand.rest_wrist(torch.zeros(10) if betas is None else betas), ()
 

@@ -20,6 +20,7 @@ FAINT: RGB = (110, 116, 124)
 TITLE_HEIGHT, CAPTION_HEIGHT, SCALE_HEIGHT = 30, 24, 40
 """Heights of a version's title, of the caption below a picture, of the scale below all, pixels."""
 RAMP_SIZE = (120, 12)  # width and height of a ramp in pixels
+SCALE_LEFT = 12  # pixels from the left edge to the title of a ramp
 STRIP_FRAMES = 5
 STRIP_GAP = 10  # between two pictures of a filmstrip, pixels
 
@@ -59,12 +60,12 @@ class Canvas:
             self.paste(picture, left, top)
             self.write(words, left + 12, top + cell + 2, size=size, colour=FAINT)
 
-    def draw_scale(self, colouring: Colouring, left: int, top: int) -> None:
+    def draw_scale(self, colouring: Colouring, top: int) -> None:
         """The ramp of a colouring between its title and the labels of its ends."""
         scale, (width, height) = SCALES[colouring], RAMP_SIZE
         words = f"{scale.title}   {scale.labels[0]}"
-        self.write(words, left, top)
-        start = left + int(self._pen.textlength(words, ImageFont.load_default(13))) + 8
+        self.write(words, SCALE_LEFT, top)
+        start = SCALE_LEFT + int(self._pen.textlength(words, ImageFont.load_default(13))) + 8
         colours = scale.colours(np.linspace(0, 1, width, dtype=np.float32))
         ramp = np.broadcast_to((colours * 255).astype(np.uint8), (height, width, 3))
         self.paste(np.ascontiguousarray(ramp), start, top + 3)
@@ -103,7 +104,7 @@ def filmstrip(scene: Scene, look: Look | None = None, on_step: OnStep | None = N
         corners = [(index * column, i * row + TITLE_HEIGHT) for i in range(len(scene.versions))]
         canvas.paste_versions(scene, frame, seen[frame], corners, look.colouring, cell)
     if scaled:
-        canvas.draw_scale(look.colouring, 12, height + 8)
+        canvas.draw_scale(look.colouring, height + 8)
     return canvas.picture()
 
 

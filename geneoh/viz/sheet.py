@@ -90,5 +90,5 @@ def contact_sheet(
         depth = measures.means()["penetration_max_mm"]
         words = f"{depth:.1f} mm deep, {int(measures.fingers)} tips"
         canvas.write(words, left + 8, top + cell + 19, colour=FAINT)
-    canvas.draw_scale("penetration", 12, height * rows + 12)
+    canvas.draw_scale("penetration", height * rows + 12)
     return canvas.picture()

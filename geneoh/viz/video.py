@@ -47,7 +47,7 @@ def film_frames(
             canvas.write(version.title, left + 12, 8, size=16)
         canvas.paste_versions(scene, frame, seen[frame], corners, look.colouring, cell, size=14)
         if look.colouring != "plain" and scene.has_object:
-            canvas.draw_scale(look.colouring, 12, height + 8)
+            canvas.draw_scale(look.colouring, height + 8)
         return canvas.picture()
 
     # numpy releases the interpreter in its loops; batches bound the pictures held in memory

@@ -78,9 +78,7 @@ def read_device(root: Path, seconds: Array) -> tuple[Array | None, tuple[str, ..
     places = np.stack([device.array(f"t{c}_world_device", ("N",)) for c in "xyz"], axis=-1)
     if len(times) < 2 or not (np.diff(times) > 0).all():
         raise device.refuse("tracking_timestamp_us", "two times or more that rise")
-    sound = np.isfinite(quats).all(1) & np.isfinite(places).all(1) & np.isfinite(times)
-    size = np.abs(quats).sum(1)  # 1 to 2 for a rotation
-    sound &= (size > 0.5) & (size < 4)
+    sound = transforms.are_rotations(quats) & np.isfinite(places).all(1) & np.isfinite(times)
     times, quats, places = times[sound], quats[sound], places[sound]
     if len(times) < 2:
         raise device.refuse("qw_world_device", "two poses of the device or more")

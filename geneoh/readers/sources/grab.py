@@ -53,7 +53,7 @@ FIT_FRAMES = 50
 """Frames from which the shape of a hand is fitted."""
 FIT_LIMIT = 0.01
 """Mean metres that the fitted hand may miss the vertices; people's own meshes leave some 3 mm."""
-LISTINGS = ("tools/object_meshes/contact_meshes", "object_meshes")
+LISTINGS = (MESHES, "object_meshes")
 """Where the meshes lie below GRAB's root, and below GeneOH's data/grab."""
 OTHER_FILES = ("_subj", "_meta_data")
 """Endings of the names of files that GeneOH puts beside the clips."""
@@ -251,7 +251,7 @@ def read_object(record: Record, path: Path, options: base.ReaderOptions) -> tupl
     folder = options.objects or next((place for place in places if place.is_dir()), None)
     if folder is None or not folder.is_dir():
         raise InputError(
-            f"{path}: expected GRAB's meshes in {LISTINGS[0]} of a folder above, got none; pass "
+            f"{path}: expected GRAB's meshes in {MESHES} of a folder above, got none; pass "
             "--objects with the folder, or --obj with the object's mesh"
         )
     listing = sorted(file.name for file in folder.iterdir())

@@ -20,7 +20,7 @@ OPENCV_FROM_OPENGL = np.diag([1.0, -1.0, -1.0])
 @reads("meta/", clip_is_folder=True, name_parts=2, convention=base.ORIGIN, takes=("objects",))
 def ho3d(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """The right hand and the object, in the camera's frame."""
-    records = foreign_files.numbered_records(clip.path / "meta", "*.pkl")
+    records = foreign_files.numbered_records(clip.path / "meta")
     if not records:
         raise InputError(f"{clip.path}: expected frames in 'meta', got none; download them")
     frames = max(records) + 1
