@@ -18,7 +18,12 @@ from geneoh.readers.foreign_files import field_by_frame
 from geneoh.readers.joint_orders import ORDERS
 from geneoh.readers.mano import MEAN_OFFSET_NOTE, Mano, mean_wrist_offset
 from geneoh.readers.records import Array, Record, float32
-from geneoh.readers.transforms import axis_angles, axis_angles_of_wxyz, rotation_matrices
+from geneoh.readers.transforms import (
+    axis_angles,
+    axis_angles_of_wxyz,
+    refuse_bottom_row,
+    rotation_matrices,
+)
 from geneoh.sequence.gaps import fill_object
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
@@ -171,6 +176,7 @@ def callers_object(
             f"{where}: the object's poses must be one for each of the {frames} frames, "
             f"got {len(options.object_pose)}; cut them to the same frames"
         )
+    refuse_bottom_row(where, "the poses in --object-pose", options.object_pose)
     return object_track(options.meshes, options.object_pose), ()
 
 

@@ -16,6 +16,7 @@ from geneoh.errors import InputError
 from geneoh.readers import base, builders, meshes
 from geneoh.readers.base import ClipParts, CrossChecks, ReaderOptions, Recording, SourceClip
 from geneoh.readers.records import Array
+from geneoh.readers.transforms import refuse_bottom_row
 from geneoh.sequence.camera import seen_from
 from geneoh.sequence.sequence import Sequence
 
@@ -74,11 +75,7 @@ class DatasetReader:
     ) -> list[Recording]:
         """The recordings of one interaction: stretches in which the object's place is known."""
         whole = self.whole(parts, clip, options)
-        known = np.ones(whole.sequence.frames, dtype=bool)
-        if parts.motion is not None:
-            known = base.finite_frames(parts.motion)
-        kept = known if parts.object_known is None else parts.object_known
-        return split(whole, kept, parts.after_jump)
+        return split(whole, frames_to_keep(parts, whole.sequence.frames), parts.after_jump)
 
     def whole(self, parts: ClipParts, clip: SourceClip, options: ReaderOptions) -> Recording:
         """One interaction with all of its frames, as labels of frames count them."""
@@ -89,6 +86,8 @@ class DatasetReader:
             names = ()
             notes = [*about_object, *notes]
         else:
+            kept = frames_to_keep(parts, len(parts.motion))
+            refuse_bottom_row(where, "the object's poses", parts.motion, kept)
             motion = builders.object_track(parts.meshes.values(), parts.motion)
             names = tuple(parts.meshes)
         motion, about_meshes = meshes.with_parts(motion)
@@ -120,6 +119,13 @@ def reads(
 ) -> Callable[[Callable[[SourceClip, ReaderOptions], base.Parts]], DatasetReader]:
     """Make the function below a reader; the arguments are the fields of `DatasetReader`."""
     return lambda parts: DatasetReader(parts, patterns, **how)
+
+
+def frames_to_keep(parts: ClipParts, frames: int) -> Array:
+    """(T,) the frames that the source names, else those in which its object's motion is known."""
+    if parts.object_known is not None:
+        return parts.object_known
+    return np.ones(frames, bool) if parts.motion is None else base.finite_frames(parts.motion)
 
 
 def refuse_other_frames(where: str, sequence: Sequence, stored: CrossChecks) -> None:

@@ -21,16 +21,13 @@ from geneoh.readers.joint_orders import ORDERS, in_openpose_order
 from geneoh.readers.meshes import find_meshes, mesh_arrays, with_parts
 from geneoh.readers.npz_layouts import CAMERA_FIELDS, FORMAT, OBJECT_FIELDS, own_names, quoted
 from geneoh.readers.npz_tracks import Notes, read_hands, read_object
-from geneoh.readers.recordings import read
+from geneoh.readers.recordings import POSE_SHAPES, read
 from geneoh.readers.records import Array, Place, Record, float32
 from geneoh.sequence.camera import seen_from, with_rays
 from geneoh.sequence.sequence import HandTrack, Sequence
 from geneoh.sequence.validation import check_sequence
 
 LOG = logging.getLogger(__name__)
-
-POSE_SHAPES = (("T", 4, 4), ("T", "Q", 4, 4))
-"""Shapes of the object's poses in a file of their own."""
 
 SOURCE_OF_ENDING = {".npy": "keypoints", **dict.fromkeys((".json", ".jsonl", ".csv"), "landmarks")}
 """Endings of files other than npz that are read without the name of their source."""

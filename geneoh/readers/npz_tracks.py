@@ -21,6 +21,7 @@ from geneoh.hand.mano import AS_SHIPPED, MENDED, name_of
 from geneoh.readers import mano, npz_layouts
 from geneoh.readers.npz_layouts import JOINT_NAMES, OBJECT_FIELDS, SMPLX_PARAMETERS, Layout, quoted
 from geneoh.readers.records import Array, Record, float32
+from geneoh.readers.transforms import refuse_bottom_row
 from geneoh.sequence.camera import unit_rays
 from geneoh.sequence.gaps import fill_object
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
@@ -247,7 +248,7 @@ def read_object(record: Record, meshes: tuple[Mesh, ...], frames: int) -> Object
     if "obj_pose" in record:
         matrix = record.array("obj_pose", ("T", 4, 4), ("T", "Q", 4, 4), unit="object to world")
         matrix = matrix if matrix.ndim == 4 else matrix[:, None]
-        refuse_bottom_row(record, matrix)
+        refuse_bottom_row(record.where, "'obj_pose'", matrix)
         rotation, translation = matrix[..., :3, :3], matrix[..., :3, 3]
         return observed_object(record, meshes, rotation, translation)
     if len(pair) == 1:
@@ -281,14 +282,3 @@ def observed_object(
         seen = np.broadcast_to(seen.reshape(frames, -1) > 0, (frames, parts))
         seen = torch.from_numpy(np.array(seen))
     return fill_object(ObjectTrack(meshes, float32(rotation), float32(translation)), seen)
-
-
-def refuse_bottom_row(record: Record, matrix: Array) -> None:
-    """Refuse (T, Q, 4, 4) matrices that do not act on column vectors."""
-    rows = matrix[..., 3, :][~np.isnan(matrix).any((-1, -2))]
-    if not np.allclose(rows, [0.0, 0.0, 0.0, 1.0], atol=1e-4):
-        row = matrix[0, 0, 3].tolist()
-        raise InputError(
-            f"{record.where}: 'obj_pose' must have 0 0 0 1 as its last row, got {row} in the first "
-            "frame; transpose it if its translation is there"
-        )

@@ -13,10 +13,13 @@ from geneoh.errors import ConfigError, InputError
 from geneoh.geometry.mesh import METRES, MeshInput, meshes_of
 from geneoh.readers.base import OF_SOME, ReaderOptions, Recording, SourceClip, clip_name
 from geneoh.readers.foreign_files import read_array
-from geneoh.readers.records import Array
+from geneoh.readers.records import Array, Record
 from geneoh.readers.registry import SOURCES, Source
 from geneoh.sequence.sequence import Sequence
 from geneoh.sequence.validation import check_distance, check_sequence
+
+POSE_SHAPES = (("T", 4, 4), ("T", "Q", 4, 4))
+"""Shapes of the object's poses in a file of their own."""
 
 
 @checked_call
@@ -56,7 +59,10 @@ def options_with_files(
             others[name] = as_field_type(value, kinds[name], "geneoh.read", name)
     unit, keypoint_unit = others.pop("unit"), others.get("keypoint_unit")
     if isinstance(object_pose, Path | str):
-        object_pose = read_array(Path(object_pose), ("T", 4, 4), ("T", "Q", 4, 4))
+        object_pose = read_array(Path(object_pose), *POSE_SHAPES)
+    elif object_pose is not None:
+        given = Record("geneoh.read", {"object_pose": object_pose}, "give a 4x4 matrix a frame")
+        object_pose = given.array("object_pose", *POSE_SHAPES)
     if object_pose is not None and keypoint_unit is not None:
         object_pose = np.array(object_pose, dtype=np.float64)
         object_pose[..., :3, 3] *= METRES[keypoint_unit]

@@ -8,6 +8,8 @@ from geneoh.readers.records import Array
 
 SINGULAR = 1e-12
 """Determinant below which a matrix counts as one that cannot be inverted."""
+BOTTOM_ROW_TOLERANCE = 1e-4
+"""Largest difference of an entry of the last row of a pose from that of 0 0 0 1."""
 LARGEST_QUATERNION = 1e6  # sum of absolute values beyond which it is no rotation
 
 
@@ -16,6 +18,23 @@ def rigid_matrices(rotation: Array, translation: Array) -> Array:
     result = np.tile(np.eye(4), (len(rotation), 1, 1))
     result[:, :3, :3], result[:, :3, 3] = rotation, translation
     return result
+
+
+def refuse_bottom_row(where: str, name: str, poses: Array, known: Array | None = None) -> None:
+    """Refuse (T, ..., 4, 4) poses that do not act on column vectors; those with NaN are none.
+
+    `name` is that of the poses in the message, `known` are the (T,) frames that count.
+    """
+    off = np.abs(poses[..., 3, :] - [0.0, 0.0, 0.0, 1.0]).max(-1) > BOTTOM_ROW_TOLERANCE
+    off &= ~np.isnan(poses).any((-1, -2))
+    if known is not None:
+        off[~known] = False
+    if off.any():
+        first = tuple(np.argwhere(off)[0])
+        raise InputError(
+            f"{where}: {name} must have 0 0 0 1 as last row, got {poses[first][3].tolist()} in "
+            f"frame {first[0]}; transpose them if their translation is there"
+        )
 
 
 def rotation_matrices(vectors: Array) -> Array:

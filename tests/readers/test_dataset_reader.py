@@ -27,3 +27,12 @@ def test_parameters_of_one_hand_must_be_of_the_same_frames(field, other, tmp_pat
     np.save(path, hands)
     with pytest.raises(InputError, match=rf"same number of frames.*{other}"):
         read_one("arctic", tmp_path, ReaderOptions(mano_dir=mano_dir))
+
+
+def test_poses_of_a_source_that_act_on_rows_are_refused(tmp_path, mano_dir):
+    trees.taco(tmp_path, scene(), False)
+    for path in tmp_path.rglob("tool_*.npy"):
+        np.save(path, np.load(path).swapaxes(-1, -2))
+    known = ReaderOptions(mano_dir=mano_dir)
+    with pytest.raises(InputError, match=r"object's poses must have 0 0 0 1 as last row"):
+        read_one("taco", tmp_path, known, "_stir__spoon__bowl_/20230917_001_tool")

@@ -63,6 +63,19 @@ def test_a_file_of_several_meshes_is_parts_for_as_many_poses(estimated, tmp_path
     assert len(found.object.meshes) == poses
 
 
+def test_poses_that_act_on_rows_are_refused_with_their_frame(estimated):
+    _, path, pose = estimated
+    pose[7] = pose[7].T
+    with pytest.raises(geneoh.errors.InputError, match=r"0 0 0 1 as last row.*frame 7; transpose"):
+        geneoh.read("keypoints", path, side="left", object_pose=pose)
+
+
+def test_poses_of_another_shape_are_refused(estimated):
+    _, path, pose = estimated
+    with pytest.raises(geneoh.errors.InputError, match=r"'object_pose' must be .*\(T, 4, 4\)"):
+        geneoh.read("keypoints", path, side="left", object_pose=pose[:, :3])
+
+
 def test_an_unknown_source_is_answered_with_those_there_are(estimated):
     with pytest.raises(geneoh.errors.ConfigError, match="hoi4d"):
         geneoh.read("hoi4", estimated[1])

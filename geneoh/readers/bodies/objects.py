@@ -7,8 +7,9 @@ from geneoh.errors import InputError
 from geneoh.geometry.mesh import meshes_of
 from geneoh.readers import foreign_files
 from geneoh.readers.meshes import find_meshes
-from geneoh.readers.npz_files import POSE_SHAPES, with_callers
+from geneoh.readers.npz_files import with_callers
 from geneoh.readers.npz_tracks import read_object
+from geneoh.readers.recordings import POSE_SHAPES
 from geneoh.readers.records import Record
 from geneoh.sequence.sequence import ObjectTrack
 
