@@ -31,11 +31,6 @@ OPENPOSE_FROM_MANO = ORDERS["mano"].entries
 """OpenPose's keypoint i is number OPENPOSE_FROM_MANO[i] of a list of MANO's 16 joints followed by
 the tips of thumb, index, middle, ring and pinky: the order of ARCTIC and HO-3D."""
 
-PINNED_NOTE = (
-    "the object's poses are not given: it stands still at the origin of the hand's frame; "
-    "--object-pose gives them"
-)
-
 NO_MANO = "got no MANO files; pass --mano with the folder of your MANO_RIGHT.pkl and MANO_LEFT.pkl"
 
 
@@ -168,9 +163,14 @@ def callers_object(
     options: ReaderOptions, frames: int, where: str
 ) -> tuple[ObjectTrack, tuple[str, ...]]:
     """The caller's object beside a source that has none; without one, nothing that moves."""
+    if options.object_pose is None and options.meshes:
+        raise InputError(
+            f"{where}: the mesh in --obj needs the poses of the object, got none; pass "
+            "--object-pose POSES.npy, with the identity in every frame for an object that stands "
+            "still at the origin, or leave --obj out to clean the hand alone"
+        )
     if options.object_pose is None:
-        note = PINNED_NOTE if options.meshes else "the source has no object; give one with --obj"
-        return ObjectTrack.resting(tuple(options.meshes), frames), (note,)
+        return ObjectTrack.resting((), frames), ("the source has no object; give one with --obj",)
     if len(options.object_pose) != frames:
         raise InputError(
             f"{where}: the object's poses must be one for each of the {frames} frames, "

@@ -188,13 +188,26 @@ def test_the_wrong_side_and_a_still_object_out_of_reach_are_told(
     joints = scene().joints["right"]
     joints = joints - joints[:, :1].mean(0) + np.array([0, 0, 0.4])
     np.save(tmp_path / "hand.npy", joints)
+    np.save(tmp_path / "still.npy", np.tile(np.eye(4), (FRAMES, 1, 1)))
     run = ("denoise", "--from", "keypoints", "hand.npy", "--obj", "box.obj", "--preset", "fast")
+    run = (*run, "--object-pose", "still.npy")
     result = geneoh(*run, "--side", "left")
     assert result.exit_code == 0, result.output
     assert "pass --side right" in caplog.text
     assert "too far to touch it" in caplog.text
-    assert "stands still at the origin of the hand's frame; --object-pose" in result.output
     np.save(tmp_path / "hand.npy", joints + np.array([0, 0, 1]))
     result = geneoh(*run, "--side", "right")
     assert result.exit_code == 2
     assert "--object-pose" in result.stderr
+
+
+def test_a_mesh_without_poses_is_refused_and_a_hand_alone_is_not(geneoh, tmp_path, monkeypatch):
+    quick_presets.use(monkeypatch)
+    write_mesh(tmp_path / "box.obj", scene().verts, scene().faces)
+    np.save(tmp_path / "hand.npy", scene().joints["right"])
+    run = ("denoise", "hand.npy", "--side", "right", "--preset", "fast")
+    result = geneoh(*run, "--obj", "box.obj")
+    assert result.exit_code == 2
+    assert "pass --object-pose POSES.npy" in result.stderr
+    assert "or leave --obj out" in result.stderr
+    assert geneoh(*run).exit_code == 0

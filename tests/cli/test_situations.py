@@ -343,6 +343,12 @@ SITUATIONS = [
         0,
     ),
     Situation(
+        "A npy of keypoints with a mesh, but no poses",
+        "pass --object-pose",
+        keypoint_file,
+        "denoise hand.npy --obj object.obj --side right",
+    ),
+    Situation(
         "A npy of keypoints without a side",
         "--side",
         keypoint_file,
