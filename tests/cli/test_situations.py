@@ -85,6 +85,18 @@ def transposed(folder: Path) -> None:
     (folder / "object.obj").write_bytes((ROOT / "examples/taco_object.obj").read_bytes())
 
 
+def inverted(folder: Path) -> None:
+    """The noisy example about its first place, with the poses of its object the wrong way round."""
+    transposed(folder)
+    arrays = dict(np.load(folder / "hand.npz"))
+    start = arrays["object_translation"][0, 0]
+    for name in ("left_joints", "left_wrist", "object_translation"):
+        arrays[name] = arrays[name] - start
+    shift = arrays["object_rotation"] @ arrays["object_translation"][..., None]
+    arrays["object_translation"] = -shift[..., 0]
+    np.savez(folder / "hand.npz", **arrays)
+
+
 def scaled_mesh(factor: float) -> Callable[[Path], None]:
     """The box in another unit."""
     return lambda folder: write_mesh(folder / "object.obj", BOX_CORNERS * factor)
@@ -290,6 +302,12 @@ SITUATIONS = [
         "Rotations are transposed",
         "wanders ... with the object's rotation transposed",
         transposed,
+        code=0,
+    ),
+    Situation(
+        "Poses are from the world to the object",
+        "wanders ... with the object's poses inverted",
+        inverted,
         code=0,
     ),
     Situation("The object is 3 m away", "must come near the object", bad.far_object),

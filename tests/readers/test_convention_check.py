@@ -10,7 +10,7 @@ from trees import FRAMES, scene
 
 from geneoh.geometry.mesh import load_mesh
 from geneoh.readers.base import ReaderOptions, Recording
-from geneoh.readers.convention_check import contradictions
+from geneoh.readers.convention_check import contradictions, doubts
 from geneoh.readers.npz_files import load
 from geneoh.readers.recordings import read_one
 
@@ -22,6 +22,16 @@ def test_a_real_recording_and_its_noisy_twin_keep_their_convention(name):
     mesh = load_mesh(EXAMPLES / "taco_object.obj")
     sequence = load(EXAMPLES / f"{name}.npz", obj=(mesh,))
     assert contradictions(Recording(name, sequence)) == []
+
+
+@pytest.mark.parametrize("name", ["taco_clean", "taco_noisy"])
+def test_poses_from_the_world_to_the_object_are_told(name):
+    sequence = load(EXAMPLES / f"{name}.npz", obj=EXAMPLES / "taco_object.obj")[:60]
+    back = sequence.object.rotation.mT.contiguous()
+    shift = -(back @ sequence.object.translation[..., None])[..., 0]
+    motion = replace(sequence.object, rotation=back, translation=shift)
+    said = list(doubts(replace(sequence, object=motion), name))
+    assert any("with the object's poses inverted" in words for words in said)
 
 
 @pytest.mark.parametrize("turning", [True, False])
