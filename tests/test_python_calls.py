@@ -62,6 +62,10 @@ CALLS = {
     "Sequence(HAND, MOTION, None)": "'fps' must be a number, got None",
     "Sequence((JOINTS,), MOTION, 30)": "made of HandTracks and an ObjectTrack, got Tensor",
     "Sequence(HAND, None, 30)": "made of HandTracks and an ObjectTrack, got HandTrack, NoneType",
+    "from_arrays(fps=30, right_joints=JOINTS, meshes=None)": "Sequence",
+    "from_arrays(fps=30, right_joints=JOINTS, meshes=5)": "Mesh or the path of its file, got int",
+    "clean(motion=ObjectTrack(TRIMESH, TURN, SHIFT))": "Denoised",
+    "load(NOISY, obj=[TRIMESH])": "Sequence",
     # Files
     "load(NOISY, obj=MESH)": "Sequence",
     "load(NOISY, obj=(Path(OBJ),))": "Sequence",
@@ -98,7 +102,7 @@ torch.set_default_dtype(torch.float32)
 SETUP = """
 import json, logging, random, sys, traceback
 from pathlib import Path
-import numpy, torch
+import numpy, torch, trimesh
 from geneoh import *
 from geneoh.errors import GeneOHError
 
@@ -114,6 +118,8 @@ SHORT = load(NOISY, obj=OBJ)
 (HAND,), MOTION = SHORT.hands, SHORT.object
 JOINTS, VALID, (MESH,) = HAND.joints, HAND.valid, MOTION.meshes
 TURN, SHIFT = MOTION.rotation, MOTION.translation
+
+TRIMESH = trimesh.Trimesh(MESH.verts.numpy(), MESH.faces.numpy(), process=False)
 
 def clean(hand=HAND, motion=MOTION):
     return denoise(Sequence((hand,), motion, 30.0), **FAST)

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -169,20 +169,48 @@ def by_trimesh(path: Path) -> Mesh:
     return mesh
 
 
-MeshInput = Mesh | Path | str | Iterable[Mesh | Path | str]
+@runtime_checkable
+class ForeignMesh(Protocol):
+    """A mesh of another package, such as trimesh.Trimesh, in metres."""
+
+    @property
+    def vertices(self) -> Any:
+        """(V, 3)"""
+        ...
+
+    @property
+    def faces(self) -> Any:
+        """(F, 3) indices of the corners."""
+        ...
+
+
+OneMesh = Mesh | ForeignMesh | Path | str
+MeshInput = OneMesh | Iterable[OneMesh] | None
 """What callers give for an object: a mesh, its file, or one of these for each rigid part."""
 
 
 def meshes_of(given: MeshInput, unit: Unit = "m") -> tuple[Mesh, ...]:
-    """Meshes of a mesh, a file, or a list of both; `unit` is that of the files."""
-    listed = [given] if isinstance(given, Mesh | Path | str) else list(given)
-    for mesh in listed:
-        if not isinstance(mesh, Mesh | Path | str):
-            raise InputError(
-                f"a mesh must be a geneoh.Mesh or the path of its file, got {type(mesh).__name__}; "
-                "geneoh.Mesh(vertices, faces) makes one of arrays"
-            )
-    return tuple(mesh if isinstance(mesh, Mesh) else load_mesh(mesh, unit) for mesh in listed)
+    """Meshes of a mesh, a file, or a list of both; None is no mesh, `unit` is that of the files."""
+    if given is None:
+        return ()
+    if isinstance(given, Mesh | ForeignMesh | Path | str) or not isinstance(given, Iterable):
+        given = [given]
+    return tuple(mesh_of(each, unit) for each in given)
+
+
+def mesh_of(given: Any, unit: Unit) -> Mesh:
+    """One mesh, or that of a file; `InputError` for anything else."""
+    if isinstance(given, Mesh):
+        return given
+    if isinstance(given, Path | str):
+        return load_mesh(given, unit)
+    if isinstance(given, ForeignMesh):
+        verts, faces = (torch.as_tensor(np.array(part)) for part in (given.vertices, given.faces))
+        return tidied(checked(Mesh(verts, faces), "the mesh"))
+    raise InputError(
+        f"a mesh must be a geneoh.Mesh or the path of its file, got {type(given).__name__}; "
+        "geneoh.Mesh(vertices, faces) makes one of arrays"
+    )
 
 
 def scaled(mesh: Mesh, factor: float) -> Mesh:

@@ -36,7 +36,8 @@ def from_arrays(
 
     Args:
         fps: frames a second.
-        meshes: of the object, one per rigid part, in metres: a mesh, its file, or a list of them.
+        meshes: of the object, one per rigid part, in metres: a mesh, its file, or a list of them;
+            None or nothing cleans the hand alone.
         source: what messages call the sequence.
         arrays: the fields of the file format by name. Of each hand `right_joints` (T, 21, 3), world
             frame, metres, OpenPose order, or `right_pose` (T, 16, 3), absolute axis-angle in

@@ -51,7 +51,7 @@ to drop."""
 def load(
     path: Path | str,
     *,
-    obj: MeshInput | None = None,
+    obj: MeshInput = None,
     side: Side | None = None,
     fps: float | None = None,
     mano_dir: Path | str | None = None,
