@@ -12,6 +12,7 @@ import types
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields, is_dataclass, replace
 from functools import wraps
+from numbers import Real
 from pathlib import Path
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
@@ -137,12 +138,20 @@ def checked_call(function: Callable[Parameters, Result]) -> Callable[Parameters,
 
     @wraps(function)
     def checked(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
-        given = signature.bind(*args, **kwargs).arguments
-        for name in given.keys() & plain.keys():
-            as_field_type(given[name], plain[name], f"geneoh.{function.__name__}", name)
-        return function(*args, **kwargs)
+        bound = signature.bind(*args, **kwargs)
+        for name in bound.arguments.keys() & plain.keys():
+            bound.arguments[name] = value = plain_number(bound.arguments[name])
+            as_field_type(value, plain[name], f"geneoh.{function.__name__}", name)
+        return function(*bound.args, **bound.kwargs)
 
     return checked
+
+
+def plain_number(value: Any) -> Any:
+    """A real number of numpy, torch or any other kind as Python's own; all else as it is."""
+    if getattr(value, "ndim", None) == 0 and hasattr(value, "item"):
+        return value.item()
+    return float(value) if isinstance(value, Real) and not isinstance(value, int | float) else value
 
 
 def is_plain(kind: Any) -> bool:
@@ -161,6 +170,7 @@ def closest_name(name: str, known: Iterable[str]) -> str:
 
 def as_field_type(value: Any, wanted: Any, origin: str, name: str) -> Any:
     """A value as a field of type `wanted` holds it; whole numbers are floats too, lists tuples."""
+    value = plain_number(value)
     if is_plain_value_of(value, wanted):
         return float(value) if wanted is float else value
     outer, arguments = get_origin(wanted), get_args(wanted)

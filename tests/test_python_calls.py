@@ -81,6 +81,15 @@ CALLS = {
     "read(NOISY, 'keypoints')": "expected one of grab",
     "read('keypoints', NOISY, side='Left')": "'side' must be one of",
     "from_arrays(right_joints='x.npy', fps=30)": "'right_joints' must be an array of numbers",
+    "from_arrays(right_joints=JOINTS, fps=numpy.float32(30))": "Sequence",
+    "from_arrays(right_joints=JOINTS, fps=numpy.int64(30))": "Sequence",
+    "from_arrays(right_joints=JOINTS, fps=numpy.array(30.0))": "Sequence",
+    "from_arrays(right_joints=JOINTS, fps=torch.tensor(30))": "Sequence",
+    "from_arrays(right_joints=JOINTS, fps=fractions.Fraction(30000, 1001))": "Sequence",
+    "from_arrays(right_joints=JOINTS, fps=True)": "'fps' must be a number",
+    "from_arrays(right_joints=JOINTS, fps=numpy.zeros(1))": "'fps' must be a number",
+    "read('keypoints', POINTS, side='right', fps=numpy.float32(30))": "Sequence",
+    "load(POINTS, side='right', fps=numpy.array(30))": "Sequence",
     "from_arrays(right_joints=JOINTS, fps='fast')": "'fps' must be a number",
     "save(JOINTS, 'out.npz')": "takes a result or a Sequence, then the path",
     "save('out.npz', SHORT)": "'path' must be a path or text, got Sequence",
@@ -100,7 +109,7 @@ torch.set_default_dtype(torch.float32)
 """,
 }
 SETUP = """
-import json, logging, random, sys, traceback
+import fractions, json, logging, random, sys, traceback
 from pathlib import Path
 import numpy, torch, trimesh
 from geneoh import *
@@ -119,6 +128,8 @@ SHORT = load(NOISY, obj=OBJ)
 JOINTS, VALID, (MESH,) = HAND.joints, HAND.valid, MOTION.meshes
 TURN, SHIFT = MOTION.rotation, MOTION.translation
 
+POINTS = folder / "points.npy"
+numpy.save(POINTS, JOINTS.numpy())
 TRIMESH = trimesh.Trimesh(MESH.verts.numpy(), MESH.faces.numpy(), process=False)
 
 def clean(hand=HAND, motion=MOTION):
