@@ -117,10 +117,14 @@ def conform(bundle: Bundle, name: str) -> None:
         ):
             wanted = ", ".join(axes) + "," * (len(axes) == 1)
             known = " and ".join(f"{axis} = {size}" for axis, size in sizes.items() if axis in axes)
-            got = type(value).__name__ if tensor is None else tuple(tensor.shape)
+            got, cure = type(value).__name__, "reshape or correct it"
+            if tensor is not None:
+                got = tuple(tensor.shape)
+            elif isinstance(value, np.ndarray) and value.dtype == object:
+                got, cure = "an array of objects", "make numbers of it with astype(float)"
             raise InputError(
                 f"{name}: '{field}' must be numbers of shape ({wanted})"
-                f"{known and f' with {known}'}, got {got}; reshape or correct it"
+                f"{known and f' with {known}'}, got {got}; {cure}"
             )
         if tensor is not value:
             object.__setattr__(bundle, field, tensor)

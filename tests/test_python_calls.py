@@ -41,6 +41,9 @@ CALLS = {
         "'joints' must be numbers of shape (T, 21, 3) with T = 6, got (6, 63)"
     ),
     "HandTrack('left', VALID, joints='joints.npy')": "(T, 21, 3) with T = 6, got str",
+    "HandTrack('left', VALID, joints=JOINTS.numpy().astype(object))": (
+        "got an array of objects; make numbers of it with astype(float)"
+    ),
     "HandTrack('left', VALID, joints=[[1, 2], [3]])": "(T, 21, 3) with T = 6, got list",
     "HandTrack('left', VALID[:3], joints=JOINTS)": "(T, 21, 3) with T = 3, got (6, 21, 3)",
     "HandTrack('left', None, joints=JOINTS)": "'valid' must be numbers of shape (T,), got NoneType",
@@ -90,6 +93,10 @@ CALLS = {
     "from_arrays(right_joints=JOINTS, fps=numpy.zeros(1))": "'fps' must be a number",
     "read('keypoints', POINTS, side='right', fps=numpy.float32(30))": "Sequence",
     "load(POINTS, side='right', fps=numpy.array(30))": "Sequence",
+    "from_arrays(right_joints=JOINTS.numpy().astype(object), fps=30)": (
+        "got (6, 21, 3) of object; make numbers of it with astype(float)"
+    ),
+    "from_arrays(right_joints=[[1, 2], [3]], fps=30)": "'right_joints' must be an array of numbers",
     "from_arrays(right_joints=JOINTS, fps='fast')": "'fps' must be a number",
     "save(JOINTS, 'out.npz')": "takes a result or a Sequence, then the path",
     "save('out.npz', SHORT)": "'path' must be a path or text, got Sequence",

@@ -66,6 +66,11 @@ def from_arrays(
     return sequence
 
 
-def array_of(value: Any) -> np.ndarray:
-    """A tensor, an array or nested lists as a numpy array."""
-    return value.detach().cpu().numpy() if isinstance(value, Tensor) else np.asarray(value)
+def array_of(value: Any) -> Any:
+    """A tensor, an array or nested lists as a numpy array; lists of other lengths as they are."""
+    if isinstance(value, Tensor):
+        return value.detach().cpu().numpy()
+    try:
+        return np.asarray(value)
+    except ValueError:
+        return value

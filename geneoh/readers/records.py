@@ -35,6 +35,9 @@ NESTING_LIMIT = 64
 AS_DISTRIBUTED = "check that this is the file of the data set, as it is distributed"
 """What to do about a wrong field of a data set's file."""
 
+OF_OBJECTS = "make numbers of it with astype(float)"
+"""What to do about a caller's array of Python objects."""
+
 
 @dataclass(frozen=True)
 class Record:
@@ -107,7 +110,8 @@ class Record:
         except (ValueError, OverflowError):  # rows of other lengths, integers of any size
             raise self.refuse(name, "an array of numbers") from None
         if array.dtype.kind not in "fiub":
-            raise self.refuse(name, "an array of numbers")
+            cure = OF_OBJECTS if array.dtype.kind == "O" and self.remedy != AS_DISTRIBUTED else ""
+            raise self.refuse(name, "an array of numbers", cure)
         return array.astype(np.float64)
 
     def number(self, name: Any, remedy: str = "") -> float:
