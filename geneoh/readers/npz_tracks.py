@@ -19,6 +19,7 @@ from geneoh.geometry.rotations import matrix_to_axis_angle
 from geneoh.hand.library import load_hand
 from geneoh.hand.mano import AS_SHIPPED, MENDED, name_of
 from geneoh.readers import mano, npz_layouts
+from geneoh.readers.base import finite_frames
 from geneoh.readers.npz_layouts import JOINT_NAMES, OBJECT_FIELDS, SMPLX_PARAMETERS, Layout, quoted
 from geneoh.readers.records import Array, Record, float32
 from geneoh.readers.transforms import refuse_bottom_row
@@ -85,10 +86,26 @@ def read_own(record: Record, given: Side | None) -> tuple[tuple[HandTrack, ...],
     found = []
     if given:
         sides = [given]
-    for side in sides:
+    seen: list[Side] = [side for side in sides if is_seen(record, names[side])]
+    seen = seen or sides  # which reading refuses
+    unseen = tuple(f"the {s} hand is in no frame and was left out" for s in sides if s not in seen)
+    for side in seen:
         own = name_of(side, model) if model in (MENDED, AS_SHIPPED) else model
         found.append(read_track(record, side, names[side], hand_model=own))
-    return tuple(hand for hand, _ in found), tuple(note for _, notes in found for note in notes)
+    notes = (note for _, about in found for note in about)
+    return tuple(hand for hand, _ in found), (*unseen, *notes)
+
+
+def is_seen(record: Record, names: dict[str, str]) -> bool:
+    """Whether some frame holds a hand: by its mask, without one because something is finite.
+
+    `names` has the file's name of each field of the hand.
+    """
+    if names["valid"] in record:
+        return bool(record.flags(names["valid"]).any())
+    placed = [names[name] for name in ("joints", "pose", "wrist") if names[name] in record]
+    arrays = (np.atleast_1d(record.numbers(name)) for name in placed)
+    return not placed or any(finite_frames(array).any() for array in arrays)
 
 
 def read_smplx(record: Record, side: Side, mano_dir: Path | str | None) -> tuple[HandTrack, Notes]:

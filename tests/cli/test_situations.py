@@ -85,6 +85,18 @@ def transposed(folder: Path) -> None:
     (folder / "object.obj").write_bytes((ROOT / "examples/taco_object.obj").read_bytes())
 
 
+def with_unseen_left_hand(folder: Path) -> None:
+    """The good track in geneoh's own layout, with a left hand of NaN."""
+    arrays = {name: array for name, array in good_arrays().items() if name != "side"}
+    arrays["right_joints"] = arrays.pop("joints")
+    own = {
+        "format": "geneoh-sequence",
+        "version": 1,
+        "left_joints": np.full((FRAMES, 21, 3), np.nan),
+    }
+    np.savez(folder / "hand.npz", **arrays, **own)
+
+
 def inverted(folder: Path) -> None:
     """The noisy example about its first place, with the poses of its object the wrong way round."""
     transposed(folder)
@@ -266,6 +278,9 @@ SITUATIONS = [
         code=0,
     ),
     Situation("NaN everywhere", "at least one frame", with_arrays(joints=lambda j: j * np.nan)),
+    Situation(
+        "A second hand is in no frame", "left hand is in no frame", with_unseen_left_hand, code=0
+    ),
     Situation("Every frame is invalid", "at least one", with_arrays(valid=np.zeros(FRAMES, bool))),
     Situation(
         "Hand and object differ in length", "same number", with_arrays(joints=lambda j: j[:4])

@@ -158,6 +158,30 @@ def test_our_own_layout_needs_its_name():
         read({"right_joints": JOINTS})
 
 
+@pytest.mark.parametrize(
+    "unseen",
+    [
+        {"left_joints": JOINTS * np.nan},
+        {"left_joints": JOINTS, "left_valid": np.zeros(T, bool)},
+        {
+            "left_pose": POSE * np.nan,
+            "left_wrist": PLACE * np.nan,
+            "left_betas": BETAS * np.nan,
+        },
+    ],
+    ids=["NaN", "valid", "parameters"],
+)
+def test_a_second_hand_that_is_in_no_frame_is_left_out_aloud(unseen):
+    own = {"format": np.array("geneoh-sequence"), "version": np.array(1)}
+    hands, notes = read({**own, "right_joints": JOINTS, **unseen})
+    assert [hand.side for hand in hands] == ["right"]
+    assert notes == ("the left hand is in no frame and was left out",)
+    with pytest.raises(InputError):
+        read({**own, "right_joints": JOINTS, **unseen}, side="left")
+    with pytest.raises(InputError, match="at least one frame must hold the right hand"):
+        read({**own, "right_joints": JOINTS * np.nan, "left_joints": JOINTS * np.nan})
+
+
 def test_our_own_layout_takes_the_pose_flat_or_by_joint():
     ours = {"format": np.array("geneoh-sequence"), "version": np.array(1), "right_wrist": PLACE}
     flat = only(read({**ours, "right_pose": POSE.reshape(T, 48)}))
