@@ -56,6 +56,13 @@ class Track:
     trust: Array
 
 
+Tracks = dict[Side | None, Track]
+"""The hands of a file by the side that it says; None where it says none."""
+
+Notes = tuple[str, ...]
+"""What had to be assumed, in words."""
+
+
 def is_results(value: Any) -> bool:
     """Whether the value of a JSON file is a result of MediaPipe, or a list of them."""
     first = next((frame for frame in frames_in(value) if frame), None)
@@ -74,10 +81,10 @@ def fps_in(value: Any, where: str) -> float | None:
     return Record(where, value).optional_number("fps") if isinstance(value, dict) else None
 
 
-def read_results(value: Any, where: str, side: Side | None) -> dict[Side | None, Track]:
-    """The hands in MediaPipe's results, by the side that it says; None where it says none."""
-    frames = frames_in(value)
-    found: dict[Side | None, Track] = {}
+def read_results(value: Any, where: str, side: Side | None) -> tuple[Tracks, Notes]:
+    """The hands in MediaPipe's results, and what was assumed of their sides; see `as_one_hand`."""
+    frames, most = frames_in(value), 0
+    found: Tracks = {}
     for index, frame in enumerate(frames):
         if not frame:
             continue
@@ -85,6 +92,7 @@ def read_results(value: Any, where: str, side: Side | None) -> dict[Side | None,
         world, sides = field_of(record, WORLD), field_of(record, HANDEDNESS)
         if not world and field_of(record, IMAGE):
             raise image_landmarks(record.where)
+        most = max(most, len(world))
         for hand, points in enumerate(world):
             label, score = label_of(sides[hand] if hand < len(sides) else None)
             label = side if label is None else label
@@ -92,7 +100,33 @@ def read_results(value: Any, where: str, side: Side | None) -> dict[Side | None,
             if score > track.trust[index]:
                 track.points[index] = points_in(points, record.where)
                 track.trust[index] = score
-    return found
+    return as_one_hand(found, side) if most == 1 else (found, ())
+
+
+def as_one_hand(tracks: Tracks, side: Side | None) -> tuple[Tracks, Notes]:
+    """One hand where no frame has two, and a note where frames say other sides.
+
+    It is the caller's side, else the one that most frames say: the side of a single frame is a
+    guess of MediaPipe's, and no second hand comes when the first one goes.
+    """
+    seen = {label: track.trust > 0 for label, track in tracks.items()}
+    if len(tracks) < 2 or np.sum(list(seen.values()), axis=0).max() > 1:
+        return tracks, ()
+    counts: dict[Side, int] = {
+        label: int(seen[label].sum()) for label in tracks if label is not None
+    }
+    named: Side = side or max(counts, key=counts.__getitem__)
+    whole = empty_track(len(next(iter(seen.values()))))
+    for label, track in tracks.items():
+        whole.points[seen[label]] = track.points[seen[label]]
+        whole.trust[seen[label]] = track.trust[seen[label]]
+    wrong = sum(count for label, count in counts.items() if label != named)
+    note = (
+        f"no frame has two hands, so that they are one {named} hand, though {wrong} of "
+        f"{int((whole.trust > 0).sum())} frames name the other side; --side says otherwise"
+    )
+    one: Tracks = {named: whole}
+    return one, (note,) if wrong else ()
 
 
 def field_of(record: Record, names: Iterable[str]) -> list[Any]:
@@ -127,8 +161,8 @@ def label_of(value: Any) -> tuple[Side | None, float]:
     return next((side for side in SIDES if side == text), None), float(sure)
 
 
-def read_points(path: Path, side: Side | None) -> dict[Side | None, Track]:
-    """The hands in a table of points, by the side that a column says; None without one."""
+def read_points(path: Path, side: Side | None) -> tuple[Tracks, Notes]:
+    """The hands in a table of points, by the side that a column says; see `as_one_hand`."""
     try:
         with open_text(path, JSON_LIMIT) as file:
             rows = csv.DictReader(file)
@@ -141,14 +175,14 @@ def read_points(path: Path, side: Side | None) -> dict[Side | None, Track]:
     first, last = min(frames, default=0), max(frames, default=0)
     if not cells or last - first >= FRAME_LIMIT:
         raise InputError(f"{path}: expected rows of 1 to {FRAME_LIMIT} frames; correct the table")
-    found: dict[Side | None, Track] = {}
+    found: Tracks = {}
     for label, frame, point, axis, number in cells:
         track = found.setdefault(label, empty_track(last - first + 1))
         track.points[frame - first, point, axis] = number
         track.trust[frame - first] = 1.0
     for track in found.values():
         refuse_image_landmarks(track.points, str(path))
-    return found
+    return as_one_hand(found, side)
 
 
 def point_columns(names: Iterable[str], path: Path) -> dict[str, tuple[int | None, int]]:

@@ -106,6 +106,39 @@ def test_two_hands_come_by_their_sides_and_the_caller_corrects_one(tmp_path):
     assert hand.side == "left"
 
 
+def test_wrong_labels_of_one_hand_make_no_second_hand(tmp_path):
+    frames = [python_task(points) for points in POINTS]
+    frames[1]["handedness"][0][0]["category_name"] = "Left"
+    path = tmp_path / "hand.json"
+    path.write_text(json.dumps(frames))
+    sequence = geneoh.load(path, object_pose=POSES)
+    (hand,) = sequence.hands
+    assert hand.side == "right"
+    np.testing.assert_allclose(hand.joints, POINTS, atol=1e-6)
+    assert "one right hand, though 1 of 5 frames name the other side" in sequence.source
+    (hand,) = geneoh.load(path, object_pose=POSES, side="left").hands
+    assert (hand.side, hand.valid.tolist()) == ("left", [True] * FRAMES)
+
+
+def test_two_hands_in_some_frame_keep_their_own_sides(tmp_path):
+    frames = [javascript_task(points) for points in POINTS]
+    frames[1]["handednesses"][0][0]["categoryName"] = "Left"
+    frames[3]["handednesses"].append([{"score": 0.8, "categoryName": "Right"}])
+    frames[3]["worldLandmarks"].append(as_dicts(HAND * [-1, 1, 1]))
+    path = tmp_path / "hand.json"
+    path.write_text(json.dumps(frames))
+    hands = geneoh.load(path, object_pose=POSES).hands
+    assert {hand.side: int(hand.valid.sum()) for hand in hands} == {"right": 4, "left": 1}
+
+
+def test_wrong_labels_in_a_table_make_no_second_hand(tmp_path):
+    header, rows = long(NAMES)
+    rows = [[*row[:-1], "Left" if row[1] == 12 else "Right"] for row in rows]
+    write_table(tmp_path / "hand.csv", header, rows)
+    (hand,) = geneoh.load(tmp_path / "hand.csv", object_pose=POSES).hands
+    assert (hand.side, hand.valid.tolist()) == ("right", [True] * FRAMES)
+
+
 @pytest.mark.parametrize("name", ["landmarks", "hand_landmarks", "multi_hand_landmarks"])
 def test_landmarks_of_the_picture_are_refused(name, tmp_path):
     path = tmp_path / "hand.json"

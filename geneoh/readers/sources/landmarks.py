@@ -31,16 +31,13 @@ def landmarks(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Up to two hands, with the caller's object."""
     where = str(clip.path)
     if clip.path.suffix == ".csv":
-        yield from foreign_parts(
-            clip, mediapipe.read_points(clip.path, options.side), options, None, ()
-        )
+        yield from foreign_parts(clip, *mediapipe.read_points(clip.path, options.side), options)
         return
     value = foreign_files.read_json(clip.path)
     if mediapipe.is_results(value):
-        tracks = mediapipe.read_results(value, where, options.side)
-        yield from foreign_parts(
-            clip, tracks, options, mediapipe.fps_in(value, where), mediapipe.NOTES
-        )
+        tracks, about_sides = mediapipe.read_results(value, where, options.side)
+        rate = mediapipe.fps_in(value, where)
+        yield from foreign_parts(clip, tracks, (*mediapipe.NOTES, *about_sides), options, rate)
         return
     record = as_record(value, where)
     if "format" not in record:
@@ -72,10 +69,10 @@ def landmarks(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
 
 def foreign_parts(
     clip: base.SourceClip,
-    tracks: dict[Side | None, mediapipe.Track],
+    tracks: mediapipe.Tracks,
+    notes: mediapipe.Notes,
     options: base.ReaderOptions,
     stored: float | None = None,
-    notes: tuple[str, ...] = (),
 ) -> base.Parts:
     """The interaction of tracks whose file says its rate, where it does, and perhaps no side."""
     if len(tracks) == 1:  # the label of a side is a guess: the caller's word counts
