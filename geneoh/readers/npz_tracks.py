@@ -32,6 +32,9 @@ MOTION_MISSING = (
     "or give --object-pose POSES.npy"
 )
 
+IN_CONFIDENCE = "write 0 where nothing is known of a keypoint, or leave the field out"
+"""What to do about NaN in a confidence."""
+
 Notes = tuple[str, ...]
 """What had to be assumed, in words."""
 
@@ -217,33 +220,60 @@ def read_track(
             f"{record.where}: the {side} hand needs its joints, or its pose with the wrist's "
             f"place, got {quoted(there) or 'neither'}; add the rest"
         )
-    parts = [part for part in (joints, pose, wrist, confidence, spread) if part is not None]
-    finite = torch.stack([all_finite(part) for part in parts]).all(0)
-    valid, more = observed_frames(record, side, field["valid"], finite)
+    parts = {"joints": joints, "pose": pose, "wrist": wrist, "confidence": confidence}
+    parts["joint_spread"] = spread
+    known = {n: all_finite(part) for n, part in parts.items() if part is not None}
+    finite = {field[name] or name: frames for name, frames in known.items()}
+    valid, more = observed_frames(record, side, field, finite)
+    if confidence is not None and not bool(confidence[valid].any()):
+        more = (*more, f"'{field['confidence']}' is 0 everywhere: nothing of the hand is relied on")
     hand = HandTrack(side, valid, joints, pose, wrist, betas, hand_model, confidence, spread, ray)
     return hand, (*notes, *more)
 
 
 def observed_frames(
-    record: Record, side: Side, name: str, finite: Bool[Tensor, " T"]
+    record: Record, side: Side, field: dict[str, str], finite: dict[str, Bool[Tensor, " T"]]
 ) -> tuple[Bool[Tensor, " T"], Notes]:
-    """Frames that hold a hand: those of the file's mask, which must be finite, else the finite."""
-    valid = record.flags(name) if name in record else finite
+    """Frames that hold a hand: those of the file's mask, which must be finite, else the finite.
+
+    `field` has the names of the hand's fields, `finite` of each that is there its finite frames.
+    """
+    mask, whole = field["valid"], torch.stack(list(finite.values())).all(0)
+    if mask in record:
+        return masked_frames(record, side, field, finite), ()
+    lost = int((~whole).sum())
+    names = [name for name, frames in finite.items() if not bool(frames.all())]
+    if lost == len(whole):
+        cure = IN_CONFIDENCE if names == [field["confidence"]] else "there is nothing to clean"
+        raise InputError(
+            f"{record.where}: at least one frame must hold the {side} hand, got {lost} frames with "
+            f"NaN in {quoted(names)}; {cure}"
+        )
+    note = f"{lost} of {len(whole)} frames hold NaN in {quoted(names)} and count as not observed"
+    return whole, (note,) if lost else ()
+
+
+def masked_frames(
+    record: Record, side: Side, field: dict[str, str], finite: dict[str, Bool[Tensor, " T"]]
+) -> Bool[Tensor, " T"]:
+    """Frames that hold a hand by the file's mask, in which all must be finite."""
+    mask = field["valid"]
+    valid = record.flags(mask)
     if not bool(valid.any()):
         raise InputError(
             f"{record.where}: at least one frame must hold the {side} hand, got {len(valid)} "
-            f"frames without{f' by {name!r}' if name in record else ''}; there is nothing to clean"
+            f"frames without by '{mask}'; there is nothing to clean"
         )
-    wrong = torch.nonzero(valid & ~finite)
-    if len(wrong):
+    wrong = valid & ~torch.stack(list(finite.values())).all(0)
+    if bool(wrong.any()):
+        names = [name for name, frames in finite.items() if bool((valid & ~frames).any())]
+        cure = IN_CONFIDENCE if names == [field["confidence"]] else "mark them as not valid"
         raise InputError(
-            f"{record.where}: the {side} hand must be finite where '{name}' is true, got NaN or "
-            f"infinity in {len(wrong)} frames, the first is {int(wrong[0])}; mark them as not valid"
+            f"{record.where}: {quoted(names)} of the {side} hand must be finite where '{mask}' is "
+            f"true, got NaN or infinity in {int(wrong.sum())} frames, the first is "
+            f"{int(wrong.nonzero()[0])}; {cure}"
         )
-    missing = int((~finite).sum())
-    if name in record or missing == 0:
-        return valid, ()
-    return valid, (f"{missing} of {len(valid)} frames hold NaN and count as not observed",)
+    return valid
 
 
 def all_finite(values: Float[Tensor, "T ..."]) -> Bool[Tensor, " T"]:

@@ -135,7 +135,19 @@ def test_frames_without_numbers_count_as_not_observed_and_are_noted():
     joints[4] = np.inf
     reading = read({"joints": joints}, side="right")
     assert only(reading).valid.tolist() == [True, True, False, True, False]
-    assert reading[1] == ("2 of 5 frames hold NaN and count as not observed",)
+    assert reading[1] == ("2 of 5 frames hold NaN in 'joints' and count as not observed",)
+
+
+@pytest.mark.parametrize("mask", [{}, {"valid": np.ones(T, bool)}], ids=["no mask", "mask"])
+def test_nan_in_the_confidence_alone_is_told_as_such(mask):
+    arrays = {"joints": JOINTS, "confidence": np.full(T, np.nan), **mask}
+    with pytest.raises(InputError, match=r"'confidence'.*write 0 where nothing is known"):
+        read(arrays, side="right")
+
+
+def test_a_confidence_of_zero_everywhere_is_noted():
+    _, notes = read({"joints": JOINTS, "confidence": np.zeros(T)}, side="right")
+    assert notes == ("'confidence' is 0 everywhere: nothing of the hand is relied on",)
 
 
 def test_frames_that_are_said_to_be_dropped_may_hold_anything():

@@ -21,7 +21,7 @@ from geneoh.choices import Side
 from geneoh.errors import ConfigError, InputError
 from geneoh.files.values import read_values
 from geneoh.geometry.mesh import METRES
-from geneoh.readers import base, builders, joint_orders
+from geneoh.readers import base, builders, joint_orders, npz_layouts
 from geneoh.readers.dataset_reader import reads
 from geneoh.readers.joint_orders import in_openpose_order
 from geneoh.readers.npz_tracks import Notes, observed_frames, read_confidence, side_of
@@ -42,7 +42,7 @@ def keypoints(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     points = METRES[options.keypoint_unit or "m"] * points.reshape(-1, count, 3)
     record = in_openpose_order(record, points, order)
     record.refuse_lengths("joints", "valid", "confidence")
-    joints, notes = observed(record, side, record.array("joints", ("T", 21, 3)))
+    joints, notes = observed(record, side, "joints", record.array("joints", ("T", 21, 3)))
     confidence = read_confidence(record, "confidence")
     hand = builders.hand_track(side, joints, None if confidence is None else confidence.numpy())
     rate, more = base.rate_of(record.optional_number("fps"), options.fps, record.where)
@@ -66,7 +66,7 @@ def parameters(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts
     betas = None if betas is None else betas.reshape(-1, 10).mean(0)
     pose = record.array("pose", ("T", 48), ("T", 16, 3)).reshape(-1, 48)
     record.refuse_lengths("pose", "trans", "valid", "confidence")
-    pose, notes = observed(record, side, pose)
+    pose, notes = observed(record, side, "pose", pose)
     confidence = read_confidence(record, "confidence")
     trust = None if confidence is None else confidence.numpy()
     place = record.array("trans", ("T", 3))
@@ -79,10 +79,10 @@ def parameters(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts
     yield base.ClipParts(source, [hand], fps=rate, notes=(*notes, *more), convention=use)
 
 
-def observed(record: Record, side: Side, values: Array) -> tuple[Array, Notes]:
-    """(T, ...) values of a hand with NaN in the frames that are not observed, and notes."""
-    finite = torch.from_numpy(base.finite_frames(values))
-    valid, notes = observed_frames(record, side, "valid", finite)
+def observed(record: Record, side: Side, name: str, values: Array) -> tuple[Array, Notes]:
+    """(T, ...) values of a field with NaN in the frames that are not observed, and notes."""
+    finite = {name: torch.from_numpy(base.finite_frames(values))}
+    valid, notes = observed_frames(record, side, npz_layouts.JOINT_NAMES, finite)
     return np.where(valid.numpy().reshape(-1, *[1] * (values.ndim - 1)), values, np.nan), notes
 
 
