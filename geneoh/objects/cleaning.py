@@ -73,7 +73,10 @@ class ObjectExamination(Bundle):
         lost = (self.confidence == 0) & ~self.left_out
         for part in range(len(self.is_noisy)):
             name = "the object" if len(self.is_noisy) == 1 else f"part {part + 1} of the object"
-            if count := int(lost[:, part].sum()):
+            count = int(lost[:, part].sum())
+            if count == len(lost):
+                yield f"{name} was never seen: it stands still at the origin"
+            elif count:
                 yield f"{count} frames without a pose of {name} were filled from those around them"
             if not self.is_noisy[part]:
                 continue
