@@ -31,9 +31,12 @@ def refuse_bottom_row(where: str, name: str, poses: Array, known: Array | None =
         off[~known] = False
     if off.any():
         first = tuple(np.argwhere(off)[0])
+        cure = "transpose them if their translation is there"
+        if not poses[first].any():
+            cure = "write NaN in frames without a pose"
         raise InputError(
             f"{where}: {name} must have 0 0 0 1 as last row, got {poses[first][3].tolist()} in "
-            f"frame {first[0]}; transpose them if their translation is there"
+            f"frame {first[0]}; {cure}"
         )
 
 

@@ -62,3 +62,10 @@ def test_poses_that_are_lost_are_marked_and_filled():
     told = read(obj_pose=matrices(), object_valid=np.array([1, 0, 1, 1]))
     assert told.valid.tolist() == [[True] * 2, [False] * 2, [True] * 2, [True] * 2]
     assert read(obj_pose=matrices()).valid is None
+
+
+def test_matrices_of_zeros_are_refused_with_their_frame_and_what_to_write():
+    lost = matrices().numpy().copy()
+    lost[2, 1] = 0
+    with pytest.raises(InputError, match=r"got \[0.0, 0.0, 0.0, 0.0\] in frame 2; write NaN"):
+        read(obj_pose=lost)
