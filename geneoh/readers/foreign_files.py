@@ -13,7 +13,10 @@ import numpy as np
 from geneoh.errors import InputError
 from geneoh.files.reading import open_text, read_bytes
 from geneoh.files.values import read_values
-from geneoh.readers.records import FRAME_LIMIT, Array, Record, Shape, as_record
+from geneoh.readers.records import AS_DISTRIBUTED, FRAME_LIMIT, Array, Record, Shape, as_record
+
+POSE_SHAPES = (("T", 4, 4), ("T", "Q", 4, 4))
+"""Shapes of the object's poses in a file of their own."""
 
 TABLE_LIMIT = 2**29
 """Bytes of a table that is read line by line."""
@@ -30,9 +33,15 @@ def read_record(path: Path) -> Record:
     return as_record(read_values(path), str(path))
 
 
-def read_array(path: Path, *shapes: Shape) -> Array:
-    """The one array in a npy, pickle or checkpoint file."""
-    return Record(str(path), {"array": read_values(path)}).array("array", *shapes)
+def read_array(path: Path, *shapes: Shape, remedy: str = "") -> Array:
+    """The one array in a npy, pickle or checkpoint file; `remedy` is for one of other shapes."""
+    record = Record(str(path), {"array": read_values(path)}, remedy or AS_DISTRIBUTED)
+    return record.array("array", *shapes)
+
+
+def read_poses(path: Path) -> Array:
+    """(T, 4, 4) or (T, Q, 4, 4) poses of the caller's object, object to the hand's frame."""
+    return read_array(path, *POSE_SHAPES, remedy="save a 4x4 matrix for each frame")
 
 
 def read_json(path: Path) -> Any:

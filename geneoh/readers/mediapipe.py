@@ -145,7 +145,8 @@ def points_in(value: Any, where: str) -> Array:
     value = value.get("landmark") if isinstance(value, dict) else value
     listed = value if isinstance(value, list) else []
     rows = [[p.get(axis) for axis in "xyz"] if isinstance(p, dict) else p for p in listed]
-    return Record(where, {"landmarks": rows}).array("landmarks", (21, 3))
+    record = Record(where, {"landmarks": rows}, "save the results as MediaPipe gives them")
+    return record.array("landmarks", (21, 3))
 
 
 def label_of(value: Any) -> tuple[Side | None, float]:

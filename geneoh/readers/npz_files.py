@@ -21,7 +21,7 @@ from geneoh.readers.joint_orders import ORDERS, in_openpose_order
 from geneoh.readers.meshes import find_meshes, mesh_arrays, with_parts
 from geneoh.readers.npz_layouts import CAMERA_FIELDS, FORMAT, OBJECT_FIELDS, own_names, quoted
 from geneoh.readers.npz_tracks import Notes, read_hands, read_object
-from geneoh.readers.recordings import POSE_SHAPES, read
+from geneoh.readers.recordings import read
 from geneoh.readers.records import Array, Place, Record, float32
 from geneoh.sequence.camera import seen_from, with_rays
 from geneoh.sequence.sequence import HandTrack, Sequence
@@ -91,7 +91,7 @@ def load(
         return read(source, path, obj=obj or (), object_pose=object_pose, **shared, **bare)
     path, meshes = Path(path), None if obj is None else meshes_of(obj, unit) or None
     if isinstance(object_pose, Path | str):
-        object_pose = foreign_files.read_array(Path(object_pose), *POSE_SHAPES)
+        object_pose = foreign_files.read_poses(Path(object_pose))
     record = npz_layouts.read_fields(path)
     layout = npz_layouts.layout_of(record)
     record = with_joint_order(record, layout, joint_order)
@@ -154,7 +154,7 @@ def in_metres(record: Record, layout: npz_layouts.Layout, unit: Unit | None) -> 
     for name in {"joints", "object_translation", "camera_position"} & values.keys():
         values[name] = METRES[unit] * record.numbers(name)
     if "obj_pose" in record:
-        poses = record.array("obj_pose", *POSE_SHAPES).copy()
+        poses = record.array("obj_pose", *foreign_files.POSE_SHAPES).copy()
         poses[..., :3, 3] *= METRES[unit]
         values["obj_pose"] = poses
     return replace(record, values=values)

@@ -12,14 +12,11 @@ from geneoh.config import as_field_type, checked_call, is_plain
 from geneoh.errors import ConfigError, InputError
 from geneoh.geometry.mesh import METRES, MeshInput, meshes_of
 from geneoh.readers.base import OF_SOME, ReaderOptions, Recording, SourceClip, clip_name
-from geneoh.readers.foreign_files import read_array
+from geneoh.readers.foreign_files import POSE_SHAPES, read_poses
 from geneoh.readers.records import Array, Record
 from geneoh.readers.registry import SOURCES, Source
 from geneoh.sequence.sequence import Sequence
 from geneoh.sequence.validation import check_distance, check_sequence
-
-POSE_SHAPES = (("T", 4, 4), ("T", "Q", 4, 4))
-"""Shapes of the object's poses in a file of their own."""
 
 
 @checked_call
@@ -59,7 +56,7 @@ def options_with_files(
             others[name] = as_field_type(value, kinds[name], "geneoh.read", name)
     unit, keypoint_unit = others.pop("unit"), others.get("keypoint_unit")
     if isinstance(object_pose, Path | str):
-        object_pose = read_array(Path(object_pose), *POSE_SHAPES)
+        object_pose = read_poses(Path(object_pose))
     elif object_pose is not None:
         given = Record("geneoh.read", {"object_pose": object_pose}, "give a 4x4 matrix a frame")
         object_pose = given.array("object_pose", *POSE_SHAPES)

@@ -161,3 +161,16 @@ def test_an_option_that_a_source_makes_no_use_of_is_refused(tmp_path, name):
 def test_every_option_of_some_sources_is_taken_by_one_and_named_rightly():
     taken = {name for source in SOURCES.values() for name in source.reader().takes}
     assert taken == set(OF_SOME) == set(UNUSED)
+
+
+def test_files_of_the_callers_own_get_a_remedy_that_fits_them(tmp_path):
+    np.save(tmp_path / "hand.npy", np.zeros((4, 22, 3)))
+    np.save(tmp_path / "joints.npy", np.zeros((4, 21, 3)))
+    np.save(tmp_path / "poses.npy", np.zeros((4, 3, 4)))
+    path, joints, poses = (tmp_path / f"{name}.npy" for name in ("hand", "joints", "poses"))
+    with pytest.raises(geneoh.errors.InputError, match="or name their order with --joint-order"):
+        geneoh.load(path, side="right")
+    with pytest.raises(geneoh.errors.InputError, match="save 'pose', 'trans' and 'betas'"):
+        geneoh.read("parameters", path, side="right", translation="wrist")
+    with pytest.raises(geneoh.errors.InputError, match="save a 4x4 matrix for each frame"):
+        geneoh.load(joints, side="right", object_pose=poses)

@@ -9,7 +9,6 @@ from geneoh.readers import foreign_files
 from geneoh.readers.meshes import find_meshes
 from geneoh.readers.npz_files import with_callers
 from geneoh.readers.npz_tracks import read_object
-from geneoh.readers.recordings import POSE_SHAPES
 from geneoh.readers.records import Record
 from geneoh.sequence.sequence import ObjectTrack
 
@@ -39,7 +38,7 @@ def object_of_body(
     record = foreign_files.read_record(path) if own else Record(str(path), {})
     given = None
     if object_pose is not None:
-        given = foreign_files.read_array(object_pose, *POSE_SHAPES)
+        given = foreign_files.read_poses(object_pose)
     record = with_callers(record, "obj_pose", given)
     meshes = meshes_of(obj, unit) or find_meshes(record, path.parent)[0]
     motion = read_object(record, meshes, frames)

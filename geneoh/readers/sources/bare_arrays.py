@@ -27,6 +27,10 @@ from geneoh.readers.joint_orders import in_openpose_order
 from geneoh.readers.npz_tracks import Notes, observed_frames, read_confidence, side_of
 from geneoh.readers.records import Array, Record
 
+KEYPOINTS_REMEDY = "save them in that shape, or name their order with --joint-order"
+PARAMETERS_REMEDY = "save 'pose', 'trans' and 'betas' in these shapes, or side by side in a npy"
+"""What to do about a wrong field, which is in a file of the caller's own."""
+
 
 @reads("*.npy", "*.npz", takes=("joint_order", "keypoint_unit", "object_pose"))
 def keypoints(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
@@ -35,7 +39,8 @@ def keypoints(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     if order not in joint_orders.ORDERS:
         raise ConfigError(f"--joint-order {order}: expected {', '.join(joint_orders.ORDERS)}")
     value = read_values(clip.path)
-    record = Record(str(clip.path), value if isinstance(value, dict) else {"joints": value})
+    fields = value if isinstance(value, dict) else {"joints": value}
+    record = Record(str(clip.path), fields, KEYPOINTS_REMEDY)
     side = side_of(record, options.side)
     count = joint_orders.ORDERS[order].count
     points = record.array("joints", ("T", count, 3), ("T", 3 * count), (count, 3))
@@ -55,7 +60,8 @@ def keypoints(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
 def parameters(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """The one hand of a file, with the caller's object."""
     value = read_values(clip.path)
-    record = Record(str(clip.path), value) if isinstance(value, dict) else columns(clip.path, value)
+    fields = value if isinstance(value, dict) else columns(clip.path, value)
+    record = Record(str(clip.path), fields, PARAMETERS_REMEDY)
     side = side_of(record, options.side)
     if options.translation is None:
         raise InputError(
@@ -86,13 +92,14 @@ def observed(record: Record, side: Side, name: str, values: Array) -> tuple[Arra
     return np.where(valid.numpy().reshape(-1, *[1] * (values.ndim - 1)), values, np.nan), notes
 
 
-def columns(path: Path, value: object) -> Record:
+def columns(path: Path, value: object) -> dict[str, Array]:
     """The fields of a bare array."""
-    array = Record(str(path), {"array": value}).array("array", ("T", 51), ("T", 61), ("T", 48))
+    record = Record(str(path), {"array": value}, PARAMETERS_REMEDY)
+    array = record.array("array", ("T", 51), ("T", 61), ("T", 48))
     if array.shape[1] == 48:
         raise InputError(
             f"{path}: 48 parameters are a pose without a place, got no translation; save 'pose' "
             "and 'trans' together with numpy.savez"
         )
     fields = {"pose": array[:, :48], "trans": array[:, 48:51]}
-    return Record(str(path), {**fields, "betas": array[:, 51:]} if array.shape[1] == 61 else fields)
+    return {**fields, "betas": array[:, 51:]} if array.shape[1] == 61 else fields
