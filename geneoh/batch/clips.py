@@ -135,6 +135,7 @@ def clips_of_manifest(path: Path, folder: Path) -> Iterator[Clip]:
         if unknown := [name for name in names if name not in COLUMNS]:
             hint = closest_name(unknown[0], COLUMNS)
             raise InputError(f"{path}: '{unknown[0]}' is no column of a manifest; {hint}")
+        lines: dict[str, int] = {}  # of the names that are given
         for row in filter(None, rows):
             where = f"{path}, line {rows.line_num}"
             if len(row) != len(names) or not (cells := dict(zip(names, row, strict=True)))["input"]:
@@ -142,6 +143,13 @@ def clips_of_manifest(path: Path, folder: Path) -> Iterator[Clip]:
                     f"{where}: expected {len(names)} values ({', '.join(names)}), of which 'input' "
                     f"is not empty, got {len(row)}; correct the line"
                 )
+            name = cells.get("name", "").strip()
+            if name in lines:
+                raise InputError(
+                    f"{where}: 'name' must be another one in each line, got {name!r} in line "
+                    f"{lines[name]} too; rename one"
+                )
+            lines |= {name: rows.line_num} if name else {}
             yield from clips_of_row(cells, where, path.parent, folder)
 
 

@@ -90,17 +90,30 @@ def find_clips(source: Source, paths: list[Path]) -> list[SourceClip]:
 
 
 def with_distinct_names(clips: list[SourceClip]) -> list[SourceClip]:
-    """Clips of one name with as much of the path in front as makes their names differ."""
-    for parts in [*range(2, 1 + max(len(clip.path.parts) for clip in clips)), None]:
-        count = Counter(clip.name for clip in clips)
+    """Clips of one name with their ending, where a folder has files that differ in nothing else,
+    and with as much of the path in front as makes their names differ."""
+    longest = max((len(clip.path.resolve().parts) for clip in clips), default=0)
+    count = Counter(clip.name for clip in clips)
+    alike = Counter(clip_name(clip.path, longest) for clip in clips if count[clip.name] > 1)
+    names = [clip.name for clip in clips]
+    for parts in range(1, longest + 1):
+        count = Counter(names)
         for index, clip in enumerate(clips):
-            if count[clip.name] > 1:
-                ended = f"{clip.name}_{clip.path.suffix[1:]}"
-                name = ended if parts is None else clip_name(clip.path, parts)
-                clips[index] = replace(clip, name=name)
-    if same := [n for n, count in Counter(clip.name for clip in clips).items() if count > 1]:
-        raise InputError(f"{clips[0].path}: two clips are both called {min(same)}; rename one")
-    return clips
+            if count[names[index]] > 1:
+                front = clip.name if parts == 1 else clip_name(clip.path, parts)
+                end = ending_of(clip.path) if alike[clip_name(clip.path, longest)] > 1 else ""
+                names[index] = front + end
+    count = Counter(names)
+    for clip, name in zip(clips, names, strict=True):
+        if count[name] > 1:
+            raise InputError(f"{clip.path}: two clips are both called {clip.name}; rename one")
+    return [replace(clip, name=name) for clip, name in zip(clips, names, strict=True)]
+
+
+def ending_of(path: Path) -> str:
+    """What follows the first dot of a file's name, fit for the end of a clip's name."""
+    rest = path.name.partition(".")[2]
+    return "".join(c if c.isalnum() or c in "-_+" else "_" for c in rest and f"_{rest}")
 
 
 def read_clip(source: Source, clip: SourceClip, options: ReaderOptions) -> list[Recording]:

@@ -90,7 +90,11 @@ def test_a_manifest_that_cannot_be_meant_is_refused(found, tmp_path):
         (("input,source", "in/clip0.npz,grob"), "source grob: expected one of"),
         (("input,name", "in/clip0.npz,../../x"), "expected a name within"),
         (("input,name", "in,one"), "'name' is for one clip, got 3"),
-        (("input,options", "in/clip0.npz,seed=1", "in/clip0.npz,seed=2"), "both called"),
+        (("input,options", "in/clip0.npz,seed=1", "in/clip0.npz,seed=2"), "both called clip0;"),
+        (
+            ("input,name", "in/clip0.npz,one", "in/clip1.npz,one"),
+            "line 3: 'name' must be another one in each line, got 'one' in line 2 too",
+        ),
     ):
         with pytest.raises((InputError, ConfigError), match=words):
             found(manifest(tmp_path, *rows))
