@@ -103,16 +103,16 @@ def generate(
         CheckpointError: weights are missing or damaged.
     """
     options = options or GenerateOptions()
-    prompt = read_prompt(sentence)
+    prompt = read_prompt(sentence, frames=options.frames)
     networks = load_networks(options.weights, text_encoder=options.text_encoder)
     mesh = mesh if isinstance(mesh, Mesh) else load_mesh(mesh)
     stood = stand(mesh, options.up, generator=_generator(options, "points"))
     objects = objects_of(stood)
-    frames = options.frames or length_of(networks, prompt, options)
+    frames = options.frames or prompt.frames or length_of(networks, prompt, options)
     actions, contact = sample(
         networks,
         objects,
-        [prompt.sentence],
+        [prompt.told],
         [prompt.hands],
         torch.tensor([frames]),
         SamplingConfig(steps=options.steps, guidance=options.guidance, draws=options.draws),
@@ -137,7 +137,7 @@ def generate(
 
 def length_of(networks: Networks, prompt: Prompt, options: GenerateOptions) -> int:
     """A random number of frames that suits the sentence."""
-    text = networks.text.encode([prompt.sentence])
+    text = networks.text.encode([prompt.told])
     return int(networks.length.sample(text, generator=_generator(options, "length")))
 
 

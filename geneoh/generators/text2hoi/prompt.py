@@ -7,12 +7,14 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from geneoh.choices import HANDS, SIDES, HandsName
+from geneoh.choices import HANDS, SIDES, HandsName, Side
 from geneoh.errors import InputError, shortened
 from geneoh.files.reading import read_bytes
 from geneoh.generators.pieces import words_of
 from geneoh.generators.text2hoi.captions import ADJECTIVES
+from geneoh.generators.text2hoi.duration import length_in_frames, stated_length
 from geneoh.generators.text2hoi.english import OTHER_VERBS, SMALL_WORDS, THINGS
+from geneoh.generators.text2hoi.negation import no_hand_in, rules_out, without_ruled_out
 from geneoh.generators.text2hoi.text import TextModel, load_text_model
 from geneoh.generators.text2hoi.text_data import WORDS
 from geneoh.language.conjugation import forms
@@ -55,6 +57,8 @@ class Prompt:
     verb: str  # of `geneoh.synthesis.actions.VERBS`: the one that is named, or the nearest
     known: bool  # whether made actions show the verb that the sentence names
     notes: tuple[str, ...]  # what was assumed, a sentence each, for the user
+    told: str  # the sentence for the networks: without its length and what it rules out
+    frames: int | None  # the length that it states, at 30 frames a second; None without
 
 
 def prompt_text(argument: str) -> str:
@@ -84,27 +88,90 @@ def prompt_text(argument: str) -> str:
     return said[0] if said else ""
 
 
-def read_prompt(text: str, model: TextModel | None = None) -> Prompt:
+def read_prompt(text: str, model: TextModel | None = None, *, frames: int | None = None) -> Prompt:
     """What a sentence asks for, by its words first and then by our text encoder.
 
     A verb that no made action shows is replaced by the nearest one, and a sentence that names no
     hand gets the right one, or both to pass something; `notes` say so, and that the direction in
-    which an object is passed is not followed.
+    which an object is passed is not followed. `frames` is the length that the caller asks for,
+    which counts more than one in the sentence.
 
     Raises:
-        InputError: the text is empty, too long or not English, or contradicts itself in the hands.
+        InputError: the text is empty, too long or not English, contradicts itself in the hands,
+            rules out its verb or all hands, or states a length that no clip has.
     """
     sentence = " ".join(text.split())
-    words = words_of(sentence)
-    check_english(sentence, words)
+    check_english(sentence, words_of(sentence))
+    rest, stated = stated_length(sentence.replace("\u2019", "'"))
+    length = length_in_frames(sentence, stated) if frames is None else None
+    said, ruled_out = without_ruled_out(" ".join(words_of(rest) or words_of(sentence)))
+    words, left_out = without_ruled_out_verbs(sentence, said.split())
+    words = with_other_hand(sentence, words, ruled_out)
+    told = sentence if words == words_of(sentence) else " ".join(words)
     model = model or load_text_model()
-    verb, known, verb_notes = asked_verb(sentence, words, model)
-    hands, hand_notes = asked_hands(sentence, words, verb, model)
-    notes = (*verb_notes, *hand_notes)
+    verb, known, verb_notes = asked_verb(told, words, model)
+    hands, hand_notes = asked_hands(told, words, verb, model)
+    notes = (*verb_notes, *left_out, *hand_notes)
     # the shipped networks have learned with sentences that told any direction
     if verb == "pass" and _DIRECTION.search(" ".join(words)):
         notes += ("which hand passes the object to the other is not followed; it may be either",)
-    return Prompt(sentence, hands, verb, known, notes)
+    if stated is not None:
+        instead = "" if length else f", but {frames} are asked for"
+        notes += (f"the length is {stated.frames} frames by '{stated.words}'{instead}",)
+    return Prompt(sentence, hands, verb, known, notes, told, length)
+
+
+def without_ruled_out_verbs(
+    sentence: str, words: Sequence[str]
+) -> tuple[list[str], tuple[str, ...]]:
+    """Words without the verbs that they rule out, and a note on each.
+
+    Raises:
+        InputError: they name no other verb.
+    """
+    kept, left_out = list(words), []
+    for index in reversed(range(len(words))):
+        start = index + rules_out(kept, index)
+        if start > index and starts_with_verb(kept[start:]):
+            stop = start + 1 + (kept[start + 1 : start + 2] in (["it"], ["them"]))
+            left_out.append(" ".join(kept[index:stop]))
+            del kept[index:stop]
+    if left_out and not named_verbs([nearest_word(word) or word for word in kept]):
+        raise InputError(
+            f"prompt '{shortened(sentence, 60)}': expected an action that hands do, found only "
+            f"'{left_out[-1]}'; say what they do, such as {EXAMPLE}"
+        )
+    return kept, tuple(f"'{phrase}' is not followed" for phrase in reversed(left_out))
+
+
+def starts_with_verb(words: Sequence[str]) -> bool:
+    """Whether words start with a verb, whose particle may follow later."""
+    meant = [nearest_word(word) or word for word in words]
+    more = named_verbs(meant).keys() - named_verbs(meant[1:]).keys()
+    return bool(more or named_verbs(meant[:1]))
+
+
+def with_other_hand(sentence: str, words: list[str], ruled_out: frozenset[Side]) -> list[str]:
+    """Words with the hand that is left where they rule out the other one and name none.
+
+    Raises:
+        InputError: they rule out both hands, or one that they name.
+    """
+    said, found = " ".join(words), ""
+    if len(ruled_out) == len(SIDES):
+        found = "neither of the two"
+    elif none := no_hand_in(said):
+        found = f"'{none}'"
+    elif ruled_out and (_BOTH.search(said) or any(f"{side} hand" in said for side in ruled_out)):
+        found = f"the {min(ruled_out)} hand both named and ruled out"
+    if found:
+        raise InputError(
+            f"prompt '{shortened(sentence, 60)}': expected hands that act, found {found}; name "
+            "those that do"
+        )
+    if not ruled_out or any(pattern.search(said) for pattern in _ONE.values()):
+        return words
+    return [*words, "with", "the", next(side for side in SIDES if side not in ruled_out), "hand"]
 
 
 def check_english(sentence: str, words: Sequence[str]) -> None:

@@ -84,6 +84,56 @@ def test_two_hands_that_contradict_each_other_are_refused(model):
         read_prompt("With the left hand lift the mug with the right hand.", model)
 
 
+@pytest.mark.parametrize(
+    ("sentence", "hands", "told"),
+    [
+        ("lift it, without using the left hand", "right hand", "lift it with the right hand"),
+        ("don't use your right hand to lift it", "left hand", "to lift it with the left hand"),
+        ("lift it with the right hand, not the left", "right hand", "lift it with the right hand"),
+        ("lift it, but not with the left hand", "right hand", "lift it with the right hand"),
+        ("slide it not to the left with the left hand", "left hand", None),
+    ],
+)
+def test_a_hand_that_is_ruled_out_leaves_the_other_one(model, sentence, hands, told):
+    prompt = read_prompt(sentence, model)
+    assert (prompt.hands, prompt.told, prompt.notes) == (hands, told or sentence, ())
+
+
+@pytest.mark.parametrize(
+    ("sentence", "found"),
+    [
+        ("lift the cup with neither hand", "'neither hand'"),
+        ("lift the cup with no hands", "'no hands'"),
+        ("lift the cup without the left or the right hand", "neither of the two"),
+        ("lift it with both hands, without the left hand", "left hand both named and ruled out"),
+    ],
+)
+def test_hands_that_are_all_ruled_out_are_refused(model, sentence, found):
+    with pytest.raises(InputError, match=f"expected hands that act, found .*{found}"):
+        read_prompt(sentence, model)
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    [
+        "don't lift the cup",
+        "don\u2019t lift the cup",
+        "do not ever lift the cup with the left hand",
+        "the cup is not lifted",
+        "don't put the cup down",
+    ],
+)
+def test_a_verb_that_is_ruled_out_is_refused(model, sentence):
+    with pytest.raises(InputError, match="expected an action that hands do, found only '"):
+        read_prompt(sentence, model)
+
+
+def test_beside_another_verb_one_that_is_ruled_out_is_noted(model):
+    prompt = read_prompt("Carry the mug with the left hand without tilting it", model)
+    assert (prompt.verb, prompt.told) == ("carry", "carry the mug with the left hand")
+    assert prompt.notes == ("'without tilting it' is not followed",)
+
+
 @pytest.mark.parametrize("sentence", ["", "   ", "...", "\n\t"])
 def test_an_empty_sentence_is_refused(model, sentence):
     with pytest.raises(InputError, match=r"found no words; write one such as"):

@@ -1,0 +1,50 @@
+"""What a sentence rules out: "without the left hand", "with neither hand"."""
+
+import re
+
+from geneoh.choices import SIDES, Side
+
+_OWN = "the|my|your|his|her|one's|their"
+_NOT = r"(?:without|not|never|no|avoid|avoiding|instead of|rather than|except|\w+n't|dont)"
+_USE = rf"(?: (?:to|ever|using|use|with|by|for|help|of|moving|either|any|{_OWN}))*"
+_ONE_OF = rf"(?P<side>left|right)(?: hand)?(?: (?:or|nor|and){_USE} (?P<other>left|right))? hand"
+_HAND = re.compile(rf"\b(?:but |and )?{_NOT}{_USE} {_ONE_OF}\b")
+_BARE = re.compile(
+    rf"\b(?:but |and )?{_NOT}(?: (?:with|using|by|{_OWN}))* (?P<side>left|right)(?: one)?$"
+)
+_NO_HAND = re.compile(rf"\bneither{_USE} hands?\b|\b{_NOT}(?:{_USE}| both)* (?:hands?|fingers)\b")
+NEGATIONS = frozenset(("not", "no", "never", "without", "avoid", "avoiding", "dont", "cannot"))
+"""Words that rule out the verb that follows, beside those that end in n't."""
+BETWEEN = frozenset(("to", "be", "being", "ever", "even", "just", "actually", "really", "please"))
+"""Words that may stand before that verb."""
+
+
+def without_ruled_out(said: str) -> tuple[str, frozenset[Side]]:
+    """Words of a sentence without the hand that they rule out, and its side."""
+    sides: set[Side] = set()
+    for pattern in (_HAND, _BARE):
+        for match in pattern.finditer(said):
+            found = match.groupdict().values()
+            if pattern is _HAND or "hand" in said.split():
+                sides.update(side for side in SIDES if side in found)
+                said = " ".join(said.replace(match[0], " ", 1).split())
+    return said, frozenset(sides)
+
+
+def no_hand_in(said: str) -> str:
+    """The words that rule out every hand; empty without."""
+    match = _NO_HAND.search(said)
+    return match[0] if match else ""
+
+
+def rules_out(words: list[str], index: int) -> int:
+    """How many words from a place on rule out the verb after them; 0 for none."""
+    word, after = words[index], words[index + 1 : index + 2]
+    if (word, *after) in (("instead", "of"), ("rather", "than")):
+        return 2
+    if not (word in NEGATIONS or word.endswith("n't")) or after == ["only"]:
+        return 0
+    stop = index + 1
+    while stop < len(words) and words[stop] in BETWEEN:
+        stop += 1
+    return stop - index
