@@ -171,7 +171,7 @@ def test_other_frame_rates_come_back_as_they_were(noisy):
     assert result.sequence.fps == 60.0
     assert result.sequence.frames == 30
     assert joints_of(result).shape == (30, 21, 3)
-    assert any("resampled" in note for note in result.notes)
+    assert any("averaged from 60 to 30" in note for note in result.notes)
 
 
 def test_closest_sample_is_the_one_nearest_to_the_input(noisy):

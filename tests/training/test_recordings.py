@@ -79,8 +79,9 @@ def test_clips_of_a_data_set_hold_its_hands_as_right_ones(source, tmp_path):
         wanted = torch.from_numpy(case.expected(s).joints[side][::step]).float()
         wanted = mirror_points(wanted) if side == "left" else wanted
         first = int(one.name[-5:])
+        within = 4e-3 if step > 1 else 2e-3  # frames of a higher rate are means
         torch.testing.assert_close(
-            joints[: one.length], wanted[first : first + one.length], atol=2e-3, rtol=0
+            joints[: one.length], wanted[first : first + one.length], atol=within, rtol=0
         )
 
 
