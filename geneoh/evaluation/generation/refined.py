@@ -24,7 +24,8 @@ from geneoh.workers.pool import results_of
 def refined(
     actions: Actions, *, seed: int, jobs: int = 1, on_step: OnStep | None = None
 ) -> Actions:
-    """The same clips with hands mended as `geneoh generate --refine geneoh` mends them.
+    """The same clips with hands mended as `geneoh generate --refine geneoh` mends them, but for the
+    time, which comes to rest at either end before hands are settled and not after it.
 
     Objects have the meshes that follow from their points. Hands at an object with a joint go
     through the cleaner alone, because a mesh that `geneoh generate` is given is rigid. `jobs`

@@ -121,9 +121,10 @@ def generate(
     )
     if options.refine != "none":
         actions = refined_by(load_refiner(options.weights), actions, contact)
-    actions, refined = moved_by_hands(eased(actions)), None
+    actions, refined = moved_by_hands(actions), None
     if options.refine == "geneoh":
-        actions = moved_by_hands(settled(actions, stood, generator=_generator(options, "hold")))
+        actions = settled(actions, stood, generator=_generator(options, "hold"))
+    actions = moved_by_hands(eased(actions))
     sequence = placed(actions, stood, prompt.sentence)
     if options.refine == "geneoh":
         refined = denoise(
