@@ -117,9 +117,7 @@ def check_fields(options: Any, limits: Mapping[str, tuple[int, int]]) -> None:
     """
     origin = type(options).__name__
     for name, kind in get_type_hints(type(options)).items():
-        value = getattr(options, name)
-        value = value.item() if hasattr(value, "item") else value
-        value = as_field_type(value, kind, origin, name)
+        value = as_field_type(getattr(options, name), kind, origin, name)
         low, high = limits.get(name, (None, None))
         if low is not None and value is not None and not low <= value <= high:  # NaN is outside
             raise ConfigError(

@@ -70,6 +70,7 @@ def subject_of(track: HandTrack, model: HandModel) -> Subject:
     hand (pose), which is noted.
     """
     notes: list[str] = []
+    skeleton: Float[Tensor, "20 3"] | None = None
     trust, model = track.trust, model.to(track.valid.device)
     filled = fill_gaps(replace(track, valid=track.observed))
     known = track.betas if track.hand_model == model.name else None
@@ -87,23 +88,21 @@ def subject_of(track: HandTrack, model: HandModel) -> Subject:
     else:
         joints = posed = filled.joints
         if rotations is not None:
-            posed = _posed(rotations, joints, trust)
+            skeleton = rest_offsets(rotations, joints, trust)
+            posed = _posed(rotations, joints, trust, skeleton)
             misfit = (trust * (posed - joints).norm(dim=-1)).sum() / trust.sum()
             if misfit > POSE_MISFIT:
                 notes.append("the given pose does not reach the given joints: the joints are used")
-                rotations = None
+                rotations = skeleton = None
     if known is not None:
         betas = known
-    elif rotations is not None:
-        betas = betas_from_offsets(model, rest_offsets(rotations, joints, trust))
+    elif skeleton is not None:
+        betas = betas_from_offsets(model, skeleton)
     else:
         betas = betas_from_lengths(model, _lengths(joints, trust))
     shaped = model.shaped(betas)
-    offsets, start = shaped.offsets, None
-    if rotations is not None:
-        start = HandState(rotations[None], posed[None, :, 0])
-        if filled.joints is not None:
-            offsets = rest_offsets(rotations, joints, trust)
+    offsets = shaped.offsets if skeleton is None else skeleton
+    start = None if rotations is None else HandState(rotations[None], posed[None, :, 0])
     return Subject(shaped, betas, offsets[None], joints, trust, start, tuple(notes))
 
 
@@ -111,13 +110,13 @@ def _posed(
     rotations: Float[Tensor, "T 16 3 3"],
     joints: Float[Tensor, "T 21 3"],
     trust: Float[Tensor, "T 21"],
+    skeleton: Float[Tensor, "20 3"],
 ) -> Float[Tensor, "T 21 3"]:
-    """Keypoints of a pose with the best constant skeleton, at the given wrist.
+    """Keypoints of a pose with a skeleton, at the given wrist.
 
     Where the wrist is not trusted the hand is where the trusted keypoints have it.
     """
-    offsets = rest_offsets(rotations, joints, trust).expand(len(joints), 20, 3)
-    made, _ = forward_kinematics(rotations, joints[:, 0], offsets)
+    made, _ = forward_kinematics(rotations, joints[:, 0], skeleton.expand(len(joints), 20, 3))
     share = trust / trust.sum(-1, keepdim=True).clamp(min=1e-6)
     off = (share[..., None] * (joints - made)).sum(1)
     return made + torch.where(trust[:, :1] > 0, 0.0, off)[:, None]

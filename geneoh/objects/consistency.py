@@ -92,6 +92,10 @@ def possible_places(
     root of their distance; at the start of the chain, where nothing tells how it moved before, it
     may have any speed up to `START_SPEED`.
     """
+    steps, at_start = np.diff(places, axis=0), max(limit, START_SPEED / fps)
+    bends = np.linalg.norm(np.diff(steps, axis=0), axis=1)
+    if np.linalg.norm(steps[:1]) < at_start and bends.max(initial=0) < limit:
+        return np.ones(len(places), dtype=bool)  # to leave one out would only cost what it is worth
     count, furthest = len(places), max(1, round(LOOK_BACK * fps))
     value, before, rate = np.zeros(count), np.full(count, -1), np.zeros((count, 3))
     for frame in range(1, count):
@@ -101,7 +105,7 @@ def possible_places(
         ahead = moved - rate[earlier] * apart[:, None]
         off = np.minimum(np.linalg.norm(moved, axis=1), np.linalg.norm(ahead, axis=1))
         begins = before[earlier] < 0
-        reach = np.where(begins, max(limit, START_SPEED / fps), limit)
+        reach = np.where(begins, at_start, limit)
         possible = off < reach * np.sqrt(apart)
         worth = value[earlier] + 1 - SKIPPED * (apart - 1)
         worth -= np.where(possible, TURNED * off / limit, JUMPED * fps)

@@ -5,16 +5,14 @@ from dataclasses import dataclass, replace
 import torch
 from jaxtyping import Float
 from torch import Tensor
-from torch.nn.functional import normalize
 
-from geneoh.bundle import FRAMES
 from geneoh.geometry.rotations import (
     axis_angle_to_matrix,
     matrix_to_axis_angle,
     nearest_rotations,
 )
-from geneoh.sequence.gaps import fill_gaps
-from geneoh.sequence.sequence import HandTrack, Sequence
+from geneoh.sequence.gaps import fill_gaps, with_frames
+from geneoh.sequence.sequence import Sequence
 
 
 def averaged(sequence: Sequence, fps: float) -> Sequence:
@@ -31,7 +29,9 @@ def averaged(sequence: Sequence, fps: float) -> Sequence:
         rotation=mean.rotations(sequence.object.rotation),
         translation=mean.points(sequence.object.translation),
     )
-    hands = tuple(mean.hand(fill_gaps(hand)) for hand in sequence.hands)
+    hands = tuple(
+        with_frames(fill_gaps(hand), hand.valid, mean.points, mean.pose) for hand in sequence.hands
+    )
     return replace(sequence, hands=hands, object=motion)
 
 
@@ -59,13 +59,6 @@ class FrameMean:
         """The rotations that are nearest to the means of matrices."""
         return nearest_rotations(self.points(rotation))
 
-    def hand(self, hand: HandTrack) -> HandTrack:
-        """The means of all that a track has in each frame."""
-        moved = hand.map(
-            lambda values: self.points(values) if values.is_floating_point() else values, FRAMES
-        )
-        pose = hand.pose
-        if pose is not None:
-            pose = matrix_to_axis_angle(self.rotations(axis_angle_to_matrix(pose)))
-        ray = None if moved.camera_ray is None else normalize(moved.camera_ray, dim=-1)
-        return replace(moved, pose=pose, camera_ray=ray)
+    def pose(self, pose: Float[Tensor, "T K 3"]) -> Float[Tensor, "T K 3"]:
+        """The means of axis-angle vectors, as rotations."""
+        return matrix_to_axis_angle(self.rotations(axis_angle_to_matrix(pose)))

@@ -1,5 +1,6 @@
 """Frames between observed ones: points on straight lines, rotations on the shorter arc."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import torch
@@ -42,15 +43,24 @@ class FrameInterpolation:
 
     def hand(self, hand: HandTrack, valid: Bool[Tensor, " N"]) -> HandTrack:
         """The hand at these instants; `valid` marks those that count as observed."""
-        moved = hand.map(
-            lambda values: (
-                self.points(values) if values.is_floating_point() else values[self.before]
-            ),
-            FRAMES,
-        )
-        pose = None if hand.pose is None else self.pose(hand.pose)
-        ray = None if moved.camera_ray is None else normalize(moved.camera_ray, dim=-1)
-        return replace(moved, valid=valid, pose=pose, camera_ray=ray)
+        return with_frames(hand, valid, self.points, self.pose)
+
+
+def with_frames(
+    hand: HandTrack,
+    valid: Bool[Tensor, " N"],
+    points: Callable[[Tensor], Tensor],
+    pose: Callable[[Tensor], Tensor],
+) -> HandTrack:
+    """A track with other frames: numbers by `points`, axis-angle vectors by `pose`.
+
+    `valid` marks the new frames that count as observed.
+    """
+    # of what a track has in each frame `valid` alone is no number
+    moved = hand.map(lambda old: points(old) if old.is_floating_point() else valid, FRAMES)
+    turns = None if hand.pose is None else pose(hand.pose)
+    ray = None if moved.camera_ray is None else normalize(moved.camera_ray, dim=-1)
+    return replace(moved, pose=turns, camera_ray=ray)
 
 
 def fill_gaps(hand: HandTrack) -> HandTrack:
