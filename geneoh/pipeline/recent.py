@@ -255,7 +255,7 @@ class RecentHand:
         found = fit_keypoints(joints, trust, subject.shaped, start)
         if since and self._given is not None:
             found = concatenated([self._given[1][first - self._given[0] :][:since], found])
-        observed = int(track.valid.nonzero()[-1]) + 1  # what is filled after it may change
+        observed = int(track.observed.nonzero()[-1]) + 1  # what is filled after it may change
         self._given = first, found[:observed]
         return found
 

@@ -207,3 +207,18 @@ def test_keypoints_alone_and_lost_objects_are_cleaned(noisy, clean):
     joined = concatenated([frame.hand for frame in found])
     assert joined.frames == 35
     assert replace(clip, hands=(joined,)).frames == 35
+
+
+def test_keypoints_without_confidence_are_a_lost_hand(noisy):
+    clip, found = noisy[:60], []
+    for lost in (False, True):
+        stream, frames = Stream(clip.object.meshes, side="left"), []
+        for frame in range(60):
+            joints, sure = clip.hands[0].joints[frame], torch.ones(21)
+            if 30 <= frame < 36:
+                joints, sure = joints + 0.2, torch.zeros(21)
+            hand = None if lost and not bool(sure.any()) else {"joints": joints, "confidence": sure}
+            pose = clip.object.rotation[frame], clip.object.translation[frame]
+            frames.append(stream.push(hand, pose))
+        found.append(joints_of([frame for frame in frames if frame] + stream.flush()))
+    assert torch.equal(*found)
