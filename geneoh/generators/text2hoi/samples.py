@@ -20,10 +20,6 @@ from geneoh.streamed import Streamed
 from geneoh.synthesis.actions import VERBS, Actions
 from geneoh.synthesis.draws import Draws
 
-BLUR = 0.015  # metres over which a contact map is blurred that stands for an estimated one
-PLACES = 64  # places on an object by which it is blurred
-LOST = 0.3  # largest share of its points that are then lost
-
 
 @dataclass(frozen=True)
 class ActionData:
@@ -74,13 +70,11 @@ def draw_samples(
     encoder: TextEncoder,
     draws: Draws,
     network: ContactNetwork | None = None,
-    *,
-    estimated: float = 0.0,
 ) -> Samples:
     """Random actions with a random sentence each, some of them in a mirror.
 
-    Clips are cut to the longest one of the whole batch, of which `draws` may be for a part. A share
-    `estimated` of them is told contact maps of the network, or blurred true ones without.
+    Clips are cut to the longest one of the whole batch, of which `draws` may be for a part. With a
+    network of contact maps some are told its maps instead of the true ones.
     """
     counts = torch.bincount(data.kind).double()
     weight = counts[data.kind] ** -config.balance
@@ -91,22 +85,11 @@ def draw_samples(
     chosen = chosen.mirrored(draws.chance(config.mirrored))
     chosen = chosen.take(slice(int(data.lengths[every].max())), "T")
     text = encoder.encode(sentences(chosen, data, draws))
-    told = draws.chance(estimated, 1)
-    loss = draws.share(1) * LOST
-    kept = draws.share(touched.shape[1]) > loss
-    latent = draws.normal(1 if network is None else network.config.latent)
-    contact = touched
-    if bool(told.any()):
-        objects = Objects.of(chosen)
-        if network is None:
-            guess = blurred(objects, touched * kept)
-        else:
-            some = told[:, 0]
-            guess = touched.clone()
-            guess[some] = network.decode(
-                latent[some], objects.take(some, "B"), text[some]
-            ).sigmoid()
-        contact = torch.where(told, guess, touched)
+    contact = touched.clone()
+    if network is not None:
+        told, latent = draws.chance(config.estimated), draws.normal(network.config.latent)
+        objects = Objects.of(chosen).take(told, "B")
+        contact[told] = network.decode(latent[told], objects, text[told]).sigmoid()
     return Samples(chosen, touched, contact, text)
 
 
@@ -154,15 +137,3 @@ def hands_of(actions: Actions) -> list[HandsName]:
         (True, True): "both hands",
     }
     return [words[left, right] for left, right in actions.hands.tolist()]
-
-
-def blurred(objects: Objects, contact: Float[Tensor, "B P"]) -> Float[Tensor, "B P"]:
-    """Contact maps blurred over the surface, at most 1.
-
-    Points tell `PLACES` of them how much they are touched, and these tell all points.
-    """
-    places = objects.points[:, :: max(1, contact.shape[1] // PLACES)]
-    near = torch.exp(-0.5 * (torch.cdist(places, objects.points) / BLUR) ** 2)
-    told = (near @ contact[..., None])[..., 0] / near.sum(-1)
-    spread = (near.mT @ told[..., None])[..., 0] / near.sum(1).clamp(min=1e-6)
-    return spread / spread.amax(1, keepdim=True).clamp(min=0.5)

@@ -92,11 +92,8 @@ class ActionTask:
     ) -> tuple[Samples, torch.Generator]:
         """A batch, or part of it, with its generator, by seed and `parts` (purpose, number)."""
         generator = torch.Generator().manual_seed(seed_of(self.config.seed, *parts))
-        share = 0.0 if self.name == "contact" else self.config.estimated
         draws = Draws(part.count, generator, part)
-        return draw_samples(
-            data, self.config, self.encoder, draws, self.contact, estimated=share
-        ), generator
+        return draw_samples(data, self.config, self.encoder, draws, self.contact), generator
 
     def pieces(self, step: int, team: Team, device: torch.device) -> list[SamplesPiece]:
         """This process's part of the batch of a step, in the pieces that are worked off in turn."""

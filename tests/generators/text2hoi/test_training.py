@@ -11,8 +11,7 @@ from geneoh.choices import ACTION_STAGES
 from geneoh.errors import CheckpointError
 from geneoh.generators.text2hoi.condition import Condition
 from geneoh.generators.text2hoi.contact import ContactNetwork
-from geneoh.generators.text2hoi.objects import Objects
-from geneoh.generators.text2hoi.samples import ActionData, blurred, draw_samples, sentences
+from geneoh.generators.text2hoi.samples import ActionData, draw_samples, sentences
 from geneoh.generators.text2hoi.scales import LEAST_DEVIATION
 from geneoh.generators.text2hoi.tokens import tokens_of
 from geneoh.nn.checkpoint import load_checkpoint
@@ -163,20 +162,10 @@ def test_rare_verbs_are_drawn_more_often_than_their_clips():
 def test_true_maps_are_told_in_part_and_otherwise_those_of_the_contact_network():
     data, network = tiny_data(), ContactNetwork(TINY.contact).eval()
     for share in (0.0, 0.5, 1.0):
-        drawn = draw_samples(data, TINY, WordEncoder(), draws(), network, estimated=share)
+        drawn = draw_samples(data, replace(TINY, estimated=share), WordEncoder(), draws(), network)
         same = (drawn.contact == drawn.touched).all(1).float().mean()
         assert same == pytest.approx(1 - share, abs=0.15)
         assert drawn.touched.unique().tolist() == [0, 1]
-
-
-def test_a_blurred_map_is_a_share_that_is_large_where_the_object_is_touched():
-    objects = Objects.of(made_actions(points=200))
-    contact = (objects.points[..., 2] > 0.05).float()
-    told = blurred(objects, contact)
-    assert told.min() >= 0
-    assert told.max() <= 1 + 1e-6
-    assert told[contact > 0].mean() > 2 * told[contact == 0].mean()
-    assert not blurred(objects, 0 * contact).any()
 
 
 def test_pieces_of_a_batch_are_the_batch():
