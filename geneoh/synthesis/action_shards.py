@@ -8,13 +8,13 @@ import torch
 
 from geneoh.bundle import concatenated
 from geneoh.errors import InputError
-from geneoh.files.tensors import DamagedTensorsError, all_tensors, opened_tensors
+from geneoh.files.tensors import all_tensors
 from geneoh.hand.model import HandModel
 from geneoh.streamed import Streamed
 from geneoh.synthesis.acting import ActingConfig, act, stands_upright
 from geneoh.synthesis.actions import LONGEST, VERBS, Actions
 from geneoh.synthesis.bimanual import BimanualConfig, grasp_directions, pair_hands
-from geneoh.synthesis.damage import refuse_damage, refuse_lengths
+from geneoh.synthesis.damage import refuse_damage, refuse_lengths, whole_shard
 from geneoh.synthesis.objects import FAMILIES
 from geneoh.synthesis.scans import Scans
 from geneoh.synthesis.shards import (
@@ -107,18 +107,11 @@ def action_shards(folder: Path, split: str) -> Iterator[Actions]:
 
 def action_shard(path: Path) -> Actions:
     """One shard; `InputError` if the file is no whole shard of actions."""
-    try:
-        with opened_tensors(path) as (shard, _):
-            actions = Actions(**all_tensors(shard))
-            ranges = {"verb": len(VERBS), "name": MOST_NAMES, "part": 2}
-            refuse_damage(actions, ranges)
-            refuse_lengths(actions.length, actions.joint.shape[1])
-            return actions
-    except (OSError, TypeError, DamagedTensorsError) as error:
-        raise InputError(
-            f"{path}: expected a whole shard of actions, got {error}; delete it and run "
-            "`geneoh synthesize --actions` again, which makes what is missing"
-        ) from error
+    with whole_shard(path, "actions", "geneoh synthesize --actions") as (shard, _):
+        actions = Actions(**all_tensors(shard))
+        refuse_damage(actions, {"verb": len(VERBS), "name": MOST_NAMES, "part": 2})
+        refuse_lengths(actions.length, actions.joint.shape[1])
+        return actions
 
 
 def names_of_shard(path: Path) -> list[str]:

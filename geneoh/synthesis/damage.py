@@ -1,13 +1,36 @@
-"""What only damage makes of the numbers in shards."""
+"""Shards that are read back, and what only damage makes of the numbers in them."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
 
 from jaxtyping import Int
 from torch import Tensor
 
 from geneoh.bundle import Bundle
+from geneoh.errors import InputError
+from geneoh.files.tensors import DamagedTensorsError, opened_tensors
 
 LARGEST = 1000.0  # largest number in a shard, in metres or radians; larger ones are damage
+
+
+@contextmanager
+def whole_shard(
+    path: Path, kind: str, command: str = "geneoh synthesize"
+) -> Iterator[tuple[Any, dict[str, Any]]]:
+    """An opened shard and its record; `InputError` where the file, or the block, finds damage.
+
+    `kind` says what it holds, and `command` is what makes such shards.
+    """
+    try:
+        with opened_tensors(path) as opened:
+            yield opened
+    except (OSError, DamagedTensorsError) as error:
+        raise InputError(
+            f"{path}: expected a whole shard of {kind}, got {error}; delete it and run `{command}` "
+            "again, which makes what is missing"
+        ) from error
 
 
 def refuse_damage(clips: Bundle, ranges: Mapping[str, int]) -> None:

@@ -15,12 +15,7 @@ from torch import Tensor
 from geneoh.bundle import concatenated
 from geneoh.config import as_dict, setting_differences, with_table
 from geneoh.errors import ConfigError, InputError
-from geneoh.files.tensors import (
-    DamagedTensorsError,
-    all_tensors,
-    opened_tensors,
-    write_tensors,
-)
+from geneoh.files.tensors import all_tensors, write_tensors
 from geneoh.hand.model import HandModel, ShapedHand
 from geneoh.hand.skeleton import LARGEST_HAND
 from geneoh.progress import OnStep
@@ -31,7 +26,7 @@ from geneoh.synthesis.bimanual import (
     grasp_directions,
     pair_hands,
 )
-from geneoh.synthesis.damage import refuse_damage
+from geneoh.synthesis.damage import refuse_damage, whole_shard
 from geneoh.synthesis.grasps import GraspConfig, Grasps, shifted_grips, synthesize_grasps
 from geneoh.synthesis.motion import AnimationConfig, Interactions, animate
 from geneoh.synthesis.objects import FAMILIES, draw_objects, family_named
@@ -325,26 +320,16 @@ def shard_record(path: Path, defaults: ShardConfig = SynthesisConfig()) -> Shard
     Raises:
         InputError: the file is no whole shard, or has settings of another version.
     """
-    try:
-        with opened_tensors(path) as (_, record):
-            table, seed = dict(record["config"]), int(record["seed"])
-            objects = str(record.get("objects", ""))
-            families = int(record.get("families", FORMER_FAMILIES))
-    except (OSError, DamagedTensorsError) as error:
-        raise _broken(path, error) from error
+    with whole_shard(path, "interactions") as (_, record):
+        table, seed = dict(record["config"]), int(record["seed"])
+        objects = str(record.get("objects", ""))
+        families = int(record.get("families", FORMER_FAMILIES))
     try:
         return ShardRecord(with_table(defaults, table, str(path)), seed, objects, families)
     except ConfigError as error:
         raise InputError(
             f"{path}: was made by another version of geneoh ({error}); make the data again"
         ) from error
-
-
-def _broken(path: Path, error: Exception) -> InputError:
-    return InputError(
-        f"{path}: expected a whole shard of interactions, got {error}; "
-        "delete it and run `geneoh synthesize` again, which makes what is missing"
-    )
 
 
 def find_shards(folder: Path, split: str, defaults: ShardConfig = SynthesisConfig()) -> list[Path]:
@@ -374,17 +359,14 @@ def read_shard(path: Path) -> Interactions:
 
     `InputError` if the file is no whole shard.
     """
-    try:
-        with opened_tensors(path) as (shard, _):
-            found = all_tensors(shard)
-            if "scan" not in found:  # made before there were scanned objects
-                found["scan"] = torch.full((len(found["wrist"]),), -1)
-            clips = Interactions(**found)
-            refuse_damage(clips, {"part": clips.rotation.shape[2]})
-            _check_hands_and_motion(clips)
-            return clips
-    except (OSError, DamagedTensorsError) as error:
-        raise _broken(path, error) from error
+    with whole_shard(path, "interactions") as (shard, _):
+        found = all_tensors(shard)
+        if "scan" not in found:  # made before there were scanned objects
+            found["scan"] = torch.full((len(found["wrist"]),), -1)
+        clips = Interactions(**found)
+        refuse_damage(clips, {"part": clips.rotation.shape[2]})
+        _check_hands_and_motion(clips)
+        return clips
 
 
 def _check_hands_and_motion(clips: Interactions) -> None:

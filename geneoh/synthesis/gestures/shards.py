@@ -9,10 +9,10 @@ import numpy as np
 import torch
 
 from geneoh.bundle import concatenated
-from geneoh.errors import ConfigError, InputError
-from geneoh.files.tensors import DamagedTensorsError, all_tensors, opened_tensors
+from geneoh.errors import ConfigError
+from geneoh.files.tensors import all_tensors
 from geneoh.hand.model import HandModel
-from geneoh.synthesis.damage import refuse_damage, refuse_lengths
+from geneoh.synthesis.damage import refuse_damage, refuse_lengths, whole_shard
 from geneoh.synthesis.gestures.clips import NAMES, Gestures
 from geneoh.synthesis.gestures.hands import VARIANTS
 from geneoh.synthesis.gestures.manipulation import ActionSource
@@ -105,19 +105,13 @@ def gesture_shards(folder: Path, split: str) -> Iterator[Gestures]:
 
 def gesture_shard(path: Path) -> Gestures:
     """One shard; `InputError` if the file is no whole shard of bodies."""
-    try:
-        with opened_tensors(path) as (shard, record):
-            held: dict[str, Any] = dict(all_tensors(shard))
-            held |= {name: np.array(record[name]) for name in TEXTS}
-            clips = Gestures(**held)
-            refuse_damage(clips, {"gesture": len(NAMES)})
-            refuse_lengths(clips.length, clips.root.shape[1])
-            return clips
-    except (OSError, TypeError, DamagedTensorsError) as error:
-        raise InputError(
-            f"{path}: expected a whole shard of bodies, got {error}; delete it and run "
-            "`geneoh synthesize --bodies` again, which makes what is missing"
-        ) from error
+    with whole_shard(path, "bodies", "geneoh synthesize --bodies") as (shard, record):
+        held: dict[str, Any] = dict(all_tensors(shard))
+        held |= {name: np.array(record[name]) for name in TEXTS}
+        clips = Gestures(**held)
+        refuse_damage(clips, {"gesture": len(NAMES)})
+        refuse_lengths(clips.length, clips.root.shape[1])
+        return clips
 
 
 def read_gestures(folder: Path, split: str) -> Gestures:
