@@ -12,6 +12,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 PAPER_STEPS = 1000
+COSINE_OFFSET = 0.008  # of the cosine schedule, against steps of hardly any noise
 
 
 def linear_sigmas(
@@ -26,13 +27,13 @@ def linear_sigmas(
     return ((1 - signal) / signal).sqrt()
 
 
-def cosine_sigmas(steps: int = PAPER_STEPS, offset: float = 0.008) -> Float[Tensor, " N"]:
+def cosine_sigmas() -> Float[Tensor, " N"]:
     """The same under the cosine schedule, with betas of at most 0.999.
 
     Source: Nichol and Dhariwal 2021, eq. (17); Text2HOI diffuses with it.
     """
-    time = torch.linspace(0, 1, steps + 1, dtype=torch.float64)
-    signal = torch.cos((time + offset) / (1 + offset) * torch.pi / 2).square()
+    time = torch.linspace(0, 1, PAPER_STEPS + 1, dtype=torch.float64)
+    signal = torch.cos((time + COSINE_OFFSET) / (1 + COSINE_OFFSET) * torch.pi / 2).square()
     kept = (signal[1:] / signal[:-1]).clamp(min=1e-3).cumprod(0)
     signal = torch.cat([torch.ones(1, dtype=torch.float64), kept])
     return ((1 - signal) / signal).sqrt()

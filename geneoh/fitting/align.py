@@ -9,7 +9,6 @@ from torch.nn.functional import pad
 
 from geneoh.fitting.solve import solve_chains
 from geneoh.nn.adam import adam
-from geneoh.progress import OnStep
 from geneoh.representation.region import ContactRegion
 from geneoh.representation.temporal import PairStatistics, encode_temporal
 
@@ -74,7 +73,6 @@ def align_to_relations(
     fps: float,
     *,
     config: AlignConfig,
-    on_step: OnStep | None = None,
 ) -> Float[Tensor, "B T 21 3"]:
     """World keypoints near `joints` whose relations are near `target` on d, v_ho and both e.
 
@@ -105,6 +103,5 @@ def align_to_relations(
         steps=config.steps,
         rate=lambda done: [config.rate * (1 - done / config.steps)],
         epsilon=floor,
-        on_step=on_step,
     )
     return region.to_world(moved)

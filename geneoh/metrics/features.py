@@ -67,18 +67,16 @@ def diversity(
 
 
 def multimodality(
-    features: Float[Tensor, "N D"],
-    labels: Int[Tensor, " N"],
-    *,
-    generator: torch.Generator,
-    pairs: int = LABEL_PAIRS,
+    features: Float[Tensor, "N D"], labels: Int[Tensor, " N"], *, generator: torch.Generator
 ) -> float:
     """Mean over labels of the mean distance of random pairs with the label.
 
     Labels of a single clip do not count; NaN where there is no other.
     """
     groups = [features[labels == label] for label in labels.unique()]
-    found = [diversity(each, generator=generator, pairs=pairs) for each in groups if len(each) > 1]
+    found = [
+        diversity(each, generator=generator, pairs=LABEL_PAIRS) for each in groups if len(each) > 1
+    ]
     return float(torch.tensor(found, dtype=torch.float64).mean())
 
 

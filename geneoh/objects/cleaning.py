@@ -208,7 +208,7 @@ def smoothed(
     there = steady_places(middles, fps) & seen
     fourth = np.diff(increments(rotations), n=3, axis=0), np.diff(middles, n=4, axis=0)
     noise = [
-        noise_level(values[in_a_row(frames)], 4)
+        noise_level(values[in_a_row(frames)])
         for values, frames in zip(fourth, (chain.kept, seen), strict=True)
     ]
     clean, weight = smooth_stretches(rotations, chain, max(noise[0], EXACT_ROTATION / 4))
@@ -287,7 +287,7 @@ def in_a_row(kept: Bool[np.ndarray, " T"]) -> Bool[np.ndarray, " N"]:
 def quiet_noise(fourth: np.ndarray) -> float:
     """The noise of the calmest stretches of a track, from its fourth differences (N, 3)."""
     starts = range(0, max(1, len(fourth) - QUIET_FRAMES + 1), QUIET_FRAMES // 3)
-    levels = [noise_level(fourth[start : start + QUIET_FRAMES], 4) for start in starts]
+    levels = [noise_level(fourth[start : start + QUIET_FRAMES]) for start in starts]
     return float(np.quantile(levels, QUIET_SHARE))
 
 

@@ -30,14 +30,14 @@ MEDIAN_FRAMES = 5
 """Frames of the median that the first weights are taken from."""
 
 
-def noise_level(differences: Float64[np.ndarray, "N 3"], order: int) -> float:
-    """Deviation of white noise per coordinate from a track's differences of some order.
+def noise_level(fourth_differences: Float64[np.ndarray, "N 3"]) -> float:
+    """Deviation of white noise per coordinate from a track's fourth differences.
 
     Of order k they have C(2k, k) times the variance of the noise, and smooth motion hardly any; the
     median does not see jumps.
     """
-    length = float(np.median(np.linalg.norm(differences, axis=1)))
-    return length / CHI3_MEDIAN / comb(2 * order, order) ** 0.5
+    length = float(np.median(np.linalg.norm(fourth_differences, axis=1)))
+    return length / CHI3_MEDIAN / comb(8, 4) ** 0.5
 
 
 def increments(rotations: Rotation) -> Float64[np.ndarray, "N 3"]:

@@ -91,7 +91,7 @@ def without_jitter(
     if len(observed) < 5:
         return samples
     tips = observed[:, list(TIP_KEYPOINTS)].cpu().double().numpy()
-    noise = noise_level(np.diff(tips, n=4, axis=0).reshape(-1, 3), 4)
+    noise = noise_level(np.diff(tips, n=4, axis=0).reshape(-1, 3))
     share = min(max((noise - QUIET) / (NOISY - QUIET), 0.0), 1.0)
     smoothed = smooth(samples.movedim(1, 0), SMOOTHING, fps).movedim(0, 1)
     return samples + share * (smoothed - samples)

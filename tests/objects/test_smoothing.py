@@ -23,8 +23,8 @@ def error(track, truth) -> float:
 @pytest.mark.parametrize("sigma", [0.001, 0.01])
 def test_fourth_differences_tell_noise_and_not_motion(sigma):
     noise = sigma * np.random.default_rng(0).standard_normal((FRAMES, 3))
-    assert noise_level(np.diff(swing(), n=4, axis=0), 4) < 1e-5
-    found = noise_level(np.diff(swing() + noise, n=4, axis=0), 4)
+    assert noise_level(np.diff(swing(), n=4, axis=0)) < 1e-5
+    found = noise_level(np.diff(swing() + noise, n=4, axis=0))
     assert found == pytest.approx(sigma, rel=0.2)
 
 

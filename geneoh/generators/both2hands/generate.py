@@ -7,7 +7,7 @@ from geneoh.body.skeleton import BODY_JOINTS, Skeleton
 from geneoh.errors import InputError, shortened
 from geneoh.generators.both2hands.library import Networks, load_networks
 from geneoh.generators.both2hands.limits import within_limits
-from geneoh.generators.both2hands.sampling import Branch, SamplingConfig, sample
+from geneoh.generators.both2hands.sampling import SamplingConfig, sample
 from geneoh.generators.pieces import words_of
 from geneoh.progress import OnStep
 
@@ -21,7 +21,6 @@ def generate_hands(
     sentence: str,
     *,
     steps: int = 25,
-    branch: Branch = "blended",
     generator: torch.Generator,
     networks: Networks | None = None,
     on_step: OnStep | None = None,
@@ -33,7 +32,7 @@ def generate_hands(
         skeleton: of the body.
         sentence: such as "the right hand waves, the left rests"; English.
         steps: denoising steps (paper: 1,000).
-        branch: whose hands are wanted: of the body and the sentence, or of one of them.
+
         generator: of the noise; another one makes other hands.
         networks: None for the shipped ones.
         on_step: told of the steps.
@@ -48,7 +47,7 @@ def generate_hands(
         BodyMotion(motion.root[None], motion.rotations[None]),
         skeleton,
         [sentence],
-        SamplingConfig(steps=steps, branch=branch),
+        SamplingConfig(steps=steps),
         generator=generator,
         on_step=on_step,
     )

@@ -16,7 +16,8 @@ from geneoh.files.tensors import DamagedTensorsError, all_tensors, opened_tensor
 from geneoh.generators.text2hoi.annotation import has_labels, label_files, labels_of
 from geneoh.generators.text2hoi.recorded import RecordedConfig, Surface, action_of
 from geneoh.progress import OnStep, steps
-from geneoh.readers.base import ReaderOptions, SourceClip, finite_frames
+from geneoh.readers.base import ReaderOptions, SourceClip
+from geneoh.readers.dataset_reader import frames_to_keep
 from geneoh.readers.recordings import find_clips, source_named
 from geneoh.streamed import Streamed
 from geneoh.synthesis.actions import Actions
@@ -189,10 +190,9 @@ def cut(
         key = tuple(mesh.sha256 for mesh in sequence.object.meshes)
         if key not in surfaces:
             surfaces[key] = Surface.of(sequence.object.meshes, config.points)
-        known = finite_frames(parts.motion) if parts.object_known is None else parts.object_known
+        seen = torch.from_numpy(frames_to_keep(parts, len(parts.motion)))
         for label in of_object:
             words = {"verb": label.verb, "noun": label.noun, "subject": label.subject}
-            seen = torch.from_numpy(known)
             yield action_of(sequence, label, surfaces[key], config.up, seen), words
 
 

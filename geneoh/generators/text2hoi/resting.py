@@ -16,8 +16,8 @@ ON_TABLE = 0.04
 """Height of an object over the table below which it is taken as standing on it, metres."""
 
 
-def touching_hands(actions: Actions, within: float = NEAR) -> Bool[Tensor, "B 2 T"]:
-    """Frames in which a keypoint of each hand is so near to a point of the object, metres."""
+def touching_hands(actions: Actions) -> Bool[Tensor, "B 2 T"]:
+    """Frames in which a keypoint of each hand is within `NEAR` of a point of the object."""
     joints = actions.keypoints()
     rotation, translation = actions.part_poses()
     touching = torch.zeros(actions.wrist.shape[:3], dtype=torch.bool)
@@ -26,25 +26,23 @@ def touching_hands(actions: Actions, within: float = NEAR) -> Bool[Tensor, "B 2 
         posed = rotation[clip, :frames, part] @ actions.points[clip, :, :, None]
         posed = posed[..., 0] + translation[clip, :frames, part]
         for hand in torch.nonzero(actions.hands[clip])[:, 0].tolist():
-            near = torch.cdist(joints[clip, hand, :frames], posed) < within
+            near = torch.cdist(joints[clip, hand, :frames], posed) < NEAR
             touching[clip, hand, :frames] = near.flatten(1).any(1)
     return touching
 
 
-def eased(actions: Actions, frames: int = EASE) -> Actions:
+def eased(actions: Actions) -> Actions:
     """The same actions in a time that begins and ends slowly, so that all starts and ends at rest.
 
-    In so many frames at either end time runs as 2 u^2 - u^3, from a stand to its own speed.
+    In `EASE` frames at either end time runs as 2 u^2 - u^3, from a stand to its own speed.
     """
     last = (actions.length - 1)[:, None].to(actions.joint)
-    return at_times(actions, eased_time(actions.joint.shape[1], last, frames))
+    return at_times(actions, eased_time(actions.joint.shape[1], last))
 
 
-def eased_time(
-    count: int, last: Float[Tensor, "B 1"], frames: int = EASE
-) -> Float[Tensor, "B {count}"]:
+def eased_time(count: int, last: Float[Tensor, "B 1"]) -> Float[Tensor, "B {count}"]:
     """The times of `eased` at `count` frames, of clips whose last frames are `last`."""
-    ends = (last / 3).clamp(min=1.0, max=frames)
+    ends = (last / 3).clamp(min=1.0, max=EASE)
     time = torch.arange(count).to(last).minimum(last)
 
     def begun(since: Float[Tensor, "B T"]) -> Float[Tensor, "B T"]:

@@ -59,7 +59,6 @@ def solid_of(stood: StandingObject) -> tuple[Solids, Float[Tensor, " 3"]]:
 def settled(
     actions: Actions,
     stood: StandingObject,
-    config: GraspConfig = SETTLING,
     *,
     generator: torch.Generator,
 ) -> Actions:
@@ -78,7 +77,7 @@ def settled(
         carrying = touching[number] & moves
         hold = torch.nonzero(carrying if bool(carrying.any()) else touching[number])[:, 0]
         hand = HeldHands.of(actions, number, middle)
-        held, frame, fits = settled_pose(own, hand, hold, before, config)
+        held, frame, fits = settled_pose(own, hand, hold, before)
         frames = hold if bool(carrying.any()) else frame.expand(1)
         if not fits and lifted(actions, carrying):
             held = new_hold(own, hand.take(frame[None], "N"), before, generator) or held
@@ -93,7 +92,6 @@ def settled_pose(
     hand: HeldHands,
     hold: Int[Tensor, " N"],
     before: HeldHands | None,
-    config: GraspConfig,
 ) -> tuple[HeldHands, Int[Tensor, ""], bool]:
     """The best of some poses of a hold, each brought to the surface, its frame, and if it is firm.
 
@@ -112,9 +110,9 @@ def settled_pose(
         types=torch.zeros(TRIES, dtype=torch.long),
     )
     solids = solids.take(torch.zeros(TRIES, dtype=torch.long), "B")
-    out = settled_grasps(solids, grasps, config, reach=REACH)
+    out = settled_grasps(solids, grasps, SETTLING, reach=REACH)
     # a hand that comes out of the object from deep inside is drawn back to what is then next to it
-    after = settled_grasps(solids, out, config, reach=REACH)
+    after = settled_grasps(solids, out, SETTLING, reach=REACH)
     found = HeldHands(after.pose, after.wrist)
     centers, radii = found.spheres
     depth = (radii - solids.signed_distance(centers)).clamp(min=0).amax(1)

@@ -15,6 +15,7 @@ from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.shards import seed_of
 
 ANKLE_HEIGHT = 0.075  # of the embedded skeleton over the ground, metres
+FEET_SMOOTHING = 2.5  # deviation in frames of the filter on the pelvis over stepping feet
 BODIES = 400
 """Bodies of different proportions; `Gestures.body` is one of their numbers."""
 
@@ -164,9 +165,9 @@ def _root(skeleton: Skeleton, motion: BodyMotion, gait: Gait) -> Float[Tensor, "
     return torch.cat([_smoothed(root[..., i : i + 1]) for i in range(3)], -1)
 
 
-def _smoothed(values: Float[Tensor, "B T 1"], width: float = 2.5) -> Float[Tensor, "B T 1"]:
+def _smoothed(values: Float[Tensor, "B T 1"]) -> Float[Tensor, "B T 1"]:
     """Values over time without the corners that changing feet make."""
-    reach = int(3 * width)
-    kernel = torch.exp(-0.5 * (torch.arange(-reach, reach + 1) / width) ** 2)
+    reach = int(3 * FEET_SMOOTHING)
+    kernel = torch.exp(-0.5 * (torch.arange(-reach, reach + 1) / FEET_SMOOTHING) ** 2)
     padded = torch.nn.functional.pad(values.mT, (reach, reach), mode="replicate")
     return torch.nn.functional.conv1d(padded, (kernel / kernel.sum())[None, None]).mT
