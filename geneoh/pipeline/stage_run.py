@@ -2,10 +2,11 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import torch
 from jaxtyping import Float
-from torch import Tensor
+from torch import Tensor, nn
 
 from geneoh.denoisers.library import Denoisers
 from geneoh.errors import CheckpointError
@@ -144,35 +145,22 @@ class StageRun:
     def _by_paper(self, context: StageContext, preset: Preset) -> Float[Tensor, "S T 21 3"]:
         """All three stages on keypoints, in the form of the paper."""
         joints = self.subject.joints.expand(preset.samples, -1, -1, -1)
+
+        networks = self.denoisers
+
+        def run(
+            name: str, stage: Callable[..., Tensor], network: nn.Module | None, plan: StagePlan
+        ) -> Tensor:
+            assert network is not None, "it was asked for"
+            how = {"generator": self.generator, "on_step": self.progress_of(name)}
+            return stage(network, joints, context, plan, **how)
+
         if preset.motion is not None:
-            assert self.denoisers.trajectory is not None, "it was asked for"
-            joints = denoise_trajectory(
-                self.denoisers.trajectory,
-                joints[:1],
-                context,
-                preset.motion,
-                samples=preset.samples,
-                generator=self.generator,
-                on_step=self.progress_of("motion"),
-            )
+            stage = partial(denoise_trajectory, samples=preset.samples)
+            joints = joints[:1]
+            joints = run("motion", stage, networks.trajectory, preset.motion)
         if isinstance(preset.spatial, StagePlan):
-            assert self.denoisers.relations is not None, "it was asked for"
-            joints = denoise_relations(
-                self.denoisers.relations,
-                joints,
-                context,
-                preset.spatial,
-                generator=self.generator,
-                on_step=self.progress_of("spatial"),
-            )
+            joints = run("spatial", denoise_relations, networks.relations, preset.spatial)
         if isinstance(preset.temporal, StagePlan):
-            assert self.denoisers.latent is not None, "it was asked for"
-            joints = denoise_latent(
-                self.denoisers.latent,
-                joints,
-                context,
-                preset.temporal,
-                generator=self.generator,
-                on_step=self.progress_of("temporal"),
-            )
+            joints = run("temporal", denoise_latent, networks.latent, preset.temporal)
         return joints
