@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 from click import Choice
-from click.core import ParameterSource
 
 from geneoh.choices import (
     ABLATIONS,
@@ -137,11 +136,8 @@ def evaluation_options(
 def command_line(ctx: click.Context) -> str:
     """The command with the options that were given."""
     words = ["geneoh", ctx.command.name or ""]
-    for parameter in ctx.command.params:
-        name = parameter.name or ""
-        if ctx.get_parameter_source(name) is not ParameterSource.COMMANDLINE:
-            continue
-        given, value = max(parameter.opts, key=len), ctx.params[name]
+    for name, given in options.on_command_line().items():
+        value = ctx.params[name]
         for one in value if isinstance(value, tuple) else (value,):
             words += [given] if one is True else [given, str(one)]
     return shlex.join(words)

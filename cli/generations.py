@@ -56,9 +56,9 @@ def check_parameters(ctx: click.Context) -> None:
     """`ConfigError` for a data set of another kind, for none at all, and for other options."""
     kind = {"text2hoi": "actions", "both2hands": "bodies"}[ctx.params["generator"]]
     known = ACTION_DATASETS if kind == "actions" else ("synthetic",)
-    given = options.on_command_line(ctx.params.keys() - GO_WITH_IT)
-    if given:
-        raise ConfigError(f"--generator: expected no {given[0]} with it, got one; leave it out")
+    for name, given in options.on_command_line().items():
+        if name not in GO_WITH_IT:
+            raise ConfigError(f"--generator: expected no {given} with it, got one; leave it out")
     if ctx.params["dataset"] not in known:
         raise ConfigError(
             f"--dataset: expected {', '.join(known)} with --generator {ctx.params['generator']}, "

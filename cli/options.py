@@ -1,6 +1,6 @@
 """Options that several commands share, each with one meaning and one help text."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection
 from functools import partial, reduce
 from importlib.resources import files
 from pathlib import Path
@@ -25,24 +25,25 @@ def together(*decorators: Decorator) -> Decorator:
     return add
 
 
-def on_command_line(names: Iterable[str]) -> list[str]:
-    """The options of some parameters that stand on the command line.
+def on_command_line() -> dict[str, str]:
+    """The options that stand on the command line, by the names of their parameters.
 
     The environment counts for nothing: its variables are set for all commands.
     """
-    context, wanted = click.get_current_context(), set(names)
-    return [
-        max(parameter.opts, key=len)
+    context = click.get_current_context()
+    return {
+        parameter.name: max(parameter.opts, key=len)
         for parameter in context.command.params
-        if parameter.name in wanted
+        if parameter.name
         and context.get_parameter_source(parameter.name) is ParameterSource.COMMANDLINE
-    ]
+    }
 
 
-def refuse(names: Iterable[str], why: str) -> None:
+def refuse(names: Collection[str], why: str) -> None:
     """Refuse options of some parameters, which would be ignored, that the command line has."""
-    for given in on_command_line(names):
-        raise click.UsageError(f"{given} {why}; leave it out")
+    for name, given in on_command_line().items():
+        if name in names:
+            raise click.UsageError(f"{given} {why}; leave it out")
 
 
 FILE = click.Path(dir_okay=False, path_type=Path)

@@ -43,11 +43,16 @@ def generated(made: "Generated", output: Path) -> Iterator[str]:
     hands = " and ".join(hand.side for hand in sequence.hands)
     seconds = sequence.frames / sequence.fps
     yield f"{prompt.verb} with the {hands} hand: {sequence.frames} frames, {seconds:.1f} s"
-    for side, hand in ({} if made.refined is None else made.refined.hands).items():
+    yield from refined(made.refined)
+    yield f"wrote {output}"
+
+
+def refined(result: Denoised | None) -> Iterator[str]:
+    """What the cleaner says of the hands of a generator, where it mended them."""
+    for side, hand in ({} if result is None else result.hands).items():
         yield f"{side} hand:"
         for line in before_and_after(hand.before, hand.after):
             yield f"  {line}"
-    yield f"wrote {output}"
 
 
 def hands_on_body(made: "BodyWithHands", outputs: Iterable[Path]) -> Iterator[str]:
@@ -56,10 +61,7 @@ def hands_on_body(made: "BodyWithHands", outputs: Iterable[Path]) -> Iterator[st
     yield f"read {body.source}: {body.frames} frames at {body.fps:g} frames a second"
     for note in body.notes:
         yield f"note: {note}"
-    for side, hand in ({} if made.refined is None else made.refined.hands).items():
-        yield f"{side} hand:"
-        for line in before_and_after(hand.before, hand.after):
-            yield f"  {line}"
+    yield from refined(made.refined)
     for output in outputs:
         yield f"wrote {output}"
 

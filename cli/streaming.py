@@ -11,7 +11,6 @@ from typing import Any, BinaryIO
 import click
 import msgpack
 import numpy as np
-from click.core import ParameterSource
 
 from geneoh.choices import SIDES, Side
 from geneoh.errors import InputError
@@ -20,6 +19,8 @@ from geneoh.pipeline.options import Options
 from geneoh.pipeline.stream import CleanFrame, Stream
 from geneoh.readers.npz_files import hand_arrays
 from geneoh.readers.npz_layouts import HAND_FIELDS, own_names
+
+from . import options
 
 LONGEST = 2**20
 """Bytes of a frame, so that input without an end of line fills no memory."""
@@ -37,20 +38,16 @@ def run(obj: tuple[Path, ...], mano: Path | None, chosen: dict[str, Any]) -> Non
     Raises:
         UsageError: an option is given that a stream does not have.
     """
-    context = click.get_current_context()
-    given = {
-        name
-        for name in context.params
-        if context.get_parameter_source(name) is ParameterSource.COMMANDLINE
-    }
+    given = options.on_command_line()
     settings = {field.name for field in dataclasses.fields(Options)} | {"lag", "fps"}
-    if wrong := sorted(given - settings - {"stream", "obj", "mano", "side"}):
-        named = ("NOISY" if n == "noisy" else f"--{n.replace('_', '-')}" for n in wrong)
+    known = settings | {"stream", "obj", "mano", "side"}
+    if wrong := [option for name, option in given.items() if name not in known]:
+        named = ", ".join(wrong).replace("noisy", "NOISY")
         raise click.UsageError(
-            f"--stream reads standard input and writes standard output; drop {', '.join(named)}"
+            f"--stream reads standard input and writes standard output; drop {named}"
         )
     meshes = tuple(map(load_mesh, obj))
-    kept = {name: chosen[name] for name in given & settings}  # the rest is as a stream has it
+    kept = {n: chosen[n] for n in given.keys() & settings}  # the rest is as a stream has it
 
     def begin(**about: Any) -> Stream:
         return Stream(meshes, mano_dir=mano, **about, **kept)

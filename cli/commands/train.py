@@ -234,8 +234,9 @@ def only_source(stage: Any, sources: tuple[str, ...], default: str) -> str:
 
 def refuse_unused(stage: Any, *names: str) -> None:
     """Refuse options that are given and of which a stage makes no use."""
-    for option in options.on_command_line(names):
-        raise ConfigError(
-            f"{option}: expected none with --stage {stage}, which takes nothing from it; "
-            "leave it out"
-        )
+    for name, option in options.on_command_line().items():
+        if name in names:
+            raise ConfigError(
+                f"{option}: expected none with --stage {stage}, which takes nothing from it; "
+                "leave it out"
+            )
