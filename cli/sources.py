@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from click import Choice
 
-from geneoh.choices import JOINT_ORDERS, TRANSLATIONS, UNITS
+from geneoh.choices import JOINT_ORDERS, OF_SOURCES, TRANSLATIONS, UNITS
 from geneoh.readers.registry import SOURCES
 
 from . import options
@@ -48,7 +48,7 @@ reader_options = options.together(
 )
 """Options that a source may need to be read."""
 
-NEEDS_SOURCE = ("objects", "body", "translation", "swap_parts", "mean_pose", "focal", "clip")
+NEEDS_SOURCE = (*OF_SOURCES, "clip")
 """Of these and --clip, the ones that mean nothing for an npz that is read without --from."""
 
 

@@ -7,6 +7,7 @@ from typing import Literal, get_args
 
 Side = Literal["left", "right"]
 SIDES: tuple[Side, ...] = get_args(Side)
+OTHER_SIDE: dict[Side, Side] = {"left": "right", "right": "left"}
 
 HandsName = Literal["left hand", "right hand", "both hands"]
 """Hands that a sentence asks for."""
@@ -109,6 +110,9 @@ Translation = Literal["wrist", "origin"]
 """The point that the translation of MANO parameters places: the wrist joint (convention W), or the
 origin of the model (convention O). See the page on conventions."""
 TRANSLATIONS: tuple[Translation, ...] = get_args(Translation)
+
+OF_SOURCES = ("objects", "body", "translation", "swap_parts", "mean_pose", "focal")
+"""Options of reading that mean nothing for a file that is read without the name of its source."""
 
 Colouring = Literal["penetration", "contact", "spread", "plain"]
 """The quantity that the colour of a hand shows in pictures and films."""

@@ -12,12 +12,14 @@ from glob import glob, has_magic
 from pathlib import Path
 from typing import Any
 
+from geneoh.choices import OF_SOURCES
 from geneoh.config import closest_name, parse_setting
 from geneoh.errors import ConfigError, InputError
 from geneoh.files.reading import open_text
-from geneoh.geometry.mesh import MESH_SUFFIXES
+
 from geneoh.pipeline.options import Options
 from geneoh.readers.base import SourceClip
+from geneoh.readers.meshes import mesh_beside
 from geneoh.readers.recordings import find_clips as find_source_clips
 from geneoh.readers.recordings import source_named, with_distinct_names
 
@@ -26,7 +28,7 @@ MANIFEST_LIMIT = 2**26
 """Bytes of a manifest."""
 SETTINGS = tuple(field.name for field in fields(Options))
 FOR_NPZ = ("side", "fps", "unit", "joint_order", "keypoint_unit", "object_pose", "camera")
-READING = (*(*FOR_NPZ, "objects", "body", "translation", "swap_parts", "mean_pose", "focal"),)
+READING = (*FOR_NPZ, *OF_SOURCES)
 """Names of the options of `geneoh.read`; the first are those of `geneoh.load` too."""
 PATHS = ("object_pose", "objects", "body", "weights", "mano_dir")
 
@@ -83,7 +85,11 @@ def find_clips(
         once.setdefault(repr(replace(clip, name="")), clip)
     named = with_distinct_names([SourceClip(clip.name, clip.path) for clip in once.values()])
     clips = [
-        replace(clip, name=new.name, meshes=clip.meshes or meshes or mesh_beside(clip))
+        replace(
+            clip,
+            name=new.name,
+            meshes=clip.meshes or meshes or (() if clip.source else mesh_beside(clip.path)),
+        )
         for clip, new in zip(once.values(), named, strict=True)
     ]
     check_places(clips, folder)
@@ -188,14 +194,6 @@ def options_of(text: str, where: str, base: Path) -> tuple[dict[str, Any], dict[
         value = base / str(value) if name in PATHS else value
         (settings if name in SETTINGS else reading)[name] = value
     return settings, reading
-
-
-def mesh_beside(clip: Clip) -> tuple[Path, ...]:
-    """The mesh file beside a clip's file that has its name, where there is one."""
-    if clip.source is not None:
-        return ()
-    meshes = (clip.path.with_suffix(suffix) for suffix in MESH_SUFFIXES)
-    return tuple(mesh for mesh in meshes if mesh.is_file())[:1]
 
 
 def check_places(clips: list[Clip], folder: Path) -> None:

@@ -220,7 +220,7 @@ def scaled(mesh: Mesh, factor: float) -> Mesh:
 
 
 def from_trimesh(shape: "trimesh.Trimesh") -> Mesh:
-    """Vertices and faces of a mesh that trimesh has read."""
+    """Vertices and faces of a mesh of trimesh."""
     verts = torch.from_numpy(np.array(shape.vertices, dtype=np.float32).reshape(-1, 3))
     return Mesh(verts, torch.from_numpy(np.array(shape.faces, dtype=np.int64).reshape(-1, 3)))
 

@@ -20,7 +20,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from geneoh.bundle import Bundle
-from geneoh.choices import Side
+from geneoh.choices import OTHER_SIDE, Side
 from geneoh.geometry.mirror import mirror_axis_angle, mirror_faces, mirror_points, mirror_signs
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import MANO_FROM_OPENPOSE, PARENTS, TIP_PARENTS, forward_kinematics
@@ -94,7 +94,7 @@ class HandModel(Bundle):
         low, high = mirror_axis_angle(self.pose_low), mirror_axis_angle(self.pose_high)
         return replace(
             self,
-            side="right" if self.side == "left" else "left",
+            side=OTHER_SIDE[self.side],
             template=mirror_points(self.template),
             shape_dirs=self.shape_dirs * flip[:, None],
             pose_dirs=self.pose_dirs * flip[:, None] * feature,

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Shaped
 
 from geneoh.bundle import Bundle
-from geneoh.choices import JointOrder, Side, Translation, Unit
+from geneoh.choices import OF_SOURCES, JointOrder, Side, Translation, Unit
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import Mesh
 from geneoh.hand.mano import AS_SHIPPED, ManoName
@@ -63,9 +63,7 @@ class ReaderOptions:
         return default if self.fps is None else self.fps
 
 
-OF_SOME = ("body", "objects", "object_pose", "joint_order", "keypoint_unit", "translation") + (
-    *("swap_parts", "mean_pose", "focal"),
-)
+OF_SOME = (*OF_SOURCES, "object_pose", "joint_order", "keypoint_unit")
 """Options that mean something for some sources only; each reader says which it takes."""
 
 

@@ -13,7 +13,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.choices import JointOrder, Side
+from geneoh.choices import OTHER_SIDE, JointOrder, Side
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import size_warning
 from geneoh.geometry.rotations import axis_angle_to_matrix
@@ -191,7 +191,7 @@ def check_keypoint_order(hand: HandTrack, stored: CrossChecks) -> Iterator[str]:
             f"{1000 * span:.0f} mm; the keypoints are in another order (--joint-order)"
         )
     elif finger_curl(joints, hand.side) < -CURL_LIMIT * span:
-        other = "left" if hand.side == "right" else "right"
+        other = OTHER_SIDE[hand.side]
         yield (
             "handedness: the fingers curl away from the palm; these are points of the other hand, "
             f"pass --side {other} or correct the side that the file states"
@@ -212,7 +212,7 @@ def check_finger_bend(hand: HandTrack, stored: CrossChecks) -> Iterator[str]:
     bend = float(hand.pose[hand.valid][:, MIDDLE_JOINTS, 2].mean())
     bend = bend if hand.side == "right" else -bend
     if bend < -BACKWARD_LIMIT:
-        other = "left" if hand.side == "right" else "right"
+        other = OTHER_SIDE[hand.side]
         yield (
             f"handedness: the fingers bend backward by {-bend:.2f} rad on average; these are the "
             f"numbers of a {other} hand (--side {other}), or a mean pose is missing (--mean-pose)"

@@ -10,7 +10,7 @@ import torch
 
 from geneoh.errors import InputError
 from geneoh.files.npz import Arrays
-from geneoh.geometry.mesh import Mesh, load_mesh
+from geneoh.geometry.mesh import MESH_SUFFIXES, Mesh, load_mesh
 from geneoh.readers.npz_layouts import MESH_FIELDS
 from geneoh.readers.records import Array, Record
 from geneoh.sequence.sequence import ObjectTrack
@@ -29,6 +29,12 @@ def find_mesh(
         f"{places[0]}: expected the mesh of {what}, got no such file; "
         "download the data set's object models, or pass their folder with --objects"
     )
+
+
+def mesh_beside(path: Path) -> tuple[Path, ...]:
+    """The mesh file beside a file that has its name, where there is one."""
+    meshes = (path.with_suffix(suffix) for suffix in MESH_SUFFIXES)
+    return tuple(mesh for mesh in meshes if mesh.is_file())[:1]
 
 
 def read_mesh(path: Path, scale: float = 1.0, *, centred: bool = False) -> Mesh:

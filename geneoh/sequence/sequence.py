@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from geneoh.bundle import Bundle, conform
-from geneoh.choices import SIDES, Side
+from geneoh.choices import OTHER_SIDE, SIDES, Side
 from geneoh.errors import InputError
 from geneoh.geometry.distance import MovingSurface, SurfaceDistance
 from geneoh.geometry.mesh import Mesh, meshes_of
@@ -82,7 +82,7 @@ class HandTrack(Bundle):
         """The reflection x -> -x of this track: a left hand becomes a right one and back."""
         return replace(
             self,
-            side="right" if self.side == "left" else "left",
+            side=OTHER_SIDE[self.side],
             joints=None if self.joints is None else mirror_points(self.joints),
             pose=None if self.pose is None else mirror_axis_angle(self.pose),
             wrist=None if self.wrist is None else mirror_points(self.wrist),

@@ -18,7 +18,7 @@ from torch import Tensor
 from geneoh.errors import GeneOHError, InputError
 from geneoh.files.tensors import DamagedTensorsError, opened_tensors, write_tensors
 from geneoh.fitting.subject import subject_of
-from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.mesh import MESH_SUFFIXES, Mesh
 from geneoh.geometry.sampling import sample_surface
 from geneoh.hand.library import load_hand
 from geneoh.progress import OnStep, steps
@@ -39,8 +39,7 @@ from geneoh.synthesis.shards import seed_of
 from geneoh.synthesis.solids import PARTS
 
 SEQUENCES = "sequences"  # the source that is a folder of npz files, as `geneoh convert` writes
-MESHES = (".obj", ".ply", ".stl", ".off", ".glb")
-"""Endings of the one file beside an npz that names no mesh itself."""
+
 PICTURES = (".jpg", ".jpeg", ".png", ".mp4", ".avi", ".mkv")
 """Endings of files that no hand is read from."""
 
@@ -95,7 +94,8 @@ def read_recordings(source: str, clip: SourceClip, options: ReaderOptions) -> li
         return found
     sequence = load(clip.path)
     if not sequence.object.meshes:
-        beside = [file for file in clip.path.parent.iterdir() if file.suffix.lower() in MESHES]
+        files = clip.path.parent.iterdir()
+        beside = [file for file in files if file.suffix.lower() in MESH_SUFFIXES]
         if len(beside) != 1:
             raise InputError(
                 f"{clip.path}: names no mesh, expected one file of it in the same folder, got "

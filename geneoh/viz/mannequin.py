@@ -1,14 +1,12 @@
 """A body as rigid parts that can be drawn: one rounded bone for each joint, and a head."""
 
-import numpy as np
-import torch
 import trimesh
 from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.body.motion import pose
 from geneoh.body.skeleton import BODY_JOINTS, JOINT_NAMES, PARENTS
-from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.mesh import Mesh, from_trimesh
 from geneoh.readers.bodies.base import BodyRecording
 from geneoh.sequence.sequence import ObjectTrack
 
@@ -46,7 +44,7 @@ def bone(name: str, offset: Float[Tensor, " 3"]) -> Mesh:
     turn = trimesh.geometry.align_vectors((0, 0, 1), (offset / length).numpy())
     assert turn is not None, "two directions of three numbers"
     shape.apply_transform(turn)
-    return mesh_of(shape)
+    return from_trimesh(shape)
 
 
 def head() -> Mesh:
@@ -54,10 +52,4 @@ def head() -> Mesh:
     shape = trimesh.creation.icosphere(2)
     shape.apply_scale(HEAD)
     shape.apply_translation(HEAD_ABOVE)
-    return mesh_of(shape)
-
-
-def mesh_of(shape: trimesh.Trimesh) -> Mesh:
-    """A shape as a mesh of ours."""
-    verts = torch.from_numpy(np.asarray(shape.vertices, dtype=np.float32))
-    return Mesh(verts, torch.from_numpy(np.asarray(shape.faces, dtype=np.int64)))
+    return from_trimesh(shape)

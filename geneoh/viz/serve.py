@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 
 from geneoh.errors import MissingAssetError
-from geneoh.geometry.mesh import MESH_SUFFIXES
+
 from geneoh.metrics.report import FRAME_MEANS
 from geneoh.progress import OnStep, steps
 from geneoh.readers.base import SourceClip
+from geneoh.readers.meshes import mesh_beside
 from geneoh.readers.recordings import with_distinct_names
 from geneoh.viz.look import OBJECT_COLOUR, SKIN_COLOUR
 from geneoh.viz.scene import Scene, Version
@@ -56,9 +57,7 @@ def gallery_items(
         stem = path.stem.removesuffix("_clean")
         beside = path.with_name(f"{stem}.npz")
         before = beside if beside != path and beside.is_file() else None
-        meshes = (path.with_name(stem + suffix) for suffix in MESH_SUFFIXES)
-        mesh = tuple(mesh for mesh in meshes if mesh.is_file())[:1]
-        opened = partial(open_scene, path, before, obj=obj or mesh)
+        opened = partial(open_scene, path, before, obj=obj or mesh_beside(beside))
         items.append(GalleryItem(clip.name, opened, opened().versions[-1].measures.means()))
     return items
 

@@ -6,7 +6,7 @@ import torch
 import trimesh
 from jaxtyping import Float, Int
 
-from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.mesh import Mesh, from_trimesh
 
 SHARP_ANGLE = np.deg2rad(50.0)  # faces that meet at more do not share normals, radians
 
@@ -23,11 +23,7 @@ def vertex_normals(
 def with_sharp_edges(mesh: Mesh) -> Mesh:
     """The same surface with its vertices doubled along sharp edges, so that they are lit apart."""
     whole = trimesh.Trimesh(mesh.verts.numpy(), mesh.faces.numpy(), process=False)
-    parted = trimesh.graph.smooth_shade(whole, angle=SHARP_ANGLE)
-    return Mesh(
-        torch.from_numpy(np.asarray(parted.vertices, dtype=np.float32)),
-        torch.from_numpy(np.asarray(parted.faces, dtype=np.int64)),
-    )
+    return from_trimesh(trimesh.graph.smooth_shade(whole, angle=SHARP_ANGLE))
 
 
 def coarser(mesh: Mesh, most: int) -> Mesh:

@@ -15,7 +15,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from geneoh.choices import Dataset, Side
+from geneoh.choices import OTHER_SIDE, Dataset
 from geneoh.errors import ConfigError, MissingAssetError
 from geneoh.evaluation.options import ProtocolOptions
 from geneoh.evaluation.protocols import synthetic
@@ -31,7 +31,6 @@ from geneoh.synthesis.shards import seed_of
 Item = TypeVar("Item")
 
 REACH = 0.15  # largest metres from the wrist to the object of a hand that is at it
-OTHER: dict[Side, Side] = {"right": "left", "left": "right"}
 TEST_OBJECTS = ("mug", "wineglass", "camera", "binoculars", "fryingpan", "toothpaste")
 """GRAB: objects that TOCH keeps out of training."""
 START_FRAMES = {
@@ -93,7 +92,7 @@ def cut_grab(file: SourceClip, options: ProtocolOptions) -> Iterator[Clip]:
     for recording in recordings_of("grab", file, options.reader_options):
         first, sequence = first_frame(recording, file), recording.sequence
         for hand in sequence.hands:
-            other_touches = contact[OTHER[hand.side]][first : first + sequence.frames]
+            other_touches = contact[OTHER_SIDE[hand.side]][first : first + sequence.frames]
             kept = (wrist_gap(hand, sequence.object) <= REACH) & ~other_touches
             yield from excerpts("grab", file, recording, hand.side, kept, options)
 
@@ -229,14 +228,13 @@ def clips_by_file(
     The copy is looked for at once; its files are read one by one as they are asked for. `synthetic`
     and the example of `taco` need none. `ConfigError` for settings that it makes no use of.
     """
+    clip = example(data_root(dataset, root)) if dataset == "taco" else None
+    refuse_unused("the example of taco" if clip else dataset, options)
     if dataset == "synthetic":
-        refuse_unused(dataset, options)
-        return iter([[clip] for clip in synthetic.find(options)])
-    protocol = PROTOCOLS[dataset]
-    if dataset == "taco" and (clip := example(protocol.root(root))):
-        refuse_unused("the example of taco", options)
+        return iter([[each] for each in synthetic.find(options)])
+    if clip is not None:
         return iter([[clip]])
-    refuse_unused(dataset, options)
+    protocol = PROTOCOLS[dataset]
     found = protocol.find(protocol.require(root))
     ordered = sorted(found, key=lambda file: seed_of("order", file.name))
     return (list(protocol.cut(file, options)) for file in ordered)
