@@ -3,8 +3,9 @@
 from dataclasses import replace
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
+from torch.nn.functional import max_pool1d
 
 from geneoh.errors import InputError
 from geneoh.sequence.gaps import FrameInterpolation, fill_gaps
@@ -85,5 +86,21 @@ def interpolated(sequence: Sequence, between: FrameInterpolation) -> Sequence:
         translation=between.points(sequence.object.translation),
         valid=None if sequence.object.valid is None else sequence.object.valid[nearest],
     )
-    hands = tuple(between.hand(fill_gaps(hand), hand.valid[nearest]) for hand in sequence.hands)
+    hands = tuple(
+        between.hand(fill_gaps(hand), without_short_gaps(hand.valid, between)[nearest])
+        for hand in sequence.hands
+    )
     return replace(sequence, hands=hands, object=motion)
+
+
+def without_short_gaps(
+    valid: Bool[Tensor, " T"], between: FrameInterpolation
+) -> Bool[Tensor, " T"]:
+    """The valid frames and those of gaps that are shorter than the time between two instants.
+
+    Else a hand that is found in every fourth frame may be in none of a quarter of the frames.
+    """
+    apart = (len(valid) - 1) / max(len(between.before) - 1, 1)
+    reach = int(apart / 2 + 0.25)  # 59.94 frames a second count as 60
+    near = max_pool1d(valid[None].float(), 2 * reach + 1, 1, reach)
+    return valid | (max_pool1d(-near, 2 * reach + 1, 1, reach)[0] < 0)

@@ -7,6 +7,7 @@ import torch
 
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.sequence.averaging import averaged
+from geneoh.sequence.resample import at_rate
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
 FRAMES, FPS = 60, 120.0
@@ -60,3 +61,11 @@ def test_gaps_stay_marked_and_lend_no_numbers():
     found = averaged(replace(given, hands=(holes,)), 30.0).hands[0]
     assert torch.equal(found.valid, valid)
     torch.testing.assert_close(found.joints, hand.joints, atol=1e-5, rtol=0)
+
+
+@pytest.mark.parametrize("first", range(4))
+def test_a_hand_that_is_found_in_every_fourth_frame_is_found_at_a_quarter_of_the_rate(first):
+    given = steady()
+    rare = replace(given.hands[0], valid=torch.arange(FRAMES) % 4 == first)
+    slow = at_rate(averaged(replace(given, hands=(rare,)), 30.0), 30.0)
+    assert bool(slow.hands[0].valid[1:-1].all())
