@@ -23,6 +23,8 @@ from geneoh.sequence.sequence import HandTrack
 
 POSE_MISFIT = 0.015
 """Mean distance of given joints to the given pose's own beyond which this is not used, metres."""
+NORMAL_SPREAD = 1.4826
+"""Deviation of normal numbers in units of their median distance from the median."""
 
 
 @dataclass(frozen=True)
@@ -123,6 +125,13 @@ def _posed(
 
 
 def _lengths(joints: Float[Tensor, "T 21 3"], trust: Float[Tensor, "T 21"]) -> Float[Tensor, " 20"]:
-    """Median `bone_lengths` over the frames in which both ends are trusted; NaN where none is."""
+    """`bone_lengths` over the frames in which both ends are trusted, metres; NaN where none is.
+
+    Noise of deviation s across a bone of length b lengthens it by s^2 / b in the median; along it
+    the same noise shows as the deviation of the length.
+    """
     ends = (trust[:, 1:] > 0) & (trust[:, list(KEYPOINT_PARENTS[1:])] > 0)
-    return bone_lengths(joints).masked_fill(~ends, torch.nan).nanmedian(0).values
+    lengths = bone_lengths(joints).masked_fill(~ends, torch.nan)
+    median = lengths.nanmedian(0).values
+    noise = NORMAL_SPREAD * (lengths - median).abs().nanmedian(0).values
+    return (median + (median**2 - 4 * noise**2).clamp(min=0).sqrt()) / 2

@@ -36,6 +36,17 @@ def test_joints_alone_give_the_persons_bone_lengths():
     assert subject.start is None
 
 
+def test_noise_of_joints_lengthens_no_bone():
+    betas = torch.linspace(1.0, -1.0, 10)
+    track = track_of(betas, 200)
+    noise = 0.008 * torch.randn(200, 21, 3, generator=torch.Generator().manual_seed(0))
+    noisy = replace(track, joints=track.joints + noise, pose=None, wrist=None)
+    off = subject_of(noisy, MODEL).shaped.offsets.norm(dim=-1) - MODEL.shaped(betas).offsets.norm(
+        dim=-1
+    )
+    assert off.mean().abs() < 1e-3
+
+
 def test_pose_alone_takes_the_mean_hand_and_says_so():
     track = replace(track_of(torch.zeros(10)), joints=None, hand_model="mano", betas=torch.ones(10))
     subject = subject_of(track, MODEL)
