@@ -14,7 +14,7 @@ from torch import Tensor
 from geneoh.choices import Selection, Side
 from geneoh.denoisers.library import Denoisers, load_denoisers
 from geneoh.fitting.adam import AdamFitConfig, fit_with_adam
-from geneoh.fitting.fit import fit_hand, start_from_keypoints
+from geneoh.fitting.fit import fit_hand
 from geneoh.fitting.subject import Subject, subject_of
 from geneoh.fitting.terms import HandState
 from geneoh.geometry.distance import MovingSurface
@@ -206,7 +206,9 @@ def _clean(
             surface, poses, near, chosen, hand.fps, ray=ray, object_noise=object_noise
         )
         index, target = _select(samples, subject, chosen.selection)
-        state, shaped, betas = _fit(target, subject, chosen, surface, evidence, progress_of("fit"))
+        state, shaped, betas = _fit(
+            target, subject, given, chosen, surface, evidence, progress_of("fit")
+        )
         joints = shaped.joints_from_rotations(state.rotations, state.wrist)[0]
     spread = joint_spread(samples) if len(samples) > 1 else None
     observed = hand.track.observed  # the report compares the same frames before and after
@@ -253,12 +255,13 @@ def _select(
 def _fit(
     target: Float[Tensor, "1 T 21 3"],
     subject: Subject,
+    given: HandState,
     chosen: Preset,
     surface: MovingSurface | None,
     evidence: Float[Tensor, " T"],
     on_step: OnStep,
 ) -> tuple[HandState, ShapedHand, Tensor]:
-    """Hand parameters, shape and betas that are fitted to the target.
+    """Hand parameters, shape and betas that are fitted to the target, from those of the input on.
 
     Filled frames count like observed ones, because the stages have filled them.
     """
@@ -267,12 +270,11 @@ def _fit(
     if isinstance(chosen.fit, AdamFitConfig):
         state, betas = fit_with_adam(target, trust, model, config=chosen.fit, on_step=on_step)
         return state, model.shaped(betas[0]), betas[0]
-    start = subject.start or start_from_keypoints(target, subject.shaped)
     state = fit_hand(
         target,
         trust,
         subject.shaped,
-        start,
+        given,
         config=chosen.fit,
         surface=surface if chosen.contact else None,
         evidence=evidence,

@@ -51,6 +51,15 @@ def test_a_clean_hand_alone_stays_where_it_is(clean):
     assert report.acceleration_mm < 9
 
 
+@pytest.mark.parametrize("preset", ["fast", "default"])
+def test_clean_keypoints_alone_stay_where_they_are(clean, preset):
+    keys = replace(clean.hands[0], pose=None, wrist=None, betas=None, hand_model=None)
+    given = replace(alone(clean), hands=(keys,))
+    cleaned = geneoh.denoise(given, preset=preset)
+    error, _ = error_and_acceleration(cleaned.sequence.hands[0].joints, clean)
+    assert error < 1.5
+
+
 def test_a_hand_alone_moves_with_the_world(noisy):
     short = alone(noisy)[30:60]
     hand = short.hands[0]
