@@ -25,6 +25,7 @@ from geneoh.objects.cleaning import clean_object
 from geneoh.objects.evidence import doubt, evidence_of_nearness, evidence_of_poses
 from geneoh.objects.refine import refine_object
 from geneoh.pipeline.alone import measure_hand
+from geneoh.pipeline.faults import without_faults
 from geneoh.pipeline.inputs import (
     as_sequence,
     checked_interaction,
@@ -94,7 +95,8 @@ def denoise(
         given = as_sequence(sequence, obj)
         sequence = checked_interaction(given)
         name = sequence.source.partition(" (")[0] or "the sequence"
-        doubtful = (*collapsed_sentences(given), *doubts(sequence, name))
+        sequence, lost = without_faults(sequence)
+        doubtful = (*collapsed_sentences(given), *lost, *doubts(sequence, name))
         for words in doubtful:
             LOG.warning("%s: %s", name, words)
         return replace(clean_interaction(sequence, options, on_progress), doubts=doubtful)

@@ -190,7 +190,7 @@ def check_keypoint_order(hand: HandTrack, stored: CrossChecks) -> Iterator[str]:
             f"order: a finger's bone is {1000 * longest:.0f} mm long beside a palm of "
             f"{1000 * span:.0f} mm; the keypoints are in another order (--joint-order)"
         )
-    elif finger_curl(joints, hand.side) < -CURL_LIMIT * span:
+    elif finger_curls(joints, hand.side).mean() < -CURL_LIMIT * span:
         other = OTHER_SIDE[hand.side]
         yield (
             "handedness: the fingers curl away from the palm; these are points of the other hand, "
@@ -198,11 +198,11 @@ def check_keypoint_order(hand: HandTrack, stored: CrossChecks) -> Iterator[str]:
         )
 
 
-def finger_curl(joints: Float[Tensor, "T 21 3"], side: Side) -> float:
+def finger_curls(joints: Float[Tensor, "T 21 3"], side: Side) -> Float[Tensor, " T"]:
     """Mean metres from the knuckles to the fingertips along the palm's inner normal."""
     palm = torch.linalg.cross(joints[:, 5] - joints[:, 0], joints[:, 17] - joints[:, 0])
     palm = torch.nn.functional.normalize(palm, dim=-1) * (1 if side == "right" else -1)
-    return float(((joints[:, FINGERTIPS] - joints[:, KNUCKLES]) * palm[:, None]).sum(-1).mean())
+    return ((joints[:, FINGERTIPS] - joints[:, KNUCKLES]) * palm[:, None]).sum(-1).mean(-1)
 
 
 def check_finger_bend(hand: HandTrack, stored: CrossChecks) -> Iterator[str]:

@@ -53,6 +53,12 @@ def in_mano_order(joints: np.ndarray) -> np.ndarray:
     return joints[:, np.argsort(ORDERS["mano"].entries)]
 
 
+def recorded_keypoints() -> np.ndarray:
+    """Keypoints of the frames of `recorded`."""
+    with np.load(ROOT / "examples/taco_clean.npz") as arrays:
+        return arrays["left_joints"][60:72]
+
+
 def recorded(**changes: object) -> Callable[[Path], None]:
     """Frames of the example recording, of a left hand that moves the object, in `joints` layout."""
 
@@ -75,6 +81,22 @@ def recorded(**changes: object) -> Callable[[Path], None]:
         write_mesh(folder / "object.obj", mesh.verts.numpy(), mesh.faces.numpy())
 
     return write
+
+
+def with_faulty_frame(
+    wrong: Callable[[np.ndarray], np.ndarray],
+) -> Callable[[Path], None]:
+    """The recording with another hand in its fifth frame."""
+    joints = recorded_keypoints().copy()
+    joints[5] = wrong(joints)
+    return recorded(joints=joints)
+
+
+def reflected_at_the_palm(joints: np.ndarray) -> np.ndarray:
+    """One frame whose palm stays where it is, of a hand of the other side."""
+    normal = np.cross(joints[5] - joints[0], joints[17] - joints[0])
+    normal /= np.linalg.norm(normal)
+    return joints - 2 * ((joints - joints[0]) @ normal)[:, None] * normal
 
 
 def transposed(folder: Path) -> None:
@@ -275,6 +297,32 @@ SITUATIONS = [
         "Zeros in a frame",
         "1 frames in which ... in one place",
         with_arrays(joints=bad.with_nan_in(3, 0.0)),
+        code=0,
+    ),
+    Situation(
+        "The hand is elsewhere in a frame",
+        "1 frames in which the left hand is where no motion brings it were taken as missing",
+        with_faulty_frame(lambda joints: joints[5] + 0.3),
+        code=0,
+    ),
+    Situation(
+        "The hand is turned over in a frame",
+        "1 frames in which the left hand is turned as no motion turns it were taken as missing",
+        with_faulty_frame(
+            lambda joints: 2 * joints[5].mean(0) * [1, 1, 0] + joints[5] * [-1, -1, 1]
+        ),
+        code=0,
+    ),
+    Situation(
+        "The hand is of the other side in a frame",
+        "1 frames in which the left hand is bent backward ... were taken as missing",
+        with_faulty_frame(lambda joints: reflected_at_the_palm(joints[5])),
+        code=0,
+    ),
+    Situation(
+        "The hand repeats a frame",
+        "1 frames in which the left hand repeats the frame before ... were taken as missing",
+        with_faulty_frame(lambda joints: joints[4]),
         code=0,
     ),
     Situation("NaN everywhere", "at least one frame", with_arrays(joints=lambda j: j * np.nan)),

@@ -1,0 +1,168 @@
+"""Frames in which a tracker lost the hand and says so nowhere: they count as missing.
+
+Trackers that lose a hand repeat their last answer, follow another hand, turn it over, or take it
+for one of the other side. Networks that have learned from noise around the true hand follow such
+frames; without them they fill in what lies between the others.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+from scipy.spatial.transform import Rotation
+from torch import Tensor
+
+from geneoh.choices import Side
+from geneoh.denoisers.base import palm_axes
+from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.hand.library import load_hand
+from geneoh.objects.consistency import longest_chain, possible_places, runs
+from geneoh.objects.smoothing import increments
+from geneoh.objects.symmetry import Symmetry
+from geneoh.readers.convention_check import KNUCKLES, finger_curls
+from geneoh.sequence.gaps import fill_gaps
+from geneoh.sequence.sequence import HandTrack, Sequence
+
+SHORTEST = 5
+"""Observed frames below which nothing tells a fault from motion."""
+PALM = (0, 5, 9, 13, 17)
+"""Keypoints of the wrist and of the knuckles."""
+PLACE_CHANGE, TURN_CHANGE, LARGEST_TURN = 0.1, 1.0, 2.0
+"""From one frame to the next the step of the palm may change by 10 cm and its turn by 57 degrees at
+30 frames a second, more at fewer, or by `BENDS` times its median change; and the turn by 115
+degrees at most. Noise that networks can mend stays below."""
+BENDS = 3.0
+SAME, LEAP = 2e-5, 0.003
+"""Largest coordinate of a step, metres, in which points stand still but for rounding; and the mean
+length of steps at 30 frames a second from which to such a stop nothing slows down."""
+BACKWARD, CURL_JUMP = -0.2, 0.4
+"""Share of the palm's length by which the fingertips of a hand of the other side are bent backward,
+and by how much more than in the frames around them."""
+ALL_THE_SAME = Symmetry(np.zeros(3), np.eye(3)[None])
+"""Of a hand: no turn but none at all maps it onto itself."""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Frames with one fault, and what is wrong with them in words."""
+
+    frames: Bool[Tensor, " T"]
+    words: str
+
+
+def without_faults(sequence: Sequence) -> tuple[Sequence, tuple[str, ...]]:
+    """The sequence whose faulty frames count as missing, and what a user should know of them."""
+    hands, said = [], []
+    for hand in sequence.hands:
+        for fault in faults(hand, sequence.fps):
+            hand = replace(hand, valid=hand.valid & ~fault.frames)
+            said.append(
+                f"{int(fault.frames.sum())} frames in which the {hand.side} hand {fault.words} "
+                "were taken as missing"
+            )
+        hands.append(hand)
+    return replace(sequence, hands=tuple(hands)), tuple(said)
+
+
+def faults(hand: HandTrack, fps: float) -> Iterator[Fault]:
+    """The faults of a track, each with frames that no other has; most tracks have none."""
+    seen = hand.observed
+    if int(seen.sum()) < SHORTEST:
+        return
+    joints = keypoints(fill_gaps(replace(hand, valid=seen)))
+    for find, words in FAULTS:
+        wrong = find(joints, hand.side, fps) & seen
+        # a slow tracker repeats most frames; else what is so in most of them is how the hand is
+        few = find is repeated or 2 * int(wrong.sum()) < int(seen.sum())
+        if few and bool(wrong.any()):
+            yield Fault(wrong, words)
+            seen = seen & ~wrong
+
+
+def keypoints(hand: HandTrack) -> Float[Tensor, "T 21 3"]:
+    """Keypoints of a track, of a mean hand where it has none, metres, world frame."""
+    if hand.joints is not None:
+        return hand.joints
+    assert hand.pose is not None, "a track without joints has a pose"
+    assert hand.wrist is not None, "a pose comes with a wrist"
+    mean = load_hand(hand.side).to(hand.pose.device).shaped(hand.pose.new_zeros(10))
+    return mean.joints_from_rotations(axis_angle_to_matrix(hand.pose), hand.wrist)
+
+
+def repeated(joints: Float[Tensor, "T 21 3"], side: Side, fps: float) -> Bool[Tensor, " T"]:
+    """Frames that repeat the one before, in the middle of motion."""
+    found = torch.zeros_like(joints[:, 0, 0], dtype=torch.bool)
+    for run in stops(joints, fps):
+        found[run.start + 1 : run.stop + 1] = True
+    return found
+
+
+def stiff(joints: Float[Tensor, "T 21 3"], side: Side, fps: float) -> Bool[Tensor, " T"]:
+    """Frames of one and the same hand shape, such as a mean one, in a hand that moves."""
+    found, still = torch.zeros_like(joints[:, 0, 0], dtype=torch.bool), standing(joints)
+    for run in stops((joints - joints[:, :1]) @ palm_axes(joints[:, None]), fps):
+        found[run.start : run.stop + 1] = not bool(still[run].all())
+    return found
+
+
+def standing(points: Float[Tensor, "T 21 3"]) -> Bool[Tensor, " N"]:
+    """Whether points stand still from each frame to the next."""
+    return points.diff(dim=0).abs().flatten(1).amax(1) < SAME
+
+
+def stops(points: Float[Tensor, "T 21 3"], fps: float) -> Iterator[slice]:
+    """Runs of steps in which points stand still, and which begin and end with a leap."""
+    steps = points.diff(dim=0).norm(dim=-1).mean(-1)
+    leaps = (steps > LEAP * max(1.0, 30 / fps) ** 2).cpu().numpy()
+    for run in runs(standing(points).cpu().numpy()):
+        around = [step for step in (run.start - 1, run.stop) if 0 <= step < len(leaps)]
+        if around and leaps[around].all():
+            yield run
+
+
+def displaced(joints: Float[Tensor, "T 21 3"], side: Side, fps: float) -> Bool[Tensor, " T"]:
+    """Frames in which the palm is where no possible motion brings it."""
+    middle = joints[:, PALM].mean(1).double().cpu().numpy()
+    limit = change_limit(np.diff(middle, axis=0), PLACE_CHANGE, fps)
+    return ~torch.from_numpy(possible_places(middle, limit, fps)).to(joints.device)
+
+
+def turned_over(joints: Float[Tensor, "T 21 3"], side: Side, fps: float) -> Bool[Tensor, " T"]:
+    """Frames in which the palm is turned as no possible motion turns it."""
+    palm = Rotation.from_matrix(palm_axes(joints[:, None]).double().cpu().numpy())
+    turns = increments(palm)
+    limit = min(change_limit(turns, TURN_CHANGE, fps), LARGEST_TURN)
+    possible = np.ones(len(joints), dtype=bool)
+    if np.linalg.norm(np.diff(turns, axis=0), axis=1).max() > limit:
+        possible = longest_chain(palm, limit, ALL_THE_SAME, fps).kept
+    return ~torch.from_numpy(possible).to(joints.device)
+
+
+def change_limit(steps: Float[np.ndarray, "N 3"], change: float, fps: float) -> float:
+    """How much a step may differ from the one before, radians or metres."""
+    usual = float(np.median(np.linalg.norm(np.diff(steps, axis=0), axis=1)))
+    return max(change * max(1.0, 30 / fps), BENDS * usual)
+
+
+def other_side(joints: Float[Tensor, "T 21 3"], side: Side, fps: float) -> Bool[Tensor, " T"]:
+    """Frames whose fingers bend backward, while those around them bend forward."""
+    length = (joints[:, list(KNUCKLES)] - joints[:, :1]).norm(dim=-1).median()
+    curl = (finger_curls(joints, side) / length).cpu().numpy()
+    found = torch.zeros_like(joints[:, 0, 0], dtype=torch.bool)
+    for run in runs(curl < BACKWARD):
+        around = [frame for frame in (run.start - 1, run.stop) if 0 <= frame < len(curl)]
+        if around and curl[around].min() > curl[run].mean() + CURL_JUMP:
+            found[run] = True
+    return found
+
+
+FAULTS = (
+    (repeated, "repeats the frame before, and leaps before and after"),
+    (stiff, "keeps one shape for a while, and leaps into and out of it"),
+    (displaced, "is where no motion brings it"),
+    (turned_over, "is turned as no motion turns it"),
+    (other_side, "is bent backward, as one of the other side"),
+)
+"""What finds the frames of each fault, and its words."""

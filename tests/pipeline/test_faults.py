@@ -1,0 +1,141 @@
+"""Frames in which a tracker lost the hand without saying so."""
+
+import math
+from dataclasses import replace
+
+import pytest
+import torch
+
+from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
+from geneoh.pipeline.denoise import denoise
+from geneoh.pipeline.faults import without_faults
+from geneoh.sequence.noise import corrupt_sequence
+from geneoh.sequence.resample import at_rate
+from geneoh.sequence.sequence import HandTrack, Sequence
+
+FROM, UNTIL = 70, 77
+"""Faulty frames of the recording, in which its hand moves."""
+
+
+def with_hand(sequence: Sequence, **changed: torch.Tensor | None) -> Sequence:
+    """The sequence with another hand."""
+    return replace(sequence, hands=(replace(sequence.hands[0], **changed),))
+
+
+def keys_of(sequence: Sequence, joints: torch.Tensor) -> Sequence:
+    """The sequence with keypoints alone, which are `joints` in the faulty frames."""
+    mixed = sequence.hands[0].joints.clone()
+    mixed[FROM:UNTIL] = joints[FROM:UNTIL]
+    return with_hand(sequence, joints=mixed, pose=None, wrist=None, betas=None)
+
+
+def elsewhere(hand: HandTrack) -> torch.Tensor:
+    return hand.joints + torch.tensor([0.2, -0.2, 0.1])
+
+
+def turned_about_its_axis(hand: HandTrack) -> torch.Tensor:
+    along = torch.nn.functional.normalize(hand.joints[:, 9] - hand.joints[:, 0], dim=-1)
+    wrist = hand.joints[:, :1]
+    return wrist + (hand.joints - wrist) @ axis_angle_to_matrix(math.pi * along).mT
+
+
+def of_the_other_side(hand: HandTrack) -> torch.Tensor:
+    """Reflected at the plane of the palm, where the hand stays."""
+    across = torch.linalg.cross(
+        hand.joints[:, 5] - hand.joints[:, 0], hand.joints[:, 17] - hand.joints[:, 0]
+    )
+    normal = torch.nn.functional.normalize(across, dim=-1)[:, None]
+    apart = hand.joints - hand.joints[:, :1]
+    return hand.joints - 2 * (apart * normal).sum(-1, keepdim=True) * normal
+
+
+def missing(sequence: Sequence) -> list[int]:
+    """Frames that count as missing."""
+    return (~without_faults(sequence)[0].hands[0].valid).nonzero()[:, 0].tolist()
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        (elsewhere, "7 frames in which the left hand is where no motion brings it"),
+        (turned_about_its_axis, "7 frames in which the left hand is turned as no motion"),
+        (of_the_other_side, "7 frames in which the left hand is bent backward"),
+    ],
+)
+def test_hands_that_cannot_be_there_are_missing(noisy, wrong, words):
+    given = keys_of(noisy, wrong(noisy.hands[0]))
+    assert missing(given) == list(range(FROM, UNTIL))
+    (said,) = without_faults(given)[1]
+    assert said.startswith(words)
+    assert said.endswith("were taken as missing")
+
+
+def test_a_frozen_hand_is_missing_but_for_its_first_frame(noisy):
+    hand = noisy.hands[0]
+    frames = torch.arange(noisy.frames)
+    frames[FROM:UNTIL] = FROM
+    frozen = hand.map(lambda values: values[frames], "T")
+    given = replace(noisy, hands=(frozen,))
+    assert missing(given) == list(range(FROM + 1, UNTIL))
+    assert "repeats the frame before" in without_faults(given)[1][0]
+
+
+def test_fingers_at_one_pose_are_missing(noisy):
+    pose = noisy.hands[0].pose.clone()
+    pose[FROM:UNTIL, 1:] = 0.0
+    given = with_hand(noisy, pose=pose, joints=None)
+    assert missing(given) == list(range(FROM, UNTIL))
+    assert "keeps one shape" in without_faults(given)[1][0]
+
+
+def test_a_flipped_orientation_of_parameters_is_missing(noisy):
+    pose = noisy.hands[0].pose.clone()
+    turn = axis_angle_to_matrix(torch.tensor([math.pi, 0.0, 0.0]))
+    over = axis_angle_to_matrix(pose[FROM:UNTIL, 0]) @ turn
+    pose[FROM:UNTIL, 0] = matrix_to_axis_angle(over)
+    assert missing(with_hand(noisy, pose=pose, joints=None)) == list(range(FROM, UNTIL))
+
+
+@pytest.mark.parametrize("noise", ["gauss_strong", "beta", "bias", "drift", "burst", "drop"])
+@pytest.mark.parametrize("fps", [10.0, 30.0, 120.0])
+def test_noise_and_fast_motion_are_no_fault(clean, noise, fps):
+    given = corrupt_sequence(at_rate(clean, fps), noise, generator=torch.Generator().manual_seed(1))
+    found, said = without_faults(given)
+    assert int((given.hands[0].valid & ~found.hands[0].valid).sum()) <= 1
+    assert len(said) <= 1
+
+
+def test_the_recording_is_left_as_it_is(clean):
+    assert without_faults(clean) == (clean, ())
+
+
+def test_a_hand_that_rests_and_goes_on_is_no_fault(clean):
+    """It slows down, stands still for a second, and goes on."""
+    time = torch.cat([torch.linspace(0, 1, 30).square().flip(0).neg(), torch.zeros(30)])
+    joints = clean.hands[0].joints[:1] + 0.3 * time[:, None, None]
+    hand = HandTrack("left", torch.ones(60, dtype=torch.bool), joints=joints)
+    motion = clean.object[:60]
+    given = Sequence((hand,), motion, 30.0)
+    assert missing(given) == []
+
+
+def test_what_is_so_in_most_frames_is_no_fault(noisy):
+    keys = turned_about_its_axis(noisy.hands[0])
+    keys[FROM:UNTIL] = noisy.hands[0].joints[FROM:UNTIL]
+    given = with_hand(noisy, joints=keys, pose=None, wrist=None, betas=None)
+    assert missing(given) == list(range(FROM, UNTIL))
+
+
+def test_few_frames_tell_no_fault(noisy):
+    assert missing(with_hand(noisy[:4], joints=noisy.hands[0].joints[[0, 40, 80, 120]])) == []
+
+
+@pytest.mark.parametrize("wrong", [elsewhere, turned_about_its_axis, of_the_other_side])
+def test_faulty_frames_do_not_reach_the_result(noisy, clean, wrong, caplog):
+    given = keys_of(noisy, wrong(noisy.hands[0]))
+    result = denoise(given, preset="fast")
+    off = (result.sequence.hands[0].joints - clean.hands[0].joints)[FROM:UNTIL].norm(dim=-1).mean()
+    assert off < 0.02
+    assert result.hands["left"].filled.nonzero()[:, 0].tolist() == list(range(FROM, UNTIL))
+    assert any("taken as missing" in words for words in result.doubts)
+    assert "taken as missing" in caplog.text
