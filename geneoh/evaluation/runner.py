@@ -89,7 +89,7 @@ def evaluate(
     cases = find_cases(options)
     methods, notes = methods_of(options)
     settings = settings_of(options)
-    versions = {name: metadata.version(name) for name in PACKAGES}
+    versions = package_versions()
     cleaner = options.cleaner
     config = ScoringConfig(cleaner.hand, cleaner.mano_dir, settings["close_frames"])
     pages_folder = folder / "pages" if pages else None
@@ -119,6 +119,11 @@ def evaluate(
         ),
         reused=reused,
     )
+
+
+def package_versions() -> dict[str, str]:
+    """The versions of all that a score comes from; they are reported with it."""
+    return {name: metadata.version(name) for name in PACKAGES}
 
 
 def settings_of(options: EvaluationOptions) -> dict[str, Any]:

@@ -6,6 +6,8 @@ Its own inverse, and exact: signs change and no digit does.
 from typing import TypeVar
 
 import numpy as np
+import torch
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 MIRROR = (-1.0, 1.0, 1.0)  # signs of the coordinates of a mirrored point
@@ -28,6 +30,11 @@ def mirror_points(points: Array) -> Array:
 def mirror_axis_angle(vectors: Array) -> Array:
     """Axis-angle vectors (..., 3) in the mirror, which turns the sense of a rotation round."""
     return vectors * -mirror_signs(vectors)
+
+
+def mirror_axes(axes: Float[Tensor, "B 3"], slides: Bool[Tensor, " B"]) -> Float[Tensor, "B 3"]:
+    """Axes of joints in the mirror: turns about an axis and its image are opposite, slides not."""
+    return torch.where(slides[:, None], mirror_points(axes), mirror_axis_angle(axes))
 
 
 def mirror_rotations(rotation: Array) -> Array:

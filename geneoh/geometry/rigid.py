@@ -43,3 +43,15 @@ class Rigid:
         """`first`, then this: pose_a_b.compose(pose_b_c) is pose_a_c; batch axes broadcast."""
         moved = (self.rotation @ first.translation[..., None])[..., 0]
         return Rigid(self.rotation @ first.rotation, moved + self.translation)
+
+
+def part_poses(
+    first: Rigid, joint: Rigid
+) -> tuple[Float[Tensor, "B T 2 3 3"], Float[Tensor, "B T 2 3"]]:
+    """Rotations and translations of both parts of objects, from the pose of the first part (B, T)
+    and that of the second one in its frame."""
+    second = first.compose(joint)
+    return (
+        torch.stack([first.rotation, second.rotation], 2),
+        torch.stack([first.translation, second.translation], 2),
+    )

@@ -9,9 +9,8 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from geneoh.bundle import Bundle
-from geneoh.geometry.mirror import mirror_axis_angle, mirror_points, mirror_rotations
-from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
-from geneoh.hand.skeleton import forward_kinematics
+from geneoh.geometry.mirror import mirror_points, mirror_rotations
+from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.synthesis.actions import LONGEST, VERBS, Actions
 from geneoh.synthesis.bimanual import HandPairs
 from geneoh.synthesis.draws import Draws
@@ -19,7 +18,7 @@ from geneoh.synthesis.grasp_types import GRASP_TYPES
 from geneoh.synthesis.grasps import Grasps
 from geneoh.synthesis.hand_motion import (
     HandMotionConfig,
-    HeldPose,
+    HandPath,
     draw_phases,
     finger_motion,
     wrist_motion,
@@ -134,32 +133,6 @@ class Timing:
         return Schedule(LONGEST, close, release, close, release, release, never, 1.0)
 
 
-@dataclass(frozen=True)
-class HandPath:
-    """N right hands over T frames, in the frame of the object that they hold."""
-
-    wrist: Float[Tensor, "N T 3"]
-    turn: Float[Tensor, "N T 3 3"]
-    fingers: Float[Tensor, "N T 15 3"]
-
-    def mirrored(self) -> "HandPath":
-        """The left hands on the mirror images."""
-        turn, fingers = mirror_rotations(self.turn), mirror_axis_angle(self.fingers)
-        return HandPath(mirror_points(self.wrist), turn, fingers)
-
-    def moved(
-        self, rotation: Float[Tensor, "N T 3 3"], shift: Float[Tensor, "N T 3"]
-    ) -> "HandPath":
-        """The same hands in another frame."""
-        wrist = (rotation @ self.wrist[..., None])[..., 0] + shift
-        return HandPath(wrist, rotation @ self.turn, self.fingers)
-
-    @property
-    def pose(self) -> Float[Tensor, "N T 16 3"]:
-        """Axis-angles of all joints."""
-        return torch.cat([matrix_to_axis_angle(self.turn)[:, :, None], self.fingers], 2)
-
-
 def act(
     grasps: Grasps,
     solids: Solids,
@@ -179,7 +152,7 @@ def act(
     config = config or ActingConfig()
     pairs = pairs or HandPairs.none(len(grasps.pose))
     surface, normals = solids.surface_points(points, generator=generator)
-    joints = forward_kinematics(axis_angle_to_matrix(grasps.pose), grasps.wrist, grasps.offsets)[0]
+    joints, _ = grasps.posed()
     held = held_part(solids, joints, config.parts)
     cast = draw_cast(grasps, joints, surface, families, pairs, held, solids, config, generator)
     first, draws = cast.first, Draws(len(cast.first), generator)
@@ -389,7 +362,7 @@ def hand_path(
     """Hands that come, hold their grasp and leave, in the frame of their object."""
     shape = (len(standing), schedule.frames)
     turn = axis_angle_to_matrix(grasps.pose[:, 0])
-    held = HeldPose(
+    held = HandPath(
         grasps.wrist[:, None].expand(*shape, 3),
         turn[:, None].expand(*shape, 3, 3),
         grasps.pose[:, None, 1:].expand(*shape, 15, 3),

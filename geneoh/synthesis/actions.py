@@ -8,8 +8,8 @@ from torch import Tensor
 
 from geneoh.bundle import Bundle
 from geneoh.choices import SIDES
-from geneoh.geometry.mirror import mirror_axis_angle, mirror_points, mirror_rotations
-from geneoh.geometry.rigid import joint_poses
+from geneoh.geometry.mirror import mirror_axes, mirror_axis_angle, mirror_points, mirror_rotations
+from geneoh.geometry.rigid import Rigid, joint_poses, part_poses
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
 from geneoh.hand.skeleton import forward_kinematics
@@ -87,12 +87,7 @@ class Actions(Bundle):
 
     def part_poses(self) -> tuple[Float[Tensor, "B T 2 3 3"], Float[Tensor, "B T 2 3"]]:
         """Rotation and translation of both parts, object to world; alike for a rigid one."""
-        turn, shift = self.joint_poses()
-        moved = (self.rotation @ shift[..., None])[..., 0] + self.translation
-        return (
-            torch.stack([self.rotation, self.rotation @ turn], 2),
-            torch.stack([self.translation, moved], 2),
-        )
+        return part_poses(Rigid(self.rotation, self.translation), Rigid(*self.joint_poses()))
 
     def posed_points(self) -> Float[Tensor, "B T P 3"]:
         """Surface points in the object's frame, moved by the joint."""
@@ -138,7 +133,6 @@ class Actions(Bundle):
     def mirrored(self, chosen: Bool[Tensor, " B"] | None = None) -> "Actions":
         """The mirror images at x = 0, in which left hands are right ones, of the chosen actions."""
         flip = torch.ones_like(self.slides) if chosen is None else chosen
-        axis = mirror_points(self.axis)
         image = replace(
             self,
             hands=self.hands.flip(1),
@@ -148,8 +142,7 @@ class Actions(Bundle):
             translation=mirror_points(self.translation),
             points=mirror_points(self.points),
             normals=mirror_points(self.normals),
-            # turning about an axis and its mirror image are opposite; sliding along them is not
-            axis=torch.where(self.slides[:, None], axis, -axis),
+            axis=mirror_axes(self.axis, self.slides),
             pivot=mirror_points(self.pivot),
         )
 

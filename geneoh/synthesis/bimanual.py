@@ -7,8 +7,6 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from geneoh.geometry.mirror import mirror_points
-from geneoh.geometry.rotations import axis_angle_to_matrix
-from geneoh.hand.skeleton import forward_kinematics
 from geneoh.synthesis.grasps import Grasps
 from geneoh.synthesis.solids import Solids
 
@@ -82,7 +80,7 @@ def pair_hands(grasps: Grasps, shared: Int[Tensor, " C"], config: BimanualConfig
     Two hands that would touch are no pair; each of them is kept as a hand of its own.
     """
     single = len(grasps.kept) - len(shared)
-    joints = forward_kinematics(axis_angle_to_matrix(grasps.pose), grasps.wrist, grasps.offsets)[0]
+    joints, _ = grasps.posed()
     gap = torch.cdist(joints[shared], mirror_points(joints[single:])).amin((1, 2))
     both = grasps.kept[shared] & grasps.kept[single:] & (gap > config.gap)
     number = grasps.kept.cumsum(0) - 1

@@ -111,6 +111,10 @@ class Grasps(Bundle):
     kept: Bool[Tensor, " B"]  # whether the grasp passes the checks
     types: Int[Tensor, " B"]  # index into GRASP_TYPES of what was tried
 
+    def posed(self) -> tuple[Float[Tensor, "B 21 3"], Float[Tensor, "B 16 3 3"]]:
+        """Keypoints and the joints' global rotations."""
+        return forward_kinematics(axis_angle_to_matrix(self.pose), self.wrist, self.offsets)
+
 
 @dataclass(frozen=True)
 class Grips(Bundle):
@@ -382,9 +386,9 @@ def shifted_grips(
     config = config or GraspConfig()
     each = torch.arange(len(grasps.pose)).repeat_interleave(config.grips)
     solids, grasps = solids.take(each, "B"), grasps.take(each, "B")
-    draws, turns = Draws(len(each), generator), axis_angle_to_matrix(grasps.pose)
-    joints, world = forward_kinematics(turns, grasps.wrist, grasps.offsets)
-    pads, _ = contact_pads(joints, world, hand_scale(grasps.offsets))
+    draws = Draws(len(each), generator)
+    joints, turns = grasps.posed()
+    pads, _ = contact_pads(joints, turns, hand_scale(grasps.offsets))
     touching = solids.signed_distance(pads).abs() < config.checks.contact
     weight = touching.float()[..., None]
     pivot = (pads * weight).sum(1) / weight.sum(1).clamp(min=1)
@@ -412,9 +416,7 @@ def settled_grasps(
     """
     config = config or GraspConfig()
     scale = hand_scale(grasps.offsets)
-    joints, turns = forward_kinematics(
-        axis_angle_to_matrix(grasps.pose), grasps.wrist, grasps.offsets
-    )
+    joints, turns = grasps.posed()
     gap = solids.signed_distance(contact_pads(joints, turns, scale)[0])
     wanted = gap < (gap.amin(1, keepdim=True) + reach / 2).clamp(min=reach)
     fingers = grasps.pose[:, 1:]

@@ -7,6 +7,8 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from geneoh.geometry.mirror import mirror_axis_angle, mirror_points, mirror_rotations
+from geneoh.geometry.rigid import Rigid
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.grasps import Grasps, Grips
@@ -104,12 +106,29 @@ def bell(frames: Float[Tensor, "B T"], width: float) -> Float[Tensor, "B T"]:
 
 
 @dataclass(frozen=True)
-class HeldPose:
-    """The grasp of B hands in each of T frames, in the frame of the part that they hold."""
+class HandPath:
+    """B hands in each of T frames, in the frame of what they hold or of the world."""
 
     wrist: Float[Tensor, "B T 3"]
     turn: Float[Tensor, "B T 3 3"]  # global rotation
     fingers: Float[Tensor, "B T 15 3"]
+
+    @property
+    def pose(self) -> Float[Tensor, "B T 16 3"]:
+        """Axis-angles of all joints."""
+        return torch.cat([matrix_to_axis_angle(self.turn)[:, :, None], self.fingers], 2)
+
+    def moved(
+        self, rotation: Float[Tensor, "*#B 3 3"], shift: Float[Tensor, "*#B 3"]
+    ) -> "HandPath":
+        """The same hands in another frame."""
+        moved = Rigid(rotation, shift).compose(Rigid(self.turn, self.wrist))
+        return HandPath(moved.translation, moved.rotation, self.fingers)
+
+    def mirrored(self) -> "HandPath":
+        """The hands of the other side on the mirror images."""
+        turn, fingers = mirror_rotations(self.turn), mirror_axis_angle(self.fingers)
+        return HandPath(mirror_points(self.wrist), turn, fingers)
 
 
 def grip_motion(
@@ -119,7 +138,7 @@ def grip_motion(
     free: Bool[Tensor, " B"],
     config: HandMotionConfig,
     draws: Draws,
-) -> HeldPose:
+) -> HandPath:
     """Hands that shift from their grasp to other grips while they hold, one after the other.
 
     Only those that are `free` do: others have another hand in their way.
@@ -144,11 +163,11 @@ def grip_motion(
         path = path + (progress * shifts) @ steps
     wrist, turned, fingers = path.split([3, 3, 45], -1)
     turn = first[:, None] @ axis_angle_to_matrix(turned)
-    return HeldPose(wrist, turn, fingers.unflatten(-1, (15, 3)))
+    return HandPath(wrist, turn, fingers.unflatten(-1, (15, 3)))
 
 
 def wrist_motion(
-    held: HeldPose,
+    held: HandPath,
     standing: Standing,
     phases: HandPhases,
     config: HandMotionConfig,
@@ -176,7 +195,7 @@ def wrist_motion(
 
 
 def finger_motion(
-    held: HeldPose, phases: HandPhases, config: HandMotionConfig, draws: Draws
+    held: HandPath, phases: HandPhases, config: HandMotionConfig, draws: Draws
 ) -> Float[Tensor, "B T 15 3"]:
     """Finger joints: open before and after the grasp, some lifted from the object in between."""
     frames, fingers = phases.opening.shape[1], held.fingers

@@ -10,14 +10,13 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
-from geneoh.hand.skeleton import forward_kinematics
 from geneoh.representation.region import ObjectSurface
 from geneoh.synthesis.bimanual import HandPairs
 from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.grasps import Grasps, Grips
 from geneoh.synthesis.hand_motion import (
     HandMotionConfig,
+    HandPath,
     draw_phases,
     finger_motion,
     grip_motion,
@@ -71,8 +70,7 @@ def animate(
     pairs = pairs or HandPairs.none(len(grasps.pose))
     draws = Draws(len(grasps.pose), generator)
     surface, normals = solids.surface_points(points, generator=generator)
-    turns = axis_angle_to_matrix(grasps.pose)
-    joints, _ = forward_kinematics(turns, grasps.wrist, grasps.offsets)
+    joints, _ = grasps.posed()
     standing = draw_standing(joints, surface, pairs.shared, config.object, draws)
     held = held_part(solids, joints, config.object)
     schedule = draw_schedule(frames, pairs, config.schedule, draws)
@@ -80,14 +78,12 @@ def animate(
     phases = draw_phases(schedule, config.hand, draws)
     held_in = grip_motion(grasps, grips, schedule, ~pairs.shared, config.hand, draws)
     wrist, turn = wrist_motion(held_in, standing, phases, config.hand, draws)
-    fingers = finger_motion(held_in, phases, config.hand, draws)
-
+    hand = HandPath(wrist, turn, finger_motion(held_in, phases, config.hand, draws))
     clip = torch.arange(len(grasps.pose))
-    to_world, shift = rotation[clip, :, held.index], translation[clip, :, held.index]
-    orientation = matrix_to_axis_angle(to_world @ turn)
+    hand = hand.moved(rotation[clip, :, held.index], translation[clip, :, held.index])
     return Interactions(
-        pose=torch.cat([orientation[:, :, None], fingers], dim=2),
-        wrist=(to_world @ wrist[..., None])[..., 0] + shift,
+        pose=hand.pose,
+        wrist=hand.wrist,
         offsets=grasps.offsets,
         rotation=rotation,
         translation=translation,

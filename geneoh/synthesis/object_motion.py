@@ -8,6 +8,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from geneoh.geometry.mirror import mirror_points, mirror_rotations
+from geneoh.geometry.rigid import Rigid, part_poses
 from geneoh.geometry.rotations import axis_angle_to_matrix, shortest_turn
 from geneoh.synthesis.bimanual import HandPairs
 from geneoh.synthesis.draws import Draws
@@ -166,9 +167,4 @@ def carry(
     rotation = torch.where(second[..., None], mirrored, rotation)
     translation = torch.where(second, mirror_points(translation[pairs.leader]), translation)
 
-    turn, shift = solids.joint_pose(travelled)
-    moved = (rotation @ shift[..., None])[..., 0]
-    return (
-        torch.stack([rotation, rotation @ turn], dim=2),
-        torch.stack([translation, translation + moved], dim=2),
-    )
+    return part_poses(Rigid(rotation, translation), Rigid(*solids.joint_pose(travelled)))

@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from geneoh.bundle import Bundle
-from geneoh.geometry.mirror import mirror_points, mirror_rotations, mirror_signs
+from geneoh.geometry.mirror import mirror_axes, mirror_points, mirror_rotations
 from geneoh.geometry.rigid import joint_poses
 from geneoh.synthesis.scans import Scans
 
@@ -73,16 +73,13 @@ class Solids(Bundle):
 
     def mirrored(self) -> "Solids":
         """The mirror images at x = 0, which turn the object of a left hand into a right hand's."""
-        flip = mirror_signs(self.center)
-        # turning about an axis and its mirror image are opposite; sliding along them is not
-        axis = self.axis * torch.where(self.slides[:, None], flip, -flip)
         scanned = (self.kind >= SCAN)[..., None]
         return replace(
             self,
             size=torch.where(scanned, mirror_points(self.size), self.size),
             center=torch.where(self.center < FAR / 2, mirror_points(self.center), self.center),
             rotation=mirror_rotations(self.rotation),  # simple solids are their own mirror images
-            axis=axis,
+            axis=mirror_axes(self.axis, self.slides),
             pivot=mirror_points(self.pivot),
         )
 

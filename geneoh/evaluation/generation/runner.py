@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +31,7 @@ from geneoh.evaluation.generation.scores import (
     repeat,
     scored_by,
 )
-from geneoh.evaluation.runner import PACKAGES
+from geneoh.evaluation.runner import package_versions
 from geneoh.files.journal import digest, digests
 from geneoh.generators.text2hoi.action_data import action_data
 from geneoh.generators.text2hoi.library import Networks, load_networks, load_refiner, weights_of
@@ -126,7 +125,7 @@ def evaluate_generator(
     rows |= network_rows(networks, alone, options, jobs)
     measured = {}
     for name, clips in rows.items():
-        told = None if on_progress is None else partial(on_progress, name)
+        told = on_progress and partial(on_progress, name)
         made = clips(part_of(told, 0, 2))
         measured[name] = MeasuredClips(made, measure_clips(made, part_of(told, 1, 2)))
     found = mean_scores([scores_under(model, measured, options) for model in models])
@@ -251,7 +250,7 @@ def settings_of(
         "repetitions": options.repetitions,
         "classifier": {**first.record(), "hashes": hashes},
         "weights": digests(weights_of(name, options.weights) for name in NETWORKS),
-        "versions": {name: metadata.version(name) for name in PACKAGES},
+        "versions": package_versions(),
     }
 
 

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +30,7 @@ from geneoh.evaluation.gestures.scores import (
     range_of,
     score_hands,
 )
-from geneoh.evaluation.runner import PACKAGES
+from geneoh.evaluation.runner import package_versions
 from geneoh.files.journal import digest, digests
 from geneoh.generators.both2hands.library import Networks, load_networks, weights_of
 from geneoh.generators.both2hands.limits import FingerRange
@@ -112,7 +111,7 @@ def evaluate_gestures(
         "nearest training body": asked.scored(nearest_body(real, training, seen)),
     }
     for name, branch in BRANCHES.items():
-        told = None if on_progress is None else partial(on_progress, name)
+        told = on_progress and partial(on_progress, name)
         scored[name] = network_row(networks, asked, branch, options, told)
     rows = repeat(
         scored[REAL], scored, seed=options.seed, repetitions=options.repetitions, scores=SCORES
@@ -175,7 +174,7 @@ def settings_of(
         "repetitions": options.repetitions,
         "encoder": {**record, "hash": made},
         "weights": digests(weights_of(name, options.weights) for name in NETWORKS),
-        "versions": {name: metadata.version(name) for name in PACKAGES},
+        "versions": package_versions(),
     }
 
 

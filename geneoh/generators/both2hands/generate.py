@@ -32,7 +32,6 @@ def generate_hands(
         skeleton: of the body.
         sentence: such as "the right hand waves, the left rests"; English.
         steps: denoising steps (paper: 1,000).
-
         generator: of the noise; another one makes other hands.
         networks: None for the shipped ones.
         on_step: told of the steps.

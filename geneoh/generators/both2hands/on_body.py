@@ -1,6 +1,7 @@
 """From a moving body and a sentence to hands on it, at any frame rate and in any world."""
 
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -103,7 +104,7 @@ def generate_on_body(
         steps=options.steps,
         generator=torch.Generator().manual_seed(options.seed),
         networks=load_networks(options.weights, text_encoder=options.text_encoder),
-        on_step=None if on_progress is None else lambda done, of: on_progress("hands", done, of),
+        on_step=on_progress and partial(on_progress, "hands"),
     )
     body = with_fingers(body, over_frames(made, body.frames))
     sequence = Sequence(

@@ -1,6 +1,7 @@
 """From a sentence and a mesh to an interaction: Text2HOI as a whole (paper, figure 2)."""
 
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -117,7 +118,7 @@ def generate(
         torch.tensor([frames]),
         SamplingConfig(steps=options.steps, guidance=options.guidance, draws=options.draws),
         generator=_generator(options, "motion"),
-        on_step=None if on_progress is None else lambda done, of: on_progress("motion", done, of),
+        on_step=on_progress and partial(on_progress, "motion"),
     )
     if options.refine != "none":
         actions = refined_by(load_refiner(options.weights), actions, contact)
