@@ -4,7 +4,7 @@ A clip is done when its last line in `converted.jsonl` is of the same options, a
 names, read and written, are as they were: started again, a conversion does what is left.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import nullcontext
 from dataclasses import dataclass, fields, replace
 from hashlib import sha256
@@ -26,6 +26,7 @@ from geneoh.readers.meshes import obj_text
 from geneoh.readers.npz_files import save_sequence
 from geneoh.readers.recordings import read_clip, refuse_unused
 from geneoh.readers.registry import Source
+from geneoh.sequence.sequence import Sequence
 from geneoh.sequence.validation import check_sequence
 
 JOURNAL = "converted.jsonl"
@@ -130,7 +131,7 @@ def convert_clip(
         return Outcome(clip, contradictions=tuple(found), notes=notes)
     check_places(recordings, folder, clip, overwrite=overwrite)
     files = tuple(write_recording(recording, folder) for recording in recordings)
-    inputs |= {str(mesh): fingerprint(mesh) for mesh in mesh_files(recordings)}
+    inputs |= {str(mesh): fingerprint(mesh) for mesh in mesh_files(r.sequence for r in recordings)}
     made = {file: fingerprint(folder / file) for file in files}
     record = {"clip": clip.name, "asked": asked, "inputs": inputs, "files": made}
     append_journal(folder / JOURNAL, [record])
@@ -177,9 +178,9 @@ def write_mesh(mesh: Mesh, folder: Path, name: str) -> str:
     raise AssertionError("numbers do not end")
 
 
-def mesh_files(recordings: list[Recording]) -> set[Path]:
-    """The files from which the meshes of recordings were read."""
-    meshes = (mesh for recording in recordings for mesh in recording.sequence.object.meshes)
+def mesh_files(sequences: Iterable[Sequence]) -> set[Path]:
+    """The files from which the meshes of sequences were read."""
+    meshes = (mesh for sequence in sequences for mesh in sequence.object.meshes)
     sources = (mesh.source for mesh in meshes if mesh.source is not None)
     return {source.resolve() for source in sources if source.is_file()}
 

@@ -71,6 +71,31 @@ class Portion:
     weight: float
 
 
+@dataclass(frozen=True)
+class CutClips:
+    """Clips that were cut out of the recordings of one source."""
+
+    source: DataSource
+    clips: Streamed[Interactions]
+    records: list[ClipRecord]
+    left_out: str  # frames that no clip holds, in words
+
+    def split(self, held: Bool[Tensor, " B"]) -> list[Portion]:
+        """Those to learn from and those held out; the same ones twice where none are."""
+        lengths = torch.tensor([record.length for record in self.records])
+        return [
+            Portion(self.clips.only(kept), lengths[kept], self.source.weight)
+            for kept in ((~held, held) if bool(held.any()) else (~held, ~held))
+        ]
+
+    def words(self, by: str) -> str:
+        """What there is, what is held out, and what was left out, for people."""
+        objects = len({record.object for record in self.records})
+        of = "one object" if objects == 1 else f"{objects} objects"
+        found = f"{self.source.source}: {len(self.records)} clips of {of}, {by}"
+        return f"{found}; frames left out: {self.left_out or 'none'}"
+
+
 def parsed_source(text: str, known: Sequence[str] = (SEQUENCES, *SOURCES)) -> DataSource:
     """A source as it is written on the command line: `[SOURCE=]PATH[:WEIGHT]`.
 
@@ -111,28 +136,28 @@ def training_data(
     Raises:
         InputError: a source holds nothing to learn from, or its files cannot be read.
     """
-    portions: list[list[Portion]] = []
+    found: list[list[Portion] | CutClips] = []
     made: list[dict[str, Any]] = []
-    notes: list[str] = []
+    problems: list[str] = []
     for one in sources:
         report = on_progress and partial(on_progress, one.source or "interactions")
         if not one.source:
             write_missing(one.path, config.synthesis, report)
-            found = [whole(read_shards(one.path, split), one.weight) for split in ("train", "val")]
+            found.append([whole(read_shards(one.path, n), one.weight) for n in ("train", "val")])
             made.append(as_dict(shard_record(find_shards(one.path, "train")[0])))
         else:
             digest = hashlib.sha256(str(one.path.resolve()).encode()).hexdigest()[:8]
             folder, readers = cache / f"{one.source}_{digest}", options or ReaderOptions()
-            shards, problems = recordings.make_shards(
+            shards, unread = recordings.make_shards(
                 one.source, one.path, folder, config.clips, readers, on_step=report
             )
-            found, words = split_recordings(one, shards)
-            notes += [*words, *problems]
+            found.append(cut_clips(one, shards))
+            problems += unread
             made.append({"source": one.source, "weight": one.weight, "clips": asdict(config.clips)})
-        portions.append(found)
+    portions, notes = split(found)
     record = made[0] if len(made) == 1 else {"sources": made}
-    training, validation = (mixed(split) for split in zip(*portions, strict=True))
-    return TrainingData(training, validation, record, tuple(notes))
+    training, validation = (mixed(each) for each in zip(*portions, strict=True))
+    return TrainingData(training, validation, record, (*notes, *problems))
 
 
 def write_missing(folder: Path, config: SynthesisConfig, on_step: Any) -> None:
@@ -147,8 +172,8 @@ def whole(clips: Streamed[Interactions], weight: float) -> Portion:
     return Portion(clips, torch.full((len(clips),), clips.shards[0].wrist.shape[1]), weight)
 
 
-def split_recordings(source: DataSource, shards: Iterable[Path]) -> tuple[list[Portion], list[str]]:
-    """The clips to learn from and those to validate on, and words; `InputError` without any."""
+def cut_clips(source: DataSource, shards: Iterable[Path]) -> CutClips:
+    """The clips in the shards of a source; `InputError` where there are none."""
     clips: list[Interactions] = []
     records: list[ClipRecord] = []
     left_out: Counter[str] = Counter()
@@ -163,47 +188,64 @@ def split_recordings(source: DataSource, shards: Iterable[Path]) -> tuple[list[P
     if not records:
         raise InputError(
             f"{source.path}: expected clips of {source.source} with hand and object near each "
-            f"other, got none ({reasons or 'no frames'}); a shorter windows.frames keeps more"
+            f"other, got none ({reasons or 'no frames'}); a smaller clips.shortest or a larger "
+            "clips.reach keeps more"
         )
-    held, by = held_out(records)
-    together = Streamed.of(clips)
-    lengths = torch.tensor([record.length for record in records])
-    parts = [
-        Portion(together.only(kept), lengths[kept], source.weight)
-        for kept in ((~held, held) if bool(held.any()) else (~held, ~held))
-    ]
-    objects = len({record.object for record in records})
-    of = "one object" if objects == 1 else f"{objects} objects"
-    words = f"{source.source}: {len(records)} clips of {of}, {by}"
-    return parts, [f"{words}; frames left out: {reasons or 'none'}"]
+    return CutClips(source, Streamed.of(clips), records, reasons)
 
 
-def held_out(records: Sequence[ClipRecord]) -> tuple[Bool[Tensor, " B"], str]:
-    """Which clips are held out for validation, and by what, in words.
+def split(
+    found: Sequence[list[Portion] | CutClips],
+) -> tuple[list[list[Portion]], list[str]]:
+    """What to learn from and what to validate on of each source, and words on recordings."""
+    splits = iter(held_out([each.records for each in found if isinstance(each, CutClips)]))
+    portions: list[list[Portion]] = []
+    notes: list[str] = []
+    for each in found:
+        if isinstance(each, CutClips):
+            held, by = next(splits)
+            notes.append(each.words(by))
+            each = each.split(held)
+        portions.append(each)
+    return portions, notes
 
-    Whole objects; of one object whole people; of one person with one object none.
+
+def held_out(sources: Sequence[Sequence[ClipRecord]]) -> list[tuple[Bool[Tensor, " B"], str]]:
+    """Which clips of each source are held out for validation, and by what, in words.
+
+    Whole objects, the same ones of all sources; of one object whole people; of one person with one
+    object none.
     """
-    for kind in ("object", "person"):
-        held, chosen = held_groups([getattr(record, kind) for record in records])
-        if not chosen:
-            continue
-        words = {"object": "object" if chosen == 1 else "objects", "person": "people"}
-        return held, f"{int(held.sum())} of {chosen} {words[kind]} held out for validation"
+    objects = held_names([[record.object for record in records] for records in sources])
+    return [held_clips(records, objects) for records in sources]
+
+
+def held_clips(records: Sequence[ClipRecord], objects: set[str]) -> tuple[Bool[Tensor, " B"], str]:
+    """Which clips of one source are held out, and by what; all sources hold out `objects`."""
+    people = held_names([[record.person for record in records]])
+    for kind, chosen in (("object", objects), ("person", people)):
+        names = [getattr(record, kind) for record in records]
+        if count := len(chosen & set(names)):
+            words = {"object": "object" if count == 1 else "objects", "person": "people"}
+            held = torch.tensor([name in chosen for name in names])
+            return held, f"{int(held.sum())} of {count} {words[kind]} held out for validation"
     none = torch.zeros(len(records), dtype=torch.bool)
     return none, "validated on what is learned: there is no other object"
 
 
-def held_groups(of_clip: Sequence[str]) -> tuple[Bool[Tensor, " B"], int]:
-    """Which clips are of random whole groups that hold a tenth of all, and how many groups.
+def held_names(sources: Sequence[Sequence[str]]) -> set[str]:
+    """Random names that are a tenth of the clips of each source, of the names of its clips.
 
-    One group more stays to learn from; where there is only one, none is held out.
+    One name of each source is left to learn from; where there is only one, it is not chosen.
     """
-    counts, chosen = Counter(of_clip), set[str]()
-    for name in sorted(counts, key=lambda name: seed_of("held out", name))[:-1]:
-        chosen.add(name)
-        if sum(counts[one] for one in chosen) >= HELD_OUT * len(of_clip):
-            break
-    return torch.tensor([name in chosen for name in of_clip]), len(chosen)
+    counts, chosen = [Counter(names) for names in sources], set[str]()
+    known = set[str]().union(*counts)
+    for name in sorted(known, key=lambda name: seed_of("held out", name)):
+        found = [count for count in counts if name in count]
+        lacking = any(sum(c[one] for one in chosen) < HELD_OUT * c.total() for c in found)
+        if lacking and all(count.keys() - chosen - {name} for count in found):
+            chosen.add(name)
+    return chosen
 
 
 def mixed(portions: Sequence[Portion]) -> Streamed[Interactions]:

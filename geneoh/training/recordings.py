@@ -30,8 +30,9 @@ from geneoh.readers.base import (
     paths_matching,
     runs,
 )
+from geneoh.readers.convert import mesh_files
 from geneoh.readers.npz_files import load
-from geneoh.readers.recordings import find_clips, read_clip, source_named
+from geneoh.readers.recordings import find_clips, read_clip, source_named, with_distinct_names
 from geneoh.representation.region import ObjectSurface
 from geneoh.sequence.normalisation import NormalisedHand, normalised_hands
 from geneoh.sequence.validation import check_sequence
@@ -70,7 +71,8 @@ class ShardRecord:
 
     config: ClipConfig
     files: dict[str, tuple[int, str]]
-    """Size and SHA-256 of each file of the clip, by its name below the clip's folder."""
+    """Size and SHA-256 of each file of the clip, by its name below the clip's folder, and of those
+    of its meshes, by their whole paths."""
     clips: tuple[ClipRecord, ...]
     left_out: dict[str, int]  # frames that no clip holds, by the reason
 
@@ -82,7 +84,12 @@ def clips_of(source: str, path: Path) -> list[SourceClip]:
     found = [SourceClip(clip_name(file, 2), file) for file in paths_matching(path, "*.npz")]
     if not found:
         raise InputError(f"{path}: expected npz files of sequences at or below it, got none")
-    return found
+    return with_distinct_names(found)
+
+
+def shard_path(folder: Path, clip: SourceClip) -> Path:
+    """The file of a clip's shard: names of clips have no dot, so that none share one."""
+    return folder / f"{clip.name.replace('/', '.')}.safetensors"
 
 
 def read_recordings(source: str, clip: SourceClip, options: ReaderOptions) -> list[Recording]:
@@ -123,7 +130,7 @@ def make_shards(
     """
     clips, shards, problems = clips_of(source, path), [], []
     for clip in steps(clips, on_step):
-        shard = folder / f"{clip.name.replace('/', '_')}.safetensors"
+        shard = shard_path(folder, clip)
         try:
             if not is_fresh(shard, clip, config):
                 write_shard(shard, source, clip, config, options)
@@ -141,7 +148,8 @@ def write_shard(
     """Cut one clip of a source and write what was cut, whole or not at all."""
     cuts: list[tuple[ClipRecord, dict[str, Tensor]]] = []
     left_out: Counter[str] = Counter()
-    for recording in read_recordings(source, clip, options):
+    recordings = read_recordings(source, clip, options)
+    for recording in recordings:
         parts = len(recording.sequence.object.meshes)
         if not 1 <= parts <= PARTS:
             raise InputError(
@@ -150,9 +158,9 @@ def write_shard(
             )
         for hand in normalised_hands(recording.sequence):
             cuts += cut_hand(recording, hand, config, left_out)
-    record = ShardRecord(
-        config, fingerprints(files_of(clip)), tuple(cut for cut, _ in cuts), dict(left_out)
-    )
+    meshes = mesh_files(recording.sequence for recording in recordings)
+    files = fingerprints([*files_of(clip), *by_path(meshes)])
+    record = ShardRecord(config, files, tuple(cut for cut, _ in cuts), dict(left_out))
     names = cuts[0][1] if cuts else ()
     tensors = {name: torch.stack([cut[name] for _, cut in cuts]) for name in names}
     write_tensors(shard, tensors, asdict(record), parents=True)
@@ -243,6 +251,11 @@ def files_of(clip: SourceClip) -> list[tuple[str, Path]]:
     return [(file.relative_to(clip.path).as_posix(), file) for file in kept]
 
 
+def by_path(files: Iterable[Path]) -> list[tuple[str, Path]]:
+    """Files that may lie anywhere, by their whole paths."""
+    return [(str(file), file) for file in sorted(files)]
+
+
 def sha256(file: Path) -> str:
     """SHA-256 of a file's contents."""
     found = hashlib.sha256()
@@ -265,14 +278,19 @@ def is_fresh(shard: Path, clip: SourceClip, config: ClipConfig) -> bool:
 def unchanged(
     files: Sequence[tuple[str, Path]], made_from: Mapping[str, tuple[int, str]], shard: Path
 ) -> bool:
-    """Whether files, by name, are those with the size and SHA-256 that a shard was made from."""
+    """Whether files, by name, are those with the size and SHA-256 that a shard was made from.
+
+    Files that it names by their whole paths are looked for there.
+    """
     made = shard.stat().st_mtime
-    if {name for name, _ in files} != set(made_from):
+    there = dict(files) | {name: Path(name) for name in made_from if Path(name).is_absolute()}
+    if there.keys() != made_from.keys() or not all(file.is_file() for file in there.values()):
         return False
-    for name, file in files:
+    for name, file in there.items():
         size, content = made_from[name]
         stat = file.stat()
-        if stat.st_size != size or (stat.st_mtime > made and sha256(file) != content):
+        changed = max(stat.st_mtime, stat.st_ctime)  # a file that was moved here keeps the first
+        if stat.st_size != size or (changed > made and sha256(file) != content):
             return False
     return True
 

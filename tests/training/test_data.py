@@ -57,7 +57,7 @@ def records(objects: str, people: str) -> list[ClipRecord]:
 
 def test_whole_objects_are_held_out():
     letters = "aaaabbbbbbccccccccdd"
-    held, words = held_out(records(letters, "p" * 20))
+    ((held, words),) = held_out([records(letters, "p" * 20)])
     chosen = {letter for letter, out in zip(letters, held, strict=True) if out}
     assert 2 <= int(held.sum()) < 20
     assert all(bool(out) == (letter in chosen) for letter, out in zip(letters, held, strict=True))
@@ -65,15 +65,29 @@ def test_whole_objects_are_held_out():
 
 
 def test_of_one_object_whole_people_are_held_out():
-    held, words = held_out(records("aaaa", "ppqq"))
+    ((held, words),) = held_out([records("aaaa", "ppqq")])
     assert held.tolist() in ([True, True, False, False], [False, False, True, True])
     assert "people held out" in words
 
 
 def test_one_person_with_one_object_is_validated_on_itself():
-    held, words = held_out(records("aa", "pp"))
+    ((held, words),) = held_out([records("aa", "pp")])
     assert not bool(held.any())
     assert "no other object" in words
+
+
+def test_no_source_learns_from_an_object_that_another_one_holds_out():
+    sets = ["ab", "bc", "cd", "de", "ea", "a", "abcde", "fffffffffg"]
+    splits = held_out([records(objects, "p" * len(objects)) for objects in sets])
+    learned, validated = set[str](), set[str]()
+    for objects, (held, _) in zip(sets, splits, strict=True):
+        kept = {letter for letter, out in zip(objects, held, strict=True) if not out}
+        assert kept, "each source has something to learn from"
+        learned |= kept
+        validated |= set(objects) - kept
+    assert validated
+    assert not learned & validated
+    assert "a" in learned, "it is all that one source has"
 
 
 def test_made_interactions_alone_stay_as_they_are(clips):

@@ -189,8 +189,52 @@ def test_a_shard_of_other_files_or_settings_is_made_again(example, tmp_path, cha
         record = json.loads(file.metadata()["record"])
     assert record["config"]["shortest"] == config.shortest
     assert [size for size, _ in record["files"].values()] == [
-        (example / "sequence.npz").stat().st_size
+        (example / name).stat().st_size for name in ("sequence.npz", "object.obj")
     ]
+
+
+def test_clips_of_one_name_in_several_folders_are_all_cut(example, tmp_path):
+    for number, part in enumerate(("x/1", "y/1", "x_1/one", "x/1_one")):
+        shutil.copytree(example, tmp_path / "many" / part)
+        with np.load(example / "sequence.npz") as file:
+            arrays = {**file}
+        arrays["obj_pose"] = arrays["obj_pose"].copy()
+        arrays["obj_pose"][:, 0, 3] += number
+        for name in ("hand_trans", "hand_joints"):
+            arrays[name] = arrays[name] + np.float32([number, 0, 0])
+        np.savez(tmp_path / "many" / part / "sequence.npz", **arrays)
+    for _ in ("first", "again"):
+        shards = cut("sequences", tmp_path / "many", tmp_path / "out")
+        places = sorted(round(float(read_shard(shard).translation[0, 0, 0, 0])) for shard in shards)
+        assert [place - places[0] for place in places] == [0, 1, 2, 3]
+
+
+def test_a_shard_is_made_again_where_its_mesh_has_changed(example, tmp_path):
+    (shard,) = cut("sequences", example, tmp_path / "out")
+    before, mesh = read_shard(shard).points, example / "object.obj"
+    lines = [line.split() for line in mesh.read_text().splitlines()]
+    for line in lines:
+        if line[:1] == ["v"]:
+            line[1:4] = [str(0.9 * float(number)) for number in line[1:4]]
+    mesh.write_text("\n".join(map(" ".join, lines)))
+    (shard,) = cut("sequences", example, tmp_path / "out")
+    size, smaller = (points[0].abs().amax() for points in (before, read_shard(shard).points))
+    assert float(smaller / size) == pytest.approx(0.9, abs=0.03)
+
+
+def test_a_shard_is_made_again_where_another_file_was_moved_to_its_place(example, tmp_path):
+    (shard,) = cut("sequences", example, tmp_path / "out")
+    place, before = example / "sequence.npz", read_shard(shard).wrist
+    with np.load(place) as file:
+        arrays = {**file}
+    for name in ("hand_trans", "hand_joints"):
+        arrays[name] = arrays[name] + np.float32([0.01, 0, 0])
+    np.savez(tmp_path / "other.npz", **arrays)
+    assert (tmp_path / "other.npz").stat().st_size == place.stat().st_size
+    os.utime(tmp_path / "other.npz", (0, 0))
+    (tmp_path / "other.npz").replace(place)
+    (shard,) = cut("sequences", example, tmp_path / "out")
+    assert not read_shard(shard).wrist.equal(before)
 
 
 def test_what_cannot_be_read_is_told_and_the_rest_is_used(example, tmp_path):

@@ -28,7 +28,7 @@ from geneoh.readers.bodies.base import BodyRecording, at_rate
 from geneoh.readers.bodies.data_sets import SourceBody, body_files, read_source_bodies
 from geneoh.synthesis.actions import FPS
 from geneoh.synthesis.gestures.clips import Gestures
-from geneoh.training.data import TrainingData, held_groups
+from geneoh.training.data import TrainingData, held_names
 
 SHORTEST = 30
 """Frames of the shortest recording that is learned from."""
@@ -83,7 +83,8 @@ def recorded_gestures(
             f"{path}: expected recordings of {source} with {wanted}, got none ({reasons}); check "
             "that the data set is whole"
         )
-    held, _ = held_groups([window.group for window in windows])
+    groups_held = held_names([[window.group for window in windows]])
+    held = torch.tensor([window.group in groups_held for window in windows])
     kept = [n for n, window in enumerate(windows) if window.sentences or not told]
     windows, held = [windows[n] for n in kept], held[kept]
     clips, divided = joined(windows), bool(held.any() and not held.all())

@@ -17,11 +17,12 @@ from geneoh.generators.text2hoi.annotation import has_labels, label_files, label
 from geneoh.generators.text2hoi.recorded import RecordedConfig, Surface, action_of
 from geneoh.progress import OnStep, steps
 from geneoh.readers.base import ReaderOptions, SourceClip
+from geneoh.readers.convert import mesh_files
 from geneoh.readers.dataset_reader import frames_to_keep
 from geneoh.readers.recordings import find_clips, source_named
 from geneoh.streamed import Streamed
 from geneoh.synthesis.actions import Actions
-from geneoh.training.recordings import files_of, fingerprints, unchanged
+from geneoh.training.recordings import by_path, files_of, fingerprints, shard_path, unchanged
 
 FORMAT = 1  # of the shards; raised where the same files give other actions
 
@@ -124,7 +125,7 @@ def made_shards(
             f"{len(clips)} clips; download the labels of all views"
         )
     for clip in steps(labelled, on_step):
-        shard = folder / f"{clip.name.replace('/', '_')}.safetensors"
+        shard = shard_path(folder, clip)
         try:
             if not is_fresh(shard, source, clip, config):
                 write_shard(shard, source, clip, config, options, surfaces)
@@ -151,7 +152,8 @@ def write_shard(
     found: list[Actions] = []
     labels: list[dict[str, str]] = []
     left_out: Counter[str] = Counter()
-    for action, label in cut(source, clip, config, options, surfaces):
+    meshes = set[Path]()
+    for action, label in cut(source, clip, config, options, surfaces, meshes):
         if isinstance(action, str):
             left_out[action] += 1
         else:
@@ -159,7 +161,7 @@ def write_shard(
             labels.append(label)
     tensors = vars(concatenated(found, "B")) if found else {}
     record = asked_record(config) | {
-        "files": fingerprints(all_files(source, clip)),
+        "files": fingerprints([*all_files(source, clip), *by_path(meshes)]),
         "labels": labels,
         "left_out": dict(left_out),
     }
@@ -172,8 +174,12 @@ def cut(
     config: RecordedConfig,
     options: ReaderOptions,
     surfaces: dict[tuple[str, ...], Surface],
+    meshes: set[Path],
 ) -> Iterator[tuple[Actions | str, dict[str, str]]]:
-    """Each labelled stretch of a recording as an action, or why it is none."""
+    """Each labelled stretch of a recording as an action, or why it is none.
+
+    The files of the objects' meshes are added to `meshes`.
+    """
     labels = labels_of(source, clip)
     if not labels:
         return
@@ -187,6 +193,7 @@ def cut(
         if not of_object or parts.motion is None:
             continue
         sequence = reader.whole(parts, clip, options).sequence
+        meshes |= mesh_files([sequence])
         key = tuple(mesh.sha256 for mesh in sequence.object.meshes)
         if key not in surfaces:
             surfaces[key] = Surface.of(sequence.object.meshes, config.points)
