@@ -6,6 +6,7 @@ of a field and a value of that field's type, otherwise the message says which on
 
 import difflib
 import inspect
+import math
 import os
 import sys
 import types
@@ -118,12 +119,29 @@ def check_fields(options: Any, limits: Mapping[str, tuple[int, int]]) -> None:
     origin = type(options).__name__
     for name, kind in get_type_hints(type(options)).items():
         value = as_field_type(getattr(options, name), kind, origin, name)
-        low, high = limits.get(name, (None, None))
-        if low is not None and value is not None and not low <= value <= high:  # NaN is outside
-            raise ConfigError(
-                f"{origin}: '{name}' must be {low} to {high}, got {value}; correct the value"
-            )
         object.__setattr__(options, name, value)
+    check_limits(options, {name: limits[name] for name in limits if hasattr(options, name)})
+
+
+def check_limits(config: Any, limits: Mapping[str, tuple[int | float, int | float]]) -> None:
+    """Refuse numbers outside of the least and the largest value that their fields may have.
+
+    Raises:
+        ConfigError: a value is outside of its limits, or a range does not rise.
+    """
+    for name, (low, high) in limits.items():
+        value = getattr(config, name)
+        values = value if isinstance(value, tuple) else () if value is None else (value,)
+        if not all(low <= each <= high for each in values):  # NaN is outside
+            words = f"{low} or more" if high == math.inf else f"{low} to {high}"
+            raise ConfigError(
+                f"{type(config).__name__}: '{name}' must be {words}, got {value}; correct the value"
+            )
+        if isinstance(value, tuple) and value[0] > value[-1]:
+            raise ConfigError(
+                f"{type(config).__name__}: '{name}' must be the lower and the higher end of a "
+                f"range, got {value}; exchange them"
+            )
 
 
 def checked_call(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:

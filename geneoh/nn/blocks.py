@@ -8,6 +8,8 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
+from geneoh.errors import ConfigError
+
 
 def mlp(*widths: int) -> nn.Sequential:
     """Linear layers of the given widths with SiLU between them."""
@@ -22,6 +24,15 @@ def zeroed(layer: nn.Module) -> nn.Module:
     for parameter in layer.parameters():
         nn.init.zeros_(parameter)
     return layer
+
+
+def check_heads(width: int, heads: int, unit: int = 2) -> None:
+    """Refuse a width that attention heads cannot share in units of features (`ConfigError`)."""
+    if width < 1 or heads < 1 or width % (unit * heads):
+        raise ConfigError(
+            f"width must be a multiple of {unit} x the number of heads, got {width} for {heads} "
+            "heads; change one"
+        )
 
 
 def rotary(
@@ -46,6 +57,7 @@ class Block(nn.Module):
 
     def __init__(self, width: int, heads: int) -> None:
         """Build a block of `width` features and `heads` attention heads."""
+        check_heads(width, heads)
         super().__init__()
         self.heads = heads
         self.norm_attention = nn.LayerNorm(width)

@@ -4,12 +4,15 @@ Recorded hands turn about their fingertips while they hold, shift, and move thei
 time; people, and the fits that make ground truth, also have finger poses of their own.
 """
 
+import math
 from dataclasses import dataclass
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from geneoh.config import check_limits
+from geneoh.errors import ConfigError
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import TIP_KEYPOINTS
 from geneoh.representation.parameters import HandParameters
@@ -35,6 +38,13 @@ class AugmentationConfig:
     style: float = 0.4
     """Deviation of that offset, in those of the pose prior: little where joints hardly move."""
     smallest_style: float = 0.04  # least deviation of that offset, radians
+
+    def __post_init__(self) -> None:
+        """Refuse shares that are none, and ranges that cannot be drawn from."""
+        ranges = dict.fromkeys(("turn", "shift", "fingers"), (1e-9, math.inf))
+        check_limits(self, {"share": (0, 1), "style_share": (0, 1)} | ranges)
+        if not self.periods:
+            raise ConfigError("AugmentationConfig: 'periods' must name some, got none; name one")
 
 
 def augmented(

@@ -11,6 +11,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from geneoh.config import check_limits
 from geneoh.geometry.mirror import MIRROR
 from geneoh.synthesis.draws import Draws, Part
 
@@ -65,6 +66,14 @@ class CorruptionConfig:
     object_white_left: float = 0.15  # share of the white noise's deviation that smoothing leaves
     lasting_turn: float = 0.03  # deviation of its rotation for a whole window, in all, radians
     lasting_shift: float = 0.004  # of its translation, metres: no recording knows its object better
+
+    def __post_init__(self) -> None:
+        """Refuse shares that are none, and ranges that cannot be drawn from."""
+        shares = [name for name in vars(self) if name.endswith("_share")]
+        ranges = ("translation", "rotation", "fingers", "depth", "object_turn", "object_shift")
+        check_limits(self, dict.fromkeys(shares, (0, 1)) | dict.fromkeys(ranges, (1e-9, math.inf)))
+        check_limits(self, {"drift_frames": (1e-3, math.inf), "gap_frames": (1, math.inf)})
+        check_limits(self, {"gaps": (1, math.inf)})
 
 
 @dataclass(frozen=True)

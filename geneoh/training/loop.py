@@ -11,7 +11,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from geneoh.errors import ConfigError
+from geneoh.errors import CheckpointError, ConfigError
 from geneoh.files.atomic import make_folder
 from geneoh.nn.checkpoint import load_checkpoint, save_checkpoint
 from geneoh.nn.precision import multiply_in, quick_precision
@@ -129,8 +129,10 @@ def train(
     same result.
 
     Raises:
-        CheckpointError: the folder holds a run of another network, config or data.
-        ConfigError: there are fewer samples in a batch than pieces to divide it into.
+        CheckpointError: the folder holds a run of another network, config or data, or of more
+            steps.
+        ConfigError: there are fewer samples in a batch than pieces to divide it into, or the loss
+            is no number.
         InputError: the folder cannot be made.
     """
     team, config = team or Team(), task.config
@@ -147,6 +149,12 @@ def train(
         )
         refuse_other_run(state_path, saved.record, record)
         state.restore(saved)
+        if state.step > config.steps:
+            raise CheckpointError(
+                f"{state_path}: the saved run has taken {state.step} steps, more than the "
+                f"{config.steps} that are asked for; ask for as many, or choose another output "
+                "folder"
+            )
         if not team.rank:
             write_log(log_path, state.log)
     upcoming = batches(task, state.step, team, device)
@@ -178,10 +186,6 @@ def train(
 
 def check_division(config: RunConfig, team: Team) -> None:
     """Refuse to divide a batch into more pieces than it has windows."""
-    if config.accumulate < 1:
-        raise ConfigError(
-            f"accumulate: expected 1 piece or more, got {config.accumulate}; raise it"
-        )
     pieces = team.size * config.accumulate
     if pieces > config.batch:
         raise ConfigError(
@@ -223,7 +227,12 @@ def update(
     taken = torch.stack(parts).sum()
     stop = taken.new_tensor(float(interrupted()))
     team.add_up([*(p.grad for p in state.model.parameters() if p.grad is not None), taken, stop])
-    nn.utils.clip_grad_norm_(state.model.parameters(), config.clip)
+    norm = nn.utils.clip_grad_norm_(state.model.parameters(), config.clip)
+    if not bool((taken + norm).isfinite()):
+        raise ConfigError(
+            f"step {state.step + 1}: expected finite loss and gradient, got {taken.item():g} and "
+            f"{norm.item():g}; lower rate or clip, or correct the other settings"
+        )
     state.optimizer.step(learning_rate(state.step, config))
     update_average(state, config.ema)
     state.step += 1

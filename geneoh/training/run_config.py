@@ -1,6 +1,17 @@
 """Settings that every training run has, of whichever network."""
 
+import math
 from dataclasses import dataclass
+
+from geneoh.config import check_limits
+
+LIMITS = {
+    **dict.fromkeys(("steps", "batch", "accumulate", "warmup"), (1, math.inf)),
+    **dict.fromkeys(("checkpoint_every", "validate_every", "validation_batches"), (1, math.inf)),
+    **dict.fromkeys(("rate", "decay", "weight_decay", "ema"), (0, 1)),
+    "clip": (1e-6, math.inf),
+}
+"""The least and the largest value of the settings."""
 
 
 @dataclass(frozen=True)
@@ -22,3 +33,7 @@ class RunConfig:
     checkpoint_every: int = 250  # steps between two saved states of the run
     validate_every: int = 250  # steps between two validations
     validation_batches: int = 8  # batches of each validation, the same ones every time
+
+    def __post_init__(self) -> None:
+        """Refuse numbers that no run can have."""
+        check_limits(self, LIMITS)

@@ -7,9 +7,9 @@ from torch import Tensor
 
 from geneoh.baselines.library import baseline_weights
 from geneoh.choices import StageName
-from geneoh.config import with_table
+from geneoh.config import as_dict, flat, setting_differences, with_table
 from geneoh.denoisers.library import weights_of
-from geneoh.errors import CheckpointError
+from geneoh.errors import CheckpointError, ConfigError
 from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.training.config import TrainConfig
 from geneoh.training.loop import Task
@@ -26,6 +26,7 @@ def started_from(
 
     Raises:
         CheckpointError: there are no weights of this version of the network.
+        ConfigError: the config asks for another network than that of the weights.
     """
     if stage == "toch" or stage == "regression":
         path = baseline_weights(stage, folder)
@@ -35,6 +36,7 @@ def started_from(
     try:
         size = dict(saved.record["config"][stage])
         network = with_table(type(getattr(config, stage))(), size, str(path))
+        asked = getattr(config, stage)
         config = replace(config, autoencoder_steps=0, **{stage: network})
         build_model(stage, config).load_state_dict(saved.tensors)
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
@@ -42,6 +44,13 @@ def started_from(
             f"{path}: expected weights of this version's {stage} network, got others "
             f"({str(error).splitlines()[-1].strip()}); start without them"
         ) from error
+    default = flat(as_dict(type(network)()))
+    chosen = {name: v for name, v in flat(as_dict(asked)).items() if v != default[name]}
+    if differs := setting_differences(as_dict(network), chosen):
+        raise ConfigError(
+            f"--start: the {stage} network of {path} has {differs}; leave that out, or start "
+            "without the weights"
+        )
     return config, saved.tensors
 
 

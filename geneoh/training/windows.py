@@ -1,11 +1,13 @@
 """Random windows of synthetic interactions: clean hands, and the object that they hold."""
 
+import math
 from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from geneoh.config import check_limits
 from geneoh.denoisers.base import POINTS, SELECT_EVERY
 from geneoh.denoisers.motion import ObservedMotion
 from geneoh.denoisers.spatial import SpatialEvidence
@@ -26,6 +28,10 @@ class WindowConfig:
     short_share: float = 0.2
     """Share of the batches with a random shorter length, so that short clips are nothing new."""
     fast_share: float = 0.25  # share of the batches that play at twice the speed
+
+    def __post_init__(self) -> None:
+        """Refuse windows without motion, and shares that are none."""
+        check_limits(self, {"frames": (2, math.inf), "short_share": (0, 1), "fast_share": (0, 1)})
 
 
 @dataclass(frozen=True)
@@ -79,7 +85,7 @@ def draw_windows(
         return torch.randint(low, high, (count,), generator=generator)
 
     short = torch.rand((), generator=generator) < config.short_share
-    frames = int(integers(2, config.frames, 1)) if short else config.frames
+    frames = int(integers(2, max(3, config.frames), 1)) if short else config.frames
     pick = integers(0, len(data), count)
     lengths = torch.full((count,), data.shards[0].wrist.shape[1])
     if isinstance(data, WeightedInteractions):

@@ -117,6 +117,12 @@ def test_windows_are_drawn_in_the_shares_asked_for_and_never_of_the_padding(clip
     assert float(share) == pytest.approx(0.25, abs=0.05)
 
 
+def test_windows_of_two_frames_can_be_drawn(clips):
+    config = WindowConfig(frames=2, short_share=1.0)
+    drawn = draw_windows(clips, 3, config, generator=torch.Generator().manual_seed(0))
+    assert drawn.hand.wrist.shape == (3, 2, 3)
+
+
 def test_clips_of_other_lengths_and_numbers_of_points_fit_together(clips):
     (shard,) = clips.shards
     short = shard.take(torch.arange(5), "T").take(torch.arange(20), "P")

@@ -1,4 +1,5 @@
 import csv
+import math
 from dataclasses import replace
 
 import pytest
@@ -7,15 +8,19 @@ from stage_runs import train_stage
 
 from geneoh.baselines.library import load_baseline
 from geneoh.denoisers.library import load_denoisers
-from geneoh.errors import CheckpointError
+from geneoh.errors import CheckpointError, ConfigError
 from geneoh.nn.checkpoint import load_checkpoint
+from geneoh.training.augmentation import AugmentationConfig
 from geneoh.training.batches import draw_batch
 from geneoh.training.config import TrainConfig
+from geneoh.training.corruption import CorruptionConfig
 from geneoh.training.loop import learning_rate, update_average
 from geneoh.training.losses import latent_loss, motion_loss, reconstruction_loss, temporal_latent
 from geneoh.training.optimizer import Optimizer
+from geneoh.training.recordings import ClipConfig
 from geneoh.training.resume import LogRow, TrainState
 from geneoh.training.stages import build_model, loss_of, set_latent_statistics
+from geneoh.training.windows import WindowConfig
 
 CPU = torch.device("cpu")
 STAGES = ("motion", "spatial", "trajectory", "relations", "temporal", "latent")
@@ -174,6 +179,48 @@ def test_a_state_is_restored_whole(tmp_path, tiny):
     for part in ("adamw", "muon"):
         assert any(name.startswith(f"optimizer.{part}.") for name in a.tensors)
     assert all(torch.equal(a.tensors[name], b.tensors[name]) for name in a.tensors)
+
+
+@pytest.mark.parametrize(
+    ("kind", "wrong"),
+    [
+        (TrainConfig, {"steps": 0}),
+        (TrainConfig, {"warmup": 0}),
+        (TrainConfig, {"validate_every": 0}),
+        (TrainConfig, {"validation_batches": 0}),
+        (TrainConfig, {"checkpoint_every": 0}),
+        (TrainConfig, {"accumulate": 0}),
+        (TrainConfig, {"rate": math.nan}),
+        (TrainConfig, {"ema": 1.5}),
+        (TrainConfig, {"clip": 0.0}),
+        (WindowConfig, {"frames": 1}),
+        (WindowConfig, {"short_share": 2.0}),
+        (ClipConfig, {"shortest": 1}),
+        (CorruptionConfig, {"gap_frames": (10, 2)}),
+        (CorruptionConfig, {"translation": (0.0, 0.01)}),
+        (CorruptionConfig, {"clean_share": 7.0}),
+        (CorruptionConfig, {"gaps": 0}),
+        (AugmentationConfig, {"periods": ()}),
+    ],
+)
+def test_numbers_that_no_run_can_have_are_refused(kind, wrong):
+    ((name, _),) = wrong.items()
+    with pytest.raises(ConfigError, match=f"{kind.__name__}: '{name}' must "):
+        kind(**wrong)
+
+
+def test_attention_heads_that_cannot_share_a_width_are_refused(tiny):
+    with pytest.raises(ConfigError, match=r"2 x the number of heads, got 33 for 2 heads"):
+        build_model("motion", replace(tiny, motion=replace(tiny.motion, width=33)))
+
+
+def test_a_run_whose_loss_is_no_number_ends_with_its_last_state(tmp_path, clips, tiny):
+    wild = replace(tiny, steps=40, rate=1.0, warmup=1, clip=1e12, checkpoint_every=1)
+    with pytest.raises(ConfigError, match=r"step \d+: expected finite loss and gradient"):
+        train_stage("motion", wild, clips, clips, tmp_path, device=CPU)
+    kept = load_checkpoint(tmp_path / "motion_state.safetensors").tensors
+    assert all(bool(t.isfinite().all()) for n, t in kept.items() if n.startswith("model."))
+    assert not (tmp_path / "motion.safetensors").exists()
 
 
 def test_the_rate_warms_up_holds_and_falls_to_zero():

@@ -33,6 +33,14 @@ def test_a_run_is_continued_with_more_steps(tmp_path, clips, tiny):
     assert load_checkpoint(tmp_path / "motion_state.safetensors").record["step"] == 3
 
 
+def test_a_run_of_more_steps_than_are_asked_for_is_not_cut_short(tmp_path, clips, tiny):
+    train_stage("motion", tiny, clips, clips, tmp_path, device=CPU)
+    before = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
+    with pytest.raises(CheckpointError, match="has taken 4 steps, more than the 3 that are asked"):
+        train_stage("motion", replace(tiny, steps=3), clips, clips, tmp_path, device=CPU)
+    assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == before
+
+
 def test_a_damaged_state_is_told_as_that_of_a_run_and_not_as_weights(tmp_path, clips, tiny):
     train_stage("motion", replace(tiny, steps=2), clips, clips, tmp_path, device=CPU)
     state = tmp_path / "motion_state.safetensors"

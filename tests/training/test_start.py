@@ -10,7 +10,8 @@ from stage_runs import train_stage
 from geneoh.baselines.library import SHIPPED as BASELINE_WEIGHTS
 from geneoh.choices import STAGES
 from geneoh.denoisers.library import SHIPPED
-from geneoh.errors import CheckpointError
+from geneoh.denoisers.motion import MotionConfig
+from geneoh.errors import CheckpointError, ConfigError
 from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.training.config import TrainConfig
 from geneoh.training.data import DataSource, training_data
@@ -50,6 +51,15 @@ def test_weights_of_a_folder_bring_their_network_and_go_on_learning(clips, tiny,
             torch.testing.assert_close(after[name], tensor, atol=2e-3, rtol=2e-3)
     with pytest.raises(CheckpointError, match=r"first weights \(fingerprint\)"):
         train_stage("motion", config, clips, clips, out, device=CPU)
+
+
+def test_settings_of_another_network_than_that_of_the_weights_are_refused(clips, tiny, tmp_path):
+    train_stage("motion", tiny, clips, clips, tmp_path, device=CPU)
+    same = replace(TrainConfig(), motion=MotionConfig(width=tiny.motion.width))
+    assert started_from(tmp_path, "motion", same)[0].motion == tiny.motion
+    other = replace(TrainConfig(), motion=MotionConfig(width=32))
+    with pytest.raises(ConfigError, match=r"motion network of .* has width 16 where 32 is asked"):
+        started_from(tmp_path, "motion", other)
 
 
 def test_weights_of_another_network_are_refused(tmp_path):

@@ -4,7 +4,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
-from geneoh.nn.blocks import sinusoid
+from geneoh.nn.blocks import check_heads, sinusoid
 
 
 class PostNormTransformer(nn.Module):
@@ -18,6 +18,7 @@ class PostNormTransformer(nn.Module):
 
         Without `levels` no noise level is told.
         """
+        check_heads(width, heads, unit=1)
         super().__init__()
         steps = (nn.Linear(width, width), nn.SiLU(), nn.Linear(width, width))
         self.level = nn.Sequential(*steps) if levels else None
