@@ -5,6 +5,8 @@ from typing import Any
 
 import click
 
+from geneoh.choices import UNITS
+
 from .. import options, progress
 
 
@@ -23,14 +25,19 @@ from .. import options, progress
     options.FOLDER,
 )
 @options.option(
-    "--count: Clips to make.", options.COUNT, show_default="20480, 8192 actions or 16384 bodies"
+    "--count: Clips to make, rounded up to whole shards (`--set shard`), of which there are two or "
+    "more.",
+    options.COUNT,
+    show_default="20480, 8192 actions or 16384 bodies",
 )
 @options.option(
     "--objects meshes: Folder of meshes to be held beside the made objects, such as scans of "
     "your own; names in its held_out.txt are for validation alone.",
     options.FOLDER,
 )
-@options.unit
+@options.option(
+    "--unit: Unit of the meshes of --objects, where it is not metres.", click.Choice(UNITS), "m"
+)
 @options.option(
     "--jobs: Number of processes; with 1, this one with all its threads.", options.COUNT, 1
 )
@@ -70,6 +77,8 @@ def synthesize(
     from geneoh.viz.canvas import png_bytes
     from geneoh.viz.gesture_sheet import sheet_of
 
+    if meshes is None:
+        options.refuse(["unit"], "is of the meshes of --objects, which is not given")
     path = None if config is None else options.find_config(config)
     settings = settings if count is None else (*settings, f"count={count}")
     kind = kind_of_data(actions, bodies, meshes, holding)

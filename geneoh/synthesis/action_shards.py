@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import ClassVar
 
 import torch
 
@@ -30,6 +31,9 @@ from geneoh.synthesis.shards import (
 @dataclass(frozen=True)
 class ActionSynthesisConfig(SynthesisConfig):
     """What a data set of actions is made of: hands of the mean shape on more surface points."""
+
+    kind: ClassVar[str] = "actions"
+    command: ClassVar[str] = "geneoh synthesize --actions"
 
     count: int = 8192
     frames: int = LONGEST
@@ -107,7 +111,7 @@ def action_shards(folder: Path, split: str) -> Iterator[Actions]:
 
 def action_shard(path: Path) -> Actions:
     """One shard; `InputError` if the file is no whole shard of actions."""
-    with whole_shard(path, "actions", "geneoh synthesize --actions") as (shard, _):
+    with whole_shard(path, DEFAULTS.kind, DEFAULTS.command) as (shard, _):
         actions = Actions(**all_tensors(shard))
         refuse_damage(actions, {"verb": len(VERBS), "name": MOST_NAMES, "part": 2})
         refuse_lengths(actions.length, actions.joint.shape[1])

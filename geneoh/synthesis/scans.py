@@ -17,6 +17,7 @@ from torch import Tensor
 from geneoh.bundle import Bundle
 from geneoh.choices import Unit
 from geneoh.errors import InputError
+from geneoh.files.atomic import make_folder
 from geneoh.files.tensors import DamagedTensorsError, opened_tensors, write_tensors
 from geneoh.geometry.distance import SurfaceDistance
 from geneoh.geometry.mesh import MESH_SUFFIXES, Mesh, load_mesh, size_warning
@@ -231,7 +232,7 @@ def find_scans(
             )
         return scans
     scans = build_scans(found, on_mesh=on_mesh)
-    data.mkdir(parents=True, exist_ok=True)
+    make_folder(data)
     write_scans(kept, scans)
     return scans
 

@@ -1,11 +1,12 @@
 """Interactions on disk: seeded shards that can be made in any order and read one at a time."""
 
 import hashlib
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -13,8 +14,9 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from geneoh.bundle import concatenated
-from geneoh.config import as_dict, setting_differences, with_table
+from geneoh.config import as_dict, check_limits, setting_differences, with_table
 from geneoh.errors import ConfigError, InputError
+from geneoh.files.atomic import make_folder
 from geneoh.files.tensors import all_tensors, write_tensors
 from geneoh.hand.model import HandModel, ShapedHand
 from geneoh.hand.skeleton import LARGEST_HAND
@@ -49,16 +51,18 @@ class Source(Protocol):
 class ShardConfig:
     """How many clips a data set has, in which files; saved in every shard."""
 
+    kind: ClassVar[str] = "interactions"  # what the clips are
+    command: ClassVar[str] = "geneoh synthesize"  # what makes them
+
     count: int = 4096  # clips in all; rounded up to whole shards
     frames: int = 150  # length of each, at 30 frames a second
     shard: int = 128  # clips per file
     validation: float = 0.05  # share of the shards that are for validation
 
     def __post_init__(self) -> None:
-        """Refuse sizes below one."""
-        for name in ("count", "frames", "shard"):
-            if getattr(self, name) < 1:
-                raise ConfigError(f"{name} must be 1 or more, got {getattr(self, name)}; raise it")
+        """Refuse sizes below one, clips without motion, and a share that is none."""
+        check_limits(self, dict.fromkeys(("count", "shard"), (1, math.inf)))
+        check_limits(self, {"frames": (2, math.inf), "validation": (0, 1)})
 
     @property
     def shards(self) -> int:
@@ -66,8 +70,9 @@ class ShardConfig:
         return max(2, -(-self.count // self.shard))
 
     def split_of(self, index: int) -> str:
-        """What the shard of this number is for: "val" or "train"."""
-        return "val" if index < max(1, round(self.validation * self.shards)) else "train"
+        """What the shard of this number is for: "val" or "train", of each of which there is one."""
+        first = min(max(1, round(self.validation * self.shards)), self.shards - 1)
+        return "val" if index < first else "train"
 
     def families_of(self, index: int, scans: Any = None) -> list[str]:
         """Names of what the shard of this number may show."""
@@ -93,10 +98,10 @@ class SynthesisConfig(ShardConfig):
     animation: AnimationConfig = field(default_factory=AnimationConfig)
 
     def __post_init__(self) -> None:
-        """Refuse sizes below one, and held-out families that are unknown, none or all."""
+        """Refuse such sizes, and held-out families that are unknown, none or all."""
         super().__post_init__()
-        if self.points < 1:
-            raise ConfigError(f"points must be 1 or more, got {self.points}; raise it")
+        check_limits(self, {"points": (1, math.inf), "scanned": (0, 1)})
+        check_limits(self, dict.fromkeys(("shape_std", "bone_std"), (0, math.inf)))
         for family in self.held_out:
             family_named(family)
         if not self.held_out or not self.common:
@@ -268,7 +273,7 @@ def write_shards(
     Raises:
         InputError: the folder holds shards of another config or seed, or a broken one.
     """
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     record = ShardRecord(config, seed, "" if scans is None else scans.fingerprint)
     for path in sorted(folder.glob("*_*.safetensors")):
         if differs := differences(shard_record(path, config), record):
@@ -318,18 +323,42 @@ def shard_record(path: Path, defaults: ShardConfig = SynthesisConfig()) -> Shard
     """What a shard was made with; a setting that it does not name has its default.
 
     Raises:
-        InputError: the file is no whole shard, or has settings of another version.
+        InputError: the file is no whole shard, holds other clips than those of `defaults`, or has
+            settings of another version.
     """
-    with whole_shard(path, "interactions") as (_, record):
+    with whole_shard(path, defaults.kind, defaults.command) as (shard, record):
+        found = kind_of(shard.keys())
         table, seed = dict(record["config"]), int(record["seed"])
         objects = str(record.get("objects", ""))
         families = int(record.get("families", FORMER_FAMILIES))
+    if found != defaults.kind:
+        raise InputError(
+            f"{path}: expected {defaults.kind}, got {found}; name another folder, such as one that "
+            f"`{defaults.command}` made"
+        )
     try:
         return ShardRecord(with_table(defaults, table, str(path)), seed, objects, families)
     except ConfigError as error:
         raise InputError(
             f"{path}: was made by another version of geneoh ({error}); make the data again"
         ) from error
+
+
+def kind_of(names: Iterable[str]) -> str:
+    """What clips are whose tensors have these names; see `ShardConfig.kind`."""
+    marks = {"verb": "actions", "gesture": "bodies"}
+    return next((marks[name] for name in names if name in marks), SynthesisConfig.kind)
+
+
+def unfinished(folder: Path, config: ShardConfig) -> tuple[str, ...]:
+    """A note where a folder lacks shards of the data set that it was begun with."""
+    there = len(list(folder.glob("*_*.safetensors")))
+    if there >= config.shards:
+        return ()
+    return (
+        f"{folder}: {there} of {config.shards} shards are there; `{config.command}` with the same "
+        "options makes the others",
+    )
 
 
 def find_shards(folder: Path, split: str, defaults: ShardConfig = SynthesisConfig()) -> list[Path]:
@@ -342,7 +371,7 @@ def find_shards(folder: Path, split: str, defaults: ShardConfig = SynthesisConfi
     if not paths:
         raise InputError(
             f"{folder}: expected {split}_*.safetensors, found none; "
-            f"make some with `geneoh synthesize -o {folder}`"
+            f"make some with `{defaults.command} -o {folder}`"
         )
     first = shard_record(paths[0], defaults)
     for path in paths[1:]:

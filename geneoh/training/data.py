@@ -23,6 +23,7 @@ from geneoh.readers.base import ReaderOptions
 from geneoh.readers.registry import SOURCES
 from geneoh.streamed import Streamed
 from geneoh.synthesis.motion import Interactions
+from geneoh.synthesis.scans import FILE
 from geneoh.synthesis.shards import (
     ShardRecord,
     SynthesisConfig,
@@ -31,6 +32,7 @@ from geneoh.synthesis.shards import (
     read_shards,
     seed_of,
     shard_record,
+    unfinished,
     write_shards,
 )
 from geneoh.training import recordings
@@ -106,6 +108,8 @@ def parsed_source(text: str, known: Sequence[str] = (SEQUENCES, *SOURCES)) -> Da
     Raises:
         ConfigError: the source is unknown, or the weight is not above zero.
     """
+    if not text.rpartition("=")[2]:
+        raise ConfigError(f"--data {text}: expected a path, got none; name a folder")
     source, _, rest = text.partition("=") if "=" in text else ("", "", text)
     path, _, weight = rest.rpartition(":")
     try:
@@ -144,7 +148,9 @@ def training_data(
         if not one.source:
             write_missing(one.path, config.synthesis, report)
             found.append([whole(read_shards(one.path, n), one.weight) for n in ("train", "val")])
-            made.append(as_dict(shard_record(find_shards(one.path, "train")[0])))
+            first = shard_record(find_shards(one.path, "train")[0])
+            problems += unfinished(one.path, first.config)
+            made.append(as_dict(first))
         else:
             digest = hashlib.sha256(str(one.path.resolve()).encode()).hexdigest()[:8]
             folder, readers = cache / f"{one.source}_{digest}", options or ReaderOptions()
@@ -163,6 +169,8 @@ def training_data(
 def write_missing(folder: Path, config: SynthesisConfig, on_step: Any) -> None:
     """Make what a folder lacks of this config's interactions; those of another are left alone."""
     there = sorted(folder.glob("*_*.safetensors"))
+    if not there and (folder / FILE).exists():  # they are to be made with scanned objects
+        return
     if not there or shard_record(there[0]) == ShardRecord(config, 0):
         write_shards(folder, config, load_hand("right"), seed=0, on_shard=on_step)
 

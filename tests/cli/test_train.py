@@ -208,6 +208,7 @@ def test_bodies_with_sentences_are_made_and_other_kinds_of_data_are_told_apart(g
         (("--bodies", "--objects", "."), "--objects: expected none with --bodies"),
         (("--with-actions", "bodies"), "--with-actions: expected --bodies with it"),
         (("--bodies", "--with-actions", "none"), "none: expected val_"),
+        (("--unit", "mm"), "--unit is of the meshes of --objects, which is not given"),
     ):
         refused = geneoh("synthesize", *wrong, "-o", "other")
         assert refused.exit_code == 2

@@ -72,7 +72,7 @@ def test_hands_have_the_mean_shape_and_absent_ones_are_zero(tmp_path):
 def test_shards_to_clean_are_no_actions(tmp_path):
     config = SynthesisConfig(count=2, shard=1, frames=20, points=8, grasps=ANY_GRASP)
     write_shards(tmp_path, config, load_hand("right"), seed=0)
-    with pytest.raises(InputError, match="whole shard of actions"):
+    with pytest.raises(InputError, match="expected actions, got interactions"):
         read_actions(tmp_path, "train")
 
 

@@ -7,13 +7,17 @@ from pathlib import Path
 
 import pytest
 import torch
+from made_actions import write_actions
+from made_gestures import made_gestures, write_gesture_shards
 from safetensors.torch import load_file, save_file
 
 from geneoh.config import as_dict
 from geneoh.errors import ConfigError, InputError
 from geneoh.hand.library import load_hand
 from geneoh.synthesis import shards
+from geneoh.synthesis.action_shards import read_actions
 from geneoh.synthesis.bimanual import BimanualConfig
+from geneoh.synthesis.gestures.shards import read_gestures
 from geneoh.synthesis.grasps import GraspChecks, GraspConfig, synthesize_grasps
 from geneoh.synthesis.motion import Interactions
 from geneoh.synthesis.objects import FAMILIES
@@ -262,13 +266,44 @@ def test_settings_that_are_not_known_are_told_as_those_of_another_version(tmp_pa
         ({"held_out": tuple(FAMILIES)}, "leave some for training, got 34 of 34"),
         ({"held_out": ("mugg",)}, "'mugg' is no object family; did you mean 'mug'?"),
         ({"held_out": ("zzz",)}, "'zzz' is no object family; there are box, board"),
-        ({"shard": 0}, "shard must be 1 or more, got 0"),
-        ({"frames": -1}, "frames must be 1 or more, got -1"),
+        ({"shard": 0}, "'shard' must be 1 or more, got 0"),
+        ({"frames": 1}, "'frames' must be 2 or more, got 1"),
+        ({"validation": 2.0}, "'validation' must be 0 to 1, got 2.0"),
+        ({"scanned": -1.0}, "'scanned' must be 0 to 1, got -1.0"),
     ],
 )
 def test_impossible_configs_are_refused_with_what_is_wrong(change, words):
     with pytest.raises(ConfigError, match=re.escape(words)):
         replace(TINY, **change)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.9, 1.0])
+def test_each_split_has_a_shard(share):
+    config = replace(TINY, validation=share)
+    assert {config.split_of(index) for index in range(config.shards)} == {"train", "val"}
+
+
+def test_clips_of_another_kind_are_told_as_what_they_are(tmp_path, hand):
+    write_actions(tmp_path / "actions")
+    write_gesture_shards(tmp_path / "bodies", train=made_gestures(2))
+    write_shards(tmp_path / "interactions", TINY, hand, seed=0)
+    readers = {
+        "interactions": read_shards,
+        "actions": read_actions,
+        "bodies": read_gestures,
+    }
+    for wanted, read in readers.items():
+        for found in readers:
+            if found != wanted:
+                told = rf"train_\d+\.safetensors: expected {wanted}, got {found}; name another"
+                with pytest.raises(InputError, match=told):
+                    read(tmp_path / found, "train")
+
+
+def test_a_place_where_no_folder_can_be_made_is_told(tmp_path, hand):
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match="file: cannot be written"):
+        write_shards(tmp_path / "file", TINY, hand, seed=0)
 
 
 def test_a_folder_without_the_split_is_refused(tmp_path):

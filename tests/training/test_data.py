@@ -44,7 +44,9 @@ def test_a_source_is_a_reader_a_path_and_a_weight(text, source):
     assert parsed_source(text) == source
 
 
-@pytest.mark.parametrize("text", ["tacco=/data", "taco=/data:0", "taco=/data:-1", "x:inf"])
+@pytest.mark.parametrize(
+    "text", ["tacco=/data", "taco=/data:0", "taco=/data:-1", "x:inf", "", "taco="]
+)
 def test_an_unknown_source_or_a_weight_of_nothing_is_refused(text):
     with pytest.raises(ConfigError, match=f"--data {text}: "):
         parsed_source(text)
@@ -165,6 +167,25 @@ def test_interactions_of_other_settings_are_taken_as_they_are(made, tmp_path, ti
     assert sorted(path.stat().st_mtime_ns for path in made.iterdir()) == before
     assert data.record["config"]["count"] == 2
     assert shard_record(next(made.iterdir())).config == FEW
+
+
+def test_a_folder_that_lacks_shards_of_other_settings_is_taken_with_a_word(made, tmp_path, tiny):
+    more = tmp_path / "more"
+    config = replace(FEW, count=3)
+    write_shards(more, config, load_hand("right"), seed=1)
+    (more / "train_00002.safetensors").unlink()
+    data = training_data([DataSource(more)], tmp_path, tiny)
+    assert data.notes == (
+        f"{more}: 2 of 3 shards are there; `geneoh synthesize` with the same options makes the "
+        "others",
+    )
+    assert training_data([DataSource(made)], tmp_path, tiny).notes == ()
+
+
+def test_a_folder_that_was_begun_with_scanned_objects_is_not_filled_without(tmp_path, tiny):
+    (tmp_path / "scans.safetensors").touch()
+    with pytest.raises(InputError, match=r"expected train_\*\.safetensors, found none"):
+        training_data([DataSource(tmp_path)], tmp_path, replace(tiny, synthesis=FEW))
 
 
 def test_a_source_with_no_stretch_that_is_long_enough_says_what_was_left_out(tmp_path, tiny):

@@ -28,7 +28,7 @@ from geneoh.generators.text import foreign_encoder
 from geneoh.progress import OnProgress
 from geneoh.synthesis.gestures.clips import Gestures
 from geneoh.synthesis.gestures.shards import DEFAULTS, read_gestures
-from geneoh.synthesis.shards import find_shards, shard_record
+from geneoh.synthesis.shards import find_shards, shard_record, unfinished
 from geneoh.training.data import DataSource, TrainingData
 
 
@@ -54,8 +54,8 @@ class LearnedBodies:
                 on_step=on_progress and partial(on_progress, source),
             )
         training, validation = (read_gestures(path, split) for split in ("train", "val"))
-        made = as_dict(shard_record(find_shards(path, "train", DEFAULTS)[0], DEFAULTS))
-        return TrainingData(training, validation, made)
+        record = shard_record(find_shards(path, "train", DEFAULTS)[0], DEFAULTS)
+        return TrainingData(training, validation, as_dict(record), unfinished(path, record.config))
 
 
 def body_task(

@@ -13,7 +13,7 @@ from geneoh.generators.text2hoi.samples import ActionData
 from geneoh.progress import OnProgress
 from geneoh.readers.base import ReaderOptions
 from geneoh.synthesis.action_shards import DEFAULTS, read_actions
-from geneoh.synthesis.shards import find_shards, shard_record
+from geneoh.synthesis.shards import find_shards, shard_record, unfinished
 from geneoh.training.data import DataSource, TrainingData
 
 
@@ -35,8 +35,9 @@ def action_data(
             ActionData(actions, tuple(names))
             for actions, names in (read_actions(data.path, split) for split in ("train", "val"))
         )
-        made = as_dict(shard_record(find_shards(data.path, "train", DEFAULTS)[0], DEFAULTS))
-        return TrainingData(training, validation, made)
+        record = shard_record(find_shards(data.path, "train", DEFAULTS)[0], DEFAULTS)
+        notes = unfinished(data.path, record.config)
+        return TrainingData(training, validation, as_dict(record), notes)
     if data.source not in ANNOTATED:
         raise ConfigError(
             f"--data {data.source}=...: expected {', '.join(ANNOTATED)}, whose recordings come "

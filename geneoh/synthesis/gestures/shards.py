@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
@@ -29,6 +29,9 @@ TEXTS = ("left", "right", "joined")
 @dataclass(frozen=True)
 class GestureConfig(ShardConfig):
     """What a data set of bodies with hands and sentences is made of."""
+
+    kind: ClassVar[str] = "bodies"
+    command: ClassVar[str] = "geneoh synthesize --bodies"
 
     count: int = 16384
     held_out: int = 2
@@ -105,7 +108,7 @@ def gesture_shards(folder: Path, split: str) -> Iterator[Gestures]:
 
 def gesture_shard(path: Path) -> Gestures:
     """One shard; `InputError` if the file is no whole shard of bodies."""
-    with whole_shard(path, "bodies", "geneoh synthesize --bodies") as (shard, record):
+    with whole_shard(path, DEFAULTS.kind, DEFAULTS.command) as (shard, record):
         held: dict[str, Any] = dict(all_tensors(shard))
         held |= {name: np.array(record[name]) for name in TEXTS}
         clips = Gestures(**held)

@@ -74,7 +74,7 @@ def test_some_bodies_do_what_the_hands_of_actions_do(tmp_path):
 
 def test_shards_of_other_data_are_refused(tmp_path):
     write_actions(tmp_path / "actions")
-    with pytest.raises(InputError, match="was made by another version"):
+    with pytest.raises(InputError, match="expected bodies, got actions"):
         read_gestures(tmp_path / "actions", "train")
 
 
