@@ -15,7 +15,11 @@ KEPT = 4096
 
 
 class TextEncoder:
-    """Sentences to vectors of `width` features, each of the latest sentences only once."""
+    """Sentences to vectors of `width` features, each of the latest sentences only once.
+
+    Each is embedded alone: beside others its vector would have other last bits, and a run that goes
+    on after an interruption would take other steps.
+    """
 
     def __init__(self, width: int, embed: Callable[[list[str]], Tensor]) -> None:
         """`embed` gives the vectors of sentences, without gradient."""
@@ -26,7 +30,7 @@ class TextEncoder:
     def encode(self, sentences: Sequence[str]) -> Float[Tensor, "B W"]:
         """The vectors of sentences, on the CPU."""
         if new := [s for s in dict.fromkeys(sentences) if s not in self._known]:
-            self._known |= zip(new, self._embed(new), strict=True)
+            self._known |= {sentence: self._embed([sentence])[0] for sentence in new}
         found = [self._known[sentence] for sentence in sentences]
         for old in list(self._known)[:-KEPT]:
             del self._known[old]
