@@ -14,6 +14,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from geneoh.baselines.filters import Filter, smooth
 from geneoh.bundle import concatenated
 from geneoh.denoisers.base import palm_axes
 from geneoh.denoisers.latent import LatentDenoiser
@@ -43,6 +44,8 @@ TOGETHER = 64
 ALIGN_POINTS = 16
 """Number of contact points that keypoints are aligned to, those nearest to the hand; far ones would
 hardly count."""
+LASTING, LARGEST_DRIFT = Filter("gaussian", 10.0), 0.008
+"""What of a shift by TemporalDiff lasts, and its largest length in metres: 5 mm are usual."""
 
 
 def denoise_motion(
@@ -292,8 +295,19 @@ def denoise_temporal(
         return found
 
     found = concatenated([answer(piece) for piece in pieces], "B").map(context.blend)
-    shift = align_to_steps(found.change, found.steps, found.places)
+    shift = without_drift(align_to_steps(found.change, found.steps, found.places), context.fps)
     return whole + shift @ context.rotation[:, 0].mT
+
+
+def without_drift(shift: Float[Tensor, "S T 21 3"], fps: float) -> Float[Tensor, "S T 21 3"]:
+    """A shift made of steps, whose lasting part is at most `LARGEST_DRIFT`.
+
+    Steps tell nothing of a place: where they are faster than the network knows, small errors of
+    many of them add up to centimetres.
+    """
+    lasting = smooth(shift.movedim(1, 0), LASTING, fps).movedim(0, 1)
+    size = lasting.norm(dim=-1, keepdim=True)
+    return shift - lasting * (1 - LARGEST_DRIFT / size.clamp(min=LARGEST_DRIFT))
 
 
 def denoise_latent(

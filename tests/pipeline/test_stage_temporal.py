@@ -92,6 +92,23 @@ def test_a_hand_that_is_to_stand_still_over_the_object_does(frames):
     torch.testing.assert_close(got[0] - got[1], joints[0] - joints[1], atol=1e-6, rtol=0)
 
 
+@pytest.mark.parametrize("frames", [60, LONG])
+def test_many_steps_to_one_side_move_no_hand_away(frames):
+    class OneSided(KnownSteps):
+        """Answers that every step should lead 2 mm more to one side."""
+
+        def forward(self, evidence):
+            change = torch.tensor([0.002, 0.0, 0.0]).expand_as(evidence.steps)
+            return replace(super().forward(evidence), change=change)
+
+    context = scene(frames, parts=1)
+    joints = hands_at(context)
+    got = denoise_temporal(OneSided(), joints, joints, context)
+    moved = (got - joints).norm(dim=-1)
+    assert float(moved[:, 20:-20].max()) < 0.01
+    assert float(moved.max()) < 0.03
+
+
 def test_a_finger_holds_on_to_the_part_that_it_touches():
     context = scene(12, parts=2)
     turn, shift = context.rotation, context.translation
