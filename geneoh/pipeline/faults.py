@@ -22,7 +22,7 @@ from geneoh.objects.consistency import longest_chain, possible_places, runs
 from geneoh.objects.smoothing import increments
 from geneoh.objects.symmetry import Symmetry
 from geneoh.readers.convention_check import KNUCKLES, finger_curls
-from geneoh.sequence.gaps import fill_gaps
+from geneoh.sequence.gaps import fill_gaps, observed_around
 from geneoh.sequence.sequence import HandTrack, Sequence
 
 SHORTEST = 5
@@ -71,14 +71,39 @@ def faults(hand: HandTrack, fps: float) -> Iterator[Fault]:
     seen = hand.observed
     if int(seen.sum()) < SHORTEST:
         return
-    joints = keypoints(fill_gaps(replace(hand, valid=seen)))
+    whole = fill_gaps(replace(hand, valid=seen))
+    joints, trusted = keypoints(whole), hand.trust > 0
+    track = Track(joints, trusted, hand.side, fps)
     for find, words in FAULTS:
-        wrong = find(joints, hand.side, fps) & seen
+        wrong = find(track) & seen
         # a slow tracker repeats most frames; else what is so in most of them is how the hand is
         few = find is repeated or 2 * int(wrong.sum()) < int(seen.sum())
         if few and bool(wrong.any()):
             yield Fault(wrong, words)
             seen = seen & ~wrong
+
+
+@dataclass(frozen=True)
+class Track:
+    """Keypoints of a hand with gaps filled, metres, world frame."""
+
+    joints: Float[Tensor, "T 21 3"]
+    trusted: Bool[Tensor, "T 21"]
+    """Whether a keypoint has confidence in a frame with the hand."""
+    side: Side
+    fps: float
+
+    @property
+    def nothing(self) -> Bool[Tensor, " T"]:
+        """No frame."""
+        return torch.zeros_like(self.trusted[:, 0])
+
+    @property
+    def palm(self) -> Float[Tensor, "T 5 3"]:
+        """The wrist and the knuckles, on straight lines where one of them is not trusted."""
+        known = self.trusted[:, PALM].all(-1)
+        points = self.joints[:, PALM]
+        return observed_around(known).points(points) if bool(known.any()) else points
 
 
 def keypoints(hand: HandTrack) -> Float[Tensor, "T 21 3"]:
@@ -91,18 +116,19 @@ def keypoints(hand: HandTrack) -> Float[Tensor, "T 21 3"]:
     return mean.joints_from_rotations(axis_angle_to_matrix(hand.pose), hand.wrist)
 
 
-def repeated(joints: Float[Tensor, "T 21 3"], side: Side, fps: float) -> Bool[Tensor, " T"]:
+def repeated(track: Track) -> Bool[Tensor, " T"]:
     """Frames that repeat the one before, in the middle of motion."""
-    found = torch.zeros_like(joints[:, 0, 0], dtype=torch.bool)
-    for run in stops(joints, fps):
+    found = track.nothing
+    for run in stops(track, track.joints):
         found[run.start + 1 : run.stop + 1] = True
     return found
 
 
-def stiff(joints: Float[Tensor, "T 21 3"], side: Side, fps: float) -> Bool[Tensor, " T"]:
+def stiff(track: Track) -> Bool[Tensor, " T"]:
     """Frames of one and the same hand shape, such as a mean one, in a hand that moves."""
-    found, still = torch.zeros_like(joints[:, 0, 0], dtype=torch.bool), standing(joints)
-    for run in stops((joints - joints[:, :1]) @ palm_axes(joints[:, None]), fps):
+    found, still = track.nothing, standing(track.joints)
+    shape = (track.joints - track.joints[:, :1]) @ palm_axes(track.joints[:, None])
+    for run in stops(track, shape):
         found[run.start : run.stop + 1] = not bool(still[run].all())
     return found
 
@@ -112,32 +138,35 @@ def standing(points: Float[Tensor, "T 21 3"]) -> Bool[Tensor, " N"]:
     return points.diff(dim=0).abs().flatten(1).amax(1) < SAME
 
 
-def stops(points: Float[Tensor, "T 21 3"], fps: float) -> Iterator[slice]:
-    """Runs of steps in which points stand still, and which begin and end with a leap."""
+def stops(track: Track, points: Float[Tensor, "T 21 3"]) -> Iterator[slice]:
+    """Runs of steps between observed frames in which points stand still, and which begin and end
+    with a leap."""
+    seen = track.trusted.any(-1)
     steps = points.diff(dim=0).norm(dim=-1).mean(-1)
-    leaps = (steps > LEAP * max(1.0, 30 / fps) ** 2).cpu().numpy()
-    for run in runs(standing(points).cpu().numpy()):
+    leaps = (steps > LEAP * max(1.0, 30 / track.fps) ** 2).cpu().numpy()
+    for run in runs((standing(points) & seen[1:] & seen[:-1]).cpu().numpy()):
         around = [step for step in (run.start - 1, run.stop) if 0 <= step < len(leaps)]
         if around and leaps[around].all():
             yield run
 
 
-def displaced(joints: Float[Tensor, "T 21 3"], side: Side, fps: float) -> Bool[Tensor, " T"]:
+def displaced(track: Track) -> Bool[Tensor, " T"]:
     """Frames in which the palm is where no possible motion brings it."""
-    middle = joints[:, PALM].mean(1).double().cpu().numpy()
-    limit = change_limit(np.diff(middle, axis=0), PLACE_CHANGE, fps)
-    return ~torch.from_numpy(possible_places(middle, limit, fps)).to(joints.device)
+    middle = track.palm.mean(1).double().cpu().numpy()
+    limit = change_limit(np.diff(middle, axis=0), PLACE_CHANGE, track.fps)
+    return ~torch.from_numpy(possible_places(middle, limit, track.fps)).to(track.trusted.device)
 
 
-def turned_over(joints: Float[Tensor, "T 21 3"], side: Side, fps: float) -> Bool[Tensor, " T"]:
+def turned_over(track: Track) -> Bool[Tensor, " T"]:
     """Frames in which the palm is turned as no possible motion turns it."""
+    joints = track.joints.index_copy(1, torch.tensor(PALM).to(track.trusted.device), track.palm)
     palm = Rotation.from_matrix(palm_axes(joints[:, None]).double().cpu().numpy())
     turns = increments(palm)
-    limit = min(change_limit(turns, TURN_CHANGE, fps), LARGEST_TURN)
-    possible = np.ones(len(joints), dtype=bool)
-    if np.linalg.norm(np.diff(turns, axis=0), axis=1).max() > limit:
-        possible = longest_chain(palm, limit, ALL_THE_SAME, fps).kept
-    return ~torch.from_numpy(possible).to(joints.device)
+    limit = min(change_limit(turns, TURN_CHANGE, track.fps), LARGEST_TURN)
+    if np.linalg.norm(np.diff(turns, axis=0), axis=1).max() < limit:
+        return track.nothing
+    kept = longest_chain(palm, limit, ALL_THE_SAME, track.fps).kept
+    return ~torch.from_numpy(kept).to(track.trusted.device)
 
 
 def change_limit(steps: Float[np.ndarray, "N 3"], change: float, fps: float) -> float:
@@ -146,11 +175,12 @@ def change_limit(steps: Float[np.ndarray, "N 3"], change: float, fps: float) -> 
     return max(change * max(1.0, 30 / fps), BENDS * usual)
 
 
-def other_side(joints: Float[Tensor, "T 21 3"], side: Side, fps: float) -> Bool[Tensor, " T"]:
+def other_side(track: Track) -> Bool[Tensor, " T"]:
     """Frames whose fingers bend backward, while those around them bend forward."""
-    length = (joints[:, list(KNUCKLES)] - joints[:, :1]).norm(dim=-1).median()
-    curl = (finger_curls(joints, side) / length).cpu().numpy()
-    found = torch.zeros_like(joints[:, 0, 0], dtype=torch.bool)
+    known = track.joints.masked_fill(~track.trusted[..., None], torch.nan)
+    length = (known[:, KNUCKLES] - known[:, :1]).norm(dim=-1).nanmedian()
+    curl = (finger_curls(known, track.side) / length).cpu().numpy()
+    found = track.nothing
     for run in runs(curl < BACKWARD):
         around = [frame for frame in (run.start - 1, run.stop) if 0 <= frame < len(curl)]
         if around and curl[around].min() > curl[run].mean() + CURL_JUMP:

@@ -22,6 +22,7 @@ from geneoh.pipeline.observed import DIGITS, Observed, between, hand_between
 from geneoh.pipeline.options import Options, with_settings
 from geneoh.pipeline.recent import RecentHand
 from geneoh.readers.arrays import array_of
+from geneoh.readers.missing_keypoints import FEWEST
 from geneoh.readers.npz_files import hand_arrays
 from geneoh.readers.npz_tracks import read_object, read_own
 from geneoh.readers.records import Record
@@ -39,7 +40,7 @@ LONGEST_LAG = 1.0
 """Seconds; with a longer lag a frame would have less than a second before it."""
 FIT_STEPS = {"iterations": 4, "contact_rounds": 1}
 """Fewer than a whole track gets: the fit goes on from frames that are out already."""
-POSES = ("joints", "pose", "wrist")
+FOUND = {"joints": FEWEST / 21, "pose": 1.0, "wrist": 1.0}
 """Fields of a hand without which, or with NaN in which, it counts as lost."""
 
 
@@ -217,8 +218,9 @@ class Stream:
             }
         record = Record(where, {**fields, **self._shape}, "correct it")
         valid = f"{self._side}_valid"
-        for name in (f"{self._side}_{name}" for name in POSES):
-            if name in record and not np.isfinite(record.numbers(name)).all():
+        for name, least in FOUND.items():
+            field = f"{self._side}_{name}"
+            if field in record and np.isfinite(record.numbers(field)).mean() < least:
                 return None
         if valid in record and not record.flags(valid).all():
             return None
@@ -226,7 +228,12 @@ class Stream:
         if bool(collapsed(hand).all()):
             return None
         check_hand(hand, where)
-        known = tuple(sorted(name for name, value in vars(hand).items() if value is not None))
+        has = {name for name, value in vars(hand).items() if value is not None}
+        if f"{self._side}_confidence" not in record:  # missing keypoints may have brought one
+            has -= {"confidence"}
+            if hand.confidence is None:
+                hand = replace(hand, confidence=torch.ones(1, 21))
+        known = tuple(sorted(has))
         self._known = self._known or known
         if known != self._known:
             raise InputError(

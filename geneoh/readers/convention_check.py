@@ -90,7 +90,7 @@ def doubts(sequence: Sequence, name: str) -> Iterator[str]:
     `InputError` where the keypoints are certainly in another order; `name` is that of the file.
     """
     for hand in sequence.hands:
-        if hand.joints is not None and (order := shorter_order(hand.joints[hand.valid])):
+        if hand.joints is not None and (order := shorter_order(trusted_joints(hand))):
             raise InputError(
                 f"{name}: the keypoints of the {hand.side} hand must be in OpenPose order, got "
                 f"bones that only a hand in the order {order} has; reorder them, or pass "
@@ -118,10 +118,19 @@ def shorter_order(joints: Float[Tensor, "T 21 3"]) -> JointOrder | None:
     return best if totals[best] < SHORTER_BONES * totals["openpose"] else None
 
 
+def trusted_joints(hand: HandTrack) -> Float[Tensor, "N 21 3"]:
+    """Keypoints of the observed frames, NaN where one has no confidence."""
+    assert hand.joints is not None, "asked for the joints of a track that has none"
+    return hand.joints.masked_fill((hand.trust == 0)[..., None], torch.nan)[hand.observed]
+
+
 def bones_length(joints: Float[Tensor, "T 21 3"]) -> float:
-    """Total length of the bones of a hand in OpenPose order, each the median of all frames."""
+    """Total length of the bones of a hand in OpenPose order, each the median of all frames.
+
+    NaN where a keypoint is in none of them.
+    """
     bones = joints[:, 1:] - joints[:, list(KEYPOINT_PARENTS[1:])]
-    return float(bones.norm(dim=-1).median(0).values.sum())
+    return float(bones.norm(dim=-1).nanmedian(0).values.sum())
 
 
 def stored_keypoints(hand: HandTrack, stored: CrossChecks) -> tuple[Array, Array] | None:
@@ -177,12 +186,12 @@ def check_keypoint_order(hand: HandTrack, stored: CrossChecks) -> Iterator[str]:
     """Whether the bones between the keypoints are as short as fingers, and curl to the palm."""
     if hand.joints is None:
         return
-    joints = hand.joints[hand.valid]
-    span = float((joints[:, KNUCKLES] - joints[:, :1]).norm(dim=-1).median())
+    joints = trusted_joints(hand)
+    span = float((joints[:, KNUCKLES] - joints[:, :1]).norm(dim=-1).nanmedian())
     bones = torch.stack(
         [(joints[:, tips] - joints[:, bases]).norm(dim=-1) for bases, tips in LINKS]
     )
-    longest = float(bones.median(1).values.max())
+    longest = float(bones.nanmedian(1).values.nan_to_num().max())
     if order := shorter_order(joints):
         yield f"order: the bones are those of a hand in the order {order}, not in OpenPose's"
     elif longest > LONGEST_LINK * span:
@@ -190,7 +199,7 @@ def check_keypoint_order(hand: HandTrack, stored: CrossChecks) -> Iterator[str]:
             f"order: a finger's bone is {1000 * longest:.0f} mm long beside a palm of "
             f"{1000 * span:.0f} mm; the keypoints are in another order (--joint-order)"
         )
-    elif finger_curls(joints, hand.side).mean() < -CURL_LIMIT * span:
+    elif finger_curls(joints, hand.side).nanmean() < -CURL_LIMIT * span:
         other = OTHER_SIDE[hand.side]
         yield (
             "handedness: the fingers curl away from the palm; these are points of the other hand, "
@@ -199,10 +208,11 @@ def check_keypoint_order(hand: HandTrack, stored: CrossChecks) -> Iterator[str]:
 
 
 def finger_curls(joints: Float[Tensor, "T 21 3"], side: Side) -> Float[Tensor, " T"]:
-    """Mean metres from the knuckles to the fingertips along the palm's inner normal."""
+    """Mean metres from the knuckles to the fingertips along the palm's inner normal, of the fingers
+    that are not NaN."""
     palm = torch.linalg.cross(joints[:, 5] - joints[:, 0], joints[:, 17] - joints[:, 0])
     palm = torch.nn.functional.normalize(palm, dim=-1) * (1 if side == "right" else -1)
-    return ((joints[:, FINGERTIPS] - joints[:, KNUCKLES]) * palm[:, None]).sum(-1).mean(-1)
+    return ((joints[:, FINGERTIPS] - joints[:, KNUCKLES]) * palm[:, None]).sum(-1).nanmean(-1)
 
 
 def check_finger_bend(hand: HandTrack, stored: CrossChecks) -> Iterator[str]:

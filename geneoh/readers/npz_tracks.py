@@ -20,6 +20,7 @@ from geneoh.hand.library import load_hand
 from geneoh.hand.mano import AS_SHIPPED, MENDED, name_of
 from geneoh.readers import mano, npz_layouts
 from geneoh.readers.base import finite_frames
+from geneoh.readers.missing_keypoints import without_missing
 from geneoh.readers.npz_layouts import JOINT_NAMES, OBJECT_FIELDS, SMPLX_PARAMETERS, Layout, quoted
 from geneoh.readers.records import Array, Record, float32
 from geneoh.readers.transforms import refuse_bottom_row
@@ -207,7 +208,7 @@ def read_track(
     if wrist is None:
         wrist = record.tensor(field["wrist"], ("T", 3), unit="in metres")
     betas, notes = read_betas(record, field["betas"])
-    confidence = read_confidence(record, field["confidence"])
+    confidence, missed = read_confidence(record, field["confidence"]), ()
     spread = record.tensor(field["joint_spread"], ("T", 21), unit="in metres")
     ray = record.tensor(field["camera_ray"], ("T", 3), unit="as directions")
     if ray is not None:
@@ -220,6 +221,8 @@ def read_track(
             f"{record.where}: the {side} hand needs its joints, or its pose with the wrist's "
             f"place, got {quoted(there) or 'neither'}; add the rest"
         )
+    if joints is not None:
+        joints, confidence, missed = without_missing(joints, confidence)
     parts = {"joints": joints, "pose": pose, "wrist": wrist, "confidence": confidence}
     parts["joint_spread"] = spread
     known = {n: all_finite(part) for n, part in parts.items() if part is not None}
@@ -228,7 +231,7 @@ def read_track(
     if confidence is not None and not bool(confidence[valid].any()):
         more = (*more, f"'{field['confidence']}' is 0 everywhere: nothing of the hand is relied on")
     hand = HandTrack(side, valid, joints, pose, wrist, betas, hand_model, confidence, spread, ray)
-    return hand, (*notes, *more)
+    return hand, (*notes, *missed, *more)
 
 
 def observed_frames(

@@ -92,6 +92,16 @@ def with_faulty_frame(
     return recorded(joints=joints)
 
 
+def with_tips(value: float) -> Callable[[np.ndarray], np.ndarray]:
+    """Put a number into the fingertips of one frame."""
+
+    def change(joints: np.ndarray) -> np.ndarray:
+        joints[3, 4::4] = value
+        return joints
+
+    return change
+
+
 def reflected_at_the_palm(joints: np.ndarray) -> np.ndarray:
     """One frame whose palm stays where it is, of a hand of the other side."""
     normal = np.cross(joints[5] - joints[0], joints[17] - joints[0])
@@ -292,6 +302,18 @@ SITUATIONS = [
         "NaN in a frame that is marked valid",
         "must be finite ... mark them as not valid",
         with_arrays(joints=bad.with_nan_in(3), valid=np.ones(FRAMES, bool)),
+    ),
+    Situation(
+        "NaN in single keypoints",
+        "5 keypoints are NaN or at the origin in 1 of 6 frames",
+        with_arrays(joints=with_tips(np.nan)),
+        code=0,
+    ),
+    Situation(
+        "Zeros in single keypoints",
+        "5 keypoints are NaN or at the origin in 1 of 6 frames",
+        with_arrays(joints=with_tips(0.0)),
+        code=0,
     ),
     Situation(
         "Zeros in a frame",

@@ -126,6 +126,21 @@ def test_what_is_so_in_most_frames_is_no_fault(noisy):
     assert missing(given) == list(range(FROM, UNTIL))
 
 
+def test_what_fills_gaps_repeats_no_frame(noisy):
+    valid = torch.arange(noisy.frames) >= 10
+    valid[60:66] = False
+    assert missing(with_hand(noisy, valid=valid)) == [*range(10), *range(60, 66)]
+
+
+def test_keypoints_without_confidence_make_no_fault(noisy):
+    joints, sure = noisy.hands[0].joints.clone(), torch.ones(noisy.frames, 21)
+    joints[::5, [0, 8]] += 0.5
+    sure[::5, [0, 8]] = 0.0
+    keys = {"joints": joints, "pose": None, "wrist": None, "betas": None}
+    assert missing(with_hand(noisy, confidence=sure, **keys)) == []
+    assert missing(with_hand(noisy, **keys)) != []
+
+
 def test_few_frames_tell_no_fault(noisy):
     assert missing(with_hand(noisy[:4], joints=noisy.hands[0].joints[[0, 40, 80, 120]])) == []
 

@@ -149,6 +149,15 @@ def test_a_frame_that_can_be_none_is_refused_and_not_taken(noisy, unmoved, hand,
     assert stream.push(None).index == 0
 
 
+def test_a_keypoint_that_is_not_found_costs_no_frame(noisy, unmoved):
+    stream, joints = Stream(side="left", lag=0), noisy.hands[0].joints[:3].clone()
+    joints[1, 8] = math.nan
+    joints[2, 12] = 0.0
+    made = [stream.push(frame) for frame in joints]
+    assert [frame.filled for frame in made] == [False] * 3
+    assert made[2].hand.joints[0, 12].norm() > 0.1
+
+
 def test_fields_of_a_hand_stay_the_same(noisy, unmoved):
     stream, track = Stream(side="left"), noisy.hands[0]
     stream.push(track[:1])

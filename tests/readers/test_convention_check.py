@@ -34,6 +34,16 @@ def test_poses_from_the_world_to_the_object_are_told(name):
     assert any("with the object's poses inverted" in words for words in said)
 
 
+def test_keypoints_without_confidence_raise_no_doubt():
+    sequence = load(EXAMPLES / "taco_clean.npz", obj=EXAMPLES / "taco_object.obj")[:60]
+    hand = sequence.hands[0]
+    joints, confidence = hand.joints.clone(), hand.joints.new_ones(60, 21)
+    joints[:, [4, 8, 12, 16, 20]] = 0.0
+    confidence[:, [4, 8, 12, 16, 20]] = 0.0
+    keys = replace(hand, joints=joints, confidence=confidence, pose=None, wrist=None)
+    assert list(doubts(replace(sequence, hands=(keys,)), "taco")) == []
+
+
 @pytest.mark.parametrize("turning", [True, False])
 def test_a_hand_that_rests_beside_a_moving_object_is_no_contradiction(turning, tmp_path, mano_dir):
     s = scene()

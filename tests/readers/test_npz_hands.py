@@ -131,11 +131,33 @@ def test_bare_joints_are_a_hand():
 
 def test_frames_without_numbers_count_as_not_observed_and_are_noted():
     joints = JOINTS.copy()
-    joints[2, 5, 1] = np.nan
+    joints[2, :11, 1] = np.nan
     joints[4] = np.inf
     reading = read({"joints": joints}, side="right")
     assert only(reading).valid.tolist() == [True, True, False, True, False]
     assert reading[1] == ("2 of 5 frames hold NaN in 'joints' and count as not observed",)
+
+
+@pytest.mark.parametrize("mask", [{}, {"valid": np.ones(T, bool)}], ids=["no mask", "mask"])
+@pytest.mark.parametrize("nothing", [np.nan, 0.0])
+def test_single_keypoints_that_were_not_found_count_for_nothing(mask, nothing):
+    joints = JOINTS + 1.0
+    joints[:, [4, 8, 12, 16, 20]] = nothing
+    joints[2, 0] = np.nan
+    reading = read({"joints": joints, **mask}, side="right")
+    hand = only(reading)
+    assert hand.valid.all()
+    assert (hand.confidence == 0).sum(-1).tolist() == [5, 5, 6, 5, 5]
+    assert hand.confidence.max() == 1
+    np.testing.assert_array_equal(hand.joints[:, 4], hand.joints[:, 3])
+    assert reading[1][0].startswith("26 keypoints are NaN or at the origin in 5 of 5 frames")
+
+
+def test_a_wrist_at_the_origin_is_found():
+    joints = JOINTS - JOINTS[:, :1]
+    hand = only(read({"joints": joints}, side="right"))
+    assert hand.confidence is None
+    np.testing.assert_array_equal(hand.joints, joints)
 
 
 @pytest.mark.parametrize("mask", [{}, {"valid": np.ones(T, bool)}], ids=["no mask", "mask"])

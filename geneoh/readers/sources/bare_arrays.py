@@ -24,6 +24,7 @@ from geneoh.geometry.mesh import METRES
 from geneoh.readers import base, builders, joint_orders, npz_layouts
 from geneoh.readers.dataset_reader import reads
 from geneoh.readers.joint_orders import in_openpose_order
+from geneoh.readers.missing_keypoints import without_missing
 from geneoh.readers.npz_tracks import Notes, observed_frames, read_confidence, side_of
 from geneoh.readers.records import Array, Record
 
@@ -47,13 +48,16 @@ def keypoints(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     points = METRES[options.keypoint_unit or "m"] * points.reshape(-1, count, 3)
     record = in_openpose_order(record, points, order)
     record.refuse_lengths("joints", "valid", "confidence")
-    joints, notes = observed(record, side, "joints", record.array("joints", ("T", 21, 3)))
-    confidence = read_confidence(record, "confidence")
+    points = torch.from_numpy(record.array("joints", ("T", 21, 3)))
+    points, confidence, missed = without_missing(points, read_confidence(record, "confidence"))
+    joints, notes = observed(record, side, "joints", points.numpy())
     hand = builders.hand_track(side, joints, None if confidence is None else confidence.numpy())
     rate, more = base.rate_of(record.optional_number("fps"), options.fps, record.where)
     source = f"{clip.path.name} (keypoints in the order {order})"
     checks = base.CrossChecks({side: joints})
-    yield base.ClipParts(source, [hand], fps=rate, notes=(*notes, *more), cross_checks=checks)
+    yield base.ClipParts(
+        source, [hand], fps=rate, notes=(*missed, *notes, *more), cross_checks=checks
+    )
 
 
 @reads("*.npy", "*.npz", "*.pkl", takes=("translation", "mean_pose", "object_pose"))

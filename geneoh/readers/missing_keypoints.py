@@ -1,0 +1,44 @@
+"""Keypoints that a tracker did not find in a frame in which it found the others."""
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from geneoh.hand.skeleton import KEYPOINT_PARENTS
+
+FEWEST = 11
+"""Keypoints without which a frame holds no hand: half of them."""
+
+
+def without_missing(
+    joints: Float[Tensor, "T 21 3"], confidence: Float[Tensor, "T 21"] | None
+) -> tuple[Float[Tensor, "T 21 3"], Float[Tensor, "T 21"] | None, tuple[str, ...]]:
+    """Keypoints that are finite wherever a frame holds a hand, their confidence, and what was
+    assumed.
+
+    Missing ones get a confidence of 0 and the place of the keypoint before them.
+    """
+    missing = missing_keypoints(joints)
+    there = (~missing).sum(-1) >= FEWEST
+    missing &= there[:, None]
+    if not bool(missing.any()):
+        return joints, confidence, ()
+    filled = joints.clone()
+    middle = joints.masked_fill(missing[..., None], torch.nan).nanmean(1)
+    for point, parent in enumerate(KEYPOINT_PARENTS):
+        near = middle if parent < 0 else filled[:, parent]
+        filled[:, point] = torch.where(missing[:, point, None], near, filled[:, point])
+    sure = joints.new_ones(missing.shape) if confidence is None else confidence
+    note = (
+        f"{int(missing.sum())} keypoints are NaN or at the origin in {int(missing.any(-1).sum())} "
+        f"of {len(joints)} frames: they count for nothing"
+    )
+    return filled, sure.masked_fill(missing, 0.0).float(), (note,)
+
+
+def missing_keypoints(joints: Float[Tensor, "T 21 3"]) -> Bool[Tensor, "T 21"]:
+    """Keypoints that are not finite, or exactly at the origin while the wrist is not: some trackers
+    write zeros for what they did not find.
+    """
+    zero = (joints == 0).all(-1) & (joints[:, :1] != 0).any(-1)
+    return ~joints.isfinite().all(-1) | zero
