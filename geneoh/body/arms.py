@@ -13,10 +13,7 @@ from torch.nn.functional import normalize
 from geneoh.body.motion import BodyMotion, pose
 from geneoh.body.skeleton import JOINT_NAMES, PARENTS, WRISTS, Skeleton
 from geneoh.choices import SIDES, Side
-from geneoh.geometry.rotations import (
-    axis_angle_to_matrix,
-    matrix_to_quat_wxyz,
-)
+from geneoh.geometry.rotations import axes_along, axis_angle_to_matrix, matrix_to_quat_wxyz
 
 ELBOW_TOWARDS = (0.45, -1.0, -0.35)
 """Where a relaxed elbow points, in the chest's frame: down, out and back; for the left arm."""
@@ -167,13 +164,7 @@ def _aligned(
     hinge: Float[Tensor, "*B 3"],
 ) -> Float[Tensor, "*B 3 3"]:
     """The rotation that takes one bone, and the plane of its hinge, to another."""
-
-    def frame(along: Tensor, normal: Tensor) -> Tensor:
-        x = normalize(along, dim=-1)
-        y = normalize(normal - (normal * x).sum(-1, keepdim=True) * x, dim=-1)
-        return torch.stack([x, y, torch.linalg.cross(x, y)], dim=-1)
-
-    return frame(bone, hinge) @ frame(rest_bone, rest_hinge).transpose(-1, -2)
+    return axes_along(bone, hinge) @ axes_along(rest_bone, rest_hinge).transpose(-1, -2)
 
 
 def _twist(rotation: Float[Tensor, "*B 3 3"], axis: Float[Tensor, "*B 3"]) -> Float[Tensor, "*B 3"]:

@@ -3,9 +3,8 @@
 import torch
 from jaxtyping import Float
 from torch import Tensor
-from torch.nn.functional import normalize
 
-from geneoh.geometry.rotations import matrix_to_axis_angle
+from geneoh.geometry.rotations import axes_along, matrix_to_axis_angle
 
 HAND_SCALE = 0.08
 """Deviation of canonical keypoints around the contact points, metres: the unit of what networks
@@ -18,10 +17,7 @@ SELECT_EVERY = 4  # contact points are chosen from every fourth frame
 def palm_axes(joints: Float[Tensor, "B T 21 3"]) -> Float[Tensor, "B 3 3"]:
     """Axes of the window's mean palm as columns: along the palm, across it, and its normal."""
     wrist, middle, index, pinky = (joints[:, :, i].mean(1) for i in (0, 9, 5, 17))
-    first = normalize(middle - wrist, dim=-1)
-    across = index - pinky
-    second = normalize(across - (across * first).sum(-1, keepdim=True) * first, dim=-1)
-    return torch.stack([first, second, torch.linalg.cross(first, second)], dim=-1)
+    return axes_along(middle - wrist, index - pinky)
 
 
 def object_rates(

@@ -98,7 +98,13 @@ def matrix_to_rotation_6d(rotation: Float[Tensor, "*B 3 3"]) -> Float[Tensor, "*
 
 def rotation_6d_to_matrix(rotation_6d: Float[Tensor, "*B 6"]) -> Float[Tensor, "*B 3 3"]:
     """Rotation matrix by Gram-Schmidt from two columns, which must not be parallel."""
-    first, second = rotation_6d.unflatten(-1, (2, 3)).unbind(-2)
+    return axes_along(*rotation_6d.unflatten(-1, (2, 3)).unbind(-2))
+
+
+def axes_along(
+    first: Float[Tensor, "*B 3"], second: Float[Tensor, "*B 3"]
+) -> Float[Tensor, "*B 3 3"]:
+    """Axes as columns: a direction, one as near to another as is across it, and their normal."""
     x = normalize(first, dim=-1)
     y = normalize(second - (x * second).sum(-1, keepdim=True) * x, dim=-1)
     return torch.stack([x, y, torch.linalg.cross(x, y)], dim=-1)

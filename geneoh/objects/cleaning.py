@@ -20,10 +20,11 @@ from torch import Tensor
 from geneoh.bundle import Bundle
 from geneoh.geometry.distance import SurfaceDistance
 from geneoh.geometry.mesh import Mesh
-from geneoh.objects.consistency import Chain, longest_chain, possible_places, runs
+from geneoh.objects.consistency import Chain, longest_chain, possible_places
 from geneoh.objects.smoothing import increments, noise_level, smooth_points, smooth_rotations
 from geneoh.objects.symmetry import Symmetry, box_center, find_symmetry
 from geneoh.sequence.sequence import ObjectTrack
+from geneoh.sequence.windows import runs
 
 EXACT_ROTATION, EXACT_TRANSLATION = 0.008, 0.0006
 """White noise per axis up to which a track of 30 frames a second counts as exact, radians and

@@ -158,9 +158,3 @@ def commonest(rotations: Float64[np.ndarray, "N 3 3"]) -> Float64[np.ndarray, "3
         rotations.round(3).reshape(-1, 9) + 0.0, axis=0, return_index=True, return_counts=True
     )
     return rotations[first[count.argmax()]]
-
-
-def runs(chosen: Bool[np.ndarray, " T"]) -> list[slice]:
-    """The stretches of chosen frames."""
-    edges = np.flatnonzero(np.diff(np.pad(chosen, 1).astype(int)))
-    return [slice(start, stop) for start, stop in edges.reshape(-1, 2).tolist()]

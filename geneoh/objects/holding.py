@@ -13,9 +13,9 @@ from scipy.spatial.transform import Rotation
 
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.objects.cleaning import EXACT_ROTATION, EXACT_TRANSLATION
-from geneoh.objects.consistency import runs
 from geneoh.objects.smoothing import WINDOW
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
+from geneoh.sequence.windows import runs
 
 KNUCKLES = (5, 9, 13, 17)
 """Keypoints that move with the palm, in whose frame a held object rests."""

@@ -18,12 +18,13 @@ from geneoh.choices import Side
 from geneoh.denoisers.base import palm_axes
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
-from geneoh.objects.consistency import longest_chain, possible_places, runs
+from geneoh.objects.consistency import longest_chain, possible_places
 from geneoh.objects.smoothing import increments
 from geneoh.objects.symmetry import Symmetry
 from geneoh.readers.convention_check import KNUCKLES, finger_curls
 from geneoh.sequence.gaps import fill_gaps, observed_around
 from geneoh.sequence.sequence import HandTrack, Sequence
+from geneoh.sequence.windows import runs
 
 SHORTEST = 5
 """Observed frames below which nothing tells a fault from motion."""

@@ -16,6 +16,7 @@ from geneoh.hand.mano import AS_SHIPPED, ManoName
 from geneoh.readers.mano import Mano, read_mano
 from geneoh.readers.records import Array, Place
 from geneoh.sequence.sequence import HandTrack, Sequence
+from geneoh.sequence.windows import runs
 
 ASSUMED_FPS = 30.0
 """Frame rate of a file that says none, the commonest; it is always noted."""
@@ -221,12 +222,11 @@ def finite_frames(values: Array) -> Array:
     return np.asarray(np.isfinite(values.reshape(len(values), -1)).all(axis=1))
 
 
-def runs(present: Array, after_jump: Array | None = None) -> list[slice]:
+def stretches(present: Array, after_jump: Array | None) -> list[slice]:
     """The longest stretches of (T,) frames that are all `present`, cut before each jump in time."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], present, [False]])))
-    jumps = np.flatnonzero(np.zeros(len(present), dtype=bool) if after_jump is None else after_jump)
-    stretches = []
-    for start, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-        cuts = [start, *(int(cut) for cut in jumps if start < cut < stop), stop]
-        stretches += [slice(a, b) for a, b in pairwise(cuts)]
-    return stretches
+    jumps = [] if after_jump is None else np.flatnonzero(after_jump).tolist()
+    found = []
+    for run in runs(present):
+        cuts = [run.start, *(cut for cut in jumps if run.start < cut < run.stop), run.stop]
+        found += [slice(a, b) for a, b in pairwise(cuts)]
+    return found

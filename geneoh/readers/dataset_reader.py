@@ -151,7 +151,7 @@ def split(whole: Recording, object_known: Array, after_jump: Array | None) -> li
     """
     if not object_known.any():
         raise InputError(f"{whole.name}: expected the object's pose in some frame, got none")
-    stretches = base.runs(object_known, after_jump)
+    stretches = base.stretches(object_known, after_jump)
     if len(stretches) == 1 and object_known.all():
         return [whole]
     found = []

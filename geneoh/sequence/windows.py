@@ -1,18 +1,23 @@
-"""Long tracks in windows of equal size, and windows blended back without a seam."""
+"""Stretches of a track: runs, blocks, and windows of equal size, blended without a seam."""
 
 from collections.abc import Sequence
 
+import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 WINDOW, STRIDE = 60, 30
 """Frames: the paper's window of two seconds, and half of it, so that every frame is seen twice."""
-
-
 BLOCK = 600
 """Frames worked on at once where frames are independent, so that memory does not grow with the
 track."""
+
+
+def runs(chosen: Bool[np.ndarray, " T"]) -> list[slice]:
+    """The longest stretches of chosen frames."""
+    edges = np.flatnonzero(np.diff(np.pad(chosen, 1).astype(int)))
+    return [slice(start, stop) for start, stop in edges.reshape(-1, 2).tolist()]
 
 
 def blocks(frames: int) -> list[slice]:

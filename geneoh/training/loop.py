@@ -76,6 +76,13 @@ class Task(Protocol):
         ...
 
 
+class OnePhase:
+    """A task whose state nothing changes between the steps."""
+
+    def before_step(self, state: TrainState) -> None:
+        """Nothing: a run has one phase."""
+
+
 def learning_rate(step: int, config: RunConfig) -> float:
     """Warm-up, plateau, linear decay to zero."""
     warm = min(1.0, (step + 1) / config.warmup)

@@ -30,7 +30,6 @@ from geneoh.readers.base import (
     SourceClip,
     clip_name,
     paths_matching,
-    runs,
 )
 from geneoh.readers.convert import mesh_files
 from geneoh.readers.npz_files import load
@@ -38,6 +37,7 @@ from geneoh.readers.recordings import find_clips, read_clip, source_named, with_
 from geneoh.representation.region import ObjectSurface
 from geneoh.sequence.normalisation import NormalisedHand, normalised_hands
 from geneoh.sequence.validation import check_sequence
+from geneoh.sequence.windows import runs
 from geneoh.synthesis.shards import seed_of
 from geneoh.synthesis.solids import PARTS
 

@@ -11,7 +11,7 @@ import trees
 from trees import CASES, FRAMES, Case, scene
 
 from geneoh.errors import InputError
-from geneoh.readers.base import ReaderOptions, Recording, runs
+from geneoh.readers.base import ReaderOptions, Recording, stretches
 from geneoh.readers.recordings import find_clips, read_clip, source_named
 
 LOST = 3
@@ -276,10 +276,10 @@ def test_a_whole_split_is_no_clip(tmp_path, mano_dir):
 
 def test_a_slow_clip_is_not_cut():
     steady = np.ones(FRAMES, dtype=bool)
-    assert runs(steady, np.zeros(FRAMES, dtype=bool)) == [slice(0, FRAMES)]
+    assert stretches(steady, np.zeros(FRAMES, dtype=bool)) == [slice(0, FRAMES)]
     jump = np.arange(FRAMES) == 4
-    assert runs(steady, jump) == [slice(0, 4), slice(4, FRAMES)]
-    assert runs(~jump, jump) == [slice(0, 4), slice(5, FRAMES)]
+    assert stretches(steady, jump) == [slice(0, 4), slice(4, FRAMES)]
+    assert stretches(~jump, jump) == [slice(0, 4), slice(5, FRAMES)]
 
 
 def test_the_error_of_arctics_fit_is_carried_as_confidence(tmp_path, mano_dir):

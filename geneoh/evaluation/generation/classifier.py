@@ -20,9 +20,9 @@ from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.synthesis.actions import VERBS, Actions
 from geneoh.synthesis.shards import seed_of
-from geneoh.training.loop import train
+from geneoh.training.loop import OnePhase, train
 from geneoh.training.processes import Team
-from geneoh.training.resume import TrainState, digest
+from geneoh.training.resume import digest
 from geneoh.training.run_config import RunConfig
 
 SEEN = 15  # frames of a clip (paper)
@@ -93,7 +93,7 @@ class LabelledClips:
 
 
 @dataclass(frozen=True)
-class ClassifierTask:
+class ClassifierTask(OnePhase):
     """Learning verbs from real clips; a `training.loop.Task`."""
 
     config: ClassifierConfig
@@ -119,9 +119,6 @@ class ClassifierTask:
         turn = axis_angle_to_matrix(angle[:, None] * torch.eye(3)[2])
         inputs = inputs_of(clips, frames_within(clips.length, share), turn)
         return [LabelledClips(inputs.to(device), clips.verb.to(device))]
-
-    def before_step(self, state: TrainState) -> None:
-        """Nothing changes between the steps."""
 
     @torch.no_grad()
     def validate(self, model: ActionClassifier, index: int) -> Float[Tensor, ""]:

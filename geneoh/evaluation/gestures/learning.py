@@ -18,16 +18,16 @@ from geneoh.metrics.features import retrieval
 from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.synthesis.gestures.clips import Gestures
 from geneoh.synthesis.shards import seed_of
-from geneoh.training.loop import train
+from geneoh.training.loop import OnePhase, train
 from geneoh.training.processes import Team
-from geneoh.training.resume import TrainState, digest
+from geneoh.training.resume import digest
 
 VALIDATED = 256  # clips that training is validated on
 POOL = 32  # clips among which the right one is looked for (paper)
 
 
 @dataclass(frozen=True)
-class EncoderTask:
+class EncoderTask(OnePhase):
     """Learning which sentence belongs to which clip; a `training.loop.Task`."""
 
     config: EncoderConfig
@@ -75,9 +75,6 @@ class EncoderTask:
         told = self.pieces_of_clips[chosen, which]
         batch = ToldClips(self.seen.take(chosen, "B"), self.seen.hands[others], told, hidden)
         return [batch.to(device)]
-
-    def before_step(self, state: TrainState) -> None:
-        """Nothing changes between the steps."""
 
     @torch.no_grad()
     def validate(self, model: GestureEncoder, index: int) -> Float[Tensor, ""]:

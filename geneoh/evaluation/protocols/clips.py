@@ -12,12 +12,13 @@ from scipy.spatial import KDTree
 from geneoh.choices import Side
 from geneoh.evaluation.options import ProtocolOptions
 from geneoh.hand.library import load_hand
-from geneoh.readers.base import ReaderOptions, Recording, SourceClip, runs
+from geneoh.readers.base import ReaderOptions, Recording, SourceClip
 from geneoh.readers.builders import part_of
 from geneoh.readers.recordings import read_clip, source_named
 from geneoh.readers.records import Array
 from geneoh.sequence.gaps import fill_gaps
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
+from geneoh.sequence.windows import runs
 
 OBSERVED_SHARE = 0.5  # smallest share of a clip's frames in which its hand must have been observed
 FPS = {"grab": 30.0, "hoi4d": 15.0, "arctic": 30.0, "taco": 30.0}

@@ -24,8 +24,9 @@ from geneoh.generators.both2hands.scene import Scene, both_answers
 from geneoh.synthesis.draws import Draws, Part
 from geneoh.synthesis.gestures.clips import Gestures
 from geneoh.synthesis.shards import seed_of
+from geneoh.training.loop import OnePhase
 from geneoh.training.processes import Team
-from geneoh.training.resume import TrainState, digest
+from geneoh.training.resume import digest
 
 MOST = 256  # clips of which the scale of features is taken
 CHUNK = 64  # clips whose features are made at once
@@ -80,7 +81,7 @@ class HandsPiece:
 
 
 @dataclass(frozen=True)
-class HandsTask:
+class HandsTask(OnePhase):
     """One network of BOTH2Hands, learned from clips of bodies; a `geneoh.training.loop.Task`."""
 
     name: BodyStage
@@ -153,9 +154,6 @@ class HandsTask:
     def piece(self, samples: Samples, generator: torch.Generator, part: Part) -> HandsPiece:
         """Samples with all that their loss takes."""
         return HandsPiece(samples, self.config, generator, part, self.branches)
-
-    def before_step(self, state: TrainState) -> None:
-        """Nothing: a run has one phase."""
 
     @torch.no_grad()
     def validate(self, model: nn.Module, index: int) -> Float[Tensor, ""]:

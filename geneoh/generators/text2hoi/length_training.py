@@ -16,8 +16,8 @@ from geneoh.generators.text2hoi.training import data_digest, text_record, words_
 from geneoh.synthesis.draws import Draws, Part
 from geneoh.synthesis.shards import seed_of
 from geneoh.training.data import TrainingData
+from geneoh.training.loop import OnePhase
 from geneoh.training.processes import Team
-from geneoh.training.resume import TrainState
 from geneoh.training.run_config import RunConfig
 
 
@@ -52,7 +52,7 @@ class LengthPiece:
 
 
 @dataclass(frozen=True)
-class LengthTask:
+class LengthTask(OnePhase):
     """The length network, learned from sentences for actions; a `geneoh.training.loop.Task`."""
 
     config: LengthTrainConfig
@@ -90,9 +90,6 @@ class LengthTask:
             self.drawn(self.data.training, device, "step", step, part=part)
             for part in own.divided(self.config.accumulate)
         ]
-
-    def before_step(self, state: TrainState) -> None:
-        """A run has one phase."""
 
     @torch.no_grad()
     def validate(self, model: LengthNetwork, index: int) -> Float[Tensor, ""]:

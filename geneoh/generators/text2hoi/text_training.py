@@ -23,8 +23,8 @@ from geneoh.language.wording import misspelt, one_of
 from geneoh.synthesis.actions import VERBS
 from geneoh.synthesis.draws import Part
 from geneoh.synthesis.shards import seed_of
+from geneoh.training.loop import OnePhase
 from geneoh.training.processes import Team
-from geneoh.training.resume import TrainState
 from geneoh.training.run_config import RunConfig
 
 KINDS = ("seen words", "unseen phrasings", "misspellings", "unseen synonyms")
@@ -93,7 +93,7 @@ class TextPiece:
 
 
 @dataclass(frozen=True)
-class TextTask:
+class TextTask(OnePhase):
     """The text encoder, learned from captions that are made for every batch; a `loop.Task`."""
 
     config: TextTrainConfig
@@ -132,9 +132,6 @@ class TextTask:
             )
             for part in own.divided(config.accumulate)
         ]
-
-    def before_step(self, state: TrainState) -> None:
-        """A run has one phase."""
 
     def validate(self, model: TextNetwork, index: int) -> Float[Tensor, ""]:
         """Share of wrong verbs and wrong hands on sentences of one of `KINDS`."""

@@ -28,8 +28,9 @@ from geneoh.generators.text2hoi.text import ASKED
 from geneoh.synthesis.actions import VERBS
 from geneoh.synthesis.draws import Draws, Part
 from geneoh.synthesis.shards import seed_of
+from geneoh.training.loop import OnePhase
 from geneoh.training.processes import Team
-from geneoh.training.resume import TrainState, digest
+from geneoh.training.resume import digest
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,7 @@ class SamplesPiece:
 
 
 @dataclass(frozen=True)
-class ActionTask:
+class ActionTask(OnePhase):
     """One network of Text2HOI, learned from actions; a `geneoh.training.loop.Task`."""
 
     name: ActionStage
@@ -106,9 +107,6 @@ class ActionTask:
             some = samples.take(rows, "B").to(device)
             pieces.append(SamplesPiece(some, self.config, again, part, self.loss))
         return pieces
-
-    def before_step(self, state: TrainState) -> None:
-        """Nothing: a run has one phase."""
 
     @torch.no_grad()
     def validate(self, model: nn.Module, index: int) -> Float[Tensor, ""]:
