@@ -1,6 +1,6 @@
 import pytest
 import torch
-from networks import normal
+from draws import normal
 
 from geneoh.denoisers.temporal import (
     TEMPORAL_FEATURES,

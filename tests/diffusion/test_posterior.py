@@ -1,12 +1,8 @@
 import pytest
 import torch
+from draws import seeded
 
 from geneoh.diffusion.posterior import CAUTION, Posterior, along_a_track, importance_posterior
-
-
-def seeded(seed: int = 0) -> torch.Generator:
-    return torch.Generator().manual_seed(seed)
-
 
 MEAN = torch.tensor([[0.02, -0.01, 0.005], [0.0, 0.03, -0.02]])
 ROOT = torch.tensor([[0.006, 0.0, 0.0], [0.002, 0.004, 0.0], [0.0, -0.001, 0.003]])

@@ -2,6 +2,7 @@
 
 import pytest
 import torch
+from draws import seeded
 from torch import Tensor
 
 from geneoh.diffusion.samplers import (
@@ -15,10 +16,6 @@ from geneoh.diffusion.schedule import PAPER_STEPS, descending_sigmas, linear_sig
 
 SAMPLERS = {"ancestral": sample_ancestral, "ddim": sample_ddim}
 MEAN = 1.5
-
-
-def seeded(seed: int = 0) -> torch.Generator:
-    return torch.Generator().manual_seed(seed)
 
 
 def posterior_mean(x: Tensor, sigma: float) -> Tensor:

@@ -2,14 +2,9 @@ from dataclasses import replace
 
 import pytest
 import torch
-from torch import Tensor
+from draws import normal
 
 from geneoh.fitting.adam import AdamFitConfig, fit_with_adam
-
-
-def normal(*shape: int, seed: int = 0) -> Tensor:
-    return torch.randn(*shape, generator=torch.Generator().manual_seed(seed))
-
 
 QUICK = AdamFitConfig(rigid_steps=30, steps=50, rate=0.04)
 

@@ -1,5 +1,6 @@
 import pytest
 import torch
+from draws import normal
 from torch import Tensor
 
 from geneoh.fitting.align import (
@@ -13,10 +14,6 @@ from geneoh.representation.region import ContactRegion
 from geneoh.representation.temporal import PairStatistics, TemporalRelations, encode_temporal
 
 FPS, FRAMES, POINTS = 30.0, 6, 5
-
-
-def normal(*shape: int, seed: int = 0) -> Tensor:
-    return torch.randn(*shape, generator=torch.Generator().manual_seed(seed))
 
 
 @pytest.fixture(scope="module")

@@ -4,17 +4,12 @@ import torch
 import trimesh
 
 from geneoh.geometry.distance import MovingSurface, SurfaceDistance
-from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.mesh import from_trimesh
 from geneoh.geometry.rotations import axis_angle_to_matrix
 
 MICROMETRE = 1e-6
 MIDDLES = (0.1 / 6, -0.1 / 6)
 """Where the two triangles of a square of 10 cm have their middles: at (x, -x)."""
-
-
-def mesh_of(shape: trimesh.Trimesh) -> Mesh:
-    verts = torch.tensor(np.array(shape.vertices), dtype=torch.float32)
-    return Mesh(verts, torch.tensor(np.array(shape.faces), dtype=torch.int64))
 
 
 def scattered(*shape: int, seed: int = 0, scale: float = 0.1) -> torch.Tensor:
@@ -28,7 +23,7 @@ def tool():
     head = trimesh.creation.box((0.02, 0.08, 0.02)).subdivide()
     handle = trimesh.creation.cylinder(0.008, 0.1, sections=16).subdivide_to_size(0.006)
     handle.apply_translation([0, 0, -0.05])
-    return mesh_of(trimesh.util.concatenate([head, handle]))
+    return from_trimesh(trimesh.util.concatenate([head, handle]))
 
 
 def closest_on_triangle(point: np.ndarray, corners: np.ndarray) -> np.ndarray:
@@ -57,7 +52,7 @@ def winding_number(point: np.ndarray, corners: np.ndarray) -> float:
 
 
 def test_query_agrees_with_the_slow_twin():
-    mesh = mesh_of(trimesh.creation.torus(0.05, 0.02, major_sections=10, minor_sections=6))
+    mesh = from_trimesh(trimesh.creation.torus(0.05, 0.02, major_sections=10, minor_sections=6))
     points = scattered(15, scale=0.07)
     found = SurfaceDistance(mesh).query(points)
     corners = mesh.corners().double().numpy()
@@ -74,7 +69,7 @@ def test_query_agrees_with_the_slow_twin():
 
 
 def test_distance_to_sphere_is_radius_difference():
-    field = SurfaceDistance(mesh_of(trimesh.creation.icosphere(4, 0.05)))
+    field = SurfaceDistance(from_trimesh(trimesh.creation.icosphere(4, 0.05)))
     points = scattered(2, 50)
     found = field.query(points)
     radius = points.norm(dim=-1)
@@ -86,7 +81,7 @@ def test_distance_to_sphere_is_radius_difference():
 
 
 def test_depth_in_a_cube_is_that_of_its_nearest_side():
-    field = SurfaceDistance(mesh_of(trimesh.creation.box((0.1, 0.1, 0.1))))
+    field = SurfaceDistance(from_trimesh(trimesh.creation.box((0.1, 0.1, 0.1))))
     found = field.query(torch.tensor([[0.04, 0.0, 0.01], [0.0, -0.08, 0.0], [0.09, 0.08, 0.05]]))
     torch.testing.assert_close(found.distance, torch.tensor([-0.01, 0.03, 0.05]))
     torch.testing.assert_close(
@@ -113,7 +108,7 @@ def test_points_on_the_surface_have_distance_zero_and_the_normal_of_the_face():
     ball = trimesh.creation.icosphere(3, 0.05)
     ball.invert()
     points = torch.tensor(ball.triangles_center)
-    found = SurfaceDistance(mesh_of(ball)).query(points)
+    found = SurfaceDistance(from_trimesh(ball)).query(points)
     assert float(found.distance.abs().max()) < 1e-8
     outward = -torch.tensor(np.array(ball.face_normals))
     torch.testing.assert_close(found.normal, outward, atol=1e-4, rtol=0)
@@ -133,7 +128,7 @@ def test_depth_where_shells_overlap_is_to_the_outside(tool):
 def test_a_large_face_that_a_part_pierces_stays_a_surface():
     block = trimesh.creation.box((0.1, 0.1, 0.02))
     through = [trimesh.creation.cylinder(0.005, 0.1).apply_translation([x, -x, 0]) for x in MIDDLES]
-    field = SurfaceDistance(mesh_of(trimesh.util.concatenate([block, *through])))
+    field = SurfaceDistance(from_trimesh(trimesh.util.concatenate([block, *through])))
     found = field.query(torch.tensor([[0.04, 0.04, 0.015], [-0.04, 0.04, 0.005]]))
     torch.testing.assert_close(found.distance, torch.tensor([0.005, -0.005]))
 
@@ -177,7 +172,7 @@ def test_mirrored_mesh_gives_mirrored_answers(tool):
     flip = torch.tensor([-1.0, 1.0, 1.0])
     bowl = trimesh.creation.icosphere(3, 0.06)
     bowl.update_faces(bowl.triangles_center[:, 2] < 0)
-    for mesh in (tool, mesh_of(bowl)):
+    for mesh in (tool, from_trimesh(bowl)):
         points = scattered(200)
         found = SurfaceDistance(mesh).query(points)
         mirrored = SurfaceDistance(mesh.mirrored()).query(points * flip)
@@ -188,7 +183,7 @@ def test_hand_in_an_open_bowl_is_outside_it_until_it_meets_the_wall():
     bowl = trimesh.creation.icosphere(5, 0.06)
     bowl.update_faces(bowl.triangles_center[:, 2] < 0)
     depth = torch.tensor([0.0, 0.03, 0.055, 0.0600, 0.065])
-    found = SurfaceDistance(mesh_of(bowl)).query(depth[:, None] * torch.tensor([0.0, 0, -1]))
+    found = SurfaceDistance(from_trimesh(bowl)).query(depth[:, None] * torch.tensor([0.0, 0, -1]))
     expected = torch.tensor([0.059, 0.029, 0.004, -0.001, 0.004])
     torch.testing.assert_close(found.distance, expected, atol=5e-5, rtol=0)
 
@@ -210,7 +205,7 @@ def test_distance_moves_rigidly_with_the_object(tool):
 
 
 def test_the_nearest_part_answers(tool):
-    ball = SurfaceDistance(mesh_of(trimesh.creation.icosphere(2, 0.03)))
+    ball = SurfaceDistance(from_trimesh(trimesh.creation.icosphere(2, 0.03)))
     rotation, translation = random_motion(3, 2, seed=7)
     points = scattered(2, 3, 20)
     both = MovingSurface((SurfaceDistance(tool), ball), rotation, translation).query(points)

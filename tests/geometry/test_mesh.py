@@ -11,6 +11,7 @@ from geneoh.geometry.mesh import (
     Mesh,
     by_trimesh,
     checked,
+    from_trimesh,
     load_mesh,
     open_edges,
     plain_obj,
@@ -18,11 +19,6 @@ from geneoh.geometry.mesh import (
     thickened,
     welded,
 )
-
-
-def mesh_of(shape: trimesh.Trimesh) -> Mesh:
-    verts = torch.tensor(np.array(shape.vertices), dtype=torch.float32)
-    return Mesh(verts, torch.tensor(np.array(shape.faces), dtype=torch.int64))
 
 
 def volume(mesh: Mesh) -> float:
@@ -39,7 +35,7 @@ def ball():
 def test_every_format_gives_the_same_surface(ball, suffix, tmp_path):
     ball.export(tmp_path / f"ball.{suffix}")
     mesh = load_mesh(tmp_path / f"ball.{suffix}")
-    torch.testing.assert_close(mesh.corners(), mesh_of(ball).corners(), atol=1e-6, rtol=0)
+    torch.testing.assert_close(mesh.corners(), from_trimesh(ball).corners(), atol=1e-6, rtol=0)
     assert is_watertight(mesh)
 
 
@@ -47,7 +43,7 @@ def test_every_format_gives_the_same_surface(ball, suffix, tmp_path):
 def test_vertex_order_is_kept(ball, suffix, tmp_path):
     ball.export(tmp_path / f"ball.{suffix}")
     mesh = load_mesh(tmp_path / f"ball.{suffix}")
-    torch.testing.assert_close(mesh.verts, mesh_of(ball).verts, atol=1e-6, rtol=0)
+    torch.testing.assert_close(mesh.verts, from_trimesh(ball).verts, atol=1e-6, rtol=0)
 
 
 def test_scene_becomes_one_mesh_with_its_nodes_in_place(ball, tmp_path):
@@ -200,7 +196,7 @@ def test_missing_file_is_refused(tmp_path):
     ("scale", "said"), [(1000, "--unit mm"), (100, "--unit cm"), (1, None), (0.001, "1000")]
 )
 def test_absurd_size_says_how_to_scale(ball, scale, said):
-    warning = size_warning(mesh_of(ball.apply_scale(scale)))
+    warning = size_warning(from_trimesh(ball.apply_scale(scale)))
     assert warning is None if said is None else said in warning
 
 
@@ -215,20 +211,20 @@ def test_a_mesh_in_another_unit_is_read_in_metres(ball, unit, scale, tmp_path):
 
 def test_mirrored_mesh_still_looks_outward(ball):
     ball.apply_translation([0.3, 0, 0])
-    mesh = mesh_of(ball)
+    mesh = from_trimesh(ball)
     assert volume(mesh.mirrored()) == pytest.approx(volume(mesh))
     assert float(mesh.mirrored().verts[:, 0].max()) < 0
 
 
 def test_seams_are_no_openings_and_holes_are(ball):
-    seams = Mesh(mesh_of(ball).corners().reshape(-1, 3), torch.arange(960).reshape(-1, 3))
+    seams = Mesh(from_trimesh(ball).corners().reshape(-1, 3), torch.arange(960).reshape(-1, 3))
     assert is_watertight(seams)
     assert int(open_edges(welded(seams).faces).sum()) == 0
     assert not is_watertight(Mesh(seams.verts, seams.faces[1:]))
 
 
 def test_one_missing_face_leaves_its_three_edges_open(ball):
-    faces = mesh_of(ball).faces
+    faces = from_trimesh(ball).faces
     rim = open_edges(faces[1:])
     assert int(rim.sum()) == 3
     assert set(faces[1:][rim].tolist()) <= set(faces[0].tolist())
@@ -237,7 +233,7 @@ def test_one_missing_face_leaves_its_three_edges_open(ball):
 def test_thickened_sheet_is_closed_and_holds_area_times_thickness():
     sheet = trimesh.creation.icosphere(3, 0.05)
     sheet.update_faces(sheet.triangles_center[:, 2] < 0)
-    wall = thickened(mesh_of(sheet), 0.002)
+    wall = thickened(from_trimesh(sheet), 0.002)
     assert is_watertight(wall)
     assert len(wall.verts) == 2 * len(np.unique(sheet.faces))
     assert volume(wall) == pytest.approx(sheet.area * 0.002, rel=0.01)

@@ -2,20 +2,12 @@ import numpy as np
 import pytest
 import torch
 import trimesh
+from draws import seeded
 
 from geneoh.geometry.distance import SurfaceDistance
-from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.mesh import Mesh, from_trimesh
 from geneoh.geometry.sampling import sample_surface
 from geneoh.geometry.solid import build_solid
-
-
-def mesh_of(shape: trimesh.Trimesh) -> Mesh:
-    verts = torch.tensor(np.array(shape.vertices), dtype=torch.float32)
-    return Mesh(verts, torch.tensor(np.array(shape.faces), dtype=torch.int64))
-
-
-def seeded(seed: int = 0) -> torch.Generator:
-    return torch.Generator().manual_seed(seed)
 
 
 def ragged_box() -> trimesh.Trimesh:
@@ -25,7 +17,7 @@ def ragged_box() -> trimesh.Trimesh:
 
 
 def test_equal_generators_draw_equal_points():
-    mesh = mesh_of(trimesh.creation.icosphere(2, 0.05))
+    mesh = from_trimesh(trimesh.creation.icosphere(2, 0.05))
     first, second = (sample_surface(mesh, 50, generator=seeded(3)) for _ in range(2))
     assert torch.equal(first.points, second.points)
     assert torch.equal(first.normals, second.normals)
@@ -34,7 +26,7 @@ def test_equal_generators_draw_equal_points():
 
 
 def test_points_fall_on_each_side_by_its_area():
-    samples = sample_surface(mesh_of(ragged_box()), 6000, generator=seeded())
+    samples = sample_surface(from_trimesh(ragged_box()), 6000, generator=seeded())
     side = samples.points.abs().argmax(-1) * 2 + (samples.points.amax(-1) > 0.0499)
     count = torch.bincount(side, minlength=6)
     assert bool(((count - 1000).abs() < 60).all())
@@ -54,7 +46,7 @@ def test_normals_point_out_of_the_solid(inverted):
     ball = trimesh.creation.icosphere(4, 0.05)
     if inverted:
         ball.invert()
-    samples = sample_surface(mesh_of(ball), 200, generator=seeded())
+    samples = sample_surface(from_trimesh(ball), 200, generator=seeded())
     radial = torch.nn.functional.normalize(samples.points, dim=-1)
     assert float((samples.normals * radial).sum(-1).min()) > 0.99
     torch.testing.assert_close(samples.normals.norm(dim=-1), torch.ones(200))
@@ -63,15 +55,15 @@ def test_normals_point_out_of_the_solid(inverted):
 def test_points_of_an_open_bowl_lie_where_its_distance_is_zero():
     bowl = trimesh.creation.icosphere(3, 0.06)
     bowl.update_faces(bowl.triangles_center[:, 2] < 0)
-    samples = sample_surface(mesh_of(bowl), 300, generator=seeded())
-    field = SurfaceDistance(mesh_of(bowl))
+    samples = sample_surface(from_trimesh(bowl), 300, generator=seeded())
+    field = SurfaceDistance(from_trimesh(bowl))
     assert float(field.query(samples.points).distance.abs().max()) < 1e-6
     ahead = field.query(samples.points + 3e-4 * samples.normals).distance
     assert float(ahead.min()) > 0
 
 
 def test_a_solid_that_is_there_already_gives_the_same_points():
-    mesh = mesh_of(trimesh.creation.icosphere(2, 0.05))
+    mesh = from_trimesh(trimesh.creation.icosphere(2, 0.05))
     once = sample_surface(mesh, 20, generator=seeded())
     again = sample_surface(build_solid(mesh), 20, generator=seeded())
     assert torch.equal(once.points, again.points)

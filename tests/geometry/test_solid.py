@@ -5,15 +5,10 @@ import trimesh
 
 from geneoh.errors import InputError
 from geneoh.geometry.distance import SurfaceDistance
-from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.mesh import Mesh, from_trimesh
 from geneoh.geometry.solid import build_solid
 
 CENTRE = torch.zeros(1, 3)
-
-
-def mesh_of(shape: trimesh.Trimesh) -> Mesh:
-    verts = torch.tensor(np.array(shape.vertices), dtype=torch.float32)
-    return Mesh(verts, torch.tensor(np.array(shape.faces), dtype=torch.int64))
 
 
 def without(shape: trimesh.Trimesh, faces: np.ndarray) -> trimesh.Trimesh:
@@ -57,16 +52,16 @@ def assert_is_the_torus(mesh: Mesh) -> None:
 
 
 def test_closed_mesh_is_the_solid_it_looks_like(torus):
-    assert_is_the_torus(mesh_of(torus))
+    assert_is_the_torus(from_trimesh(torus))
 
 
 def test_mesh_inside_out_is_the_same_solid(torus):
     torus.invert()
-    assert_is_the_torus(mesh_of(torus))
+    assert_is_the_torus(from_trimesh(torus))
 
 
 def test_faces_that_disagree_are_turned_to_agree(torus):
-    mesh = mesh_of(torus)
+    mesh = from_trimesh(torus)
     flip = torch.rand(len(mesh.faces), generator=torch.Generator().manual_seed(0)) < 0.2
     assert_is_the_torus(
         Mesh(mesh.verts, torch.where(flip[:, None], mesh.faces.flip(-1), mesh.faces))
@@ -75,16 +70,16 @@ def test_faces_that_disagree_are_turned_to_agree(torus):
 
 def test_missing_faces_leave_a_solid(torus):
     lost = np.random.default_rng(0).random(len(torus.faces)) < 0.1
-    assert_is_the_torus(mesh_of(without(torus, lost)))
+    assert_is_the_torus(from_trimesh(without(torus, lost)))
 
 
 def test_a_hole_of_25_mm_leaves_a_solid(torus):
     lost = np.linalg.norm(torus.triangles_center - [0.0, 0.05, 0.02], axis=-1) < 0.0125
-    assert_is_the_torus(mesh_of(without(torus, lost)))
+    assert_is_the_torus(from_trimesh(without(torus, lost)))
 
 
 def test_triangles_without_shared_vertices_are_a_solid(torus):
-    corners = mesh_of(torus).corners()
+    corners = from_trimesh(torus).corners()
     assert_is_the_torus(
         Mesh(corners.reshape(-1, 3), torch.arange(corners.numel() // 3).reshape(-1, 3))
     )
@@ -92,7 +87,7 @@ def test_triangles_without_shared_vertices_are_a_solid(torus):
 
 def test_faces_buried_by_another_shell_are_no_surface():
     parts = [trimesh.creation.icosphere(3, 0.05).apply_translation([x, 0, 0]) for x in (0, 0.06)]
-    solid = build_solid(mesh_of(trimesh.util.concatenate(parts)))
+    solid = build_solid(from_trimesh(trimesh.util.concatenate(parts)))
     middles = solid.surface.corners().mean(-2)
     centres = torch.tensor([[0.0, 0, 0], [0.06, 0, 0]])
     assert float(torch.cdist(middles, centres).min()) > 0.045
@@ -102,7 +97,7 @@ def test_faces_buried_by_another_shell_are_no_surface():
 def test_hollow_shells_keep_their_cavity():
     outer, inner = trimesh.creation.icosphere(3, 0.05), trimesh.creation.icosphere(3, 0.04)
     inner.invert()
-    solid = build_solid(mesh_of(trimesh.util.concatenate([outer, inner])))
+    solid = build_solid(from_trimesh(trimesh.util.concatenate([outer, inner])))
     assert solid.contains(torch.tensor([[0.0, 0, 0], [0.045, 0, 0]])).tolist() == [False, True]
     assert len(solid.surface.faces) == len(outer.faces) + len(inner.faces)
 
@@ -113,7 +108,7 @@ def test_open_bowl_has_a_wall_and_a_cavity(inverted):
     bowl.update_faces(heights(bowl) < 0)
     if inverted:
         bowl.invert()
-    solid = build_solid(mesh_of(bowl))
+    solid = build_solid(from_trimesh(bowl))
     assert solid.sheets == 1
     down = torch.tensor([0.0, 0.03, 0.055, 0.0597, 0.0603, 0.065])
     inside = solid.contains(down[:, None] * torch.tensor([0.0, 0.0, -1.0]))
@@ -124,21 +119,21 @@ def test_glass_is_open_and_bottle_is_solid():
     glass = without(cylinder(), heights(cylinder()) > 0.0599)
     middle = cylinder().triangles_center
     neck = (middle[:, 2] > 0.0599) & (np.linalg.norm(middle[:, :2], axis=-1) < 0.012)
-    assert build_solid(mesh_of(glass)).sheets == 1
-    assert not bool(build_solid(mesh_of(glass)).contains(CENTRE)[0])
-    assert build_solid(mesh_of(without(cylinder(), neck))).sheets == 0
-    assert bool(build_solid(mesh_of(without(cylinder(), neck))).contains(CENTRE)[0])
+    assert build_solid(from_trimesh(glass)).sheets == 1
+    assert not bool(build_solid(from_trimesh(glass)).contains(CENTRE)[0])
+    assert build_solid(from_trimesh(without(cylinder(), neck))).sheets == 0
+    assert bool(build_solid(from_trimesh(without(cylinder(), neck))).contains(CENTRE)[0])
 
 
 def test_tube_closed_by_separate_lids_is_solid_and_with_one_lid_a_glass():
     tube = without(cylinder(), abs(heights(cylinder())) > 0.0599)
     lids = [disc(0.06, 31), disc(-0.06, 37)]
-    closed = build_solid(mesh_of(trimesh.util.concatenate([tube, *lids])))
+    closed = build_solid(from_trimesh(trimesh.util.concatenate([tube, *lids])))
     assert closed.sheets == 0
     assert bool(closed.contains(CENTRE)[0])
-    assert build_solid(mesh_of(tube)).sheets == 1
+    assert build_solid(from_trimesh(tube)).sheets == 1
     assert not bool(
-        build_solid(mesh_of(trimesh.util.concatenate([tube, lids[1]]))).contains(CENTRE)[0]
+        build_solid(from_trimesh(trimesh.util.concatenate([tube, lids[1]]))).contains(CENTRE)[0]
     )
 
 
@@ -154,7 +149,7 @@ def test_box_of_six_loose_sides_is_solid():
         for _ in range(i % 3):
             side = side.subdivide()
         sides[i] = side
-    solid = build_solid(mesh_of(trimesh.util.concatenate(sides)))
+    solid = build_solid(from_trimesh(trimesh.util.concatenate(sides)))
     assert solid.sheets == 0
     assert bool(solid.contains(CENTRE)[0])
 
@@ -162,7 +157,7 @@ def test_box_of_six_loose_sides_is_solid():
 @pytest.mark.parametrize("metres", [1e3, 1e5])
 @pytest.mark.parametrize("collinear", [False, True])
 def test_far_corner_of_a_face_without_area_changes_no_depth(metres, collinear):
-    box = mesh_of(trimesh.creation.box((0.1, 0.1, 0.1)).subdivide().subdivide())
+    box = from_trimesh(trimesh.creation.box((0.1, 0.1, 0.1)).subdivide().subdivide())
     corner = box.verts[0]
     (other,) = torch.nonzero((box.verts == corner * torch.tensor([-1, 1, 1])).all(-1))[0]
     far = torch.tensor([[metres, corner[1], corner[2]]])  # in line with an edge of the box

@@ -1,12 +1,8 @@
 import difflib
 
-import torch
+from draws import seeded
 
 from geneoh.language.wording import chance, misspelt, one_of
-
-
-def seeded(seed: int = 0) -> torch.Generator:
-    return torch.Generator().manual_seed(seed)
 
 
 def test_a_choice_is_one_of_the_options_and_all_of_them_come():

@@ -1,12 +1,11 @@
 import math
 
-import numpy as np
 import pytest
 import torch
 import trimesh
 
 from geneoh.geometry.distance import MovingSurface, SurfaceDistance
-from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.mesh import from_trimesh
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.metrics.contact import (
     contact_agreement,
@@ -20,14 +19,9 @@ from geneoh.metrics.contact import (
 )
 
 
-def mesh_of(shape: trimesh.Trimesh) -> Mesh:
-    verts = torch.tensor(np.array(shape.vertices), dtype=torch.float32)
-    return Mesh(verts, torch.tensor(np.array(shape.faces), dtype=torch.int64))
-
-
 @pytest.fixture(scope="module")
 def cube():
-    return SurfaceDistance(mesh_of(trimesh.creation.box((0.1, 0.1, 0.1))))
+    return SurfaceDistance(from_trimesh(trimesh.creation.box((0.1, 0.1, 0.1))))
 
 
 def still(frames: int, parts: int = 1) -> tuple[torch.Tensor, torch.Tensor]:
@@ -49,8 +43,8 @@ def test_depth_in_a_cube_is_that_of_the_deepest_vertex(cube):
 
 
 def test_ball_that_sinks_into_a_ball_is_as_deep_as_their_centres_are_near():
-    fixed = SurfaceDistance(mesh_of(trimesh.creation.icosphere(4, 0.05)))
-    hand = mesh_of(trimesh.creation.icosphere(4, 0.02)).verts
+    fixed = SurfaceDistance(from_trimesh(trimesh.creation.icosphere(4, 0.05)))
+    hand = from_trimesh(trimesh.creation.icosphere(4, 0.02)).verts
     shifts = torch.tensor([0.08, 0.07, 0.066, 0.05])
     verts = hand + shifts[:, None, None] * torch.tensor([0.0, 0.0, 1.0])
     depth = penetration_depth(MovingSurface((fixed,), *still(4)).query(verts).distance)

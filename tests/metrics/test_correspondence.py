@@ -8,7 +8,7 @@ import torch
 import trimesh
 
 from geneoh.geometry.distance import MovingSurface, SurfaceDistance
-from geneoh.geometry.mesh import Mesh, capped
+from geneoh.geometry.mesh import Mesh, capped, from_trimesh
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.geometry.sampling import SurfaceSamples
 from geneoh.hand.library import load_hand
@@ -18,16 +18,11 @@ from geneoh.metrics.correspondence import RAY_OFFSET, contact_points, object_con
 STILL = (torch.eye(3).expand(1, 1, 3, 3), torch.zeros(1, 1, 3))
 
 
-def mesh_of(shape: trimesh.Trimesh) -> Mesh:
-    verts = torch.tensor(np.array(shape.vertices), dtype=torch.float32)
-    return Mesh(verts, torch.tensor(np.array(shape.faces), dtype=torch.int64))
-
-
 def box(x: float, y: float, z: float, *centre: float) -> Mesh:
     shape = trimesh.creation.box((x, y, z))
     if centre:
         shape.apply_translation(centre)
-    return mesh_of(shape)
+    return from_trimesh(shape)
 
 
 def above(gap: float) -> Mesh:
@@ -66,12 +61,12 @@ def test_contact_behind_the_object_itself_does_not_count():
     # the point of the lower plate looks up at the upper one, 0.5 mm away, and the hand behind it
     lower, upper = trimesh.creation.box((0.1, 0.1, 0.01)), trimesh.creation.box((0.1, 0.1, 0.0003))
     upper.apply_translation((0, 0, 0.00565))
-    plates = mesh_of(trimesh.util.concatenate([lower, upper]))
+    plates = from_trimesh(trimesh.util.concatenate([lower, upper]))
     field = SurfaceDistance(plates)
     start = SurfaceSamples(torch.tensor([[0.0, 0.0, 0.005]]), torch.tensor([[0.0, 0.0, 1.0]]))
     hand = box(0.02, 0.02, 0.01, 0.0, 0.0, 0.0115)
     assert not bool(found(hand, field, (start,)).any())
-    alone = SurfaceDistance(mesh_of(lower))
+    alone = SurfaceDistance(from_trimesh(lower))
     assert bool(found(hand, alone, (start,)).all())
 
 
@@ -104,8 +99,8 @@ def slow(hand: Mesh, field: SurfaceDistance, points: SurfaceSamples) -> list[boo
 
 
 def test_rays_agree_with_trying_every_face():
-    field = SurfaceDistance(mesh_of(trimesh.creation.torus(0.03, 0.012, 16, 12)))
-    ball = mesh_of(trimesh.creation.icosphere(2, 0.03))
+    field = SurfaceDistance(from_trimesh(trimesh.creation.torus(0.03, 0.012, 16, 12)))
+    ball = from_trimesh(trimesh.creation.icosphere(2, 0.03))
     hand = Mesh(ball.verts + torch.tensor([0.0702, 0.001, 0.002]), ball.faces)
     (spread,) = contact_points((field,), generator=torch.Generator().manual_seed(1), count=4000)
     near = (spread.points - torch.tensor([0.042, 0.0, 0.0])).norm(dim=-1) < 0.012
@@ -154,7 +149,7 @@ def test_a_hand_that_is_open_where_the_ray_would_meet_it_is_closed_first():
 def test_fans_close_every_opening_and_face_outward():
     shape = trimesh.creation.cylinder(0.02, 0.05)
     shape.update_faces(np.abs(shape.face_normals[:, 2]) < 0.5)
-    verts, faces = capped(mesh_of(shape).verts, mesh_of(shape).faces)
+    verts, faces = capped(from_trimesh(shape).verts, from_trimesh(shape).faces)
     closed = trimesh.Trimesh(verts.numpy(), faces.numpy(), process=False)
     assert closed.is_watertight
     assert closed.is_winding_consistent

@@ -2,6 +2,7 @@ import math
 
 import pytest
 import torch
+from draws import seeded
 
 from geneoh.metrics.features import (
     diversity,
@@ -11,10 +12,6 @@ from geneoh.metrics.features import (
     retrieval,
     top_accuracy,
 )
-
-
-def seeded(seed: int = 0) -> torch.Generator:
-    return torch.Generator().manual_seed(seed)
 
 
 def whitened(count: int, width: int) -> torch.Tensor:

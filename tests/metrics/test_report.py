@@ -1,24 +1,17 @@
 import math
 from dataclasses import replace
 
-import numpy as np
 import pytest
 import torch
 import trimesh
 
 from geneoh.geometry.distance import MovingSurface, SurfaceDistance
-from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.mesh import from_trimesh
 from geneoh.metrics.contact import TOUCH
 from geneoh.metrics.report import before_and_after, measure_posed, near_hand
 from geneoh.sequence import windows
 
-
-def mesh_of(shape: trimesh.Trimesh) -> Mesh:
-    verts = torch.tensor(np.array(shape.vertices), dtype=torch.float32)
-    return Mesh(verts, torch.tensor(np.array(shape.faces), dtype=torch.int64))
-
-
-CUBE = SurfaceDistance(mesh_of(trimesh.creation.box((0.1, 0.1, 0.1))))
+CUBE = SurfaceDistance(from_trimesh(trimesh.creation.box((0.1, 0.1, 0.1))))
 FRAMES = 6
 STILL = MovingSurface((CUBE,), torch.eye(3).expand(FRAMES, 1, 3, 3), torch.zeros(FRAMES, 1, 3))
 
@@ -107,7 +100,7 @@ def test_a_report_is_plain_numbers():
 
 @pytest.mark.parametrize("gap", [-0.02, -0.001, 0.004, 0.03, 0.4, 5.0])
 def test_the_nearest_vertex_is_exact_however_far_the_hand_is(gap):
-    ball = SurfaceDistance(mesh_of(trimesh.creation.icosphere(3, 0.05)))
+    ball = SurfaceDistance(from_trimesh(trimesh.creation.icosphere(3, 0.05)))
     surface = replace(STILL, fields=(ball,))
     aside = torch.nn.functional.normalize(
         torch.tensor([[1.0, 1, 1], [1, 1, 0.5], [1, 0, 0]]), dim=1

@@ -11,21 +11,16 @@ import torch
 import trimesh
 
 from geneoh.geometry.distance import MovingSurface, SurfaceDistance
-from geneoh.geometry.mesh import Mesh, capped
+from geneoh.geometry.mesh import Mesh, capped, from_trimesh
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
 from geneoh.metrics.volume import ASKEW, intersection_volume
 
 
-def mesh_of(shape: trimesh.Trimesh) -> Mesh:
-    verts = torch.tensor(np.array(shape.vertices), dtype=torch.float32)
-    return Mesh(verts, torch.tensor(np.array(shape.faces), dtype=torch.int64))
-
-
 def ball(radius: float, x: float = 0, y: float = 0, z: float = 0, *, detail: int = 5) -> Mesh:
     shape = trimesh.creation.icosphere(detail, radius)
     shape.apply_translation((x, y, z))
-    return mesh_of(shape)
+    return from_trimesh(shape)
 
 
 def box(size: float) -> trimesh.Trimesh:
@@ -78,7 +73,7 @@ def test_ball_that_leaves_a_box_loses_a_cap(out):
     middle = half - radius + out
     whole = 4 / 3 * math.pi * radius**3
     cap = math.pi * out**2 * (3 * radius - out) / 3
-    cube = mesh_of(trimesh.creation.box((2 * half,) * 3))
+    cube = from_trimesh(trimesh.creation.box((2 * half,) * 3))
     found = volume_of(ball(radius, 0.004, middle, 0.003), cube)
     assert found == pytest.approx(whole - cap, rel=0.02)
 
@@ -98,16 +93,16 @@ def test_finger_that_hovers_in_a_bowl_shares_nothing():
 def test_finger_in_a_bowl_without_thickness_shares_the_wall_it_is_given():
     half = trimesh.creation.icosphere(5, 0.07)
     half.update_faces(half.triangles_center[:, 2] < 0)
-    sheet = mesh_of(half)
+    sheet = from_trimesh(half)
     found = volume_of(finger(0.09), sheet)
-    wall = mesh_of(trimesh.creation.icosphere(5, 0.071))
-    inner = mesh_of(trimesh.creation.icosphere(5, 0.069))
+    wall = from_trimesh(trimesh.creation.icosphere(5, 0.071))
+    inner = from_trimesh(trimesh.creation.icosphere(5, 0.069))
     exact = ((body(wall) - body(inner)) ^ body(finger(0.09))).volume()
     assert found == pytest.approx(exact, rel=0.02)
 
 
 SHIFTS = torch.tensor([[0.0307, 0.0113, 0.0004], [0.0452, 0.0003, 0.0004], [0.2, 0.0, 0.0]])
-CUBE, HAND = SurfaceDistance(mesh_of(box(0.06))), mesh_of(box(0.04))
+CUBE, HAND = SurfaceDistance(from_trimesh(box(0.06))), from_trimesh(box(0.04))
 STILL = MovingSurface((CUBE,), torch.eye(3).expand(3, 1, 3, 3), torch.zeros(3, 1, 3))
 EXPECTED = (0.05 - SHIFTS.abs()).clamp(0, 0.04).prod(-1)
 
@@ -119,7 +114,7 @@ def test_boxes_that_overlap_share_a_box():
 
 def test_parts_add_up():
     parts = [ball(0.02, 0.0, 0.0, 0.0, detail=4), ball(0.015, 0.1, 0.0, 0.0, detail=4)]
-    hand = mesh_of(trimesh.creation.box((0.3, 0.05, 0.05)))
+    hand = from_trimesh(trimesh.creation.box((0.3, 0.05, 0.05)))
     together = volume_of(hand, *parts)
     assert together == pytest.approx(4 / 3 * math.pi * (0.02**3 + 0.015**3), rel=0.02)
 
@@ -137,7 +132,7 @@ def test_wrist_that_is_open_is_closed_first():
 
 def test_every_voxel_that_is_asked_for_alone_gives_the_same_count():
     hand = load_hand("right").shaped(torch.zeros(10))
-    torus = mesh_of(trimesh.creation.torus(0.03, 0.012))
+    torus = from_trimesh(trimesh.creation.torus(0.03, 0.012))
     verts, faces, voxel = hand.verts + torch.tensor([0.08, 0.01, 0.0]), hand.model.faces, 0.002
     closed = Mesh(*capped(verts, faces))
     solids = [SurfaceDistance(mesh).solid for mesh in (torus, closed)]
@@ -154,7 +149,7 @@ def test_an_object_with_holes_counts_as_if_it_were_closed():
     assert not shape.is_watertight
     plug = ball(0.01, 0.0, 0.0, 0.037)
     whole = (body(plug) ^ body(ball(0.04, detail=4))).volume()
-    found = volume_of(plug, mesh_of(shape))
+    found = volume_of(plug, from_trimesh(shape))
     # the winding number closes a hole by a surface that bulges a little
     assert found == pytest.approx(whole, rel=0.1)
 
@@ -183,7 +178,7 @@ def test_a_hundred_times_the_triangles_take_at_most_ten_times_as_long():
     spent, peaks, volumes = [], [], []
     for rings in (32, 320):
         torus = trimesh.creation.torus(0.03, 0.012, major_sections=rings, minor_sections=rings)
-        field = SurfaceDistance(mesh_of(torus))
+        field = SurfaceDistance(from_trimesh(torus))
         surface = MovingSurface((field,), torch.eye(3).expand(8, 1, 3, 3), torch.zeros(8, 1, 3))
         tracemalloc.start()
         start = time.process_time()

@@ -1,12 +1,9 @@
 import pytest
 import torch
+from draws import normal
 from torch import Tensor
 
 from geneoh.nn.adam import adam
-
-
-def normal(*shape: int, seed: int = 0) -> Tensor:
-    return torch.randn(*shape, generator=torch.Generator().manual_seed(seed))
 
 
 def bumpy(parameters: list[Tensor]) -> Tensor:

@@ -1,14 +1,11 @@
 import pytest
 import torch
+from draws import normal
 from hypothesis import given
 from hypothesis import strategies as st
-from torch import Tensor, nn
+from torch import nn
 
 from geneoh.nn.blocks import FrameTransformer, fourier, mlp, rotary, zeroed
-
-
-def normal(*shape: int, seed: int = 0) -> Tensor:
-    return torch.randn(*shape, generator=torch.Generator().manual_seed(seed))
 
 
 def trunk(width: int = 16, depth: int = 2) -> FrameTransformer:

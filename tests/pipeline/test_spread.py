@@ -1,11 +1,8 @@
 import torch
+from draws import normal
 
 from geneoh.pipeline.spread import LASTING, SCALE, joint_spread
 from geneoh.sequence import windows
-
-
-def normal(*shape: int) -> torch.Tensor:
-    return torch.randn(*shape, generator=torch.Generator().manual_seed(0))
 
 
 def test_samples_that_agree_leave_no_doubt():

@@ -5,7 +5,8 @@ from dataclasses import replace
 import networks
 import pytest
 import torch
-from ball_scenes import LONG, PLAN, canonical, hands_at, parameters_at, scene, seeded
+from ball_scenes import LONG, PLAN, canonical, hands_at, parameters_at, scene
+from draws import seeded
 from torch import Tensor
 
 from geneoh.denoisers.motion import MotionConfig, MotionDenoiser

@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import networks
 import torch
-from ball_scenes import LONG, PLAN, canonical, hands_at, normal, parameters_at, scene, seeded
+from ball_scenes import LONG, PLAN, canonical, hands_at, parameters_at, scene
+from draws import normal, seeded
 from torch import Tensor
 
 from geneoh.denoisers.relations import RelationConfig, RelationDenoiser

@@ -6,7 +6,8 @@ from dataclasses import replace
 import networks
 import pytest
 import torch
-from ball_scenes import LONG, PLAN, SHIFT, TURN, hands_at, moved, scene, seeded
+from ball_scenes import LONG, PLAN, SHIFT, TURN, hands_at, moved, scene
+from draws import seeded
 from torch import Tensor, nn
 
 from geneoh.denoisers.latent import LatentConfig, LatentDenoiser

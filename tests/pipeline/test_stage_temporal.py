@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import pytest
 import torch
-from ball_scenes import LONG, PLAN, hands_at, normal, scene, seeded
+from ball_scenes import LONG, PLAN, hands_at, scene
+from draws import normal, seeded
 from torch import Tensor, nn
 
 from geneoh.denoisers.latent import LatentConfig, LatentDenoiser

@@ -1,19 +1,16 @@
 import pytest
 import torch
+from draws import normal
 
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.representation.nearest_surface import nearest_on_parts, nearest_points
 from geneoh.representation.region import ObjectSurface
 
 
-def draw(*shape: int, seed: int = 0) -> torch.Tensor:
-    return torch.randn(*shape, generator=torch.Generator().manual_seed(seed))
-
-
 @pytest.mark.parametrize("away", [0.0, 3.0])
 def test_the_nearest_point_is_that_of_a_slow_search(away):
-    joints, points = 0.1 * draw(3, 7, 3) + away, 0.1 * draw(3, 50, 3, seed=1) + away
-    normals = torch.nn.functional.normalize(draw(3, 50, 3, seed=2), dim=-1)
+    joints, points = 0.1 * normal(3, 7, 3) + away, 0.1 * normal(3, 50, 3, seed=1) + away
+    normals = torch.nn.functional.normalize(normal(3, 50, 3, seed=2), dim=-1)
     nearest, outward = nearest_points(joints, points, normals)
     for b in range(3):
         for j in range(7):
@@ -25,12 +22,12 @@ def test_the_nearest_point_is_that_of_a_slow_search(away):
 def test_on_parts_it_is_the_nearest_of_all_points_placed_in_the_world():
     """The first object is rigid, the second has a part that moves, the third's is all of it."""
     frames = 5
-    points, joints = 0.1 * draw(3, 40, 3), 0.1 * draw(3, frames, 6, 3, seed=1)
-    normals = torch.nn.functional.normalize(draw(3, 40, 3, seed=2), dim=-1)
+    points, joints = 0.1 * normal(3, 40, 3), 0.1 * normal(3, frames, 6, 3, seed=1)
+    normals = torch.nn.functional.normalize(normal(3, 40, 3, seed=2), dim=-1)
     part = torch.zeros(3, 40, dtype=torch.long)
     part[1, 15:], part[2] = 1, 1
-    rotation = axis_angle_to_matrix(draw(3, frames, 2, 3, seed=3))
-    translation = 0.05 * draw(3, frames, 2, 3, seed=4)
+    rotation = axis_angle_to_matrix(normal(3, frames, 2, 3, seed=3))
+    translation = 0.05 * normal(3, frames, 2, 3, seed=4)
     surface = ObjectSurface(points, normals, part, rotation, translation)
     nearest, outward, part = nearest_on_parts(joints, surface)
     world, facing = surface.in_world()

@@ -1,6 +1,6 @@
 import pytest
 import torch
-from networks import normal
+from draws import normal
 
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.representation.region import ObjectSurface

@@ -5,6 +5,7 @@ from typing import get_args
 
 import pytest
 import torch
+from draws import seeded
 
 from geneoh.choices import NOISES, Noise
 from geneoh.geometry.rotations import axis_angle_to_matrix
@@ -30,10 +31,6 @@ with an independent numpy implementation; "camera" over 400."""
 
 SPREAD_MM = {"bias": 7.0, "drift": 3.0, "burst": 2.5, "camera": 7.0}
 """How far the mean over five draws may lie off: one draw of a bias is one number per clip."""
-
-
-def seeded(seed: int = 0) -> torch.Generator:
-    return torch.Generator().manual_seed(seed)
 
 
 def in_units(noise: Noise, values: torch.Tensor) -> torch.Tensor:

@@ -3,16 +3,13 @@
 import numpy as np
 import pytest
 import torch
+from draws import seeded
 from scipy.spatial.transform import Rotation
 
 from geneoh.choices import OBJECT_NOISES
 from geneoh.geometry.mesh import Mesh
 from geneoh.sequence.object_noise import DEGREES, corrupt_object, draw_object_noise
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
-
-
-def seeded(seed: int = 0) -> torch.Generator:
-    return torch.Generator().manual_seed(seed)
 
 
 @pytest.mark.parametrize("noise", OBJECT_NOISES)

@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-import networks
 import torch
+from draws import normal
 from torch import Tensor
 
 from geneoh.geometry.rotations import axis_angle_to_matrix
@@ -16,14 +16,6 @@ PLAN = StagePlan(400, 3)
 LONG = 90
 """Frames of two windows, which share the frames 30 to 59."""
 TURN, SHIFT = axis_angle_to_matrix(torch.tensor([0.3, -0.8, 0.5])), torch.tensor([0.4, 1.0, -0.2])
-
-
-def seeded(seed: int = 0) -> torch.Generator:
-    return torch.Generator().manual_seed(seed)
-
-
-def normal(*shape: int, seed: int = 0) -> Tensor:
-    return networks.normal(*shape, seed=seed)
 
 
 def smooth(frames: int, *shape: int, seed: int = 0) -> Tensor:

@@ -2,14 +2,10 @@
 
 import pytest
 import torch
-from torch import Tensor, nn
+from draws import normal, seeded
+from torch import nn
 
 from geneoh.baselines.features import Observation
-
-
-def normal(*shape: int, seed: int = 0) -> Tensor:
-    """Standard normal numbers."""
-    return torch.randn(*shape, generator=torch.Generator().manual_seed(seed))
 
 
 def observation(batch: int = 2, frames: int = 4, seed: int = 0) -> Observation:
@@ -22,7 +18,7 @@ def observation(batch: int = 2, frames: int = 4, seed: int = 0) -> Observation:
 
 def awake(network: nn.Module, seed: int = 0) -> nn.Module:
     """The network with random weights everywhere: fresh ones end in layers of zeros."""
-    generator = torch.Generator().manual_seed(seed)
+    generator = seeded(seed)
     with torch.no_grad():
         for parameter in network.parameters():
             size = 0.7 / max(parameter.shape[-1], 1) ** 0.5

@@ -1,4 +1,5 @@
 import torch
+from draws import seeded
 from torch import Tensor
 
 from geneoh.geometry.rotations import axis_angle_to_matrix
@@ -18,10 +19,6 @@ from geneoh.synthesis.solids import Solids
 
 CONFIG = BimanualConfig()
 FLIP = torch.tensor([-1.0, 1.0, 1.0])
-
-
-def seeded(seed: int = 0) -> torch.Generator:
-    return torch.Generator().manual_seed(seed)
 
 
 def longest(solids: Solids) -> Tensor:

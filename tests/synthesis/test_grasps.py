@@ -2,6 +2,7 @@ from dataclasses import fields, replace
 
 import pytest
 import torch
+from draws import seeded
 from torch import Tensor
 
 from geneoh.geometry.rotations import axis_angle_to_matrix
@@ -26,10 +27,6 @@ QUICK = GraspConfig(steps=90)
 CHECKS = GraspChecks()
 PALM = ((0, 4, 0.55, 0.017), (0, 4, 0.85, 0.016))
 """Points of the palm: from, to (MANO joints), share of the way, metres below."""
-
-
-def seeded(seed: int = 0) -> torch.Generator:
-    return torch.Generator().manual_seed(seed)
 
 
 def offsets(count: int) -> Tensor:

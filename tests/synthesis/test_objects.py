@@ -2,15 +2,12 @@ from dataclasses import fields, replace
 
 import pytest
 import torch
+from draws import seeded
 from torch import Tensor
 
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.synthesis.objects import FAMILIES, draw_objects
 from geneoh.synthesis.solids import BOX, CYLINDER, ELLIPSOID, FAR, TORUS, Solids
-
-
-def seeded(seed: int = 0) -> torch.Generator:
-    return torch.Generator().manual_seed(seed)
 
 
 def around(count: int = 400, size: float = 0.06, seed: int = 0) -> Tensor:

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 import torch
 import trimesh
+from draws import seeded
 from safetensors.torch import load_file, save_file
 
 from geneoh.errors import InputError
@@ -56,10 +57,6 @@ def scans(folder):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "NODES", 60_000)
         return build_scans(read_folder(folder))
-
-
-def seeded(seed: int = 0) -> torch.Generator:
-    return torch.Generator().manual_seed(seed)
 
 
 def test_meshes_are_read_in_order_with_what_is_held_out_and_their_licence(scans):

@@ -1,14 +1,11 @@
 import pytest
 import torch
+from draws import seeded
 
 from geneoh.hand.skeleton import TIP_KEYPOINTS, bone_lengths
 from geneoh.representation.parameters import HandParameters
 from geneoh.synthesis.pose_prior import FINGER_STD
 from geneoh.training.augmentation import AugmentationConfig, augmented
-
-
-def seeded(seed: int = 0) -> torch.Generator:
-    return torch.Generator().manual_seed(seed)
 
 
 @pytest.fixture(scope="module")

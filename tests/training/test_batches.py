@@ -2,6 +2,7 @@ from dataclasses import fields, replace
 
 import pytest
 import torch
+from draws import seeded
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -20,10 +21,6 @@ from geneoh.training.stages import build_model
 from geneoh.training.windows import WindowConfig, filled
 
 WINDOW = WindowConfig().frames
-
-
-def seeded(seed: int = 0) -> torch.Generator:
-    return torch.Generator().manual_seed(seed)
 
 
 def drawn(interactions: Interactions, *arguments, **how) -> Batch:

@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import pytest
 import torch
+from draws import seeded
 
 from geneoh.baselines.regression import RegressionDenoiser
 from geneoh.training.batches import draw_batch
@@ -28,10 +29,6 @@ LOSSES = [
     ("trajectory", trajectory_loss),
 ]
 STAGES = ("motion", "spatial", "temporal", "trajectory", "relations", "latent")
-
-
-def seeded(seed: int = 0) -> torch.Generator:
-    return torch.Generator().manual_seed(seed)
 
 
 @pytest.fixture(scope="module")

@@ -1,12 +1,9 @@
 import pytest
 import torch
+from draws import normal
 from torch import nn
 
 from geneoh.training.muon import MOMENTUM, UPDATE_RMS, Muon, orthogonal
-
-
-def normal(*shape: int, seed: int = 0) -> torch.Tensor:
-    return torch.randn(*shape, generator=torch.Generator().manual_seed(seed))
 
 
 @pytest.mark.parametrize("shape", [(16, 16), (16, 48), (48, 16), (1, 8)])

@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import pytest
 import torch
+from draws import seeded
 from made_gestures import made_gestures
 
 from geneoh.evaluation.gestures.encoder import SEEN, EncoderConfig, GestureEncoder, Seen
@@ -14,10 +15,6 @@ TINY = EncoderConfig(
     width=16, depth=1, heads=2, features=8, hidden=0.5,
     text=SentenceConfig(pieces=60, piece_width=8, width=16, heads=2, longest=8),
 )  # fmt: skip
-
-
-def seeded(seed: int = 0) -> torch.Generator:
-    return torch.Generator().manual_seed(seed)
 
 
 @pytest.fixture(scope="module")

@@ -1,13 +1,10 @@
 import torch
+from draws import seeded
 from made_bodies import tiny_networks
 from made_gestures import made_gestures
 
 from geneoh.evaluation.gestures.encoder import Seen
 from geneoh.evaluation.gestures.rows import made_by_networks, mean_pose, nearest_body, shuffled
-
-
-def seeded(seed: int = 0) -> torch.Generator:
-    return torch.Generator().manual_seed(seed)
 
 
 def test_every_row_keeps_the_bodies_of_the_real_clips():

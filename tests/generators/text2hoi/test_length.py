@@ -1,13 +1,10 @@
 import pytest
 import torch
+from draws import seeded
 
 from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork, length_loss
 
 SMALL = LengthConfig(latent=4, hidden=16, text=3)
-
-
-def seeded(seed=0):
-    return torch.Generator().manual_seed(seed)
 
 
 def network():

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 import trimesh
+from draws import seeded
 from made_actions import box_actions, on_object
 
 from geneoh.generators.text2hoi.held_hands import HeldHands, lifted, overlap
@@ -40,10 +41,6 @@ def stuck():
 @pytest.fixture(scope="module")
 def found(solids, stuck):
     return new_hold(solids, stuck, None, seeded())
-
-
-def seeded():
-    return torch.Generator().manual_seed(0)
 
 
 def test_a_new_hold_is_firm_and_on_the_side_of_the_drawn_hand(solids, stuck, found):

@@ -1,4 +1,5 @@
 import torch
+from draws import normal, seeded
 
 from geneoh.generators.text2hoi.principal_axes import PrincipalAxes, Waves, cosine_waves
 from geneoh.generators.text2hoi.scales import principal_axes
@@ -7,14 +8,10 @@ VALID = torch.tensor([[True, True, True, True, True], [True, True, True, False, 
 SIGMA = torch.tensor([0.5, 2.0])
 
 
-def drawn(*shape: int, seed: int = 0) -> torch.Tensor:
-    return torch.randn(*shape, generator=torch.Generator().manual_seed(seed))
-
-
 def codec(covariance: list[float], numbers: int = 3) -> PrincipalAxes:
     """Axes at random, along all of which the covariance over tokens is the same."""
     axes = PrincipalAxes(numbers, numbers, len(covariance))
-    torch.nn.init.orthogonal_(axes.axes, generator=torch.Generator().manual_seed(1))
+    torch.nn.init.orthogonal_(axes.axes, generator=seeded(1))
     axes.covariance.copy_(torch.tensor(covariance)[:, None].expand(-1, numbers))
     return axes
 
@@ -45,8 +42,8 @@ def test_the_variances_of_waves_are_those_of_a_sequence_with_this_covariance():
 def test_the_linear_answer_to_what_never_changes_is_its_shrunken_mean():
     """Least squares: with noise s and variance v, the mean of n tokens by n v / (n v + s^2)."""
     axes = codec([4.0] * 5)
-    value = drawn(2, 1, 3)
-    noisy = (value + drawn(2, 5, 3, seed=2)) * VALID[..., None]
+    value = normal(2, 1, 3)
+    noisy = (value + normal(2, 5, 3, seed=2)) * VALID[..., None]
     _, linear = axes.read(noisy, SIGMA, Waves.of(VALID, 5))
     count = VALID.sum(1)[:, None]
     mean = noisy.sum(1) / count @ axes.axes.T
@@ -57,15 +54,15 @@ def test_the_linear_answer_to_what_never_changes_is_its_shrunken_mean():
 
 
 def test_numbers_are_read_in_units_of_their_deviation_with_their_noise():
-    own, _ = codec([4.0, 0.0, 0.0, 0.0, 0.0]).read(drawn(2, 5, 3), SIGMA, Waves.of(VALID, 5))
+    own, _ = codec([4.0, 0.0, 0.0, 0.0, 0.0]).read(normal(2, 5, 3), SIGMA, Waves.of(VALID, 5))
     total = (4 + SIGMA.square())[:, None]
-    torch.testing.assert_close(own.norm(dim=-1), drawn(2, 5, 3).norm(dim=-1) / total.sqrt())
+    torch.testing.assert_close(own.norm(dim=-1), normal(2, 5, 3).norm(dim=-1) / total.sqrt())
 
 
 def test_the_answer_that_is_asked_of_the_network_gives_the_clean_numbers():
     """Karras et al. 2022, for a signal of variance 4 that is not correlated over tokens."""
     axes, waves = codec([4.0, 0.0, 0.0, 0.0, 0.0]), Waves.of(torch.ones_like(VALID), 5)
-    clean, noise = drawn(2, 5, 3), SIGMA[:, None, None] * drawn(2, 5, 3, seed=2)
+    clean, noise = normal(2, 5, 3), SIGMA[:, None, None] * normal(2, 5, 3, seed=2)
     total = 4 + SIGMA[:, None, None].square()
     _, linear = axes.read(clean + noise, SIGMA, waves)
     guess = axes.write(linear, 0 * linear, SIGMA, waves)
@@ -75,5 +72,5 @@ def test_the_answer_that_is_asked_of_the_network_gives_the_clean_numbers():
 
 
 def test_principal_axes_fall_in_variance_and_are_of_unit_length():
-    axes = principal_axes(drawn(20000, 3) * torch.tensor([1.0, 3.0, 2.0]))
+    axes = principal_axes(normal(20000, 3) * torch.tensor([1.0, 3.0, 2.0]))
     torch.testing.assert_close(axes.abs(), torch.eye(3)[[1, 2, 0]], atol=0.05, rtol=0)

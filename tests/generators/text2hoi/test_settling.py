@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 import trimesh
+from draws import seeded
 from made_actions import box_actions, on_object
 
 from geneoh.generators.text2hoi.held_hands import HeldHands, moving, overlap
@@ -41,10 +42,6 @@ def sunk(rod, side: int):
     poses = torch.zeros(1, 2, 24, 16, 3)
     poses[:, side] = pose
     return replace(actions, wrist=wrist, pose=poses)
-
-
-def seeded():
-    return torch.Generator().manual_seed(0)
 
 
 def depth_of(actions, rod, side: int) -> float:

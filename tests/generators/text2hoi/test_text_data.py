@@ -1,5 +1,6 @@
 import pytest
 import torch
+from draws import seeded
 
 from geneoh.generators.text2hoi import text_data
 from geneoh.generators.text2hoi.english import OTHER_VERBS
@@ -13,10 +14,6 @@ from geneoh.generators.text2hoi.text_data import (
 )
 from geneoh.language.vocabulary import VERB_WORDS
 from geneoh.synthesis.actions import VERBS
-
-
-def seeded(seed=0):
-    return torch.Generator().manual_seed(seed)
 
 
 def test_every_verb_of_the_engine_has_a_withheld_synonym_and_others_to_learn_from():

@@ -1,4 +1,4 @@
-import torch
+from draws import seeded
 
 from geneoh.synthesis.gestures import sentences
 from geneoh.synthesis.gestures.one_handed import ONE_HANDED
@@ -14,10 +14,6 @@ from geneoh.synthesis.gestures.sentences import (
 from geneoh.synthesis.gestures.two_handed import TWO_HANDED
 
 REST, WAVE = Doing(REST_SAYS, rests=True), Doing(("wave",))
-
-
-def seeded(seed: int = 0) -> torch.Generator:
-    return torch.Generator().manual_seed(seed)
 
 
 def test_the_first_sentence_names_both_hands_plainly():

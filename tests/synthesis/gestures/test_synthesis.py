@@ -2,6 +2,7 @@
 
 import pytest
 import torch
+from draws import seeded
 
 from geneoh.body.motion import pose
 from geneoh.body.skeleton import FINGER_JOINTS, JOINT_NAMES, WRISTS
@@ -15,10 +16,6 @@ from geneoh.synthesis.gestures.repertoire import Cast
 from geneoh.synthesis.gestures.shapes import SHAPES
 from geneoh.synthesis.gestures.synthesis import BodyConfig, gesturing
 from geneoh.synthesis.gestures.two_handed import TWO_HANDED
-
-
-def seeded(seed: int = 0) -> torch.Generator:
-    return torch.Generator().manual_seed(seed)
 
 
 def clips_of(names, monkeypatch, walking=0.0, frames=90):
