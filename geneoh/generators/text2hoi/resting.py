@@ -8,6 +8,7 @@ from torch import Tensor
 
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.synthesis.actions import NEAR, Actions
+from geneoh.synthesis.schedule import minimum_jerk
 
 UPRIGHT_TURN = 0.5
 """Turn from how an object stands below which it is taken as standing, radians."""
@@ -91,11 +92,12 @@ def moved_by_hands(actions: Actions) -> Actions:
 
     Every step of the object between two touched frames is kept, every other one is left out; hands
     stay where they are at the object. An object that nearly stands on the table at the start or at
-    the end does: what is left over is spread over its motion.
+    the end, or that no hand touches there, does: what is left over is spread over the second
+    half of its motion. No point of an object is ever under the table.
     """
     touched = touching_hands(actions).any(1)
     moves = (touched[:, 1:] & touched[:, :-1]).to(actions.translation)
-    start = _standing(actions.rotation[:, 0], actions.translation[:, 0])
+    start = _standing(actions.rotation[:, 0], actions.translation[:, 0], touched[:, 0])
     rotation, translation = [start[0]], [start[1]]
     step_turn = actions.rotation[:, :-1].mT @ actions.rotation[:, 1:]
     step_turn = matrix_to_axis_angle(step_turn) * moves[..., None]
@@ -106,10 +108,14 @@ def moved_by_hands(actions: Actions) -> Actions:
     turned, shifted = torch.stack(rotation, 1), torch.stack(translation, 1)
     way = step.norm(dim=-1) + 0.1 * step_turn.norm(dim=-1)
     progress = torch.nn.functional.pad(way.cumsum(1), (1, 0)) / way.sum(1).clamp(min=1e-9)[:, None]
-    end = _standing(turned[:, -1], shifted[:, -1])
-    left_turn = matrix_to_axis_angle(end[0] @ turned[:, -1].mT)[:, None] * progress[..., None]
+    held = touched[torch.arange(len(touched)), actions.length - 1]
+    end = _standing(turned[:, -1], shifted[:, -1], held)
+    share = minimum_jerk((2 * progress - 1).clamp(min=0))[..., None]
+    left_turn = matrix_to_axis_angle(end[0] @ turned[:, -1].mT)[:, None] * share
     turned = axis_angle_to_matrix(left_turn) @ turned
-    shifted = shifted + (end[1] - shifted[:, -1])[:, None] * progress[..., None]
+    shifted = shifted + (end[1] - shifted[:, -1])[:, None] * share
+    lowest = (actions.posed_points() @ turned[..., 2, :, None])[..., 0].amin(-1) + shifted[..., 2]
+    shifted = shifted - lowest.clamp(max=0)[..., None] * torch.eye(3)[2].to(shifted)
     joint = actions.joint[:, :1] + torch.nn.functional.pad(
         (actions.joint.diff(dim=1) * moves).cumsum(1), (1, 0)
     )
@@ -117,13 +123,13 @@ def moved_by_hands(actions: Actions) -> Actions:
 
 
 def _standing(
-    rotation: Float[Tensor, "B 3 3"], translation: Float[Tensor, "B 3"]
+    rotation: Float[Tensor, "B 3 3"], translation: Float[Tensor, "B 3"], held: Bool[Tensor, " B"]
 ) -> tuple[Float[Tensor, "B 3 3"], Float[Tensor, "B 3"]]:
-    """The pose on the table that is next to one that is nearly there; others as they are."""
+    """The pose on the table next to one that is nearly there or not held; others as they are."""
     yaw = torch.atan2(rotation[:, 1, 0] - rotation[:, 0, 1], rotation[:, 0, 0] + rotation[:, 1, 1])
     upright = axis_angle_to_matrix(yaw[:, None] * torch.eye(3)[2].to(rotation))
     tilt = matrix_to_axis_angle(rotation @ upright.mT).norm(dim=-1)
-    stands = (tilt < UPRIGHT_TURN) & (translation[:, 2].abs() < ON_TABLE)
+    stands = ~held | ((tilt < UPRIGHT_TURN) & (translation[:, 2] < ON_TABLE))
     ground = translation * translation.new_tensor([1.0, 1.0, 0.0])
     return (
         torch.where(stands[:, None, None], upright, rotation),

@@ -67,6 +67,52 @@ def test_an_object_that_nearly_stands_on_the_table_does_at_the_start_and_at_the_
         assert torch.allclose(moved.rotation[:, frame], torch.eye(3).expand(2, 3, 3), atol=1e-5)
 
 
+def height_of(actions):
+    """Height of the lowest point of each object over the table, metres."""
+    return (actions.points[:, None] @ actions.rotation.mT).amin(2)[..., 2] + actions.translation[
+        ..., 2
+    ]
+
+
+def test_an_object_that_is_let_go_in_the_air_stands_on_the_table_at_the_end():
+    held = held_box()
+    frames = torch.arange(held.wrist.shape[2])[:, None]
+    let_go = torch.where(frames > 20, torch.tensor([1.0, 0.0, 0.0]), torch.zeros(1))
+    moved = moved_by_hands(replace(held, wrist=held.wrist + let_go * held.hands[..., None, None]))
+    assert held.translation[:, 20, 2].amin() > 0.05
+    assert moved.translation[:, :20, 2].amax() > 0.02
+    assert moved.translation[:, 20:, 2].abs().amax() < 1e-6
+
+
+def test_no_object_is_under_the_table_wherever_a_hand_carries_it():
+    held = held_box()
+    down = torch.tensor([0.0, 0.0, -0.06]) * torch.sin(torch.linspace(0, 6, 30))[:, None].abs()
+    sunk = replace(
+        held,
+        translation=down.expand(2, -1, -1).clone(),
+        wrist=held.wrist + ((down - held.translation)[:, None] * held.hands[..., None, None]),
+    )
+    moved = moved_by_hands(sunk)
+    assert height_of(sunk).amin() < -0.05
+    assert height_of(moved).amin() > -1e-6
+    apart = moved.wrist[:, 1] - moved.translation
+    assert torch.allclose(apart, sunk.wrist[:, 1] - sunk.translation, atol=1e-5)
+
+
+def test_an_object_that_starts_deep_in_the_table_starts_on_it():
+    held = held_box()
+    deep = torch.tensor([0.0, 0.0, -0.08])
+    moved = moved_by_hands(
+        replace(
+            held,
+            translation=held.translation + deep,
+            wrist=held.wrist + deep * held.hands[..., None, None],
+        )
+    )
+    assert moved.translation[:, 0, 2].abs().amax() < 1e-6
+    assert height_of(moved).amin() > -1e-6
+
+
 def test_a_clip_that_begins_and_ends_in_motion_does_so_from_rest():
     actions = box_actions(["lift", "lift"], frames=40)
     time = torch.arange(40.0)[None, :, None]
