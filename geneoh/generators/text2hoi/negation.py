@@ -1,4 +1,4 @@
-"""What a sentence rules out: "without the left hand", "with neither hand"."""
+"""What a sentence rules out: "without the left hand", "neither hand", "the left hand rests"."""
 
 import re
 
@@ -12,6 +12,10 @@ _HAND = re.compile(rf"\b(?:but |and )?{_NOT}{_USE} {_ONE_OF}\b")
 _BARE = re.compile(
     rf"\b(?:but |and )?{_NOT}(?: (?:with|using|by|{_OWN}))* (?P<side>left|right)(?: one)?$"
 )
+_RESTING = re.compile(
+    rf"\b(?:(?:and|while|but|as) )?(?:(?:{_OWN}) )?(?P<side>left|right)(?: (?:hand|one))? "
+    r"(?:rests|does nothing|(?:is|stays|remains) (?:still|idle|resting|at rest))\b(?! (?:on|in)\b)"
+)
 _NO_HAND = re.compile(rf"\bneither{_USE} hands?\b|\b{_NOT}(?:{_USE}| both)* (?:hands?|fingers)\b")
 NEGATIONS = frozenset(("not", "no", "never", "without", "avoid", "avoiding", "dont", "cannot"))
 """Words that rule out the verb that follows, beside those that end in n't."""
@@ -20,12 +24,12 @@ BETWEEN = frozenset(("to", "be", "being", "ever", "even", "just", "actually", "r
 
 
 def without_ruled_out(said: str) -> tuple[str, frozenset[Side]]:
-    """Words of a sentence without the hand that they rule out, and its side."""
+    """Words of a sentence without the hand that they rule out or let rest, and its side."""
     sides: set[Side] = set()
-    for pattern in (_HAND, _BARE):
+    for pattern in (_HAND, _BARE, _RESTING):
         for match in pattern.finditer(said):
             found = match.groupdict().values()
-            if pattern is _HAND or "hand" in said.split():
+            if pattern is not _BARE or "hand" in said.split():
                 sides.update(side for side in SIDES if side in found)
                 said = " ".join(said.replace(match[0], " ", 1).split())
     return said, frozenset(sides)

@@ -35,7 +35,8 @@ _BOTH = re.compile(
     rf"|{_SIDES} and {_SIDES}\b|(left|right) hand\b.*\b(and|while)\b.*(left|right) hand\b"
     rf"|\bfrom {_MY}(left|right|one) hand\b.*\b(in)?to\b|\bfrom {_SIDES} (in)?to {_MY}\w+ hand\b"
 )
-_DIRECTION = re.compile(rf"\bfrom {_MY}(left|right)\b.*\b(in)?to\b")
+_DIRECTION = re.compile(rf"\bfrom {_MY}(left|right)\b.*\b(in)?to\b|\b(in)?to {_MY}(left|right)\b")
+_WITH_ONE = re.compile(rf"\b(with|using|by) {_MY}(left|right)\b")
 _ONE: dict[HandsName, re.Pattern[str]] = {
     hands: re.compile(
         rf"\b{side}( \w+)? hand(ed|er|edly)?\b|\b{side}handed\b|\b(with|using|by) {_MY}{side}\b"
@@ -202,10 +203,16 @@ def asked_verb(
         nearest = max(VERBS, key=lambda verb: scores[verb])
         return nearest, False, (f"no verb of the sentence is known; the nearest is '{nearest}'",)
     said = max(named, key=lambda verb: scores[verb])
+    left_out = tuple(
+        f"one action is made, '{named[said]}'; '{phrase}' is left out"
+        for verb, phrase in named.items()
+        if verb in VERBS and verb != said
+    )
     if said in VERBS:
-        return said, True, ()
+        return said, True, left_out
     nearest = OTHER_VERBS[said][0]
-    return nearest, False, (f"'{named[said]}' was never learned; the nearest verb is '{nearest}'",)
+    note = f"'{named[said]}' was never learned; the nearest verb is '{nearest}'"
+    return nearest, False, (note, *left_out)
 
 
 def named_verbs(words: Sequence[str]) -> dict[str, str]:
@@ -233,7 +240,8 @@ def asked_hands(
 ) -> tuple[HandsName, tuple[str, ...]]:
     """The hands that a sentence asks for: by its words, else as our encoder reads it."""
     said = " ".join(words)
-    if _BOTH.search(said):
+    passed = verb == "pass" and _DIRECTION.search(said) and not _WITH_ONE.search(said)
+    if passed or _BOTH.search(said):
         return "both hands", ()
     one: list[HandsName] = [hands for hands, pattern in _ONE.items() if pattern.search(said)]
     if len(one) == 2:
@@ -268,7 +276,7 @@ def _phrases() -> dict[str, tuple[tuple[str, str], ...]]:
     """All forms of all words of verbs by their first word, longest first, each with its verb."""
     found: dict[str, list[tuple[str, str]]] = {}
     for verb, words in WORDS.items():
-        for phrase in (form for word in words for form in forms(word)):
+        for phrase in (form for word in (*words, verb) for form in forms(word)):
             if phrase not in ("hand", "hands"):  # the hand that acts, nearly always
                 found.setdefault(phrase.split()[0], []).append((phrase, verb))
     return {first: tuple(sorted(f, key=lambda each: -len(each[0]))) for first, f in found.items()}

@@ -60,10 +60,10 @@ def stand(mesh: Mesh, up: Axis = "z", *, generator: torch.Generator) -> Standing
     size = float((mesh.verts.amax(0) - mesh.verts.amin(0)).amax())
     if not SMALLEST <= size <= LARGEST:
         name = mesh.source or "the mesh"
-        unit = " as it is in millimetres, --unit mm" if size > LARGEST else " --unit m or cm"
+        unit = "mm or cm" if size > LARGEST else "m or cm"
         raise InputError(
             f"{name}: expected an object of {SMALLEST:g} to {LARGEST:g} m for hands, got "
-            f"{size:.3g} m; pass{unit}, or scale it"
+            f"{size:.3g} m; pass --unit {unit}, or scale it"
         )
     rotation = turn_up(up)
     found = sample_surface(mesh, POINTS, generator=generator)

@@ -201,3 +201,44 @@ def test_words_are_matched_over_one_typing_error():
     assert nearest_word("shaek") == "shake"
     assert nearest_word("flurble") is None
     assert nearest_word("mugs") == "mugs"
+
+
+@pytest.mark.parametrize(
+    ("sentence", "hands"),
+    [
+        ("the left hand picks up the mug, the right hand rests", "left hand"),
+        ("lift the mug with the right hand, the left does nothing", "right hand"),
+        ("lift the mug using the right hand while the left hand is still", "right hand"),
+        ("the right one stays still and the left hand shakes the toy", "left hand"),
+    ],
+)
+def test_a_hand_that_rests_takes_no_part(model, sentence, hands):
+    assert read_prompt(sentence, model).hands == hands
+
+
+def test_a_hand_that_rests_on_the_object_does_take_part(model):
+    said = "the left hand rests on the lid and the right hand lifts the jar"
+    assert read_prompt(said, model).hands == "both hands"
+
+
+@pytest.mark.parametrize(
+    "sentence", ["pass the apple from left to right", "hand the mug over to the right hand"]
+)
+def test_what_is_passed_to_a_hand_takes_both_and_its_direction_is_told(model, sentence):
+    prompt = read_prompt(sentence, model)
+    assert (prompt.verb, prompt.hands) == ("pass", "both hands")
+    assert prompt.notes[0].startswith("which hand passes the object to the other is not followed")
+
+
+def test_the_hand_that_passes_something_to_someone_is_one(model):
+    assert read_prompt("pass the mug to the left with the right hand", model).hands == "right hand"
+
+
+def test_a_verb_is_known_without_its_particle(model):
+    prompt = read_prompt("pour water with the left hand", model)
+    assert (prompt.verb, prompt.known, prompt.notes) == ("pour", True, ())
+
+
+def test_of_two_actions_the_one_that_is_left_out_is_told(model):
+    prompt = read_prompt("lift the mug and then put it down with the left hand", model)
+    assert prompt.notes == ("one action is made, 'put down'; 'lift' is left out",)
