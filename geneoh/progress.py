@@ -1,5 +1,6 @@
 """How work in progress is told: the two kinds of callback that functions take."""
 
+import time
 from collections.abc import Callable, Iterator, Sequence
 from itertools import count
 from typing import TypeVar
@@ -27,6 +28,25 @@ def counted(on_step: OnStep | None, total: int) -> Callable[[], None]:
     """What is called without arguments after each of so many steps, to tell `on_step`."""
     done = count(1)
     return lambda: None if on_step is None else on_step(next(done), total)
+
+
+def timed(on_progress: OnProgress | None, seconds: dict[str, float]) -> Callable[[str], OnStep]:
+    """What makes the callback of a stage, by its name, which also keeps the seconds that it took.
+
+    A stage that is begun again goes on from its seconds before.
+    """
+
+    def of(stage: str) -> OnStep:
+        began = time.monotonic() - seconds.get(stage, 0.0)
+
+        def step(done: int, total: int) -> None:
+            seconds[stage] = time.monotonic() - began
+            if on_progress is not None:
+                on_progress(stage, done, total)
+
+        return step
+
+    return of
 
 
 def part_of(on_step: OnStep | None, index: int, pieces: int) -> OnStep | None:

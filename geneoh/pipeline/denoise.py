@@ -1,7 +1,6 @@
 """From a noisy interaction to a clean one: the whole pipeline in one place."""
 
 import logging
-import time
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -34,15 +33,15 @@ from geneoh.pipeline.inputs import (
 )
 from geneoh.pipeline.options import Options, with_settings
 from geneoh.pipeline.presets import Preset
-from geneoh.pipeline.results import Denoised, HandResult
+from geneoh.pipeline.results import Denoised, HandResult, clean_track
 from geneoh.pipeline.spread import joint_spread
 from geneoh.pipeline.stage_run import StageRun
 from geneoh.pipeline.touch import REACH, finger_contact
-from geneoh.progress import OnProgress, OnStep
+from geneoh.progress import OnProgress, OnStep, timed
 from geneoh.readers.convention_check import doubts
 from geneoh.sequence.normalisation import NETWORK_FPS, NormalisedHand, normalised_hands
 from geneoh.sequence.resample import nearest_frames
-from geneoh.sequence.sequence import HandTrack, Sequence
+from geneoh.sequence.sequence import Sequence
 from geneoh.sequence.windows import window_starts
 
 LOG = logging.getLogger(__name__)
@@ -190,18 +189,7 @@ def _clean(
     evidence = near * poses
     ray = hand.track.camera_ray if chosen.camera else None
     seconds: dict[str, float] = {}
-
-    def progress_of(stage: str) -> OnStep:
-        # frames that rely on the object in part go through a stage twice
-        began = time.monotonic() - seconds.get(stage, 0.0)
-
-        def step(done: int, total: int) -> None:
-            seconds[stage] = time.monotonic() - began
-            if on_progress is not None:
-                on_progress(stage, done, total)
-
-        return step
-
+    progress_of = timed(on_progress, seconds)
     with torch.no_grad():
         stages = StageRun(denoisers, subject, given, progress_of, generator)
         samples = stages.relied_on(
@@ -216,19 +204,9 @@ def _clean(
     observed = hand.track.observed  # the report compares the same frames before and after
     before, _ = measure_hand(given, subject.shaped, subject.joints, surface, hand.fps, observed)
     after, apart = measure_hand(state, shaped, joints, surface, hand.fps, observed, within=REACH)
-    clean = HandTrack(
-        side="right",
-        valid=torch.ones_like(hand.track.valid),
-        joints=joints,
-        pose=state.pose[0],
-        wrist=state.wrist[0],
-        betas=betas,
-        hand_model=shaped.model.name,
-        joint_spread=spread,
-    )
     seen = subject.trust > 0
     return HandResult(
-        track=clean,
+        track=clean_track(state, joints, betas, shaped.model.name, spread),
         filled=~observed,
         samples=samples,
         chosen=index,

@@ -24,6 +24,7 @@ from geneoh.objects.evidence import evidence_of_nearness, evidence_of_poses
 from geneoh.pipeline.context import StageContext
 from geneoh.pipeline.observed import Observed
 from geneoh.pipeline.presets import PlacePlan, Preset
+from geneoh.pipeline.results import clean_track
 from geneoh.pipeline.spread import joint_spread
 from geneoh.pipeline.stage_run import StageRun
 from geneoh.progress import OnStep
@@ -199,16 +200,7 @@ class RecentHand:
         state, joints = self._fitted(subject, given, target, surface, evidence, first, stop)
         new = slice(self._done - first, stop - first)
         spread = joint_spread(samples)[new] if len(samples) > 1 else None
-        made = HandTrack(
-            side="right",
-            valid=torch.ones_like(track.valid[new]),
-            joints=joints,
-            pose=state.pose[0],
-            wrist=state.wrist[0],
-            betas=subject.betas,
-            hand_model=self._model.name,
-            joint_spread=spread,
-        )
+        made = clean_track(state, joints, subject.betas, self._model.name, spread)
         self._ready.extend(made[frame : frame + 1] for frame in range(stop - self._done))
         self._done = stop
 

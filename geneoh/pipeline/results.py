@@ -14,6 +14,7 @@ from geneoh.choices import SIDES, Side
 from geneoh.config import checked_call
 from geneoh.errors import InputError
 from geneoh.files.npz import read_archive
+from geneoh.fitting.terms import HandState
 from geneoh.metrics.report import InteractionReport
 from geneoh.objects.cleaning import ObjectExamination
 from geneoh.pipeline.options import Options
@@ -72,6 +73,26 @@ class Denoised(Bundle):
     """What the object's track says about its own noise; None with `Options.trust_object`."""
     doubts: tuple[str, ...] = ()
     """What is doubtful about the input, such as its side, each with what cures it."""
+
+
+def clean_track(
+    state: HandState,
+    joints: Float[Tensor, "T 21 3"],
+    betas: Float[Tensor, " S"],
+    hand_model: str,
+    spread: Float[Tensor, "T 21"] | None,
+) -> HandTrack:
+    """The track of a right hand that was fitted, of which every frame is known."""
+    return HandTrack(
+        side="right",
+        valid=torch.ones_like(joints[:, 0, 0], dtype=torch.bool),
+        joints=joints,
+        pose=state.pose[0],
+        wrist=state.wrist[0],
+        betas=betas,
+        hand_model=hand_model,
+        joint_spread=spread,
+    )
 
 
 @checked_call

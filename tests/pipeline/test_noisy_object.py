@@ -1,6 +1,5 @@
 """An object whose poses shake or flip must not shake the hand."""
 
-import importlib
 import itertools
 from dataclasses import replace
 from types import SimpleNamespace
@@ -73,7 +72,7 @@ def test_the_noise_of_the_object_is_told(cleaned, shaking):
 def test_the_time_of_a_stage_that_runs_twice_is_the_sum(shaking, monkeypatch):
     ticks, heard = itertools.count(), []
     clock = SimpleNamespace(monotonic=lambda: next(ticks))
-    monkeypatch.setattr(importlib.import_module("geneoh.pipeline.denoise"), "time", clock)
+    monkeypatch.setattr("geneoh.progress.time", clock)
     result = geneoh.denoise(
         shaking[:20], FAST, on_progress=lambda stage, done, total: heard.append((stage, done))
     )
