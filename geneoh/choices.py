@@ -12,6 +12,12 @@ OTHER_SIDE: dict[Side, Side] = {"left": "right", "right": "left"}
 HandsName = Literal["left hand", "right hand", "both hands"]
 """Hands that a sentence asks for."""
 HANDS: tuple[HandsName, ...] = get_args(HandsName)
+TAKING_PART: dict[HandsName, tuple[bool, bool]] = {
+    "left hand": (True, False),
+    "right hand": (False, True),
+    "both hands": (True, True),
+}
+"""Whether the left hand takes part, and whether the right one."""
 
 Unit = Literal["mm", "cm", "m"]
 """Units of length that a file may be in; everything in memory is in metres."""

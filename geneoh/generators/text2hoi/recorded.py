@@ -13,7 +13,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from geneoh.choices import SIDES, Axis, HandsName
+from geneoh.choices import SIDES, TAKING_PART, Axis
 from geneoh.generators.text2hoi.annotation import SHORTEST, Label
 from geneoh.generators.text2hoi.standing import POINTS
 from geneoh.geometry.axes import turn_up
@@ -24,12 +24,6 @@ from geneoh.sequence.sequence import HandTrack, Sequence
 from geneoh.synthesis.actions import FPS, LONGEST, NEAR, Actions
 from geneoh.synthesis.shards import seed_of
 from geneoh.training.recordings import drawn_surface
-
-_INVOLVED: dict[HandsName, tuple[bool, bool]] = {
-    "left hand": (True, False),
-    "right hand": (False, True),
-    "both hands": (True, True),
-}
 
 
 @dataclass(frozen=True)
@@ -103,7 +97,7 @@ def action_of(
     action = with_hands(object_action(recording, chosen, surface, place), seen, chosen, place)
     near = touching(action, seen, chosen, place)
     if label.hands is not None:
-        asked = torch.tensor(_INVOLVED[label.hands])
+        asked = torch.tensor(TAKING_PART[label.hands])
         if bool((asked & ~near).any()):
             return "in which a hand of the label is not seen to touch the object"
         near = asked

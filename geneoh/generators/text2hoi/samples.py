@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from geneoh.bundle import Bundle
-from geneoh.choices import SIDES, HandsName, Side
+from geneoh.choices import SIDES, TAKING_PART, HandsName, Side
 from geneoh.generators.text import TextEncoder
 from geneoh.generators.text2hoi.captions import caption, noun_of
 from geneoh.generators.text2hoi.config import Text2HoiConfig
@@ -131,9 +131,5 @@ def givers(actions: Actions, verbs: Sequence[str]) -> list[Side | None]:
 
 def hands_of(actions: Actions) -> list[HandsName]:
     """The hands of each action in words."""
-    words: dict[tuple[bool, bool], HandsName] = {
-        (True, False): "left hand",
-        (False, True): "right hand",
-        (True, True): "both hands",
-    }
+    words: dict[tuple[bool, bool], HandsName] = {s: name for name, s in TAKING_PART.items()}
     return [words[left, right] for left, right in actions.hands.tolist()]

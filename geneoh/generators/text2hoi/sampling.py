@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from geneoh.choices import HandsName
+from geneoh.choices import TAKING_PART, HandsName
 from geneoh.diffusion.samplers import normal_like, sample_ancestral, sample_ddim
 from geneoh.diffusion.schedule import PAPER_STEPS, descending_sigmas
 from geneoh.generators.smoothing import smoothed
@@ -145,7 +145,7 @@ def condition_of(
     device = objects.points.device
     told = torch.ones(len(sentences), dtype=torch.bool, device=device)
     paper = networks.interaction.config.form == "paper"
-    sides = [(h != "right hand", h != "left hand") for h in hands]
+    sides = [TAKING_PART[each] for each in hands]
     return Condition(
         networks.text.encode(sentences).to(objects.points),
         objects,
