@@ -16,7 +16,6 @@ from geneoh.choices import OF_SOURCES
 from geneoh.config import closest_name, parse_setting
 from geneoh.errors import ConfigError, InputError
 from geneoh.files.reading import open_text
-
 from geneoh.pipeline.options import Options
 from geneoh.readers.base import SourceClip
 from geneoh.readers.meshes import mesh_beside

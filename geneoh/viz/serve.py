@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from geneoh.errors import MissingAssetError
-
 from geneoh.metrics.report import FRAME_MEANS
 from geneoh.progress import OnStep, steps
 from geneoh.readers.base import SourceClip
