@@ -10,11 +10,10 @@ from geneoh.bundle import Bundle, concatenated
 from geneoh.generators.text2hoi.library import Networks
 from geneoh.generators.text2hoi.objects import Objects
 from geneoh.generators.text2hoi.refiner import RefinerNetwork, refined_by
-from geneoh.generators.text2hoi.resting import eased, moved_by_hands
 from geneoh.generators.text2hoi.samples import ActionData, hands_of, sentences
 from geneoh.generators.text2hoi.sampling import sample
 from geneoh.progress import OnStep, steps
-from geneoh.synthesis.actions import LONGEST, Actions
+from geneoh.synthesis.actions import Actions
 from geneoh.synthesis.draws import Draws
 
 AT_ONCE = 16  # clips that are drawn together
@@ -53,18 +52,9 @@ def draw_clips(
     return concatenated(parts, "B")
 
 
-def finished(drawn: Drawn, refiner: RefinerNetwork | None = None) -> Actions:
-    """The clips of drawn actions, after the refiner or without one.
-
-    They start and end at rest, and objects rest where no hand touches them, as in `geneoh
-    generate`.
-    """
-    parts = []
-    for start in range(0, len(drawn.touched), AT_ONCE):
-        some = drawn.take(slice(start, start + AT_ONCE), "B")
-        made = some.actions
-        if refiner is not None:
-            made = refined_by(refiner, made, some.touched)
-        made = moved_by_hands(eased(made))
-        parts.append(made.at_frames(torch.arange(LONGEST).minimum(made.length[:, None] - 1)))
-    return concatenated(parts, "B")
+def drawn_and_refined(drawn: Drawn, refiner: RefinerNetwork | None = None) -> Actions:
+    """The drawn actions, after the paper's refiner or without one."""
+    if refiner is None:
+        return drawn.actions
+    parts = [drawn.take(slice(n, n + AT_ONCE), "B") for n in range(0, len(drawn.touched), AT_ONCE)]
+    return concatenated([refined_by(refiner, some.actions, some.touched) for some in parts], "B")

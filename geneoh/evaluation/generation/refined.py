@@ -9,7 +9,7 @@ from geneoh.bundle import concatenated
 from geneoh.choices import SIDES
 from geneoh.errors import GeneOHError
 from geneoh.generators.text2hoi.interaction_file import sequence_of
-from geneoh.generators.text2hoi.resting import eased, moved_by_hands
+from geneoh.generators.text2hoi.resting import eased, finished
 from geneoh.generators.text2hoi.settling import settled
 from geneoh.generators.text2hoi.standing import StandingObject
 from geneoh.geometry.mesh import Mesh
@@ -24,8 +24,7 @@ from geneoh.workers.pool import results_of
 def refined(
     actions: Actions, *, seed: int, jobs: int = 1, on_step: OnStep | None = None
 ) -> Actions:
-    """The same clips with hands mended as `geneoh generate --refine geneoh` mends them, but for the
-    time, which comes to rest at either end before hands are settled and not after it.
+    """Drawn clips as `geneoh generate --refine geneoh` makes them of what the paper's refiner left.
 
     Objects have the meshes that follow from their points. Hands at an object with a joint go
     through the cleaner alone, because a mesh that `geneoh generate` is given is rigid. `jobs`
@@ -57,12 +56,12 @@ def lost(numbered: tuple[int, Actions], why: str) -> tuple[int, Actions]:
 
 def refined_clip(clip: Actions, seed: int) -> Actions:
     """A batch of one clip, refined, and at rest at either end, which the cleaner does not know."""
-    meshes = part_meshes(clip)
+    meshes, settle = part_meshes(clip), None
     if len(meshes) == 1:
         still = torch.eye(3), torch.zeros(3)
         stood = StandingObject(meshes[0], *still, clip.points[0], clip.normals[0])
-        generator = torch.Generator().manual_seed(seed)
-        clip = moved_by_hands(settled(clip, stood, generator=generator))
+        settle = partial(settled, stood=stood, generator=torch.Generator().manual_seed(seed))
+    clip = finished(clip, settle)
     sequence = sequence_of(clip, 0, meshes)
     clean = denoise(sequence, Options(trust_object=True, seed=seed)).sequence
     pose, wrist = clip.pose.clone(), clip.wrist.clone()

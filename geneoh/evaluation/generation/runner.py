@@ -17,7 +17,7 @@ from geneoh.evaluation.generation.classifier import (
     ClassifierTask,
     trained_classifier,
 )
-from geneoh.evaluation.generation.generated import Drawn, draw_clips, finished
+from geneoh.evaluation.generation.generated import Drawn, draw_clips, drawn_and_refined
 from geneoh.evaluation.generation.measures import measure_clips
 from geneoh.evaluation.generation.nearest import SHAPE_POINTS, nearest_training
 from geneoh.evaluation.generation.refined import refined
@@ -37,6 +37,7 @@ from geneoh.generators.text2hoi.action_data import action_data
 from geneoh.generators.text2hoi.library import Networks, load_networks, load_refiner, weights_of
 from geneoh.generators.text2hoi.recorded import RecordedConfig
 from geneoh.generators.text2hoi.refiner import RefinerNetwork
+from geneoh.generators.text2hoi.resting import finished
 from geneoh.generators.text2hoi.samples import ActionData
 from geneoh.progress import OnProgress, OnStep, part_of
 from geneoh.readers.base import ReaderOptions
@@ -168,20 +169,23 @@ def network_rows(
     """What the networks make, with and without their parts; all draw the same noise."""
     made: dict[bool, Drawn] = {}
 
-    def make(
-        on_step: OnStep | None, contact: bool = True, refiner: RefinerNetwork | None = None
-    ) -> Actions:
+    def drawn_for(on_step: OnStep | None, contact: bool) -> Drawn:
         if contact not in made:  # rows differ in what is done with the same actions
             generator = drawn(options.seed, "text2hoi")
             made[contact] = draw_clips(
                 networks, real, generator=generator, contact=contact, on_step=on_step
             )
-        return finished(made[contact], refiner)
+        return made[contact]
+
+    def make(
+        on_step: OnStep | None, contact: bool = True, refiner: RefinerNetwork | None = None
+    ) -> Actions:
+        return finished(drawn_and_refined(drawn_for(on_step, contact), refiner))
 
     refiner = load_refiner(options.weights)
 
     def mended(on_step: OnStep | None) -> Actions:
-        clips = make(None, refiner=refiner)
+        clips = drawn_and_refined(drawn_for(None, contact=True), refiner)
         return refined(clips, seed=options.seed, jobs=jobs, on_step=on_step)
 
     rows: dict[str, Row] = {

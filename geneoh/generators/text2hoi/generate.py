@@ -16,7 +16,7 @@ from geneoh.generators.text2hoi.library import Networks, load_networks, load_ref
 from geneoh.generators.text2hoi.objects import Objects
 from geneoh.generators.text2hoi.prompt import Prompt, read_prompt
 from geneoh.generators.text2hoi.refiner import refined_by
-from geneoh.generators.text2hoi.resting import eased, eased_time, moved_by_hands
+from geneoh.generators.text2hoi.resting import eased_time, finished
 from geneoh.generators.text2hoi.sampling import SamplingConfig, sample
 from geneoh.generators.text2hoi.settling import settled
 from geneoh.generators.text2hoi.standing import StandingObject, stand
@@ -122,11 +122,9 @@ def generate(
     )
     if options.refine != "none":
         actions = refined_by(load_refiner(options.weights), actions, contact)
-    actions, refined = moved_by_hands(actions), None
-    if options.refine == "geneoh":
-        actions = settled(actions, stood, generator=_generator(options, "hold"))
-    actions = moved_by_hands(eased(actions))
-    sequence = placed(actions, stood, prompt.sentence)
+    settle = partial(settled, stood=stood, generator=_generator(options, "hold"))
+    actions = finished(actions, settle if options.refine == "geneoh" else None)
+    sequence, refined = placed(actions, stood, prompt.sentence), None
     if options.refine == "geneoh":
         refined = denoise(
             sequence, Options(trust_object=True, seed=options.seed), on_progress=on_progress

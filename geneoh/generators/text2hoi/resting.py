@@ -1,5 +1,6 @@
 """Objects that rest unless a hand touches them, as physics asks of what a network draws."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import torch
@@ -30,6 +31,17 @@ def touching_hands(actions: Actions) -> Bool[Tensor, "B 2 T"]:
             near = torch.cdist(joints[clip, hand, :frames], posed) < NEAR
             touching[clip, hand, :frames] = near.flatten(1).any(1)
     return touching
+
+
+def finished(actions: Actions, settle: Callable[[Actions], Actions] | None = None) -> Actions:
+    """Drawn actions with objects that move only while a hand touches them, from rest to rest.
+
+    `settle` mends the hands before all comes to rest: hands that changed later would not rest.
+    """
+    actions = moved_by_hands(actions)
+    if settle is not None:
+        actions = settle(actions)
+    return moved_by_hands(eased(actions))
 
 
 def eased(actions: Actions) -> Actions:

@@ -104,7 +104,7 @@ def test_the_file_is_a_sequence_with_contact_at_the_vertices_and_the_sentence(mu
 
 
 def test_the_object_stands_on_the_table_as_it_was_asked_to(mug, monkeypatch):
-    monkeypatch.setattr(module, "moved_by_hands", lambda actions: still_actions(actions))
+    monkeypatch.setattr(module, "finished", lambda actions, settle: still_actions(actions))
     made = generate("Lift the mug.", mug, replace(PLAIN, up="y"))
     motion = made.sequence.object
     world = motion.meshes[0].verts @ motion.rotation[0, 0].T + motion.translation[0, 0]

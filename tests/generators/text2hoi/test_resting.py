@@ -3,7 +3,13 @@ from dataclasses import replace
 import torch
 from made_actions import box_actions
 
-from geneoh.generators.text2hoi.resting import eased, moved_by_hands, retimed, touching_hands
+from geneoh.generators.text2hoi.resting import (
+    eased,
+    finished,
+    moved_by_hands,
+    retimed,
+    touching_hands,
+)
 from geneoh.geometry.rotations import axis_angle_to_matrix
 
 
@@ -33,6 +39,18 @@ def test_what_is_held_moves_as_before():
     assert torch.allclose(moved.translation, actions.translation, atol=1e-5)
     assert torch.allclose(moved.rotation, actions.rotation, atol=1e-5)
     assert torch.allclose(moved.wrist, actions.wrist, atol=1e-5)
+
+
+def test_hands_that_are_mended_on_the_way_rest_at_the_ends():
+    frames = torch.arange(30.0)[:, None]
+
+    def settle(actions):
+        side = 0.002 * frames * torch.tensor([0.0, 1.0, 0.0]) * actions.hands[:, :, None, None]
+        return replace(actions, wrist=actions.wrist + side)
+
+    steps = finished(held_box(), settle).wrist[:, 1].diff(dim=1).norm(dim=-1)
+    assert steps[:, 12].min() > 0.0019
+    assert steps[:, [0, -1]].max() < 0.3 * steps[:, 12].min()
 
 
 def test_what_no_hand_touches_rests():
