@@ -16,9 +16,7 @@ LARGEST = 1000.0  # largest number in a shard, in metres or radians; larger ones
 
 
 @contextmanager
-def whole_shard(
-    path: Path, kind: str, command: str = "geneoh synthesize"
-) -> Iterator[tuple[Any, dict[str, Any]]]:
+def whole_shard(path: Path, kind: str, command: str) -> Iterator[tuple[Any, dict[str, Any]]]:
     """An opened shard and its record; `InputError` where the file, or the block, finds damage.
 
     `kind` says what it holds, and `command` is what makes such shards.

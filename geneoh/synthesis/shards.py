@@ -388,7 +388,7 @@ def read_shard(path: Path) -> Interactions:
 
     `InputError` if the file is no whole shard.
     """
-    with whole_shard(path, "interactions") as (shard, _):
+    with whole_shard(path, SynthesisConfig.kind, SynthesisConfig.command) as (shard, _):
         found = all_tensors(shard)
         if "scan" not in found:  # made before there were scanned objects
             found["scan"] = torch.full((len(found["wrist"]),), -1)

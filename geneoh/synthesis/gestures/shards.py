@@ -9,7 +9,7 @@ import numpy as np
 import torch
 
 from geneoh.bundle import concatenated
-from geneoh.errors import ConfigError
+from geneoh.config import check_limits
 from geneoh.files.tensors import all_tensors
 from geneoh.hand.model import HandModel
 from geneoh.synthesis.damage import refuse_damage, refuse_lengths, whole_shard
@@ -45,11 +45,7 @@ class GestureConfig(ShardConfig):
     def __post_init__(self) -> None:
         """Refuse sizes below one, and variants or bodies held out of which none or all are left."""
         super().__post_init__()
-        for name, most in (("held_out", VARIANTS), ("held_out_bodies", BODIES)):
-            if not 0 < getattr(self, name) < most:
-                raise ConfigError(
-                    f"{name} must be from 1 to {most - 1}, got {getattr(self, name)}; change it"
-                )
+        check_limits(self, {"held_out": (1, VARIANTS - 1), "held_out_bodies": (1, BODIES - 1)})
 
     def families_of(self, index: int, scans: Any = None) -> list[str]:
         """Variants of gestures, such as "wave 3", of the shard of this number."""

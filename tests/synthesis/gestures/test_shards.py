@@ -79,5 +79,5 @@ def test_shards_of_other_data_are_refused(tmp_path):
 
 
 def test_all_variants_cannot_be_held_out():
-    with pytest.raises(ConfigError, match="held_out must be from 1 to 9, got 10"):
+    with pytest.raises(ConfigError, match="'held_out' must be 1 to 9, got 10"):
         replace(DEFAULTS, held_out=10)
