@@ -1,10 +1,11 @@
 """Options that several commands share, each with one meaning and one help text."""
 
 from collections.abc import Callable, Collection
+from dataclasses import fields
 from functools import partial, reduce
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from click import Choice
@@ -12,6 +13,9 @@ from click.core import ParameterSource
 
 from geneoh.choices import PRESETS, RESULT_HANDS, SELECTIONS, SIDES, UNITS
 from geneoh.errors import ConfigError
+
+if TYPE_CHECKING:
+    from geneoh.pipeline.options import Options
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
@@ -180,6 +184,16 @@ config_and_settings = together(
         metavar="NAME=VALUE",
     ),
 )
+
+
+def cleaner(mano: Path | None, chosen: dict[str, Any]) -> "Options":
+    """The settings of `cleaning`, taken out of what was chosen; their device is there."""
+    from geneoh import Options
+    from geneoh.nn.devices import named_device  # torch, which takes seconds
+
+    named_device(chosen["device"])
+    names = [field.name for field in fields(Options) if field.name in chosen]
+    return Options(mano_dir=mano, **{name: chosen.pop(name) for name in names})
 
 
 def find_config(name: str) -> Path:

@@ -10,7 +10,7 @@ from geneoh.choices import JOINT_ORDERS, OF_SOURCES, TRANSLATIONS, UNITS
 from geneoh.readers.registry import SOURCES
 
 from . import options
-from .options import FILE, FOLDER, flag, option
+from .options import FILE, FOLDER, Decorator, flag, option
 
 if TYPE_CHECKING:
     from geneoh.readers.convert import Outcome
@@ -47,6 +47,17 @@ reader_options = options.together(
     options.camera,
 )
 """Options that a source may need to be read."""
+
+
+def of_source(what: str) -> Decorator:
+    """The option that names the source of what a command reads."""
+    return option(
+        f"--from source: Read {what} as files of this data set or estimator; `geneoh convert "
+        "--help` lists them.",
+        Choice(list(SOURCES)),
+        metavar="SOURCE",
+    )
+
 
 NEEDS_SOURCE = (*OF_SOURCES, "clip")
 """Of these and --clip, the ones that mean nothing for an npz that is read without --from."""

@@ -4,9 +4,6 @@ from pathlib import Path
 from typing import Any
 
 import click
-from click import Choice
-
-from geneoh.readers.registry import SOURCES
 
 from .. import options, progress, sources
 from ..options import FOLDER, option
@@ -20,12 +17,7 @@ TOLD = 5
 @option(
     "-o --out folder: Folder for the results, the journal and the summary.", FOLDER, required=True
 )
-@option(
-    "--from source: Read INPUTS as files of this data set or estimator; `geneoh convert "
-    "--help` lists them.",
-    Choice(list(SOURCES)),
-    metavar="SOURCE",
-)
+@sources.of_source("INPUTS")
 @options.many(
     f"--obj: {options.OBJ_HELP} By default the mesh beside a file with its name, else those "
     "that the file names.",
@@ -53,18 +45,12 @@ def batch(
     is left. It keeps journal.jsonl, and at the end writes summary.csv and summary.html, with what
     changed most first. Exit code 2 says that some clips failed.
     """
-    from dataclasses import fields
-
-    import geneoh
     from geneoh.batch.cleaning import Batch
     from geneoh.batch.clips import find_clips
     from geneoh.batch.run import clean_batch
-    from geneoh.nn.devices import named_device
     from geneoh.workers.pool import cores
 
-    named_device(chosen["device"])
-    names = [field.name for field in fields(geneoh.Options) if field.name in chosen]
-    settings = geneoh.Options(mano_dir=mano, **{name: chosen.pop(name) for name in names})
+    settings = options.cleaner(mano, chosen)
     clips = find_clips(inputs, source, folder, obj)
     if all(clip.source is None for clip in clips):
         options.refuse(sources.NEEDS_SOURCE, "needs --from SOURCE, got none")

@@ -4,9 +4,6 @@ from pathlib import Path
 from typing import Any
 
 import click
-from click import Choice
-
-from geneoh.readers.registry import SOURCES
 
 from .. import options, progress, sources
 from ..options import FILE, option
@@ -15,12 +12,7 @@ from ..options import FILE, option
 @click.command()
 @click.argument("noisy", type=click.Path(path_type=Path), required=False)
 @options.obj_or_source
-@option(
-    "--from source: Read NOISY as files of this data set or estimator; `geneoh convert "
-    "--help` lists them.",
-    Choice(list(SOURCES)),
-    metavar="SOURCE",
-)
+@sources.of_source("NOISY")
 @option("--clip: With --from: name of the recording, where NOISY holds several.")
 @options.output
 @option("--report: HTML page to write as well: before and after in 3D, with the metrics.", FILE)
@@ -64,9 +56,6 @@ def denoise(
         raise click.UsageError("--lag is the lag of --stream; give both, or neither")
     if noisy is None:
         raise click.UsageError("Missing argument 'NOISY'.", click.get_current_context())
-    from dataclasses import fields
-
-    import geneoh
     from geneoh.files.outputs import check_ending, check_outputs
 
     output = output or sources.beside(noisy)
@@ -77,13 +66,11 @@ def denoise(
     read = [noisy, *obj, mano, *(value for value in chosen.values() if isinstance(value, Path))]
     check_outputs(outputs, inputs=read, overwrite=overwrite)
 
-    from geneoh.nn.devices import named_device  # torch, which takes seconds
+    import geneoh
 
     from .. import reports
 
-    named_device(chosen["device"])
-    names = [field.name for field in fields(geneoh.Options) if field.name in chosen]
-    settings = geneoh.Options(mano_dir=mano, **{name: chosen.pop(name) for name in names})
+    settings = options.cleaner(mano, chosen)
     sequence = sources.read(noisy, obj=obj, mano=mano, **chosen)
     if report is not None and not sequence.object.meshes:
         raise click.UsageError("--report shows the hand at its object: it needs --obj MESH")
