@@ -15,13 +15,13 @@ def info(mano: Path | None, as_json: bool) -> None:
 
     With --json also how the weights were trained.
     """
-    import json
+    from geneoh.files.json_text import json_text
 
     from .. import environment
 
     found = environment.facts(mano)
     if as_json:
-        click.echo(json.dumps(found, indent=2))
+        click.echo(json_text(found, indent=2))
         return
     for line in environment.summary(found):
         click.echo(line)

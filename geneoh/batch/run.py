@@ -6,7 +6,7 @@ failed, and what has another input or no result any more.
 """
 
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from geneoh.denoisers.library import all_weights
 from geneoh.errors import ConfigError
 from geneoh.files.fingerprints import is_unchanged
 from geneoh.files.journal import (
+    CLEANED,
     Record,
     append_journal,
     begin_journal,
@@ -26,12 +27,11 @@ from geneoh.files.journal import (
     only_run_in,
     read_journal,
 )
+from geneoh.files.json_text import with_nan
 from geneoh.files.outputs import keep_others
 from geneoh.progress import OnProgress
 from geneoh.workers.cluster import on_cluster
 from geneoh.workers.pool import results_of
-
-JOURNAL = "journal.jsonl"
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def clean_batch(
         InputError: another run works in the folder, or it cannot be written to.
     """
     batch.options.resolved()
-    path, settings = batch.folder / JOURNAL, settings_of(batch)
+    path, settings = batch.folder / CLEANED, settings_of(batch)
     with only_run_in(batch.folder):
         records = records_before(clips, batch, settings)
         begin_journal(path, [settings, *records.values()])
@@ -107,7 +107,7 @@ def records_before(
     clips: list[Clip], batch: Batch, settings: dict[str, Any]
 ) -> dict[str, dict[str, Any]]:
     """What the journal holds of each clip, of clips of earlier runs too; what is to do is left."""
-    path = batch.folder / JOURNAL
+    path = batch.folder / CLEANED
     records = read_journal(path)
     if records:
         refuse_other_settings(records[0], settings, path)
@@ -140,7 +140,8 @@ def record_of(outcome: Outcome, asked: dict[str, Any]) -> dict[str, Any]:
 
 def outcome_in(record: dict[str, Any]) -> Outcome:
     """The outcome in a line of a journal."""
-    return Outcome(**{field.name: record[field.name] for field in fields(Outcome)})
+    held = Outcome(**{field.name: record[field.name] for field in fields(Outcome)})
+    return replace(held, hands=[with_nan(hand) for hand in held.hands])
 
 
 def settings_of(batch: Batch) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from geneoh.choices import PresetName
 from geneoh.config import setting_differences
 from geneoh.errors import ConfigError, GeneOHError, InputError
 from geneoh.files.atomic import write_whole
+from geneoh.files.json_text import json_text, with_null
 from geneoh.files.reading import read_bytes
 from geneoh.progress import OnProgress
 
@@ -115,6 +116,7 @@ def run_bench(
     """
     if bench.tree is not None and not (bench.tree / "geneoh" / "__init__.py").is_file():
         raise InputError(f"{bench.tree}: expected a checkout with a folder geneoh; check --tree")
+    environment = with_null(environment)
     records = [] if fresh else records_in(output, environment)
     kept = {json.dumps(record["asked"]): record["found"] for record in records}
     points, found = bench.points(), {}
@@ -131,7 +133,7 @@ def run_bench(
             load = round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else None
             records.append({"asked": asked, "load": load, "found": kept[key]})
             held = {"generator": GENERATOR, "environment": environment, "points": records}
-            write_whole(output, json.dumps(held, indent=1) + "\n")
+            write_whole(output, json_text(held, indent=1) + "\n")
         found[point] = kept[key]
     return found
 

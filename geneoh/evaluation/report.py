@@ -13,6 +13,7 @@ from geneoh.evaluation.protocols.clips import recording_of
 from geneoh.evaluation.scores import MEASURES, Score
 from geneoh.evaluation.tables import FEWEST, LEVEL, Block, as_markdown, blocks_of, seed_agreement
 from geneoh.files.atomic import write_whole
+from geneoh.files.journal import SCORED
 from geneoh.files.json_text import json_text
 from geneoh.files.outputs import keep_others
 
@@ -25,7 +26,6 @@ MESH_NOTE = (
     "object; geneoh and the optimisation with their own mesh."
 )
 PAGE = Path(__file__).parent / "assets" / "report.html"
-RECORD = "scores.jsonl"  # name of the record of scores in the folder of an evaluation
 REPORT_FILES = ("scores.csv", "evaluation.json", "report.md", "report.html")  # beside it
 REASONS = 3  # most reasons for failing that are told of a method
 
@@ -88,7 +88,7 @@ class Evaluation:
 
 def keep_other_reports(folder: Path) -> None:
     """Refuse a folder without our record that has files with the names of the report's."""
-    if not (folder / RECORD).is_file():
+    if not (folder / SCORED).is_file():
         for name in REPORT_FILES:
             keep_others(folder / name, "choose another folder")
 

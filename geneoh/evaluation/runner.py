@@ -23,9 +23,10 @@ from geneoh.evaluation.cases import Case, find_cases
 from geneoh.evaluation.methods import Method, methods_of
 from geneoh.evaluation.options import EvaluationOptions
 from geneoh.evaluation.protocols.datasets import data_root
-from geneoh.evaluation.report import RECORD, Evaluation
+from geneoh.evaluation.report import Evaluation
 from geneoh.evaluation.scores import CaseScorer, Score, ScoreKey, ScoringConfig
 from geneoh.files.journal import (
+    SCORED,
     append_journal,
     begin_journal,
     digest,
@@ -153,7 +154,7 @@ def open_record(
 
     A line that was cut off by a crash is dropped; with `fresh` an earlier record is thrown away.
     """
-    path = folder / RECORD
+    path = folder / SCORED
     records = [] if fresh else read_journal(path)
     head = {"settings": settings, "versions": versions}
     if records:
@@ -236,7 +237,7 @@ def run(
     scores: list[Score] = []
     score = partial(score_case, config=config, pages=pages)
     for made in results_of(work, score, jobs=jobs, lost=lost):
-        append_journal(folder / RECORD, map(asdict, made))
+        append_journal(folder / SCORED, map(asdict, made))
         scores += made
         if on_progress is not None:
             on_progress("eval", len(scores), total)

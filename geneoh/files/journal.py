@@ -11,8 +11,11 @@ from typing import Any
 
 from geneoh.errors import InputError
 from geneoh.files.atomic import make_folder, unwritable, write_whole
+from geneoh.files.json_text import json_text
 
 LOCK = ".geneoh.lock"
+JOURNALS = CONVERTED, CLEANED, SCORED = "converted.jsonl", "journal.jsonl", "scores.jsonl"
+"""Names of the journals that runs leave in folders, which are no recordings."""
 Record = Mapping[str, Any]
 
 
@@ -33,14 +36,14 @@ def read_journal(path: Path) -> list[dict[str, Any]]:
 
 def begin_journal(path: Path, records: Iterable[Record]) -> None:
     """Write a journal anew in one step; makes its folder."""
-    write_whole(path, "".join(json.dumps(record) + "\n" for record in records), parents=True)
+    write_whole(path, "".join(json_text(record) + "\n" for record in records), parents=True)
 
 
 def append_journal(path: Path, records: Iterable[Record]) -> None:
     """Add records, which are on the disk when this returns."""
     try:
         with path.open("a", encoding="utf-8") as file:
-            file.writelines(json.dumps(record) + "\n" for record in records)
+            file.writelines(json_text(record) + "\n" for record in records)
             file.flush()
             os.fsync(file.fileno())
     except OSError as error:

@@ -17,7 +17,13 @@ import numpy as np
 from geneoh.errors import GeneOHError
 from geneoh.files.atomic import unwritable, write_whole
 from geneoh.files.fingerprints import fingerprint, is_unchanged
-from geneoh.files.journal import append_journal, begin_journal, only_run_in, read_journal
+from geneoh.files.journal import (
+    CONVERTED,
+    append_journal,
+    begin_journal,
+    only_run_in,
+    read_journal,
+)
 from geneoh.files.outputs import check_outputs
 from geneoh.geometry.mesh import Mesh
 from geneoh.readers.base import ReaderOptions, Recording, SourceClip
@@ -28,8 +34,6 @@ from geneoh.readers.recordings import read_clip, refuse_unused
 from geneoh.readers.registry import Source
 from geneoh.sequence.sequence import Sequence
 from geneoh.sequence.validation import check_sequence
-
-JOURNAL = "converted.jsonl"
 
 
 @dataclass(frozen=True)
@@ -134,7 +138,7 @@ def convert_clip(
     inputs |= {str(mesh): fingerprint(mesh) for mesh in mesh_files(r.sequence for r in recordings)}
     made = {file: fingerprint(folder / file) for file in files}
     record = {"clip": clip.name, "asked": asked, "inputs": inputs, "files": made}
-    append_journal(folder / JOURNAL, [record])
+    append_journal(folder / CONVERTED, [record])
     return Outcome(clip, files, notes=notes)
 
 
@@ -187,7 +191,7 @@ def mesh_files(sequences: Iterable[Sequence]) -> set[Path]:
 
 def records_before(folder: Path) -> dict[str, dict[str, Any]]:
     """The last record of each clip in a folder's journal, which is written anew without halves."""
-    path = folder / JOURNAL
+    path = folder / CONVERTED
     records = {str(record.get("clip")): record for record in read_journal(path)}
     if path.is_file():
         begin_journal(path, records.values())

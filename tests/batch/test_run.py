@@ -12,10 +12,9 @@ from pathlib import Path
 import fake_cleaning
 import pytest
 
-from geneoh.batch.run import JOURNAL
 from geneoh.errors import CheckpointError, ConfigError, InputError
 from geneoh.files import atomic
-from geneoh.files.journal import only_run_in
+from geneoh.files.journal import CLEANED, only_run_in
 from geneoh.pipeline.options import Options
 
 RUN = """
@@ -42,7 +41,7 @@ def results(folder):
 
 def states(folder):
     """What the journal says of each clip."""
-    lines = [json.loads(line) for line in (folder / JOURNAL).read_text().splitlines()[1:]]
+    lines = [json.loads(line) for line in (folder / CLEANED).read_text().splitlines()[1:]]
     return {line["clip"]: line["state"] for line in lines}
 
 
@@ -203,7 +202,7 @@ def killed_when_done(clips, out, count, pause):
     environment = {**os.environ, "PYTHONPATH": str(support), fake_cleaning.PAUSE: pause}
     with subprocess.Popen([sys.executable, script, clips, out], env=environment) as process:
         end = time.monotonic() + 120
-        while not ((out / JOURNAL).exists() and list(states(out).values()).count("done") >= count):
+        while not ((out / CLEANED).exists() and list(states(out).values()).count("done") >= count):
             assert time.monotonic() < end
             assert process.poll() is None
             time.sleep(0.01)

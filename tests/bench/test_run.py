@@ -148,6 +148,16 @@ def test_figures_of_another_installation_are_not_mixed_in(processes, tmp_path):
     assert len(processes[0]()) == 6
 
 
+def test_what_is_no_number_is_null_and_no_other_installation(processes, tmp_path):
+    measured, _ = processes
+    environment = {"weights": {"error_left": float("nan")}}
+    run(tmp_path, environment=environment)
+    assert "NaN" not in (tmp_path / "bench.json").read_text()
+    before = len(measured())
+    run(tmp_path, environment=environment)
+    assert len(measured()) == before
+
+
 @pytest.mark.parametrize(
     "text",
     [

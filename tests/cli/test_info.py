@@ -40,6 +40,15 @@ def test_info_as_json_holds_how_the_weights_were_trained(geneoh, tmp_path):
     assert found["weights"]["motion"]["training"]["config"]["motion"]["depth"] > 0
 
 
+def test_info_as_json_has_null_where_there_is_no_number(geneoh, tmp_path, monkeypatch):
+    checkpoint = Checkpoint({"weight": torch.zeros(2)}, {"error_left": float("nan")})
+    save_checkpoint(tmp_path / "motion.safetensors", checkpoint)
+    monkeypatch.setattr(library, "SHIPPED", tmp_path)
+    said = geneoh("info", "--json").stdout
+    assert "NaN" not in said
+    assert json.loads(said)["weights"]["motion"]["training"] == {"error_left": None}
+
+
 def test_info_tells_sound_weights_from_damaged_ones(geneoh, tmp_path, monkeypatch):
     checkpoint = Checkpoint({"weight": torch.zeros(1000, 1000)}, {"steps": 1000})
     save_checkpoint(tmp_path / "motion.safetensors", checkpoint)

@@ -26,7 +26,6 @@ from geneoh.evaluation.options import EvaluationOptions, ProtocolOptions
 from geneoh.evaluation.protocols.clips import Clip
 from geneoh.evaluation.runner import (
     PACKAGES,
-    RECORD,
     evaluate,
     open_record,
     page_of,
@@ -35,7 +34,7 @@ from geneoh.evaluation.runner import (
     work_left,
 )
 from geneoh.evaluation.scores import Score, ScoringConfig
-from geneoh.files.journal import append_journal
+from geneoh.files.journal import SCORED, append_journal
 from geneoh.pipeline.options import Options
 
 CONFIG = ScoringConfig(close_frames=2)
@@ -100,7 +99,7 @@ def test_what_failed_is_tried_again_and_its_last_score_counts(noisy_case, folder
     failed = Score("taco", "short", "gauss", 11, "input", failed="MANO is missing")
     assert work_left([noisy_case], (INPUT,), [failed]) == [(noisy_case, (INPUT,))]
     mended = replace(failed, failed="", values={"mpjpe_mm": 1.0})
-    append_journal(folder / RECORD, map(asdict, [failed, mended]))
+    append_journal(folder / SCORED, map(asdict, [failed, mended]))
     assert open_record(folder, SETTINGS, VERSIONS)[0] == [mended]
 
 
@@ -184,16 +183,16 @@ def test_the_callers_threads_stay_as_they_were(damaged_case, folder):
 
 def test_half_a_line_counts_for_nothing(folder):
     scores = [Score("taco", "a", "gauss", seed, "input", {"mpjpe_mm": 1.0}) for seed in (1, 2)]
-    append_journal(folder / RECORD, map(asdict, scores))
-    path = folder / RECORD
+    append_journal(folder / SCORED, map(asdict, scores))
+    path = folder / SCORED
     path.write_text(path.read_text()[:-30])
     assert open_record(folder, SETTINGS, VERSIONS)[0] == scores[:1]
-    append_journal(folder / RECORD, map(asdict, scores[1:]))
+    append_journal(folder / SCORED, map(asdict, scores[1:]))
     assert open_record(folder, SETTINGS, VERSIONS)[0] == scores
 
 
 def test_scores_of_other_settings_are_refused_until_thrown_away(folder):
-    append_journal(folder / RECORD, map(asdict, [Score("taco", "a", "gauss", 1, "input")]))
+    append_journal(folder / SCORED, map(asdict, [Score("taco", "a", "gauss", 1, "input")]))
     other = {**SETTINGS, "data": "/elsewhere"}
     with pytest.raises(ConfigError, match=r"other settings \(data\).*--fresh"):
         open_record(folder, other, VERSIONS)
@@ -201,7 +200,7 @@ def test_scores_of_other_settings_are_refused_until_thrown_away(folder):
 
 
 def test_a_record_that_another_version_wrote_is_refused(folder):
-    (folder / RECORD).write_text(json.dumps({"settings": SETTINGS}) + "\n")
+    (folder / SCORED).write_text(json.dumps({"settings": SETTINGS}) + "\n")
     with pytest.raises(ConfigError, match="another version of geneoh"):
         open_record(folder, SETTINGS, VERSIONS)
 

@@ -22,6 +22,14 @@ def test_records_come_back_and_half_a_line_counts_for_nothing(tmp_path):
         assert read_journal(path) == [{"head": 1}, {"clip": "a"}]
 
 
+def test_a_journal_can_be_read_by_programs_that_know_no_nan(tmp_path):
+    path = tmp_path / "journal.jsonl"
+    begin_journal(path, [{"loss": float("nan")}])
+    append_journal(path, [{"before": {"depth": float("inf")}}])
+    assert "NaN" not in path.read_text()
+    assert read_journal(path) == [{"loss": None}, {"before": {"depth": None}}]
+
+
 def test_what_is_no_record_is_dropped(tmp_path):
     path = tmp_path / "journal.jsonl"
     path.write_bytes(b'{"head": 1}\n7\n\xff\xfe\n{"clip": "a"}\n')

@@ -184,6 +184,15 @@ def test_clips_of_one_name_get_as_much_of_the_path_as_tells_them_apart(tmp_path)
     assert names == ["hand_npy", "hand_npz", "hand"]
 
 
+def test_journals_of_geneoh_are_no_landmarks(tmp_path):
+    trees.landmarks(tmp_path, scene(), False)
+    made = run("landmarks", tmp_path, tmp_path / "out", ReaderOptions())
+    again = run("landmarks", tmp_path, tmp_path / "out", ReaderOptions())
+    assert [outcome.problem for outcome in (*made, *again)] == [None] * 2
+    (tmp_path / "out" / "journal.jsonl").write_text("{}")
+    assert len(find_clips(source_named("landmarks"), [tmp_path])) == 1
+
+
 def test_other_options_are_another_conversion(tmp_path, mano_dir):
     taco(tmp_path / "in", scene(), False)
     out = tmp_path / "out"

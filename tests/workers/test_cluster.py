@@ -18,8 +18,8 @@ import pytest
 from geneoh.batch import run
 from geneoh.batch.cleaning import Batch
 from geneoh.batch.clips import find_clips
-from geneoh.batch.run import JOURNAL
 from geneoh.errors import ConfigError, GeneOHError
+from geneoh.files.journal import CLEANED
 from geneoh.workers import cluster as cluster_module
 from geneoh.workers.cluster import on_cluster
 
@@ -162,7 +162,7 @@ class TestCluster:
         assert ended(begun(tmp_path, "here", "--jobs", "1"))[0] == 0
         here = {path.name: path.read_bytes() for path in (tmp_path / "here").iterdir()}
         process = begun(tmp_path, "there", "--ray", cluster.address)
-        until_done(tmp_path / "there" / JOURNAL, 2, process)
+        until_done(tmp_path / "there" / CLEANED, 2, process)
         address = cluster.address
         port = int(address.rpartition(":")[2])
         cluster.remove_node(cluster.head_node, allow_graceful=False)
@@ -174,7 +174,7 @@ class TestCluster:
         assert said.splitlines()[-1].startswith(
             f"Error: --ray {address}: the head of the cluster was lost; start one again with"
         )
-        done = names_done(tmp_path / "there" / JOURNAL)
+        done = names_done(tmp_path / "there" / CLEANED)
         assert 2 <= len(done) < 8
         for name in done:
             assert (tmp_path / "there" / f"{name}.npz").read_bytes() == here[f"{name}.npz"]

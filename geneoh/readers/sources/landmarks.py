@@ -16,6 +16,7 @@ import numpy as np
 
 from geneoh.choices import JointOrder, Side
 from geneoh.errors import InputError
+from geneoh.files.journal import JOURNALS
 from geneoh.geometry.mesh import METRES
 from geneoh.readers import base, builders, foreign_files, joint_orders, mediapipe
 from geneoh.readers.dataset_reader import reads
@@ -26,7 +27,11 @@ from geneoh.readers.records import Array, Record, as_record
 FORMAT, VERSION = "geneoh-landmarks", 1
 
 
-@reads("*.json", "*.jsonl", "*.csv", takes=("keypoint_unit", "object_pose"))
+@reads(
+    *("*.json", "*.jsonl", "*.csv"),
+    choose=lambda found, path: (f for f in found if f == path or f.name not in JOURNALS),
+    takes=("keypoint_unit", "object_pose"),
+)
 def landmarks(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Up to two hands, with the caller's object."""
     where = str(clip.path)
