@@ -102,6 +102,8 @@ eval_options = options.together(
 """All options of `geneoh eval`."""
 
 OF_GENEOH = ("presets", "ablations", "samples", "selection", "pages")
+LEARNED = {"toch", "regression", "one-call", "geneoh"}
+"""Methods that have weights."""
 OF_SCORES = (
     *OF_GENEOH,
     *("methods", "predictions", "close_frames", "hand", "weights", "folder", "jobs", "fresh"),
@@ -116,6 +118,8 @@ def refuse_unused(asked: dict[str, Any], inputs: Path | None) -> None:
         options.refuse(OF_SCORES, "has no meaning with --inputs, which scores nothing")
     if asked["methods"] and "geneoh" not in asked["methods"]:
         options.refuse(OF_GENEOH, "needs --method geneoh too")
+    if asked["methods"] and LEARNED.isdisjoint(asked["methods"]):
+        options.refuse(["weights"], "needs a --method that has weights")
     if asked["dataset"] == "synthetic":
         options.refuse(["root"], "has no meaning with --dataset synthetic, which needs no copy")
 

@@ -116,7 +116,9 @@ class EvaluationOptions:
     metrics, are measured; None: 20, for `synthetic` 5."""
 
     def __post_init__(self) -> None:
-        """Refuse with a `ConfigError` what is none of the choices."""
+        """Refuse with a `ConfigError` what is none of the choices; what is named twice is one."""
+        for name in ("noises", "seeds", "methods", "presets", "ablations", "predictions"):
+            object.__setattr__(self, name, tuple(dict.fromkeys(getattr(self, name))))
         for what, values, known in (
             ("data set", [self.dataset], choices.DATASETS),
             ("noise", self.noises, choices.CASE_NOISES),

@@ -133,7 +133,9 @@ def recorded_clip(sequence: Sequence, hand: HandModel) -> HandClips:
     state = subject.parameters()
     verts = subject.shaped.verts_from_rotations(state.rotations, state.wrist).verts[0]
     surface = motion.surface()
-    valid, joints = track.valid, subject.joints
+    joints, valid = subject.joints, track.valid
+    if motion.valid is not None:
+        valid = valid & motion.valid.all(1)
     distance = surface.query(verts).distance
     gap = surface.query(joints).distance.amin(-1)
     local = (joints - motion.translation[:, None, 0]) @ motion.rotation[:, 0]

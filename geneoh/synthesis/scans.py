@@ -150,18 +150,19 @@ def read_folder(folder: Path, unit: Unit = "m") -> MeshFolder:
             raise InputError(f"{path}: {warning}")
         middle = (mesh.verts.amin(0) + mesh.verts.amax(0)) / 2
         meshes.append(Mesh(mesh.verts - middle, mesh.faces))
-    known = {name: path.name for path in paths for name in (path.name, path.stem)}
-    listed = folder / HELD_OUT_FILE
-    words = listed.read_text("utf-8").split() if listed.exists() else []
-    for word in words:
-        if word not in known:
+    listed, held_out = folder / HELD_OUT_FILE, list[str]()
+    lines = listed.read_text("utf-8").splitlines() if listed.exists() else []
+    for name in filter(None, map(str.strip, lines)):
+        found = [path.name for path in paths if name in (path.name, path.stem)]
+        if not found:
             raise InputError(
-                f"{listed}: '{word}' is no mesh of this folder; correct the name or remove it"
+                f"{listed}: '{name}' is no mesh of this folder; correct the name or remove it"
             )
+        held_out += found
     notices = sorted({path for pattern in NOTICES for path in folder.glob(pattern)})
     return MeshFolder(
         tuple(path.name for path in paths),
-        tuple(known[word] for word in words),
+        tuple(held_out),
         "\n".join(path.read_text("utf-8") for path in notices),
         tuple(meshes),
     )

@@ -62,6 +62,7 @@ def test_a_misspelt_choice_of_the_protocol_is_told(geneoh):
     [
         ((*CLIPS, "--inputs", "in", "--fresh"), "--fresh has no meaning with --inputs"),
         ((*CLIPS, "--method", "input", "--pages"), "--pages needs --method geneoh too"),
+        ((*CLIPS, "--method", "input", "--weights", "."), "--weights needs a --method that has"),
         ((*CLIPS, "--refine", "geneoh"), "--refine needs --generator"),
         ((*CLIPS, "--root", "."), "--root has no meaning with --dataset synthetic"),
         ((*CLIPS, "--set", "windows=whole"), "--set windows: expected none with synthetic"),

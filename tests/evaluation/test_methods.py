@@ -218,6 +218,15 @@ def test_motion_diff_in_one_call_is_a_method_of_its_own(noisy_case):
     assert error(method.clean(noisy_case), noisy_case) < error(unchanged(noisy_case), noisy_case)
 
 
+def test_what_is_named_twice_is_scored_once():
+    options = EvaluationOptions(
+        "taco", noises=("gauss", "gauss"), seeds=(3, 3, 1), methods=("input", "input")
+    )
+    assert options.noises == ("gauss",)
+    assert options.seeds == (3, 1)
+    assert [method.name for method in methods_of(options)[0]] == ["input"]
+
+
 def test_every_method_of_the_paper_and_of_a_sceptic_can_be_asked_for():
     methods, _ = methods_of(
         EvaluationOptions(
@@ -273,8 +282,11 @@ def test_options_reach_every_method_of_ours():
 def test_a_folder_of_predictions_must_be_there_and_have_a_name_of_its_own(tmp_path):
     with pytest.raises(MissingAssetError, match="nowhere: expected a folder"):
         methods_of(replace(ALL, predictions=(Path("nowhere"),)))
+    alike = tmp_path / "a" / "mine", tmp_path / "b" / "mine"
+    for folder in alike:
+        folder.mkdir(parents=True)
     with pytest.raises(ConfigError, match="more than once"):
-        methods_of(replace(ALL, predictions=(tmp_path, tmp_path)))
+        methods_of(replace(ALL, predictions=alike))
 
 
 def test_a_left_hand_with_betas_of_the_official_file_is_scored_with_the_mesh_of_that_file(

@@ -1,4 +1,5 @@
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -243,6 +244,14 @@ def test_folders_that_cannot_be_used_are_refused_with_the_reason(files, words, f
         (tmp_path / name).write_text(text)
     with pytest.raises(InputError, match=words):
         build_scans(read_folder(tmp_path))
+
+
+def test_names_with_blanks_and_of_several_endings_can_be_held_out(folder, tmp_path):
+    for name in ("red mug.ply", "red mug 2.ply", "pan.ply", "pan.obj"):
+        kind = "ball.ply" if name.endswith("ply") else "wedge.obj"
+        shutil.copy(folder / kind, tmp_path / name)
+    (tmp_path / "held_out.txt").write_text("red mug\n\n  pan \n")
+    assert set(read_folder(tmp_path).held_out) == {"red mug.ply", "pan.ply", "pan.obj"}
 
 
 def test_meshes_in_millimetres_are_read_with_their_unit(folder, tmp_path):
