@@ -41,7 +41,7 @@ from geneoh.progress import OnProgress, OnStep, timed
 from geneoh.readers.convention_check import doubts
 from geneoh.sequence.normalisation import NETWORK_FPS, NormalisedHand, normalised_hands
 from geneoh.sequence.resample import nearest_frames
-from geneoh.sequence.sequence import Sequence
+from geneoh.sequence.sequence import HandTrack, Sequence
 from geneoh.sequence.windows import window_starts
 
 LOG = logging.getLogger(__name__)
@@ -141,24 +141,26 @@ def clean_interaction(
             options.seed,
             on_progress,
         )
-        result = result.to(sequence.object.rotation.device)
-        results[hand.side] = replace(
-            result,
-            track=replace(
-                hand.track_to_user(result.track),
-                camera_ray=sequence.hand(hand.side).camera_ray,
-            ),
-            filled=~sequence.hand(hand.side).observed,
-            samples=hand.points_to_user(result.samples),
-            contact=None if result.contact is None else hand.frames_to_user(result.contact),
-            evidence=hand.frames_to_user(result.evidence),
-        )
+        results[hand.side] = _as_given(result, hand, sequence.hand(hand.side))
     hands = tuple(results[hand.side].track for hand in sequence.hands)
     kept = sequence.object
     if options.refine_object:
         kept = motion if examined is None else refine_object(motion, examined, hands, sequence.fps)
     clean = replace(sequence, hands=hands, object=kept)
     return Denoised(clean, results, tuple(notes), options, examined)
+
+
+def _as_given(result: HandResult, hand: NormalisedHand, given: HandTrack) -> HandResult:
+    """The result of a normalised hand in the frames, the side and the place of the given track."""
+    result = result.to(given.valid.device)
+    return replace(
+        result,
+        track=replace(hand.track_to_user(result.track), camera_ray=given.camera_ray),
+        filled=~given.observed,
+        samples=hand.points_to_user(result.samples),
+        contact=None if result.contact is None else hand.frames_to_user(result.contact),
+        evidence=hand.frames_to_user(result.evidence),
+    )
 
 
 def _clean(
