@@ -30,6 +30,7 @@ SHORTEST = 5
 """Observed frames below which nothing tells a fault from motion."""
 PALM = (0, 5, 9, 13, 17)
 """Keypoints of the wrist and of the knuckles."""
+IS_FINGER = torch.tensor([point not in PALM for point in range(21)])
 PLACE_CHANGE, TURN_CHANGE, LARGEST_TURN = 0.1, 1.0, 2.0
 """From one frame to the next the step of the palm may change by 10 cm and its turn by 57 degrees at
 30 frames a second, more at fewer, or by `BENDS` times its median change; and the turn by 115
@@ -41,6 +42,8 @@ length of steps at 30 frames a second from which to such a stop nothing slows do
 BACKWARD, CURL_JUMP = -0.2, 0.4
 """Share of the palm's length by which the fingertips of a hand of the other side are bent backward,
 and by how much more than in the frames around them."""
+GUESSED = 0.05
+"""Confidence of fingers that are those of the frames around them."""
 ALL_THE_SAME = Symmetry(np.zeros(3), np.eye(3)[None])
 """Of a hand: no turn but none at all maps it onto itself."""
 
@@ -51,6 +54,8 @@ class Fault:
 
     frames: Bool[Tensor, " T"]
     words: str
+    of_fingers: bool
+    """Whether the palm is as good there as elsewhere."""
 
 
 def without_faults(sequence: Sequence) -> tuple[Sequence, tuple[str, ...]]:
@@ -58,13 +63,30 @@ def without_faults(sequence: Sequence) -> tuple[Sequence, tuple[str, ...]]:
     hands, said = [], []
     for hand in sequence.hands:
         for fault in faults(hand, sequence.fps):
-            hand = replace(hand, valid=hand.valid & ~fault.frames)
-            said.append(
-                f"{int(fault.frames.sum())} frames in which the {hand.side} hand {fault.words} "
-                "were taken as missing"
-            )
+            what, cure = f"the {hand.side} hand {fault.words}", "were taken as missing"
+            if fault.of_fingers:
+                hand, cure = with_other_fingers(hand, fault.frames), "got those around them"
+            else:
+                hand = replace(hand, valid=hand.valid & ~fault.frames)
+            said.append(f"{int(fault.frames.sum())} frames in which {what} {cure}")
         hands.append(hand)
     return replace(sequence, hands=tuple(hands)), tuple(said)
+
+
+def with_other_fingers(hand: HandTrack, frames: Bool[Tensor, " T"]) -> HandTrack:
+    """The track whose fingers in some frames are those around them, with hardly any confidence."""
+    around, chosen = observed_around(hand.observed & ~frames), frames[:, None, None]
+    pose, joints, trust = hand.pose, hand.joints, hand.trust
+    is_finger = IS_FINGER.to(frames.device)
+    if pose is not None:
+        turned = torch.cat([pose[:, :1], around.pose(pose)[:, 1:]], dim=1)
+        pose = torch.where(chosen, turned, pose)
+    if joints is not None:
+        axes, wrist = palm_axes(joints[:, None]), joints[:, :1]
+        inside = around.points((joints - wrist) @ axes)
+        joints = torch.where(chosen & is_finger[:, None], wrist + inside @ axes.mT, joints)
+    trust = torch.where(frames[:, None] & is_finger, GUESSED * trust, trust)
+    return replace(hand, pose=pose, joints=joints, confidence=trust)
 
 
 def faults(hand: HandTrack, fps: float) -> Iterator[Fault]:
@@ -75,12 +97,12 @@ def faults(hand: HandTrack, fps: float) -> Iterator[Fault]:
     whole = fill_gaps(replace(hand, valid=seen))
     joints, trusted = keypoints(whole), hand.trust > 0
     track = Track(joints, trusted, hand.side, fps)
-    for find, words in FAULTS:
+    for find, words, of_fingers in FAULTS:
         wrong = find(track) & seen
         # a slow tracker repeats most frames; else what is so in most of them is how the hand is
         few = find is repeated or 2 * int(wrong.sum()) < int(seen.sum())
         if few and bool(wrong.any()):
-            yield Fault(wrong, words)
+            yield Fault(wrong, words, of_fingers)
             seen = seen & ~wrong
 
 
@@ -190,10 +212,10 @@ def other_side(track: Track) -> Bool[Tensor, " T"]:
 
 
 FAULTS = (
-    (repeated, "repeats the frame before, and leaps before and after"),
-    (stiff, "keeps one shape for a while, and leaps into and out of it"),
-    (displaced, "is where no motion brings it"),
-    (turned_over, "is turned as no motion turns it"),
-    (other_side, "is bent backward, as one of the other side"),
+    (repeated, "repeats the frame before, and leaps before and after", False),
+    (stiff, "has fingers that keep still for a while, and leap before and after", True),
+    (displaced, "is where no motion brings it", False),
+    (turned_over, "is turned as no motion turns it", False),
+    (other_side, "is bent backward, as one of the other side", False),
 )
-"""What finds the frames of each fault, and its words."""
+"""What finds the frames of each fault, its words, and whether it is of the fingers alone."""

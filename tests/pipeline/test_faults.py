@@ -7,8 +7,9 @@ import pytest
 import torch
 
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
+from geneoh.hand.library import load_hand
 from geneoh.pipeline.denoise import denoise
-from geneoh.pipeline.faults import without_faults
+from geneoh.pipeline.faults import PALM, without_faults
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.resample import at_rate
 from geneoh.sequence.sequence import HandTrack, Sequence
@@ -80,12 +81,25 @@ def test_a_frozen_hand_is_missing_but_for_its_first_frame(noisy):
     assert "repeats the frame before" in without_faults(given)[1][0]
 
 
-def test_fingers_at_one_pose_are_missing(noisy):
-    pose = noisy.hands[0].pose.clone()
+@pytest.mark.parametrize("keys", [False, True])
+def test_fingers_at_one_pose_become_those_around_them(noisy, clean, keys):
+    hand = noisy.hands[0]
+    pose = hand.pose.clone()
     pose[FROM:UNTIL, 1:] = 0.0
-    given = with_hand(noisy, pose=pose, joints=None)
-    assert missing(given) == list(range(FROM, UNTIL))
-    assert "keeps one shape" in without_faults(given)[1][0]
+    model = load_hand("left").shaped(torch.zeros(10))
+    joints = model.joints_from_rotations(axis_angle_to_matrix(pose), hand.joints[:, 0])
+    given = with_hand(noisy, joints=joints, pose=None if keys else pose, wrist=None, betas=None)
+    found, said = without_faults(given)
+    assert missing(given) == []
+    assert "has fingers that keep still" in said[0]
+    mended, wrong = found.hands[0], slice(FROM, UNTIL)
+    assert (mended.confidence < 1).any(-1).nonzero()[:, 0].tolist() == list(range(FROM, UNTIL))
+    torch.testing.assert_close(mended.joints[:, list(PALM)], joints[:, list(PALM)])
+    before, after = (
+        (points[wrong] - clean.hands[0].joints[wrong]).norm(dim=-1).mean()
+        for points in (joints, mended.joints)
+    )
+    assert after < 0.7 * before
 
 
 def test_a_flipped_orientation_of_parameters_is_missing(noisy):
