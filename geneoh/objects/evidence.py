@@ -8,11 +8,12 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 import torch
 from jaxtyping import Bool, Float, Float64
-from scipy.ndimage import distance_transform_edt, gaussian_filter1d
+from scipy.ndimage import distance_transform_edt, gaussian_filter1d, minimum_filter1d
 from torch import Tensor
 
 from geneoh.geometry.distance import MovingSurface
@@ -39,6 +40,9 @@ DRIFT = 15.0
 NEAR, AWAY = 0.05, 0.09
 """Distance in metres between keypoints and surface in the nearest frame: up to the first the hand
 is taken to deal with the object, from the second on not. Keypoints lie 10 mm inside the hand."""
+BESIDE, APART = 0.1, 0.25
+"""The same in each frame: up to the first the hand may come to the object or leave it, from the
+second on it moves for itself."""
 
 
 def evidence_of_poses(
@@ -97,23 +101,35 @@ def radius(mesh: Mesh) -> float:
     return float((mesh.verts - mesh.verts.mean(0)).square().sum(-1).mean().sqrt())
 
 
-def evidence_of_nearness(joints: Float[Tensor, "T 21 3"], surface: MovingSurface) -> float:
-    """1 where a hand comes near its object in some frame, 0 where it never does."""
-    surface, nearest = replace(surface, within=AWAY), math.inf
-    few = slice(None, None, 10)  # mostly enough to see a hand that is near
-    for frames in (few, *blocks(len(joints))):
-        if nearest <= NEAR:
-            break
+def evidence_of_nearness(
+    joints: Float[Tensor, "T 21 3"], surface: MovingSurface, fps: float
+) -> Float[Tensor, " T"]:
+    """How far a hand deals with its object, 0 to 1: not at all where it never comes near, and in no
+    frame in which it is apart from it."""
+    surface, found = replace(surface, within=APART), []
+    for frames in blocks(len(joints)):
         distance = surface.at(frames).query(joints[frames]).distance
-        nearest = min(nearest, float(distance.nan_to_num(math.inf).min()))
-    return min(max((AWAY - nearest) / (AWAY - NEAR), 0.0), 1.0)
+        found.append(distance.nan_to_num(math.inf).amin(-1).clamp(max=APART))
+    nearest = torch.cat(found)
+    deals = share_between(float(nearest.min()), NEAR, AWAY)
+    beside = share_between(nearest.cpu().double().numpy(), BESIDE, APART)
+    fade = FADE * fps / 30
+    # wholly without it where the hand is apart, as the object may be metres away a moment later
+    least = minimum_filter1d(beside, 2 * round(2 * fade) + 1, mode="nearest")
+    smooth = gaussian_filter1d(least, fade, mode="nearest")
+    return deals * torch.from_numpy(smooth).to(joints)
+
+
+def share_between(value: Any, whole: float, none: float) -> Any:
+    """1 up to `whole`, 0 from `none` on, and a straight line between them."""
+    return np.clip((none - value) / (none - whole), 0.0, 1.0)
 
 
 def blended(
     alone: Float[Tensor, "S T 21 3"],
     held: Float[Tensor, "S T 21 3"],
     poses: Float[Tensor, " T"],
-    near: float,
+    near: Float[Tensor, " T"],
     fps: float,
 ) -> Float[Tensor, "S T 21 3"]:
     """Samples that were cleaned against the object, as far as it is relied on, else those without.
@@ -125,7 +141,7 @@ def blended(
         alone: samples of the hand alone, metres.
         held: the same samples, cleaned against the object.
         poses: how far each frame's poses are relied on, 0 to 1.
-        near: how far the hand is taken to deal with the object, 0 to 1.
+        near: how far the hand is taken to deal with the object in each frame, 0 to 1.
         fps: frames per second.
     """
     shift = (held - alone).mean((0, 2)).cpu().double().numpy()
@@ -137,8 +153,8 @@ def blended(
     precision = frames * around(relied / (1 - relied).clip(1e-3))
     signal = (mean**2).sum(1) * precision / TOLERATED**2
     more = (signal / (1 + signal) - relied).clip(0)
-    lasting = torch.from_numpy(near * more[:, None] * mean).to(alone)
-    return alone.lerp(held, near * poses[:, None, None]) + lasting[:, None]
+    lasting = near[:, None] * torch.from_numpy(more[:, None] * mean).to(alone)
+    return alone.lerp(held, (near * poses)[:, None, None]) + lasting[:, None]
 
 
 def doubt(evidence: Float[Tensor, " T"]) -> Iterator[str]:

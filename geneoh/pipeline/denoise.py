@@ -183,11 +183,10 @@ def _clean(
     with torch.no_grad():
         given = subject.parameters()
     subject = subject.completed(given)
-    surface, near = hand.object.surface() if hand.object.meshes else None, 1.0
-    if surface is None or not chosen.has_object:
-        near = 0.0
-    elif chosen.clean_object:
-        near = evidence_of_nearness(subject.joints, surface)
+    surface = hand.object.surface() if hand.object.meshes else None
+    near = torch.full_like(poses, float(surface is not None and chosen.has_object))
+    if surface is not None and chosen.has_object and chosen.clean_object:
+        near = evidence_of_nearness(subject.joints, surface, hand.fps)
     evidence = near * poses
     ray = hand.track.camera_ray if chosen.camera else None
     seconds: dict[str, float] = {}
@@ -216,7 +215,7 @@ def _clean(
         after=after,
         moved=float((joints - subject.joints).norm(dim=-1)[seen].mean()),
         windows=len(window_starts(subject.joints.shape[0])),
-        contact=None if apart is None else finger_contact(apart, spread, evidence),
+        contact=None if apart is None else finger_contact(apart, spread, near.max() * poses),
         evidence=evidence,
         seconds=seconds,
         notes=(*subject.notes, *(doubt(evidence) if chosen.has_object else ())),

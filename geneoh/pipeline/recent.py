@@ -253,20 +253,23 @@ class RecentHand:
 
     def _object(
         self, motion: ObjectTrack, subject: Subject
-    ) -> tuple[MovingSurface | None, Float[Tensor, " T"], float, Float[Tensor, " 2"] | None]:
+    ) -> tuple[
+        MovingSurface | None, Float[Tensor, " T"], Float[Tensor, " T"], Float[Tensor, " 2"] | None
+    ]:
         """The object without its noise, None without an object; how far its poses are relied on;
         how far the hand is taken to deal with it; and the noise.
         """
-        poses, near, noise = subject.joints.new_ones(len(subject.joints)), 1.0, None
+        whole = subject.joints.new_ones(len(subject.joints))
+        poses, near, noise = whole, whole, None
         if self._surface is None or not motion.is_seen or not self._chosen.has_object:
-            return None, poses, 0.0, None
+            return None, poses, torch.zeros_like(whole), None
         if self._chosen.clean_object:
             motion, examined = clean_object(motion, NETWORK_FPS)
             poses = evidence_of_poses(examined, motion, NETWORK_FPS)
             noise = examined.white_noise
         surface = replace(self._surface, rotation=motion.rotation, translation=motion.translation)
         if self._chosen.clean_object:
-            near = evidence_of_nearness(subject.joints, surface)
+            near = evidence_of_nearness(subject.joints, surface, NETWORK_FPS)
         return surface, poses, near, noise
 
     def _blended(self, target: Float[Tensor, "T 21 3"], first: int) -> Float[Tensor, "T 21 3"]:

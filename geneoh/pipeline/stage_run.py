@@ -53,7 +53,7 @@ class StageRun:
         self,
         surface: MovingSurface | None,
         poses: Float[Tensor, " T"],
-        near: float,
+        near: Float[Tensor, " T"],
         chosen: Preset,
         fps: float,
         *,

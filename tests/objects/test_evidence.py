@@ -1,11 +1,13 @@
 """A hand cleaned against an object whose poses are relied on in part."""
 
+from dataclasses import replace
+
 import pytest
 import torch
 
 from geneoh.geometry.mesh import Mesh
 from geneoh.objects.cleaning import clean_object
-from geneoh.objects.evidence import blended, evidence_of_poses
+from geneoh.objects.evidence import blended, evidence_of_nearness, evidence_of_poses
 from geneoh.sequence.sequence import ObjectTrack
 
 FRAMES = 90
@@ -17,51 +19,52 @@ def samples(shift: torch.Tensor, count: int = 2) -> torch.Tensor:
 
 
 ALONE = samples(torch.zeros(FRAMES, 3))
+NEAR = torch.ones(FRAMES)
 ASIDE = torch.tensor([0.03, 0.0, 0.0]).expand(FRAMES, 3)
 
 
 @pytest.mark.parametrize("share", [0.0, 1.0])
 def test_poses_that_count_fully_or_not_at_all_choose_one_of_both(share):
-    found = blended(ALONE, samples(ASIDE), torch.full((FRAMES,), share), 1.0, 30.0)
+    found = blended(ALONE, samples(ASIDE), torch.full((FRAMES,), share), NEAR, 30.0)
     torch.testing.assert_close(found, share * samples(ASIDE), atol=2e-5, rtol=0)
 
 
 def test_a_large_shift_that_lasts_is_kept_where_single_frames_are_hardly_relied_on():
-    found = blended(ALONE, samples(ASIDE), torch.full((FRAMES,), 0.2), 1.0, 30.0)
+    found = blended(ALONE, samples(ASIDE), torch.full((FRAMES,), 0.2), NEAR, 30.0)
     assert (found[:, 20:70, :, 0] > 0.7 * 0.03).all()
 
 
 def test_a_shift_that_is_smaller_than_the_noise_of_the_poses_counts_as_a_frame_does():
-    found = blended(ALONE, samples(0.1 * ASIDE), torch.full((FRAMES,), 0.2), 1.0, 30.0)
+    found = blended(ALONE, samples(0.1 * ASIDE), torch.full((FRAMES,), 0.2), NEAR, 30.0)
     torch.testing.assert_close(found, 0.2 * samples(0.1 * ASIDE))
 
 
 def test_what_does_not_last_counts_as_a_frame_does():
     shaking = ASIDE * torch.tensor([1.0, -1.0]).repeat(FRAMES // 2)[:, None]
-    found = blended(ALONE, samples(shaking), torch.full((FRAMES,), 0.2), 1.0, 30.0)
+    found = blended(ALONE, samples(shaking), torch.full((FRAMES,), 0.2), NEAR, 30.0)
     torch.testing.assert_close(found, 0.2 * samples(shaking), atol=1e-5, rtol=0)
 
 
 def test_a_shift_of_frames_that_are_relied_on_lasts_through_those_that_are_not():
     poses = torch.ones(FRAMES)
     poses[40:50] = 0.0
-    found = blended(ALONE, samples(ASIDE), poses, 1.0, 30.0)
+    found = blended(ALONE, samples(ASIDE), poses, NEAR, 30.0)
     assert (found[..., 0] > 0.99 * 0.03).all()
 
 
 def test_a_hand_that_hardly_deals_with_its_object_hardly_follows_it():
     poses = torch.full((FRAMES,), 0.2)
-    whole, part = (blended(ALONE, samples(ASIDE), poses, near, 30.0) for near in (1.0, 0.1))
+    whole, part = (blended(ALONE, samples(ASIDE), poses, near * NEAR, 30.0) for near in (1.0, 0.1))
     torch.testing.assert_close(part, 0.1 * whole)
 
 
 def test_time_is_in_seconds():
     poses = torch.full((FRAMES,), 0.2)
-    slow = blended(ALONE, samples(ASIDE), poses, 1.0, 30.0)
+    slow = blended(ALONE, samples(ASIDE), poses, NEAR, 30.0)
     fast = blended(
         *(v.repeat_interleave(2, dim=1) for v in (ALONE, samples(ASIDE))),
         poses.repeat_interleave(2),
-        1.0,
+        NEAR.repeat_interleave(2),
         60.0,
     )
     torch.testing.assert_close(fast[:, ::2], slow, atol=2e-4, rtol=0)
@@ -86,3 +89,24 @@ def test_poses_over_a_gap_count_less_the_more_the_object_accelerates():
     assert least(0.0) > 0.6
     assert least(0.0) == pytest.approx(least(1e-5), rel=0.01)
     assert least(0.005) < 0.5 * least(0.0)
+
+
+def hand_beside_a_box(distance: torch.Tensor) -> torch.Tensor:
+    """How far a hand so far from a box deals with it in each frame."""
+    joints = torch.tensor([0.0, 0.0, 0.05]).expand(FRAMES, 21, 3).clone()
+    joints[..., 2] += distance[:, None]
+    motion = replace(track_with_a_gap(0.0), valid=None)
+    return evidence_of_nearness(joints, motion.surface(), 30.0)
+
+
+def test_a_hand_deals_with_its_object_in_the_frames_in_which_it_is_beside_it():
+    distance = torch.cat([torch.full((45,), 0.03), torch.full((45,), 0.5)])
+    found = hand_beside_a_box(distance)
+    assert (found[:30] > 0.999).all()
+    assert (found[44:] < 0.05).all()
+    assert (found.diff() <= 0).all()
+
+
+def test_a_hand_that_never_comes_near_deals_with_nothing():
+    assert (hand_beside_a_box(torch.full((FRAMES,), 0.095)) == 0).all()
+    assert (hand_beside_a_box(torch.full((FRAMES,), 0.04)) == 1).all()
