@@ -30,6 +30,12 @@ from geneoh.synthesis.grasp_types import GRASP_TYPES
 from geneoh.synthesis.holding import unheld
 from geneoh.synthesis.pose_prior import FINGER_HIGH, FINGER_LOW, FINGER_STD, beyond_range, curled
 from geneoh.synthesis.solids import Solids
+from geneoh.synthesis.table import Table
+
+
+SOFT = 0.004
+"""How deep a hand reaches into the table without cost, metres: fingers that reach under what lies
+on it give way."""
 
 
 @dataclass(frozen=True)
@@ -132,6 +138,7 @@ class _Attempt(Bundle):
     offsets: Float[Tensor, "B 20 3"]
     liked: Float[Tensor, "B 15 3"]  # the finger pose that this hand likes, this time
     wanted: Bool[Tensor, "B 19"]  # pads that should touch
+    table: Table | None = None
 
     @cached_property
     def scale(self) -> Float[Tensor, "B 1"]:
@@ -228,6 +235,8 @@ def _energy(
     # the same distance, whose gradient is the normal: one evaluation serves both
     distance = there + ((points - points.detach()) * slope).sum(-1)
     depth = (radii - distance[:, : centers.shape[1]]).clamp(min=0)
+    if attempt.table is not None:
+        depth = depth + (attempt.table.depth(centers, radii) - SOFT).clamp(min=0)
     gap, normal = distance[:, centers.shape[1] :], slope[:, centers.shape[1] :]
     alignment = (1 + (facing * normal).sum(-1)) * attempt.wanted
     overlap = (-finger_clearance(centers, radii)).clamp(min=0)
@@ -315,6 +324,8 @@ def _kept(
     joints, turns = hands.posed(attempt)
     centers, radii = hand_spheres(joints, attempt.scale)
     deep = (radii - solids.signed_distance(centers)).amax(-1)
+    if attempt.table is not None:
+        deep = torch.maximum(deep, attempt.table.depth(centers, radii).amax(-1) - SOFT)
     kept = (
         (deep < checks.depth)
         & (finger_clearance(centers, radii).amin(-1) > checks.clearance)
@@ -358,13 +369,16 @@ def synthesize_grasps(
     *,
     generator: torch.Generator,
     toward: Float[Tensor, "B 3"] | None = None,
+    table: Table | None = None,
 ) -> Grasps:
     """One grasp attempt per object and hand; `kept` tells which ones pass the checks.
 
-    The wrist starts on the side of the object that `toward` points to; zero is for any.
+    The wrist starts on the side of the object that `toward` points to; zero is for any. Hands stay
+    over the table, if there is one.
     """
     config, draws = config or GraspConfig(), Draws(len(offsets), generator)
     attempt, fingers = _draw_attempts(offsets, config, draws)
+    attempt = replace(attempt, table=table)
     toward = torch.zeros(len(offsets), 3) if toward is None else toward
     start = _starts(solids, attempt, fingers, toward, config, draws)
     hands = _descend(solids, attempt, start, config)
@@ -407,7 +421,12 @@ def shifted_grips(
 
 
 def settled_grasps(
-    solids: Solids, grasps: Grasps, config: GraspConfig | None = None, *, reach: float
+    solids: Solids,
+    grasps: Grasps,
+    config: GraspConfig | None = None,
+    *,
+    reach: float,
+    table: Table | None = None,
 ) -> Grasps:
     """The grasps next to given ones in which nothing sinks in and what is near touches.
 
@@ -420,7 +439,7 @@ def settled_grasps(
     gap = solids.signed_distance(contact_pads(joints, turns, scale)[0])
     wanted = gap < (gap.amin(1, keepdim=True) + reach / 2).clamp(min=reach)
     fingers = grasps.pose[:, 1:]
-    attempt = _Attempt(grasps.types, grasps.offsets, fingers, wanted)
+    attempt = _Attempt(grasps.types, grasps.offsets, fingers, wanted, table)
     hands = _descend(solids, attempt, _Hands(grasps.wrist, grasps.pose[:, 0], fingers), config)
     centers, radii = hand_spheres(hands.posed(attempt)[0], scale)
     depth = (radii - solids.signed_distance(centers)).amax(1)

@@ -14,6 +14,7 @@ from geneoh.hand.library import load_hand
 from geneoh.hand.skeleton import forward_kinematics
 from geneoh.synthesis.actions import Actions
 from geneoh.synthesis.contact_pads import contact_pads, hand_scale, hand_spheres
+from geneoh.synthesis.table import Table
 
 STILL = 1e-5  # metres in a frame below which an object rests
 ARM = 0.01  # metres at which a turn counts as motion
@@ -68,6 +69,13 @@ class HeldHands(Bundle):
 
     def _scale(self) -> Float[Tensor, "N 1"]:
         return hand_scale(mean_offsets()).expand(len(self.pose), 1)
+
+
+def table_of(actions: Actions, number: int, middle: Float[Tensor, " 3"]) -> Table:
+    """The table in all frames of the first action, where `HeldHands.of` has the hand."""
+    up = actions.rotation[0, :, 2]
+    height = actions.translation[0, :, 2] + up @ middle
+    return Table(up if SIDES[number] == "right" else mirror_points(up), height)
 
 
 def overlap(hands: HeldHands, other: HeldHands) -> Float[Tensor, "N K K"]:

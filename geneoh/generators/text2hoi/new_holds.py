@@ -10,6 +10,7 @@ from geneoh.generators.text2hoi.held_hands import HeldHands, mean_offsets, overl
 from geneoh.synthesis.grasps import GraspConfig, synthesize_grasps
 from geneoh.synthesis.holding import unheld
 from geneoh.synthesis.solids import Solids
+from geneoh.synthesis.table import Table
 
 TRIES = 12  # grasps that are looked for at once
 TOUCH = 0.003  # distance from the surface at which a pad touches, metres
@@ -36,17 +37,25 @@ class Holding:
 
 
 def new_hold(
-    solids: Solids, drawn: HeldHands, before: HeldHands | None, generator: torch.Generator
+    solids: Solids,
+    drawn: HeldHands,
+    before: HeldHands | None,
+    table: Table,
+    generator: torch.Generator,
 ) -> HeldHands | None:
     """The firm grasp that is nearest to a drawn hand, as the training data were grasped.
 
-    It is looked for from the drawn hand's side of the object, and keeps out of the hand `before`.
+    It is looked for from the drawn hand's side of the object, over the table, and keeps out of the
+    hand `before`.
     None where no grasp is found that passes the checks of the training data.
     """
     solids = solids.take(torch.zeros(TRIES, dtype=torch.long), "B")
     toward = torch.nn.functional.normalize(drawn.wrist, dim=-1).expand(TRIES, -1)
     offsets = mean_offsets().expand(TRIES, -1, -1)
-    grasps = synthesize_grasps(solids, offsets, GRASPS, generator=generator, toward=toward)
+    table = table.take(torch.zeros(TRIES, dtype=torch.long), "B")
+    grasps = synthesize_grasps(
+        solids, offsets, GRASPS, generator=generator, toward=toward, table=table
+    )
     found = HeldHands(grasps.pose, grasps.wrist)
     firm = grasps.kept & (Holding.of(solids, found).loose < FIRM)
     if not bool(firm.any()):

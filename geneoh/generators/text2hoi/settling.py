@@ -12,7 +12,14 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from geneoh.generators.text2hoi.held_hands import HeldHands, lifted, mean_offsets, moving, overlap
+from geneoh.generators.text2hoi.held_hands import (
+    HeldHands,
+    lifted,
+    mean_offsets,
+    moving,
+    overlap,
+    table_of,
+)
 from geneoh.generators.text2hoi.new_holds import FIRM, TOUCH, Holding, new_hold
 from geneoh.generators.text2hoi.resting import touching_hands
 from geneoh.generators.text2hoi.standing import StandingObject
@@ -24,6 +31,7 @@ from geneoh.synthesis.objects import scanned_object
 from geneoh.synthesis.scans import MeshFolder, build_scans
 from geneoh.synthesis.schedule import minimum_jerk
 from geneoh.synthesis.solids import Solids
+from geneoh.synthesis.table import Table
 
 REACH = 0.012
 """Distance from the surface within which a pad of the hand is brought to it, metres."""
@@ -62,7 +70,7 @@ def settled(
     *,
     generator: torch.Generator,
 ) -> Actions:
-    """The first action with hands that touch its object and sink into nothing.
+    """The first action with hands that touch its object and sink into neither it nor the table.
 
     The hand that carries the object longer keeps its place, and the other one makes way for it.
     Where no drawn pose can hold what it lifts, the hand takes the nearest grasp that can.
@@ -76,12 +84,14 @@ def settled(
         own = solids if number else solids.mirrored()
         carrying = touching[number] & moves
         hold = torch.nonzero(carrying if bool(carrying.any()) else touching[number])[:, 0]
-        hand = HeldHands.of(actions, number, middle)
-        held, frame, fits = settled_pose(own, hand, hold, before)
+        hand, table = HeldHands.of(actions, number, middle), table_of(actions, number, middle)
+        below = hold[table.depth(*hand.spheres).amax(1)[hold].argmax()]
+        nearest = table.take(below[None], "B")
+        held, frame, fits = settled_pose(own, hand, hold, before, nearest)
         frames = hold if bool(carrying.any()) else frame.expand(1)
         if not fits and lifted(actions, carrying):
-            held = new_hold(own, hand.take(frame[None], "N"), before, generator) or held
-        hand = kept_pose(own, hand, held, frames, hold)
+            held = new_hold(own, hand.take(frame[None], "N"), before, nearest, generator) or held
+        hand = kept_pose(own, hand, held, frames, hold, table)
         actions = hand.into(actions, number, middle)
         before = held.on_side(0)  # as the other hand sees it
     return actions
@@ -92,14 +102,16 @@ def settled_pose(
     hand: HeldHands,
     hold: Int[Tensor, " N"],
     before: HeldHands | None,
+    table: Table,
 ) -> tuple[HeldHands, Int[Tensor, ""], bool]:
     """The best of some poses of a hold, each brought to the surface, its frame, and if it is firm.
 
     Best is who holds the object firmly against pushes and touches with most pads, less what sinks
-    in, beside the hand `before`.
+    in, beside the hand `before` and over the table.
     """
     tried = hold[torch.linspace(0, len(hold) - 1, 2 * TRIES + 1).long()[1::2]]
-    start = hand.take(tried, "N")
+    start, table = hand.take(tried, "N"), table.take(torch.zeros(TRIES, dtype=torch.long), "B")
+    start = replace(start, wrist=start.wrist + raised(start, table))
     if before is not None:
         start = beside(start, before)
     grasps = Grasps(
@@ -110,12 +122,13 @@ def settled_pose(
         types=torch.zeros(TRIES, dtype=torch.long),
     )
     solids = solids.take(torch.zeros(TRIES, dtype=torch.long), "B")
-    out = settled_grasps(solids, grasps, SETTLING, reach=REACH)
+    out = settled_grasps(solids, grasps, SETTLING, reach=REACH, table=table)
     # a hand that comes out of the object from deep inside is drawn back to what is then next to it
-    after = settled_grasps(solids, out, SETTLING, reach=REACH)
+    after = settled_grasps(solids, out, SETTLING, reach=REACH, table=table)
     found = HeldHands(after.pose, after.wrist)
     centers, radii = found.spheres
-    depth = (radii - solids.signed_distance(centers)).clamp(min=0).amax(1)
+    depth = (radii - solids.signed_distance(centers)).maximum(table.depth(centers, radii))
+    depth = depth.clamp(min=0).amax(1)
     if before is not None:
         depth = depth + overlap(found, before).clamp(min=0).amax((1, 2))
     holding = Holding.of(solids, found)
@@ -142,11 +155,12 @@ def kept_pose(
     held: HeldHands,
     frames: Int[Tensor, " N"],
     hold: Int[Tensor, " M"],
+    table: Table,
 ) -> HeldHands:
     """A hand that is in the pose `held` from the first to the last of some frames.
 
     Where the hold is longer, the change at these frames goes to all of it. It fades out on the ways
-    to the hold and from it, on which the hand is taken out of the object.
+    to the hold and from it, on which the hand is taken out of the object and the table.
     """
     share = _fading(hold, len(hand.wrist))[:, None]
     end = torch.arange(len(hand.wrist)).clamp(frames[0], frames[-1])
@@ -158,11 +172,16 @@ def kept_pose(
     wrist = hand.wrist + share * (held.wrist - changed.wrist)
     found = HeldHands(torch.cat([turn[:, None], fingers], 1), wrist)
     # the held pose itself needs no way out, and one next to it only what is left of the change
-    return replace(found, wrist=wrist + (1 - share**4) * way_out(solids, found))
+    return replace(found, wrist=wrist + (1 - share**4) * way_out(solids, found, table))
 
 
-def way_out(solids: Solids, hand: HeldHands) -> Float[Tensor, "T 3"]:
-    """Shifts that take a hand out of its object, smooth over the frames, metres.
+def raised(hand: HeldHands, table: Table) -> Float[Tensor, "N 3"]:
+    """Shifts that take hands out of the table, straight up, metres."""
+    return table.depth(*hand.spheres).amax(1).clamp(min=0)[:, None] * table.up
+
+
+def way_out(solids: Solids, hand: HeldHands, table: Table) -> Float[Tensor, "T 3"]:
+    """Shifts that take a hand out of its object and the table, smooth over the frames, metres.
 
     The deepest part of the hand moves along the normal of the surface until none is inside.
     """
@@ -173,6 +192,7 @@ def way_out(solids: Solids, hand: HeldHands) -> Float[Tensor, "T 3"]:
         depth, deepest = (radii - distance.view(radii.shape)).clamp(min=0).max(1)
         shift = depth[:, None] * normal.view(centers.shape)[frames, deepest]
         hand = replace(hand, wrist=hand.wrist + shift)
+        hand = replace(hand, wrist=hand.wrist + raised(hand, table))
     kernel = torch.exp(-0.5 * ((frames - frames[:, None]) / SMOOTH) ** 2)
     return kernel / kernel.sum(1, keepdim=True) @ (hand.wrist - start)
 

@@ -15,8 +15,11 @@ from geneoh.generators.text2hoi.settling import settled, solid_of
 from geneoh.generators.text2hoi.standing import stand
 from geneoh.geometry.mesh import Mesh
 from geneoh.synthesis.pose_prior import FINGER_MEAN
+from geneoh.synthesis.table import Table
 
 RADIUS = 0.035
+TABLE = Table(torch.tensor([[0.0, 0.0, 1.0]]), torch.tensor([RADIUS]))
+"""That the ball lies on, from its middle."""
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +43,7 @@ def stuck():
 
 @pytest.fixture(scope="module")
 def found(solids, stuck):
-    return new_hold(solids, stuck, None, seeded())
+    return new_hold(solids, stuck, None, TABLE, seeded())
 
 
 def test_a_new_hold_is_firm_and_on_the_side_of_the_drawn_hand(solids, stuck, found):
@@ -51,8 +54,13 @@ def test_a_new_hold_is_firm_and_on_the_side_of_the_drawn_hand(solids, stuck, fou
     assert torch.nn.functional.cosine_similarity(found.wrist, stuck.wrist) > 0
 
 
+def test_a_new_hold_is_over_the_table(stuck, found):
+    assert TABLE.depth(*stuck.spheres).amax() > 0.01
+    assert TABLE.depth(*found.spheres).amax() < 0.008
+
+
 def test_a_new_hold_keeps_out_of_the_other_hand(solids, stuck, found):
-    aside = new_hold(solids, stuck, found, seeded())
+    aside = new_hold(solids, stuck, found, TABLE, seeded())
     assert overlap(aside, found).max() < overlap(found, found).max()
 
 
@@ -60,7 +68,7 @@ def test_an_object_that_no_hand_can_hold_gets_no_new_hold(stuck):
     made = trimesh.creation.icosphere(3, 0.9)
     mesh = Mesh(torch.tensor(made.vertices.astype(np.float32)), torch.tensor(made.faces))
     solids = solid_of(stand(mesh, generator=seeded()))[0]
-    assert new_hold(solids, stuck, None, seeded()) is None
+    assert new_hold(solids, stuck, None, TABLE, seeded()) is None
 
 
 def test_a_hand_that_is_stuck_in_what_it_lifts_holds_it(ball):

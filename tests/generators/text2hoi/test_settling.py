@@ -7,7 +7,7 @@ import trimesh
 from draws import seeded
 from made_actions import box_actions, on_object
 
-from geneoh.generators.text2hoi.held_hands import HeldHands, moving, overlap
+from geneoh.generators.text2hoi.held_hands import HeldHands, moving, overlap, table_of
 from geneoh.generators.text2hoi.settling import beside, settled, solid_of, way_out
 from geneoh.generators.text2hoi.standing import stand
 from geneoh.geometry.distance import SurfaceDistance
@@ -80,6 +80,29 @@ def test_a_hand_that_never_touches_stays_as_it_is(rod):
 
 
 @pytest.mark.parametrize("side", [0, 1])
+def test_the_table_is_where_the_world_has_it(rod, side):
+    actions, middle = sunk(rod, side), torch.tensor([0.1, 0.2, 0.3])
+    turn = axis_angle_to_matrix(torch.tensor([[0.3, -0.5, 0.2]])).expand(1, 24, 3, 3)
+    actions = replace(actions, rotation=turn)
+    hand, table = HeldHands.of(actions, side, middle), table_of(actions, side, middle)
+    depth = table.depth(hand.wrist[:, None], torch.zeros(24, 1))[:, 0]
+    torch.testing.assert_close(-depth, actions.wrist[0, side, :, 2], atol=1e-6, rtol=1e-4)
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_a_hand_that_reaches_through_the_table_holds_the_object_over_it(rod, side):
+    before = sunk(rod, side)
+    down = torch.tensor([0.0, 0.0, -0.06]) * before.hands[:, :, None, None]
+    before = replace(before, wrist=before.wrist + down)
+    after = settled(before, rod, generator=seeded())
+    assert before.keypoints()[0, side, :, :, 2].amin() < -0.02
+    assert after.keypoints()[0, side, :, :, 2].amin() > 0
+    assert depth_of(after, rod, side) < 0
+    gap = after.keypoints()[0, side] - after.translation[0, :, None]
+    assert (gap[..., :2].norm(dim=-1) - RADIUS).amin() < 0.015
+
+
+@pytest.mark.parametrize("side", [0, 1])
 def test_a_hand_that_slides_on_what_it_carries_keeps_its_place(rod, side):
     before = sunk(rod, side)
     slide = torch.linspace(-0.02, 0.02, 24)[:, None] * torch.tensor([0.0, 0, 1])
@@ -122,10 +145,11 @@ def test_a_hand_in_another_one_makes_way_by_no_more_than_it_needs():
 
 def test_the_way_out_is_as_long_as_the_hand_is_deep_and_nothing_outside(rod):
     solids, middle = solid_of(rod)
+    table = table_of(sunk(rod, 1), 1, middle)
     inside = HeldHands.of(sunk(rod, 1), 1, middle)
     far = replace(inside, wrist=inside.wrist + torch.tensor([0.0, 0.3, 0.0]))
-    assert not way_out(solids, far).any()
-    found = replace(inside, wrist=inside.wrist + way_out(solids, inside))
+    assert not way_out(solids, far, table).any()
+    found = replace(inside, wrist=inside.wrist + way_out(solids, inside, table))
     assert depth_in(solids, inside) > 0.01
     assert depth_in(solids, found) < 0.004
 
