@@ -14,7 +14,7 @@ from geneoh.generators.text2hoi.settling import settled
 from geneoh.generators.text2hoi.standing import StandingObject
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.reconstruction import mesh_of_points
-from geneoh.pipeline.denoise import denoise
+from geneoh.pipeline.denoise import clean_interaction
 from geneoh.pipeline.options import Options
 from geneoh.progress import OnStep
 from geneoh.synthesis.actions import Actions
@@ -63,7 +63,7 @@ def refined_clip(clip: Actions, seed: int) -> Actions:
         settle = partial(settled, stood=stood, generator=torch.Generator().manual_seed(seed))
     clip = finished(clip, settle)
     sequence = sequence_of(clip, 0, meshes)
-    clean = denoise(sequence, Options(trust_object=True, seed=seed)).sequence
+    clean = clean_interaction(sequence, Options(trust_object=True, seed=seed)).sequence
     pose, wrist = clip.pose.clone(), clip.wrist.clone()
     for track in clean.hands:
         side, frames = SIDES.index(track.side), slice(track.frames)

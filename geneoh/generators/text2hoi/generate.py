@@ -21,7 +21,7 @@ from geneoh.generators.text2hoi.sampling import SamplingConfig, sample
 from geneoh.generators.text2hoi.settling import settled
 from geneoh.generators.text2hoi.standing import StandingObject, stand
 from geneoh.geometry.mesh import Mesh, load_mesh
-from geneoh.pipeline.denoise import denoise
+from geneoh.pipeline.denoise import clean_interaction
 from geneoh.pipeline.options import Options
 from geneoh.pipeline.results import Denoised
 from geneoh.progress import OnProgress
@@ -126,9 +126,9 @@ def generate(
     actions = finished(actions, settle if options.refine == "geneoh" else None)
     sequence, refined = placed(actions, stood, prompt.sentence), None
     if options.refine == "geneoh":
-        refined = denoise(
-            sequence, Options(trust_object=True, seed=options.seed), on_progress=on_progress
-        )
+        # no tracker can have lost these hands: one that stands still at its object is meant to
+        cleaning = Options(trust_object=True, seed=options.seed)
+        refined = clean_interaction(sequence, cleaning, on_progress)
         # the cleaner may leave a hand that is on its way at either end
         time = eased_time(frames, torch.tensor([[frames - 1.0]]))[0]
         sequence = replace(at_times(refined.sequence, time), source=sequence.source)

@@ -136,7 +136,7 @@ def test_objects_rest_where_no_hand_touches_them(mug, monkeypatch):
 def test_the_cleaner_mends_hands_that_were_brought_to_the_surface(mug, monkeypatch):
     order = []
 
-    def cleaned(sequence, options, **more):
+    def cleaned(sequence, options, on_progress):
         order.append("cleaned")
         assert options.trust_object
         return Denoised(sequence, {}, ())
@@ -145,7 +145,7 @@ def test_the_cleaner_mends_hands_that_were_brought_to_the_surface(mug, monkeypat
         order.append("settled")
         return actions
 
-    monkeypatch.setattr(module, "denoise", cleaned)
+    monkeypatch.setattr(module, "clean_interaction", cleaned)
     monkeypatch.setattr(module, "settled", brought)
     made = generate("Lift the mug.", mug, replace(PLAIN, refine="geneoh"))
     assert order == ["settled", "cleaned"]
