@@ -60,17 +60,22 @@ class Fault:
 
 def without_faults(sequence: Sequence) -> tuple[Sequence, tuple[str, ...]]:
     """The sequence whose faulty frames count as missing, and what a user should know of them."""
-    hands, said = [], []
-    for hand in sequence.hands:
-        for fault in faults(hand, sequence.fps):
-            what, cure = f"the {hand.side} hand {fault.words}", "were taken as missing"
-            if fault.of_fingers:
-                hand, cure = with_other_fingers(hand, fault.frames), "got those around them"
-            else:
-                hand = replace(hand, valid=hand.valid & ~fault.frames)
-            said.append(f"{int(fault.frames.sum())} frames in which {what} {cure}")
-        hands.append(hand)
-    return replace(sequence, hands=tuple(hands)), tuple(said)
+    found = [without_faults_of(hand, sequence.fps) for hand in sequence.hands]
+    said = tuple(words for _, each in found for words in each)
+    return replace(sequence, hands=tuple(hand for hand, _ in found)), said
+
+
+def without_faults_of(hand: HandTrack, fps: float) -> tuple[HandTrack, tuple[str, ...]]:
+    """One hand without its faults, and what a user should know of them."""
+    said: list[str] = []
+    for fault in faults(hand, fps):
+        what, cure = f"the {hand.side} hand {fault.words}", "were taken as missing"
+        if fault.of_fingers:
+            hand, cure = with_other_fingers(hand, fault.frames), "got those around them"
+        else:
+            hand = replace(hand, valid=hand.valid & ~fault.frames)
+        said.append(f"{int(fault.frames.sum())} frames in which {what} {cure}")
+    return hand, tuple(said)
 
 
 def with_other_fingers(hand: HandTrack, frames: Bool[Tensor, " T"]) -> HandTrack:

@@ -22,6 +22,7 @@ from geneoh.hand.model import HandModel
 from geneoh.objects.cleaning import clean_object
 from geneoh.objects.evidence import evidence_of_nearness, evidence_of_poses
 from geneoh.pipeline.context import StageContext
+from geneoh.pipeline.faults import without_faults_of
 from geneoh.pipeline.observed import Observed
 from geneoh.pipeline.presets import PlacePlan, Preset
 from geneoh.pipeline.results import clean_track
@@ -171,9 +172,10 @@ class RecentHand:
             self._ready.extend([None] * (stop - self._done))
             self._done, self._out, self._target = stop, None, None
             return
-        first = self._pushed - track.frames
+        first, whole = self._pushed - track.frames, track
+        track, _ = without_faults_of(track, NETWORK_FPS)
         subject = self._subject(track)
-        given = self._parameters(subject, track, first)
+        given = self._parameters(subject, track, first, frames_alike(whole, track))
         subject = subject.completed(given)
         surface, poses, near, noise = self._object(fill_object(motion), subject)
         stages = RecentRun(
@@ -231,24 +233,26 @@ class RecentHand:
             self._shape = subject
         return subject
 
-    def _parameters(self, subject: Subject, track: HandTrack, first: int) -> HandState:
-        """Parameters of the input; where it has none, only frames new since then are fitted."""
+    def _parameters(
+        self, subject: Subject, track: HandTrack, first: int, settled: int
+    ) -> HandState:
+        """Parameters of the input; where it has none, only frames new since then are fitted, and
+        those that are not among the first `settled`, which more frames may show to be no fault.
+        """
         if subject.start is not None:
             return subject.start
-        since = 0
-        if self._given is not None:
-            since = max(self._given[0] + self._given[1].wrist.shape[1] - first - HELD, 0)
-        new = slice(since, None)
-        joints, trust = subject.joints[None, new], subject.fit_trust[None, new]
+        joints, trust = subject.joints[None], subject.fit_trust[None]
         start = start_from_keypoints(joints, subject.shaped, trust)
-        if since and self._given is not None:
-            before = self._given[1][first - self._given[0] :]
-            start = concatenated([before[since:], start[HELD:]])
-        found = fit_keypoints(joints, trust, subject.shaped, start)
-        if since and self._given is not None:
-            found = concatenated([self._given[1][first - self._given[0] :][:since], found])
+        known = 0
+        if self._given is not None:
+            before = self._given[1][first - self._given[0] :][:settled]
+            start = concatenated([before, start[before.wrist.shape[1] :]])
+            known = max(before.wrist.shape[1] - HELD, 0)
+        new = slice(known, None)
+        found = fit_keypoints(joints[:, new], trust[:, new], subject.shaped, start[new])
+        found = concatenated([start[:known], found])
         observed = int(track.observed.nonzero()[-1]) + 1  # what is filled after it may change
-        self._given = first, found[:observed]
+        self._given = first, found[: min(observed, settled)]
         return found
 
     def _object(
@@ -319,6 +323,12 @@ class RecentHand:
         state = state[held : held + stop - self._done]
         self._out = (state if self._out is None else concatenated([self._out, state]))[-HELD:]
         return state, _joints(subject, state)[0]
+
+
+def frames_alike(one: HandTrack, other: HandTrack) -> int:
+    """How many frames at the start of two tracks of a hand are the same."""
+    differ = (one.trust != other.trust).any(-1).nonzero()
+    return int(differ[0]) if len(differ) else one.frames
 
 
 def _joints(subject: Subject, state: HandState) -> Float[Tensor, "S T 21 3"]:

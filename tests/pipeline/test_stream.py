@@ -231,3 +231,26 @@ def test_keypoints_without_confidence_are_a_lost_hand(noisy):
             frames.append(stream.push(hand, pose))
         found.append(joints_of([frame for frame in frames if frame] + stream.flush()))
     assert torch.equal(*found)
+
+
+@pytest.mark.parametrize("keys", [False, True])
+def test_a_hand_that_is_elsewhere_for_some_frames_leads_no_stream_away(noisy, clean, keys):
+    """The faulty frames begin and end in the middle of what a push makes."""
+    hand, wrong = noisy.hands[0], slice(70, 76)
+    away = hand.joints.clone()
+    away[wrong] += torch.tensor([0.3, 0.0, 0.2])
+    stream = Stream(noisy.object.meshes, side="left")
+    matrix = torch.eye(4).repeat(noisy.frames, 1, 1)
+    matrix[:, :3, :3] = noisy.object.rotation[:, 0]
+    matrix[:, :3, 3] = noisy.object.translation[:, 0]
+    made = []
+    for frame in range(100):
+        given = {"joints": away[frame]}
+        if not keys:
+            given |= {"pose": hand.pose[frame], "wrist": away[frame, 0]}
+        made.append(stream.push(given, matrix[frame]))
+    done = [frame for frame in made if frame is not None] + stream.flush()
+    joints = torch.cat([frame.hand.joints for frame in done])
+    off = (joints - clean.hands[0].joints[:100]).norm(dim=-1).mean(-1)
+    assert off[wrong].max() < 0.04
+    assert off[76:].mean() < 0.03
