@@ -17,6 +17,8 @@ POINTS = 1024
 """Points of an object (paper)."""
 LARGEST = 2.0
 """Largest side of an object that hands move, metres."""
+THICKEST = 0.25
+"""Smallest side of an object beyond which hands end up inside, because none was learned, metres."""
 SMALLEST = 0.004
 """Smallest of its largest sides, metres."""
 NEAREST = 3  # points from which a vertex takes its contact
@@ -55,15 +57,23 @@ def stand(mesh: Mesh, up: Axis = "z", *, generator: torch.Generator) -> Standing
     """The mesh with an axis of its frame up, its lowest point on the table, over the origin.
 
     Raises:
-        InputError: the mesh is too large or too small for hands; it is not in metres then.
+        InputError: the mesh is too large, too thick or too small for hands; it is not in metres
+            then.
     """
-    size = float((mesh.verts.amax(0) - mesh.verts.amin(0)).amax())
+    sides = mesh.verts.amax(0) - mesh.verts.amin(0)
+    size, thickness = float(sides.amax()), float(sides.amin())
     if not SMALLEST <= size <= LARGEST:
         name = mesh.source or "the mesh"
         unit = "mm or cm" if size > LARGEST else "m or cm"
         raise InputError(
             f"{name}: expected an object of {SMALLEST:g} to {LARGEST:g} m for hands, got "
             f"{size:.3g} m; pass --unit {unit}, or scale it"
+        )
+    if thickness > THICKEST:
+        raise InputError(
+            f"{mesh.source or 'the mesh'}: expected an object that is at most {THICKEST:g} m thick "
+            f"for hands, got {thickness:.3g} m on its shortest side; pass --unit if it is not in "
+            "metres, or scale it"
         )
     rotation = turn_up(up)
     found = sample_surface(mesh, POINTS, generator=generator)

@@ -65,7 +65,7 @@ def test_a_new_hold_keeps_out_of_the_other_hand(solids, stuck, found):
 
 
 def test_an_object_that_no_hand_can_hold_gets_no_new_hold(stuck):
-    made = trimesh.creation.icosphere(3, 0.9)
+    made = trimesh.creation.icosphere(3, 0.12)
     mesh = Mesh(torch.tensor(made.vertices.astype(np.float32)), torch.tensor(made.faces))
     solids = solid_of(stand(mesh, generator=seeded()))[0]
     assert new_hold(solids, stuck, None, TABLE, seeded()) is None
