@@ -201,7 +201,7 @@ def _clean(
             target, subject, given, chosen, surface, evidence, progress_of("fit")
         )
         joints = shaped.joints_from_rotations(state.rotations, state.wrist)[0]
-    spread = joint_spread(samples) if len(samples) > 1 else None
+    spread = joint_spread(samples, alone=1 - evidence) if len(samples) > 1 else None
     observed = hand.track.observed  # the report compares the same frames before and after
     before, _ = measure_hand(given, subject.shaped, subject.joints, surface, hand.fps, observed)
     after, apart = measure_hand(state, shaped, joints, surface, hand.fps, observed, within=REACH)

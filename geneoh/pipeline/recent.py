@@ -201,7 +201,7 @@ class RecentHand:
         evidence = near * poses
         state, joints = self._fitted(subject, given, target, surface, evidence, first, stop)
         new = slice(self._done - first, stop - first)
-        spread = joint_spread(samples)[new] if len(samples) > 1 else None
+        spread = joint_spread(samples, alone=1 - evidence)[new] if len(samples) > 1 else None
         made = clean_track(state, joints, subject.betas, self._model.name, spread)
         self._ready.extend(made[frame : frame + 1] for frame in range(stop - self._done))
         self._done = stop

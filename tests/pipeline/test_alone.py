@@ -11,6 +11,7 @@ import torch
 import geneoh
 from geneoh.baselines.filters import TUNED, filtered
 from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.metrics.accuracy import within_spread
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
@@ -95,3 +96,11 @@ def test_the_papers_preset_cleans_a_hand_alone(noisy, monkeypatch):
     options = geneoh.Options(preset="paper", steps=3)
     cleaned = geneoh.denoise(alone(noisy)[50:54], options)
     assert cleaned.sequence.hands[0].joints.isfinite().all()
+
+
+def test_the_radius_of_a_hand_alone_holds_most_of_the_truth(clean):
+    noise = torch.Generator().manual_seed(3)
+    noisy = corrupt_sequence(alone(clean[:60]), "gauss", generator=noise)
+    cleaned = geneoh.denoise(noisy).sequence.hands[0]
+    truth = clean.hands[0].joints[:60]
+    assert within_spread(cleaned.joints, truth, cleaned.joint_spread).mean() > 0.7

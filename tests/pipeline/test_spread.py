@@ -1,7 +1,7 @@
 import torch
 from draws import normal
 
-from geneoh.pipeline.spread import LASTING, SCALE, joint_spread
+from geneoh.pipeline.spread import ALONE, LASTING, SCALE, joint_spread
 from geneoh.sequence import windows
 
 
@@ -15,6 +15,13 @@ def test_the_spread_is_the_scaled_deviation_over_samples():
     expected = torch.full((3, 21), SCALE * 0.004 * 3**0.5)
     expected[:, 4] *= 2
     torch.testing.assert_close(joint_spread(samples), expected, atol=0, rtol=0.05)
+
+
+def test_a_hand_that_is_cleaned_by_itself_is_less_sure():
+    samples = 0.004 * normal(4, 3, 21, 3)
+    found = joint_spread(samples, alone=torch.tensor([0.0, 0.5, 1.0]))
+    share = torch.tensor([1.0, (1 + ALONE) / 2, ALONE])[:, None]
+    torch.testing.assert_close(found, share * joint_spread(samples))
 
 
 def test_a_common_motion_is_no_disagreement():
