@@ -158,6 +158,8 @@ def cleaner_task(
     if start is not None:
         chosen, weights = started_from(None if start == Path("shipped") else start, stage, chosen)
     asked, readers = [parsed_source(text) for text in sources], ReaderOptions(mano_dir=mano)
+    if not any(one.source for one in asked):
+        refuse_unused(f"{stage} and made interactions", "mano")
     data = training_data(asked, folder / "recordings", chosen, readers, on_progress=on_progress)
     motion = load_motion(folder).to(place) if stage in FOLLOWS else None
     task = StageTask(stage, chosen, data.training, data.validation, motion, data.record)
@@ -183,6 +185,8 @@ def generator_task(
     if stage == "text":
         refuse_unused(stage, "sources", "text_encoder", "mano")
     data = parsed_source(only_source(stage, sources, ACTIONS))
+    if not data.source:
+        refuse_unused(f"{stage} and made actions", "mano")
     learned = Learned(data, folder, text_encoder, ReaderOptions(mano_dir=mano))
     return task(stage, options.find_config(config), settings, learned, on_progress)
 

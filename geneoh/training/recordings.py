@@ -161,7 +161,8 @@ def write_shard(
         if not 1 <= parts <= PARTS:
             raise InputError(
                 f"{recording.name}: expected an object of 1 to {PARTS} meshes, got {parts}; "
-                "leave it out, or give its mesh"
+                "leave it out, or convert it with `geneoh convert --obj` and learn from the result "
+                f"as {SEQUENCES}=FOLDER"
             )
         for hand in normalised_hands(recording.sequence):
             cuts += cut_hand(recording, hand, config, left_out)

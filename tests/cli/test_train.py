@@ -164,6 +164,20 @@ def test_networks_of_the_generator_need_a_folder_of_actions(geneoh, tmp_path):
     assert "--text-encoder: expected none with --stage motion" in cleaner.stderr
 
 
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("motion", "--mano", "m"), "--mano: expected none with --stage motion and made interact"),
+        (("contact", "--mano", "m"), "--mano: expected none with --stage contact and made actions"),
+        (("contact", "--set", "recorded.held_out=s9"), "recorded: expected no settings of record"),
+    ],
+)
+def test_options_of_recordings_are_refused_with_made_data(geneoh, words, told):
+    refused = geneoh("train", "--stage", *words, "-o", "run")
+    assert refused.exit_code == 2
+    assert told in refused.stderr
+
+
 def test_the_generator_learns_lengths_and_contact_from_recordings_of_a_data_set(geneoh, tmp_path):
     labelled_h2o(tmp_path / "h2o", POUR_MILK)
     mano = write_mano(tmp_path / "mano")

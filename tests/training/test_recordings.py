@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 from safetensors.torch import safe_open
-from trees import CASES, scene, write_mano
+from trees import CASES, landmarks, scene, write_mano
 
 import geneoh
 from geneoh.errors import InputError
@@ -243,6 +243,12 @@ def test_what_cannot_be_read_is_told_and_the_rest_is_used(example, tmp_path):
     assert len(shards) == 1
     assert len(problems) == 1
     assert "broken: not read," in problems[0]
+
+
+def test_a_hand_without_an_object_is_to_be_converted_with_one(tmp_path):
+    landmarks(tmp_path, scene(), False)
+    with pytest.raises(InputError, match=r"got 0; .*`geneoh convert --obj` .* sequences=FOLDER"):
+        make_shards("landmarks", tmp_path, tmp_path / "out", SHORT, ReaderOptions())
 
 
 def test_a_source_without_anything_to_read_is_refused(example, tmp_path):

@@ -28,8 +28,14 @@ def action_data(
 
     Raises:
         InputError: there are no actions, or files cannot be read.
-        ConfigError: the source is none with labels of actions.
+        ConfigError: the source is none with labels of actions, or settings of recordings are given
+            for made actions.
     """
+    if not data.source and config != RecordedConfig():
+        raise ConfigError(
+            f"recorded: expected no settings of recordings with the made actions of {data.path}, "
+            "got some; leave them out"
+        )
     if not data.source:
         training, validation = (
             ActionData(actions, tuple(names))
