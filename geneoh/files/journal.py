@@ -51,13 +51,15 @@ def append_journal(path: Path, records: Iterable[Record]) -> None:
 
 
 @contextmanager
-def only_run_in(folder: Path) -> Iterator[None]:
+def only_run_in(folder: Path, name: str = LOCK) -> Iterator[None]:
     """Make a folder and keep other runs out of it; the system lets go of it when a process dies.
+
+    `name` is that of the file that keeps out runs with the same one.
 
     Raises:
         InputError: another run is working in it, or it cannot be written to.
     """
-    path = folder / LOCK
+    path = folder / name
     make_folder(folder)
     try:
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)

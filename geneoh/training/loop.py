@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
@@ -12,7 +13,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from geneoh.errors import CheckpointError, ConfigError
-from geneoh.files.atomic import make_folder
+from geneoh.files.journal import only_run_in
 from geneoh.nn.checkpoint import load_checkpoint, save_checkpoint
 from geneoh.nn.precision import multiply_in, quick_precision
 from geneoh.training.optimizer import Optimizer
@@ -140,11 +141,25 @@ def train(
             steps.
         ConfigError: there are fewer samples in a batch than pieces to divide it into, or the loss
             is no number.
-        InputError: the folder cannot be made.
+        InputError: the folder cannot be made, or another run of the task is working in it.
     """
-    team, config = team or Team(), task.config
-    check_division(config, team)
-    make_folder(folder)
+    team = team or Team()
+    check_division(task.config, team)
+    with only_run_in(folder, f".{task.name}.lock") if not team.rank else nullcontext():
+        return train_alone(task, folder, device=device, start=start, on_step=on_step, team=team)
+
+
+def train_alone(
+    task: Task,
+    folder: Path,
+    *,
+    device: torch.device,
+    start: Mapping[str, Tensor] | None,
+    on_step: Callable[[Progress], None] | None,
+    team: Team,
+) -> Path:
+    """Train in a folder in which no other run of the task works; see `train`."""
+    config = task.config
     state_path, log_path = (
         folder / f"{task.name}_{what}" for what in ("state.safetensors", "log.csv")
     )

@@ -33,6 +33,24 @@ def test_a_run_is_continued_with_more_steps(tmp_path, clips, tiny):
     assert load_checkpoint(tmp_path / "motion_state.safetensors").record["step"] == 3
 
 
+def test_a_second_run_of_a_stage_is_kept_out_of_a_folder(tmp_path, clips, tiny):
+    def meanwhile(stage):
+        def begin(progress):
+            if progress.step == 1:
+                train_stage(stage, replace(tiny, seed=1), clips, clips, tmp_path, device=CPU)
+
+        return begin
+
+    with pytest.raises(InputError, match="another run is working in it"):
+        train_stage("motion", tiny, clips, clips, tmp_path, device=CPU, on_step=meanwhile("motion"))
+    train_stage("motion", tiny, clips, clips, tmp_path, device=CPU, on_step=meanwhile("regression"))
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        f"{stage}{what}"
+        for stage in ("motion", "regression")
+        for what in (".safetensors", "_log.csv", "_state.safetensors")
+    ]
+
+
 def test_a_run_of_more_steps_than_are_asked_for_is_not_cut_short(tmp_path, clips, tiny):
     train_stage("motion", tiny, clips, clips, tmp_path, device=CPU)
     before = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
