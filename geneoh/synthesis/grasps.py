@@ -32,7 +32,6 @@ from geneoh.synthesis.pose_prior import FINGER_HIGH, FINGER_LOW, FINGER_STD, bey
 from geneoh.synthesis.solids import Solids
 from geneoh.synthesis.table import Table
 
-
 SOFT = 0.004
 """How deep a hand reaches into the table without cost, metres: fingers that reach under what lies
 on it give way."""
