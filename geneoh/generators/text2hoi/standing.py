@@ -17,7 +17,7 @@ POINTS = 1024
 """Points of an object (paper)."""
 LARGEST = 2.0
 """Largest side of an object that hands move, metres."""
-THICKEST = 0.25
+THICKEST = 0.2
 """Smallest side of an object beyond which hands end up inside, because none was learned, metres."""
 SMALLEST = 0.004
 """Smallest of its largest sides, metres."""

@@ -88,7 +88,7 @@ def test_objects_that_are_not_for_hands_are_refused_with_the_cure(factor, said):
 
 @pytest.mark.parametrize("sides", [(1.0, 1.0, 1.0), (0.5, 0.4, 0.3)])
 def test_an_object_that_hands_end_up_inside_of_is_refused(sides):
-    with pytest.raises(InputError, match=r"at most 0\.25 m thick for hands, got"):
+    with pytest.raises(InputError, match=r"at most 0\.2 m thick for hands, got"):
         stand(box(sides), generator=torch.Generator().manual_seed(0))
 
 
