@@ -69,12 +69,13 @@ def without_faults_of(hand: HandTrack, fps: float) -> tuple[HandTrack, tuple[str
     """One hand without its faults, and what a user should know of them."""
     said: list[str] = []
     for fault in faults(hand, fps):
-        what, cure = f"the {hand.side} hand {fault.words}", "were taken as missing"
         if fault.of_fingers:
-            hand, cure = with_other_fingers(hand, fault.frames), "got those around them"
+            hand, cure = with_other_fingers(hand, fault.frames), "got those of the frames around"
         else:
-            hand = replace(hand, valid=hand.valid & ~fault.frames)
-        said.append(f"{int(fault.frames.sum())} frames in which {what} {cure}")
+            hand, cure = replace(hand, valid=hand.valid & ~fault.frames), "taken as missing"
+        count = int(fault.frames.sum())
+        where = "1 frame" if count == 1 else f"{count} frames"
+        said.append(f"the {hand.side} hand {fault.words} in {where}: {cure}")
     return hand, tuple(said)
 
 
@@ -217,10 +218,10 @@ def other_side(track: Track) -> Bool[Tensor, " T"]:
 
 
 FAULTS = (
-    (repeated, "repeats the frame before, and leaps before and after", False),
-    (stiff, "has fingers that keep still for a while, and leap before and after", True),
+    (repeated, "repeats the frame before, between two leaps,", False),
+    (stiff, "has fingers that keep still, between two leaps,", True),
     (displaced, "is where no motion brings it", False),
     (turned_over, "is turned as no motion turns it", False),
-    (other_side, "is bent backward, as one of the other side", False),
+    (other_side, "is bent backward, as one of the other side,", False),
 )
 """What finds the frames of each fault, its words, and whether it is of the fingers alone."""

@@ -323,13 +323,13 @@ SITUATIONS = [
     ),
     Situation(
         "The hand is elsewhere in a frame",
-        "1 frames in which the left hand is where no motion brings it were taken as missing",
+        "the left hand is where no motion brings it in 1 frame: taken as missing",
         with_faulty_frame(lambda joints: joints[5] + 0.3),
         code=0,
     ),
     Situation(
         "The hand is turned over in a frame",
-        "1 frames in which the left hand is turned as no motion turns it were taken as missing",
+        "the left hand is turned as no motion turns it in 1 frame: taken as missing",
         with_faulty_frame(
             lambda joints: 2 * joints[5].mean(0) * [1, 1, 0] + joints[5] * [-1, -1, 1]
         ),
@@ -337,13 +337,13 @@ SITUATIONS = [
     ),
     Situation(
         "The hand is of the other side in a frame",
-        "1 frames in which the left hand is bent backward ... were taken as missing",
+        "the left hand is bent backward ... in 1 frame: taken as missing",
         with_faulty_frame(lambda joints: reflected_at_the_palm(joints[5])),
         code=0,
     ),
     Situation(
         "The hand repeats a frame",
-        "1 frames in which the left hand repeats the frame before ... were taken as missing",
+        "the left hand repeats the frame before ... in 1 frame: taken as missing",
         with_faulty_frame(lambda joints: joints[4]),
         code=0,
     ),
