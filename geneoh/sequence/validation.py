@@ -4,6 +4,8 @@ Shapes and finite hands are checked where tracks are built; here the size of the
 The limits lie far outside of what a hand does, so that noise does not reach them.
 """
 
+from dataclasses import replace
+
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
@@ -188,11 +190,27 @@ def check_distance(hand: HandTrack, motion: ObjectTrack, name: str) -> None:
     """Refuse a hand that never comes near its object: other units, another frame, other object."""
     nearest = least_distance(hand, motion)
     if nearest > FARTHEST_HAND:
+        remedy = (
+            "check that both are in metres and in the same frame, and that the object's poses are "
+            "given (--object-pose)"
+        )
+        if (other := least_distance(hand, inverted(motion))) < FARTHEST_HAND:
+            remedy = (
+                f"inverted, the object's poses bring it to {max(other, 0):.2g} m: they seem to be "
+                "world to object; invert them to object to world"
+            )
         raise InputError(
             f"{name}: the {hand.side} hand must come near the object, got a wrist that stays "
-            f"{nearest:.3g} m away from it; check that both are in metres and in the same frame, "
-            "and that the object's poses are given (--object-pose)"
+            f"{nearest:.3g} m away from it; {remedy}"
         )
+
+
+def inverted(motion: ObjectTrack) -> ObjectTrack:
+    """The track whose poses are the inverses."""
+    back = motion.rotation.mT
+    return replace(
+        motion, rotation=back, translation=-(back @ motion.translation[..., None])[..., 0]
+    )
 
 
 def least_distance(hand: HandTrack, motion: ObjectTrack) -> float:

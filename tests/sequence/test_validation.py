@@ -51,6 +51,20 @@ def test_a_hand_far_from_the_object_is_refused_only_where_there_is_a_mesh():
     check_sequence(replace(GOOD, object=replace(far, meshes=())))
 
 
+def test_a_far_object_whose_inverse_poses_are_near_is_said_to_be_inverted():
+    shift = torch.tensor([2.0, 0.0, 0.0])
+    hand = replace(HAND, joints=HAND.joints + shift)
+    with pytest.raises(InputError, match="world to object; invert them"):
+        check_sequence(
+            replace(
+                GOOD, hands=(hand,), object=replace(OBJECT, translation=-shift.expand(FRAMES, 1, 3))
+            )
+        )
+    far = replace(OBJECT, translation=shift.flip(0).expand(FRAMES, 1, 3))
+    with pytest.raises(InputError, match="same frame"):
+        check_sequence(replace(GOOD, hands=(hand,), object=far))
+
+
 def test_one_near_frame_is_near_enough():
     away = OBJECT.translation + torch.linspace(0, 5, FRAMES)[:, None, None]
     check_sequence(replace(GOOD, object=replace(OBJECT, translation=away)))
