@@ -57,6 +57,8 @@ class PartTrack:
     places: Track
     noise: tuple[float, float]
     """Deviations of the white noise per axis, radians and metres."""
+    drift: tuple[float, float]
+    """Deviations of the noise that lasts, per axis, radians and metres."""
     known: Bool[np.ndarray, " T"]
     """False in frames that are filled or left out."""
 
@@ -134,7 +136,7 @@ def grip_of(frame: Frame, smooth: PartTrack) -> Grip:
     onto = turns.as_matrix()
     for run in runs(np.append(frame.near, frame.near[-1])):
         if smooth.known[run].sum() >= SHORTEST_GRIP:
-            found = usual_grip(turns[run], places[run], smooth.noise, smooth.known[run])
+            found = usual_grip(turns[run], places[run], smooth.drift, smooth.known[run])
             onto[run], held[run], weights[:, run] = found
     return Grip(
         Rotation.from_matrix(frame.rotation @ onto),
@@ -170,7 +172,7 @@ def could_rest(frame: Frame, smooth: PartTrack) -> Bool[np.ndarray, " N"]:
     for back in (0, LAG // 2, LAG - 1):
         start = (steps - back).clip(0, len(steps) - LAG)
         found = frame.left(smooth.turns, smooth.places, start, LAG)
-        drift = np.hypot(smooth.noise, (EXACT_ROTATION, EXACT_TRANSLATION))
+        drift = np.hypot(smooth.drift, (EXACT_ROTATION, EXACT_TRANSLATION))
         units = [np.square(x).sum(1) / 3 / d**2 for x, d in zip(found, drift, strict=True)]
         both = smooth.known[start] & smooth.known[start + LAG]
         least = np.where(both, np.minimum(least, sum(units)), least)

@@ -5,7 +5,9 @@ like motion. But an object moves for one reason only: a hand moves it. So the tr
 its observation are solved for together, by least squares over all frames: wherever drift alone may
 explain that the object does not seem to rest, in the world or in a hand, it rests there. A hand
 that holds it loosely has it back in the same grip, give or take what it was seen to move in the
-hand beyond its noise. No pose is taken farther from the smooth track than its noise explains.
+hand beyond its noise. How much of the noise drifts is told by the stretches in which the object
+rests in the world (`geneoh.objects.drift`). No pose is taken farther from the smooth track than its
+noise explains.
 """
 
 from collections.abc import Sequence
@@ -19,7 +21,14 @@ from scipy.ndimage import uniform_filter1d
 from scipy.sparse.linalg import spsolve
 from scipy.spatial.transform import Rotation
 
-from geneoh.objects.cleaning import EXACT_ROTATION, EXACT_TRANSLATION, ObjectExamination
+from geneoh.objects.cleaning import (
+    EXACT_ROTATION,
+    EXACT_TRANSLATION,
+    ObjectExamination,
+    steadiest,
+    symmetry_of,
+)
+from geneoh.objects.drift import DRIFT_SECONDS, size_of_drift
 from geneoh.objects.holding import (
     LAG,
     RADIANS_PER_METRE,
@@ -34,11 +43,8 @@ from geneoh.objects.holding import (
     grip_of,
 )
 from geneoh.objects.smoothing import FREEDOM, LEAST_ACCELERATION, WINDOW
-from geneoh.objects.symmetry import box_center
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 
-DRIFT_SECONDS = 0.5
-"""Correlation time of the drift."""
 FREE_DRIFT = 0.3
 """Deviation of the drift where the object neither rests nor is held, in units of the noise: nothing
 tells it from motion there."""
@@ -77,13 +83,10 @@ def refine_part(
     fps: float,
 ) -> tuple[Float64[np.ndarray, "T 3 3"], Track]:
     """Rotations and translations of one part."""
-    center = box_center(smooth.meshes[part])
-
-    def poses(track: ObjectTrack) -> tuple[Rotation, Track]:
-        turns = Rotation.from_matrix(track.rotation[:, part].double().cpu().numpy())
-        return turns, turns.apply(center) + track.translation[:, part].double().cpu().numpy()
-
-    first, seen = poses(smooth), poses(examined.aligned)
+    first, seen = poses_of(smooth, part), poses_of(examined.aligned, part)
+    # the noise was measured there
+    center = steadiest(*seen, (symmetry_of(smooth.meshes[part]).center, np.zeros(3)))
+    first, seen = ((turns, turns.apply(center) + places) for turns, places in (first, seen))
     confidence = examined.confidence[:, part].double().cpu().numpy()
     lost = (confidence == 0) & ~examined.left_out[:, part].cpu().numpy()
     noise = (
@@ -99,7 +102,20 @@ def refine_part(
         np.ones(steps, dtype=bool),
         RESTS,
     )
-    track = PartTrack(*first, noise, known=confidence > 0)
+    known = confidence > 0
+    path_seen = path(first[0]) + (seen[0] * first[0].inv()).as_rotvec()
+    share = size_of_drift(
+        [
+            values / size
+            for values, size, exact in zip(
+                (path_seen, seen[1]), noise, (EXACT_ROTATION, EXACT_TRANSLATION), strict=True
+            )
+            if size > exact
+        ],
+        known,
+        fps,
+    )
+    track = PartTrack(*first, noise, (share * noise[0], share * noise[1]), known)
     frames = [world, *(frame_of(hand, smooth, part, track.known) for hand in hands)]
     grips = [grip_of(frame, track) for frame in frames[1:]]
     frames = [replace(f, near=f.near & could_rest(f, track)) for f in frames]
@@ -107,12 +123,18 @@ def refine_part(
     for grip in grips:
         start = grip.taken(start, lost)
     turns, places = resting(
-        frames, grips, start, seen, weights, noise, np.exp(-1 / (DRIFT_SECONDS * fps))
+        frames, grips, start, seen, weights, track, np.exp(-1 / (DRIFT_SECONDS * fps))
     )
     step = bounded((turns * first[0].inv()).as_rotvec(), noise[0], track.known)
     turns = Rotation.from_rotvec(step) * first[0]
     places = first[1] + bounded(places - first[1], noise[1], ~lost)
     return turns.as_matrix(), places - turns.apply(center)
+
+
+def poses_of(track: ObjectTrack, part: int) -> tuple[Rotation, Track]:
+    """Rotations and translations of one part."""
+    turns = Rotation.from_matrix(track.rotation[:, part].double().cpu().numpy())
+    return turns, track.translation[:, part].double().cpu().numpy()
 
 
 def resting(
@@ -121,38 +143,39 @@ def resting(
     first: tuple[Rotation, Track],
     seen: tuple[Rotation, Track],
     weights: tuple[np.ndarray, np.ndarray],
-    noise: tuple[float, float],
+    track: PartTrack,
     stay: float,
 ) -> tuple[Rotation, Track]:
     """The turns and places of least energy, from `first` on, with steps that count ever less."""
     turns, places = first
+    sizes = tuple(zip(track.noise, track.drift, strict=True))
     start = np.arange(len(places) - 1)
     bends = np.diff(path(turns), n=2, axis=0), np.diff(places, n=2, axis=0)
     stiff = [
         1 / (uniform_filter1d(np.square(bend).mean(1), WINDOW) + (LEAST_ACCELERATION * size) ** 2)
-        for bend, size in zip(bends, noise, strict=True)
+        for bend, size in zip(bends, track.noise, strict=True)
     ]
     loose = ~np.any([frame.near for frame in frames], axis=0) / FREE_DRIFT**2
     loose = np.append(loose, loose[-1])
     for share in np.linspace(0, 1, ROUNDS):
         left = [frame.left(turns, places, start) for frame in frames]
         motion = [frame.step(start) for frame in frames]
-        sizes = [frame.scale[0] * (frame.scale[1] / frame.scale[0]) ** share for frame in frames]
+        scales = [frame.scale[0] * (frame.scale[1] / frame.scale[0]) ** share for frame in frames]
         still = [
             frame.near * stillness(*step, size) / size**2
-            for frame, step, size in zip(frames, left, sizes, strict=True)
+            for frame, step, size in zip(frames, left, scales, strict=True)
         ]
         moves = [(turn, shift, w) for (turn, shift), w in zip(motion, still, strict=True)]
         held = [(grip.places, grip.weights[1]) for grip in grips]
         bend = 0 * bends[1]
-        places = solve(seen[1], weights[1], noise[1], stay, loose, held, moves, bend, stiff[1])
+        places = solve(seen[1], weights[1], sizes[1], stay, loose, held, moves, bend, stiff[1])
         moves = [
             (turn, -turned, w / RADIANS_PER_METRE**2)
             for (turn, _), (turned, _), w in zip(motion, left, still, strict=True)
         ]
         gap, bend = (seen[0] * turns.inv()).as_rotvec(), np.diff(path(turns), n=2, axis=0)
         held = [((grip.turns * turns.inv()).as_rotvec(), grip.weights[0]) for grip in grips]
-        step = solve(gap, weights[0], noise[0], stay, loose, held, moves, -bend, stiff[0])
+        step = solve(gap, weights[0], sizes[0], stay, loose, held, moves, -bend, stiff[0])
         turns = Rotation.from_rotvec(step) * turns
     return turns, places
 
@@ -167,7 +190,7 @@ def stillness(turned: np.ndarray, shifted: np.ndarray, size: float) -> Float64[n
 def solve(
     seen: Track,
     weight: np.ndarray,
-    noise: float,
+    sizes: tuple[float, float],
     stay: float,
     loose: np.ndarray,
     held: list[tuple[np.ndarray, np.ndarray]],
@@ -180,7 +203,7 @@ def solve(
     Args:
         seen: x + d + white noise.
         weight: of the observations.
-        noise: deviation of the white noise, and of the drift.
+        sizes: deviations of the white noise and of the drift.
         stay: share of the drift that stays from frame to frame.
         loose: how much less the drift may be, in units of its precision.
         held: for each hand, the points (T, 3) where x is by its grip, and the weights (T,) of that.
@@ -191,7 +214,7 @@ def solve(
     count = len(seen)
     one = sparse.csr_matrix(sparse.identity(count))
     ahead, behind = one[1:], one[:-1]
-    observed = each(weight) / noise**2
+    observed = each(weight) / sizes[0] ** 2
     drift = ahead - stay * behind
     drift = drift.T @ drift / (1 - stay**2)
     drift = sparse.kron(drift + sparse.diags(loose) + one[:1].T @ one[:1], sparse.identity(3))
@@ -205,7 +228,7 @@ def solve(
         matrix = matrix + row.T @ worth @ row
         right += row.T @ worth @ goal.ravel()
     both = sparse.bmat(
-        [[matrix + observed, observed], [observed, drift / noise**2 + observed]], format="csc"
+        [[matrix + observed, observed], [observed, drift / sizes[1] ** 2 + observed]], format="csc"
     )
     given = observed @ seen.ravel()
     found = np.asarray(spsolve(both, np.concatenate([right + given, given])))

@@ -1,5 +1,6 @@
 """An object that its hands carry, or that rests, is nearer to the truth than a smooth one."""
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -142,3 +143,31 @@ def test_no_pose_is_taken_farther_than_noise_explains():
     center = (WEDGE.verts.amax(0) + WEDGE.verts.amin(0)) / 2
     moved = (refined.rotation - smooth.rotation) @ center + refined.translation - smooth.translation
     assert moved.norm(dim=-1).max() < 3.01 * 3**0.5 * float(examined.translation_noise)
+
+
+def white(track: ObjectTrack, degrees: float, metres: float, seed: int) -> ObjectTrack:
+    """The track with white noise of these deviations per axis, which does not drift."""
+    turn, shift = torch.randn(2, FRAMES, 3, generator=torch.Generator().manual_seed(seed))
+    turns = axis_angle_to_matrix(math.radians(degrees) * turn)
+    return replace(
+        track,
+        rotation=track.rotation @ turns[:, None],
+        translation=track.translation + metres * shift[:, None],
+    )
+
+
+@pytest.mark.parametrize(("degrees", "metres"), [(0.0, 0.01), (10.0, 0.0), (10.0, 0.01)])
+def test_what_an_object_moves_in_the_hand_is_no_drift_where_its_noise_is_white(degrees, metres):
+    truth, hand = scene()
+    play = ornstein_uhlenbeck(
+        torch.randn(FRAMES, 3, generator=torch.Generator().manual_seed(3)), 15.0
+    )
+    moving = (torch.arange(FRAMES) > LIFT)[:, None]
+    truth = replace(truth, translation=truth.translation + (0.005 * play * moving)[:, None])
+    errors = []
+    for seed in range(5):
+        smooth, examined = clean_object(white(truth, degrees, metres, seed), 30.0)
+        refined = refine_object(smooth, examined, [hand], 30.0)
+        errors.append([off(smooth, truth), off(refined, truth)])
+    smooth, refined = torch.tensor(errors).mean(0)
+    assert refined < smooth + 0.2

@@ -1,9 +1,10 @@
 """Clean clips, and the noise that is put on their hands and objects."""
 
+import math
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import Literal
+from typing import Literal, get_args
 
 import torch
 
@@ -29,7 +30,9 @@ ROUND_SCANS = ("ycb_005_tomato_soup_can.ply", "ycb_024_bowl.ply", "ycb_056_tenni
 SPINS = "spins"
 """Noise "flips", about an axis of symmetry of the mesh."""
 HandNoise = Literal[Noise, "clean"]
-ObjectKind = Literal[ObjectNoise, "exact", "spins"]
+WhiteNoise = Literal["turn 2", "turn 10", "place 2", "place 10", "both 2", "both 10"]
+"""Noise that is drawn anew in every frame, by its deviation per axis in degrees and millimetres."""
+ObjectKind = Literal[ObjectNoise, WhiteNoise, "exact", "spins"]
 
 
 @cache
@@ -84,7 +87,24 @@ def with_noisy_object(
     generator = drawn("object", kind, sequence.source, seed)
     if kind == SPINS:
         return with_spins(sequence, symmetry, generator)
+    if kind in get_args(WhiteNoise):
+        return with_white_noise(sequence, kind, generator)
     return corrupt_object(sequence, kind, generator=generator)
+
+
+def with_white_noise(sequence: Sequence, kind: str, generator: torch.Generator) -> Sequence:
+    """Noise of the rotation, of the place or of both that does not drift."""
+    name, size = kind.split()
+    turn, shift = torch.randn(2, sequence.frames, 1, 3, generator=generator)
+    turn *= math.radians(float(size)) * (name != "place")
+    shift *= 0.001 * float(size) * (name != "turn")
+    motion = sequence.object
+    noisy = replace(
+        motion,
+        rotation=motion.rotation @ axis_angle_to_matrix(turn),
+        translation=motion.translation + shift,
+    )
+    return replace(sequence, object=noisy)
 
 
 def with_spins(sequence: Sequence, symmetry: Symmetry, generator: torch.Generator) -> Sequence:

@@ -10,8 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from geneoh.choices import ObjectNoise
 from geneoh.objects.cleaning import clean_object
+from geneoh.objects.drift import DRIFT_SECONDS
 from geneoh.objects.holding import Frame
-from geneoh.objects.refine import DRIFT_SECONDS, path, refine_object, solve
+from geneoh.objects.refine import path, refine_object, solve
 from geneoh.objects.symmetry import Symmetry
 from geneoh.sequence.object_noise import DEGREES, METRES_PER_DEGREE
 from geneoh.sequence.sequence import ObjectTrack, Sequence
@@ -105,16 +106,16 @@ def told_motion(truth: Poses, seen: Poses, start: Poses, kind: ObjectNoise, fps:
         for b, n in zip(bends, noise, strict=True)
     ]
     stay, ones, none = np.exp(-1 / (DRIFT_SECONDS * fps)), np.ones(count), np.zeros((count - 2, 3))
-    plain = ones, 0 * ones
+    plain, sizes = (ones, 0 * ones), [(n, n) for n in noise]
     places = solve(
-        seen[1], plain[0], noise[1], stay, plain[1], [], [(turn, shift, rest)], none, stiff[1]
+        seen[1], plain[0], sizes[1], stay, plain[1], [], [(turn, shift, rest)], none, stiff[1]
     )
     turns = start[0]
     for _ in range(4):
         gap, steps = (seen[0] * turns.inv()).as_rotvec(), np.diff(path(turns), axis=0)
         moves = [(turn, -steps, rest / 36)]
         change = solve(
-            gap, plain[0], noise[0], stay, plain[1], [], moves, -np.diff(steps, axis=0), stiff[0]
+            gap, plain[0], sizes[0], stay, plain[1], [], moves, -np.diff(steps, axis=0), stiff[0]
         )
         turns = Rotation.from_rotvec(change) * turns
     return turns, places

@@ -4,12 +4,13 @@ from collections import defaultdict
 from collections.abc import Iterator
 from itertools import product
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 
 from geneoh.choices import NOISES, OBJECT_NOISES
 from tools.noisy_objects.cases import Case, Scores, rows
-from tools.noisy_objects.clips import MADE, RECORDING, ROUND, ROUND_SCANS, SPINS
+from tools.noisy_objects.clips import MADE, RECORDING, ROUND, ROUND_SCANS, SPINS, WhiteNoise
 
 KINDS = ("exact", *OBJECT_NOISES)
 HAND = ("result", "result acceleration")
@@ -35,13 +36,16 @@ def cases_of(table: str, seeds: int) -> list[Case]:
         case "refined":
             shaken = product(range(seeds), made, OBJECT_NOISES)
             return [Case(c, "gauss", k, s) for s, c, k in shaken]
+        case "white":
+            shaken = product(range(seeds), made, get_args(WhiteNoise))
+            return [Case(c, "gauss", k, s) for s, c, k in shaken]
         case "alone":
             every = product(range(seeds), made[:2], noises)
             return [Case(c, n, "exact", s, "default", alone=True) for s, c, n in every]
     raise SystemExit(f"no table is called '{table}'; there are {', '.join(TABLES)}")
 
 
-TABLES = ("hands", "trusted", "guard", "round", "refined", "alone", "limits")
+TABLES = ("hands", "trusted", "guard", "round", "refined", "white", "alone", "limits")
 
 
 def lines_of(table: str, seeds: int, path: Path) -> Iterator[str]:
@@ -49,7 +53,7 @@ def lines_of(table: str, seeds: int, path: Path) -> Iterator[str]:
     found: dict[tuple[str, str, str], list[Scores]] = defaultdict(list)
     for case, scores in rows(cases_of(table, seeds), path):
         found[case.clip, case.noise, case.kind].append(scores)
-    if table == "refined":
+    if table in ("refined", "white"):
         yield from lines_of_objects(found)
         return
     kinds = list(dict.fromkeys(kind for _, _, kind in found))
