@@ -76,7 +76,10 @@ class ObjectExamination(Bundle):
             name = "the object" if len(self.is_noisy) == 1 else f"part {part + 1} of the object"
             count = int(lost[:, part].sum())
             if count == len(lost):
-                yield f"{name} was never seen: it stands still at the origin"
+                yield (
+                    f"{name} was never seen: it stands still at the origin, and the hand is "
+                    "cleaned without it"
+                )
             elif count:
                 yield f"{count} frames without a pose of {name} were filled from those around them"
             if not self.is_noisy[part]:

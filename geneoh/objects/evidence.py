@@ -50,7 +50,8 @@ def evidence_of_poses(
 ) -> Float[Tensor, " T"]:
     """Share, 0 to 1, by which each frame of an examined track is relied on; 1 where it is exact.
 
-    The least of all parts counts: which of them the hand deals with is not asked.
+    The least of all parts counts: which of them the hand deals with is not asked. A part that was
+    never seen is none that it deals with.
 
     Args:
         examined: what was found in the given track.
@@ -58,7 +59,8 @@ def evidence_of_poses(
         fps: frames per second.
     """
     found = torch.ones(len(examined.confidence), device=examined.confidence.device)
-    doubtful = examined.is_noisy | (examined.confidence == 0).any(0)
+    lost = examined.confidence == 0
+    doubtful = examined.is_noisy | (lost.any(0) & ~lost.all(0))
     for part in torch.nonzero(doubtful)[:, 0].tolist():
         size = 3**0.5 * float(
             examined.translation_noise[part]

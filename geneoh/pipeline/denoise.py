@@ -118,7 +118,9 @@ def clean_interaction(
         motion, examined = clean_object(sequence.object, sequence.fps)
         notes += examined.sentences()
         evidence = evidence_of_poses(examined, motion, sequence.fps)
-    normalised = normalised_hands(replace(sequence, object=motion))
+    # a part that was never seen stands at the origin, where a hand must not meet it
+    met = motion.of_parts(motion.seen_parts) if motion.meshes else motion
+    normalised = normalised_hands(replace(sequence, object=met))
     if normalised[0].track.frames != sequence.frames:
         how = "averaged" if sequence.fps > NETWORK_FPS else "resampled"
         notes.append(f"{how} from {sequence.fps:g} to {NETWORK_FPS:g} frames a second and back")

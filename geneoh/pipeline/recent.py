@@ -271,7 +271,13 @@ class RecentHand:
             motion, examined = clean_object(motion, NETWORK_FPS)
             poses = evidence_of_poses(examined, motion, NETWORK_FPS)
             noise = examined.white_noise
-        surface = replace(self._surface, rotation=motion.rotation, translation=motion.translation)
+        parts = motion.seen_parts
+        surface = MovingSurface(
+            tuple(self._surface.fields[part] for part in parts),
+            motion.rotation[:, parts],
+            motion.translation[:, parts],
+            self._surface.within,
+        )
         if self._chosen.clean_object:
             near = evidence_of_nearness(subject.joints, surface, NETWORK_FPS)
         return surface, poses, near, noise

@@ -120,6 +120,22 @@ class ObjectTrack(Bundle):
         """Whether a pose was observed in some frame."""
         return self.valid is None or bool(self.valid.any())
 
+    @property
+    def seen_parts(self) -> list[int]:
+        """The parts of which a pose was observed in some frame."""
+        if self.valid is None:
+            return list(range(self.rotation.shape[1]))
+        return torch.nonzero(self.valid.any(0))[:, 0].tolist()
+
+    def of_parts(self, parts: list[int]) -> "ObjectTrack":
+        """The track of some of the parts alone."""
+        return ObjectTrack(
+            tuple(self.meshes[part] for part in parts),
+            self.rotation[:, parts],
+            self.translation[:, parts],
+            None if self.valid is None else self.valid[:, parts],
+        )
+
     def mirrored(self) -> "ObjectTrack":
         """The reflection x -> -x of the meshes and of their motion."""
         meshes = tuple(mesh.mirrored() for mesh in self.meshes)

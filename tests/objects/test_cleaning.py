@@ -92,7 +92,10 @@ def test_a_part_that_was_never_seen_is_told_as_such():
     seen = torch.tensor([True, False]).expand(len(motion.rotation), 2)
     found = clean_object(fill_object(motion, seen), FPS)[1]
     said = list(found.sentences())
-    assert said == ["part 2 of the object was never seen: it stands still at the origin"]
+    assert said == [
+        "part 2 of the object was never seen: it stands still at the origin, and the hand is "
+        "cleaned without it"
+    ]
 
 
 def test_flips_are_left_out_and_the_frames_around_them_stay_exact():

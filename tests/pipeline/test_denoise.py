@@ -195,6 +195,23 @@ def test_two_parts_and_two_hands_are_cleaned_together(noisy):
     assert set(result.hands) == {"left", "right"}
 
 
+def test_a_part_that_was_never_seen_is_as_none(noisy):
+    clip = noisy[:40]
+    motion = replace(clip.object, meshes=clip.object.meshes * 2)
+    lost = torch.full_like(clip.object.translation, torch.nan)
+    both = replace(
+        motion,
+        rotation=clip.object.rotation.repeat(1, 2, 1, 1),
+        translation=torch.cat([clip.object.translation, lost], dim=1),
+    )
+    alone, found = denoise(clip, FAST), denoise(replace(clip, object=both), FAST)
+    side = clip.hands[0].side
+    assert torch.equal(found.hands[side].evidence, alone.hands[side].evidence)
+    assert torch.equal(joints_of(found), joints_of(alone))
+    assert found.sequence.object.rotation.shape[1] == 2
+    assert "part 2 of the object was never seen" in found.notes[0]
+
+
 def test_paper_preset_has_the_papers_schedule_and_no_observation():
     chosen = preset("paper")
     plans = [chosen.motion, chosen.spatial, chosen.temporal]

@@ -254,3 +254,14 @@ def test_a_hand_that_is_elsewhere_for_some_frames_leads_no_stream_away(noisy, cl
     off = (joints - clean.hands[0].joints[:100]).norm(dim=-1).mean(-1)
     assert off[wrong].max() < 0.04
     assert off[76:].mean() < 0.03
+
+
+def test_a_part_that_no_frame_has_a_pose_of_is_as_none(noisy):
+    track, motion = noisy.hands[0], noisy.object
+    alone, both = (Stream(motion.meshes * parts, side="left") for parts in (1, 2))
+    for frame in range(12):
+        turn, place = motion.rotation[frame], motion.translation[frame]
+        lost = torch.full_like(place, torch.nan)
+        alone.push(track[frame : frame + 1], (turn, place))
+        both.push(track[frame : frame + 1], (turn.repeat(2, 1, 1), torch.cat([place, lost])))
+    assert torch.equal(joints_of(both.flush()), joints_of(alone.flush()))
