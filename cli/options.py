@@ -30,17 +30,24 @@ def together(*decorators: Decorator) -> Decorator:
 
 
 def on_command_line() -> dict[str, str]:
-    """The options that stand on the command line, by the names of their parameters.
+    """The options and arguments of the command line, by the names of their parameters.
 
     The environment counts for nothing: its variables are set for all commands.
     """
     context = click.get_current_context()
     return {
-        parameter.name: max(parameter.opts, key=len)
+        parameter.name: shown(parameter)
         for parameter in context.command.params
         if parameter.name
         and context.get_parameter_source(parameter.name) is ParameterSource.COMMANDLINE
     }
+
+
+def shown(parameter: click.Parameter) -> str:
+    """A parameter as the help names it, an option by its long name."""
+    if isinstance(parameter, click.Argument):
+        return parameter.human_readable_name
+    return max(parameter.opts, key=len)
 
 
 def refuse(names: Collection[str], why: str) -> None:

@@ -42,9 +42,8 @@ def run(obj: tuple[Path, ...], mano: Path | None, chosen: dict[str, Any]) -> Non
     settings = {field.name for field in dataclasses.fields(Options)} | {"lag", "fps"}
     known = settings | {"stream", "obj", "mano", "side"}
     if wrong := [option for name, option in given.items() if name not in known]:
-        named = ", ".join(wrong).replace("noisy", "NOISY")
         raise click.UsageError(
-            f"--stream reads standard input and writes standard output; drop {named}"
+            f"--stream reads standard input and writes standard output; drop {', '.join(wrong)}"
         )
     meshes = tuple(map(load_mesh, obj))
     kept = {n: chosen[n] for n in given.keys() & settings}  # the rest is as a stream has it

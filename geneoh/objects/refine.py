@@ -103,18 +103,10 @@ def refine_part(
         RESTS,
     )
     known = confidence > 0
-    path_seen = path(first[0]) + (seen[0] * first[0].inv()).as_rotvec()
-    share = size_of_drift(
-        [
-            values / size
-            for values, size, exact in zip(
-                (path_seen, seen[1]), noise, (EXACT_ROTATION, EXACT_TRANSLATION), strict=True
-            )
-            if size > exact
-        ],
-        known,
-        fps,
-    )
+    turned = path(first[0]) + (seen[0] * first[0].inv()).as_rotvec()
+    shakes = (noise[0] > EXACT_ROTATION, turned), (noise[1] > EXACT_TRANSLATION, seen[1])
+    observed = [values / size for size, (noisy, values) in zip(noise, shakes, strict=True) if noisy]
+    share = size_of_drift(observed, known, fps)
     track = PartTrack(*first, noise, (share * noise[0], share * noise[1]), known)
     frames = [world, *(frame_of(hand, smooth, part, track.known) for hand in hands)]
     grips = [grip_of(frame, track) for frame in frames[1:]]

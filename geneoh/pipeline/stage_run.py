@@ -144,23 +144,25 @@ class StageRun:
 
     def _by_paper(self, context: StageContext, preset: Preset) -> Float[Tensor, "S T 21 3"]:
         """All three stages on keypoints, in the form of the paper."""
-        joints = self.subject.joints.expand(preset.samples, -1, -1, -1)
-
         networks = self.denoisers
 
         def run(
-            name: str, stage: Callable[..., Tensor], network: nn.Module | None, plan: StagePlan
-        ) -> Tensor:
+            name: str,
+            stage: Callable[..., Tensor],
+            network: nn.Module | None,
+            joints: Float[Tensor, "S T 21 3"],
+            plan: StagePlan,
+        ) -> Float[Tensor, "S T 21 3"]:
             assert network is not None, "it was asked for"
             how = {"generator": self.generator, "on_step": self.progress_of(name)}
             return stage(network, joints, context, plan, **how)
 
+        joints = self.subject.joints.expand(preset.samples, -1, -1, -1)
         if preset.motion is not None:
             stage = partial(denoise_trajectory, samples=preset.samples)
-            joints = joints[:1]
-            joints = run("motion", stage, networks.trajectory, preset.motion)
+            joints = run("motion", stage, networks.trajectory, joints[:1], preset.motion)
         if isinstance(preset.spatial, StagePlan):
-            joints = run("spatial", denoise_relations, networks.relations, preset.spatial)
+            joints = run("spatial", denoise_relations, networks.relations, joints, preset.spatial)
         if isinstance(preset.temporal, StagePlan):
-            joints = run("temporal", denoise_latent, networks.latent, preset.temporal)
+            joints = run("temporal", denoise_latent, networks.latent, joints, preset.temporal)
         return joints

@@ -42,7 +42,6 @@ from geneoh.synthesis.shards import seed_of
 from geneoh.synthesis.solids import PARTS
 
 SEQUENCES = "sequences"  # the source that is a folder of npz files, as `geneoh convert` writes
-
 PICTURES = (".jpg", ".jpeg", ".png", ".mp4", ".avi", ".mkv")
 """Endings of files that no hand is read from."""
 

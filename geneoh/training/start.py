@@ -32,11 +32,10 @@ def started_from(
         path = baseline_weights(stage, folder)
     else:
         path = weights_of(stage, folder)
-    saved = load_checkpoint(path)
+    saved, asked = load_checkpoint(path), getattr(config, stage)
     try:
         size = dict(saved.record["config"][stage])
-        network = with_table(type(getattr(config, stage))(), size, str(path))
-        asked = getattr(config, stage)
+        network = with_table(type(asked)(), size, str(path))
         config = replace(config, autoencoder_steps=0, **{stage: network})
         build_model(stage, config).load_state_dict(saved.tensors)
     except (KeyError, TypeError, ValueError, RuntimeError) as error:

@@ -62,8 +62,8 @@ def stand(mesh: Mesh, up: Axis = "z", *, generator: torch.Generator) -> Standing
     """
     sides = mesh.verts.amax(0) - mesh.verts.amin(0)
     size, thickness = float(sides.amax()), float(sides.amin())
+    name = mesh.source or "the mesh"
     if not SMALLEST <= size <= LARGEST:
-        name = mesh.source or "the mesh"
         unit = "mm or cm" if size > LARGEST else "m or cm"
         raise InputError(
             f"{name}: expected an object of {SMALLEST:g} to {LARGEST:g} m for hands, got "
@@ -71,7 +71,7 @@ def stand(mesh: Mesh, up: Axis = "z", *, generator: torch.Generator) -> Standing
         )
     if thickness > THICKEST:
         raise InputError(
-            f"{mesh.source or 'the mesh'}: expected an object that is at most {THICKEST:g} m thick "
+            f"{name}: expected an object that is at most {THICKEST:g} m thick "
             f"for hands, got {thickness:.3g} m on its shortest side; pass --unit if it is not in "
             "metres, or scale it"
         )
