@@ -43,7 +43,7 @@ from .. import bodies, options, progress
 @options.option(
     "--draws: Motions to draw, of which the one that is most like the others is kept.",
     click.IntRange(*GENERATION["draws"]),
-    4,
+    8,
 )
 @options.option(
     "--refine: What mends hands that hold an object: paper is the refiner of Text2HOI; after it "

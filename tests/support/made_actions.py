@@ -162,3 +162,11 @@ def write_action_shards(folder: Path, **splits: Actions) -> None:
 def write_actions(folder: Path) -> None:
     """A shard of each split, of spheres."""
     write_action_shards(folder, val=made_actions(seed=1), train=made_actions(seed=0))
+
+
+def passing(giver: int):
+    """An object that one hand holds in the first half of an action and the other in the second."""
+    actions = box_actions(["pass"], hands=(True, True))
+    there = torch.arange(20) < 10
+    holds = torch.stack([there, ~there][:: 1 - 2 * giver])[None, :, :, None]
+    return replace(actions, wrist=actions.wrist + 5.0 * ~holds)

@@ -9,11 +9,12 @@ from torch import Tensor
 from geneoh.bundle import Bundle, concatenated
 from geneoh.generators.text2hoi.library import Networks
 from geneoh.generators.text2hoi.objects import Objects
+from geneoh.generators.text2hoi.passing import asked_giver
 from geneoh.generators.text2hoi.refiner import RefinerNetwork, refined_by
 from geneoh.generators.text2hoi.samples import ActionData, hands_of, sentences
 from geneoh.generators.text2hoi.sampling import sample
 from geneoh.progress import OnStep, steps
-from geneoh.synthesis.actions import Actions
+from geneoh.synthesis.actions import VERBS, Actions
 from geneoh.synthesis.draws import Draws
 
 AT_ONCE = 16  # clips that are drawn together
@@ -47,7 +48,12 @@ def draw_clips(
         objects = Objects.of(some)
         asked = objects, said[start : start + AT_ONCE], hands_of(some), some.length
         given = None if contact else torch.zeros_like(objects.points[..., 0])
-        made, touched = sample(networks, *asked, generator=generator, contact=given)
+        verbs = [(data.verbs or VERBS)[verb] for verb in some.verb.tolist()]
+        giver = [
+            asked_giver(sentence.lower()) if verb == "pass" else None
+            for sentence, verb in zip(asked[1], verbs, strict=True)
+        ]
+        made, touched = sample(networks, *asked, generator=generator, contact=given, giver=giver)
         parts.append(Drawn(replace(made, verb=some.verb, name=some.name), touched))
     return concatenated(parts, "B")
 

@@ -9,11 +9,12 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.choices import GENERATION, Axis, Refiner
+from geneoh.choices import GENERATION, Axis, Refiner, Side
 from geneoh.config import check_fields
 from geneoh.generators.text2hoi.interaction_file import sequence_of
 from geneoh.generators.text2hoi.library import Networks, load_networks, load_refiner
 from geneoh.generators.text2hoi.objects import Objects
+from geneoh.generators.text2hoi.passing import passed_by
 from geneoh.generators.text2hoi.prompt import Prompt, read_prompt
 from geneoh.generators.text2hoi.refiner import refined_by
 from geneoh.generators.text2hoi.resting import eased_time, finished
@@ -45,7 +46,7 @@ class GenerateOptions:
     guidance: float = 2.0
     """How far answers go beyond those without the sentence, 0 to 10; 1 is plain, and takes half the
     time to draw."""
-    draws: int = 4
+    draws: int = 8
     """Motions that are drawn, 1 to 64, of which the one that is most like the others is kept."""
     refine: Refiner = "geneoh"
     """What mends the hands: "paper" is the refiner of Text2HOI, one pass of a network; after it
@@ -118,12 +119,15 @@ def generate(
         torch.tensor([frames]),
         SamplingConfig(steps=options.steps, guidance=options.guidance, draws=options.draws),
         generator=_generator(options, "motion"),
+        giver=[prompt.giver],
         on_step=on_progress and partial(on_progress, "motion"),
     )
     if options.refine != "none":
         actions = refined_by(load_refiner(options.weights), actions, contact)
     settle = partial(settled, stood=stood, generator=_generator(options, "hold"))
     actions = finished(actions, settle if options.refine == "geneoh" else None)
+    if not passed_by(actions, [prompt.giver]).all():
+        prompt = replace(prompt, notes=(*prompt.notes, _not_passed(prompt.giver, options.draws)))
     sequence, refined = placed(actions, stood, prompt.sentence), None
     if options.refine == "geneoh":
         # no tracker can have lost these hands: one that stands still at its object is meant to
@@ -181,6 +185,14 @@ def save_generated(made: Generated, path: Path | str) -> None:
         "verb": np.array(made.prompt.verb),
     }
     save_sequence(made.sequence, path, extra=extra)
+
+
+def _not_passed(giver: Side | None, draws: int) -> str:
+    """The note on an object that goes from hand to hand in another direction than asked for."""
+    return (
+        f"in none of the {draws} motions that were drawn the {giver} hand passes the object on; "
+        "another seed or more draws may make one"
+    )
 
 
 def _generator(options: GenerateOptions, use: str) -> torch.Generator:

@@ -15,6 +15,7 @@ from geneoh.generators.text2hoi.captions import ADJECTIVES
 from geneoh.generators.text2hoi.duration import length_in_frames, stated_length
 from geneoh.generators.text2hoi.english import OTHER_VERBS, SMALL_WORDS, THINGS
 from geneoh.generators.text2hoi.negation import no_hand_in, rules_out, without_ruled_out
+from geneoh.generators.text2hoi.passing import MY, asked_giver
 from geneoh.generators.text2hoi.text import TextModel, load_text_model
 from geneoh.generators.text2hoi.text_data import WORDS
 from geneoh.language.conjugation import forms
@@ -27,19 +28,17 @@ ALIKE = 0.8  # least likeness of a misspelt word and the word that is meant
 FILE_LIMIT = 100_000  # bytes of a file with a prompt
 EXAMPLE = '"pour from the kettle with the right hand"'
 
-_MY = r"(the |my |your |his |her |one's )?"
-_SIDES = rf"{_MY}(left|right)( hand)?"
+_SIDES = rf"{MY}(left|right)( hand)?"
 _BOTH = re.compile(
     rf"\b(both|two|each)( \w+)? hands?\b|\b(both|two) handed|\bbimanual|\bhand to hand\b"
-    rf"|\bboth\b(?! \w+s\b)|\b(with|using|by|between) {_MY}hands\b|\b(in)?to the other hand\b"
+    rf"|\bboth\b(?! \w+s\b)|\b(with|using|by|between) {MY}hands\b|\b(in)?to the other hand\b"
     rf"|{_SIDES} and {_SIDES}\b|(left|right) hand\b.*\b(and|while)\b.*(left|right) hand\b"
-    rf"|\bfrom {_MY}(left|right|one) hand\b.*\b(in)?to\b|\bfrom {_SIDES} (in)?to {_MY}\w+ hand\b"
+    rf"|\bfrom {MY}(left|right|one) hand\b.*\b(in)?to\b|\bfrom {_SIDES} (in)?to {MY}\w+ hand\b"
 )
-_DIRECTION = re.compile(rf"\bfrom {_MY}(left|right)\b.*\b(in)?to\b|\b(in)?to {_MY}(left|right)\b")
-_WITH_ONE = re.compile(rf"\b(with|using|by) {_MY}(left|right)\b")
+_WITH_ONE = re.compile(rf"\b(with|using|by) {MY}(left|right)\b")
 _ONE: dict[HandsName, re.Pattern[str]] = {
     hands: re.compile(
-        rf"\b{side}( \w+)? hand(ed|er|edly)?\b|\b{side}handed\b|\b(with|using|by) {_MY}{side}\b"
+        rf"\b{side}( \w+)? hand(ed|er|edly)?\b|\b{side}handed\b|\b(with|using|by) {MY}{side}\b"
     )
     for hands, side in zip(HANDS, SIDES, strict=False)
 }
@@ -60,6 +59,7 @@ class Prompt:
     notes: tuple[str, ...]  # what was assumed, a sentence each, for the user
     told: str  # the sentence for the networks: without its length and what it rules out
     frames: int | None  # the length that it states, at 30 frames a second; None without
+    giver: Side | None  # the hand that passes the object to the other; None where either may
 
 
 def prompt_text(argument: str) -> str:
@@ -93,9 +93,8 @@ def read_prompt(text: str, model: TextModel | None = None, *, frames: int | None
     """What a sentence asks for, by its words first and then by our text encoder.
 
     A verb that no made action shows is replaced by the nearest one, and a sentence that names no
-    hand gets the right one, or both to pass something; `notes` say so, and that the direction in
-    which an object is passed is not followed. `frames` is the length that the caller asks for,
-    which counts more than one in the sentence.
+    hand gets the right one, or both to pass something; `notes` say so. `frames` is the length that
+    the caller asks for, which counts more than one in the sentence.
 
     Raises:
         InputError: the text is empty, too long or not English, contradicts itself in the hands,
@@ -113,13 +112,11 @@ def read_prompt(text: str, model: TextModel | None = None, *, frames: int | None
     verb, known, verb_notes = asked_verb(told, words, model)
     hands, hand_notes = asked_hands(told, words, verb, model)
     notes = (*verb_notes, *left_out, *hand_notes)
-    # the shipped networks have learned with sentences that told any direction
-    if verb == "pass" and _DIRECTION.search(" ".join(words)):
-        notes += ("which hand passes the object to the other is not followed; it may be either",)
     if stated is not None:
         instead = "" if length else f", but {frames} are asked for"
         notes += (f"the length is {stated.frames} frames by '{stated.words}'{instead}",)
-    return Prompt(sentence, hands, verb, known, notes, told, length)
+    giver = asked_giver(" ".join(words)) if (verb, hands) == ("pass", "both hands") else None
+    return Prompt(sentence, hands, verb, known, notes, told, length, giver)
 
 
 def without_ruled_out_verbs(
@@ -240,7 +237,7 @@ def asked_hands(
 ) -> tuple[HandsName, tuple[str, ...]]:
     """The hands that a sentence asks for: by its words, else as our encoder reads it."""
     said = " ".join(words)
-    passed = verb == "pass" and _DIRECTION.search(said) and not _WITH_ONE.search(said)
+    passed = verb == "pass" and asked_giver(said) and not _WITH_ONE.search(said)
     if passed or _BOTH.search(said):
         return "both hands", ()
     one: list[HandsName] = [hands for hands, pattern in _ONE.items() if pattern.search(said)]

@@ -1,6 +1,5 @@
 """What the networks of Text2HOI learn from: actions with sentences and contact maps, in batches."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -9,13 +8,13 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from geneoh.bundle import Bundle
-from geneoh.choices import SIDES, TAKING_PART, HandsName, Side
+from geneoh.choices import TAKING_PART, HandsName
 from geneoh.generators.text import TextEncoder
 from geneoh.generators.text2hoi.captions import caption, noun_of
 from geneoh.generators.text2hoi.config import Text2HoiConfig
 from geneoh.generators.text2hoi.contact import ContactNetwork
 from geneoh.generators.text2hoi.objects import Objects, contact_maps
-from geneoh.generators.text2hoi.resting import touching_hands
+from geneoh.generators.text2hoi.passing import givers
 from geneoh.streamed import Streamed
 from geneoh.synthesis.actions import VERBS, Actions
 from geneoh.synthesis.draws import Draws
@@ -98,9 +97,9 @@ def sentences(actions: Actions, data: ActionData, draws: Draws) -> list[str]:
     seeds = draws.integers(0, 2**31).tolist()
     verbs = data.verbs or VERBS
     said = [verbs[verb] for verb in actions.verb.tolist()]
-    rows = zip(
-        said, actions.name.tolist(), hands_of(actions), givers(actions, said), seeds, strict=True
-    )
+    passed = torch.tensor([n for n, verb in enumerate(said) if verb == "pass"], dtype=torch.long)
+    giver = dict(zip(passed.tolist(), givers(actions.take(passed, "B")), strict=True))
+    rows = zip(said, actions.name.tolist(), hands_of(actions), seeds, strict=True)
     return [
         caption(
             verb,
@@ -108,25 +107,10 @@ def sentences(actions: Actions, data: ActionData, draws: Draws) -> list[str]:
             hands,
             generator=torch.Generator().manual_seed(seed),
             synonyms=None if data.verbs is None else (verb,),
-            giver=giver,
+            giver=giver.get(clip),
         )
-        for verb, name, hands, giver, seed in rows
+        for clip, (verb, name, hands, seed) in enumerate(rows)
     ]
-
-
-def givers(actions: Actions, verbs: Sequence[str]) -> list[Side | None]:
-    """The hand that touches the object first in each action that passes it, else None.
-
-    None also where neither hand is first.
-    """
-    found: list[Side | None] = [None] * len(verbs)
-    passed = [n for n, verb in enumerate(verbs) if verb == "pass"]
-    touching = touching_hands(actions.take(torch.tensor(passed, dtype=torch.long), "B"))
-    for n, each in zip(passed, touching, strict=True):
-        left, right = (hand.nonzero()[:1].flatten().tolist() or [len(hand)] for hand in each)
-        if left != right:
-            found[n] = SIDES[int(right < left)]
-    return found
 
 
 def hands_of(actions: Actions) -> list[HandsName]:

@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from geneoh.choices import TAKING_PART, HandsName
+from geneoh.choices import TAKING_PART, HandsName, Side
 from geneoh.diffusion.samplers import normal_like, sample_ancestral, sample_ddim
 from geneoh.diffusion.schedule import PAPER_STEPS, descending_sigmas
 from geneoh.generators.smoothing import smoothed
@@ -16,6 +16,7 @@ from geneoh.generators.text2hoi.condition import Condition
 from geneoh.generators.text2hoi.interaction import InteractionNetwork
 from geneoh.generators.text2hoi.library import Networks
 from geneoh.generators.text2hoi.objects import Objects
+from geneoh.generators.text2hoi.passing import passed_by
 from geneoh.generators.text2hoi.resting import retimed
 from geneoh.generators.text2hoi.tokens import NUMBERS, Tokens, actions_of
 from geneoh.generators.text2hoi.typical import most_typical
@@ -38,7 +39,7 @@ class SamplingConfig:
     with it (paper), and more than 1 goes beyond it, at twice the time."""
     smoothing: float = 2.0
     """Deviation in frames of the Gaussian over the numbers at last; 0 for none (paper)."""
-    draws: int = 4
+    draws: int = 8
     """Actions that are drawn for each that is kept, the most typical of them (paper: 1)."""
 
 
@@ -53,15 +54,17 @@ def sample(
     *,
     generator: torch.Generator,
     contact: Float[Tensor, "B P"] | None = None,
+    giver: Sequence[Side | None] | None = None,
     on_step: OnStep | None = None,
 ) -> tuple[Actions, Float[Tensor, "B P"]]:
     """An action for each sentence with its object, its hands and its number of frames; and the
     contact map that it was made for.
 
     Of `config.draws` actions for a sentence the most typical one is kept. Each of them has a
-    contact map of its own from `contact_of`, unless those of the sentences are given. Verbs and
-    names are `UNKNOWN`. Clips are drawn with whole tokens, because axes that frames of a token
-    share fit no parts of one, and then take the time that is asked for.
+    contact map of its own from `contact_of`, unless those of the sentences are given. Where `giver`
+    names the hand that passes the object to the other, one in which that hand does is kept, if one
+    was drawn. Verbs and names are `UNKNOWN`. Clips are drawn with whole tokens, because axes that
+    frames of a token share fit no parts of one, and then take the time that is asked for.
 
     Raises:
         CheckpointError: the networks answer with NaN, as of damaged weights.
@@ -87,7 +90,8 @@ def sample(
     )
     if config.draws == 1:
         return drawn, contact
-    kept = most_typical(drawn, config.draws)
+    fits = None if giver is None else passed_by(drawn, [giver[int(clip)] for clip in clips])
+    kept = most_typical(drawn, config.draws, fits)
     return drawn.take(kept, "B"), contact[kept]
 
 

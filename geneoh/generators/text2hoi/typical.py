@@ -5,7 +5,7 @@ a one is far from the others.
 """
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from geneoh.synthesis.actions import Actions
@@ -14,16 +14,23 @@ ARM = 0.1
 """Metres from its middle, along each of its axes, at which an object is compared."""
 
 
-def most_typical(actions: Actions, draws: int) -> Int[Tensor, " G"]:
+def most_typical(
+    actions: Actions, draws: int, fits: Bool[Tensor, " B"] | None = None
+) -> Int[Tensor, " G"]:
     """The number of one of each `draws` neighbours: the one nearest to the others on average.
 
-    The distance is that of keypoints of hands that take part, plus that of the object, each a mean
-    over the frames of a clip.
+    Where some of them fit, it is one of those, and they alone count as others. The distance is that
+    of keypoints of hands that take part, plus that of the object, each a mean over the frames of a
+    clip.
     """
     places, weight = compared_points(actions)
     groups = places.unflatten(0, (-1, draws))
     apart = (groups[:, :, None] - groups[:, None]).norm(dim=-1)
-    distance = (apart * weight.unflatten(0, (-1, draws))[:, :, None]).sum((-1, -2)).mean(2)
+    distance = (apart * weight.unflatten(0, (-1, draws))[:, :, None]).sum((-1, -2))
+    fits = torch.ones_like(weight[:, 0, 0], dtype=torch.bool) if fits is None else fits
+    fitting = fits.unflatten(0, (-1, draws))
+    fitting = fitting | ~fitting.any(1, keepdim=True)
+    distance = (distance * fitting[:, None]).sum(2).masked_fill(~fitting, torch.inf)
     first = torch.arange(len(groups), device=distance.device) * draws
     return first + distance.argmin(1)
 

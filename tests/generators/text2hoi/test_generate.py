@@ -157,6 +157,14 @@ def test_length_comes_from_the_sentence_where_none_is_asked_for(mug):
     assert 2 <= made.sequence.frames <= 150
 
 
+def test_a_direction_of_passing_that_was_not_drawn_is_told(mug, monkeypatch):
+    said = "pass it from the left hand to the right hand"
+    for passed, told in ((False, 1), (True, 0)):
+        monkeypatch.setattr(module, "passed_by", lambda *_, passed=passed: torch.tensor([passed]))
+        notes = generate(said, mug, PLAIN).prompt.notes
+        assert sum("in none of the 8 motions" in note for note in notes) == told
+
+
 def test_a_mesh_in_memory_will_do():
     made = trimesh.creation.box((0.05, 0.06, 0.1))
     mesh = Mesh(

@@ -72,11 +72,11 @@ def test_a_sentence_without_hands_gets_the_right_one_or_both_to_pass(model):
 
 
 @pytest.mark.parametrize(("start", "end"), [("left", "right"), ("right", "left")])
-def test_a_direction_of_passing_is_read_and_told_not_to_be_followed(model, start, end):
+def test_a_direction_of_passing_is_read(model, start, end):
     prompt = read_prompt(f"Pass the cup from the {start} hand to the {end} hand.", model)
     assert (prompt.verb, prompt.hands, prompt.known) == ("pass", "both hands", True)
-    (note,) = prompt.notes
-    assert "is not followed" in note
+    assert (prompt.giver, prompt.notes) == (start, ())
+    assert read_prompt(f"Carry it from {start} to {end} with both hands.", model).giver is None
 
 
 def test_two_hands_that_contradict_each_other_are_refused(model):
@@ -224,10 +224,10 @@ def test_a_hand_that_rests_on_the_object_does_take_part(model):
 @pytest.mark.parametrize(
     "sentence", ["pass the apple from left to right", "hand the mug over to the right hand"]
 )
-def test_what_is_passed_to_a_hand_takes_both_and_its_direction_is_told(model, sentence):
+def test_what_is_passed_to_a_hand_takes_both_and_comes_from_the_other(model, sentence):
     prompt = read_prompt(sentence, model)
     assert (prompt.verb, prompt.hands) == ("pass", "both hands")
-    assert prompt.notes[0].startswith("which hand passes the object to the other is not followed")
+    assert prompt.giver == "left"
 
 
 def test_the_hand_that_passes_something_to_someone_is_one(model):

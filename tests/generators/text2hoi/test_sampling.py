@@ -9,6 +9,7 @@ from geneoh.config import as_dict
 from geneoh.diffusion.schedule import cosine_sigmas
 from geneoh.errors import CheckpointError, ConfigError
 from geneoh.generators.text2hoi import library
+from geneoh.generators.text2hoi import sampling as module
 from geneoh.generators.text2hoi.contact import ContactNetwork
 from geneoh.generators.text2hoi.interaction import InteractionNetwork
 from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork
@@ -65,15 +66,10 @@ def test_a_given_contact_map_leaves_the_noise_as_it_is(networks, objects):
     assert not of(torch.zeros_like(maps))[1].any()
 
 
-def test_the_most_typical_of_several_draws_is_kept_for_each_clip(networks, objects):
-    def of(draws):
-        config = SamplingConfig(steps=4, draws=draws)
-        generator = torch.Generator().manual_seed(0)
-        return sample(networks, objects, SAID, HANDS, LENGTHS, config, generator=generator)
-
-    several, touched = of(4)
+def every_draw(networks, objects):
+    """All four draws of each sentence with their contact maps."""
     every = torch.arange(3).repeat_interleave(4)
-    alone, maps = sample(
+    return sample(
         networks,
         objects.take(every, "B"),
         [SAID[clip] for clip in every],
@@ -82,6 +78,16 @@ def test_the_most_typical_of_several_draws_is_kept_for_each_clip(networks, objec
         SamplingConfig(steps=4, draws=1),
         generator=torch.Generator().manual_seed(0),
     )
+
+
+def test_the_most_typical_of_several_draws_is_kept_for_each_clip(networks, objects):
+    def of(draws):
+        config = SamplingConfig(steps=4, draws=draws)
+        generator = torch.Generator().manual_seed(0)
+        return sample(networks, objects, SAID, HANDS, LENGTHS, config, generator=generator)
+
+    several, touched = of(4)
+    alone, maps = every_draw(networks, objects)
     kept = most_typical(alone, 4)
     assert several.wrist.equal(alone.wrist[kept])
     assert touched.equal(maps[kept])
@@ -89,6 +95,26 @@ def test_the_most_typical_of_several_draws_is_kept_for_each_clip(networks, objec
     assert (kept // 4).tolist() == [0, 1, 2]
     assert several.length.tolist() == LENGTHS.tolist()
     assert not of(1)[0].wrist.equal(several.wrist)
+
+
+def test_a_draw_that_passes_the_object_as_asked_is_kept(networks, objects, monkeypatch):
+    asked = []
+
+    def second_of_each(actions, givers):
+        asked.append(givers)
+        return torch.arange(len(actions.length)) % 4 == 1
+
+    monkeypatch.setattr(module, "passed_by", second_of_each)
+
+    def of(draws, giver):
+        config, generator = SamplingConfig(steps=4, draws=draws), torch.Generator().manual_seed(0)
+        several = networks, objects, SAID, HANDS, LENGTHS, config
+        return sample(*several, generator=generator, giver=giver)[0]
+
+    kept = of(4, ["left", None, "right"])
+    assert asked == [["left"] * 4 + [None] * 4 + ["right"] * 4]
+    alone, _ = every_draw(networks, objects)
+    assert kept.wrist.equal(alone.wrist[1::4])
 
 
 def test_a_sample_has_the_hands_the_lengths_and_the_objects_that_were_asked_for(networks, objects):

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 import torch
-from made_actions import NAMES, WordEncoder, box_actions, made_actions
+from made_actions import NAMES, WordEncoder, made_actions, passing
 from made_networks import TINY, in_paper_form, tiny_data, tiny_task
 
 from geneoh.choices import ACTION_STAGES
@@ -127,14 +127,6 @@ def test_sentences_name_the_hand_that_is_seen_also_in_the_mirror():
     assert "left hand" in said
     assert "right hand" not in said
     assert right_then_left.min() > 0
-
-
-def passing(giver: int):
-    """An object that one hand holds in the first half of an action and the other in the second."""
-    actions = box_actions(["pass"], hands=(True, True))
-    there = torch.arange(20) < 10
-    holds = torch.stack([there, ~there][:: 1 - 2 * giver])[None, :, :, None]
-    return replace(actions, wrist=actions.wrist + 5.0 * ~holds)
 
 
 @pytest.mark.parametrize(("giver", "side", "other"), [(0, "left", "right"), (1, "right", "left")])

@@ -30,6 +30,13 @@ def test_of_each_group_the_one_between_the_others_is_kept():
     assert most_typical(drawn([0.0, 0.3, 0.04, 0.05, 0.2]), 5).tolist() == [3]
 
 
+def test_of_draws_that_fit_the_one_between_those_is_kept_and_any_where_none_fits():
+    actions = drawn([0.0, 0.3, 0.04, 0.1, 0.33])
+    fits = torch.tensor([False, True, False, True, True])
+    assert most_typical(actions, 5, fits).tolist() == [1]
+    assert most_typical(actions, 5, torch.zeros(5, dtype=torch.bool)).tolist() == [3]
+
+
 def test_hands_count_as_well_as_the_object():
     assert most_typical(drawn([0.5, 0.0, 0.02], "wrist"), 3).tolist() == [2]
 

@@ -1,0 +1,47 @@
+"""Which hand passes an object to the other: in words, and in what hands do."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+from made_actions import box_actions, passing
+
+from geneoh.bundle import concatenated
+from geneoh.generators.text2hoi.passing import asked_giver, givers, passed_by
+
+
+@pytest.mark.parametrize(
+    ("words", "giver"),
+    [
+        ("pass the cup from the left hand to the right hand", "left"),
+        ("pass the ball from right to left", "right"),
+        ("from my right hand pass it to the other one", "right"),
+        ("the right hand passes the mug to the other hand", "right"),
+        ("hand the mug over to the left hand", "right"),
+        ("the left hand gives the cup into the right one", "left"),
+        ("pass the cup from hand to hand", None),
+        ("pass the cup", None),
+    ],
+)
+def test_the_hand_that_gives_is_read_from_either_end_of_the_way(words, giver):
+    assert asked_giver(words) == giver
+
+
+def test_the_hand_that_touches_the_object_earlier_gives_it():
+    assert givers(concatenated([passing(0), passing(1)], "B")) == ["left", "right"]
+    late = passing(1)
+    # the left hand comes first for one frame, but later on average
+    late.wrist[0, 0, 0] = late.wrist[0, 0, -1]
+    assert givers(late) == ["right"]
+
+
+def test_no_hand_gives_what_both_hold_alike_or_one_never_touches():
+    both = box_actions(["pass"], hands=(True, True))
+    assert givers(both) == [None]
+    away = replace(both, wrist=both.wrist + 5.0 * torch.tensor([0.0, 1.0])[:, None, None])
+    assert givers(away) == [None]
+
+
+def test_clips_fit_that_pass_as_asked_or_as_they_like():
+    clips = concatenated([passing(0)] * 3, "B")
+    assert passed_by(clips, ["left", "right", None]).tolist() == [True, False, True]
