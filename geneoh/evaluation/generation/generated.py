@@ -7,6 +7,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.bundle import Bundle, concatenated
+from geneoh.choices import Side
 from geneoh.generators.text2hoi.library import Networks
 from geneoh.generators.text2hoi.objects import Objects
 from geneoh.generators.text2hoi.passing import asked_giver
@@ -49,7 +50,7 @@ def draw_clips(
         asked = objects, said[start : start + AT_ONCE], hands_of(some), some.length
         given = None if contact else torch.zeros_like(objects.points[..., 0])
         verbs = [(data.verbs or VERBS)[verb] for verb in some.verb.tolist()]
-        giver = [
+        giver: list[Side | None] = [
             asked_giver(sentence.lower()) if verb == "pass" else None
             for sentence, verb in zip(asked[1], verbs, strict=True)
         ]
