@@ -73,7 +73,7 @@ def make_hands(
     check_outputs(outputs, inputs=read, overwrite=overwrite)
 
     from geneoh.generators.both2hands.on_body import BodyOptions, generate_on_body
-    from geneoh.generators.text2hoi.prompt import prompt_text
+    from geneoh.generators.sentences import prompt_text
     from geneoh.readers.bodies.objects import object_of_body
     from geneoh.readers.bodies.read import read_body
 

@@ -102,8 +102,8 @@ def generate(
     check_ending(output, (".npz",))
     check_outputs([output], inputs=[obj], overwrite=overwrite)
 
+    from geneoh.generators.sentences import prompt_text
     from geneoh.generators.text2hoi.generate import GenerateOptions, generate, save_generated
-    from geneoh.generators.text2hoi.prompt import prompt_text
     from geneoh.geometry.mesh import load_mesh
 
     from .. import reports

@@ -72,7 +72,9 @@ def test_hands_with_an_object_go_through_the_cleaner(geneoh, folder, monkeypatch
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--body", "walk.npz", ""], "expected an English sentence on what hands do"),
+        (["--body", "walk.npz", ""], "expected an English sentence, found no words"),
+        (["--body", "walk.npz", "die rechte Hand winkt"], "on what hands do, found 1 known"),
+        (["--body", "walk.npz", "123"], "found 0 known words among 1; write one such as"),
         (["--body", "none.npz", SENTENCE], "none.npz: no such file"),
         (["--body", "joints.npz", SENTENCE], "expected a body as 'global_orient'"),
         (["--body", "walk.npz", SENTENCE, "--fps", "60"], "says 30 frames a second, got --fps 60"),

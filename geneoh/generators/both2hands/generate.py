@@ -4,14 +4,14 @@ import torch
 
 from geneoh.body.motion import BodyMotion
 from geneoh.body.skeleton import BODY_JOINTS, Skeleton
-from geneoh.errors import InputError, shortened
 from geneoh.generators.both2hands.library import Networks, load_networks
 from geneoh.generators.both2hands.limits import within_limits
 from geneoh.generators.both2hands.sampling import SamplingConfig, sample
+from geneoh.generators.both2hands.words import known_words
 from geneoh.generators.pieces import words_of
+from geneoh.generators.sentences import check_english
 from geneoh.progress import OnStep
 
-LONGEST = 60  # words; a description of the paper's data has 14 to 33
 EXAMPLE = '"the right hand waves, the left rests"'
 
 
@@ -37,7 +37,7 @@ def generate_hands(
         on_step: told of the steps.
 
     Raises:
-        InputError: the sentence has no words, or too many.
+        InputError: the sentence has no words or too many, or is not English.
         CheckpointError: weights are missing or damaged.
     """
     check_sentence(sentence)
@@ -55,12 +55,6 @@ def generate_hands(
 
 
 def check_sentence(sentence: str) -> None:
-    """Refuse a text without words, or with too many."""
+    """Refuse a text without words, with too many, or with too few that are known."""
     words = words_of(sentence)
-    if 0 < len(words) <= LONGEST:
-        return
-    found = f"{len(words)} words" if words else "no words"
-    raise InputError(
-        f"prompt '{shortened(sentence, 60)}': expected an English sentence on what hands do, of at "
-        f"most {LONGEST} words, found {found}; write one such as {EXAMPLE}"
-    )
+    check_english(sentence, words, known_words(), on="what hands do", example=EXAMPLE)

@@ -90,7 +90,7 @@ def generate_on_body(
         on_progress: told of the stage "hands" and of those of the cleaner.
 
     Raises:
-        InputError: the sentence has no words or too many, or the file holds no body.
+        InputError: the sentence is empty, too long or not English, or the file holds no body.
         CheckpointError: weights are missing or damaged.
     """
     options, sentence = options or BodyOptions(), " ".join(sentence.split())

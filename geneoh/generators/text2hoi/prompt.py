@@ -1,16 +1,14 @@
 """What a user's sentence asks for: the hands, and the verb as far as it is known."""
 
-import difflib
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 
 from geneoh.choices import HANDS, SIDES, HandsName, Side
 from geneoh.errors import InputError, shortened
-from geneoh.files.reading import read_bytes
 from geneoh.generators.pieces import words_of
+from geneoh.generators.sentences import check_english, nearest_word
 from geneoh.generators.text2hoi.captions import ADJECTIVES
 from geneoh.generators.text2hoi.duration import length_in_frames, stated_length
 from geneoh.generators.text2hoi.english import OTHER_VERBS, SMALL_WORDS, THINGS
@@ -22,10 +20,6 @@ from geneoh.language.conjugation import forms
 from geneoh.language.vocabulary import NOUN_WORDS, PARTICLES
 from geneoh.synthesis.actions import VERBS
 
-LONGEST = 60  # words; a sentence of the paper has 8
-ENGLISH = 0.4  # least share of words that must be known for a sentence to count as English
-ALIKE = 0.8  # least likeness of a misspelt word and the word that is meant
-FILE_LIMIT = 100_000  # bytes of a file with a prompt
 EXAMPLE = '"pour from the kettle with the right hand"'
 
 _SIDES = rf"{MY}(left|right)( hand)?"
@@ -62,33 +56,6 @@ class Prompt:
     giver: Side | None  # the hand that passes the object to the other; None where either may
 
 
-def prompt_text(argument: str) -> str:
-    """The sentence of a command line: itself, or that in a file, as `@FILE` or as a path.
-
-    Raises:
-        InputError: the file cannot be read as one line of text.
-    """
-    path = Path(argument.removeprefix("@").strip())
-    try:
-        in_file = argument.startswith("@") or (argument.strip() != "" and path.is_file())
-    except OSError:  # too long for the name of a file
-        in_file = False
-    if not in_file:
-        return argument
-    try:
-        lines = read_bytes(path, FILE_LIMIT).decode("utf-8-sig").split("\n")
-    except UnicodeDecodeError as error:
-        raise InputError(
-            f"{path}: expected one English sentence in UTF-8, found other bytes; save it as text"
-        ) from error
-    said = [line.strip() for line in lines if line.strip()]
-    if len(said) > 1:
-        raise InputError(
-            f"{path}: expected one sentence, found {len(said)} lines; keep one in the file"
-        )
-    return said[0] if said else ""
-
-
 def read_prompt(text: str, model: TextModel | None = None, *, frames: int | None = None) -> Prompt:
     """What a sentence asks for, by its words first and then by our text encoder.
 
@@ -101,7 +68,8 @@ def read_prompt(text: str, model: TextModel | None = None, *, frames: int | None
             rules out its verb or all hands, or states a length that no clip has.
     """
     sentence = " ".join(text.split())
-    check_english(sentence, words_of(sentence))
+    words, on = words_of(sentence), "hands and an object"
+    check_english(sentence, words, known_words(), on=on, example=EXAMPLE)
     rest, stated = stated_length(sentence.replace("\u2019", "'"))
     length = length_in_frames(sentence, stated) if frames is None else None
     said, ruled_out = without_ruled_out(" ".join(words_of(rest) or words_of(sentence)))
@@ -134,7 +102,7 @@ def without_ruled_out_verbs(
             stop = start + 1 + (kept[start + 1 : start + 2] in (["it"], ["them"]))
             left_out.append(" ".join(kept[index:stop]))
             del kept[index:stop]
-    if left_out and not named_verbs([nearest_word(word) or word for word in kept]):
+    if left_out and not named_verbs(as_meant(kept)):
         raise InputError(
             f"prompt '{shortened(sentence, 60)}': expected an action that hands do, found only "
             f"'{left_out[-1]}'; say what they do, such as {EXAMPLE}"
@@ -144,7 +112,7 @@ def without_ruled_out_verbs(
 
 def starts_with_verb(words: Sequence[str]) -> bool:
     """Whether words start with a verb, whose particle may follow later."""
-    meant = [nearest_word(word) or word for word in words]
+    meant = as_meant(words)
     more = named_verbs(meant).keys() - named_verbs(meant[1:]).keys()
     return bool(more or named_verbs(meant[:1]))
 
@@ -172,29 +140,11 @@ def with_other_hand(sentence: str, words: list[str], ruled_out: frozenset[Side])
     return [*words, "with", "the", next(side for side in SIDES if side not in ruled_out), "hand"]
 
 
-def check_english(sentence: str, words: Sequence[str]) -> None:
-    """Refuse a text without words, with too many, or with too few that are known."""
-    shown, remedy = f"prompt '{shortened(sentence, 60)}'", f"write one such as {EXAMPLE}"
-    if not words:
-        raise InputError(f"{shown}: expected an English sentence, found no words; {remedy}")
-    if len(words) > LONGEST:
-        raise InputError(
-            f"{shown}: expected one sentence of at most {LONGEST} words, found {len(words)}; "
-            "say it shorter"
-        )
-    understood = sum(nearest_word(word) is not None for word in words)
-    if understood < ENGLISH * len(words):
-        raise InputError(
-            f"{shown}: expected an English sentence on hands and an object, found {understood} "
-            f"known words among {len(words)}; {remedy}"
-        )
-
-
 def asked_verb(
     sentence: str, words: Sequence[str], model: TextModel
 ) -> tuple[str, bool, tuple[str, ...]]:
     """The verb of made actions, whether the sentence names it, and notes."""
-    named = named_verbs(words) or named_verbs([nearest_word(word) or word for word in words])
+    named = named_verbs(words) or named_verbs(as_meant(words))
     scores = dict(zip(model.verbs, model.read(sentence).verbs[0].tolist(), strict=True))
     if not named:
         nearest = max(VERBS, key=lambda verb: scores[verb])
@@ -255,19 +205,6 @@ def asked_hands(
     return hands, (f"the sentence names no hand; '{hands}' is taken",)
 
 
-def nearest_word(word: str) -> str | None:
-    """A known English word with the same first letter that equals or resembles the word."""
-    known = _known_words()
-    if word in known or word.removesuffix("s") in known:
-        return word
-    if len(word) < 4:
-        return None
-    same = [each for each in known if each[0] == word[0] and abs(len(each) - len(word)) <= 1]
-    swapped = [each for each in same if sorted(each) == sorted(word)]
-    near = swapped or difflib.get_close_matches(word, same, 1, ALIKE)
-    return near[0] if near else None
-
-
 @cache
 def _phrases() -> dict[str, tuple[tuple[str, str], ...]]:
     """All forms of all words of verbs by their first word, longest first, each with its verb."""
@@ -279,9 +216,14 @@ def _phrases() -> dict[str, tuple[tuple[str, str], ...]]:
     return {first: tuple(sorted(f, key=lambda each: -len(each[0]))) for first, f in found.items()}
 
 
+def as_meant(words: Sequence[str]) -> list[str]:
+    """Words of which misspelt ones are replaced by those that they resemble."""
+    return [nearest_word(word, known_words()) or word for word in words]
+
+
 @cache
-def _known_words() -> frozenset[str]:
-    """All words of our lists."""
+def known_words() -> frozenset[str]:
+    """All words of our lists on hands and objects."""
     verbs = [form for words in WORDS.values() for word in words for form in forms(word)]
     nouns = [noun for words in NOUN_WORDS.values() for noun in words]
     listed = " ".join([*verbs, *nouns, *NOUN_WORDS, *THINGS, *ADJECTIVES])

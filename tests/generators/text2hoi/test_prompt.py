@@ -1,7 +1,7 @@
 import pytest
 
 from geneoh.errors import InputError
-from geneoh.generators.text2hoi.prompt import named_verbs, nearest_word, prompt_text, read_prompt
+from geneoh.generators.text2hoi.prompt import named_verbs, read_prompt
 from geneoh.generators.text2hoi.text import load_text_model
 
 
@@ -165,42 +165,11 @@ def test_white_space_in_a_sentence_is_one_space(model):
     assert read_prompt(" Lift\nthe  mug ", model).sentence == "Lift the mug"
 
 
-def test_a_prompt_may_stand_in_a_file(tmp_path):
-    file = tmp_path / "prompt.txt"
-    file.write_bytes(b"\xef\xbb\xbfLift the mug with the left hand.\r\n\n")
-    assert prompt_text(f"@{file}") == "Lift the mug with the left hand."
-    assert prompt_text(str(file)) == "Lift the mug with the left hand."
-    assert prompt_text("Lift the mug") == "Lift the mug"
-    assert prompt_text("word " * 200) == "word " * 200
-    assert prompt_text("") == ""
-    file.write_text("")
-    assert prompt_text(f"@{file}") == ""
-
-
-def test_files_without_one_sentence_are_refused(tmp_path):
-    file = tmp_path / "prompt.txt"
-    with pytest.raises(InputError, match=r"prompt\.txt"):
-        prompt_text(f"@{file}")
-    file.write_text("Lift the mug.\nOpen the box.\n")
-    with pytest.raises(InputError, match="expected one sentence, found 2 lines"):
-        prompt_text(f"@{file}")
-    file.write_bytes(b"\x89PNG\r\n\xff\xfe")
-    with pytest.raises(InputError, match="found other bytes"):
-        prompt_text(f"@{file}")
-
-
 def test_a_longer_verb_hides_a_shorter_one_in_it():
     assert list(named_verbs(["push", "down", "the", "lid"])) == ["press"]
     assert list(named_verbs(["push", "the", "lid"])) == ["slide"]
     assert list(named_verbs(["pull", "open", "the", "drawer"])) == ["open"]
     assert named_verbs(["the", "lock", "and", "a", "place"]) == {}
-
-
-def test_words_are_matched_over_one_typing_error():
-    assert nearest_word("lfit") == "lift"
-    assert nearest_word("shaek") == "shake"
-    assert nearest_word("flurble") is None
-    assert nearest_word("mugs") == "mugs"
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,75 @@
+"""A user's sentence as text: out of a file, and refused where it is not English."""
+
+import difflib
+from collections.abc import Collection, Sequence
+from pathlib import Path
+
+from geneoh.errors import InputError, shortened
+from geneoh.files.reading import read_bytes
+
+LONGEST = 60  # words; a sentence of Text2HOI has 8, a description of BOTH57M 14 to 33
+ENGLISH = 0.4  # least share of words that must be known for a sentence to count as English
+ALIKE = 0.8  # least likeness of a misspelt word and the word that is meant
+FILE_LIMIT = 100_000  # bytes of a file with a prompt
+
+
+def prompt_text(argument: str) -> str:
+    """The sentence of a command line: itself, or that in a file, as `@FILE` or as a path.
+
+    Raises:
+        InputError: the file cannot be read as one line of text.
+    """
+    path = Path(argument.removeprefix("@").strip())
+    try:
+        in_file = argument.startswith("@") or (argument.strip() != "" and path.is_file())
+    except OSError:  # too long for the name of a file
+        in_file = False
+    if not in_file:
+        return argument
+    try:
+        lines = read_bytes(path, FILE_LIMIT).decode("utf-8-sig").split("\n")
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"{path}: expected one English sentence in UTF-8, found other bytes; save it as text"
+        ) from error
+    said = [line.strip() for line in lines if line.strip()]
+    if len(said) > 1:
+        raise InputError(
+            f"{path}: expected one sentence, found {len(said)} lines; keep one in the file"
+        )
+    return said[0] if said else ""
+
+
+def check_english(
+    sentence: str, words: Sequence[str], known: Collection[str], *, on: str, example: str
+) -> None:
+    """Refuse a text without words, with too many, or with too few that are known.
+
+    `on` says what a sentence is on, and `example` is one, both for the message.
+    """
+    shown, remedy = f"prompt '{shortened(sentence, 60)}'", f"write one such as {example}"
+    if not words:
+        raise InputError(f"{shown}: expected an English sentence, found no words; {remedy}")
+    if len(words) > LONGEST:
+        raise InputError(
+            f"{shown}: expected one sentence of at most {LONGEST} words, found {len(words)}; "
+            "say it shorter"
+        )
+    understood = sum(nearest_word(word, known) is not None for word in words)
+    if understood < ENGLISH * len(words):
+        raise InputError(
+            f"{shown}: expected an English sentence on {on}, found {understood} known words among "
+            f"{len(words)}; {remedy}"
+        )
+
+
+def nearest_word(word: str, known: Collection[str]) -> str | None:
+    """A known English word with the same first letter that equals or resembles the word."""
+    if word in known or word.removesuffix("s") in known:
+        return word
+    if len(word) < 4:
+        return None
+    same = sorted(e for e in known if e[0] == word[0] and abs(len(e) - len(word)) <= 1)
+    swapped = [each for each in same if sorted(each) == sorted(word)]
+    near = swapped or difflib.get_close_matches(word, same, 1, ALIKE)
+    return near[0] if near else None

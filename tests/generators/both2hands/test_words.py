@@ -1,0 +1,51 @@
+"""Which sentences on the hands of a body count as English."""
+
+import pytest
+
+from geneoh.errors import InputError
+from geneoh.generators.both2hands.generate import check_sentence
+from geneoh.generators.both2hands.words import known_words
+from geneoh.generators.pieces import words_of
+from geneoh.synthesis.gestures.one_handed import ONE_HANDED
+from geneoh.synthesis.gestures.two_handed import TWO_HANDED
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    [
+        "the right hand waves, the left rests",
+        "She claps.",
+        "clapping",
+        "conducting an orchestra",
+        "picks his nose",
+        "thmubs up wtih the right hnad",
+        "Both hands naturally open, fingers slightly bent, palms facing inward",
+        "his left hand forms a fist with the thumb extended, the right one is curled",
+        "the right hand grips the mug",
+    ],
+)
+def test_an_english_sentence_on_hands_is_taken(sentence):
+    check_sentence(sentence)
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    [
+        "die rechte Hand winkt, die linke ruht",
+        "beide H\u00e4nde klatschen",
+        "la main droite salue, la gauche repose",
+        "la mano derecha saluda y la izquierda descansa",
+        "\u53f3\u624b\u6325\u624b",
+        "123",
+        "asdf qwer",
+    ],
+)
+def test_a_sentence_in_another_language_is_refused(sentence):
+    with pytest.raises(InputError, match="expected an English sentence on what hands do"):
+        check_sentence(sentence)
+
+
+def test_all_words_of_made_gestures_are_known():
+    said = [phrase for each in ONE_HANDED.values() for phrase in each.says]
+    said += [phrase for each in TWO_HANDED.values() for phrase in each.said]
+    assert {word for phrase in said for word in words_of(phrase)} <= known_words()
