@@ -58,7 +58,8 @@ def refined(result: Denoised | None) -> Iterator[str]:
 def hands_on_body(made: "BodyWithHands", outputs: Iterable[Path]) -> Iterator[str]:
     """What was read, what was assumed, what the cleaner says, and what was written."""
     body = made.body
-    yield f"read {body.source}: {body.frames} frames at {body.fps:g} frames a second"
+    frames = counted(body.frames, "frame")
+    yield f"read {body.source}: {frames} at {body.fps:g} frames a second"
     for note in body.notes:
         yield f"note: {note}"
     yield from refined(made.refined)

@@ -17,6 +17,10 @@ from geneoh.sequence.validation import LARGEST_FPS, SMALLEST_FPS, check_place
 
 SMALLEST_BODY, LARGEST_BODY = 0.3, 3.0
 """Limits in metres of the height of the head above the lower foot in the rest pose."""
+FAR_UP = 10.0
+"""Metres above or below the origin at which no pelvis of a recording usually is."""
+FAST = 15.0
+"""Metres a second that no pelvis does in half of all frames."""
 
 
 @dataclass(frozen=True)
@@ -55,19 +59,24 @@ class BodyRecording(Bundle):
 
 
 def upright(
-    motion: BodyMotion, skeleton: Skeleton, given: Axis | None
+    motion: BodyMotion, skeleton: Skeleton, given: Axis | None, *, usual: Axis | None = None
 ) -> tuple[BodyMotion, Axis, tuple[str, ...]]:
     """A motion in the world of a file with y up instead; the axis that was up; what was assumed.
 
-    Where nobody says which one that is, it is the one along which the spine points on average.
+    Where nobody says which one that is, it is the `usual` one of such files, else the one along
+    which the spine points on average.
     """
-    if given is not None:
-        return turned(motion, turn_up(given, "y").to(motion.root)), given, ()
     posed = pose(skeleton, motion).positions
-    spine = posed[:, JOINT_NAMES.index("neck")] - posed[:, 0]
-    up = nearest_axis(spine.mean(0))
-    note = f"{up} is taken to point up, as the body stands; --up says otherwise"
-    return turned(motion, turn_up(up, "y").to(motion.root)), up, (note,)
+    spine = nearest_axis((posed[:, JOINT_NAMES.index("neck")] - posed[:, 0]).mean(0))
+    up, notes = given or usual or spine, ()
+    if given is None and usual is None:
+        notes = (f"{up} is taken to point up, as the body stands; --up says otherwise",)
+    elif given is None and spine != usual:
+        notes = (
+            f"{up} is taken to point up, as in such files, but the body stands along {spine}; "
+            f"--up {spine} says so where it does not lie or bend",
+        )
+    return turned(motion, turn_up(up, "y").to(motion.root)), up, notes
 
 
 def at_rate(recording: BodyRecording, fps: float) -> BodyRecording:
@@ -117,7 +126,22 @@ def checked(recording: BodyRecording) -> BodyRecording:
             f"{name}: the body must be {SMALLEST_BODY:g} to {LARGEST_BODY:g} m high from foot to "
             f"head, got {height:.3g} m; check its unit and its skeleton"
         )
-    return recording
+    return replace(recording, notes=(*recording.notes, *about_place(recording)))
+
+
+def about_place(recording: BodyRecording) -> tuple[str, ...]:
+    """A note where the pelvis is or moves as one does whose place is not in metres."""
+    root = recording.motion.root
+    far = float(root[:, 1].abs().max())
+    speed = (
+        float((recording.fps * root.diff(dim=0).norm(dim=-1)).nanmedian()) if len(root) > 1 else 0
+    )
+    if far < FAR_UP and speed < FAST:
+        return ()
+    return (
+        f"the pelvis is up to {far:.3g} m above or below the origin and moves at {speed:.3g} m/s; "
+        "check that its places are in metres, and the frame rate",
+    )
 
 
 def resting(frames: int) -> BodyMotion:

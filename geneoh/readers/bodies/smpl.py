@@ -99,7 +99,8 @@ def read_clip(
     stored = [record.number(name) for name in RATES if name in record]
     rate, notes = rate_of(stored[0] if stored else layout.fps, fps, record.where)
     motion = BodyMotion(float32(transl) + rest.rest_root, turns)
-    motion, up, more = upright(motion, rest.skeleton, up or own_axis(record) or layout.up)
+    up = up or own_axis(record)
+    motion, up, more = upright(motion, rest.skeleton, up, usual=layout.up)
     return checked(
         BodyRecording(
             motion,
@@ -139,19 +140,29 @@ def rotations_of(
         poses = record.array(layout.body, ("T", "N"), unit="in radians")
         start = HANDS_IN_POSES.get(width)
         fingers = None if start is None else poses[:, start : start + 3 * FINGERS]
-        body = poses[:, : 3 * BODY_JOINTS]
+        body = in_radians(record, layout.body, poses[:, : 3 * BODY_JOINTS])
     else:
         root = record.array(layout.root, ("T", 3), unit="in radians")
         posed = record.array(layout.body, ("T", 63), ("T", 69), ("T", 21, 3), ("T", 23, 3))
         record.refuse_lengths(layout.root, layout.body)
-        body = np.concatenate([root, posed.reshape(len(posed), -1)[:, :63]], axis=1)
+        posed = posed.reshape(len(posed), -1)[:, :63]
+        parts = [in_radians(record, layout.root, root), in_radians(record, layout.body, posed)]
+        body = np.concatenate(parts, axis=1)
         fingers = fingers_of(record, layout, len(body))
     fingers, notes = absolute(record, layout, fingers)
+    if fingers is not None and not bool((np.abs(fingers) <= LARGEST_ANGLE).all()):
+        fingers, notes = None, ("the fingers are not in radians in all frames and were left out",)
     flat = np.zeros((len(body), 3 * FINGERS)) if fingers is None else fingers
     vectors = float32(np.concatenate([body, flat], axis=1)).reshape(-1, len(JOINT_NAMES), 3)
-    if bool((vectors.norm(dim=-1) > LARGEST_ANGLE).any()):
-        raise record.refuse(layout.body, "axis-angle in radians", "convert degrees to radians")
     return axis_angle_to_matrix(vectors), fingers is not None, notes
+
+
+def in_radians(record: Record, name: str, turns: Array) -> Array:
+    """(T, 3J) axis-angle of a field; `InputError` for turns of more than two rounds."""
+    angles = np.linalg.norm(turns.reshape(-1, 3), axis=-1)
+    if bool((angles[np.isfinite(angles)] > LARGEST_ANGLE).any()):
+        raise record.refuse(name, "axis-angle in radians", "convert degrees to radians")
+    return turns
 
 
 def fingers_of(record: Record, layout: Layout, frames: int) -> Array | None:
@@ -188,6 +199,8 @@ def absolute(
 def betas_of(record: Record) -> Float[Tensor, " S"] | None:
     """The shape coefficients; of one set per frame the mean."""
     betas = record.tensor("betas", ("S",), ("T", "S"))
+    if betas is not None and not bool(betas.isfinite().all()):
+        raise record.refuse("betas", "finite numbers", "correct or remove them")
     return betas if betas is None or betas.ndim == 1 else betas.mean(0)
 
 

@@ -4,6 +4,7 @@ import bodies
 import pytest
 import torch
 
+from geneoh.body.motion import BodyMotion
 from geneoh.body.skeleton import Skeleton
 from geneoh.errors import InputError
 from geneoh.readers.bodies.base import at_rate, checked, over_frames
@@ -38,3 +39,18 @@ def test_a_skeleton_in_other_units_is_refused(body):
     giant = replace(body, skeleton=Skeleton(100 * body.skeleton.offsets))
     with pytest.raises(InputError, match=r"must be 0.3 to 3 m high"):
         checked(giant)
+
+
+@pytest.mark.parametrize(
+    ("change", "noted"),
+    [
+        (lambda root: root, False),
+        (lambda root: root + 9, False),
+        (lambda root: 0.1 * root + torch.tensor([0.0, 97.0, 0.0]), True),
+        (lambda root: 100 * (root - root[:1]), True),
+    ],
+)
+def test_places_that_may_not_be_in_metres_are_noted(body, change, noted):
+    walking = replace(body, fps=30.0)
+    moved = BodyMotion(change(walking.motion.root), walking.motion.rotations)
+    assert bool(checked(replace(walking, motion=moved)).notes) == noted

@@ -56,6 +56,32 @@ def test_the_caller_may_say_what_is_up(tmp_path):
     assert not any("up" in note for note in body.notes)
 
 
+@pytest.mark.parametrize("up", ["y", "-y"])
+def test_a_body_that_stands_along_another_axis_than_its_kind_of_file_is_noted(tmp_path, up):
+    turns, root = bodies.in_world(SWAYING, up)
+    fields = {"poses": turns.reshape(len(turns), -1), "trans": root, "mocap_framerate": 30.0}
+    np.savez(tmp_path / "a.npz", **fields)
+    body = read_body(tmp_path / "a.npz")
+    (note,) = body.notes
+    assert (body.up, f"the body stands along {up}; --up {up}" in note) == ("z", True)
+    said = read_body(tmp_path / "a.npz", up=up)
+    assert_same(said.motion, SWAYING)
+    assert said.notes == ()
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf, 500.0])
+def test_fingers_that_are_no_angles_are_left_out(tmp_path, wrong):
+    path = bodies.smplx_names(tmp_path / "a.npz", SWAYING)
+    with np.load(path) as arrays:
+        fields = dict(arrays)
+    fields["left_hand_pose"][3] = wrong
+    np.savez(path, **fields)
+    body = read_body(path)
+    assert_same(body.motion, SWAYING, fingers=False)
+    assert not body.has_fingers
+    assert "the fingers are not in radians in all frames" in " ".join(body.notes)
+
+
 @pytest.mark.parametrize("split", [False, True])
 def test_amass_is_z_up_at_its_own_rate(tmp_path, split):
     body = read_body(bodies.amass(tmp_path / "a.npz", SWAYING, split=split))
@@ -131,7 +157,10 @@ def test_the_users_model_gives_bones_and_the_pelvis(tmp_path):
         ({"body_pose": None}, "expected a body as 'global_orient'"),
         ({"body_pose": np.zeros((8, 45))}, r"'body_pose' must be numbers of shape \(T, 63\)"),
         ({"body_pose": np.zeros((7, 63))}, "must have the same number of frames"),
-        ({"body_pose": np.full((8, 63), 90.0)}, "convert degrees to radians"),
+        ({"body_pose": np.full((8, 63), 90.0)}, "'body_pose' must be axis-angle in radians"),
+        ({"global_orient": np.full((8, 3), 90.0)}, "'global_orient' must be axis-angle in radians"),
+        ({"body_pose": np.full((8, 63), np.inf)}, "got NaN or infinity in 8"),
+        ({"betas": np.full(10, np.nan)}, "'betas' must be finite numbers"),
         ({"transl": np.full((8, 3), np.nan)}, "got NaN or infinity in 8"),
         ({"transl": np.full((8, 3), 1e6)}, "within 10000 m of the origin"),
         ({"fps": 0.0}, "the frame rate must be 1 to 1000"),
