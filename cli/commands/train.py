@@ -11,8 +11,6 @@ from geneoh.errors import ConfigError
 
 from .. import options, progress
 
-FOLLOWS = ("spatial", "temporal", "relations")
-"""Stages that learn on the output of MotionDiff."""
 ACTIONS = "runs/actions"
 """Folder of the actions that the generator learns from, where no other is named."""
 BODIES = "runs/bodies"
@@ -76,7 +74,8 @@ def train(
     in the folder, else of the shipped one. Trajectory, relations and latent are the stages in the
     paper's form, for the preset `paper`. Toch and regression are the baselines of `geneoh eval`.
     Without --config the shipped configuration of the stage is used. Settings are those of
-    TrainConfig, such as steps=1000, corruption.gap_share=0.5 or synthesis.count=2048.
+    TrainConfig, such as steps=1000, corruption.gap_share=0.5 or synthesis.count=2048. A file may
+    serve several stages; --set takes settings of the stage alone.
 
     Text, length, contact, interaction and refiner are networks of the generator. All but the first
     learn from one folder of `geneoh synthesize --actions`, or from recordings of h2o=, grab= or
@@ -97,6 +96,7 @@ def train(
     from geneoh.nn.devices import named_device
     from geneoh.training.loop import train as fit
     from geneoh.training.processes import joined
+    from geneoh.training.run_config import refuse_replaced
     from geneoh.training.start import weights_for
 
     if threads is not None:
@@ -118,6 +118,7 @@ def train(
                 refuse_unused(stage, "text_encoder", "skeleton")
                 asked = named, settings, sources or ("runs/data",), folder, start, mano
                 task, weights, notes = cleaner_task(stage, *asked, place, on_progress)
+            refuse_replaced(task.config, options.find_config(named), settings)
             if start is not None and stage not in STAGES:
                 weights = weights_for(task, start_of(stage, start))
         for note in notes:
@@ -146,21 +147,26 @@ def cleaner_task(
     on_progress: Any,
 ) -> Any:
     """A stage of the cleaner to learn, the weights to start from, and words on its data."""
-    from geneoh.config import configured
     from geneoh.denoisers.library import load_motion
     from geneoh.readers.base import ReaderOptions
-    from geneoh.training.config import TrainConfig
-    from geneoh.training.data import parsed_source, training_data
+    from geneoh.training.config import FOLLOWS, TrainConfig
+    from geneoh.training.data import parsed_source, refuse_other_making, training_data
+    from geneoh.training.run_config import refuse_settings, stage_config
     from geneoh.training.stages import StageTask
     from geneoh.training.start import started_from
 
-    chosen, weights = configured(TrainConfig(), options.find_config(config), settings), None
+    path, weights = options.find_config(config), None
+    chosen = stage_config(TrainConfig(), stage, path, settings)
     if start is not None:
         chosen, weights = started_from(None if start == Path("shipped") else start, stage, chosen)
     asked, readers = [parsed_source(text) for text in sources], ReaderOptions(mano_dir=mano)
     if not any(one.source for one in asked):
         refuse_unused(f"{stage} and made interactions", "mano")
+        refuse_settings("clips", settings, "recordings")
+    if all(one.source for one in asked):
+        refuse_settings("synthesis", settings, "made interactions")
     data = training_data(asked, folder / "recordings", chosen, readers, on_progress=on_progress)
+    refuse_other_making(data.record, chosen.synthesis, settings)
     motion = load_motion(folder).to(place) if stage in FOLLOWS else None
     task = StageTask(stage, chosen, data.training, data.validation, motion, data.record)
     return task, weights, data.notes

@@ -1,9 +1,12 @@
 """Settings of the training of a stage; the TOML files of `configs/` hold differences from these."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 from geneoh.baselines.regression import RegressionConfig
 from geneoh.baselines.toch import TochConfig
+from geneoh.choices import STAGES
 from geneoh.denoisers.latent import LatentConfig
 from geneoh.denoisers.motion import MotionConfig
 from geneoh.denoisers.relations import RelationConfig
@@ -17,15 +20,24 @@ from geneoh.training.recordings import ClipConfig
 from geneoh.training.run_config import RunConfig
 from geneoh.training.windows import WindowConfig
 
+FOLLOWS = ("spatial", "temporal", "relations")
+"""Stages that learn on the output of MotionDiff."""
+
 
 @dataclass(frozen=True)
 class TrainConfig(RunConfig):
     """The training of one stage of the cleaner; every value is saved with the weights."""
 
+    READ_BY: ClassVar[Mapping[str, tuple[str, ...]]] = {
+        **{stage: (stage,) for stage in STAGES},
+        "autoencoder_steps": ("latent",),
+        **dict.fromkeys(("motion_level", "motion_steps"), FOLLOWS),
+    }
+
     autoencoder_steps: int = 3000
     """Latent stage only: steps spent on the autoencoder before its latent is denoised."""
     motion_level: int = 650
-    """Spatial and temporal stages: level from which MotionDiff denoises what they are shown."""
+    """Stages after MotionDiff only: level from which it denoises what they are shown."""
     motion_steps: int = 3  # denoising steps of that, fewer than in use: it is run for every batch
     windows: WindowConfig = field(default_factory=WindowConfig)
     augmentation: AugmentationConfig = field(default_factory=AugmentationConfig)

@@ -5,7 +5,7 @@ Recordings are split by whole objects, so that validation sees none that a netwo
 
 import hashlib
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -15,7 +15,7 @@ import torch
 from jaxtyping import Bool, Int
 from torch import Tensor
 
-from geneoh.config import as_dict
+from geneoh.config import as_dict, flat, parse_setting, setting_differences
 from geneoh.errors import ConfigError, InputError
 from geneoh.hand.library import load_hand
 from geneoh.progress import OnProgress
@@ -173,6 +173,21 @@ def write_missing(folder: Path, config: SynthesisConfig, on_step: Any) -> None:
         return
     if not there or shard_record(there[0]) == ShardRecord(config, 0):
         write_shards(folder, config, load_hand("right"), seed=0, on_shard=on_step)
+
+
+def refuse_other_making(
+    record: Mapping[str, Any], config: SynthesisConfig, settings: Iterable[str]
+) -> None:
+    """Refuse `a.b=c` settings of made interactions that those of a record were not made with."""
+    names = {name for setting in settings for name in flat(parse_setting(setting))}
+    known = flat({"synthesis": as_dict(config)})
+    asked = {name.partition(".")[2]: known[name] for name in names & known.keys()}
+    for made in record.get("sources", [record]):
+        if "seed" in made and (differs := setting_differences(made["config"], asked)):
+            raise ConfigError(
+                f"--set synthesis: the interactions are there and were made with {differs}; leave "
+                "that out, or name another folder as --data"
+            )
 
 
 def whole(clips: Streamed[Interactions], weight: float) -> Portion:

@@ -169,7 +169,7 @@ def train_alone(
         saved = load_checkpoint(
             state_path, remedy="remove it to train anew, or choose another output folder"
         )
-        refuse_other_run(state_path, saved.record, record)
+        refuse_other_run(state_path, saved.record, record, config.unread_by(task.name))
         state.restore(saved)
         if state.step > config.steps:
             raise CheckpointError(

@@ -4,7 +4,7 @@ import csv
 import hashlib
 import io
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,6 +22,8 @@ from geneoh.training.optimizer import Optimizer
 
 MAY_CHANGE = ("steps", "checkpoint_every", "validate_every", "validation_batches")
 """Settings that may change when a run is continued: of its steps they change only the last ones."""
+OF_DATA = ("synthesis", "clips", "recorded")
+"""Settings of how data is made."""
 COMPARED = {
     "stage": "stage",
     "data": "training data (fingerprint)",
@@ -136,10 +138,13 @@ def run_record(
     }
 
 
-def refuse_other_run(path: Path, saved: Mapping[str, Any], asked: Mapping[str, Any]) -> None:
+def refuse_other_run(
+    path: Path, saved: Mapping[str, Any], asked: Mapping[str, Any], unread: Collection[str] = ()
+) -> None:
     """Refuse to continue a state that another stage, config or data made, as far as it tells.
 
-    `CheckpointError` says what differs.
+    Fields of the config that the stage does not read (`unread`) and those of how data is made, of
+    which its fingerprint tells, may differ. `CheckpointError` says what differs.
     """
     differs = [
         f"{words} {_shown(saved[name])} where {_shown(asked.get(name))} is asked for"
@@ -148,7 +153,11 @@ def refuse_other_run(path: Path, saved: Mapping[str, Any], asked: Mapping[str, A
     ]
     # pieces of a batch change the steps of the cleaner by rounding, those of others by more
     may_change = (*MAY_CHANGE, *(("accumulate",) if saved.get("stage") in STAGES else ()))
-    old, new = (flat(record["config"]) for record in (saved, asked))
+    unread = {*unread, *OF_DATA}
+    old, new = (
+        flat({name: value for name, value in record["config"].items() if name not in unread})
+        for record in (saved, asked)
+    )
     differs += [
         f"{name} {old[name]} where {new[name]} is asked for"
         for name in old

@@ -1,9 +1,15 @@
 """Settings that every training run has, of whichever network."""
 
 import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar, TypeVar
 
-from geneoh.config import check_limits
+from geneoh.config import as_dict, check_limits, configured, flat, parse_setting
+from geneoh.errors import ConfigError
+
+Run = TypeVar("Run", bound="RunConfig")
 
 LIMITS = {
     **dict.fromkeys(("steps", "batch", "accumulate", "warmup"), (1, math.inf)),
@@ -17,6 +23,9 @@ LIMITS = {
 @dataclass(frozen=True)
 class RunConfig:
     """Steps, rate and averaging of a run; every value is saved with the weights."""
+
+    READ_BY: ClassVar[Mapping[str, tuple[str, ...]]] = {}
+    """The stages that read a field, by its name; all stages read the others."""
 
     steps: int = 8000  # optimiser steps in all, a batch each
     batch: int = 32  # samples in a batch, of all processes together
@@ -37,3 +46,47 @@ class RunConfig:
     def __post_init__(self) -> None:
         """Refuse numbers that no run can have."""
         check_limits(self, LIMITS)
+
+    def unread_by(self, stage: str) -> frozenset[str]:
+        """Names of the fields that a stage does not read."""
+        return frozenset(name for name, stages in self.READ_BY.items() if stage not in stages)
+
+
+def stage_config(base: Run, stage: str, path: Path | None, settings: Iterable[str]) -> Run:
+    """The configuration of a stage: of a file, which may serve several, and of `a.b=c` settings.
+
+    Raises:
+        ConfigError: the file cannot be read, or a setting is unknown, of the wrong type or, on the
+            command line, of other stages alone.
+    """
+    chosen = configured(base, path, settings)
+    for name in base.unread_by(stage):
+        refuse_settings(name, settings, f"the stage {' or '.join(base.READ_BY[name])}")
+    return chosen
+
+
+def refuse_settings(name: str, settings: Iterable[str], of: str) -> None:
+    """Refuse `a.b=c` settings of a field that a run does not read; `of` says what it is for."""
+    for setting in settings:
+        if name in parse_setting(setting):
+            raise ConfigError(
+                f"--set {setting}: expected a setting that this run reads, got one of {of}; "
+                "leave it out"
+            )
+
+
+def refuse_replaced(config: RunConfig, path: Path | None, settings: Iterable[str]) -> None:
+    """Refuse `a.b=c` settings whose place others have taken: those of what the run goes on from.
+
+    Such as the size of a network, from its weights, and the width of a text, from its encoder.
+    """
+    settings = list(settings)
+    used = flat(as_dict(config))
+    asked = flat(as_dict(configured(type(config)(), path, settings)))
+    for setting in settings:
+        for name in flat(parse_setting(setting)):
+            if used[name] != asked[name]:
+                raise ConfigError(
+                    f"--set {setting}: expected {used[name]}, which the weights, the texts or the "
+                    f"networks have that the run goes on from, got {asked[name]}; leave it out"
+                )

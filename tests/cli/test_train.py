@@ -18,7 +18,7 @@ SHARDS = ("--count", 4, "--set", "shard=2", "--set", "points=64")
 """Shards of two interactions instead of 256."""
 ANYTHING = ("grasps.steps=1", "grasps.checks.fingers=-1", "grasps.checks.depth=1")
 """Grasps that hardly descend and always pass: what they are like is tested elsewhere."""
-SMALL = ("steps=2", "batch=2", "validation_batches=1", "autoencoder_steps=1", "warmup=1")
+SMALL = ("steps=2", "batch=2", "validation_batches=1", "warmup=1")
 
 
 @pytest.mark.slow
@@ -134,9 +134,9 @@ def test_the_networks_of_the_generator_are_trained_one_after_the_other(geneoh, t
     run = ("--data", "actions", "-o", "run", "--threads", "1")
     settings = ("steps=1", "batch=3", "validation_batches=1", "interaction.width=32")
     settings += ("interaction.heads=2", "interaction.depth=1", "refiner.depth=1")
+    (tmp_path / "small.toml").write_text("\n".join(settings))
     for stage in ACTION_STAGES:
-        chosen = [word for setting in settings for word in ("--set", setting)]
-        trained = geneoh("train", "--stage", stage, *run, *chosen)
+        trained = geneoh("train", "--stage", stage, *run, "--config", "small.toml")
         assert trained.exit_code == 0, trained.output
     records = [
         load_checkpoint(tmp_path / "run" / f"{stage}.safetensors").record for stage in ACTION_STAGES
@@ -176,6 +176,68 @@ def test_options_of_recordings_are_refused_with_made_data(geneoh, words, told):
     refused = geneoh("train", "--stage", *words, "-o", "run")
     assert refused.exit_code == 2
     assert told in refused.stderr
+
+
+@pytest.mark.parametrize(
+    ("stage", "setting", "told"),
+    [
+        ("motion", "temporal.width=32", "got one of the stage temporal; leave it out"),
+        ("motion", "motion_level=400", "got one of the stage spatial or temporal or relations"),
+        ("spatial", "autoencoder_steps=5", "got one of the stage latent"),
+        ("contact", "interaction={depth=2}", "got one of the stage interaction"),
+        ("refiner", "losses.points=32", "got one of the stage interaction"),
+        ("body_hands", "gestures=0.1", "got one of the stage text_hands"),
+        ("blend", "text_hands.width=32", "got one of the stage text_hands"),
+        ("length", "contact.latent=8", "'contact' is no setting"),
+        ("motion", "clips.reach=0.2", "got one of recordings"),
+    ],
+)
+def test_settings_that_a_stage_does_not_read_are_refused_on_the_command_line(
+    geneoh, tmp_path, stage, setting, told
+):
+    refused = geneoh("train", "--stage", stage, "--set", setting, "-o", "run")
+    assert refused.exit_code == 2, refused.output
+    assert told in refused.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_that_serves_several_stages_may_change_for_others_when_a_run_goes_on(
+    geneoh, tmp_path
+):
+    made = ("count=2", "shard=1", "points=64", *ANYTHING)
+    settings = [word for setting in made for word in ("--set", setting)]
+    assert geneoh("synthesize", *settings).exit_code == 0
+    common = "batch=2\nvalidation_batches=1\nmotion.depth=1\nmotion.width=16\n"
+    run = ("train", "--stage", "motion", "--config", "all.toml")
+    (tmp_path / "all.toml").write_text(f"steps=1\n{common}temporal.depth=1\nsynthesis.count=2")
+    begun = geneoh(*run)
+    assert begun.exit_code == 0, begun.output
+    (tmp_path / "all.toml").write_text(f"steps=2\n{common}temporal.depth=3\nmotion_steps=5")
+    going_on = geneoh(*run)
+    assert going_on.exit_code == 0, going_on.output
+    assert load_checkpoint(tmp_path / "runs" / "motion_state.safetensors").record["step"] == 2
+    other = geneoh(*run, "--set", "motion.depth=2")
+    assert other.exit_code == 2
+    assert "motion.depth 1 where 2 is asked for" in other.stderr
+
+
+def test_settings_that_others_take_the_place_of_are_refused(geneoh, tmp_path):
+    write_actions(tmp_path / "actions")
+    text = geneoh("train", "--stage", "contact", "--data", "actions", "--set", "contact.text=7")
+    assert text.exit_code == 2
+    assert "--set contact.text=7: expected 128, which" in text.stderr
+    made = ("count=2", "shard=1", "points=64", *ANYTHING)
+    settings = [word for setting in made for word in ("--set", setting)]
+    assert geneoh("synthesize", *settings).exit_code == 0
+    few = ("--set", "steps=1", "--set", "batch=2")
+    start = ("--start", "shipped", "--set", "autoencoder_steps=5")
+    started = geneoh("train", "--stage", "latent", *few, *start)
+    assert started.exit_code == 2
+    assert "--set autoencoder_steps=5: expected 0, which the weights" in started.stderr
+    data = geneoh("train", "--stage", "motion", *few, "--set", "synthesis.count=4")
+    assert data.exit_code == 2
+    assert "were made with count 2 where 4 is asked for" in data.stderr
+    assert not (tmp_path / "runs" / "motion.safetensors").exists()
 
 
 def test_the_generator_learns_lengths_and_contact_from_recordings_of_a_data_set(geneoh, tmp_path):

@@ -23,10 +23,16 @@ SMALL = tuple(
 )
 
 
-def test_the_networks_of_hands_are_trained_one_after_the_other_and_used(geneoh, tmp_path):
+@pytest.fixture
+def small(tmp_path) -> tuple[str, str]:
+    """A configuration of one small step, which serves all stages."""
+    (tmp_path / "small.toml").write_text("\n".join((*FEW, *SMALL)))
+    return "--config", "small.toml"
+
+
+def test_the_networks_of_hands_are_trained_one_after_the_other_and_used(geneoh, tmp_path, small):
     write_gesture_shards(tmp_path / "bodies", val=made_gestures(4, seed=1), train=made_gestures(6))
-    settings = [word for setting in (*FEW, *SMALL) for word in ("--set", setting)]
-    run = ("--data", "bodies", "-o", "run", "--threads", "1", *settings)
+    run = ("--data", "bodies", "-o", "run", "--threads", "1", *small)
     for stage in BODY_STAGES:
         trained = geneoh("train", "--stage", stage, *run)
         assert trained.exit_code == 0, trained.output
@@ -43,13 +49,12 @@ def test_the_networks_of_hands_are_trained_one_after_the_other_and_used(geneoh, 
     assert made.rotations.shape == (5, 52, 3, 3)
 
 
-def test_a_network_that_goes_on_keeps_its_words_and_its_scale(geneoh, tmp_path):
+def test_a_network_that_goes_on_keeps_its_words_and_its_scale(geneoh, tmp_path, small):
     write_gesture_shards(tmp_path / "bodies", val=made_gestures(4, seed=1), train=made_gestures(6))
     said = np.array([["fingers spread", "a fist"]] * 6)
     other = replace(made_gestures(6), joined=said)
     write_gesture_shards(tmp_path / "other", val=other, train=other)
-    settings = [word for setting in (*FEW, *SMALL) for word in ("--set", setting)]
-    run = ("train", "--threads", "1", *settings, "--set", "rate=1e-9")
+    run = ("train", "--threads", "1", *small, "--set", "rate=1e-9")
     text, first = ("--stage", "text_hands"), ("--data", "bodies", "-o", "a")
     second = ("--data", "other", "-o", "b")
     for words in (
@@ -66,11 +71,10 @@ def test_a_network_that_goes_on_keeps_its_words_and_its_scale(geneoh, tmp_path):
     assert "scale and noise" not in trained.output
 
 
-def test_networks_of_hands_learn_from_recordings_of_the_user(geneoh, tmp_path):
+def test_networks_of_hands_learn_from_recordings_of_the_user(geneoh, tmp_path, small):
     (tmp_path / "data").mkdir()
     bodies.both57m(tmp_path / "data" / "a.p", bodies.swaying(40), bodies.swaying(35, seed=1))
-    settings = [word for setting in (*FEW, *SMALL) for word in ("--set", setting)]
-    run = ("--data", "both57m=data", "-o", "run", *settings)
+    run = ("--data", "both57m=data", "-o", "run", *small)
     for stage in BODY_STAGES:
         trained = geneoh("train", "--stage", stage, *run)
         assert trained.exit_code == 0, trained.output
@@ -81,17 +85,14 @@ def test_networks_of_hands_learn_from_recordings_of_the_user(geneoh, tmp_path):
     assert networks.speech(["fingers spread"]).shape[0] == 1
 
 
-def test_networks_of_hands_are_blended_where_recordings_lack_a_text(geneoh, tmp_path):
+def test_networks_of_hands_are_blended_where_recordings_lack_a_text(geneoh, tmp_path, small):
     names = [f"idea400__subset_0001__wave{n}_clip_1" for n in range(6)]
     motions = {name: bodies.swaying(40, seed=n) for n, name in enumerate(names)}
     tree = bodies.motion_x_tree(tmp_path / "data", **motions)
     for file in (tree / "texts").rglob("wave3_clip_1.*"):
         file.unlink()
-    settings = [word for setting in (*FEW, *SMALL) for word in ("--set", setting)]
     for stage in BODY_STAGES:
-        trained = geneoh(
-            "train", "--stage", stage, "--data", "motionx=data", "-o", "run", *settings
-        )
+        trained = geneoh("train", "--stage", stage, "--data", "motionx=data", "-o", "run", *small)
         assert trained.exit_code == 0, trained.output
         assert ("are those of run/body_hands.safetensors" in trained.output) == (
             stage == "text_hands"

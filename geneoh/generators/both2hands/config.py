@@ -1,8 +1,10 @@
 """Settings of the training of the networks of BOTH2Hands."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import ClassVar, Literal
 
+from geneoh.choices import BODY_STAGES
 from geneoh.generators.both2hands.blend import BlendConfig
 from geneoh.generators.both2hands.denoiser import HandsConfig, TextHandsConfig
 from geneoh.training.run_config import RunConfig
@@ -11,6 +13,11 @@ from geneoh.training.run_config import RunConfig
 @dataclass(frozen=True)
 class Both2HandsConfig(RunConfig):
     """The training of one network; every value is saved with the weights."""
+
+    READ_BY: ClassVar[Mapping[str, tuple[str, ...]]] = {
+        **{stage: (stage,) for stage in BODY_STAGES},
+        **{"gestures": ("text_hands",), "target": ("blend",)},
+    }
 
     steps: int = 800
     batch: int = 16

@@ -10,7 +10,7 @@ import torch
 from tokenizers import Tokenizer
 
 from geneoh.choices import BodySource, BodyStage
-from geneoh.config import as_dict, configured
+from geneoh.config import as_dict
 from geneoh.denoisers.library import load_network
 from geneoh.generators.both2hands.config import Both2HandsConfig
 from geneoh.generators.both2hands.denoiser import BodyHands, HandsConfig
@@ -30,6 +30,7 @@ from geneoh.synthesis.gestures.clips import Gestures
 from geneoh.synthesis.gestures.shards import DEFAULTS, read_gestures
 from geneoh.synthesis.shards import find_shards, shard_record, unfinished
 from geneoh.training.data import DataSource, TrainingData
+from geneoh.training.run_config import stage_config
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,7 @@ def body_task(
         CheckpointError: weights in the folder do not fit their network.
         ConfigError: the file cannot be read, or a setting is unknown or of the wrong type.
     """
-    chosen = configured(Both2HandsConfig(), config, settings)
+    chosen = stage_config(Both2HandsConfig(), stage, config, settings)
     data = learned.gestures(stage, on_progress)
     folder, text_encoder = learned.folder, learned.text_encoder
     tokenizer, branches = None, None

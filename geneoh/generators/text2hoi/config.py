@@ -1,7 +1,10 @@
 """Settings of the training of the networks of Text2HOI."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import ClassVar
 
+from geneoh.choices import ACTION_STAGES
 from geneoh.generators.text2hoi.contact import ContactConfig
 from geneoh.generators.text2hoi.interaction import InteractionConfig
 from geneoh.generators.text2hoi.losses import LossWeights
@@ -14,6 +17,12 @@ from geneoh.training.run_config import RunConfig
 @dataclass(frozen=True)
 class Text2HoiConfig(RunConfig):
     """The training of one network; every value is saved with the weights."""
+
+    READ_BY: ClassVar[Mapping[str, tuple[str, ...]]] = {
+        **{stage: (stage,) for stage in ACTION_STAGES},
+        **{"divergence": ("contact",), "losses": ("interaction",), "refining": ("refiner",)},
+        **dict.fromkeys(("text_dropout", "object_dropout", "estimated"), ACTION_STAGES[1:]),
+    }
 
     balance: float = 0.5
     """A clip is drawn with the weight n^-balance, where n is the number of clips with its verb and

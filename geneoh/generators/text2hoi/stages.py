@@ -5,7 +5,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from geneoh.choices import ActionStage, GeneratorStage
-from geneoh.config import configured
 from geneoh.generators.text import TextEncoder
 from geneoh.generators.text2hoi.action_data import action_data
 from geneoh.generators.text2hoi.config import Text2HoiConfig
@@ -25,6 +24,7 @@ from geneoh.progress import OnProgress
 from geneoh.readers.base import ReaderOptions
 from geneoh.training.data import DataSource, TrainingData
 from geneoh.training.loop import Task
+from geneoh.training.run_config import stage_config
 
 
 @dataclass(frozen=True)
@@ -67,9 +67,12 @@ def generator_task(
             before were trained with another text encoder.
     """
     if stage == "text":
-        return TextTask(configured(TextTrainConfig(), config, settings)), ()
+        return TextTask(stage_config(TextTrainConfig(), stage, config, settings)), ()
     if stage == "length":
-        chosen, encoder = configured(LengthTrainConfig(), config, settings), learned.encoder()
+        chosen, encoder = (
+            stage_config(LengthTrainConfig(), stage, config, settings),
+            learned.encoder(),
+        )
         chosen = replace(chosen, length=replace(chosen.length, text=encoder.width))
         data = learned.actions(chosen.recorded, on_progress)
         return LengthTask(chosen, data, encoder), data.notes
@@ -84,7 +87,7 @@ def action_task(
     on_progress: OnProgress | None = None,
 ) -> tuple[ActionTask, tuple[str, ...]]:
     """What a stage learns from actions; arguments and errors are those of `generator_task`."""
-    chosen, encoder = configured(Text2HoiConfig(), config, settings), learned.encoder()
+    chosen, encoder = stage_config(Text2HoiConfig(), stage, config, settings), learned.encoder()
     chosen = replace(
         chosen,
         contact=replace(chosen.contact, text=encoder.width),
