@@ -4,6 +4,8 @@ from dataclasses import replace
 from functools import partial
 
 import torch
+from jaxtyping import Float
+from torch import Tensor
 
 from geneoh.bundle import concatenated
 from geneoh.choices import SIDES
@@ -20,15 +22,20 @@ from geneoh.progress import OnStep
 from geneoh.synthesis.actions import Actions
 from geneoh.workers.pool import results_of
 
+STILL = 0.3
+"""Range of a joint's states below which it stands still: radians or decimetres."""
+OBJECT = ("points", "normals", "part", "axis")
+"""What an object is, of the fields of actions, that a joint which stands still does not need."""
+
 
 def refined(
     actions: Actions, *, seed: int, jobs: int = 1, on_step: OnStep | None = None
 ) -> Actions:
     """Drawn clips as `geneoh generate --refine geneoh` makes them of what the paper's refiner left.
 
-    Objects have the meshes that follow from their points. Hands at an object with a joint go
-    through the cleaner alone, because a mesh that `geneoh generate` is given is rigid. `jobs`
-    processes share the clips, each with one thread, and give the bits of one.
+    Objects have the meshes that follow from their points. One whose joint stands still is one
+    mesh, as `geneoh generate` is given it; hands at an object whose joint moves go through the
+    cleaner alone. `jobs` processes share the clips, each with one thread, and give the bits of one.
 
     Raises:
         GeneOHError: a clip ended its workers, as where memory runs out.
@@ -55,6 +62,15 @@ def lost(numbered: tuple[int, Actions], why: str) -> tuple[int, Actions]:
 
 
 def refined_clip(clip: Actions, seed: int) -> Actions:
+    """A batch of one clip, refined; a joint that stands still has one state in every frame."""
+    if not joint_rests(clip):
+        return refined_parts(clip, seed)
+    found = refined_parts(as_one_part(clip), seed)
+    of_object = {name: getattr(clip, name) for name in OBJECT}
+    return replace(found, joint=mean_joint(clip), **of_object)
+
+
+def refined_parts(clip: Actions, seed: int) -> Actions:
     """A batch of one clip, refined, and at rest at either end, which the cleaner does not know."""
     meshes, settle = part_meshes(clip), None
     if len(meshes) == 1:
@@ -71,6 +87,30 @@ def refined_clip(clip: Actions, seed: int) -> Actions:
         assert track.wrist is not None, "the cleaner fits a hand model"
         pose[0, side, frames], wrist[0, side, frames] = track.pose, track.wrist
     return eased(replace(clip, pose=pose, wrist=wrist).ended())
+
+
+def joint_rests(clip: Actions) -> bool:
+    """Whether the joint of a batch of one clip moves by less than `STILL`."""
+    states = (clip.joint * clip.joint_units)[clip.valid]
+    return bool(states.max() - states.min() < STILL)
+
+
+def mean_joint(clip: Actions) -> Float[Tensor, "1 T"]:
+    """The mean state of the joint of a batch of one clip, in every frame."""
+    return clip.joint[clip.valid].mean().expand_as(clip.joint)
+
+
+def as_one_part(clip: Actions) -> Actions:
+    """A batch of one clip whose object is rigid, in the mean state of its joint."""
+    posed = replace(clip, joint=mean_joint(clip))
+    return replace(
+        posed,
+        points=posed.posed_points()[:, 0],
+        normals=posed.posed_normals()[:, 0],
+        part=torch.zeros_like(clip.part),
+        axis=torch.zeros_like(clip.axis),
+        joint=torch.zeros_like(clip.joint),
+    )
 
 
 def part_meshes(clip: Actions) -> tuple[Mesh, ...]:

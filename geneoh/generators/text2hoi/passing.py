@@ -8,7 +8,7 @@ import re
 from collections.abc import Sequence
 
 import torch
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from geneoh.choices import OTHER_SIDE, SIDES, Side
@@ -30,22 +30,32 @@ def asked_giver(words: str) -> Side | None:
 
 
 def givers(actions: Actions) -> list[Side | None]:
-    """The hand that touches the object earlier in each clip, on average over its touches.
+    """The hand that touches the object earlier in each clip, None where neither is; see `leads`."""
+    return ["left" if lead > 0 else "right" if lead < 0 else None for lead in leads(actions)]
 
-    None where a hand never touches it, or neither is earlier.
+
+def leads(actions: Actions) -> Float[Tensor, " B"]:
+    """Frames by which the left hand touches the object earlier than the right one does.
+
+    The time of a hand is the mean over the frames in which it touches the object; 0 where a hand
+    never does.
     """
-    found: list[Side | None] = []
-    for touching in touching_hands(actions):
-        left, right = (hand.nonzero().double().mean() for hand in touching)
-        found.append("left" if left < right else "right" if right < left else None)
-    return found
+    touching = touching_hands(actions).double()
+    frames = torch.arange(touching.shape[2], dtype=torch.float64)
+    time = (touching * frames).sum(2) / touching.sum(2)
+    return (time[:, 1] - time[:, 0]).nan_to_num(0.0)
 
 
-def passed_by(actions: Actions, asked: Sequence[Side | None]) -> Bool[Tensor, " B"]:
-    """Whether the hand that is asked for gives the object in each clip; true where none is."""
-    given = givers(actions)
-    fits = [want is None or want == gives for want, gives in zip(asked, given, strict=True)]
-    return torch.tensor(fits, device=actions.wrist.device)
+def passed_by(actions: Actions, asked: Sequence[Side | None], draws: int = 1) -> Bool[Tensor, " B"]:
+    """Whether the hand that is asked for gives the object in each clip; true where none is.
+
+    Of `draws` neighbours those alone fit in which it leads by half of the most, so that what both
+    hands hold nearly alike does not count where there is better.
+    """
+    sign = torch.tensor([0.0 if side is None else 1.0 - 2 * SIDES.index(side) for side in asked])
+    lead = (sign * leads(actions)).unflatten(0, (-1, draws))
+    clear = (lead > 0) & (lead >= lead.amax(1, keepdim=True) / 2)
+    return (clear.flatten() | (sign == 0)).to(actions.wrist.device)
 
 
 def _side(found: re.Match[str]) -> Side:

@@ -90,7 +90,8 @@ def sample(
     )
     if config.draws == 1:
         return drawn, contact
-    fits = None if giver is None else passed_by(drawn, [giver[int(clip)] for clip in clips])
+    asked = None if giver is None else [giver[int(clip)] for clip in clips]
+    fits = None if asked is None else passed_by(drawn, asked, config.draws)
     kept = most_typical(drawn, config.draws, fits)
     return drawn.take(kept, "B"), contact[kept]
 

@@ -4,8 +4,9 @@ import pytest
 import torch
 from made_actions import box_actions
 
+from geneoh.evaluation.generation import refined as module
 from geneoh.evaluation.generation.measures import measure_clip
-from geneoh.evaluation.generation.refined import part_meshes, refined
+from geneoh.evaluation.generation.refined import joint_rests, part_meshes, refined, refined_clip
 from geneoh.generators.text2hoi.resting import eased, finished
 
 
@@ -16,6 +17,22 @@ def test_parts_have_closed_meshes_as_large_as_their_points():
     whole = torch.cat([mesh.verts for mesh in meshes])
     size = actions.points[0].amax(0) - actions.points[0].amin(0)
     assert torch.allclose(whole.amax(0) - whole.amin(0), size, atol=0.01)
+
+
+def test_an_object_whose_joint_stands_still_is_one_mesh_in_that_state(monkeypatch):
+    actions = box_actions(["open"], frames=8, length=6, points=1024, jointed=True)
+    still = replace(actions, joint=torch.full_like(actions.joint, 0.5))
+    assert not joint_rests(actions)
+    assert joint_rests(still)
+    asked = []
+    monkeypatch.setattr(module, "refined_parts", lambda clip, seed: asked.append(clip) or clip)
+    assert refined_clip(actions, 0) is actions
+    found = refined_clip(still, 0)
+    assert len(part_meshes(asked[0])) == 2
+    assert len(part_meshes(asked[1])) == 1
+    torch.testing.assert_close(asked[1].points, still.posed_points()[:, 0])
+    for name in ("points", "part", "axis", "joint"):
+        torch.testing.assert_close(getattr(found, name), getattr(still, name))
 
 
 @pytest.mark.slow

@@ -113,7 +113,7 @@ def test_one_body_and_a_sentence_become_hands_that_skeletons_pose():
 def test_sentences_without_words_or_with_too_many_are_refused(sentence):
     motion = made_motion(bodies=1, frames=2)
     one = BodyMotion(motion.root[0], motion.rotations[0])
-    with pytest.raises(InputError, match="found no words|at most 60 words, found"):
+    with pytest.raises(InputError, match=r"found no words|at most 60 words, found"):
         generate_hands(
             one, SKELETON, sentence, generator=torch.Generator(), networks=tiny_networks()
         )

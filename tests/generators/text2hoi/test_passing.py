@@ -7,7 +7,7 @@ import torch
 from made_actions import box_actions, passing
 
 from geneoh.bundle import concatenated
-from geneoh.generators.text2hoi.passing import asked_giver, givers, passed_by
+from geneoh.generators.text2hoi.passing import asked_giver, givers, leads, passed_by
 
 
 @pytest.mark.parametrize(
@@ -35,6 +35,11 @@ def test_the_hand_that_touches_the_object_earlier_gives_it():
     assert givers(late) == ["right"]
 
 
+def test_a_hand_leads_by_the_difference_of_the_mean_times_of_touch():
+    # frames 0 to 9 and 10 to 19
+    assert leads(concatenated([passing(0), passing(1)], "B")).tolist() == [10.0, -10.0]
+
+
 def test_no_hand_gives_what_both_hold_alike_or_one_never_touches():
     both = box_actions(["pass"], hands=(True, True))
     assert givers(both) == [None]
@@ -45,3 +50,13 @@ def test_no_hand_gives_what_both_hold_alike_or_one_never_touches():
 def test_clips_fit_that_pass_as_asked_or_as_they_like():
     clips = concatenated([passing(0)] * 3, "B")
     assert passed_by(clips, ["left", "right", None]).tolist() == [True, False, True]
+
+
+def test_of_draws_those_fit_that_pass_it_as_clearly_as_others_do():
+    faint = passing(0)  # the left hand stays at the object, and leads by 3 frames
+    faint.wrist[0, 0, 10:] = faint.wrist[0, 0, :1]
+    faint.wrist[0, 1, 6:10] = faint.wrist[0, 1, -1:]
+    drawn = concatenated([passing(0), faint, passing(1)] * 2, "B")
+    fits = passed_by(drawn, ["left"] * 3 + ["right"] * 3, draws=3)
+    assert fits.tolist() == [True, False, False, False, False, True]
+    assert passed_by(faint, ["left"]).tolist() == [True]

@@ -100,8 +100,9 @@ def test_the_most_typical_of_several_draws_is_kept_for_each_clip(networks, objec
 def test_a_draw_that_passes_the_object_as_asked_is_kept(networks, objects, monkeypatch):
     asked = []
 
-    def second_of_each(actions, givers):
+    def second_of_each(actions, givers, draws):
         asked.append(givers)
+        assert draws == 4
         return torch.arange(len(actions.length)) % 4 == 1
 
     monkeypatch.setattr(module, "passed_by", second_of_each)
