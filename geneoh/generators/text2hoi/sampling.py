@@ -90,8 +90,10 @@ def sample(
     )
     if config.draws == 1:
         return drawn, contact
-    asked = None if giver is None else [giver[int(clip)] for clip in clips]
-    fits = None if asked is None else passed_by(drawn, asked, config.draws)
+    fits = None
+    if giver is not None:
+        asked: list[Side | None] = [giver[int(clip)] for clip in clips]
+        fits = passed_by(drawn, asked, config.draws)
     kept = most_typical(drawn, config.draws, fits)
     return drawn.take(kept, "B"), contact[kept]
 
