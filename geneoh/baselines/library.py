@@ -8,7 +8,7 @@ from typing_extensions import assert_never
 from geneoh.baselines.regression import RegressionConfig, RegressionDenoiser
 from geneoh.baselines.toch import TochAutoencoder, TochConfig
 from geneoh.choices import BaselineName
-from geneoh.denoisers.library import load_network
+from geneoh.denoisers.library import file_or_shipped, load_network
 
 SHIPPED = Path(__file__).parent / "assets"  # NAME.safetensors inside the package
 BASELINES: tuple[BaselineName, ...] = get_args(BaselineName)
@@ -18,8 +18,7 @@ Baseline = TochAutoencoder | RegressionDenoiser
 
 def baseline_weights(name: BaselineName, folder: Path | None) -> Path:
     """The file of a baseline: in the folder that the user names, else the shipped one."""
-    given = None if folder is None else folder / f"{name}.safetensors"
-    return given if given is not None and given.is_file() else SHIPPED / f"{name}.safetensors"
+    return file_or_shipped(name, folder, SHIPPED)
 
 
 def load_baseline(name: BaselineName, folder: Path | None = None) -> Baseline:
@@ -27,8 +26,8 @@ def load_baseline(name: BaselineName, folder: Path | None = None) -> Baseline:
     path = (folder or SHIPPED) / f"{name}.safetensors"
     match name:
         case "toch":
-            return load_network(path, name, TochAutoencoder, TochConfig)
+            return load_network(path, TochAutoencoder, TochConfig)
         case "regression":
-            return load_network(path, name, RegressionDenoiser, RegressionConfig)
+            return load_network(path, RegressionDenoiser, RegressionConfig)
         case _:
             assert_never(name)

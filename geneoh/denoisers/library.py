@@ -80,7 +80,7 @@ def kept_denoisers(
     def loaded(
         stage: str, network: Callable[[NetConfig], Network], config: Callable[..., NetConfig]
     ) -> Network:
-        made = load_network(paths[stage], stage, network, config).to(device)
+        made = load_network(paths[stage], network, config).to(device)
         multiply_in(made, precision)
         return made
 
@@ -97,25 +97,20 @@ def kept_denoisers(
 
 def load_motion(folder: Path) -> MotionDenoiser:
     """MotionDiff for the training of later stages: from the folder if it is there, else shipped."""
-    path = folder / "motion.safetensors"
-    path = path if path.exists() else SHIPPED / path.name
-    return load_network(path, "motion", MotionDenoiser, MotionConfig)
+    return load_network(file_or_shipped("motion", folder, SHIPPED), MotionDenoiser, MotionConfig)
 
 
 def load_network(
-    path: Path,
-    name: str,
-    network: Callable[[NetConfig], Network],
-    config: Callable[..., NetConfig],
+    path: Path, network: Callable[[NetConfig], Network], config: Callable[..., NetConfig]
 ) -> Network:
     """A network of the saved size with the saved weights, for use without training.
 
-    `name` is that of its config in the file's record.
+    The file is named as its config is in its record.
 
     Raises:
         CheckpointError: the file is missing or holds another network.
     """
-    saved = load_checkpoint(path)
+    saved, name = load_checkpoint(path), path.stem
     try:
         with torch.device("meta"):  # draws no random numbers, and takes the type of the weights
             size = dict(saved.record["config"][name])
@@ -141,10 +136,15 @@ def refuse_depths(size: Mapping[str, Any], most: int) -> None:
 
 def weights_of(name: str, folder: Path | None) -> Path:
     """The file of weights in a folder, where those of cleaning stages must be, else the shipped."""
+    if folder is not None and name in CLEANING_STAGES:
+        return folder / f"{name}.safetensors"
+    return file_or_shipped(name, folder, SHIPPED)
+
+
+def file_or_shipped(name: str, folder: Path | None, shipped: Path) -> Path:
+    """The file of weights in a folder that has it, else the one in the folder of shipped ones."""
     given = None if folder is None else folder / f"{name}.safetensors"
-    if given is not None and (name in CLEANING_STAGES or given.is_file()):
-        return given
-    return SHIPPED / f"{name}.safetensors"
+    return given if given is not None and given.is_file() else shipped / f"{name}.safetensors"
 
 
 def all_weights(folder: Path | None) -> list[Path]:

@@ -9,7 +9,7 @@ import torch
 from tokenizers import Tokenizer
 from torch import Tensor
 
-from geneoh.denoisers.library import load_network
+from geneoh.denoisers.library import file_or_shipped, load_network
 from geneoh.errors import CheckpointError, ConfigError
 from geneoh.generators.both2hands.blend import BlendConfig, Blender
 from geneoh.generators.both2hands.denoiser import (
@@ -70,7 +70,7 @@ def load_networks(
             other, or the blend with other networks.
     """
     branches = load_branches(folder, text_encoder=text_encoder)
-    blend = load_network(weights_of("blend", folder), "blend", Blender, BlendConfig)
+    blend = load_network(weights_of("blend", folder), Blender, BlendConfig)
     if blend.config.form == "ours":
         refuse_strangers(branches, folder)
     refuse_other_branches(weights_of("blend", folder), branches)
@@ -80,9 +80,9 @@ def load_networks(
 
 def load_branches(folder: Path | None, *, text_encoder: Path | None = None) -> Branches:
     """The two networks that are blended; arguments and errors are those of `load_networks`."""
-    body = load_network(weights_of("body_hands", folder), "body_hands", BodyHands, HandsConfig)
+    body = load_network(weights_of("body_hands", folder), BodyHands, HandsConfig)
     path = weights_of("text_hands", folder)
-    text = load_network(path, "text_hands", TextHands, TextHandsConfig)
+    text = load_network(path, TextHands, TextHandsConfig)
     encoder = None if text_encoder is None else foreign_encoder(text_encoder)
     if text.config.text != (encoder.width if encoder else 0):
         wanted = f"a text encoder of {text.config.text} features" if text.config.text else "none"
@@ -143,5 +143,4 @@ def reader_of(tokenizer: Tokenizer, config: TextHandsConfig) -> Speech:
 
 def weights_of(name: str, folder: Path | None) -> Path:
     """The file of weights in a folder, else the shipped one."""
-    given = None if folder is None else folder / f"{name}.safetensors"
-    return given if given is not None and given.is_file() else SHIPPED / f"{name}.safetensors"
+    return file_or_shipped(name, folder, SHIPPED)

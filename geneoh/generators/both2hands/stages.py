@@ -112,7 +112,7 @@ def scaled_as(
     Networks that tell hands in other axes, or scale them in another way, are not blended in one
     process: then the task stays as it is.
     """
-    body, own = load_network(path, "body_hands", BodyHands, HandsConfig), task.config.text_hands
+    body, own = load_network(path, BodyHands, HandsConfig), task.config.text_hands
     if (body.config.frame, body.config.scaling) != (task.frame, own.scaling):
         return task, notes
     config = replace(task.config, text_hands=replace(own, noise=body.config.noise))

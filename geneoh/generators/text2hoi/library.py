@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.denoisers.library import load_network
+from geneoh.denoisers.library import file_or_shipped, load_network
 from geneoh.errors import CheckpointError, ConfigError
 from geneoh.generators.text import TextEncoder
 from geneoh.generators.text2hoi.contact import ContactConfig, ContactNetwork
@@ -54,7 +54,7 @@ def load_networks(
     """
     text = encoder_of(folder, text_encoder)
     contact, interaction = contact_network(folder), interaction_network(folder)
-    length = load_network(weights_of("length", folder), "length", LengthNetwork, LengthConfig)
+    length = load_network(weights_of("length", folder), LengthNetwork, LengthConfig)
     trained = (("contact", contact), ("interaction", interaction), ("length", length))
     for name, network in trained:
         refuse_other_encoder(weights_of(name, folder), network.config.text, text)
@@ -112,7 +112,7 @@ def load_refiner(folder: Path | None = None) -> RefinerNetwork:
     Raises:
         CheckpointError: the file is missing or does not fit.
     """
-    return load_network(weights_of("refiner", folder), "refiner", RefinerNetwork, RefinerConfig)
+    return load_network(weights_of("refiner", folder), RefinerNetwork, RefinerConfig)
 
 
 def encoder_of(folder: Path | None, text_encoder: Path | None = None) -> TextEncoder:
@@ -124,8 +124,7 @@ def encoder_of(folder: Path | None, text_encoder: Path | None = None) -> TextEnc
 
 def weights_of(name: str, folder: Path | None) -> Path:
     """The file of weights in a folder, else the shipped one."""
-    given = None if folder is None else folder / f"{name}.safetensors"
-    return given if given is not None and given.is_file() else SHIPPED / f"{name}.safetensors"
+    return file_or_shipped(name, folder, SHIPPED)
 
 
 def interaction_network(folder: Path | None) -> InteractionNetwork:
@@ -135,9 +134,9 @@ def interaction_network(folder: Path | None) -> InteractionNetwork:
         CheckpointError: the file is missing or does not fit.
     """
     path = weights_of("interaction", folder)
-    return load_network(path, "interaction", InteractionNetwork, InteractionConfig)
+    return load_network(path, InteractionNetwork, InteractionConfig)
 
 
 def contact_network(folder: Path | None) -> ContactNetwork:
     """The contact network of a folder, else the shipped one; raises as above."""
-    return load_network(weights_of("contact", folder), "contact", ContactNetwork, ContactConfig)
+    return load_network(weights_of("contact", folder), ContactNetwork, ContactConfig)

@@ -61,7 +61,7 @@ def test_a_run_that_is_interrupted_goes_on_to_the_same_weights(tmp_path):
 
 
 def load(path):
-    return load_network(path, "length", LengthNetwork, LengthConfig)
+    return load_network(path, LengthNetwork, LengthConfig)
 
 
 def test_lengths_that_differ_by_verb_are_learned_from_sentences(tmp_path):

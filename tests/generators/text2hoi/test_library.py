@@ -19,7 +19,7 @@ from geneoh.nn.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
 @pytest.fixture(scope="module")
 def frames():
     """The mean of 50 lengths for a sentence, by the shipped network."""
-    network = load_network(weights_of("length", None), "length", LengthNetwork, LengthConfig)
+    network = load_network(weights_of("length", None), LengthNetwork, LengthConfig)
     encoder, generator = load_text_encoder(), torch.Generator().manual_seed(0)
 
     def mean(sentence):
