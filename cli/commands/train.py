@@ -1,5 +1,6 @@
 """`geneoh train`: the weights of one stage, from made interactions and from recordings."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -52,19 +53,7 @@ BODIES = "runs/bodies"
 )
 @options.option("--threads: CPU threads; default: chosen by torch.", options.COUNT)
 @options.device
-def train(
-    stage: Any,
-    sources: tuple[str, ...],
-    folder: Path,
-    config: str | None,
-    settings: tuple[str, ...],
-    start: Path | None,
-    mano: Path | None,
-    text_encoder: Path | None,
-    skeleton: Path | None,
-    threads: int | None,
-    device: str,
-) -> None:
+def train(config: str | None, threads: int | None, device: str, **chosen: Any) -> None:
     """Train a stage. An interrupted run continues when it is started again with the same folder.
 
     Writes STAGE.safetensors, the state of the run and STAGE_log.csv (loss, error left on held-out
@@ -96,31 +85,17 @@ def train(
     from geneoh.nn.devices import named_device
     from geneoh.training.loop import train as fit
     from geneoh.training.processes import joined
-    from geneoh.training.run_config import refuse_replaced
-    from geneoh.training.start import weights_for
 
     if threads is not None:
         torch.set_num_threads(threads)
-    named, weights = config or ("finetune" if start else stage), None
+    stage, folder = chosen["stage"], chosen["folder"]
+    asked = Asked(config or ("finetune" if chosen["start"] else stage), **chosen)
+    others = generator_task if stage in GENERATOR_STAGES else cleaner_task
+    make = body_task if stage in BODY_STAGES else others
     with joined(named_device(device)) as (team, place):
         say = click.echo if not team.rank else lambda words: None
         with team.first_alone(), progress.progress_bars(not team.rank) as on_progress:
-            if stage in BODY_STAGES:
-                refuse_unused(stage, "mano")
-                asked = named, settings, sources, folder, start, text_encoder, skeleton
-                task, notes = body_task(stage, *asked, on_progress)
-            elif stage in GENERATOR_STAGES:
-                # pieces of words are learned anew, and weights mean nothing with other pieces
-                refuse_unused(stage, "skeleton", *(["start"] if stage == "text" else []))
-                asked = named, settings, sources, folder, text_encoder, mano
-                task, notes = generator_task(stage, *asked, on_progress)
-            else:
-                refuse_unused(stage, "text_encoder", "skeleton")
-                asked = named, settings, sources or ("runs/data",), folder, start, mano
-                task, weights, notes = cleaner_task(stage, *asked, place, on_progress)
-            refuse_replaced(task.config, options.find_config(named), settings)
-            if start is not None and stage not in STAGES:
-                weights = weights_for(task, start_of(stage, start))
+            task, weights, notes = make(asked, place, on_progress)
         for note in notes:
             say(note)
         with progress.progress_bars(not team.rank) as on_progress:
@@ -135,111 +110,114 @@ def train(
         say(f"wrote {path}")
 
 
-def cleaner_task(
-    stage: Any,
-    config: str,
-    settings: tuple[str, ...],
-    sources: tuple[str, ...],
-    folder: Path,
-    start: Path | None,
-    mano: Path | None,
-    place: Any,
-    on_progress: Any,
-) -> Any:
+@dataclass(frozen=True)
+class Asked:
+    """What the command line asks for, by the names of its parameters."""
+
+    config: str
+    stage: Any
+    sources: tuple[str, ...]
+    folder: Path
+    settings: tuple[str, ...]
+    start: Path | None
+    mano: Path | None
+    text_encoder: Path | None
+    skeleton: Path | None
+
+    def configuration(self) -> tuple[Path, tuple[str, ...]]:
+        """The file of the configuration, and the settings that change it."""
+        return options.find_config(self.config), self.settings
+
+    def only_source(self, default: str) -> str:
+        """What a generator learns from, which is one source."""
+        if len(self.sources) > 1:
+            raise ConfigError(
+                f"--data: expected one source with --stage {self.stage}, got {len(self.sources)}; "
+                "keep one"
+            )
+        return self.sources[0] if self.sources else default
+
+
+def cleaner_task(asked: Asked, place: Any, on_progress: Any) -> Any:
     """A stage of the cleaner to learn, the weights to start from, and words on its data."""
     from geneoh.denoisers.library import load_motion
     from geneoh.readers.base import ReaderOptions
     from geneoh.training.config import FOLLOWS, TrainConfig
     from geneoh.training.data import parsed_source, refuse_other_making, training_data
-    from geneoh.training.run_config import refuse_settings, stage_config
+    from geneoh.training.run_config import refuse_replaced, refuse_settings, stage_config
     from geneoh.training.stages import StageTask
     from geneoh.training.start import started_from
 
-    path, weights = options.find_config(config), None
-    chosen = stage_config(TrainConfig(), stage, path, settings)
+    stage, folder, start = asked.stage, asked.folder, asked.start
+    refuse_unused(stage, "text_encoder", "skeleton")
+    chosen, weights = stage_config(TrainConfig(), stage, *asked.configuration()), None
     if start is not None:
         chosen, weights = started_from(None if start == Path("shipped") else start, stage, chosen)
-    asked, readers = [parsed_source(text) for text in sources], ReaderOptions(mano_dir=mano)
-    if not any(one.source for one in asked):
+    sources = [parsed_source(text) for text in asked.sources or ("runs/data",)]
+    readers = ReaderOptions(mano_dir=asked.mano)
+    if not any(one.source for one in sources):
         refuse_unused(f"{stage} and made interactions", "mano")
-        refuse_settings("clips", settings, "recordings")
-    if all(one.source for one in asked):
-        refuse_settings("synthesis", settings, "made interactions")
-    data = training_data(asked, folder / "recordings", chosen, readers, on_progress=on_progress)
-    refuse_other_making(data.record, chosen.synthesis, settings)
+        refuse_settings("clips", asked.settings, "recordings")
+    if all(one.source for one in sources):
+        refuse_settings("synthesis", asked.settings, "made interactions")
+    data = training_data(sources, folder / "recordings", chosen, readers, on_progress=on_progress)
+    refuse_other_making(data.record, chosen.synthesis, asked.settings)
     motion = load_motion(folder).to(place) if stage in FOLLOWS else None
     task = StageTask(stage, chosen, data.training, data.validation, motion, data.record)
+    refuse_replaced(chosen, *asked.configuration())
     return task, weights, data.notes
 
 
-def generator_task(
-    stage: Any,
-    config: str,
-    settings: tuple[str, ...],
-    sources: tuple[str, ...],
-    folder: Path,
-    text_encoder: Path | None,
-    mano: Path | None,
-    on_progress: Any,
-) -> Any:
-    """A network of the generator to learn, and words on its data."""
+def generator_task(asked: Asked, place: Any, on_progress: Any) -> Any:
+    """The same of a network of the generator."""
+    from geneoh.generators.text2hoi.library import SHIPPED
     from geneoh.generators.text2hoi.stages import Learned
-    from geneoh.generators.text2hoi.stages import generator_task as task
+    from geneoh.generators.text2hoi.stages import generator_task as task_of
     from geneoh.readers.base import ReaderOptions
     from geneoh.training.data import parsed_source
+    from geneoh.training.run_config import refuse_replaced
+    from geneoh.training.start import weights_for
 
+    stage = asked.stage
+    # pieces of words are learned anew, and weights mean nothing with other pieces
+    refuse_unused(stage, "skeleton", *(["start"] if stage == "text" else []))
     if stage == "text":
         refuse_unused(stage, "sources", "text_encoder", "mano")
-    data = parsed_source(only_source(stage, sources, ACTIONS))
+    data = parsed_source(asked.only_source(ACTIONS))
     if not data.source:
         refuse_unused(f"{stage} and made actions", "mano")
-    learned = Learned(data, folder, text_encoder, ReaderOptions(mano_dir=mano))
-    return task(stage, options.find_config(config), settings, learned, on_progress)
+    readers = ReaderOptions(mano_dir=asked.mano)
+    learned = Learned(data, asked.folder, asked.text_encoder, readers)
+    task, notes = task_of(stage, *asked.configuration(), learned, on_progress)
+    refuse_replaced(task.config, *asked.configuration())
+    return task, weights_for(task, weights_to_start_from(asked, SHIPPED)), notes
 
 
-def body_task(
-    stage: Any,
-    config: str,
-    settings: tuple[str, ...],
-    sources: tuple[str, ...],
-    folder: Path,
-    start: Path | None,
-    text_encoder: Path | None,
-    skeleton: Path | None,
-    on_progress: Any,
-) -> Any:
-    """A network of the generator of hands for a body to learn, and words on its data."""
+def body_task(asked: Asked, place: Any, on_progress: Any) -> Any:
+    """The same of a network of the generator of hands for a body."""
+    from geneoh.generators.both2hands.library import SHIPPED
     from geneoh.generators.both2hands.stages import LearnedBodies
-    from geneoh.generators.both2hands.stages import body_task as task
+    from geneoh.generators.both2hands.stages import body_task as task_of
     from geneoh.training.data import parsed_source
+    from geneoh.training.run_config import refuse_replaced
+    from geneoh.training.start import weights_for
 
-    if stage == "body_hands":
-        refuse_unused(stage, "text_encoder")
-    data = parsed_source(only_source(stage, sources, BODIES), BODY_SOURCES)
+    stage = asked.stage
+    refuse_unused(stage, "mano", *(["text_encoder"] if stage == "body_hands" else []))
+    data = parsed_source(asked.only_source(BODIES), BODY_SOURCES)
     if not data.source:
         refuse_unused(f"{stage} and made bodies", "skeleton")
-    begun = start and start_of(stage, start)
-    learned = LearnedBodies(data, folder, text_encoder, skeleton, begun)
-    return task(stage, options.find_config(config), settings, learned, on_progress)
+    start = weights_to_start_from(asked, SHIPPED)
+    learned = LearnedBodies(data, asked.folder, asked.text_encoder, asked.skeleton, start)
+    task, notes = task_of(stage, *asked.configuration(), learned, on_progress)
+    refuse_replaced(task.config, *asked.configuration())
+    return task, weights_for(task, start), notes
 
 
-def start_of(stage: Any, start: Path) -> Path:
-    """The file of weights that a stage of a generator starts from."""
-    from geneoh.generators.both2hands import library as both2hands
-    from geneoh.generators.text2hoi import library as text2hoi
-
-    library = both2hands if stage in BODY_STAGES else text2hoi
-    folder = library.SHIPPED if start == Path("shipped") else start
-    return folder / f"{stage}.safetensors"
-
-
-def only_source(stage: Any, sources: tuple[str, ...], default: str) -> str:
-    """What a generator learns from, which is one source."""
-    if len(sources) > 1:
-        raise ConfigError(
-            f"--data: expected one source with --stage {stage}, got {len(sources)}; keep one"
-        )
-    return sources[0] if sources else default
+def weights_to_start_from(asked: Asked, shipped: Path) -> Path | None:
+    """The file of weights that a network of a generator starts from; None for random ones."""
+    folder = shipped if asked.start == Path("shipped") else asked.start
+    return folder and folder / f"{asked.stage}.safetensors"
 
 
 def refuse_unused(stage: Any, *names: str) -> None:

@@ -53,12 +53,14 @@ def started_from(
     return config, saved.tensors
 
 
-def weights_for(task: Task, path: Path) -> dict[str, Tensor]:
-    """Weights of a file that the network of a task starts from.
+def weights_for(task: Task, path: Path | None) -> dict[str, Tensor] | None:
+    """Weights of a file that the network of a task starts from; None where no file is named.
 
     Raises:
         CheckpointError: the file is missing, or holds another network than the task's.
     """
+    if path is None:
+        return None
     saved = load_checkpoint(path)
     try:
         task.network().load_state_dict(saved.tensors)
