@@ -1,8 +1,6 @@
 """The summary of a batch: a CSV and a page, what failed first, then what changed most."""
 
-import csv
 import html
-import io
 from collections.abc import Iterable
 from math import isfinite
 from pathlib import Path
@@ -10,6 +8,7 @@ from typing import Any
 
 from geneoh.batch.cleaning import Outcome
 from geneoh.files.atomic import write_whole
+from geneoh.files.csv_text import csv_text
 from geneoh.metrics.report import LINES, format_number
 
 SUMMARY_FILES = ("summary.csv", "summary.html")
@@ -40,15 +39,13 @@ def rank(row: dict[str, Any]) -> tuple[float, str, str]:
 
 def as_csv(rows: list[dict[str, Any]]) -> str:
     """The rows as CSV: each measure before and after, notes, and why a clip failed."""
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
     both = [f"{name}_{when}" for name in MEASURES for when in ("before", "after")]
-    writer.writerow([*PLAIN, *both, "notes", "failed"])
+    lines = [[*PLAIN, *both, "notes", "failed"]]
     for row in rows:
         values = [row.get(when, {}).get(name) for name in MEASURES for when in ("before", "after")]
         told = "; ".join(row.get("notes", ()))
-        writer.writerow([*(row.get(name) for name in PLAIN), *values, told, row.get("failed")])
-    return stream.getvalue()
+        lines.append([*(row.get(name) for name in PLAIN), *values, told, row.get("failed")])
+    return csv_text(lines)
 
 
 def as_page(rows: list[dict[str, Any]]) -> str:

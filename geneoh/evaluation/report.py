@@ -1,9 +1,7 @@
 """The files of an evaluation: a CSV and a JSON of all values, a report in Markdown and in HTML."""
 
-import csv
 import html
-import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -13,6 +11,7 @@ from geneoh.evaluation.protocols.clips import recording_of
 from geneoh.evaluation.scores import MEASURES, Score
 from geneoh.evaluation.tables import FEWEST, LEVEL, Block, as_markdown, blocks_of, seed_agreement
 from geneoh.files.atomic import write_whole
+from geneoh.files.csv_text import csv_text
 from geneoh.files.journal import SCORED
 from geneoh.files.json_text import json_text
 from geneoh.files.outputs import keep_others
@@ -104,14 +103,14 @@ def write_report(evaluation: Evaluation, folder: Path) -> list[Path]:
 
 def as_csv(evaluation: Evaluation) -> str:
     """A line for each score: its case and method, all measures, seconds, and why it failed."""
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
     keys = [measure.key for measure in MEASURES]
-    writer.writerow(["dataset", "clip", "noise", "seed", "method", *keys, "seconds", "failed"])
+    rows: list[list[Any]] = [
+        ["dataset", "clip", "noise", "seed", "method", *keys, "seconds", "failed"]
+    ]
     for score in evaluation.scores:
         values = [score.values.get(key) for key in keys]
-        writer.writerow([*score.key, *values, score.seconds, score.failed])
-    return stream.getvalue()
+        rows.append([*score.key, *values, score.seconds, score.failed])
+    return csv_text(rows)
 
 
 def as_json(evaluation: Evaluation) -> str:
@@ -133,10 +132,15 @@ def as_report(evaluation: Evaluation) -> Iterator[str]:
     yield from as_markdown(evaluation.blocks)
     yield ""
     yield from (f"- {remark}" for remark in evaluation.remarks())
-    versions, weights = (evaluation.settings.get(name, {}) for name in ("versions", "weights"))
-    made_with = [f"{name} {version}" for name, version in versions.items()]
-    made_with += [f"{name} weights {digest}" for name, digest in weights.items()]
-    yield from ("", f"Made with {', '.join(made_with)}.")
+    yield from ("", made_with(evaluation.settings))
+
+
+def made_with(settings: Mapping[str, Any]) -> str:
+    """The versions of packages and the weights among the settings of a run, as a sentence."""
+    versions, weights = (settings.get(name, {}) for name in ("versions", "weights"))
+    parts = [f"{name} {version}" for name, version in versions.items()]
+    parts += [f"{name} weights {digest}" for name, digest in weights.items()]
+    return f"Made with {', '.join(parts)}."
 
 
 def as_page(evaluation: Evaluation) -> str:

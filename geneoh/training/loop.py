@@ -149,6 +149,17 @@ def train(
         return train_alone(task, folder, device=device, start=start, on_step=on_step, team=team)
 
 
+def trained(task: Task, folder: Path, **how: Any) -> Any:
+    """The network of a task with the weights in a folder, for use on the CPU.
+
+    It is trained there first where it is not; `how` and errors as of `train`.
+    """
+    path = train(task, folder, device=torch.device("cpu"), **how)
+    network = task.network()
+    network.load_state_dict(load_checkpoint(path).tensors)
+    return network.eval().requires_grad_(False)
+
+
 def train_alone(
     task: Task,
     folder: Path,

@@ -1,8 +1,6 @@
 """The state of a training run, its record and log, and whether a saved state belongs to a run."""
 
-import csv
 import hashlib
-import io
 import os
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
@@ -16,6 +14,7 @@ from geneoh.choices import STAGES
 from geneoh.config import flat
 from geneoh.errors import CheckpointError
 from geneoh.files.atomic import write_whole
+from geneoh.files.csv_text import csv_text
 from geneoh.nn.checkpoint import Checkpoint
 from geneoh.nn.precision import quick_precision
 from geneoh.training.optimizer import Optimizer
@@ -177,8 +176,4 @@ def _shown(value: Any) -> Any:
 
 def write_log(path: Path, rows: Iterable[LogRow]) -> None:
     """Write the log of a run as CSV, with a header."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(LogRow._fields)
-    writer.writerows(rows)
-    write_whole(path, text.getvalue())
+    write_whole(path, csv_text([LogRow._fields, *rows]))

@@ -8,7 +8,6 @@ frame, and where the object is; it is trained on real clips that are not scored.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import torch
@@ -17,10 +16,9 @@ from torch import Tensor, nn
 
 from geneoh.config import as_dict
 from geneoh.geometry.rotations import axis_angle_to_matrix
-from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.synthesis.actions import VERBS, Actions
 from geneoh.synthesis.shards import seed_of
-from geneoh.training.loop import OnePhase, train
+from geneoh.training.loop import OnePhase
 from geneoh.training.processes import Team
 from geneoh.training.resume import digest
 from geneoh.training.run_config import RunConfig
@@ -129,18 +127,18 @@ class ClassifierTask(OnePhase):
 
     def record(self) -> dict[str, Any]:
         """The recipe and fingerprints of the clips."""
-        data, validation = (
-            digest([c.verb, c.wrist[:, :, 0]]) for c in (self.clips, self.validation)
-        )
-        clips = len(self.clips.verb)
-        config = as_dict(self.config)
         return {
             "stage": self.name,
-            "config": config,
-            "clips": clips,
-            "data": data,
-            "validation": validation,
+            "config": as_dict(self.config),
+            "clips": len(self.clips.verb),
+            "data": data_digest(self.clips),
+            "validation": data_digest(self.validation),
         }
+
+
+def data_digest(clips: Actions) -> str:
+    """A fingerprint of clips by their verbs and the first place of each wrist."""
+    return digest([clips.verb, clips.wrist[:, :, 0]])
 
 
 @dataclass(frozen=True)
@@ -149,18 +147,6 @@ class Classified:
 
     features: Float[Tensor, "N F"]
     scores: Float[Tensor, "N C"]
-
-
-def trained_classifier(task: ClassifierTask, folder: Path, **how: Any) -> ActionClassifier:
-    """The classifier in a folder, trained there first where it is not; `how` as `training.train`.
-
-    Raises:
-        CheckpointError: the folder holds one of other clips or another recipe.
-    """
-    path = train(task, folder, device=torch.device("cpu"), **how)
-    model = ActionClassifier(task.config, task.verbs)
-    model.load_state_dict(load_checkpoint(path).tensors)
-    return model
 
 
 @torch.no_grad()

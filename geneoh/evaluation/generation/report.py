@@ -1,14 +1,14 @@
 """The files of an evaluation of generated clips: a table in Markdown, a CSV and a JSON."""
 
-import csv
-import io
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from geneoh.evaluation.generation.scores import MEASURES, Measure, RowScores
+from geneoh.evaluation.report import made_with
 from geneoh.files.atomic import write_whole
+from geneoh.files.csv_text import csv_text
 from geneoh.files.json_text import json_text
 from geneoh.files.outputs import is_ours, keep_others
 from geneoh.metrics.features import Interval
@@ -71,14 +71,12 @@ def as_json(report: GenerationReport) -> str:
 
 def as_csv(report: GenerationReport) -> str:
     """A line for each row and repetition, with all measures."""
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
     keys = [measure.key for measure in report.measures]
-    writer.writerow(["row", "repetition", *keys])
+    rows: list[list[Any]] = [["row", "repetition", *keys]]
     for name, row in report.rows.items():
         for number, values in enumerate(zip(*(row.values[key] for key in keys), strict=True)):
-            writer.writerow([name, number, *values])
-    return stream.getvalue()
+            rows.append([name, number, *values])
+    return csv_text(rows)
 
 
 def as_markdown(report: GenerationReport) -> str:
@@ -88,9 +86,7 @@ def as_markdown(report: GenerationReport) -> str:
     lines += [f"| | {' | '.join(heads)} |", "|---|" + "---:|" * len(heads)]
     lines += [f"| {name} | {' | '.join(texts)} |" for name, texts in table(report)]
     lines += ["", *(f"- {remark}" for remark in report.remarks()), ""]
-    versions = [f"{name} {version}" for name, version in report.settings["versions"].items()]
-    weights = [f"{name} weights {mark}" for name, mark in report.settings["weights"].items()]
-    return "\n".join([*lines, f"Made with {', '.join([*versions, *weights])}.", ""])
+    return "\n".join([*lines, made_with(report.settings), ""])
 
 
 def as_text(report: GenerationReport) -> Iterator[str]:

@@ -15,7 +15,6 @@ from geneoh.evaluation.generation.classifier import (
     ActionClassifier,
     ClassifierConfig,
     ClassifierTask,
-    trained_classifier,
 )
 from geneoh.evaluation.generation.generated import Drawn, draw_clips, drawn_and_refined
 from geneoh.evaluation.generation.measures import measure_clips
@@ -46,7 +45,7 @@ from geneoh.synthesis.action_shards import action_shards, read_actions
 from geneoh.synthesis.actions import VERBS, Actions
 from geneoh.synthesis.shards import seed_of
 from geneoh.training.data import DataSource
-from geneoh.training.loop import Progress
+from geneoh.training.loop import Progress, trained
 
 CLIPS = 256  # held-out clips that are scored unless the user limits them
 REAL = "real"  # name of the row of real clips
@@ -114,7 +113,7 @@ def evaluate_generator(
     training, held_out, notes = split_clips(options, folder, on_progress)
     validation = held_out.actions.take(slice(None))
     tasks = classifier_tasks(options, training, validation, verb_count(held_out))
-    models = [trained(task, folder, on_progress) for task in tasks]
+    models = [kept_classifier(task, folder, on_progress) for task in tasks]
     count = min(options.limit, len(validation.verb))
     spread = torch.linspace(0, len(validation.verb) - 1, count).round().long()
     real = validation.take(spread, "B")
@@ -143,10 +142,12 @@ def classifier_tasks(
     return [ClassifierTask(replace(first, seed=n), training, validation, verbs) for n in seeds]
 
 
-def trained(task: ClassifierTask, folder: Path, on_progress: OnProgress | None) -> ActionClassifier:
+def kept_classifier(
+    task: ClassifierTask, folder: Path, on_progress: OnProgress | None
+) -> ActionClassifier:
     """The classifier of a task, kept in a folder of its seed."""
     name = folder_of(task)
-    return trained_classifier(task, folder / name, on_step=told_training(on_progress, name))
+    return trained(task, folder / name, on_step=told_training(on_progress, name))
 
 
 def folder_of(task: ClassifierTask) -> str:

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import torch
@@ -15,10 +14,9 @@ from geneoh.config import as_dict
 from geneoh.evaluation.gestures.encoder import EncoderConfig, GestureEncoder, Seen, ToldClips
 from geneoh.generators.pieces import learned_pieces, marked, piece_numbers, words_of
 from geneoh.metrics.features import retrieval
-from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.synthesis.gestures.clips import Gestures
 from geneoh.synthesis.shards import seed_of
-from geneoh.training.loop import OnePhase, train
+from geneoh.training.loop import OnePhase
 from geneoh.training.processes import Team
 from geneoh.training.resume import digest
 
@@ -97,15 +95,3 @@ class EncoderTask(OnePhase):
             "data": data,
             "validation": validation,
         }
-
-
-def trained_encoder(task: EncoderTask, folder: Path, **how: Any) -> GestureEncoder:
-    """The encoder in a folder, trained there first where it is not; `how` as `training.train`.
-
-    Raises:
-        CheckpointError: the folder holds one of other clips or another recipe.
-    """
-    path = train(task, folder, device=torch.device("cpu"), **how)
-    model = GestureEncoder(task.config)
-    model.load_state_dict(load_checkpoint(path).tensors)
-    return model.eval().requires_grad_(False)

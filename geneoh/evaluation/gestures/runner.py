@@ -15,7 +15,7 @@ from geneoh.evaluation.generation.report import GenerationReport
 from geneoh.evaluation.generation.runner import drawn, told_training
 from geneoh.evaluation.generation.scores import REPETITIONS, repeat
 from geneoh.evaluation.gestures.encoder import EncoderConfig, GestureEncoder, Seen
-from geneoh.evaluation.gestures.learning import POOL, EncoderTask, trained_encoder
+from geneoh.evaluation.gestures.learning import POOL, EncoderTask
 from geneoh.evaluation.gestures.rows import (
     made_by_networks,
     mean_pose,
@@ -38,6 +38,7 @@ from geneoh.generators.both2hands.sampling import Branch
 from geneoh.progress import OnProgress, OnStep
 from geneoh.synthesis.gestures.clips import Gestures
 from geneoh.synthesis.gestures.shards import read_gestures
+from geneoh.training.loop import trained
 
 CLIPS = 256  # held-out clips that are scored unless the user limits them
 REAL, SHUFFLED = "real", "shuffled hands"
@@ -99,7 +100,7 @@ def evaluate_gestures(
     training, held_out = (read_gestures(options.data, split) for split in ("train", "val"))
     networks = load_networks(options.weights)
     task = EncoderTask(options.encoder, training, held_out)
-    model = trained_encoder(task, folder / FOLDER, on_step=told_training(on_progress, FOLDER))
+    model = trained(task, folder / FOLDER, on_step=told_training(on_progress, FOLDER))
     asked = conditions(options, task, model)
     real = asked.real
     seen = Seen.of(real), task.seen

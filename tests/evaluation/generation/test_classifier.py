@@ -15,9 +15,9 @@ from geneoh.evaluation.generation.classifier import (
     clip_inputs,
     frames_within,
     inputs_of,
-    trained_classifier,
 )
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
+from geneoh.training.loop import trained
 from geneoh.training.processes import Team
 
 QUICK = ClassifierConfig(
@@ -117,21 +117,21 @@ def test_random_frames_are_never_behind_the_end():
 
 def test_classifier_learns_verbs_that_differ_and_is_the_same_again(tmp_path):
     task = ClassifierTask(QUICK, mixed(20), mixed(10, seed=1))
-    model = trained_classifier(task, tmp_path / "one")
+    model = trained(task, tmp_path / "one")
     found = classified(model, task.validation)
     right = (found.scores.argmax(-1) == task.validation.verb).float().mean()
     assert right > 0.9
-    again = trained_classifier(task, tmp_path / "two")
-    kept = trained_classifier(task, tmp_path / "one")
+    again = trained(task, tmp_path / "two")
+    kept = trained(task, tmp_path / "one")
     for other in (again, kept):
         assert torch.equal(classified(other, task.validation).features, found.features)
 
 
 def test_classifier_of_other_clips_is_refused(tmp_path):
     quick = replace(QUICK, steps=1)
-    trained_classifier(ClassifierTask(quick, mixed(2), mixed(2)), tmp_path)
+    trained(ClassifierTask(quick, mixed(2), mixed(2)), tmp_path)
     with pytest.raises(CheckpointError, match="training data"):
-        trained_classifier(ClassifierTask(quick, mixed(3), mixed(2)), tmp_path)
+        trained(ClassifierTask(quick, mixed(3), mixed(2)), tmp_path)
 
 
 def test_batches_depend_on_the_step_alone():

@@ -4,11 +4,12 @@ import pytest
 import torch
 
 from geneoh.evaluation.gestures.encoder import EncoderConfig, Seen
-from geneoh.evaluation.gestures.learning import EncoderTask, trained_encoder
+from geneoh.evaluation.gestures.learning import EncoderTask
 from geneoh.evaluation.gestures.rows import shuffled
 from geneoh.generators.text_network import SentenceConfig
 from geneoh.synthesis.gestures.repertoire import Cast
 from geneoh.synthesis.gestures.synthesis import BodyConfig, gesturing
+from geneoh.training.loop import trained
 
 GESTURES = ("wave", "show one", "show five", "raise fist", "clap", "type", "box")
 
@@ -29,7 +30,7 @@ def test_the_encoder_tells_true_hands_from_those_of_other_clips_in_ways_it_never
         text=SentenceConfig(pieces=300, piece_width=16, width=32, heads=2),
     )  # fmt: skip
     task = EncoderTask(config, made(range(8), range(48), 0), made(range(8, 10), range(360, 384), 1))
-    model, clips = trained_encoder(task, tmp_path), task.validation
+    model, clips = trained(task, tmp_path), task.validation
     generator = torch.Generator().manual_seed(2)
     told = model.sentences(task.numbers(clips.joined[:, 0].tolist()))
     true = model.motions(Seen.of(clips))

@@ -6,9 +6,10 @@ from draws import seeded
 from made_gestures import made_gestures
 
 from geneoh.evaluation.gestures.encoder import SEEN, EncoderConfig, GestureEncoder, Seen
-from geneoh.evaluation.gestures.learning import EncoderTask, trained_encoder
+from geneoh.evaluation.gestures.learning import EncoderTask
 from geneoh.evaluation.gestures.rows import shuffled
 from geneoh.generators.text_network import SentenceConfig
+from geneoh.training.loop import trained
 
 TINY = EncoderConfig(
     steps=60, batch=8, rate=5e-3, warmup=5, ema=0.9, validate_every=60, checkpoint_every=60,
@@ -24,7 +25,7 @@ def task():
 
 @pytest.fixture(scope="module")
 def model(task, tmp_path_factory):
-    return trained_encoder(task, tmp_path_factory.mktemp("encoder"))
+    return trained(task, tmp_path_factory.mktemp("encoder"))
 
 
 def test_frames_are_seen_from_the_first_to_the_last_before_the_end():
