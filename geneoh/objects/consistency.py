@@ -4,9 +4,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Bool, Float64
+from jaxtyping import Bool, Float, Float64, Int
 from scipy.spatial.transform import Rotation
 
+from geneoh.objects.smoothing import increments
 from geneoh.objects.symmetry import Symmetry
 
 LOOK_BACK = 2 / 3
@@ -53,13 +54,14 @@ def longest_chain(rotations: Rotation, limit: float, symmetry: Symmetry, fps: fl
         fps: frames a second.
     """
     matrices = rotations.as_matrix()
-    count, furthest = len(matrices), max(1, round(LOOK_BACK * fps))
-    value, before = np.zeros(count), np.full(count, -1)
-    jumped = np.zeros(count, dtype=bool)
+    count = len(matrices)
     onto, aligned = np.tile(np.eye(3), (count, 1, 1)), matrices.copy()
+    if largest_bend(increments(rotations)) < limit:
+        return Chain(np.ones(count, dtype=bool), onto, ())
+    chains, jumped = Chains(count, limit, fps), np.zeros(count, dtype=bool)
     rate = np.zeros((count, 3))
     for frame in range(1, count):
-        earlier = np.arange(max(0, frame - furthest), frame)
+        earlier = chains.earlier(frame)
         apart = frame - earlier
         ahead = Rotation.from_rotvec(rate[earlier] * apart[:, None]).as_matrix()
         rest = aligned[earlier]
@@ -67,17 +69,14 @@ def longest_chain(rotations: Rotation, limit: float, symmetry: Symmetry, fps: fl
         reach, carried = limit * np.sqrt(apart), onto[earlier]
         found = nearest_turn(matrices[frame], (rest, rest @ ahead), carried, reach, symmetry)
         angle, changed, turned = found
-        worth = value[earlier] + 1 - SKIPPED * (apart - 1) - USED_SYMMETRY * changed
-        worth -= np.where(angle < reach, TURNED * angle / limit, JUMPED * fps)
-        best = int(worth.argmax())
-        if worth[best] > value[frame]:
-            value[frame], before[frame] = worth[best], earlier[best]
+        best = chains.extend(frame, angle, reach, changed)
+        if best is not None:
             jumped[frame] = angle[best] >= reach[best]
             onto[frame] = turned[best]
             aligned[frame] = matrices[frame] @ onto[frame]
             step = Rotation.from_matrix(rest[best].T @ aligned[frame])
             rate[frame] = 0 if jumped[frame] else step.as_rotvec() / apart[best]
-    kept = traced(value, before)
+    kept = chains.longest()
     onto[kept] = onto[kept] @ commonest(onto[kept]).T
     onto[~kept] = np.eye(3)
     return Chain(kept, onto, tuple(np.flatnonzero(kept & jumped).tolist()))
@@ -93,36 +92,72 @@ def possible_places(
     may have any speed up to `START_SPEED`.
     """
     steps, at_start = np.diff(places, axis=0), max(limit, START_SPEED / fps)
-    bends = np.linalg.norm(np.diff(steps, axis=0), axis=1)
-    if np.linalg.norm(steps[:1]) < at_start and bends.max(initial=0) < limit:
-        return np.ones(len(places), dtype=bool)  # to leave one out would only cost what it is worth
-    count, furthest = len(places), max(1, round(LOOK_BACK * fps))
-    value, before, rate = np.zeros(count), np.full(count, -1), np.zeros((count, 3))
-    for frame in range(1, count):
-        earlier = np.arange(max(0, frame - furthest), frame)
+    if np.linalg.norm(steps[:1]) < at_start and largest_bend(steps) < limit:
+        return np.ones(len(places), dtype=bool)
+    chains, rate = Chains(len(places), limit, fps), np.zeros((len(places), 3))
+    for frame in range(1, len(places)):
+        earlier = chains.earlier(frame)
         apart = frame - earlier
         moved = places[frame] - places[earlier]
         ahead = moved - rate[earlier] * apart[:, None]
         off = np.minimum(np.linalg.norm(moved, axis=1), np.linalg.norm(ahead, axis=1))
-        begins = before[earlier] < 0
-        reach = np.where(begins, at_start, limit)
-        possible = off < reach * np.sqrt(apart)
-        worth = value[earlier] + 1 - SKIPPED * (apart - 1)
-        worth -= np.where(possible, TURNED * off / limit, JUMPED * fps)
+        reach = np.where(chains.before[earlier] < 0, at_start, limit) * np.sqrt(apart)
+        best = chains.extend(frame, off, reach)
+        if best is not None:
+            rate[frame] = moved[best] / apart[best] if off[best] < reach[best] else 0
+    return chains.longest()
+
+
+def largest_bend(steps: Float[np.ndarray, "N 3"]) -> float:
+    """How much a step differs most from the one before, radians or metres.
+
+    Where that is less than the limit, a chain keeps all frames: to leave one out would only cost
+    what it is worth.
+    """
+    return float(np.linalg.norm(np.diff(steps, axis=0), axis=1).max(initial=0))
+
+
+class Chains:
+    """What the best chain to each frame is worth, and the frame before it there, or -1."""
+
+    def __init__(self, count: int, limit: float, fps: float):
+        self.limit, self.fps = limit, fps
+        self.value, self.before = np.zeros(count), np.full(count, -1)
+
+    def earlier(self, frame: int) -> Int[np.ndarray, " N"]:
+        """The frames from which one may be reached."""
+        return np.arange(max(0, frame - max(1, round(LOOK_BACK * self.fps))), frame)
+
+    def extend(
+        self,
+        frame: int,
+        off: Float64[np.ndarray, " N"],
+        reach: Float64[np.ndarray, " N"],
+        changed: Bool[np.ndarray, " N"] | bool = False,
+    ) -> int | None:
+        """Reach a frame from the best of the earlier ones, if that is worth more than to begin.
+
+        `off` is how far it is from where it is expected after each of them, which is a jump from
+        `reach` on; `changed` whether the rotation of the mesh onto itself changes. Returns the
+        index among the earlier ones; None for none.
+        """
+        earlier = self.earlier(frame)
+        worth = self.value[earlier] + 1 - SKIPPED * (frame - earlier - 1)
+        worth -= USED_SYMMETRY * np.asarray(changed)
+        worth -= np.where(off < reach, TURNED * off / self.limit, JUMPED * self.fps)
         best = int(worth.argmax())
-        if worth[best] > value[frame]:
-            value[frame], before[frame] = worth[best], earlier[best]
-            rate[frame] = moved[best] / apart[best] if possible[best] else 0
-    return traced(value, before)
+        if worth[best] <= self.value[frame]:
+            return None
+        self.value[frame], self.before[frame] = worth[best], earlier[best]
+        return best
 
-
-def traced(value: np.ndarray, before: np.ndarray) -> Bool[np.ndarray, " T"]:
-    """The frames of the best chain, by the worth of each frame and the frame before it, or -1."""
-    kept = np.zeros(len(value), dtype=bool)
-    frame = int(value.argmax())
-    while frame >= 0:
-        kept[frame], frame = True, int(before[frame])
-    return kept
+    def longest(self) -> Bool[np.ndarray, " T"]:
+        """The frames of the chain that is worth most."""
+        kept = np.zeros(len(self.value), dtype=bool)
+        frame = int(self.value.argmax())
+        while frame >= 0:
+            kept[frame], frame = True, int(self.before[frame])
+        return kept
 
 
 def nearest_turn(

@@ -8,7 +8,6 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 import torch
@@ -112,19 +111,21 @@ def evidence_of_nearness(
     for frames in blocks(len(joints)):
         distance = surface.at(frames).query(joints[frames]).distance
         found.append(distance.nan_to_num(math.inf).amin(-1).clamp(max=APART))
-    nearest = torch.cat(found)
-    deals = share_between(float(nearest.min()), NEAR, AWAY)
-    beside = share_between(nearest.cpu().double().numpy(), BESIDE, APART)
+    nearest = torch.cat(found).cpu()
+    deals = share_between(nearest.min(), NEAR, AWAY)
+    beside = share_between(nearest, BESIDE, APART).numpy()
     fade = FADE * fps / 30
     # wholly without it where the hand is apart, as the object may be metres away a moment later
     least = minimum_filter1d(beside, 2 * round(2 * fade) + 1, mode="nearest")
     smooth = gaussian_filter1d(least, fade, mode="nearest")
-    return deals * torch.from_numpy(smooth).to(joints)
+    return float(deals) * torch.from_numpy(smooth).to(joints)
 
 
-def share_between(value: Any, whole: float, none: float) -> Any:
+def share_between(
+    distance: Float[Tensor, "*N"], whole: float, none: float
+) -> Float64[Tensor, "*N"]:
     """1 up to `whole`, 0 from `none` on, and a straight line between them."""
-    return np.clip((none - value) / (none - whole), 0.0, 1.0)
+    return ((none - distance.double()) / (none - whole)).clamp(0, 1)
 
 
 def blended(

@@ -190,10 +190,7 @@ def turned_over(track: Track) -> Bool[Tensor, " T"]:
     """Frames in which the palm is turned as no possible motion turns it."""
     joints = track.joints.index_copy(1, torch.tensor(PALM).to(track.trusted.device), track.palm)
     palm = Rotation.from_matrix(palm_axes(joints[:, None]).double().cpu().numpy())
-    turns = increments(palm)
-    limit = min(change_limit(turns, TURN_CHANGE, track.fps), LARGEST_TURN)
-    if np.linalg.norm(np.diff(turns, axis=0), axis=1).max() < limit:
-        return track.nothing
+    limit = min(change_limit(increments(palm), TURN_CHANGE, track.fps), LARGEST_TURN)
     kept = longest_chain(palm, limit, ALL_THE_SAME, track.fps).kept
     return ~torch.from_numpy(kept).to(track.trusted.device)
 

@@ -156,36 +156,23 @@ def act(
     held = held_part(solids, joints, config.parts)
     cast = draw_cast(grasps, joints, surface, families, pairs, held, solids, config, generator)
     first, draws = cast.first, Draws(len(cast.first), generator)
-    weight = cast.possible * torch.tensor([RARE.get(name, 1.0) for name in VERBS])
-    verb = (weight / -draws.share(len(VERBS)).clamp(min=1e-9).log()).argmax(1)  # one by weight
+    verb, solids = draw_verb(cast.possible, draws), solids.take(first, "B")
 
-    stood = surface[first] @ cast.standing.mT
-    ground = torch.cat([stood[..., :2].mean(1), stood[..., 2].amin(1, keepdim=True)], -1)
-    stood, solids = stood - ground[:, None], solids.take(first, "B")
+    stood, ground = stood_on_table(surface[first] @ cast.standing.mT)
     middle = stood.mean(1) * torch.eye(3)[2]
     radius = (stood - middle[:, None]).norm(dim=-1).amax(1)
     moves, timing = draw_timing(verb, cast.paired, radius, config, draws)
-    shift, turn, opened = moves.path(timing.start, LONGEST).split([3, 3, 1], -1)
-    rotation = axis_angle_to_matrix(turn)
-    translation = shift + middle[:, None] - (rotation @ middle[:, None, :, None])[..., 0]
-    works = (verb == VERBS.index("open")) | (verb == VERBS.index("close"))
-    travel = held.travel[first] * works[:, None]
-    joint = torch.lerp(travel[:, :1], travel[:, 1:], opened[..., 0])
+    rotation, translation, opened = motion_around(middle, moves.path(timing.start, LONGEST))
+    joint = joint_values(verb, held.travel[first], opened)
 
-    right = hand_path(grasps.take(first, "B"), cast.standing, timing.schedule(0), config, draws)
     bent, along = solids.joint_pose(joint * (held.index[first] == 1)[:, None])
-    right = right.moved(bent, along)
-    other = grasps.take(cast.second.clamp(min=0), "B")
-    upright = mirror_rotations(cast.standing @ cast.image)
-    left = hand_path(other, upright, timing.schedule(1), config, draws).mirrored()
-    left = left.moved(cast.image[:, None], torch.zeros_like(ground)[:, None])
-    down = -ground[:, None]
+    left, right = hand_paths(grasps, cast, timing, config, draws)
     hands = [
-        hand.moved(cast.standing[:, None], down).moved(rotation, translation)
-        for hand in (left, right)
+        hand.moved(cast.standing[:, None], -ground[:, None]).moved(rotation, translation)
+        for hand in (left, right.moved(bent, along))
     ]
-    present = torch.stack([cast.paired, torch.ones_like(works)], 1)
-    jointed = solids.jointed
+    present = torch.stack([cast.paired, torch.ones_like(cast.paired)], 1)
+    jointed = solids.jointed[:, None]
     actions = Actions(
         verb=verb,
         name=torch.tensor([numbers[families[i]] for i in first.tolist()], dtype=torch.long),
@@ -198,9 +185,9 @@ def act(
         joint=joint,
         points=stood,
         normals=normals[first] @ cast.standing.mT,
-        part=solids.nearest_part(surface[first]) * jointed[:, None],
-        axis=(cast.standing @ solids.axis[..., None])[..., 0] * jointed[:, None],
-        pivot=((cast.standing @ solids.pivot[..., None])[..., 0] - ground) * jointed[:, None],
+        part=solids.nearest_part(surface[first]) * jointed,
+        axis=(cast.standing @ solids.axis[..., None])[..., 0] * jointed,
+        pivot=((cast.standing @ solids.pivot[..., None])[..., 0] - ground) * jointed,
         slides=solids.slides,
     ).ended()
     return actions.mirrored(draws.chance(config.left))
@@ -309,6 +296,42 @@ def is_container(family: str) -> bool:
     return family in CONTAINERS or last.rstrip("s") in CONTAINER_WORDS
 
 
+def draw_verb(possible: Bool[Tensor, "N V"], draws: Draws) -> Int[Tensor, " N"]:
+    """One of the possible verbs each, by weight."""
+    weight = possible * torch.tensor([RARE.get(name, 1.0) for name in VERBS])
+    return (weight / -draws.share(len(VERBS)).clamp(min=1e-9).log()).argmax(1)
+
+
+def stood_on_table(
+    points: Float[Tensor, "N P 3"],
+) -> tuple[Float[Tensor, "N P 3"], Float[Tensor, "N 3"]]:
+    """Points of upright objects over the middle of the table, z up, and what they moved by."""
+    ground = torch.cat([points[..., :2].mean(1), points[..., 2].amin(1, keepdim=True)], -1)
+    return points - ground[:, None], ground
+
+
+def motion_around(
+    middle: Float[Tensor, "N 3"], path: Float[Tensor, "N T 7"]
+) -> tuple[Float[Tensor, "N T 3 3"], Float[Tensor, "N T 3"], Float[Tensor, "N T"]]:
+    """Rotations and translations of objects that turn around their middle, and how far they open.
+
+    `path` holds the shift, metres, the turn, axis-angle, and the share that is open.
+    """
+    shift, turn, opened = path.split([3, 3, 1], -1)
+    rotation = axis_angle_to_matrix(turn)
+    translation = shift + middle[:, None] - (rotation @ middle[:, None, :, None])[..., 0]
+    return rotation, translation, opened[..., 0]
+
+
+def joint_values(
+    verb: Int[Tensor, " N"], travel: Float[Tensor, "N 2"], opened: Float[Tensor, "N T"]
+) -> Float[Tensor, "N T"]:
+    """Values of the joints, radians or metres, which move only where the verb opens or closes."""
+    works = (verb == VERBS.index("open")) | (verb == VERBS.index("close"))
+    travel = travel * works[:, None]
+    return torch.lerp(travel[:, :1], travel[:, 1:], opened)
+
+
 def draw_timing(
     verb: Int[Tensor, " N"],
     paired: Bool[Tensor, " N"],
@@ -350,6 +373,19 @@ def _timing(
     release = torch.where(lifted[:, None], LASTING, release)
     length = torch.where(lifted, end + held, end + config.grip + config.leave)
     return Timing(close, release, start, length)
+
+
+def hand_paths(
+    grasps: Grasps, cast: Cast, timing: Timing, config: ActingConfig, draws: Draws
+) -> tuple[HandPath, HandPath]:
+    """The left and the right hands of actions, in the frame of their object."""
+    right = hand_path(
+        grasps.take(cast.first, "B"), cast.standing, timing.schedule(0), config, draws
+    )
+    other = grasps.take(cast.second.clamp(min=0), "B")
+    upright = mirror_rotations(cast.standing @ cast.image)
+    left = hand_path(other, upright, timing.schedule(1), config, draws).mirrored()
+    return left.moved(cast.image[:, None], torch.zeros(len(upright), 1, 3)), right
 
 
 def hand_path(
