@@ -33,7 +33,6 @@ class TochAutoencoder(nn.Module):
     """Noisy fields of a window to clean keypoints, through one latent per frame."""
 
     def __init__(self, config: TochConfig) -> None:
-        """Build encoder and decoder."""
         super().__init__()
         self.config = config
         point, hidden = config.point_width, config.hidden

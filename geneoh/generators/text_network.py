@@ -44,7 +44,6 @@ class SentenceNetwork(nn.Module):
     over its features."""
 
     def __init__(self, config: SentenceConfig) -> None:
-        """Build the network with random weights."""
         super().__init__()
         self.config = config
         width = config.width
@@ -88,7 +87,6 @@ class TextNetwork(SentenceNetwork):
     config: TextConfig
 
     def __init__(self, config: TextConfig) -> None:
-        """Build the network with random weights."""
         super().__init__(config)
         self.verbs = nn.Linear(config.width, config.verbs)
         self.hands = nn.Linear(config.width, config.hands)

@@ -56,7 +56,6 @@ class Block(nn.Module):
     """Pre-norm attention over frames and a feed-forward layer, both scaled by the noise level."""
 
     def __init__(self, width: int, heads: int) -> None:
-        """Build a block of `width` features and `heads` attention heads."""
         check_heads(width, heads)
         super().__init__()
         self.heads = heads
@@ -99,7 +98,6 @@ class FrameTransformer(nn.Module):
     """A stack of blocks over frames with the noise level embedded once."""
 
     def __init__(self, width: int, depth: int, heads: int) -> None:
-        """Build `depth` blocks of `width` features."""
         super().__init__()
         self.precision = torch.float32
         """Type of the matrix products, see `geneoh.nn.precision`."""

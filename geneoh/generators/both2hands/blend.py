@@ -40,7 +40,6 @@ class Blender(nn.Module):
     """Two pairs of hands on one body to one pair, all as numbers of the body's network."""
 
     def __init__(self, config: BlendConfig) -> None:
-        """Build the network with random weights."""
         super().__init__()
         self.config = config
         width, size = config.width, config.frames_per_token * HANDS

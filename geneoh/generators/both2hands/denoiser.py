@@ -68,7 +68,6 @@ class HandsDenoiser(nn.Module):
     """From noisy numbers of hands to the clean ones."""
 
     def __init__(self, config: HandsConfig) -> None:
-        """Build the network with random weights."""
         super().__init__()
         self.config = config
         width, frames, self.parts = config.width, config.frames_per_token, 1
@@ -140,7 +139,6 @@ class BodyHands(HandsDenoiser):
     """Hands that fit a body's motion."""
 
     def __init__(self, config: HandsConfig) -> None:
-        """Build the network with random weights."""
         super().__init__(config)
         self.body_scale = Scale(BODY)
         size = config.frames_per_token * BODY
@@ -162,7 +160,6 @@ class TextHands(HandsDenoiser):
     config: TextHandsConfig
 
     def __init__(self, config: TextHandsConfig) -> None:
-        """Build the network with random weights."""
         super().__init__(config)
         self.words = None if config.text else SentenceNetwork(config.words)
         self.text = nn.Linear(config.text or config.words.width, config.width)

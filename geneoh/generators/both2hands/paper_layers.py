@@ -15,7 +15,6 @@ class PaperBlock(nn.Module):
     """Attention of tokens to a memory, then a feed-forward layer, each followed by its norm."""
 
     def __init__(self, width: int, heads: int, head_width: int) -> None:
-        """Build a block of `width` features whose heads have `head_width` features each."""
         super().__init__()
         self.heads, inner = heads, heads * head_width
         self.query, self.key, self.value = (nn.Linear(width, inner) for _ in range(3))
@@ -44,7 +43,6 @@ class PaperTransformer(nn.Module):
     """Blocks of self-attention; the noise level is added to the first token."""
 
     def __init__(self, width: int, depth: int, heads: int, head_width: int) -> None:
-        """Build `depth` blocks of `width` features."""
         super().__init__()
         self.level = nn.Sequential(nn.Linear(64, 256), nn.GELU(), nn.Linear(256, width))
         self.blocks = nn.ModuleList(PaperBlock(width, heads, head_width) for _ in range(depth))

@@ -30,7 +30,6 @@ class ContactNetwork(nn.Module):
     """Encoder of a contact map to a latent, and decoder of a latent to a contact map."""
 
     def __init__(self, config: ContactConfig) -> None:
-        """Build the networks with random weights."""
         super().__init__()
         self.config = config
         channels = 3 if config.places_alone else CHANNELS

@@ -66,7 +66,6 @@ class InteractionNetwork(nn.Module):
     std: Tensor
 
     def __init__(self, config: InteractionConfig) -> None:
-        """Build the network with random weights."""
         super().__init__()
         self.config = config
         width, frames, ours = config.width, config.frames_per_token, config.form == "ours"

@@ -29,7 +29,6 @@ class LengthNetwork(nn.Module):
     """Encoder of a length to a latent, and decoder of a latent to a length, both told the text."""
 
     def __init__(self, config: LengthConfig) -> None:
-        """Build the networks with random weights."""
         super().__init__()
         self.config = config
         self.encoder = nn.Sequential(
