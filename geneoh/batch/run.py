@@ -59,12 +59,8 @@ def clean_batch(
 ) -> Cleaned:
     """Clean all clips that are not done yet into the folder of a batch, with journal and summary.
 
-    Args:
-        clips: see `geneoh.batch.clips.find_clips`.
-        batch: the folder of results and what is asked for all clips.
-        jobs: number of processes; 1 works in this one.
-        ray: address of a Ray cluster to work on instead; "local" starts one on this machine.
-        on_progress: called with "clips", the clips that are done and all of them.
+    `jobs` processes do so, this one if 1, or a Ray cluster at the address `ray`, where "local"
+    starts one on this machine.
 
     Raises:
         ConfigError: the folder holds results of other settings.

@@ -101,10 +101,7 @@ def parameters(network: nn.Module) -> int:
 def measured_networks(device: str, tell: Tell, points: int | None = None) -> Found:
     """What one window and one sample take with such networks: one step times the steps.
 
-    Args:
-        device: to compute on.
-        tell: told of each stage that is done.
-        points: contact points that are timed; without it all on a GPU, `POINTS_ON_CPU` on a CPU.
+    So many contact `points` are timed; by default all on a GPU, `POINTS_ON_CPU` on a CPU.
     """
     timed = points or (POINTS if device.startswith("cuda") else POINTS_ON_CPU)
     networks = {name: network.to(device) for name, network in paper_networks().items()}

@@ -21,10 +21,7 @@ CLOCKS = {"clock": "seconds", "processor": "processor"}
 def tables(bench: Bench, found: Mapping[Point, Found], by: str) -> Iterator[str]:
     """Frames a second with the peak of memory along each axis, then the paper's sizes beside ours.
 
-    Args:
-        bench: the grid.
-        found: what was measured at each of its points.
-        by: "clock", or "processor" for the time that other work on the machine hardly changes.
+    By the "clock", or the "processor" for the time that other work on the machine hardly changes.
     """
     base, clock = bench.base, CLOCKS[by]
     yield (

@@ -102,12 +102,8 @@ def run_bench(
 ) -> dict[Point, Found]:
     """Measure all points that a JSON file does not have, and write it after each.
 
-    Args:
-        bench: the grid.
-        environment: facts of this machine and installation, as JSON can hold them.
-        output: the file.
-        fresh: whether to measure anew what the file has.
-        on_progress: called with the point and its stage, the steps done and those in all.
+    If `fresh`, what the file has is measured anew. `environment` holds facts of this machine and
+    installation, and `on_progress` is told the point and its stage.
 
     Raises:
         InputError: the file is none of ours, or there is no other version in `Bench.tree`.

@@ -72,13 +72,8 @@ def forearm(
     """Rotation against the chest of a forearm that is not twisted, for a wrist at a place.
 
     Turns of the hand against it stay in the range of a person's where they are interpolated; those
-    against the chest do not.
-
-    Args:
-        skeleton: one person's.
-        side: of the arm.
-        place: of the wrist from where the shoulder is in the T-pose, in the chest's frame, metres.
-        swivel: as `reach` takes it.
+    against the chest do not. `place` is that of the wrist from where the shoulder is in the T-pose,
+    in the chest's frame, metres; `swivel` is as `reach` takes it.
     """
     bones = [skeleton.offsets[joint] for joint in _arm(side)[1:]]
     chest = torch.eye(3).to(place).expand(*place.shape[:-1], 3, 3)

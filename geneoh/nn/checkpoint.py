@@ -41,9 +41,7 @@ def load_checkpoint(
 ) -> Checkpoint:
     """Read a checkpoint to the CPU; float16 and bfloat16 become float32, other types are kept.
 
-    Args:
-        path: the file.
-        remedy: what the user can do about a damaged file.
+    `remedy` is what the user can do about a damaged file.
 
     Raises:
         CheckpointError: the file cannot be read, is not safetensors or carries no record.

@@ -45,13 +45,7 @@ def longest_chain(rotations: Rotation, limit: float, symmetry: Symmetry, fps: fl
     From one frame of the chain to the next the part rests or keeps turning as before, each up to
     `limit` times the root of their distance, if need be after a rotation of the mesh onto itself;
     any other step is a jump. Fast motion is therefore no jump, as long as its speed grows over
-    several frames.
-
-    Args:
-        rotations: of the part, in every frame.
-        limit: radians by which a turn from one frame to the next may differ from the one before.
-        symmetry: of the part's mesh.
-        fps: frames a second.
+    several frames. `limit` is in radians, of turns from one frame to the next.
     """
     matrices = rotations.as_matrix()
     count = len(matrices)

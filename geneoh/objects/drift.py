@@ -28,12 +28,8 @@ def size_of_drift(
 ) -> float:
     """Deviation of the drift in units of that of the white noise, from `LEAST_DRIFT` to 1.
 
-    It is 1 where nothing tells it: the part is exact, or never rests for so long.
-
-    Args:
-        observed: turns or places of the part or both, in units of their white noise.
-        known: frames that were seen.
-        fps: frames a second.
+    It is 1 where nothing tells it: the part is exact, or never rests for so long. `observed` are
+    turns or places of the part or both, in units of their white noise, in frames that are `known`.
     """
     count = math.ceil(STRETCH_SECONDS * fps)
     if not observed or len(known) < count:
@@ -55,11 +51,8 @@ def log_likelihood(
 ) -> Float64[np.ndarray, " S"]:
     """Of each stretch of `count` frames of a track that rests, up to a constant.
 
-    Args:
-        track: coordinates with white noise of deviation 1.
-        size: deviation of the drift besides.
-        count: frames of a stretch.
-        frames: correlation time of the drift.
+    The coordinates have white noise of deviation 1, and a drift of the deviation `size` that is
+    correlated over `frames`.
     """
     time = np.arange(count)
     centered = np.eye(count) - 1 / count

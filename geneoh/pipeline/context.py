@@ -121,9 +121,7 @@ class StageContext(ObjectSurface):
     def evidence(self, observed: HandParameters, hand: HandParameters) -> SpatialEvidence:
         """What tells SpatialDiff the place of each window, from the mean of all samples of a hand.
 
-        Args:
-            observed: the hand before MotionDiff, one sample.
-            hand: the samples after it.
+        They come out of MotionDiff; `observed` is the one that went in.
         """
         joints = self.windows(hand.joints.mean(0, keepdim=True))
         count, surface = len(self.starts), self.surface_windows()
@@ -178,11 +176,9 @@ class Piece(NamedTuple):
     def steps(
         self, observed: Float[Tensor, "1 F 21 3"], joints: Float[Tensor, "1 F 21 3"]
     ) -> TemporalEvidence:
-        """What tells TemporalDiff how a hand moves over the surface, in each window.
+        """What tells TemporalDiff how the hand `joints` moves over the surface, in each window.
 
-        Args:
-            observed: the hand before MotionDiff, in the frames of the piece.
-            joints: the hand that is to be corrected.
+        `observed` is the hand before MotionDiff, in the frames of the piece.
         """
         trust = self.context.trust.mean(-1)[None]
         evidence = TemporalEvidence.at(self.context.surface, joints, observed, trust)

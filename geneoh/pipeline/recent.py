@@ -120,14 +120,8 @@ class RecentHand:
     ) -> None:
         """Begin without frames.
 
-        Args:
-            motion: the object, of whose frames none is read.
-            surface: the same with its search trees; None without a mesh.
-            model: the right hand.
-            denoisers: the networks.
-            chosen: settings; the fit is by least squares.
-            lag: frames after which a frame is cleaned.
-            seed: of all noise.
+        No frame of `motion` is read; `surface` is the same object with its search trees, or None
+        without a mesh. `model` is the right hand, `lag` the frames after which one is cleaned.
         """
         self._meshes, self._surface, self._model = motion.meshes, surface, model
         self._denoisers, self._chosen, self._lag = denoisers, chosen, lag

@@ -101,12 +101,8 @@ class CutClips:
 def parsed_source(text: str, known: Sequence[str] = (SEQUENCES, *SOURCES)) -> DataSource:
     """A source as it is written on the command line: `[SOURCE=]PATH[:WEIGHT]`.
 
-    Args:
-        text: that a user wrote.
-        known: names that a source may have.
-
     Raises:
-        ConfigError: the source is unknown, or the weight is not above zero.
+        ConfigError: the source is none of the `known`, or the weight is not above zero.
     """
     if not text.rpartition("=")[2]:
         raise ConfigError(f"--data {text}: expected a path, got none; name a folder")

@@ -40,11 +40,8 @@ def results_of(
 
     What `do` raises ends the work and is raised here; all workers have ended when it is.
 
-    Args:
-        work: the items; an item is taken when a worker is free.
-        do: a function of one item that a new process can import.
-        jobs: number of processes.
-        lost: gives the result of an item that killed its workers; called in this process.
+    An item is taken when a worker is free; `do` is a function that a new process can import, and
+    `lost`, called in this one, gives the result of an item that killed its workers.
     """
     return in_turn(work, do) if jobs == 1 else in_processes(work, do, jobs, lost)
 

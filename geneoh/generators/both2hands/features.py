@@ -75,11 +75,8 @@ def with_fingers(
 ) -> BodyMotion:
     """The motion with the fingers' rotations out of features; their positions follow from these.
 
-    Args:
-        motion: its fingers do not matter.
-        posed: the motion's joints, whose wrists the features of the frame "world" were made with.
-        features: of `hand_features`, or a network's answer, whose rotations may be inexact.
-        frame: that of the features.
+    Features are those of `hand_features` in `frame`, or a network's answer, whose rotations may be
+    inexact; those in the frame "world" were made with the wrists of `posed`, the motion's joints.
     """
     turned = rotation_6d_to_matrix(features[..., 3 * FINGERS :].unflatten(-1, (FINGERS, 6)))
     if frame == "wrist":

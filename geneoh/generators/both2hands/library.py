@@ -58,11 +58,8 @@ def load_networks(
 ) -> Networks:
     """The networks of a folder of STAGE.safetensors; what it lacks, or all for None, is as shipped.
 
-    Args:
-        folder: of `geneoh train`.
-        text_encoder: folder of the CLIP or sentence-transformers model that networks were trained
-            with; None for networks that read words themselves.
-        device: where the networks are to be.
+    `text_encoder` is the folder of the CLIP or sentence-transformers model that networks were
+    trained with; None for networks that read words themselves.
 
     Raises:
         CheckpointError: a file is missing or does not fit its network.

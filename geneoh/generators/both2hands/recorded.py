@@ -53,14 +53,9 @@ def recorded_gestures(
     told: bool = True,
     on_step: OnStep | None = None,
 ) -> TrainingData[Gestures]:
-    """The clips of a data set of bodies below a path.
+    """The clips of a data set of bodies in a folder or file, if `told` those with sentences.
 
-    Args:
-        source: the data set.
-        path: its folder, one in it, or a file.
-        model: the user's SMPL-H or SMPL-X model, for the bones; else those of a typical adult.
-        told: leave out clips without sentences.
-        on_step: told of the files.
+    The bones are those of `model`, the user's SMPL-H or SMPL-X model, else of a typical adult.
 
     Raises:
         InputError: no file can be read, or none holds a clip to learn from.

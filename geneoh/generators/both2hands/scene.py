@@ -50,13 +50,8 @@ def both_answers(
 ) -> tuple[Float[Tensor, "B T 270"], Float[Tensor, "B T 270"]]:
     """The clean hands of the body and of the sentence, both in the numbers of the body's network.
 
-    Args:
-        body: the network that is told the body.
-        text: the network that is told a sentence.
-        noisy: hands with noise, as numbers of each network; the same ones where the process is one.
-        level: number of the noise level of both.
-        told: what each network is told.
-        scene: the bodies.
+    `noisy` are hands with noise as numbers of each network, which are the same ones where the
+    process is one.
     """
     of_body = body.denoised(noisy[0], level, told[0])
     of_text = text.denoised(noisy[1], level, told[1])

@@ -43,10 +43,7 @@ def load_networks(
 ) -> Networks:
     """The networks of a folder of STAGE.safetensors; what it lacks, or all for None, is as shipped.
 
-    Args:
-        folder: of `geneoh train`.
-        text_encoder: of another text encoder, with which the networks were trained.
-        device: where the networks are to be.
+    `text_encoder` is the folder of another text encoder, with which the networks were trained.
 
     Raises:
         CheckpointError: a file is missing or does not fit its network.

@@ -104,14 +104,8 @@ def stand(
 ) -> BodyMotion:
     """Legs, trunk and head of people whose left and right hands are active; arms are left out.
 
-    Args:
-        skeleton: B bodies.
-        gait: who sits and who walks.
-        active: how far each hand is from its rest, 0 to 1, left and right.
-        strokes: how far it is in a stroke, 0 to 1.
-        fingers: of the left and the right hand, which the motion has.
-        config: how they move.
-        draws: random numbers of the B people.
+    `active` is how far each hand is from its rest, left and right, and `strokes` how far it is in a
+    stroke, both from 0 to 1.
     """
     frames = active.shape[1]
     turned = torch.zeros(draws.batch, frames, len(BODY_PARENTS), 3)
