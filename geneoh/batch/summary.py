@@ -40,7 +40,7 @@ def rank(row: dict[str, Any]) -> tuple[float, str, str]:
 def as_csv(rows: list[dict[str, Any]]) -> str:
     """The rows as CSV: each measure before and after, notes, and why a clip failed."""
     both = [f"{name}_{when}" for name in MEASURES for when in ("before", "after")]
-    lines = [[*PLAIN, *both, "notes", "failed"]]
+    lines: list[list[Any]] = [[*PLAIN, *both, "notes", "failed"]]
     for row in rows:
         values = [row.get(when, {}).get(name) for name in MEASURES for when in ("before", "after")]
         told = "; ".join(row.get("notes", ()))
