@@ -162,6 +162,12 @@ trust_and_refine = together(
         "those of the input."
     ),
 )
+hand_delay = option(
+    "--hand-delay: Frames by which the hands come later than the object, such as from a sensor "
+    "with a clock of its own; negative where they come earlier.",
+    float,
+    0.0,
+)
 device = option(
     "--device: Device to compute on: cpu, cuda, or cuda:N for GPU number N.", default="cpu"
 )
@@ -173,7 +179,7 @@ weights = option(
 steps = option("--steps: Number of denoiser calls in each stage.  [default: the preset's]", COUNT)
 cleaning = together(
     *(preset, samples, selection, steps, hand, mano, trust_and_refine, weights, seed),
-    *(side_and_fps, device),
+    *(hand_delay, side_and_fps, device),
 )
 """How hands are cleaned: the fields of `geneoh.Options`, and what files may leave open."""
 folder = option("-o --output folder: Folder to write to.", FOLDER, Path("runs"))

@@ -40,7 +40,7 @@ from geneoh.pipeline.touch import REACH, finger_contact
 from geneoh.progress import OnProgress, OnStep, timed
 from geneoh.readers.convention_check import doubts
 from geneoh.sequence.normalisation import NETWORK_FPS, NormalisedHand, normalised_hands
-from geneoh.sequence.resample import nearest_frames
+from geneoh.sequence.resample import nearest_frames, with_hands_earlier
 from geneoh.sequence.sequence import HandTrack, Sequence
 from geneoh.sequence.windows import window_starts
 
@@ -92,7 +92,7 @@ def denoise(
     named_device(options.device)
     with undisturbed():
         given = as_sequence(sequence, obj)
-        sequence = checked_interaction(given)
+        sequence = with_hands_earlier(checked_interaction(given), options.hand_delay)
         name = sequence.source.partition(" (")[0] or "the sequence"
         sequence, lost = without_faults(sequence)
         doubtful = (*collapsed_sentences(given), *lost, *doubts(sequence, name))

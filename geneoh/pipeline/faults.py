@@ -16,20 +16,17 @@ from torch import Tensor
 
 from geneoh.choices import Side
 from geneoh.denoisers.base import palm_axes
-from geneoh.geometry.rotations import axis_angle_to_matrix
-from geneoh.hand.library import load_hand
 from geneoh.objects.consistency import longest_chain, possible_places
 from geneoh.objects.smoothing import increments
 from geneoh.objects.symmetry import Symmetry
 from geneoh.readers.convention_check import KNUCKLES, finger_curls
 from geneoh.sequence.gaps import fill_gaps, observed_around
+from geneoh.sequence.keypoints import PALM, keypoints
 from geneoh.sequence.sequence import HandTrack, Sequence
 from geneoh.sequence.windows import runs
 
 SHORTEST = 5
 """Observed frames below which nothing tells a fault from motion."""
-PALM = (0, 5, 9, 13, 17)
-"""Keypoints of the wrist and of the knuckles."""
 IS_FINGER = torch.tensor([point not in PALM for point in range(21)])
 PLACE_CHANGE, TURN_CHANGE, LARGEST_TURN = 0.1, 1.0, 2.0
 """From one frame to the next the step of the palm may change by 10 cm and its turn by 57 degrees at
@@ -133,16 +130,6 @@ class Track:
         known = self.trusted[:, PALM].all(-1)
         points = self.joints[:, PALM]
         return observed_around(known).points(points) if bool(known.any()) else points
-
-
-def keypoints(hand: HandTrack) -> Float[Tensor, "T 21 3"]:
-    """Keypoints of a track, of a mean hand where it has none, metres, world frame."""
-    if hand.joints is not None:
-        return hand.joints
-    assert hand.pose is not None, "a track without joints has a pose"
-    assert hand.wrist is not None, "a pose comes with a wrist"
-    mean = load_hand(hand.side).to(hand.pose.device).shaped(hand.pose.new_zeros(10))
-    return mean.joints_from_rotations(axis_angle_to_matrix(hand.pose), hand.wrist)
 
 
 def repeated(track: Track) -> Bool[Tensor, " T"]:

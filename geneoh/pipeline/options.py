@@ -51,6 +51,10 @@ class Options:
     refine_object: bool = False
     """Whether the result has poses of the object that agree with the clean hands
     (`geneoh.objects.refine`) and not those of the input."""
+    hand_delay: float | int = 0.0
+    """Frames by which the hands come later than the object, such as from a sensor with a clock of
+    its own; negative where they come earlier. They are cleaned, and are in the result, where the
+    object then was."""
     device: str = "cpu"
     """Device that the networks and the fit run on, as torch names it: "cpu", "cuda", "cuda:1". The
     result is on the device of the sequence."""

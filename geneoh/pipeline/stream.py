@@ -114,6 +114,12 @@ class Stream:
                 f"got preset {options.preset!r} and refine_object={options.refine_object}; "
                 "use geneoh.denoise for these"
             )
+        if options.hand_delay:
+            raise ConfigError(
+                "a stream takes hand and object of one time, got "
+                f"hand_delay={options.hand_delay:g}; push each hand with the object's pose of its "
+                "own time"
+            )
         chosen = replace(chosen, fit=replace(chosen.fit, **FIT_STEPS))
         if not SMALLEST_FPS <= fps <= LARGEST_FPS or not 0 <= lag <= LONGEST_LAG:
             raise ConfigError(

@@ -19,6 +19,7 @@ from geneoh.geometry.mesh import size_warning
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import KEYPOINT_PARENTS, forward_kinematics, rest_offsets
 from geneoh.readers.base import CrossChecks, Recording, finite_frames
+from geneoh.readers.delay_check import check_delay
 from geneoh.readers.joint_orders import ORDERS
 from geneoh.readers.mano import MEAN_WRIST_OFFSET, mean_wrist_offset
 from geneoh.readers.records import Array
@@ -104,7 +105,9 @@ def doubts(sequence: Sequence, name: str) -> Iterator[str]:
             )
         for check in (check_keypoint_order, check_finger_bend):
             yield from (f"{hand.side} hand: {words}" for words in check(hand, CrossChecks()))
-        yield from (f"{hand.side} hand: {words}" for words in check_holding(hand, sequence.object))
+        held = (hand, sequence.object)
+        found = (*check_holding(*held), *check_delay(*held, sequence.fps))
+        yield from (f"{hand.side} hand: {words}" for words in found)
 
 
 def shorter_order(joints: Float[Tensor, "T 21 3"]) -> JointOrder | None:

@@ -77,6 +77,32 @@ def at_times(sequence: Sequence, time: Float[Tensor, " N"]) -> Sequence:
     return interpolated(sequence, FrameInterpolation(start, after, time - start))
 
 
+def with_hands_earlier(sequence: Sequence, delay: float | int) -> Sequence:
+    """The sequence with hands that come `delay` frames earlier, or later where it is negative.
+
+    Frames for which there is no hand then count as missing. `InputError` where all of them do.
+    """
+    if delay == 0:
+        return sequence
+    last = sequence.frames - 1
+    device = sequence.object.rotation.device
+    wanted = torch.arange(last + 1, dtype=torch.float64, device=device) + delay
+    time = wanted.nan_to_num().clamp(0, last)
+    start = time.floor().long()
+    between = FrameInterpolation(start, (start + 1).clamp(max=last), time - start)
+    nearest = time.round().long()
+    hands = tuple(
+        between.hand(fill_gaps(hand), (time == wanted) & hand.valid[nearest])
+        for hand in sequence.hands
+    )
+    if not all(bool(hand.valid.any()) for hand in hands):
+        raise InputError(
+            f"{sequence.source or 'the sequence'}: a 'hand_delay' of {delay:g} leaves no frame of "
+            f"{sequence.frames} with a hand; correct it (--hand-delay)"
+        )
+    return replace(sequence, hands=hands)
+
+
 def interpolated(sequence: Sequence, between: FrameInterpolation) -> Sequence:
     """A sequence at instants between its frames; see `over_frames`."""
     nearest = torch.where(between.fraction >= 0.5, between.after, between.before)

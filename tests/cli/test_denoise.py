@@ -196,6 +196,19 @@ def test_the_position_of_the_camera_is_kept_as_rays(geneoh, tmp_path, monkeypatc
     np.testing.assert_allclose(ray, told.camera_ray, atol=1e-6)
 
 
+def test_a_delay_of_the_hand_is_mended(geneoh, tmp_path, monkeypatch):
+    quick_presets.use(monkeypatch)
+    write_good(tmp_path)
+    result = geneoh(*RUN, "--hand-delay", "2")
+    assert result.exit_code == 0, result.output
+    with np.load(tmp_path / "hand_clean.npz") as file:
+        assert json.loads(str(file["options"]))["hand_delay"] == 2
+        assert file["right_filled"][-2:].all()
+    result = geneoh(*RUN, "--hand-delay", "1000")
+    assert result.exit_code == 2
+    assert "leaves no frame" in result.stderr
+
+
 @pytest.mark.parametrize("place", ["1,2", "here", "1,2,x"])
 def test_a_camera_that_is_no_place_is_refused(geneoh, tmp_path, place):
     write_good(tmp_path)

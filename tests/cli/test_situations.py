@@ -117,6 +117,15 @@ def transposed(folder: Path) -> None:
     (folder / "object.obj").write_bytes((ROOT / "examples/taco_object.obj").read_bytes())
 
 
+def late(folder: Path) -> None:
+    """The example recording with a hand that comes six frames late."""
+    arrays = dict(np.load(ROOT / "examples/taco_clean.npz"))
+    for name in ("left_joints", "left_pose", "left_wrist"):
+        arrays[name] = np.concatenate([arrays[name][:1].repeat(6, 0), arrays[name][:-6]])
+    np.savez(folder / "hand.npz", **arrays)
+    (folder / "object.obj").write_bytes((ROOT / "examples/taco_object.obj").read_bytes())
+
+
 def with_unseen_left_hand(folder: Path) -> None:
     """The good track in geneoh's own layout, with a left hand of NaN."""
     arrays = {name: array for name, array in good_arrays().items() if name != "side"}
@@ -345,6 +354,12 @@ SITUATIONS = [
         "The hand repeats a frame",
         "the left hand repeats the frame before ... in 1 frame: taken as missing",
         with_faulty_frame(lambda joints: joints[4]),
+        code=0,
+    ),
+    Situation(
+        "The hand comes some frames later or earlier than the object that it holds",
+        "left hand: timing: it seems to move 6 frames later ... pass --hand-delay 6",
+        late,
         code=0,
     ),
     Situation("NaN everywhere", "at least one frame", with_arrays(joints=lambda j: j * np.nan)),

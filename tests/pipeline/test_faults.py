@@ -9,7 +9,8 @@ import torch
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.hand.library import load_hand
 from geneoh.pipeline.denoise import denoise
-from geneoh.pipeline.faults import PALM, without_faults
+from geneoh.pipeline.faults import without_faults
+from geneoh.sequence.keypoints import PALM
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.resample import at_rate
 from geneoh.sequence.sequence import HandTrack, Sequence

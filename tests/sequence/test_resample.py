@@ -2,7 +2,7 @@ import pytest
 import torch
 
 from geneoh.errors import InputError
-from geneoh.sequence.resample import at_rate, over_frames
+from geneoh.sequence.resample import at_rate, over_frames, with_hands_earlier
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
 
@@ -94,3 +94,22 @@ def test_more_frames_than_an_hour_has_are_refused_before_they_are_made(given, as
     sequence = steady(146, given, seconds=1.0)
     with pytest.raises(InputError, match="at most 108000 frames"):
         at_rate(sequence, asked)
+
+
+@pytest.mark.parametrize("delay", [3, -3, 2.5])
+def test_hands_that_come_earlier_are_those_of_later_frames(delay):
+    sequence = steady(20, 30.0)
+    earlier = with_hands_earlier(sequence, delay).hands[0]
+    time = torch.arange(20) + delay
+    inside = (time >= 0) & (time <= 19)
+    assert torch.equal(earlier.valid, inside)
+    place = time[inside, None] / 30 * torch.tensor([0.1, 0.2, -0.3])
+    torch.testing.assert_close(earlier.wrist[inside], place, rtol=0, atol=2e-6)
+    torch.testing.assert_close(earlier.pose[inside, 4, 1], 2 * time[inside] / 30)
+    assert with_hands_earlier(sequence, 0.0) is sequence
+
+
+@pytest.mark.parametrize("delay", [20, -40.0, float("nan")])
+def test_a_delay_that_leaves_no_hand_is_refused(delay):
+    with pytest.raises(InputError, match="leaves no frame of 20 with a hand"):
+        with_hands_earlier(steady(20, 30.0), delay)

@@ -1,0 +1,21 @@
+"""Keypoints of a hand, also of one that is known by its pose alone."""
+
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.hand.library import load_hand
+from geneoh.sequence.sequence import HandTrack
+
+PALM = (0, 5, 9, 13, 17)
+"""Keypoints of the wrist and of the knuckles."""
+
+
+def keypoints(hand: HandTrack) -> Float[Tensor, "T 21 3"]:
+    """Keypoints of a track, of a mean hand where it has none, metres, world frame."""
+    if hand.joints is not None:
+        return hand.joints
+    assert hand.pose is not None, "a track without joints has a pose"
+    assert hand.wrist is not None, "a pose comes with a wrist"
+    mean = load_hand(hand.side).to(hand.pose.device).shaped(hand.pose.new_zeros(10))
+    return mean.joints_from_rotations(axis_angle_to_matrix(hand.pose), hand.wrist)
