@@ -126,17 +126,12 @@ def clean_interaction(
         notes.append(f"{how} from {sequence.fps:g} to {NETWORK_FPS:g} frames a second and back")
     results: dict[Side, HandResult] = {}
     for hand in normalised:
-        model = hand_of_betas(
-            hand.side, hand.track.hand_model, asked=options.hand, mano_dir=options.mano_dir
-        )
-        moved = hand.to(options.device)
-        subject = subject_of(moved.track, hand.right_model(model))
         relied = evidence[nearest_frames(sequence.frames, hand.track.frames)]
-        relied = relied.to(options.device)
+        moved = hand.to(options.device)
         result = _clean(
             moved,
-            subject,
-            relied,
+            _subject(moved, options),
+            relied.to(options.device),
             None if examined is None else examined.white_noise,
             denoisers,
             chosen,
@@ -163,6 +158,14 @@ def _as_given(result: HandResult, hand: NormalisedHand, given: HandTrack) -> Han
         contact=None if result.contact is None else hand.frames_to_user(result.contact),
         evidence=hand.frames_to_user(result.evidence),
     )
+
+
+def _subject(hand: NormalisedHand, options: Options) -> Subject:
+    """Whose hand it is, as a right one."""
+    model = hand_of_betas(
+        hand.side, hand.track.hand_model, asked=options.hand, mano_dir=options.mano_dir
+    )
+    return subject_of(hand.track, hand.right_model(model))
 
 
 def _clean(

@@ -20,6 +20,7 @@ from geneoh.nn.devices import named_device
 from geneoh.pipeline.inputs import undisturbed
 from geneoh.pipeline.observed import DIGITS, Observed, between, hand_between
 from geneoh.pipeline.options import Options, with_settings
+from geneoh.pipeline.presets import Preset
 from geneoh.pipeline.recent import RecentHand
 from geneoh.readers.arrays import array_of
 from geneoh.readers.missing_keypoints import FEWEST
@@ -107,20 +108,7 @@ class Stream:
             as_field_type(value, kind, "geneoh.Stream", name)
         options = with_settings(Options(preset="fast", samples=2), settings)
         named_device(options.device)
-        chosen = options.resolved()
-        if not isinstance(chosen.fit, FitConfig) or options.refine_object:
-            raise ConfigError(
-                "a stream has the presets 'default' and 'fast' and gives no poses of the object, "
-                f"got preset {options.preset!r} and refine_object={options.refine_object}; "
-                "use geneoh.denoise for these"
-            )
-        if options.hand_delay:
-            raise ConfigError(
-                "a stream takes hand and object of one time, got "
-                f"hand_delay={options.hand_delay:g}; push each hand with the object's pose of its "
-                "own time"
-            )
-        chosen = replace(chosen, fit=replace(chosen.fit, **FIT_STEPS))
+        chosen = preset_of_stream(options)
         if not SMALLEST_FPS <= fps <= LARGEST_FPS or not 0 <= lag <= LONGEST_LAG:
             raise ConfigError(
                 f"a stream has fps from {SMALLEST_FPS:g} to {LARGEST_FPS:g} and a lag from 0 to "
@@ -208,27 +196,9 @@ class Stream:
         """The hand of one frame, as a right one on the device; None where it is lost."""
         if given is None:
             return None
-        if isinstance(given, HandTrack):
-            if given.side != self._side or given.frames != 1:
-                raise InputError(
-                    f"{where}: expected one frame of a {self._side} hand, got {given.frames} of a "
-                    f"{given.side} one; two hands are two streams"
-                )
-            fields = hand_arrays(given)
-        else:
-            fields = given if isinstance(given, Mapping) else {"joints": given}
-            fields = {
-                f"{self._side}_{name}": framed(value)
-                for name, value in fields.items()
-                if value is not None
-            }
-        record = Record(where, {**fields, **self._shape}, "correct it")
-        valid = f"{self._side}_valid"
-        for name, least in FOUND.items():
-            field = f"{self._side}_{name}"
-            if field in record and np.isfinite(record.numbers(field)).mean() < least:
-                return None
-        if valid in record and not record.flags(valid).all():
+        fields = {**self._fields(given, where), **self._shape}
+        record = Record(where, fields, "correct it")
+        if is_lost(record, self._side):
             return None
         (hand,), _ = read_own(record, self._side)
         if bool(collapsed(hand).all()):
@@ -248,6 +218,22 @@ class Stream:
                 "where the hand is lost"
             )
         return (hand.mirrored() if self._side == "left" else hand).to(self._device)
+
+    def _fields(self, given: Any, where: str) -> dict[str, Any]:
+        """The fields of the file format of one frame of a hand."""
+        if isinstance(given, HandTrack):
+            if given.side != self._side or given.frames != 1:
+                raise InputError(
+                    f"{where}: expected one frame of a {self._side} hand, got {given.frames} of a "
+                    f"{given.side} one; two hands are two streams"
+                )
+            return hand_arrays(given)
+        fields = given if isinstance(given, Mapping) else {"joints": given}
+        return {
+            f"{self._side}_{name}": framed(value)
+            for name, value in fields.items()
+            if value is not None
+        }
 
     def _object(self, given: Any, where: str) -> ObjectTrack:
         """The pose of the object in one frame, NaN where it is lost, beside a right hand."""
@@ -299,6 +285,34 @@ class Stream:
         if hand is None:
             return None
         return (hand.mirrored() if self._side == "left" else hand).to("cpu")
+
+
+def preset_of_stream(options: Options) -> Preset:
+    """The settings that options stand for; `ConfigError` where a stream cannot have them."""
+    chosen = options.resolved()
+    if not isinstance(chosen.fit, FitConfig) or options.refine_object:
+        raise ConfigError(
+            "a stream has the presets 'default' and 'fast' and gives no poses of the object, "
+            f"got preset {options.preset!r} and refine_object={options.refine_object}; "
+            "use geneoh.denoise for these"
+        )
+    if options.hand_delay:
+        raise ConfigError(
+            "a stream takes hand and object of one time, got "
+            f"hand_delay={options.hand_delay:g}; push each hand with the object's pose of its "
+            "own time"
+        )
+    return replace(chosen, fit=replace(chosen.fit, **FIT_STEPS))
+
+
+def is_lost(record: Record, side: Side) -> bool:
+    """Whether the fields of a hand in one frame say that there is none."""
+    for name, least in FOUND.items():
+        field = f"{side}_{name}"
+        if field in record and np.isfinite(record.numbers(field)).mean() < least:
+            return True
+    valid = f"{side}_valid"
+    return valid in record and not bool(record.flags(valid).all())
 
 
 def framed(value: Any) -> Any:

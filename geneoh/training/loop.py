@@ -177,17 +177,7 @@ def train_alone(
     record = run_record(task.record(), device, start, team.size)
     state = first_state(task, device, start)
     if state_path.exists():
-        saved = load_checkpoint(
-            state_path, remedy="remove it to train anew, or choose another output folder"
-        )
-        refuse_other_run(state_path, saved.record, record, config.unread_by(task.name))
-        state.restore(saved)
-        if state.step > config.steps:
-            raise CheckpointError(
-                f"{state_path}: the saved run has taken {state.step} steps, more than the "
-                f"{config.steps} that are asked for; ask for as many, or choose another output "
-                "folder"
-            )
+        restore(state, state_path, task, record)
         if not team.rank:
             write_log(log_path, state.log)
     upcoming = batches(task, state.step, team, device)
@@ -215,6 +205,19 @@ def train_alone(
     if not team.rank:
         save_checkpoint(path, state.weights(record))
     return path
+
+
+def restore(state: TrainState, path: Path, task: Task, record: Mapping[str, Any]) -> None:
+    """Go on from a saved run of the same record, with no more steps than are asked for."""
+    saved = load_checkpoint(path, remedy="remove it to train anew, or choose another output folder")
+    refuse_other_run(path, saved.record, record, task.config.unread_by(task.name))
+    state.restore(saved)
+    if state.step > task.config.steps:
+        raise CheckpointError(
+            f"{path}: the saved run has taken {state.step} steps, more than the "
+            f"{task.config.steps} that are asked for; ask for as many, or choose another output "
+            "folder"
+        )
 
 
 def check_division(config: RunConfig, team: Team) -> None:
