@@ -53,6 +53,11 @@ class DataSource:
     source: str = ""  # name of a reader, or "sequences"; empty for made interactions
     weight: float = 1.0  # share of the windows, relative to the other sources
 
+    def shards_in(self, cache: Path, kind: str = "") -> Path:
+        """The folder of the shards that are cut out of its recordings."""
+        digest = hashlib.sha256(str(self.path.resolve()).encode()).hexdigest()[:8]
+        return cache / f"{kind}{self.source}_{digest}"
+
 
 @dataclass(frozen=True)
 class TrainingData(Generic[Clips]):
@@ -148,8 +153,7 @@ def training_data(
             problems += unfinished(one.path, first.config)
             made.append(as_dict(first))
         else:
-            digest = hashlib.sha256(str(one.path.resolve()).encode()).hexdigest()[:8]
-            folder, readers = cache / f"{one.source}_{digest}", options or ReaderOptions()
+            folder, readers = one.shards_in(cache), options or ReaderOptions()
             shards, unread = recordings.make_shards(
                 one.source, one.path, folder, config.clips, readers, on_step=report
             )

@@ -11,7 +11,7 @@ from scipy.spatial import KDTree
 
 from geneoh.choices import Side
 from geneoh.evaluation.options import ProtocolOptions
-from geneoh.hand.library import load_hand
+from geneoh.pipeline.faults import keypoints
 from geneoh.readers.base import ReaderOptions, Recording, SourceClip
 from geneoh.readers.builders import part_of
 from geneoh.readers.recordings import read_clip, source_named
@@ -110,12 +110,7 @@ def with_keypoints(sequence: Sequence) -> Sequence:
     (hand,) = sequence.hands
     if hand.joints is not None:
         return sequence
-    filled = fill_gaps(hand)
-    assert filled.pose is not None, "a track without joints has a pose"
-    assert filled.wrist is not None, "a pose comes with a wrist"
-    shaped = load_hand(hand.side).shaped(torch.zeros(10))
-    joints = shaped.posed(filled.pose, filled.wrist).joints
-    joints = torch.where(hand.valid[:, None, None], joints, torch.nan)
+    joints = torch.where(hand.valid[:, None, None], keypoints(fill_gaps(hand)), torch.nan)
     note = "keypoints of geneoh's mean hand in the recorded pose; pass --mano for the person's own"
     hands = (replace(hand, joints=joints),)
     return replace(sequence, hands=hands, source=f"{sequence.source} ({note})")

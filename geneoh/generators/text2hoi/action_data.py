@@ -1,6 +1,5 @@
 """What the networks of the generator learn from: made actions, or recordings of the user's."""
 
-import hashlib
 from functools import partial
 from pathlib import Path
 
@@ -31,12 +30,12 @@ def action_data(
         ConfigError: the source is none with labels of actions, or settings of recordings are given
             for made actions.
     """
-    if not data.source and config != RecordedConfig():
-        raise ConfigError(
-            f"recorded: expected no settings of recordings with the made actions of {data.path}, "
-            "got some; leave them out"
-        )
     if not data.source:
+        if config != RecordedConfig():
+            raise ConfigError(
+                "recorded: expected no settings of recordings with the made actions of "
+                f"{data.path}, got some; leave them out"
+            )
         training, validation = (
             ActionData(actions, tuple(names))
             for actions, names in (read_actions(data.path, split) for split in ("train", "val"))
@@ -50,11 +49,10 @@ def action_data(
             "with labels of actions, or a folder alone; choose one of them"
         )
     source = ANNOTATED[ANNOTATED.index(data.source)]
-    digest = hashlib.sha256(str(data.path.resolve()).encode()).hexdigest()[:8]
     *found, notes = recorded_actions(
         source,
         data.path,
-        cache / f"actions_{source}_{digest}",
+        data.shards_in(cache, "actions_"),
         config,
         options,
         on_step=on_progress and partial(on_progress, source),
