@@ -1,6 +1,5 @@
 """Actions on disk, in the shards of `geneoh.synthesis.shards`."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar
@@ -99,16 +98,6 @@ def synthesize_actions(
     return concatenated(kept, "B").take(slice(config.shard), "B")
 
 
-def action_shards(folder: Path, split: str) -> Iterator[Actions]:
-    """The shards of one split ("train" or "val"), one after the other.
-
-    Raises:
-        InputError: the folder holds none, or files that are no whole shards of actions.
-    """
-    for path in find_shards(folder, split, DEFAULTS):
-        yield action_shard(path)
-
-
 def action_shard(path: Path) -> Actions:
     """One shard; `InputError` if the file is no whole shard of actions."""
     with whole_shard(path, DEFAULTS.kind, DEFAULTS.command) as (shard, _):
@@ -125,7 +114,11 @@ def names_of_shard(path: Path) -> list[str]:
 
 
 def read_actions(folder: Path, split: str) -> tuple[Streamed[Actions], list[str]]:
-    """The actions of one split, and the names of objects without endings; raises as above."""
+    """The actions of one split ("train" or "val"), and the names of objects without endings.
+
+    Raises:
+        InputError: the folder holds none, or files that are no whole shards of actions.
+    """
     paths = find_shards(folder, split, DEFAULTS)
     names, actions = names_of_shard(paths[0]), Streamed.of_files(paths, action_shard)
     if (last := int(actions.each(lambda shard: shard.name).max())) >= len(names):

@@ -41,9 +41,9 @@ from geneoh.generators.text2hoi.samples import ActionData
 from geneoh.progress import OnProgress, OnStep, part_of
 from geneoh.readers.base import ReaderOptions
 from geneoh.streamed import Streamed
-from geneoh.synthesis.action_shards import action_shards, read_actions
+from geneoh.synthesis.action_shards import DEFAULTS, action_shard, read_actions
 from geneoh.synthesis.actions import VERBS, Actions
-from geneoh.synthesis.shards import seed_of
+from geneoh.synthesis.shards import find_shards, seed_of
 from geneoh.training.data import DataSource
 from geneoh.training.loop import Progress, trained
 
@@ -218,8 +218,8 @@ def split_clips(
     """
     if options.dataset == "synthetic":
         actions, names = read_actions(options.data, "val")
-        shards = map(thinned, action_shards(options.data, "train"))
-        return concatenated(shards, "B"), ActionData(actions, tuple(names)), ()
+        shards = map(action_shard, find_shards(options.data, "train", DEFAULTS))
+        return concatenated(map(thinned, shards), "B"), ActionData(actions, tuple(names)), ()
     source = DataSource(options.data, options.dataset)
     readers = ReaderOptions(mano_dir=options.mano)
     split = action_data(source, options.recorded, folder / "recordings", readers, on_progress)

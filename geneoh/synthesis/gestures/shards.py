@@ -1,6 +1,5 @@
 """Clips of bodies with hands and sentences on disk, in the shards of `geneoh.synthesis.shards`."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
@@ -92,16 +91,6 @@ def synthesize_gestures(
     return concatenated(parts, "B")
 
 
-def gesture_shards(folder: Path, split: str) -> Iterator[Gestures]:
-    """The shards of one split ("train" or "val"), one after the other.
-
-    Raises:
-        InputError: the folder holds none, or files that are no whole shards of bodies.
-    """
-    for path in find_shards(folder, split, DEFAULTS):
-        yield gesture_shard(path)
-
-
 def gesture_shard(path: Path) -> Gestures:
     """One shard; `InputError` if the file is no whole shard of bodies."""
     with whole_shard(path, DEFAULTS.kind, DEFAULTS.command) as (shard, record):
@@ -114,5 +103,5 @@ def gesture_shard(path: Path) -> Gestures:
 
 
 def read_gestures(folder: Path, split: str) -> Gestures:
-    """All clips of one split; raises as above."""
-    return concatenated(gesture_shards(folder, split), "B")
+    """All clips of one split ("train" or "val"); raises as `find_shards` and `gesture_shard`."""
+    return concatenated(map(gesture_shard, find_shards(folder, split, DEFAULTS)), "B")
