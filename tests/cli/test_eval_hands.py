@@ -31,9 +31,11 @@ def settings(*given: str) -> list[str]:
 @pytest.mark.slow
 def test_rows_are_printed_and_everything_is_written(geneoh, tmp_path):
     write_gesture_shards(tmp_path / "data", val=made_gestures(8, seed=1), train=made_gestures(6))
+    (tmp_path / "small.toml").write_text("\n".join((*FEW, *SMALL)))
+    run = ("--data", "data", "-o", "weights", "--threads", "1", "--config", "small.toml")
     for stage in BODY_STAGES:
-        run = ("--data", "data", "-o", "weights", "--threads", "1", *settings(*FEW, *SMALL))
-        assert geneoh("train", "--stage", stage, *run).exit_code == 0
+        trained = geneoh("train", "--stage", stage, *run)
+        assert trained.exit_code == 0, trained.output
     done = geneoh(*EVAL, "--weights", "weights", *settings(*QUICK), "-o", "out")
     assert done.exit_code == 0, done.output
     whole = json.loads((tmp_path / "out" / "generation.json").read_text())
