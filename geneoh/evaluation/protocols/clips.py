@@ -11,12 +11,12 @@ from scipy.spatial import KDTree
 
 from geneoh.choices import Side
 from geneoh.evaluation.options import ProtocolOptions
-from geneoh.pipeline.faults import keypoints
 from geneoh.readers.base import ReaderOptions, Recording, SourceClip
 from geneoh.readers.builders import part_of
 from geneoh.readers.recordings import read_clip, source_named
 from geneoh.readers.records import Array
 from geneoh.sequence.gaps import fill_gaps
+from geneoh.sequence.keypoints import keypoints
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh.sequence.windows import runs
 
