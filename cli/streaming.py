@@ -64,12 +64,9 @@ def clean_frames(
 ) -> None:
     """Clean the frames of `source` and write each to `sink` when it is known.
 
-    Args:
-        source: one JSON object a line, or one msgpack map after the other, with the fields of the
-            file format of one frame.
-        sink: takes the same kind of frames, each at once.
-        begin: makes the stream of one hand, from `side`, `betas` and `hand_model`.
-        side: the hand to clean; None for those that the first frame names.
+    Frames are one JSON object a line, or one msgpack map after the other, with the fields of the
+    file format of one frame. `begin` makes the stream of one hand, from `side`, `betas` and
+    `hand_model`; without `side`, those hands are cleaned that the first frame names.
 
     Raises:
         InputError: something is no frame; the message says which one.

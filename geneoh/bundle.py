@@ -57,11 +57,9 @@ class Bundle:
         return self.take(frames, FRAMES)
 
     def take(self: AnyBundle, index: Index, axis: str) -> AnyBundle:
-        """The chosen entries along one axis, of every field that has this axis.
+        """The chosen entries along an axis of the annotations, of every field that has this axis.
 
-        Args:
-            index: which entries.
-            axis: name of the axis in the annotations; "B" also stands for the first axis of `*B`.
+        "B" also stands for the first axis of `*B`.
 
         Raises:
             TypeError: the index is a single number, which would remove the axis, or a tensor's
@@ -96,9 +94,7 @@ class Bundle:
 def conform(bundle: Bundle, name: str) -> None:
     """Make tensors of the arrays, lists and numbers that a bundle was made with; floats as float32.
 
-    Args:
-        bundle: a new one, from its `__post_init__`.
-        name: what messages call it.
+    It is called from `__post_init__`.
 
     Raises:
         InputError: a field is no array of numbers, or not of the shape that its annotation has.

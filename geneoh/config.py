@@ -83,14 +83,9 @@ def parse_value(text: str) -> Any:
 def with_table(base: Config, table: Mapping[str, Any], origin: str, prefix: str = "") -> Config:
     """`base` with the fields named in a table replaced, nested dataclasses by nested tables.
 
-    Args:
-        base: a dataclass instance.
-        table: field names to values.
-        origin: the file or option, for the message.
-        prefix: dotted name of `base` within the whole, for the message.
-
     Raises:
-        ConfigError: a name is no field, or a value is not of the field's type.
+        ConfigError: a name is no field, or a value is not of the field's type. The message names
+            `origin`, the file or option, and the field, with the dotted `prefix` of `base`.
     """
     types_of_fields = get_type_hints(type(base))
     changes = {}

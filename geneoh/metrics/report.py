@@ -129,17 +129,9 @@ def measure_posed(
 ) -> tuple[InteractionReport, Float[Tensor, "T G"]]:
     """The report of one hand and one object, world frame, and how far parts of the hand are off it.
 
-    Args:
-        verts_of: vertices of the hand in some frames, asked for a few at a time.
-        joints: keypoints of the hand.
-        surface: the object.
-        fps: frames a second.
-        valid: frames that the report is about; None for all.
-        groups: vertices of each part of the hand.
-        within: distance up to which that of a part must be exact, metres.
-
-    Returns:
-        The report, and the signed distance of each part's nearest vertex, metres, negative inside.
+    `verts_of` is asked for the hand's vertices in a few frames at a time, and the report is about
+    those that are `valid`. The signed distances, metres, negative inside, are those of the nearest
+    vertex of each of the `groups`, exact up to `within`.
     """
     if valid is None:
         valid = torch.ones(len(joints), dtype=torch.bool, device=joints.device)

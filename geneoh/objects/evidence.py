@@ -50,12 +50,8 @@ def evidence_of_poses(
     """Share, 0 to 1, by which each frame of an examined track is relied on; 1 where it is exact.
 
     The least of all parts counts: which of them the hand deals with is not asked. A part that was
-    never seen is none that it deals with.
-
-    Args:
-        examined: what was found in the given track.
-        motion: the track after cleaning.
-        fps: frames per second.
+    never seen is none that it deals with. `examined` is what was found in the given track, `motion`
+    the track after cleaning.
     """
     found = torch.ones(len(examined.confidence), device=examined.confidence.device)
     lost = examined.confidence == 0
@@ -140,12 +136,9 @@ def blended(
     What lasts of the shift between them is known better than one frame tells, because the noise of
     poses averages out over seconds: it counts by its own size beside the error of that average.
 
-    Args:
-        alone: samples of the hand alone, metres.
-        held: the same samples, cleaned against the object.
-        poses: how far each frame's poses are relied on, 0 to 1.
-        near: how far the hand is taken to deal with the object in each frame, 0 to 1.
-        fps: frames per second.
+    `alone` and `held` are the same samples, metres, without the object and cleaned against it;
+    `poses` is how far each frame's poses are relied on, and `near` how far the hand is taken to
+    deal with the object, both from 0 to 1.
     """
     shift = (held - alone).mean((0, 2)).cpu().double().numpy()
     relied, wide = poses.cpu().double().numpy(), LASTING * fps / 30

@@ -57,11 +57,8 @@ def refine_object(
 ) -> ObjectTrack:
     """The track of an object that moves with its hands or not at all; exact poses stay.
 
-    Args:
-        smooth: the cleaned track (`geneoh.objects.cleaning`).
-        examined: what was found in the given one.
-        hands: clean hands with joints and pose.
-        fps: frames a second.
+    `smooth` is the cleaned track (`geneoh.objects.cleaning`) and `examined` what was found in the
+    given one; the hands are clean, with joints and pose.
     """
     if len(smooth.rotation) <= LAG + 1:
         return smooth

@@ -50,10 +50,8 @@ def smooth_points(
 ) -> tuple[Float64[np.ndarray, "T 3"], Float64[np.ndarray, " T"]]:
     """The smooth track of a point, and the weight that each frame had in it, 0 to 1.
 
-    Args:
-        observed: positions; what they are where not trusted does not matter.
-        trusted: frames that count; two at least.
-        noise: deviation per coordinate of the trusted ones, in the unit of the positions.
+    Two frames or more are `trusted`, and the others do not matter; `noise` is the deviation of
+    their coordinates, in the unit of these.
     """
     frames, index = np.arange(len(observed)), np.flatnonzero(trusted)
     track = np.stack([np.interp(frames, index, x[index]) for x in observed.T], axis=1)

@@ -51,11 +51,8 @@ def on_cluster(
 ) -> Iterator[Result]:
     """The results as they are made, as `results_of`; an item that loses its node is tried again.
 
-    Args:
-        work: the items.
-        do: a function of one item that can be imported on every node.
-        address: of the cluster, as Ray takes it; "local" starts one on this machine.
-        lost: gives the result of an item whose workers were lost; called in this process.
+    `do` can be imported on every node; `address` is as Ray takes it, "local" starts a cluster on
+    this machine.
 
     Raises:
         ConfigError: Ray is not installed, or no cluster answers.

@@ -121,14 +121,8 @@ def sample(
 ) -> BodyMotion:
     """B bodies with fingers that fit their motion and a sentence each.
 
-    Args:
-        networks: on the device of the motion.
-        motion: B bodies over T frames at 30 frames a second, any T; their fingers do not matter.
-        skeleton: one of all bodies, or one each.
-        sentences: B of them.
-        config: see `SamplingConfig`.
-        generator: of the noise.
-        on_step: told of the steps of each process.
+    They move over any number of frames at 30 frames a second, on the device of the networks, and
+    their fingers do not matter; the skeleton is one of all bodies, or one each.
 
     Raises:
         CheckpointError: the networks answer with NaN, as of damaged weights.
