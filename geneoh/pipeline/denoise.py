@@ -24,6 +24,7 @@ from geneoh.objects.cleaning import clean_object
 from geneoh.objects.evidence import doubt, evidence_of_nearness, evidence_of_poses
 from geneoh.objects.refine import refine_object
 from geneoh.pipeline.alone import measure_hand
+from geneoh.pipeline.exchange import without_exchange
 from geneoh.pipeline.faults import without_faults
 from geneoh.pipeline.inputs import (
     as_sequence,
@@ -94,8 +95,10 @@ def denoise(
         given = as_sequence(sequence, obj)
         sequence = with_hands_earlier(checked_interaction(given), options.hand_delay)
         name = sequence.source.partition(" (")[0] or "the sequence"
+        sequence, exchange = without_exchange(sequence)
         sequence, lost = without_faults(sequence)
-        doubtful = (*collapsed_sentences(given), *lost, *doubts(sequence, name))
+        told = (*collapsed_sentences(given), *exchange, *lost)
+        doubtful = (*told, *doubts(sequence, name))
         for words in doubtful:
             LOG.warning("%s: %s", name, words)
         return replace(clean_interaction(sequence, options, on_progress), doubts=doubtful)

@@ -126,6 +126,24 @@ def late(folder: Path) -> None:
     (folder / "object.obj").write_bytes((ROOT / "examples/taco_object.obj").read_bytes())
 
 
+def with_two_hands(exchanged: slice, *, same: bool = False) -> Callable[[Path], None]:
+    """The recording's left hand and its mirror image beside it, exchanged in some frames; or the
+    same hand under both names."""
+
+    def write(folder: Path) -> None:
+        left = recorded_keypoints()
+        right = left.copy() if same else left * [-1, 1, 1] + [1 + 2 * left[:, :, 0].mean(), 0, 0]
+        left[exchanged], right[exchanged] = right[exchanged], left[exchanged].copy()
+        recorded(joints=left)(folder)
+        arrays = dict(np.load(folder / "hand.npz"))
+        for name in ("joints", "side"):
+            del arrays[name]
+        own = {"format": "geneoh-sequence", "version": 1}
+        np.savez(folder / "hand.npz", left_joints=left, right_joints=right, **own, **arrays)
+
+    return write
+
+
 def with_unseen_left_hand(folder: Path) -> None:
     """The good track in geneoh's own layout, with a left hand of NaN."""
     arrays = {name: array for name, array in good_arrays().items() if name != "side"}
@@ -360,6 +378,18 @@ SITUATIONS = [
         "The hand comes some frames later or earlier than the object that it holds",
         "left hand: timing: it seems to move 6 frames later ... pass --hand-delay 6",
         late,
+        code=0,
+    ),
+    Situation(
+        "Left and right are exchanged in some frames",
+        "the left and the right hand are exchanged in 3 frames: each got what the other had",
+        with_two_hands(slice(4, 7)),
+        code=0,
+    ),
+    Situation(
+        "One hand has two names",
+        "the left and the right hand are in one place in 12 of 12 frames ... pass --side",
+        with_two_hands(slice(0, 0), same=True),
         code=0,
     ),
     Situation("NaN everywhere", "at least one frame", with_arrays(joints=lambda j: j * np.nan)),

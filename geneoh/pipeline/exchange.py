@@ -1,0 +1,134 @@
+"""Two hands that a tracker exchanged in some frames, or that are one and the same.
+
+Where the labels are exchanged, each hand goes on where the other one was, with fingers that bend
+backward. Both are asked for at once: a track that jumps need not be exchanged, and hands that are
+exchanged while they touch do not jump.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from geneoh.bundle import FRAMES
+from geneoh.readers.convention_check import KNUCKLES, finger_curls
+from geneoh.sequence.gaps import fill_gaps
+from geneoh.sequence.keypoints import PALM, keypoints
+from geneoh.sequence.sequence import HandTrack, Sequence
+from geneoh.sequence.windows import runs
+
+JITTER = 0.03
+"""Metres of the steps of both palms that cost as much as fingers bent by a palm's length."""
+CHANGE = 5.0
+"""Cost of a change of the labels."""
+FLAT = 0.2
+"""Share of the palm's length, summed over both hands, by which flat fingers may bend backward."""
+SAME_PLACE, SHARE_OF_FRAMES = 0.02, 0.5
+"""Mean metres between two palms that are one, and the share of the frames from which it is told."""
+
+
+def without_exchange(sequence: Sequence) -> tuple[Sequence, tuple[str, ...]]:
+    """The sequence with two exchanged hands put right, and what a user should know of it."""
+    if len(sequence.hands) != 2 or not all(bool(h.observed.any()) for h in sequence.hands):
+        return sequence, ()
+    one, other = sequence.hands
+    said = tuple(same_place(one, other))
+    frames = exchanged(one, other)
+    count = int(frames.sum())
+    if not count or fields_of(one) != fields_of(other):
+        return sequence, said
+    where = "1 frame" if count == 1 else f"{count} frames"
+    words = f"the left and the right hand are exchanged in {where}: each got what the other had"
+    hands = (with_frames_of(one, other, frames), with_frames_of(other, one, frames))
+    return replace(sequence, hands=hands), (*said, words)
+
+
+def same_place(one: HandTrack, other: HandTrack) -> Iterator[str]:
+    """What a user should know of two hands of which one is a copy of the other."""
+    both = one.observed & other.observed
+    apart = (keypoints(one) - keypoints(other))[:, PALM].norm(dim=-1).mean(-1)
+    count, seen = int((apart[both] < SAME_PLACE).sum()), int(both.sum())
+    if count > SHARE_OF_FRAMES * seen:
+        yield (
+            f"the left and the right hand are in one place in {count} of {seen} frames, as one "
+            "hand under two names; pass --side to clean one of them"
+        )
+
+
+def exchanged(one: HandTrack, other: HandTrack) -> Bool[Tensor, " T"]:
+    """The frames in which each of two hands is the other one; none where all of them would be."""
+    curl = curls(one) + curls(other)
+    palms = torch.stack([palm_of(one), palm_of(other)])
+    steps = (palms[:, 1:] - palms[:, :-1]).norm(dim=-1).mean(-1).sum(0)
+    crossed = (palms[:, 1:] - palms.flip(0)[:, :-1]).norm(dim=-1).mean(-1).sum(0)
+    found = cheapest(curl, steps / JITTER, crossed / JITTER + CHANGE)
+    if bool(found.all()):
+        return torch.zeros_like(found)  # then the sides are wrong, which is told elsewhere
+    for run in runs(found.cpu().numpy()):
+        found[run] = bool(curl[run].mean() < 0)
+    return found
+
+
+def cheapest(
+    curl: Float[Tensor, " T"], kept: Float[Tensor, " S"], changed: Float[Tensor, " S"]
+) -> Bool[Tensor, " T"]:
+    """The frames that are exchanged at the least cost, by dynamic programming.
+
+    Args:
+        curl: by how much the fingers of both hands bend, in lengths of a palm.
+        kept: cost of each step from a frame to the next if both have the same labels.
+        changed: the same if the labels are changed between them.
+    """
+    each = torch.stack([(-curl - FLAT).clamp(min=0), (curl + FLAT).clamp(min=0)]).T.tolist()
+    costs, before = each[0], []
+    for own, stay, change in zip(each[1:], kept.tolist(), changed.tolist(), strict=True):
+        leaves = [costs[1 - state] + change < costs[state] + stay for state in (0, 1)]
+        before.append(leaves)
+        costs = [
+            own[state] + (costs[1 - state] + change if leaves[state] else costs[state] + stay)
+            for state in (0, 1)
+        ]
+    state = int(costs[1] < costs[0])
+    found = [state]
+    for leaves in reversed(before):
+        state = 1 - state if leaves[state] else state
+        found.append(state)
+    return torch.tensor(found[::-1], device=curl.device) == 1
+
+
+def curls(hand: HandTrack) -> Float[Tensor, " T"]:
+    """By how much the fingers bend forward, in lengths of the palm; 0 where nothing is known."""
+    joints = keypoints(hand).masked_fill((hand.trust == 0)[..., None], torch.nan)
+    length = (joints[:, KNUCKLES] - joints[:, :1]).norm(dim=-1).nanmedian()
+    return (finger_curls(joints, hand.side) / length).nan_to_num()
+
+
+def palm_of(hand: HandTrack) -> Float[Tensor, "T 5 3"]:
+    """The wrist and the knuckles, with gaps filled."""
+    return keypoints(fill_gaps(replace(hand, valid=hand.observed)))[:, PALM]
+
+
+def fields_of(hand: HandTrack) -> list[bool]:
+    """Which of the fields that have frames a track lacks."""
+    of_points = (hand.joints, hand.confidence, hand.joint_spread)
+    return [value is None for value in (*of_points, hand.pose, hand.wrist, hand.camera_ray)]
+
+
+def with_frames_of(hand: HandTrack, other: HandTrack, frames: Bool[Tensor, " T"]) -> HandTrack:
+    """A track that is another one in some frames."""
+    theirs = iter(_of_frames(other))
+
+    def mixed(values: Tensor) -> Tensor:
+        chosen = frames.reshape(-1, *[1] * (values.ndim - 1))
+        return torch.where(chosen, next(theirs), values)
+
+    return hand.map(mixed, FRAMES)
+
+
+def _of_frames(hand: HandTrack) -> list[Tensor]:
+    """The tensors of a track that have frames, in the order of its fields."""
+    found: list[Tensor] = []
+    hand.map(lambda values: found.append(values) or values, FRAMES)
+    return found
