@@ -11,11 +11,11 @@ import os
 import sys
 import types
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import wraps
 from numbers import Real
 from pathlib import Path
-from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Any, ClassVar, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from typing_extensions import ParamSpec
 
@@ -30,6 +30,8 @@ Config = TypeVar("Config")
 Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
 
+Limits = Mapping[str, tuple[int | float, int | float]]
+"""The least and the largest value of numbers, by the names of fields."""
 NONE_WORDS = ("none", "null")
 """Words for None in `a.b=c`; TOML has none."""
 
@@ -118,7 +120,7 @@ def check_fields(options: Any, limits: Mapping[str, tuple[int, int]]) -> None:
     check_limits(options, {name: limits[name] for name in limits if hasattr(options, name)})
 
 
-def check_limits(config: Any, limits: Mapping[str, tuple[int | float, int | float]]) -> None:
+def check_limits(config: Any, limits: Limits) -> None:
     """Refuse numbers outside of the least and the largest value that their fields may have.
 
     Raises:
@@ -137,6 +139,23 @@ def check_limits(config: Any, limits: Mapping[str, tuple[int | float, int | floa
                 f"{type(config).__name__}: '{name}' must be the lower and the higher end of a "
                 f"range, got {value}; exchange them"
             )
+
+
+@dataclass(frozen=True)
+class Limited:
+    """Settings whose numbers are checked when they are made."""
+
+    LIMITS: ClassVar[Limits] = {}
+    """Those of fields that have their own; other whole numbers are 1 to `LARGEST`, and numbers 0 or
+    more."""
+    LARGEST: ClassVar[int] = 10**9
+
+    def __post_init__(self) -> None:
+        """Refuse numbers outside of their limits."""
+        usual: dict[type, tuple[float, float]] = {int: (1, self.LARGEST), float: (0, math.inf)}
+        kinds = {field.name: type(getattr(self, field.name)) for field in fields(self)}
+        limits = {name: usual[kind] for name, kind in kinds.items() if kind in usual}
+        check_limits(self, limits | dict(self.LIMITS))
 
 
 def checked_call(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:

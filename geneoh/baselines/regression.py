@@ -20,11 +20,12 @@ from geneoh.baselines.features import (
 )
 from geneoh.denoisers.base import NOISE_SCALE, palm_axes
 from geneoh.nn.blocks import FrameTransformer, mlp, zeroed
+from geneoh.nn.sizes import NetworkConfig
 from geneoh.representation.spatial import SpatialRelations
 
 
 @dataclass(frozen=True)
-class RegressionConfig:
+class RegressionConfig(NetworkConfig):
     """Size of the network, whose transformer has one token per frame."""
 
     width: int = 96

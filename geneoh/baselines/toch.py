@@ -17,11 +17,12 @@ from torch import Tensor, nn
 from geneoh.baselines.features import RELATION_FEATURES, Observation, relation_features
 from geneoh.denoisers.base import HAND_SCALE, palm_axes
 from geneoh.nn.blocks import mlp
+from geneoh.nn.sizes import NetworkConfig
 from geneoh.representation.spatial import SpatialRelations, decode_spatial
 
 
 @dataclass(frozen=True)
-class TochConfig:
+class TochConfig(NetworkConfig):
     """Size of the network."""
 
     point_width: int = 64

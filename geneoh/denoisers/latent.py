@@ -16,6 +16,7 @@ from torch import Tensor, nn
 from geneoh.denoisers.base import HAND_SCALE
 from geneoh.diffusion.precondition import preconditioned
 from geneoh.nn.blocks import FrameTransformer, mlp, zeroed
+from geneoh.nn.sizes import NetworkConfig
 from geneoh.representation.temporal import (
     PairStatistics,
     TemporalRelations,
@@ -29,7 +30,7 @@ HAND_NUMBERS = 2 * 63  # places and velocities of keypoints
 
 
 @dataclass(frozen=True)
-class LatentConfig:
+class LatentConfig(NetworkConfig):
     """Size of the autoencoder and of the latent denoiser."""
 
     latent: int = 128  # from `HAND_NUMBERS` on, the untrained autoencoder is exact

@@ -19,6 +19,7 @@ from geneoh.diffusion.precondition import preconditioned
 from geneoh.geometry.rotations import matrix_to_rotation_6d
 from geneoh.hand.skeleton import bone_lengths
 from geneoh.nn.blocks import FrameTransformer, zeroed
+from geneoh.nn.sizes import NetworkConfig
 from geneoh.representation.parameters import UNIT, HandParameters, turned
 from geneoh.representation.region import ContactRegion
 
@@ -30,7 +31,7 @@ MOTION_FEATURES = 3 + 60 + 6 + 45 + 54 + 63 + 21 + 21 + 6 + 20 + 1
 
 
 @dataclass(frozen=True)
-class MotionConfig:
+class MotionConfig(NetworkConfig):
     """Size of the network; one token per frame."""
 
     width: int = 160

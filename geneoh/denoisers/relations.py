@@ -16,6 +16,7 @@ from geneoh.denoisers.base import HAND_SCALE, palm_axes
 from geneoh.denoisers.window_features import VERSIONS, window_size, with_low_passed
 from geneoh.diffusion.precondition import preconditioned
 from geneoh.nn.blocks import FrameTransformer, mlp, zeroed
+from geneoh.nn.sizes import NetworkConfig
 from geneoh.representation.spatial import SpatialRelations, decode_spatial
 from geneoh.representation.window_scale import WindowScale
 
@@ -23,7 +24,7 @@ CONTACT_SCALE = 0.02  # distance over which the closeness features decay, metres
 
 
 @dataclass(frozen=True)
-class RelationConfig:
+class RelationConfig(NetworkConfig):
     """Size of the network; one token per frame, one small MLP per contact point."""
 
     width: int = 160

@@ -19,6 +19,7 @@ from geneoh.diffusion.posterior import Posterior, importance_posterior
 from geneoh.geometry.rotations import matrix_to_axis_angle
 from geneoh.nn.blocks import mlp, zeroed
 from geneoh.nn.checkpoint import finite_output
+from geneoh.nn.sizes import NetworkConfig
 from geneoh.progress import OnStep
 from geneoh.representation.nearest_surface import nearest_on_parts
 from geneoh.representation.parameters import UNIT, HandParameters
@@ -35,7 +36,7 @@ FRAME_FEATURES = 21 * 8 + 63 + 5 + 3  # width of the features of one trial place
 
 
 @dataclass(frozen=True)
-class SpatialConfig:
+class SpatialConfig(NetworkConfig):
     """Size of the network and how much it looks at."""
 
     width: int = 192

@@ -17,6 +17,7 @@ from torch.nn.functional import pad
 from geneoh.bundle import Bundle
 from geneoh.denoisers.base import object_rates, palm_axes
 from geneoh.nn.blocks import FrameTransformer, zeroed
+from geneoh.nn.sizes import NetworkConfig
 from geneoh.representation.region import ObjectSurface
 from geneoh.representation.steps import SurfaceMotion
 
@@ -34,7 +35,7 @@ SURENESS = 6.0  # largest size of the logarithm of a weight
 
 
 @dataclass(frozen=True)
-class TemporalConfig:
+class TemporalConfig(NetworkConfig):
     """Size of the network; one token per frame."""
 
     width: int = 160

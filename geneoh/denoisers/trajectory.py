@@ -10,10 +10,11 @@ from geneoh.denoisers.base import palm_axes
 from geneoh.denoisers.window_features import VERSIONS, window_size, with_low_passed
 from geneoh.diffusion.precondition import preconditioned
 from geneoh.nn.blocks import FrameTransformer, zeroed
+from geneoh.nn.sizes import NetworkConfig
 
 
 @dataclass(frozen=True)
-class TrajectoryConfig:
+class TrajectoryConfig(NetworkConfig):
     """Size of the network; one token per frame."""
 
     width: int = 160

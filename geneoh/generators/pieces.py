@@ -29,8 +29,13 @@ def learned_pieces(sentences: Iterable[str], count: int) -> Tokenizer:
     """A vocabulary of at most `count` pieces, of which number 0 is the padding."""
     tokenizer = Tokenizer(BPE(unk_token=_UNKNOWN, fuse_unk=True))
     tokenizer.pre_tokenizer = WhitespaceSplit()
+    special = ["", _UNKNOWN]
     trainer = BpeTrainer(
-        vocab_size=count, special_tokens=["", _UNKNOWN], min_frequency=2, show_progress=False
+        vocab_size=count,
+        special_tokens=special,
+        limit_alphabet=count - len(special),
+        min_frequency=2,
+        show_progress=False,
     )
     tokenizer.train_from_iterator((marked(words_of(each)) for each in sentences), trainer)
     return tokenizer

@@ -1,18 +1,24 @@
 """The network of a text encoder: a small transformer over the pieces of words."""
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 
+from geneoh.config import Limits
+from geneoh.nn.blocks import check_heads
+from geneoh.nn.sizes import NetworkConfig
+
 PAD = 0  # the piece that fills up short sentences
 
 
 @dataclass(frozen=True)
-class SentenceConfig:
+class SentenceConfig(NetworkConfig):
     """Size of the network."""
+
+    LIMITS: ClassVar[Limits] = {"pieces": (2, 65536)}
 
     pieces: int = 2048  # of the vocabulary
     piece_width: int = 64  # features of a piece, fewer than `width` because there are many pieces
@@ -44,6 +50,7 @@ class SentenceNetwork(nn.Module):
     over its features."""
 
     def __init__(self, config: SentenceConfig) -> None:
+        check_heads(config.width, config.heads, unit=1)
         super().__init__()
         self.config = config
         width = config.width

@@ -139,4 +139,4 @@ def sinusoid(position: Float[Tensor, " N"], width: int) -> Float[Tensor, "N D"]:
     """Sines and cosines in turn, of wavelengths from 2 pi to 20,000 pi (Vaswani et al. 2017)."""
     half = torch.arange(0, width, 2, device=position.device)
     angle = position[:, None] * torch.exp(-math.log(10000.0) * half / width)
-    return torch.stack([angle.sin(), angle.cos()], dim=-1).flatten(-2)
+    return torch.stack([angle.sin(), angle.cos()], dim=-1).flatten(-2)[..., :width]

@@ -13,8 +13,8 @@ def named_device(name: str) -> torch.device:
     """
     try:
         device = torch.device(name)
-        torch.empty(0, device=device)
-    except (RuntimeError, AssertionError) as error:
+        torch.zeros(1, device=device).item()  # "meta" has no numbers
+    except (RuntimeError, AssertionError, ImportError) as error:
         said = str(error).splitlines()[0]
         raise ConfigError(
             f"--device {name}: expected a device of this machine, got '{said}'; "

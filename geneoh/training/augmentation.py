@@ -4,14 +4,14 @@ Recorded hands turn about their fingertips while they hold, shift, and move thei
 time; people, and the fits that make ground truth, also have finger poses of their own.
 """
 
-import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.config import check_limits
+from geneoh.config import Limited, Limits
 from geneoh.errors import ConfigError
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import TIP_KEYPOINTS
@@ -19,10 +19,18 @@ from geneoh.representation.parameters import HandParameters
 from geneoh.synthesis.draws import Draws, Part
 from geneoh.synthesis.pose_prior import FINGER_STD
 
+MOST_PERIOD = 1_000_000
+"""Frames of the slowest motion."""
+
 
 @dataclass(frozen=True)
-class AugmentationConfig:
+class AugmentationConfig(Limited):
     """How much hands move beyond what was synthesized. A share is of the windows."""
+
+    LIMITS: ClassVar[Limits] = {
+        **dict.fromkeys(("share", "style_share"), (0, 1)),
+        **dict.fromkeys(("turn", "shift", "fingers"), (1e-9, 1000)),
+    }
 
     share: float = 0.85  # share whose hand moves more than it was made to
     periods: tuple[float, ...] = (1.0, 2.0, 4.0, 10.0, 25.0)
@@ -40,11 +48,13 @@ class AugmentationConfig:
     smallest_style: float = 0.04  # least deviation of that offset, radians
 
     def __post_init__(self) -> None:
-        """Refuse shares that are none, and ranges that cannot be drawn from."""
-        ranges = dict.fromkeys(("turn", "shift", "fingers"), (1e-9, math.inf))
-        check_limits(self, {"share": (0, 1), "style_share": (0, 1)} | ranges)
-        if not self.periods:
-            raise ConfigError("AugmentationConfig: 'periods' must name some, got none; name one")
+        """Refuse numbers outside of their limits, and motion of no period."""
+        super().__post_init__()
+        if not self.periods or not all(0 < period <= MOST_PERIOD for period in self.periods):
+            raise ConfigError(
+                f"AugmentationConfig: 'periods' must be above 0 and at most {MOST_PERIOD}, got "
+                f"{self.periods}; correct them"
+            )
 
 
 def augmented(

@@ -7,6 +7,7 @@ from typing import ClassVar
 from geneoh.baselines.regression import RegressionConfig
 from geneoh.baselines.toch import TochConfig
 from geneoh.choices import STAGES
+from geneoh.config import Limited, Limits
 from geneoh.denoisers.latent import LatentConfig
 from geneoh.denoisers.motion import MotionConfig
 from geneoh.denoisers.relations import RelationConfig
@@ -28,6 +29,11 @@ FOLLOWS = ("spatial", "temporal", "relations")
 class TrainConfig(RunConfig):
     """The training of one stage of the cleaner; every value is saved with the weights."""
 
+    LIMITS: ClassVar[Limits] = {
+        **RunConfig.LIMITS,
+        **{"autoencoder_steps": (0, Limited.LARGEST), "motion_level": (1, 1000)},
+        "motion_steps": (1, 1000),
+    }
     READ_BY: ClassVar[Mapping[str, tuple[str, ...]]] = {
         **{stage: (stage,) for stage in STAGES},
         "autoencoder_steps": ("latent",),

@@ -6,19 +6,31 @@ correlation in time vary from window to window, from none at all to more than th
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from geneoh.config import check_limits
+from geneoh.config import Limited, Limits
 from geneoh.geometry.mirror import MIRROR
 from geneoh.synthesis.draws import Draws, Part
 
 
 @dataclass(frozen=True)
-class CorruptionConfig:
+class CorruptionConfig(Limited):
     """How large the errors are, and how they change over time. A share is of the windows."""
+
+    LIMITS: ClassVar[Limits] = {
+        **dict.fromkeys(("clean_share", "burst_share", "right_share", "left_share"), (0, 1)),
+        **dict.fromkeys(("gap_share", "jitter_share", "camera_share", "blunder_share"), (0, 1)),
+        **dict.fromkeys(("ray_share", "other_ray_share", "shaky_share", "common_size"), (0, 1)),
+        **dict.fromkeys(("translation", "rotation", "fingers", "depth"), (1e-9, 1000)),
+        **dict.fromkeys(("object_turn", "object_shift", "burst_factor"), (1e-9, 1000)),
+        **dict.fromkeys(("lasting_turn", "lasting_shift"), (0, 1000)),
+        **dict.fromkeys(("drift_frames", "depth_frames", "object_frames"), (1e-3, math.inf)),
+        **{"gaps": (1, 1000), "gap_frames": (1, Limited.LARGEST)},
+    }
 
     clean_share: float = 0.1  # share whose parameters are left: clean hands must stay clean
     translation: tuple[float, float] = (0.0005, 0.014)
@@ -66,14 +78,6 @@ class CorruptionConfig:
     object_white_left: float = 0.15  # share of the white noise's deviation that smoothing leaves
     lasting_turn: float = 0.03  # deviation of its rotation for a whole window, in all, radians
     lasting_shift: float = 0.004  # of its translation, metres: no recording knows its object better
-
-    def __post_init__(self) -> None:
-        """Refuse shares that are none, and ranges that cannot be drawn from."""
-        shares = [name for name in vars(self) if name.endswith("_share")]
-        ranges = ("translation", "rotation", "fingers", "depth", "object_turn", "object_shift")
-        check_limits(self, dict.fromkeys(shares, (0, 1)) | dict.fromkeys(ranges, (1e-9, math.inf)))
-        check_limits(self, {"drift_frames": (1e-3, math.inf), "gap_frames": (1, math.inf)})
-        check_limits(self, {"gaps": (1, math.inf)})
 
 
 @dataclass(frozen=True)

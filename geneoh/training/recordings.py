@@ -5,18 +5,18 @@ from. An interrupted run goes on behind the last whole shard; one that is made i
 """
 
 import hashlib
-import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import ClassVar
 
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from geneoh.config import check_limits
+from geneoh.config import Limited, Limits
 from geneoh.errors import GeneOHError, InputError
 from geneoh.files.tensors import DamagedTensorsError, opened_tensors, write_tensors
 from geneoh.fitting.subject import subject_of
@@ -47,18 +47,15 @@ PICTURES = (".jpg", ".jpeg", ".png", ".mp4", ".avi", ".mkv")
 
 
 @dataclass(frozen=True)
-class ClipConfig:
+class ClipConfig(Limited):
     """How clips are cut out of recordings; saved in every shard."""
+
+    LIMITS: ClassVar[Limits] = dict.fromkeys(("shortest", "longest"), (2, Limited.LARGEST))
 
     shortest: int = 60  # frames, at 30 a second, of the shortest stretch kept: those of a window
     longest: int = 120  # frames of the longest clip; longer stretches are cut into equal ones
     points: int = 512  # surface points kept of each object
     reach: float = 0.15  # largest distance from the wrist to the object, metres
-
-    def __post_init__(self) -> None:
-        """Refuse clips without motion or surface."""
-        check_limits(self, dict.fromkeys(("shortest", "longest"), (2, math.inf)))
-        check_limits(self, {"points": (1, math.inf), "reach": (0, math.inf)})
 
 
 @dataclass(frozen=True)

@@ -6,24 +6,21 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar, TypeVar
 
-from geneoh.config import as_dict, check_limits, configured, flat, parse_setting
+from geneoh.config import Limited, Limits, as_dict, configured, flat, parse_setting
 from geneoh.errors import ConfigError
 
 Run = TypeVar("Run", bound="RunConfig")
 
-LIMITS = {
-    **dict.fromkeys(("steps", "batch", "accumulate", "warmup"), (1, math.inf)),
-    **dict.fromkeys(("checkpoint_every", "validate_every", "validation_batches"), (1, math.inf)),
-    **dict.fromkeys(("rate", "decay", "weight_decay", "ema"), (0, 1)),
-    "clip": (1e-6, math.inf),
-}
-"""The least and the largest value of the settings."""
-
 
 @dataclass(frozen=True)
-class RunConfig:
+class RunConfig(Limited):
     """Steps, rate and averaging of a run; every value is saved with the weights."""
 
+    LIMITS: ClassVar[Limits] = {
+        **dict.fromkeys(("batch", "validation_batches"), (1, 1_000_000)),
+        **dict.fromkeys(("rate", "decay", "weight_decay", "ema"), (0, 1)),
+        **{"clip": (1e-6, math.inf), "seed": (-math.inf, math.inf)},
+    }
     READ_BY: ClassVar[Mapping[str, tuple[str, ...]]] = {}
     """The stages that read a field, by its name; all stages read the others."""
 
@@ -42,10 +39,6 @@ class RunConfig:
     checkpoint_every: int = 250  # steps between two saved states of the run
     validate_every: int = 250  # steps between two validations
     validation_batches: int = 8  # batches of each validation, the same ones every time
-
-    def __post_init__(self) -> None:
-        """Refuse numbers that no run can have."""
-        check_limits(self, LIMITS)
 
     def unread_by(self, stage: str) -> frozenset[str]:
         """Names of the fields that a stage does not read."""

@@ -1,13 +1,13 @@
 """Random windows of synthetic interactions: clean hands, and the object that they hold."""
 
-import math
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from geneoh.config import check_limits
+from geneoh.config import Limited, Limits
 from geneoh.denoisers.base import POINTS, SELECT_EVERY
 from geneoh.denoisers.motion import ObservedMotion
 from geneoh.denoisers.spatial import SpatialEvidence
@@ -21,17 +21,18 @@ from geneoh.synthesis.motion import Interactions
 
 
 @dataclass(frozen=True)
-class WindowConfig:
+class WindowConfig(Limited):
     """Length and speed of the windows that networks learn from."""
+
+    LIMITS: ClassVar[Limits] = {
+        "frames": (2, Limited.LARGEST),
+        **dict.fromkeys(("short_share", "fast_share"), (0, 1)),
+    }
 
     frames: int = 60  # of a window (paper: 60 at 30 a second); of a whole clip where that is less
     short_share: float = 0.2
     """Share of the batches with a random shorter length, so that short clips are nothing new."""
     fast_share: float = 0.25  # share of the batches that play at twice the speed
-
-    def __post_init__(self) -> None:
-        """Refuse windows without motion, and shares that are none."""
-        check_limits(self, {"frames": (2, math.inf), "short_share": (0, 1), "fast_share": (0, 1)})
 
 
 @dataclass(frozen=True)

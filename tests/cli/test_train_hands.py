@@ -137,3 +137,12 @@ def test_a_variable_for_all_commands_is_no_option_that_a_stage_refuses(geneoh, m
     ended = geneoh("train", "--stage", stage, "--set", "nothing=1")
     assert ended.exit_code == 2
     assert "'nothing'" in ended.stderr
+
+
+def test_a_width_of_texts_without_an_encoder_of_texts_is_refused(geneoh, tmp_path):
+    write_gesture_shards(tmp_path / "bodies", val=made_gestures(4, seed=1), train=made_gestures(6))
+    ended = geneoh(
+        "train", "--stage", "text_hands", "--data", "bodies", "--set", "text_hands.text=8"
+    )
+    assert ended.exit_code == 2
+    assert "--set text_hands.text=8: expected 0, which" in ended.stderr

@@ -47,3 +47,10 @@ def test_a_sentence_without_words_is_one_unknown_piece(tokenizer):
 
 def test_the_same_sentences_give_the_same_vocabulary(tokenizer):
     assert learned_pieces(SAID, 100).to_str() == tokenizer.to_str()
+
+
+@pytest.mark.parametrize("count", [2, 3, 10, 100])
+def test_a_vocabulary_has_no_more_pieces_than_are_asked_for(count):
+    few = learned_pieces([*SAID, "na\u00efve \u53f3\u624b"], count)
+    assert few.get_vocab_size() <= count
+    assert int(pieces(few, *SAID[:3]).max()) < count

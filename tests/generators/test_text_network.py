@@ -1,5 +1,9 @@
+from dataclasses import replace
+
+import pytest
 import torch
 
+from geneoh.errors import ConfigError
 from geneoh.generators.text_network import PAD, TextConfig, TextNetwork
 
 SMALL = TextConfig(pieces=30, piece_width=8, width=16, heads=2, verbs=5, hands=4, nouns=3)
@@ -39,3 +43,8 @@ def test_heads_have_a_score_for_every_class():
     model = network()
     reading = model.read(model(torch.tensor([[3, 7]])))
     assert [scores.shape[1] for scores in reading] == [5, 4, 3]
+
+
+def test_a_width_that_its_heads_cannot_share_is_refused():
+    with pytest.raises(ConfigError, match="got 16 for 3 heads; change one"):
+        TextNetwork(replace(SMALL, heads=3))

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from torch import nn
 
-from geneoh.nn.blocks import FrameTransformer, fourier, mlp, rotary, zeroed
+from geneoh.nn.blocks import FrameTransformer, fourier, mlp, rotary, sinusoid, zeroed
 
 
 def trunk(width: int = 16, depth: int = 2) -> FrameTransformer:
@@ -76,3 +76,10 @@ def test_levels_are_embedded_on_circles_and_told_apart():
     torch.testing.assert_close(sine**2 + cosine**2, torch.ones(200, 8))
     apart = torch.cdist(embedded, embedded) + torch.eye(200)
     assert float(apart.min()) > 0.01
+
+
+@pytest.mark.parametrize("width", [1, 3, 8])
+def test_places_have_as_many_numbers_as_are_asked_for(width):
+    place = torch.arange(4.0)
+    assert sinusoid(place, width).shape == (4, width)
+    torch.testing.assert_close(sinusoid(place, width)[:, 0], place.sin())

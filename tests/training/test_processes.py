@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import pytest
 import torch
-from geneoh_cli.commands.train import train
 from stage_runs import train_stage
 from torch.distributed.run import parse_args as torchrun
 
@@ -16,6 +15,7 @@ from geneoh.errors import ConfigError
 from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.training import loop, resume
 from geneoh.training.processes import Team, joined
+from geneoh_cli.commands.train import train
 
 CPU = torch.device("cpu")
 CLEAN = multiprocessing.get_context("forkserver")

@@ -17,10 +17,11 @@ from geneoh.generators.both2hands.denoiser import Form
 from geneoh.generators.both2hands.features import HANDS
 from geneoh.generators.both2hands.paper_layers import PaperBlock
 from geneoh.nn.blocks import mlp, sinusoid, zeroed
+from geneoh.nn.sizes import NetworkConfig
 
 
 @dataclass(frozen=True)
-class BlendConfig:
+class BlendConfig(NetworkConfig):
     """Size and form of the network; the paper's are `configs/blend_paper.toml`."""
 
     form: Form = "ours"

@@ -7,26 +7,28 @@ words beside that of the sentence, so that each hand can look up what is said of
 """
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import ClassVar, Literal
 
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 
 from geneoh.bundle import Bundle
+from geneoh.config import Limits
 from geneoh.diffusion.schedule import cosine_levels
 from geneoh.generators.both2hands.features import BODY, HANDS, HandsFrame
 from geneoh.generators.both2hands.paper_layers import PaperTransformer
 from geneoh.generators.both2hands.scale import Scale, Scaling
 from geneoh.generators.text_network import SentenceConfig, SentenceNetwork
 from geneoh.nn.blocks import FrameTransformer
+from geneoh.nn.sizes import NetworkConfig
 from geneoh.synthesis.gestures.clips import NAMES
 
 Form = Literal["ours", "paper"]
 
 
 @dataclass(frozen=True)
-class HandsConfig:
+class HandsConfig(NetworkConfig):
     """Size and form of a network; the paper's are `configs/body_hands_paper.toml`."""
 
     form: Form = "ours"
@@ -46,6 +48,8 @@ class HandsConfig:
 @dataclass(frozen=True)
 class TextHandsConfig(HandsConfig):
     """The same of the network that is told a sentence."""
+
+    LIMITS: ClassVar[Limits] = {"text": (0, 65536), "gestures": (len(NAMES), 4096)}
 
     text: int = 0
     """Features of a sentence by a text encoder that is given, such as CLIP's; 0: the network reads

@@ -93,6 +93,7 @@ def body_task(
         speech = cast(Speech, encoder.encode)
         chosen = replace(chosen, text_hands=replace(chosen.text_hands, text=encoder.width))
     else:
+        chosen = replace(chosen, text_hands=replace(chosen.text_hands, text=0))
         pieces, start = chosen.text_hands.words.pieces, learned.start
         tokenizer = vocabulary_of(start) if start else vocabulary(data.training, pieces)
         speech = reader_of(tokenizer, chosen.text_hands)

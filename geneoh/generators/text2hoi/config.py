@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 from geneoh.choices import ACTION_STAGES
+from geneoh.config import Limits
 from geneoh.generators.text2hoi.contact import ContactConfig
 from geneoh.generators.text2hoi.interaction import InteractionConfig
 from geneoh.generators.text2hoi.losses import LossWeights
@@ -18,6 +19,10 @@ from geneoh.training.run_config import RunConfig
 class Text2HoiConfig(RunConfig):
     """The training of one network; every value is saved with the weights."""
 
+    LIMITS: ClassVar[Limits] = {
+        **RunConfig.LIMITS,
+        **dict.fromkeys(("mirrored", "text_dropout", "object_dropout", "estimated"), (0, 1)),
+    }
     READ_BY: ClassVar[Mapping[str, tuple[str, ...]]] = {
         **{stage: (stage,) for stage in ACTION_STAGES},
         **{"divergence": ("contact",), "losses": ("interaction",), "refining": ("refiner",)},

@@ -13,10 +13,11 @@ from torch import Tensor, nn
 from geneoh.diffusion.samplers import normal_like
 from geneoh.generators.text2hoi.objects import CHANNELS, Objects
 from geneoh.generators.text2hoi.pointnet import PointConfig, PointNet, layer
+from geneoh.nn.sizes import NetworkConfig
 
 
 @dataclass(frozen=True)
-class ContactConfig:
+class ContactConfig(NetworkConfig):
     """Size of the network; the paper's is `configs/contact_paper.toml`."""
 
     latent: int = 16  # numbers that tell one way to touch from another (paper: 64)

@@ -10,13 +10,14 @@ without its dropout, because all random numbers of a run come from its own gener
 """
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import ClassVar, Literal
 
 import torch
 from jaxtyping import Bool, Float, Shaped
 from torch import Tensor, nn
 
 from geneoh.bundle import Bundle
+from geneoh.config import Limits
 from geneoh.diffusion.schedule import cosine_levels
 from geneoh.generators.text2hoi.condition import Condition
 from geneoh.generators.text2hoi.object_tokens import ObjectTokens, WholeObject
@@ -25,6 +26,7 @@ from geneoh.generators.text2hoi.post_norm import PostNormTransformer, sinusoid
 from geneoh.generators.text2hoi.principal_axes import PrincipalAxes, Waves
 from geneoh.generators.text2hoi.tokens import HAND, NUMBERS, OBJECT, HandFrame
 from geneoh.nn.blocks import FrameTransformer, zeroed
+from geneoh.nn.sizes import NetworkConfig
 from geneoh.synthesis.actions import LONGEST
 
 AGENT_ROWS = (1, 1666, 3333)
@@ -32,8 +34,10 @@ AGENT_ROWS = (1, 1666, 3333)
 
 
 @dataclass(frozen=True)
-class InteractionConfig:
+class InteractionConfig(NetworkConfig):
     """Size and form of the network; the paper's are `configs/interaction_paper.toml`."""
+
+    LIMITS: ClassVar[Limits] = {"object_tokens": (0, 4096)}
 
     form: Literal["ours", "paper"] = "ours"
     width: int = 160  # features of a token

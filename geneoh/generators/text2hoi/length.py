@@ -11,13 +11,14 @@ from jaxtyping import Float, Int
 from torch import Tensor, nn
 
 from geneoh.diffusion.samplers import normal_like
+from geneoh.nn.sizes import NetworkConfig
 from geneoh.synthesis.actions import LONGEST
 
 SHORTEST = 2  # frames: one frame is no motion, and none would leave networks nothing to attend to
 
 
 @dataclass(frozen=True)
-class LengthConfig:
+class LengthConfig(NetworkConfig):
     """Size of the network."""
 
     latent: int = 16  # numbers that tell quick from slow (paper: 64)

@@ -11,6 +11,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from geneoh.config import Limited
 from geneoh.generators.text2hoi.tokens import HAND, Tokens
 from geneoh.synthesis.actions import NEAR, Actions
 from geneoh.synthesis.draws import Draws
@@ -23,7 +24,7 @@ ARM = 0.1  # metres from the object's origin at which its velocity is compared
 
 
 @dataclass(frozen=True)
-class LossWeights:
+class LossWeights(Limited):
     """Weights of the losses beside the simple one; distance and orientation are the paper's."""
 
     distance: float = 0.5

@@ -13,10 +13,11 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from geneoh.nn.blocks import zeroed
+from geneoh.nn.sizes import NetworkConfig
 
 
 @dataclass(frozen=True)
-class PointConfig:
+class PointConfig(NetworkConfig):
     """Size of a PointNet (defaults: ours; the paper has 64, 128, 1024 and turns its points)."""
 
     near: int = 48  # features of each point after the first layer

@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from geneoh.choices import SIDES, TAKING_PART, Axis
+from geneoh.config import Limited
 from geneoh.generators.text2hoi.annotation import SHORTEST, Label
 from geneoh.generators.text2hoi.standing import POINTS
 from geneoh.geometry.axes import turn_up
@@ -27,7 +28,7 @@ from geneoh.training.recordings import drawn_surface
 
 
 @dataclass(frozen=True)
-class RecordedConfig:
+class RecordedConfig(Limited):
     """How recordings become actions; saved with them."""
 
     points: int = POINTS  # surface points of an object

@@ -17,6 +17,7 @@ from geneoh.generators.text2hoi.interaction import in_steps
 from geneoh.generators.text2hoi.post_norm import PostNormTransformer
 from geneoh.generators.text2hoi.tokens import HAND, HandFrame, Tokens, actions_of, tokens_of
 from geneoh.nn.blocks import sinusoid, zeroed
+from geneoh.nn.sizes import NetworkConfig
 from geneoh.synthesis.actions import Actions
 
 AGENT_ROWS = (0, 1666)
@@ -29,7 +30,7 @@ WRIST, TURN = 0.02, 0.1
 
 
 @dataclass(frozen=True)
-class RefinerConfig:
+class RefinerConfig(NetworkConfig):
     """Size and form of the network; the paper's are `configs/refiner_paper.toml`."""
 
     form: Literal["ours", "paper"] = "ours"

@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from geneoh.choices import SIDES
+from geneoh.config import Limited
 from geneoh.generators.text2hoi.losses import UNIT, masked_mean
 from geneoh.generators.text2hoi.refiner import nearest
 from geneoh.generators.text2hoi.tokens import Tokens
@@ -21,7 +22,7 @@ CENTIMETRE = 0.01
 
 
 @dataclass(frozen=True)
-class RefinerWeights:
+class RefinerWeights(Limited):
     """Weights of the losses; those of the paper are 1, 1, 5, in squared metres, and 0."""
 
     simple: float = 1.0

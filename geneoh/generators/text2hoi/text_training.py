@@ -12,7 +12,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from geneoh.choices import HANDS, HandsName
-from geneoh.config import as_dict
+from geneoh.config import as_dict, check_limits
 from geneoh.generators.pieces import marked, piece_numbers, words_of
 from geneoh.generators.text2hoi import text_data
 from geneoh.generators.text2hoi.captions import caption
@@ -54,6 +54,12 @@ class TextTrainConfig(RunConfig):
     """Whether the synonyms of `text_data.WITHHELD` are kept from training. The shipped weights
     know them; they were measured with a run that does not."""
     text: TextConfig = field(default_factory=_network)
+
+    def __post_init__(self) -> None:
+        """Refuse numbers outside of their limits, and fewer classes than sentences name."""
+        super().__post_init__()
+        named = {name: getattr(_network(), name) for name in ("verbs", "hands", "nouns")}
+        check_limits(self.text, {name: (least, self.text.LARGEST) for name, least in named.items()})
 
 
 def text_loss(network: TextNetwork, batch: Sentences, config: TextTrainConfig) -> Float[Tensor, ""]:
