@@ -112,7 +112,8 @@ def replay_shard(path: Path, hand: HandModel) -> Replay:
     found = torch.nonzero(nearest < SAME_SKELETON)[:, 0]
     if not len(found):
         raise InputError(
-            f"{path}: expected the hands that its seed {record.seed} draws, got others: "
-            "another version of geneoh made it; make the data again"
+            f"{path}: expected hands of the first grasps that its seed {record.seed} draws, got "
+            f"none among {len(clips.offsets)}: another version of geneoh made it, or none of these "
+            "grasps held; make the data again, with more clips in each shard if they are few"
         )
     return Replay(clips.take(found, "B"), tried.take(who[found]))
