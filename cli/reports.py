@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from geneoh.metrics.report import before_and_after
+from geneoh.metrics.report import before_and_after, format_number
 from geneoh.pipeline.results import Denoised, HandResult
 from geneoh.sequence.sequence import Sequence
 
@@ -30,6 +30,7 @@ def denoised(sequence: Sequence, result: Denoised, output: Path) -> Iterator[str
             yield f"  {count} unobserved frames were filled in; see {side}_filled in the file"
         for note in hand.notes:
             yield f"  note: {note}"
+    yield from between_hands(result)
     for note in result.notes:
         yield f"note: {note}"
     yield f"wrote {output}"
@@ -53,6 +54,15 @@ def refined(result: Denoised | None) -> Iterator[str]:
         yield f"{side} hand:"
         for line in before_and_after(hand.before, hand.after):
             yield f"  {line}"
+    if result is not None:
+        yield from between_hands(result)
+
+
+def between_hands(result: Denoised) -> Iterator[str]:
+    """How deep two hands were in each other, and are."""
+    if result.hands_in_each_other is not None:
+        before, after = (format_number(1000 * depth) for depth in result.hands_in_each_other)
+        yield f"depth of the hands in each other, deepest: {before} -> {after} mm"
 
 
 def hands_on_body(made: "BodyWithHands", outputs: Iterable[Path]) -> Iterator[str]:

@@ -20,6 +20,7 @@ from geneoh.fitting.terms import (
     steadiness,
     surface_term,
 )
+from geneoh.geometry.changing_surface import ChangingSurface
 from geneoh.geometry.distance import MovingSurface, SurfaceQuery
 from geneoh.geometry.rotations import axis_angle_to_matrix, kabsch
 from geneoh.hand.model import ShapedHand
@@ -59,6 +60,8 @@ class FitConfig:
     depth_std: float = 0.0015
     """Penetration that counts as much as a keypoint error of `joint_std`, metres: flesh is soft,
     and recorded hands penetrate by millimetres."""
+    apart_std: float = 0.0005
+    """The same for depth in the other hand, of which each hand sees its half."""
     touch: float = 0.003
     """Fingertips closer than this to the surface are attracted to it, metres."""
     touch_std: float = 0.002
@@ -102,6 +105,7 @@ def fit_hand(
     config: FitConfig,
     surface: MovingSurface | None = None,
     evidence: Float[Tensor, " T"] | None = None,
+    other: ChangingSurface | None = None,
     on_step: OnStep | None = None,
 ) -> HandState:
     """Hand parameters that follow target keypoints of the world and stay out of the object.
@@ -111,7 +115,8 @@ def fit_hand(
     A.3 for what is fitted; the solver, the temporal, limit and surface terms are ours.
 
     `trust` is the weight of each keypoint, 0 to 1; one without is determined by the other terms.
-    `evidence` is how much the object counts in each frame, 0 to 1; fully without it.
+    `evidence` is how much the object counts in each frame, 0 to 1; fully without it. `other` is the
+    skin of the other hand, out of which this one goes half the way.
     """
     frames, found = target.shape[1], []
     for index, block in enumerate(parts := blocks(frames)):
@@ -124,6 +129,7 @@ def fit_hand(
             config=config,
             surface=None if surface is None else surface.at(wide),
             evidence=None if evidence is None else evidence[wide],
+            other=None if other is None else other[wide],
             on_step=part_of(on_step, index, len(parts)),
         )
         found.append(state[inner])
@@ -139,27 +145,33 @@ def _fit_frames(
     config: FitConfig,
     surface: MovingSurface | None,
     evidence: Float[Tensor, " T"] | None,
+    other: ChangingSurface | None,
     on_step: OnStep | None,
 ) -> HandState:
     """`fit_hand` on all frames at once."""
     weight = trust.sqrt() / config.joint_std
     steady = steadiness_weight(config).to(target)
-    rounds = config.contact_rounds if surface is not None else 0
+    rounds = config.contact_rounds if surface is not None or other is not None else 0
     total = config.iterations + 2 * rounds
     damping = target.new_full((len(target), 1), 1e-2)
     state, done = start, 0
     near = None if surface is None else Nearby(surface, config.touch)
     for around in range(rounds + 1):
-        planes = None
+        met: list[Planes] = []
         if around and near is not None:
             planes = contact_planes(state, shaped, near, config)
             if evidence is not None:
                 planes = replace(planes, weight=planes.weight * evidence[:, None])
+            met.append(planes)
+        if around and other is not None:
+            met.append(planes_apart(state, shaped, other, config))
 
-        def equations(at: HandState, planes: Planes | None = planes) -> Equations:
+        def equations(at: HandState, met: list[Planes] = met) -> Equations:
             found = keypoint_term(at, shaped, target, weight)
             found = found + pose_term(at, shaped.model, config.prior, config.limit)
-            return found if planes is None else found + surface_term(at, shaped, planes)
+            for planes in met:
+                found = found + surface_term(at, shaped, planes)
+            return found
 
         here = equations(state)
         for _ in range(2 if around else config.iterations):
@@ -272,8 +284,27 @@ def contact_planes(state: HandState, shaped: ShapedHand, near: Nearby, config: F
         value, at = apart.min(-1, keepdim=True)
         close = ((value > 0) & (value < config.touch)).to(distance)
         touching.scatter_add_(-1, at, close / config.touch_std)
-    # only vertices with a weight count, and there are fewer of these than are considered
-    weight, order = (inside + touching).sort(dim=-1, descending=True, stable=True)
+    return _planes(found, index, inside + touching)
+
+
+def planes_apart(
+    state: HandState, shaped: ShapedHand, other: ChangingSurface, config: FitConfig
+) -> Planes:
+    """Planes that push vertices half the way out of the other hand, which goes the other half."""
+    verts = shaped.verts_from_rotations(state.rotations, state.wrist).verts
+    bone = shaped.model.skin_weights.argmax(-1)
+    # by the nearest ways hands that mirror each other would go on together
+    found = way_out(verts, bone, other, other.query(verts), agreement=1.0)
+    found = replace(found, closest=(found.closest + verts) / 2)
+    distance, index = found.distance.topk(config.surface_verts, dim=-1, largest=False)
+    return _planes(found, index, (distance < 0).to(distance) / config.apart_std)
+
+
+def _planes(
+    found: SurfaceQuery, index: Int[Tensor, "S T K"], weight: Float[Tensor, "S T K"]
+) -> Planes:
+    """Planes at some vertices; those without a weight are left out, as far as all frames are."""
+    weight, order = weight.sort(dim=-1, descending=True, stable=True)
     used = slice(max(1, int((weight > 0).sum(-1).max())))
     index = index.gather(-1, order[..., used])
     points = index[..., None].expand(*index.shape, 3)
@@ -284,13 +315,15 @@ def contact_planes(state: HandState, shaped: ShapedHand, near: Nearby, config: F
 def way_out(
     verts: Float[Tensor, "S T V 3"],
     bone: Int[Tensor, " V"],
-    surface: MovingSurface,
+    surface: MovingSurface | ChangingSurface,
     found: SurfaceQuery,
+    agreement: float = 0.0,
 ) -> SurfaceQuery:
     """Distance to the object, with one direction out of it for each phalanx.
 
     The nearest side of a thin part may be the wrong one for deep vertices: those get the closest
-    point and normal in the direction of their phalanx's outside part instead.
+    point and normal in the direction of their phalanx's outside part instead, where the cosine
+    between both ways is less than `agreement`.
     """
     parts = torch.nn.functional.one_hot(bone).to(verts).T
     counted = torch.cat([verts, torch.ones_like(verts[..., :1])], dim=-1)
@@ -300,7 +333,7 @@ def way_out(
     middles = [sums[..., :3] / sums[..., 3:] for sums in (within, outside)]
     ahead = torch.nn.functional.normalize(middles[1] - middles[0], dim=-1)[..., bone, :]
     # the direction of a phalanx that is wholly inside or outside is nan, which is never below 0
-    wrong = (inside > 0) & ((found.normal * ahead).sum(-1) < 0)
+    wrong = (inside > 0) & ((found.normal * ahead).sum(-1) < agreement)
     if not wrong.any():
         return found
     sample, frame, vert = torch.nonzero(wrong, as_tuple=True)

@@ -11,6 +11,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from geneoh.geometry.changing_surface import ChangingSurface
 from geneoh.geometry.distance import MovingSurface, SurfaceQuery
 
 TOUCH = 0.005  # metres within which a hand point touches: skin is soft, and meshes are coarse
@@ -27,6 +28,15 @@ def penetration_depth(distance: Float[Tensor, "*B T V"]) -> Float[Tensor, "*B T"
     Source: C.2, per-vertex maximum penetration depth; the paper averages it over frames.
     """
     return (-distance).amax(-1).clamp(min=0)
+
+
+def depth_between(one: ChangingSurface, other: ChangingSurface) -> Float[Tensor, " T"]:
+    """Depth of the deepest vertex that two hands have in each other in each frame, metres.
+
+    Zero where their skins only touch or are apart.
+    """
+    inside = [a.query(b.verts).distance for a, b in ((one, other), (other, one))]
+    return penetration_depth(torch.cat(inside, dim=-1))
 
 
 def in_contact(distance: Float[Tensor, "*B T V"]) -> Bool[Tensor, "*B T"]:

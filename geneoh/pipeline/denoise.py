@@ -21,11 +21,11 @@ from geneoh.hand.library import hand_of_betas
 from geneoh.hand.model import ShapedHand
 from geneoh.nn.devices import named_device
 from geneoh.objects.cleaning import clean_object
-from geneoh.objects.evidence import doubt, evidence_of_nearness, evidence_of_poses
+from geneoh.objects.evidence import evidence_of_nearness, evidence_of_poses
 from geneoh.objects.refine import refine_object
-from geneoh.pipeline.alone import measure_hand
 from geneoh.pipeline.exchange import without_exchange
 from geneoh.pipeline.faults import without_faults
+from geneoh.pipeline.fitted import FittedHand, deepest_between, kept_apart
 from geneoh.pipeline.inputs import (
     as_sequence,
     checked_interaction,
@@ -34,16 +34,13 @@ from geneoh.pipeline.inputs import (
 )
 from geneoh.pipeline.options import Options, with_settings
 from geneoh.pipeline.presets import Preset
-from geneoh.pipeline.results import Denoised, HandResult, clean_track
-from geneoh.pipeline.spread import joint_spread
+from geneoh.pipeline.results import Denoised, HandResult
 from geneoh.pipeline.stage_run import StageRun
-from geneoh.pipeline.touch import REACH, finger_contact
 from geneoh.progress import OnProgress, OnStep, timed
 from geneoh.readers.convention_check import doubts
 from geneoh.sequence.normalisation import NETWORK_FPS, NormalisedHand, normalised_hands
 from geneoh.sequence.resample import nearest_frames, with_hands_earlier
 from geneoh.sequence.sequence import HandTrack, Sequence
-from geneoh.sequence.windows import window_starts
 
 LOG = logging.getLogger(__name__)
 
@@ -127,11 +124,11 @@ def clean_interaction(
     if normalised[0].track.frames != sequence.frames:
         how = "averaged" if sequence.fps > NETWORK_FPS else "resampled"
         notes.append(f"{how} from {sequence.fps:g} to {NETWORK_FPS:g} frames a second and back")
-    results: dict[Side, HandResult] = {}
+    fitted: list[FittedHand] = []
     for hand in normalised:
         relied = evidence[nearest_frames(sequence.frames, hand.track.frames)]
         moved = hand.to(options.device)
-        result = _clean(
+        found = _fitted(
             moved,
             _subject(moved, options),
             relied.to(options.device),
@@ -141,13 +138,18 @@ def clean_interaction(
             options.seed,
             on_progress,
         )
-        results[hand.side] = _as_given(result, hand, sequence.hand(hand.side))
+        fitted.append(found)
+    fitted = kept_apart(fitted)
+    results: dict[Side, HandResult] = {
+        hand.side: _as_given(found.result(), hand, sequence.hand(hand.side))
+        for found, hand in zip(fitted, normalised, strict=True)
+    }
     hands = tuple(results[hand.side].track for hand in sequence.hands)
     kept = sequence.object
     if options.refine_object:
         kept = motion if examined is None else refine_object(motion, examined, hands, sequence.fps)
     clean = replace(sequence, hands=hands, object=kept)
-    return Denoised(clean, results, tuple(notes), options, examined)
+    return Denoised(clean, results, tuple(notes), options, examined, deepest_between(fitted))
 
 
 def _as_given(result: HandResult, hand: NormalisedHand, given: HandTrack) -> HandResult:
@@ -171,7 +173,7 @@ def _subject(hand: NormalisedHand, options: Options) -> Subject:
     return subject_of(hand.track, hand.right_model(model))
 
 
-def _clean(
+def _fitted(
     hand: NormalisedHand,
     subject: Subject,
     poses: Float[Tensor, " N"],
@@ -180,8 +182,8 @@ def _clean(
     chosen: Preset,
     seed: int,
     on_progress: OnProgress | None,
-) -> HandResult:
-    """One normalised hand: three stages, selection, fit, measurement.
+) -> FittedHand:
+    """One normalised hand: three stages, selection, fit.
 
     Frames fall back to the hand alone by as much as `poses`, how far the object's poses are relied
     on, is below 1.
@@ -208,25 +210,21 @@ def _clean(
         state, shaped, betas = _fit(
             target, subject, given, chosen, surface, evidence, progress_of("fit")
         )
-        joints = shaped.joints_from_rotations(state.rotations, state.wrist)[0]
-    spread = joint_spread(samples, alone=1 - evidence) if len(samples) > 1 else None
-    observed = hand.track.observed  # the report compares the same frames before and after
-    before, _ = measure_hand(given, subject.shaped, subject.joints, surface, hand.fps, observed)
-    after, apart = measure_hand(state, shaped, joints, surface, hand.fps, observed, within=REACH)
-    seen = subject.trust > 0
-    return HandResult(
-        track=clean_track(state, joints, betas, shaped.model.name, spread),
-        filled=~observed,
+    return FittedHand(
+        hand=hand,
+        subject=subject,
+        given=given,
+        preset=chosen,
+        surface=surface,
+        near=near,
+        poses=poses,
         samples=samples,
         chosen=index,
-        before=before,
-        after=after,
-        moved=float((joints - subject.joints).norm(dim=-1)[seen].mean()),
-        windows=len(window_starts(subject.joints.shape[0])),
-        contact=None if apart is None else finger_contact(apart, spread, near.max() * poses),
-        evidence=evidence,
+        target=target,
+        state=state,
+        shaped=shaped,
+        betas=betas,
         seconds=seconds,
-        notes=(*subject.notes, *(doubt(evidence) if chosen.has_object else ())),
     )
 
 

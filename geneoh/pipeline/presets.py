@@ -94,6 +94,8 @@ class Preset:
     fit: FitConfig | AdamFitConfig
     contact: bool
     """Whether the fit keeps the mesh out of the object."""
+    apart: bool = True
+    """Whether two hands are taken out of each other."""
     canonical: bool = True
     """Whether the canonical frame moves with the contact points; False, for an ablation, holds it
     still in the world."""
@@ -124,7 +126,7 @@ class Preset:
             case "diffusion":
                 return self._with_plans(lambda plan: plan.without_diffusion())
             case "fit":
-                return replace(self, fit=KEYPOINTS_ALONE, contact=False)
+                return replace(self, fit=KEYPOINTS_ALONE, contact=False, apart=False)
             case "object":
                 return replace(self, clean_object=False)
             case "camera":
@@ -153,6 +155,7 @@ def preset(name: PresetName) -> Preset:
                 selection="closest",
                 fit=AdamFitConfig(),
                 contact=False,
+                apart=False,
             )
         case "default":
             return Preset(

@@ -71,6 +71,9 @@ class Denoised(Bundle):
     """The settings that it was made with."""
     examined: ObjectExamination | None = None
     """What the object's track says about its own noise; None with `Options.trust_object`."""
+    hands_in_each_other: tuple[float, float] | None = None
+    """Depth in metres of the deepest vertex that two hands have in each other, of the input and of
+    the result, over all frames at 30 frames a second; None for one hand."""
     doubts: tuple[str, ...] = ()
     """What is doubtful about the input, such as its side, each with what cures it."""
 

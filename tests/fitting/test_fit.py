@@ -11,15 +11,18 @@ from geneoh.fitting.fit import (
     Nearby,
     contact_planes,
     fit_hand,
+    planes_apart,
     start_from_keypoints,
     steadiness_weight,
     way_out,
 )
 from geneoh.fitting.terms import HandState
+from geneoh.geometry.changing_surface import ChangingSurface
 from geneoh.geometry.distance import MovingSurface, SurfaceDistance
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.hand.model import ShapedHand
+from geneoh.metrics.contact import depth_between
 from geneoh.sequence import windows
 
 FRAMES = 4
@@ -336,3 +339,43 @@ def test_the_blocks_of_a_fit_leave_no_seam(shaped, make_state, monkeypatch):
     bends = joints_of(fitted, shaped)[0].diff(n=2, dim=0).norm(dim=-1).mean(-1)
     for cut in (50, 100):  # a value is made of its frame and the two after it
         assert bends[cut - 2 : cut].mean() < 1.5 * bends.mean()
+
+
+def skin_of(state: HandState, shaped: ShapedHand) -> ChangingSurface:
+    verts = shaped.verts_from_rotations(state.rotations[0], state.wrist[0]).verts
+    return ChangingSurface(verts, shaped.model.faces)
+
+
+def ball_at_a_fingertip(state: HandState, shaped: ShapedHand) -> ChangingSurface:
+    """A ball of 3 cm, 8 mm of it beyond the tip of the index finger; in the last frame far off."""
+    ball = trimesh.creation.icosphere(3, 0.03)
+    joints = joints_of(state, shaped)[0]
+    ahead = torch.nn.functional.normalize(joints[:, 8] - joints[:, 7], dim=-1)
+    middle = joints[:, 8] + 0.022 * ahead
+    middle[-1] += 1
+    verts = torch.tensor(ball.vertices).float() + middle[:, None]
+    return ChangingSurface(verts, torch.tensor(ball.faces))
+
+
+def test_planes_of_another_hand_are_half_the_way_out_where_this_one_is_inside(shaped, make_state):
+    state = make_state(frames=2)
+    other = ball_at_a_fingertip(state, shaped)
+    planes = planes_apart(state, shaped, other, FitConfig())
+    inside = planes.weight[0, 0] > 0
+    verts = skin_of(state, shaped).verts[0, planes.verts[0, 0]]
+    outside = verts + 2 * (planes.closest[0, 0] - verts)
+    radius = (outside - other.verts[0].mean(0)).norm(dim=-1)[inside]
+    assert len(radius) > 5
+    torch.testing.assert_close(radius, torch.full_like(radius, 0.03), atol=3e-4, rtol=0)
+    assert not planes.weight[0, 1].any()
+
+
+def test_a_hand_goes_half_the_way_out_of_another_one(shaped, make_state):
+    state = make_state(frames=FRAMES)
+    target, other = joints_of(state, shaped), ball_at_a_fingertip(state, shaped)
+    config = FitConfig(iterations=0, contact_rounds=1)
+    left = fit_hand(target, ones(target), shaped, state, config=config, other=other)
+    before, after = (depth_between(skin_of(each, shaped), other) for each in (state, left))
+    assert (before[:-1] > 0.005).all()
+    assert (after[:-1] < 0.8 * before[:-1]).all()
+    assert (after[:-1] > 0.3 * before[:-1]).all()

@@ -4,12 +4,14 @@ import pytest
 import torch
 import trimesh
 
+from geneoh.geometry.changing_surface import ChangingSurface
 from geneoh.geometry.distance import MovingSurface, SurfaceDistance
 from geneoh.geometry.mesh import from_trimesh
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.metrics.contact import (
     contact_agreement,
     contact_iou,
+    depth_between,
     fingertip_slip,
     in_contact,
     motion_consistency,
@@ -49,6 +51,17 @@ def test_ball_that_sinks_into_a_ball_is_as_deep_as_their_centres_are_near():
     verts = hand + shifts[:, None, None] * torch.tensor([0.0, 0.0, 1.0])
     depth = penetration_depth(MovingSurface((fixed,), *still(4)).query(verts).distance)
     torch.testing.assert_close(depth, (0.07 - shifts).clamp(min=0), atol=1e-4, rtol=0)
+
+
+def test_two_balls_are_as_deep_in_each_other_as_the_deeper_one_says():
+    large = from_trimesh(trimesh.creation.icosphere(4, 0.05))
+    small = from_trimesh(trimesh.creation.icosphere(2, 0.02))
+    shifts = torch.tensor([0.08, 0.071, 0.066, 0.05])[:, None, None] * torch.eye(3)[2]
+    one = ChangingSurface(large.verts.expand(4, -1, -1), large.faces)
+    other = ChangingSurface(small.verts + shifts, small.faces)
+    depth = depth_between(one, other)
+    torch.testing.assert_close(depth, torch.tensor([0.0, 0.0, 0.004, 0.02]), atol=3e-4, rtol=0)
+    assert torch.equal(depth, depth_between(other, one))
 
 
 def test_depth_does_not_change_with_a_rigid_motion(cube):
