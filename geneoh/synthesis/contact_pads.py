@@ -3,10 +3,13 @@
 Right hands; pads face directions of the rest frame (fingers -x, palm -y, thumb +z); metres.
 """
 
+from dataclasses import dataclass
+
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from geneoh.bundle import Bundle
 from geneoh.hand.skeleton import KEYPOINT_PARENTS, MANO_FROM_OPENPOSE
 
 PAD_OF_THUMB = (-0.55, -0.50, -0.67)
@@ -45,6 +48,27 @@ def hand_spheres(
     centers = start[..., None, :] + along[:, None] * (end - start)[..., None, :]
     radii = BONE_RADIUS.to(joints.device)[:, None].expand(-1, SPHERES_PER_BONE)
     return centers.flatten(-3, -2), radii.reshape(-1) * scale
+
+
+@dataclass(frozen=True)
+class OtherHands(Bundle):
+    """The spheres that fill B hands, which others at their objects keep out of."""
+
+    centers: Float[Tensor, "B N 3"]
+    radii: Float[Tensor, "B N"]
+
+    def overlap(
+        self, centers: Float[Tensor, "B K 3"], radii: Float[Tensor, "*B K"]
+    ) -> Float[Tensor, "B K N"]:
+        """How deep each sphere is in each of these, metres; negative beside it."""
+        apart = torch.cdist(centers, self.centers, compute_mode="donot_use_mm_for_euclid_dist")
+        return radii[..., None] + self.radii[:, None] - apart
+
+    def depth(
+        self, centers: Float[Tensor, "B K 3"], radii: Float[Tensor, "*B K"]
+    ) -> Float[Tensor, "B K"]:
+        """How deep each sphere is in these, metres; negative beside them."""
+        return self.overlap(centers, radii).amax(-1)
 
 
 def contact_pads(

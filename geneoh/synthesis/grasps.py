@@ -20,6 +20,7 @@ from geneoh.hand.skeleton import forward_kinematics
 from geneoh.nn.adam import adam
 from geneoh.synthesis.contact_pads import (
     PAD_DIGITS,
+    OtherHands,
     contact_pads,
     finger_clearance,
     hand_scale,
@@ -138,6 +139,7 @@ class _Attempt(Bundle):
     liked: Float[Tensor, "B 15 3"]  # the finger pose that this hand likes, this time
     wanted: Bool[Tensor, "B 19"]  # pads that should touch
     table: Table | None = None
+    other: OtherHands | None = None
 
     @cached_property
     def scale(self) -> Float[Tensor, "B 1"]:
@@ -236,6 +238,8 @@ def _energy(
     depth = (radii - distance[:, : centers.shape[1]]).clamp(min=0)
     if attempt.table is not None:
         depth = depth + (attempt.table.depth(centers, radii) - SOFT).clamp(min=0)
+    if attempt.other is not None:
+        depth = depth + attempt.other.depth(centers, radii).clamp(min=0)
     gap, normal = distance[:, centers.shape[1] :], slope[:, centers.shape[1] :]
     alignment = (1 + (facing * normal).sum(-1)) * attempt.wanted
     overlap = (-finger_clearance(centers, radii)).clamp(min=0)
@@ -325,6 +329,8 @@ def _kept(
     deep = (radii - solids.signed_distance(centers)).amax(-1)
     if attempt.table is not None:
         deep = torch.maximum(deep, attempt.table.depth(centers, radii).amax(-1) - SOFT)
+    if attempt.other is not None:
+        deep = torch.maximum(deep, attempt.other.depth(centers, radii).amax(-1))
     kept = (
         (deep < checks.depth)
         & (finger_clearance(centers, radii).amin(-1) > checks.clearance)
@@ -369,15 +375,16 @@ def synthesize_grasps(
     generator: torch.Generator,
     toward: Float[Tensor, "B 3"] | None = None,
     table: Table | None = None,
+    other: OtherHands | None = None,
 ) -> Grasps:
     """One grasp attempt per object and hand; `kept` tells which ones pass the checks.
 
     The wrist starts on the side of the object that `toward` points to; zero is for any. Hands stay
-    over the table, if there is one.
+    over the table and out of other hands, if there are any.
     """
     config, draws = config or GraspConfig(), Draws(len(offsets), generator)
     attempt, fingers = _draw_attempts(offsets, config, draws)
-    attempt = replace(attempt, table=table)
+    attempt = replace(attempt, table=table, other=other)
     toward = torch.zeros(len(offsets), 3) if toward is None else toward
     start = _starts(solids, attempt, fingers, toward, config, draws)
     hands = _descend(solids, attempt, start, config)
@@ -426,6 +433,7 @@ def settled_grasps(
     *,
     reach: float,
     table: Table | None = None,
+    other: OtherHands | None = None,
 ) -> Grasps:
     """The grasps next to given ones in which nothing sinks in and what is near touches.
 
@@ -438,7 +446,7 @@ def settled_grasps(
     gap = solids.signed_distance(contact_pads(joints, turns, scale)[0])
     wanted = gap < (gap.amin(1, keepdim=True) + reach / 2).clamp(min=reach)
     fingers = grasps.pose[:, 1:]
-    attempt = _Attempt(grasps.types, grasps.offsets, fingers, wanted, table)
+    attempt = _Attempt(grasps.types, grasps.offsets, fingers, wanted, table, other)
     hands = _descend(solids, attempt, _Hands(grasps.wrist, grasps.pose[:, 0], fingers), config)
     centers, radii = hand_spheres(hands.posed(attempt)[0], scale)
     depth = (radii - solids.signed_distance(centers)).amax(1)

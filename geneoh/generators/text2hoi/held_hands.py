@@ -13,7 +13,7 @@ from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.hand.library import load_hand
 from geneoh.hand.skeleton import forward_kinematics
 from geneoh.synthesis.actions import Actions
-from geneoh.synthesis.contact_pads import contact_pads, hand_scale, hand_spheres
+from geneoh.synthesis.contact_pads import OtherHands, contact_pads, hand_scale, hand_spheres
 from geneoh.synthesis.table import Table
 
 STILL = 1e-5  # metres in a frame below which an object rests
@@ -60,6 +60,12 @@ class HeldHands(Bundle):
         return hand_spheres(self._posed()[0], self._scale())
 
     @property
+    def mirrored_spheres(self) -> OtherHands:
+        """The same spheres as the hand of the other side sees them, in the mirror."""
+        centers, radii = self.spheres
+        return OtherHands(mirror_points(centers), radii)
+
+    @property
     def pads(self) -> Float[Tensor, "N 19 3"]:
         """Points of the skin that touch objects."""
         return contact_pads(*self._posed(), self._scale())[0]
@@ -76,12 +82,6 @@ def table_of(actions: Actions, number: int, middle: Float[Tensor, " 3"]) -> Tabl
     up = actions.rotation[0, :, 2]
     height = actions.translation[0, :, 2] + up @ middle
     return Table(up if SIDES[number] == "right" else mirror_points(up), height)
-
-
-def overlap(hands: HeldHands, other: HeldHands) -> Float[Tensor, "N K K"]:
-    """How deep the spheres of hands are in those of another one, metres."""
-    (centers, radii), (places, sizes) = hands.spheres, other.spheres
-    return radii[:, :, None] + sizes[0] - torch.cdist(centers, places.expand(len(centers), -1, -1))
 
 
 def mean_offsets() -> Float[Tensor, "1 20 3"]:

@@ -6,7 +6,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.generators.text2hoi.held_hands import HeldHands, mean_offsets, overlap
+from geneoh.generators.text2hoi.held_hands import HeldHands, mean_offsets
+from geneoh.synthesis.contact_pads import OtherHands
 from geneoh.synthesis.grasps import GraspConfig, synthesize_grasps
 from geneoh.synthesis.holding import unheld
 from geneoh.synthesis.solids import Solids
@@ -16,7 +17,6 @@ TRIES = 12  # grasps that are looked for at once
 TOUCH = 0.003  # distance from the surface at which a pad touches, metres
 FIRM = 0.5
 """Share of a push from the worst side that a hold may leave unheld (`geneoh.synthesis.holding`)."""
-MIXED = 10.0  # a metre of overlap with the other hand is as bad as so many of distance
 GRASPS = GraspConfig(grips=0)
 
 
@@ -39,7 +39,7 @@ class Holding:
 def new_hold(
     solids: Solids,
     drawn: HeldHands,
-    before: HeldHands | None,
+    before: OtherHands | None,
     table: Table,
     generator: torch.Generator,
 ) -> HeldHands | None:
@@ -54,14 +54,18 @@ def new_hold(
     offsets = mean_offsets().expand(TRIES, -1, -1)
     table = table.take(torch.zeros(TRIES, dtype=torch.long), "B")
     grasps = synthesize_grasps(
-        solids, offsets, GRASPS, generator=generator, toward=toward, table=table
+        solids,
+        offsets,
+        GRASPS,
+        generator=generator,
+        toward=toward,
+        table=table,
+        other=None if before is None else before.take(torch.zeros(TRIES, dtype=torch.long), "B"),
     )
     found = HeldHands(grasps.pose, grasps.wrist)
     firm = grasps.kept & (Holding.of(solids, found).loose < FIRM)
     if not bool(firm.any()):
         return None
     away = (found.spheres[0] - drawn.spheres[0]).norm(dim=-1).mean(1)
-    if before is not None:
-        away = away + MIXED * overlap(found, before).clamp(min=0).amax((1, 2))
     nearest = away.masked_fill(~firm, torch.inf).argmin()
     return found.take(nearest[None], "N")

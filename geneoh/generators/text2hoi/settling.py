@@ -17,7 +17,6 @@ from geneoh.generators.text2hoi.held_hands import (
     lifted,
     mean_offsets,
     moving,
-    overlap,
     table_of,
 )
 from geneoh.generators.text2hoi.new_holds import FIRM, TOUCH, Holding, new_hold
@@ -26,6 +25,7 @@ from geneoh.generators.text2hoi.standing import StandingObject
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.synthesis.actions import Actions
+from geneoh.synthesis.contact_pads import OtherHands
 from geneoh.synthesis.grasps import GraspConfig, GraspEnergy, Grasps, settled_grasps
 from geneoh.synthesis.objects import scanned_object
 from geneoh.synthesis.scans import MeshFolder, build_scans
@@ -77,7 +77,8 @@ def settled(
     """
     solids, middle = solid_of(stood)
     touching, moves = touching_hands(actions)[0], moving(actions)
-    before: HeldHands | None = None
+    before: OtherHands | None = None
+    beside_way: OtherHands | None = None
     for number in (touching & moves).sum(1).argsort(descending=True).tolist():
         if not bool(touching[number].any()):
             continue
@@ -91,9 +92,9 @@ def settled(
         frames = hold if bool(carrying.any()) else frame.expand(1)
         if not fits and lifted(actions, carrying):
             held = new_hold(own, hand.take(frame[None], "N"), before, nearest, generator) or held
-        hand = kept_pose(own, hand, held, frames, hold, table)
+        hand = kept_pose(own, hand, held, frames, hold, table, beside_way)
         actions = hand.into(actions, number, middle)
-        before = held.on_side(0)  # as the other hand sees it
+        before, beside_way = held.mirrored_spheres, hand.mirrored_spheres
     return actions
 
 
@@ -101,7 +102,7 @@ def settled_pose(
     solids: Solids,
     hand: HeldHands,
     hold: Int[Tensor, " N"],
-    before: HeldHands | None,
+    before: OtherHands | None,
     table: Table,
 ) -> tuple[HeldHands, Int[Tensor, ""], bool]:
     """The best of some poses of a hold, each brought to the surface, its frame, and if it is firm.
@@ -112,8 +113,9 @@ def settled_pose(
     tried = hold[torch.linspace(0, len(hold) - 1, 2 * TRIES + 1).long()[1::2]]
     start, table = hand.take(tried, "N"), table.take(torch.zeros(TRIES, dtype=torch.long), "B")
     start = replace(start, wrist=start.wrist + raised(start, table))
-    if before is not None:
-        start = beside(start, before)
+    other = None if before is None else before.take(torch.zeros(TRIES, dtype=torch.long), "B")
+    if other is not None:
+        start = beside(start, other)
     grasps = Grasps(
         pose=start.pose,
         wrist=start.wrist,
@@ -122,31 +124,38 @@ def settled_pose(
         types=torch.zeros(TRIES, dtype=torch.long),
     )
     solids = solids.take(torch.zeros(TRIES, dtype=torch.long), "B")
-    out = settled_grasps(solids, grasps, SETTLING, reach=REACH, table=table)
+    out = settled_grasps(solids, grasps, SETTLING, reach=REACH, table=table, other=other)
     # a hand that comes out of the object from deep inside is drawn back to what is then next to it
-    after = settled_grasps(solids, out, SETTLING, reach=REACH, table=table)
+    after = settled_grasps(solids, out, SETTLING, reach=REACH, table=table, other=other)
     found = HeldHands(after.pose, after.wrist)
     centers, radii = found.spheres
     depth = (radii - solids.signed_distance(centers)).maximum(table.depth(centers, radii))
     depth = depth.clamp(min=0).amax(1)
-    if before is not None:
-        depth = depth + overlap(found, before).clamp(min=0).amax((1, 2))
+    if other is not None:
+        depth = depth + other.depth(centers, radii).clamp(min=0).amax(1)
     holding = Holding.of(solids, found)
     best = (holding.touching - depth / TOUCH - LOOSE * holding.loose).argmax()
     fits = (holding.loose[best] < FIRM) & (depth[best] < DEEP)
     return found.take(best[None], "N"), tried[best], bool(fits)
 
 
-def beside(hands: HeldHands, other: HeldHands) -> HeldHands:
-    """Hands shifted until they are out of another one."""
-    rows, count = torch.arange(len(hands.wrist)), other.spheres[1].shape[1]
+def beside(hands: HeldHands, other: OtherHands) -> HeldHands:
+    """Hands shifted until they are out of others."""
     for _ in range(ROUNDS):
-        depth, deepest = overlap(hands, other).flatten(1).max(1)
-        own, others = deepest // count, deepest % count
-        way = hands.spheres[0][rows, own] - other.spheres[0][0, others]
-        shift = depth.clamp(min=0)[:, None] * torch.nn.functional.normalize(way, dim=-1)
-        hands = replace(hands, wrist=hands.wrist + shift)
+        hands = replace(hands, wrist=hands.wrist + aside(hands, other))
     return hands
+
+
+def aside(hands: HeldHands, other: OtherHands) -> Float[Tensor, "N 3"]:
+    """Shifts that take the deepest sphere of each hand out of the other hand's, metres."""
+    rows, count, (centers, radii) = (
+        torch.arange(len(hands.wrist)),
+        other.radii.shape[1],
+        hands.spheres,
+    )
+    depth, deepest = other.overlap(centers, radii).flatten(1).max(1)
+    way = centers[rows, deepest // count] - other.centers[rows, deepest % count]
+    return depth.clamp(min=0)[:, None] * torch.nn.functional.normalize(way, dim=-1)
 
 
 def kept_pose(
@@ -156,11 +165,13 @@ def kept_pose(
     frames: Int[Tensor, " N"],
     hold: Int[Tensor, " M"],
     table: Table,
+    other: OtherHands | None,
 ) -> HeldHands:
     """A hand that is in the pose `held` from the first to the last of some frames.
 
     Where the hold is longer, the change at these frames goes to all of it. It fades out on the ways
-    to the hold and from it, on which the hand is taken out of the object and the table.
+    to the hold and from it, on which the hand is taken out of the object, the table and the other
+    hand.
     """
     share = _fading(hold, len(hand.wrist))[:, None]
     end = torch.arange(len(hand.wrist)).clamp(frames[0], frames[-1])
@@ -172,7 +183,7 @@ def kept_pose(
     wrist = hand.wrist + share * (held.wrist - changed.wrist)
     found = HeldHands(torch.cat([turn[:, None], fingers], 1), wrist)
     # the held pose itself needs no way out, and one next to it only what is left of the change
-    return replace(found, wrist=wrist + (1 - share**4) * way_out(solids, found, table))
+    return replace(found, wrist=wrist + (1 - share**4) * way_out(solids, found, table, other))
 
 
 def raised(hand: HeldHands, table: Table) -> Float[Tensor, "N 3"]:
@@ -180,8 +191,11 @@ def raised(hand: HeldHands, table: Table) -> Float[Tensor, "N 3"]:
     return table.depth(*hand.spheres).amax(1).clamp(min=0)[:, None] * table.up
 
 
-def way_out(solids: Solids, hand: HeldHands, table: Table) -> Float[Tensor, "T 3"]:
-    """Shifts that take a hand out of its object and the table, smooth over the frames, metres.
+def way_out(
+    solids: Solids, hand: HeldHands, table: Table, other: OtherHands | None = None
+) -> Float[Tensor, "T 3"]:
+    """Shifts that take a hand out of its object, the table and the other hand, smooth over the
+    frames, metres.
 
     The deepest part of the hand moves along the normal of the surface until none is inside.
     """
@@ -192,6 +206,8 @@ def way_out(solids: Solids, hand: HeldHands, table: Table) -> Float[Tensor, "T 3
         depth, deepest = (radii - distance.view(radii.shape)).clamp(min=0).max(1)
         shift = depth[:, None] * normal.view(centers.shape)[frames, deepest]
         hand = replace(hand, wrist=hand.wrist + shift)
+        if other is not None:
+            hand = replace(hand, wrist=hand.wrist + aside(hand, other))
         hand = replace(hand, wrist=hand.wrist + raised(hand, table))
     kernel = torch.exp(-0.5 * ((frames - frames[:, None]) / SMOOTH) ** 2)
     return kernel / kernel.sum(1, keepdim=True) @ (hand.wrist - start)

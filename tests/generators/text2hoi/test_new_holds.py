@@ -9,7 +9,7 @@ import trimesh
 from draws import seeded
 from made_actions import box_actions, on_object
 
-from geneoh.generators.text2hoi.held_hands import HeldHands, lifted, overlap
+from geneoh.generators.text2hoi.held_hands import HeldHands, lifted
 from geneoh.generators.text2hoi.new_holds import FIRM, Holding, new_hold
 from geneoh.generators.text2hoi.settling import settled, solid_of
 from geneoh.generators.text2hoi.standing import stand
@@ -60,8 +60,12 @@ def test_a_new_hold_is_over_the_table(stuck, found):
 
 
 def test_a_new_hold_keeps_out_of_the_other_hand(solids, stuck, found):
-    aside = new_hold(solids, stuck, found, TABLE, seeded())
-    assert overlap(aside, found).max() < overlap(found, found).max()
+    left = found.mirrored_spheres
+    other = replace(left, centers=left.centers + torch.tensor([0.03, 0.0, 0.0]))
+    assert other.depth(*found.spheres).max() > 0.006
+    aside = new_hold(solids, stuck, other, TABLE, seeded())
+    assert aside is not None
+    assert other.depth(*aside.spheres).max() < 0.006
 
 
 def test_an_object_that_no_hand_can_hold_gets_no_new_hold(ball, stuck):

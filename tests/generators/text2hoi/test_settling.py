@@ -7,12 +7,15 @@ import trimesh
 from draws import seeded
 from made_actions import box_actions, on_object
 
-from geneoh.generators.text2hoi.held_hands import HeldHands, moving, overlap, table_of
+from geneoh.generators.text2hoi.held_hands import HeldHands, moving, table_of
 from geneoh.generators.text2hoi.settling import beside, settled, solid_of, way_out
 from geneoh.generators.text2hoi.standing import stand
 from geneoh.geometry.distance import SurfaceDistance
 from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.mirror import mirror_axis_angle, mirror_points
 from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.hand.library import load_hand
+from geneoh.synthesis.contact_pads import OtherHands, hand_spheres
 from geneoh.synthesis.pose_prior import FINGER_MEAN
 
 RADIUS, HEIGHT = 0.03, 0.16
@@ -135,10 +138,11 @@ def flat_hands(*places: tuple[float, float, float]) -> HeldHands:
 
 
 def test_a_hand_in_another_one_makes_way_by_no_more_than_it_needs():
-    other, hands = flat_hands((0.0, 0.0, 0.0)), flat_hands((0.0, 0.012, 0.0), (0.0, 0.5, 0.0))
-    assert overlap(hands, other)[0].max() > 0.01
+    hands = flat_hands((0.0, 0.012, 0.0), (0.0, 0.5, 0.0))
+    other = OtherHands(*flat_hands((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)).spheres)
+    assert other.depth(*hands.spheres)[0].max() > 0.01
     found = beside(hands, other)
-    assert overlap(found, other).max() < 0.002
+    assert other.depth(*found.spheres).max() < 0.002
     assert (found.wrist[0] - hands.wrist[0]).norm() < 0.06
     assert found.wrist[1].equal(hands.wrist[1])
 
@@ -159,3 +163,10 @@ def depth_in(solids, hands: HeldHands) -> float:
     centers, radii = hands.spheres
     distance = solids.signed_distance(centers.flatten(0, 1)[None]).view(radii.shape)
     return float((radii - distance).max())
+
+
+def test_the_other_hand_is_of_the_other_side():
+    hand, left = flat_hands((0.05, 0.02, 0.01)), load_hand("left").shaped(torch.zeros(10))
+    joints = left.posed(mirror_axis_angle(hand.pose), mirror_points(hand.wrist)).joints
+    centers, _ = hand_spheres(joints, torch.ones(1, 1))
+    torch.testing.assert_close(hand.mirrored_spheres.centers, centers, atol=1e-5, rtol=0)
