@@ -78,7 +78,7 @@ def settled(
     solids, middle = solid_of(stood)
     touching, moves = touching_hands(actions)[0], moving(actions)
     before: OtherHands | None = None
-    beside_way: OtherHands | None = None
+    other_way: OtherHands | None = None
     for number in (touching & moves).sum(1).argsort(descending=True).tolist():
         if not bool(touching[number].any()):
             continue
@@ -92,9 +92,9 @@ def settled(
         frames = hold if bool(carrying.any()) else frame.expand(1)
         if not fits and lifted(actions, carrying):
             held = new_hold(own, hand.take(frame[None], "N"), before, nearest, generator) or held
-        hand = kept_pose(own, hand, held, frames, hold, table, beside_way)
+        hand = kept_pose(own, hand, held, frames, hold, table, other_way)
         actions = hand.into(actions, number, middle)
-        before, beside_way = held.mirrored_spheres, hand.mirrored_spheres
+        before, other_way = held.mirrored_spheres, hand.mirrored_spheres
     return actions
 
 
@@ -148,11 +148,8 @@ def beside(hands: HeldHands, other: OtherHands) -> HeldHands:
 
 def aside(hands: HeldHands, other: OtherHands) -> Float[Tensor, "N 3"]:
     """Shifts that take the deepest sphere of each hand out of the other hand's, metres."""
-    rows, count, (centers, radii) = (
-        torch.arange(len(hands.wrist)),
-        other.radii.shape[1],
-        hands.spheres,
-    )
+    rows, count = torch.arange(len(hands.wrist)), other.radii.shape[1]
+    centers, radii = hands.spheres
     depth, deepest = other.overlap(centers, radii).flatten(1).max(1)
     way = centers[rows, deepest // count] - other.centers[rows, deepest % count]
     return depth.clamp(min=0)[:, None] * torch.nn.functional.normalize(way, dim=-1)
