@@ -48,10 +48,10 @@ class ChangingSurface(Bundle):
             if not inside.any():
                 continue
             found = _tree(verts, faces).squared_distance(verts, faces, asked[inside])[2]
-            at, exit = torch.from_numpy(inside).to(points.device), torch.from_numpy(found)
-            away = exit.to(points) - points[..., frame, :, :][at]
+            at, ends = torch.from_numpy(inside).to(points.device), torch.from_numpy(found)
+            away = ends.to(points) - points[..., frame, :, :][at]
             distance[..., frame, :][at] = -away.norm(dim=-1)
-            closest[..., frame, :, :][at] = exit.to(points)
+            closest[..., frame, :, :][at] = ends.to(points)
             normal[..., frame, :, :][at] = torch.nn.functional.normalize(away, dim=-1)
         return SurfaceQuery(distance, closest, normal)
 
