@@ -103,10 +103,9 @@ def run_of(name: str, cleaned: Callable[..., object] | None) -> Callable[[], Non
     """A command, with a cleaning that was made before."""
 
     def run() -> None:
-        from geneoh_cli.main import cli
-
         import geneoh
         from geneoh.batch import cleaning
+        from geneoh_cli.main import cli
 
         if cleaned is not None:
             geneoh.denoise = cleaning.denoise = cleaned

@@ -92,9 +92,8 @@ def run_command(case: Case, out: Path) -> Callable[[], None]:
     words = case.target.ready(case.command, out)
 
     def run() -> None:
-        from geneoh_cli.main import cli
-
         import geneoh
+        from geneoh_cli.main import cli
 
         if not case.whole:
             geneoh.denoise = stop
