@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from geneoh.errors import numbered
 from geneoh.metrics.report import before_and_after, format_number
 from geneoh.pipeline.results import Denoised, HandResult
 from geneoh.sequence.sequence import Sequence
@@ -18,11 +19,11 @@ def denoised(sequence: Sequence, result: Denoised, output: Path) -> Iterator[str
     parts = len(sequence.object.meshes)
     yield (
         f"read {sequence.source}: {sequence.frames} frames at {sequence.fps:g} frames a second, "
-        + (f"object of {counted(parts, 'part')}" if parts else "no object")
+        + (f"object of {numbered(parts, 'part')}" if parts else "no object")
     )
     for side, hand in result.hands.items():
         spent = ", ".join(f"{stage} {took:.1f} s" for stage, took in hand.seconds.items())
-        yield f"{side} hand: {counted(hand.windows, 'window')}, {drawn(hand)}; {spent}"
+        yield f"{side} hand: {numbered(hand.windows, 'window')}, {drawn(hand)}; {spent}"
         for line in before_and_after(hand.before, hand.after):
             yield f"  {line}"
         yield f"  keypoints moved by {1000 * hand.moved:.1f} mm on average"
@@ -68,7 +69,7 @@ def between_hands(result: Denoised) -> Iterator[str]:
 def hands_on_body(made: "BodyWithHands", outputs: Iterable[Path]) -> Iterator[str]:
     """What was read, what was assumed, what the cleaner says, and what was written."""
     body = made.body
-    frames = counted(body.frames, "frame")
+    frames = numbered(body.frames, "frame")
     yield f"read {body.source}: {frames} at {body.fps:g} frames a second"
     for note in body.notes:
         yield f"note: {note}"
@@ -77,14 +78,9 @@ def hands_on_body(made: "BodyWithHands", outputs: Iterable[Path]) -> Iterator[st
         yield f"wrote {output}"
 
 
-def counted(number: int, noun: str) -> str:
-    """A number and what it counts, such as "1 window" or "4 windows"."""
-    return f"{number} {noun}{'' if number == 1 else 's'}"
-
-
 def drawn(hand: HandResult) -> str:
     """How many samples were drawn, and which became the result where there was a choice."""
-    samples = counted(len(hand.samples), "sample")
+    samples = numbered(len(hand.samples), "sample")
     if len(hand.samples) == 1:
         return samples
     kept = "their mean" if hand.chosen < 0 else f"number {hand.chosen + 1}"

@@ -49,6 +49,11 @@ class EndedElsewhereError(GeneOHError):
         self.exit_code = exit_code
 
 
+def numbered(count: int, noun: str) -> str:
+    """A number and what it counts, such as "1 window" or "4 windows"."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
 def shortened(text: str, length: int) -> str:
     """A text for a message, cut to a length."""
     return text if len(text) <= length else f"{text[:length]}..."

@@ -2,17 +2,16 @@
 
 from dataclasses import dataclass
 
-import igl
 import numpy as np
 import torch
 from jaxtyping import Float, Float64, Int, Int64
 from torch import Tensor
 
 from geneoh.bundle import Bundle
-from geneoh.geometry.distance import SurfaceQuery, first_hit
+from geneoh.geometry.distance import SurfaceQuery, first_hit, search_tree
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.mirror import mirror_faces, mirror_points
-from geneoh.geometry.solid import as_arrays, winding_inside
+from geneoh.geometry.solid import as_arrays, winding_inside, winding_of
 
 
 @dataclass(frozen=True)
@@ -42,12 +41,10 @@ class ChangingSurface(Bundle):
             verts, faces = self._arrays(frame)
             asked = points[..., frame, :, :].double().cpu().numpy()
             inside = boxed[..., frame, :].cpu().numpy()
-            winding = igl.FastWindingNumberBVH()
-            winding.init(verts, faces)
-            inside[inside] = winding_inside(winding, asked[inside])
+            inside[inside] = winding_inside(winding_of(verts, faces), asked[inside])
             if not inside.any():
                 continue
-            found = _tree(verts, faces).squared_distance(verts, faces, asked[inside])[2]
+            found = search_tree(verts, faces).squared_distance(verts, faces, asked[inside])[2]
             at, ends = torch.from_numpy(inside).to(points.device), torch.from_numpy(found)
             away = ends.to(points) - points[..., frame, :, :][at]
             distance[..., frame, :][at] = -away.norm(dim=-1)
@@ -67,7 +64,7 @@ class ChangingSurface(Bundle):
             at = frame == each
             verts, faces = self._arrays(each)
             rays = (values[at].double().cpu().numpy() for values in (points, direction))
-            length, face = first_hit(_tree(verts, faces), verts, faces, *rays)
+            length, face = first_hit(search_tree(verts, faces), verts, faces, *rays)
             outward = Mesh(self.verts[each], self.faces).face_normals().to(points)
             reach[at] = torch.from_numpy(length).to(points)
             normal[at] = outward[torch.from_numpy(face).clamp(min=0).to(points.device)]
@@ -75,9 +72,3 @@ class ChangingSurface(Bundle):
 
     def _arrays(self, frame: int) -> tuple[Float64[np.ndarray, "V 3"], Int64[np.ndarray, "F 3"]]:
         return as_arrays(Mesh(self.verts[frame], self.faces))
-
-
-def _tree(verts: Float64[np.ndarray, "V 3"], faces: Int64[np.ndarray, "F 3"]) -> igl.AABB:
-    tree = igl.AABB()
-    tree.init(verts, faces)
-    return tree

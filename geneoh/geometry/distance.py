@@ -56,8 +56,7 @@ class SurfaceDistance:
         self._verts, self._faces = as_arrays(self.solid.surface)
         self._normals = self.solid.surface.face_normals()
         self._on_devices: dict[torch.device, Any] = {}
-        self._tree = igl.AABB()
-        self._tree.init(self._verts, self._faces)
+        self._tree = search_tree(self._verts, self._faces)
         self._coarse: CoarseDistance | None = None
         self._asked = 0  # points so far for which a grid would have been of use
 
@@ -162,6 +161,13 @@ class SurfaceDistance:
         unsure = torch.nonzero(~sure)[:, 0]
         inside[unsure] = self.solid.contains(points[unsure])
         return inside
+
+
+def search_tree(verts: Float64[np.ndarray, "V 3"], faces: Int64[np.ndarray, "F 3"]) -> igl.AABB:
+    """The boxes around the faces of a mesh, in which the nearest and those on rays are found."""
+    tree = igl.AABB()
+    tree.init(verts, faces)
+    return tree
 
 
 def first_hit(

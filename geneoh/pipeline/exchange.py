@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from geneoh.bundle import FRAMES
+from geneoh.errors import numbered
 from geneoh.readers.convention_check import KNUCKLES, finger_curls
 from geneoh.sequence.gaps import fill_gaps
 from geneoh.sequence.keypoints import PALM, keypoints
@@ -39,7 +40,7 @@ def without_exchange(sequence: Sequence) -> tuple[Sequence, tuple[str, ...]]:
     count = int(frames.sum())
     if not count or fields_of(one) != fields_of(other):
         return sequence, said
-    where = "1 frame" if count == 1 else f"{count} frames"
+    where = numbered(count, "frame")
     words = f"the left and the right hand are exchanged in {where}: each got what the other had"
     hands = (with_frames_of(one, other, frames), with_frames_of(other, one, frames))
     return replace(sequence, hands=hands), (*said, words)

@@ -16,6 +16,7 @@ from torch import Tensor
 
 from geneoh.choices import Side
 from geneoh.denoisers.base import palm_axes
+from geneoh.errors import numbered
 from geneoh.objects.consistency import longest_chain, possible_places
 from geneoh.objects.smoothing import increments
 from geneoh.objects.symmetry import Symmetry
@@ -70,8 +71,7 @@ def without_faults_of(hand: HandTrack, fps: float) -> tuple[HandTrack, tuple[str
             hand, cure = with_other_fingers(hand, fault.frames), "got those of the frames around"
         else:
             hand, cure = replace(hand, valid=hand.valid & ~fault.frames), "taken as missing"
-        count = int(fault.frames.sum())
-        where = "1 frame" if count == 1 else f"{count} frames"
+        where = numbered(int(fault.frames.sum()), "frame")
         said.append(f"the {hand.side} hand {fault.words} in {where}: {cure}")
     return hand, tuple(said)
 

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.ndimage import binary_erosion, gaussian_filter1d
 from torch import Tensor
 
+from geneoh.errors import numbered
 from geneoh.readers.records import Array
 from geneoh.sequence.gaps import fill_gaps
 from geneoh.sequence.keypoints import PALM, keypoints
@@ -39,7 +40,7 @@ def check_delay(hand: HandTrack, motion: ObjectTrack, fps: float) -> Iterator[st
     """Whether the hand moves at the same time as the object that it holds."""
     delay = hand_delay(hand, motion, fps)
     if delay:
-        frames = "1 frame" if abs(delay) == 1 else f"{abs(delay)} frames"
+        frames = numbered(abs(delay), "frame")
         order = "later" if delay > 0 else "earlier"
         yield (
             f"timing: it seems to move {frames} {order} than the object that it holds; pass "

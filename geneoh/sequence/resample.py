@@ -44,11 +44,15 @@ def at_rate(sequence: Sequence, fps: float) -> Sequence:
 
 def evenly(before: int, after: int, device: torch.device | str = "cpu") -> FrameInterpolation:
     """`after` instants, two or more, spread evenly over the time of `before` frames."""
-    last = before - 1
     # In float64 and by one division, so that instants which fall on a frame do so exactly.
-    place = torch.arange(after, dtype=torch.float64, device=device) * last / (after - 1)
-    start = place.floor().long().clamp(max=last)
-    return FrameInterpolation(start, (start + 1).clamp(max=last), place - start)
+    place = torch.arange(after, dtype=torch.float64, device=device) * (before - 1) / (after - 1)
+    return instants(place, before)
+
+
+def instants(time: Float[Tensor, " N"], frames: int) -> FrameInterpolation:
+    """Times in frames from the start of a track of so many frames."""
+    start = time.floor().long().clamp(0, frames - 1)
+    return FrameInterpolation(start, (start + 1).clamp(max=frames - 1), time - start)
 
 
 def over_frames(sequence: Sequence, frames: int) -> Sequence:
@@ -72,9 +76,7 @@ def over_frames(sequence: Sequence, frames: int) -> Sequence:
 
 def at_times(sequence: Sequence, time: Float[Tensor, " N"]) -> Sequence:
     """The same motion at times in frames from its start, one for each frame of the result."""
-    start = time.floor().long().clamp(0, sequence.frames - 1)
-    after = (start + 1).clamp(max=sequence.frames - 1)
-    return interpolated(sequence, FrameInterpolation(start, after, time - start))
+    return interpolated(sequence, instants(time, sequence.frames))
 
 
 def with_hands_earlier(sequence: Sequence, delay: float | int) -> Sequence:
@@ -88,8 +90,7 @@ def with_hands_earlier(sequence: Sequence, delay: float | int) -> Sequence:
     device = sequence.object.rotation.device
     wanted = torch.arange(last + 1, dtype=torch.float64, device=device) + delay
     time = wanted.nan_to_num().clamp(0, last)
-    start = time.floor().long()
-    between = FrameInterpolation(start, (start + 1).clamp(max=last), time - start)
+    between = instants(time, sequence.frames)
     nearest = time.round().long()
     hands = tuple(
         between.hand(fill_gaps(hand), (time == wanted) & hand.valid[nearest])

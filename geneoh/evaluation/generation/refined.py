@@ -24,8 +24,6 @@ from geneoh.workers.pool import results_of
 
 STILL = 0.3
 """Range of a joint's states below which it stands still: radians or decimetres."""
-OBJECT = ("points", "normals", "part", "axis")
-"""What an object is, of the fields of actions, that a joint which stands still does not need."""
 
 
 def refined(
@@ -66,8 +64,14 @@ def refined_clip(clip: Actions, seed: int) -> Actions:
     if not joint_rests(clip):
         return refined_parts(clip, seed)
     found = refined_parts(as_one_part(clip), seed)
-    of_object = {name: getattr(clip, name) for name in OBJECT}
-    return replace(found, joint=mean_joint(clip), **of_object)
+    return replace(
+        clip,
+        pose=found.pose,
+        wrist=found.wrist,
+        rotation=found.rotation,
+        translation=found.translation,
+        joint=mean_joint(clip),
+    )
 
 
 def refined_parts(clip: Actions, seed: int) -> Actions:

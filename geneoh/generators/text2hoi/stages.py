@@ -69,10 +69,8 @@ def generator_task(
     if stage == "text":
         return TextTask(stage_config(TextTrainConfig(), stage, config, settings)), ()
     if stage == "length":
-        chosen, encoder = (
-            stage_config(LengthTrainConfig(), stage, config, settings),
-            learned.encoder(),
-        )
+        chosen = stage_config(LengthTrainConfig(), stage, config, settings)
+        encoder = learned.encoder()
         chosen = replace(chosen, length=replace(chosen.length, text=encoder.width))
         data = learned.actions(chosen.recorded, on_progress)
         return LengthTask(chosen, data, encoder), data.notes
