@@ -13,6 +13,7 @@ from geneoh.geometry.mirror import mirror_points, mirror_rotations
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.synthesis.actions import LONGEST, VERBS, Actions
 from geneoh.synthesis.bimanual import HandPairs
+from geneoh.synthesis.contact_pads import OtherHands, hand_spheres
 from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.grasp_types import GRASP_TYPES
 from geneoh.synthesis.grasps import Grasps
@@ -85,6 +86,7 @@ class ActingConfig:
     image is the other hand."""
     symmetric: float = 0.003  # largest distance of the mirrored surface from the surface, metres
     gap: float = 0.03  # least distance between keypoints of a hand and its image, metres
+    overlap: float = 0.003  # largest depth of two hands in each other on their ways, metres
     offset: float = 3.0  # range of the frames between two hands that grasp together
     under_table: float = 0.012
     """How deep keypoints may be under the table in the grasp, metres: fingers reach under edges."""
@@ -144,7 +146,8 @@ def act(
     generator: torch.Generator,
     pairs: HandPairs | None = None,
 ) -> Actions:
-    """An action for every grasp, or pair of grasps, that is possible on a table.
+    """An action for every grasp, or pair of grasps, that is possible on a table; those in which two
+    hands meet on their ways are left out.
 
     `families` names the family or scan of each grasp's object; `numbers` is what it is called in
     the result.
@@ -190,7 +193,8 @@ def act(
         pivot=((cast.standing @ solids.pivot[..., None])[..., 0] - ground) * jointed,
         slides=solids.slides,
     ).ended()
-    return actions.mirrored(draws.chance(config.left))
+    actions = actions.mirrored(draws.chance(config.left))
+    return actions.take(overlap_of_hands(actions) < config.overlap, "B")
 
 
 def draw_cast(
@@ -373,6 +377,18 @@ def _timing(
     release = torch.where(lifted[:, None], LASTING, release)
     length = torch.where(lifted, end + held, end + config.grip + config.leave)
     return Timing(close, release, start, length)
+
+
+def overlap_of_hands(actions: Actions) -> Float[Tensor, " B"]:
+    """How deep the two hands of each action are in each other at most, metres; 0 for one hand."""
+    deepest = torch.zeros(len(actions.verb))
+    (two,) = torch.nonzero(actions.hands.all(1), as_tuple=True)
+    if len(two):
+        sides = actions.take(two, "B").keypoints().transpose(0, 1).flatten(1, 2)
+        left, right = (hand_spheres(side, torch.ones(len(side), 1)) for side in sides)
+        depth = OtherHands(*left).depth(*right).unflatten(0, (len(two), -1))
+        deepest[two] = depth.amax((1, 2)).clamp(min=0)
+    return deepest
 
 
 def hand_paths(

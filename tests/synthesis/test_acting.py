@@ -8,9 +8,14 @@ from geneoh.geometry.mirror import mirror_points
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
 from geneoh.hand.skeleton import forward_kinematics
-from geneoh.synthesis.acting import CONTAINERS, ActingConfig, act, is_container
+from geneoh.synthesis.acting import (
+    CONTAINERS,
+    ActingConfig,
+    act,
+    is_container,
+    overlap_of_hands,
+)
 from geneoh.synthesis.actions import LONGEST, VERBS, Actions
-from geneoh.synthesis.bimanual import HandPairs
 from geneoh.synthesis.grasp_types import GRASP_TYPES
 from geneoh.synthesis.grasps import Grasps
 from geneoh.synthesis.hand_motion import HandMotionConfig
@@ -48,12 +53,13 @@ def held_from_above(count: int, kind: str = "power") -> tuple[Grasps, Solids, li
     )
 
 
-def acted(config: ActingConfig, count: int = 24, pairs: HandPairs | None = None) -> Actions:
-    """What they do."""
+def acted(config: ActingConfig, count: int = 24, overlap: float = 1.0) -> Actions:
+    """What they do; two of them may be in each other."""
+    config = replace(config, overlap=overlap)
     grasps, solids, families = held_from_above(count)
     numbers = {name: index for index, name in enumerate(FAMILIES)}
     generator = torch.Generator().manual_seed(1)
-    return act(grasps, solids, families, numbers, 64, config, generator=generator, pairs=pairs)
+    return act(grasps, solids, families, numbers, 64, config, generator=generator)
 
 
 def in_the_object(actions: Actions, side: int) -> Tensor:
@@ -126,6 +132,30 @@ def test_the_mirror_image_of_a_hand_on_a_symmetric_object_is_the_other_hand():
     apart = (actions.wrist[both, 0] - actions.wrist[both, 1]).norm(dim=-1)
     assert (apart > 0.01).all()
     assert not (actions.verb[both] == VERBS.index("pass")).any()
+
+
+def test_two_hands_that_meet_on_their_ways_do_nothing():
+    config = ActingConfig(image_share=1.0, gap=0.0, both=1.0, under_table_both=9.0)
+    deep = overlap_of_hands(acted(config))
+    kept = acted(config, overlap=float(deep.median()))
+    assert torch.equal(overlap_of_hands(kept), deep[deep < deep.median()])
+
+
+def test_the_overlap_of_two_hands_is_the_largest_over_all_frames():
+    """Hands on the palms of each other meet as they come near, and one hand meets none."""
+    away = acted(ActingConfig(left=0.0, image_share=0.0)).take(slice(2), "B")
+    assert torch.equal(overlap_of_hands(away), torch.zeros(2))
+    image = away.mirrored()
+    both = replace(
+        away,
+        hands=torch.ones_like(away.hands),
+        pose=away.pose + image.pose,
+        wrist=away.wrist + image.wrist + torch.tensor([[0.0, 0, 0], [1.0, 0, 0]])[None, :, None],
+    )
+    assert torch.equal(overlap_of_hands(both), torch.zeros(2))
+    near = both.wrist.clone()
+    near[0, 0, 40] = near[0, 1, 40]
+    assert (overlap_of_hands(replace(both, wrist=near)) > 0.005).tolist() == [True, False]
 
 
 def test_what_is_passed_goes_from_one_hand_to_the_other():
