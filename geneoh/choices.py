@@ -137,6 +137,8 @@ GENERATION: dict[str, tuple[int, int]] = {
     "seed": (0, 2**63 - 1),
 }
 """The least and the largest value of each number that `geneoh generate` takes."""
+STEPS, GUIDANCE, DRAWS = 12, 2.0, 8
+"""What it takes where nothing is said; `STEPS` is of bodies, too."""
 
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 AXES: tuple[Axis, ...] = get_args(Axis)

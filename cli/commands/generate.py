@@ -6,7 +6,7 @@ from typing import Any
 import click
 from click import Choice
 
-from geneoh.choices import AXES, GENERATION, REFINERS
+from geneoh.choices import AXES, DRAWS, GENERATION, GUIDANCE, REFINERS, STEPS
 
 from .. import bodies, options, progress
 
@@ -34,16 +34,16 @@ from .. import bodies, options, progress
     "--frames: Length at 30 frames a second.  [default: as the sentence says]",
     click.IntRange(*GENERATION["frames"]),
 )
-@options.option("--steps: Denoising steps (DDIM).", click.IntRange(*GENERATION["steps"]), 25)
+@options.option("--steps: Denoising steps.", click.IntRange(*GENERATION["steps"]), STEPS)
 @options.option(
     "--guidance: How much more the sentence counts than it was learned to; 1 is plain.",
     click.FloatRange(*GENERATION["guidance"]),
-    2.0,
+    GUIDANCE,
 )
 @options.option(
     "--draws: Motions to draw, of which the one that is most like the others is kept.",
     click.IntRange(*GENERATION["draws"]),
-    8,
+    DRAWS,
 )
 @options.option(
     "--refine: What mends hands that hold an object: paper is the refiner of Text2HOI; after it "

@@ -12,6 +12,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 PAPER_STEPS = 1000
+NOISIEST, CLEAREST = 992, 7
+"""Levels of `cosine_sigmas` beyond which answers hardly change: noise of 80, with which Karras et
+al. 2022 start, and of 0.02."""
 COSINE_OFFSET = 0.008  # of the cosine schedule, against steps of hardly any noise
 
 
@@ -56,3 +59,13 @@ def descending_sigmas(
     sigmas = linear_sigmas() if sigmas is None else sigmas
     levels = torch.linspace(level, 0, steps + 1, dtype=torch.float64).round().long()
     return sigmas[levels].to(torch.float32)
+
+
+def logarithmic_sigmas(steps: int, sigmas: Float[Tensor, " N"]) -> Float[Tensor, " M"]:
+    """Noise levels of a sampler from `NOISIEST` to `CLEAREST`, even in their logarithm, and then 0.
+
+    It asks a network `steps` times; `sigmas` are the noise of all levels of that.
+    """
+    most, least = (float(sigmas[level].log10()) for level in (NOISIEST, CLEAREST))
+    levels = torch.logspace(most, least, steps, dtype=torch.float64)
+    return torch.cat([levels, torch.zeros(1, dtype=torch.float64)]).to(torch.float32)

@@ -11,6 +11,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.body.motion import BodyMotion
+from geneoh.choices import STEPS
 from geneoh.evaluation.generation.report import GenerationReport
 from geneoh.evaluation.generation.runner import drawn, told_training
 from geneoh.evaluation.generation.scores import REPETITIONS, repeat
@@ -61,7 +62,7 @@ class GestureOptions:
     """Folder of the generator's weights, as `geneoh train` writes it; what it lacks is shipped."""
     seed: int = 0
     repetitions: int = REPETITIONS
-    steps: int = 25  # denoising steps
+    steps: int = STEPS  # denoising steps
     prompts: int = 16  # bodies and sentences for which several hands are made (multimodality)
     answers: int = 6  # of these for each
     encoder: EncoderConfig = field(default_factory=EncoderConfig)

@@ -4,6 +4,7 @@ import torch
 
 from geneoh.body.motion import BodyMotion
 from geneoh.body.skeleton import BODY_JOINTS, Skeleton
+from geneoh.choices import STEPS
 from geneoh.generators.both2hands.library import Networks, load_networks
 from geneoh.generators.both2hands.limits import within_limits
 from geneoh.generators.both2hands.sampling import SamplingConfig, sample
@@ -20,7 +21,7 @@ def generate_hands(
     skeleton: Skeleton,
     sentence: str,
     *,
-    steps: int = 25,
+    steps: int = STEPS,
     generator: torch.Generator,
     networks: Networks | None = None,
     on_step: OnStep | None = None,

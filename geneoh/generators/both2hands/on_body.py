@@ -10,7 +10,7 @@ import torch
 
 from geneoh.body.motion import BodyMotion, grounded, pose, turned
 from geneoh.body.skeleton import BODY_JOINTS, FINGER_JOINTS, PARENTS, WRISTS
-from geneoh.choices import GENERATION
+from geneoh.choices import GENERATION, STEPS
 from geneoh.config import check_fields
 from geneoh.generators.both2hands.generate import check_sentence, generate_hands
 from geneoh.generators.both2hands.library import load_networks
@@ -35,8 +35,8 @@ from geneoh.synthesis.actions import FPS
 class BodyOptions:
     """The settings of `geneoh.generate_on_body`; the defaults are those of the command."""
 
-    steps: int = 25
-    """Denoising steps (DDIM), 1 to 1,000."""
+    steps: int = STEPS
+    """Denoising steps, 1 to 1,000."""
     refine: Literal["geneoh", "none"] = "geneoh"
     """What mends hands that hold an object: "geneoh", `geneoh.denoise`; "none"."""
     weights: Path | None = None

@@ -10,13 +10,13 @@ from torch import Tensor
 
 from geneoh.body.motion import BodyMotion, pose
 from geneoh.body.skeleton import BODY_JOINTS, Skeleton
-from geneoh.diffusion.samplers import normal_like, sample_ancestral, sample_ddim
-from geneoh.diffusion.schedule import PAPER_STEPS, descending_sigmas
+from geneoh.choices import STEPS
 from geneoh.generators.both2hands.denoiser import HandsDenoiser, Told
 from geneoh.generators.both2hands.features import HANDS, placed, with_fingers
 from geneoh.generators.both2hands.library import Networks
 from geneoh.generators.both2hands.scene import Scene, both_answers, hands_of_text
 from geneoh.generators.both2hands.windows import FRAMES, Windows
+from geneoh.generators.from_noise import Sampler, from_noise
 from geneoh.generators.smoothing import smoothed
 from geneoh.nn.checkpoint import finite_output
 from geneoh.progress import OnStep
@@ -31,8 +31,8 @@ Answer = Callable[[Tensor, Tensor], Tensor]
 class SamplingConfig:
     """How hands are drawn from the networks."""
 
-    sampler: Literal["ddim", "ancestral"] = "ddim"
-    steps: int = 25  # of the noise levels 1,000 to 0 (paper: 1,000 ancestral ones)
+    sampler: Sampler = "multistep"
+    steps: int = STEPS  # from noise to numbers (paper: 1,000 ancestral ones)
     branch: Branch = "blended"
     guidance: float = 2.5
     """How far blended answers go beyond those of the body alone, in every step: 1 is plain (paper),
@@ -91,21 +91,24 @@ class Process:
 
     def run(self, network: HandsDenoiser, answer: Answer) -> Float[Tensor, "B T 270"]:
         """Hands from noise, by the answers of one network or of several."""
-        levels = network.sigmas
 
-        def clean(x: Tensor, sigma: float) -> Tensor:
+        def clean(x: Tensor, level: Tensor) -> Tensor:
             noisy = self.windows.cut(x)
-            found = answer(noisy, (levels - sigma).abs().argmin().float().expand(len(noisy)))
+            found = answer(noisy, level.expand(len(noisy)))
             if network.config.scaling == "range":  # as the paper's code does
                 found = found.clamp(-1, 1)
             return self.windows.join(found)
 
-        sigmas = descending_sigmas(PAPER_STEPS, self.config.steps, levels.double().cpu())
         count = len(self.scene.motion.root) // len(self.windows.starts)
-        noise = torch.zeros(count, self.windows.frames, HANDS, device=levels.device)
-        start = sigmas[0] * normal_like(noise, generator=self.generator)
-        sampler = sample_ddim if self.config.sampler == "ddim" else sample_ancestral
-        return sampler(clean, start, sigmas, generator=self.generator, on_step=self.on_step)
+        return from_noise(
+            clean,
+            (count, self.windows.frames, HANDS),
+            network.sigmas,
+            sampler=self.config.sampler,
+            steps=self.config.steps,
+            generator=self.generator,
+            on_step=self.on_step,
+        )
 
 
 @torch.no_grad()

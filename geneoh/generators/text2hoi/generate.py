@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.choices import GENERATION, Axis, Refiner, Side
+from geneoh.choices import DRAWS, GENERATION, GUIDANCE, STEPS, Axis, Refiner, Side
 from geneoh.config import check_fields
 from geneoh.generators.text2hoi.interaction_file import sequence_of
 from geneoh.generators.text2hoi.library import Networks, load_networks, load_refiner
@@ -41,12 +41,12 @@ class GenerateOptions:
     """Axis of the mesh's frame that points up when the object stands on the table."""
     frames: int | None = None
     """Length at 30 frames a second, 2 to 150; None draws one that suits the sentence."""
-    steps: int = 25
-    """Denoising steps (DDIM), 1 to 1,000."""
-    guidance: float = 2.0
+    steps: int = STEPS
+    """Denoising steps, 1 to 1,000."""
+    guidance: float = GUIDANCE
     """How far answers go beyond those without the sentence, 0 to 10; 1 is plain, and takes half the
     time to draw."""
-    draws: int = 8
+    draws: int = DRAWS
     """Motions that are drawn, 1 to 64, of which the one that is most like the others is kept."""
     refine: Refiner = "geneoh"
     """What mends the hands: "paper" is the refiner of Text2HOI, one pass of a network; after it

@@ -2,15 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from geneoh.choices import TAKING_PART, HandsName, Side
-from geneoh.diffusion.samplers import normal_like, sample_ancestral, sample_ddim
-from geneoh.diffusion.schedule import PAPER_STEPS, descending_sigmas
+from geneoh.choices import DRAWS, GUIDANCE, STEPS, TAKING_PART, HandsName, Side
+from geneoh.generators.from_noise import Sampler, from_noise
 from geneoh.generators.smoothing import smoothed
 from geneoh.generators.text2hoi.condition import Condition
 from geneoh.generators.text2hoi.interaction import InteractionNetwork
@@ -32,14 +30,14 @@ UNKNOWN = -1
 class SamplingConfig:
     """How actions are drawn from the networks."""
 
-    sampler: Literal["ddim", "ancestral"] = "ddim"
-    steps: int = 25  # of the noise levels 1,000 to 0 (paper: 1,000 ancestral ones)
-    guidance: float = 2.0
+    sampler: Sampler = "multistep"
+    steps: int = STEPS  # from noise to numbers (paper: 1,000 ancestral ones)
+    guidance: float = GUIDANCE
     """How far answers are moved from the one without a sentence to the one with it: 1 is the answer
     with it (paper), and more than 1 goes beyond it, at twice the time."""
     smoothing: float = 2.0
     """Deviation in frames of the Gaussian over the numbers at last; 0 for none (paper)."""
-    draws: int = 8
+    draws: int = DRAWS
     """Actions that are drawn for each that is kept, the most typical of them (paper: 1)."""
 
 
@@ -175,21 +173,24 @@ def drawn_numbers(
     """Normalised numbers by the reverse process."""
     told, guided = network.told(condition), config.guidance != 1
     untold = network.told(condition.without_text()) if guided else told
-    levels = network.sigmas
 
-    def clean(x: Tensor, sigma: float) -> Tensor:
-        level = (levels - sigma).abs().argmin().float().expand(len(x))
+    def answer(x: Tensor, level: Tensor) -> Tensor:
+        level = level.expand(len(x))
         found = network.denoised(x, level, told)
         if guided:
             without = network.denoised(x, level, untold)
             found = without + config.guidance * (found - without)
         return found
 
-    sigmas = descending_sigmas(PAPER_STEPS, config.steps, levels.double().cpu())
-    noise = torch.zeros(*condition.valid.shape, NUMBERS, device=levels.device)
-    start = sigmas[0] * normal_like(noise, generator=generator)
-    run = sample_ddim if config.sampler == "ddim" else sample_ancestral
-    return run(clean, start, sigmas, generator=generator, on_step=on_step)
+    return from_noise(
+        answer,
+        (*condition.valid.shape, NUMBERS),
+        network.sigmas,
+        sampler=config.sampler,
+        steps=config.steps,
+        generator=generator,
+        on_step=on_step,
+    )
 
 
 def still(objects: Objects, frames: int) -> Actions:

@@ -142,7 +142,7 @@ def perfect(networks, clean):
     return replace(networks, interaction=interaction)
 
 
-@pytest.mark.parametrize("sampler", ["ddim", "ancestral"])
+@pytest.mark.parametrize("sampler", ["multistep", "ancestral"])
 def test_a_network_that_knows_the_clean_numbers_is_followed(networks, objects, sampler):
     clean = torch.randn(3, 12, 208, generator=torch.Generator().manual_seed(5))
     told = condition_of(networks, objects, SAID, HANDS, LENGTHS, torch.zeros(3, 48))
@@ -162,7 +162,7 @@ def test_the_network_is_told_the_number_of_each_level(networks, objects):
     told = condition_of(networks, objects, SAID, HANDS, LENGTHS, torch.zeros(3, 48))
     generator = torch.Generator().manual_seed(0)
     drawn_numbers(interaction, told, SamplingConfig(steps=4, guidance=1.0), generator=generator)
-    assert heard == [1000, 750, 500, 250]
+    assert heard == [992, 874, 188, 7]  # of noise 80 to 0.02, even in its logarithm
     heard.clear()
     paper = SamplingConfig("ancestral", steps=1000, guidance=1.0)
     drawn_numbers(interaction, told, paper, generator=generator)

@@ -1,0 +1,44 @@
+"""Clips from noise alone: the reverse process of both generators."""
+
+from collections.abc import Callable
+from typing import Literal
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.diffusion.samplers import normal_like, sample_ancestral, sample_multistep
+from geneoh.diffusion.schedule import PAPER_STEPS, descending_sigmas, logarithmic_sigmas
+from geneoh.progress import OnStep
+
+Answer = Callable[[Tensor, Float[Tensor, ""]], Tensor]
+"""From noisy numbers and the number of their noise level, 0 to 1,000, to clean ones."""
+Sampler = Literal["multistep", "ancestral"]
+"""How noise is taken away: in few steps without new noise, or as in the papers."""
+
+
+def from_noise(
+    answer: Answer,
+    shape: tuple[int, ...],
+    levels: Float[Tensor, " N"],
+    *,
+    sampler: Sampler,
+    steps: int,
+    generator: torch.Generator,
+    on_step: OnStep | None = None,
+) -> Float[Tensor, "*S"]:
+    """Numbers of a shape that a network makes of noise, on the device of its noise `levels`.
+
+    It is asked `steps` times, each time at the level that is nearest to the noise there is.
+    """
+
+    def clean(x: Tensor, sigma: float) -> Tensor:
+        return answer(x, (levels - sigma).abs().argmin().float())
+
+    known = levels.double().cpu()
+    if sampler == "multistep":
+        sigmas, run = logarithmic_sigmas(steps, known), sample_multistep
+    else:
+        sigmas, run = descending_sigmas(PAPER_STEPS, steps, known), sample_ancestral
+    noise = normal_like(torch.zeros(shape, device=levels.device), generator=generator)
+    return run(clean, sigmas[0] * noise, sigmas, generator=generator, on_step=on_step)
