@@ -13,8 +13,9 @@ from geneoh.choices import OF_SOURCES, JointOrder, Side, Translation, Unit
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import Mesh
 from geneoh.hand.mano import AS_SHIPPED, ManoName
+from geneoh.readers.clock import Clock, clock_of
 from geneoh.readers.mano import Mano, read_mano
-from geneoh.readers.records import Array, Place
+from geneoh.readers.records import Array, Place, Record
 from geneoh.sequence.sequence import HandTrack, Sequence
 from geneoh.sequence.windows import runs
 
@@ -162,6 +163,8 @@ class ClipParts:
     """(T,) the frames to keep, by default those in which the motion is known."""
     after_jump: Array | None = None
     """(T,) frames that do not follow in time from the one before them."""
+    clock: Clock | None = None
+    """When the frames were taken, where that may be uneven; `fps` is then of even ones."""
     convention: ManoConvention | None = None
     """How the source uses MANO, where that is not the same in all of its clips."""
     camera: Place | None = None
@@ -193,6 +196,25 @@ def rate_of(stored: float | None, given: float | None, where: str) -> tuple[floa
     if rate is not None:
         return rate, ()
     return ASSUMED_FPS, (f"{ASSUMED_FPS:g} frames a second assumed; --fps says otherwise",)
+
+
+def timing_of(
+    record: Record, frames: int, given: float | None
+) -> tuple[float, Clock | None, tuple[str, ...]]:
+    """Frames a second, when so many frames of a file were taken, and what a user should know.
+
+    By the fields of the file and the caller's rate; see `rate_of`.
+    """
+    stored = record.optional_number("fps", "save it as fps=30.0")
+    said = given if stored is None else stored
+    clock = clock_of(record, frames, said)
+    about = () if clock is None else clock.notes
+    if said is None and clock is not None and clock.fps is not None:
+        return clock.fps, clock, about
+    rate, notes = rate_of(stored, given, record.where)
+    if clock is not None:
+        rate = rate / clock.stride if clock.fps is None else clock.fps
+    return rate, clock, (*about, *notes)
 
 
 def paths_matching(path: Path, pattern: str) -> Iterator[Path]:

@@ -104,14 +104,19 @@ class DatasetReader:
             if bool(hand.valid.any()):
                 hands.append(hand)
                 notes += about_hand
-        rate = options.rate(self.fps if parts.fps is None else parts.fps)
+        rate = self.fps if parts.fps is None else parts.fps
+        rate = options.rate(rate) if parts.clock is None else rate
         sequence = builders.sequence_of(hands, motion, rate, parts.source, notes)
         refuse_other_frames(where, sequence, parts.cross_checks)
         camera = parts.camera if options.camera is None else options.camera
         if camera is not None:
             place = torch.tensor([camera], dtype=torch.float32)
             sequence = seen_from(sequence, place, f"{where}: the camera's position")
-        return Recording(parts.name or clip.name, sequence, names, parts.cross_checks)
+        checks = parts.cross_checks
+        if parts.clock is not None:
+            sequence, nearest = parts.clock.even(sequence)
+            checks = checks[nearest]
+        return Recording(parts.name or clip.name, sequence, names, checks)
 
 
 def reads(

@@ -2,7 +2,8 @@
 
 Results of the Hand Landmarker and of the older Hands, from Python or JavaScript, one a frame in a
 list. Tables are wide, a row a frame with columns such as `x0` or `WRIST_x`, or long, a row a point
-with the columns `frame`, `landmark`, `x`, `y` and `z`.
+with the columns `frame`, `landmark`, `x`, `y` and `z`. Both may have the number of each frame, its
+time, or both (`geneoh.readers.clock`).
 """
 
 import csv
@@ -17,6 +18,7 @@ import numpy as np
 from geneoh.choices import SIDES, Side
 from geneoh.errors import InputError
 from geneoh.files.reading import open_text
+from geneoh.readers.clock import CLOCK_NAMES, TIME_NAMES
 from geneoh.readers.foreign_files import JSON_LIMIT, number_in
 from geneoh.readers.records import FRAME_LIMIT, Array, Record, as_record
 
@@ -56,6 +58,9 @@ class Track:
     trust: Array
 
 
+Row = dict[str, str]
+"""A row of a table by the names of its columns."""
+
 Tracks = dict[Side | None, Track]
 """The hands of a file by the side that it says; None where it says none."""
 
@@ -76,9 +81,16 @@ def frames_in(value: Any) -> list[Any]:
     return value if isinstance(value, list) else []
 
 
-def fps_in(value: Any, where: str) -> float | None:
-    """Frames a second, where a JSON value has them beside its results."""
-    return Record(where, value).optional_number("fps") if isinstance(value, dict) else None
+def stamps_in(value: Any, where: str) -> Record:
+    """What a JSON value says of time, beside its results or in each of them."""
+    frames = frames_in(value)
+    named = value if isinstance(value, dict) else {}
+    stamps = {name: named[name] for name in ("fps", *CLOCK_NAMES) if name in named}
+    for name in CLOCK_NAMES:
+        told = [frame[name] for frame in frames if isinstance(frame, dict) and name in frame]
+        if told and len(told) == len(frames):
+            stamps[name] = told
+    return Record(where, stamps, "correct it, or leave it out")
 
 
 def read_results(value: Any, where: str, side: Side | None) -> tuple[Tracks, Notes]:
@@ -162,16 +174,20 @@ def label_of(value: Any) -> tuple[Side | None, float]:
     return next((side for side in SIDES if side == text), None), float(sure)
 
 
-def read_points(path: Path, side: Side | None) -> tuple[Tracks, Notes]:
-    """The hands in a table of points, by the side that a column says; see `as_one_hand`."""
+def read_points(path: Path, side: Side | None) -> tuple[Tracks, Notes, Record]:
+    """The hands in a table of points, by the side that a column says, and the times of its frames.
+
+    See `as_one_hand`.
+    """
     try:
         with open_text(path, JSON_LIMIT) as file:
-            rows = csv.DictReader(file)
-            rows.fieldnames = [str(name).strip().lower() for name in rows.fieldnames or ()]
-            columns = point_columns(rows.fieldnames, path)
-            cells = list(cells_of(rows, columns, side, path))
+            table = csv.DictReader(file)
+            table.fieldnames = [str(name).strip().lower() for name in table.fieldnames or ()]
+            columns = point_columns(table.fieldnames, path)
+            rows = list(table)
     except csv.Error as error:
         raise InputError(f"{path}: expected a table ({error}); export it again") from None
+    cells = list(cells_of(rows, columns, side, path))
     frames = [frame for _, frame, _, _, _ in cells]
     first, last = min(frames, default=0), max(frames, default=0)
     if not cells or last - first >= FRAME_LIMIT:
@@ -183,7 +199,34 @@ def read_points(path: Path, side: Side | None) -> tuple[Tracks, Notes]:
         track.trust[frame - first] = 1.0
     for track in found.values():
         refuse_image_landmarks(track.points, str(path))
-    return as_one_hand(found, side)
+    return *as_one_hand(found, side), times_in(rows, path)
+
+
+def times_in(rows: list[Row], path: Path) -> Record:
+    """The times of a table's frames, between others of one without a row; empty without times."""
+    name = column_of(rows, TIME_NAMES)
+    if name is None:
+        return Record(str(path), {})
+    told = dict(zip(frames_of(rows), (number_in(row[name] or "") for row in rows), strict=True))
+    frames = sorted(told)
+    every = np.arange(int(frames[0]), int(frames[-1]) + 1)
+    times = np.interp(every, frames, [told[frame] for frame in frames])
+    return Record(str(path), {name: times}, "correct the table")
+
+
+def column_of(rows: list[Row], names: Iterable[str]) -> str | None:
+    """The first of some names that a table has as a column."""
+    return next((name for name in names if rows and name in rows[0]), None)
+
+
+def frames_of(rows: list[Row]) -> list[float]:
+    """The frame of each row: by its number, else by its time, else one for each row."""
+    if name := column_of(rows, FRAME_COLUMNS):
+        return [number_in(row[name] or "") for row in rows]
+    if name := column_of(rows, TIME_NAMES):
+        times = [number_in(row[name] or "") for row in rows]
+        return np.unique(times, return_inverse=True)[1].astype(float).tolist()
+    return np.arange(float(len(rows))).tolist()
 
 
 def point_columns(names: Iterable[str], path: Path) -> dict[str, tuple[int | None, int]]:
@@ -217,26 +260,25 @@ def point_number(text: str) -> int | None:
 
 
 def cells_of(
-    rows: Iterable[dict[str, str]],
+    rows: list[Row],
     columns: dict[str, tuple[int | None, int]],
     side: Side | None,
     path: Path,
 ) -> Iterable[tuple[Side | None, int, int, int, float]]:
     """Side, frame, point, axis and number of every coordinate in a table."""
-    for line, row in enumerate(rows):
-        told = next((row[name] for name in FRAME_COLUMNS if name in row), None)
+    long = next(iter(columns.values()))[0] is None
+    timed = column_of(rows, (*FRAME_COLUMNS, *TIME_NAMES)) is not None
+    for line, (row, frame) in enumerate(zip(rows, frames_of(rows), strict=True)):
         named = next((row[name] for name in POINT_COLUMNS if name in row), None) or ""
-        long = next(iter(columns.values()))[0] is None
-        frame = float(line) if told is None and not long else number_in(told or "")
         told_side: Side | None = next(
             (label_of(row[name])[0] for name in SIDE_COLUMNS if name in row), None
         )
         for name, (fixed, axis) in columns.items():
             point = point_number(named) if fixed is None else fixed
-            if point is None or not abs(frame) < 1e9:
+            if point is None or not abs(frame) < 1e9 or (long and not timed):
                 raise InputError(
                     f"{path}: line {line + 2} must have the number of its frame and a landmark "
-                    f"from 0 to 20 or by name, got {told!r:.40} and {named!r:.40}; correct it"
+                    f"from 0 to 20 or by name, got {frame:g} and {named!r:.40}; correct it"
                 )
             yield told_side or side, int(frame), point, axis, number_in(row[name] or "")
 

@@ -16,7 +16,7 @@ from geneoh.files.npz import Arrays, write_archive
 from geneoh.geometry.mesh import METRES, Mesh, MeshInput, meshes_of
 from geneoh.hand.mano import AS_SHIPPED, MENDED
 from geneoh.readers import foreign_files, npz_layouts
-from geneoh.readers.base import rate_of
+from geneoh.readers.base import timing_of
 from geneoh.readers.joint_orders import ORDERS, in_openpose_order
 from geneoh.readers.meshes import find_meshes, mesh_arrays, with_parts
 from geneoh.readers.npz_layouts import CAMERA_FIELDS, FORMAT, OBJECT_FIELDS, own_names, quoted
@@ -171,12 +171,13 @@ def sequence_in(
     """The sequence in the fields of a layout, and what had to be assumed, in words."""
     hands, about_hands = read_hands(record, layout, side, mano_dir)
     motion, about_object = with_parts(read_object(record, meshes, hands[0].frames))
-    stored = record.optional_number("fps", "save it as fps=30.0")
-    rate, notes = rate_of(stored, fps, record.where)
+    rate, clock, notes = timing_of(record, hands[0].frames, fps)
     if motion.valid is not None:
         lost = int((~motion.valid).any(1).sum())
         about_object = (*about_object, f"{lost} frames without a pose of the object were filled in")
     sequence = with_camera_fields(record, Sequence(hands, motion, rate))
+    if clock is not None and sequence.frames == hands[0].frames:
+        sequence, _ = clock.even(sequence)
     return sequence, (*about_hands, *about_object, *notes)
 
 

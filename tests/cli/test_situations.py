@@ -405,6 +405,28 @@ SITUATIONS = [
     Situation("A negative rate", "1 to 1000", with_arrays(fps=None), f"{RUN} --fps -30"),
     Situation("A rate of a million", "1 to 1000", with_arrays(fps=1e6)),
     Situation("Seconds for a rate", "as seconds per frame", with_arrays(fps=0.0333)),
+    Situation(
+        "Frame numbers beside the frames leave some out",
+        "left out by 'frame_ids'",
+        with_arrays(frame_ids=np.r_[0, 2 : 1 + FRAMES]),
+        code=0,
+    ),
+    Situation(
+        "Times of the frames that are uneven",
+        "not even by 'timestamps'",
+        with_arrays(timestamps=np.arange(FRAMES) / 30 + 0.006 * (np.arange(FRAMES) % 2)),
+        code=0,
+    ),
+    Situation(
+        "Times of the frames that contradict the rate",
+        "'timestamps' says 15 frames a second, got 30",
+        with_arrays(timestamps=np.arange(FRAMES) / 15),
+    ),
+    Situation(
+        "Frame numbers that start again",
+        "'frame' must be numbers that rise",
+        with_arrays(frame=np.arange(FRAMES) % (FRAMES - 2)),
+    ),
     # The object's poses
     Situation(
         "No mesh",

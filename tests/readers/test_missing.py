@@ -353,3 +353,30 @@ def test_frames_of_oakink2_that_would_be_lost_are_told(tmp_path, mano_dir):
     renumber_oakink2(tmp_path, -3)
     with pytest.raises(InputError, match="'mocap_frame_id_list' must be frame numbers about 4"):
         read("oakink2", tmp_path, mano_dir)
+
+
+def test_frames_of_taco_go_by_their_numbers(tmp_path, mano_dir):
+    case = next(case for case in CASES if case.source == "taco")
+    case.build(tmp_path, scene(case.left), False)
+    path = next(tmp_path.rglob("right_hand.pkl"))
+    frames = list(pickle.loads(path.read_bytes()).values())
+    numbered = {str(8 + t): frame for t, frame in enumerate(frames) if t != LOST}
+    path.write_bytes(pickle.dumps(numbered))
+    found = [recording.sequence.hands[0] for recording in read("taco", tmp_path, mano_dir)]
+    (right,) = (hand for hand in found if hand.side == "right")
+    wanted = torch.from_numpy(scene(case.left).wrist["right"]).float()
+    wanted[LOST] = torch.nan
+    torch.testing.assert_close(right.wrist, wanted, atol=1e-5, rtol=0, equal_nan=True)
+
+
+def test_rows_that_do_not_say_their_image_are_told(tmp_path):
+    case = next(case for case in CASES if case.source == "hamer")
+    case.build(tmp_path, scene(case.left), False)
+    value = torch.load(tmp_path / "video.pt")
+    right = value.pop("right") > 0.5
+    del value["frame"]
+    params = {n: v[right] for n, v in value.pop("pred_mano_params").items()}
+    one = {"pred_mano_params": params, "right": torch.ones(int(right.sum()))}
+    torch.save({n: v[right] for n, v in value.items()} | one, tmp_path / "video.pt")
+    (recording,) = read("hamer", tmp_path, None)
+    assert "no 'frame'" in recording.sequence.source

@@ -15,11 +15,9 @@ from scipy.spatial.transform import Rotation, Slerp
 from geneoh.choices import Side
 from geneoh.readers import base, builders, foreign_files, joint_orders, transforms
 from geneoh.readers.dataset_reader import reads
-from geneoh.readers.records import FRAME_LIMIT, Array, Record
+from geneoh.readers.records import Array, Record
 
 MICROSECONDS = 1e-6
-SINGLE_FRAME_FPS = 10.0
-"""Frames a second of a table of one frame; Aria tracks hands at 10 a second."""
 LEAST_CONFIDENCE = 0.7
 """Below it landmarks are unusable; the threshold that EgoAllo uses."""
 LONGEST_WAIT = 0.1
@@ -38,23 +36,15 @@ def aria(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Both hands at even steps of time, in the world where the trajectory is there."""
     record = foreign_files.read_table(clip.path, TRACKING)
     seconds = record.array("tracking_timestamp_us", ("T",)) * MICROSECONDS
-    steps = np.diff(seconds)
-    if not np.isfinite(seconds).all() or not (steps > 0).all():
-        raise record.refuse("tracking_timestamp_us", "times that rise")
-    rate = options.rate(float(1 / np.median(steps)) if len(steps) else SINGLE_FRAME_FPS)
-    clock = np.rint((seconds - seconds[0]) * rate)
-    if not clock[-1] < FRAME_LIMIT:
-        raise record.refuse("tracking_timestamp_us", f"less than {FRAME_LIMIT} frames in all")
-    device, notes = read_device(base.ancestor(clip.path, 2), seconds)
+    rate, clock, notes = base.timing_of(record, len(seconds), options.fps)
+    device, about_device = read_device(base.ancestor(clip.path, 2), seconds)
     hands = []
     for side in ("right", "left"):
         points, trust = read_side(record, side)
         points = points if device is None else transforms.moved_points(points, device)
-        joints = np.full((int(clock[-1]) + 1, 21, 3), np.nan)
-        confidence = np.zeros(joints.shape[:2])
-        joints[clock.astype(int)], confidence[clock.astype(int)] = points, trust
-        hands.append(builders.hand_track(side, joints, confidence))
-    yield base.ClipParts(f"Aria MPS {clip.name}", hands, fps=rate, notes=notes)
+        hands.append(builders.hand_track(side, points, trust))
+    timed = {"fps": rate, "clock": clock, "notes": (*about_device, *notes)}
+    yield base.ClipParts(f"Aria MPS {clip.name}", hands, **timed)
 
 
 def read_side(record: Record, side: Side) -> tuple[Array, Array]:

@@ -1,7 +1,7 @@
 """Any array of keypoints, or of MANO parameters. NaN means not observed.
 
-A file with fields may say more: 'side', 'fps', 'valid' (T) and 'confidence' (T) or (T, N), with the
-meaning that they have in npz files that need no source.
+A file with fields may say more: 'side', 'fps', 'valid' (T), 'confidence' (T) or (T, N), and times
+or numbers of frames (T), with the meaning that they have in npz files that need no source.
 
 Keypoints: (T, 21, 3) in a npy, or 'joints' in an npz, in a named order (--joint-order); the orders
 of WebXR and OpenXR have 25 and 26 points. Metres unless --keypoint-unit says otherwise. --side says
@@ -52,12 +52,11 @@ def keypoints(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     points, confidence, missed = without_missing(points, read_confidence(record, "confidence"))
     joints, notes = observed(record, side, "joints", points.numpy())
     hand = builders.hand_track(side, joints, None if confidence is None else confidence.numpy())
-    rate, more = base.rate_of(record.optional_number("fps"), options.fps, record.where)
+    rate, clock, more = base.timing_of(record, hand.frames, options.fps)
     source = f"{clip.path.name} (keypoints in the order {order})"
     checks = base.CrossChecks({side: joints})
-    yield base.ClipParts(
-        source, [hand], fps=rate, notes=(*missed, *notes, *more), cross_checks=checks
-    )
+    timed = {"fps": rate, "clock": clock, "notes": (*missed, *notes, *more)}
+    yield base.ClipParts(source, [hand], cross_checks=checks, **timed)
 
 
 @reads("*.npy", "*.npz", "*.pkl", takes=("translation", "mean_pose", "object_pose"))
@@ -83,10 +82,11 @@ def parameters(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts
     hand = base.ManoParameters(side, pose, place, betas, confidence=trust)
     if options.mean_pose is None:
         notes = (*notes, "the pose is taken as absolute")
-    rate, more = base.rate_of(record.optional_number("fps"), options.fps, record.where)
+    rate, clock, more = base.timing_of(record, hand.frames, options.fps)
     use = base.ManoConvention(options.translation, mean_added=bool(options.mean_pose))
     source = f"{clip.path.name} (MANO parameters)"
-    yield base.ClipParts(source, [hand], fps=rate, notes=(*notes, *more), convention=use)
+    timed = {"fps": rate, "clock": clock, "notes": (*notes, *more)}
+    yield base.ClipParts(source, [hand], convention=use, **timed)
 
 
 def observed(record: Record, side: Side, name: str, values: Array) -> tuple[Array, Notes]:

@@ -30,6 +30,7 @@ ENDINGS = (".pkl", ".pickle", ".npz", ".pt", ".pth", ".npy")
 DEMO_FOCAL = 5000.0 / 256.0
 """Focal length in the demos, as a share of the longer side of the image."""
 FOCAL_NOTE = "the demos' focal length: much too deep, pass --focal"
+ORDER_NOTE = "no 'frame': each row is taken for the image after that of the row before"
 
 Detection = dict[str, Array]
 """What was estimated for one hand in one image: turns, betas, points, right, trans."""
@@ -56,7 +57,7 @@ def dumps(found: Iterable[Path], path: Path) -> list[Path]:
 )
 def hamer(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Up to two hands in the camera's frame, with the caller's object."""
-    detections, frames = read_detections(clip.path, options)
+    detections, frames, notes = read_detections(clip.path, options)
     hands = [FollowedHand(side, frames) for side in ("right", "left")]
     for frame, detection in sorted(detections, key=lambda row: row[0]):
         for hand in hands:
@@ -65,7 +66,7 @@ def hamer(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     yield base.ClipParts(
         f"HaMeR or WiLoR {clip.name}",
         [hand.track() for hand in hands],
-        notes=() if options.focal else (FOCAL_NOTE,),
+        notes=notes if options.focal else (*notes, FOCAL_NOTE),
         cross_checks=base.CrossChecks(joints={hand.side: hand.joints for hand in hands}),
         camera=(0.0, 0.0, 0.0),
     )
@@ -110,10 +111,13 @@ class FollowedHand:
         return hand_track(self.side, self.joints, **numbers, left_hand=MENDED)  # right, mirrored
 
 
-def read_detections(path: Path, options: base.ReaderOptions) -> tuple[list[Found], int]:
-    """Every detection with its frame, and the number of frames."""
+def read_detections(
+    path: Path, options: base.ReaderOptions
+) -> tuple[list[Found], int, tuple[str, ...]]:
+    """Every detection with its frame, the number of frames, and what was assumed."""
     files = [path] if path.is_file() else sorted(p for p in path.iterdir() if p.suffix in ENDINGS)
     found: list[Found] = []
+    notes: tuple[str, ...] = ()
     for file in files:
         record = read_record(file)
         batch = read_batch(record, options)
@@ -122,7 +126,7 @@ def read_detections(path: Path, options: base.ReaderOptions) -> tuple[list[Found
             frames = record.integers("frame")
         elif path.is_file():
             refuse_pairs(record, batch["right"])
-            frames = list(range(count))
+            frames, notes = list(range(count)), (ORDER_NOTE,) if count > 1 else ()
         else:
             frames = [frame_number(file)] * count
         if len(frames) != count or min(frames) < 0 or max(frames) > FRAME_LIMIT:
@@ -132,7 +136,7 @@ def read_detections(path: Path, options: base.ReaderOptions) -> tuple[list[Found
     if not found:
         raise InputError(f"{path}: expected detections, got none; check the dump")
     first, last = min(frame for frame, _ in found), max(frame for frame, _ in found)
-    return [(frame - first, detection) for frame, detection in found], last - first + 1
+    return [(frame - first, detection) for frame, detection in found], last - first + 1, notes
 
 
 def refuse_pairs(record: Record, right: Array) -> None:

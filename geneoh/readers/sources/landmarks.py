@@ -36,13 +36,14 @@ def landmarks(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Up to two hands, with the caller's object."""
     where = str(clip.path)
     if clip.path.suffix == ".csv":
-        yield from foreign_parts(clip, *mediapipe.read_points(clip.path, options.side), options)
+        tracks, notes, stamps = mediapipe.read_points(clip.path, options.side)
+        yield from foreign_parts(clip, tracks, notes, options, stamps)
         return
     value = foreign_files.read_json(clip.path)
     if mediapipe.is_results(value):
         tracks, about_sides = mediapipe.read_results(value, where, options.side)
-        rate = mediapipe.fps_in(value, where)
-        yield from foreign_parts(clip, tracks, (*mediapipe.NOTES, *about_sides), options, rate)
+        stamps = mediapipe.stamps_in(value, where)
+        yield from foreign_parts(clip, tracks, (*mediapipe.NOTES, *about_sides), options, stamps)
         return
     record = as_record(value, where)
     if "format" not in record:
@@ -77,16 +78,17 @@ def foreign_parts(
     tracks: mediapipe.Tracks,
     notes: mediapipe.Notes,
     options: base.ReaderOptions,
-    stored: float | None = None,
+    stamps: Record,
 ) -> base.Parts:
-    """The interaction of tracks whose file says its rate, where it does, and perhaps no side."""
+    """The interaction of tracks whose file says what it does of time, and perhaps no side."""
     if len(tracks) == 1:  # the label of a side is a guess: the caller's word counts
         ((label, track),) = tracks.items()
         side = options.side or label or side_of(Record(str(clip.path), {}), None)
         tracks = {side: track}
     elif None in tracks:
         raise InputError(f"{clip.path}: expected the side of each hand, got one without; add it")
-    rate, about_rate = base.rate_of(stored, options.fps, str(clip.path))
+    frames = max((len(track.points) for track in tracks.values()), default=0)
+    rate, clock, about_time = base.timing_of(stamps, frames, options.fps)
     scale = METRES[options.keypoint_unit or "m"]
     yield base.ClipParts(
         clip.path.name,
@@ -96,7 +98,8 @@ def foreign_parts(
             if side is not None
         ],
         fps=rate,
-        notes=(*notes, *about_rate),
+        clock=clock,
+        notes=(*notes, *about_time),
     )
 
 

@@ -3,9 +3,9 @@
 Both: translation of the wrist, absolute pose, left hand as shipped, metres, 30 frames a second.
 
 Distributed: the right hand with its tool, the left hand with its target, in a world frame with z
-up. Torch tensors in pickles, also of a GPU: Hand_Poses/{triplet}/{seq}/{side}_hand.pkl and
-{side}_hand_shape.pkl beside it. The object: Object_Poses/{triplet}/{seq}/{tool|target}_{id}.npy and
-Object_Models/{id}_cm.obj in centimetres.
+up. Torch tensors in pickles, also of a GPU: Hand_Poses/{triplet}/{seq}/{side}_hand.pkl, by the
+number of the frame, and {side}_hand_shape.pkl beside it. The object:
+Object_Poses/{triplet}/{seq}/{tool|target}_{id}.npy and Object_Models/{id}_cm.obj in centimetres.
 
 Simplified: {seq}.pkl with one hand and its object, {seq}.obj. hand_pose (T, 48), hand_trans (T, 3),
 hand_shape (10,), hand_verts (T, 778, 3), obj_verts (T, V, 3), obj_faces, obj_pose (T, 4, 4). The
@@ -81,15 +81,19 @@ def taco_pickle(clip: base.SourceClip, options: base.ReaderOptions) -> base.Part
 
 
 def read_hand(folder: Path, side: Side, frames: int) -> base.ManoParameters:
-    """One hand, in as many frames as the object has, with betas where there is a file of them."""
+    """One hand, in as many frames as the object has, with betas where there is a file of them.
+
+    The hand was not observed in frames whose number is left out.
+    """
     record = foreign_files.read_record(folder / f"{side}_hand.pkl")
-    keys = sorted(record.values, key=str)
-    if len(keys) != frames:
+    keys = {foreign_files.frame_number(Path(str(key))): key for key in record.values}
+    first, last = min(keys, default=0), max(keys, default=-1)
+    if last - first + 1 != frames:
         raise InputError(
-            f"{record.where}: expected {frames} frames, as the object has, got {len(keys)}; "
-            "the files are of different sequences or versions"
+            f"{record.where}: expected {frames} frames, as the object has, got frames {first} to "
+            f"{last}; the files are of different sequences or versions"
         )
-    steps = {frame: record.record(key) for frame, key in enumerate(keys)}
+    steps = {number - first: record.record(key) for number, key in keys.items()}
     hand = builders.hand_by_frame(side, steps, frames, "hand_pose", "hand_trans")
     shape = folder / f"{side}_hand_shape.pkl"
     betas = foreign_files.read_record(shape).array("hand_shape", (10,)) if shape.is_file() else None

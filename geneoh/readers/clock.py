@@ -1,0 +1,213 @@
+"""When the frames of a file were taken, by the times or the frame numbers that it has beside them.
+
+Frames that were left out, or that are not evenly apart, must not be taken for even ones: a hand
+would seem to leap, or to move faster than it does.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Bool
+from torch import Tensor
+
+from geneoh.bundle import FRAMES
+from geneoh.errors import InputError
+from geneoh.readers.records import Array, Record
+from geneoh.sequence.resample import MOST_FRAMES, at_times
+from geneoh.sequence.sequence import HandTrack, Sequence
+
+FRAME_NAMES = ("frame", "frames", "frame_id", "frame_ids", "frame_idx", "frame_index")
+FRAME_NAMES += ("frame_indices", "frame_number", "frame_numbers")
+"""Fields that number the frames."""
+UNITS = {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+TIME_NAMES = {name: None for name in ("time", "times", "timestamp", "timestamps")} | {
+    f"{name}_{unit}": seconds
+    for name in ("time", "times", "timestamp", "timestamps", "tracking_timestamp")
+    for unit, seconds in UNITS.items()
+}
+"""Fields of times, with the seconds of their unit where the name says it."""
+CLOCK_NAMES = (*TIME_NAMES, *FRAME_NAMES)
+SLOWEST, FASTEST = 5.0, 240.0
+"""Frames a second of recordings, by which the unit of times is told whose name does not say it."""
+EVEN = 0.1
+"""Share of a frame that frames may be off to count as even: cameras and milliseconds round."""
+NEAR = 1.5
+"""Frames apart within which two frames tell what is between them."""
+USUAL_STEPS = 0.6, 1.8
+"""Frames of a rate between which the median step of its uneven frames lies."""
+SAME_RATE, OTHER_RATE = 0.01, 0.15
+"""Shares within which a stated rate is that of the times, and beyond which it contradicts them."""
+
+
+@dataclass(frozen=True)
+class Clock:
+    """When T frames were taken."""
+
+    name: str
+    """The field that says it."""
+    at: Array
+    """(T,) frames from the first one, that rise by about 1 where none is left out."""
+    fps: float | None
+    """Of even frames, by times; frame numbers do not say it."""
+    stride: float = 1.0
+    """From one frame's number to the next one's."""
+
+    @property
+    def instants(self) -> Array:
+        """(T,) `at`, whole where the frames are even but for gaps."""
+        whole = np.rint(self.at)
+        return whole if np.abs(self.at - whole).max() < EVEN else self.at
+
+    @property
+    def observed(self) -> Array:
+        """(N,) whether each even frame is near a frame of the file, or between near ones."""
+        at, grid = self.instants, self.grid
+        before = at[np.searchsorted(at, grid, "right") - 1]
+        after = at[np.searchsorted(at, grid).clip(max=len(at) - 1)]
+        nearest = np.minimum(grid - before, np.abs(after - grid))
+        return (nearest <= 0.5) | (after - before <= NEAR)
+
+    @property
+    def grid(self) -> Array:
+        """(N,) the even frames, counted from the first one."""
+        return np.arange(round(self.at[-1]) + 1)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a user should know of it, in words."""
+        said, seen = [], self.observed
+        if lost := int((~seen).sum()):
+            said.append(f"{lost} of {len(seen)} frames are left out by '{self.name}'")
+        if self.instants is self.at:
+            said.append(f"the frames are not even by '{self.name}' and were interpolated")
+        if self.stride != 1:
+            said.append(
+                f"by '{self.name}' the file holds one frame in {self.stride:g}, and the frame rate "
+                "counts all of them"
+            )
+        return tuple(said)
+
+    def even(self, sequence: Sequence) -> tuple[Sequence, Array]:
+        """The sequence with even frames, and for each of these the nearest of its old ones.
+
+        A hand is NaN in frames in which it was not observed.
+        """
+        at, grid, seen = self.instants, self.grid, torch.from_numpy(self.observed)
+        if len(at) == len(grid) and bool((at == grid).all()):
+            return sequence, grid
+        rows = np.interp(grid, at, np.arange(len(at)))
+        found = at_times(sequence, torch.from_numpy(rows))
+        hands = tuple(observed_in(hand, hand.valid & seen) for hand in found.hands)
+        motion = found.object
+        if not bool(seen.all()):
+            known = seen[:, None].expand(motion.translation.shape[:2])
+            motion = replace(motion, valid=known if motion.valid is None else known & motion.valid)
+        return replace(found, hands=hands, object=motion), np.rint(rows).astype(int)
+
+
+def observed_in(hand: HandTrack, valid: Bool[Tensor, " T"]) -> HandTrack:
+    """The track with NaN in all frames but some."""
+
+    def masked(values: Tensor) -> Tensor:
+        lost = ~valid.view(-1, *[1] * (values.ndim - 1))
+        return values.masked_fill(lost, torch.nan) if values.is_floating_point() else valid
+
+    return hand.map(masked, FRAMES)
+
+
+def clock_of(record: Record, frames: int, said: float | None) -> Clock | None:
+    """The clock in the fields of a file of so many frames, by its times rather than its numbers.
+
+    `said` is the frame rate by the file or the caller.
+    """
+    for name in CLOCK_NAMES:
+        if frames > 1 and is_column(record.values.get(name), frames):
+            return clock_from(record, name, said)
+    return None
+
+
+def is_column(value: Any, frames: int) -> bool:
+    """Whether a field holds one number for each frame."""
+    if isinstance(value, list | tuple):
+        return len(value) == frames and all(isinstance(each, int | float) for each in value)
+    return isinstance(value, Array) and value.shape == (frames,) and value.dtype.kind in "fiu"
+
+
+def clock_from(record: Record, name: str, said: float | None) -> Clock:
+    """The clock in one field, which must rise."""
+    values = record.numbers(name)
+    if not np.isfinite(values).all() or not (np.diff(values) > 0).all():
+        raise record.refuse(
+            name, "numbers that rise from frame to frame", "cut the recording where they do not"
+        )
+    values = values - values[0]
+    if name in TIME_NAMES:
+        return clock_of_times(
+            record, name, values * seconds_of(record, name, np.diff(values)), said
+        )
+    stride, _ = usual_step(values)
+    return checked(Clock(name, values / stride, None, stride), record)
+
+
+def clock_of_times(record: Record, name: str, seconds: Array, said: float | None) -> Clock:
+    """The clock of (T,) seconds from the first frame; `InputError` where another rate is said."""
+    step, on_beat = usual_step(seconds)
+    own = float(round(1 / step)) if abs(round(1 / step) * step - 1) < SAME_RATE else 1 / step
+    said = own if said is None else said
+    off = abs(said / own - 1)
+    if off >= SAME_RATE and not may_be_rate(seconds, said, on_beat):
+        if not (on_beat and off < OTHER_RATE):
+            raise InputError(
+                f"{record.where}: '{name}' says {own:.4g} frames a second, got {said:g} as the "
+                "frame rate; drop the wrong one of the two"
+            )
+        said = own
+    at = seconds / step if on_beat and (said == own or off < SAME_RATE) else seconds * said
+    return checked(Clock(name, at, said), record)
+
+
+def may_be_rate(seconds: Array, rate: float, on_beat: bool) -> bool:
+    """Whether frames at (T,) times, `on_beat` of another rate or not, may be uneven ones of it."""
+    frames = seconds * rate
+    usual, off = np.median(np.diff(frames)), np.abs(frames - np.rint(frames)).mean()
+    return bool(USUAL_STEPS[0] < usual < USUAL_STEPS[1]) and (not on_beat or bool(off < 2 * EVEN))
+
+
+def checked(clock: Clock, record: Record) -> Clock:
+    """The clock, unless there are too many even frames from the first to the last one."""
+    if not clock.at[-1] < MOST_FRAMES:
+        expected = f"less than {MOST_FRAMES} frames from first to last"
+        raise record.refuse(clock.name, expected, "cut the recording")
+    return clock
+
+
+def seconds_of(record: Record, name: str, steps: Array) -> float:
+    """Seconds of the unit of times, by their name or else by their steps."""
+    unit = TIME_NAMES[name]
+    if unit is not None:
+        return unit
+    usual = float(np.median(steps))
+    for unit in UNITS.values():
+        if SLOWEST <= 1 / (usual * unit) <= FASTEST:
+            return unit
+    cure = f"call the field '{name}_s', '{name}_ms', '{name}_us' or '{name}_ns'"
+    raise record.refuse(name, "times in a unit that their steps tell", cure)
+
+
+def usual_step(values: Array) -> tuple[float, bool]:
+    """From a frame to the next one where none is left out, of (T,) values from 0 up that rise.
+
+    And whether the values are multiples of it, but for little.
+    """
+    steps = np.diff(values)
+    found = []
+    for step in np.quantile(steps, [0.5, 0.25, 0.1], method="lower").tolist():
+        for _ in range(3):  # a quantile may be a short one of uneven steps
+            step = float(steps.sum() / np.rint(steps / step).clip(min=1).sum())
+        found.append((float(np.abs(values / step - np.rint(values / step)).mean()), step))
+    off, step = min(found)
+    if off < EVEN:
+        return step, True
+    return float(steps[steps <= NEAR * np.median(steps)].mean()), False
