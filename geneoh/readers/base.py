@@ -163,6 +163,8 @@ class ClipParts:
     """(T,) the frames to keep, by default those in which the motion is known."""
     after_jump: Array | None = None
     """(T,) frames that do not follow in time from the one before them."""
+    first: int = 0
+    """Number that the source gives its first frame."""
     clock: Clock | None = None
     """When the frames were taken, where that may be uneven; `fps` is then of even ones."""
     convention: ManoConvention | None = None

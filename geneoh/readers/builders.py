@@ -160,9 +160,12 @@ def object_track(meshes: Iterable[Mesh], motion: Array) -> ObjectTrack:
 
 
 def callers_object(
-    options: ReaderOptions, frames: int, where: str
+    options: ReaderOptions, frames: int, where: str, first: int = 0
 ) -> tuple[ObjectTrack, tuple[str, ...]]:
-    """The caller's object beside a source that has none; without one, nothing that moves."""
+    """The caller's object beside a source that has none; without one, nothing that moves.
+
+    `first` is the number that the source gives its first frame.
+    """
     if options.object_pose is None and options.meshes:
         raise InputError(
             f"{where}: the mesh in --obj needs the poses of the object, got none; pass "
@@ -172,8 +175,9 @@ def callers_object(
     if options.object_pose is None:
         return ObjectTrack.resting((), frames), ("the source has no object; give one with --obj",)
     if len(options.object_pose) != frames:
+        which = f", which are numbers {first} to {first + frames - 1}," if first else ","
         raise InputError(
-            f"{where}: the object's poses must be one for each of the {frames} frames, "
+            f"{where}: the object's poses must be one for each of the {frames} frames{which} "
             f"got {len(options.object_pose)}; cut them to the same frames"
         )
     refuse_bottom_row(where, "the poses in --object-pose", options.object_pose)

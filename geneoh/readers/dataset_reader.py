@@ -82,7 +82,7 @@ class DatasetReader:
         where, notes = str(clip.path), list(parts.notes)
         if parts.motion is None:
             frames = parts.hands[0].frames if parts.hands else 1
-            motion, about_object = builders.callers_object(options, frames, where)
+            motion, about_object = builders.callers_object(options, frames, where, parts.first)
             names = ()
             notes = [*about_object, *notes]
         else:

@@ -174,10 +174,10 @@ def label_of(value: Any) -> tuple[Side | None, float]:
     return next((side for side in SIDES if side == text), None), float(sure)
 
 
-def read_points(path: Path, side: Side | None) -> tuple[Tracks, Notes, Record]:
-    """The hands in a table of points, by the side that a column says, and the times of its frames.
+def read_points(path: Path, side: Side | None) -> tuple[Tracks, Notes, Record, int]:
+    """The hands in a table of points, by the side that a column says; see `as_one_hand`.
 
-    See `as_one_hand`.
+    And the times of the frames, and the number of the first one.
     """
     try:
         with open_text(path, JSON_LIMIT) as file:
@@ -199,7 +199,7 @@ def read_points(path: Path, side: Side | None) -> tuple[Tracks, Notes, Record]:
         track.trust[frame - first] = 1.0
     for track in found.values():
         refuse_image_landmarks(track.points, str(path))
-    return *as_one_hand(found, side), times_in(rows, path)
+    return *as_one_hand(found, side), times_in(rows, path), first
 
 
 def times_in(rows: list[Row], path: Path) -> Record:

@@ -10,6 +10,7 @@ import torch
 import trees
 from trees import CASES, FRAMES, Case, scene
 
+import geneoh
 from geneoh.errors import InputError
 from geneoh.readers.base import ReaderOptions, Recording, stretches
 from geneoh.readers.recordings import find_clips, read_clip, source_named
@@ -380,3 +381,14 @@ def test_rows_that_do_not_say_their_image_are_told(tmp_path):
     torch.save({n: v[right] for n, v in value.items()} | one, tmp_path / "video.pt")
     (recording,) = read("hamer", tmp_path, None)
     assert "no 'frame'" in recording.sequence.source
+
+
+def test_poses_of_other_frames_are_told_the_numbers_of_the_frames(tmp_path):
+    case = next(case for case in CASES if case.source == "hamer")
+    case.build(tmp_path, scene(case.left), False)
+    value = torch.load(tmp_path / "video.pt")
+    value["frame"] += 5
+    torch.save(value, tmp_path / "video.pt")
+    poses = np.tile(np.eye(4), (FRAMES + 5, 1, 1))
+    with pytest.raises(InputError, match=f"numbers 5 to {FRAMES + 4}, got {FRAMES + 5}"):
+        geneoh.read("hamer", tmp_path, object_pose=poses)

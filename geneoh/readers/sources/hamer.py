@@ -57,17 +57,19 @@ def dumps(found: Iterable[Path], path: Path) -> list[Path]:
 )
 def hamer(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Up to two hands in the camera's frame, with the caller's object."""
-    detections, frames, notes = read_detections(clip.path, options)
-    hands = [FollowedHand(side, frames) for side in ("right", "left")]
+    detections, notes = read_detections(clip.path, options)
+    first, last = min(frame for frame, _ in detections), max(frame for frame, _ in detections)
+    hands = [FollowedHand(side, last - first + 1) for side in ("right", "left")]
     for frame, detection in sorted(detections, key=lambda row: row[0]):
         for hand in hands:
-            hand.add(frame, detection)
+            hand.add(frame - first, detection)
     hands = [hand for hand in hands if hand.betas]
     yield base.ClipParts(
         f"HaMeR or WiLoR {clip.name}",
         [hand.track() for hand in hands],
         notes=notes if options.focal else (*notes, FOCAL_NOTE),
         cross_checks=base.CrossChecks(joints={hand.side: hand.joints for hand in hands}),
+        first=first,
         camera=(0.0, 0.0, 0.0),
     )
 
@@ -111,10 +113,8 @@ class FollowedHand:
         return hand_track(self.side, self.joints, **numbers, left_hand=MENDED)  # right, mirrored
 
 
-def read_detections(
-    path: Path, options: base.ReaderOptions
-) -> tuple[list[Found], int, tuple[str, ...]]:
-    """Every detection with its frame, the number of frames, and what was assumed."""
+def read_detections(path: Path, options: base.ReaderOptions) -> tuple[list[Found], tuple[str, ...]]:
+    """Every detection with its frame, and what was assumed of these."""
     files = [path] if path.is_file() else sorted(p for p in path.iterdir() if p.suffix in ENDINGS)
     found: list[Found] = []
     notes: tuple[str, ...] = ()
@@ -135,8 +135,7 @@ def read_detections(
             found.append((frame, {name: values[index] for name, values in batch.items()}))
     if not found:
         raise InputError(f"{path}: expected detections, got none; check the dump")
-    first, last = min(frame for frame, _ in found), max(frame for frame, _ in found)
-    return [(frame - first, detection) for frame, detection in found], last - first + 1, notes
+    return found, notes
 
 
 def refuse_pairs(record: Record, right: Array) -> None:

@@ -36,8 +36,8 @@ def landmarks(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Up to two hands, with the caller's object."""
     where = str(clip.path)
     if clip.path.suffix == ".csv":
-        tracks, notes, stamps = mediapipe.read_points(clip.path, options.side)
-        yield from foreign_parts(clip, tracks, notes, options, stamps)
+        tracks, notes, stamps, first = mediapipe.read_points(clip.path, options.side)
+        yield from foreign_parts(clip, tracks, notes, options, stamps, first)
         return
     value = foreign_files.read_json(clip.path)
     if mediapipe.is_results(value):
@@ -79,6 +79,7 @@ def foreign_parts(
     notes: mediapipe.Notes,
     options: base.ReaderOptions,
     stamps: Record,
+    first: int = 0,
 ) -> base.Parts:
     """The interaction of tracks whose file says what it does of time, and perhaps no side."""
     if len(tracks) == 1:  # the label of a side is a guess: the caller's word counts
@@ -98,6 +99,7 @@ def foreign_parts(
             if side is not None
         ],
         fps=rate,
+        first=first,
         clock=clock,
         notes=(*notes, *about_time),
     )
