@@ -71,19 +71,8 @@ class ObjectExamination(Bundle):
 
     def sentences(self) -> Iterator[str]:
         """What a user should know about the object's poses, where there is anything."""
-        lost = (self.confidence == 0) & ~self.left_out
-        for part in range(len(self.is_noisy)):
-            name = "the object" if len(self.is_noisy) == 1 else f"part {part + 1} of the object"
-            count = int(lost[:, part].sum())
-            if count == len(lost):
-                yield (
-                    f"{name} was never seen: it stands still at the origin, and the hand is "
-                    "cleaned without it"
-                )
-            elif count:
-                yield f"{count} frames without a pose of {name} were filled from those around them"
-            if not self.is_noisy[part]:
-                continue
+        for part in torch.nonzero(self.is_noisy)[:, 0].tolist():
+            name = self.aligned.name_of(part)
             turns, shifts = float(self.rotation_noise[part]), float(self.translation_noise[part])
             if turns > EXACT_ROTATION or shifts > EXACT_TRANSLATION:
                 yield (

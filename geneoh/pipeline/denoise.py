@@ -25,7 +25,7 @@ from geneoh.objects.evidence import evidence_of_nearness, evidence_of_poses
 from geneoh.objects.refine import refine_object
 from geneoh.pipeline.exchange import without_exchange
 from geneoh.pipeline.faults import without_faults
-from geneoh.pipeline.fitted import FittedHand, deepest_between, kept_apart
+from geneoh.pipeline.fitted import FittedHand, kept_apart
 from geneoh.pipeline.inputs import (
     as_sequence,
     checked_interaction,
@@ -38,6 +38,7 @@ from geneoh.pipeline.results import Denoised, HandResult
 from geneoh.pipeline.stage_run import StageRun
 from geneoh.progress import OnProgress, OnStep, timed
 from geneoh.readers.convention_check import doubts
+from geneoh.sequence.gaps import filled_poses
 from geneoh.sequence.normalisation import NETWORK_FPS, NormalisedHand, normalised_hands
 from geneoh.sequence.resample import nearest_frames, with_hands_earlier
 from geneoh.sequence.sequence import HandTrack, Sequence
@@ -113,6 +114,7 @@ def clean_interaction(
         motion = replace(motion, meshes=())
         chosen = chosen.alone()
         notes.append(NO_OBJECT)
+    notes += filled_poses(motion) if chosen.has_object else ()
     evidence = torch.ones(sequence.frames)
     if chosen.clean_object:
         motion, examined = clean_object(sequence.object, sequence.fps)
@@ -139,7 +141,7 @@ def clean_interaction(
             on_progress,
         )
         fitted.append(found)
-    fitted = kept_apart(fitted)
+    fitted, in_each_other = kept_apart(fitted)
     results: dict[Side, HandResult] = {
         hand.side: _as_given(found.result(), hand, sequence.hand(hand.side))
         for found, hand in zip(fitted, normalised, strict=True)
@@ -149,7 +151,7 @@ def clean_interaction(
     if options.refine_object:
         kept = motion if examined is None else refine_object(motion, examined, hands, sequence.fps)
     clean = replace(sequence, hands=hands, object=kept)
-    return Denoised(clean, results, tuple(notes), options, examined, deepest_between(fitted))
+    return Denoised(clean, results, tuple(notes), options, examined, in_each_other)
 
 
 def _as_given(result: HandResult, hand: NormalisedHand, given: HandTrack) -> HandResult:

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from geneoh.bundle import concatenated
@@ -128,12 +128,23 @@ class FittedHand:
 
 
 @torch.no_grad()
-def kept_apart(hands: list[FittedHand]) -> list[FittedHand]:
-    """Two hands that are not inside each other; where they only touch or are apart, as they are."""
-    if len(hands) < 2 or not hands[0].preset.apart:
-        return hands
-    inside = (_depth_between(hands) > 0).cpu().numpy()
-    near = np.convolve(np.pad(inside, FELT), np.ones(2 * FELT + 1), "valid") > 0
+def kept_apart(hands: list[FittedHand]) -> tuple[list[FittedHand], tuple[float, float] | None]:
+    """Two hands that are not inside each other, and `Denoised.hands_in_each_other`.
+
+    Where they only touch or are apart they stay as they are.
+    """
+    if len(hands) < 2:
+        return hands, None
+    before, depth = (_depth_between(hands, given=given) for given in (True, False))
+    if hands[0].preset.apart and bool((depth > 0).any()):
+        hands = _taken_apart(hands, depth > 0)
+        depth = _depth_between(hands)
+    return hands, (float(before.max()), float(depth.max()))
+
+
+def _taken_apart(hands: list[FittedHand], inside: Bool[Tensor, " T"]) -> list[FittedHand]:
+    """Two hands, fitted anew around the frames in which they are inside each other."""
+    near = np.convolve(np.pad(inside.cpu().numpy(), FELT), np.ones(2 * FELT + 1), "valid") > 0
     for run in runs(near):
         wide, kept = widened(run, FELT, len(near))
         for _ in range(ROUNDS):
@@ -141,15 +152,6 @@ def kept_apart(hands: list[FittedHand]) -> list[FittedHand]:
             pairs = zip(hands, reversed(skins), strict=True)
             hands = [hand.leaving(other, wide, kept) for hand, other in pairs]
     return hands
-
-
-@torch.no_grad()
-def deepest_between(hands: list[FittedHand]) -> tuple[float, float] | None:
-    """See `Denoised.hands_in_each_other`."""
-    if len(hands) < 2:
-        return None
-    before, after = (_depth_between(hands, given=given).max() for given in (True, False))
-    return float(before), float(after)
 
 
 def _depth_between(hands: list[FittedHand], *, given: bool = False) -> Float[Tensor, " T"]:

@@ -1,6 +1,6 @@
 """Frames between observed ones: points on straight lines, rotations on the shorter arc."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import torch
@@ -105,3 +105,18 @@ def fill_object(motion: ObjectTrack, observed: Bool[Tensor, "T Q"] | None = None
         rotation[:, part] = between.rotations(motion.rotation[:, part : part + 1])[:, 0]
         translation[:, part] = between.points(motion.translation[:, part])
     return replace(motion, rotation=rotation, translation=translation, valid=seen)
+
+
+def filled_poses(motion: ObjectTrack) -> Iterator[str]:
+    """What a user should know about the poses that `fill_object` filled in."""
+    if motion.valid is None:
+        return
+    for part, count in enumerate((~motion.valid).sum(0).tolist()):
+        name = motion.name_of(part)
+        if count == len(motion.valid):
+            yield (
+                f"{name} was never seen: it stands still at the origin, and the hand is cleaned "
+                "without it"
+            )
+        elif count:
+            yield f"{count} frames without a pose of {name} were filled from those around them"

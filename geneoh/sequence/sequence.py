@@ -127,6 +127,10 @@ class ObjectTrack(Bundle):
             return list(range(self.rotation.shape[1]))
         return torch.nonzero(self.valid.any(0))[:, 0].tolist()
 
+    def name_of(self, part: int) -> str:
+        """What a part is called in sentences."""
+        return "the object" if len(self.meshes) == 1 else f"part {part + 1} of the object"
+
     def of_parts(self, parts: list[int]) -> "ObjectTrack":
         """The track of some of the parts alone."""
         return ObjectTrack(

@@ -10,7 +10,6 @@ from scipy.spatial.transform import Rotation
 
 from geneoh.geometry.mesh import Mesh
 from geneoh.objects.cleaning import clean_object
-from geneoh.sequence.gaps import fill_object
 from geneoh.sequence.sequence import ObjectTrack
 
 FRAMES, FPS = 150, 30.0
@@ -84,18 +83,6 @@ def test_a_shaky_track_is_calmed_and_its_noise_told(degrees, metres):
     off = (clean.translation - motion.translation).norm(dim=-1).mean()
     assert off < 0.4 * (noisy.translation - motion.translation).norm(dim=-1).mean()
     assert "shakes" in next(found.sentences())
-
-
-def test_a_part_that_was_never_seen_is_told_as_such():
-    one = lifted(WEDGE)
-    motion = ObjectTrack(one.meshes * 2, one.rotation.tile(2, 1, 1), one.translation.tile(2, 1))
-    seen = torch.tensor([True, False]).expand(len(motion.rotation), 2)
-    found = clean_object(fill_object(motion, seen), FPS)[1]
-    said = list(found.sentences())
-    assert said == [
-        "part 2 of the object was never seen: it stands still at the origin, and the hand is "
-        "cleaned without it"
-    ]
 
 
 def test_flips_are_left_out_and_the_frames_around_them_stay_exact():

@@ -210,6 +210,8 @@ def test_a_part_that_was_never_seen_is_as_none(noisy):
     assert torch.equal(joints_of(found), joints_of(alone))
     assert found.sequence.object.rotation.shape[1] == 2
     assert "part 2 of the object was never seen" in found.notes[0]
+    trusted = denoise(replace(clip, object=both), FAST, trust_object=True)
+    assert trusted.notes == found.notes[:1]
 
 
 def test_paper_preset_has_the_papers_schedule_and_no_observation():

@@ -7,6 +7,7 @@ import torch
 
 from geneoh.hand.library import load_hand
 from geneoh.pipeline import denoise as pipeline
+from geneoh.pipeline import fitted
 from geneoh.pipeline.results import Denoised
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
@@ -26,7 +27,7 @@ def facing(hand: HandTrack, overlap: float) -> Sequence:
 def cleaned(sequence: Sequence, monkeypatch, *, apart: bool = True) -> Denoised:
     with monkeypatch.context() as patch:
         if not apart:
-            patch.setattr(pipeline, "kept_apart", lambda hands: hands)
+            patch.setattr(fitted, "ROUNDS", 0)
         return pipeline.denoise(sequence, preset="fast")
 
 

@@ -3,8 +3,9 @@ from dataclasses import replace
 
 import torch
 
-from geneoh.sequence.gaps import fill_gaps, observed_around
-from geneoh.sequence.sequence import HandTrack
+from geneoh.geometry.mesh import Mesh
+from geneoh.sequence.gaps import fill_gaps, fill_object, filled_poses, observed_around
+from geneoh.sequence.sequence import HandTrack, ObjectTrack
 
 T = 6
 TIME = torch.arange(T, dtype=torch.float32)
@@ -75,3 +76,15 @@ def test_one_observation_is_held_everywhere():
 
 def test_a_track_without_gaps_is_returned_as_it_is():
     assert fill_gaps(HAND) is HAND
+
+
+def test_filled_poses_are_told_part_by_part():
+    turn = torch.eye(3).expand(5, 3, 3, 3)
+    seen = torch.tensor([[1, 1, 0], [0, 1, 0], [0, 1, 0], [1, 1, 0], [1, 1, 0]]).bool()
+    ball = Mesh(torch.eye(3), torch.tensor([[0, 1, 2]]))
+    motion = fill_object(ObjectTrack((ball,) * 3, turn, torch.zeros(5, 3, 3)), seen)
+    assert list(filled_poses(motion)) == [
+        "2 frames without a pose of part 1 of the object were filled from those around them",
+        "part 3 of the object was never seen: it stands still at the origin, and the hand is "
+        "cleaned without it",
+    ]
