@@ -10,6 +10,7 @@ from torch import Tensor
 from geneoh.choices import DRAWS, GUIDANCE, STEPS, TAKING_PART, HandsName, Side
 from geneoh.generators.from_noise import Sampler, from_noise
 from geneoh.generators.smoothing import smoothed
+from geneoh.generators.text2hoi.choosing import best_draws
 from geneoh.generators.text2hoi.condition import Condition
 from geneoh.generators.text2hoi.interaction import InteractionNetwork
 from geneoh.generators.text2hoi.library import Networks
@@ -17,7 +18,6 @@ from geneoh.generators.text2hoi.objects import Objects
 from geneoh.generators.text2hoi.passing import passed_by
 from geneoh.generators.text2hoi.resting import retimed
 from geneoh.generators.text2hoi.tokens import NUMBERS, Tokens, actions_of
-from geneoh.generators.text2hoi.typical import most_typical
 from geneoh.nn.checkpoint import finite_output
 from geneoh.progress import OnStep
 from geneoh.synthesis.actions import Actions
@@ -38,7 +38,7 @@ class SamplingConfig:
     smoothing: float = 2.0
     """Deviation in frames of the Gaussian over the numbers at last; 0 for none (paper)."""
     draws: int = DRAWS
-    """Actions that are drawn for each that is kept, the most typical of them (paper: 1)."""
+    """Actions that are drawn for each that is kept, see `best_draws` (paper: 1)."""
 
 
 @torch.no_grad()
@@ -58,11 +58,11 @@ def sample(
     """An action for each sentence with its object, its hands and its number of frames; and the
     contact map that it was made for.
 
-    Of `config.draws` actions for a sentence the most typical one is kept. Each of them has a
-    contact map of its own from `contact_of`, unless those of the sentences are given. Where `giver`
-    names the hand that passes the object to the other, one in which that hand does is kept, if one
-    was drawn. Verbs and names are `UNKNOWN`. Clips are drawn with whole tokens, because axes that
-    frames of a token share fit no parts of one, and then take the time that is asked for.
+    Of `config.draws` actions for a sentence the best one is kept (see `best_draws`). Each of them
+    has a contact map of its own from `contact_of`, unless those of the sentences are given. Where
+    `giver` names the hand that passes the object to the other, one in which that hand does is kept,
+    if one was drawn. Verbs and names are `UNKNOWN`. Clips are drawn with whole tokens, because axes
+    that frames of a token share fit no parts of one, and then take the time that is asked for.
 
     Raises:
         CheckpointError: the networks answer with NaN, as of damaged weights.
@@ -92,7 +92,7 @@ def sample(
     if giver is not None:
         asked: list[Side | None] = [giver[int(clip)] for clip in clips]
         fits = passed_by(drawn, asked, config.draws)
-    kept = most_typical(drawn, config.draws, fits)
+    kept = best_draws(drawn, config.draws, fits)
     return drawn.take(kept, "B"), contact[kept]
 
 

@@ -10,6 +10,7 @@ from geneoh.diffusion.schedule import cosine_sigmas
 from geneoh.errors import CheckpointError, ConfigError
 from geneoh.generators.text2hoi import library
 from geneoh.generators.text2hoi import sampling as module
+from geneoh.generators.text2hoi.choosing import best_draws
 from geneoh.generators.text2hoi.contact import ContactNetwork
 from geneoh.generators.text2hoi.interaction import InteractionNetwork
 from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork
@@ -23,7 +24,6 @@ from geneoh.generators.text2hoi.sampling import (
     drawn_numbers,
     sample,
 )
-from geneoh.generators.text2hoi.typical import most_typical
 from geneoh.nn.checkpoint import Checkpoint, save_checkpoint
 
 HANDS = ["right hand", "left hand", "both hands"]
@@ -80,7 +80,7 @@ def every_draw(networks, objects):
     )
 
 
-def test_the_most_typical_of_several_draws_is_kept_for_each_clip(networks, objects):
+def test_the_best_of_several_draws_is_kept_for_each_clip(networks, objects):
     def of(draws):
         config = SamplingConfig(steps=4, draws=draws)
         generator = torch.Generator().manual_seed(0)
@@ -88,7 +88,7 @@ def test_the_most_typical_of_several_draws_is_kept_for_each_clip(networks, objec
 
     several, touched = of(4)
     alone, maps = every_draw(networks, objects)
-    kept = most_typical(alone, 4)
+    kept = best_draws(alone, 4)
     assert several.wrist.equal(alone.wrist[kept])
     assert touched.equal(maps[kept])
     assert (maps[0] - maps[1]).abs().max() > 0
