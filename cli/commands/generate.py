@@ -41,7 +41,8 @@ from .. import bodies, options, progress
     GUIDANCE,
 )
 @options.option(
-    "--draws: Motions to draw, of which the one that is most like the others is kept.",
+    "--draws: Motions to draw; one is kept whose hands carry the object, like the others and not "
+    "deep in it.",
     click.IntRange(*GENERATION["draws"]),
     DRAWS,
 )

@@ -9,8 +9,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.choices import DRAWS, GENERATION, GUIDANCE, STEPS, Axis, Refiner, Side
+from geneoh.choices import DRAWS, GENERATION, GUIDANCE, STEPS, Axis, Refiner
 from geneoh.config import check_fields
+from geneoh.generators.text2hoi.choosing import missed_motion
 from geneoh.generators.text2hoi.interaction_file import sequence_of
 from geneoh.generators.text2hoi.library import Networks, load_networks, load_refiner
 from geneoh.generators.text2hoi.objects import Objects
@@ -47,7 +48,8 @@ class GenerateOptions:
     """How far answers go beyond those without the sentence, 0 to 10; 1 is plain, and takes half the
     time to draw."""
     draws: int = DRAWS
-    """Motions that are drawn, 1 to 64, of which the one that is most like the others is kept."""
+    """Motions that are drawn, 1 to 64; one is kept whose hands carry the object, like the others
+    and not deep in it."""
     refine: Refiner = "geneoh"
     """What mends the hands: "paper" is the refiner of Text2HOI, one pass of a network; after it
     "geneoh" brings hands to the surface that they hold and cleans them with `geneoh.denoise`;
@@ -122,12 +124,18 @@ def generate(
         giver=[prompt.giver],
         on_step=on_progress and partial(on_progress, "motion"),
     )
+    notes: tuple[str, ...] = ()
+    if missed_motion(actions) > 0:
+        fault = "hands are not at the object all the while it is to move, and it rests without them"
+        notes = (_best(options.draws, fault),)
     if options.refine != "none":
         actions = refined_by(load_refiner(options.weights), actions, contact)
     settle = partial(settled, stood=stood, generator=_generator(options, "hold"))
     actions = finished(actions, settle if options.refine == "geneoh" else None)
     if not passed_by(actions, [prompt.giver]).all():
-        prompt = replace(prompt, notes=(*prompt.notes, _not_passed(prompt.giver, options.draws)))
+        fault = f"the {prompt.giver} hand does not pass the object on"
+        notes = (*notes, _best(options.draws, fault))
+    prompt = replace(prompt, notes=(*prompt.notes, *notes))
     sequence, refined = placed(actions, stood, prompt.sentence), None
     if options.refine == "geneoh":
         # no tracker can have lost these hands: one that stands still at its object is meant to
@@ -187,12 +195,10 @@ def save_generated(made: Generated, path: Path | str) -> None:
     save_sequence(made.sequence, path, extra=extra)
 
 
-def _not_passed(giver: Side | None, draws: int) -> str:
-    """The note on an object that goes from hand to hand in another direction than asked for."""
-    return (
-        f"in none of the {draws} motions that were drawn the {giver} hand passes the object on; "
-        "another seed or more draws may make one"
-    )
+def _best(draws: int, fault: str) -> str:
+    """The note on what is wrong even in the best draw."""
+    drawn = f"the best of {draws} drawn motions" if draws > 1 else "the drawn motion"
+    return f"in {drawn} {fault}; another seed or more draws may make a better one"
 
 
 def _generator(options: GenerateOptions, use: str) -> torch.Generator:

@@ -162,7 +162,15 @@ def test_a_direction_of_passing_that_was_not_drawn_is_told(mug, monkeypatch):
     for passed, told in ((False, 1), (True, 0)):
         monkeypatch.setattr(module, "passed_by", lambda *_, passed=passed: torch.tensor([passed]))
         notes = generate(said, mug, PLAIN).prompt.notes
-        assert sum("in none of the 8 motions" in note for note in notes) == told
+        said_so = "in the best of 8 drawn motions the left hand does not pass the object on"
+        assert sum(said_so in note for note in notes) == told
+
+
+def test_hands_that_do_not_carry_the_object_are_told(mug, monkeypatch):
+    for missed, told in ((0.01, 1), (-0.01, 0)):
+        monkeypatch.setattr(module, "missed_motion", lambda _, by=missed: torch.tensor([by]))
+        notes = generate("lift it", mug, replace(PLAIN, draws=1)).prompt.notes
+        assert sum("in the drawn motion hands are not at the object" in n for n in notes) == told
 
 
 def test_a_mesh_in_memory_will_do():
