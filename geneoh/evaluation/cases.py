@@ -1,6 +1,5 @@
 """Cases: a clip under one noise and seed, known by name and read where it is needed."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -92,6 +91,8 @@ def find_cases(options: EvaluationOptions) -> list[Case]:
             f"{options.dataset}: expected clips of at least {options.protocol.frames} frames that "
             "the protocol keeps, got none; check that the copy is whole, or ask for fewer frames"
         )
+    if (error := clips[0].error) is not None and all(clip.error for clip in clips):
+        raise error
     return [
         Case(options.dataset, clip, noise, seed, options.protocol, options.noisy_inputs)
         for clip in sorted(clips, key=lambda clip: clip.name)
@@ -100,13 +101,15 @@ def find_cases(options: EvaluationOptions) -> list[Case]:
     ]
 
 
-def write_inputs(cases: Iterable[Case], folder: Path) -> int:
+def write_inputs(cases: list[Case], folder: Path) -> int:
     """Write every case's noisy input with its meshes, for other methods to clean; how many.
 
     The files are named as `--predictions` and `--twins` expect them. The meshes are in `objects/`,
-    one per part of each clip.
+    one per part of each clip. Nothing is written where a file of the data set cannot be read.
     """
-    count = 0
+    for error in (case.clip.error for case in cases):
+        if error is not None:
+            raise error
     for case in cases:
         path = folder / case.file_name
         keep_others(path, "choose another folder")
@@ -115,5 +118,4 @@ def write_inputs(cases: Iterable[Case], folder: Path) -> int:
             place = folder / "objects" / f"{case.clip.name}_{part}.obj"
             write_whole(place, obj_text(mesh), parents=True)
         save_sequence(case.noisy, path)
-        count += 1
-    return count
+    return len(cases)

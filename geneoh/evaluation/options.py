@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from geneoh import choices
+from geneoh.config import Limited
 from geneoh.errors import ConfigError
 from geneoh.pipeline.options import Options
 from geneoh.readers.base import ReaderOptions
@@ -42,7 +43,7 @@ DEFAULTS: dict[choices.Dataset, DatasetDefaults] = {
 
 
 @dataclass(frozen=True)
-class ProtocolOptions:
+class ProtocolOptions(Limited):
     """How the clips of a data set are cut and how the paper's noise is drawn.
 
     The example of `taco` is always whole; synthetic clips have `frames` frames and no windows.

@@ -10,6 +10,7 @@ import torch
 from scipy.spatial import KDTree
 
 from geneoh.choices import Side
+from geneoh.errors import GeneOHError
 from geneoh.evaluation.options import ProtocolOptions
 from geneoh.readers.base import ReaderOptions, Recording, SourceClip
 from geneoh.readers.builders import part_of
@@ -36,6 +37,17 @@ class Clip:
     read: Callable[[], Sequence]
     """Reads the clip: a function of a module with its arguments (`functools.partial`), so that a
     clip is small and can be sent to another process."""
+    error: GeneOHError | None = None  # of a file out of which no clip can be cut
+
+
+def unreadable_clip(name: str, error: GeneOHError) -> Clip:
+    """The clip that stands for a file out of which none can be cut; its scores say why."""
+    return Clip(name, partial(refuse, error), error)
+
+
+def refuse(error: GeneOHError) -> Sequence:
+    """Raise the error of a file out of which no clip can be cut."""
+    raise error
 
 
 @lru_cache(maxsize=2)

@@ -16,10 +16,17 @@ from typing import TypeVar
 import numpy as np
 
 from geneoh.choices import OTHER_SIDE, Dataset
-from geneoh.errors import ConfigError, MissingAssetError
+from geneoh.errors import ConfigError, InputError, MissingAssetError
 from geneoh.evaluation.options import ProtocolOptions
 from geneoh.evaluation.protocols import synthetic
-from geneoh.evaluation.protocols.clips import Clip, excerpts, first_frame, recordings_of, wrist_gap
+from geneoh.evaluation.protocols.clips import (
+    Clip,
+    excerpts,
+    first_frame,
+    recordings_of,
+    unreadable_clip,
+    wrist_gap,
+)
 from geneoh.readers.base import SourceClip, clip_name
 from geneoh.readers.npz_files import load
 from geneoh.readers.recordings import source_named
@@ -225,8 +232,9 @@ def clips_by_file(
 ) -> Iterator[list[Clip]]:
     """The clips of each file of a data set, in an order that mixes objects and people.
 
-    The copy is looked for at once; its files are read one by one as they are asked for. `synthetic`
-    and the example of `taco` need none. `ConfigError` for settings that it makes no use of.
+    The copy is looked for at once; its files are read one by one as they are asked for, and one
+    that cannot be read is a clip whose scores say why. `synthetic` and the example of `taco` need
+    none. `ConfigError` for settings that it makes no use of.
     """
     clip = example(data_root(dataset, root)) if dataset == "taco" else None
     refuse_unused("the example of taco" if clip else dataset, options)
@@ -237,7 +245,15 @@ def clips_by_file(
     protocol = PROTOCOLS[dataset]
     found = protocol.find(protocol.require(root))
     ordered = sorted(found, key=lambda file: seed_of("order", file.name))
-    return (list(protocol.cut(file, options)) for file in ordered)
+    return (clips_of(protocol, file, options) for file in ordered)
+
+
+def clips_of(protocol: Protocol, file: SourceClip, options: ProtocolOptions) -> list[Clip]:
+    """The clips of one file; a damaged file does not keep the others from being scored."""
+    try:
+        return list(protocol.cut(file, options))
+    except (InputError, MissingAssetError) as error:
+        return [unreadable_clip(file.name, error)]
 
 
 def spread_over_groups(groups: Iterable[Sequence[Item]], limit: int | None) -> list[Item]:

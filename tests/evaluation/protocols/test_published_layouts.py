@@ -9,8 +9,8 @@ import pytest
 import torch
 import trees
 
-from geneoh.errors import InputError
-from geneoh.evaluation.cases import find_cases
+from geneoh.errors import ConfigError, InputError
+from geneoh.evaluation.cases import find_cases, write_inputs
 from geneoh.evaluation.options import EvaluationOptions, ProtocolOptions
 from geneoh.evaluation.protocols.clips import recordings_of
 from geneoh.readers.mano import read_mano
@@ -222,3 +222,35 @@ def test_whole_recordings_are_one_clip(tree, mano_dir):
     found = cases("arctic", tree("arctic"), mano_dir, windows="whole")
     assert clips(found) == ["s01/box_grab_01_right_00000"]
     assert found[0].clean.frames == 40
+
+
+def test_a_damaged_file_is_a_clip_that_says_so_and_keeps_no_other_out(tree, mano_dir, tmp_path):
+    root = tree("arctic")
+    for name in ("mano", "object"):
+        file = root / f"raw_seqs/s01/box_grab_01.{name}.npy"
+        shutil.copy(file, file.with_name(f"box_use_01.{name}.npy"))
+    whole = [case.clip.name for case in cases("arctic", root, mano_dir)]
+    damaged = root / "raw_seqs/s01/box_use_01.mano.npy"
+    damaged.write_bytes(damaged.read_bytes()[:3000])
+    recordings_of.cache_clear()
+    found = cases("arctic", root, mano_dir)
+    bad = "s01/box_use_01"
+    assert clips(found) == [*(name for name in whole if not name.startswith(bad)), bad]
+    with pytest.raises(InputError, match=r"box_use_01\.mano\.npy"):
+        found[-1].noisy.frames  # noqa: B018
+    with pytest.raises(InputError, match=r"box_use_01\.mano\.npy"):
+        write_inputs(found, tmp_path / "inputs")
+    assert not (tmp_path / "inputs").exists()
+
+
+def test_a_copy_of_damaged_files_alone_is_refused(tree, mano_dir):
+    root = tree("arctic")
+    (root / "raw_seqs/s01/box_grab_01.object.npy").unlink()
+    with pytest.raises(InputError, match=r"box_grab_01\.object\.npy: no such file"):
+        cases("arctic", root, mano_dir)
+
+
+@pytest.mark.parametrize("change", [{"frames": 0}, {"frames": -3}, {"stride": 0}, {"stride": -1}])
+def test_windows_of_no_frames_or_no_step_are_refused(change):
+    with pytest.raises(ConfigError, match="must be 1 to"):
+        ProtocolOptions(**change)
