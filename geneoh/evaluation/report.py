@@ -1,6 +1,7 @@
 """The files of an evaluation: a CSV and a JSON of all values, a report in Markdown and in HTML."""
 
 import html
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -78,11 +79,22 @@ class Evaluation:
         there = dict.fromkeys(measure for block in self.blocks for measure in block.measures)
         for measure in there:
             yield f"{measure.title}: {measure.meaning}; {measure.better} is better."
-        for method in self.methods:
-            failed = [s.failed for s in self.scores if s.method == method and s.failed]
-            for reason in list(dict.fromkeys(failed))[:REASONS]:
-                yield f"{method}: {reason}"
+        for block in self.blocks:
+            yield from block.gaps()
+        yield from self.failures()
         yield from self.notes
+
+    def failures(self) -> Iterator[str]:
+        """The first reasons why each method failed, each once with all methods that have it."""
+        found: dict[str, dict[str, None]] = {}
+        for score in self.scores:
+            if score.failed:
+                found.setdefault(score.failed, {})[score.method] = None
+        told: Counter[str] = Counter()
+        for reason, methods in found.items():
+            if any(told[method] < REASONS for method in methods):
+                told.update(methods.keys())
+                yield f"{', '.join(methods)}: {reason}"
 
 
 def keep_other_reports(folder: Path) -> None:

@@ -73,6 +73,20 @@ class Block:
             name = f"{method} ({missing} failed)" if missing else method
             yield name, [column[index] for column in columns]
 
+    def gaps(self) -> Iterator[str]:
+        """Which means are over fewer cases than others, as those of a slip without any touch."""
+        for measure in self.measures:
+            few = []
+            for method, cells in self.cells.items():
+                cases = self.clips * self.seeds - self.failed.get(method, 0)
+                if (cell := cells.get(measure.key)) is not None and cell.count < cases:
+                    few.append(f"{cell.count} of {cases} with {method}")
+            if few:
+                yield (
+                    f"{measure.title} under {self.noise} is a mean over fewer cases, because the "
+                    f"others have nothing to measure: {', '.join(few)}."
+                )
+
 
 def blocks_of(scores: Iterable[Score], methods: Sequence[str]) -> list[Block]:
     """A block for each data set and noise; methods without any score are left out."""

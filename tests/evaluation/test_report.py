@@ -71,6 +71,15 @@ def test_the_markdown_is_a_table_with_what_made_it(folder):
     assert "1.00 (1: the same order" in text
 
 
+def test_a_reason_that_methods_share_is_told_once():
+    why = "c.npz: damaged; copy it again"
+    lost = [Score("taco", "c", "gauss", 11, method, failed=why) for method in METHODS]
+    own = [Score("taco", f"{n}", "gauss", 11, "input", failed=f"{n}: no") for n in range(9)]
+    remarks = list(made(scores=(*made().scores[:-1], *lost, *own)).remarks())
+    assert [remark for remark in remarks if why in remark] == [f"{', '.join(METHODS)}: {why}"]
+    assert sum(remark.endswith(": no") for remark in remarks) == report.REASONS - 1
+
+
 def test_every_column_is_explained_below_the_tables(folder):
     text = (folder / "report.md").read_text("utf-8")
     for measure in COLUMNS:

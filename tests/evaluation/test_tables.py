@@ -115,6 +115,17 @@ def test_markdown_has_the_best_of_each_column_in_bold():
     ]
 
 
+def test_a_mean_over_fewer_cases_than_others_is_told():
+    """A method that lets go of the object in its worst clip has no slip there to answer for."""
+    scores = [score("a", 9.0, "c", key="slip_mm_s"), score("a", 1.0, "d", key="slip_mm_s")]
+    scores += [score("b", 1.0, "c", key="slip_mm_s"), score("b", None, "d")]
+    scores += [score("f", 1.0, "c", key="slip_mm_s"), score("f", None, "d", failed="no")]
+    (block,) = blocks_of(scores, ["a", "b", "f"])
+    (said,) = block.gaps()
+    assert said.startswith("tip slip under gauss is a mean over fewer cases")
+    assert said.endswith(": 1 of 2 with b.")
+
+
 def test_a_method_without_a_value_says_so():
     scores = [score("a", 1.0), score("b", 2.0, key="depth_mm")]
     lines = list(as_markdown(blocks_of(scores, ["a", "b"])))
