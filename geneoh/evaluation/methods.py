@@ -19,6 +19,7 @@ from geneoh.baselines.filters import (
     Domain,
     FilterKind,
     best_filtered,
+    best_filtered_and_moved,
     domains_of,
     filtered,
     smoothed_centroid,
@@ -72,9 +73,9 @@ class Method:
     """A way of cleaning."""
 
     name: str  # name of the method in every table
-    clean: Callable[[Case], CleanedHand | None]
-    """The cleaned hand; None if the clip lacks what the method needs. A function of this module,
-    some with arguments (`functools.partial`), so that it can be sent to another process."""
+    clean: Callable[[Case], CleanedHand]
+    """The cleaned hand; `InputError` if the clip lacks what the method needs. A function of this
+    module, some with arguments (`functools.partial`), so that it can be sent to another process."""
     has_pages: bool = False  # whether its results can be shown in 3D
     may_change: bool = False  # the next run may find other results: scores are not reused
 
@@ -84,20 +85,31 @@ def unchanged(case: Case) -> CleanedHand:
     return CleanedHand(joints_of(case.noisy))
 
 
-def filtered_hand(case: Case, kind: FilterKind, domain: Domain) -> CleanedHand | None:
+def filtered_hand(case: Case, kind: FilterKind, domain: Domain) -> CleanedHand:
     """A low-pass filter with the size that was tuned on validation clips."""
-    hand = case.noisy.hands[0]
-    if domain not in domains_of(hand):
-        return None
+    hand = hand_with(case, domain)
     return CleanedHand(filtered(hand, TUNED[kind, domain], domain, case.noisy.fps))
 
 
-def best_filtered_hand(case: Case, domain: Domain) -> CleanedHand | None:
+def best_filtered_hand(case: Case, domain: Domain) -> CleanedHand:
     """The filter and size that are best on this very clip, chosen with the ground truth."""
+    truth, hand = truth_of(case), hand_with(case, domain)
+    return CleanedHand(best_filtered(hand, truth, domain, case.noisy.fps))
+
+
+def hand_with(case: Case, domain: Domain) -> HandTrack:
+    """The noisy hand; `InputError` where it has nothing of that kind to filter."""
     hand = case.noisy.hands[0]
-    if case.clean is None or domain not in domains_of(hand):
-        return None
-    return CleanedHand(best_filtered(hand, joints_of(case.clean), domain, case.noisy.fps))
+    if domain not in domains_of(hand):
+        raise InputError("filters on parameters need a pose, which the clips' hands do not have")
+    return hand
+
+
+def truth_of(case: Case) -> Float[Tensor, "T 21 3"]:
+    """Keypoints of the ground truth; `InputError` without any."""
+    if case.clean is None:
+        raise InputError(f"needs the ground truth, which clips with noise {case.noise} do not have")
+    return joints_of(case.clean)
 
 
 def centroid_hand(case: Case) -> CleanedHand:
@@ -105,13 +117,10 @@ def centroid_hand(case: Case) -> CleanedHand:
     return CleanedHand(smoothed_centroid(case.noisy.hands[0], case.noisy.fps))
 
 
-def best_offset_hand(case: Case) -> CleanedHand | None:
-    """The best filter of the clip and one offset for all frames, chosen with the ground truth."""
-    filtered = best_filtered_hand(case, domains_of(case.noisy.hands[0])[-1])
-    if filtered is None or case.clean is None:
-        return None
-    offset = (joints_of(case.clean) - filtered.joints).mean((0, 1))
-    return CleanedHand(filtered.joints + offset)
+def best_offset_hand(case: Case) -> CleanedHand:
+    """The filter and the offset for all frames that together are best, by the ground truth."""
+    moved = best_filtered_and_moved(case.noisy.hands[0], truth_of(case), case.noisy.fps)
+    return CleanedHand(moved)
 
 
 def optimised_hand(

@@ -267,8 +267,6 @@ def score_method(scorer: CaseScorer, method: Method, pages: Path | None) -> Scor
     try:
         cleaned = method.clean(case)
         seconds = time.process_time() - began
-        if cleaned is None:
-            return Score(*case.key, method.name, failed="the clip lacks what this method needs")
         score = scorer.score(method.name, cleaned, seconds)
         if pages is not None and cleaned.result is not None:
             pages.mkdir(parents=True, exist_ok=True)

@@ -13,6 +13,7 @@ from geneoh.baselines.filters import (
     TUNED,
     Filter,
     best_filtered,
+    best_offset,
     domains_of,
     filtered,
     one_euro,
@@ -113,6 +114,13 @@ def test_keypoints_alone_are_filtered_as_keypoints(hand):
 def test_the_best_filter_is_the_one_nearest_to_the_truth(hand, domain):
     truth = filtered(hand, Filter("gaussian", 3.0), domain, FPS)
     assert torch.equal(best_filtered(hand, truth, domain, FPS), truth)
+
+
+def test_the_best_offset_is_found_where_some_keypoints_are_far_off(hand):
+    truth, moved = hand.joints, hand.joints + torch.tensor([0.01, -0.02, 0.03])
+    moved[:, 1:6] += 0.5
+    offset = best_offset(moved, truth)
+    torch.testing.assert_close(offset, torch.tensor([-0.01, 0.02, -0.03]), atol=1e-4, rtol=0)
 
 
 def test_tuning_finds_the_size_with_the_least_error(hand):

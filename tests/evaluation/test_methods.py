@@ -1,6 +1,7 @@
 """Every way of cleaning, on ten frames of the example."""
 
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ from geneoh.errors import ConfigError, InputError, MissingAssetError
 from geneoh.evaluation import methods as methods_module
 from geneoh.evaluation.cases import Case
 from geneoh.evaluation.methods import (
+    CleanedHand,
     best_filtered_hand,
     best_offset_hand,
     centroid_hand,
@@ -80,10 +82,10 @@ def test_a_filter_has_its_tuned_size(noisy_case, kind, domain):
 def test_keypoints_alone_have_no_parameters_to_filter(noisy_case, short):
     bare = replace(short, hands=(replace(short.hands[0], pose=None, wrist=None),))
     case = replace(noisy_case, clip=Clip("bare", lambda: bare))
-    assert filtered_hand(case, "savgol", "parameters") is None
-    assert filtered_hand(case, "savgol", "keypoints") is not None
-    assert best_filtered_hand(case, "parameters") is None
-    assert best_filtered_hand(case, "keypoints") is not None
+    for clean in (partial(filtered_hand, kind="savgol"), best_filtered_hand):
+        assert clean(case, domain="keypoints").joints.isfinite().all()
+        with pytest.raises(InputError, match="need a pose"):
+            clean(case, domain="parameters")
 
 
 @pytest.mark.parametrize("domain", ["keypoints", "parameters"])
@@ -91,16 +93,21 @@ def test_the_best_filter_beats_every_tuned_one_and_needs_the_truth(noisy_case, d
     best = error(best_filtered_hand(noisy_case, domain), noisy_case)
     tuned = [filtered_hand(noisy_case, kind, what) for kind, what in TUNED if what == domain]
     assert best <= min(error(each, noisy_case) for each in tuned)
-    assert best_filtered_hand(replace(noisy_case, noise="recorded"), domain) is None
+    with pytest.raises(InputError, match="ground truth, which clips with noise recorded"):
+        best_filtered_hand(replace(noisy_case, noise="recorded"), domain)
 
 
-def test_the_best_offset_leaves_no_mean_error_and_needs_the_truth(noisy_case):
-    best = best_offset_hand(noisy_case)
-    apart = (best.joints - joints_of(noisy_case.clean)).mean((0, 1))
-    torch.testing.assert_close(apart, torch.zeros(3), atol=1e-6, rtol=0)
-    moved = best.joints - best_filtered_hand(noisy_case, "parameters").joints
-    torch.testing.assert_close(moved, moved[:1, :1].expand_as(moved), atol=1e-6, rtol=0)
-    assert best_offset_hand(replace(noisy_case, noise="recorded")) is None
+@pytest.mark.parametrize("noise", ["gauss", "burst", "bias"])
+def test_no_filter_with_any_offset_is_nearer_than_the_best_of_both(noisy_case, noise):
+    case = replace(noisy_case, noise=noise)
+    best = error(best_offset_hand(case), case)
+    for domain in ("keypoints", "parameters"):
+        filtered = best_filtered_hand(case, domain).joints
+        middle = (joints_of(case.clean) - filtered).mean((0, 1))
+        for offset in (torch.zeros(3), middle, *(0.001 * torch.eye(3)), *(-0.001 * torch.eye(3))):
+            assert best <= error(CleanedHand(filtered + offset), case) + 1e-9
+    with pytest.raises(InputError, match="ground truth"):
+        best_offset_hand(replace(noisy_case, noise="recorded"))
 
 
 def test_the_middle_of_the_hand_is_smoothed_and_its_shape_is_kept(noisy_case):
