@@ -82,6 +82,8 @@ def find_cases(options: EvaluationOptions) -> list[Case]:
     """The cases of an evaluation by name of the clip, each clip under every noise and seed."""
     # A missing data set is reported before anything else: without it no other choice matters.
     by_file = clips_by_file(options.dataset, options.root, options.protocol)
+    if options.noisy_inputs is not None:
+        check_folder(options.noisy_inputs, "--twins")
     noises = options.noises or options.defaults.noises
     for noise in noises:
         check_noise(options.dataset, noise, options.protocol)
@@ -99,6 +101,15 @@ def find_cases(options: EvaluationOptions) -> list[Case]:
         for noise in noises
         for seed in options.seeds or options.defaults.seeds
     ]
+
+
+def check_folder(folder: Path, option: str) -> None:
+    """Refuse a folder of a file for each case that is not there."""
+    if not folder.is_dir():
+        raise MissingAssetError(
+            f"{option} {folder}: expected a folder of files CLIP_NOISE_SEED.npz, found none; "
+            "--inputs DIR writes one of noisy clips"
+        )
 
 
 def write_inputs(cases: list[Case], folder: Path) -> int:

@@ -27,7 +27,7 @@ from geneoh.baselines.filters import (
 from geneoh.baselines.library import BASELINES, Baseline, baseline_weights, load_baseline
 from geneoh.choices import Ablation, BaselineName, HandSource, MethodName
 from geneoh.errors import ConfigError, InputError, MissingAssetError
-from geneoh.evaluation.cases import Case
+from geneoh.evaluation.cases import Case, check_folder
 from geneoh.evaluation.options import DEFAULT_METHODS, EvaluationOptions
 from geneoh.fitting.fit import FitConfig, fit_hand, start_from_keypoints
 from geneoh.fitting.subject import subject_of
@@ -235,11 +235,7 @@ def methods_of(options: EvaluationOptions) -> tuple[tuple[Method, ...], tuple[st
                 continue
         methods += methods_named(name, options)
     for folder in options.predictions:
-        if not folder.is_dir():
-            raise MissingAssetError(
-                f"--predictions {folder}: expected a folder of results CLIP_NOISE_SEED.npz, found "
-                "none; --inputs DIR writes what they are to be made from"
-            )
+        check_folder(folder, "--predictions")
         name, clean = folder.resolve().name, partial(stored_hand, folder=folder)
         methods.append(Method(name, clean, may_change=True))
     names = [method.name for method in methods]

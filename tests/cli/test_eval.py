@@ -45,10 +45,11 @@ def test_a_data_set_that_is_not_there_is_one_sentence(geneoh, dataset, monkeypat
         assert word in done.stderr
 
 
-def test_a_missing_folder_of_predictions_is_told(geneoh):
-    done = geneoh("eval", *SMALL, "--predictions", "nowhere")
+@pytest.mark.parametrize("option", ["--predictions", "--twins"])
+def test_a_missing_folder_of_clips_is_told(geneoh, option):
+    done = geneoh("eval", *SMALL, option, "nowhere")
     assert done.exit_code == 2
-    assert "nowhere" in done.stderr
+    assert f"{option} nowhere: expected a folder" in done.stderr
 
 
 def test_a_misspelt_choice_of_the_protocol_is_told(geneoh):
