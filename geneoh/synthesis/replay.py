@@ -29,6 +29,10 @@ from geneoh.synthesis.shards import (
 SAME_SKELETON = 1e-5  # distance over all bones below which skeletons are of one hand, metres
 
 
+class NoFirstGraspsError(InputError):
+    """No clip of a shard is of the first grasps that its seed draws."""
+
+
 @dataclass(frozen=True)
 class Replay:
     """Clips of a shard, with the objects and hands that they were made from."""
@@ -96,7 +100,8 @@ class Replay:
 def replay_shard(path: Path, hand: HandModel) -> Replay:
     """The clips of a shard from its first round of grasps, which are nearly all.
 
-    `InputError` if the file is no whole shard, or another version of geneoh made it.
+    `NoFirstGraspsError` if none is, as where another version of geneoh made it; `InputError` if the
+    file is no whole shard.
     """
     record, scans = shard_record(path), scans_of(path)
     config = record.config
@@ -111,7 +116,7 @@ def replay_shard(path: Path, hand: HandModel) -> Replay:
     nearest, who = apart.min(1)
     found = torch.nonzero(nearest < SAME_SKELETON)[:, 0]
     if not len(found):
-        raise InputError(
+        raise NoFirstGraspsError(
             f"{path}: expected hands of the first grasps that its seed {record.seed} draws, got "
             f"none among {len(clips.offsets)}: another version of geneoh made it, or none of these "
             "grasps held; make the data again, with more clips in each shard if they are few"

@@ -10,7 +10,7 @@ from geneoh.metrics.report import measure_frames
 from geneoh.progress import OnStep, steps
 from geneoh.sequence.sequence import ObjectTrack
 from geneoh.synthesis.objects import FAMILIES
-from geneoh.synthesis.replay import Replay, replay_shard
+from geneoh.synthesis.replay import NoFirstGraspsError, Replay, replay_shard
 from geneoh.synthesis.shards import find_shards
 from geneoh.synthesis.solids import PARTS
 from geneoh.synthesis.surface import mesh_of, spacing_for_looks
@@ -31,16 +31,26 @@ def one_of_each(folder: Path, hand: HandModel) -> list[Replay]:
     """The first clip of every family in a folder of shards, then of some scanned objects, by name.
 
     Shards are read until no family is missing. Held-out families are in the validation shards only,
-    so one of these comes first.
+    so one of these comes first. A shard whose first grasps all failed, as a few may, is left out.
+
+    Raises:
+        NoFirstGraspsError: there is no other shard.
     """
     found: dict[str, Replay] = {}
+    missed: NoFirstGraspsError | None = None
     for path in [*find_shards(folder, "val")[:1], *find_shards(folder, "train")]:
-        shard = replay_shard(path, hand)
+        try:
+            shard = replay_shard(path, hand)
+        except NoFirstGraspsError as error:
+            missed = missed or error
+            continue
         for clip, family in enumerate(shard.made_from.families):
             if family not in found:
                 found[family] = shard.chosen(torch.tensor([clip]))
         if found.keys() >= FAMILIES.keys():
             break
+    if missed is not None and not found:
+        raise missed
     scanned = sorted(found.keys() - FAMILIES.keys())
     scanned = scanned[:: -(-len(scanned) // SCANNED)] if scanned else []
     return [found[name] for name in (*FAMILIES, *scanned) if name in found]

@@ -4,7 +4,9 @@ import pytest
 from geneoh.hand.library import load_hand
 from geneoh.synthesis.grasps import GraspChecks, GraspConfig
 from geneoh.synthesis.objects import FAMILIES
+from geneoh.synthesis.replay import NoFirstGraspsError, replay_shard
 from geneoh.synthesis.shards import SynthesisConfig, write_shards
+from geneoh.viz import sheet
 from geneoh.viz.canvas import SCALE_HEIGHT
 from geneoh.viz.sheet import SHEET_GAP, TEXT_HEIGHT, contact_sheet, grasp_scene, one_of_each
 
@@ -46,3 +48,26 @@ def test_the_sheet_has_a_cell_for_each_clip_with_something_in_it(clips):
     for column in range(count):
         cell = sheet[:48, column * (48 + SHEET_GAP) :][:, :48]
         assert int((cell.max(-1) < 240).sum()) > 100
+
+
+def test_a_shard_whose_first_grasps_all_failed_leaves_the_sheet_to_the_others(
+    clips, tmp_path, monkeypatch
+):
+    hand, lost = load_hand("right"), []
+    write_shards(tmp_path, TINY, hand, seed=0)
+
+    def replayed(path, hand):
+        if path.name in lost:
+            raise NoFirstGraspsError(f"{path}: none")
+        return replay_shard(path, hand)
+
+    monkeypatch.setattr(sheet, "replay_shard", replayed)
+    lost.append("val_00000.safetensors")
+    families = [clip.made_from.families[0] for clip in clips]
+    common = [family for family in families if family not in TINY.held_out]
+    assert (
+        [each.made_from.families[0] for each in one_of_each(tmp_path, hand)] == common != families
+    )
+    lost.append("train_00001.safetensors")
+    with pytest.raises(NoFirstGraspsError, match="val_00000"):
+        one_of_each(tmp_path, hand)
