@@ -53,11 +53,11 @@ def descending_sigmas(
 ) -> Float[Tensor, " M"]:
     """Noise levels of a sampler from `level` (at most PAPER_STEPS) to 0 in `steps` even steps.
 
-    They are for unit variance; `level` steps visit every level, as in the paper. `sigmas` are those
-    of all levels, `linear_sigmas` where they are not given.
+    They are for unit variance; `level` steps visit every level, as in the paper, and so do more.
+    `sigmas` are those of all levels, `linear_sigmas` where they are not given.
     """
     sigmas = linear_sigmas() if sigmas is None else sigmas
-    levels = torch.linspace(level, 0, steps + 1, dtype=torch.float64).round().long()
+    levels = torch.linspace(level, 0, min(steps, level) + 1, dtype=torch.float64).round().long()
     return sigmas[levels].to(torch.float32)
 
 

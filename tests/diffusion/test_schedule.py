@@ -61,3 +61,8 @@ def test_the_way_back_falls_strictly_from_its_level_to_zero(level, data):
 def test_as_many_steps_as_levels_visit_every_level():
     way = linear_sigmas()[:101].flip(0).float()
     assert torch.equal(descending_sigmas(100, 100), way)
+
+
+@pytest.mark.parametrize("steps", [4, 7, 1000])
+def test_more_steps_than_levels_are_no_more_and_never_stand_still(steps):
+    assert torch.equal(descending_sigmas(3, steps), descending_sigmas(3, 3))
