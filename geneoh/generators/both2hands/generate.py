@@ -5,6 +5,7 @@ import torch
 from geneoh.body.motion import BodyMotion
 from geneoh.body.skeleton import BODY_JOINTS, Skeleton
 from geneoh.choices import STEPS
+from geneoh.generators.both2hands.contradiction import refuse_contradiction
 from geneoh.generators.both2hands.library import Networks, load_networks
 from geneoh.generators.both2hands.limits import within_limits
 from geneoh.generators.both2hands.sampling import SamplingConfig, sample
@@ -38,7 +39,7 @@ def generate_hands(
         on_step: told of the steps.
 
     Raises:
-        InputError: the sentence has no words or too many, or is not English.
+        InputError: the sentence has no words or too many, is not English or contradicts itself.
         CheckpointError: weights are missing or damaged.
     """
     check_sentence(sentence)
@@ -56,6 +57,7 @@ def generate_hands(
 
 
 def check_sentence(sentence: str) -> None:
-    """Refuse a text without words, with too many, or with too few that are known."""
+    """Refuse a text that is no English sentence on hands, or contradicts itself."""
     words = words_of(sentence)
     check_english(sentence, words, known_words(), on="what hands do", example=EXAMPLE)
+    refuse_contradiction(sentence)

@@ -22,6 +22,7 @@ from geneoh.synthesis.gestures.two_handed import TWO_HANDED
         "Both hands naturally open, fingers slightly bent, palms facing inward",
         "his left hand forms a fist with the thumb extended, the right one is curled",
         "the right hand grips the mug",
+        "kung fu punches the air",
     ],
 )
 def test_an_english_sentence_on_hands_is_taken(sentence):
@@ -38,11 +39,43 @@ def test_an_english_sentence_on_hands_is_taken(sentence):
         "\u53f3\u624b\u6325\u624b",
         "123",
         "asdf qwer",
+        "ella aplaude",
+        "elle applaudit",
+        "il saute",
     ],
 )
 def test_a_sentence_in_another_language_is_refused(sentence):
     with pytest.raises(InputError, match="expected an English sentence on what hands do"):
         check_sentence(sentence)
+
+
+@pytest.mark.parametrize(
+    ("sentence", "found"),
+    [
+        ("the left hand waves and does not wave", "the left one is to wave and is not to wave"),
+        ("Both hands clap; the right doesn't clap.", "the right one is to clap and is not"),
+        ("waves without waving", "is to wave and is not to wave"),
+    ],
+)
+def test_a_sentence_that_contradicts_itself_is_refused(sentence, found):
+    with pytest.raises(InputError, match=found):
+        check_sentence(sentence)
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    [
+        "the left hand waves, the right does not wave",
+        "waves with the left hand and does not wave with the right",
+        "the left hand points up and does not point down",
+        "the right hand waves, and then it does not wave",
+        "the right hand does not wave",
+        "the right hand waves without moving the fingers",
+        "the left hand not only waves but waves to someone",
+    ],
+)
+def test_what_one_hand_does_and_the_other_does_not_is_no_contradiction(sentence):
+    check_sentence(sentence)
 
 
 def test_all_words_of_made_gestures_are_known():
