@@ -1,6 +1,6 @@
 """Quality report of one interaction without ground truth, and its comparison before and after."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from math import nan
 
@@ -10,6 +10,7 @@ from torch import Tensor
 
 from geneoh.bundle import Bundle, concatenated
 from geneoh.geometry.distance import MovingSurface, SurfaceQuery
+from geneoh.geometry.thin_walls import edges_of, goes_through
 from geneoh.hand.skeleton import TIP_KEYPOINTS
 from geneoh.metrics.contact import (
     TOUCH,
@@ -46,6 +47,8 @@ class InteractionReport:
     """Mean acceleration of the keypoints in millimetres per frame squared."""
     consistency_mm2: float
     """Hand-object motion consistency over the frames in which the object moves, square mm."""
+    through_fraction: float
+    """Share of the frames in which the hand goes through a thin wall, which depth does not show."""
 
     def as_dict(self) -> dict[str, float | int]:
         """The fields by name, for a JSON file."""
@@ -124,32 +127,36 @@ def measure_posed(
     fps: float,
     valid: Bool[Tensor, " T"] | None = None,
     *,
+    faces: Int[Tensor, "F 3"],
     groups: Sequence[Int[Tensor, " _"]] = (),
     within: float = TOUCH,
 ) -> tuple[InteractionReport, Float[Tensor, "T G"]]:
     """The report of one hand and one object, world frame, and how far parts of the hand are off it.
 
-    `verts_of` is asked for the hand's vertices in a few frames at a time, and the report is about
-    those that are `valid`. The signed distances, metres, negative inside, are those of the nearest
-    vertex of each of the `groups`, exact up to `within`.
+    `verts_of` is asked for the hand's vertices in a few frames at a time, `faces` join them, and
+    the report is about the frames that are `valid`. The signed distances, metres, negative inside,
+    are those of the nearest vertex of each of the `groups`, exact up to `within`.
     """
     if valid is None:
         valid = torch.ones(len(joints), dtype=torch.bool, device=joints.device)
-    measured, moves, apart = [], [], []
+    edges, measured, moves, through, apart = edges_of(faces), [], [], [], []
     for block in blocks(len(joints)):
         wide, inner = widened(block, 1, len(joints))  # differences reach one frame to either side
         verts, moving = verts_of(wide), surface.at(wide)
         query = near_hand(moving, verts, within)
         found = measure_frames(query.distance, verts, joints[wide], fps, valid[wide])
         measured.append(found[inner])
+        through.append(goes_through(verts, query.distance, query.normal, edges)[inner])
         moves.append(motion_consistency(verts, query, moving)[inner])
         nearest = [query.distance[inner, group].amin(-1, keepdim=True) for group in groups]
         apart.append(torch.cat([query.distance[inner, :0], *nearest], dim=-1))
     frames, moved = concatenated(measured), torch.cat(moves)
+    gone = torch.cat(through).to(joints)
     report = InteractionReport(
         frames=int(valid.sum()),
         contact_fraction=float(mean_over_frames(frames.touching.to(joints), valid)),
         consistency_mm2=1e6 * float(mean_over_frames(moved, valid_differences(valid, 1))),
+        through_fraction=float(mean_over_frames(gone, valid)),
         **frames.means(),
     )
     return report, torch.cat(apart)
@@ -181,3 +188,13 @@ def format_number(value: float) -> str:
     if value != value:
         return "n/a"
     return f"{value:.2f}" if abs(value) < 10 else f"{value:.1f}"
+
+
+def through_walls(before: InteractionReport, after: InteractionReport) -> Iterator[str]:
+    """What a user should know of a hand that is still in a thin wall after it was cleaned."""
+    if after.through_fraction > 0:
+        old, new = (100 * report.through_fraction for report in (before, after))
+        yield (
+            f"the hand goes through a thin wall of the object in {new:.0f}% of the frames, in the "
+            f"input in {old:.0f}%: depth, which is at most half a wall, does not show it"
+        )

@@ -118,8 +118,13 @@ def measure_hand(
         return shaped.verts_from_rotations(state.rotations[0, frames], state.wrist[0, frames]).verts
 
     if surface is not None:
-        fingers = verts_of_fingers(shaped.model)
-        return measure_posed(verts_of, joints, surface, fps, valid, groups=fingers, within=within)
+        model = shaped.model
+        return measure_posed(
+            *(verts_of, joints, surface, fps, valid),
+            faces=model.faces,
+            groups=verts_of_fingers(model),
+            within=within,
+        )
     bends = per_frame_squared(acceleration(joints, fps), fps)
     nothing = {
         field.name: math.nan for field in fields(InteractionReport) if field.name != "frames"

@@ -15,6 +15,7 @@ from geneoh.geometry.changing_surface import ChangingSurface
 from geneoh.geometry.distance import MovingSurface
 from geneoh.hand.model import ShapedHand
 from geneoh.metrics.contact import depth_between
+from geneoh.metrics.report import through_walls
 from geneoh.objects.evidence import doubt
 from geneoh.pipeline.alone import measure_hand
 from geneoh.pipeline.presets import Preset
@@ -123,6 +124,7 @@ class FittedHand:
             notes=(
                 *subject.notes,
                 *(doubt(self.evidence) if self.preset.has_object else ()),
+                *through_walls(before, after),
             ),
         )
 

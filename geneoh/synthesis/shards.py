@@ -18,6 +18,7 @@ from geneoh.config import as_dict, check_limits, setting_differences, with_table
 from geneoh.errors import ConfigError, InputError
 from geneoh.files.atomic import make_folder
 from geneoh.files.tensors import all_tensors, write_tensors
+from geneoh.geometry.thin_walls import edges_of, goes_through
 from geneoh.hand.model import HandModel, ShapedHand
 from geneoh.hand.skeleton import LARGEST_HAND
 from geneoh.progress import OnStep
@@ -244,13 +245,15 @@ def tried_grasps(
     toward: Float[Tensor, "B 3"],
     generator: torch.Generator,
 ) -> Grasps:
-    """A grasp of every attempt; those in which the skin is too deep are not kept either."""
+    """A grasp of every attempt; those in which the skin is too deep or goes through a thin wall,
+    where it is never deep, are not kept either."""
     solids, offsets = tried.solids, tried.hands.offsets
     grasps = synthesize_grasps(solids, offsets, config.grasps, generator=generator, toward=toward)
     skin = tried.hands.posed(grasps.pose, grasps.wrist).verts
-    deep = -solids.signed_distance(skin).amin(-1)
-    checks = config.grasps.checks
-    return replace(grasps, kept=grasps.kept & (deep < checks.depth + checks.skin))
+    distance, normal = solids.distance_and_normal(skin)
+    shallow = -distance.amin(-1) < config.grasps.checks.depth + config.grasps.checks.skin
+    through = goes_through(skin, distance, normal, edges_of(tried.hands.model.faces))
+    return replace(grasps, kept=grasps.kept & shallow & ~through)
 
 
 def write_shards(

@@ -1,5 +1,6 @@
 import math
 from dataclasses import replace
+from functools import partial
 
 import pytest
 import torch
@@ -8,12 +9,14 @@ import trimesh
 from geneoh.geometry.distance import MovingSurface, SurfaceDistance
 from geneoh.geometry.mesh import from_trimesh
 from geneoh.metrics.contact import TOUCH
-from geneoh.metrics.report import before_and_after, measure_posed, near_hand
+from geneoh.metrics.report import before_and_after, measure_posed, near_hand, through_walls
 from geneoh.sequence import windows
 
 CUBE = SurfaceDistance(from_trimesh(trimesh.creation.box((0.1, 0.1, 0.1))))
 FRAMES = 6
 STILL = MovingSurface((CUBE,), torch.eye(3).expand(FRAMES, 1, 3, 3), torch.zeros(FRAMES, 1, 3))
+
+measured = partial(measure_posed, faces=torch.tensor([[0, 1, 2]]))
 
 
 def hand(height: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
@@ -27,7 +30,7 @@ def hand(height: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
 
 def test_a_hand_that_sinks_by_a_millimetre_a_frame_is_reported_so():
     verts, joints = hand(0.052 - 0.001 * torch.arange(FRAMES))
-    found, _ = measure_posed(verts.__getitem__, joints, STILL, fps=30.0)
+    found, _ = measured(verts.__getitem__, joints, STILL, fps=30.0)
     assert found.frames == FRAMES
     assert found.penetration_max_mm == pytest.approx(3, abs=1e-3)
     assert found.penetration_mean_mm == pytest.approx(1, abs=1e-3)
@@ -41,7 +44,7 @@ def test_acceleration_is_in_millimetres_a_frame_squared_at_any_frame_rate():
     verts, joints = hand(torch.full((FRAMES,), 0.052))
     joints = joints + 0.002 * torch.arange(FRAMES)[:, None, None] ** 2 * torch.eye(3)[0]
     for fps in (30.0, 120.0):
-        found, _ = measure_posed(verts.__getitem__, joints, STILL, fps=fps)
+        found, _ = measured(verts.__getitem__, joints, STILL, fps=fps)
         assert found.acceleration_mm == pytest.approx(4, rel=1e-3)
 
 
@@ -50,21 +53,21 @@ def test_frames_that_were_not_observed_change_nothing():
     valid = torch.tensor([True, True, True, True, False, False])
     broken, lost = verts.clone(), joints.clone()
     broken[~valid], lost[~valid] = torch.nan, torch.nan
-    found, _ = measure_posed(broken.__getitem__, lost, STILL, fps=30.0, valid=valid)
-    expected, _ = measure_posed(verts[:4].__getitem__, joints[:4], STILL.at(slice(4)), fps=30.0)
+    found, _ = measured(broken.__getitem__, lost, STILL, fps=30.0, valid=valid)
+    expected, _ = measured(verts[:4].__getitem__, joints[:4], STILL.at(slice(4)), fps=30.0)
     assert str(found) == str(expected)
 
 
 def test_one_frame_can_be_measured():
     verts, joints = hand(torch.tensor([0.045]))
-    found, _ = measure_posed(verts.__getitem__, joints, STILL.at(slice(1)), fps=30.0)
+    found, _ = measured(verts.__getitem__, joints, STILL.at(slice(1)), fps=30.0)
     assert found.penetration_max_mm == pytest.approx(5, abs=1e-3)
     assert math.isnan(found.acceleration_mm)
 
 
 def test_no_valid_frame_is_all_unknown():
     verts, joints = hand(torch.full((FRAMES,), 0.05))
-    found, _ = measure_posed(
+    found, _ = measured(
         verts.__getitem__, joints, STILL, fps=30.0, valid=torch.zeros(FRAMES, dtype=torch.bool)
     )
     assert found.frames == 0
@@ -76,15 +79,15 @@ def test_carried_object_is_consistent_and_a_sliding_one_is_not():
     path = torch.zeros(FRAMES, 1, 3)
     path[:, 0, 0] = 0.003 * torch.arange(FRAMES)
     moving = replace(STILL, translation=path)
-    carried, _ = measure_posed((verts + path).__getitem__, joints + path, moving, fps=30.0)
+    carried, _ = measured((verts + path).__getitem__, joints + path, moving, fps=30.0)
     assert carried.consistency_mm2 == pytest.approx(0, abs=1e-6)
-    sliding, _ = measure_posed(verts.__getitem__, joints, moving, fps=30.0)
+    sliding, _ = measured(verts.__getitem__, joints, moving, fps=30.0)
     assert sliding.consistency_mm2 == pytest.approx(9, rel=1e-3)
 
 
 def test_before_and_after_stand_in_one_line_each():
     verts, joints = hand(torch.full((FRAMES,), 0.045))
-    before, _ = measure_posed(verts.__getitem__, joints, STILL, fps=30.0)
+    before, _ = measured(verts.__getitem__, joints, STILL, fps=30.0)
     lines = before_and_after(before, replace(before, penetration_mean_mm=0.25))
     assert len(lines) == 6
     assert lines[0].split() == ["penetration", "depth,", "mean", "5.00", "->", "0.25", "mm"]
@@ -94,7 +97,7 @@ def test_before_and_after_stand_in_one_line_each():
 
 def test_a_report_is_plain_numbers():
     verts, joints = hand(torch.full((FRAMES,), 0.045))
-    report, _ = measure_posed(verts.__getitem__, joints, STILL, fps=30.0)
+    report, _ = measured(verts.__getitem__, joints, STILL, fps=30.0)
     assert all(type(value) in (int, float) for value in report.as_dict().values())
 
 
@@ -121,7 +124,22 @@ def test_a_long_track_is_measured_in_blocks_as_in_one(monkeypatch):
     path = torch.zeros(FRAMES, 1, 3)
     path[:, 0, 0] = 0.003 * torch.arange(FRAMES) ** 2
     moving = replace(STILL, translation=path)
-    whole, _ = measure_posed(verts.__getitem__, joints + path, moving, fps=30.0)
+    whole, _ = measured(verts.__getitem__, joints + path, moving, fps=30.0)
     monkeypatch.setattr(windows, "BLOCK", 4)
-    in_blocks, _ = measure_posed(verts.__getitem__, joints + path, moving, fps=30.0)
+    in_blocks, _ = measured(verts.__getitem__, joints + path, moving, fps=30.0)
     assert str(in_blocks) == str(whole)
+
+
+def test_a_hand_in_a_plate_is_told_where_depth_is_half_a_millimetre():
+    ball = from_trimesh(trimesh.creation.icosphere(3, 0.03))
+    plate = SurfaceDistance(from_trimesh(trimesh.creation.box((0.2, 0.2, 0.001))))
+    away = torch.zeros(FRAMES, 1, 3)
+    away[:2, :, 2] = 0.04
+    verts, joints = ball.verts + away, torch.zeros(FRAMES, 21, 3)
+    found, _ = measure_posed(
+        verts.__getitem__, joints, replace(STILL, fields=(plate,)), fps=30.0, faces=ball.faces
+    )
+    assert found.penetration_max_mm < 0.51
+    assert found.through_fraction == pytest.approx(4 / 6)
+    assert "in 67% of the frames, in the input in 67%" in next(through_walls(found, found))
+    assert not list(through_walls(found, replace(found, through_fraction=0.0)))

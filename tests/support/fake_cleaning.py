@@ -18,7 +18,7 @@ from geneoh.metrics.report import InteractionReport
 from geneoh.pipeline.results import Denoised, HandResult
 from geneoh.sequence.sequence import Sequence
 
-REPORT = InteractionReport(6, 1.0, 2.0, 0.5, 3.0, 0.5, float("nan"))
+REPORT = InteractionReport(6, 1.0, 2.0, 0.5, 3.0, 0.5, float("nan"), 0.0)
 PAUSE = "FAKE_CLEANING_PAUSE"
 """Environment variable with the seconds that a cleaning takes."""
 

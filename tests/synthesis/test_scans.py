@@ -13,6 +13,7 @@ from geneoh.errors import InputError
 from geneoh.geometry.distance import SurfaceDistance
 from geneoh.geometry.mesh import load_mesh
 from geneoh.geometry.mirror import mirror_points
+from geneoh.geometry.thin_walls import edges_of, goes_through
 from geneoh.hand.library import load_hand
 from geneoh.synthesis import scans as module
 from geneoh.synthesis.grasps import GraspChecks, GraspConfig
@@ -27,7 +28,14 @@ from geneoh.synthesis.scans import (
     read_scans,
     write_scans,
 )
-from geneoh.synthesis.shards import SynthesisConfig, read_shards, shard_record, write_shards
+from geneoh.synthesis.shards import (
+    SynthesisConfig,
+    draw_attempts,
+    read_shards,
+    shard_record,
+    tried_grasps,
+    write_shards,
+)
 from geneoh.synthesis.surface import mesh_of
 
 ANYTHING = GraspChecks(depth=1.0, fingers=-1, clearance=-1.0)
@@ -148,6 +156,25 @@ def test_hands_start_where_an_object_is_thin_enough(scans):
     thin = scans.grasped[1] == 1
     assert float(thin.float().mean()) == pytest.approx(0.88, abs=0.02), "the rims are 12%"
     assert float(rims.float().mean()) < 0.06, "0.15 of that"
+
+
+@pytest.mark.slow
+def test_no_kept_hand_goes_through_a_thin_plate(tmp_path):
+    trimesh.creation.box((0.2, 0.15, 0.001)).export(tmp_path / "plate.ply")
+    plate = build_scans(read_folder(tmp_path))
+    hand, config = load_hand("right"), SynthesisConfig(scanned=1.0)
+    names = ["mug", "plate.ply"]
+    tried = draw_attempts(config, names, hand, 40, generator=seeded(1), scans=plate)
+    assert set(tried.families) == {"plate.ply"}
+    toward = torch.zeros(len(tried.families), 3)
+    grasps = tried_grasps(tried, config, toward, seeded(2))
+    assert grasps.kept.any()
+    held = tried.take(torch.nonzero(grasps.kept)[:, 0])
+    posed = held.hands.posed(grasps.pose[grasps.kept], grasps.wrist[grasps.kept])
+    local = (posed.verts - held.solids.center[:, :1]) @ held.solids.rotation[:, 0]
+    found = SurfaceDistance(plate.meshes[0]).query(local / held.solids.size[:, :1])
+    through = goes_through(local, found.distance, found.normal, edges_of(hand.faces))
+    assert not through.any()
 
 
 def test_kept_scans_are_read_as_they_were(scans, tmp_path):

@@ -67,7 +67,9 @@ def test_means_of_the_page_are_those_that_the_command_prints(scene):
     moved = replace(hand, verts=verts, joints=joints, distance=distance, measures=measures)
     alone = replace(scene, versions=(replace(version, hands=(moved,)),), samples={})
     means = unpacked(page_html(alone))[0]["versions"][0]["means"]
-    report, _ = measure_posed(verts.__getitem__, joints, surface, scene.fps, hand.valid)
+    report, _ = measure_posed(
+        verts.__getitem__, joints, surface, scene.fps, hand.valid, faces=hand.model.faces
+    )
     assert 0 < report.contact_fraction < 1
     assert means == {
         "penetration": pytest.approx(report.penetration_mean_mm, abs=1e-3),
