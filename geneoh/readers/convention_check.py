@@ -205,8 +205,8 @@ def check_keypoint_order(hand: HandTrack, stored: CrossChecks) -> Iterator[str]:
     elif finger_curls(joints, hand.side).nanmean() < -CURL_LIMIT * span:
         other = OTHER_SIDE[hand.side]
         yield (
-            "handedness: the fingers curl away from the palm; these are points of the other hand, "
-            f"pass --side {other} or correct the side that the file states"
+            "handedness: the fingers curl away from the palm; unless the hand is flat, these are "
+            f"points of the other hand: pass --side {other} or correct the side that is stated"
         )
 
 
@@ -227,8 +227,9 @@ def check_finger_bend(hand: HandTrack, stored: CrossChecks) -> Iterator[str]:
     if bend < -BACKWARD_LIMIT:
         other = OTHER_SIDE[hand.side]
         yield (
-            f"handedness: the fingers bend backward by {-bend:.2f} rad on average; these are the "
-            f"numbers of a {other} hand (--side {other}), or a mean pose is missing (--mean-pose)"
+            f"handedness: the fingers bend backward by {-bend:.2f} rad on average; unless the hand "
+            f"is flat, these are the numbers of a {other} hand (--side {other}), or a mean pose is "
+            "missing (--mean-pose)"
         )
 
 

@@ -10,7 +10,7 @@ from trees import FRAMES, scene
 
 from geneoh.geometry.mesh import load_mesh
 from geneoh.readers.base import ReaderOptions, Recording
-from geneoh.readers.convention_check import contradictions, doubts
+from geneoh.readers.convention_check import MIDDLE_JOINTS, contradictions, doubts
 from geneoh.readers.npz_files import load
 from geneoh.readers.recordings import read_one
 
@@ -42,6 +42,17 @@ def test_keypoints_without_confidence_raise_no_doubt():
     confidence[:, [4, 8, 12, 16, 20]] = 0.0
     keys = replace(hand, joints=joints, confidence=confidence, pose=None, wrist=None)
     assert list(doubts(replace(sequence, hands=(keys,)), "taco")) == []
+
+
+def test_a_flat_hand_is_not_taken_for_certain_as_the_other_one():
+    sequence = load(EXAMPLES / "taco_clean.npz", obj=EXAMPLES / "taco_object.obj")[:60]
+    hand = sequence.hands[0]
+    pose = hand.pose.clone()
+    pose[:, 1:] = 0.0
+    pose[:, MIDDLE_JOINTS, 2] = 0.06
+    flat = replace(hand, pose=pose, joints=None)
+    (said,) = doubts(replace(sequence, hands=(flat,)), "taco")
+    assert "backward by 0.06 rad on average; unless the hand is flat" in said
 
 
 @pytest.mark.parametrize("turning", [True, False])
