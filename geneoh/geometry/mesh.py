@@ -348,11 +348,17 @@ def rims(faces: Int[Tensor, "F 3"]) -> tuple[Int[Tensor, "E 2"], Int[Tensor, " E
     edges = torch.stack([faces[rim], faces.roll(-1, dims=-1)[rim]], dim=-1)
     if not len(edges):
         return edges, edges[:, 0]
-    start, end = edges.cpu().unbind(-1)
+    piece = connected(edges)[edges[:, 0]]
+    return edges, torch.unique(piece, return_inverse=True)[1]
+
+
+def connected(edges: Int[Tensor, "E 2"]) -> Int[Tensor, " V"]:
+    """The number of the connected piece that each vertex belongs to, up to the last in an edge."""
+    start, end = edges.cpu().numpy().T
     size = int(edges.max()) + 1
-    links = coo_array((np.ones(len(edges)), (start.numpy(), end.numpy())), (size, size))
-    label = torch.from_numpy(connected_components(links, directed=False)[1]).long()
-    return edges, torch.unique(label[start], return_inverse=True)[1].to(faces)
+    links = coo_array((np.ones(len(start)), (start, end)), (size, size))
+    label = connected_components(links, directed=False)[1]
+    return torch.from_numpy(label).to(edges)
 
 
 def capped(

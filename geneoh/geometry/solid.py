@@ -2,9 +2,10 @@
 
 A point is inside where the winding number exceeds a half in absolute value, so a mesh turned inside
 out is the same solid. Holes, several shells and overlapping parts need no repair (Jacobson et al.
-2013; fast form: Barill et al. 2018). Two defects are repaired: faces that disagree within a shell
-are turned to agree, and an open sheet (a bowl without thickness) is given a wall, because no sign
-rule can tell its cavity from its inside. Solids are kept on the CPU, where libigl works.
+2013; fast form: Barill et al. 2018). Three defects are repaired: shells whose faces are there twice
+lose the copies, faces that disagree within a shell are turned to agree, and an open sheet (a bowl
+without thickness) is given a wall, because no sign rule can tell its cavity from its inside. Solids
+are kept on the CPU, where libigl works.
 """
 
 from dataclasses import dataclass
@@ -16,7 +17,16 @@ from jaxtyping import Bool, Float, Float64, Int, Int64
 from torch import Tensor
 
 from geneoh.errors import InputError
-from geneoh.geometry.mesh import WELD_TOLERANCE, Mesh, checked, open_edges, rims, thickened, welded
+from geneoh.geometry.mesh import (
+    WELD_TOLERANCE,
+    Mesh,
+    checked,
+    connected,
+    open_edges,
+    rims,
+    thickened,
+    welded,
+)
 
 OPENING_SHARE = 0.05
 """A hole is an opening when its area is more than this share of its shell's area.
@@ -95,7 +105,7 @@ def build_solid(mesh: Mesh) -> Solid:
             f"{name}: expected faces larger than {WELD_TOLERANCE:g} m, got none in a mesh that is "
             f"{float(mesh.extent().max()):.3g} m long; scale it to metres"
         )
-    body, patches = agreeing(whole)
+    body, patches = agreeing(without_copies(whole))
     body, sheets = with_walls(body, patches)
     winding = winding_of(*as_arrays(body))
     closed = not bool(open_edges(body.faces).any())
@@ -112,6 +122,31 @@ def build_solid(mesh: Mesh) -> Solid:
         )
     corners = surface.corners().reshape(-1, 3).double()
     return Solid(surface, body, sheets, closed, corners.amin(0), corners.amax(0), winding)
+
+
+def without_copies(mesh: Mesh) -> Mesh:
+    """The mesh with one face of each place in shells whose faces all are there twice or more.
+
+    Files for pictures have them so, to be seen from either side, and winding numbers of faces that
+    look opposite ways cancel: nothing would be inside. A face that two bodies share stays twice.
+    """
+    same = numbered_places(mesh.faces)
+    repeated = torch.bincount(same)[same] > 1
+    if not bool(repeated.any()):
+        return mesh
+    shell = connected(mesh.faces[:, [0, 1, 0, 2]].reshape(-1, 2))[mesh.faces[:, 0]]
+    kept = torch.zeros(int(shell.max()) + 1, dtype=torch.bool)
+    kept[shell[~repeated]] = True
+    order = torch.arange(len(same))
+    first = torch.full_like(order, len(order)).scatter_reduce(0, same, order, "amin")
+    return Mesh(mesh.verts, mesh.faces[kept[shell] | (first[same] == order)])
+
+
+def numbered_places(faces: Int[Tensor, "F 3"]) -> Int[Tensor, " F"]:
+    """A number for the three corners of each face, in whatever order they are."""
+    corners, size = faces.sort(-1).values, int(faces.max()) + 1
+    edge = torch.unique(corners[:, 0] * size + corners[:, 1], return_inverse=True)[1]
+    return torch.unique(edge * size + corners[:, 2], return_inverse=True)[1]
 
 
 def as_arrays(mesh: Mesh) -> tuple[Float64[np.ndarray, "V 3"], Int64[np.ndarray, "F 3"]]:

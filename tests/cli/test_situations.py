@@ -493,6 +493,14 @@ SITUATIONS = [
         lambda f: write_mesh(f / "object.obj", BOX_CORNERS, BOX_FACES[:-1]),
         code=0,
     ),
+    Situation(
+        "A mesh whose faces look both ways",
+        "wrote",
+        lambda f: write_mesh(
+            f / "object.obj", BOX_CORNERS, [*BOX_FACES, *(face[::-1] for face in BOX_FACES)]
+        ),
+        code=0,
+    ),
     Situation("A mesh of quads", "wrote", quads, code=0),
     Situation("A vertex 100 km away", "wrote", with_vertices("v 1e5 0 0"), code=0),
     Situation(

@@ -68,6 +68,35 @@ def test_faces_that_disagree_are_turned_to_agree(torus):
     )
 
 
+@pytest.mark.parametrize("turned", [True, False])
+@pytest.mark.parametrize("own_vertices", [True, False])
+def test_faces_that_are_there_twice_are_one(torus, turned, own_vertices):
+    again = torus.copy()
+    if turned:
+        again.invert()
+    both = trimesh.util.concatenate([torus, again])
+    if not own_vertices:
+        both.merge_vertices()
+    mesh = from_trimesh(both)
+    assert_is_the_torus(mesh)
+    assert len(build_solid(mesh).surface.faces) == len(torus.faces)
+
+
+def test_a_sheet_that_is_seen_from_either_side_has_a_wall():
+    square = torch.tensor([[0.0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0], [0, 0.1, 0]])
+    faces = torch.tensor([[0, 1, 2], [0, 2, 3], [2, 1, 0], [3, 2, 0]])
+    found = SurfaceDistance(Mesh(square, faces)).query(torch.tensor([[[0.05, 0.05, 0.0005]]]))
+    assert found.distance == pytest.approx(-0.0005, abs=1e-6)
+
+
+def test_boxes_that_share_a_wall_are_one_solid():
+    boxes = [trimesh.creation.box((0.1, 0.1, 0.1)) for _ in range(2)]
+    boxes[1].apply_translation((0.1, 0, 0))
+    found = SurfaceDistance(from_trimesh(trimesh.util.concatenate(boxes)))
+    inside = torch.tensor([[[0.0, 0, 0], [0.05, 0, 0], [0.1, 0, 0]]])
+    assert found.query(inside).distance[0].tolist() == pytest.approx([-0.05] * 3, abs=1e-5)
+
+
 def test_missing_faces_leave_a_solid(torus):
     lost = np.random.default_rng(0).random(len(torus.faces)) < 0.1
     assert_is_the_torus(from_trimesh(without(torus, lost)))
