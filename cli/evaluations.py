@@ -15,6 +15,7 @@ from geneoh.choices import (
     GENERATORS,
     METHODS,
     PRESETS,
+    SEED_LIMITS,
 )
 
 from . import options
@@ -54,7 +55,7 @@ eval_options = options.together(
     many(
         "--seed seeds: Seed of the noise and of the methods; may be repeated.  [default: 11, 22 "
         "and 77; 11 for synthetic]",
-        click.IntRange(min=0),
+        click.IntRange(*SEED_LIMITS),
     ),
     option("--limit: Largest number of clips.", COUNT),
     many(

@@ -11,7 +11,7 @@ import click
 from click import Choice
 from click.core import ParameterSource
 
-from geneoh.choices import PRESETS, RESULT_HANDS, SELECTIONS, SIDES, UNITS
+from geneoh.choices import PRESETS, RESULT_HANDS, SEED_LIMITS, SELECTIONS, SIDES, UNITS
 from geneoh.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -136,7 +136,7 @@ selection = option(
 hand = option("--hand: Hand model of the result.", Choice(RESULT_HANDS), "embedded")
 seed = option(
     "--seed: Seed of every random draw; the same seed gives the same file.",
-    click.IntRange(min=0),
+    click.IntRange(*SEED_LIMITS),
     0,
 )
 side_and_fps = together(

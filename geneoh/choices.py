@@ -129,12 +129,15 @@ Refiner = Literal["geneoh", "paper", "none"]
 Text2HOI, or nothing."""
 REFINERS: tuple[Refiner, ...] = get_args(Refiner)
 
+SEED_LIMITS = (0, 2**63 - 1)
+"""The least and the largest seed of random draws."""
+
 GENERATION: dict[str, tuple[int, int]] = {
     "frames": (2, 150),  # as many as the longest clips that networks learn from
     "steps": (1, 1000),  # as many as there are noise levels
     "guidance": (0, 10),
     "draws": (1, 64),
-    "seed": (0, 2**63 - 1),
+    "seed": SEED_LIMITS,
 }
 """The least and the largest value of each number that `geneoh generate` takes."""
 STEPS, GUIDANCE, DRAWS = 12, 2.0, 8

@@ -35,6 +35,7 @@ from geneoh.files.journal import (
     read_journal,
 )
 from geneoh.files.outputs import is_ours
+from geneoh.hand.library import load_hand
 from geneoh.progress import OnProgress
 from geneoh.viz.view import write_report
 from geneoh.workers.pool import results_of
@@ -90,6 +91,8 @@ def evaluate(
     cases = find_cases(options)
     methods, notes = methods_of(options)
     settings = settings_of(options)
+    # a hand model that is missing is told before any clip fails for it
+    load_hand("right", source=options.cleaner.hand, mano_dir=options.cleaner.mano_dir)
     versions = package_versions()
     cleaner = options.cleaner
     config = ScoringConfig(cleaner.hand, cleaner.mano_dir, settings["close_frames"])

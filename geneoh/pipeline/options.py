@@ -8,8 +8,8 @@ from typing import Any, get_type_hints
 import numpy as np
 import torch
 
-from geneoh.choices import Ablation, HandSource, PresetName, Selection
-from geneoh.config import as_field_type, closest_name
+from geneoh.choices import SEED_LIMITS, Ablation, HandSource, PresetName, Selection
+from geneoh.config import as_field_type, check_limits, closest_name
 from geneoh.errors import ConfigError
 from geneoh.pipeline.presets import Preset, preset
 
@@ -70,8 +70,7 @@ class Options:
             if isinstance(value, np.generic | torch.device):
                 value = str(value) if isinstance(value, torch.device) else value.item()
             object.__setattr__(self, name, as_field_type(value, kind, "Options", name))
-        if not 0 <= self.seed < 2**63:
-            raise ConfigError(f"Options: 'seed' must be 0 or more, got {self.seed}; correct it")
+        check_limits(self, {"seed": SEED_LIMITS})
 
     def resolved(self) -> Preset:
         """The preset with the user's changes.

@@ -39,6 +39,13 @@ def test_the_same_seed_gives_the_same_file(geneoh, tmp_path):
     assert a == b != c
 
 
+def test_a_seed_that_no_generator_takes_is_refused(geneoh, tmp_path):
+    write_good(tmp_path)
+    done = geneoh("corrupt", "hand.npz", "--noise", "gauss", "--seed", 2**63)
+    assert done.exit_code == 2
+    assert "0<=x<=9223372036854775807" in done.stderr
+
+
 def test_the_result_stands_beside_the_input_by_default(geneoh, tmp_path):
     write_good(tmp_path)
     before = (tmp_path / "hand.npz").read_bytes()

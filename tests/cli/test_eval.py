@@ -52,6 +52,13 @@ def test_a_missing_folder_of_clips_is_told(geneoh, option):
     assert f"{option} nowhere: expected a folder" in done.stderr
 
 
+def test_a_hand_model_that_is_missing_is_told_before_any_work(geneoh, monkeypatch):
+    monkeypatch.delenv("GENEOH_MANO_DIR", raising=False)
+    done = geneoh("eval", *SMALL, "--method", "input", "--hand", "mano", "-o", "out")
+    assert done.exit_code == 2
+    assert "MANO_RIGHT.pkl: no folder is given" in done.stderr
+
+
 def test_a_misspelt_choice_of_the_protocol_is_told(geneoh):
     done = geneoh("eval", "--dataset", "taco", "--set", "window=all")
     assert done.exit_code == 2

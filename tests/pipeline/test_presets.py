@@ -88,7 +88,7 @@ def test_options_leave_out_what_they_name():
     ("wrong", "words"),
     [
         ({"preset": "turbo"}, "'preset' must be one of 'default', 'paper', 'fast', got 'turbo'"),
-        ({"seed": -1}, "'seed' must be 0 or more, got -1"),
+        ({"seed": -1}, "'seed' must be 0 to 9223372036854775807, got -1"),
         ({"steps": "3"}, "'steps' must be a whole number or none"),
         ({"without": "fit"}, "'without' must be a list"),
     ],
