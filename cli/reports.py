@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from geneoh.errors import numbered
-from geneoh.metrics.report import before_and_after, format_number
+from geneoh.metrics.report import before_and_after, format_number, through_walls
 from geneoh.pipeline.results import Denoised, HandResult
 from geneoh.sequence.sequence import Sequence
 
@@ -55,6 +55,8 @@ def refined(result: Denoised | None) -> Iterator[str]:
         yield f"{side} hand:"
         for line in before_and_after(hand.before, hand.after):
             yield f"  {line}"
+        for note in through_walls(hand.before, hand.after):
+            yield f"  note: {note}"
     if result is not None:
         yield from between_hands(result)
 

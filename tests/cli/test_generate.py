@@ -1,16 +1,21 @@
+from dataclasses import replace
 from pathlib import Path
 
+import fake_cleaning
 import numpy as np
 import pytest
 import torch
 import trimesh
 from click.testing import CliRunner
 
+import geneoh
 from geneoh.generators.text2hoi import generate as module
 from geneoh.generators.text2hoi.generate import Generated
 from geneoh.generators.text2hoi.prompt import read_prompt
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
+from geneoh_cli.reports import refined
 
+EXAMPLES = Path(__file__).parents[2] / "examples"
 SENTENCE = "lift the box with the left hand"
 
 
@@ -89,3 +94,13 @@ def test_files_that_geneoh_did_not_write_stay(generate, made):
     assert result.exit_code == 2
     assert "--overwrite" in result.output
     assert Path("clip.npz").read_bytes() == b"mine"
+
+
+def test_hands_that_were_made_through_a_thin_wall_are_told():
+    made = fake_cleaning.denoise(geneoh.load(EXAMPLES / "taco_clean.npz")[:6], geneoh.Options())
+    (side,) = made.hands
+    hand = made.hands[side]
+    through = replace(hand, after=replace(hand.after, through_fraction=0.5))
+    sound, told = (list(refined(replace(made, hands={side: each}))) for each in (hand, through))
+    assert told[: len(sound)] == sound
+    assert "goes through a thin wall of the object in 50% of the frames" in told[-1]
