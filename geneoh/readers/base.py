@@ -13,7 +13,7 @@ from geneoh.choices import OF_SOURCES, JointOrder, Side, Translation, Unit
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import Mesh
 from geneoh.hand.mano import AS_SHIPPED, ManoName
-from geneoh.readers.clock import Clock, clock_of
+from geneoh.readers.clock import Clock, clock_of, unread_times
 from geneoh.readers.mano import Mano, read_mano
 from geneoh.readers.records import Array, Place, Record
 from geneoh.sequence.sequence import HandTrack, Sequence
@@ -210,7 +210,7 @@ def timing_of(
     stored = record.optional_number("fps", "save it as fps=30.0")
     said = given if stored is None else stored
     clock = clock_of(record, frames, said)
-    about = () if clock is None else clock.notes
+    about = unread_times(record, frames) if clock is None else clock.notes
     if said is None and clock is not None and clock.fps is not None:
         return clock.fps, clock, about
     rate, notes = rate_of(stored, given, record.where)

@@ -128,6 +128,20 @@ def clock_of(record: Record, frames: int, said: float | None) -> Clock | None:
     return None
 
 
+def unread_times(record: Record, frames: int) -> tuple[str, ...]:
+    """Notes on fields of times that are no numbers, such as dates."""
+    return tuple(
+        f"'{name}' is not one number a frame and was not read"
+        for name in CLOCK_NAMES
+        if length_of(record.values.get(name)) == frames
+    )
+
+
+def length_of(value: Any) -> int:
+    """Number of entries of a list or an array; 0 for anything else."""
+    return len(value) if isinstance(value, list) or (isinstance(value, Array) and value.ndim) else 0
+
+
 def is_column(value: Any, frames: int) -> bool:
     """Whether a field holds one number for each frame."""
     if isinstance(value, list | tuple):
@@ -140,7 +154,9 @@ def clock_from(record: Record, name: str, said: float | None) -> Clock:
     values = record.numbers(name)
     if not np.isfinite(values).all() or not (np.diff(values) > 0).all():
         raise record.refuse(
-            name, "numbers that rise from frame to frame", "cut the recording where they do not"
+            name,
+            "numbers that rise from frame to frame",
+            "cut the recording where they do not, or leave the field out",
         )
     values = values - values[0]
     if name in TIME_NAMES:

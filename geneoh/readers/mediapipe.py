@@ -85,10 +85,11 @@ def stamps_in(value: Any, where: str) -> Record:
     """What a JSON value says of time, beside its results or in each of them."""
     frames = frames_in(value)
     named = value if isinstance(value, dict) else {}
-    stamps = {name: named[name] for name in ("fps", *CLOCK_NAMES) if name in named}
+    beside = {name: value for name, value in named.items() if value is not frames}
+    stamps = {name: beside[name] for name in ("fps", *CLOCK_NAMES) if name in beside}
     for name in CLOCK_NAMES:
-        told = [frame[name] for frame in frames if isinstance(frame, dict) and name in frame]
-        if told and len(told) == len(frames):
+        told = [frame.get(name) if isinstance(frame, dict) else None for frame in frames]
+        if any(value is not None for value in told):
             stamps[name] = told
     return Record(where, stamps, "correct it, or leave it out")
 
@@ -195,6 +196,11 @@ def read_points(path: Path, side: Side | None) -> tuple[Tracks, Notes, Record, i
     found: Tracks = {}
     for label, frame, point, axis, number in cells:
         track = found.setdefault(label, empty_track(last - first + 1))
+        if np.isfinite(track.points[frame - first, point, axis]):
+            raise InputError(
+                f"{path}: expected one hand a side in each frame, got landmark {point} twice in "
+                f"frame {frame - first + 1} of the table; add the column 'hand', or correct it"
+            )
         track.points[frame - first, point, axis] = number
         track.trust[frame - first] = 1.0
     for track in found.values():
@@ -205,9 +211,10 @@ def read_points(path: Path, side: Side | None) -> tuple[Tracks, Notes, Record, i
 def times_in(rows: list[Row], path: Path) -> Record:
     """The times of a table's frames, between others of one without a row; empty without times."""
     name = column_of(rows, TIME_NAMES)
-    if name is None:
+    times = [] if name is None else [number_in(row[name] or "") for row in rows]
+    if name is None or not np.isfinite(times).all():
         return Record(str(path), {})
-    told = dict(zip(frames_of(rows), (number_in(row[name] or "") for row in rows), strict=True))
+    told = dict(zip(frames_of(rows), times, strict=True))
     frames = sorted(told)
     every = np.arange(int(frames[0]), int(frames[-1]) + 1)
     times = np.interp(every, frames, [told[frame] for frame in frames])
@@ -224,8 +231,9 @@ def frames_of(rows: list[Row]) -> list[float]:
     if name := column_of(rows, FRAME_COLUMNS):
         return [number_in(row[name] or "") for row in rows]
     if name := column_of(rows, TIME_NAMES):
-        times = [number_in(row[name] or "") for row in rows]
-        return np.unique(times, return_inverse=True)[1].astype(float).tolist()
+        times = np.array([number_in(row[name] or "") for row in rows])
+        places = np.unique(times, return_inverse=True)[1].astype(float)
+        return np.where(np.isfinite(times), places, np.nan).tolist()
     return np.arange(float(len(rows))).tolist()
 
 
@@ -277,8 +285,9 @@ def cells_of(
             point = point_number(named) if fixed is None else fixed
             if point is None or not abs(frame) < 1e9 or (long and not timed):
                 raise InputError(
-                    f"{path}: line {line + 2} must have the number of its frame and a landmark "
-                    f"from 0 to 20 or by name, got {frame:g} and {named!r:.40}; correct it"
+                    f"{path}: line {line + 2} must have the number or the time of its frame as a "
+                    f"number, and a landmark from 0 to 20 or by name, got {frame:g} and "
+                    f"{named!r:.40}; correct it"
                 )
             yield told_side or side, int(frame), point, axis, number_in(row[name] or "")
 

@@ -205,6 +205,33 @@ def test_times_in_tables_are_read(tmp_path):
         np.testing.assert_allclose(seen, joints_at(KEPT / 60), atol=1e-6)
 
 
+def test_times_that_are_no_numbers_are_told(tmp_path):
+    path = tmp_path / "hand.json"
+    dates = [f"2026-01-01T10:00:0{second}" for second in range(len(KEPT))]
+    frames = [r | {"timestamp": d} for r, d in zip(results(KEPT / 30), dates, strict=True)]
+    path.write_text(json.dumps({"frames": frames}))
+    assert "'timestamp' is not one number" in geneoh.load(path, side="right").source
+    assert "'frames'" not in geneoh.load(path, side="right").source
+    np.savez(tmp_path / "hand.npz", **fields(KEPT / 30, timestamps=np.array(dates)))
+    assert "'timestamps' is not one number" in geneoh.load(tmp_path / "hand.npz").source
+
+
+@pytest.mark.parametrize(
+    ("times", "words"),
+    [
+        (["", "", ""], "line 2 must have the number or the time of its frame"),
+        (["0", "0.5", "10:00"], "line 4 must have"),
+        (["0", "0.1", "0.1"], "landmark 0 twice in frame 2"),
+    ],
+)
+def test_tables_whose_times_tell_no_frames_are_refused(times, words, tmp_path):
+    names = [f"{axis}{k}" for k in range(21) for axis in "xyz"]
+    rows = [[time, *HAND.ravel()] for time in times]
+    write_table(tmp_path / "hand.csv", ["time", *names], rows)
+    with pytest.raises(InputError, match=words):
+        geneoh.load(tmp_path / "hand.csv", side="right")
+
+
 def test_frames_that_aria_left_out_are_not_observed(tmp_path):
     case = next(case for case in CASES if case.source == "aria")
     s = scene()
