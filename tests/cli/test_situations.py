@@ -497,7 +497,7 @@ SITUATIONS = [
         "A mesh whose faces look both ways",
         "wrote",
         lambda f: write_mesh(
-            f / "object.obj", BOX_CORNERS, [*BOX_FACES, *(face[::-1] for face in BOX_FACES)]
+            f / "object.obj", BOX_CORNERS, np.concatenate([BOX_FACES, BOX_FACES[:, ::-1]])
         ),
         code=0,
     ),
