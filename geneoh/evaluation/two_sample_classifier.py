@@ -61,6 +61,8 @@ def all_snippets(
     joints: Float[Tensor, "T 21 3"], usable: Bool[Tensor, " T"]
 ) -> Float[Tensor, "N S 21 3"]:
     """The snippets of a track whose frames are all usable, by their first frame."""
+    if len(joints) < SNIPPET:
+        return joints.new_zeros(0, SNIPPET, 21, 3)
     windows = joints.unfold(0, SNIPPET, 1).permute(0, 3, 1, 2)
     return windows[usable.unfold(0, SNIPPET, 1).all(-1)]
 

@@ -120,6 +120,12 @@ def test_each_clip_gives_one_snippet_of_frames_at_the_object():
     assert int(torch.nonzero(starts.all(-1))[0, 0]) >= 15
 
 
+@pytest.mark.parametrize(("recorded", "clip"), [(FRAMES, 12), (8, 40), (8, 12)])
+def test_clips_shorter_than_a_snippet_have_none(recorded, clip):
+    with pytest.raises(InputError, match="take a longer recording or more data"):
+        compare_clips(made(0, 1, recorded), made(1, 60, clip))
+
+
 def test_controls_need_clips_of_two_blocks():
     assert math.isnan(controls(made(0, 4, BLOCK), made(1, 8, 40).object[:, :SNIPPET])["place"])
 
