@@ -5,11 +5,10 @@ from functools import cache
 
 from geneoh.choices import SIDES
 from geneoh.errors import InputError, shortened
+from geneoh.generators.both2hands.words import said_of_gestures
 from geneoh.generators.pieces import words_of
 from geneoh.generators.text2hoi.negation import rules_out
 from geneoh.language.conjugation import forms
-from geneoh.synthesis.gestures.one_handed import ONE_HANDED
-from geneoh.synthesis.gestures.two_handed import TWO_HANDED
 
 _CLAUSE = re.compile(r"[,;.:]|\b(?:and|but|while|as|yet|although|though|whereas)\b", re.IGNORECASE)
 _IN_TURN = {"then", "first", "before", "after", "until", "later", "again", "stops", "stop"}
@@ -47,7 +46,5 @@ def refuse_contradiction(sentence: str) -> None:
 @cache
 def _verbs() -> dict[str, str]:
     """The verb of each form of the verbs of made gestures."""
-    phrases = [phrase for gesture in ONE_HANDED.values() for phrase in gesture.says]
-    phrases += [phrase for gesture in TWO_HANDED.values() for phrase in gesture.said]
-    verbs = {phrase.split()[0] for phrase in phrases}
+    verbs = {phrase.split()[0] for phrase in said_of_gestures()}
     return {form: verb for verb in sorted(verbs) for form in forms(verb)}

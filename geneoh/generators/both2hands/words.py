@@ -23,7 +23,12 @@ BODY_WORDS = """
 @cache
 def known_words() -> frozenset[str]:
     """Words for what hands do: those of made gestures, of bodies, and of objects."""
-    said = [phrase for gesture in ONE_HANDED.values() for phrase in gesture.says]
-    said += [phrase for gesture in TWO_HANDED.values() for phrase in gesture.said]
+    said = said_of_gestures()
     verbs = [form for phrase in said for part in phrase.split(" and ") for form in forms(part)]
     return prompt.known_words().union(BODY_WORDS.split(), " ".join(verbs).split())
+
+
+def said_of_gestures() -> list[str]:
+    """All phrases for made gestures, such as "wave hello"; each begins with its verb."""
+    one = [phrase for gesture in ONE_HANDED.values() for phrase in gesture.says]
+    return one + [phrase for gesture in TWO_HANDED.values() for phrase in gesture.said]

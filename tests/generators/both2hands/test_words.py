@@ -4,10 +4,8 @@ import pytest
 
 from geneoh.errors import InputError
 from geneoh.generators.both2hands.generate import check_sentence
-from geneoh.generators.both2hands.words import known_words
+from geneoh.generators.both2hands.words import known_words, said_of_gestures
 from geneoh.generators.pieces import words_of
-from geneoh.synthesis.gestures.one_handed import ONE_HANDED
-from geneoh.synthesis.gestures.two_handed import TWO_HANDED
 
 
 @pytest.mark.parametrize(
@@ -79,6 +77,4 @@ def test_what_one_hand_does_and_the_other_does_not_is_no_contradiction(sentence)
 
 
 def test_all_words_of_made_gestures_are_known():
-    said = [phrase for each in ONE_HANDED.values() for phrase in each.says]
-    said += [phrase for each in TWO_HANDED.values() for phrase in each.said]
-    assert {word for phrase in said for word in words_of(phrase)} <= known_words()
+    assert {word for phrase in said_of_gestures() for word in words_of(phrase)} <= known_words()
