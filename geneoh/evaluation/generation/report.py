@@ -5,13 +5,15 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import torch
+
 from geneoh.evaluation.generation.scores import MEASURES, Measure, RowScores
 from geneoh.evaluation.report import made_with
 from geneoh.files.atomic import write_whole
 from geneoh.files.csv_text import csv_text
 from geneoh.files.json_text import json_text
 from geneoh.files.outputs import is_ours, keep_others
-from geneoh.metrics.features import Interval
+from geneoh.metrics.features import Interval, interval
 
 FILES = ("generation.json", "generation.csv", "generation.md")
 
@@ -32,6 +34,19 @@ class GenerationReport:
         yield from self.about
         for measure in self.measures:
             yield f"{measure.title}: {measure.meaning}; {measure.better} is better."
+        if len(self.rows) > 1:
+            yield self.distances_beside_the_last()
+
+    def distances_beside_the_last(self) -> str:
+        """How much less or more the FID of every row is than that of the last one.
+
+        All rows are scored on the same halves, so these differences vary less than the distances.
+        """
+        distances = {name: torch.tensor(row.values["fid"]) for name, row in self.rows.items()}
+        *others, last = distances
+        found = {name: interval(distances[name] - distances[last]) for name in others}
+        each = (f"{name} {by.mean:+.2f}±{by.half:.2f}" for name, by in found.items())
+        return f"FID less that of {last}, over the same halves: {', '.join(each)}."
 
 
 def keep_other_reports(folder: Path) -> None:
