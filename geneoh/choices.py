@@ -141,7 +141,7 @@ GENERATION: dict[str, tuple[int, int]] = {
 }
 """The least and the largest value of each number that `geneoh generate` takes."""
 STEPS, GUIDANCE, DRAWS = 12, 2.0, 8
-"""What it takes where nothing is said; `STEPS` is of bodies, too."""
+"""Its denoising steps, guidance and number of draws by default; bodies take as many steps."""
 
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 AXES: tuple[Axis, ...] = get_args(Axis)

@@ -91,16 +91,15 @@ def sample_multistep(
     `sample_ddim` leave samples too close to the mean of the data; as few of this one do not.
     """
     del generator  # takes no noise; the signature is shared by all samplers
-    levels = sigmas.double().tolist()
     last: tuple[Tensor, float] | None = None
-    for sigma, after in steps([*itertools.pairwise(levels)], on_step):
-        clean = model(x, sigma)
-        width = math.log(sigma / after) if after > 0 else math.inf  # in the logarithm of the noise
-        ahead = clean
-        if last is not None and after > 0:
-            ahead = clean + width / (2 * last[1]) * (clean - last[0])
+    for sigma, after in steps([*itertools.pairwise(sigmas.double().tolist())], on_step):
+        ahead = clean = model(x, sigma)
+        if after > 0:
+            width = math.log(sigma / after)  # of the step, in the logarithm of the noise
+            if last is not None:
+                ahead = clean + width / (2 * last[1]) * (clean - last[0])
+            last = clean, width
         x = ahead + after / sigma * (x - ahead)
-        last = clean, width
     return x
 
 

@@ -335,11 +335,23 @@ def tidied(mesh: Mesh) -> Mesh:
 
 def open_edges(faces: Int[Tensor, "F 3"]) -> Bool[Tensor, "F 3"]:
     """Whether edge i of each face, from its corner i to the next, belongs to no other face."""
-    start, end = faces, faces.roll(-1, dims=-1)
-    # One integer per edge: sorting pairs is fifty times slower.
-    keys = torch.minimum(start, end) * (int(faces.max()) + 1) + torch.maximum(start, end)
-    _, index, count = torch.unique(keys, return_inverse=True, return_counts=True)
+    _, index, count = torch.unique(edge_keys(faces), return_inverse=True, return_counts=True)
     return count[index] == 1
+
+
+def edges_of(faces: Int[Tensor, "F 3"]) -> Int[Tensor, "E 2"]:
+    """The edges of a mesh, each once, from its lower vertex to its higher one."""
+    keys, size = torch.unique(edge_keys(faces)), int(faces.max()) + 1
+    return torch.stack([keys // size, keys % size], dim=-1)
+
+
+def edge_keys(faces: Int[Tensor, "F 3"]) -> Int[Tensor, "F 3"]:
+    """A number for the edge from corner i of each face to the next, alike in both directions.
+
+    One integer for each edge: sorting pairs is fifty times slower.
+    """
+    start, end = faces, faces.roll(-1, dims=-1)
+    return torch.minimum(start, end) * (int(faces.max()) + 1) + torch.maximum(start, end)
 
 
 def rims(faces: Int[Tensor, "F 3"]) -> tuple[Int[Tensor, "E 2"], Int[Tensor, " E"]]:

@@ -12,12 +12,6 @@ GRAZED = 5
 """Edges in a frame that may reach over a rim, a corner or a wire without going through a wall."""
 
 
-def edges_of(faces: Int[Tensor, "F 3"]) -> Int[Tensor, "E 2"]:
-    """The edges of a mesh, each once."""
-    sides = torch.cat([faces, faces.roll(-1, dims=-1)]).reshape(2, -1).T
-    return torch.unique(sides.sort(-1).values, dim=0)
-
-
 def goes_through(
     verts: Float[Tensor, "*B V 3"],
     distance: Float[Tensor, "*B V"],

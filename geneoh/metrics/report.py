@@ -10,7 +10,8 @@ from torch import Tensor
 
 from geneoh.bundle import Bundle, concatenated
 from geneoh.geometry.distance import MovingSurface, SurfaceQuery
-from geneoh.geometry.thin_walls import edges_of, goes_through
+from geneoh.geometry.mesh import edges_of
+from geneoh.geometry.thin_walls import goes_through
 from geneoh.hand.skeleton import TIP_KEYPOINTS
 from geneoh.metrics.contact import (
     TOUCH,

@@ -18,7 +18,8 @@ from geneoh.config import as_dict, check_limits, setting_differences, with_table
 from geneoh.errors import ConfigError, InputError
 from geneoh.files.atomic import make_folder
 from geneoh.files.tensors import all_tensors, write_tensors
-from geneoh.geometry.thin_walls import edges_of, goes_through
+from geneoh.geometry.mesh import edges_of
+from geneoh.geometry.thin_walls import goes_through
 from geneoh.hand.model import HandModel, ShapedHand
 from geneoh.hand.skeleton import LARGEST_HAND
 from geneoh.progress import OnStep

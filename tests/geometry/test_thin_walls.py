@@ -3,8 +3,8 @@ import torch
 import trimesh
 
 from geneoh.geometry.distance import SurfaceDistance
-from geneoh.geometry.mesh import from_trimesh
-from geneoh.geometry.thin_walls import edges_of, goes_through
+from geneoh.geometry.mesh import edges_of, from_trimesh
+from geneoh.geometry.thin_walls import goes_through
 
 FINGER = from_trimesh(trimesh.creation.icosphere(2, 0.01))
 EDGES = edges_of(FINGER.faces)

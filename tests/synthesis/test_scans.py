@@ -11,9 +11,9 @@ from safetensors.torch import load_file, save_file
 
 from geneoh.errors import InputError
 from geneoh.geometry.distance import SurfaceDistance
-from geneoh.geometry.mesh import load_mesh
+from geneoh.geometry.mesh import edges_of, load_mesh
 from geneoh.geometry.mirror import mirror_points
-from geneoh.geometry.thin_walls import edges_of, goes_through
+from geneoh.geometry.thin_walls import goes_through
 from geneoh.hand.library import load_hand
 from geneoh.synthesis import scans as module
 from geneoh.synthesis.grasps import GraspChecks, GraspConfig

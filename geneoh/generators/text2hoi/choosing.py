@@ -69,9 +69,9 @@ def distances(actions: Actions, draws: int) -> Float[Tensor, "G D D"]:
     places, reach = (v.unflatten(0, (-1, draws)) for v in (object_places(actions), reach))
     objects = (places[:, :, None] - places[:, None]).norm(dim=-1).mean(-1)
     hands = (reach[:, :, None] - reach[:, None]).abs().sum(-1) / 21
-    one_each = actions.take(slice(None, None, draws), "B")
-    apart = (objects + HANDS * hands).flatten(1, 2).transpose(0, 1)
-    return torch.stack([over_frames(each, one_each) for each in apart], 1).unflatten(1, (draws, -1))
+    first = actions.take(slice(None, None, draws), "B")  # neighbours are of the same length
+    apart = (objects + HANDS * hands) * first.valid[:, None, None]
+    return apart.sum(-1) / first.length[:, None, None]
 
 
 def depth_in_object(actions: Actions) -> Float[Tensor, " B"]:

@@ -127,14 +127,14 @@ def generate(
     notes: tuple[str, ...] = ()
     if missed_motion(actions) > 0:
         fault = "hands are not at the object all the while it is to move, and it rests without them"
-        notes = (_best(options.draws, fault),)
+        notes = (_fault_note(options.draws, fault),)
     if options.refine != "none":
         actions = refined_by(load_refiner(options.weights), actions, contact)
     settle = partial(settled, stood=stood, generator=_generator(options, "hold"))
     actions = finished(actions, settle if options.refine == "geneoh" else None)
     if not passed_by(actions, [prompt.giver]).all():
         fault = f"the {prompt.giver} hand does not pass the object on"
-        notes = (*notes, _best(options.draws, fault))
+        notes = (*notes, _fault_note(options.draws, fault))
     prompt = replace(prompt, notes=(*prompt.notes, *notes))
     sequence, refined = placed(actions, stood, prompt.sentence), None
     if options.refine == "geneoh":
@@ -195,7 +195,7 @@ def save_generated(made: Generated, path: Path | str) -> None:
     save_sequence(made.sequence, path, extra=extra)
 
 
-def _best(draws: int, fault: str) -> str:
+def _fault_note(draws: int, fault: str) -> str:
     """The note on what is wrong even in the best draw."""
     drawn = f"the best of {draws} drawn motions" if draws > 1 else "the drawn motion"
     return f"in {drawn} {fault}; another seed or more draws may make a better one"
