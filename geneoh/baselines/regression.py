@@ -18,10 +18,11 @@ from geneoh.baselines.features import (
     Observation,
     relation_features,
 )
-from geneoh.denoisers.base import NOISE_SCALE, palm_axes
+from geneoh.denoisers.base import NOISE_SCALE
 from geneoh.nn.blocks import FrameTransformer, mlp, zeroed
 from geneoh.nn.sizes import NetworkConfig
 from geneoh.representation.spatial import SpatialRelations
+from geneoh.sequence.keypoints import palm_axes
 
 
 @dataclass(frozen=True)

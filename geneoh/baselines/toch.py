@@ -15,10 +15,11 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from geneoh.baselines.features import RELATION_FEATURES, Observation, relation_features
-from geneoh.denoisers.base import HAND_SCALE, palm_axes
+from geneoh.denoisers.base import HAND_SCALE
 from geneoh.nn.blocks import mlp
 from geneoh.nn.sizes import NetworkConfig
 from geneoh.representation.spatial import SpatialRelations, decode_spatial
+from geneoh.sequence.keypoints import palm_axes
 
 
 @dataclass(frozen=True)

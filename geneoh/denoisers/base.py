@@ -1,10 +1,10 @@
-"""What the denoisers share: axes of the palm, rates of the object, and scales of their data."""
+"""What the denoisers share: rates of the object, and scales of their data."""
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.geometry.rotations import axes_along, matrix_to_axis_angle
+from geneoh.geometry.rotations import matrix_to_axis_angle
 
 HAND_SCALE = 0.08
 """Deviation of canonical keypoints around the contact points, metres: the unit of what networks
@@ -12,12 +12,6 @@ read of them. It is fixed: each window's own, as in the paper, would lose bone l
 NOISE_SCALE = 0.02  # how far a clean keypoint typically is from its observation, metres
 POINTS = 32  # contact points K the networks are trained with
 SELECT_EVERY = 4  # contact points are chosen from every fourth frame
-
-
-def palm_axes(joints: Float[Tensor, "B T 21 3"]) -> Float[Tensor, "B 3 3"]:
-    """Axes of the window's mean palm as columns: along the palm, across it, and its normal."""
-    wrist, middle, index, pinky = (joints[:, :, i].mean(1) for i in (0, 9, 5, 17))
-    return axes_along(middle - wrist, index - pinky)
 
 
 def object_rates(

@@ -13,7 +13,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from geneoh.bundle import Bundle
-from geneoh.denoisers.base import HAND_SCALE, object_rates, palm_axes
+from geneoh.denoisers.base import HAND_SCALE, object_rates
 from geneoh.denoisers.candidate_corrections import CANDIDATES, candidate_corrections
 from geneoh.diffusion.precondition import preconditioned
 from geneoh.geometry.rotations import matrix_to_rotation_6d
@@ -22,6 +22,7 @@ from geneoh.nn.blocks import FrameTransformer, zeroed
 from geneoh.nn.sizes import NetworkConfig
 from geneoh.representation.parameters import UNIT, HandParameters, turned
 from geneoh.representation.region import ContactRegion
+from geneoh.sequence.keypoints import palm_axes
 
 SURFACE_SCALE, CONTACT_CUE_SCALE = 0.02, 0.04
 """Distances over which closeness to the surface decays in features and contact cues, metres."""

@@ -12,13 +12,14 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from geneoh.denoisers.base import HAND_SCALE, palm_axes
+from geneoh.denoisers.base import HAND_SCALE
 from geneoh.denoisers.window_features import VERSIONS, window_size, with_low_passed
 from geneoh.diffusion.precondition import preconditioned
 from geneoh.nn.blocks import FrameTransformer, mlp, zeroed
 from geneoh.nn.sizes import NetworkConfig
 from geneoh.representation.spatial import SpatialRelations, decode_spatial
 from geneoh.representation.window_scale import WindowScale
+from geneoh.sequence.keypoints import palm_axes
 
 CONTACT_SCALE = 0.02  # distance over which the closeness features decay, metres
 

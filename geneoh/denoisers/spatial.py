@@ -14,7 +14,6 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from geneoh.denoisers.base import palm_axes
 from geneoh.diffusion.posterior import Posterior, importance_posterior
 from geneoh.geometry.rotations import matrix_to_axis_angle
 from geneoh.nn.blocks import mlp, zeroed
@@ -24,6 +23,7 @@ from geneoh.progress import OnStep
 from geneoh.representation.nearest_surface import nearest_on_parts
 from geneoh.representation.parameters import UNIT, HandParameters
 from geneoh.representation.region import ObjectSurface
+from geneoh.sequence.keypoints import palm_axes
 
 CLOSE = 0.02  # distance over which closeness to the surface decays, metres
 SHIFT_UNIT = 0.02  # unit in which the network reads shifts, metres

@@ -15,11 +15,12 @@ from torch import Tensor, nn
 from torch.nn.functional import pad
 
 from geneoh.bundle import Bundle
-from geneoh.denoisers.base import object_rates, palm_axes
+from geneoh.denoisers.base import object_rates
 from geneoh.nn.blocks import FrameTransformer, zeroed
 from geneoh.nn.sizes import NetworkConfig
 from geneoh.representation.region import ObjectSurface
 from geneoh.representation.steps import SurfaceMotion
+from geneoh.sequence.keypoints import palm_axes
 
 STEP_UNIT = 0.003  # typical step of a keypoint over the surface between frames, metres
 CLOSE = 0.02  # distance over which closeness to the surface decays, metres

@@ -6,11 +6,11 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from geneoh.denoisers.base import palm_axes
 from geneoh.denoisers.window_features import VERSIONS, window_size, with_low_passed
 from geneoh.diffusion.precondition import preconditioned
 from geneoh.nn.blocks import FrameTransformer, zeroed
 from geneoh.nn.sizes import NetworkConfig
+from geneoh.sequence.keypoints import palm_axes
 
 
 @dataclass(frozen=True)

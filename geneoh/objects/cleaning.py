@@ -1,9 +1,9 @@
 """The object's track: how noisy it is, and the track that is left when the noise is taken out.
 
 The hand is denoised in the object's frame, so what shakes the object shakes the hand. The track is
-examined first, without the hand: its white noise, from its own fourth differences; the frames that
-no possible motion reaches; the rotations that a symmetric mesh cannot tell apart. A track that is
-found exact is returned as it is.
+examined first: its white noise, from its own differences; the frames that no possible motion
+reaches; the rotations that a symmetric mesh cannot tell apart. What the object does together with
+the palm of a hand is motion. A track that is found exact is returned as it is.
 """
 
 from collections.abc import Iterator
@@ -21,7 +21,13 @@ from geneoh.bundle import Bundle
 from geneoh.geometry.distance import SurfaceDistance
 from geneoh.geometry.mesh import Mesh
 from geneoh.objects.consistency import Chain, longest_chain, possible_places
-from geneoh.objects.smoothing import increments, noise_level, smooth_points, smooth_rotations
+from geneoh.objects.palms import Palm, View, Views
+from geneoh.objects.smoothing import (
+    LEAST_FRAMES,
+    increments,
+    smooth_points,
+    smooth_rotations,
+)
 from geneoh.objects.symmetry import Symmetry, box_center, find_symmetry
 from geneoh.sequence.sequence import ObjectTrack
 from geneoh.sequence.windows import runs
@@ -36,8 +42,6 @@ rests there, one that shakes does so always."""
 TURN_CHANGE, PLACE_CHANGE, MOTION_LIMIT = 0.21, 0.06, 5.0
 """From one frame to the next the turn of a part may change by 12 degrees and its step by 6 cm at 30
 frames a second, more at fewer, or by so many times its median turn or step."""
-SHORTEST = 16
-"""Frames below which noise cannot be told from motion."""
 AGREES = 30.0
 """Second difference of a part's place, in deviations of its noise, up to which the place counts
 where the rotation jumps."""
@@ -106,17 +110,20 @@ class CleanPart:
     is_noisy: bool = False
 
 
-def clean_object(motion: ObjectTrack, fps: float) -> tuple[ObjectTrack, ObjectExamination]:
+def clean_object(
+    motion: ObjectTrack, fps: float, palms: tuple[Palm, ...] = ()
+) -> tuple[ObjectTrack, ObjectExamination]:
     """The object's track without its noise, and what was found in it.
 
-    The very same track comes back where all parts are exact. Nothing is asked of the hand.
+    The very same track comes back where all parts are exact. `palms` are those of the hands as they
+    were given, in the same frames.
     """
     given = (motion.rotation.double().cpu().numpy(), motion.translation.double().cpu().numpy())
     seen = np.ones(given[0].shape[:2], dtype=bool)
     if motion.valid is not None:
         seen = motion.valid.cpu().bool().numpy()
     parts = [
-        clean_part((given[0][:, part], given[1][:, part]), mesh, fps, seen[:, part])
+        clean_part((given[0][:, part], given[1][:, part]), mesh, fps, seen[:, part], palms)
         for part, mesh in enumerate(motion.meshes)
     ]
 
@@ -144,32 +151,41 @@ def clean_object(motion: ObjectTrack, fps: float) -> tuple[ObjectTrack, ObjectEx
     return track([part.poses for part in parts]), examined
 
 
-def clean_part(poses: Poses, mesh: Mesh, fps: float, seen: Bool[np.ndarray, " T"]) -> CleanPart:
+def clean_part(
+    poses: Poses,
+    mesh: Mesh,
+    fps: float,
+    seen: Bool[np.ndarray, " T"],
+    palms: tuple[Palm, ...] = (),
+) -> CleanPart:
     """One part's track without its noise, and what was found in it; frames not `seen` are filled.
 
     Filled frames have no weight and no confidence.
     """
     nowhere = np.zeros(len(seen), dtype=bool)
     exact = CleanPart(poses, poses, seen.astype(float), nowhere, nowhere)
-    if seen.sum() < SHORTEST:
+    if seen.sum() < LEAST_FRAMES:  # noise cannot be told from motion
         return exact
     rotations, places = Rotation.from_matrix(poses[0]), poses[1]
-    steps, middles = increments(rotations), rotations.apply(box_center(mesh)) + places
-    shakes = is_shaky(steps, middles, seen, fps)
-    changes = np.linalg.norm(np.diff(steps, axis=0), axis=1)
-    turns_agree = changes.max() < step_limit(steps, TURN_CHANGE, fps)
-    if not shakes and turns_agree and steady_places(middles, fps).all():
+    world = View(rotations, rotations.apply(box_center(mesh)) + places, seen)
+    views = Views.of(world, palms)
+    shakes = is_shaky(views, fps)
+    limit = step_limit(increments(rotations), TURN_CHANGE, fps)
+    turns_agree = world.turn_changes().max() < views.limit(limit, View.turn_changes)
+    if not shakes and turns_agree and steady_places(views, fps).all():
         return exact
     symmetry = symmetry_of(mesh)
     limit = step_limit(least_steps(poses[0], symmetry), TURN_CHANGE, fps)
-    chain = longest_chain(rotations, limit, symmetry, fps)
+    chain = longest_chain(rotations, views.limit(limit, View.turn_changes), symmetry, fps)
     chain = replace(chain, kept=chain.kept & seen)
     # rotations of the mesh onto itself leave the center where it is
     middles = rotations.apply(symmetry.center) + places
     rotations = rotations * Rotation.from_matrix(chain.onto_itself)
     places = middles - rotations.apply(symmetry.center)
     center = steadiest(rotations, places, (symmetry.center, np.zeros(3)))
-    return smoothed(rotations, places, center, chain, seen, shakes, fps)
+    world = View(rotations, rotations.apply(center) + places, seen)
+    turning = Views.of(replace(world, seen=chain.kept), palms)
+    return smoothed(Views.of(world, palms), turning, center, chain, shakes, fps)
 
 
 @lru_cache(maxsize=8)
@@ -178,32 +194,32 @@ def symmetry_of(mesh: Mesh) -> Symmetry:
     return find_symmetry(SurfaceDistance(mesh))
 
 
-def is_shaky(
-    steps: np.ndarray, middles: np.ndarray, seen: Bool[np.ndarray, " T"], fps: float
-) -> bool:
-    """Whether a part shakes, by its turns (N, 3) and by its middle, which turns do not move."""
-    bound, whole = max(1.0, (30 / fps) ** 2), in_a_row(seen)
-    turned = quiet_noise(np.diff(steps, n=3, axis=0)[whole]) > bound * EXACT_ROTATION
-    return turned or quiet_noise(np.diff(middles, n=4, axis=0)[whole]) > bound * EXACT_TRANSLATION
+def is_shaky(views: Views, fps: float) -> bool:
+    """Whether a part shakes, by its turns and by its middle, which turns do not move."""
+    bound = max(1.0, (30 / fps) ** 2)
+    turned = views.least(lambda view: view.turn_noise(quietest)) > bound * EXACT_ROTATION
+    return turned or (
+        views.least(lambda view: view.place_noise(quietest)) > bound * EXACT_TRANSLATION
+    )
 
 
 def smoothed(
-    rotations: Rotation,
-    places: Float64[np.ndarray, "T 3"],
+    views: Views,
+    turning: Views,
     center: Float64[np.ndarray, " 3"],
     chain: Chain,
-    seen: Bool[np.ndarray, " T"],
     shakes: bool,
     fps: float,
 ) -> CleanPart:
-    """A part's track from its chain: smooth where it shakes, else as it is in kept frames."""
-    middles = rotations.apply(center) + places
-    there = steady_places(middles, fps) & seen
-    fourth = np.diff(increments(rotations), n=3, axis=0), np.diff(middles, n=4, axis=0)
-    noise = [
-        noise_level(values[in_a_row(frames)])
-        for values, frames in zip(fourth, (chain.kept, seen), strict=True)
-    ]
+    """A part's track from its chain: smooth where it shakes, else as it is in kept frames.
+
+    `center` is the point of the part whose places are in `views`; `turning` are those of the frames
+    of the chain alone.
+    """
+    rotations, middles, seen = views.world.turns, views.world.middles, views.world.seen
+    places = middles - rotations.apply(center)
+    there = steady_places(views, fps) & seen
+    noise = turning.least(View.turn_noise), views.least(View.place_noise)
     clean, weight = smooth_stretches(rotations, chain, max(noise[0], EXACT_ROTATION / 4))
     if shakes:
         least = max(noise[1], EXACT_TRANSLATION / 4)
@@ -247,10 +263,11 @@ def steady(
     return found
 
 
-def steady_places(middles: Float64[np.ndarray, "T 3"], fps: float) -> Bool[np.ndarray, " T"]:
+def steady_places(views: Views, fps: float) -> Bool[np.ndarray, " T"]:
     """The frames in which a part's middle is where possible motion brings it."""
+    middles = views.world.middles
     limit = step_limit(np.diff(middles, axis=0), PLACE_CHANGE, fps)
-    return possible_places(middles, limit, fps)
+    return possible_places(middles, views.limit(limit, View.place_changes), fps)
 
 
 def step_limit(steps: np.ndarray, change: float, fps: float) -> float:
@@ -271,16 +288,10 @@ def least_steps(turns: np.ndarray, symmetry: Symmetry) -> np.ndarray:
     )
 
 
-def in_a_row(kept: Bool[np.ndarray, " T"]) -> Bool[np.ndarray, " N"]:
-    """Whether five frames from each on are kept, and everywhere where five never are."""
-    whole = np.convolve(kept, np.ones(5), "valid") > 4
-    return whole if whole.any() else ~whole
-
-
-def quiet_noise(fourth: np.ndarray) -> float:
-    """The noise of the calmest stretches of a track, from its fourth differences (N, 3)."""
-    starts = range(0, max(1, len(fourth) - QUIET_FRAMES + 1), QUIET_FRAMES // 3)
-    levels = [noise_level(fourth[start : start + QUIET_FRAMES]) for start in starts]
+def quietest(lengths: Float64[np.ndarray, " N"]) -> float:
+    """The median length of a track's differences in its calmest stretches."""
+    starts = range(0, max(1, len(lengths) - QUIET_FRAMES + 1), QUIET_FRAMES // 3)
+    levels = [np.median(lengths[start : start + QUIET_FRAMES]) for start in starts]
     return float(np.quantile(levels, QUIET_SHARE))
 
 

@@ -6,10 +6,13 @@ heavy tails (Student's t), by iteratively reweighted least squares; the accelera
 again after each solve, so that a part that rests is held still and one that is swung keeps moving.
 """
 
+from collections.abc import Callable
 from math import comb
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float64
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import solveh_banded
 from scipy.ndimage import median_filter, uniform_filter1d
 from scipy.spatial.transform import Rotation, Slerp
@@ -28,21 +31,54 @@ FIRST_WINDOW, FIRST_ACCELERATION = 15, 0.3
 """The same for the first solve, which knows only the noisy track."""
 MEDIAN_FRAMES = 5
 """Frames of the median that the first weights are taken from."""
+MOTION = 0.7
+"""Share of the noise by fourth differences below which that by eighth ones is taken for it."""
+LEAST_FRAMES = 16
+"""Frames below which eighth differences are too few."""
+Summary = Callable[[Float64[np.ndarray, "N ..."]], Any]
+"""From many lengths to one."""
 
 
-def noise_level(fourth_differences: Float64[np.ndarray, "N 3"]) -> float:
-    """Deviation of white noise per coordinate from a track's fourth differences.
+def noise_level(
+    track: Float64[np.ndarray, "T *B 3"],
+    seen: Bool[np.ndarray, " T"] | None = None,
+    summary: Summary = np.median,
+) -> float:
+    """Deviation of white noise per coordinate of a track, from its differences.
 
-    Of order k they have C(2k, k) times the variance of the noise, and smooth motion hardly any; the
-    median does not see jumps.
+    Of order k they have C(2k, k) times the variance of the noise, and smooth motion hardly any.
+    Fourth differences tell it, but where eighth ones, in which there is less of fast motion, are so
+    much smaller that the fourth are mostly motion. The median does not see jumps; `summary` may be
+    another one of the lengths of the differences. Frames that are not `seen` count only where no
+    others are in a row.
     """
-    length = float(np.median(np.linalg.norm(fourth_differences, axis=1)))
-    return length / CHI3_MEDIAN / comb(8, 4) ** 0.5
+    seen = np.ones(len(track), dtype=bool) if seen is None else seen
+
+    def level(order: int) -> float:
+        lengths = np.linalg.norm(np.diff(track, n=order, axis=0), axis=-1)
+        return float(summary(lengths[in_a_row(seen, order + 1)])) / comb(2 * order, order) ** 0.5
+
+    found = level(4)
+    if len(track) >= LEAST_FRAMES:
+        slow = level(8)
+        found = slow if slow < MOTION * found else found
+    return found / CHI3_MEDIAN
+
+
+def in_a_row(kept: Bool[np.ndarray, " T"], count: int) -> Bool[np.ndarray, " N"]:
+    """Whether so many frames from each on are kept, and everywhere where they never are."""
+    whole = np.asarray(sliding_window_view(kept, count).all(1))
+    return whole if whole.any() else ~whole
 
 
 def increments(rotations: Rotation) -> Float64[np.ndarray, "N 3"]:
     """Turn from each frame to the next in the part's own frame, axis-angle in radians."""
     return (rotations[:-1].inv() * rotations[1:]).as_rotvec()
+
+
+def path_of(rotations: Rotation) -> Float64[np.ndarray, "T 3"]:
+    """The turns from frame to frame added up, radians: a path in a plane space."""
+    return np.concatenate([np.zeros((1, 3)), np.cumsum(increments(rotations), axis=0)])
 
 
 def smooth_points(
@@ -106,7 +142,7 @@ def smooth_rotations(
     track = Slerp(index, seen)(times)
     weight = trusted.astype(float)
     for _ in range(ROTATION_ROUNDS):
-        path = np.concatenate([np.zeros((1, 3)), np.cumsum(increments(track), axis=0)])
+        path = path_of(track)
         off = (track.inv() * observed).as_rotvec()
         smooth, weight = smooth_points(path + off, trusted, noise)
         step = smooth - path

@@ -8,13 +8,11 @@ case for it: the canonical frame stands still in the world, in the middle of the
 import math
 from dataclasses import dataclass, fields
 
-import numpy as np
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
 from geneoh.baselines.filters import Filter, smooth
-from geneoh.denoisers.base import palm_axes
 from geneoh.fitting.subject import Subject
 from geneoh.fitting.terms import HandState
 from geneoh.geometry.distance import MovingSurface
@@ -32,6 +30,7 @@ from geneoh.objects.smoothing import noise_level
 from geneoh.pipeline.context import StageContext
 from geneoh.pipeline.touch import verts_of_fingers
 from geneoh.representation.region import ContactRegion
+from geneoh.sequence.keypoints import palm_axes
 
 FAR = 1.0
 """Distance in metres at which nothing of a surface is seen: closeness decays over centimetres."""
@@ -91,7 +90,7 @@ def without_jitter(
     if len(observed) < 5:
         return samples
     tips = observed[:, list(TIP_KEYPOINTS)].cpu().double().numpy()
-    noise = noise_level(np.diff(tips, n=4, axis=0).reshape(-1, 3))
+    noise = noise_level(tips)
     share = min(max((noise - QUIET) / (NOISY - QUIET), 0.0), 1.0)
     smoothed = smooth(samples.movedim(1, 0), SMOOTHING, fps).movedim(0, 1)
     return samples + share * (smoothed - samples)

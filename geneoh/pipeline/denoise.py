@@ -22,6 +22,7 @@ from geneoh.hand.model import ShapedHand
 from geneoh.nn.devices import named_device
 from geneoh.objects.cleaning import clean_object
 from geneoh.objects.evidence import evidence_of_nearness, evidence_of_poses
+from geneoh.objects.palms import Palm
 from geneoh.objects.refine import refine_object
 from geneoh.pipeline.exchange import without_exchange
 from geneoh.pipeline.faults import without_faults
@@ -117,7 +118,8 @@ def clean_interaction(
     notes += filled_poses(motion) if chosen.has_object else ()
     evidence = torch.ones(sequence.frames)
     if chosen.clean_object:
-        motion, examined = clean_object(sequence.object, sequence.fps)
+        palms = tuple(Palm.of(hand) for hand in sequence.hands)
+        motion, examined = clean_object(sequence.object, sequence.fps, palms)
         notes += examined.sentences()
         evidence = evidence_of_poses(examined, motion, sequence.fps)
     # a part that was never seen stands at the origin, where a hand must not meet it

@@ -2,10 +2,11 @@
 
 Trackers that lose a hand repeat their last answer, follow another hand, turn it over, or take it
 for one of the other side. Networks that have learned from noise around the true hand follow such
-frames; without them they fill in what lies between the others.
+frames; without them they fill in what lies between the others. A hand that leaps with its object
+shakes it.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,15 +16,14 @@ from scipy.spatial.transform import Rotation
 from torch import Tensor
 
 from geneoh.choices import Side
-from geneoh.denoisers.base import palm_axes
 from geneoh.errors import numbered
 from geneoh.objects.consistency import longest_chain, possible_places
 from geneoh.objects.smoothing import increments
 from geneoh.objects.symmetry import Symmetry
 from geneoh.readers.convention_check import KNUCKLES, finger_curls
 from geneoh.sequence.gaps import fill_gaps, observed_around
-from geneoh.sequence.keypoints import PALM, keypoints
-from geneoh.sequence.sequence import HandTrack, Sequence
+from geneoh.sequence.keypoints import PALM, keypoints, palm_axes
+from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh.sequence.windows import runs
 
 SHORTEST = 5
@@ -58,15 +58,17 @@ class Fault:
 
 def without_faults(sequence: Sequence) -> tuple[Sequence, tuple[str, ...]]:
     """The sequence whose faulty frames count as missing, and what a user should know of them."""
-    found = [without_faults_of(hand, sequence.fps) for hand in sequence.hands]
+    found = [without_faults_of(hand, sequence.fps, sequence.object) for hand in sequence.hands]
     said = tuple(words for _, each in found for words in each)
     return replace(sequence, hands=tuple(hand for hand, _ in found)), said
 
 
-def without_faults_of(hand: HandTrack, fps: float) -> tuple[HandTrack, tuple[str, ...]]:
+def without_faults_of(
+    hand: HandTrack, fps: float, motion: ObjectTrack | None = None
+) -> tuple[HandTrack, tuple[str, ...]]:
     """One hand without its faults, and what a user should know of them."""
     said: list[str] = []
-    for fault in faults(hand, fps):
+    for fault in faults(hand, fps, motion):
         if fault.of_fingers:
             hand, cure = with_other_fingers(hand, fault.frames), "got those of the frames around"
         else:
@@ -92,14 +94,14 @@ def with_other_fingers(hand: HandTrack, frames: Bool[Tensor, " T"]) -> HandTrack
     return replace(hand, pose=pose, joints=joints, confidence=trust)
 
 
-def faults(hand: HandTrack, fps: float) -> Iterator[Fault]:
+def faults(hand: HandTrack, fps: float, motion: ObjectTrack | None = None) -> Iterator[Fault]:
     """The faults of a track, each with frames that no other has; most tracks have none."""
     seen = hand.observed
     if int(seen.sum()) < SHORTEST:
         return
     whole = fill_gaps(replace(hand, valid=seen))
     joints, trusted = keypoints(whole), hand.trust > 0
-    track = Track(joints, trusted, hand.side, fps)
+    track = Track(joints, trusted, hand.side, fps, seen_from_parts(joints, motion))
     for find, words, of_fingers in FAULTS:
         wrong = find(track) & seen
         # a slow tracker repeats most frames; else what is so in most of them is how the hand is
@@ -118,18 +120,30 @@ class Track:
     """Whether a keypoint has confidence in a frame with the hand."""
     side: Side
     fps: float
+    from_parts: tuple[Float[Tensor, "T 21 3"], ...] = ()
+    """The same keypoints as each part of the object sees them."""
 
     @property
     def nothing(self) -> Bool[Tensor, " T"]:
         """No frame."""
         return torch.zeros_like(self.trusted[:, 0])
 
-    @property
-    def palm(self) -> Float[Tensor, "T 5 3"]:
+    def palm(self, joints: Float[Tensor, "T 21 3"]) -> Float[Tensor, "T 5 3"]:
         """The wrist and the knuckles, on straight lines where one of them is not trusted."""
         known = self.trusted[:, PALM].all(-1)
-        points = self.joints[:, PALM]
+        points = joints[:, PALM]
         return observed_around(known).points(points) if bool(known.any()) else points
+
+    def everywhere(
+        self, find: Callable[[Float[Tensor, "T 21 3"], float], Bool[np.ndarray, " T"]]
+    ) -> Bool[Tensor, " T"]:
+        """Frames in which no motion is possible, neither in the world nor as a part of the object
+        sees it, where only changes that any hand may make are motion."""
+        found = find(self.joints, BENDS)
+        for joints in self.from_parts:
+            if found.any():
+                found = found & find(joints, 0.0)
+        return torch.from_numpy(found).to(self.trusted.device)
 
 
 def repeated(track: Track) -> Bool[Tensor, " T"]:
@@ -168,24 +182,45 @@ def stops(track: Track, points: Float[Tensor, "T 21 3"]) -> Iterator[slice]:
 
 def displaced(track: Track) -> Bool[Tensor, " T"]:
     """Frames in which the palm is where no possible motion brings it."""
-    middle = track.palm.mean(1).double().cpu().numpy()
-    limit = change_limit(np.diff(middle, axis=0), PLACE_CHANGE, track.fps)
-    return ~torch.from_numpy(possible_places(middle, limit, track.fps)).to(track.trusted.device)
+
+    def find(joints: Tensor, bends: float) -> np.ndarray:
+        middle = track.palm(joints).mean(1).double().cpu().numpy()
+        limit = change_limit(np.diff(middle, axis=0), PLACE_CHANGE, track.fps, bends)
+        return ~possible_places(middle, limit, track.fps)
+
+    return track.everywhere(find)
 
 
 def turned_over(track: Track) -> Bool[Tensor, " T"]:
     """Frames in which the palm is turned as no possible motion turns it."""
-    joints = track.joints.index_copy(1, torch.tensor(PALM).to(track.trusted.device), track.palm)
-    palm = Rotation.from_matrix(palm_axes(joints[:, None]).double().cpu().numpy())
-    limit = min(change_limit(increments(palm), TURN_CHANGE, track.fps), LARGEST_TURN)
-    kept = longest_chain(palm, limit, ALL_THE_SAME, track.fps).kept
-    return ~torch.from_numpy(kept).to(track.trusted.device)
+
+    def find(joints: Tensor, bends: float) -> np.ndarray:
+        joints = joints.index_copy(1, torch.tensor(PALM).to(joints.device), track.palm(joints))
+        palm = Rotation.from_matrix(palm_axes(joints[:, None]).double().cpu().numpy())
+        limit = change_limit(increments(palm), TURN_CHANGE, track.fps, bends)
+        return ~longest_chain(palm, min(limit, LARGEST_TURN), ALL_THE_SAME, track.fps).kept
+
+    return track.everywhere(find)
 
 
-def change_limit(steps: Float[np.ndarray, "N 3"], change: float, fps: float) -> float:
+def change_limit(
+    steps: Float[np.ndarray, "N 3"], change: float, fps: float, bends: float = BENDS
+) -> float:
     """How much a step may differ from the one before, radians or metres."""
     usual = float(np.median(np.linalg.norm(np.diff(steps, axis=0), axis=1)))
-    return max(change * max(1.0, 30 / fps), BENDS * usual)
+    return max(change * max(1.0, 30 / fps), bends * usual)
+
+
+def seen_from_parts(
+    joints: Float[Tensor, "T 21 3"], motion: ObjectTrack | None
+) -> tuple[Float[Tensor, "T 21 3"], ...]:
+    """Keypoints in the frame of each part of an object that was seen."""
+    if motion is None or not motion.meshes:
+        return ()
+    return tuple(
+        (joints - motion.translation[:, part, None]) @ motion.rotation[:, part]
+        for part in motion.seen_parts
+    )
 
 
 def other_side(track: Track) -> Bool[Tensor, " T"]:

@@ -21,6 +21,7 @@ from geneoh.geometry.distance import MovingSurface
 from geneoh.hand.model import HandModel
 from geneoh.objects.cleaning import clean_object
 from geneoh.objects.evidence import evidence_of_nearness, evidence_of_poses
+from geneoh.objects.palms import Palm
 from geneoh.pipeline.context import StageContext
 from geneoh.pipeline.faults import without_faults_of
 from geneoh.pipeline.observed import Observed
@@ -166,12 +167,12 @@ class RecentHand:
             self._ready.extend([None] * (stop - self._done))
             self._done, self._out, self._target = stop, None, None
             return
-        first, whole = self._pushed - track.frames, track
-        track, _ = without_faults_of(track, NETWORK_FPS)
+        first, whole, motion = self._pushed - track.frames, track, fill_object(motion)
+        track, _ = without_faults_of(track, NETWORK_FPS, motion)
         subject = self._subject(track)
         given = self._parameters(subject, track, first, frames_alike(whole, track))
         subject = subject.completed(given)
-        surface, poses, near, noise = self._object(fill_object(motion), subject)
+        surface, poses, near, noise = self._object(motion, subject)
         stages = RecentRun(
             self._denoisers,
             subject,
@@ -262,7 +263,8 @@ class RecentHand:
         if self._surface is None or not motion.is_seen or not self._chosen.has_object:
             return None, poses, torch.zeros_like(whole), None
         if self._chosen.clean_object:
-            motion, examined = clean_object(motion, NETWORK_FPS)
+            palm = Palm.at(subject.joints, subject.trust.amax(-1) > 0)
+            motion, examined = clean_object(motion, NETWORK_FPS, (palm,))
             poses = evidence_of_poses(examined, motion, NETWORK_FPS)
             noise = examined.white_noise
         parts = motion.seen_parts

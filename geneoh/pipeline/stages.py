@@ -16,7 +16,6 @@ from torch import Tensor
 
 from geneoh.baselines.filters import Filter, smooth
 from geneoh.bundle import concatenated
-from geneoh.denoisers.base import palm_axes
 from geneoh.denoisers.latent import LatentDenoiser
 from geneoh.denoisers.motion import MotionDenoiser, ObservedMotion
 from geneoh.denoisers.relations import RelationDenoiser
@@ -34,6 +33,7 @@ from geneoh.representation.parameters import HandParameters, turned
 from geneoh.representation.spatial import decode_spatial, encode_spatial
 from geneoh.representation.temporal import encode_temporal
 from geneoh.representation.window_scale import WindowScale
+from geneoh.sequence.keypoints import palm_axes
 from geneoh.sequence.windows import blocks
 
 CONSTANT_SHARE = 0.85

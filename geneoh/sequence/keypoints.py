@@ -1,9 +1,9 @@
-"""Keypoints of a hand, also of one that is known by its pose alone."""
+"""Keypoints of a hand, also of one that is known by its pose alone, and axes of its palm."""
 
 from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.geometry.rotations import axes_along, axis_angle_to_matrix
 from geneoh.hand.library import load_hand
 from geneoh.sequence.sequence import HandTrack
 
@@ -19,3 +19,9 @@ def keypoints(hand: HandTrack) -> Float[Tensor, "T 21 3"]:
     assert hand.wrist is not None, "a pose comes with a wrist"
     mean = load_hand(hand.side).to(hand.pose.device).shaped(hand.pose.new_zeros(10))
     return mean.joints_from_rotations(axis_angle_to_matrix(hand.pose), hand.wrist)
+
+
+def palm_axes(joints: Float[Tensor, "B T 21 3"]) -> Float[Tensor, "B 3 3"]:
+    """Axes of the window's mean palm as columns: along the palm, across it, and its normal."""
+    wrist, middle, index, pinky = (joints[:, :, i].mean(1) for i in (0, 9, 5, 17))
+    return axes_along(middle - wrist, index - pinky)

@@ -1,7 +1,7 @@
 import torch
 
-from geneoh.denoisers.base import palm_axes
 from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.sequence.keypoints import palm_axes
 
 
 def test_the_palms_axes_are_a_rotation_that_turns_with_the_hand(draw):
