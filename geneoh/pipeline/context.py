@@ -1,5 +1,6 @@
 """The object, the windows and the canonical frames that all stages share."""
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -27,6 +28,10 @@ SURFACE_POINTS = 1024
 WINDOWS_AT_ONCE = 20
 """Windows of all samples together that the networks see at once: memory does not grow with the
 track."""
+CARRIED = 5.0
+"""How many times as noisy as its object sees it a hand counts at most, where it looks so from the
+world. Training shows SpatialDiff what the object sees. Told what the world sees, it finds more of
+the errors that last, but takes a hand that hammers for a noisy one."""
 
 
 @dataclass(frozen=True)
@@ -124,20 +129,32 @@ class StageContext(ObjectSurface):
         They come out of MotionDiff; `observed` is the one that went in.
         """
         joints = self.windows(hand.joints.mean(0, keepdim=True))
-        count, surface = len(self.starts), self.surface_windows()
+        surface = self.surface_windows()
         before = observed.map(lambda value: value.expand(len(hand.wrist), *value.shape[1:]))
         change = self.windows(before.change_to(hand).mean(0, keepdim=True))
-        ray = self.points.new_zeros(count, 3)
+        ray = self.points.new_zeros(len(self.starts), 3)
         if self.ray is not None:
             ray = normalize(self.cut(self.ray, 0).mean(1), dim=-1)
-
-        noise = self.points.new_zeros(2)
-        if self.object_noise is not None:
-            noise = self.object_noise.to(noise)
-
-        trust = self.cut(self.trust, 0).mean(-1)
-        track = track_cues(self.hand_windows(observed), change, trust, noise.expand(count, 2))
+        seen = self.hand_windows(observed)
+        track = self._cues(seen, change, surface.rotation[:, :, 0], surface.translation[:, :, 0])
         return SpatialEvidence.around(surface, joints, ray, track)
+
+    def _cues(
+        self,
+        seen: HandParameters,
+        change: Float[Tensor, "B N 51"],
+        rotation: Float[Tensor, "B N 3 3"],
+        translation: Float[Tensor, "B N 3"],
+    ) -> Float[Tensor, "B 12"]:
+        """How noisy the hand was as the world sees it, or at most `CARRIED` times as the object
+        does."""
+        noise = self.points.new_zeros(2) if self.object_noise is None else self.object_noise
+        known = self.cut(self.trust, 0).mean(-1), noise.to(self.points).expand(len(change), 2)
+        wrist = in_frames(seen.wrist - translation, rotation)
+        held = replace(seen, wrist=wrist, turn=rotation.mT @ seen.turn)
+        turned = torch.cat([in_frames(change[..., :3], rotation), change[..., 3:]], dim=-1)
+        world, from_object = track_cues(seen, change, *known), track_cues(held, turned, *known)
+        return world.minimum(from_object + math.log(CARRIED))
 
     def hand_windows(self, hand: HandParameters) -> HandParameters:
         """The windows of one sample of a hand."""
@@ -161,6 +178,13 @@ class StageContext(ObjectSurface):
         surface = self.cut(nearest, 0), self.cut(outward, 0)
         trust = self.cut(self.trust, 0).mean(-1)
         return ObservedMotion.of(self.hand_windows(hand), trust, *surface, region)
+
+
+def in_frames(
+    vectors: Float[Tensor, "B T 3"], rotation: Float[Tensor, "B T 3 3"]
+) -> Float[Tensor, "B T 3"]:
+    """Vectors of the world in the frame of each rotation."""
+    return (vectors[..., None, :] @ rotation)[..., 0, :]
 
 
 class Piece(NamedTuple):

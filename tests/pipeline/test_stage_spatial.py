@@ -1,5 +1,6 @@
 """SpatialDiff and its form of the paper with stand-in networks, whose right answers are known."""
 
+import math
 from dataclasses import replace
 
 import networks
@@ -10,6 +11,7 @@ from torch import Tensor
 
 from geneoh.denoisers.relations import RelationConfig, RelationDenoiser
 from geneoh.denoisers.spatial import SpatialConfig, SpatialDenoiser
+from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.pipeline.presets import PlacePlan, StagePlan
 from geneoh.pipeline.stages import denoise_relations, denoise_spatial
 from geneoh.representation.spatial import SpatialRelations
@@ -68,6 +70,33 @@ def test_spatial_knows_the_ray_of_the_camera_and_the_noise_of_the_object():
     still = replace(context, object_noise=None).evidence(hand, hand)
     assert bool((known.track[:, 9:11] > still.track[:, 9:11]).all())
     assert torch.equal(known.track[:, :9], still.track[:, :9])
+
+
+def test_carrying_an_object_to_and_fro_makes_no_hand_look_noisy():
+    moving = scene(LONG)
+    still = replace(
+        moving,
+        rotation=moving.rotation[:1].expand_as(moving.rotation),
+        translation=moving.translation[:1].expand_as(moving.translation),
+    )
+    hand = parameters_at(still)
+    angle = 0.6 * torch.sin(torch.arange(LONG) * 0.8)
+    turn = axis_angle_to_matrix(angle[:, None] * torch.eye(3)[0])
+    away = torch.tensor([0.0, 0.4, 0.0])
+
+    def carried(places: Tensor) -> Tensor:
+        return torch.einsum("tij,...tj->...ti", turn, places - away) + away
+
+    shaken = replace(
+        still,
+        rotation=turn[:, None] @ still.rotation,
+        translation=carried(still.translation.transpose(0, 1)).transpose(0, 1),
+    )
+    held = replace(hand, wrist=carried(hand.wrist), turn=turn @ hand.turn)
+    quiet, loud = (where.evidence(it, it).track for where, it in ((still, hand), (shaken, held)))
+    assert float((loud - quiet).max()) <= math.log(5) + 1e-3
+    alone = still.evidence(held, held).track  # the object does not move with it
+    assert float((alone - quiet).max()) > math.log(12)
 
 
 def test_places_are_asked_a_few_windows_at_a_time_as_all_at_once(monkeypatch):
