@@ -118,7 +118,7 @@ def clean_interaction(
     notes += filled_poses(motion) if chosen.has_object else ()
     evidence = torch.ones(sequence.frames)
     if chosen.clean_object:
-        palms = tuple(Palm.of(hand) for hand in sequence.hands)
+        palms = tuple(map(Palm.of, sequence.hands))
         motion, examined = clean_object(sequence.object, sequence.fps, palms)
         notes += examined.sentences()
         evidence = evidence_of_poses(examined, motion, sequence.fps)

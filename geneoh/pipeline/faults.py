@@ -6,12 +6,12 @@ frames; without them they fill in what lies between the others. A hand that leap
 shakes it.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from scipy.spatial.transform import Rotation
 from torch import Tensor
 
@@ -124,6 +124,16 @@ class Track:
     """The same keypoints as each part of the object sees them."""
 
     @property
+    def views(self) -> tuple[Float[Tensor, "T 21 3"], ...]:
+        """The keypoints as the world sees them, and as each part of the object does."""
+        return (self.joints, *self.from_parts)
+
+    @property
+    def palm_points(self) -> Int[Tensor, " 5"]:
+        """Numbers of the keypoints of the palm."""
+        return torch.tensor(PALM, device=self.joints.device)
+
+    @property
     def nothing(self) -> Bool[Tensor, " T"]:
         """No frame."""
         return torch.zeros_like(self.trusted[:, 0])
@@ -134,16 +144,14 @@ class Track:
         points = joints[:, PALM]
         return observed_around(known).points(points) if bool(known.any()) else points
 
-    def everywhere(
-        self, find: Callable[[Float[Tensor, "T 21 3"], float], Bool[np.ndarray, " T"]]
-    ) -> Bool[Tensor, " T"]:
-        """Frames in which no motion is possible, neither in the world nor as a part of the object
-        sees it, where only changes that any hand may make are motion."""
-        found = find(self.joints, BENDS)
-        for joints in self.from_parts:
-            if found.any():
-                found = found & find(joints, 0.0)
-        return torch.from_numpy(found).to(self.trusted.device)
+    def in_all(self, found: Iterable[Bool[np.ndarray, " T"]]) -> Bool[Tensor, " T"]:
+        """Frames that are found in the world and as each part of the object sees the hand."""
+        frames = ~self.nothing
+        for each in found:
+            frames = frames & torch.from_numpy(each).to(frames.device)
+            if not frames.any():
+                break
+        return frames
 
 
 def repeated(track: Track) -> Bool[Tensor, " T"]:
@@ -182,33 +190,28 @@ def stops(track: Track, points: Float[Tensor, "T 21 3"]) -> Iterator[slice]:
 
 def displaced(track: Track) -> Bool[Tensor, " T"]:
     """Frames in which the palm is where no possible motion brings it."""
-
-    def find(joints: Tensor, bends: float) -> np.ndarray:
-        middle = track.palm(joints).mean(1).double().cpu().numpy()
-        limit = change_limit(np.diff(middle, axis=0), PLACE_CHANGE, track.fps, bends)
-        return ~possible_places(middle, limit, track.fps)
-
-    return track.everywhere(find)
+    middles = [track.palm(joints).mean(1).double().cpu().numpy() for joints in track.views]
+    steps = [np.diff(middle, axis=0) for middle in middles]
+    limit = change_limit(steps, PLACE_CHANGE, track.fps)
+    return track.in_all(~possible_places(middle, limit, track.fps) for middle in middles)
 
 
 def turned_over(track: Track) -> Bool[Tensor, " T"]:
     """Frames in which the palm is turned as no possible motion turns it."""
+    whole = [each.index_copy(1, track.palm_points, track.palm(each)) for each in track.views]
+    palms = [
+        Rotation.from_matrix(palm_axes(joints[:, None]).double().cpu().numpy()) for joints in whole
+    ]
+    limit = change_limit([increments(palm) for palm in palms], TURN_CHANGE, track.fps)
+    limit = min(limit, LARGEST_TURN)
+    return track.in_all(~longest_chain(palm, limit, ALL_THE_SAME, track.fps).kept for palm in palms)
 
-    def find(joints: Tensor, bends: float) -> np.ndarray:
-        joints = joints.index_copy(1, torch.tensor(PALM).to(joints.device), track.palm(joints))
-        palm = Rotation.from_matrix(palm_axes(joints[:, None]).double().cpu().numpy())
-        limit = change_limit(increments(palm), TURN_CHANGE, track.fps, bends)
-        return ~longest_chain(palm, min(limit, LARGEST_TURN), ALL_THE_SAME, track.fps).kept
 
-    return track.everywhere(find)
-
-
-def change_limit(
-    steps: Float[np.ndarray, "N 3"], change: float, fps: float, bends: float = BENDS
-) -> float:
-    """How much a step may differ from the one before, radians or metres."""
-    usual = float(np.median(np.linalg.norm(np.diff(steps, axis=0), axis=1)))
-    return max(change * max(1.0, 30 / fps), bends * usual)
+def change_limit(steps: Iterable[Float[np.ndarray, "N 3"]], change: float, fps: float) -> float:
+    """How much a step may differ from the one before, radians or metres, where `steps` are those of
+    one motion as several see it."""
+    usual = min(float(np.median(np.linalg.norm(np.diff(s, axis=0), axis=1))) for s in steps)
+    return max(change * max(1.0, 30 / fps), BENDS * usual)
 
 
 def seen_from_parts(

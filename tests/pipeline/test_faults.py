@@ -14,6 +14,7 @@ from geneoh.sequence.keypoints import PALM
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.resample import at_rate
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
+from tools.noisy_objects.clips import shaken
 
 FROM, UNTIL = 70, 77
 """Faulty frames of the recording, in which its hand moves."""
@@ -171,29 +172,14 @@ def test_faulty_frames_do_not_reach_the_result(noisy, clean, wrong, caplog):
     assert "taken as missing" in caplog.text
 
 
-def shaken(sequence: Sequence, degrees: float) -> Sequence:
-    """Hand and object turned to and fro together five times a second, for a second and a half."""
-    time = torch.arange(sequence.frames) / sequence.fps
-    share = ((time > 1.5) & (time < 3.0)) * math.radians(degrees)
-    angle = share * torch.sin(2 * math.pi * 5.0 * (time - 1.5))
-    turn = axis_angle_to_matrix(angle[:, None] * torch.eye(3)[0])
-    (hand,), motion = sequence.hands, sequence.object
-    pivot = hand.joints[60].mean(0) + torch.tensor([0.0, 0.3, 0.0])
-    joints = (hand.joints - pivot) @ turn.mT + pivot
-    places = (motion.translation - pivot) @ turn.mT + pivot
-    motion = replace(motion, rotation=turn[:, None] @ motion.rotation, translation=places)
-    shaken_hand = replace(hand, joints=joints, pose=None, wrist=None, betas=None)
-    return replace(sequence, hands=(shaken_hand,), object=motion)
-
-
 def test_a_hand_that_shakes_its_object_is_no_fault(clean):
-    given = shaken(clean, 35.0)
+    given = shaken(clean, 6.0, 60.0)[:66]  # in most of its frames nothing shakes
     alone = replace(given, object=ObjectTrack.resting((), given.frames))
     assert missing(alone)  # nothing but the object tells it from a leap
     assert missing(given) == []
 
 
 def test_faults_are_found_beside_an_object_that_shakes(clean):
-    given = shaken(clean, 35.0)
+    given = shaken(clean, 5.0, 45.0)
     wrong = elsewhere(given.hands[0])
     assert missing(keys_of(given, wrong)) == list(range(FROM, UNTIL))

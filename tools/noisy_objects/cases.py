@@ -17,6 +17,7 @@ from torch import Tensor
 from geneoh.baselines.filters import TUNED, filtered
 from geneoh.choices import PresetName
 from geneoh.objects.cleaning import clean_object
+from geneoh.objects.palms import Palm
 from geneoh.objects.symmetry import Symmetry
 from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.options import Options
@@ -89,7 +90,7 @@ def hand_scores(joints: Float[Tensor, "T 21 3"] | None, clean: Sequence) -> tupl
 
 def object_scores(clean: Sequence, noisy: Sequence, result: Sequence, symmetry: Symmetry) -> Scores:
     """How far the object is off, and the hand in the frame of the object, up to symmetry."""
-    smooth, _ = clean_object(noisy.object, noisy.fps)
+    smooth, _ = clean_object(noisy.object, noisy.fps, tuple(map(Palm.of, noisy.hands)))
     seen = noisy.object.valid
     lost = torch.zeros(noisy.frames, dtype=torch.bool) if seen is None else ~seen[:, 0].bool()
     scores: Scores = {}

@@ -11,7 +11,7 @@ import torch
 from geneoh.choices import Noise, ObjectNoise
 from geneoh.evaluation.protocols.synthetic import draw_clip
 from geneoh.geometry.distance import SurfaceDistance
-from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.objects.symmetry import Symmetry, find_symmetry
 from geneoh.readers.npz_files import load
 from geneoh.sequence.noise import corrupt_sequence
@@ -27,6 +27,11 @@ MADE = ("mug", "ycb_035_power_drill.ply")
 """A family and a scan of which nothing was trained on."""
 ROUND = ("bottle", "cylinder", "bowl", "ball")
 ROUND_SCANS = ("ycb_005_tomato_soup_can.ply", "ycb_024_bowl.ply", "ycb_056_tennis_ball.ply")
+SHAKEN = "shaken "
+"""Before the name of a clip: hand and object are shaken together."""
+HERTZ, DEGREES, LEVER = 4.0, 25.0, 0.25
+"""How often and how far they turn to and fro in the middle half of the clip, about a point that is
+so many metres away from the hand."""
 SPINS = "spins"
 """Noise "flips", about an axis of symmetry of the mesh."""
 HandNoise = Literal[Noise, "clean"]
@@ -51,13 +56,39 @@ def scans() -> Scans:
 
 @cache
 def clip_of(name: str) -> Sequence:
-    """The recording, or a made clip of a family or a scan; bottles have no cap."""
+    """The recording, or a made clip of a family or a scan, shaken or not; bottles have no cap."""
+    if name.startswith(SHAKEN):
+        return shaken(clip_of(name.removeprefix(SHAKEN)))
     if name == RECORDING:
         return load(EXAMPLES / "taco_clean.npz", obj=EXAMPLES / "taco_object.obj")
     made = draw_clip(name, 0, FRAMES, scans() if name.endswith(".ply") else None)
     whole = made.object
     body = ObjectTrack(whole.meshes[:1], whole.rotation[:, :1], whole.translation[:, :1])
     return replace(made, object=body)
+
+
+def shaken(sequence: Sequence, hertz: float = HERTZ, degrees: float = DEGREES) -> Sequence:
+    """A clip whose hand shakes its object."""
+    (hand,), motion, frames = sequence.hands, sequence.object, sequence.frames
+    assert hand.joints is not None, "every clip has joints"
+    assert hand.pose is not None, "every clip has a pose"
+    time = torch.arange(frames)
+    share = (4 * (time / (frames - 1) - 0.5).abs()).clamp(1, 1.2).sub(1.2) / -0.2
+    angle = share * math.radians(degrees) * torch.sin(2 * math.pi * hertz * time / sequence.fps)
+    turn = axis_angle_to_matrix(angle[:, None] * torch.eye(3)[0])
+    pivot = hand.joints[frames // 2, 0] + torch.tensor([0.0, LEVER, 0.0])
+    joints = (hand.joints - pivot) @ turn.mT + pivot
+    whole = matrix_to_axis_angle(turn @ axis_angle_to_matrix(hand.pose[:, 0]))
+    pose = torch.cat([whole[:, None], hand.pose[:, 1:]], dim=1)
+    return replace(
+        sequence,
+        hands=(replace(hand, joints=joints, wrist=joints[:, 0], pose=pose),),
+        object=replace(
+            motion,
+            rotation=turn[:, None] @ motion.rotation,
+            translation=(motion.translation - pivot) @ turn.mT + pivot,
+        ),
+    )
 
 
 @cache

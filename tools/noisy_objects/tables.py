@@ -10,7 +10,15 @@ import numpy as np
 
 from geneoh.choices import NOISES, OBJECT_NOISES
 from tools.noisy_objects.cases import Case, Scores, rows
-from tools.noisy_objects.clips import MADE, RECORDING, ROUND, ROUND_SCANS, SPINS, WhiteNoise
+from tools.noisy_objects.clips import (
+    MADE,
+    RECORDING,
+    ROUND,
+    ROUND_SCANS,
+    SHAKEN,
+    SPINS,
+    WhiteNoise,
+)
 
 KINDS = ("exact", *OBJECT_NOISES)
 HAND = ("result", "result acceleration")
@@ -39,13 +47,17 @@ def cases_of(table: str, seeds: int) -> list[Case]:
         case "white":
             shaken = product(range(seeds), made, get_args(WhiteNoise))
             return [Case(c, "gauss", k, s) for s, c, k in shaken]
+        case "shaken":
+            clips = tuple(SHAKEN + name for name in made)
+            every = product(range(seeds), clips, noises, ("exact", "shaky_2", "shaky_10"))
+            return [Case(c, n, k, s) for s, c, n, k in every]
         case "alone":
             every = product(range(seeds), made[:2], noises)
             return [Case(c, n, "exact", s, "default", alone=True) for s, c, n in every]
     raise SystemExit(f"no table is called '{table}'; there are {', '.join(TABLES)}")
 
 
-TABLES = ("hands", "trusted", "guard", "round", "refined", "white", "alone", "limits")
+TABLES = ("hands", "trusted", "guard", "shaken", "round", "refined", "white", "alone", "limits")
 
 
 def lines_of(table: str, seeds: int, path: Path) -> Iterator[str]:
