@@ -8,13 +8,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+import torch
 from jaxtyping import Bool, Float, Float64
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.spatial.transform import Rotation
 from torch import Tensor
 
 from geneoh.objects.smoothing import LEAST_FRAMES, Summary, increments, noise_level, path_of
-from geneoh.sequence.gaps import fill_gaps
+from geneoh.sequence.gaps import fill_gaps, palm_points
 from geneoh.sequence.keypoints import PALM, keypoints, palm_axes
 from geneoh.sequence.sequence import HandTrack
 
@@ -32,16 +33,20 @@ class Palm:
 
     @classmethod
     def of(cls, hand: HandTrack) -> "Palm":
-        """The palm of a track that is seen in some frame."""
-        seen = hand.observed
-        return cls.at(keypoints(fill_gaps(replace(hand, valid=seen))), seen)
+        """The palm of a track, of which something is seen in some frame."""
+        return cls.at(keypoints(fill_gaps(replace(hand, valid=hand.observed))), hand.trust)
 
     @classmethod
-    def at(cls, joints: Float[Tensor, "T 21 3"], seen: Bool[Tensor, " T"]) -> "Palm":
-        """The palm of keypoints, metres, world frame."""
-        axes = palm_axes(joints[:, None]).double().cpu().numpy()
-        middle = joints[:, list(PALM)].mean(1).double().cpu().numpy()
-        return cls(Rotation.from_matrix(axes), middle, seen.cpu().numpy())
+    def at(cls, joints: Float[Tensor, "T 21 3"], trust: Float[Tensor, "T 21"]) -> "Palm":
+        """The palm of keypoints, metres, world frame; seen where all of its own are trusted."""
+        points, known = palm_points(joints, trust > 0)
+        if not bool(known.any()):
+            nothing = np.zeros((len(joints), 3))
+            return cls(Rotation.from_rotvec(nothing), nothing, known.cpu().numpy())
+        whole = joints.index_copy(1, torch.tensor(PALM, device=joints.device), points)
+        axes = palm_axes(whole[:, None]).double().cpu().numpy()
+        middle = points.mean(1).double().cpu().numpy()
+        return cls(Rotation.from_matrix(axes), middle, known.cpu().numpy())
 
 
 @dataclass(frozen=True)

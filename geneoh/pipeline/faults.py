@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from scipy.spatial.transform import Rotation
 from torch import Tensor
 
@@ -21,7 +21,7 @@ from geneoh.objects.consistency import longest_chain, possible_places
 from geneoh.objects.smoothing import increments
 from geneoh.objects.symmetry import Symmetry
 from geneoh.readers.convention_check import KNUCKLES, finger_curls
-from geneoh.sequence.gaps import fill_gaps, observed_around
+from geneoh.sequence.gaps import fill_gaps, observed_around, palm_points
 from geneoh.sequence.keypoints import PALM, keypoints, palm_axes
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh.sequence.windows import runs
@@ -129,20 +129,13 @@ class Track:
         return (self.joints, *self.from_parts)
 
     @property
-    def palm_points(self) -> Int[Tensor, " 5"]:
-        """Numbers of the keypoints of the palm."""
-        return torch.tensor(PALM, device=self.joints.device)
-
-    @property
     def nothing(self) -> Bool[Tensor, " T"]:
         """No frame."""
         return torch.zeros_like(self.trusted[:, 0])
 
     def palm(self, joints: Float[Tensor, "T 21 3"]) -> Float[Tensor, "T 5 3"]:
-        """The wrist and the knuckles, on straight lines where one of them is not trusted."""
-        known = self.trusted[:, PALM].all(-1)
-        points = joints[:, PALM]
-        return observed_around(known).points(points) if bool(known.any()) else points
+        """The wrist and the knuckles of one of the views; see `palm_points`."""
+        return palm_points(joints, self.trusted)[0]
 
     def in_all(self, found: Iterable[Bool[np.ndarray, " T"]]) -> Bool[Tensor, " T"]:
         """Frames that are found in the world and as each part of the object sees the hand."""
@@ -198,7 +191,8 @@ def displaced(track: Track) -> Bool[Tensor, " T"]:
 
 def turned_over(track: Track) -> Bool[Tensor, " T"]:
     """Frames in which the palm is turned as no possible motion turns it."""
-    whole = [each.index_copy(1, track.palm_points, track.palm(each)) for each in track.views]
+    index = torch.tensor(PALM, device=track.joints.device)
+    whole = [each.index_copy(1, index, track.palm(each)) for each in track.views]
     palms = [
         Rotation.from_matrix(palm_axes(joints[:, None]).double().cpu().numpy()) for joints in whole
     ]

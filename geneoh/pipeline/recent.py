@@ -263,7 +263,7 @@ class RecentHand:
         if self._surface is None or not motion.is_seen or not self._chosen.has_object:
             return None, poses, torch.zeros_like(whole), None
         if self._chosen.clean_object:
-            palm = Palm.at(subject.joints, subject.trust.amax(-1) > 0)
+            palm = Palm.at(subject.joints, subject.trust)
             motion, examined = clean_object(motion, NETWORK_FPS, (palm,))
             poses = evidence_of_poses(examined, motion, NETWORK_FPS)
             noise = examined.white_noise

@@ -11,6 +11,7 @@ from torch.nn.functional import normalize
 from geneoh.bundle import FRAMES
 from geneoh.geometry.rotations import axis_angle_to_matrix as matrices
 from geneoh.geometry.rotations import interpolate_rotations, matrix_to_axis_angle
+from geneoh.sequence.keypoints import PALM
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 
 
@@ -86,6 +87,15 @@ def observed_around(valid: Bool[Tensor, " T"]) -> FrameInterpolation:
     # Before the first and after the last observation both neighbours are the same frame.
     fraction = torch.where(end > start, (frames - start) / (end - start), 0.0)
     return FrameInterpolation(start, end, fraction)
+
+
+def palm_points(
+    joints: Float[Tensor, "T 21 3"], trusted: Bool[Tensor, "T 21"]
+) -> tuple[Float[Tensor, "T 5 3"], Bool[Tensor, " T"]]:
+    """The wrist and the knuckles, on straight lines where one of them is not trusted; and where all
+    of them are."""
+    known, points = trusted[:, PALM].all(-1), joints[:, PALM]
+    return (observed_around(known).points(points) if bool(known.any()) else points), known
 
 
 def fill_object(motion: ObjectTrack, observed: Bool[Tensor, "T Q"] | None = None) -> ObjectTrack:

@@ -38,7 +38,7 @@ def palm_at(motion: ObjectTrack, noise: float = 0.0) -> Palm:
     """The palm of a hand that holds the object, with noise on each keypoint, metres."""
     joints = IN_THE_HAND @ motion.rotation[:, 0].mT + motion.translation
     joints = joints + noise * torch.randn(joints.shape, generator=torch.Generator().manual_seed(1))
-    return Palm.at(joints, torch.ones(FRAMES, dtype=torch.bool))
+    return Palm.at(joints, torch.ones(FRAMES, 21))
 
 
 def noisy(motion: ObjectTrack, degrees: float, metres: float) -> ObjectTrack:
@@ -98,3 +98,18 @@ def test_a_hand_that_is_hardly_seen_tells_nothing():
     seen = np.arange(FRAMES) % 8 < 6  # never so many frames in a row that noise shows
     given = clean_object(motion, FPS, (replace(palm, seen=seen),))[1].white_noise
     assert given.tolist() == clean_object(motion, FPS)[1].white_noise.tolist()
+
+
+def test_keypoints_that_are_not_trusted_tell_nothing():
+    motion = bottle(5.0, 20.0)
+    joints = IN_THE_HAND @ motion.rotation[:, 0].mT + motion.translation
+    joints[40:50, 9] = torch.nan
+    joints[70, :] = 0.0
+    trust = torch.ones(FRAMES, 21)
+    trust[40:50, 9] = trust[70] = 0
+    palm = Palm.at(joints, trust)
+    assert np.flatnonzero(~palm.seen).tolist() == [*range(40, 50), 70]
+    assert clean_object(motion, FPS, (palm,))[0] is motion
+    unknown = Palm.at(torch.zeros(FRAMES, 21, 3), torch.zeros(FRAMES, 21))
+    found, alone = (clean_object(motion, FPS, each)[1].white_noise for each in ((unknown,), ()))
+    assert found.tolist() == alone.tolist()
