@@ -28,7 +28,7 @@ SURFACE_POINTS = 1024
 WINDOWS_AT_ONCE = 20
 """Windows of all samples together that the networks see at once: memory does not grow with the
 track."""
-CARRIED = 5.0
+CARRIED = 10.0
 """How many times as noisy as its object sees it a hand counts at most, where it looks so from the
 world. Training shows SpatialDiff what the object sees. Told what the world sees, it finds more of
 the errors that last, but takes a hand that hammers for a noisy one."""
