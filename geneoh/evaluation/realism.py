@@ -138,7 +138,7 @@ def recorded_clip(sequence: Sequence, hand: HandModel) -> HandClips:
         valid = valid & motion.valid.all(1)
     distance = surface.query(verts).distance
     gap = surface.query(joints).distance.amin(-1)
-    local = (joints - motion.translation[:, None, 0]) @ motion.rotation[:, 0]
+    local = motion.seen_from(0, joints)
     return HandClips(
         world=joints[None],
         object=local[None],

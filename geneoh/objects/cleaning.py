@@ -21,7 +21,7 @@ from geneoh.bundle import Bundle
 from geneoh.geometry.distance import SurfaceDistance
 from geneoh.geometry.mesh import Mesh
 from geneoh.objects.consistency import Chain, longest_chain, possible_places
-from geneoh.objects.palms import Palm, View, Views
+from geneoh.objects.palms import RigidMotion, Views
 from geneoh.objects.smoothing import (
     LEAST_FRAMES,
     increments,
@@ -111,7 +111,7 @@ class CleanPart:
 
 
 def clean_object(
-    motion: ObjectTrack, fps: float, palms: tuple[Palm, ...] = ()
+    motion: ObjectTrack, fps: float, palms: tuple[RigidMotion, ...] = ()
 ) -> tuple[ObjectTrack, ObjectExamination]:
     """The object's track without its noise, and what was found in it.
 
@@ -156,7 +156,7 @@ def clean_part(
     mesh: Mesh,
     fps: float,
     seen: Bool[np.ndarray, " T"],
-    palms: tuple[Palm, ...] = (),
+    palms: tuple[RigidMotion, ...] = (),
 ) -> CleanPart:
     """One part's track without its noise, and what was found in it; frames not `seen` are filled.
 
@@ -167,23 +167,23 @@ def clean_part(
     if seen.sum() < LEAST_FRAMES:  # noise cannot be told from motion
         return exact
     rotations, places = Rotation.from_matrix(poses[0]), poses[1]
-    world = View(rotations, rotations.apply(box_center(mesh)) + places, seen)
+    world = RigidMotion(rotations, rotations.apply(box_center(mesh)) + places, seen)
     views = Views.of(world, palms)
     shakes = is_shaky(views, fps)
     limit = step_limit(increments(rotations), TURN_CHANGE, fps)
-    turns_agree = world.turn_changes().max() < views.limit(limit, View.turn_changes)
+    turns_agree = world.turn_changes().max() < views.limit(limit, RigidMotion.turn_changes)
     if not shakes and turns_agree and steady_places(views, fps).all():
         return exact
     symmetry = symmetry_of(mesh)
     limit = step_limit(least_steps(poses[0], symmetry), TURN_CHANGE, fps)
-    chain = longest_chain(rotations, views.limit(limit, View.turn_changes), symmetry, fps)
+    chain = longest_chain(rotations, views.limit(limit, RigidMotion.turn_changes), symmetry, fps)
     chain = replace(chain, kept=chain.kept & seen)
     # rotations of the mesh onto itself leave the center where it is
     middles = rotations.apply(symmetry.center) + places
     rotations = rotations * Rotation.from_matrix(chain.onto_itself)
     places = middles - rotations.apply(symmetry.center)
     center = steadiest(rotations, places, (symmetry.center, np.zeros(3)))
-    world = View(rotations, rotations.apply(center) + places, seen)
+    world = RigidMotion(rotations, rotations.apply(center) + places, seen)
     turning = Views.of(replace(world, seen=chain.kept), palms)
     return smoothed(Views.of(world, palms), turning, center, chain, shakes, fps)
 
@@ -197,9 +197,9 @@ def symmetry_of(mesh: Mesh) -> Symmetry:
 def is_shaky(views: Views, fps: float) -> bool:
     """Whether a part shakes, by its turns and by its middle, which turns do not move."""
     bound = max(1.0, (30 / fps) ** 2)
-    turned = views.least(lambda view: view.turn_noise(quietest)) > bound * EXACT_ROTATION
-    return turned or (
-        views.least(lambda view: view.place_noise(quietest)) > bound * EXACT_TRANSLATION
+    turn_bound, place_bound = bound * EXACT_ROTATION, bound * EXACT_TRANSLATION
+    return views.all_above(turn_bound, lambda view: view.turn_noise(quietest)) or views.all_above(
+        place_bound, lambda view: view.place_noise(quietest)
     )
 
 
@@ -216,10 +216,10 @@ def smoothed(
     `center` is the point of the part whose places are in `views`; `turning` are those of the frames
     of the chain alone.
     """
-    rotations, middles, seen = views.world.turns, views.world.middles, views.world.seen
+    rotations, middles, seen = views.world.turns, views.world.places, views.world.seen
     places = middles - rotations.apply(center)
     there = steady_places(views, fps) & seen
-    noise = turning.least(View.turn_noise), views.least(View.place_noise)
+    noise = turning.least(RigidMotion.turn_noise), views.least(RigidMotion.place_noise)
     clean, weight = smooth_stretches(rotations, chain, max(noise[0], EXACT_ROTATION / 4))
     if shakes:
         least = max(noise[1], EXACT_TRANSLATION / 4)
@@ -265,9 +265,9 @@ def steady(
 
 def steady_places(views: Views, fps: float) -> Bool[np.ndarray, " T"]:
     """The frames in which a part's middle is where possible motion brings it."""
-    middles = views.world.middles
-    limit = step_limit(np.diff(middles, axis=0), PLACE_CHANGE, fps)
-    return possible_places(middles, views.limit(limit, View.place_changes), fps)
+    places = views.world.places
+    limit = step_limit(np.diff(places, axis=0), PLACE_CHANGE, fps)
+    return possible_places(places, views.limit(limit, RigidMotion.place_changes), fps)
 
 
 def step_limit(steps: np.ndarray, change: float, fps: float) -> float:

@@ -118,7 +118,7 @@ def frame_of(
     assert hand.joints is not None, "clean hands have joints"
     assert hand.pose is not None, "clean hands have a pose"
     verts = motion.meshes[part].verts
-    local = (hand.joints - motion.translation[:, part, None]) @ motion.rotation[:, part]
+    local = motion.seen_from(part, hand.joints)
     away = (local - local.clamp(verts.amin(0), verts.amax(0))).norm(dim=-1).amin(-1)
     return Frame(
         axis_angle_to_matrix(hand.pose[:, 0]).double().cpu().numpy(),

@@ -21,53 +21,29 @@ from geneoh.sequence.sequence import HandTrack
 
 SHARED = 0.5
 """Share of a change that is left as a palm sees it, up to which the palm moves so too."""
+SLACK = 1.01
+"""By how much a limit is above the largest change that a palm shares."""
 
 
 @dataclass(frozen=True)
-class Palm:
-    """Where a palm is in each frame, and whether it was seen there."""
-
-    turn: Rotation
-    middle: Float64[np.ndarray, "T 3"]
-    seen: Bool[np.ndarray, " T"]
-
-    @classmethod
-    def of(cls, hand: HandTrack) -> "Palm":
-        """The palm of a track, of which something is seen in some frame."""
-        return cls.at(keypoints(fill_gaps(replace(hand, valid=hand.observed))), hand.trust)
-
-    @classmethod
-    def at(cls, joints: Float[Tensor, "T 21 3"], trust: Float[Tensor, "T 21"]) -> "Palm":
-        """The palm of keypoints, metres, world frame; seen where all of its own are trusted."""
-        points, known = palm_points(joints, trust > 0)
-        if not bool(known.any()):
-            nothing = np.zeros((len(joints), 3))
-            return cls(Rotation.from_rotvec(nothing), nothing, known.cpu().numpy())
-        whole = joints.index_copy(1, torch.tensor(PALM, device=joints.device), points)
-        axes = palm_axes(whole[:, None]).double().cpu().numpy()
-        middle = points.mean(1).double().cpu().numpy()
-        return cls(Rotation.from_matrix(axes), middle, known.cpu().numpy())
-
-
-@dataclass(frozen=True)
-class View:
-    """The turns of a part, and the places of its middle, as something sees them in some frames."""
+class RigidMotion:
+    """How a part of an object or a palm moves, and the frames in which it was seen."""
 
     turns: Rotation
-    middles: Float64[np.ndarray, "T 3"]
+    places: Float64[np.ndarray, "T 3"]
+    """Of its middle, metres."""
     seen: Bool[np.ndarray, " T"]
+
+    def as_seen_from(self, palm: "RigidMotion") -> "RigidMotion":
+        """The same motion as a palm sees it."""
+        back = palm.turns.inv()
+        places = back.apply(self.places - palm.places)
+        return RigidMotion(back * self.turns, places, self.seen & palm.seen)
 
     @property
     def is_long(self) -> bool:
         """Whether so many frames in a row are seen that noise is told from motion."""
-        runs = sliding_window_view(self.seen, min(LEAST_FRAMES, len(self.seen)))
-        return bool(runs.all(1).any())
-
-    def of_palm(self, palm: Palm) -> "View":
-        """The same part as a palm sees it."""
-        back = palm.turn.inv()
-        middles = back.apply(self.middles - palm.middle)
-        return View(back * self.turns, middles, self.seen & palm.seen)
+        return bool(sliding_window_view(self.seen, LEAST_FRAMES).all(1).any())
 
     def turn_noise(self, summary: Summary = np.median) -> float:
         """Deviation of the white noise of its turns per axis, radians; see `noise_level`."""
@@ -75,7 +51,7 @@ class View:
 
     def place_noise(self, summary: Summary = np.median) -> float:
         """The same of its middle, metres."""
-        return noise_level(self.middles, self.seen, summary)
+        return noise_level(self.places, self.seen, summary)
 
     def turn_changes(self) -> Float64[np.ndarray, " N"]:
         """How much each turn to the next frame differs from the one before, radians."""
@@ -83,31 +59,56 @@ class View:
 
     def place_changes(self) -> Float64[np.ndarray, " N"]:
         """How much each step differs from the one before, metres."""
-        return np.linalg.norm(np.diff(self.middles, n=2, axis=0), axis=1)
+        return np.linalg.norm(np.diff(self.places, n=2, axis=0), axis=1)
+
+
+def palm_of(hand: HandTrack) -> RigidMotion:
+    """The palm of a track, of which something is seen in some frame."""
+    return palm_at(keypoints(fill_gaps(replace(hand, valid=hand.observed))), hand.trust)
+
+
+def palm_at(joints: Float[Tensor, "T 21 3"], trust: Float[Tensor, "T 21"]) -> RigidMotion:
+    """The palm of keypoints, metres, world frame; seen where all of its own are trusted."""
+    points, known = palm_points(joints, trust > 0)
+    if not bool(known.any()):
+        nothing = np.zeros((len(joints), 3))
+        return RigidMotion(Rotation.from_rotvec(nothing), nothing, known.cpu().numpy())
+    whole = joints.index_copy(1, torch.tensor(PALM, device=joints.device), points)
+    axes = palm_axes(whole[:, None]).double().cpu().numpy()
+    middle = points.mean(1).double().cpu().numpy()
+    return RigidMotion(Rotation.from_matrix(axes), middle, known.cpu().numpy())
 
 
 @dataclass(frozen=True)
 class Views:
-    """A part as the world sees it and as palms do."""
+    """The motion of a part as the world sees it and as palms do."""
 
-    world: View
-    palms: tuple[View, ...]
+    world: RigidMotion
+    palms: tuple[RigidMotion, ...]
 
     @classmethod
-    def of(cls, world: View, palms: tuple[Palm, ...]) -> "Views":
+    def of(cls, world: RigidMotion, palms: tuple[RigidMotion, ...]) -> "Views":
         """What is seen from those palms that were seen for long enough."""
-        return cls(world, tuple(v for palm in palms if (v := world.of_palm(palm)).is_long))
+        return cls(world, tuple(v for palm in palms if (v := world.as_seen_from(palm)).is_long))
 
-    def least(self, noise: Callable[[View], float]) -> float:
+    def least(self, noise: Callable[[RigidMotion], float]) -> float:
         """The least noise in any view: a hand has noise of its own, and adds to it."""
-        return min(noise(view) for view in (self.world, *self.palms))
+        return min(map(noise, (self.world, *self.palms)))
 
-    def limit(self, usual: float, changes: Callable[[View], Float64[np.ndarray, " N"]]) -> float:
+    def all_above(self, bound: float, noise: Callable[[RigidMotion], float]) -> bool:
+        """Whether the noise is above a bound in every view; palms are asked after the world."""
+        return all(noise(view) > bound for view in (self.world, *self.palms))
+
+    def limit(
+        self, usual: float, changes: Callable[[RigidMotion], Float64[np.ndarray, " N"]]
+    ) -> float:
         """How much a step may differ from the one before, radians or metres: more than usual where
         a palm moves so too."""
         world, found = changes(self.world), usual
+        if SLACK * world.max(initial=0) <= usual:
+            return usual
         for view in self.palms:
             shared = changes(view) < np.maximum(usual, SHARED * world)
             shared &= sliding_window_view(view.seen, 3).all(1)
-            found = max(found, float(1.01 * world[shared].max(initial=0)))
+            found = max(found, float(SLACK * world[shared].max(initial=0)))
         return found

@@ -60,8 +60,8 @@ def noise_level(
 
     found = level(4)
     if len(track) >= LEAST_FRAMES:
-        slow = level(8)
-        found = slow if slow < MOTION * found else found
+        eighth = level(8)
+        found = eighth if eighth < MOTION * found else found
     return found / CHI3_MEDIAN
 
 

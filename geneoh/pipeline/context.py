@@ -19,7 +19,7 @@ from geneoh.fitting.subject import Subject
 from geneoh.geometry.distance import MovingSurface
 from geneoh.geometry.sampling import sample_surface
 from geneoh.representation.nearest_surface import nearest_on_parts
-from geneoh.representation.parameters import HandParameters
+from geneoh.representation.parameters import HandParameters, turned
 from geneoh.representation.region import ContactRegion, ObjectSurface, contact_region
 from geneoh.sequence.windows import WINDOW, fold, unfold, window_starts
 
@@ -150,10 +150,10 @@ class StageContext(ObjectSurface):
         does."""
         noise = self.points.new_zeros(2) if self.object_noise is None else self.object_noise
         known = self.cut(self.trust, 0).mean(-1), noise.to(self.points).expand(len(change), 2)
-        wrist = in_frames(seen.wrist - translation, rotation)
+        wrist = ((seen.wrist - translation)[..., None, :] @ rotation)[..., 0, :]
         held = replace(seen, wrist=wrist, turn=rotation.mT @ seen.turn)
-        turned = torch.cat([in_frames(change[..., :3], rotation), change[..., 3:]], dim=-1)
-        world, from_object = track_cues(seen, change, *known), track_cues(held, turned, *known)
+        world = track_cues(seen, change, *known)
+        from_object = track_cues(held, turned(change, rotation), *known)
         return world.minimum(from_object + math.log(CARRIED))
 
     def hand_windows(self, hand: HandParameters) -> HandParameters:
@@ -178,13 +178,6 @@ class StageContext(ObjectSurface):
         surface = self.cut(nearest, 0), self.cut(outward, 0)
         trust = self.cut(self.trust, 0).mean(-1)
         return ObservedMotion.of(self.hand_windows(hand), trust, *surface, region)
-
-
-def in_frames(
-    vectors: Float[Tensor, "B T 3"], rotation: Float[Tensor, "B T 3 3"]
-) -> Float[Tensor, "B T 3"]:
-    """Vectors of the world in the frame of each rotation."""
-    return (vectors[..., None, :] @ rotation)[..., 0, :]
 
 
 class Piece(NamedTuple):

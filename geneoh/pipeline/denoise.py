@@ -22,7 +22,7 @@ from geneoh.hand.model import ShapedHand
 from geneoh.nn.devices import named_device
 from geneoh.objects.cleaning import clean_object
 from geneoh.objects.evidence import evidence_of_nearness, evidence_of_poses
-from geneoh.objects.palms import Palm
+from geneoh.objects.palms import palm_of
 from geneoh.objects.refine import refine_object
 from geneoh.pipeline.exchange import without_exchange
 from geneoh.pipeline.faults import without_faults
@@ -118,7 +118,7 @@ def clean_interaction(
     notes += filled_poses(motion) if chosen.has_object else ()
     evidence = torch.ones(sequence.frames)
     if chosen.clean_object:
-        palms = tuple(map(Palm.of, sequence.hands))
+        palms = tuple(map(palm_of, sequence.hands))
         motion, examined = clean_object(sequence.object, sequence.fps, palms)
         notes += examined.sentences()
         evidence = evidence_of_poses(examined, motion, sequence.fps)

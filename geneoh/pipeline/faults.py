@@ -214,10 +214,7 @@ def seen_from_parts(
     """Keypoints in the frame of each part of an object that was seen."""
     if motion is None or not motion.meshes:
         return ()
-    return tuple(
-        (joints - motion.translation[:, part, None]) @ motion.rotation[:, part]
-        for part in motion.seen_parts
-    )
+    return tuple(motion.seen_from(part, joints) for part in motion.seen_parts)
 
 
 def other_side(track: Track) -> Bool[Tensor, " T"]:

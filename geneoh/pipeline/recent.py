@@ -21,7 +21,7 @@ from geneoh.geometry.distance import MovingSurface
 from geneoh.hand.model import HandModel
 from geneoh.objects.cleaning import clean_object
 from geneoh.objects.evidence import evidence_of_nearness, evidence_of_poses
-from geneoh.objects.palms import Palm
+from geneoh.objects.palms import palm_at
 from geneoh.pipeline.context import StageContext
 from geneoh.pipeline.faults import without_faults_of
 from geneoh.pipeline.observed import Observed
@@ -263,7 +263,7 @@ class RecentHand:
         if self._surface is None or not motion.is_seen or not self._chosen.has_object:
             return None, poses, torch.zeros_like(whole), None
         if self._chosen.clean_object:
-            palm = Palm.at(subject.joints, subject.trust)
+            palm = palm_at(subject.joints, subject.trust)
             motion, examined = clean_object(motion, NETWORK_FPS, (palm,))
             poses = evidence_of_poses(examined, motion, NETWORK_FPS)
             noise = examined.white_noise

@@ -131,6 +131,10 @@ class ObjectTrack(Bundle):
         """What a part is called in sentences."""
         return "the object" if len(self.meshes) == 1 else f"part {part + 1} of the object"
 
+    def seen_from(self, part: int, points: Float[Tensor, "T P 3"]) -> Float[Tensor, "T P 3"]:
+        """Points of the world in each frame, in the frame of a part, metres."""
+        return (points - self.translation[:, part, None]) @ self.rotation[:, part]
+
     def of_parts(self, parts: list[int]) -> "ObjectTrack":
         """The track of some of the parts alone."""
         return ObjectTrack(

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from geneoh.geometry.mesh import Mesh
 from geneoh.objects.cleaning import clean_object
-from geneoh.objects.palms import Palm
+from geneoh.objects.palms import RigidMotion, palm_at
 from geneoh.sequence.sequence import ObjectTrack
 
 FRAMES, FPS = 120, 30.0
@@ -34,11 +34,11 @@ def bottle(hertz: float, degrees: float) -> ObjectTrack:
     )
 
 
-def palm_at(motion: ObjectTrack, noise: float = 0.0) -> Palm:
+def palm_on(motion: ObjectTrack, noise: float = 0.0) -> RigidMotion:
     """The palm of a hand that holds the object, with noise on each keypoint, metres."""
     joints = IN_THE_HAND @ motion.rotation[:, 0].mT + motion.translation
     joints = joints + noise * torch.randn(joints.shape, generator=torch.Generator().manual_seed(1))
-    return Palm.at(joints, torch.ones(FRAMES, 21))
+    return palm_at(joints, torch.ones(FRAMES, 21))
 
 
 def noisy(motion: ObjectTrack, degrees: float, metres: float) -> ObjectTrack:
@@ -56,10 +56,10 @@ def test_an_object_that_a_hand_shakes_stays_as_it_is(hertz, degrees):
     motion = bottle(hertz, degrees)
     assert clean_object(motion, FPS)[1].is_noisy.all()  # nothing else tells it from noise
     for noise in (0.0, 0.0005):
-        clean, found = clean_object(motion, FPS, (palm_at(motion, noise),))
+        clean, found = clean_object(motion, FPS, (palm_on(motion, noise),))
         assert clean is motion
         assert not list(found.sentences())
-    clean, _ = clean_object(motion, FPS, (palm_at(motion, 0.002),))
+    clean, _ = clean_object(motion, FPS, (palm_on(motion, 0.002),))
     torch.testing.assert_close(clean.translation, motion.translation, atol=0.004, rtol=0)
     torch.testing.assert_close(clean.rotation, motion.rotation, atol=0.04, rtol=0)
 
@@ -68,7 +68,7 @@ def test_an_object_that_a_hand_shakes_stays_as_it_is(hertz, degrees):
 def test_noise_of_an_object_is_found_whether_a_hand_holds_it_or_not(noise):
     motion = bottle(0.5, 20.0)
     given = noisy(motion, 5.0, 0.01)
-    alone, found = (clean_object(given, FPS, palms)[1] for palms in ((), (palm_at(motion, noise),)))
+    alone, found = (clean_object(given, FPS, palms)[1] for palms in ((), (palm_on(motion, noise),)))
     torch.testing.assert_close(found.white_noise, alone.white_noise, rtol=0.15, atol=0)
     torch.testing.assert_close(
         found.white_noise, torch.tensor([np.radians(5.0), 0.01]).float(), rtol=0.3, atol=0
@@ -82,7 +82,7 @@ def test_flips_and_jumps_are_found_beside_a_hand_that_shakes():
     rotation[70:73] = rotation[70:73] @ torch.tensor([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
     translation[80:84] += 0.3
     given = replace(motion, rotation=rotation, translation=translation)
-    clean, found = clean_object(given, FPS, (palm_at(motion),))
+    clean, found = clean_object(given, FPS, (palm_on(motion),))
     assert found.symmetric[:, 0].nonzero()[:, 0].tolist() == [50, 51, 52]
     assert found.left_out[:, 0].nonzero()[:, 0].tolist() == [70, 71, 72, 80, 81, 82, 83]
     right = ~found.left_out[:, 0] & ~found.symmetric[:, 0]
@@ -94,7 +94,7 @@ def test_flips_and_jumps_are_found_beside_a_hand_that_shakes():
 
 def test_a_hand_that_is_hardly_seen_tells_nothing():
     motion = bottle(5.0, 20.0)
-    palm = palm_at(motion)
+    palm = palm_on(motion)
     seen = np.arange(FRAMES) % 8 < 6  # never so many frames in a row that noise shows
     given = clean_object(motion, FPS, (replace(palm, seen=seen),))[1].white_noise
     assert given.tolist() == clean_object(motion, FPS)[1].white_noise.tolist()
@@ -107,9 +107,9 @@ def test_keypoints_that_are_not_trusted_tell_nothing():
     joints[70, :] = 0.0
     trust = torch.ones(FRAMES, 21)
     trust[40:50, 9] = trust[70] = 0
-    palm = Palm.at(joints, trust)
+    palm = palm_at(joints, trust)
     assert np.flatnonzero(~palm.seen).tolist() == [*range(40, 50), 70]
     assert clean_object(motion, FPS, (palm,))[0] is motion
-    unknown = Palm.at(torch.zeros(FRAMES, 21, 3), torch.zeros(FRAMES, 21))
+    unknown = palm_at(torch.zeros(FRAMES, 21, 3), torch.zeros(FRAMES, 21))
     found, alone = (clean_object(motion, FPS, each)[1].white_noise for each in ((unknown,), ()))
     assert found.tolist() == alone.tolist()

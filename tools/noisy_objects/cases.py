@@ -17,7 +17,7 @@ from torch import Tensor
 from geneoh.baselines.filters import TUNED, filtered
 from geneoh.choices import PresetName
 from geneoh.objects.cleaning import clean_object
-from geneoh.objects.palms import Palm
+from geneoh.objects.palms import palm_of
 from geneoh.objects.symmetry import Symmetry
 from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.options import Options
@@ -90,7 +90,7 @@ def hand_scores(joints: Float[Tensor, "T 21 3"] | None, clean: Sequence) -> tupl
 
 def object_scores(clean: Sequence, noisy: Sequence, result: Sequence, symmetry: Symmetry) -> Scores:
     """How far the object is off, and the hand in the frame of the object, up to symmetry."""
-    smooth, _ = clean_object(noisy.object, noisy.fps, tuple(map(Palm.of, noisy.hands)))
+    smooth, _ = clean_object(noisy.object, noisy.fps, tuple(map(palm_of, noisy.hands)))
     seen = noisy.object.valid
     lost = torch.zeros(noisy.frames, dtype=torch.bool) if seen is None else ~seen[:, 0].bool()
     scores: Scores = {}
@@ -140,7 +140,7 @@ def at_object(sequence: Sequence, motion: ObjectTrack) -> Float[Tensor, "T 21 3"
     """The hand's keypoints in the frame of the object's first part."""
     joints = sequence.hands[0].joints
     assert joints is not None, "every clip has joints"
-    return (joints - motion.translation[:, :1]) @ motion.rotation[:, 0]
+    return motion.seen_from(0, joints)
 
 
 def rows(cases: Iterable[Case], path: Path) -> Iterator[tuple[Case, Scores]]:
