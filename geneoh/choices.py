@@ -36,7 +36,16 @@ Selection = Literal["closest", "mean"]
 SELECTIONS: tuple[Selection, ...] = get_args(Selection)
 
 Ablation = Literal[
-    "motion", "spatial", "temporal", "canonical", "diffusion", "fit", "object", "mesh", "camera"
+    "motion",
+    "spatial",
+    "temporal",
+    "canonical",
+    "diffusion",
+    "fit",
+    "object",
+    "mesh",
+    "camera",
+    "told-camera",
 ]
 """Parts that an ablation leaves out, with the same weights.
 
@@ -45,7 +54,7 @@ world instead of moving with the object. "diffusion": each stage calls its denoi
 running a diffusion chain. "fit": the hand fit sees keypoints only, neither the object nor time.
 "object": the poses of the object are taken as they are, neither examined nor cleaned. "mesh": the
 hand is cleaned by the prior of motion alone, as if it had no object. "camera": the direction of the
-camera is withheld.
+camera is withheld and not looked for. "told-camera": it is withheld, but may be found in the noise.
 """
 ABLATIONS: tuple[Ablation, ...] = get_args(Ablation)
 

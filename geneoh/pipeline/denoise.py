@@ -35,6 +35,7 @@ from geneoh.pipeline.inputs import (
 )
 from geneoh.pipeline.options import Options, with_settings
 from geneoh.pipeline.presets import Preset
+from geneoh.pipeline.rays import with_rays
 from geneoh.pipeline.results import Denoised, HandResult
 from geneoh.pipeline.stage_run import StageRun
 from geneoh.progress import OnProgress, OnStep, timed
@@ -124,7 +125,9 @@ def clean_interaction(
         evidence = evidence_of_poses(examined, motion, sequence.fps)
     # a part that was never seen stands at the origin, where a hand must not meet it
     met = motion.of_parts(motion.seen_parts) if motion.meshes else motion
-    normalised = normalised_hands(replace(sequence, object=met))
+    seen, said = with_rays(replace(sequence, object=met), chosen)
+    notes += said
+    normalised = normalised_hands(seen)
     if normalised[0].track.frames != sequence.frames:
         how = "averaged" if sequence.fps > NETWORK_FPS else "resampled"
         notes.append(f"{how} from {sequence.fps:g} to {NETWORK_FPS:g} frames a second and back")
@@ -202,13 +205,18 @@ def _fitted(
     if surface is not None and chosen.has_object and chosen.clean_object:
         near = evidence_of_nearness(subject.joints, surface, hand.fps)
     evidence = near * poses
-    ray = hand.track.camera_ray if chosen.camera else None
     seconds: dict[str, float] = {}
     progress_of = timed(on_progress, seconds)
     with torch.no_grad():
         stages = StageRun(denoisers, subject, given, progress_of, generator)
         samples = stages.relied_on(
-            surface, poses, near, chosen, hand.fps, ray=ray, object_noise=object_noise
+            surface,
+            poses,
+            near,
+            chosen,
+            hand.fps,
+            ray=hand.track.camera_ray,
+            object_noise=object_noise,
         )
         index, target = _select(samples, subject, chosen.selection)
         state, shaped, betas = _fit(

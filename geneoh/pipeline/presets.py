@@ -101,8 +101,10 @@ class Preset:
     still in the world."""
     clean_object: bool = True
     """Whether noisy poses of the object are smoothed before the stages see the hand from it."""
-    camera: bool = True
-    """Whether the stages are told the direction of the camera, where the sequence knows it."""
+    camera_told: bool = True
+    """Whether the stages are shown the direction of the camera that the sequence knows."""
+    camera_found: bool = True
+    """Whether it is looked for in the noise of the hand, where it is not known."""
     has_object: bool = True
     """Whether the stages see the object; False cleans the hand by the prior of motion alone."""
 
@@ -130,7 +132,9 @@ class Preset:
             case "object":
                 return replace(self, clean_object=False)
             case "camera":
-                return replace(self, camera=False)
+                return replace(self, camera_told=False, camera_found=False)
+            case "told-camera":
+                return replace(self, camera_told=False)
             case "mesh":
                 return self.alone()
             case _:
@@ -156,6 +160,7 @@ def preset(name: PresetName) -> Preset:
                 fit=AdamFitConfig(),
                 contact=False,
                 apart=False,
+                camera_found=False,  # its networks are shown no camera
             )
         case "default":
             return Preset(

@@ -26,6 +26,7 @@ from geneoh.pipeline.context import StageContext
 from geneoh.pipeline.faults import without_faults_of
 from geneoh.pipeline.observed import Observed
 from geneoh.pipeline.presets import PlacePlan, Preset
+from geneoh.pipeline.rays import FoundRay, found_ray
 from geneoh.pipeline.results import clean_track
 from geneoh.pipeline.spread import joint_spread
 from geneoh.pipeline.stage_run import StageRun
@@ -135,6 +136,7 @@ class RecentHand:
         self._ready: deque[HandTrack | None] = deque()
         self._pushed = self._done = self._observed = 0
         self._shape: Subject | None = None
+        self._found: FoundRay | None = None
         self._out: HandState | None = None
         self._given: tuple[int, HandState] | None = None
         self._target: tuple[int, Tensor] | None = None
@@ -189,7 +191,7 @@ class RecentHand:
             near,
             self._chosen if surface is not None else self._chosen.alone(),
             NETWORK_FPS,
-            ray=fill_gaps(track).camera_ray if self._chosen.camera else None,
+            ray=self._ray(track, motion),
             object_noise=noise,
         )
         target = self._blended(samples.mean(0), first)
@@ -217,6 +219,14 @@ class RecentHand:
             known = concatenated([before, *(frame.hand or lost for frame in new)])[-WINDOW:]
         self._track = known if known is not None and bool(known.valid.any()) else None
         return self._track, replace(self._motion, meshes=self._meshes)
+
+    def _ray(self, track: HandTrack, motion: ObjectTrack) -> Float[Tensor, "T 3"] | None:
+        """The ray of the camera, as told or as the noise of the window or an earlier one tells."""
+        if track.camera_ray is not None and self._chosen.camera_told:
+            return fill_gaps(track).camera_ray
+        if self._surface is not None and self._chosen.camera_found:
+            self._found = found_ray(track, motion) or self._found
+        return self._found and self._found.direction.expand(track.frames, 3)
 
     def _subject(self, track: HandTrack) -> Subject:
         """The hand of the window, whose shape is kept when enough was seen of it."""
