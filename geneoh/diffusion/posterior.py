@@ -51,9 +51,16 @@ class Posterior:
         return Posterior((means * square / (square + CAUTION)).flatten(1), self.root)
 
     def samples(self, count: int, *, generator: torch.Generator) -> Float[Tensor, "S B D"]:
-        """Normal samples whose mean is exactly the mean: each has an opposite; one is the mean."""
+        """Normal samples whose mean is exactly the mean: each has an opposite; one is the mean.
+
+        The opposite ones are scaled so that their mean squared distance from the mean is that of
+        the density: that of a few draws says little of its width.
+        """
         half = self.mean.new_zeros(count // 2, *self.mean.shape)
         apart = (self.root @ normal_like(half, generator=generator)[..., None])[..., 0]
+        if count > 1:
+            width, drawn = self.root.square().sum((-1, -2)), apart.square().sum(-1).mean(0)
+            apart = apart * (width / drawn).sqrt()[:, None]
         middle = half.new_zeros(count % 2, *self.mean.shape)
         return self.mean + torch.cat([apart, -apart, middle])
 

@@ -61,6 +61,14 @@ def test_the_mean_of_the_samples_is_exactly_the_mean(count):
     torch.testing.assert_close(samples.mean(0), posterior.mean, atol=1e-6, rtol=0)
 
 
+@pytest.mark.parametrize("count", [2, 4, 5])
+def test_a_few_samples_are_as_far_from_the_mean_as_the_density_is_wide(count):
+    posterior = found(5)
+    apart = posterior.samples(count, generator=seeded()) - posterior.mean
+    size = apart.square().sum((0, -1)) / (count - count % 2)
+    torch.testing.assert_close(size, posterior.root.square().sum((-1, -2)))
+
+
 def test_many_samples_have_the_width_of_the_density():
     posterior = found(5)
     samples = posterior.samples(4000, generator=seeded()) - posterior.mean
