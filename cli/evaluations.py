@@ -17,12 +17,14 @@ from geneoh.choices import (
     PRESETS,
     SEED_LIMITS,
 )
+from geneoh.errors import ConfigError, InputError
 
 from . import options
 from .options import COUNT, FOLDER, flag, many, option
 
 if TYPE_CHECKING:
     from geneoh.evaluation.options import EvaluationOptions
+    from geneoh.evaluation.report import Evaluation
 
 eval_options = options.together(
     option(
@@ -113,7 +115,13 @@ OF_SCORES = (
 
 
 def refuse_unused(asked: dict[str, Any], inputs: Path | None) -> None:
-    """Refuse, by name, options that would be ignored."""
+    """Refuse a data set of generators alone and, by name, options that would be ignored."""
+    if (dataset := asked["dataset"]) not in DATASETS:
+        raise ConfigError(
+            f"--dataset {dataset}: expected one of {', '.join(DATASETS)} without --generator, got "
+            "one that only a generator is scored on; add --generator text2hoi and --root with your "
+            "copy, or choose one of those"
+        )
     options.refuse(["refine"], "needs --generator")
     if inputs is not None:
         options.refuse(OF_SCORES, "has no meaning with --inputs, which scores nothing")
@@ -136,6 +144,19 @@ def evaluation_options(
     ours = {name: asked.pop(name) for name in ("samples", "selection", "hand", "weights")}
     protocol = configured(ProtocolOptions(mano_dir=mano), settings=settings)
     return EvaluationOptions(**asked, protocol=protocol, cleaner=Options(**ours, mano_dir=mano))
+
+
+def refuse_without_scores(made: "Evaluation", folder: Path) -> None:
+    """End a run in which every clip of some method failed with an error, its report written."""
+    scored = {score.method for score in made.scores if not score.failed}
+    for method in made.methods:
+        failed = [score.failed for score in made.scores if score.method == method]
+        if method not in scored and failed:
+            raise InputError(
+                f"{method}: expected results that can be scored, got none of {len(failed)} (the "
+                f"first: {failed[0]}); correct them and run the command again, "
+                f"{folder / 'scores.csv'} has all reasons"
+            )
 
 
 def command_line(ctx: click.Context) -> str:

@@ -20,7 +20,7 @@ def eval(
     best offset, chosen with the ground truth, which no user has; optimisation without learning; a
     TOCH-style autoencoder and a regression trained on our data; MotionDiff in one call; geneoh.
     Prints tables and writes scores.csv, evaluation.json, report.md and report.html. An interrupted
-    run goes on when it is started again.
+    run goes on when it is started again. Exit code 2 says that every clip of some method failed.
 
     With --generator: prints how near its clips are to real ones, by accuracy and features of a
     classifier of verbs, and how physical they are, beside real clips, random verbs and the nearest
@@ -53,3 +53,4 @@ def eval(
     if made.reused:
         click.echo(f"note: {made.reused} of {len(made.scores)} scores were there already")
     click.echo(f"wrote {', '.join(str(path) for path in write_report(made, folder))}")
+    evaluations.refuse_without_scores(made, folder)

@@ -83,6 +83,7 @@ def synthesize(
     settings = settings if count is None else (*settings, f"count={count}")
     kind = kind_of_data(actions, bodies, meshes, holding)
     chosen = configured(kind.defaults, path, settings)
+    chosen.check_size()
     hand, sheet = load_hand("right"), data / "sheet.png"
     keep_others(sheet, "choose another folder")
     with progress.progress_bars() as on_progress:

@@ -7,7 +7,7 @@ from typing import ClassVar
 import torch
 
 from geneoh.bundle import concatenated
-from geneoh.errors import InputError
+from geneoh.errors import ConfigError, InputError
 from geneoh.files.tensors import all_tensors
 from geneoh.hand.model import HandModel
 from geneoh.streamed import Streamed
@@ -47,6 +47,15 @@ class ActionSynthesisConfig(SynthesisConfig):
     favoured: int = 5
     """How often objects with a joint, and large ones, are tried, against once for the others: few
     of their grasps are of the part that moves, or leave room for a second hand."""
+
+    def check_size(self) -> None:
+        """Refuse another length as well: every action has as many frames as its verb takes."""
+        super().check_size()
+        if self.frames != LONGEST:
+            raise ConfigError(
+                f"{type(self).__name__}: 'frames' must be {LONGEST}, which all actions have, got "
+                f"{self.frames}; leave it out"
+            )
 
 
 DEFAULTS = ActionSynthesisConfig()

@@ -38,6 +38,12 @@ from geneoh.synthesis.scans import FILE, Scans, read_scans
 from geneoh.synthesis.solids import Solids
 from geneoh.workers.pool import in_processes
 
+MOST_FRAMES = 9000
+"""Frames of the longest clip: five minutes, in which a body walks 500 m; a shard whose numbers are
+beyond `damage.LARGEST` (1000) is taken for damaged."""
+MOST_IN_SHARD = 1_000_000
+"""Frames of all clips of the largest shard. They are made at once and take 7 to 15 KB each."""
+
 
 @runtime_checkable
 class Source(Protocol):
@@ -62,9 +68,20 @@ class ShardConfig:
     validation: float = 0.05  # share of the shards that are for validation
 
     def __post_init__(self) -> None:
-        """Refuse sizes below one, clips without motion, and a share that is none."""
+        """Refuse sizes below one, clips without motion or too long, and a share that is none."""
         check_limits(self, dict.fromkeys(("count", "shard"), (1, math.inf)))
-        check_limits(self, {"frames": (2, math.inf), "validation": (0, 1)})
+        check_limits(self, {"frames": (2, MOST_FRAMES), "validation": (0, 1)})
+
+    def check_size(self) -> None:
+        """Refuse shards that are too large to make; `ConfigError` says by how much.
+
+        Each setting alone may be right, so that this is checked when all of them are known.
+        """
+        if self.shard * self.frames > MOST_IN_SHARD:
+            raise ConfigError(
+                f"{type(self).__name__}: 'shard' times 'frames' must be at most {MOST_IN_SHARD}, "
+                f"got {self.shard} clips of {self.frames} frames; lower one of them"
+            )
 
     @property
     def shards(self) -> int:
@@ -275,8 +292,10 @@ def write_shards(
     What is in them is what `synthesize` makes, with the arguments of `synthesize_shard`.
 
     Raises:
+        ConfigError: the shards are too large to make.
         InputError: the folder holds shards of another config or seed, or a broken one.
     """
+    config.check_size()
     make_folder(folder)
     record = ShardRecord(config, seed, "" if scans is None else scans.fingerprint)
     for path in sorted(folder.glob("*_*.safetensors")):

@@ -33,6 +33,34 @@ def test_inputs_are_written_for_others(geneoh, tmp_path):
     assert len(list((tmp_path / "inputs").glob("*_gauss_11.npz"))) == 1
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("found", ["none", "damaged"])
+def test_a_method_without_any_result_ends_with_one_sentence_and_exit_code_2(
+    geneoh, tmp_path, found
+):
+    (tmp_path / "theirs").mkdir()
+    if found == "damaged":
+        assert geneoh("eval", *CLIPS, "--inputs", "theirs").exit_code == 0
+        (damaged,) = (tmp_path / "theirs").glob("*.npz")
+        damaged.write_bytes(b"no npz")
+    done = geneoh("eval", *SMALL, "--method", "input", "--predictions", "theirs", "-o", "out")
+    assert done.exit_code == 2
+    assert len(done.stderr.strip().splitlines()) == 1
+    for word in ("theirs: expected results", "got none of 1", "again", "scores.csv"):
+        assert word in done.stderr
+    assert (tmp_path / "out" / "report.html").is_file()
+
+
+def test_a_data_set_of_generators_alone_is_told_to_need_one(geneoh):
+    for more in ((), ("--inputs", "inputs")):
+        done = geneoh("eval", "--dataset", "h2o", *more)
+        assert done.exit_code == 2
+        assert done.stdout == ""
+        assert len(done.stderr.strip().splitlines()) == 1
+        for word in ("--dataset h2o", "without --generator", "taco", "add --generator text2hoi"):
+            assert word in done.stderr
+
+
 @pytest.mark.parametrize("dataset", ["grab", "grab-beta", "hoi4d", "arctic"])
 def test_a_data_set_that_is_not_there_is_one_sentence(geneoh, dataset, monkeypatch):
     for name in ("GRAB", "HOI4D", "ARCTIC"):

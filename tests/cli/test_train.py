@@ -289,3 +289,25 @@ def test_bodies_with_sentences_are_made_and_other_kinds_of_data_are_told_apart(g
         refused = geneoh("synthesize", *wrong, "-o", "other")
         assert refused.exit_code == 2
         assert told in refused.stderr
+
+
+@pytest.mark.parametrize(
+    ("kind", "settings", "told"),
+    [
+        (None, ("frames=1",), "'frames' must be 2 to 9000, got 1"),
+        (None, ("frames=100000000",), "'frames' must be 2 to 9000, got 100000000"),
+        ("--bodies", ("frames=9001",), "'frames' must be 2 to 9000, got 9001"),
+        (None, ("frames=9000",), "at most 1000000, got 256 clips of 9000 frames; lower one"),
+        ("--bodies", ("frames=9000", "shard=112"), "at most 1000000, got 112 clips of 9000"),
+        ("--actions", ("frames=40",), "'frames' must be 150, which all actions have, got 40"),
+    ],
+)
+def test_clips_that_are_too_long_or_too_short_to_make_are_one_sentence(
+    geneoh, tmp_path, kind, settings, told
+):
+    words = [word for setting in settings for word in ("--set", setting)]
+    refused = geneoh("synthesize", *([kind] if kind else []), *words, "-o", "data")
+    assert refused.exit_code == 2
+    assert len(refused.stderr.strip().splitlines()) == 1
+    assert told in refused.stderr
+    assert list(tmp_path.iterdir()) == []

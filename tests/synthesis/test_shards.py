@@ -267,7 +267,7 @@ def test_settings_that_are_not_known_are_told_as_those_of_another_version(tmp_pa
         ({"held_out": ("mugg",)}, "'mugg' is no object family; did you mean 'mug'?"),
         ({"held_out": ("zzz",)}, "'zzz' is no object family; there are box, board"),
         ({"shard": 0}, "'shard' must be 1 or more, got 0"),
-        ({"frames": 1}, "'frames' must be 2 or more, got 1"),
+        ({"frames": 1}, "'frames' must be 2 to 9000, got 1"),
         ({"validation": 2.0}, "'validation' must be 0 to 1, got 2.0"),
         ({"scanned": -1.0}, "'scanned' must be 0 to 1, got -1.0"),
     ],
