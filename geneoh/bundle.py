@@ -212,10 +212,17 @@ def _change(value: Any, kind: Any, change: Callable[[Leaf, Axes], Leaf]) -> Any:
     return value
 
 
+def unmasked(value: Any) -> Any:
+    """A masked array with NaN, or False, where nothing is known; all else as it is."""
+    if not np.ma.is_masked(value):
+        return value
+    return value.filled(False) if value.dtype == bool else value.astype(float).filled(np.nan)
+
+
 def _as_tensor(value: Any, kind: Any) -> Tensor | None:
     """A value as the tensor that an annotation asks for; None for what is no array of numbers."""
     try:
-        tensor = value if isinstance(value, Tensor) else torch.from_numpy(np.array(value))
+        tensor = value if isinstance(value, Tensor) else torch.from_numpy(np.array(unmasked(value)))
     except (TypeError, ValueError):
         return None
     names = _array(kind).dtypes

@@ -98,10 +98,16 @@ CALLS = {
     ),
     "from_arrays(right_joints=[[1, 2], [3]], fps=30)": "'right_joints' must be an array of numbers",
     "from_arrays(right_joints=JOINTS, fps='fast')": "'fps' must be a number",
+    "clean(HandTrack('left', VALID, numpy.ma.masked_less(JOINTS.numpy(), 0)))": "got NaN",
+    "HandTrack('left', numpy.ma.masked_less(range(6), 1) > 0, JOINTS).valid[0].item() or SHORT": (
+        "Sequence"
+    ),
     "save(JOINTS, 'out.npz')": "takes a result or a Sequence, then the path",
     "save('out.npz', SHORT)": "'path' must be a path or text, got Sequence",
+    "save(SHORT, folder / 'out.obj')": "expected .npz, got '.obj'; name it so",
     "view(SHORT, 'out.png', colouring='red')": "'colouring' must be one of",
     "to_smplx('Left', SHORT)": "'side' must be one of",
+    "to_smplx('left', JOINTS)": "takes a side, then a Sequence, got Tensor",
 }
 """Each call with what it returns, or with words of the sentence that refuses it."""
 MODES = {

@@ -14,6 +14,7 @@ from geneoh.choices import SIDES, Side
 from geneoh.config import checked_call
 from geneoh.errors import InputError
 from geneoh.files.npz import read_archive
+from geneoh.files.outputs import check_ending
 from geneoh.fitting.terms import HandState
 from geneoh.metrics.report import InteractionReport
 from geneoh.objects.cleaning import ObjectExamination
@@ -109,16 +110,17 @@ def save(result: Denoised | Sequence, path: Path | str) -> None:
     object's poses agree with one another; `options`, the settings as JSON.
 
     Raises:
-        InputError: the place cannot be written to.
+        InputError: the place cannot be written to, or has another ending than `.npz`.
     """
-    if isinstance(result, Sequence):
-        save_sequence(result, path)
-        return
-    if not isinstance(result, Denoised):
+    if not isinstance(result, Denoised | Sequence):
         raise InputError(
             "geneoh.save takes a result or a Sequence, then the path to write to, got "
             f"{type(result).__name__} first; geneoh.from_arrays makes a Sequence of arrays"
         )
+    check_ending(Path(path), (".npz",))
+    if isinstance(result, Sequence):
+        save_sequence(result, path)
+        return
     options = json.dumps(asdict(result.options), default=str)
     extra: dict[str, np.ndarray] = {"options": np.array(options)}
     if result.examined is not None:

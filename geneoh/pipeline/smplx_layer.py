@@ -59,6 +59,11 @@ def to_smplx(
         InputError: the sequence has no such hand, or only its keypoints.
         MissingAssetError: MANO was asked for and there is no such file.
     """
+    if not isinstance(sequence, Sequence):
+        raise InputError(
+            f"geneoh.to_smplx takes a side, then a Sequence, got {type(sequence).__name__}; "
+            "a result has one in .sequence"
+        )
     track = fill_gaps(sequence.hand(side))
     if track.pose is None or track.wrist is None:
         raise InputError(

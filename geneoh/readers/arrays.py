@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from torch import Tensor
 
+from geneoh.bundle import unmasked
 from geneoh.config import checked_call
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import MeshInput, meshes_of
@@ -71,6 +72,6 @@ def array_of(value: Any) -> Any:
     if isinstance(value, Tensor):
         return value.detach().cpu().numpy()
     try:
-        return np.asarray(value)
+        return np.asarray(unmasked(value))
     except ValueError:
         return value

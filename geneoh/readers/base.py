@@ -243,7 +243,7 @@ def ancestor(path: Path, levels: int) -> Path:
 
 def finite_frames(values: Array) -> Array:
     """(T,) whether all numbers of a frame are finite."""
-    return np.asarray(np.isfinite(values.reshape(len(values), -1)).all(axis=1))
+    return np.asarray(np.isfinite(values).all(axis=tuple(range(1, values.ndim))))
 
 
 def stretches(present: Array, after_jump: Array | None) -> list[slice]:

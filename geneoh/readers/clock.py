@@ -129,11 +129,11 @@ def clock_of(record: Record, frames: int, said: float | None) -> Clock | None:
 
 
 def unread_times(record: Record, frames: int) -> tuple[str, ...]:
-    """Notes on fields of times that are no numbers, such as dates."""
+    """Notes on fields of times that are no numbers, such as dates, or not as many as frames."""
     return tuple(
         f"'{name}' is not one number a frame and was not read"
         for name in CLOCK_NAMES
-        if length_of(record.values.get(name)) == frames
+        if frames > 1 and length_of(record.values.get(name)) > 1
     )
 
 
@@ -152,11 +152,12 @@ def is_column(value: Any, frames: int) -> bool:
 def clock_from(record: Record, name: str, said: float | None) -> Clock:
     """The clock in one field, which must rise."""
     values = record.numbers(name)
-    if not np.isfinite(values).all() or not (np.diff(values) > 0).all():
-        raise record.refuse(
-            name,
-            "numbers that rise from frame to frame",
-            "cut the recording where they do not, or leave the field out",
+    if len(wrong := np.flatnonzero(~(np.diff(values) > 0) | ~np.isfinite(values[1:]))):
+        before, after = values[wrong[0] : wrong[0] + 2]
+        raise InputError(
+            f"{record.where}: '{name}' must be numbers that rise from frame to frame, got "
+            f"{after:.15g} after {before:.15g} in frame {wrong[0] + 1}; cut the recording where "
+            "they do not, or leave the field out"
         )
     values = values - values[0]
     if name in TIME_NAMES:

@@ -103,11 +103,13 @@ def read_own(record: Record, given: Side | None) -> tuple[tuple[HandTrack, ...],
 def is_seen(record: Record, names: dict[str, str]) -> bool:
     """Whether some frame holds a hand: by its mask, without one because something is finite.
 
-    `names` has the file's name of each field of the hand.
+    Keypoints that are zero hold none. `names` has the file's name of each field of the hand.
     """
     if names["valid"] in record:
         return bool(record.flags(names["valid"]).any())
     placed = [names[name] for name in ("joints", "pose", "wrist") if names[name] in record]
+    if names["joints"] in placed and not record.numbers(names["joints"]).any():
+        return False
     arrays = (np.atleast_1d(record.numbers(name)) for name in placed)
     return not placed or any(finite_frames(array).any() for array in arrays)
 
@@ -160,7 +162,7 @@ def offset_of_wrist(
 
 def read_betas(record: Record, name: str) -> tuple[Float[Tensor, " 10"] | None, Notes]:
     """Shape coefficients of the sequence; one set per frame is averaged, and that is noted."""
-    betas, notes = record.tensor(name, (10,), ("T", 10), unit="of shape"), ()
+    betas, notes = record.tensor(name, (10,), ("T", 10)), ()
     if betas is not None and betas.ndim == 2:
         observed = betas[all_finite(betas)]
         notes = (f"'{name}' averaged over {len(observed)} frames",) if len(betas) > 1 else ()

@@ -93,6 +93,11 @@ def check_hand(hand: HandTrack, name: str) -> None:
             check_place(points[hand.valid], f"the {hand.side} hand", name)
     if hand.joints is not None:
         span = float(hand_span(hand.joints[hand.valid]))
+        if span == 0:
+            raise InputError(
+                f"{name}: at least one frame must hold the {hand.side} hand, got all its keypoints "
+                "in one place; leave the hand out, or mark frames that hold it"
+            )
         if not SMALLEST_HAND <= span <= LARGEST_HAND:
             cure = "not metres, rescale"
             if span > LARGEST_HAND:
@@ -168,7 +173,7 @@ def check_object(motion: ObjectTrack, name: str) -> None:
         frame = int(wrong[0])
         raise InputError(
             f"{name}: the object's rotations must be rotation matrices with R^T R = I and "
-            f"determinant 1, got {describe_matrix(motion.rotation[frame])} in frame {frame}"
+            f"determinant 1, got in frame {frame} {describe_matrix(motion.rotation[frame])}"
         )
 
 

@@ -214,6 +214,22 @@ def test_times_that_are_no_numbers_are_told(tmp_path):
     assert "'frames'" not in geneoh.load(path, side="right").source
     np.savez(tmp_path / "hand.npz", **fields(KEPT / 30, timestamps=np.array(dates)))
     assert "'timestamps' is not one number" in geneoh.load(tmp_path / "hand.npz").source
+    np.savez(tmp_path / "hand.npz", **fields(KEPT / 30, timestamps=KEPT[1:] / 30))
+    assert "'timestamps' is not one number" in geneoh.load(tmp_path / "hand.npz").source
+
+
+@pytest.mark.parametrize(
+    ("frame", "time", "words"),
+    [(2, 0.0, "got 0 after 0.0.* in frame 2"), (1, np.nan, "nan after 0 in frame 1")],
+)
+def test_times_that_do_not_rise_are_refused_with_the_frame_that_shows_it(
+    frame, time, words, tmp_path
+):
+    times = np.arange(len(KEPT)) / 30
+    times[frame] = time
+    np.savez(tmp_path / "hand.npz", **fields(KEPT / 30, timestamps=times))
+    with pytest.raises(InputError, match=f"'timestamps' must be numbers that rise .*{words}"):
+        geneoh.load(tmp_path / "hand.npz")
 
 
 @pytest.mark.parametrize(

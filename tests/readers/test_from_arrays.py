@@ -38,6 +38,15 @@ def test_arrays_tensors_and_lists_make_the_sequence_of_a_file(recording, arrays,
     assert (sequence.fps, sequence.source) == (30, "arrays")
 
 
+def test_masked_entries_are_missing_and_not_what_lies_below_the_mask(arrays):
+    mask = np.zeros((146, 21, 3), bool)
+    mask[3] = mask[5, 4] = True
+    wrong = np.ma.array(np.where(mask, 9.0, arrays["left_joints"]), mask=mask)
+    (hand,) = geneoh.from_arrays(**{**arrays, "left_joints": wrong}, fps=30, meshes=MESH).hands
+    assert np.flatnonzero(~hand.valid).tolist() == [3]
+    assert hand.confidence[5, 4] == 0
+
+
 def test_every_field_of_a_hand_can_be_given(recording, arrays):
     (hand,) = recording.hands
     sequence = geneoh.from_arrays(

@@ -216,6 +216,20 @@ def test_a_second_hand_that_is_in_no_frame_is_left_out_aloud(unseen):
         read({**own, "right_joints": JOINTS * np.nan, "left_joints": JOINTS * np.nan})
 
 
+@pytest.mark.parametrize("unseen", [0 * JOINTS, JOINTS[:0]], ids=["zeros", "no frame"])
+def test_a_second_hand_of_zeros_or_of_no_frame_is_left_out_aloud(unseen):
+    own = {"format": np.array("geneoh-sequence"), "version": np.array(1)}
+    hands, notes = read({**own, "right_joints": JOINTS, "left_joints": unseen})
+    assert [hand.side for hand in hands] == ["right"]
+    assert notes == ("the left hand is in no frame and was left out",)
+
+
+def test_a_hand_of_no_frame_is_refused_in_our_own_layout():
+    own = {"format": np.array("geneoh-sequence"), "version": np.array(1)}
+    with pytest.raises(InputError, match=r"'right_joints' .* at least one frame is needed"):
+        read({**own, "right_joints": JOINTS[:0]})
+
+
 def test_our_own_layout_takes_the_pose_flat_or_by_joint():
     ours = {"format": np.array("geneoh-sequence"), "version": np.array(1), "right_wrist": PLACE}
     flat = only(read({**ours, "right_pose": POSE.reshape(T, 48)}))

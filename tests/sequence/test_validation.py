@@ -34,8 +34,9 @@ def test_a_plausible_sequence_passes():
         (replace(GOOD, hands=(replace(HAND, valid=~HAND.valid),)), "at least one frame"),
         (
             replace(GOOD, object=replace(OBJECT, rotation=torch.zeros(FRAMES, 1, 3, 3))),
-            "determinant 0; fill frames",
+            "got in frame 0 determinant 0; fill frames",
         ),
+        (replace(GOOD, hands=(replace(HAND, joints=0 * HAND.joints),)), "all its keypoints in one"),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
