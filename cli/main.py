@@ -95,5 +95,5 @@ def cli(debug: bool) -> None:
     level = logging.DEBUG if debug else logging.WARNING
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s: %(message)s")
     logging.getLogger("geneoh").setLevel(level)
-    # it tells of what it does without by a traceback
+    # trimesh logs a traceback for every optional package that is missing
     logging.getLogger("trimesh").setLevel(logging.DEBUG if debug else logging.ERROR)

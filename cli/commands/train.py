@@ -169,7 +169,7 @@ def cleaner_task(asked: Asked, place: Any, on_progress: Any) -> Any:
 
 
 def generator_task(asked: Asked, place: Any, on_progress: Any) -> Any:
-    """The same of a network of the generator."""
+    """A network of the generator to learn, the weights to start from, and words on its data."""
     from geneoh.generators.text2hoi.library import SHIPPED
     from geneoh.generators.text2hoi.stages import Learned
     from geneoh.generators.text2hoi.stages import generator_task as task_of
@@ -194,7 +194,7 @@ def generator_task(asked: Asked, place: Any, on_progress: Any) -> Any:
 
 
 def body_task(asked: Asked, place: Any, on_progress: Any) -> Any:
-    """The same of a network of the generator of hands for a body."""
+    """A network of the generator of hands for a body to learn, its first weights, and words."""
     from geneoh.generators.both2hands.library import SHIPPED
     from geneoh.generators.both2hands.stages import LearnedBodies
     from geneoh.generators.both2hands.stages import body_task as task_of

@@ -31,6 +31,7 @@ from geneoh.metrics.smoothness import valid_differences
 from geneoh.representation.parameters import HandParameters
 from geneoh.sequence.normalisation import normalised_hands
 from geneoh.sequence.sequence import Sequence
+from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.replay import replay_shard
 from geneoh.synthesis.shards import find_shards, seed_of
 from geneoh.training import augmentation
@@ -168,7 +169,7 @@ def shard_clips(path: Path, hand: HandModel, augmented: bool, count: int) -> Han
         # The seed's name is part of published figures: another name draws another augmentation.
         generator = torch.Generator().manual_seed(seed_of("lively", path.name))
         hands = HandParameters.of_pose(shard.clips.wrist, shard.clips.pose, shard.clips.offsets)
-        hands = augmentation.augmented(hands, generator=generator)
+        hands = augmentation.augmented(hands, Draws(len(hands.wrist), generator))
         shard = replace(shard, clips=replace(shard.clips, wrist=hands.wrist, pose=hands.pose))
     world = shard.joints
     local = shard.in_object(world)

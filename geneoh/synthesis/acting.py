@@ -21,8 +21,7 @@ from geneoh.synthesis.hand_motion import (
     HandMotionConfig,
     HandPath,
     draw_phases,
-    finger_motion,
-    wrist_motion,
+    hand_motion,
 )
 from geneoh.synthesis.object_motion import HeldPart, ObjectMotionConfig, Standing, held_part
 from geneoh.synthesis.schedule import Schedule
@@ -103,8 +102,8 @@ class ActingConfig:
 
 
 @dataclass(frozen=True)
-class Cast(Bundle):
-    """N actions among H hands: who holds what, and how it stands."""
+class ActionSetup(Bundle):
+    """N actions among H hands: which hands hold which object, and how it stands."""
 
     first: Int[Tensor, " N"]  # the hand that holds the object, as a right hand
     second: Int[Tensor, " N"]  # the other hand, right on the mirrored object; -1 for none
@@ -157,24 +156,24 @@ def act(
     surface, normals = solids.surface_points(points, generator=generator)
     joints, _ = grasps.posed()
     held = held_part(solids, joints, config.parts)
-    cast = draw_cast(grasps, joints, surface, families, pairs, held, solids, config, generator)
-    first, draws = cast.first, Draws(len(cast.first), generator)
-    verb, solids = draw_verb(cast.possible, draws), solids.take(first, "B")
+    setup = draw_setups(grasps, joints, surface, families, pairs, held, solids, config, generator)
+    first, draws = setup.first, Draws(len(setup.first), generator)
+    verb, solids = draw_verb(setup.possible, draws), solids.take(first, "B")
 
-    stood, ground = stood_on_table(surface[first] @ cast.standing.mT)
+    stood, ground = stood_on_table(surface[first] @ setup.standing.mT)
     middle = stood.mean(1) * torch.eye(3)[2]
     radius = (stood - middle[:, None]).norm(dim=-1).amax(1)
-    moves, timing = draw_timing(verb, cast.paired, radius, config, draws)
+    moves, timing = draw_timing(verb, setup.paired, radius, config, draws)
     rotation, translation, opened = motion_around(middle, moves.path(timing.start, LONGEST))
     joint = joint_values(verb, held.travel[first], opened)
 
     bent, along = solids.joint_pose(joint * (held.index[first] == 1)[:, None])
-    left, right = hand_paths(grasps, cast, timing, config, draws)
+    left, right = hand_paths(grasps, setup, timing, config, draws)
     hands = [
-        hand.moved(cast.standing[:, None], -ground[:, None]).moved(rotation, translation)
+        hand.moved(setup.standing[:, None], -ground[:, None]).moved(rotation, translation)
         for hand in (left, right.moved(bent, along))
     ]
-    present = torch.stack([cast.paired, torch.ones_like(cast.paired)], 1)
+    present = torch.stack([setup.paired, torch.ones_like(setup.paired)], 1)
     jointed = solids.jointed[:, None]
     actions = Actions(
         verb=verb,
@@ -187,17 +186,17 @@ def act(
         translation=translation,
         joint=joint,
         points=stood,
-        normals=normals[first] @ cast.standing.mT,
+        normals=normals[first] @ setup.standing.mT,
         part=solids.nearest_part(surface[first]) * jointed,
-        axis=(cast.standing @ solids.axis[..., None])[..., 0] * jointed,
-        pivot=((cast.standing @ solids.pivot[..., None])[..., 0] - ground) * jointed,
+        axis=(setup.standing @ solids.axis[..., None])[..., 0] * jointed,
+        pivot=((setup.standing @ solids.pivot[..., None])[..., 0] - ground) * jointed,
         slides=solids.slides,
     ).ended()
     actions = actions.mirrored(draws.chance(config.left))
     return actions.take(overlap_of_hands(actions) < config.overlap, "B")
 
 
-def draw_cast(
+def draw_setups(
     grasps: Grasps,
     joints: Float[Tensor, "H 21 3"],
     surface: Float[Tensor, "H P 3"],
@@ -207,9 +206,9 @@ def draw_cast(
     solids: Solids,
     config: ActingConfig,
     generator: torch.Generator,
-) -> Cast:
-    """Who acts: hands whose object can stand on a table with them above it, and do something."""
-    first, second, image = _partners(joints, surface, pairs, solids, config, generator)
+) -> ActionSetup:
+    """Hands whose object can stand on a table below them, and that can do something with it."""
+    first, second, image = _second_hands(joints, surface, pairs, solids, config, generator)
     mirrored = mirror_points(joints[second]) @ image.mT
     other = torch.where((second >= 0)[:, None, None], mirrored, joints[first])
     keypoints = torch.cat([joints[first], other], 1)
@@ -222,11 +221,11 @@ def draw_cast(
     side = torch.where(stands, draws.share(len(UPWARD)), -1.0).argmax(1)
     around = axis_angle_to_matrix(2 * math.pi * draws.share(1) * torch.eye(3)[2])
     possible = _possible(first, second >= 0, grasps, held, families, config, draws)
-    cast = Cast(first, second, image, around @ UPRIGHT[side], possible)
-    return cast.take(stands.any(1) & possible.any(1), "N")
+    setup = ActionSetup(first, second, image, around @ UPRIGHT[side], possible)
+    return setup.take(stands.any(1) & possible.any(1), "N")
 
 
-def _partners(
+def _second_hands(
     joints: Float[Tensor, "H 21 3"],
     surface: Float[Tensor, "H P 3"],
     pairs: HandPairs,
@@ -350,8 +349,7 @@ def draw_timing(
     held = draws.uniform(config.held)
     timing = _timing(verb, paired, moves, close, held, config)
     too_long = (timing.length - LONGEST).clamp(min=0)
-    factor = 1 - too_long / moves.duration.clamp(min=1)
-    moves = moves.quicker(factor)
+    moves = moves.quicker(1 - too_long / moves.duration.clamp(min=1))
     return moves, _timing(verb, paired, moves, close, held, config)
 
 
@@ -392,16 +390,16 @@ def overlap_of_hands(actions: Actions) -> Float[Tensor, " B"]:
 
 
 def hand_paths(
-    grasps: Grasps, cast: Cast, timing: Timing, config: ActingConfig, draws: Draws
+    grasps: Grasps, setup: ActionSetup, timing: Timing, config: ActingConfig, draws: Draws
 ) -> tuple[HandPath, HandPath]:
     """The left and the right hands of actions, in the frame of their object."""
     right = hand_path(
-        grasps.take(cast.first, "B"), cast.standing, timing.schedule(0), config, draws
+        grasps.take(setup.first, "B"), setup.standing, timing.schedule(0), config, draws
     )
-    other = grasps.take(cast.second.clamp(min=0), "B")
-    upright = mirror_rotations(cast.standing @ cast.image)
+    other = grasps.take(setup.second.clamp(min=0), "B")
+    upright = mirror_rotations(setup.standing @ setup.image)
     left = hand_path(other, upright, timing.schedule(1), config, draws).mirrored()
-    return left.moved(cast.image[:, None], torch.zeros(len(upright), 1, 3)), right
+    return left.moved(setup.image[:, None], torch.zeros(len(upright), 1, 3)), right
 
 
 def hand_path(
@@ -421,5 +419,4 @@ def hand_path(
     )
     phases = draw_phases(schedule, config.hand, draws)
     upright = Standing(standing, torch.ones(len(standing), dtype=torch.bool))
-    wrist, turn = wrist_motion(held, upright, phases, config.hand, draws)
-    return HandPath(wrist, turn, finger_motion(held, phases, config.hand, draws))
+    return hand_motion(held, upright, phases, config.hand, draws)

@@ -17,10 +17,6 @@ class Part:
     count: int
     total: int  # items of the whole batch
 
-    def of(self, drawn: Tensor) -> Tensor:
-        """The rows of these items."""
-        return drawn[self.first : self.first + self.count]
-
     def divided(self, number: int) -> list["Part"]:
         """As many parts, whose sizes differ by at most one item."""
         ends = [self.first + self.count * index // number for index in range(number + 1)]
@@ -41,7 +37,12 @@ class Draws:
     @property
     def whole(self) -> "Draws":
         """Draws for all items of the batch that these are a part of."""
-        return Draws(self._total, self.generator)
+        return Draws(self.total, self.generator)
+
+    @property
+    def total(self) -> int:
+        """How many items that batch has."""
+        return self.batch if self.part is None else self.part.total
 
     def uniform(self, limits: tuple[float, float], *shape: int) -> Float[Tensor, "B ..."]:
         """Numbers spread evenly between two limits."""
@@ -55,11 +56,11 @@ class Draws:
 
     def share(self, *shape: int) -> Float[Tensor, "B ..."]:
         """Numbers spread evenly between 0 and 1."""
-        return self.own(torch.rand(self._total, *shape, generator=self.generator))
+        return self.own(torch.rand(self.total, *shape, generator=self.generator))
 
     def normal(self, *shape: int) -> Float[Tensor, "B ..."]:
         """Normal numbers of unit variance."""
-        return self.own(torch.randn(self._total, *shape, generator=self.generator))
+        return self.own(torch.randn(self.total, *shape, generator=self.generator))
 
     def chance(self, share: float, *shape: int) -> Bool[Tensor, "B ..."]:
         """True in so large a share."""
@@ -67,7 +68,7 @@ class Draws:
 
     def integers(self, low: int, high: int, *shape: int) -> Tensor:
         """Whole numbers from `low` to `high` - 1."""
-        return self.own(torch.randint(low, high, (self._total, *shape), generator=self.generator))
+        return self.own(torch.randint(low, high, (self.total, *shape), generator=self.generator))
 
     def smooth(self, frames: int, channels: int, period: float) -> Float[Tensor, "B T C"]:
         """Smooth noise of unit variance that changes over about `period` frames."""
@@ -80,8 +81,5 @@ class Draws:
 
     def own(self, drawn: Tensor) -> Tensor:
         """The rows of these items in what was drawn for all."""
-        return drawn if self.part is None else self.part.of(drawn)
-
-    @property
-    def _total(self) -> int:
-        return self.batch if self.part is None else self.part.total
+        part = self.part
+        return drawn if part is None else drawn[part.first : part.first + part.count]

@@ -146,6 +146,15 @@ class _Attempt(Bundle):
         """Size of the hand, 1 for a mean adult."""
         return hand_scale(self.offsets)
 
+    def depths_beside_object(
+        self, centers: Float[Tensor, "B K 3"], radii: Float[Tensor, "B K"]
+    ) -> list[Float[Tensor, "B K"]]:
+        """How deep spheres of the hand are under the table and in the other hand, where there is
+        one, metres; negative outside.
+        """
+        depths = [] if self.table is None else [self.table.depth(centers, radii) - SOFT]
+        return depths if self.other is None else [*depths, self.other.depth(centers, radii)]
+
 
 @dataclass(frozen=True)
 class _Hands(Bundle):
@@ -236,10 +245,8 @@ def _energy(
     # the same distance, whose gradient is the normal: one evaluation serves both
     distance = there + ((points - points.detach()) * slope).sum(-1)
     depth = (radii - distance[:, : centers.shape[1]]).clamp(min=0)
-    if attempt.table is not None:
-        depth = depth + (attempt.table.depth(centers, radii) - SOFT).clamp(min=0)
-    if attempt.other is not None:
-        depth = depth + attempt.other.depth(centers, radii).clamp(min=0)
+    for other in attempt.depths_beside_object(centers, radii):
+        depth = depth + other.clamp(min=0)
     gap, normal = distance[:, centers.shape[1] :], slope[:, centers.shape[1] :]
     alignment = (1 + (facing * normal).sum(-1)) * attempt.wanted
     overlap = (-finger_clearance(centers, radii)).clamp(min=0)
@@ -327,10 +334,8 @@ def _kept(
     joints, turns = hands.posed(attempt)
     centers, radii = hand_spheres(joints, attempt.scale)
     deep = (radii - solids.signed_distance(centers)).amax(-1)
-    if attempt.table is not None:
-        deep = torch.maximum(deep, attempt.table.depth(centers, radii).amax(-1) - SOFT)
-    if attempt.other is not None:
-        deep = torch.maximum(deep, attempt.other.depth(centers, radii).amax(-1))
+    for other in attempt.depths_beside_object(centers, radii):
+        deep = torch.maximum(deep, other.amax(-1))
     kept = (
         (deep < checks.depth)
         & (finger_clearance(centers, radii).amin(-1) > checks.clearance)

@@ -166,7 +166,19 @@ def grip_motion(
     return HandPath(wrist, turn, fingers.unflatten(-1, (15, 3)))
 
 
-def wrist_motion(
+def hand_motion(
+    held: HandPath,
+    standing: Standing,
+    phases: HandPhases,
+    config: HandMotionConfig,
+    draws: Draws,
+) -> HandPath:
+    """Hands that come to what they hold, move a little while they do, and leave."""
+    wrist, turn = _wrist_motion(held, standing, phases, config, draws)
+    return HandPath(wrist, turn, _finger_motion(held, phases, config, draws))
+
+
+def _wrist_motion(
     held: HandPath,
     standing: Standing,
     phases: HandPhases,
@@ -194,7 +206,7 @@ def wrist_motion(
     return held.wrist + path + shift, held.turn @ axis_angle_to_matrix(turn)
 
 
-def finger_motion(
+def _finger_motion(
     held: HandPath, phases: HandPhases, config: HandMotionConfig, draws: Draws
 ) -> Float[Tensor, "B T 15 3"]:
     """Finger joints: open before and after the grasp, some lifted from the object in between."""

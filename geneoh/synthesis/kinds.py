@@ -23,7 +23,7 @@ class DataKind:
     defaults: ShardConfig
     synthesize: Callable[..., Any]
     source: Callable[[Path, Unit, OnStep], Source | None]
-    """What is given beside the config, for a folder to write to and the unit of meshes."""
+    """What else clips are made of, from the folder to write to and the unit of meshes."""
 
 
 def kind_of_data(

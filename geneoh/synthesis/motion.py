@@ -16,11 +16,9 @@ from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.grasps import Grasps, Grips
 from geneoh.synthesis.hand_motion import (
     HandMotionConfig,
-    HandPath,
     draw_phases,
-    finger_motion,
     grip_motion,
-    wrist_motion,
+    hand_motion,
 )
 from geneoh.synthesis.object_motion import ObjectMotionConfig, carry, draw_standing, held_part
 from geneoh.synthesis.schedule import ScheduleConfig, draw_schedule
@@ -77,8 +75,7 @@ def animate(
     rotation, translation = carry(solids, held, standing, schedule, pairs, config.object, draws)
     phases = draw_phases(schedule, config.hand, draws)
     held_in = grip_motion(grasps, grips, schedule, ~pairs.shared, config.hand, draws)
-    wrist, turn = wrist_motion(held_in, standing, phases, config.hand, draws)
-    hand = HandPath(wrist, turn, finger_motion(held_in, phases, config.hand, draws))
+    hand = hand_motion(held_in, standing, phases, config.hand, draws)
     clip = torch.arange(len(grasps.pose))
     hand = hand.moved(rotation[clip, :, held.index], translation[clip, :, held.index])
     return Interactions(

@@ -119,7 +119,7 @@ class Scans(MeshFolder):
     ) -> tuple[Float[Tensor, "B P 3"], Float[Tensor, "B P 3"]]:
         """Points of the surface of one object each, spread evenly, with their outward normals.
 
-        To grasp, they are at random where a hand may start.
+        With `to_grasp` they are random places to grasp at, mostly where the object is thin.
         """
         order = torch.rand(len(which), SAMPLES, generator=generator)
         if to_grasp:  # the first of arrivals whose rates are the weights

@@ -141,7 +141,7 @@ class Solids(Bundle):
     ) -> tuple[Float[Tensor, "B P 3"], Float[Tensor, "B P 3"]]:
         """Points spread over the surface with their outward normals.
 
-        To grasp, those of scans are at random where a hand may start.
+        With `to_grasp` those of scanned objects are random places to grasp at.
         """
         if self.scans is None:
             return self._projected(count, generator=generator)

@@ -6,7 +6,8 @@ minimum-jerk profile. Turns are about the middle of the object. Lengths in metre
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import torch
 from jaxtyping import Float, Int
@@ -18,6 +19,7 @@ from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.schedule import minimum_jerk
 
 MOVES = 10  # most moves of an action
+WIDTHS = [1, 3, 3, 1, 1]  # numbers of each part of a `Move`
 
 
 @dataclass(frozen=True)
@@ -60,13 +62,8 @@ class Moves(Bundle):
 
     def quicker(self, factor: Float[Tensor, " B"]) -> "Moves":
         """The same moves in another time."""
-        return Moves(
-            self.frames * factor[:, None],
-            self.rest * factor[:, None],
-            self.shift,
-            self.turn,
-            self.joint,
-        )
+        factor = factor[:, None]
+        return replace(self, frames=self.frames * factor, rest=self.rest * factor)
 
     def path(self, start: Float[Tensor, " B"], frames: int) -> Float[Tensor, "B T 7"]:
         """Shift, turn and joint in every frame; the first rest begins at `start`."""
@@ -103,47 +100,55 @@ class _Drawn:
         return torch.where(self.draws.chance(0.5), 1.0, -1.0)
 
 
-Move = tuple[Tensor | float, Tensor | float, Tensor | float, Tensor | float, Tensor | float]
-"""Frames, rest before, shift, turn, joint."""
-_HOME: Move = (0.0, 0.0, 0.0, 0.0, 0.0)  # as the object stands on the table, closed
+class Move(NamedTuple):
+    """One move of B objects; numbers are for all of them."""
+
+    frames: Tensor | float = 0.0
+    shift: Tensor | float = 0.0  # where it ends, from where the object stands on the table
+    turn: Tensor | float = 0.0
+    joint: float = 0.0
+    rest: Tensor | float = 0.0  # frames before it
+
+
+_STANDING = Move()  # as the object stands on the table, closed
 
 
 def _lift(d: _Drawn) -> list[Move]:
-    return [_HOME, (d.range("move"), 0.0, d.up() + 0.06 * torch.eye(3)[2], 0.0, 0.0)]
+    return [_STANDING, Move(d.range("move"), d.up() + 0.06 * torch.eye(3)[2])]
 
 
 def _put_down(d: _Drawn) -> list[Move]:
     there = d.up() + 0.5 * d.range("carried")[:, None] * d.level()
-    return [(0.0, 0.0, there, 0.0, 0.0), (d.range("way"), d.range("stop"), 0.0, 0.0, 0.0)]
+    return [Move(shift=there), Move(d.range("way"), rest=d.range("stop"))]
 
 
 def _carry(d: _Drawn) -> list[Move]:
     up, way = d.up(), d.range("carried")[:, None] * d.level()
     return [
-        _HOME,
-        (d.range("move"), 0.0, up, 0.0, 0.0),
-        (d.range("way"), 0.0, up + way, 0.0, 0.0),
-        (d.range("move"), 0.0, way, 0.0, 0.0),
+        _STANDING,
+        Move(d.range("move"), up),
+        Move(d.range("way"), up + way),
+        Move(d.range("move"), way),
     ]
 
 
 def _slide(d: _Drawn) -> list[Move]:
-    return [_HOME, (d.range("way"), 0.0, d.range("slid")[:, None] * d.level(), 0.0, 0.0)]
+    return [_STANDING, Move(d.range("way"), d.range("slid")[:, None] * d.level())]
 
 
 def _rotate(d: _Drawn) -> list[Move]:
     turn = (d.side() * d.range("rotated"))[:, None] * torch.eye(3)[2]
-    return [_HOME, (d.range("way"), 0.0, 0.0, turn, 0.0)]
+    return [_STANDING, Move(d.range("way"), turn=turn)]
 
 
 def _tip(d: _Drawn, angle: str) -> list[Move]:
     up, turn = d.up(clear=True), d.range(angle)[:, None] * d.level()
     return [
-        _HOME,
-        (d.range("move"), 0.0, up, 0.0, 0.0),
-        (d.range("move"), 0.0, up, turn, 0.0),
-        (d.range("move"), d.range("stop"), up, 0.0, 0.0),
-        (d.range("move"), 0.0, 0.0, 0.0, 0.0),
+        _STANDING,
+        Move(d.range("move"), up),
+        Move(d.range("move"), up, turn),
+        Move(d.range("move"), up, rest=d.range("stop")),
+        Move(d.range("move")),
     ]
 
 
@@ -151,41 +156,41 @@ def _shake(d: _Drawn) -> list[Move]:
     up, frames = d.up(), d.range("shake")
     level = torch.where(d.draws.chance(0.5, 1), d.level(), torch.eye(3)[2])
     side = d.range("shaken")[:, None] * level
-    beats: list[Move] = [(frames, 0.0, up + (1 - 2 * (k % 2)) * side, 0.0, 0.0) for k in range(6)]
-    lifted: list[Move] = [_HOME, (d.range("move"), 0.0, up, 0.0, 0.0)]
-    return [*lifted, *beats, (frames, 0.0, up, 0.0, 0.0), (d.range("move"), 0.0, 0.0, 0.0, 0.0)]
+    beats = [Move(frames, up + (1 - 2 * (k % 2)) * side) for k in range(6)]
+    lifted = [_STANDING, Move(d.range("move"), up)]
+    return [*lifted, *beats, Move(frames, up), Move(d.range("move"))]
 
 
 def _inspect(d: _Drawn) -> list[Move]:
     up = d.up(clear=True) + 0.08 * torch.eye(3)[2]
     one, other = (d.range("inspected")[:, None] * d.level() for _ in range(2))
     return [
-        _HOME,
-        (d.range("move"), 0.0, up, 0.0, 0.0),
-        (d.range("move"), 0.0, up, one, 0.0),
-        (d.range("move"), 0.5 * d.range("stop"), up, other, 0.0),
-        (d.range("move"), 0.5 * d.range("stop"), 0.0, 0.0, 0.0),
+        _STANDING,
+        Move(d.range("move"), up),
+        Move(d.range("move"), up, one),
+        Move(d.range("move"), up, other, rest=0.5 * d.range("stop")),
+        Move(d.range("move"), rest=0.5 * d.range("stop")),
     ]
 
 
 def _press(d: _Drawn) -> list[Move]:
-    return [_HOME, (d.range("pressed"), 0.0, 0.0, 0.0, 0.0)]
+    return [_STANDING, Move(d.range("pressed"))]
 
 
 def _open(d: _Drawn) -> list[Move]:
-    return [_HOME, (d.range("way"), 0.0, 0.0, 0.0, 1.0)]
+    return [_STANDING, Move(d.range("way"), joint=1.0)]
 
 
 def _close(d: _Drawn) -> list[Move]:
-    return [(0.0, 0.0, 0.0, 0.0, 1.0), (d.range("way"), 0.0, 0.0, 0.0, 0.0)]
+    return [Move(joint=1.0), Move(d.range("way"))]
 
 
 def _pass(d: _Drawn) -> list[Move]:
     up, way = d.up() + 0.06 * torch.eye(3)[2], 0.5 * d.range("carried")[:, None] * d.level()
     return [
-        _HOME,
-        (d.range("move"), 0.0, up, 0.0, 0.0),
-        (d.range("way"), d.config.handed, way, 0.0, 0.0),
+        _STANDING,
+        Move(d.range("move"), up),
+        Move(d.range("way"), way, rest=d.config.handed),
     ]
 
 
@@ -214,7 +219,7 @@ def moves_of(
     drawn = _Drawn(config, draws, radius)
     every = [_packed(SCRIPTS[name](drawn), len(verb)) for name in VERBS]
     chosen = torch.stack(every)[verb, torch.arange(len(verb))]
-    frames, rest, shift, turn, joint = chosen.split([1, 1, 3, 3, 1], -1)
+    frames, shift, turn, joint, rest = chosen.split(WIDTHS, -1)
     return Moves(frames[..., 0], rest[..., 0], shift, turn, joint[..., 0])
 
 
@@ -223,10 +228,9 @@ def _packed(moves: list[Move], batch: int) -> Float[Tensor, "B K 9"]:
 
     def column(value: Tensor | float, width: int) -> Tensor:
         value = torch.as_tensor(value, dtype=torch.float32)
-        value = value[:, None] if value.ndim == 1 and width == 1 else value
-        return value.expand(batch, width)
+        return (value[:, None] if value.ndim == 1 else value).expand(batch, width)
 
-    widths = (1, 1, 3, 3, 1)
-    rows = [torch.cat([column(v, w) for v, w in zip(m, widths, strict=True)], -1) for m in moves]
-    still = torch.cat([torch.zeros(batch, 2), rows[-1][:, 2:]], -1)
-    return torch.stack(rows + [still] * (MOVES - len(rows)), 1)
+    still = moves[-1]._replace(frames=0.0, rest=0.0)
+    padded = moves + [still] * (MOVES - len(moves))
+    rows = [torch.cat(list(map(column, move, WIDTHS)), -1) for move in padded]
+    return torch.stack(rows, 1)

@@ -16,7 +16,7 @@ from geneoh.errors import ConfigError
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import TIP_KEYPOINTS
 from geneoh.representation.parameters import HandParameters
-from geneoh.synthesis.draws import Draws, Part
+from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.pose_prior import FINGER_STD
 
 MOST_PERIOD = 1_000_000
@@ -58,14 +58,10 @@ class AugmentationConfig(Limited):
 
 
 def augmented(
-    hand: HandParameters,
-    config: AugmentationConfig | None = None,
-    *,
-    generator: torch.Generator,
-    part: Part | None = None,
+    hand: HandParameters, draws: Draws, config: AugmentationConfig | None = None
 ) -> HandParameters:
     """The same windows with hands that move more; world frame in and out, smooth over time."""
-    config, draws = config or AugmentationConfig(), Draws(len(hand.wrist), generator, part)
+    config = config or AugmentationConfig()
     motion = _mixed_motion(hand.wrist.shape[1], config, draws)
     moves = draws.chance(config.share, 1, 1).float()
 

@@ -1,7 +1,6 @@
 """Training batches: random windows of synthetic interactions, corrupted and made canonical."""
 
 from dataclasses import dataclass
-from typing import TypedDict
 
 import torch
 from jaxtyping import Float
@@ -24,13 +23,6 @@ from geneoh.training.augmentation import augmented
 from geneoh.training.config import TrainConfig
 from geneoh.training.corruption import draw_corruption
 from geneoh.training.windows import draw_windows, filled
-
-
-class Drawn(TypedDict):
-    """Where random numbers come from, and which of those that are drawn are kept."""
-
-    generator: torch.Generator
-    part: Part | None
 
 
 @dataclass(frozen=True)
@@ -73,25 +65,24 @@ def draw_batch(
 
     A stage that follows `motion_denoiser` is shown the hand that this leaves.
     """
-    config, count = config or TrainConfig(), size if part is None else part.count
-    drawn: Drawn = {"generator": generator, "part": part}
-    windows = draw_windows(data, size, config.windows, **drawn)
-    clean = augmented(windows.hand, config.augmentation, **drawn)
+    config = config or TrainConfig()
+    draws = Draws(size if part is None else part.count, generator, part)
+    windows = draw_windows(data, config.windows, draws)
+    clean = augmented(windows.hand, draws, config.augmentation)
     frames = clean.wrist.shape[1]
-    noise = draw_corruption(count, frames, config.corruption, **drawn)
+    noise = draw_corruption(frames, draws, config.corruption)
     windows = windows.shaken(noise.object_turn, noise.object_shift)
     noisy = HandParameters.of_pose(
         clean.wrist + noise.translation, clean.pose + noise.pose, clean.offsets
     )
     noisy = filled(noisy, noise.keep)
-    draws = Draws(count, **drawn)
     turn = axis_angle_to_matrix(3.0 * draws.normal(3))
     observed = joints = noisy.joints + noise.jitter
     region = windows.region(joints).turned(turn)
     motion = windows.observed(noisy, noise.keep, region)
-    change, left = motion.hand.wrist.new_zeros(count, frames, 51), noisy
+    change, left = motion.hand.wrist.new_zeros(draws.batch, frames, 51), noisy
     if motion_denoiser is not None:
-        change = after_motion(motion, motion_denoiser, config, **drawn)
+        change = after_motion(motion, motion_denoiser, config, draws)
         left = motion.hand.moved(change).to_world(region)
         joints = left.joints
         region = windows.region(joints).turned(turn)
@@ -105,12 +96,7 @@ def draw_batch(
 
 @torch.no_grad()
 def after_motion(
-    observed: ObservedMotion,
-    model: MotionDenoiser,
-    config: TrainConfig,
-    *,
-    generator: torch.Generator,
-    part: Part | None = None,
+    observed: ObservedMotion, model: MotionDenoiser, config: TrainConfig, draws: Draws
 ) -> Float[Tensor, "B T 51"]:
     """A quick sample of the change that MotionDiff makes to the observed hand, canonical axes."""
     device = next(model.parameters()).device
@@ -121,13 +107,12 @@ def after_motion(
         return model(x.to(device), level, there).to(x)
 
     given = observed.hand.wrist.new_zeros(*observed.trust.shape, 51)
-    noise = Draws(len(given), generator, part).normal(*given.shape[1:]).to(given)
     return denoise_via_diffusion(
         clean,
         given,
         descending_sigmas(config.motion_level, config.motion_steps),
         sampler="ddim",
         samples=1,
-        generator=generator,
-        noise=noise,
+        generator=draws.generator,
+        noise=draws.normal(*given.shape[1:]).to(given),
     )

@@ -14,7 +14,7 @@ from torch import Tensor
 
 from geneoh.config import Limited, Limits
 from geneoh.geometry.mirror import MIRROR
-from geneoh.synthesis.draws import Draws, Part
+from geneoh.synthesis.draws import Draws
 
 
 @dataclass(frozen=True)
@@ -97,15 +97,10 @@ class Corruption:
 
 
 def draw_corruption(
-    batch: int,
-    frames: int,
-    config: CorruptionConfig | None = None,
-    *,
-    generator: torch.Generator,
-    part: Part | None = None,
+    frames: int, draws: Draws, config: CorruptionConfig | None = None
 ) -> Corruption:
     """Corruption of B windows of T frames."""
-    config, draws = config or CorruptionConfig(), Draws(batch, generator, part)
+    config = config or CorruptionConfig()
     noise = _unit_noise(frames, config, draws) * _sizes(config, draws)[:, None]
     jitter = config.jitter * draws.share(1, 1, 1)
     jitter = jitter * draws.chance(config.jitter_share, 1, 1, 1)
@@ -168,8 +163,7 @@ def _unit_noise(frames: int, config: CorruptionConfig, draws: Draws) -> Float[Te
     draw, most = draws.share(frames, 1), config.burst_frames * draws.share(1, 1)
     burst = draw < most * draws.chance(config.burst_share, 1, 1)
     white = torch.where(burst, white * draws.uniform(config.burst_factor, 1, 1), white)
-    shortest, longest = config.drift_frames
-    correlation = torch.exp(math.log(shortest) + math.log(longest / shortest) * draws.share())
+    correlation = draws.log_uniform(config.drift_frames)
     slow = _ornstein_uhlenbeck(draws.normal(frames, 51), correlation)
     bias = draws.normal(1, 51).expand_as(white)
     one_sided = _one_sided(frames, config, draws)

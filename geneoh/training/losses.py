@@ -22,8 +22,8 @@ from geneoh.fitting.align import align_to_steps
 from geneoh.representation.spatial import decode_spatial, encode_spatial
 from geneoh.representation.temporal import DISTANCE_DECAY, encode_temporal
 from geneoh.representation.window_scale import WindowScale
-from geneoh.synthesis.draws import Draws, Part
-from geneoh.training.batches import Batch, Drawn
+from geneoh.synthesis.draws import Draws
+from geneoh.training.batches import Batch
 
 MOTION_SIGMAS = (0.15, 8.0)
 """Range of the noise levels that MotionDiff learns, in units of the data's deviation."""
@@ -48,22 +48,17 @@ WEIGHT_FLOOR = 0.1  # squared error of an input, in such units, below which weig
 
 
 def draw_sigma(
-    count: int,
-    *,
-    generator: torch.Generator,
-    part: Part | None = None,
-    limits: tuple[float, float],
-    high_noise_bias: float = 1.0,
+    draws: Draws, limits: tuple[float, float], high_noise_bias: float = 1.0
 ) -> Float[Tensor, " B"]:
     """Noise levels in units of the data's deviation: log-uniform for a bias of 1, else higher."""
     low, high = (torch.tensor(x).log() for x in limits)
-    share = Draws(count, generator, part).share() ** (1 / high_noise_bias)
+    share = draws.share() ** (1 / high_noise_bias)
     return torch.exp(low + (high - low) * share)
 
 
-def _noise_of(x: Tensor, generator: torch.Generator, part: Part | None) -> Tensor:
+def _noise_of(x: Tensor, draws: Draws) -> Tensor:
     """Standard normal noise of the shape, type and device of `x`, drawn on the CPU."""
-    return Draws(len(x), generator, part).normal(*x.shape[1:]).to(x)
+    return draws.normal(*x.shape[1:]).to(x)
 
 
 def window_weight(
@@ -77,19 +72,15 @@ def window_weight(
     return 1 / (given + WEIGHT_FLOOR).sqrt()
 
 
-def motion_loss(
-    model: MotionDenoiser, batch: Batch, *, generator: torch.Generator, part: Part | None = None
-) -> Float[Tensor, ""]:
+def motion_loss(model: MotionDenoiser, batch: Batch, draws: Draws) -> Float[Tensor, ""]:
     """Weighted squared error of the clean hand's parameters and of the keypoints they make.
 
     All noise levels count alike: an error at a high level stays to the end.
     """
     seen, clean = batch.motion, batch.clean_canon
     change = seen.hand.change_to(batch.hand)
-    drawn: Drawn = {"generator": generator, "part": part}
-    limits, bias = MOTION_SIGMAS, HIGH_NOISE_BIAS
-    sigma = draw_sigma(len(change), limits=limits, high_noise_bias=bias, **drawn).to(change)
-    noise = _noise_of(change, **drawn)
+    sigma = draw_sigma(draws, MOTION_SIGMAS, HIGH_NOISE_BIAS).to(change)
+    noise = _noise_of(change, draws)
     predicted = model(change + sigma[:, None, None] * noise, sigma, seen)
     parameters = (predicted - change).square().mean((1, 2))
     off = seen.hand.moved(predicted).joints - clean
@@ -97,9 +88,7 @@ def motion_loss(
     return (window_weight(seen.joints, clean) * (0.5 * parameters + keypoints)).mean()
 
 
-def trajectory_loss(
-    model: TrajectoryDenoiser, batch: Batch, *, generator: torch.Generator, part: Part | None = None
-) -> Float[Tensor, ""]:
+def trajectory_loss(model: TrajectoryDenoiser, batch: Batch, draws: Draws) -> Float[Tensor, ""]:
     """Weighted squared error of clean canonical keypoints (paper C.4; x0 form of its eps loss).
 
     The unit is the deviation of the noisy window, by which it is read in use. The mean is that of
@@ -109,28 +98,23 @@ def trajectory_loss(
     deviation = WindowScale.of(batch.observation.joints).deviation
     scale = WindowScale(WindowScale.of(batch.clean_canon).mean, deviation)
     clean = scale.normalised(batch.clean_canon)
-    drawn: Drawn = {"generator": generator, "part": part}
-    limits, bias = TRAJECTORY_SIGMAS, TRAJECTORY_HIGH_NOISE_BIAS
-    sigma = draw_sigma(len(clean), limits=limits, high_noise_bias=bias, **drawn).to(clean)
-    noise = _noise_of(clean, **drawn)
+    sigma = draw_sigma(draws, TRAJECTORY_SIGMAS, TRAJECTORY_HIGH_NOISE_BIAS).to(clean)
+    noise = _noise_of(clean, draws)
     noisy = clean + sigma[:, None, None, None] * noise
     predicted = model(noisy, sigma, scale.deviation.flatten())
     weight = loss_weight(sigma, torch.ones_like(sigma))
     return (weight * (predicted - clean).square().mean((1, 2, 3))).mean()
 
 
-def relation_loss(
-    model: RelationDenoiser, batch: Batch, *, generator: torch.Generator, part: Part | None = None
-) -> Float[Tensor, ""]:
+def relation_loss(model: RelationDenoiser, batch: Batch, draws: Draws) -> Float[Tensor, ""]:
     """Error of every contact point's hand and of their mean (eq. 8).
 
     Each point has its own noise, in units of the window as it is read in use.
     """
-    drawn: Drawn = {"generator": generator, "part": part}
     scale = WindowScale.of(batch.observation.joints[:, :, None])
     relations = encode_spatial(batch.clean_canon, batch.region)
-    sigma = draw_sigma(len(relations.hands), limits=RELATION_SIGMAS, **drawn).to(relations.hands)
-    noise = _noise_of(relations.hands, **drawn)
+    sigma = draw_sigma(draws, RELATION_SIGMAS).to(relations.hands)
+    noise = _noise_of(relations.hands, draws)
     noise = noise * (sigma[:, None, None, None, None] * scale.deviation)
     predicted = model(replace(relations, hands=relations.hands + noise), sigma, scale)
     weight = loss_weight(sigma, torch.ones_like(sigma)) / scale.deviation.flatten().square()
@@ -139,19 +123,17 @@ def relation_loss(
     return (weight * (0.5 * each + 0.5 * together)).mean()
 
 
-def spatial_loss(
-    model: SpatialDenoiser, batch: Batch, *, generator: torch.Generator, part: Part | None = None
-) -> Float[Tensor, ""]:
+def spatial_loss(model: SpatialDenoiser, batch: Batch, draws: Draws) -> Float[Tensor, ""]:
     """Relative entropy of the density of the hand's shift to a narrow one around the true shift.
 
     Both are compared at trial places of known density, each weighed by the inverse of that.
     """
     evidence, shift = _spatial_question(batch)
-    phase = float(torch.rand((), generator=generator))
+    phase = float(torch.rand((), generator=draws.generator))
     evidence = evidence.spread_over(model.config.frames, phase=phase)
     spread = shift.new_tensor(TRIAL_SPREAD)
     around, width = spread[torch.arange(TRIALS) % len(spread)].unbind(-1)
-    noise = _noise_of(shift[:, None].expand(-1, TRIALS, -1), generator, part)
+    noise = _noise_of(shift[:, None].expand(-1, TRIALS, -1), draws)
     places = around[:, None] * shift[:, None] + width[:, None] * noise
     drawn = torch.stack(
         [_log_normal(places, share * shift[:, None], float(std)) for share, std in spread]
@@ -173,15 +155,13 @@ def _log_normal(
     return -0.5 * ((x - mean) / std).square().sum(-1) - 3 * math.log(std)
 
 
-def temporal_loss(
-    model: TemporalDenoiser, batch: Batch, *, generator: torch.Generator, part: Part | None = None
-) -> Float[Tensor, ""]:
+def temporal_loss(model: TemporalDenoiser, batch: Batch, draws: Draws) -> Float[Tensor, ""]:
     """Error of the aligned hand's steps, most of all near the surface, and of its places.
 
     A shift of the whole window, which SpatialDiff mends, does not count. Errors are not squared:
     where a finger may hold or slide, the more probable is right, not the mean of both.
     """
-    del generator, part  # draws nothing; the signature is shared by all losses
+    del draws  # draws nothing; the signature is shared by all losses
     seen, clean, moved = _temporal_question(model, batch)
     off = moved - clean
     steps = off.diff(dim=1).norm(dim=-1) / STEP_ERROR
@@ -200,11 +180,9 @@ def _temporal_question(
     return seen, seen.from_world(batch.clean), seen.joints + shift
 
 
-def reconstruction_loss(
-    model: LatentDenoiser, batch: Batch, *, generator: torch.Generator, part: Part | None = None
-) -> Float[Tensor, ""]:
+def reconstruction_loss(model: LatentDenoiser, batch: Batch, draws: Draws) -> Float[Tensor, ""]:
     """Reconstruction error of T of clean and noisy hands, weighted towards contact."""
-    del generator, part  # draws nothing; the signature is shared by all losses
+    del draws  # draws nothing; the signature is shared by all losses
     points, total = batch.region.points_canon[:, :-1], batch.clean.new_zeros(())
     for joints in (batch.clean, batch.noisy):
         relations = encode_temporal(joints, batch.region, FPS)
@@ -220,14 +198,11 @@ def reconstruction_loss(
     return total
 
 
-def latent_loss(
-    model: LatentDenoiser, batch: Batch, *, generator: torch.Generator, part: Part | None = None
-) -> Float[Tensor, ""]:
+def latent_loss(model: LatentDenoiser, batch: Batch, draws: Draws) -> Float[Tensor, ""]:
     """Weighted squared error of the clean latent; the autoencoder is frozen."""
     clean = temporal_latent(model, batch, batch.clean)
-    drawn: Drawn = {"generator": generator, "part": part}
-    sigma = draw_sigma(len(clean), limits=LATENT_SIGMAS, **drawn).to(clean)
-    noise = _noise_of(clean, **drawn)
+    sigma = draw_sigma(draws, LATENT_SIGMAS).to(clean)
+    noise = _noise_of(clean, draws)
     predicted = model(clean + sigma[:, None, None] * noise, sigma)
     weight = loss_weight(sigma, torch.ones_like(sigma))
     return (weight * (predicted - clean).square().mean((1, 2))).mean()
@@ -245,12 +220,10 @@ def temporal_latent(
 def keypoint_loss(
     model: TochAutoencoder | RegressionDenoiser,
     batch: Batch,
-    *,
-    generator: torch.Generator,
-    part: Part | None = None,
+    draws: Draws,
 ) -> Float[Tensor, ""]:
     """Mean distance of the predicted keypoints to the clean ones: plain regression."""
-    del generator, part  # draws nothing; the signature is shared by all losses
+    del draws  # draws nothing; the signature is shared by all losses
     observation = batch.observation
     predicted = model(observation, encode_spatial(observation.joints, batch.region))
     return (predicted - batch.clean_canon).norm(dim=-1).mean() / NOISE_SCALE

@@ -21,10 +21,10 @@ from geneoh.errors import ConfigError, EndedElsewhereError, GeneOHError
 VARIABLES = ("RANK", "WORLD_SIZE", "LOCAL_RANK", "MASTER_ADDR", "MASTER_PORT")
 """What torchrun tells each process in its environment."""
 PATIENCE = timedelta(days=7)
-"""How long processes wait for each other: one makes the data of all. A lost one is noticed."""
+"""How long processes wait for each other: one makes the data of all. The end of one is noticed."""
 LOST = (
-    "another process of the run has gone without a word, as when memory runs out; start the run "
-    "again, and it goes on where its state was saved last"
+    "another process of the run ended without an error message, as when memory runs out; start the "
+    "run again, and it goes on where its state was saved last"
 )
 INTERRUPTED = 130  # exit code after Ctrl-C, as of the process that says so
 
@@ -114,7 +114,7 @@ def _is_first(store: Any) -> bool:
 
 @contextmanager
 def _losses_of_others() -> Iterator[None]:
-    """What torch raises when another process has gone, as that process's end."""
+    """Raise `EndedElsewhereError` for what torch raises when another process has ended."""
     try:
         yield
     except RuntimeError as error:

@@ -69,9 +69,9 @@ def refuse_settings(name: str, settings: Iterable[str], of: str) -> None:
 
 
 def refuse_replaced(config: RunConfig, path: Path | None, settings: Iterable[str]) -> None:
-    """Refuse `a.b=c` settings whose place others have taken: those of what the run goes on from.
+    """Refuse `a.b=c` settings that differ from what the weights or networks of a start ask for.
 
-    Such as the size of a network, from its weights, and the width of a text, from its encoder.
+    Weights fix the size of a network, and a text encoder the width of its texts.
     """
     settings = list(settings)
     used = flat(as_dict(config))

@@ -19,7 +19,7 @@ from geneoh.denoisers.spatial import SpatialDenoiser
 from geneoh.denoisers.temporal import TemporalDenoiser
 from geneoh.denoisers.trajectory import TrajectoryDenoiser
 from geneoh.streamed import Streamed
-from geneoh.synthesis.draws import Part
+from geneoh.synthesis.draws import Draws, Part
 from geneoh.synthesis.motion import Interactions
 from geneoh.synthesis.shards import seed_of
 from geneoh.training import losses
@@ -64,14 +64,13 @@ class StagePiece:
     """Windows of a batch on which the loss is taken at once."""
 
     batch: Batch
-    generator: torch.Generator
-    part: Part  # which windows of the batch they are
+    draws: Draws  # for these windows of the batch
     of: Loss
 
     def loss(self, model: nn.Module) -> Tensor:
         """What the windows add to the loss of the batch."""
-        share = self.part.count / self.part.total
-        return share * self.of(model, self.batch, generator=self.generator, part=self.part)
+        share = self.draws.batch / self.draws.total
+        return share * self.of(model, self.batch, self.draws)
 
 
 @dataclass(frozen=True)
@@ -120,7 +119,7 @@ class StageTask:
             if self.name == "motion":
                 _ = piece.motion.network_input  # made and kept here, in parallel to the step before
             again = torch.Generator().set_state(generator.get_state())
-            pieces.append(StagePiece(piece, again, part, loss))
+            pieces.append(StagePiece(piece, Draws(part.count, again, part), loss))
         return pieces
 
     def before_step(self, state: TrainState) -> None:

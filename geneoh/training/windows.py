@@ -16,7 +16,7 @@ from geneoh.representation.nearest_surface import nearest_on_parts
 from geneoh.representation.parameters import HandParameters
 from geneoh.representation.region import ContactRegion, ObjectSurface, contact_region
 from geneoh.streamed import Streamed
-from geneoh.synthesis.draws import Part
+from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.motion import Interactions
 
 
@@ -72,36 +72,27 @@ class WeightedInteractions(Streamed[Interactions]):
     weight: Float[Tensor, " B"]  # how often a clip is drawn, relative to the others
 
 
-def draw_windows(
-    data: Streamed[Interactions],
-    count: int,
-    config: WindowConfig,
-    *,
-    generator: torch.Generator,
-    part: Part | None = None,
-) -> Windows:
-    """Random windows, all of one length; of `count` that are drawn those of a part."""
-
-    def integers(low: int, high: int, count: int) -> Tensor:
-        return torch.randint(low, high, (count,), generator=generator)
-
+def draw_windows(data: Streamed[Interactions], config: WindowConfig, draws: Draws) -> Windows:
+    """Random windows, all of one length."""
+    whole, generator = draws.whole, draws.generator
     short = torch.rand((), generator=generator) < config.short_share
-    frames = int(integers(2, max(3, config.frames), 1)) if short else config.frames
-    pick = integers(0, len(data), count)
-    lengths = torch.full((count,), data.shards[0].wrist.shape[1])
+    frames = config.frames
+    if short:
+        frames = int(torch.randint(2, max(3, frames), (), generator=generator))
+    pick = whole.integers(0, len(data))
+    lengths = torch.full_like(pick, data.shards[0].wrist.shape[1])
     if isinstance(data, WeightedInteractions):
-        pick = torch.multinomial(data.weight, count, replacement=True, generator=generator)
+        pick = torch.multinomial(data.weight, whole.batch, replacement=True, generator=generator)
         lengths = data.length[pick]
     frames = min(frames, int(lengths.min()))
     fast = torch.rand((), generator=generator) < config.fast_share
     stride = torch.where(fast & (2 * frames <= lengths), 2, 1)
     room = lengths - stride * (frames - 1)
     if isinstance(data, WeightedInteractions):
-        start = (torch.rand(count, generator=generator) * room).long()
+        start = (whole.share() * room).long()
     else:
-        start = integers(0, int(room[0]), count)
-    if part is not None:
-        pick, start, stride = part.of(pick), part.of(start), part.of(stride)
+        start = whole.integers(0, int(room[0]))
+    pick, start, stride = map(draws.own, (pick, start, stride))
     clips, row = data.take(pick), torch.arange(len(pick))[:, None]
     window = start[:, None] + stride[:, None] * torch.arange(frames)
     fixed = clips.points, clips.normals, clips.part

@@ -13,6 +13,7 @@ from geneoh.hand.skeleton import bone_lengths
 from geneoh.representation.parameters import HandParameters
 from geneoh.sequence.gaps import observed_around
 from geneoh.streamed import Streamed
+from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.motion import Interactions
 from geneoh.training.augmentation import AugmentationConfig
 from geneoh.training.batches import Batch, after_motion, draw_batch
@@ -136,7 +137,7 @@ def test_a_stage_that_follows_motion_sees_what_motion_leaves(interactions, tiny)
     assert torch.equal(plain.clean, after.clean)
     assert torch.equal(plain.motion.hand.wrist, after.motion.hand.wrist)
     # an untrained network is the skip path: what it leaves is the hand and the noise it was given
-    change = after_motion(plain.motion, model, tiny, generator=seeded(6))
+    change = after_motion(plain.motion, model, tiny, Draws(3, seeded(6)))
     left = plain.motion.hand.moved(change).to_world(plain.region).joints
     apart = (left - plain.noisy).norm(dim=-1).mean()
     assert 0.001 < float((after.noisy - plain.noisy).norm(dim=-1).mean()) < 3 * float(apart)

@@ -3,6 +3,7 @@ from dataclasses import fields
 import pytest
 import torch
 
+from geneoh.synthesis.draws import Draws
 from geneoh.training.corruption import Corruption, CorruptionConfig, draw_corruption
 
 CONFIG = CorruptionConfig()
@@ -12,7 +13,7 @@ STEADY = CorruptionConfig(camera_share=0.0)
 
 
 def drawn(batch: int, frames: int, seed: int = 0, config: CorruptionConfig = STEADY) -> Corruption:
-    return draw_corruption(batch, frames, config, generator=torch.Generator().manual_seed(seed))
+    return draw_corruption(frames, Draws(batch, torch.Generator().manual_seed(seed)), config)
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +77,7 @@ def test_every_kind_of_error_can_be_left_out():
         lasting_turn=0.0,
         lasting_shift=0.0,
     )
-    none = draw_corruption(50, 9, config, generator=torch.Generator().manual_seed(0))
+    none = drawn(50, 9, config=config)
     assert bool(none.keep.all())
     assert not any(bool(values.any()) for values in (none.translation, none.pose, none.jitter))
     assert not any(bool(values.any()) for values in (none.object_turn, none.object_shift))

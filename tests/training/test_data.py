@@ -9,6 +9,7 @@ import torch
 from geneoh.errors import ConfigError, InputError
 from geneoh.hand.library import load_hand
 from geneoh.streamed import Streamed
+from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.grasps import GraspChecks, GraspConfig
 from geneoh.synthesis.motion import Interactions
 from geneoh.synthesis.shards import SynthesisConfig, shard_record, write_shards
@@ -113,7 +114,7 @@ def test_windows_are_drawn_in_the_shares_asked_for_and_never_of_the_padding(clip
     assert isinstance(both, WeightedInteractions)
     generator = torch.Generator().manual_seed(0)
     config = WindowConfig(frames=6, fast_share=0.5)
-    wrists = [draw_windows(both, 50, config, generator=generator).hand.wrist for _ in range(20)]
+    wrists = [draw_windows(both, config, Draws(50, generator)).hand.wrist for _ in range(20)]
     assert all(bool(wrist.isfinite().all()) for wrist in wrists)
     share = torch.cat([wrist[:, 0, 0] == 2 for wrist in wrists]).float().mean()
     assert float(share) == pytest.approx(0.25, abs=0.05)
@@ -121,7 +122,7 @@ def test_windows_are_drawn_in_the_shares_asked_for_and_never_of_the_padding(clip
 
 def test_windows_of_two_frames_can_be_drawn(clips):
     config = WindowConfig(frames=2, short_share=1.0)
-    drawn = draw_windows(clips, 3, config, generator=torch.Generator().manual_seed(0))
+    drawn = draw_windows(clips, config, Draws(3, torch.Generator().manual_seed(0)))
     assert drawn.hand.wrist.shape == (3, 2, 3)
 
 

@@ -10,6 +10,7 @@ from geneoh.baselines.library import load_baseline
 from geneoh.denoisers.library import load_denoisers
 from geneoh.errors import CheckpointError, ConfigError
 from geneoh.nn.checkpoint import load_checkpoint
+from geneoh.synthesis.draws import Draws
 from geneoh.training.augmentation import AugmentationConfig
 from geneoh.training.batches import draw_batch
 from geneoh.training.config import TrainConfig
@@ -136,7 +137,7 @@ def test_the_loss_falls(clips, tiny):
     optimizer = Optimizer(model, tiny)
 
     def loss(seed: int) -> torch.Tensor:
-        return motion_loss(model, batch, generator=torch.Generator().manual_seed(seed))
+        return motion_loss(model, batch, Draws(4, torch.Generator().manual_seed(seed)))
 
     def tested() -> float:
         with torch.no_grad():

@@ -5,6 +5,7 @@ import torch
 from draws import seeded
 
 from geneoh.baselines.regression import RegressionDenoiser
+from geneoh.synthesis.draws import Draws
 from geneoh.training.batches import draw_batch
 from geneoh.training.losses import (
     draw_sigma,
@@ -41,7 +42,7 @@ def batch(clips, tiny):
 def test_a_loss_is_one_number_that_the_generator_fixes(batch, tiny, stage, loss):
     model = build_model(stage, tiny)
     with torch.no_grad():
-        first, second = (loss(model, batch, generator=seeded(3)) for _ in range(2))
+        first, second = (loss(model, batch, Draws(2, seeded(3))) for _ in range(2))
     assert first.shape == ()
     assert torch.equal(first, second)
     assert 0.01 < float(first) < 100
@@ -50,7 +51,7 @@ def test_a_loss_is_one_number_that_the_generator_fixes(batch, tiny, stage, loss)
 @pytest.mark.parametrize(("stage", "loss"), LOSSES)
 def test_a_loss_teaches_the_network(batch, tiny, stage, loss):
     model = build_model(stage, tiny)
-    loss(model, batch, generator=seeded()).backward()
+    loss(model, batch, Draws(2, seeded())).backward()
     gradients = [p.grad for p in model.parameters() if p.grad is not None]
     assert any(bool(g.any()) for g in gradients)
     assert all(bool(g.isfinite().all()) for g in gradients)
@@ -58,7 +59,7 @@ def test_a_loss_teaches_the_network(batch, tiny, stage, loss):
 
 def test_the_autoencoder_is_frozen_while_its_latent_is_learned(batch, tiny):
     model = build_model("latent", tiny)
-    latent_loss(model, batch, generator=seeded()).backward()
+    latent_loss(model, batch, Draws(2, seeded())).backward()
     assert all(p.grad is None for p in model.autoencoder.parameters())
     assert model.head.weight.grad is not None
 
@@ -68,7 +69,7 @@ def test_the_loss_of_steps_does_not_count_a_shift_of_the_window(batch, tiny):
 
     def loss_of(hand: torch.Tensor) -> float:
         with torch.no_grad():
-            return float(temporal_loss(model, replace(batch, noisy=hand), generator=seeded()))
+            return float(temporal_loss(model, replace(batch, noisy=hand), Draws(2, seeded())))
 
     still = batch.evidence.rotation[:, :1].expand_as(batch.evidence.rotation)
     batch = replace(batch, evidence=replace(batch.evidence, rotation=still))
@@ -86,7 +87,7 @@ def test_losses_follow_the_device_of_the_batch(batch, tiny, stage, loss):
     """The meta device computes nothing and refuses to mix, as a GPU would."""
     device = torch.device("meta")
     model = build_model(stage, tiny).to(device)
-    got = loss(model, batch.to(device), generator=seeded())
+    got = loss(model, batch.to(device), Draws(2, seeded()))
     assert got.device.type == "meta"
 
 
@@ -102,7 +103,7 @@ def test_validation_follows_the_device_of_the_batch(batch, tiny, stage):
 
 def test_noise_levels_are_log_uniform_over_their_range():
     low, high = 0.05, 2.5
-    sigma = draw_sigma(4000, generator=seeded(), limits=(low, high))
+    sigma = draw_sigma(Draws(4000, seeded()), (low, high))
     assert low <= float(sigma.min()) < 1.1 * low
     assert 0.9 * high < float(sigma.max()) <= high
     middle = (low * high) ** 0.5
@@ -111,7 +112,7 @@ def test_noise_levels_are_log_uniform_over_their_range():
 
 def test_noise_levels_can_be_biased_towards_the_high_ones():
     limits = (0.1, 10.0)
-    sigma = draw_sigma(4000, generator=seeded(), limits=limits, high_noise_bias=3.0)
+    sigma = draw_sigma(Draws(4000, seeded()), limits, 3.0)
     assert limits[0] <= float(sigma.min())
     assert float(sigma.max()) <= limits[1]
     assert float((sigma < 1.0).float().mean()) == pytest.approx(0.5**3, abs=0.02)

@@ -194,7 +194,7 @@ def test_a_process_that_is_killed_is_told_of():
     for process in both:
         process.join(10)
     assert (rank, name) == (0, "GeneOHError")
-    assert "gone without a word" in words
+    assert "ended without an error message" in words
 
 
 def turns(team, folder):

@@ -13,6 +13,7 @@ from geneoh.config import as_dict
 from geneoh.errors import InputError
 from geneoh.files.tensors import write_tensors
 from geneoh.streamed import Streamed
+from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.motion import Interactions
 from geneoh.synthesis.shards import ShardRecord, SynthesisConfig, read_shards
 from geneoh.training.data import DataSource, evened, training_data
@@ -96,7 +97,7 @@ def test_memory_does_not_grow_with_the_shards(interactions, tiny, tmp_path):
         data = training_data([DataSource(folder)], tmp_path, tiny)
         for seed in range(5):
             generator = torch.Generator().manual_seed(seed)
-            draw_windows(data.training, 32, tiny.windows, generator=generator)
+            draw_windows(data.training, tiny.windows, Draws(32, generator))
         grown.append(memory() - before)
     assert size > 5e6
     assert grown[1] - grown[0] < 2 * size, "six shards more"

@@ -1,4 +1,4 @@
-"""Who does what in a clip, and the hands' motion that follows."""
+"""What either hand of a clip does, and how both hands move in it."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
@@ -15,16 +15,22 @@ from geneoh.synthesis.gestures.clips import REST
 from geneoh.synthesis.gestures.hands import (
     HandMotion,
     HandSettings,
-    Manner,
     Timing,
+    Variation,
     draw_timing,
     perform,
     resting,
     stroke,
-    variant_manner,
+    variation_of,
 )
 from geneoh.synthesis.gestures.one_handed import MIRRORED, ONE_HANDED
-from geneoh.synthesis.gestures.repertoire import REST_SAYS, RESTS, Cast, Gesture, PairGesture
+from geneoh.synthesis.gestures.repertoire import (
+    REST_SAYS,
+    RESTS,
+    Gesture,
+    GestureShares,
+    PairGesture,
+)
 from geneoh.synthesis.gestures.sentences import Doing
 from geneoh.synthesis.gestures.two_handed import TWO_HANDED
 
@@ -79,7 +85,7 @@ class TwoHands(Bundle):
     swivel: Float[Tensor, "*B T 2"]  # of the elbow, radians
 
 
-def draw_roles(variants: Sequence[tuple[str, int]], cast: Cast, draws: Draws) -> Roles:
+def draw_roles(variants: Sequence[tuple[str, int]], cast: GestureShares, draws: Draws) -> Roles:
     """Random roles of two hands; `variants` are the gestures' that there are."""
 
     def drawn(names: Collection[str]) -> Role:
@@ -105,13 +111,13 @@ def draw_roles(variants: Sequence[tuple[str, int]], cast: Cast, draws: Draws) ->
     return Roles(one, other) if bool(draws.chance(0.5)) else Roles(other, one)
 
 
-def draw_seated(roles: Roles, cast: Cast, draws: Draws) -> bool:
+def draw_seated(roles: Roles, cast: GestureShares, draws: Draws) -> bool:
     """Whether a person sits."""
     share = cast.seated if roles.pair is None else roles.pair.seated
     return bool(draws.chance(share))
 
 
-def act_out(
+def hand_motions(
     roles: Roles,
     seated: bool,
     swing: Float[Tensor, "T 2"],
@@ -121,7 +127,7 @@ def act_out(
     """The hands' motion; `swing` is how far forward each hand swings with its steps, metres."""
     frames = len(swing)
     rest = _rest_name(roles, seated, draws)
-    shared = Manner.drawn(draws, settings, 0.5)
+    shared = Variation.drawn(draws, settings, 0.5)
     timings: list[Timing] = []
     hands: list[HandMotion] = []
     for index, role in enumerate((roles.left, roles.right)):
@@ -130,18 +136,17 @@ def act_out(
             timings.append(Timing(torch.zeros(frames), torch.zeros(frames)))
             hands.append(at_rest)
             continue
-        own = shared if roles.together else Manner.drawn(draws, settings, 0.5)
-        manner = variant_manner(role.name, role.variant, settings).and_then(own)
+        own = shared if roles.together else Variation.drawn(draws, settings, 0.5)
+        variation = variation_of(role.name, role.variant, settings).combined_with(own)
         if roles.pair is not None and roles.pair.touches:
-            manner = manner.where_palms_meet()
+            variation = variation.with_palms_together()
         if index and roles.together:
             timing = timings[0]
         else:
-            timing = draw_timing(role.gesture, manner.tempo, frames, settings, draws)
+            timing = draw_timing(role.gesture, variation.tempo, frames, settings, draws)
         timings.append(timing)
-        hands.append(
-            perform(role.gesture, manner, _own_time(timing, roles, index), at_rest, settings, draws)
-        )
+        own_time = _own_time(timing, roles, index)
+        hands.append(perform(role.gesture, variation, own_time, at_rest, settings, draws))
     return _both(roles, hands, timings, draws)
 
 

@@ -68,7 +68,7 @@ class HandMotion(Bundle):
 
 
 @dataclass(frozen=True)
-class Manner(Bundle):
+class Variation(Bundle):
     """How a variant, or a single clip, makes a gesture unlike the others."""
 
     place: Float[Tensor, " 3"]
@@ -78,10 +78,10 @@ class Manner(Bundle):
     curl: Float[Tensor, " 5"]  # factor of each finger's curl
 
     @staticmethod
-    def drawn(draws: Draws, settings: HandSettings, share: float = 1.0) -> "Manner":
+    def drawn(draws: Draws, settings: HandSettings, share: float = 1.0) -> "Variation":
         """Random, with a share of the deviations."""
         tempo, size = (share * draws.normal()[0]).item(), (share * draws.normal()[0]).item()
-        return Manner(
+        return Variation(
             share * settings.place * draws.normal(3)[0],
             share * settings.turn * draws.normal(3)[0],
             math.exp(settings.tempo * tempo),
@@ -89,14 +89,14 @@ class Manner(Bundle):
             torch.exp(share * settings.curl * draws.normal(5)[0]),
         )
 
-    def where_palms_meet(self) -> "Manner":
-        """Without what would take the palms of both hands through each other or apart."""
+    def with_palms_together(self) -> "Variation":
+        """The same without what moves the palms of both hands through each other or apart."""
         sideways = torch.tensor([0.0, 1.0, 1.0])
         return replace(self, place=self.place * sideways, turn=0.2 * self.turn, size=1.0)
 
-    def and_then(self, other: "Manner") -> "Manner":
-        """Both together."""
-        return Manner(
+    def combined_with(self, other: "Variation") -> "Variation":
+        """Both variations, one after the other."""
+        return Variation(
             self.place + other.place,
             self.turn + other.turn,
             self.tempo * other.tempo,
@@ -105,10 +105,10 @@ class Manner(Bundle):
         )
 
 
-def variant_manner(name: str, variant: int, settings: HandSettings) -> Manner:
+def variation_of(name: str, variant: int, settings: HandSettings) -> Variation:
     """How a variant of a gesture is made: the same for every clip of it."""
     generator = torch.Generator().manual_seed(seed_of("variant", name, variant))
-    return Manner.drawn(Draws(1, generator), settings)
+    return Variation.drawn(Draws(1, generator), settings)
 
 
 def draw_timing(
@@ -144,7 +144,7 @@ def stroke(course: str, phase: Float[Tensor, " T"]) -> Float[Tensor, " T"]:
 
 def perform(
     gesture: Gesture,
-    manner: Manner,
+    variation: Variation,
     timing: Timing,
     rest: HandMotion,
     settings: HandSettings,
@@ -156,28 +156,42 @@ def perform(
     course = course * (1 + settings.unsteady * draws.smooth(frames, 1, 15.0)[0, :, 0])
     if gesture.course == "strike":
         course = course.clamp(max=1.0)  # a blow ends at what it meets
-    start, end = gesture.start, gesture.end or gesture.start
-    first, last = (place_of(each) for each in (start, end))
-    place = first + manner.size * course[:, None] * (last - first) + manner.place
+    first, last = (place_of(each) for each in (gesture.start, gesture.end or gesture.start))
+    place = first + variation.size * course[:, None] * (last - first) + variation.place
     place = place + settings.sway * draws.smooth(frames, 3, 14.0)[0]
-    fingers = finger_course(gesture, manner, timing, course, settings, draws)
+    fingers = finger_course(gesture, variation, timing, course, settings, draws)
     active = timing.active[:, None]
     bulge = settings.bulge * torch.sin(math.pi * active) * torch.tensor([0.0, 0.0, 1.0])
     place = rest.place + active * (place - rest.place) + bulge
-    # turns against the forearm, between which no way leads through a twist that no person makes
-    one, other = (
-        against_forearm(turn_of(each), place_of(each), gesture.swivel) for each in (start, end)
-    )
-    turn = interpolate_rotations(one, other, course.clamp(0, 1.2))
-    turn = turn @ axis_angle_to_matrix(manner.turn)
-    at_rest = against_forearm(rest.turn, rest.place, 0.0)
-    turn = interpolate_rotations(at_rest, turn, timing.active)
+    turn = _turn_against_forearm(gesture, variation, timing.active, course, rest)
     fingers_active = _later(timing.active, -3)[:, None, None]  # a hand forms while it is moved
     return HandMotion(
         place,
         _forearm(place, gesture.swivel * timing.active) @ turn,
         rest.fingers + fingers_active * (fingers - rest.fingers),
     )
+
+
+def _turn_against_forearm(
+    gesture: Gesture,
+    variation: Variation,
+    active: Float[Tensor, " T"],
+    course: Float[Tensor, " T"],
+    rest: HandMotion,
+) -> Float[Tensor, "T 3 3"]:
+    """The turn of a right hand against its forearm, from rest through the strokes of a gesture.
+
+    Turns are interpolated against the forearm: there no way between two of them leads through a
+    twist that no person makes.
+    """
+    one, other = (
+        against_forearm(turn_of(each), place_of(each), gesture.swivel)
+        for each in (gesture.start, gesture.end or gesture.start)
+    )
+    turn = interpolate_rotations(one, other, course.clamp(0, 1.2))
+    turn = turn @ axis_angle_to_matrix(variation.turn)
+    at_rest = against_forearm(rest.turn, rest.place, 0.0)
+    return interpolate_rotations(at_rest, turn, active)
 
 
 def against_forearm(
@@ -195,7 +209,7 @@ def _forearm(
 
 def finger_course(
     gesture: Gesture,
-    manner: Manner,
+    variation: Variation,
     timing: Timing,
     course: Float[Tensor, " T"],
     settings: HandSettings,
@@ -203,8 +217,8 @@ def finger_course(
 ) -> Float[Tensor, "T 15 3"]:
     """Fingers of a right hand in the gesture."""
     frames, phase = len(course), timing.phase
-    start = shaped(gesture.start, manner)
-    end = shaped(gesture.end or gesture.start, manner)
+    start = shaped(gesture.start, variation)
+    end = shaped(gesture.end or gesture.start, variation)
     lag = int(draws.integers(0, 4))
     moved = _later(course, lag).clamp(0, 1.2)
     if gesture.fingers == "grasp":
@@ -213,7 +227,7 @@ def finger_course(
         moved = minimum_jerk((phase - 0.2) / 0.12)
     fingers = start + moved[:, None, None] * (end - start)
     if gesture.steps:
-        shapes = [shaped(replace(gesture.start, shape=name), manner) for name in gesture.steps]
+        shapes = [shaped(replace(gesture.start, shape=name), variation) for name in gesture.steps]
         fingers = shapes[0].expand(frames, -1, -1)
         for number, (one, other) in enumerate(pairwise(shapes)):
             fingers = fingers + minimum_jerk((phase - number) / 0.3)[:, None, None] * (other - one)
@@ -249,12 +263,12 @@ def resting(
     pose: HandPose, frames: int, swing: Float[Tensor, " T"], settings: HandSettings, draws: Draws
 ) -> HandMotion:
     """A right hand at rest, which swings forward with the steps of a person who walks, metres."""
-    manner = Manner.drawn(draws, settings, 0.7)
-    place = place_of(pose) + manner.place + swing[:, None] * torch.tensor([0.0, 0.0, 1.0])
-    turn = turn_of(pose) @ axis_angle_to_matrix(manner.turn)
+    variation = Variation.drawn(draws, settings, 0.7)
+    place = place_of(pose) + variation.place + swing[:, None] * torch.tensor([0.0, 0.0, 1.0])
+    turn = turn_of(pose) @ axis_angle_to_matrix(variation.turn)
     still = replace(_STILL, start=pose)
     timing = Timing(torch.zeros(frames), torch.ones(frames))
-    fingers = finger_course(still, manner, timing, timing.phase, settings, draws)
+    fingers = finger_course(still, variation, timing, timing.phase, settings, draws)
     place = place + settings.sway * draws.smooth(frames, 3, 25.0)[0]
     return HandMotion(place, turn.expand(frames, 3, 3), fingers)
 
@@ -272,10 +286,10 @@ def turn_of(pose: HandPose) -> Float[Tensor, "3 3"]:
     return torch.stack([-along, -palm, torch.linalg.cross(along, palm)], dim=1)
 
 
-def shaped(pose: HandPose, manner: Manner) -> Float[Tensor, "15 3"]:
-    """The fingers of a pose, with the curls of a manner."""
+def shaped(pose: HandPose, variation: Variation) -> Float[Tensor, "15 3"]:
+    """The fingers of a pose, with the curls of a variation."""
     shape = SHAPES[pose.shape]
-    curl = tuple((torch.tensor(shape.curl) * manner.curl).clamp(max=2.25).tolist())
+    curl = tuple((torch.tensor(shape.curl) * variation.curl).clamp(max=2.25).tolist())
     return replace(shape, curl=curl).fingers()
 
 

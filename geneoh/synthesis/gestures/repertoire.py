@@ -90,7 +90,7 @@ REST_SAYS = (
 
 
 @dataclass(frozen=True)
-class Cast:
+class GestureShares:
     """How often bodies do what, as shares of all clips or of those that are left."""
 
     together: float = 0.35  # both hands in one gesture

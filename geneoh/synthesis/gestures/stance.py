@@ -156,12 +156,14 @@ def _root(skeleton: Skeleton, motion: BodyMotion, gait: Gait) -> Float[Tensor, "
     still = ankles.mean(2)
     planted = torch.where(gait.walking[:, None, None], way, still[:, :1] - still)
     root = torch.stack([planted[..., 0], ANKLE_HEIGHT - lowest, planted[..., 2]], -1)
-    return torch.cat([_smoothed(root[..., i : i + 1]) for i in range(3)], -1)
+    return _smoothed(root)
 
 
-def _smoothed(values: Float[Tensor, "B T 1"]) -> Float[Tensor, "B T 1"]:
+def _smoothed(values: Float[Tensor, "B T C"]) -> Float[Tensor, "B T C"]:
     """Values over time without the corners that changing feet make."""
     reach = int(3 * FEET_SMOOTHING)
     kernel = torch.exp(-0.5 * (torch.arange(-reach, reach + 1) / FEET_SMOOTHING) ** 2)
+    kernel = (kernel / kernel.sum())[None, None]
     padded = torch.nn.functional.pad(values.mT, (reach, reach), mode="replicate")
-    return torch.nn.functional.conv1d(padded, (kernel / kernel.sum())[None, None]).mT
+    smooth = torch.nn.functional.conv1d(padded.flatten(0, 1)[:, None], kernel)
+    return smooth.reshape(len(values), values.shape[2], -1).mT

@@ -18,14 +18,14 @@ from geneoh.synthesis.gestures.casting import (
     Role,
     Roles,
     TwoHands,
-    act_out,
     draw_roles,
     draw_seated,
+    hand_motions,
 )
 from geneoh.synthesis.gestures.clips import NAMES, REST, Gestures
 from geneoh.synthesis.gestures.hands import HandSettings
 from geneoh.synthesis.gestures.manipulation import IN_REACH, MOST_BEND, doings, manipulating
-from geneoh.synthesis.gestures.repertoire import REST_SAYS, Cast
+from geneoh.synthesis.gestures.repertoire import REST_SAYS, GestureShares
 from geneoh.synthesis.gestures.sentences import Doing, hand_sentence, joined_sentences
 from geneoh.synthesis.gestures.stance import StanceConfig, body_skeletons, draw_gait, stand
 
@@ -50,7 +50,7 @@ SHOULDERS = tuple(
 class BodyConfig:
     """How bodies and hands move."""
 
-    cast: Cast = field(default_factory=Cast)
+    cast: GestureShares = field(default_factory=GestureShares)
     hands: HandSettings = field(default_factory=HandSettings)
     stance: StanceConfig = field(default_factory=StanceConfig)
 
@@ -66,13 +66,13 @@ def gesturing(
     """A clip of gestures of each of the bodies."""
     one = Draws(1, generator)
     roles = [draw_roles(variants, config.cast, one) for _ in bodies]
-    skeleton, motion = acted(roles, bodies, frames, config, generator)
+    skeleton, motion = bodies_with_hands(roles, bodies, frames, config, generator)
     said = [role.doings for role in roles]
     names = [[NAMES.index(r.left.name), NAMES.index(r.right.name)] for r in roles]
     made = [[r.left.variant, r.right.variant] for r in roles]
     labels = torch.tensor(names), torch.tensor(made), torch.tensor(bodies)
     length = torch.full((len(bodies),), frames)
-    return told(motion, skeleton, labels, length, said, generator)
+    return with_sentences(motion, skeleton, labels, length, said, generator)
 
 
 def handling(
@@ -89,29 +89,29 @@ def handling(
     standing = replace(config, cast=replace(config.cast, walking=0.0))
     last = actions.length[:, None].clamp(max=frames) - 1
     actions = replace(actions.at_frames(torch.arange(frames).minimum(last)), length=last[:, 0] + 1)
-    skeleton, body = acted(idle, bodies, frames, standing, generator)
+    skeleton, body = bodies_with_hands(idle, bodies, frames, standing, generator)
     motion, missed, bent = manipulating(skeleton, body, actions, generator=generator)
     verb = torch.where(actions.hands, actions.verb[:, None] + NAMES.index(VERBS[0]), 0)
     labels = verb, torch.full_like(verb, -1), torch.tensor(bodies)
     said = doings(actions, names, Doing(REST_SAYS, rests=True))
-    made = told(motion, skeleton, labels, actions.length, said, generator)
+    made = with_sentences(motion, skeleton, labels, actions.length, said, generator)
     return made.take((missed < IN_REACH) & (bent < MOST_BEND), "B")
 
 
-def acted(
+def bodies_with_hands(
     roles: list[Roles],
     bodies: list[int],
     frames: int,
     config: BodyConfig,
     generator: torch.Generator,
 ) -> tuple[Skeleton, BodyMotion]:
-    """The bodies in their roles."""
+    """Bodies whose hands do what their roles say."""
     one, draws = Draws(1, generator), Draws(len(bodies), generator)
     seated = torch.tensor([draw_seated(each, config.cast, one) for each in roles])
     gait = draw_gait(seated, draws.chance(config.cast.walking), frames, config.stance, draws)
     swing = config.stance.arm_swing * torch.stack([-gait.swing, gait.swing], -1)
     each = [
-        act_out(role, bool(sits), moved, config.hands, one)
+        hand_motions(role, bool(sits), moved, config.hands, one)
         for role, sits, moved in zip(roles, seated, swing, strict=True)
     ]
     hands = TwoHands(*(torch.stack([getattr(a, n) for a in each]) for n in vars(each[0])))
@@ -142,7 +142,7 @@ def in_world(
     return posed.positions[:, :, chest, None] + places, turn @ hands.turn
 
 
-def told(
+def with_sentences(
     motion: BodyMotion,
     skeleton: Skeleton,
     labels: tuple[Int[Tensor, "B 2"], Int[Tensor, "B 2"], Int[Tensor, " B"]],
@@ -150,7 +150,7 @@ def told(
     said: list[tuple[Doing, Doing]],
     generator: torch.Generator,
 ) -> Gestures:
-    """The clips with labels (gestures, variants, bodies) and sentences for what is said of them."""
+    """Clips with labels (gestures, variants, bodies) and sentences that say what the hands do."""
     frames = torch.arange(motion.root.shape[1]).minimum(length[:, None] - 1)
     rows = torch.arange(len(length))[:, None]
     one = {

@@ -7,7 +7,7 @@ from geneoh.evaluation.gestures.encoder import EncoderConfig, Seen
 from geneoh.evaluation.gestures.learning import EncoderTask
 from geneoh.evaluation.gestures.rows import shuffled
 from geneoh.generators.text_network import SentenceConfig
-from geneoh.synthesis.gestures.repertoire import Cast
+from geneoh.synthesis.gestures.repertoire import GestureShares
 from geneoh.synthesis.gestures.synthesis import BodyConfig, gesturing
 from geneoh.training.loop import trained
 
@@ -16,7 +16,7 @@ GESTURES = ("wave", "show one", "show five", "raise fist", "clap", "type", "box"
 
 def made(variants: range, bodies: range, seed: int):
     """Short clips, without rest of both hands."""
-    config = BodyConfig(cast=Cast(idle=0.0, together=0.5, both=0.0))
+    config = BodyConfig(cast=GestureShares(idle=0.0, together=0.5, both=0.0))
     named = [(name, variant) for name in GESTURES for variant in variants]
     generator = torch.Generator().manual_seed(seed)
     return gesturing(named, list(bodies), 60, config, generator=generator)
@@ -32,8 +32,8 @@ def test_the_encoder_tells_true_hands_from_those_of_other_clips_in_ways_it_never
     task = EncoderTask(config, made(range(8), range(48), 0), made(range(8, 10), range(360, 384), 1))
     model, clips = trained(task, tmp_path), task.validation
     generator = torch.Generator().manual_seed(2)
-    told = model.sentences(task.numbers(clips.joined[:, 0].tolist()))
+    with_sentences = model.sentences(task.numbers(clips.joined[:, 0].tolist()))
     true = model.motions(Seen.of(clips))
     wrong = model.motions(Seen.moved(clips, shuffled(clips, generator=generator)))
-    nearer = (told * true).sum(-1) > (told * wrong).sum(-1)
+    nearer = (with_sentences * true).sum(-1) > (with_sentences * wrong).sum(-1)
     assert nearer.float().mean() >= 0.75  # a seventh of the wrong hands make the same gesture

@@ -10,9 +10,9 @@ from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.gestures import synthesis
 from geneoh.synthesis.gestures.casting import Role, Roles, draw_roles
 from geneoh.synthesis.gestures.clips import REST
-from geneoh.synthesis.gestures.hands import HandSettings, Manner, stroke, taps
+from geneoh.synthesis.gestures.hands import HandSettings, Variation, stroke, taps
 from geneoh.synthesis.gestures.one_handed import ONE_HANDED
-from geneoh.synthesis.gestures.repertoire import Cast
+from geneoh.synthesis.gestures.repertoire import GestureShares
 from geneoh.synthesis.gestures.shapes import SHAPES
 from geneoh.synthesis.gestures.synthesis import BodyConfig, gesturing
 from geneoh.synthesis.gestures.two_handed import TWO_HANDED
@@ -30,7 +30,7 @@ def clips_of(names, monkeypatch, walking=0.0, frames=90):
         return Roles(Role(name, 0, pair.left or pair.right), Role(name, 0, pair.right), pair)
 
     monkeypatch.setattr(synthesis, "draw_roles", drawn)
-    config = BodyConfig(cast=Cast(walking=walking, seated=0.0))
+    config = BodyConfig(cast=GestureShares(walking=walking, seated=0.0))
     bodies = list(range(len(names)))
     return gesturing([], bodies, frames, config, generator=seeded(1))
 
@@ -113,16 +113,18 @@ def test_typing_fingers_tap_at_the_turn_of_a_stroke_alone():
 
 
 def test_palms_that_meet_do_not_vary_sideways():
-    manner = Manner.drawn(Draws(1, seeded()), HandSettings())
-    meeting = manner.where_palms_meet()
-    assert manner.place[0] != 0
+    variation = Variation.drawn(Draws(1, seeded()), HandSettings())
+    meeting = variation.with_palms_together()
+    assert variation.place[0] != 0
     assert meeting.place[0] == 0
     assert meeting.size == 1.0
 
 
 def test_roles_are_drawn_of_one_gesture_alone():
     for name in ("wave", "clap"):
-        roles = [draw_roles([(name, 2)], Cast(), Draws(1, seeded(seed))) for seed in range(12)]
+        roles = [
+            draw_roles([(name, 2)], GestureShares(), Draws(1, seeded(seed))) for seed in range(12)
+        ]
         named = {role.name for each in roles for role in (each.left, each.right)}
         assert named <= {name, REST}
         assert name in named
