@@ -170,26 +170,26 @@ def clock_from(record: Record, name: str, said: float | None) -> Clock:
 
 def clock_of_times(record: Record, name: str, seconds: Array, said: float | None) -> Clock:
     """The clock of (T,) seconds from the first frame; `InputError` where another rate is said."""
-    step, on_beat = usual_step(seconds)
+    step, multiples = usual_step(seconds)
     own = float(round(1 / step)) if abs(round(1 / step) * step - 1) < SAME_RATE else 1 / step
     said = own if said is None else said
     off = abs(said / own - 1)
-    if off >= SAME_RATE and not may_be_rate(seconds, said, on_beat):
-        if not (on_beat and off < OTHER_RATE):
+    if off >= SAME_RATE and not may_be_rate(seconds, said, multiples):
+        if not (multiples and off < OTHER_RATE):
             raise InputError(
                 f"{record.where}: '{name}' says {own:.4g} frames a second, got {said:g} as the "
                 "frame rate; drop the wrong one of the two"
             )
         said = own
-    at = seconds / step if on_beat and (said == own or off < SAME_RATE) else seconds * said
+    at = seconds / step if multiples and (said == own or off < SAME_RATE) else seconds * said
     return checked(Clock(name, at, said), record)
 
 
-def may_be_rate(seconds: Array, rate: float, on_beat: bool) -> bool:
-    """Whether frames at (T,) times, `on_beat` of another rate or not, may be uneven ones of it."""
+def may_be_rate(seconds: Array, rate: float, multiples: bool) -> bool:
+    """Whether (T,) times, `multiples` of another step or not, may be those of uneven frames."""
     frames = seconds * rate
     usual, off = np.median(np.diff(frames)), np.abs(frames - np.rint(frames)).mean()
-    return bool(USUAL_STEPS[0] < usual < USUAL_STEPS[1]) and (not on_beat or bool(off < 2 * EVEN))
+    return bool(USUAL_STEPS[0] < usual < USUAL_STEPS[1]) and (not multiples or bool(off < 2 * EVEN))
 
 
 def checked(clock: Clock, record: Record) -> Clock:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from geneoh.errors import GeneOHError
-from geneoh.files.atomic import unwritable, write_whole
+from geneoh.files.atomic import make_folder, write_whole
 from geneoh.files.fingerprints import fingerprint, is_unchanged
 from geneoh.files.journal import (
     CONVERTED,
@@ -148,10 +148,7 @@ def check_places(
     """Make the folders of a clip's sequences, and refuse to replace the clip or files of others."""
     places = [folder / f"{recording.name}.npz" for recording in recordings]
     for place in places:
-        try:
-            place.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise unwritable(place, error) from None
+        make_folder(place.parent)
     check_outputs(places, inputs=[clip.path], overwrite=overwrite)
 
 

@@ -123,11 +123,6 @@ def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
     return {frame_number(path): path for path in sorted(folder.glob(pattern))}
 
 
-def numbered_records(folder: Path) -> dict[int, Record]:
-    """The dicts in the pickles of a folder, by the frame's number in their names."""
-    return {frame: read_record(path) for frame, path in numbered_files(folder, "*.pkl").items()}
-
-
 def by_frame(values: Mapping[int, Array], frames: int, *shape: int) -> Array:
     """(T, *shape) of the values of single frames; NaN in every frame that has none."""
     result = np.full((frames, *shape), np.nan)

@@ -11,13 +11,13 @@ from torch import Tensor
 
 from geneoh.choices import SIDES, JointOrder, Side, Unit
 from geneoh.config import checked_call
-from geneoh.errors import ConfigError, InputError, shortened
+from geneoh.errors import InputError, shortened
 from geneoh.files.npz import Arrays, write_archive
 from geneoh.geometry.mesh import METRES, Mesh, MeshInput, meshes_of
 from geneoh.hand.mano import AS_SHIPPED, MENDED
 from geneoh.readers import foreign_files, npz_layouts
 from geneoh.readers.base import timing_of
-from geneoh.readers.joint_orders import ORDERS, in_openpose_order
+from geneoh.readers.joint_orders import in_openpose_order, order_named
 from geneoh.readers.meshes import find_meshes, mesh_arrays, with_parts
 from geneoh.readers.npz_layouts import CAMERA_FIELDS, FORMAT, OBJECT_FIELDS, own_names, quoted
 from geneoh.readers.npz_tracks import Notes, read_hands, read_object
@@ -113,13 +113,11 @@ def load(
 
 def with_joint_order(record: Record, layout: npz_layouts.Layout, order: JointOrder) -> Record:
     """The fields with bare joints brought from the caller's order into OpenPose's."""
-    if order not in ORDERS:
-        raise ConfigError(f"--joint-order {order}: expected {', '.join(ORDERS)}")
+    count = order_named(order).count
     if order == "openpose":
         return record
     refuse_layout(record, layout, "--joint-order", "in OpenPose order")
-    shape = ("T", ORDERS[order].count, 3)
-    points = record.array("joints", shape, unit=f"in metres, in the order {order}")
+    points = record.array("joints", ("T", count, 3), unit=f"in metres, in the order {order}")
     return in_openpose_order(record, points, order)
 
 

@@ -1,5 +1,7 @@
 """Rotations and rigid motions of data sets, float64 in numpy; frames of NaN stay NaN."""
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -40,29 +42,36 @@ def refuse_bottom_row(where: str, name: str, poses: Array, known: Array | None =
         )
 
 
+def converted(
+    values: Array, usable: Array, convert: Callable[[Array], Array], *shape: int
+) -> Array:
+    """(N, *shape) what `convert` makes of the usable ones of N values; NaN for the others."""
+    result = np.full((len(values), *shape), np.nan)
+    if usable.any():
+        result[usable] = convert(values[usable])
+    return result
+
+
 def rotation_matrices(vectors: Array) -> Array:
     """(..., 3, 3) rotations of (..., 3) axis-angle vectors."""
-    finite = np.isfinite(vectors).all(-1)
-    result = np.full((*vectors.shape[:-1], 3, 3), np.nan)
-    if finite.any():
-        result[finite] = Rotation.from_rotvec(vectors[finite]).as_matrix()
-    return result
+    flat = vectors.reshape(-1, 3)
+    finite = np.asarray(np.isfinite(flat).all(-1))
+    result = converted(flat, finite, lambda v: Rotation.from_rotvec(v).as_matrix(), 3, 3)
+    return result.reshape(*vectors.shape[:-1], 3, 3)
 
 
 def axis_angles(rotations: Array) -> Array:
     """(..., 3) axis-angle vectors of (..., 3, 3) matrices; NaN for what is no rotation."""
     flat = rotations.reshape(-1, 3, 3)
     finite = np.isfinite(flat).all((-1, -2))
-    sound = np.zeros(len(flat), dtype=bool)
-    sound[finite] = np.linalg.det(flat[finite]) > 0.5
-    result = np.full((len(flat), 3), np.nan)
-    if sound.any():
-        result[sound] = Rotation.from_matrix(flat[sound]).as_rotvec()
+    proper = np.zeros(len(flat), dtype=bool)
+    proper[finite] = np.linalg.det(flat[finite]) > 0.5
+    result = converted(flat, proper, lambda m: Rotation.from_matrix(m).as_rotvec(), 3)
     return result.reshape(*rotations.shape[:-2], 3)
 
 
 def are_rotations(quaternions: Array) -> Array:
-    """(...) whether (..., 4) quaternions, of any length and order, are neither zero nor endless."""
+    """(...) whether (..., 4) quaternions of any length and order are neither zero nor infinite."""
     size = np.abs(quaternions).sum(-1)
     return (size > 0.1) & (size < LARGEST_QUATERNION)
 
@@ -70,10 +79,9 @@ def are_rotations(quaternions: Array) -> Array:
 def axis_angles_of_wxyz(quaternions: Array) -> Array:
     """(..., 3) axis-angle vectors of (..., 4) quaternions, real part first; NaN for none."""
     flat = quaternions.reshape(-1, 4)
-    sound = are_rotations(flat)
-    result = np.full((len(flat), 3), np.nan)
-    if sound.any():
-        result[sound] = Rotation.from_quat(flat[sound][:, [1, 2, 3, 0]]).as_rotvec()
+    result = converted(
+        flat, are_rotations(flat), lambda q: Rotation.from_quat(q[:, [1, 2, 3, 0]]).as_rotvec(), 3
+    )
     return result.reshape(*quaternions.shape[:-1], 3)
 
 

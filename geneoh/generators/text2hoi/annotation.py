@@ -17,6 +17,7 @@ from geneoh.choices import HANDS, AnnotatedSource, HandsName
 from geneoh.errors import InputError
 from geneoh.readers.base import SourceClip, ancestor
 from geneoh.readers.foreign_files import numbered_files, read_numbers, read_record, read_text
+from geneoh.readers.sources.grab import contact_labels
 
 SHORTEST = 20
 """Frames, at 30 a second, of the shortest clip (paper)."""
@@ -127,10 +128,7 @@ def grab_labels(clip: SourceClip) -> list[Label]:
     """The frames from the first to the last touch of the object, with the sequence's intent."""
     record = read_record(clip.path)
     name, intent = record.text("obj_name"), record.text("motion_intent")
-    contact = record.record("contact").values.get("object")
-    if not isinstance(contact, np.ndarray) or contact.ndim != 2 or contact.dtype.kind not in "iu":
-        raise record.refuse("contact", "a dict with whole numbers of shape (T, V) in 'object'")
-    touched = np.flatnonzero(contact.any(axis=1))
+    touched = np.flatnonzero(contact_labels(record).any(axis=1))
     if not len(touched):
         return []
     verb = _GRAB_VERBS.get(intent, intent)

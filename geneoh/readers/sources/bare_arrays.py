@@ -18,12 +18,12 @@ import numpy as np
 import torch
 
 from geneoh.choices import Side
-from geneoh.errors import ConfigError, InputError
+from geneoh.errors import InputError
 from geneoh.files.values import read_values
 from geneoh.geometry.mesh import METRES
-from geneoh.readers import base, builders, joint_orders, npz_layouts
+from geneoh.readers import base, builders, npz_layouts
 from geneoh.readers.dataset_reader import reads
-from geneoh.readers.joint_orders import in_openpose_order
+from geneoh.readers.joint_orders import in_openpose_order, order_named
 from geneoh.readers.missing_keypoints import without_missing
 from geneoh.readers.npz_tracks import Notes, observed_frames, read_confidence, side_of
 from geneoh.readers.records import Array, Record
@@ -37,13 +37,11 @@ PARAMETERS_REMEDY = "save 'pose', 'trans' and 'betas' in these shapes, or side b
 def keypoints(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """The one hand of a file, with the caller's object."""
     order = options.joint_order
-    if order not in joint_orders.ORDERS:
-        raise ConfigError(f"--joint-order {order}: expected {', '.join(joint_orders.ORDERS)}")
+    count = order_named(order).count
     value = read_values(clip.path)
     fields = value if isinstance(value, dict) else {"joints": value}
     record = Record(str(clip.path), fields, KEYPOINTS_REMEDY)
     side = side_of(record, options.side)
-    count = joint_orders.ORDERS[order].count
     points = record.array("joints", ("T", count, 3), ("T", 3 * count), (count, 3))
     points = METRES[options.keypoint_unit or "m"] * points.reshape(-1, count, 3)
     record = in_openpose_order(record, points, order)

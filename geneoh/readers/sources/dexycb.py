@@ -56,8 +56,8 @@ def dexycb(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
         notes = ("keypoints of one camera only; --mano gives the pose",)
     else:
         raise InputError(
-            f"{clip.path}: the pose is coefficients of MANO's components, got no MANO files "
-            "and no labels with keypoints; pass --mano with the folder of your MANO files"
+            f"{clip.path}: the pose is coefficients of MANO's components and there are no labels "
+            f"with keypoints, {builders.NO_MANO}"
         )
     meshes, motion = {f"dexycb_{name}": mesh}, object_motion(placed[:, grasped])
     checks = base.CrossChecks(base.stated(side, joints))
@@ -86,11 +86,12 @@ def object_motion(placed: Array) -> Array:
     """(T, 4, 4) of the object to the world; NaN in frames in which it was not found."""
     present = np.isfinite(placed).all(1) & (np.abs(placed - NO_OBJECT).max(1) > 0)
     present &= transforms.are_rotations(placed[:, :4])
-    motion = np.full((len(placed), 4, 4), np.nan)
-    if present.any():
-        rotation = Rotation.from_quat(placed[present, :4]).as_matrix()
-        motion[present] = transforms.rigid_matrices(rotation, placed[present, 4:])
-    return motion
+
+    def matrices(found: Array) -> Array:
+        rotation = Rotation.from_quat(found[:, :4]).as_matrix()
+        return transforms.rigid_matrices(rotation, found[:, 4:])
+
+    return transforms.converted(placed, present, matrices, 4, 4)
 
 
 def read_labels(folder: Path, root: Path, meta: Record, frames: int) -> Array | None:

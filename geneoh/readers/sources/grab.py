@@ -87,12 +87,18 @@ def grab(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
 
 def touching(clip: base.SourceClip) -> dict[Side, Array]:
     """(T,) for each hand, the frames in which it touches the object, by the labels of contact."""
-    contact = foreign_files.read_record(clip.path).record("contact")
+    labels = contact_labels(foreign_files.read_record(clip.path))
+    return {side: np.any(np.isin(labels, parts), axis=1) for side, parts in HAND_LABELS.items()}
+
+
+def contact_labels(record: Record) -> Array:
+    """(T, V) the part of the body that touches each vertex of the object; 0 for none."""
+    contact = record.record("contact")
     labels = contact.values.get("object")
     # Not through `Record.array`: as float64 the labels of a dense mesh take eight times the memory.
     if not isinstance(labels, np.ndarray) or labels.ndim != 2 or labels.dtype.kind not in "iu":
         raise contact.refuse("object", "whole numbers of shape (T, V)")
-    return {side: np.any(np.isin(labels, parts), axis=1) for side, parts in HAND_LABELS.items()}
+    return labels
 
 
 def object_of(stated: Record, name: str, root: Path, options: base.ReaderOptions) -> Mesh:
@@ -138,8 +144,7 @@ def grab_clips(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts
     mano = options.mano(side)
     if mano is None:
         raise InputError(
-            f"{clip.path}: the pose is coefficients of MANO's components, got no MANO files; "
-            "pass --mano with the folder of your MANO_RIGHT.pkl and MANO_LEFT.pkl"
+            f"{clip.path}: the pose is coefficients of MANO's components, {builders.NO_MANO}"
         )
     mirror = np.array(MIRROR) if side == "left" else np.ones(3)
     verts = record.array("f0", ("T", 3 * VERTS)).reshape(-1, VERTS, 3) * mirror

@@ -20,7 +20,8 @@ OPENCV_FROM_OPENGL = np.diag([1.0, -1.0, -1.0])
 @reads("meta/", clip_is_folder=True, name_parts=2, convention=base.ORIGIN, takes=("objects",))
 def ho3d(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """The right hand and the object, in the camera's frame."""
-    records = foreign_files.numbered_records(clip.path / "meta")
+    files = foreign_files.numbered_files(clip.path / "meta", "*.pkl")
+    records = {frame: foreign_files.read_record(path) for frame, path in files.items()}
     if not records:
         raise InputError(f"{clip.path}: expected frames in 'meta', got none; download them")
     frames = max(records) + 1
@@ -38,12 +39,9 @@ def ho3d(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     turn = transforms.rotation_matrices(field(records, "objRot", frames, 3))
     name = object_name(records)
     folder = options.objects or base.ancestor(clip.path, 2) / "models"
-    mesh = find_mesh([folder / name / "textured_simple.obj"], name)
     motion = to_opencv @ transforms.rigid_matrices(turn, field(records, "objTrans", frames, 3))
-    checks, meshes = (
-        base.CrossChecks({"right": joints @ OPENCV_FROM_OPENGL}),
-        {f"ho3d_{name}": mesh},
-    )
+    checks = base.CrossChecks({"right": joints @ OPENCV_FROM_OPENGL})
+    meshes = {f"ho3d_{name}": find_mesh([folder / name / "textured_simple.obj"], name)}
     yield base.ClipParts(f"HO-3D {clip.name}", [hand], meshes, motion, cross_checks=checks)
 
 

@@ -107,7 +107,7 @@ def test_grab_without_contact_is_refused(tmp_path):
     clip = grab(tmp_path, "lift")
     packed = {"obj_name": "cup", "motion_intent": "lift", "contact": {"body": np.zeros(3)}}
     np.savez(clip.path, **{key: np.array(value, dtype=object) for key, value in packed.items()})
-    with pytest.raises(InputError, match="'contact' must be a dict with whole numbers"):
+    with pytest.raises(InputError, match="'contact': 'object' must be whole numbers"):
         labels_of("grab", clip)
 
 
