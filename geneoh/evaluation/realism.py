@@ -33,7 +33,7 @@ from geneoh.sequence.normalisation import normalised_hands
 from geneoh.sequence.sequence import Sequence
 from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.replay import replay_shard
-from geneoh.synthesis.shards import find_shards, seed_of
+from geneoh.synthesis.shards import find_shards, seed_of, seeded_generator
 from geneoh.training import augmentation
 
 FPS = 30.0
@@ -167,7 +167,7 @@ def shard_clips(path: Path, hand: HandModel, augmented: bool, count: int) -> Han
     shard = shard.chosen(torch.arange(min(count, len(shard.clips.wrist))))
     if augmented:
         # The seed's name is part of published figures: another name draws another augmentation.
-        generator = torch.Generator().manual_seed(seed_of("lively", path.name))
+        generator = seeded_generator("lively", path.name)
         hands = HandParameters.of_pose(shard.clips.wrist, shard.clips.pose, shard.clips.offsets)
         hands = augmentation.augmented(hands, Draws(len(hands.wrist), generator))
         shard = replace(shard, clips=replace(shard.clips, wrist=hands.wrist, pose=hands.pose))

@@ -23,7 +23,7 @@ from geneoh.metrics.correspondence import contact_points, object_contact
 from geneoh.metrics.smoothness import mean_over_frames
 from geneoh.metrics.volume import intersection_volume
 from geneoh.sequence.sequence import HandTrack, Sequence
-from geneoh.synthesis.shards import seed_of
+from geneoh.synthesis.shards import seeded_generator
 
 ScoreKey = tuple[str, str, str, int, str]  # data set, clip, noise, seed and method
 TIPS = list(TIP_KEYPOINTS)
@@ -165,7 +165,7 @@ class CaseScorer:
         self.case, self.config = case, config
         hand, self.fps = case.noisy.hands[0], case.noisy.fps
         self.surface = (case.clean or case.noisy).object.surface()
-        generator = torch.Generator().manual_seed(seed_of("contact", case.clip.name))
+        generator = seeded_generator("contact", case.clip.name)
         self.samples = contact_points(self.surface.fields, generator=generator)
         self.faces = config.model(hand).faces
         self.close = config.close(case.noisy.frames)

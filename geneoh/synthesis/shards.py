@@ -178,9 +178,14 @@ def seed_of(*parts: object) -> int:
     return int.from_bytes(digest[:8], "big") >> 1
 
 
+def seeded_generator(*parts: object) -> torch.Generator:
+    """A random generator whose seed is `seed_of` these values."""
+    return torch.Generator().manual_seed(seed_of(*parts))
+
+
 def shard_generator(seed: int, index: int) -> torch.Generator:
     """The random generator of one shard, independent of the order in which shards are made."""
-    return torch.Generator().manual_seed(seed_of(seed, "shard", index))
+    return seeded_generator(seed, "shard", index)
 
 
 def draw_attempts(

@@ -3,23 +3,28 @@
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import nullcontext
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from geneoh.bundle import Bundle
 from geneoh.errors import CheckpointError, ConfigError
 from geneoh.files.journal import only_run_in
 from geneoh.nn.checkpoint import load_checkpoint, save_checkpoint
 from geneoh.nn.precision import multiply_in, quick_precision
+from geneoh.synthesis.draws import Part
+from geneoh.synthesis.shards import seed_of
 from geneoh.training.optimizer import Optimizer
 from geneoh.training.processes import Team, noted_interrupts
 from geneoh.training.resume import TrainState, refuse_other_run, run_record, write_log
 from geneoh.training.run_config import RunConfig
+
+AnyBatch = TypeVar("AnyBatch", bound=Bundle)
 
 
 @dataclass(frozen=True)
@@ -82,6 +87,32 @@ class OnePhase:
 
     def before_step(self, state: TrainState) -> None:
         """Nothing: a run has one phase."""
+
+
+@contextmanager
+def first_weights(*parts: object) -> Iterator[None]:
+    """Networks that are made in the block get random weights by `seed_of` these values.
+
+    Outside of the block torch's global random numbers go on as without it.
+    """
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed_of(*parts))
+        yield
+
+
+def own_part(config: RunConfig, team: Team) -> Part:
+    """Which items of every batch this process works on."""
+    return Part(0, config.batch, config.batch).divided(team.size)[team.rank]
+
+
+def divided_batch(
+    batch: AnyBatch, generator: torch.Generator, own: Part, pieces: int
+) -> Iterator[tuple[AnyBatch, torch.Generator, Part]]:
+    """The items of a process in pieces, each with a copy of the generator after the draw."""
+    for part in own.divided(pieces):
+        rows = slice(part.first - own.first, part.first - own.first + part.count)
+        again = torch.Generator().set_state(generator.get_state())
+        yield batch.take(rows, "B"), again, part
 
 
 def learning_rate(step: int, config: RunConfig) -> float:

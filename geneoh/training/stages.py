@@ -21,10 +21,11 @@ from geneoh.denoisers.trajectory import TrajectoryDenoiser
 from geneoh.streamed import Streamed
 from geneoh.synthesis.draws import Draws, Part
 from geneoh.synthesis.motion import Interactions
-from geneoh.synthesis.shards import seed_of
+from geneoh.synthesis.shards import seeded_generator
 from geneoh.training import losses
 from geneoh.training.batches import Batch, draw_batch
 from geneoh.training.config import TrainConfig
+from geneoh.training.loop import divided_batch, first_weights, own_part
 from geneoh.training.processes import Team
 from geneoh.training.resume import TrainState, digest
 from geneoh.training.windows import WeightedInteractions
@@ -47,8 +48,7 @@ STAGES: dict[StageName, tuple[Callable[[Any], nn.Module], Loss]] = {
 def build_model(stage: StageName, config: TrainConfig) -> nn.Module:
     """A fresh network of the stage, initialised from the config's seed."""
     network, _ = STAGES[stage]
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(seed_of(config.seed, stage, "weights"))
+    with first_weights(config.seed, stage, "weights"):
         return network(getattr(config, stage))
 
 
@@ -97,7 +97,7 @@ class StageTask:
     ) -> tuple[Batch, torch.Generator]:
         """A batch, or part of it, with its generator, by seed and `parts` (purpose, number)."""
         config = self.config
-        generator = torch.Generator().manual_seed(seed_of(config.seed, *parts))
+        generator = seeded_generator(config.seed, *parts)
         batch = draw_batch(
             data,
             config.batch,
@@ -110,15 +110,12 @@ class StageTask:
 
     def pieces(self, step: int, team: Team, device: torch.device) -> list[StagePiece]:
         """This process's part of the batch of a step, in the pieces that are worked off in turn."""
-        own = Part(0, self.config.batch, self.config.batch).divided(team.size)[team.rank]
+        own = own_part(self.config, team)
         batch, generator = self.batch(self.data, "step", step, device=device, part=own)
         pieces, loss = [], loss_of(self.name, step, self.config)
-        for part in own.divided(self.config.accumulate):
-            rows = slice(part.first - own.first, part.first - own.first + part.count)
-            piece = batch.take(rows, "B")
+        for piece, again, part in divided_batch(batch, generator, own, self.config.accumulate):
             if self.name == "motion":
                 _ = piece.motion.network_input  # made and kept here, in parallel to the step before
-            again = torch.Generator().set_state(generator.get_state())
             pieces.append(StagePiece(piece, Draws(part.count, again, part), loss))
         return pieces
 

@@ -17,8 +17,8 @@ from torch import Tensor, nn
 from geneoh.config import as_dict
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.synthesis.actions import VERBS, Actions
-from geneoh.synthesis.shards import seed_of
-from geneoh.training.loop import OnePhase
+from geneoh.synthesis.shards import seeded_generator
+from geneoh.training.loop import OnePhase, first_weights
 from geneoh.training.processes import Team
 from geneoh.training.resume import digest
 from geneoh.training.run_config import RunConfig
@@ -102,13 +102,12 @@ class ClassifierTask(OnePhase):
 
     def network(self) -> nn.Module:
         """A fresh network from the config's seed."""
-        with torch.random.fork_rng(devices=[]):
-            torch.manual_seed(seed_of(self.config.seed, self.name, "weights"))
+        with first_weights(self.config.seed, self.name, "weights"):
             return ActionClassifier(self.config, self.verbs)
 
     def pieces(self, step: int, team: Team, device: torch.device) -> Sequence[LabelledClips]:
         """Random clips, each turned about the vertical, at a random frame of each of 15 groups."""
-        generator = torch.Generator().manual_seed(seed_of(self.config.seed, "step", step))
+        generator = seeded_generator(self.config.seed, "step", step)
         count = self.config.batch
         chosen = torch.randint(len(self.clips.verb), (count,), generator=generator)
         clips = self.clips.take(chosen, "B")
@@ -141,26 +140,24 @@ def data_digest(clips: Actions) -> str:
     return digest([clips.verb, clips.wrist[:, :, 0]])
 
 
-@dataclass(frozen=True)
-class Classified:
-    """What the classifier makes of clips."""
-
-    features: Float[Tensor, "N F"]
-    scores: Float[Tensor, "N C"]
-
-
 @torch.no_grad()
-def classified(model: ActionClassifier, clips: Actions) -> Classified:
+def classified(
+    model: ActionClassifier, clips: Actions
+) -> tuple[Float[Tensor, "N F"], Float[Tensor, "N C"]]:
     """Features of clips and a score for each verb."""
     features = model.features(clip_inputs(clips))
-    return Classified(features, model.answer_to(features))
+    return features, model.answer_to(features)
 
 
 def clip_inputs(clips: Actions) -> Float[Tensor, "B S D"]:
     """What the classifier sees of whole clips: evenly spaced frames from the first to the last."""
-    even = torch.arange(SEEN) / (SEEN - 1)
-    frames = (even * (clips.length[:, None] - 1)).round().long()
-    return inputs_of(clips, frames)
+    return inputs_of(clips, even_frames(clips.length, SEEN))
+
+
+def even_frames(length: Int[Tensor, " B"], count: int) -> Int[Tensor, "B S"]:
+    """Evenly spaced frames of clips, from the first to the last."""
+    share = torch.arange(count) / (count - 1)
+    return (share * (length[:, None] - 1)).round().long()
 
 
 def frames_within(length: Int[Tensor, " B"], share: Float[Tensor, "B S"]) -> Int[Tensor, "B S"]:

@@ -15,7 +15,7 @@ from geneoh.generators.text2hoi.refiner import RefinerNetwork, refined_by
 from geneoh.generators.text2hoi.samples import ActionData, hands_of, sentences
 from geneoh.generators.text2hoi.sampling import sample
 from geneoh.progress import OnStep, steps
-from geneoh.synthesis.actions import VERBS, Actions
+from geneoh.synthesis.actions import Actions
 from geneoh.synthesis.draws import Draws
 
 AT_ONCE = 16  # clips that are drawn together
@@ -49,7 +49,7 @@ def draw_clips(
         objects = Objects.of(some)
         asked = objects, said[start : start + AT_ONCE], hands_of(some), some.length
         given = None if contact else torch.zeros_like(objects.points[..., 0])
-        verbs = [(data.verbs or VERBS)[verb] for verb in some.verb.tolist()]
+        verbs = [data.verb_words[verb] for verb in some.verb.tolist()]
         giver: list[Side | None] = [
             asked_giver(sentence.lower()) if verb == "pass" else None
             for sentence, verb in zip(asked[1], verbs, strict=True)

@@ -17,13 +17,13 @@ from geneoh.evaluation.generation.classifier import (
     ClassifierTask,
 )
 from geneoh.evaluation.generation.generated import Drawn, draw_clips, drawn_and_refined
-from geneoh.evaluation.generation.measures import measure_clips
+from geneoh.evaluation.generation.measures import ClipMeasures, measure_clips
 from geneoh.evaluation.generation.nearest import SHAPE_POINTS, nearest_training
 from geneoh.evaluation.generation.refined import refined
 from geneoh.evaluation.generation.report import GenerationReport
 from geneoh.evaluation.generation.scores import (
     REPETITIONS,
-    MeasuredClips,
+    SCORES,
     RowScores,
     ScoredClips,
     mean_scores,
@@ -42,8 +42,8 @@ from geneoh.progress import OnProgress, OnStep, part_of
 from geneoh.readers.base import ReaderOptions
 from geneoh.streamed import Streamed
 from geneoh.synthesis.action_shards import DEFAULTS, action_shard, read_actions
-from geneoh.synthesis.actions import VERBS, Actions
-from geneoh.synthesis.shards import find_shards, seed_of
+from geneoh.synthesis.actions import Actions
+from geneoh.synthesis.shards import find_shards, seeded_generator
 from geneoh.training.data import DataSource
 from geneoh.training.loop import Progress, trained
 
@@ -112,7 +112,7 @@ def evaluate_generator(
     networks = load_networks(options.weights)
     training, held_out, notes = split_clips(options, folder, on_progress)
     validation = held_out.actions.take(slice(None))
-    tasks = classifier_tasks(options, training, validation, verb_count(held_out))
+    tasks = classifier_tasks(options, training, validation, len(held_out.verb_words))
     models = [kept_classifier(task, folder, on_progress) for task in tasks]
     count = min(options.limit, len(validation.verb))
     spread = torch.linspace(0, len(validation.verb) - 1, count).round().long()
@@ -127,7 +127,7 @@ def evaluate_generator(
     for name, clips in rows.items():
         told = on_progress and partial(on_progress, name)
         made = clips(part_of(told, 0, 2))
-        measured[name] = MeasuredClips(made, measure_clips(made, part_of(told, 1, 2)))
+        measured[name] = made, measure_clips(made, part_of(told, 1, 2))
     found = mean_scores([scores_under(model, measured, options) for model in models])
     settings = settings_of(options, tasks, folder, count)
     return GenerationReport(settings, command, found, (*about_run(settings), *notes))
@@ -156,12 +156,20 @@ def folder_of(task: ClassifierTask) -> str:
 
 
 def scores_under(
-    model: ActionClassifier, rows: Mapping[str, MeasuredClips], options: GenerationOptions
+    model: ActionClassifier,
+    rows: Mapping[str, tuple[Actions, ClipMeasures]],
+    options: GenerationOptions,
 ) -> dict[str, RowScores]:
     """The scores of all rows under one classifier."""
-    scored = {name: scored_by(model, row) for name, row in rows.items()}
+    scored = {name: scored_by(model, *row) for name, row in rows.items()}
     scored = with_random_verbs(scored, options.seed)
-    return repeat(scored[REAL], scored, seed=options.seed, repetitions=options.repetitions)
+    return repeat(
+        scored[REAL],
+        scored,
+        seed=options.seed,
+        repetitions=options.repetitions,
+        scores=SCORES,
+    )
 
 
 def network_rows(
@@ -206,7 +214,7 @@ def with_random_verbs(scored: dict[str, ScoredClips], seed: int) -> dict[str, Sc
 
 def drawn(seed: int, row: str) -> torch.Generator:
     """What draws a row."""
-    return torch.Generator().manual_seed(seed_of(seed, "row", row))
+    return seeded_generator(seed, "row", row)
 
 
 def split_clips(
@@ -230,11 +238,6 @@ def thinned(clips: Actions) -> Actions:
     """Clips with few points of their objects, because a data set is large."""
     count = clips.points.shape[1]
     return clips.take(torch.arange(0, count, max(1, count // SHAPE_POINTS)), "P")
-
-
-def verb_count(data: ActionData) -> int:
-    """How many verbs there are."""
-    return len(data.verbs or VERBS)
 
 
 def settings_of(

@@ -25,7 +25,7 @@ from geneoh.metrics.features import (
     top_accuracy,
 )
 from geneoh.synthesis.actions import Actions
-from geneoh.synthesis.shards import seed_of
+from geneoh.synthesis.shards import seeded_generator
 
 TOP = 3  # classes among which the right one must be (paper)
 REPETITIONS = 20  # (paper)
@@ -100,18 +100,9 @@ class Encoded(Protocol):
 Scored = TypeVar("Scored", bound=Encoded)
 
 
-@dataclass(frozen=True)
-class MeasuredClips:
-    """The clips of a row and what is measured on them without a classifier."""
-
-    clips: Actions
-    measures: ClipMeasures
-
-
-def scored_by(model: ActionClassifier, row: MeasuredClips) -> ScoredClips:
-    """What is known of each clip of a row under a classifier."""
-    found = classified(model, row.clips)
-    return ScoredClips(row.clips.verb, found.features, found.scores, row.measures)
+def scored_by(model: ActionClassifier, clips: Actions, measures: ClipMeasures) -> ScoredClips:
+    """What is known of each clip of a row under a classifier, and without one."""
+    return ScoredClips(clips.verb, *classified(model, clips), measures)
 
 
 def repeat(
@@ -120,20 +111,16 @@ def repeat(
     *,
     seed: int,
     repetitions: int,
-    scores: Mapping[str, Callable[[Scored, Scored, torch.Generator], float]] | None = None,
+    scores: Mapping[str, Callable[[Scored, Scored, torch.Generator], float]],
 ) -> dict[str, RowScores]:
-    """The scores of all rows, which have a clip for each of the real ones' conditions.
-
-    Without `scores` they are `SCORES`, of clips with objects.
-    """
-    chosen: Mapping[str, Callable[..., float]] = scores or SCORES
-    values = {name: {key: [] for key in chosen} for name in rows}
+    """The scores of all rows, which have a clip for each of the real ones' conditions."""
+    values = {name: {key: [] for key in scores} for name in rows}
     for number in range(repetitions):
         order = torch.randperm(len(real.features), generator=_drawn(seed, number))
         other, asked = order.tensor_split(2)
         for name, row in rows.items():
             part = row.take(asked, "B")
-            for measure, score in chosen.items():
+            for measure, score in scores.items():
                 value = score(part, real.take(other, "B"), _drawn(seed, number, measure))
                 values[name][measure].append(value)
     return {name: RowScores(found) for name, found in values.items()}
@@ -153,7 +140,7 @@ def mean_scores(tables: Sequence[Mapping[str, RowScores]]) -> dict[str, RowScore
 
 
 def _drawn(*parts: object) -> torch.Generator:
-    return torch.Generator().manual_seed(seed_of("generation", *parts))
+    return seeded_generator("generation", *parts)
 
 
 Score = Callable[[ScoredClips, ScoredClips, torch.Generator], float]

@@ -7,7 +7,6 @@ hands as well as from other clips, so that hands count where the body already te
 """
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import torch
@@ -17,6 +16,7 @@ from torch.nn.functional import cross_entropy, normalize
 
 from geneoh.body.motion import BodyMotion, pose
 from geneoh.bundle import Bundle, concatenated
+from geneoh.evaluation.generation.classifier import even_frames
 from geneoh.generators.both2hands.features import BODY, HANDS, body_features, hand_features, placed
 from geneoh.generators.text_network import SentenceConfig, SentenceNetwork
 from geneoh.nn.blocks import sinusoid
@@ -25,7 +25,7 @@ from geneoh.training.run_config import RunConfig
 
 SEEN = 30  # frames of a clip, from its first to its last
 AT_ONCE = 64  # clips whose features are made together
-COLDEST = 100.0  # largest inverse temperature
+LARGEST_INVERSE = 100.0  # largest inverse temperature
 
 
 @dataclass(frozen=True)
@@ -61,27 +61,18 @@ class Seen(Bundle):
     @staticmethod
     def of(clips: Gestures) -> "Seen":
         """Evenly spaced frames of clips, up to their ends."""
-        return concatenated((_seen(part, part.motion) for part in _parts(clips)), "B")
+        firsts = range(0, len(clips.body), AT_ONCE)  # the matrices of all take much memory
+        parts = (clips.take(slice(first, first + AT_ONCE), "B") for first in firsts)
+        return concatenated((Seen.moved(part, part.motion) for part in parts), "B")
 
     @staticmethod
     def moved(clips: Gestures, motion: BodyMotion) -> "Seen":
-        """The same of clips that move otherwise."""
-        return _seen(clips, motion)
-
-
-def _parts(clips: Gestures) -> Iterator[Gestures]:
-    """Some clips after the other, because the matrices of all take much memory."""
-    for first in range(0, len(clips.body), AT_ONCE):
-        yield clips.take(slice(first, first + AT_ONCE), "B")
-
-
-def _seen(clips: Gestures, motion: BodyMotion) -> Seen:
-    share = torch.arange(SEEN) / (SEEN - 1)
-    frames = (share * (clips.length[:, None] - 1)).round().long()
-    rows = torch.arange(len(frames))[:, None]
-    some = placed(BodyMotion(motion.root[rows, frames], motion.rotations[rows, frames]), "world")
-    posed = pose(clips.skeleton, some)
-    return Seen(body_features(posed), hand_features(posed, "wrist"))
+        """The same frames of the clips with another motion of their skeletons."""
+        frames = even_frames(clips.length, SEEN)
+        rows = torch.arange(len(frames))[:, None]
+        some = BodyMotion(motion.root[rows, frames], motion.rotations[rows, frames])
+        posed = pose(clips.skeleton, placed(some, "world"))
+        return Seen(body_features(posed), hand_features(posed, "wrist"))
 
 
 class GestureEncoder(nn.Module):
@@ -132,7 +123,7 @@ class GestureEncoder(nn.Module):
 
 
 @dataclass(frozen=True)
-class ToldClips(Bundle):
+class ClipBatch(Bundle):
     """A batch of the encoder; a piece of the training loop."""
 
     clips: Seen
@@ -146,7 +137,7 @@ class ToldClips(Bundle):
         wrong = Seen(self.clips.body, self.other)
         motions = model.motions(concatenated([self.clips, wrong], "B"), self.hidden.repeat(2))
         told = model.sentences(self.pieces)
-        alike = model.cold.exp().clamp(max=COLDEST) * told @ motions.T
+        alike = model.cold.exp().clamp(max=LARGEST_INVERSE) * told @ motions.T
         right = torch.arange(len(told), device=told.device)
         back = alike[:, : len(told)].T
         return 0.5 * (cross_entropy(alike, right) + cross_entropy(back, right))

@@ -11,12 +11,12 @@ from tokenizers import Tokenizer
 from torch import Tensor, nn
 
 from geneoh.config import as_dict
-from geneoh.evaluation.gestures.encoder import EncoderConfig, GestureEncoder, Seen, ToldClips
+from geneoh.evaluation.gestures.encoder import ClipBatch, EncoderConfig, GestureEncoder, Seen
 from geneoh.generators.pieces import learned_pieces, marked, piece_numbers, words_of
 from geneoh.metrics.features import retrieval
 from geneoh.synthesis.gestures.clips import Gestures
-from geneoh.synthesis.shards import seed_of
-from geneoh.training.loop import OnePhase
+from geneoh.synthesis.shards import seeded_generator
+from geneoh.training.loop import OnePhase, first_weights
 from geneoh.training.processes import Team
 from geneoh.training.resume import digest
 
@@ -56,22 +56,21 @@ class EncoderTask(OnePhase):
 
     def network(self) -> nn.Module:
         """A fresh network with the scale of the clips."""
-        with torch.random.fork_rng(devices=[]):
-            torch.manual_seed(seed_of(self.config.seed, self.name, "weights"))
+        with first_weights(self.config.seed, self.name, "weights"):
             made = GestureEncoder(self.config)
         made.set_scale(self.seen)
         return made
 
-    def pieces(self, step: int, team: Team, device: torch.device) -> Sequence[ToldClips]:
+    def pieces(self, step: int, team: Team, device: torch.device) -> Sequence[ClipBatch]:
         """Random clips, each with a random one of its sentences, and others' hands."""
-        generator = torch.Generator().manual_seed(seed_of(self.config.seed, self.name, step))
+        generator = seeded_generator(self.config.seed, self.name, step)
         total, count = len(self.clips.body), self.config.batch
         chosen = torch.randperm(total, generator=generator)[:count]
         others = (chosen + torch.randint(1, total, chosen.shape, generator=generator)) % total
         which = torch.randint(self.clips.joined.shape[1], chosen.shape, generator=generator)
         hidden = torch.rand(len(chosen), generator=generator) < self.config.hidden
         told = self.pieces_of_clips[chosen, which]
-        batch = ToldClips(self.seen.take(chosen, "B"), self.seen.hands[others], told, hidden)
+        batch = ClipBatch(self.seen.take(chosen, "B"), self.seen.hands[others], told, hidden)
         return [batch.to(device)]
 
     @torch.no_grad()
@@ -80,7 +79,7 @@ class EncoderTask(OnePhase):
         clips = self.validation.take(slice(VALIDATED), "B")
         seen = Seen.of(clips)
         told = model.sentences(self.numbers(clips.joined[:, 0].tolist()))
-        generator = torch.Generator().manual_seed(seed_of("validation"))
+        generator = seeded_generator("validation")
         found = retrieval(told, model.motions(seen), 1, pool=POOL, generator=generator)
         return torch.tensor(1 - found, dtype=torch.float64)
 

@@ -3,13 +3,14 @@
 from collections.abc import Sequence
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Int
 from torch import Tensor
 
 from geneoh.body.motion import BodyMotion
 from geneoh.body.skeleton import BODY_JOINTS
 from geneoh.bundle import concatenated
 from geneoh.evaluation.gestures.encoder import Seen
+from geneoh.generators.both2hands.features import with_other_fingers
 from geneoh.generators.both2hands.library import Networks
 from geneoh.generators.both2hands.sampling import Branch, SamplingConfig, sample
 from geneoh.geometry.rotations import axis_angle_to_matrix
@@ -17,12 +18,6 @@ from geneoh.progress import OnStep, steps
 from geneoh.synthesis.gestures.clips import Gestures
 
 AT_ONCE = 16  # clips that are drawn together
-
-
-def with_hands(motion: BodyMotion, fingers: Float[Tensor, "B T 30 3 3"]) -> BodyMotion:
-    """The bodies with other fingers."""
-    body = motion.rotations[:, :, :BODY_JOINTS]
-    return BodyMotion(motion.root, torch.cat([body, fingers], 2))
 
 
 def shuffled(real: Gestures, *, generator: torch.Generator) -> BodyMotion:
@@ -37,7 +32,7 @@ def mean_pose(real: Gestures, training: Gestures) -> BodyMotion:
     """Every body with the mean finger pose of the training clips, which never moves."""
     mean = training.pose[training.before_end][:, BODY_JOINTS:].mean(0)
     fingers = axis_angle_to_matrix(mean).expand(*real.pose.shape[:2], -1, -1, -1)
-    return with_hands(real.motion, fingers)
+    return with_other_fingers(real.motion, fingers)
 
 
 def nearest_body(real: Gestures, training: Gestures, seen: tuple[Seen, Seen]) -> BodyMotion:
@@ -52,7 +47,8 @@ def nearest_body(real: Gestures, training: Gestures, seen: tuple[Seen, Seen]) ->
 
 def hands_of(real: Gestures, source: Gestures, which: Int[Tensor, " B"]) -> BodyMotion:
     """The real bodies with the fingers of clips of the source."""
-    return with_hands(real.motion, axis_angle_to_matrix(source.pose[which][:, :, BODY_JOINTS:]))
+    fingers = axis_angle_to_matrix(source.pose[which][:, :, BODY_JOINTS:])
+    return with_other_fingers(real.motion, fingers)
 
 
 def made_by_networks(

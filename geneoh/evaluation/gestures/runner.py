@@ -27,7 +27,6 @@ from geneoh.evaluation.gestures.scores import (
     MEASURES,
     SCORES,
     ScoredHands,
-    features_of,
     range_of,
     score_hands,
 )
@@ -152,7 +151,7 @@ def network_row(
     some = torch.arange(prompts).repeat_interleave(options.answers)
     again = asked.real.take(some, "B")
     made = make(again, [asked.sentences[n] for n in some.tolist()])
-    several = features_of(asked.model, again, made).unflatten(0, (prompts, options.answers))
+    several = asked.model.motions(Seen.moved(again, made)).unflatten(0, (prompts, options.answers))
     return asked.scored(motion, several)
 
 

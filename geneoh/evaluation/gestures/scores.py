@@ -81,16 +81,11 @@ def score_hands(
     moved = per_frame_squared(acceleration(joints, FPS), FPS)
     return ScoredHands(
         told,
-        features_of(model, real, motion),
+        model.motions(Seen.moved(real, motion)),
         mean_of_counted(moved, real.before_end[:, 2:]),  # value t is made of frames up to t + 2
         share_beyond(fingers, motion, real.before_end),
         told.new_zeros(0, 0, told.shape[1]) if several is None else several,
     )
-
-
-def features_of(model: GestureEncoder, real: Gestures, motion: BodyMotion) -> Float[Tensor, "B F"]:
-    """Unit vectors of clips on the bodies of real ones."""
-    return model.motions(Seen.moved(real, motion))
 
 
 Score = Callable[[ScoredHands, ScoredHands, torch.Generator], float]

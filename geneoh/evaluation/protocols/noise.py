@@ -19,7 +19,7 @@ from geneoh.readers.mano import read_mano
 from geneoh.sequence.noise import Sizes, corrupt_sequence, draw_beta, perturbed
 from geneoh.sequence.object_noise import corrupt_object
 from geneoh.sequence.sequence import Sequence
-from geneoh.synthesis.shards import seed_of
+from geneoh.synthesis.shards import seeded_generator
 
 COMPONENTS = 24  # number of pose components of GRAB's hands, and of the paper's noise
 Law = Literal["gauss", "beta"]  # standard normal, or Beta(8, 2)
@@ -73,11 +73,11 @@ def noisy_input(
 ) -> Sequence:
     """The clip as a method gets to see it; the same for the same arguments."""
     if (object_noise := options.object_noise) is not None:
-        generator = torch.Generator().manual_seed(seed_of(object_noise, seed, dataset, clip))
+        generator = seeded_generator(object_noise, seed, dataset, clip)
         clean = corrupt_object(clean, object_noise, generator=generator)
     if noise in ("clean", "recorded"):
         return clean
-    generator = torch.Generator().manual_seed(seed_of("case", seed, dataset, clip, noise))
+    generator = seeded_generator("case", seed, dataset, clip, noise)
     if noise != "paper":
         return corrupt_sequence(clean, noise, generator=generator)
     chosen = PAPER[dataset, options.noise_sizes]

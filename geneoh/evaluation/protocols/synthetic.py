@@ -19,7 +19,7 @@ from geneoh.synthesis.grasps import Grasps, synthesize_grasps
 from geneoh.synthesis.motion import animate
 from geneoh.synthesis.objects import draw_objects
 from geneoh.synthesis.scans import Scans
-from geneoh.synthesis.shards import SynthesisConfig, seed_of
+from geneoh.synthesis.shards import SynthesisConfig, seeded_generator
 from geneoh.synthesis.solids import PARTS, Solids
 from geneoh.synthesis.surface import mesh_of
 
@@ -40,7 +40,7 @@ def find(options: ProtocolOptions) -> list[Clip]:
 @lru_cache(maxsize=2)
 def draw_clip(family: str, index: int, frames: int, scans: Scans | None = None) -> Sequence:
     """An interaction of a right hand with one object of a family or scan; always the same."""
-    generator = torch.Generator().manual_seed(seed_of("evaluation", index))
+    generator = seeded_generator("evaluation", index)
     betas = SynthesisConfig().shape_std * torch.randn(10, generator=generator)
     hand = load_hand("right").shaped(betas)
     grasp, solid = draw_grasp(hand, family, scans, generator=generator)

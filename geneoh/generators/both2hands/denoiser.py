@@ -60,7 +60,7 @@ class TextHandsConfig(HandsConfig):
 
 
 @dataclass(frozen=True)
-class Told(Bundle):
+class Encoded(Bundle):
     """A condition as a network holds it, the same at all noise levels."""
 
     tokens: Float[Tensor, "B K D"]  # of the condition as a whole, then of words
@@ -91,7 +91,7 @@ class HandsDenoiser(nn.Module):
         return self.config.noise * cosine_levels(self.scale.size.device)
 
     def denoised(
-        self, x: Float[Tensor, "B T 270"], level: Float[Tensor, " B"], told: Told
+        self, x: Float[Tensor, "B T 270"], level: Float[Tensor, " B"], told: Encoded
     ) -> Float[Tensor, "B T 270"]:
         """The clean numbers in `x` = clean + sigma * noise.
 
@@ -148,14 +148,14 @@ class BodyHands(HandsDenoiser):
         size = config.frames_per_token * BODY
         self.body = nn.Linear(size, self.parts * config.width, bias=False)
 
-    def told(self, body: Float[Tensor, "B T 198"]) -> Told:
+    def encode(self, body: Float[Tensor, "B T 198"]) -> Encoded:
         """Features of a body made ready for `denoised`."""
         body, frames = self.body_scale.normalise(body), self.config.frames_per_token
         body = nn.functional.pad(body, (0, 0, 0, -body.shape[1] % frames))
         steps = self.body(body.unflatten(1, (-1, frames)).flatten(-2))
         tokens = steps.new_zeros(len(steps), 1, self.config.width)
         seen = torch.ones(tokens.shape[:2], dtype=torch.bool, device=tokens.device)
-        return Told(tokens, seen, steps.unflatten(-1, (self.parts, -1)).flatten(1, 2))
+        return Encoded(tokens, seen, steps.unflatten(-1, (self.parts, -1)).flatten(1, 2))
 
 
 class TextHands(HandsDenoiser):
@@ -171,21 +171,23 @@ class TextHands(HandsDenoiser):
         self.each = nn.Linear(config.words.width, config.width) if ours and self.words else None
         self.named = nn.Linear(config.width, 2 * config.gestures) if ours else None
 
-    def told(self, said: Int[Tensor, "B N"] | Float[Tensor, "B W"]) -> Told:
+    def encode(self, said: Int[Tensor, "B N"] | Float[Tensor, "B W"]) -> Encoded:
         """Sentences made ready for `denoised`: their pieces, or their vectors by an encoder."""
         if self.words is None:
             whole = self.text(said)[:, None]
-            return Told(whole, torch.ones(whole.shape[:2], dtype=torch.bool, device=whole.device))
+            return Encoded(
+                whole, torch.ones(whole.shape[:2], dtype=torch.bool, device=whole.device)
+            )
         vector, states, real = self.words.read_pieces(said)
         whole = self.text(vector)[:, None]
         if self.each is None:
-            return Told(whole, torch.ones_like(real[:, :1]))
-        return Told(
+            return Encoded(whole, torch.ones_like(real[:, :1]))
+        return Encoded(
             torch.cat([whole, self.each(states)], dim=1),
             nn.functional.pad(real, (1, 0), value=True),
         )
 
-    def gestures(self, told: Told) -> Float[Tensor, "B 2 G"]:
+    def gestures(self, told: Encoded) -> Float[Tensor, "B 2 G"]:
         """Scores of what the left and the right hand do by a sentence, before the softmax."""
         assert self.named is not None, "the paper's form names no gestures"
         return self.named(told.tokens[:, 0]).unflatten(-1, (2, -1))

@@ -82,10 +82,13 @@ def with_fingers(
     if frame == "wrist":
         turned = posed.rotations[..., WRIST_OF, :, :] @ turned
     whole = torch.cat([posed.rotations[..., :BODY_JOINTS, :, :], turned], dim=-3)
-    fingers = local_rotations(whole)[..., BODY_JOINTS:, :, :]
-    return BodyMotion(
-        motion.root, torch.cat([motion.rotations[..., :BODY_JOINTS, :, :], fingers], dim=-3)
-    )
+    return with_other_fingers(motion, local_rotations(whole)[..., BODY_JOINTS:, :, :])
+
+
+def with_other_fingers(motion: BodyMotion, fingers: Float[Tensor, "*B T 30 3 3"]) -> BodyMotion:
+    """The motion with other rotations of the finger joints, each in the frame of its parent."""
+    body = motion.rotations[..., :BODY_JOINTS, :, :]
+    return BodyMotion(motion.root, torch.cat([body, fingers], dim=-3))
 
 
 def projected(

@@ -6,6 +6,7 @@ from geneoh.body.motion import BodyMotion
 from geneoh.body.skeleton import BODY_JOINTS, Skeleton
 from geneoh.choices import STEPS
 from geneoh.generators.both2hands.contradiction import refuse_contradiction
+from geneoh.generators.both2hands.features import with_other_fingers
 from geneoh.generators.both2hands.library import Networks, load_networks
 from geneoh.generators.both2hands.limits import within_limits
 from geneoh.generators.both2hands.sampling import SamplingConfig, sample
@@ -52,8 +53,8 @@ def generate_hands(
         generator=generator,
         on_step=on_step,
     )
-    body, fingers = made.rotations[0].tensor_split([BODY_JOINTS], dim=1)
-    return BodyMotion(made.root[0], torch.cat([body, within_limits(fingers)], dim=1))
+    made = BodyMotion(made.root[0], made.rotations[0])
+    return with_other_fingers(made, within_limits(made.rotations[:, BODY_JOINTS:]))
 
 
 def check_sentence(sentence: str) -> None:

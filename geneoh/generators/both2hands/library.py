@@ -69,7 +69,7 @@ def load_networks(
     branches = load_branches(folder, text_encoder=text_encoder)
     blend = load_network(weights_of("blend", folder), Blender, BlendConfig)
     if blend.config.form == "ours":
-        refuse_strangers(branches, folder)
+        refuse_other_scales(branches, folder)
     refuse_other_branches(weights_of("blend", folder), branches)
     body, text = branches.body.to(device), branches.text.to(device)
     return Networks(body, text, branches.speech, blend.to(device))
@@ -91,7 +91,7 @@ def load_branches(folder: Path | None, *, text_encoder: Path | None = None) -> B
     return Branches(body, text, speech)
 
 
-def refuse_strangers(branches: Branches, folder: Path | None) -> None:
+def refuse_other_scales(branches: Branches, folder: Path | None) -> None:
     """Refuse networks whose noisy hands cannot be the same ones."""
     body, text = branches.body, branches.text
     scales = zip(body.scale.state_dict().values(), text.scale.state_dict().values(), strict=True)

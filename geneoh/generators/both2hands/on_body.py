@@ -12,6 +12,7 @@ from geneoh.body.motion import BodyMotion, grounded, pose, turned
 from geneoh.body.skeleton import BODY_JOINTS, FINGER_JOINTS, PARENTS, WRISTS
 from geneoh.choices import GENERATION, STEPS
 from geneoh.config import check_fields
+from geneoh.generators.both2hands.features import with_other_fingers
 from geneoh.generators.both2hands.generate import check_sentence, generate_hands
 from geneoh.generators.both2hands.library import load_networks
 from geneoh.geometry.axes import turn_up
@@ -140,8 +141,7 @@ def cleaned(
 
 def with_fingers(body: BodyRecording, made: BodyMotion) -> BodyRecording:
     """The body with the fingers of another motion of as many frames."""
-    parts = (body.motion.rotations[:, :BODY_JOINTS], made.rotations[:, BODY_JOINTS:])
-    motion = BodyMotion(body.motion.root, torch.cat(parts, dim=1))
+    motion = with_other_fingers(body.motion, made.rotations[:, BODY_JOINTS:])
     return replace(body, motion=motion, has_fingers=True)
 
 

@@ -11,8 +11,8 @@ from torch import Tensor
 from geneoh.body.motion import BodyMotion, pose
 from geneoh.body.skeleton import BODY_JOINTS, Skeleton
 from geneoh.choices import STEPS
-from geneoh.generators.both2hands.denoiser import HandsDenoiser, Told
-from geneoh.generators.both2hands.features import HANDS, placed, with_fingers
+from geneoh.generators.both2hands.denoiser import Encoded, HandsDenoiser
+from geneoh.generators.both2hands.features import HANDS, placed, with_fingers, with_other_fingers
 from geneoh.generators.both2hands.library import Networks
 from geneoh.generators.both2hands.scene import Scene, both_answers, hands_of_text
 from geneoh.generators.both2hands.windows import FRAMES, Windows
@@ -49,7 +49,7 @@ class Process:
     networks: Networks
     windows: Windows
     scene: Scene
-    told: tuple[Told, Told]
+    told: tuple[Encoded, Encoded]
     config: SamplingConfig
     generator: torch.Generator
     on_step: OnStep | None
@@ -137,15 +137,14 @@ def sample(
     skeletons = Skeleton(skeleton.offsets.expand(count, -1, -1))
     scene = Scene.of(skeletons.map(windows.repeat), moved.map(windows.cut))
     said = windows.repeat(networks.speech(sentences).to(device))
-    told = body.told(scene.body), networks.text.told(said)
+    told = body.encode(scene.body), networks.text.encode(said)
     config = config or SamplingConfig()
     process = Process(networks, windows, scene, told, config, generator, on_step)
     features = body.scale.denormalise(finite_output(process.hands()))
     if body.config.frame == "wrist":
         features = smoothed(features, config.smoothing)
     made = with_fingers(moved, pose(skeletons, moved), features, body.config.frame)
-    fingers = made.rotations[:, :frames, BODY_JOINTS:]
-    return BodyMotion(motion.root, torch.cat([motion.rotations[:, :, :BODY_JOINTS], fingers], 2))
+    return with_other_fingers(motion, made.rotations[:, :frames, BODY_JOINTS:])
 
 
 def _at_least_a_window(clips: Float[Tensor, "B T *N"]) -> Float[Tensor, "B F *N"]:

@@ -8,7 +8,7 @@ from torch import Tensor
 from geneoh.body.motion import BodyMotion, PosedBody, pose
 from geneoh.body.skeleton import Skeleton
 from geneoh.bundle import Bundle
-from geneoh.generators.both2hands.denoiser import BodyHands, TextHands, Told
+from geneoh.generators.both2hands.denoiser import BodyHands, Encoded, TextHands
 from geneoh.generators.both2hands.features import body_features, projected
 
 
@@ -45,7 +45,7 @@ def both_answers(
     text: TextHands,
     noisy: tuple[Float[Tensor, "B T 270"], Float[Tensor, "B T 270"]],
     level: Float[Tensor, " B"],
-    told: tuple[Told, Told],
+    told: tuple[Encoded, Encoded],
     scene: Scene,
 ) -> tuple[Float[Tensor, "B T 270"], Float[Tensor, "B T 270"]]:
     """The clean hands of the body and of the sentence, both in the numbers of the body's network.

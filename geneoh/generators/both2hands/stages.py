@@ -18,7 +18,7 @@ from geneoh.generators.both2hands.library import (
     Speech,
     load_branches,
     reader_of,
-    refuse_strangers,
+    refuse_other_scales,
     vocabulary_of,
 )
 from geneoh.generators.both2hands.recorded import recorded_gestures
@@ -87,7 +87,7 @@ def body_task(
         branches = load_branches(folder, text_encoder=text_encoder)
         speech = branches.speech
         if chosen.blend.form == "ours":
-            refuse_strangers(branches, folder)
+            refuse_other_scales(branches, folder)
     elif text_encoder is not None:
         encoder = foreign_encoder(text_encoder)
         speech = cast(Speech, encoder.encode)

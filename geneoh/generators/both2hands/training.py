@@ -23,8 +23,8 @@ from geneoh.generators.both2hands.scale import Scale
 from geneoh.generators.both2hands.scene import Scene, both_answers
 from geneoh.synthesis.draws import Draws, Part
 from geneoh.synthesis.gestures.clips import Gestures
-from geneoh.synthesis.shards import seed_of
-from geneoh.training.loop import OnePhase
+from geneoh.synthesis.shards import seeded_generator
+from geneoh.training.loop import OnePhase, first_weights, own_part
 from geneoh.training.processes import Team
 from geneoh.training.resume import digest
 
@@ -96,8 +96,7 @@ class HandsTask(OnePhase):
 
     def network(self) -> nn.Module:
         """A fresh network with the scales of the data, or with the one that is given."""
-        with torch.random.fork_rng(devices=[]):
-            torch.manual_seed(seed_of(self.config.seed, self.name, "weights"))
+        with first_weights(self.config.seed, self.name, "weights"):
             if self.name == "blend":
                 return Blender(self.config.blend)
             if self.name == "body_hands":
@@ -128,7 +127,7 @@ class HandsTask(OnePhase):
     def drawn(self, training: bool, *parts: object, part: Part) -> tuple[Samples, torch.Generator]:
         """A batch, or part of it, with its generator, by seed and `parts` (purpose, number)."""
         data = self.data if training else self.validation
-        generator = torch.Generator().manual_seed(seed_of(self.config.seed, self.name, *parts))
+        generator = seeded_generator(self.config.seed, self.name, *parts)
         draws = Draws(part.count, generator, part)
         pick = draws.integers(0, len(data.length))
         which = draws.integers(0, data.joined.shape[1])
@@ -144,9 +143,8 @@ class HandsTask(OnePhase):
 
     def pieces(self, step: int, team: Team, device: torch.device) -> list[HandsPiece]:
         """This process's part of the batch of a step, in the pieces that are worked off in turn."""
-        own = Part(0, self.config.batch, self.config.batch).divided(team.size)[team.rank]
         pieces = []
-        for part in own.divided(self.config.accumulate):
+        for part in own_part(self.config, team).divided(self.config.accumulate):
             samples, generator = self.drawn(True, "step", step, part=part)
             pieces.append(self.piece(samples.to(device), generator, part))
         return pieces
@@ -185,10 +183,10 @@ def denoised(
     clean = network.scale.normalise(samples.features.hands)
     level = draws.integers(1, len(network.sigmas)).to(clean.device)
     if isinstance(network, BodyHands):
-        told = network.told(samples.features.body)
+        told = network.encode(samples.features.body)
     else:
         assert isinstance(network, TextHands), "a network is told the body or a sentence"
-        told = network.told(samples.said)
+        told = network.encode(samples.said)
     return network.denoised(_noisy(network, clean, level, draws), level.float(), told), clean
 
 
@@ -213,7 +211,7 @@ def blended(
             text, text.scale.normalise(hand_features(scene.posed, "wrist")), level, draws
         )
     with torch.no_grad():
-        told = body.told(samples.features.body), text.told(samples.said)
+        told = body.encode(samples.features.body), text.encode(samples.said)
         answers = both_answers(body, text, (noisy, other), level.float(), told, scene)
     target = clean if config.target == "hands" else blender.mean(*answers)
     return blender(*answers, level.float()), target
@@ -240,7 +238,7 @@ def hands_loss(
 
 def naming_loss(network: TextHands, samples: Samples) -> Float[Tensor, ""]:
     """Cross-entropy of what each hand does, by the sentence alone."""
-    scores = network.gestures(network.told(samples.said)).flatten(0, 1)
+    scores = network.gestures(network.encode(samples.said)).flatten(0, 1)
     known = samples.gesture.flatten() >= 0
     taken = functional.cross_entropy(scores[known], samples.gesture.flatten()[known])
     return taken if bool(known.any()) else scores.sum() * 0

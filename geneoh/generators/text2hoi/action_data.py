@@ -49,7 +49,7 @@ def action_data(
             "with labels of actions, or a folder alone; choose one of them"
         )
     source = ANNOTATED[ANNOTATED.index(data.source)]
-    *found, notes = recorded_actions(
+    training, validation, notes = recorded_actions(
         source,
         data.path,
         data.shards_in(cache, "actions_"),
@@ -57,6 +57,5 @@ def action_data(
         options,
         on_step=on_progress and partial(on_progress, source),
     )
-    training, validation = (ActionData(each.actions, each.names, each.verbs) for each in found)
     made = asked_record(config) | {"source": source, "held_out": config.held_out}
     return TrainingData(training, validation, made, tuple(notes))

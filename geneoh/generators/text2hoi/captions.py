@@ -50,7 +50,7 @@ def captions(verb: str, noun: str, hands: HandsName) -> list[str]:
     goes with its article.
     """
     verb = VERB_WORDS.get(verb, (verb,))[0]
-    thing, hand = with_article(noun), _the(hands)
+    thing, hand = with_article(noun), with_the(hands)
     does = verb if hands == "both hands" else third_person(verb)
     return [
         _sentence(f"{verb} {thing} with {hand}"),
@@ -156,7 +156,8 @@ def _be(noun: str) -> str:
     return "are" if noun.split()[-1] in PLURAL else "is"
 
 
-def _the(hands: HandsName) -> str:
+def with_the(hands: HandsName) -> str:
+    """The hands with their article; both hands have none."""
     return hands if hands == "both hands" else f"the {hands}"
 
 

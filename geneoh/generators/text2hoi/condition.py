@@ -8,7 +8,7 @@ from torch import Tensor
 
 from geneoh.bundle import Bundle
 from geneoh.generators.text2hoi.objects import Objects
-from geneoh.generators.text2hoi.tokens import told_numbers
+from geneoh.generators.text2hoi.tokens import defined_numbers
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Condition(Bundle):
     @property
     def shown(self) -> Bool[Tensor, "B T 208"]:
         """Numbers that mean something: of hands that take part, in frames before the end."""
-        return told_numbers(self.present, self.valid, self.objects.jointed)
+        return defined_numbers(self.present, self.valid, self.objects.jointed)
 
     def without_text(self) -> "Condition":
         """The same with the sentence untold."""

@@ -31,7 +31,7 @@ from geneoh.readers.npz_files import save_sequence
 from geneoh.sequence.resample import at_times
 from geneoh.sequence.sequence import Sequence
 from geneoh.synthesis.actions import Actions
-from geneoh.synthesis.shards import seed_of
+from geneoh.synthesis.shards import seeded_generator
 
 
 @dataclass(frozen=True)
@@ -203,4 +203,4 @@ def _fault_note(draws: int, fault: str) -> str:
 
 def _generator(options: GenerateOptions, use: str) -> torch.Generator:
     """Random numbers for one use, so that a change of one part leaves the others as they are."""
-    return torch.Generator().manual_seed(seed_of(options.seed, use))
+    return seeded_generator(options.seed, use)

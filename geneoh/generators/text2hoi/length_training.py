@@ -14,9 +14,9 @@ from geneoh.generators.text2hoi.recorded import RecordedConfig
 from geneoh.generators.text2hoi.samples import ActionData, sentences
 from geneoh.generators.text2hoi.training import data_digest, text_record, words_digest
 from geneoh.synthesis.draws import Draws, Part
-from geneoh.synthesis.shards import seed_of
+from geneoh.synthesis.shards import seeded_generator
 from geneoh.training.data import TrainingData
-from geneoh.training.loop import OnePhase
+from geneoh.training.loop import OnePhase, first_weights, own_part
 from geneoh.training.processes import Team
 from geneoh.training.run_config import RunConfig
 
@@ -62,16 +62,14 @@ class LengthTask(OnePhase):
 
     def network(self) -> LengthNetwork:
         """A fresh network."""
-        with torch.random.fork_rng(devices=[]):
-            torch.manual_seed(seed_of(self.config.seed, self.name, "weights"))
+        with first_weights(self.config.seed, self.name, "weights"):
             return LengthNetwork(self.config.length)
 
     def drawn(
         self, data: ActionData, device: torch.device, *parts: object, part: Part
     ) -> LengthPiece:
         """Random actions with a random sentence each, by seed and `parts` (purpose, number)."""
-        generator = torch.Generator().manual_seed(seed_of(self.config.seed, self.name, *parts))
-        draws = Draws(part.count, generator, part)
+        draws = Draws(part.count, seeded_generator(self.config.seed, self.name, *parts), part)
         chosen = data.actions.take(draws.integers(0, len(data.actions)))
         text = self.encoder.encode(sentences(chosen, data, draws))
         noise = draws.normal(self.config.length.latent)
@@ -85,10 +83,9 @@ class LengthTask(OnePhase):
 
     def pieces(self, step: int, team: Team, device: torch.device) -> list[LengthPiece]:
         """This process's part of the batch of a step."""
-        own = Part(0, self.config.batch, self.config.batch).divided(team.size)[team.rank]
         return [
             self.drawn(self.data.training, device, "step", step, part=part)
-            for part in own.divided(self.config.accumulate)
+            for part in own_part(self.config, team).divided(self.config.accumulate)
         ]
 
     @torch.no_grad()

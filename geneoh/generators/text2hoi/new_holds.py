@@ -46,21 +46,20 @@ def new_hold(
     """The firm grasp that is nearest to a drawn hand, as the training data were grasped.
 
     It is looked for from the drawn hand's side of the object, over the table, and keeps out of the
-    hand `before`.
-    None where no grasp is found that passes the checks of the training data.
+    hand `before`. None where no grasp passes the checks of the training data.
     """
-    solids = solids.take(torch.zeros(TRIES, dtype=torch.long), "B")
+    copies = torch.zeros(TRIES, dtype=torch.long)
     toward = torch.nn.functional.normalize(drawn.wrist, dim=-1).expand(TRIES, -1)
     offsets = mean_offsets().expand(TRIES, -1, -1)
-    table = table.take(torch.zeros(TRIES, dtype=torch.long), "B")
+    solids = solids.take(copies, "B")
     grasps = synthesize_grasps(
         solids,
         offsets,
         GRASPS,
         generator=generator,
         toward=toward,
-        table=table,
-        other=None if before is None else before.take(torch.zeros(TRIES, dtype=torch.long), "B"),
+        table=table.take(copies, "B"),
+        other=None if before is None else before.take(copies, "B"),
     )
     found = HeldHands(grasps.pose, grasps.wrist)
     firm = grasps.kept & (Holding.of(solids, found).loose < FIRM)

@@ -23,7 +23,7 @@ from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.readers.sources.arctic import HINGE
 from geneoh.sequence.sequence import HandTrack, Sequence
 from geneoh.synthesis.actions import FPS, LONGEST, NEAR, Actions
-from geneoh.synthesis.shards import seed_of
+from geneoh.synthesis.shards import seeded_generator
 from geneoh.training.recordings import drawn_surface
 
 
@@ -48,8 +48,8 @@ class Surface:
     @classmethod
     def of(cls, meshes: tuple[Mesh, ...], count: int) -> "Surface":
         """Points spread by area, the same ones in every clip of an object."""
-        seed = seed_of("surface", *(mesh.sha256 for mesh in meshes))
-        return cls(*drawn_surface(meshes, count, generator=torch.Generator().manual_seed(seed)))
+        generator = seeded_generator("surface", *(mesh.sha256 for mesh in meshes))
+        return cls(*drawn_surface(meshes, count, generator=generator))
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from geneoh.errors import ConfigError, GeneOHError, InputError
 from geneoh.files.tensors import DamagedTensorsError, all_tensors, opened_tensors, write_tensors
 from geneoh.generators.text2hoi.annotation import has_labels, label_files, labels_of
 from geneoh.generators.text2hoi.recorded import RecordedConfig, Surface, action_of
+from geneoh.generators.text2hoi.samples import ActionData
 from geneoh.progress import OnStep, steps
 from geneoh.readers.base import ReaderOptions, SourceClip
 from geneoh.readers.convert import mesh_files
@@ -27,15 +28,6 @@ from geneoh.training.recordings import by_path, files_of, fingerprints, shard_pa
 FORMAT = 1  # of the shards; raised where the same files give other actions
 
 
-@dataclass(frozen=True)
-class RecordedActions:
-    """Actions of one split; `Actions.verb` and `Actions.name` are indices into the words."""
-
-    actions: Streamed[Actions]
-    verbs: tuple[str, ...]
-    names: tuple[str, ...]
-
-
 def recorded_actions(
     source: AnnotatedSource,
     path: Path,
@@ -44,7 +36,7 @@ def recorded_actions(
     options: ReaderOptions,
     *,
     on_step: OnStep | None = None,
-) -> tuple[RecordedActions, RecordedActions, list[str]]:
+) -> tuple[ActionData, ActionData, list[str]]:
     """The labelled actions of a data set below a path: to learn from, and to validate on.
 
     A recording becomes a shard in `folder`, which is read at once as long as its files stay the
@@ -82,7 +74,7 @@ def recorded_actions(
     )
     held, words = held_out([label["subject"] for label in labels], config.held_out)
     parts = [
-        RecordedActions(together.only(kept), tuple(verbs), tuple(names))
+        ActionData(together.only(kept), tuple(names), tuple(verbs))
         for kept in ((~held, held) if bool(held.any()) else (~held, ~held))
     ]
     about = f"{source}: {len(labels)} actions of {len(names)} objects, {words}"

@@ -70,7 +70,7 @@ class RefinerNetwork(nn.Module):
         the probability that each of them is touched.
         """
         frames = self.config.frames_per_token
-        told = self.told(tokens, points, contact).transpose(1, 2)
+        told = self.inputs(tokens, points, contact).transpose(1, 2)
         read = self.input(in_steps(told, frames).transpose(2, 3).flatten(-2))
         seen = in_steps(tokens.valid, frames).any(-1)[..., None] & tokens.present[:, None]
         steps = torch.arange(read.shape[1], device=read.device)
@@ -88,7 +88,7 @@ class RefinerNetwork(nn.Module):
         return tokens.with_hands(tokens.hands + change)
 
     @torch.no_grad()
-    def told(
+    def inputs(
         self, tokens: Tokens, points: Float[Tensor, "B T P 3"], contact: Float[Tensor, "B P"]
     ) -> Float[Tensor, "B 2 T N"]:
         """What is told of each hand and frame (paper, equation 11)."""

@@ -30,6 +30,11 @@ class ActionData:
     """The verbs of recordings, whose sentences keep them; None for made actions, whose verbs are
     `VERBS` with their synonyms."""
 
+    @property
+    def verb_words(self) -> tuple[str, ...]:
+        """The verbs that `Actions.verb` is an index into."""
+        return self.verbs or VERBS
+
     @cached_property
     def contact(self) -> Bool[Tensor, "B P"]:
         """Points that are touched."""
@@ -95,8 +100,7 @@ def draw_samples(
 def sentences(actions: Actions, data: ActionData, draws: Draws) -> list[str]:
     """A random sentence for each of some actions of the data, each by a seed of its own."""
     seeds = draws.integers(0, 2**31).tolist()
-    verbs = data.verbs or VERBS
-    said = [verbs[verb] for verb in actions.verb.tolist()]
+    said = [data.verb_words[verb] for verb in actions.verb.tolist()]
     passed = torch.tensor([n for n, verb in enumerate(said) if verb == "pass"], dtype=torch.long)
     giver = dict(zip(passed.tolist(), givers(actions.take(passed, "B")), strict=True))
     rows = zip(said, actions.name.tolist(), hands_of(actions), seeds, strict=True)

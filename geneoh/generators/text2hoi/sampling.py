@@ -109,23 +109,14 @@ def drawn_actions(
     on_step: OnStep | None = None,
 ) -> Actions:
     """One action for each sentence; see `sample`."""
-    network, device = networks.interaction, objects.points.device
+    network = networks.interaction
     each = network.config.frames_per_token
     whole = (lengths + each - 1) // each * each
     condition = condition_of(networks, objects, sentences, hands, whole, contact)
     numbers = drawn_numbers(network, condition, config, generator=generator, on_step=on_step)
     numbers = smoothed(finite_output(numbers), config.smoothing, whole)
-    jointed, valid = objects.jointed, condition.valid
-    empty = torch.zeros(*valid.shape, NUMBERS, device=device)
-    blank = Tokens(
-        empty[..., :198].unflatten(-1, (2, 99)).transpose(1, 2),
-        empty[..., 198:],
-        valid,
-        condition.present,
-        jointed,
-        network.config.frame,
-    )
-    tokens = blank.with_flat(network.denormalise(numbers))
+    flat, valid = network.denormalise(numbers), condition.valid
+    tokens = Tokens.of_flat(flat, valid, condition.present, objects.jointed, network.config.frame)
     return retimed(actions_of(tokens, still(objects, valid.shape[1])), lengths)
 
 
@@ -171,8 +162,8 @@ def drawn_numbers(
     on_step: OnStep | None = None,
 ) -> Float[Tensor, "B T 208"]:
     """Normalised numbers by the reverse process."""
-    told, guided = network.told(condition), config.guidance != 1
-    untold = network.told(condition.without_text()) if guided else told
+    told, guided = network.encode(condition), config.guidance != 1
+    untold = network.encode(condition.without_text()) if guided else told
 
     def answer(x: Tensor, level: Tensor) -> Tensor:
         level = level.expand(len(x))

@@ -24,10 +24,10 @@ def set_statistics(network: InteractionNetwork, actions: Streamed[Actions]) -> N
     both = [tokens_of(each, network.config.frame) for each in (some, some.mirrored())]
     total, square, count = (torch.zeros(len(network.mean), dtype=torch.float64) for _ in range(3))
     for tokens in both:
-        numbers = (tokens.flat * tokens.told).double()
+        numbers = (tokens.flat * tokens.defined).double()
         total += numbers.sum((0, 1))
         square += numbers.square().sum((0, 1))
-        count += tokens.told.sum((0, 1))
+        count += tokens.defined.sum((0, 1))
     mean = total / count.clamp(min=1)
     std = (square / count.clamp(min=1) - mean.square()).clamp(min=0).sqrt()
     network.mean.copy_(mean)
@@ -40,7 +40,7 @@ def set_statistics(network: InteractionNetwork, actions: Streamed[Actions]) -> N
 def set_axes(network: InteractionNetwork, clips: list[Tokens]) -> None:
     """Set the axes along which whole tokens vary most, and their covariance over tokens."""
     frames = network.config.frames_per_token
-    steps = [in_steps(network.normalise(t.flat) * t.told, frames) for t in clips]
+    steps = [in_steps(network.normalise(t.flat) * t.defined, frames) for t in clips]
     whole = [in_steps(t.shown.transpose(1, 2), frames).all(2) for t in clips]
     agents = torch.cat(steps).split([HAND, HAND, OBJECT], dim=-1)
     for index, codec in enumerate(network.codecs):

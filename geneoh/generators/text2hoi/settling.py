@@ -111,11 +111,12 @@ def settled_pose(
     in, beside the hand `before` and over the table.
     """
     tried = hold[torch.linspace(0, len(hold) - 1, 2 * TRIES + 1).long()[1::2]]
-    start, table = hand.take(tried, "N"), table.take(torch.zeros(TRIES, dtype=torch.long), "B")
-    start = replace(start, wrist=start.wrist + raised(start, table))
-    other = None if before is None else before.take(torch.zeros(TRIES, dtype=torch.long), "B")
+    copies = torch.zeros(TRIES, dtype=torch.long)
+    start, table, solids = hand.take(tried, "N"), table.take(copies, "B"), solids.take(copies, "B")
+    start = replace(start, wrist=start.wrist + shifts_out_of_table(start, table))
+    other = None if before is None else before.take(copies, "B")
     if other is not None:
-        start = beside(start, other)
+        start = moved_out_of(start, other)
     grasps = Grasps(
         pose=start.pose,
         wrist=start.wrist,
@@ -123,7 +124,6 @@ def settled_pose(
         kept=torch.ones(TRIES, dtype=torch.bool),
         types=torch.zeros(TRIES, dtype=torch.long),
     )
-    solids = solids.take(torch.zeros(TRIES, dtype=torch.long), "B")
     out = settled_grasps(solids, grasps, SETTLING, reach=REACH, table=table, other=other)
     # a hand that comes out of the object from deep inside is drawn back to what is then next to it
     after = settled_grasps(solids, out, SETTLING, reach=REACH, table=table, other=other)
@@ -139,14 +139,14 @@ def settled_pose(
     return found.take(best[None], "N"), tried[best], bool(fits)
 
 
-def beside(hands: HeldHands, other: OtherHands) -> HeldHands:
+def moved_out_of(hands: HeldHands, other: OtherHands) -> HeldHands:
     """Hands shifted until they are out of others."""
     for _ in range(ROUNDS):
-        hands = replace(hands, wrist=hands.wrist + aside(hands, other))
+        hands = replace(hands, wrist=hands.wrist + shifts_out_of_hand(hands, other))
     return hands
 
 
-def aside(hands: HeldHands, other: OtherHands) -> Float[Tensor, "N 3"]:
+def shifts_out_of_hand(hands: HeldHands, other: OtherHands) -> Float[Tensor, "N 3"]:
     """Shifts that take the deepest sphere of each hand out of the other hand's, metres."""
     rows, count = torch.arange(len(hands.wrist)), other.radii.shape[1]
     centers, radii = hands.spheres
@@ -180,15 +180,15 @@ def kept_pose(
     wrist = hand.wrist + share * (held.wrist - changed.wrist)
     found = HeldHands(torch.cat([turn[:, None], fingers], 1), wrist)
     # the held pose itself needs no way out, and one next to it only what is left of the change
-    return replace(found, wrist=wrist + (1 - share**4) * way_out(solids, found, table, other))
+    return replace(found, wrist=wrist + (1 - share**4) * shifts_out(solids, found, table, other))
 
 
-def raised(hand: HeldHands, table: Table) -> Float[Tensor, "N 3"]:
+def shifts_out_of_table(hand: HeldHands, table: Table) -> Float[Tensor, "N 3"]:
     """Shifts that take hands out of the table, straight up, metres."""
     return table.depth(*hand.spheres).amax(1).clamp(min=0)[:, None] * table.up
 
 
-def way_out(
+def shifts_out(
     solids: Solids, hand: HeldHands, table: Table, other: OtherHands | None = None
 ) -> Float[Tensor, "T 3"]:
     """Shifts that take a hand out of its object, the table and the other hand, smooth over the
@@ -204,8 +204,8 @@ def way_out(
         shift = depth[:, None] * normal.view(centers.shape)[frames, deepest]
         hand = replace(hand, wrist=hand.wrist + shift)
         if other is not None:
-            hand = replace(hand, wrist=hand.wrist + aside(hand, other))
-        hand = replace(hand, wrist=hand.wrist + raised(hand, table))
+            hand = replace(hand, wrist=hand.wrist + shifts_out_of_hand(hand, other))
+        hand = replace(hand, wrist=hand.wrist + shifts_out_of_table(hand, table))
     kernel = torch.exp(-0.5 * ((frames - frames[:, None]) / SMOOTH) ** 2)
     return kernel / kernel.sum(1, keepdim=True) @ (hand.wrist - start)
 

@@ -61,13 +61,13 @@ def answer_to_noise(
         ~draws.chance(config.object_dropout).to(tokens.present.device),
     )
     level = draws.integers(1, len(network.sigmas)).to(tokens.present.device)
-    clean = network.normalise(tokens.flat) * tokens.told
+    clean = network.normalise(tokens.flat) * tokens.defined
     noise = draws.normal(*clean.shape[1:]).to(clean)
     sigma = network.sigmas[level]
     x = clean + sigma[:, None, None] * noise
-    found = network.denoised(x, level.float(), network.told(condition))
+    found = network.denoised(x, level.float(), network.encode(condition))
     guess = tokens.with_flat(network.denormalise(found))
-    return Answer(tokens, guess, simple_loss(found, clean, tokens.told), sigma)
+    return Answer(tokens, guess, simple_loss(found, clean, tokens.defined), sigma)
 
 
 def interaction_loss(

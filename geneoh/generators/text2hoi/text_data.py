@@ -11,7 +11,7 @@ from torch import Tensor
 from geneoh.bundle import Bundle
 from geneoh.choices import HANDS, HandsName
 from geneoh.generators.pieces import learned_pieces, marked, piece_numbers, words_of
-from geneoh.generators.text2hoi.captions import caption
+from geneoh.generators.text2hoi.captions import caption, with_the
 from geneoh.generators.text2hoi.english import OTHER_VERBS, SMALL_WORDS, THINGS
 from geneoh.language.conjugation import forms
 from geneoh.language.vocabulary import NOUN_WORDS, VERB_WORDS
@@ -118,6 +118,6 @@ def disturbed(sentence: str, *, generator: torch.Generator) -> str:
 def unseen_phrasing(verb: str, noun: str, hands: HandsName, *, generator: torch.Generator) -> str:
     """A sentence in a phrasing that no caption has."""
     base, _, ing, past = forms(one_of(SEEN[verb], generator))
-    told = hands if hands == "both hands" else f"the {hands}"
     pattern = one_of(UNSEEN_PHRASINGS, generator)
-    return pattern.format(hands=told, noun=f"the {noun}", verb=base, ing=ing, past=past)
+    named = {"hands": with_the(hands), "noun": f"the {noun}"}
+    return pattern.format(**named, verb=base, ing=ing, past=past)

@@ -21,9 +21,8 @@ from geneoh.generators.text_network import TextConfig, TextNetwork
 from geneoh.language.vocabulary import NOUN_WORDS
 from geneoh.language.wording import misspelt, one_of
 from geneoh.synthesis.actions import VERBS
-from geneoh.synthesis.draws import Part
-from geneoh.synthesis.shards import seed_of
-from geneoh.training.loop import OnePhase
+from geneoh.synthesis.shards import seeded_generator
+from geneoh.training.loop import OnePhase, first_weights, own_part
 from geneoh.training.processes import Team
 from geneoh.training.run_config import RunConfig
 
@@ -108,42 +107,39 @@ class TextTask(OnePhase):
     @cached_property
     def tokenizer(self) -> Tokenizer:
         """The pieces of words, the same for every run of a seed."""
-        generator = torch.Generator().manual_seed(seed_of(self.config.seed, "text", "pieces"))
+        generator = seeded_generator(self.config.seed, "text", "pieces")
         return text_data.vocabulary(self.config.text.pieces, generator=generator)
 
     def network(self) -> TextNetwork:
         """A fresh network."""
-        with torch.random.fork_rng(devices=[]):
-            torch.manual_seed(seed_of(self.config.seed, "text", "weights"))
+        with first_weights(self.config.seed, "text", "weights"):
             return TextNetwork(self.config.text)
 
     def pieces(self, step: int, team: Team, device: torch.device) -> Sequence[TextPiece]:
         """This process's part of the batch of a step."""
         config = self.config
         words = text_data.SEEN if config.withhold else text_data.WORDS
-        seed = seed_of(config.seed, "text", "step", step, 0)
         drawn = draw_sentences(
             self.tokenizer,
             config.batch,
             config.text.longest,
             words,
-            generator=torch.Generator().manual_seed(seed),
+            generator=seeded_generator(config.seed, "text", "step", step, 0),
         )
-        own = Part(0, config.batch, config.batch).divided(team.size)[team.rank]
         return [
             TextPiece(
                 drawn.take(slice(part.first, part.first + part.count), "B").to(device),
                 part.count / part.total,
                 config,
             )
-            for part in own.divided(config.accumulate)
+            for part in own_part(config, team).divided(config.accumulate)
         ]
 
     def validate(self, model: TextNetwork, index: int) -> Float[Tensor, ""]:
         """Share of wrong verbs and wrong hands on sentences of one of `KINDS`."""
-        seed = seed_of(self.config.seed, "text", "validation", index)
+        generator = seeded_generator(self.config.seed, "text", "validation", index)
         kind = KINDS[index % len(KINDS)]
-        right = accuracy(model, self.tokenizer, kind, generator=torch.Generator().manual_seed(seed))
+        right = accuracy(model, self.tokenizer, kind, generator=generator)
         return torch.tensor(1 - sum(right) / 2)
 
     def record(self) -> dict[str, Any]:

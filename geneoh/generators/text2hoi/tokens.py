@@ -56,14 +56,26 @@ class Tokens(Bundle):
         return torch.cat([*self.hands.unbind(1), self.object], dim=-1)
 
     @property
-    def told(self) -> Bool[Tensor, "B T 208"]:
+    def defined(self) -> Bool[Tensor, "B T 208"]:
         """Which of them mean something."""
-        return told_numbers(self.present, self.valid, self.jointed)
+        return defined_numbers(self.present, self.valid, self.jointed)
+
+    @staticmethod
+    def of_flat(
+        flat: Float[Tensor, "B T 208"],
+        valid: Bool[Tensor, "B T"],
+        present: Bool[Tensor, "B 2"],
+        jointed: Bool[Tensor, " B"],
+        frame: HandFrame,
+    ) -> "Tokens":
+        """Clips from all numbers of each frame; the inverse of `flat`."""
+        left, right, thing = flat.split([HAND, HAND, OBJECT], dim=-1)
+        hands = torch.stack([left, right], dim=1)
+        return Tokens(hands, thing, valid, present, jointed, frame).masked()
 
     def with_flat(self, flat: Float[Tensor, "B T 208"]) -> "Tokens":
         """The same with other numbers."""
-        left, right, thing = flat.split([HAND, HAND, OBJECT], dim=-1)
-        return replace(self, hands=torch.stack([left, right], dim=1), object=thing).masked()
+        return Tokens.of_flat(flat, self.valid, self.present, self.jointed, self.frame)
 
     def with_hands(self, hands: Float[Tensor, "B 2 T 99"]) -> "Tokens":
         """The same with other hands."""
@@ -102,7 +114,7 @@ class Tokens(Bundle):
         return turns if self.frame == "object" else self.object_rotation[:, None].mT @ turns
 
 
-def told_numbers(
+def defined_numbers(
     present: Bool[Tensor, "B 2"], valid: Bool[Tensor, "B T"], jointed: Bool[Tensor, " B"]
 ) -> Bool[Tensor, "B T 208"]:
     """Numbers that mean something: of hands that take part, and of joints that are there."""

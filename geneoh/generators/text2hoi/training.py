@@ -25,10 +25,9 @@ from geneoh.generators.text2hoi.task_losses import (
     refiner_task_loss,
 )
 from geneoh.generators.text2hoi.text import ASKED
-from geneoh.synthesis.actions import VERBS
 from geneoh.synthesis.draws import Draws, Part
-from geneoh.synthesis.shards import seed_of
-from geneoh.training.loop import OnePhase
+from geneoh.synthesis.shards import seeded_generator
+from geneoh.training.loop import OnePhase, divided_batch, first_weights, own_part
 from geneoh.training.processes import Team
 from geneoh.training.resume import digest
 
@@ -74,8 +73,7 @@ class ActionTask(OnePhase):
 
     def network(self) -> nn.Module:
         """A fresh network, made for the text encoder and with the scales of the data."""
-        with torch.random.fork_rng(devices=[]):
-            torch.manual_seed(seed_of(self.config.seed, self.name, "weights"))
+        with first_weights(self.config.seed, self.name, "weights"):
             if self.name == "contact":
                 return ContactNetwork(self.config.contact)
             if self.name == "refiner":
@@ -92,21 +90,19 @@ class ActionTask(OnePhase):
         self, data: ActionData, *parts: object, part: Part
     ) -> tuple[Samples, torch.Generator]:
         """A batch, or part of it, with its generator, by seed and `parts` (purpose, number)."""
-        generator = torch.Generator().manual_seed(seed_of(self.config.seed, *parts))
+        generator = seeded_generator(self.config.seed, *parts)
         draws = Draws(part.count, generator, part)
         return draw_samples(data, self.config, self.encoder, draws, self.contact), generator
 
     def pieces(self, step: int, team: Team, device: torch.device) -> list[SamplesPiece]:
         """This process's part of the batch of a step, in the pieces that are worked off in turn."""
-        own = Part(0, self.config.batch, self.config.batch).divided(team.size)[team.rank]
+        own = own_part(self.config, team)
         samples, generator = self.drawn(self.data, "step", step, part=own)
-        pieces = []
-        for part in own.divided(self.config.accumulate):
-            rows = slice(part.first - own.first, part.first - own.first + part.count)
-            again = torch.Generator().set_state(generator.get_state())
-            some = samples.take(rows, "B").to(device)
-            pieces.append(SamplesPiece(some, self.config, again, part, self.loss))
-        return pieces
+        divided = divided_batch(samples, generator, own, self.config.accumulate)
+        return [
+            SamplesPiece(some.to(device), self.config, again, part, self.loss)
+            for some, again, part in divided
+        ]
 
     @torch.no_grad()
     def validate(self, model: nn.Module, index: int) -> Float[Tensor, ""]:
@@ -143,7 +139,7 @@ def words_digest(*several: ActionData) -> str:
 
     def parts(data: ActionData) -> Iterator[Tensor | str]:
         yield data.actions.each(lambda actions: torch.stack([actions.verb, actions.name], dim=1))
-        yield from (*data.names, *(data.verbs or VERBS))
+        yield from (*data.names, *data.verb_words)
 
     return digest(part for data in several for part in parts(data))
 

@@ -49,8 +49,8 @@ def test_the_shipped_sizes_take_ten_megabytes_in_half_precision():
 def test_hands_depend_on_the_body(form):
     network = tiny_networks(form).body
     bodies = torch.randn(2, 20, 198, generator=torch.Generator().manual_seed(1))
-    found = network.denoised(hands(0), LEVEL, network.told(bodies))
-    other = network.denoised(hands(0), LEVEL, network.told(bodies.flip(0)))
+    found = network.denoised(hands(0), LEVEL, network.encode(bodies))
+    other = network.denoised(hands(0), LEVEL, network.encode(bodies.flip(0)))
     assert found.shape == (2, 20, 270)
     assert not torch.allclose(found, other, atol=1e-4)
 
@@ -59,10 +59,10 @@ def test_hands_depend_on_the_body(form):
 def test_hands_depend_on_the_sentence_and_not_on_its_padding(form):
     network = tiny_networks(form).text
     said = speech(["the left hand waves", "both hands clap twice now"])
-    found = network.denoised(hands(0), LEVEL, network.told(said))
-    alone = network.denoised(hands(0)[:1], LEVEL[:1], network.told(said[:1, :4]))
+    found = network.denoised(hands(0), LEVEL, network.encode(said))
+    alone = network.denoised(hands(0)[:1], LEVEL[:1], network.encode(said[:1, :4]))
     torch.testing.assert_close(found[:1], alone, atol=1e-5, rtol=1e-4)
-    other = network.denoised(hands(0), LEVEL, network.told(said.flip(0)))
+    other = network.denoised(hands(0), LEVEL, network.encode(said.flip(0)))
     assert not torch.allclose(found, other, atol=1e-4)
 
 

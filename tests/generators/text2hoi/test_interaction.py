@@ -36,7 +36,7 @@ def condition_of(seed: int = 1) -> Condition:
 
 def answer(network: InteractionNetwork, x: torch.Tensor, condition: Condition) -> torch.Tensor:
     with torch.no_grad():
-        return network.denoised(x, torch.full((6,), 300.0), network.told(condition))
+        return network.denoised(x, torch.full((6,), 300.0), network.encode(condition))
 
 
 def own_of(network: InteractionNetwork, x: torch.Tensor) -> list[torch.Tensor]:
@@ -55,7 +55,7 @@ def noise(seed: int = 0) -> torch.Tensor:
 @pytest.mark.parametrize("form", FORMS)
 def test_what_stands_in_padded_frames_and_in_absent_hands_changes_nothing(form):
     network, condition = network_of(form), condition_of()
-    told = tokens_of(made_actions()).told
+    told = tokens_of(made_actions()).defined
     first = answer(network, noise(), condition)
     second = answer(network, torch.where(told, noise(), 100 * noise(1)), condition)
     assert first.equal(second)
@@ -86,7 +86,7 @@ def test_the_answer_depends_on_sentence_object_contact_and_level(form):
     for other in changes:
         assert (answer(network, noise(), other) - before).abs().amax((1, 2)).min() > 1e-5
     with torch.no_grad():
-        level = network.denoised(noise(), torch.full((6,), 900.0), network.told(condition))
+        level = network.denoised(noise(), torch.full((6,), 900.0), network.encode(condition))
     assert not level.allclose(before)
 
 
@@ -106,7 +106,7 @@ def test_tokens_are_the_condition_then_left_right_and_object_step_by_step():
         torch.nn.init.zeros_(layer.weight)
     for value, layer in enumerate(network.inputs, 1):
         torch.nn.init.constant_(layer.bias, float(value))
-    told = network.told(condition)
+    told = network.encode(condition)
     tokens, position = network.sequence(own_of(network, noise()), told)
     assert tokens.shape == (6, 1 + 3 * 20, 16)
     assert position.tolist() == [0.0] + [s for s in range(1, 21) for _ in range(3)]
@@ -119,7 +119,7 @@ def test_tokens_are_the_condition_then_left_right_and_object_step_by_step():
 
 def test_several_frames_of_an_agent_make_one_token():
     network, condition = network_of("ours"), condition_of()
-    told = network.told(condition)
+    told = network.encode(condition)
     assert told.tokens.shape == (6, 1 + 5, 16)
     tokens, position = network.sequence(own_of(network, noise()), told)
     assert tokens.shape == (6, 6 + 3 * 5, 16)
@@ -131,7 +131,7 @@ def test_several_frames_of_an_agent_make_one_token():
 
 
 def test_a_step_is_seen_if_any_of_its_frames_is_before_the_end():
-    told = network_of("ours").told(condition_of())
+    told = network_of("ours").encode(condition_of())
     assert told.step_seen[0].tolist() == [[False, True, True]] * 5
     assert told.step_seen[1].tolist() == [[True, False, True]] * 4 + [[False] * 3]
     assert told.step_seen[2].tolist() == [[True, True, True]] * 5

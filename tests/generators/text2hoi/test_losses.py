@@ -45,12 +45,12 @@ def test_the_simple_loss_adds_the_mean_of_each_agent():
     off[..., :99] += 1
     off[..., 99:198] += 2
     off[..., 198:] += 3
-    assert simple_loss(off, clean, tokens.told) == pytest.approx(1 + 4 + 9)
-    right = tokens.told.clone()
+    assert simple_loss(off, clean, tokens.defined) == pytest.approx(1 + 4 + 9)
+    right = tokens.defined.clone()
     right[..., :99] = False
     assert simple_loss(off, clean, right) == pytest.approx(4 + 9)
-    outside = torch.where(tokens.told, clean, 5.0)
-    assert simple_loss(outside, clean, tokens.told) == 0
+    outside = torch.where(tokens.defined, clean, 5.0)
+    assert simple_loss(outside, clean, tokens.defined) == 0
 
 
 @pytest.mark.parametrize("frame", ["object", "world"])
@@ -131,13 +131,13 @@ def test_a_batch_without_a_hand_has_finite_losses_and_gradients(hands):
     flat = (clean.flat + 0.1).requires_grad_()
     found, contact = clean.with_flat(flat), torch.ones(6, 48)
     weights, share = LossWeights(frames=8, points=12), torch.ones(6)
-    loss = simple_loss(flat, clean.flat, clean.told) + geometric_loss(
+    loss = simple_loss(flat, clean.flat, clean.defined) + geometric_loss(
         found, clean, actions, contact, weights, draws(), share
     )
     loss.backward()
     assert loss.isfinite()
     assert flat.grad.isfinite().all()
-    assert not flat.grad[~clean.told].any()
+    assert not flat.grad[~clean.defined].any()
 
 
 def test_the_truth_costs_nothing():

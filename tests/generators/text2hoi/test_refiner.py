@@ -105,7 +105,7 @@ def test_the_offset_to_the_nearest_point_is_told_up_to_its_reach():
     joints = tokens.joints()
     points = torch.full((6, joints.shape[2], 2, 3), 50.0)
     points[..., 0, :] = joints[:, 1, :, 0] + torch.tensor([0.01, 0.0, -0.2])
-    told = network_of("ours").told(tokens, points, torch.zeros(6, 2))[:, 1][tokens.shown[:, 1]]
+    told = network_of("ours").inputs(tokens, points, torch.zeros(6, 2))[:, 1][tokens.shown[:, 1]]
     offset = told[:, -63:].unflatten(-1, (21, 3))[:, 0]
     wanted = torch.tensor([0.01, 0.0, -REACH]) / REACH
     torch.testing.assert_close(offset, wanted.expand_as(offset), atol=1e-4, rtol=0)

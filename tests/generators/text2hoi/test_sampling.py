@@ -172,7 +172,7 @@ def test_the_network_is_told_the_number_of_each_level(networks, objects):
 def test_guidance_goes_beyond_the_answer_without_the_sentence(networks, objects):
     """Answers of 1 with a sentence and 3 without: at guidance 2 the answer is -1."""
     interaction = InteractionNetwork(TINY.interaction)
-    told_of = interaction.told
+    told_of = interaction.encode
     given = {}
 
     def told(condition):
@@ -180,7 +180,7 @@ def test_guidance_goes_beyond_the_answer_without_the_sentence(networks, objects)
         given[id(found)] = 1.0 if condition.text_given.all() else 3.0
         return found
 
-    interaction.told = told
+    interaction.encode = told
     interaction.denoised = lambda x, level, told: torch.full_like(x, given[id(told)])
     condition = condition_of(networks, objects, SAID, HANDS, LENGTHS, torch.zeros(3, 48))
     for guidance, expected in ((1.0, 1.0), (2.0, -1.0), (0.0, 3.0)):

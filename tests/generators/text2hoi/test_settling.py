@@ -8,7 +8,7 @@ from draws import seeded
 from made_actions import box_actions, on_object
 
 from geneoh.generators.text2hoi.held_hands import HeldHands, moving, table_of
-from geneoh.generators.text2hoi.settling import beside, settled, solid_of, way_out
+from geneoh.generators.text2hoi.settling import moved_out_of, settled, shifts_out, solid_of
 from geneoh.generators.text2hoi.standing import stand
 from geneoh.geometry.distance import SurfaceDistance
 from geneoh.geometry.mesh import Mesh
@@ -141,7 +141,7 @@ def test_a_hand_in_another_one_makes_way_by_no_more_than_it_needs():
     hands = flat_hands((0.0, 0.012, 0.0), (0.0, 0.5, 0.0))
     other = OtherHands(*flat_hands((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)).spheres)
     assert other.depth(*hands.spheres)[0].max() > 0.01
-    found = beside(hands, other)
+    found = moved_out_of(hands, other)
     assert other.depth(*found.spheres).max() < 0.002
     assert (found.wrist[0] - hands.wrist[0]).norm() < 0.06
     assert found.wrist[1].equal(hands.wrist[1])
@@ -152,8 +152,8 @@ def test_the_way_out_is_as_long_as_the_hand_is_deep_and_nothing_outside(rod):
     table = table_of(sunk(rod, 1), 1, middle)
     inside = HeldHands.of(sunk(rod, 1), 1, middle)
     far = replace(inside, wrist=inside.wrist + torch.tensor([0.0, 0.3, 0.0]))
-    assert not way_out(solids, far, table).any()
-    found = replace(inside, wrist=inside.wrist + way_out(solids, inside, table))
+    assert not shifts_out(solids, far, table).any()
+    found = replace(inside, wrist=inside.wrist + shifts_out(solids, inside, table))
     assert depth_in(solids, inside) > 0.01
     assert depth_in(solids, found) < 0.004
 

@@ -82,10 +82,10 @@ def test_keypoints_on_the_object_do_not_depend_on_the_frame_that_hands_are_writt
 
 def test_nothing_is_told_of_absent_hands_padded_frames_and_joints_that_are_not_there():
     tokens = tokens_of(made_actions())
-    assert not tokens.flat[~tokens.told].any()
-    assert tokens.told[0, 0].sum() == 99 + 9  # a rigid object and a right or a left hand
-    assert tokens.told[2, 0].sum() == 2 * 99 + 10
-    assert not tokens.told[1, 15:].any()
+    assert not tokens.flat[~tokens.defined].any()
+    assert tokens.defined[0, 0].sum() == 99 + 9  # a rigid object and a right or a left hand
+    assert tokens.defined[2, 0].sum() == 2 * 99 + 10
+    assert not tokens.defined[1, 15:].any()
 
 
 def test_a_sliding_joint_is_in_decimetres_and_a_turning_one_in_radians():
