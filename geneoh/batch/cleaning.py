@@ -61,7 +61,9 @@ def clean_clip(clip: Clip, batch: Batch) -> Outcome:
         try:
             if clip.problem:
                 raise GeneOHError(clip.problem)
-            inputs = {str(clip.path): fingerprint(clip.path)}
+            asked = {**batch.reading, **clip.reading}.values()
+            read = [each for each in asked if isinstance(each, Path) and each.is_file()]
+            inputs = {str(each.absolute()): fingerprint(each) for each in (clip.path, *read)}
             made = list(cleaned(clip, batch))
         except CheckpointError:
             raise

@@ -73,6 +73,7 @@ def find_clips(
             have one name, or a result would replace an input.
         ConfigError: a manifest names an option or a source that does not exist.
     """
+    meshes = tuple(mesh.absolute() for mesh in meshes)  # as the journal names them
     found: list[Clip] = []
     for path in (path for given in inputs for path in expanded(given)):
         if source is None and is_manifest(path):

@@ -110,7 +110,8 @@ class Record:
         except (ValueError, OverflowError):  # rows of other lengths, integers of any size
             raise self.refuse(name, "an array of numbers") from None
         if array.dtype.kind not in "fiub":
-            cure = OF_OBJECTS if array.dtype.kind == "O" and self.remedy != AS_DISTRIBUTED else ""
+            objects = array.dtype.kind == "O" and name in self
+            cure = OF_OBJECTS if objects and self.remedy != AS_DISTRIBUTED else ""
             raise self.refuse(name, "an array of numbers", cure)
         return array.astype(np.float64)
 

@@ -27,8 +27,8 @@ def clips(tmp_path):
 def clean(tmp_path, faked):
     """Clean what is in a folder into the folder out."""
 
-    def cleaned(folder, out="out", options=None, reading=None, **how):
+    def cleaned(folder, out="out", options=None, reading=None, meshes=(), **how):
         batch = Batch(tmp_path / out, options or Options(), reading or {})
-        return run.clean_batch(find_clips([folder], None, batch.folder), batch, **how)
+        return run.clean_batch(find_clips([folder], None, batch.folder, meshes), batch, **how)
 
     return cleaned

@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import fake_cleaning
+import numpy as np
 import pytest
 
 from geneoh.errors import CheckpointError, ConfigError, InputError
@@ -101,6 +102,26 @@ def test_weights_that_are_missing_end_the_run(clips, clean, monkeypatch):
     monkeypatch.setattr(fake_cleaning, "denoise", without)
     with pytest.raises(CheckpointError):
         clean(clips)
+
+
+def test_a_mesh_that_is_named_from_the_working_folder_is_found_again(clips, clean, monkeypatch):
+    monkeypatch.chdir(clips)
+    for before in (0, 4):
+        assert clean(clips, meshes=(Path("clip0.obj"),)).before == before
+
+
+def test_clips_whose_poses_of_the_object_changed_are_done_again(clips, clean, monkeypatch):
+    monkeypatch.chdir(clips)
+    arrays = dict(np.load("clip0.npz"))
+    poses = np.tile(np.eye(4), (len(arrays["object_rotation"]), 1, 1))
+    for name in ("object_rotation", "object_translation"):
+        arrays.pop(name)
+    np.savez("bare.npz", **arrays)
+    for place, before in ((0.0, 0), (0.0, 1), (0.01, 0)):
+        poses[:, 0, 3] = place
+        np.save("poses.npy", poses)
+        made = clean(clips / "bare.npz", reading={"object_pose": Path("poses.npy")})
+        assert (made.before, made.failed) == (before, [])
 
 
 def test_what_changed_and_what_is_missing_is_done_again(clips, clean, tmp_path):

@@ -123,7 +123,7 @@ def test_python_too_replaces_no_input_and_no_device(folder):
     there = contents(folder)
     with pytest.raises(InputError, match="got a device"):
         geneoh_api.save(clip, folder / "null.npz")
-    with pytest.raises(InputError, match="expected .npz"):
+    with pytest.raises(InputError, match=r"expected \.npz"):
         geneoh_api.save(clip, "/dev/null")
     with pytest.raises(InputError, match="is an input"):
         geneoh_api.view(clip, folder / "link.npz", before=folder / "hand.npz")

@@ -84,6 +84,11 @@ def test_rows_of_other_lengths_are_refused(tmp_path):
         read_numbers(tmp_path / "a.txt", 3)
 
 
+def test_a_field_that_is_missing_is_not_said_to_hold_objects():
+    with pytest.raises(InputError, match="got none; save it"):
+        Record("here", {}, "save it").numbers("joints")
+
+
 def test_a_refusal_of_any_value_is_short():
     for value in (b"a" * 10**6, "a" * 10**6, doubled(45), np.zeros(3), 5, None, {"a": doubled(45)}):
         with pytest.raises(InputError) as refusal:
