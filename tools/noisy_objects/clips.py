@@ -4,7 +4,7 @@ import math
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Literal, cast, get_args
 
 import torch
 
@@ -120,7 +120,7 @@ def with_noisy_object(
         return with_spins(sequence, symmetry, generator)
     if kind in get_args(WhiteNoise):
         return with_white_noise(sequence, kind, generator)
-    return corrupt_object(sequence, kind, generator=generator)
+    return corrupt_object(sequence, cast(ObjectNoise, kind), generator=generator)
 
 
 def with_white_noise(sequence: Sequence, kind: str, generator: torch.Generator) -> Sequence:
