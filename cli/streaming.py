@@ -176,13 +176,13 @@ def line_frames(first: bytes, source: BinaryIO) -> Iterator[tuple[str, Fields]]:
 
 def sides_in(fields: Fields, asked: Side | None, where: str) -> list[Side]:
     """The hands that the first line names, those that are null there included, or the asked one."""
-    if asked is not None:
-        return [asked]
-    found: list[Side] = [s for s in SIDES if any(n in fields for n in own_names(s).values())]
+    sides = SIDES if asked is None else (asked,)
+    found: list[Side] = [s for s in sides if any(n in fields for n in own_names(s).values())]
     if not found:
         raise InputError(
-            f"{where}: the first frame must name its hands by fields such as 'right_joints', null "
-            f"where a hand is lost, got {', '.join(map(repr, [*fields][:10])) or 'none'}; add one"
+            f"{where}: the first frame must name its hands by fields such as "
+            f"'{asked or 'right'}_joints', null where a hand is lost, got "
+            f"{', '.join(map(repr, [*fields][:10])) or 'none'}; add one"
         )
     return found
 

@@ -91,6 +91,21 @@ def check_hand(hand: HandTrack, name: str) -> None:
     for points in (hand.joints, hand.wrist):
         if points is not None:
             check_place(points[hand.valid], f"the {hand.side} hand", name)
+    for field in ("pose", "confidence"):
+        if (values := getattr(hand, field)) is not None:
+            check_finite(values[hand.valid], f"'{field}' of the {hand.side} hand", name)
+    if hand.betas is not None and not bool(hand.betas.isfinite().all()):
+        raise InputError(
+            f"{name}: 'betas' of the {hand.side} hand must be finite, got NaN or infinity; "
+            "leave them out where they are not known"
+        )
+    if hand.confidence is not None:
+        sure = hand.confidence[hand.valid]
+        if not bool(((sure >= 0) & (sure <= 1)).all()):
+            raise InputError(
+                f"{name}: 'confidence' of the {hand.side} hand must be between 0 and 1, got "
+                f"{float(sure.min()):g} to {float(sure.max()):g}; rescale it"
+            )
     if hand.joints is not None:
         span = float(hand_span(hand.joints[hand.valid]))
         if span == 0:
@@ -125,13 +140,18 @@ def check_hand(hand: HandTrack, name: str) -> None:
             )
 
 
-def check_place(points: Float[Tensor, "*B 3"], what: str, name: str) -> None:
-    """Refuse points so far from the origin that float32 does not hold them to a millimetre."""
-    if not bool(points.isfinite().all()):
+def check_finite(values: Float[Tensor, "T ..."], what: str, name: str) -> None:
+    """Refuse NaN and infinity among values of valid frames."""
+    if not bool(values.isfinite().all()):
         raise InputError(
             f"{name}: {what} must be finite wherever it is valid, got NaN or infinity; mark such "
             "frames as not valid"
         )
+
+
+def check_place(points: Float[Tensor, "*B 3"], what: str, name: str) -> None:
+    """Refuse points so far from the origin that float32 does not hold them to a millimetre."""
+    check_finite(points, what, name)
     farthest = float(points.abs().max())
     if not farthest <= FARTHEST_POINT:
         raise InputError(

@@ -162,6 +162,12 @@ def test_a_first_line_without_a_hand_is_refused(stream):
     assert "line 1: the first frame must name its hands" in result.stderr
 
 
+def test_a_first_line_without_the_hand_that_is_asked_for_is_refused(stream, lines):
+    result = stream(lines, "--obj", "object.obj", "--side", "left")
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert "such as 'left_joints'" in result.stderr
+
+
 def test_no_line_at_all_gives_none(stream):
     result = stream([])
     assert (result.exit_code, result.output) == (0, "")

@@ -37,6 +37,15 @@ def test_a_plausible_sequence_passes():
             "got in frame 0 determinant 0; fill frames",
         ),
         (replace(GOOD, hands=(replace(HAND, joints=0 * HAND.joints),)), "all its keypoints in one"),
+        *(
+            (replace(GOOD, hands=(replace(HAND, **{field: values}),)), f"'{field}' .* {words}")
+            for field, values, words in (
+                ("pose", torch.full((FRAMES, 16, 3), torch.nan), "must be finite wherever"),
+                ("confidence", torch.full((FRAMES, 21), torch.nan), "must be finite wherever"),
+                ("confidence", torch.full((FRAMES, 21), 2.0), "between 0 and 1, got 2 to 2"),
+                ("betas", torch.full((10,), torch.nan), "must be finite, got NaN"),
+            )
+        ),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
