@@ -5,7 +5,7 @@ estimator does. Seen from the palm that shakes it, it rests; noise of its poses 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -15,12 +15,12 @@ from scipy.spatial.transform import Rotation
 from torch import Tensor
 
 from geneoh.objects.smoothing import LEAST_FRAMES, Summary, increments, noise_level, path_of
-from geneoh.sequence.gaps import fill_gaps, palm_points
-from geneoh.sequence.keypoints import PALM, keypoints, palm_axes
+from geneoh.sequence.gaps import filled_keypoints, palm_points
+from geneoh.sequence.keypoints import PALM, palm_axes
 from geneoh.sequence.sequence import HandTrack
 
 SHARED = 0.5
-"""Share of a change that is left as a palm sees it, up to which the palm moves so too."""
+"""A palm shares a change of motion if it sees at most this part of the change."""
 SLACK = 1.01
 """By how much a limit is above the largest change that a palm shares."""
 
@@ -64,7 +64,7 @@ class RigidMotion:
 
 def palm_of(hand: HandTrack) -> RigidMotion:
     """The palm of a track, of which something is seen in some frame."""
-    return palm_at(keypoints(fill_gaps(replace(hand, valid=hand.observed))), hand.trust)
+    return palm_at(filled_keypoints(hand), hand.trust)
 
 
 def palm_at(joints: Float[Tensor, "T 21 3"], trust: Float[Tensor, "T 21"]) -> RigidMotion:

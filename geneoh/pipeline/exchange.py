@@ -12,10 +12,10 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from geneoh.bundle import FRAMES
+from geneoh.bundle import concatenated
 from geneoh.errors import numbered
-from geneoh.readers.convention_check import KNUCKLES, finger_curls
-from geneoh.sequence.gaps import fill_gaps
+from geneoh.pipeline.faults import curls
+from geneoh.sequence.gaps import filled_keypoints
 from geneoh.sequence.keypoints import PALM, keypoints
 from geneoh.sequence.sequence import HandTrack, Sequence
 from geneoh.sequence.windows import runs
@@ -60,8 +60,10 @@ def same_place(one: HandTrack, other: HandTrack) -> Iterator[str]:
 
 def exchanged(one: HandTrack, other: HandTrack) -> Bool[Tensor, " T"]:
     """The frames in which each of two hands is the other one; none where all of them would be."""
-    curl = curls(one) + curls(other)
-    palms = torch.stack([palm_of(one), palm_of(other)])
+    hands = (one, other)
+    bends = [curls(keypoints(hand), hand.trust != 0, hand.side).nan_to_num() for hand in hands]
+    curl = bends[0] + bends[1]
+    palms = torch.stack([filled_keypoints(hand)[:, PALM] for hand in hands])
     steps = (palms[:, 1:] - palms[:, :-1]).norm(dim=-1).mean(-1).sum(0)
     crossed = (palms[:, 1:] - palms.flip(0)[:, :-1]).norm(dim=-1).mean(-1).sum(0)
     found = cheapest(curl, steps / JITTER, crossed / JITTER + CHANGE)
@@ -99,18 +101,6 @@ def cheapest(
     return torch.tensor(found[::-1], device=curl.device) == 1
 
 
-def curls(hand: HandTrack) -> Float[Tensor, " T"]:
-    """By how much the fingers bend forward, in lengths of the palm; 0 where nothing is known."""
-    joints = keypoints(hand).masked_fill((hand.trust == 0)[..., None], torch.nan)
-    length = (joints[:, KNUCKLES] - joints[:, :1]).norm(dim=-1).nanmedian()
-    return (finger_curls(joints, hand.side) / length).nan_to_num()
-
-
-def palm_of(hand: HandTrack) -> Float[Tensor, "T 5 3"]:
-    """The wrist and the knuckles, with gaps filled."""
-    return keypoints(fill_gaps(replace(hand, valid=hand.observed)))[:, PALM]
-
-
 def fields_of(hand: HandTrack) -> list[bool]:
     """Which of the fields that have frames a track lacks."""
     of_points = (hand.joints, hand.confidence, hand.joint_spread)
@@ -118,18 +108,6 @@ def fields_of(hand: HandTrack) -> list[bool]:
 
 
 def with_frames_of(hand: HandTrack, other: HandTrack, frames: Bool[Tensor, " T"]) -> HandTrack:
-    """A track that is another one in some frames."""
-    theirs = iter(_of_frames(other))
-
-    def mixed(values: Tensor) -> Tensor:
-        chosen = frames.reshape(-1, *[1] * (values.ndim - 1))
-        return torch.where(chosen, next(theirs), values)
-
-    return hand.map(mixed, FRAMES)
-
-
-def _of_frames(hand: HandTrack) -> list[Tensor]:
-    """The tensors of a track that have frames, in the order of its fields."""
-    found: list[Tensor] = []
-    hand.map(lambda values: found.append(values) or values, FRAMES)
-    return found
+    """A track that is another one in some frames; both have the same fields with frames."""
+    both = concatenated([hand, replace(other, betas=hand.betas)])
+    return both[torch.arange(hand.frames, device=frames.device) + hand.frames * frames]

@@ -21,8 +21,8 @@ from geneoh.objects.consistency import longest_chain, possible_places
 from geneoh.objects.smoothing import increments
 from geneoh.objects.symmetry import Symmetry
 from geneoh.readers.convention_check import KNUCKLES, finger_curls
-from geneoh.sequence.gaps import fill_gaps, observed_around, palm_points
-from geneoh.sequence.keypoints import PALM, keypoints, palm_axes
+from geneoh.sequence.gaps import filled_keypoints, observed_around, palm_points
+from geneoh.sequence.keypoints import PALM, palm_axes
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh.sequence.windows import runs
 
@@ -53,7 +53,7 @@ class Fault:
     frames: Bool[Tensor, " T"]
     words: str
     of_fingers: bool
-    """Whether the palm is as good there as elsewhere."""
+    """Whether only the fingers are wrong, and the palm counts as observed."""
 
 
 def without_faults(sequence: Sequence) -> tuple[Sequence, tuple[str, ...]]:
@@ -99,8 +99,7 @@ def faults(hand: HandTrack, fps: float, motion: ObjectTrack | None = None) -> It
     seen = hand.observed
     if int(seen.sum()) < SHORTEST:
         return
-    whole = fill_gaps(replace(hand, valid=seen))
-    joints, trusted = keypoints(whole), hand.trust > 0
+    joints, trusted = filled_keypoints(hand), hand.trust > 0
     track = Track(joints, trusted, hand.side, fps, seen_from_parts(joints, motion))
     for find, words, of_fingers in FAULTS:
         wrong = find(track) & seen
@@ -217,11 +216,18 @@ def seen_from_parts(
     return tuple(motion.seen_from(part, joints) for part in motion.seen_parts)
 
 
+def curls(
+    joints: Float[Tensor, "T 21 3"], trusted: Bool[Tensor, "T 21"], side: Side
+) -> Float[Tensor, " T"]:
+    """By how much the fingers bend forward, in lengths of the palm; NaN where nothing is known."""
+    known = joints.masked_fill(~trusted[..., None], torch.nan)
+    length = (known[:, KNUCKLES] - known[:, :1]).norm(dim=-1).nanmedian()
+    return finger_curls(known, side) / length
+
+
 def other_side(track: Track) -> Bool[Tensor, " T"]:
     """Frames whose fingers bend backward, while those around them bend forward."""
-    known = track.joints.masked_fill(~track.trusted[..., None], torch.nan)
-    length = (known[:, KNUCKLES] - known[:, :1]).norm(dim=-1).nanmedian()
-    curl = (finger_curls(known, track.side) / length).cpu().numpy()
+    curl = curls(track.joints, track.trusted, track.side).cpu().numpy()
     found = track.nothing
     for run in runs(curl < BACKWARD):
         around = [frame for frame in (run.start - 1, run.stop) if 0 <= frame < len(curl)]

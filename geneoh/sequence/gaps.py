@@ -11,7 +11,7 @@ from torch.nn.functional import normalize
 from geneoh.bundle import FRAMES
 from geneoh.geometry.rotations import axis_angle_to_matrix as matrices
 from geneoh.geometry.rotations import interpolate_rotations, matrix_to_axis_angle
-from geneoh.sequence.keypoints import PALM
+from geneoh.sequence.keypoints import PALM, keypoints
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 
 
@@ -74,6 +74,11 @@ def fill_gaps(hand: HandTrack) -> HandTrack:
     if bool(hand.valid.all()):
         return hand
     return observed_around(hand.valid).hand(hand, hand.valid)
+
+
+def filled_keypoints(hand: HandTrack) -> Float[Tensor, "T 21 3"]:
+    """Keypoints of a track, metres, world frame; frames without any trusted one are filled."""
+    return keypoints(fill_gaps(replace(hand, valid=hand.observed)))
 
 
 def observed_around(valid: Bool[Tensor, " T"]) -> FrameInterpolation:
