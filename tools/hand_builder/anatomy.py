@@ -6,6 +6,7 @@ metacarpals, thenar and hypothenar muscles, webs and a short forearm. Negative i
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,10 +44,14 @@ THUMB_ROLL = np.radians(42.0)
 """Angle between the thumb's nail and the back of the hand, towards the radial side, radians."""
 
 
+BONE_PARENTS = (*PARENTS[1:], *TIP_PARENTS)
+"""The joint that each of the 15 bones and 5 tips starts from."""
+
+
 def skeleton(offsets: FloatArray = MEASURED_OFFSETS * SCALE) -> FloatArray:
     """Positions (21, 3) of the 16 joints and the 5 tips for rest offsets (20, 3)."""
     points = np.zeros((21, 3))
-    for child, parent in enumerate((*PARENTS[1:], *TIP_PARENTS), start=1):
+    for child, parent in enumerate(BONE_PARENTS, start=1):
         points[child] = points[parent] + offsets[child - 1]
     return points
 
@@ -108,17 +113,16 @@ class Digit:
         return np.maximum(ratio, 1e-4) ** (-1.0 / n)  # the axis itself has no direction
 
 
-FINGER_Q = np.array([-0.6, 0.0, 0.5, 0.85, 1.0, 1.2, 1.5, 1.8, 2.0, 2.2, 2.5])
+PROFILE_Q = np.array([-0.6, 0.0, 0.5, 0.85, 1.0, 1.2, 1.5, 1.8, 2.0, 2.2, 2.5])
 FINGER_WIDTH = np.array([0.92, 0.93, 0.92, 0.99, 1.02, 0.97, 0.885, 0.89, 0.91, 0.87, 0.84])
 FINGER_DORSAL = np.array([1.0, 0.98, 0.86, 0.92, 0.96, 0.89, 0.77, 0.75, 0.76, 0.69, 0.62])
 FINGER_PALMAR = np.array([1.0, 1.02, 1.05, 0.93, 0.87, 0.93, 0.97, 0.83, 0.79, 0.85, 0.88])
-THUMB_Q = np.array([-0.6, 0.0, 0.5, 0.85, 1.0, 1.2, 1.5, 1.8, 2.0, 2.2, 2.5])
 THUMB_WIDTH = np.array([1.55, 1.5, 1.32, 1.17, 1.12, 1.05, 0.98, 1.0, 1.01, 1.0, 0.98])
 THUMB_DORSAL = np.array([1.2, 1.15, 1.05, 1.0, 0.98, 0.92, 0.86, 0.88, 0.88, 0.80, 0.68])
 THUMB_PALMAR = np.array([1.5, 1.5, 1.4, 1.2, 1.12, 1.08, 1.04, 0.95, 0.93, 0.96, 0.95])
-FINGER_PROFILE = (FINGER_Q, FINGER_WIDTH, FINGER_DORSAL, FINGER_PALMAR)
-THUMB_PROFILE = (THUMB_Q, THUMB_WIDTH, THUMB_DORSAL, THUMB_PALMAR)
-"""Along a digit (q, see `Digit`): half width, depth to the back and to the pad, in RADII."""
+FINGER_PROFILE = (FINGER_WIDTH, FINGER_DORSAL, FINGER_PALMAR)
+THUMB_PROFILE = (THUMB_WIDTH, THUMB_DORSAL, THUMB_PALMAR)
+"""At the places PROFILE_Q along a digit: half width, depth to the back and to the pad, in RADII."""
 
 RADII = (9.4, 9.5, 7.9, 9.0, 9.6)
 """Half width at the middle joint of index, middle, pinky, ring, thumb, mm (average adult)."""
@@ -130,15 +134,12 @@ def digits(points: FloatArray) -> tuple[Digit, ...]:
     for finger, chain in enumerate(CHAINS):
         joints = points[list(chain)]
         thumb = finger == THUMB
-        q, width, dorsal, palmar = THUMB_PROFILE if thumb else FINGER_PROFILE
         length = float(np.linalg.norm(joints[3] - joints[2]))
-        radius = RADII[finger]
-        profile = (
-            _capped(q, width * radius, length),
-            _capped(q, dorsal * radius, length),
-            _capped(q, palmar * radius, length),
+        width, dorsal, palmar = (
+            _capped(PROFILE_Q, each * RADII[finger], length)
+            for each in (THUMB_PROFILE if thumb else FINGER_PROFILE)
         )
-        made.append(Digit(joints, _dorsal(joints, thumb), profile))
+        made.append(Digit(joints, _dorsal(joints, thumb), (width, dorsal, palmar)))
     return tuple(made)
 
 
@@ -184,63 +185,37 @@ def smooth_min(distances: list[FloatArray], width: float) -> FloatArray:
     return least - width * np.log(np.exp(-(stack - least) / width).sum(0))
 
 
+def smoothstep(x: FloatArray) -> FloatArray:
+    """From 0 at x = 0 to 1 at x = 1 without a bend at either end."""
+    x = np.clip(x, 0.0, 1.0)
+    return x * x * (3 - 2 * x)
+
+
 def palm_distance(points: FloatArray, bones: FloatArray) -> FloatArray:
     """Signed distance (P,) to the palm with thenar, hypothenar, webs and forearm."""
-    wrist = np.zeros(3)
-    down = np.array([0.0, -1.0, 0.0])
-    parts = []
+    rods: list[tuple[FloatArray, FloatArray, tuple[float, float], float]] = []
     for place, finger in enumerate(ACROSS):
         knuckle = bones[CHAINS[finger][0]]
         root = np.array([-6.0, 0.5, (12.0, 4.0, -5.0, -13.0)[place]])
         radius = (11.6, 11.6, 11.2, 10.6)[place]
-        parts.append(rod(points, root, knuckle + 1.0 * UP, (13.5, radius), 1.05))
-        parts.append(
-            rod(points, knuckle + [3.0, 3.2, 0.0], knuckle + [-2.0, 3.2, 0.0], (9.2, 9.0), 1.0)
-        )
+        rods.append((root, knuckle + 1.0 * UP, (13.5, radius), 1.05))
+        rods.append((knuckle + [3.0, 3.2, 0.0], knuckle + [-2.0, 3.2, 0.0], (9.2, 9.0), 1.0))
         # Muscle and fat under the metacarpals: the palm is thicker below than above the bone.
-        parts.append(rod(points, root + 6 * down, knuckle + 4.5 * down, (10.0, radius - 2), 1.0))
-    for left, right in ((0, 1), (1, 2), (2, 3)):
-        a, b = (bones[list(CHAINS[ACROSS[i]])] for i in (left, right))
-        ends = [p[0] + 0.24 * (p[1] - p[0]) + 1.5 * down for p in (a, b)]
-        parts.append(rod(points, ends[0], ends[1], (6.3, 6.3), 1.0))
-    thumb = bones[list(CHAINS[THUMB])]
-    index = bones[CHAINS[0][0]]
-    pinky = bones[CHAINS[2][0]]
-    parts.append(
-        rod(
-            points,
-            np.array([-10.0, -9.0, 12.0]),
-            thumb[1] + 0.1 * (thumb[0] - thumb[1]),
-            (14.0, 11.5),
-            1.0,
-        )
-    )
-    parts.append(
-        rod(
-            points,
-            np.array([-8.0, -9.0, -12.0]),
-            pinky + np.array([22.0, -5.0, 2.0]),
-            (12.5, 11.0),
-            1.0,
-        )
-    )
+        rods.append((root - 6 * UP, knuckle - 4.5 * UP, (10.0, radius - 2), 1.0))
+    webs = [bones[list(CHAINS[finger][:2])] for finger in ACROSS]
+    webs = [base + 0.24 * (after - base) - 1.5 * UP for base, after in webs]
+    rods += [(left, right, (6.3, 6.3), 1.0) for left, right in pairwise(webs)]
+    base, after = bones[list(CHAINS[THUMB][:2])]
+    index, pinky = bones[CHAINS[0][0]], bones[CHAINS[2][0]]
+    thenar, hypothenar = np.array([-10.0, -9.0, 12.0]), np.array([-8.0, -9.0, -12.0])
+    rods.append((thenar, after + 0.1 * (base - after), (14.0, 11.5), 1.0))
+    rods.append((hypothenar, pinky + [22.0, -5.0, 2.0], (12.5, 11.0), 1.0))
     # The first web: a thin sheet between thumb and index metacarpals.
-    parts.append(
-        rod(
-            points,
-            thumb[1] + np.array([4.0, -1.0, -6.0]),
-            index + np.array([20.0, -3.0, 2.0]),
-            (7.0, 8.0),
-            1.0,
-        )
-    )
-    for side in (-9.5, 0.0, 9.5):
-        parts.append(
-            rod(
-                points, wrist + [0, -1.5, side], wrist + [45, -1.5, 1.08 * side], (17.5, 18.5), 1.05
-            )
-        )
-    return smooth_min(parts, 3.4)
+    rods.append((after + [4.0, -1.0, -6.0], index + [20.0, -3.0, 2.0], (7.0, 8.0), 1.0))
+    for side in (-9.5, 0.0, 9.5):  # the forearm
+        ends = np.array([0, -1.5, side]), np.array([45, -1.5, 1.08 * side])
+        rods.append((*ends, (17.5, 18.5), 1.05))
+    return smooth_min([rod(points, *each) for each in rods], 3.4)
 
 
 def hand_distance(points: FloatArray, bones: FloatArray, tubes: tuple[Digit, ...]) -> FloatArray:

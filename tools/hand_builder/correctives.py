@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from geneoh.hand.skeleton import PARENTS
-from tools.hand_builder.anatomy import CHAINS, THUMB, Digit, FloatArray
+from tools.hand_builder.anatomy import CHAINS, THUMB, Digit, FloatArray, smoothstep
 from tools.hand_builder.limits import FLEX, SPREAD, rotation_vector
 
 THUMB_BENDS = ((-20, 35), (-10, 65), (-15, 80))
@@ -79,5 +79,4 @@ def _outer(away: FloatArray, tube: Digit, place: int) -> FloatArray:
     """1 on the back of a joint, 0 on the side that closes."""
     up = tube.frame(float(place))[:, 1]
     height = away @ up / np.maximum(np.linalg.norm(away, axis=1), 1e-9)
-    x = np.clip(0.5 + 0.75 * height, 0.0, 1.0)
-    return x * x * (3 - 2 * x)
+    return smoothstep(0.5 + 0.75 * height)

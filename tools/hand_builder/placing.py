@@ -1,6 +1,7 @@
 """Places the vertices on the implicit surface: by rays from the bones, then by even spacing."""
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -13,9 +14,7 @@ from tools.hand_builder.anatomy import (
     FloatArray,
     digits,
     hand_distance,
-    palm_distance,
     skeleton,
-    smooth_min,
 )
 from tools.hand_builder.topology import ROWS, HandTopology
 
@@ -43,10 +42,7 @@ def place_vertices(topology: HandTopology, offsets: FloatArray | None = None) ->
     """Vertices (V, 3) of the whole hand in the rest pose, mm, wrist joint at the origin."""
     bones = skeleton() if offsets is None else skeleton(offsets)
     tubes = digits(bones)
-
-    def surface(points: FloatArray) -> FloatArray:
-        return hand_distance(points, bones, tubes)
-
+    surface = partial(hand_distance, bones=bones, tubes=tubes)
     verts = np.zeros((topology.count, 3))
     _place_palm(topology, verts, bones, tubes, surface)
     for place_index, finger in enumerate((*ACROSS, THUMB)):
@@ -79,9 +75,8 @@ def _row_centres(bones: FloatArray, tubes: tuple[Digit, ...]) -> FloatArray:
     web = np.stack([tubes[f].centre(WEB_Q) for f in ACROSS])
     wrist = np.stack([[0.0, -1.5, z] for z in (15.0, 5.0, -6.5, -16.5)])
     arm = wrist + [28.0, 0.0, 0.0]
-    along = np.array(
-        [0.0, 0.52, 1.0, 1.09, 1.2, 1.325, 1.45, 1.575, 1.7, 1.82, 1.92, 2.1, 2.5, 3.0]
-    )
+    along = [0.0, 0.52, 1.0, 1.09, 1.2, 1.325, 1.45, 1.575, 1.7, 1.82, 1.92, 2.1, 2.5, 3.0]
+    along = np.array(along)
     assert len(along) == 1 + ROWS, "one place along the palm per row"
     keys = np.stack([web, knuckles, wrist, arm])
     low = np.minimum(along.astype(int), 2)
@@ -106,7 +101,8 @@ def _place_palm(
     mid[:, 0], mid[:, 8] = edge[:, 0] + 4 * RADIAL, edge[:, 1] - 4 * RADIAL
     fan = np.zeros((9, 3))
     fan[0], fan[8] = RADIAL, -RADIAL
-    hand = _without_thumb(bones, tubes)
+    # rays in the palm must not stop at the thumb
+    hand = partial(hand_distance, bones=bones, tubes=tuple(tubes[finger] for finger in ACROSS))
     for rows, way in ((topology.dorsal, UP), (topology.palmar, DOWN)):
         ways = np.tile(way + fan, (1 + ROWS, 1, 1))
         ways[0, 2:-1:2, 0] -= 0.4  # towards the crest of the web
@@ -135,16 +131,6 @@ def _round_cap(topology: HandTopology, verts: FloatArray) -> None:
     verts[last] = 0.8 * (verts[last] - middle) + middle
     verts[last, 0] = verts[before, 0].mean() + 7.0
     verts[topology.cap] = verts[last].mean(0) + [1.0, 0.0, 0.0]
-
-
-def _without_thumb(bones: FloatArray, tubes: tuple[Digit, ...]) -> DistanceField:
-    """Distance to the hand without its thumb, at which rays in the palm must not stop."""
-
-    def distance(points: FloatArray) -> FloatArray:
-        fingers = np.min([tubes[f].distance(points) for f in ACROSS], axis=0)
-        return smooth_min([palm_distance(points, bones), fingers], 2.2)
-
-    return distance
 
 
 def _place_digit(
@@ -201,9 +187,8 @@ def _even_out(
         free[ring[1]] = True
     free[topology.rings[4][1:5]] = True
     total = np.zeros((topology.count, topology.count))
-    total[topology.edges[:, 0], topology.edges[:, 1]] = total[
-        topology.edges[:, 1], topology.edges[:, 0]
-    ] = 1.0
+    a, b = topology.edges.T
+    total[a, b] = total[b, a] = 1.0
     total /= total.sum(1, keepdims=True)
     verts = verts.copy()
     for _ in range(rounds):

@@ -22,8 +22,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from geneoh.hand.skeleton import PARENTS, TIP_PARENTS
-from tools.hand_builder.anatomy import ACROSS, CHAINS, THUMB, FloatArray
+from tools.hand_builder.anatomy import ACROSS, BONE_PARENTS, CHAINS, THUMB, FloatArray
 
 SIZE, THICKNESS, WIDTH = 0.08, 0.07, 0.06
 FINGERS, THUMB_ROOT, THUMB_LENGTH = 0.03, 0.06, 0.05
@@ -37,8 +36,6 @@ BONE_ENDS = (-0.3, 1.3)
 """The same for phalanges."""
 LATERAL = 6.5
 """Distance sideways over which the skin follows a metacarpal, mm."""
-
-BONE_PARENTS = (*PARENTS[1:], *TIP_PARENTS)
 
 
 def shape_directions(

@@ -6,7 +6,7 @@ from scipy.optimize import nnls
 from scipy.sparse import coo_matrix, diags
 from scipy.sparse.linalg import spsolve
 
-from tools.hand_builder.anatomy import ACROSS, CHAINS, THUMB, Digit, FloatArray
+from tools.hand_builder.anatomy import ACROSS, CHAINS, THUMB, Digit, FloatArray, smoothstep
 from tools.hand_builder.topology import HandTopology
 
 Mask = NDArray[np.bool_]
@@ -76,15 +76,10 @@ def _shares(verts: FloatArray, tube: Digit) -> FloatArray:
     for joint, half in zip((1, 2), HALF_BLEND, strict=True):
         before, after = steps[joint - 1] / lengths[joint - 1], steps[joint] / lengths[joint]
         along = (verts - tube.points[joint]) @ (before + after) / np.linalg.norm(before + after)
-        past = _smoothstep(0.5 + along / (2 * half))
+        past = smoothstep(0.5 + along / (2 * half))
         shares[:, joint] = shares[:, joint - 1] * past
         shares[:, joint - 1] *= 1 - past
     return shares
-
-
-def _smoothstep(x: FloatArray) -> FloatArray:
-    x = np.clip(x, 0.0, 1.0)
-    return x * x * (3 - 2 * x)
 
 
 def _sparse(weights: FloatArray) -> FloatArray:
