@@ -26,6 +26,16 @@ NEARLY_ON = 1e-5  # the same in float32
 WARP = find_spec("warp") is not None  # whether a GPU can search surfaces
 
 
+def pairwise_distances(
+    points: Float[Tensor, "*#B P 3"], others: Float[Tensor, "*#B N 3"]
+) -> Float[Tensor, "*B P N"]:
+    """Distance of every point to every other one, exact far from the origin too.
+
+    The matrix product that `torch.cdist` takes by default is off by a millimetre at two metres.
+    """
+    return torch.cdist(points, others, compute_mode="donot_use_mm_for_euclid_dist")
+
+
 @dataclass(frozen=True)
 class SurfaceQuery:
     """Distance, closest surface point and normal for each of some points, in their frame."""

@@ -8,11 +8,12 @@ distances to the triangles in place of nearest vertices: do not compare with the
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from geneoh.geometry.changing_surface import ChangingSurface
-from geneoh.geometry.distance import MovingSurface, SurfaceQuery
+from geneoh.geometry.distance import MovingSurface, SurfaceQuery, pairwise_distances
+from geneoh.geometry.rigid import Rigid
 
 TOUCH = 0.005  # metres within which a hand point touches: skin is soft, and meshes are coarse
 CONTACT_MAP = 0.002  # metres of the paper's contact map
@@ -50,9 +51,7 @@ def tips_in_contact(
     tips: Float[Tensor, "*B T 5 3"],
 ) -> Bool[Tensor, "*B T 5"]:
     """Whether each fingertip, the vertices within 15 mm of its keypoint, touches the object."""
-    # cdist's shortcut through a matrix product is off by a millimetre two metres from the origin
-    apart = torch.cdist(tips, verts, compute_mode="donot_use_mm_for_euclid_dist")
-    of_tip = apart <= FINGERTIP_RADIUS
+    of_tip = pairwise_distances(tips, verts) <= FINGERTIP_RADIUS
     return (of_tip & (distance <= TOUCH)[..., None, :]).any(-1)
 
 
@@ -116,11 +115,18 @@ def motion_consistency(
     touched = query.closest.gather(1, pick)[:, 0]
     part = surface.part_at(touched[:, None])[:-1, 0]
     frames = torch.arange(len(part), device=verts.device)
-    now, later = surface.pose(frames, part), surface.pose(frames + 1, part)
-    step = later.compose(now.inverse()).apply(touched[:-1, None])[:, 0] - touched[:-1]
+    move = part_motion(surface, frames, part)
+    step = move.apply(touched[:-1, None])[:, 0] - touched[:-1]
     hand_step = (verts[1:] - verts[:-1]).gather(1, pick[:-1])[:, 0]
     miss = (torch.exp(-CONSISTENCY_DECAY * gap[:-1, None]) * hand_step - step).square().sum(-1)
     return torch.where(step.norm(dim=-1) > MOVING, miss, torch.nan)
+
+
+def part_motion(
+    surface: MovingSurface, frame: Int[Tensor, "*#N"], part: Int[Tensor, "*#N"]
+) -> Rigid:
+    """The rigid motion in the world of parts of the object from given frames to the next ones."""
+    return surface.pose(frame + 1, part).compose(surface.pose(frame, part).inverse())
 
 
 def fingertip_slip(
@@ -138,17 +144,17 @@ def fingertip_slip(
     any. The counterpart of foot skate: zero for a finger that lifts off, presses, or holds still.
     `query` is the surface's at `verts` in the world, `tips` are the keypoints of the fingertips.
     """
-    apart = torch.cdist(tips, verts, compute_mode="donot_use_mm_for_euclid_dist")
-    gap = torch.where(apart <= FINGERTIP_RADIUS, query.distance[:, None], torch.inf)
+    of_tip = pairwise_distances(tips, verts) <= FINGERTIP_RADIUS
+    gap = torch.where(of_tip, query.distance[:, None], torch.inf)
     nearest, pick = gap[:-1].min(-1)
     frame = torch.arange(len(pick), device=verts.device)[:, None]
     stays = (nearest <= TOUCH) & (query.distance[frame + 1, pick] <= TOUCH)
     now, later = verts[frame, pick], verts[frame + 1, pick]
     part = surface.at(slice(-1)).part_at(query.closest[frame, pick])
-    before, after = surface.pose(frame, part), surface.pose(frame + 1, part)
+    move = part_motion(surface, frame, part)
     # the vertex if it had stayed on the part; `apply` takes sets of points
-    carried = after.compose(before.inverse()).apply(now[..., None, :])[..., 0, :]
-    turned = (after.rotation @ before.rotation.mT @ query.normal[frame, pick][..., None])[..., 0]
+    carried = move.apply(now[..., None, :])[..., 0, :]
+    turned = (move.rotation @ query.normal[frame, pick][..., None])[..., 0]
     moved = later - carried
     along = moved - (moved * turned).sum(-1, keepdim=True) * turned
     return torch.nanmean(torch.where(stays, along.norm(dim=-1), torch.nan), dim=-1) * fps

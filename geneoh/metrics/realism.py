@@ -23,6 +23,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from geneoh.bundle import Bundle
+from geneoh.geometry.distance import pairwise_distances
 from geneoh.geometry.forces import EDGES, friction_cones, wrench_left
 from geneoh.metrics.contact import MOVING, TOUCH
 
@@ -73,12 +74,7 @@ def moved_alone(joints: Float[Tensor, "B T K 3"], surface: SurfaceMotion) -> Flo
     """
     shares = []
     for clip, moves in enumerate(surface.moves):
-        # the shortcut through a matrix product is off by a millimetre far from the origin
-        apart = torch.cdist(
-            joints[clip, moves],
-            surface.points[clip, moves],
-            compute_mode="donot_use_mm_for_euclid_dist",
-        )
+        apart = pairwise_distances(joints[clip, moves], surface.points[clip, moves])
         shares.append((~(apart <= NEAR).flatten(1).any(1)).to(joints).mean())
     return torch.stack(shares)
 

@@ -13,7 +13,7 @@ import torch
 from jaxtyping import Float, Float64, Int
 from torch import Tensor
 
-from geneoh.geometry.distance import MovingSurface, SurfaceDistance
+from geneoh.geometry.distance import MovingSurface, SurfaceDistance, pairwise_distances
 from geneoh.geometry.mesh import Mesh, capped, rims
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.geometry.solid import Solid
@@ -41,7 +41,7 @@ class OpenSolid:
         distance = self.field.query(points).distance
         if not len(self.holes):
             return distance
-        apart = torch.cdist(points, self.holes, compute_mode="donot_use_mm_for_euclid_dist")
+        apart = pairwise_distances(points, self.holes)
         clear = (apart - self.radius).amin(-1).clamp(min=0)
         return distance.sign() * torch.minimum(distance.abs(), clear)
 

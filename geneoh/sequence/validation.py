@@ -11,6 +11,8 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from geneoh.errors import InputError
+from geneoh.geometry.distance import pairwise_distances
+from geneoh.geometry.rigid import Rigid
 from geneoh.hand.skeleton import LARGEST_HAND, SMALLEST_HAND
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
@@ -162,9 +164,7 @@ def check_place(points: Float[Tensor, "*B 3"], what: str, name: str) -> None:
 
 def hand_span(joints: Float[Tensor, "T 21 3"]) -> Float[Tensor, ""]:
     """Distance of the two keypoints farthest apart, in the median frame."""
-    # The matrix product that cdist takes by default is off by a millimetre at two metres
-    apart = torch.cdist(joints, joints, compute_mode="donot_use_mm_for_euclid_dist")
-    return apart.flatten(1).amax(1).median()
+    return pairwise_distances(joints, joints).flatten(1).amax(1).median()
 
 
 def check_object(motion: ObjectTrack, name: str) -> None:
@@ -232,10 +232,8 @@ def check_distance(hand: HandTrack, motion: ObjectTrack, name: str) -> None:
 
 def inverted(motion: ObjectTrack) -> ObjectTrack:
     """The track whose poses are the inverses."""
-    back = motion.rotation.mT
-    return replace(
-        motion, rotation=back, translation=-(back @ motion.translation[..., None])[..., 0]
-    )
+    back = Rigid(motion.rotation, motion.translation).inverse()
+    return replace(motion, rotation=back.rotation, translation=back.translation)
 
 
 def least_distance(hand: HandTrack, motion: ObjectTrack) -> float:
