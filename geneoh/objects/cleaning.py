@@ -25,6 +25,7 @@ from geneoh.objects.palms import RigidMotion, Views
 from geneoh.objects.smoothing import (
     LEAST_FRAMES,
     increments,
+    interpolated,
     smooth_points,
     smooth_rotations,
 )
@@ -227,8 +228,7 @@ def smoothed(
         weight = np.minimum(weight, sure)
     else:  # frames that agree are exact
         kept, weight = chain.kept[:, None, None], weight * there
-        frames, known = np.arange(len(there)), np.flatnonzero(there)
-        middles = np.stack([np.interp(frames, known, x[known]) for x in middles.T], axis=1)
+        middles = interpolated(middles, there)
         clean = Rotation.from_matrix(np.where(kept, rotations.as_matrix(), clean.as_matrix()))
     changed = np.abs(chain.onto_itself - np.eye(3)).max((1, 2)) > 1e-3
     return CleanPart(

@@ -27,8 +27,9 @@ the noise, motion by more."""
 MOVES = 4.0
 """Mean squared step over that time, in units of what drift makes, from which on it is motion."""
 RESTS, HELD = (0.006, 0.00005), (0.006, 0.0004)
-"""First and last step per frame, metres, that counts as none in the world and in a hand; in between
-it shrinks, so that what moves drops out before it can bend the rest."""
+"""Step per frame, metres, up to which an object rests in the world and in a hand, each in the first
+and in the last round of reweighting. It shrinks from round to round, so that steps of motion lose
+their weight before they distort the others."""
 RADIANS_PER_METRE = 6.0
 """The same for turns: 0.35 degrees for a millimetre."""
 CHI3_SHARE = 0.789
@@ -72,6 +73,12 @@ class Frame:
     near: Bool[np.ndarray, " N"]
     """Whether the object may rest in it from each frame to the next."""
     scale: tuple[float, float] = HELD
+
+    @classmethod
+    def of_world(cls, frames: int) -> "Frame":
+        """The world, in which an object may rest at any time."""
+        upright, origin = np.tile(np.eye(3), (frames, 1, 1)), np.zeros((frames, 3))
+        return cls(upright, origin, np.ones(frames - 1, dtype=bool), RESTS)
 
     def step(
         self, start: Int[np.ndarray, " N"], lag: int = 1

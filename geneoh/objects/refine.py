@@ -32,7 +32,6 @@ from geneoh.objects.drift import DRIFT_SECONDS, size_of_drift
 from geneoh.objects.holding import (
     LAG,
     RADIANS_PER_METRE,
-    RESTS,
     ROUNDS,
     Frame,
     Grip,
@@ -92,20 +91,16 @@ def refine_part(
     )
     off = np.square(seen[1] - first[1]).sum(1) / noise[1] ** 2
     weights = confidence, ~lost * (FREEDOM + 3) / (FREEDOM + off)
-    steps = len(lost) - 1
-    world = Frame(
-        np.tile(np.eye(3), (steps + 1, 1, 1)),
-        0 * off[:, None].repeat(3, 1),
-        np.ones(steps, dtype=bool),
-        RESTS,
-    )
     known = confidence > 0
     turned = path(first[0]) + (seen[0] * first[0].inv()).as_rotvec()
     shakes = (noise[0] > EXACT_ROTATION, turned), (noise[1] > EXACT_TRANSLATION, seen[1])
     observed = [values / size for size, (noisy, values) in zip(noise, shakes, strict=True) if noisy]
     share = size_of_drift(observed, known, fps)
     track = PartTrack(*first, noise, (share * noise[0], share * noise[1]), known)
-    frames = [world, *(frame_of(hand, smooth, part, track.known) for hand in hands)]
+    frames = [
+        Frame.of_world(len(lost)),
+        *(frame_of(hand, smooth, part, track.known) for hand in hands),
+    ]
     grips = [grip_of(frame, track) for frame in frames[1:]]
     frames = [replace(f, near=f.near & could_rest(f, track)) for f in frames]
     start = first

@@ -81,6 +81,14 @@ def path_of(rotations: Rotation) -> Float64[np.ndarray, "T 3"]:
     return np.concatenate([np.zeros((1, 3)), np.cumsum(increments(rotations), axis=0)])
 
 
+def interpolated(
+    track: Float64[np.ndarray, "T 3"], known: Bool[np.ndarray, " T"]
+) -> Float64[np.ndarray, "T 3"]:
+    """A track whose frames that are not `known` lie on straight lines between those that are."""
+    frames, index = np.arange(len(track)), np.flatnonzero(known)
+    return np.stack([np.interp(frames, index, x[index]) for x in track.T], axis=1)
+
+
 def smooth_points(
     observed: Float64[np.ndarray, "T 3"], trusted: Bool[np.ndarray, " T"], noise: float
 ) -> tuple[Float64[np.ndarray, "T 3"], Float64[np.ndarray, " T"]]:
@@ -89,8 +97,7 @@ def smooth_points(
     Two frames or more are `trusted`, and the others do not matter; `noise` is the deviation of
     their coordinates, in the unit of these.
     """
-    frames, index = np.arange(len(observed)), np.flatnonzero(trusted)
-    track = np.stack([np.interp(frames, index, x[index]) for x in observed.T], axis=1)
+    track = interpolated(observed, trusted)
     filled = np.where(trusted[:, None], observed, track)
     # medians do not see outliers, which would pass for acceleration
     raw = median_filter(np.square(np.diff(track, n=2, axis=0)).sum(1), FIRST_WINDOW)

@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Literal, cast, get_args
 
 import torch
+from jaxtyping import Float
+from torch import Tensor
 
 from geneoh.choices import Noise, ObjectNoise
 from geneoh.evaluation.protocols.synthetic import draw_clip
@@ -129,13 +131,7 @@ def with_white_noise(sequence: Sequence, kind: str, generator: torch.Generator) 
     turn, shift = torch.randn(2, sequence.frames, 1, 3, generator=generator)
     turn *= math.radians(float(size)) * (name != "place")
     shift *= 0.001 * float(size) * (name != "turn")
-    motion = sequence.object
-    noisy = replace(
-        motion,
-        rotation=motion.rotation @ axis_angle_to_matrix(turn),
-        translation=motion.translation + shift,
-    )
-    return replace(sequence, object=noisy)
+    return displaced(sequence, axis_angle_to_matrix(turn), shift)
 
 
 def with_spins(sequence: Sequence, symmetry: Symmetry, generator: torch.Generator) -> Sequence:
@@ -150,9 +146,13 @@ def with_spins(sequence: Sequence, symmetry: Symmetry, generator: torch.Generato
     motion, center = sequence.object, torch.from_numpy(symmetry.center).float()
     turns = axis_angle_to_matrix(turn)
     shift = shift + (motion.rotation[:, 0] @ (center - turns @ center)[..., None])[..., 0]
-    noisy = replace(
-        motion,
-        rotation=motion.rotation @ turns[:, None],
-        translation=motion.translation + shift[:, None],
-    )
-    return replace(sequence, object=noisy)
+    return displaced(sequence, turns[:, None], shift[:, None])
+
+
+def displaced(
+    sequence: Sequence, turn: Float[Tensor, "T Q 3 3"], shift: Float[Tensor, "T Q 3"]
+) -> Sequence:
+    """A clip whose object is turned in its own frame and shifted in the world, metres."""
+    motion = sequence.object
+    rotation, translation = motion.rotation @ turn, motion.translation + shift
+    return replace(sequence, object=replace(motion, rotation=rotation, translation=translation))

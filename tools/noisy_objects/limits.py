@@ -12,7 +12,7 @@ from geneoh.choices import ObjectNoise
 from geneoh.objects.cleaning import clean_object
 from geneoh.objects.drift import DRIFT_SECONDS
 from geneoh.objects.holding import Frame
-from geneoh.objects.refine import path, refine_object, solve
+from geneoh.objects.refine import path, poses_of, refine_object, solve
 from geneoh.objects.symmetry import Symmetry
 from geneoh.sequence.object_noise import DEGREES, METRES_PER_DEGREE
 from geneoh.sequence.sequence import ObjectTrack, Sequence
@@ -51,7 +51,7 @@ def limits_of(
     """Errors in mm of a noisy track and of what each solver makes of it."""
     smooth, examined = clean_object(given, clean.fps)
     refined = refine_object(smooth, examined, clean.hands, clean.fps)
-    truth, seen, start = (poses_of(track) for track in (clean.object, given, smooth))
+    truth, seen, start = (poses_of(track, 0) for track in (clean.object, given, smooth))
     filtered = [track_of(given, along(start, seen, size)) for size in FILTERS]
     lasting = (truth[0].inv() * seen[0]).as_rotvec().mean(0), (seen[1] - truth[1]).mean(0)
     moved = truth[0] * Rotation.from_rotvec(lasting[0]), truth[1] + lasting[1]
@@ -68,18 +68,11 @@ def limits_of(
     ]
 
 
-def poses_of(track: ObjectTrack) -> Poses:
-    """Rotations and positions of the first part."""
-    turns = Rotation.from_matrix(track.rotation[:, 0].double().numpy())
-    return turns, track.translation[:, 0].double().numpy()
-
-
 def track_of(given: ObjectTrack, poses: Poses) -> ObjectTrack:
     """A track with other poses of its one part."""
     rotation = torch.from_numpy(poses[0].as_matrix()).to(given.rotation)[:, None]
-    return replace(
-        given, rotation=rotation, translation=torch.from_numpy(poses[1]).to(rotation)[:, None]
-    )
+    translation = torch.from_numpy(poses[1]).to(rotation)[:, None]
+    return replace(given, rotation=rotation, translation=translation)
 
 
 def along(start: Poses, seen: Poses, size: float) -> Poses:
@@ -96,26 +89,20 @@ def told_motion(truth: Poses, seen: Poses, start: Poses, kind: ObjectNoise, fps:
     steps = np.linalg.norm(np.diff(truth[1], axis=0), axis=1)
     steps += 0.05 * np.linalg.norm(np.diff(path(truth[0]), axis=0), axis=1)
     rest = (steps < STILL) / (STILL / 3) ** 2
-    world = Frame(
-        np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3)), np.ones(count - 1, dtype=bool)
-    )
-    turn, shift = world.step(np.arange(count - 1))
+    turn, shift = Frame.of_world(count).step(np.arange(count - 1))
     bends = [np.square(np.diff(x, n=2, axis=0)).mean(1) for x in (path(truth[0]), truth[1])]
     stiff = [
         1 / (uniform_filter1d(b, WINDOW) + (0.02 * n) ** 2)
         for b, n in zip(bends, noise, strict=True)
     ]
     stay, ones, none = np.exp(-1 / (DRIFT_SECONDS * fps)), np.ones(count), np.zeros((count - 2, 3))
-    plain, sizes = (ones, 0 * ones), [(n, n) for n in noise]
-    places = solve(
-        seen[1], plain[0], sizes[1], stay, plain[1], [], [(turn, shift, rest)], none, stiff[1]
-    )
+    loose, sizes = 0 * ones, [(n, n) for n in noise]
+    moves = [(turn, shift, rest)]
+    places = solve(seen[1], ones, sizes[1], stay, loose, [], moves, none, stiff[1])
     turns = start[0]
     for _ in range(4):
         gap, steps = (seen[0] * turns.inv()).as_rotvec(), np.diff(path(turns), axis=0)
-        moves = [(turn, -steps, rest / 36)]
-        change = solve(
-            gap, plain[0], sizes[0], stay, plain[1], [], moves, -np.diff(steps, axis=0), stiff[0]
-        )
+        moves, bend = [(turn, -steps, rest / 36)], -np.diff(steps, axis=0)
+        change = solve(gap, ones, sizes[0], stay, loose, [], moves, bend, stiff[0])
         turns = Rotation.from_rotvec(change) * turns
     return turns, places
