@@ -4,6 +4,7 @@ python -m tools.action_sheet DATA OUT.png [--split val] [--clip N]
 """
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,11 +13,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.choices import SIDES
-from geneoh.evaluation.generation.posed import (
-    PosedActions,
-    mean_hands,
-    posed_actions,
-)
+from geneoh.evaluation.generation.posed import PosedActions, mean_hands, posed_actions
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.oriented_points import signed_to_points
 from geneoh.metrics.report import measure_frames
@@ -27,7 +24,7 @@ from geneoh.synthesis.actions import FPS, VERBS, Actions
 from geneoh.viz.camera import Camera, axes_towards
 from geneoh.viz.canvas import CAPTION_HEIGHT, FAINT, Canvas, png_bytes
 from geneoh.viz.picture import Picture
-from geneoh.viz.scene import PosedTrack, Scene, Version
+from geneoh.viz.scene import PosedTrack, Scene, Version, with_parts
 
 FRAMES = 6  # of a clip, the first and the last among them
 CELL = 230  # side of one picture, pixels
@@ -53,28 +50,34 @@ def contact_sheet(actions: Actions, names: list[str]) -> Picture:
             canvas.write(
                 text[:20], 8, index * row + 20 + 22 * line, size=15 - 2 * (line > 0), **colour
             )
-        scene, camera = action_scene(clip), fixed_camera(clip)
-        for column in range(FRAMES):
-            frame = round(column * (int(clip.length) - 1) / (FRAMES - 1))
-            corner = (WORDS + CELL * column, index * row)
-            canvas.paste_versions(scene, frame, camera, [corner], "penetration", CELL)
+        paste_frames(canvas, action_scene(clip), fixed_camera(clip), int(clip.length), index * row)
     return canvas.picture()
+
+
+def paste_frames(canvas: Canvas, scene: Scene, camera: Camera, length: int, top: int) -> None:
+    """A row of pictures of the first `length` frames, evenly apart, behind the words."""
+    for column in range(FRAMES):
+        frame = round(column * (length - 1) / (FRAMES - 1))
+        corner = (WORDS + CELL * column, top)
+        canvas.paste_versions(scene, frame, camera, [corner], "penetration", CELL)
 
 
 def action_scene(clip: Actions) -> Scene:
     """One action on a table with lines; its object is drawn as a plate at each of its points."""
     posed = posed_actions(clip)
     rotation, translation = clip.part_poses()
-    still = torch.eye(3).expand_as(rotation[0, :, :1]), torch.zeros_like(translation[0, :, :1])
-    rotation = torch.cat([rotation[0], still[0]], 1)
-    translation = torch.cat([translation[0], still[1]], 1)
     parts = [clip.part[0] == part for part in range(2)]
-    meshes = [plates(clip.points[0, part], clip.normals[0, part]) for part in parts]
-    there = [index for index, part in enumerate(parts) if part.any()] + [2]
-    meshes = (*(meshes[index] for index in there[:-1]), table())
-    track = ObjectTrack(meshes, rotation[:, there], translation[:, there])
+    there = [index for index, part in enumerate(parts) if part.any()]
+    meshes = (plates(clip.points[0, parts[n]], clip.normals[0, parts[n]]) for n in there)
+    track = ObjectTrack(tuple(meshes), rotation[0][:, there], translation[0][:, there])
     hands = tuple(posed_track(clip, posed, side) for side in range(2) if clip.hands[0, side])
-    return Scene("", (Version("", hands),), track, FPS, {})
+    return on_table(Scene("", (Version("", hands),), track, FPS, {}))
+
+
+def on_table(scene: Scene) -> Scene:
+    """The same scene with lines on the table."""
+    lines = ObjectTrack.resting((table(),), scene.frames)
+    return replace(scene, object=with_parts(scene.object, lines))
 
 
 def posed_track(clip: Actions, posed: PosedActions, side: int) -> PosedTrack:
@@ -82,14 +85,11 @@ def posed_track(clip: Actions, posed: PosedActions, side: int) -> PosedTrack:
     skin, joints, surface = posed.skin[0, side], posed.joints[0, side], posed.surface
     distance, _ = signed_to_points(skin, surface.points[0], surface.normals[0], within=WITHIN)
     distance = distance.clamp(max=WITHIN)
-    measures = measure_frames(
-        distance, skin, joints, FPS, torch.ones_like(skin[:, 0, 0], dtype=torch.bool)
-    )
+    there = torch.ones(len(skin), dtype=torch.bool)
+    measures = measure_frames(distance, skin, joints, FPS, there)
+    parameters = (clip.pose[0, side], clip.wrist[0, side], torch.zeros(10))
     model = mean_hands()[side].model
-    pose, wrist = clip.pose[0, side], clip.wrist[0, side]
-    return PosedTrack(
-        SIDES[side], model, pose, wrist, torch.zeros(10), skin, joints, distance, measures
-    )
+    return PosedTrack(SIDES[side], model, *parameters, skin, joints, distance, measures)
 
 
 def plates(points: Float[Tensor, "P 3"], normals: Float[Tensor, "P 3"]) -> Mesh:
@@ -124,9 +124,7 @@ def fixed_camera(clip: Actions) -> Camera:
     frames = slice(int(clip.length))
     posed = posed_actions(clip)
     seen = [posed.surface.points[0, frames].flatten(0, 1)]
-    seen += [
-        posed.joints[0, side, frames].flatten(0, 1) for side in range(2) if clip.hands[0, side]
-    ]
+    seen += [posed.joints[0, n, frames].flatten(0, 1) for n in range(2) if clip.hands[0, n]]
     return camera_on(torch.cat(seen), clip.translation[0, frames])
 
 
@@ -139,7 +137,7 @@ def camera_on(points: Float[Tensor, "N 3"], path: Float[Tensor, "T 3"]) -> Camer
     back = np.array([*(np.cos(ELEVATION) * level), np.sin(ELEVATION)])
     target = (seen.min(0) + seen.max(0)) / 2
     radius = float(np.linalg.norm(seen - target, axis=-1).max())
-    return Camera(axes_towards(back, np.array([0.0, 0.0, 1.0])), target, radius)
+    return Camera(axes_towards(back, np.eye(3)[2]), target, radius)
 
 
 def one_per_verb(actions: Streamed[Actions], which: int) -> Actions:

@@ -23,8 +23,9 @@ from geneoh.synthesis.gestures.clips import NAMES
 from geneoh.synthesis.gestures.hands import VARIANTS
 from geneoh.synthesis.gestures.shards import GestureConfig
 from geneoh.synthesis.gestures.synthesis import gesturing
-from geneoh.viz.camera import Camera, cameras
+from geneoh.viz.camera import cameras
 from geneoh.viz.canvas import FAINT, Canvas
+from geneoh.viz.gesture_sheet import hands_from_near
 from geneoh.viz.look import Look
 from geneoh.viz.picture import draw
 from geneoh.viz.scene import Scene, make_scene
@@ -36,7 +37,6 @@ CHOSEN = (
 )
 """What the left and the right hand of a body do, and what is said of them."""
 FRAMES, CELL, CLOSE, WORDS = 5, 260, 130, 30
-CLOSE_RADIUS = 0.13  # of a picture of one hand, metres
 
 
 def body_of(left: str, right: str, seed: int) -> BodyRecording:
@@ -71,12 +71,8 @@ def row_of(canvas: Canvas, top: int, scene: Scene, made: BodyWithHands, seconds:
         frame = int((column + 0.5) * scene.frames / FRAMES)
         (picture,) = draw(scene, frame, seen[frame], CELL, "plain")
         canvas.paste(picture, column * CELL, top + WORDS)
-        for place, side in enumerate(("right", "left")):  # as seen from the front
-            joints = made.sequence.hand(side).joints
-            assert joints is not None, "generated hands have keypoints"
-            near = Camera(seen[frame].axes, joints[frame].mean(0).numpy(), CLOSE_RADIUS)
-            (picture,) = draw(scene, frame, near, CLOSE, "plain")
-            canvas.paste(picture, column * CELL + place * CLOSE, top + WORDS + CELL)
+        for place, near in enumerate(hands_from_near(scene, frame, seen[frame], CLOSE)):
+            canvas.paste(near, column * CELL + place * CLOSE, top + WORDS + CELL)
 
 
 def main() -> None:

@@ -8,8 +8,9 @@ networks never learned from.
 
 import argparse
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
+from textwrap import wrap
 
 import numpy as np
 import torch
@@ -21,7 +22,7 @@ from geneoh.metrics.realism import SurfaceMotion, moved_alone
 from geneoh.sequence.sequence import Sequence
 from geneoh.viz.canvas import CAPTION_HEIGHT, FAINT, Canvas
 from geneoh.viz.scene import Scene, make_scene
-from tools.action_sheet import CELL, FRAMES, WORDS, camera_on, table
+from tools.action_sheet import CELL, FRAMES, WORDS, camera_on, on_table, paste_frames
 
 PROMPTS = (
     ("lift the mug with the left hand", "ycb_025_mug"),
@@ -83,42 +84,22 @@ def measured(row: Row, scene: Scene) -> str:
     return " | ".join(cells)
 
 
-def with_table(scene: Scene) -> Scene:
-    """The same scene on a table with lines."""
-    motion, lines = scene.object, table()
-    still = torch.eye(3).expand(scene.frames, 1, 3, 3)
-    track = replace(
-        motion,
-        meshes=(*motion.meshes, lines),
-        rotation=torch.cat([motion.rotation, still], 1),
-        translation=torch.cat([motion.translation, torch.zeros(scene.frames, 1, 3)], 1),
-    )
-    return replace(scene, object=track)
-
-
 def prompt_sheet(rows: list[tuple[Row, Scene]]) -> np.ndarray:
     """A row of frames for each sentence, with it before them."""
     height = CELL + CAPTION_HEIGHT
     canvas = Canvas(WORDS + CELL * FRAMES, height * len(rows))
     for index, (row, scene) in enumerate(rows):
-        words, line = row.sentence.split(), 0
-        while words:
-            said = [words.pop(0)]
-            while words and len(" ".join([*said, words[0]])) <= 16:
-                said.append(words.pop(0))
-            canvas.write(" ".join(said), 8, index * height + 20 + 20 * line, size=14)
-            line += 1
+        lines = wrap(row.sentence, 16, break_long_words=False)
+        for line, words in enumerate(lines):
+            canvas.write(words, 8, index * height + 20 + 20 * line, size=14)
         seconds = f"{row.sequence.frames / row.sequence.fps:.1f} s"
-        canvas.write(seconds, 8, index * height + 26 + 20 * line, size=13, colour=FAINT)
+        canvas.write(seconds, 8, index * height + 26 + 20 * len(lines), size=13, colour=FAINT)
         motion = scene.object
         verts = motion.meshes[0].verts[::4]
         points = [(verts @ motion.rotation[:, 0].mT + motion.translation[:, 0, None]).flatten(0, 1)]
         points += [hand.joints.flatten(0, 1) for hand in scene.versions[0].hands]
-        camera, drawn = camera_on(torch.cat(points), motion.translation[:, 0]), with_table(scene)
-        for column in range(FRAMES):
-            frame = round(column * (scene.frames - 1) / (FRAMES - 1))
-            corner = (WORDS + CELL * column, index * height)
-            canvas.paste_versions(drawn, frame, camera, [corner], "penetration", CELL)
+        camera = camera_on(torch.cat(points), motion.translation[:, 0])
+        paste_frames(canvas, on_table(scene), camera, scene.frames, index * height)
     return canvas.picture()
 
 

@@ -96,16 +96,9 @@ def _body_cameras(scene: Scene, body: BodyRecording, up: Float[np.ndarray, " 3"]
     axes = axes_towards(back, up)
     middle = (seen.max(1) + seen.min(1)) / 2
     targets = gaussian_filter1d(middle, BODY_SMOOTHING * scene.fps, 0, mode="nearest")
-    radius = _body_radius(seen, targets, axes)
+    offsets = (seen - targets[:, None]) @ axes.T
+    radius = float(np.abs(offsets[..., :2]).max()) + HAND_ROOM
     return [Camera(axes, np.asarray(target), radius) for target in targets]
-
-
-def _body_radius(
-    seen: Float[np.ndarray, "T K 3"], targets: Float[np.ndarray, "T 3"], axes: Axes
-) -> float:
-    """Radius with which the joints are in the picture, and the hands around them."""
-    aside = (seen - targets[:, None]) @ axes.T
-    return float(np.abs(aside[..., :2]).max(-1).max(-1).max()) + HAND_ROOM
 
 
 def _best_axes(

@@ -38,7 +38,7 @@ class Canvas:
         self._pen.text((left, top), text, colour, ImageFont.load_default(size))
 
     def paste(self, picture: Picture, left: int, top: int) -> None:
-        """Put a picture there."""
+        """Paste a picture with its left upper corner at a place."""
         self._image.paste(Image.fromarray(picture), (left, top))
 
     def paste_versions(

@@ -1,5 +1,6 @@
 """A contact sheet of bodies that gesture: one clip of each gesture, with both hands from near."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import torch
@@ -59,6 +60,13 @@ def gesture_scene(clip: Gestures) -> Scene:
     return make_scene({"clip": hands}, body=recording)
 
 
+def hands_from_near(scene: Scene, frame: int, camera: Camera, side: int) -> Iterator[Picture]:
+    """A square picture of each hand, `side` pixels wide; the right hand comes first."""
+    for hand in reversed(scene.versions[0].hands):
+        near = Camera(camera.axes, hand.joints[frame].mean(0).numpy(), NEAR_RADIUS)
+        yield from draw(scene, frame, near, side, "plain")
+
+
 def gesture_sheet(clips: list[Gestures], *, on_step: OnStep | None = None) -> Picture:
     """One body per clip, its right and its left hand beside it, and what is said of them below."""
     columns = min(COLUMNS, len(clips))
@@ -71,10 +79,8 @@ def gesture_sheet(clips: list[Gestures], *, on_step: OnStep | None = None) -> Pi
         camera = cameras(scene, Look(up=scene.up).upward)[0]
         (picture,) = draw(scene, 0, camera, CELL, "plain")
         canvas.paste(picture, left, top)
-        for place, hand in enumerate(reversed(scene.versions[0].hands)):
-            near = Camera(camera.axes, hand.joints[0].mean(0).numpy(), NEAR_RADIUS)
-            (picture,) = draw(scene, 0, near, CELL // 2, "plain")
-            canvas.paste(picture, left + CELL, top + place * (CELL // 2))
+        for place, near in enumerate(hands_from_near(scene, 0, camera, CELL // 2)):
+            canvas.paste(near, left + CELL, top + place * (CELL // 2))
         names = {NAMES[number] for number in clip.gesture[0].tolist()} - {NAMES[0]}
         canvas.write(" + ".join(sorted(names)) or NAMES[0], left + 4, top + CELL + 2)
         said = str(clip.joined[0, -1])

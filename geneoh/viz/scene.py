@@ -236,13 +236,19 @@ def with_body(scene: Scene, body: BodyRecording) -> Scene:
             f"{body.source}: body and hands must have the same frames, got {body.frames} against "
             f"{scene.frames}; cut them to the same frames"
         )
-    limbs, own = mannequin(body), scene.object
-    shown = ObjectTrack(
-        (*own.meshes, *limbs.meshes),
-        torch.cat([own.rotation[:, : len(own.meshes)], limbs.rotation], dim=1),
-        torch.cat([own.translation[:, : len(own.meshes)], limbs.translation], dim=1),
-    )
+    limbs = mannequin(body)
+    shown = with_parts(scene.object, limbs)
     return replace(scene, object=shown, body=body, limbs=len(limbs.meshes))
+
+
+def with_parts(motion: ObjectTrack, more: ObjectTrack) -> ObjectTrack:
+    """An object with the parts of another one behind its own."""
+    own = len(motion.meshes)  # without a mesh a track holds the pose of none
+    return ObjectTrack(
+        (*motion.meshes, *more.meshes),
+        torch.cat([motion.rotation[:, :own], more.rotation], dim=1),
+        torch.cat([motion.translation[:, :own], more.translation], dim=1),
+    )
 
 
 def pose_track(
