@@ -14,8 +14,7 @@ from torch import Tensor
 
 from geneoh.choices import Side
 from geneoh.pipeline.presets import Preset
-from geneoh.sequence.gaps import fill_gaps, palm_points
-from geneoh.sequence.keypoints import keypoints
+from geneoh.sequence.gaps import filled_keypoints, palm_points
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
 LEAST_FRAMES = 20
@@ -59,8 +58,7 @@ def found_ray(hand: HandTrack, motion: ObjectTrack) -> FoundRay | None:
     The palm is seen from where it moves least, which is the world or a part of the object, so that
     the motion of a hand with its object is not taken for noise.
     """
-    trusted = hand.trust > 0
-    points, known = palm_points(keypoints(fill_gaps(replace(hand, valid=hand.observed))), trusted)
+    points, known = palm_points(filled_keypoints(hand), hand.trust > 0)
     middle = points.mean(1)
     views = [(bends(middle, known, 2), bends(middle, known, 4))]
     for part in motion.seen_parts:

@@ -216,9 +216,7 @@ def test_attention_heads_that_cannot_share_a_width_are_refused(tiny):
         build_model("motion", replace(tiny, motion=replace(tiny.motion, width=33)))
 
 
-def test_a_run_whose_loss_is_no_number_ends_with_its_last_state(
-    tmp_path, clips, tiny, monkeypatch
-):
+def test_a_run_whose_loss_is_no_number_ends_with_its_last_state(tmp_path, clips, tiny, monkeypatch):
     def broken_from_the_third(stage, step, config):
         if step < 2:
             return loss_of(stage, step, config)
