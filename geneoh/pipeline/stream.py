@@ -4,7 +4,7 @@ import math
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import torch
@@ -16,6 +16,7 @@ from geneoh.errors import ConfigError, InputError
 from geneoh.fitting.fit import FitConfig
 from geneoh.geometry.mesh import MeshInput, checked, meshes_of, size_warning
 from geneoh.hand.library import hand_of_betas
+from geneoh.hand.model import HandModel
 from geneoh.nn.devices import named_device
 from geneoh.pipeline.inputs import undisturbed
 from geneoh.pipeline.observed import DIGITS, Observed, between, hand_between
@@ -36,6 +37,8 @@ from geneoh.sequence.validation import (
     check_object,
     collapsed,
 )
+
+Mirrored = TypeVar("Mirrored", HandTrack, ObjectTrack, HandModel)
 
 LONGEST_LAG = 1.0
 """Seconds; with a longer lag a frame would have less than a second before it."""
@@ -122,17 +125,16 @@ class Stream:
         for mesh in self._meshes:
             if warning := size_warning(checked(mesh, str(mesh.source or "the mesh"))):
                 raise InputError(f"{mesh.source or 'the mesh'}: {warning}")
-        self._lag, within = round(lag * fps), round(lag * fps)
+        self._lag = within = round(lag * fps)
         if self._rate != 1:  # a frame between two of the networks needs both
             self._lag = max(self._lag, math.ceil(fps / NETWORK_FPS))
             within = math.floor(round(self._lag * self._rate, DIGITS)) - 1
         model = hand_of_betas(side, hand_model, asked=options.hand, mano_dir=options.mano_dir)
-        motion = ObjectTrack.resting(self._meshes, 1)
-        motion = motion.mirrored() if side == "left" else motion
+        motion = self._other_side(ObjectTrack.resting(self._meshes, 1))
         surface = motion.surface() if self._meshes else None
         denoisers = load_denoisers(options.weights, device=options.device, paper=False)
         self._device, self._within = options.device, within
-        model = (model.mirrored() if side == "left" else model).to(options.device)
+        model = self._other_side(model).to(options.device)
 
         def begin() -> RecentHand:
             return RecentHand(
@@ -217,7 +219,7 @@ class Stream:
                 f"{', '.join(known)} after {', '.join(self._known)}; give the same ones, or None "
                 "where the hand is lost"
             )
-        return (hand.mirrored() if self._side == "left" else hand).to(self._device)
+        return self._other_side(hand).to(self._device)
 
     def _fields(self, given: Any, where: str) -> dict[str, Any]:
         """The fields of the file format of one frame of a hand."""
@@ -237,12 +239,11 @@ class Stream:
 
     def _object(self, given: Any, where: str) -> ObjectTrack:
         """The pose of the object in one frame, NaN where it is lost, beside a right hand."""
-        resting = ObjectTrack.resting((), 1)
         if not self._meshes:
-            return resting.to(self._device)
+            return ObjectTrack.resting((), 1).to(self._device)
         parts = len(self._meshes)
-        rotation, translation = torch.eye(3).expand(1, parts, 3, 3), torch.zeros(1, parts, 3)
-        lost = torch.ones(1, parts, dtype=torch.bool)
+        rotation = torch.full((1, parts, 3, 3), torch.nan)
+        translation = torch.full((1, parts, 3), torch.nan)
         if given is not None:
             pair = isinstance(given, tuple) and len(given) == 2
             names = ("object_rotation", "object_translation") if pair else ("obj_pose",)
@@ -251,13 +252,11 @@ class Stream:
             motion = read_object(record, self._meshes, 1)
             check_object(motion, where)
             rotation, translation = motion.rotation, motion.translation
-            lost = torch.zeros_like(lost) if motion.valid is None else ~motion.valid
-        motion = ObjectTrack(
-            (),
-            rotation.masked_fill(lost[..., None, None], torch.nan),
-            translation.masked_fill(lost[..., None], torch.nan),
-        )
-        return (motion.mirrored() if self._side == "left" else motion).to(self._device)
+            if motion.valid is not None:
+                rotation = rotation.masked_fill(~motion.valid[..., None, None], torch.nan)
+                translation = translation.masked_fill(~motion.valid[..., None], torch.nan)
+        motion = ObjectTrack((), rotation, translation)
+        return self._other_side(motion).to(self._device)
 
     def _paced(self, now: Observed) -> list[Observed]:
         """The frames of the networks that lie after the frame before and not after this one."""
@@ -277,14 +276,14 @@ class Stream:
             self._dropped += 1
         after = self._clean[min(1, len(self._clean) - 1)]
         hand = hand_between(self._clean[0], after, min(place - self._dropped, 1.0))
-        frame = CleanFrame(self._given, self._to_user(hand), self._lost.popleft())
+        hand = None if hand is None else self._other_side(hand).to("cpu")
+        frame = CleanFrame(self._given, hand, self._lost.popleft())
         self._given += 1
         return frame
 
-    def _to_user(self, hand: HandTrack | None) -> HandTrack | None:
-        if hand is None:
-            return None
-        return (hand.mirrored() if self._side == "left" else hand).to("cpu")
+    def _other_side(self, value: Mirrored) -> Mirrored:
+        """What belongs to the user's hand as that of a right hand, and back."""
+        return value.mirrored() if self._side == "left" else value
 
 
 def preset_of_stream(options: Options) -> Preset:
