@@ -29,9 +29,9 @@ WINDOWS_AT_ONCE = 20
 """Windows of all samples together that the networks see at once: memory does not grow with the
 track."""
 CARRIED = 10.0
-"""How many times as noisy as its object sees it a hand counts at most, where it looks so from the
-world. Training shows SpatialDiff what the object sees. Told what the world sees, it finds more of
-the errors that last, but takes a hand that hammers for a noisy one."""
+"""Limit of a hand's noise as the world sees it, in multiples of its noise as its object sees it.
+SpatialDiff was trained with the second. With the first it finds more of the lasting errors, but
+takes a hand that hammers for a noisy one."""
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ class StageContext(ObjectSurface):
         """
         joints = self.windows(hand.joints.mean(0, keepdim=True))
         surface = self.surface_windows()
-        before = observed.map(lambda value: value.expand(len(hand.wrist), *value.shape[1:]))
+        before = repeated(observed, len(hand.wrist))
         change = self.windows(before.change_to(hand).mean(0, keepdim=True))
         ray = self.points.new_zeros(len(self.starts), 3)
         if self.ray is not None:
@@ -178,6 +178,11 @@ class StageContext(ObjectSurface):
         surface = self.cut(nearest, 0), self.cut(outward, 0)
         trust = self.cut(self.trust, 0).mean(-1)
         return ObservedMotion.of(self.hand_windows(hand), trust, *surface, region)
+
+
+def repeated(hand: HandParameters, samples: int) -> HandParameters:
+    """One sample of a hand as so many equal ones."""
+    return hand.map(lambda value: value.expand(samples, *value.shape[1:]))
 
 
 class Piece(NamedTuple):

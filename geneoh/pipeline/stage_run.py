@@ -16,7 +16,7 @@ from geneoh.geometry.distance import MovingSurface
 from geneoh.nn.checkpoint import finite_output
 from geneoh.objects.evidence import blended
 from geneoh.pipeline.alone import hand_alone, without_jitter
-from geneoh.pipeline.context import StageContext, stage_context
+from geneoh.pipeline.context import StageContext, repeated, stage_context
 from geneoh.pipeline.presets import DirectPlan, PlacePlan, Preset, StagePlan
 from geneoh.pipeline.stages import (
     denoise_latent,
@@ -107,7 +107,7 @@ class StageRun:
         observed = HandParameters(
             given.wrist, given.rotations[..., 0, :, :], given.pose[..., 1:, :], self.subject.offsets
         )
-        hand = observed.map(lambda value: value.expand(preset.samples, *value.shape[1:]))
+        hand = repeated(observed, preset.samples)
         if preset.motion is not None:
             hand = denoise_motion(
                 self.denoisers.motion,

@@ -23,10 +23,10 @@ from geneoh.denoisers.spatial import SpatialDenoiser
 from geneoh.denoisers.temporal import StepCorrection, TemporalDenoiser
 from geneoh.denoisers.trajectory import TrajectoryDenoiser
 from geneoh.diffusion.posterior import Posterior, along_a_track
-from geneoh.diffusion.samplers import antithetic_noise, denoise_via_diffusion
+from geneoh.diffusion.samplers import Model, antithetic_noise, denoise_via_diffusion
 from geneoh.diffusion.schedule import descending_sigmas
 from geneoh.fitting.align import AlignConfig, align_to_relations, align_to_steps
-from geneoh.pipeline.context import Piece, StageContext
+from geneoh.pipeline.context import Piece, StageContext, repeated
 from geneoh.pipeline.presets import PlacePlan, StagePlan
 from geneoh.progress import OnStep, counted, part_of
 from geneoh.representation.parameters import HandParameters, turned
@@ -89,17 +89,11 @@ def denoise_motion(
 
         return context.joined(map(answer, range(len(pieces))), samples)
 
-    change = denoise_via_diffusion(
-        clean,
-        hand.wrist.new_zeros(samples, context.frames, 51),
-        descending_sigmas(plan.level, plan.steps),
-        sampler=plan.sampler,
-        samples=samples,
-        generator=generator,
-    )
+    still = hand.wrist.new_zeros(samples, context.frames, 51)
+    change = _diffused(clean, still, plan, samples, generator)
     if context.canonical:  # the wrist moves in the axes of the object's first part
         change = turned(change, context.rotation[:, 0].mT)
-    return hand.map(lambda value: value.expand(samples, *value.shape[1:])).moved(change)
+    return repeated(hand, samples).moved(change)
 
 
 def denoise_spatial(
@@ -195,15 +189,8 @@ def denoise_trajectory(
         def clean(x: Tensor, sigma: float) -> Tensor:
             return model(x, x.new_full((len(x),), sigma), deviation)
 
-        cleaned = denoise_via_diffusion(
-            clean,
-            scale.normalised(canon).repeat(chains, 1, 1, 1),
-            descending_sigmas(plan.level, plan.steps),
-            sampler=plan.sampler,
-            samples=chains,
-            generator=generator,
-            on_step=on_step,
-        )
+        start = scale.normalised(canon).repeat(chains, 1, 1, 1)
+        cleaned = _diffused(clean, start, plan, chains, generator, on_step)
         each = torch.stack([scale.metres(one) for one in cleaned.unflatten(0, (chains, -1))])
         kept = _closest(each, canon, context.cut(context.trust, 0), samples)
         return torch.cat([region.to_world(one) for one in kept])
@@ -249,17 +236,9 @@ def denoise_relations(
             level = hands.new_full((len(hands),), sigma)
             return scale.normalised(model(noisy, level, scale).hands)
 
-        hands = denoise_via_diffusion(
-            clean_hands,
-            scale.normalised(start.hands),
-            descending_sigmas(plan.level, plan.steps),
-            sampler=plan.sampler,
-            samples=len(joints),
-            generator=generator,
-            on_step=on_step,
-        )
-        hand = decode_spatial(replace(start, hands=scale.metres(hands)))
-        return region.to_world(hand)
+        hands = scale.normalised(start.hands)
+        hands = _diffused(clean_hands, hands, plan, len(joints), generator, on_step)
+        return region.to_world(decode_spatial(replace(start, hands=scale.metres(hands))))
 
     return _piece_by_piece(one_piece, context, on_step, len(whole))
 
@@ -351,17 +330,8 @@ def denoise_latent(
         def clean(x: Tensor, sigma: float) -> Tensor:
             return model(x, x.new_full((len(x),), sigma))
 
-        cleaned = denoise_via_diffusion(
-            clean,
-            latent,
-            descending_sigmas(plan.level, plan.steps),
-            sampler=plan.sampler,
-            samples=len(joints),
-            generator=generator,
-            noise=None if noise is None else noise[:, piece.windows].flatten(0, 1),
-            on_step=on_step,
-        )
-
+        own = None if noise is None else noise[:, piece.windows].flatten(0, 1)
+        cleaned = _diffused(clean, latent, plan, len(joints), generator, on_step, noise=own)
         near = region.nearest(windows, ALIGN_POINTS)
         relations = encode_temporal(windows, near, context.fps)
         around = relations.object_velocity, relations.normals, near.points_canon[:, :-1]
@@ -369,6 +339,29 @@ def denoise_latent(
         return align_to_relations(windows, near, target, context.fps, config=align)
 
     return _piece_by_piece(one_piece, context, on_step, len(whole))
+
+
+def _diffused(
+    model: Model,
+    start: Tensor,
+    plan: StagePlan,
+    samples: int,
+    generator: torch.Generator,
+    on_step: OnStep | None = None,
+    *,
+    noise: Tensor | None = None,
+) -> Tensor:
+    """`start`, denoised via diffusion from the noise level and in the steps of a plan."""
+    return denoise_via_diffusion(
+        model,
+        start,
+        descending_sigmas(plan.level, plan.steps),
+        sampler=plan.sampler,
+        samples=samples,
+        generator=generator,
+        noise=noise,
+        on_step=on_step,
+    )
 
 
 def _piece_by_piece(
