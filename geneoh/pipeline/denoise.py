@@ -180,6 +180,7 @@ def _subject(hand: NormalisedHand, options: Options) -> Subject:
     return subject_of(hand.track, hand.right_model(model))
 
 
+@torch.no_grad()
 def _fitted(
     hand: NormalisedHand,
     subject: Subject,
@@ -197,31 +198,22 @@ def _fitted(
     """
     generator = torch.Generator().manual_seed(seed)
     # MotionDiff starts from the parameters of the input, and the report measures their mesh
-    with torch.no_grad():
-        given = subject.parameters()
+    given = subject.parameters()
     subject = subject.completed(given)
     surface = hand.object.surface() if hand.object.meshes else None
     near = torch.full_like(poses, float(surface is not None and chosen.has_object))
     if surface is not None and chosen.has_object and chosen.clean_object:
         near = evidence_of_nearness(subject.joints, surface, hand.fps)
-    evidence = near * poses
     seconds: dict[str, float] = {}
     progress_of = timed(on_progress, seconds)
-    with torch.no_grad():
-        stages = StageRun(denoisers, subject, given, progress_of, generator)
-        samples = stages.relied_on(
-            surface,
-            poses,
-            near,
-            chosen,
-            hand.fps,
-            ray=hand.track.camera_ray,
-            object_noise=object_noise,
-        )
-        index, target = _select(samples, subject, chosen.selection)
-        state, shaped, betas = _fit(
-            target, subject, given, chosen, surface, evidence, progress_of("fit")
-        )
+    stages = StageRun(denoisers, subject, given, progress_of, generator)
+    ray = hand.track.camera_ray
+    samples = stages.relied_on(
+        surface, poses, near, chosen, hand.fps, ray=ray, object_noise=object_noise
+    )
+    index, target = _select(samples, subject, chosen.selection)
+    on_step = progress_of("fit")
+    state, shaped, betas = _fit(target, subject, given, chosen, surface, near * poses, on_step)
     return FittedHand(
         hand=hand,
         subject=subject,

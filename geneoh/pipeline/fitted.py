@@ -26,9 +26,9 @@ from geneoh.sequence.normalisation import NormalisedHand
 from geneoh.sequence.windows import blocks, runs, widened, window_starts
 
 FELT = 20
-"""Frames beside those in which hands are in each other that are fitted anew with them."""
+"""Frames before and after those with hands inside each other that are fitted anew with them."""
 ROUNDS = 2
-"""In each of which both hands leave each other as they were before it."""
+"""Rounds of fits: in each, a hand leaves the skin that the other one had before the round."""
 
 
 @dataclass(frozen=True)
