@@ -175,9 +175,9 @@ def preset(name: PresetName) -> Preset:
                 contact=True,
             )
         case "fast":
-            quick = preset("default").with_steps(3)
             return replace(
-                quick,
+                preset("default"),
+                motion=StagePlan(650, 1),  # one sample is nearest to the mean of many in one step
                 spatial=PlacePlan(64, steps=3, frames=6),
                 samples=1,
                 fit=FitConfig(iterations=3, contact_rounds=2),
