@@ -21,7 +21,7 @@ from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.options import Options
 from geneoh.pipeline.spread import joint_spread
 from geneoh.sequence.noise import corrupt_sequence
-from geneoh.synthesis.shards import SynthesisConfig, seed_of
+from geneoh.synthesis.shards import SynthesisConfig, seed_of, seeded_generator
 
 CLIPS, FRAMES = 5, 60
 """Number of clips and their length in frames."""
@@ -52,7 +52,7 @@ def measured(noise: Noise, clips: int = CLIPS, frames: int = FRAMES) -> SpreadEr
     found = []
     for index in range(clips):
         clean = draw_clip(families[seed_of("family", index) % len(families)], 1000 + index, frames)
-        generator = torch.Generator().manual_seed(seed_of("calibration", index, noise))
+        generator = seeded_generator("calibration", index, noise)
         result = denoise(corrupt_sequence(clean, noise, generator=generator), Options(seed=index))
         cleaned, truth = result.sequence.hands[0].joints, clean.hands[0].joints
         assert cleaned is not None, "every result has joints"

@@ -32,7 +32,7 @@ from geneoh.pipeline.options import Options
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.normalisation import normalised_hands
 from geneoh.sequence.sequence import Sequence
-from geneoh.synthesis.shards import SynthesisConfig, seed_of
+from geneoh.synthesis.shards import SynthesisConfig, seed_of, seeded_generator
 
 CLIPS, FRAMES = 10, 60
 """Number of made clips to calibrate on, and their length in frames."""
@@ -86,7 +86,7 @@ def calibrate() -> Iterator[str]:
     for index in range(CLIPS):
         clean = draw_clip(families[seed_of("touch", index) % len(families)], 2000 + index, FRAMES)
         for noise in NOISES:
-            generator = torch.Generator().manual_seed(seed_of("touch", index, noise))
+            generator = seeded_generator("touch", index, noise)
             noisy = corrupt_sequence(clean, noise, generator=generator)
             every.append(compared(clean, noisy, index))
     share, least, nearer = constants(every)

@@ -19,7 +19,7 @@ from geneoh.hand.skeleton import forward_kinematics
 from geneoh.sequence.noise import corrupt
 from geneoh.sequence.sequence import HandTrack
 from geneoh.synthesis.objects import FAMILIES
-from geneoh.synthesis.shards import SynthesisConfig, seed_of, synthesize_shard
+from geneoh.synthesis.shards import SynthesisConfig, seeded_generator, synthesize_shard
 
 FPS = 30.0
 CLIPS, FRAMES = 32, 120
@@ -30,7 +30,7 @@ def validation_hands(count: int = CLIPS, frames: int = FRAMES) -> list[HandTrack
     """Clean hands of synthetic interactions that are in no test and no training."""
     config = SynthesisConfig(count=count, frames=frames, points=1, shard=count)
     families = [family for family in FAMILIES if family not in config.held_out]
-    generator = torch.Generator().manual_seed(seed_of("tuning"))
+    generator = seeded_generator("tuning")
     made = synthesize_shard(config, families, load_hand("right"), generator=generator)
     joints, _ = forward_kinematics(
         axis_angle_to_matrix(made.pose), made.wrist, made.offsets[:, None]
@@ -49,7 +49,7 @@ def noisy_pairs(
     pairs = []
     for index, hand in enumerate(hands):
         for noise in noises:
-            generator = torch.Generator().manual_seed(seed_of("tuning", index, noise))
+            generator = seeded_generator("tuning", index, noise)
             pairs.append((hand, corrupt(hand, noise, generator=generator)))
     return pairs
 

@@ -20,7 +20,7 @@ from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.object_noise import corrupt_object, draw_object_noise
 from geneoh.sequence.sequence import ObjectTrack, Sequence
 from geneoh.synthesis.scans import Scans, build_scans, read_folder
-from geneoh.synthesis.shards import seed_of
+from geneoh.synthesis.shards import seeded_generator
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 FRAMES = 60
@@ -101,7 +101,7 @@ def symmetry_of(name: str) -> Symmetry:
 
 def drawn(noise: str, kind: str, *names: object) -> torch.Generator:
     """The random numbers of one case."""
-    return torch.Generator().manual_seed(seed_of(noise, kind, *names))
+    return seeded_generator(noise, kind, *names)
 
 
 def with_noisy_hand(clean: Sequence, noise: HandNoise, seed: int) -> Sequence:

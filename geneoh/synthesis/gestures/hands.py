@@ -18,7 +18,7 @@ from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.gestures.repertoire import Gesture, HandPose
 from geneoh.synthesis.gestures.shapes import SHAPES
 from geneoh.synthesis.schedule import minimum_jerk
-from geneoh.synthesis.shards import seed_of
+from geneoh.synthesis.shards import seeded_generator
 
 VARIANTS = 10
 """Ways of making each gesture, which differ in place, direction, size, tempo and shape."""
@@ -107,7 +107,7 @@ class Variation(Bundle):
 
 def variation_of(name: str, variant: int, settings: HandSettings) -> Variation:
     """How a variant of a gesture is made: the same for every clip of it."""
-    generator = torch.Generator().manual_seed(seed_of("variant", name, variant))
+    generator = seeded_generator("variant", name, variant)
     return Variation.drawn(Draws(1, generator), settings)
 
 

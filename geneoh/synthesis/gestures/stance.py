@@ -12,7 +12,7 @@ from geneoh.body.skeleton import BODY_PARENTS, JOINT_NAMES, Skeleton, embedded_s
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.synthesis.actions import FPS
 from geneoh.synthesis.draws import Draws
-from geneoh.synthesis.shards import seed_of
+from geneoh.synthesis.shards import seeded_generator
 
 ANKLE_HEIGHT = 0.075  # of the embedded skeleton over the ground, metres
 FEET_SMOOTHING = 2.5  # deviation in frames of the filter on the pelvis over stepping feet
@@ -76,7 +76,7 @@ def body_skeletons(numbers: list[int], config: StanceConfig) -> Skeleton:
 
 
 def _body(number: int, config: StanceConfig) -> Float[Tensor, "52 3"]:
-    draws = Draws(1, torch.Generator().manual_seed(seed_of("body", number)))
+    draws = Draws(1, seeded_generator("body", number))
     size, legs, trunk, arms, hands = (draws.normal(5)[0]).tolist()
     wide = draws.normal()[0].item()
     scale = torch.full((len(JOINT_NAMES),), config.height * size)
