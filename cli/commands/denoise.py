@@ -72,6 +72,8 @@ def denoise(
 
     settings = options.cleaner(mano, chosen)
     sequence = sources.read(noisy, obj=obj, mano=mano, **chosen)
+    if report is not None and not sequence.object.meshes:
+        raise click.UsageError("--report shows the hand at its object: it needs --obj MESH")
     with progress.progress_bars() as on_progress:
         result = geneoh.denoise(sequence, settings, on_progress=on_progress)
     geneoh.save(result, output)

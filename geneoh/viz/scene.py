@@ -169,8 +169,8 @@ class Scene:
         """Vertices of a part in the world."""
         return self.part_pose(part, frame).apply(self.object.meshes[part].verts)
 
-    def drawn_object(self, frame: int) -> DrawnSurface | None:
-        """All parts of the object in a frame as one surface of one colour; None without a mesh."""
+    def drawn_object(self, frame: int) -> DrawnSurface:
+        """All parts of the object in a frame as one surface of one colour."""
         surfaces = []
         for part, mesh in enumerate(self.sharp_parts):
             verts = self.part_pose(part, frame).apply(mesh.verts).numpy()
@@ -179,7 +179,7 @@ class Scene:
             )
             position = np.zeros(len(verts), dtype=np.float32)
             surfaces.append(DrawnSurface(verts, mesh.faces.numpy(), colours, position))
-        return joined(surfaces) if surfaces else None
+        return joined(surfaces)
 
 
 def joined(surfaces: list[DrawnSurface]) -> DrawnSurface:
@@ -201,18 +201,15 @@ def make_scene(
 ) -> Scene:
     """Pose and measure every hand of one or two versions of an interaction.
 
-    The object is that of the last sequence; hands without any are shown alone. A hand that has only
+    The object is that of the last sequence; with a body there need be none. A hand that has only
     keypoints is fitted to them. Betas of MANO get MANO's mesh where the user has it, else the
     embedded hand with the same bones.
 
     `sequences` are by title, in the order before, after; `samples` are at any frame rate.
     """
     last_title, last = next(reversed(sequences.items()))
-    if not last.object.meshes and body is None and moves(last.object):
-        raise InputError(
-            f"{last.source}: expected the mesh of the object whose poses it has, got none; pass "
-            "--obj MESH"
-        )
+    if not last.object.meshes and body is None:
+        raise InputError(f"{last.source}: expected an object mesh, got none; pass --obj MESH")
     for sequence in sequences.values():
         if sequence.frames != last.frames:
             raise InputError(
@@ -230,15 +227,6 @@ def make_scene(
     }
     scene = Scene(title or last_title, tuple(versions), last.object, last.fps, paced)
     return scene if body is None else with_body(scene, body)
-
-
-def moves(motion: ObjectTrack) -> bool:
-    """Whether some pose differs from that of `ObjectTrack.resting`, which stands for no object."""
-    resting = ObjectTrack.resting(motion.meshes, len(motion.rotation)).to(motion.rotation.device)
-    return not (
-        torch.equal(motion.rotation, resting.rotation)
-        and torch.equal(motion.translation, resting.translation)
-    )
 
 
 def with_body(scene: Scene, body: BodyRecording) -> Scene:
