@@ -27,7 +27,7 @@ WARP = find_spec("warp") is not None  # whether a GPU can search surfaces
 
 
 def pairwise_distances(
-    points: Float[Tensor, "*#B P 3"], others: Float[Tensor, "*#B N 3"]
+    points: Float[Tensor, "*#B P D"], others: Float[Tensor, "*#B N D"]
 ) -> Float[Tensor, "*B P N"]:
     """Distance of every point to every other one, exact far from the origin too.
 

@@ -1,6 +1,5 @@
 """The surface point nearest to each keypoint: where the hand touches or enters the object."""
 
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -9,6 +8,7 @@ from jaxtyping import Float, Int
 from scipy.spatial import KDTree
 from torch import Tensor
 
+from geneoh.geometry.distance import pairwise_distances
 from geneoh.representation.region import ObjectSurface
 
 AT_ONCE = 2**24  # distances that are held at once where there is no search tree
@@ -48,9 +48,8 @@ def nearest_of_all(
 ) -> Int[Tensor, "*B N"]:
     """As `nearest_in_tree`, by all distances, on any device."""
     size = max(1, AT_ONCE // max(1, joints[..., :1, 0].numel() * points.shape[-2]))
-    # the matrix product that cdist takes by default is off by a millimetre two metres away
-    exact = partial(torch.cdist, compute_mode="donot_use_mm_for_euclid_dist")
-    return torch.cat([exact(some, points).argmin(-1) for some in joints.split(size, -2)], dim=-1)
+    some = joints.split(size, -2)
+    return torch.cat([pairwise_distances(each, points).argmin(-1) for each in some], dim=-1)
 
 
 class Nearest(NamedTuple):

@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from geneoh.bundle import Bundle
+from geneoh.geometry.distance import pairwise_distances
 
 CONTACT_RADIUS = 0.015
 """Distance in metres from a keypoint to the surface within which a point counts as close: the
@@ -98,10 +99,8 @@ def distance_to_trajectory(
     points: Float[Tensor, "*B T P 3"], joints: Float[Tensor, "*B T 21 3"]
 ) -> Float[Tensor, "*B P"]:
     """Least distance of each moving point to any keypoint over all frames, metres."""
-    # The matrix product that cdist takes by default is off by a millimetre two metres from the
-    # origin: the choice of points would depend on where the origin of the world is.
-    apart = torch.cdist(points, joints, compute_mode="donot_use_mm_for_euclid_dist")
-    return apart.amin(-1).amin(-2)
+    # exact: the choice of points would depend on where the origin of the world is
+    return pairwise_distances(points, joints).amin(-1).amin(-2)
 
 
 def select_points(

@@ -10,6 +10,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.bundle import Bundle
+from geneoh.geometry.distance import pairwise_distances
 from geneoh.hand.skeleton import KEYPOINT_PARENTS, MANO_FROM_OPENPOSE
 
 PAD_OF_THUMB = (-0.55, -0.50, -0.67)
@@ -61,8 +62,7 @@ class OtherHands(Bundle):
         self, centers: Float[Tensor, "B K 3"], radii: Float[Tensor, "*B K"]
     ) -> Float[Tensor, "B K N"]:
         """How deep each sphere is in each of these, metres; negative beside it."""
-        apart = torch.cdist(centers, self.centers, compute_mode="donot_use_mm_for_euclid_dist")
-        return radii[..., None] + self.radii[:, None] - apart
+        return radii[..., None] + self.radii[:, None] - pairwise_distances(centers, self.centers)
 
     def depth(
         self, centers: Float[Tensor, "B K 3"], radii: Float[Tensor, "*B K"]

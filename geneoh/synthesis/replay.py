@@ -12,6 +12,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from geneoh.errors import InputError
+from geneoh.geometry.distance import pairwise_distances
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.model import HandModel, PosedHand
 from geneoh.hand.skeleton import forward_kinematics
@@ -110,10 +111,8 @@ def replay_shard(path: Path, hand: HandModel) -> Replay:
     names, generator = config.families_of(index, scans), shard_generator(record.seed, index)
     tried = draw_attempts(config, names, hand, config.shard, generator=generator, scans=scans)
     clips = read_shard(path)
-    # the error of the faster way, by a matrix product, is larger than SAME_SKELETON
     ours, theirs = clips.offsets.flatten(1), tried.hands.offsets.flatten(1)
-    apart = torch.cdist(ours, theirs, compute_mode="donot_use_mm_for_euclid_dist")
-    nearest, who = apart.min(1)
+    nearest, who = pairwise_distances(ours, theirs).min(1)
     found = torch.nonzero(nearest < SAME_SKELETON)[:, 0]
     if not len(found):
         raise NoFirstGraspsError(
