@@ -84,6 +84,8 @@ def view(
     check_scene_outputs(outputs, inputs=[*files, *obj], overwrite=overwrite)
     scene = opened(*files, obj=obj)
     look = replace(look, up=up or scene.up)
+    if not scene.object.meshes:
+        click.echo("note: without a mesh the hands are shown alone; --obj MESH names one")
     meshes = [mesh.source for mesh in scene.object.meshes]
     check_scene_outputs(outputs, inputs=meshes, overwrite=overwrite)
     for output in outputs:

@@ -101,27 +101,27 @@ def seen_from(folder: Path, file: Path) -> str:
         return str(file.absolute())
 
 
-def find_meshes(record: Record, folder: Path) -> tuple[tuple[Mesh, ...], tuple[str, ...]]:
+def find_meshes(record: Record, folder: Path) -> tuple[tuple[Mesh, ...], str]:
     """The meshes that a file in a folder names, where all are there and as they were.
 
-    Otherwise none, and in words what to know of them. `InputError` for names that are no texts.
+    Otherwise none, and in words why. `InputError` for names that are no texts.
     """
     if FILES not in record:
-        return (), ()
+        return (), ""
     names = record.texts(FILES)
     hashes = record.texts(HASHES) if HASHES in record else []
     meshes: list[Mesh] = []
     for index, name in enumerate(names):
         path = folder / name
         if not path.is_file():
-            return (), (f"the object's mesh {name} is not there any more",)
+            return (), f"the object's mesh {name} is not there any more"
         try:
             whole = load_mesh(path)
         except InputError as error:
-            return (), (f"the object's mesh cannot be used: {error}",)
+            return (), f"the object's mesh cannot be used: {error}"
         kept = hashes[index : index + 1]
         same = [mesh for mesh in (whole, *whole.parts) if not hashes or mesh.sha256 in kept]
         if not same:
-            return (), (f"the object's mesh {name} is another one than it was",)
+            return (), f"the object's mesh {name} is another one than it was"
         meshes.append(same[0])
-    return tuple(meshes), ()
+    return tuple(meshes), ""

@@ -97,16 +97,17 @@ def load(
     record = with_joint_order(record, layout, joint_order)
     record = with_callers(record, "obj_pose", object_pose)
     record = with_callers(in_metres(record, layout, keypoint_unit), "camera_position", camera)
-    meshes, mesh_notes = (meshes, ()) if meshes is not None else find_meshes(record, path.parent)
+    meshes, missing = (meshes, "") if meshes is not None else find_meshes(record, path.parent)
     sequence, notes = sequence_in(record, layout, meshes, side, fps, mano_dir)
-    notes = (*notes, *mesh_notes)
+    notes = (*notes, missing) if missing else notes
     for note in (*notes, *npz_layouts.misspelt(record, layout)):
         LOG.warning("%s: %s", path, note)
     made_from = record.optional_text("source") if layout == FORMAT else None
     source = f"{path.name} ({'; '.join((LAYOUT_NAMES[layout], *notes))})"
     if made_from:
         source = f"{source} made from {shortened(made_from, 300)}"
-    sequence = replace(sequence, source=source)
+    motion = replace(sequence.object, missing=missing)
+    sequence = replace(sequence, object=motion, source=source)
     check_sequence(sequence, str(path))
     return sequence
 

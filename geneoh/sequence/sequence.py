@@ -99,6 +99,8 @@ class ObjectTrack(Bundle):
     translation: Float[Tensor, "T Q 3"]
     valid: Bool[Tensor, "T Q"] | None = None
     """False where a part's pose was not observed and is filled in; None where all were observed."""
+    missing: str = ""
+    """Why the meshes that its file names are not here, in words; empty where it names none."""
 
     @classmethod
     def resting(cls, meshes: tuple[Mesh, ...], frames: int) -> "ObjectTrack":
@@ -137,11 +139,12 @@ class ObjectTrack(Bundle):
 
     def of_parts(self, parts: list[int]) -> "ObjectTrack":
         """The track of some of the parts alone."""
-        return ObjectTrack(
-            tuple(self.meshes[part] for part in parts),
-            self.rotation[:, parts],
-            self.translation[:, parts],
-            None if self.valid is None else self.valid[:, parts],
+        return replace(
+            self,
+            meshes=tuple(self.meshes[part] for part in parts),
+            rotation=self.rotation[:, parts],
+            translation=self.translation[:, parts],
+            valid=None if self.valid is None else self.valid[:, parts],
         )
 
     def mirrored(self) -> "ObjectTrack":

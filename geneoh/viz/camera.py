@@ -14,6 +14,7 @@ from scipy.ndimage import gaussian_filter1d
 from geneoh.body.motion import pose
 from geneoh.body.skeleton import JOINT_NAMES
 from geneoh.readers.bodies.base import BodyRecording
+from geneoh.sequence.sequence import ObjectTrack
 from geneoh.viz.raster import rasterise
 from geneoh.viz.scene import DrawnSurface, Scene
 
@@ -143,20 +144,25 @@ def _seen_pixels(hands: DrawnSurface, camera: Camera) -> float:
 
 def _targets(scene: Scene) -> Float[np.ndarray, "T 3"]:
     """What the camera looks at: near the hands, towards the object; smooth over the frames."""
-    parts = torch.stack([mesh.verts.mean(0) for mesh in scene.object.meshes])
-    placed = (scene.object.rotation @ parts[None, ..., None])[..., 0] + scene.object.translation
-    middle = placed.mean(1).numpy()
     hands = [hand for version in scene.versions for hand in version.hands]
     seen = [torch.where(hand.valid[:, None, None], hand.joints, torch.nan) for hand in hands]
     centre = torch.cat(seen, dim=1).nanmean(1).numpy()
     frames, there = np.arange(scene.frames), np.isfinite(centre).all(1)
-    if not there.any():
-        centre = middle
-    else:
+    middle = _middles(scene.object) if scene.object.meshes else None
+    if there.any():
         centre = np.stack([np.interp(frames, frames[there], axis[there]) for axis in centre.T], -1)
-    aside = OBJECT_PULL * (middle - centre)
+    elif middle is not None:
+        centre = middle
+    aside = np.zeros_like(centre) if middle is None else OBJECT_PULL * (middle - centre)
     aside *= np.minimum(1, MAX_OFFSET / np.linalg.norm(aside, axis=-1, keepdims=True).clip(1e-9))
     return gaussian_filter1d(centre + aside, SMOOTHING * scene.fps, 0, mode="nearest")
+
+
+def _middles(motion: ObjectTrack) -> Float[np.ndarray, "T 3"]:
+    """The middle of the object's parts in each frame."""
+    parts = torch.stack([mesh.verts.mean(0) for mesh in motion.meshes])
+    placed = (motion.rotation @ parts[None, ..., None])[..., 0] + motion.translation
+    return placed.mean(1).numpy()
 
 
 def _radius(scene: Scene, targets: Float[np.ndarray, "T 3"], axes: Axes) -> float:
@@ -168,5 +174,5 @@ def _radius(scene: Scene, targets: Float[np.ndarray, "T 3"], axes: Axes) -> floa
         # what is nearer to the eye by `aside[2]` is seen larger
         needed = np.cos(half) * aside[..., :2].abs().amax(-1) + np.sin(half) * aside[..., 2]
         reach = torch.maximum(reach, needed.amax(-1).where(hand.valid, reach))
-    size = max(float(mesh.extent().norm()) / 2 for mesh in scene.object.meshes)
-    return MARGIN * max(float(reach.quantile(WHOLE_FRAMES)), min(size, MAX_OBJECT))
+    sizes = [float(mesh.extent().norm()) / 2 for mesh in scene.object.meshes] or [0.0]
+    return MARGIN * max(float(reach.quantile(WHOLE_FRAMES)), min(max(sizes), MAX_OBJECT))

@@ -150,7 +150,7 @@ def _version(version: Version, scene: Scene, box: _Box, packed: _Packed) -> dict
     means = measures.means()
     found = {
         "title": version.title,
-        "hands": [_hand(hand, box, packed) for hand in version.hands],
+        "hands": [_hand(hand, scene.has_object, box, packed) for hand in version.hands],
         "curves": {
             "penetration": _rounded(1000 * measures.depth.numpy(), 2),
             "contact": _rounded(measures.fingers.numpy(), 0),
@@ -162,16 +162,19 @@ def _version(version: Version, scene: Scene, box: _Box, packed: _Packed) -> dict
             "acceleration": _rounded(means["acceleration_mm"]),
         },
     }
+    if not scene.has_object:
+        for known in found["curves"], found["means"]:
+            del known["penetration"], known["contact"]
     if trust is not None:
         found["curves"]["confidence"] = _rounded(100 * trust.numpy(), 0)
         found["means"]["confidence"] = _rounded(100 * float(trust.mean()))
     return found
 
 
-def _hand(hand: PosedTrack, box: _Box, packed: _Packed) -> dict[str, Any]:
+def _hand(hand: PosedTrack, at_object: bool, box: _Box, packed: _Packed) -> dict[str, Any]:
     ramps = {}
     for name in SCALES:
-        if name != "spread" or hand.spread is not None:
+        if hand.spread is not None if name == "spread" else at_object:
             share = ramp_position(name, hand.distance, hand.spread).nan_to_num(0)
             steps = (share * 255).round().numpy().astype(np.uint8)
             ramps[name] = packed.add(steps, over_frames=True)

@@ -42,13 +42,17 @@ def draw(
 ) -> list[Picture]:
     """A square picture of each version, of a side in pixels; the object is drawn once for all."""
     drawn = (side * SMOOTH, side * SMOOTH)
-    object_layer = _lit(scene.drawn_object(frame), camera, drawn)
+    behind = _layers(scene.drawn_object(frame), camera, drawn)
     pictures = []
     for version in scene.versions:
-        hands = version.drawn(frame, colouring)
-        layers = [object_layer] if hands is None else [object_layer, _lit(hands, camera, drawn)]
+        layers = behind + _layers(version.drawn(frame, colouring), camera, drawn)
         pictures.append(_reduced(_shaded(*_stacked(layers, drawn), camera)))
     return pictures
+
+
+def _layers(surface: DrawnSurface | None, camera: Camera, size: tuple[int, int]) -> list[_Layer]:
+    """The layer of a surface that is there."""
+    return [] if surface is None else [_lit(surface, camera, size)]
 
 
 def _lit(surface: DrawnSurface, camera: Camera, size: tuple[int, int]) -> _Layer:

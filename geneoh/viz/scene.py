@@ -86,8 +86,8 @@ class Version:
         """The measures of all hands together: deepest, sum of fingertips, mean acceleration."""
         hands = [hand.measures for hand in self.hands]
         valid = torch.stack([hand.valid for hand in hands]).any(0)
-        depth = torch.stack([hand.depth.nan_to_num() for hand in hands]).amax(0)
-        fingers = torch.stack([hand.fingers for hand in hands]).nansum(0)
+        depth = torch.stack([hand.depth.where(hand.valid, 0) for hand in hands]).amax(0)
+        fingers = torch.stack([hand.fingers.where(hand.valid, 0) for hand in hands]).sum(0)
         return FrameMeasures(
             valid=valid,
             touching=torch.stack([hand.touching for hand in hands]).any(0),
@@ -169,8 +169,8 @@ class Scene:
         """Vertices of a part in the world."""
         return self.part_pose(part, frame).apply(self.object.meshes[part].verts)
 
-    def drawn_object(self, frame: int) -> DrawnSurface:
-        """All parts of the object in a frame as one surface of one colour."""
+    def drawn_object(self, frame: int) -> DrawnSurface | None:
+        """All parts of the object in a frame as one surface of one colour; None without a mesh."""
         surfaces = []
         for part, mesh in enumerate(self.sharp_parts):
             verts = self.part_pose(part, frame).apply(mesh.verts).numpy()
@@ -179,7 +179,7 @@ class Scene:
             )
             position = np.zeros(len(verts), dtype=np.float32)
             surfaces.append(DrawnSurface(verts, mesh.faces.numpy(), colours, position))
-        return joined(surfaces)
+        return joined(surfaces) if surfaces else None
 
 
 def joined(surfaces: list[DrawnSurface]) -> DrawnSurface:
@@ -201,15 +201,15 @@ def make_scene(
 ) -> Scene:
     """Pose and measure every hand of one or two versions of an interaction.
 
-    The object is that of the last sequence; with a body there need be none. A hand that has only
+    The object is that of the last sequence; hands without any are shown alone. A hand that has only
     keypoints is fitted to them. Betas of MANO get MANO's mesh where the user has it, else the
     embedded hand with the same bones.
 
     `sequences` are by title, in the order before, after; `samples` are at any frame rate.
     """
     last_title, last = next(reversed(sequences.items()))
-    if not last.object.meshes and body is None:
-        raise InputError(f"{last.source}: expected an object mesh, got none; pass --obj MESH")
+    if body is None:
+        refuse_missing_meshes(last)
     for sequence in sequences.values():
         if sequence.frames != last.frames:
             raise InputError(
@@ -227,6 +227,18 @@ def make_scene(
     }
     scene = Scene(title or last_title, tuple(versions), last.object, last.fps, paced)
     return scene if body is None else with_body(scene, body)
+
+
+def refuse_missing_meshes(sequence: Sequence) -> None:
+    """`InputError` for hands at an object whose meshes are not known; hands alone may be shown."""
+    motion, none = sequence.object, ObjectTrack.resting((), sequence.frames)
+    poses = ((motion.rotation, none.rotation), (motion.translation, none.translation))
+    moved = not all(torch.equal(given.cpu(), origin) for given, origin in poses)
+    if not motion.meshes and (motion.missing or moved):
+        raise InputError(
+            f"{sequence.source}: expected the mesh of the object whose poses it has, got none; "
+            "pass --obj MESH"
+        )
 
 
 def with_body(scene: Scene, body: BodyRecording) -> Scene:
@@ -254,7 +266,10 @@ def with_parts(motion: ObjectTrack, more: ObjectTrack) -> ObjectTrack:
 def pose_track(
     track: HandTrack, surface: MovingSurface | None, fps: float, mano_dir: Path | str | None = None
 ) -> PosedTrack:
-    """The mesh of one track, of the embedded hand where the user has no MANO, and its measures."""
+    """The mesh of one track, of the embedded hand where the user has no MANO, and its measures.
+
+    Without a surface depth and fingertips in contact are NaN, because they are not known.
+    """
     try:
         model = hand_of_betas(track.side, track.hand_model, mano_dir=mano_dir)
     except MissingAssetError:
@@ -272,5 +287,8 @@ def pose_track(
         far = torch.full_like(verts[..., 0], NO_OBJECT)
         distance = far if surface is None else surface.query(verts).distance
         measures = measure_frames(distance, verts, joints, fps, track.valid)
+        if surface is None:
+            unknown = torch.full_like(measures.depth, torch.nan)
+            measures = replace(measures, depth=unknown, fingers=unknown)
         measured = (verts, joints, distance, measures, track.joint_spread)
         return PosedTrack(track.side, model, pose, wrist, subject.betas, *measured)

@@ -66,6 +66,11 @@ def sorted_by(items: list[GalleryItem], measure: str) -> list[GalleryItem]:
     return sorted(items, key=lambda item: np.nan_to_num(-item.measures[measure], nan=np.inf))
 
 
+def in_words(value: float, digits: int) -> str:
+    """A measure with so many decimals; hands alone have none of depth and contact."""
+    return "not known" if np.isnan(value) else f"{value:.{digits}f}"
+
+
 class Gallery:
     """The running server: one result is shown; the list and the sliders change it."""
 
@@ -117,7 +122,7 @@ class Gallery:
         self._server.stop()
 
     def _label(self, item: GalleryItem) -> str:
-        return f"{item.name}  ({item.measures[self._sort.value]:.1f})"
+        return f"{item.name}  ({in_words(item.measures[self._sort.value], 1)})"
 
     def _resort(self) -> None:
         self._order = sorted_by(self._items, self._sort.value)
@@ -134,7 +139,8 @@ class Gallery:
         item = self.shown
         self._scene = item.open()
         self._words.content = "\n".join(
-            f"- {name.replace('_', ' ')}: **{value:.2f}**" for name, value in item.measures.items()
+            f"- {name.replace('_', ' ')}: **{in_words(value, 2)}**"
+            for name, value in item.measures.items()
         )
         self._server.scene.reset()
         self._moving = []

@@ -86,8 +86,18 @@ def test_a_hand_without_a_mesh_is_cleaned_alone_and_said_so(geneoh, tmp_path, mo
     assert load(tmp_path / "hand_clean.npz").frames == 6
 
 
-def test_a_page_needs_an_object_and_says_so_before_the_work(geneoh, tmp_path):
-    write_good(tmp_path)
+def test_a_page_of_a_hand_alone_shows_no_contact(geneoh, tmp_path):
+    with_arrays(object_rotation=None, object_translation=None)(tmp_path)
+    result = geneoh("denoise", "hand.npz", "--report", "page.html")
+    assert result.exit_code == 0, result.output
+    versions = page_scene(tmp_path / "page.html")["versions"]
+    assert [list(version["curves"]) for version in versions] == [["acceleration"]] * 2
+
+
+def test_a_page_needs_the_mesh_of_an_object_with_poses_and_says_so_before_the_work(
+    geneoh, tmp_path
+):
+    with_arrays(object_translation=lambda given: given + 0.1)(tmp_path)
     result = geneoh("denoise", "hand.npz", "--report", "page.html")
     assert result.exit_code == 2
     assert "--obj MESH" in result.stderr

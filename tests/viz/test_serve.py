@@ -3,8 +3,17 @@ import warnings
 
 import pytest
 
+from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh.viz.look import Look
-from geneoh.viz.serve import SORT_MEASURES, Gallery, GalleryItem, gallery_items, sorted_by
+from geneoh.viz.scene import make_scene
+from geneoh.viz.serve import (
+    SORT_MEASURES,
+    Gallery,
+    GalleryItem,
+    gallery_items,
+    in_words,
+    sorted_by,
+)
 
 
 def test_the_clip_that_sinks_deepest_comes_first(scene):
@@ -21,6 +30,18 @@ def test_a_clip_without_a_number_comes_last(scene):
         for name, value in (("none", float("nan")), ("some", 1.0))
     ]
     assert [clip.name for clip in sorted_by(clips, "penetration_max_mm")] == ["some", "none"]
+
+
+def test_of_hands_alone_nothing_is_known_of_depth_and_contact(scene):
+    hands = Sequence(
+        tuple(HandTrack(hand.side, hand.valid, hand.joints) for hand in scene.versions[0].hands),
+        ObjectTrack.resting((), scene.frames),
+        scene.fps,
+    )
+    measures = make_scene({"alone": hands}).versions[0].measures.means()
+    assert in_words(measures["penetration_mean_mm"], 1) == "not known"
+    assert in_words(measures["fingers_in_contact"], 1) == "not known"
+    assert in_words(measures["acceleration_mm"], 1) == "0.0"  # they stand still
 
 
 def test_the_input_and_the_mesh_are_found_beside_a_result(scene, tmp_path):

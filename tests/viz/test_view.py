@@ -13,6 +13,7 @@ from PIL import Image
 
 from geneoh.errors import ConfigError, InputError
 from geneoh.readers.npz_files import save_sequence
+from geneoh.sequence.sequence import ObjectTrack
 from geneoh.viz import view as view_module
 from geneoh.viz.page import page_html
 from geneoh.viz.view import confidence_of, open_scene, view
@@ -42,6 +43,28 @@ def test_doubts_about_the_objects_poses_are_a_curve_of_the_page(sequences, tmp_p
     (told,) = page_scene(tmp_path / "doubtful.html")["versions"]
     assert told["curves"]["confidence"] == [100, 100, 25, 100, 100, 100]
     assert "confidence" not in page_scene(tmp_path / "sure.html")["versions"][0]["curves"]
+
+
+@pytest.mark.parametrize("ending", [".html", ".png", ".glb"])
+def test_hands_without_an_object_are_shown_alone(sequences, tmp_path, ending):
+    before, after = (
+        replace(each, object=ObjectTrack.resting((), each.frames)) for each in sequences
+    )
+    written = view(after, tmp_path / f"a{ending}", before=before if ending != ".glb" else None)
+    if ending == ".html":
+        shown = page_scene(written)
+        assert shown["parts"] == []
+        assert [list(version["curves"]) for version in shown["versions"]] == [["acceleration"]] * 2
+        assert set(shown["versions"][0]["hands"][0]["ramps"]) == {"spread"}
+    elif ending == ".png":
+        with Image.open(written) as picture:
+            assert len(picture.convert("RGB").getcolors(10**6)) > 50
+
+
+def test_an_object_whose_mesh_is_missing_is_refused(sequences, tmp_path):
+    moving = replace(sequences[1].object, meshes=())
+    with pytest.raises(InputError, match="expected the mesh of the object whose poses it has"):
+        view(replace(sequences[1], object=moving), tmp_path / "a.html")
 
 
 def test_the_ending_names_the_format(sequences, tmp_path):

@@ -50,9 +50,8 @@ const ROWS = [
   { name: "penetration", title: "Deepest penetration, mm", digits: 1, mean: "Mean over the frames with a hand" },
   { name: "contact", title: "Fingertips in contact", digits: 0, mean: "Mean over the frames with contact" },
   { name: "acceleration", title: "Acceleration, mm/frame²", digits: 1, mean: "Mean over the frames with a hand" },
-];
-if (scene.versions[0].curves.confidence)
-  ROWS.push({ name: "confidence", title: "Confidence in the object’s poses, %", digits: 0, mean: "Mean over all frames" });
+  { name: "confidence", title: "Confidence in the object’s poses, %", digits: 0, mean: "Mean over all frames" },
+].filter((row) => scene.versions[0].curves[row.name]);
 for (const row of ROWS) {
   row.lines = scene.versions.map((version) => version.curves[row.name]);
   const all = row.lines.flat().filter((v) => v !== null).sort((a, b) => a - b);
@@ -60,7 +59,8 @@ for (const row of ROWS) {
   const top = row.name === "acceleration" ? 1.15 * (all[Math.floor(0.98 * (all.length - 1))] ?? 1) : all.at(-1) ?? 1;
   row.top = Math.max(1e-6, top);
 }
-const depthAt = (version, frame) => ROWS[0].lines[version][frame];
+/** Depth in the object; undefined where there is none. */
+const depthAt = (version, frame) => scene.versions[version].curves.penetration?.[frame];
 /** The frame in which penetration was reduced most. */
 function mostImprovedFrame() {
   let best = 0, most = -Infinity;
@@ -78,7 +78,7 @@ const COLOURINGS = { plain: "Plain skin", penetration: "Penetration", contact: "
 const colourings = Object.keys(COLOURINGS).filter(
   (name) => name === "plain" || scene.versions.some((version) => version.hands.some((h) => name in h.ramps)));
 const state = {
-  frame: 0, playing: false, layout: layouts[0], colouring: "penetration", sample: -1,
+  frame: 0, playing: false, layout: layouts[0], colouring: colourings.find((name) => name !== "plain") ?? "plain", sample: -1,
   seeThrough: true, follow: true, dark: matchMedia("(prefers-color-scheme: dark)").matches, speed: 1,
 };
 const canvas = $("view"), pen = canvas.getContext("2d", { alpha: false, willReadFrequently: true });
@@ -248,6 +248,7 @@ function titles() {
       const name = names[version], note = overlaid && name === "before" ? ", transparent" : "";
       const head = names.length > 1 ? LAYOUTS[name] + note : "";
       left.append(made("div", name, "", made("b", "", head), made("span", "", scene.versions[version].title)));
+      if (depthAt(version, 0) === undefined) continue;
       const dot = made("i"), number = made("strong");
       depth.append(number);
       depths.push({ version, dot, number });
