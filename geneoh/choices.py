@@ -25,6 +25,7 @@ UNITS: tuple[Unit, ...] = get_args(Unit)
 
 HandSource = Literal["embedded", "mano", "mano-as-shipped"]
 """Where a hand model comes from; see `geneoh.hand.library.load_hand`."""
+HAND_SOURCES: tuple[HandSource, ...] = get_args(HandSource)
 RESULT_HANDS: tuple[HandSource, ...] = ("embedded", "mano")
 """Hand models that a user can choose for a result."""
 

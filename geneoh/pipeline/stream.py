@@ -29,7 +29,7 @@ from geneoh.readers.npz_files import hand_arrays
 from geneoh.readers.npz_tracks import read_object, read_own
 from geneoh.readers.records import Record
 from geneoh.sequence.normalisation import NETWORK_FPS
-from geneoh.sequence.sequence import HandTrack, ObjectTrack
+from geneoh.sequence.sequence import HandTrack, ObjectTrack, refuse_unknown_model
 from geneoh.sequence.validation import (
     LARGEST_FPS,
     SMALLEST_FPS,
@@ -117,6 +117,7 @@ class Stream:
                 f"a stream has fps from {SMALLEST_FPS:g} to {LARGEST_FPS:g} and a lag from 0 to "
                 f"{LONGEST_LAG:g} seconds, got fps {fps:g} and lag {lag:g}; correct them"
             )
+        refuse_unknown_model(hand_model, "geneoh.Stream")
         self._source, self._rate = source, NETWORK_FPS / fps
         self._side: Side = side
         self._shape = {} if betas is None else {f"{side}_betas": framed(betas)}

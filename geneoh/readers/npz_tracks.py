@@ -26,7 +26,7 @@ from geneoh.readers.records import Array, Record, float32
 from geneoh.readers.transforms import refuse_bottom_row
 from geneoh.sequence.camera import unit_rays
 from geneoh.sequence.gaps import fill_object
-from geneoh.sequence.sequence import HandTrack, ObjectTrack
+from geneoh.sequence.sequence import HandTrack, ObjectTrack, refuse_unknown_model
 
 MOTION_MISSING = (
     "neither; add them, for an object that does not move the identity and zeros in every frame, "
@@ -87,6 +87,7 @@ def read_own(record: Record, given: Side | None) -> tuple[tuple[HandTrack, ...],
             f"add '{given or 'right'}_joints'"
         )
     model = record.optional_text("hand_model")
+    refuse_unknown_model(model, record.where)
     found = []
     if given:
         sides = [given]

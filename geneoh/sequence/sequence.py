@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from geneoh.bundle import Bundle, conform
-from geneoh.choices import OTHER_SIDE, SIDES, Side
+from geneoh.choices import HAND_SOURCES, OTHER_SIDE, SIDES, Side
 from geneoh.errors import InputError
 from geneoh.geometry.distance import MovingSurface, SurfaceDistance
 from geneoh.geometry.mesh import Mesh, meshes_of
@@ -50,6 +50,7 @@ class HandTrack(Bundle):
         if self.side not in SIDES:
             raise InputError(f"a hand's side must be 'left' or 'right', got {self.side!r:.60}")
         conform(self, f"the {self.side} hand")
+        refuse_unknown_model(self.hand_model, f"the {self.side} hand")
         if self.joints is None and (self.pose is None or self.wrist is None):
             raise InputError(
                 f"the {self.side} hand needs 'joints', or 'pose' together with 'wrist'; "
@@ -87,6 +88,15 @@ class HandTrack(Bundle):
             pose=None if self.pose is None else mirror_axis_angle(self.pose),
             wrist=None if self.wrist is None else mirror_points(self.wrist),
             camera_ray=None if self.camera_ray is None else mirror_points(self.camera_ray),
+        )
+
+
+def refuse_unknown_model(hand_model: str | None, where: str) -> None:
+    """`InputError` for betas of a hand model that does not exist; None says nothing of them."""
+    if hand_model not in (None, *HAND_SOURCES):
+        raise InputError(
+            f"{where}: 'hand_model' must be one of {', '.join(HAND_SOURCES)}, got "
+            f"{hand_model!r:.60}; correct it, or leave it out where the betas are not known"
         )
 
 

@@ -11,6 +11,7 @@ from geneoh.readers import npz_tracks
 from geneoh.readers.npz_layouts import layout_of
 from geneoh.readers.npz_tracks import read_hands
 from geneoh.readers.records import Record
+from geneoh.sequence.sequence import HandTrack
 
 T = 5
 RNG = np.random.default_rng(0)
@@ -119,6 +120,15 @@ def test_smplx_refusals_say_what_to_do(change, words):
 
 def test_a_pose_that_needs_no_mean_may_say_so():
     assert only(read({**SMPLX, "flat_hand_mean": np.array(True)}, side="right")).frames == T
+
+
+def test_betas_of_a_model_that_does_not_exist_are_refused_by_the_files_name():
+    arrays = {"format": np.array("geneoh-sequence"), "version": np.array(1), "right_betas": BETAS}
+    arrays |= {"right_joints": JOINTS, "hand_model": np.array("MANO")}
+    with pytest.raises(InputError, match=r"^hand.npz: 'hand_model' must be one of .*got 'MANO'"):
+        read(arrays)
+    with pytest.raises(InputError, match=r"^the right hand: 'hand_model' must be one of"):
+        HandTrack("right", torch.ones(T).bool(), torch.from_numpy(JOINTS), hand_model="MANO")
 
 
 def test_bare_joints_are_a_hand():
