@@ -30,8 +30,8 @@ class Options:
     steps: int | None = None
     """Denoiser calls of MotionDiff, 1 or more and at most its noise level (650), and rounds of
     SpatialDiff; TemporalDiff always makes one call. In the preset "paper" calls of every stage, at
-    most their noise levels. None leaves it to the preset: 4 by default, 3 for the fast one, 400,
-    200 and 100 for the paper's."""
+    most their noise levels. None leaves it to the preset: 4 of both by default, 1 and 3 rounds for
+    the fast one, 400, 200 and 100 for the paper's."""
     selection: Selection | None = None
     """Which sample is kept: "closest", the one nearest to the input, or "mean", the mean of all.
     None leaves it to the preset: the mean, for the paper's the closest."""
