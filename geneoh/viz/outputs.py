@@ -13,6 +13,7 @@ from geneoh.errors import InputError
 from geneoh.files.atomic import in_one_step, write_whole
 from geneoh.files.npz import Arrays, write_archive
 from geneoh.files.outputs import check_ending, check_outputs
+from geneoh.hand.mano import translation_from_wrist
 from geneoh.progress import OnStep, steps
 from geneoh.readers.bodies.bvh import write_bvh
 from geneoh.readers.bodies.fields import body_fields
@@ -114,7 +115,6 @@ def smplx_arrays(scene: Scene, hand: PosedTrack) -> Arrays:
     the model at rest. The betas belong to `hand_model`; the pose holds for any model.
     """
     model = hand.model
-    wrist_at_rest = model.joint_regressor[0] @ (model.template + model.shape_dirs @ hand.betas)
     return {
         "side": np.array(hand.side),
         "hand_model": np.array(model.name),
@@ -123,7 +123,7 @@ def smplx_arrays(scene: Scene, hand: PosedTrack) -> Arrays:
         "global_orient": hand.pose[:, 0].numpy(),
         "hand_pose": hand.pose[:, 1:].flatten(1).numpy(),
         "betas": hand.betas.numpy(),
-        "transl": (hand.wrist - wrist_at_rest).numpy(),
+        "transl": translation_from_wrist(model, hand.betas, hand.wrist).numpy(),
         "joints": hand.joints.numpy(),
         "valid": hand.valid.numpy(),
         "object_rotation": scene.object.rotation.numpy(),
