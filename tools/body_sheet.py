@@ -44,8 +44,8 @@ def body_of(left: str, right: str, seed: int) -> BodyRecording:
     config, generator = GestureConfig(), torch.Generator().manual_seed(seed)
     variants = [(right, n) for n in range(VARIANTS - config.held_out, VARIANTS)]
     together = 1.0 if left == right else 0.0
-    cast = replace(config.body.cast, together=together, mirrored=0.0, idle=0.0, both=0.0)
-    setting, person = replace(config.body, cast=cast), config.bodies("val")[seed]
+    shares = replace(config.body.shares, together=together, mirrored=0.0, idle=0.0, both=0.0)
+    setting, person = replace(config.body, shares=shares), config.bodies("val")[seed]
     wanted = [NAMES.index(left), NAMES.index(right)]
     while True:  # until the right one of both hands makes the gesture
         clips = gesturing(variants, [person], config.frames, setting, generator=generator)

@@ -64,7 +64,7 @@ def synthesize(
     its skin is in the object, or a body that makes each gesture; there is none of actions. Settings
     are those of SynthesisConfig, such as grasps.steps=200 or animation.object.table_share=0.8, of
     ActionSynthesisConfig, such as acting.left=0.5, and of GestureConfig, such as
-    body.cast.walking=0.3.
+    body.shares.walking=0.3.
     """
     from functools import partial
 

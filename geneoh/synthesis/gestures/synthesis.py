@@ -14,7 +14,7 @@ from geneoh.choices import SIDES
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.synthesis.actions import VERBS, Actions
 from geneoh.synthesis.draws import Draws
-from geneoh.synthesis.gestures.casting import (
+from geneoh.synthesis.gestures.both_hands import (
     Role,
     Roles,
     TwoHands,
@@ -50,7 +50,7 @@ SHOULDERS = tuple(
 class BodyConfig:
     """How bodies and hands move."""
 
-    cast: GestureShares = field(default_factory=GestureShares)
+    shares: GestureShares = field(default_factory=GestureShares)
     hands: HandSettings = field(default_factory=HandSettings)
     stance: StanceConfig = field(default_factory=StanceConfig)
 
@@ -65,7 +65,7 @@ def gesturing(
 ) -> Gestures:
     """A clip of gestures of each of the bodies."""
     one = Draws(1, generator)
-    roles = [draw_roles(variants, config.cast, one) for _ in bodies]
+    roles = [draw_roles(variants, config.shares, one) for _ in bodies]
     skeleton, motion = bodies_with_hands(roles, bodies, frames, config, generator)
     said = [role.doings for role in roles]
     names = [[NAMES.index(r.left.name), NAMES.index(r.right.name)] for r in roles]
@@ -86,7 +86,7 @@ def handling(
 ) -> Gestures:
     """Bodies that do what the actions' hands do, as far as a body can: others are left out."""
     idle = [Roles(Role(REST), Role(REST))] * len(bodies)
-    standing = replace(config, cast=replace(config.cast, walking=0.0))
+    standing = replace(config, shares=replace(config.shares, walking=0.0))
     last = actions.length[:, None].clamp(max=frames) - 1
     actions = replace(actions.at_frames(torch.arange(frames).minimum(last)), length=last[:, 0] + 1)
     skeleton, body = bodies_with_hands(idle, bodies, frames, standing, generator)
@@ -107,8 +107,8 @@ def bodies_with_hands(
 ) -> tuple[Skeleton, BodyMotion]:
     """Bodies whose hands do what their roles say."""
     one, draws = Draws(1, generator), Draws(len(bodies), generator)
-    seated = torch.tensor([draw_seated(each, config.cast, one) for each in roles])
-    gait = draw_gait(seated, draws.chance(config.cast.walking), frames, config.stance, draws)
+    seated = torch.tensor([draw_seated(each, config.shares, one) for each in roles])
+    gait = draw_gait(seated, draws.chance(config.shares.walking), frames, config.stance, draws)
     swing = config.stance.arm_swing * torch.stack([-gait.swing, gait.swing], -1)
     each = [
         hand_motions(role, bool(sits), moved, config.hands, one)

@@ -16,7 +16,7 @@ GESTURES = ("wave", "show one", "show five", "raise fist", "clap", "type", "box"
 
 def made(variants: range, bodies: range, seed: int):
     """Short clips, without rest of both hands."""
-    config = BodyConfig(cast=GestureShares(idle=0.0, together=0.5, both=0.0))
+    config = BodyConfig(shares=GestureShares(idle=0.0, together=0.5, both=0.0))
     named = [(name, variant) for name in GESTURES for variant in variants]
     generator = torch.Generator().manual_seed(seed)
     return gesturing(named, list(bodies), 60, config, generator=generator)

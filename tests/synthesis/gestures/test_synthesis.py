@@ -8,7 +8,7 @@ from geneoh.body.motion import pose
 from geneoh.body.skeleton import FINGER_JOINTS, JOINT_NAMES, WRISTS
 from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.gestures import synthesis
-from geneoh.synthesis.gestures.casting import Role, Roles, draw_roles
+from geneoh.synthesis.gestures.both_hands import Role, Roles, draw_roles
 from geneoh.synthesis.gestures.clips import REST
 from geneoh.synthesis.gestures.hands import HandSettings, Variation, stroke, taps
 from geneoh.synthesis.gestures.one_handed import ONE_HANDED
@@ -30,7 +30,7 @@ def clips_of(names, monkeypatch, walking=0.0, frames=90):
         return Roles(Role(name, 0, pair.left or pair.right), Role(name, 0, pair.right), pair)
 
     monkeypatch.setattr(synthesis, "draw_roles", drawn)
-    config = BodyConfig(cast=GestureShares(walking=walking, seated=0.0))
+    config = BodyConfig(shares=GestureShares(walking=walking, seated=0.0))
     bodies = list(range(len(names)))
     return gesturing([], bodies, frames, config, generator=seeded(1))
 

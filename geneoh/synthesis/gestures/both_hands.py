@@ -85,7 +85,7 @@ class TwoHands(Bundle):
     swivel: Float[Tensor, "*B T 2"]  # of the elbow, radians
 
 
-def draw_roles(variants: Sequence[tuple[str, int]], cast: GestureShares, draws: Draws) -> Roles:
+def draw_roles(variants: Sequence[tuple[str, int]], shares: GestureShares, draws: Draws) -> Roles:
     """Random roles of two hands; `variants` are the gestures' that there are."""
 
     def drawn(names: Collection[str]) -> Role:
@@ -94,26 +94,27 @@ def draw_roles(variants: Sequence[tuple[str, int]], cast: GestureShares, draws: 
         return Role(name, variant, ONE_HANDED.get(name))
 
     kind, known = draws.share().item(), {name for name, _ in variants}
-    if known.isdisjoint(ONE_HANDED) or (kind < cast.together and not known.isdisjoint(TWO_HANDED)):
+    no_pair, no_mirrored = known.isdisjoint(TWO_HANDED), known.isdisjoint(MIRRORED)
+    if known.isdisjoint(ONE_HANDED) or (kind < shares.together and not no_pair):
         role = drawn(TWO_HANDED)
         pair = TWO_HANDED[role.name]
         left = replace(role, gesture=pair.left or pair.right)
         return Roles(left, replace(role, gesture=pair.right), pair)
-    if cast.together <= kind < cast.together + cast.mirrored and not known.isdisjoint(MIRRORED):
+    if shares.together <= kind < shares.together + shares.mirrored and not no_mirrored:
         role = drawn(MIRRORED)
         return Roles(role, role, mirrored=True)
-    if bool(draws.chance(cast.idle)):
+    if bool(draws.chance(shares.idle)):
         return Roles(Role(REST), Role(REST))
     one = drawn(ONE_HANDED)
-    other = drawn(ONE_HANDED) if bool(draws.chance(cast.both)) else Role(REST)
+    other = drawn(ONE_HANDED) if bool(draws.chance(shares.both)) else Role(REST)
     if one.name == other.name:  # the same at different times has no sentence
         other = Role(REST)
     return Roles(one, other) if bool(draws.chance(0.5)) else Roles(other, one)
 
 
-def draw_seated(roles: Roles, cast: GestureShares, draws: Draws) -> bool:
+def draw_seated(roles: Roles, shares: GestureShares, draws: Draws) -> bool:
     """Whether a person sits."""
-    share = cast.seated if roles.pair is None else roles.pair.seated
+    share = shares.seated if roles.pair is None else roles.pair.seated
     return bool(draws.chance(share))
 
 
