@@ -61,7 +61,7 @@ def view(
 
     from geneoh.errors import InputError
     from geneoh.viz.look import Look
-    from geneoh.viz.outputs import check_scene_outputs, write
+    from geneoh.viz.outputs import check_scene_outputs, refuse_formats, write
     from geneoh.viz.view import open_scene
 
     outputs = outputs or (files[0].with_suffix(".html"),)
@@ -88,6 +88,7 @@ def view(
         click.echo("note: without a mesh the hands are shown alone; --obj MESH names one")
     meshes = [mesh.source for mesh in scene.object.meshes]
     check_scene_outputs(outputs, inputs=meshes, overwrite=overwrite)
+    refuse_formats(scene, outputs, look)
     for output in outputs:
         with progress.progress_bars() as on_progress:
             write(scene, output, look, on_step=partial(on_progress, output.name))

@@ -87,12 +87,8 @@ def png_bytes(picture: Picture) -> bytes:
 def filmstrip(scene: Scene, look: Look | None = None, on_step: OnStep | None = None) -> Picture:
     """A row of frames for each version, all seen from one direction, with measures below each."""
     look = look or Look()
+    refuse_frames(scene, look.frames)
     frames = look.frames or spread_frames(scene, STRIP_FRAMES)
-    if wrong := [frame for frame in frames if not 0 <= frame < scene.frames]:
-        raise InputError(
-            f"frames must be from 0 to {scene.frames - 1}, got {', '.join(map(str, wrong))}; "
-            "leave them out or name others"
-        )
     seen, cell = cameras(scene, look.upward), look.cell
     row, column = TITLE_HEIGHT + cell + CAPTION_HEIGHT, cell + STRIP_GAP
     height = row * len(scene.versions)
@@ -106,6 +102,15 @@ def filmstrip(scene: Scene, look: Look | None = None, on_step: OnStep | None = N
     if scaled:
         canvas.draw_scale(look.colouring, height + 8)
     return canvas.picture()
+
+
+def refuse_frames(scene: Scene, frames: tuple[int, ...]) -> None:
+    """`InputError` for frames of a filmstrip that a scene does not have."""
+    if wrong := [frame for frame in frames if not 0 <= frame < scene.frames]:
+        raise InputError(
+            f"frames must be from 0 to {scene.frames - 1}, got {', '.join(map(str, wrong))}; "
+            "leave them out or name others"
+        )
 
 
 def spread_frames(scene: Scene, count: int) -> tuple[int, ...]:

@@ -17,15 +17,16 @@ from geneoh.hand.mano import translation_from_wrist
 from geneoh.progress import OnStep, steps
 from geneoh.readers.bodies.bvh import write_bvh
 from geneoh.readers.bodies.fields import body_fields
-from geneoh.viz.canvas import filmstrip, png_bytes
+from geneoh.viz.canvas import filmstrip, png_bytes, refuse_frames
 from geneoh.viz.glb import glb_bytes
 from geneoh.viz.look import Look
 from geneoh.viz.page import page_html
 from geneoh.viz.scene import PosedTrack, Scene
-from geneoh.viz.video import write_film
+from geneoh.viz.video import ffmpeg_path, write_film
 
 MESHES = (".obj", ".ply")  # endings of the formats that make a folder
-ENDINGS = (".html", ".png", ".mp4", ".gif", ".glb", ".bvh", ".npz", *MESHES)
+FILMS = (".mp4", ".gif")
+ENDINGS = (".html", ".png", *FILMS, ".glb", ".bvh", ".npz", *MESHES)
 
 
 def check_scene_outputs(
@@ -42,6 +43,28 @@ def check_scene_outputs(
     check_outputs(files, folders=folders, inputs=inputs, overwrite=overwrite)
 
 
+def refuse_formats(scene: Scene, paths: Iterable[Path], look: Look) -> None:
+    """Refuse the first format that a scene cannot be written in, before any other is written.
+
+    `InputError`, and for films without ffmpeg `MissingAssetError`.
+    """
+    for path in paths:
+        ending, hands = path.suffix.lower(), scene.versions[-1].hands
+        if ending == ".npz" and scene.body is None and len(hands) != 1:
+            raise InputError(
+                f"{path}: the smplx names hold one hand, got {len(hands)}; pass --side"
+            )
+        if ending == ".bvh" and scene.body is None:
+            raise InputError(
+                f"{path}: a BVH holds a body, got hands alone; view what `geneoh generate --body` "
+                "wrote"
+            )
+        if ending == ".png":
+            refuse_frames(scene, look.frames)
+        if ending in FILMS:
+            ffmpeg_path()
+
+
 def write(
     scene: Scene, path: Path, look: Look | None = None, *, on_step: OnStep | None = None
 ) -> None:
@@ -53,6 +76,7 @@ def write(
     """
     look = look or Look()
     check_ending(path, ENDINGS)
+    refuse_formats(scene, [path], look)
     match path.suffix.lower():
         case ".html":
             write_whole(path, page_html(scene, look))
@@ -61,21 +85,12 @@ def write(
         case ".glb":
             write_whole(path, glb_bytes(scene, look))
         case ".npz":
-            hands = scene.versions[-1].hands
             if scene.body is not None:
                 write_archive(path, body_fields(scene.body))
-            elif len(hands) != 1:
-                raise InputError(
-                    f"{path}: the smplx names hold one hand, got {len(hands)}; pass --side"
-                )
             else:
-                write_archive(path, smplx_arrays(scene, hands[0]))
+                write_archive(path, smplx_arrays(scene, scene.versions[-1].hands[0]))
         case ".bvh":
-            if scene.body is None:
-                raise InputError(
-                    f"{path}: a BVH holds a body, got hands alone; view what `geneoh generate "
-                    "--body` wrote"
-                )
+            assert scene.body is not None, "a BVH of hands alone was refused"
             write_bvh(scene.body.skeleton, scene.body.motion, scene.fps, path)
         case ".obj" | ".ply":
             write_meshes(scene, path, on_step)

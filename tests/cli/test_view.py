@@ -1,6 +1,7 @@
 """`geneoh view` as its users run it: pages, pictures, films and files, live looking, bad input."""
 
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -110,6 +111,24 @@ def test_several_files_are_written_by_their_endings(geneoh, folder):
     assert trimesh.load_scene(folder / "clip.glb").geometry.keys() == {"right hand", "object"}
     assert load(folder / "smplx.npz").frames == 6
     assert len(list((folder / "meshes").iterdir())) == 12
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        (("-o", "body.bvh"), "a BVH holds a body"),
+        (("-o", "smplx.npz"), "one hand, got 2; pass --side"),
+        (("-o", "strip.png", "--frame", 6), "frames must be from 0 to 5, got 6"),
+    ],
+)
+def test_a_format_that_cannot_be_written_leaves_no_other_file(geneoh, folder, asked, words):
+    hand = load(folder / "clean.npz", obj=folder / "object.obj")
+    two = replace(hand, hands=(hand.hands[0], hand.hands[0].mirrored()))
+    save(two, folder / "two.npz")
+    result = geneoh("view", "two.npz", "-o", "page.html", *asked)
+    assert result.exit_code == 2
+    assert words in result.stderr
+    assert not (folder / "page.html").exists()
 
 
 def test_filmstrip_shows_the_frames_that_were_asked_for(geneoh, folder):
