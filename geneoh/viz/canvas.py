@@ -92,7 +92,7 @@ def filmstrip(scene: Scene, look: Look | None = None, on_step: OnStep | None = N
     seen, cell = cameras(scene, look.upward), look.cell
     row, column = TITLE_HEIGHT + cell + CAPTION_HEIGHT, cell + STRIP_GAP
     height = row * len(scene.versions)
-    scaled = look.colouring != "plain" and scene.has_object
+    scaled = scene.shows(look.colouring)
     canvas = Canvas(column * len(frames) - STRIP_GAP, height + SCALE_HEIGHT * scaled)
     for index, version in enumerate(scene.versions):
         canvas.write(version.title, 12, index * row + 8, size=16)

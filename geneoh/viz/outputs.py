@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+from geneoh.choices import Colouring
 from geneoh.errors import InputError
 from geneoh.files.atomic import in_one_step, write_whole
 from geneoh.files.npz import Arrays, write_archive
@@ -61,8 +62,24 @@ def refuse_formats(scene: Scene, paths: Iterable[Path], look: Look) -> None:
             )
         if ending == ".png":
             refuse_frames(scene, look.frames)
+        if ending in (".png", *FILMS):
+            refuse_colouring(scene, look.colouring)
         if ending in FILMS:
             ffmpeg_path()
+
+
+def refuse_colouring(scene: Scene, colouring: Colouring) -> None:
+    """`InputError` for a colouring that is not the default and by which all hands are plain."""
+    needs = {
+        "contact": ("an object", "pass --obj MESH"),
+        "spread": ("the expected error of keypoints", "clean with --samples 2 or more"),
+    }
+    if colouring in needs and not scene.shows(colouring):
+        what, remedy = needs[colouring]
+        raise InputError(
+            f"{scene.title}: the colour {colouring} needs {what}, got none; {remedy}, or choose "
+            "another colour"
+        )
 
 
 def write(

@@ -165,6 +165,13 @@ class Scene:
         """Whether hands are measured against anything."""
         return len(self.object.meshes) > self.limbs
 
+    def shows(self, colouring: Colouring) -> bool:
+        """Whether a colouring tells anything: the spread where it is known, others of an object."""
+        if colouring == "spread":
+            hands = [hand for version in self.versions for hand in version.hands]
+            return any(hand.joint_spread is not None for hand in hands)
+        return colouring != "plain" and self.has_object
+
     def object_verts(self, part: int, frame: int) -> Float[Tensor, "V 3"]:
         """Vertices of a part in the world."""
         return self.part_pose(part, frame).apply(self.object.meshes[part].verts)

@@ -46,7 +46,7 @@ def film_frames(
         for version, (left, _) in zip(scene.versions, corners, strict=True):
             canvas.write(version.title, left + 12, 8, size=16)
         canvas.paste_versions(scene, frame, seen[frame], corners, look.colouring, cell, size=14)
-        if look.colouring != "plain" and scene.has_object:
+        if scene.shows(look.colouring):
             canvas.draw_scale(look.colouring, height + 8)
         return canvas.picture()
 

@@ -118,6 +118,7 @@ def test_several_files_are_written_by_their_endings(geneoh, folder):
     [
         (("-o", "body.bvh"), "a BVH holds a body"),
         (("-o", "smplx.npz"), "one hand, got 2; pass --side"),
+        (("-o", "strip.png", "--colour", "spread"), "needs the expected error of keypoints"),
         (("-o", "strip.png", "--frame", 6), "frames must be from 0 to 5, got 6"),
     ],
 )

@@ -5,6 +5,7 @@ import pytest
 import torch
 
 from geneoh.errors import InputError
+from geneoh.sequence.sequence import ObjectTrack
 from geneoh.viz.camera import cameras
 from geneoh.viz.canvas import (
     CAPTION_HEIGHT,
@@ -87,6 +88,16 @@ def test_the_camera_does_not_tremble_with_the_hand_nor_lose_it(scene):
 def test_frames_are_spread_over_the_clip_and_never_more_than_it_has(scene):
     assert spread_frames(scene, 3) == (1, 3, 5)
     assert spread_frames(scene, 50) == (0, 1, 2, 3, 4, 5)
+
+
+@pytest.mark.parametrize(
+    ("colouring", "height"), [("spread", SCALE_HEIGHT), ("penetration", 0), ("plain", 0)]
+)
+def test_of_hands_without_an_object_the_spread_alone_has_a_scale(scene, colouring, height):
+    alone = replace(scene, object=ObjectTrack.resting((), scene.frames))
+    assert alone.versions[1].hands[0].joint_spread is not None
+    strip = filmstrip(alone, Look(colouring=colouring, frames=(0,), cell=64))
+    assert strip.shape[0] == 2 * (TITLE_HEIGHT + 64 + CAPTION_HEIGHT) + height
 
 
 def test_a_frame_that_is_not_there_is_refused(scene):
