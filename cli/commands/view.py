@@ -91,8 +91,8 @@ def view(
     refuse_formats(scene, outputs, look)
     for output in outputs:
         with progress.progress_bars() as on_progress:
-            write(scene, output, look, on_step=partial(on_progress, output.name))
-        click.echo(f"wrote {output}")
+            written = write(scene, output, look, on_step=partial(on_progress, output.name))
+        click.echo(f"wrote {written}")
 
 
 def refuse_unused(outputs: tuple[Path, ...], *, serve: bool) -> None:

@@ -84,8 +84,8 @@ def refuse_colouring(scene: Scene, colouring: Colouring) -> None:
 
 def write(
     scene: Scene, path: Path, look: Look | None = None, *, on_step: OnStep | None = None
-) -> None:
-    """Write a scene in the format that the ending of the path names.
+) -> Path:
+    """Write a scene in the format that the ending of the path names, and give what was written.
 
     `.html` is a page, `.png` a filmstrip, `.mp4` and `.gif` a film of all versions. `.glb`, `.npz`
     (smplx names), `.bvh` (a body), `.obj` and `.ply` hold the last version; the mesh formats make a
@@ -110,16 +110,17 @@ def write(
             assert scene.body is not None, "a BVH of hands alone was refused"
             write_bvh(scene.body.skeleton, scene.body.motion, scene.fps, path)
         case ".obj" | ".ply":
-            write_meshes(scene, path, on_step)
+            return write_meshes(scene, path, on_step)
         case _:
             write_film(scene, path, look, on_step)
+    return path
 
 
-def write_meshes(scene: Scene, path: Path, on_step: OnStep | None) -> None:
+def write_meshes(scene: Scene, path: Path, on_step: OnStep | None) -> Path:
     """Write the last version as a folder of meshes: SIDE_0000.ply and object_0000.ply per frame.
 
     World frame, metres. Vertices keep their order, so that frames correspond; a hand has no file in
-    frames without it. The folder appears whole or not at all.
+    frames without it. The folder, which is given back, appears whole or not at all.
     """
     folder = path.with_suffix("")
     if folder.exists():
@@ -137,6 +138,7 @@ def write_meshes(scene: Scene, path: Path, on_step: OnStep | None) -> None:
             for name, verts, faces in surfaces:
                 shape = trimesh.Trimesh(verts.numpy(), faces.numpy(), process=False)
                 shape.export(beside / f"{name}_{frame:04d}{path.suffix.lower()}")
+    return folder
 
 
 def smplx_arrays(scene: Scene, hand: PosedTrack) -> Arrays:

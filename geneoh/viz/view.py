@@ -67,7 +67,7 @@ def view(
         on_step: called with the pictures or frames done and in all.
 
     Returns:
-        The path that was written.
+        The path that was written; of `.obj` and `.ply` that of the folder.
 
     Raises:
         InputError: a file cannot be read or written, the path is one of those that are read, the
@@ -83,8 +83,7 @@ def view(
     scene = open_scene(result, before, obj=obj, title=title, mano_dir=mano_dir)
     look = replace(look, up=up or scene.up)
     if path is not None:
-        write(scene, Path(path), look, on_step=on_step)
-        return Path(path)
+        return write(scene, Path(path), look, on_step=on_step)
     with tempfile.NamedTemporaryFile(prefix="geneoh_", suffix=".html", delete=False) as file:
         page = Path(file.name)
     write(scene, page, look)
