@@ -14,7 +14,7 @@ import numpy as np
 
 from geneoh.choices import SIDES, Side
 from geneoh.errors import InputError
-from geneoh.geometry.mesh import load_mesh
+from geneoh.geometry.mesh import meshes_of
 from geneoh.pipeline.options import Options
 from geneoh.pipeline.stream import CleanFrame, Stream
 from geneoh.readers.npz_files import hand_arrays
@@ -40,12 +40,12 @@ def run(obj: tuple[Path, ...], mano: Path | None, chosen: dict[str, Any]) -> Non
     """
     given = options.on_command_line()
     settings = {field.name for field in dataclasses.fields(Options)} | {"lag", "fps"}
-    known = settings | {"stream", "obj", "mano", "side"}
+    known = settings | {"stream", "obj", "unit", "mano", "side"}
     if wrong := [option for name, option in given.items() if name not in known]:
         raise click.UsageError(
             f"--stream reads standard input and writes standard output; drop {', '.join(wrong)}"
         )
-    meshes = tuple(map(load_mesh, obj))
+    meshes = meshes_of(obj, chosen["unit"])
     kept = {n: chosen[n] for n in given.keys() & settings}  # the rest is as a stream has it
 
     def begin(**about: Any) -> Stream:

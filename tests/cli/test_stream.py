@@ -173,6 +173,15 @@ def test_no_line_at_all_gives_none(stream):
     assert (result.exit_code, result.output) == (0, "")
 
 
+def test_a_mesh_in_millimetres_is_taken_in_its_unit(stream, lines, tmp_path):
+    write_mesh(tmp_path / "large.obj", 1000 * BOX_CORNERS)
+    refused = stream(lines, "--obj", "large.obj")
+    assert "pass --unit mm" in refused.stderr
+    taken = stream(lines, "--obj", "large.obj", "--unit", "mm")
+    assert (taken.exit_code, taken.stderr) == (0, "")
+    assert taken.stdout == stream(lines, "--obj", "object.obj").stdout
+
+
 def test_files_and_a_stream_exclude_each_other(stream, lines):
     result = stream(lines, "hand.npz", "--report", "page.html")
     assert result.exit_code == 2
