@@ -90,11 +90,13 @@ class Place(click.ParamType):
 
     def convert(self, value: Any, param: Any, ctx: Any) -> tuple[float, ...]:
         """Three numbers."""
+        from geneoh.errors import InputError
+        from geneoh.readers.records import place_in
+
         try:
-            x, y, z = (0.0, 0.0, 0.0) if value == "origin" else map(float, value.split(","))
-        except ValueError:
-            self.fail(f"expected three numbers X,Y,Z in metres, or origin, got {value!r}")
-        return x, y, z
+            return place_in(value)
+        except InputError as error:
+            self.fail(str(error))
 
 
 camera = option(

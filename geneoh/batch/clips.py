@@ -21,6 +21,7 @@ from geneoh.readers.base import SourceClip
 from geneoh.readers.meshes import mesh_beside
 from geneoh.readers.recordings import find_clips as find_source_clips
 from geneoh.readers.recordings import source_named, with_distinct_names
+from geneoh.readers.records import place_in
 
 COLUMNS = ("input", "name", "meshes", "source", "options")
 MANIFEST_LIMIT = 2**26
@@ -167,6 +168,11 @@ def clips_of_row(cells: dict[str, str], where: str, base: Path, folder: Path) ->
     settings, reading = options_of(cells.get("options", ""), where, base)
     if source is not None:
         source_named(source)
+    elif unused := [option for option in reading if option not in FOR_NPZ]:
+        raise ConfigError(
+            f"{where}: '{unused[0]}' is an option of sources, got none; name one in the column "
+            "'source', or drop it"
+        )
     try:
         clips = clips_of(path, source, folder)
     except InputError as error:
@@ -192,6 +198,11 @@ def options_of(text: str, where: str, base: Path) -> tuple[dict[str, Any], dict[
             hint = closest_name(name, (*SETTINGS, *READING))
             raise ConfigError(f"{where}: '{name}' is no option; {hint}")
         value = base / str(value) if name in PATHS else value
+        if name == "camera" and isinstance(value, str):
+            try:
+                value = place_in(value)
+            except InputError as error:
+                raise ConfigError(f"{where}: camera: {error}") from None
         (settings if name in SETTINGS else reading)[name] = value
     return settings, reading
 

@@ -60,6 +60,9 @@ def options_with_files(
     elif object_pose is not None:
         given = Record("geneoh.read", {"object_pose": object_pose}, "give a 4x4 matrix a frame")
         object_pose = given.array("object_pose", *POSE_SHAPES)
+    if (camera := others.get("camera")) is not None:
+        given = Record("geneoh.read", {"camera": camera}, "give X, Y and Z in metres")
+        others["camera"] = tuple(given.array("camera", (3,)).tolist())
     if object_pose is not None and keypoint_unit is not None:
         object_pose = np.array(object_pose, dtype=np.float64)
         object_pose[..., :3, 3] *= METRES[keypoint_unit]

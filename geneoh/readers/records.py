@@ -20,6 +20,18 @@ Array = np.ndarray
 Place = tuple[float | int, float | int, float | int]
 """A point of the world, metres."""
 
+
+def place_in(text: str) -> Place:
+    """A place from `X,Y,Z`, metres, or `origin`; `InputError` for anything else."""
+    try:
+        x, y, z = (0.0, 0.0, 0.0) if text == "origin" else map(float, text.split(","))
+    except ValueError:
+        raise InputError(
+            f"expected three numbers X,Y,Z in metres, or origin, got {text!r}; correct it"
+        ) from None
+    return x, y, z
+
+
 Shape = tuple[int | str, ...]
 """Sizes of the axes: a number, or a letter for any size from 1 up. Equal letters, equal sizes."""
 

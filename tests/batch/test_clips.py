@@ -78,6 +78,14 @@ def test_a_manifest_says_of_each_clip_what_differs(found, tmp_path):
     assert all(json.loads(json.dumps(c.described())) == c.described() for c in (first, again))
 
 
+@pytest.mark.parametrize(
+    ("said", "camera"), [("origin", (0, 0, 0)), ("-0.5,1,2e-1", (-0.5, 1, 0.2))]
+)
+def test_a_manifest_names_a_camera_as_the_command_line_does(found, tmp_path, said, camera):
+    (clip,) = found(manifest(tmp_path, "input,options", f'in/clip0.npz,"camera={said}"')).values()
+    assert clip.reading == {"camera": camera}
+
+
 def test_a_manifest_that_cannot_be_meant_is_refused(found, tmp_path):
     for rows, words in (
         (("input,mesh", "in/clip0.npz,"), "'mesh' is no column.*did you mean 'meshes'"),
@@ -91,6 +99,8 @@ def test_a_manifest_that_cannot_be_meant_is_refused(found, tmp_path):
         (("input,name", "in/clip0.npz,../../x"), "expected a name within"),
         (("input,name", "in,one"), "'name' is for one clip, got 3"),
         (("input,options", "in/clip0.npz,seed=1", "in/clip0.npz,seed=2"), "both called clip0;"),
+        (("input,options", "in/clip0.npz,camera=here"), "line 2: camera: expected three numbers"),
+        (("input,options", "in/clip0.npz,focal=1200"), "line 2: 'focal' is an option of sources"),
         (
             ("input,name", "in/clip0.npz,one", "in/clip1.npz,one"),
             "line 3: 'name' must be another one in each line, got 'one' in line 2 too",

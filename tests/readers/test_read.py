@@ -76,6 +76,13 @@ def test_poses_of_another_shape_are_refused(estimated):
         geneoh.read("keypoints", path, side="left", object_pose=pose[:, :3])
 
 
+@pytest.mark.parametrize("camera", ["origin", (0, 0), 0.0, (0, 0, None)])
+def test_a_camera_that_is_no_place_is_refused(estimated, camera):
+    _, path, _ = estimated
+    with pytest.raises(geneoh.errors.InputError, match="'camera' must be"):
+        geneoh.read("keypoints", path, side="left", camera=camera)
+
+
 def test_an_unknown_source_is_answered_with_those_there_are(estimated):
     with pytest.raises(geneoh.errors.ConfigError, match="hoi4d"):
         geneoh.read("hoi4", estimated[1])
