@@ -105,9 +105,9 @@ def records_before(
     """What the journal holds of each clip, of clips of earlier runs too; what is to do is left."""
     path = batch.folder / CLEANED
     records = read_journal(path)
-    if records:
+    if any(record.get("state") == "done" for record in records):
         refuse_other_settings(records[0], settings, path)
-    else:
+    if not records:
         for name in SUMMARY_FILES:
             keep_others(batch.folder / name, "choose another folder")
     known = {record["clip"]: record for record in records[1:] if "clip" in record}

@@ -154,6 +154,15 @@ def test_other_settings_are_refused_with_what_differs(clips, clean, tmp_path):
     assert clean(clips).before == 4
 
 
+def test_other_settings_may_follow_a_run_that_cleaned_nothing(clips, clean):
+    for path in clips.glob("*.npz"):
+        fields = dict(np.load(path))
+        del fields["side"], fields["fps"]
+        np.savez(path, **fields)
+    assert len(clean(clips).failed) == 4
+    assert clean(clips, reading={"side": "right", "fps": 60.0}).failed == []
+
+
 def test_a_second_run_in_a_folder_is_refused(clips, clean, tmp_path):
     with only_run_in(tmp_path / "out"), pytest.raises(InputError, match="another run is working"):
         clean(clips)
