@@ -32,6 +32,7 @@ from geneoh.readers.base import (
     paths_matching,
 )
 from geneoh.readers.convert import mesh_files
+from geneoh.readers.meshes import mesh_beside
 from geneoh.readers.npz_files import load
 from geneoh.readers.recordings import find_clips, read_clip, source_named, with_distinct_names
 from geneoh.representation.region import ObjectSurface
@@ -105,11 +106,13 @@ def read_recordings(source: str, clip: SourceClip, options: ReaderOptions) -> li
     sequence = load(clip.path)
     if not sequence.object.meshes:
         files = clip.path.parent.iterdir()
-        beside = [file for file in files if file.suffix.lower() in MESH_SUFFIXES]
+        alone = [file for file in files if file.suffix.lower() in MESH_SUFFIXES]
+        beside = mesh_beside(clip.path) or alone
         if len(beside) != 1:
             raise InputError(
-                f"{clip.path}: names no mesh, expected one file of it in the same folder, got "
-                f"{len(beside)}; put it there, or write the sequence with its mesh"
+                f"{clip.path}: names no mesh, expected one of its name or a single one in the same "
+                f"folder, got {len(beside)} of other names; put it there, or write the sequence "
+                "with its mesh"
             )
         sequence = load(clip.path, obj=beside[0])
     return [Recording(clip.name, sequence)]

@@ -245,6 +245,13 @@ def test_what_cannot_be_read_is_told_and_the_rest_is_used(example, tmp_path):
     assert "broken: not read," in problems[0]
 
 
+def test_of_several_meshes_in_a_folder_the_one_of_a_file_s_name_is_its_own(example, tmp_path):
+    for name in ("sequence", "other"):
+        shutil.copy(example / "object.obj", example / f"{name}.obj")
+    (shard,) = cut("sequences", example, tmp_path / "out")
+    assert str(example / "sequence.obj") in shard_record(shard).files
+
+
 def test_a_hand_without_an_object_is_to_be_converted_with_one(tmp_path):
     landmarks(tmp_path, scene(), False)
     with pytest.raises(InputError, match=r"got 0; .*`geneoh convert --obj` .* sequences=FOLDER"):
@@ -254,7 +261,7 @@ def test_a_hand_without_an_object_is_to_be_converted_with_one(tmp_path):
 def test_a_source_without_anything_to_read_is_refused(example, tmp_path):
     (example / "object").mkdir()
     (example / "object.obj").rename(example / "object" / "object.obj")
-    with pytest.raises(InputError, match="names no mesh, expected one file of it"):
+    with pytest.raises(InputError, match="names no mesh, expected one of its name"):
         make_shards("sequences", example, tmp_path / "out", SHORT, ReaderOptions())
     with pytest.raises(InputError, match="expected npz files of sequences"):
         make_shards("sequences", example / "object", tmp_path, SHORT, ReaderOptions())
