@@ -16,7 +16,7 @@ from jaxtyping import Bool, Int
 from torch import Tensor
 
 from geneoh.config import as_dict, flat, parse_setting, setting_differences
-from geneoh.errors import ConfigError, InputError
+from geneoh.errors import ConfigError, InputError, numbered
 from geneoh.hand.library import load_hand
 from geneoh.progress import OnProgress
 from geneoh.readers.base import ReaderOptions
@@ -157,7 +157,7 @@ def training_data(
             shards, unread = recordings.make_shards(
                 one.source, one.path, folder, config.clips, readers, on_step=report
             )
-            found.append(cut_clips(one, shards))
+            found.append(cut_clips(one, shards, unread))
             problems += unread
             made.append({"source": one.source, "weight": one.weight, "clips": asdict(config.clips)})
     portions, notes = split(found)
@@ -195,8 +195,9 @@ def whole(clips: Streamed[Interactions], weight: float) -> Portion:
     return Portion(clips, torch.full((len(clips),), clips.shards[0].wrist.shape[1]), weight)
 
 
-def cut_clips(source: DataSource, shards: Iterable[Path]) -> CutClips:
-    """The clips in the shards of a source; `InputError` where there are none."""
+def cut_clips(source: DataSource, shards: Iterable[Path], unread: Sequence[str]) -> CutClips:
+    """The clips in the shards of a source; `InputError` where there are none, which names the first
+    of the clips that could not be read."""
     clips: list[Interactions] = []
     records: list[ClipRecord] = []
     left_out: Counter[str] = Counter()
@@ -209,10 +210,13 @@ def cut_clips(source: DataSource, shards: Iterable[Path]) -> CutClips:
             records += record.clips
     reasons = ", ".join(f"{count} {reason}" for reason, count in left_out.items() if count)
     if not records:
+        others = ""
+        if unread:
+            others = f"; {numbered(len(unread), 'clip')} could not be read, such as {unread[0]}"
         raise InputError(
             f"{source.path}: expected clips of {source.source} with hand and object near each "
             f"other, got none ({reasons or 'no frames'}); a smaller clips.shortest or a larger "
-            "clips.reach keeps more"
+            f"clips.reach keeps more{others}"
         )
     return CutClips(source, Streamed.of(clips), records, reasons)
 

@@ -1,5 +1,6 @@
 """Where a run's data comes from: shares of sources, what is held out, and what is made first."""
 
+import shutil
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -195,3 +196,13 @@ def test_a_source_with_no_stretch_that_is_long_enough_says_what_was_left_out(tmp
     source = DataSource(examples / "taco_clean.npz", "sequences")
     with pytest.raises(InputError, match="in stretches of less than 150"):
         training_data([source], tmp_path, config)
+
+
+def test_a_source_with_nothing_to_learn_from_names_a_clip_that_could_not_be_read(tmp_path, tiny):
+    examples = Path(__file__).parents[2] / "examples"
+    shutil.copy(examples / "taco_clean.npz", tmp_path)
+    shutil.copy(examples / "taco_object.obj", tmp_path)
+    (tmp_path / "broken.npz").write_bytes(b"no archive")
+    config = replace(tiny, clips=replace(tiny.clips, shortest=150))
+    with pytest.raises(InputError, match=r"; 1 clip could not be read, such as .*broken: not read"):
+        training_data([DataSource(tmp_path, "sequences")], tmp_path / "cut", config)
