@@ -88,6 +88,12 @@ def layout_of(record: Record) -> Layout:
     if "joints" in record and not found["smplx"]:
         found["joints"] = ["joints"]
     found = {layout: names for layout, names in found.items() if names}
+    if "smplx" in found and "body_pose" in record and "hand_pose" not in record:
+        raise InputError(
+            f"{record.where}: expected a hand, got a body ('body_pose') under smplx's names; save "
+            "'hand_pose' with 'global_orient' and 'transl' of the hand itself, not of the pelvis, "
+            "or give the body to `geneoh generate --body`"
+        )
     if len(found) == 1:
         return next(iter(found))
     if not found:

@@ -202,6 +202,14 @@ def test_our_own_layout_needs_its_name():
         read({"right_joints": JOINTS})
 
 
+def test_a_body_under_the_names_of_smplx_is_no_hand():
+    body = {"global_orient": POSE[:, 0], "body_pose": np.zeros((T, 63)), "transl": PLACE}
+    with pytest.raises(InputError, match=r"got a body \('body_pose'\).*geneoh generate --body"):
+        read(body)
+    hand = {**SMPLX, "body_pose": np.zeros((T, 63))}  # a field that is left alone
+    assert only(read(hand, side="right")).pose is not None
+
+
 @pytest.mark.parametrize(
     "unseen",
     [
