@@ -51,7 +51,7 @@ class Mesh(Bundle):
     verts: Float[Tensor, "V 3"]
     faces: Int[Tensor, "F 3"]
     source: Path | None = None
-    """File that it was read from as it is; None for a mesh that was made or changed."""
+    """File that it was read from, whatever its unit; None for a mesh that was made or changed."""
     parts: tuple["Mesh", ...] = ()
     """The separate meshes of a file that holds several, which `verts` and `faces` have joined."""
 
@@ -216,7 +216,7 @@ def mesh_of(given: Any, unit: Unit) -> Mesh:
 def scaled(mesh: Mesh, factor: float) -> Mesh:
     """The mesh and its parts with every length times a factor."""
     parts = tuple(scaled(part, factor) for part in mesh.parts)
-    return Mesh(factor * mesh.verts, mesh.faces, parts=parts)
+    return replace(mesh, verts=factor * mesh.verts, parts=parts)
 
 
 def from_trimesh(shape: "trimesh.Trimesh") -> Mesh:

@@ -10,7 +10,7 @@ import torch
 
 from geneoh.errors import InputError
 from geneoh.files.npz import Arrays
-from geneoh.geometry.mesh import MESH_SUFFIXES, Mesh, load_mesh
+from geneoh.geometry.mesh import MESH_SUFFIXES, METRES, Mesh, load_mesh
 from geneoh.readers.npz_layouts import MESH_FIELDS
 from geneoh.readers.records import Array, Record
 from geneoh.sequence.sequence import ObjectTrack
@@ -116,12 +116,21 @@ def find_meshes(record: Record, folder: Path) -> tuple[tuple[Mesh, ...], str]:
         if not path.is_file():
             return (), f"the object's mesh {name} is not there any more"
         try:
-            whole = load_mesh(path)
+            same = known_mesh(path, hashes[index : index + 1] if hashes else None)
         except InputError as error:
             return (), f"the object's mesh cannot be used: {error}"
-        kept = hashes[index : index + 1]
-        same = [mesh for mesh in (whole, *whole.parts) if not hashes or mesh.sha256 in kept]
-        if not same:
+        if same is None:
             return (), f"the object's mesh {name} is another one than it was"
-        meshes.append(same[0])
+        meshes.append(same)
     return tuple(meshes), ""
+
+
+def known_mesh(path: Path, hashes: list[str] | None) -> Mesh | None:
+    """The mesh of a file, or the part of it, that has one of some hashes, in whatever unit the file
+    is; without hashes the whole one in metres."""
+    for unit in reversed(METRES):  # metres first
+        whole = load_mesh(path, unit)
+        for mesh in (whole, *whole.parts):
+            if hashes is None or mesh.sha256 in hashes:
+                return mesh
+    return None

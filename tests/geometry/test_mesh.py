@@ -206,7 +206,7 @@ def test_a_mesh_in_another_unit_is_read_in_metres(ball, unit, scale, tmp_path):
     ball.apply_scale(scale).export(tmp_path / "ball.obj")
     metres, read = load_mesh(tmp_path / "metres.obj"), load_mesh(tmp_path / "ball.obj", unit)
     torch.testing.assert_close(read.verts, metres.verts, rtol=0, atol=1e-6)
-    assert read.source is None
+    assert read.source == tmp_path / "ball.obj"
 
 
 def test_mirrored_mesh_still_looks_outward(ball):

@@ -34,6 +34,16 @@ def test_meshes_are_found_again_without_being_named(kept):
     assert read_archive(kept)["object_files"].tolist() == ["../objects/tool.obj"]
 
 
+@pytest.mark.parametrize(("unit", "scale"), [("mm", 1000), ("cm", 100)])
+def test_a_mesh_in_another_unit_is_found_again_in_metres(tmp_path, unit, scale):
+    mesh = trimesh.load_mesh(EXAMPLES / "taco_object.obj", process=False)
+    mesh.apply_scale(scale).export(tmp_path / "tool.stl")
+    given = geneoh.load(EXAMPLES / "taco_noisy.npz", obj=tmp_path / "tool.stl", unit=unit)
+    geneoh.save(given, tmp_path / "a.npz")
+    (found,) = geneoh.load(tmp_path / "a.npz").object.meshes
+    assert found.verts.equal(given.object.meshes[0].verts)
+
+
 def test_meshes_are_found_again_after_both_were_moved_together(kept, tmp_path):
     (tmp_path / "here").rename(tmp_path / "there")
     assert geneoh.load(tmp_path / "there/results/a.npz").object.meshes
