@@ -170,7 +170,7 @@ class Stream:
         where = where or f"{self._source}, frame {self._count}"
         with undisturbed():
             now = Observed(self._hand(hand, where), self._object(object_pose, where))
-            self._lost.append(now.hand is None)
+            self._lost.append(now.hand is None or untrusted(now.hand))
             for frame in self._paced(now):
                 made = self._recent.push(frame)
                 self._taken += 1
@@ -313,6 +313,11 @@ def is_lost(record: Record, side: Side) -> bool:
             return True
     valid = f"{side}_valid"
     return valid in record and not bool(record.flags(valid).all())
+
+
+def untrusted(hand: HandTrack) -> bool:
+    """Whether no keypoint of a hand has any confidence."""
+    return hand.confidence is not None and not bool(hand.confidence.any())
 
 
 def framed(value: Any) -> Any:

@@ -230,7 +230,9 @@ def test_keypoints_without_confidence_are_a_lost_hand(noisy):
             hand = None if lost and not bool(sure.any()) else {"joints": joints, "confidence": sure}
             pose = clip.object.rotation[frame], clip.object.translation[frame]
             frames.append(stream.push(hand, pose))
-        found.append(joints_of([frame for frame in frames if frame] + stream.flush()))
+        made = [frame for frame in frames if frame] + stream.flush()
+        assert [frame.index for frame in made if frame.filled] == list(range(30, 36))
+        found.append(joints_of(made))
     assert torch.equal(*found)
 
 
