@@ -13,7 +13,7 @@ from geneoh.bundle import Bundle
 from geneoh.choices import SIDES, Side
 from geneoh.config import checked_call
 from geneoh.errors import InputError
-from geneoh.files.npz import read_archive
+from geneoh.files.npz import Arrays, read_archive
 from geneoh.files.outputs import check_ending
 from geneoh.fitting.terms import HandState
 from geneoh.metrics.report import InteractionReport
@@ -134,9 +134,14 @@ def save(result: Denoised | Sequence, path: Path | str) -> None:
     save_sequence(result.sequence, path, extra=extra)
 
 
+def kept_arrays(path: Path | str) -> Arrays:
+    """The arrays of an npz; none of a file of another kind, which is no result."""
+    return read_archive(Path(path)) if Path(path).suffix.lower() == ".npz" else {}
+
+
 def load_samples(path: Path | str) -> dict[Side, Float[Tensor, "S N 21 3"]]:
     """Keypoints of the samples that a result keeps, by side, at 30 frames a second; often none."""
-    arrays = read_archive(Path(path))
+    arrays = kept_arrays(path)
     found: dict[Side, Tensor] = {}
     for side in SIDES:
         drawn = arrays.get(f"{side}_samples")
@@ -147,5 +152,5 @@ def load_samples(path: Path | str) -> dict[Side, Float[Tensor, "S N 21 3"]]:
 
 def load_confidence(path: Path | str) -> Float[Tensor, "T Q"] | None:
     """The confidence in the object's poses that a result keeps; None where it keeps none."""
-    kept = read_archive(Path(path)).get("object_confidence")
+    kept = kept_arrays(path).get("object_confidence")
     return None if kept is None or kept.ndim != 2 else torch.from_numpy(kept).float()

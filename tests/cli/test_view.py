@@ -98,6 +98,13 @@ def test_a_result_that_knows_its_mesh_needs_no_other(geneoh, folder):
     assert "pass --obj MESH" in result.stderr
 
 
+def test_keypoints_alone_are_shown_as_a_result_is(geneoh, folder):
+    np.save(folder / "hand.npy", np.load(folder / "hand.npz")["joints"])
+    result = geneoh("view", "hand.npy", "--side", "right")
+    assert result.exit_code == 0, result.output
+    assert page_scene(folder / "hand.html")["frames"] == 6
+
+
 def test_up_turns_the_page(geneoh, folder):
     assert geneoh(*VIEW, "--up", "-y").exit_code == 0
     assert page_scene(folder / "clean.html")["camera"]["up"] == [0, -1, 0]
