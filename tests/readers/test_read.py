@@ -113,6 +113,13 @@ def test_bare_keypoints_are_read_with_what_their_file_says_beside_them(masked, t
     assert hand.joints[:5].equal(known.joints[:5])
 
 
+def test_object_and_camera_in_a_file_of_bare_keypoints_are_told_to_be_unread(masked, tmp_path):
+    poses = np.tile(np.eye(4), (12, 1, 1))
+    np.savez(tmp_path / "hand.npz", side="left", **masked, obj_pose=poses, camera_ray=[0, 0, 1.0])
+    found = geneoh.read("keypoints", tmp_path / "hand.npz")
+    assert "'obj_pose', 'camera_ray' of the file are not read beside --from" in found.source
+
+
 def test_bare_parameters_are_read_with_what_their_file_says_beside_them(
     estimated, masked, tmp_path
 ):

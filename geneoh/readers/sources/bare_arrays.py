@@ -53,7 +53,7 @@ def keypoints(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     rate, clock, more = base.timing_of(record, hand.frames, options.fps)
     source = f"{clip.path.name} (keypoints in the order {order})"
     checks = base.CrossChecks({side: joints})
-    timed = {"fps": rate, "clock": clock, "notes": (*missed, *notes, *more)}
+    timed = {"fps": rate, "clock": clock, "notes": (*missed, *notes, *unread(record), *more)}
     yield base.ClipParts(source, [hand], cross_checks=checks, **timed)
 
 
@@ -83,8 +83,17 @@ def parameters(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts
     rate, clock, more = base.timing_of(record, hand.frames, options.fps)
     use = base.ManoConvention(options.translation, mean_added=bool(options.mean_pose))
     source = f"{clip.path.name} (MANO parameters)"
-    timed = {"fps": rate, "clock": clock, "notes": (*notes, *more)}
+    timed = {"fps": rate, "clock": clock, "notes": (*notes, *unread(record), *more)}
     yield base.ClipParts(source, [hand], convention=use, **timed)
+
+
+def unread(record: Record) -> Notes:
+    """A note on fields that are read of an npz without a source, and not of one with it."""
+    names = (*npz_layouts.OBJECT_FIELDS, *npz_layouts.CAMERA_FIELDS)
+    if not (found := [name for name in names if name in record]):
+        return ()
+    words = f"{npz_layouts.quoted(found)} of the file are not read beside --from"
+    return (f"{words}; --object-pose gives the object's poses, and --camera the camera",)
 
 
 def observed(record: Record, side: Side, name: str, values: Array) -> tuple[Array, Notes]:
