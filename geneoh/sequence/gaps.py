@@ -76,6 +76,23 @@ def fill_gaps(hand: HandTrack) -> HandTrack:
     return observed_around(hand.valid).hand(hand, hand.valid)
 
 
+def blendable(hand: HandTrack) -> HandTrack:
+    """The same track with places of the hand in every frame, which may be mixed with one another.
+
+    Frames without any confidence are gaps too, and not `valid`. A keypoint without confidence lies
+    on a straight line between the frames in which it has some; where it never has any, it stays.
+    """
+    trusted, seen = hand.trust > 0, hand.observed
+    filled = fill_gaps(replace(hand, valid=seen))
+    lost = (~trusted[seen]).any(0) & trusted.any(0)
+    if filled.joints is None or not bool(lost.any()):
+        return filled
+    joints = filled.joints.clone()
+    for point in torch.nonzero(lost)[:, 0].tolist():
+        joints[:, point] = observed_around(trusted[:, point]).points(joints[:, point])
+    return replace(filled, joints=joints)
+
+
 def filled_keypoints(hand: HandTrack) -> Float[Tensor, "T 21 3"]:
     """Keypoints of a track, metres, world frame; frames without any trusted one are filled."""
     return keypoints(fill_gaps(replace(hand, valid=hand.observed)))

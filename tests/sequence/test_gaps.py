@@ -4,7 +4,7 @@ from dataclasses import replace
 import torch
 
 from geneoh.geometry.mesh import Mesh
-from geneoh.sequence.gaps import fill_gaps, fill_object, filled_poses, observed_around
+from geneoh.sequence.gaps import blendable, fill_gaps, fill_object, filled_poses, observed_around
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 
 T = 6
@@ -76,6 +76,18 @@ def test_one_observation_is_held_everywhere():
 
 def test_a_track_without_gaps_is_returned_as_it_is():
     assert fill_gaps(HAND) is HAND
+
+
+def test_what_has_no_confidence_is_mixed_with_nothing():
+    trust = torch.ones(T, 21)
+    trust[2], trust[3, 5], trust[:, 9], trust[0, 7] = 0.0, 0.0, 0.0, 0.0
+    joints = HAND.joints.masked_fill((trust == 0)[..., None], 9.0)
+    found = blendable(replace(HAND, joints=joints, confidence=trust))
+    wanted = HAND.joints.clone()
+    wanted[:, 9], wanted[0, 7] = 9.0, wanted[1, 7]  # what is nowhere known, and what is held
+    torch.testing.assert_close(found.joints, wanted)
+    assert found.valid.tolist() == [True, True, False, True, True, True]
+    assert torch.equal(found.confidence[3:], trust[3:])
 
 
 def test_filled_poses_are_told_part_by_part():

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import pytest
 import torch
 
@@ -107,6 +109,17 @@ def test_hands_that_come_earlier_are_those_of_later_frames(delay):
     torch.testing.assert_close(earlier.wrist[inside], place, rtol=0, atol=2e-6)
     torch.testing.assert_close(earlier.pose[inside, 4, 1], 2 * time[inside] / 30)
     assert with_hands_earlier(sequence, 0.0) is sequence
+
+
+def test_keypoints_without_confidence_do_not_spread_over_frames_between():
+    sequence = steady(20, 25.0)
+    hand, trust = sequence.hands[0], torch.ones(20, 21)
+    trust[4], trust[9, 3] = 0.0, 0.0
+    joints = hand.joints.masked_fill((trust == 0)[..., None], 9.0)
+    holes = replace(sequence, hands=(replace(hand, joints=joints, confidence=trust),))
+    for change in (lambda s: at_rate(s, 30.0), lambda s: with_hands_earlier(s, 0.5)):
+        found, wanted = (change(each).hands[0].joints for each in (holes, sequence))
+        torch.testing.assert_close(found, wanted, rtol=0, atol=2e-6)
 
 
 @pytest.mark.parametrize("delay", [20, -40.0, float("nan")])
