@@ -117,7 +117,8 @@ def test_refined_poses_of_frames_without_one_are_read_as_they_were_written(clean
 def test_an_object_that_is_never_seen_is_as_none(clean):
     short = clean[20:50]
     unseen = fill_object(short.object, torch.zeros(30, 1, dtype=torch.bool))
-    result = geneoh.denoise(replace(short, object=unseen), FAST)
+    result = geneoh.denoise(replace(short, object=unseen), replace(FAST, refine_object=True))
+    assert result.sequence.object is unseen
     alone = geneoh.denoise(replace(short, object=ObjectTrack.resting((), 30)), FAST)
     assert torch.equal(result.sequence.hands[0].joints, alone.sequence.hands[0].joints)
     assert "no pose" in result.notes[0]
