@@ -124,7 +124,8 @@ def fill_object(motion: ObjectTrack, observed: Bool[Tensor, "T Q"] | None = None
     """An object's track with finite poses in every frame; its `valid` says which were observed.
 
     Poses that are NaN, or not `observed`, were not. They run between the observed ones on straight
-    lines and shorter arcs; a part that was never observed stands still at the origin.
+    lines and shorter arcs; those that are not `valid` are filled already, and keep their mark. A
+    part that was never observed stands still at the origin.
     """
     lost = motion.rotation.isnan().any(-1).any(-1) | motion.translation.isnan().any(-1)
     seen = ~lost if observed is None else ~lost & observed
@@ -136,7 +137,8 @@ def fill_object(motion: ObjectTrack, observed: Bool[Tensor, "T Q"] | None = None
         between = observed_around(seen[:, part])
         rotation[:, part] = between.rotations(motion.rotation[:, part : part + 1])[:, 0]
         translation[:, part] = between.points(motion.translation[:, part])
-    return replace(motion, rotation=rotation, translation=translation, valid=seen)
+    valid = seen if motion.valid is None else seen & motion.valid
+    return replace(motion, rotation=rotation, translation=translation, valid=valid)
 
 
 def filled_poses(motion: ObjectTrack) -> Iterator[str]:

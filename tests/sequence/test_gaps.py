@@ -100,3 +100,13 @@ def test_filled_poses_are_told_part_by_part():
         "part 3 of the object was never seen: it stands still at the origin, and the hand is "
         "cleaned without it",
     ]
+
+
+def test_poses_that_were_filled_before_keep_their_mark_beside_ones_that_are_nan():
+    place = torch.arange(5.0)[:, None, None].expand(5, 1, 3).clone()
+    place[3] = math.nan
+    valid = torch.tensor([[True], [False], [True], [True], [True]])
+    turn = torch.eye(3).expand(5, 1, 3, 3)
+    found = fill_object(ObjectTrack((), turn, place, valid))
+    assert found.valid[:, 0].tolist() == [True, False, True, False, True]
+    assert found.translation[:, 0, 0].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
