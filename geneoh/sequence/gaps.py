@@ -23,6 +23,11 @@ class FrameInterpolation:
     after: Int[Tensor, " N"]
     fraction: Float[Tensor, " N"]
 
+    @property
+    def nearest(self) -> Int[Tensor, " N"]:
+        """The nearer of the two frames, the second one in their middle."""
+        return torch.where(self.fraction >= 0.5, self.after, self.before)
+
     def points(self, values: Float[Tensor, "T ..."]) -> Float[Tensor, "N ..."]:
         """Values of each frame, interpolated on a straight line."""
         start, end = values[self.before], values[self.after]

@@ -91,7 +91,7 @@ def with_hands_earlier(sequence: Sequence, delay: float | int) -> Sequence:
     wanted = torch.arange(last + 1, dtype=torch.float64, device=device) + delay
     time = wanted.nan_to_num().clamp(0, last)
     between = instants(time, sequence.frames)
-    nearest = time.round().long()
+    nearest = between.nearest
     hands = tuple(
         between.hand(hand, (time == wanted) & hand.valid[nearest])
         for hand in map(blendable, sequence.hands)
@@ -106,7 +106,7 @@ def with_hands_earlier(sequence: Sequence, delay: float | int) -> Sequence:
 
 def interpolated(sequence: Sequence, between: FrameInterpolation) -> Sequence:
     """A sequence at instants between its frames; see `over_frames`."""
-    nearest = torch.where(between.fraction >= 0.5, between.after, between.before)
+    nearest = between.nearest
     motion = replace(
         sequence.object,
         rotation=between.rotations(sequence.object.rotation),

@@ -122,6 +122,15 @@ def test_keypoints_without_confidence_do_not_spread_over_frames_between():
         torch.testing.assert_close(found, wanted, rtol=0, atol=2e-6)
 
 
+@pytest.mark.parametrize("lost", [8, 9])
+def test_a_lost_frame_is_one_lost_frame_under_a_delay_of_half_a_frame(lost):
+    sequence = steady(20, 30.0)
+    valid = torch.arange(20) != lost
+    holes = replace(sequence, hands=(replace(sequence.hands[0], valid=valid),))
+    earlier = with_hands_earlier(holes, 0.5).hands[0]
+    assert torch.nonzero(~earlier.valid)[:, 0].tolist() == [lost - 1, 19]
+
+
 @pytest.mark.parametrize("delay", [20, -40.0, float("nan")])
 def test_a_delay_that_leaves_no_hand_is_refused(delay):
     with pytest.raises(InputError, match="leaves no frame of 20 with a hand"):
