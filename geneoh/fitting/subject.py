@@ -18,7 +18,7 @@ from geneoh.hand.skeleton import (
     forward_kinematics,
     rest_offsets,
 )
-from geneoh.sequence.gaps import fill_gaps
+from geneoh.sequence.gaps import blendable
 from geneoh.sequence.sequence import HandTrack
 
 POSE_MISFIT = 0.015
@@ -74,7 +74,7 @@ def subject_of(track: HandTrack, model: HandModel) -> Subject:
     notes: list[str] = []
     skeleton: Float[Tensor, "20 3"] | None = None
     trust, model = track.trust, model.to(track.valid.device)
-    filled = fill_gaps(replace(track, valid=track.observed))
+    filled = blendable(track)
     known = track.betas if track.hand_model == model.name else None
     rotations = None if filled.pose is None else axis_angle_to_matrix(filled.pose)
     if filled.joints is None:

@@ -56,6 +56,7 @@ def refine_object(
 ) -> ObjectTrack:
     """The track of an object that moves with its hands or not at all; exact poses stay.
 
+    All poses of a part that was ever seen then count as observed, so that no reader fills any anew.
     `smooth` is the cleaned track (`geneoh.objects.cleaning`) and `examined` what was found in the
     given one; the hands are clean, with joints and pose.
     """
@@ -68,7 +69,8 @@ def refine_object(
         chosen = unsure[:, part]
         rotation[chosen, part] = torch.from_numpy(turns).to(rotation)[chosen]
         translation[chosen, part] = torch.from_numpy(places).to(translation)[chosen]
-    return replace(smooth, rotation=rotation, translation=translation)
+    valid = None if smooth.valid is None else smooth.valid.any(0).expand_as(smooth.valid)
+    return replace(smooth, rotation=rotation, translation=translation, valid=valid)
 
 
 def refine_part(

@@ -153,8 +153,8 @@ def clean_interaction(
     }
     hands = tuple(results[hand.side].track for hand in sequence.hands)
     kept = sequence.object
-    if options.refine_object:
-        kept = motion if examined is None else refine_object(motion, examined, hands, sequence.fps)
+    if options.refine_object and examined is not None:
+        kept = refine_object(motion, examined, hands, sequence.fps)
     clean = replace(sequence, hands=hands, object=kept)
     return Denoised(clean, results, tuple(notes), options, examined, in_each_other)
 

@@ -34,7 +34,7 @@ def without_exchange(sequence: Sequence) -> tuple[Sequence, tuple[str, ...]]:
     """The sequence with two exchanged hands put right, and what a user should know of it."""
     if len(sequence.hands) != 2 or not all(bool(h.observed.any()) for h in sequence.hands):
         return sequence, ()
-    one, other = sequence.hands
+    one, other = with_confidence(sequence.hands)
     said = tuple(same_place(one, other))
     frames = exchanged(one, other)
     count = int(frames.sum())
@@ -44,6 +44,13 @@ def without_exchange(sequence: Sequence) -> tuple[Sequence, tuple[str, ...]]:
     words = f"the left and the right hand are exchanged in {where}: each got what the other had"
     hands = (with_frames_of(one, other, frames), with_frames_of(other, one, frames))
     return replace(sequence, hands=hands), (*said, words)
+
+
+def with_confidence(hands: tuple[HandTrack, ...]) -> tuple[HandTrack, ...]:
+    """The hands, which all have a confidence where one of them has, such as for lost keypoints."""
+    if len({hand.confidence is None for hand in hands}) == 1:
+        return hands
+    return tuple(replace(hand, confidence=hand.trust) for hand in hands)
 
 
 def same_place(one: HandTrack, other: HandTrack) -> Iterator[str]:

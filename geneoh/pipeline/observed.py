@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import torch
 
 from geneoh.bundle import concatenated
-from geneoh.sequence.gaps import FrameInterpolation
+from geneoh.sequence.gaps import FrameInterpolation, blendable
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 
 DIGITS = 9
@@ -44,7 +44,8 @@ def hand_between(
     near = before if fraction < 0.5 else after
     if before is None or after is None or near is None or fraction in (0.0, 1.0):
         return near
-    return instant(fraction).hand(concatenated([before, after]), near.valid)
+    both = blendable(concatenated([before, after]))
+    return instant(fraction).hand(both, both.valid[:1] if near is before else both.valid[1:])
 
 
 def instant(fraction: float) -> FrameInterpolation:

@@ -20,7 +20,8 @@ from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 LEAST_FRAMES = 20
 """Number of differences below which they tell no direction."""
 LEAST_JITTER = 0.001
-"""Jitter along the ray below which nothing is told, metres."""
+"""Jitter along the ray below which nothing is told, metres. At fewer than 30 frames a second motion
+looks like jitter, with the square of the time between frames, and the bound grows with that."""
 CHANCE = 10.0
 """Of N differences, the variance along the ray is at least `1 + CHANCE / sqrt(N)` times the next
 one. Noise that is alike in all directions exceeds that in one of fifty tracks of 120 frames."""
@@ -52,7 +53,7 @@ class FoundRay:
         )
 
 
-def found_ray(hand: HandTrack, motion: ObjectTrack) -> FoundRay | None:
+def found_ray(hand: HandTrack, motion: ObjectTrack, fps: float) -> FoundRay | None:
     """The ray of the camera that saw a hand, the same in all frames; None where noise tells none.
 
     The palm is seen from where it moves least, which is the world or a part of the object, so that
@@ -72,7 +73,8 @@ def found_ray(hand: HandTrack, motion: ObjectTrack) -> FoundRay | None:
     direction, ratio = axes[:, -1], float(variance[-1] / variance[-2])
     jitter = float((second @ direction).abs().median()) / NORMAL_MEDIAN
     white = float((fourth @ direction).abs().median()) / NORMAL_MEDIAN
-    if ratio < 1 + CHANCE / sqrt(len(second)) or white < max(LEAST_JITTER, WHITE * jitter):
+    least = LEAST_JITTER * max(1.0, 30 / fps) ** 2
+    if ratio < 1 + CHANCE / sqrt(len(second)) or white < max(least, WHITE * jitter):
         return None
     return FoundRay(direction.to(middle), sqrt(ratio))
 
@@ -86,7 +88,7 @@ def with_rays(sequence: Sequence, chosen: Preset) -> tuple[Sequence, list[str]]:
     for index, hand in enumerate(hands):
         ray = hand.camera_ray if chosen.camera_told else None
         if ray is None and chosen.camera_found and chosen.has_object:
-            found = found_ray(hand, sequence.object)
+            found = found_ray(hand, sequence.object, sequence.fps)
             if found is not None:
                 ray = found.direction.expand(hand.frames, 3)
                 said.append(found.sentence(hand.side))

@@ -225,7 +225,7 @@ class RecentHand:
         if track.camera_ray is not None and self._chosen.camera_told:
             return fill_gaps(track).camera_ray
         if self._surface is not None and self._chosen.camera_found:
-            self._found = found_ray(track, motion) or self._found
+            self._found = found_ray(track, motion, NETWORK_FPS) or self._found
         return self._found and self._found.direction.expand(track.frames, 3)
 
     def _subject(self, track: HandTrack) -> Subject:

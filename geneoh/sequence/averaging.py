@@ -11,7 +11,7 @@ from geneoh.geometry.rotations import (
     matrix_to_axis_angle,
     nearest_rotations,
 )
-from geneoh.sequence.gaps import fill_gaps, with_frames
+from geneoh.sequence.gaps import blendable, with_frames
 from geneoh.sequence.sequence import Sequence
 
 
@@ -30,7 +30,8 @@ def averaged(sequence: Sequence, fps: float) -> Sequence:
         translation=mean.points(sequence.object.translation),
     )
     hands = tuple(
-        with_frames(fill_gaps(hand), hand.valid, mean.points, mean.pose) for hand in sequence.hands
+        with_frames(hand, hand.valid, mean.points, mean.pose)
+        for hand in map(blendable, sequence.hands)
     )
     return replace(sequence, hands=hands, object=motion)
 

@@ -23,6 +23,11 @@ class FrameInterpolation:
     after: Int[Tensor, " N"]
     fraction: Float[Tensor, " N"]
 
+    @property
+    def nearest(self) -> Int[Tensor, " N"]:
+        """The nearer of the two frames, the second one in their middle."""
+        return torch.where(self.fraction >= 0.5, self.after, self.before)
+
     def points(self, values: Float[Tensor, "T ..."]) -> Float[Tensor, "N ..."]:
         """Values of each frame, interpolated on a straight line."""
         start, end = values[self.before], values[self.after]
@@ -76,6 +81,23 @@ def fill_gaps(hand: HandTrack) -> HandTrack:
     return observed_around(hand.valid).hand(hand, hand.valid)
 
 
+def blendable(hand: HandTrack) -> HandTrack:
+    """The same track with places of the hand in every frame, which may be mixed with one another.
+
+    Frames without any confidence are gaps too, and not `valid`. A keypoint without confidence lies
+    on a straight line between the frames in which it has some; where it never has any, it stays.
+    """
+    trusted, seen = hand.trust > 0, hand.observed
+    filled = fill_gaps(replace(hand, valid=seen))
+    lost = (~trusted[seen]).any(0) & trusted.any(0)
+    if filled.joints is None or not bool(lost.any()):
+        return filled
+    joints = filled.joints.clone()
+    for point in torch.nonzero(lost)[:, 0].tolist():
+        joints[:, point] = observed_around(trusted[:, point]).points(joints[:, point])
+    return replace(filled, joints=joints)
+
+
 def filled_keypoints(hand: HandTrack) -> Float[Tensor, "T 21 3"]:
     """Keypoints of a track, metres, world frame; frames without any trusted one are filled."""
     return keypoints(fill_gaps(replace(hand, valid=hand.observed)))
@@ -107,7 +129,8 @@ def fill_object(motion: ObjectTrack, observed: Bool[Tensor, "T Q"] | None = None
     """An object's track with finite poses in every frame; its `valid` says which were observed.
 
     Poses that are NaN, or not `observed`, were not. They run between the observed ones on straight
-    lines and shorter arcs; a part that was never observed stands still at the origin.
+    lines and shorter arcs; those that are not `valid` are filled already, and keep their mark. A
+    part that was never observed stands still at the origin.
     """
     lost = motion.rotation.isnan().any(-1).any(-1) | motion.translation.isnan().any(-1)
     seen = ~lost if observed is None else ~lost & observed
@@ -119,7 +142,8 @@ def fill_object(motion: ObjectTrack, observed: Bool[Tensor, "T Q"] | None = None
         between = observed_around(seen[:, part])
         rotation[:, part] = between.rotations(motion.rotation[:, part : part + 1])[:, 0]
         translation[:, part] = between.points(motion.translation[:, part])
-    return replace(motion, rotation=rotation, translation=translation, valid=seen)
+    valid = seen if motion.valid is None else seen & motion.valid
+    return replace(motion, rotation=rotation, translation=translation, valid=valid)
 
 
 def filled_poses(motion: ObjectTrack) -> Iterator[str]:

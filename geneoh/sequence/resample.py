@@ -8,7 +8,7 @@ from torch import Tensor
 from torch.nn.functional import max_pool1d
 
 from geneoh.errors import InputError
-from geneoh.sequence.gaps import FrameInterpolation, fill_gaps
+from geneoh.sequence.gaps import FrameInterpolation, blendable
 from geneoh.sequence.sequence import Sequence
 
 MOST_FRAMES = 108_000
@@ -59,8 +59,8 @@ def over_frames(sequence: Sequence, frames: int) -> Sequence:
     """The same motion, over the same time, in another number of frames.
 
     Points are interpolated linearly and rotations on the shorter arc, with gaps filled before; a
-    new frame is valid where the nearest old one is. With the old number of frames it is the inverse
-    of `at_rate`.
+    new frame is valid where the nearest old one is and has some confidence. With the old number of
+    frames it is the inverse of `at_rate`.
     """
     if frames == sequence.frames:
         return sequence
@@ -91,10 +91,10 @@ def with_hands_earlier(sequence: Sequence, delay: float | int) -> Sequence:
     wanted = torch.arange(last + 1, dtype=torch.float64, device=device) + delay
     time = wanted.nan_to_num().clamp(0, last)
     between = instants(time, sequence.frames)
-    nearest = time.round().long()
+    nearest = between.nearest
     hands = tuple(
-        between.hand(fill_gaps(hand), (time == wanted) & hand.valid[nearest])
-        for hand in sequence.hands
+        between.hand(hand, (time == wanted) & hand.valid[nearest])
+        for hand in map(blendable, sequence.hands)
     )
     if not all(bool(hand.valid.any()) for hand in hands):
         raise InputError(
@@ -106,7 +106,7 @@ def with_hands_earlier(sequence: Sequence, delay: float | int) -> Sequence:
 
 def interpolated(sequence: Sequence, between: FrameInterpolation) -> Sequence:
     """A sequence at instants between its frames; see `over_frames`."""
-    nearest = torch.where(between.fraction >= 0.5, between.after, between.before)
+    nearest = between.nearest
     motion = replace(
         sequence.object,
         rotation=between.rotations(sequence.object.rotation),
@@ -114,8 +114,8 @@ def interpolated(sequence: Sequence, between: FrameInterpolation) -> Sequence:
         valid=None if sequence.object.valid is None else sequence.object.valid[nearest],
     )
     hands = tuple(
-        between.hand(fill_gaps(hand), without_short_gaps(hand.valid, between)[nearest])
-        for hand in sequence.hands
+        between.hand(hand, without_short_gaps(hand.valid, between)[nearest])
+        for hand in map(blendable, sequence.hands)
     )
     return replace(sequence, hands=hands, object=motion)
 

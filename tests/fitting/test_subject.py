@@ -120,6 +120,15 @@ def test_keypoints_alone_without_confidence_are_those_of_the_fit():
     assert torch.equal(whole.joints[~some_keypoints()], track.joints[~some_keypoints()])
 
 
+def test_it_does_not_matter_where_keypoints_without_confidence_are():
+    track = replace(track_of(torch.zeros(10)), pose=None, wrist=None)
+    given = doubted(track, some_keypoints(0.3))
+    far = torch.where(some_keypoints(0.3)[..., None], 0.5, given.joints)
+    each = [subject_of(t, MODEL).parameters() for t in (given, replace(given, joints=far))]
+    assert torch.equal(each[0].rotations, each[1].rotations)
+    assert torch.equal(each[0].wrist, each[1].wrist)
+
+
 def test_a_keypoint_that_is_never_relied_on_tells_no_bone_length():
     track = replace(track_of(torch.zeros(10)), pose=None, wrist=None)
     thumb = torch.zeros(8, 21, dtype=torch.bool)

@@ -58,6 +58,19 @@ def test_exchanged_hands_are_put_right(pair, noise, start, stop):
     )
 
 
+def test_hands_of_which_one_has_lost_a_keypoint_are_put_right(pair):
+    given = exchanged(pair, (torch.arange(146) >= 50) & (torch.arange(146) < 100))
+    sure = torch.ones(146, 21)
+    sure[60, 8] = 0.0
+    lost = replace(given.hands[0], confidence=sure)
+    found, said = without_exchange(replace(given, hands=(lost, given.hands[1])))
+    assert said
+    for hand, true in zip(found.hands, pair.hands, strict=True):
+        assert torch.equal(hand.joints, true.joints)
+    assert float(found.hands[1].confidence[60, 8]) == 0
+    assert float(found.hands[0].confidence.min()) == 1
+
+
 @pytest.mark.parametrize("noise", ["clean", "gauss_strong", "bias", "drift", "drop", "camera"])
 def test_other_hands_stay_as_they_are(pair, noise):
     given = noisy(pair, noise)

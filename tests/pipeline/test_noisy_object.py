@@ -101,10 +101,24 @@ def test_frames_without_a_pose_are_filled_and_told(clean):
     assert torch.equal(result.sequence.object.rotation[exact], clean.object.rotation[exact])
 
 
+def test_refined_poses_of_frames_without_one_are_read_as_they_were_written(clean, tmp_path):
+    short = clean[60:120]
+    lost = torch.zeros(60, 1, dtype=torch.bool)
+    lost[30:42] = True
+    unseen = replace(short, object=fill_object(short.object, ~lost))
+    result = geneoh.denoise(unseen, replace(FAST, refine_object=True))
+    assert not torch.equal(result.sequence.object.translation, unseen.object.translation)
+    geneoh.save(result, tmp_path / "refined.npz")
+    read = geneoh.load(tmp_path / "refined.npz")
+    for name in ("rotation", "translation"):
+        assert torch.equal(*(getattr(s.object, name) for s in (read, result.sequence)))
+
+
 def test_an_object_that_is_never_seen_is_as_none(clean):
     short = clean[20:50]
     unseen = fill_object(short.object, torch.zeros(30, 1, dtype=torch.bool))
-    result = geneoh.denoise(replace(short, object=unseen), FAST)
+    result = geneoh.denoise(replace(short, object=unseen), replace(FAST, refine_object=True))
+    assert result.sequence.object is unseen
     alone = geneoh.denoise(replace(short, object=ObjectTrack.resting((), 30)), FAST)
     assert torch.equal(result.sequence.hands[0].joints, alone.sequence.hands[0].joints)
     assert "no pose" in result.notes[0]

@@ -12,6 +12,7 @@ from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.pipeline.presets import preset
 from geneoh.pipeline.rays import found_ray, scatter, with_rays
 from geneoh.sequence.noise import corrupt_sequence
+from geneoh.sequence.resample import at_rate
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 
 FRAMES = 120
@@ -49,7 +50,7 @@ def degrees_off(direction: torch.Tensor, ray: torch.Tensor) -> float:
 
 
 def test_noise_that_is_larger_along_a_line_tells_its_direction():
-    found = found_ray(shaken(still(), 0.006, 0.002), world())
+    found = found_ray(shaken(still(), 0.006, 0.002), world(), 30.0)
     assert found is not None
     assert degrees_off(found.direction, RAY) < 5
     assert found.times == pytest.approx(3, rel=0.25)
@@ -57,24 +58,24 @@ def test_noise_that_is_larger_along_a_line_tells_its_direction():
 
 @pytest.mark.parametrize("seed", range(10))
 def test_noise_that_is_alike_in_all_directions_tells_none(seed):
-    assert found_ray(shaken(still(), 0.004, 0.004, seed), world()) is None
+    assert found_ray(shaken(still(), 0.004, 0.004, seed), world(), 30.0) is None
 
 
 def test_few_frames_and_small_noise_tell_none():
-    assert found_ray(shaken(still(12), 0.006, 0.002), world(12)) is None
-    assert found_ray(shaken(still(2), 0.006, 0.002), world(2)) is None
-    assert found_ray(shaken(still(), 0.0006, 0.0002), world()) is None
+    assert found_ray(shaken(still(12), 0.006, 0.002), world(12), 30.0) is None
+    assert found_ray(shaken(still(2), 0.006, 0.002), world(2), 30.0) is None
+    assert found_ray(shaken(still(), 0.0006, 0.0002), world(), 30.0) is None
 
 
 def test_a_hand_at_perfect_rest_tells_none():
-    assert found_ray(still(), world()) is None
+    assert found_ray(still(), world(), 30.0) is None
 
 
 def test_missing_frames_do_not_count():
     hand = shaken(still(), 0.01, 0.002)
     valid = torch.arange(FRAMES) % 30 < 20
     lost = torch.where(valid[:, None, None], hand.joints, torch.nan)
-    found = found_ray(replace(hand, valid=valid, joints=lost), world())
+    found = found_ray(replace(hand, valid=valid, joints=lost), world(), 30.0)
     assert found is not None
     assert degrees_off(found.direction, RAY) < 8
 
@@ -85,8 +86,8 @@ def test_fast_motion_with_the_object_is_no_noise():
     hand = still()
     moved = replace(hand, joints=hand.joints @ turn.mT)
     carried = ObjectTrack((), turn[:, None], torch.zeros(FRAMES, 1, 3))
-    assert found_ray(moved, carried) is None
-    found = found_ray(shaken(moved, 0.006, 0.002), carried)
+    assert found_ray(moved, carried, 30.0) is None
+    found = found_ray(shaken(moved, 0.006, 0.002), carried, 30.0)
     assert found is not None
     assert degrees_off(found.direction, RAY) < 8
 
@@ -94,7 +95,15 @@ def test_fast_motion_with_the_object_is_no_noise():
 def test_smooth_motion_along_a_line_is_no_noise():
     place = 0.05 * torch.sin(2 * math.pi * 2 * torch.arange(FRAMES) / 30)[:, None] * RAY
     hand = still()
-    assert found_ray(replace(hand, joints=hand.joints + place[:, None]), world()) is None
+    assert found_ray(replace(hand, joints=hand.joints + place[:, None]), world(), 30.0) is None
+
+
+@pytest.mark.parametrize("fps", [10.0, 15.0, 30.0])
+def test_motion_at_few_frames_a_second_is_no_noise(clean, fps):
+    slow = at_rate(clean, fps)
+    assert found_ray(slow.hands[0], slow.object, slow.fps) is None
+    hand = shaken(still(), 0.04, 0.01)
+    assert found_ray(hand, world(), fps) is not None
 
 
 def test_scatter_is_a_covariance_that_outliers_hardly_change():

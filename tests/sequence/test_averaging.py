@@ -69,3 +69,18 @@ def test_a_hand_that_is_found_in_every_fourth_frame_is_found_at_a_quarter_of_the
     rare = replace(given.hands[0], valid=torch.arange(FRAMES) % 4 == first)
     slow = at_rate(averaged(replace(given, hands=(rare,)), 30.0), 30.0)
     assert bool(slow.hands[0].valid[1:-1].all())
+
+
+def test_keypoints_without_confidence_lend_no_numbers():
+    given = steady()
+    hand = given.hands[0]
+    confidence = torch.ones(FRAMES, 21)
+    confidence[10:13] = 0.0
+    confidence[20::5, 7] = 0.0
+    joints = hand.joints.masked_fill((confidence == 0)[..., None], 9.0)
+    holes = replace(hand, joints=joints, confidence=confidence)
+    slow, wanted = (
+        at_rate(averaged(replace(given, hands=(each,)), 30.0), 30.0).hands[0].joints
+        for each in (holes, hand)
+    )
+    torch.testing.assert_close(slow, wanted, atol=1e-5, rtol=0)

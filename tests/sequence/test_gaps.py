@@ -4,7 +4,7 @@ from dataclasses import replace
 import torch
 
 from geneoh.geometry.mesh import Mesh
-from geneoh.sequence.gaps import fill_gaps, fill_object, filled_poses, observed_around
+from geneoh.sequence.gaps import blendable, fill_gaps, fill_object, filled_poses, observed_around
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 
 T = 6
@@ -78,6 +78,18 @@ def test_a_track_without_gaps_is_returned_as_it_is():
     assert fill_gaps(HAND) is HAND
 
 
+def test_what_has_no_confidence_is_mixed_with_nothing():
+    trust = torch.ones(T, 21)
+    trust[2], trust[3, 5], trust[:, 9], trust[0, 7] = 0.0, 0.0, 0.0, 0.0
+    joints = HAND.joints.masked_fill((trust == 0)[..., None], 9.0)
+    found = blendable(replace(HAND, joints=joints, confidence=trust))
+    wanted = HAND.joints.clone()
+    wanted[:, 9], wanted[0, 7] = 9.0, wanted[1, 7]  # what is nowhere known, and what is held
+    torch.testing.assert_close(found.joints, wanted)
+    assert found.valid.tolist() == [True, True, False, True, True, True]
+    assert torch.equal(found.confidence[3:], trust[3:])
+
+
 def test_filled_poses_are_told_part_by_part():
     turn = torch.eye(3).expand(5, 3, 3, 3)
     seen = torch.tensor([[1, 1, 0], [0, 1, 0], [0, 1, 0], [1, 1, 0], [1, 1, 0]]).bool()
@@ -88,3 +100,13 @@ def test_filled_poses_are_told_part_by_part():
         "part 3 of the object was never seen: it stands still at the origin, and the hand is "
         "cleaned without it",
     ]
+
+
+def test_poses_that_were_filled_before_keep_their_mark_beside_ones_that_are_nan():
+    place = torch.arange(5.0)[:, None, None].expand(5, 1, 3).clone()
+    place[3] = math.nan
+    valid = torch.tensor([[True], [False], [True], [True], [True]])
+    turn = torch.eye(3).expand(5, 1, 3, 3)
+    found = fill_object(ObjectTrack((), turn, place, valid))
+    assert found.valid[:, 0].tolist() == [True, False, True, False, True]
+    assert found.translation[:, 0, 0].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import pytest
 import torch
 
@@ -107,6 +109,26 @@ def test_hands_that_come_earlier_are_those_of_later_frames(delay):
     torch.testing.assert_close(earlier.wrist[inside], place, rtol=0, atol=2e-6)
     torch.testing.assert_close(earlier.pose[inside, 4, 1], 2 * time[inside] / 30)
     assert with_hands_earlier(sequence, 0.0) is sequence
+
+
+def test_keypoints_without_confidence_do_not_spread_over_frames_between():
+    sequence = steady(20, 25.0)
+    hand, trust = sequence.hands[0], torch.ones(20, 21)
+    trust[4], trust[9, 3] = 0.0, 0.0
+    joints = hand.joints.masked_fill((trust == 0)[..., None], 9.0)
+    holes = replace(sequence, hands=(replace(hand, joints=joints, confidence=trust),))
+    for change in (lambda s: at_rate(s, 30.0), lambda s: with_hands_earlier(s, 0.5)):
+        found, wanted = (change(each).hands[0].joints for each in (holes, sequence))
+        torch.testing.assert_close(found, wanted, rtol=0, atol=2e-6)
+
+
+@pytest.mark.parametrize("lost", [8, 9])
+def test_a_lost_frame_is_one_lost_frame_under_a_delay_of_half_a_frame(lost):
+    sequence = steady(20, 30.0)
+    valid = torch.arange(20) != lost
+    holes = replace(sequence, hands=(replace(sequence.hands[0], valid=valid),))
+    earlier = with_hands_earlier(holes, 0.5).hands[0]
+    assert torch.nonzero(~earlier.valid)[:, 0].tolist() == [lost - 1, 19]
 
 
 @pytest.mark.parametrize("delay", [20, -40.0, float("nan")])
