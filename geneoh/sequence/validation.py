@@ -110,6 +110,9 @@ def check_hand(hand: HandTrack, name: str) -> None:
             )
     if hand.joints is not None:
         span = float(hand_span(hand.joints[hand.valid]))
+        if span > LARGEST_HAND:  # what has no confidence may be anywhere
+            sure = hand.joints.masked_fill(~(hand.trust > 0)[..., None], torch.nan)
+            span = max(float(hand_span(sure[hand.observed])), SMALLEST_HAND)
         if span == 0:
             raise InputError(
                 f"{name}: at least one frame must hold the {hand.side} hand, got all its keypoints "
@@ -163,8 +166,9 @@ def check_place(points: Float[Tensor, "*B 3"], what: str, name: str) -> None:
 
 
 def hand_span(joints: Float[Tensor, "T 21 3"]) -> Float[Tensor, ""]:
-    """Distance of the two keypoints farthest apart, in the median frame."""
-    return pairwise_distances(joints, joints).flatten(1).amax(1).median()
+    """Distance of the two keypoints farthest apart, in the median frame; those that are NaN are
+    left out."""
+    return pairwise_distances(joints, joints).nan_to_num(0).flatten(1).amax(1).median()
 
 
 def check_object(motion: ObjectTrack, name: str) -> None:

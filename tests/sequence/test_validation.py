@@ -54,6 +54,17 @@ def test_an_implausible_sequence_is_refused(bad, words):
         check_sequence(bad)
 
 
+def test_keypoints_without_confidence_may_be_anywhere():
+    confidence = torch.ones(FRAMES, 21)
+    confidence[:, 8] = 0.0
+    joints = HAND.joints.clone()
+    joints[:, 8] += 3.0
+    lost = replace(HAND, joints=joints, confidence=confidence)
+    check_sequence(replace(GOOD, hands=(lost,)))
+    with pytest.raises(InputError, match="these look like centimetres"):
+        check_sequence(replace(GOOD, hands=(replace(lost, confidence=None),)))
+
+
 def test_a_hand_far_from_the_object_is_refused_only_where_there_is_a_mesh():
     far = replace(OBJECT, translation=OBJECT.translation + 2)
     with pytest.raises(InputError, match="stays 3"):
