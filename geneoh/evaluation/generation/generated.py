@@ -43,7 +43,7 @@ def draw_clips(
     """
     real = data.actions.take(slice(None))
     said = sentences(real, data, Draws(len(real.verb), generator))
-    parts = []
+    parts, every = [], torch.arange(real.joint.shape[1])
     for start in steps(range(0, len(said), AT_ONCE), on_step):
         some = real.take(slice(start, start + AT_ONCE), "B")
         objects = Objects.of(some)
@@ -55,6 +55,8 @@ def draw_clips(
             for sentence, verb in zip(asked[1], verbs, strict=True)
         ]
         made, touched = sample(networks, *asked, generator=generator, contact=given, giver=giver)
+        # clips that were drawn together are as long as the longest of them
+        made = made.at_frames(every.minimum(made.length[:, None] - 1))
         parts.append(Drawn(replace(made, verb=some.verb, name=some.name), touched))
     return concatenated(parts, "B")
 
