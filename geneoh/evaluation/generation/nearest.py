@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from geneoh.synthesis.actions import Actions
@@ -15,22 +15,31 @@ def nearest_training(real: Actions, training: Actions) -> Actions:
     """For each clip the motion of the training clip of its verb and hands whose object is nearest.
 
     The motion is that of hands, object and joint as it was; the object that moves is the clip's
-    own. Where no training clip has the verb and the hands, all with the hands are searched, else
-    all. Objects are compared in size and shape as they stand.
+    own. Objects of the same kind of joint are searched first. Where no training clip has the verb
+    and the hands, all with the hands are searched, else all. Objects are compared in size and shape
+    as they stand. A joint of another kind moves as far as networks are told it: a radian is a
+    decimetre.
     """
     at = torch.tensor([_nearest(real, clip, training) for clip in range(len(real.verb))])
     found = training.take(at, "B")
-    same = ("length", "pose", "wrist", "rotation", "translation", "joint", "hands")
-    return replace(real, **{name: getattr(found, name) for name in same})
+    same = ("length", "pose", "wrist", "rotation", "translation", "hands")
+    joint = found.joint * found.joint_units / real.joint_units
+    return replace(real, joint=joint, **{name: getattr(found, name) for name in same})
 
 
 def _nearest(real: Actions, clip: int, training: Actions) -> int:
     hands = (training.hands == real.hands[clip]).all(1)
     both = hands & (training.verb == real.verb[clip])
-    tried = next(each for each in (both, hands, torch.ones_like(hands)) if bool(each.any()))
+    alike = both & (joint_kinds(training) == joint_kinds(real)[clip])
+    tried = next(each for each in (alike, both, hands, torch.ones_like(hands)) if bool(each.any()))
     which = torch.nonzero(tried)[:, 0]
     apart = chamfer(shape_points(training.take(which, "B")), shape_points(real)[clip])
     return int(which[apart.argmin()])
+
+
+def joint_kinds(actions: Actions) -> Int[Tensor, " B"]:
+    """0 for rigid objects, 1 for those with a hinge and 2 for those with a part that slides."""
+    return (actions.part > 0).any(1) * (1 + actions.slides.long())
 
 
 def shape_points(actions: Actions) -> Float[Tensor, "B S 3"]:

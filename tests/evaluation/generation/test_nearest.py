@@ -28,6 +28,23 @@ def test_without_a_training_clip_of_the_verb_those_of_the_hands_are_searched():
     assert nearest_training(real, neither).hands.all()
 
 
+def test_an_object_of_the_same_kind_of_joint_is_searched_first():
+    real = box_actions(["open"], jointed=True)
+    real = replace(real, slides=~real.slides)  # a drawer
+    training = box_actions(["open"] * 3, jointed=True, seed=1)
+    training = replace(training, slides=torch.tensor([False, True, False]))
+    training.points[:] = real.points * torch.tensor([1.0, 1.5, 1.0])[:, None, None]
+    assert torch.equal(nearest_training(real, training).wrist, training.wrist[1:2])
+
+
+def test_a_drawer_that_moves_as_a_lid_did_moves_decimetres_for_radians():
+    real, training = (box_actions(["open"], jointed=True, seed=seed) for seed in (0, 1))
+    real = replace(real, slides=~real.slides)
+    made = nearest_training(real, training)
+    torch.testing.assert_close(made.joint, 0.1 * training.joint)
+    torch.testing.assert_close(nearest_training(training, real).joint, 10 * real.joint)
+
+
 def test_chamfer_distance_of_a_shifted_line():
     line = torch.tensor([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]])
     found = chamfer(torch.stack([line, line + torch.tensor([0.0, 3, 0])]), line)
