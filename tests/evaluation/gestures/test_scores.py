@@ -15,6 +15,7 @@ from geneoh.evaluation.gestures.scores import (
     share_beyond,
 )
 from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.metrics.features import NORMAL_95, Interval
 
 
 def scored(features: torch.Tensor, told: torch.Tensor | None = None, several: int = 0):
@@ -58,6 +59,22 @@ def test_multimodality_is_of_answers_to_one_question_and_else_none():
     rows = repeat(real, {"a": real, "b": several}, seed=0, repetitions=2, scores=SCORES)
     assert torch.tensor(rows["a"].values["multimodality"]).isnan().all()
     assert rows["b"].cells["multimodality"].mean > 1
+
+
+def test_the_interval_of_the_multimodality_is_that_over_other_bodies_and_sentences():
+    generator = torch.Generator().manual_seed(2)
+
+    def interval_of(prompts: int) -> Interval:
+        sizes = 0.5 + torch.rand(prompts, 1, 1, generator=generator)
+        made = scored(drawn())
+        made = replace(made, several=sizes * torch.randn(prompts, 5, 6, generator=generator))
+        rows = repeat(made, {"made": made}, seed=0, repetitions=20, scores=SCORES)
+        return rows["made"].cells["multimodality"]
+
+    cells = [interval_of(16) for _ in range(8)]
+    scatter = float(torch.tensor([cell.mean for cell in cells]).std())
+    told = sum(cell.half for cell in cells) / (8 * NORMAL_95)
+    assert 0.6 * scatter < told < 1.7 * scatter
 
 
 def test_joints_beyond_the_range_of_training_are_counted():
