@@ -1,12 +1,14 @@
 """Settings of every test run, and the devices that tests of devices run on."""
 
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import Any
 
 import pytest
 import torch
 from hypothesis import settings
-from pretended_device import PretendedDevice
+from pretended_device import DEVICE, PretendedDevice
 from shape_checks import begin_test
 
 # The tests' tensors are small: more threads only wait for each other.
@@ -42,3 +44,17 @@ def device(request: pytest.FixtureRequest) -> Iterator[torch.device]:
     else:
         with PretendedDevice() as device:
             yield device
+
+
+@pytest.fixture
+def training_device(device: torch.device, monkeypatch: pytest.MonkeyPatch) -> torch.device:
+    """Such a device for training, whose batches are made in another thread.
+
+    A mode of torch is of one thread, so the other one pretends too.
+    """
+    from geneoh.training import loop
+
+    if device == DEVICE:
+        pool = partial(ThreadPoolExecutor, initializer=lambda: PretendedDevice().__enter__())
+        monkeypatch.setattr(loop, "ThreadPoolExecutor", pool)
+    return device

@@ -60,10 +60,13 @@ def draw_batch(
     generator: torch.Generator,
     motion_denoiser: MotionDenoiser | None = None,
     part: Part | None = None,
+    device: torch.device | None = None,
 ) -> Batch:
-    """A batch of `size` random windows, or a part of it.
+    """A batch of `size` random windows, or a part of it, on a device.
 
-    A stage that follows `motion_denoiser` is shown the hand that this leaves.
+    Random numbers are drawn on the CPU, the same for every device; the surface near the hands is
+    searched on the device. A stage that follows `motion_denoiser` is shown the hand that this
+    leaves.
     """
     config = config or TrainConfig()
     draws = Draws(size if part is None else part.count, generator, part)
@@ -71,12 +74,14 @@ def draw_batch(
     clean = augmented(windows.hand, draws, config.augmentation)
     frames = clean.wrist.shape[1]
     noise = draw_corruption(frames, draws, config.corruption)
+    turn = axis_angle_to_matrix(3.0 * draws.normal(3))
+    if device is not None:
+        windows, clean, noise, turn = (each.to(device) for each in (windows, clean, noise, turn))
     windows = windows.shaken(noise.object_turn, noise.object_shift)
     noisy = HandParameters.of_pose(
         clean.wrist + noise.translation, clean.pose + noise.pose, clean.offsets
     )
     noisy = filled(noisy, noise.keep)
-    turn = axis_angle_to_matrix(3.0 * draws.normal(3))
     observed = joints = noisy.joints + noise.jitter
     region = windows.region(joints).turned(turn)
     motion = windows.observed(noisy, noise.keep, region)

@@ -12,6 +12,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from geneoh.bundle import Bundle
 from geneoh.config import Limited, Limits
 from geneoh.geometry.mirror import MIRROR
 from geneoh.synthesis.draws import Draws
@@ -81,7 +82,7 @@ class CorruptionConfig(Limited):
 
 
 @dataclass(frozen=True)
-class Corruption:
+class Corruption(Bundle):
     """Additive parameter noise, observed frames and keypoint jitter of B windows."""
 
     translation: Float[Tensor, "B T 3"]

@@ -105,8 +105,9 @@ class StageTask:
             generator=generator,
             motion_denoiser=self.motion_denoiser,
             part=part,
+            device=device,
         )
-        return batch.to(device), generator
+        return batch, generator
 
     def pieces(self, step: int, team: Team, device: torch.device) -> list[StagePiece]:
         """This process's part of the batch of a step, in the pieces that are worked off in turn."""

@@ -1,29 +1,17 @@
 """Training on another device: a pretended one, and CUDA where there is a GPU."""
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from functools import partial
 from typing import get_args
 
 import pytest
 import torch
-from pretended_device import DEVICE, PretendedDevice
 from stage_runs import train_stage
 
 from geneoh.choices import StageName
 from geneoh.nn.checkpoint import load_checkpoint
-from geneoh.training import loop
 from geneoh.training.stages import build_model
 
 CPU = torch.device("cpu")
-
-
-@pytest.fixture(autouse=True)
-def _workers_pretend_too(device, monkeypatch):
-    """A mode of torch is of one thread; batches are made in another one."""
-    if device == DEVICE:
-        pool = partial(ThreadPoolExecutor, initializer=lambda: PretendedDevice().__enter__())
-        monkeypatch.setattr(loop, "ThreadPoolExecutor", pool)
 
 
 def trained(stage, config, clips, folder, device) -> dict[str, torch.Tensor]:
@@ -35,21 +23,21 @@ def trained(stage, config, clips, folder, device) -> dict[str, torch.Tensor]:
 
 @pytest.mark.parametrize("stage", get_args(StageName))
 def test_a_stage_learns_and_is_validated_alike_on_every_device(
-    stage, clips, tiny, device, tmp_path
+    stage, clips, tiny, training_device, tmp_path
 ):
     steps = 4 if stage == "latent" else 2
     config = replace(tiny, steps=steps, validate_every=steps)
     here = trained(stage, config, clips, tmp_path / "cpu", CPU)
-    there = trained(stage, config, clips, tmp_path / "there", device)
+    there = trained(stage, config, clips, tmp_path / "there", training_device)
     assert here.keys() == there.keys()
     for name, weights in there.items():
         torch.testing.assert_close(weights, here[name], atol=2e-3, rtol=0)
 
 
-def test_a_run_is_continued_on_the_device_it_began_on(clips, tiny, device, tmp_path):
+def test_a_run_is_continued_on_the_device_it_began_on(clips, tiny, training_device, tmp_path):
     begun = replace(tiny, steps=2)
-    trained("motion", begun, clips, tmp_path / "parts", device)
-    parts = trained("motion", tiny, clips, tmp_path / "parts", device)
-    whole = trained("motion", tiny, clips, tmp_path / "whole", device)
+    trained("motion", begun, clips, tmp_path / "parts", training_device)
+    parts = trained("motion", tiny, clips, tmp_path / "parts", training_device)
+    whole = trained("motion", tiny, clips, tmp_path / "whole", training_device)
     for name, weights in parts.items():
         torch.testing.assert_close(weights, whole[name], atol=2e-3, rtol=0)

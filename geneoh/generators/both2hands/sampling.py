@@ -134,7 +134,7 @@ def sample(
     body, device = networks.body, motion.root.device
     moved = placed(motion.map(_at_least_a_window, "T"), body.config.frame)
     windows = Windows.of(moved.root.shape[1])
-    skeletons = Skeleton(skeleton.offsets.expand(count, -1, -1))
+    skeletons = Skeleton(skeleton.offsets.to(device).expand(count, -1, -1))
     scene = Scene.of(skeletons.map(windows.repeat), moved.map(windows.cut))
     said = windows.repeat(networks.speech(sentences).to(device))
     told = body.encode(scene.body), networks.text.encode(said)

@@ -201,8 +201,10 @@ def blended(
 
     In our form both networks answer to the same noisy hands, in the paper's each to its own.
     """
-    body, text, scene = branches.body, branches.text, samples.scene
+    scene = samples.scene
     assert scene is not None, "samples to blend come with their scene"
+    device = samples.features.hands.device
+    body, text = branches.body.to(device), branches.text.to(device)
     clean = body.scale.normalise(samples.features.hands)
     level = draws.integers(1, len(body.sigmas)).to(clean.device)
     noisy = other = _noisy(body, clean, level, draws)

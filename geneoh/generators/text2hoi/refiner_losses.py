@@ -79,7 +79,7 @@ def penetration_loss(
     """
     total, count = points.new_zeros(()), points.new_zeros(())
     for number, side in enumerate(SIDES):
-        hand = load_hand(side).shaped(points.new_zeros(10))
+        hand = load_hand(side).to(points.device).shaped(points.new_zeros(10))
         verts = hand.verts_from_rotations(
             tokens.rotations[:, number], tokens.hands[:, number, :, :3]
         )
