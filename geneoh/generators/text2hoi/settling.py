@@ -40,7 +40,7 @@ DEEP = 0.004
 TRIES = 5  # poses of a hold of which the one that settles best is taken
 LOOSE = 20.0
 """Pads that a hold is worth which bears pushes from all sides, against one that bears none."""
-FADE = 15.0  # frames over which the change fades out
+FADE = 40.0  # frames over which the change fades out: over 15 hands jerked to their holds
 ROUNDS = 12  # in which a hand is taken out of what it is in
 SMOOTH = 2.0  # deviation in frames over which ways out of the object are smoothed
 SETTLING = GraspConfig(
