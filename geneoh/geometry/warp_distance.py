@@ -49,10 +49,10 @@ def _kernel() -> Any:
     They are not those of Python, so tools that check the types of arguments must not see them.
     """
     function = inspect.unwrap(_nearest)
-    trees, vectors = dict.fromkeys(("surface", "body", "turned"), wp.uint64), wp.array[wp.vec3]
-    function.__annotations__ = trees | {"low": wp.vec3, "high": wp.vec3}
-    function.__annotations__ |= {"points": vectors, "closest": vectors}
-    function.__annotations__ |= {"face": wp.array[wp.int32], "inside": wp.array[wp.bool]}
+    trees = dict.fromkeys(("surface", "body", "turned"), wp.uint64)
+    types = {"points": wp.vec3, "closest": wp.vec3, "face": wp.int32, "inside": wp.bool}
+    arrays = {name: wp.array(dtype=each) for name, each in types.items()}
+    function.__annotations__ = trees | {"low": wp.vec3, "high": wp.vec3} | arrays
     return wp.kernel(function)
 
 
@@ -65,6 +65,7 @@ class WarpField:
     def __init__(self, solid: Solid, device: torch.device) -> None:
         """Build the trees on the device."""
         body = solid.body
+        device = torch.empty(0, device=device).device  # which GPU "cuda" means: Warp wants a number
         self.device = device
         self._low, self._high = wp.vec3(*solid.low.tolist()), wp.vec3(*solid.high.tolist())
         self._surface = _tree(solid.surface, device, winding=False)

@@ -1,4 +1,4 @@
-"""The search of surfaces that runs on GPUs, here on the CPU, beside libigl's."""
+"""The search of surfaces that runs on GPUs, beside libigl's; where there is no GPU, on the CPU."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +11,13 @@ from geneoh.geometry.mesh import Mesh, load_mesh
 
 pytest.importorskip("warp", reason="needs NVIDIA Warp (extra gpu)")
 OBJECT = Path(__file__).parents[2] / "examples" / "taco_object.obj"
-CPU = torch.device("cpu")
+
+
+@pytest.fixture(params=["cpu", pytest.param("cuda", marks=pytest.mark.gpu)])
+def device(request) -> torch.device:
+    if request.param == "cuda" and not torch.cuda.is_available():
+        pytest.skip("needs a CUDA device")
+    return torch.device(request.param)
 
 
 def box(low: float, high: float, *, inward: bool = False) -> Mesh:
@@ -36,14 +42,14 @@ def open_box() -> Mesh:
 
 
 @pytest.mark.parametrize("name", ["box", "two", "open", "scan"])
-def test_it_answers_as_libigl_does(name):
+def test_it_answers_as_libigl_does(name, device):
     meshes = {"box": lambda: box(-0.05, 0.05), "two": both_boxes, "open": open_box}
     mesh = load_mesh(OBJECT) if name == "scan" else meshes[name]()
     field = SurfaceDistance(mesh)
     low, high = mesh.verts.amin(0) - 0.03, mesh.verts.amax(0) + 0.03
     share = torch.rand(4, 500, 3, generator=torch.Generator().manual_seed(0))
     points = low + share * (high - low)
-    wanted, found = field.query(points), field.query_on(CPU, points)
+    wanted, found = field.query(points), field.query_on(device, points)
     assert found.distance.shape == (4, 500)
     assert (wanted.distance < 0).any()
     torch.testing.assert_close(found.distance, wanted.distance, atol=1e-5, rtol=0)
@@ -54,14 +60,14 @@ def test_it_answers_as_libigl_does(name):
     assert agree.min() > 0.99
 
 
-def test_points_that_are_not_finite_get_no_distance():
+def test_points_that_are_not_finite_get_no_distance(device):
     points = torch.tensor([[float("nan"), 0, 0], [0.06, 0.0, 0.0]])
-    found = SurfaceDistance(box(-0.05, 0.05)).query_on(CPU, points)
+    found = SurfaceDistance(box(-0.05, 0.05)).query_on(device, points)
     assert found.distance.isfinite().tolist() == [False, True]
     assert found.distance[1] == pytest.approx(0.01, abs=1e-6)
 
 
-def test_normals_on_the_surface_are_those_of_its_faces():
-    found = SurfaceDistance(box(-0.05, 0.05)).query_on(CPU, torch.tensor([[0.05, 0.01, 0.02]]))
+def test_normals_on_the_surface_are_those_of_its_faces(device):
+    found = SurfaceDistance(box(-0.05, 0.05)).query_on(device, torch.tensor([[0.05, 0.01, 0.02]]))
     torch.testing.assert_close(found.normal, torch.tensor([[1.0, 0, 0]]))
     assert found.distance.abs() < 1e-6

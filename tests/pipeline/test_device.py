@@ -20,10 +20,11 @@ from geneoh.pipeline.options import Options
 from geneoh.pipeline.results import Denoised, save
 from geneoh.sequence.sequence import Sequence
 
-TOLERANCE = 1e-4
-"""Metres and radians by which CUDA may differ from the CPU: every keypoint before the fit, and all
-else in the mean. Where the object is thin, rounding may decide on which side of it a finger is
-fitted, so that single frames differ by more. The pretended device gives the numbers of the CPU."""
+TOLERANCE, TURN = 1e-4, 2e-4
+"""Metres, and radians of joints, by which CUDA may differ from the CPU: every keypoint before the
+fit, and all else in the mean. Where the object is thin, rounding may decide on which side of it a
+finger is fitted, so that single frames differ by more. The pretended device gives the numbers of
+the CPU."""
 
 
 MEAN_CHANGE = 5e-4
@@ -69,7 +70,8 @@ def assert_same(here: Denoised, there: Denoised, exact: bool) -> None:
             assert torch.equal(tensor, want[name]), name
             continue
         apart = (tensor.double() - want[name].double()).abs()
-        assert float(apart.max() if "samples" in name else apart.mean()) < TOLERANCE, name
+        within = TURN if name.endswith("pose") else TOLERANCE
+        assert float(apart.max() if "samples" in name else apart.mean()) < within, name
     if exact:
         for side, hand in there.hands.items():
             before = here.hands[side].after.as_dict()
