@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
 def denoised(sequence: Sequence, result: Denoised, output: Path) -> Iterator[str]:
     """What was read, the time of each stage, what changed, and notes."""
-    parts = len(sequence.object.meshes)
+    parts, frames = len(sequence.object.meshes), numbered(sequence.frames, "frame")
     yield (
-        f"read {sequence.source}: {sequence.frames} frames at {sequence.fps:g} frames a second, "
+        f"read {sequence.source}: {frames} at {sequence.fps:g} frames a second, "
         + (f"object of {numbered(parts, 'part')}" if parts else "no object")
     )
     for side, hand in result.hands.items():
@@ -28,7 +28,8 @@ def denoised(sequence: Sequence, result: Denoised, output: Path) -> Iterator[str
             yield f"  {line}"
         yield f"  keypoints moved by {1000 * hand.moved:.1f} mm on average"
         if count := int(hand.filled.sum()):
-            yield f"  {count} unobserved frames were filled in; see {side}_filled in the file"
+            frames = numbered(count, "unobserved frame")
+            yield f"  {frames} filled in; see {side}_filled in the file"
         for note in hand.notes:
             yield f"  note: {note}"
     yield from between_hands(result)
@@ -43,8 +44,8 @@ def generated(made: "Generated", output: Path) -> Iterator[str]:
     for note in prompt.notes:
         yield f"note: {note}"
     hands = " and ".join(hand.side for hand in sequence.hands)
-    seconds = sequence.frames / sequence.fps
-    yield f"{prompt.verb} with the {hands} hand: {sequence.frames} frames, {seconds:.1f} s"
+    frames, seconds = numbered(sequence.frames, "frame"), sequence.frames / sequence.fps
+    yield f"{prompt.verb} with the {hands} hand: {frames}, {seconds:.1f} s"
     yield from refined(made.refined)
     yield f"wrote {output}"
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from click import Choice
 
 from geneoh.choices import JOINT_ORDERS, OF_SOURCES, TRANSLATIONS, UNITS
+from geneoh.errors import numbered
 from geneoh.readers.registry import SOURCES
 
 from . import options
@@ -103,6 +104,6 @@ def summary(outcomes: "list[Outcome]", folder: Path | None) -> str:
     skipped = sum(outcome.skipped for outcome in outcomes)
     failed = sum(outcome.failed for outcome in outcomes)
     written = sum(len(outcome.files) for outcome in outcomes if not outcome.skipped)
-    where = "" if folder is None else f", {written} sequences written to {folder}"
+    where = "" if folder is None else f", {numbered(written, 'sequence')} written to {folder}"
     before = f", {skipped} done before" if skipped else ""
     return f"{len(outcomes) - skipped - failed} read, {failed} not{before}{where}"

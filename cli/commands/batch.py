@@ -5,6 +5,8 @@ from typing import Any
 
 import click
 
+from geneoh.errors import numbered
+
 from .. import options, progress, sources
 from ..options import FOLDER, option
 
@@ -63,7 +65,7 @@ def batch(
         click.echo(f"and {more} more, see {folder / 'summary.csv'}", err=True)
     done = len(clips) - len(made.failed)
     click.echo(
-        f"{done} clips done, {made.before} of them before, {len(made.failed)} failed; "
+        f"{numbered(done, 'clip')} done, {made.before} of them before, {len(made.failed)} failed; "
         f"wrote {folder / 'summary.html'}"
     )
     if made.failed:

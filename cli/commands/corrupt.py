@@ -7,6 +7,7 @@ import click
 from click import Choice
 
 from geneoh.choices import NOISES, OBJECT_NOISES
+from geneoh.errors import numbered
 
 from .. import options
 
@@ -53,4 +54,4 @@ def corrupt(
     if object_noise is not None:
         noisy = corrupt_object(noisy, object_noise, generator=generator)
     save_sequence(noisy, output)
-    click.echo(f"{output}: {noisy.frames} frames with {name} noise, seed {seed}")
+    click.echo(f"{output}: {numbered(noisy.frames, 'frame')} with {name} noise, seed {seed}")

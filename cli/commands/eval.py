@@ -5,6 +5,8 @@ from typing import Any
 
 import click
 
+from geneoh.errors import numbered
+
 from .. import evaluations, generations, progress
 
 
@@ -41,7 +43,8 @@ def eval(
     if inputs is not None:
         read = (chosen.noisy_inputs, *chosen.predictions)
         refuse_inputs(inputs, inputs.resolve(), [path for path in read if path is not None])
-        click.echo(f"wrote {write_inputs(find_cases(chosen), inputs)} clips to {inputs}")
+        written = write_inputs(find_cases(chosen), inputs)
+        click.echo(f"wrote {numbered(written, 'clip')} to {inputs}")
         return
     folder = folder or Path("runs", "eval", chosen.dataset)
     keep_other_reports(folder)

@@ -6,6 +6,7 @@ from typing import Any
 import click
 
 from geneoh.choices import UNITS
+from geneoh.errors import numbered
 
 from .. import options, progress
 
@@ -95,4 +96,4 @@ def synthesize(
             picture = sheet_of(kind.name, data, hand, partial(on_progress, "sheet"))
             write_whole(sheet, png_bytes(picture))
     seen = f"; see {sheet}" if sheet.exists() else ""
-    click.echo(f"{data}: {made} shards made, of {chosen.shard} {kind.name} each{seen}")
+    click.echo(f"{data}: {numbered(made, 'shard')} made, of {chosen.shard} {kind.name} each{seen}")

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from geneoh.batch.cleaning import Outcome
+from geneoh.errors import numbered
 from geneoh.files.atomic import write_whole
 from geneoh.files.csv_text import csv_text
 from geneoh.metrics.report import LINES, format_number
@@ -52,10 +53,10 @@ def as_page(rows: list[dict[str, Any]]) -> str:
     """The rows as one HTML file that needs nothing else."""
     failed = [row for row in rows if "failed" in row]
     there = [row for row in rows if "failed" not in row]
-    hands = f"{len(there)} hand{'s' * (len(there) != 1)}"
-    clips = len({row["clip"] for row in there})
+    hands = numbered(len(there), "hand")
+    clips = numbered(len({row["clip"] for row in there}), "clip")
     parts = [
-        f"<p>{clips} clips cleaned ({hands}), {len(failed)} failed. "
+        f"<p>{clips} cleaned ({hands}), {len(failed)} failed. "
         "Each measure stands before and after cleaning.</p>"
     ]
     if failed:

@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 from torch import Tensor
 
 from geneoh.bundle import Bundle
+from geneoh.errors import numbered
 from geneoh.geometry.distance import SurfaceDistance
 from geneoh.geometry.mesh import Mesh
 from geneoh.objects.consistency import Chain, longest_chain, possible_places
@@ -87,11 +88,10 @@ class ObjectExamination(Bundle):
                     "one"
                 )
             if count := int(self.left_out[:, part].sum()):
-                yield f"{count} frames in which the pose of {name} jumps were left out"
+                yield f"{numbered(count, 'frame')} in which the pose of {name} jumps, left out"
             if count := int(self.symmetric[:, part].sum()):
-                yield (
-                    f"{count} frames in which {name} is turned by its own symmetry were turned back"
-                )
+                frames = numbered(count, "frame")
+                yield f"{frames} in which {name} is turned by its own symmetry, turned back"
 
 
 Poses = tuple[Float64[np.ndarray, "T 3 3"], Float64[np.ndarray, "T 3"]]

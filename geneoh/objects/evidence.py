@@ -15,6 +15,7 @@ from jaxtyping import Bool, Float, Float64
 from scipy.ndimage import distance_transform_edt, gaussian_filter1d, minimum_filter1d
 from torch import Tensor
 
+from geneoh.errors import numbered
 from geneoh.geometry.distance import MovingSurface
 from geneoh.geometry.mesh import Mesh
 from geneoh.objects.cleaning import ObjectExamination
@@ -157,6 +158,6 @@ def doubt(evidence: Float[Tensor, " T"]) -> Iterator[str]:
     """What a user should know where the object is hardly relied on."""
     if count := int((evidence < 0.5).sum()):
         yield (
-            f"in {count} frames the object is too noisy, too long unseen or too far away to rely "
-            "on: there the hand is cleaned mostly by the prior of hand motion alone"
+            f"in {numbered(count, 'frame')} the object is too noisy, too long unseen or too far "
+            "away to rely on: there the hand is cleaned mostly by the prior of hand motion alone"
         )

@@ -8,7 +8,7 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from geneoh.errors import InputError
+from geneoh.errors import InputError, numbered
 from geneoh.geometry.mesh import checked, meshes_of, size_warning
 from geneoh.readers.npz_files import load
 from geneoh.sequence.gaps import fill_object
@@ -76,8 +76,8 @@ def collapsed_sentences(sequence: Sequence) -> Iterator[str]:
     for hand in sequence.hands:
         if count := int(collapsed(hand).sum()):
             yield (
-                f"{count} frames in which all keypoints of the {hand.side} hand are in one place "
-                "were taken as missing; mark them by NaN or 'valid'"
+                f"{numbered(count, 'frame')} in which all keypoints of the {hand.side} hand are in "
+                "one place, taken as missing; mark them by NaN or 'valid'"
             )
 
 

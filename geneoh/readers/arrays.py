@@ -8,22 +8,25 @@ import numpy as np
 from torch import Tensor
 
 from geneoh.bundle import unmasked
+from geneoh.choices import SIDES
 from geneoh.config import checked_call
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import MeshInput, meshes_of
+from geneoh.readers.clock import CLOCK_NAMES, TIME_NAMES, is_column, length_of
 from geneoh.readers.npz_files import sequence_in
 from geneoh.readers.npz_layouts import CAMERA_FIELDS, FORMAT, OBJECT_FIELDS, OWN_FIELDS, quoted
 from geneoh.readers.records import Record
 from geneoh.sequence.sequence import Sequence
 from geneoh.sequence.validation import check_sequence
 
-NAMES = (*OWN_FIELDS, *OBJECT_FIELDS, *CAMERA_FIELDS, "hand_model")
-"""What the arrays can be called."""
+FIELDS = (*OWN_FIELDS, *OBJECT_FIELDS, *CAMERA_FIELDS, "hand_model", "timestamps", "frame_ids")
+NAMES = (*FIELDS, *CLOCK_NAMES)
+"""What the arrays can be called, other names of times included."""
 
 
 @checked_call
 def from_arrays(
-    *, fps: float | int, meshes: MeshInput = (), source: str = "arrays", **arrays: Any
+    *, fps: float | int | None = None, meshes: MeshInput = (), source: str = "arrays", **arrays: Any
 ) -> Sequence:
     """A sequence from numpy arrays, torch tensors or nested lists in memory.
 
@@ -36,7 +39,7 @@ def from_arrays(
         )
 
     Args:
-        fps: frames a second.
+        fps: frames a second; not needed beside times such as `timestamps`.
         meshes: of the object, one per rigid part, in metres: a mesh, its file, or a list of them;
             None or nothing cleans the hand alone.
         source: what messages call the sequence.
@@ -47,7 +50,9 @@ def from_arrays(
             `hand_model`, whose betas they are. Frames with NaN count as not observed. Of the object
             `object_rotation` and `object_translation`, which take its points to the world. Of hands
             that were estimated from images `camera_position` (3,) or `camera_ray` (3,), the
-            direction from the camera, both in the world, or one for each frame.
+            direction from the camera, both in the world, or one for each frame. `timestamps` (T,)
+            in seconds, or `frame_ids` (T,) beside `fps`, where frames were left out or are not
+            evenly apart; they are brought to an even rate.
 
     Raises:
         InputError: an array has another shape than these, a name is none of these, or the numbers
@@ -57,14 +62,34 @@ def from_arrays(
     for name in arrays:
         if name not in NAMES:
             close = difflib.get_close_matches(name, NAMES, 1)
-            cure = f"did you mean '{close[0]}'?" if close else f"the fields are {quoted(NAMES)}"
+            cure = f"did you mean '{close[0]}'?" if close else f"the fields are {quoted(FIELDS)}"
             raise InputError(f"{source}: '{name}' is no field of a sequence; {cure}")
     values = {name: array_of(value) for name, value in arrays.items()}
-    record = Record(source, {**values, "fps": np.array(fps)}, "reshape it")
+    check_times(values, source)
+    if fps is not None:
+        values["fps"] = np.array(fps)
+    elif not values.keys() & TIME_NAMES.keys():
+        raise InputError(
+            f"{source}: expected 'fps', the number of frames a second, got none; give it, or the "
+            "times of the frames in seconds as 'timestamps'"
+        )
+    record = Record(source, values, "reshape it")
     sequence, notes = sequence_in(record, FORMAT, loaded)
     sequence = replace(sequence, source="; ".join((source, *notes)))
     check_sequence(sequence, source)
     return sequence
+
+
+def check_times(values: dict[str, Any], source: str) -> None:
+    """Refuse times that are not one number a frame; in a file they may be of something else."""
+    names = [f"{side}_{name}" for side in SIDES for name in ("joints", "pose")]
+    frames = next((length_of(values[name]) for name in names if name in values), 0)
+    for name in CLOCK_NAMES:
+        if name in values and not is_column(values[name], frames):
+            raise InputError(
+                f"{source}: '{name}' must be one number for each of the {frames} frames, got "
+                f"shape {np.shape(values[name])}; correct it or leave it out"
+            )
 
 
 def array_of(value: Any) -> Any:

@@ -10,13 +10,14 @@ import csv
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from geneoh.choices import SIDES, Side
-from geneoh.errors import InputError
+from geneoh.errors import InputError, numbered
 from geneoh.files.reading import open_text
 from geneoh.readers.clock import CLOCK_NAMES, TIME_NAMES
 from geneoh.readers.foreign_files import JSON_LIMIT, number_in
@@ -58,7 +59,7 @@ class Track:
     trust: Array
 
 
-Row = dict[str, str]
+Row = dict[str | None, Any]
 """A row of a table by the names of its columns."""
 
 Tracks = dict[Side | None, Track]
@@ -182,10 +183,12 @@ def read_points(path: Path, side: Side | None) -> tuple[Tracks, Notes, Record, i
     """
     try:
         with open_text(path, JSON_LIMIT) as file:
-            table = csv.DictReader(file)
+            heading = file.readline()
+            separator = max(",;\t", key=heading.count)
+            table = csv.DictReader(chain([heading], file), delimiter=separator)
             table.fieldnames = [str(name).strip().lower() for name in table.fieldnames or ()]
             columns = point_columns(table.fieldnames, path)
-            rows = list(table)
+            rows = [with_points(row, separator, path) for row in table]
     except csv.Error as error:
         raise InputError(f"{path}: expected a table ({error}); export it again") from None
     cells = list(cells_of(rows, columns, side, path))
@@ -206,6 +209,19 @@ def read_points(path: Path, side: Side | None) -> tuple[Tracks, Notes, Record, i
     for track in found.values():
         refuse_image_landmarks(track.points, str(path))
     return *as_one_hand(found, side), times_in(rows, path), first
+
+
+def with_points(row: Row, separator: str, path: Path) -> Row:
+    """A row with decimal points for decimal commas, where commas do not separate cells."""
+    if any(cells := row.pop(None, ())):
+        raise InputError(
+            f"{path}: expected rows as long as the heading, got one with "
+            f"{numbered(len(cells), 'cell')} more; where decimals have commas, separate cells by "
+            "semicolons"
+        )
+    if separator == ",":
+        return row
+    return {name: cell.replace(",", ".") if cell else cell for name, cell in row.items()}
 
 
 def times_in(rows: list[Row], path: Path) -> Record:

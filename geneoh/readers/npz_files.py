@@ -11,7 +11,7 @@ from torch import Tensor
 
 from geneoh.choices import SIDES, JointOrder, Side, Unit
 from geneoh.config import checked_call
-from geneoh.errors import InputError, shortened
+from geneoh.errors import InputError, numbered, shortened
 from geneoh.files.npz import Arrays, write_archive
 from geneoh.geometry.mesh import METRES, Mesh, MeshInput, meshes_of
 from geneoh.hand.mano import AS_SHIPPED, MENDED
@@ -173,7 +173,8 @@ def sequence_in(
     rate, clock, notes = timing_of(record, hands[0].frames, fps)
     if motion.valid is not None:
         lost = int((~motion.valid).any(1).sum())
-        about_object = (*about_object, f"{lost} frames without a pose of the object were filled in")
+        gaps = f"{numbered(lost, 'frame')} without a pose of the object, filled in"
+        about_object = (*about_object, gaps)
     sequence = with_camera_fields(record, Sequence(hands, motion, rate))
     if clock is not None and sequence.frames == hands[0].frames:
         sequence, _ = clock.even(sequence)

@@ -9,6 +9,7 @@ from torch import Tensor
 from torch.nn.functional import normalize
 
 from geneoh.bundle import FRAMES
+from geneoh.errors import numbered
 from geneoh.geometry.rotations import axis_angle_to_matrix as matrices
 from geneoh.geometry.rotations import interpolate_rotations, matrix_to_axis_angle
 from geneoh.sequence.keypoints import PALM, keypoints
@@ -158,4 +159,5 @@ def filled_poses(motion: ObjectTrack) -> Iterator[str]:
                 "without it"
             )
         elif count:
-            yield f"{count} frames without a pose of {name} were filled from those around them"
+            frames = numbered(count, "frame")
+            yield f"{frames} without a pose of {name}, filled from the frames around"

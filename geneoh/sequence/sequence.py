@@ -7,9 +7,9 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from geneoh.bundle import Bundle, conform
+from geneoh.bundle import Bundle, Index, conform
 from geneoh.choices import HAND_SOURCES, OTHER_SIDE, SIDES, Side
-from geneoh.errors import InputError
+from geneoh.errors import InputError, numbered
 from geneoh.geometry.distance import MovingSurface, SurfaceDistance
 from geneoh.geometry.mesh import Mesh, meshes_of
 from geneoh.geometry.mirror import mirror_axis_angle, mirror_points, mirror_rotations
@@ -199,13 +199,19 @@ class Sequence(Bundle):
         """The hands, length, rate and source in one line."""
         hands = " and ".join(hand.side for hand in self.hands) or "no"
         source = self.source if len(self.source) <= 60 else f"{self.source[:60]}..."
-        return f"Sequence({hands} hand, {self.frames} frames, {self.fps:g} fps, source={source!r})"
+        frames = numbered(self.frames, "frame")
+        return f"Sequence({hands} hand, {frames}, {self.fps:g} fps, source={source!r})"
 
     def __eq__(self, other: Any) -> bool:
         """Whether all fields are equal, and all tensors bit by bit; NaN equals nothing."""
         if not isinstance(other, Sequence):
             return NotImplemented
         return _same(self, other)
+
+    def __getitem__(self, frames: Index) -> "Sequence":
+        """The chosen frames; every n-th of them come at an n-th of the rate."""
+        step = frames.step if isinstance(frames, slice) else None
+        return replace(super().__getitem__(frames), fps=self.fps / abs(step or 1))
 
     @property
     def frames(self) -> int:

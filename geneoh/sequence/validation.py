@@ -123,7 +123,7 @@ def check_hand(hand: HandTrack, name: str) -> None:
             if span > LARGEST_HAND:
                 cure = "millimetres, divide by 1000" if span > 40 else "centimetres, divide by 100"
                 unit = "mm" if span > 40 else "cm"
-                cure += f", or pass --keypoint-unit {unit} where they are bare keypoints"
+                cure += f"; files of bare keypoints take --keypoint-unit {unit}"
             raise InputError(
                 f"{name}: the joints of the {hand.side} hand must be in metres and span "
                 f"{SMALLEST_HAND:g} to {LARGEST_HAND:g}, got {span:.3g}; these look like {cure}"
@@ -221,7 +221,7 @@ def check_distance(hand: HandTrack, motion: ObjectTrack, name: str) -> None:
     if nearest > FARTHEST_HAND:
         remedy = (
             "check that both are in metres and in the same frame, and that the object's poses are "
-            "given (--object-pose)"
+            "given, as --object-pose to files that have none"
         )
         if (other := least_distance(hand, inverted(motion))) < FARTHEST_HAND:
             remedy = (

@@ -37,7 +37,7 @@ def test_clips_are_converted_told_and_not_done_twice(geneoh, tmp_path, pytestcon
     assert "found 3 clips" in result.output
     assert "bad: not read, " in result.output
     assert "millimetres" in result.output
-    assert "1 read, 2 not, 1 sequences written to out" in result.output
+    assert "1 read, 2 not, 1 sequence written to out" in result.output
     assert [path.name for path in (tmp_path / "out").glob("*.npz")] == ["good.npz"]
     assert "1 done before" in geneoh("convert", "landmarks", "in", "-o", "out").output
     checked = geneoh("convert", "landmarks", "in/large.json", "--check")

@@ -29,7 +29,7 @@ def test_a_table_is_printed_and_everything_is_written(geneoh, tmp_path):
 def test_inputs_are_written_for_others(geneoh, tmp_path):
     done = geneoh("eval", *CLIPS, "--inputs", "inputs")
     assert done.exit_code == 0, done.output
-    assert "wrote 1 clips to inputs" in done.stdout
+    assert "wrote 1 clip to inputs" in done.stdout
     assert len(list((tmp_path / "inputs").glob("*_gauss_11.npz"))) == 1
 
 

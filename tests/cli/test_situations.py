@@ -344,7 +344,7 @@ SITUATIONS = [
     ),
     Situation(
         "Zeros in a frame",
-        "1 frames in which ... in one place",
+        "1 frame in which ... in one place",
         with_arrays(joints=bad.with_nan_in(3, 0.0)),
         code=0,
     ),

@@ -90,3 +90,28 @@ def test_frames_with_nan_count_as_not_observed(arrays):
 def test_what_is_no_sequence_is_refused_with_the_field_and_the_remedy(arrays, changes, message):
     with pytest.raises(InputError, match=message):
         geneoh.from_arrays(**{**arrays, "fps": 30, "meshes": MESH, **changes})
+
+
+def test_times_of_the_frames_take_the_place_of_a_rate(arrays):
+    kept = np.flatnonzero(np.arange(146) % 5 != 3)
+    given = {name: values[kept] for name, values in arrays.items()}
+    sequence = geneoh.from_arrays(**given, timestamps=kept / 30, meshes=MESH)
+    assert sequence.fps == pytest.approx(30, rel=1e-3)
+    assert sequence.frames == 146
+    torch.testing.assert_close(
+        sequence.hands[0].joints[kept], torch.from_numpy(given["left_joints"]), atol=1e-4, rtol=0
+    )
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({}, "expected 'fps', the number of frames a second, got none"),
+        ({"frame_ids": np.arange(146)}, "expected 'fps', the number of frames a second, got none"),
+        ({"timestamps": np.arange(9) / 30}, "'timestamps' must be one number for each of the 146"),
+        ({"timestamps": np.arange(146) / 30, "fps": 60}, "'timestamps' says 30 frames a second"),
+    ],
+)
+def test_what_says_no_rate_or_two_rates_is_refused(arrays, given, words):
+    with pytest.raises(InputError, match=words):
+        geneoh.from_arrays(**arrays, **given, meshes=MESH)

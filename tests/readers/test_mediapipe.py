@@ -193,6 +193,22 @@ def test_tables_are_read_without_a_source(name, tmp_path):
     np.testing.assert_allclose(hand.joints, POINTS, atol=1e-6)
 
 
+def test_decimal_commas_are_read_where_semicolons_separate_cells(tmp_path):
+    path = tmp_path / "hand.csv"
+    write_table(path, *TABLES["x0"])
+    path.write_text(path.read_text().replace(",", ";").replace(".", ","))
+    (hand,) = geneoh.load(path, side="right", object_pose=POSES).hands
+    np.testing.assert_allclose(hand.joints, POINTS, atol=1e-6)
+
+
+def test_decimal_commas_between_commas_are_refused(tmp_path):
+    path = tmp_path / "hand.csv"
+    write_table(path, *TABLES["x0"])
+    path.write_text(path.read_text().replace(".", ","))
+    with pytest.raises(InputError, match=r"one with 63 cells more; where decimals have commas"):
+        geneoh.load(path, side="right", object_pose=POSES)
+
+
 def test_a_frame_or_a_landmark_that_a_table_lacks_is_not_observed(tmp_path):
     header, rows = long(NAMES)
     kept = [row for row in rows if row[1] != 12 and (row[1], row[2]) != (13, "PINKY_TIP")]

@@ -82,3 +82,10 @@ def test_sequences_are_equal_where_all_fields_are_and_show_in_one_line():
     assert sequence != replace(sequence, fps=25.0)
     assert sequence != "a.npz"
     assert repr(sequence) == "Sequence(left hand, 4 frames, 30 fps, source='a.npz')"
+
+
+@pytest.mark.parametrize(("frames", "fps"), [(slice(1, 3), 30), (slice(None, None, 2), 15)])
+def test_every_second_frame_comes_at_half_the_rate(frames, fps):
+    sequence = Sequence((HAND,), ObjectTrack.resting((), T), 30.0)
+    assert sequence[frames].fps == fps
+    assert sequence[frames].frames == 2

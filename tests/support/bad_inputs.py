@@ -349,7 +349,7 @@ TOLD = (
     ),
     BadInput(
         "lost object",
-        ("1 frames without a pose of the object",),
+        ("1 frame without a pose of the object",),
         with_arrays(object_translation=with_nan_in(2)),
     ),
     BadInput("no frame rate said", ("30 frames a second assumed",), with_arrays(fps=None)),
