@@ -78,7 +78,7 @@ class SurfaceDistance:
         never above the true one, and a closest point and a normal that are roughly right.
         """
         if points.is_cuda and WARP:
-            return self.query_on(points.device, points)
+            return self.query_on(points.device, points, within)
         flat = points.detach().reshape(-1, 3).cpu().double()
         closest = flat.clamp(self.solid.low, self.solid.high)
         normal = flat - closest
@@ -100,15 +100,16 @@ class SurfaceDistance:
             normal.to(points).reshape(points.shape),
         )
 
-    def query_on(self, device: torch.device, points: Float[Tensor, "*B P 3"]) -> SurfaceQuery:
+    def query_on(
+        self, device: torch.device, points: Float[Tensor, "*B P 3"], within: float | None = None
+    ) -> SurfaceQuery:
         """As `query`, searched on a device by NVIDIA Warp, in float32, wherever points are."""
         from geneoh.geometry.warp_distance import WarpField  # seconds to import
 
         if device not in self._on_devices:
             self._on_devices[device] = WarpField(self.solid, device)
         flat = points.detach().reshape(-1, 3)
-        finite = flat.isfinite().all(-1, keepdim=True)
-        closest, face, inside = self._on_devices[device].nearest(torch.where(finite, flat, 0.0))
+        closest, face, inside = self._on_devices[device].nearest(flat, within)
         apart = flat.to(closest) - closest
         distance = apart.norm(dim=-1)
         signed = torch.where(inside, -distance, distance)

@@ -25,16 +25,19 @@ wp.config.quiet = True
 wp.init()
 
 
-def _nearest(surface, body, turned, low, high, points, closest, face, inside):
+def _nearest(surface, body, turned, low, high, within, points, closest, face, inside):
     number = wp.tid()
     point = points[number]
-    found = wp.mesh_query_point_no_sign(surface, point, FARTHEST)
-    closest[number] = wp.mesh_eval_position(surface, found.face, found.u, found.v)
-    face[number] = found.face
-    here = True
-    for axis in range(3):
-        if point[axis] < low[axis] or point[axis] > high[axis]:
-            here = False
+    boxed = wp.max(wp.min(point, high), low)
+    apart = wp.length(point - boxed)
+    # neither what is not finite nor what is far from the box is searched for
+    closest[number] = boxed
+    face[number] = 0
+    if apart <= within:
+        found = wp.mesh_query_point_no_sign(surface, point, FARTHEST)
+        closest[number] = wp.mesh_eval_position(surface, found.face, found.u, found.v)
+        face[number] = found.face
+    here = apart == 0.0
     if here:
         # the winding number counts in absolute value, so faces may point either way
         own = wp.mesh_query_point_sign_winding_number(body, point, FARTHEST, ACCURACY, 0.5)
@@ -50,9 +53,10 @@ def _kernel() -> Any:
     """
     function = inspect.unwrap(_nearest)
     trees = dict.fromkeys(("surface", "body", "turned"), wp.uint64)
+    box = dict.fromkeys(("low", "high"), wp.vec3)
     types = {"points": wp.vec3, "closest": wp.vec3, "face": wp.int32, "inside": wp.bool}
     arrays = {name: wp.array(dtype=each) for name, each in types.items()}
-    function.__annotations__ = trees | {"low": wp.vec3, "high": wp.vec3} | arrays
+    function.__annotations__ = trees | box | {"within": float} | arrays
     return wp.kernel(function)
 
 
@@ -73,13 +77,17 @@ class WarpField:
         self._turned = _tree(Mesh(body.verts, body.faces.flip(-1)), device, winding=True)
 
     def nearest(
-        self, points: Float[Tensor, "N 3"]
+        self, points: Float[Tensor, "N 3"], within: float | None = None
     ) -> tuple[Float[Tensor, "N 3"], Int[Tensor, " N"], Bool[Tensor, " N"]]:
-        """Closest surface point, its face, and whether each point is inside; on the device."""
+        """Closest surface point, its face, and whether each point is inside; on the device.
+
+        Of points farther than `within` from the solid's box the closest point of that box.
+        """
         points = points.detach().to(self.device, torch.float32).contiguous()
         closest = torch.empty_like(points)
         face = torch.empty(len(points), dtype=torch.int32, device=self.device)
         inside = torch.empty(len(points), dtype=torch.bool, device=self.device)
+        reach = FARTHEST if within is None else within
         trees = [tree.id for tree in (self._surface, self._body, self._turned)]
         vectors = [wp.from_torch(each, dtype=wp.vec3) for each in (points, closest)]
         outputs = [vectors[1], wp.from_torch(face), wp.from_torch(inside)]
@@ -87,7 +95,7 @@ class WarpField:
             wp.launch(
                 KERNEL,
                 dim=len(points),
-                inputs=[*trees, self._low, self._high, vectors[0]],
+                inputs=[*trees, self._low, self._high, reach, vectors[0]],
                 outputs=outputs,
                 device=wp.device_from_torch(self.device),
             )

@@ -71,3 +71,14 @@ def test_normals_on_the_surface_are_those_of_its_faces(device):
     found = SurfaceDistance(box(-0.05, 0.05)).query_on(device, torch.tensor([[0.05, 0.01, 0.02]]))
     torch.testing.assert_close(found.normal, torch.tensor([[1.0, 0, 0]]))
     assert found.distance.abs() < 1e-6
+
+
+def test_what_is_far_from_the_box_is_not_searched_for(device):
+    field = SurfaceDistance(load_mesh(OBJECT))
+    points = 0.4 * torch.rand(2000, 3, generator=torch.Generator().manual_seed(0)) - 0.2
+    exact, found = field.query(points), field.query_on(device, points, 0.02)
+    near = exact.distance <= 0.02
+    torch.testing.assert_close(found.distance[near], exact.distance[near], atol=1e-5, rtol=0)
+    assert (found.distance[~near] > 0.02).all()
+    assert (found.distance <= exact.distance + 1e-5).all()
+    assert (found.distance < exact.distance - 1e-3).any()
