@@ -86,6 +86,20 @@ def test_a_hand_without_a_mesh_is_cleaned_alone_and_said_so(geneoh, tmp_path, mo
     assert load(tmp_path / "hand_clean.npz").frames == 6
 
 
+def test_the_result_of_a_hand_alone_has_no_object_and_is_viewed_and_cleaned_again(geneoh, tmp_path):
+    with_arrays(object_rotation=None, object_translation=None)(tmp_path)
+    assert geneoh("denoise", "hand.npz", "--preset", "fast").exit_code == 0
+    with np.load(tmp_path / "hand_clean.npz") as file:
+        assert not {"object_rotation", "object_translation", "object_valid"} & {*file}
+    for words in (
+        ("view", "hand_clean.npz", "-o", "page.html"),
+        ("corrupt", "hand_clean.npz", "--noise", "gauss"),
+        ("denoise", "hand_clean.npz", "--preset", "fast"),
+    ):
+        done = geneoh(*words)
+        assert done.exit_code == 0, done.output
+
+
 def test_a_page_of_a_hand_alone_shows_no_contact(geneoh, tmp_path):
     with_arrays(object_rotation=None, object_translation=None)(tmp_path)
     result = geneoh("denoise", "hand.npz", "--report", "page.html")
