@@ -53,4 +53,6 @@ def corrupt(
     if object_noise is not None:
         noisy = corrupt_object(noisy, object_noise, generator=generator)
     save_sequence(noisy, output)
+    if noisy.left_out:
+        click.echo(f"note: {noisy.left_out}")
     click.echo(f"{output}: {noisy.frames} frames with {name} noise, seed {seed}")

@@ -109,7 +109,8 @@ def load(
     if made_from:
         source = f"{source} made from {shortened(made_from, 300)}"
     motion = replace(sequence.object, missing=missing)
-    sequence = replace(sequence, object=motion, source=source)
+    left_out = npz_layouts.left_out(record)
+    sequence = replace(sequence, object=motion, source=source, left_out=left_out)
     check_sequence(sequence, str(path))
     return sequence
 

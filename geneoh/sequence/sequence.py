@@ -184,6 +184,8 @@ class Sequence(Bundle):
     fps: float
     source: str = ""
     """Where it came from, in words a person can use: a file name and the layout that was read."""
+    left_out: str = ""
+    """What its file holds that no sequence has, such as a body, in words; empty where nothing."""
 
     def __post_init__(self) -> None:
         """Take one hand or a list of hands, and any number as the rate."""

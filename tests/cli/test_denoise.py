@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import bodies
 import numpy as np
 import pytest
 import quick_presets
@@ -98,6 +99,14 @@ def test_the_result_of_a_hand_alone_has_no_object_and_is_viewed_and_cleaned_agai
     ):
         done = geneoh(*words)
         assert done.exit_code == 0, done.output
+
+
+def test_a_body_that_is_left_out_is_told_where_its_hands_are_cleaned(geneoh, tmp_path):
+    bodies.hands_file(tmp_path / "hands.npz", bodies.recording())
+    result = geneoh("denoise", "hands.npz", "--preset", "fast")
+    assert result.exit_code == 0, result.output
+    assert result.stdout.count("note: the body that the hands belong to is left out") == 1
+    assert not load(tmp_path / "hands_clean.npz").left_out
 
 
 def test_a_page_of_a_hand_alone_shows_no_contact(geneoh, tmp_path):
