@@ -123,8 +123,8 @@ def check_place(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:
     if FARTHEST_SCENE < away < torch.inf:
         yield (
             f"place: its wrist stays {away:.0f} m from the origin of the world, farther than "
-            "scenes reach; give its places in metres (--keypoint-unit, --focal), and move the origin "
-            "near"
+            "scenes reach; give its places in metres (--keypoint-unit, --focal), and move the "
+            "origin near"
         )
     both = seen[:, None] if motion.valid is None else seen[:, None] & motion.valid
     apart = (wrist[:, None] - motion.translation).norm(dim=-1)
