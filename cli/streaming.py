@@ -37,11 +37,12 @@ def run(obj: tuple[Path, ...], mano: Path | None, chosen: dict[str, Any]) -> Non
 
     Raises:
         UsageError: an option is given that a stream does not have.
+        GeneOHError: options, a mesh or weights that cannot be used, or frames; see `clean_frames`.
     """
     given = options.on_command_line()
     settings = {field.name for field in dataclasses.fields(Options)} | {"lag", "fps"}
-    known = settings | {"stream", "obj", "unit", "mano", "side"}
-    if wrong := [option for name, option in given.items() if name not in known]:
+    taken = settings | {"stream", "obj", "unit", "mano", "side"}
+    if wrong := [option for name, option in given.items() if name not in taken]:
         raise click.UsageError(
             f"--stream reads standard input and writes standard output; drop {', '.join(wrong)}"
         )
@@ -51,7 +52,11 @@ def run(obj: tuple[Path, ...], mano: Path | None, chosen: dict[str, Any]) -> Non
     def begin(**about: Any) -> Stream:
         return Stream(meshes, mano_dir=mano, **about, **kept)
 
-    clean_frames(*ends(), begin, chosen["side"])
+    side = chosen["side"]
+    # before a frame is waited for, all is refused but a hand whose side the first one says
+    known = kept if side else {n: value for n, value in kept.items() if n != "hand"}
+    Stream(meshes, mano_dir=mano, side=side or "right", **known)
+    clean_frames(*ends(), begin, side)
 
 
 def ends() -> tuple[BinaryIO, BinaryIO]:
@@ -69,7 +74,7 @@ def clean_frames(
     `hand_model`; without `side`, those hands are cleaned that the first frame names.
 
     Raises:
-        InputError: something is no frame; the message says which one.
+        InputError: something is no frame, and the message says which one; or there is none.
     """
     streams: dict[Side, Stream] = {}
     poses: deque[Fields] = deque()
@@ -102,6 +107,11 @@ def clean_frames(
                 made[each] = frame
         if made:
             write(made)
+    if not streams:
+        raise InputError(
+            "standard input: expected the frames of a hand, one JSON object a line or one msgpack "
+            "map after the other, got none; pipe a tracker's frames in"
+        )
     for left in zip(*(stream.flush() for stream in streams.values()), strict=True):
         write(dict(zip(streams, left, strict=True)))
 

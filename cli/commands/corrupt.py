@@ -54,4 +54,6 @@ def corrupt(
     if object_noise is not None:
         noisy = corrupt_object(noisy, object_noise, generator=generator)
     save_sequence(noisy, output)
+    if noisy.left_out:
+        click.echo(f"note: {noisy.left_out}")
     click.echo(f"{output}: {numbered(noisy.frames, 'frame')} with {name} noise, seed {seed}")

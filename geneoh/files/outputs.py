@@ -13,7 +13,8 @@ from geneoh.files.reading import DAMAGE
 
 SEQUENCE_FORMAT: Final = "geneoh-sequence"
 """The field `format` of a geneoh-sequence npz."""
-SMPLX_MARK = {f"{name}.npy" for name in ("hand_model", "flat_hand_mean", "object_rotation")}
+SMPLX_NAMES = ("side", "hand_model", "flat_hand_mean", "transl", "joints", "valid")
+SMPLX_MARK = {f"{name}.npy" for name in SMPLX_NAMES}
 """Members that together only our npz files under smplx names have."""
 HEAD_MARKS = {
     ".html": b'<meta name="generator" content="geneoh">',

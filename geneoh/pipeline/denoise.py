@@ -110,7 +110,7 @@ def clean_interaction(
     """Clean a sequence that has been checked; see `denoise`."""
     chosen = options.resolved()
     denoisers = load_denoisers(options.weights, device=options.device, paper=not chosen.observed)
-    notes: list[str] = []
+    notes = [sequence.left_out] if sequence.left_out else []
     motion, examined = sequence.object, None
     if not motion.meshes or not motion.is_seen:
         motion = replace(motion, meshes=())

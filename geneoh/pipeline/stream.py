@@ -10,7 +10,7 @@ import numpy as np
 import torch
 
 from geneoh.choices import Side
-from geneoh.config import as_field_type
+from geneoh.config import as_field_type, closest_name
 from geneoh.denoisers.library import load_denoisers
 from geneoh.errors import ConfigError, InputError
 from geneoh.fitting.fit import FitConfig
@@ -26,6 +26,7 @@ from geneoh.pipeline.recent import RecentHand
 from geneoh.readers.arrays import array_of
 from geneoh.readers.missing_keypoints import FEWEST
 from geneoh.readers.npz_files import hand_arrays
+from geneoh.readers.npz_layouts import HAND_FIELDS, quoted
 from geneoh.readers.npz_tracks import read_object, read_own
 from geneoh.readers.records import Record
 from geneoh.sequence.normalisation import NETWORK_FPS
@@ -232,6 +233,11 @@ class Stream:
                 )
             return hand_arrays(given)
         fields = given if isinstance(given, Mapping) else {"joints": given}
+        if unknown := [name for name in fields if name not in HAND_FIELDS]:
+            raise InputError(
+                f"{where}: expected fields of a hand without its side, got {quoted(unknown)}; "
+                + closest_name(str(unknown[0]), HAND_FIELDS)
+            )
         return {
             f"{self._side}_{name}": framed(value)
             for name, value in fields.items()

@@ -23,8 +23,9 @@ from geneoh.readers.delay_check import check_delay
 from geneoh.readers.joint_orders import ORDERS
 from geneoh.readers.mano import MEAN_WRIST_OFFSET, mean_wrist_offset
 from geneoh.readers.records import Array
+from geneoh.sequence.camera import wrist_of
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
-from geneoh.sequence.validation import check_sequence, distance_to_object
+from geneoh.sequence.validation import FARTHEST_SCENE, check_sequence, distance_to_object
 
 WRIST_LIMIT = 0.005
 """Metres that the turning point of a stored mesh may be off; J0 is 96 mm long."""
@@ -46,6 +47,8 @@ SHORTER_BONES = 0.9
 up to 40 mm of noise the true order has the shortest bones."""
 TOUCHING_REACH = 0.25
 """Metres from the wrist to the object's ball beyond which no hand can touch the object."""
+POSES_REACH = 5.0
+"""Metres from the wrist to the origin of an object without a mesh, which no object reaches over."""
 CURL_LIMIT = 0.1
 """Share of the palm's length that fingers may bend backward at their tips."""
 J0_SHARE = 0.3
@@ -80,7 +83,8 @@ def contradictions(recording: Recording) -> list[str]:
     for hand in sequence.hands:
         for check in HAND_CHECKS:
             found += [f"{hand.side} hand: {words}" for words in check(hand, recording.cross_checks)]
-        found += [f"{hand.side} hand: {words}" for words in check_holding(hand, sequence.object)]
+        for beside in (check_place, check_holding):
+            found += [f"{hand.side} hand: {words}" for words in beside(hand, sequence.object)]
     found += check_object_placement(recording.cross_checks)
     return found
 
@@ -103,11 +107,33 @@ def doubts(sequence: Sequence, name: str) -> Iterator[str]:
                 f"{hand.side} hand: its wrist stays {away:.2f} m from the object, too far to touch "
                 "it; check the object's poses (--object-pose) and the units (--unit)"
             )
+        yield from (f"{hand.side} hand: {words}" for words in check_place(hand, sequence.object))
         for check in (check_keypoint_order, check_finger_bend):
             yield from (f"{hand.side} hand: {words}" for words in check(hand, CrossChecks()))
         held = (hand, sequence.object)
         found = (*check_holding(*held), *check_delay(*held, sequence.fps))
         yield from (f"{hand.side} hand: {words}" for words in found)
+
+
+def check_place(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:
+    """Whether the wrist comes near the world's origin, and near the poses of an object without a
+    mesh."""
+    wrist, seen = wrist_of(hand), hand.trust[:, 0] > 0
+    away = float(wrist.norm(dim=-1).masked_fill(~seen, torch.inf).min())
+    if FARTHEST_SCENE < away < torch.inf:
+        yield (
+            f"place: its wrist stays {away:.0f} m from the origin of the world, farther than "
+            "scenes reach; give its places in metres (--keypoint-unit, --focal), and move the "
+            "origin near"
+        )
+    both = seen[:, None] if motion.valid is None else seen[:, None] & motion.valid
+    apart = (wrist[:, None] - motion.translation).norm(dim=-1)
+    nearest = float(apart.masked_fill(~both, torch.inf).min())
+    if not motion.meshes and POSES_REACH < nearest < torch.inf:
+        yield (
+            f"place: its wrist stays {nearest:.0f} m from the poses of the object, too far to "
+            "touch it; give both in metres and in the same frame (--object-pose, --keypoint-unit)"
+        )
 
 
 def shorter_order(joints: Float[Tensor, "T 21 3"]) -> JointOrder | None:

@@ -24,7 +24,7 @@ from geneoh.readers.npz_tracks import Notes, read_hands, read_object
 from geneoh.readers.recordings import read
 from geneoh.readers.records import Array, Place, Record, float32
 from geneoh.sequence.camera import seen_from, with_rays
-from geneoh.sequence.sequence import HandTrack, Sequence
+from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh.sequence.validation import check_sequence
 
 LOG = logging.getLogger(__name__)
@@ -38,6 +38,8 @@ LAYOUT_NAMES: dict[npz_layouts.Layout, str] = {
     "taco": "TACO names",
     "joints": "bare joints",
 }
+MOTION_FIELDS = ("rotation", "translation", "valid")
+"""Fields of an object's track that a file keeps, with `object_` in front."""
 RAYS = tuple(own_names(side)["camera_ray"] for side in SIDES)
 CALLERS = {
     "obj_pose": ("the object's motion", "--object-pose", OBJECT_FIELDS, "one of them"),
@@ -107,7 +109,8 @@ def load(
     if made_from:
         source = f"{source} made from {shortened(made_from, 300)}"
     motion = replace(sequence.object, missing=missing)
-    sequence = replace(sequence, object=motion, source=source)
+    left_out = npz_layouts.left_out(record)
+    sequence = replace(sequence, object=motion, source=source, left_out=left_out)
     check_sequence(sequence, str(path))
     return sequence
 
@@ -171,7 +174,7 @@ def sequence_in(
     hands, about_hands = read_hands(record, layout, side, mano_dir)
     motion, about_object = with_parts(read_object(record, meshes, hands[0].frames))
     rate, clock, notes = timing_of(record, hands[0].frames, fps)
-    if motion.valid is not None:
+    if motion.valid is not None and motion.is_known:
         lost = int((~motion.valid).any(1).sum())
         gaps = f"{numbered(lost, 'frame')} without a pose of the object, filled in"
         about_object = (*about_object, gaps)
@@ -217,9 +220,7 @@ def sequence_arrays(sequence: Sequence) -> Arrays:
     motion, about = sequence.object, {"format": FORMAT, "version": npz_layouts.VERSION}
     about |= {"fps": sequence.fps, "source": sequence.source}
     arrays: Arrays = {name: np.array(value) for name, value in about.items()}
-    arrays |= {f"object_{n}": plain(getattr(motion, n)) for n in ("rotation", "translation")}
-    if motion.valid is not None:
-        arrays["object_valid"] = plain(motion.valid)
+    arrays |= motion_arrays(motion)
     models = {hand.hand_model for hand in sequence.hands if hand.hand_model is not None}
     if AS_SHIPPED in models:  # reading knows that a right hand is the same in both
         models.discard(MENDED)
@@ -234,6 +235,14 @@ def sequence_arrays(sequence: Sequence) -> Arrays:
         for hand in sequence.hands:
             arrays["camera_ray"] = arrays.pop(own_names(hand.side)["camera_ray"])
     return arrays
+
+
+def motion_arrays(motion: ObjectTrack) -> Arrays:
+    """The fields of the object's motion; none where there is no object."""
+    if not motion.is_known:
+        return {}
+    known = [name for name in MOTION_FIELDS if getattr(motion, name) is not None]
+    return {f"object_{name}": plain(getattr(motion, name)) for name in known}
 
 
 def hand_arrays(hand: HandTrack) -> Arrays:

@@ -1,5 +1,6 @@
 """The direction in which a camera sees a hand: estimators err along it, for a whole clip."""
 
+import logging
 from dataclasses import replace
 
 import torch
@@ -10,6 +11,9 @@ from torch.nn.functional import normalize
 from geneoh.errors import InputError
 from geneoh.sequence.gaps import fill_gaps
 from geneoh.sequence.sequence import HandTrack, Sequence
+from geneoh.sequence.validation import FARTHEST_SCENE
+
+LOG = logging.getLogger(__name__)
 
 NEAREST = 1e-6
 """Length in metres below which a vector has no direction."""
@@ -29,9 +33,16 @@ def seen_from(sequence: Sequence, position: Float[Tensor, "N 3"], name: str) -> 
     """The sequence with the directions from the camera to the wrist of each hand.
 
     `position` is the camera's in the world, metres, one for each frame or one for all; `name` is
-    that of the field in messages. `InputError` as `with_rays`, and where it is the wrist's place.
+    that of the field in messages. A place that can hardly be a camera's is logged. `InputError` as
+    `with_rays`, and where it is the wrist's place.
     """
     place = of_each_frame(position, sequence.frames, name)
+    if (away := float(place.norm(dim=-1).min())) > FARTHEST_SCENE:
+        LOG.warning(
+            "%s is %.0f m from the origin of the world, farther than scenes reach; give it in "
+            "metres (--camera), and move the origin near",
+            *(name, away),
+        )
     rays = [unit_rays(wrist_of(hand) - place, sequence.frames, name) for hand in sequence.hands]
     hands = (replace(h, camera_ray=ray) for h, ray in zip(sequence.hands, rays, strict=True))
     return replace(sequence, hands=tuple(hands))

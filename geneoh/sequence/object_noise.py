@@ -14,6 +14,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.choices import ObjectNoise
+from geneoh.errors import InputError
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.sequence.gaps import fill_object
 from geneoh.sequence.noise import ornstein_uhlenbeck
@@ -35,8 +36,17 @@ LOST_SHARE, LOST_SHORTEST, LOST_LONGEST = 0.15, 3, 10
 def corrupt_object(
     sequence: Sequence, noise: ObjectNoise, *, generator: torch.Generator
 ) -> Sequence:
-    """The sequence with noisy poses of its object; all parts get noise of their own."""
+    """The sequence with noisy poses of its object; all parts get noise of their own.
+
+    Raises:
+        InputError: no pose of an object is known.
+    """
     motion = sequence.object
+    if not motion.is_seen:
+        raise InputError(
+            f"{sequence.source or 'the sequence'}: expected the poses of an object to add noise "
+            "to, got hands alone; leave the object's noise out (--object-noise)"
+        )
     frames, parts = motion.rotation.shape[:2]
     turns, shifts = [], []
     for _ in range(parts):

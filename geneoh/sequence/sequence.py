@@ -114,9 +114,10 @@ class ObjectTrack(Bundle):
 
     @classmethod
     def resting(cls, meshes: tuple[Mesh, ...], frames: int) -> "ObjectTrack":
-        """An object that stands still at the origin; without a mesh it stands for none at all."""
+        """An object that stands still at the origin; without a mesh none at all, in no frame."""
         upright = torch.eye(3).expand(frames, max(1, len(meshes)), 3, 3).clone()
-        return cls(meshes, upright, torch.zeros(upright.shape[:3]))
+        valid = None if meshes else torch.zeros(upright.shape[:2], dtype=torch.bool)
+        return cls(meshes, upright, torch.zeros(upright.shape[:3]), valid)
 
     def __post_init__(self) -> None:
         """Take arrays and lists, one mesh or its file, and motion without the axis of parts."""
@@ -126,6 +127,11 @@ class ObjectTrack(Bundle):
             if getattr(motion, "ndim", None) == axes and len(self.meshes) <= 1:
                 object.__setattr__(self, name, motion[:, None])
         conform(self, "the object")
+
+    @property
+    def is_known(self) -> bool:
+        """Whether there is an object at all: its mesh, or a pose of it in some frame."""
+        return bool(self.meshes) or self.is_seen
 
     @property
     def is_seen(self) -> bool:
@@ -178,6 +184,8 @@ class Sequence(Bundle):
     fps: float
     source: str = ""
     """Where it came from, in words a person can use: a file name and the layout that was read."""
+    left_out: str = ""
+    """What its file holds that no sequence has, such as a body, in words; empty where nothing."""
 
     def __post_init__(self) -> None:
         """Take one hand or a list of hands, and any number as the rate."""

@@ -26,6 +26,9 @@ SMALLEST_FPS, LARGEST_FPS = 1.0, 1000.0
 FARTHEST_POINT = 1e4
 """Largest coordinate in metres; at ten kilometres float32 has steps of a millimetre."""
 
+FARTHEST_SCENE = 100.0
+"""Distance in metres from the world's origin beyond which hardly any recording takes place."""
+
 FARTHEST_HAND = 0.5
 """Largest distance in metres between the object's bounding ball and the wrist in the frame in which
 they are nearest."""

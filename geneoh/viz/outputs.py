@@ -18,6 +18,7 @@ from geneoh.hand.mano import translation_from_wrist
 from geneoh.progress import OnStep, steps
 from geneoh.readers.bodies.bvh import write_bvh
 from geneoh.readers.bodies.fields import body_fields
+from geneoh.readers.npz_files import motion_arrays
 from geneoh.viz.canvas import filmstrip, png_bytes, refuse_frames
 from geneoh.viz.glb import glb_bytes
 from geneoh.viz.look import Look
@@ -142,7 +143,7 @@ def write_meshes(scene: Scene, path: Path, on_step: OnStep | None) -> Path:
 
 
 def smplx_arrays(scene: Scene, hand: PosedTrack) -> Arrays:
-    """One hand under the names of the smplx package, with the object's motion.
+    """One hand under the names of the smplx package, with the motion of its object.
 
     `global_orient` (T, 3), `hand_pose` (T, 45), `betas` and `transl` (T, 3) go into an smplx MANO
     layer made with `use_pca=False, flat_hand_mean=True`. `transl` is the wrist minus the wrist of
@@ -160,6 +161,5 @@ def smplx_arrays(scene: Scene, hand: PosedTrack) -> Arrays:
         "transl": translation_from_wrist(model, hand.betas, hand.wrist).numpy(),
         "joints": hand.joints.numpy(),
         "valid": hand.valid.numpy(),
-        "object_rotation": scene.object.rotation.numpy(),
-        "object_translation": scene.object.translation.numpy(),
+        **motion_arrays(scene.object),
     }

@@ -1,5 +1,6 @@
 from pathlib import Path
 
+import bodies
 import numpy as np
 import pytest
 from bad_inputs import REFUSED, TOLD, write_good
@@ -95,6 +96,14 @@ def test_odd_input_is_told_and_used(geneoh, tmp_path, case, caplog):
     for word in case.words:
         assert word in caplog.text
     assert (tmp_path / "out.npz").exists()
+
+
+def test_a_body_that_is_left_out_is_told(geneoh, tmp_path):
+    bodies.hands_file(tmp_path / "hands.npz", bodies.recording())
+    result = geneoh("corrupt", "hands.npz", "--noise", "gauss", "-o", "out.npz")
+    assert result.exit_code == 0, result.output
+    assert result.stdout.startswith("note: the body that the hands belong to is left out")
+    assert not load(tmp_path / "out.npz").left_out
 
 
 def test_the_noise_of_a_camera_writes_its_ray(geneoh, tmp_path):

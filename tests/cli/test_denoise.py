@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import bodies
 import numpy as np
 import pytest
 import quick_presets
@@ -84,6 +85,28 @@ def test_a_hand_without_a_mesh_is_cleaned_alone_and_said_so(geneoh, tmp_path, mo
     assert "by the prior of hand motion alone" in result.stdout
     assert "n/a" in result.stdout
     assert load(tmp_path / "hand_clean.npz").frames == 6
+
+
+def test_the_result_of_a_hand_alone_has_no_object_and_is_viewed_and_cleaned_again(geneoh, tmp_path):
+    with_arrays(object_rotation=None, object_translation=None)(tmp_path)
+    assert geneoh("denoise", "hand.npz", "--preset", "fast").exit_code == 0
+    with np.load(tmp_path / "hand_clean.npz") as file:
+        assert not {"object_rotation", "object_translation", "object_valid"} & {*file}
+    for words in (
+        ("view", "hand_clean.npz", "-o", "page.html"),
+        ("corrupt", "hand_clean.npz", "--noise", "gauss"),
+        ("denoise", "hand_clean.npz", "--preset", "fast"),
+    ):
+        done = geneoh(*words)
+        assert done.exit_code == 0, done.output
+
+
+def test_a_body_that_is_left_out_is_told_where_its_hands_are_cleaned(geneoh, tmp_path):
+    bodies.hands_file(tmp_path / "hands.npz", bodies.recording())
+    result = geneoh("denoise", "hands.npz", "--preset", "fast")
+    assert result.exit_code == 0, result.output
+    assert result.stdout.count("note: the body that the hands belong to is left out") == 1
+    assert not load(tmp_path / "hands_clean.npz").left_out
 
 
 def test_a_page_of_a_hand_alone_shows_no_contact(geneoh, tmp_path):

@@ -168,9 +168,33 @@ def test_a_first_line_without_the_hand_that_is_asked_for_is_refused(stream, line
     assert "such as 'left_joints'" in result.stderr
 
 
-def test_no_line_at_all_gives_none(stream):
-    result = stream([])
-    assert (result.exit_code, result.output) == (0, "")
+@pytest.mark.parametrize("given", [b"", b"\n \n"])
+def test_a_stream_without_a_frame_is_told_in_one_sentence(stream, given):
+    result = stream(given)
+    assert (result.exit_code, result.stdout) == (2, "")
+    (said,) = result.stderr.splitlines()
+    assert said.startswith("Error: standard input: expected the frames of a hand, ")
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--preset", "paper"), "a stream has the presets 'default' and 'fast'"),
+        (("--fps", "5000"), "a stream has fps from 1 to 1000"),
+        (("--device", "cuda:99"), "cuda:99"),
+        (("--side", "left", "--hand", "mano", "--mano", "."), "MANO_LEFT.pkl"),
+    ],
+)
+def test_options_are_refused_before_the_first_frame(stream, options, words):
+    result = stream(b"", *options)
+    assert result.exit_code == 2
+    (said,) = result.stderr.splitlines()
+    assert words in said
+
+
+def test_a_mano_hand_waits_for_the_side_that_the_first_frame_says(stream, lines):
+    assert "got none; pipe" in stream(b"", "--hand", "mano", "--mano", ".").stderr
+    assert "MANO_RIGHT.pkl" in stream(lines, "--hand", "mano", "--mano", ".").stderr
 
 
 def test_a_mesh_in_millimetres_is_taken_in_its_unit(stream, lines, tmp_path):

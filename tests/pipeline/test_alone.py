@@ -91,6 +91,17 @@ def test_a_file_of_keypoints_alone_is_cleaned_and_read_again(noisy, tmp_path):
     torch.testing.assert_close(again.hands[0].joints, result.sequence.hands[0].joints)
 
 
+def test_the_file_of_a_hand_alone_holds_no_object_and_is_cleaned_again(noisy, tmp_path):
+    result = geneoh.denoise(alone(noisy)[40:60], FAST)
+    geneoh.save(result, tmp_path / "clean.npz")
+    with np.load(tmp_path / "clean.npz") as file:
+        assert not [name for name in file if name.startswith("object")]
+    again = geneoh.load(tmp_path / "clean.npz")
+    assert not again.object.is_known
+    assert "without a pose" not in again.source
+    assert geneoh.denoise(again, FAST).notes == result.notes
+
+
 def test_the_papers_preset_cleans_a_hand_alone(noisy, monkeypatch):
     quick_presets.use(monkeypatch)
     options = geneoh.Options(preset="paper", steps=3)

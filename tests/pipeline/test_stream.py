@@ -1,6 +1,7 @@
 """A stream: order, lag, gaps, bounded state, the same result each time, and what it is worth."""
 
 import math
+import re
 from collections import deque
 from dataclasses import is_dataclass, replace
 from typing import Any
@@ -138,13 +139,15 @@ def test_the_state_does_not_grow(noisy, unmoved, monkeypatch):
         (np.zeros((20, 3)), None, "'right_joints' must be numbers of shape"),
         (np.random.default_rng(0).normal(size=(21, 3)) * 90, None, "must be in metres"),
         ({"pose": np.zeros((16, 3))}, None, "add the rest"),
+        ({"joint": np.zeros((21, 3))}, None, "got 'joint'; did you mean 'joints'?"),
+        ({"joints": None, "glow": 1.0, 3: 1.0}, None, "got 'glow', '3'; there are pose, wrist"),
         (None, np.eye(3), "'obj_pose' must be numbers of shape"),
         (None, (2 * np.eye(3), np.zeros(3)), "a scale belongs to the mesh"),
     ],
 )
 def test_a_frame_that_can_be_none_is_refused_and_not_taken(noisy, unmoved, hand, pose, words):
     stream = Stream(noisy.object.meshes, lag=0.0, source="the tracker")
-    with pytest.raises(InputError, match="the tracker, frame 0: .*" + words.replace("(", r"\(")):
+    with pytest.raises(InputError, match="the tracker, frame 0: .*" + re.escape(words)):
         stream.push(hand, pose)
     assert stream.push(None).index == 0
 

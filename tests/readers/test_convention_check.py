@@ -13,6 +13,7 @@ from geneoh.readers.base import ReaderOptions, Recording
 from geneoh.readers.convention_check import MIDDLE_JOINTS, contradictions, doubts
 from geneoh.readers.npz_files import load
 from geneoh.readers.recordings import read_one
+from geneoh.sequence.sequence import ObjectTrack, Sequence
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -42,6 +43,36 @@ def test_keypoints_without_confidence_raise_no_doubt():
     confidence[:, [4, 8, 12, 16, 20]] = 0.0
     keys = replace(hand, joints=joints, confidence=confidence, pose=None, wrist=None)
     assert list(doubts(replace(sequence, hands=(keys,)), "taco")) == []
+
+
+@pytest.mark.parametrize(("shift", "told"), [(0.0, False), (50.0, False), (500.0, True)])
+def test_a_scene_that_is_far_from_the_origin_of_the_world_is_told(shift, told):
+    sequence = load(EXAMPLES / "taco_clean.npz", obj=EXAMPLES / "taco_object.obj")[:60]
+    there = hand_at(sequence, shift)
+    motion = replace(sequence.object, translation=sequence.object.translation + shift)
+    there = replace(there, object=motion)
+    said = list(doubts(there, "taco"))
+    assert len(said) == told
+    assert all("m from the origin of the world" in words for words in said)
+    assert contradictions(Recording("taco", there)) == said
+
+
+@pytest.mark.parametrize(("shift", "told"), [(0.0, False), (2.0, False), (4.0, True)])
+def test_a_hand_far_from_the_poses_of_an_object_without_a_mesh_is_told(shift, told):
+    sequence = hand_at(load(EXAMPLES / "taco_clean.npz")[:60], shift)
+    posed = replace(sequence, object=replace(sequence.object, meshes=()))
+    said = list(doubts(posed, "taco"))
+    assert len(said) == told
+    assert all("too far to touch it" in words for words in said)
+    none = replace(sequence, object=ObjectTrack.resting((), 60))
+    assert list(doubts(none, "taco")) == []
+
+
+def hand_at(sequence: Sequence, shift: float) -> Sequence:
+    """The sequence with its hand moved along each axis of the world."""
+    hand = sequence.hands[0]
+    moved = replace(hand, joints=hand.joints + shift, wrist=hand.wrist + shift)
+    return replace(sequence, hands=(moved,))
 
 
 def test_a_flat_hand_is_not_taken_for_certain_as_the_other_one():

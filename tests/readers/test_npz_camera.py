@@ -45,6 +45,13 @@ def test_a_position_gives_the_rays_to_the_wrist(write, place):
     torch.testing.assert_close(hand.camera_ray[hand.valid], wanted)
 
 
+def test_a_camera_that_is_far_from_the_world_is_told(write, caplog):
+    load(write(), camera=(0.0, -90.0, 0.0))
+    assert not caplog.text
+    load(write(camera_position=[0.0, -500.0, 0.0]))
+    assert "'camera_position' is 500 m from the origin of the world" in caplog.text
+
+
 def test_a_position_is_in_the_unit_of_the_keypoints_of_its_file(write):
     arrays = good_arrays()
     in_mm = {name: 1000 * arrays[name] for name in ("joints", "object_translation")}

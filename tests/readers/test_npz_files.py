@@ -1,5 +1,6 @@
 import logging
 import os
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -73,6 +74,14 @@ def test_a_file_holds_plain_arrays_under_the_names_of_the_format(tmp_path):
     assert shapes["left_joints"] == (FRAMES, 21, 3)
     assert shapes["object_rotation"] == (FRAMES, 2, 3, 3)
     assert load(tmp_path / "a.npz").frames == FRAMES
+
+
+def test_poses_without_a_mesh_are_kept_also_where_they_are_those_of_the_origin(tmp_path):
+    resting = ObjectTrack((), torch.eye(3).expand(FRAMES, 1, 3, 3), torch.zeros(FRAMES, 1, 3))
+    save_sequence(replace(two_hands(), object=resting), tmp_path / "a.npz")
+    read = load(tmp_path / "a.npz").object
+    assert read.is_known
+    assert torch.equal(read.rotation, resting.rotation)
 
 
 def test_an_extra_array_must_not_take_the_name_of_a_field(tmp_path):

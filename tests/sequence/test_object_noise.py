@@ -7,6 +7,7 @@ from draws import seeded
 from scipy.spatial.transform import Rotation
 
 from geneoh.choices import OBJECT_NOISES
+from geneoh.errors import InputError
 from geneoh.geometry.mesh import Mesh
 from geneoh.sequence.object_noise import DEGREES, corrupt_object, draw_object_noise
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
@@ -42,11 +43,18 @@ def test_lost_poses_are_short_runs_that_are_marked_and_filled():
     lost = turn.isnan().any(-1)
     assert torch.equal(lost, shift.isnan().all(-1))
     assert 0.08 < float(lost.float().mean()) < 0.2
-    still = ObjectTrack.resting((), 600)
+    still = ObjectTrack((), torch.eye(3).expand(600, 1, 3, 3), torch.zeros(600, 1, 3))
     hand = HandTrack("right", torch.ones(600, dtype=torch.bool), joints=torch.rand(600, 21, 3))
     noisy = corrupt_object(Sequence((hand,), still, 30.0), "lost", generator=seeded())
     assert torch.equal(noisy.object.valid[:, 0], ~lost)
     assert noisy.object.translation.norm(dim=-1).max() < 0.02
+
+
+def test_noise_on_the_poses_of_no_object_is_refused():
+    hand = HandTrack("right", torch.ones(9, dtype=torch.bool), joints=torch.rand(9, 21, 3))
+    alone = Sequence((hand,), ObjectTrack.resting((), 9), 30.0, "hand.npz")
+    with pytest.raises(InputError, match="expected the poses of an object"):
+        corrupt_object(alone, "lost", generator=seeded())
 
 
 def test_only_the_object_of_a_sequence_is_changed():

@@ -9,6 +9,7 @@ import trimesh
 from geneoh.errors import InputError, MissingAssetError
 from geneoh.files.outputs import is_ours
 from geneoh.readers.npz_files import load
+from geneoh.sequence.sequence import ObjectTrack
 from geneoh.viz import video
 from geneoh.viz.outputs import write
 from geneoh.viz.video import ffmpeg_path, film_frames
@@ -47,6 +48,13 @@ def test_smplx_parameters_read_back_as_the_same_hand(one_hand, tmp_path):
     np.testing.assert_allclose(read.pose, hand.pose, atol=1e-5)
     np.testing.assert_allclose(read.joints, hand.joints, atol=1e-6)
     np.testing.assert_allclose(read.wrist, hand.wrist, atol=1e-6)
+
+
+def test_smplx_parameters_of_a_hand_alone_hold_no_object_and_are_ours(one_hand, tmp_path):
+    alone = replace(one_hand, object=ObjectTrack.resting((), one_hand.frames))
+    write(alone, tmp_path / "clip.npz")
+    assert is_ours(tmp_path / "clip.npz")
+    assert not load(tmp_path / "clip.npz").object.is_known
 
 
 def test_two_hands_do_not_fit_the_smplx_names(scene, tmp_path):
