@@ -104,7 +104,7 @@ def with_table(base: Config, table: Mapping[str, Any], origin: str, prefix: str 
     return replace(base, **changes)  # type: ignore[type-var]  # any dataclass
 
 
-def check_fields(options: Any, limits: Mapping[str, tuple[int, int]]) -> None:
+def check_fields(options: Any, limits: Limits) -> None:
     """Check the fields of a new frozen dataclass that a user fills in.
 
     Numbers of numpy become plain ones, and text becomes a path where one is meant. `limits` are the
@@ -234,6 +234,8 @@ def is_plain_value_of(value: Any, wanted: Any) -> bool:
         return isinstance(value, os.PathLike)
     if wanted in (int, bool, str, types.NoneType):
         return isinstance(value, wanted) and (wanted is bool or not isinstance(value, bool))
+    if isinstance(wanted, type) and is_dataclass(wanted):
+        return isinstance(value, wanted)
     return wanted is Any
 
 

@@ -3,16 +3,18 @@
 The protocols' defaults are the paper's text (GeneOH Diffusion, C.1) wherever it gives one.
 """
 
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
 from geneoh import choices
-from geneoh.config import Limited
-from geneoh.errors import ConfigError
+from geneoh.config import Limited, Limits, check_fields
 from geneoh.pipeline.options import Options
 from geneoh.readers.base import ReaderOptions
 
+LIMITS: Limits = dict.fromkeys(("limit", "close_frames"), (1, math.inf))
+"""Least and largest of numbers that are chosen."""
 SEEDS = (11, 22, 77)  # seeds of the paper's Table 5
 DEFAULT_METHODS: tuple[choices.MethodName, ...] = (
     *("input", "savgol", "centroid", "best-filter", "best-offset", "optimisation"),
@@ -117,19 +119,14 @@ class EvaluationOptions:
     metrics, are measured; None: 20, for `synthetic` 5."""
 
     def __post_init__(self) -> None:
-        """Refuse with a `ConfigError` what is none of the choices; what is named twice is one."""
+        """Take lists and paths given as text; what is named twice is one.
+
+        Raises:
+            ConfigError: a value is of another type than its field's, or none of its choices.
+        """
+        check_fields(self, LIMITS)
         for name in ("noises", "seeds", "methods", "presets", "ablations", "predictions"):
             object.__setattr__(self, name, tuple(dict.fromkeys(getattr(self, name))))
-        for what, values, known in (
-            ("data set", [self.dataset], choices.DATASETS),
-            ("noise", self.noises, choices.CASE_NOISES),
-            ("method", self.methods, choices.METHODS),
-            ("preset", self.presets, choices.PRESETS),
-            ("ablation", self.ablations, choices.ABLATIONS),
-        ):
-            for value in values:
-                if value not in known:
-                    raise ConfigError(f"{what} {value}: expected one of {', '.join(known)}")
 
     @property
     def defaults(self) -> DatasetDefaults:

@@ -96,6 +96,10 @@ def subject_of(track: HandTrack, model: HandModel) -> Subject:
             if misfit > POSE_MISFIT:
                 notes.append("the given pose does not reach the given joints: the joints are used")
                 rotations = skeleton = None
+        if filled.wrist is not None:
+            apart = (trust[:, 0] * (filled.wrist - joints[:, 0]).norm(dim=-1)).sum()
+            if apart > POSE_MISFIT * trust[:, 0].sum():
+                notes.append("the given wrist is not that of the given joints: the joints are used")
     if known is not None:
         betas = known
     elif skeleton is not None:

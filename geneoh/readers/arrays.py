@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import torch
 from torch import Tensor
 
 from geneoh.bundle import unmasked
@@ -88,13 +89,16 @@ def check_times(values: dict[str, Any], source: str) -> None:
         if name in values and not is_column(values[name], frames):
             raise InputError(
                 f"{source}: '{name}' must be one number for each of the {frames} frames, got "
-                f"shape {np.shape(values[name])}; correct it or leave it out"
+                f"{np.asarray(values[name]).dtype} of shape {np.shape(values[name])}; correct it "
+                "or leave it out"
             )
 
 
 def array_of(value: Any) -> Any:
     """A tensor, an array or nested lists as a numpy array; lists of other lengths as they are."""
     if isinstance(value, Tensor):
+        # numpy has no bfloat16
+        value = value.float() if value.dtype == torch.bfloat16 else value
         return value.detach().cpu().numpy()
     try:
         return np.asarray(unmasked(value))

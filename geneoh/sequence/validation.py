@@ -40,6 +40,9 @@ RIGID_TOLERANCE = 1e-2
 """Largest entry of R^T R - I; rotations stored in half precision have 1e-3."""
 
 
+WRIST_APART = 0.1
+"""Largest distance in metres between a given wrist and the first keypoint, in the median."""
+
 COLLAPSED = 0.01
 """Metres within which all keypoints of a frame lie that holds no hand: some trackers write zeros
 where they found none."""
@@ -130,6 +133,14 @@ def check_hand(hand: HandTrack, name: str) -> None:
             raise InputError(
                 f"{name}: the joints of the {hand.side} hand must be in metres and span "
                 f"{SMALLEST_HAND:g} to {LARGEST_HAND:g}, got {span:.3g}; these look like {cure}"
+            )
+    if hand.joints is not None and hand.wrist is not None:
+        apart = (hand.wrist - hand.joints[:, 0]).norm(dim=-1)[hand.valid & (hand.trust[:, 0] > 0)]
+        if len(apart) and float(apart.median()) > WRIST_APART:
+            raise InputError(
+                f"{name}: 'wrist' of the {hand.side} hand must be where keypoint 0 of 'joints' is, "
+                f"got {float(apart.median()):.2g} m between them; give both in the same frame, or "
+                "leave the pose and its wrist out"
             )
     if hand.pose is not None:
         angle = float(hand.pose[hand.valid].norm(dim=-1).max())

@@ -74,9 +74,10 @@ class _Document:
             "scene": 0,
             "scenes": [{"name": title, "nodes": scene_nodes}],
             "buffers": [{"byteLength": len(self.binary)}],
-            "animations": [{"name": title, **self.animation}],
             **self.tables,
         }
+        if self.animation["channels"]:  # glTF allows none without
+            document["animations"] = [{"name": title, **self.animation}]
         text, chunks = json.dumps(document, separators=(",", ":")).encode(), b""
         for name, data, filler in ((b"JSON", text, b" "), (b"BIN\0", bytes(self.binary), b"\0")):
             data += filler * (-len(data) % 4)
@@ -91,17 +92,16 @@ def glb_bytes(scene: Scene, look: Look | None = None) -> bytes:
     times = document.accessor(seconds)
     children = [_add_hand(document, hand, times) for hand in version.hands]
     children += [_add_part(document, scene, i, times) for i in range(len(scene.object.meshes))]
-    turn = upright((look or Look()).upward)
-    root = document.add("nodes", {"name": "world", "rotation": turn, "children": children})
+    turn = torch.from_numpy(upright((look or Look()).upward)).float()
+    w, x, y, z = matrix_to_quat_wxyz(turn).tolist()
+    root = document.add("nodes", {"name": "world", "rotation": [x, y, z, w], "children": children})
     return document.to_bytes([root], version.title)
 
 
-def upright(up: Float[np.ndarray, " 3"]) -> list[float]:
-    """Quaternion x, y, z, w that turns the world so that `up` becomes y."""
+def upright(up: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:
+    """The rotation of the world by which `up` becomes y: (x, y, z) with z up to (x, z, -y)."""
     level = np.eye(3)[np.abs(up).argmin()]
-    turn = axes_towards(np.cross(level, up), up)
-    w, x, y, z = matrix_to_quat_wxyz(torch.from_numpy(turn).float()).tolist()
-    return [x, y, z, w]
+    return axes_towards(np.cross(level, up), up)
 
 
 def _add_mesh(

@@ -7,8 +7,10 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
+import torch
 import trimesh
 
+from geneoh.body.motion import turned
 from geneoh.choices import Colouring
 from geneoh.errors import InputError
 from geneoh.files.atomic import in_one_step, write_whole
@@ -20,7 +22,7 @@ from geneoh.readers.bodies.bvh import write_bvh
 from geneoh.readers.bodies.fields import body_fields
 from geneoh.readers.npz_files import motion_arrays
 from geneoh.viz.canvas import filmstrip, png_bytes, refuse_frames
-from geneoh.viz.glb import glb_bytes
+from geneoh.viz.glb import glb_bytes, upright
 from geneoh.viz.look import Look
 from geneoh.viz.page import page_html
 from geneoh.viz.scene import PosedTrack, Scene
@@ -108,8 +110,10 @@ def write(
             else:
                 write_archive(path, smplx_arrays(scene, scene.versions[-1].hands[0]))
         case ".bvh":
-            assert scene.body is not None, "a BVH of hands alone was refused"
-            write_bvh(scene.body.skeleton, scene.body.motion, scene.fps, path)
+            body = scene.body
+            assert body is not None, "a BVH of hands alone was refused"
+            turn = torch.from_numpy(upright(Look(up=body.up).upward)).to(body.motion.root)
+            write_bvh(body.skeleton, turned(body.file_motion, turn), scene.fps, path)
         case ".obj" | ".ply":
             return write_meshes(scene, path, on_step)
         case _:

@@ -162,9 +162,12 @@ def test_the_papers_noise_asks_for_mano_or_another_choice(tmp_path):
 @pytest.mark.parametrize(
     ("field", "value", "message"),
     [
-        ("dataset", "dexycb", "data set dexycb: expected one of synthetic, taco"),
-        ("noises", ("white",), "noise white: expected one of gauss"),
-        ("methods", ("magic",), "method magic: expected one of input"),
+        ("dataset", "dexycb", "'dataset' must be one of 'synthetic', 'taco', .* got 'dexycb'"),
+        ("noises", ("white",), r"'noises\[0\]' must be one of 'gauss', .* got 'white'"),
+        ("noises", "gauss", "'noises' must be a list of .* got 'gauss'"),
+        ("methods", ("magic",), r"'methods\[0\]' must be one of 'input', .* got 'magic'"),
+        ("seeds", 11, "'seeds' must be a list of a whole number, got 11"),
+        ("limit", 0, "'limit' must be 1 or more, got 0"),
     ],
 )
 def test_what_does_not_exist_is_refused_with_the_choices(field, value, message):

@@ -67,6 +67,16 @@ def test_a_pose_that_misses_the_joints_is_dropped():
     assert "joints are used" in subject.notes[0]
 
 
+def test_a_wrist_that_is_not_that_of_the_joints_is_told():
+    track = track_of(torch.zeros(10))
+    subject = subject_of(replace(track, wrist=track.wrist + 0.02), MODEL)
+    assert subject.notes == (
+        "the given wrist is not that of the given joints: the joints are used",
+    )
+    assert subject.start is not None
+    torch.testing.assert_close(subject.start.wrist[0], track.wrist)
+
+
 def test_trust_is_confidence_where_observed_and_zero_elsewhere():
     track = track_of(torch.zeros(10))
     valid = track.valid.clone()

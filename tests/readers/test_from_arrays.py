@@ -115,3 +115,9 @@ def test_times_of_the_frames_take_the_place_of_a_rate(arrays):
 def test_what_says_no_rate_or_two_rates_is_refused(arrays, given, words):
     with pytest.raises(InputError, match=words):
         geneoh.from_arrays(**arrays, **given, meshes=MESH)
+
+
+def test_bfloat16_is_read_as_the_numbers_that_it_holds(arrays):
+    half = torch.from_numpy(arrays["left_joints"]).bfloat16()
+    (hand,) = geneoh.from_arrays(**arrays | {"left_joints": half}, fps=30, meshes=MESH).hands
+    assert torch.equal(hand.joints[hand.valid], half.float()[hand.valid])

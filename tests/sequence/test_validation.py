@@ -37,6 +37,10 @@ def test_a_plausible_sequence_passes():
             "got in frame 0 determinant 0; fill frames",
         ),
         (replace(GOOD, hands=(replace(HAND, joints=0 * HAND.joints),)), "all its keypoints in one"),
+        (
+            replace(GOOD, hands=(replace(HAND, wrist=HAND.joints[:, 0] + 1),)),
+            "'wrist' of the right hand must be where .* got 1.7 m between them",
+        ),
         *(
             (replace(GOOD, hands=(replace(HAND, **{field: values}),)), f"'{field}' .* {words}")
             for field, values, words in (

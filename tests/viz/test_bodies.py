@@ -10,7 +10,7 @@ import trimesh
 from pages import page_scene
 from PIL import Image
 
-from geneoh.body.motion import pose
+from geneoh.body.motion import pose, turned
 from geneoh.body.skeleton import JOINT_NAMES
 from geneoh.errors import InputError
 from geneoh.readers.bodies.read import read_body
@@ -74,11 +74,21 @@ def test_pages_pictures_and_scenes_show_body_and_hands(file, tmp_path):
 
 
 def test_other_programs_get_the_body_with_its_fingers(body, file, tmp_path):
-    for name in ("a.bvh", "a.npz"):
-        found = read_body(view(file, tmp_path / name))
-        turns, wanted = found.motion.rotations, body.motion.rotations
-        torch.testing.assert_close(turns, wanted, atol=1e-4, rtol=0)
-        torch.testing.assert_close(found.motion.root, body.motion.root, atol=1e-5, rtol=0)
+    upright = torch.tensor([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])  # z up to y up, as in a GLB
+    wanted = {"a.npz": body.file_motion, "a.bvh": turned(body.file_motion, upright)}
+    for name, motion in wanted.items():
+        found = read_body(view(file, tmp_path / name)).file_motion
+        torch.testing.assert_close(found.rotations, motion.rotations, atol=1e-4, rtol=0)
+        torch.testing.assert_close(found.root, motion.root, atol=1e-5, rtol=0)
+
+
+def test_bvh_and_glb_face_the_same_way(body, file, tmp_path):
+    joints = read_body(view(file, tmp_path / "a.bvh"))
+    wrist = pose(joints.skeleton, joints.file_motion).positions[0, JOINT_NAMES.index("left_wrist")]
+    scene = trimesh.load_scene(view(file, tmp_path / "a.glb"))
+    turn, name = scene.graph["left hand"]
+    verts = trimesh.transform_points(scene.geometry[name].vertices, turn)
+    assert np.linalg.norm(verts - wrist.numpy(), axis=1).min() < 0.03
 
 
 def test_hands_alone_make_no_bvh(file, tmp_path):

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 import trimesh
 
-from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.sequence.sequence import ObjectTrack, Sequence
 from geneoh.viz.glb import glb_bytes, upright
 from geneoh.viz.look import Look
+from geneoh.viz.scene import make_scene
 
 UP = Look().upward
 
@@ -58,8 +58,8 @@ def test_every_frame_played_back_is_that_frames_mesh(scene, glb):
 def test_trimesh_reads_the_first_frame_where_it_is_in_the_world(scene, glb, tmp_path):
     (tmp_path / "clip.glb").write_bytes(glb)
     loaded = trimesh.load_scene(tmp_path / "clip.glb", process=False)
-    x, y, z, w = upright(UP)
-    back = trimesh.transformations.quaternion_matrix([w, -x, -y, -z])
+    back = np.eye(4)
+    back[:3, :3] = upright(UP).T
     hand = scene.versions[1].hands[0]
     for name, verts in (
         ("right hand", hand.verts[0]),
@@ -84,11 +84,17 @@ def test_a_hand_that_is_not_there_has_no_size(scene, glb):
 
 @pytest.mark.parametrize("up", np.eye(3).tolist() + (-np.eye(3)).tolist())
 def test_up_becomes_y(up):
-    *xyz, w = upright(np.array(up))
-    angle = 2 * np.arccos(np.clip(w, -1, 1))
-    axis = np.array(xyz) / max(np.linalg.norm(xyz), 1e-9)
-    turn = axis_angle_to_matrix(torch.from_numpy(axis * angle).float()).numpy()
-    np.testing.assert_allclose(turn @ np.array(up), [0, 1, 0], atol=1e-5)
+    turn = upright(np.array(up))
+    np.testing.assert_allclose(turn @ np.array(up), [0, 1, 0], atol=1e-9)
+    np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-9)
+    assert np.linalg.det(turn) == pytest.approx(1)
+
+
+def test_what_does_not_move_has_no_animation(track):
+    alone = Sequence((track[:1],), ObjectTrack.resting((), 1), 30.0)
+    still, _ = chunks(glb_bytes(make_scene({"one frame": alone})))
+    assert "animations" not in still
+    assert len(still["meshes"]) == 1
 
 
 def test_the_khronos_validator_finds_no_error(glb, node_modules, tmp_path):

@@ -7,6 +7,7 @@ for motion of joints of the spine that ours does not have.
 """
 
 import io
+import warnings
 from itertools import pairwise
 from pathlib import Path
 
@@ -181,7 +182,9 @@ def bvh_text(skeleton: Skeleton, motion: BodyMotion, fps: float) -> str:
     lines += ["MOTION", f"Frames: {len(motion.root)}", f"Frame Time: {1 / fps:.9g}"]
     order = written_order()
     turns = motion.rotations[:, order].double().numpy()
-    angles = Rotation.from_matrix(turns.reshape(-1, 3, 3)).as_euler("ZYX", degrees=True)
+    with warnings.catch_warnings():  # in gimbal lock one of the many triples is as good as another
+        warnings.simplefilter("ignore", UserWarning)
+        angles = Rotation.from_matrix(turns.reshape(-1, 3, 3)).as_euler("ZYX", degrees=True)
     values = [CM * motion.root.double().numpy(), angles.reshape(len(turns), -1)]
     rows = io.StringIO()
     np.savetxt(rows, np.concatenate(values, axis=1), fmt="%.6f")

@@ -180,3 +180,13 @@ def test_a_mesh_in_memory_will_do():
         torch.tensor(np.asarray(made.faces)),
     )
     assert generate("Lift the box.", mesh, PLAIN).sequence.frames == 20
+
+
+def test_what_is_told_of_the_result_is_measured_of_what_is_written(mug, tmp_path):
+    made = generate("Lift the mug with the left hand.", mug, replace(PLAIN, refine="geneoh"))
+    save_generated(made, tmp_path / "clip.npz")
+    again = geneoh.denoise(tmp_path / "clip.npz", preset="fast")
+    assert made.refined is not None
+    told, measured = made.refined.hands["left"].after, again.hands["left"].before
+    assert told.acceleration_mm > 0.1
+    assert told.as_dict() == pytest.approx(measured.as_dict(), rel=0.02, abs=0.02, nan_ok=True)

@@ -1,0 +1,58 @@
+"""A result that is played at other times, with measures of what is then seen."""
+
+from dataclasses import replace
+
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.fitting.terms import HandState
+from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.hand.library import load_hand
+from geneoh.metrics.report import InteractionReport
+from geneoh.pipeline.alone import measure_hand
+from geneoh.pipeline.results import Denoised, HandResult
+from geneoh.pipeline.touch import REACH
+from geneoh.sequence.resample import at_times, instants
+from geneoh.sequence.sequence import HandTrack, Sequence
+
+
+def retimed(result: Denoised, time: Float[Tensor, " N"]) -> Denoised:
+    """The same motion at times in frames from its start, one for each frame of the new result.
+
+    `after` is measured anew; samples, and what is told of the input, stay as they are. The hands
+    must be those of the embedded model, and the sequence at 30 frames a second.
+    """
+    sequence = at_times(result.sequence, time)
+    nearest = instants(time, result.sequence.frames).nearest
+
+    def of_hand(hand: HandResult) -> HandResult:
+        track = sequence.hand(hand.track.side)
+        return replace(
+            hand,
+            track=track,
+            after=_measured(track, sequence),
+            filled=hand.filled[nearest],
+            contact=None if hand.contact is None else hand.contact[nearest],
+            evidence=hand.evidence[nearest],
+        )
+
+    hands = {side: of_hand(hand) for side, hand in result.hands.items()}
+    return replace(result, sequence=sequence, hands=hands)
+
+
+def _measured(track: HandTrack, sequence: Sequence) -> InteractionReport:
+    """The report of a clean hand at the object of its sequence."""
+    motion = sequence.object
+    if track.side == "left":
+        track, motion = track.mirrored(), motion.mirrored()
+    assert track.pose is not None, "a clean hand has a pose"
+    assert track.wrist is not None, "a clean hand has a wrist"
+    assert track.joints is not None, "a clean hand has joints"
+    assert track.betas is not None, "a clean hand has betas"
+    state = HandState(axis_angle_to_matrix(track.pose)[None], track.wrist[None])
+    shaped = load_hand("right").shaped(track.betas)
+    surface = motion.surface() if motion.meshes else None
+    found, _ = measure_hand(
+        state, shaped, track.joints, surface, sequence.fps, track.valid, within=REACH
+    )
+    return found
