@@ -130,8 +130,7 @@ def test_three_js_plays_every_frame_where_it_is_in_the_world(scene, glb, node_mo
         timeout=120,
     )
     assert run.returncode == 0, run.stderr
-    x, y, z, w = upright(UP)
-    turn = trimesh.transformations.quaternion_matrix([w, x, y, z])[:3, :3]
+    turn = upright(UP)
     hand = scene.versions[1].hands[0]
     for frame, played in enumerate(json.loads(run.stdout)):
         expected = {"right_hand": hand.verts[frame], "object_2": scene.object_verts(1, frame)}
