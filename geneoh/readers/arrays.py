@@ -15,7 +15,14 @@ from geneoh.errors import InputError
 from geneoh.geometry.mesh import MeshInput, meshes_of
 from geneoh.readers.clock import CLOCK_NAMES, TIME_NAMES, is_column, length_of
 from geneoh.readers.npz_files import sequence_in
-from geneoh.readers.npz_layouts import CAMERA_FIELDS, FORMAT, OBJECT_FIELDS, OWN_FIELDS, quoted
+from geneoh.readers.npz_layouts import (
+    CAMERA_FIELDS,
+    FORMAT,
+    OBJECT_FIELDS,
+    OWN_FIELDS,
+    own_names,
+    quoted,
+)
 from geneoh.readers.records import Record
 from geneoh.sequence.sequence import Sequence
 from geneoh.sequence.validation import check_sequence
@@ -83,7 +90,7 @@ def from_arrays(
 
 def check_times(values: dict[str, Any], source: str) -> None:
     """Refuse times that are not one number a frame; in a file they may be of something else."""
-    names = [f"{side}_{name}" for side in SIDES for name in ("joints", "pose")]
+    names = [own_names(side)[name] for side in SIDES for name in ("joints", "pose")]
     frames = next((length_of(values[name]) for name in names if name in values), 0)
     for name in CLOCK_NAMES:
         if name in values and not is_column(values[name], frames):

@@ -39,7 +39,6 @@ UNIT_TOLERANCE = 1e-3
 RIGID_TOLERANCE = 1e-2
 """Largest entry of R^T R - I; rotations stored in half precision have 1e-3."""
 
-
 WRIST_APART = 0.1
 """Largest distance in metres between a given wrist and the first keypoint, in the median."""
 

@@ -26,7 +26,7 @@ from geneoh.geometry.mesh import Mesh, load_mesh
 from geneoh.pipeline.denoise import clean_interaction
 from geneoh.pipeline.options import Options
 from geneoh.pipeline.results import Denoised
-from geneoh.pipeline.retimed import retimed
+from geneoh.pipeline.retiming import result_at_times
 from geneoh.progress import OnProgress
 from geneoh.readers.npz_files import save_sequence
 from geneoh.sequence.sequence import Sequence
@@ -143,7 +143,7 @@ def generate(
         refined = clean_interaction(sequence, cleaning, on_progress)
         # the cleaner may leave a hand that is on its way at either end
         time = eased_time(frames, torch.tensor([[frames - 1.0]]))[0]
-        refined = retimed(refined, time)
+        refined = result_at_times(refined, time)
         sequence = replace(refined.sequence, source=sequence.source)
     return Generated(sequence, stood.on_vertices(contact[0]), prompt, refined)
 

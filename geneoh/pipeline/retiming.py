@@ -16,7 +16,7 @@ from geneoh.sequence.resample import at_times, instants
 from geneoh.sequence.sequence import HandTrack, Sequence
 
 
-def retimed(result: Denoised, time: Float[Tensor, " N"]) -> Denoised:
+def result_at_times(result: Denoised, time: Float[Tensor, " N"]) -> Denoised:
     """The same motion at times in frames from its start, one for each frame of the new result.
 
     `after` is measured anew; samples, and what is told of the input, stay as they are. The hands
