@@ -113,8 +113,14 @@ def clips_of(path: Path, source: str | None, folder: Path) -> list[Clip]:
         clips = find_source_clips(source_named(source), [path])
         return [Clip(clip.name, clip.path, source) for clip in clips]
     if path.is_dir():
-        below = (each for each in sorted(path.rglob("*.npz")) if each.is_file())
-        found = [each for each in below if not each.is_relative_to(folder.absolute())]
+        below = [each for each in sorted(path.rglob("*.npz")) if each.is_file()]
+        results = folder.resolve()  # by any way to it, such as `..` or a link
+        found = [each for each in below if not each.parent.resolve().is_relative_to(results)]
+        if below and not found:
+            raise InputError(
+                f"{path}: expected npz files outside of the folder for results, got {len(below)} "
+                "within it; choose another --out"
+            )
         if not found:
             raise InputError(
                 f"{path}: expected npz files at or below it, found none; name the source of other "

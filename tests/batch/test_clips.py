@@ -44,6 +44,25 @@ def test_results_are_no_inputs(found, tmp_path):
     assert list(found(".")) == ["in/clip0", "in/clip1", "in/more/clip0"]
 
 
+@pytest.mark.parametrize("way", ["in/../out", "link"])
+def test_results_are_no_inputs_by_any_way_to_their_folder(found, tmp_path, way):
+    fake_cleaning.write_clips(tmp_path / "out", 3)
+    (tmp_path / "link").symlink_to(tmp_path / "out")
+    clips = find_clips([tmp_path], None, tmp_path / way)
+    assert [clip.name for clip in clips] == ["in/clip0", "in/clip1", "in/more/clip0"]
+
+
+def test_inputs_above_the_folder_for_results_are_found_from_within_it(found, tmp_path):
+    (tmp_path / "out").mkdir()
+    clips = find_clips([tmp_path / "out/../in"], None, tmp_path / "out")
+    assert [clip.name for clip in clips] == ["clip0", "clip1", "more/clip0"]
+
+
+def test_a_folder_that_is_also_for_the_results_is_refused_as_such(found, tmp_path):
+    with pytest.raises(InputError, match="outside of the folder for results, got 3 within it"):
+        find_clips([tmp_path / "in"], None, tmp_path / "in")
+
+
 def test_the_mesh_of_a_clip_is_the_one_asked_for_else_the_one_beside_it(found, tmp_path):
     mesh = tmp_path / "in" / "clip1.obj"
     assert found("in")["clip1"].meshes == (mesh,)
