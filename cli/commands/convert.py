@@ -48,7 +48,7 @@ def convert(
         raise click.UsageError("give -o DIR to write to, or --check to look only")
     chosen = source_named(source)
     given = options_with_files(mano_dir=mano, **others)
-    clips = find_clips(chosen, list(paths))
+    clips = find_clips(chosen, list(paths), folder)
     click.echo(f"found {len(clips)} clip{'s' * (len(clips) != 1)} of {chosen.title}")
     doing = converted(chosen, clips, folder, given, check=check, overwrite=overwrite)
     with progress.progress_bars() as on_progress:

@@ -15,6 +15,7 @@ from typing import Any
 from geneoh.choices import OF_SOURCES
 from geneoh.config import closest_name, parse_setting
 from geneoh.errors import ConfigError, InputError
+from geneoh.files.outputs import lies_within
 from geneoh.files.reading import open_text
 from geneoh.pipeline.options import Options
 from geneoh.readers.base import SourceClip
@@ -110,12 +111,11 @@ def expanded(path: Path) -> list[Path]:
 def clips_of(path: Path, source: str | None, folder: Path) -> list[Clip]:
     """The clips at or below one path; `InputError` where there is none."""
     if source is not None:
-        clips = find_source_clips(source_named(source), [path])
+        clips = find_source_clips(source_named(source), [path], folder)
         return [Clip(clip.name, clip.path, source) for clip in clips]
     if path.is_dir():
         below = [each for each in sorted(path.rglob("*.npz")) if each.is_file()]
-        results = folder.resolve()  # by any way to it, such as `..` or a link
-        found = [each for each in below if not each.parent.resolve().is_relative_to(results)]
+        found = [each for each in below if not lies_within(each, folder)]
         if below and not found:
             raise InputError(
                 f"{path}: expected npz files outside of the folder for results, got {len(below)} "

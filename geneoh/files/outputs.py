@@ -89,6 +89,11 @@ def refuse_inputs(path: Path, place: Path, inputs: Iterable[Path]) -> None:
             raise InputError(f"{path}: {where}is an input and never replaced; choose another name")
 
 
+def lies_within(path: Path, folder: Path) -> bool:
+    """Whether a path is a folder or in it, by any way to either, such as `..` or a link."""
+    return path.resolve().is_relative_to(folder.resolve())
+
+
 def keep_others(path: Path, remedy: str) -> None:
     """`InputError` for a file that holds anything and that geneoh did not write; with a remedy."""
     if path.exists() and path.stat().st_size and not is_ours(path):

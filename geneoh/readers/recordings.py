@@ -10,6 +10,7 @@ import numpy as np
 from geneoh.choices import Side, Unit
 from geneoh.config import as_field_type, checked_call, is_plain
 from geneoh.errors import ConfigError, InputError
+from geneoh.files.outputs import lies_within
 from geneoh.geometry.mesh import METRES, MeshInput, meshes_of
 from geneoh.readers.base import OF_SOME, ReaderOptions, Recording, SourceClip, clip_name
 from geneoh.readers.foreign_files import POSE_SHAPES, read_poses
@@ -76,13 +77,18 @@ def source_named(name: str) -> Source:
     return SOURCES[name]
 
 
-def find_clips(source: Source, paths: list[Path]) -> list[SourceClip]:
-    """Every clip of a source below some paths, each once; `InputError` for a path without any."""
+def find_clips(source: Source, paths: list[Path], results: Path | None = None) -> list[SourceClip]:
+    """Every clip of a source below some paths, each once; `InputError` for a path without any.
+
+    What lies in the folder of `results` below a path was written there, and is no clip.
+    """
     found: dict[Path, SourceClip] = {}
     for path in paths:
         if not path.exists():
             raise InputError(f"{path}: no such file or folder; check the path")
         clips = source.reader().find(path.resolve())
+        if results is not None and not lies_within(path, results):
+            clips = [clip for clip in clips if not lies_within(clip.path, results)]
         if not clips:
             raise InputError(
                 f"{path}: expected files of {source.title} at or below it, got none; give a folder "

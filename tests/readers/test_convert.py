@@ -193,6 +193,16 @@ def test_journals_of_geneoh_are_no_landmarks(tmp_path):
     assert len(find_clips(source_named("landmarks"), [tmp_path])) == 1
 
 
+def test_sequences_of_an_earlier_conversion_below_the_path_are_no_clips(tmp_path):
+    np.savez(tmp_path / "hand.npz", joints=scene().joints["right"], side="right")
+    source, out = source_named("keypoints"), tmp_path / "out"
+    for _ in range(2):
+        clips = find_clips(source, [tmp_path], out)
+        assert [clip.name for clip in clips] == ["hand"]
+        assert not any(outcome.failed for outcome in convert(source, clips, out, ReaderOptions()))
+    assert len(find_clips(source, [out], out)) == 1
+
+
 def test_other_options_are_another_conversion(tmp_path, mano_dir):
     taco(tmp_path / "in", scene(), False)
     out = tmp_path / "out"
