@@ -16,7 +16,7 @@ from geneoh.hand.mano import AS_SHIPPED, ManoName
 from geneoh.readers.clock import Clock, clock_of, unread_times
 from geneoh.readers.mano import Mano, read_mano
 from geneoh.readers.records import Array, Place, Record
-from geneoh.sequence.sequence import HandTrack, Sequence
+from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh.sequence.windows import runs
 
 ASSUMED_FPS = 30.0
@@ -152,6 +152,9 @@ class ClipParts:
     motion: Array | None = None
     """(T, 4, 4) or (T, Q, 4, 4) object to world in metres, NaN where it is not known; None for a
     source without an object, which takes the caller's."""
+    stated: ObjectTrack | None = None
+    """The object's track, with the caller's meshes, where a source without an object has files that
+    may hold it all the same."""
     name: str = ""
     """Of the recording, by default the clip's."""
     fps: float | None = None

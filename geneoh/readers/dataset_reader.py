@@ -80,7 +80,9 @@ class DatasetReader:
     def whole(self, parts: ClipParts, clip: SourceClip, options: ReaderOptions) -> Recording:
         """One interaction with all of its frames, as labels of frames count them."""
         where, notes = str(clip.path), list(parts.notes)
-        if parts.motion is None:
+        if parts.stated is not None:
+            motion, names = parts.stated, ()
+        elif parts.motion is None:
             frames = parts.hands[0].frames if parts.hands else 1
             motion, about_object = builders.callers_object(options, frames, where, parts.first)
             names = ()

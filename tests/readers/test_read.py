@@ -113,11 +113,37 @@ def test_bare_keypoints_are_read_with_what_their_file_says_beside_them(masked, t
     assert hand.joints[:5].equal(known.joints[:5])
 
 
-def test_object_and_camera_in_a_file_of_bare_keypoints_are_told_to_be_unread(masked, tmp_path):
-    poses = np.tile(np.eye(4), (12, 1, 1))
-    np.savez(tmp_path / "hand.npz", side="left", **masked, obj_pose=poses, camera_ray=[0, 0, 1.0])
+@pytest.mark.parametrize("unit", ["m", "mm"])
+def test_the_object_of_a_file_of_bare_arrays_is_read_with_its_mesh(estimated, tmp_path, unit):
+    known, _, pose = estimated
+    scale, hand = {"m": 1, "mm": 1000}[unit], known.hand("left")
+    mesh = EXAMPLES / "taco_object.obj"
+    own = {"side": "left", "fps": 30.0, "obj_pose": pose.copy()}
+    own["obj_pose"][:, :3, 3] *= scale
+    np.savez(tmp_path / "points.npz", joints=scale * hand.joints.numpy(), **own)
+    found = geneoh.read("keypoints", tmp_path / "points.npz", obj=mesh, keypoint_unit=unit)
+    assert found.object.translation.allclose(known.object.translation)
+    assert len(found.object.meshes) == 1
+    own = {"side": "left", "fps": 30.0, "obj_pose": pose}
+    fields = {"pose": hand.pose.reshape(-1, 48).numpy(), "trans": hand.wrist.numpy()}
+    np.savez(tmp_path / "mano.npz", **fields, **own)
+    found = geneoh.read("parameters", tmp_path / "mano.npz", translation="wrist", obj=mesh)
+    assert found.object.rotation.allclose(known.object.rotation)
+
+
+def test_poses_of_the_caller_go_before_those_of_a_file_of_bare_keypoints(estimated, tmp_path):
+    known, _, pose = estimated
+    points = known.hand("left").joints.numpy()
+    np.savez(tmp_path / "a.npz", side="left", fps=30, joints=points, obj_pose=0 * pose + np.eye(4))
+    found = geneoh.read("keypoints", tmp_path / "a.npz", object_pose=pose)
+    assert found.object.translation.allclose(known.object.translation)
+    assert "'obj_pose' of the file: not read beside --object-pose" in found.source
+
+
+def test_the_camera_in_a_file_of_bare_keypoints_is_told_to_be_unread(masked, tmp_path):
+    np.savez(tmp_path / "hand.npz", side="left", **masked, camera_ray=[0, 0, 1.0])
     found = geneoh.read("keypoints", tmp_path / "hand.npz")
-    assert "'obj_pose', 'camera_ray' of the file are not read beside --from" in found.source
+    assert "'camera_ray' of the file: not read beside --from; --camera gives" in found.source
 
 
 def test_bare_parameters_are_read_with_what_their_file_says_beside_them(

@@ -1,7 +1,8 @@
 """Any array of keypoints, or of MANO parameters. NaN means not observed.
 
-A file with fields may say more: 'side', 'fps', 'valid' (T), 'confidence' (T) or (T, N), and times
-or numbers of frames (T), with the meaning that they have in npz files that need no source.
+A file with fields may say more: 'side', 'fps', 'valid' (T), 'confidence' (T) or (T, N), times or
+numbers of frames (T), and the object's motion, with the meaning that they have in npz files that
+need no source.
 
 Keypoints: (T, 21, 3) in a npy, or 'joints' in an npz, in a named order (--joint-order); the orders
 of WebXR and OpenXR have 25 and 26 points. Metres unless --keypoint-unit says otherwise. --side says
@@ -12,6 +13,8 @@ side by side, 51 or 61 numbers a frame. What the translation moves is never gues
 wrist or origin); the pose is taken as absolute unless --mean-pose.
 """
 
+from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -25,8 +28,15 @@ from geneoh.readers import base, builders, npz_layouts
 from geneoh.readers.dataset_reader import reads
 from geneoh.readers.joint_orders import in_openpose_order, order_named
 from geneoh.readers.missing_keypoints import without_missing
-from geneoh.readers.npz_tracks import Notes, observed_frames, read_confidence, side_of
+from geneoh.readers.npz_tracks import (
+    Notes,
+    observed_frames,
+    read_confidence,
+    read_object,
+    side_of,
+)
 from geneoh.readers.records import Array, Record
+from geneoh.sequence.sequence import ObjectTrack
 
 KEYPOINTS_REMEDY = "save them in that shape, or name their order with --joint-order"
 PARAMETERS_REMEDY = "save 'pose', 'trans' and 'betas' in these shapes, or side by side in a npy"
@@ -53,8 +63,9 @@ def keypoints(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     rate, clock, more = base.timing_of(record, hand.frames, options.fps)
     source = f"{clip.path.name} (keypoints in the order {order})"
     checks = base.CrossChecks({side: joints})
-    timed = {"fps": rate, "clock": clock, "notes": (*missed, *notes, *unread(record), *more)}
-    yield base.ClipParts(source, [hand], cross_checks=checks, **timed)
+    motion, about = stated_object(record, options)
+    timed = {"fps": rate, "clock": clock, "notes": (*missed, *notes, *about, *more)}
+    yield base.ClipParts(source, [hand], cross_checks=checks, stated=motion, **timed)
 
 
 @reads("*.npy", "*.npz", "*.pkl", takes=("translation", "mean_pose", "object_pose"))
@@ -83,17 +94,27 @@ def parameters(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts
     rate, clock, more = base.timing_of(record, hand.frames, options.fps)
     use = base.ManoConvention(options.translation, mean_added=bool(options.mean_pose))
     source = f"{clip.path.name} (MANO parameters)"
-    timed = {"fps": rate, "clock": clock, "notes": (*notes, *unread(record), *more)}
-    yield base.ClipParts(source, [hand], convention=use, **timed)
+    motion, about = stated_object(record, options)
+    timed = {"fps": rate, "clock": clock, "notes": (*notes, *about, *more)}
+    yield base.ClipParts(source, [hand], convention=use, stated=motion, **timed)
 
 
-def unread(record: Record) -> Notes:
-    """A note on fields that are read of an npz without a source, and not of one with it."""
-    names = (*npz_layouts.OBJECT_FIELDS, *npz_layouts.CAMERA_FIELDS)
-    if not (found := [name for name in names if name in record]):
-        return ()
-    words = f"{npz_layouts.quoted(found)} of the file are not read beside --from"
-    return (f"{words}; --object-pose gives the object's poses, and --camera the camera",)
+def stated_object(record: Record, options: base.ReaderOptions) -> tuple[ObjectTrack | None, Notes]:
+    """The object's track that a file holds, unless the caller gives its poses, and what is not read
+    of the file."""
+    own = [name for name in npz_layouts.OBJECT_FIELDS[:3] if name in record]
+    camera = unread(record, npz_layouts.CAMERA_FIELDS, "--from; --camera gives the camera")
+    if options.object_pose is not None or not own:
+        return None, (*unread(record, own, "--object-pose"), *camera)
+    motion = read_object(record, options.meshes, 1)
+    unit = METRES[options.keypoint_unit or "m"]
+    return replace(motion, translation=unit * motion.translation), camera
+
+
+def unread(record: Record, names: Iterable[str], beside: str) -> Notes:
+    """A note on fields that are read of an npz without a source, and not beside something."""
+    found = [name for name in names if name in record]
+    return (f"{npz_layouts.quoted(found)} of the file: not read beside {beside}",) if found else ()
 
 
 def observed(record: Record, side: Side, name: str, values: Array) -> tuple[Array, Notes]:
