@@ -17,6 +17,9 @@ from geneoh.config import Limited, Limits
 from geneoh.geometry.mirror import MIRROR
 from geneoh.synthesis.draws import Draws
 
+CHANNELS = torch.tensor([3, 3, 45])
+"""Numbers of the translation, the global rotation and the finger joints."""
+
 
 @dataclass(frozen=True)
 class CorruptionConfig(Limited):
@@ -26,6 +29,7 @@ class CorruptionConfig(Limited):
         **dict.fromkeys(("clean_share", "burst_share", "right_share", "left_share"), (0, 1)),
         **dict.fromkeys(("gap_share", "jitter_share", "camera_share", "blunder_share"), (0, 1)),
         **dict.fromkeys(("ray_share", "other_ray_share", "shaky_share", "common_size"), (0, 1)),
+        **dict.fromkeys(("apart_share", "exact_share"), (0, 1)),
         **dict.fromkeys(("translation", "rotation", "fingers", "depth"), (1e-9, 1000)),
         **dict.fromkeys(("object_turn", "object_shift", "burst_factor"), (1e-9, 1000)),
         **dict.fromkeys(("lasting_turn", "lasting_shift"), (0, 1000)),
@@ -41,6 +45,10 @@ class CorruptionConfig(Limited):
     fingers: tuple[float, float] = (0.02, 0.6)
     """Range of the deviation of the finger joints, radians, log-uniform."""
     common_size: float = 0.7  # how much the three sizes agree, 0 to 1: bad tracks are bad in all
+    apart_share: float = 0.4
+    """Share in which translation, rotation and fingers each err in their own way and size: many
+    trackers know the pose of a hand well, and its place badly."""
+    exact_share: float = 0.3  # share of the three in such windows that are exact
     joint_scatter: float = 0.6  # deviation of the logarithm of the size from joint to joint
     largest_joint: float = 1.5  # largest factor that this makes
     burst_share: float = 0.3  # share with frames of larger independent errors than the others
@@ -64,7 +72,7 @@ class CorruptionConfig(Limited):
     """Range of the deviation of the depth that lasts, metres, log-uniform."""
     depth_drift: float = 0.8  # largest deviation of the depth that drifts, relative to that
     depth_frames: float = 15.0  # correlation time of that drift, frames
-    depth_jitter: float = 0.12  # deviation of single frames' depth, relative to what lasts
+    depth_jitter: float = 0.5  # largest deviation of single frames' depth, relative to what lasts
     blunder_share: float = 0.02  # share of the frames of every second such window with a blunder
     blunder: float = 0.06  # size of a blunder, metres
     across: float = 0.004  # deviation of the lasting error across the ray, metres
@@ -102,7 +110,8 @@ def draw_corruption(
 ) -> Corruption:
     """Corruption of B windows of T frames."""
     config = config or CorruptionConfig()
-    noise = _unit_noise(frames, config, draws) * _sizes(config, draws)[:, None]
+    apart = draws.chance(config.apart_share, 1)
+    noise = _unit_noise(frames, config, apart, draws) * _sizes(config, apart, draws)[:, None]
     jitter = config.jitter * draws.share(1, 1, 1)
     jitter = jitter * draws.chance(config.jitter_share, 1, 1, 1)
     keep, jitter = _observed(frames, config, draws), jitter * draws.normal(frames, 21, 3)
@@ -129,7 +138,8 @@ def _camera(
     correlation = torch.full((draws.batch,), config.depth_frames)
     drift = config.depth_drift * draws.share(1, 1)
     drift = drift * _ornstein_uhlenbeck(draws.normal(frames, 1), correlation)
-    depth = draws.normal(1, 1) + drift + config.depth_jitter * draws.normal(frames, 1)
+    jitter = config.depth_jitter * draws.share(1, 1)
+    depth = draws.normal(1, 1) + drift + jitter * draws.normal(frames, 1)
     depth = depth * draws.log_uniform(config.depth, 1, 1)
     blunders = draws.chance(config.blunder_share, frames, 1) & draws.chance(0.5, 1, 1)
     depth = depth + config.blunder * draws.normal(1, 1).sign() * blunders
@@ -156,10 +166,17 @@ def _object_noise(
     return turn + lasting_turn, move + lasting_move, size / math.sqrt(2)
 
 
-def _unit_noise(frames: int, config: CorruptionConfig, draws: Draws) -> Float[Tensor, "B T 51"]:
-    """A mixture of independent, slow, constant and one-sided noise, of unit size in all."""
-    share = torch.log(draws.share(1, 4).clamp(min=1e-4)) ** 2  # one or two dominate each window
+def _unit_noise(
+    frames: int, config: CorruptionConfig, apart: Bool[Tensor, "B 1"], draws: Draws
+) -> Float[Tensor, "B T 51"]:
+    """A mixture of independent, slow, constant and one-sided noise, of unit size in all.
+
+    Where translation, rotation and fingers err `apart`, each has a mixture of its own.
+    """
+    share = torch.log(draws.share(3, 4).clamp(min=1e-4)) ** 2  # one or two dominate each mixture
+    share = torch.where(apart[..., None], share, share[:, :1])
     share = share / share.square().sum(-1, keepdim=True).sqrt()
+    share = share.repeat_interleave(CHANNELS, dim=1)
     white = draws.normal(frames, 51)
     draw, most = draws.share(frames, 1), config.burst_frames * draws.share(1, 1)
     burst = draw < most * draws.chance(config.burst_share, 1, 1)
@@ -193,12 +210,19 @@ def _one_sided(frames: int, config: CorruptionConfig, draws: Draws) -> Float[Ten
     return sign[:, None] * (mean + std * draws.normal(frames, 51)).clamp(0, 1.2)
 
 
-def _sizes(config: CorruptionConfig, draws: Draws) -> Float[Tensor, "B 51"]:
-    """Deviation of each channel: translation, global rotation and finger joints."""
+def _sizes(
+    config: CorruptionConfig, apart: Bool[Tensor, "B 1"], draws: Draws
+) -> Float[Tensor, "B 51"]:
+    """Deviation of each channel: translation, global rotation and finger joints.
+
+    Where these err `apart`, their sizes do not agree, and some are zero.
+    """
     ranges = torch.tensor([config.translation, config.rotation, config.fingers])
     low, high = ranges.log().unbind(-1)
-    size = config.common_size * draws.share(1) + (1 - config.common_size) * draws.share(3)
-    size = torch.exp(low + (high - low) * size) * ~draws.chance(config.clean_share, 1)
+    common = config.common_size * ~apart
+    size = common * draws.share(1) + (1 - common) * draws.share(3)
+    exact = draws.chance(config.clean_share, 1) | (apart & draws.chance(config.exact_share, 3))
+    size = torch.exp(low + (high - low) * size) * ~exact
     joints = (config.joint_scatter * draws.normal(15)).exp().clamp(max=config.largest_joint)
     return torch.cat([size[:, :2], size[:, 2:] * joints], -1).repeat_interleave(3, dim=1)
 

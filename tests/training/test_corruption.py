@@ -109,6 +109,38 @@ def test_corruption_depends_on_the_generator_alone():
     assert not torch.equal(first.pose, other.pose)
 
 
+def sizes_of(noise: Corruption) -> torch.Tensor:
+    """Root mean squares (B, 3) of the errors of translation, rotation and fingers."""
+    kinds = (noise.translation, noise.pose[:, :, 0], noise.pose[:, :, 1:])
+    return torch.stack([values.flatten(1).square().mean(1).sqrt() for values in kinds], -1)
+
+
+def test_translation_rotation_and_fingers_may_err_apart():
+    """Each in its own size and in its own course over time, and some not at all."""
+    settings = {"clean_share": 0.0, "camera_share": 0.0, "joint_scatter": 0.0}
+    apart, alike = (
+        drawn(1500, 30, seed=8, config=CorruptionConfig(apart_share=share, **settings))
+        for share in (1.0, 0.0)
+    )
+    exact = sizes_of(apart) == 0
+    assert float(exact.float().mean()) == pytest.approx(CONFIG.exact_share, abs=0.05)
+    assert not bool((sizes_of(alike) == 0).any())
+    both = sizes_of(apart)[(~exact[:, :2]).all(-1)]
+    assert float(torch.corrcoef(sizes_of(alike).log().mT)[0, 1]) > 0.5
+    assert abs(float(torch.corrcoef(both.log().mT)[0, 1])) < 0.15
+
+    def steadiness(values: torch.Tensor) -> torch.Tensor:
+        return values.diff(dim=1).square().mean((1, 2)) / values.square().mean((1, 2))
+
+    def agreement(noise: Corruption, rows: torch.Tensor) -> float:
+        pair = (steadiness(noise.translation[rows]), steadiness(noise.pose[rows, :, 0]))
+        return float(torch.corrcoef(torch.stack(pair))[0, 1])
+
+    everyone = torch.ones(1500, dtype=torch.bool)
+    assert agreement(alike, everyone) > 0.7
+    assert abs(agreement(apart, (~exact[:, :2]).all(-1))) < 0.2
+
+
 ONLY_CAMERA = CorruptionConfig(
     clean_share=1.0, camera_share=1.0, ray_share=1.0, blunder_share=0.0, across=0.0
 )
