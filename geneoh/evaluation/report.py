@@ -54,25 +54,32 @@ class Evaluation:
         return blocks_of(self.scores, self.methods)
 
     @property
+    def seeds(self) -> int:
+        """How many seeds of noise there are."""
+        return len({score.seed for score in self.scores})
+
+    @property
     def bar_lines(self) -> str:
-        """What the lines in the bars are, in words."""
+        """What the lines in the bars are, in words; nothing where there are none."""
         recordings = len({recording_of(score.clip) for score in self.scores})
         if recordings >= FEWEST:
             return f"{LEVEL:.0%} intervals over {recordings} recordings"
+        if self.seeds < 2:
+            return ""
         few = f"{recordings} recording{'s' * (recordings != 1)}, too few for intervals"
         return f"the standard deviation over seeds of the mean over {few}"
 
     def remarks(self) -> Iterator[str]:
         """What a reader of the tables must know."""
-        seeds = len({score.seed for score in self.scores})
-        if seeds > 1:
-            yield f"Mean ± standard deviation over {seeds} seeds of the mean over clips."
+        if self.seeds > 1:
+            yield f"Mean ± standard deviation over {self.seeds} seeds of the mean over clips."
         if (tau := seed_agreement(self.scores)) is not None:
             yield (
                 "Kendall's tau of the ranks by MPJPE, least over pairs of seeds: "
                 f"{tau:.2f} (1: the same order for every seed)."
             )
-        yield f"Black lines in the report's bars: {self.bar_lines}."
+        if self.bar_lines:
+            yield f"Black lines in the report's bars: {self.bar_lines}."
         if any("†" in method for method in self.methods):
             yield BEST_FILTER_NOTE
         yield MESH_NOTE
@@ -191,9 +198,10 @@ def as_html_table(block: Block) -> str:
 def plots_of(evaluation: Evaluation, blocks: list[Block]) -> Iterator[str]:
     """Bars over all noises; then errors by frame, by joint and against the input's, by noise."""
     there = {key for block in blocks for cells in block.cells.values() for key in cells}
+    lines = evaluation.bar_lines and f", with {evaluation.bar_lines}"
     for key in ("mpjpe_mm", "depth_mm"):
         if key in there:
-            yield f"<h2>All methods, with {evaluation.bar_lines}</h2>{plots.bars(blocks, key)}"
+            yield f"<h2>{plots.title_of(key)}, all methods{lines}</h2>{plots.bars(blocks, key)}"
     if "mpjpe_mm" not in there:
         return
     for block in blocks:

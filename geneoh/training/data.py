@@ -107,7 +107,8 @@ def parsed_source(text: str, known: Sequence[str] = (SEQUENCES, *SOURCES)) -> Da
     """A source as it is written on the command line: `[SOURCE=]PATH[:WEIGHT]`.
 
     Raises:
-        ConfigError: the source is none of the `known`, or the weight is not above zero.
+        ConfigError: the source is none of the `known`, or the weight is no number above
+            zero.
     """
     if not text.rpartition("=")[2]:
         raise ConfigError(f"--data {text}: expected a path, got none; name a folder")
@@ -116,6 +117,10 @@ def parsed_source(text: str, known: Sequence[str] = (SEQUENCES, *SOURCES)) -> Da
     try:
         number = float(weight) if path else 1.0
     except ValueError:  # the colon belongs to the path
+        if Path(path).exists() and not Path(rest).exists():
+            raise ConfigError(
+                f"--data {text}: expected a weight after ':', got {weight}; give a number above 0"
+            ) from None
         path, number = rest, 1.0
     if source and source not in known:
         names = ", ".join(known)

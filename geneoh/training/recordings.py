@@ -132,7 +132,7 @@ def make_shards(
     Returns the shards, and why a clip could not be read, in words.
 
     Raises:
-        InputError: no clip of the source can be read; the message is that of the first.
+        InputError: no clip of the source can be read; the message says why, of the first.
     """
     clips, shards, problems = clips_of(source, path), [], []
     for clip in steps(clips, on_step):
@@ -144,7 +144,8 @@ def make_shards(
         except GeneOHError as error:
             problems.append(f"{clip.name}: not read, {error}")
     if not shards:
-        raise InputError(problems[0])
+        more = f" (none of {len(problems)} clips can be read)" if len(problems) > 1 else ""
+        raise InputError(problems[0] + more)
     return shards, problems
 
 

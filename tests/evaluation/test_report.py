@@ -71,6 +71,14 @@ def test_the_markdown_is_a_table_with_what_made_it(folder):
     assert "1.00 (1: the same order" in text
 
 
+def test_lines_are_told_only_where_the_bars_have_them(tmp_path):
+    once = tuple(score for score in made().scores if score.seed == 11)
+    for scores, told in ((made().scores, True), (once, False)):
+        write_report(made(scores=scores), tmp_path)
+        for name in ("report.md", "report.html"):
+            assert ("deviation over" in (tmp_path / name).read_text()) is told
+
+
 def test_a_reason_that_methods_share_is_told_once():
     why = "c.npz: damaged; copy it again"
     lost = [Score("taco", "c", "gauss", 11, method, failed=why) for method in METHODS]

@@ -54,6 +54,16 @@ def test_an_unknown_source_or_a_weight_of_nothing_is_refused(text):
         parsed_source(text)
 
 
+def test_a_weight_that_is_no_number_is_refused_unless_the_colon_belongs_to_the_path(tmp_path):
+    folder, text = tmp_path / "data", f"{tmp_path / 'data'}:abc"
+    assert parsed_source(text).path == Path(text)
+    folder.mkdir()
+    with pytest.raises(ConfigError, match="expected a weight after ':', got abc"):
+        parsed_source(text)
+    Path(text).mkdir()
+    assert parsed_source(text).path == Path(text)
+
+
 def records(objects: str, people: str) -> list[ClipRecord]:
     """A clip for each pair of letters."""
     return [ClipRecord("a", o, p, 60) for o, p in zip(objects, people, strict=True)]

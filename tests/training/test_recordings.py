@@ -258,6 +258,13 @@ def test_a_hand_without_an_object_is_to_be_converted_with_one(tmp_path):
         make_shards("landmarks", tmp_path, tmp_path / "out", SHORT, ReaderOptions())
 
 
+def test_where_no_clip_can_be_read_their_number_is_told(tmp_path):
+    for name in ("first", "second"):
+        (tmp_path / f"{name}.npz").write_bytes(b"no archive")
+    with pytest.raises(InputError, match=r"first: not read, .* \(none of 2 clips can be read\)"):
+        make_shards("sequences", tmp_path, tmp_path / "out", SHORT, ReaderOptions())
+
+
 def test_a_source_without_anything_to_read_is_refused(example, tmp_path):
     (example / "object").mkdir()
     (example / "object.obj").rename(example / "object" / "object.obj")

@@ -358,7 +358,7 @@ const next = (names, now) => names[(names.indexOf(now) + 1) % names.length];
 const step = (by) => { setPlaying(false); goTo(state.frame + by); };
 
 const sides = scene.versions.at(-1).hands.map((hand) => hand.side).join(" and ");
-$("about").textContent = `${T} frames · ${(T / scene.fps).toFixed(1)} s · ${sides} hand`;
+$("about").textContent = `${T} frame${T === 1 ? "" : "s"} · ${(T / scene.fps).toFixed(1)} s · ${sides} hand`;
 choices("layout", layouts.map((n) => [n, LAYOUTS[n]]), state.layout, setLayout);
 choices("colouring", colourings.map((n) => [n, COLOURINGS[n]]), state.colouring, setColouring);
 const numbers = Array.from({ length: sampleCount }, (_, i) => [i, `Sample ${i + 1}`]);
