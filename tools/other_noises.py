@@ -21,10 +21,10 @@ from geneoh.metrics.accuracy import mpjpe
 from geneoh.sequence.gaps import filled_keypoints
 from geneoh.sequence.noise import corrupt, perturbed
 from geneoh.sequence.sequence import HandTrack, Sequence
-from geneoh.synthesis.scans import Scans, build_scans, read_folder
+from geneoh.synthesis.scans import Scans, read_folder
 from geneoh.synthesis.shards import SynthesisConfig, seeded_generator
+from tools.noisy_objects.clips import EXAMPLES, scans_of
 
-EXAMPLES = Path(__file__).parents[1] / "examples"
 Error = Callable[[HandTrack, torch.Generator], HandTrack]
 
 
@@ -190,20 +190,13 @@ def main() -> None:
 def clips_of(count: int, seeds: int) -> dict[str, list[Sequence]]:
     """The clean clips by where they come from; the recording once for each seed."""
     recording = geneoh.load(EXAMPLES / "taco_clean.npz", obj=EXAMPLES / "taco_object.obj")
-    scans = held_out_scans()
+    objects = read_folder(EXAMPLES / "objects")
+    scans = scans_of(objects, objects.held_out)
     return {
         "recording": [recording] * seeds,
         "made": made_clips(SynthesisConfig().held_out, count),
         "scanned": made_clips(scans.names, count, scans),
     }
-
-
-def held_out_scans() -> Scans:
-    """The scanned objects of which nothing was trained on."""
-    found = read_folder(EXAMPLES / "objects")
-    chosen = [(n, m) for n, m in zip(found.names, found.meshes, strict=True) if n in found.held_out]
-    names, meshes = zip(*chosen, strict=True)
-    return build_scans(replace(found, names=names, meshes=meshes))
 
 
 def made_clips(names: tuple[str, ...], count: int, scans: Scans | None = None) -> list[Sequence]:

@@ -1,6 +1,7 @@
 """Clean clips, and the noise that is put on their hands and objects."""
 
 import math
+from collections.abc import Collection
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -19,7 +20,7 @@ from geneoh.readers.npz_files import load
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.object_noise import corrupt_object, draw_object_noise
 from geneoh.sequence.sequence import ObjectTrack, Sequence
-from geneoh.synthesis.scans import Scans, build_scans, read_folder
+from geneoh.synthesis.scans import MeshFolder, Scans, build_scans, read_folder
 from geneoh.synthesis.shards import seeded_generator
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -45,8 +46,12 @@ ObjectKind = Literal[ObjectNoise, WhiteNoise, "exact", "spins"]
 @cache
 def scans() -> Scans:
     """The scanned objects that the clips need."""
-    found = read_folder(EXAMPLES / "objects")
-    wanted = [n for n, name in enumerate(found.names) if name in (*MADE, *ROUND_SCANS)]
+    return scans_of(read_folder(EXAMPLES / "objects"), (*MADE, *ROUND_SCANS))
+
+
+def scans_of(found: MeshFolder, names: Collection[str]) -> Scans:
+    """Those objects of a folder that have one of the names."""
+    wanted = [n for n, name in enumerate(found.names) if name in names]
     return build_scans(
         replace(
             found,
