@@ -138,9 +138,9 @@ def batches(task: Task, first: int, team: Team, device: torch.device) -> Iterato
 
 
 def validate(state: TrainState, task: Task, team: Team, device: torch.device) -> float:
-    """Mean error of the averaged weights over fixed validation batches."""
+    """Mean error of the run's result over fixed validation batches."""
     kept = {n: t.clone() for n, t in state.model.state_dict().items()}
-    state.model.load_state_dict(state.average)
+    state.model.load_state_dict(state.result)
     count = task.config.validation_batches
     left = torch.zeros(count, dtype=torch.float64, device=device)
     for index in range(team.rank, count, team.size):
@@ -171,7 +171,7 @@ def train(
         CheckpointError: the folder holds a run of another network, config or data, or of more
             steps.
         ConfigError: there are fewer samples in a batch than pieces to divide it into, or the loss
-            is no number.
+            is no number, or `start_share` is not zero without a start.
         InputError: the folder cannot be made, or another run of the task is working in it.
     """
     team = team or Team()
@@ -265,13 +265,19 @@ def first_state(
     task: Task, device: torch.device, start: Mapping[str, Tensor] | None = None
 ) -> TrainState:
     """The state of a run before its first step."""
+    if task.config.start_share and start is None:
+        raise ConfigError(
+            "start_share: expected 0 without weights to start from, got "
+            f"{task.config.start_share:g}; name them with --start, or leave it out"
+        )
     model = task.network().to(device)
     if start is not None:
         model.load_state_dict(start)
     precision = quick_precision(device)
     multiply_in(model, precision)
     average = {n: t.clone() for n, t in model.state_dict().items()}
-    return TrainState(model, average, Optimizer(model, task.config, precision))
+    optimizer = Optimizer(model, task.config, precision)
+    return TrainState(model, average, optimizer, start, task.config.start_share)
 
 
 def update(

@@ -56,10 +56,24 @@ class TrainState:
     model: nn.Module
     average: dict[str, Tensor]  # moving average of the weights
     optimizer: Optimizer
+    first: Mapping[str, Tensor] | None = None  # the weights started from; None for random ones
+    first_share: float = 0.0  # their share in `result`
     step: int = 0
     seconds: float = 0.0
     recent: list[float] = field(default_factory=list)  # losses since the last row of the log
     log: list[LogRow] = field(default_factory=list)
+
+    @property
+    def result(self) -> dict[str, Tensor]:
+        """The weights that are used: the averaged ones, mixed with those started from."""
+        if self.first is None:
+            return self.average
+        return {
+            name: tensor.lerp(self.first[name].to(tensor), self.first_share)
+            if tensor.is_floating_point()
+            else tensor
+            for name, tensor in self.average.items()
+        }
 
     def to_checkpoint(self, record: dict[str, Any]) -> Checkpoint:
         """All tensors of the state by name, with the record of the run."""
@@ -98,8 +112,8 @@ class TrainState:
         self.recent.clear()
 
     def weights(self, record: dict[str, Any]) -> Checkpoint:
-        """The averaged weights in half precision, with the record and the last row of the log."""
-        half = {n: t.half() if t.is_floating_point() else t for n, t in self.average.items()}
+        """The result in half precision, with the record and the last row of the log."""
+        half = {n: t.half() if t.is_floating_point() else t for n, t in self.result.items()}
         final = record | {"step": self.step, "seconds": round(self.seconds)}
         if self.log:
             final |= {"loss": self.log[-1].loss, "error_left": self.log[-1].error_left}

@@ -18,7 +18,7 @@ class RunConfig(Limited):
 
     LIMITS: ClassVar[Limits] = {
         **dict.fromkeys(("batch", "validation_batches"), (1, 1_000_000)),
-        **dict.fromkeys(("rate", "decay", "weight_decay", "ema"), (0, 1)),
+        **dict.fromkeys(("rate", "decay", "weight_decay", "ema", "start_share"), (0, 1)),
         **{"clip": (1e-6, math.inf), "seed": (-math.inf, math.inf)},
     }
     READ_BY: ClassVar[Mapping[str, tuple[str, ...]]] = {}
@@ -35,6 +35,9 @@ class RunConfig(Limited):
     weight_decay: float = 0.01  # decoupled weight decay, relative to the rate
     clip: float = 1.0  # largest norm of the gradient
     ema: float = 0.998  # decay of the averaged weights, which are the ones that are used
+    start_share: float = 0.0
+    """Share of the weights started from in those that are written (Wortsman et al., CVPR 2022): the
+    network keeps more of what it could do before. Zero without such a start."""
     seed: int = 0  # of the first weights and of every batch
     checkpoint_every: int = 250  # steps between two saved states of the run
     validate_every: int = 250  # steps between two validations

@@ -53,6 +53,32 @@ def test_weights_of_a_folder_bring_their_network_and_go_on_learning(clips, tiny,
         train_stage("motion", config, clips, clips, out, device=CPU)
 
 
+def test_a_run_may_keep_a_share_of_the_weights_that_it_starts_from(clips, tiny, tmp_path):
+    """What is validated and written is the mean; the state goes on from the weights alone."""
+    train_stage("motion", tiny, clips, clips, tmp_path / "first", device=CPU)
+    config, first = started_from(tmp_path / "first", "motion", replace(tiny, rate=0.05))
+    written, states, errors = [], [], []
+    for share in (0.0, 0.4, 1.0):
+        out, chosen = tmp_path / str(share), replace(config, start_share=share)
+        path = train_stage("motion", chosen, clips, clips, out, device=CPU, start=first)
+        saved = load_checkpoint(path)
+        assert saved.record["config"]["start_share"] == share
+        written.append(saved.tensors)
+        states.append(load_checkpoint(out / "motion_state.safetensors").tensors)
+        errors.append(saved.record["error_left"])
+    assert len(set(errors)) == 3
+    for name, tensor in states[0].items():
+        assert tensor.equal(states[1][name]), name
+    learned, mixed, kept = written
+    for name, tensor in first.items():
+        mean = 0.6 * learned[name].double() + 0.4 * tensor.double()
+        torch.testing.assert_close(mixed[name].double(), mean, atol=2e-3, rtol=2e-3)
+        assert kept[name].equal(tensor.to(kept[name].dtype)), name
+    assert not learned["head.weight"].equal(mixed["head.weight"])
+    with pytest.raises(ConfigError, match="start_share: expected 0 without weights"):
+        train_stage("motion", chosen, clips, clips, tmp_path / "none", device=CPU)
+
+
 def test_settings_of_another_network_than_that_of_the_weights_are_refused(clips, tiny, tmp_path):
     train_stage("motion", tiny, clips, clips, tmp_path, device=CPU)
     same = replace(TrainConfig(), motion=MotionConfig(width=tiny.motion.width))
