@@ -1,0 +1,202 @@
+"""Two hands on one object, cleaned together: `python -m tools.two_hands`.
+
+Clips in which two hands hold one object that no network has seen, under noises of `geneoh corrupt`.
+Each cell has the input, the tuned Savitzky-Golay filter on parameters, which every hand gets by
+itself, and geneoh: means over clips, hands and frames, and of the deepest vertex that the hands
+have in each other means over clips.
+"""
+
+import argparse
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import islice
+from pathlib import Path
+from typing import get_args
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+import geneoh
+from geneoh.baselines.filters import TUNED, filtered
+from geneoh.choices import Noise
+from geneoh.evaluation.scores import fitted_verts
+from geneoh.fitting.subject import subject_of
+from geneoh.geometry.changing_surface import ChangingSurface
+from geneoh.geometry.distance import MovingSurface
+from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.hand.library import load_hand
+from geneoh.hand.skeleton import TIP_KEYPOINTS
+from geneoh.metrics.contact import (
+    contact_agreement,
+    depth_between,
+    penetration_depth,
+    tips_in_contact,
+)
+from geneoh.metrics.smoothness import finite_difference
+from geneoh.sequence.gaps import filled_keypoints
+from geneoh.sequence.noise import corrupt_sequence
+from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
+from geneoh.synthesis.bimanual import BimanualConfig, pair_hands
+from geneoh.synthesis.motion import Interactions, animate
+from geneoh.synthesis.scans import read_folder
+from geneoh.synthesis.shards import (
+    SynthesisConfig,
+    draw_attempts,
+    grasp_directions,
+    seeded_generator,
+    tried_grasps,
+)
+from geneoh.synthesis.solids import PARTS, Solids
+from geneoh.synthesis.surface import mesh_of
+from tools.noisy_objects.clips import EXAMPLES, scans_of
+
+FRAMES = 90
+DEEPEST, OVERLAP = 0.01, 0.002
+"""How deep a vertex of a clean clip may be in the object, and in the other hand, metres."""
+AT_ONCE = 24  # objects for which two grasps are tried at a time
+CONFIG = SynthesisConfig(
+    frames=FRAMES,
+    shape_std=0.0,
+    bone_std=0.0,
+    bimanual=BimanualConfig(share=1.0, bone_std=0.0),
+)
+ROWS = {
+    "keypoint error, mm": "{:.1f}",
+    "depth in the object, mm": "{:.1f}",
+    "fingertips in contact, F, %": "{:.0f}",
+    "acceleration, mm/frame²": "{:.1f}",
+    "deepest in each other, mm": "{:.1f}",
+}
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two hands of a clip in T frames, as they are measured."""
+
+    joints: Float[Tensor, "2 T 21 3"]  # world frame, metres
+    depth: Float[Tensor, "2 T"]  # of the deepest vertex in the object, metres
+    tips: Bool[Tensor, "2 T 5"]  # fingertips that touch the object
+    overlap: float  # depth of the deepest vertex that they have in each other, metres
+
+
+def main() -> None:
+    """Print the table, a column for each noise."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--clips", type=int, default=8)
+    parser.add_argument("--noises", nargs="+", choices=get_args(Noise), default=get_args(Noise))
+    parser.add_argument("--preset", default="default")
+    given = parser.parse_args()
+    torch.set_num_threads(1)
+    clips = list(islice(made_pairs(), given.clips))
+    columns = [column(clips, noise, given.preset) for noise in given.noises]
+    print("| input / filter / geneoh | " + " | ".join(given.noises) + " |")
+    print("|---|" + "--:|" * len(given.noises))
+    for row, (name, form) in enumerate(ROWS.items()):
+        cells = (" / ".join(map(form.format, values[:, row].tolist())) for values in columns)
+        print(f"| {name} | " + " | ".join(cells) + " |")
+
+
+def made_pairs() -> Iterator[Sequence]:
+    """Clips of two hands of the mean shape on held-out families and scans; always the same.
+
+    Hands that go through the object or each other on their ways are left out.
+    """
+    objects = read_folder(EXAMPLES / "objects")
+    scans = scans_of(objects, objects.held_out)
+    names = [*CONFIG.held_out, *scans.names]
+    generator = seeded_generator("two hands")
+    while True:
+        tried = draw_attempts(
+            CONFIG, names, load_hand("right"), AT_ONCE, generator=generator, scans=scans
+        )
+        toward = grasp_directions(tried.solids, tried.shared)
+        grasps = tried_grasps(tried, CONFIG, toward, generator)
+        pairs = pair_hands(grasps, tried.shared, CONFIG.bimanual)
+        kept, solids = grasps.take(grasps.kept, "B"), tried.solids.take(grasps.kept, "B")
+        clips = animate(kept, solids, FRAMES, 1, CONFIG.animation, generator=generator, pairs=pairs)
+        named = [name for name, there in zip(tried.families, grasps.kept, strict=True) if there]
+        for second in torch.nonzero(pairs.second)[:, 0].tolist():
+            first = int(pairs.first[second])
+            clip = paired(clips, solids, first, second, Path(named[first]).stem)
+            found = clean_pair(clip)
+            if float(found.depth.max()) < DEEPEST and found.overlap < OVERLAP:
+                yield clip
+
+
+def paired(clips: Interactions, solids: Solids, first: int, second: int, name: str) -> Sequence:
+    """A clip of a right hand, and of the left one that another clip shows in a mirror."""
+    solid = solids.take(slice(first, first + 1), "B")
+    parts = PARTS if bool(solid.jointed) else 1
+    meshes = tuple(mesh_of(solid.only(part)) for part in range(parts))
+    motion = ObjectTrack(
+        meshes, clips.rotation[first, :, :parts], clips.translation[first, :, :parts]
+    )
+    hands = (right_hand(clips, first), right_hand(clips, second).mirrored())
+    return Sequence(hands, motion, 30.0, f"two hands, {name}")
+
+
+def right_hand(clips: Interactions, number: int) -> HandTrack:
+    """The hand of one clip."""
+    pose, wrist = clips.pose[number], clips.wrist[number]
+    shaped = load_hand("right").shaped(torch.zeros(10))
+    joints = shaped.joints_from_rotations(axis_angle_to_matrix(pose), wrist)
+    known = {"joints": joints, "pose": pose, "wrist": wrist, "betas": torch.zeros(10)}
+    valid = torch.ones(len(pose), dtype=torch.bool)
+    return HandTrack("right", valid, **known, hand_model="embedded")
+
+
+def column(clips: list[Sequence], noise: Noise, preset: str) -> Float[Tensor, "3 5"]:
+    """Means over clips by version (input, filter, geneoh) and row of the table."""
+    found = []
+    for number, clean in enumerate(clips):
+        noisy = corrupt_sequence(clean, noise, generator=seeded_generator(noise, number))
+        cleaned = geneoh.denoise(noisy, preset=preset).sequence
+        chosen, surface = TUNED["savgol", "parameters"], clean.object.surface()
+        versions = (
+            [filled_keypoints(hand) for hand in noisy.hands],
+            [filtered(hand, chosen, "parameters", noisy.fps) for hand in noisy.hands],
+            [filled_keypoints(hand) for hand in cleaned.hands],
+        )
+        truth = clean_pair(clean)
+        found.append([scores(measured(noisy.hands, each, surface), truth) for each in versions])
+    return torch.tensor(found).nanmean(0)
+
+
+def clean_pair(clip: Sequence) -> Pair:
+    """The true hands of a clip."""
+    joints = [filled_keypoints(hand) for hand in clip.hands]
+    return measured(clip.hands, joints, clip.object.surface())
+
+
+def measured(
+    hands: tuple[HandTrack, ...], joints: list[Float[Tensor, "T 21 3"]], surface: MovingSurface
+) -> Pair:
+    """Keypoints of two hands, with the mesh of each hand's person fitted to them."""
+    depths, touching, skins = [], [], []
+    for hand, points in zip(hands, joints, strict=True):
+        model = load_hand(hand.side)
+        track = replace(hand, joints=points, valid=torch.ones_like(hand.valid))
+        verts = fitted_verts(subject_of(track, model), points)
+        distance = surface.query(verts).distance
+        depths.append(penetration_depth(distance))
+        touching.append(tips_in_contact(distance, verts, points[:, list(TIP_KEYPOINTS)]))
+        skins.append(ChangingSurface(verts, model.faces))
+    overlap = float(depth_between(*skins).max())
+    return Pair(torch.stack(joints), torch.stack(depths), torch.stack(touching), overlap)
+
+
+def scores(found: Pair, truth: Pair) -> list[float]:
+    """The rows of the table for two hands beside the true ones."""
+    touching = contact_agreement(found.tips.flatten(0, 1), truth.tips.flatten(0, 1))
+    return [
+        1000 * float((found.joints - truth.joints).norm(dim=-1).mean()),
+        1000 * float(found.depth.mean()),
+        100 * float(touching.f_score),
+        1000 * float(finite_difference(found.joints, 2).norm(dim=-1).mean()),
+        1000 * found.overlap,
+    ]
+
+
+if __name__ == "__main__":
+    main()
