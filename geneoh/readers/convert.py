@@ -25,7 +25,7 @@ from geneoh.files.journal import (
     read_journal,
 )
 from geneoh.files.outputs import check_outputs
-from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.mesh import Mesh, size_warning
 from geneoh.readers.base import ReaderOptions, Recording, SourceClip
 from geneoh.readers.convention_check import contradictions
 from geneoh.readers.meshes import obj_text
@@ -130,7 +130,7 @@ def convert_clip(
             found += [f"{recording.name}: {words}" for words in contradictions(recording)]
         else:
             check_sequence(recording.sequence, recording.name)
-    notes = tuple(dict.fromkeys(recording.sequence.source for recording in recordings))
+    notes = tuple(dict.fromkeys(note for recording in recordings for note in notes_on(recording)))
     if folder is None or found:
         return Outcome(clip, contradictions=tuple(found), notes=notes)
     check_places(recordings, folder, clip, overwrite=overwrite)
@@ -140,6 +140,12 @@ def convert_clip(
     record = {"clip": clip.name, "asked": asked, "inputs": inputs, "files": made}
     append_journal(folder / CONVERTED, [record])
     return Outcome(clip, files, notes=notes)
+
+
+def notes_on(recording: Recording) -> Iterator[str]:
+    """Where a recording came from, and which meshes `geneoh denoise` will refuse by their size."""
+    yield recording.sequence.source
+    yield from filter(None, map(size_warning, recording.sequence.object.meshes))
 
 
 def check_places(

@@ -14,9 +14,9 @@ from geneoh.geometry.mesh import load_mesh
 from geneoh.hand.library import load_hand
 from geneoh.readers import convert as convert_module
 from geneoh.readers import recordings as recordings_module
-from geneoh.readers.base import ReaderOptions
+from geneoh.readers.base import ReaderOptions, Recording
 from geneoh.readers.convention_check import contradictions
-from geneoh.readers.convert import convert
+from geneoh.readers.convert import convert, notes_on
 from geneoh.readers.npz_files import load
 from geneoh.readers.recordings import find_clips, read_one, source_named
 from geneoh.readers.sources import landmarks
@@ -70,6 +70,17 @@ def test_a_clip_that_contradicts_its_convention_is_not_written_when_checked(tmp_
     )
     assert outcome.contradictions
     assert not list((tmp_path / "out").rglob("*.npz"))
+
+
+def test_a_mesh_that_cleaning_will_refuse_by_its_size_is_told():
+    sequence = load(EXAMPLE, obj="examples/taco_object.obj")
+    assert list(notes_on(Recording("clip", sequence))) == [sequence.source]
+    (mesh,) = sequence.object.meshes
+    tiny = replace(sequence.object, meshes=(replace(mesh, verts=0.001 * mesh.verts),))
+    recording = Recording("clip", replace(sequence, object=tiny))
+    source, told = notes_on(recording)
+    assert source == sequence.source
+    assert "too small for a hand: it looks scaled twice" in told
 
 
 def test_missing_files_become_masks_and_splits_and_never_zeros(tmp_path, mano_dir):
