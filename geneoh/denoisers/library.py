@@ -1,6 +1,6 @@
 """The trained denoisers: where the shipped weights are and how networks are rebuilt from files."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -145,6 +145,19 @@ def file_or_shipped(name: str, folder: Path | None, shipped: Path) -> Path:
     """The file of weights in a folder that has it, else the one in the folder of shipped ones."""
     given = None if folder is None else folder / f"{name}.safetensors"
     return given if given is not None and given.is_file() else shipped / f"{name}.safetensors"
+
+
+def refuse_none_of(names: Sequence[str], folder: Path | None) -> None:
+    """Refuse a folder without weights of any name, for which the shipped ones would be taken.
+
+    Raises:
+        CheckpointError: none is there.
+    """
+    if folder is not None and not any((folder / f"{name}.safetensors").is_file() for name in names):
+        raise CheckpointError(
+            f"{folder}: expected weights of {', '.join(names)} (NAME.safetensors), one or more, "
+            "found none; name the folder that `geneoh train` wrote to, or leave it out"
+        )
 
 
 def all_weights(folder: Path | None) -> list[Path]:

@@ -9,7 +9,7 @@ import torch
 from tokenizers import Tokenizer
 from torch import Tensor
 
-from geneoh.denoisers.library import file_or_shipped, load_network
+from geneoh.denoisers.library import file_or_shipped, load_network, refuse_none_of
 from geneoh.errors import CheckpointError, ConfigError
 from geneoh.generators.both2hands.blend import BlendConfig, Blender
 from geneoh.generators.both2hands.denoiser import (
@@ -24,6 +24,8 @@ from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.training.resume import digest
 
 SHIPPED = Path(__file__).parent / "weights"  # the weights in the package, STAGE.safetensors
+NAMES = ("body_hands", "text_hands", "blend")
+"""The networks of which a folder of weights holds one or more."""
 
 Speech = Callable[[Sequence[str]], Tensor]
 """From sentences to what the network of text is told: numbers of pieces, or vectors."""
@@ -62,10 +64,11 @@ def load_networks(
     trained with; None for networks that read words themselves.
 
     Raises:
-        CheckpointError: a file is missing or does not fit its network.
+        CheckpointError: the folder has no network, or a file does not fit its network.
         ConfigError: the networks were trained with another text encoder, on other data than each
             other, or the blend with other networks.
     """
+    refuse_none_of(NAMES, folder)
     branches = load_branches(folder, text_encoder=text_encoder)
     blend = load_network(weights_of("blend", folder), Blender, BlendConfig)
     if blend.config.form == "ours":

@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.denoisers.library import file_or_shipped, load_network
+from geneoh.denoisers.library import file_or_shipped, load_network, refuse_none_of
 from geneoh.errors import CheckpointError, ConfigError
 from geneoh.generators.text import TextEncoder
 from geneoh.generators.text2hoi.contact import ContactConfig, ContactNetwork
@@ -19,6 +19,8 @@ from geneoh.generators.text2hoi.text import ASKED, load_text_encoder
 from geneoh.nn.checkpoint import load_checkpoint
 
 SHIPPED = Path(__file__).parent / "weights"  # the weights in the package, STAGE.safetensors
+NAMES = ("text", "length", "contact", "interaction", "refiner")
+"""The networks of which a folder of weights holds one or more."""
 ALIKE = 0.1
 """Two vectors of a sentence are of one encoder whose distance is at most this share of their
 length: machines and precisions round by a hundredth at most, and trainings have nothing in common.
@@ -46,9 +48,10 @@ def load_networks(
     `text_encoder` is the folder of another text encoder, with which the networks were trained.
 
     Raises:
-        CheckpointError: a file is missing or does not fit its network.
+        CheckpointError: the folder has no network, or a file does not fit its network.
         ConfigError: the networks were trained with another text encoder.
     """
+    refuse_none_of(NAMES, folder)
     text = encoder_of(folder, text_encoder)
     contact, interaction = contact_network(folder), interaction_network(folder)
     length = load_network(weights_of("length", folder), LengthNetwork, LengthConfig)

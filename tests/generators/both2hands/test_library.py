@@ -89,3 +89,8 @@ def test_networks_for_another_text_encoder_are_refused(folder, tmp_path):
     other = copied(folder, tmp_path, "text_hands", tensors=fresh, record=record)
     with pytest.raises(ConfigError, match=r"of 5 features, .* got none"):
         load_networks(other)
+
+
+def test_a_folder_without_any_network_is_refused(tmp_path):
+    with pytest.raises(CheckpointError, match="nowhere: expected weights of body_hands,"):
+        load_networks(tmp_path / "nowhere")

@@ -90,3 +90,8 @@ def test_what_a_folder_lacks_is_as_shipped(tmp_path):
     assert weights_of("length", tmp_path) == SHIPPED / "length.safetensors"
     (tmp_path / "length.safetensors").write_bytes(b"")
     assert weights_of("length", tmp_path) == tmp_path / "length.safetensors"
+
+
+def test_a_folder_without_any_network_is_refused(tmp_path):
+    with pytest.raises(CheckpointError, match="nowhere: expected weights of text, length"):
+        load_networks(tmp_path / "nowhere")
