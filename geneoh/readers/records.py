@@ -211,13 +211,11 @@ class Record:
             )
 
 
-def as_record(value: Any, where: str) -> Record:
-    """A value that must be a dict."""
+def as_record(value: Any, where: str, remedy: str = AS_DISTRIBUTED) -> Record:
+    """A value that must be a dict; `remedy` is for this and for its fields."""
     if not isinstance(value, dict):
-        raise InputError(
-            f"{where}: expected a dict of fields, got {described(value)}; {AS_DISTRIBUTED}"
-        )
-    return Record(where, value)
+        raise InputError(f"{where}: expected a dict of fields, got {described(value)}; {remedy}")
+    return Record(where, value, remedy)
 
 
 def only(value: Any) -> Any:

@@ -3,6 +3,7 @@
 import json
 import pickle
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -368,6 +369,45 @@ def test_frames_of_taco_go_by_their_numbers(tmp_path, mano_dir):
     wanted = torch.from_numpy(scene(case.left).wrist["right"]).float()
     wanted[LOST] = torch.nan
     torch.testing.assert_close(right.wrist, wanted, atol=1e-5, rtol=0, equal_nan=True)
+
+
+def dumped_by_image(root: Path) -> dict[str, Any]:
+    """The right hand's detections one file an image, of which one has none; what it holds."""
+    case = next(case for case in CASES if case.source == "hamer")
+    case.build(root, scene(case.left), False)
+    value = torch.load(root / "video.pt")
+    (root / "video.pt").unlink()
+    frame, right = value.pop("frame"), value["right"] > 0.5
+    params, kept = value.pop("pred_mano_params"), {}
+    for t in range(FRAMES):
+        rows = torch.nonzero(right & (frame == t) & (t != LOST))[:, 0]
+        kept = {n: v[rows] for n, v in value.items()}
+        kept["pred_mano_params"] = {n: v[rows] for n, v in params.items()}
+        torch.save(kept, root / f"{t:06d}.pt")
+    return kept
+
+
+def test_a_file_of_an_image_without_a_hand_is_a_frame_without_it(tmp_path):
+    dumped_by_image(tmp_path)
+    (recording,) = read("hamer", tmp_path, None)
+    valid = recording.sequence.hand("right").valid
+    assert valid.tolist() == [frame != LOST for frame in range(FRAMES)]
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        (lambda held: held.pop("right"), "'right' must be an array of numbers, got none"),
+        (lambda held: held.update(frame=[-1]), "'frame' must be a frame's number, 0 to 300000"),
+        (lambda held: held["pred_mano_params"].pop("betas"), "'betas' must be an array"),
+    ],
+)
+def test_a_wrong_dump_is_told_how_to_be_made(tmp_path, change, expected):
+    held = dumped_by_image(tmp_path)
+    change(held)
+    torch.save(held, tmp_path / f"{FRAMES - 1:06d}.pt")
+    with pytest.raises(InputError, match=f"{expected}.*; dump the estimator's output as the page"):
+        read("hamer", tmp_path, None)
 
 
 def test_rows_that_do_not_say_their_image_are_told(tmp_path):

@@ -30,6 +30,7 @@ ENDINGS = (".pkl", ".pickle", ".npz", ".pt", ".pth", ".npy")
 DEMO_FOCAL = 5000.0 / 256.0
 """Focal length in the demos, as a share of the longer side of the image."""
 FOCAL_NOTE = "the demos' focal length: much too deep, pass --focal"
+AS_DUMPED = "dump the estimator's output as the page on estimators shows"
 ORDER_NOTE = "no 'frame': each row is taken for the image after that of the row before"
 
 Detection = dict[str, Array]
@@ -119,7 +120,9 @@ def read_detections(path: Path, options: base.ReaderOptions) -> tuple[list[Found
     found: list[Found] = []
     notes: tuple[str, ...] = ()
     for file in files:
-        record = read_record(file)
+        record = read_record(file, AS_DUMPED)
+        if is_empty(record):
+            continue
         batch = read_batch(record, options)
         count = len(batch["right"])
         if "frame" in record:
@@ -130,12 +133,24 @@ def read_detections(path: Path, options: base.ReaderOptions) -> tuple[list[Found
         else:
             frames = [frame_number(file)] * count
         if len(frames) != count or min(frames) < 0 or max(frames) > FRAME_LIMIT:
-            raise record.refuse("frame", f"one frame number for each of {count} detections")
+            wanted = f"a frame's number, 0 to {FRAME_LIMIT}, for each of {count} detections"
+            raise record.refuse("frame", wanted)
         for index, frame in enumerate(frames):
             found.append((frame, {name: values[index] for name, values in batch.items()}))
     if not found:
         raise InputError(f"{path}: expected detections, got none; check the dump")
     return found, notes
+
+
+def side_field(record: Record) -> str:
+    """The name of the field that says of each detection whether it is a right hand."""
+    return "is_right" if "is_right" in record and "right" not in record else "right"
+
+
+def is_empty(record: Record) -> bool:
+    """Whether a file holds no detection, as that of an image without a hand."""
+    names = (side_field(record), "pred_keypoints_3d")
+    return all(name in record and not record.numbers(name).size for name in names)
 
 
 def refuse_pairs(record: Record, right: Array) -> None:
@@ -151,12 +166,11 @@ def read_batch(record: Record, options: base.ReaderOptions) -> Detection:
     orient = params.array("global_orient", ("B", 1, 3, 3))
     fingers = params.array("hand_pose", ("B", 15, 3, 3))
     params.refuse_lengths("global_orient", "hand_pose")
-    side = "right" if "right" in record else "is_right"
     batch = {
         "turns": np.concatenate([orient, fingers], axis=1),
         "betas": params.array("betas", ("B", 10)),
         "points": record.array("pred_keypoints_3d", ("B", 21, 3)),
-        "right": record.array(side, ("B",), ("B", 1)).reshape(-1),
+        "right": record.array(side_field(record), ("B",), ("B", 1)).reshape(-1),
     }
     batch["trans"] = full_translation(record, batch["right"], options)
     if len({len(values) for values in batch.values()}) > 1:
