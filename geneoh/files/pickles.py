@@ -218,7 +218,13 @@ class Unpickler(PythonUnpickler):
     def refuse_opcode(self) -> None:
         """An opcode that plain arrays do not need."""
         self.loader.stream.seek(-1, SEEK_CUR)
+        first = self.loader.stream.tell() == 0
         code = self.loader.read(1)
+        if first:
+            raise InputError(
+                f"{self.loader.file}: expected a file of arrays (npz, npy, pickle, checkpoint or "
+                f"joblib), got one that begins with {code!r}; check the path"
+            )
         raise self.loader.refuse(f"the opcode {code!r}, which plain arrays do not need")
 
 

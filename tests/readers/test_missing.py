@@ -423,6 +423,12 @@ def test_rows_that_do_not_say_their_image_are_told(tmp_path):
     assert "no 'frame'" in recording.sequence.source
 
 
+def test_a_hawor_dump_of_other_values_is_told_what_it_holds(tmp_path):
+    (tmp_path / "world_space_res.pth").write_bytes(pickle.dumps([np.zeros(3)] * 4))
+    with pytest.raises(InputError, match="five arrays of HaWoR's world result, got a list of 4; "):
+        read("hawor", tmp_path, None)
+
+
 def test_poses_of_other_frames_are_told_the_numbers_of_the_frames(tmp_path):
     case = next(case for case in CASES if case.source == "hamer")
     case.build(tmp_path, scene(case.left), False)

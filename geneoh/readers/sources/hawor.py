@@ -14,7 +14,7 @@ from geneoh.files.values import read_values
 from geneoh.hand.mano import MENDED
 from geneoh.readers import base
 from geneoh.readers.dataset_reader import reads
-from geneoh.readers.records import FRAME_LIMIT, Record, Shape
+from geneoh.readers.records import AS_DISTRIBUTED, FRAME_LIMIT, Record, Shape, described
 
 FIELDS: dict[str, Shape] = {
     **{"trans": (2, "T", 3), "rot": (2, "T", 3), "hand_pose": (2, "T", 45)},
@@ -34,7 +34,10 @@ def hawor(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Up to two hands in the world, with the caller's object."""
     values = read_values(clip.path)
     if not isinstance(values, list | tuple) or len(values) != len(FIELDS):
-        raise InputError(f"{clip.path}: expected the five arrays of HaWoR's world result")
+        raise InputError(
+            f"{clip.path}: expected the five arrays of HaWoR's world result, "
+            f"got {described(values)}; {AS_DISTRIBUTED}"
+        )
     record = Record(str(clip.path), dict(zip(FIELDS, values, strict=True)))
     arrays = [record.array(name, shape) for name, shape in FIELDS.items()]
     trans, rot, fingers, betas, valid = arrays
