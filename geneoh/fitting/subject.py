@@ -82,10 +82,12 @@ def subject_of(track: HandTrack, model: HandModel) -> Subject:
         assert filled.wrist is not None, "a pose comes with a wrist"
         if known is None:
             known = model.template.new_zeros(model.shape_dirs.shape[-1])
-            notes.append(
-                "the pose comes without joints and its betas belong to another hand model: "
-                "the mean hand is used"
+            lacks = (
+                "joints and betas"
+                if track.betas is None
+                else "joints and its betas belong to another hand model"
             )
+            notes.append(f"the pose comes without {lacks}: the mean hand is used")
         joints = posed = model.shaped(known).joints_from_rotations(rotations, filled.wrist)
     else:
         joints = posed = filled.joints
