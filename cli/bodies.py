@@ -64,6 +64,7 @@ def make_hands(
     """Give the body of a file hands, write it in each of the formats, and tell what was done."""
     from geneoh.files.outputs import check_ending, check_outputs
 
+    options.refuse_unit_without(obj)
     outputs = outputs or (body.with_name(f"{body.stem}_hands.npz"),)
     for output in outputs:
         check_ending(output, ENDINGS)

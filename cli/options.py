@@ -57,6 +57,12 @@ def refuse(names: Collection[str], why: str) -> None:
             raise click.UsageError(f"{given} {why}; leave it out")
 
 
+def refuse_unit_without(obj: Any) -> None:
+    """Refuse --unit without --obj: meshes that a file or a source names are in metres."""
+    if not obj:
+        refuse(["unit"], "is of the meshes of --obj, which is not given")
+
+
 FILE = click.Path(dir_okay=False, path_type=Path)
 """A file to read or to write. Reading checks that it exists, because its error says more."""
 FOLDER = click.Path(file_okay=False, path_type=Path)

@@ -68,6 +68,7 @@ def read(path: Path, source: str | None, *, mano: Path | None, **others: Any) ->
     """The sequence in a file of any layout, or the one recording of a named source."""
     import geneoh
 
+    options.refuse_unit_without(others["obj"])
     if source is not None:
         return geneoh.read(source, path, mano_dir=mano, **others)
     options.refuse(NEEDS_SOURCE, "needs --from SOURCE, got none")

@@ -46,6 +46,7 @@ def run(obj: tuple[Path, ...], mano: Path | None, chosen: dict[str, Any]) -> Non
         raise click.UsageError(
             f"--stream reads standard input and writes standard output; drop {', '.join(wrong)}"
         )
+    options.refuse_unit_without(obj)
     meshes = meshes_of(obj, chosen["unit"])
     kept = {n: chosen[n] for n in given.keys() & settings}  # the rest is as a stream has it
 

@@ -46,6 +46,7 @@ def convert(
 
     if folder is None and not check:
         raise click.UsageError("give -o DIR to write to, or --check to look only")
+    options.refuse_unit_without(others["obj"])
     chosen = source_named(source)
     given = options_with_files(mano_dir=mano, **others)
     clips = find_clips(chosen, list(paths), folder)

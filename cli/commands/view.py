@@ -66,6 +66,8 @@ def view(
 
     outputs = outputs or (files[0].with_suffix(".html"),)
     refuse_unused(outputs, serve=serve)
+    if not serve:  # which finds meshes by name
+        options.refuse_unit_without(obj)
     given = {name: chosen.pop(name) for name in ("side", "fps", "unit")}
     opened = partial(open_scene, mano_dir=chosen.pop("mano"), **given)
     up = chosen.pop("up")

@@ -2,6 +2,7 @@ import importlib
 from pathlib import Path
 
 import pytest
+from bad_inputs import write_good
 
 from geneoh.errors import ConfigError
 
@@ -26,3 +27,20 @@ def test_a_shipped_configuration_is_found_by_its_name(find_config, shipped):
 def test_an_unknown_name_is_answered_with_those_there_are(find_config):
     with pytest.raises(ConfigError, match=r"--config nothing: expected .*or the path of a"):
         find_config("nothing")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("denoise", "hand.npz"),
+        ("denoise", "--stream"),
+        ("convert", "landmarks", "hand.npz", "--check"),
+        ("view", "hand.npz"),
+        ("generate", "wave", "--body", "hand.npz"),
+    ],
+)
+def test_a_unit_of_meshes_that_are_not_given_is_refused(geneoh, tmp_path, words):
+    write_good(tmp_path)
+    done = geneoh(*words, "--unit", "mm")
+    assert done.exit_code == 2
+    assert "--unit is of the meshes of --obj, which is not given" in done.stderr
