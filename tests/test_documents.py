@@ -104,6 +104,18 @@ def test_python_of_a_page_runs(snippets, folder):
 
 
 @pytest.mark.slow
+def test_the_loop_over_clips_skips_what_cannot_be_read_and_its_own_results(folder, capsys):
+    (loop,) = (s for s in SNIPPETS if s.page == "docs/datasets.md" and s.language == "python")
+    (folder / "noisy_broken.npz").write_text("no archive")
+    for _ in range(2):
+        exec(compile(loop.text, loop.page, "exec"), {})
+        assert "skipped: noisy_broken.npz: " in capsys.readouterr().out
+    assert [path.name for path in folder.rglob("*.npz") if path.parent.name == "clean"] == [
+        "noisy.npz"
+    ]
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("snippets", of_pages("bash", runs=True))
 def test_commands_of_a_page_run(snippets, folder, command):
     for arguments in (words for snippet in snippets for words in commands_of(snippet)):
