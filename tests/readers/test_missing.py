@@ -423,6 +423,23 @@ def test_rows_that_do_not_say_their_image_are_told(tmp_path):
     assert "no 'frame'" in recording.sequence.source
 
 
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        ({"version": 2}, "'version' must be 1, got int 2; write it as the page on estimators says"),
+        ({"hands": {"both": []}}, "'hands' must be a dict with 'right', 'left' or both, got"),
+        ({"hands": {"right": [None] * 3, "left": []}}, "got 3 right, 0 left; write null in frames"),
+        ({"fps": "30"}, "'fps' must be .*, got text '30'; write it as the page on estimators says"),
+    ],
+)
+def test_wrong_landmarks_of_our_own_format_are_told_how_to_be_written(tmp_path, change, expected):
+    trees.landmarks(tmp_path, scene(), False)
+    path = tmp_path / "hands.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), **change}))
+    with pytest.raises(InputError, match=expected):
+        read("landmarks", tmp_path, None)
+
+
 def test_a_hawor_dump_of_other_values_is_told_what_it_holds(tmp_path):
     (tmp_path / "world_space_res.pth").write_bytes(pickle.dumps([np.zeros(3)] * 4))
     with pytest.raises(InputError, match="five arrays of HaWoR's world result, got a list of 4; "):

@@ -25,6 +25,7 @@ from geneoh.readers.npz_tracks import side_of
 from geneoh.readers.records import Array, Record, as_record
 
 FORMAT, VERSION = "geneoh-landmarks", 1
+AS_DESCRIBED = "write it as the page on estimators says"
 
 
 @reads(
@@ -45,24 +46,32 @@ def landmarks(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
         stamps = mediapipe.stamps_in(value, where)
         yield from foreign_parts(clip, tracks, (*mediapipe.NOTES, *about_sides), options, stamps)
         return
-    record = as_record(value, where)
+    record = as_record(value, where, AS_DESCRIBED)
     if "format" not in record:
         raise InputError(
             f"{where}: expected results of MediaPipe (hand_world_landmarks or worldLandmarks), "
             f"or '{FORMAT}' as its format, got {quoted(record.values)}; see the page on "
             "estimators"
         )
-    if record.text("format") != FORMAT or record.finite("version") != VERSION:
-        raise record.refuse("format", f"'{FORMAT}' of version {VERSION}")
+    if record.text("format") != FORMAT:
+        raise record.refuse("format", f"'{FORMAT}'")
+    if record.finite("version") != VERSION:
+        raise record.refuse("version", f"{VERSION}")
     order = record.optional_text("order") or "openpose"
     if order not in joint_orders.ORDERS:
         raise record.refuse("order", f"one of {', '.join(joint_orders.ORDERS)}")
     hands = record.record("hands")
     sides: list[Side] = [side for side in ("right", "left") if side in hands]
+    if not sides:
+        raise record.refuse("hands", "a dict with 'right', 'left' or both")
     frames = [hands.items(side) for side in sides]
     lengths = {len(steps) for steps in frames}
     if len(lengths) != 1 or lengths == {0}:
-        raise InputError(f"{clip.path}: expected as many frames for each hand, got {lengths}")
+        counts = ", ".join(f"{len(steps)} {s}" for s, steps in zip(sides, frames, strict=True))
+        raise InputError(
+            f"{hands.where}: expected as many frames for each hand, one or more, got {counts}; "
+            "write null in frames where a hand was not seen"
+        )
     read = [read_frames(steps, order, hands.where) for steps in frames]
     yield base.ClipParts(
         clip.path.name,
@@ -112,7 +121,7 @@ def read_frames(frames: list[object], order: JointOrder, where: str) -> tuple[Ar
     for index, frame in enumerate(frames):
         if frame is None:
             continue
-        values = as_record(frame, f"{where} frame {index}")
+        values = as_record(frame, f"{where} frame {index}", AS_DESCRIBED)
         points[index] = values.array("points", (count, 3))
         trust[index] = values.finite("confidence") if "confidence" in values else 1.0
     if ((trust < 0) | (trust > 1)).any():
