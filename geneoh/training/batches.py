@@ -78,10 +78,7 @@ def draw_batch(
     if device is not None:
         windows, clean, noise, turn = (each.to(device) for each in (windows, clean, noise, turn))
     windows = windows.shaken(noise.object_turn, noise.object_shift)
-    noisy = HandParameters.of_pose(
-        clean.wrist + noise.translation, clean.pose + noise.pose, clean.offsets
-    )
-    noisy = filled(noisy, noise.keep)
+    noisy = filled(noise.tracked(clean), noise.keep)
     observed = joints = noisy.joints + noise.jitter
     region = windows.region(joints).turned(turn)
     motion = windows.observed(noisy, noise.keep, region)

@@ -2,10 +2,11 @@
 
 Offsets act on hand parameters, as estimators err, with keypoint jitter on top. Sizes and
 correlation in time vary from window to window, from none at all to more than the paper's noises.
+Some errors are a matter of the motion itself: fingers that bend too little, and filters that lag.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import torch
@@ -15,6 +16,7 @@ from torch import Tensor
 from geneoh.bundle import Bundle
 from geneoh.config import Limited, Limits
 from geneoh.geometry.mirror import MIRROR
+from geneoh.representation.parameters import HandParameters
 from geneoh.synthesis.draws import Draws
 
 CHANNELS = torch.tensor([3, 3, 45])
@@ -29,7 +31,9 @@ class CorruptionConfig(Limited):
         **dict.fromkeys(("clean_share", "burst_share", "right_share", "left_share"), (0, 1)),
         **dict.fromkeys(("gap_share", "jitter_share", "camera_share", "blunder_share"), (0, 1)),
         **dict.fromkeys(("ray_share", "other_ray_share", "shaky_share", "common_size"), (0, 1)),
-        **dict.fromkeys(("apart_share", "exact_share"), (0, 1)),
+        **dict.fromkeys(("apart_share", "exact_share", "bent_share", "each_bent_share"), (0, 1)),
+        **{"bent_fingers": (0, 1), "bend": (0, 2)},
+        **{"filtered_share": (0, 1), "filter_memory": (0, 0.99)},
         **dict.fromkeys(("translation", "rotation", "fingers", "depth"), (1e-9, 1000)),
         **dict.fromkeys(("object_turn", "object_shift", "burst_factor"), (1e-9, 1000)),
         **dict.fromkeys(("lasting_turn", "lasting_shift"), (0, 1000)),
@@ -65,6 +69,14 @@ class CorruptionConfig(Limited):
     gap_share: float = 0.33  # share that loses frames
     gaps: int = 3  # most runs of lost frames
     gap_frames: tuple[int, int] = (2, 10)  # shortest and longest run
+    bent_share: float = 0.0
+    """Share whose fingers bend too little or too much: regression draws to the mean pose."""
+    each_bent_share: float = 0.4  # share of such windows in which some fingers do, by themselves
+    bent_fingers: float = 0.4  # share of the fingers that do in these
+    bend: tuple[float, float] = (0.2, 1.2)  # range of the factor of their angles, uniform
+    filtered_share: float = 0.0  # share that was filtered by the frames before, and comes late
+    filter_memory: tuple[float, float] = (0.2, 0.75)
+    """Range of the share that each filtered frame keeps of the one before it, uniform."""
     jitter_share: float = 0.25  # share whose keypoints jitter independently, as detectors' do
     jitter: float = 0.006  # largest deviation of that jitter, metres
     camera_share: float = 0.4  # share with the error of one camera: depth is off along a ray
@@ -91,10 +103,14 @@ class CorruptionConfig(Limited):
 
 @dataclass(frozen=True)
 class Corruption(Bundle):
-    """Additive parameter noise, observed frames and keypoint jitter of B windows."""
+    """Errors of the parameters, observed frames and keypoint jitter of B windows."""
 
     translation: Float[Tensor, "B T 3"]
     pose: Float[Tensor, "B T 16 3"]
+    bend: Float[Tensor, "B 15"]
+    """Factor of the angles of the finger joints, before `pose` is added."""
+    memory: Float[Tensor, "B 2"]
+    """Share that the place and the fingers, as filtered, keep of the frame before."""
     keep: Bool[Tensor, "B T"]
     jitter: Float[Tensor, "B T 21 3"]
     ray: Float[Tensor, "B 3"]  # unit direction from the camera, world; zero where it is not told
@@ -104,14 +120,27 @@ class Corruption(Bundle):
     object_noise: Float[Tensor, "B 2"]
     """Deviation of white noise on the object's rotation (rad) and translation (m) as tracked."""
 
+    def tracked(self, clean: HandParameters) -> HandParameters:
+        """Clean hands of the world as a tracker has them."""
+        noisy = HandParameters.of_pose(
+            clean.wrist + self.translation, clean.pose + self.pose, clean.offsets
+        )
+        bent = noisy.fingers + (self.bend[:, None, :, None] - 1) * clean.fingers
+        return replace(
+            noisy,
+            wrist=_filtered(noisy.wrist, self.memory[:, 0]),
+            fingers=_filtered(bent.flatten(2), self.memory[:, 1]).unflatten(2, (15, 3)),
+        )
+
 
 def draw_corruption(
     frames: int, draws: Draws, config: CorruptionConfig | None = None
 ) -> Corruption:
     """Corruption of B windows of T frames."""
     config = config or CorruptionConfig()
-    apart = draws.chance(config.apart_share, 1)
-    noise = _unit_noise(frames, config, apart, draws) * _sizes(config, apart, draws)[:, None]
+    clean, apart = draws.chance(config.clean_share, 1), draws.chance(config.apart_share, 1)
+    size = _sizes(config, apart, draws) * ~clean
+    noise = _unit_noise(frames, config, apart, draws) * size[:, None]
     jitter = config.jitter * draws.share(1, 1, 1)
     jitter = jitter * draws.chance(config.jitter_share, 1, 1, 1)
     keep, jitter = _observed(frames, config, draws), jitter * draws.normal(frames, 21, 3)
@@ -120,6 +149,8 @@ def draw_corruption(
     return Corruption(
         translation=noise[..., :3] + shift,
         pose=noise[..., 3:].unflatten(-1, (16, 3)),
+        bend=torch.where(clean, 1.0, _bend(config, draws)),
+        memory=_memory(config, draws) * ~clean,
         keep=keep,
         jitter=jitter,
         ray=ray,
@@ -221,10 +252,35 @@ def _sizes(
     low, high = ranges.log().unbind(-1)
     common = config.common_size * ~apart
     size = common * draws.share(1) + (1 - common) * draws.share(3)
-    exact = draws.chance(config.clean_share, 1) | (apart & draws.chance(config.exact_share, 3))
+    exact = apart & draws.chance(config.exact_share, 3)
     size = torch.exp(low + (high - low) * size) * ~exact
     joints = (config.joint_scatter * draws.normal(15)).exp().clamp(max=config.largest_joint)
     return torch.cat([size[:, :2], size[:, 2:] * joints], -1).repeat_interleave(3, dim=1)
+
+
+def _bend(config: CorruptionConfig, draws: Draws) -> Float[Tensor, "B 15"]:
+    """Factors of the angles of the finger joints, the same within a finger or in the whole hand."""
+    each = draws.uniform(config.bend, 5)
+    some = torch.where(draws.chance(config.bent_fingers, 5), each, 1.0)
+    factor = torch.where(draws.chance(config.each_bent_share, 1), some, each[:, :1])
+    factor = torch.where(draws.chance(config.bent_share, 1), factor, 1.0)
+    return factor.repeat_interleave(3, dim=1)
+
+
+def _memory(config: CorruptionConfig, draws: Draws) -> Float[Tensor, "B 2"]:
+    """Memory of the filters of place and fingers; every second one filters the place alone."""
+    memory = draws.uniform(config.filter_memory, 1) * draws.chance(config.filtered_share, 1)
+    return torch.cat([memory, memory * draws.chance(0.5, 1)], -1)
+
+
+def _filtered(
+    values: Float[Tensor, "B T C"], memory: Float[Tensor, " B"]
+) -> Float[Tensor, "B T C"]:
+    """Each frame mixed with the filtered one before it, as live trackers calm their answers."""
+    steps, keep = [values[:, 0]], memory[:, None]
+    for t in range(1, values.shape[1]):
+        steps.append(keep * steps[-1] + (1 - keep) * values[:, t])
+    return torch.stack(steps, dim=1)
 
 
 def _observed(frames: int, config: CorruptionConfig, draws: Draws) -> Bool[Tensor, "B T"]:

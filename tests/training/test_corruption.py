@@ -3,6 +3,7 @@ from dataclasses import fields
 import pytest
 import torch
 
+from geneoh.representation.parameters import HandParameters
 from geneoh.synthesis.draws import Draws
 from geneoh.training.corruption import Corruption, CorruptionConfig, draw_corruption
 
@@ -177,3 +178,63 @@ def test_an_object_shakes_by_what_smoothing_leaves_of_its_noise():
     # slow: second differences are far smaller than those of white noise of the same size
     assert float((steps / turn).median()) < 1.0
     assert 0.4 < float((turn / white).median()) < 1.2
+
+
+def without_noise(**settings: float | tuple[float, float]) -> CorruptionConfig:
+    """A config whose parameters err by nothing but what the settings say."""
+    none = {"camera_share": 0.0, "jitter_share": 0.0, "gap_share": 0.0, "clean_share": 0.0}
+    exact = {"apart_share": 1.0, "exact_share": 1.0, "bent_share": 0.0, "filtered_share": 0.0}
+    return CorruptionConfig(**{**none, **exact, **settings})
+
+
+@pytest.fixture(scope="module")
+def moving() -> HandParameters:
+    """400 hands whose wrist and fingers move steadily over 12 frames."""
+    time = torch.arange(12.0)
+    wrist = (0.01 * time)[:, None].expand(400, 12, 3)
+    fingers = (0.2 + 0.05 * time)[:, None, None].expand(400, 12, 15, 3)
+    return HandParameters(
+        wrist, torch.eye(3).expand(400, 12, 3, 3), fingers, torch.ones(400, 20, 3)
+    )
+
+
+def test_without_any_error_a_tracker_has_the_clean_hand(moving):
+    tracked = drawn(400, 12, config=without_noise()).tracked(moving)
+    assert torch.allclose(tracked.wrist, moving.wrist)
+    assert torch.allclose(tracked.turn, moving.turn)
+    assert torch.allclose(tracked.fingers, moving.fingers, atol=1e-6)
+
+
+def test_fingers_bend_too_little_or_too_much(moving):
+    config = without_noise(bent_share=1.0)
+    tracked = drawn(400, 12, config=config).tracked(moving)
+    assert torch.allclose(tracked.wrist, moving.wrist)
+    factors = tracked.fingers / moving.fingers
+    assert torch.allclose(factors, factors[:, :1, :, :1].expand_as(factors), atol=1e-5)
+    factors = factors[:, 0, :, 0].unflatten(1, (5, 3))
+    assert torch.allclose(factors, factors[..., :1].expand_as(factors), atol=1e-5)
+    low, high = config.bend
+    assert low <= float(factors.min()) < low + 0.1
+    assert high >= float(factors.max()) > high - 0.1
+    alike = (factors[:, :, 0].std(1) < 1e-5).float().mean()
+    assert float(alike) == pytest.approx(1 - config.each_bent_share, abs=0.1)
+
+
+def test_filtered_hands_come_late(moving):
+    """By memory / (1 - memory) frames, once the filter has run in."""
+    config = without_noise(filtered_share=1.0, filter_memory=(0.5, 0.5))
+    tracked = drawn(400, 12, config=config).tracked(moving)
+    late = (moving.wrist - tracked.wrist)[:, -1, 0] / 0.01
+    assert torch.allclose(late, torch.ones(400), atol=0.01)
+    fingers = (moving.fingers - tracked.fingers)[:, -1].flatten(1) / 0.05
+    lag = fingers.mean(1)
+    assert bool(((lag - 1).abs() < 0.01).logical_or(lag.abs() < 0.01).all())
+    assert 0.4 < float((lag > 0.5).float().mean()) < 0.6
+    assert torch.allclose(tracked.turn, moving.turn)
+
+
+def test_clean_windows_are_neither_bent_nor_filtered(moving):
+    config = without_noise(clean_share=1.0, bent_share=1.0, filtered_share=1.0)
+    tracked = drawn(400, 12, config=config).tracked(moving)
+    assert torch.allclose(tracked.wrist, moving.wrist)
+    assert torch.allclose(tracked.fingers, moving.fingers, atol=1e-6)
