@@ -56,6 +56,7 @@ def view(
     FILES are RESULT [BEFORE], in any layout that geneoh reads. Writes RESULT.html unless -o names
     other files. With --serve, FILES are results, and NAME.npz beside NAME_clean.npz is its input.
     """
+    from contextlib import suppress
     from dataclasses import replace
     from functools import partial
 
@@ -76,10 +77,15 @@ def view(
         from geneoh.viz.serve import Gallery, gallery_items
 
         with progress.progress_bars() as on_progress:
-            items = gallery_items(files, obj, opened, on_step=partial(on_progress, "results"))
+            items, left_out = gallery_items(
+                files, obj, opened, on_step=partial(on_progress, "results")
+            )
+        for words in left_out:
+            click.echo(f"left out: {words}", err=True)
         gallery = Gallery(items, up=look.upward, port=port)
         click.echo(f"{len(items)} results at {gallery.address}, Ctrl-C ends")
-        gallery.run()
+        with suppress(KeyboardInterrupt):
+            gallery.run()
         return
     if len(files) > 2:
         raise InputError(f"expected RESULT [BEFORE], got {len(files)} files; --serve takes many")

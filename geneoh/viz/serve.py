@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from geneoh.errors import MissingAssetError
+from geneoh.errors import InputError, MissingAssetError
 from geneoh.metrics.report import FRAME_MEANS
 from geneoh.progress import OnStep, steps
 from geneoh.readers.base import SourceClip
@@ -41,24 +41,35 @@ def gallery_items(
     open_scene: Callable[..., Scene],
     *,
     on_step: OnStep | None = None,
-) -> list[GalleryItem]:
+) -> tuple[list[GalleryItem], list[str]]:
     """Open and measure every result once, by `geneoh.viz.view.open_scene` with arguments bound.
+
+    Also returns what is left out, because it cannot be opened, each with the reason.
 
     Beside NAME_clean.npz, its input NAME.npz is shown too where it exists. Without `obj`, the mesh
     is the file NAME with the ending of a mesh, else those that the result itself names. Results of
     one name have as much of their path in front as tells them apart.
+
+    Raises:
+        InputError: none can be opened, with the reason of the first.
     """
     paths = dict.fromkeys(path.absolute() for path in results)
     clips = with_distinct_names([SourceClip(path.stem, path) for path in paths])
-    items = []
+    items, left_out, first = [], [], None
     for clip in steps(clips, on_step):
         path = clip.path
         stem = path.stem.removesuffix("_clean")
         beside = path.with_name(f"{stem}.npz")
         before = beside if beside != path and beside.is_file() else None
         opened = partial(open_scene, path, before, obj=obj or mesh_beside(beside))
-        items.append(GalleryItem(clip.name, opened, opened().versions[-1].measures.means()))
-    return items
+        try:
+            items.append(GalleryItem(clip.name, opened, opened().versions[-1].measures.means()))
+        except InputError as error:
+            left_out.append(f"{clip.name}: {error}")
+            first = first or error
+    if first is not None and not items:
+        raise first
+    return items, left_out
 
 
 def sorted_by(items: list[GalleryItem], measure: str) -> list[GalleryItem]:

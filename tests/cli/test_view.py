@@ -180,13 +180,16 @@ def test_results_are_looked_at_live(geneoh, folder, monkeypatch):
     def run(gallery):
         shown.append(gallery.shown.name)
         gallery.stop()
+        raise KeyboardInterrupt
 
     monkeypatch.setattr(Gallery, "run", run)
     (folder / "clean.npz").rename(folder / "hand_clean.npz")
     (folder / "object.obj").rename(folder / "hand.obj")
-    result = geneoh("view", "--serve", "hand_clean.npz", "hand.npz", "--port", 0)
+    (folder / "bad.npz").write_bytes(b"no results")
+    result = geneoh("view", "--serve", "hand_clean.npz", "bad.npz", "hand.npz", "--port", 0)
     assert result.exit_code == 0, result.output
     assert "2 results at http://127.0.0.1:" in result.stdout
+    assert "left out: bad: bad.npz" in result.stderr.replace(f"{folder}/", "")
     assert shown == ["hand_clean"]  # neither touches the box: the first that was named
 
 

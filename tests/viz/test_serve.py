@@ -3,6 +3,7 @@ import warnings
 
 import pytest
 
+from geneoh.errors import InputError
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh.viz.look import Look
 from geneoh.viz.scene import make_scene
@@ -53,7 +54,7 @@ def test_the_input_and_the_mesh_are_found_beside_a_result(scene, tmp_path):
         asked.append((*paths, obj))
         return scene
 
-    (clip,) = gallery_items([tmp_path / "a_clean.npz"], (), opened)
+    (clip,), _ = gallery_items([tmp_path / "a_clean.npz"], (), opened)
     assert clip.name == "a_clean"
     expected = (tmp_path / "a_clean.npz", tmp_path / "a.npz", (tmp_path / "a.obj",))
     assert asked == [expected]
@@ -62,8 +63,22 @@ def test_the_input_and_the_mesh_are_found_beside_a_result(scene, tmp_path):
 def test_results_of_one_name_are_told_apart(scene, tmp_path):
     """Equal lines of the list would both show the first."""
     paths = [tmp_path / folder / "clip_clean.npz" for folder in ("first", "second", "first")]
-    items = gallery_items(paths, (), lambda *_, **__: scene)
+    items, _ = gallery_items(paths, (), lambda *_, **__: scene)
     assert [item.name for item in items] == ["first/clip_clean", "second/clip_clean"]
+
+
+def test_results_that_cannot_be_opened_are_left_out_and_told(scene, tmp_path):
+    def opened(path, *_, obj):
+        if path.stem.startswith("bad"):
+            raise InputError(f"{path.name} is damaged")
+        return scene
+
+    paths = [tmp_path / f"{name}.npz" for name in ("bad_1", "good", "bad_2")]
+    items, left_out = gallery_items(paths, (), opened)
+    assert [item.name for item in items] == ["good"]
+    assert left_out == ["bad_1: bad_1.npz is damaged", "bad_2: bad_2.npz is damaged"]
+    with pytest.raises(InputError, match=r"^bad_2.npz is damaged$"):
+        gallery_items(paths[2:], (), opened)
 
 
 def test_without_a_mesh_beside_it_a_result_is_opened_with_the_meshes_that_it_names(scene, tmp_path):
