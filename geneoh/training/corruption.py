@@ -138,9 +138,9 @@ def draw_corruption(
 ) -> Corruption:
     """Corruption of B windows of T frames."""
     config = config or CorruptionConfig()
-    clean, apart = draws.chance(config.clean_share, 1), draws.chance(config.apart_share, 1)
-    size = _sizes(config, apart, draws) * ~clean
-    noise = _unit_noise(frames, config, apart, draws) * size[:, None]
+    apart = draws.chance(config.apart_share, 1)
+    noise, size = _unit_noise(frames, config, apart, draws), _sizes(config, apart, draws)
+    noise, exact = noise * size[:, None], (size == 0).all(1, keepdim=True)
     jitter = config.jitter * draws.share(1, 1, 1)
     jitter = jitter * draws.chance(config.jitter_share, 1, 1, 1)
     keep, jitter = _observed(frames, config, draws), jitter * draws.normal(frames, 21, 3)
@@ -149,8 +149,8 @@ def draw_corruption(
     return Corruption(
         translation=noise[..., :3] + shift,
         pose=noise[..., 3:].unflatten(-1, (16, 3)),
-        bend=torch.where(clean, 1.0, _bend(config, draws)),
-        memory=_memory(config, draws) * ~clean,
+        bend=torch.where(exact, 1.0, _bend(config, draws)),
+        memory=torch.where(exact, 0.0, _memory(config, draws)),
         keep=keep,
         jitter=jitter,
         ray=ray,
@@ -252,7 +252,7 @@ def _sizes(
     low, high = ranges.log().unbind(-1)
     common = config.common_size * ~apart
     size = common * draws.share(1) + (1 - common) * draws.share(3)
-    exact = apart & draws.chance(config.exact_share, 3)
+    exact = draws.chance(config.clean_share, 1) | (apart & draws.chance(config.exact_share, 3))
     size = torch.exp(low + (high - low) * size) * ~exact
     joints = (config.joint_scatter * draws.normal(15)).exp().clamp(max=config.largest_joint)
     return torch.cat([size[:, :2], size[:, 2:] * joints], -1).repeat_interleave(3, dim=1)
@@ -260,6 +260,8 @@ def _sizes(
 
 def _bend(config: CorruptionConfig, draws: Draws) -> Float[Tensor, "B 15"]:
     """Factors of the angles of the finger joints, the same within a finger or in the whole hand."""
+    if not config.bent_share:
+        return torch.ones(draws.batch, 15)
     each = draws.uniform(config.bend, 5)
     some = torch.where(draws.chance(config.bent_fingers, 5), each, 1.0)
     factor = torch.where(draws.chance(config.each_bent_share, 1), some, each[:, :1])
@@ -269,6 +271,8 @@ def _bend(config: CorruptionConfig, draws: Draws) -> Float[Tensor, "B 15"]:
 
 def _memory(config: CorruptionConfig, draws: Draws) -> Float[Tensor, "B 2"]:
     """Memory of the filters of place and fingers; every second one filters the place alone."""
+    if not config.filtered_share:
+        return torch.zeros(draws.batch, 2)
     memory = draws.uniform(config.filter_memory, 1) * draws.chance(config.filtered_share, 1)
     return torch.cat([memory, memory * draws.chance(0.5, 1)], -1)
 
