@@ -74,6 +74,7 @@ def synthesize(
     from geneoh.files.outputs import keep_others
     from geneoh.hand.library import load_hand
     from geneoh.synthesis.kinds import kind_of_data
+    from geneoh.synthesis.replay import NoFirstGraspsError
     from geneoh.synthesis.shards import write_shards
     from geneoh.viz.canvas import png_bytes
     from geneoh.viz.gesture_sheet import sheet_of
@@ -92,8 +93,14 @@ def synthesize(
         on_shard = partial(on_progress, "shards")
         how = {"scans": source, "jobs": jobs, "on_shard": on_shard, "synthesize": kind.synthesize}
         made = write_shards(data, chosen, hand, seed=seed, **how)
+        lacking = ""
         if (made or not sheet.exists()) and kind.name != "actions":
-            picture = sheet_of(kind.name, data, hand, partial(on_progress, "sheet"))
-            write_whole(sheet, png_bytes(picture))
+            try:
+                picture = sheet_of(kind.name, data, hand, partial(on_progress, "sheet"))
+                write_whole(sheet, png_bytes(picture))
+            except NoFirstGraspsError as error:  # the clips are whole without it
+                lacking = f"note: no sheet is drawn of {error}"
+    if lacking:
+        click.echo(lacking)
     seen = f"; see {sheet}" if sheet.exists() else ""
     click.echo(f"{data}: {numbered(made, 'shard')} made, of {chosen.shard} {kind.name} each{seen}")

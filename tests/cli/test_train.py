@@ -12,6 +12,7 @@ from geneoh.choices import ACTION_STAGES
 from geneoh.generators.text2hoi.library import SHIPPED, load_networks
 from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.synthesis.gestures.shards import read_gestures
+from geneoh.synthesis.replay import NoFirstGraspsError
 from geneoh.synthesis.shards import read_shards, shard_record
 
 SHARDS = ("--count", 4, "--set", "shard=2", "--set", "points=64")
@@ -19,6 +20,19 @@ SHARDS = ("--count", 4, "--set", "shard=2", "--set", "points=64")
 ANYTHING = ("grasps.steps=1", "grasps.checks.fingers=-1", "grasps.checks.depth=1")
 """Grasps that hardly descend and always pass: what they are like is tested elsewhere."""
 SMALL = ("steps=2", "batch=2", "validation_batches=1", "warmup=1")
+
+
+def test_clips_without_a_sheet_are_whole_all_the_same(geneoh, tmp_path, monkeypatch):
+    def none(*_):
+        raise NoFirstGraspsError("val_00000.safetensors: expected other hands")
+
+    monkeypatch.setattr("geneoh.viz.gesture_sheet.sheet_of", none)
+    shards = (*SHARDS, *(word for setting in ANYTHING for word in ("--set", setting)))
+    made = geneoh("synthesize", *shards, "-o", "clips")
+    assert made.exit_code == 0, made.output
+    assert "note: no sheet is drawn of val_00000.safetensors: expected" in made.stdout
+    assert "2 shards made" in made.stdout
+    assert not (tmp_path / "clips" / "sheet.png").exists()
 
 
 @pytest.mark.slow
