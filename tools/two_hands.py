@@ -7,8 +7,8 @@ have in each other means over clips.
 """
 
 import argparse
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from typing import get_args
@@ -34,7 +34,7 @@ from geneoh.metrics.contact import (
     tips_in_contact,
 )
 from geneoh.metrics.smoothness import finite_difference
-from geneoh.sequence.gaps import filled_keypoints
+from geneoh.sequence.gaps import fill_gaps, filled_keypoints
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh.synthesis.bimanual import BimanualConfig, pair_hands
@@ -152,38 +152,41 @@ def column(clips: list[Sequence], noise: Noise, preset: str) -> Float[Tensor, "3
     for number, clean in enumerate(clips):
         noisy = corrupt_sequence(clean, noise, generator=seeded_generator(noise, number))
         cleaned = geneoh.denoise(noisy, preset=preset).sequence
-        chosen, surface = TUNED["savgol", "parameters"], clean.object.surface()
+        truth, surface = clean_pair(clean), clean.object.surface()
         versions = (
-            [filled_keypoints(hand) for hand in noisy.hands],
-            [filtered(hand, chosen, "parameters", noisy.fps) for hand in noisy.hands],
-            [filled_keypoints(hand) for hand in cleaned.hands],
+            [fill_gaps(hand) for hand in noisy.hands],
+            [smoothed(hand, noisy.fps) for hand in noisy.hands],
+            cleaned.hands,
         )
-        truth = clean_pair(clean)
-        found.append([scores(measured(noisy.hands, each, surface), truth) for each in versions])
+        found.append([scores(measured(hands, surface), truth) for hands in versions])
     return torch.tensor(found).nanmean(0)
+
+
+def smoothed(hand: HandTrack, fps: float) -> HandTrack:
+    """The keypoints of a hand as the tuned filter leaves them."""
+    joints = filtered(hand, TUNED["savgol", "parameters"], "parameters", fps)
+    everywhere = torch.ones_like(hand.valid)
+    return HandTrack(hand.side, everywhere, joints, betas=hand.betas, hand_model=hand.hand_model)
 
 
 def clean_pair(clip: Sequence) -> Pair:
     """The true hands of a clip."""
-    joints = [filled_keypoints(hand) for hand in clip.hands]
-    return measured(clip.hands, joints, clip.object.surface())
+    return measured(clip.hands, clip.object.surface())
 
 
-def measured(
-    hands: tuple[HandTrack, ...], joints: list[Float[Tensor, "T 21 3"]], surface: MovingSurface
-) -> Pair:
-    """Keypoints of two hands, with the mesh of each hand's person fitted to them."""
-    depths, touching, skins = [], [], []
-    for hand, points in zip(hands, joints, strict=True):
-        model = load_hand(hand.side)
-        track = replace(hand, joints=points, valid=torch.ones_like(hand.valid))
-        verts = fitted_verts(subject_of(track, model), points)
+def measured(hands: Iterable[HandTrack], surface: MovingSurface) -> Pair:
+    """Keypoints of two hands without gaps, with the mesh of each hand's person fitted to them."""
+    places, depths, touching, skins = [], [], [], []
+    for hand in hands:
+        model, joints = load_hand(hand.side), filled_keypoints(hand)
+        verts = fitted_verts(subject_of(hand, model), joints)
         distance = surface.query(verts).distance
+        places.append(joints)
         depths.append(penetration_depth(distance))
-        touching.append(tips_in_contact(distance, verts, points[:, list(TIP_KEYPOINTS)]))
+        touching.append(tips_in_contact(distance, verts, joints[:, list(TIP_KEYPOINTS)]))
         skins.append(ChangingSurface(verts, model.faces))
     overlap = float(depth_between(*skins).max())
-    return Pair(torch.stack(joints), torch.stack(depths), torch.stack(touching), overlap)
+    return Pair(torch.stack(places), torch.stack(depths), torch.stack(touching), overlap)
 
 
 def scores(found: Pair, truth: Pair) -> list[float]:
