@@ -398,6 +398,7 @@ def test_a_file_of_an_image_without_a_hand_is_a_frame_without_it(tmp_path):
     ("change", "expected"),
     [
         (lambda held: held.pop("right"), "'right' must be an array of numbers, got none"),
+        (lambda held: held.update(right=[5.0]), "'right' must be 1 for a right hand and 0 for a"),
         (lambda held: held.update(frame=[-1]), "'frame' must be a frame's number, 0 to 300000"),
         (lambda held: held["pred_mano_params"].pop("betas"), "'betas' must be an array"),
     ],

@@ -172,6 +172,9 @@ def read_batch(record: Record, options: base.ReaderOptions) -> Detection:
         "points": record.array("pred_keypoints_3d", ("B", 21, 3)),
         "right": record.array(side_field(record), ("B",), ("B", 1)).reshape(-1),
     }
+    if ((batch["right"] < 0) | (batch["right"] > 1)).any():
+        wanted = "1 for a right hand and 0 for a left one in each row"
+        raise record.refuse(side_field(record), wanted)
     batch["trans"] = full_translation(record, batch["right"], options)
     if len({len(values) for values in batch.values()}) > 1:
         raise record.refuse("pred_mano_params", "one row for each detection")
