@@ -76,7 +76,8 @@ def draw_batch(
     noise = draw_corruption(frames, draws, config.corruption)
     turn = axis_angle_to_matrix(3.0 * draws.normal(3))
     if device is not None:
-        windows, clean, noise, turn = (each.to(device) for each in (windows, clean, noise, turn))
+        windows, clean = windows.to(device), clean.to(device)
+        noise, turn = noise.to(device), turn.to(device)
     windows = windows.shaken(noise.object_turn, noise.object_shift)
     noisy = filled(noise.tracked(clean), noise.keep)
     observed = joints = noisy.joints + noise.jitter
