@@ -64,11 +64,18 @@ class Bundle:
         Raises:
             TypeError: the index is a single number, which would remove the axis, or a tensor's
                 annotation does not name its axes.
+            ValueError: a slice runs backward, which those of tensors cannot.
         """
         if not isinstance(index, Index):
             raise TypeError(
                 f"{type(self).__name__} takes a slice, a mask or indices along {axis}, "
                 f"got {index!r}; one entry n is n : n + 1"
+            )
+
+        if isinstance(index, slice) and (index.step or 1) < 0:
+            raise ValueError(
+                f"{type(self).__name__} takes slices that run forward along {axis}, got {index!r}; "
+                "indices may run backward, such as torch.arange(n - 1, -1, -1) of n entries"
             )
 
         # numpy takes a tensor of one entry for a number, which would remove the axis

@@ -56,6 +56,11 @@ def test_arrays_keep_the_axis_of_which_one_entry_is_chosen(outer, index):
     assert outer[index].stored["right"].shape == (1, 3)
 
 
+def test_a_slice_that_runs_backward_is_refused_with_what_does(outer):
+    with pytest.raises(ValueError, match=r"run forward along T.*torch.arange\(n - 1, -1, -1\)"):
+        outer[::-1]
+
+
 def test_a_single_frame_number_is_refused_because_it_would_remove_the_axis(outer):
     with pytest.raises(TypeError, match="slice"):
         outer[2]

@@ -82,12 +82,11 @@ def subject_of(track: HandTrack, model: HandModel) -> Subject:
         assert filled.wrist is not None, "a pose comes with a wrist"
         if known is None:
             known = model.template.new_zeros(model.shape_dirs.shape[-1])
-            lacks = (
-                "joints and betas"
-                if track.betas is None
-                else "joints and its betas belong to another hand model"
-            )
-            notes.append(f"the pose comes without {lacks}: the mean hand is used")
+            lacks, cure = "joints and betas", ""
+            if track.betas is not None:
+                lacks = "joints and its betas belong to another hand model"
+                cure = "; --hand mano takes them" if track.hand_model == "mano" else ""
+            notes.append(f"the pose comes without {lacks}: the mean hand is used{cure}")
         joints = posed = model.shaped(known).joints_from_rotations(rotations, filled.wrist)
     else:
         joints = posed = filled.joints

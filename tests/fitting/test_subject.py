@@ -51,7 +51,10 @@ def test_pose_alone_takes_the_mean_hand_and_says_so():
     track = replace(track_of(torch.zeros(10)), joints=None, hand_model="mano", betas=torch.ones(10))
     subject = subject_of(track, MODEL)
     assert torch.equal(subject.betas, torch.zeros(10))
-    assert "betas belong to another hand model: the mean hand" in subject.notes[0]
+    assert subject.notes == (
+        "the pose comes without joints and its betas belong to another hand model: the mean hand "
+        "is used; --hand mano takes them",
+    )
     unknown = subject_of(replace(track, betas=None), MODEL)
     assert unknown.notes == ("the pose comes without joints and betas: the mean hand is used",)
 
