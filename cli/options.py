@@ -57,10 +57,10 @@ def refuse(names: Collection[str], why: str) -> None:
             raise click.UsageError(f"{given} {why}; leave it out")
 
 
-def refuse_unit_without(obj: Any) -> None:
-    """Refuse --unit without --obj: meshes that a file or a source names are in metres."""
-    if not obj:
-        refuse(["unit"], "is of the meshes of --obj, which is not given")
+def refuse_unit_without(meshes: Any, option: str = "--obj") -> None:
+    """Refuse --unit without meshes of an option: those that files or sources name are in metres."""
+    if not meshes:
+        refuse(["unit"], f"is of the meshes of {option}, which is not given")
 
 
 FILE = click.Path(dir_okay=False, path_type=Path)

@@ -20,11 +20,11 @@ from torch import Tensor
 import geneoh
 from geneoh.baselines.filters import TUNED, filtered
 from geneoh.choices import Noise
+from geneoh.evaluation.protocols.synthetic import FPS, moving_object, right_hand
 from geneoh.evaluation.scores import fitted_verts
 from geneoh.fitting.subject import subject_of
 from geneoh.geometry.changing_surface import ChangingSurface
 from geneoh.geometry.distance import MovingSurface
-from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
 from geneoh.hand.skeleton import TIP_KEYPOINTS
 from geneoh.metrics.contact import (
@@ -36,7 +36,7 @@ from geneoh.metrics.contact import (
 from geneoh.metrics.smoothness import finite_difference
 from geneoh.sequence.gaps import fill_gaps, filled_keypoints
 from geneoh.sequence.noise import corrupt_sequence
-from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
+from geneoh.sequence.sequence import HandTrack, Sequence
 from geneoh.synthesis.bimanual import BimanualConfig, pair_hands
 from geneoh.synthesis.motion import Interactions, animate
 from geneoh.synthesis.scans import read_folder
@@ -47,8 +47,7 @@ from geneoh.synthesis.shards import (
     seeded_generator,
     tried_grasps,
 )
-from geneoh.synthesis.solids import PARTS, Solids
-from geneoh.synthesis.surface import mesh_of
+from geneoh.synthesis.solids import Solids
 from tools.noisy_objects.clips import EXAMPLES, scans_of
 
 FRAMES = 90
@@ -126,24 +125,11 @@ def made_pairs() -> Iterator[Sequence]:
 
 def paired(clips: Interactions, solids: Solids, first: int, second: int, name: str) -> Sequence:
     """A clip of a right hand, and of the left one that another clip shows in a mirror."""
-    solid = solids.take(slice(first, first + 1), "B")
-    parts = PARTS if bool(solid.jointed) else 1
-    meshes = tuple(mesh_of(solid.only(part)) for part in range(parts))
-    motion = ObjectTrack(
-        meshes, clips.rotation[first, :, :parts], clips.translation[first, :, :parts]
-    )
-    hands = (right_hand(clips, first), right_hand(clips, second).mirrored())
-    return Sequence(hands, motion, 30.0, f"two hands, {name}")
-
-
-def right_hand(clips: Interactions, number: int) -> HandTrack:
-    """The hand of one clip."""
-    pose, wrist = clips.pose[number], clips.wrist[number]
-    shaped = load_hand("right").shaped(torch.zeros(10))
-    joints = shaped.joints_from_rotations(axis_angle_to_matrix(pose), wrist)
-    known = {"joints": joints, "pose": pose, "wrist": wrist, "betas": torch.zeros(10)}
-    valid = torch.ones(len(pose), dtype=torch.bool)
-    return HandTrack("right", valid, **known, hand_model="embedded")
+    betas = torch.zeros(10)
+    hand = load_hand("right").shaped(betas)
+    motion = moving_object(clips, first, solids.take(slice(first, first + 1), "B"))
+    right, left = (right_hand(clips, number, hand, betas) for number in (first, second))
+    return Sequence((right, left.mirrored()), motion, FPS, f"two hands, {name}")
 
 
 def column(clips: list[Sequence], noise: Noise, preset: str) -> Float[Tensor, "3 5"]:

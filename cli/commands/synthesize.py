@@ -79,8 +79,7 @@ def synthesize(
     from geneoh.viz.canvas import png_bytes
     from geneoh.viz.gesture_sheet import sheet_of
 
-    if meshes is None:
-        options.refuse(["unit"], "is of the meshes of --objects, which is not given")
+    options.refuse_unit_without(meshes, "--objects")
     path = None if config is None else options.find_config(config)
     settings = settings if count is None else (*settings, f"count={count}")
     kind = kind_of_data(actions, bodies, meshes, holding)

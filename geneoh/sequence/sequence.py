@@ -219,7 +219,7 @@ class Sequence(Bundle):
     def __getitem__(self, frames: Index) -> "Sequence":
         """The chosen frames; every n-th of them come at an n-th of the rate."""
         step = frames.step if isinstance(frames, slice) else None
-        return replace(super().__getitem__(frames), fps=self.fps / abs(step or 1))
+        return replace(super().__getitem__(frames), fps=self.fps / (step or 1))
 
     @property
     def frames(self) -> int:

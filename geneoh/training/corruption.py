@@ -223,10 +223,17 @@ def _ornstein_uhlenbeck(
     white: Float[Tensor, "B T C"], correlation: Float[Tensor, " B"]
 ) -> Float[Tensor, "B T C"]:
     """Noise of unit variance with the given correlation time in frames, from white noise."""
-    stay = torch.exp(-1.0 / correlation)[:, None]
-    steps, innovation = [white[:, 0]], (1 - stay**2).sqrt()
-    for t in range(1, white.shape[1]):
-        steps.append(stay * steps[-1] + innovation * white[:, t])
+    stay = torch.exp(-1.0 / correlation)
+    return _with_memory(white, stay, (1 - stay**2).sqrt())
+
+
+def _with_memory(
+    values: Float[Tensor, "B T C"], stay: Float[Tensor, " B"], gain: Float[Tensor, " B"]
+) -> Float[Tensor, "B T C"]:
+    """Each frame times `gain`, plus `stay` times the result of the frame before it."""
+    steps, stay, gain = [values[:, 0]], stay[:, None], gain[:, None]
+    for t in range(1, values.shape[1]):
+        steps.append(stay * steps[-1] + gain * values[:, t])
     return torch.stack(steps, dim=1)
 
 
@@ -281,10 +288,9 @@ def _filtered(
     values: Float[Tensor, "B T C"], memory: Float[Tensor, " B"]
 ) -> Float[Tensor, "B T C"]:
     """Each frame mixed with the filtered one before it, as live trackers calm their answers."""
-    steps, keep = [values[:, 0]], memory[:, None]
-    for t in range(1, values.shape[1]):
-        steps.append(keep * steps[-1] + (1 - keep) * values[:, t])
-    return torch.stack(steps, dim=1)
+    if not memory.any():  # as by default, in every batch
+        return values
+    return _with_memory(values, memory, 1 - memory)
 
 
 def _observed(frames: int, config: CorruptionConfig, draws: Draws) -> Bool[Tensor, "B T"]:

@@ -66,7 +66,7 @@ class TrainState:
     @property
     def result(self) -> dict[str, Tensor]:
         """The weights that are used: the averaged ones, mixed with those started from."""
-        if self.first is None:
+        if self.first is None or not self.first_share:
             return self.average
         return {
             name: tensor.lerp(self.first[name].to(tensor), self.first_share)

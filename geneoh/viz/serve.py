@@ -55,7 +55,8 @@ def gallery_items(
     """
     paths = dict.fromkeys(path.absolute() for path in results)
     clips = with_distinct_names([SourceClip(path.stem, path) for path in paths])
-    items, left_out, first = [], [], None
+    items: list[GalleryItem] = []
+    refused: dict[str, InputError] = {}
     for clip in steps(clips, on_step):
         path = clip.path
         stem = path.stem.removesuffix("_clean")
@@ -65,11 +66,10 @@ def gallery_items(
         try:
             items.append(GalleryItem(clip.name, opened, opened().versions[-1].measures.means()))
         except InputError as error:
-            left_out.append(f"{clip.name}: {error}")
-            first = first or error
-    if first is not None and not items:
-        raise first
-    return items, left_out
+            refused[clip.name] = error
+    if refused and not items:
+        raise next(iter(refused.values()))
+    return items, [f"{name}: {error}" for name, error in refused.items()]
 
 
 def sorted_by(items: list[GalleryItem], measure: str) -> list[GalleryItem]:

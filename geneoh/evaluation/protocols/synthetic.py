@@ -8,6 +8,8 @@ from functools import lru_cache, partial
 from itertools import cycle, islice
 
 import torch
+from jaxtyping import Float
+from torch import Tensor
 
 from geneoh.evaluation.options import ProtocolOptions
 from geneoh.evaluation.protocols.clips import Clip
@@ -16,7 +18,7 @@ from geneoh.hand.library import load_hand
 from geneoh.hand.model import ShapedHand
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh.synthesis.grasps import Grasps, synthesize_grasps
-from geneoh.synthesis.motion import animate
+from geneoh.synthesis.motion import Interactions, animate
 from geneoh.synthesis.objects import draw_objects
 from geneoh.synthesis.scans import Scans
 from geneoh.synthesis.shards import SynthesisConfig, seeded_generator
@@ -45,15 +47,27 @@ def draw_clip(family: str, index: int, frames: int, scans: Scans | None = None) 
     hand = load_hand("right").shaped(betas)
     grasp, solid = draw_grasp(hand, family, scans, generator=generator)
     moved = animate(grasp, solid, frames, 1, generator=generator)
-    pose, wrist = moved.pose[0], moved.wrist[0]
+    track, motion = right_hand(moved, 0, hand, betas), moving_object(moved, 0, solid)
+    return Sequence((track,), motion, FPS, f"geneoh's synthetic clip {index}, {family}")
+
+
+def right_hand(
+    clips: Interactions, number: int, hand: ShapedHand, betas: Float[Tensor, " S"]
+) -> HandTrack:
+    """The hand of one of several clips, of the shape that the betas give the embedded model."""
+    pose, wrist = clips.pose[number], clips.wrist[number]
     joints = hand.joints_from_rotations(axis_angle_to_matrix(pose), wrist)
     known = {"joints": joints, "pose": pose, "wrist": wrist, "betas": betas}
-    valid = torch.ones(frames, dtype=torch.bool)
-    track = HandTrack("right", valid, **known, hand_model="embedded")
+    valid = torch.ones(len(pose), dtype=torch.bool)
+    return HandTrack("right", valid, **known, hand_model="embedded")
+
+
+def moving_object(clips: Interactions, number: int, solid: Solids) -> ObjectTrack:
+    """The object of one of several clips with its motion; `solid` is that object alone."""
     parts = PARTS if bool(solid.jointed) else 1
     meshes = tuple(mesh_of(solid.only(part)) for part in range(parts))
-    motion = ObjectTrack(meshes, moved.rotation[0, :, :parts], moved.translation[0, :, :parts])
-    return Sequence((track,), motion, FPS, f"geneoh's synthetic clip {index}, {family}")
+    rotation, translation = clips.rotation[number], clips.translation[number]
+    return ObjectTrack(meshes, rotation[:, :parts], translation[:, :parts])
 
 
 def draw_grasp(

@@ -9,6 +9,7 @@ import torch
 from tokenizers import Tokenizer
 from torch import Tensor
 
+from geneoh.choices import BODY_STAGES
 from geneoh.denoisers.library import file_or_shipped, load_network, refuse_none_of
 from geneoh.errors import CheckpointError, ConfigError
 from geneoh.generators.both2hands.blend import BlendConfig, Blender
@@ -24,8 +25,6 @@ from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.training.resume import digest
 
 SHIPPED = Path(__file__).parent / "weights"  # the weights in the package, STAGE.safetensors
-NAMES = ("body_hands", "text_hands", "blend")
-"""The networks of which a folder of weights holds one or more."""
 
 Speech = Callable[[Sequence[str]], Tensor]
 """From sentences to what the network of text is told: numbers of pieces, or vectors."""
@@ -68,7 +67,7 @@ def load_networks(
         ConfigError: the networks were trained with another text encoder, on other data than each
             other, or the blend with other networks.
     """
-    refuse_none_of(NAMES, folder)
+    refuse_none_of(BODY_STAGES, folder)
     branches = load_branches(folder, text_encoder=text_encoder)
     blend = load_network(weights_of("blend", folder), Blender, BlendConfig)
     if blend.config.form == "ours":

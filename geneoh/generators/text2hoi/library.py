@@ -8,6 +8,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from geneoh.choices import GENERATOR_STAGES
 from geneoh.denoisers.library import file_or_shipped, load_network, refuse_none_of
 from geneoh.errors import CheckpointError, ConfigError
 from geneoh.generators.text import TextEncoder
@@ -19,8 +20,6 @@ from geneoh.generators.text2hoi.text import ASKED, load_text_encoder
 from geneoh.nn.checkpoint import load_checkpoint
 
 SHIPPED = Path(__file__).parent / "weights"  # the weights in the package, STAGE.safetensors
-NAMES = ("text", "length", "contact", "interaction", "refiner")
-"""The networks of which a folder of weights holds one or more."""
 ALIKE = 0.1
 """Two vectors of a sentence are of one encoder whose distance is at most this share of their
 length: machines and precisions round by a hundredth at most, and trainings have nothing in common.
@@ -51,7 +50,7 @@ def load_networks(
         CheckpointError: the folder has no network, or a file does not fit its network.
         ConfigError: the networks were trained with another text encoder.
     """
-    refuse_none_of(NAMES, folder)
+    refuse_none_of(GENERATOR_STAGES, folder)
     text = encoder_of(folder, text_encoder)
     contact, interaction = contact_network(folder), interaction_network(folder)
     length = load_network(weights_of("length", folder), LengthNetwork, LengthConfig)
