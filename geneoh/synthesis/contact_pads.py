@@ -40,8 +40,8 @@ def hand_scale(offsets: Float[Tensor, "B 20 3"]) -> Float[Tensor, "B 1"]:
 
 
 def hand_spheres(
-    joints: Float[Tensor, "*B 21 3"], scale: Float[Tensor, "*B 1"]
-) -> tuple[Float[Tensor, "*B K 3"], Float[Tensor, "*B K"]]:
+    joints: Float[Tensor, "*B 21 3"], scale: Float[Tensor, "*#B 1"]
+) -> tuple[Float[Tensor, "*B K 3"], Float[Tensor, "*#B K"]]:
     """Centres and radii of the spheres that fill the hand, bone by bone."""
     start, end = joints[..., list(KEYPOINT_PARENTS[1:]), :], joints[..., 1:, :]
     along = torch.linspace(0.25, 1.0, SPHERES_PER_BONE, device=joints.device)

@@ -1,12 +1,13 @@
 """How a hand moves about its grasp, in the frame of the part that it holds."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from geneoh.bundle import Bundle
 from geneoh.geometry.mirror import mirror_axis_angle, mirror_points, mirror_rotations
 from geneoh.geometry.rigid import Rigid
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
@@ -73,7 +74,7 @@ class HandMotionConfig:
 
 
 @dataclass(frozen=True)
-class HandPhases:
+class HandPhases(Bundle):
     """How far hands are from their grasp in each frame: 0 in the grasp, 1 away from it."""
 
     reach: Float[Tensor, "B T"]  # of the wrist, before the grasp
@@ -106,7 +107,7 @@ def bell(frames: Float[Tensor, "B T"], width: float) -> Float[Tensor, "B T"]:
 
 
 @dataclass(frozen=True)
-class HandPath:
+class HandPath(Bundle):
     """B hands in each of T frames, in the frame of what they hold or of the world."""
 
     wrist: Float[Tensor, "B T 3"]
@@ -124,6 +125,12 @@ class HandPath:
         """The same hands in another frame."""
         moved = Rigid(rotation, shift).compose(Rigid(self.turn, self.wrist))
         return HandPath(moved.translation, moved.rotation, self.fingers)
+
+    def replaced(self, index: Int[Tensor, " C"], other: "HandPath") -> "HandPath":
+        """These hands, with others in place of those of the given numbers."""
+        own = (getattr(self, each.name) for each in fields(self))
+        new = (getattr(other, each.name) for each in fields(self))
+        return HandPath(*(a.index_copy(0, index, b) for a, b in zip(own, new, strict=True)))
 
     def mirrored(self) -> "HandPath":
         """The hands of the other side on the mirror images."""

@@ -12,10 +12,12 @@ from torch import Tensor
 
 from geneoh.representation.region import ObjectSurface
 from geneoh.synthesis.bimanual import HandPairs
+from geneoh.synthesis.clearance import ClearanceConfig, MovingSolids, clear_ways
 from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.grasps import Grasps, Grips
 from geneoh.synthesis.hand_motion import (
     HandMotionConfig,
+    HandPath,
     draw_phases,
     grip_motion,
     hand_motion,
@@ -32,6 +34,7 @@ class AnimationConfig:
     schedule: ScheduleConfig = field(default_factory=ScheduleConfig)
     object: ObjectMotionConfig = field(default_factory=ObjectMotionConfig)
     hand: HandMotionConfig = field(default_factory=HandMotionConfig)
+    clearance: ClearanceConfig = field(default_factory=ClearanceConfig)
 
 
 @dataclass(frozen=True)
@@ -75,9 +78,21 @@ def animate(
     rotation, translation = carry(solids, held, standing, schedule, pairs, config.object, draws)
     phases = draw_phases(schedule, config.hand, draws)
     held_in = grip_motion(grasps, grips, schedule, ~pairs.shared, config.hand, draws)
-    hand = hand_motion(held_in, standing, phases, config.hand, draws)
-    clip = torch.arange(len(grasps.pose))
-    hand = hand.moved(rotation[clip, :, held.index], translation[clip, :, held.index])
+
+    def drawn(clips: Int[Tensor, " C"]) -> HandPath:
+        """Motions of the hands of some clips in the world frame."""
+        hand = hand_motion(
+            held_in.take(clips, "B"),
+            standing.take(clips, "B"),
+            phases.take(clips, "B"),
+            config.hand,
+            Draws(len(clips), generator),
+        )
+        part = held.index[clips]
+        return hand.moved(rotation[clips, :, part], translation[clips, :, part])
+
+    moving = MovingSolids(solids, rotation, translation)
+    hand = clear_ways(drawn, moving, grasps.offsets, config.clearance)
     return Interactions(
         pose=hand.pose,
         wrist=hand.wrist,

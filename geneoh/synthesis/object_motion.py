@@ -7,6 +7,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from geneoh.bundle import Bundle
 from geneoh.geometry.mirror import mirror_points, mirror_rotations
 from geneoh.geometry.rigid import Rigid, part_poses
 from geneoh.geometry.rotations import axis_angle_to_matrix, shortest_turn
@@ -46,7 +47,7 @@ class ObjectMotionConfig:
 
 
 @dataclass(frozen=True)
-class Standing:
+class Standing(Bundle):
     """How B objects stand before they are lifted."""
 
     upright: Float[Tensor, "B 3 3"]  # rotation from the object to the world, whose z axis points up
