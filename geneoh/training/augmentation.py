@@ -4,7 +4,7 @@ Recorded hands turn about their fingertips while they hold, shift, and move thei
 time; people, and the fits that make ground truth, also have finger poses of their own.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import torch
@@ -18,6 +18,7 @@ from geneoh.hand.skeleton import TIP_KEYPOINTS
 from geneoh.representation.parameters import HandParameters
 from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.pose_prior import FINGER_STD
+from geneoh.training.kept_contact import KeptContactConfig
 
 MOST_PERIOD = 1_000_000
 """Frames of the slowest motion."""
@@ -46,6 +47,8 @@ class AugmentationConfig(Limited):
     style: float = 0.4
     """Deviation of that offset, in those of the pose prior: little where joints hardly move."""
     smallest_style: float = 0.04  # least deviation of that offset, radians
+    contact: KeptContactConfig = field(default_factory=KeptContactConfig)
+    """How the hands that move more are brought back to the surface that they touched."""
 
     def __post_init__(self) -> None:
         """Refuse numbers outside of their limits, and motion of no period."""

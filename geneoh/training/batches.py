@@ -22,6 +22,7 @@ from geneoh.synthesis.motion import Interactions
 from geneoh.training.augmentation import augmented
 from geneoh.training.config import TrainConfig
 from geneoh.training.corruption import draw_corruption
+from geneoh.training.kept_contact import with_kept_contact
 from geneoh.training.windows import draw_windows, filled
 
 
@@ -78,6 +79,7 @@ def draw_batch(
     if device is not None:
         windows, clean = windows.to(device), clean.to(device)
         noise, turn = noise.to(device), turn.to(device)
+    clean = with_kept_contact(clean, windows.hand, windows, config.augmentation.contact)
     windows = windows.shaken(noise.object_turn, noise.object_shift)
     noisy = filled(noise.tracked(clean), noise.keep)
     observed = joints = noisy.joints + noise.jitter
