@@ -35,7 +35,6 @@ from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.replay import replay_shard
 from geneoh.synthesis.shards import find_shards, seed_of, seeded_generator
 from geneoh.training import augmentation
-from geneoh.training.kept_contact import with_kept_contact
 
 FPS = 30.0
 SHARDS, CLIPS_PER_SHARD = 8, 96
@@ -170,8 +169,7 @@ def shard_clips(path: Path, hand: HandModel, augmented: bool, count: int) -> Han
         # The seed's name is part of published figures: another name draws another augmentation.
         generator = seeded_generator("lively", path.name)
         hands = HandParameters.of_pose(shard.clips.wrist, shard.clips.pose, shard.clips.offsets)
-        moved = augmentation.augmented(hands, Draws(len(hands.wrist), generator))
-        hands = with_kept_contact(moved, hands, shard.clips)
+        hands = augmentation.augmented(hands, Draws(len(hands.wrist), generator))
         shard = replace(shard, clips=replace(shard.clips, wrist=hands.wrist, pose=hands.pose))
     world = shard.joints
     local = shard.in_object(world)

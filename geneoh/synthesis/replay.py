@@ -54,7 +54,7 @@ class Replay:
     def held_frames(self) -> Int[Tensor, " B"]:
         """The frame of each clip in which the fingers are closest to the object's surface.
 
-        Penetration counts against a frame, as a hand that reaches may pass through the object.
+        Penetration counts against a frame, as a few hands that reach pass through the object.
         """
         fingers = self.in_object(self.joints)[:, :, 1:]
         every = torch.arange(fingers.shape[1]).expand(len(fingers), -1)

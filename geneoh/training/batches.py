@@ -79,7 +79,10 @@ def draw_batch(
     if device is not None:
         windows, clean = windows.to(device), clean.to(device)
         noise, turn = noise.to(device), turn.to(device)
-    clean = with_kept_contact(clean, windows.hand, windows, config.augmentation.contact)
+    contact = config.augmentation.contact
+    if contact.share:  # else no number is drawn, so that seeds draw what they did before
+        kept = draws.chance(contact.share).to(clean.wrist.device)
+        clean = with_kept_contact(clean, windows.hand, windows, contact, kept)
     windows = windows.shaken(noise.object_turn, noise.object_shift)
     noisy = filled(noise.tracked(clean), noise.keep)
     observed = joints = noisy.joints + noise.jitter

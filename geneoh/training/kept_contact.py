@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from geneoh.config import Limited, Limits
@@ -21,13 +21,15 @@ from geneoh.representation.region import ObjectSurface
 
 @dataclass(frozen=True)
 class KeptContactConfig(Limited):
-    """How exactly hands are brought back; lengths in metres."""
+    """How many hands are brought back, and how exactly; lengths in metres."""
 
     LIMITS: ClassVar[Limits] = {
+        "share": (0, 1),
         "rounds": (0, 20),
         **dict.fromkeys(("near", "fade", "deviation", "smoothing"), (1e-6, 1000)),
     }
 
+    share: float = 0.0  # share of the windows whose hand is brought back
     rounds: int = 2  # corrections, one after the other; 0 leaves the hands where they are
     near: float = 0.012
     """Height of keypoints over the surface up to which they count as touching it."""
@@ -41,10 +43,12 @@ def with_kept_contact(
     before: HandParameters,
     surface: ObjectSurface,
     config: KeptContactConfig | None = None,
+    chosen: Bool[Tensor, " B"] | None = None,
 ) -> HandParameters:
     """Hands whose keypoints are as high over the surface as they were `before`, where that is near.
 
     Others come no nearer than they were, or than `near`. World frame in and out, smooth over time.
+    With `chosen`, the hands of the other windows stay as they are.
     """
     config = config or KeptContactConfig()
     wanted = _heights(before.joints, surface)[0]
@@ -57,7 +61,7 @@ def with_kept_contact(
         weight = torch.where(away, 1.0, touching)
         missing = torch.where(away, least, wanted) - height
         change = _smooth(_correction(hand, normal, missing, weight, config), config.smoothing)
-        hand = hand.moved(change)
+        hand = hand.moved(change if chosen is None else change * chosen[:, None, None])
     return hand
 
 

@@ -10,6 +10,7 @@ from geneoh.denoisers.base import POINTS
 from geneoh.denoisers.spatial import TRACK_CUES
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import bone_lengths
+from geneoh.representation.nearest_surface import nearest_points
 from geneoh.representation.parameters import HandParameters
 from geneoh.sequence.gaps import observed_around
 from geneoh.streamed import Streamed
@@ -18,6 +19,7 @@ from geneoh.synthesis.motion import Interactions
 from geneoh.training.augmentation import AugmentationConfig
 from geneoh.training.batches import Batch, after_motion, draw_batch
 from geneoh.training.config import TrainConfig
+from geneoh.training.kept_contact import KeptContactConfig
 from geneoh.training.stages import build_model
 from geneoh.training.windows import WindowConfig, filled
 
@@ -169,3 +171,24 @@ def test_a_batch_can_be_moved(batch):
     assert {value.device.type for value in tensors(moved)} == {"meta"}
     back = batch.to(torch.device("cpu"))
     assert all(torch.equal(a, b) for a, b in zip(tensors(batch), tensors(back), strict=True))
+
+
+def test_hands_that_move_more_may_keep_their_contact(interactions):
+    made, moved, kept = (
+        drawn(interactions, 16, TrainConfig(augmentation=augmentation), generator=seeded())
+        for augmentation in (
+            AugmentationConfig(share=0.0, style_share=0.0),
+            AugmentationConfig(),
+            AugmentationConfig(contact=KeptContactConfig(share=1.0)),
+        )
+    )
+
+    def heights(batch: Batch) -> torch.Tensor:
+        """Of keypoints over the plane of the nearest contact point of the made hand, metres."""
+        points, normals = nearest_points(made.clean, made.region.points, made.region.normals)
+        return ((batch.clean - points) * normals).sum(-1)
+
+    touching = heights(made).abs() < 0.01
+    assert int(touching.sum()) > 100
+    off = [(heights(batch) - heights(made)).abs()[touching].mean() for batch in (moved, kept)]
+    assert float(off[1]) < 0.7 * float(off[0])

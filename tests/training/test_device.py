@@ -9,6 +9,8 @@ from stage_runs import train_stage
 
 from geneoh.choices import StageName
 from geneoh.nn.checkpoint import load_checkpoint
+from geneoh.training.augmentation import AugmentationConfig
+from geneoh.training.kept_contact import KeptContactConfig
 from geneoh.training.stages import build_model
 
 CPU = torch.device("cpu")
@@ -26,7 +28,8 @@ def test_a_stage_learns_and_is_validated_alike_on_every_device(
     stage, clips, tiny, training_device, tmp_path
 ):
     steps = 4 if stage == "latent" else 2
-    config = replace(tiny, steps=steps, validate_every=steps)
+    augmentation = AugmentationConfig(contact=KeptContactConfig(share=0.5))
+    config = replace(tiny, steps=steps, validate_every=steps, augmentation=augmentation)
     here = trained(stage, config, clips, tmp_path / "cpu", CPU)
     there = trained(stage, config, clips, tmp_path / "there", training_device)
     assert here.keys() == there.keys()

@@ -120,3 +120,9 @@ def test_without_rounds_nothing_changes():
     before, moved = flat_hand(TOUCH), shifted(flat_hand(TOUCH), (0.0, -0.01, 0.0))
     back = with_kept_contact(moved, before, table(), KeptContactConfig(rounds=0))
     assert torch.equal(back.joints, moved.joints)
+
+
+def test_hands_that_are_not_chosen_stay_as_they_are():
+    before, moved = flat_hand(TOUCH), shifted(flat_hand(TOUCH), (0.0, -0.01, 0.0))
+    back = with_kept_contact(moved, before, table(), EXACT, torch.tensor([False]))
+    torch.testing.assert_close(back.joints, moved.joints, atol=1e-6, rtol=0)
