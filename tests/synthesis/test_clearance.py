@@ -13,7 +13,7 @@ from geneoh.synthesis.objects import draw_objects
 from geneoh.synthesis.shards import SynthesisConfig, draw_attempts, tried_grasps
 
 FRAMES = 12
-AXIS_POINT = 0.5
+BESIDE = 0.5
 """A hand is this far from the box when it is beside it, metres."""
 
 
@@ -35,7 +35,7 @@ def boxes(count: int) -> tuple[MovingSolids, Tensor]:
 
 def test_a_hand_in_a_box_is_deep_and_one_beside_it_is_not():
     objects, offsets = boxes(2)
-    depth = objects.depth(hands_at(0.08, AXIS_POINT), offsets)
+    depth = objects.depth(hands_at(0.08, BESIDE), offsets)
     assert (depth[0] > 0.005).all()
     assert (depth[1] < -0.2).all()
 
@@ -58,10 +58,10 @@ def test_a_hand_meets_the_part_that_a_joint_has_moved_to_it():
     solids = draw_objects(["drawer"], generator=torch.Generator().manual_seed(3))
     rotation = torch.eye(3).expand(1, FRAMES, 2, 3, 3)
     translation = torch.zeros(1, FRAMES, 2, 3)
-    translation[:, FRAMES // 2 :, 1, 0] = AXIS_POINT
+    translation[:, FRAMES // 2 :, 1, 0] = BESIDE
     offsets = load_hand("right").shaped(torch.zeros(1, 10)).offsets
     objects = MovingSolids(solids, rotation, translation)
-    depth = objects.depth(hands_at(AXIS_POINT + 0.08), offsets)[0]
+    depth = objects.depth(hands_at(BESIDE + 0.08), offsets)[0]
     assert (depth[: FRAMES // 2] < -0.1).all()
     assert (depth[FRAMES // 2 :] > depth[: FRAMES // 2].max() + 0.1).all()
 
@@ -69,7 +69,7 @@ def test_a_hand_meets_the_part_that_a_joint_has_moved_to_it():
 def test_only_hands_that_are_deep_get_another_way_and_that_until_it_is_clear():
     objects, offsets = boxes(3)
     asked: list[list[int]] = []
-    ways = iter([(0.08, AXIS_POINT, 0.08), (AXIS_POINT, 0.08), (AXIS_POINT,)])
+    ways = iter([(0.08, BESIDE, 0.08), (BESIDE, 0.08), (BESIDE,)])
 
     def draw(clips: Tensor) -> HandPath:
         asked.append(clips.tolist())
@@ -77,7 +77,7 @@ def test_only_hands_that_are_deep_get_another_way_and_that_until_it_is_clear():
 
     hands = clear_ways(draw, objects, offsets, ClearanceConfig())
     assert asked == [[0, 1, 2], [0, 2], [2]]
-    assert (hands.wrist[..., 0] == AXIS_POINT).all()
+    assert (hands.wrist[..., 0] == BESIDE).all()
 
 
 def test_the_shallowest_way_is_taken_where_none_is_clear():
