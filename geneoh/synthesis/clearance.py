@@ -8,6 +8,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from geneoh.bundle import Bundle
+from geneoh.config import Limited
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.skeleton import forward_kinematics
 from geneoh.synthesis.contact_pads import hand_scale, hand_spheres
@@ -16,7 +17,7 @@ from geneoh.synthesis.solids import PARTS, Solids
 
 
 @dataclass(frozen=True)
-class ClearanceConfig:
+class ClearanceConfig(Limited):
     """How deep hands may be in the object on their ways, and how often a way is drawn again."""
 
     depth: float = 0.006
@@ -43,9 +44,8 @@ class MovingSolids(Bundle):
         for part in range(PARTS):
             turn, shift = self.rotation[:, :, part], self.translation[:, :, part, None]
             there = ((centers - shift) @ turn).flatten(1, 2)
-            distance = (
-                self.solids.only(part).signed_distance(there).unflatten(1, centers.shape[1:3])
-            )
+            distance = self.solids.only(part).signed_distance(there)
+            distance = distance.unflatten(1, centers.shape[1:3])
             deepest = torch.maximum(deepest, (radii - distance).amax(-1))
         return deepest
 

@@ -1,8 +1,10 @@
 from dataclasses import replace
 
+import pytest
 import torch
 from torch import Tensor
 
+from geneoh.errors import ConfigError
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
 from geneoh.synthesis.bimanual import grasp_directions
@@ -116,3 +118,9 @@ def test_hands_of_made_clips_seldom_lead_through_the_object():
     assert (often <= once + 0.001).all()
     assert (once > 0.01).sum() > 8
     assert (often > 0.01).sum() <= (once > 0.01).sum() / 2
+
+
+@pytest.mark.parametrize("wrong", [{"every": 0}, {"draws": 0}, {"depth": -0.001}])
+def test_impossible_settings_are_refused(wrong):
+    with pytest.raises(ConfigError, match=next(iter(wrong))):
+        ClearanceConfig(**wrong)
