@@ -17,6 +17,7 @@ from geneoh.hand.skeleton import MANO_FROM_OPENPOSE
 from geneoh.representation.nearest_surface import nearest_on_parts
 from geneoh.representation.parameters import UNIT, HandParameters
 from geneoh.representation.region import ObjectSurface
+from geneoh.synthesis.smoothing import smoothed
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ def with_kept_contact(
         away = (height < least) & (touching < 0.5)
         weight = torch.where(away, 1.0, touching)
         missing = torch.where(away, least, wanted) - height
-        change = _smooth(_correction(hand, normal, missing, weight, config), config.smoothing)
+        change = smoothed(_correction(hand, normal, missing, weight, config), config.smoothing)
         hand = hand.moved(change if chosen is None else change * chosen[:, None, None])
     return hand
 
@@ -101,17 +102,3 @@ def _correction(
     wanted = (missing * weight)[..., order, None]
     system = slope @ slope.mT + config.deviation**2 * torch.eye(21).to(slope)
     return (slope.mT @ torch.linalg.solve(system, wanted))[..., 0]
-
-
-def _smooth(change: Float[Tensor, "B T 51"], deviation: float) -> Float[Tensor, "B T 51"]:
-    """The change, smoothed over time by a Gaussian; the ends are held."""
-    reach = int(3 * deviation) + 1
-    time = torch.arange(-reach, reach + 1).to(change)
-    kernel = torch.exp(-0.5 * (time / deviation) ** 2)
-    kernel = kernel / kernel.sum()
-    rows = torch.nn.functional.pad(change.mT, (reach, reach), mode="replicate")
-    return (
-        torch.nn.functional.conv1d(rows.flatten(0, 1)[:, None], kernel[None, None])
-        .view(rows.shape[0], rows.shape[1], -1)
-        .mT
-    )

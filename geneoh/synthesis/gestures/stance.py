@@ -13,6 +13,7 @@ from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.synthesis.actions import FPS
 from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.shards import seeded_generator
+from geneoh.synthesis.smoothing import smoothed
 
 ANKLE_HEIGHT = 0.075  # of the embedded skeleton over the ground, metres
 FEET_SMOOTHING = 2.5  # deviation in frames of the filter on the pelvis over stepping feet
@@ -156,14 +157,4 @@ def _root(skeleton: Skeleton, motion: BodyMotion, gait: Gait) -> Float[Tensor, "
     still = ankles.mean(2)
     planted = torch.where(gait.walking[:, None, None], way, still[:, :1] - still)
     root = torch.stack([planted[..., 0], ANKLE_HEIGHT - lowest, planted[..., 2]], -1)
-    return _smoothed(root)
-
-
-def _smoothed(values: Float[Tensor, "B T C"]) -> Float[Tensor, "B T C"]:
-    """Values over time without the corners that changing feet make."""
-    reach = int(3 * FEET_SMOOTHING)
-    kernel = torch.exp(-0.5 * (torch.arange(-reach, reach + 1) / FEET_SMOOTHING) ** 2)
-    kernel = (kernel / kernel.sum())[None, None]
-    padded = torch.nn.functional.pad(values.mT, (reach, reach), mode="replicate")
-    smooth = torch.nn.functional.conv1d(padded.flatten(0, 1)[:, None], kernel)
-    return smooth.reshape(len(values), values.shape[2], -1).mT
+    return smoothed(root, FEET_SMOOTHING)
