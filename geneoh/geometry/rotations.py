@@ -6,11 +6,13 @@ gradients everywhere unless they say otherwise.
 """
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 from torch.nn.functional import normalize
 
 SMALL_ANGLE_SQUARED = 1e-6  # below it, the next term of the power series vanishes in float32
+ROTATION_TOLERANCE = 1e-2
+"""Largest entry of R^T R - I; rotations stored in half precision have 1e-3."""
 
 
 def axis_angle_to_matrix(axis_angle: Float[Tensor, "*B 3"]) -> Float[Tensor, "*B 3 3"]:
@@ -51,6 +53,16 @@ def skew(vector: Float[Tensor, "*B 3"]) -> Float[Tensor, "*B 3 3"]:
     zero = torch.zeros_like(x)
     rows = [zero, -z, y, z, zero, -x, -y, x, zero]
     return torch.stack(rows, dim=-1).unflatten(-1, (3, 3))
+
+
+def is_rotation(matrix: Float[Tensor, "*B 3 3"]) -> Bool[Tensor, "*B"]:
+    """Whether R^T R differs from I by at most ROTATION_TOLERANCE, and R is no reflection.
+
+    False where a number is NaN or infinite.
+    """
+    eye = torch.eye(3, dtype=matrix.dtype, device=matrix.device)
+    error = (matrix.transpose(-1, -2) @ matrix - eye).abs().amax((-1, -2))
+    return (error <= ROTATION_TOLERANCE) & (torch.linalg.det(matrix) > 0)
 
 
 def matrix_to_quat_wxyz(rotation: Float[Tensor, "*B 3 3"]) -> Float[Tensor, "*B 4"]:

@@ -23,7 +23,7 @@ from geneoh.readers.base import finite_frames
 from geneoh.readers.missing_keypoints import without_missing
 from geneoh.readers.npz_layouts import JOINT_NAMES, OBJECT_FIELDS, SMPLX_PARAMETERS, Layout, quoted
 from geneoh.readers.records import Array, Record, float32
-from geneoh.readers.transforms import refuse_bottom_row
+from geneoh.readers.transforms import refuse_bottom_row, refuse_other_matrices
 from geneoh.sequence.camera import unit_rays
 from geneoh.sequence.gaps import fill_object
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, refuse_unknown_model
@@ -147,8 +147,11 @@ def read_rotations(record: Record, name: str, count: int) -> Float[Tensor, "T R 
     """`count` rotations per frame as axis-angle, from axis-angle or from matrices."""
     remedy = "decode PCA coefficients to 15 axis-angle triples first" if count > 1 else ""
     shapes = [("T", 3 * count), ("T", count, 3), ("T", count, 3, 3)]
-    values = float32(record.array(name, *shapes, unit="in radians", remedy=remedy))
-    return values.reshape(-1, count, 3) if values.ndim < 4 else matrix_to_axis_angle(values)
+    array = record.array(name, *shapes, unit="in radians", remedy=remedy)
+    if array.ndim < 4:
+        return float32(array).reshape(-1, count, 3)
+    refuse_other_matrices(record, name, array)
+    return matrix_to_axis_angle(float32(array))
 
 
 def offset_of_wrist(

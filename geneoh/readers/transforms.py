@@ -3,10 +3,12 @@
 from collections.abc import Callable
 
 import numpy as np
+import torch
 from scipy.spatial.transform import Rotation
 
 from geneoh.errors import InputError
-from geneoh.readers.records import Array
+from geneoh.geometry.rotations import is_rotation
+from geneoh.readers.records import Array, Record
 
 SINGULAR = 1e-12
 """Determinant below which a matrix counts as one that cannot be inverted."""
@@ -39,6 +41,18 @@ def refuse_bottom_row(where: str, name: str, poses: Array, known: Array | None =
         raise InputError(
             f"{where}: {name} must have 0 0 0 1 as last row, got {poses[first][3].tolist()} in "
             f"frame {first[0]}; {cure}"
+        )
+
+
+def refuse_other_matrices(record: Record, name: str, matrices: Array) -> None:
+    """Refuse (T, ..., 3, 3) matrices of a field that are no rotations; NaN or zeros are none."""
+    given = np.isfinite(matrices).all((-1, -2)) & matrices.any((-1, -2))
+    wrong = np.argwhere(given & ~is_rotation(torch.from_numpy(matrices)).numpy())
+    if len(wrong):
+        first = tuple(wrong[0])
+        raise InputError(
+            f"{record.where}: '{name}' must be rotation matrices with R^T R = I and determinant 1, "
+            f"got {np.round(matrices[first], 3).tolist()} in row {first[0]}; {record.remedy}"
         )
 
 

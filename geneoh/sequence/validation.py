@@ -13,6 +13,7 @@ from torch import Tensor
 from geneoh.errors import InputError
 from geneoh.geometry.distance import pairwise_distances
 from geneoh.geometry.rigid import Rigid
+from geneoh.geometry.rotations import is_rotation
 from geneoh.hand.skeleton import LARGEST_HAND, SMALLEST_HAND
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
@@ -35,9 +36,6 @@ they are nearest."""
 
 UNIT_TOLERANCE = 1e-3
 """Largest difference from 1 of the length of a direction."""
-
-RIGID_TOLERANCE = 1e-2
-"""Largest entry of R^T R - I; rotations stored in half precision have 1e-3."""
 
 WRIST_APART = 0.1
 """Largest distance in metres between a given wrist and the first keypoint, in the median."""
@@ -202,10 +200,7 @@ def check_object(motion: ObjectTrack, name: str) -> None:
             "where the object was not found"
         )
     check_place(motion.translation, "the object", name)
-    eye = torch.eye(3, dtype=motion.rotation.dtype, device=motion.rotation.device)
-    error = (motion.rotation.transpose(-1, -2) @ motion.rotation - eye).abs().amax((-1, -2))
-    mirrors = torch.linalg.det(motion.rotation) < 0
-    wrong = ((error > RIGID_TOLERANCE) | mirrors).any(-1).nonzero()
+    wrong = (~is_rotation(motion.rotation)).any(-1).nonzero()
     if len(wrong):
         frame = int(wrong[0])
         raise InputError(

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from geneoh.geometry.rotations import (
     axis_angle_to_matrix,
     interpolate_rotations,
+    is_rotation,
     kabsch,
     matrix_to_axis_angle,
     matrix_to_quat_wxyz,
@@ -82,6 +83,13 @@ def test_six_numbers_of_any_scale_give_a_rotation():
     turn = rotation_6d_to_matrix(numbers)
     torch.testing.assert_close(turn @ turn.mT, torch.eye(3).expand(4, 5, 3, 3), atol=1e-5, rtol=0)
     torch.testing.assert_close(torch.linalg.det(turn), torch.ones(4, 5))
+
+
+def test_what_scales_shears_mirrors_or_is_no_number_is_no_rotation():
+    turn = axis_angle_to_matrix(torch.tensor([0.3, -0.2, 2.0]))
+    half = turn.half().float()
+    wrong = [2 * turn, 0 * turn, -turn, turn * torch.nan, turn + 0.1 * torch.eye(3)]
+    assert is_rotation(torch.stack([turn, half, *wrong])).tolist() == [True] * 2 + [False] * 5
 
 
 def test_quaternion_is_the_half_angle():

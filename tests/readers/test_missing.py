@@ -401,6 +401,11 @@ def test_a_file_of_an_image_without_a_hand_is_a_frame_without_it(tmp_path):
         (lambda held: held.update(right=[5.0]), "'right' must be 1 for a right hand and 0 for a"),
         (lambda held: held.update(frame=[-1]), "'frame' must be a frame's number, 0 to 300000"),
         (lambda held: held["pred_mano_params"].pop("betas"), "'betas' must be an array"),
+        (lambda held: held["pred_cam"].neg_(), "'pred_cam' must be a positive scale and two"),
+        (
+            lambda held: held["pred_mano_params"]["hand_pose"].mul_(2),
+            "'hand_pose' must be rotation matrices with .*, got .* in row 0",
+        ),
     ],
 )
 def test_a_wrong_dump_is_told_how_to_be_made(tmp_path, change, expected):

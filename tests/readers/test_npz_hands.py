@@ -109,6 +109,10 @@ def test_betas_of_each_frame_are_averaged_aloud():
         ({"transl": None}, "needs its joints, or its pose with the wrist's place"),
         ({"transl": PLACE[:3]}, "'transl' with 3"),
         ({"betas": np.full(10, np.nan)}, "betas must be finite"),
+        (
+            {"global_orient": np.tile(np.diag([1.0, 1.0, -1.0]), (T, 1, 1, 1))},
+            "'global_orient' must be rotation matrices with .*-1.0]] in row 0",
+        ),
     ],
 )
 def test_smplx_refusals_say_what_to_do(change, words):

@@ -166,6 +166,8 @@ def read_batch(record: Record, options: base.ReaderOptions) -> Detection:
     orient = params.array("global_orient", ("B", 1, 3, 3))
     fingers = params.array("hand_pose", ("B", 15, 3, 3))
     params.refuse_lengths("global_orient", "hand_pose")
+    transforms.refuse_other_matrices(params, "global_orient", orient)
+    transforms.refuse_other_matrices(params, "hand_pose", fingers)
     batch = {
         "turns": np.concatenate([orient, fingers], axis=1),
         "betas": params.array("betas", ("B", 10)),
@@ -197,6 +199,8 @@ def full_translation(record: Record, right: Array, options: base.ReaderOptions) 
     camera = record.side_by_side(pred_cam=3, box_center=2, box_size=1, img_size=2)
     if len(camera) != len(right):
         raise record.refuse("pred_cam", "one row for each detection")
+    if (camera[:, 0] <= 0).any():
+        raise record.refuse("pred_cam", "a positive scale and two shifts in each row")
     cam, centre, size, image = camera[:, :3], camera[:, 3:5], camera[:, 5], camera[:, 6:]
     focal = DEMO_FOCAL * image.max(1) if options.focal is None else options.focal
     spread = size * cam[:, 0] + 1e-9  # as HaMeR has it, against a division by zero
