@@ -56,6 +56,8 @@ def check_outputs(
     read = [path for path in inputs if path is not None]
     taken: set[Path] = set()
     for path in (files := [*files]) + [*folders]:
+        if path not in files:
+            refuse_folder(path)
         check_folder(path, missing=path not in files)
         place = Path(os.path.realpath(replaceable(path)))
         refuse_inputs(path, place, read)
@@ -78,6 +80,15 @@ def check_folder(path: Path, *, missing: bool) -> None:
     else:
         return
     raise InputError(f"{path}: cannot be written ({why}); choose another place")
+
+
+def refuse_folder(path: Path) -> None:
+    """Refuse a folder to make that is there: its files might be those of other work."""
+    if path.is_dir():
+        raise InputError(
+            f"{path}: expected a new folder, got one that is there; remove it, or choose another "
+            "name"
+        )
 
 
 def refuse_inputs(path: Path, place: Path, inputs: Iterable[Path]) -> None:

@@ -110,7 +110,8 @@ def save(result: Denoised | Sequence, path: Path | str) -> None:
     object's poses agree with one another; `options`, the settings as JSON.
 
     Raises:
-        InputError: the place cannot be written to, or has another ending than `.npz`.
+        InputError: the place cannot be written to, or has another ending than `.npz`; or a sequence
+            has no hand, two of one side, other frames than its object, or betas of two models.
     """
     if not isinstance(result, Denoised | Sequence):
         raise InputError(

@@ -25,7 +25,7 @@ from geneoh.readers.recordings import read
 from geneoh.readers.records import Array, Place, Record, float32
 from geneoh.sequence.camera import seen_from, with_rays
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
-from geneoh.sequence.validation import check_sequence
+from geneoh.sequence.validation import check_sequence, check_tracks
 
 LOG = logging.getLogger(__name__)
 
@@ -205,10 +205,12 @@ def save_sequence(
     kept by name as well; reading leaves them alone.
 
     Raises:
-        InputError: the place cannot be written to.
+        InputError: the place cannot be written to, or the sequence has no hand, two of one side,
+            other frames than its object, or betas of two hand models.
         ValueError: an extra array has the name of a field of the layout, or holds objects.
     """
     path = Path(path)
+    check_tracks(sequence)
     arrays = sequence_arrays(sequence) | mesh_arrays(sequence.object.meshes, path.parent)
     if taken := arrays.keys() & (extra or {}).keys():
         raise ValueError(f"extra arrays need names of their own, got {sorted(taken)}")
@@ -225,7 +227,10 @@ def sequence_arrays(sequence: Sequence) -> Arrays:
     if AS_SHIPPED in models:  # reading knows that a right hand is the same in both
         models.discard(MENDED)
     if len(models) > 1:
-        raise ValueError(f"both hands must be of one hand model, got {sorted(models)}")
+        raise InputError(
+            f"{sequence.source or 'the sequence'}: the betas of both hands must be of one hand "
+            f"model, got {quoted(sorted(models))}; leave 'betas' and 'hand_model' of one hand out"
+        )
     if models:
         arrays["hand_model"] = np.array(models.pop())
     for hand in sequence.hands:

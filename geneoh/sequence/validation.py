@@ -60,10 +60,7 @@ def check_sequence(sequence: Sequence, name: str = "") -> None:
     fault that is found, with its remedy. Hands must be finite wherever they are valid.
     """
     name = name or sequence.source or "the sequence"
-    sides = [hand.side for hand in sequence.hands]
-    if not sides or len(set(sides)) < len(sides):
-        got = " and ".join(sides) or "none"
-        raise InputError(f"{name}: expected one hand or one of each side, got {got}; correct it")
+    check_tracks(sequence, name)
     if not SMALLEST_FPS <= sequence.fps <= LARGEST_FPS:
         seconds = 1 / LARGEST_FPS <= sequence.fps < SMALLEST_FPS
         cure = f"as seconds per frame it is {1 / sequence.fps:.4g}, pass that" if seconds else ""
@@ -74,6 +71,18 @@ def check_sequence(sequence: Sequence, name: str = "") -> None:
     for hand in sequence.hands:
         check_hand(hand, name)
     check_object(sequence.object, name)
+    # The other hand of one who holds something may hang far away from it.
+    nearest = min(sequence.hands, key=lambda hand: least_distance(hand, sequence.object))
+    check_distance(nearest, sequence.object, name)
+
+
+def check_tracks(sequence: Sequence, name: str = "") -> None:
+    """Refuse hands that no file holds and no page shows: none, two of a side, of other frames."""
+    name = name or sequence.source or "the sequence"
+    sides = [hand.side for hand in sequence.hands]
+    if not sides or len(set(sides)) < len(sides):
+        got = " and ".join(sides) or "none"
+        raise InputError(f"{name}: expected one hand or one of each side, got {got}; correct it")
     for hand in sequence.hands:
         if hand.frames != sequence.frames:
             raise InputError(
@@ -81,9 +90,6 @@ def check_sequence(sequence: Sequence, name: str = "") -> None:
                 f"for the {hand.side} hand and {sequence.frames} for the object; "
                 "cut them to the same frames"
             )
-    # The other hand of one who holds something may hang far away from it.
-    nearest = min(sequence.hands, key=lambda hand: least_distance(hand, sequence.object))
-    check_distance(nearest, sequence.object, name)
 
 
 def check_hand(hand: HandTrack, name: str) -> None:

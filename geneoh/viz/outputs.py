@@ -15,7 +15,7 @@ from geneoh.choices import Colouring
 from geneoh.errors import InputError
 from geneoh.files.atomic import in_one_step, write_whole
 from geneoh.files.npz import Arrays, write_archive
-from geneoh.files.outputs import check_ending, check_outputs
+from geneoh.files.outputs import check_ending, check_outputs, refuse_folder
 from geneoh.hand.mano import translation_from_wrist
 from geneoh.progress import OnStep, steps
 from geneoh.readers.bodies.bvh import write_bvh
@@ -128,8 +128,7 @@ def write_meshes(scene: Scene, path: Path, on_step: OnStep | None) -> Path:
     frames without it. The folder, which is given back, appears whole or not at all.
     """
     folder = path.with_suffix("")
-    if folder.exists():
-        raise InputError(f"{folder}: expected a new folder, got one that is there; remove it")
+    refuse_folder(folder)
     with in_one_step(folder, folder=True, parents=True) as beside:
         for frame in steps(range(scene.frames), on_step):
             surfaces = [

@@ -24,6 +24,7 @@ from geneoh.metrics.report import FrameMeasures, measure_frames
 from geneoh.readers.bodies.base import BodyRecording
 from geneoh.sequence.resample import nearest_frames
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
+from geneoh.sequence.validation import check_tracks
 from geneoh.viz.look import BODY_COLOUR, OBJECT_COLOUR, Colour, ramp_colours, ramp_position
 from geneoh.viz.mannequin import mannequin
 from geneoh.viz.surface import with_sharp_edges
@@ -218,6 +219,7 @@ def make_scene(
     if body is None:
         refuse_missing_meshes(last)
     for sequence in sequences.values():
+        check_tracks(sequence)
         if sequence.frames != last.frames:
             raise InputError(
                 f"{sequence.source}: both must have the same frames, got {sequence.frames} "

@@ -67,3 +67,9 @@ def test_pickles_in_an_archive_are_never_opened(tmp_path):
     assert not is_ours(tmp_path / "a.npz")
     np.savez(tmp_path / "b.npz", format=np.zeros(10**6))
     assert not is_ours(tmp_path / "b.npz")
+
+
+def test_a_folder_to_make_that_is_there_is_refused_with_what_was_expected(tmp_path):
+    (tmp_path / "frames").mkdir()
+    with pytest.raises(InputError, match="expected a new folder, got one that is there"):
+        check_outputs([], folders=[tmp_path / "frames"], overwrite=True)

@@ -90,6 +90,20 @@ def test_an_extra_array_must_not_take_the_name_of_a_field(tmp_path):
     assert os.listdir(tmp_path) == []
 
 
+def test_hands_that_no_file_holds_are_refused_before_one_is_written(tmp_path):
+    whole = two_hands()
+    right, left = whole.hands
+    for hands, words in {
+        (): "one of each side, got none",
+        (right, right): "got right and right",
+        (right, left[:-1]): f"got {FRAMES - 1} for the left hand and {FRAMES} for the object",
+        (right, replace(left, hand_model="mano")): "one hand model, got 'embedded', 'mano'",
+    }.items():
+        with pytest.raises(InputError, match=words):
+            save_sequence(replace(whole, hands=hands), tmp_path / "a.npz")
+    assert not (tmp_path / "a.npz").exists()
+
+
 def test_the_side_chooses_one_of_two_hands(tmp_path):
     save_sequence(two_hands(), tmp_path / "a.npz")
     (hand,) = load(tmp_path / "a.npz", side="left").hands

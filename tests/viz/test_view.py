@@ -84,6 +84,11 @@ def test_without_a_path_a_page_is_opened_in_the_browser(sequences, tmp_path, mon
     assert "<h1>my clip</h1>" in written.read_text("utf-8")
 
 
+def test_a_sequence_without_hands_is_refused(sequences, tmp_path):
+    with pytest.raises(InputError, match="one hand or one of each side, got none"):
+        view(replace(sequences[1], hands=()), tmp_path / "strip.png")
+
+
 def test_an_ending_of_no_format_is_refused_before_the_work(sequences, tmp_path):
     with pytest.raises(InputError, match=r"got '\.avi'"):
         view(sequences[1], tmp_path / "clip.avi")
