@@ -8,6 +8,7 @@ import errno
 import importlib
 import logging
 import os
+from collections import Counter
 from typing import Any
 
 import click
@@ -44,6 +45,18 @@ def failed(message: str, exit_code: int) -> click.exceptions.Exit:
     return click.exceptions.Exit(exit_code)
 
 
+def refuse_repeated(ctx: click.Context, args: list[str]) -> None:
+    """Refuse an option with one value that is given several times: all but one would be ignored."""
+    _, _, given = ctx.command.make_parser(ctx).parse_args(list(args))
+    for parameter, times in Counter(given).items():
+        once = isinstance(parameter, click.Option) and not parameter.multiple
+        if once and times > 1 and not parameter.is_flag:
+            name = max(parameter.opts, key=len)
+            raise click.UsageError(
+                f"{name} takes one value, got it {times} times; leave all but one out", ctx
+            )
+
+
 class LazyGroup(click.Group):
     """A group that imports a subcommand when it is asked for, and lets no traceback through."""
 
@@ -56,6 +69,15 @@ class LazyGroup(click.Group):
         if cmd_name not in COMMANDS:
             return None
         return getattr(importlib.import_module(f".commands.{cmd_name}", __package__), cmd_name)
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """The subcommand and its arguments, of which click would keep the last of several."""
+        name, command, rest = super().resolve_command(ctx, args)
+        if command is not None and not ctx.resilient_parsing:
+            refuse_repeated(click.Context(command, parent=ctx, info_name=name), rest)
+        return name, command, rest
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the subcommand; with --debug every error keeps its traceback."""

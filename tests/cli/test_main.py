@@ -66,6 +66,9 @@ def test_debug_lets_the_traceback_through(geneoh, failing):
         (["corrupt", "a.npz", "--noise", "pink"], "'gauss'"),
         (["corrupt", "a.npz", "--noise", "gauss", "--seed", "-1"], "--seed"),
         (["corrupt"], "Missing argument 'CLEAN'"),
+        (["corrupt", "a.npz", "--noise", "gauss", "--noise", "drop"], "--noise takes one value"),
+        (["generate", "lift", "--obj", "a.obj", "--obj", "b.obj"], "got it 2 times"),
+        (["bench", "--plot", "a.png", "--plot", "b.png"], "--plot takes one value, got it 2 times"),
     ],
 )
 def test_wrong_usage_is_one_line_that_points_to_help(geneoh, arguments, words):
@@ -74,6 +77,11 @@ def test_wrong_usage_is_one_line_that_points_to_help(geneoh, arguments, words):
     assert words in result.stderr
     assert result.stderr.rstrip().endswith("--help`")
     assert result.stderr.count("\n") == 1
+
+
+def test_an_option_of_several_values_and_a_flag_may_be_repeated(geneoh):
+    said = geneoh("view", "a.npz", "--frame", "1", "--frame", "2", "--overwrite", "--overwrite")
+    assert "--frame needs a filmstrip" in said.stderr
 
 
 def test_every_command_is_listed_and_has_help(command, geneoh):
