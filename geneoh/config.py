@@ -89,7 +89,8 @@ def with_table(base: Config, table: Mapping[str, Any], origin: str, prefix: str 
         ConfigError: a name is no field, or a value is not of the field's type. The message names
             `origin`, the file or option, and the field, with the dotted `prefix` of `base`.
     """
-    types_of_fields = get_type_hints(type(base))
+    hints = get_type_hints(type(base))  # also of constants of the class
+    types_of_fields = {field.name: hints[field.name] for field in fields(base)}
     changes = {}
     for name, value in table.items():
         if name not in types_of_fields:

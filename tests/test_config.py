@@ -2,7 +2,7 @@ import json
 import math
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import ClassVar, Literal
 
 import pytest
 from hypothesis import given
@@ -22,6 +22,7 @@ class Network:
 
 @dataclass(frozen=True)
 class Run:
+    LARGEST: ClassVar[int] = 3
     rate: float = 1e-3
     steps: int = 100
     name: str = "run"
@@ -85,6 +86,7 @@ def test_a_setting_is_read_as_its_field_needs(setting, name, value):
         ("stepps=1", "'stepps' is no setting; did you mean 'steps'?"),
         ("network.dept=1", "'network.dept' is no setting; did you mean 'network.depth'?"),
         ("xyz=1", "there are betas, data, limit"),
+        ("LARGEST=1", "'LARGEST' is no setting; there are betas, data, limit"),
         ("steps=1.5", "'steps' must be a whole number, got 1.5"),
         ("steps=true", "'steps' must be a whole number, got True"),
         ("rate=fast", "'rate' must be a number, got 'fast'"),

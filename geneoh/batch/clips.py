@@ -133,21 +133,30 @@ def clips_of(path: Path, source: str | None, folder: Path) -> list[Clip]:
 
 
 def is_manifest(path: Path) -> bool:
-    """Whether a file is a CSV whose first column is called `input`."""
+    """Whether a file is a CSV with a column that only manifests have: `input` or `meshes`."""
     if path.suffix.lower() != ".csv" or not path.is_file():
         return False
     with open_text(path, MANIFEST_LIMIT) as file:
-        return file.readline().lstrip("\ufeff").split(",")[0].strip() == COLUMNS[0]
+        return not {"input", "meshes"}.isdisjoint(names_in(csv.reader([file.readline()])))
+
+
+def names_in(rows: Iterator[list[str]]) -> list[str]:
+    """The names of the columns, which the first row of a table holds."""
+    return [name.strip().lstrip("\ufeff").strip('"') for name in next(rows, [])]
 
 
 def clips_of_manifest(path: Path, folder: Path) -> Iterator[Clip]:
     """The clips of all rows; one whose files are not there keeps the reason as its problem."""
     with open_text(path, MANIFEST_LIMIT) as file:
         rows = csv.reader(file, skipinitialspace=True)
-        names = [name.strip().lstrip("\ufeff") for name in next(rows)]
+        names = names_in(rows)
         if unknown := [name for name in names if name not in COLUMNS]:
             hint = closest_name(unknown[0], COLUMNS)
             raise InputError(f"{path}: '{unknown[0]}' is no column of a manifest; {hint}")
+        if "input" not in names:
+            raise InputError(
+                f"{path}: a manifest needs the column 'input', got {', '.join(names)}; add it"
+            )
         lines: dict[str, int] = {}  # of the names that are given
         for row in filter(None, rows):
             where = f"{path}, line {rows.line_num}"

@@ -29,8 +29,8 @@ from geneoh.sequence.gaps import fill_object
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, refuse_unknown_model
 
 MOTION_MISSING = (
-    "neither; add them, for an object that does not move the identity and zeros in every frame, "
-    "or give --object-pose POSES.npy"
+    "neither; add them, for an object that does not move the identity and zeros in every frame; "
+    "`geneoh denoise` and `batch` also take --object-pose POSES.npy"
 )
 
 IN_CONFIDENCE = "write 0 where nothing is known of a keypoint, or leave the field out"

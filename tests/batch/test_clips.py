@@ -105,8 +105,15 @@ def test_a_manifest_names_a_camera_as_the_command_line_does(found, tmp_path, sai
     assert clip.reading == {"camera": camera}
 
 
+@pytest.mark.parametrize("heading", ["name,input", '"name","input"', '\ufeff"name", input'])
+def test_the_columns_of_a_manifest_may_be_quoted_and_in_any_order(found, tmp_path, heading):
+    assert list(found(manifest(tmp_path, heading, "first,in/clip0.npz"))) == ["first"]
+
+
 def test_a_manifest_that_cannot_be_meant_is_refused(found, tmp_path):
     for rows, words in (
+        (("inputs,meshes", "in/clip0.npz,"), "'inputs' is no column.*did you mean 'input'"),
+        (("name,meshes", "one,in/clip0.obj"), "needs the column 'input', got name, meshes; add it"),
         (("input,mesh", "in/clip0.npz,"), "'mesh' is no column.*did you mean 'meshes'"),
         (
             ("input,options", "in/clip0.npz,presett=fast"),
