@@ -100,7 +100,7 @@ def write_plot(path: Path, bench: Bench, found: Mapping[Point, Found], by: str) 
             speed.plot(at, [frames_a_second(*each, CLOCKS[by]) for each in held], **style)
             peak.plot(at, [values["peak_mb"] for _, values in held], **style)
         for plot, title in ((speed, "frames a second"), (peak, "highest so far, MB")):
-            plot.set(xlabel=axis, ylabel=title, xscale="log", ylim=(0, None))
+            plot.set(xlabel=axis, ylabel=title, xscale="log", ylim=(0, 1.08 * plot.dataLim.y1))
             plot.set_xticks([getattr(p, axis) for p in points], minor=False)
             plot.xaxis.set_major_formatter("{x:,.0f}")
             plot.minorticks_off()
