@@ -49,8 +49,9 @@ def refuse_repeated(ctx: click.Context, args: list[str]) -> None:
     """Refuse an option with one value that is given several times: all but one would be ignored."""
     _, _, given = ctx.command.make_parser(ctx).parse_args(list(args))
     for parameter, times in Counter(given).items():
-        once = isinstance(parameter, click.Option) and not parameter.multiple
-        if once and times > 1 and not parameter.is_flag:
+        if not isinstance(parameter, click.Option) or parameter.multiple or parameter.is_flag:
+            continue
+        if times > 1:
             name = max(parameter.opts, key=len)
             raise click.UsageError(
                 f"{name} takes one value, got it {times} times; leave all but one out", ctx

@@ -90,7 +90,7 @@ def with_table(base: Config, table: Mapping[str, Any], origin: str, prefix: str 
             `origin`, the file or option, and the field, with the dotted `prefix` of `base`.
     """
     hints = get_type_hints(type(base))  # also of constants of the class
-    types_of_fields = {field.name: hints[field.name] for field in fields(base)}
+    types_of_fields = {field.name: hints[field.name] for field in fields(base)}  # type: ignore[arg-type]
     changes = {}
     for name, value in table.items():
         if name not in types_of_fields:
