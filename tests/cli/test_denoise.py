@@ -170,7 +170,8 @@ def test_bad_input_ends_with_one_sentence_and_leaves_the_output_alone(geneoh, tm
     write_good(tmp_path)
     case.spoil(tmp_path)
     (tmp_path / "hand_clean.npz").write_bytes(b"an older result")
-    result = geneoh(*RUN, "--overwrite", *case.options)
+    command = RUN[:-2] if "--preset" in case.options else RUN
+    result = geneoh(*command, "--overwrite", *case.options)
     assert result.exit_code == 2, result.output
     last = result.stderr.strip().splitlines()[-1]
     assert last.startswith("Error: ")

@@ -46,7 +46,7 @@ REFUSED = {
     "view, before": ((*VIEW, "before.npz"), ("before.npz", "is an input")),
     "view, foreign": ((*VIEW, "x.png", "-o", "my.html"), ("my.html", "--overwrite")),
     "view, twice": ((*VIEW, "x.html", "-o", "in/../x.html"), ("x.html", "two outputs")),
-    "view, folder is there": ((*VIEW, "in.ply"), ("in", "got a folder")),
+    "view, folder is there": ((*VIEW, "in.ply"), ("in", "expected a new folder")),
     "realism, ending": ((*REALISM, "x.npz"), ("x.npz", "expected .json")),
     "realism, foreign": ((*REALISM, "my.json"), ("my.json", "--overwrite")),
     "realism, folder": ((*REALISM, "none/x.json"), ("none/x.json", "cannot be written")),

@@ -547,7 +547,7 @@ SITUATIONS = [
     ),
     # Options
     Situation("An option that does not exist", "--help", command=f"{RUN} --presett fast"),
-    Situation("A preset that does not exist", "'slow'", command=f"{RUN} --preset slow"),
+    Situation("A preset that does not exist", "'slow'", command=RUN.replace("fast", "slow")),
     Situation("No sample", "--samples", command=f"{RUN} --samples 0"),
     Situation("A negative seed", "--seed", command=f"{RUN} --seed -1"),
     Situation("No such device", "--device gpu", command=f"{RUN} --device gpu"),
