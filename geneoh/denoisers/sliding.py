@@ -10,11 +10,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-PALM = (0, 5, 9, 13, 17)
-"""Keypoints at the ends of the palm's bones, whose mean hardly moves as fingers bend."""
 SLIDING = 0.005
-"""Deviation of a palm's place in the object's frame below which hardly any hand keeps, metres."""
-INDEPENDENT = 0.3
+"""Deviation of a hand's place in the object's frame below which hardly any hand keeps, metres."""
+INDEPENDENT = 0.5
 """How many frames that tell something of their own there are in one of the ten of two seconds that
 are looked at: slow sliding lasts."""
 
@@ -30,19 +28,20 @@ def sliding_density(
 
     World frame, metres. `held`, 0 to 1, is how surely the hand holds each part of the object in
     each frame; the part that is held longest counts. The density is normal with its deviation
-    integrated out, a Student t: a hand that slides far, as one that lets go does, tells little.
+    integrated out, a Student t: a hand that slides far, as one that lets go does, tells little. The
+    place of a hand is the mean of its keypoints: people turn objects about it as they hold them.
     """
     each, longest = torch.arange(len(held)), held.sum(1).argmax(-1)
     rotation, translation, held = (x[each, :, longest] for x in (rotation, translation, held))
     back = rotation.mT
-    palm = joints[:, :, list(PALM)].mean(2) - translation
+    middle = joints.mean(2) - translation
     share = held / held.sum(1, keepdim=True).clamp(min=1e-6)
 
     def from_mean(values: Float[Tensor, "B T *D"]) -> Float[Tensor, "B T *D"]:
         weights = share.view(*share.shape, *[1] * (values.ndim - 2))
         return values - (weights * values).sum(1, keepdim=True)
 
-    slid = from_mean((back @ palm[..., None])[..., 0])
+    slid = from_mean((back @ middle[..., None])[..., 0])
     turned = from_mean(back)
     # the mean square of |slid + turned @ shift|, without a place for each frame and shift
     square = (share[..., None, None] * turned.mT @ turned).sum(1)

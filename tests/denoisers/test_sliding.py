@@ -1,7 +1,7 @@
 import pytest
 import torch
 
-from geneoh.denoisers.sliding import INDEPENDENT, PALM, SLIDING, sliding_density
+from geneoh.denoisers.sliding import INDEPENDENT, SLIDING, sliding_density
 from geneoh.geometry.rotations import axis_angle_to_matrix
 
 FRAMES = 40
@@ -32,8 +32,8 @@ def test_the_density_is_that_of_the_spread_in_the_objects_frame(draw):
     joints = joints + 0.01 * draw(1, FRAMES, 21, 3)
     held, shift = draw(1, FRAMES, 1, seed=1).sigmoid(), torch.tensor([[[0.01, -0.02, 0.015]]])
     got = sliding_density(shift, joints, rotation, translation, held)
-    palm = joints[:, :, list(PALM)].mean(2) + shift - translation[:, :, 0]
-    own, share = (palm[:, :, None] @ rotation[:, :, 0])[:, :, 0], held / held.sum()
+    middle = joints.mean(2) + shift - translation[:, :, 0]
+    own, share = (middle[:, :, None] @ rotation[:, :, 0])[:, :, 0], held / held.sum()
     square = (share * (own - (share * own).sum(1, keepdim=True)).square()).sum()
     wanted = -1.5 * INDEPENDENT * held.sum() * torch.log1p(square / SLIDING**2)
     torch.testing.assert_close(got[0, 0], wanted, rtol=1e-4, atol=1e-5)
