@@ -23,6 +23,7 @@ def sliding_density(
     rotation: Float[Tensor, "B T Q 3 3"],
     translation: Float[Tensor, "B T Q 3"],
     held: Float[Tensor, "B T Q"],
+    noise: Float[Tensor, "B 2"],
 ) -> Float[Tensor, "B M"]:
     """Logarithm of the density, up to a constant, of how a hand slides where it is shifted.
 
@@ -30,6 +31,8 @@ def sliding_density(
     each frame; the part that is held longest counts. The density is normal with its deviation
     integrated out, a Student t: a hand that slides far, as one that lets go does, tells little. The
     place of a hand is the mean of its keypoints: people turn objects about it as they hold them.
+    `noise` is the deviation of that on the object's rotation (rad) and translation (m), under which
+    a hand seems to slide that does not.
     """
     each, longest = torch.arange(len(held)), held.sum(1).argmax(-1)
     rotation, translation, held = (x[each, :, longest] for x in (rotation, translation, held))
@@ -41,7 +44,10 @@ def sliding_density(
         weights = share.view(*share.shape, *[1] * (values.ndim - 2))
         return values - (weights * values).sum(1, keepdim=True)
 
-    slid = from_mean((back @ middle[..., None])[..., 0])
+    own = (back @ middle[..., None])[..., 0]
+    lever = (share * own.square().sum(-1)).sum(1, keepdim=True)
+    least = SLIDING**2 + noise[:, :1].square() * lever + noise[:, 1:].square()
+    slid = from_mean(own)
     turned = from_mean(back)
     # the mean square of |slid + turned @ shift|, without a place for each frame and shift
     square = (share[..., None, None] * turned.mT @ turned).sum(1)
@@ -49,4 +55,4 @@ def sliding_density(
     still = (share * slid.square().sum(-1)).sum(1, keepdim=True)
     size = ((shifts @ square) * shifts).sum(-1) + 2 * (shifts @ line[..., None])[..., 0] + still
     count = INDEPENDENT * held.sum(1, keepdim=True)
-    return -1.5 * count * torch.log1p(size.clamp(min=0) / SLIDING**2)
+    return -1.5 * count * torch.log1p(size.clamp(min=0) / least)

@@ -162,6 +162,11 @@ def track_cues(
     return torch.cat([(values + 0.01).log(), seen], dim=-1)
 
 
+def object_noise_of(track: Float[Tensor, "B 12"]) -> Float[Tensor, "B 2"]:
+    """The noise of the object, rotation (rad) and translation (m), that `track_cues` was told."""
+    return (track[:, 9:11].exp() - 0.01).clamp(min=0) * torch.tensor([UNIT[3], UNIT[0]]).to(track)
+
+
 def _jitter(values: Float[Tensor, "B T D"]) -> Float[Tensor, "B 1"]:
     """Root mean square of second differences; zero where there are fewer than three frames."""
     if values.shape[1] < 3:
@@ -239,7 +244,7 @@ class SpatialDenoiser(nn.Module):
             groups = [slice(at, at + HANDS_AT_ONCE) for at in range(0, len(places), HANDS_AT_ONCE)]
             asked = [self(places[own], seen.take(own, "B")) for own in groups]
             density = finite_output(torch.cat(asked))
-            density = density + sliding_density(places, *motion)
+            density = density + sliding_density(places, *motion, object_noise_of(seen.track))
             return density.masked_fill(shifts.norm(dim=-1) > REACH, -torch.inf)
 
         return importance_posterior(

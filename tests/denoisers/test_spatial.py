@@ -1,3 +1,4 @@
+import math
 from dataclasses import replace
 
 import pytest
@@ -12,6 +13,7 @@ from geneoh.denoisers.spatial import (
     SpatialDenoiser,
     SpatialEvidence,
     frame_features,
+    object_noise_of,
     relative_speeds,
     track_cues,
 )
@@ -141,10 +143,11 @@ def test_speeds_tell_a_held_object_from_one_that_is_passed():
 def seen_along(
     evidence: SpatialEvidence, joints: Tensor, rotation: Tensor, translation: Tensor
 ) -> SpatialEvidence:
-    """Both hands of `evidence` on another path, at its object on another path; no ray is known."""
+    """Both hands of `evidence` on another path, at its object on another; both tracks are exact."""
     parts = rotation.expand(2, -1, 3, 3)[:, :, None], translation.expand(2, -1, 3)[:, :, None]
     surface = ObjectSurface(evidence.points, evidence.normals, evidence.part, *parts)
-    return SpatialEvidence.around(surface, joints, 0 * evidence.ray, evidence.track)
+    exact = torch.full((2, TRACK_CUES), math.log(0.01))
+    return SpatialEvidence.around(surface, joints, 0 * evidence.ray, exact)
 
 
 def test_an_object_is_held_while_it_moves_with_the_hand(evidence):
@@ -172,6 +175,15 @@ def test_the_answer_goes_to_where_the_hand_does_not_slide(evidence):
     generator = torch.Generator().manual_seed(0)
     found = fresh.posterior(seen, torch.eye(3), rounds=4, places=200, generator=generator)
     assert float((found.mean + error).norm(dim=-1).max()) < 0.7 * float(error.norm())
+
+
+def test_the_cues_hold_the_noise_of_the_object():
+    hand = HandParameters.of_pose(
+        torch.zeros(1, 5, 3), torch.zeros(1, 5, 16, 3), torch.ones(1, 20, 3)
+    )
+    noise = torch.tensor([[0.1, 0.02]])
+    cues = track_cues(hand, torch.zeros(1, 5, 51), torch.ones(1, 5), noise)
+    torch.testing.assert_close(object_noise_of(cues), noise)
 
 
 def test_cues_grow_with_the_noise_of_the_track(draw):

@@ -72,6 +72,15 @@ def test_spatial_knows_the_ray_of_the_camera_and_the_noise_of_the_object():
     assert torch.equal(known.track[:, :9], still.track[:, :9])
 
 
+def test_frames_whose_poses_are_not_relied_on_hold_nothing():
+    context, half = scene(LONG), torch.linspace(0, 1, LONG).round()
+    hand = parameters_at(context)
+    hand = replace(hand, wrist=context.translation[None, :, 0])
+    every, some = (replace(context, relied=r).evidence(hand, hand).held for r in (None, half))
+    assert float(every.sum()) > 0
+    torch.testing.assert_close(some, every * context.cut(half[:, None], 0))
+
+
 def test_carrying_an_object_to_and_fro_makes_no_hand_look_noisy():
     moving = scene(LONG)
     still = replace(
