@@ -31,8 +31,8 @@ def sliding_density(
     each frame; the part that is held longest counts. The density is normal with its deviation
     integrated out, a Student t: a hand that slides far, as one that lets go does, tells little. The
     place of a hand is the mean of its keypoints: people turn objects about it as they hold them.
-    `noise` is the deviation of that on the object's rotation (rad) and translation (m), under which
-    a hand seems to slide that does not.
+    `noise` is the deviation of white noise on the object's rotation (rad) and translation (m): a
+    hand that holds such an object seems to slide.
     """
     each, longest = torch.arange(len(held)), held.sum(1).argmax(-1)
     rotation, translation, held = (x[each, :, longest] for x in (rotation, translation, held))
