@@ -3,7 +3,8 @@
 A hand that holds an object stays where it is in the object's frame. An error that is constant in
 the world turns there as the object turns, so the hand seems to slide. The network of SpatialDiff
 looks at each frame by itself and cannot see this, and made hands slide less than real ones; so the
-density is written down: sliding is normal, of a deviation that is not known beforehand.
+density is written down: sliding is normal, of a deviation that is not known beforehand. No preset
+uses it (docs/training.md, "What was tried").
 """
 
 import torch
@@ -12,9 +13,6 @@ from torch import Tensor
 
 SLIDING = 0.005
 """Deviation of a hand's place in the object's frame below which hardly any hand keeps, metres."""
-INDEPENDENT = 0.5
-"""How many frames that tell something of their own there are in one of the ten of two seconds that
-are looked at: slow sliding lasts."""
 
 
 def sliding_density(
@@ -24,6 +22,7 @@ def sliding_density(
     translation: Float[Tensor, "B T Q 3"],
     held: Float[Tensor, "B T Q"],
     noise: Float[Tensor, "B 2"],
+    independent: float,
 ) -> Float[Tensor, "B M"]:
     """Logarithm of the density, up to a constant, of how a hand slides where it is shifted.
 
@@ -32,7 +31,8 @@ def sliding_density(
     integrated out, a Student t: a hand that slides far, as one that lets go does, tells little. The
     place of a hand is the mean of its keypoints: people turn objects about it as they hold them.
     `noise` is the deviation of white noise on the object's rotation (rad) and translation (m): a
-    hand that holds such an object seems to slide.
+    hand that holds such an object seems to slide. `independent` is how many frames that tell
+    something of their own there are in one of the T: slow sliding lasts.
     """
     each, longest = torch.arange(len(held)), held.sum(1).argmax(-1)
     rotation, translation, held = (x[each, :, longest] for x in (rotation, translation, held))
@@ -54,5 +54,5 @@ def sliding_density(
     line = (share[..., None, None] * turned.mT @ slid[..., None]).sum(1)[..., 0]
     still = (share * slid.square().sum(-1)).sum(1, keepdim=True)
     size = ((shifts @ square) * shifts).sum(-1) + 2 * (shifts @ line[..., None])[..., 0] + still
-    count = INDEPENDENT * held.sum(1, keepdim=True)
+    count = independent * held.sum(1, keepdim=True)
     return -1.5 * count * torch.log1p(size.clamp(min=0) / least)

@@ -229,12 +229,14 @@ class SpatialDenoiser(nn.Module):
         rounds: int,
         places: int,
         generator: torch.Generator,
+        sliding: float = 0.0,
         on_step: OnStep | None = None,
     ) -> Posterior:
         """Mean and width of the density of the shift, metres; see `importance_posterior`.
 
-        It is the network's, times that of how the hand slides there over what it holds. They are in
-        `axes` (columns) that move with the scene, so that the answer does.
+        They are in `axes` (columns) that move with the scene, so that the answer does. With
+        `sliding`, the density is the network's times that of how the hand slides at a place over
+        what it holds; see `sliding_density`, of which that is `independent`.
         """
         seen = evidence.spread_over(self.config.frames)
         motion = seen.joints, seen.rotation, seen.translation, seen.held
@@ -244,7 +246,9 @@ class SpatialDenoiser(nn.Module):
             groups = [slice(at, at + HANDS_AT_ONCE) for at in range(0, len(places), HANDS_AT_ONCE)]
             asked = [self(places[own], seen.take(own, "B")) for own in groups]
             density = finite_output(torch.cat(asked))
-            density = density + sliding_density(places, *motion, object_noise_of(seen.track))
+            if sliding:
+                noise = object_noise_of(seen.track)
+                density = density + sliding_density(places, *motion, noise, sliding)
             return density.masked_fill(shifts.norm(dim=-1) > REACH, -torch.inf)
 
         return importance_posterior(

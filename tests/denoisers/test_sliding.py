@@ -1,10 +1,11 @@
 import pytest
 import torch
 
-from geneoh.denoisers.sliding import INDEPENDENT, SLIDING, sliding_density
+from geneoh.denoisers.sliding import SLIDING, sliding_density
 from geneoh.geometry.rotations import axis_angle_to_matrix
 
 FRAMES = 40
+INDEPENDENT = 0.5
 HELD, EXACT = torch.ones(1, FRAMES, 1), torch.zeros(1, 2)
 
 
@@ -20,6 +21,11 @@ def held_hand(turn: float) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
     return joints, rotation[:, :, None], translation[:, :, None]
 
 
+def density_of(shifts, joints, rotation, translation, held=HELD, noise=EXACT) -> torch.Tensor:
+    """The density with as many independent frames as the constant says."""
+    return sliding_density(shifts, joints, rotation, translation, held, noise, INDEPENDENT)
+
+
 def grid(around: torch.Tensor) -> torch.Tensor:
     """Shifts every 5 mm along each axis, and that in the middle first."""
     steps = 0.005 * torch.arange(-4, 5)
@@ -31,7 +37,7 @@ def test_the_density_is_that_of_the_spread_in_the_objects_frame(draw):
     joints, rotation, translation = held_hand(0.8)
     joints = joints + 0.01 * draw(1, FRAMES, 21, 3)
     held, shift = draw(1, FRAMES, 1, seed=1).sigmoid(), torch.tensor([[[0.01, -0.02, 0.015]]])
-    got = sliding_density(shift, joints, rotation, translation, held, EXACT)
+    got = density_of(shift, joints, rotation, translation, held)
     middle = joints.mean(2) + shift - translation[:, :, 0]
     own, share = (middle[:, :, None] @ rotation[:, :, 0])[:, :, 0], held / held.sum()
     square = (share * (own - (share * own).sum(1, keepdim=True)).square()).sum()
@@ -43,20 +49,20 @@ def test_a_constant_error_is_found_where_the_held_object_turns():
     joints, rotation, translation = held_hand(0.8)
     error = torch.tensor([0.02, -0.03, 0.01])
     shifts = grid(-error)
-    density = sliding_density(shifts, joints + error, rotation, translation, HELD, EXACT)
+    density = density_of(shifts, joints + error, rotation, translation)
     assert int(density.argmax()) == 0
     assert float(density[0, 0]) == pytest.approx(0, abs=1e-3)
 
 
 def test_an_object_that_does_not_turn_tells_nothing():
     joints, rotation, translation = held_hand(0.0)
-    density = sliding_density(grid(torch.zeros(3)), joints, rotation, translation, HELD, EXACT)
+    density = density_of(grid(torch.zeros(3)), joints, rotation, translation)
     assert float(density.max() - density.min()) < 1e-4
 
 
 def test_frames_in_which_nothing_is_held_tell_nothing():
     joints, rotation, translation = held_hand(0.8)
-    density = sliding_density(grid(torch.zeros(3)), joints, rotation, translation, 0 * HELD, EXACT)
+    density = density_of(grid(torch.zeros(3)), joints, rotation, translation, 0 * HELD)
     torch.testing.assert_close(density, torch.zeros_like(density))
 
 
@@ -68,9 +74,7 @@ def test_a_hand_that_lets_go_is_pulled_less_than_one_that_holds():
     shifts = torch.stack([torch.zeros(3), -error])[None]
 
     def won(hand: torch.Tensor) -> float:
-        nothing, right = sliding_density(shifts, hand + error, rotation, translation, HELD, EXACT)[
-            0
-        ]
+        nothing, right = density_of(shifts, hand + error, rotation, translation)[0]
         return abs(float(right - nothing))
 
     assert won(joints + away) < 0.2 * won(joints)
@@ -82,8 +86,8 @@ def test_of_two_parts_the_one_that_is_held_longest_counts():
     both = torch.cat([still[0], rotation], dim=2), torch.cat([still[1], translation], dim=2)
     held = torch.cat([0.5 * HELD, HELD], dim=-1)
     shifts = grid(torch.zeros(3))
-    density = sliding_density(shifts, joints, *both, held, EXACT)
-    wanted = sliding_density(shifts, joints, rotation, translation, HELD, EXACT)
+    density = density_of(shifts, joints, *both, held)
+    wanted = density_of(shifts, joints, rotation, translation)
     torch.testing.assert_close(density, wanted)
 
 
@@ -94,9 +98,7 @@ def test_noise_of_the_object_excuses_sliding():
 
     def won(turn: float, shift: float) -> float:
         noise = torch.tensor([[turn, shift]])
-        nothing, right = sliding_density(
-            shifts, joints + error, rotation, translation, HELD, noise
-        )[0]
+        nothing, right = density_of(shifts, joints + error, rotation, translation, HELD, noise)[0]
         return float(right - nothing)
 
     assert won(0.0, 0.02) < 0.3 * won(0.0, 0.0)
