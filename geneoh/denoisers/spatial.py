@@ -14,7 +14,6 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from geneoh.denoisers.sliding import sliding_density
 from geneoh.diffusion.posterior import Posterior, importance_posterior
 from geneoh.geometry.rotations import matrix_to_axis_angle
 from geneoh.nn.blocks import mlp, zeroed
@@ -31,10 +30,6 @@ SHIFT_UNIT = 0.02  # unit in which the network reads shifts, metres
 REACH = 0.1  # shifts farther than this have no density, metres: training shows none
 PRIOR_RANGE = (0.0005, 0.06)  # of the shift's deviation before the surface is looked at, metres
 SPEED_FRAMES = 2  # speeds are taken over so many frames before and after
-SPEED_UNIT = 0.003  # unit in which the network reads speeds, metres a frame
-HELD_SPEED = 0.001
-"""By how much the object at the hand must be faster than the hand is over it for a frame to count
-as held for certain, metres a frame: an object that passes by is not held."""
 HANDS_AT_ONCE = 10  # hands whose trial places are judged at once: memory does not grow with them
 TRACK_CUES = 12  # width of `SpatialEvidence.track`
 FRAME_FEATURES = 21 * 8 + 63 + 5 + 3  # width of the features of one trial place in one frame
@@ -59,8 +54,6 @@ class SpatialEvidence(ObjectSurface):
     """Unit direction from the camera, along which trackers err; zero where it is not known."""
     track: Float[Tensor, "B 12"]
     """How noisy hand and object were (`track_cues`): the width of the prior follows from it."""
-    held: Float[Tensor, "B T Q"]
-    """How surely the hand holds each part of the object in each frame, 0 to 1 (`holding`)."""
 
     @classmethod
     def around(
@@ -72,10 +65,8 @@ class SpatialEvidence(ObjectSurface):
     ) -> "SpatialEvidence":
         """The evidence of hands at an object, whose first part tells how fast they move."""
         moving = {f.name: getattr(surface, f.name) for f in fields(ObjectSurface)}
-        parts = zip(surface.rotation.unbind(2), surface.translation.unbind(2), strict=True)
-        speeds = [relative_speeds(joints, *part) for part in parts]
-        held = torch.stack([holding(part) for part in speeds], dim=-1)
-        return cls(**moving, joints=joints, speeds=speeds[0], ray=ray, track=track, held=held)
+        speeds = relative_speeds(joints, surface.rotation[:, :, 0], surface.translation[:, :, 0])
+        return cls(**moving, joints=joints, speeds=speeds, ray=ray, track=track)
 
     @property
     def knows_ray(self) -> Float[Tensor, " B"]:
@@ -118,19 +109,13 @@ def relative_speeds(
     over = seen_from(middle[:, after], after) - seen_from(middle[:, before], before)
     around = (joints - middle[:, :, None])[:, after] - (joints - middle[:, :, None])[:, before]
     speeds = [
-        carried.norm(dim=-1, keepdim=True) / SPEED_UNIT,
+        carried.norm(dim=-1, keepdim=True) / 0.003,
         turn.norm(dim=-1, keepdim=True) / 0.03,
-        over.norm(dim=-1, keepdim=True) / SPEED_UNIT,
-        (middle[:, after] - middle[:, before]).norm(dim=-1, keepdim=True) / SPEED_UNIT,
-        around.norm(dim=-1).mean(-1, keepdim=True) / SPEED_UNIT,
+        over.norm(dim=-1, keepdim=True) / 0.003,
+        (middle[:, after] - middle[:, before]).norm(dim=-1, keepdim=True) / 0.003,
+        around.norm(dim=-1).mean(-1, keepdim=True) / 0.003,
     ]
     return torch.log1p(torch.cat(speeds, dim=-1) / length)
-
-
-def holding(speeds: Float[Tensor, "B T 5"]) -> Float[Tensor, "B T"]:
-    """How surely the hand holds what it has these speeds to, 0 to 1: both move, and together."""
-    carried, _, over, *_ = (SPEED_UNIT * torch.expm1(speeds)).unbind(-1)
-    return ((carried - over) / HELD_SPEED).clamp(0, 1)
 
 
 def track_cues(
@@ -160,11 +145,6 @@ def track_cues(
     )
     seen = (trust > 0).to(values).mean(1, keepdim=True)
     return torch.cat([(values + 0.01).log(), seen], dim=-1)
-
-
-def object_noise_of(track: Float[Tensor, "B 12"]) -> Float[Tensor, "B 2"]:
-    """The noise of the object, rotation (rad) and translation (m), that `track_cues` was told."""
-    return (track[:, 9:11].exp() - 0.01).clamp(min=0) * torch.tensor([UNIT[3], UNIT[0]]).to(track)
 
 
 def _jitter(values: Float[Tensor, "B T D"]) -> Float[Tensor, "B 1"]:
@@ -229,26 +209,18 @@ class SpatialDenoiser(nn.Module):
         rounds: int,
         places: int,
         generator: torch.Generator,
-        sliding: float = 0.0,
         on_step: OnStep | None = None,
     ) -> Posterior:
         """Mean and width of the density of the shift, metres; see `importance_posterior`.
 
-        They are in `axes` (columns) that move with the scene, so that the answer does. With
-        `sliding`, the density is the network's times that of how the hand slides at a place over
-        what it holds; see `sliding_density`, of which that is `independent`.
+        They are in `axes` (columns) that move with the scene, so that the answer does.
         """
         seen = evidence.spread_over(self.config.frames)
-        motion = seen.joints, seen.rotation, seen.translation, seen.held
 
         def within_reach(shifts: Tensor) -> Tensor:
-            places = shifts @ axes.mT
-            groups = [slice(at, at + HANDS_AT_ONCE) for at in range(0, len(places), HANDS_AT_ONCE)]
-            asked = [self(places[own], seen.take(own, "B")) for own in groups]
+            groups = [slice(at, at + HANDS_AT_ONCE) for at in range(0, len(shifts), HANDS_AT_ONCE)]
+            asked = [self(shifts[own] @ axes.mT, seen.take(own, "B")) for own in groups]
             density = finite_output(torch.cat(asked))
-            if sliding:
-                noise = object_noise_of(seen.track)
-                density = density + sliding_density(places, *motion, noise, sliding)
             return density.masked_fill(shifts.norm(dim=-1) > REACH, -torch.inf)
 
         return importance_posterior(

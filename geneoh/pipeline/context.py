@@ -47,8 +47,6 @@ class StageContext(ObjectSurface):
     object_noise: Float[Tensor, " 2"] | None = None
     """Deviation of white noise on the object's rotation (rad) and translation (m) before its track
     was cleaned; None where it was exact."""
-    relied: Float[Tensor, " T"] | None = None
-    """How far the object's poses are relied on in each frame, 0 to 1; None where they are exact."""
     chosen: tuple[int, ...] | None = None
     """First frame of each window; None for windows evenly apart over all frames."""
 
@@ -139,10 +137,7 @@ class StageContext(ObjectSurface):
             ray = normalize(self.cut(self.ray, 0).mean(1), dim=-1)
         seen = self.hand_windows(observed)
         track = self._cues(seen, change, surface.rotation[:, :, 0], surface.translation[:, :, 0])
-        seen = SpatialEvidence.around(surface, joints, ray, track)
-        if self.relied is not None:
-            seen = replace(seen, held=seen.held * self.cut(self.relied[:, None], 0))
-        return seen
+        return SpatialEvidence.around(surface, joints, ray, track)
 
     def _cues(
         self,

@@ -48,9 +48,6 @@ class PlacePlan:
     """Rounds, each of which tries places where those before were probable."""
     frames: int | None = None
     """Frames of each window that are looked at; None for as many as in training."""
-    sliding: float = 0.0
-    """How many frames that tell something of their own of how the hand slides over the object that
-    it holds there are in each of these (`geneoh.denoisers.sliding`); 0 leaves sliding out."""
 
     def with_steps(self, steps: int) -> "PlacePlan":
         """The plan with another number of rounds."""

@@ -136,7 +136,6 @@ def denoise_spatial(
         rounds=plan.steps,
         places=plan.places,
         generator=generator,
-        sliding=plan.sliding,
         on_step=on_step,
     )
     found = _of_all_windows(each, model.prior_root(evidence, axes), context)

@@ -1,9 +1,7 @@
-import math
 from dataclasses import replace
 
 import pytest
 import torch
-from torch import Tensor
 
 from geneoh.denoisers.spatial import (
     PRIOR_RANGE,
@@ -13,13 +11,11 @@ from geneoh.denoisers.spatial import (
     SpatialDenoiser,
     SpatialEvidence,
     frame_features,
-    object_noise_of,
     relative_speeds,
     track_cues,
 )
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.representation.parameters import HandParameters
-from geneoh.representation.region import ObjectSurface
 
 TINY = SpatialConfig(width=16, frames=4)
 TURN = axis_angle_to_matrix(torch.tensor([0.5, -1.2, 2.0]))
@@ -49,7 +45,6 @@ def evidence(draw) -> SpatialEvidence:
         relative_speeds(joints, rotation[:, :, 0], translation[:, :, 0]),
         ray * torch.tensor([[1.0], [0.0]]),
         draw(2, TRACK_CUES, seed=5),
-        torch.ones(2, 6, 1),
     )
 
 
@@ -138,58 +133,6 @@ def test_speeds_tell_a_held_object_from_one_that_is_passed():
     twice_three_mm = torch.log1p(torch.tensor(2.0))
     torch.testing.assert_close(held[0, 5], twice_three_mm * torch.tensor([1.0, 0, 0, 1, 0]))
     torch.testing.assert_close(passed[0, 5], twice_three_mm * torch.tensor([0.0, 0, 1, 1, 0]))
-
-
-def seen_along(
-    evidence: SpatialEvidence, joints: Tensor, rotation: Tensor, translation: Tensor
-) -> SpatialEvidence:
-    """Both hands of `evidence` on another path, at its object on another; both tracks are exact."""
-    parts = rotation.expand(2, -1, 3, 3)[:, :, None], translation.expand(2, -1, 3)[:, :, None]
-    surface = ObjectSurface(evidence.points, evidence.normals, evidence.part, *parts)
-    exact = torch.full((2, TRACK_CUES), math.log(0.01))
-    return SpatialEvidence.around(surface, joints, 0 * evidence.ray, exact)
-
-
-def test_an_object_is_held_while_it_moves_with_the_hand(evidence):
-    path = 0.006 * torch.arange(12)[None, :, None] * torch.tensor([1.0, 0.0, 0.0])
-    still = torch.eye(3).expand(1, 12, 3, 3)
-
-    def held(hand_path: Tensor, object_path: Tensor) -> float:
-        joints = evidence.joints[:, :1] + hand_path[:, :, None]
-        return float(seen_along(evidence, joints, still, object_path).held.mean())
-
-    assert held(path, path) == 1
-    for apart in ((path, 0 * path), (0 * path, path), (0 * path, 0 * path)):
-        assert held(*apart) == pytest.approx(0, abs=1e-5)
-
-
-def test_the_answer_goes_to_where_the_hand_does_not_slide(evidence):
-    """Before training: the prior is 15 mm wide, around where the hand is."""
-    time = torch.linspace(0, 1, 40)
-    turn = 2 * torch.stack([time.sin(), time, 0.5 * (3 * time).cos()], dim=-1)
-    rotation, error = axis_angle_to_matrix(turn)[None], torch.tensor([0.01, -0.01, 0.01])
-    path = 0.3 * time[None, :, None].expand(1, -1, 3)
-    joints = (evidence.joints[:, :1] - evidence.translation[:, :1]) @ rotation.mT + path[:, :, None]
-    seen = seen_along(evidence, joints + error, rotation, path)
-    fresh = SpatialDenoiser(replace(TINY, frames=10)).requires_grad_(False)
-    generator = torch.Generator().manual_seed(0)
-
-    def off(sliding: float) -> float:
-        found = fresh.posterior(
-            seen, torch.eye(3), rounds=4, places=200, generator=generator, sliding=sliding
-        )
-        return float((found.mean + error).norm(dim=-1).max())
-
-    assert off(0.5) < 0.7 * float(error.norm()) < off(0.0)
-
-
-def test_the_cues_hold_the_noise_of_the_object():
-    hand = HandParameters.of_pose(
-        torch.zeros(1, 5, 3), torch.zeros(1, 5, 16, 3), torch.ones(1, 20, 3)
-    )
-    noise = torch.tensor([[0.1, 0.02]])
-    cues = track_cues(hand, torch.zeros(1, 5, 51), torch.ones(1, 5), noise)
-    torch.testing.assert_close(object_noise_of(cues), noise)
 
 
 def test_cues_grow_with_the_noise_of_the_track(draw):

@@ -38,13 +38,6 @@ def scene(frames: int = 12, parts: int = 2) -> StageContext:
     )
 
 
-def at_rest(context: StageContext) -> StageContext:
-    """The same scene with an object that stays where it first is."""
-    first = context.rotation[:1], context.translation[:1]
-    rotation, translation = (values.expand(context.frames, *values.shape[1:]) for values in first)
-    return replace(context, rotation=rotation, translation=translation)
-
-
 def hands_at(context: StageContext, samples: int = 1, seed: int = 4) -> Tensor:
     """Keypoints within a centimetre of the ball, world frame."""
     around = torch.nn.functional.normalize(normal(21, 3, seed=seed), dim=-1)
