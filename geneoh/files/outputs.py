@@ -56,9 +56,10 @@ def check_outputs(
     read = [path for path in inputs if path is not None]
     taken: set[Path] = set()
     for path in (files := [*files]) + [*folders]:
-        if path not in files:
+        is_new_folder = path not in files
+        if is_new_folder:
             refuse_folder(path)
-        check_folder(path, missing=path not in files)
+        check_folder(path, missing=is_new_folder)
         place = Path(os.path.realpath(replaceable(path)))
         refuse_inputs(path, place, read)
         if place in taken:
