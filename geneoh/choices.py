@@ -40,6 +40,7 @@ Ablation = Literal[
     "motion",
     "spatial",
     "temporal",
+    "sliding",
     "canonical",
     "diffusion",
     "fit",
@@ -50,7 +51,8 @@ Ablation = Literal[
 ]
 """Parts that an ablation leaves out, with the same weights.
 
-"motion", "spatial", "temporal": one stage. "canonical": the canonical frame stands still in the
+"motion", "spatial", "temporal": one stage. "sliding": SpatialDiff does not look at how the hand
+slides over what it holds. "canonical": the canonical frame stands still in the
 world instead of moving with the object. "diffusion": each stage calls its denoiser once instead of
 running a diffusion chain. "fit": the hand fit sees keypoints only, neither the object nor time.
 "object": the poses of the object are taken as they are, neither examined nor cleaned. "mesh": the

@@ -14,7 +14,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from geneoh.diffusion.posterior import Posterior, importance_posterior
+from geneoh.diffusion.posterior import LogDensity, Posterior, importance_posterior
 from geneoh.geometry.rotations import matrix_to_axis_angle
 from geneoh.nn.blocks import mlp, zeroed
 from geneoh.nn.checkpoint import finite_output
@@ -30,7 +30,9 @@ SHIFT_UNIT = 0.02  # unit in which the network reads shifts, metres
 REACH = 0.1  # shifts farther than this have no density, metres: training shows none
 PRIOR_RANGE = (0.0005, 0.06)  # of the shift's deviation before the surface is looked at, metres
 SPEED_FRAMES = 2  # speeds are taken over so many frames before and after
+SPEED_UNIT = 0.003  # unit in which the network reads speeds, metres a frame
 HANDS_AT_ONCE = 10  # hands whose trial places are judged at once: memory does not grow with them
+LEAST_CUE = 0.01  # noise below which the network cannot tell it from none, in units of `UNIT`
 TRACK_CUES = 12  # width of `SpatialEvidence.track`
 FRAME_FEATURES = 21 * 8 + 63 + 5 + 3  # width of the features of one trial place in one frame
 
@@ -109,11 +111,11 @@ def relative_speeds(
     over = seen_from(middle[:, after], after) - seen_from(middle[:, before], before)
     around = (joints - middle[:, :, None])[:, after] - (joints - middle[:, :, None])[:, before]
     speeds = [
-        carried.norm(dim=-1, keepdim=True) / 0.003,
+        carried.norm(dim=-1, keepdim=True) / SPEED_UNIT,
         turn.norm(dim=-1, keepdim=True) / 0.03,
-        over.norm(dim=-1, keepdim=True) / 0.003,
-        (middle[:, after] - middle[:, before]).norm(dim=-1, keepdim=True) / 0.003,
-        around.norm(dim=-1).mean(-1, keepdim=True) / 0.003,
+        over.norm(dim=-1, keepdim=True) / SPEED_UNIT,
+        (middle[:, after] - middle[:, before]).norm(dim=-1, keepdim=True) / SPEED_UNIT,
+        around.norm(dim=-1).mean(-1, keepdim=True) / SPEED_UNIT,
     ]
     return torch.log1p(torch.cat(speeds, dim=-1) / length)
 
@@ -144,7 +146,22 @@ def track_cues(
         dim=-1,
     )
     seen = (trust > 0).to(values).mean(1, keepdim=True)
-    return torch.cat([(values + 0.01).log(), seen], dim=-1)
+    return torch.cat([(values + LEAST_CUE).log(), seen], dim=-1)
+
+
+def object_noise_of(track: Float[Tensor, "B 12"]) -> Float[Tensor, "B 2"]:
+    """The noise of the object, rotation (rad) and translation (m), that `track_cues` was told."""
+    return _said(track[:, 9:11]) * torch.tensor([UNIT[3], UNIT[0]]).to(track)
+
+
+def wrist_noise_of(track: Float[Tensor, "B 12"]) -> Float[Tensor, "B 1"]:
+    """How far MotionDiff moved the wrist, its mean left out, each axis, metres."""
+    return _said(track[:, 3:4]) * UNIT[0]
+
+
+def _said(cues: Float[Tensor, "B D"]) -> Float[Tensor, "B D"]:
+    """The values of cues."""
+    return (cues.exp() - LEAST_CUE).clamp(min=0)
 
 
 def _jitter(values: Float[Tensor, "B T D"]) -> Float[Tensor, "B 1"]:
@@ -209,18 +226,23 @@ class SpatialDenoiser(nn.Module):
         rounds: int,
         places: int,
         generator: torch.Generator,
+        besides: LogDensity | None = None,
         on_step: OnStep | None = None,
     ) -> Posterior:
         """Mean and width of the density of the shift, metres; see `importance_posterior`.
 
-        They are in `axes` (columns) that move with the scene, so that the answer does.
+        They are in `axes` (columns) that move with the scene, so that the answer does. `besides` is
+        a factor of the density, of shifts in the world.
         """
         seen = evidence.spread_over(self.config.frames)
 
         def within_reach(shifts: Tensor) -> Tensor:
-            groups = [slice(at, at + HANDS_AT_ONCE) for at in range(0, len(shifts), HANDS_AT_ONCE)]
-            asked = [self(shifts[own] @ axes.mT, seen.take(own, "B")) for own in groups]
-            density = finite_output(torch.cat(asked))
+            world = shifts @ axes.mT
+            groups = [slice(at, at + HANDS_AT_ONCE) for at in range(0, len(world), HANDS_AT_ONCE)]
+            density = torch.cat([self(world[own], seen.take(own, "B")) for own in groups])
+            density = finite_output(density)
+            if besides is not None:
+                density = density + besides(world)
             return density.masked_fill(shifts.norm(dim=-1) > REACH, -torch.inf)
 
         return importance_posterior(

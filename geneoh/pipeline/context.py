@@ -13,6 +13,7 @@ from torch.nn.functional import normalize
 
 from geneoh.denoisers.base import POINTS, SELECT_EVERY
 from geneoh.denoisers.motion import ObservedMotion
+from geneoh.denoisers.sliding import Sliding
 from geneoh.denoisers.spatial import SpatialEvidence, track_cues
 from geneoh.denoisers.temporal import TemporalEvidence
 from geneoh.fitting.subject import Subject
@@ -47,6 +48,8 @@ class StageContext(ObjectSurface):
     object_noise: Float[Tensor, " 2"] | None = None
     """Deviation of white noise on the object's rotation (rad) and translation (m) before its track
     was cleaned; None where it was exact."""
+    relied: Float[Tensor, " T"] | None = None
+    """How far the object's poses are relied on, 0 to 1; None where they are in all frames."""
     chosen: tuple[int, ...] | None = None
     """First frame of each window; None for windows evenly apart over all frames."""
 
@@ -138,6 +141,11 @@ class StageContext(ObjectSurface):
         seen = self.hand_windows(observed)
         track = self._cues(seen, change, surface.rotation[:, :, 0], surface.translation[:, :, 0])
         return SpatialEvidence.around(surface, joints, ray, track)
+
+    def sliding(self, evidence: SpatialEvidence) -> Sliding:
+        """How the hand of each window slides over what it holds."""
+        relied = self.trust.new_ones(self.frames) if self.relied is None else self.relied
+        return Sliding.of(evidence, self.cut(relied[:, None], 0)[..., 0])
 
     def _cues(
         self,

@@ -48,6 +48,8 @@ class PlacePlan:
     """Rounds, each of which tries places where those before were probable."""
     frames: int | None = None
     """Frames of each window that are looked at; None for as many as in training."""
+    sliding: bool = True
+    """Whether a place over which the hand slides is less probable (`geneoh.denoisers.sliding`)."""
 
     def with_steps(self, steps: int) -> "PlacePlan":
         """The plan with another number of rounds."""
@@ -123,6 +125,10 @@ class Preset:
         match part:
             case "motion" | "spatial" | "temporal":
                 return replace(self, **{part: None})
+            case "sliding" if isinstance(self.spatial, PlacePlan):
+                return replace(self, spatial=replace(self.spatial, sliding=False))
+            case "sliding":
+                return self
             case "canonical":
                 return replace(self, canonical=False)
             case "diffusion":

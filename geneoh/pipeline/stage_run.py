@@ -68,7 +68,11 @@ class StageRun:
         if surface is not None and bool((evidence > LEAST_EVIDENCE).any()):
             context = stage_context(surface, self.subject, fps, generator=self.generator)
             context = replace(
-                context, canonical=chosen.canonical, ray=ray, object_noise=object_noise
+                context,
+                canonical=chosen.canonical,
+                ray=ray,
+                object_noise=object_noise,
+                relied=poses,
             )
             samples = self.samples(context, chosen)
         if samples is None or bool((evidence < 1).any()):

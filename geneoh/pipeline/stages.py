@@ -19,7 +19,8 @@ from geneoh.bundle import concatenated
 from geneoh.denoisers.latent import LatentDenoiser
 from geneoh.denoisers.motion import MotionDenoiser, ObservedMotion
 from geneoh.denoisers.relations import RelationDenoiser
-from geneoh.denoisers.spatial import SpatialDenoiser
+from geneoh.denoisers.sliding import Sliding
+from geneoh.denoisers.spatial import SpatialDenoiser, SpatialEvidence
 from geneoh.denoisers.temporal import StepCorrection, TemporalDenoiser
 from geneoh.denoisers.trajectory import TrajectoryDenoiser
 from geneoh.diffusion.posterior import Posterior, along_a_track
@@ -121,13 +122,13 @@ def denoise_spatial(
         on_step: called with (done, total) after each round.
     """
     count = plan.frames or model.config.frames
-    evidence = concatenated(
-        [
-            piece.evidence(observed[frames], hand[frames]).spread_over(count)
-            for _, frames, piece in context.pieces(len(hand.wrist))
-        ],
-        "B",
-    )
+    looked_at: list[SpatialEvidence] = []
+    slides: list[Sliding] = []
+    for _, frames, piece in context.pieces(len(hand.wrist)):
+        seen = piece.evidence(observed[frames], hand[frames])
+        looked_at.append(seen.spread_over(count))
+        slides.append(piece.sliding(seen))
+    evidence = concatenated(looked_at, "B")
     middle = [hand[frames].joints.mean(0, keepdim=True) for frames in blocks(context.frames)]
     axes = palm_axes(torch.cat(middle, dim=1))[0]
     each = model.posterior(
@@ -136,6 +137,7 @@ def denoise_spatial(
         rounds=plan.steps,
         places=plan.places,
         generator=generator,
+        besides=concatenated(slides, "B").log_density if plan.sliding else None,
         on_step=on_step,
     )
     found = _of_all_windows(each, model.prior_root(evidence, axes), context)
