@@ -57,15 +57,24 @@ def test_without_the_canonical_frame_the_rest_stays():
     assert replace(less, canonical=True) == preset("default")
 
 
-# The recording has an exact object and no camera: see `test_noisy_object` and `test_camera`.
-@pytest.mark.parametrize(
-    "part",
-    [part for part in get_args(Ablation) if part not in ("object", "camera", "told-camera")],
-)
+# The recording has an exact object and no camera: see `test_noisy_object` and `test_camera`. So few
+# frames say nothing of sliding: see `test_stage_spatial`.
+ELSEWHERE = ("object", "camera", "told-camera", "sliding")
+
+
+@pytest.mark.parametrize("part", [part for part in get_args(Ablation) if part not in ELSEWHERE])
 def test_every_ablation_gives_another_hand(short, part):
     less = joints_of(short, without=(part,))
     assert less.isfinite().all()
     assert (less - joints_of(short)).norm(dim=-1).mean() > 1e-4
+
+
+def test_without_sliding_differs_in_one_setting_where_places_are_tried():
+    less = preset("default").without("sliding")
+    assert not less.spatial.sliding
+    assert replace(less, spatial=preset("default").spatial) == preset("default")
+    for untouched in (preset("paper"), preset("default").without("spatial")):
+        assert untouched.without("sliding") == untouched
 
 
 def test_without_any_stage_the_fit_follows_the_input(short):

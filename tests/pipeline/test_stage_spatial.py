@@ -14,6 +14,7 @@ from geneoh.denoisers.spatial import SpatialConfig, SpatialDenoiser
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.pipeline.presets import PlacePlan, StagePlan
 from geneoh.pipeline.stages import denoise_relations, denoise_spatial
+from geneoh.representation.parameters import HandParameters
 from geneoh.representation.spatial import SpatialRelations
 
 
@@ -49,7 +50,7 @@ def test_spatial_moves_the_hand_to_the_mean_of_the_density_it_asks():
         hand,
         samples,
         context,
-        PlacePlan(400, 3),
+        PlacePlan(400, 3, sliding=False),
         generator=seeded(),
     )
     moved_by = got.joints - samples.joints
@@ -57,6 +58,31 @@ def test_spatial_moves_the_hand_to_the_mean_of_the_density_it_asks():
     # a sample of the density each: the deviation over samples is that of the density
     assert 0.002 < float(moved_by.std(0).mean()) < 0.006
     assert torch.equal(got.turn, samples.turn)
+
+
+def test_a_hand_that_slides_over_what_it_holds_goes_to_where_it_does_not():
+    context, error = scene(LONG, parts=1), torch.tensor([0.012, -0.004, 0.006])
+    first = parameters_at(context)[:1]
+    turn = context.rotation[None, :, 0] @ (context.rotation[0, 0].mT @ first.turn)
+    place = (first.wrist[0, 0] - context.translation[0, 0]) @ context.rotation[0, 0]
+    wrist = (context.rotation[:, 0] @ place + context.translation[:, 0])[None]
+    held = HandParameters(wrist + error, turn, first.fingers.expand(1, LONG, 15, 3), first.offsets)
+
+    def off(sliding: bool, relied: Tensor | None = None) -> float:
+        """Distance from the place where it does not slide."""
+        got = denoise_spatial(
+            KnownPlace(torch.zeros(3), 0.02).requires_grad_(False),
+            held,
+            held,
+            replace(context, relied=relied),
+            PlacePlan(400, 3, sliding=sliding),
+            generator=seeded(),
+        )
+        return float((got.wrist - wrist).norm(dim=-1).mean() / error.norm())
+
+    assert off(True) < 0.5
+    assert off(False) > 0.9
+    assert off(True, torch.zeros(LONG)) == off(False), "poses that are not relied on say nothing"
 
 
 def test_spatial_knows_the_ray_of_the_camera_and_the_noise_of_the_object():
