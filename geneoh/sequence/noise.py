@@ -106,7 +106,10 @@ def corrupt(
 def perturbed(
     hand: HandTrack, offsets: Float[Tensor, "T 51"], keep: Bool[Tensor, " T"]
 ) -> HandTrack:
-    """A track with offsets as those of `draw_noise`; frames that are not kept are lost."""
+    """A track with offsets as those of `draw_noise`; frames that are not kept are lost.
+
+    Its expected error, `joint_spread`, is not known any more.
+    """
     turn = offsets[:, 3:].unflatten(-1, (16, 3))
     pose = None if hand.pose is None else hand.pose + turn
     wrist = None if hand.wrist is None else hand.wrist + offsets[:, :3]
@@ -118,7 +121,8 @@ def perturbed(
             return None
         return torch.where(lost.reshape(-1, *[1] * (values.ndim - 1)), math.nan, values)
 
-    return replace(hand, valid=valid, pose=blank(pose), wrist=blank(wrist), joints=blank(joints))
+    pose, wrist, joints = (blank(values) for values in (pose, wrist, joints))
+    return replace(hand, valid=valid, pose=pose, wrist=wrist, joints=joints, joint_spread=None)
 
 
 def noisy_joints(

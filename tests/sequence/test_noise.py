@@ -188,3 +188,8 @@ def test_lost_frames_are_marked_and_hold_nothing(recording):
 def test_frames_that_were_not_valid_stay_so(recording):
     hand = replace(recording, valid=torch.arange(recording.frames) != 7)
     assert not bool(corrupt(hand, "gauss", generator=seeded()).valid[7])
+
+
+def test_the_expected_error_of_the_clean_hand_is_not_kept(recording):
+    hand = replace(recording, joint_spread=torch.full((recording.frames, 21), 0.003))
+    assert corrupt(hand, "gauss", generator=seeded()).joint_spread is None
