@@ -2,7 +2,7 @@
 
 The deviation of keypoints over samples is smaller than their error. This program finds the factor
 by which the share of keypoints whose truth lies in the 90% radius comes nearest to 90%, over all
-noises. Real hands get `MARGIN` times that factor. Clips are synthetic interactions with the object
+noises. Clips are synthetic interactions with the object
 families that networks are trained on, under seeds of their own, each under every noise. The last
 printed line is `geneoh.pipeline.spread.SCALE`.
 """
@@ -29,9 +29,6 @@ GRID = tuple(0.4 + 0.1 * step for step in range(28))
 """Factors that are tried."""
 AIM = 0.9
 """Share of the keypoints whose truth is to lie in the 90% radius."""
-MARGIN = 1.3
-"""Real hands jitter in ways that no sample shows. With this margin 84 to 99% of the true keypoints
-of noisy versions of a recording are in the radius, by noise, 85 to 89% under a camera's."""
 
 
 @dataclass(frozen=True)
@@ -77,4 +74,4 @@ if __name__ == "__main__":
     scale = calibrated(errors.values())
     for noise, each in errors.items():
         print(f"{noise}: {100 * each.inside(scale):.0f}% inside")
-    print(f"SCALE = {MARGIN * scale:.2f}")
+    print(f"SCALE = {scale:.2f}")

@@ -7,7 +7,7 @@ from torch import Tensor
 from geneoh.denoisers.candidate_corrections import filter_kernels
 from geneoh.sequence.windows import blocks, widened
 
-SCALE = 1.43
+SCALE = 1.5
 """Ratio of the expected error to the deviation over samples, found by `tools.calibrate_spread`. It
 is above 1 because samples differ where the network is unsure, not where all of them are wrong."""
 ALONE = 3.0
