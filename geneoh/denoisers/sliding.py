@@ -12,10 +12,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.bundle import Bundle
 from geneoh.denoisers.spatial import (
     SPEED_UNIT,
-    SpatialEvidence,
     object_noise_of,
     relative_speeds,
     wrist_noise_of,
@@ -33,7 +31,7 @@ as held for certain, metres a frame: an object that passes by is not held."""
 
 
 @dataclass(frozen=True, eq=False)
-class Sliding(Bundle):
+class Sliding:
     """How far each of B hands slides over what it holds: a quadratic of the shift of the hand."""
 
     square: Float[Tensor, "B 3 3"]
@@ -42,24 +40,34 @@ class Sliding(Bundle):
     """Mean square of the sliding without a shift, square metres."""
     least: Float[Tensor, "B 1"]
     """Mean square below which sliding tells nothing, square metres."""
-    frames: Float[Tensor, "B 1"]
+    count: Float[Tensor, "B 1"]
     """Frames that tell something of their own, less one: where on the object it is held is free."""
 
     @classmethod
-    def of(cls, evidence: SpatialEvidence, relied: Float[Tensor, "B T"]) -> "Sliding":
-        """Over the part of the object that each hand holds longest.
+    def of(
+        cls,
+        middle: Float[Tensor, "B T 3"],
+        rotation: Float[Tensor, "B T Q 3 3"],
+        translation: Float[Tensor, "B T Q 3"],
+        held: Float[Tensor, "B T Q"],
+        track: Float[Tensor, "B 12"],
+        own: float = 1.0,
+    ) -> "Sliding":
+        """Over the part of the object that each hand holds longest, world frame, metres.
 
-        The place of a hand is the mean of its keypoints: people turn objects about it as they hold
-        them. `relied`, 0 to 1, is how far the object's poses are relied on. White noise on them and
-        what MotionDiff leaves of the hand's look like sliding, so they raise what tells nothing.
+        White noise on the object's poses and what MotionDiff leaves of the hand's look like
+        sliding, so they raise what tells nothing.
+
+        Args:
+            middle: mean of the hand's keypoints: people turn objects about it as they hold them.
+            rotation: of the object's parts.
+            translation: of the object's parts.
+            held: how surely the hand holds each part in each frame, 0 to 1.
+            track: how noisy hand and object were (`track_cues`).
+            own: share of these frames in which no other of the B hands looks.
         """
-        parts = zip(evidence.rotation.unbind(2), evidence.translation.unbind(2), strict=True)
-        speeds = [relative_speeds(evidence.joints, *part) for part in parts]
-        held = relied[..., None] * torch.stack([holding(part) for part in speeds], dim=-1)
         each, longest = torch.arange(len(held), device=held.device), held.sum(1).argmax(-1)
-        rotation, translation, held = (
-            x[each, :, longest] for x in (evidence.rotation, evidence.translation, held)
-        )
+        rotation, translation, held = (x[each, :, longest] for x in (rotation, translation, held))
         share = held / held.sum(1, keepdim=True).clamp(min=1e-6)
 
         def from_mean(values: Float[Tensor, "B T *D"]) -> Float[Tensor, "B T *D"]:
@@ -67,17 +75,17 @@ class Sliding(Bundle):
             return values - (weights * values).sum(1, keepdim=True)
 
         back = rotation.mT
-        place = (back @ (evidence.joints.mean(2) - translation)[..., None])[..., 0]
+        place = (back @ (middle - translation)[..., None])[..., 0]
         slid, turned = from_mean(place), from_mean(back)
         lever = (share * place.square().sum(-1)).sum(1, keepdim=True)
-        turn_noise, shift_noise = object_noise_of(evidence.track).square().split(1, dim=-1)
-        noise = lever * turn_noise + shift_noise + (LEFT * wrist_noise_of(evidence.track)).square()
+        turn_noise, shift_noise = object_noise_of(track).square().split(1, dim=-1)
+        noise = lever * turn_noise + shift_noise + (LEFT * wrist_noise_of(track)).square()
         return cls(
             square=(share[..., None, None] * turned.mT @ turned).sum(1),
             line=(share[..., None, None] * turned.mT @ slid[..., None]).sum(1)[..., 0],
             still=(share * slid.square().sum(-1)).sum(1, keepdim=True),
             least=SLIDING**2 + noise,
-            frames=(INDEPENDENT * held.sum(1, keepdim=True) - 1).clamp(min=0),
+            count=own * (INDEPENDENT * held.sum(1, keepdim=True) - 1).clamp(min=0),
         )
 
     def log_density(self, shifts: Float[Tensor, "B M 3"]) -> Float[Tensor, "B M"]:
@@ -87,10 +95,18 @@ class Sliding(Bundle):
         that lets go does, tells little.
         """
         size = ((shifts @ self.square + 2 * self.line[:, None]) * shifts).sum(-1) + self.still
-        return -1.5 * self.frames * torch.log1p(size.clamp(min=0) / self.least)
+        return -1.5 * self.count * torch.log1p(size.clamp(min=0) / self.least)
 
 
-def holding(speeds: Float[Tensor, "B T 5"]) -> Float[Tensor, "B T"]:
-    """How surely the hand holds what it has these speeds to, 0 to 1: both move, and together."""
-    carried, _, over, *_ = (SPEED_UNIT * torch.expm1(speeds)).unbind(-1)
-    return ((carried - over) / HELD_SPEED).clamp(0, 1)
+def holding(
+    joints: Float[Tensor, "B T 21 3"],
+    rotation: Float[Tensor, "B T Q 3 3"],
+    translation: Float[Tensor, "B T Q 3"],
+) -> Float[Tensor, "B T Q"]:
+    """How surely each hand holds each part of an object, 0 to 1: both move, and together."""
+    held = []
+    for part in zip(rotation.unbind(2), translation.unbind(2), strict=True):
+        speeds = SPEED_UNIT * torch.expm1(relative_speeds(joints, *part))
+        carried, over = speeds[..., 0], speeds[..., 2]
+        held.append(((carried - over) / HELD_SPEED).clamp(0, 1))
+    return torch.stack(held, dim=-1)

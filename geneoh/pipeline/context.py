@@ -13,7 +13,7 @@ from torch.nn.functional import normalize
 
 from geneoh.denoisers.base import POINTS, SELECT_EVERY
 from geneoh.denoisers.motion import ObservedMotion
-from geneoh.denoisers.sliding import Sliding
+from geneoh.denoisers.sliding import Sliding, holding
 from geneoh.denoisers.spatial import SpatialEvidence, track_cues
 from geneoh.denoisers.temporal import TemporalEvidence
 from geneoh.fitting.subject import Subject
@@ -29,6 +29,9 @@ SURFACE_POINTS = 1024
 WINDOWS_AT_ONCE = 20
 """Windows of all samples together that the networks see at once: memory does not grow with the
 track."""
+HELD_FRAMES = 150
+"""Frames around a window in which sliding is looked at: a hand keeps its hold for longer than two
+seconds, and the more the object turns, the more its sliding tells."""
 CARRIED = 10.0
 """Limit of a hand's noise as the world sees it, in multiples of its noise as its object sees it.
 SpatialDiff was trained with the second. With the first it finds more of the lasting errors, but
@@ -142,10 +145,24 @@ class StageContext(ObjectSurface):
         track = self._cues(seen, change, surface.rotation[:, :, 0], surface.translation[:, :, 0])
         return SpatialEvidence.around(surface, joints, ray, track)
 
-    def sliding(self, evidence: SpatialEvidence) -> Sliding:
-        """How the hand of each window slides over what it holds."""
-        relied = self.trust.new_ones(self.frames) if self.relied is None else self.relied
-        return Sliding.of(evidence, self.cut(relied[:, None], 0)[..., 0])
+    def sliding(self, joints: Float[Tensor, "T 21 3"], track: Float[Tensor, "W 12"]) -> Sliding:
+        """How a hand slides over what it holds in each window and around it.
+
+        `track` tells how noisy each window was (`track_cues`).
+        """
+        held = holding(joints[None], self.rotation[None], self.translation[None])[0]
+        if self.relied is not None:
+            held = held * self.relied[:, None]
+        span = min(HELD_FRAMES, self.frames)
+        last, before = self.frames - span, (span - self.size) // 2
+        starts = [min(max(start - before, 0), last) for start in self.starts]
+
+        def around(values: Float[Tensor, "T ..."]) -> Float[Tensor, "W N ..."]:
+            cut = unfold(values.flatten(1), starts, span)
+            return cut.unflatten(-1, values.shape[1:])
+
+        moving = (joints.mean(1), self.rotation, self.translation, held)
+        return Sliding.of(*map(around, moving), track, self.size / span)
 
     def _cues(
         self,

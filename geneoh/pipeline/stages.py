@@ -19,8 +19,7 @@ from geneoh.bundle import concatenated
 from geneoh.denoisers.latent import LatentDenoiser
 from geneoh.denoisers.motion import MotionDenoiser, ObservedMotion
 from geneoh.denoisers.relations import RelationDenoiser
-from geneoh.denoisers.sliding import Sliding
-from geneoh.denoisers.spatial import SpatialDenoiser, SpatialEvidence
+from geneoh.denoisers.spatial import SpatialDenoiser
 from geneoh.denoisers.temporal import StepCorrection, TemporalDenoiser
 from geneoh.denoisers.trajectory import TrajectoryDenoiser
 from geneoh.diffusion.posterior import Posterior, along_a_track
@@ -122,22 +121,24 @@ def denoise_spatial(
         on_step: called with (done, total) after each round.
     """
     count = plan.frames or model.config.frames
-    looked_at: list[SpatialEvidence] = []
-    slides: list[Sliding] = []
-    for _, frames, piece in context.pieces(len(hand.wrist)):
-        seen = piece.evidence(observed[frames], hand[frames])
-        looked_at.append(seen.spread_over(count))
-        slides.append(piece.sliding(seen))
-    evidence = concatenated(looked_at, "B")
-    middle = [hand[frames].joints.mean(0, keepdim=True) for frames in blocks(context.frames)]
-    axes = palm_axes(torch.cat(middle, dim=1))[0]
+    evidence = concatenated(
+        [
+            piece.evidence(observed[frames], hand[frames]).spread_over(count)
+            for _, frames, piece in context.pieces(len(hand.wrist))
+        ],
+        "B",
+    )
+    middle = [hand[frames].joints.mean(0) for frames in blocks(context.frames)]
+    joints = torch.cat(middle)
+    axes = palm_axes(joints[None])[0]
+    sliding = context.sliding(joints, evidence.track) if plan.sliding else None
     each = model.posterior(
         evidence,
         axes,
         rounds=plan.steps,
         places=plan.places,
         generator=generator,
-        besides=concatenated(slides, "B").log_density if plan.sliding else None,
+        besides=None if sliding is None else sliding.log_density,
         on_step=on_step,
     )
     found = _of_all_windows(each, model.prior_root(evidence, axes), context)

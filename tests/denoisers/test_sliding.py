@@ -3,14 +3,13 @@ import torch
 from torch import Tensor
 
 from geneoh.denoisers.sliding import INDEPENDENT, LEFT, SLIDING, Sliding, holding
-from geneoh.denoisers.spatial import SpatialEvidence, relative_speeds, track_cues
+from geneoh.denoisers.spatial import track_cues
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.representation.parameters import UNIT, HandParameters
-from geneoh.representation.region import ObjectSurface
 
 FRAMES = 60
 ERROR = torch.tensor([0.02, -0.03, 0.01])
-RELIED = torch.ones(1, FRAMES)
+HELD = torch.ones(1, FRAMES, 1)
 
 
 def held_hand(turn: float) -> tuple[Tensor, Tensor, Tensor]:
@@ -30,24 +29,18 @@ def sliding(
     rotation: Tensor,
     translation: Tensor,
     *,
-    relied: Tensor = RELIED,
+    held: Tensor = HELD,
     object_noise: tuple[float, float] = (0.0, 0.0),
     wrist_noise: float = 0.0,
 ) -> Sliding:
     """How these hands slide; `wrist_noise`, metres, is what MotionDiff took away of each axis."""
-    parts = rotation.shape[2]
-    points = torch.zeros(1, parts, 3)
-    surface = ObjectSurface(points, points, torch.arange(parts)[None], rotation, translation)
-    hand = HandParameters(
-        torch.zeros(1, FRAMES, 3),
-        torch.eye(3).expand(1, FRAMES, 3, 3),
-        torch.zeros(1, FRAMES, 15, 3),
-        torch.zeros(1, 20, 3),
+    hand = HandParameters.of_pose(
+        torch.zeros(1, FRAMES, 3), torch.zeros(1, FRAMES, 16, 3), torch.ones(1, 20, 3)
     )
     change = torch.zeros(1, FRAMES, 51)
     change[..., :3] = wrist_noise / UNIT[0] * torch.tensor([1.0, -1.0]).repeat(FRAMES // 2)[:, None]
-    cues = track_cues(hand, change, RELIED, torch.tensor([object_noise]))
-    return Sliding.of(SpatialEvidence.around(surface, joints, torch.zeros(1, 3), cues), relied)
+    track = track_cues(hand, change, torch.ones(1, FRAMES), torch.tensor([object_noise]))
+    return Sliding.of(joints.mean(2), rotation, translation, held, track)
 
 
 def grid(around: Tensor) -> Tensor:
@@ -65,13 +58,11 @@ def won(found: Sliding) -> float:
 
 def test_the_density_is_that_of_the_spread_in_the_objects_frame(draw):
     joints, rotation, translation = held_hand(0.8)
-    joints = joints + 0.003 * draw(1, FRAMES, 1, 3)
-    relied, shift = draw(1, FRAMES, seed=1).sigmoid(), torch.tensor([[[0.01, -0.02, 0.015]]])
-    got = sliding(joints, rotation, translation, relied=relied).log_density(shift)
-    held = relied * holding(relative_speeds(joints, rotation[:, :, 0], translation[:, :, 0]))
-    assert 0.2 < float(held.mean()) < 0.8
+    joints = joints + 0.01 * draw(1, FRAMES, 21, 3)
+    held, shift = draw(1, FRAMES, 1, seed=1).sigmoid(), torch.tensor([[[0.01, -0.02, 0.015]]])
+    got = sliding(joints, rotation, translation, held=held).log_density(shift)
     middle = joints.mean(2) + shift - translation[:, :, 0]
-    own, share = (middle[:, :, None] @ rotation[:, :, 0])[:, :, 0], held[..., None] / held.sum()
+    own, share = (middle[:, :, None] @ rotation[:, :, 0])[:, :, 0], held / held.sum()
     square = (share * (own - (share * own).sum(1, keepdim=True)).square()).sum()
     wanted = -1.5 * (INDEPENDENT * held.sum() - 1) * torch.log1p(square / SLIDING**2)
     torch.testing.assert_close(got[0, 0], wanted, rtol=1e-4, atol=1e-5)
@@ -89,15 +80,10 @@ def test_an_object_that_does_not_turn_tells_nothing():
     assert float(density.max() - density.min()) < 1e-4
 
 
-def test_frames_whose_poses_are_not_relied_on_tell_nothing():
-    density = sliding(*held_hand(0.8), relied=0 * RELIED).log_density(grid(torch.zeros(3)))
-    torch.testing.assert_close(density, torch.zeros_like(density))
-
-
 def test_few_frames_tell_nothing():
     """One place on the object explains them."""
-    few = (torch.arange(FRAMES) < 1 / INDEPENDENT).float()[None]
-    assert won(sliding(*held_hand(0.8), relied=few)) == pytest.approx(0, abs=1e-6)
+    few = (torch.arange(FRAMES) < 1 / INDEPENDENT - 1).float()[None, :, None]
+    assert won(sliding(*held_hand(0.8), held=few)) == pytest.approx(0, abs=1e-6)
 
 
 def test_a_hand_that_lets_go_is_pulled_less_than_one_that_holds():
@@ -112,8 +98,9 @@ def test_of_two_parts_the_one_that_is_held_longest_counts():
     joints, rotation, translation = held_hand(0.8)
     still = torch.eye(3).expand_as(rotation), torch.zeros_like(translation)
     both = torch.cat([still[0], rotation], dim=2), torch.cat([still[1], translation], dim=2)
+    held = torch.cat([0.5 * HELD, HELD], dim=-1)
     shifts = grid(torch.zeros(3))
-    density = sliding(joints, *both).log_density(shifts)
+    density = sliding(joints, *both, held=held).log_density(shifts)
     torch.testing.assert_close(density, sliding(joints, rotation, translation).log_density(shifts))
 
 
@@ -130,8 +117,9 @@ def test_noise_of_object_and_hand_excuses_sliding():
 
 def test_a_hand_holds_what_moves_with_it_and_not_what_passes_by():
     joints, rotation, translation = held_hand(0.5)
-    together = holding(relative_speeds(joints, rotation[:, :, 0], translation[:, :, 0]))
-    assert float(together.min()) > 0.99
-    still = joints[:, :1].expand_as(joints)
-    passing = holding(relative_speeds(still, rotation[:, :, 0], translation[:, :, 0]))
+    parts = torch.cat([rotation, rotation[:, :1].expand_as(rotation)], dim=2)
+    held = holding(joints, parts, torch.cat([translation, translation[:, :1] + 0 * translation], 2))
+    assert float(held[..., 0].min()) > 0.99
+    assert float(held[..., 1].max()) < 0.05
+    passing = holding(joints[:, :1].expand_as(joints), rotation, translation)
     assert float(passing.max()) < 0.05

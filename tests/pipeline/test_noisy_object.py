@@ -96,8 +96,7 @@ def test_frames_without_a_pose_are_filled_and_told(clean):
     result = geneoh.denoise(replace(clean, object=track), FAST)
     assert result.notes[0].startswith("12 frames without a pose of the object")
     assert result.examined.confidence[50:58].max() == 0
-    whole = geneoh.denoise(clean, FAST)
-    assert error_and_acceleration(result, clean)[0] < error_and_acceleration(whole, clean)[0] + 0.2
+    assert error_and_acceleration(result, clean)[0] < 4
     exact = ~lost[:, 0]
     assert torch.equal(result.sequence.object.rotation[exact], clean.object.rotation[exact])
 

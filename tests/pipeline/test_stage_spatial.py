@@ -10,6 +10,7 @@ from draws import normal, seeded
 from torch import Tensor
 
 from geneoh.denoisers.relations import RelationConfig, RelationDenoiser
+from geneoh.denoisers.sliding import INDEPENDENT
 from geneoh.denoisers.spatial import SpatialConfig, SpatialDenoiser
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.pipeline.presets import PlacePlan, StagePlan
@@ -83,6 +84,22 @@ def test_a_hand_that_slides_over_what_it_holds_goes_to_where_it_does_not():
     assert off(True) < 0.5
     assert off(False) > 0.9
     assert off(True, torch.zeros(LONG)) == off(False), "poses that are not relied on say nothing"
+
+
+def test_sliding_is_looked_at_in_five_seconds_around_each_window():
+    context, frames = scene(270), 150
+    joints = hands_at(context)[0]
+    track = normal(len(context.starts), 12)
+    seen = context.sliding(joints, track)
+    around = slice(15, 15 + frames)  # of the window that begins with frame 60
+    own = context[around]
+    one = replace(own, chosen=(45,)).sliding(joints[around], track[2:3])
+    assert context.starts[2] == 60
+    for name in ("square", "line", "still", "least"):
+        torch.testing.assert_close(
+            getattr(seen, name)[2:3], getattr(one, name), atol=2e-5, rtol=0.1
+        )
+    assert 0 < float(seen.count[2]) < 60 / frames * (INDEPENDENT * frames - 1)
 
 
 def test_spatial_knows_the_ray_of_the_camera_and_the_noise_of_the_object():
