@@ -3,7 +3,8 @@
 A hand that holds an object stays where it is in the object's frame. An error that is constant in
 the world turns there as the object turns, so the hand seems to slide. The network of SpatialDiff
 looks at each frame by itself and cannot see this, and made hands slide less than real ones; so the
-density is written down: sliding is normal, of a deviation that is not known beforehand.
+density is written down: sliding is normal, of a deviation that is not known beforehand. Beside the
+shift of a hand the place where it holds is free, so a few frames tell nothing.
 """
 
 from dataclasses import dataclass
@@ -24,7 +25,7 @@ SLIDING = 0.007
 LEFT = 0.7
 """Share of the noise of the wrist that may be left after MotionDiff: it looks like sliding."""
 INDEPENDENT = 0.1
-"""Frames that tell something of their own in each frame: sliding lasts."""
+"""Frames that tell something of their own, in each frame: sliding lasts."""
 HELD_SPEED = 0.001
 """By how much the object at the hand must be faster than the hand is over it for a frame to count
 as held for certain, metres a frame: an object that passes by is not held."""
@@ -64,7 +65,7 @@ class Sliding:
             translation: of the object's parts.
             held: how surely the hand holds each part in each frame, 0 to 1.
             track: how noisy hand and object were (`track_cues`).
-            own: share of these frames in which no other of the B hands looks.
+            own: share of these frames that count for this hand: those of the B hands overlap.
         """
         each, longest = torch.arange(len(held), device=held.device), held.sum(1).argmax(-1)
         rotation, translation, held = (x[each, :, longest] for x in (rotation, translation, held))

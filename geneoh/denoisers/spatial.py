@@ -151,16 +151,16 @@ def track_cues(
 
 def object_noise_of(track: Float[Tensor, "B 12"]) -> Float[Tensor, "B 2"]:
     """The noise of the object, rotation (rad) and translation (m), that `track_cues` was told."""
-    return _said(track[:, 9:11]) * torch.tensor([UNIT[3], UNIT[0]]).to(track)
+    return _values_of(track[:, 9:11]) * torch.tensor([UNIT[3], UNIT[0]]).to(track)
 
 
 def wrist_noise_of(track: Float[Tensor, "B 12"]) -> Float[Tensor, "B 1"]:
     """How far MotionDiff moved the wrist, its mean left out, each axis, metres."""
-    return _said(track[:, 3:4]) * UNIT[0]
+    return _values_of(track[:, 3:4]) * UNIT[0]
 
 
-def _said(cues: Float[Tensor, "B D"]) -> Float[Tensor, "B D"]:
-    """The values of cues."""
+def _values_of(cues: Float[Tensor, "B D"]) -> Float[Tensor, "B D"]:
+    """What `track_cues` took the logarithm of."""
     return (cues.exp() - LEAST_CUE).clamp(min=0)
 
 
@@ -232,7 +232,7 @@ class SpatialDenoiser(nn.Module):
         """Mean and width of the density of the shift, metres; see `importance_posterior`.
 
         They are in `axes` (columns) that move with the scene, so that the answer does. `besides` is
-        a factor of the density, of shifts in the world.
+        the logarithm of one more factor of the density, of shifts in the world.
         """
         seen = evidence.spread_over(self.config.frames)
 
