@@ -61,6 +61,7 @@ def view(
     from functools import partial
 
     from geneoh.errors import InputError
+    from geneoh.geometry.mesh import size_warning
     from geneoh.viz.look import Look
     from geneoh.viz.outputs import check_scene_outputs, refuse_formats, write
     from geneoh.viz.view import open_scene
@@ -94,6 +95,8 @@ def view(
     look = replace(look, up=up or scene.up)
     if not scene.object.meshes:
         click.echo("note: without a mesh the hands are shown alone; --obj MESH names one")
+    for warning in filter(None, map(size_warning, scene.object.meshes)):
+        click.echo(f"note: {warning}")
     meshes = [mesh.source for mesh in scene.object.meshes]
     check_scene_outputs(outputs, inputs=meshes, overwrite=overwrite)
     refuse_formats(scene, outputs, look)

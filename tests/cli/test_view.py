@@ -57,6 +57,12 @@ def test_page_stands_beside_the_result_by_default(geneoh, folder):
     ]
 
 
+def test_a_mesh_of_another_unit_is_told(geneoh, folder):
+    assert "too small for a hand" in geneoh(*VIEW, "--unit", "mm").stdout
+    (folder / "clean.html").unlink()
+    assert "too small" not in geneoh(*VIEW).stdout
+
+
 def test_meshes_that_the_result_names_are_found_without_obj(geneoh, folder):
     save(load(folder / "clean.npz", obj=folder / "object.obj"), folder / "result.npz")
     result = geneoh("view", "result.npz", "hand.npz")
