@@ -134,6 +134,8 @@ OF_SOURCES = ("objects", "body", "translation", "swap_parts", "mean_pose", "foca
 
 Colouring = Literal["penetration", "contact", "spread", "plain"]
 """The quantity that the colour of a hand shows in pictures and films."""
+CELL_LIMITS = (64, 2048)
+"""The least and the largest side of one picture in a filmstrip, pixels."""
 COLOURINGS: tuple[Colouring, ...] = get_args(Colouring)
 
 Refiner = Literal["geneoh", "paper", "none"]

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 from torch import Tensor, zeros_like
 
-from geneoh.choices import AXES, COLOURINGS, Axis, Colouring
+from geneoh.choices import AXES, CELL_LIMITS, COLOURINGS, Axis, Colouring
 from geneoh.errors import ConfigError
 from geneoh.metrics.contact import TOUCH
 
@@ -35,7 +35,10 @@ class Look:
     """Side of one picture in a filmstrip, pixels."""
 
     def __post_init__(self) -> None:
-        """Refuse choices that do not exist."""
+        """Refuse choices that do not exist, and pictures that are too small or large."""
+        least, largest = CELL_LIMITS
+        if not least <= self.cell <= largest:
+            raise ConfigError(f"cell: expected {least} to {largest} pixels, got {self.cell}")
         for name, choices in (("colouring", COLOURINGS), ("up", AXES)):
             if (value := getattr(self, name)) not in choices:
                 known = ", ".join(choices)

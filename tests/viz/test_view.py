@@ -94,6 +94,12 @@ def test_an_ending_of_no_format_is_refused_before_the_work(sequences, tmp_path):
         view(sequences[1], tmp_path / "clip.avi")
 
 
+@pytest.mark.parametrize("cell", [5, 4096])
+def test_a_picture_of_an_impossible_size_is_refused(sequences, tmp_path, cell):
+    with pytest.raises(ConfigError, match=f"cell: expected 64 to 2048 pixels, got {cell}"):
+        view(sequences[1], tmp_path / "a.png", cell=cell)
+
+
 @pytest.mark.parametrize("choice", [{"up": "w"}, {"colouring": "red"}])
 def test_a_choice_that_does_not_exist_is_refused(sequences, tmp_path, monkeypatch, choice):
     # users have no type checks, which would refuse it before we do
