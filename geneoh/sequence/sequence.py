@@ -38,9 +38,9 @@ class HandTrack(Bundle):
     """Expected root mean square error of each keypoint in metres; None where it is not known.
 
     Calibrated so that about 90% of the true keypoints lie within 1.44 times it
-    (`geneoh.metrics.accuracy.RADIUS_90`, which takes errors as isotropic and normal): measured, 75
-    to 90% on noisy twins of a recording and 95 to 99% on synthetic clips. The cleaner computes it
-    from its samples where it draws several (`geneoh.pipeline.spread`)."""
+    (`geneoh.metrics.accuracy.RADIUS_90`, which takes errors as isotropic and normal): measured, 84
+    to 99% on noisy versions of a recording and 96 to 100% on synthetic clips. The cleaner computes
+    it from its samples where it draws several (`geneoh.pipeline.spread`)."""
     camera_ray: Float[Tensor, "T 3"] | None = None
     """Unit direction in the world from the camera to the hand, for hands that were estimated from
     images; None where it is not known (`geneoh.sequence.camera`)."""
