@@ -9,7 +9,7 @@ import pytest
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 SAYS = {
-    "denoise_from_python": r"penetration 3\.0 mm before, 1\.9 mm after",
+    "denoise_from_python": r"penetration 3\.0 mm before, 2\.0 mm after",
     "keypoints_only": r"noisy keypoints: mean error 24\.\d mm\nclean keypoints: mean error 1\d\.\d",
     "read_a_data_set": r"146 frames at 30 frames per second\nleft hand, observed in 146 frames",
     "uncertainty": r"within the 90% radius",
