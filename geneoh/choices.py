@@ -134,9 +134,9 @@ OF_SOURCES = ("objects", "body", "translation", "swap_parts", "mean_pose", "foca
 
 Colouring = Literal["penetration", "contact", "spread", "plain"]
 """The quantity that the colour of a hand shows in pictures and films."""
+COLOURINGS: tuple[Colouring, ...] = get_args(Colouring)
 CELL_LIMITS = (64, 2048)
 """The least and the largest side of one picture in a filmstrip, pixels."""
-COLOURINGS: tuple[Colouring, ...] = get_args(Colouring)
 
 Refiner = Literal["geneoh", "paper", "none"]
 """What mends the hands of a generated interaction: the cleaner of `geneoh denoise`, the refiner of

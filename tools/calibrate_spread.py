@@ -2,9 +2,9 @@
 
 The deviation of keypoints over samples is smaller than their error. This program finds the factor
 by which the share of keypoints whose truth lies in the 90% radius comes nearest to 90%, over all
-noises. Clips are synthetic interactions with the object
-families that networks are trained on, under seeds of their own, each under every noise. The last
-printed line is `geneoh.pipeline.spread.SCALE`.
+noises. Clips are synthetic interactions with the object families that networks are trained on,
+under seeds of their own, each under every noise. The last printed line is
+`geneoh.pipeline.spread.SCALE`.
 """
 
 from collections.abc import Iterable

@@ -155,14 +155,10 @@ class StageContext(ObjectSurface):
             held = held * self.relied[:, None]
         span = min(HELD_FRAMES, self.frames)
         last, before = self.frames - span, (span - self.size) // 2
-        starts = [min(max(start - before, 0), last) for start in self.starts]
-
-        def around(values: Float[Tensor, "T ..."]) -> Float[Tensor, "W N ..."]:
-            cut = unfold(values.flatten(1), starts, span)
-            return cut.unflatten(-1, values.shape[1:])
-
+        starts = (torch.tensor(self.starts, device=held.device) - before).clamp(0, last)
+        around = starts[:, None] + torch.arange(span, device=held.device)
         moving = (joints.mean(1), self.rotation, self.translation, held)
-        return Sliding.of(*map(around, moving), track, self.size / span)
+        return Sliding.of(*(values[around] for values in moving), track, self.size / span)
 
     def _cues(
         self,

@@ -131,14 +131,13 @@ def denoise_spatial(
     middle = [hand[frames].joints.mean(0) for frames in blocks(context.frames)]
     joints = torch.cat(middle)
     axes = palm_axes(joints[None])[0]
-    sliding = context.sliding(joints, evidence.track) if plan.sliding else None
     each = model.posterior(
         evidence,
         axes,
         rounds=plan.steps,
         places=plan.places,
         generator=generator,
-        besides=None if sliding is None else sliding.log_density,
+        besides=context.sliding(joints, evidence.track).log_density if plan.sliding else None,
         on_step=on_step,
     )
     found = _of_all_windows(each, model.prior_root(evidence, axes), context)

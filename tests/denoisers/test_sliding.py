@@ -118,7 +118,8 @@ def test_noise_of_object_and_hand_excuses_sliding():
 def test_a_hand_holds_what_moves_with_it_and_not_what_passes_by():
     joints, rotation, translation = held_hand(0.5)
     parts = torch.cat([rotation, rotation[:, :1].expand_as(rotation)], dim=2)
-    held = holding(joints, parts, torch.cat([translation, translation[:, :1] + 0 * translation], 2))
+    places = torch.cat([translation, translation[:, :1].expand_as(translation)], dim=2)
+    held = holding(joints, parts, places)
     assert float(held[..., 0].min()) > 0.99
     assert float(held[..., 1].max()) < 0.05
     passing = holding(joints[:, :1].expand_as(joints), rotation, translation)
