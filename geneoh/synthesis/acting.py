@@ -1,6 +1,7 @@
 """From grasps to actions: one or two hands do with the object they hold what a verb says."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from geneoh.geometry.mirror import mirror_points, mirror_rotations
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.synthesis.actions import LONGEST, VERBS, Actions
 from geneoh.synthesis.bimanual import HandPairs
+from geneoh.synthesis.clearance import ClearanceConfig, MovingSolids, clear_ways
 from geneoh.synthesis.contact_pads import OtherHands, hand_spheres
 from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.grasp_types import GRASP_TYPES
@@ -76,6 +78,7 @@ class ActingConfig:
             turn_noise=0.004,
         )
     )
+    clearance: ClearanceConfig = field(default_factory=ClearanceConfig)
     reach: tuple[float, float] = (25.0, 31.0)  # range of the frames until the hand has closed
     leave: float = 26.0  # frames after the release
     grip: float = 4.0  # frames from the closed hand to the first move, and from the last to release
@@ -119,7 +122,7 @@ class ActionSetup(Bundle):
 
 
 @dataclass(frozen=True)
-class Timing:
+class Timing(Bundle):
     """Times of N actions, in frames from their start; columns are of the first and second hand."""
 
     close: Float[Tensor, "N 2"]  # the hand has closed
@@ -167,11 +170,11 @@ def act(
     rotation, translation, opened = motion_around(middle, moves.path(timing.start, LONGEST))
     joint = joint_values(verb, held.travel[first], opened)
 
-    bent, along = solids.joint_pose(joint * (held.index[first] == 1)[:, None])
-    left, right = hand_paths(grasps, setup, timing, config, draws)
+    moving = moving_parts(solids, joint)
+    second_part = held.index[first] == 1
     hands = [
         hand.moved(setup.standing[:, None], -ground[:, None]).moved(rotation, translation)
-        for hand in (left, right.moved(bent, along))
+        for hand in hand_paths(grasps, setup, timing, moving, second_part, config, draws)
     ]
     present = torch.stack([setup.paired, torch.ones_like(setup.paired)], 1)
     jointed = solids.jointed[:, None]
@@ -389,27 +392,67 @@ def overlap_of_hands(actions: Actions) -> Float[Tensor, " B"]:
     return deepest
 
 
+def moving_parts(solids: Solids, joint: Float[Tensor, "N T"]) -> MovingSolids:
+    """Objects whose first part rests and whose second one is moved by its joint."""
+    turn, shift = solids.joint_pose(joint)
+    still = torch.eye(3).expand_as(turn)
+    turns, shifts = torch.stack([still, turn], 2), torch.stack([torch.zeros_like(shift), shift], 2)
+    return MovingSolids(solids, turns, shifts)
+
+
 def hand_paths(
-    grasps: Grasps, setup: ActionSetup, timing: Timing, config: ActingConfig, draws: Draws
+    grasps: Grasps,
+    setup: ActionSetup,
+    timing: Timing,
+    moving: MovingSolids,
+    second_part: Bool[Tensor, " N"],
+    config: ActingConfig,
+    draws: Draws,
 ) -> tuple[HandPath, HandPath]:
-    """The left and the right hands of actions, in the frame of their object."""
-    right = hand_path(
-        grasps.take(setup.first, "B"), setup.standing, timing.schedule(0), config, draws
+    """The left and the right hands of actions, in the frame of their object, whose parts are moved
+    as `moving` says; the ways of hands lead through no object where a draw finds such a way.
+
+    The first hand holds the object's second part where `second_part`. Where there is no second
+    hand, the left one is without meaning.
+    """
+    first = grasps.take(setup.first, "B")
+    drawn = hand_ways(first, setup.standing, timing.schedule(0), config, draws)
+
+    def on_part(clips: Int[Tensor, " C"]) -> HandPath:
+        """First hands, moved with the part that they hold."""
+        part, rows = second_part[clips].long(), torch.arange(len(clips))
+        turn, shift = (each[clips][rows, :, part] for each in (moving.rotation, moving.translation))
+        return drawn(clips).moved(turn, shift)
+
+    right = clear_ways(on_part, moving, first.offsets, config.clearance)
+    (two,) = torch.nonzero(setup.paired, as_tuple=True)
+    pairs = setup.take(two, "N")
+    other = grasps.take(pairs.second, "B")
+    upright = mirror_rotations(pairs.standing @ pairs.image)
+    others = hand_ways(
+        other, upright, timing.take(two, "N").schedule(1), config, Draws(len(two), draws.generator)
     )
-    other = grasps.take(setup.second.clamp(min=0), "B")
-    upright = mirror_rotations(setup.standing @ setup.image)
-    left = hand_path(other, upright, timing.schedule(1), config, draws).mirrored()
-    return left.moved(setup.image[:, None], torch.zeros(len(upright), 1, 3)), right
+
+    def mirrored(clips: Int[Tensor, " C"]) -> HandPath:
+        """Second hands, which are right ones on the mirrored object, as left ones on the object."""
+        return others(clips).mirrored().moved(pairs.image[clips, None], torch.zeros(1, 1, 3))
+
+    left = clear_ways(
+        mirrored, moving.take(two, "B"), mirror_points(other.offsets), config.clearance
+    )
+    return right.replaced(two, left), right
 
 
-def hand_path(
+def hand_ways(
     grasps: Grasps,
     standing: Float[Tensor, "N 3 3"],
     schedule: Schedule,
     config: ActingConfig,
     draws: Draws,
-) -> HandPath:
-    """Hands that come, hold their grasp and leave, in the frame of their object."""
+) -> Callable[[Int[Tensor, " C"]], HandPath]:
+    """A function that draws, for the hands of the given numbers, how they come, hold their grasp
+    and leave, in the frame of what they hold.
+    """
     shape = (len(standing), schedule.frames)
     turn = axis_angle_to_matrix(grasps.pose[:, 0])
     held = HandPath(
@@ -419,4 +462,15 @@ def hand_path(
     )
     phases = draw_phases(schedule, config.hand, draws)
     upright = Standing(standing, torch.ones(len(standing), dtype=torch.bool))
-    return hand_motion(held, upright, phases, config.hand, draws)
+
+    def drawn(clips: Int[Tensor, " C"]) -> HandPath:
+        """Ways of some of the hands."""
+        return hand_motion(
+            held.take(clips, "B"),
+            upright.take(clips, "B"),
+            phases.take(clips, "B"),
+            config.hand,
+            Draws(len(clips), draws.generator),
+        )
+
+    return drawn
