@@ -126,7 +126,11 @@ def write_inputs(cases: list[Case], folder: Path) -> int:
         keep_others(path, "choose another folder")
         path.parent.mkdir(parents=True, exist_ok=True)
         for part, mesh in enumerate(case.noisy.object.meshes):
-            place = folder / "objects" / f"{case.clip.name}_{part}.obj"
-            write_whole(place, obj_text(mesh), parents=True)
+            place, text = folder / "objects" / f"{case.clip.name}_{part}.obj", obj_text(mesh)
+            if place.exists() and place.read_text(errors="replace") != text:
+                raise InputError(
+                    f"{place}: is there already with another mesh; choose another folder"
+                )
+            write_whole(place, text, parents=True)
         save_sequence(case.noisy, path)
     return len(cases)

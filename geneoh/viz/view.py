@@ -13,6 +13,7 @@ from torch import Tensor
 from geneoh.choices import Axis, Colouring, Side
 from geneoh.config import checked_call
 from geneoh.files.atomic import write_whole
+from geneoh.files.outputs import keep_others
 from geneoh.pipeline.results import Denoised, load_confidence, load_samples
 from geneoh.progress import OnStep
 from geneoh.readers.bodies.fields import own_body
@@ -70,8 +71,8 @@ def view(
         The path that was written; of `.obj` and `.ply` that of the folder.
 
     Raises:
-        InputError: a file cannot be read or written, the path is one of those that are read, the
-            ending is of no format, there is no mesh, or the numbers of frames differ.
+        InputError: a file cannot be read or written, the path is one of those that are read or of a
+            file that geneoh did not write, the ending is of no format, there is no mesh, or the numbers of frames differ.
         ConfigError: a colouring or an axis that does not exist.
         MissingAssetError: a film without ffmpeg.
     """
@@ -80,6 +81,7 @@ def view(
     if path is not None:
         read = [Path(given) for given in (result, before, *obj) if isinstance(given, Path | str)]
         check_scene_outputs([Path(path)], inputs=read, overwrite=True)
+        keep_others(Path(path), "delete it, or choose another name")
     scene = open_scene(result, before, obj=obj, title=title, mano_dir=mano_dir)
     look = replace(look, up=up or scene.up)
     if path is not None:

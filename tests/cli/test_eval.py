@@ -31,6 +31,13 @@ def test_inputs_are_written_for_others(geneoh, tmp_path):
     assert done.exit_code == 0, done.output
     assert "wrote 1 clip to inputs" in done.stdout
     assert len(list((tmp_path / "inputs").glob("*_gauss_11.npz"))) == 1
+    assert geneoh("eval", *CLIPS, "--inputs", "inputs").exit_code == 0
+    mesh = next((tmp_path / "inputs" / "objects").glob("*.obj"))
+    mesh.write_text("another mesh")
+    done = geneoh("eval", *CLIPS, "--inputs", "inputs")
+    assert done.exit_code == 2
+    assert "is there already with another mesh; choose another folder" in done.stderr
+    assert mesh.read_text() == "another mesh"
 
 
 @pytest.mark.slow

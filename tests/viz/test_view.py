@@ -106,3 +106,11 @@ def test_a_choice_that_does_not_exist_is_refused(sequences, tmp_path, monkeypatc
     monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
     with pytest.raises(ConfigError, match=f"'{next(iter(choice))}' must be one of"):
         view(sequences[1], tmp_path / "a.png", **choice)
+
+
+@pytest.mark.parametrize("name", ["a.npz", "a.html"])
+def test_a_file_that_geneoh_did_not_write_stays(sequences, tmp_path, name):
+    (tmp_path / name).write_bytes(b"mine")
+    with pytest.raises(InputError, match="was not written by geneoh; delete it"):
+        view(sequences[1], tmp_path / name)
+    assert (tmp_path / name).read_bytes() == b"mine"
