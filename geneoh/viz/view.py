@@ -72,7 +72,8 @@ def view(
 
     Raises:
         InputError: a file cannot be read or written, the path is one of those that are read or of a
-            file that geneoh did not write, the ending is of no format, there is no mesh, or the numbers of frames differ.
+            file that geneoh did not write, the ending is of no format, there is no mesh, or the
+            numbers of frames differ.
         ConfigError: a colouring or an axis that does not exist.
         MissingAssetError: a film without ffmpeg.
     """

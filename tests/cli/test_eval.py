@@ -36,7 +36,7 @@ def test_inputs_are_written_for_others(geneoh, tmp_path):
     mesh.write_text("another mesh")
     done = geneoh("eval", *CLIPS, "--inputs", "inputs")
     assert done.exit_code == 2
-    assert "is there already with another mesh; choose another folder" in done.stderr
+    assert "holds another mesh already; choose another folder" in done.stderr
     assert mesh.read_text() == "another mesh"
 
 
