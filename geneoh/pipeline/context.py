@@ -7,13 +7,15 @@ from functools import cached_property
 from typing import NamedTuple
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 from torch.nn.functional import normalize
 
 from geneoh.denoisers.base import POINTS, SELECT_EVERY
+from geneoh.denoisers.drifting import drift
+from geneoh.denoisers.holding import HeldPlace, holding
 from geneoh.denoisers.motion import ObservedMotion
-from geneoh.denoisers.sliding import Sliding, holding
+from geneoh.denoisers.sliding import Sliding
 from geneoh.denoisers.spatial import SpatialEvidence, track_cues
 from geneoh.denoisers.temporal import TemporalEvidence
 from geneoh.fitting.subject import Subject
@@ -150,15 +152,49 @@ class StageContext(ObjectSurface):
 
         `track` tells how noisy each window was (`track_cues`).
         """
+        around, moving = self._around_windows(), self._holding(joints)
+        held = HeldPlace.of(*(values[around] for values in moving))
+        return Sliding.of(held, track, self.size / around.shape[1])
+
+    def drift(
+        self, joints: Float[Tensor, "T 21 3"], track: Float[Tensor, "W 12"]
+    ) -> Float[Tensor, "T 3"]:
+        """The error of a hand's place that drifts, by what it holds in each window and around it.
+
+        `track` tells how noisy each window was (`track_cues`).
+        """
+        around, moving = self._around_windows(), self._holding(joints)
+        own = torch.tensor(self.starts, device=around.device)[:, None] - around[:, :1]
+        own = own + torch.arange(self.size, device=around.device)
+        found = []
+        for at in range(0, len(around), WINDOWS_AT_ONCE):
+            group = slice(at, at + WINDOWS_AT_ONCE)
+            held = HeldPlace.of(*(values[around[group]] for values in moving))
+            ray = None if self.ray is None else self.ray[around[group]]
+            error = drift(held, held.object_noise(track[group]), ray)
+            found.append(error.gather(1, own[group, :, None].expand(-1, -1, 3)))
+        return self.blend(torch.cat(found))[0]
+
+    def _around_windows(self) -> Int[Tensor, "W N"]:
+        """Frames of each window and around it, `HELD_FRAMES` of them where there are so many."""
+        span = min(HELD_FRAMES, self.frames)
+        last, before = self.frames - span, (span - self.size) // 2
+        starts = torch.tensor(self.starts, device=self.rotation.device)
+        return (starts - before).clamp(0, last)[:, None] + torch.arange(span).to(starts)
+
+    def _holding(
+        self, joints: Float[Tensor, "T 21 3"]
+    ) -> tuple[
+        Float[Tensor, "T 3"],
+        Float[Tensor, "T Q 3 3"],
+        Float[Tensor, "T Q 3"],
+        Float[Tensor, "T Q"],
+    ]:
+        """The middle of a hand, the motion of the object's parts, and how surely it holds each."""
         held = holding(joints[None], self.rotation[None], self.translation[None])[0]
         if self.relied is not None:
             held = held * self.relied[:, None]
-        span = min(HELD_FRAMES, self.frames)
-        last, before = self.frames - span, (span - self.size) // 2
-        starts = (torch.tensor(self.starts, device=held.device) - before).clamp(0, last)
-        around = starts[:, None] + torch.arange(span, device=held.device)
-        moving = (joints.mean(1), self.rotation, self.translation, held)
-        return Sliding.of(*(values[around] for values in moving), track, self.size / span)
+        return joints.mean(1), self.rotation, self.translation, held
 
     def _cues(
         self,

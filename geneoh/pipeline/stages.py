@@ -144,6 +144,8 @@ def denoise_spatial(
     drawn = [part.cautious(3).samples(len(hand.wrist), generator=generator) for part in found]
     shifts = torch.cat(drawn, dim=-1).view(-1, 3) @ axes.mT
     shift = context.blend(shifts[:, None].expand(-1, context.size, -1))
+    if plan.sliding:
+        shift = shift - context.drift(joints + shift.mean(0)[:, None], evidence.track)
     return replace(hand, wrist=hand.wrist + shift)
 
 

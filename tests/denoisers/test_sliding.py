@@ -2,7 +2,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from geneoh.denoisers.sliding import INDEPENDENT, LEFT, SLIDING, Sliding, holding
+from geneoh.denoisers.holding import HeldPlace, holding
+from geneoh.denoisers.sliding import INDEPENDENT, LEFT, SLIDING, Sliding
 from geneoh.denoisers.spatial import track_cues
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.representation.parameters import UNIT, HandParameters
@@ -40,7 +41,7 @@ def sliding(
     change = torch.zeros(1, FRAMES, 51)
     change[..., :3] = wrist_noise / UNIT[0] * torch.tensor([1.0, -1.0]).repeat(FRAMES // 2)[:, None]
     track = track_cues(hand, change, torch.ones(1, FRAMES), torch.tensor([object_noise]))
-    return Sliding.of(joints.mean(2), rotation, translation, held, track)
+    return Sliding.of(HeldPlace.of(joints.mean(2), rotation, translation, held), track)
 
 
 def grid(around: Tensor) -> Tensor:
