@@ -49,7 +49,8 @@ class PlacePlan:
     frames: int | None = None
     """Frames of each window that are looked at; None for as many as in training."""
     sliding: bool = True
-    """Whether a place over which the hand slides is less probable (`geneoh.denoisers.sliding`)."""
+    """Whether a place over which the hand slides is less probable (`geneoh.denoisers.sliding`), and
+    what comes and goes over the object is an error (`geneoh.denoisers.drifting`)."""
 
     def with_steps(self, steps: int) -> "PlacePlan":
         """The plan with another number of rounds."""

@@ -110,6 +110,7 @@ def denoise_spatial(
 
     The place is one shift per window, because the errors that it mends last. All samples ask about
     their mean and get a shift each, drawn from its density, so that their mean is the density's.
+    What then drifts over the object that the hand holds is taken away from all of them alike.
 
     Args:
         model: the density of the shift.
