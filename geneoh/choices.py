@@ -54,10 +54,11 @@ Ablation = Literal[
 "motion", "spatial", "temporal": one stage. "sliding": SpatialDiff does not look at how the hand
 slides over what it holds, neither at errors that last nor at those that drift. "canonical": the
 canonical frame stands still in the world instead of moving with the object. "diffusion": each stage
-calls its denoiser once instead of running a diffusion chain. "fit": the hand fit sees keypoints only, neither the object nor time.
-"object": the poses of the object are taken as they are, neither examined nor cleaned. "mesh": the
-hand is cleaned by the prior of motion alone, as if it had no object. "camera": the direction of the
-camera is withheld and not looked for. "told-camera": it is withheld, but may be found in the noise.
+calls its denoiser once instead of running a diffusion chain. "fit": the hand fit sees keypoints
+only, neither the object nor time. "object": the poses of the object are taken as they are, neither
+examined nor cleaned. "mesh": the hand is cleaned by the prior of motion alone, as if it had no
+object. "camera": the direction of the camera is withheld and not looked for. "told-camera": it is
+withheld, but may be found in the noise.
 """
 ABLATIONS: tuple[Ablation, ...] = get_args(Ablation)
 
