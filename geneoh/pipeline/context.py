@@ -179,8 +179,9 @@ class StageContext(ObjectSurface):
         """Frames of each window and around it, `HELD_FRAMES` of them where there are so many."""
         span = min(HELD_FRAMES, self.frames)
         last, before = self.frames - span, (span - self.size) // 2
-        starts = torch.tensor(self.starts, device=self.rotation.device)
-        return (starts - before).clamp(0, last)[:, None] + torch.arange(span).to(starts)
+        device = self.rotation.device
+        starts = (torch.tensor(self.starts, device=device) - before).clamp(0, last)
+        return starts[:, None] + torch.arange(span, device=device)
 
     def _holding(
         self, joints: Float[Tensor, "T 21 3"]

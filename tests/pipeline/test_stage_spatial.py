@@ -14,6 +14,7 @@ from geneoh.denoisers.relations import RelationConfig, RelationDenoiser
 from geneoh.denoisers.sliding import INDEPENDENT
 from geneoh.denoisers.spatial import SpatialConfig, SpatialDenoiser
 from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.pipeline.context import StageContext
 from geneoh.pipeline.presets import PlacePlan, StagePlan
 from geneoh.pipeline.stages import denoise_relations, denoise_spatial
 from geneoh.representation.parameters import HandParameters
@@ -64,11 +65,8 @@ def test_spatial_moves_the_hand_to_the_mean_of_the_density_it_asks():
 
 def test_a_hand_that_slides_over_what_it_holds_goes_to_where_it_does_not():
     context, error = scene(LONG, parts=1), torch.tensor([0.012, -0.004, 0.006])
-    first = parameters_at(context)[:1]
-    turn = context.rotation[None, :, 0] @ (context.rotation[0, 0].mT @ first.turn)
-    place = (first.wrist[0, 0] - context.translation[0, 0]) @ context.rotation[0, 0]
-    wrist = (context.rotation[:, 0] @ place + context.translation[:, 0])[None]
-    held = HandParameters(wrist + error, turn, first.fingers.expand(1, LONG, 15, 3), first.offsets)
+    right = held_hand(context)
+    held, wrist = replace(right, wrist=right.wrist + error), right.wrist
 
     def off(sliding: bool, relied: Tensor | None = None) -> float:
         """Distance from the place where it does not slide."""
@@ -86,6 +84,37 @@ def test_a_hand_that_slides_over_what_it_holds_goes_to_where_it_does_not():
     assert off(False) > 0.9
     unknown = off(True, torch.zeros(LONG))
     assert unknown == pytest.approx(off(False), abs=1e-4), "poses not relied on say nothing"
+
+
+def test_what_drifts_over_what_is_held_is_taken_away():
+    context = scene(LONG, parts=1)
+    right = held_hand(context)
+    time = torch.linspace(0, 6 * LONG / 60, LONG)[:, None]
+    error = 0.012 * torch.cat([time.sin(), (1.3 * time).cos(), (0.8 * time + 1).sin()], dim=-1)
+    error = error - error.mean(0)
+
+    def off(sliding: bool) -> float:
+        """Distance from the place where it does not drift."""
+        got = denoise_spatial(
+            KnownPlace(torch.zeros(3)).requires_grad_(False),
+            replace(right, wrist=right.wrist + error),
+            replace(right, wrist=right.wrist + error),
+            context,
+            PlacePlan(400, 3, sliding=sliding),
+            generator=seeded(),
+        )
+        return float((got.wrist - right.wrist).norm(dim=-1).mean())
+
+    assert off(True) < 0.6 * off(False)
+
+
+def held_hand(context: StageContext) -> HandParameters:
+    """A hand that holds the object from the first frame to the last."""
+    first = parameters_at(context)[:1]
+    turn = context.rotation[None, :, 0] @ (context.rotation[0, 0].mT @ first.turn)
+    place = (first.wrist[0, 0] - context.translation[0, 0]) @ context.rotation[0, 0]
+    wrist = (context.rotation[:, 0] @ place + context.translation[:, 0])[None]
+    return HandParameters(wrist, turn, first.fingers.expand(1, LONG, 15, 3), first.offsets)
 
 
 def test_sliding_is_looked_at_in_five_seconds_around_each_window():

@@ -4,6 +4,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from geneoh.evaluation.generation.measures import measure_clips
 from geneoh.geometry.mirror import mirror_points
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
@@ -16,6 +17,7 @@ from geneoh.synthesis.acting import (
     overlap_of_hands,
 )
 from geneoh.synthesis.actions import LONGEST, VERBS, Actions
+from geneoh.synthesis.clearance import ClearanceConfig
 from geneoh.synthesis.grasp_types import GRASP_TYPES
 from geneoh.synthesis.grasps import Grasps
 from geneoh.synthesis.hand_motion import HandMotionConfig
@@ -53,19 +55,33 @@ def held_from_above(count: int, kind: str = "power") -> tuple[Grasps, Solids, li
     )
 
 
-def acted(config: ActingConfig, count: int = 24, overlap: float = 1.0) -> Actions:
+def acted(config: ActingConfig, count: int = 24, overlap: float = 1.0, points: int = 64) -> Actions:
     """What they do; two of them may be in each other."""
     config = replace(config, overlap=overlap)
     grasps, solids, families = held_from_above(count)
     numbers = {name: index for index, name in enumerate(FAMILIES)}
     generator = torch.Generator().manual_seed(1)
-    return act(grasps, solids, families, numbers, 64, config, generator=generator)
+    return act(grasps, solids, families, numbers, points, config, generator=generator)
 
 
 def in_the_object(actions: Actions, side: int) -> Tensor:
     """Wrists of one side in the frame of the object."""
     apart = actions.wrist[:, side] - actions.translation
     return (actions.rotation.mT @ apart[..., None])[..., 0]
+
+
+def test_ways_that_lead_through_the_object_are_drawn_again():
+    crossing = HandMotionConfig(away_std=0.25, away_distance=(0.0, 0.0), table_height=-1.0)
+
+    def deepest(draws: int) -> Tensor:
+        """How deep each clip's hands come into its object, millimetres."""
+        clearance = ClearanceConfig(draws=draws)
+        config = ActingConfig(hand=crossing, clearance=clearance)
+        return measure_clips(acted(config, points=512)).deepest_mm
+
+    once, often = deepest(1), deepest(8)
+    assert (once > 12).sum() > 2
+    assert (often < 12).all()
 
 
 def test_objects_stand_on_the_table_with_their_middle_above_the_origin():
