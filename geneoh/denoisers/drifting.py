@@ -29,6 +29,9 @@ RAY_SIZES = (0.0, 0.005, 0.01)
 LOOSE, LEAST_HELD = 0.02, 1e-6
 """Deviation of the place of a hand that is as surely free as it holds the object, metres; and how
 surely it holds it at least, so that one that is free tells nothing, but is a number."""
+FAR = 0.04
+"""Distance from its usual place on the object from which on a hand is taken for one that holds it
+elsewhere, or the object's pose for a wrong one, metres."""
 EVERY = 3
 """Frames from one that is looked at to the next."""
 
@@ -52,7 +55,10 @@ def drift(
     alike = torch.exp(-apart / DRIFT_FRAMES)
     own = OWN**2 * torch.exp(-apart[some] / OWN_FRAMES)
     own = own + QUICK**2 * torch.exp(-apart[some] / QUICK_FRAMES)
-    unsure = LOOSE**2 * (1 / sure.clamp(min=LEAST_HELD) - 1) + noise.double() / 3
+    usual = torch.where(sure[..., None] > 0.5, place, torch.nan).nanmedian(1, keepdim=True).values
+    away = (place - usual).nan_to_num().norm(dim=-1)
+    sure = (sure / (1 + (away / FAR).pow(8))).clamp(min=LEAST_HELD)
+    unsure = LOOSE**2 * (1 / sure - 1) + noise.double() / 3
     steady = _flat((own + torch.diag_embed(unsure))[:, :, None, :, None] * _identity(turn)[:, None])
     found, likely = [], []
     for ways in _ways_to_drift(held, ray):
