@@ -22,11 +22,9 @@ LEAST_FRAMES = 20
 LEAST_JITTER = 0.001
 """Jitter along the ray below which nothing is told, metres. At fewer than 30 frames a second motion
 looks like jitter, with the square of the time between frames, and the bound grows with that."""
-CHANCE = 7.0
+CHANCE = 10.0
 """Of N differences, the variance along the ray is at least `1 + CHANCE / sqrt(N)` times the next
-one. On made clips Gaussian noise that is alike in all directions exceeds that in 6 to 10 of a
-hundred tracks, bursts in up to 30, and the noise of a camera in 98 or more. A ray that is taken
-where there is none costs 0.2 mm at most there, and one that is missed 1 to 2 mm."""
+one. Noise that is alike in all directions exceeds that in one of fifty tracks of 120 frames."""
 WHITE = 0.7
 """Share of the jitter by second differences that fourth ones show at least: of motion they show
 less."""

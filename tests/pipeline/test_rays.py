@@ -56,9 +56,9 @@ def test_noise_that_is_larger_along_a_line_tells_its_direction():
     assert found.times == pytest.approx(3, rel=0.25)
 
 
-def test_noise_that_is_alike_in_all_directions_seldom_tells_one():
-    tracks = [shaken(still(), 0.004, 0.004, seed) for seed in range(40)]
-    assert sum(found_ray(hand, world(), 30.0) is not None for hand in tracks) <= 4
+@pytest.mark.parametrize("seed", range(10))
+def test_noise_that_is_alike_in_all_directions_tells_none(seed):
+    assert found_ray(shaken(still(), 0.004, 0.004, seed), world(), 30.0) is None
 
 
 def test_few_frames_and_small_noise_tell_none():
