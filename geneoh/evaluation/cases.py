@@ -128,9 +128,7 @@ def write_inputs(cases: list[Case], folder: Path) -> int:
         for part, mesh in enumerate(case.noisy.object.meshes):
             place, text = folder / "objects" / f"{case.clip.name}_{part}.obj", obj_text(mesh)
             if place.exists() and place.read_text(errors="replace") != text:
-                raise InputError(
-                    f"{place}: is there already with another mesh; choose another folder"
-                )
+                raise InputError(f"{place}: holds another mesh already; choose another folder")
             write_whole(place, text, parents=True)
         save_sequence(case.noisy, path)
     return len(cases)

@@ -20,7 +20,7 @@ from geneoh.readers.bodies.fields import own_body
 from geneoh.readers.npz_files import load
 from geneoh.sequence.sequence import Sequence
 from geneoh.viz.look import STRIP_CELL, Look
-from geneoh.viz.outputs import check_scene_outputs, write
+from geneoh.viz.outputs import MESHES, check_scene_outputs, write
 from geneoh.viz.page import page_html
 from geneoh.viz.scene import Scene, make_scene
 
@@ -82,7 +82,8 @@ def view(
     if path is not None:
         read = [Path(given) for given in (result, before, *obj) if isinstance(given, Path | str)]
         check_scene_outputs([Path(path)], inputs=read, overwrite=True)
-        keep_others(Path(path), "delete it, or choose another name")
+        if Path(path).suffix.lower() not in MESHES:  # whose folder must be new
+            keep_others(Path(path), "delete it, or choose another name")
     scene = open_scene(result, before, obj=obj, title=title, mano_dir=mano_dir)
     look = replace(look, up=up or scene.up)
     if path is not None:

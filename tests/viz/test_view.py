@@ -114,3 +114,9 @@ def test_a_file_that_geneoh_did_not_write_stays(sequences, tmp_path, name):
     with pytest.raises(InputError, match="was not written by geneoh; delete it"):
         view(sequences[1], tmp_path / name)
     assert (tmp_path / name).read_bytes() == b"mine"
+
+
+def test_a_mesh_beside_the_folder_of_meshes_stays(sequences, tmp_path):
+    (tmp_path / "hand.obj").write_text("mine")
+    assert view(sequences[1], tmp_path / "hand.obj").is_dir()
+    assert (tmp_path / "hand.obj").read_text() == "mine"
