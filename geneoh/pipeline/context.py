@@ -161,8 +161,11 @@ class StageContext(ObjectSurface):
     ) -> Float[Tensor, "T 3"]:
         """The error of a hand's place that drifts, by what it holds in each window and around it.
 
-        `track` tells how noisy each window was (`track_cues`).
+        A track shorter than a window shows no usual place from which it could drift: 0. `track`
+        tells how noisy each window was (`track_cues`).
         """
+        if self.frames < WINDOW:
+            return torch.zeros_like(joints[:, 0])
         around, moving = self._around_windows(), self._holding(joints)
         own = torch.tensor(self.starts, device=around.device)[:, None] - around[:, :1]
         own = own + torch.arange(self.size, device=around.device)
