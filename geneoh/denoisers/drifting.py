@@ -59,7 +59,7 @@ def drift(
     away = (place - usual).nan_to_num().norm(dim=-1)
     sure = (sure / (1 + (away / FAR).pow(8))).clamp(min=LEAST_HELD)
     unsure = LOOSE**2 * (1 / sure - 1) + noise.double() / 3
-    steady = _flat((own + torch.diag_embed(unsure))[:, :, None, :, None] * _identity(turn)[:, None])
+    steady = _flat((own + torch.diag_embed(unsure))[:, :, None, :, None] * _axes(turn)[:, None])
     found, likely = [], []
     for ways in _ways_to_drift(held, ray):
         seen = turn.mT @ ways[:, some]
@@ -69,6 +69,8 @@ def drift(
         found.append((ways @ amount[..., None])[..., 0])
         likely.append(probability)
     shares = torch.softmax(torch.stack(likely), dim=0)[..., None, None]
+    # where nothing is held at all there is none, to the last bit
+    shares = shares * (held.sure > 0).any(1)[:, None, None]
     return (shares * torch.stack(found)).sum(0).to(held.place)
 
 
@@ -76,7 +78,7 @@ def _ways_to_drift(
     held: HeldPlace, ray: Float[Tensor, "B T 3"] | None
 ) -> Iterator[Float64[Tensor, "B T 3 K"]]:
     """The errors that are tried: K vectors of the world, of as many independent parts of each."""
-    axes = _identity(held.rotation.double()).expand(*held.place.shape[:2], 3, 3)
+    axes = _axes(held.place).expand(*held.place.shape[:2], 3, 3)
     for size in SIZES:
         if ray is None:
             yield size * axes
@@ -91,7 +93,7 @@ def _explained(
     """Places as a Gaussian process around a mean that is not known, M = 3N: what the inverse of the
     covariance makes of them, and the logarithm of their probability up to a constant."""
     root = torch.linalg.cholesky(covariance)
-    mean = _identity(place).repeat(place.shape[1], 1).expand(len(place), -1, 3)
+    mean = _axes(place).repeat(place.shape[1], 1).expand(len(place), -1, 3)
     flat = place.flatten(1)[..., None]
     of_mean, of_place = (torch.cholesky_solve(x, root) for x in (mean, flat))
     known = mean.mT @ of_mean
@@ -105,6 +107,6 @@ def _flat(covariance: Float64[Tensor, "B N 3 N 3"]) -> Float64[Tensor, "B M M"]:
     return covariance.flatten(3).flatten(1, 2)
 
 
-def _identity(like: Float64[Tensor, "..."]) -> Float64[Tensor, "3 3"]:
-    """The identity, of the type and on the device of a tensor."""
-    return torch.eye(3, dtype=like.dtype, device=like.device)
+def _axes(beside: Tensor) -> Float64[Tensor, "3 3"]:
+    """The identity, on the device of a tensor."""
+    return torch.eye(3, dtype=torch.float64, device=beside.device)

@@ -44,6 +44,7 @@ def check_outputs(
     folders: Iterable[Path] = (),
     inputs: Iterable[Path | None] = (),
     overwrite: bool = False,
+    remedy: str = "pass --overwrite to replace it, or choose another name",
 ) -> None:
     """Refuse outputs that cannot be written, or that would replace what is not ours; follows links.
 
@@ -52,6 +53,7 @@ def check_outputs(
         folders: new folders to make.
         inputs: files and folders that are read; in these folders only our own files are replaced.
         overwrite: whether files of others may be replaced too; never an input.
+        remedy: what to do about a file of others.
     """
     read = [path for path in inputs if path is not None]
     taken: set[Path] = set()
@@ -66,7 +68,7 @@ def check_outputs(
             raise InputError(f"{path}: is the name of two outputs; give each its own")
         taken.add(place)
         if not overwrite:
-            keep_others(path, "pass --overwrite to replace it, or choose another name")
+            keep_others(path, remedy)
 
 
 def check_folder(path: Path, *, missing: bool) -> None:

@@ -23,7 +23,7 @@ from geneoh.synthesis.hand_motion import (
     HandMotionConfig,
     HandPath,
     draw_phases,
-    hand_motion,
+    hand_motions,
 )
 from geneoh.synthesis.object_motion import HeldPart, ObjectMotionConfig, Standing, held_part
 from geneoh.synthesis.schedule import Schedule
@@ -420,9 +420,10 @@ def hand_paths(
 
     def on_part(clips: Int[Tensor, " C"]) -> HandPath:
         """First hands, moved with the part that they hold."""
-        part, rows = second_part[clips].long(), torch.arange(len(clips))
-        turn, shift = (each[clips][rows, :, part] for each in (moving.rotation, moving.translation))
-        return drawn(clips).moved(turn, shift)
+        part = second_part[clips].long()
+        return drawn(clips).moved(
+            moving.rotation[clips, :, part], moving.translation[clips, :, part]
+        )
 
     right = clear_ways(on_part, moving, first.offsets, config.clearance)
     (two,) = torch.nonzero(setup.paired, as_tuple=True)
@@ -462,15 +463,4 @@ def hand_ways(
     )
     phases = draw_phases(schedule, config.hand, draws)
     upright = Standing(standing, torch.ones(len(standing), dtype=torch.bool))
-
-    def drawn(clips: Int[Tensor, " C"]) -> HandPath:
-        """Ways of some of the hands."""
-        return hand_motion(
-            held.take(clips, "B"),
-            upright.take(clips, "B"),
-            phases.take(clips, "B"),
-            config.hand,
-            Draws(len(clips), draws.generator),
-        )
-
-    return drawn
+    return hand_motions(held, upright, phases, config.hand, draws.generator)

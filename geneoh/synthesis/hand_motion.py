@@ -1,6 +1,7 @@
 """How a hand moves about its grasp, in the frame of the part that it holds."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 
 import torch
@@ -171,6 +172,28 @@ def grip_motion(
     wrist, turned, fingers = path.split([3, 3, 45], -1)
     turn = first[:, None] @ axis_angle_to_matrix(turned)
     return HandPath(wrist, turn, fingers.unflatten(-1, (15, 3)))
+
+
+def hand_motions(
+    held: HandPath,
+    standing: Standing,
+    phases: HandPhases,
+    config: HandMotionConfig,
+    generator: torch.Generator,
+) -> Callable[[Int[Tensor, " C"]], HandPath]:
+    """A function that draws a motion anew for the hands of the given numbers; see `hand_motion`."""
+
+    def drawn(clips: Int[Tensor, " C"]) -> HandPath:
+        """Motions of some of the hands."""
+        return hand_motion(
+            held.take(clips, "B"),
+            standing.take(clips, "B"),
+            phases.take(clips, "B"),
+            config,
+            Draws(len(clips), generator),
+        )
+
+    return drawn
 
 
 def hand_motion(

@@ -20,7 +20,7 @@ from geneoh.synthesis.hand_motion import (
     HandPath,
     draw_phases,
     grip_motion,
-    hand_motion,
+    hand_motions,
 )
 from geneoh.synthesis.object_motion import ObjectMotionConfig, carry, draw_standing, held_part
 from geneoh.synthesis.schedule import ScheduleConfig, draw_schedule
@@ -79,17 +79,12 @@ def animate(
     phases = draw_phases(schedule, config.hand, draws)
     held_in = grip_motion(grasps, grips, schedule, ~pairs.shared, config.hand, draws)
 
+    in_object = hand_motions(held_in, standing, phases, config.hand, generator)
+
     def drawn(clips: Int[Tensor, " C"]) -> HandPath:
         """Motions of the hands of some clips in the world frame."""
-        hand = hand_motion(
-            held_in.take(clips, "B"),
-            standing.take(clips, "B"),
-            phases.take(clips, "B"),
-            config.hand,
-            Draws(len(clips), generator),
-        )
         part = held.index[clips]
-        return hand.moved(rotation[clips, :, part], translation[clips, :, part])
+        return in_object(clips).moved(rotation[clips, :, part], translation[clips, :, part])
 
     moving = MovingSolids(solids, rotation, translation)
     hand = clear_ways(drawn, moving, grasps.offsets, config.clearance)

@@ -5,6 +5,7 @@ Data formats are for other programs: a mesh file per frame, or parameters under 
 
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -34,7 +35,7 @@ ENDINGS = (".html", ".png", *FILMS, ".glb", ".bvh", ".npz", *MESHES)
 
 
 def check_scene_outputs(
-    paths: Iterable[Path], *, inputs: Iterable[Path | None], overwrite: bool
+    paths: Iterable[Path], *, inputs: Iterable[Path | None], **others: Any
 ) -> None:
     """Refuse files that a scene cannot be written to; see `check_outputs`."""
     files, folders = [], []
@@ -44,7 +45,7 @@ def check_scene_outputs(
             folders.append(path.with_suffix(""))
         else:
             files.append(path)
-    check_outputs(files, folders=folders, inputs=inputs, overwrite=overwrite)
+    check_outputs(files, folders=folders, inputs=inputs, **others)
 
 
 def refuse_formats(scene: Scene, paths: Iterable[Path], look: Look) -> None:

@@ -13,14 +13,13 @@ from torch import Tensor
 from geneoh.choices import Axis, Colouring, Side
 from geneoh.config import checked_call
 from geneoh.files.atomic import write_whole
-from geneoh.files.outputs import keep_others
 from geneoh.pipeline.results import Denoised, load_confidence, load_samples
 from geneoh.progress import OnStep
 from geneoh.readers.bodies.fields import own_body
 from geneoh.readers.npz_files import load
 from geneoh.sequence.sequence import Sequence
 from geneoh.viz.look import STRIP_CELL, Look
-from geneoh.viz.outputs import MESHES, check_scene_outputs, write
+from geneoh.viz.outputs import check_scene_outputs, write
 from geneoh.viz.page import page_html
 from geneoh.viz.scene import Scene, make_scene
 
@@ -81,9 +80,8 @@ def view(
     obj = (obj,) if isinstance(obj, Path | str) else tuple(obj)
     if path is not None:
         read = [Path(given) for given in (result, before, *obj) if isinstance(given, Path | str)]
-        check_scene_outputs([Path(path)], inputs=read, overwrite=True)
-        if Path(path).suffix.lower() not in MESHES:  # whose folder must be new
-            keep_others(Path(path), "delete it, or choose another name")
+        remedy = "delete it, or choose another name"
+        check_scene_outputs([Path(path)], inputs=read, remedy=remedy)
     scene = open_scene(result, before, obj=obj, title=title, mano_dir=mano_dir)
     look = replace(look, up=up or scene.up)
     if path is not None:
