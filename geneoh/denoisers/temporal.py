@@ -146,8 +146,8 @@ class TemporalDenoiser(nn.Module):
         change = (candidates * mix[..., None, :]).sum(-1)
         change = change + STEP_UNIT * offset @ axes[:, None].mT
         sure = SURENESS * torch.tanh(sure / SURENESS)
-        # a hand that MotionDiff hardly changed needs no other places
-        places = sure[..., 1] - 2 * evidence.noisiness().log()[:, None, None]
+        # a hand that the stages before hardly changed needs no other places
+        places = sure[..., 1] - 4 * evidence.noisiness().log()[:, None, None]
         own = StepCorrection(change, sure[..., 0], places)
         return own.map(lambda values: torch.cat([values, values[:, -1:]], dim=1))
 

@@ -77,9 +77,7 @@ def rotation_matrices(vectors: Array) -> Array:
 def axis_angles(rotations: Array) -> Array:
     """(..., 3) axis-angle vectors of (..., 3, 3) matrices; NaN for what is no rotation."""
     flat = rotations.reshape(-1, 3, 3)
-    finite = np.isfinite(flat).all((-1, -2))
-    proper = np.zeros(len(flat), dtype=bool)
-    proper[finite] = np.linalg.det(flat[finite]) > 0.5
+    proper = is_rotation(torch.from_numpy(flat)).numpy()
     result = converted(flat, proper, lambda m: Rotation.from_matrix(m).as_rotvec(), 3)
     return result.reshape(*rotations.shape[:-2], 3)
 

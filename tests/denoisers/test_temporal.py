@@ -57,7 +57,7 @@ def test_an_untrained_network_changes_nothing():
 def test_an_untrained_network_holds_on_to_a_hand_that_motiondiff_hardly_changed():
     """Places weigh as much as usual where the input shook by 8 mm, and more where it did not."""
     seen = evidence()
-    for shaking, weight in ((0.05, 1.0), (0.002, 16.0), (0.0, 400.0)):
+    for shaking, weight in ((0.05, 1.0), (0.002, 256.0), (0.0, 160000.0)):
         sway = torch.tensor([1.0, -1.0, 0.0, 1.0, -1.0])[:, None, None] * torch.tensor([1.0, 0, 0])
         off = 0.03 + shaking * (5 / 4) ** 0.5 * sway  # a lasting offset does not count
         given = TemporalEvidence(**(vars(seen) | {"observed": seen.joints + off}))
