@@ -11,7 +11,8 @@ from geneoh.errors import ConfigError, InputError
 from geneoh.files.tensors import all_tensors
 from geneoh.hand.model import HandModel
 from geneoh.streamed import Streamed
-from geneoh.synthesis.acting import ActingConfig, act, stands_upright
+from geneoh.synthesis.acting import ActingConfig, act
+from geneoh.synthesis.action_setups import stands_upright
 from geneoh.synthesis.actions import LONGEST, VERBS, Actions
 from geneoh.synthesis.bimanual import BimanualConfig, grasp_directions, pair_hands
 from geneoh.synthesis.damage import refuse_damage, refuse_lengths, whole_shard

@@ -9,13 +9,8 @@ from geneoh.geometry.mirror import mirror_points
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
 from geneoh.hand.skeleton import forward_kinematics
-from geneoh.synthesis.acting import (
-    CONTAINERS,
-    ActingConfig,
-    act,
-    is_container,
-    overlap_of_hands,
-)
+from geneoh.synthesis.acting import ActingConfig, act, overlap_of_hands
+from geneoh.synthesis.action_setups import CONTAINERS, SetupConfig, is_container
 from geneoh.synthesis.actions import LONGEST, VERBS, Actions
 from geneoh.synthesis.clearance import ClearanceConfig
 from geneoh.synthesis.grasp_types import GRASP_TYPES
@@ -91,7 +86,7 @@ def test_objects_stand_on_the_table_with_their_middle_above_the_origin():
 
 
 def test_a_hand_that_holds_stays_where_it_is_in_the_object_while_that_moves():
-    actions = acted(ActingConfig(hand=CALM, image_share=0.0))
+    actions = acted(ActingConfig(hand=CALM, setup=SetupConfig(image_share=0.0)))
     for index in range(len(actions.verb)):
         if VERBS[actions.verb[index]] in ("open", "close", "pass"):
             continue
@@ -123,7 +118,7 @@ def test_actions_end_within_five_seconds_and_stay_as_they_ended():
 
 
 def test_a_mirror_image_is_of_the_other_hand_and_twice_the_same():
-    actions = acted(ActingConfig(left=0.0, image_share=0.0))
+    actions = acted(ActingConfig(left=0.0, setup=SetupConfig(image_share=0.0)))
     image = actions.mirrored()
     assert torch.equal(image.hands, actions.hands.flip(1))
     again = image.mirrored()
@@ -142,7 +137,9 @@ def test_a_mirror_image_is_of_the_other_hand_and_twice_the_same():
 
 
 def test_the_mirror_image_of_a_hand_on_a_symmetric_object_is_the_other_hand():
-    actions = acted(ActingConfig(image_share=1.0, gap=0.0, both=1.0, under_table_both=9.0))
+    actions = acted(
+        ActingConfig(setup=SetupConfig(image_share=1.0, gap=0.0, both=1.0, under_table_both=9.0))
+    )
     both = actions.hands.all(1)
     assert both.any()
     apart = (actions.wrist[both, 0] - actions.wrist[both, 1]).norm(dim=-1)
@@ -151,7 +148,9 @@ def test_the_mirror_image_of_a_hand_on_a_symmetric_object_is_the_other_hand():
 
 
 def test_two_hands_that_meet_on_their_ways_do_nothing():
-    config = ActingConfig(image_share=1.0, gap=0.0, both=1.0, under_table_both=9.0)
+    config = ActingConfig(
+        setup=SetupConfig(image_share=1.0, gap=0.0, both=1.0, under_table_both=9.0)
+    )
     deep = overlap_of_hands(acted(config))
     kept = acted(config, overlap=float(deep.median()))
     assert torch.equal(overlap_of_hands(kept), deep[deep < deep.median()])
@@ -159,7 +158,7 @@ def test_two_hands_that_meet_on_their_ways_do_nothing():
 
 def test_the_overlap_of_two_hands_is_the_largest_over_all_frames():
     """Hands on the palms of each other meet as they come near, and one hand meets none."""
-    away = acted(ActingConfig(left=0.0, image_share=0.0)).take(slice(2), "B")
+    away = acted(ActingConfig(left=0.0, setup=SetupConfig(image_share=0.0))).take(slice(2), "B")
     assert torch.equal(overlap_of_hands(away), torch.zeros(2))
     image = away.mirrored()
     both = replace(
@@ -175,7 +174,9 @@ def test_the_overlap_of_two_hands_is_the_largest_over_all_frames():
 
 
 def test_what_is_passed_goes_from_one_hand_to_the_other():
-    actions = acted(ActingConfig(image_share=1.0, gap=0.0, both=0.0, under_table_both=9.0))
+    actions = acted(
+        ActingConfig(setup=SetupConfig(image_share=1.0, gap=0.0, both=0.0, under_table_both=9.0))
+    )
     passed = actions.verb == VERBS.index("pass")
     assert passed.any()
     assert actions.hands[passed].all()
