@@ -20,8 +20,9 @@ from geneoh.metrics.accuracy import RADIUS_90
 from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.options import Options
 from geneoh.pipeline.spread import joint_spread
+from geneoh.seeds import seed_of, seeded_generator
 from geneoh.sequence.noise import corrupt_sequence
-from geneoh.synthesis.shards import SynthesisConfig, seed_of, seeded_generator
+from geneoh.synthesis.shards import SynthesisConfig
 
 CLIPS, FRAMES = 5, 60
 """Number of clips and their length in frames."""

@@ -29,10 +29,11 @@ from geneoh.pipeline import touch
 from geneoh.pipeline.alone import measure_hand
 from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.options import Options
+from geneoh.seeds import seed_of, seeded_generator
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.normalisation import normalised_hands
 from geneoh.sequence.sequence import Sequence
-from geneoh.synthesis.shards import SynthesisConfig, seed_of, seeded_generator
+from geneoh.synthesis.shards import SynthesisConfig
 
 CLIPS, FRAMES = 10, 60
 """Number of made clips to calibrate on, and their length in frames."""

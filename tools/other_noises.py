@@ -18,11 +18,12 @@ import geneoh
 from geneoh.baselines.filters import TUNED, smooth
 from geneoh.evaluation.protocols.synthetic import draw_clip
 from geneoh.metrics.accuracy import mpjpe
+from geneoh.seeds import seeded_generator
 from geneoh.sequence.gaps import filled_keypoints
 from geneoh.sequence.noise import corrupt, perturbed
 from geneoh.sequence.sequence import HandTrack, Sequence
 from geneoh.synthesis.scans import Scans, read_folder
-from geneoh.synthesis.shards import SynthesisConfig, seeded_generator
+from geneoh.synthesis.shards import SynthesisConfig
 from tools.noisy_objects.clips import EXAMPLES, scans_of
 
 Error = Callable[[HandTrack, torch.Generator], HandTrack]

@@ -16,10 +16,11 @@ from geneoh.choices import NOISES, Noise
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
 from geneoh.hand.skeleton import forward_kinematics
+from geneoh.seeds import seeded_generator
 from geneoh.sequence.noise import corrupt
 from geneoh.sequence.sequence import HandTrack
 from geneoh.synthesis.objects import FAMILIES
-from geneoh.synthesis.shards import SynthesisConfig, seeded_generator, synthesize_shard
+from geneoh.synthesis.shards import SynthesisConfig, synthesize_shard
 
 FPS = 30.0
 CLIPS, FRAMES = 32, 120

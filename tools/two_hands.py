@@ -34,6 +34,7 @@ from geneoh.metrics.contact import (
     tips_in_contact,
 )
 from geneoh.metrics.smoothness import finite_difference
+from geneoh.seeds import seeded_generator
 from geneoh.sequence.gaps import fill_gaps, filled_keypoints
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.sequence import HandTrack, Sequence
@@ -44,7 +45,6 @@ from geneoh.synthesis.shards import (
     SynthesisConfig,
     draw_attempts,
     grasp_directions,
-    seeded_generator,
     tried_grasps,
 )
 from geneoh.synthesis.solids import Solids

@@ -85,6 +85,7 @@ def train(config: str | None, threads: int | None, device: str, **chosen: Any) -
     from geneoh.nn.devices import named_device
     from geneoh.training.loop import train as fit
     from geneoh.training.processes import joined
+    from geneoh.training.run_config import refuse_replaced
 
     if threads is not None:
         torch.set_num_threads(threads)
@@ -96,6 +97,7 @@ def train(config: str | None, threads: int | None, device: str, **chosen: Any) -
         say = click.echo if not team.rank else lambda words: None
         with team.first_alone(), progress.progress_bars(not team.rank) as on_progress:
             task, weights, notes = make(asked, place, on_progress)
+            refuse_replaced(task.config, *asked.configuration())
         for note in notes:
             say(note)
         with progress.progress_bars(not team.rank) as on_progress:
@@ -144,7 +146,7 @@ def cleaner_task(asked: Asked, place: Any, on_progress: Any) -> Any:
     from geneoh.readers.base import ReaderOptions
     from geneoh.training.config import FOLLOWS, TrainConfig
     from geneoh.training.data import parsed_source, refuse_other_making, training_data
-    from geneoh.training.run_config import refuse_replaced, refuse_settings, stage_config
+    from geneoh.training.run_config import refuse_settings, stage_config
     from geneoh.training.stages import StageTask
     from geneoh.training.start import started_from
 
@@ -164,7 +166,6 @@ def cleaner_task(asked: Asked, place: Any, on_progress: Any) -> Any:
     refuse_other_making(data.record, chosen.synthesis, asked.settings)
     motion = load_motion(folder).to(place) if stage in FOLLOWS else None
     task = StageTask(stage, chosen, data.training, data.validation, motion, data.record)
-    refuse_replaced(chosen, *asked.configuration())
     return task, weights, data.notes
 
 
@@ -175,7 +176,6 @@ def generator_task(asked: Asked, place: Any, on_progress: Any) -> Any:
     from geneoh.generators.text2hoi.stages import generator_task as task_of
     from geneoh.readers.base import ReaderOptions
     from geneoh.training.data import parsed_source
-    from geneoh.training.run_config import refuse_replaced
     from geneoh.training.start import weights_for
 
     stage = asked.stage
@@ -189,7 +189,6 @@ def generator_task(asked: Asked, place: Any, on_progress: Any) -> Any:
     readers = ReaderOptions(mano_dir=asked.mano)
     learned = Learned(data, asked.folder, asked.text_encoder, readers)
     task, notes = task_of(stage, *asked.configuration(), learned, on_progress)
-    refuse_replaced(task.config, *asked.configuration())
     return task, weights_for(task, weights_to_start_from(asked, SHIPPED)), notes
 
 
@@ -199,7 +198,6 @@ def body_task(asked: Asked, place: Any, on_progress: Any) -> Any:
     from geneoh.generators.both2hands.stages import LearnedBodies
     from geneoh.generators.both2hands.stages import body_task as task_of
     from geneoh.training.data import parsed_source
-    from geneoh.training.run_config import refuse_replaced
     from geneoh.training.start import weights_for
 
     stage = asked.stage
@@ -210,7 +208,6 @@ def body_task(asked: Asked, place: Any, on_progress: Any) -> Any:
     start = weights_to_start_from(asked, SHIPPED)
     learned = LearnedBodies(data, asked.folder, asked.text_encoder, asked.skeleton, start)
     task, notes = task_of(stage, *asked.configuration(), learned, on_progress)
-    refuse_replaced(task.config, *asked.configuration())
     return task, weights_for(task, start), notes
 
 

@@ -29,11 +29,12 @@ from geneoh.hand.skeleton import TIP_KEYPOINTS
 from geneoh.metrics.contact import TOUCH, in_contact, penetration_depth, tips_in_contact
 from geneoh.metrics.smoothness import valid_differences
 from geneoh.representation.parameters import HandParameters
+from geneoh.seeds import seed_of, seeded_generator
 from geneoh.sequence.normalisation import normalised_hands
 from geneoh.sequence.sequence import Sequence
 from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.replay import replay_shard
-from geneoh.synthesis.shards import find_shards, seed_of, seeded_generator
+from geneoh.synthesis.shards import find_shards
 from geneoh.training import augmentation
 
 FPS = 30.0

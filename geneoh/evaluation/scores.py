@@ -22,8 +22,8 @@ from geneoh.metrics import accuracy, contact, smoothness
 from geneoh.metrics.correspondence import contact_points, object_contact
 from geneoh.metrics.smoothness import mean_over_frames
 from geneoh.metrics.volume import intersection_volume
+from geneoh.seeds import seeded_generator
 from geneoh.sequence.sequence import HandTrack, Sequence
-from geneoh.synthesis.shards import seeded_generator
 
 ScoreKey = tuple[str, str, str, int, str]  # data set, clip, noise, seed and method
 TIPS = list(TIP_KEYPOINTS)

@@ -44,12 +44,11 @@ class SurfaceQuery:
     closest: Float[Tensor, "*B P 3"]
     normal: Float[Tensor, "*B P 3"]  # unit gradient of the distance: outward
 
-    def linear(self, points: Float[Tensor, "*B P 3"]) -> Float[Tensor, "*B P"]:
-        """Signed distance of points close to the queried ones, to first order.
 
-        Exact at the queried points, with the normal as gradient, so that solvers can use it.
-        """
-        return ((points - self.closest) * self.normal).sum(-1)
+def _query(points: Tensor, distance: Tensor, closest: Tensor, normal: Tensor) -> SurfaceQuery:
+    """Answers for N points in a row, as those of the points that were asked for."""
+    closest, normal = (value.to(points).reshape(points.shape) for value in (closest, normal))
+    return SurfaceQuery(distance.to(points).reshape(points.shape[:-1]), closest, normal)
 
 
 class SurfaceDistance:
@@ -94,11 +93,7 @@ class SurfaceDistance:
             closest[apart], normal[apart] = (value[far] for value in found)
         if len(chosen):
             distance[chosen], closest[chosen], normal[chosen] = self._exact(flat[chosen])
-        return SurfaceQuery(
-            distance.to(points).reshape(points.shape[:-1]),
-            closest.to(points).reshape(points.shape),
-            normal.to(points).reshape(points.shape),
-        )
+        return _query(points, distance, closest, normal)
 
     def query_on(
         self, device: torch.device, points: Float[Tensor, "*B P 3"], within: float | None = None
@@ -115,11 +110,7 @@ class SurfaceDistance:
         signed = torch.where(inside, -distance, distance)
         normals = self._normals.to(closest)[face]
         normal = torch.where((distance < NEARLY_ON)[:, None], normals, apart / signed[:, None])
-        return SurfaceQuery(
-            signed.to(points).reshape(points.shape[:-1]),
-            closest.to(points).reshape(points.shape),
-            normal.to(points).reshape(points.shape),
-        )
+        return _query(points, signed, closest, normal)
 
     def first_hit(
         self, origin: Float64[np.ndarray, "N 3"], direction: Float64[np.ndarray, "N 3"]

@@ -5,7 +5,7 @@ import math
 from contextlib import AbstractContextManager, nullcontext
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Shaped
 from torch import Tensor, nn
 
 from geneoh.errors import ConfigError
@@ -24,6 +24,12 @@ def zeroed(layer: nn.Module) -> nn.Module:
     for parameter in layer.parameters():
         nn.init.zeros_(parameter)
     return layer
+
+
+def in_steps(values: Shaped[Tensor, "B T *N"], frames: int) -> Shaped[Tensor, "B S F *N"]:
+    """Values of frames by the token that they are in; the last one is filled with zeros."""
+    short = values.new_zeros(len(values), -values.shape[1] % frames, *values.shape[2:])
+    return torch.cat([values, short], dim=1).unflatten(1, (-1, frames))
 
 
 def check_heads(width: int, heads: int, unit: int = 2) -> None:

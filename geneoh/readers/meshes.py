@@ -67,14 +67,6 @@ def part_of_mesh(mesh: Mesh, chosen: Array, name: str) -> Mesh:
     return Mesh(mesh.verts[used], faces)
 
 
-def mesh_from(verts: Array, faces: Array) -> Mesh:
-    """A mesh from arrays that a source holds."""
-    return Mesh(
-        torch.from_numpy(np.array(verts, dtype=np.float32)),
-        torch.from_numpy(np.array(faces, dtype=np.int64)),
-    )
-
-
 def obj_text(mesh: Mesh) -> str:
     """A mesh as OBJ; nine digits are enough to read every float32 back exactly."""
     verts = "".join(f"v {x:.9g} {y:.9g} {z:.9g}\n" for x, y, z in mesh.verts.tolist())

@@ -398,17 +398,12 @@ def synthesize_grasps(
 
 
 def shifted_grips(
-    solids: Solids,
-    grasps: Grasps,
-    config: GraspConfig | None = None,
-    *,
-    generator: torch.Generator,
+    solids: Solids, grasps: Grasps, config: GraspConfig, *, generator: torch.Generator
 ) -> Grips:
     """Grips near each grasp with the same pads: what hands shift and roll their object between.
 
     A grip that loses a pad or sinks into the object is replaced by the grasp itself.
     """
-    config = config or GraspConfig()
     each = torch.arange(len(grasps.pose)).repeat_interleave(config.grips)
     solids, grasps = solids.take(each, "B"), grasps.take(each, "B")
     draws = Draws(len(each), generator)
@@ -434,18 +429,17 @@ def shifted_grips(
 def settled_grasps(
     solids: Solids,
     grasps: Grasps,
-    config: GraspConfig | None = None,
+    config: GraspConfig,
     *,
     reach: float,
-    table: Table | None = None,
-    other: OtherHands | None = None,
+    table: Table,
+    other: OtherHands | None,
 ) -> Grasps:
     """The grasps next to given ones in which nothing sinks in and what is near touches.
 
     Pads within `reach` (metres) of the surface are drawn to it, or those that are next to it where
     none is. `kept` tells which grasps are no deeper in their object than the checks allow.
     """
-    config = config or GraspConfig()
     scale = hand_scale(grasps.offsets)
     joints, turns = grasps.posed()
     gap = solids.signed_distance(contact_pads(joints, turns, scale)[0])

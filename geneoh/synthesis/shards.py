@@ -1,6 +1,5 @@
 """Interactions on disk: seeded shards that can be made in any order and read one at a time."""
 
-import hashlib
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, fields, replace
@@ -23,6 +22,7 @@ from geneoh.geometry.thin_walls import goes_through
 from geneoh.hand.model import HandModel, ShapedHand
 from geneoh.hand.skeleton import LARGEST_HAND
 from geneoh.progress import OnStep
+from geneoh.seeds import seeded_generator
 from geneoh.streamed import Streamed
 from geneoh.synthesis.bimanual import (
     BimanualConfig,
@@ -170,17 +170,6 @@ class ShardRecord:
     seed: int
     objects: str = ""  # fingerprint of the scanned objects; empty without them
     families: int = len(FAMILIES)  # how many there were; scanned objects are numbered after them
-
-
-def seed_of(*parts: object) -> int:
-    """A 63-bit seed from any values, the same in every run and on every machine."""
-    digest = hashlib.sha256("/".join(map(str, parts)).encode()).digest()
-    return int.from_bytes(digest[:8], "big") >> 1
-
-
-def seeded_generator(*parts: object) -> torch.Generator:
-    """A random generator whose seed is `seed_of` these values."""
-    return torch.Generator().manual_seed(seed_of(*parts))
 
 
 def shard_generator(seed: int, index: int) -> torch.Generator:

@@ -21,6 +21,7 @@ from geneoh.hand.library import load_hand
 from geneoh.progress import OnProgress
 from geneoh.readers.base import ReaderOptions
 from geneoh.readers.registry import SOURCES
+from geneoh.seeds import seed_of
 from geneoh.streamed import Streamed
 from geneoh.synthesis.motion import Interactions
 from geneoh.synthesis.scans import FILE
@@ -30,7 +31,6 @@ from geneoh.synthesis.shards import (
     find_shards,
     read_shard,
     read_shards,
-    seed_of,
     shard_record,
     unfinished,
     write_shards,

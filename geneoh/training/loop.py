@@ -17,8 +17,8 @@ from geneoh.errors import CheckpointError, ConfigError
 from geneoh.files.journal import only_run_in
 from geneoh.nn.checkpoint import load_checkpoint, save_checkpoint
 from geneoh.nn.precision import multiply_in, quick_precision
+from geneoh.seeds import seed_of
 from geneoh.synthesis.draws import Part
-from geneoh.synthesis.shards import seed_of
 from geneoh.training.optimizer import Optimizer
 from geneoh.training.processes import Team, noted_interrupts
 from geneoh.training.resume import TrainState, refuse_other_run, run_record, write_log

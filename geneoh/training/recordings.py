@@ -36,10 +36,10 @@ from geneoh.readers.meshes import mesh_beside
 from geneoh.readers.npz_files import load
 from geneoh.readers.recordings import find_clips, read_clip, source_named, with_distinct_names
 from geneoh.representation.region import ObjectSurface
+from geneoh.seeds import seed_of
 from geneoh.sequence.normalisation import NormalisedHand, normalised_hands
 from geneoh.sequence.validation import check_sequence
 from geneoh.sequence.windows import runs
-from geneoh.synthesis.shards import seed_of
 from geneoh.synthesis.solids import PARTS
 
 SEQUENCES = "sequences"  # the source that is a folder of npz files, as `geneoh convert` writes

@@ -18,10 +18,10 @@ from geneoh.denoisers.relations import RelationDenoiser
 from geneoh.denoisers.spatial import SpatialDenoiser
 from geneoh.denoisers.temporal import TemporalDenoiser
 from geneoh.denoisers.trajectory import TrajectoryDenoiser
+from geneoh.seeds import seeded_generator
 from geneoh.streamed import Streamed
 from geneoh.synthesis.draws import Draws, Part
 from geneoh.synthesis.motion import Interactions
-from geneoh.synthesis.shards import seeded_generator
 from geneoh.training import losses
 from geneoh.training.batches import Batch, draw_batch
 from geneoh.training.config import TrainConfig

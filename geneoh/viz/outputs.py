@@ -19,7 +19,7 @@ from geneoh.files.npz import Arrays, write_archive
 from geneoh.files.outputs import check_ending, check_outputs, refuse_folder
 from geneoh.hand.mano import translation_from_wrist
 from geneoh.progress import OnStep, steps
-from geneoh.readers.bodies.bvh import write_bvh
+from geneoh.readers.bodies.bvh import bvh_text
 from geneoh.readers.bodies.fields import body_fields
 from geneoh.readers.npz_files import motion_arrays
 from geneoh.viz.canvas import filmstrip, png_bytes, refuse_frames
@@ -114,7 +114,8 @@ def write(
             body = scene.body
             assert body is not None, "a BVH of hands alone was refused"
             turn = torch.from_numpy(upright(Look(up=body.up).upward)).to(body.motion.root)
-            write_bvh(body.skeleton, turned(body.file_motion, turn), scene.fps, path)
+            motion = turned(body.file_motion, turn)
+            write_whole(path, bvh_text(body.skeleton, motion, scene.fps))
         case ".obj" | ".ply":
             return write_meshes(scene, path, on_step)
         case _:

@@ -11,7 +11,7 @@ from geneoh.body.skeleton import PARENTS
 from geneoh.config import as_dict
 from geneoh.generators.pieces import learned_pieces
 from geneoh.nn.checkpoint import Checkpoint, save_checkpoint
-from geneoh.readers.bodies.bvh import write_bvh
+from geneoh.readers.bodies.bvh import bvh_text
 
 from .target import Target
 
@@ -24,7 +24,7 @@ FILES: dict[str, Callable[[Path], object]] = {
     "both57m.p": lambda path: bodies.both57m(path, MOTION, MOTION),
     "motionx.npy": lambda path: bodies.motion_x(path, MOTION),
     "own.npz": lambda path: bodies.hands_file(path, bodies.recording(12, "z")),
-    "body.bvh": lambda path: write_bvh(SKELETON, MOTION, 30.0, path),
+    "body.bvh": lambda path: path.write_text(bvh_text(SKELETON, MOTION, 30.0)),
 }
 
 

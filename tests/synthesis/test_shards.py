@@ -14,6 +14,7 @@ from safetensors.torch import load_file, save_file
 from geneoh.config import as_dict
 from geneoh.errors import ConfigError, InputError
 from geneoh.hand.library import load_hand
+from geneoh.seeds import seed_of
 from geneoh.synthesis import shards
 from geneoh.synthesis.action_shards import read_actions
 from geneoh.synthesis.bimanual import BimanualConfig
@@ -26,7 +27,6 @@ from geneoh.synthesis.shards import (
     SynthesisConfig,
     differences,
     read_shards,
-    seed_of,
     shard_record,
     synthesize_shard,
     write_shards,

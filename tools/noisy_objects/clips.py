@@ -17,11 +17,11 @@ from geneoh.geometry.distance import SurfaceDistance
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.objects.symmetry import Symmetry, find_symmetry
 from geneoh.readers.npz_files import load
+from geneoh.seeds import seeded_generator
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.object_noise import corrupt_object, draw_object_noise
 from geneoh.sequence.sequence import ObjectTrack, Sequence
 from geneoh.synthesis.scans import MeshFolder, Scans, build_scans, read_folder
-from geneoh.synthesis.shards import seeded_generator
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 FRAMES = 60
@@ -104,16 +104,13 @@ def symmetry_of(name: str) -> Symmetry:
     return find_symmetry(SurfaceDistance(clip_of(name).object.meshes[0]))
 
 
-def drawn(noise: str, kind: str, *names: object) -> torch.Generator:
-    """The random numbers of one case."""
-    return seeded_generator(noise, kind, *names)
-
-
 def with_noisy_hand(clean: Sequence, noise: HandNoise, seed: int) -> Sequence:
     """A clip with a noisy hand, or as it is."""
     if noise == "clean":
         return clean
-    return corrupt_sequence(clean, noise, generator=drawn("hand", noise, clean.source, seed))
+    return corrupt_sequence(
+        clean, noise, generator=seeded_generator("hand", noise, clean.source, seed)
+    )
 
 
 def with_noisy_object(
@@ -122,7 +119,7 @@ def with_noisy_object(
     """A clip with a noisy object, or as it is."""
     if kind == "exact":
         return sequence
-    generator = drawn("object", kind, sequence.source, seed)
+    generator = seeded_generator("object", kind, sequence.source, seed)
     if kind == SPINS:
         return with_spins(sequence, symmetry, generator)
     if kind in get_args(WhiteNoise):

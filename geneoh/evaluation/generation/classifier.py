@@ -16,8 +16,8 @@ from torch import Tensor, nn
 
 from geneoh.config import as_dict
 from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.seeds import seeded_generator
 from geneoh.synthesis.actions import VERBS, Actions
-from geneoh.synthesis.shards import seeded_generator
 from geneoh.training.loop import OnePhase, first_weights
 from geneoh.training.processes import Team
 from geneoh.training.resume import digest

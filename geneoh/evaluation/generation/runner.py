@@ -40,10 +40,11 @@ from geneoh.generators.text2hoi.resting import finished
 from geneoh.generators.text2hoi.samples import ActionData
 from geneoh.progress import OnProgress, OnStep, part_of
 from geneoh.readers.base import ReaderOptions
+from geneoh.seeds import seeded_generator
 from geneoh.streamed import Streamed
 from geneoh.synthesis.action_shards import DEFAULTS, action_shard, read_actions
 from geneoh.synthesis.actions import Actions
-from geneoh.synthesis.shards import find_shards, seeded_generator
+from geneoh.synthesis.shards import find_shards
 from geneoh.training.data import DataSource
 from geneoh.training.loop import Progress, trained
 

@@ -24,8 +24,8 @@ from geneoh.metrics.features import (
     multimodality,
     top_accuracy,
 )
+from geneoh.seeds import seeded_generator
 from geneoh.synthesis.actions import Actions
-from geneoh.synthesis.shards import seeded_generator
 
 TOP = 3  # classes among which the right one must be (paper)
 REPETITIONS = 20  # (paper)

@@ -14,8 +14,8 @@ from geneoh.config import as_dict
 from geneoh.evaluation.gestures.encoder import ClipBatch, EncoderConfig, GestureEncoder, Seen
 from geneoh.generators.pieces import learned_pieces, marked, piece_numbers, words_of
 from geneoh.metrics.features import retrieval
+from geneoh.seeds import seeded_generator
 from geneoh.synthesis.gestures.clips import Gestures
-from geneoh.synthesis.shards import seeded_generator
 from geneoh.training.loop import OnePhase, first_weights
 from geneoh.training.processes import Team
 from geneoh.training.resume import digest

@@ -33,7 +33,7 @@ from geneoh.readers.recordings import source_named
 from geneoh.readers.registry import SOURCES
 from geneoh.readers.sources.grab import touching
 from geneoh.readers.sources.hoi4d import CATEGORIES
-from geneoh.synthesis.shards import seed_of
+from geneoh.seeds import seed_of
 
 Item = TypeVar("Item")
 

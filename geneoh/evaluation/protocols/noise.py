@@ -16,10 +16,10 @@ from geneoh.choices import CaseNoise, Dataset, Side
 from geneoh.errors import ConfigError, MissingAssetError
 from geneoh.evaluation.options import ProtocolOptions
 from geneoh.readers.mano import read_mano
+from geneoh.seeds import seeded_generator
 from geneoh.sequence.noise import Sizes, corrupt_sequence, draw_beta, perturbed
 from geneoh.sequence.object_noise import corrupt_object
 from geneoh.sequence.sequence import Sequence
-from geneoh.synthesis.shards import seeded_generator
 
 COMPONENTS = 24  # number of pose components of GRAB's hands, and of the paper's noise
 Law = Literal["gauss", "beta"]  # standard normal, or Beta(8, 2)

@@ -16,12 +16,13 @@ from geneoh.evaluation.protocols.clips import Clip
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
 from geneoh.hand.model import ShapedHand
+from geneoh.seeds import seeded_generator
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh.synthesis.grasps import Grasps, synthesize_grasps
 from geneoh.synthesis.motion import Interactions, animate
 from geneoh.synthesis.objects import draw_objects
 from geneoh.synthesis.scans import Scans
-from geneoh.synthesis.shards import SynthesisConfig, seeded_generator
+from geneoh.synthesis.shards import SynthesisConfig
 from geneoh.synthesis.solids import PARTS, Solids
 from geneoh.synthesis.surface import mesh_of
 

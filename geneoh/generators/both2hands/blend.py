@@ -16,7 +16,7 @@ from torch import Tensor, nn
 from geneoh.generators.both2hands.denoiser import Form
 from geneoh.generators.both2hands.features import HANDS
 from geneoh.generators.both2hands.paper_layers import PaperBlock
-from geneoh.nn.blocks import mlp, sinusoid, zeroed
+from geneoh.nn.blocks import in_steps, mlp, sinusoid, zeroed
 from geneoh.nn.sizes import NetworkConfig
 
 
@@ -76,8 +76,6 @@ class Blender(nn.Module):
         return self.config.body_weight * body + self.config.text_weight * text
 
     def _tokens(self, hands: Float[Tensor, "B T 270"]) -> Float[Tensor, "B S D"]:
-        frames = self.config.frames_per_token
-        hands = nn.functional.pad(hands, (0, 0, 0, -hands.shape[1] % frames))
-        tokens = self.enter(hands.unflatten(1, (-1, frames)).flatten(-2))
+        tokens = self.enter(in_steps(hands, self.config.frames_per_token).flatten(-2))
         place = torch.arange(tokens.shape[1], device=tokens.device).to(tokens)
         return tokens + sinusoid(place, tokens.shape[-1])

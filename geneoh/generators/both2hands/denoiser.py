@@ -20,7 +20,7 @@ from geneoh.generators.both2hands.features import BODY, HANDS, HandsFrame
 from geneoh.generators.both2hands.paper_layers import PaperTransformer
 from geneoh.generators.both2hands.scale import Scale, Scaling
 from geneoh.generators.text_network import SentenceConfig, SentenceNetwork
-from geneoh.nn.blocks import FrameTransformer
+from geneoh.nn.blocks import FrameTransformer, in_steps
 from geneoh.nn.sizes import NetworkConfig
 from geneoh.synthesis.gestures.clips import NAMES
 
@@ -120,7 +120,6 @@ class HandsDenoiser(nn.Module):
 
     def steps(self, x: Float[Tensor, "B T 270"]) -> Float[Tensor, "B S P N"]:
         """Numbers by step and hand: of each frame of the step the positions, then the rotations."""
-        x = nn.functional.pad(x, (0, 0, 0, -x.shape[1] % self.config.frames_per_token))
         hands = torch.cat(
             [
                 part.unflatten(-1, (self.parts, -1))
@@ -128,7 +127,7 @@ class HandsDenoiser(nn.Module):
             ],
             dim=-1,
         )
-        return hands.unflatten(1, (-1, self.config.frames_per_token)).transpose(2, 3).flatten(-2)
+        return in_steps(hands, self.config.frames_per_token).transpose(2, 3).flatten(-2)
 
     def frames_of(self, steps: Float[Tensor, "B S P N"]) -> Float[Tensor, "B T 270"]:
         """Inverse of `steps`."""
@@ -150,9 +149,8 @@ class BodyHands(HandsDenoiser):
 
     def encode(self, body: Float[Tensor, "B T 198"]) -> Encoded:
         """Features of a body made ready for `denoised`."""
-        body, frames = self.body_scale.normalise(body), self.config.frames_per_token
-        body = nn.functional.pad(body, (0, 0, 0, -body.shape[1] % frames))
-        steps = self.body(body.unflatten(1, (-1, frames)).flatten(-2))
+        body = in_steps(self.body_scale.normalise(body), self.config.frames_per_token)
+        steps = self.body(body.flatten(-2))
         tokens = steps.new_zeros(len(steps), 1, self.config.width)
         seen = torch.ones(tokens.shape[:2], dtype=torch.bool, device=tokens.device)
         return Encoded(tokens, seen, steps.unflatten(-1, (self.parts, -1)).flatten(1, 2))

@@ -21,9 +21,9 @@ from geneoh.generators.both2hands.features import HandsFrame, hand_features, pla
 from geneoh.generators.both2hands.library import Branches, Speech
 from geneoh.generators.both2hands.scale import Scale
 from geneoh.generators.both2hands.scene import Scene, both_answers
+from geneoh.seeds import seeded_generator
 from geneoh.synthesis.draws import Draws, Part
 from geneoh.synthesis.gestures.clips import Gestures
-from geneoh.synthesis.shards import seeded_generator
 from geneoh.training.loop import OnePhase, first_weights, own_part
 from geneoh.training.processes import Team
 from geneoh.training.resume import digest

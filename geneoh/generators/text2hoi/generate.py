@@ -29,9 +29,9 @@ from geneoh.pipeline.results import Denoised
 from geneoh.pipeline.retiming import result_at_times
 from geneoh.progress import OnProgress
 from geneoh.readers.npz_files import save_sequence
+from geneoh.seeds import seeded_generator
 from geneoh.sequence.sequence import Sequence
 from geneoh.synthesis.actions import Actions
-from geneoh.synthesis.shards import seeded_generator
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
 import torch
-from jaxtyping import Bool, Float, Shaped
+from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
 from geneoh.bundle import Bundle
@@ -25,7 +25,7 @@ from geneoh.generators.text2hoi.pointnet import PointConfig
 from geneoh.generators.text2hoi.post_norm import PostNormTransformer, sinusoid
 from geneoh.generators.text2hoi.principal_axes import PrincipalAxes, Waves
 from geneoh.generators.text2hoi.tokens import HAND, NUMBERS, OBJECT, HandFrame
-from geneoh.nn.blocks import FrameTransformer, zeroed
+from geneoh.nn.blocks import FrameTransformer, in_steps, zeroed
 from geneoh.nn.sizes import NetworkConfig
 from geneoh.synthesis.actions import LONGEST
 
@@ -183,12 +183,6 @@ class InteractionNetwork(nn.Module):
         if self.agents is not None:
             return self.agents
         return sinusoid(torch.tensor(AGENT_ROWS).to(tokens), tokens.shape[-1])
-
-
-def in_steps(values: Shaped[Tensor, "B T *N"], frames: int) -> Shaped[Tensor, "B S F *N"]:
-    """Values of frames by the token that they are in; the last one is filled with zeros."""
-    short = values.new_zeros(len(values), -values.shape[1] % frames, *values.shape[2:])
-    return torch.cat([values, short], dim=1).unflatten(1, (-1, frames))
 
 
 def moments(steps: Bool[Tensor, "B S F"]) -> Float[Tensor, "B S 5"]:

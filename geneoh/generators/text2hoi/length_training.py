@@ -13,8 +13,8 @@ from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork, lengt
 from geneoh.generators.text2hoi.recorded import RecordedConfig
 from geneoh.generators.text2hoi.samples import ActionData, sentences
 from geneoh.generators.text2hoi.training import data_digest, text_record, words_digest
+from geneoh.seeds import seeded_generator
 from geneoh.synthesis.draws import Draws, Part
-from geneoh.synthesis.shards import seeded_generator
 from geneoh.training.data import TrainingData
 from geneoh.training.loop import OnePhase, first_weights, own_part
 from geneoh.training.processes import Team

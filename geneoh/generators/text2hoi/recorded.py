@@ -21,9 +21,9 @@ from geneoh.geometry.axes import turn_up
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.readers.sources.arctic import HINGE
+from geneoh.seeds import seeded_generator
 from geneoh.sequence.sequence import HandTrack, Sequence
 from geneoh.synthesis.actions import FPS, LONGEST, NEAR, Actions
-from geneoh.synthesis.shards import seeded_generator
 from geneoh.training.recordings import drawn_surface
 
 

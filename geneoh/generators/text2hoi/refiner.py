@@ -13,10 +13,9 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from geneoh.generators.smoothing import smoothed
-from geneoh.generators.text2hoi.interaction import in_steps
 from geneoh.generators.text2hoi.post_norm import PostNormTransformer
 from geneoh.generators.text2hoi.tokens import HAND, HandFrame, Tokens, actions_of, tokens_of
-from geneoh.nn.blocks import sinusoid, zeroed
+from geneoh.nn.blocks import in_steps, sinusoid, zeroed
 from geneoh.nn.sizes import NetworkConfig
 from geneoh.synthesis.actions import Actions
 

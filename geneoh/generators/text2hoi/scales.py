@@ -4,8 +4,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.generators.text2hoi.interaction import InteractionNetwork, in_steps
+from geneoh.generators.text2hoi.interaction import InteractionNetwork
 from geneoh.generators.text2hoi.tokens import HAND, OBJECT, Tokens, tokens_of
+from geneoh.nn.blocks import in_steps
 from geneoh.streamed import Streamed
 from geneoh.synthesis.actions import Actions
 

@@ -20,8 +20,8 @@ from geneoh.generators.text2hoi.text_data import Sentences, draw_sentences
 from geneoh.generators.text_network import TextConfig, TextNetwork
 from geneoh.language.vocabulary import NOUN_WORDS
 from geneoh.language.wording import misspelt, one_of
+from geneoh.seeds import seeded_generator
 from geneoh.synthesis.actions import VERBS
-from geneoh.synthesis.shards import seeded_generator
 from geneoh.training.loop import OnePhase, first_weights, own_part
 from geneoh.training.processes import Team
 from geneoh.training.run_config import RunConfig

@@ -25,8 +25,8 @@ from geneoh.generators.text2hoi.task_losses import (
     refiner_task_loss,
 )
 from geneoh.generators.text2hoi.text import ASKED
+from geneoh.seeds import seeded_generator
 from geneoh.synthesis.draws import Draws, Part
-from geneoh.synthesis.shards import seeded_generator
 from geneoh.training.loop import OnePhase, divided_batch, first_weights, own_part
 from geneoh.training.processes import Team
 from geneoh.training.resume import digest

@@ -22,7 +22,6 @@ from geneoh.body.motion import BodyMotion, local_rotations
 from geneoh.body.skeleton import JOINT_NAMES, PARENTS, WRISTS, Skeleton, embedded_skeleton
 from geneoh.choices import SIDES, Axis
 from geneoh.errors import InputError
-from geneoh.files.atomic import write_whole
 from geneoh.geometry.rotations import shortest_turn
 from geneoh.readers.base import rate_of
 from geneoh.readers.bodies.base import BodyRecording, checked, upright
@@ -189,15 +188,6 @@ def bvh_text(skeleton: Skeleton, motion: BodyMotion, fps: float) -> str:
     rows = io.StringIO()
     np.savetxt(rows, np.concatenate(values, axis=1), fmt="%.6f")
     return "\n".join([*lines, rows.getvalue()])
-
-
-def write_bvh(skeleton: Skeleton, motion: BodyMotion, fps: float, path: Path) -> None:
-    """Write a body with its fingers as a BVH, whole or not at all; see `bvh_text`.
-
-    Raises:
-        InputError: the place cannot be written to.
-    """
-    write_whole(path, bvh_text(skeleton, motion, fps))
 
 
 def children_of(joint: int) -> list[int]:

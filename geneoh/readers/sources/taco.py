@@ -20,7 +20,7 @@ from geneoh.errors import InputError
 from geneoh.geometry.mesh import Mesh, checked
 from geneoh.readers import base, builders, foreign_files, mano, transforms
 from geneoh.readers.dataset_reader import reads
-from geneoh.readers.meshes import find_mesh, mesh_from, read_mesh
+from geneoh.readers.meshes import find_mesh, read_mesh
 from geneoh.readers.records import Array, Record
 
 CENTIMETRES = 0.01
@@ -105,4 +105,4 @@ def read_object(record: Record, path: Path, motion: Array, stored: Array | None)
     if path.with_suffix(".obj").is_file() or stored is None:
         return read_mesh(path.with_suffix(".obj"))
     verts = (stored[0] - motion[0, :3, 3]) @ motion[0, :3, :3]
-    return checked(mesh_from(verts, record.array("obj_faces", ("F", 3))), record.where)
+    return checked(Mesh(verts, record.array("obj_faces", ("F", 3))), record.where)

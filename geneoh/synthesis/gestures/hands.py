@@ -13,12 +13,12 @@ from geneoh.body.arms import forearm
 from geneoh.body.skeleton import embedded_skeleton
 from geneoh.bundle import Bundle
 from geneoh.geometry.rotations import axis_angle_to_matrix, interpolate_rotations
+from geneoh.seeds import seeded_generator
 from geneoh.synthesis.actions import FPS
 from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.gestures.repertoire import Gesture, HandPose
 from geneoh.synthesis.gestures.shapes import SHAPES
 from geneoh.synthesis.schedule import minimum_jerk
-from geneoh.synthesis.shards import seeded_generator
 
 VARIANTS = 10
 """Ways of making each gesture, which differ in place, direction, size, tempo and shape."""

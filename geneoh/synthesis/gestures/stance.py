@@ -10,9 +10,9 @@ from torch import Tensor
 from geneoh.body.motion import BodyMotion, pose
 from geneoh.body.skeleton import BODY_PARENTS, JOINT_NAMES, Skeleton, embedded_skeleton
 from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.seeds import seeded_generator
 from geneoh.synthesis.actions import FPS
 from geneoh.synthesis.draws import Draws
-from geneoh.synthesis.shards import seeded_generator
 from geneoh.synthesis.smoothing import smoothed
 
 ANKLE_HEIGHT = 0.075  # of the embedded skeleton over the ground, metres
