@@ -290,7 +290,9 @@ function drawCurves() {
       line.forEach((v, t) => {
         if (v === null) { if (last !== null) area.lineTo(x(last), base); last = null; return; }
         const y = base - room * Math.min(1, v / top);
-        if (last === null) { path.moveTo(x(t), y); area.moveTo(x(t), base); } else path.lineTo(x(t), y);
+        // begun by a dot, so that a frame without neighbours is seen
+        if (last === null) { path.moveTo(x(t) - 0.5, y); area.moveTo(x(t), base); }
+        path.lineTo(last === null ? x(t) + 0.5 : x(t), y);
         area.lineTo(x(t), y);
         last = t;
       });
@@ -300,7 +302,7 @@ function drawCurves() {
       pen.fill(area);
       pen.globalAlpha = 1;
       pen.lineWidth = 1.5;
-      pen.lineJoin = "round";
+      pen.lineJoin = pen.lineCap = "round";
       pen.stroke(path);
     });
   }
