@@ -62,7 +62,7 @@ def bench(
     from geneoh.bench.report import check_plot, tables, write_plot
     from geneoh.denoisers.library import all_weights
     from geneoh.errors import ConfigError
-    from geneoh.files.journal import digests
+    from geneoh.files.fingerprints import file_digests
     from geneoh.files.outputs import check_ending, check_outputs
     from geneoh.nn.devices import named_device
     from geneoh.pipeline.presets import preset
@@ -78,7 +78,7 @@ def bench(
     base = Point(samples=few, threads=threads or torch.get_num_threads(), **asked)
     grid = Bench(base, axes or (FULL if full else QUICK), not no_paper, tree)
     machine = {"cores": cores(), "gpus": {k: v for k, v in devices().items() if k != "cpu"}}
-    environment = {**machine, "versions": versions(), "weights": digests(all_weights(None))}
+    environment = {**machine, "versions": versions(), "weights": file_digests(all_weights(None))}
     with progress.progress_bars() as on_progress:
         found = run_bench(grid, environment, output, fresh=fresh, on_progress=on_progress)
     for line in tables(grid, found, by):

@@ -17,13 +17,12 @@ from geneoh.batch.summary import SUMMARY_FILES, write_summary
 from geneoh.config import as_dict, setting_differences
 from geneoh.denoisers.library import all_weights
 from geneoh.errors import ConfigError
-from geneoh.files.fingerprints import is_unchanged
+from geneoh.files.fingerprints import file_digests, is_unchanged
 from geneoh.files.journal import (
     CLEANED,
     Record,
     append_journal,
     begin_journal,
-    digests,
     only_run_in,
     read_journal,
 )
@@ -145,7 +144,7 @@ def settings_of(batch: Batch) -> dict[str, Any]:
     return {
         "options": as_dict(batch.options),
         "reading": {name: str(value) for name, value in batch.reading.items()},
-        "weights": digests(all_weights(batch.options.weights)),
+        "weights": file_digests(all_weights(batch.options.weights)),
     }
 
 

@@ -25,12 +25,11 @@ from geneoh.evaluation.options import EvaluationOptions
 from geneoh.evaluation.protocols.datasets import data_root
 from geneoh.evaluation.report import Evaluation
 from geneoh.evaluation.scores import CaseScorer, Score, ScoreKey, ScoringConfig
+from geneoh.files.fingerprints import file_digest, file_digests
 from geneoh.files.journal import (
     SCORED,
     append_journal,
     begin_journal,
-    digest,
-    digests,
     only_run_in,
     read_journal,
 )
@@ -139,9 +138,9 @@ def settings_of(options: EvaluationOptions) -> dict[str, Any]:
     baselines = [baseline_weights(name, cleaner.weights) for name in BASELINES]
     root, stored = data_root(options.dataset, options.root), options.noisy_inputs
     return {
-        "weights": digests([*all_weights(cleaner.weights), *baselines]),
+        "weights": file_digests([*all_weights(cleaner.weights), *baselines]),
         "data": None if root is None else str(root.resolve()),
-        "noisy_inputs": None if stored is None else digest(stored.rglob("*.npz")),
+        "noisy_inputs": None if stored is None else file_digest(stored.rglob("*.npz")),
         "protocol": as_dict(options.protocol),
         "close_frames": options.close_frames or options.defaults.close_frames,
         "cleaner": {

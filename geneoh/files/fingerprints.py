@@ -1,5 +1,6 @@
 """Fingerprints of files: whether what a run read and wrote is still as it was."""
 
+from collections.abc import Iterable, Mapping, Sequence
 from glob import escape
 from hashlib import sha256
 from pathlib import Path
@@ -29,3 +30,57 @@ def is_unchanged(fingerprints: dict[str, str], base: Path) -> bool:
         return all(fingerprint(base / path) == known for path, known in fingerprints.items())
     except GeneOHError:
         return False
+
+
+def file_digests(paths: Iterable[Path]) -> dict[str, str]:
+    """A digest of each of these files that exists, by its name without its ending."""
+    return {path.stem: file_digest([path]) for path in paths if path.is_file()}
+
+
+def file_digest(paths: Iterable[Path]) -> str:
+    """SHA-256 of files' names and contents in the order of their names, first sixteen digits."""
+    found = sha256()
+    for path in sorted(paths):
+        found.update(path.name.encode())
+        found.update(path.read_bytes())
+    return found.hexdigest()[:16]
+
+
+def by_path(files: Iterable[Path]) -> list[tuple[str, Path]]:
+    """Files that may lie anywhere, by their whole paths."""
+    return [(str(file), file) for file in sorted(files)]
+
+
+def records_of(files: Iterable[tuple[str, Path]]) -> dict[str, tuple[int, str]]:
+    """Size and SHA-256 of files by name."""
+    return {name: (file.stat().st_size, _sha256(file)) for name, file in files}
+
+
+def are_as_recorded(
+    files: Sequence[tuple[str, Path]], records: Mapping[str, tuple[int, str]], made: Path
+) -> bool:
+    """Whether files, by name, are those of `records_of`, from which the file `made` was made.
+
+    Contents are compared of files that are newer than it, of others only the size. Files that the
+    records name by their whole paths are looked for there.
+    """
+    time = made.stat().st_mtime
+    there = dict(files) | {name: Path(name) for name in records if Path(name).is_absolute()}
+    if there.keys() != records.keys() or not all(file.is_file() for file in there.values()):
+        return False
+    for name, file in there.items():
+        size, content = records[name]
+        stat = file.stat()
+        changed = max(stat.st_mtime, stat.st_ctime)  # a file that was moved here keeps the first
+        if stat.st_size != size or (changed > time and _sha256(file) != content):
+            return False
+    return True
+
+
+def _sha256(file: Path) -> str:
+    """SHA-256 of a file of any size."""
+    found = sha256()
+    with file.open("rb") as opened:
+        while block := opened.read(2**20):
+            found.update(block)
+    return found.hexdigest()

@@ -5,7 +5,6 @@ import os
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -93,17 +92,3 @@ def lock(descriptor: int, folder: Path) -> None:
         raise InputError(
             f"{folder}: another run is working in it; wait for its end, or name another folder"
         )
-
-
-def digests(paths: Iterable[Path]) -> dict[str, str]:
-    """A digest of each of these files that exists, by its name without its ending."""
-    return {path.stem: digest([path]) for path in paths if path.is_file()}
-
-
-def digest(paths: Iterable[Path]) -> str:
-    """SHA-256 of files' names and contents in the order of their names, first sixteen digits."""
-    found = sha256()
-    for path in sorted(paths):
-        found.update(path.name.encode())
-        found.update(path.read_bytes())
-    return found.hexdigest()[:16]

@@ -6,7 +6,7 @@ from. An interrupted run goes on behind the last whole shard; one that is made i
 
 import hashlib
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -18,6 +18,7 @@ from torch import Tensor
 
 from geneoh.config import Limited, Limits
 from geneoh.errors import GeneOHError, InputError
+from geneoh.files.fingerprints import are_as_recorded, by_path, records_of
 from geneoh.files.tensors import DamagedTensorsError, opened_tensors, write_tensors
 from geneoh.fitting.subject import subject_of
 from geneoh.geometry.mesh import MESH_SUFFIXES, Mesh
@@ -167,7 +168,7 @@ def write_shard(
         for hand in normalised_hands(recording.sequence):
             cuts += cut_hand(recording, hand, config, left_out)
     meshes = mesh_files(recording.sequence for recording in recordings)
-    files = fingerprints([*files_of(clip), *by_path(meshes)])
+    files = records_of([*files_of(clip), *by_path(meshes)])
     record = ShardRecord(config, files, tuple(cut for cut, _ in cuts), dict(left_out))
     names = cuts[0][1] if cuts else ()
     tensors = {name: torch.stack([cut[name] for _, cut in cuts]) for name in names}
@@ -259,20 +260,6 @@ def files_of(clip: SourceClip) -> list[tuple[str, Path]]:
     return [(file.relative_to(clip.path).as_posix(), file) for file in kept]
 
 
-def by_path(files: Iterable[Path]) -> list[tuple[str, Path]]:
-    """Files that may lie anywhere, by their whole paths."""
-    return [(str(file), file) for file in sorted(files)]
-
-
-def sha256(file: Path) -> str:
-    """SHA-256 of a file's contents."""
-    found = hashlib.sha256()
-    with file.open("rb") as opened:
-        while block := opened.read(2**20):
-            found.update(block)
-    return found.hexdigest()
-
-
 def is_fresh(shard: Path, clip: SourceClip, config: ClipConfig) -> bool:
     """Whether a shard is there, whole, cut as asked, and made from the clip's files as they are.
 
@@ -280,32 +267,7 @@ def is_fresh(shard: Path, clip: SourceClip, config: ClipConfig) -> bool:
     """
     if (record := shard_record(shard)) is None or record.config != config:
         return False
-    return unchanged(files_of(clip), record.files, shard)
-
-
-def unchanged(
-    files: Sequence[tuple[str, Path]], made_from: Mapping[str, tuple[int, str]], shard: Path
-) -> bool:
-    """Whether files, by name, are those with the size and SHA-256 that a shard was made from.
-
-    Files that it names by their whole paths are looked for there.
-    """
-    made = shard.stat().st_mtime
-    there = dict(files) | {name: Path(name) for name in made_from if Path(name).is_absolute()}
-    if there.keys() != made_from.keys() or not all(file.is_file() for file in there.values()):
-        return False
-    for name, file in there.items():
-        size, content = made_from[name]
-        stat = file.stat()
-        changed = max(stat.st_mtime, stat.st_ctime)  # a file that was moved here keeps the first
-        if stat.st_size != size or (changed > made and sha256(file) != content):
-            return False
-    return True
-
-
-def fingerprints(files: Iterable[tuple[str, Path]]) -> dict[str, tuple[int, str]]:
-    """Size and SHA-256 of files by name."""
-    return {name: (file.stat().st_size, sha256(file)) for name, file in files}
+    return are_as_recorded(files_of(clip), record.files, shard)
 
 
 def shard_record(shard: Path) -> ShardRecord | None:

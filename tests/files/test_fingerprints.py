@@ -3,7 +3,7 @@
 import pytest
 
 from geneoh.errors import InputError
-from geneoh.files.fingerprints import fingerprint, is_unchanged
+from geneoh.files.fingerprints import file_digest, fingerprint, is_unchanged
 
 
 @pytest.mark.parametrize("clip", ["seq/a__0.pkl", "seq", "seq/a"])
@@ -21,3 +21,13 @@ def test_what_is_not_there_has_no_fingerprint(tmp_path):
     with pytest.raises(InputError, match="no such file"):
         fingerprint(tmp_path / "nothing")
     assert not is_unchanged({"nothing": "0 0"}, tmp_path)
+
+
+def test_a_digest_tells_contents_and_not_order(tmp_path):
+    for name, text in (("a", "1"), ("b", "2")):
+        (tmp_path / name).write_text(text)
+    paths = [tmp_path / "a", tmp_path / "b"]
+    first = file_digest(paths)
+    assert file_digest(reversed(paths)) == first
+    (tmp_path / "b").write_text("3")
+    assert file_digest(paths) != first

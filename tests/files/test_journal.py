@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from geneoh.errors import InputError
-from geneoh.files.journal import append_journal, begin_journal, digest, only_run_in, read_journal
+from geneoh.files.journal import append_journal, begin_journal, only_run_in, read_journal
 
 
 def test_records_come_back_and_half_a_line_counts_for_nothing(tmp_path):
@@ -64,13 +64,3 @@ def test_a_second_run_is_kept_out_until_the_first_one_ends_or_dies(tmp_path):
     with only_run_in(tmp_path / "out"):
         pass
     assert list((tmp_path / "out").iterdir()) == []
-
-
-def test_a_digest_tells_contents_and_not_order(tmp_path):
-    for name, text in (("a", "1"), ("b", "2")):
-        (tmp_path / name).write_text(text)
-    paths = [tmp_path / "a", tmp_path / "b"]
-    first = digest(paths)
-    assert digest(reversed(paths)) == first
-    (tmp_path / "b").write_text("3")
-    assert digest(paths) != first

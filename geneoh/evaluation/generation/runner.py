@@ -31,7 +31,7 @@ from geneoh.evaluation.generation.scores import (
     scored_by,
 )
 from geneoh.evaluation.runner import package_versions
-from geneoh.files.journal import digest, digests
+from geneoh.files.fingerprints import file_digest, file_digests
 from geneoh.generators.text2hoi.action_data import action_data
 from geneoh.generators.text2hoi.library import Networks, load_networks, load_refiner, weights_of
 from geneoh.generators.text2hoi.recorded import RecordedConfig
@@ -247,7 +247,7 @@ def settings_of(
     """What the scores depend on."""
     first = tasks[0]
     hashes = {
-        str(task.config.seed): digest([folder / folder_of(task) / f"{task.name}.safetensors"])
+        str(task.config.seed): file_digest([folder / folder_of(task) / f"{task.name}.safetensors"])
         for task in tasks
     }
     return {
@@ -258,7 +258,7 @@ def settings_of(
         "refine": options.refine,
         "repetitions": options.repetitions,
         "classifier": {**first.record(), "hashes": hashes},
-        "weights": digests(weights_of(name, options.weights) for name in NETWORKS),
+        "weights": file_digests(weights_of(name, options.weights) for name in NETWORKS),
         "versions": package_versions(),
     }
 

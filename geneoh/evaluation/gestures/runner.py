@@ -31,7 +31,7 @@ from geneoh.evaluation.gestures.scores import (
     score_hands,
 )
 from geneoh.evaluation.runner import package_versions
-from geneoh.files.journal import digest, digests
+from geneoh.files.fingerprints import file_digest, file_digests
 from geneoh.generators.both2hands.library import Networks, load_networks, weights_of
 from geneoh.generators.both2hands.limits import FingerRange
 from geneoh.generators.both2hands.sampling import Branch
@@ -165,7 +165,7 @@ def settings_of(
     options: GestureOptions, task: EncoderTask, folder: Path, clips: int
 ) -> dict[str, Any]:
     """What the scores depend on."""
-    made = digest([folder / FOLDER / f"{task.name}.safetensors"])
+    made = file_digest([folder / FOLDER / f"{task.name}.safetensors"])
     record = {name: value for name, value in task.record().items() if name != "tokenizer"}
     return {
         "data": str(options.data.resolve()),
@@ -174,7 +174,7 @@ def settings_of(
         "steps": options.steps,
         "repetitions": options.repetitions,
         "encoder": {**record, "hash": made},
-        "weights": digests(weights_of(name, options.weights) for name in NETWORKS),
+        "weights": file_digests(weights_of(name, options.weights) for name in NETWORKS),
         "versions": package_versions(),
     }
 

@@ -12,6 +12,7 @@ from torch import Tensor
 from geneoh.bundle import concatenated
 from geneoh.choices import AnnotatedSource
 from geneoh.errors import ConfigError, GeneOHError, InputError
+from geneoh.files.fingerprints import are_as_recorded, by_path, records_of
 from geneoh.files.tensors import DamagedTensorsError, all_tensors, opened_tensors, write_tensors
 from geneoh.generators.text2hoi.annotation import has_labels, label_files, labels_of
 from geneoh.generators.text2hoi.recorded import RecordedConfig, Surface, action_of
@@ -23,7 +24,7 @@ from geneoh.readers.dataset_reader import frames_to_keep
 from geneoh.readers.recordings import find_clips, source_named
 from geneoh.streamed import Streamed
 from geneoh.synthesis.actions import Actions
-from geneoh.training.recordings import by_path, files_of, fingerprints, shard_path, unchanged
+from geneoh.training.recordings import files_of, shard_path
 
 FORMAT = 1  # of the shards; raised where the same files give other actions
 
@@ -153,7 +154,7 @@ def write_shard(
             labels.append(label)
     tensors = vars(concatenated(found, "B")) if found else {}
     record = asked_record(config) | {
-        "files": fingerprints([*all_files(source, clip), *by_path(meshes)]),
+        "files": records_of([*all_files(source, clip), *by_path(meshes)]),
         "labels": labels,
         "left_out": dict(left_out),
     }
@@ -216,6 +217,6 @@ def is_fresh(
             if any(record.get(name) != value for name, value in asked_record(config).items()):
                 return False
             files = {name: (size, content) for name, (size, content) in record["files"].items()}
-            return unchanged(all_files(source, clip), files, shard)
+            return are_as_recorded(all_files(source, clip), files, shard)
     except (OSError, DamagedTensorsError):
         return False

@@ -12,7 +12,7 @@ from geneoh.body.arms import reach
 from geneoh.body.motion import BodyMotion, pose
 from geneoh.body.skeleton import JOINT_NAMES, WRISTS, Skeleton
 from geneoh.choices import SIDES
-from geneoh.files.journal import digest
+from geneoh.files.fingerprints import file_digest
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from geneoh.language.vocabulary import VERB_WORDS, noun_of, with_article
 from geneoh.synthesis.action_shards import DEFAULTS, action_shard, names_of_shard
@@ -41,7 +41,7 @@ class ActionSource:
     def of(folder: Path) -> "ActionSource":
         """The shards of a folder; `InputError` if it holds none of both splits."""
         splits = (find_shards(folder, split, DEFAULTS) for split in ("val", "train"))
-        return ActionSource(folder, digest(path for paths in splits for path in paths))
+        return ActionSource(folder, file_digest(path for paths in splits for path in paths))
 
     def drawn(
         self, split: str, count: int, *, generator: torch.Generator
