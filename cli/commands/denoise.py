@@ -72,10 +72,6 @@ def denoise(
 
     settings = options.cleaner(mano, chosen)
     sequence = sources.read(noisy, obj=obj, mano=mano, **chosen)
-    if report is not None:
-        from geneoh.viz.scene import refuse_missing_meshes
-
-        refuse_missing_meshes(sequence)
     with progress.progress_bars() as on_progress:
         result = geneoh.denoise(sequence, settings, on_progress=on_progress)
     geneoh.save(result, output)

@@ -20,6 +20,8 @@ from geneoh.files.reading import BUDGET_VARIABLE, DAMAGE, byte_budget, read_byte
 
 OLDEST_TIME = (1980, 1, 1, 0, 0, 0)
 """Time stamp of every member, the first that zip knows: equal arrays give equal bytes."""
+OWN_ATTRIBUTES = 0o644 << 16
+"""Of the members of archives that geneoh writes; those of numpy have others."""
 
 Arrays = dict[str, np.ndarray]
 ObjectReader = Callable[[bytes, str], Any]
@@ -134,7 +136,7 @@ def member(name: str) -> zipfile.ZipInfo:
     """Header of one .npy member, the same at any time and for any user."""
     info = zipfile.ZipInfo(f"{name}.npy", date_time=OLDEST_TIME)
     info.compress_type = zipfile.ZIP_DEFLATED
-    info.external_attr = 0o644 << 16
+    info.external_attr = OWN_ATTRIBUTES
     return info
 
 

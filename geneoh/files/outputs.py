@@ -8,7 +8,7 @@ from typing import Final
 
 from geneoh.errors import InputError
 from geneoh.files.atomic import replaceable
-from geneoh.files.npz import decode_array
+from geneoh.files.npz import OWN_ATTRIBUTES, decode_array
 from geneoh.files.reading import DAMAGE
 
 SEQUENCE_FORMAT: Final = "geneoh-sequence"
@@ -136,6 +136,9 @@ def _is_our_archive(path: Path) -> bool:
     try:
         with zipfile.ZipFile(path) as archive:
             names = set(archive.namelist())
+            # users write our formats as well, by numpy
+            if any(each.external_attr != OWN_ATTRIBUTES for each in archive.infolist()):
+                return False
             if names >= SMPLX_MARK:
                 return True
             if "format.npy" not in names or archive.getinfo("format.npy").file_size > HEAD:

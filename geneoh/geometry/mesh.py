@@ -20,6 +20,7 @@ from geneoh.choices import Unit
 from geneoh.config import checked_call
 from geneoh.errors import InputError, shortened
 from geneoh.geometry.mirror import mirror_faces, mirror_points
+from geneoh.interrupts import interrupts_wait
 
 if TYPE_CHECKING:
     import trimesh
@@ -128,7 +129,7 @@ def plain_obj(path: Path) -> Mesh | None:
     if path.suffix.lower() != ".obj":
         return None
     try:
-        lines = path.read_bytes().split(b"\n")
+        lines = path.read_bytes().replace(b"\t", b" ").split(b"\n")
         lines = [line for line in lines if line.strip() and not line.startswith(b"#")]
         points, corners = (
             [ln.split() for ln in lines if ln[:2] == kind] for kind in (b"v ", b"f ")
@@ -148,7 +149,8 @@ def plain_obj(path: Path) -> Mesh | None:
 
 def by_trimesh(path: Path) -> Mesh:
     """The mesh of a file of any format; see `load_mesh`."""
-    import trimesh
+    with interrupts_wait():
+        import trimesh
 
     try:
         scene = trimesh.load_scene(path, process=False)

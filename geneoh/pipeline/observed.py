@@ -19,6 +19,19 @@ class Observed:
     hand: HandTrack | None
     object: ObjectTrack
 
+    def completed(self, earlier: "Observed | None") -> "Observed":
+        """With what an earlier frame has and this one lacks."""
+        if earlier is None:
+            return self
+        here, there = self.object, earlier.object
+        lost = here.translation.isnan().any(-1, keepdim=True)
+        motion = replace(
+            here,
+            rotation=torch.where(lost[..., None], there.rotation, here.rotation),
+            translation=torch.where(lost, there.translation, here.translation),
+        )
+        return Observed(earlier.hand if self.hand is None else self.hand, motion)
+
 
 def between(before: Observed, after: Observed, fraction: float) -> Observed:
     """What lies between two neighbouring frames; what one of them lacks is that of the nearer."""

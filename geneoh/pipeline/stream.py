@@ -171,7 +171,7 @@ class Stream:
         where = where or f"{self._source}, frame {self._count}"
         with undisturbed():
             now = Observed(self._hand(hand, where), self._object(object_pose, where))
-            self._lost.append(now.hand is None or untrusted(now.hand))
+            self._lost.append(now.hand is None)
             for frame in self._paced(now):
                 made = self._recent.push(frame)
                 self._taken += 1
@@ -191,6 +191,8 @@ class Stream:
     def _reset(self) -> None:
         self._recent = self._begin()
         self._before: Observed | None = None
+        self._since: Observed | None = None
+        self._away_from_origin = False
         self._known: tuple[str, ...] = ()
         self._lost: deque[bool] = deque()
         self._clean: deque[HandTrack | None] = deque()
@@ -202,6 +204,10 @@ class Stream:
             return None
         fields = {**self._fields(given, where), **self._shape}
         record = Record(where, fields, "correct it")
+        if self._away_from_origin and (name := f"{self._side}_joints") in record:
+            points = record.numbers(name)  # of which none is at the origin by chance
+            found = np.where((points == 0).all(-1, keepdims=True), np.nan, points)
+            record = Record(where, {**fields, name: found}, "correct it")
         if is_lost(record, self._side):
             return None
         (hand,), _ = read_own(record, self._side)
@@ -221,7 +227,9 @@ class Stream:
                 f"{', '.join(known)} after {', '.join(self._known)}; give the same ones, or None "
                 "where the hand is lost"
             )
-        return self._other_side(hand).to(self._device)
+        if hand.joints is not None:
+            self._away_from_origin |= bool(hand.joints[:, 0].any())
+        return self._other_side(hand).to(self._device) if bool(hand.confidence.any()) else None
 
     def _fields(self, given: Any, where: str) -> dict[str, Any]:
         """The fields of the file format of one frame of a hand."""
@@ -252,7 +260,7 @@ class Stream:
         rotation = torch.full((1, parts, 3, 3), torch.nan)
         translation = torch.full((1, parts, 3), torch.nan)
         if given is not None:
-            pair = isinstance(given, tuple) and len(given) == 2
+            pair = is_pair(given)
             names = ("object_rotation", "object_translation") if pair else ("obj_pose",)
             values = map(framed, given if pair else (given,))
             record = Record(where, dict(zip(names, values, strict=True)), "correct it")
@@ -266,14 +274,20 @@ class Stream:
         return self._other_side(motion).to(self._device)
 
     def _paced(self, now: Observed) -> list[Observed]:
-        """The frames of the networks that lie after the frame before and not after this one."""
+        """The frames of the networks that lie after the frame before and not after this one.
+
+        Of several frames between two of the networks, what the last one lacks is that of those
+        before it.
+        """
         before, self._before = self._before or now, now
         first = (self._count - 1) * self._rate
-        last = math.floor(round(self._count * self._rate, DIGITS))
-        return [
-            between(before, now, (frame - first) / self._rate)
-            for frame in range(self._taken, last + 1)
-        ]
+        last = round(self._count * self._rate, DIGITS)
+        instants = range(self._taken, math.floor(last) + 1)
+        seen = now.completed(self._since) if self._rate < 1 else now
+        self._since = seen
+        if instants:
+            self._since = None if last == instants[-1] else now
+        return [between(before, seen, (frame - first) / self._rate) for frame in instants]
 
     def _next(self) -> CleanFrame:
         """The next clean frame of the stream, between two of the networks."""
@@ -302,6 +316,10 @@ def preset_of_stream(options: Options) -> Preset:
             f"got preset {options.preset!r} and refine_object={options.refine_object}; "
             "use geneoh.denoise for these"
         )
+    if options.selection == "closest":
+        raise ConfigError(
+            "a stream gives the mean of its samples, got selection='closest'; leave it out"
+        )
     if options.hand_delay:
         raise ConfigError(
             "a stream takes hand and object of one time, got "
@@ -321,9 +339,14 @@ def is_lost(record: Record, side: Side) -> bool:
     return valid in record and not bool(record.flags(valid).all())
 
 
-def untrusted(hand: HandTrack) -> bool:
-    """Whether no keypoint of a hand has any confidence."""
-    return hand.confidence is not None and not bool(hand.confidence.any())
+def is_pair(given: Any) -> bool:
+    """Whether a pose is given as a rotation and a translation, and not as one matrix or several."""
+    if not isinstance(given, tuple | list) or len(given) != 2:
+        return False
+    try:
+        return isinstance(given, tuple) or np.shape(given[1])[-1:] == (3,)
+    except ValueError:  # of lists of several lengths
+        return False
 
 
 def framed(value: Any) -> Any:

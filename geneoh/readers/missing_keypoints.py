@@ -37,8 +37,15 @@ def without_missing(
 
 
 def missing_keypoints(joints: Float[Tensor, "T 21 3"]) -> Bool[Tensor, "T 21"]:
-    """Keypoints that are not finite, or exactly at the origin while the wrist is not: some trackers
-    write zeros for what they did not find.
+    """Keypoints that are not finite, or exactly at the origin: some trackers write zeros for what
+    they did not find.
+
+    A wrist that is there in every frame with a hand is the origin of these keypoints, and frames
+    that are zero throughout hold none.
     """
-    zero = (joints == 0).all(-1) & (joints[:, :1] != 0).any(-1)
+    zero = (joints == 0).all(-1)
+    zero &= ~zero.all(-1, keepdim=True)
+    found = joints.isfinite().all(-1).any(-1) & (joints != 0).any(-1).any(-1)
+    if bool(zero[found, 0].all()):
+        zero[:, 0] = False
     return ~joints.isfinite().all(-1) | zero

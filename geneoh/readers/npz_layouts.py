@@ -46,7 +46,10 @@ def own_names(side: Side) -> dict[str, str]:
 OWN_FIELDS = tuple(name for side in SIDES for name in own_names(side).values())
 LAYOUTS: dict[Layout, tuple[str, ...]] = {
     "geneoh-sequence": ("format", "version", "fps", "hand_model", "source", *OWN_FIELDS),
-    "smplx": (*SMPLX_PARAMETERS, "betas", "flat_hand_mean", *JOINT_NAMES, "side", "fps"),
+    "smplx": (
+        *(*SMPLX_PARAMETERS, "betas", "flat_hand_mean", "hand_model"),
+        *(*JOINT_NAMES, "side", "fps"),
+    ),
     "taco": (*TACO_NAMES.values(), "side", "fps"),
     "joints": (*JOINT_NAMES, "side", "fps"),
 }

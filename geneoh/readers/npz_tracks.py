@@ -86,8 +86,7 @@ def read_own(record: Record, given: Side | None) -> tuple[tuple[HandTrack, ...],
             f"{record.where}: expected {wanted}, got {' and '.join(sides) or 'none'}; "
             f"add '{given or 'right'}_joints'"
         )
-    model = record.optional_text("hand_model")
-    refuse_unknown_model(model, record.where)
+    model = read_model(record)
     found = []
     if given:
         sides = [given]
@@ -95,10 +94,21 @@ def read_own(record: Record, given: Side | None) -> tuple[tuple[HandTrack, ...],
     seen = seen or sides  # which reading refuses
     unseen = tuple(f"the {s} hand is in no frame and was left out" for s in sides if s not in seen)
     for side in seen:
-        own = name_of(side, model) if model in (MENDED, AS_SHIPPED) else model
-        found.append(read_track(record, side, names[side], hand_model=own))
+        found.append(read_track(record, side, names[side], hand_model=model_of(side, model)))
     notes = (note for _, about in found for note in about)
     return tuple(hand for hand, _ in found), (*unseen, *notes)
+
+
+def read_model(record: Record) -> str | None:
+    """Whose betas a file has, as far as it says."""
+    model = record.optional_text("hand_model")
+    refuse_unknown_model(model, record.where)
+    return model
+
+
+def model_of(side: Side, model: str | None) -> str | None:
+    """The hand model of one side: MANO's right hand has one form only."""
+    return name_of(side, model) if model in (MENDED, AS_SHIPPED) else model
 
 
 def is_seen(record: Record, names: dict[str, str]) -> bool:
@@ -127,6 +137,7 @@ def read_smplx(record: Record, side: Side, mano_dir: Path | str | None) -> tuple
                 f"{record.where}: the smplx layout needs 'global_orient' and 'hand_pose', "
                 f"got no '{name}'; add it"
             )
+    model = model_of(side, read_model(record) or AS_SHIPPED)
     turns = [read_rotations(record, "global_orient", 1), read_rotations(record, "hand_pose", 15)]
     record.refuse_lengths(*SMPLX_PARAMETERS)
     wrist, notes = None, ()
@@ -135,11 +146,12 @@ def read_smplx(record: Record, side: Side, mano_dir: Path | str | None) -> tuple
     if joints is not None:
         wrist = joints[:, 0]
     elif transl is not None:
-        offset, notes = offset_of_wrist(side, read_betas(record, "betas")[0], mano_dir)
+        betas = read_betas(record, "betas")[0] if model in (MENDED, AS_SHIPPED) else None
+        offset, notes = offset_of_wrist(side, betas, mano_dir)
         wrist = transl + offset
-    names, shipped = {**JOINT_NAMES, "betas": "betas"}, name_of(side, AS_SHIPPED)
+    names = {**JOINT_NAMES, "betas": "betas"}
     made = {"parameters": SMPLX_PARAMETERS, "pose": torch.cat(turns, dim=1), "wrist": wrist}
-    hand, more = read_track(record, side, names, hand_model=shipped, **made)
+    hand, more = read_track(record, side, names, hand_model=model, **made)
     return hand, (*notes, *more)
 
 
@@ -235,7 +247,8 @@ def read_track(
     finite = {field[name] or name: frames for name, frames in known.items()}
     valid, more = observed_frames(record, side, field, finite)
     if confidence is not None and not bool(confidence[valid].any()):
-        more = (*more, f"'{field['confidence']}' is 0 everywhere: nothing of the hand is relied on")
+        ignored = f"'{field['confidence']}' is 0 everywhere: it is ignored, and all keypoints count"
+        more = (*more, ignored)
     hand = HandTrack(side, valid, joints, pose, wrist, betas, hand_model, confidence, spread, ray)
     return hand, (*notes, *missed, *more)
 

@@ -209,15 +209,13 @@ def make_scene(
 ) -> Scene:
     """Pose and measure every hand of one or two versions of an interaction.
 
-    The object is that of the last sequence; hands without any are shown alone. A hand that has only
-    keypoints is fitted to them. Betas of MANO get MANO's mesh where the user has it, else the
+    The object is that of the last sequence; hands without its mesh are shown alone. A hand that has
+    only keypoints is fitted to them. Betas of MANO get MANO's mesh where the user has it, else the
     embedded hand with the same bones.
 
     `sequences` are by title, in the order before, after; `samples` are at any frame rate.
     """
     last_title, last = next(reversed(sequences.items()))
-    if body is None:
-        refuse_missing_meshes(last)
     for sequence in sequences.values():
         check_tracks(sequence)
         if sequence.frames != last.frames:
@@ -236,18 +234,6 @@ def make_scene(
     }
     scene = Scene(title or last_title, tuple(versions), last.object, last.fps, paced)
     return scene if body is None else with_body(scene, body)
-
-
-def refuse_missing_meshes(sequence: Sequence) -> None:
-    """`InputError` for hands at an object whose meshes are not known; hands alone may be shown."""
-    motion, none = sequence.object, ObjectTrack.resting((), sequence.frames)
-    poses = ((motion.rotation, none.rotation), (motion.translation, none.translation))
-    moved = not all(torch.equal(given.cpu(), origin) for given, origin in poses)
-    if not motion.meshes and (motion.missing or moved):
-        raise InputError(
-            f"{sequence.source}: expected the mesh of the object whose poses it has, got none; "
-            "pass --obj MESH"
-        )
 
 
 def with_body(scene: Scene, body: BodyRecording) -> Scene:

@@ -1,12 +1,15 @@
 """Which files may be replaced: our own, and no file of others."""
 
+import io
 import os
+import zipfile
 
 import numpy as np
 import pytest
 
 from geneoh.errors import InputError
 from geneoh.files.atomic import write_whole
+from geneoh.files.npz import member, write_archive
 from geneoh.files.outputs import check_outputs, is_ours
 
 
@@ -39,7 +42,7 @@ def test_a_link_is_written_through(tmp_path):
 def test_what_lies_in_a_folder_that_is_read_is_replaced_only_if_it_is_ours(tmp_path):
     (tmp_path / "sub").mkdir()
     np.savez(tmp_path / "sub/theirs.npz", a=1)
-    np.savez(tmp_path / "sub/ours.npz", format="geneoh-sequence")
+    write_archive(tmp_path / "sub/ours.npz", {"format": np.array("geneoh-sequence")})
     check_outputs([tmp_path / "sub/ours.npz", tmp_path / "new.npz"], inputs=[tmp_path])
     with pytest.raises(InputError, match="is an input"):
         check_outputs([tmp_path / "sub/theirs.npz"], inputs=[tmp_path], overwrite=True)
@@ -62,11 +65,23 @@ def test_a_file_of_others_is_not_ours(tmp_path, name, data):
     assert not is_ours(tmp_path / name)
 
 
+def test_what_a_user_wrote_in_our_format_is_not_ours(tmp_path):
+    ours = {"format": np.array("geneoh-sequence"), "version": np.array(1)}
+    np.savez(tmp_path / "theirs.npz", **ours)
+    write_archive(tmp_path / "ours.npz", ours)
+    assert not is_ours(tmp_path / "theirs.npz")
+    assert is_ours(tmp_path / "ours.npz")
+    with pytest.raises(InputError, match="was not written by geneoh"):
+        check_outputs([tmp_path / "theirs.npz"])
+
+
 def test_pickles_in_an_archive_are_never_opened(tmp_path):
-    np.savez(tmp_path / "a.npz", format=np.array([print], dtype=object))
-    assert not is_ours(tmp_path / "a.npz")
-    np.savez(tmp_path / "b.npz", format=np.zeros(10**6))
-    assert not is_ours(tmp_path / "b.npz")
+    for name, value in (("a.npz", np.array([print], dtype=object)), ("b.npz", np.zeros(10**6))):
+        raw = io.BytesIO()
+        np.save(raw, value, allow_pickle=True)
+        with zipfile.ZipFile(tmp_path / name, "w") as archive:
+            archive.writestr(member("format"), raw.getvalue())
+        assert not is_ours(tmp_path / name)
 
 
 def test_a_folder_to_make_that_is_there_is_refused_with_what_was_expected(tmp_path):

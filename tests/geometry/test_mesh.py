@@ -128,6 +128,14 @@ def test_plain_obj_is_read_as_trimesh_reads_it(content, tmp_path):
     assert read.source == twin.source == path
 
 
+def test_an_obj_may_have_tabs_between_its_numbers(tmp_path):
+    (tmp_path / "tabs.obj").write_bytes(TRIANGLES.replace(b" ", b"\t"))
+    (tmp_path / "plain.obj").write_bytes(TRIANGLES)
+    tabs, plain = (load_mesh(tmp_path / name) for name in ("tabs.obj", "plain.obj"))
+    assert torch.equal(tabs.verts, plain.verts)
+    assert torch.equal(tabs.faces, plain.faces)
+
+
 @pytest.mark.parametrize(
     "content",
     [

@@ -161,6 +161,36 @@ def test_a_keypoint_that_is_not_found_costs_no_frame(noisy, unmoved):
     assert made[2].hand.joints[0, 12].norm() > 0.1
 
 
+def test_a_wrist_at_the_origin_was_not_found(noisy, unmoved):
+    stream, joints = Stream(side="left", lag=0), noisy.hands[0].joints[:3].clone()
+    joints[1, [0, 4]] = 0.0
+    joints[2] = 0.0
+    made = [stream.push(frame) for frame in joints]
+    assert [frame.filled for frame in made] == [False, False, True]
+    assert float((made[1].hand.joints - noisy.hands[0].joints[1]).norm(dim=-1).max()) < 0.1
+
+
+@pytest.mark.parametrize("every", [2, 4])
+def test_frames_between_those_of_the_networks_are_used(clean, unmoved, every):
+    clip = geneoh.Sequence(clean.hands, clean.object, 30.0 * every)[:40]
+    lost = tuple(frame for frame in range(40) if frame % every != every // 2)
+    found = pushed(Stream(clip.object.meshes, clip.fps, side="left"), clip, lost)[every:]
+    assert all(frame.hand is not None for frame in found)
+    apart = joints_of(found) - clip.hands[0].joints[every:]
+    assert float(apart.norm(dim=-1).mean()) < 0.03  # of a hand that moves four times as fast
+
+
+def test_a_hand_without_confidence_for_long_is_none(noisy, unmoved):
+    stream, joints, found = Stream(side="left", lag=0.1), noisy.hands[0].joints, []
+    for frame in range(146):
+        sure = torch.full((21,), float(not 20 <= frame < 110))
+        away = joints[frame] + 0.2 * (1 - sure[0])
+        found.append(stream.push({"joints": away, "confidence": sure}))
+    made = [frame for frame in found if frame] + stream.flush()
+    assert all(frame.hand is None for frame in made[85:100])
+    assert made[120].hand is not None
+
+
 def test_fields_of_a_hand_stay_the_same(noisy, unmoved):
     stream, track = Stream(side="left"), noisy.hands[0]
     stream.push(track[:1])
@@ -170,11 +200,25 @@ def test_fields_of_a_hand_stay_the_same(noisy, unmoved):
 
 @pytest.mark.parametrize(
     "settings",
-    [{"lag": 2.0}, {"lag": math.nan}, {"fps": 0.0}, {"preset": "paper"}, {"hand_delay": 2}],
+    [
+        *({"lag": 2.0}, {"lag": math.nan}, {"fps": 0.0}),
+        *({"preset": "paper"}, {"hand_delay": 2}, {"selection": "closest"}),
+    ],
 )
 def test_settings_that_no_stream_has_are_refused(settings):
-    with pytest.raises(ConfigError, match=r"a stream (has|takes)"):
+    with pytest.raises(ConfigError, match=r"a stream (has|takes|gives)"):
         Stream(**settings)
+
+
+def test_a_pose_may_be_a_list_of_rotation_and_translation(noisy, unmoved):
+    turn, place = noisy.object.rotation[0, 0], noisy.object.translation[0, 0]
+    pose = torch.eye(4)
+    pose[:3, :3], pose[:3, 3] = turn, place
+    hand, mesh = noisy.hands[0][:1], noisy.object.meshes
+    for given in ([turn, place], [turn.tolist(), place.tolist()], pose.tolist()):
+        made = Stream(mesh, side="left", lag=0).push(hand, given)
+        expected = Stream(mesh, side="left", lag=0).push(hand, (turn, place))
+        assert torch.equal(made.hand.joints, expected.hand.joints)
 
 
 @pytest.fixture(scope="module")

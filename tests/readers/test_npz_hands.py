@@ -83,6 +83,14 @@ def test_smplx_joints_tell_the_wrist_exactly():
     assert reading[1] == ()
 
 
+def test_smplx_files_may_say_whose_betas_they_have():
+    shipped = {**SMPLX, "joints": JOINTS}
+    assert only(read(shipped, side="left")).hand_model == "mano-as-shipped"
+    for model in ("embedded", "mano"):
+        hand = only(read({**shipped, "hand_model": np.array(model)}, side="left"))
+        assert hand.hand_model == model
+
+
 def test_rotation_matrices_are_read_as_the_same_pose():
     matrices = axis_angle_to_matrix(torch.from_numpy(POSE)).numpy()
     arrays = {**SMPLX, "global_orient": matrices[:, :1], "hand_pose": matrices[:, 1:]}
@@ -183,7 +191,7 @@ def test_nan_in_the_confidence_alone_is_told_as_such(mask):
 
 def test_a_confidence_of_zero_everywhere_is_noted():
     _, notes = read({"joints": JOINTS, "confidence": np.zeros(T)}, side="right")
-    assert notes == ("'confidence' is 0 everywhere: nothing of the hand is relied on",)
+    assert notes == ("'confidence' is 0 everywhere: it is ignored, and all keypoints count",)
 
 
 def test_frames_that_are_said_to_be_dropped_may_hold_anything():

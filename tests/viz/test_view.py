@@ -61,10 +61,11 @@ def test_hands_without_an_object_are_shown_alone(sequences, tmp_path, ending):
             assert len(picture.convert("RGB").getcolors(10**6)) > 50
 
 
-def test_an_object_whose_mesh_is_missing_is_refused(sequences, tmp_path):
+def test_hands_at_an_object_whose_mesh_is_not_known_are_shown_alone(sequences, tmp_path):
     moving = replace(sequences[1].object, meshes=())
-    with pytest.raises(InputError, match="expected the mesh of the object whose poses it has"):
-        view(replace(sequences[1], object=moving), tmp_path / "a.html")
+    shown = page_scene(view(replace(sequences[1], object=moving), tmp_path / "a.html"))
+    assert shown["parts"] == []
+    assert list(shown["versions"][0]["curves"]) == ["acceleration"]
 
 
 def test_the_ending_names_the_format(sequences, tmp_path):
