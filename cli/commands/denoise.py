@@ -72,6 +72,10 @@ def denoise(
 
     settings = options.cleaner(mano, chosen)
     sequence = sources.read(noisy, obj=obj, mano=mano, **chosen)
+    if report is not None:
+        from geneoh.viz.scene import refuse_lost_meshes
+
+        refuse_lost_meshes(sequence)
     with progress.progress_bars() as on_progress:
         result = geneoh.denoise(sequence, settings, on_progress=on_progress)
     geneoh.save(result, output)

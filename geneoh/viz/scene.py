@@ -209,13 +209,15 @@ def make_scene(
 ) -> Scene:
     """Pose and measure every hand of one or two versions of an interaction.
 
-    The object is that of the last sequence; hands without its mesh are shown alone. A hand that has
+    The object is that of the last sequence; hands without any mesh are shown alone. A hand that has
     only keypoints is fitted to them. Betas of MANO get MANO's mesh where the user has it, else the
     embedded hand with the same bones.
 
     `sequences` are by title, in the order before, after; `samples` are at any frame rate.
     """
     last_title, last = next(reversed(sequences.items()))
+    if body is None:
+        refuse_lost_meshes(last)
     for sequence in sequences.values():
         check_tracks(sequence)
         if sequence.frames != last.frames:
@@ -234,6 +236,15 @@ def make_scene(
     }
     scene = Scene(title or last_title, tuple(versions), last.object, last.fps, paced)
     return scene if body is None else with_body(scene, body)
+
+
+def refuse_lost_meshes(sequence: Sequence) -> None:
+    """`InputError` where a file names meshes that are gone; hands without any are shown alone."""
+    if sequence.object.missing and not sequence.object.meshes:
+        raise InputError(
+            f"{sequence.source}: expected the mesh of the object whose poses it has, got none; "
+            "pass --obj MESH"
+        )
 
 
 def with_body(scene: Scene, body: BodyRecording) -> Scene:

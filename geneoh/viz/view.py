@@ -57,7 +57,7 @@ def view(
         path: file to write; without it a page in a temporary file is opened in the browser.
         before: the input of the result, with as many frames.
         obj: mesh files of the object in metres, one per rigid part, for npz files; without them
-            those that the npz file names, where they are still there, else hands are shown alone.
+            those that the npz file names; hands without any are shown alone.
         title: of the page; the name of the file or the source of the sequence when left out.
         colouring: what the hands' colours show in pictures and films.
         up: axis of the world that points up; that of the body in the file, else z.
@@ -71,8 +71,8 @@ def view(
 
     Raises:
         InputError: a file cannot be read or written, the path is one of those that are read or of a
-            file that geneoh did not write, the ending is of no format, or the numbers of frames
-            differ.
+            file that geneoh did not write, the ending is of no format, the mesh that a
+            file names is not there any more, or the numbers of frames differ.
         ConfigError: a colouring or an axis that does not exist.
         MissingAssetError: a film without ffmpeg.
     """

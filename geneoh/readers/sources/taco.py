@@ -15,6 +15,9 @@ side is not stored: the published files hold left hands.
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+import torch
+
 from geneoh.choices import Side
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import Mesh, checked
@@ -105,4 +108,6 @@ def read_object(record: Record, path: Path, motion: Array, stored: Array | None)
     if path.with_suffix(".obj").is_file() or stored is None:
         return read_mesh(path.with_suffix(".obj"))
     verts = (stored[0] - motion[0, :3, 3]) @ motion[0, :3, :3]
-    return checked(Mesh(verts, record.array("obj_faces", ("F", 3))), record.where)
+    faces = np.int64(record.array("obj_faces", ("F", 3)))
+    mesh = Mesh(torch.from_numpy(np.float32(verts)), torch.from_numpy(faces))
+    return checked(mesh, record.where)
