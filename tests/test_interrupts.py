@@ -9,6 +9,14 @@ import pytest
 from geneoh.interrupts import interrupts_wait
 
 
+@pytest.fixture(autouse=True)
+def as_in_a_terminal():
+    """Ctrl-C raises KeyboardInterrupt; a job in the background ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 def test_an_interrupt_counts_at_the_end_of_the_block():
     def work() -> None:
         with interrupts_wait():
@@ -20,6 +28,13 @@ def test_an_interrupt_counts_at_the_end_of_the_block():
         work()
     assert reached
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_an_ignored_interrupt_stays_ignored():
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with interrupts_wait():
+        os.kill(os.getpid(), signal.SIGINT)
+    assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
 
 
 def test_other_threads_are_left_alone():
