@@ -135,6 +135,16 @@ def test_bare_joints_are_read_in_the_order_that_the_command_names(geneoh, tmp_pa
         np.testing.assert_array_equal(straight["right_joints"], same["right_joints"])
 
 
+@pytest.mark.parametrize("source", ["keypoints", "parameters"])
+def test_a_sequence_of_ours_is_told_to_need_no_source(geneoh, tmp_path, source):
+    write_good(tmp_path)
+    assert geneoh("denoise", "hand.npz", "-o", "clean.npz").exit_code == 0
+    done = geneoh("denoise", "--from", source, "clean.npz", "--obj", "object.obj")
+    assert done.exit_code == 2
+    assert "got a geneoh-sequence, which needs no source" in done.stderr
+    assert "without --from" in done.stderr
+
+
 def test_units_of_mesh_and_keypoints_change_nothing_but_the_scale(geneoh, tmp_path):
     write_good(tmp_path)
     run = ("denoise", "hand.npz", "--obj", "object.obj", "--preset", "fast")

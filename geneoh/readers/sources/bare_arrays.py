@@ -13,8 +13,9 @@ side by side, 51 or 61 numbers a frame. What the translation moves is never gues
 wrist or origin); the pose is taken as absolute unless --mean-pose.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -48,8 +49,7 @@ def keypoints(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """The one hand of a file, with the caller's object."""
     order = options.joint_order
     count = order_named(order).count
-    value = read_values(clip.path)
-    fields = value if isinstance(value, dict) else {"joints": value}
+    fields = fields_of(clip.path, lambda array: {"joints": array})
     record = Record(str(clip.path), fields, KEYPOINTS_REMEDY)
     side = side_of(record, options.side)
     points = record.array("joints", ("T", count, 3), ("T", 3 * count), (count, 3))
@@ -71,8 +71,7 @@ def keypoints(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
 @reads("*.npy", "*.npz", "*.pkl", takes=("translation", "mean_pose", "object_pose"))
 def parameters(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """The one hand of a file, with the caller's object."""
-    value = read_values(clip.path)
-    fields = value if isinstance(value, dict) else columns(clip.path, value)
+    fields = fields_of(clip.path, partial(columns, clip.path))
     record = Record(str(clip.path), fields, PARAMETERS_REMEDY)
     side = side_of(record, options.side)
     if options.translation is None:
@@ -97,6 +96,19 @@ def parameters(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts
     motion, about = stated_object(record, options)
     timed = {"fps": rate, "clock": clock, "notes": (*notes, *about, *more)}
     yield base.ClipParts(source, [hand], convention=use, stated=motion, **timed)
+
+
+def fields_of(path: Path, named: Callable[[Array], dict[str, Array]]) -> dict[str, Array]:
+    """The fields of a file; `named` gives those of a bare array. A geneoh-sequence is refused."""
+    value = read_values(path)
+    if not isinstance(value, dict):
+        return named(value)
+    if str(value.get("format")) == npz_layouts.FORMAT:
+        raise InputError(
+            f"{path}: expected bare arrays, got a {npz_layouts.FORMAT}, which needs no source; "
+            "give it to `geneoh denoise` without --from"
+        )
+    return value
 
 
 def stated_object(record: Record, options: base.ReaderOptions) -> tuple[ObjectTrack | None, Notes]:
