@@ -31,9 +31,13 @@ def test_an_interrupt_counts_at_the_end_of_the_block():
 
 
 def test_an_interrupt_counts_where_the_block_raises_too():
-    with pytest.raises(KeyboardInterrupt), interrupts_wait():
-        os.kill(os.getpid(), signal.SIGINT)
-        raise ValueError
+    def work() -> None:
+        with interrupts_wait():
+            os.kill(os.getpid(), signal.SIGINT)
+            raise ValueError
+
+    with pytest.raises(KeyboardInterrupt):
+        work()
 
 
 def test_an_ignored_interrupt_stays_ignored():

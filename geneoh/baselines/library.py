@@ -8,7 +8,7 @@ from typing_extensions import assert_never
 from geneoh.baselines.regression import RegressionConfig, RegressionDenoiser
 from geneoh.baselines.toch import TochAutoencoder, TochConfig
 from geneoh.choices import BaselineName
-from geneoh.denoisers.library import file_or_shipped, load_network
+from geneoh.nn.weights import file_or_shipped, load_network
 
 SHIPPED = Path(__file__).parent / "assets"  # NAME.safetensors inside the package
 BASELINES: tuple[BaselineName, ...] = get_args(BaselineName)

@@ -5,6 +5,8 @@ Words outside them, and misspelt ones, fall into several pieces.
 
 import re
 from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
 
 import torch
 from jaxtyping import Int
@@ -14,7 +16,9 @@ from tokenizers.pre_tokenizers import WhitespaceSplit
 from tokenizers.trainers import BpeTrainer
 from torch import Tensor
 
+from geneoh.errors import CheckpointError
 from geneoh.generators.text_network import PAD
+from geneoh.nn.checkpoint import load_checkpoint
 
 _UNKNOWN = "?"
 _START = "_"  # in front of the first piece of every word
@@ -39,6 +43,22 @@ def learned_pieces(sentences: Iterable[str], count: int) -> Tokenizer:
     )
     tokenizer.train_from_iterator((marked(words_of(each)) for each in sentences), trainer)
     return tokenizer
+
+
+def vocabulary_of(path: Path) -> Tokenizer:
+    """The vocabulary in the weights of a network that reads words itself.
+
+    Raises:
+        CheckpointError: the file holds no vocabulary.
+    """
+    record: dict[str, Any] = load_checkpoint(path).record
+    try:
+        return Tokenizer.from_str(record["tokenizer"])
+    except Exception as error:  # the library tokenizers raises plain ones
+        raise CheckpointError(
+            f"{path}: expected weights with their vocabulary, got others "
+            f"({str(error).splitlines()[-1].strip()}); train them again"
+        ) from error
 
 
 def marked(words: Sequence[str]) -> str:

@@ -3,15 +3,13 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import torch
 from tokenizers import Tokenizer
 from torch import Tensor
 
 from geneoh.choices import BODY_STAGES
-from geneoh.denoisers.library import file_or_shipped, load_network, refuse_none_of
-from geneoh.errors import CheckpointError, ConfigError
+from geneoh.errors import ConfigError
 from geneoh.generators.both2hands.blend import BlendConfig, Blender
 from geneoh.generators.both2hands.denoiser import (
     BodyHands,
@@ -19,9 +17,10 @@ from geneoh.generators.both2hands.denoiser import (
     TextHands,
     TextHandsConfig,
 )
-from geneoh.generators.pieces import marked, piece_numbers, words_of
+from geneoh.generators.pieces import marked, piece_numbers, vocabulary_of, words_of
 from geneoh.generators.text import foreign_encoder
 from geneoh.nn.checkpoint import load_checkpoint
+from geneoh.nn.weights import file_or_shipped, load_network, refuse_none_of
 from geneoh.training.resume import digest
 
 SHIPPED = Path(__file__).parent / "weights"  # the weights in the package, STAGE.safetensors
@@ -115,22 +114,6 @@ def refuse_other_branches(path: Path, branches: Branches) -> None:
             "got others; train it again with `geneoh train --stage blend` in the folder that holds "
             "those"
         )
-
-
-def vocabulary_of(path: Path) -> Tokenizer:
-    """The vocabulary in the weights of a network that reads words itself.
-
-    Raises:
-        CheckpointError: the file holds no vocabulary.
-    """
-    record: dict[str, Any] = load_checkpoint(path).record
-    try:
-        return Tokenizer.from_str(record["tokenizer"])
-    except Exception as error:  # the library tokenizers raises plain ones
-        raise CheckpointError(
-            f"{path}: expected weights with their vocabulary, got others "
-            f"({str(error).splitlines()[-1].strip()}); train them again"
-        ) from error
 
 
 def reader_of(tokenizer: Tokenizer, config: TextHandsConfig) -> Speech:

@@ -11,7 +11,6 @@ from tokenizers import Tokenizer
 
 from geneoh.choices import BodySource, BodyStage
 from geneoh.config import as_dict
-from geneoh.denoisers.library import load_network
 from geneoh.generators.both2hands.config import Both2HandsConfig
 from geneoh.generators.both2hands.denoiser import BodyHands, HandsConfig
 from geneoh.generators.both2hands.library import (
@@ -19,12 +18,12 @@ from geneoh.generators.both2hands.library import (
     load_branches,
     reader_of,
     refuse_other_scales,
-    vocabulary_of,
 )
 from geneoh.generators.both2hands.recorded import recorded_gestures
 from geneoh.generators.both2hands.training import HandsTask
-from geneoh.generators.pieces import learned_pieces
+from geneoh.generators.pieces import learned_pieces, vocabulary_of
 from geneoh.generators.text import foreign_encoder
+from geneoh.nn.weights import load_network
 from geneoh.progress import OnProgress
 from geneoh.synthesis.gestures.clips import Gestures
 from geneoh.synthesis.gestures.shards import DEFAULTS, read_gestures

@@ -9,7 +9,6 @@ from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.choices import GENERATOR_STAGES
-from geneoh.denoisers.library import file_or_shipped, load_network, refuse_none_of
 from geneoh.errors import CheckpointError, ConfigError
 from geneoh.generators.text import TextEncoder
 from geneoh.generators.text2hoi.contact import ContactConfig, ContactNetwork
@@ -18,6 +17,7 @@ from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork
 from geneoh.generators.text2hoi.refiner import RefinerConfig, RefinerNetwork
 from geneoh.generators.text2hoi.text import ASKED, load_text_encoder
 from geneoh.nn.checkpoint import load_checkpoint
+from geneoh.nn.weights import file_or_shipped, load_network, refuse_none_of
 
 SHIPPED = Path(__file__).parent / "weights"  # the weights in the package, STAGE.safetensors
 ALIKE = 0.1

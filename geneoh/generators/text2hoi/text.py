@@ -2,20 +2,16 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
-import torch
 from jaxtyping import Float
-from tokenizers import Tokenizer
 from torch import Tensor
 
-from geneoh.config import with_table
-from geneoh.denoisers.library import refuse_depths
 from geneoh.errors import CheckpointError
-from geneoh.generators.pieces import marked, piece_numbers, words_of
+from geneoh.generators.pieces import marked, piece_numbers, vocabulary_of, words_of
 from geneoh.generators.text import TextEncoder, foreign_encoder
 from geneoh.generators.text_network import Reading, TextConfig, TextNetwork
-from geneoh.nn.checkpoint import Checkpoint, load_checkpoint
+from geneoh.nn.checkpoint import load_checkpoint
+from geneoh.nn.weights import load_network
 
 SHIPPED = Path(__file__).parent / "weights" / "text.safetensors"
 ASKED = "Lift a mug with the right hand."
@@ -25,30 +21,19 @@ ASKED = "Lift a mug with the right hand."
 class TextModel:
     """Our own encoder with its vocabulary and the classes of its heads."""
 
-    def __init__(self, checkpoint: Checkpoint, file: str) -> None:
-        """Rebuild the network; `file` is named in errors.
-
-        Raises:
-            CheckpointError: the checkpoint is not of a text encoder of this version.
-        """
-        record: dict[str, Any] = checkpoint.record
+    def __init__(self, path: Path) -> None:
+        """Read a file of weights; see `load_text_model`."""
+        self.network = load_network(path, TextNetwork, TextConfig)
+        self.tokenizer = vocabulary_of(path)
         try:
-            size = dict(record["config"]["text"])
-            refuse_depths(size, len(checkpoint.tensors))
-            config = with_table(TextConfig(), size, file)
-            with torch.device("meta"):
-                network = TextNetwork(config)
-            network.load_state_dict(checkpoint.tensors, assign=True)
-            self.tokenizer = Tokenizer.from_str(record["tokenizer"])
-            self.verbs: list[str] = list(record["classes"]["verbs"])
-            self.hands: list[str | None] = list(record["classes"]["hands"])
-        except Exception as error:  # the library tokenizers raises plain ones
+            classes = load_checkpoint(path).record["classes"]
+            self.verbs: list[str] = list(classes["verbs"])
+            self.hands: list[str | None] = list(classes["hands"])
+        except (KeyError, TypeError) as error:
             raise CheckpointError(
-                f"{file}: expected weights of this version's text encoder, got others "
-                f"({str(error).splitlines()[-1].strip()}); train them again with "
-                "`geneoh train --stage text`"
+                f"{path}: expected weights with the classes that they tell apart, got others; "
+                "train them again with `geneoh train --stage text`"
             ) from error
-        self.network = network.eval().requires_grad_(False)
 
     def vectors(self, sentences: Sequence[str]) -> Float[Tensor, "B W"]:
         """The vectors of one sentence or more."""
@@ -70,7 +55,7 @@ def load_text_model(path: Path = SHIPPED) -> TextModel:
     Raises:
         CheckpointError: the file is missing or holds something else.
     """
-    return TextModel(load_checkpoint(path), str(path))
+    return TextModel(path)
 
 
 def load_text_encoder(folder: Path | None = None) -> TextEncoder:

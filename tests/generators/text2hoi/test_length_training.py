@@ -4,11 +4,11 @@ import pytest
 import torch
 from made_actions import NAMES, WordEncoder, made_actions
 
-from geneoh.denoisers.library import load_network
 from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork
 from geneoh.generators.text2hoi.length_training import LengthTask, LengthTrainConfig
 from geneoh.generators.text2hoi.samples import ActionData
 from geneoh.generators.text2hoi.text import load_text_encoder
+from geneoh.nn.weights import load_network
 from geneoh.streamed import Streamed
 from geneoh.synthesis.actions import VERBS
 from geneoh.training.data import TrainingData

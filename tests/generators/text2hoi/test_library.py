@@ -1,7 +1,6 @@
 import pytest
 import torch
 
-from geneoh.denoisers.library import load_network
 from geneoh.errors import CheckpointError, ConfigError
 from geneoh.generators.text import TextEncoder
 from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork
@@ -14,6 +13,7 @@ from geneoh.generators.text2hoi.library import (
 from geneoh.generators.text2hoi.text import load_text_encoder
 from geneoh.generators.text2hoi.training import text_record
 from geneoh.nn.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
+from geneoh.nn.weights import load_network
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from geneoh.generators.text2hoi.text import (
     load_text_model,
 )
 from geneoh.generators.text2hoi.text_training import accuracy
-from geneoh.nn.checkpoint import Checkpoint, save_checkpoint
+from geneoh.nn.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
 
 
 @pytest.fixture(scope="module")
@@ -105,12 +105,18 @@ def test_padding_by_longer_sentences_changes_no_vector(shipped):
 def test_weights_of_another_network_are_refused(tmp_path):
     path = tmp_path / "text.safetensors"
     save_checkpoint(path, Checkpoint({"a": torch.zeros(2)}, {"config": {"text": {}}}))
-    with pytest.raises(CheckpointError, match="expected weights of this version's text encoder"):
+    with pytest.raises(CheckpointError, match="expected weights of this version's text network"):
         load_text_encoder(tmp_path)
     endless = {"config": {"text": {"depth": 10**9}}}  # would not end being built
     save_checkpoint(path, Checkpoint({"a": torch.zeros(2)}, endless))
     with pytest.raises(CheckpointError, match="depth must be at most 1"):
         load_text_encoder(tmp_path)
+    shipped = load_checkpoint(SHIPPED)
+    for missing, words in (("tokenizer", "their vocabulary"), ("classes", "the classes that")):
+        record = {name: value for name, value in shipped.record.items() if name != missing}
+        save_checkpoint(path, Checkpoint(shipped.tensors, record))
+        with pytest.raises(CheckpointError, match=f"expected weights with {words}"):
+            load_text_encoder(tmp_path)
 
 
 def test_missing_folders_and_folders_without_a_model_are_refused(tmp_path):

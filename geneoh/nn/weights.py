@@ -1,0 +1,68 @@
+"""Files of weights: which one is meant, and the network that it holds."""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+import torch
+from torch import nn
+
+from geneoh.config import with_table
+from geneoh.errors import CheckpointError
+from geneoh.nn.checkpoint import load_checkpoint
+
+NetConfig = TypeVar("NetConfig")
+Network = TypeVar("Network", bound=nn.Module)
+
+
+def load_network(
+    path: Path, network: Callable[[NetConfig], Network], config: Callable[..., NetConfig]
+) -> Network:
+    """A network of the saved size with the saved weights, for use without training.
+
+    The file is named as its config is in its record.
+
+    Raises:
+        CheckpointError: the file is missing or holds another network.
+    """
+    saved, name = load_checkpoint(path), path.stem
+    try:
+        with torch.device("meta"):  # draws no random numbers, and takes the type of the weights
+            size = dict(saved.record["config"][name])
+            refuse_depths(size, len(saved.tensors))
+            built = network(with_table(config(), size, str(path)))
+        built.load_state_dict(saved.tensors, assign=True)
+    except (RuntimeError, KeyError, TypeError, ValueError) as error:
+        raise CheckpointError(
+            f"{path}: expected weights of this version's {name} "
+            f"network, got others ({str(error).splitlines()[-1].strip()}); train them again"
+        ) from error
+    return built.eval().requires_grad_(False)
+
+
+def refuse_depths(size: Mapping[str, Any], most: int) -> None:
+    """`ValueError` for more blocks than a file has tensors, which would not end being built."""
+    for name, value in size.items():
+        if isinstance(value, Mapping):
+            refuse_depths(value, most)
+        elif name.endswith("depth") and isinstance(value, int) and value > most:
+            raise ValueError(f"{name} must be at most {most}, got {value}")
+
+
+def file_or_shipped(name: str, folder: Path | None, shipped: Path) -> Path:
+    """The file of weights in a folder that has it, else the one in the folder of shipped ones."""
+    given = None if folder is None else folder / f"{name}.safetensors"
+    return given if given is not None and given.is_file() else shipped / f"{name}.safetensors"
+
+
+def refuse_none_of(names: Sequence[str], folder: Path | None) -> None:
+    """Refuse a folder without weights of any name, for which the shipped ones would be taken.
+
+    Raises:
+        CheckpointError: none is there.
+    """
+    if folder is not None and not any((folder / f"{name}.safetensors").is_file() for name in names):
+        raise CheckpointError(
+            f"{folder}: expected weights of {', '.join(names)} (NAME.safetensors), one or more, "
+            "found none; name the folder that `geneoh train` wrote to, or leave it out"
+        )
