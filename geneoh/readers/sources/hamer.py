@@ -1,52 +1,35 @@
-"""What HaMeR and WiLoR put out, dumped by their users: one file of all frames or one for each
-image.
+"""What HaMeR and WiLoR put out, dumped by their users: one file of all images or one for each.
 
 pred_mano_params {global_orient (B, 1, 3, 3), hand_pose (B, 15, 3, 3), betas}, pred_keypoints_3d
 (B, 21, 3), pred_cam (B, 3), with box_center, box_size, img_size and right from the batch, or what
 the demos make of those: pred_cam_t_full and scaled_focal_length; 'frame', the image number of each
-row; needed wherever an image may have two hands or none. Both estimate right hands only: left ones
-were mirrored, and are here mirrored back. Camera frame, metres; the demos' focal length puts hands
-much too far away: --focal.
+row; needed wherever an image may have two hands or none. Camera frame, metres; the demos' focal
+length puts hands much too far away: --focal. WiLoR-mini's results are read too: the same fields
+under 'wilor_preds', with axis-angle vectors.
+
+Both estimate right hands only: left ones were mirrored, and are here mirrored back. The demos
+mirror some of the fields back themselves, in place, and WiLoR-mini all of them; which of them a
+dump holds is found from how its fields fit each other.
 """
 
-from collections.abc import Iterable
-from itertools import groupby
-from pathlib import Path
+from itertools import product
 
 import numpy as np
+import torch
 
 from geneoh.choices import Side
-from geneoh.errors import InputError
-from geneoh.geometry.mirror import mirror_axis_angle, mirror_points
+from geneoh.geometry.mirror import mirror_axis_angle, mirror_points, mirror_rotations
+from geneoh.hand.library import load_hand
 from geneoh.hand.mano import MENDED
 from geneoh.readers import base, transforms
 from geneoh.readers.builders import hand_track
 from geneoh.readers.dataset_reader import reads
-from geneoh.readers.foreign_files import frame_number, read_record
-from geneoh.readers.records import FRAME_LIMIT, Array, Record
+from geneoh.readers.hamer_dumps import ENDINGS, Detections, dumps, read_detections
+from geneoh.readers.records import Array
 from geneoh.sequence.sequence import HandTrack
 
-ENDINGS = (".pkl", ".pickle", ".npz", ".pt", ".pth", ".npy")
-DEMO_FOCAL = 5000.0 / 256.0
-"""Focal length in the demos, as a share of the longer side of the image."""
 FOCAL_NOTE = "the demos' focal length: much too deep, pass --focal"
-AS_DUMPED = "dump the estimator's output as the page on estimators shows"
-ORDER_NOTE = "no 'frame': each row is taken for the image after that of the row before"
-
-Detection = dict[str, Array]
-"""What was estimated for one hand in one image: turns, betas, points, right, trans."""
-Found = tuple[int, Detection]
-"""A detection with its frame."""
-
-
-def dumps(found: Iterable[Path], path: Path) -> list[Path]:
-    """Every file of several frames, and every folder of one file for each frame."""
-    chosen: list[Path] = []
-    for folder, files in groupby(sorted(found, key=lambda p: (p.parent, p)), lambda p: p.parent):
-        members = list(files)
-        numbered = all(p.stem.lstrip("abcdefghijklmnopqrstuvwxyz_").isdigit() for p in members)
-        chosen += [folder] if numbered and len(members) > 1 else members
-    return chosen
+MIRRORED_NOTE = "of left hands some fields were mirrored back already"
 
 
 @reads(
@@ -58,13 +41,15 @@ def dumps(found: Iterable[Path], path: Path) -> list[Path]:
 )
 def hamer(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Up to two hands in the camera's frame, with the caller's object."""
-    detections, notes = read_detections(clip.path, options)
-    first, last = min(frame for frame, _ in detections), max(frame for frame, _ in detections)
+    found, notes = read_detections(clip.path, options.focal)
+    found, more = as_estimated(found)
+    first, last = int(found.frame.min()), int(found.frame.max())
     hands = [FollowedHand(side, last - first + 1) for side in ("right", "left")]
-    for frame, detection in sorted(detections, key=lambda row: row[0]):
+    for row in np.argsort(found.frame, kind="stable"):
         for hand in hands:
-            hand.add(frame - first, detection)
+            hand.add(int(found.frame[row]) - first, found[[row]])
     hands = [hand for hand in hands if hand.betas]
+    notes = (*notes, *more)
     yield base.ClipParts(
         f"HaMeR or WiLoR {clip.name}",
         [hand.track() for hand in hands],
@@ -88,13 +73,15 @@ class FollowedHand:
         self.before = np.full(3, np.nan)
         """The wrist in the frame with a hand before that one."""
 
-    def add(self, frame: int, detection: Detection) -> None:
-        """Take a detection of this side, of several at once the nearest to the last; in order."""
-        right = detection["right"] > 0.5
+    def add(self, frame: int, detection: Detections) -> None:
+        """Take the one detection if it is of this side, of several in a frame the nearest to the
+        last. Frames come in order.
+        """
+        right = bool(detection.right[0])
         if right != (self.side == "right"):
             return
-        points = detection["points"]
-        joints = (points if right else mirror_points(points)) + detection["trans"]
+        points = detection.points[0]
+        joints = (points if right else mirror_points(points)) + detection.place[0]
         if frame == self.last:
             now = np.linalg.norm(self.joints[frame, 0] - self.before)
             if not np.linalg.norm(joints[0] - self.before) < now:
@@ -102,10 +89,10 @@ class FollowedHand:
             self.betas.pop()
         elif self.last >= 0:
             self.before = self.joints[self.last, 0].copy()
-        pose = transforms.axis_angles(detection["turns"])
+        pose = transforms.axis_angles(detection.turns[0])
         self.pose[frame] = pose if right else mirror_axis_angle(pose)
         self.joints[frame], self.last = joints, frame
-        self.betas.append(detection["betas"])
+        self.betas.append(detection.betas[0])
 
     def track(self) -> HandTrack:
         """The track; the wrist is the first keypoint."""
@@ -114,100 +101,45 @@ class FollowedHand:
         return hand_track(self.side, self.joints, **numbers, left_hand=MENDED)  # right, mirrored
 
 
-def read_detections(path: Path, options: base.ReaderOptions) -> tuple[list[Found], tuple[str, ...]]:
-    """Every detection with its frame, and what was assumed of these."""
-    files = [path] if path.is_file() else sorted(p for p in path.iterdir() if p.suffix in ENDINGS)
-    found: list[Found] = []
-    notes: tuple[str, ...] = ()
-    for file in files:
-        record = read_record(file, AS_DUMPED)
-        if is_empty(record):
-            continue
-        batch = read_batch(record, options)
-        count = len(batch["right"])
-        if "frame" in record:
-            frames = record.integers("frame")
-        elif path.is_file():
-            refuse_pairs(record, batch["right"])
-            frames, notes = list(range(count)), (ORDER_NOTE,) if count > 1 else ()
-        else:
-            frames = [frame_number(file)] * count
-        if len(frames) != count or min(frames) < 0 or max(frames) > FRAME_LIMIT:
-            wanted = f"a frame's number, 0 to {FRAME_LIMIT}, for each of {count} detections"
-            raise record.refuse("frame", wanted)
-        for index, frame in enumerate(frames):
-            found.append((frame, {name: values[index] for name, values in batch.items()}))
-    if not found:
-        raise InputError(f"{path}: expected detections, got none; check the dump")
-    return found, notes
+def as_estimated(found: Detections) -> tuple[Detections, tuple[str, ...]]:
+    """Detections whose left hands are as they were estimated, of mirrored pictures, and a note.
 
-
-def side_field(record: Record) -> str:
-    """The name of the field that says of each detection whether it is a right hand."""
-    return "is_right" if "is_right" in record and "right" not in record else "right"
-
-
-def is_empty(record: Record) -> bool:
-    """Whether a file holds no detection, as that of an image without a hand."""
-    names = (side_field(record), "pred_keypoints_3d")
-    return all(name in record and not record.numbers(name).size for name in names)
-
-
-def refuse_pairs(record: Record, right: Array) -> None:
-    """Refuse hands of both sides that do not say which of them are of one image."""
-    if len(np.unique(right > 0.5)) > 1:
-        expected = "the number of each row's image, where a file has hands of both sides"
-        raise record.refuse("frame", expected, "dump it too, or each hand to its own file")
-
-
-def read_batch(record: Record, options: base.ReaderOptions) -> Detection:
-    """Rotations, betas, keypoints, full-image translation and side of each detection."""
-    params = record.record("pred_mano_params")
-    orient = params.array("global_orient", ("B", 1, 3, 3))
-    fingers = params.array("hand_pose", ("B", 15, 3, 3))
-    params.refuse_lengths("global_orient", "hand_pose")
-    transforms.refuse_other_matrices(params, "global_orient", orient)
-    transforms.refuse_other_matrices(params, "hand_pose", fingers)
-    batch = {
-        "turns": np.concatenate([orient, fingers], axis=1),
-        "betas": params.array("betas", ("B", 10)),
-        "points": record.array("pred_keypoints_3d", ("B", 21, 3)),
-        "right": record.array(side_field(record), ("B",), ("B", 1)).reshape(-1),
-    }
-    if ((batch["right"] < 0) | (batch["right"] > 1)).any():
-        wanted = "1 for a right hand and 0 for a left one in each row"
-        raise record.refuse(side_field(record), wanted)
-    batch["trans"] = full_translation(record, batch["right"], options)
-    if len({len(values) for values in batch.values()}) > 1:
-        raise record.refuse("pred_mano_params", "one row for each detection")
-    return batch
-
-
-def full_translation(record: Record, right: Array, options: base.ReaderOptions) -> Array:
-    """(B, 3) in the whole image's camera, from the weak-perspective camera of the crop.
-
-    Source: cam_crop_to_full in HaMeR, with the true focal length where the caller knows it.
+    Poses and keypoints are mirrored or not as they fit each other by the kinematics of a right
+    hand. The crop's camera then has the sign by which keypoints lie in the middle of their crop.
     """
-    if "pred_cam_t_full" in record and "box_center" not in record:
-        place = record.array("pred_cam_t_full", ("B", 3)).copy()
-        if options.focal is not None:  # only the depth depends on it
-            place[:, 2] *= options.focal / record.finite("scaled_focal_length")
-        return place
-    for name in ("pred_cam", "box_center", "box_size", "img_size"):
-        if name not in record:
-            raise record.refuse(name, "dumped as well: a crop's own camera says no place")
-    camera = record.side_by_side(pred_cam=3, box_center=2, box_size=1, img_size=2)
-    if len(camera) != len(right):
-        raise record.refuse("pred_cam", "one row for each detection")
-    if (camera[:, 0] <= 0).any():
-        raise record.refuse("pred_cam", "a positive scale and two shifts in each row")
-    cam, centre, size, image = camera[:, :3], camera[:, 3:5], camera[:, 5], camera[:, 6:]
-    focal = DEMO_FOCAL * image.max(1) if options.focal is None else options.focal
-    spread = size * cam[:, 0] + 1e-9  # as HaMeR has it, against a division by zero
-    shift = 2 * (centre - image / 2) / spread[:, None]
-    # The demos turn pred_cam's sign in place; pred_cam_t keeps what it was.
-    own = record.side_by_side(pred_cam_t=3) if "pred_cam_t" in record else cam[:, 1:]
-    if len(own) != len(right):
-        raise record.refuse("pred_cam_t", "one row for each detection")
-    across = own[:, 0] * (2 * right - 1)
-    return np.stack([across + shift[:, 0], cam[:, 2] + shift[:, 1], 2 * focal / spread], axis=1)
+    left = ~found.right
+    if not left.any():
+        return found, ()
+    rows = found[left]
+    errors = {
+        choice: kinematic_error(
+            mirror_rotations(rows.turns) if choice[0] else rows.turns,
+            mirror_points(rows.points) if choice[1] else rows.points,
+        )
+        for choice in product((False, True), repeat=2)
+    }
+    pose_mirrored, points_mirrored = min(errors, key=errors.__getitem__)
+    if pose_mirrored:
+        found.turns[left] = mirror_rotations(rows.turns)
+    if points_mirrored:
+        found.points[left] = mirror_points(rows.points)
+    crop_mirrored = off_crop(found[left], -1) < off_crop(found[left], 1)
+    if crop_mirrored:
+        found.place[left, 0] += 2 * found.crop[left, 1]
+    changed = pose_mirrored or points_mirrored or crop_mirrored
+    return found, (MIRRORED_NOTE,) if changed else ()
+
+
+def kinematic_error(turns: Array, points: Array) -> float:
+    """Mean distance, metres, of keypoints from those of a right hand of mean shape in a pose."""
+    hand = load_hand("right").shaped(torch.zeros(10))
+    posed = hand.joints_from_rotations(torch.from_numpy(turns).float(), torch.zeros(3)).numpy()
+    return float(np.nanmean(np.linalg.norm(posed - (points - points[:, :1]), axis=-1)))
+
+
+def off_crop(rows: Detections, sign: int) -> float:
+    """How far the keypoints' middle is from that of the crop, in halves of it, by a sign of the
+    crop's shift to the side; zero where no crop is known."""
+    x = rows.points[..., 0]
+    middle = (x.min(-1) + x.max(-1)) / 2
+    return float(np.nan_to_num(np.abs(rows.crop[:, 0] * (middle + sign * rows.crop[:, 1]))).mean())

@@ -64,15 +64,15 @@ def hamer(root: Path, s: Scene, wrong: bool) -> None:
             centre = image / 2 + [30.0, -20.0]
             spread = 2 * focal / trans[2]
             shift = 2 * (centre - image / 2) / spread
-            keep = np.ones(3) if wrong else flip
             pose = turns(s.pose[side][t] * (1 if right else -FLIP))
+            pose = pose.transpose(0, 2, 1) if wrong else pose
             for name, value in {
                 "right": float(right),
                 "frame": t,
                 "box_center": centre,
                 "box_size": box,
                 "img_size": image,
-                "pred_keypoints_3d": (s.joints[side][t] - trans) * keep,
+                "pred_keypoints_3d": (s.joints[side][t] - trans) * flip,
                 "pred_cam": [
                     spread / box,
                     (trans[0] - shift[0]) * flip[0],

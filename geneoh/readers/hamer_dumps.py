@@ -1,0 +1,278 @@
+"""Detections of HaMeR and WiLoR, in whatever a user of theirs saved them.
+
+A batch of detections is a dict of the fields that `geneoh.readers.sources.hamer` names. A dump is
+one, a list of them, or a dict of them by image; those of WiLoR-mini have their fields under
+'wilor_preds'.
+"""
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, fields
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from geneoh.errors import InputError
+from geneoh.files.values import read_values
+from geneoh.readers import transforms
+from geneoh.readers.foreign_files import read_json
+from geneoh.readers.records import FRAME_LIMIT, Array, Record, described
+
+ENDINGS = (".pkl", ".pickle", ".npz", ".pt", ".pth", ".npy", ".json")
+DEMO_FOCAL = 5000.0 / 256.0
+"""Focal length in the demos, as a share of the longer side of the image."""
+AS_DUMPED = "dump the estimator's output as the page on estimators shows"
+ORDER_NOTE = "no 'frame': each row is taken for the image after that of the row before"
+PARAMETERS = ("global_orient", "hand_pose", "betas")
+MARKS = ("pred_mano_params", "wilor_preds", "hand_bbox", *PARAMETERS[:2])
+"""Fields of which a batch has one or more."""
+MOST_PEOPLE = 10
+"""Hands of one image that names of files number."""
+
+Batch = tuple[int | None, Record]
+"""Detections with the number of their image, where something tells it."""
+
+
+@dataclass(frozen=True)
+class Detections:
+    """N detections; of a left hand as it was estimated, of a mirrored picture, or as it is."""
+
+    frame: Array
+    """(N,) number of the image."""
+    right: Array
+    """(N,) whether it is a right hand."""
+    turns: Array
+    """(N, 16, 3, 3) rotations of the wrist and the fingers' joints."""
+    betas: Array
+    """(N, 10) shape."""
+    points: Array
+    """(N, 21, 3) keypoints about the hand's own origin, metres."""
+    place: Array
+    """(N, 3) origin in the camera of the whole image, metres."""
+    crop: Array
+    """(N, 3) scale and shifts of the crop's camera, of which `place` was made; NaN if unknown."""
+
+    def __getitem__(self, rows: Any) -> "Detections":
+        """Some of the detections."""
+        return Detections(**{each.name: getattr(self, each.name)[rows] for each in fields(self)})
+
+
+def dumps(found: Iterable[Path], path: Path) -> list[Path]:
+    """Every file of several frames, and every folder of one file for each frame."""
+    chosen: list[Path] = []
+    for folder, files in groupby(sorted(found, key=lambda p: (p.parent, p)), lambda p: p.parent):
+        members = list(files)
+        alone = [member for member in members if member.suffix != ".json"]
+        chosen += [folder] if any(len(each) > 1 for each in named_alike(members)) else alone
+    return chosen
+
+
+def named_alike(files: Iterable[Path]) -> list[list[Path]]:
+    """The files with a number in their names, of which those differ in nothing but numbers."""
+    alike: dict[str, list[Path]] = {}
+    for file in files:
+        if (name := re.sub(r"\d+", "#", file.name)) != file.name:
+            alike.setdefault(name, []).append(file)
+    return list(alike.values())
+
+
+def frames_of_names(names: list[str], where: Path) -> list[int]:
+    """The number of each image by names that differ in a number, or also in one of a hand in it."""
+    numbers = np.array([[*map(int, re.findall(r"\d+", name))] for name in names], dtype=object)
+    differing = [column for column in numbers.T if len(set(column)) > 1]
+    if len(differing) == 2 and len(set(differing[1])) <= min(len(set(differing[0])), MOST_PEOPLE):
+        differing = differing[:1]
+    if len(differing) != 1 or max(differing[0]) > FRAME_LIMIT:
+        raise InputError(
+            f"{where}: expected names that differ in one number, 0 to {FRAME_LIMIT}, that of the "
+            f"image, got {names[0]} to {names[-1]}; rename the files, or give those of each "
+            "recording a folder of their own"
+        )
+    return differing[0].tolist()
+
+
+def read_detections(path: Path, focal: float | None) -> tuple[Detections, tuple[str, ...]]:
+    """Every detection of a file or a folder, and what was assumed of these."""
+    found, notes = [], []
+    batches = batches_of_file(path) if path.is_file() else batches_of_folder(path, notes)
+    for number, record in batches:
+        if is_empty(record):
+            continue
+        made = read_batch(record, focal, number)
+        if number is None and "frame" not in record and len(made.right) > 1:
+            refuse_pairs(record, made.right)
+            notes = [ORDER_NOTE]
+        found.append(made)
+    if not found:
+        raise InputError(f"{path}: expected detections, got none; check the dump")
+    joined = {each.name: [getattr(one, each.name) for one in found] for each in fields(Detections)}
+    return Detections(**{name: np.concatenate(parts) for name, parts in joined.items()}), (*notes,)
+
+
+def batches_of_file(path: Path) -> Iterator[Batch]:
+    """The batches of a file of all images: of a list each item is an image, of a dict each name."""
+    value = read_json(path) if path.suffix == ".json" else read_values(path)
+    value = value.tolist() if isinstance(value, np.ndarray) and value.ndim else value
+    if is_batch(value):
+        yield None, Record(str(path), value, AS_DUMPED)
+    elif isinstance(value, Mapping) and all(re.search(r"\d", str(name)) for name in value):
+        names = [str(name) for name in value]
+        numbers = frames_of_names(names, path) if len(names) > 1 else [0] * len(names)
+        for frame, (name, image) in zip(numbers, value.items(), strict=True):
+            yield from batches_of_image(image, f"{path} '{name}'", frame)
+    elif isinstance(value, list | tuple):
+        for frame, image in enumerate(value):
+            yield from batches_of_image(image, f"{path}, image {frame}", frame)
+    else:
+        raise no_batch(value, str(path))
+
+
+def batches_of_folder(folder: Path, notes: list[str]) -> Iterator[Batch]:
+    """The batches of the files of a folder that are named alike, a file for an image."""
+    files = sorted(each for each in folder.iterdir() if each.suffix in ENDINGS)
+    several = [alike for alike in named_alike(files) if len(alike) > 1]
+    if len(several) != 1:
+        raise InputError(
+            f"{folder}: expected files of one recording, named alike but for the image's number, "
+            f"got {len(several)} sets of such; give each a folder of its own"
+        )
+    (alike,) = several
+    if others := [file.name for file in files if file not in alike]:
+        notes.append(f"not read: {', '.join(others[:4])}{', ...' * (len(others) > 4)}")
+    numbers = frames_of_names([file.stem for file in alike], folder)
+    for frame, file in zip(numbers, alike, strict=True):
+        value = read_json(file) if file.suffix == ".json" else read_values(file)
+        value = value.tolist() if isinstance(value, np.ndarray) and value.ndim else value
+        yield from batches_of_image(value, str(file), frame)
+
+
+def batches_of_image(value: Any, where: str, frame: int) -> Iterator[Batch]:
+    """The batches of one image: one, or a list of them."""
+    if value is None:
+        return
+    for each in value if isinstance(value, list | tuple) else (value,):
+        if not is_batch(each):
+            raise no_batch(each, where)
+        yield frame, Record(where, each, AS_DUMPED)
+
+
+def is_batch(value: Any) -> bool:
+    """Whether a value is detections of hands."""
+    return isinstance(value, Mapping) and any(mark in value for mark in MARKS)
+
+
+def no_batch(value: Any, where: str) -> InputError:
+    """The error for a value that is no detections."""
+    return InputError(
+        f"{where}: expected detections as a dict with 'pred_mano_params', got {described(value)}; "
+        + AS_DUMPED
+    )
+
+
+def side_field(record: Record) -> str:
+    """The name of the field that says of each detection whether it is a right hand."""
+    return "is_right" if "is_right" in record and "right" not in record else "right"
+
+
+def is_empty(record: Record) -> bool:
+    """Whether a batch holds no detection, as that of an image without a hand."""
+    names = (side_field(record), "pred_keypoints_3d")
+    return all(name in record and not record.numbers(name).size for name in names)
+
+
+def refuse_pairs(record: Record, right: Array) -> None:
+    """Refuse hands of both sides that do not say which of them are of one image."""
+    if len(np.unique(right)) > 1:
+        expected = "the number of each row's image, where a file has hands of both sides"
+        raise record.refuse("frame", expected, "dump it too, or each hand to its own file")
+
+
+def read_batch(record: Record, focal: float | None, number: int | None) -> Detections:
+    """The detections of a batch; `number` is that of their image, where rows do not say theirs."""
+    side = side_field(record)
+    right = record.array(side, ("B",), ("B", 1), ()).reshape(-1)
+    if ((right < 0) | (right > 1)).any():
+        raise record.refuse(side, "1 for a right hand and 0 for a left one in each row")
+    if "wilor_preds" in record:
+        inner = record.record("wilor_preds")
+        record = Record(inner.where, {**record.values, **inner.values}, AS_DUMPED)
+    named = "pred_mano_params" in record or not any(name in record for name in PARAMETERS)
+    params = record.record("pred_mano_params") if named else record
+    turns = [
+        turns_of(params, name, count) for name, count in (("global_orient", 1), ("hand_pose", 15))
+    ]
+    params.refuse_lengths("global_orient", "hand_pose")
+    place, crop = place_of(record, right, focal)
+    frame = frames_of_rows(record, len(right), number)
+    betas, points = (
+        params.array("betas", ("B", 10)),
+        record.array("pred_keypoints_3d", ("B", 21, 3)),
+    )
+    made = Detections(frame, right > 0.5, np.concatenate(turns, axis=1), betas, points, place, crop)
+    if len({len(getattr(made, each.name)) for each in fields(made)}) > 1:
+        raise record.refuse("pred_mano_params", "one row for each detection")
+    return made
+
+
+def turns_of(params: Record, name: str, count: int) -> Array:
+    """(B, count, 3, 3) rotations of a field: matrices, or the axis-angle vectors of WiLoR-mini."""
+    values = params.array(name, ("B", count, 3, 3), ("B", count, 3), ("B", 3 * count))
+    if values.ndim == 4:
+        transforms.refuse_other_matrices(params, name, values)
+        return values
+    return transforms.rotation_matrices(values.reshape(-1, count, 3))
+
+
+def frames_of_rows(record: Record, count: int, number: int | None) -> Array:
+    """(B,) the number of each row's image."""
+    frames = [*range(count)] if number is None else [number] * count
+    if "frame" in record:
+        frames = record.integers("frame")
+    if len(frames) != count or min(frames) < 0 or max(frames) > FRAME_LIMIT:
+        wanted = f"a frame's number, 0 to {FRAME_LIMIT}, for each of {count} detections"
+        raise record.refuse("frame", wanted)
+    return np.array(frames)
+
+
+def place_of(record: Record, right: Array, focal: float | None) -> tuple[Array, Array]:
+    """(B, 3) place in the whole image's camera, and (B, 3) the crop's camera that it was made of.
+
+    It is `pred_cam_t_full` of the demos, or made as there (cam_crop_to_full), with the true focal
+    length in pixels where the caller knows it.
+    """
+    if "pred_cam_t_full" in record:
+        place = record.array("pred_cam_t_full", ("B", 3)).copy()
+        if focal is not None:  # only the depth depends on it
+            place[:, 2] *= focal / focal_of_demo(record)
+        return place, np.full(place.shape, np.nan)
+    for name in ("pred_cam", "box_center", "box_size", "img_size"):
+        if name not in record:
+            raise record.refuse(name, "dumped as well: a crop's own camera says no place")
+    camera = record.side_by_side(pred_cam=3, box_center=2, box_size=1, img_size=2)
+    if len(camera) != len(right):
+        raise record.refuse("pred_cam", "one row for each detection")
+    if (camera[:, 0] <= 0).any():
+        raise record.refuse("pred_cam", "a positive scale and two shifts in each row")
+    cam, centre, size, image = camera[:, :3], camera[:, 3:5], camera[:, 5], camera[:, 6:]
+    focal = DEMO_FOCAL * image.max(1) if focal is None else focal
+    spread = size * cam[:, 0] + 1e-9  # as HaMeR has it, against a division by zero
+    shift = 2 * (centre - image / 2) / spread[:, None]
+    # The demos turn pred_cam's sign in place; pred_cam_t keeps what it was.
+    own = record.side_by_side(pred_cam_t=3) if "pred_cam_t" in record else cam[:, 1:]
+    if len(own) != len(right):
+        raise record.refuse("pred_cam_t", "one row for each detection")
+    across = own[:, 0] * (2 * right - 1)
+    place = np.stack([across + shift[:, 0], cam[:, 2] + shift[:, 1], 2 * focal / spread], axis=1)
+    return place, np.full(cam.shape, np.nan) if "pred_cam_t" in record else cam
+
+
+def focal_of_demo(record: Record) -> Array | float:
+    """The focal length, in pixels, that the demo made the place with."""
+    if "scaled_focal_length" not in record and "img_size" in record:
+        return DEMO_FOCAL * record.array("img_size", ("B", 2)).max(1)
+    given = record.array("scaled_focal_length", ("B",), ("B", 1), ()).reshape(-1)
+    if not (np.isfinite(given) & (given > 0)).all():
+        raise record.refuse("scaled_focal_length", "positive finite numbers")
+    return given
