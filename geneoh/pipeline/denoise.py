@@ -203,7 +203,7 @@ def _fitted(
     surface = hand.object.surface() if hand.object.meshes else None
     near = torch.full_like(poses, float(surface is not None and chosen.has_object))
     if surface is not None and chosen.has_object and chosen.clean_object:
-        near = evidence_of_nearness(subject.joints, surface, hand.fps)
+        near = evidence_of_nearness(subject.joints, surface, hand.fps, hand.track.camera_ray)
     seconds: dict[str, float] = {}
     progress_of = timed(on_progress, seconds)
     stages = StageRun(denoisers, subject, given, progress_of, generator)

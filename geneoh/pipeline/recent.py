@@ -174,7 +174,8 @@ class RecentHand:
         subject = self._subject(track)
         given = self._parameters(subject, track, first, frames_alike(whole, track))
         subject = subject.completed(given)
-        surface, poses, near, noise = self._object(motion, subject)
+        ray = self._ray(track, motion)
+        surface, poses, near, noise = self._object(motion, subject, ray)
         stages = RecentRun(
             self._denoisers,
             subject,
@@ -191,7 +192,7 @@ class RecentHand:
             near,
             self._chosen if surface is not None else self._chosen.alone(),
             NETWORK_FPS,
-            ray=self._ray(track, motion),
+            ray=ray,
             object_noise=noise,
         )
         target = self._blended(samples.mean(0), first)
@@ -261,7 +262,7 @@ class RecentHand:
         return found
 
     def _object(
-        self, motion: ObjectTrack, subject: Subject
+        self, motion: ObjectTrack, subject: Subject, ray: Float[Tensor, "T 3"] | None
     ) -> tuple[
         MovingSurface | None, Float[Tensor, " T"], Float[Tensor, " T"], Float[Tensor, " 2"] | None
     ]:
@@ -285,7 +286,7 @@ class RecentHand:
             self._surface.within,
         )
         if self._chosen.clean_object:
-            near = evidence_of_nearness(subject.joints, surface, NETWORK_FPS)
+            near = evidence_of_nearness(subject.joints, surface, NETWORK_FPS, ray)
         return surface, poses, near, noise
 
     def _blended(self, target: Float[Tensor, "T 21 3"], first: int) -> Float[Tensor, "T 21 3"]:

@@ -107,6 +107,30 @@ def test_a_hand_deals_with_its_object_in_the_frames_in_which_it_is_beside_it():
     assert (found.diff() <= 0).all()
 
 
+def beside_a_moving_box(away: float, ray: torch.Tensor | None = None) -> torch.Tensor:
+    """How far a hand deals with a box that moves after frame 30, and that it meets at its start."""
+    motion = replace(track_with_a_gap(0.0), valid=None)
+    path = torch.zeros(FRAMES, 3)
+    path[30:, 0] = 0.01 * torch.arange(FRAMES - 30)
+    motion = replace(motion, translation=path[:, None])
+    joints = torch.tensor([0.0, 0.0, 0.05]) + path[:, None].expand(FRAMES, 21, 3)
+    joints[30:, :, 2] += away
+    return evidence_of_nearness(joints, motion.surface(), 30.0, ray)
+
+
+def test_a_hand_that_moves_beside_a_moving_object_does_not_deal_with_it():
+    assert (beside_a_moving_box(0.015) == 1).all()
+    free = beside_a_moving_box(0.06)
+    assert (free[50:] == 0).all()
+    assert (beside_a_moving_box(0.03)[50:] < 0.7).all()
+
+
+def test_a_hand_that_errs_along_the_cameras_ray_may_hold_its_object():
+    along, across = torch.eye(3)[[2, 0]][:, None].expand(2, FRAMES, 3)
+    assert (beside_a_moving_box(0.06, along) == 1).all()
+    assert (beside_a_moving_box(0.06, across)[50:] == 0).all()
+
+
 def test_a_hand_that_never_comes_near_deals_with_nothing():
     assert (hand_beside_a_box(torch.full((FRAMES,), 0.095)) == 0).all()
     assert (hand_beside_a_box(torch.full((FRAMES,), 0.04)) == 1).all()

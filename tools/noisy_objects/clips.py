@@ -32,6 +32,11 @@ ROUND = ("bottle", "cylinder", "bowl", "ball")
 ROUND_SCANS = ("ycb_005_tomato_soup_can.ply", "ycb_024_bowl.ply", "ycb_056_tennis_ball.ply")
 SHAKEN = "shaken "
 """Before the name of a clip: hand and object are shaken together."""
+BESIDE = "beside "
+"""Before the name of a clip: the hand in the mirror, which moves beside the object and holds
+nothing."""
+OFF = 0.06
+"""Metres from its nearest keypoint to the object, in the median over frames."""
 HERTZ, DEGREES, LEVER = 4.0, 25.0, 0.25
 """How often and how far they turn to and fro in the middle half of the clip, about a point that is
 so many metres away from the hand."""
@@ -63,9 +68,12 @@ def scans_of(found: MeshFolder, names: Collection[str]) -> Scans:
 
 @cache
 def clip_of(name: str) -> Sequence:
-    """The recording, or a made clip of a family or a scan, shaken or not; bottles have no cap."""
+    """The recording, or a made clip of a family or a scan, changed as the name says; bottles have
+    no cap."""
     if name.startswith(SHAKEN):
         return shaken(clip_of(name.removeprefix(SHAKEN)))
+    if name.startswith(BESIDE):
+        return beside(clip_of(name.removeprefix(BESIDE)))
     if name == RECORDING:
         return load(EXAMPLES / "taco_clean.npz", obj=EXAMPLES / "taco_object.obj")
     made = draw_clip(name, 0, FRAMES, scans() if name.endswith(".ply") else None)
@@ -96,6 +104,20 @@ def shaken(sequence: Sequence, hertz: float = HERTZ, degrees: float = DEGREES) -
             translation=(motion.translation - pivot) @ turn.mT + pivot,
         ),
     )
+
+
+def beside(sequence: Sequence, off: float = OFF) -> Sequence:
+    """A clip with the hand's image in a mirror in place of it, so far aside that it is off."""
+    (hand,), surface = sequence.hands, sequence.object.surface()
+    hand = hand.mirrored()
+    assert hand.joints is not None, "every clip has joints"
+    assert hand.wrist is not None, "every clip has parameters"
+    for step in range(200):
+        shift = torch.tensor([-0.005 * step, 0.0, 0.0])
+        joints = hand.joints + shift
+        if float(surface.query(joints).distance.amin(-1).median()) >= off:
+            break
+    return replace(sequence, hands=(replace(hand, joints=joints, wrist=hand.wrist + shift),))
 
 
 @cache

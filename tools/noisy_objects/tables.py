@@ -11,6 +11,7 @@ import numpy as np
 from geneoh.choices import NOISES, OBJECT_NOISES
 from tools.noisy_objects.cases import Case, Scores, rows
 from tools.noisy_objects.clips import (
+    BESIDE,
     MADE,
     RECORDING,
     ROUND,
@@ -51,13 +52,20 @@ def cases_of(table: str, seeds: int) -> list[Case]:
             clips = tuple(SHAKEN + name for name in made)
             every = product(range(seeds), clips, noises, ("exact", "shaky_2", "shaky_10"))
             return [Case(c, n, k, s) for s, c, n, k in every]
+        case "beside":
+            clips = tuple(BESIDE + name for name in made)
+            every = product(range(seeds), clips, noises, ("exact", "shaky_10"))
+            return [Case(c, n, k, s) for s, c, n, k in every]
         case "alone":
             every = product(range(seeds), made[:2], noises)
             return [Case(c, n, "exact", s, "default", alone=True) for s, c, n in every]
     raise SystemExit(f"no table is called '{table}'; there are {', '.join(TABLES)}")
 
 
-TABLES = ("hands", "trusted", "guard", "shaken", "round", "refined", "white", "alone", "limits")
+TABLES = (
+    *("hands", "trusted", "guard", "shaken", "beside", "round", "refined", "white", "alone"),
+    "limits",
+)
 
 
 def lines_of(table: str, seeds: int, path: Path) -> Iterator[str]:
