@@ -228,12 +228,18 @@ def check_keypoint_order(hand: HandTrack, stored: CrossChecks) -> Iterator[str]:
             f"order: a finger's bone is {1000 * longest:.0f} mm long beside a palm of "
             f"{1000 * span:.0f} mm; the keypoints are in another order (--joint-order)"
         )
-    elif finger_curls(joints, hand.side).nanmean() < -CURL_LIMIT * span:
+    elif curls_backward(joints, hand.side):
         other = OTHER_SIDE[hand.side]
         yield (
             "handedness: the fingers curl away from the palm; unless the hand is flat, these are "
             f"points of the other hand: pass --side {other} or correct the side that is stated"
         )
+
+
+def curls_backward(joints: Float[Tensor, "T 21 3"], side: Side) -> bool:
+    """Whether the fingers of a hand curl away from its palm, as those of the other side do."""
+    span = float((joints[:, KNUCKLES] - joints[:, :1]).norm(dim=-1).nanmedian())
+    return bool(finger_curls(joints, side).nanmean() < -CURL_LIMIT * span)
 
 
 def finger_curls(joints: Float[Tensor, "T 21 3"], side: Side) -> Float[Tensor, " T"]:

@@ -9,14 +9,14 @@ time, or both (`geneoh.readers.clock`).
 import csv
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from geneoh.choices import SIDES, Side
+from geneoh.choices import OTHER_SIDE, SIDES, Side
 from geneoh.errors import InputError, numbered
 from geneoh.files.reading import open_text
 from geneoh.readers.clock import CLOCK_NAMES, TIME_NAMES
@@ -34,12 +34,16 @@ WORLD = ("hand_world_landmarks", "worldLandmarks", "multi_hand_world_landmarks")
 WORLD += ("multiHandWorldLandmarks", "world_landmarks")
 IMAGE = ("hand_landmarks", "landmarks", "multi_hand_landmarks", "multiHandLandmarks")
 HANDEDNESS = ("handedness", "handednesses", "multi_handedness", "multiHandedness")
+OF_SIDE: dict[Side, tuple[str, str]] = {
+    side: (f"{side}_hand_world_landmarks", f"{side}HandWorldLandmarks") for side in SIDES
+}
+"""Fields of the Holistic Landmarker, which tells the hands apart by the body."""
 LABELS = ("category_name", "categoryName", "label", "display_name", "displayName")
 
 NOTES = (
     "MediaPipe's world landmarks are metres about the centre of each hand: the way of the hand "
     "through the world is not in them, and the object's poses must be about that centre too",
-    "MediaPipe names sides as in a mirrored picture; --side says otherwise",
+    "MediaPipe's older Hands name sides as in a mirrored picture; --side says otherwise",
 )
 
 FRAME_COLUMNS = ("frame", "frame_id", "frame_idx", "frame_index", "frame_number")
@@ -71,15 +75,23 @@ Notes = tuple[str, ...]
 
 def is_results(value: Any) -> bool:
     """Whether the value of a JSON file is a result of MediaPipe, or a list of them."""
-    first = next((frame for frame in frames_in(value) if frame), None)
-    return isinstance(first, dict) and any(name in first for name in (*WORLD, *IMAGE))
+    names = (*WORLD, *IMAGE, *chain(*OF_SIDE.values()))
+    return any(
+        isinstance(each, dict) and any(n in each for n in names) for each in frames_in(value)
+    )
 
 
 def frames_in(value: Any) -> list[Any]:
-    """The results in a JSON value, one a frame."""
+    """The results in a JSON value, one a frame, which may stand under "result" beside its time."""
     if isinstance(value, dict):
         value = next((value[name] for name in ("frames", "results") if name in value), [value])
-    return value if isinstance(value, list) else []
+    frames = value if isinstance(value, list) else []
+    return [
+        {**frame, **frame["result"]}
+        if isinstance(frame, dict) and isinstance(frame.get("result"), dict)
+        else frame
+        for frame in frames
+    ]
 
 
 def stamps_in(value: Any, where: str) -> Record:
@@ -97,24 +109,71 @@ def stamps_in(value: Any, where: str) -> Record:
 
 def read_results(value: Any, where: str, side: Side | None) -> tuple[Tracks, Notes]:
     """The hands in MediaPipe's results, and what was assumed of their sides; see `as_one_hand`."""
-    frames, most = frames_in(value), 0
+    frames, most, alike = frames_in(value), 0, 0
     found: Tracks = {}
+    latest: dict[Side | None, Array] = {}
     for index, frame in enumerate(frames):
         if not frame:
             continue
         record = as_record(frame, f"{where}: frame {index}")
-        world, sides = field_of(record, WORLD), field_of(record, HANDEDNESS)
-        if not world and field_of(record, IMAGE):
-            raise image_landmarks(record.where)
-        most = max(most, len(world))
-        for hand, points in enumerate(world):
-            label, score = label_of(sides[hand] if hand < len(sides) else None)
-            label = side if label is None else label
-            track = found.setdefault(label, empty_track(len(frames)))
-            if score > track.trust[index]:
-                track.points[index] = points_in(points, record.where)
-                track.trust[index] = score
-    return as_one_hand(found, side) if most == 1 else (found, ())
+        hands = hands_in(record, side)
+        most = max(most, len(hands))
+        if len(hands) == 2 and hands[0].side == hands[1].side and hands[0].side is not None:
+            hands, alike = told_apart(hands, latest), alike + 1
+        for hand in hands:
+            track = found.setdefault(hand.side, empty_track(len(frames)))
+            if hand.score > track.trust[index]:
+                track.points[index], track.trust[index] = hand.points, hand.score
+                latest[hand.side] = hand.points
+    if most == 1:
+        return as_one_hand(found, side)
+    note = f"in {numbered(alike, 'frame')} both hands have one side: told apart by those before"
+    return found, (note,) if alike else ()
+
+
+@dataclass(frozen=True)
+class Detected:
+    """One hand of a frame: (21, 3) points, its side, and how sure MediaPipe is of that."""
+
+    side: Side | None
+    score: float
+    points: Array
+
+
+def hands_in(record: Record, side: Side | None) -> list[Detected]:
+    """The hands of one result; `side` is that of one that tells none."""
+    world, sides = field_of(record, WORLD), field_of(record, HANDEDNESS)
+    found = []
+    for number, points in enumerate(world):
+        label, score = label_of(sides[number] if number < len(sides) else None)
+        found.append(Detected(label or side, score, points_in(points, record.where)))
+    for known, names in OF_SIDE.items():
+        if points := field_of(record, names):
+            points = points[0] if isinstance(points[0], list) else points
+            found.append(Detected(known, 1.0, points_in(points, record.where)))
+    image = (*IMAGE, *(f"{side}_hand_landmarks" for side in SIDES))
+    if not found and field_of(record, image):
+        raise image_landmarks(record.where)
+    return found
+
+
+def told_apart(hands: list[Detected], latest: Mapping[Side | None, Array]) -> list[Detected]:
+    """Two hands of a frame that have one side, with a side each.
+
+    By which they are more like the latest hands of both sides, else the surer one keeps its own.
+    """
+    named = hands[0].side
+    assert named is not None, "hands without a side are not told apart"
+    ways = [
+        [replace(hand, side=side) for hand, side in zip(hands, sides, strict=True)]
+        for sides in ((named, OTHER_SIDE[named]), (OTHER_SIDE[named], named))
+    ]
+    if len(latest) < 2:
+        return ways[hands[1].score > hands[0].score]
+    return min(
+        ways,
+        key=lambda way: sum(float(np.abs(each.points - latest[each.side]).sum()) for each in way),
+    )
 
 
 def as_one_hand(tracks: Tracks, side: Side | None) -> tuple[Tracks, Notes]:

@@ -127,8 +127,73 @@ def test_two_hands_in_some_frame_keep_their_own_sides(tmp_path):
     frames[3]["worldLandmarks"].append(as_dicts(HAND * [-1, 1, 1]))
     path = tmp_path / "hand.json"
     path.write_text(json.dumps(frames))
-    hands = geneoh.load(path, object_pose=POSES).hands
-    assert {hand.side: int(hand.valid.sum()) for hand in hands} == {"right": 4, "left": 1}
+    sequence = geneoh.load(path, object_pose=POSES)
+    valid = {hand.side: int(hand.valid.sum()) for hand in sequence.hands}
+    assert valid == {"right": 4, "left": 2}
+    assert "in 1 frame both hands have one side" in sequence.source
+    np.testing.assert_allclose(sequence.hand("left").joints[3], HAND * [-1, 1, 1], atol=1e-6)
+    np.testing.assert_allclose(sequence.hand("right").joints[3], POINTS[3], atol=1e-6)
+
+
+def two_hands(right: np.ndarray, labels: tuple[str, str]) -> dict[str, object]:
+    """A result of a right hand and its image in a mirror, in this order."""
+    frame = javascript_task(right)
+    frame["handednesses"] = [[{"score": 0.8, "categoryName": label}] for label in labels]
+    frame["worldLandmarks"].append(as_dicts(right * [-1, 1, 1]))
+    return frame
+
+
+def test_hands_of_one_label_are_told_apart_by_the_frames_before(tmp_path):
+    labels = [("Right", "Left"), *[("Left", "Left"), ("Right", "Right")] * 2]
+    frames = [two_hands(p, names) for p, names in zip(POINTS, labels, strict=True)]
+    path = tmp_path / "hand.json"
+    path.write_text(json.dumps(frames))
+    sequence = geneoh.load(path, object_pose=POSES)
+    np.testing.assert_allclose(sequence.hand("right").joints, POINTS, atol=1e-6)
+    np.testing.assert_allclose(sequence.hand("left").joints, POINTS * [-1, 1, 1], atol=1e-6)
+
+
+def test_exchanged_sides_of_two_hands_are_found_by_their_fingers(tmp_path):
+    bent = POINTS.copy()
+    bent[:, 4::4, 2] += 0.05
+    path = tmp_path / "hand.json"
+    for labels in (("Right", "Left"), ("Left", "Right")):
+        path.write_text(json.dumps([two_hands(points, labels) for points in bent]))
+        sequence = geneoh.load(path, object_pose=POSES)
+        np.testing.assert_allclose(sequence.hand("right").joints, bent, atol=1e-6)
+        assert ("sides are exchanged" in sequence.source) == (labels[0] == "Left")
+
+
+@pytest.mark.parametrize("nested", [True, False])
+def test_the_holistic_landmarker_says_sides_by_its_fields(tmp_path, nested):
+    frames = []
+    for points in POINTS:
+        right, left = as_dicts(points), as_dicts(points * [-1, 1, 1])
+        names = ("right_hand_world_landmarks", "left_hand_world_landmarks")
+        hands = ([right], [left]) if nested else (right, left)
+        frames.append({"pose_landmarks": [], **dict(zip(names, hands, strict=True))})
+    path = tmp_path / "hand.json"
+    path.write_text(json.dumps(frames))
+    sequence = geneoh.load(path, object_pose=POSES)
+    np.testing.assert_allclose(sequence.hand("right").joints, POINTS, atol=1e-6)
+    np.testing.assert_allclose(sequence.hand("left").joints, POINTS * [-1, 1, 1], atol=1e-6)
+
+
+def test_frames_without_a_hand_may_come_first_and_results_beside_their_time(tmp_path):
+    timed = [{"frame": t, "result": python_task(points)} for t, points in enumerate(POINTS)]
+    timed[0] = {"frame": 0}
+    path = tmp_path / "hand.json"
+    path.write_text(json.dumps(timed))
+    (hand,) = geneoh.load(path, object_pose=POSES).hands
+    assert hand.valid.tolist() == [False] + [True] * (FRAMES - 1)
+
+
+def test_landmarks_of_the_picture_in_an_array_are_refused(tmp_path):
+    picture = POINTS.copy()
+    picture[..., 2] -= picture[:, :1, 2]
+    np.save(tmp_path / "hand.npy", picture + [0.5, 0.5, 0])
+    with pytest.raises(InputError, match="landmarks of the picture"):
+        geneoh.read("keypoints", tmp_path / "hand.npy", side="right")
 
 
 def test_wrong_labels_in_a_table_make_no_second_hand(tmp_path):

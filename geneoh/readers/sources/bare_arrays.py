@@ -28,6 +28,7 @@ from geneoh.geometry.mesh import METRES
 from geneoh.readers import base, builders, npz_layouts
 from geneoh.readers.dataset_reader import reads
 from geneoh.readers.joint_orders import in_openpose_order, order_named
+from geneoh.readers.mediapipe import refuse_image_landmarks
 from geneoh.readers.missing_keypoints import without_missing
 from geneoh.readers.npz_tracks import (
     Notes,
@@ -53,6 +54,8 @@ def keypoints(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     record = Record(str(clip.path), fields, KEYPOINTS_REMEDY)
     side = side_of(record, options.side)
     points = record.array("joints", ("T", count, 3), ("T", 3 * count), (count, 3))
+    if order == "openpose":
+        refuse_image_landmarks(points.reshape(-1, count, 3), str(clip.path))
     points = METRES[options.keypoint_unit or "m"] * points.reshape(-1, count, 3)
     record = in_openpose_order(record, points, order)
     record.refuse_lengths("joints", "valid", "confidence")

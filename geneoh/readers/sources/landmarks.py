@@ -14,17 +14,19 @@ out.
 
 import numpy as np
 
-from geneoh.choices import JointOrder, Side
+from geneoh.choices import OTHER_SIDE, JointOrder, Side
 from geneoh.errors import InputError
 from geneoh.files.journal import JOURNALS
 from geneoh.geometry.mesh import METRES
 from geneoh.readers import base, builders, foreign_files, joint_orders, mediapipe
+from geneoh.readers.convention_check import curls_backward
 from geneoh.readers.dataset_reader import reads
 from geneoh.readers.npz_layouts import quoted
 from geneoh.readers.npz_tracks import side_of
-from geneoh.readers.records import Array, Record, as_record
+from geneoh.readers.records import Array, Record, as_record, float32
 
 FORMAT, VERSION = "geneoh-landmarks", 1
+SWAPPED_NOTE = "both hands are bent backward as of the sides that are named: sides are exchanged"
 AS_DESCRIBED = "write it as the page on estimators says"
 
 
@@ -97,6 +99,9 @@ def foreign_parts(
         tracks = {side: track}
     elif None in tracks:
         raise InputError(f"{clip.path}: expected the side of each hand, got one without; add it")
+    elif all(side and curls_backward(float32(t.points), side) for side, t in tracks.items()):
+        tracks = {OTHER_SIDE[side]: track for side, track in tracks.items() if side}
+        notes = (*notes, SWAPPED_NOTE)
     frames = max((len(track.points) for track in tracks.values()), default=0)
     rate, clock, about_time = base.timing_of(stamps, frames, options.fps)
     scale = METRES[options.keypoint_unit or "m"]
