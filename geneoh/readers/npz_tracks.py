@@ -17,7 +17,7 @@ from geneoh.errors import InputError
 from geneoh.geometry.mesh import Mesh
 from geneoh.geometry.rotations import matrix_to_axis_angle
 from geneoh.hand.library import load_hand
-from geneoh.hand.mano import AS_SHIPPED, MENDED, name_of
+from geneoh.hand.mano import AS_SHIPPED, MENDED, load_pose_space, name_of
 from geneoh.readers import mano, npz_layouts
 from geneoh.readers.base import finite_frames
 from geneoh.readers.missing_keypoints import without_missing
@@ -127,10 +127,6 @@ def is_seen(record: Record, names: dict[str, str]) -> bool:
 
 def read_smplx(record: Record, side: Side, mano_dir: Path | str | None) -> tuple[HandTrack, Notes]:
     """The names of smplx: pose in two parts (matrices too), translation of MANO's origin."""
-    if record.optional_number("flat_hand_mean") == 0:
-        raise record.refuse(
-            "flat_hand_mean", "true (zero is the flat hand)", "add hands_mean to 'hand_pose' first"
-        )
     for name in SMPLX_PARAMETERS[:2]:
         if name not in record:
             raise InputError(
@@ -138,8 +134,12 @@ def read_smplx(record: Record, side: Side, mano_dir: Path | str | None) -> tuple
                 f"got no '{name}'; add it"
             )
     model = model_of(side, read_model(record) or AS_SHIPPED)
-    turns = [read_rotations(record, "global_orient", 1), read_rotations(record, "hand_pose", 15)]
+    root, fingers = (
+        read_rotations(record, "global_orient", 1),
+        read_rotations(record, "hand_pose", 15),
+    )
     record.refuse_lengths(*SMPLX_PARAMETERS)
+    mean, about_mean = mean_to_add(record, side, mano_dir)
     wrist, notes = None, ()
     transl = record.tensor("transl", ("T", 3), unit="in metres")
     joints = record.tensor("joints", ("T", 21, 3), unit="in metres")
@@ -150,9 +150,33 @@ def read_smplx(record: Record, side: Side, mano_dir: Path | str | None) -> tuple
         offset, notes = offset_of_wrist(side, betas, mano_dir)
         wrist = transl + offset
     names = {**JOINT_NAMES, "betas": "betas"}
-    made = {"parameters": SMPLX_PARAMETERS, "pose": torch.cat(turns, dim=1), "wrist": wrist}
+    made = {
+        "parameters": SMPLX_PARAMETERS,
+        "pose": torch.cat([root, fingers + mean], dim=1),
+        "wrist": wrist,
+    }
     hand, more = read_track(record, side, names, hand_model=model, **made)
-    return hand, (*notes, *more)
+    return hand, (*about_mean, *notes, *more)
+
+
+def mean_to_add(
+    record: Record, side: Side, mano_dir: Path | str | None
+) -> tuple[Float[Tensor, "15 3"], Notes]:
+    """MANO's mean pose where a file's poses are relative to it, else zeros; and what was assumed.
+
+    smplx makes hands so (`flat_hand_mean=False`) where nobody asks for anything else.
+    """
+    said = record.optional_number("flat_hand_mean")
+    if said == 0 and mano_dir is None:
+        raise record.refuse(
+            "flat_hand_mean",
+            "true (zero is the flat hand) without MANO",
+            "pass --mano, by which the mean pose is added, or add hands_mean to 'hand_pose'",
+        )
+    if said == 0:
+        return load_pose_space(side, mano_dir).mean.reshape(15, 3), ()
+    note = "the pose is taken as absolute; 'flat_hand_mean' says otherwise"
+    return torch.zeros(15, 3), () if said else (note,)
 
 
 def read_rotations(record: Record, name: str, count: int) -> Float[Tensor, "T R 3"]:

@@ -8,6 +8,7 @@ from geneoh.errors import InputError
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
 from geneoh.readers import npz_tracks
+from geneoh.readers.mano import read_mano
 from geneoh.readers.npz_layouts import layout_of
 from geneoh.readers.npz_tracks import read_hands
 from geneoh.readers.records import Record
@@ -131,7 +132,20 @@ def test_smplx_refusals_say_what_to_do(change, words):
 
 
 def test_a_pose_that_needs_no_mean_may_say_so():
-    assert only(read({**SMPLX, "flat_hand_mean": np.array(True)}, side="right")).frames == T
+    _, told = read({**SMPLX, "flat_hand_mean": np.array(True)}, side="right")
+    _, silent = read(SMPLX, side="right")
+    words = "the pose is taken as absolute; 'flat_hand_mean' says otherwise"
+    assert words in silent
+    assert words not in told
+
+
+def test_the_mean_pose_is_added_where_the_file_says_so_and_mano_is_there(mano_dir):
+    mean = read_mano(mano_dir, "left").mean.reshape(15, 3)
+    arrays = {**SMPLX, "flat_hand_mean": np.array(False)}
+    hand = only(read(arrays, side="left", mano_dir=mano_dir))
+    np.testing.assert_allclose(hand.pose[:, 1:], POSE[:, 1:] + mean, atol=1e-6)
+    np.testing.assert_array_equal(hand.pose[:, 0], POSE[:, 0])
+    assert np.abs(mean).max() > 0.01
 
 
 def test_betas_of_a_model_that_does_not_exist_are_refused_by_the_files_name():

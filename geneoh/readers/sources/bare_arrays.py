@@ -92,7 +92,7 @@ def parameters(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts
     place = record.array("trans", ("T", 3))
     hand = base.ManoParameters(side, pose, place, betas, confidence=trust)
     if options.mean_pose is None:
-        notes = (*notes, "the pose is taken as absolute")
+        notes = (*notes, "the pose is taken as absolute axis-angle vectors, not PCA coefficients")
     rate, clock, more = base.timing_of(record, hand.frames, options.fps)
     use = base.ManoConvention(options.translation, mean_added=bool(options.mean_pose))
     source = f"{clip.path.name} (MANO parameters)"
