@@ -34,6 +34,8 @@ WORLD = ("hand_world_landmarks", "worldLandmarks", "multi_hand_world_landmarks")
 WORLD += ("multiHandWorldLandmarks", "world_landmarks")
 IMAGE = ("hand_landmarks", "landmarks", "multi_hand_landmarks", "multiHandLandmarks")
 HANDEDNESS = ("handedness", "handednesses", "multi_handedness", "multiHandedness")
+LISTS = ("frames", "results")
+"""Names under which a file may list its results."""
 OF_SIDE: dict[Side, tuple[str, str]] = {
     side: (f"{side}_hand_world_landmarks", f"{side}HandWorldLandmarks") for side in SIDES
 }
@@ -84,13 +86,12 @@ def is_results(value: Any) -> bool:
 def frames_in(value: Any) -> list[Any]:
     """The results in a JSON value, one a frame, which may stand under "result" beside its time."""
     if isinstance(value, dict):
-        value = next((value[name] for name in ("frames", "results") if name in value), [value])
-    frames = value if isinstance(value, list) else []
+        value = next((value[name] for name in LISTS if name in value), [value])
     return [
         {**frame, **frame["result"]}
         if isinstance(frame, dict) and isinstance(frame.get("result"), dict)
         else frame
-        for frame in frames
+        for frame in (value if isinstance(value, list) else [])
     ]
 
 
@@ -98,7 +99,8 @@ def stamps_in(value: Any, where: str) -> Record:
     """What a JSON value says of time, beside its results or in each of them."""
     frames = frames_in(value)
     named = value if isinstance(value, dict) else {}
-    beside = {name: value for name, value in named.items() if value is not frames}
+    listed = next((name for name in LISTS if name in named), None)
+    beside = {name: value for name, value in named.items() if name != listed}
     stamps = {name: beside[name] for name in ("fps", *CLOCK_NAMES) if name in beside}
     for name in CLOCK_NAMES:
         told = [frame.get(name) if isinstance(frame, dict) else None for frame in frames]
