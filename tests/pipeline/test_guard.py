@@ -13,7 +13,7 @@ from geneoh.sequence.gaps import fill_gaps
 from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.object_noise import corrupt_object
 from geneoh.sequence.sequence import Sequence
-from tools.noisy_objects.clips import shaken
+from tools.noisy_objects.clips import beside, shaken
 
 
 def error_and_acceleration(joints, truth) -> tuple[float, float]:
@@ -49,6 +49,14 @@ def test_a_noisy_object_does_no_harm(clean, noise, kind):
 @pytest.mark.parametrize("noise", NOISES)
 def test_shaking_an_object_does_no_harm(clean, noise):
     clip = shaken(clean[30:90])
+    noisy = corrupt_sequence(clip, noise, generator=torch.Generator().manual_seed(5))
+    check_no_harm(noisy, clip.hands[0].joints)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("noise", ["gauss", "drop"])
+def test_an_object_that_moves_without_the_hand_does_no_harm(clean, noise):
+    clip = beside(clean)
     noisy = corrupt_sequence(clip, noise, generator=torch.Generator().manual_seed(5))
     check_no_harm(noisy, clip.hands[0].joints)
 
