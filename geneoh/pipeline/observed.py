@@ -4,12 +4,18 @@ from dataclasses import dataclass, replace
 
 import torch
 
-from geneoh.bundle import concatenated
+from geneoh.bundle import FRAMES, concatenated
 from geneoh.sequence.gaps import FrameInterpolation, blendable
 from geneoh.sequence.sequence import HandTrack, ObjectTrack
 
 DIGITS = 9
 """Decimals kept of places between frames, so that frames which coincide are found."""
+
+
+def lost_like(hand: HandTrack) -> HandTrack:
+    """One frame of a track in which its hand was lost."""
+    lost = hand[:1].map(lambda values: torch.full_like(values, torch.nan), FRAMES)
+    return replace(lost, valid=torch.zeros_like(lost.valid))
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from geneoh.objects.evidence import evidence_of_nearness, evidence_of_poses
 from geneoh.objects.palms import palm_at
 from geneoh.pipeline.context import StageContext
 from geneoh.pipeline.faults import without_faults_of
-from geneoh.pipeline.observed import Observed
+from geneoh.pipeline.observed import Observed, lost_like
 from geneoh.pipeline.presets import PlacePlan, Preset
 from geneoh.pipeline.rays import FoundRay, found_ray
 from geneoh.pipeline.results import clean_track
@@ -212,8 +212,7 @@ class RecentHand:
         self._motion = motion[-WINDOW:]
         known = self._track or next((frame.hand for frame in new if frame.hand is not None), None)
         if known is not None:
-            lost = known[:1].map(lambda values: torch.full_like(values, torch.nan), "T")
-            lost = replace(lost, valid=torch.zeros_like(lost.valid))
+            lost = lost_like(known)
             before = (
                 self._track or lost[torch.zeros(len(motion.rotation) - len(new), dtype=torch.long)]
             )

@@ -1,5 +1,6 @@
 """A stream: frames in as a tracker makes them, clean frames out a fixed time later."""
 
+import logging
 import math
 from collections import deque
 from collections.abc import Mapping
@@ -18,6 +19,7 @@ from geneoh.geometry.mesh import MeshInput, checked, meshes_of, size_warning
 from geneoh.hand.library import hand_of_betas
 from geneoh.hand.model import HandModel
 from geneoh.nn.devices import named_device
+from geneoh.pipeline.first_look import FirstLook
 from geneoh.pipeline.inputs import undisturbed
 from geneoh.pipeline.observed import DIGITS, Observed, between, hand_between
 from geneoh.pipeline.options import Options, with_settings
@@ -38,6 +40,8 @@ from geneoh.sequence.validation import (
     check_object,
     collapsed,
 )
+
+LOG = logging.getLogger(__name__)
 
 Mirrored = TypeVar("Mirrored", HandTrack, ObjectTrack, HandModel)
 
@@ -119,7 +123,8 @@ class Stream:
                 f"{LONGEST_LAG:g} seconds, got fps {fps:g} and lag {lag:g}; correct them"
             )
         refuse_unknown_model(hand_model, "geneoh.Stream")
-        self._source, self._rate = source, NETWORK_FPS / fps
+        self._source, self._fps, self._rate = source, float(fps), NETWORK_FPS / fps
+        self._doubts: tuple[str, ...] = ()
         self._side: Side = side
         self._shape = {} if betas is None else {f"{side}_betas": framed(betas)}
         self._shape |= {} if hand_model is None else {"hand_model": np.array(hand_model)}
@@ -151,6 +156,14 @@ class Stream:
         """Frames from one that is pushed to the one that `push` gives."""
         return self._lag
 
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What is doubtful about the input, in sentences that are logged as warnings too.
+
+        Known once the first two seconds with the hand are in, or after `flush`; empty before.
+        """
+        return self._doubts
+
     def push(self, hand: Any, object_pose: Any = None, *, where: str = "") -> CleanFrame | None:
         """Take the next frame, and give the one that is `lag` older; None before there is one.
 
@@ -165,12 +178,15 @@ class Stream:
             where: what messages call the frame; by default the stream's source and its number.
 
         Raises:
-            InputError: the numbers have another shape, or can be no hand or pose in metres. The
-                frame is not taken: the next one is pushed in its place.
+            InputError: the numbers have another shape, or can be no hand or pose in metres, or the
+                first frames show that the keypoints are in another order or the object's poses in
+                another unit. The frame is not taken: the next one is pushed in its place.
         """
         where = where or f"{self._source}, frame {self._count}"
         with undisturbed():
-            now = Observed(self._hand(hand, where), self._object(object_pose, where))
+            seen = Observed(self._hand(hand, where), self._object(object_pose, where))
+            self._tell(self._look.push(seen, where))
+            now = self._inward(seen)
             self._lost.append(now.hand is None)
             for frame in self._paced(now):
                 made = self._recent.push(frame)
@@ -181,15 +197,28 @@ class Stream:
             return self._next() if self._count > self._lag else None
 
     def flush(self) -> list[CleanFrame]:
-        """The frames that are still to come, in order; the next `push` begins another recording."""
+        """The frames that are still to come, in order; the next `push` begins another recording.
+
+        Raises:
+            InputError: the recording is shorter than two seconds, and shows only as a whole that it
+                can be no interaction.
+        """
         with undisturbed():
+            self._tell(self._look.end(self._source))
             self._clean.extend(self._recent.flush())
             left = [self._next() for _ in range(min(self._lag, self._count))]
         self._reset()
         return left
 
+    def _tell(self, doubts: tuple[str, ...]) -> None:
+        """Log and keep what is doubtful about the input."""
+        self._doubts = doubts if self._count == 0 else self._doubts + doubts
+        for words in doubts:
+            LOG.warning("%s: %s", self._source, words)
+
     def _reset(self) -> None:
         self._recent = self._begin()
+        self._look = FirstLook(self._meshes, self._fps)
         self._before: Observed | None = None
         self._since: Observed | None = None
         self._away_from_origin = False
@@ -199,7 +228,7 @@ class Stream:
         self._count = self._taken = self._given = self._dropped = 0
 
     def _hand(self, given: Any, where: str) -> HandTrack | None:
-        """The hand of one frame, as a right one on the device; None where it is lost."""
+        """The hand of one frame; None where it is lost."""
         if given is None:
             return None
         fields = {**self._fields(given, where), **self._shape}
@@ -229,7 +258,7 @@ class Stream:
             )
         if hand.joints is not None:
             self._away_from_origin |= bool(hand.joints[:, 0].any())
-        return self._other_side(hand).to(self._device) if bool(hand.confidence.any()) else None
+        return hand if bool(hand.confidence.any()) else None
 
     def _fields(self, given: Any, where: str) -> dict[str, Any]:
         """The fields of the file format of one frame of a hand."""
@@ -253,9 +282,9 @@ class Stream:
         }
 
     def _object(self, given: Any, where: str) -> ObjectTrack:
-        """The pose of the object in one frame, NaN where it is lost, beside a right hand."""
+        """The pose of the object in one frame, NaN where it is lost."""
         if not self._meshes:
-            return ObjectTrack.resting((), 1).to(self._device)
+            return ObjectTrack.resting((), 1)
         parts = len(self._meshes)
         rotation = torch.full((1, parts, 3, 3), torch.nan)
         translation = torch.full((1, parts, 3), torch.nan)
@@ -270,8 +299,12 @@ class Stream:
             if motion.valid is not None:
                 rotation = rotation.masked_fill(~motion.valid[..., None, None], torch.nan)
                 translation = translation.masked_fill(~motion.valid[..., None], torch.nan)
-        motion = ObjectTrack((), rotation, translation)
-        return self._other_side(motion).to(self._device)
+        return ObjectTrack((), rotation, translation)
+
+    def _inward(self, seen: Observed) -> Observed:
+        """A frame as the networks know it: of a right hand, on the device."""
+        hand = None if seen.hand is None else self._other_side(seen.hand).to(self._device)
+        return Observed(hand, self._other_side(seen.object).to(self._device))
 
     def _paced(self, now: Observed) -> list[Observed]:
         """The frames of the networks that lie after the frame before and not after this one.

@@ -45,6 +45,8 @@ LONGEST_LINK = 0.8
 SHORTER_BONES = 0.9
 """Share of the bones' total length below which another order of the keypoints is the true one; with
 up to 40 mm of noise the true order has the shortest bones."""
+REORDER = "reorder them, or pass --joint-order {order} where they are bare keypoints"
+"""What to do about a file whose keypoints are in another order."""
 TOUCHING_REACH = 0.25
 """Metres from the wrist to the object's ball beyond which no hand can touch the object."""
 POSES_REACH = 5.0
@@ -95,12 +97,7 @@ def doubts(sequence: Sequence, name: str) -> Iterator[str]:
     `InputError` where the keypoints are certainly in another order; `name` is that of the file.
     """
     for hand in sequence.hands:
-        if hand.joints is not None and (order := shorter_order(trusted_joints(hand))):
-            raise InputError(
-                f"{name}: the keypoints of the {hand.side} hand must be in OpenPose order, got "
-                f"bones that only a hand in the order {order} has; reorder them, or pass "
-                f"--joint-order {order} where they are bare keypoints"
-            )
+        refuse_other_order(hand, name)
         away = float(distance_to_object(hand, sequence.object)[hand.valid].min())
         if away > TOUCHING_REACH:
             yield (
@@ -113,6 +110,18 @@ def doubts(sequence: Sequence, name: str) -> Iterator[str]:
         held = (hand, sequence.object)
         found = (*check_holding(*held), *check_delay(*held, sequence.fps))
         yield from (f"{hand.side} hand: {words}" for words in found)
+
+
+def refuse_other_order(hand: HandTrack, name: str, cure: str = REORDER) -> None:
+    """`InputError` where the keypoints are certainly in another order than OpenPose's.
+
+    `name` is that of the file in the message, `cure` its remedy, with the order's name as {order}.
+    """
+    if hand.joints is not None and (order := shorter_order(trusted_joints(hand))):
+        raise InputError(
+            f"{name}: the keypoints of the {hand.side} hand must be in OpenPose order, got bones "
+            f"that only a hand in the order {order} has; {cure.format(order=order)}"
+        )
 
 
 def check_place(hand: HandTrack, motion: ObjectTrack) -> Iterator[str]:

@@ -43,8 +43,8 @@ def check_delay(hand: HandTrack, motion: ObjectTrack, fps: float) -> Iterator[st
         frames = numbered(abs(delay), "frame")
         order = "later" if delay > 0 else "earlier"
         yield (
-            f"timing: it seems to move {frames} {order} than the object that it holds; pass "
-            f"--hand-delay {delay} to clean it where the object then was"
+            f"timing: it seems to move {frames} {order} than the object that it holds; give it "
+            f"the object's poses of its own time (--hand-delay {delay})"
         )
 
 

@@ -235,7 +235,7 @@ def check_distance(hand: HandTrack, motion: ObjectTrack, name: str) -> None:
     if nearest > FARTHEST_HAND:
         remedy = (
             "check that both are in metres and in the same frame, and that the object's poses are "
-            "given, as --object-pose to files that have none"
+            "given (--object-pose)"
         )
         if (other := least_distance(hand, inverted(motion))) < FARTHEST_HAND:
             remedy = (

@@ -376,7 +376,7 @@ SITUATIONS = [
     ),
     Situation(
         "The hand comes some frames later or earlier than the object that it holds",
-        "left hand: timing: it seems to move 6 frames later ... pass --hand-delay 6",
+        "left hand: timing: it seems to move 6 frames later ... (--hand-delay 6)",
         late,
         code=0,
     ),

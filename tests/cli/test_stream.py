@@ -17,6 +17,7 @@ from geneoh.denoisers.library import Denoisers
 from geneoh.pipeline import recent
 from geneoh.pipeline import stream as stream_module
 from geneoh.pipeline.stream import Stream
+from geneoh.readers.joint_orders import ORDERS
 from geneoh.readers.npz_files import hand_arrays
 
 RUN = ("denoise", "--stream", "--lag", "0.1")
@@ -204,6 +205,24 @@ def test_a_mesh_in_millimetres_is_taken_in_its_unit(stream, lines, tmp_path):
     taken = stream(lines, "--obj", "large.obj", "--unit", "mm")
     assert (taken.exit_code, taken.stderr) == (0, "")
     assert taken.stdout == stream(lines, "--obj", "object.obj").stdout
+
+
+def test_a_doubt_is_one_warning_and_no_frame_is_lost(stream, lines, caplog):
+    for line in lines:
+        del line["object_rotation"], line["object_translation"]
+    result = stream(lines, "--obj", "object.obj")
+    assert len(result.stdout.splitlines()) == 12
+    (said,) = [record.getMessage() for record in caplog.records]
+    assert said.startswith("standard input: no pose of the object in the first 12 frames")
+
+
+def test_keypoints_in_another_order_end_the_stream_at_their_line(stream, lines):
+    mano = np.argsort(ORDERS["mano"].entries)
+    for line in lines:
+        line["right_joints"] = np.array(line["right_joints"])[mano].tolist()
+    result = stream(lines, "--obj", "object.obj")
+    assert result.exit_code == 2
+    assert "standard input, line 10: the keypoints of the right hand must be" in result.stderr
 
 
 def test_files_and_a_stream_exclude_each_other(stream, lines):

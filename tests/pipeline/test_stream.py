@@ -221,6 +221,31 @@ def test_a_pose_may_be_a_list_of_rotation_and_translation(noisy, unmoved):
         assert torch.equal(made.hand.joints, expected.hand.joints)
 
 
+def test_what_is_doubtful_is_logged_once_and_kept_until_the_next_recording(noisy, unmoved, caplog):
+    stream, track = Stream(noisy.object.meshes, side="left", source="the tracker"), noisy.hands[0]
+    for frame in range(70):
+        stream.push(track[frame : frame + 1])
+        assert bool(stream.doubts) == (frame >= 59)
+    stream.flush()
+    assert stream.doubts[0].startswith("no pose of the object in the first 60 frames")
+    assert [record.getMessage()[:15] for record in caplog.records] == ["the tracker: no"]
+    stream.push(track[:1])
+    assert stream.doubts == ()
+
+
+def test_a_frame_that_shows_no_interaction_is_refused_and_not_taken(noisy, unmoved):
+    stream, motion = Stream(noisy.object.meshes, side="left", lag=0.1), noisy.object
+    away = 1000 * motion.translation[:60]
+    for frame in range(59):
+        stream.push(noisy.hands[0].joints[frame], (motion.rotation[frame], away[frame]))
+    with pytest.raises(InputError, match="the stream, frame 59: the left hand must come near"):
+        stream.push(noisy.hands[0].joints[59], (motion.rotation[59], away[59]))
+    with pytest.raises(InputError, match="the stream: the left hand must come near"):
+        stream.flush()
+    mended = motion.rotation[59], motion.translation[59]
+    assert stream.push(noisy.hands[0].joints[59], mended).index == 56
+
+
 @pytest.fixture(scope="module")
 def cleaned(noisy, clean) -> tuple[Sequence, list[CleanFrame]]:
     """A short clip of the recording and what a stream makes of it, with all stages."""
