@@ -61,7 +61,7 @@ class CleanFrame:
     """Which of the frames that were pushed, from 0."""
     hand: HandTrack | None
     """The clean hand as a track of one frame, with its `joint_spread`; None where no hand was seen
-    in the two seconds before."""
+    in the two seconds before the newest frame that was pushed, which is `lag` after this one."""
     filled: bool
     """Whether the input had no hand in this frame."""
 
@@ -71,7 +71,8 @@ class Stream:
 
         stream = geneoh.Stream("mug.obj", fps=30, lag=0.3)
         for joints, pose in tracker:  # (21, 3), and (4, 4) or None
-            if clean := stream.push(joints, pose):
+            clean = stream.push(joints, pose)
+            if clean and clean.hand:
                 use(clean.hand.joints[0], clean.hand.joint_spread[0])
         last = stream.flush()
 

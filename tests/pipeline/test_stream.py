@@ -95,6 +95,15 @@ def test_a_hand_that_stays_away_is_none_and_comes_back(noisy, unmoved):
     assert False in hands
 
 
+@pytest.mark.parametrize("lag", [0.1, 0.3, 1.0])
+def test_a_lost_hand_is_filled_for_two_seconds_less_the_lag(noisy, unmoved, lag):
+    stream, track = Stream((), lag=lag, side="left"), noisy.hands[0]
+    found = [stream.push(track[frame : frame + 1] if frame < 40 else None) for frame in range(140)]
+    found = [frame for frame in found if frame] + stream.flush()
+    filled = sum(frame.filled and frame.hand is not None for frame in found)
+    assert abs(filled - (60 - stream.lag)) <= recent.HOP  # frames are made in groups
+
+
 def test_a_stream_without_any_hand_gives_frames_without_one(unmoved):
     stream = Stream(lag=0.1)
     found = [stream.push(None) for _ in range(10)]
