@@ -103,6 +103,7 @@ def records_before(
 ) -> dict[str, dict[str, Any]]:
     """What the journal holds of each clip, of clips of earlier runs too; what is to do is left."""
     path = batch.folder / CLEANED
+    keep_others(path, "choose another folder")
     records = read_journal(path)
     if any(record.get("state") == "done" for record in records):
         refuse_other_settings(records[0], settings, path)

@@ -33,7 +33,7 @@ from geneoh.files.journal import (
     only_run_in,
     read_journal,
 )
-from geneoh.files.outputs import is_ours
+from geneoh.files.outputs import is_ours, keep_others
 from geneoh.hand.library import load_hand
 from geneoh.progress import OnProgress
 from geneoh.viz.view import write_report
@@ -97,6 +97,7 @@ def evaluate(
     config = ScoringConfig(cleaner.hand, cleaner.mano_dir, settings["close_frames"])
     pages_folder = folder / "pages" if pages else None
     with only_run_in(folder):
+        keep_others(folder / SCORED, "choose another folder")
         if fresh:
             remove_pages(folder / "pages")
         done, earlier = open_record(folder, settings, versions, fresh=fresh)

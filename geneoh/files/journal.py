@@ -16,6 +16,8 @@ LOCK = ".geneoh.lock"
 JOURNALS = CONVERTED, CLEANED, SCORED = "converted.jsonl", "journal.jsonl", "scores.jsonl"
 """Names of the journals that runs leave in folders, which are no recordings."""
 Record = Mapping[str, Any]
+FIRST_NAMES = (("options", "weights"), ("settings", "versions"), ("clip", "asked"))
+"""Fields of the first record of each journal; the first of them stands first."""
 
 
 def read_journal(path: Path) -> list[dict[str, Any]]:
@@ -31,6 +33,21 @@ def read_journal(path: Path) -> list[dict[str, Any]]:
         except ValueError:
             continue
     return [record for record in found if isinstance(record, dict)]
+
+
+def is_journal(path: Path) -> bool:
+    """Whether a file is a journal of a run, judged by its first record, which may be cut off."""
+    try:
+        with path.open("rb") as file:
+            first = file.readline()
+        record = json.loads(first)
+    except OSError:
+        return False
+    except (ValueError, RecursionError):
+        starts = [f'{{"{name}": '.encode() for name, _ in FIRST_NAMES]
+        cut_off = not first.endswith(b"\n")
+        return cut_off and any(first[: len(start)] == start[: len(first)] for start in starts)
+    return isinstance(record, dict) and any(set(names) <= record.keys() for names in FIRST_NAMES)
 
 
 def begin_journal(path: Path, records: Iterable[Record]) -> None:

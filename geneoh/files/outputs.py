@@ -8,6 +8,7 @@ from typing import Final
 
 from geneoh.errors import InputError
 from geneoh.files.atomic import replaceable
+from geneoh.files.journal import is_journal
 from geneoh.files.npz import OWN_ATTRIBUTES, decode_array
 from geneoh.files.reading import DAMAGE
 
@@ -120,6 +121,8 @@ def is_ours(path: Path) -> bool:
     try:
         if ending == ".npz":
             return _is_our_archive(path)
+        if ending == ".jsonl":
+            return is_journal(path)
         with path.open("rb") as file:
             if ending in HEAD_MARKS:
                 return HEAD_MARKS[ending] in file.read(HEAD)

@@ -24,7 +24,7 @@ from geneoh.files.journal import (
     only_run_in,
     read_journal,
 )
-from geneoh.files.outputs import check_outputs
+from geneoh.files.outputs import check_outputs, keep_others
 from geneoh.geometry.mesh import Mesh, size_warning
 from geneoh.readers.base import ReaderOptions, Recording, SourceClip
 from geneoh.readers.convention_check import contradictions
@@ -195,6 +195,7 @@ def mesh_files(sequences: Iterable[Sequence]) -> set[Path]:
 def records_before(folder: Path) -> dict[str, dict[str, Any]]:
     """The last record of each clip in a folder's journal, which is written anew without halves."""
     path = folder / CONVERTED
+    keep_others(path, "choose another folder")
     records = {str(record.get("clip")): record for record in read_journal(path)}
     if path.is_file():
         begin_journal(path, records.values())

@@ -174,10 +174,12 @@ def test_files_of_others_and_inputs_are_kept(clips, clean, tmp_path):
     (failed,) = clean(clips).failed
     assert "was not written by geneoh" in failed.failed
     assert (tmp_path / "out" / "clip1.npz").read_bytes() == b"mine"
-    (tmp_path / "other").mkdir()
-    (tmp_path / "other" / "summary.csv").write_text("mine")
-    with pytest.raises(InputError, match="was not written by geneoh"):
-        clean(clips, "other")
+    for name in ("summary.csv", "journal.jsonl"):
+        (tmp_path / f"with {name}").mkdir()
+        (tmp_path / f"with {name}" / name).write_text("mine")
+        with pytest.raises(InputError, match=f"{name}: is there already and was not written by"):
+            clean(clips, f"with {name}")
+        assert (tmp_path / f"with {name}" / name).read_text() == "mine"
     with pytest.raises(InputError, match="is an input and never replaced"):
         clean(clips / "clip1.npz", "in")
 

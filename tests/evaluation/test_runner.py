@@ -113,6 +113,14 @@ def test_a_fresh_start_leaves_no_page_of_other_settings(tmp_path):
     assert note.exists()
 
 
+@pytest.mark.parametrize("fresh", [False, True])
+def test_a_record_of_others_is_kept(tmp_path, fresh):
+    (tmp_path / SCORED).write_text("what a user wrote")
+    with pytest.raises(InputError, match=r"scores.jsonl: is there already and was not written by"):
+        evaluate(replace(SMALL, methods=("input",)), tmp_path, fresh=fresh)
+    assert (tmp_path / SCORED).read_text() == "what a user wrote"
+
+
 def test_a_case_holds_no_data_after_it_was_scored(damaged_case, noisy_case, folder):
     case = replace(noisy_case)
     run(work_left([case], (INPUT,), []), folder, CONFIG)

@@ -7,7 +7,14 @@ import sys
 import pytest
 
 from geneoh.errors import InputError
-from geneoh.files.journal import append_journal, begin_journal, only_run_in, read_journal
+from geneoh.files.journal import (
+    append_journal,
+    begin_journal,
+    is_journal,
+    only_run_in,
+    read_journal,
+)
+from geneoh.files.outputs import is_ours
 
 
 def test_records_come_back_and_half_a_line_counts_for_nothing(tmp_path):
@@ -20,6 +27,36 @@ def test_records_come_back_and_half_a_line_counts_for_nothing(tmp_path):
     for cut in range(1, len(json.dumps({"clip": "b"})) + 1):
         path.write_bytes(whole[: -1 - cut])
         assert read_journal(path) == [{"head": 1}, {"clip": "a"}]
+
+
+FIRST = [
+    {"options": {}, "reading": {}, "weights": ""},
+    {"settings": {}, "versions": {}},
+    {"clip": "a", "asked": {}, "inputs": {}, "files": {}},
+]
+"""The first records of the journals of batch, eval and convert."""
+
+
+@pytest.mark.parametrize("first", FIRST)
+def test_a_journal_is_known_by_its_first_record_and_by_a_part_of_it(tmp_path, first):
+    path = tmp_path / "journal.jsonl"
+    begin_journal(path, [first, {"clip": "a"}])
+    assert is_journal(path)
+    assert is_ours(path)
+    whole = json.dumps(first).encode()
+    for cut in range(1, len(whole)):
+        path.write_bytes(whole[:cut])
+        assert is_journal(path)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["my notes\n", "my notes", '{"day": 1}\n', '{"clip": "a"}\n', "[1]\n", '{"clip": \n', "\xff\n"],
+)
+def test_what_others_wrote_is_no_journal(tmp_path, text):
+    (tmp_path / "journal.jsonl").write_bytes(text.encode("latin-1"))
+    assert not is_journal(tmp_path / "journal.jsonl")
+    assert not is_journal(tmp_path)
 
 
 def test_a_journal_can_be_read_by_programs_that_know_no_nan(tmp_path):

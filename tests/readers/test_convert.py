@@ -266,6 +266,15 @@ def test_half_a_line_of_a_crash_is_no_hindrance(in_folder):
     assert keypoints(in_folder)
 
 
+def test_a_journal_of_others_is_kept(in_folder):
+    (in_folder / "out").mkdir()
+    journal = in_folder / "out/converted.jsonl"
+    journal.write_text("my notes\n")
+    with pytest.raises(InputError, match=r"converted.jsonl: is there already and was not written"):
+        keypoints(in_folder)
+    assert journal.read_text() == "my notes\n"
+
+
 def test_two_conversions_do_not_share_a_folder(in_folder):
     with only_run_in(in_folder / "out"), pytest.raises(InputError, match="another run is working"):
         keypoints(in_folder)
