@@ -39,6 +39,8 @@ probably wrong."""
 
 METRES: dict[Unit, float] = {"mm": 0.001, "cm": 0.01, "m": 1.0}  # length of each unit in metres
 
+INCH = 0.0254  # metres; no option names it
+
 USUAL_OBJECT = 0.1  # longest side in metres of most held objects, to tell a likely unit
 
 TINY = 1e-30
@@ -290,9 +292,11 @@ def size_warning(mesh: Mesh) -> str | None:
     if size > LARGEST_OBJECT:
         units: tuple[Unit, ...] = ("mm", "cm")
         unit = min(units, key=lambda unit: abs(math.log(size * METRES[unit] / USUAL_OBJECT)))
+        inches = f"; if it is in inches, scale it to metres first, by {INCH:g}"
         return (
             f"the mesh is {size:.3g} m long, too large for a hand: its unit is probably {unit}, "
             f"pass --unit {unit} or scale its vertices by {METRES[unit]:g}"
+            + (inches if unit == "cm" else "")
         )
     if size < SMALLEST_OBJECT:
         return (

@@ -208,6 +208,12 @@ def test_absurd_size_says_how_to_scale(ball, scale, said):
     assert warning is None if said is None else said in warning
 
 
+@pytest.mark.parametrize(("scale", "named"), [(1000, False), (100, True), (1 / 0.0254, True)])
+def test_inches_are_named_where_they_fit(ball, scale, named):
+    words = "if it is in inches, scale it to metres first, by 0.0254"
+    assert (words in size_warning(from_trimesh(ball.apply_scale(scale)))) == named
+
+
 @pytest.mark.parametrize(("unit", "scale"), [("mm", 1000), ("cm", 100)])
 def test_a_mesh_in_another_unit_is_read_in_metres(ball, unit, scale, tmp_path):
     ball.export(tmp_path / "metres.obj")
