@@ -16,7 +16,12 @@ from geneoh.files.values import read_values
 from geneoh.readers.records import AS_DISTRIBUTED, FRAME_LIMIT, Array, Record, Shape, as_record
 
 POSE_SHAPES = (("T", 4, 4), ("T", "Q", 4, 4))
-"""Shapes of the object's poses in a file of their own."""
+"""Shapes of the object's poses."""
+
+AS_MATRICES = (
+    "give a 4x4 matrix for each frame, made of its position and its quaternion or axis-angle"
+)
+"""What to do about poses of other shapes."""
 
 TABLE_LIMIT = 2**29
 """Bytes of a table that is read line by line."""
@@ -41,7 +46,7 @@ def read_array(path: Path, *shapes: Shape, remedy: str = "") -> Array:
 
 def read_poses(path: Path) -> Array:
     """(T, 4, 4) or (T, Q, 4, 4) poses of the caller's object, object to the hand's frame."""
-    return read_array(path, *POSE_SHAPES, remedy="save a 4x4 matrix for each frame")
+    return read_array(path, *POSE_SHAPES, remedy=AS_MATRICES)
 
 
 def read_json(path: Path) -> Any:

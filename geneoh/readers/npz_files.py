@@ -156,7 +156,9 @@ def in_metres(record: Record, layout: npz_layouts.Layout, unit: Unit | None) -> 
     for name in {"joints", "object_translation", "camera_position"} & values.keys():
         values[name] = METRES[unit] * record.numbers(name)
     if "obj_pose" in record:
-        poses = record.array("obj_pose", *foreign_files.POSE_SHAPES).copy()
+        poses = record.array(
+            "obj_pose", *foreign_files.POSE_SHAPES, remedy=foreign_files.AS_MATRICES
+        ).copy()
         poses[..., :3, 3] *= METRES[unit]
         values["obj_pose"] = poses
     return replace(record, values=values)

@@ -20,6 +20,7 @@ from geneoh.hand.library import load_hand
 from geneoh.hand.mano import AS_SHIPPED, MENDED, load_pose_space, name_of
 from geneoh.readers import mano, npz_layouts
 from geneoh.readers.base import finite_frames
+from geneoh.readers.foreign_files import AS_MATRICES, POSE_SHAPES
 from geneoh.readers.missing_keypoints import without_missing
 from geneoh.readers.npz_layouts import JOINT_NAMES, OBJECT_FIELDS, SMPLX_PARAMETERS, Layout, quoted
 from geneoh.readers.records import Array, Record, float32
@@ -339,7 +340,8 @@ def read_object(record: Record, meshes: tuple[Mesh, ...], frames: int) -> Object
             + (f"{quoted(pair)} and 'obj_pose'; remove one of them" if pair else MOTION_MISSING)
         )
     if "obj_pose" in record:
-        matrix = record.array("obj_pose", ("T", 4, 4), ("T", "Q", 4, 4), unit="object to world")
+        unit = "object to world"
+        matrix = record.array("obj_pose", *POSE_SHAPES, unit=unit, remedy=AS_MATRICES)
         matrix = matrix if matrix.ndim == 4 else matrix[:, None]
         refuse_bottom_row(record.where, "'obj_pose'", matrix)
         rotation, translation = matrix[..., :3, :3], matrix[..., :3, 3]

@@ -13,7 +13,7 @@ from geneoh.errors import ConfigError, InputError
 from geneoh.files.outputs import lies_within
 from geneoh.geometry.mesh import METRES, MeshInput, meshes_of
 from geneoh.readers.base import OF_SOME, ReaderOptions, Recording, SourceClip, clip_name
-from geneoh.readers.foreign_files import POSE_SHAPES, read_poses
+from geneoh.readers.foreign_files import AS_MATRICES, POSE_SHAPES, read_poses
 from geneoh.readers.records import Array, Record
 from geneoh.readers.registry import SOURCES, Source
 from geneoh.sequence.sequence import Sequence
@@ -59,7 +59,7 @@ def options_with_files(
     if isinstance(object_pose, Path | str):
         object_pose = read_poses(Path(object_pose))
     elif object_pose is not None:
-        given = Record("geneoh.read", {"object_pose": object_pose}, "give a 4x4 matrix a frame")
+        given = Record("geneoh.read", {"object_pose": object_pose}, AS_MATRICES)
         object_pose = given.array("object_pose", *POSE_SHAPES)
     if (camera := others.get("camera")) is not None:
         given = Record("geneoh.read", {"camera": camera}, "give X, Y and Z in metres")

@@ -64,6 +64,14 @@ def test_poses_that_are_lost_are_marked_and_filled():
     assert read(obj_pose=matrices()).valid is None
 
 
+def test_positions_and_quaternions_are_told_that_matrices_are_needed():
+    words = (
+        r"got \(4, 7\) of float64; give a 4x4 matrix for each frame, made of its position and its"
+    )
+    with pytest.raises(InputError, match=words):
+        read(obj_pose=np.ones((T, 7)))
+
+
 def test_matrices_of_zeros_are_refused_with_their_frame_and_what_to_write():
     lost = matrices().numpy().copy()
     lost[2, 1] = 0

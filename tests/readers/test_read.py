@@ -212,5 +212,8 @@ def test_files_of_the_callers_own_get_a_remedy_that_fits_them(tmp_path):
         geneoh.load(path, side="right")
     with pytest.raises(geneoh.errors.InputError, match="save 'pose', 'trans' and 'betas'"):
         geneoh.read("parameters", path, side="right", translation="wrist")
-    with pytest.raises(geneoh.errors.InputError, match="save a 4x4 matrix for each frame"):
+    with pytest.raises(
+        geneoh.errors.InputError,
+        match="give a 4x4 matrix for each frame, made of its position and its quaternion",
+    ):
         geneoh.load(joints, side="right", object_pose=poses)
