@@ -32,7 +32,8 @@ reader_options = options.together(
     option("--joint-order: Order of bare keypoints.", Choice(JOINT_ORDERS), "openpose"),
     options.unit,
     option(
-        "--keypoint-unit: Unit of bare keypoints and of the object's poses beside them.  "
+        "--keypoint-unit: Unit of bare keypoints, and of the object's poses and the "
+        "`camera_position` beside them.  "
         "[default: m]",
         Choice(UNITS),
     ),

@@ -78,7 +78,8 @@ def load(
         mano_dir: folder of the user's MANO files, for the exact wrist of smplx translations.
         unit: of the mesh files in `obj`.
         joint_order: order of the keypoints, where the file holds bare `joints`.
-        keypoint_unit: of the lengths in such a file and of `object_pose`, by default metres.
+        keypoint_unit: of the lengths in such a file, `camera_position` among them, and of
+            `object_pose`; by default metres.
         object_pose: (T, 4, 4) or (T, Q, 4, 4) object to the hand's frame, or the npy file of it,
             where the file holds no motion of the object.
         camera: position of the camera in the world, metres, where the file does not say it and the
