@@ -3,7 +3,7 @@
 import os
 import shutil
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from itertools import chain
 from pathlib import Path
@@ -24,6 +24,8 @@ GIF_RATE = 15.0  # frames a second of a GIF; more only makes it larger
 BATCH = 4  # pictures that each thread draws before the next are handed out
 GIF_FILTER = "split[a][b];[a]palettegen=stats_mode=diff[p];[b][p]paletteuse=dither=bayer"
 GIF_OPTIONS = ("-filter_complex", GIF_FILTER, "-f", "gif")
+HUNDREDTHS = 100  # delays of a GIF are whole hundredths of a second; ffmpeg alternates them
+SHORTEST_DELAY = 2  # hundredths; browsers show pictures with shorter delays for ten
 MP4_OPTIONS = f"-c:v libx264 -preset veryfast -crf {QUALITY} -pix_fmt yuv420p".split()
 MP4_OPTIONS += ["-movflags", "+faststart", "-f", "mp4"]
 
@@ -65,7 +67,9 @@ def write_film(scene: Scene, path: Path, look: Look, on_step: OnStep | None) -> 
     pictures = film_frames(scene, look, every=every)
     pictures = chain([first := next(pictures)], pictures)
     with in_one_step(path) as beside:
-        encoder = _ffmpeg(beside, first, scene.fps / every, gif)
+        shown, held = scene.fps / every, last_delay(scene.frames, scene.fps, every)
+        coded = (*GIF_OPTIONS, "-final_delay", str(held)) if gif else MP4_OPTIONS
+        encoder = _ffmpeg(beside, first, shown, coded)
         assert encoder.stdin is not None, "the pipe was asked for"
         try:
             for _ in steps(range(0, scene.frames, every), on_step):
@@ -84,6 +88,13 @@ def write_film(scene: Scene, path: Path, look: Look, on_step: OnStep | None) -> 
             film.write(TAIL_MARKS[path.suffix.lower()])
 
 
+def last_delay(frames: int, fps: float, every: int) -> int:
+    """Hundredths of a second for the last picture of a GIF, so that it is as long as the clip."""
+    last = (frames - 1) // every * every
+    whole, before = (round(HUNDREDTHS * frame / fps) for frame in (frames, last))
+    return max(whole - before, SHORTEST_DELAY)
+
+
 def ffmpeg_path() -> str:
     """The ffmpeg on the path, or the one that the extra `view` brings."""
     if found := shutil.which("ffmpeg"):
@@ -97,11 +108,12 @@ def ffmpeg_path() -> str:
     return imageio_ffmpeg.get_ffmpeg_exe()
 
 
-def _ffmpeg(path: Path, picture: Picture, rate: float, gif: bool) -> subprocess.Popen[bytes]:
-    """An ffmpeg that waits for raw pictures of this size."""
+def _ffmpeg(
+    path: Path, picture: Picture, rate: float, coded: Iterable[str]
+) -> subprocess.Popen[bytes]:
+    """An ffmpeg that waits for raw pictures of this size, with the options of a format."""
     height, width = picture.shape[:2]
     raw = ("-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", f"{rate:g}")
-    coded = GIF_OPTIONS if gif else MP4_OPTIONS
     return subprocess.Popen(
         [ffmpeg_path(), "-v", "error", "-y", *raw, "-i", "-", *coded, str(path)],
         stdin=subprocess.PIPE,

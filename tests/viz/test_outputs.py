@@ -85,6 +85,29 @@ def test_films_are_written_without_a_display(one_hand, tmp_path, monkeypatch, na
     assert subprocess.run(read, capture_output=True, check=True).stderr == b""
 
 
+def delays_of(gif: bytes) -> list[int]:
+    """Delays of all pictures of a GIF in hundredths of a second."""
+    mark = b"\x21\xf9\x04"  # a graphic control: flags, delay, transparent colour, end
+    found = [place for place in range(len(gif)) if gif[place : place + 3] == mark]
+    return [int.from_bytes(gif[p + 4 : p + 6], "little") for p in found if gif[p + 7] == 0]
+
+
+@pytest.mark.parametrize(("frames", "fps"), [(5, 30.0), (6, 30.0), (6, 24.0), (5, 40.0), (6, 90.0)])
+def test_a_gif_is_as_long_as_its_clip(one_hand, tmp_path, frames, fps):
+    try:
+        ffmpeg_path()
+    except MissingAssetError as error:
+        pytest.skip(str(error))
+    versions = tuple(
+        replace(version, hands=tuple(hand[:frames] for hand in version.hands))
+        for version in one_hand.versions
+    )
+    clip = replace(one_hand, versions=versions, object=one_hand.object[:frames], fps=fps)
+    write(clip, tmp_path / "clip.gif")
+    delays = delays_of((tmp_path / "clip.gif").read_bytes())
+    assert sum(delays) == pytest.approx(100 * frames / fps, abs=1)
+
+
 @pytest.mark.parametrize("name", ["a.html", "a.png", "a.glb", "a.npz"])
 def test_what_was_written_is_known_as_ours(one_hand, tmp_path, name):
     write(one_hand, tmp_path / name)
