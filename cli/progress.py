@@ -1,5 +1,6 @@
 """Progress bars for work that takes more than two seconds."""
 
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,7 +13,10 @@ PATIENCE = 2.0
 
 @contextmanager
 def progress_bars(shown: bool = True) -> Iterator[OnProgress]:
-    """Progress bars on standard error, one stage at a time, while the block runs; or none."""
+    """Progress bars on standard error, one stage at a time, while the block runs; or none.
+
+    There is none where standard error is no terminal: a log would hold each step of the bar.
+    """
     from tqdm import tqdm
 
     began = time.monotonic()
@@ -29,7 +33,7 @@ def progress_bars(shown: bool = True) -> Iterator[OnProgress]:
         bar.update(done - bar.n)
 
     try:
-        yield on_progress if shown else lambda *_: None
+        yield on_progress if shown and sys.stderr.isatty() else lambda *_: None
     finally:
         if bar is not None:
             bar.close()

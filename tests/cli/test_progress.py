@@ -1,4 +1,5 @@
 import importlib
+import sys
 
 import pytest
 
@@ -15,6 +16,7 @@ def test_long_work_shows_each_stage_and_short_work_nothing(progress, capsys, mon
                 for done in range(4):
                     heard(stage, done, 3)
 
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     work()
     assert capsys.readouterr().err == ""
     monkeypatch.setattr(progress, "PATIENCE", 0.0)
@@ -23,3 +25,10 @@ def test_long_work_shows_each_stage_and_short_work_nothing(progress, capsys, mon
     for stage in ("motion", "fit"):
         assert f"{stage}:   0%" in said
         assert said.count(f"{stage}:   0%") == 1
+
+
+def test_a_log_gets_no_bars(progress, capsys, monkeypatch):
+    monkeypatch.setattr(progress, "PATIENCE", 0.0)
+    with progress.progress_bars() as heard:
+        heard("motion", 1, 3)
+    assert capsys.readouterr().err == ""
