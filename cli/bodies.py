@@ -23,9 +23,9 @@ reading_options = options.together(
         click.IntRange(min=0),
     ),
     options.option(
-        "--object-pose: npy file of (T, 4, 4) matrices, object to the body's world, for --obj with "
-        "--body.",
-        options.FILE,
+        "--object-pose: npy file of (T, 4, 4) matrices, object to the body's world, or a folder of "
+        "texts as FoundationPose writes, for --obj with --body.",
+        options.FILE_OR_FOLDER,
     ),
 )
 FOR_OBJECTS = ("frames", "guidance", "draws")

@@ -65,6 +65,7 @@ def refuse_unit_without(meshes: Any, option: str = "--obj") -> None:
 
 FILE = click.Path(dir_okay=False, path_type=Path)
 """A file to read or to write. Reading checks that it exists, because its error says more."""
+FILE_OR_FOLDER = click.Path(path_type=Path)
 FOLDER = click.Path(file_okay=False, path_type=Path)
 COUNT = click.IntRange(min=1)
 

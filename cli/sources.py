@@ -11,7 +11,7 @@ from geneoh.errors import numbered
 from geneoh.readers.registry import SOURCES
 
 from . import options
-from .options import FILE, FOLDER, Decorator, flag, option
+from .options import FILE, FILE_OR_FOLDER, FOLDER, Decorator, flag, option
 
 if TYPE_CHECKING:
     from geneoh.readers.convert import Outcome
@@ -25,9 +25,9 @@ reader_options = options.together(
     ),
     option("--body: Your SMPL+H model, for sources whose hands belong to a body.", FILE),
     option(
-        "--object-pose: npy file of (T, 4, 4) matrices, object's frame to hand's frame, for "
-        "sources without an object.",
-        FILE,
+        "--object-pose: npy file of (T, 4, 4) matrices, object's frame to hand's frame, or a "
+        "folder of texts as FoundationPose writes, for sources without an object.",
+        FILE_OR_FOLDER,
     ),
     option("--joint-order: Order of bare keypoints.", Choice(JOINT_ORDERS), "openpose"),
     options.unit,

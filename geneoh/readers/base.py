@@ -37,6 +37,8 @@ class ReaderOptions:
     """The object's own meshes in metres, for sources without any."""
     object_pose: Array | None = None
     """(T, 4, 4) object to the hand's frame, for sources without any."""
+    first_pose: int = 0
+    """Number of the frame of the first of these poses."""
     side: Side | None = None
     """The hand to read; for files that do not say it, the hand that they hold."""
     fps: float | None = None

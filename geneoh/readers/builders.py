@@ -174,14 +174,30 @@ def callers_object(
         )
     if options.object_pose is None:
         return ObjectTrack.resting((), frames), ("the source has no object; give one with --obj",)
-    if len(options.object_pose) != frames:
-        which = f", which are numbers {first} to {first + frames - 1}," if first else ","
-        raise InputError(
-            f"{where}: the object's poses must be one for each of the {frames} frames{which} "
-            f"got {len(options.object_pose)}; cut them to the same frames"
-        )
-    refuse_bottom_row(where, "the poses in --object-pose", options.object_pose)
-    return object_track(options.meshes, options.object_pose), ()
+    poses, notes = options.object_pose, ()
+    if len(poses) != frames:
+        poses, notes = poses_of_frames(poses, options.first_pose, frames, where, first)
+    refuse_bottom_row(where, "the poses in --object-pose", poses)
+    return object_track(options.meshes, poses), notes
+
+
+def poses_of_frames(
+    poses: Array, first_pose: int, frames: int, where: str, first: int
+) -> tuple[Array, tuple[str, ...]]:
+    """Of the poses of a whole video those of some frames from number `first` on, with a note.
+
+    `InputError` where the source's frames have no numbers or the poses are not those of all.
+    """
+    begin, last = first - first_pose, first + frames - 1
+    if first and begin >= 0 and begin + frames <= len(poses):
+        words = f"of the object's {len(poses)} poses those of frames {first} to {last}"
+        return poses[begin : begin + frames], (words,)
+    which = f", which are numbers {first} to {last}," if first else ","
+    got = f"{len(poses)} from number {first_pose} on" if first_pose else f"{len(poses)}"
+    raise InputError(
+        f"{where}: the object's poses must be one for each of the {frames} frames{which} "
+        f"got {got}; cut them to the same frames"
+    )
 
 
 def hand_in_frame(hand: HandTrack, frame: Array) -> HandTrack:

@@ -44,9 +44,41 @@ def read_array(path: Path, *shapes: Shape, remedy: str = "") -> Array:
     return record.array("array", *shapes)
 
 
-def read_poses(path: Path) -> Array:
-    """(T, 4, 4) or (T, Q, 4, 4) poses of the caller's object, object to the hand's frame."""
-    return read_array(path, *POSE_SHAPES, remedy=AS_MATRICES)
+def read_poses(path: Path) -> tuple[Array, int]:
+    """(T, 4, 4) or (T, Q, 4, 4) poses of the caller's object, object to the hand's frame, and the
+    number of their first frame, 0 where none is said.
+
+    A folder holds a text of a 4x4 matrix for each frame, as FoundationPose writes them; frames
+    whose number is left out are NaN.
+    """
+    if path.is_dir():
+        files = files_of_poses(path)
+        first = min(files)
+        found = {frame - first: read_matrix(file) for frame, file in files.items()}
+        return by_frame(found, max(files) + 1 - first, 4, 4), first
+    return read_array(path, *POSE_SHAPES, remedy=AS_MATRICES), 0
+
+
+def files_of_poses(folder: Path) -> dict[int, Path]:
+    """The texts in a folder of poses by the number of their frame; those whose names are times and
+    no such numbers one after the other."""
+    files = sorted(folder.glob("*.txt"))
+    if not files:
+        raise InputError(
+            f"{folder}: expected a text of a 4x4 matrix for each frame, such as 000000.txt, got "
+            "none; name the folder ob_in_cam of FoundationPose, or a npy file"
+        )
+    if all(file.stem.isdecimal() and int(file.stem) > FRAME_LIMIT for file in files):
+        return dict(enumerate(sorted(files, key=lambda file: int(file.stem))))
+    return numbered_files(folder, "*.txt")
+
+
+def read_matrix(path: Path) -> Array:
+    """The 4x4 matrix in a text, in four rows or in one."""
+    values = read_numbers(path, 4, 16)
+    if values.size != 16:
+        raise InputError(f"{path}: expected a 4x4 matrix, got {len(values)} rows; write it again")
+    return values.reshape(4, 4)
 
 
 def read_json(path: Path) -> Any:

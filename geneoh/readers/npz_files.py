@@ -81,7 +81,8 @@ def load(
         keypoint_unit: of the lengths in such a file, `camera_position` among them, and of
             `object_pose`; by default metres.
         object_pose: (T, 4, 4) or (T, Q, 4, 4) object to the hand's frame, or the npy file of it,
-            where the file holds no motion of the object.
+            or a folder with a text of each frame's matrix, where the file holds no motion of the
+            object.
         camera: position of the camera in the world, metres, where the file does not say it and the
             hand was estimated from images; (0, 0, 0) where the coordinates are the camera's.
 
@@ -94,7 +95,7 @@ def load(
         return read(source, path, obj=obj or (), object_pose=object_pose, **shared, **bare)
     path, meshes = Path(path), None if obj is None else meshes_of(obj, unit) or None
     if isinstance(object_pose, Path | str):
-        object_pose = foreign_files.read_poses(Path(object_pose))
+        object_pose, _ = foreign_files.read_poses(Path(object_pose))
     record = npz_layouts.read_fields(path)
     layout = npz_layouts.layout_of(record)
     record = with_joint_order(record, layout, joint_order)

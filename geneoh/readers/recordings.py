@@ -31,7 +31,8 @@ def read(source: str, path: Path | str, *, clip: str | None = None, **options: A
         options: what the source leaves open, by the names of `geneoh.readers.base.ReaderOptions`:
             `mano_dir`, `side`, `fps`, `focal` and so on. In place of `meshes` it is `obj`, the mesh
             of the object or its file, or one per rigid part, with `unit`, that of the files.
-            `object_pose` may be a npy file, in the unit that `keypoint_unit` says.
+            `object_pose` may be a npy file or a folder of texts, in the unit that `keypoint_unit`
+            says.
 
     Raises:
         ConfigError: there is no source of that name, or it makes no use of one of the options.
@@ -57,7 +58,7 @@ def options_with_files(
             others[name] = as_field_type(value, kinds[name], "geneoh.read", name)
     unit, keypoint_unit = others.pop("unit"), others.get("keypoint_unit")
     if isinstance(object_pose, Path | str):
-        object_pose = read_poses(Path(object_pose))
+        object_pose, others["first_pose"] = read_poses(Path(object_pose))
     elif object_pose is not None:
         given = Record("geneoh.read", {"object_pose": object_pose}, AS_MATRICES)
         object_pose = given.array("object_pose", *POSE_SHAPES)

@@ -57,13 +57,19 @@ def test_left_hands_come_back_as_the_hand_their_betas_mean(geneoh, tmp_path, man
     np.testing.assert_allclose(hand.betas, s.betas["left"], atol=1e-5)
 
 
-def test_an_estimators_hands_are_cleaned_against_the_callers_object(geneoh, tmp_path, mano_dir):
+@pytest.mark.parametrize("poses", ["poses.npy", "ob_in_cam"])
+def test_an_estimators_hands_are_cleaned_against_the_callers_object(
+    geneoh, tmp_path, mano_dir, poses
+):
     s = scene("mirrored")
     (tmp_path / "dump").mkdir()
     trees.hamer(tmp_path / "dump", s, False)
     trees.write_mesh(tmp_path / "box.obj", s.verts, s.faces)
     np.save(tmp_path / "poses.npy", s.matrices())
-    brought = ("--obj", "box.obj", "--object-pose", "poses.npy", "--focal", 600)
+    (tmp_path / "ob_in_cam").mkdir()
+    for frame, pose in enumerate(s.matrices()):
+        np.savetxt(tmp_path / "ob_in_cam" / f"{frame:06d}.txt", pose)
+    brought = ("--obj", "box.obj", "--object-pose", poses, "--focal", 600)
     _, clean = cleaned(geneoh, mano_dir, "hamer", "dump/video.pt", *brought)
     assert len(clean.hands) == 2
     np.testing.assert_allclose(clean.object.translation[:, 0], s.shift, atol=1e-6)

@@ -452,12 +452,54 @@ def test_a_hawor_dump_of_other_values_is_told_what_it_holds(tmp_path):
         read("hawor", tmp_path, None)
 
 
-def test_poses_of_other_frames_are_told_the_numbers_of_the_frames(tmp_path):
+@pytest.fixture
+def later(tmp_path):
+    """A dump of HaMeR whose frames begin at number 5."""
     case = next(case for case in CASES if case.source == "hamer")
     case.build(tmp_path, scene(case.left), False)
     value = torch.load(tmp_path / "video.pt")
     value["frame"] += 5
     torch.save(value, tmp_path / "video.pt")
-    poses = np.tile(np.eye(4), (FRAMES + 5, 1, 1))
-    with pytest.raises(InputError, match=f"numbers 5 to {FRAMES + 4}, got {FRAMES + 5}"):
-        geneoh.read("hamer", tmp_path, object_pose=poses)
+    return tmp_path
+
+
+def poses_of(frames: int) -> np.ndarray:
+    """Poses that tell the numbers of their frames, all near the hand."""
+    poses = np.tile(np.eye(4), (frames, 1, 1))
+    poses[:, 0, 3] = 0.001 * np.arange(frames)
+    return poses
+
+
+def test_poses_of_other_frames_are_told_the_numbers_of_the_frames(later):
+    words = f"numbers 5 to {FRAMES + 4}, got {FRAMES + 4}; cut"
+    with pytest.raises(InputError, match=words):
+        geneoh.read("hamer", later, object_pose=poses_of(FRAMES + 4))
+
+
+@pytest.mark.parametrize("more", [0, 3])
+def test_of_poses_of_the_whole_video_those_of_the_frames_are_taken(later, more):
+    count = FRAMES + 5 + more
+    read = geneoh.read("hamer", later, object_pose=poses_of(count))
+    found = read.object.translation[:, 0, 0].numpy()
+    np.testing.assert_allclose(found, 0.001 * np.arange(5, FRAMES + 5), atol=1e-6)
+    assert f"of the object's {count} poses those of frames 5 to {FRAMES + 4}" in read.source
+
+
+@pytest.mark.parametrize("first", [0, 3, 5])
+def test_texts_of_poses_are_taken_by_their_numbers(later, first):
+    (later / "poses").mkdir()
+    for number, pose in enumerate(poses_of(FRAMES + 5)):
+        if number >= first and number != 6:
+            np.savetxt(later / "poses" / f"{number:06d}.txt", pose)
+    read = geneoh.read("hamer", later / "video.pt", object_pose=later / "poses")
+    found = read.object.translation[:, 0, 0].numpy()
+    np.testing.assert_allclose(found, 0.001 * np.arange(5, FRAMES + 5), atol=1e-6)
+    assert read.object.valid[:, 0].tolist() == [number != 6 for number in range(5, FRAMES + 5)]
+
+
+def test_texts_from_a_later_number_on_are_told_from_which(later):
+    (later / "poses").mkdir()
+    for number in range(6, FRAMES + 5):
+        np.savetxt(later / "poses" / f"{number}.txt", np.eye(4))
+    with pytest.raises(InputError, match=f"got {FRAMES - 1} from number 6 on; cut"):
+        geneoh.read("hamer", later / "video.pt", object_pose=later / "poses")

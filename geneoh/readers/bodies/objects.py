@@ -28,7 +28,8 @@ def object_of_body(
             `object_translation`, and name its meshes, as a geneoh-sequence does.
         frames: of the body, which are those of the object too.
         obj: mesh files, one per rigid part.
-        object_pose: npy of (T, 4, 4) or (T, Q, 4, 4) object to world, where the file has none.
+        object_pose: npy of (T, 4, 4) or (T, Q, 4, 4) object to world, or a folder of texts of each
+            frame's matrix, where the file has none.
         unit: of the mesh files.
 
     Raises:
@@ -38,7 +39,7 @@ def object_of_body(
     record = foreign_files.read_record(path) if own else Record(str(path), {})
     given = None
     if object_pose is not None:
-        given = foreign_files.read_poses(object_pose)
+        given, _ = foreign_files.read_poses(object_pose)
     record = with_callers(record, "obj_pose", given)
     meshes = meshes_of(obj, unit) or find_meshes(record, path.parent)[0]
     motion = read_object(record, meshes, frames)
