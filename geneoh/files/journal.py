@@ -40,9 +40,10 @@ def is_journal(path: Path) -> bool:
     try:
         with path.open("rb") as file:
             first = file.readline()
-        record = json.loads(first)
     except OSError:
         return False
+    try:
+        record = json.loads(first)
     except (ValueError, RecursionError):
         starts = [f'{{"{name}": '.encode() for name, _ in FIRST_NAMES]
         cut_off = not first.endswith(b"\n")
