@@ -1,6 +1,6 @@
 """Cases: a clip under one noise and seed, known by name and read where it is needed."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from geneoh.evaluation.protocols.datasets import clips_by_file, spread_over_grou
 from geneoh.evaluation.protocols.noise import check_noise, noisy_input
 from geneoh.files.atomic import write_whole
 from geneoh.files.outputs import keep_others
+from geneoh.geometry.mesh import Mesh
 from geneoh.readers.meshes import obj_text
 from geneoh.readers.npz_files import load, save_sequence
 from geneoh.sequence.sequence import Sequence
@@ -125,10 +126,13 @@ def write_inputs(cases: list[Case], folder: Path) -> int:
         path = folder / case.file_name
         keep_others(path, "choose another folder")
         path.parent.mkdir(parents=True, exist_ok=True)
+        written: list[Mesh] = []
         for part, mesh in enumerate(case.noisy.object.meshes):
             place, text = folder / "objects" / f"{case.clip.name}_{part}.obj", obj_text(mesh)
             if place.exists() and place.read_text(errors="replace") != text:
                 raise InputError(f"{place}: holds another mesh already; choose another folder")
             write_whole(place, text, parents=True)
-        save_sequence(case.noisy, path)
+            written.append(replace(mesh, source=place))
+        motion = replace(case.noisy.object, meshes=tuple(written))
+        save_sequence(replace(case.noisy, object=motion), path)
     return len(cases)

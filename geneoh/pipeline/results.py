@@ -107,7 +107,8 @@ def save(result: Denoised | Sequence, path: Path | str) -> None:
     did not hold; `finger_contact` (T, 5), the probability that each finger touches the object; and,
     where several samples were drawn, `samples` (S, N, 21, 3), their keypoints in metres at 30
     frames a second before selection and fit; `object_confidence` (T, Q), how much the
-    object's poses agree with one another; `options`, the settings as JSON.
+    object's poses agree with one another; `options`, the settings as JSON. Meshes stay in their own
+    files, which it names; one that was made in memory is not kept, which is logged as a warning.
 
     Raises:
         InputError: the place cannot be written to, or has another ending than `.npz`; or a sequence

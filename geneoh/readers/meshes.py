@@ -16,6 +16,8 @@ from geneoh.readers.records import Array, Record
 from geneoh.sequence.sequence import ObjectTrack
 
 FILES, HASHES = MESH_FIELDS
+IN_NO_FILE = "the object's mesh was made in memory, and no file is known that holds it"
+"""What is said of a sequence that has hashes of its meshes alone."""
 
 
 def find_mesh(
@@ -75,14 +77,15 @@ def obj_text(mesh: Mesh) -> str:
 
 
 def mesh_arrays(meshes: tuple[Mesh, ...], folder: Path) -> Arrays:
-    """Paths of the meshes' files as seen from a folder, and the SHA-256 of their contents."""
-    sources = [mesh.source for mesh in meshes if mesh.source is not None]
-    if not meshes or len(sources) < len(meshes):
+    """Paths of the meshes' files as seen from a folder, and the SHA-256 of their contents; of
+    meshes of which one is in no file the latter alone."""
+    if not meshes:
         return {}
-    return {
-        FILES: np.array([seen_from(folder, source) for source in sources]),
-        HASHES: np.array([mesh.sha256 for mesh in meshes]),
-    }
+    arrays = {HASHES: np.array([mesh.sha256 for mesh in meshes])}
+    sources = [mesh.source for mesh in meshes if mesh.source is not None]
+    if len(sources) == len(meshes):
+        arrays[FILES] = np.array([seen_from(folder, source) for source in sources])
+    return arrays
 
 
 def seen_from(folder: Path, file: Path) -> str:
@@ -99,7 +102,7 @@ def find_meshes(record: Record, folder: Path) -> tuple[tuple[Mesh, ...], str]:
     Otherwise none, and in words why. `InputError` for names that are no texts.
     """
     if FILES not in record:
-        return (), ""
+        return (), IN_NO_FILE if HASHES in record else ""
     names = record.texts(FILES)
     hashes = record.texts(HASHES) if HASHES in record else []
     meshes: list[Mesh] = []

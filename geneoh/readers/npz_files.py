@@ -18,7 +18,7 @@ from geneoh.hand.mano import AS_SHIPPED, MENDED
 from geneoh.readers import foreign_files, npz_layouts
 from geneoh.readers.base import timing_of
 from geneoh.readers.joint_orders import in_openpose_order, order_named
-from geneoh.readers.meshes import find_meshes, mesh_arrays, with_parts
+from geneoh.readers.meshes import FILES, HASHES, IN_NO_FILE, find_meshes, mesh_arrays, with_parts
 from geneoh.readers.npz_layouts import CAMERA_FIELDS, FORMAT, OBJECT_FIELDS, own_names, quoted
 from geneoh.readers.npz_tracks import Notes, read_hands, read_object
 from geneoh.readers.recordings import read
@@ -205,8 +205,9 @@ def save_sequence(
 ) -> None:
     """Write a sequence as a geneoh-sequence npz, whole or not at all; equal ones give equal bytes.
 
-    Of the object's meshes it keeps the paths, relative to the file, and hashes. `extra` arrays are
-    kept by name as well; reading leaves them alone.
+    Of the object's meshes it keeps the paths, relative to the file, and hashes. A mesh that is in
+    no file is not kept, which is logged as a warning. `extra` arrays are kept by name as well;
+    reading leaves them alone.
 
     Raises:
         InputError: the place cannot be written to, or the sequence has no hand, two of one side,
@@ -215,10 +216,13 @@ def save_sequence(
     """
     path = Path(path)
     check_tracks(sequence)
-    arrays = sequence_arrays(sequence) | mesh_arrays(sequence.object.meshes, path.parent)
+    meshes = mesh_arrays(sequence.object.meshes, path.parent)
+    arrays = sequence_arrays(sequence) | meshes
     if taken := arrays.keys() & (extra or {}).keys():
         raise ValueError(f"extra arrays need names of their own, got {sorted(taken)}")
     write_archive(path, {**arrays, **(extra or {})})
+    if HASHES in meshes and FILES not in meshes:
+        LOG.warning("%s: %s; give it again, as obj, when the file is read", path, IN_NO_FILE)
 
 
 def sequence_arrays(sequence: Sequence) -> Arrays:

@@ -80,12 +80,19 @@ def test_a_changed_mesh_is_not_taken_for_that_of_its_file(kept):
     assert "is another one than it was" in geneoh.load(kept).source
 
 
-def test_meshes_that_were_made_leave_no_paths(kept):
+def test_meshes_that_were_made_leave_no_paths_and_are_missed_in_words(kept, caplog):
     sequence = geneoh.load(kept)
     made = tuple(mesh.mirrored() for mesh in sequence.object.meshes)
     geneoh.save(replace(sequence, object=replace(sequence.object, meshes=made)), kept)
-    assert not {"object_files", "object_hashes"} & read_archive(kept).keys()
-    assert geneoh.load(kept).object.meshes == ()
+    assert "mesh was made in memory, and no file is known that holds it; give it" in caplog.text
+    assert "object_files" not in read_archive(kept)
+    again = geneoh.load(kept)
+    assert again.object.meshes == ()
+    assert "made in memory" in again.object.missing
+    assert "made in memory" in again.source
+    assert geneoh.load(kept, obj=made).object.missing == ""
+    with pytest.raises(InputError, match="pass --obj MESH"):
+        geneoh.view(kept, kept.with_suffix(".png"))
 
 
 def test_names_that_are_no_text_are_refused(kept):
