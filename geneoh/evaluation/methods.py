@@ -35,7 +35,7 @@ from geneoh.hand.library import hand_of_betas, load_hand
 from geneoh.pipeline.context import stage_context
 from geneoh.pipeline.denoise import clean_interaction
 from geneoh.pipeline.inputs import checked_interaction
-from geneoh.pipeline.options import Options
+from geneoh.pipeline.options import NEEDED_TO_REFINE, Options
 from geneoh.pipeline.results import Denoised
 from geneoh.representation.spatial import encode_spatial
 from geneoh.sequence.gaps import fill_gaps
@@ -278,7 +278,9 @@ def methods_named(name: MethodName, options: EvaluationOptions) -> Iterator[Meth
             for preset in options.presets:
                 yield geneoh_method(replace(cleaner, preset=preset))
             for part in options.ablations:
-                yield geneoh_method(replace(cleaner, preset=options.presets[0], without=(part,)))
+                refine = cleaner.refine_object and part not in NEEDED_TO_REFINE
+                less = replace(cleaner, without=(part,), refine_object=refine)
+                yield geneoh_method(replace(less, preset=options.presets[0]))
         case _:
             assert_never(name)
 

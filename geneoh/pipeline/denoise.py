@@ -51,6 +51,7 @@ NO_OBJECT = (
     "no mesh or no pose of an object was given: the hand was cleaned by the prior of hand motion "
     "alone, and nothing is known of contact; --obj MESH names a mesh"
 )
+NOT_REFINED = "poses of the object are not refined (--refine-object): there are none, or no mesh"
 
 
 def denoise(
@@ -116,6 +117,7 @@ def clean_interaction(
         motion = replace(motion, meshes=())
         chosen = chosen.alone()
         notes.append(NO_OBJECT)
+        notes += [NOT_REFINED] if options.refine_object else ()
     notes += filled_poses(motion) if chosen.has_object else ()
     evidence = torch.ones(sequence.frames)
     if chosen.clean_object:

@@ -13,6 +13,9 @@ from geneoh.config import as_field_type, check_limits, closest_name
 from geneoh.errors import ConfigError
 from geneoh.pipeline.presets import Preset, preset
 
+NEEDED_TO_REFINE: tuple[Ablation, ...] = ("object", "mesh")
+"""Parts of the method without which the object is not examined."""
+
 
 @dataclass(frozen=True)
 class Options:
@@ -50,7 +53,8 @@ class Options:
     """Whether the object's poses are taken as exact: they are neither examined nor cleaned."""
     refine_object: bool = False
     """Whether the result has poses of the object that agree with the clean hands
-    (`geneoh.objects.refine`) and not those of the input."""
+    (`geneoh.objects.refine`) and not those of the input. It needs the examination of the object,
+    and so excludes `trust_object`, and "object" and "mesh" in `without`."""
     hand_delay: float | int = 0.0
     """Frames by which the hands come later than the object, such as from a sensor with a clock of
     its own; negative where they come earlier. They are cleaned, and are in the result, where the
@@ -63,7 +67,8 @@ class Options:
         """Take paths given as text, and refuse values that no setting has.
 
         Raises:
-            ConfigError: a value is of another type than its field's, or none of its choices.
+            ConfigError: a value is of another type than its field's, or none of its choices, or
+                `refine_object` stands beside what excludes it.
         """
         for name, kind in get_type_hints(Options).items():
             value = getattr(self, name)
@@ -71,6 +76,13 @@ class Options:
                 value = str(value) if isinstance(value, torch.device) else value.item()
             object.__setattr__(self, name, as_field_type(value, kind, "Options", name))
         check_limits(self, {"seed": SEED_LIMITS})
+        unexamined = [f"without {part!r}" for part in self.without if part in NEEDED_TO_REFINE]
+        unexamined += ["trust_object"] * self.trust_object
+        if self.refine_object and unexamined:
+            raise ConfigError(
+                "Options: 'refine_object' (--refine-object) needs an object that is examined, got "
+                f"it beside {' and '.join(unexamined)}; leave one of them out"
+            )
 
     def resolved(self) -> Preset:
         """The preset with the user's changes.

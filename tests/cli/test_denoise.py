@@ -155,6 +155,13 @@ def test_page_that_cannot_be_written_is_told_of_before_the_work(geneoh, tmp_path
     assert not (tmp_path / "hand_clean.npz").exists()
 
 
+def test_an_object_that_is_taken_as_exact_cannot_be_refined(geneoh, tmp_path):
+    write_good(tmp_path)
+    result = geneoh(*RUN, "--refine-object", "--trust-object")
+    assert result.exit_code == 2
+    assert "(--refine-object) needs an object that is examined" in result.stderr
+
+
 def test_same_seed_gives_the_same_file(geneoh, tmp_path):
     write_good(tmp_path)
     for name, seed in (("a.npz", 4), ("b.npz", 4), ("c.npz", 5)):

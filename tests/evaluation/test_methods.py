@@ -286,6 +286,13 @@ def test_options_reach_every_method_of_ours():
     assert given[1].without == ("spatial",)
 
 
+def test_what_refined_poses_need_can_be_left_out_of_a_cleaner_that_refines_them():
+    cleaner = Options(refine_object=True)
+    options = replace(ALL, methods=("geneoh",), ablations=("object", "fit"), cleaner=cleaner)
+    given = [method.clean.keywords["options"] for method in methods_of(options)[0]]
+    assert [each.refine_object for each in given] == [True, False, True]
+
+
 def test_a_folder_of_predictions_must_be_there_and_have_a_name_of_its_own(tmp_path):
     with pytest.raises(MissingAssetError, match="nowhere: expected a folder"):
         methods_of(replace(ALL, predictions=(Path("nowhere"),)))

@@ -122,6 +122,7 @@ def test_an_object_that_is_never_seen_is_as_none(clean):
     alone = geneoh.denoise(replace(short, object=ObjectTrack.resting((), 30)), FAST)
     assert torch.equal(result.sequence.hands[0].joints, alone.sequence.hands[0].joints)
     assert "no pose" in result.notes[0]
+    assert "not refined" in result.notes[1]
 
 
 def test_a_hand_that_stays_away_from_its_object_is_cleaned_as_alone(clean):

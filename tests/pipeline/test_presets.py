@@ -101,6 +101,14 @@ def test_options_leave_out_what_they_name():
         ({"seed": -1}, "'seed' must be 0 to 9223372036854775807, got -1"),
         ({"steps": "3"}, "'steps' must be a whole number or none"),
         ({"without": "fit"}, "'without' must be a list"),
+        (
+            {"refine_object": True, "trust_object": True},
+            "'refine_object' .* beside trust_object; leave one of them out",
+        ),
+        (
+            {"refine_object": True, "without": ["fit", "mesh", "object"]},
+            "beside without 'mesh' and without 'object'; leave",
+        ),
     ],
 )
 def test_options_of_other_values_are_refused_with_the_field(wrong, words, monkeypatch):
