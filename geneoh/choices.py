@@ -3,6 +3,7 @@
 This module imports no torch, so that `geneoh --help` can show the choices at once.
 """
 
+import math
 from typing import Literal, get_args
 
 Side = Literal["left", "right"]
@@ -146,6 +147,13 @@ REFINERS: tuple[Refiner, ...] = get_args(Refiner)
 
 SEED_LIMITS = (0, 2**63 - 1)
 """The least and the largest seed of random draws."""
+
+CLEANING: dict[str, tuple[float, float]] = {
+    "samples": (1, math.inf),
+    "steps": (1, math.inf),
+    "seed": SEED_LIMITS,
+}
+"""The least and the largest value of each number that `geneoh denoise` takes."""
 
 GENERATION: dict[str, tuple[int, int]] = {
     "frames": (2, 150),  # as many as the longest clips that networks learn from

@@ -28,7 +28,7 @@ CALLS = {
     "denoise(SHORT, presett='fast')": "did you mean 'preset'?",
     "denoise(SHORT, seed=-1)": "'seed' must be 0 to 9223372036854775807, got -1",
     "denoise(SHORT, seed=1.5)": "'seed' must be a whole number, got 1.5",
-    "denoise(SHORT, samples=0)": "--samples must be 1 or more",
+    "denoise(SHORT, samples=0)": "Options: 'samples' must be 1 or more, got 0",
     "denoise(SHORT, device='gpu')": "expected a device of this machine",
     "Options(device=torch.device('cpu'))": "Options",
     # Tracks, objects and sequences that are made by hand

@@ -3,13 +3,12 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any
 
-import numpy as np
 import torch
 
-from geneoh.choices import SEED_LIMITS, Ablation, HandSource, PresetName, Selection
-from geneoh.config import as_field_type, check_limits, closest_name
+from geneoh.choices import CLEANING, Ablation, HandSource, PresetName, Selection
+from geneoh.config import check_fields, closest_name
 from geneoh.errors import ConfigError
 from geneoh.pipeline.presets import Preset, preset
 
@@ -32,9 +31,10 @@ class Options:
     of a sequence is cleaned with it anew."""
     steps: int | None = None
     """Denoiser calls of MotionDiff, 1 or more and at most its noise level (650), and rounds of
-    SpatialDiff; TemporalDiff always makes one call. In the preset "paper" calls of every stage, at
-    most their noise levels. None leaves it to the preset: 4 of both by default, 1 and 3 rounds for
-    the fast one, 400, 200 and 100 for the paper's."""
+    SpatialDiff, at most 20; TemporalDiff always makes one call. In the preset "paper" calls of
+    every stage, at most their noise levels. None leaves it to the preset: 4 of both by default, 1
+    and 3 rounds for the fast one, 400, 200 and 100 for the paper's. More than those of the preset
+    take longer and do not make results better."""
     selection: Selection | None = None
     """Which sample is kept: "closest", the one nearest to the input, or "mean", the mean of all.
     None leaves it to the preset: the mean, for the paper's the closest."""
@@ -67,15 +67,12 @@ class Options:
         """Take paths given as text, and refuse values that no setting has.
 
         Raises:
-            ConfigError: a value is of another type than its field's, or none of its choices, or
-                `refine_object` stands beside what excludes it.
+            ConfigError: a value is of another type than its field's, none of its choices or out of
+                its limits, or `refine_object` stands beside what excludes it.
         """
-        for name, kind in get_type_hints(Options).items():
-            value = getattr(self, name)
-            if isinstance(value, np.generic | torch.device):
-                value = str(value) if isinstance(value, torch.device) else value.item()
-            object.__setattr__(self, name, as_field_type(value, kind, "Options", name))
-        check_limits(self, {"seed": SEED_LIMITS})
+        if isinstance(self.device, torch.device):
+            object.__setattr__(self, "device", str(self.device))
+        check_fields(self, CLEANING)
         unexamined = [f"without {part!r}" for part in self.without if part in NEEDED_TO_REFINE]
         unexamined += ["trust_object"] * self.trust_object
         if self.refine_object and unexamined:
@@ -85,17 +82,8 @@ class Options:
             )
 
     def resolved(self) -> Preset:
-        """The preset with the user's changes.
-
-        Raises:
-            ConfigError: `samples` or `steps` is less than 1.
-        """
+        """The preset with the user's changes."""
         chosen = preset(self.preset)
-        for name, value in (("samples", self.samples), ("steps", self.steps)):
-            if value is not None and value < 1:
-                raise ConfigError(
-                    f"--{name} must be 1 or more, got {value}; leave it out or raise it"
-                )
         if self.steps is not None:
             chosen = chosen.with_steps(self.steps)
         trusted: tuple[Ablation, ...] = ("object",) if self.trust_object else ()
@@ -108,8 +96,12 @@ class Options:
         )
 
 
-def with_settings(options: Options | None, settings: Mapping[str, Any]) -> Options:
+def with_settings(
+    options: Options | None, settings: Mapping[str, Any], caller: str = "geneoh.denoise"
+) -> Options:
     """The options, or the default ones, with some of their fields changed by name.
+
+    `caller` is what messages call the function that was given the settings.
 
     Raises:
         ConfigError: these are no options, or a field does not exist or has no such value.
@@ -124,5 +116,5 @@ def with_settings(options: Options | None, settings: Mapping[str, Any]) -> Optio
     for name in settings:
         if name not in names:
             hint = closest_name(name, names)
-            raise ConfigError(f"geneoh.denoise: '{name}' is no setting; {hint}")
+            raise ConfigError(f"{caller}: '{name}' is no setting; {hint}")
     return replace(options, **settings)

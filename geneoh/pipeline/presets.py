@@ -10,6 +10,10 @@ from geneoh.diffusion.samplers import SamplerName
 from geneoh.fitting.adam import AdamFitConfig
 from geneoh.fitting.fit import KEYPOINTS_ALONE, FitConfig
 
+MOST_ROUNDS = 20
+"""Rounds of SpatialDiff, which takes longer with more and finds no better places after the first
+few."""
+
 
 @dataclass(frozen=True)
 class StagePlan:
@@ -53,8 +57,8 @@ class PlacePlan:
     what comes and goes over the object is an error (`geneoh.denoisers.drifting`)."""
 
     def with_steps(self, steps: int) -> "PlacePlan":
-        """The plan with another number of rounds."""
-        return replace(self, steps=steps)
+        """The plan with another number of rounds, never above `MOST_ROUNDS`."""
+        return replace(self, steps=min(steps, MOST_ROUNDS))
 
     def without_diffusion(self) -> "PlacePlan":
         """The plan whose one round answers at once, for an ablation."""

@@ -115,7 +115,7 @@ class Stream:
         asked = {"side": (side, Side), "fps": (fps, float), "lag": (lag, float)}
         for name, (value, kind) in asked.items():
             as_field_type(value, kind, "geneoh.Stream", name)
-        options = with_settings(Options(preset="fast", samples=2), settings)
+        options = with_settings(Options(preset="fast", samples=2), settings, "geneoh.Stream")
         named_device(options.device)
         chosen = preset_of_stream(options)
         if not SMALLEST_FPS <= fps <= LARGEST_FPS or not 0 <= lag <= LONGEST_LAG:

@@ -88,6 +88,11 @@ def test_fewer_steps_leave_an_absent_stage_absent():
     assert less.motion.steps == 2
 
 
+def test_rounds_of_spatial_diff_have_an_end():
+    rounds = [preset("fast").with_steps(steps).spatial.steps for steps in (1, 20, 21, 650)]
+    assert rounds == [1, 20, 20, 20]
+
+
 def test_options_leave_out_what_they_name():
     assert Options(without=("motion", "fit")).resolved() == preset("default").without(
         "motion"
@@ -99,6 +104,8 @@ def test_options_leave_out_what_they_name():
     [
         ({"preset": "turbo"}, "'preset' must be one of 'default', 'paper', 'fast', got 'turbo'"),
         ({"seed": -1}, "'seed' must be 0 to 9223372036854775807, got -1"),
+        ({"samples": 0}, "'samples' must be 1 or more, got 0"),
+        ({"steps": -2}, "'steps' must be 1 or more, got -2"),
         ({"steps": "3"}, "'steps' must be a whole number or none"),
         ({"without": "fit"}, "'without' must be a list"),
         (

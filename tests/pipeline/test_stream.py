@@ -219,6 +219,11 @@ def test_settings_that_no_stream_has_are_refused(settings):
         Stream(**settings)
 
 
+def test_a_setting_that_does_not_exist_is_told_as_one_of_the_stream():
+    with pytest.raises(ConfigError, match=r"geneoh\.Stream: 'sied' is no setting"):
+        Stream(sied="left")
+
+
 def test_a_pose_may_be_a_list_of_rotation_and_translation(noisy, unmoved):
     turn, place = noisy.object.rotation[0, 0], noisy.object.translation[0, 0]
     pose = torch.eye(4)
