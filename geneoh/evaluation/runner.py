@@ -35,6 +35,7 @@ from geneoh.files.journal import (
 )
 from geneoh.files.outputs import is_ours, keep_others
 from geneoh.hand.library import load_hand
+from geneoh.modes import undisturbed
 from geneoh.progress import OnProgress
 from geneoh.viz.view import write_report
 from geneoh.workers.pool import results_of
@@ -51,6 +52,7 @@ its seed, and of weights the contents count."""
 Work = tuple[Case, tuple[Method, ...]]  # with the methods still to be scored on it
 
 
+@undisturbed()
 def evaluate(
     options: EvaluationOptions | Dataset,
     folder: Path | str,

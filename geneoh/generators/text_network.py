@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 
 from geneoh.config import Limits
-from geneoh.nn.blocks import check_heads
+from geneoh.nn.blocks import check_heads, drawn
 from geneoh.nn.sizes import NetworkConfig
 
 PAD = 0  # the piece that fills up short sentences
@@ -54,11 +54,10 @@ class SentenceNetwork(nn.Module):
         super().__init__()
         self.config = config
         width = config.width
-        # not torch.randn, which imports a compiler for two seconds where weights are to be loaded
-        pieces = torch.normal(0.0, 1.0, (config.pieces, config.piece_width))
+        pieces = drawn(1.0, config.pieces, config.piece_width)
         self.pieces = nn.Embedding.from_pretrained(pieces, freeze=False)
         self.widen = nn.Linear(config.piece_width, width)
-        self.places = nn.Parameter(torch.normal(0.0, 0.02, (config.longest, width)))
+        self.places = nn.Parameter(drawn(0.02, config.longest, width))
         layer = nn.TransformerEncoderLayer(
             width,
             config.heads,

@@ -26,6 +26,13 @@ def zeroed(layer: nn.Module) -> nn.Module:
     return layer
 
 
+def drawn(scale: float, *size: int) -> Tensor:
+    """Normal random numbers to learn from; none are drawn on the device "meta", where weights are
+    to be loaded: torch would draw them all the same, or import a compiler for two seconds."""
+    values = torch.empty(size)
+    return values if values.is_meta else values.normal_(0.0, scale)
+
+
 def in_steps(values: Shaped[Tensor, "B T *N"], frames: int) -> Shaped[Tensor, "B S F *N"]:
     """Values of frames by the token that they are in; the last one is filled with zeros."""
     short = values.new_zeros(len(values), -values.shape[1] % frames, *values.shape[2:])

@@ -19,6 +19,7 @@ from geneoh.fitting.terms import HandState
 from geneoh.geometry.distance import MovingSurface
 from geneoh.hand.library import hand_of_betas
 from geneoh.hand.model import ShapedHand
+from geneoh.modes import undisturbed
 from geneoh.nn.devices import named_device
 from geneoh.objects.cleaning import clean_object
 from geneoh.objects.evidence import evidence_of_nearness, evidence_of_poses
@@ -27,12 +28,7 @@ from geneoh.objects.refine import refine_object
 from geneoh.pipeline.exchange import without_exchange
 from geneoh.pipeline.faults import without_faults
 from geneoh.pipeline.fitted import FittedHand, kept_apart
-from geneoh.pipeline.inputs import (
-    as_sequence,
-    checked_interaction,
-    collapsed_sentences,
-    undisturbed,
-)
+from geneoh.pipeline.inputs import as_sequence, checked_interaction, collapsed_sentences
 from geneoh.pipeline.options import Options, with_settings
 from geneoh.pipeline.presets import Preset
 from geneoh.pipeline.rays import with_rays

@@ -1,11 +1,9 @@
 """What `geneoh.denoise` is given: taken as it is meant, checked, and kept apart from the caller."""
 
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
-import torch
 from torch import Tensor
 
 from geneoh.errors import InputError, numbered
@@ -79,17 +77,3 @@ def collapsed_sentences(sequence: Sequence) -> Iterator[str]:
                 f"{numbered(count, 'frame')} in which all keypoints of the {hand.side} hand are in "
                 "one place, taken as missing; mark them by NaN or 'valid'"
             )
-
-
-@contextmanager
-def undisturbed() -> Iterator[None]:
-    """Work in float32, with gradients where they are asked for, whatever modes the caller set."""
-    theirs = torch.get_default_dtype()
-    try:
-        if theirs != torch.float32:  # it is one for all threads: set only where it must be
-            torch.set_default_dtype(torch.float32)
-        with torch.inference_mode(False), torch.no_grad():
-            yield
-    finally:
-        if theirs != torch.float32:
-            torch.set_default_dtype(theirs)

@@ -21,6 +21,7 @@ from geneoh.hand.library import hand_of_betas
 from geneoh.hand.mano import translation_from_wrist
 from geneoh.hand.model import HandModel
 from geneoh.hand.skeleton import PARENTS
+from geneoh.modes import undisturbed
 from geneoh.sequence.gaps import fill_gaps
 from geneoh.sequence.sequence import Sequence
 
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 
 
 @checked_call
+@undisturbed()
 def to_smplx(
     side: Side,
     sequence: Sequence,

@@ -18,9 +18,9 @@ from geneoh.fitting.fit import FitConfig
 from geneoh.geometry.mesh import MeshInput, checked, meshes_of, size_warning
 from geneoh.hand.library import hand_of_betas
 from geneoh.hand.model import HandModel
+from geneoh.modes import undisturbed
 from geneoh.nn.devices import named_device
 from geneoh.pipeline.first_look import FirstLook
-from geneoh.pipeline.inputs import undisturbed
 from geneoh.pipeline.observed import DIGITS, Observed, between, hand_between
 from geneoh.pipeline.options import Options, with_settings
 from geneoh.pipeline.presets import Preset
@@ -81,6 +81,7 @@ class Stream:
     seed give the same result, whenever they are pushed.
     """
 
+    @undisturbed()
     def __init__(
         self,
         meshes: MeshInput = (),

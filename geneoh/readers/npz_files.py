@@ -15,6 +15,7 @@ from geneoh.errors import InputError, numbered, shortened
 from geneoh.files.npz import Arrays, write_archive
 from geneoh.geometry.mesh import METRES, Mesh, MeshInput, meshes_of
 from geneoh.hand.mano import AS_SHIPPED, MENDED
+from geneoh.modes import undisturbed
 from geneoh.readers import foreign_files, npz_layouts
 from geneoh.readers.base import timing_of
 from geneoh.readers.joint_orders import in_openpose_order, order_named
@@ -50,6 +51,7 @@ to drop."""
 
 
 @checked_call
+@undisturbed()
 def load(
     path: Path | str,
     *,

@@ -12,6 +12,7 @@ from geneoh.config import as_field_type, checked_call, is_plain
 from geneoh.errors import ConfigError, InputError
 from geneoh.files.outputs import lies_within
 from geneoh.geometry.mesh import METRES, MeshInput, meshes_of
+from geneoh.modes import undisturbed
 from geneoh.readers.base import OF_SOME, ReaderOptions, Recording, SourceClip, clip_name
 from geneoh.readers.foreign_files import AS_MATRICES, POSE_SHAPES, read_poses
 from geneoh.readers.records import Array, Record
@@ -21,6 +22,7 @@ from geneoh.sequence.validation import check_distance, check_sequence
 
 
 @checked_call
+@undisturbed()
 def read(source: str, path: Path | str, *, clip: str | None = None, **options: Any) -> Sequence:
     """Read one recording of a data set or an estimator, as `geneoh denoise --from` does.
 

@@ -13,6 +13,7 @@ from torch import Tensor
 from geneoh.choices import Axis, Colouring, Side
 from geneoh.config import checked_call
 from geneoh.files.atomic import write_whole
+from geneoh.modes import undisturbed
 from geneoh.pipeline.results import Denoised, load_confidence, load_samples
 from geneoh.progress import OnStep
 from geneoh.readers.bodies.fields import own_body
@@ -27,6 +28,7 @@ Viewable = Denoised | Sequence | Path | str  # in memory, or an npz file
 
 
 @checked_call
+@undisturbed()
 def view(
     result: Viewable,
     path: Path | str | None = None,

@@ -17,6 +17,7 @@ from geneoh.generators.both2hands.generate import check_sentence, generate_hands
 from geneoh.generators.both2hands.library import load_networks
 from geneoh.geometry.axes import turn_up
 from geneoh.geometry.rotations import axis_angle_to_matrix
+from geneoh.modes import undisturbed
 from geneoh.pipeline.denoise import denoise
 from geneoh.pipeline.options import Options
 from geneoh.pipeline.results import Denoised
@@ -70,6 +71,7 @@ class BodyWithHands:
     """What the cleaner did; None without an object."""
 
 
+@undisturbed()
 def generate_on_body(
     sentence: str,
     body: BodyRecording | Path | str,

@@ -23,6 +23,7 @@ from geneoh.generators.text2hoi.sampling import SamplingConfig, sample
 from geneoh.generators.text2hoi.settling import settled
 from geneoh.generators.text2hoi.standing import StandingObject, stand
 from geneoh.geometry.mesh import Mesh, load_mesh
+from geneoh.modes import undisturbed
 from geneoh.pipeline.denoise import clean_interaction
 from geneoh.pipeline.options import Options
 from geneoh.pipeline.results import Denoised
@@ -83,6 +84,7 @@ class Generated:
     """What the cleaner did; None without it."""
 
 
+@undisturbed()
 def generate(
     sentence: str,
     mesh: Mesh | Path | str,

@@ -25,7 +25,7 @@ from geneoh.generators.text2hoi.pointnet import PointConfig
 from geneoh.generators.text2hoi.post_norm import PostNormTransformer, sinusoid
 from geneoh.generators.text2hoi.principal_axes import PrincipalAxes, Waves
 from geneoh.generators.text2hoi.tokens import HAND, NUMBERS, OBJECT, HandFrame
-from geneoh.nn.blocks import FrameTransformer, in_steps, zeroed
+from geneoh.nn.blocks import FrameTransformer, drawn, in_steps, zeroed
 from geneoh.nn.sizes import NetworkConfig
 from geneoh.synthesis.actions import LONGEST
 
@@ -90,7 +90,7 @@ class InteractionNetwork(nn.Module):
         seen = (config.points, width, config.object_points)
         self.object = ObjectTokens(*seen, config.object_tokens) if ours else WholeObject(*seen)
         self.time = nn.Linear(5, width) if ours else None
-        self.agents = nn.Parameter(torch.normal(0.0, 0.1, (3, width))) if ours else None
+        self.agents = nn.Parameter(drawn(0.1, 3, width)) if ours else None
         if ours:
             self.trunk = FrameTransformer(width, config.depth, config.heads)
         else:

@@ -1,0 +1,104 @@
+"""No call of the library heeds the modes of torch that its caller set, or draws of its numbers."""
+
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+import geneoh
+from geneoh.evaluation.options import ProtocolOptions
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+OBJ = EXAMPLES / "taco_object.obj"
+
+
+@contextmanager
+def another_default_dtype():
+    torch.set_default_dtype(torch.float64)
+    try:
+        yield
+        assert torch.get_default_dtype() == torch.float64
+    finally:
+        torch.set_default_dtype(torch.float32)
+
+
+MODES = {
+    "autocast": lambda: torch.autocast("cpu", dtype=torch.bfloat16),
+    "another default dtype": another_default_dtype,
+    "inference mode": torch.inference_mode,
+    "another default device": lambda: torch.device("meta"),
+}
+
+
+def loaded(folder: Path) -> Tensor:
+    return geneoh.load(EXAMPLES / "taco_noisy.npz", obj=OBJ)[:6].hands[0].joints
+
+
+def read(folder: Path) -> Tensor:
+    np.save(folder / "points.npy", np.load(EXAMPLES / "taco_noisy.npz")["left_joints"][:6])
+    return geneoh.read("keypoints", folder / "points.npy", side="left", fps=30).hands[0].joints
+
+
+def cleaned(folder: Path) -> Tensor:
+    result = geneoh.denoise(EXAMPLES / "taco_noisy.npz", obj=OBJ, preset="fast", steps=1)
+    geneoh.view(result, folder / "page.html")
+    return result.sequence.hands[0].joints
+
+
+def streamed(folder: Path) -> Tensor:
+    stream = geneoh.Stream(OBJ, samples=1, steps=1, lag=0.1)
+    points = np.load(EXAMPLES / "taco_noisy.npz")["left_joints"][:2]
+    for joints in points * np.array([-1, 1, 1]):
+        stream.push(joints, np.eye(4))
+    return stream.flush()[0].hand.joints
+
+
+def generated(folder: Path) -> Tensor:
+    options = geneoh.GenerateOptions(frames=10, steps=1, draws=1)
+    made = geneoh.generate("lift the mug with the left hand", OBJ, options)
+    return made.sequence.hands[0].joints
+
+
+def made_on_body(folder: Path) -> Tensor:
+    body = {"global_orient": (10, 3), "body_pose": (10, 63), "transl": (10, 3)}
+    np.savez(folder / "walk.npz", fps=30, **{name: np.zeros(size) for name, size in body.items()})
+    options = geneoh.BodyOptions(steps=1)
+    made = geneoh.generate_on_body("the right hand waves", folder / "walk.npz", options)
+    return made.sequence.hands[0].joints
+
+
+def scored(folder: Path) -> Tensor:
+    asked = {"noises": ("gauss",), "limit": 1, "protocol": ProtocolOptions(frames=6)}
+    options = geneoh.EvaluationOptions("synthetic", methods=("input",), **asked)
+    made = geneoh.evaluate(options, folder / "scores", fresh=True)
+    return torch.tensor([made.scores[0].values["mpjpe_mm"]], dtype=torch.float32, device="cpu")
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory):
+    """What each call gives where no mode is set."""
+    found = {}
+
+    def of(call) -> Tensor:
+        if call not in found:
+            found[call] = call(tmp_path_factory.mktemp("plain"))
+        return found[call]
+
+    return of
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("call", [loaded, read, cleaned, streamed, generated, made_on_body, scored])
+def test_modes_and_random_state_of_the_caller_change_nothing_and_are_kept(
+    call, mode, plain, tmp_path
+):
+    expected, before = plain(call), torch.get_rng_state()
+    with MODES[mode]():
+        found = call(tmp_path)
+    # a device that was set, even the CPU, makes torch choose other kernels, which round otherwise
+    torch.testing.assert_close(found, expected, rtol=0, atol=1e-5, equal_nan=True)
+    assert torch.equal(torch.get_rng_state(), before)
