@@ -162,17 +162,24 @@ class Limited:
 def checked_call(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
     """A public function that refuses arguments of another kind than their annotations.
 
-    Paths, numbers, texts and choices are checked; `ConfigError` names the argument.
+    Paths, numbers, texts, choices and functions to call are checked; `ConfigError` names the
+    argument.
     """
     signature = inspect.signature(function)
     plain = {n: p.annotation for n, p in signature.parameters.items() if is_plain(p.annotation)}
+    called = {n for n, p in signature.parameters.items() if is_callback(p.annotation)}
 
     @wraps(function)
     def checked(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
-        bound = signature.bind(*args, **kwargs)
+        try:
+            bound = signature.bind(*args, **kwargs)
+        except TypeError:
+            return function(*args, **kwargs)  # Python refuses it as well, and names the function
         for name in bound.arguments.keys() & plain.keys():
             bound.arguments[name] = value = plain_number(bound.arguments[name])
             as_field_type(value, plain[name], f"geneoh.{function.__name__}", name)
+        for name in bound.arguments.keys() & called:
+            refuse_callback(bound.arguments[name], f"geneoh.{function.__name__}", name)
         return function(*bound.args, **bound.kwargs)
 
     return checked
@@ -190,6 +197,34 @@ def is_plain(kind: Any) -> bool:
     if get_origin(kind) in (Union, types.UnionType):
         return all(map(is_plain, get_args(kind)))
     return get_origin(kind) is Literal or kind in (float, int, bool, str, Path, types.NoneType)
+
+
+def is_callback(kind: Any) -> bool:
+    """Whether a type is a function to call, or none."""
+    parts = get_args(kind) if get_origin(kind) in (Union, types.UnionType) else (kind,)
+    return any(get_origin(part) is Callable for part in parts)
+
+
+def refuse_callback(value: Any, origin: str, name: str) -> None:
+    """`ConfigError` for what is neither a function nor none."""
+    if value is not None and not callable(value):
+        raise ConfigError(
+            f"{origin}: '{name}' must be a function or none, got {value!r:.60}; correct the value"
+        )
+
+
+def given_options(given: Any, kind: type[Config], caller: str) -> Config:
+    """The options of one kind that a caller gives.
+
+    Raises:
+        ConfigError: these are no options of this kind.
+    """
+    if not isinstance(given, kind):
+        raise ConfigError(
+            f"{caller}: 'options' must be geneoh.{kind.__name__}, got {given!r:.60}; "
+            f"geneoh.{kind.__name__}(NAME=VALUE) makes them"
+        )
+    return given
 
 
 def closest_name(name: str, known: Iterable[str]) -> str:

@@ -103,6 +103,27 @@ CALLS = {
         "Sequence"
     ),
     "save(JOINTS, 'out.npz')": "takes a result or a Sequence, then the path",
+    "read('keypoints', POINTS, side='right', fps=30, camera='origin')": "Sequence",
+    "load(POINTS, side='right', fps=30, camera='origin')": "Sequence",
+    "read('keypoints', POINTS, sied='left')": "geneoh.read: 'sied' is no option; did you mean 's",
+    "read('keypoints', POINTS, meshes=OBJ)": "'meshes' is no option",
+    "denoise(SHORT, on_progress=True)": "'on_progress' must be a function or none, got True",
+    "save(GENERATED, 'out.npz')": "got Generated first; give its .sequence",
+    "view(GENERATED, 'out.png')": "the npz file of one, got Generated; give its .sequence",
+    "view(JOINTS, 'out.png')": "got Tensor; geneoh.from_arrays makes a Sequence of arrays",
+    "view(SHORT, 'out.png', before=JOINTS.numpy())": "'before' must be a result, a Sequence or",
+    "view(SHORT, 'out.png', frames=3)": "'frames' must be a list of a whole number, got 3",
+    "view(SHORT, folder / 'out.png', frames=numpy.arange(2), cell=64)": "PosixPath",
+    "evaluate(None, 'scores')": "geneoh.evaluate: 'options' must be geneoh.EvaluationOptions",
+    "evaluate({'dataset': 'grab'}, 'scores')": "must be geneoh.EvaluationOptions, got {",
+    "evaluate('synthetic', 3)": "geneoh.evaluate: 'folder' must be a path or text, got 3",
+    "evaluate('synthetic', 'scores', jobs='2')": "'jobs' must be a whole number, got '2'",
+    "generate(3, OBJ)": "geneoh.generate: 'sentence' must be text, got 3",
+    "generate('lift the mug', 3)": "Mesh or the path of its file, got int",
+    "generate('lift the mug', OBJ, {'frames': 20})": "must be geneoh.GenerateOptions, got {",
+    "generate_on_body('wave', {})": "takes a sentence, then a body or its file, got dict",
+    "generate_on_body('wave', 'walk.npz', {'seed': 1})": "must be geneoh.BodyOptions, got {",
+    "generate_on_body('wave', 'walk.npz', held=3)": "'held' must be an ObjectTrack or none",
     "save('out.npz', SHORT)": "'path' must be a path or text, got Sequence",
     "save(SHORT, folder / 'out.obj')": "expected .npz, got '.obj'; name it so",
     "view(SHORT, 'out.png', colouring='red')": "'colouring' must be one of",
@@ -144,6 +165,8 @@ TURN, SHIFT = MOTION.rotation, MOTION.translation
 POINTS = folder / "points.npy"
 numpy.save(POINTS, JOINTS.numpy())
 TRIMESH = trimesh.Trimesh(MESH.verts.numpy(), MESH.faces.numpy(), process=False)
+
+GENERATED = Generated(SHORT, torch.zeros(3), None, None)
 
 def clean(hand=HAND, motion=MOTION):
     return denoise(Sequence((hand,), motion, 30.0), **FAST)

@@ -16,7 +16,7 @@ from typing import Any
 
 from geneoh.baselines.library import BASELINES, baseline_weights
 from geneoh.choices import Dataset
-from geneoh.config import as_dict
+from geneoh.config import as_dict, checked_call, given_options
 from geneoh.denoisers.library import all_weights
 from geneoh.errors import ConfigError, InputError, MissingAssetError
 from geneoh.evaluation.cases import Case, find_cases
@@ -52,6 +52,7 @@ its seed, and of weights the contents count."""
 Work = tuple[Case, tuple[Method, ...]]  # with the methods still to be scored on it
 
 
+@checked_call
 @undisturbed()
 def evaluate(
     options: EvaluationOptions | Dataset,
@@ -86,8 +87,8 @@ def evaluate(
         ConfigError: a choice does not exist, or `folder` holds scores of other settings.
         CheckpointError: weights are missing or damaged.
     """
-    if isinstance(options, str):
-        options = EvaluationOptions(options)
+    asked = EvaluationOptions(options) if isinstance(options, str) else options
+    options = given_options(asked, EvaluationOptions, "geneoh.evaluate")
     folder = Path(folder)
     cases = find_cases(options)
     methods, notes = methods_of(options)

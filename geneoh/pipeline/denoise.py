@@ -11,6 +11,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.choices import Selection, Side
+from geneoh.config import checked_call
 from geneoh.denoisers.library import Denoisers, load_denoisers
 from geneoh.fitting.adam import AdamFitConfig, fit_with_adam
 from geneoh.fitting.fit import fit_hand
@@ -50,6 +51,7 @@ NO_OBJECT = (
 NOT_REFINED = "poses of the object are not refined (--refine-object): there are none, or no mesh"
 
 
+@checked_call
 def denoise(
     sequence: Sequence | Path | str,
     options: Options | None = None,

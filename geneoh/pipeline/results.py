@@ -3,6 +3,7 @@
 import json
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -115,10 +116,8 @@ def save(result: Denoised | Sequence, path: Path | str) -> None:
             has no hand, two of one side, other frames than its object, or betas of two models.
     """
     if not isinstance(result, Denoised | Sequence):
-        raise InputError(
-            "geneoh.save takes a result or a Sequence, then the path to write to, got "
-            f"{type(result).__name__} first; geneoh.from_arrays makes a Sequence of arrays"
-        )
+        takes = "geneoh.save takes a result or a Sequence, then the path to write to"
+        raise no_result(result, f"{takes}, got {type(result).__name__} first")
     check_ending(Path(path), (".npz",))
     if isinstance(result, Sequence):
         save_sequence(result, path)
@@ -134,6 +133,13 @@ def save(result: Denoised | Sequence, path: Path | str) -> None:
         if len(hand.samples) > 1:
             extra[f"{side}_samples"] = hand.samples.cpu().numpy()
     save_sequence(result.sequence, path, extra=extra)
+
+
+def no_result(given: Any, said: str) -> InputError:
+    """The error for what is no result of cleaning: what is said, and where its sequence is."""
+    if isinstance(getattr(given, "sequence", None), Sequence):
+        return InputError(f"{said}; give its .sequence")
+    return InputError(f"{said}; geneoh.from_arrays makes a Sequence of arrays")
 
 
 def kept_arrays(path: Path | str) -> Arrays:

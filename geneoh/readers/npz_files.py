@@ -23,7 +23,7 @@ from geneoh.readers.meshes import FILES, HASHES, IN_NO_FILE, find_meshes, mesh_a
 from geneoh.readers.npz_layouts import CAMERA_FIELDS, FORMAT, OBJECT_FIELDS, own_names, quoted
 from geneoh.readers.npz_tracks import Notes, read_hands, read_object
 from geneoh.readers.recordings import read
-from geneoh.readers.records import Array, Place, Record, float32
+from geneoh.readers.records import Array, Place, Record, float32, place_of
 from geneoh.sequence.camera import seen_from, with_rays
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh.sequence.validation import check_sequence, check_tracks
@@ -63,7 +63,7 @@ def load(
     joint_order: JointOrder = "openpose",
     keypoint_unit: Unit | None = None,
     object_pose: Path | str | Array | None = None,
-    camera: Place | None = None,
+    camera: Place | str | None = None,
 ) -> Sequence:
     """Read a sequence from an npz in any of the known layouts; `Sequence.source` says which.
 
@@ -86,11 +86,13 @@ def load(
             or a folder with a text of each frame's matrix, where the file holds no motion of the
             object.
         camera: position of the camera in the world, metres, where the file does not say it and the
-            hand was estimated from images; (0, 0, 0) where the coordinates are the camera's.
+            hand was estimated from images; (0, 0, 0) or "origin" where the coordinates are the
+            camera's.
 
     Raises:
         InputError: a file cannot be read as one interaction; the message says why.
     """
+    camera = place_of(camera, "geneoh.load") if isinstance(camera, str) else camera
     if source := SOURCE_OF_ENDING.get(Path(path).suffix.lower()):
         bare = {"joint_order": joint_order, "keypoint_unit": keypoint_unit, "camera": camera}
         shared = {"side": side, "fps": fps, "mano_dir": mano_dir, "unit": unit}

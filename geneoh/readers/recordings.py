@@ -8,14 +8,14 @@ from typing import Any, get_type_hints
 import numpy as np
 
 from geneoh.choices import Side, Unit
-from geneoh.config import as_field_type, checked_call, is_plain
+from geneoh.config import as_field_type, checked_call, closest_name, is_plain
 from geneoh.errors import ConfigError, InputError
 from geneoh.files.outputs import lies_within
 from geneoh.geometry.mesh import METRES, MeshInput, meshes_of
 from geneoh.modes import undisturbed
 from geneoh.readers.base import OF_SOME, ReaderOptions, Recording, SourceClip, clip_name
 from geneoh.readers.foreign_files import AS_MATRICES, POSE_SHAPES, read_poses
-from geneoh.readers.records import Array, Record
+from geneoh.readers.records import Array, Record, place_of
 from geneoh.readers.registry import SOURCES, Source
 from geneoh.sequence.sequence import Sequence
 from geneoh.sequence.validation import check_distance, check_sequence
@@ -34,7 +34,7 @@ def read(source: str, path: Path | str, *, clip: str | None = None, **options: A
             `mano_dir`, `side`, `fps`, `focal` and so on. In place of `meshes` it is `obj`, the mesh
             of the object or its file, or one per rigid part, with `unit`, that of the files.
             `object_pose` may be a npy file or a folder of texts, in the unit that `keypoint_unit`
-            says.
+            says, and `camera` be "origin".
 
     Raises:
         ConfigError: there is no source of that name, or it makes no use of one of the options.
@@ -55,6 +55,10 @@ def options_with_files(
 ) -> ReaderOptions:
     """Options with the files read that hold the object's meshes and poses; see `read`."""
     kinds = get_type_hints(ReaderOptions) | {"unit": Unit}
+    for name in others:
+        if name not in kinds or name == "meshes":
+            known = [*(each for each in kinds if each != "meshes"), "obj", "object_pose", "clip"]
+            raise ConfigError(f"geneoh.read: '{name}' is no option; {closest_name(name, known)}")
     for name, value in {**others, "unit": unit}.items():
         if is_plain(kinds.get(name)):
             others[name] = as_field_type(value, kinds[name], "geneoh.read", name)
@@ -65,8 +69,7 @@ def options_with_files(
         given = Record("geneoh.read", {"object_pose": object_pose}, AS_MATRICES)
         object_pose = given.array("object_pose", *POSE_SHAPES)
     if (camera := others.get("camera")) is not None:
-        given = Record("geneoh.read", {"camera": camera}, "give X, Y and Z in metres")
-        others["camera"] = tuple(given.array("camera", (3,)).tolist())
+        others["camera"] = place_of(camera, "geneoh.read")
     if object_pose is not None and keypoint_unit is not None:
         object_pose = np.array(object_pose, dtype=np.float64)
         object_pose[..., :3, 3] *= METRES[keypoint_unit]

@@ -21,6 +21,18 @@ Place = tuple[float | int, float | int, float | int]
 """A point of the world, metres."""
 
 
+def place_of(given: Any, caller: str) -> Place:
+    """A camera's place that is given in Python, as numbers or as `place_in` takes it."""
+    if not isinstance(given, str):
+        record = Record(caller, {"camera": given}, "give X, Y and Z in metres, or 'origin'")
+        x, y, z = record.array("camera", (3,)).tolist()
+        return x, y, z
+    try:
+        return place_in(given)
+    except InputError as error:
+        raise InputError(f"{caller}: 'camera' must be a place: {error}") from None
+
+
 def place_in(text: str) -> Place:
     """A place from `X,Y,Z`, metres, or `origin`; `InputError` for anything else."""
     try:

@@ -11,10 +11,10 @@ from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.choices import Axis, Colouring, Side
-from geneoh.config import checked_call
+from geneoh.config import as_field_type, checked_call
 from geneoh.files.atomic import write_whole
 from geneoh.modes import undisturbed
-from geneoh.pipeline.results import Denoised, load_confidence, load_samples
+from geneoh.pipeline.results import Denoised, load_confidence, load_samples, no_result
 from geneoh.progress import OnStep
 from geneoh.readers.bodies.fields import own_body
 from geneoh.readers.npz_files import load
@@ -75,10 +75,15 @@ def view(
         InputError: a file cannot be read or written, the path is one of those that are read or of a
             file that geneoh did not write, the ending is of no format, the mesh that a
             file names is not there any more, or the numbers of frames differ.
-        ConfigError: a colouring or an axis that does not exist.
+        ConfigError: a colouring or an axis that does not exist, or frames that are no numbers.
         MissingAssetError: a film without ffmpeg.
     """
-    look = Look(colouring=colouring, up=up or "z", frames=tuple(frames), cell=cell)
+    refuse_others(result, "result")
+    if before is not None:
+        refuse_others(before, "before")
+    chosen = tuple(frames) if isinstance(frames, Iterable) else frames
+    chosen = as_field_type(chosen, tuple[int, ...], "geneoh.view", "frames")
+    look = Look(colouring=colouring, up=up or "z", frames=chosen, cell=cell)
     obj = (obj,) if isinstance(obj, Path | str) else tuple(obj)
     if path is not None:
         read = [Path(given) for given in (result, before, *obj) if isinstance(given, Path | str)]
@@ -93,6 +98,13 @@ def view(
     write(scene, page, look)
     webbrowser.open(page.as_uri())
     return page
+
+
+def refuse_others(given: Any, name: str) -> None:
+    """`InputError` for what is neither a result, nor a sequence, nor a file."""
+    if not isinstance(given, Denoised | Sequence | Path | str):
+        takes = f"geneoh.view: '{name}' must be a result, a Sequence or the npz file of one"
+        raise no_result(given, f"{takes}, got {type(given).__name__}")
 
 
 def open_scene(

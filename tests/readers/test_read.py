@@ -76,7 +76,7 @@ def test_poses_of_another_shape_are_refused(estimated):
         geneoh.read("keypoints", path, side="left", object_pose=pose[:, :3])
 
 
-@pytest.mark.parametrize("camera", ["origin", (0, 0), 0.0, (0, 0, None)])
+@pytest.mark.parametrize("camera", ["here", (0, 0), 0.0, (0, 0, None)])
 def test_a_camera_that_is_no_place_is_refused(estimated, camera):
     _, path, _ = estimated
     with pytest.raises(geneoh.errors.InputError, match="'camera' must be"):

@@ -11,7 +11,8 @@ import torch
 from geneoh.body.motion import BodyMotion, grounded, pose, turned
 from geneoh.body.skeleton import BODY_JOINTS, FINGER_JOINTS, PARENTS, WRISTS
 from geneoh.choices import GENERATION, STEPS
-from geneoh.config import check_fields
+from geneoh.config import check_fields, checked_call, given_options
+from geneoh.errors import InputError
 from geneoh.generators.both2hands.features import with_other_fingers
 from geneoh.generators.both2hands.generate import check_sentence, generate_hands
 from geneoh.generators.both2hands.library import load_networks
@@ -71,6 +72,7 @@ class BodyWithHands:
     """What the cleaner did; None without an object."""
 
 
+@checked_call
 @undisturbed()
 def generate_on_body(
     sentence: str,
@@ -94,11 +96,18 @@ def generate_on_body(
 
     Raises:
         InputError: the sentence is empty, too long or not English, or the file holds no body.
+        ConfigError: these are no options.
         CheckpointError: weights are missing or damaged.
     """
-    options, sentence = options or BodyOptions(), " ".join(sentence.split())
+    asked, sentence = BodyOptions() if options is None else options, " ".join(sentence.split())
+    options = given_options(asked, BodyOptions, "geneoh.generate_on_body")
     check_sentence(sentence)
-    body = body if isinstance(body, BodyRecording) else read_body(body)
+    if not isinstance(held, ObjectTrack | None):
+        raise InputError(
+            "geneoh.generate_on_body: 'held' must be an ObjectTrack or none, got "
+            f"{type(held).__name__}; a Sequence has one in .object"
+        )
+    body = body_of(body)
     paced = at_rate(body, FPS)
     made = generate_hands(
         grounded(paced.skeleton, paced.motion),
@@ -120,6 +129,18 @@ def generate_on_body(
         return BodyWithHands(body, sequence, sentence, None)
     sequence, refined = cleaned(sequence, Options(seed=options.seed), on_progress)
     return BodyWithHands(with_hands(body, sequence), sequence, sentence, refined)
+
+
+def body_of(given: BodyRecording | Path | str) -> BodyRecording:
+    """The body that is given or is in the file that is named; `InputError` for anything else."""
+    if isinstance(given, BodyRecording):
+        return given
+    if isinstance(given, Path | str):
+        return read_body(given)
+    raise InputError(
+        "geneoh.generate_on_body takes a sentence, then a body or its file, got "
+        f"{type(given).__name__}; geneoh.readers.bodies.read.read_body reads one"
+    )
 
 
 def cleaned(

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.choices import DRAWS, GENERATION, GUIDANCE, STEPS, Axis, Refiner
-from geneoh.config import check_fields
+from geneoh.config import check_fields, checked_call, given_options
 from geneoh.generators.text2hoi.choosing import missed_motion
 from geneoh.generators.text2hoi.interaction_file import sequence_of
 from geneoh.generators.text2hoi.library import Networks, load_networks, load_refiner
@@ -22,7 +22,7 @@ from geneoh.generators.text2hoi.resting import eased_time, finished
 from geneoh.generators.text2hoi.sampling import SamplingConfig, sample
 from geneoh.generators.text2hoi.settling import settled
 from geneoh.generators.text2hoi.standing import StandingObject, stand
-from geneoh.geometry.mesh import Mesh, load_mesh
+from geneoh.geometry.mesh import Mesh, mesh_of
 from geneoh.modes import undisturbed
 from geneoh.pipeline.denoise import clean_interaction
 from geneoh.pipeline.options import Options
@@ -84,6 +84,7 @@ class Generated:
     """What the cleaner did; None without it."""
 
 
+@checked_call
 @undisturbed()
 def generate(
     sentence: str,
@@ -106,12 +107,14 @@ def generate(
     Raises:
         InputError: the sentence is empty, not English or contradicts itself, or the object is too
             large or too small for hands.
+        ConfigError: these are no options.
         CheckpointError: weights are missing or damaged.
     """
-    options = options or GenerateOptions()
+    asked = GenerateOptions() if options is None else options
+    options = given_options(asked, GenerateOptions, "geneoh.generate")
     prompt = read_prompt(sentence, frames=options.frames)
     networks = load_networks(options.weights, text_encoder=options.text_encoder)
-    mesh = mesh if isinstance(mesh, Mesh) else load_mesh(mesh)
+    mesh = mesh_of(mesh, "m")
     stood = stand(mesh, options.up, generator=_generator(options, "points"))
     objects = objects_of(stood)
     frames = options.frames or prompt.frames or length_of(networks, prompt, options)
