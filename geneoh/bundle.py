@@ -6,7 +6,7 @@ cut and joined with the others by construction: `Float[Tensor, "T 21 3"]` has it
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache
 from itertools import count
 from typing import Any, TypeVar, get_args, get_type_hints
@@ -98,6 +98,12 @@ class Bundle:
         return replace(self, **changed)
 
 
+def equal_values(self: Any, other: Any) -> bool:
+    """Whether all fields that are compared are equal, and all tensors bit by bit; NaN in a tensor
+    equals nothing. It is the `__eq__` of dataclasses that hold tensors, whose own would fail."""
+    return _same(self, other) if type(self) is type(other) else NotImplemented
+
+
 def conform(bundle: Bundle, name: str) -> None:
     """Make tensors of the arrays, lists and numbers that a bundle was made with; floats as float32.
 
@@ -185,6 +191,23 @@ def position(axis: str, axes: Axes, ndim: int) -> int | None:
     if several[index] and ndim < len(axes):
         return None  # `*B` stands for no axis here
     return ndim - len(axes) + index if any(several[:index]) else index
+
+
+def _same(a: Any, b: Any) -> bool:
+    """Whether two values are equal, with the tensors in them."""
+    if type(a) is not type(b):
+        return False
+    if isinstance(a, Tensor):
+        return a.device == b.device and torch.equal(a, b)
+    if isinstance(a, np.ndarray):
+        return np.array_equal(a, b)
+    if is_dataclass(a):
+        return all(_same(getattr(a, f.name), getattr(b, f.name)) for f in fields(a) if f.compare)
+    if isinstance(a, tuple):
+        return len(a) == len(b) and all(map(_same, a, b))
+    if isinstance(a, dict):
+        return a.keys() == b.keys() and all(_same(a[key], b[key]) for key in a)
+    return a == b or (a != a and b != b)
 
 
 def _leaves(bundle: Bundle) -> list[Any]:

@@ -15,7 +15,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from torch import Tensor
 
-from geneoh.bundle import Bundle, conform
+from geneoh.bundle import Bundle, conform, equal_values
 from geneoh.choices import Unit
 from geneoh.config import checked_call
 from geneoh.errors import InputError, shortened
@@ -47,7 +47,7 @@ TINY = 1e-30
 """Length in float64 below which a vector has no direction; torch's own 1e-12 is a possible area."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Mesh(Bundle):
     """A triangle mesh in metres; faces are counter-clockwise seen from outside, if they agree."""
 
@@ -57,6 +57,12 @@ class Mesh(Bundle):
     """File that it was read from, whatever its unit; None for a mesh that was made or changed."""
     parts: tuple["Mesh", ...] = ()
     """The separate meshes of a file that holds several, which `verts` and `faces` have joined."""
+
+    __eq__ = equal_values
+
+    def __hash__(self) -> int:
+        """What equal meshes have in common."""
+        return hash((len(self.verts), len(self.faces), self.source))
 
     def __post_init__(self) -> None:
         """Take arrays and lists."""

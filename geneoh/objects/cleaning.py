@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float, Float64
 from scipy.spatial.transform import Rotation
 from torch import Tensor
 
-from geneoh.bundle import Bundle
+from geneoh.bundle import Bundle, equal_values
 from geneoh.errors import numbered
 from geneoh.geometry.distance import SurfaceDistance
 from geneoh.geometry.mesh import Mesh
@@ -51,7 +51,7 @@ LEAST_STRETCH = 6
 """Frames between two jumps below which a stretch is left as it is."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ObjectExamination(Bundle):
     """What the track of an object of Q parts says about its own noise."""
 
@@ -69,6 +69,8 @@ class ObjectExamination(Bundle):
     """Whether a part's track was cleaned."""
     aligned: ObjectTrack
     """The poses as they were given, but for symmetric ones, which are turned back."""
+
+    __eq__ = equal_values
 
     @property
     def white_noise(self) -> Float[Tensor, " 2"]:

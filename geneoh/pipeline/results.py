@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from geneoh.bundle import Bundle
+from geneoh.bundle import Bundle, equal_values
 from geneoh.choices import SIDES, Side
 from geneoh.config import checked_call
 from geneoh.errors import InputError
@@ -24,7 +24,7 @@ from geneoh.readers.npz_files import save_sequence
 from geneoh.sequence.sequence import HandTrack, Sequence
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class HandResult(Bundle):
     """What cleaning did to one hand."""
 
@@ -46,7 +46,7 @@ class HandResult(Bundle):
     observed frames."""
     windows: int
     """Number of overlapping windows that the track was cut into."""
-    seconds: dict[str, float]
+    seconds: dict[str, float] = field(compare=False)
     """Time that each stage took."""
     notes: tuple[str, ...]
     """What had to be assumed about the hand, in words."""
@@ -57,8 +57,10 @@ class HandResult(Bundle):
     """Share of each frame, 0 to 1, that was cleaned against the object; the rest, where the object
     cannot be relied on, by the prior of hand motion alone."""
 
+    __eq__ = equal_values
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, eq=False)
 class Denoised(Bundle):
     """The result of `geneoh.denoise`."""
 
@@ -78,6 +80,8 @@ class Denoised(Bundle):
     the result, over all frames at 30 frames a second; None for one hand."""
     doubts: tuple[str, ...] = ()
     """What is doubtful about the input, such as its side, each with what cures it."""
+
+    __eq__ = equal_values
 
 
 def clean_track(

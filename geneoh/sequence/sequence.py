@@ -1,13 +1,12 @@
 """One interaction: up to two hands and one object of rigid parts over T frames, metres, radians."""
 
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from geneoh.bundle import Bundle, Index, conform
+from geneoh.bundle import Bundle, Index, conform, equal_values
 from geneoh.choices import HAND_SOURCES, OTHER_SIDE, SIDES, Side
 from geneoh.errors import InputError, numbered
 from geneoh.geometry.distance import MovingSurface, SurfaceDistance
@@ -15,7 +14,7 @@ from geneoh.geometry.mesh import Mesh, meshes_of
 from geneoh.geometry.mirror import mirror_axis_angle, mirror_points, mirror_rotations
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class HandTrack(Bundle):
     """One hand over T frames in the world frame; at least `joints`, or `pose` with `wrist`."""
 
@@ -44,6 +43,12 @@ class HandTrack(Bundle):
     camera_ray: Float[Tensor, "T 3"] | None = None
     """Unit direction in the world from the camera to the hand, for hands that were estimated from
     images; None where it is not known (`geneoh.sequence.camera`)."""
+
+    __eq__ = equal_values
+
+    def __hash__(self) -> int:
+        """What equal tracks have in common."""
+        return hash((self.side, len(self.valid)))
 
     def __post_init__(self) -> None:
         """Take arrays and lists, and refuse a track without a usable description of the hand."""
@@ -100,7 +105,7 @@ def refuse_unknown_model(hand_model: str | None, where: str) -> None:
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ObjectTrack(Bundle):
     """An object of Q rigid parts: p_world = rotation @ p_object + translation."""
 
@@ -111,6 +116,12 @@ class ObjectTrack(Bundle):
     """False where a part's pose was not observed and is filled in; None where all were observed."""
     missing: str = ""
     """Why the meshes that its file names are not here, in words; empty where it names none."""
+
+    __eq__ = equal_values
+
+    def __hash__(self) -> int:
+        """What equal tracks have in common."""
+        return hash((self.meshes, len(self.rotation)))
 
     @classmethod
     def resting(cls, meshes: tuple[Mesh, ...], frames: int) -> "ObjectTrack":
@@ -210,11 +221,7 @@ class Sequence(Bundle):
         frames = numbered(self.frames, "frame")
         return f"Sequence({hands} hand, {frames}, {self.fps:g} fps, source={source!r})"
 
-    def __eq__(self, other: Any) -> bool:
-        """Whether all fields are equal, and all tensors bit by bit; NaN equals nothing."""
-        if not isinstance(other, Sequence):
-            return NotImplemented
-        return _same(self, other)
+    __eq__ = equal_values
 
     def __getitem__(self, frames: Index) -> "Sequence":
         """The chosen frames; every n-th of them come at an n-th of the rate."""
@@ -232,16 +239,3 @@ class Sequence(Bundle):
             if hand.side == side:
                 return hand
         raise InputError(f"{self.source or 'the sequence'} holds no {side} hand")
-
-
-def _same(a: Any, b: Any) -> bool:
-    """Whether two values are equal, tensors and the fields of bundles included."""
-    if type(a) is not type(b):
-        return False
-    if isinstance(a, Tensor):
-        return a.device == b.device and torch.equal(a, b)
-    if isinstance(a, Bundle):
-        return all(_same(getattr(a, f.name), getattr(b, f.name)) for f in fields(a))
-    if isinstance(a, tuple):
-        return len(a) == len(b) and all(map(_same, a, b))
-    return a == b

@@ -84,6 +84,21 @@ def test_sequences_are_equal_where_all_fields_are_and_show_in_one_line():
     assert repr(sequence) == "Sequence(left hand, 4 frames, 30 fps, source='a.npz')"
 
 
+def test_tracks_and_meshes_are_equal_where_all_fields_are():
+    mesh = Mesh(torch.eye(3), torch.tensor([[0, 1, 2]]))
+    motion = ObjectTrack((mesh,), torch.eye(3).repeat(T, 1, 1, 1), torch.zeros(T, 1, 3))
+    for value, other in (
+        (HAND, replace(HAND, side="right")),
+        (motion, motion[:2]),
+        (mesh, replace(mesh, verts=2 * mesh.verts)),
+    ):
+        copy = value.map(torch.clone)
+        assert value == copy
+        assert copy in [value]
+        assert value != other
+        assert len({value, copy, other}) == 2
+
+
 @pytest.mark.parametrize(("frames", "fps"), [(slice(1, 3), 30), (slice(None, None, 2), 15)])
 def test_every_second_frame_comes_at_half_the_rate(frames, fps):
     sequence = Sequence((HAND,), ObjectTrack.resting((), T), 30.0)

@@ -10,6 +10,7 @@ import torch
 
 from geneoh.body.motion import BodyMotion, grounded, pose, turned
 from geneoh.body.skeleton import BODY_JOINTS, FINGER_JOINTS, PARENTS, WRISTS
+from geneoh.bundle import equal_values
 from geneoh.choices import GENERATION, STEPS
 from geneoh.config import check_fields, checked_call, given_options
 from geneoh.errors import InputError
@@ -58,7 +59,7 @@ class BodyOptions:
         check_fields(self, GENERATION)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BodyWithHands:
     """A body whose fingers were made for a sentence."""
 
@@ -70,6 +71,8 @@ class BodyWithHands:
     sentence: str
     refined: Denoised | None
     """What the cleaner did; None without an object."""
+
+    __eq__ = equal_values
 
 
 @checked_call

@@ -9,6 +9,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from geneoh.bundle import equal_values
 from geneoh.choices import DRAWS, GENERATION, GUIDANCE, STEPS, Axis, Refiner
 from geneoh.config import check_fields, checked_call, given_options
 from geneoh.generators.text2hoi.choosing import missed_motion
@@ -71,7 +72,7 @@ class GenerateOptions:
         check_fields(self, GENERATION)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Generated:
     """An interaction that was made for a sentence."""
 
@@ -82,6 +83,8 @@ class Generated:
     prompt: Prompt
     refined: Denoised | None
     """What the cleaner did; None without it."""
+
+    __eq__ = equal_values
 
 
 @checked_call

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from geneoh.body.motion import BodyMotion, pose, turned
 from geneoh.body.skeleton import JOINT_NAMES, Skeleton
-from geneoh.bundle import Bundle
+from geneoh.bundle import Bundle, equal_values
 from geneoh.choices import Axis
 from geneoh.errors import InputError
 from geneoh.geometry.axes import nearest_axis, turn_up
@@ -23,7 +23,7 @@ FAST = 15.0
 """Metres a second that no pelvis does in half of all frames."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BodyRecording(Bundle):
     """One body over T frames, as a file has it, but in metres and in a world with y up."""
 
@@ -46,6 +46,8 @@ class BodyRecording(Bundle):
     """What the file says that the hands do, in any of several wordings."""
     notes: tuple[str, ...] = ()
     """What had to be assumed, in words."""
+
+    __eq__ = equal_values
 
     @property
     def frames(self) -> int:
