@@ -98,8 +98,10 @@ class Score:
     error_by_frame_mm: list[float | None] = field(default_factory=list)
     """Mean keypoint error of each frame, as by joint below; empty without ground truth."""
     error_by_joint_mm: list[float | None] = field(default_factory=list)
-    seconds: float = 0.0  # processor time of the cleaning, on one core
-    failed: str = ""  # why there are no values, in words
+    seconds: float = 0.0
+    """Processor time of the cleaning, on one core."""
+    failed: str = ""
+    """Why there are no values, in words."""
 
     @property
     def case_key(self) -> CaseKey:

@@ -19,11 +19,16 @@ FEWEST = 8  # recordings below which there is no interval: too few to tell how t
 class Cell:
     """One measure of one method under one noise."""
 
-    mean: float  # mean over clips, then over seeds
-    deviation: float | None  # of the mean over clips, over seeds; None with one seed
-    low: float | None  # of the mean's 95% interval over recordings; None with fewer than `FEWEST`
+    mean: float
+    """Mean over clips, then over seeds."""
+    deviation: float | None
+    """Of the mean over clips, over seeds; None with one seed."""
+    low: float | None
+    """Lower end of the mean's 95% interval over recordings; None with fewer than `FEWEST`."""
     high: float | None
-    count: int  # number of cases with a value
+    """Upper end of that interval."""
+    count: int
+    """Number of cases with a value."""
 
     def shown(self, measure: Measure) -> str:
         """Mean, and deviation over seeds if there is one, with the measure's digits."""
@@ -39,8 +44,10 @@ class Block:
     noise: str
     clips: int
     seeds: int
-    cells: dict[str, dict[str, Cell]]  # by method, then by measure; only with a value
-    failed: dict[str, int]  # number of cases without a result, for the methods that have such cases
+    cells: dict[str, dict[str, Cell]]
+    """By method, then by measure; only with a value."""
+    failed: dict[str, int]
+    """Number of cases without a result, for the methods that have such cases."""
 
     @property
     def measures(self) -> tuple[Measure, ...]:

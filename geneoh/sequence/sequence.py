@@ -191,6 +191,8 @@ class Sequence(Bundle):
     """Hands and object that share T frames at `fps` frames a second."""
 
     hands: tuple[HandTrack, ...]
+    """At most one of each side: the right one first from `load` and `from_arrays`, in either order
+    from `read`, the left one first where they are generated. `hand` gives that of one side."""
     object: ObjectTrack
     fps: float
     source: str = ""

@@ -48,12 +48,18 @@ class Prompt:
 
     sentence: str
     hands: HandsName
-    verb: str  # of `geneoh.synthesis.actions.VERBS`: the one that is named, or the nearest
-    known: bool  # whether made actions show the verb that the sentence names
-    notes: tuple[str, ...]  # what was assumed, a sentence each, for the user
-    told: str  # the sentence for the networks: without its length and what it rules out
-    frames: int | None  # the length that it states, at 30 frames a second; None without
-    giver: Side | None  # the hand that passes the object to the other; None where either may
+    verb: str
+    """Of `geneoh.synthesis.actions.VERBS`: the one that is named, or the nearest."""
+    known: bool
+    """Whether made actions show the verb that the sentence names."""
+    notes: tuple[str, ...]
+    """What was assumed, a sentence each, for the user."""
+    told: str
+    """The sentence for the networks: without its length and what it rules out."""
+    frames: int | None
+    """The length that it states, at 30 frames a second; None without."""
+    giver: Side | None
+    """The hand that passes the object to the other; None where either may."""
 
 
 def read_prompt(text: str, model: TextModel | None = None, *, frames: int | None = None) -> Prompt:
