@@ -100,7 +100,7 @@ def hand_beside_a_box(distance: torch.Tensor) -> torch.Tensor:
 
 
 def test_a_hand_deals_with_its_object_in_the_frames_in_which_it_is_beside_it():
-    distance = torch.cat([torch.full((45,), 0.03), torch.full((45,), 0.5)])
+    distance = torch.cat([torch.full((45,), 0.015), torch.full((45,), 0.5)])
     found = hand_beside_a_box(distance)
     assert (found[:30] > 0.999).all()
     assert (found[44:] < 0.05).all()
@@ -133,4 +133,13 @@ def test_a_hand_that_errs_along_the_cameras_ray_may_hold_its_object():
 
 def test_a_hand_that_never_comes_near_deals_with_nothing():
     assert (hand_beside_a_box(torch.full((FRAMES,), 0.095)) == 0).all()
-    assert (hand_beside_a_box(torch.full((FRAMES,), 0.04)) == 1).all()
+    assert (hand_beside_a_box(torch.full((FRAMES,), 0.015)) == 1).all()
+
+
+def test_a_hand_that_hovers_beside_a_resting_object_deals_with_it_about_a_touch_alone():
+    assert (hand_beside_a_box(torch.full((FRAMES,), 0.045)) == 0).all()
+    once = torch.full((FRAMES,), 0.045)
+    once[:15] = 0.0
+    found = hand_beside_a_box(once)
+    assert (found[:35] > 0.999).all()
+    assert (found[60:] == 0).all()
