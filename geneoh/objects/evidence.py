@@ -171,7 +171,7 @@ def moving(surface: MovingSurface, fps: float) -> Bool[Tensor, " T"]:
     frames, apart = len(surface.rotation), max(1, round(fps / 10))
     found = torch.zeros(frames, dtype=torch.bool, device=surface.rotation.device)
     for field, pose in surface.parts:
-        verts = field.mesh.verts
+        verts = field.mesh.verts.to(surface.rotation)
         placed = pose.apply(verts[:: max(1, len(verts) // 32)].expand(frames, -1, -1))
         speed = (placed[2 * apart :] - placed[: -2 * apart]).norm(dim=-1).mean(-1)
         found[apart:-apart] |= speed * fps / (2 * apart) > CARRIED

@@ -113,8 +113,7 @@ def read_detections(path: Path, focal: float | None) -> tuple[Detections, tuple[
 
 def batches_of_file(path: Path) -> Iterator[Batch]:
     """The batches of a file of all images: of a list each item is an image, of a dict each name."""
-    value = read_json(path) if path.suffix == ".json" else read_values(path)
-    value = value.tolist() if isinstance(value, np.ndarray) and value.ndim else value
+    value = value_in(path)
     if is_batch(value):
         yield None, Record(str(path), value, AS_DUMPED)
     elif isinstance(value, Mapping) and all(re.search(r"\d", str(name)) for name in value):
@@ -143,9 +142,13 @@ def batches_of_folder(folder: Path, notes: list[str]) -> Iterator[Batch]:
         notes.append(f"not read: {', '.join(others[:4])}{', ...' * (len(others) > 4)}")
     numbers = frames_of_names([file.stem for file in alike], folder)
     for frame, file in zip(numbers, alike, strict=True):
-        value = read_json(file) if file.suffix == ".json" else read_values(file)
-        value = value.tolist() if isinstance(value, np.ndarray) and value.ndim else value
-        yield from batches_of_image(value, str(file), frame)
+        yield from batches_of_image(value_in(file), str(file), frame)
+
+
+def value_in(file: Path) -> Any:
+    """What a file holds; an array of objects as the list of them."""
+    value = read_json(file) if file.suffix == ".json" else read_values(file)
+    return value.tolist() if isinstance(value, np.ndarray) and value.ndim else value
 
 
 def batches_of_image(value: Any, where: str, frame: int) -> Iterator[Batch]:
