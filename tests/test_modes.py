@@ -1,6 +1,6 @@
 """No call of the library heeds the modes of torch that its caller set, or draws of its numbers."""
 
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -77,28 +77,24 @@ def scored(folder: Path) -> Tensor:
     return torch.tensor([made.scores[0].values["mpjpe_mm"]], dtype=torch.float32, device="cpu")
 
 
-@pytest.fixture(scope="module")
-def plain(tmp_path_factory):
-    """What each call gives where no mode is set."""
-    found = {}
-
-    def of(call) -> Tensor:
-        if call not in found:
-            found[call] = call(tmp_path_factory.mktemp("plain"))
-        return found[call]
-
-    return of
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("mode", MODES)
-@pytest.mark.parametrize("call", [loaded, read, cleaned, streamed, generated, made_on_body, scored])
-def test_modes_and_random_state_of_the_caller_change_nothing_and_are_kept(
-    call, mode, plain, tmp_path
-):
-    expected, before = plain(call), torch.get_rng_state()
-    with MODES[mode]():
-        found = call(tmp_path)
+def assert_undisturbed(call, modes, folder: Path) -> None:
+    """The call gives the same in all of these modes at once as in none."""
+    expected, before = call(folder), torch.get_rng_state()
+    with ExitStack() as entered:
+        for mode in modes:
+            entered.enter_context(mode())
+        found = call(folder)
     # a device that was set, even the CPU, makes torch choose other kernels, which round otherwise
     torch.testing.assert_close(found, expected, rtol=0, atol=1e-5, equal_nan=True)
     assert torch.equal(torch.get_rng_state(), before)
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_a_mode_of_the_caller_changes_nothing(mode, tmp_path):
+    assert_undisturbed(loaded, [MODES[mode]], tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("call", [read, cleaned, streamed, generated, made_on_body, scored])
+def test_no_call_heeds_the_modes_of_its_caller_or_draws_its_random_numbers(call, tmp_path):
+    assert_undisturbed(call, MODES.values(), tmp_path)

@@ -14,7 +14,7 @@ import geneoh
 
 noisy, obj, clean_first = sys.argv[1], sys.argv[2], sys.argv[3] == "denoise"
 options = geneoh.Options(preset="fast", steps=1)
-sequence = geneoh.load(noisy, obj=obj)[:20]
+sequence = geneoh.load(noisy, obj=obj)[:8]
 
 def clean(sequence):
     joints = geneoh.denoise(sequence, options).sequence.hands[0].joints
@@ -23,7 +23,7 @@ def clean(sequence):
 here = clean(sequence) if clean_first else None
 with multiprocessing.get_context("fork").Pool(1) as pool:
     there = pool.map(clean, [sequence])[0]
-assert there[1] == 20
+assert there[1] == 8
 assert here is None or abs(here[0] - there[0]) < 0.01, (here, there)
 """
 
@@ -42,11 +42,11 @@ def clean(seed):
     hand = result.sequence.hands[0]
     return hand.joints.numpy().tobytes(), hand.joint_spread.numpy().tobytes()
 
-seeds = [0, 1, 2]
+seeds = [0, 1]
 serial = [clean(seed) for seed in seeds]
 assert len(set(serial)) == len(seeds), "seeds differ"
 if sys.argv[3] == "threads":
-    with ThreadPoolExecutor(3) as pool:
+    with ThreadPoolExecutor(2) as pool:
         assert list(pool.map(clean, seeds)) == serial
 else:
     with multiprocessing.get_context("fork").Pool(2) as pool:

@@ -7,7 +7,7 @@ have in each other means over clips.
 """
 
 import argparse
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -53,7 +53,6 @@ from tools.noisy_objects.clips import EXAMPLES, scans_of
 FRAMES = 90
 DEEPEST, OVERLAP = 0.01, 0.002
 """How deep a vertex of a clean clip may be in the object, and in the other hand, metres."""
-AT_ONCE = 24  # objects for which two grasps are tried at a time
 CONFIG = SynthesisConfig(
     frames=FRAMES,
     shape_std=0.0,
@@ -96,18 +95,19 @@ def main() -> None:
         print(f"| {name} | " + " | ".join(cells) + " |")
 
 
-def made_pairs() -> Iterator[Sequence]:
+def made_pairs(scanned: Collection[str] | None = None, at_once: int = 24) -> Iterator[Sequence]:
     """Clips of two hands of the mean shape on held-out families and scans; always the same.
 
-    Hands that go through the object or each other on their ways are left out.
+    Hands that go through the object or each other on their ways are left out. `scanned` names
+    other scans than all that are held out; `at_once` grasps are tried at a time.
     """
     objects = read_folder(EXAMPLES / "objects")
-    scans = scans_of(objects, objects.held_out)
+    scans = scans_of(objects, scanned or objects.held_out)
     names = [*CONFIG.held_out, *scans.names]
     generator = seeded_generator("two hands")
     while True:
         tried = draw_attempts(
-            CONFIG, names, load_hand("right"), AT_ONCE, generator=generator, scans=scans
+            CONFIG, names, load_hand("right"), at_once, generator=generator, scans=scans
         )
         toward = grasp_directions(tried.solids, tried.shared)
         grasps = tried_grasps(tried, CONFIG, toward, generator)

@@ -19,8 +19,8 @@ from tools.two_hands import (
 
 @pytest.fixture(scope="module")
 def pair() -> Sequence:
-    """The first clip, without the frames of reaching and leaving."""
-    return next(made_pairs())[FRAMES // 3 : 2 * FRAMES // 3]
+    """A clip without the frames of reaching and leaving."""
+    return next(made_pairs(["ycb_030_fork.ply"], at_once=4))[FRAMES // 3 : 2 * FRAMES // 3]
 
 
 def test_both_hands_hold_the_object_and_are_beside_each_other(pair):
