@@ -2,6 +2,8 @@
 
 import os
 import signal
+import subprocess
+import sys
 import threading
 
 import pytest
@@ -57,3 +59,25 @@ def test_other_threads_are_left_alone():
     thread.start()
     thread.join()
     assert seen == [signal.default_int_handler]
+
+
+FIRST_TRIMESH = """
+import signal, sys
+
+class Watch:
+    def find_spec(self, name, *_):
+        if name == "trimesh":
+            print(signal.getsignal(signal.SIGINT) is signal.default_int_handler)
+
+signal.signal(signal.SIGINT, signal.default_int_handler)
+sys.meta_path.insert(0, Watch())
+import geneoh.viz.outputs
+"""
+
+
+def test_an_interrupt_waits_while_viewing_imports_trimesh():
+    """It catches every exception while it is imported, and Ctrl-C would be lost."""
+    done = subprocess.run(
+        [sys.executable, "-c", FIRST_TRIMESH], capture_output=True, text=True, check=True
+    )
+    assert done.stdout == "False\n"

@@ -1,14 +1,17 @@
 """A body as rigid parts that can be drawn: one rounded bone for each joint, and a head."""
 
-import trimesh
 from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.body.motion import pose
 from geneoh.body.skeleton import BODY_JOINTS, JOINT_NAMES, PARENTS
 from geneoh.geometry.mesh import Mesh, from_trimesh
+from geneoh.interrupts import interrupts_wait
 from geneoh.readers.bodies.base import BodyRecording
 from geneoh.sequence.sequence import ObjectTrack
+
+with interrupts_wait():
+    import trimesh
 
 RADII = {
     **{"spine": 0.1, "neck": 0.06, "head": 0.05, "hip": 0.08, "knee": 0.065, "ankle": 0.05},

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import torch
-import trimesh
 
 from geneoh.body.motion import turned
 from geneoh.choices import Colouring
@@ -18,6 +17,7 @@ from geneoh.files.atomic import in_one_step, write_whole
 from geneoh.files.npz import Arrays, write_archive
 from geneoh.files.outputs import check_ending, check_outputs, refuse_folder
 from geneoh.hand.mano import translation_from_wrist
+from geneoh.interrupts import interrupts_wait
 from geneoh.progress import OnStep, steps
 from geneoh.readers.bodies.bvh import bvh_text
 from geneoh.readers.bodies.fields import body_fields
@@ -28,6 +28,9 @@ from geneoh.viz.look import Look
 from geneoh.viz.page import page_html
 from geneoh.viz.scene import PosedTrack, Scene
 from geneoh.viz.video import ffmpeg_path, write_film
+
+with interrupts_wait():
+    import trimesh
 
 MESHES = (".obj", ".ply")  # endings of the formats that make a folder
 FILMS = (".mp4", ".gif")

@@ -3,10 +3,13 @@
 import igl
 import numpy as np
 import torch
-import trimesh
 from jaxtyping import Float, Int
 
 from geneoh.geometry.mesh import Mesh, from_trimesh
+from geneoh.interrupts import interrupts_wait
+
+with interrupts_wait():
+    import trimesh
 
 SHARP_ANGLE = np.deg2rad(50.0)  # faces that meet at more do not share normals, radians
 
