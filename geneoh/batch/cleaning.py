@@ -9,7 +9,7 @@ from typing import Any
 
 from geneoh.batch.clips import FOR_NPZ, Clip
 from geneoh.errors import CheckpointError, GeneOHError
-from geneoh.files.atomic import unwritable
+from geneoh.files.atomic import make_folder
 from geneoh.files.fingerprints import fingerprint
 from geneoh.files.outputs import keep_others, refuse_inputs
 from geneoh.pipeline.denoise import denoise
@@ -121,10 +121,7 @@ def sequences_of(
 
 def written(result: Denoised, place: Path) -> str:
     """Write a result; returns the fingerprint of its file."""
-    try:
-        place.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise unwritable(place, error) from None
+    make_folder(place.parent)
     save(result, place)
     return fingerprint(place)
 

@@ -10,7 +10,7 @@ from geneoh.evaluation.options import EvaluationOptions, ProtocolOptions
 from geneoh.evaluation.protocols.clips import Clip
 from geneoh.evaluation.protocols.datasets import clips_by_file, spread_over_groups
 from geneoh.evaluation.protocols.noise import check_noise, noisy_input
-from geneoh.files.atomic import write_whole
+from geneoh.files.atomic import make_folder, write_whole
 from geneoh.files.outputs import keep_others
 from geneoh.geometry.mesh import Mesh
 from geneoh.readers.meshes import obj_text
@@ -125,7 +125,7 @@ def write_inputs(cases: list[Case], folder: Path) -> int:
     for case in cases:
         path = folder / case.file_name
         keep_others(path, "choose another folder")
-        path.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(path.parent)
         written: list[Mesh] = []
         for part, mesh in enumerate(case.noisy.object.meshes):
             place, text = folder / "objects" / f"{case.clip.name}_{part}.obj", obj_text(mesh)

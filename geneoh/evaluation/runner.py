@@ -25,6 +25,7 @@ from geneoh.evaluation.options import EvaluationOptions
 from geneoh.evaluation.protocols.datasets import data_root
 from geneoh.evaluation.report import Evaluation
 from geneoh.evaluation.scores import CaseScorer, Score, ScoreKey, ScoringConfig
+from geneoh.files.atomic import make_folder
 from geneoh.files.fingerprints import file_digest, file_digests
 from geneoh.files.journal import (
     SCORED,
@@ -275,7 +276,7 @@ def score_method(scorer: CaseScorer, method: Method, pages: Path | None) -> Scor
         seconds = time.process_time() - began
         score = scorer.score(method.name, cleaned, seconds)
         if pages is not None and cleaned.result is not None:
-            pages.mkdir(parents=True, exist_ok=True)
+            make_folder(pages)
             page, mano_dir = page_of(pages, score.key), scorer.config.mano_dir
             write_report(case.noisy, cleaned.result, page, title=case.clip.name, mano_dir=mano_dir)
         return score

@@ -38,6 +38,9 @@ def test_inputs_are_written_for_others(geneoh, tmp_path):
     assert done.exit_code == 2
     assert "holds another mesh already; choose another folder" in done.stderr
     assert mesh.read_text() == "another mesh"
+    done = geneoh("eval", *CLIPS, "--inputs", mesh / "inputs")
+    assert done.exit_code == 2
+    assert "inputs: cannot be written (Not a directory)" in done.stderr
 
 
 @pytest.mark.slow
