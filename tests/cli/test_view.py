@@ -111,6 +111,14 @@ def test_keypoints_alone_are_shown_as_a_result_is(geneoh, folder):
     assert page_scene(folder / "hand.html")["frames"] == 6
 
 
+def test_a_folder_without_mano_is_refused_where_the_command_names_it(geneoh, folder, monkeypatch):
+    refused = geneoh(*VIEW, "--mano", "nodir")
+    assert refused.exit_code == 2
+    assert "nodir/MANO_RIGHT.pkl: expected this file and found none" in refused.stderr
+    monkeypatch.setenv("GENEOH_MANO_DIR", "nodir")  # which is for all commands
+    assert geneoh(*VIEW).exit_code == 0
+
+
 def test_up_turns_the_page(geneoh, folder):
     assert geneoh(*VIEW, "--up", "-y").exit_code == 0
     assert page_scene(folder / "clean.html")["camera"]["up"] == [0, -1, 0]
