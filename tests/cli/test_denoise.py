@@ -147,14 +147,6 @@ def test_page_of_the_cleaning_shows_before_after_and_samples(geneoh, tmp_path):
     assert "spread" in told["versions"][1]["hands"][0]["ramps"]
 
 
-def test_page_that_cannot_be_written_is_told_of_before_the_work(geneoh, tmp_path):
-    write_good(tmp_path)
-    result = geneoh(*RUN, "--report", "nowhere/page.html")
-    assert result.exit_code == 2
-    assert "nowhere/page.html: cannot be written" in result.stderr
-    assert not (tmp_path / "hand_clean.npz").exists()
-
-
 def test_an_object_that_is_taken_as_exact_cannot_be_refined(geneoh, tmp_path):
     write_good(tmp_path)
     result = geneoh(*RUN, "--refine-object", "--trust-object")
@@ -197,20 +189,6 @@ def test_doubtful_input_is_cleaned_and_told_of(geneoh, tmp_path, case, caplog):
     said = result.output + caplog.text
     for word in case.words:
         assert word in said
-
-
-def test_unknown_device_is_refused(geneoh, tmp_path):
-    write_good(tmp_path)
-    result = geneoh(*RUN, "--device", "abacus")
-    assert result.exit_code == 2
-    assert "--device abacus" in result.stderr
-
-
-def test_missing_weights_are_named(geneoh, tmp_path):
-    write_good(tmp_path)
-    result = geneoh(*RUN, "--weights", "nowhere")
-    assert result.exit_code == 2
-    assert "nowhere" in result.stderr
 
 
 def test_the_device_that_is_named_does_the_work(geneoh, device, tmp_path, monkeypatch):

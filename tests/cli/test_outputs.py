@@ -50,9 +50,6 @@ REFUSED = {
     "realism, ending": ((*REALISM, "x.npz"), ("x.npz", "expected .json")),
     "realism, foreign": ((*REALISM, "my.json"), ("my.json", "--overwrite")),
     "realism, folder": ((*REALISM, "none/x.json"), ("none/x.json", "cannot be written")),
-    "bench, folder": (("bench", "-o", "none/b.json"), ("none/b.json", "cannot be written")),
-    "bench, plot": (("bench", "--plot", "none/b.png"), ("none/b.png", "cannot be written")),
-    "bench, foreign": (("bench", "-o", "my.json"), ("my.json", "--overwrite")),
     "eval, foreign": (
         ("eval", "--dataset", "synthetic", "--limit", 1, "-o", "in"),
         ("report.md", "not written by geneoh"),

@@ -13,8 +13,6 @@ from PIL import Image
 
 from geneoh import load, save
 from geneoh.errors import MissingAssetError
-from geneoh.geometry.mesh import load_mesh
-from geneoh.readers.npz_files import save_sequence
 from geneoh.viz.canvas import STRIP_GAP
 from geneoh.viz.look import STRIP_CELL
 from geneoh.viz.video import ffmpeg_path
@@ -89,19 +87,6 @@ def test_before_stands_before_after(geneoh, folder):
     assert [version["title"] for version in page["versions"]] == ["hand", "clean"]
     assert page["frames"] == 6
     assert page["fps"] == 30
-
-
-def test_a_result_that_knows_its_mesh_needs_no_other(geneoh, folder):
-    meshes = (load_mesh(folder / "object.obj"),)
-    save_sequence(load(folder / "clean.npz", obj=meshes), folder / "result.npz")
-    result = geneoh("view", "result.npz", "hand.npz")
-    assert result.exit_code == 0, result.output
-    assert (folder / "result.html").is_file()
-    (folder / "object.obj").unlink()
-    result = geneoh("view", "result.npz")
-    assert result.exit_code == 2
-    assert "object.obj is not there any more" in result.stderr
-    assert "pass --obj MESH" in result.stderr
 
 
 def test_keypoints_alone_are_shown_as_a_result_is(geneoh, folder):

@@ -11,7 +11,6 @@ import trees
 from geneoh.baselines.filters import TUNED, filtered
 from geneoh.baselines.library import SHIPPED, baseline_weights
 from geneoh.errors import ConfigError, InputError, MissingAssetError
-from geneoh.evaluation import methods as methods_module
 from geneoh.evaluation.cases import Case
 from geneoh.evaluation.methods import (
     CleanedHand,
@@ -34,7 +33,6 @@ from geneoh.evaluation.scores import CaseScorer, ScoringConfig
 from geneoh.hand.library import load_hand
 from geneoh.nn.checkpoint import Checkpoint, save_checkpoint
 from geneoh.pipeline.options import Options
-from geneoh.pipeline.results import Denoised
 from geneoh.readers.npz_files import save_sequence
 from geneoh.training.config import TrainConfig
 from geneoh.training.stages import build_model
@@ -301,19 +299,3 @@ def test_a_folder_of_predictions_must_be_there_and_have_a_name_of_its_own(tmp_pa
         folder.mkdir(parents=True)
     with pytest.raises(ConfigError, match="more than once"):
         methods_of(replace(ALL, predictions=alike))
-
-
-def test_a_left_hand_with_betas_of_the_official_file_is_scored_with_the_mesh_of_that_file(
-    noisy_case, tmp_path, monkeypatch
-):
-    mano_dir = trees.write_mano(tmp_path / "mano")
-    hand = noisy_case.noisy.hands[0]
-    assert hand.side == "left"
-    betas = torch.linspace(-2, 2, 10)
-    shipped = load_hand("left", source="mano-as-shipped", mano_dir=mano_dir).shaped(betas)
-    posed = shipped.posed(hand.pose, hand.wrist)
-    track = replace(hand, joints=posed.joints, betas=betas, hand_model="mano-as-shipped")
-    result = Denoised(replace(noisy_case.noisy, hands=(track,)), {}, ())
-    monkeypatch.setattr(methods_module, "clean_interaction", lambda *_: result)
-    cleaned = denoised_hand(noisy_case, Options(hand="mano", mano_dir=mano_dir))
-    torch.testing.assert_close(cleaned.verts, posed.verts, atol=1e-6, rtol=0)

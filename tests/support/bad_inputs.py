@@ -178,32 +178,36 @@ def millimetre_mesh(folder: Path) -> None:
 
 
 REFUSED = (
-    BadInput("missing file", ("no such file",), lambda folder: (folder / "hand.npz").unlink()),
-    BadInput("truncated npz", ("truncated or damaged",), truncate),
-    BadInput("flipped byte", ("damaged",), flip_byte),
-    BadInput("pickle", ("pickle", "never"), hostile_pickle),
+    BadInput(
+        "The file is not there", ("no such file",), lambda folder: (folder / "hand.npz").unlink()
+    ),
+    BadInput("The download broke off", ("truncated or damaged",), truncate),
+    BadInput("A byte has flipped", ("damaged",), flip_byte),
+    BadInput("The file is a pickle", ("pickle", "never"), hostile_pickle),
     BadInput("pickled member", ("joints", "pickle", "never"), hostile_member),
-    BadInput("object array", ("joints", "Python objects"), object_array),
+    BadInput("The npz holds a Python object", ("joints", "Python objects"), object_array),
     BadInput("single npy", ("npz", "single .npy"), single_npy),
     BadInput("lying header", ("joints", "declares", "damaged"), lying_header),
     BadInput(
-        "flattened joints",
+        "Keypoints are flat, (T, 63)",
         ("joints", "(T, 21, 3)", "(6, 63)", "reshape"),
         with_arrays(joints=lambda joints: joints.reshape(FRAMES, 63)),
     ),
     BadInput("16 joints", ("(T, 21, 3)", "(6, 16, 3)"), with_arrays(joints=lambda j: j[:, :16])),
     BadInput(
-        "text joints", ("joints", "numbers"), with_arrays(joints=lambda joints: joints.astype(str))
+        "Numbers are texts",
+        ("joints", "array of numbers"),
+        with_arrays(joints=lambda joints: joints.astype(str)),
     ),
     BadInput("no frames", ("joints", "at least one frame"), with_arrays(joints=lambda j: j[:0])),
     BadInput(
-        "different lengths",
+        "Hand and object differ in length",
         ("same number of frames", "6", "4"),
         with_arrays(joints=lambda joints: joints[:4]),
     ),
     BadInput(
-        "nan in a valid frame",
-        ("finite", "valid", "3"),
+        "NaN in a frame that is marked valid",
+        ("finite", "3", "mark them as not valid"),
         with_arrays(joints=with_nan_in(3), valid=np.ones(FRAMES, bool)),
     ),
     BadInput(
@@ -212,10 +216,10 @@ REFUSED = (
         with_arrays(object_translation=with_nan_in(2, np.inf)),
     ),
     BadInput(
-        "all frames invalid", ("at least one frame",), with_arrays(valid=np.zeros(FRAMES, bool))
+        "Every frame is invalid", ("at least one frame",), with_arrays(valid=np.zeros(FRAMES, bool))
     ),
     BadInput(
-        "all frames nan",
+        "NaN everywhere",
         ("at least one frame",),
         with_arrays(joints=lambda joints: joints * np.nan),
     ),
@@ -226,11 +230,13 @@ REFUSED = (
         with_arrays(confidence=np.full(FRAMES, 90.0)),
     ),
     BadInput("no hand", ("right_joints", "global_orient"), with_arrays(joints=None)),
-    BadInput("no side", ("side", "--side"), with_arrays(side=None)),
+    BadInput("The side is not said", ("--side left or --side right",), with_arrays(side=None)),
     BadInput("wrong side", ("side", "'left' or 'right'", "'both'"), with_arrays(side="both")),
-    BadInput("other side", ("right", "--side left"), options=("--side", "left")),
     BadInput(
-        "two layouts",
+        "The side is contradicted", ("--side left", "'side' says right"), options=("--side", "left")
+    ),
+    BadInput(
+        "Fields of two layouts",
         ("one layout", "joints", "hand_trans", "remove"),
         with_arrays(hand_trans=np.zeros((FRAMES, 3))),
     ),
@@ -241,8 +247,8 @@ REFUSED = (
         with_arrays(format="geneoh-sequence", version=np.array(2)),
     ),
     BadInput(
-        "a mesh without motion",
-        ("object_rotation", "obj_pose"),
+        "A mesh, but no poses",
+        ("object_rotation", "obj_pose", "object's motion"),
         with_arrays(object_rotation=None, object_translation=None),
         in_reading=False,  # without a mesh it is a hand alone
     ),
@@ -266,21 +272,21 @@ REFUSED = (
         ),
     ),
     BadInput(
-        "axis-angle object",
+        "Rotations as axis-angle",
         ("object_rotation", "(T, Q, 3, 3)", "axis-angle"),
         with_arrays(object_rotation=np.zeros((FRAMES, 3))),
     ),
     BadInput(
-        "mirrored object",
+        "Rotations that mirror",
         ("rotation", "determinant -1", "reflection"),
         with_arrays(object_rotation=lambda rotation: -rotation),
     ),
     BadInput(
-        "scaled object",
-        ("rotation", "scale"),
+        "Rotations that scale",
+        ("rotation", "a scale"),
         with_arrays(object_rotation=lambda rotation: 0.01 * rotation),
     ),
-    BadInput("no frame rate", ("fps", "1 to 1000"), with_arrays(fps=np.array(0.0))),
+    BadInput("A rate of 0", ("fps", "1 to 1000"), with_arrays(fps=np.array(0.0))),
     BadInput(
         "a word for a list of flags",
         ("valid", "same number of frames"),
@@ -292,70 +298,82 @@ REFUSED = (
         with_arrays(object_translation=lambda array: array + np.float32(3e38)),
     ),
     BadInput(
-        "a hand that is nowhere",
-        ("right hand", "10000 m", "3e+38"),
+        "A coordinate of 3e38",
+        ("right hand", "3e+38", "within 10000 m"),
         with_arrays(joints=lambda array: array + np.float32(3e38)),
     ),
-    BadInput("seconds per frame", ("fps", "pass that"), with_arrays(fps=np.array(0.0333))),
+    BadInput(
+        "Seconds for a rate",
+        ("fps", "pass that", "as seconds per frame"),
+        with_arrays(fps=np.array(0.0333)),
+    ),
     BadInput("almost no frame rate", ("fps", "1 to 1000"), with_arrays(fps=np.array(1e-40))),
-    BadInput("absurd frame rate", ("fps", "1000"), with_arrays(fps=np.array(1e6))),
+    BadInput("A rate of a million", ("fps", "1 to 1000"), with_arrays(fps=np.array(1e6))),
     BadInput("nan frame rate", ("fps", "nan"), with_arrays(fps=np.array(np.nan))),
     BadInput(
-        "millimetre hand",
-        ("metres", "millimetres, divide by 1000"),
+        "Keypoints in millimetres",
+        ("metres", "millimetres, divide by 1000", "--keypoint-unit mm"),
         with_arrays(joints=lambda joints: 1000 * joints),
     ),
     BadInput("tiny hand", ("metres",), with_arrays(joints=lambda joints: 0.001 * joints)),
-    BadInput("far object", ("near the object", "metres"), far_object, in_reading=False),
     BadInput(
-        "missing mesh",
-        ("object.obj", "no such"),
+        "The object is 3 m away",
+        ("metres", "must come near the object"),
+        far_object,
+        in_reading=False,
+    ),
+    BadInput(
+        "The mesh is not there",
+        ("object.obj", "no such mesh file"),
         lambda f: (f / "object.obj").unlink(),
         in_reading=False,
     ),
-    BadInput("empty mesh", ("object.obj", "no face"), empty_mesh, in_reading=False),
-    BadInput("flat mesh", ("object.obj", "area"), flat_mesh, in_reading=False),
-    BadInput("nan mesh", ("object.obj", "finite"), nan_mesh, in_reading=False),
-    BadInput("text as mesh", ("object.obj",), text_mesh, in_reading=False),
+    BadInput("A point cloud", ("object.obj", "points and no face"), empty_mesh, in_reading=False),
+    BadInput("A mesh without area", ("object.obj", "no area"), flat_mesh, in_reading=False),
+    BadInput("A NaN in the mesh", ("object.obj", "finite"), nan_mesh, in_reading=False),
+    BadInput("A text for a mesh", ("object.obj",), text_mesh, in_reading=False),
     BadInput(
-        "millimetre mesh",
+        "A mesh in millimetres",
         ("object.obj", "60 m long", "pass --unit mm", "0.001"),
         millimetre_mesh,
         in_reading=False,
     ),
     BadInput(
-        "two meshes for one part",
+        "Two meshes for one part",
         ("1 rigid part,", "2 meshes"),
         options=("--obj", "object.obj"),
         in_reading=False,
     ),
     BadInput(
-        "no MANO",
+        "MANO without its files",
         ("MANO_RIGHT.pkl", "nowhere"),
         options=("--hand", "mano", "--mano", "nowhere"),
         in_reading=False,
     ),
     BadInput(
-        "unknown preset", ("preset", "slow", "fast"), options=("--preset", "slow"), in_reading=False
+        "A preset that does not exist",
+        ("preset", "fast", "'slow'"),
+        options=("--preset", "slow"),
+        in_reading=False,
     ),
 )
 """Input that must end with exit code 2 and one line on standard error."""
 
 TOLD = (
     BadInput(
-        "dropped frames",
-        ("1 of 6 frames", "not observed"),
+        "NaN in a frame",
+        ("not observed", "1 of 6 frames hold NaN"),
         with_arrays(joints=with_nan_in(3)),
     ),
     BadInput(
-        "lost object",
+        "A pose is lost in one frame",
         ("1 frame without a pose of the object",),
         with_arrays(object_translation=with_nan_in(2)),
     ),
-    BadInput("no frame rate said", ("30 frames a second assumed",), with_arrays(fps=None)),
+    BadInput("No frame rate", ("30 frames a second assumed",), with_arrays(fps=None)),
     BadInput(
-        "slip in a name",
-        ("'confidense' is not read", "'confidence'"),
+        "A name has a slip",
+        ("'confidense' is not read", "is it 'confidence'?"),
         with_arrays(confidense=np.ones(FRAMES)),
     ),
 )
