@@ -6,7 +6,6 @@ each fold tests on one block and trains on the others, and no snippet crosses a 
 source each clip gives one snippet, which is in one fold.
 """
 
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -26,14 +25,6 @@ MOTION_FLOOR = 1e-3  # added to speeds (m/s) and accelerations (m/s²) against l
 
 View = Literal["place", "hand", "motion"]
 VIEWS: tuple[View, ...] = ("place", "hand", "motion")
-
-
-@dataclass(frozen=True)
-class CrossValidation:
-    """How well the classifier does on snippets that it was not trained on."""
-
-    accuracy: float  # balanced: mean of both sources' shares that are right; 0.5 is chance
-    snippets: tuple[int, int]  # number of test snippets of either source
 
 
 def features(snippets: Float[Tensor, "N S 21 3"], view: View, fps: float) -> Float[Tensor, "N D"]:
@@ -82,10 +73,11 @@ def cross_validate(
     others: Float[Tensor, "M S 21 3"],
     view: View,
     fps: float,
-) -> CrossValidation:
-    """Accuracy of the classifier over the folds, one fold for each of at least two blocks.
+) -> float:
+    """Accuracy of the classifier on snippets that it was not trained on; 0.5 is chance.
 
-    `others` are snippets of the other source, one per clip.
+    It is the mean of the shares of both sources that are told right. There is one fold for each of
+    at least two blocks; `others` are snippets of the other source, one per clip.
     """
     assert len(blocks) > 1, "a fold needs a block to train on and one to test on"
     assert len(others) >= len(blocks), "every fold tests on some of the others"
@@ -98,8 +90,7 @@ def cross_validate(
         weights, bias = fit_logistic(trained_on, rest[fold_of_rest != fold])
         right[0].extend(block @ weights + bias > 0)
         right[1].extend(rest[fold_of_rest == fold] @ weights + bias <= 0)
-    shares = [float(np.mean(each)) for each in right]
-    return CrossValidation(sum(shares) / 2, (len(right[0]), len(right[1])))
+    return sum(float(np.mean(each)) for each in right) / 2
 
 
 def fit_logistic(

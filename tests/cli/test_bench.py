@@ -82,10 +82,7 @@ def test_without_an_axis_the_small_grid_is_measured(geneoh, faked, tmp_path):
     [
         (("-o", "none/b.json"), "none/b.json: cannot be written"),
         (("-o", "b.npz"), "b.npz: expected .json"),
-        (
-            ("-o", "my.json"),
-            "my.json: is there already and was not written by geneoh",
-        ),
+        (("-o", "my.json"), "was not written by geneoh; pass --overwrite"),
         (("--plot", "b.svg"), "b.svg: expected .png"),
         (("--plot", "none/b.png"), "none/b.png: cannot be written"),
         (("--frames", "0"), "--frames"),
