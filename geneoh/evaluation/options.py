@@ -132,3 +132,8 @@ class EvaluationOptions:
     def defaults(self) -> DatasetDefaults:
         """What is scored where noises, seeds or close frames are not chosen."""
         return DEFAULTS[self.dataset]
+
+    @property
+    def closely_measured(self) -> int:
+        """Most frames of a clip that the expensive metrics see: spread evenly, for all methods."""
+        return self.close_frames or self.defaults.close_frames

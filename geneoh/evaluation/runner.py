@@ -24,7 +24,7 @@ from geneoh.evaluation.methods import Method, methods_of
 from geneoh.evaluation.options import EvaluationOptions
 from geneoh.evaluation.protocols.datasets import data_root
 from geneoh.evaluation.report import Evaluation
-from geneoh.evaluation.scores import CaseScorer, Score, ScoreKey, ScoringConfig
+from geneoh.evaluation.scores import CaseScorer, Score, ScoreKey
 from geneoh.files.atomic import make_folder
 from geneoh.files.fingerprints import file_digest, file_digests
 from geneoh.files.journal import (
@@ -97,8 +97,6 @@ def evaluate(
     # a hand model that is missing is told before any clip fails for it
     load_hand("right", source=options.cleaner.hand, mano_dir=options.cleaner.mano_dir)
     versions = package_versions()
-    cleaner = options.cleaner
-    config = ScoringConfig(cleaner.hand, cleaner.mano_dir, settings["close_frames"])
     pages_folder = folder / "pages" if pages else None
     with only_run_in(folder):
         keep_others(folder / SCORED, "choose another folder")
@@ -107,7 +105,7 @@ def evaluate(
         done, earlier = open_record(folder, settings, versions, fresh=fresh)
         work = work_left(cases, methods, done, pages_folder)
         jobs = max(1, min(jobs, len(work)))
-        made = run(work, folder, config, pages=pages_folder, jobs=jobs, on_progress=on_progress)
+        made = run(work, folder, options, pages=pages_folder, jobs=jobs, on_progress=on_progress)
     by_key = {score.key: score for score in [*done, *made]}
     wanted = [(*case.key, method.name) for case in cases for method in methods]
     reused = len(wanted) - len(made)
@@ -147,7 +145,7 @@ def settings_of(options: EvaluationOptions) -> dict[str, Any]:
         "data": None if root is None else str(root.resolve()),
         "noisy_inputs": None if stored is None else file_digest(stored.rglob("*.npz")),
         "protocol": as_dict(options.protocol),
-        "close_frames": options.close_frames or options.defaults.close_frames,
+        "close_frames": options.closely_measured,
         "cleaner": {
             name: value for name, value in as_dict(cleaner).items() if name not in IN_SCORES
         },
@@ -233,7 +231,7 @@ def remove_pages(folder: Path) -> None:
 def run(
     work: list[Work],
     folder: Path,
-    config: ScoringConfig,
+    options: EvaluationOptions,
     *,
     pages: Path | None = None,
     jobs: int = 1,
@@ -242,7 +240,7 @@ def run(
     """Do all work; the record of `folder` has a case's scores as soon as they are made."""
     total = sum(len(methods) for _, methods in work)
     scores: list[Score] = []
-    score = partial(score_case, config=config, pages=pages)
+    score = partial(score_case, options=options, pages=pages)
     for made in results_of(work, score, jobs=jobs, lost=lost):
         append_journal(folder / SCORED, map(asdict, made))
         scores += made
@@ -257,12 +255,12 @@ def lost(work: Work, why: str) -> list[Score]:
     return [Score(*case.key, method.name, failed=why) for method in methods]
 
 
-def score_case(work: Work, config: ScoringConfig, pages: Path | None) -> list[Score]:
+def score_case(work: Work, options: EvaluationOptions, pages: Path | None) -> list[Score]:
     """The methods on one case; a case that cannot be read has scores that say why."""
     case, methods = work
     case = replace(case)  # a copy, so that what is read of the case is freed with it
     try:
-        scorer = CaseScorer(case, config)
+        scorer = CaseScorer(case, options)
     except CASE_ERRORS as error:
         return [Score(*case.key, method.name, failed=str(error)) for method in methods]
     return [score_method(scorer, method, pages) for method in methods]
@@ -277,7 +275,7 @@ def score_method(scorer: CaseScorer, method: Method, pages: Path | None) -> Scor
         score = scorer.score(method.name, cleaned, seconds)
         if pages is not None and cleaned.result is not None:
             make_folder(pages)
-            page, mano_dir = page_of(pages, score.key), scorer.config.mano_dir
+            page, mano_dir = page_of(pages, score.key), scorer.options.cleaner.mano_dir
             write_report(case.noisy, cleaned.result, page, title=case.clip.name, mano_dir=mano_dir)
         return score
     except CASE_ERRORS as error:

@@ -2,16 +2,15 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 from typing import Literal
 
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from torch import Tensor
 
-from geneoh.choices import HandSource
 from geneoh.evaluation.cases import Case, CaseKey
 from geneoh.evaluation.methods import CleanedHand, joints_of
+from geneoh.evaluation.options import EvaluationOptions
 from geneoh.fitting.fit import fit_keypoints
 from geneoh.fitting.subject import Subject, subject_of
 from geneoh.geometry.distance import SurfaceQuery
@@ -24,6 +23,7 @@ from geneoh.metrics.smoothness import mean_over_frames
 from geneoh.metrics.volume import intersection_volume
 from geneoh.seeds import seeded_generator
 from geneoh.sequence.sequence import HandTrack, Sequence
+from geneoh.sequence.windows import spread_frames
 
 ScoreKey = tuple[str, str, str, int, str]  # data set, clip, noise, seed and method
 TIPS = list(TIP_KEYPOINTS)
@@ -114,30 +114,6 @@ class Score:
         return *self.case_key, self.method
 
 
-@dataclass(frozen=True)
-class ScoringConfig:
-    """How cleaned hands are measured."""
-
-    source: HandSource = "embedded"  # hand model of fitted meshes
-    mano_dir: Path | None = None
-    close_frames: int = 20
-    """Most frames of a clip in which the expensive metrics, intersection volume and contact on the
-    object, are measured: evenly spread, the same for every method."""
-
-    def close(self, frames: int) -> Int[Tensor, " N"]:
-        """Those frames of a clip of so many."""
-        count = min(frames, self.close_frames)
-        return ((torch.arange(count) + 0.5) * frames / count).long()
-
-    def model(self, hand: HandTrack) -> HandModel:
-        """The hand model with which a track's mesh is measured."""
-        return hand_of_betas(hand.side, hand.hand_model, asked=self.source, mano_dir=self.mano_dir)
-
-    def subject(self, sequence: Sequence) -> Subject:
-        """Shape and skeleton of the person, by a sequence's own betas, pose and keypoints."""
-        return subject_of(sequence.hands[0], self.model(sequence.hands[0]))
-
-
 def fitted_verts(subject: Subject, joints: Float[Tensor, "T 21 3"]) -> Float[Tensor, "T V 3"]:
     """The person's mesh of given parameters where these make the keypoints, else fitted to them."""
     shaped, state = subject.shaped, subject.start
@@ -162,20 +138,29 @@ class MeasuredHand:
 class CaseScorer:
     """Scores methods on one case; what they are compared with is measured once."""
 
-    def __init__(self, case: Case, config: ScoringConfig) -> None:
+    def __init__(self, case: Case, options: EvaluationOptions) -> None:
         """Read the case; the ground truth is measured when it is first needed."""
-        self.case, self.config = case, config
+        self.case, self.options = case, options
         hand, self.fps = case.noisy.hands[0], case.noisy.fps
         self.surface = (case.clean or case.noisy).object.surface()
         generator = seeded_generator("contact", case.clip.name)
         self.samples = contact_points(self.surface.fields, generator=generator)
-        self.faces = config.model(hand).faces
-        self.close = config.close(case.noisy.frames)
+        self.faces = self.model(hand).faces
+        self.close = torch.tensor(spread_frames(case.noisy.frames, options.closely_measured))
+
+    def model(self, hand: HandTrack) -> HandModel:
+        """The hand model with which a track's mesh is measured."""
+        asked, mano_dir = self.options.cleaner.hand, self.options.cleaner.mano_dir
+        return hand_of_betas(hand.side, hand.hand_model, asked=asked, mano_dir=mano_dir)
+
+    def subject_in(self, sequence: Sequence) -> Subject:
+        """Shape and skeleton of the person, by a sequence's own betas, pose and keypoints."""
+        return subject_of(sequence.hands[0], self.model(sequence.hands[0]))
 
     @cached_property
     def subject(self) -> Subject:
         """The person of the noisy clip, whose mesh is fitted to a method's keypoints."""
-        return self.config.subject(self.case.noisy)
+        return self.subject_in(self.case.noisy)
 
     @cached_property
     def truth(self) -> MeasuredHand | None:
@@ -184,7 +169,7 @@ class CaseScorer:
         if clean is None:
             return None
         joints = joints_of(clean)
-        return self.measured(joints, fitted_verts(self.config.subject(clean), joints))
+        return self.measured(joints, fitted_verts(self.subject_in(clean), joints))
 
     @cached_property
     def truly_touched(self) -> Bool[Tensor, "N P"]:

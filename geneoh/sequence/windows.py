@@ -31,6 +31,12 @@ def widened(block: slice, by: int, frames: int) -> tuple[slice, slice]:
     return wide, slice(block.start - wide.start, block.stop - wide.start)
 
 
+def spread_frames(frames: int, most: int) -> list[int]:
+    """At most so many frames of a track, evenly spread: the middles of equal shares."""
+    count = min(frames, most)
+    return [int((share + 0.5) * frames / count) for share in range(count)]
+
+
 def window_starts(frames: int, size: int = WINDOW, stride: int = STRIDE) -> list[int]:
     """First frame of each window: evenly apart, `stride` at most; the last ends with the track."""
     last = max(frames - size, 0)

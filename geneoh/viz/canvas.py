@@ -9,6 +9,7 @@ from PIL.PngImagePlugin import PngInfo
 from geneoh.choices import Colouring
 from geneoh.errors import InputError
 from geneoh.progress import OnStep, steps
+from geneoh.sequence.windows import spread_frames
 from geneoh.viz.camera import Camera, cameras
 from geneoh.viz.look import BACKGROUND, SCALES, Look
 from geneoh.viz.picture import Picture, draw
@@ -88,7 +89,7 @@ def filmstrip(scene: Scene, look: Look | None = None, on_step: OnStep | None = N
     """A row of frames for each version, all seen from one direction, with measures below each."""
     look = look or Look()
     refuse_frames(scene, look.frames)
-    frames = look.frames or spread_frames(scene, STRIP_FRAMES)
+    frames = look.frames or spread_frames(scene.frames, STRIP_FRAMES)
     seen, cell = cameras(scene, look.upward), look.cell
     row, column = TITLE_HEIGHT + cell + CAPTION_HEIGHT, cell + STRIP_GAP
     height = row * len(scene.versions)
@@ -111,9 +112,3 @@ def refuse_frames(scene: Scene, frames: tuple[int, ...]) -> None:
             f"frames must be from 0 to {scene.frames - 1}, got {', '.join(map(str, wrong))}; "
             "leave them out or name others"
         )
-
-
-def spread_frames(scene: Scene, count: int) -> tuple[int, ...]:
-    """Frames spread evenly over the clip: the middles of equal shares."""
-    count = min(count, scene.frames)
-    return tuple(int((i + 0.5) * scene.frames / count) for i in range(count))

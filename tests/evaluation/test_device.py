@@ -7,8 +7,9 @@ from pretended_device import DEVICE
 
 from geneoh.evaluation import methods
 from geneoh.evaluation.cases import Case
+from geneoh.evaluation.options import EvaluationOptions
 from geneoh.evaluation.protocols.clips import Clip
-from geneoh.evaluation.scores import CaseScorer, ScoringConfig
+from geneoh.evaluation.scores import CaseScorer
 from geneoh.fitting.fit import FitConfig
 from geneoh.pipeline.options import Options
 
@@ -22,6 +23,7 @@ METHODS = {
         case, Options(preset="default", device=str(device))
     ),
 }
+ONE = EvaluationOptions("taco", close_frames=1)
 QUICK = FitConfig(iterations=2, contact_rounds=1)
 
 
@@ -49,8 +51,7 @@ def test_a_method_cleans_alike_on_every_device(name, on_both, monkeypatch):
 
 def test_a_case_is_scored_alike_on_every_device(on_both, device):
     here, there = (
-        CaseScorer(case, ScoringConfig(close_frames=1)).score("input", methods.unchanged(case), 0.0)
-        for _, case in on_both
+        CaseScorer(case, ONE).score("input", methods.unchanged(case), 0.0) for _, case in on_both
     )
     if device == DEVICE:
         assert there == here

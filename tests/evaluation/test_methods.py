@@ -29,7 +29,7 @@ from geneoh.evaluation.methods import (
 )
 from geneoh.evaluation.options import EvaluationOptions
 from geneoh.evaluation.protocols.clips import Clip
-from geneoh.evaluation.scores import CaseScorer, ScoringConfig
+from geneoh.evaluation.scores import CaseScorer
 from geneoh.hand.library import load_hand
 from geneoh.nn.checkpoint import Checkpoint, save_checkpoint
 from geneoh.pipeline.options import Options
@@ -65,7 +65,7 @@ def test_a_frame_that_the_input_lacks_is_scored_between_its_neighbours(noisy_cas
     cleaned, given = unchanged(case), noisy_case.noisy.hands[0].joints
     torch.testing.assert_close(cleaned.joints[3], (given[2] + given[4]) / 2)
     assert torch.equal(cleaned.joints[4:], given[4:])
-    score = CaseScorer(replace(case, noise="clean"), ScoringConfig(close_frames=1)).score
+    score = CaseScorer(replace(case, noise="clean"), ALL).score
     assert None not in score("input", cleaned, 0.0).error_by_frame_mm
 
 
@@ -118,7 +118,7 @@ def test_the_middle_of_the_hand_is_smoothed_and_its_shape_is_kept(noisy_case):
 
 def test_optimisation_alone_takes_noise_and_depth_away(noisy_case):
     case = noisy_case
-    scorer = CaseScorer(case, ScoringConfig(close_frames=2))
+    scorer = CaseScorer(case, ALL)
     cleaned, plain = optimised_hand(case), filtered_hand(case, "savgol", "parameters")
     assert error(cleaned, case) < 0.8 * error(unchanged(case), case)
     depths = [scorer.score("method", made, 0.0).values["depth_mm"] for made in (cleaned, plain)]
@@ -186,7 +186,7 @@ def test_a_left_hand_is_posed_with_the_model_that_its_betas_belong_to(as_shipped
 
 def test_the_truth_is_measured_with_the_model_that_its_betas_belong_to(as_shipped):
     case, mano_dir, verts = as_shipped
-    scorer = CaseScorer(case, ScoringConfig("mano", mano_dir, close_frames=1))
+    scorer = CaseScorer(case, replace(ALL, cleaner=Options(hand="mano", mano_dir=mano_dir)))
     torch.testing.assert_close(scorer.truth.verts, verts, atol=1e-5, rtol=0)
 
 

@@ -33,12 +33,11 @@ from geneoh.evaluation.runner import (
     settings_of,
     work_left,
 )
-from geneoh.evaluation.scores import Score, ScoringConfig
+from geneoh.evaluation.scores import Score
 from geneoh.files.journal import SCORED, append_journal
 from geneoh.pipeline.options import Options
 from geneoh.readers.npz_files import load
 
-CONFIG = ScoringConfig(close_frames=2)
 INPUT = Method("input", unchanged)
 METHODS = (INPUT, Method("savgol", partial(filtered_hand, kind="savgol", domain="keypoints")))
 SETTINGS = {"weights": {"motion": "abc"}, "data": None}
@@ -77,7 +76,7 @@ def folder(tmp_path):
 def scores(noisy_case, tmp_path_factory):
     folder = tmp_path_factory.mktemp("scores")
     open_record(folder, SETTINGS, VERSIONS)
-    return run(work_left([noisy_case], METHODS, []), folder, CONFIG), folder
+    return run(work_left([noisy_case], METHODS, []), folder, SMALL), folder
 
 
 def test_a_run_scores_every_method_and_records_it(scores):
@@ -124,7 +123,7 @@ def test_a_record_of_others_is_kept(tmp_path, fresh):
 
 def test_a_case_holds_no_data_after_it_was_scored(damaged_case, noisy_case, folder):
     case = replace(noisy_case)
-    run(work_left([case], (INPUT,), []), folder, CONFIG)
+    run(work_left([case], (INPUT,), []), folder, SMALL)
     assert "recording" not in vars(case)
     assert "noisy" not in vars(case)
 
@@ -148,26 +147,26 @@ def test_a_result_of_geneoh_is_made_again_where_its_page_is_missing(noisy_case, 
 
 def test_geneoh_leaves_pages(noisy_case, folder):
     methods = (geneoh_method(Options(preset="fast")),)
-    (score,) = run(work_left([noisy_case], methods, []), folder, CONFIG, pages=folder / "pages")
+    (score,) = run(work_left([noisy_case], methods, []), folder, SMALL, pages=folder / "pages")
     assert page_of(folder / "pages", score.key).read_text().startswith("<!doctype html>")
 
 
 def test_a_method_that_fails_is_noted_and_the_others_go_on(noisy_case, folder):
-    made = run(work_left([noisy_case], (Method("failing", failing), INPUT), []), folder, CONFIG)
+    made = run(work_left([noisy_case], (Method("failing", failing), INPUT), []), folder, SMALL)
     assert [score.failed for score in made] == ["short: no", ""]
     assert made[0].values == {}
     assert made[1].values["mpjpe_mm"] > 0
 
 
 def test_a_clip_that_cannot_be_read_is_noted_for_every_method(damaged_case, folder):
-    made = run(work_left([damaged_case], METHODS, []), folder, CONFIG)
+    made = run(work_left([damaged_case], METHODS, []), folder, SMALL)
     assert [score.failed for score in made] == ["clip.npz: damaged; copy it again"] * 2
 
 
 def test_weights_that_are_missing_stop_the_run(noisy_case, folder):
     methods = (INPUT, Method("toch", partial(predicted_hand, baseline="toch", weights=folder)))
     with pytest.raises(CheckpointError, match=r"toch\.safetensors"):
-        run(work_left([noisy_case], methods, []), folder, CONFIG)
+        run(work_left([noisy_case], methods, []), folder, SMALL)
 
 
 @pytest.mark.slow
@@ -178,7 +177,7 @@ def test_several_processes_give_the_scores_of_one(tmp_path):
     for jobs in (1, 2):
         folder = tmp_path / str(jobs)
         open_record(folder, SETTINGS, VERSIONS)
-        found = run(work_left(cases, (INPUT,), []), folder, CONFIG, jobs=jobs)
+        found = run(work_left(cases, (INPUT,), []), folder, SMALL, jobs=jobs)
         made[jobs] = {score.key: replace(score, seconds=0.0) for score in found}
     assert len(made[1]) == 2
     assert made[1] == made[2]
@@ -186,7 +185,7 @@ def test_several_processes_give_the_scores_of_one(tmp_path):
 
 def test_the_callers_threads_stay_as_they_were(damaged_case, folder):
     before = torch.get_num_threads()
-    run(work_left([damaged_case], METHODS, []), folder, CONFIG)
+    run(work_left([damaged_case], METHODS, []), folder, SMALL)
     assert torch.get_num_threads() == before
 
 

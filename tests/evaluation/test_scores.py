@@ -7,16 +7,17 @@ import torch
 
 from geneoh.evaluation.cases import Case
 from geneoh.evaluation.methods import CleanedHand, joints_of, unchanged
+from geneoh.evaluation.options import EvaluationOptions
 from geneoh.evaluation.protocols.clips import Clip
-from geneoh.evaluation.scores import MEASURES, CaseScorer, ScoringConfig, rounded
+from geneoh.evaluation.scores import MEASURES, CaseScorer, rounded
 from geneoh.pipeline.results import Denoised
 
-CONFIG = ScoringConfig(close_frames=3)
+OPTIONS = EvaluationOptions("taco", close_frames=3)
 
 
 @pytest.fixture(scope="module")
 def scorer(clean_case):
-    return CaseScorer(clean_case, CONFIG)
+    return CaseScorer(clean_case, OPTIONS)
 
 
 def test_ground_truth_against_itself_has_no_error(scorer, clean_case):
@@ -32,7 +33,7 @@ def test_ground_truth_against_itself_has_no_error(scorer, clean_case):
 def test_the_recording_has_its_own_plausibility(recording):
     """Its depth and acceleration are known from the data's own notes: 2.6 mm and 8 mm."""
     case = Case("taco", Clip("whole", lambda: recording), "recorded", 0)
-    score = CaseScorer(case, CONFIG).score("input", unchanged(case), 0.0)
+    score = CaseScorer(case, OPTIONS).score("input", unchanged(case), 0.0)
     assert 1.5 < score.values["depth_mm"] < 4
     assert 7 < score.values["acceleration_mm"] < 9
 
@@ -49,7 +50,7 @@ def test_a_hand_moved_by_a_centimetre_is_a_centimetre_off(scorer, clean_case):
 
 
 def test_without_ground_truth_only_plausibility_is_measured(noisy_case):
-    scorer = CaseScorer(replace(noisy_case, noise="recorded"), CONFIG)
+    scorer = CaseScorer(replace(noisy_case, noise="recorded"), OPTIONS)
     score = scorer.score("input", unchanged(noisy_case), 0.0)
     assert score.values["depth_mm"] > 0
     assert "mpjpe_mm" not in score.values
@@ -72,11 +73,6 @@ def test_a_spread_is_held_against_the_error(scorer, noisy_case, spread, share):
     off = torch.tensor([0.01, 0.0, 0.0])
     moved = replace(cleaned, joints=joints_of(noisy_case.clean) + off, result=result)
     assert scorer.score("ours", moved, 0.0).values["within_spread_pct"] == share
-
-
-def test_close_frames_are_spread_over_the_clip():
-    assert ScoringConfig(close_frames=4).close(20).tolist() == [2, 7, 12, 17]
-    assert ScoringConfig(close_frames=30).close(3).tolist() == [0, 1, 2]
 
 
 def test_what_is_no_number_is_none():

@@ -3,7 +3,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from geneoh.sequence.windows import blend_weights, fold, unfold, window_starts
+from geneoh.sequence.windows import blend_weights, fold, spread_frames, unfold, window_starts
 
 CUTS = st.tuples(st.integers(1, 200), st.integers(1, 60), st.floats(0.05, 1)).map(
     lambda cut: (cut[0], cut[1], max(1, round(cut[2] * cut[1])))
@@ -68,3 +68,8 @@ def test_fold_lets_gradients_through():
     fold(windows, [0, 20], 80).sum().backward()
     assert windows.grad is not None
     torch.testing.assert_close(windows.grad.sum(), torch.tensor(80.0))
+
+
+def test_frames_are_spread_over_the_track_and_never_more_than_it_has():
+    assert spread_frames(20, 4) == [2, 7, 12, 17]
+    assert spread_frames(3, 30) == [0, 1, 2]

@@ -13,7 +13,6 @@ from geneoh.viz.canvas import (
     STRIP_GAP,
     TITLE_HEIGHT,
     filmstrip,
-    spread_frames,
 )
 from geneoh.viz.look import Look
 
@@ -83,11 +82,6 @@ def test_the_camera_does_not_tremble_with_the_hand_nor_lose_it(scene):
     assert np.isfinite(path).all()
     steps = np.linalg.norm(np.diff(path, axis=0), axis=-1)
     assert steps.max() < 0.003
-
-
-def test_frames_are_spread_over_the_clip_and_never_more_than_it_has(scene):
-    assert spread_frames(scene, 3) == (1, 3, 5)
-    assert spread_frames(scene, 50) == (0, 1, 2, 3, 4, 5)
 
 
 @pytest.mark.parametrize(
