@@ -15,7 +15,7 @@ from jaxtyping import Float, Int
 
 from geneoh.geometry.rotations import matrix_to_quat_wxyz
 from geneoh.viz.camera import axes_towards
-from geneoh.viz.look import SKIN_COLOUR, Colour, Look
+from geneoh.viz.look import DEFAULT_LOOK, SKIN_COLOUR, Colour, Look
 from geneoh.viz.scene import PosedTrack, Scene
 from geneoh.viz.surface import vertex_normals
 
@@ -85,14 +85,14 @@ class _Document:
         return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
 
 
-def glb_bytes(scene: Scene, look: Look | None = None) -> bytes:
+def glb_bytes(scene: Scene, look: Look = DEFAULT_LOOK) -> bytes:
     """The GLB of the last version; the look says which axis of the world becomes glTF's y."""
     document, version = _Document(), scene.versions[-1]
     seconds = (np.arange(scene.frames) / scene.fps).astype(np.float32)
     times = document.accessor(seconds)
     children = [_add_hand(document, hand, times) for hand in version.hands]
     children += [_add_part(document, scene, i, times) for i in range(len(scene.object.meshes))]
-    turn = torch.from_numpy(upright((look or Look()).upward)).float()
+    turn = torch.from_numpy(upright(look.upward)).float()
     w, x, y, z = matrix_to_quat_wxyz(turn).tolist()
     root = document.add("nodes", {"name": "world", "rotation": [x, y, z, w], "children": children})
     return document.to_bytes([root], version.title)

@@ -50,6 +50,9 @@ class Look:
         return np.eye(3)["xyz".index(self.up[-1])] * (-1.0 if self.up.startswith("-") else 1.0)
 
 
+DEFAULT_LOOK = Look()
+
+
 @dataclass(frozen=True)
 class ColourScale:
     """How one quantity becomes a colour; position 0 on the ramp keeps the colour of the skin."""

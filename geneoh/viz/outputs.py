@@ -24,7 +24,7 @@ from geneoh.readers.bodies.fields import body_fields
 from geneoh.readers.npz_files import motion_arrays
 from geneoh.viz.canvas import filmstrip, png_bytes, refuse_frames
 from geneoh.viz.glb import glb_bytes, upright
-from geneoh.viz.look import Look
+from geneoh.viz.look import DEFAULT_LOOK, Look
 from geneoh.viz.page import page_html
 from geneoh.viz.scene import PosedTrack, Scene
 from geneoh.viz.video import ffmpeg_path, write_film
@@ -90,7 +90,7 @@ def refuse_colouring(scene: Scene, colouring: Colouring) -> None:
 
 
 def write(
-    scene: Scene, path: Path, look: Look | None = None, *, on_step: OnStep | None = None
+    scene: Scene, path: Path, look: Look = DEFAULT_LOOK, *, on_step: OnStep | None = None
 ) -> Path:
     """Write a scene in the format that the ending of the path names, and give what was written.
 
@@ -98,7 +98,6 @@ def write(
     (smplx names), `.bvh` (a body), `.obj` and `.ply` hold the last version; the mesh formats make a
     folder of one file per frame, named without the ending.
     """
-    look = look or Look()
     check_ending(path, ENDINGS)
     refuse_formats(scene, [path], look)
     match path.suffix.lower():

@@ -23,7 +23,7 @@ from torch import Tensor
 
 from geneoh.hand.skeleton import KEYPOINT_PARENTS
 from geneoh.viz.camera import FIELD_OF_VIEW, cameras
-from geneoh.viz.look import SCALES, SKIN_COLOUR, Look, ramp_position
+from geneoh.viz.look import DEFAULT_LOOK, SCALES, SKIN_COLOUR, Look, ramp_position
 from geneoh.viz.scene import PosedTrack, Scene, Version
 from geneoh.viz.surface import coarser, with_sharp_edges
 
@@ -76,10 +76,10 @@ class _Box:
         return at.numpy().astype(np.uint16)
 
 
-def page_html(scene: Scene, look: Look | None = None) -> str:
+def page_html(scene: Scene, look: Look = DEFAULT_LOOK) -> str:
     """The page as text; of the look it needs what is up, the person chooses the rest in it."""
     packed = _Packed()
-    described = describe(scene, (look or Look()).upward, packed)
+    described = describe(scene, look.upward, packed)
     filled = {
         "TITLE": html.escape(scene.title),
         "STYLE": _asset("page.css"),

@@ -16,7 +16,7 @@ from geneoh.synthesis.solids import PARTS
 from geneoh.synthesis.surface import mesh_of, spacing_for_looks
 from geneoh.viz.camera import cameras
 from geneoh.viz.canvas import FAINT, SCALE_HEIGHT, Canvas
-from geneoh.viz.look import Look
+from geneoh.viz.look import DEFAULT_LOOK
 from geneoh.viz.picture import Picture, draw
 from geneoh.viz.scene import PosedTrack, Scene, Version
 
@@ -93,7 +93,7 @@ def contact_sheet(
         scene = grasp_scene(clip)
         measures = scene.versions[0].measures
         left, top = index % columns * width, index // columns * height
-        (picture,) = draw(scene, 0, cameras(scene, Look().upward)[0], cell)
+        (picture,) = draw(scene, 0, cameras(scene, DEFAULT_LOOK.upward)[0], cell)
         canvas.paste(picture, left, top)
         title = Path(scene.title).stem.replace("_", " ")
         canvas.write(title, left + 8, top + cell + 2)

@@ -14,7 +14,7 @@ from geneoh.files.outputs import TAIL_MARKS
 from geneoh.progress import OnStep, steps
 from geneoh.viz.camera import cameras
 from geneoh.viz.canvas import CAPTION_HEIGHT, SCALE_HEIGHT, TITLE_HEIGHT, Canvas
-from geneoh.viz.look import Look
+from geneoh.viz.look import DEFAULT_LOOK, Look
 from geneoh.viz.picture import Picture
 from geneoh.viz.scene import Scene
 
@@ -31,13 +31,12 @@ MP4_OPTIONS += ["-movflags", "+faststart", "-f", "mp4"]
 
 
 def film_frames(
-    scene: Scene, look: Look | None = None, *, cell: int = FILM_CELL, every: int = 1
+    scene: Scene, look: Look = DEFAULT_LOOK, *, cell: int = FILM_CELL, every: int = 1
 ) -> Iterator[Picture]:
     """The pictures of a film one by one, all versions side by side; width and height are even.
 
     `cell` is the side of one version's picture in pixels; of `every` frames one is shown.
     """
-    look = look or Look()
     seen = cameras(scene, look.upward)
     cell += cell % 2
     height = TITLE_HEIGHT + cell + CAPTION_HEIGHT
