@@ -3,13 +3,9 @@
 import os
 import platform
 from collections.abc import Iterator, Mapping
-from importlib import metadata
 from itertools import product
 from pathlib import Path
 from typing import Any
-
-PACKAGES = ("geneoh", "torch", "numpy", "scipy", "trimesh", "libigl", "smplx")
-"""Packages whose version can change a result."""
 
 
 def facts(mano_dir: Path | None) -> dict[str, dict[str, Any]]:
@@ -20,13 +16,10 @@ def facts(mano_dir: Path | None) -> dict[str, dict[str, Any]]:
 
 def versions() -> dict[str, Any]:
     """Python, the system, and the packages; None for a package that is not installed."""
-    found: dict[str, Any] = {"python": platform.python_version(), "system": platform.platform()}
-    for name in PACKAGES:
-        try:
-            found[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            found[name] = None
-    return found
+    from geneoh.files.fingerprints import package_versions
+
+    machine = {"python": platform.python_version(), "system": platform.platform()}
+    return machine | package_versions("smplx")
 
 
 def devices() -> dict[str, Any]:

@@ -10,7 +10,6 @@ import time
 from collections.abc import Iterable
 from dataclasses import asdict, fields, replace
 from functools import partial
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +25,7 @@ from geneoh.evaluation.protocols.datasets import data_root
 from geneoh.evaluation.report import Evaluation
 from geneoh.evaluation.scores import CaseScorer, Score, ScoreKey
 from geneoh.files.atomic import make_folder
-from geneoh.files.fingerprints import file_digest, file_digests
+from geneoh.files.fingerprints import file_digest, file_digests, package_versions
 from geneoh.files.journal import (
     SCORED,
     append_journal,
@@ -41,7 +40,6 @@ from geneoh.progress import OnProgress
 from geneoh.viz.view import write_report
 from geneoh.workers.pool import results_of
 
-PACKAGES = ("geneoh", "torch", "numpy", "scipy", "libigl", "trimesh")  # reported by version
 CASE_ERRORS = (InputError, MissingAssetError)
 """Errors of one clip, or of one method on it: they are recorded, and the others go on. Without its
 weights (`CheckpointError`) a method cannot be scored on any clip."""
@@ -127,11 +125,6 @@ def evaluate(
     )
 
 
-def package_versions() -> dict[str, str]:
-    """The versions of all that a score comes from; they are reported with it."""
-    return {name: metadata.version(name) for name in PACKAGES}
-
-
 def settings_of(options: EvaluationOptions) -> dict[str, Any]:
     """What scores depend on besides their case and their method: it identifies a run.
 
@@ -153,8 +146,8 @@ def settings_of(options: EvaluationOptions) -> dict[str, Any]:
 
 
 def open_record(
-    folder: Path, settings: dict[str, Any], versions: dict[str, str], *, fresh: bool = False
-) -> tuple[list[Score], dict[str, str]]:
+    folder: Path, settings: dict[str, Any], versions: dict[str, Any], *, fresh: bool = False
+) -> tuple[list[Score], dict[str, Any]]:
     """The scores in a folder and the versions they were begun with; begins a record without any.
 
     A line that was cut off by a crash is dropped; with `fresh` an earlier record is thrown away.

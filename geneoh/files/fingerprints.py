@@ -1,12 +1,27 @@
-"""Fingerprints of files: whether what a run read and wrote is still as it was."""
+"""What results depend on: fingerprints of files, and versions of packages."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from glob import escape
 from hashlib import sha256
+from importlib import metadata
 from pathlib import Path
+from typing import Any
 
 from geneoh.errors import GeneOHError
 from geneoh.files.reading import read_bytes
+
+PACKAGES = ("geneoh", "torch", "numpy", "scipy", "libigl", "trimesh")
+"""Packages whose version can change a result."""
+
+
+def package_versions(*more: str) -> dict[str, Any]:
+    """The versions of these and more packages, which are reported; None where one has none."""
+    found: dict[str, Any] = dict.fromkeys((*PACKAGES, *more))
+    for name in found:
+        with suppress(metadata.PackageNotFoundError):
+            found[name] = metadata.version(name)
+    return found
 
 
 def fingerprint(path: Path) -> str:

@@ -25,7 +25,6 @@ from geneoh.evaluation.methods import (
 from geneoh.evaluation.options import EvaluationOptions, ProtocolOptions
 from geneoh.evaluation.protocols.clips import Clip
 from geneoh.evaluation.runner import (
-    PACKAGES,
     evaluate,
     open_record,
     page_of,
@@ -34,6 +33,7 @@ from geneoh.evaluation.runner import (
     work_left,
 )
 from geneoh.evaluation.scores import Score
+from geneoh.files.fingerprints import PACKAGES
 from geneoh.files.journal import SCORED, append_journal
 from geneoh.pipeline.options import Options
 from geneoh.readers.npz_files import load

@@ -30,8 +30,7 @@ from geneoh.evaluation.generation.scores import (
     repeat,
     scored_by,
 )
-from geneoh.evaluation.runner import package_versions
-from geneoh.files.fingerprints import file_digest, file_digests
+from geneoh.files.fingerprints import file_digest, file_digests, package_versions
 from geneoh.generators.text2hoi.action_data import action_data
 from geneoh.generators.text2hoi.library import Networks, load_networks, load_refiner, weights_of
 from geneoh.generators.text2hoi.recorded import RecordedConfig

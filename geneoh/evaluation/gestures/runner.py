@@ -30,8 +30,7 @@ from geneoh.evaluation.gestures.scores import (
     range_of,
     score_hands,
 )
-from geneoh.evaluation.runner import package_versions
-from geneoh.files.fingerprints import file_digest, file_digests
+from geneoh.files.fingerprints import file_digest, file_digests, package_versions
 from geneoh.generators.both2hands.library import Networks, load_networks, weights_of
 from geneoh.generators.both2hands.limits import FingerRange
 from geneoh.generators.both2hands.sampling import Branch
