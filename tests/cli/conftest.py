@@ -15,10 +15,12 @@ def command():
 
 @pytest.fixture
 def geneoh(command, tmp_path, monkeypatch):
-    """Run `geneoh ARGUMENTS` in an empty folder."""
+    """Run `geneoh ARGUMENTS` in an empty folder; it must end with the exit code `code`."""
     monkeypatch.chdir(tmp_path)
 
-    def run(*arguments: object) -> Result:
-        return CliRunner().invoke(command, [str(argument) for argument in arguments])
+    def run(*arguments: object, code: int = 0) -> Result:
+        result = CliRunner().invoke(command, [str(argument) for argument in arguments])
+        assert result.exit_code == code, result.output
+        return result
 
     return run

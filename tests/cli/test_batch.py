@@ -27,11 +27,10 @@ def faked(monkeypatch):
 def test_each_result_has_the_bits_of_geneoh_denoise(geneoh, tmp_path):
     fake_cleaning.write_clips(tmp_path / "in", 2)
     result = geneoh("batch", "in", "-o", "out", "--jobs", "1", *QUICK)
-    assert result.exit_code == 0, result.output
     assert "2 clips done, 0 of them before, 0 failed; wrote out/summary.html" in result.output
     for name in ("clip0", "clip1"):
         alone = ("denoise", f"in/{name}.npz", "--obj", f"in/{name}.obj", "-o", f"out/{name}_.npz")
-        assert geneoh(*alone, *QUICK).exit_code == 0
+        geneoh(*alone, *QUICK)
         made = (tmp_path / "out" / f"{name}.npz").read_bytes()
         assert made == (tmp_path / "out" / f"{name}_.npz").read_bytes()
 
@@ -40,8 +39,7 @@ def test_what_failed_is_told_and_what_moved_most_is_first(geneoh, faked, tmp_pat
     fake_cleaning.write_clips(tmp_path / "in", 3)
     for number in range(6):
         (tmp_path / "in" / f"bad{number}.npz").write_bytes(b"no")
-    result = geneoh("batch", "in", "-o", "out", "--jobs", "1")
-    assert result.exit_code == 2
+    result = geneoh("batch", "in", "-o", "out", "--jobs", "1", code=2)
     assert "bad0: failed, " in result.output
     assert "bad5: failed" not in result.output
     assert "and 1 more, see out/summary.csv" in result.output
@@ -62,8 +60,7 @@ def test_a_manifest_may_ask_for_other_options_of_a_clip(geneoh, faked, tmp_path)
     (tmp_path / "in" / "list.csv").write_text(
         "input,name,options\nclip0.npz,first,\nclip0.npz,second,seed=4\n"
     )
-    result = geneoh("batch", "in/list.csv", "-o", "out", "--jobs", "1")
-    assert result.exit_code == 0, result.output
+    geneoh("batch", "in/list.csv", "-o", "out", "--jobs", "1")
     first, second = ((tmp_path / "out" / f"{n}.npz").read_bytes() for n in ("first", "second"))
     assert first != second
 
@@ -74,8 +71,7 @@ def test_options_that_are_no_use_are_refused(geneoh, tmp_path):
         (("--focal", "500"), "--focal needs --from"),
         (("--device", "nothing"), "nothing"),
     ):
-        result = geneoh("batch", "clip0.npz", "-o", "out", *given)
-        assert result.exit_code == 2, result.output
+        result = geneoh("batch", "clip0.npz", "-o", "out", *given, code=2)
         assert words in result.output
     assert not list(tmp_path.glob("out/*.npz"))
 
@@ -111,6 +107,6 @@ def test_ctrl_c_ends_the_workers_and_keeps_what_is_done(geneoh, tmp_path):
     assert "Traceback" not in said
     assert not list(tmp_path.glob("out/.*"))
     shutil.copytree(tmp_path / "out", tmp_path / "kept")
-    assert geneoh("batch", "in", "-o", "out", "--jobs", "1", *QUICK).exit_code == 0
+    geneoh("batch", "in", "-o", "out", "--jobs", "1", *QUICK)
     for path in (tmp_path / "kept").glob("*.npz"):
         assert (tmp_path / "out" / path.name).read_bytes() == path.read_bytes()

@@ -19,7 +19,6 @@ def test_the_command_offers_the_noises_of_the_library(command):
 
 def test_noise_is_added_to_the_hand_and_the_object_is_kept(geneoh, tmp_path):
     result = geneoh("corrupt", EXAMPLES / "taco_clean.npz", "--noise", "drop", "-o", "out.npz")
-    assert result.exit_code == 0, result.output
     assert result.stdout == "out.npz: 146 frames with drop noise, seed 0\n"
     clean = load(EXAMPLES / "taco_clean.npz")
     noisy = load(tmp_path / "out.npz")
@@ -42,15 +41,14 @@ def test_the_same_seed_gives_the_same_file(geneoh, tmp_path):
 
 def test_a_seed_that_no_generator_takes_is_refused(geneoh, tmp_path):
     write_good(tmp_path)
-    done = geneoh("corrupt", "hand.npz", "--noise", "gauss", "--seed", 2**63)
-    assert done.exit_code == 2
+    done = geneoh("corrupt", "hand.npz", "--noise", "gauss", "--seed", 2**63, code=2)
     assert "0<=x<=9223372036854775807" in done.stderr
 
 
 def test_the_result_stands_beside_the_input_by_default(geneoh, tmp_path):
     write_good(tmp_path)
     before = (tmp_path / "hand.npz").read_bytes()
-    assert geneoh("corrupt", "hand.npz", "--noise", "bias").exit_code == 0
+    geneoh("corrupt", "hand.npz", "--noise", "bias")
     assert (tmp_path / "hand.npz").read_bytes() == before
     assert load(tmp_path / "hand_bias.npz").frames == 6
 
@@ -76,8 +74,9 @@ def test_bad_input_ends_with_one_line_and_leaves_nothing(geneoh, tmp_path, case)
     write_good(tmp_path)
     case.spoil(tmp_path)
     before = sorted(path.name for path in tmp_path.iterdir())
-    result = geneoh("corrupt", "hand.npz", "--noise", "gauss", "-o", "out.npz", *case.options)
-    assert result.exit_code == 2
+    result = geneoh(
+        "corrupt", "hand.npz", "--noise", "gauss", "-o", "out.npz", *case.options, code=2
+    )
     assert result.stderr.startswith("Error: hand.npz: ")
     assert result.stderr.count("\n") == 1
     for word in case.words:
@@ -91,8 +90,7 @@ def test_bad_input_ends_with_one_line_and_leaves_nothing(geneoh, tmp_path, case)
 def test_odd_input_is_told_and_used(geneoh, tmp_path, case, caplog):
     write_good(tmp_path)
     case.spoil(tmp_path)
-    result = geneoh("corrupt", "hand.npz", "--noise", "gauss", "-o", "out.npz")
-    assert result.exit_code == 0, result.output
+    geneoh("corrupt", "hand.npz", "--noise", "gauss", "-o", "out.npz")
     for word in case.words:
         assert word in caplog.text
     assert (tmp_path / "out.npz").exists()
@@ -101,14 +99,12 @@ def test_odd_input_is_told_and_used(geneoh, tmp_path, case, caplog):
 def test_a_body_that_is_left_out_is_told(geneoh, tmp_path):
     bodies.hands_file(tmp_path / "hands.npz", bodies.recording())
     result = geneoh("corrupt", "hands.npz", "--noise", "gauss", "-o", "out.npz")
-    assert result.exit_code == 0, result.output
     assert result.stdout.startswith("note: the body that the hands belong to is left out")
     assert not load(tmp_path / "out.npz").left_out
 
 
 def test_the_noise_of_a_camera_writes_its_ray(geneoh, tmp_path):
-    result = geneoh("corrupt", EXAMPLES / "taco_clean.npz", "--noise", "camera", "-o", "out.npz")
-    assert result.exit_code == 0, result.output
+    geneoh("corrupt", EXAMPLES / "taco_clean.npz", "--noise", "camera", "-o", "out.npz")
     with np.load(tmp_path / "out.npz") as file:
         ray = file["camera_ray"]
     assert ray.shape == (146, 3)

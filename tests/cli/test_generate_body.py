@@ -28,7 +28,6 @@ def folder(tmp_path, monkeypatch) -> Path:
 
 def test_hands_are_written_beside_the_body_and_told(geneoh, folder):
     result = geneoh("generate", "--body", "walk.npz", SENTENCE)
-    assert result.exit_code == 0, result.output
     assert "read walk.npz (smplx names): 6 frames at 30 frames a second" in result.output
     assert "note: y is taken to point up" in result.output
     assert result.output.splitlines()[-1] == "wrote walk_hands.npz"
@@ -39,7 +38,6 @@ def test_each_format_is_written_by_its_ending(geneoh, folder):
     outputs = ("a.npz", "a.bvh", "a.glb")
     names = [word for name in outputs for word in ("-o", name)]
     result = geneoh("generate", "--body", "walk.npz", SENTENCE, *names, "--up", "y")
-    assert result.exit_code == 0, result.output
     assert "note" not in result.output
     turns = [read_body(folder / name).motion.rotations for name in outputs[:2]]
     torch.testing.assert_close(*turns, atol=1e-4, rtol=0)
@@ -56,16 +54,14 @@ def test_hands_with_an_object_go_through_the_cleaner(geneoh, folder, monkeypatch
     monkeypatch.setattr(on_body, "denoise", cleaned)
     bodies.held_cylinder(folder, bodies.swaying(6))
     held = ("--obj", "mug.obj", "--object-pose", "poses.npy")
-    result = geneoh("generate", "--body", "walk.npz", SENTENCE, *held, "--seed", 4)
-    assert result.exit_code == 0, result.output
+    geneoh("generate", "--body", "walk.npz", SENTENCE, *held, "--seed", 4)
     ((sequence, options),) = seen
     assert options == Options(seed=4)
     poses = np.load(folder / "poses.npy")
     np.testing.assert_allclose(sequence.object.translation[:, 0], poses[:, :3, 3], atol=1e-6)
     assert [hand.side for hand in sequence.hands] == ["right"]
     assert len(load(folder / "walk_hands.npz").object.meshes) == 1
-    result = geneoh("generate", "--body", "walk.npz", SENTENCE, *held, "--refine", "none")
-    assert result.exit_code == 0, result.output
+    geneoh("generate", "--body", "walk.npz", SENTENCE, *held, "--refine", "none")
     assert len(seen) == 1
 
 
@@ -94,7 +90,6 @@ def test_bad_input_ends_in_a_sentence_and_exit_code_2(geneoh, folder, arguments,
     bvh = "HIERARCHY\nROOT Hips\n{\nOFFSET 0 0 0\nCHANNELS 3 Xposition Yposition Zposition\n}\n"
     (folder / "handless.bvh").write_text(f"{bvh}MOTION\nFrames: 1\nFrame Time: 0.1\n0 0 0\n")
     before = {path: path.read_bytes() for path in folder.iterdir()}
-    result = geneoh("generate", *arguments)
-    assert result.exit_code == 2, result.output
+    result = geneoh("generate", *arguments, code=2)
     assert said in result.output
     assert {path: path.read_bytes() for path in folder.iterdir()} == before

@@ -19,7 +19,6 @@ def test_info_fits_on_one_screen(geneoh, monkeypatch):
 
 def test_info_names_versions_devices_hands_and_weights(geneoh):
     result = geneoh("info")
-    assert result.exit_code == 0, result.output
     assert f"torch {version('torch')}" in result.stdout
     assert "cpu: " in result.stdout
     assert "embedded right: 778 vertices" in result.stdout
@@ -28,7 +27,6 @@ def test_info_names_versions_devices_hands_and_weights(geneoh):
 
 def test_info_says_why_a_mano_folder_cannot_be_used(geneoh, tmp_path):
     result = geneoh("info", "--mano", tmp_path)
-    assert result.exit_code == 0, result.output
     assert "mano right: not available" in result.stdout
 
 

@@ -41,6 +41,5 @@ def test_an_unknown_name_is_answered_with_those_there_are(find_config):
 )
 def test_a_unit_of_meshes_that_are_not_given_is_refused(geneoh, tmp_path, words):
     write_good(tmp_path)
-    done = geneoh(*words, "--unit", "mm")
-    assert done.exit_code == 2
+    done = geneoh(*words, "--unit", "mm", code=2)
     assert "--unit is of the meshes of --obj, which is not given" in done.stderr
