@@ -15,11 +15,15 @@ def command():
 
 @pytest.fixture
 def geneoh(command, tmp_path, monkeypatch):
-    """Run `geneoh ARGUMENTS` in an empty folder; it must end with the exit code `code`."""
+    """Run `geneoh ARGUMENTS` in an empty folder, with --set for each of the settings.
+
+    It must end with the exit code `code`.
+    """
     monkeypatch.chdir(tmp_path)
 
-    def run(*arguments: object, code: int = 0) -> Result:
-        result = CliRunner().invoke(command, [str(argument) for argument in arguments])
+    def run(*arguments: object, settings: tuple[str, ...] = (), code: int = 0) -> Result:
+        words = [*arguments, *(word for setting in settings for word in ("--set", setting))]
+        result = CliRunner().invoke(command, [str(word) for word in words])
         assert result.exit_code == code, result.output
         return result
 

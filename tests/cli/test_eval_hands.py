@@ -24,10 +24,6 @@ QUICK = (
 )
 
 
-def settings(*given: str) -> list[str]:
-    return [word for setting in given for word in ("--set", setting)]
-
-
 @pytest.mark.slow
 def test_rows_are_printed_and_everything_is_written(geneoh, tmp_path):
     write_gesture_shards(tmp_path / "data", val=made_gestures(8, seed=1), train=made_gestures(6))
@@ -35,14 +31,14 @@ def test_rows_are_printed_and_everything_is_written(geneoh, tmp_path):
     run = ("--data", "data", "-o", "weights", "--threads", "1", "--config", "small.toml")
     for stage in BODY_STAGES:
         geneoh("train", "--stage", stage, *run)
-    done = geneoh(*EVAL, "--weights", "weights", *settings(*QUICK), "-o", "out")
+    done = geneoh(*EVAL, "--weights", "weights", "-o", "out", settings=QUICK)
     whole = json.loads((tmp_path / "out" / "generation.json").read_text())
     rows = list(whole["table"])
     assert rows[:4] == ["real", "shuffled hands", "mean pose", "nearest training body"]
     assert rows[4:] == ["body only", "text only", "blended"]
     assert all(row in done.stdout for row in rows)
     assert whole["settings"]["encoder"]["hash"] in (tmp_path / "out" / "generation.md").read_text()
-    geneoh(*EVAL, "--weights", "weights", *settings(*QUICK), "-o", "out")
+    geneoh(*EVAL, "--weights", "weights", "-o", "out", settings=QUICK)
     assert json.loads((tmp_path / "out" / "generation.json").read_text()) == whole
 
 

@@ -27,8 +27,7 @@ def test_clips_without_a_sheet_are_whole_all_the_same(geneoh, tmp_path, monkeypa
         raise NoFirstGraspsError("val_00000.safetensors: expected other hands")
 
     monkeypatch.setattr("geneoh.viz.gesture_sheet.sheet_of", none)
-    shards = (*SHARDS, *(word for setting in ANYTHING for word in ("--set", setting)))
-    made = geneoh("synthesize", *shards, "-o", "clips")
+    made = geneoh("synthesize", *SHARDS, "-o", "clips", settings=ANYTHING)
     assert "note: no sheet is drawn of val_00000.safetensors: expected" in made.stdout
     assert "2 shards made" in made.stdout
     assert not (tmp_path / "clips" / "sheet.png").exists()
@@ -36,20 +35,18 @@ def test_clips_without_a_sheet_are_whole_all_the_same(geneoh, tmp_path, monkeypa
 
 @pytest.mark.slow
 def test_synthesized_data_trains_every_stage_and_denoise_takes_the_weights(geneoh, tmp_path):
-    shards = (*SHARDS, *(word for setting in ANYTHING for word in ("--set", setting)))
-    made = geneoh("synthesize", *shards)
+    made = geneoh("synthesize", *SHARDS, settings=ANYTHING)
     assert "2 shards made" in made.stdout
     assert (tmp_path / "runs" / "data" / "sheet.png").read_bytes().startswith(b"\x89PNG")
-    assert "0 shards made" in geneoh("synthesize", *shards).stdout
-    other = geneoh("synthesize", *shards, "--seed", 1, code=2)
+    assert "0 shards made" in geneoh("synthesize", *SHARDS, settings=ANYTHING).stdout
+    other = geneoh("synthesize", *SHARDS, "--seed", 1, settings=ANYTHING, code=2)
     assert "was made with seed 0 where 1 is asked for" in other.stderr
     examples = Path(__file__).parents[2] / "examples"
     recording = examples / "taco_clean.npz", "--obj", examples / "taco_object.obj"
     compared = geneoh("realism", *recording, code=2)
     assert "take a longer recording or more data" in compared.stderr
-    settings = [word for setting in SMALL for word in ("--set", setting)]
     for stage in ("motion", "spatial", "temporal", "toch", "regression"):
-        geneoh("train", "--stage", stage, *settings)
+        geneoh("train", "--stage", stage, settings=SMALL)
         assert (tmp_path / "runs" / f"{stage}.safetensors").exists()
         log = (tmp_path / "runs" / f"{stage}_log.csv").read_text().splitlines()
         assert log[0] == "step,loss,error_left,rate,seconds"
@@ -59,8 +56,7 @@ def test_synthesized_data_trains_every_stage_and_denoise_takes_the_weights(geneo
 def test_training_on_a_fresh_machine_makes_its_data_first(geneoh, tmp_path):
     few = ("count=2", "shard=1", "points=64", *ANYTHING)
     few = tuple(f"synthesis.{setting}" for setting in few)
-    settings = [word for setting in (*SMALL, *few) for word in ("--set", setting)]
-    geneoh("train", "--stage", "spatial", *settings)
+    geneoh("train", "--stage", "spatial", settings=(*SMALL, *few))
     assert len(list((tmp_path / "runs" / "data").glob("*.safetensors"))) == 2
     assert (tmp_path / "runs" / "spatial.safetensors").exists()
 
@@ -68,9 +64,8 @@ def test_training_on_a_fresh_machine_makes_its_data_first(geneoh, tmp_path):
 @pytest.mark.slow
 def test_a_recording_goes_on_from_the_shipped_weights(geneoh, tmp_path):
     recording = Path(__file__).parents[2] / "examples" / "taco_clean.npz"
-    settings = [word for setting in SMALL for word in ("--set", setting)]
     run = ("train", "--stage", "motion", "--data", f"sequences={recording}", "--start", "shipped")
-    trained = geneoh(*run, *settings)
+    trained = geneoh(*run, settings=SMALL)
     assert trained.stdout.startswith("sequences: 2 clips of one object, validated on what is")
     assert not (tmp_path / "runs" / "data").exists()
     assert len(list((tmp_path / "runs" / "recordings").rglob("*.safetensors"))) == 1
@@ -85,8 +80,8 @@ def test_a_source_of_data_that_is_none_is_refused(geneoh):
 
 def test_settings_of_the_data_come_from_a_file_and_from_the_command(geneoh, tmp_path):
     (tmp_path / "few.toml").write_text("count = 2\nshard = 1\n[grasps]\nsteps = 1\n")
-    settings = "--set", "grasps.checks.fingers=-1", "--set", "grasps.checks.depth=1"
-    geneoh("synthesize", "--config", "few.toml", *settings, "--set", "points=16")
+    settings = ("grasps.checks.fingers=-1", "grasps.checks.depth=1", "points=16")
+    geneoh("synthesize", "--config", "few.toml", settings=settings)
     made_with = shard_record(tmp_path / "runs" / "data" / "train_00001.safetensors").config
     assert (made_with.count, made_with.points, made_with.grasps.steps) == (2, 16, 1)
     assert made_with.grasps.checks.fingers == -1
@@ -99,11 +94,10 @@ def test_hands_hold_meshes_of_a_folder(geneoh, tmp_path):
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / mesh.name).write_bytes(mesh.read_bytes())
     quick = (*ANYTHING, "scanned=1.0")
-    settings = [word for setting in quick for word in ("--set", setting)]
-    geneoh("synthesize", "--objects", "mine", *SHARDS, *settings)
+    geneoh("synthesize", "--objects", "mine", *SHARDS, settings=quick)
     clips = read_shards(tmp_path / "runs" / "data", "train")
     assert clips.take(slice(None)).scan.tolist() == [0, 0]
-    without = geneoh("synthesize", *SHARDS, *settings, code=2)
+    without = geneoh("synthesize", *SHARDS, settings=quick, code=2)
     assert "was made with objects" in without.stderr
 
 
@@ -119,10 +113,9 @@ def test_eval_of_a_missing_recording_says_where_it_looked(geneoh):
 
 def test_the_text_encoder_is_trained_without_data(geneoh, tmp_path):
     few = ("steps=1", "batch=2", "validation_batches=1")
-    settings = [word for setting in few for word in ("--set", setting)]
     refused = geneoh("train", "--stage", "text", "--data", "runs/data", code=2)
     assert "--data: expected none with --stage text" in refused.stderr
-    geneoh("train", "--stage", "text", *settings)
+    geneoh("train", "--stage", "text", settings=few)
     assert (tmp_path / "runs" / "text.safetensors").exists()
 
 
@@ -197,8 +190,7 @@ def test_a_file_that_serves_several_stages_may_change_for_others_when_a_run_goes
     geneoh, tmp_path
 ):
     made = ("count=2", "shard=1", "points=64", *ANYTHING)
-    settings = [word for setting in made for word in ("--set", setting)]
-    geneoh("synthesize", *settings)
+    geneoh("synthesize", settings=made)
     common = "batch=2\nvalidation_batches=1\nmotion.depth=1\nmotion.width=16\n"
     run = ("train", "--stage", "motion", "--config", "all.toml")
     (tmp_path / "all.toml").write_text(f"steps=1\n{common}temporal.depth=1\nsynthesis.count=2")
@@ -217,8 +209,7 @@ def test_settings_that_others_take_the_place_of_are_refused(geneoh, tmp_path):
     )
     assert "--set contact.text=7: expected 128, which" in text.stderr
     made = ("count=2", "shard=1", "points=64", *ANYTHING)
-    settings = [word for setting in made for word in ("--set", setting)]
-    geneoh("synthesize", *settings)
+    geneoh("synthesize", settings=made)
     few = ("--set", "steps=1", "--set", "batch=2")
     start = ("--start", "shipped", "--set", "autoencoder_steps=5")
     started = geneoh("train", "--stage", "latent", *few, *start, code=2)
@@ -232,22 +223,22 @@ def test_the_generator_learns_lengths_and_contact_from_recordings_of_a_data_set(
     labelled_h2o(tmp_path / "h2o", POUR_MILK)
     mano = write_mano(tmp_path / "mano")
     few = ("steps=1", "batch=2", "validation_batches=1", "recorded.points=64")
-    settings = [word for setting in few for word in ("--set", setting)]
+    run = ("train", "--data", "h2o=h2o", "--mano", mano)
     for stage in ("length", "contact"):
-        run = ("--stage", stage, "--data", "h2o=h2o", "--mano", mano, *settings)
-        trained = geneoh("train", *run)
+        trained = geneoh(*run, "--stage", stage, settings=few)
         assert trained.stdout.startswith(
             "h2o: 1 actions of 1 objects, validated on what is learned"
         )
         record = load_checkpoint(tmp_path / "runs" / f"{stage}.safetensors").record
         assert record["made"]["source"] == "h2o"
-    tuned = ("train", *run[2:], "--stage", "length", "--set", "rate=1e-6", "-o", "tuned")
-    geneoh(*tuned, "--start", "shipped")
+    tuned, few = (*run, "--stage", "length", "-o", "tuned"), (*few, "rate=1e-6")
+    geneoh(*tuned, "--start", "shipped", settings=few)
     after = load_checkpoint(tmp_path / "tuned" / "length.safetensors").tensors
     for name, before in load_checkpoint(SHIPPED / "length.safetensors").tensors.items():
         torch.testing.assert_close(after[name], before, atol=2e-3, rtol=2e-3)
-    geneoh(*tuned, "--start", "tuned/nothing", code=2)
-    other = geneoh(*tuned, "--set", "length.hidden=24", "--start", "shipped", code=2)
+    geneoh(*tuned, "--start", "tuned/nothing", settings=few, code=2)
+    few = (*few, "length.hidden=24")
+    other = geneoh(*tuned, "--start", "shipped", settings=few, code=2)
     assert "length.safetensors: expected weights of the length network that is asked for" in (
         other.stderr
     )
@@ -286,8 +277,7 @@ def test_bodies_with_sentences_are_made_and_other_kinds_of_data_are_told_apart(g
 def test_clips_that_are_too_long_or_too_short_to_make_are_one_sentence(
     geneoh, tmp_path, kind, settings, told
 ):
-    words = [word for setting in settings for word in ("--set", setting)]
-    refused = geneoh("synthesize", *([kind] if kind else []), *words, "-o", "data", code=2)
+    refused = geneoh("synthesize", *filter(None, [kind]), "-o", "data", settings=settings, code=2)
     assert len(refused.stderr.strip().splitlines()) == 1
     assert told in refused.stderr
     assert list(tmp_path.iterdir()) == []
