@@ -73,7 +73,7 @@ function mostImprovedFrame() {
 
 // ---- state ------------------------------------------------------------------------------------
 const LAYOUTS = { "side by side": "Side by side", overlaid: "Overlaid", before: "Before", after: "After" };
-const layouts = scene.versions.length > 1 ? Object.keys(LAYOUTS) : ["after"];
+const layouts = names.length > 1 ? Object.keys(LAYOUTS) : names;
 const COLOURINGS = { plain: "Plain skin", penetration: "Penetration", contact: "Contact", spread: "Expected error" };
 const colourings = Object.keys(COLOURINGS).filter(
   (name) => name === "plain" || scene.versions.some((version) => version.hands.some((h) => name in h.ramps)));
@@ -343,10 +343,11 @@ function setPlaying(on) {
   state.playing = on;
   $("play").textContent = on ? "Pause" : "Play";
 }
-function toggle(name, button = name) {
-  held = name === "follow" && state.follow ? target() : name === "follow" ? null : held;
+/** Switch what a button of this name stands for. */
+function toggle(name) {
+  if (name === "follow") held = state.follow ? target() : null;
   state[name] = !state[name];
-  $(button).setAttribute("aria-pressed", state[name]);
+  $(name).setAttribute("aria-pressed", state[name]);
   changed();
 }
 function setDark(on) {
