@@ -111,7 +111,7 @@ def open_scene(
     result: Viewable,
     before: Viewable | None = None,
     *,
-    obj: Path | str | Iterable[Path | str] = (),
+    obj: tuple[Path | str, ...] = (),
     title: str | None = None,
     mano_dir: Path | str | None = None,
     **reading: Any,
@@ -121,7 +121,6 @@ def open_scene(
     The arguments are those of `view`; others, such as `side`, `fps` and `unit`, are those of
     `geneoh.load`, for npz files.
     """
-    obj = (obj,) if isinstance(obj, Path | str) else tuple(obj)
     sequences: dict[str, Sequence] = {}
     for given in (result,) if before is None else (before, result):
         if isinstance(given, Path | str):

@@ -154,7 +154,7 @@ def test_film_and_filmstrip_come_at_the_pace_of_146_frames_a_minute_without_a_di
         *("view", "taco_clean.npz", "taco_noisy.npz", "--obj", EXAMPLES / "taco_object.obj"),
         *("-o", "a.mp4", "-o", "a.png"),
     )
-    # the work of all cores together: on two idle ones it versions about half as long
+    # the work of all cores together: on two idle ones it takes about half as long
     assert (time.process_time() - start) / 15 < 60 / 146
     assert (tmp_path / "a.mp4").stat().st_size > 5_000
     assert width(tmp_path / "a.png") == 5 * STRIP_CELL + 4 * STRIP_GAP
