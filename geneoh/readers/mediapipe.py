@@ -1,34 +1,21 @@
-"""MediaPipe's hand landmarks as programs dump them: its results as JSON, and tables of points.
+"""MediaPipe's hand landmarks as programs dump its results in JSON.
 
 Results of the Hand Landmarker and of the older Hands, from Python or JavaScript, one a frame in a
-list. Tables are wide, a row a frame with columns such as `x0` or `WRIST_x`, or long, a row a point
-with the columns `frame`, `landmark`, `x`, `y` and `z`. Both may have the number of each frame, its
-time, or both (`geneoh.readers.clock`).
+list, perhaps with the number of each frame, its time, or both (`geneoh.readers.clock`). Tables of
+landmarks are read in `geneoh.readers.landmark_tables`.
 """
 
-import csv
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from itertools import chain
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from geneoh.choices import OTHER_SIDE, SIDES, Side
 from geneoh.errors import InputError, numbered
-from geneoh.files.reading import open_text
-from geneoh.readers.clock import CLOCK_NAMES, TIME_NAMES
-from geneoh.readers.foreign_files import JSON_LIMIT, number_in
-from geneoh.readers.records import FRAME_LIMIT, Array, Record, as_record
-
-FINGERS = ("INDEX_FINGER", "MIDDLE_FINGER", "RING_FINGER", "PINKY")
-NAMES = (
-    *("WRIST", "THUMB_CMC", "THUMB_MCP", "THUMB_IP", "THUMB_TIP"),
-    *(f"{finger}_{joint}" for finger in FINGERS for joint in ("MCP", "PIP", "DIP", "TIP")),
-)
-"""MediaPipe's names of the landmarks, which are in OpenPose's order."""
+from geneoh.readers.clock import CLOCK_NAMES
+from geneoh.readers.records import Array, Record, as_record
 
 WORLD = ("hand_world_landmarks", "worldLandmarks", "multi_hand_world_landmarks")
 WORLD += ("multiHandWorldLandmarks", "world_landmarks")
@@ -47,12 +34,6 @@ NOTES = (
     "through the world is not in them, and the object's poses must be about that centre too",
     "MediaPipe's older Hands name sides as in a mirrored picture; --side says otherwise",
 )
-
-FRAME_COLUMNS = ("frame", "frame_id", "frame_idx", "frame_index", "frame_number")
-SIDE_COLUMNS = ("side", "hand", "handedness", "label")
-POINT_COLUMNS = ("landmark", "landmark_id", "landmark_index", "landmark_name", "joint", "keypoint")
-POINT_AND_AXIS = re.compile(r"(?:landmark|joint|keypoint)?[_ .]?(\w+?)[_ .]?([xyz])")
-AXIS_AND_POINT = re.compile(r"([xyz])[_ .]?(\d+)")
 NO_DEPTH = 1e-4
 """Depth of the wrist, from which the image landmarks of MediaPipe measure their depths."""
 
@@ -65,9 +46,6 @@ class Track:
     trust: Array
 
 
-Row = dict[str | None, Any]
-"""A row of a table by the names of its columns."""
-
 Tracks = dict[Side | None, Track]
 """The hands of a file by the side that it says; None where it says none."""
 
@@ -75,12 +53,29 @@ Notes = tuple[str, ...]
 """What had to be assumed, in words."""
 
 
-def is_results(value: Any) -> bool:
-    """Whether the value of a JSON file is a result of MediaPipe, or a list of them."""
-    names = (*WORLD, *IMAGE, *chain(*OF_SIDE.values()))
-    return any(
-        isinstance(each, dict) and any(n in each for n in names) for each in frames_in(value)
-    )
+@dataclass(frozen=True)
+class Landmarks:
+    """What a file of landmarks holds."""
+
+    tracks: Tracks
+    notes: Notes
+    stamps: Record
+    """What the file says of time; see `geneoh.readers.clock`."""
+    first: int = 0
+    """Number that the file gives its first frame."""
+
+
+def read_results(value: Any, where: str, side: Side | None) -> Landmarks | None:
+    """The hands in the value of a JSON file; None where it is no result of MediaPipe.
+
+    `side` is the caller's, see `as_one_hand`.
+    """
+    frames = frames_in(value)
+    names = {*WORLD, *IMAGE, *chain(*OF_SIDE.values())}
+    if not any(isinstance(frame, dict) and names & frame.keys() for frame in frames):
+        return None
+    tracks, notes = tracks_in(frames, where, side)
+    return Landmarks(tracks, (*NOTES, *notes), stamps_in(value, frames, where))
 
 
 def frames_in(value: Any) -> list[Any]:
@@ -95,23 +90,21 @@ def frames_in(value: Any) -> list[Any]:
     ]
 
 
-def stamps_in(value: Any, where: str) -> Record:
+def stamps_in(value: Any, frames: list[Any], where: str) -> Record:
     """What a JSON value says of time, beside its results or in each of them."""
-    frames = frames_in(value)
-    named = value if isinstance(value, dict) else {}
-    listed = next((name for name in LISTS if name in named), None)
-    beside = {name: value for name, value in named.items() if name != listed}
-    stamps = {name: beside[name] for name in ("fps", *CLOCK_NAMES) if name in beside}
+    beside = value if isinstance(value, dict) else {}
+    listed = next((name for name in LISTS if name in beside), None)
+    stamps = {n: beside[n] for n in ("fps", *CLOCK_NAMES) if n in beside and n != listed}
     for name in CLOCK_NAMES:
         told = [frame.get(name) if isinstance(frame, dict) else None for frame in frames]
-        if any(value is not None for value in told):
+        if any(each is not None for each in told):
             stamps[name] = told
     return Record(where, stamps, "correct it, or leave it out")
 
 
-def read_results(value: Any, where: str, side: Side | None) -> tuple[Tracks, Notes]:
+def tracks_in(frames: list[Any], where: str, side: Side | None) -> tuple[Tracks, Notes]:
     """The hands in MediaPipe's results, and what was assumed of their sides; see `as_one_hand`."""
-    frames, most, alike = frames_in(value), 0, 0
+    most, alike = 0, 0
     found: Tracks = {}
     latest: dict[Side | None, Array] = {}
     for index, frame in enumerate(frames):
@@ -235,138 +228,6 @@ def label_of(value: Any) -> tuple[Side | None, float]:
     score = named.get("score")
     sure = score if isinstance(score, float | int) and 0 < score <= 1 else 1.0
     return next((side for side in SIDES if side == text), None), float(sure)
-
-
-def read_points(path: Path, side: Side | None) -> tuple[Tracks, Notes, Record, int]:
-    """The hands in a table of points, by the side that a column says; see `as_one_hand`.
-
-    And the times of the frames, and the number of the first one.
-    """
-    try:
-        with open_text(path, JSON_LIMIT) as file:
-            heading = file.readline()
-            separator = max(",;\t", key=heading.count)
-            table = csv.DictReader(chain([heading], file), delimiter=separator)
-            table.fieldnames = [str(name).strip().lower() for name in table.fieldnames or ()]
-            columns = point_columns(table.fieldnames, path)
-            rows = [with_points(row, separator, path) for row in table]
-    except csv.Error as error:
-        raise InputError(f"{path}: expected a table ({error}); export it again") from None
-    cells = list(cells_of(rows, columns, side, path))
-    frames = [frame for _, frame, _, _, _ in cells]
-    first, last = min(frames, default=0), max(frames, default=0)
-    if not cells or last - first >= FRAME_LIMIT:
-        raise InputError(f"{path}: expected rows of 1 to {FRAME_LIMIT} frames; correct the table")
-    found: Tracks = {}
-    for label, frame, point, axis, number in cells:
-        track = found.setdefault(label, empty_track(last - first + 1))
-        if np.isfinite(track.points[frame - first, point, axis]):
-            raise InputError(
-                f"{path}: expected one hand a side in each frame, got landmark {point} twice in "
-                f"frame {frame - first + 1} of the table; add the column 'hand', or correct it"
-            )
-        track.points[frame - first, point, axis] = number
-        track.trust[frame - first] = 1.0
-    for track in found.values():
-        refuse_image_landmarks(track.points, str(path))
-    return *as_one_hand(found, side), times_in(rows, path), first
-
-
-def with_points(row: Row, separator: str, path: Path) -> Row:
-    """A row with decimal points for decimal commas, where commas do not separate cells."""
-    if any(cells := row.pop(None, ())):
-        raise InputError(
-            f"{path}: expected rows as long as the heading, got one with "
-            f"{numbered(len(cells), 'cell')} more; where decimals have commas, separate cells by "
-            "semicolons"
-        )
-    if separator == ",":
-        return row
-    return {name: cell.replace(",", ".") if cell else cell for name, cell in row.items()}
-
-
-def times_in(rows: list[Row], path: Path) -> Record:
-    """The times of a table's frames, between others of one without a row; empty without times."""
-    name = column_of(rows, TIME_NAMES)
-    times = [] if name is None else [number_in(row[name] or "") for row in rows]
-    if name is None or not np.isfinite(times).all():
-        return Record(str(path), {})
-    told = dict(zip(frames_of(rows), times, strict=True))
-    frames = sorted(told)
-    every = np.arange(int(frames[0]), int(frames[-1]) + 1)
-    times = np.interp(every, frames, [told[frame] for frame in frames])
-    return Record(str(path), {name: times}, "correct the table")
-
-
-def column_of(rows: list[Row], names: Iterable[str]) -> str | None:
-    """The first of some names that a table has as a column."""
-    return next((name for name in names if rows and name in rows[0]), None)
-
-
-def frames_of(rows: list[Row]) -> list[float]:
-    """The frame of each row: by its number, else by its time, else one for each row."""
-    if name := column_of(rows, FRAME_COLUMNS):
-        return [number_in(row[name] or "") for row in rows]
-    if name := column_of(rows, TIME_NAMES):
-        times = np.array([number_in(row[name] or "") for row in rows])
-        places = np.unique(times, return_inverse=True)[1].astype(float)
-        return np.where(np.isfinite(times), places, np.nan).tolist()
-    return np.arange(float(len(rows))).tolist()
-
-
-def point_columns(names: Iterable[str], path: Path) -> dict[str, tuple[int | None, int]]:
-    """Point and axis of each column of coordinates; the point is None where a row is a point."""
-    names = list(names)
-    if {"x", "y", "z"} <= set(names) and set(names) & set(POINT_COLUMNS):
-        return {axis: (None, "xyz".index(axis)) for axis in "xyz"}
-    found: dict[str, tuple[int | None, int]] = {}
-    for name in names:
-        swapped, plain = AXIS_AND_POINT.fullmatch(name), POINT_AND_AXIS.fullmatch(name)
-        point, axis = swapped.group(2, 1) if swapped else plain.groups() if plain else ("", "x")
-        number = point_number(point)
-        if number is not None:
-            found[name] = (number, "xyz".index(axis))
-    if len(set(found.values())) != 63:
-        raise InputError(
-            f"{path}: expected a table of landmarks: the columns x0, y0, z0 to z20 or WRIST_x to "
-            "PINKY_TIP_z with a row a frame, or frame, landmark, x, y, z with a row a landmark, "
-            f"got {', '.join(names)[:200] or 'no columns'}; rename them"
-        )
-    return found
-
-
-def point_number(text: str) -> int | None:
-    """The number of a landmark that is given by it or by MediaPipe's name; None for neither."""
-    name = text.strip().upper().rpartition(".")[2]
-    if name in NAMES:
-        return NAMES.index(name)
-    number = number_in(text)
-    return int(number) if number in range(21) else None
-
-
-def cells_of(
-    rows: list[Row],
-    columns: dict[str, tuple[int | None, int]],
-    side: Side | None,
-    path: Path,
-) -> Iterable[tuple[Side | None, int, int, int, float]]:
-    """Side, frame, point, axis and number of every coordinate in a table."""
-    long = next(iter(columns.values()))[0] is None
-    timed = column_of(rows, (*FRAME_COLUMNS, *TIME_NAMES)) is not None
-    for line, (row, frame) in enumerate(zip(rows, frames_of(rows), strict=True)):
-        named = next((row[name] for name in POINT_COLUMNS if name in row), None) or ""
-        told_side: Side | None = next(
-            (label_of(row[name])[0] for name in SIDE_COLUMNS if name in row), None
-        )
-        for name, (fixed, axis) in columns.items():
-            point = point_number(named) if fixed is None else fixed
-            if point is None or not abs(frame) < 1e9 or (long and not timed):
-                raise InputError(
-                    f"{path}: line {line + 2} must have the number or the time of its frame as a "
-                    f"number, and a landmark from 0 to 20 or by name, got {frame:g} and "
-                    f"{named!r:.40}; correct it"
-                )
-            yield told_side or side, int(frame), point, axis, number_in(row[name] or "")
 
 
 def refuse_image_landmarks(points: Array, where: str) -> None:

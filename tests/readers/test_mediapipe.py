@@ -9,7 +9,7 @@ from bad_inputs import good_arrays
 
 import geneoh
 from geneoh.errors import InputError
-from geneoh.readers.mediapipe import NAMES
+from geneoh.readers.landmark_tables import NAMES
 
 FRAMES, SEEN = 5, 4
 HAND = good_arrays()["joints"][0].astype(float)

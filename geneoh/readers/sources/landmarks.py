@@ -1,7 +1,8 @@
 """Hand landmarks of MediaPipe, WebXR or OpenXR.
 
-MediaPipe's results as JSON and tables of points as CSV are read as `geneoh.readers.mediapipe` says.
-For the others there is no standard, so that we have our own small schema:
+MediaPipe's results as JSON are read as `geneoh.readers.mediapipe` says, tables of points as CSV as
+`geneoh.readers.landmark_tables` says. For the others there is no standard, so that we have our own
+small schema:
 
     {"format": "geneoh-landmarks", "version": 1, "order": "openpose" | "webxr" | "openxr",
      "fps": 30, "camera": [0, 0, 0], "hands": {"right": [frame, ...], "left": [frame, ...]}}
@@ -18,9 +19,11 @@ from geneoh.choices import OTHER_SIDE, JointOrder, Side
 from geneoh.errors import InputError
 from geneoh.files.journal import JOURNALS
 from geneoh.geometry.mesh import METRES
-from geneoh.readers import base, builders, foreign_files, joint_orders, mediapipe
+from geneoh.readers import base, builders, foreign_files, joint_orders
 from geneoh.readers.convention_check import curls_backward
 from geneoh.readers.dataset_reader import reads
+from geneoh.readers.landmark_tables import read_points
+from geneoh.readers.mediapipe import Landmarks, read_results
 from geneoh.readers.npz_layouts import quoted
 from geneoh.readers.npz_tracks import side_of
 from geneoh.readers.records import Array, Record, as_record, float32
@@ -39,14 +42,11 @@ def landmarks(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Up to two hands, with the caller's object."""
     where = str(clip.path)
     if clip.path.suffix == ".csv":
-        tracks, notes, stamps, first = mediapipe.read_points(clip.path, options.side)
-        yield from foreign_parts(clip, tracks, notes, options, stamps, first)
+        yield foreign_parts(clip, read_points(clip.path, options.side), options)
         return
     value = foreign_files.read_json(clip.path)
-    if mediapipe.is_results(value):
-        tracks, about_sides = mediapipe.read_results(value, where, options.side)
-        stamps = mediapipe.stamps_in(value, where)
-        yield from foreign_parts(clip, tracks, (*mediapipe.NOTES, *about_sides), options, stamps)
+    if found := read_results(value, where, options.side):
+        yield foreign_parts(clip, found, options)
         return
     record = as_record(value, where, AS_DESCRIBED)
     if "format" not in record:
@@ -85,14 +85,10 @@ def landmarks(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
 
 
 def foreign_parts(
-    clip: base.SourceClip,
-    tracks: mediapipe.Tracks,
-    notes: mediapipe.Notes,
-    options: base.ReaderOptions,
-    stamps: Record,
-    first: int = 0,
-) -> base.Parts:
-    """The interaction of tracks whose file says what it does of time, and perhaps no side."""
+    clip: base.SourceClip, found: Landmarks, options: base.ReaderOptions
+) -> base.ClipParts:
+    """The interaction of landmarks whose file need not say a side."""
+    tracks, notes = found.tracks, found.notes
     if len(tracks) == 1:  # the label of a side is a guess: the caller's word counts
         ((label, track),) = tracks.items()
         side = options.side or label or side_of(Record(str(clip.path), {}), None)
@@ -103,9 +99,9 @@ def foreign_parts(
         tracks = {OTHER_SIDE[side]: track for side, track in tracks.items() if side}
         notes = (*notes, SWAPPED_NOTE)
     frames = max((len(track.points) for track in tracks.values()), default=0)
-    rate, clock, about_time = base.timing_of(stamps, frames, options.fps)
+    rate, clock, about_time = base.timing_of(found.stamps, frames, options.fps)
     scale = METRES[options.keypoint_unit or "m"]
-    yield base.ClipParts(
+    return base.ClipParts(
         clip.path.name,
         [
             builders.hand_track(side, scale * track.points, np.tile(track.trust[:, None], 21))
@@ -113,7 +109,7 @@ def foreign_parts(
             if side is not None
         ],
         fps=rate,
-        first=first,
+        first=found.first,
         clock=clock,
         notes=(*notes, *about_time),
     )
