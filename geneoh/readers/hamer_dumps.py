@@ -7,13 +7,15 @@ one, a list of them, or a dict of them by image; those of WiLoR-mini have their 
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Shaped
 
+from geneoh.bundle import Bundle, concatenated
 from geneoh.errors import InputError
 from geneoh.files.values import read_values
 from geneoh.readers import transforms
@@ -35,28 +37,23 @@ Batch = tuple[int | None, Record]
 """Detections with the number of their image, where something tells it."""
 
 
-@dataclass(frozen=True)
-class Detections:
+@dataclass(frozen=True, eq=False)
+class Detections(Bundle):
     """N detections; of a left hand as it was estimated, of a mirrored picture, or as it is."""
 
-    frame: Array
-    """(N,) number of the image."""
-    right: Array
-    """(N,) whether it is a right hand."""
-    turns: Array
-    """(N, 16, 3, 3) rotations of the wrist and the fingers' joints."""
-    betas: Array
-    """(N, 10) shape."""
-    points: Array
-    """(N, 21, 3) keypoints about the hand's own origin, metres."""
-    place: Array
-    """(N, 3) origin in the camera of the whole image, metres."""
-    crop: Array
-    """(N, 3) scale and shifts of the crop's camera, of which `place` was made; NaN if unknown."""
-
-    def __getitem__(self, rows: Any) -> "Detections":
-        """Some of the detections."""
-        return Detections(**{each.name: getattr(self, each.name)[rows] for each in fields(self)})
+    frame: Shaped[Array, " N"]
+    """Number of the image."""
+    right: Shaped[Array, " N"]
+    """Whether it is a right hand."""
+    turns: Shaped[Array, "N 16 3 3"]
+    """Rotations of the wrist and the fingers' joints."""
+    betas: Shaped[Array, "N 10"]
+    points: Shaped[Array, "N 21 3"]
+    """Keypoints about the hand's own origin, metres."""
+    place: Shaped[Array, "N 3"]
+    """Origin in the camera of the whole image, metres."""
+    crop: Shaped[Array, "N 3"]
+    """Scale and shifts of the crop's camera, of which `place` was made; NaN if unknown."""
 
 
 def dumps(found: Iterable[Path], path: Path) -> list[Path]:
@@ -107,8 +104,7 @@ def read_detections(path: Path, focal: float | None) -> tuple[Detections, tuple[
         found.append(made)
     if not found:
         raise InputError(f"{path}: expected detections, got none; check the dump")
-    joined = {each.name: [getattr(one, each.name) for one in found] for each in fields(Detections)}
-    return Detections(**{name: np.concatenate(parts) for name, parts in joined.items()}), (*notes,)
+    return concatenated(found, "N"), (*notes,)
 
 
 def batches_of_file(path: Path) -> Iterator[Batch]:
@@ -203,20 +199,16 @@ def read_batch(record: Record, focal: float | None, number: int | None) -> Detec
         record = Record(inner.where, {**record.values, **inner.values}, AS_DUMPED)
     named = "pred_mano_params" in record or not any(name in record for name in PARAMETERS)
     params = record.record("pred_mano_params") if named else record
-    turns = [
-        turns_of(params, name, count) for name, count in (("global_orient", 1), ("hand_pose", 15))
-    ]
+    turns = [turns_of(params, "global_orient", 1), turns_of(params, "hand_pose", 15)]
     params.refuse_lengths("global_orient", "hand_pose")
     place, crop = place_of(record, right, focal)
     frame = frames_of_rows(record, len(right), number)
-    betas, points = (
-        params.array("betas", ("B", 10)),
-        record.array("pred_keypoints_3d", ("B", 21, 3)),
-    )
-    made = Detections(frame, right > 0.5, np.concatenate(turns, axis=1), betas, points, place, crop)
-    if len({len(getattr(made, each.name)) for each in fields(made)}) > 1:
+    betas = params.array("betas", ("B", 10))
+    points = record.array("pred_keypoints_3d", ("B", 21, 3))
+    made = (frame, right > 0.5, np.concatenate(turns, axis=1), betas, points, place, crop)
+    if len({len(rows) for rows in made}) > 1:
         raise record.refuse("pred_mano_params", "one row for each detection")
-    return made
+    return Detections(*made)
 
 
 def turns_of(params: Record, name: str, count: int) -> Array:

@@ -45,9 +45,9 @@ def hamer(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     found, more = as_estimated(found)
     first, last = int(found.frame.min()), int(found.frame.max())
     hands = [FollowedHand(side, last - first + 1) for side in ("right", "left")]
-    for row in np.argsort(found.frame, kind="stable"):
+    for row in np.argsort(found.frame, kind="stable").tolist():
         for hand in hands:
-            hand.add(int(found.frame[row]) - first, found[[row]])
+            hand.add(int(found.frame[row]) - first, found, row)
     hands = [hand for hand in hands if hand.betas]
     notes = (*notes, *more)
     yield base.ClipParts(
@@ -73,15 +73,16 @@ class FollowedHand:
         self.before = np.full(3, np.nan)
         """The wrist in the frame with a hand before that one."""
 
-    def add(self, frame: int, detection: Detections) -> None:
-        """Take the one detection if it is of this side, of several in a frame the nearest to the
-        last. Frames come in order.
+    def add(self, frame: int, found: Detections, row: int) -> None:
+        """Take a detection if it is of this side, of several in a frame the nearest to the last.
+
+        Frames come in order.
         """
-        right = bool(detection.right[0])
+        right = bool(found.right[row])
         if right != (self.side == "right"):
             return
-        points = detection.points[0]
-        joints = (points if right else mirror_points(points)) + detection.place[0]
+        points = found.points[row]
+        joints = (points if right else mirror_points(points)) + found.place[row]
         if frame == self.last:
             now = np.linalg.norm(self.joints[frame, 0] - self.before)
             if not np.linalg.norm(joints[0] - self.before) < now:
@@ -89,10 +90,10 @@ class FollowedHand:
             self.betas.pop()
         elif self.last >= 0:
             self.before = self.joints[self.last, 0].copy()
-        pose = transforms.axis_angles(detection.turns[0])
+        pose = transforms.axis_angles(found.turns[row])
         self.pose[frame] = pose if right else mirror_axis_angle(pose)
         self.joints[frame], self.last = joints, frame
-        self.betas.append(detection.betas[0])
+        self.betas.append(found.betas[row])
 
     def track(self) -> HandTrack:
         """The track; the wrist is the first keypoint."""
@@ -110,30 +111,30 @@ def as_estimated(found: Detections) -> tuple[Detections, tuple[str, ...]]:
     left = ~found.right
     if not left.any():
         return found, ()
-    rows = found[left]
-    errors = {
-        choice: kinematic_error(
-            mirror_rotations(rows.turns) if choice[0] else rows.turns,
-            mirror_points(rows.points) if choice[1] else rows.points,
-        )
-        for choice in product((False, True), repeat=2)
-    }
-    pose_mirrored, points_mirrored = min(errors, key=errors.__getitem__)
-    if pose_mirrored:
-        found.turns[left] = mirror_rotations(rows.turns)
-    if points_mirrored:
-        found.points[left] = mirror_points(rows.points)
-    crop_mirrored = off_crop(found[left], -1) < off_crop(found[left], 1)
+    turns = found.turns[left], mirror_rotations(found.turns[left])
+    points = found.points[left], mirror_points(found.points[left])
+    posed = [posed_right_hand(each) for each in turns]
+    pose_mirrored, points_mirrored = min(
+        product((False, True), repeat=2),
+        key=lambda choice: mean_distance(posed[choice[0]], points[choice[1]]),
+    )
+    found.turns[left], found.points[left] = turns[pose_mirrored], points[points_mirrored]
+    rows = found.take(left, "N")
+    crop_mirrored = off_crop(rows, -1) < off_crop(rows, 1)
     if crop_mirrored:
-        found.place[left, 0] += 2 * found.crop[left, 1]
+        found.place[left, 0] += 2 * rows.crop[:, 1]
     changed = pose_mirrored or points_mirrored or crop_mirrored
     return found, (MIRRORED_NOTE,) if changed else ()
 
 
-def kinematic_error(turns: Array, points: Array) -> float:
-    """Mean distance, metres, of keypoints from those of a right hand of mean shape in a pose."""
+def posed_right_hand(turns: Array) -> Array:
+    """(N, 21, 3) keypoints, metres, of a right hand of mean shape in poses, wrist at the origin."""
     hand = load_hand("right").shaped(torch.zeros(10))
-    posed = hand.joints_from_rotations(torch.from_numpy(turns).float(), torch.zeros(3)).numpy()
+    return hand.joints_from_rotations(torch.from_numpy(turns).float(), torch.zeros(3)).numpy()
+
+
+def mean_distance(posed: Array, points: Array) -> float:
+    """Mean distance, metres, of keypoints about their wrist from posed ones; NaN does not count."""
     return float(np.nanmean(np.linalg.norm(posed - (points - points[:, :1]), axis=-1)))
 
 
