@@ -20,7 +20,7 @@ from geneoh.errors import numbered
 from geneoh.objects.consistency import longest_chain, possible_places
 from geneoh.objects.smoothing import increments
 from geneoh.objects.symmetry import Symmetry
-from geneoh.readers.convention_check import KNUCKLES, finger_curls
+from geneoh.readers.hand_checks import KNUCKLES, finger_curls
 from geneoh.sequence.gaps import filled_keypoints, observed_around, palm_points
 from geneoh.sequence.keypoints import PALM, palm_axes
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence

@@ -8,7 +8,9 @@ from geneoh.errors import InputError, numbered
 from geneoh.geometry.mesh import Mesh
 from geneoh.pipeline.faults import without_faults_of
 from geneoh.pipeline.observed import Observed, lost_like
-from geneoh.readers.convention_check import POSES_REACH, doubts, refuse_other_order
+from geneoh.readers.convention_check import doubts
+from geneoh.readers.hand_checks import refuse_other_order
+from geneoh.readers.holding_check import POSES_REACH
 from geneoh.sequence.gaps import fill_object
 from geneoh.sequence.sequence import HandTrack, Sequence
 from geneoh.sequence.validation import check_distance, least_distance

@@ -10,7 +10,8 @@ from trees import FRAMES, scene
 
 from geneoh.geometry.mesh import load_mesh
 from geneoh.readers.base import ReaderOptions, Recording
-from geneoh.readers.convention_check import MIDDLE_JOINTS, contradictions, doubts
+from geneoh.readers.convention_check import contradictions, doubts
+from geneoh.readers.hand_checks import MIDDLE_JOINTS
 from geneoh.readers.npz_files import load
 from geneoh.readers.recordings import read_one
 from geneoh.sequence.sequence import ObjectTrack, Sequence

@@ -27,7 +27,7 @@ from geneoh.progress import OnProgress
 from geneoh.readers.bodies.base import BodyRecording, at_rate, over_frames
 from geneoh.readers.bodies.fields import body_fields
 from geneoh.readers.bodies.read import read_body
-from geneoh.readers.convention_check import TOUCHING_REACH
+from geneoh.readers.holding_check import TOUCHING_REACH
 from geneoh.readers.npz_files import save_sequence
 from geneoh.sequence.body_hands import hand_tracks
 from geneoh.sequence.sequence import ObjectTrack, Sequence

@@ -20,8 +20,8 @@ from geneoh.errors import InputError
 from geneoh.files.journal import JOURNALS
 from geneoh.geometry.mesh import METRES
 from geneoh.readers import base, builders, foreign_files, joint_orders
-from geneoh.readers.convention_check import curls_backward
 from geneoh.readers.dataset_reader import reads
+from geneoh.readers.hand_checks import curls_backward
 from geneoh.readers.landmark_tables import read_points
 from geneoh.readers.mediapipe import Landmarks, read_results
 from geneoh.readers.npz_layouts import quoted

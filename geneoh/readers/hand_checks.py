@@ -1,0 +1,129 @@
+"""Checks of a hand by itself: are its keypoints in OpenPose's order, and is it of its side?
+
+A check yields a sentence for each doubt.
+"""
+
+from collections.abc import Iterator
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from geneoh.choices import OTHER_SIDE, JointOrder, Side
+from geneoh.errors import InputError
+from geneoh.hand.skeleton import KEYPOINT_PARENTS
+from geneoh.readers.joint_orders import ORDERS
+from geneoh.sequence.sequence import HandTrack
+
+MIDDLE_JOINTS = (2, 5, 8, 11)
+"""Second joints of the four fingers, which bend one way only."""
+BACKWARD_LIMIT = 0.05
+"""Mean radians that they may bend backward; recordings bend forward by 0.2 and more."""
+KNUCKLES, FINGERTIPS = [5, 9, 13, 17], [8, 12, 16, 20]
+"""Keypoints of the four fingers."""
+FINGER_FROM = [start for knuckle in KNUCKLES for start in range(knuckle, knuckle + 3)]
+FINGER_TO = [start + 1 for start in FINGER_FROM]
+"""Keypoints at both ends of the bones of these fingers."""
+LONGEST_LINK = 0.8
+"""Share of the palm's length that no bone of a finger reaches; the longest measured is 0.6."""
+SHORTER_BONES = 0.9
+"""Share of the bones' total length below which another order of the keypoints is the true one; with
+up to 40 mm of noise the true order has the shortest bones."""
+REORDER = "reorder them, or pass --joint-order {order} where they are bare keypoints"
+"""What to do about a file whose keypoints are in another order."""
+CURL_LIMIT = 0.1
+"""Share of the palm's length that fingers may bend backward at their tips."""
+
+
+def refuse_other_order(hand: HandTrack, name: str, cure: str = REORDER) -> None:
+    """`InputError` where the keypoints are certainly in another order than OpenPose's.
+
+    `name` is that of the file in the message, `cure` its remedy, with the order's name as {order}.
+    """
+    if hand.joints is not None and (order := shorter_order(trusted_joints(hand))):
+        raise InputError(
+            f"{name}: the keypoints of the {hand.side} hand must be in OpenPose order, got bones "
+            f"that only a hand in the order {order} has; {cure.format(order=order)}"
+        )
+
+
+def shorter_order(joints: Float[Tensor, "T 21 3"]) -> JointOrder | None:
+    """The order in which the keypoints have much shorter bones than in OpenPose's, if any."""
+    totals: dict[JointOrder, float] = {
+        name: bones_length(joints[:, list(order.entries)])
+        for name, order in ORDERS.items()
+        if sorted(order.entries) == list(range(21))
+    }
+    best = min(totals, key=totals.__getitem__)
+    return best if totals[best] < SHORTER_BONES * totals["openpose"] else None
+
+
+def trusted_joints(hand: HandTrack) -> Float[Tensor, "N 21 3"]:
+    """Keypoints of the observed frames, NaN where one has no confidence."""
+    assert hand.joints is not None, "asked for the joints of a track that has none"
+    return hand.joints.masked_fill((hand.trust == 0)[..., None], torch.nan)[hand.observed]
+
+
+def bones_length(joints: Float[Tensor, "T 21 3"]) -> float:
+    """Total length of the bones of a hand in OpenPose order, each the median of all frames.
+
+    NaN where a keypoint is in none of them.
+    """
+    bones = joints[:, 1:] - joints[:, list(KEYPOINT_PARENTS[1:])]
+    return float(bones.norm(dim=-1).nanmedian(0).values.sum())
+
+
+def check_keypoint_order(hand: HandTrack) -> Iterator[str]:
+    """Whether the bones between the keypoints are as short as fingers, and curl to the palm."""
+    if hand.joints is None:
+        return
+    joints = trusted_joints(hand)
+    span = palm_length(joints)
+    links = (joints[:, FINGER_TO] - joints[:, FINGER_FROM]).norm(dim=-1)
+    longest = float(links.nanmedian(0).values.nan_to_num().max())
+    if order := shorter_order(joints):
+        yield f"order: the bones are those of a hand in the order {order}, not in OpenPose's"
+    elif longest > LONGEST_LINK * span:
+        yield (
+            f"order: a finger's bone is {1000 * longest:.0f} mm long beside a palm of "
+            f"{1000 * span:.0f} mm; the keypoints are in another order (--joint-order)"
+        )
+    elif curls_backward(joints, hand.side):
+        other = OTHER_SIDE[hand.side]
+        yield (
+            "handedness: the fingers curl away from the palm; unless the hand is flat, these are "
+            f"points of the other hand: pass --side {other} or correct the side that is stated"
+        )
+
+
+def curls_backward(joints: Float[Tensor, "T 21 3"], side: Side) -> bool:
+    """Whether the fingers of a hand curl away from its palm, as those of the other side do."""
+    return bool(finger_curls(joints, side).nanmean() < -CURL_LIMIT * palm_length(joints))
+
+
+def palm_length(joints: Float[Tensor, "T 21 3"]) -> float:
+    """Usual metres from the wrist to a knuckle."""
+    return float((joints[:, KNUCKLES] - joints[:, :1]).norm(dim=-1).nanmedian())
+
+
+def finger_curls(joints: Float[Tensor, "T 21 3"], side: Side) -> Float[Tensor, " T"]:
+    """Mean metres from the knuckles to the fingertips along the palm's inner normal, of the fingers
+    that are not NaN."""
+    palm = torch.linalg.cross(joints[:, 5] - joints[:, 0], joints[:, 17] - joints[:, 0])
+    palm = torch.nn.functional.normalize(palm, dim=-1) * (1 if side == "right" else -1)
+    return ((joints[:, FINGERTIPS] - joints[:, KNUCKLES]) * palm[:, None]).sum(-1).nanmean(-1)
+
+
+def check_finger_bend(hand: HandTrack) -> Iterator[str]:
+    """Whether the pose bends the fingers the way that they can bend."""
+    if hand.pose is None:
+        return
+    bend = float(hand.pose[hand.valid][:, MIDDLE_JOINTS, 2].mean())
+    bend = bend if hand.side == "right" else -bend
+    if bend < -BACKWARD_LIMIT:
+        other = OTHER_SIDE[hand.side]
+        yield (
+            f"handedness: the fingers bend backward by {-bend:.2f} rad on average; unless the hand "
+            f"is flat, these are the numbers of a {other} hand (--side {other}), or a mean pose is "
+            "missing (--mean-pose)"
+        )
