@@ -142,7 +142,7 @@ def is_manifest(path: Path) -> bool:
 
 def names_in(rows: Iterator[list[str]]) -> list[str]:
     """The names of the columns, which the first row of a table holds."""
-    return [name.strip().lstrip("\ufeff").strip('"') for name in next(rows, [])]
+    return [name.strip().strip('"') for name in next(rows, [])]
 
 
 def clips_of_manifest(path: Path, folder: Path) -> Iterator[Clip]:

@@ -56,10 +56,11 @@ def read_bytes(path: Path, limit: int = SIZE_LIMIT) -> bytes:
 
 
 def open_text(path: Path, limit: int) -> TextIO:
-    """A text file to be read line by line; `InputError` as `read_bytes`."""
+    """A text file to be read line by line, without the mark that Excel begins UTF-8 with;
+    `InputError` as `read_bytes`."""
     try:
         refuse_large(path, limit)
-        return path.open(encoding="utf-8", errors="replace", newline="")
+        return path.open(encoding="utf-8-sig", errors="replace", newline="")
     except OSError as error:
         raise unreadable(path, error) from None
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
-from pathlib import Path
+from pathlib import Path, PurePath
 
 import numpy as np
 from jaxtyping import Shaped
@@ -225,11 +225,14 @@ def timing_of(
 
 
 def paths_matching(path: Path, pattern: str) -> Iterator[Path]:
-    """What is at or below a path and is named as a file ("*.npz") or a folder ("meta/"), sorted."""
+    """What is at or below a path and is named as a file ("*.npz") or a folder ("meta/"), sorted.
+
+    The name of the path itself may be in capitals.
+    """
     if not path.exists():
         raise InputError(f"{path}: no such file or folder; check the path")
     name, folders = pattern.rstrip("/"), pattern.endswith("/")
-    if path.match(name) and path.is_dir() == folders:
+    if PurePath(path.name.lower()).match(name.lower()) and path.is_dir() == folders:
         yield path
     elif path.is_dir():
         yield from sorted(p for p in path.rglob(name) if p.is_dir() == folders)

@@ -84,7 +84,7 @@ def read_matrix(path: Path) -> Array:
 def read_json(path: Path) -> Any:
     """The value in a JSON file; of one with a value a line (.jsonl), the list of them."""
     try:
-        if path.suffix == ".jsonl":
+        if path.suffix.lower() == ".jsonl":
             return [json.loads(line) for line in read_bytes(path, JSON_LIMIT).splitlines() if line]
         return json.loads(read_bytes(path, JSON_LIMIT))
     except (ValueError, RecursionError) as error:

@@ -143,7 +143,7 @@ def batches_of_folder(folder: Path, notes: list[str]) -> Iterator[Batch]:
 
 def value_in(file: Path) -> Any:
     """What a file holds; an array of objects as the list of them."""
-    value = read_json(file) if file.suffix == ".json" else read_values(file)
+    value = read_json(file) if file.suffix.lower() == ".json" else read_values(file)
     return value.tolist() if isinstance(value, np.ndarray) and value.ndim else value
 
 

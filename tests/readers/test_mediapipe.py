@@ -258,6 +258,30 @@ def test_tables_are_read_without_a_source(name, tmp_path):
     np.testing.assert_allclose(hand.joints, POINTS, atol=1e-6)
 
 
+def test_a_table_of_excel_keeps_the_numbers_of_its_frames(tmp_path):
+    header, rows = TABLES["x0"]
+    write_table(tmp_path / "hand.csv", header, [rows[0], rows[1], rows[4]])
+    text = (tmp_path / "hand.csv").read_text()
+    (tmp_path / "hand.csv").write_text(text, encoding="utf-8-sig")
+    (hand,) = geneoh.load(tmp_path / "hand.csv", side="right", object_pose=POSES).hands
+    assert hand.valid.tolist() == [True, True, False, False, True]
+
+
+@pytest.mark.parametrize("name", ["HAND.CSV", "HAND.JSON", "HAND.JSONL", "HAND.NPY"])
+def test_endings_may_be_in_capitals(name, tmp_path):
+    path = tmp_path / name
+    if name.endswith("CSV"):
+        write_table(path, *TABLES["x0"])
+    elif name.endswith("NPY"):
+        with path.open("wb") as file:
+            np.save(file, POINTS)
+    else:
+        lines = [json.dumps(python_task(points)) for points in POINTS]
+        path.write_text("\n".join(lines) if name.endswith("L") else f"[{','.join(lines)}]")
+    (hand,) = geneoh.load(path, side="right", object_pose=POSES).hands
+    np.testing.assert_allclose(hand.joints, POINTS, atol=1e-6)
+
+
 def test_decimal_commas_are_read_where_semicolons_separate_cells(tmp_path):
     path = tmp_path / "hand.csv"
     write_table(path, *TABLES["x0"])

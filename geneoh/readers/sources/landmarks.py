@@ -41,7 +41,7 @@ AS_DESCRIBED = "write it as the page on estimators says"
 def landmarks(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Up to two hands, with the caller's object."""
     where = str(clip.path)
-    if clip.path.suffix == ".csv":
+    if clip.path.suffix.lower() == ".csv":
         yield foreign_parts(clip, read_points(clip.path, options.side), options)
         return
     value = foreign_files.read_json(clip.path)
