@@ -13,14 +13,11 @@ from geneoh.choices import OF_SOURCES, JointOrder, Side, Translation, Unit
 from geneoh.errors import InputError
 from geneoh.geometry.mesh import Mesh
 from geneoh.hand.mano import AS_SHIPPED, ManoName
-from geneoh.readers.clock import Clock, clock_of, unread_times
+from geneoh.readers.clock import Clock
 from geneoh.readers.mano import Mano, read_mano
-from geneoh.readers.records import Array, Place, Record
+from geneoh.readers.records import Array, Place
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 from geneoh.sequence.windows import runs
-
-ASSUMED_FPS = 30.0
-"""Frame rate of a file that says none, the commonest; it is always noted."""
 
 
 @dataclass(frozen=True)
@@ -192,38 +189,6 @@ class Recording:
     cross_checks: CrossChecks = field(default_factory=CrossChecks)
 
 
-def rate_of(stored: float | None, given: float | None, where: str) -> tuple[float, tuple[str, ...]]:
-    """Frames a second: the file's, else the caller's, else the assumed rate, which is noted."""
-    if stored is not None and given is not None and stored != given:
-        raise InputError(
-            f"{where}: the file says {stored:g} frames a second, got --fps {given:g}; drop one of "
-            "the two"
-        )
-    rate = stored if given is None else given
-    if rate is not None:
-        return rate, ()
-    return ASSUMED_FPS, (f"{ASSUMED_FPS:g} frames a second assumed; --fps says otherwise",)
-
-
-def timing_of(
-    record: Record, frames: int, given: float | None
-) -> tuple[float, Clock | None, tuple[str, ...]]:
-    """Frames a second, when so many frames of a file were taken, and what a user should know.
-
-    By the fields of the file and the caller's rate; see `rate_of`.
-    """
-    stored = record.optional_number("fps", "save it as fps=30.0")
-    said = given if stored is None else stored
-    clock = clock_of(record, frames, said)
-    about = unread_times(record, frames) if clock is None else clock.notes
-    if said is None and clock is not None and clock.fps is not None:
-        return clock.fps, clock, about
-    rate, notes = rate_of(stored, given, record.where)
-    if clock is not None:
-        rate = rate / clock.stride if clock.fps is None else clock.fps
-    return rate, clock, (*about, *notes)
-
-
 def paths_matching(path: Path, pattern: str) -> Iterator[Path]:
     """What is at or below a path and is named as a file ("*.npz") or a folder ("meta/"), sorted.
 
@@ -241,7 +206,12 @@ def paths_matching(path: Path, pattern: str) -> Iterator[Path]:
 def clip_name(path: Path, parts: int) -> str:
     """The last parts of a path without ending, fit for a file name."""
     words = [*path.resolve().parts[-parts:-1], path.name.split(".")[0]]
-    return "/".join("".join(c if c.isalnum() or c in "-_+" else "_" for c in w) for w in words)
+    return "/".join(map(fit_for_name, words))
+
+
+def fit_for_name(text: str) -> str:
+    """A text whose signs all systems take in names of files."""
+    return "".join(c if c.isalnum() or c in "-_+" else "_" for c in text)
 
 
 def ancestor(path: Path, levels: int) -> Path:

@@ -215,14 +215,13 @@ def hand_in_frame(hand: HandTrack, frame: Array) -> HandTrack:
 
 
 def sequence_of(
-    hands: Iterable[HandTrack], motion: ObjectTrack, fps: float, source: str, notes: Iterable[str]
+    hands: list[HandTrack], motion: ObjectTrack, fps: float, source: str, notes: Iterable[str]
 ) -> Sequence:
-    """A sequence of the hands that were observed in some frame, with notes in its source."""
-    observed = tuple(hand for hand in hands if bool(hand.valid.any()))
-    if not observed:
+    """A sequence of hands that were observed in some frame, with notes in its source."""
+    if not hands:
         raise InputError(f"{source}: expected a hand in some frame, got none; nothing to clean")
     words = "; ".join(dict.fromkeys(notes))
-    return Sequence(observed, motion, fps, f"{source} ({words})" if words else source)
+    return Sequence(tuple(hands), motion, fps, f"{source} ({words})" if words else source)
 
 
 def part_of(sequence: Sequence, span: slice) -> Sequence:

@@ -29,6 +29,8 @@ TIME_NAMES = {name: None for name in ("time", "times", "timestamp", "timestamps"
 }
 """Fields of times, with the seconds of their unit where the name says it."""
 CLOCK_NAMES = (*TIME_NAMES, *FRAME_NAMES)
+ASSUMED_FPS = 30.0
+"""Frame rate of a file that says none, the commonest; it is always noted."""
 SLOWEST, FASTEST = 5.0, 240.0
 """Frames a second of recordings, by which the unit of times is told whose name does not say it."""
 EVEN = 0.1
@@ -115,6 +117,38 @@ def observed_in(hand: HandTrack, valid: Bool[Tensor, " T"]) -> HandTrack:
         return values.masked_fill(lost, torch.nan) if values.is_floating_point() else valid
 
     return hand.map(masked, FRAMES)
+
+
+def rate_of(stored: float | None, given: float | None, where: str) -> tuple[float, tuple[str, ...]]:
+    """Frames a second: the file's, else the caller's, else the assumed rate, which is noted."""
+    if stored is not None and given is not None and stored != given:
+        raise InputError(
+            f"{where}: the file says {stored:g} frames a second, got --fps {given:g}; drop one of "
+            "the two"
+        )
+    rate = stored if given is None else given
+    if rate is not None:
+        return rate, ()
+    return ASSUMED_FPS, (f"{ASSUMED_FPS:g} frames a second assumed; --fps says otherwise",)
+
+
+def timing_of(
+    record: Record, frames: int, given: float | None
+) -> tuple[float, Clock | None, tuple[str, ...]]:
+    """Frames a second, when so many frames of a file were taken, and what a user should know.
+
+    By the fields of the file and the caller's rate; see `rate_of`.
+    """
+    stored = record.optional_number("fps", "save it as fps=30.0")
+    said = given if stored is None else stored
+    clock = clock_of(record, frames, said)
+    about = unread_times(record, frames) if clock is None else clock.notes
+    if said is None and clock is not None and clock.fps is not None:
+        return clock.fps, clock, about
+    rate, notes = rate_of(stored, given, record.where)
+    if clock is not None:
+        rate = rate / clock.stride if clock.fps is None else clock.fps
+    return rate, clock, (*about, *notes)
 
 
 def clock_of(record: Record, frames: int, said: float | None) -> Clock | None:

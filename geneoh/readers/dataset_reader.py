@@ -18,7 +18,7 @@ from geneoh.readers.base import ClipParts, CrossChecks, ReaderOptions, Recording
 from geneoh.readers.records import Array
 from geneoh.readers.transforms import refuse_bottom_row
 from geneoh.sequence.camera import seen_from
-from geneoh.sequence.sequence import Sequence
+from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
 
 Matches = Iterable[Path]
 """Files and folders whose names fit."""
@@ -79,42 +79,25 @@ class DatasetReader:
 
     def whole(self, parts: ClipParts, clip: SourceClip, options: ReaderOptions) -> Recording:
         """One interaction with all of its frames, as labels of frames count them."""
-        where, notes = str(clip.path), list(parts.notes)
-        if parts.stated is not None:
-            motion, names = parts.stated, ()
-        elif parts.motion is None:
-            frames = parts.hands[0].frames if parts.hands else 1
-            motion, about_object = builders.callers_object(options, frames, where, parts.first)
-            names = ()
-            notes = [*about_object, *notes]
-        else:
-            kept = frames_to_keep(parts, len(parts.motion))
-            refuse_bottom_row(where, "the object's poses", parts.motion, kept)
-            motion = builders.object_track(parts.meshes.values(), parts.motion)
-            names = tuple(parts.meshes)
+        where, checks = str(clip.path), parts.cross_checks
+        motion, about_object = object_of(parts, options, where)
         motion, about_meshes = meshes.with_parts(motion)
-        notes += about_meshes
+        names = tuple(parts.meshes)
         if len(names) != len(motion.meshes):
             names = tuple(f"{clip.name}_{index}" for index in range(len(motion.meshes)))
+        notes = [*about_object, *parts.notes, *about_meshes]
         if self.fps_assumed and options.fps is None:
             notes.append(f"{self.fps:g} frames a second assumed; --fps says otherwise")
-        hands, convention = [], parts.convention or self.convention
-        for hand in parts.hands:
-            about_hand = ()
-            if isinstance(hand, base.ManoParameters):
-                hand, about_hand = builders.mano_track(hand, convention, options, where)
-            if bool(hand.valid.any()):
-                hands.append(hand)
-                notes += about_hand
+        hands, about_hands = hands_of(parts, parts.convention or self.convention, options, where)
         rate = self.fps if parts.fps is None else parts.fps
         rate = options.rate(rate) if parts.clock is None else rate
+        notes += about_hands
         sequence = builders.sequence_of(hands, motion, rate, parts.source, notes)
-        refuse_other_frames(where, sequence, parts.cross_checks)
+        refuse_other_frames(where, sequence, checks)
         camera = parts.camera if options.camera is None else options.camera
         if camera is not None:
             place = torch.tensor([camera], dtype=torch.float32)
             sequence = seen_from(sequence, place, f"{where}: the camera's position")
-        checks = parts.cross_checks
         if parts.clock is not None:
             sequence, nearest = parts.clock.even(sequence)
             checks = checks[nearest]
@@ -126,6 +109,35 @@ def reads(
 ) -> Callable[[Callable[[SourceClip, ReaderOptions], base.Parts]], DatasetReader]:
     """Make the function below a reader; the arguments are the fields of `DatasetReader`."""
     return lambda parts: DatasetReader(parts, patterns, **how)
+
+
+def object_of(
+    parts: ClipParts, options: ReaderOptions, where: str
+) -> tuple[ObjectTrack, tuple[str, ...]]:
+    """The object of an interaction, or the caller's where its source has none, and a note then."""
+    if parts.stated is not None:
+        return parts.stated, ()
+    if parts.motion is None:
+        frames = parts.hands[0].frames if parts.hands else 1
+        return builders.callers_object(options, frames, where, parts.first)
+    kept = frames_to_keep(parts, len(parts.motion))
+    refuse_bottom_row(where, "the object's poses", parts.motion, kept)
+    return builders.object_track(parts.meshes.values(), parts.motion), ()
+
+
+def hands_of(
+    parts: ClipParts, convention: base.ManoConvention, options: ReaderOptions, where: str
+) -> tuple[list[HandTrack], list[str]]:
+    """The hands that were observed in some frame, and what was assumed of them."""
+    hands, notes = [], []
+    for hand in parts.hands:
+        about = ()
+        if isinstance(hand, base.ManoParameters):
+            hand, about = builders.mano_track(hand, convention, options, where)
+        if bool(hand.valid.any()):
+            hands.append(hand)
+            notes += about
+    return hands, notes
 
 
 def frames_to_keep(parts: ClipParts, frames: int) -> Array:

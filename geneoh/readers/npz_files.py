@@ -17,7 +17,7 @@ from geneoh.geometry.mesh import METRES, Mesh, MeshInput, meshes_of
 from geneoh.hand.mano import AS_SHIPPED, MENDED
 from geneoh.modes import undisturbed
 from geneoh.readers import foreign_files, npz_layouts
-from geneoh.readers.base import timing_of
+from geneoh.readers.clock import timing_of
 from geneoh.readers.joint_orders import in_openpose_order, order_named
 from geneoh.readers.meshes import FILES, HASHES, IN_NO_FILE, find_meshes, mesh_arrays, with_parts
 from geneoh.readers.npz_layouts import CAMERA_FIELDS, FORMAT, OBJECT_FIELDS, own_names, quoted

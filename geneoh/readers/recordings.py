@@ -13,7 +13,14 @@ from geneoh.errors import ConfigError, InputError
 from geneoh.files.outputs import lies_within
 from geneoh.geometry.mesh import METRES, MeshInput, meshes_of
 from geneoh.modes import undisturbed
-from geneoh.readers.base import OF_SOME, ReaderOptions, Recording, SourceClip, clip_name
+from geneoh.readers.base import (
+    OF_SOME,
+    ReaderOptions,
+    Recording,
+    SourceClip,
+    clip_name,
+    fit_for_name,
+)
 from geneoh.readers.foreign_files import AS_MATRICES, POSE_SHAPES, read_poses
 from geneoh.readers.records import Array, Record, place_of
 from geneoh.readers.registry import SOURCES, Source
@@ -94,7 +101,8 @@ def find_clips(source: Source, paths: list[Path], results: Path | None = None) -
             raise InputError(f"{path}: no such file or folder; check the path")
         clips = source.reader().find(path.resolve())
         if results is not None and not lies_within(path, results):
-            clips = [clip for clip in clips if not lies_within(clip.path, results)]
+            written = results.resolve()
+            clips = [clip for clip in clips if not clip.path.resolve().is_relative_to(written)]
         if not clips:
             raise InputError(
                 f"{path}: expected files of {source.title} at or below it, got none; give a folder "
@@ -110,14 +118,16 @@ def with_distinct_names(clips: list[SourceClip]) -> list[SourceClip]:
     longest = max((len(clip.path.resolve().parts) for clip in clips), default=0)
     count = Counter(clip.name for clip in clips)
     alike = Counter(clip_name(clip.path, longest) for clip in clips if count[clip.name] > 1)
+
+    def longer(clip: SourceClip, parts: int) -> str:
+        front = clip.name if parts == 1 else clip_name(clip.path, parts)
+        return front + (ending_of(clip.path) if alike[clip_name(clip.path, longest)] > 1 else "")
+
     names = [clip.name for clip in clips]
     for parts in range(1, longest + 1):
         count = Counter(names)
-        for index, clip in enumerate(clips):
-            if count[names[index]] > 1:
-                front = clip.name if parts == 1 else clip_name(clip.path, parts)
-                end = ending_of(clip.path) if alike[clip_name(clip.path, longest)] > 1 else ""
-                names[index] = front + end
+        named = zip(clips, names, strict=True)
+        names = [longer(clip, parts) if count[name] > 1 else name for clip, name in named]
     count = Counter(names)
     for clip, name in zip(clips, names, strict=True):
         if count[name] > 1:
@@ -128,7 +138,7 @@ def with_distinct_names(clips: list[SourceClip]) -> list[SourceClip]:
 def ending_of(path: Path) -> str:
     """What follows the first dot of a file's name, fit for the end of a clip's name."""
     rest = path.name.partition(".")[2]
-    return "".join(c if c.isalnum() or c in "-_+" else "_" for c in rest and f"_{rest}")
+    return fit_for_name(rest and f"_{rest}")
 
 
 def read_clip(source: Source, clip: SourceClip, options: ReaderOptions) -> list[Recording]:

@@ -23,10 +23,10 @@ from geneoh.body.skeleton import JOINT_NAMES, PARENTS, WRISTS, Skeleton, embedde
 from geneoh.choices import SIDES, Axis
 from geneoh.errors import InputError
 from geneoh.geometry.rotations import shortest_turn
-from geneoh.readers.base import rate_of
 from geneoh.readers.bodies.base import BodyRecording, checked, upright
 from geneoh.readers.bodies.bvh_file import BvhFile, read_bvh_file
 from geneoh.readers.bodies.bvh_names import FINGER_WORDS, NEEDED, match_joints
+from geneoh.readers.clock import rate_of
 from geneoh.readers.npz_layouts import quoted
 from geneoh.sequence.body_hands import hand_offsets
 

@@ -21,9 +21,9 @@ from geneoh.choices import AXES, Axis
 from geneoh.errors import InputError
 from geneoh.files.values import read_values
 from geneoh.geometry.rotations import axis_angle_to_matrix
-from geneoh.readers.base import rate_of
 from geneoh.readers.bodies.base import BodyRecording, checked, upright
 from geneoh.readers.bodies.model import RestBody, embedded_body, read_model
+from geneoh.readers.clock import rate_of
 from geneoh.readers.npz_layouts import quoted
 from geneoh.readers.records import Array, Record, as_record, float32
 from geneoh.sequence.validation import LARGEST_ANGLE

@@ -53,7 +53,7 @@ def arctic(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     stem = clip.path.name.removesuffix(".mano.npy")
     values = read_array(clip.path.with_name(f"{stem}.object.npy"), ("T", 7))
     folder = options.objects or base.ancestor(clip.path, 3) / TEMPLATES
-    meshes, contradictions = read_parts(folder, stem.split("_")[0])
+    meshes, contradictions = read_parts(folder / stem.split("_")[0])
     yield base.ClipParts(
         f"ARCTIC {clip.name}",
         [read_hand(record.record(side), side) for side in ("right", "left")],
@@ -77,9 +77,8 @@ def arctic_processed(clip: base.SourceClip, options: base.ReaderOptions) -> base
     params, world = (record if flat else record.record(n) for n in ("params", "world_coord"))
     values = params.side_by_side(obj_arti=1, obj_rot=3, obj_trans=3)
     motion = part_motion(values[:, 0], values[:, 1:4], values[:, 4:] * MILLIMETRES)
-    name = clip.path.stem.split("_")[0]
-    folder = options.objects or templates(clip.path)
-    meshes, contradictions = read_parts(folder, name)
+    folder = (options.objects or templates(clip.path)) / clip.path.stem.split("_")[0]
+    meshes, contradictions = read_parts(folder)
     joints: dict[Side, Array] = {}
     for side in ("right", "left"):
         stored = world.optional_array(f"joints.{side}", (len(motion), 21, 3))
@@ -88,7 +87,7 @@ def arctic_processed(clip: base.SourceClip, options: base.ReaderOptions) -> base
     verts = world.optional_array("verts.object", (len(motion), "V", 3))
     moved = None
     if verts is not None and verts.shape[1] == sum(len(m.verts) for m in meshes.values()):
-        moved = verts.mean(1, keepdims=True), mean_vertex(folder, name, motion)
+        moved = verts.mean(1, keepdims=True), mean_vertex(folder, motion)
     yield base.ClipParts(
         f"ARCTIC {clip.name} (processed)",
         [read_hand(params, side, f"_{side[0]}", joints.get(side)) for side in ("right", "left")],
@@ -112,7 +111,7 @@ def arcticnet(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
             f"{clip.path}: predictions come without object meshes; pass --objects with "
             "ARCTIC's folder meta/object_vtemplates"
         )
-    meshes, contradictions = read_parts(options.objects, words[1])
+    meshes, contradictions = read_parts(options.objects / words[1])
     first = min(numbers)
     images = Images(clip.path / "preds", np.array(numbers) - first)
     motion = part_motion(
@@ -203,19 +202,19 @@ def part_motion(angle: Array, orient: Array, shift: Array) -> Array:
     return np.stack([rigid_matrices(whole, shift), rigid_matrices(opened, shift)], axis=1)
 
 
-def read_parts(folder: Path, name: str) -> tuple[dict[str, Mesh], tuple[str, ...]]:
-    """Bottom and top in metres, and what contradicts the meaning of the parts' file."""
-    mesh, ids = read_template(folder, name)
-    where = str(folder / name / "mesh.obj")
+def read_parts(folder: Path) -> tuple[dict[str, Mesh], tuple[str, ...]]:
+    """Bottom and top of a template in metres, and what contradicts the meaning of its parts."""
+    mesh, ids = read_template(folder)
+    where = str(folder / "mesh.obj")
     bottom, top = (part_of_mesh(mesh, ids == part, where) for part in (BOTTOM, TOP))
-    meshes = {f"arctic_{name}_bottom": bottom, f"arctic_{name}_top": top}
-    return meshes, exchanged_parts(folder / name, bottom, top)
+    meshes = {f"arctic_{folder.name}_bottom": bottom, f"arctic_{folder.name}_top": top}
+    return meshes, exchanged_parts(folder, bottom, top)
 
 
-def read_template(folder: Path, name: str) -> tuple[Mesh, Array]:
+def read_template(folder: Path) -> tuple[Mesh, Array]:
     """The mesh of a whole object in metres, and (V,) the part of each vertex."""
-    parts = folder / name / "parts.json"
-    mesh = find_mesh([folder / name / "mesh.obj"], name, MILLIMETRES)
+    parts = folder / "parts.json"
+    mesh = find_mesh([folder / "mesh.obj"], folder.name, MILLIMETRES)
     ids = Record(str(parts), {"parts": read_json(parts)}).array("parts", ("V",))
     if len(ids) != len(mesh.verts):
         raise InputError(
@@ -251,9 +250,9 @@ def templates(path: Path) -> Path:
     return next((place for place in places if place.is_dir()), places[0])
 
 
-def mean_vertex(folder: Path, name: str, motion: Array) -> Array:
-    """(T, 1, 3) mean of the object's vertices, each moved with its part."""
-    mesh, ids = read_template(folder, name)
+def mean_vertex(folder: Path, motion: Array) -> Array:
+    """(T, 1, 3) mean of the vertices of the object in a folder, each moved with its part."""
+    mesh, ids = read_template(folder)
     verts = mesh.verts.double().numpy()
     total = np.zeros((len(motion), 3))
     for index, part in enumerate((BOTTOM, TOP)):

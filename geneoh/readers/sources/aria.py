@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from geneoh.choices import Side
 from geneoh.readers import base, builders, foreign_files, joint_orders, transforms
+from geneoh.readers.clock import timing_of
 from geneoh.readers.dataset_reader import reads
 from geneoh.readers.records import Array, Record
 
@@ -36,7 +37,7 @@ def aria(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Both hands at even steps of time, in the world where the trajectory is there."""
     record = foreign_files.read_table(clip.path, TRACKING)
     seconds = record.array("tracking_timestamp_us", ("T",)) * MICROSECONDS
-    rate, clock, notes = base.timing_of(record, len(seconds), options.fps)
+    rate, clock, notes = timing_of(record, len(seconds), options.fps)
     device, about_device = read_device(base.ancestor(clip.path, 2), seconds)
     hands = []
     for side in ("right", "left"):

@@ -26,6 +26,7 @@ from geneoh.errors import InputError
 from geneoh.files.values import read_values
 from geneoh.geometry.mesh import METRES
 from geneoh.readers import base, builders, npz_layouts
+from geneoh.readers.clock import timing_of
 from geneoh.readers.dataset_reader import reads
 from geneoh.readers.joint_orders import in_openpose_order, order_named
 from geneoh.readers.mediapipe import refuse_image_landmarks
@@ -63,7 +64,7 @@ def keypoints(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     points, confidence, missed = without_missing(points, read_confidence(record, "confidence"))
     joints, notes = observed(record, side, "joints", points.numpy())
     hand = builders.hand_track(side, joints, None if confidence is None else confidence.numpy())
-    rate, clock, more = base.timing_of(record, hand.frames, options.fps)
+    rate, clock, more = timing_of(record, hand.frames, options.fps)
     source = f"{clip.path.name} (keypoints in the order {order})"
     checks = base.CrossChecks({side: joints})
     motion, about = stated_object(record, options)
@@ -93,7 +94,7 @@ def parameters(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts
     hand = base.ManoParameters(side, pose, place, betas, confidence=trust)
     if options.mean_pose is None:
         notes = (*notes, "the pose is taken as absolute axis-angle vectors, not PCA coefficients")
-    rate, clock, more = base.timing_of(record, hand.frames, options.fps)
+    rate, clock, more = timing_of(record, hand.frames, options.fps)
     use = base.ManoConvention(options.translation, mean_added=bool(options.mean_pose))
     source = f"{clip.path.name} (MANO parameters)"
     motion, about = stated_object(record, options)

@@ -20,6 +20,7 @@ from geneoh.errors import InputError
 from geneoh.files.journal import JOURNALS
 from geneoh.geometry.mesh import METRES
 from geneoh.readers import base, builders, foreign_files, joint_orders
+from geneoh.readers.clock import timing_of
 from geneoh.readers.dataset_reader import reads
 from geneoh.readers.hand_checks import curls_backward
 from geneoh.readers.landmark_tables import read_points
@@ -99,7 +100,7 @@ def foreign_parts(
         tracks = {OTHER_SIDE[side]: track for side, track in tracks.items() if side}
         notes = (*notes, SWAPPED_NOTE)
     frames = max((len(track.points) for track in tracks.values()), default=0)
-    rate, clock, about_time = base.timing_of(found.stamps, frames, options.fps)
+    rate, clock, about_time = timing_of(found.stamps, frames, options.fps)
     scale = METRES[options.keypoint_unit or "m"]
     return base.ClipParts(
         clip.path.name,
