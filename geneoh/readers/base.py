@@ -59,10 +59,6 @@ class ReaderOptions:
         """One side of the user's MANO, where there are files of it."""
         return None if self.mano_dir is None else read_mano(self.mano_dir, side, left_hand)
 
-    def rate(self, default: float) -> float:
-        """Frames a second of a source, unless the caller knows better."""
-        return default if self.fps is None else self.fps
-
 
 OF_SOME = (*OF_SOURCES, "object_pose", "joint_order", "keypoint_unit")
 """Options that mean something for some sources only; each reader says which it takes."""

@@ -90,7 +90,8 @@ class DatasetReader:
             notes.append(f"{self.fps:g} frames a second assumed; --fps says otherwise")
         hands, about_hands = hands_of(parts, parts.convention or self.convention, options, where)
         rate = self.fps if parts.fps is None else parts.fps
-        rate = options.rate(rate) if parts.clock is None else rate
+        if parts.clock is None and options.fps is not None:
+            rate = options.fps
         notes += about_hands
         sequence = builders.sequence_of(hands, motion, rate, parts.source, notes)
         refuse_other_frames(where, sequence, checks)

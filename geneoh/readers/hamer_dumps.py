@@ -251,7 +251,7 @@ def place_of(record: Record, right: Array, focal: float | None) -> tuple[Array, 
     if (camera[:, 0] <= 0).any():
         raise record.refuse("pred_cam", "a positive scale and two shifts in each row")
     cam, centre, size, image = camera[:, :3], camera[:, 3:5], camera[:, 5], camera[:, 6:]
-    focal = DEMO_FOCAL * image.max(1) if focal is None else focal
+    length = DEMO_FOCAL * image.max(1) if focal is None else focal
     spread = size * cam[:, 0] + 1e-9  # as HaMeR has it, against a division by zero
     shift = 2 * (centre - image / 2) / spread[:, None]
     # The demos turn pred_cam's sign in place; pred_cam_t keeps what it was.
@@ -259,7 +259,7 @@ def place_of(record: Record, right: Array, focal: float | None) -> tuple[Array, 
     if len(own) != len(right):
         raise record.refuse("pred_cam_t", "one row for each detection")
     across = own[:, 0] * (2 * right - 1)
-    place = np.stack([across + shift[:, 0], cam[:, 2] + shift[:, 1], 2 * focal / spread], axis=1)
+    place = np.stack([across + shift[:, 0], cam[:, 2] + shift[:, 1], 2 * length / spread], axis=1)
     return place, np.full(cam.shape, np.nan) if "pred_cam_t" in record else cam
 
 

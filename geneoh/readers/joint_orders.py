@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geneoh.choices import JointOrder
-from geneoh.errors import ConfigError
 from geneoh.readers.records import Array, Record
 
 
@@ -32,13 +31,6 @@ THUMB_BASE, THUMB_NEXT = 1, 2
 THUMB_BASE_SHARE = 0.4
 """Place of the thumb's base between the wrist and the next joint of the thumb, as a share of that
 way, in MANO's mean hand."""
-
-
-def order_named(name: JointOrder) -> Order:
-    """The order that an option names; `ConfigError` where there is none."""
-    if name not in ORDERS:
-        raise ConfigError(f"--joint-order {name}: expected {', '.join(ORDERS)}")
-    return ORDERS[name]
 
 
 def openpose_order(points: Array, order: JointOrder) -> tuple[Array, Array]:

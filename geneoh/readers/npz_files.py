@@ -18,7 +18,7 @@ from geneoh.hand.mano import AS_SHIPPED, MENDED
 from geneoh.modes import undisturbed
 from geneoh.readers import foreign_files, npz_layouts
 from geneoh.readers.clock import timing_of
-from geneoh.readers.joint_orders import in_openpose_order, order_named
+from geneoh.readers.joint_orders import ORDERS, in_openpose_order
 from geneoh.readers.meshes import FILES, HASHES, IN_NO_FILE, find_meshes, mesh_arrays, with_parts
 from geneoh.readers.npz_layouts import CAMERA_FIELDS, FORMAT, OBJECT_FIELDS, own_names, quoted
 from geneoh.readers.npz_tracks import Notes, read_hands, read_object
@@ -115,7 +115,7 @@ def load(
     if made_from:
         source = f"{source} made from {shortened(made_from, 300)}"
     motion = replace(sequence.object, missing=missing)
-    left_out = npz_layouts.left_out(record)
+    left_out = npz_layouts.BODY_LEFT_OUT if "body_pose" in record else ""
     sequence = replace(sequence, object=motion, source=source, left_out=left_out)
     check_sequence(sequence, str(path))
     return sequence
@@ -123,11 +123,12 @@ def load(
 
 def with_joint_order(record: Record, layout: npz_layouts.Layout, order: JointOrder) -> Record:
     """The fields with bare joints brought from the caller's order into OpenPose's."""
-    count = order_named(order).count
     if order == "openpose":
         return record
     refuse_layout(record, layout, "--joint-order", "in OpenPose order")
-    points = record.array("joints", ("T", count, 3), unit=f"in metres, in the order {order}")
+    points = record.array(
+        "joints", ("T", ORDERS[order].count, 3), unit=f"in metres, in the order {order}"
+    )
     return in_openpose_order(record, points, order)
 
 

@@ -64,6 +64,7 @@ MARKS: dict[Layout, tuple[str, ...]] = {
 BODY_LEFT_OUT = (
     "the body that the hands belong to is left out: its arms would not meet hands that have moved"
 )
+"""What a file of hands under smplx's names may hold that no sequence has, in words."""
 
 MOST_NAMES = 25
 """Names of fields that a message lists."""
@@ -133,11 +134,6 @@ def misspelt(record: Record, layout: Layout) -> list[str]:
     close = [(name, difflib.get_close_matches(name, missing, 1, TYPO_CUTOFF)) for name in unknown]
     said = "'{}' is not read; is it '{}'?"
     return [said.format(shortened(str(name), 40), match[0]) for name, match in close if match]
-
-
-def left_out(record: Record) -> str:
-    """What a file of hands holds that no sequence has, in words; empty where nothing."""
-    return BODY_LEFT_OUT if "body_pose" in record else ""
 
 
 def quoted(names: Iterable[object]) -> str:

@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -28,7 +29,7 @@ from geneoh.geometry.mesh import METRES
 from geneoh.readers import base, builders, npz_layouts
 from geneoh.readers.clock import timing_of
 from geneoh.readers.dataset_reader import reads
-from geneoh.readers.joint_orders import in_openpose_order, order_named
+from geneoh.readers.joint_orders import ORDERS, in_openpose_order
 from geneoh.readers.mediapipe import refuse_image_landmarks
 from geneoh.readers.missing_keypoints import without_missing
 from geneoh.readers.npz_tracks import (
@@ -50,7 +51,7 @@ PARAMETERS_REMEDY = "save 'pose', 'trans' and 'betas' in these shapes, or side b
 def keypoints(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """The one hand of a file, with the caller's object."""
     order = options.joint_order
-    count = order_named(order).count
+    count = ORDERS[order].count
     fields = fields_of(clip.path, lambda array: {"joints": array})
     record = Record(str(clip.path), fields, KEYPOINTS_REMEDY)
     side = side_of(record, options.side)
@@ -64,12 +65,12 @@ def keypoints(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     points, confidence, missed = without_missing(points, read_confidence(record, "confidence"))
     joints, notes = observed(record, side, "joints", points.numpy())
     hand = builders.hand_track(side, joints, None if confidence is None else confidence.numpy())
-    rate, clock, more = timing_of(record, hand.frames, options.fps)
-    source = f"{clip.path.name} (keypoints in the order {order})"
-    checks = base.CrossChecks({side: joints})
-    motion, about = stated_object(record, options)
-    timed = {"fps": rate, "clock": clock, "notes": (*missed, *notes, *about, *more)}
-    yield base.ClipParts(source, [hand], cross_checks=checks, stated=motion, **timed)
+    yield base.ClipParts(
+        f"{clip.path.name} (keypoints in the order {order})",
+        [hand],
+        cross_checks=base.CrossChecks({side: joints}),
+        **said_beside(record, hand.frames, options, (*missed, *notes)),
+    )
 
 
 @reads("*.npy", "*.npz", "*.pkl", takes=("translation", "mean_pose", "object_pose"))
@@ -94,12 +95,12 @@ def parameters(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts
     hand = base.ManoParameters(side, pose, place, betas, confidence=trust)
     if options.mean_pose is None:
         notes = (*notes, "the pose is taken as absolute axis-angle vectors, not PCA coefficients")
-    rate, clock, more = timing_of(record, hand.frames, options.fps)
-    use = base.ManoConvention(options.translation, mean_added=bool(options.mean_pose))
-    source = f"{clip.path.name} (MANO parameters)"
-    motion, about = stated_object(record, options)
-    timed = {"fps": rate, "clock": clock, "notes": (*notes, *about, *more)}
-    yield base.ClipParts(source, [hand], convention=use, stated=motion, **timed)
+    yield base.ClipParts(
+        f"{clip.path.name} (MANO parameters)",
+        [hand],
+        convention=base.ManoConvention(options.translation, mean_added=bool(options.mean_pose)),
+        **said_beside(record, hand.frames, options, notes),
+    )
 
 
 def fields_of(path: Path, named: Callable[[Array], dict[str, Array]]) -> dict[str, Array]:
@@ -113,6 +114,16 @@ def fields_of(path: Path, named: Callable[[Array], dict[str, Array]]) -> dict[st
             "give it to `geneoh denoise` without --from"
         )
     return value
+
+
+def said_beside(
+    record: Record, frames: int, options: base.ReaderOptions, notes: Notes
+) -> dict[str, Any]:
+    """Fields of `ClipParts` that a file says beside its hand: the times, the object, and notes."""
+    rate, clock, about_time = timing_of(record, frames, options.fps)
+    motion, about_object = stated_object(record, options)
+    notes = (*notes, *about_object, *about_time)
+    return {"fps": rate, "clock": clock, "stated": motion, "notes": notes}
 
 
 def stated_object(record: Record, options: base.ReaderOptions) -> tuple[ObjectTrack | None, Notes]:

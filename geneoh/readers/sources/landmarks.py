@@ -24,7 +24,7 @@ from geneoh.readers.clock import timing_of
 from geneoh.readers.dataset_reader import reads
 from geneoh.readers.hand_checks import curls_backward
 from geneoh.readers.landmark_tables import read_points
-from geneoh.readers.mediapipe import Landmarks, read_results
+from geneoh.readers.mediapipe import Landmarks, Tracks, read_results
 from geneoh.readers.npz_layouts import quoted
 from geneoh.readers.npz_tracks import side_of
 from geneoh.readers.records import Array, Record, as_record, float32
@@ -41,14 +41,16 @@ AS_DESCRIBED = "write it as the page on estimators says"
 )
 def landmarks(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     """Up to two hands, with the caller's object."""
-    where = str(clip.path)
     if clip.path.suffix.lower() == ".csv":
         yield foreign_parts(clip, read_points(clip.path, options.side), options)
         return
-    value = foreign_files.read_json(clip.path)
-    if found := read_results(value, where, options.side):
-        yield foreign_parts(clip, found, options)
-        return
+    value, where = foreign_files.read_json(clip.path), str(clip.path)
+    found = read_results(value, where, options.side)
+    yield foreign_parts(clip, found, options) if found else own_parts(value, clip.path.name, where)
+
+
+def own_parts(value: object, name: str, where: str) -> base.ClipParts:
+    """The interaction in a JSON of our own schema."""
     record = as_record(value, where, AS_DESCRIBED)
     if "format" not in record:
         raise InputError(
@@ -67,20 +69,22 @@ def landmarks(clip: base.SourceClip, options: base.ReaderOptions) -> base.Parts:
     sides: list[Side] = [side for side in ("right", "left") if side in hands]
     if not sides:
         raise record.refuse("hands", "a dict with 'right', 'left' or both")
-    frames = [hands.items(side) for side in sides]
-    lengths = {len(steps) for steps in frames}
+    frames: dict[Side, list[object]] = {side: hands.items(side) for side in sides}
+    lengths = {len(steps) for steps in frames.values()}
     if len(lengths) != 1 or lengths == {0}:
-        counts = ", ".join(f"{len(steps)} {s}" for s, steps in zip(sides, frames, strict=True))
+        counts = ", ".join(f"{len(steps)} {side}" for side, steps in frames.items())
         raise InputError(
             f"{hands.where}: expected as many frames for each hand, one or more, got {counts}; "
             "write null in frames where a hand was not seen"
         )
-    read = [read_frames(steps, order, hands.where) for steps in frames]
-    yield base.ClipParts(
-        clip.path.name,
-        [builders.hand_track(side, *points) for side, points in zip(sides, read, strict=True)],
+    read: dict[Side, tuple[Array, Array]] = {
+        side: read_frames(steps, order, hands.where) for side, steps in frames.items()
+    }
+    return base.ClipParts(
+        name,
+        [builders.hand_track(side, *points) for side, points in read.items()],
         fps=record.finite("fps"),
-        cross_checks=base.CrossChecks({s: p[0] for s, p in zip(sides, read, strict=True)}),
+        cross_checks=base.CrossChecks({side: joints for side, (joints, _) in read.items()}),
         camera=tuple(record.array("camera", (3,)).tolist()) if "camera" in record else None,
     )
 
@@ -89,7 +93,8 @@ def foreign_parts(
     clip: base.SourceClip, found: Landmarks, options: base.ReaderOptions
 ) -> base.ClipParts:
     """The interaction of landmarks whose file need not say a side."""
-    tracks, notes = found.tracks, found.notes
+    tracks: Tracks = found.tracks
+    notes = found.notes
     if len(tracks) == 1:  # the label of a side is a guess: the caller's word counts
         ((label, track),) = tracks.items()
         side = options.side or label or side_of(Record(str(clip.path), {}), None)
