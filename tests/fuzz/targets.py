@@ -20,8 +20,6 @@ from geneoh.denoisers.spatial import SpatialConfig
 from geneoh.denoisers.temporal import TemporalConfig
 from geneoh.hand.library import load_hand
 from geneoh.nn.checkpoint import Checkpoint, save_checkpoint
-from geneoh.readers.base import ReaderOptions
-from geneoh.readers.recordings import find_clips, read_clip, source_named
 from geneoh.synthesis.grasps import GraspChecks, GraspConfig
 from geneoh.synthesis.shards import SynthesisConfig, write_shards
 from geneoh.training.config import TrainConfig
@@ -185,8 +183,7 @@ def tree_target(case: Case, root: Path, mano: Path) -> list[Target]:
         write_object(root)
         options += ["--obj", "{in}/object.obj", "--object-pose", "{in}/pose.npy"]
         files += ["pose.npy"] if case.source == "keypoints" else []
-    for name, value in case.known:
-        value = f"{{in}}/data/{value}" if name in ("objects", "body") else value
+    for name, value in case.options(Path("{in}/data")).items():
         options += [f"--{name.replace('_', '-')}", str(value)]
     clip = clip_name(case, data, mano)
     denoise = ("denoise", start, "--from", case.source, *clip, *options, *QUICK)
@@ -201,8 +198,5 @@ def tree_target(case: Case, root: Path, mano: Path) -> list[Target]:
 
 def clip_name(case: Case, root: Path, mano: Path) -> tuple[str, ...]:
     """The option that chooses one recording, where a source holds several."""
-    known = {n: root / v if n in ("objects", "body") else v for n, v in case.known}
-    source, options = source_named(case.source), ReaderOptions(mano_dir=mano, **known)
-    clips = find_clips(source, [(root / case.start).resolve()])
-    names = [found.name for clip in clips for found in read_clip(source, clip, options)]
+    names = [recording.name for recording in case.read(root, mano)]
     return ("--clip", names[0]) if len(names) > 1 else ()

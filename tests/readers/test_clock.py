@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bad_inputs import good_arrays
-from trees import CASES, scene
+from trees import written
 
 import geneoh
 from geneoh.errors import InputError
@@ -249,9 +249,7 @@ def test_tables_whose_times_tell_no_frames_are_refused(times, words, tmp_path):
 
 
 def test_frames_that_aria_left_out_are_not_observed(tmp_path):
-    case = next(case for case in CASES if case.source == "aria")
-    s = scene()
-    case.build(tmp_path, s, False)
+    case = written("aria", tmp_path)
     table = tmp_path / "hand_tracking/hand_tracking_results.csv"
     lines = table.read_text().splitlines()
     table.write_text("\n".join(lines[:3] + lines[4:]))

@@ -6,13 +6,13 @@ import sys
 
 import pytest
 from damage import changed_value, damaged, forbid
-from trees import CASES, scene
+from trees import CASES
 
 from geneoh.files.journal import LOCK
 from geneoh.readers.base import ReaderOptions
 from geneoh.readers.convert import convert
 from geneoh.readers.npz_files import load
-from geneoh.readers.recordings import find_clips, source_named
+from geneoh.readers.recordings import source_named
 from geneoh.readers.registry import SOURCES
 
 TRIALS = 25
@@ -27,14 +27,10 @@ CHANGES = 8
 def test_damage_ends_in_one_sentence(case, tmp_path, mano_dir, monkeypatch):
     root, out = tmp_path / "in", tmp_path / "out"
     root.mkdir()
-    case.build(root, scene(case.left), False)
+    case.write(root)
     draw = random.Random(case.build.__name__)
-    source, start = source_named(case.source), (root / case.start).resolve()
-    known = ReaderOptions(
-        mano_dir=mano_dir,
-        **{n: root / v if n in ("objects", "body") else v for n, v in case.known},
-    )
-    clips = find_clips(source, [start])
+    source, clips = source_named(case.source), case.clips(root)
+    known = ReaderOptions(mano_dir, **case.options(root))
     assert not any(outcome.problem for outcome in convert(source, clips, None, known))
     forbid(monkeypatch)  # from here on: the first call of a function evaluates its annotations
     files = sorted(path for path in root.rglob("*") if path.is_file())
@@ -70,10 +66,8 @@ def assert_whole(out, files) -> None:
 def test_odd_values_in_a_sound_file_raise_no_error_of_ours(case, tmp_path, mano_dir, monkeypatch):
     root = tmp_path / "in"
     root.mkdir()
-    case.build(root, scene(case.left), False)
-    source = source_named(case.source)
-    options = {n: root / v if n in ("objects", "body") else v for n, v in case.known}
-    clips = find_clips(source, [(root / case.start).resolve()])
+    case.write(root)
+    source, options, clips = source_named(case.source), case.options(root), case.clips(root)
     decoded = count_decoded(monkeypatch)
     outcomes = list(convert(source, clips, None, ReaderOptions(mano_dir, **options)))
     assert not any(outcome.problem for outcome in outcomes)

@@ -9,9 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-import trees
-from trees import FRAMES, scene
-from trees.cases import CASES
+from trees import FRAMES, case_of, scene
 
 import geneoh
 from geneoh.errors import InputError
@@ -20,13 +18,13 @@ from geneoh.readers.transforms import axis_angles
 
 Image = dict[str, Any]
 
-CASE = next(case for case in CASES if case.source == "hamer")
+CASE = case_of("hamer")
 FOCAL = 600.0
 
 
 def images(root: Path) -> list[Image]:
     """The detections of each image of the known interaction, right and left, as arrays."""
-    trees.hamer(root, scene(CASE.left), False)
+    CASE.write(root)
     value = torch.load(root / "video.pt")
     (root / "video.pt").unlink()
     frame, params = value.pop("frame"), value.pop("pred_mano_params")

@@ -9,24 +9,16 @@ import numpy as np
 import pytest
 import torch
 import trees
-from trees import CASES, FRAMES, Case, scene
+from trees import CASES, FRAMES, Case, case_of, scene, written
 
 import geneoh
 from geneoh.errors import InputError
-from geneoh.readers.base import ReaderOptions, Recording, stretches
-from geneoh.readers.recordings import find_clips, read_clip, source_named
+from geneoh.readers.base import stretches
 
 LOST = 3
 """The frame that goes missing."""
-
-
-def read(name: str, root: Path, mano_dir: Path | None, case: Case | None = None) -> list[Recording]:
-    case = case or next(case for case in CASES if case.source == name)
-    source = source_named(name)
-    said = {n: root / v if n in ("objects", "body") else v for n, v in case.known}
-    known = ReaderOptions(mano_dir=mano_dir, **said)
-    clips = find_clips(source, [root / case.start])
-    return [recording for clip in clips for recording in read_clip(source, clip, known)]
+LEFT_CLIPS = next(case for case in CASES if case.build is trees.grab_clips_left)
+HAMER = case_of("hamer")
 
 
 def repickle(path: Path, change) -> None:
@@ -105,6 +97,12 @@ def lose_landmarks(root: Path) -> None:
     (root / "hands.json").write_text(json.dumps(value))
 
 
+def hamer_dump(root: Path) -> dict[str, Any]:
+    """What the dump of HaMeR holds that is written below a folder."""
+    HAMER.write(root)
+    return torch.load(root / "video.pt")
+
+
 def lose_hamer(root: Path) -> None:
     value = torch.load(root / "video.pt")
     keep = ~((value["frame"] == LOST) & (value["right"] > 0.5))
@@ -142,10 +140,9 @@ def lose_oakink(root: Path) -> None:
     ids=lambda value: getattr(value, "__name__", str(value)),
 )
 def test_a_missing_hand_is_a_masked_frame(name, lose, with_mano, tmp_path, mano_dir):
-    case = next(case for case in CASES if case.source == name)
-    case.build(tmp_path, scene(case.left), False)
+    case = written(name, tmp_path)
     lose(tmp_path)
-    (recording,) = read(name, tmp_path, mano_dir if with_mano else None)
+    (recording,) = case.read(tmp_path, mano_dir if with_mano else None)
     hand = recording.sequence.hand("right")
     assert hand.valid.tolist() == [t != LOST for t in range(FRAMES)]
     for part in (hand.joints, hand.pose, hand.wrist):
@@ -209,10 +206,9 @@ def spoil_oakink2(root: Path) -> None:
     ids=lambda value: getattr(value, "__name__", str(value)),
 )
 def test_a_missing_object_splits_the_recording(name, lose, tmp_path, mano_dir):
-    case = next(case for case in CASES if case.source == name)
-    case.build(tmp_path, scene(case.left), False)
+    case = written(name, tmp_path)
     lose(tmp_path)
-    before, after = (recording.sequence for recording in read(name, tmp_path, mano_dir))
+    before, after = (recording.sequence for recording in case.read(tmp_path, mano_dir))
     assert (before.frames, after.frames) == (LOST, FRAMES - LOST - 1)
     for sequence in (before, after):
         assert bool(sequence.object.translation.isfinite().all())
@@ -222,14 +218,12 @@ def test_a_missing_object_splits_the_recording(name, lose, tmp_path, mano_dir):
 
 
 def test_an_object_that_changes_within_a_sequence_makes_recordings_of_each(tmp_path, mano_dir):
-    trees.h2o(tmp_path, scene(), False)
+    case = written("h2o", tmp_path)
     trees.write_mesh(tmp_path / "object/cocoa/cocoa.obj", scene().verts, scene().faces)
     for t in range(5, FRAMES):
         path = next(tmp_path.rglob(f"obj_pose_rt/{t:06d}.txt"))
         path.write_text(" ".join(["6", *path.read_text().split()[1:]]))
-    found = {
-        recording.name: recording.sequence.frames for recording in read("h2o", tmp_path, mano_dir)
-    }
+    found = {each.name: each.sequence.frames for each in case.read(tmp_path, mano_dir)}
     assert found == {
         "subject1/h1/0/cam4_milk_00000": 5,
         "subject1/h1/0/cam4_cocoa_00005": FRAMES - 5,
@@ -242,11 +236,10 @@ def test_an_object_that_changes_within_a_sequence_makes_recordings_of_each(tmp_p
     ids=["a jump of the hand", "frame numbers that go on elsewhere"],
 )
 def test_a_clip_is_cut_where_time_jumps(change, tmp_path, mano_dir):
-    trees.grab_clips_left(tmp_path, scene(), False)
+    LEFT_CLIPS.write(tmp_path)
     path = next(tmp_path.rglob("7.npy"))
     np.save(path, change(np.load(path)))
-    case = next(case for case in CASES if case.build is trees.grab_clips_left)
-    first, second = read("grab_clips", tmp_path, mano_dir, case)
+    first, second = LEFT_CLIPS.read(tmp_path, mano_dir)
     assert [first.sequence.frames, second.sequence.frames] == [4, FRAMES - 4]
     assert [first.name[-6:], second.name[-6:]] == ["_00000", "_00004"]
 
@@ -266,14 +259,13 @@ def numbered(clip: np.ndarray) -> np.ndarray:
 
 
 def test_a_whole_split_is_no_clip(tmp_path, mano_dir):
-    trees.grab_clips_left(tmp_path, scene(), False)
+    LEFT_CLIPS.write(tmp_path)
     path = next(tmp_path.rglob("7.npy"))
     clip = np.load(path)
     clip["f7"][5:] = 0
     np.save(path, clip)
-    case = next(case for case in CASES if case.build is trees.grab_clips_left)
     with pytest.raises(InputError, match="one object in all frames"):
-        read("grab_clips", tmp_path, mano_dir, case)
+        LEFT_CLIPS.read(tmp_path, mano_dir)
 
 
 def test_a_slow_clip_is_not_cut():
@@ -285,8 +277,7 @@ def test_a_slow_clip_is_not_cut():
 
 
 def test_the_error_of_arctics_fit_is_carried_as_confidence(tmp_path, mano_dir):
-    trees.arctic(tmp_path, scene(), False)
-    (recording,) = read("arctic", tmp_path, mano_dir)
+    (recording,) = written("arctic", tmp_path).read(tmp_path, mano_dir)
     trust = recording.sequence.hand("right").confidence
     error = 1.0 + np.arange(FRAMES)
     expected = np.minimum(1, np.median(error) / error)
@@ -294,9 +285,7 @@ def test_the_error_of_arctics_fit_is_carried_as_confidence(tmp_path, mano_dir):
 
 
 def test_of_two_detections_the_one_that_goes_on_is_taken(tmp_path):
-    case = next(case for case in CASES if case.source == "hamer")
-    case.build(tmp_path, scene(case.left), False)
-    value = torch.load(tmp_path / "video.pt")
+    value = hamer_dump(tmp_path)
     # A stranger's right hand, a metre aside, comes first in every frame but the first.
     rows = torch.nonzero((value["right"] > 0.5) & (value["frame"] > 0))[:, 0]
     order = torch.cat([rows, torch.arange(len(value["right"]))])
@@ -305,33 +294,30 @@ def test_of_two_detections_the_one_that_goes_on_is_taken(tmp_path):
     value["pred_mano_params"] = {n: v[order] for n, v in value["pred_mano_params"].items()}
     value["pred_cam"][: len(rows), 1] += 1.0
     torch.save(value, tmp_path / "video.pt")
-    (recording,) = read("hamer", tmp_path, None)
-    wanted = torch.from_numpy(scene(case.left).wrist["right"]).float()
+    (recording,) = HAMER.read(tmp_path, None)
+    wanted = torch.from_numpy(scene(HAMER.left).wrist["right"]).float()
     torch.testing.assert_close(recording.sequence.hand("right").wrist, wanted, atol=1e-5, rtol=0)
 
 
 def test_hands_of_both_sides_need_the_numbers_of_their_images(tmp_path):
-    case = next(case for case in CASES if case.source == "hamer")
-    case.build(tmp_path, scene(case.left), False)
-    value = torch.load(tmp_path / "video.pt")
+    value = hamer_dump(tmp_path)
     del value["frame"]
     torch.save(value, tmp_path / "video.pt")
     with pytest.raises(InputError, match="'frame' must be the number of each row's image"):
-        read("hamer", tmp_path, None)
+        HAMER.read(tmp_path, None)
 
 
 def test_nothing_at_all_is_refused(tmp_path, mano_dir):
-    case = next(case for case in CASES if case.source == "hoi4d")
-    case.build(tmp_path, scene(), False)
+    case = written("hoi4d", tmp_path)
     for path in tmp_path.rglob("*.pickle"):
         path.unlink()
     with pytest.raises(InputError, match="expected a hand in some frame, got none"):
-        read("hoi4d", tmp_path, mano_dir)
+        case.read(tmp_path, mano_dir)
 
 
-def renumber_oakink2(root: Path, step: int) -> None:
-    """OakInk2's tree with the frames from LOST on `step` numbers of the motion capture later."""
-    next(case for case in CASES if case.source == "oakink2").build(root, scene(), False)
+def renumber_oakink2(root: Path, step: int) -> Case:
+    """OakInk2's tree, whose frames from LOST on are `step` numbers of the capture later."""
+    case = written("oakink2", root)
 
     def change(fields) -> None:
         old = fields["mocap_frame_id_list"]
@@ -342,29 +328,28 @@ def renumber_oakink2(root: Path, step: int) -> None:
             place[name] = {later[number]: value for number, value in place[name].items()}
 
     repickle(next(root.rglob("anno_preview/*.pkl")), change)
+    return case
 
 
 def test_frames_of_oakink2_behind_an_uneven_step_are_kept(tmp_path, mano_dir):
-    renumber_oakink2(tmp_path, 1)
-    (recording,) = read("oakink2", tmp_path, mano_dir)
+    (recording,) = renumber_oakink2(tmp_path, 1).read(tmp_path, mano_dir)
     assert recording.sequence.frames == FRAMES
     assert all(bool(hand.valid.all()) for hand in recording.sequence.hands)
 
 
 def test_frames_of_oakink2_that_would_be_lost_are_told(tmp_path, mano_dir):
-    renumber_oakink2(tmp_path, -3)
+    case = renumber_oakink2(tmp_path, -3)
     with pytest.raises(InputError, match="'mocap_frame_id_list' must be frame numbers about 4"):
-        read("oakink2", tmp_path, mano_dir)
+        case.read(tmp_path, mano_dir)
 
 
 def test_frames_of_taco_go_by_their_numbers(tmp_path, mano_dir):
-    case = next(case for case in CASES if case.source == "taco")
-    case.build(tmp_path, scene(case.left), False)
+    case = written("taco", tmp_path)
     path = next(tmp_path.rglob("right_hand.pkl"))
     frames = list(pickle.loads(path.read_bytes()).values())
     numbered = {str(8 + t): frame for t, frame in enumerate(frames) if t != LOST}
     path.write_bytes(pickle.dumps(numbered))
-    found = [recording.sequence.hands[0] for recording in read("taco", tmp_path, mano_dir)]
+    found = [recording.sequence.hands[0] for recording in case.read(tmp_path, mano_dir)]
     (right,) = (hand for hand in found if hand.side == "right")
     wanted = torch.from_numpy(scene(case.left).wrist["right"]).float()
     wanted[LOST] = torch.nan
@@ -373,9 +358,7 @@ def test_frames_of_taco_go_by_their_numbers(tmp_path, mano_dir):
 
 def dumped_by_image(root: Path) -> dict[str, Any]:
     """The right hand's detections one file an image, of which one has none; what it holds."""
-    case = next(case for case in CASES if case.source == "hamer")
-    case.build(root, scene(case.left), False)
-    value = torch.load(root / "video.pt")
+    value = hamer_dump(root)
     (root / "video.pt").unlink()
     frame, right = value.pop("frame"), value["right"] > 0.5
     params, kept = value.pop("pred_mano_params"), {}
@@ -389,7 +372,7 @@ def dumped_by_image(root: Path) -> dict[str, Any]:
 
 def test_a_file_of_an_image_without_a_hand_is_a_frame_without_it(tmp_path):
     dumped_by_image(tmp_path)
-    (recording,) = read("hamer", tmp_path, None)
+    (recording,) = HAMER.read(tmp_path, None)
     valid = recording.sequence.hand("right").valid
     assert valid.tolist() == [frame != LOST for frame in range(FRAMES)]
 
@@ -413,19 +396,17 @@ def test_a_wrong_dump_is_told_how_to_be_made(tmp_path, change, expected):
     change(held)
     torch.save(held, tmp_path / f"{FRAMES - 1:06d}.pt")
     with pytest.raises(InputError, match=f"{expected}.*; dump the estimator's output as the page"):
-        read("hamer", tmp_path, None)
+        HAMER.read(tmp_path, None)
 
 
 def test_rows_that_do_not_say_their_image_are_told(tmp_path):
-    case = next(case for case in CASES if case.source == "hamer")
-    case.build(tmp_path, scene(case.left), False)
-    value = torch.load(tmp_path / "video.pt")
+    value = hamer_dump(tmp_path)
     right = value.pop("right") > 0.5
     del value["frame"]
     params = {n: v[right] for n, v in value.pop("pred_mano_params").items()}
     one = {"pred_mano_params": params, "right": torch.ones(int(right.sum()))}
     torch.save({n: v[right] for n, v in value.items()} | one, tmp_path / "video.pt")
-    (recording,) = read("hamer", tmp_path, None)
+    (recording,) = HAMER.read(tmp_path, None)
     assert "no 'frame'" in recording.sequence.source
 
 
@@ -439,25 +420,23 @@ def test_rows_that_do_not_say_their_image_are_told(tmp_path):
     ],
 )
 def test_wrong_landmarks_of_our_own_format_are_told_how_to_be_written(tmp_path, change, expected):
-    trees.landmarks(tmp_path, scene(), False)
+    case = written("landmarks", tmp_path)
     path = tmp_path / "hands.json"
     path.write_text(json.dumps({**json.loads(path.read_text()), **change}))
     with pytest.raises(InputError, match=expected):
-        read("landmarks", tmp_path, None)
+        case.read(tmp_path, None)
 
 
 def test_a_hawor_dump_of_other_values_is_told_what_it_holds(tmp_path):
     (tmp_path / "world_space_res.pth").write_bytes(pickle.dumps([np.zeros(3)] * 4))
     with pytest.raises(InputError, match="five arrays of HaWoR's world result, got a list of 4; "):
-        read("hawor", tmp_path, None)
+        case_of("hawor").read(tmp_path, None)
 
 
 @pytest.fixture
 def later(tmp_path):
     """A dump of HaMeR whose frames begin at number 5."""
-    case = next(case for case in CASES if case.source == "hamer")
-    case.build(tmp_path, scene(case.left), False)
-    value = torch.load(tmp_path / "video.pt")
+    value = hamer_dump(tmp_path)
     value["frame"] += 5
     torch.save(value, tmp_path / "video.pt")
     return tmp_path

@@ -1,34 +1,20 @@
 """Each source in its published layout gives back the sequence that it was made from."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
-from trees import CASES, Case, Scene, opened, scene
+from trees import CASES, Case, Scene, opened, scene, written
 
 import geneoh
-from geneoh.readers.base import ReaderOptions, Recording
+from geneoh.readers.base import ReaderOptions
 from geneoh.readers.convention_check import contradictions
 from geneoh.readers.convert import convert
 from geneoh.readers.dataset_reader import DatasetReader
-from geneoh.readers.recordings import find_clips, read_clip, source_named
+from geneoh.readers.recordings import source_named
 from geneoh.readers.registry import SOURCES
 from geneoh.sequence.sequence import HandTrack
-
-
-def read(case: Case, root, mano_dir) -> list[Recording]:
-    source, known = source_named(case.source), known_of(case, root, mano_dir)
-    clips = find_clips(source, [root / case.start])
-    return [recording for clip in clips for recording in read_clip(source, clip, known)]
-
-
-def known_of(case: Case, root: Path, mano_dir: Path | None) -> ReaderOptions:
-    """What the caller of a case says."""
-    paths = ("objects", "body")
-    said = {name: root / value if name in paths else value for name, value in case.known}
-    return ReaderOptions(mano_dir=mano_dir, **said)
 
 
 def names(case: Case) -> str:
@@ -60,7 +46,7 @@ def test_a_tree_in_the_published_layout_gives_the_sequence_back(case, tmp_path, 
     s = scene(case.left)
     case.build(tmp_path, s, False)
     s = case.expected(s)
-    recordings = read(case, tmp_path, mano_dir)
+    recordings = case.read(tmp_path, mano_dir)
     sides = [hand.side for recording in recordings for hand in recording.sequence.hands]
     assert sorted(sides) == sorted(case.only)
     for recording in recordings:
@@ -84,10 +70,9 @@ def test_a_tree_in_the_published_layout_gives_the_sequence_back(case, tmp_path, 
 def test_a_twin_in_the_wrong_convention_is_told_apart(case, tmp_path, mano_dir):
     root = tmp_path / "in"
     root.mkdir()
-    case.build(root, scene(case.left), True)
-    source, known = source_named(case.source), known_of(case, root, mano_dir)
-    clips = find_clips(source, [root / case.start])
-    outcomes = list(convert(source, clips, tmp_path / "out", known, check=True))
+    case.write(root, wrong=True)
+    source, known = source_named(case.source), ReaderOptions(mano_dir, **case.options(root))
+    outcomes = list(convert(source, case.clips(root), tmp_path / "out", known, check=True))
     assert [outcome.problem for outcome in outcomes if outcome.problem] == []
     said = [words for outcome in outcomes for words in outcome.contradictions]
     assert case.caught in " ".join(said)
@@ -105,10 +90,10 @@ def test_every_source_has_a_reader(source):
 
 @pytest.mark.parametrize("case", CASES, ids=names)
 def test_estimators_whose_coordinates_are_the_cameras_say_so(case, tmp_path, mano_dir):
-    case.build(tmp_path, scene(case.left), False)
+    case.write(tmp_path)
     rays = [
         (hand.camera_ray, hand.wrist)
-        for recording in read(case, tmp_path, mano_dir)
+        for recording in case.read(tmp_path, mano_dir)
         for hand in recording.sequence.hands
     ]
     if case.source not in ("hamer", "arcticnet"):
@@ -119,8 +104,7 @@ def test_estimators_whose_coordinates_are_the_cameras_say_so(case, tmp_path, man
 
 
 def test_the_caller_and_a_file_of_landmarks_say_where_the_camera_is(tmp_path):
-    case = next(case for case in CASES if case.source == "landmarks")
-    case.build(tmp_path, scene(case.left), False)
+    written("landmarks", tmp_path)
     told = geneoh.read("landmarks", tmp_path / "hands.json", camera=(0.0, 0.0, -1.0))
     value = json.loads((tmp_path / "hands.json").read_text())
     (tmp_path / "hands.json").write_text(json.dumps({**value, "camera": [0, 0, -1]}))

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 from safetensors.torch import safe_open
-from trees import CASES, landmarks, scene, write_mano
+from trees import case_of, landmarks, scene, write_mano
 
 import geneoh
 from geneoh.errors import InputError
@@ -57,16 +57,13 @@ def example(tmp_path) -> Path:
 
 @pytest.mark.parametrize("source", ["taco", "arctic", "grab", "h2o", "dexycb", "oakink2"])
 def test_clips_of_a_data_set_hold_its_hands_as_right_ones(source, tmp_path):
-    case = next(case for case in CASES if case.source == source)
+    case = case_of(source)
     step = 4 if source == "grab" else 1  # 120 frames a second
     s = scene(case.left, 8 * step + 1)
     (tmp_path / "data").mkdir()
     case.build(tmp_path / "data", s, False)
     mano = write_mano(tmp_path / "mano")
-    known = {
-        name: tmp_path / "data" / value if name in ("objects", "body") else value
-        for name, value in case.known
-    }
+    known = case.options(tmp_path / "data")
     (shard,) = cut(source, tmp_path / "data" / case.start, tmp_path / "out", mano_dir=mano, **known)
     record, clips = shard_record(shard), read_shard(shard)
     assert record is not None

@@ -1,6 +1,6 @@
 """Data sets in miniature: one known interaction, written in the exact layout of each source."""
 
-from trees.cases import CASES, Case
+from trees.cases import CASES, Case, case_of, written
 from trees.estimators import hamer, hawor, landmarks
 from trees.interaction import FRAMES, Scene, cameras, opened, scene
 from trees.mano_files import FLIP, mano_arrays, write_mano
@@ -28,6 +28,7 @@ __all__ = [
     "arctic",
     "arctic_processed",
     "cameras",
+    "case_of",
     "dexycb",
     "dump",
     "grab",
@@ -48,4 +49,5 @@ __all__ = [
     "taco_pickle",
     "write_mano",
     "write_mesh",
+    "written",
 ]

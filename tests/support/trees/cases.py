@@ -3,7 +3,10 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+from geneoh.readers.base import ReaderOptions, Recording, SourceClip
+from geneoh.readers.recordings import find_clips, read_clip, source_named
 from trees.estimators import (
     arcticnet,
     aria,
@@ -14,7 +17,7 @@ from trees.estimators import (
     landmarks,
     parameter_array,
 )
-from trees.interaction import Scene
+from trees.interaction import Scene, scene
 from trees.mano_files import SIDES
 from trees.mocap import (
     arctic,
@@ -65,6 +68,24 @@ class Case:
     unknown: tuple[int, ...] = ()
     """Keypoints that the source does not have."""
     known: tuple[tuple[str, object], ...] = ()
+
+    def write(self, root: Path, *, wrong: bool = False) -> None:
+        """The known interaction below a folder, or its twin in the wrong convention."""
+        self.build(root, scene(self.left), wrong)
+
+    def options(self, root: Path) -> dict[str, Any]:
+        """What the caller says, with paths below the folder."""
+        paths = ("objects", "body")
+        return {name: root / str(v) if name in paths else v for name, v in self.known}
+
+    def clips(self, root: Path) -> list[SourceClip]:
+        """The clips below the folder."""
+        return find_clips(source_named(self.source), [(root / self.start).resolve()])
+
+    def read(self, root: Path, mano_dir: Path | None) -> list[Recording]:
+        """All recordings below the folder."""
+        source, known = source_named(self.source), ReaderOptions(mano_dir, **self.options(root))
+        return [each for clip in self.clips(root) for each in read_clip(source, clip, known)]
 
 
 CASES = [
@@ -144,3 +165,15 @@ CASES = [
         known=(("side", "left"), ("translation", "origin")),
     ),
 ]
+
+
+def case_of(source: str) -> Case:
+    """The first case of a source."""
+    return next(case for case in CASES if case.source == source)
+
+
+def written(source: str, root: Path) -> Case:
+    """The first case of a source, written below a folder."""
+    case = case_of(source)
+    case.write(root)
+    return case
