@@ -54,16 +54,36 @@ def javascript_solution(points):
     return {"multiHandWorldLandmarks": [as_dicts(points)], "multiHandedness": [named]}
 
 
+@pytest.fixture
+def read(tmp_path):
+    """Writes results as JSON, and reads them with poses of an object."""
+
+    def through_file(frames, **options):
+        (tmp_path / "hand.json").write_text(json.dumps(frames))
+        return geneoh.load(tmp_path / "hand.json", object_pose=POSES, **options)
+
+    return through_file
+
+
+@pytest.fixture
+def read_table(tmp_path):
+    """Writes a table, and reads it with poses of an object."""
+
+    def through_file(header, rows, **options):
+        write_table(tmp_path / "hand.csv", header, rows)
+        return geneoh.load(tmp_path / "hand.csv", object_pose=POSES, **options)
+
+    return through_file
+
+
 RESULTS = (python_task, javascript_task, python_solution, javascript_solution)
 
 
 @pytest.mark.parametrize("shape", RESULTS)
-def test_results_are_read_without_a_source(shape, tmp_path):
+def test_results_are_read_without_a_source(shape, read):
     frames = [shape(points) for points in POINTS]
     frames[SEEN] = {name: [] for name in frames[SEEN]}
-    path = tmp_path / "hand.json"
-    path.write_text(json.dumps(frames))
-    (hand,) = geneoh.load(path, object_pose=POSES).hands
+    (hand,) = read(frames).hands
     assert hand.side == "right"
     assert hand.valid.tolist() == [True] * SEEN + [False]
     np.testing.assert_allclose(hand.joints[:SEEN], POINTS[:SEEN], atol=1e-6)
@@ -83,51 +103,42 @@ def test_results_in_lines_and_under_frames_are_read(tmp_path):
         assert "30 frames a second assumed" in sequence.source
 
 
-def test_the_rate_beside_results_is_read_and_another_one_refused(tmp_path):
-    path = tmp_path / "hand.json"
-    path.write_text(json.dumps({"fps": 60, "frames": [python_task(points) for points in POINTS]}))
-    sequence = geneoh.load(path, object_pose=POSES)
+def test_the_rate_beside_results_is_read_and_another_one_refused(read):
+    results = {"fps": 60, "frames": [python_task(points) for points in POINTS]}
+    sequence = read(results)
     assert sequence.fps == 60
     assert "assumed" not in sequence.source
     with pytest.raises(InputError, match="says 60 frames a second, got --fps 30"):
-        geneoh.load(path, object_pose=POSES, fps=30.0)
+        read(results, fps=30.0)
 
 
-def test_two_hands_come_by_their_sides_and_the_caller_corrects_one(tmp_path):
+def test_two_hands_come_by_their_sides_and_the_caller_corrects_one(read):
     frame = javascript_task(HAND)
     frame["handednesses"].append([{"score": 0.8, "categoryName": "Left"}])
     frame["worldLandmarks"].append(as_dicts(HAND * [-1, 1, 1]))
-    both, one = tmp_path / "both.json", tmp_path / "one.json"
-    both.write_text(json.dumps([frame] * FRAMES))
-    one.write_text(json.dumps([python_task(HAND)] * FRAMES))
-    hands = geneoh.load(both, object_pose=POSES).hands
-    assert {hand.side for hand in hands} == {"left", "right"}
-    (hand,) = geneoh.load(one, object_pose=POSES, side="left").hands
+    assert {hand.side for hand in read([frame] * FRAMES).hands} == {"left", "right"}
+    (hand,) = read([python_task(HAND)] * FRAMES, side="left").hands
     assert hand.side == "left"
 
 
-def test_wrong_labels_of_one_hand_make_no_second_hand(tmp_path):
+def test_wrong_labels_of_one_hand_make_no_second_hand(read):
     frames = [python_task(points) for points in POINTS]
     frames[1]["handedness"][0][0]["category_name"] = "Left"
-    path = tmp_path / "hand.json"
-    path.write_text(json.dumps(frames))
-    sequence = geneoh.load(path, object_pose=POSES)
+    sequence = read(frames)
     (hand,) = sequence.hands
     assert hand.side == "right"
     np.testing.assert_allclose(hand.joints, POINTS, atol=1e-6)
     assert "one right hand, though 1 of 5 frames name the other side" in sequence.source
-    (hand,) = geneoh.load(path, object_pose=POSES, side="left").hands
+    (hand,) = read(frames, side="left").hands
     assert (hand.side, hand.valid.tolist()) == ("left", [True] * FRAMES)
 
 
-def test_two_hands_in_some_frame_keep_their_own_sides(tmp_path):
+def test_two_hands_in_some_frame_keep_their_own_sides(read):
     frames = [javascript_task(points) for points in POINTS]
     frames[1]["handednesses"][0][0]["categoryName"] = "Left"
     frames[3]["handednesses"].append([{"score": 0.8, "categoryName": "Right"}])
     frames[3]["worldLandmarks"].append(as_dicts(HAND * [-1, 1, 1]))
-    path = tmp_path / "hand.json"
-    path.write_text(json.dumps(frames))
-    sequence = geneoh.load(path, object_pose=POSES)
+    sequence = read(frames)
     valid = {hand.side: int(hand.valid.sum()) for hand in sequence.hands}
     assert valid == {"right": 4, "left": 2}
     assert "in 1 frame both hands have one side" in sequence.source
@@ -143,48 +154,40 @@ def two_hands(right: np.ndarray, labels: tuple[str, str]) -> dict[str, object]:
     return frame
 
 
-def test_hands_of_one_label_are_told_apart_by_the_frames_before(tmp_path):
+def test_hands_of_one_label_are_told_apart_by_the_frames_before(read):
     labels = [("Right", "Left"), *[("Left", "Left"), ("Right", "Right")] * 2]
     frames = [two_hands(p, names) for p, names in zip(POINTS, labels, strict=True)]
-    path = tmp_path / "hand.json"
-    path.write_text(json.dumps(frames))
-    sequence = geneoh.load(path, object_pose=POSES)
+    sequence = read(frames)
     np.testing.assert_allclose(sequence.hand("right").joints, POINTS, atol=1e-6)
     np.testing.assert_allclose(sequence.hand("left").joints, POINTS * [-1, 1, 1], atol=1e-6)
 
 
-def test_exchanged_sides_of_two_hands_are_found_by_their_fingers(tmp_path):
+def test_exchanged_sides_of_two_hands_are_found_by_their_fingers(read):
     bent = POINTS.copy()
     bent[:, 4::4, 2] += 0.05
-    path = tmp_path / "hand.json"
     for labels in (("Right", "Left"), ("Left", "Right")):
-        path.write_text(json.dumps([two_hands(points, labels) for points in bent]))
-        sequence = geneoh.load(path, object_pose=POSES)
+        sequence = read([two_hands(points, labels) for points in bent])
         np.testing.assert_allclose(sequence.hand("right").joints, bent, atol=1e-6)
         assert ("sides are exchanged" in sequence.source) == (labels[0] == "Left")
 
 
 @pytest.mark.parametrize("nested", [True, False])
-def test_the_holistic_landmarker_says_sides_by_its_fields(tmp_path, nested):
+def test_the_holistic_landmarker_says_sides_by_its_fields(read, nested):
     frames = []
     for points in POINTS:
         right, left = as_dicts(points), as_dicts(points * [-1, 1, 1])
         names = ("right_hand_world_landmarks", "left_hand_world_landmarks")
         hands = ([right], [left]) if nested else (right, left)
         frames.append({"pose_landmarks": [], **dict(zip(names, hands, strict=True))})
-    path = tmp_path / "hand.json"
-    path.write_text(json.dumps(frames))
-    sequence = geneoh.load(path, object_pose=POSES)
+    sequence = read(frames)
     np.testing.assert_allclose(sequence.hand("right").joints, POINTS, atol=1e-6)
     np.testing.assert_allclose(sequence.hand("left").joints, POINTS * [-1, 1, 1], atol=1e-6)
 
 
-def test_frames_without_a_hand_may_come_first_and_results_beside_their_time(tmp_path):
+def test_frames_without_a_hand_may_come_first_and_results_beside_their_time(read):
     timed = [{"frame": t, "result": python_task(points)} for t, points in enumerate(POINTS)]
     timed[0] = {"frame": 0}
-    path = tmp_path / "hand.json"
-    path.write_text(json.dumps(timed))
-    (hand,) = geneoh.load(path, object_pose=POSES).hands
+    (hand,) = read(timed).hands
     assert hand.valid.tolist() == [False] + [True] * (FRAMES - 1)
 
 
@@ -196,27 +199,22 @@ def test_landmarks_of_the_picture_in_an_array_are_refused(tmp_path):
         geneoh.read("keypoints", tmp_path / "hand.npy", side="right")
 
 
-def test_wrong_labels_in_a_table_make_no_second_hand(tmp_path):
+def test_wrong_labels_in_a_table_make_no_second_hand(read_table):
     header, rows = long(NAMES)
     rows = [[*row[:-1], "Left" if row[1] == 12 else "Right"] for row in rows]
-    write_table(tmp_path / "hand.csv", header, rows)
-    (hand,) = geneoh.load(tmp_path / "hand.csv", object_pose=POSES).hands
+    (hand,) = read_table(header, rows).hands
     assert (hand.side, hand.valid.tolist()) == ("right", [True] * FRAMES)
 
 
 @pytest.mark.parametrize("name", ["landmarks", "hand_landmarks", "multi_hand_landmarks"])
-def test_landmarks_of_the_picture_are_refused(name, tmp_path):
-    path = tmp_path / "hand.json"
-    path.write_text(json.dumps([{name: [as_dicts(HAND)]}]))
+def test_landmarks_of_the_picture_are_refused(name, read):
     with pytest.raises(InputError, match=r"have no size; save hand_world_landmarks"):
-        geneoh.load(path, side="right")
+        read([{name: [as_dicts(HAND)]}], side="right")
 
 
-def test_other_json_is_refused_with_what_is_read(tmp_path):
-    path = tmp_path / "hand.json"
-    path.write_text(json.dumps({"joints": HAND.tolist()}))
+def test_other_json_is_refused_with_what_is_read(read):
     with pytest.raises(InputError, match=r"worldLandmarks.*geneoh-landmarks.*'joints'"):
-        geneoh.load(path, side="right")
+        read({"joints": HAND.tolist()}, side="right")
 
 
 def write_table(path, header, rows):
@@ -238,6 +236,7 @@ def long(names):
     return ["", "Frame", "landmark", "x", "y", "z", "hand"], rows
 
 
+LONG = ["frame", "landmark", "x", "y", "z"]
 TABLES = {
     "x0": wide([f"{axis}{point}" for point in range(21) for axis in "xyz"]),
     "x_0": wide([f"{axis}_{point}" for point in range(21) for axis in "xyz"]),
@@ -251,10 +250,8 @@ TABLES = {
 
 
 @pytest.mark.parametrize("name", TABLES)
-def test_tables_are_read_without_a_source(name, tmp_path):
-    path = tmp_path / "hand.csv"
-    write_table(path, *TABLES[name])
-    (hand,) = geneoh.load(path, side="right", object_pose=POSES).hands
+def test_tables_are_read_without_a_source(name, read_table):
+    (hand,) = read_table(*TABLES[name], side="right").hands
     np.testing.assert_allclose(hand.joints, POINTS, atol=1e-6)
 
 
@@ -298,51 +295,41 @@ def test_decimal_commas_between_commas_are_refused(tmp_path):
         geneoh.load(path, side="right", object_pose=POSES)
 
 
-def test_a_frame_or_a_landmark_that_a_table_lacks_is_not_observed(tmp_path):
+def test_a_frame_or_a_landmark_that_a_table_lacks_is_not_observed(read_table):
     header, rows = long(NAMES)
     kept = [row for row in rows if row[1] != 12 and (row[1], row[2]) != (13, "PINKY_TIP")]
-    write_table(tmp_path / "hand.csv", header, kept)
-    (hand,) = geneoh.load(tmp_path / "hand.csv", object_pose=POSES).hands
+    (hand,) = read_table(header, kept).hands
     assert hand.side == "right"
     assert hand.valid.tolist() == [True, True, False, False, True]
 
 
-def test_the_unit_of_a_table_can_be_said(tmp_path):
+def test_the_unit_of_a_table_can_be_said(read_table):
     header, rows = TABLES["x0"]
     in_mm = [[row[0], *(1000 * number for number in row[1:])] for row in rows]
-    write_table(tmp_path / "hand.csv", header, in_mm)
-    sequence = geneoh.load(
-        tmp_path / "hand.csv", side="right", keypoint_unit="mm", object_pose=POSES
-    )
-    np.testing.assert_allclose(sequence.hands[0].joints, POINTS, atol=1e-6)
+    (hand,) = read_table(header, in_mm, side="right", keypoint_unit="mm").hands
+    np.testing.assert_allclose(hand.joints, POINTS, atol=1e-6)
 
 
 @pytest.mark.parametrize(
     ("header", "rows", "words"),
     [
         (["a", "b"], [[1, 2]], "x0, y0, z0 to z20 or WRIST_x"),
-        (["frame", "landmark", "x", "y", "z"], [["one", 3, 0, 0, 0]], "line 2 must have"),
-        (["frame", "landmark", "x", "y", "z"], [[1, 40, 0, 0, 0]], "line 2 must have"),
-        (["frame", "landmark", "x", "y", "z"], [], "expected rows"),
-        (
-            ["frame", "landmark", "x", "y", "z"],
-            [[0, 0, 0, 0, 0], [9e8, 0, 0, 0, 0]],
-            "expected rows",
-        ),
+        (LONG, [["one", 3, 0, 0, 0]], "line 2 must have"),
+        (LONG, [[1, 40, 0, 0, 0]], "line 2 must have"),
+        (LONG, [], "expected rows"),
+        (LONG, [[0, 0, 0, 0, 0], [9e8, 0, 0, 0, 0]], "expected rows"),
     ],
 )
-def test_other_tables_are_refused_with_what_is_read(header, rows, words, tmp_path):
-    write_table(tmp_path / "hand.csv", header, rows)
+def test_other_tables_are_refused_with_what_is_read(header, rows, words, read_table):
     with pytest.raises(InputError, match=words):
-        geneoh.load(tmp_path / "hand.csv", side="right")
+        read_table(header, rows, side="right")
 
 
-def test_a_table_of_the_picture_is_refused_by_its_wrist_without_depth(tmp_path):
+def test_a_table_of_the_picture_is_refused_by_its_wrist_without_depth(read_table):
     header, _ = TABLES["x0"]
     image = HAND - HAND[0] + [0.4, 0.5, 0]
-    write_table(tmp_path / "hand.csv", header, [[0, *image.ravel()], [1, *image.ravel()]])
     with pytest.raises(InputError, match="have no size"):
-        geneoh.load(tmp_path / "hand.csv", side="right")
+        read_table(header, [[0, *image.ravel()], [1, *image.ravel()]], side="right")
 
 
 def test_a_npy_of_keypoints_is_read_without_a_source(tmp_path):
