@@ -156,10 +156,15 @@ def clock_of(record: Record, frames: int, said: float | None) -> Clock | None:
 
     `said` is the frame rate by the file or the caller.
     """
-    for name in CLOCK_NAMES:
-        if frames > 1 and is_column(record.values.get(name), frames):
-            return clock_from(record, name, said)
-    return None
+    columns = (name for name in CLOCK_NAMES if is_column(record.values.get(name), frames))
+    name = next(columns, None) if frames > 1 else None
+    if name is None:
+        return None
+    clock = clock_from(record, name, said)
+    if not clock.at[-1] < MOST_FRAMES:
+        expected = f"less than {MOST_FRAMES} frames from first to last"
+        raise record.refuse(name, expected, "cut the recording")
+    return clock
 
 
 def unread_times(record: Record, frames: int) -> tuple[str, ...]:
@@ -195,11 +200,10 @@ def clock_from(record: Record, name: str, said: float | None) -> Clock:
         )
     values = values - values[0]
     if name in TIME_NAMES:
-        return clock_of_times(
-            record, name, values * seconds_of(record, name, np.diff(values)), said
-        )
+        seconds = values * seconds_of(record, name, np.diff(values))
+        return clock_of_times(record, name, seconds, said)
     stride, _ = usual_step(values)
-    return checked(Clock(name, values / stride, None, stride), record)
+    return Clock(name, values / stride, None, stride)
 
 
 def clock_of_times(record: Record, name: str, seconds: Array, said: float | None) -> Clock:
@@ -216,7 +220,7 @@ def clock_of_times(record: Record, name: str, seconds: Array, said: float | None
             )
         said = own
     at = seconds / step if multiples and (said == own or off < SAME_RATE) else seconds * said
-    return checked(Clock(name, at, said), record)
+    return Clock(name, at, said)
 
 
 def may_be_rate(seconds: Array, rate: float, multiples: bool) -> bool:
@@ -224,14 +228,6 @@ def may_be_rate(seconds: Array, rate: float, multiples: bool) -> bool:
     frames = seconds * rate
     usual, off = np.median(np.diff(frames)), np.abs(frames - np.rint(frames)).mean()
     return bool(USUAL_STEPS[0] < usual < USUAL_STEPS[1]) and (not multiples or bool(off < 2 * EVEN))
-
-
-def checked(clock: Clock, record: Record) -> Clock:
-    """The clock, unless there are too many even frames from the first to the last one."""
-    if not clock.at[-1] < MOST_FRAMES:
-        expected = f"less than {MOST_FRAMES} frames from first to last"
-        raise record.refuse(clock.name, expected, "cut the recording")
-    return clock
 
 
 def seconds_of(record: Record, name: str, steps: Array) -> float:
