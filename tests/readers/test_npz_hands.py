@@ -20,6 +20,7 @@ POSE = 0.3 * RNG.standard_normal((T, 16, 3)).astype(np.float32)
 PLACE = RNG.standard_normal((T, 3)).astype(np.float32)
 JOINTS = 0.1 * RNG.standard_normal((T, 21, 3)).astype(np.float32)
 BETAS = np.linspace(-1, 1, 10, dtype=np.float32)
+OWN = {"format": np.array("geneoh-sequence"), "version": np.array(1)}
 SMPLX = {
     "global_orient": POSE[:, 0],
     "hand_pose": POSE[:, 1:].reshape(T, 45),
@@ -150,8 +151,7 @@ def test_the_mean_pose_is_added_where_the_file_says_so_and_mano_is_there(mano_di
 
 
 def test_betas_of_a_model_that_does_not_exist_are_refused_by_the_files_name():
-    arrays = {"format": np.array("geneoh-sequence"), "version": np.array(1), "right_betas": BETAS}
-    arrays |= {"right_joints": JOINTS, "hand_model": np.array("MANO")}
+    arrays = {**OWN, "right_betas": BETAS, "right_joints": JOINTS, "hand_model": np.array("MANO")}
     with pytest.raises(InputError, match=r"^hand.npz: 'hand_model' must be one of .*got 'MANO'"):
         read(arrays)
     with pytest.raises(InputError, match=r"^the right hand: 'hand_model' must be one of"):
@@ -237,46 +237,44 @@ def test_a_body_under_the_names_of_smplx_is_no_hand():
     assert only(read(hand, side="right")).pose is not None
 
 
-@pytest.mark.parametrize(
-    "unseen",
-    [
-        {"left_joints": JOINTS * np.nan},
-        {"left_joints": JOINTS, "left_valid": np.zeros(T, bool)},
-        {
-            "left_pose": POSE * np.nan,
-            "left_wrist": PLACE * np.nan,
-            "left_betas": BETAS * np.nan,
-        },
-    ],
-    ids=["NaN", "valid", "parameters"],
-)
+UNSEEN = {
+    "NaN": {"left_joints": JOINTS * np.nan},
+    "valid": {"left_joints": JOINTS, "left_valid": np.zeros(T, bool)},
+    "parameters": {
+        "left_pose": POSE * np.nan,
+        "left_wrist": PLACE * np.nan,
+        "left_betas": BETAS * np.nan,
+    },
+    "zeros": {"left_joints": 0 * JOINTS},
+    "no frame": {"left_joints": JOINTS[:0]},
+}
+
+
+@pytest.mark.parametrize("unseen", UNSEEN)
 def test_a_second_hand_that_is_in_no_frame_is_left_out_aloud(unseen):
-    own = {"format": np.array("geneoh-sequence"), "version": np.array(1)}
-    hands, notes = read({**own, "right_joints": JOINTS, **unseen})
+    hands, notes = read({**OWN, "right_joints": JOINTS, **UNSEEN[unseen]})
     assert [hand.side for hand in hands] == ["right"]
     assert notes == ("the left hand is in no frame and was left out",)
+
+
+@pytest.mark.parametrize("unseen", ["NaN", "valid", "parameters"])
+def test_a_hand_that_is_in_no_frame_is_refused_where_it_is_asked_for(unseen):
     with pytest.raises(InputError):
-        read({**own, "right_joints": JOINTS, **unseen}, side="left")
+        read({**OWN, "right_joints": JOINTS, **UNSEEN[unseen]}, side="left")
+
+
+def test_hands_that_are_both_in_no_frame_are_refused():
     with pytest.raises(InputError, match="at least one frame must hold the right hand"):
-        read({**own, "right_joints": JOINTS * np.nan, "left_joints": JOINTS * np.nan})
-
-
-@pytest.mark.parametrize("unseen", [0 * JOINTS, JOINTS[:0]], ids=["zeros", "no frame"])
-def test_a_second_hand_of_zeros_or_of_no_frame_is_left_out_aloud(unseen):
-    own = {"format": np.array("geneoh-sequence"), "version": np.array(1)}
-    hands, notes = read({**own, "right_joints": JOINTS, "left_joints": unseen})
-    assert [hand.side for hand in hands] == ["right"]
-    assert notes == ("the left hand is in no frame and was left out",)
+        read({**OWN, "right_joints": JOINTS * np.nan, "left_joints": JOINTS * np.nan})
 
 
 def test_a_hand_of_no_frame_is_refused_in_our_own_layout():
-    own = {"format": np.array("geneoh-sequence"), "version": np.array(1)}
     with pytest.raises(InputError, match=r"'right_joints' .* at least one frame is needed"):
-        read({**own, "right_joints": JOINTS[:0]})
+        read({**OWN, "right_joints": JOINTS[:0]})
 
 
 def test_our_own_layout_takes_the_pose_flat_or_by_joint():
-    ours = {"format": np.array("geneoh-sequence"), "version": np.array(1), "right_wrist": PLACE}
+    ours = {**OWN, "right_wrist": PLACE}
     flat = only(read({**ours, "right_pose": POSE.reshape(T, 48)}))
     by_joint = only(read({**ours, "right_pose": POSE}))
     assert torch.equal(flat.pose, by_joint.pose)
