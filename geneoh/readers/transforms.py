@@ -106,5 +106,5 @@ def inverse(matrices: Array, where: str) -> Array:
 
 
 def moved_points(points: Array, frame: Array) -> Array:
-    """(T, P, 3) points taken into another frame by (T, 4, 4) matrices."""
-    return points @ frame[:, :3, :3].transpose(0, 2, 1) + frame[:, None, :3, 3]
+    """(..., P, 3) points taken into another frame by (..., 4, 4) matrices, or by (4, 4) all."""
+    return points @ frame[..., :3, :3].swapaxes(-1, -2) + frame[..., None, :3, 3]

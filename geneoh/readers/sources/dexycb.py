@@ -112,7 +112,7 @@ def label_joints(file: Path, to_world: Array) -> Array:
     joints = read_record(file).array("joint_3d", (1, 21, 3))[0]
     if (joints == NO_HAND).all():
         return np.full((21, 3), np.nan)
-    return joints @ to_world[:, :3].T + to_world[:, 3]
+    return transforms.moved_points(joints, to_world)
 
 
 def read_yaml(path: Path) -> Record:

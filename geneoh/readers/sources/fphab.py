@@ -16,6 +16,7 @@ from geneoh.readers.dataset_reader import reads
 from geneoh.readers.foreign_files import by_frame, frame_number, read_numbers, read_record
 from geneoh.readers.meshes import find_mesh
 from geneoh.readers.records import FRAME_LIMIT, Array
+from geneoh.readers.transforms import moved_points
 
 MILLIMETRES = 0.001
 OBJECTS = {"juice": "juice_bottle", "liquid_soap": "liquid_soap", "milk": "milk", "salt": "salt"}
@@ -80,4 +81,4 @@ def read_skeleton(root: Path, way: Path, frames: int) -> Array | None:
         return None
     rows = {t: row.reshape(21, 3) for t, row in frame_rows(path, 63).items()}
     joints = by_frame(rows, frames, 21, 3)[:, list(joint_orders.ORDERS["fphab"].entries)]
-    return (joints @ EXTRINSIC[:3, :3].T + EXTRINSIC[:3, 3]) * MILLIMETRES
+    return moved_points(joints, EXTRINSIC) * MILLIMETRES

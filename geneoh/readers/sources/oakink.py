@@ -79,7 +79,7 @@ def read_joints(file: Path, record: Record) -> Array:
         return np.full((21, 3), np.nan)
     joints = read_array(file, (21, 3))
     to_world = transforms.inverse(record.array("cam_extr", (4, 4)), record.where)
-    return joints @ to_world[:3, :3].T + to_world[:3, 3]
+    return transforms.moved_points(joints, to_world)
 
 
 @reads(
