@@ -56,6 +56,9 @@ SMOOTHED = 3.0
 """Deviation in frames at 30 a second of the filter of keypoints before their distance is taken."""
 AROUND_TOUCH = 30.0
 """Frames at 30 a second around each one in which a touch counts."""
+CLEAR, UNCLEAR = 0.016, 0.020
+"""Deviation in metres of the place where contact shows the hand to be: up to the first it holds or
+touches the object, from the second on contact tells nothing."""
 UNPROVEN = 3.0
 """Frames of a moving object in which the hand is taken to touch it before any is seen."""
 
@@ -165,6 +168,15 @@ def touching(
     return share_between(off, TOUCHING, OFF).to(joints)
 
 
+def evidence_of_place(width: Float[Tensor, " T"]) -> Float[Tensor, " T"]:
+    """1 where contact tells the place of the hand, 0 where it fits many places alike.
+
+    A noisy hand that is near the object without touching it would fit better elsewhere, but no
+    place of its own. `width` is the deviation of the place that SpatialDiff finds, metres.
+    """
+    return share_between(width, CLEAR, UNCLEAR).to(width)
+
+
 def moving(surface: MovingSurface, fps: float) -> Bool[Tensor, " T"]:
     """The frames in which the surface of any part moves, by where it is a tenth of a second before
     and after."""
@@ -228,6 +240,6 @@ def doubt(evidence: Float[Tensor, " T"]) -> Iterator[str]:
     if count := int((evidence < 0.5).sum()):
         yield (
             f"in {numbered(count, 'frame')} the object is too noisy, too long unseen or too far "
-            "away to rely on, or moves without the hand: there the hand is cleaned mostly by the "
-            "prior of hand motion alone"
+            "away to rely on, or does not seem to be touched: there the hand is cleaned mostly by "
+            "the prior of hand motion alone"
         )

@@ -208,7 +208,7 @@ def _fitted(
     progress_of = timed(on_progress, seconds)
     stages = StageRun(denoisers, subject, given, progress_of, generator)
     ray = hand.track.camera_ray
-    samples = stages.relied_on(
+    samples, near = stages.relied_on(
         surface, poses, near, chosen, hand.fps, ray=ray, object_noise=object_noise
     )
     index, target = _select(samples, subject, chosen.selection)

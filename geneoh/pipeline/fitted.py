@@ -42,7 +42,7 @@ class FittedHand:
     preset: Preset
     surface: MovingSurface | None
     near: Float[Tensor, " T"]
-    """How near the hand is to the object, 0 to 1; `poses` is how far its poses are relied on."""
+    """How far the hand deals with the object, 0 to 1; `poses` is how far its poses are right."""
     poses: Float[Tensor, " T"]
     samples: Float[Tensor, "S T 21 3"]
     chosen: int

@@ -30,6 +30,7 @@ from geneoh.pipeline.rays import FoundRay, found_ray
 from geneoh.pipeline.results import clean_track
 from geneoh.pipeline.spread import joint_spread
 from geneoh.pipeline.stage_run import StageRun
+from geneoh.pipeline.stages import Placed
 from geneoh.progress import OnStep
 from geneoh.representation.parameters import HandParameters
 from geneoh.sequence.gaps import fill_gaps, fill_object
@@ -66,17 +67,19 @@ class Place:
     after: Float[Tensor, "S 1 3"]
     since: int = -PLACE_EVERY
     """Frame from which on it changes, over `PLACE_EVERY` frames."""
+    width: float = 0.0
+    """Deviation of the last answer, metres."""
 
     def at(self, frames: Float[Tensor, " T"]) -> Float[Tensor, "S T 3"]:
         """The shift in some frames."""
         share = ((frames - self.since) / PLACE_EVERY).clamp(0, 1)[:, None]
         return self.before + share * (self.after - self.before)
 
-    def learn(self, shift: Float[Tensor, "S 1 3"], now: int) -> None:
+    def learn(self, shift: Float[Tensor, "S 1 3"], width: float, now: int) -> None:
         """Take a new answer, which counts from a frame on."""
         self.before = self.at(shift.new_tensor([float(now)]))
         self.after = self.after + PLACE_BLEND * (shift - self.after)
-        self.since = now
+        self.since, self.width = now, width
 
 
 @dataclass(frozen=True)
@@ -95,15 +98,17 @@ class RecentRun(StageRun):
         hand: HandParameters,
         context: StageContext,
         plan: PlacePlan,
-    ) -> HandParameters:
+    ) -> Placed:
         """The samples moved by the shift of SpatialDiff, which is asked where it has not been."""
         enough = context.frames >= LEAST_PLACED
         if enough and self.done - self.place.since >= PLACE_EVERY:
-            moved = super().placed(observed, hand, context, plan)
+            found = super().placed(observed, hand, context, plan)
             # the shift is the same in all frames of one window
-            self.place.learn((moved.wrist - hand.wrist)[:, :1], self.done)
-        frames = torch.arange(context.frames) + self.first
-        return replace(hand, wrist=hand.wrist + self.place.at(frames.to(hand.wrist)))
+            shift = (found.hand.wrist - hand.wrist)[:, :1]
+            self.place.learn(shift, float(found.width[0]), self.done)
+        frames = (torch.arange(context.frames) + self.first).to(hand.wrist)
+        moved = replace(hand, wrist=hand.wrist + self.place.at(frames))
+        return Placed(moved, torch.full_like(frames, self.place.width))
 
 
 class RecentHand:
@@ -186,7 +191,7 @@ class RecentHand:
             first=first,
             done=self._done,
         )
-        samples = stages.relied_on(
+        samples, near = stages.relied_on(
             surface,
             poses,
             near,

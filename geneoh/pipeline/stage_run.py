@@ -14,11 +14,12 @@ from geneoh.fitting.subject import Subject
 from geneoh.fitting.terms import HandState
 from geneoh.geometry.distance import MovingSurface
 from geneoh.nn.checkpoint import finite_output
-from geneoh.objects.evidence import blended
+from geneoh.objects.evidence import blended, evidence_of_place
 from geneoh.pipeline.alone import hand_alone, without_jitter
 from geneoh.pipeline.context import StageContext, repeated, stage_context
 from geneoh.pipeline.presets import DirectPlan, PlacePlan, Preset, StagePlan
 from geneoh.pipeline.stages import (
+    Placed,
     denoise_latent,
     denoise_motion,
     denoise_relations,
@@ -59,13 +60,14 @@ class StageRun:
         *,
         ray: Float[Tensor, "T 3"] | None = None,
         object_noise: Float[Tensor, " 2"] | None = None,
-    ) -> Float[Tensor, "S T 21 3"]:
+    ) -> tuple[Float[Tensor, "S T 21 3"], Float[Tensor, " T"]]:
         """Samples against the object as far as it is relied on, else of the hand alone.
 
-        `poses` and `near` are the arguments of `geneoh.objects.evidence.blended`.
+        `poses` and `near` are the arguments of `geneoh.objects.evidence.blended`. Also `near` after
+        SpatialDiff, which tells whether the hand is at the object.
         """
-        samples, evidence = None, near * poses
-        if surface is not None and bool((evidence > LEAST_EVIDENCE).any()):
+        samples = None
+        if surface is not None and bool((near * poses > LEAST_EVIDENCE).any()):
             context = stage_context(surface, self.subject, fps, generator=self.generator)
             context = replace(
                 context,
@@ -74,21 +76,30 @@ class StageRun:
                 object_noise=object_noise,
                 relied=poses,
             )
-            samples = self.samples(context, chosen)
-        if samples is None or bool((evidence < 1).any()):
+            samples, width = self.samples(context, chosen)
+            near = near * evidence_of_place(width)
+        if samples is None or bool((near * poses < 1).any()):
             alone = replace(hand_alone(self.subject, fps), ray=ray)
-            free = self.samples(alone, chosen.alone())
+            free, _ = self.samples(alone, chosen.alone())
             free = without_jitter(free, self.subject.joints, fps)
             samples = free if samples is None else blended(free, samples, poses, near, fps)
-        return samples
+        return samples, near
 
-    def samples(self, context: StageContext, preset: Preset) -> Float[Tensor, "S T 21 3"]:
+    def samples(
+        self, context: StageContext, preset: Preset
+    ) -> tuple[Float[Tensor, "S T 21 3"], Float[Tensor, " T"]]:
         """MotionDiff, SpatialDiff and TemporalDiff in order, all samples in one batch.
+
+        Also the deviation of the place that SpatialDiff finds, metres; zero where it is not asked.
 
         Raises:
             CheckpointError: a network answers with NaN or infinity, or with a hand far away.
         """
-        joints = (self._by_parameters if preset.observed else self._by_paper)(context, preset)
+        if preset.observed:
+            joints, width = self._by_parameters(context, preset)
+        else:
+            joints = self._by_paper(context, preset)
+            width = torch.zeros_like(joints[0, :, 0, 0])
         if isinstance(preset.temporal, DirectPlan):
             joints = denoise_temporal(
                 self.denoisers.temporal,
@@ -103,9 +114,11 @@ class StageRun:
                 f"expected keypoints near the input from the networks, got some {apart:.0f} m "
                 "away; their weights are damaged, train or download them again"
             )
-        return joints
+        return joints, width
 
-    def _by_parameters(self, context: StageContext, preset: Preset) -> Float[Tensor, "S T 21 3"]:
+    def _by_parameters(
+        self, context: StageContext, preset: Preset
+    ) -> tuple[Float[Tensor, "S T 21 3"], Float[Tensor, " T"]]:
         """MotionDiff and SpatialDiff on hand parameters."""
         given = self.given
         observed = HandParameters(
@@ -123,10 +136,11 @@ class StageRun:
                 on_step=self.progress_of("motion"),
             )
             hand.map(finite_output)
+        placed = Placed(hand, torch.zeros_like(hand.wrist[0, :, 0]))
         if isinstance(preset.spatial, PlacePlan):
-            hand = self.placed(observed, hand, context, preset.spatial)
-        parts = [hand[frames].joints for frames in blocks(context.frames)]
-        return torch.cat(parts, dim=1)
+            placed = self.placed(observed, hand, context, preset.spatial)
+        parts = [placed.hand[frames].joints for frames in blocks(context.frames)]
+        return torch.cat(parts, dim=1), placed.width
 
     def placed(
         self,
@@ -134,7 +148,7 @@ class StageRun:
         hand: HandParameters,
         context: StageContext,
         plan: PlacePlan,
-    ) -> HandParameters:
+    ) -> Placed:
         """SpatialDiff."""
         return denoise_spatial(
             self.denoisers.spatial,

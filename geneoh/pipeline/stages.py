@@ -8,7 +8,7 @@ A rigid motion of the scene moves the result rigidly.
 """
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Float
@@ -46,6 +46,15 @@ ALIGN_POINTS = 16
 hardly count."""
 LASTING, LARGEST_DRIFT = Filter("gaussian", 10.0), 0.008
 """What of a shift by TemporalDiff lasts, and its largest length in metres: 5 mm are usual."""
+
+
+@dataclass(frozen=True)
+class Placed:
+    """Samples of a hand in their place, and how well contact tells it."""
+
+    hand: HandParameters
+    width: Float[Tensor, " T"]
+    """Deviation of the place in each frame, metres."""
 
 
 def denoise_motion(
@@ -105,7 +114,7 @@ def denoise_spatial(
     *,
     generator: torch.Generator,
     on_step: OnStep | None = None,
-) -> HandParameters:
+) -> Placed:
     """SpatialDiff: hands of the world in places where their relations to the surface are natural.
 
     The place is one shift per window, because the errors that it mends last. All samples ask about
@@ -145,9 +154,26 @@ def denoise_spatial(
     drawn = [part.cautious(3).samples(len(hand.wrist), generator=generator) for part in found]
     shifts = torch.cat(drawn, dim=-1).view(-1, 3) @ axes.mT
     shift = context.blend(shifts[:, None].expand(-1, context.size, -1))
+    width = _width_of_place(found, evidence.ray @ axes)
+    width = context.blend(width[:, None, None].expand(-1, context.size, 1))[0, :, 0]
     if plan.sliding:
         shift = shift - context.drift(joints + shift.mean(0)[:, None], evidence.track)
-    return replace(hand, wrist=hand.wrist + shift)
+    return Placed(replace(hand, wrist=hand.wrist + shift), width)
+
+
+def _width_of_place(found: list[Posterior], ray: Float[Tensor, "W 3"]) -> Float[Tensor, " W"]:
+    """Deviation of the place in each window, metres.
+
+    Along the ray of a camera, zero where it is not known, the place is uncertain for hands that
+    hold, too: there only the deviation across it counts, as much in all three dimensions.
+    """
+    widths = list[Tensor]()
+    for part, along in zip(found, ray.split(TOGETHER), strict=True):
+        each = part.root[0].unflatten(0, (-1, 3))
+        known = along.square().sum(-1)
+        across = each.square().sum((1, 2)) - (along[..., None] * each).sum(1).square().sum(-1)
+        widths.append((across * (1 + known / 2)).sqrt())
+    return torch.cat(widths)
 
 
 def _of_all_windows(

@@ -7,7 +7,14 @@ import torch
 
 from geneoh.geometry.mesh import Mesh
 from geneoh.objects.cleaning import clean_object
-from geneoh.objects.evidence import blended, evidence_of_nearness, evidence_of_poses
+from geneoh.objects.evidence import (
+    CLEAR,
+    UNCLEAR,
+    blended,
+    evidence_of_nearness,
+    evidence_of_place,
+    evidence_of_poses,
+)
 from geneoh.sequence.sequence import ObjectTrack
 
 FRAMES = 90
@@ -143,3 +150,8 @@ def test_a_hand_that_hovers_beside_a_resting_object_deals_with_it_about_a_touch_
     found = hand_beside_a_box(once)
     assert (found[:35] > 0.999).all()
     assert (found[60:] == 0).all()
+
+
+def test_a_hand_whose_place_contact_does_not_tell_is_not_at_the_object():
+    found = evidence_of_place(torch.tensor([0.0, CLEAR, (CLEAR + UNCLEAR) / 2, UNCLEAR, 1.0]))
+    assert found.tolist() == pytest.approx([1.0, 1.0, 0.5, 0.0, 0.0], abs=1e-6)

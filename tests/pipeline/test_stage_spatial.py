@@ -47,7 +47,7 @@ def test_spatial_moves_the_hand_to_the_mean_of_the_density_it_asks():
     context = scene(LONG)
     hand, shift = parameters_at(context), torch.tensor([0.012, -0.004, 0.006])
     samples = hand.map(lambda value: value.expand(4, *value.shape[1:]))
-    got = denoise_spatial(
+    found = denoise_spatial(
         KnownPlace(shift).requires_grad_(False),
         hand,
         samples,
@@ -55,10 +55,12 @@ def test_spatial_moves_the_hand_to_the_mean_of_the_density_it_asks():
         PlacePlan(400, 3, sliding=False),
         generator=seeded(),
     )
+    got, width = found.hand, found.width
     moved_by = got.joints - samples.joints
     torch.testing.assert_close(moved_by.mean((0, 1, 2)), shift, atol=5e-4, rtol=0)
     # a sample of the density each: the deviation over samples is that of the density
     assert 0.002 < float(moved_by.std(0).mean()) < 0.006
+    torch.testing.assert_close(width, torch.full_like(width, 3**0.5 * 0.004), rtol=0.2, atol=0)
     assert torch.equal(got.turn, samples.turn)
 
 
@@ -76,7 +78,7 @@ def test_a_hand_that_slides_over_what_it_holds_goes_to_where_it_does_not():
             replace(context, relied=relied),
             PlacePlan(400, 3, sliding=sliding),
             generator=seeded(),
-        )
+        ).hand
         return float((got.wrist - wrist).norm(dim=-1).mean() / error.norm())
 
     assert off(True) < 0.5
@@ -100,7 +102,7 @@ def test_what_drifts_over_what_is_held_is_taken_away():
             context,
             PlacePlan(400, 3, sliding=sliding),
             generator=seeded(),
-        )
+        ).hand
         return float((got.wrist - right.wrist).norm(dim=-1).mean())
 
     assert off(True) < 0.6 * off(False)
@@ -178,7 +180,7 @@ def test_places_are_asked_a_few_windows_at_a_time_as_all_at_once(monkeypatch):
 
     def answer() -> Tensor:
         plan = PlacePlan(40, 2)
-        return denoise_spatial(model, hand, hand, context, plan, generator=seeded()).wrist
+        return denoise_spatial(model, hand, hand, context, plan, generator=seeded()).hand.wrist
 
     whole = answer()
     monkeypatch.setattr("geneoh.pipeline.context.WINDOWS_AT_ONCE", 1)

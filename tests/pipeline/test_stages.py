@@ -2,8 +2,9 @@
 
 import torch
 
+from geneoh.diffusion.posterior import Posterior
 from geneoh.pipeline.context import StageContext
-from geneoh.pipeline.stages import _closest
+from geneoh.pipeline.stages import _closest, _width_of_place
 
 
 def scene_of(frames: int, parts: int = 2) -> StageContext:
@@ -52,3 +53,13 @@ def test_the_closest_chain_is_that_where_the_hand_was_seen():
     chains[1, 0, 4:] = 0.06  # off the straight line through a gap
     trust = (torch.arange(6) < 4).float()[None, :, None].expand(1, 6, 21)
     assert torch.equal(_closest(chains, given, trust, 1)[0], chains[1])
+
+
+def test_the_width_of_a_place_leaves_out_the_ray_of_a_camera_that_is_known():
+    """Two windows, whose places are much wider along x than across it."""
+    root = torch.diag(torch.tensor([0.05, 0.004, 0.004, 0.05, 0.006, 0.006]))
+    found = [Posterior(torch.zeros(1, 6), root[None])]
+    ray = torch.tensor([[1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    width = _width_of_place(found, ray)
+    expected = [3**0.5 * 0.004, (0.05**2 + 2 * 0.006**2) ** 0.5]
+    torch.testing.assert_close(width, torch.tensor(expected))

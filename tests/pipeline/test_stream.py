@@ -18,7 +18,10 @@ from geneoh.pipeline import recent
 from geneoh.pipeline import stream as stream_module
 from geneoh.pipeline.recent import RecentHand, RecentRun
 from geneoh.pipeline.stream import CleanFrame, Stream
+from geneoh.seeds import seeded_generator
+from geneoh.sequence.noise import corrupt_sequence
 from geneoh.sequence.sequence import Sequence
+from tools.noisy_objects.clips import hovering
 
 
 @pytest.fixture
@@ -26,7 +29,7 @@ def unmoved(monkeypatch):
     """Stages and a fit that leave the hand as it is, so that only the stream is tested."""
 
     def same(run, surface, poses, near, chosen, fps, **more):
-        return run.subject.joints.expand(2, -1, -1, -1)
+        return run.subject.joints.expand(2, -1, -1, -1), near
 
     none = object.__new__(Denoisers)
     monkeypatch.setattr(stream_module, "load_denoisers", lambda *given, **more: none)
@@ -277,6 +280,14 @@ def test_a_stream_is_nearer_to_the_truth_than_its_input(cleaned, clean):
     )
     assert after < 0.7 * before
     assert all(bool((frame.hand.joint_spread > 0).all()) for frame in found)
+
+
+@pytest.mark.slow
+def test_a_noisy_hand_that_hovers_beside_the_object_is_not_pulled_to_it(clean):
+    clip = hovering(clean)[:90]
+    noisy = corrupt_sequence(clip, "gauss", generator=seeded_generator(0, "gauss"))
+    found = pushed(Stream(noisy.object.meshes, side="left"), noisy)
+    assert float((joints_of(found) - clip.hands[0].joints).norm(dim=-1).mean()) < 0.013
 
 
 @pytest.mark.slow

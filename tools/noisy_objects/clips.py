@@ -35,8 +35,11 @@ SHAKEN = "shaken "
 BESIDE = "beside "
 """Before the name of a clip: the hand in the mirror, which moves beside the object and holds
 nothing."""
-OFF = 0.06
-"""Metres from its nearest keypoint to the object, in the median over frames."""
+HOVERING = "hovering "
+"""The same, as near as a hand may be that touches it."""
+OFF, NEAR = 0.06, 0.015
+"""Metres from its nearest keypoint to the object, in the median over frames; the first is the
+least, if the image is farther aside by itself."""
 HERTZ, DEGREES, LEVER = 4.0, 25.0, 0.25
 """How often and how far they turn to and fro in the middle half of the clip, about a point that is
 so many metres away from the hand."""
@@ -74,6 +77,8 @@ def clip_of(name: str) -> Sequence:
         return shaken(clip_of(name.removeprefix(SHAKEN)))
     if name.startswith(BESIDE):
         return beside(clip_of(name.removeprefix(BESIDE)))
+    if name.startswith(HOVERING):
+        return hovering(clip_of(name.removeprefix(HOVERING)))
     if name == RECORDING:
         return load(EXAMPLES / "taco_clean.npz", obj=EXAMPLES / "taco_object.obj")
     made = draw_clip(name, 0, FRAMES, scans() if name.endswith(".ply") else None)
@@ -106,14 +111,26 @@ def shaken(sequence: Sequence, hertz: float = HERTZ, degrees: float = DEGREES) -
     )
 
 
-def beside(sequence: Sequence, off: float = OFF) -> Sequence:
-    """A clip with the hand's image in a mirror in place of it, so far aside that it is off."""
+def hovering(sequence: Sequence) -> Sequence:
+    """A clip with the hand's image in a mirror in the object's middle, and then so far aside that
+    it is as near as a hand that touches it may seem."""
+    joints = sequence.hands[0].joints
+    assert joints is not None, "every clip has joints"
+    middle = sequence.object.translation[:, 0, 0].mean()
+    return beside(sequence, NEAR, start=float(middle + joints[..., 0].mean()))
+
+
+def beside(sequence: Sequence, off: float = OFF, start: float = 0.0) -> Sequence:
+    """A clip with the hand's image in a mirror in place of it, so far aside that it is off.
+
+    The image is moved along x, from `start` on, metres.
+    """
     (hand,), surface = sequence.hands, sequence.object.surface()
     hand = hand.mirrored()
     assert hand.joints is not None, "every clip has joints"
     assert hand.wrist is not None, "every clip has parameters"
     for step in range(200):
-        shift = torch.tensor([-0.005 * step, 0.0, 0.0])
+        shift = torch.tensor([start - 0.005 * step, 0.0, 0.0])
         joints = hand.joints + shift
         if float(surface.query(joints).distance.amin(-1).median()) >= off:
             break

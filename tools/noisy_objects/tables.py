@@ -12,6 +12,7 @@ from geneoh.choices import NOISES, OBJECT_NOISES
 from tools.noisy_objects.cases import Case, Scores, rows
 from tools.noisy_objects.clips import (
     BESIDE,
+    HOVERING,
     MADE,
     RECORDING,
     ROUND,
@@ -56,6 +57,10 @@ def cases_of(table: str, seeds: int) -> list[Case]:
             clips = tuple(BESIDE + name for name in made)
             every = product(range(seeds), clips, noises, ("exact", "shaky_10"))
             return [Case(c, n, k, s) for s, c, n, k in every]
+        case "hovering":
+            clips = tuple(HOVERING + name for name in (RECORDING, "drawer", "bottle"))
+            every = product(range(seeds), clips, noises, ("exact", "shaky_10"))
+            return [Case(c, n, k, s) for s, c, n, k in every]
         case "alone":
             every = product(range(seeds), made[:2], noises)
             return [Case(c, n, "exact", s, "default", alone=True) for s, c, n in every]
@@ -63,8 +68,8 @@ def cases_of(table: str, seeds: int) -> list[Case]:
 
 
 TABLES = (
-    *("hands", "trusted", "guard", "shaken", "beside", "round", "refined", "white", "alone"),
-    "limits",
+    *("hands", "trusted", "guard", "shaken", "beside", "hovering", "round", "refined", "white"),
+    *("alone", "limits"),
 )
 
 
