@@ -163,7 +163,7 @@ def checked_call(function: Callable[Parameters, Result]) -> Callable[Parameters,
     """A public function that refuses arguments of another kind than their annotations.
 
     Paths, numbers, texts, choices and functions to call are checked; `ConfigError` names the
-    argument.
+    argument, and one that the function does not have.
     """
     signature = inspect.signature(function)
     plain = {n: p.annotation for n, p in signature.parameters.items() if is_plain(p.annotation)}
@@ -174,6 +174,7 @@ def checked_call(function: Callable[Parameters, Result]) -> Callable[Parameters,
         try:
             bound = signature.bind(*args, **kwargs)
         except TypeError:
+            refuse_unknown(kwargs, signature.parameters, f"geneoh.{function.__name__}")
             return function(*args, **kwargs)  # Python refuses it as well, and names the function
         for name in bound.arguments.keys() & plain.keys():
             bound.arguments[name] = value = plain_number(bound.arguments[name])
@@ -183,6 +184,20 @@ def checked_call(function: Callable[Parameters, Result]) -> Callable[Parameters,
         return function(*bound.args, **bound.kwargs)
 
     return checked
+
+
+def refuse_unknown(
+    names: Iterable[str], known: Mapping[str, inspect.Parameter], caller: str
+) -> None:
+    """`ConfigError` for a name that is no argument; of a setting it says where settings go."""
+    kinds = get_args(known["options"].annotation) if "options" in known else ()
+    for name in names:
+        if name not in known:
+            hint = closest_name(name, known)
+            for kind in kinds:
+                if name in getattr(kind, "__dataclass_fields__", ()):
+                    hint = f"it is a setting, for options=geneoh.{kind.__name__}({name}=...)"
+            raise ConfigError(f"{caller}: '{name}' is no argument; {hint}")
 
 
 def plain_number(value: Any) -> Any:

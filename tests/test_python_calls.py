@@ -121,6 +121,11 @@ CALLS = {
     "generate(3, OBJ)": "geneoh.generate: 'sentence' must be text, got 3",
     "generate('lift the mug', 3)": "Mesh or the path of its file, got int",
     "generate('lift the mug', OBJ, {'frames': 20})": "must be geneoh.GenerateOptions, got {",
+    "generate('lift the mug', OBJ, frames=20)": (
+        "geneoh.generate: 'frames' is no argument; it is a setting, for "
+        "options=geneoh.GenerateOptions(frames=...)"
+    ),
+    "generate_on_body('wave', 'walk.npz', hold=MOTION)": "'hold' is no argument; did you mean 'h",
     "generate_on_body('wave', {})": "takes a sentence, then a body or its file, got dict",
     "generate_on_body('wave', 'walk.npz', {'seed': 1})": "must be geneoh.BodyOptions, got {",
     "generate_on_body('wave', 'walk.npz', held=3)": "'held' must be an ObjectTrack or none",
