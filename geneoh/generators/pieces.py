@@ -4,7 +4,7 @@ Words outside them, and misspelt ones, fall into several pieces.
 """
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,6 @@ from torch import Tensor
 
 from geneoh.errors import CheckpointError
 from geneoh.generators.text_network import PAD
-from geneoh.nn.checkpoint import load_checkpoint
 
 _UNKNOWN = "?"
 _START = "_"  # in front of the first piece of every word
@@ -45,13 +44,12 @@ def learned_pieces(sentences: Iterable[str], count: int) -> Tokenizer:
     return tokenizer
 
 
-def vocabulary_of(path: Path) -> Tokenizer:
-    """The vocabulary in the weights of a network that reads words itself.
+def vocabulary_of(record: Mapping[str, Any], path: Path) -> Tokenizer:
+    """The vocabulary of a network that reads words itself, in the record of its weights.
 
     Raises:
-        CheckpointError: the file holds no vocabulary.
+        CheckpointError: the record holds no vocabulary; the message names the file.
     """
-    record: dict[str, Any] = load_checkpoint(path).record
     try:
         return Tokenizer.from_str(record["tokenizer"])
     except Exception as error:  # the library tokenizers raises plain ones

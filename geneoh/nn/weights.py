@@ -9,7 +9,7 @@ from torch import nn
 
 from geneoh.config import with_table
 from geneoh.errors import CheckpointError
-from geneoh.nn.checkpoint import load_checkpoint
+from geneoh.nn.checkpoint import Checkpoint, load_checkpoint
 
 NetConfig = TypeVar("NetConfig")
 Network = TypeVar("Network", bound=nn.Module)
@@ -25,7 +25,17 @@ def load_network(
     Raises:
         CheckpointError: the file is missing or holds another network.
     """
-    saved, name = load_checkpoint(path), path.stem
+    return network_of(load_checkpoint(path), path, network, config)
+
+
+def network_of(
+    saved: Checkpoint,
+    path: Path,
+    network: Callable[[NetConfig], Network],
+    config: Callable[..., NetConfig],
+) -> Network:
+    """The network of a file that was read; see `load_network`."""
+    name = path.stem
     try:
         with torch.device("meta"):  # draws no random numbers, and takes the type of the weights
             size = dict(saved.record["config"][name])

@@ -20,7 +20,7 @@ from geneoh.generators.both2hands.denoiser import (
 from geneoh.generators.pieces import marked, piece_numbers, vocabulary_of, words_of
 from geneoh.generators.text import foreign_encoder
 from geneoh.nn.checkpoint import load_checkpoint
-from geneoh.nn.weights import file_or_shipped, load_network, refuse_none_of
+from geneoh.nn.weights import file_or_shipped, load_network, network_of, refuse_none_of
 from geneoh.training.resume import digest
 
 SHIPPED = Path(__file__).parent / "weights"  # the weights in the package, STAGE.safetensors
@@ -68,10 +68,12 @@ def load_networks(
     """
     refuse_none_of(BODY_STAGES, folder)
     branches = load_branches(folder, text_encoder=text_encoder)
-    blend = load_network(weights_of("blend", folder), Blender, BlendConfig)
+    path = weights_of("blend", folder)
+    saved = load_checkpoint(path)
+    blend = network_of(saved, path, Blender, BlendConfig)
     if blend.config.form == "ours":
         refuse_other_scales(branches, folder)
-    refuse_other_branches(weights_of("blend", folder), branches)
+    refuse_other_branches(path, saved.record.get("branches"), branches)
     body, text = branches.body.to(device), branches.text.to(device)
     return Networks(body, text, branches.speech, blend.to(device))
 
@@ -80,7 +82,8 @@ def load_branches(folder: Path | None, *, text_encoder: Path | None = None) -> B
     """The two networks that are blended; arguments and errors are those of `load_networks`."""
     body = load_network(weights_of("body_hands", folder), BodyHands, HandsConfig)
     path = weights_of("text_hands", folder)
-    text = load_network(path, TextHands, TextHandsConfig)
+    saved = load_checkpoint(path)
+    text = network_of(saved, path, TextHands, TextHandsConfig)
     encoder = None if text_encoder is None else foreign_encoder(text_encoder)
     if text.config.text != (encoder.width if encoder else 0):
         wanted = f"a text encoder of {text.config.text} features" if text.config.text else "none"
@@ -88,7 +91,9 @@ def load_branches(folder: Path | None, *, text_encoder: Path | None = None) -> B
             f"{path}: expected {wanted}, with which the network was trained, got "
             f"{f'one of {encoder.width}' if encoder else 'none'}; change --text-encoder"
         )
-    speech = encoder.encode if encoder else reader_of(vocabulary_of(path), text.config)
+    speech = (
+        encoder.encode if encoder else reader_of(vocabulary_of(saved.record, path), text.config)
+    )
     return Branches(body, text, speech)
 
 
@@ -105,9 +110,11 @@ def refuse_other_scales(branches: Branches, folder: Path | None) -> None:
         )
 
 
-def refuse_other_branches(path: Path, branches: Branches) -> None:
-    """Refuse a blend that was trained with other networks than those that it is to blend."""
-    known = load_checkpoint(path).record.get("branches")
+def refuse_other_branches(path: Path, known: str | None, branches: Branches) -> None:
+    """Refuse a blend that was trained with other networks than those that it is to blend.
+
+    `known` is the fingerprint of those that it was trained with; None where the file has none.
+    """
     if known is not None and known != branches.fingerprint:
         raise ConfigError(
             f"{path}: expected the networks body_hands and text_hands that it was trained with, "

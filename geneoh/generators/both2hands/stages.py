@@ -23,6 +23,7 @@ from geneoh.generators.both2hands.recorded import recorded_gestures
 from geneoh.generators.both2hands.training import HandsTask
 from geneoh.generators.pieces import learned_pieces, vocabulary_of
 from geneoh.generators.text import foreign_encoder
+from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.nn.weights import load_network
 from geneoh.progress import OnProgress
 from geneoh.synthesis.gestures.clips import Gestures
@@ -94,7 +95,10 @@ def body_task(
     else:
         chosen = replace(chosen, text_hands=replace(chosen.text_hands, text=0))
         pieces, start = chosen.text_hands.words.pieces, learned.start
-        tokenizer = vocabulary_of(start) if start else vocabulary(data.training, pieces)
+        if start:
+            tokenizer = vocabulary_of(load_checkpoint(start).record, start)
+        else:
+            tokenizer = vocabulary(data.training, pieces)
         speech = reader_of(tokenizer, chosen.text_hands)
     clips = data.training, data.validation
     task = HandsTask(stage, chosen, *clips, speech, tokenizer, branches, data.record)

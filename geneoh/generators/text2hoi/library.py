@@ -1,8 +1,9 @@
 """The trained networks of Text2HOI: where weights are, and how networks are rebuilt from them."""
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
+from typing import Any, TypeVar
 
 import torch
 from jaxtyping import Float
@@ -15,9 +16,12 @@ from geneoh.generators.text2hoi.contact import ContactConfig, ContactNetwork
 from geneoh.generators.text2hoi.interaction import InteractionConfig, InteractionNetwork
 from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork
 from geneoh.generators.text2hoi.refiner import RefinerConfig, RefinerNetwork
-from geneoh.generators.text2hoi.text import ASKED, load_text_encoder
+from geneoh.generators.text2hoi.text import ASKED, load_text_encoder, shipped_model
 from geneoh.nn.checkpoint import load_checkpoint
-from geneoh.nn.weights import file_or_shipped, load_network, refuse_none_of
+from geneoh.nn.weights import file_or_shipped, load_network, network_of, refuse_none_of
+
+Told = TypeVar("Told", ContactNetwork, InteractionNetwork, LengthNetwork)
+"""A network that is told a sentence."""
 
 SHIPPED = Path(__file__).parent / "weights"  # the weights in the package, STAGE.safetensors
 ALIKE = 0.1
@@ -52,15 +56,35 @@ def load_networks(
     """
     refuse_none_of(GENERATOR_STAGES, folder)
     text = encoder_of(folder, text_encoder)
-    contact, interaction = contact_network(folder), interaction_network(folder)
-    length = load_network(weights_of("length", folder), LengthNetwork, LengthConfig)
-    trained = (("contact", contact), ("interaction", interaction), ("length", length))
-    for name, network in trained:
-        refuse_other_encoder(weights_of(name, folder), network.config.text, text)
+    contact = told_network("contact", folder, text, ContactNetwork, ContactConfig)
+    interaction = told_network("interaction", folder, text, InteractionNetwork, InteractionConfig)
+    length = told_network("length", folder, text, LengthNetwork, LengthConfig)
     return Networks(text, contact.to(device), interaction.to(device), length)
 
 
-def refuse_other_encoder(path: Path, width: int, text: TextEncoder) -> None:
+def told_network(
+    name: str,
+    folder: Path | None,
+    text: TextEncoder,
+    network: Callable[[Any], Told],
+    config: Callable[..., Any],
+) -> Told:
+    """A network of a folder, else the shipped one, that sentences are told by a text encoder.
+
+    Raises:
+        CheckpointError: the file is missing or does not fit.
+        ConfigError: the network was trained with another text encoder.
+    """
+    path = weights_of(name, folder)
+    saved = load_checkpoint(path)
+    found = network_of(saved, path, network, config)
+    refuse_other_encoder(path, saved.record, found.config.text, text)
+    return found
+
+
+def refuse_other_encoder(
+    path: Path, record: Mapping[str, Any], width: int, text: TextEncoder
+) -> None:
     """Refuse weights for vectors of a width that were trained with another text encoder.
 
     Raises:
@@ -72,7 +96,7 @@ def refuse_other_encoder(path: Path, width: int, text: TextEncoder) -> None:
             f"{path}: expected a text encoder of {width} features, got one of {text.width}; name "
             "the one that it was trained with"
         )
-    learned, asked = vector_of_training(path, width), text.encode([ASKED])[0]
+    learned, asked = vector_of_training(path, record, width), text.encode([ASKED])[0]
     if learned is not None and float((asked - learned).norm()) > ALIKE * float(learned.norm()):
         raise ConfigError(
             f"{path}: expected the text encoder that it was trained with, got another one of as "
@@ -81,15 +105,17 @@ def refuse_other_encoder(path: Path, width: int, text: TextEncoder) -> None:
         )
 
 
-def vector_of_training(path: Path, width: int) -> Float[Tensor, " W"] | None:
+def vector_of_training(
+    path: Path, record: Mapping[str, Any], width: int
+) -> Float[Tensor, " W"] | None:
     """The vector of `ASKED` by the encoder that weights were trained with; None where unknown.
 
     Older weights tell a fingerprint of it alone. It is known where the shipped ones have the same.
     """
-    record = load_checkpoint(path).record
     if "text_vector" not in record:
         shipped = record if path.parent == SHIPPED else load_checkpoint(SHIPPED / path.name).record
-        return shipped_vector() if record.get("text") == shipped.get("text") else None
+        known = record.get("text") == shipped.get("text")
+        return shipped_model().vectors([ASKED])[0] if known else None
     try:
         return torch.tensor(record["text_vector"], dtype=torch.float32).view(width)
     except (ArithmeticError, TypeError, ValueError, RuntimeError) as error:
@@ -99,13 +125,7 @@ def vector_of_training(path: Path, width: int) -> Float[Tensor, " W"] | None:
         ) from error
 
 
-@cache
-def shipped_vector() -> Float[Tensor, " W"]:
-    """The vector of `ASKED` by the shipped text encoder."""
-    return load_text_encoder().encode([ASKED])[0]
-
-
-def load_refiner(folder: Path | None = None) -> RefinerNetwork:
+def load_refiner(folder: Path | None) -> RefinerNetwork:
     """The refiner of a folder, else the shipped one.
 
     Raises:
@@ -124,18 +144,3 @@ def encoder_of(folder: Path | None, text_encoder: Path | None = None) -> TextEnc
 def weights_of(name: str, folder: Path | None) -> Path:
     """The file of weights in a folder, else the shipped one."""
     return file_or_shipped(name, folder, SHIPPED)
-
-
-def interaction_network(folder: Path | None) -> InteractionNetwork:
-    """The interaction network of a folder, else the shipped one.
-
-    Raises:
-        CheckpointError: the file is missing or does not fit.
-    """
-    path = weights_of("interaction", folder)
-    return load_network(path, InteractionNetwork, InteractionConfig)
-
-
-def contact_network(folder: Path | None) -> ContactNetwork:
-    """The contact network of a folder, else the shipped one; raises as above."""
-    return load_network(weights_of("contact", folder), ContactNetwork, ContactConfig)

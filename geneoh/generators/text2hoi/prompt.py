@@ -14,7 +14,7 @@ from geneoh.generators.text2hoi.duration import length_in_frames, stated_length
 from geneoh.generators.text2hoi.english import OTHER_VERBS, SMALL_WORDS, THINGS
 from geneoh.generators.text2hoi.negation import no_hand_in, rules_out, without_ruled_out
 from geneoh.generators.text2hoi.passing import MY, asked_giver
-from geneoh.generators.text2hoi.text import TextModel, load_text_model
+from geneoh.generators.text2hoi.text import shipped_model
 from geneoh.generators.text2hoi.text_data import WORDS
 from geneoh.language.conjugation import forms
 from geneoh.language.vocabulary import NOUN_WORDS, PARTICLES
@@ -62,7 +62,7 @@ class Prompt:
     """The hand that passes the object to the other; None where either may."""
 
 
-def read_prompt(text: str, model: TextModel | None = None, *, frames: int | None = None) -> Prompt:
+def read_prompt(text: str, *, frames: int | None = None) -> Prompt:
     """What a sentence asks for, by its words first and then by our text encoder.
 
     A verb that no made action shows is replaced by the nearest one, and a sentence that names no
@@ -82,9 +82,8 @@ def read_prompt(text: str, model: TextModel | None = None, *, frames: int | None
     words, left_out = without_ruled_out_verbs(sentence, said.split())
     words = with_other_hand(sentence, words, ruled_out)
     told = sentence if words == words_of(sentence) else " ".join(words)
-    model = model or load_text_model()
-    verb, known, verb_notes = asked_verb(told, words, model)
-    hands, hand_notes = asked_hands(told, words, verb, model)
+    verb, known, verb_notes = asked_verb(told, words)
+    hands, hand_notes = asked_hands(told, words, verb)
     notes = (*verb_notes, *left_out, *hand_notes)
     if stated is not None:
         instead = "" if length else f", but {frames} are asked for"
@@ -146,11 +145,9 @@ def with_other_hand(sentence: str, words: list[str], ruled_out: frozenset[Side])
     return [*words, "with", "the", next(side for side in SIDES if side not in ruled_out), "hand"]
 
 
-def asked_verb(
-    sentence: str, words: Sequence[str], model: TextModel
-) -> tuple[str, bool, tuple[str, ...]]:
+def asked_verb(sentence: str, words: Sequence[str]) -> tuple[str, bool, tuple[str, ...]]:
     """The verb of made actions, whether the sentence names it, and notes."""
-    named = named_verbs(words) or named_verbs(as_meant(words))
+    named, model = named_verbs(words) or named_verbs(as_meant(words)), shipped_model()
     scores = dict(zip(model.verbs, model.read(sentence).verbs[0].tolist(), strict=True))
     if not named:
         nearest = max(VERBS, key=lambda verb: scores[verb])
@@ -189,7 +186,7 @@ def named_verbs(words: Sequence[str]) -> dict[str, str]:
 
 
 def asked_hands(
-    sentence: str, words: Sequence[str], verb: str, model: TextModel
+    sentence: str, words: Sequence[str], verb: str
 ) -> tuple[HandsName, tuple[str, ...]]:
     """The hands that a sentence asks for: by its words, else as our encoder reads it."""
     said = " ".join(words)
@@ -204,6 +201,7 @@ def asked_hands(
         )
     if one:
         return one[0], ()
+    model = shipped_model()
     read = model.hands[int(model.read(sentence).hands[0].argmax())]
     if read == "left hand" or read == "right hand" or read == "both hands":
         return read, (f"the sentence names no hand plainly; it is read as '{read}'",)

@@ -8,14 +8,10 @@ from geneoh.choices import ActionStage, GeneratorStage
 from geneoh.generators.text import TextEncoder
 from geneoh.generators.text2hoi.action_data import action_data
 from geneoh.generators.text2hoi.config import Text2HoiConfig
+from geneoh.generators.text2hoi.contact import ContactConfig, ContactNetwork
+from geneoh.generators.text2hoi.interaction import InteractionConfig, InteractionNetwork
 from geneoh.generators.text2hoi.length_training import LengthTask, LengthTrainConfig
-from geneoh.generators.text2hoi.library import (
-    contact_network,
-    encoder_of,
-    interaction_network,
-    refuse_other_encoder,
-    weights_of,
-)
+from geneoh.generators.text2hoi.library import encoder_of, told_network
 from geneoh.generators.text2hoi.recorded import RecordedConfig
 from geneoh.generators.text2hoi.samples import ActionData
 from geneoh.generators.text2hoi.text_training import TextTask, TextTrainConfig
@@ -91,12 +87,13 @@ def action_task(
         contact=replace(chosen.contact, text=encoder.width),
         interaction=replace(chosen.interaction, text=encoder.width),
     )
-    contact = None if stage == "contact" else contact_network(learned.folder)
-    interaction = interaction_network(learned.folder) if stage == "refiner" else None
-    for name, network in (("contact", contact), ("interaction", interaction)):
-        if network is not None:
-            path = weights_of(name, learned.folder)
-            refuse_other_encoder(path, network.config.text, encoder)
+    contact = interaction = None
+    if stage != "contact":
+        told = learned.folder, encoder, ContactNetwork, ContactConfig
+        contact = told_network("contact", *told)
+    if stage == "refiner":
+        told = learned.folder, encoder, InteractionNetwork, InteractionConfig
+        interaction = told_network("interaction", *told)
     data = learned.actions(chosen.recorded, on_progress)
     task = ActionTask(
         stage, chosen, data.training, data.validation, encoder, contact, interaction, data.record

@@ -1,6 +1,7 @@
 """Sentences to vectors by the encoder of Text2HOI, or by one that the user has."""
 
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 
 from jaxtyping import Float
@@ -11,7 +12,7 @@ from geneoh.generators.pieces import marked, piece_numbers, vocabulary_of, words
 from geneoh.generators.text import TextEncoder, foreign_encoder
 from geneoh.generators.text_network import Reading, TextConfig, TextNetwork
 from geneoh.nn.checkpoint import load_checkpoint
-from geneoh.nn.weights import load_network
+from geneoh.nn.weights import network_of
 
 SHIPPED = Path(__file__).parent / "weights" / "text.safetensors"
 ASKED = "Lift a mug with the right hand."
@@ -21,12 +22,17 @@ ASKED = "Lift a mug with the right hand."
 class TextModel:
     """Our own encoder with its vocabulary and the classes of its heads."""
 
-    def __init__(self, path: Path) -> None:
-        """Read a file of weights; see `load_text_model`."""
-        self.network = load_network(path, TextNetwork, TextConfig)
-        self.tokenizer = vocabulary_of(path)
+    def __init__(self, path: Path = SHIPPED) -> None:
+        """Read a file of weights; by default the shipped one.
+
+        Raises:
+            CheckpointError: the file is missing or holds something else.
+        """
+        saved = load_checkpoint(path)
+        self.network = network_of(saved, path, TextNetwork, TextConfig)
+        self.tokenizer = vocabulary_of(saved.record, path)
         try:
-            classes = load_checkpoint(path).record["classes"]
+            classes = saved.record["classes"]
             self.verbs: list[str] = list(classes["verbs"])
             self.hands: list[str | None] = list(classes["hands"])
         except (KeyError, TypeError) as error:
@@ -49,13 +55,10 @@ class TextModel:
         return TextEncoder(self.network.config.width, self.vectors)
 
 
-def load_text_model(path: Path = SHIPPED) -> TextModel:
-    """Our own encoder from a file of weights; by default the shipped one.
-
-    Raises:
-        CheckpointError: the file is missing or holds something else.
-    """
-    return TextModel(path)
+@cache
+def shipped_model() -> TextModel:
+    """The encoder that ships with geneoh, which is read once."""
+    return TextModel()
 
 
 def load_text_encoder(folder: Path | None = None) -> TextEncoder:
@@ -72,7 +75,7 @@ def load_text_encoder(folder: Path | None = None) -> TextEncoder:
         CheckpointError: our weights in the folder are damaged.
     """
     if folder is None:
-        return load_text_model().encoder()
+        return shipped_model().encoder()
     if (ours := folder / "text.safetensors").is_file():
-        return load_text_model(ours).encoder()
+        return TextModel(ours).encoder()
     return foreign_encoder(folder)

@@ -3,7 +3,6 @@ import pytest
 from geneoh.errors import InputError
 from geneoh.generators.text2hoi.duration import number_of, stated_length
 from geneoh.generators.text2hoi.prompt import read_prompt
-from geneoh.generators.text2hoi.text import load_text_model
 
 
 @pytest.mark.parametrize(
@@ -47,13 +46,12 @@ def test_numbers_are_read_in_digits_and_words():
 
 
 def test_a_stated_length_counts_unless_another_one_is_asked_for():
-    model = load_text_model()
     sentence = "lift the mug with the left hand for two seconds"
-    prompt = read_prompt(sentence, model)
+    prompt = read_prompt(sentence)
     assert (prompt.sentence, prompt.told) == (sentence, "lift the mug with the left hand")
     assert prompt.frames == 60
     assert prompt.notes == ("the length is 60 frames by 'for two seconds'",)
-    prompt = read_prompt(sentence.replace("two", "ten"), model, frames=50)
+    prompt = read_prompt(sentence.replace("two", "ten"), frames=50)
     assert prompt.frames is None
     assert prompt.notes[0].endswith("by 'for ten seconds', but 50 are asked for")
 
@@ -61,7 +59,7 @@ def test_a_stated_length_counts_unless_another_one_is_asked_for():
 @pytest.mark.parametrize("length", ["ten seconds", "0 seconds", "one frame", "151 frames"])
 def test_a_length_that_no_clip_has_is_refused(length):
     with pytest.raises(InputError, match=rf"2 to 150 frames, .* found 'for {length}'"):
-        read_prompt(f"lift the mug for {length}", load_text_model())
+        read_prompt(f"lift the mug for {length}")
 
 
 def test_two_lengths_are_refused():

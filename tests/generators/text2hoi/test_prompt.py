@@ -2,12 +2,6 @@ import pytest
 
 from geneoh.errors import InputError
 from geneoh.generators.text2hoi.prompt import named_verbs, read_prompt
-from geneoh.generators.text2hoi.text import load_text_model
-
-
-@pytest.fixture(scope="module")
-def model():
-    return load_text_model()
 
 
 @pytest.mark.parametrize(
@@ -27,8 +21,8 @@ def model():
         ("the left hand holds the jar while the right hand opens it", "open", "both hands"),
     ],
 )
-def test_verb_and_hands_of_plain_sentences(model, sentence, verb, hands):
-    prompt = read_prompt(sentence, model)
+def test_verb_and_hands_of_plain_sentences(sentence, verb, hands):
+    prompt = read_prompt(sentence)
     assert (prompt.verb, prompt.hands, prompt.known) == (verb, hands, True)
     assert prompt.notes == ()
 
@@ -41,47 +35,47 @@ def test_verb_and_hands_of_plain_sentences(model, sentence, verb, hands):
         ("opne the laptop with the letf hand", "open", "left hand"),
     ],
 )
-def test_misspelt_sentences_are_read(model, sentence, verb, hands):
-    prompt = read_prompt(sentence, model)
+def test_misspelt_sentences_are_read(sentence, verb, hands):
+    prompt = read_prompt(sentence)
     assert (prompt.verb, prompt.hands) == (verb, hands)
 
 
-def test_a_verb_that_was_never_made_gives_the_nearest_and_says_so(model):
-    prompt = read_prompt("Drink from the mug with the right hand.", model)
+def test_a_verb_that_was_never_made_gives_the_nearest_and_says_so():
+    prompt = read_prompt("Drink from the mug with the right hand.")
     assert (prompt.verb, prompt.known) == ("tilt", False)
     assert prompt.notes == ("'drink from' was never learned; the nearest verb is 'tilt'",)
 
 
-def test_an_unknown_verb_gives_some_verb_and_says_so(model):
-    prompt = read_prompt("Yodel the mug with the right hand.", model)
+def test_an_unknown_verb_gives_some_verb_and_says_so():
+    prompt = read_prompt("Yodel the mug with the right hand.")
     assert not prompt.known
     assert prompt.notes[0].startswith("no verb of the sentence is known; the nearest is '")
 
 
-def test_an_unknown_noun_is_fine(model):
-    prompt = read_prompt("Lift the flurble with the right hand.", model)
+def test_an_unknown_noun_is_fine():
+    prompt = read_prompt("Lift the flurble with the right hand.")
     assert prompt.known
     assert prompt.notes == ()
 
 
-def test_a_sentence_without_hands_gets_the_right_one_or_both_to_pass(model):
-    one = read_prompt("Lift the mug.", model)
+def test_a_sentence_without_hands_gets_the_right_one_or_both_to_pass():
+    one = read_prompt("Lift the mug.")
     assert one.hands == "right hand"
     assert one.notes == ("the sentence names no hand; 'right hand' is taken",)
-    assert read_prompt("Pass the mug.", model).hands == "both hands"
+    assert read_prompt("Pass the mug.").hands == "both hands"
 
 
 @pytest.mark.parametrize(("start", "end"), [("left", "right"), ("right", "left")])
-def test_a_direction_of_passing_is_read(model, start, end):
-    prompt = read_prompt(f"Pass the cup from the {start} hand to the {end} hand.", model)
+def test_a_direction_of_passing_is_read(start, end):
+    prompt = read_prompt(f"Pass the cup from the {start} hand to the {end} hand.")
     assert (prompt.verb, prompt.hands, prompt.known) == ("pass", "both hands", True)
     assert (prompt.giver, prompt.notes) == (start, ())
-    assert read_prompt(f"Carry it from {start} to {end} with both hands.", model).giver is None
+    assert read_prompt(f"Carry it from {start} to {end} with both hands.").giver is None
 
 
-def test_two_hands_that_contradict_each_other_are_refused(model):
+def test_two_hands_that_contradict_each_other_are_refused():
     with pytest.raises(InputError, match=r"write 'both hands', or name one"):
-        read_prompt("With the left hand lift the mug with the right hand.", model)
+        read_prompt("With the left hand lift the mug with the right hand.")
 
 
 @pytest.mark.parametrize(
@@ -94,8 +88,8 @@ def test_two_hands_that_contradict_each_other_are_refused(model):
         ("slide it not to the left with the left hand", "left hand", None),
     ],
 )
-def test_a_hand_that_is_ruled_out_leaves_the_other_one(model, sentence, hands, told):
-    prompt = read_prompt(sentence, model)
+def test_a_hand_that_is_ruled_out_leaves_the_other_one(sentence, hands, told):
+    prompt = read_prompt(sentence)
     assert (prompt.hands, prompt.told, prompt.notes) == (hands, told or sentence, ())
 
 
@@ -108,9 +102,9 @@ def test_a_hand_that_is_ruled_out_leaves_the_other_one(model, sentence, hands, t
         ("lift it with both hands, without the left hand", "left hand both named and ruled out"),
     ],
 )
-def test_hands_that_are_all_ruled_out_are_refused(model, sentence, found):
+def test_hands_that_are_all_ruled_out_are_refused(sentence, found):
     with pytest.raises(InputError, match=f"expected hands that act, found .*{found}"):
-        read_prompt(sentence, model)
+        read_prompt(sentence)
 
 
 @pytest.mark.parametrize(
@@ -123,21 +117,21 @@ def test_hands_that_are_all_ruled_out_are_refused(model, sentence, found):
         "don't put the cup down",
     ],
 )
-def test_a_verb_that_is_ruled_out_is_refused(model, sentence):
+def test_a_verb_that_is_ruled_out_is_refused(sentence):
     with pytest.raises(InputError, match="expected an action that hands do, found only '"):
-        read_prompt(sentence, model)
+        read_prompt(sentence)
 
 
-def test_beside_another_verb_one_that_is_ruled_out_is_noted(model):
-    prompt = read_prompt("Carry the mug with the left hand without tilting it", model)
+def test_beside_another_verb_one_that_is_ruled_out_is_noted():
+    prompt = read_prompt("Carry the mug with the left hand without tilting it")
     assert (prompt.verb, prompt.told) == ("carry", "carry the mug with the left hand")
     assert prompt.notes == ("'without tilting it' is not followed",)
 
 
 @pytest.mark.parametrize("sentence", ["", "   ", "...", "\n\t"])
-def test_an_empty_sentence_is_refused(model, sentence):
+def test_an_empty_sentence_is_refused(sentence):
     with pytest.raises(InputError, match=r"found no words; write one such as"):
-        read_prompt(sentence, model)
+        read_prompt(sentence)
 
 
 @pytest.mark.parametrize(
@@ -151,18 +145,18 @@ def test_an_empty_sentence_is_refused(model, sentence):
         "sdkjf weoiru xcvm qwpoei",
     ],
 )
-def test_a_sentence_that_is_not_english_is_refused(model, sentence):
+def test_a_sentence_that_is_not_english_is_refused(sentence):
     with pytest.raises(InputError, match="expected an English sentence"):
-        read_prompt(sentence, model)
+        read_prompt(sentence)
 
 
-def test_a_whole_page_is_refused(model):
+def test_a_whole_page_is_refused():
     with pytest.raises(InputError, match="at most 60 words, found 80"):
-        read_prompt("lift the mug up now with it please " * 10, model)
+        read_prompt("lift the mug up now with it please " * 10)
 
 
-def test_white_space_in_a_sentence_is_one_space(model):
-    assert read_prompt(" Lift\nthe  mug ", model).sentence == "Lift the mug"
+def test_white_space_in_a_sentence_is_one_space():
+    assert read_prompt(" Lift\nthe  mug ").sentence == "Lift the mug"
 
 
 def test_a_longer_verb_hides_a_shorter_one_in_it():
@@ -181,33 +175,33 @@ def test_a_longer_verb_hides_a_shorter_one_in_it():
         ("the right one stays still and the left hand shakes the toy", "left hand"),
     ],
 )
-def test_a_hand_that_rests_takes_no_part(model, sentence, hands):
-    assert read_prompt(sentence, model).hands == hands
+def test_a_hand_that_rests_takes_no_part(sentence, hands):
+    assert read_prompt(sentence).hands == hands
 
 
-def test_a_hand_that_rests_on_the_object_does_take_part(model):
+def test_a_hand_that_rests_on_the_object_does_take_part():
     said = "the left hand rests on the lid and the right hand lifts the jar"
-    assert read_prompt(said, model).hands == "both hands"
+    assert read_prompt(said).hands == "both hands"
 
 
 @pytest.mark.parametrize(
     "sentence", ["pass the apple from left to right", "hand the mug over to the right hand"]
 )
-def test_what_is_passed_to_a_hand_takes_both_and_comes_from_the_other(model, sentence):
-    prompt = read_prompt(sentence, model)
+def test_what_is_passed_to_a_hand_takes_both_and_comes_from_the_other(sentence):
+    prompt = read_prompt(sentence)
     assert (prompt.verb, prompt.hands) == ("pass", "both hands")
     assert prompt.giver == "left"
 
 
-def test_the_hand_that_passes_something_to_someone_is_one(model):
-    assert read_prompt("pass the mug to the left with the right hand", model).hands == "right hand"
+def test_the_hand_that_passes_something_to_someone_is_one():
+    assert read_prompt("pass the mug to the left with the right hand").hands == "right hand"
 
 
-def test_a_verb_is_known_without_its_particle(model):
-    prompt = read_prompt("pour water with the left hand", model)
+def test_a_verb_is_known_without_its_particle():
+    prompt = read_prompt("pour water with the left hand")
     assert (prompt.verb, prompt.known, prompt.notes) == ("pour", True, ())
 
 
-def test_of_two_actions_the_one_that_is_left_out_is_told(model):
-    prompt = read_prompt("lift the mug and then put it down with the left hand", model)
+def test_of_two_actions_the_one_that_is_left_out_is_told():
+    prompt = read_prompt("lift the mug and then put it down with the left hand")
     assert prompt.notes == ("one action is made, 'put down'; 'lift' is left out",)

@@ -9,15 +9,10 @@ from geneoh.generators.text2hoi.text import (
     SHIPPED,
     TextEncoder,
     load_text_encoder,
-    load_text_model,
+    shipped_model,
 )
 from geneoh.generators.text2hoi.text_training import accuracy
 from geneoh.nn.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
-
-
-@pytest.fixture(scope="module")
-def shipped():
-    return load_text_model()
 
 
 def test_a_sentence_is_embedded_once_and_kept():
@@ -35,11 +30,11 @@ def test_a_sentence_is_embedded_once_and_kept():
     assert encoder.encode([]).shape == (0, 2)
 
 
-def test_a_vector_is_the_same_bit_for_bit_beside_any_sentences(shipped):
+def test_a_vector_is_the_same_bit_for_bit_beside_any_sentences():
     sentences = [f"lift the {noun} with the left hand" for noun in ("mug", "big red box", "pan")]
-    together = shipped.encoder().encode(sentences)
+    together = shipped_model().encoder().encode(sentences)
     for sentence, vector in zip(sentences, together, strict=True):
-        assert shipped.encoder().encode([sentence])[0].equal(vector)
+        assert shipped_model().encoder().encode([sentence])[0].equal(vector)
 
 
 def test_only_the_latest_sentences_are_kept(monkeypatch):
@@ -71,16 +66,16 @@ def test_shipped_encoder_is_small_and_of_width_128():
         ("unseen synonyms", 0.9, 0.99),  # the shipped weights know them
     ],
 )
-def test_shipped_encoder_reads_verb_and_hands(shipped, kind, verbs, hands):
+def test_shipped_encoder_reads_verb_and_hands(kind, verbs, hands):
     generator = torch.Generator().manual_seed(99)
-    right = accuracy(shipped.network, shipped.tokenizer, kind, generator=generator)
+    right = accuracy(shipped_model().network, shipped_model().tokenizer, kind, generator=generator)
     assert right[0] >= verbs
     assert right[1] >= hands
 
 
-def test_phrasings_of_a_meaning_are_closer_than_other_meanings(shipped):
+def test_phrasings_of_a_meaning_are_closer_than_other_meanings():
     own, other, wrong = torch.nn.functional.normalize(
-        shipped.vectors(
+        shipped_model().vectors(
             [
                 "Lift a mug with the left hand.",
                 "the coffee mug is picked up by my left hand",
@@ -92,10 +87,10 @@ def test_phrasings_of_a_meaning_are_closer_than_other_meanings(shipped):
     assert float(own @ other) > float(own @ wrong) + 0.3
 
 
-def test_padding_by_longer_sentences_changes_no_vector(shipped):
-    alone = shipped.vectors(["open"])
+def test_padding_by_longer_sentences_changes_no_vector():
+    alone = shipped_model().vectors(["open"])
     torch.testing.assert_close(
-        shipped.vectors(["open", "put down the big red box slowly with both hands"])[:1],
+        shipped_model().vectors(["open", "put down the big red box slowly with both hands"])[:1],
         alone,
         atol=1e-4,
         rtol=1e-4,

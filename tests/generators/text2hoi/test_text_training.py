@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from geneoh.generators.text2hoi.stages import Learned, generator_task
-from geneoh.generators.text2hoi.text import load_text_encoder, load_text_model
+from geneoh.generators.text2hoi.text import TextModel, load_text_encoder
 from geneoh.generators.text2hoi.text_data import Sentences
 from geneoh.generators.text2hoi.text_training import KINDS, TextTask, TextTrainConfig, text_loss
 from geneoh.generators.text_network import Reading, TextConfig, TextNetwork
@@ -81,7 +81,7 @@ def test_trained_weights_are_a_whole_encoder(tmp_path):
     task, notes = generator_task("text", None, ["steps=2", "batch=4"], learned)
     assert notes == ()
     path = train(task, tmp_path, device=CPU)
-    model = load_text_model(path)
+    model = TextModel(path)
     assert model.verbs[:2] == ["lift", "put down"]
     assert model.hands == ["left hand", "right hand", "both hands", None]
     encoder = load_text_encoder(tmp_path)
@@ -92,7 +92,7 @@ def test_trained_weights_are_a_whole_encoder(tmp_path):
 
 def test_a_run_that_is_interrupted_goes_on_to_the_same_weights(tmp_path):
     task = TextTask(replace(SMALL, checkpoint_every=1))
-    whole = load_text_model(train(task, tmp_path / "a", device=CPU))
+    whole = TextModel(train(task, tmp_path / "a", device=CPU))
 
     def stop(now):
         if now.step == 1:
@@ -100,5 +100,5 @@ def test_a_run_that_is_interrupted_goes_on_to_the_same_weights(tmp_path):
 
     with pytest.raises(KeyboardInterrupt):
         train(task, tmp_path / "b", device=CPU, on_step=stop)
-    resumed = load_text_model(train(task, tmp_path / "b", device=CPU))
+    resumed = TextModel(train(task, tmp_path / "b", device=CPU))
     torch.testing.assert_close(whole.vectors(["shake it"]), resumed.vectors(["shake it"]))
