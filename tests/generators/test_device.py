@@ -4,39 +4,22 @@ import pytest
 import torch
 from made_actions import WordEncoder, made_actions
 from made_bodies import SKELETON, made_motion, tiny_networks
-from made_gestures import tiny_task as tiny_hands_task
-from made_networks import TINY, answering, tiny_data
-from made_networks import tiny_task as tiny_action_task
+from made_networks import TINY, answering
+from made_tasks import ALL_STAGES, made_task
 
-from geneoh.choices import ACTION_STAGES, BODY_STAGES
 from geneoh.generators.both2hands import sampling as hands
 from geneoh.generators.text2hoi import sampling as interactions
 from geneoh.generators.text2hoi.contact import ContactNetwork
 from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork
-from geneoh.generators.text2hoi.length_training import LengthTask, LengthTrainConfig
 from geneoh.generators.text2hoi.library import Networks
 from geneoh.generators.text2hoi.objects import Objects
-from geneoh.generators.text2hoi.text_training import TextTask, TextTrainConfig
 from geneoh.training import loop
-from geneoh.training.data import TrainingData
 from geneoh.training.loop import train
 
 CPU = torch.device("cpu")
 
 
-def tiny_task(stage):
-    """A run of few steps of any stage of the generators."""
-    few = {"steps": 2, "batch": 4, "warmup": 1, "validation_batches": 1, "validate_every": 2}
-    if stage == "text":
-        return TextTask(TextTrainConfig(**few))
-    if stage == "length":
-        size = LengthConfig(latent=2, hidden=8, text=WordEncoder.width)
-        data = TrainingData(tiny_data(), tiny_data(), {"source": "test"})
-        return LengthTask(LengthTrainConfig(**few, length=size), data, WordEncoder())
-    return (tiny_action_task if stage in ACTION_STAGES else tiny_hands_task)(stage)
-
-
-@pytest.mark.parametrize("stage", ["text", "length", *ACTION_STAGES, *BODY_STAGES])
+@pytest.mark.parametrize("stage", ALL_STAGES)
 def test_a_network_learns_and_is_validated_alike_on_every_device(
     stage, training_device, tmp_path, monkeypatch
 ):
@@ -45,7 +28,7 @@ def test_a_network_learns_and_is_validated_alike_on_every_device(
 
     def run(place):
         heard = []
-        train(tiny_task(stage), tmp_path / place.type, device=place, on_step=heard.append)
+        train(made_task(stage), tmp_path / place.type, device=place, on_step=heard.append)
         return [step.loss for step in heard] + [heard[-1].error_left]
 
     assert run(training_device) == pytest.approx(run(CPU), rel=1e-3)

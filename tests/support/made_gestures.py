@@ -18,6 +18,7 @@ from geneoh.generators.both2hands.training import HandsTask, kept_features, set_
 from geneoh.synthesis.gestures.clips import Gestures
 from geneoh.synthesis.gestures.shards import DEFAULTS
 from geneoh.synthesis.shards import ShardRecord
+from geneoh.training.data import TrainingData
 
 
 def made_gestures(bodies: int = 6, frames: int = 20, seed: int = 0) -> Gestures:
@@ -61,15 +62,13 @@ TINY = Both2HandsConfig(
 
 def tiny_task(stage, config: Both2HandsConfig = TINY, networks: Networks | None = None):
     """A stage that learns from a few made clips."""
-    data = made_gestures()
+    data = TrainingData(made_gestures(), made_gestures(4, seed=1), {"source": "test"})
     if stage == "blend":
         networks = networks or tiny_networks()
         for network in (networks.body, networks.text):
-            set_scales(network, data, kept_features(data, network.config.frame))
-    return HandsTask(
-        stage, config, data, made_gestures(4, seed=1), speech,
-        branches=networks if stage == "blend" else None,
-    )  # fmt: skip
+            set_scales(network, data.training, kept_features(data.training, network.config.frame))
+    branches = networks if stage == "blend" else None
+    return HandsTask(stage, config, data, speech, branches=branches)
 
 
 def write_gesture_shards(folder: Path, **splits: Gestures) -> None:

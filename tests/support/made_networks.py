@@ -15,6 +15,7 @@ from geneoh.generators.text2hoi.refiner_losses import RefinerWeights
 from geneoh.generators.text2hoi.samples import ActionData
 from geneoh.generators.text2hoi.training import ActionTask
 from geneoh.streamed import Streamed
+from geneoh.training.data import TrainingData
 
 POINTS = PointConfig(near=6, middle=8, whole=12)
 TINY = Text2HoiConfig(
@@ -69,7 +70,7 @@ def tiny_data(**changes) -> ActionData:
 
 def tiny_task(stage, config: Text2HoiConfig = TINY, **given) -> ActionTask:
     """A stage that learns from a few made actions."""
-    data = tiny_data()
+    data = TrainingData(tiny_data(), tiny_data(), {"source": "test"})
     if stage == "refiner":
         given = {"interaction": answering(config.interaction)} | given
-    return ActionTask(stage, config, data, data, WordEncoder(), **given)
+    return ActionTask(stage, config, data, WordEncoder(), **given)

@@ -100,8 +100,7 @@ def body_task(
         else:
             tokenizer = vocabulary(data.training, pieces)
         speech = reader_of(tokenizer, chosen.text_hands)
-    clips = data.training, data.validation
-    task = HandsTask(stage, chosen, *clips, speech, tokenizer, branches, data.record)
+    task = HandsTask(stage, chosen, data, speech, tokenizer, branches)
     path = folder / "body_hands.safetensors"
     if stage == "text_hands" and learned.start is None and path.is_file():
         return scaled_as(path, task, data.notes)

@@ -1,8 +1,7 @@
 """The networks of BOTH2Hands as tasks of the training loop."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import torch
@@ -13,7 +12,6 @@ from torch.nn import functional
 
 from geneoh.bundle import Bundle, concatenated
 from geneoh.choices import BodyStage
-from geneoh.config import as_dict
 from geneoh.generators.both2hands.blend import Blender
 from geneoh.generators.both2hands.config import Both2HandsConfig
 from geneoh.generators.both2hands.denoiser import BodyHands, HandsDenoiser, TextHands
@@ -21,11 +19,12 @@ from geneoh.generators.both2hands.features import HandsFrame, hand_features, pla
 from geneoh.generators.both2hands.library import Branches, Speech
 from geneoh.generators.both2hands.scale import Scale
 from geneoh.generators.both2hands.scene import Scene, both_answers
+from geneoh.generators.tasks import DrawnSamples, Loss, SamplesTask
 from geneoh.seeds import seeded_generator
 from geneoh.synthesis.draws import Draws, Part
 from geneoh.synthesis.gestures.clips import Gestures
-from geneoh.training.loop import OnePhase, first_weights, own_part
-from geneoh.training.processes import Team
+from geneoh.training.data import TrainingData
+from geneoh.training.loop import first_weights
 from geneoh.training.resume import digest
 
 MOST = 256  # clips of which the scale of features is taken
@@ -57,42 +56,21 @@ class Samples(Bundle):
 
 
 @dataclass(frozen=True)
-class HandsPiece:
-    """Clips on which the loss is taken at once."""
-
-    samples: Samples
-    config: Both2HandsConfig
-    generator: torch.Generator
-    part: Part
-    branches: Branches | None
-
-    def loss(self, model: Any) -> Tensor:
-        """What the clips add to the loss of the batch."""
-        draws = Draws(self.part.count, self.generator, self.part)
-        if isinstance(model, Blender):
-            assert self.branches is not None, "the blend is learned with the two networks before it"
-            found, clean = blended(model, self.branches, self.samples, self.config, draws)
-        else:
-            found, clean = denoised(model, self.samples, draws)
-        loss = hands_loss(found, clean, self.samples.real, self.config)
-        if isinstance(model, TextHands) and model.named is not None and self.config.gestures:
-            loss = loss + self.config.gestures * naming_loss(model, self.samples)
-        return self.part.count / self.part.total * loss
-
-
-@dataclass(frozen=True)
-class HandsTask(OnePhase):
+class HandsTask(SamplesTask):
     """One network of BOTH2Hands, learned from clips of bodies; a `geneoh.training.loop.Task`."""
 
     name: BodyStage
     config: Both2HandsConfig
-    data: Gestures
-    validation: Gestures
+    data: TrainingData[Gestures]
     speech: Speech
     tokenizer: Tokenizer | None = None  # of a network that reads words itself
     branches: Branches | None = None  # the networks that are blended
-    made: Mapping[str, Any] | None = None  # how the data was made, for the record
     scale: Scale | None = None  # of hands, instead of that of the data
+
+    @property
+    def loss(self) -> Loss:
+        """The loss of the network."""
+        return partial(task_loss, branches=self.branches)
 
     def network(self) -> nn.Module:
         """A fresh network with the scales of the data, or with the one that is given."""
@@ -103,7 +81,7 @@ class HandsTask(OnePhase):
                 network: HandsDenoiser = BodyHands(self.config.body_hands)
             else:
                 network = TextHands(self.config.text_hands)
-        set_scales(network, self.data, self.kept)
+        set_scales(network, self.data.training, self.kept)
         if self.scale is not None:
             network.scale.load_state_dict(self.scale.state_dict())
         return network
@@ -111,12 +89,12 @@ class HandsTask(OnePhase):
     @cached_property
     def kept(self) -> Features:
         """The features of all clips to learn from, which are made once."""
-        return kept_features(self.data, self.frame)
+        return kept_features(self.data.training, self.frame)
 
     @cached_property
     def kept_validation(self) -> Features:
         """The same of the clips to validate on."""
-        return kept_features(self.validation, self.frame)
+        return kept_features(self.data.validation, self.frame)
 
     @property
     def frame(self) -> HandsFrame:
@@ -124,9 +102,16 @@ class HandsTask(OnePhase):
         body = self.config.body_hands if self.branches is None else self.branches.body.config
         return "wrist" if self.name == "text_hands" else body.frame
 
-    def drawn(self, training: bool, *parts: object, part: Part) -> tuple[Samples, torch.Generator]:
+    def drawn(self, training: bool, own: Part, pieces: int, *parts: object) -> DrawnSamples:
+        """Samples of which each piece is drawn for itself."""
+        for part in own.divided(pieces):
+            yield *self.samples(training, part, *parts), part
+
+    def samples(
+        self, training: bool, part: Part, *parts: object
+    ) -> tuple[Samples, torch.Generator]:
         """A batch, or part of it, with its generator, by seed and `parts` (purpose, number)."""
-        data = self.data if training else self.validation
+        data = self.data.training if training else self.data.validation
         generator = seeded_generator(self.config.seed, self.name, *parts)
         draws = Draws(part.count, generator, part)
         pick = draws.integers(0, len(data.length))
@@ -141,39 +126,36 @@ class HandsTask(OnePhase):
         features = kept.take(pick, "B").map(Tensor.float)
         return Samples(features, real, said, data.gesture[pick]), generator
 
-    def pieces(self, step: int, team: Team, device: torch.device) -> list[HandsPiece]:
-        """This process's part of the batch of a step, in the pieces that are worked off in turn."""
-        pieces = []
-        for part in own_part(self.config, team).divided(self.config.accumulate):
-            samples, generator = self.drawn(True, "step", step, part=part)
-            pieces.append(self.piece(samples.to(device), generator, part))
-        return pieces
-
-    def piece(self, samples: Samples, generator: torch.Generator, part: Part) -> HandsPiece:
-        """Samples with all that their loss takes."""
-        return HandsPiece(samples, self.config, generator, part, self.branches)
-
-    @torch.no_grad()
-    def validate(self, model: nn.Module, index: int) -> Float[Tensor, ""]:
-        """The loss on a fixed batch of validation clips."""
-        whole = Part(0, self.config.batch, self.config.batch)
-        samples, generator = self.drawn(False, "validation", index, part=whole)
-        device = next(model.parameters()).device
-        return self.piece(samples.to(device), generator, whole).loss(model)
-
-    def record(self) -> dict[str, Any]:
-        """Network, config, fingerprints of what it learns from, and how that was made."""
+    def learned_from(self) -> dict[str, Any]:
+        """Fingerprints of the clips and of the networks that are blended, and the vocabulary."""
+        training, validation = self.data.training, self.data.validation
         return {
-            "stage": self.name,
-            "config": as_dict(self.config),
-            "sequences": len(self.data.length),
-            "data": data_digest(self.data),
-            "validation": data_digest(self.validation),
-            "words": words_digest(self.data, self.validation),
+            "sequences": len(training.length),
+            "data": data_digest(training),
+            "validation": data_digest(validation),
+            "words": words_digest(training, validation),
             "branches": None if self.branches is None else self.branches.fingerprint,
             "tokenizer": None if self.tokenizer is None else self.tokenizer.to_str(),
-            "made": None if self.made is None else dict(self.made),
         }
+
+
+def task_loss(
+    model: HandsDenoiser | Blender,
+    samples: Samples,
+    config: Both2HandsConfig,
+    draws: Draws,
+    branches: Branches | None,
+) -> Float[Tensor, ""]:
+    """The loss of a network at random levels of noise; `branches` are those that are blended."""
+    if isinstance(model, Blender):
+        assert branches is not None, "the blend is learned with the two networks before it"
+        found, clean = blended(model, branches, samples, config, draws)
+    else:
+        found, clean = denoised(model, samples, draws)
+    loss = hands_loss(found, clean, samples.real, config)
+    if isinstance(model, TextHands) and model.named is not None and config.gestures:
+        loss = loss + config.gestures * naming_loss(model, samples)
+    return loss
 
 
 def denoised(

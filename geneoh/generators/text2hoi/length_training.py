@@ -3,21 +3,20 @@
 from dataclasses import dataclass, field
 from typing import Any
 
-import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from geneoh.config import as_dict
+from geneoh.bundle import Bundle
+from geneoh.generators.tasks import DrawnSamples, Loss, SamplesTask
 from geneoh.generators.text import TextEncoder
 from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork, length_loss
 from geneoh.generators.text2hoi.recorded import RecordedConfig
 from geneoh.generators.text2hoi.samples import ActionData, sentences
-from geneoh.generators.text2hoi.training import data_digest, text_record, words_digest
+from geneoh.generators.text2hoi.training import actions_record
 from geneoh.seeds import seeded_generator
 from geneoh.synthesis.draws import Draws, Part
 from geneoh.training.data import TrainingData
-from geneoh.training.loop import OnePhase, first_weights, own_part
-from geneoh.training.processes import Team
+from geneoh.training.loop import divided_batch, first_weights
 from geneoh.training.run_config import RunConfig
 
 
@@ -34,77 +33,50 @@ class LengthTrainConfig(RunConfig):
 
 
 @dataclass(frozen=True)
-class LengthPiece:
-    """Actions on which the loss is taken at once."""
+class LengthSamples(Bundle):
+    """A batch of sentences with the lengths of their actions."""
 
     length: Int[Tensor, " B"]
     text: Float[Tensor, "B W"]
-    noise: Float[Tensor, "B Z"]
-    divergence: float
-    share: float = 1.0
 
-    def loss(self, model: LengthNetwork) -> Tensor:
-        """What the actions add to the loss of the batch."""
-        weight, noise = self.divergence, self.noise
-        return self.share * length_loss(
-            model, self.length, self.text, divergence=weight, noise=noise
-        )
+
+def length_task_loss(
+    network: LengthNetwork, samples: LengthSamples, config: LengthTrainConfig, draws: Draws
+) -> Float[Tensor, ""]:
+    """The loss of the length network."""
+    noise = draws.normal(network.config.latent).to(samples.text)
+    length, weight = samples.length, config.divergence
+    return length_loss(network, length, samples.text, divergence=weight, noise=noise)
 
 
 @dataclass(frozen=True)
-class LengthTask(OnePhase):
-    """The length network, learned from sentences for actions; a `geneoh.training.loop.Task`."""
+class LengthTask(SamplesTask):
+    """The length network, learned from sentences for actions."""
 
     config: LengthTrainConfig
     data: TrainingData[ActionData]
     encoder: TextEncoder
     name: str = "length"
 
+    @property
+    def loss(self) -> Loss:
+        """The loss of the network."""
+        return length_task_loss
+
     def network(self) -> LengthNetwork:
         """A fresh network."""
         with first_weights(self.config.seed, self.name, "weights"):
             return LengthNetwork(self.config.length)
 
-    def drawn(
-        self, data: ActionData, device: torch.device, *parts: object, part: Part
-    ) -> LengthPiece:
-        """Random actions with a random sentence each, by seed and `parts` (purpose, number)."""
-        draws = Draws(part.count, seeded_generator(self.config.seed, self.name, *parts), part)
+    def drawn(self, training: bool, own: Part, pieces: int, *parts: object) -> DrawnSamples:
+        """Random actions with a random sentence each."""
+        data = self.data.training if training else self.data.validation
+        generator = seeded_generator(self.config.seed, self.name, *parts)
+        draws = Draws(own.count, generator, own)
         chosen = data.actions.take(draws.integers(0, len(data.actions)))
         text = self.encoder.encode(sentences(chosen, data, draws))
-        noise = draws.normal(self.config.length.latent)
-        return LengthPiece(
-            chosen.length.to(device),
-            text.to(device),
-            noise.to(device),
-            self.config.divergence,
-            part.count / part.total,
-        )
+        return divided_batch(LengthSamples(chosen.length, text), generator, own, pieces)
 
-    def pieces(self, step: int, team: Team, device: torch.device) -> list[LengthPiece]:
-        """This process's part of the batch of a step."""
-        return [
-            self.drawn(self.data.training, device, "step", step, part=part)
-            for part in own_part(self.config, team).divided(self.config.accumulate)
-        ]
-
-    @torch.no_grad()
-    def validate(self, model: LengthNetwork, index: int) -> Float[Tensor, ""]:
-        """The loss on a fixed batch of validation actions."""
-        whole = Part(0, self.config.batch, self.config.batch)
-        device = next(model.parameters()).device
-        drawn = self.drawn(self.data.validation, device, "validation", index, part=whole)
-        return drawn.loss(model)
-
-    def record(self) -> dict[str, Any]:
-        """Stage, config, fingerprints of what it learns from, and how that was made."""
-        return {
-            "stage": self.name,
-            "config": as_dict(self.config),
-            "sequences": len(self.data.training.actions),
-            "data": data_digest(self.data.training),
-            "validation": data_digest(self.data.validation),
-            "words": words_digest(self.data.training, self.data.validation),
-            **text_record(self.encoder),
-            "made": self.data.record,
-        }
+    def learned_from(self) -> dict[str, Any]:
+        """Fingerprints of the actions and of the text encoder."""
+        return actions_record(self.data, self.encoder)

@@ -95,7 +95,4 @@ def action_task(
         told = learned.folder, encoder, InteractionNetwork, InteractionConfig
         interaction = told_network("interaction", *told)
     data = learned.actions(chosen.recorded, on_progress)
-    task = ActionTask(
-        stage, chosen, data.training, data.validation, encoder, contact, interaction, data.record
-    )
-    return task, data.notes
+    return ActionTask(stage, chosen, data, encoder, contact, interaction), data.notes

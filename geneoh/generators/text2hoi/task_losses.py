@@ -1,8 +1,6 @@
 """The loss of each network of Text2HOI on a batch of samples."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import torch
 from jaxtyping import Float
@@ -18,8 +16,6 @@ from geneoh.generators.text2hoi.refiner_losses import refiner_loss
 from geneoh.generators.text2hoi.samples import Samples
 from geneoh.generators.text2hoi.tokens import Tokens, actions_of, tokens_of
 from geneoh.synthesis.draws import Draws
-
-Loss = Callable[[Any, Samples, Text2HoiConfig, Draws], Tensor]
 
 
 def contact_task_loss(

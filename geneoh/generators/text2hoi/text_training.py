@@ -1,6 +1,5 @@
 """Stage "text" of the generator: the text encoder learns what sentences mean."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -14,6 +13,7 @@ from torch.nn import functional
 from geneoh.choices import HANDS, HandsName
 from geneoh.config import as_dict, check_limits
 from geneoh.generators.pieces import marked, piece_numbers, words_of
+from geneoh.generators.tasks import DrawnSamples, Loss, SamplesTask
 from geneoh.generators.text2hoi import text_data
 from geneoh.generators.text2hoi.captions import caption
 from geneoh.generators.text2hoi.text_data import Sentences, draw_sentences
@@ -22,8 +22,8 @@ from geneoh.language.vocabulary import NOUN_WORDS
 from geneoh.language.wording import misspelt, one_of
 from geneoh.seeds import seeded_generator
 from geneoh.synthesis.actions import VERBS
-from geneoh.training.loop import OnePhase, first_weights, own_part
-from geneoh.training.processes import Team
+from geneoh.synthesis.draws import Part
+from geneoh.training.loop import divided_batch, first_weights
 from geneoh.training.run_config import RunConfig
 
 KINDS = ("seen words", "unseen phrasings", "misspellings", "unseen synonyms")
@@ -85,21 +85,8 @@ def text_loss(network: TextNetwork, batch: Sentences, config: TextTrainConfig) -
 
 
 @dataclass(frozen=True)
-class TextPiece:
-    """Sentences on which the loss is taken at once."""
-
-    batch: Sentences
-    share: float
-    config: TextTrainConfig
-
-    def loss(self, model: TextNetwork) -> Tensor:
-        """What the sentences add to the loss of the batch."""
-        return self.share * text_loss(model, self.batch, self.config)
-
-
-@dataclass(frozen=True)
-class TextTask(OnePhase):
-    """The text encoder, learned from captions that are made for every batch; a `loop.Task`."""
+class TextTask(SamplesTask):
+    """The text encoder, learned from captions that are made for every batch."""
 
     config: TextTrainConfig
     name: str = "text"
@@ -110,30 +97,26 @@ class TextTask(OnePhase):
         generator = seeded_generator(self.config.seed, "text", "pieces")
         return text_data.vocabulary(self.config.text.pieces, generator=generator)
 
+    @property
+    def loss(self) -> Loss:
+        """The loss of the network."""
+        return lambda network, batch, config, _: text_loss(network, batch, config)
+
     def network(self) -> TextNetwork:
         """A fresh network."""
         with first_weights(self.config.seed, "text", "weights"):
             return TextNetwork(self.config.text)
 
-    def pieces(self, step: int, team: Team, device: torch.device) -> Sequence[TextPiece]:
-        """This process's part of the batch of a step."""
+    def drawn(self, training: bool, own: Part, pieces: int, *parts: object) -> DrawnSamples:
+        """Sentences of the whole batch, of which this process's are kept."""
         config = self.config
+        generator = seeded_generator(config.seed, self.name, *parts, 0)
         words = text_data.SEEN if config.withhold else text_data.WORDS
         drawn = draw_sentences(
-            self.tokenizer,
-            config.batch,
-            config.text.longest,
-            words,
-            generator=seeded_generator(config.seed, "text", "step", step, 0),
+            self.tokenizer, config.batch, config.text.longest, words, generator=generator
         )
-        return [
-            TextPiece(
-                drawn.take(slice(part.first, part.first + part.count), "B").to(device),
-                part.count / part.total,
-                config,
-            )
-            for part in own_part(config, team).divided(config.accumulate)
-        ]
+        drawn = drawn.take(slice(own.first, own.first + own.count), "B")
+        return divided_batch(drawn, generator, own, pieces)
 
     def validate(self, model: TextNetwork, index: int) -> Float[Tensor, ""]:
         """Share of wrong verbs and wrong hands on sentences of one of `KINDS`."""

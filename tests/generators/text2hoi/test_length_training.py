@@ -1,6 +1,5 @@
 from dataclasses import replace
 
-import pytest
 import torch
 from made_actions import NAMES, WordEncoder, made_actions
 
@@ -36,28 +35,15 @@ def test_batches_hold_lengths_and_sentences_of_the_same_actions():
     # the length says which verb it is, so a sentence of another action would show
     actions = replace(actions, verb=torch.arange(26) % 13, length=10 + torch.arange(26) % 13)
     (piece,) = task(data=ActionData(Streamed.of([actions]), NAMES)).pieces(0, Team(), CPU)
-    assert piece.text.shape == (8, WordEncoder.width)
-    assert set(piece.length.tolist()) <= set(range(10, 10 + len(VERBS)))
-    assert piece.share == 1.0
+    assert piece.samples.text.shape == (8, WordEncoder.width)
+    assert set(piece.samples.length.tolist()) <= set(range(10, 10 + len(VERBS)))
+    assert piece.part.count == piece.part.total
 
 
 def test_a_batch_is_divided_into_shares():
     pieces = task(replace(TINY, accumulate=4)).pieces(3, Team(), CPU)
-    assert [len(piece.length) for piece in pieces] == [2] * 4
-    assert sum(piece.share for piece in pieces) == pytest.approx(1.0)
-
-
-def test_a_run_that_is_interrupted_goes_on_to_the_same_weights(tmp_path):
-    def stop(now):
-        if now.step == 2:
-            raise KeyboardInterrupt
-
-    whole = load(train(task(), tmp_path / "a", device=CPU))
-    with pytest.raises(KeyboardInterrupt):
-        train(task(), tmp_path / "b", device=CPU, on_step=stop)
-    resumed = load(train(task(), tmp_path / "b", device=CPU))
-    for name, tensor in whole.state_dict().items():
-        torch.testing.assert_close(tensor, resumed.state_dict()[name])
+    assert [len(piece.samples.length) for piece in pieces] == [2] * 4
+    assert [piece.part.first for piece in pieces] == [0, 2, 4, 6]
 
 
 def load(path):

@@ -62,13 +62,13 @@ def test_contrast_does_not_push_equal_meanings_apart():
 
 def test_a_step_is_the_same_for_the_same_seed_and_divided_among_processes():
     task = TextTask(SMALL)
-    first, again = (task.pieces(5, Team(), CPU)[0].batch for _ in range(2))
+    first, again = (task.pieces(5, Team(), CPU)[0].samples for _ in range(2))
     assert torch.equal(first.pieces, again.pieces)
     assert len(first.verb) == 4
     divided = TextTask(replace(SMALL, accumulate=2)).pieces(5, Team(), CPU)
-    assert [len(piece.batch.verb) for piece in divided] == [2, 2]
-    assert sum(piece.share for piece in divided) == 1
-    assert torch.equal(torch.cat([piece.batch.pieces for piece in divided]), first.pieces)
+    assert [len(piece.samples.verb) for piece in divided] == [2, 2]
+    assert [piece.part.first for piece in divided] == [0, 2]
+    assert torch.equal(torch.cat([piece.samples.pieces for piece in divided]), first.pieces)
 
 
 def test_withheld_synonyms_are_only_learned_when_asked_for():
@@ -88,17 +88,3 @@ def test_trained_weights_are_a_whole_encoder(tmp_path):
     vectors = encoder.encode(["Lift a mug with the left hand.", "open"])
     assert vectors.shape == (2, encoder.width)
     torch.testing.assert_close(vectors[1], model.vectors(["open"])[0], atol=1e-5, rtol=1e-4)
-
-
-def test_a_run_that_is_interrupted_goes_on_to_the_same_weights(tmp_path):
-    task = TextTask(replace(SMALL, checkpoint_every=1))
-    whole = TextModel(train(task, tmp_path / "a", device=CPU))
-
-    def stop(now):
-        if now.step == 1:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        train(task, tmp_path / "b", device=CPU, on_step=stop)
-    resumed = TextModel(train(task, tmp_path / "b", device=CPU))
-    torch.testing.assert_close(whole.vectors(["shake it"]), resumed.vectors(["shake it"]))

@@ -7,7 +7,6 @@ import torch
 from made_actions import NAMES, WordEncoder, made_actions, passing
 from made_networks import TINY, in_paper_form, tiny_data, tiny_task
 
-from geneoh.choices import ACTION_STAGES
 from geneoh.errors import CheckpointError
 from geneoh.generators.text2hoi.condition import Condition
 from geneoh.generators.text2hoi.contact import ContactNetwork
@@ -23,43 +22,8 @@ from geneoh.training.processes import Team
 CPU = torch.device("cpu")
 
 
-class Interrupted(Exception):
-    pass
-
-
-def stop_after(step):
-    def listen(progress):
-        if progress.step == step:
-            raise Interrupted
-
-    return listen
-
-
 def draws(count: int = 64) -> Draws:
     return Draws(count, torch.Generator().manual_seed(0))
-
-
-@pytest.mark.parametrize("stage", ACTION_STAGES)
-def test_a_resumed_run_is_the_run_that_was_not_interrupted(tmp_path, stage):
-    whole = load_checkpoint(train(tiny_task(stage), tmp_path / "whole", device=CPU))
-    with pytest.raises(Interrupted):
-        train(tiny_task(stage), tmp_path / "cut", device=CPU, on_step=stop_after(3))
-    resumed = load_checkpoint(train(tiny_task(stage), tmp_path / "cut", device=CPU))
-    assert whole.tensors.keys() == resumed.tensors.keys()
-    assert all(torch.equal(t, resumed.tensors[n]) for n, t in whole.tensors.items())
-    assert whole.record["stage"] == stage
-    assert whole.record["sequences"] == 6
-    assert whole.record["config"]["interaction"]["width"] == 16
-
-
-@pytest.mark.parametrize(("stage", "share"), [("contact", 0.95), ("interaction", 0.9)])
-def test_the_loss_falls(tmp_path, stage, share):
-    config = replace(TINY, steps=40, rate=1e-2, validate_every=40, checkpoint_every=40)
-    task, heard = tiny_task(stage, config), []
-    untrained = task.network().eval()
-    before = sum(task.validate(untrained, i).item() for i in range(config.validation_batches))
-    train(task, tmp_path, device=CPU, on_step=heard.append)
-    assert heard[-1].error_left < share * before / config.validation_batches
 
 
 def test_the_paper_s_form_learns_too_and_keeps_the_points_of_the_contact_network(tmp_path):
@@ -92,7 +56,8 @@ def test_a_run_with_other_networks_before_it_is_not_continued(tmp_path, given):
 def test_a_run_whose_objects_had_other_names_is_not_continued(tmp_path):
     train(tiny_task("contact", replace(TINY, steps=1)), tmp_path, device=CPU)
     task = tiny_task("contact", replace(TINY, steps=2))
-    task = replace(task, data=replace(task.data, names=("cup", *NAMES[1:])))
+    renamed = replace(task.data.training, names=("cup", *NAMES[1:]))
+    task = replace(task, data=replace(task.data, training=renamed))
     with pytest.raises(CheckpointError, match="the saved run has words of the data"):
         train(task, tmp_path, device=CPU)
 
@@ -100,7 +65,7 @@ def test_a_run_whose_objects_had_other_names_is_not_continued(tmp_path):
 def test_numbers_have_mean_zero_and_unit_variance_on_the_data():
     task = tiny_task("interaction")
     network = task.network()
-    actions = task.data.actions.take(slice(None))
+    actions = task.data.training.actions.take(slice(None))
     both = [tokens_of(a) for a in (actions, actions.mirrored())]
     told = torch.cat([t.defined for t in both])
     found = torch.cat([network.normalise(t.flat) for t in both])
@@ -190,7 +155,7 @@ def test_an_untrained_network_leaves_motion_of_little_noise_as_it_is():
     """The clips vary along fewer axes than a token has features."""
     task = tiny_task("interaction", replace(TINY, interaction=replace(TINY.interaction, width=96)))
     network = task.network()
-    drawn = draw_samples(task.data, task.config, WordEncoder(), draws(6))
+    drawn = draw_samples(task.data.training, task.config, WordEncoder(), draws(6))
     tokens = tokens_of(drawn.actions)
     clean = network.normalise(tokens.flat) * tokens.defined
     told = torch.ones(6, dtype=torch.bool)
