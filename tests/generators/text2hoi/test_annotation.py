@@ -12,7 +12,6 @@ from geneoh.generators.text2hoi.annotation import (
     labels_of,
 )
 from geneoh.generators.text2hoi.captions import captions
-from geneoh.language.conjugation import forms
 from geneoh.readers.base import SourceClip
 
 
@@ -149,14 +148,3 @@ def test_missing_descriptions_say_where_they_belong(tmp_path):
     clip = SourceClip("clip", tmp_path / "raw_seqs/s05/box_grab_01.mano.npy")
     with pytest.raises(InputError, match=r"description/s05/box_grab_01/description\.txt, found no"):
         labels_of("arctic", clip)
-
-
-def test_verbs_of_all_data_sets_have_their_forms_without_typos():
-    assert forms("take out") == ("take out", "takes out", "taking out", "taken out")
-    assert forms("put in") == ("put in", "puts in", "putting in", "put in")
-    assert forms("fly") == ("fly", "flies", "flying", "flown")
-    assert forms("wear") == ("wear", "wears", "wearing", "worn")
-    assert forms("squeeze") == ("squeeze", "squeezes", "squeezing", "squeezed")
-    assert forms("see") == ("see", "sees", "seeing", "seen")
-    assert forms("type") == ("type", "types", "typing", "typed")
-    assert forms("chop") == ("chop", "chops", "chopping", "chopped")

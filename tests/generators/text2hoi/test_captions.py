@@ -39,29 +39,6 @@ def test_pouring_names_what_is_poured_from():
     assert captions("pour", "kettle", "right hand")[0] == "Pour from a kettle with the right hand."
 
 
-@pytest.mark.parametrize(
-    ("verb", "expected"),
-    [
-        ("open", ("open", "opens", "opening", "opened")),  # "openning" in the paper's tables
-        ("take out", ("take out", "takes out", "taking out", "taken out")),  # "takes take"
-        ("hand over", ("hand over", "hands over", "handing over", "handed over")),
-        ("carry", ("carry", "carries", "carrying", "carried")),
-        ("tip", ("tip", "tips", "tipping", "tipped")),
-        ("shake", ("shake", "shakes", "shaking", "shaken")),
-        ("press", ("press", "presses", "pressing", "pressed")),
-        ("transfer", ("transfer", "transfers", "transferring", "transferred")),
-        ("pour from", ("pour from", "pours from", "pouring from", "poured from")),
-        ("drain", ("drain", "drains", "draining", "drained")),
-        ("empty", ("empty", "empties", "emptying", "emptied")),
-        ("tie", ("tie", "ties", "tying", "tied")),
-        ("squeeze", ("squeeze", "squeezes", "squeezing", "squeezed")),
-        ("set down", ("set down", "sets down", "setting down", "set down")),
-    ],
-)
-def test_forms_of_a_verb(verb, expected):
-    assert forms(verb) == expected
-
-
 def test_every_verb_of_the_engine_has_words_that_name_no_other_verb():
     assert tuple(VERB_WORDS) == VERBS
     words = [word for several in VERB_WORDS.values() for word in several]

@@ -18,7 +18,7 @@ from geneoh.generators.text2hoi.interaction import InteractionNetwork
 from geneoh.generators.text2hoi.length import LengthConfig, LengthNetwork
 from geneoh.generators.text2hoi.library import Networks
 from geneoh.generators.text2hoi.resting import touching_hands
-from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.mesh import from_trimesh
 from geneoh.pipeline.results import Denoised
 
 PLAIN = GenerateOptions(refine="none", frames=20, steps=3)
@@ -174,11 +174,7 @@ def test_hands_that_do_not_carry_the_object_are_told(mug, monkeypatch):
 
 
 def test_a_mesh_in_memory_will_do():
-    made = trimesh.creation.box((0.05, 0.06, 0.1))
-    mesh = Mesh(
-        torch.tensor(np.asarray(made.vertices), dtype=torch.float32),
-        torch.tensor(np.asarray(made.faces)),
-    )
+    mesh = from_trimesh(trimesh.creation.box((0.05, 0.06, 0.1)))
     assert generate("Lift the box.", mesh, PLAIN).sequence.frames == 20
 
 

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 import torch
 import trimesh
@@ -13,7 +12,7 @@ from geneoh.generators.text2hoi.held_hands import HeldHands, lifted
 from geneoh.generators.text2hoi.new_holds import FIRM, Holding, new_hold
 from geneoh.generators.text2hoi.settling import settled, solid_of
 from geneoh.generators.text2hoi.standing import stand
-from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.mesh import from_trimesh
 from geneoh.synthesis.pose_prior import FINGER_MEAN
 from geneoh.synthesis.table import Table
 
@@ -24,9 +23,7 @@ TABLE = Table(torch.tensor([[0.0, 0.0, 1.0]]), torch.tensor([RADIUS]))
 
 @pytest.fixture(scope="module")
 def ball():
-    made = trimesh.creation.icosphere(4, RADIUS)
-    mesh = Mesh(torch.tensor(made.vertices.astype(np.float32)), torch.tensor(made.faces))
-    return stand(mesh, generator=seeded())
+    return stand(from_trimesh(trimesh.creation.icosphere(4, RADIUS)), generator=seeded())
 
 
 @pytest.fixture(scope="module")
@@ -69,8 +66,7 @@ def test_a_new_hold_keeps_out_of_the_other_hand(solids, stuck, found):
 
 
 def test_an_object_that_no_hand_can_hold_gets_no_new_hold(ball, stuck):
-    made = trimesh.creation.icosphere(3, 0.9)
-    mesh = Mesh(torch.tensor(made.vertices.astype(np.float32)), torch.tensor(made.faces))
+    mesh = from_trimesh(trimesh.creation.icosphere(3, 0.9))
     solids = solid_of(replace(ball, mesh=mesh))[0]
     assert new_hold(solids, stuck, None, TABLE, seeded()) is None
 

@@ -78,13 +78,18 @@ def read(source, root, tmp_path, mano, config=CONFIG):
     return recorded_actions(source, root, tmp_path / "cache", config, options)
 
 
-def made(source, tmp_path, mano, *sides, **how):
-    """The only action of a tree of a data set, the data and the recording's scene."""
+def built(source, root, *sides, **how):
+    """The scene of a tree of a data set that is written to a folder."""
     build, frames = TREES[source]
     s = touched(scene(frames=frames), *sides)
-    root = tmp_path / "data"
     build(root, s, **how)
-    found, _, _ = read(source, root, tmp_path, mano)
+    return s
+
+
+def made(source, tmp_path, mano, *sides, config=CONFIG, **how):
+    """The only action of a tree of a data set, the data and the recording's scene."""
+    s = built(source, tmp_path / "data", *sides, **how)
+    found, _, _ = read(source, tmp_path / "data", tmp_path, mano, config)
     return found.actions.take(slice(None)), found, s
 
 
@@ -153,7 +158,8 @@ def test_hands_and_object_move_as_they_did_up_to_the_place_of_the_table(source, 
 @pytest.mark.parametrize("source", TREES)
 def test_keypoints_are_the_recorded_ones_up_to_the_shape_of_the_hand(source, tmp_path, mano):
     actions, _, s = made(source, tmp_path, mano, "left", "right")
-    frames, count = frames_of(source, s), len(frames_of(source, s))
+    frames = frames_of(source, s)
+    count = len(frames)
     local = (actions.keypoints()[0, 1] - actions.translation[0, :, None])[:count]
     local = local @ actions.rotation[0, :count]
     recorded = (s.joints["right"][frames] - s.shift[frames, None]) @ s.rotation[frames]
@@ -164,9 +170,8 @@ def test_keypoints_are_the_recorded_ones_up_to_the_shape_of_the_hand(source, tmp
 
 @pytest.mark.parametrize("source", TREES)
 def test_the_object_stands_upright_on_the_table_as_it_did_at_first(source, tmp_path, mano):
-    actions, _, s = made(
-        source, tmp_path, mano, "right", **({"hands": "right"} if source == "arctic" else {})
-    )
+    how = {"hands": "right"} if source == "arctic" else {}
+    actions, _, s = made(source, tmp_path, mano, "right", **how)
     first = frames_of(source, s)[0]
     assert float(actions.points[0, :, 2].min()) == pytest.approx(0.0, abs=1e-6)
     turned = torch.tensor(s.rotation[first] @ s.rotation[0].T).float()
@@ -192,12 +197,8 @@ def test_rigid_objects_have_no_joint(tmp_path, mano):
 
 
 def test_another_axis_may_point_up(tmp_path, mano):
-    build, frames = TREES["grab"]
-    s = touched(scene(frames=frames), "right")
-    build(tmp_path / "data", s)
     config = RecordedConfig(points=POINTS, up="x")
-    found, _, _ = read("grab", tmp_path / "data", tmp_path, mano, config)
-    actions = found.actions.take(slice(None))
+    actions, _, s = made("grab", tmp_path, mano, "right", config=config)
     recorded = recorded_points("grab", tmp_path / "data", s, frames_of("grab", s))
     world = actions.points[0] @ actions.rotation[0].mT
     world = world + actions.translation[0, :, None]
@@ -208,9 +209,8 @@ def test_another_axis_may_point_up(tmp_path, mano):
 
 @pytest.mark.parametrize("source", TREES)
 def test_validation_is_on_a_subject_of_its_own(source, tmp_path, mano):
-    build, frames = TREES[source]
     root = tmp_path / "data"
-    build(root, touched(scene(frames=frames), "left", "right"))
+    built(source, root, "left", "right")
     one, other, folder = {
         "grab": ("s1", "s10", root / "grab"),
         "h2o": ("subject1", "subject2", root),
@@ -229,9 +229,8 @@ def test_validation_is_on_a_subject_of_its_own(source, tmp_path, mano):
 
 
 def test_what_was_made_is_kept_until_its_files_change(tmp_path, mano):
-    build, frames = TREES["arctic"]
     root = tmp_path / "data"
-    build(root, touched(scene(frames=frames), "left", "right"))
+    built("arctic", root, "left", "right")
     first = read("arctic", root, tmp_path, mano)[0]
     (shard,) = (tmp_path / "cache").glob("*.safetensors")
     before = shard.stat().st_mtime_ns
@@ -245,8 +244,7 @@ def test_what_was_made_is_kept_until_its_files_change(tmp_path, mano):
 
 
 def test_a_label_whose_hands_touch_nothing_is_left_out_and_counted(tmp_path, mano):
-    build, frames = TREES["grab"]
-    build(tmp_path / "data", touched(scene(frames=frames)))
+    built("grab", tmp_path / "data")
     with pytest.raises(InputError, match=r"found none \(1 in which no hand touches the object\)"):
         read("grab", tmp_path / "data", tmp_path, mano)
 

@@ -35,11 +35,16 @@ def network_of(form: str, *, learned: bool = True) -> RefinerNetwork:
     return network
 
 
+def asked(network, actions):
+    """Clips, points of their objects and contact there, as the network is given them."""
+    tokens = tokens_of(actions, network.config.frame)
+    return tokens, *points_of(actions, tokens, SOMEWHERE, network.config.points)[:2]
+
+
 @pytest.mark.parametrize("form", FORMS)
 def test_an_untrained_refiner_changes_nothing_and_all_its_blocks_can_learn(form):
-    network, actions = network_of(form, learned=False), made_actions()
-    tokens = tokens_of(actions, network.config.frame)
-    points, contact, _ = points_of(actions, tokens, SOMEWHERE, network.config.points)
+    network = network_of(form, learned=False)
+    tokens, points, contact = asked(network, made_actions())
     found = network(tokens, points, contact)
     torch.testing.assert_close(found.hands, tokens.hands)
     torch.nn.init.normal_(network.output.weight, std=0.1)
@@ -64,8 +69,7 @@ def test_hands_change_and_nothing_else_does(form):
 @pytest.mark.parametrize(("form", "share"), [("ours", 0.1), ("paper", 1.0)])
 def test_the_change_of_our_form_is_smooth(form, share):
     network, actions = network_of(form), made_actions()
-    tokens = tokens_of(actions, network.config.frame)
-    points, contact, _ = points_of(actions, tokens, SOMEWHERE, network.config.points)
+    tokens, points, contact = asked(network, actions)
     with torch.no_grad():
         change = network(tokens, points, contact).hands - tokens.hands
     found = tokens_of(refined_by(network, actions, SOMEWHERE), network.config.frame)
@@ -80,9 +84,8 @@ def test_the_change_of_our_form_is_smooth(form, share):
 
 @pytest.mark.parametrize("form", FORMS)
 def test_what_stands_in_padded_frames_and_in_absent_hands_changes_nothing(form):
-    network, actions = network_of(form), made_actions()
-    tokens = tokens_of(actions, network.config.frame)
-    points, contact, _ = points_of(actions, tokens, SOMEWHERE, network.config.points)
+    network = network_of(form)
+    tokens, points, contact = asked(network, made_actions())
     first = network(tokens, points, contact)
     other = replace(tokens, hands=torch.where(tokens.shown[:, :2, :, None], tokens.hands, 9.0))
     shown = tokens.valid[:, :, None, None]

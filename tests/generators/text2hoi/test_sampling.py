@@ -5,6 +5,7 @@ import torch
 from made_actions import NAMES, WordEncoder, made_actions
 from made_networks import TINY, answering, in_paper_form
 
+from geneoh.choices import DRAWS
 from geneoh.config import as_dict
 from geneoh.diffusion.schedule import cosine_sigmas
 from geneoh.errors import CheckpointError, ConfigError
@@ -43,9 +44,15 @@ def objects() -> Objects:
     return Objects.of(made_actions(count=3))
 
 
+def sampled(networks, objects, seed=0, draws=DRAWS, **given):
+    """An action for each sentence and its contact map."""
+    config, generator = SamplingConfig(steps=4, draws=draws), torch.Generator().manual_seed(seed)
+    asked = networks, objects, SAID, HANDS, LENGTHS, config
+    return sample(*asked, generator=generator, **given)
+
+
 def drawn(networks, objects, seed=0):
-    generator, config = torch.Generator().manual_seed(seed), SamplingConfig(steps=4)
-    return sample(networks, objects, SAID, HANDS, LENGTHS, config, generator=generator)[0]
+    return sampled(networks, objects, seed)[0]
 
 
 def test_two_seeds_make_two_clips_and_one_seed_one(networks, objects):
@@ -56,14 +63,10 @@ def test_two_seeds_make_two_clips_and_one_seed_one(networks, objects):
 
 
 def test_a_given_contact_map_leaves_the_noise_as_it_is(networks, objects):
-    def of(contact):
-        config = SamplingConfig(steps=4, draws=1)
-        asked = networks, objects, SAID, HANDS, LENGTHS, config
-        return sample(*asked, generator=torch.Generator().manual_seed(0), contact=contact)
-
-    actions, maps = of(None)
-    assert of(maps)[0].translation.equal(actions.translation)
-    assert not of(torch.zeros_like(maps))[1].any()
+    actions, maps = sampled(networks, objects, draws=1)
+    given, _ = sampled(networks, objects, draws=1, contact=maps)
+    assert given.translation.equal(actions.translation)
+    assert not sampled(networks, objects, draws=1, contact=torch.zeros_like(maps))[1].any()
 
 
 def every_draw(networks, objects):
@@ -81,12 +84,7 @@ def every_draw(networks, objects):
 
 
 def test_the_best_of_several_draws_is_kept_for_each_clip(networks, objects):
-    def of(draws):
-        config = SamplingConfig(steps=4, draws=draws)
-        generator = torch.Generator().manual_seed(0)
-        return sample(networks, objects, SAID, HANDS, LENGTHS, config, generator=generator)
-
-    several, touched = of(4)
+    several, touched = sampled(networks, objects, draws=4)
     alone, maps = every_draw(networks, objects)
     kept = best_draws(alone, 4)
     assert several.wrist.equal(alone.wrist[kept])
@@ -94,7 +92,7 @@ def test_the_best_of_several_draws_is_kept_for_each_clip(networks, objects):
     assert (maps[0] - maps[1]).abs().max() > 0
     assert (kept // 4).tolist() == [0, 1, 2]
     assert several.length.tolist() == LENGTHS.tolist()
-    assert not of(1)[0].wrist.equal(several.wrist)
+    assert not sampled(networks, objects, draws=1)[0].wrist.equal(several.wrist)
 
 
 def test_a_draw_that_passes_the_object_as_asked_is_kept(networks, objects, monkeypatch):
@@ -106,13 +104,7 @@ def test_a_draw_that_passes_the_object_as_asked_is_kept(networks, objects, monke
         return torch.arange(len(actions.length)) % 4 == 1
 
     monkeypatch.setattr(module, "passed_by", second_of_each)
-
-    def of(draws, giver):
-        config, generator = SamplingConfig(steps=4, draws=draws), torch.Generator().manual_seed(0)
-        several = networks, objects, SAID, HANDS, LENGTHS, config
-        return sample(*several, generator=generator, giver=giver)[0]
-
-    kept = of(4, ["left", None, "right"])
+    kept, _ = sampled(networks, objects, draws=4, giver=["left", None, "right"])
     assert asked == [["left"] * 4 + [None] * 4 + ["right"] * 4]
     alone, _ = every_draw(networks, objects)
     assert kept.wrist.equal(alone.wrist[1::4])

@@ -1,6 +1,5 @@
 from dataclasses import replace
 
-import numpy as np
 import pytest
 import torch
 import trimesh
@@ -11,7 +10,7 @@ from geneoh.generators.text2hoi.held_hands import HeldHands, moving, table_of
 from geneoh.generators.text2hoi.settling import moved_out_of, settled, shifts_out, solid_of
 from geneoh.generators.text2hoi.standing import stand
 from geneoh.geometry.distance import SurfaceDistance
-from geneoh.geometry.mesh import Mesh
+from geneoh.geometry.mesh import Mesh, from_trimesh
 from geneoh.geometry.mirror import mirror_axis_angle, mirror_points
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
@@ -25,11 +24,7 @@ RADIUS, HEIGHT = 0.03, 0.16
 def rod():
     """A rod that stands on the table."""
     made = trimesh.creation.cylinder(RADIUS, HEIGHT, sections=48)
-    mesh = Mesh(
-        torch.tensor(np.asarray(made.vertices), dtype=torch.float32),
-        torch.tensor(np.asarray(made.faces)),
-    )
-    return stand(mesh, generator=torch.Generator().manual_seed(0))
+    return stand(from_trimesh(made), generator=seeded())
 
 
 def sunk(rod, side: int):
@@ -47,12 +42,16 @@ def sunk(rod, side: int):
     return replace(actions, wrist=wrist, pose=poses)
 
 
+def at_rod(actions, side: int):
+    """Keypoints of a hand in all frames from where the rod stands, metres."""
+    return actions.keypoints()[0, side] - actions.translation[0, :, None]
+
+
 def depth_of(actions, rod, side: int) -> float:
-    """Depth of the deepest keypoint, metres, over all frames."""
-    apart = actions.keypoints()[0, side] - actions.translation[0, :, None]
+    """Depth of the deepest keypoint, metres, over all frames; below zero for the nearest gap."""
     verts = rod.mesh.verts @ rod.rotation.T + rod.shift
     field = SurfaceDistance(Mesh(verts, rod.mesh.faces))
-    return float(-field.query(apart.flatten(0, 1)).distance.min())
+    return float(-field.query(at_rod(actions, side).flatten(0, 1)).distance.min())
 
 
 def test_the_grid_is_the_standing_object(rod):
@@ -67,11 +66,8 @@ def test_a_hand_that_sinks_in_comes_out_and_holds(rod, side):
     before = sunk(rod, side)
     after = settled(before, rod, generator=seeded())
     assert depth_of(before, rod, side) > 0
-    assert depth_of(after, rod, side) < 0
-    apart = after.keypoints()[0, side] - after.translation[0, :, None]
-    verts = rod.mesh.verts @ rod.rotation.T + rod.shift
-    gap = SurfaceDistance(Mesh(verts, rod.mesh.faces)).query(apart.flatten(0, 1)).distance
-    assert gap.min() < 0.015
+    assert -0.015 < depth_of(after, rod, side) < 0
+    apart = at_rod(after, side)
     held = apart - apart[:1]
     assert held.abs().amax() < 1e-4  # still at rest at the object, as it was drawn
 
@@ -101,8 +97,7 @@ def test_a_hand_that_reaches_through_the_table_holds_the_object_over_it(rod, sid
     assert before.keypoints()[0, side, :, :, 2].amin() < -0.02
     assert after.keypoints()[0, side, :, :, 2].amin() > 0
     assert depth_of(after, rod, side) < 0
-    gap = after.keypoints()[0, side] - after.translation[0, :, None]
-    assert (gap[..., :2].norm(dim=-1) - RADIUS).amin() < 0.015
+    assert (at_rod(after, side)[..., :2].norm(dim=-1) - RADIUS).amin() < 0.015
 
 
 @pytest.mark.parametrize("side", [0, 1])
@@ -111,7 +106,7 @@ def test_a_hand_that_slides_on_what_it_carries_keeps_its_place(rod, side):
     slide = torch.linspace(-0.02, 0.02, 24)[:, None] * torch.tensor([0.0, 0, 1])
     before = replace(before, wrist=before.wrist + slide * before.hands[:, :, None, None])
     after = settled(before, rod, generator=seeded())
-    apart = (after.keypoints()[0, side] - after.translation[0, :, None])[:24]
+    apart = at_rod(after, side)
     assert (apart - apart[12]).abs().amax() < 1e-4
     assert depth_of(after, rod, side) < 0
 

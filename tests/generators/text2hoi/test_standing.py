@@ -1,26 +1,26 @@
-import numpy as np
+from dataclasses import replace
+
 import pytest
 import torch
 import trimesh
+from draws import seeded
+from made_actions import box_actions, on_object
 
 from geneoh.choices import AXES
 from geneoh.errors import InputError
 from geneoh.generators.text2hoi.standing import POINTS, stand
 from geneoh.geometry.axes import turn_up
-from geneoh.geometry.mesh import Mesh
-from geneoh.synthesis.actions import Actions
+from geneoh.geometry.mesh import Mesh, from_trimesh
 
 
 def box(sides=(0.06, 0.08, 0.2), shift=(0.3, -0.2, 0.5)) -> Mesh:
     """A box away from the origin."""
-    made = trimesh.creation.box(sides)
-    verts = np.asarray(made.vertices) + shift
-    return Mesh(torch.tensor(verts, dtype=torch.float32), torch.tensor(np.asarray(made.faces)))
+    return from_trimesh(trimesh.creation.box(sides).apply_translation(shift))
 
 
 def stood(up="z"):
     """The box with an axis of its frame up."""
-    return stand(box(), up, generator=torch.Generator().manual_seed(0))
+    return stand(box(), up, generator=seeded())
 
 
 @pytest.mark.parametrize("up", AXES)
@@ -44,26 +44,9 @@ def test_the_object_stands_on_the_table_over_the_origin():
 
 def test_poses_of_the_object_are_poses_of_the_mesh_as_its_file_has_it():
     found = stood("y")
-    still = torch.eye(3).expand(1, 4, 3, 3)
+    actions = on_object(box_actions(["lift"], frames=4), found)
     lifted = torch.tensor([0.0, 0.0, 0.1]).expand(1, 4, 3)
-    zero = torch.zeros(1, dtype=torch.long)
-    actions = Actions(
-        verb=zero,
-        name=zero,
-        hands=torch.ones(1, 2, dtype=torch.bool),
-        length=zero + 4,
-        pose=torch.zeros(1, 2, 4, 16, 3),
-        wrist=torch.zeros(1, 2, 4, 3),
-        rotation=still,
-        translation=lifted,
-        joint=torch.zeros(1, 4),
-        points=found.points[None],
-        normals=found.normals[None],
-        part=torch.zeros(1, POINTS, dtype=torch.long),
-        axis=torch.zeros(1, 3),
-        pivot=torch.zeros(1, 3),
-        slides=torch.zeros(1, dtype=torch.bool),
-    )
+    actions = replace(actions, translation=lifted)
     rotation, translation = found.poses(actions)
     world = found.mesh.verts @ rotation[0].T + translation[0]
     assert world[:, 2].amin() == pytest.approx(0.1, abs=1e-6)
@@ -81,17 +64,15 @@ def test_values_at_points_come_to_the_vertices_nearby():
 def test_objects_that_are_not_for_hands_are_refused_with_the_cure(factor, said):
     mesh = box()
     with pytest.raises(InputError, match=said):
-        stand(
-            Mesh(mesh.verts * factor, mesh.faces), "z", generator=torch.Generator().manual_seed(0)
-        )
+        stand(Mesh(mesh.verts * factor, mesh.faces), generator=seeded())
 
 
 @pytest.mark.parametrize("sides", [(1.0, 1.0, 1.0), (0.5, 0.4, 0.3)])
 def test_an_object_that_hands_end_up_inside_of_is_refused(sides):
     with pytest.raises(InputError, match=r"at most 0\.2 m thick for hands, got"):
-        stand(box(sides), generator=torch.Generator().manual_seed(0))
+        stand(box(sides), generator=seeded())
 
 
 def test_long_and_wide_objects_that_are_thin_stand():
     for sides in [(0.04, 0.04, 1.2), (0.8, 0.5, 0.03)]:
-        assert stand(box(sides), generator=torch.Generator().manual_seed(0)).points.isfinite().all()
+        assert stand(box(sides), generator=seeded()).points.isfinite().all()

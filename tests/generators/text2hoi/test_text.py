@@ -131,6 +131,13 @@ def test_a_foreign_folder_without_the_library_says_how_to_install_it(tmp_path, m
         load_text_encoder(tmp_path)
 
 
+SMALL = {
+    **{"vocab_size": 8, "hidden_size": 16, "intermediate_size": 16, "num_hidden_layers": 1},
+    **{"num_attention_heads": 2, "max_position_embeddings": 16, "pad_token_id": 0},
+}
+"""The size of a tiny model of the library."""
+
+
 def word_tokenizer(folder):
     """The tokenizer of a tiny model, saved as the library saves it."""
     from tokenizers import Tokenizer, models, pre_tokenizers, processors
@@ -150,18 +157,8 @@ def word_tokenizer(folder):
 @pytest.mark.filterwarnings("ignore")  # of the library
 def test_a_clip_folder_gives_unit_vectors_of_its_own_width(tmp_path):
     transformers = pytest.importorskip("transformers")
-    config = transformers.CLIPTextConfig(
-        vocab_size=8,
-        hidden_size=16,
-        intermediate_size=16,
-        projection_dim=12,
-        num_hidden_layers=1,
-        num_attention_heads=2,
-        max_position_embeddings=16,
-        pad_token_id=0,
-        bos_token_id=2,
-        eos_token_id=3,
-    )
+    ends = {"bos_token_id": 2, "eos_token_id": 3}
+    config = transformers.CLIPTextConfig(**SMALL, projection_dim=12, **ends)
     transformers.CLIPTextModelWithProjection(config).save_pretrained(tmp_path)
     word_tokenizer(tmp_path)
     encoder = load_text_encoder(tmp_path)
@@ -175,16 +172,7 @@ def test_a_clip_folder_gives_unit_vectors_of_its_own_width(tmp_path):
 @pytest.mark.filterwarnings("ignore")  # of the library
 def test_a_sentence_transformers_folder_gives_the_mean_of_its_states(tmp_path):
     transformers = pytest.importorskip("transformers")
-    config = transformers.BertConfig(
-        vocab_size=8,
-        hidden_size=16,
-        intermediate_size=16,
-        num_hidden_layers=1,
-        num_attention_heads=2,
-        max_position_embeddings=16,
-        pad_token_id=0,
-    )
-    transformers.BertModel(config).save_pretrained(tmp_path)
+    transformers.BertModel(transformers.BertConfig(**SMALL)).save_pretrained(tmp_path)
     word_tokenizer(tmp_path)
     encoder = load_text_encoder(tmp_path)
     assert encoder.width == 16

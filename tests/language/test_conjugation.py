@@ -1,0 +1,33 @@
+import pytest
+
+from geneoh.language.conjugation import forms
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        "open, opens, opening, opened",  # "openning" in the tables of Text2HOI
+        "take out, takes out, taking out, taken out",  # "takes take"
+        "hand over, hands over, handing over, handed over",
+        "carry, carries, carrying, carried",
+        "chop, chops, chopping, chopped",
+        "drain, drains, draining, drained",
+        "empty, empties, emptying, emptied",
+        "fly, flies, flying, flown",
+        "pour from, pours from, pouring from, poured from",
+        "press, presses, pressing, pressed",
+        "put in, puts in, putting in, put in",
+        "see, sees, seeing, seen",
+        "set down, sets down, setting down, set down",
+        "shake, shakes, shaking, shaken",
+        "squeeze, squeezes, squeezing, squeezed",
+        "tie, ties, tying, tied",
+        "tip, tips, tipping, tipped",
+        "transfer, transfers, transferring, transferred",
+        "type, types, typing, typed",
+        "wear, wears, wearing, worn",
+    ],
+)
+def test_forms_of_a_verb(said):
+    verb, *_ = said.split(", ")
+    assert ", ".join(forms(verb)) == said
