@@ -175,6 +175,11 @@ def gathered(parts: Sequence[AnyBundle], places: Int[Tensor, "N 2"]) -> AnyBundl
     return parts[chosen[0][0]]._changed(gather)
 
 
+def spread(total: int, count: int) -> Int[Tensor, " C"]:
+    """Numbers of `count` of so many entries, evenly from the first to the last."""
+    return torch.linspace(0, total - 1, count).round().long()
+
+
 def position(axis: str, axes: Axes, ndim: int) -> int | None:
     """Where an axis stands in a tensor of `ndim` axes; None where its annotation has no such axis.
 

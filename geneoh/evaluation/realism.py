@@ -16,6 +16,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from geneoh.bundle import spread
 from geneoh.errors import InputError
 from geneoh.evaluation import distributions
 from geneoh.evaluation.distributions import joint_angles
@@ -161,7 +162,7 @@ def synthetic_clips(
 ) -> HandClips:
     """The first `per_shard` clips of some training shards, which are spread over the folder."""
     paths = find_shards(folder, "train")
-    at = torch.linspace(0, len(paths) - 1, min(SHARDS, len(paths))).round().long().tolist()
+    at = spread(len(paths), min(SHARDS, len(paths))).tolist()
     found = [shard_clips(paths[i], hand, augmented, per_shard) for i in at]
     names = [field.name for field in fields(HandClips)]
     return HandClips(*(torch.cat([getattr(clips, name) for clips in found]) for name in names))

@@ -15,6 +15,7 @@ import torch
 from jaxtyping import Bool, Int
 from torch import Tensor
 
+from geneoh.bundle import spread
 from geneoh.config import as_dict, flat, parse_setting, setting_differences
 from geneoh.errors import ConfigError, InputError, numbered
 from geneoh.hand.library import load_hand
@@ -299,5 +300,5 @@ def mixed(portions: Sequence[Portion]) -> Streamed[Interactions]:
 def evened(clips: Interactions, frames: int, points: int) -> Interactions:
     """The clips padded with their last frame, with so many of their surface points."""
     last = clips.wrist.shape[1] - 1
-    some = torch.linspace(0, clips.points.shape[1] - 1, points).round().long()
+    some = spread(clips.points.shape[1], points)
     return clips.take(torch.arange(frames).clamp(max=last), "T").take(some, "P")

@@ -8,7 +8,7 @@ from typing import Any
 
 import torch
 
-from geneoh.bundle import concatenated
+from geneoh.bundle import concatenated, spread
 from geneoh.choices import ActionDataset, Refiner
 from geneoh.errors import ConfigError
 from geneoh.evaluation.generation.classifier import (
@@ -115,8 +115,7 @@ def evaluate_generator(
     tasks = classifier_tasks(options, training, validation, len(held_out.verb_words))
     models = [kept_classifier(task, folder, on_progress) for task in tasks]
     count = min(options.limit, len(validation.verb))
-    spread = torch.linspace(0, len(validation.verb) - 1, count).round().long()
-    real = validation.take(spread, "B")
+    real = validation.take(spread(len(validation.verb), count), "B")
     rows: dict[str, Row] = {
         REAL: lambda _: real,
         "nearest training clip": lambda _: nearest_training(real, training),

@@ -11,7 +11,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.body.motion import BodyMotion
-from geneoh.choices import STEPS
+from geneoh.bundle import spread
+from geneoh.choices import BODY_STAGES, STEPS
 from geneoh.evaluation.generation.report import GenerationReport
 from geneoh.evaluation.generation.runner import drawn, told_training
 from geneoh.evaluation.generation.scores import REPETITIONS, repeat
@@ -41,7 +42,6 @@ from geneoh.training.loop import trained
 
 CLIPS = 256  # held-out clips that are scored unless the user limits them
 REAL, SHUFFLED = "real", "shuffled hands"
-NETWORKS = ("body_hands", "text_hands", "blend")
 BRANCHES: dict[str, Branch] = {"body only": "body", "text only": "text", "blended": "blended"}
 FOLDER = "encoder"  # of the encoder, in that of the evaluation
 
@@ -125,7 +125,7 @@ def conditions(options: GestureOptions, task: EncoderTask, model: GestureEncoder
     """Validation clips spread over all, with a random sentence each."""
     held_out = task.validation
     count = min(options.limit, len(held_out.body))
-    real = held_out.take(torch.linspace(0, len(held_out.body) - 1, count).round().long(), "B")
+    real = held_out.take(spread(len(held_out.body), count), "B")
     generator = drawn(options.seed, "sentences")
     which = torch.randint(real.joined.shape[1], (count,), generator=generator).tolist()
     said = [str(each[n]) for each, n in zip(real.joined, which, strict=True)]
@@ -173,7 +173,7 @@ def settings_of(
         "steps": options.steps,
         "repetitions": options.repetitions,
         "encoder": {**record, "hash": made},
-        "weights": file_digests(weights_of(name, options.weights) for name in NETWORKS),
+        "weights": file_digests(weights_of(name, options.weights) for name in BODY_STAGES),
         "versions": package_versions(),
     }
 

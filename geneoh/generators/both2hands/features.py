@@ -15,8 +15,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.body.motion import BodyMotion, PosedBody, local_rotations, pose
-from geneoh.body.skeleton import BODY_JOINTS, FINGER_JOINTS, JOINT_NAMES, WRISTS, Skeleton
+from geneoh.body.motion import BodyMotion, PosedBody, local_rotations
+from geneoh.body.skeleton import BODY_JOINTS, FINGER_JOINTS, JOINT_NAMES, WRISTS
 from geneoh.choices import SIDES
 from geneoh.geometry.rotations import matrix_to_rotation_6d, rotation_6d_to_matrix
 
@@ -89,21 +89,6 @@ def with_other_fingers(motion: BodyMotion, fingers: Float[Tensor, "*B T 30 3 3"]
     """The motion with other rotations of the finger joints, each in the frame of its parent."""
     body = motion.rotations[..., :BODY_JOINTS, :, :]
     return BodyMotion(motion.root, torch.cat([body, fingers], dim=-3))
-
-
-def projected(
-    skeleton: Skeleton,
-    motion: BodyMotion,
-    posed: PosedBody,
-    local: Float[Tensor, "*B T 270"],
-    frame: HandsFrame,
-) -> Float[Tensor, "*B T 270"]:
-    """Hands in the axes of their wrists, brought onto a body (paper, equation 8).
-
-    The body's rotations with the fingers' go through forward kinematics, from the root's place in
-    the world, which the paper's code leaves out.
-    """
-    return hand_features(pose(skeleton, with_fingers(motion, posed, local, "wrist")), frame)
 
 
 def _flat(

@@ -33,17 +33,15 @@ def generate_hands(
     Args:
         motion: T frames of one body at 30 frames a second, any T; its fingers do not matter.
         skeleton: of the body.
-        sentence: such as "the right hand waves, the left rests"; English.
+        sentence: such as "the right hand waves, the left rests"; see `check_sentence`.
         steps: denoising steps (paper: 1,000).
         generator: of the noise; another one makes other hands.
         networks: None for the shipped ones.
         on_step: told of the steps.
 
     Raises:
-        InputError: the sentence has no words or too many, is not English or contradicts itself.
         CheckpointError: weights are missing or damaged.
     """
-    check_sentence(sentence)
     made = sample(
         networks or load_networks(device=motion.root.device),
         BodyMotion(motion.root[None], motion.rotations[None]),
@@ -58,7 +56,11 @@ def generate_hands(
 
 
 def check_sentence(sentence: str) -> None:
-    """Refuse a text that is no English sentence on hands, or contradicts itself."""
+    """Refuse a text that is no English sentence on hands, or contradicts itself.
+
+    Raises:
+        InputError: it has no words or too many, is not English or contradicts itself.
+    """
     words = words_of(sentence)
     check_english(sentence, words, known_words(), on="what hands do", example=EXAMPLE)
     refuse_contradiction(sentence)

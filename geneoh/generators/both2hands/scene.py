@@ -9,7 +9,12 @@ from geneoh.body.motion import BodyMotion, PosedBody, pose
 from geneoh.body.skeleton import Skeleton
 from geneoh.bundle import Bundle
 from geneoh.generators.both2hands.denoiser import BodyHands, Encoded, TextHands
-from geneoh.generators.both2hands.features import body_features, projected
+from geneoh.generators.both2hands.features import (
+    HandsFrame,
+    body_features,
+    hand_features,
+    with_fingers,
+)
 
 
 @dataclass(frozen=True)
@@ -30,14 +35,24 @@ class Scene(Bundle):
         """Features of the bodies."""
         return body_features(self.posed)
 
+    def projected(
+        self, local: Float[Tensor, "B T 270"], frame: HandsFrame
+    ) -> Float[Tensor, "B T 270"]:
+        """Hands in the axes of their wrists, brought onto the bodies (paper, equation 8).
+
+        The body's rotations with the fingers' go through forward kinematics, from the root's place
+        in the world, which the paper's code leaves out.
+        """
+        motion = with_fingers(self.motion, self.posed, local, "wrist")
+        return hand_features(pose(self.skeleton, motion), frame)
+
 
 def hands_of_text(
     body: BodyHands, text: TextHands, answer: Float[Tensor, "B T 270"], scene: Scene
 ) -> Float[Tensor, "B T 270"]:
     """An answer of the network of text, on the bodies and in the numbers of the other network."""
     local = text.scale.denormalise(answer)
-    onto = scene.skeleton, scene.motion, scene.posed
-    return body.scale.normalise(projected(*onto, local, body.config.frame))
+    return body.scale.normalise(scene.projected(local, body.config.frame))
 
 
 def both_answers(

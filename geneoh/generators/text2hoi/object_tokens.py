@@ -1,9 +1,10 @@
 """The object and its contact map as tokens of the interaction network."""
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from torch import Tensor, nn
 
+from geneoh.bundle import spread
 from geneoh.generators.text2hoi.objects import CHANNELS, Objects
 from geneoh.generators.text2hoi.pointnet import PointConfig, PointNet, pooled
 from geneoh.representation.region import farthest_points
@@ -63,11 +64,6 @@ class WholeObject(nn.Module):
         told = [features.amax(1), contact[:, some], objects.scale, objects.centroid]
         whole = self.whole(torch.cat(told, dim=-1))
         return whole, whole.new_zeros(len(whole), 0, whole.shape[-1])
-
-
-def spread(total: int, count: int) -> Int[Tensor, " C"]:
-    """Numbers of `count` of so many points, evenly spread."""
-    return torch.linspace(0, total - 1, count).round().long()
 
 
 def summary(objects: Objects, contact: Float[Tensor, "B P"]) -> Float[Tensor, "B 19"]:

@@ -12,6 +12,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from geneoh.bundle import spread
 from geneoh.generators.smoothing import smoothed
 from geneoh.generators.text2hoi.post_norm import PostNormTransformer
 from geneoh.generators.text2hoi.tokens import HAND, HandFrame, Tokens, actions_of, tokens_of
@@ -119,8 +120,7 @@ def points_of(
 
     `count` of them are taken at equal steps; the object is where the numbers say that it is.
     """
-    every = torch.linspace(0, actions.points.shape[1] - 1, count).round().long()
-    every = every.to(contact.device)
+    every = spread(actions.points.shape[1], count).to(contact.device)
     some = actions.take(every, "P")
     points, normals = some.posed_points(), some.posed_normals()
     if tokens.frame == "world":

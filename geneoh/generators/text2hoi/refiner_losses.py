@@ -9,6 +9,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from geneoh.bundle import spread
 from geneoh.choices import SIDES
 from geneoh.config import Limited
 from geneoh.generators.text2hoi.losses import UNIT, masked_mean
@@ -47,7 +48,7 @@ def refiner_loss(
     if weights.keypoints:
         apart = (joints - clean.joints()).square().sum(-1) / UNIT**2
         total = total + weights.keypoints * masked_mean(apart, shown[..., None])
-    every = torch.linspace(0, points.shape[1] - 1, weights.frames).round().long().unique()
+    every = spread(points.shape[1], weights.frames).unique()
     some, points, normals = found.take(every, "T"), points[:, every], normals[:, every]
     before = coarse.take(every, "T").joints()
     touch = contact_loss(joints[:, :, every], before, points, shown[:, :, every])

@@ -75,17 +75,13 @@ def sample(
     # maps are drawn where they are given, too, so that the noise of the actions is the same
     maps = contact_of(networks, objects, sentences, generator=generator)
     contact = maps if contact is None else contact[clips]
-    drawn = drawn_actions(
-        networks,
-        objects,
-        sentences,
-        hands,
-        lengths,
-        config,
-        generator=generator,
-        contact=contact,
-        on_step=on_step,
+    each = networks.interaction.config.frames_per_token
+    whole = (lengths + each - 1) // each * each
+    condition = condition_of(networks, objects, sentences, hands, whole, contact)
+    numbers = drawn_numbers(
+        networks.interaction, condition, config, generator=generator, on_step=on_step
     )
+    drawn = actions_of_numbers(networks.interaction, numbers, condition, lengths, config.smoothing)
     if config.draws == 1:
         return drawn, contact
     fits = None
@@ -96,27 +92,18 @@ def sample(
     return drawn.take(kept, "B"), contact[kept]
 
 
-def drawn_actions(
-    networks: Networks,
-    objects: Objects,
-    sentences: Sequence[str],
-    hands: Sequence[HandsName],
+def actions_of_numbers(
+    network: InteractionNetwork,
+    numbers: Float[Tensor, "B T 208"],
+    condition: Condition,
     lengths: Int[Tensor, " B"],
-    config: SamplingConfig,
-    *,
-    generator: torch.Generator,
-    contact: Float[Tensor, "B P"],
-    on_step: OnStep | None = None,
+    smoothing: float,
 ) -> Actions:
-    """One action for each sentence; see `sample`."""
-    network = networks.interaction
-    each = network.config.frames_per_token
-    whole = (lengths + each - 1) // each * each
-    condition = condition_of(networks, objects, sentences, hands, whole, contact)
-    numbers = drawn_numbers(network, condition, config, generator=generator, on_step=on_step)
-    numbers = smoothed(finite_output(numbers), config.smoothing, whole)
-    flat, valid = network.denormalise(numbers), condition.valid
-    tokens = Tokens.of_flat(flat, valid, condition.present, objects.jointed, network.config.frame)
+    """Drawn numbers as actions in the time that is asked for; see `sample`."""
+    valid, objects = condition.valid, condition.objects
+    numbers = smoothed(finite_output(numbers), smoothing, valid.sum(1))
+    flat, frame = network.denormalise(numbers), network.config.frame
+    tokens = Tokens.of_flat(flat, valid, condition.present, objects.jointed, frame)
     return retimed(actions_of(tokens, still(objects, valid.shape[1])), lengths)
 
 

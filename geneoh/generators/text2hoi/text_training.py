@@ -28,6 +28,7 @@ from geneoh.training.run_config import RunConfig
 
 KINDS = ("seen words", "unseen phrasings", "misspellings", "unseen synonyms")
 """Kinds of validation sentences."""
+MEASURED = 512  # sentences of a kind that the encoder is measured on
 
 
 def _network() -> TextConfig:
@@ -146,12 +147,11 @@ def accuracy(
     kind: str,
     *,
     generator: torch.Generator,
-    count: int = 512,
 ) -> tuple[float, float]:
     """Shares of right verbs and right hands on random sentences of a kind about made actions."""
     chosen: list[tuple[str, str, HandsName]] = [
         (one_of(VERBS, generator), one_of(tuple(NOUN_WORDS), generator), one_of(HANDS, generator))
-        for _ in range(count)
+        for _ in range(MEASURED)
     ]
     said = []
     for verb, noun, hands in chosen:
