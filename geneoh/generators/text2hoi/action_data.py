@@ -7,7 +7,7 @@ from geneoh.choices import ANNOTATED
 from geneoh.config import as_dict
 from geneoh.errors import ConfigError
 from geneoh.generators.text2hoi.recorded import RecordedConfig
-from geneoh.generators.text2hoi.recorded_data import asked_record, recorded_actions
+from geneoh.generators.text2hoi.recorded_data import recorded_actions
 from geneoh.generators.text2hoi.samples import ActionData
 from geneoh.progress import OnProgress
 from geneoh.readers.base import ReaderOptions
@@ -49,7 +49,7 @@ def action_data(
             "with labels of actions, or a folder alone; choose one of them"
         )
     source = ANNOTATED[ANNOTATED.index(data.source)]
-    training, validation, notes = recorded_actions(
+    return recorded_actions(
         source,
         data.path,
         data.shards_in(cache, "actions_"),
@@ -57,5 +57,3 @@ def action_data(
         options,
         on_step=on_progress and partial(on_progress, source),
     )
-    made = asked_record(config) | {"source": source, "held_out": config.held_out}
-    return TrainingData(training, validation, made, tuple(notes))

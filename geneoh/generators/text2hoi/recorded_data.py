@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ from geneoh.readers.dataset_reader import frames_to_keep
 from geneoh.readers.recordings import find_clips, source_named
 from geneoh.streamed import Streamed
 from geneoh.synthesis.actions import Actions
+from geneoh.training.data import TrainingData
 from geneoh.training.recordings import files_of, shard_path
 
 FORMAT = 1  # of the shards; raised where the same files give other actions
@@ -37,17 +38,18 @@ def recorded_actions(
     options: ReaderOptions,
     *,
     on_step: OnStep | None = None,
-) -> tuple[ActionData, ActionData, list[str]]:
+) -> TrainingData[ActionData]:
     """The labelled actions of a data set below a path: to learn from, and to validate on.
 
     A recording becomes a shard in `folder`, which is read at once as long as its files stay the
-    same. Returns notes as well: what was found, left out, and could not be read.
+    same. Notes tell what was found, left out, and could not be read.
 
     Raises:
         InputError: no recording can be read, or none holds a labelled action.
         ConfigError: the subject to hold out has no clips.
     """
-    shards, notes = made_shards(source, path, folder, config, options, on_step=on_step)
+    recordings = Recordings(source, config, options)
+    shards, problems = recordings.shards(path, folder, on_step)
     labels: list[dict[str, str]] = []
     found: list[Actions] = []
     left_out: Counter[str] = Counter()
@@ -79,7 +81,9 @@ def recorded_actions(
         for kept in ((~held, held) if bool(held.any()) else (~held, ~held))
     ]
     about = f"{source}: {len(labels)} actions of {len(names)} objects, {words}"
-    return parts[0], parts[1], [f"{about}; actions left out: {reasons or 'none'}", *notes]
+    notes = f"{about}; actions left out: {reasons or 'none'}", *problems
+    made = recordings.asked | {"source": source, "held_out": config.held_out}
+    return TrainingData(parts[0], parts[1], made, notes)
 
 
 def held_out(subjects: list[str], chosen: str) -> tuple[Tensor, str]:
@@ -97,126 +101,104 @@ def held_out(subjects: list[str], chosen: str) -> tuple[Tensor, str]:
     return held, f"{int(held.sum())} of {subject} held out for validation"
 
 
-def made_shards(
-    source: AnnotatedSource,
-    path: Path,
-    folder: Path,
-    config: RecordedConfig,
-    options: ReaderOptions,
-    *,
-    on_step: OnStep | None = None,
-) -> tuple[list[Path], list[str]]:
-    """The shards of all recordings, made where they are not there, and why some cannot be."""
-    shards: list[Path] = []
-    problems: list[str] = []
-    surfaces: dict[tuple[str, ...], Surface] = {}
-    clips = find_clips(source_named(source), [path])
-    labelled = [clip for clip in clips if has_labels(source, clip)]
-    if not labelled:
-        raise InputError(
-            f"{path}: expected labels of actions in action_label of camera 4, found none among "
-            f"{len(clips)} clips; download the labels of all views"
-        )
-    for clip in steps(labelled, on_step):
-        shard = shard_path(folder, clip)
+@dataclass(frozen=True)
+class Recordings:
+    """The recordings of a data set, and how actions are cut out of them."""
+
+    source: AnnotatedSource
+    config: RecordedConfig
+    options: ReaderOptions
+    surfaces: dict[tuple[str, ...], Surface] = field(default_factory=dict)
+    """Points of the objects that were met, which are the same in all recordings."""
+
+    @property
+    def asked(self) -> dict[str, Any]:
+        """What of the settings a shard depends on; who is held out changes none."""
+        settings = asdict(self.config)
+        del settings["held_out"]
+        return {"format": FORMAT, "recorded": settings}
+
+    def shards(
+        self, path: Path, folder: Path, on_step: OnStep | None
+    ) -> tuple[list[Path], list[str]]:
+        """The shards of all recordings, made where they are not there, and why some cannot be."""
+        shards: list[Path] = []
+        problems: list[str] = []
+        clips = find_clips(source_named(self.source), [path])
+        labelled = [clip for clip in clips if has_labels(self.source, clip)]
+        if not labelled:
+            raise InputError(
+                f"{path}: expected labels of actions in action_label of camera 4, found none among "
+                f"{len(clips)} clips; download the labels of all views"
+            )
+        for clip in steps(labelled, on_step):
+            shard = shard_path(folder, clip)
+            try:
+                if not self.is_fresh(shard, clip):
+                    self.write(shard, clip)
+                shards.append(shard)
+            except GeneOHError as error:
+                problems.append(f"{clip.name}: not read, {error}")
+        if not shards:
+            raise InputError(problems[0])
+        return shards, problems
+
+    def is_fresh(self, shard: Path, clip: SourceClip) -> bool:
+        """Whether a shard is there, whole, made as asked, and from the files as they are."""
         try:
-            if not is_fresh(shard, source, clip, config):
-                write_shard(shard, source, clip, config, options, surfaces)
-            shards.append(shard)
-        except GeneOHError as error:
-            problems.append(f"{clip.name}: not read, {error}")
-    if not shards:
-        raise InputError(problems[0])
-    return shards, problems
+            with opened_tensors(shard) as (_, record):
+                if any(record.get(name) != value for name, value in self.asked.items()):
+                    return False
+                files = {name: (size, content) for name, (size, content) in record["files"].items()}
+                return are_as_recorded(self.files(clip), files, shard)
+        except (OSError, DamagedTensorsError):
+            return False
 
+    def files(self, clip: SourceClip) -> list[tuple[str, Path]]:
+        """The files that the actions of a recording are made from, by name."""
+        return [*files_of(clip), *((path.name, path) for path in label_files(self.source, clip))]
 
-def write_shard(
-    shard: Path,
-    source: AnnotatedSource,
-    clip: SourceClip,
-    config: RecordedConfig,
-    options: ReaderOptions,
-    surfaces: dict[tuple[str, ...], Surface],
-) -> None:
-    """The labelled actions of one recording, written whole or not at all.
+    def write(self, shard: Path, clip: SourceClip) -> None:
+        """Write the labelled actions of one recording, whole or not at all."""
+        found: list[Actions] = []
+        labels: list[dict[str, str]] = []
+        left_out: Counter[str] = Counter()
+        meshes = set[Path]()
+        for action, label in self.cut(clip, meshes):
+            if isinstance(action, str):
+                left_out[action] += 1
+            else:
+                found.append(action)
+                labels.append(label)
+        tensors = vars(concatenated(found, "B")) if found else {}
+        record = self.asked | {
+            "files": records_of([*self.files(clip), *by_path(meshes)]),
+            "labels": labels,
+            "left_out": dict(left_out),
+        }
+        write_tensors(shard, {n: t.contiguous() for n, t in tensors.items()}, record, parents=True)
 
-    `surfaces` keeps the points of objects, which are the same in all recordings.
-    """
-    found: list[Actions] = []
-    labels: list[dict[str, str]] = []
-    left_out: Counter[str] = Counter()
-    meshes = set[Path]()
-    for action, label in cut(source, clip, config, options, surfaces, meshes):
-        if isinstance(action, str):
-            left_out[action] += 1
-        else:
-            found.append(action)
-            labels.append(label)
-    tensors = vars(concatenated(found, "B")) if found else {}
-    record = asked_record(config) | {
-        "files": records_of([*all_files(source, clip), *by_path(meshes)]),
-        "labels": labels,
-        "left_out": dict(left_out),
-    }
-    write_tensors(shard, {n: t.contiguous() for n, t in tensors.items()}, record, parents=True)
+    def cut(
+        self, clip: SourceClip, meshes: set[Path]
+    ) -> Iterator[tuple[Actions | str, dict[str, str]]]:
+        """Each labelled stretch of a recording as an action, or why it is none.
 
-
-def cut(
-    source: AnnotatedSource,
-    clip: SourceClip,
-    config: RecordedConfig,
-    options: ReaderOptions,
-    surfaces: dict[tuple[str, ...], Surface],
-    meshes: set[Path],
-) -> Iterator[tuple[Actions | str, dict[str, str]]]:
-    """Each labelled stretch of a recording as an action, or why it is none.
-
-    The files of the objects' meshes are added to `meshes`.
-    """
-    labels = labels_of(source, clip)
-    if not labels:
-        return
-    reader = source_named(source).reader()
-    for parts in reader.parts(clip, options):
-        of_object = [
-            label
-            for label in labels
-            if any(name.split("_")[1] == label.object for name in parts.meshes)
-        ]
-        if not of_object or parts.motion is None:
-            continue
-        sequence = reader.whole(parts, clip, options).sequence
-        meshes |= mesh_files([sequence])
-        key = tuple(mesh.sha256 for mesh in sequence.object.meshes)
-        if key not in surfaces:
-            surfaces[key] = Surface.of(sequence.object.meshes, config.points)
-        seen = torch.from_numpy(frames_to_keep(parts, len(parts.motion)))
-        for label in of_object:
-            words = {"verb": label.verb, "noun": label.noun, "subject": label.subject}
-            yield action_of(sequence, label, surfaces[key], config.up, seen), words
-
-
-def all_files(source: AnnotatedSource, clip: SourceClip) -> list[tuple[str, Path]]:
-    """The files that the actions of a recording are made from, by name."""
-    return [*files_of(clip), *((path.name, path) for path in label_files(source, clip))]
-
-
-def asked_record(config: RecordedConfig) -> dict[str, Any]:
-    """What of the settings a shard depends on; who is held out changes none."""
-    asked = asdict(config)
-    del asked["held_out"]
-    return {"format": FORMAT, "recorded": asked}
-
-
-def is_fresh(
-    shard: Path, source: AnnotatedSource, clip: SourceClip, config: RecordedConfig
-) -> bool:
-    """Whether a shard is there, whole, made as asked, and from the files as they are."""
-    try:
-        with opened_tensors(shard) as (_, record):
-            if any(record.get(name) != value for name, value in asked_record(config).items()):
-                return False
-            files = {name: (size, content) for name, (size, content) in record["files"].items()}
-            return are_as_recorded(all_files(source, clip), files, shard)
-    except (OSError, DamagedTensorsError):
-        return False
+        The files of the objects' meshes are added to `meshes`.
+        """
+        labels = labels_of(self.source, clip)
+        reader = source_named(self.source).reader()
+        for parts in reader.parts(clip, self.options) if labels else ():
+            names = {name.split("_")[1] for name in parts.meshes}
+            of_object = [label for label in labels if label.object in names]
+            if not of_object or parts.motion is None:
+                continue
+            sequence = reader.whole(parts, clip, self.options).sequence
+            meshes |= mesh_files([sequence])
+            key = tuple(mesh.sha256 for mesh in sequence.object.meshes)
+            if key not in self.surfaces:
+                self.surfaces[key] = Surface.of(sequence.object.meshes, self.config.points)
+            surface, up = self.surfaces[key], self.config.up
+            seen = torch.from_numpy(frames_to_keep(parts, len(parts.motion)))
+            for label in of_object:
+                words = {"verb": label.verb, "noun": label.noun, "subject": label.subject}
+                yield action_of(sequence, label, surface, up, seen), words

@@ -75,7 +75,8 @@ def mano(tmp_path):
 
 def read(source, root, tmp_path, mano, config=CONFIG):
     options = ReaderOptions(mano_dir=mano)
-    return recorded_actions(source, root, tmp_path / "cache", config, options)
+    split = recorded_actions(source, root, tmp_path / "cache", config, options)
+    return split.training, split.validation, split.notes
 
 
 def built(source, root, *sides, **how):
