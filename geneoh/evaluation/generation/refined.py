@@ -82,7 +82,7 @@ def refined_parts(clip: Actions, seed: int) -> Actions:
         stood = StandingObject(meshes[0], *still, clip.points[0], clip.normals[0])
         settle = partial(settled, stood=stood, generator=torch.Generator().manual_seed(seed))
     clip = finished(clip, settle)
-    sequence = sequence_of(clip, 0, meshes)
+    sequence = sequence_of(clip, meshes)
     clean = clean_interaction(sequence, Options(trust_object=True, seed=seed)).sequence
     pose, wrist = clip.pose.clone(), clip.wrist.clone()
     for track in clean.hands:

@@ -12,7 +12,6 @@ import torch
 from geneoh.choices import HandsName, Side
 from geneoh.language.conjugation import forms, gerund, participle, third_person
 from geneoh.language.vocabulary import NOUN_WORDS, PARTICLES, PLURAL, VERB_WORDS, with_article
-from geneoh.language.vocabulary import noun_of as noun_of
 from geneoh.language.wording import chance, one_of
 
 ADJECTIVES = ("small", "big", "red", "blue", "green", "black", "white", "old", "heavy", "light")

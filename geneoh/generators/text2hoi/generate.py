@@ -177,14 +177,9 @@ def objects_of(stood: StandingObject) -> Objects:
 
 def placed(actions: Actions, stood: StandingObject, sentence: str) -> Sequence:
     """The first action as a sequence, with the poses of the mesh as its file has it."""
-    sequence = sequence_of(actions, 0, (stood.mesh,), f"generated: {sentence}")
-    rotation, translation = stood.poses(actions)
-    frames = sequence.frames
-    motion = replace(
-        sequence.object,
-        rotation=rotation[:frames, None],
-        translation=translation[:frames, None],
-    )
+    sequence = sequence_of(actions, (stood.mesh,), f"generated: {sentence}")
+    rotation, translation = (each[: sequence.frames, None] for each in stood.poses(actions))
+    motion = replace(sequence.object, rotation=rotation, translation=translation)
     return replace(sequence, object=motion)
 
 

@@ -10,11 +10,12 @@ from torch import Tensor
 from geneoh.bundle import Bundle
 from geneoh.choices import TAKING_PART, HandsName
 from geneoh.generators.text import TextEncoder
-from geneoh.generators.text2hoi.captions import caption, noun_of
+from geneoh.generators.text2hoi.captions import caption
 from geneoh.generators.text2hoi.config import Text2HoiConfig
 from geneoh.generators.text2hoi.contact import ContactNetwork
 from geneoh.generators.text2hoi.objects import Objects, contact_maps
 from geneoh.generators.text2hoi.passing import givers
+from geneoh.language.vocabulary import noun_of
 from geneoh.streamed import Streamed
 from geneoh.synthesis.actions import VERBS, Actions
 from geneoh.synthesis.draws import Draws
