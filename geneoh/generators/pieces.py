@@ -64,6 +64,13 @@ def marked(words: Sequence[str]) -> str:
     return " ".join(_START + word for word in words)
 
 
+def sentence_numbers(
+    tokenizer: Tokenizer, sentences: Iterable[str], longest: int
+) -> Int[Tensor, "B N"]:
+    """Numbers of the pieces of sentences as they are written; see `piece_numbers`."""
+    return piece_numbers(tokenizer, [marked(words_of(each)) for each in sentences], longest)
+
+
 def piece_numbers(
     tokenizer: Tokenizer, marked_sentences: Sequence[str], longest: int
 ) -> Int[Tensor, "B N"]:

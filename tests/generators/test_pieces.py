@@ -1,6 +1,6 @@
 import pytest
 
-from geneoh.generators.pieces import learned_pieces, marked, piece_numbers, words_of
+from geneoh.generators.pieces import learned_pieces, sentence_numbers, words_of
 
 SAID = ["lift the mug with both hands", "lifting mugs", "put down the kettle"] * 20
 
@@ -11,7 +11,7 @@ def tokenizer():
 
 
 def pieces(tokenizer, *sentences, longest=40):
-    return piece_numbers(tokenizer, [marked(words_of(each)) for each in sentences], longest)
+    return sentence_numbers(tokenizer, sentences, longest)
 
 
 def test_words_are_lower_case_without_punctuation():

@@ -12,7 +12,7 @@ from torch import Tensor, nn
 
 from geneoh.config import as_dict
 from geneoh.evaluation.gestures.encoder import ClipBatch, EncoderConfig, GestureEncoder, Seen
-from geneoh.generators.pieces import learned_pieces, marked, piece_numbers, words_of
+from geneoh.generators.pieces import learned_pieces, sentence_numbers
 from geneoh.metrics.features import retrieval
 from geneoh.seeds import seeded_generator
 from geneoh.synthesis.gestures.clips import Gestures
@@ -51,8 +51,7 @@ class EncoderTask(OnePhase):
 
     def numbers(self, sentences: Sequence[str]) -> Int[Tensor, "B N"]:
         """Sentences as numbers of pieces."""
-        said = [marked(words_of(each)) for each in sentences]
-        return piece_numbers(self.tokenizer, said, self.config.text.longest)
+        return sentence_numbers(self.tokenizer, sentences, self.config.text.longest)
 
     def network(self) -> nn.Module:
         """A fresh network with the scale of the clips."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import torch
@@ -17,7 +18,7 @@ from geneoh.generators.both2hands.denoiser import (
     TextHands,
     TextHandsConfig,
 )
-from geneoh.generators.pieces import marked, piece_numbers, vocabulary_of, words_of
+from geneoh.generators.pieces import sentence_numbers, vocabulary_of
 from geneoh.generators.text import foreign_encoder
 from geneoh.nn.checkpoint import load_checkpoint
 from geneoh.nn.weights import file_or_shipped, load_network, network_of, refuse_none_of
@@ -125,9 +126,7 @@ def refuse_other_branches(path: Path, known: str | None, branches: Branches) -> 
 
 def reader_of(tokenizer: Tokenizer, config: TextHandsConfig) -> Speech:
     """Sentences as numbers of their pieces."""
-    return lambda sentences: piece_numbers(
-        tokenizer, [marked(words_of(each)) for each in sentences], config.words.longest
-    )
+    return partial(sentence_numbers, tokenizer, longest=config.words.longest)
 
 
 def weights_of(name: str, folder: Path | None) -> Path:

@@ -5,7 +5,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from geneoh.choices import ActionStage, GeneratorStage
-from geneoh.generators.text import TextEncoder
 from geneoh.generators.text2hoi.action_data import action_data
 from geneoh.generators.text2hoi.config import Text2HoiConfig
 from geneoh.generators.text2hoi.contact import ContactConfig, ContactNetwork
@@ -31,10 +30,6 @@ class Learned:
     folder: Path  # of the networks before, and of what is made out of recordings
     text_encoder: Path | None = None  # another one than that of the folder, or the shipped
     readers: ReaderOptions = field(default_factory=ReaderOptions)
-
-    def encoder(self) -> TextEncoder:
-        """The text encoder."""
-        return encoder_of(self.folder, self.text_encoder)
 
     def actions(
         self, config: RecordedConfig, on_progress: OnProgress | None
@@ -66,7 +61,7 @@ def generator_task(
         return TextTask(stage_config(TextTrainConfig(), stage, config, settings)), ()
     if stage == "length":
         chosen = stage_config(LengthTrainConfig(), stage, config, settings)
-        encoder = learned.encoder()
+        encoder = encoder_of(learned.folder, learned.text_encoder)
         chosen = replace(chosen, length=replace(chosen.length, text=encoder.width))
         data = learned.actions(chosen.recorded, on_progress)
         return LengthTask(chosen, data, encoder), data.notes
@@ -81,7 +76,8 @@ def action_task(
     on_progress: OnProgress | None = None,
 ) -> tuple[ActionTask, tuple[str, ...]]:
     """What a stage learns from actions; arguments and errors are those of `generator_task`."""
-    chosen, encoder = stage_config(Text2HoiConfig(), stage, config, settings), learned.encoder()
+    chosen = stage_config(Text2HoiConfig(), stage, config, settings)
+    encoder = encoder_of(learned.folder, learned.text_encoder)
     chosen = replace(
         chosen,
         contact=replace(chosen.contact, text=encoder.width),

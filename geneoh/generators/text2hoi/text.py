@@ -8,7 +8,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from geneoh.errors import CheckpointError
-from geneoh.generators.pieces import marked, piece_numbers, vocabulary_of, words_of
+from geneoh.generators.pieces import sentence_numbers, vocabulary_of
 from geneoh.generators.text import TextEncoder, foreign_encoder
 from geneoh.generators.text_network import Reading, TextConfig, TextNetwork
 from geneoh.nn.checkpoint import load_checkpoint
@@ -43,8 +43,8 @@ class TextModel:
 
     def vectors(self, sentences: Sequence[str]) -> Float[Tensor, "B W"]:
         """The vectors of one sentence or more."""
-        said = [marked(words_of(sentence)) for sentence in sentences]
-        return self.network(piece_numbers(self.tokenizer, said, self.network.config.longest))
+        longest = self.network.config.longest
+        return self.network(sentence_numbers(self.tokenizer, sentences, longest))
 
     def read(self, sentence: str) -> Reading:
         """What the heads make of a sentence."""
