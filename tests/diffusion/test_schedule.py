@@ -3,7 +3,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from geneoh.diffusion.schedule import PAPER_STEPS, descending_sigmas, linear_sigmas
+from geneoh.diffusion.schedule import PAPER_STEPS, cosine_sigmas, descending_sigmas, linear_sigmas
 
 
 def slow_sigmas(steps: int, first: float, last: float) -> list[float]:
@@ -66,3 +66,16 @@ def test_as_many_steps_as_levels_visit_every_level():
 @pytest.mark.parametrize("steps", [4, 7, 1000])
 def test_more_steps_than_levels_are_no_more_and_never_stand_still(steps):
     assert torch.equal(descending_sigmas(3, steps), descending_sigmas(3, 3))
+
+
+def test_cosine_levels_are_the_squared_cosine_but_for_the_last():
+    sigmas = cosine_sigmas()
+    time = torch.tensor(500 / 1000, dtype=torch.float64)
+    angle = (torch.stack([time, 0 * time]) + 0.008) / 1.008 * torch.pi / 2
+    kept = angle.cos().square()
+    kept = kept[0] / kept[1]
+    torch.testing.assert_close(sigmas[500], ((1 - kept) / kept).sqrt())
+    assert sigmas[0] == 0
+    assert (sigmas.diff() > 0).all()
+    last = (1 + sigmas[999] ** 2) / (1 + sigmas[1000] ** 2)
+    assert last == pytest.approx(1e-3)  # beta is at most 0.999

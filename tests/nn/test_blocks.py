@@ -83,3 +83,11 @@ def test_places_have_as_many_numbers_as_are_asked_for(width):
     place = torch.arange(4.0)
     assert sinusoid(place, width).shape == (4, width)
     torch.testing.assert_close(sinusoid(place, width)[:, 0], place.sin())
+
+
+def test_sinusoids_are_sines_and_cosines_in_turn():
+    found = sinusoid(torch.tensor([0.0, 3.0]), 4)
+    three = torch.tensor(3.0)
+    expected = [three.sin(), three.cos(), (three / 100).sin(), (three / 100).cos()]
+    torch.testing.assert_close(found[1], torch.stack(expected))
+    assert found[0].tolist() == [0, 1, 0, 1]

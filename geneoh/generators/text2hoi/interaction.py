@@ -22,10 +22,10 @@ from geneoh.diffusion.schedule import cosine_levels
 from geneoh.generators.text2hoi.condition import Condition
 from geneoh.generators.text2hoi.object_tokens import ObjectTokens, WholeObject
 from geneoh.generators.text2hoi.pointnet import PointConfig
-from geneoh.generators.text2hoi.post_norm import PostNormTransformer, sinusoid
+from geneoh.generators.text2hoi.post_norm import PostNormTransformer
 from geneoh.generators.text2hoi.principal_axes import PrincipalAxes, Waves
 from geneoh.generators.text2hoi.tokens import HAND, NUMBERS, OBJECT, HandFrame
-from geneoh.nn.blocks import FrameTransformer, drawn, in_steps, zeroed
+from geneoh.nn.blocks import FrameTransformer, drawn, in_steps, sinusoid, zeroed
 from geneoh.nn.sizes import NetworkConfig
 from geneoh.synthesis.actions import LONGEST
 

@@ -9,14 +9,13 @@ from geneoh.generators.text2hoi.condition import Condition
 from geneoh.generators.text2hoi.interaction import (
     InteractionConfig,
     InteractionNetwork,
-    in_steps,
     moments,
 )
 from geneoh.generators.text2hoi.objects import Objects
 from geneoh.generators.text2hoi.pointnet import PointConfig
-from geneoh.generators.text2hoi.post_norm import sinusoid
 from geneoh.generators.text2hoi.principal_axes import Waves
 from geneoh.generators.text2hoi.tokens import tokens_of
+from geneoh.nn.blocks import in_steps, sinusoid
 
 FORMS = {"ours": TINY.interaction, "paper": in_paper_form(TINY.interaction)}
 
@@ -166,11 +165,3 @@ def test_the_paper_s_network_has_the_paper_s_size():
     ends = 2 * (99 * 512 + 512) + (10 * 512 + 512) + 2 * (1024 * 99 + 99) + (512 * 10 + 10)
     assert own == layers + told + ends
     assert round(own / 1e6, 1) == 19.0
-
-
-def test_sinusoids_are_sines_and_cosines_in_turn():
-    found = sinusoid(torch.tensor([0.0, 3.0]), 4)
-    three = torch.tensor(3.0)
-    expected = [three.sin(), three.cos(), (three / 100).sin(), (three / 100).cos()]
-    torch.testing.assert_close(found[1], torch.stack(expected))
-    assert found[0].tolist() == [0, 1, 0, 1]

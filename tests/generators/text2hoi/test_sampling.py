@@ -7,7 +7,6 @@ from made_networks import TINY, answering, in_paper_form
 
 from geneoh.choices import DRAWS
 from geneoh.config import as_dict
-from geneoh.diffusion.schedule import cosine_sigmas
 from geneoh.errors import CheckpointError, ConfigError
 from geneoh.generators.text2hoi import library
 from geneoh.generators.text2hoi import sampling as module
@@ -191,19 +190,6 @@ def test_the_paper_s_form_is_told_a_contact_map_of_zeros_and_ones(networks, obje
             replace(networks, interaction=network), objects, SAID, HANDS, LENGTHS, contact
         )
         assert told.contact.equal(values)
-
-
-def test_cosine_levels_are_the_squared_cosine_but_for_the_last():
-    sigmas = cosine_sigmas()
-    time = torch.tensor(500 / 1000, dtype=torch.float64)
-    angle = (torch.stack([time, 0 * time]) + 0.008) / 1.008 * torch.pi / 2
-    kept = angle.cos().square()
-    kept = kept[0] / kept[1]
-    torch.testing.assert_close(sigmas[500], ((1 - kept) / kept).sqrt())
-    assert sigmas[0] == 0
-    assert (sigmas.diff() > 0).all()
-    last = (1 + sigmas[999] ** 2) / (1 + sigmas[1000] ** 2)
-    assert last == pytest.approx(1e-3)  # beta is at most 0.999
 
 
 def saved(folder, networks):

@@ -6,10 +6,8 @@ import trimesh
 from draws import seeded
 from made_actions import box_actions, on_object
 
-from geneoh.choices import AXES
 from geneoh.errors import InputError
 from geneoh.generators.text2hoi.standing import POINTS, stand
-from geneoh.geometry.axes import turn_up
 from geneoh.geometry.mesh import Mesh, from_trimesh
 
 
@@ -21,15 +19,6 @@ def box(sides=(0.06, 0.08, 0.2), shift=(0.3, -0.2, 0.5)) -> Mesh:
 def stood(up="z"):
     """The box with an axis of its frame up."""
     return stand(box(), up, generator=seeded())
-
-
-@pytest.mark.parametrize("up", AXES)
-def test_each_axis_comes_to_point_up(up):
-    rotation = turn_up(up)
-    axis = torch.eye(3)["xyz".index(up[-1])] * (-1 if up.startswith("-") else 1)
-    assert torch.equal(rotation @ axis, torch.eye(3)[2])
-    assert torch.allclose(rotation @ rotation.T, torch.eye(3))
-    assert torch.linalg.det(rotation) == pytest.approx(1)
 
 
 def test_the_object_stands_on_the_table_over_the_origin():
