@@ -44,15 +44,12 @@ def test_the_loss_of_a_map_that_is_known_and_a_latent_that_tells_nothing():
     contact = (torch.arange(48) < 24).float().expand(6, 48)
     network.encode = lambda *_: (torch.zeros(6, 3), torch.zeros(6, 3))
     network.decode = lambda *_: 200.0 * (contact - 0.5)
-    found = contact_loss(
-        network, objects, contact, torch.ones(6, 8), divergence=1.0, noise=torch.zeros(6, 3)
-    )
+    given = network, objects, contact, torch.ones(6, 8)
+    found = contact_loss(*given, divergence=1.0, noise=torch.zeros(6, 3))
     assert found == pytest.approx(1 - 2 * 24 / 49)
     network.decode = lambda *_: torch.zeros(6, 48)
     network.encode = lambda *_: (torch.full((6, 3), 2.0), torch.zeros(6, 3))
-    found = contact_loss(
-        network, objects, contact, torch.ones(6, 8), divergence=0.5, noise=torch.zeros(6, 3)
-    )
+    found = contact_loss(*given, divergence=0.5, noise=torch.zeros(6, 3))
     assert found == pytest.approx(math.log(2) + 1 - 2 * 12 / 49 + 0.5 * 6)
 
 

@@ -30,18 +30,16 @@ def test_frames_are_the_share_of_150_and_never_fewer_than_2(bias, frames):
 def test_loss_of_a_known_answer():
     # every length is taken for 75 of 150; the latent is that of the prior, so nothing diverges
     length = torch.tensor([75, 150, 0])
-    found = length_loss(
-        with_bias(0.0), length, torch.zeros(3, 3), divergence=7.0, noise=torch.zeros(3, 4)
-    )
+    given = with_bias(0.0), length, torch.zeros(3, 3)
+    found = length_loss(*given, divergence=7.0, noise=torch.zeros(3, 4))
     assert found.item() == pytest.approx((0.0 + 0.25 + 0.25) / 3)
 
 
 def test_divergence_of_a_known_latent():
     model = with_bias(0.0)
     model.encoder[2].bias.data[:4] = 2.0  # a mean of 2 in four numbers, of variance 1
-    found = length_loss(
-        model, torch.tensor([75]), torch.zeros(1, 3), divergence=1.0, noise=torch.zeros(1, 4)
-    )
+    given = model, torch.tensor([75]), torch.zeros(1, 3)
+    found = length_loss(*given, divergence=1.0, noise=torch.zeros(1, 4))
     assert found.item() == pytest.approx(4 * 0.5 * 2.0**2)
 
 

@@ -75,7 +75,6 @@ def test_an_object_that_nearly_stands_on_the_table_does_at_the_start_and_at_the_
         actions,
         rotation=lean,
         translation=0.0 * actions.translation + torch.tensor([0.05, 0.0, 0.02]),
-        joint=actions.joint,
     )
     wrist = (lean @ actions.points[:, :1].mean(1)[:, None, :, None])[..., 0]
     there = torch.stack([torch.zeros_like(wrist), wrist + floating.translation], 1)
@@ -87,9 +86,8 @@ def test_an_object_that_nearly_stands_on_the_table_does_at_the_start_and_at_the_
 
 def height_of(actions):
     """Height of the lowest point of each object over the table, metres."""
-    return (actions.points[:, None] @ actions.rotation.mT).amin(2)[..., 2] + actions.translation[
-        ..., 2
-    ]
+    lowest = (actions.points[:, None] @ actions.rotation.mT).amin(2)
+    return (lowest + actions.translation)[..., 2]
 
 
 def test_an_object_that_is_let_go_in_the_air_stands_on_the_table_at_the_end():
@@ -120,13 +118,8 @@ def test_no_object_is_under_the_table_wherever_a_hand_carries_it():
 def test_an_object_that_starts_deep_in_the_table_starts_on_it():
     held = held_box()
     deep = torch.tensor([0.0, 0.0, -0.08])
-    moved = moved_by_hands(
-        replace(
-            held,
-            translation=held.translation + deep,
-            wrist=held.wrist + deep * held.hands[..., None, None],
-        )
-    )
+    wrist = held.wrist + deep * held.hands[..., None, None]
+    moved = moved_by_hands(replace(held, translation=held.translation + deep, wrist=wrist))
     assert moved.translation[:, 0, 2].abs().amax() < 1e-6
     assert height_of(moved).amin() > -1e-6
 

@@ -74,27 +74,20 @@ def test_shipped_encoder_reads_verb_and_hands(kind, verbs, hands):
 
 
 def test_phrasings_of_a_meaning_are_closer_than_other_meanings():
-    own, other, wrong = torch.nn.functional.normalize(
-        shipped_model().vectors(
-            [
-                "Lift a mug with the left hand.",
-                "the coffee mug is picked up by my left hand",
-                "Close a laptop with both hands.",
-            ]
-        ),
-        dim=-1,
-    )
+    said = [
+        "Lift a mug with the left hand.",
+        "the coffee mug is picked up by my left hand",
+        "Close a laptop with both hands.",
+    ]
+    vectors = shipped_model().vectors(said)
+    own, other, wrong = torch.nn.functional.normalize(vectors, dim=-1)
     assert float(own @ other) > float(own @ wrong) + 0.3
 
 
 def test_padding_by_longer_sentences_changes_no_vector():
-    alone = shipped_model().vectors(["open"])
-    torch.testing.assert_close(
-        shipped_model().vectors(["open", "put down the big red box slowly with both hands"])[:1],
-        alone,
-        atol=1e-4,
-        rtol=1e-4,
-    )
+    said = ["open", "put down the big red box slowly with both hands"]
+    alone, beside = (shipped_model().vectors(each)[0] for each in (said[:1], said))
+    torch.testing.assert_close(beside, alone, atol=1e-4, rtol=1e-4)
 
 
 def test_weights_of_another_network_are_refused(tmp_path):
