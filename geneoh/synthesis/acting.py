@@ -111,7 +111,7 @@ def act(
     rotation, translation, opened = motion_around(middle, moves.path(timing.start, LONGEST))
     joint = joint_values(verb, held.travel[first], opened)
 
-    moving = moving_parts(solids, joint)
+    moving = MovingSolids.on_joint(solids, *solids.joint_pose(joint))
     second_part = held.index[first] == 1
     hands = [
         hand.moved(setup.standing[:, None], -ground[:, None]).moved(rotation, translation)
@@ -222,14 +222,6 @@ def overlap_of_hands(actions: Actions) -> Float[Tensor, " B"]:
         depth = OtherHands(*left).depth(*right).unflatten(0, (len(two), -1))
         deepest[two] = depth.amax((1, 2)).clamp(min=0)
     return deepest
-
-
-def moving_parts(solids: Solids, joint: Float[Tensor, "N T"]) -> MovingSolids:
-    """Objects whose first part rests and whose second one is moved by its joint."""
-    turn, shift = solids.joint_pose(joint)
-    still = torch.eye(3).expand_as(turn)
-    turns, shifts = torch.stack([still, turn], 2), torch.stack([torch.zeros_like(shift), shift], 2)
-    return MovingSolids(solids, turns, shifts)
 
 
 def hand_paths(

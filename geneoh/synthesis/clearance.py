@@ -35,19 +35,29 @@ class MovingSolids(Bundle):
     rotation: Float[Tensor, "B T 2 3 3"]
     translation: Float[Tensor, "B T 2 3"]
 
+    @classmethod
+    def on_joint(
+        cls, solids: Solids, turn: Float[Tensor, "B T 3 3"], shift: Float[Tensor, "B T 3"]
+    ) -> "MovingSolids":
+        """Objects whose first part rests and whose second one is moved by its joint."""
+        turns = torch.stack([torch.eye(3).expand_as(turn), turn], 2)
+        return cls(solids, turns, torch.stack([torch.zeros_like(shift), shift], 2))
+
+    def signed_distance(self, points: Float[Tensor, "B T P 3"]) -> Float[Tensor, "B T P"]:
+        """Signed distance of points to the object in each frame, metres; negative inside."""
+        each = []
+        for part in range(PARTS):
+            shift = self.translation[:, :, part, None]
+            there = ((points - shift) @ self.rotation[:, :, part]).flatten(1, 2)
+            each.append(self.solids.only(part).signed_distance(there))
+        return torch.minimum(*each).unflatten(1, points.shape[1:3])
+
     def depth(self, hands: HandPath, offsets: Float[Tensor, "B 20 3"]) -> Float[Tensor, "B T"]:
         """How deep the deepest sphere of each hand is in the object, metres; negative beside it."""
         turns = axis_angle_to_matrix(hands.pose)
         joints = forward_kinematics(turns, hands.wrist, offsets[:, None])[0]
         centers, radii = hand_spheres(joints, hand_scale(offsets)[:, None])
-        deepest = torch.full(hands.wrist.shape[:2], -torch.inf)
-        for part in range(PARTS):
-            turn, shift = self.rotation[:, :, part], self.translation[:, :, part, None]
-            there = ((centers - shift) @ turn).flatten(1, 2)
-            distance = self.solids.only(part).signed_distance(there)
-            distance = distance.unflatten(1, centers.shape[1:3])
-            deepest = torch.maximum(deepest, (radii - distance).amax(-1))
-        return deepest
+        return (radii - self.signed_distance(centers)).amax(-1)
 
 
 def clear_ways(

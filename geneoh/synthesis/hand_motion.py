@@ -181,31 +181,16 @@ def hand_motions(
     config: HandMotionConfig,
     generator: torch.Generator,
 ) -> Callable[[Int[Tensor, " C"]], HandPath]:
-    """A function that draws a motion anew for the hands of the given numbers; see `hand_motion`."""
+    """A function that draws motions of the hands of the given numbers, others in every call: they
+    come to what they hold, move a little while they do, and leave."""
 
     def drawn(clips: Int[Tensor, " C"]) -> HandPath:
-        """Motions of some of the hands."""
-        return hand_motion(
-            held.take(clips, "B"),
-            standing.take(clips, "B"),
-            phases.take(clips, "B"),
-            config,
-            Draws(len(clips), generator),
-        )
+        some, when = held.take(clips, "B"), phases.take(clips, "B")
+        draws = Draws(len(clips), generator)
+        wrist, turn = _wrist_motion(some, standing.take(clips, "B"), when, config, draws)
+        return HandPath(wrist, turn, _finger_motion(some, when, config, draws))
 
     return drawn
-
-
-def hand_motion(
-    held: HandPath,
-    standing: Standing,
-    phases: HandPhases,
-    config: HandMotionConfig,
-    draws: Draws,
-) -> HandPath:
-    """Hands that come to what they hold, move a little while they do, and leave."""
-    wrist, turn = _wrist_motion(held, standing, phases, config, draws)
-    return HandPath(wrist, turn, _finger_motion(held, phases, config, draws))
 
 
 def _wrist_motion(

@@ -16,6 +16,7 @@ from geneoh.geometry.distance import pairwise_distances
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.model import HandModel, PosedHand
 from geneoh.hand.skeleton import forward_kinematics
+from geneoh.synthesis.clearance import MovingSolids
 from geneoh.synthesis.motion import Interactions
 from geneoh.synthesis.shards import (
     Attempts,
@@ -89,13 +90,8 @@ class Replay:
         self, points: Float[Tensor, "B F P 3"], frames: Int[Tensor, "B F"]
     ) -> Float[Tensor, "B F P"]:
         """Signed distance in metres of points in the first part's frame to each clip's object."""
-        turn, shift = self.joint_pose(frames)
-        solids, moved = self.made_from.solids, (points - shift[:, :, None]) @ turn
-        first, second = (
-            solids.only(part).signed_distance(there.flatten(1, 2))
-            for part, there in enumerate((points, moved))
-        )
-        return torch.minimum(first, second).unflatten(1, points.shape[1:3])
+        solids = self.made_from.solids
+        return MovingSolids.on_joint(solids, *self.joint_pose(frames)).signed_distance(points)
 
 
 def replay_shard(path: Path, hand: HandModel) -> Replay:
