@@ -14,7 +14,6 @@ import torch
 from geneoh.baselines.filters import GRID, Domain, Filter, FilterKind, filtered
 from geneoh.choices import NOISES, Noise
 from geneoh.geometry.rotations import axis_angle_to_matrix
-from geneoh.hand.library import load_hand
 from geneoh.hand.skeleton import forward_kinematics
 from geneoh.seeds import seeded_generator
 from geneoh.sequence.noise import corrupt
@@ -32,7 +31,7 @@ def validation_hands(count: int = CLIPS, frames: int = FRAMES) -> list[HandTrack
     config = SynthesisConfig(count=count, frames=frames, points=1, shard=count)
     families = [family for family in FAMILIES if family not in config.held_out]
     generator = seeded_generator("tuning")
-    made = synthesize_shard(config, families, load_hand("right"), generator=generator)
+    made = synthesize_shard(config, families, generator=generator)
     joints, _ = forward_kinematics(
         axis_angle_to_matrix(made.pose), made.wrist, made.offsets[:, None]
     )

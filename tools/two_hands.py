@@ -106,9 +106,7 @@ def made_pairs(scanned: Collection[str] | None = None, at_once: int = 24) -> Ite
     names = [*CONFIG.held_out, *scans.names]
     generator = seeded_generator("two hands")
     while True:
-        tried = draw_attempts(
-            CONFIG, names, load_hand("right"), at_once, generator=generator, scans=scans
-        )
+        tried = draw_attempts(CONFIG, names, at_once, generator=generator, scans=scans)
         toward = grasp_directions(tried.solids, tried.shared)
         grasps = tried_grasps(tried, CONFIG, toward, generator)
         pairs = pair_hands(grasps, tried.shared, CONFIG.bimanual)

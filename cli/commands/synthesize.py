@@ -72,7 +72,6 @@ def synthesize(
     from geneoh.config import configured
     from geneoh.files.atomic import write_whole
     from geneoh.files.outputs import keep_others
-    from geneoh.hand.library import load_hand
     from geneoh.synthesis.kinds import kind_of_data
     from geneoh.synthesis.replay import NoFirstGraspsError
     from geneoh.synthesis.shards import write_shards
@@ -82,24 +81,25 @@ def synthesize(
     options.refuse_unit_without(meshes, "--objects")
     path = None if config is None else options.find_config(config)
     settings = settings if count is None else (*settings, f"count={count}")
-    kind = kind_of_data(actions, bodies, meshes, holding)
-    chosen = configured(kind.defaults, path, settings)
+    data_kind = kind_of_data(actions, bodies, meshes, holding)
+    kind = data_kind.defaults.kind
+    chosen = configured(data_kind.defaults, path, settings)
     chosen.check_size()
-    hand, sheet = load_hand("right"), data / "sheet.png"
+    sheet = data / "sheet.png"
     keep_others(sheet, "choose another folder")
     with progress.progress_bars() as on_progress:
-        source = kind.source(data, unit, partial(on_progress, "objects"))
-        on_shard = partial(on_progress, "shards")
-        how = {"scans": source, "jobs": jobs, "on_shard": on_shard, "synthesize": kind.synthesize}
-        made = write_shards(data, chosen, hand, seed=seed, **how)
+        source = data_kind.source(data, unit, partial(on_progress, "objects"))
+        how = {"jobs": jobs, "on_shard": partial(on_progress, "shards")}
+        how |= {"scans": source, "synthesize": data_kind.synthesize}
+        made = write_shards(data, chosen, seed=seed, **how)
         lacking = ""
-        if (made or not sheet.exists()) and kind.name != "actions":
+        if (made or not sheet.exists()) and kind != "actions":
             try:
-                picture = sheet_of(kind.name, data, hand, partial(on_progress, "sheet"))
+                picture = sheet_of(kind, data, partial(on_progress, "sheet"))
                 write_whole(sheet, png_bytes(picture))
             except NoFirstGraspsError as error:  # the clips are whole without it
                 lacking = f"note: no sheet is drawn of {error}"
     if lacking:
         click.echo(lacking)
     seen = f"; see {sheet}" if sheet.exists() else ""
-    click.echo(f"{data}: {numbered(made, 'shard')} made, of {chosen.shard} {kind.name} each{seen}")
+    click.echo(f"{data}: {numbered(made, 'shard')} made, of {chosen.shard} {kind} each{seen}")

@@ -171,7 +171,7 @@ def synthetic_clips(
 @torch.no_grad()
 def shard_clips(path: Path, hand: HandModel, augmented: bool, count: int) -> HandClips:
     """The first clips of one shard."""
-    shard = replay_shard(path, hand)
+    shard = replay_shard(path)
     shard = shard.chosen(torch.arange(min(count, len(shard.clips.wrist))))
     if augmented:
         # The seed's name is part of published figures: another name draws another augmentation.

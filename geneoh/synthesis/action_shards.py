@@ -9,7 +9,6 @@ import torch
 from geneoh.bundle import concatenated
 from geneoh.errors import ConfigError, InputError
 from geneoh.files.tensors import all_tensors
-from geneoh.hand.model import HandModel
 from geneoh.streamed import Streamed
 from geneoh.synthesis.acting import ActingConfig, act
 from geneoh.synthesis.action_setups import stands_upright
@@ -76,7 +75,6 @@ def names_of(scans: Scans | None, families: int = len(FAMILIES)) -> list[str]:
 def synthesize_actions(
     config: ActionSynthesisConfig,
     families: list[str],
-    hand: HandModel,
     *,
     generator: torch.Generator,
     scans: Scans | None = None,
@@ -87,7 +85,7 @@ def synthesize_actions(
     kept: list[Actions] = []
     while (missing := config.shard - sum(len(part.verb) for part in kept)) > 0:
         wanted = max(missing, FEWEST)
-        tried = draw_attempts(config, drawn, hand, wanted, generator=generator, scans=scans)
+        tried = draw_attempts(config, drawn, wanted, generator=generator, scans=scans)
         standing = torch.tensor([stands_upright(name) for name in tried.families])
         toward = grasp_directions(tried.solids, tried.shared, standing)
         grasps = tried_grasps(tried, config, toward, generator)

@@ -19,7 +19,6 @@ from geneoh.synthesis.shards import ShardConfig, Source, SynthesisConfig, synthe
 class DataKind:
     """What a data set shows, and what makes it."""
 
-    name: str
     defaults: ShardConfig
     synthesize: Callable[..., Any]
     source: Callable[[Path, Unit, OnStep], Source | None]
@@ -44,12 +43,12 @@ def kind_of_data(
     if bodies:
         held = None if holding is None else ActionSource.of(holding)
         made = gesture_shards.synthesize_gestures
-        return DataKind("bodies", gesture_shards.DEFAULTS, made, lambda *_: held)
+        return DataKind(gesture_shards.DEFAULTS, made, lambda *_: held)
 
     def scans(folder: Path, unit: Unit, on_mesh: OnStep) -> Source | None:
         return find_scans(folder, meshes, unit, on_mesh=on_mesh)
 
     if actions:
         made = action_shards.synthesize_actions
-        return DataKind("actions", action_shards.DEFAULTS, made, scans)
-    return DataKind("interactions", SynthesisConfig(), synthesize_shard, scans)
+        return DataKind(action_shards.DEFAULTS, made, scans)
+    return DataKind(SynthesisConfig(), synthesize_shard, scans)

@@ -14,7 +14,7 @@ from torch import Tensor
 from geneoh.errors import InputError
 from geneoh.geometry.distance import pairwise_distances
 from geneoh.geometry.rotations import axis_angle_to_matrix
-from geneoh.hand.model import HandModel, PosedHand
+from geneoh.hand.model import PosedHand
 from geneoh.hand.skeleton import forward_kinematics
 from geneoh.synthesis.clearance import MovingSolids
 from geneoh.synthesis.motion import Interactions
@@ -94,7 +94,7 @@ class Replay:
         return MovingSolids.on_joint(solids, *self.joint_pose(frames)).signed_distance(points)
 
 
-def replay_shard(path: Path, hand: HandModel) -> Replay:
+def replay_shard(path: Path) -> Replay:
     """The clips of a shard from its first round of grasps, which are nearly all.
 
     `NoFirstGraspsError` if none is, as where another version of geneoh made it; `InputError` if the
@@ -105,7 +105,7 @@ def replay_shard(path: Path, hand: HandModel) -> Replay:
     assert isinstance(config, SynthesisConfig), "the settings of a shard of interactions"
     index = int(path.stem.rpartition("_")[2])
     names, generator = config.families_of(index, scans), shard_generator(record.seed, index)
-    tried = draw_attempts(config, names, hand, config.shard, generator=generator, scans=scans)
+    tried = draw_attempts(config, names, config.shard, generator=generator, scans=scans)
     clips = read_shard(path)
     ours, theirs = clips.offsets.flatten(1), tried.hands.offsets.flatten(1)
     nearest, who = pairwise_distances(ours, theirs).min(1)

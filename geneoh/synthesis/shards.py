@@ -12,14 +12,15 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from geneoh.bundle import concatenated
+from geneoh.bundle import Bundle, concatenated
 from geneoh.config import as_dict, check_limits, setting_differences, with_table
 from geneoh.errors import ConfigError, InputError
 from geneoh.files.atomic import make_folder
 from geneoh.files.tensors import all_tensors, write_tensors
 from geneoh.geometry.mesh import edges_of
 from geneoh.geometry.thin_walls import goes_through
-from geneoh.hand.model import HandModel, ShapedHand
+from geneoh.hand.library import load_hand
+from geneoh.hand.model import ShapedHand
 from geneoh.hand.skeleton import LARGEST_HAND
 from geneoh.progress import OnStep
 from geneoh.seeds import seeded_generator
@@ -180,7 +181,6 @@ def shard_generator(seed: int, index: int) -> torch.Generator:
 def draw_attempts(
     config: SynthesisConfig,
     families: list[str],
-    hand: HandModel,
     missing: int,
     *,
     generator: torch.Generator,
@@ -197,7 +197,7 @@ def draw_attempts(
     stretch = 1 + config.bone_std * torch.randn(count, 20, 1, generator=generator)
     differ = torch.randn(len(shared), 20, 1, generator=generator)
     stretch = torch.cat([stretch, stretch[shared] * (1 + config.bimanual.bone_std * differ)])
-    hands = hand.shaped(torch.cat([betas, betas[shared]]))
+    hands = load_hand("right").shaped(torch.cat([betas, betas[shared]]))
     named += [named[i] for i in shared.tolist()]
     return Attempts(named, solids, replace(hands, offsets=hands.offsets * stretch), shared)
 
@@ -220,7 +220,6 @@ def draw_names(
 def synthesize_shard(
     config: SynthesisConfig,
     families: list[str],
-    hand: HandModel,
     *,
     generator: torch.Generator,
     scans: Scans | None = None,
@@ -228,7 +227,7 @@ def synthesize_shard(
     """Interactions of the given families that passed the grasp checks, `config.shard` of them."""
     kept: list[Interactions] = []
     while (missing := config.shard - sum(len(part.wrist) for part in kept)) > 0:
-        tried = draw_attempts(config, families, hand, missing, generator=generator, scans=scans)
+        tried = draw_attempts(config, families, missing, generator=generator, scans=scans)
         kept.append(interactions_of(tried, config, generator=generator))
     return concatenated(kept, "B").take(slice(config.shard), "B")
 
@@ -271,7 +270,6 @@ def tried_grasps(
 def write_shards(
     folder: Path,
     config: ShardConfig,
-    hand: HandModel,
     *,
     seed: int,
     scans: Source | None = None,
@@ -299,7 +297,7 @@ def write_shards(
             )
     named = {i: folder / f"{config.split_of(i)}_{i:05d}.safetensors" for i in range(config.shards)}
     missing = [(index, path) for index, path in named.items() if not path.exists()]
-    make = partial(make_shard, record=record, hand=hand, scans=scans, synthesize=synthesize)
+    make = partial(make_shard, record=record, scans=scans, synthesize=synthesize)
     # Alone, this process makes use of all its threads; workers have one each.
     making = map(make, missing) if jobs == 1 else in_processes(missing, make, jobs, lost)
     for done, _ in enumerate(making, config.shards - len(missing) + 1):
@@ -311,15 +309,19 @@ def write_shards(
 def make_shard(
     place: tuple[int, Path],
     record: ShardRecord,
-    hand: HandModel,
     scans: Source | None,
     synthesize: Callable[..., Any],
 ) -> None:
     """Make the shard of a number and write it to its path."""
     index, path = place
     generator, names = shard_generator(record.seed, index), record.config.families_of(index, scans)
-    part = synthesize(record.config, names, hand, generator=generator, scans=scans)
-    held = {f.name: getattr(part, f.name) for f in fields(part)}
+    made = synthesize(record.config, names, generator=generator, scans=scans)
+    write_clips(path, made, record)
+
+
+def write_clips(path: Path, clips: Bundle, record: ShardRecord) -> None:
+    """Write the clips of a shard: tensors as such, and texts in the record."""
+    held = {field.name: getattr(clips, field.name) for field in fields(clips)}
     texts = {name: value.tolist() for name, value in held.items() if isinstance(value, np.ndarray)}
     tensors = {name: value for name, value in held.items() if name not in texts}
     write_tensors(path, tensors, as_dict(record) | texts)

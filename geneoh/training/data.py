@@ -18,7 +18,6 @@ from torch import Tensor
 from geneoh.bundle import spread
 from geneoh.config import as_dict, flat, parse_setting, setting_differences
 from geneoh.errors import ConfigError, InputError, numbered
-from geneoh.hand.library import load_hand
 from geneoh.progress import OnProgress
 from geneoh.readers.base import ReaderOptions
 from geneoh.readers.registry import SOURCES
@@ -178,7 +177,7 @@ def write_missing(folder: Path, config: SynthesisConfig, on_step: Any) -> None:
     if not there and (folder / FILE).exists():  # they are to be made with scanned objects
         return
     if not there or shard_record(there[0]) == ShardRecord(config, 0):
-        write_shards(folder, config, load_hand("right"), seed=0, on_shard=on_step)
+        write_shards(folder, config, seed=0, on_shard=on_step)
 
 
 def refuse_other_making(

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import torch
 
-from geneoh.hand.model import HandModel
 from geneoh.progress import OnStep, steps
 from geneoh.readers.bodies.base import BodyRecording
 from geneoh.sequence.body_hands import hand_tracks
@@ -41,11 +40,11 @@ def one_of_each_gesture(folder: Path) -> list[Gestures]:
     return [found[number] for number in sorted(found)]
 
 
-def sheet_of(kind: str, folder: Path, hand: HandModel, on_step: OnStep | None = None) -> Picture:
+def sheet_of(kind: str, folder: Path, on_step: OnStep | None = None) -> Picture:
     """The contact sheet of a folder of shards of bodies, or of interactions."""
     if kind == "bodies":
         return gesture_sheet(one_of_each_gesture(folder), on_step=on_step)
-    return contact_sheet(one_of_each(folder, hand), on_step=on_step)
+    return contact_sheet(one_of_each(folder), on_step=on_step)
 
 
 def gesture_scene(clip: Gestures) -> Scene:

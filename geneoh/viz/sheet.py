@@ -5,7 +5,6 @@ from pathlib import Path
 import torch
 
 from geneoh.geometry.rotations import axis_angle_to_matrix, matrix_to_axis_angle
-from geneoh.hand.model import HandModel
 from geneoh.metrics.report import measure_frames
 from geneoh.progress import OnStep, steps
 from geneoh.sequence.sequence import ObjectTrack
@@ -27,7 +26,7 @@ SHEET_GAP = 10  # between two pictures, pixels
 TEXT_HEIGHT = 40  # height of the two lines below a picture, pixels
 
 
-def one_of_each(folder: Path, hand: HandModel) -> list[Replay]:
+def one_of_each(folder: Path) -> list[Replay]:
     """The first clip of every family in a folder of shards, then of some scanned objects, by name.
 
     Shards are read until no family is missing. Held-out families are in the validation shards only,
@@ -40,7 +39,7 @@ def one_of_each(folder: Path, hand: HandModel) -> list[Replay]:
     missed: NoFirstGraspsError | None = None
     for path in [*find_shards(folder, "val")[:1], *find_shards(folder, "train")]:
         try:
-            shard = replay_shard(path, hand)
+            shard = replay_shard(path)
         except NoFirstGraspsError as error:
             missed = missed or error
             continue

@@ -5,6 +5,7 @@ from dataclasses import asdict, replace
 import pytest
 import torch
 import trimesh
+from made_grasps import ANY_GRASP
 
 from geneoh.errors import InputError
 from geneoh.evaluation import realism
@@ -28,7 +29,6 @@ from geneoh.geometry.mesh import Mesh
 from geneoh.hand.library import load_hand
 from geneoh.hand.skeleton import bone_lengths
 from geneoh.sequence.sequence import HandTrack, ObjectTrack, Sequence
-from geneoh.synthesis.grasps import GraspChecks, GraspConfig
 from geneoh.synthesis.shards import SynthesisConfig, write_shards
 
 FRAMES = 2 * BLOCK + 4
@@ -181,10 +181,9 @@ def test_a_recording_is_measured_as_a_right_hand_around_its_object(mirrored):
 
 
 def test_synthetic_clips_are_measured_frame_by_frame(tmp_path, monkeypatch):
-    quick = GraspConfig(steps=1, checks=GraspChecks(depth=1.0, fingers=-1, clearance=-1.0))
-    config = SynthesisConfig(count=6, frames=40, points=16, shard=2, grasps=quick)
+    config = SynthesisConfig(count=6, frames=40, points=16, shard=2, grasps=ANY_GRASP)
     hand = load_hand("right")
-    write_shards(tmp_path, config, hand, seed=0)
+    write_shards(tmp_path, config, seed=0)
     found = synthetic_clips(tmp_path, hand, per_shard=1)
     assert found.world.shape == (2, 40, 21, 3), "two training shards, one clip of each"
     assert len(found.depth) == 2 * 40 // MESH_EVERY

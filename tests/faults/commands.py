@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 import trees
 from bad_inputs import write_good
+from made_grasps import ANY_GRASP
 from safetensors.torch import load
 
-from geneoh.hand.library import load_hand
-from geneoh.synthesis.grasps import GraspChecks, GraspConfig
 from geneoh.synthesis.shards import SynthesisConfig, write_shards
 
 HAND = ("hand.npz", "--obj", "object.obj")
@@ -55,9 +54,8 @@ def write_inputs(folder: Path) -> None:
     """What all commands read."""
     write_good(folder)
     trees.landmarks(folder, trees.scene(), False)
-    grasps = GraspConfig(steps=1, checks=GraspChecks(depth=1.0, fingers=-1, clearance=-1.0))
-    config = SynthesisConfig(count=4, frames=62, points=8, shard=2, grasps=grasps)
-    write_shards(folder / "data", config, load_hand("right"), seed=0)
+    config = SynthesisConfig(count=4, frames=62, points=8, shard=2, grasps=ANY_GRASP)
+    write_shards(folder / "data", config, seed=0)
 
 
 @dataclass(frozen=True)

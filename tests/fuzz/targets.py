@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import trees
 import trimesh
+from made_grasps import ANY_GRASP
 from trees.cases import Case
 from trees.interaction import flat
 
@@ -18,9 +19,7 @@ from geneoh.config import as_dict
 from geneoh.denoisers.motion import MotionConfig
 from geneoh.denoisers.spatial import SpatialConfig
 from geneoh.denoisers.temporal import TemporalConfig
-from geneoh.hand.library import load_hand
 from geneoh.nn.checkpoint import Checkpoint, save_checkpoint
-from geneoh.synthesis.grasps import GraspChecks, GraspConfig
 from geneoh.synthesis.shards import SynthesisConfig, write_shards
 from geneoh.training.config import TrainConfig
 from geneoh.training.stages import build_model
@@ -150,10 +149,8 @@ def weights(folder: Path) -> Target:
 def shards(folder: Path) -> Target:
     """Interactions to learn from, and one step of learning from them."""
     root = folder / "shards"
-    anything = GraspChecks(depth=1.0, fingers=-1, clearance=-1.0)
-    grasps = GraspConfig(steps=1, checks=anything)
-    config = SynthesisConfig(count=4, frames=62, points=8, shard=2, grasps=grasps)
-    write_shards(root, config, load_hand("right"), seed=0)
+    config = SynthesisConfig(count=4, frames=62, points=8, shard=2, grasps=ANY_GRASP)
+    write_shards(root, config, seed=0)
     files = tuple(path.name for path in sorted(root.glob("*.safetensors")))
     settings = [word for setting in ONE_STEP for word in ("--set", setting)]
     train = ("train", "--stage", "motion", "--data", "{in}", "-o", "{out}/run", *settings)

@@ -3,19 +3,17 @@
 They are made without any search for grasps. Also an encoder of sentences that learns nothing.
 """
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 
 import torch
 
-from geneoh.config import as_dict
-from geneoh.files.tensors import write_tensors
 from geneoh.generators.text import TextEncoder
 from geneoh.generators.text2hoi.standing import StandingObject
 from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.synthesis.action_shards import DEFAULTS
 from geneoh.synthesis.actions import VERBS, Actions
-from geneoh.synthesis.shards import ShardRecord
+from geneoh.synthesis.shards import ShardRecord, write_clips
 
 NAMES = ("mug", "drawer", "gso_black_razer_mouse")
 HALF = torch.tensor([0.03, 0.04, 0.05])
@@ -151,12 +149,10 @@ def on_object(actions: Actions, stood: StandingObject) -> Actions:
 
 def write_action_shards(folder: Path, **splits: Actions) -> None:
     """A folder as `geneoh synthesize --actions` writes it, with one shard of each split."""
-    record = as_dict(ShardRecord(DEFAULTS, 0))
     folder.mkdir(parents=True)
     for number, (split, actions) in enumerate(splits.items()):
-        tensors = {field.name: getattr(actions, field.name) for field in fields(actions)}
-        tensors = {name: tensor.contiguous() for name, tensor in tensors.items()}
-        write_tensors(folder / f"{split}_{number:05d}.safetensors", tensors, record)
+        path = folder / f"{split}_{number:05d}.safetensors"
+        write_clips(path, actions, ShardRecord(DEFAULTS, 0))
 
 
 def write_actions(folder: Path) -> None:

@@ -1,15 +1,11 @@
 """Clips of gestures, and tasks that learn tiny networks of BOTH2Hands from them, for tests."""
 
-from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
 import torch
 from made_bodies import SKELETON, SMALL, WORDS, speech, tiny_networks
-from torch import Tensor
 
-from geneoh.config import as_dict
-from geneoh.files.tensors import write_tensors
 from geneoh.generators.both2hands.blend import BlendConfig
 from geneoh.generators.both2hands.config import Both2HandsConfig
 from geneoh.generators.both2hands.denoiser import HandsConfig, TextHandsConfig
@@ -17,7 +13,7 @@ from geneoh.generators.both2hands.library import Networks
 from geneoh.generators.both2hands.training import HandsTask, kept_features, set_scales
 from geneoh.synthesis.gestures.clips import Gestures
 from geneoh.synthesis.gestures.shards import DEFAULTS
-from geneoh.synthesis.shards import ShardRecord
+from geneoh.synthesis.shards import ShardRecord, write_clips
 from geneoh.training.data import TrainingData
 
 
@@ -75,8 +71,5 @@ def write_gesture_shards(folder: Path, **splits: Gestures) -> None:
     """A folder as `geneoh synthesize --bodies` writes it, with one shard of each split."""
     folder.mkdir()
     for number, (split, clips) in enumerate(splits.items()):
-        held = {field.name: getattr(clips, field.name) for field in fields(clips)}
-        tensors = {n: x.contiguous() for n, x in held.items() if isinstance(x, Tensor)}
-        texts = {name: x.tolist() for name, x in held.items() if isinstance(x, np.ndarray)}
-        record = as_dict(ShardRecord(DEFAULTS, 0)) | texts
-        write_tensors(folder / f"{split}_{number:05d}.safetensors", tensors, record)
+        path = folder / f"{split}_{number:05d}.safetensors"
+        write_clips(path, clips, ShardRecord(DEFAULTS, 0))

@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import pytest
 import torch
+from made_grasps import grasps_at
 from torch import Tensor
 
 from geneoh.evaluation.generation.measures import measure_clips
@@ -13,11 +14,9 @@ from geneoh.synthesis.acting import ActingConfig, act, overlap_of_hands
 from geneoh.synthesis.action_setups import CONTAINERS, SetupConfig, is_container
 from geneoh.synthesis.actions import LONGEST, VERBS, Actions
 from geneoh.synthesis.clearance import ClearanceConfig
-from geneoh.synthesis.grasp_types import GRASP_TYPES
 from geneoh.synthesis.grasps import Grasps
 from geneoh.synthesis.hand_motion import HandMotionConfig
 from geneoh.synthesis.objects import FAMILIES, draw_objects
-from geneoh.synthesis.pose_prior import FINGER_MEAN
 from geneoh.synthesis.solids import Solids
 
 FAMILY = ["mug", "box", "bottle", "cylinder", "bowl", "hammer", "carton", "laptop"]
@@ -38,16 +37,8 @@ def held_from_above(count: int, kind: str = "power") -> tuple[Grasps, Solids, li
     """Hands over objects; whether they touch is not what moves them."""
     generator = torch.Generator().manual_seed(0)
     families = [FAMILY[i % len(FAMILY)] for i in range(count)]
-    pose = torch.cat([torch.zeros(count, 1, 3), FINGER_MEAN.expand(count, 15, 3)], 1)
     wrist = torch.tensor([0.08, 0.05, 0.25]) + 0.01 * torch.randn(count, 3, generator=generator)
-    offsets = load_hand("right").shaped(torch.zeros(count, 10)).offsets
-    kept = torch.ones(count, dtype=torch.bool)
-    types = torch.full((count,), [each.name for each in GRASP_TYPES].index(kind))
-    return (
-        Grasps(pose, wrist, offsets, kept, types),
-        draw_objects(families, generator=generator),
-        families,
-    )
+    return grasps_at(wrist, kind=kind), draw_objects(families, generator=generator), families
 
 
 def acted(config: ActingConfig, count: int = 24, overlap: float = 1.0, points: int = 64) -> Actions:

@@ -3,10 +3,10 @@ from dataclasses import replace
 import pytest
 import torch
 from made_actions import made_actions, write_action_shards
+from made_grasps import ANY_GRASP
 
 from geneoh.errors import InputError
 from geneoh.files.tensors import all_tensors, opened_tensors, write_tensors
-from geneoh.hand.library import load_hand
 from geneoh.streamed import Streamed
 from geneoh.synthesis.action_shards import (
     DEFAULTS,
@@ -15,11 +15,9 @@ from geneoh.synthesis.action_shards import (
     synthesize_actions,
 )
 from geneoh.synthesis.actions import Actions
-from geneoh.synthesis.grasps import GraspChecks, GraspConfig
 from geneoh.synthesis.objects import FAMILIES
 from geneoh.synthesis.shards import SynthesisConfig, write_shards
 
-ANY_GRASP = GraspConfig(steps=2, checks=GraspChecks(depth=1.0, fingers=-1, clearance=-1.0))
 TINY = replace(DEFAULTS, count=4, shard=2, points=16, grasps=ANY_GRASP)
 
 
@@ -29,7 +27,7 @@ def numbers(actions: Streamed[Actions]) -> list[int]:
 
 
 def test_shards_read_back_with_the_names_of_their_objects(tmp_path):
-    made = write_shards(tmp_path, TINY, load_hand("right"), seed=0, synthesize=synthesize_actions)
+    made = write_shards(tmp_path, TINY, seed=0, synthesize=synthesize_actions)
     assert made == 2
     actions, names = read_actions(tmp_path, "train")
     assert len(actions) == 2
@@ -52,15 +50,13 @@ def test_shards_that_do_not_say_how_many_families_there_were_have_the_former_nam
 
 def test_the_same_seed_makes_the_same_actions(tmp_path):
     for folder in ("one", "other"):
-        write_shards(
-            tmp_path / folder, TINY, load_hand("right"), seed=3, synthesize=synthesize_actions
-        )
+        write_shards(tmp_path / folder, TINY, seed=3, synthesize=synthesize_actions)
     one, other = ((tmp_path / f / "train_00001.safetensors").read_bytes() for f in ("one", "other"))
     assert one == other
 
 
 def test_hands_have_the_mean_shape_and_absent_ones_are_zero(tmp_path):
-    write_shards(tmp_path, TINY, load_hand("right"), seed=0, synthesize=synthesize_actions)
+    write_shards(tmp_path, TINY, seed=0, synthesize=synthesize_actions)
     actions = read_actions(tmp_path, "train")[0].take(slice(None))
     absent = ~actions.hands
     assert (actions.wrist[absent] == 0).all()
@@ -71,7 +67,7 @@ def test_hands_have_the_mean_shape_and_absent_ones_are_zero(tmp_path):
 
 def test_shards_to_clean_are_no_actions(tmp_path):
     config = SynthesisConfig(count=2, shard=1, frames=20, points=8, grasps=ANY_GRASP)
-    write_shards(tmp_path, config, load_hand("right"), seed=0)
+    write_shards(tmp_path, config, seed=0)
     with pytest.raises(InputError, match="expected actions, got interactions"):
         read_actions(tmp_path, "train")
 

@@ -1,9 +1,9 @@
 import torch
 from draws import seeded
+from made_grasps import grasps_at
 from torch import Tensor
 
 from geneoh.geometry.rotations import axis_angle_to_matrix
-from geneoh.hand.library import load_hand
 from geneoh.hand.skeleton import forward_kinematics
 from geneoh.synthesis.bimanual import (
     BimanualConfig,
@@ -13,7 +13,6 @@ from geneoh.synthesis.bimanual import (
 )
 from geneoh.synthesis.grasps import GraspConfig, Grasps, synthesize_grasps
 from geneoh.synthesis.objects import draw_objects
-from geneoh.synthesis.pose_prior import FINGER_MEAN
 from geneoh.synthesis.shards import SynthesisConfig, draw_attempts
 from geneoh.synthesis.solids import Solids
 
@@ -45,12 +44,9 @@ def test_two_hands_come_from_the_two_ends():
 
 def hands(shift: Tensor) -> Grasps:
     """Two first hands and, as tried last, two second hands moved by so much along y."""
-    pose = torch.cat([torch.zeros(4, 1, 3), FINGER_MEAN.expand(4, 15, 3)], dim=1)
     wrist = torch.zeros(4, 3)
     wrist[2:, 1] = shift
-    offsets = load_hand("right").shaped(torch.zeros(4, 10)).offsets
-    types = torch.zeros(4, dtype=torch.long)
-    return Grasps(pose, wrist, offsets, torch.ones(4, dtype=torch.bool), types)
+    return grasps_at(wrist)
 
 
 def test_hands_that_meet_are_no_pair():
@@ -67,7 +63,7 @@ def test_a_pair_needs_both_hands_and_is_counted_among_those_kept():
 
 def test_two_hands_are_made_and_do_not_meet_in_the_world():
     families = ["hammer", "pan"]
-    tried = draw_attempts(SynthesisConfig(), families, load_hand("right"), 46, generator=seeded(3))
+    tried = draw_attempts(SynthesisConfig(), families, 46, generator=seeded(3))
     lead = bimanual_objects(tried.solids, 96, CONFIG)
     side = grasp_directions(tried.solids, lead)
     grasps = synthesize_grasps(

@@ -2,10 +2,10 @@ from dataclasses import fields, replace
 
 import pytest
 import torch
+from made_grasps import grasps_at
 from torch import Tensor
 
 from geneoh.geometry.rotations import axis_angle_to_matrix
-from geneoh.hand.library import load_hand
 from geneoh.hand.skeleton import forward_kinematics
 from geneoh.synthesis.bimanual import HandPairs
 from geneoh.synthesis.draws import Draws
@@ -31,14 +31,8 @@ def grasps_and_solids() -> tuple[Grasps, Solids]:
     """Hands at some place on boxes; whether they touch is not what moves them."""
     generator = torch.Generator().manual_seed(0)
     orient = torch.randn(BATCH, 1, 3, generator=generator)
-    pose = torch.cat([orient, FINGER_MEAN.expand(BATCH, 15, 3)], dim=1)
     wrist = 0.1 * torch.randn(BATCH, 3, generator=generator)
-    offsets = load_hand("right").shaped(torch.zeros(BATCH, 10)).offsets
-    kept = torch.ones(BATCH, dtype=torch.bool)
-    types = torch.zeros(BATCH, dtype=torch.long)
-    return Grasps(pose, wrist, offsets, kept, types), draw_objects(
-        ["box"] * BATCH, generator=generator
-    )
+    return grasps_at(wrist, orient[:, 0]), draw_objects(["box"] * BATCH, generator=generator)
 
 
 def interactions(seed: int = 1, frames: int = FRAMES) -> Interactions:

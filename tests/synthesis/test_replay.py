@@ -1,8 +1,8 @@
 from dataclasses import replace
-from functools import partial
 
 import pytest
 import torch
+from made_grasps import ANY_GRASP
 from safetensors import safe_open
 from safetensors.torch import save_file
 
@@ -11,16 +11,13 @@ from geneoh.geometry.rotations import axis_angle_to_matrix
 from geneoh.hand.library import load_hand
 from geneoh.hand.skeleton import bone_lengths
 from geneoh.synthesis import shards
-from geneoh.synthesis.grasps import GraspChecks, GraspConfig, synthesize_grasps
+from geneoh.synthesis.grasps import synthesize_grasps
 from geneoh.synthesis.motion import Interactions
 from geneoh.synthesis.objects import draw_objects
 from geneoh.synthesis.replay import Replay, replay_shard
 from geneoh.synthesis.shards import Attempts, SynthesisConfig, read_shard, write_shards
 
-ANYTHING = GraspChecks(depth=1.0, fingers=-1, clearance=-1.0)
-TINY = SynthesisConfig(
-    count=12, frames=60, points=32, shard=6, grasps=GraspConfig(steps=1, checks=ANYTHING)
-)
+TINY = SynthesisConfig(count=12, frames=60, points=32, shard=6, grasps=ANY_GRASP)
 
 
 @pytest.fixture(scope="module")
@@ -34,21 +31,16 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("data")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(shards, "synthesize_grasps", picky)
-        write_shards(folder, TINY, load_hand("right"), seed=3)
+        write_shards(folder, TINY, seed=3)
     return folder
 
 
-@pytest.fixture(scope="module")
-def replay(folder):
-    return partial(replay_shard, hand=load_hand("right"))
-
-
-def test_clips_of_the_first_round_are_found_with_their_own_objects(folder, replay):
+def test_clips_of_the_first_round_are_found_with_their_own_objects(folder):
     for name, families in (
         ("val_00000", set(TINY.held_out)),
         ("train_00001", set(TINY.common)),
     ):
-        found = replay(folder / f"{name}.safetensors")
+        found = replay_shard(folder / f"{name}.safetensors")
         assert len(found.clips.wrist) == 4, "every fourth of 19 that were tried first"
         assert torch.equal(found.clips.wrist, read_shard(folder / f"{name}.safetensors").wrist[:4])
         assert set(found.made_from.families) <= families
@@ -57,8 +49,8 @@ def test_clips_of_the_first_round_are_found_with_their_own_objects(folder, repla
         assert float(off.abs().max()) < 1e-5
 
 
-def test_hands_with_skin_have_the_clips_own_bones_and_place(folder, replay):
-    found = replay(folder / "train_00001.safetensors")
+def test_hands_with_skin_have_the_clips_own_bones_and_place(folder):
+    found = replay_shard(folder / "train_00001.safetensors")
     frames = torch.tensor([[0, 59]]).expand(4, 2)
     skin = found.skin(frames)
     local = found.in_object(found.joints)
@@ -70,8 +62,8 @@ def test_hands_with_skin_have_the_clips_own_bones_and_place(folder, replay):
     assert float((lengths.sort(-1).values - plain.sort().values).abs().max()) > 0.002
 
 
-def test_the_held_frame_is_one_where_the_fingers_are_nearest(folder, replay):
-    found = replay(folder / "train_00001.safetensors")
+def test_the_held_frame_is_one_where_the_fingers_are_nearest(folder):
+    found = replay_shard(folder / "train_00001.safetensors")
     held = found.held_frames()
     every = torch.arange(60).expand(4, 60)
     joints = found.skin(every).joints
@@ -82,8 +74,8 @@ def test_the_held_frame_is_one_where_the_fingers_are_nearest(folder, replay):
     assert float((gap.amax(-1) - gap.gather(1, held[:, None])[:, 0]).max()) > 0.02
 
 
-def test_some_of_the_clips_are_the_same_clips(folder, replay):
-    found = replay(folder / "train_00001.safetensors")
+def test_some_of_the_clips_are_the_same_clips(folder):
+    found = replay_shard(folder / "train_00001.safetensors")
     some = found.chosen(torch.tensor([2, 0]))
     assert torch.equal(some.clips.wrist, found.clips.wrist[[2, 0]])
     assert some.made_from.families == [found.made_from.families[i] for i in (2, 0)]
@@ -91,14 +83,14 @@ def test_some_of_the_clips_are_the_same_clips(folder, replay):
     torch.testing.assert_close(some.skin(frames[:2]).verts, found.skin(frames).verts[[2, 0]])
 
 
-def test_a_shard_of_other_people_than_its_seed_draws_is_refused(folder, replay, tmp_path):
+def test_a_shard_of_other_people_than_its_seed_draws_is_refused(folder, tmp_path):
     path = tmp_path / "train_00001.safetensors"
     with safe_open(folder / path.name, framework="pt") as shard:
         tensors = {name: shard.get_tensor(name) for name in shard.keys()}  # noqa: SIM118
         record = shard.metadata()
     save_file(tensors | {"offsets": 1.01 * tensors["offsets"]}, path, metadata=record)
     with pytest.raises(InputError, match="another version of geneoh made it"):
-        replay(path)
+        replay_shard(path)
 
 
 def test_distance_follows_the_part_that_has_moved():

@@ -7,6 +7,7 @@ import pytest
 import torch
 import trimesh
 from draws import seeded
+from made_grasps import ANY_GRASP
 from safetensors.torch import load_file, save_file
 
 from geneoh.errors import InputError
@@ -16,7 +17,6 @@ from geneoh.geometry.mirror import mirror_points
 from geneoh.geometry.thin_walls import goes_through
 from geneoh.hand.library import load_hand
 from geneoh.synthesis import scans as module
-from geneoh.synthesis.grasps import GraspChecks, GraspConfig
 from geneoh.synthesis.objects import draw_objects
 from geneoh.synthesis.replay import replay_shard
 from geneoh.synthesis.scans import (
@@ -38,10 +38,7 @@ from geneoh.synthesis.shards import (
 )
 from geneoh.synthesis.surface import mesh_of
 
-ANYTHING = GraspChecks(depth=1.0, fingers=-1, clearance=-1.0)
-TINY = SynthesisConfig(
-    count=16, frames=8, points=32, shard=8, grasps=GraspConfig(steps=1, checks=ANYTHING)
-)
+TINY = SynthesisConfig(count=16, frames=8, points=32, shard=8, grasps=ANY_GRASP)
 
 
 @pytest.fixture(scope="module")
@@ -162,9 +159,9 @@ def test_hands_start_where_an_object_is_thin_enough(scans):
 def test_no_kept_hand_goes_through_a_thin_plate(tmp_path):
     trimesh.creation.box((0.2, 0.15, 0.001)).export(tmp_path / "plate.ply")
     plate = build_scans(read_folder(tmp_path))
-    hand, config = load_hand("right"), SynthesisConfig(scanned=1.0)
+    config = SynthesisConfig(scanned=1.0)
     names = ["mug", "plate.ply"]
-    tried = draw_attempts(config, names, hand, 40, generator=seeded(1), scans=plate)
+    tried = draw_attempts(config, names, 40, generator=seeded(1), scans=plate)
     assert set(tried.families) == {"plate.ply"}
     toward = torch.zeros(len(tried.families), 3)
     grasps = tried_grasps(tried, config, toward, seeded(2))
@@ -173,7 +170,7 @@ def test_no_kept_hand_goes_through_a_thin_plate(tmp_path):
     posed = held.hands.posed(grasps.pose[grasps.kept], grasps.wrist[grasps.kept])
     local = (posed.verts - held.solids.center[:, :1]) @ held.solids.rotation[:, 0]
     found = SurfaceDistance(plate.meshes[0]).query(local / held.solids.size[:, :1])
-    through = goes_through(local, found.distance, found.normal, edges_of(hand.faces))
+    through = goes_through(local, found.distance, found.normal, edges_of(load_hand("right").faces))
     assert not through.any()
 
 
@@ -196,7 +193,7 @@ def data(tmp_path_factory, scans):
     """Shards of grasps that hardly descend, half of them on scanned objects."""
     data = tmp_path_factory.mktemp("data")
     write_scans(data / FILE, scans)
-    write_shards(data, TINY, load_hand("right"), seed=0, scans=scans)
+    write_shards(data, TINY, seed=0, scans=scans)
     return data
 
 
@@ -210,7 +207,7 @@ def test_held_out_scans_are_in_validation_shards_only(data, scans):
 
 
 def test_a_shard_of_scans_is_replayed_with_them(data):
-    found = replay_shard(data / "train_00001.safetensors", load_hand("right"))
+    found = replay_shard(data / "train_00001.safetensors")
     of_scans = found.clips.scan >= 0
     names = [name for name, scan in zip(found.made_from.families, of_scans, strict=True) if scan]
     assert names
@@ -227,7 +224,7 @@ def test_a_shard_of_scans_is_replayed_with_them(data):
 def test_shards_of_other_objects_or_none_are_refused(data, folder, scans, tmp_path):
     for other in (None, replace(scans, held_out=())):
         with pytest.raises(InputError, match="was made with objects"):
-            write_shards(data, TINY, load_hand("right"), seed=0, scans=other)
+            write_shards(data, TINY, seed=0, scans=other)
     (tmp_path / "ball.ply").write_bytes((folder / "ball.ply").read_bytes())
     with pytest.raises(InputError, match="was made of other objects than"):
         find_scans(data, tmp_path)
@@ -238,10 +235,10 @@ def test_a_lost_file_of_objects_is_told_with_the_cure(data, tmp_path, scans):
     path = tmp_path / "train_00001.safetensors"
     path.write_bytes((data / path.name).read_bytes())
     with pytest.raises(InputError, match=r"expected the scanned objects .*again"):
-        replay_shard(path, load_hand("right"))
+        replay_shard(path)
     write_scans(tmp_path / FILE, replace(scans, held_out=()))
     with pytest.raises(InputError, match="holds other objects than train_00001"):
-        replay_shard(path, load_hand("right"))
+        replay_shard(path)
 
 
 def test_shards_from_before_there_were_scans_are_read(data, tmp_path):

@@ -9,17 +9,17 @@ import pytest
 import torch
 from made_actions import write_actions
 from made_gestures import made_gestures, write_gesture_shards
+from made_grasps import ANY_GRASP
 from safetensors.torch import load_file, save_file
 
 from geneoh.config import as_dict
 from geneoh.errors import ConfigError, InputError
-from geneoh.hand.library import load_hand
 from geneoh.seeds import seed_of
 from geneoh.synthesis import shards
 from geneoh.synthesis.action_shards import read_actions
 from geneoh.synthesis.bimanual import BimanualConfig
 from geneoh.synthesis.gestures.shards import read_gestures
-from geneoh.synthesis.grasps import GraspChecks, GraspConfig, synthesize_grasps
+from geneoh.synthesis.grasps import synthesize_grasps
 from geneoh.synthesis.motion import Interactions
 from geneoh.synthesis.objects import FAMILIES
 from geneoh.synthesis.shards import (
@@ -32,26 +32,17 @@ from geneoh.synthesis.shards import (
     write_shards,
 )
 
-ANYTHING = GraspChecks(depth=1.0, fingers=-1, clearance=-1.0)
-TINY = SynthesisConfig(
-    count=6, frames=8, points=8, shard=2, grasps=GraspConfig(steps=1, checks=ANYTHING)
-)
-"""Grasps that hardly descend and always pass: what they are like is tested elsewhere."""
-
-
-@pytest.fixture
-def hand():
-    return load_hand("right")
+TINY = SynthesisConfig(count=6, frames=8, points=8, shard=2, grasps=ANY_GRASP)
 
 
 def contents(folder) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
-def test_shards_are_split_and_counted(tmp_path, hand):
+def test_shards_are_split_and_counted(tmp_path):
     heard = []
     made = write_shards(
-        tmp_path / "new" / "folder", TINY, hand, seed=0, on_shard=lambda *at: heard.append(at)
+        tmp_path / "new" / "folder", TINY, seed=0, on_shard=lambda *at: heard.append(at)
     )
     names = sorted(contents(tmp_path / "new" / "folder"))
     assert names == [
@@ -61,40 +52,40 @@ def test_shards_are_split_and_counted(tmp_path, hand):
     assert heard == [(1, 3), (2, 3), (3, 3)]
 
 
-def test_equal_seeds_give_equal_bytes(tmp_path, hand):
+def test_equal_seeds_give_equal_bytes(tmp_path):
     for name, seed in (("a", 0), ("b", 0), ("c", 1)):
-        write_shards(tmp_path / name, TINY, hand, seed=seed)
+        write_shards(tmp_path / name, TINY, seed=seed)
     assert contents(tmp_path / "a") == contents(tmp_path / "b")
     other = contents(tmp_path / "c")
     assert all(other[name] != data for name, data in contents(tmp_path / "a").items())
 
 
-def test_several_processes_write_the_bytes_of_one(tmp_path, hand):
+def test_several_processes_write_the_bytes_of_one(tmp_path):
     heard = []
     for name, jobs in (("one", 1), ("two", 2)):
         write_shards(
-            tmp_path / name, TINY, hand, seed=0, jobs=jobs, on_shard=lambda *at: heard.append(at)
+            tmp_path / name, TINY, seed=0, jobs=jobs, on_shard=lambda *at: heard.append(at)
         )
     assert contents(tmp_path / "one") == contents(tmp_path / "two")
     assert heard == [(1, 3), (2, 3), (3, 3)] * 2
-    assert write_shards(tmp_path / "two", TINY, hand, seed=0, jobs=2) == 0
+    assert write_shards(tmp_path / "two", TINY, seed=0, jobs=2) == 0
 
 
-def test_an_interrupted_run_makes_only_what_is_missing(tmp_path, hand):
-    write_shards(tmp_path, TINY, hand, seed=0)
+def test_an_interrupted_run_makes_only_what_is_missing(tmp_path):
+    write_shards(tmp_path, TINY, seed=0)
     whole = contents(tmp_path)
     (tmp_path / "train_00001.safetensors").unlink()
     left = tmp_path / ".train_00001.safetensors.0.tmp"
     left.write_bytes(b"half written")
     os.utime(left, (0, 0))
     kept = {p.name: p.stat().st_mtime_ns for p in tmp_path.glob("*.safetensors")}
-    assert write_shards(tmp_path, TINY, hand, seed=0) == 1
+    assert write_shards(tmp_path, TINY, seed=0) == 1
     assert contents(tmp_path) == whole
     assert all((tmp_path / n).stat().st_mtime_ns == then for n, then in kept.items())
-    assert write_shards(tmp_path, TINY, hand, seed=0) == 0
+    assert write_shards(tmp_path, TINY, seed=0) == 0
 
 
-def test_held_out_families_are_in_validation_shards_only(tmp_path, hand, monkeypatch):
+def test_held_out_families_are_in_validation_shards_only(tmp_path, monkeypatch):
     drawn, draw = [], shards.draw_objects
 
     def listening(families, **rest):
@@ -103,14 +94,14 @@ def test_held_out_families_are_in_validation_shards_only(tmp_path, hand, monkeyp
 
     monkeypatch.setattr(shards, "draw_objects", listening)
     config = replace(TINY, count=16)
-    write_shards(tmp_path, config, hand, seed=0)
+    write_shards(tmp_path, config, seed=0)
     validation, *training = drawn
     assert set(validation) <= set(config.held_out)
     assert len(training) == 7
     assert not {name for names in training for name in names} & set(config.held_out)
 
 
-def test_a_shard_is_filled_from_the_grasps_that_were_kept(hand, monkeypatch):
+def test_a_shard_is_filled_from_the_grasps_that_were_kept(monkeypatch):
     calls = []
 
     def choosy(solids, offsets, config, *, generator, toward):
@@ -122,19 +113,19 @@ def test_a_shard_is_filled_from_the_grasps_that_were_kept(hand, monkeypatch):
 
     monkeypatch.setattr(shards, "synthesize_grasps", choosy)
     generator = torch.Generator().manual_seed(0)
-    made = synthesize_shard(TINY, ["box"], hand, generator=generator)
+    made = synthesize_shard(TINY, ["box"], generator=generator)
     assert len(calls) == 3
     assert all(len(getattr(made, f.name)) == TINY.shard for f in fields(Interactions))
 
 
-def test_a_split_is_read_as_it_was_made(tmp_path, hand):
-    write_shards(tmp_path, TINY, hand, seed=0)
+def test_a_split_is_read_as_it_was_made(tmp_path):
+    write_shards(tmp_path, TINY, seed=0)
     train, val = (read_shards(tmp_path, split).take(slice(None)) for split in ("train", "val"))
     assert train.pose.shape == (4, 8, 16, 3)
     assert val.points.shape == (2, 8, 3)
     assert float(train.offsets.norm(dim=-1).std(0).min()) > 0, "people differ in size"
     generator = torch.Generator().manual_seed(seed_of(0, "shard", 0))
-    again = synthesize_shard(TINY, list(TINY.held_out), hand, generator=generator)
+    again = synthesize_shard(TINY, list(TINY.held_out), generator=generator)
     for field in fields(Interactions):
         assert torch.equal(getattr(val, field.name), getattr(again, field.name))
 
@@ -148,19 +139,19 @@ def test_a_split_is_read_as_it_was_made(tmp_path, hand):
     ],
 )
 def test_a_folder_of_another_config_or_seed_is_refused_and_left_alone(
-    tmp_path, hand, change, seed, words
+    tmp_path, change, seed, words
 ):
-    write_shards(tmp_path, TINY, hand, seed=0)
+    write_shards(tmp_path, TINY, seed=0)
     (tmp_path / "val_00000.safetensors").unlink()
     before = contents(tmp_path)
     with pytest.raises(InputError, match=f"was made with {words}; .* name another folder"):
-        write_shards(tmp_path, replace(TINY, **change), hand, seed=seed)
+        write_shards(tmp_path, replace(TINY, **change), seed=seed)
     assert contents(tmp_path) == before
 
 
-def test_shards_that_do_not_belong_together_are_not_read(tmp_path, hand):
-    write_shards(tmp_path, TINY, hand, seed=0)
-    write_shards(tmp_path / "other", TINY, hand, seed=1)
+def test_shards_that_do_not_belong_together_are_not_read(tmp_path):
+    write_shards(tmp_path, TINY, seed=0)
+    write_shards(tmp_path / "other", TINY, seed=1)
     name = "train_00002.safetensors"
     (tmp_path / "other" / name).replace(tmp_path / name)
     with pytest.raises(InputError, match=f"{name}: was made with seed 1 where 0"):
@@ -169,22 +160,22 @@ def test_shards_that_do_not_belong_together_are_not_read(tmp_path, hand):
 
 
 @pytest.mark.parametrize("kept", [0, 5, 200, -1])
-def test_a_truncated_shard_is_told_with_the_cure(tmp_path, hand, kept):
-    write_shards(tmp_path, TINY, hand, seed=0)
+def test_a_truncated_shard_is_told_with_the_cure(tmp_path, kept):
+    write_shards(tmp_path, TINY, seed=0)
     path = tmp_path / "train_00002.safetensors"
     path.write_bytes(path.read_bytes()[:kept])
     told = r"train_00002\.safetensors: expected a whole shard .* delete it and run"
     for act in (
         lambda: read_shards(tmp_path, "train"),
-        lambda: write_shards(tmp_path, TINY, hand, seed=0),
+        lambda: write_shards(tmp_path, TINY, seed=0),
     ):
         with pytest.raises(InputError, match=told):
             act()
 
 
-def damaged_shard(folder, hand, name: str, at: tuple[int, ...], value: float) -> None:
+def damaged_shard(folder, name: str, at: tuple[int, ...], value: float) -> None:
     """Shards in a folder, the one for validation with another value in one of its tensors."""
-    write_shards(folder, TINY, hand, seed=0)
+    write_shards(folder, TINY, seed=0)
     path = folder / "val_00000.safetensors"
     tensors, record = load_file(path), json.dumps(as_dict(ShardRecord(TINY, 0)))
     tensors[name][at] = value
@@ -192,22 +183,22 @@ def damaged_shard(folder, hand, name: str, at: tuple[int, ...], value: float) ->
 
 
 @pytest.mark.parametrize("number", [1e5, float("nan"), float("-inf")])
-def test_a_shard_with_numbers_that_no_hand_has_is_told_with_the_cure(tmp_path, hand, number):
-    damaged_shard(tmp_path, hand, "wrist", (1, 3), number)
+def test_a_shard_with_numbers_that_no_hand_has_is_told_with_the_cure(tmp_path, number):
+    damaged_shard(tmp_path, "wrist", (1, 3), number)
     with pytest.raises(InputError, match="got numbers beyond 1000 in 'wrist'; delete it"):
         read_shards(tmp_path, "val")
 
 
 @pytest.mark.parametrize(("name", "at"), [("offsets", (1, 4)), ("rotation", (0, 3, 0))])
-def test_a_shard_without_bones_or_with_rotations_that_are_none_is_told(tmp_path, hand, name, at):
-    damaged_shard(tmp_path, hand, name, at, 0.0)
+def test_a_shard_without_bones_or_with_rotations_that_are_none_is_told(tmp_path, name, at):
+    damaged_shard(tmp_path, name, at, 0.0)
     with pytest.raises(InputError, match=r"got (bones of 0|rotations whose rows)"):
         read_shards(tmp_path, "val")
 
 
 @pytest.mark.parametrize("part", [-1, 2, 2**40])
-def test_a_shard_with_points_of_parts_that_are_not_there_is_told(tmp_path, hand, part):
-    damaged_shard(tmp_path, hand, "part", (0, 0), part)
+def test_a_shard_with_points_of_parts_that_are_not_there_is_told(tmp_path, part):
+    damaged_shard(tmp_path, "part", (0, 0), part)
     with pytest.raises(InputError, match="numbers in 'part' that are not from 0 to 1"):
         read_shards(tmp_path, "val")
 
@@ -226,8 +217,8 @@ def test_a_shard_that_the_system_does_not_give_is_told_with_the_cure(tmp_path):
         read_shards(tmp_path, "train")
 
 
-def test_shards_may_be_read_by_those_who_may_read_other_new_files(tmp_path, hand):
-    write_shards(tmp_path, TINY, hand, seed=0)
+def test_shards_may_be_read_by_those_who_may_read_other_new_files(tmp_path):
+    write_shards(tmp_path, TINY, seed=0)
     (tmp_path / "other").touch()
     assert len({path.stat().st_mode for path in tmp_path.iterdir()}) == 1
 
@@ -283,10 +274,10 @@ def test_each_split_has_a_shard(share):
     assert {config.split_of(index) for index in range(config.shards)} == {"train", "val"}
 
 
-def test_clips_of_another_kind_are_told_as_what_they_are(tmp_path, hand):
+def test_clips_of_another_kind_are_told_as_what_they_are(tmp_path):
     write_actions(tmp_path / "actions")
     write_gesture_shards(tmp_path / "bodies", train=made_gestures(2))
-    write_shards(tmp_path / "interactions", TINY, hand, seed=0)
+    write_shards(tmp_path / "interactions", TINY, seed=0)
     readers = {
         "interactions": read_shards,
         "actions": read_actions,
@@ -300,10 +291,10 @@ def test_clips_of_another_kind_are_told_as_what_they_are(tmp_path, hand):
                     read(tmp_path / found, "train")
 
 
-def test_a_place_where_no_folder_can_be_made_is_told(tmp_path, hand):
+def test_a_place_where_no_folder_can_be_made_is_told(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(InputError, match="file: cannot be written"):
-        write_shards(tmp_path / "file", TINY, hand, seed=0)
+        write_shards(tmp_path / "file", TINY, seed=0)
 
 
 def test_a_folder_without_the_split_is_refused(tmp_path):

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 import torch
+from made_grasps import grasps_at
 
 from geneoh.baselines.regression import RegressionConfig
 from geneoh.baselines.toch import TochConfig
@@ -13,12 +14,9 @@ from geneoh.denoisers.relations import RelationConfig
 from geneoh.denoisers.spatial import SpatialConfig
 from geneoh.denoisers.temporal import TemporalConfig
 from geneoh.denoisers.trajectory import TrajectoryConfig
-from geneoh.hand.library import load_hand
 from geneoh.streamed import Streamed
-from geneoh.synthesis.grasps import Grasps
 from geneoh.synthesis.motion import Interactions, animate
 from geneoh.synthesis.objects import draw_objects
-from geneoh.synthesis.pose_prior import FINGER_MEAN
 from geneoh.training.config import TrainConfig
 
 
@@ -27,14 +25,9 @@ def interactions() -> Interactions:
     """Four interactions of 62 frames with 40 surface points."""
     generator = torch.Generator().manual_seed(0)
     orient = torch.randn(4, 1, 3, generator=generator)
-    pose = torch.cat([orient, FINGER_MEAN.expand(4, 15, 3)], dim=1)
-    wrist = 0.05 * torch.randn(4, 3, generator=generator)
-    offsets = load_hand("right").shaped(torch.zeros(4, 10)).offsets
-    kept, types = torch.ones(4, dtype=torch.bool), torch.zeros(4, dtype=torch.long)
-    grasps = Grasps(pose, wrist, offsets, kept, types)
-    return animate(
-        grasps, draw_objects(["box"] * 4, generator=generator), 62, 40, generator=generator
-    )
+    grasps = grasps_at(0.05 * torch.randn(4, 3, generator=generator), orient[:, 0])
+    solids = draw_objects(["box"] * 4, generator=generator)
+    return animate(grasps, solids, 62, 40, generator=generator)
 
 
 @pytest.fixture(scope="session")

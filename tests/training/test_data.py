@@ -6,12 +6,11 @@ from pathlib import Path
 
 import pytest
 import torch
+from made_grasps import ANY_GRASP
 
 from geneoh.errors import ConfigError, InputError
-from geneoh.hand.library import load_hand
 from geneoh.streamed import Streamed
 from geneoh.synthesis.draws import Draws
-from geneoh.synthesis.grasps import GraspChecks, GraspConfig
 from geneoh.synthesis.motion import Interactions
 from geneoh.synthesis.shards import SynthesisConfig, shard_record, write_shards
 from geneoh.training.data import (
@@ -26,9 +25,7 @@ from geneoh.training.data import (
 from geneoh.training.recordings import ClipRecord
 from geneoh.training.windows import WeightedInteractions, WindowConfig, draw_windows
 
-ANYTHING = GraspConfig(steps=1, checks=GraspChecks(depth=1.0, fingers=-1, clearance=-1.0))
-"""Grasps that hardly descend and always pass: what they are like is tested elsewhere."""
-FEW = SynthesisConfig(count=2, shard=1, points=16, frames=8, grasps=ANYTHING)
+FEW = SynthesisConfig(count=2, shard=1, points=16, frames=8, grasps=ANY_GRASP)
 
 
 @pytest.mark.parametrize(
@@ -152,7 +149,7 @@ def test_clips_of_other_lengths_and_numbers_of_points_fit_together(clips):
 def made(tmp_path_factory) -> Path:
     """A folder with the two shards of `FEW`."""
     folder = tmp_path_factory.mktemp("made") / "data"
-    write_shards(folder, FEW, load_hand("right"), seed=0)
+    write_shards(folder, FEW, seed=0)
     return folder
 
 
@@ -184,7 +181,7 @@ def test_interactions_of_other_settings_are_taken_as_they_are(made, tmp_path, ti
 def test_a_folder_that_lacks_shards_of_other_settings_is_taken_with_a_word(made, tmp_path, tiny):
     more = tmp_path / "more"
     config = replace(FEW, count=3)
-    write_shards(more, config, load_hand("right"), seed=1)
+    write_shards(more, config, seed=1)
     (more / "train_00002.safetensors").unlink()
     data = training_data([DataSource(more)], tmp_path, tiny)
     assert data.notes == (

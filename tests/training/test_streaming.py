@@ -9,13 +9,11 @@ from safetensors.torch import load_file
 from stage_runs import train_stage
 
 from geneoh.bundle import concatenated
-from geneoh.config import as_dict
 from geneoh.errors import InputError
-from geneoh.files.tensors import write_tensors
 from geneoh.streamed import Streamed
 from geneoh.synthesis.draws import Draws
 from geneoh.synthesis.motion import Interactions
-from geneoh.synthesis.shards import ShardRecord, SynthesisConfig, read_shards
+from geneoh.synthesis.shards import ShardRecord, SynthesisConfig, read_shards, write_clips
 from geneoh.training.data import DataSource, evened, training_data
 from geneoh.training.stages import data_digest
 from geneoh.training.windows import WeightedInteractions, draw_windows
@@ -27,8 +25,7 @@ STATUS = Path("/proc/self/status")
 def write(path: Path, clips: Interactions) -> int:
     """Write clips as a shard, and its size in bytes."""
     path.parent.mkdir(exist_ok=True)
-    tensors = {name: value.contiguous() for name, value in vars(clips).items()}
-    write_tensors(path, tensors, as_dict(ShardRecord(SynthesisConfig(count=1), 0)))
+    write_clips(path, clips, ShardRecord(SynthesisConfig(count=1), 0))
     return path.stat().st_size
 
 

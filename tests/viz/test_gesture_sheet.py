@@ -2,7 +2,6 @@ from dataclasses import replace
 
 import pytest
 
-from geneoh.hand.library import load_hand
 from geneoh.synthesis.gestures.shards import DEFAULTS, synthesize_gestures
 from geneoh.synthesis.shards import write_shards
 from geneoh.viz.gesture_sheet import (
@@ -19,7 +18,7 @@ TINY = replace(DEFAULTS, count=6, shard=3, frames=20)
 @pytest.fixture(scope="module")
 def clips(tmp_path_factory):
     folder = tmp_path_factory.mktemp("data")
-    write_shards(folder, TINY, load_hand("right"), seed=0, synthesize=synthesize_gestures)
+    write_shards(folder, TINY, seed=0, synthesize=synthesize_gestures)
     return one_of_each_gesture(folder)
 
 

@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
+from made_grasps import ANY_GRASP
 
-from geneoh.hand.library import load_hand
-from geneoh.synthesis.grasps import GraspChecks, GraspConfig
 from geneoh.synthesis.objects import FAMILIES
 from geneoh.synthesis.replay import NoFirstGraspsError, replay_shard
 from geneoh.synthesis.shards import SynthesisConfig, write_shards
@@ -10,16 +9,15 @@ from geneoh.viz import sheet
 from geneoh.viz.canvas import SCALE_HEIGHT
 from geneoh.viz.sheet import SHEET_GAP, TEXT_HEIGHT, contact_sheet, grasp_scene, one_of_each
 
-QUICK = GraspConfig(steps=1, checks=GraspChecks(depth=1.0, fingers=-1, clearance=-1.0))
-TINY = SynthesisConfig(count=4, frames=20, points=16, shard=2, grasps=QUICK)
+TINY = SynthesisConfig(count=4, frames=20, points=16, shard=2, grasps=ANY_GRASP)
 
 
 @pytest.fixture(scope="module")
 def clips(tmp_path_factory):
     """One clip of each family in two shards of grasps that hardly descend."""
-    folder, hand = tmp_path_factory.mktemp("data"), load_hand("right")
-    write_shards(folder, TINY, hand, seed=0)
-    return one_of_each(folder, hand)
+    folder = tmp_path_factory.mktemp("data")
+    write_shards(folder, TINY, seed=0)
+    return one_of_each(folder)
 
 
 def test_each_family_is_shown_once_in_the_order_of_the_families(clips):
@@ -53,21 +51,19 @@ def test_the_sheet_has_a_cell_for_each_clip_with_something_in_it(clips):
 def test_a_shard_whose_first_grasps_all_failed_leaves_the_sheet_to_the_others(
     clips, tmp_path, monkeypatch
 ):
-    hand, lost = load_hand("right"), []
-    write_shards(tmp_path, TINY, hand, seed=0)
+    lost = []
+    write_shards(tmp_path, TINY, seed=0)
 
-    def replayed(path, hand):
+    def replayed(path):
         if path.name in lost:
             raise NoFirstGraspsError(f"{path}: none")
-        return replay_shard(path, hand)
+        return replay_shard(path)
 
     monkeypatch.setattr(sheet, "replay_shard", replayed)
     lost.append("val_00000.safetensors")
     families = [clip.made_from.families[0] for clip in clips]
     common = [family for family in families if family not in TINY.held_out]
-    assert (
-        [each.made_from.families[0] for each in one_of_each(tmp_path, hand)] == common != families
-    )
+    assert [each.made_from.families[0] for each in one_of_each(tmp_path)] == common != families
     lost.append("train_00001.safetensors")
     with pytest.raises(NoFirstGraspsError, match="val_00000"):
-        one_of_each(tmp_path, hand)
+        one_of_each(tmp_path)

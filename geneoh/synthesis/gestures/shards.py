@@ -10,7 +10,6 @@ import torch
 from geneoh.bundle import concatenated
 from geneoh.config import check_limits
 from geneoh.files.tensors import all_tensors
-from geneoh.hand.model import HandModel
 from geneoh.synthesis.damage import refuse_damage, refuse_lengths, whole_shard
 from geneoh.synthesis.gestures.clips import NAMES, Gestures
 from geneoh.synthesis.gestures.hands import VARIANTS
@@ -64,15 +63,11 @@ DEFAULTS = GestureConfig()
 def synthesize_gestures(
     config: GestureConfig,
     variants: list[str],
-    hand: HandModel,
     *,
     generator: torch.Generator,
     scans: ActionSource | None = None,
 ) -> Gestures:
-    """`config.shard` clips of the given variants of gestures; some of actions, where there are any.
-
-    `hand` is not used: bodies have the embedded skeleton's hands.
-    """
+    """`config.shard` clips of variants of gestures; some of actions, where there are any."""
     known = [(name, int(n)) for name, _, n in (each.rpartition(" ") for each in variants)]
     split = "val" if known[0][1] >= VARIANTS - config.held_out else "train"
     bodies = config.bodies(split)

@@ -7,7 +7,6 @@ from made_actions import write_actions
 from geneoh.body.motion import pose
 from geneoh.body.skeleton import WRISTS
 from geneoh.errors import ConfigError, InputError
-from geneoh.hand.library import load_hand
 from geneoh.synthesis.gestures.clips import NAMES
 from geneoh.synthesis.gestures.manipulation import ActionSource
 from geneoh.synthesis.gestures.shards import DEFAULTS, read_gestures, synthesize_gestures
@@ -17,8 +16,7 @@ TINY = replace(DEFAULTS, count=8, shard=4, frames=30)
 
 
 def made(folder, **how):
-    hand = load_hand("right")
-    return write_shards(folder, TINY, hand, seed=0, synthesize=synthesize_gestures, **how)
+    return write_shards(folder, TINY, seed=0, synthesize=synthesize_gestures, **how)
 
 
 @pytest.fixture(scope="module")
