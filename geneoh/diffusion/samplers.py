@@ -1,4 +1,4 @@
-"""Samplers: functions `(model, x, sigmas, *, generator) -> x` of a model from (x, sigma) to clean.
+"""Samplers: what a step of the reverse process makes of a sample and a model's clean one of it.
 
 They work on any tensors and know nothing of hands. Samples and noise levels are in the same unit,
 which the caller chooses so that the data are of size one. Noise is drawn on the CPU and moved, so
@@ -13,12 +13,14 @@ from typing import Literal
 import torch
 from jaxtyping import Float
 from torch import Tensor
-from typing_extensions import assert_never
 
 from geneoh.progress import OnStep, steps
 
 Model = Callable[[Tensor, float], Tensor]
 """From a noisy sample and its noise level to the clean sample."""
+Step = Callable[[Tensor, Tensor, float, float], Tensor]
+"""From a noisy sample, the clean one behind it, its noise level and a lower one to the sample of
+that level."""
 SamplerName = Literal["ancestral", "ddim", "direct"]
 """Sampler of the reverse process; "direct" is a single call on the input without added noise."""
 
@@ -39,68 +41,61 @@ def antithetic_noise(
     return torch.cat([half, -half])[: len(x)]
 
 
-def sample_ancestral(
+def reverse_process(
     model: Model,
     x: Float[Tensor, "*S"],
     sigmas: Float[Tensor, " M"],
+    step: Step,
     *,
-    generator: torch.Generator,
     on_step: OnStep | None = None,
 ) -> Float[Tensor, "*S"]:
+    """A sample of noise level sigmas[0] after the steps of a sampler have taken its noise away."""
+    for sigma, after in steps([*itertools.pairwise(sigmas.double().tolist())], on_step):
+        x = step(x, model(x, sigma), sigma, after)
+    return x
+
+
+def ancestral(generator: torch.Generator) -> Step:
     """Ancestral sampling with the paper's variance beta_n (eq. 5; Ho et al. 2020, algorithm 2).
 
     In the scaled form x_n / sqrt(abar_n) the posterior mean is x0 + (s'/s)^2 (x - x0) and the
     variance beta_n becomes (s^2 - s'^2) (1 + s'^2) / (1 + s^2); no noise is added in the last step.
     """
-    for sigma, after in steps([*itertools.pairwise(sigmas.double().tolist())], on_step):
-        clean = model(x, sigma)
+
+    def step(x: Tensor, clean: Tensor, sigma: float, after: float) -> Tensor:
         x = clean + (after / sigma) ** 2 * (x - clean)
         if after > 0:
             spread = ((sigma**2 - after**2) * (1 + after**2) / (1 + sigma**2)) ** 0.5
             x = x + spread * normal_like(x, generator=generator)
-    return x
+        return x
+
+    return step
 
 
-def sample_ddim(
-    model: Model,
-    x: Float[Tensor, "*S"],
-    sigmas: Float[Tensor, " M"],
-    *,
-    generator: torch.Generator,
-    on_step: OnStep | None = None,
-) -> Float[Tensor, "*S"]:
-    """Deterministic DDIM (Song et al. 2021, eq. 12 with eta 0), the Euler method of the flow."""
-    del generator  # takes no noise; the signature is shared by all samplers
-    for sigma, after in steps([*itertools.pairwise(sigmas.double().tolist())], on_step):
-        clean = model(x, sigma)
-        x = clean + after / sigma * (x - clean)
-    return x
+def ddim(x: Tensor, clean: Tensor, sigma: float, after: float) -> Tensor:
+    """A step of deterministic DDIM (Song et al. 2021, eq. 12 with eta 0), the Euler method."""
+    return clean + after / sigma * (x - clean)
 
 
-def sample_multistep(
-    model: Model,
-    x: Float[Tensor, "*S"],
-    sigmas: Float[Tensor, " M"],
-    *,
-    generator: torch.Generator,
-    on_step: OnStep | None = None,
-) -> Float[Tensor, "*S"]:
-    """Deterministic DPM-Solver++(2M) (Lu et al. 2022, algorithm 2): `sample_ddim` of second order.
+def multistep() -> Step:
+    """Deterministic DPM-Solver++(2M) (Lu et al. 2022, algorithm 2): `ddim` of second order.
 
-    Each step also looks at how the answer has changed since the step before. Few steps of
-    `sample_ddim` leave samples too close to the mean of the data; as few of this one do not.
+    Each step also looks at how the answer has changed since the step before. Few steps of `ddim`
+    leave samples too close to the mean of the data; as few of this one do not.
     """
-    del generator  # takes no noise; the signature is shared by all samplers
     last: tuple[Tensor, float] | None = None
-    for sigma, after in steps([*itertools.pairwise(sigmas.double().tolist())], on_step):
-        ahead = clean = model(x, sigma)
+
+    def step(x: Tensor, clean: Tensor, sigma: float, after: float) -> Tensor:
+        nonlocal last
+        ahead = clean
         if after > 0:
             width = math.log(sigma / after)  # of the step, in the logarithm of the noise
             if last is not None:
                 ahead = clean + width / (2 * last[1]) * (clean - last[0])
             last = clean, width
-        x = ahead + after / sigma * (x - ahead)
-    return x
+        return ddim(x, ahead, sigma, after)
+
+    return step
 
 
 def denoise_via_diffusion(
@@ -127,11 +122,5 @@ def denoise_via_diffusion(
         return clean
     if noise is None:
         noise = antithetic_noise(x, samples=samples, generator=generator)
-    noised = x + sigmas[0] * noise
-    match sampler:
-        case "ancestral":
-            return sample_ancestral(model, noised, sigmas, generator=generator, on_step=on_step)
-        case "ddim":
-            return sample_ddim(model, noised, sigmas, generator=generator, on_step=on_step)
-        case _:
-            assert_never(sampler)
+    step = ancestral(generator) if sampler == "ancestral" else ddim
+    return reverse_process(model, x + sigmas[0] * noise, sigmas, step, on_step=on_step)

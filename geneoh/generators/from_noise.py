@@ -7,7 +7,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from geneoh.diffusion.samplers import normal_like, sample_ancestral, sample_multistep
+from geneoh.diffusion.samplers import ancestral, multistep, normal_like, reverse_process
 from geneoh.diffusion.schedule import PAPER_STEPS, descending_sigmas, logarithmic_sigmas
 from geneoh.progress import OnStep
 
@@ -37,8 +37,8 @@ def from_noise(
 
     known = levels.double().cpu()
     if sampler == "multistep":
-        sigmas, run = logarithmic_sigmas(steps, known), sample_multistep
+        sigmas, step = logarithmic_sigmas(steps, known), multistep()
     else:
-        sigmas, run = descending_sigmas(PAPER_STEPS, steps, known), sample_ancestral
+        sigmas, step = descending_sigmas(PAPER_STEPS, steps, known), ancestral(generator)
     noise = normal_like(torch.zeros(shape, device=levels.device), generator=generator)
-    return run(clean, sigmas[0] * noise, sigmas, generator=generator, on_step=on_step)
+    return reverse_process(clean, sigmas[0] * noise, sigmas, step, on_step=on_step)

@@ -6,12 +6,13 @@ from draws import seeded
 from torch import Tensor
 
 from geneoh.diffusion.samplers import (
+    ancestral,
     antithetic_noise,
+    ddim,
     denoise_via_diffusion,
+    multistep,
     normal_like,
-    sample_ancestral,
-    sample_ddim,
-    sample_multistep,
+    reverse_process,
 )
 from geneoh.diffusion.schedule import (
     PAPER_STEPS,
@@ -21,7 +22,11 @@ from geneoh.diffusion.schedule import (
     logarithmic_sigmas,
 )
 
-SAMPLERS = {"ancestral": sample_ancestral, "ddim": sample_ddim, "multistep": sample_multistep}
+SAMPLERS = {
+    "ancestral": lambda: ancestral(seeded()),
+    "ddim": lambda: ddim,
+    "multistep": multistep,
+}
 MEAN = 1.5
 
 
@@ -40,7 +45,7 @@ def diffused(count: int, sigma: float, seed: int = 0) -> Tensor:
 def test_ancestral_sampling_returns_the_mean_and_variance_of_the_data(steps):
     sigmas = descending_sigmas(400, steps)
     x = diffused(20_000, float(sigmas[0]))
-    got = sample_ancestral(posterior_mean, x, sigmas, generator=seeded(1))
+    got = reverse_process(posterior_mean, x, sigmas, ancestral(seeded(1)))
     # four standard errors of 20,000 samples; the last step adds no noise of its own
     assert float(got.mean()) == pytest.approx(MEAN, abs=4 / 20_000**0.5)
     lost = 1 - 1 / (1 + float(sigmas[-2]) ** 2)
@@ -51,7 +56,7 @@ def test_ddim_with_many_steps_maps_diffused_samples_to_the_data():
     sigmas = descending_sigmas(400, 400)
     spread = (1 + float(sigmas[0]) ** 2) ** 0.5
     x = MEAN + spread * torch.linspace(-2, 2, 9)
-    got = sample_ddim(posterior_mean, x, sigmas, generator=seeded())
+    got = reverse_process(posterior_mean, x, sigmas, ddim)
     torch.testing.assert_close(got, MEAN + torch.linspace(-2, 2, 9), atol=0.02, rtol=0)
 
 
@@ -59,9 +64,9 @@ def test_few_multistep_steps_map_noise_to_the_data_and_as_few_of_ddim_do_not():
     sigmas = logarithmic_sigmas(12, cosine_sigmas())
     data = MEAN + torch.linspace(-2, 2, 9)
     x = MEAN + sigmas[0] * torch.linspace(-2, 2, 9)
-    got = sample_multistep(posterior_mean, x, sigmas, generator=seeded())
+    got = reverse_process(posterior_mean, x, sigmas, multistep())
     torch.testing.assert_close(got, data, atol=0.055, rtol=0)
-    lost = sample_ddim(posterior_mean, x, sigmas, generator=seeded())
+    lost = reverse_process(posterior_mean, x, sigmas, ddim)
     assert float((lost - data).abs().max()) > 0.3
 
 
@@ -70,8 +75,8 @@ def test_each_multistep_step_goes_on_from_the_change_of_the_answer():
     sigmas = torch.tensor([8.0, 4.0, 1.0])
     first, second = 3.0, 5.0
     answers = iter([first, second])
-    got = sample_multistep(
-        lambda x, _: torch.full_like(x, next(answers)), torch.zeros(1), sigmas, generator=seeded()
+    got = reverse_process(
+        lambda x, _: torch.full_like(x, next(answers)), torch.zeros(1), sigmas, multistep()
     )
     after_one = first + 0.5 * (0.0 - first)
     ahead = second + (second - first) * 2 / 2  # the step is twice as wide as the one before
@@ -90,9 +95,8 @@ def test_logarithmic_levels_go_from_the_most_noise_to_none():
 def test_data_of_one_point_comes_back_exactly(name):
     point = torch.tensor([0.3, -2.0])
     x = point + 2 * torch.randn(5, 2, generator=seeded())
-    got = SAMPLERS[name](
-        lambda x, _: point.expand_as(x), x, descending_sigmas(200, 7), generator=seeded()
-    )
+    sigmas, step = descending_sigmas(200, 7), SAMPLERS[name]()
+    got = reverse_process(lambda x, _: point.expand_as(x), x, sigmas, step)
     assert torch.equal(got, point.expand(5, 2))
 
 
@@ -110,14 +114,14 @@ def test_one_ancestral_step_is_equation_5_of_the_paper():
     sigmas = linear_sigmas()[[level, level - 1]]
     # what eps says of the clean sample: x_n = sqrt(abar) x_0 + sqrt(1 - abar) eps
     clean = (unscaled - (1 - above) ** 0.5 * eps) / above**0.5
-    scaled = sample_ancestral(lambda *_: clean, unscaled / above**0.5, sigmas, generator=seeded(2))
+    scaled = reverse_process(lambda *_: clean, unscaled / above**0.5, sigmas, ancestral(seeded(2)))
     torch.testing.assert_close(scaled * below**0.5, paper, rtol=1e-9, atol=1e-9)
 
 
 def test_one_ddim_step_keeps_the_noise_that_the_denoiser_sees():
     clean, eps = torch.randn(2, 6, generator=seeded())
     sigmas = torch.tensor([0.8, 0.5])
-    got = sample_ddim(lambda *_: clean, clean + 0.8 * eps, sigmas, generator=seeded())
+    got = reverse_process(lambda *_: clean, clean + 0.8 * eps, sigmas, ddim)
     torch.testing.assert_close(got, clean + 0.5 * eps)
 
 
@@ -129,9 +133,8 @@ def test_the_denoiser_is_called_at_every_level_but_the_last(name):
         seen.append(sigma)
         return 0.5 * x
 
-    SAMPLERS[name](
-        model, torch.zeros(1), sigmas, generator=seeded(), on_step=lambda *at: heard.append(at)
-    )
+    step = SAMPLERS[name]()
+    reverse_process(model, torch.zeros(1), sigmas, step, on_step=lambda *at: heard.append(at))
     assert seen == sigmas[:-1].double().tolist()
     assert heard == [(i, 5) for i in range(1, 6)]
 
@@ -205,9 +208,8 @@ def test_an_ancestral_step_of_any_length_is_the_posterior_of_unit_gaussian_data(
     """x' given x is N((1 + s'^2) / (1 + s^2) x, (s^2 - s'^2) (1 + s'^2) / (1 + s^2))."""
     x = torch.tensor([0.0, 1.0, -3.0])
     noise = torch.randn(3, generator=seeded(5))
-    got = sample_ancestral(
-        lambda x, s: x / (1 + s**2), x, torch.tensor([sigma, after]), generator=seeded(5)
-    )
+    sigmas, step = torch.tensor([sigma, after]), ancestral(seeded(5))
+    got = reverse_process(lambda x, s: x / (1 + s**2), x, sigmas, step)
     share = (1 + after**2) / (1 + sigma**2)
     want = share * x + (share * (sigma**2 - after**2)) ** 0.5 * noise
     torch.testing.assert_close(got, want)
